@@ -22,7 +22,8 @@ class CameraAdjustment:
 
     Error bars (``…_sigma``) are root-mean-square lengths of the error. They come from leaving out one joint
     after the other, as a detector's errors last. Those of a camera that stays say how far it could be off
-    unnoticed: a fault is noticed from about four times the error bar on. NaN for what was not looked at.
+    unnoticed: a fault is noticed from some four times the error bar on, and where it explains a twentieth of
+    the disagreement. NaN for what was not looked at.
 
     Attributes
     ----------

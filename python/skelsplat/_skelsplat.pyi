@@ -32,6 +32,7 @@ __all__ = [
     "project_gaussians",
     "pseudo_ground_truth",
     "render",
+    "rig_equations",
     "sequence_equations",
     "track_people",
     "triangulate",
@@ -724,6 +725,15 @@ def track_people(
     progress: Callable[[int, int], object] | None = None,
 ) -> list[dict[str, Any]]:
     """Return the fields of every ``skelsplat.Person``, its refinement as in ``Refiner.refine_sequence``."""
+
+def rig_equations(
+    points: ArrayLike, detections: ArrayLike, cameras: _Cameras, *, clocks: Sequence[float], sigma: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
+    """Return S (8 M, 8 M), s (8 M,) and the cost of the equations of ``adjust_cameras``, joints eliminated.
+
+    ``points`` (T, N, 3), mm, under kernels of ``sigma`` mm; ``clocks`` of the cameras, in frames. Every
+    camera has turn, shift, logarithm of the focal length and clock, in this order.
+    """
 
 def adjust_cameras(
     detections: ArrayLike,

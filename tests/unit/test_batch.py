@@ -48,7 +48,7 @@ def test_a_recording_is_refined_again_only_if_something_has_changed(jobs, runs, 
     out = tmp_path / "results"
     calls = []
     found = run_batch(jobs, out, progress=lambda *call: calls.append(call))
-    assert (runs, calls, statuses(found)) == (["one", "two"], [(1, 2), (2, 2)], ["done"] * 2)
+    assert (runs, calls, statuses(found)) == (["one", "two"], [(0, 2), (1, 2), (2, 2)], ["done"] * 2)
     rows = found.rows()
     assert [row["frames"] for row in rows] == [5, 5]
     assert rows[0]["median_error_px"] != rows[1]["median_error_px"]
@@ -103,13 +103,15 @@ def test_a_defect_fails_one_recording_and_says_what(jobs, tmp_path, monkeypatch)
 
 def test_a_batch_that_was_stopped_goes_on(jobs, runs, tmp_path):
     def stop(_done, _total):
-        raise KeyboardInterrupt
+        if runs:
+            raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
         run_batch(jobs, tmp_path / "results", progress=stop)
     assert runs == ["one"]
     assert statuses(run_batch(jobs, tmp_path / "results")) == ["unchanged", "done"]
     assert runs == ["one", "two"]
+    runs.clear()
     # stopped again, while all was to be refined for another reason: what is there is kept
     with pytest.raises(KeyboardInterrupt):
         run_batch({**jobs, "one": replace(jobs["one"], fps=25)}, tmp_path / "results", progress=stop)
@@ -193,7 +195,8 @@ def listed(recording):
     (folder / "sessions.toml").write_text(
         '[defaults]\ncalibration = "Calib.toml"\nfps = 50\n'
         '[[session]]\ndetections = "openpose"\n'
-        '[[session]]\nname = "day 2/walk"\ndetections = "none"\nlayout = "coco17"\nframe_by_frame = true\n'
+        '[[session]]\nname = "day 2/walk"\ndetections = "none"\nlayout = "coco17"\n'
+        'frame_by_frame = true\noutput = "own"\n'
     )
     return folder
 
@@ -240,6 +243,7 @@ def test_the_command_line_wins_over_the_session_over_the_defaults_over_the_confi
     assert (first.layout, second.layout, first.unit, first.fps) == ("body25", "coco17", "mm", 50)
     assert (first.settings.max_steps, first.y_up, first.output) == (7, True, None)
     assert (first.frame_by_frame, second.frame_by_frame) == (False, True)
+    assert second.output == listed / "own"
     assert first.calibration == listed / "Calib.toml"
     assert (asked["folder"], asked["overwrite"]) == (listed / "out", False)
     given = ["--layout", "h36m17", "--fps", 25, "--jobs", 3, "--overwrite"]

@@ -166,7 +166,11 @@ def test_the_files_of_a_run_state_their_rate(recording, job, tmp_path):
 
 @pytest.mark.parametrize(
     ("rate", "got"),
-    [(np.zeros(2), r"float64 of shape \(2,\)"), (np.array(-3.0), "a positive number, got -3")],
+    [
+        (np.zeros(2), r"float64 of shape \(2,\)"),
+        (np.array(-3.0), "a number from 1e-3 to 1e6, got -3"),
+        (np.array(1e9), "a number from 1e-3 to 1e6, got 1e.09"),
+    ],
 )
 def test_a_rate_in_a_file_is_one_positive_number(recording, tmp_path, rate, got):
     _, rig, _ = recording

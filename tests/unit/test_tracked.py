@@ -149,7 +149,8 @@ def test_frames_far_apart_are_refused(people):
     numbers = 1000 * np.arange(FRAMES)
     numbers[1] = 1
     with pytest.raises(
-        sk.InvalidInputError, match="frames: expected most frames, to follow people over time, got"
+        sk.DatasetError,
+        match=r": frames: expected most frames, to follow people over time \(--people all\), got",
     ):
         follow(people, numbers)
 

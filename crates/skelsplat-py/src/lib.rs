@@ -40,7 +40,7 @@ mod _skelsplat {
     #[pymodule_export]
     use crate::study::{
         loss_and_gradient, most_likely_places, project_gaussians, pseudo_ground_truth, render,
-        sequence_equations,
+        rig_equations, sequence_equations,
     };
 
     #[pymodule_init]

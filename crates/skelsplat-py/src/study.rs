@@ -11,6 +11,8 @@ use skelsplat_core::study::bones::{Bone, Length};
 use skelsplat_core::study::gaussian::check_covariances;
 use skelsplat_core::study::paper::render::{self as core, Images, Seen};
 use skelsplat_core::study::projection::View;
+use skelsplat_core::study::rig::Placed;
+use skelsplat_core::study::rig::adjust::equations as rig_step;
 use skelsplat_core::study::sequence::{equations, solver::Common};
 use skelsplat_core::{Control, Encoding, Frame, Gaussian, GaussianGradient, PaperSettings};
 
@@ -240,6 +242,28 @@ pub(crate) fn sequence_equations(
     let gradient: Vec<Vector3<f64>> = pulls.iter().map(|pull| -pull).collect();
     let hessian = Out(hessian, vec![3 * n * t, 3 * n * t]);
     Ok((hessian, Out::points(&gradient, vec![n, t, 3]), Out(agility, vec![n, t])))
+}
+
+/// Return S (8 M, 8 M), s (8 M,) and the cost of the equations of ``adjust_cameras``, joints eliminated.
+///
+/// ``points`` (T, N, 3), mm, under kernels of ``sigma`` mm; ``clocks`` of the cameras, in frames. Every
+/// camera has turn, shift, logarithm of the focal length and clock, in this order.
+#[pyfunction]
+#[pyo3(signature = (points, detections, cameras, *, clocks, sigma))]
+pub(crate) fn rig_equations(
+    points: Poses,
+    detections: Frames,
+    cameras: Cameras,
+    clocks: Vec<f64>,
+    sigma: f64,
+) -> Result<(Out<f64>, Out<f64>, f64)> {
+    let placed = cameras.cameras.into_iter().zip(clocks);
+    let placed: Vec<Placed> = placed.map(|(camera, clock)| Placed { camera, clock }).collect();
+    let q = 8 * placed.len();
+    let found = rig_step(&placed, &detections.detections()?, points.0.points(), sigma)?;
+    let matrix = found.matrix.transpose().as_slice().to_vec();
+    let gradient = found.gradient.as_slice().to_vec();
+    Ok((Out(matrix, vec![q, q]), Out(gradient, vec![q]), found.cost))
 }
 
 /// Return the most likely places (N, 3), mm, of a pose's joints, of which doubtful ones need their bones.

@@ -50,13 +50,13 @@ class Arrays:
         return list(map(int, frame_numbers(self.path, self.found["frames"], count)))
 
     def rate(self) -> float | None:
-        """Return the positive number under ``frame_rate``; None if it is NaN or not there."""
+        """Return the number under ``frame_rate``; None if it is NaN or not there."""
         value = self.found.get("frame_rate", np.array(np.nan))
         if value.shape != () or value.dtype.kind not in "fiu":
             raise DatasetError(self.path, "frame_rate", "one number", f"{value.dtype} of shape {value.shape}")
         rate = float(value)
-        if not (np.isnan(rate) or 0 < rate < np.inf):
-            raise DatasetError(self.path, "frame_rate", "a positive number", f"{rate:g}")
+        if not (np.isnan(rate) or 1e-3 <= rate <= 1e6):
+            raise DatasetError(self.path, "frame_rate", "a number from 1e-3 to 1e6", f"{rate:g}")
         return None if np.isnan(rate) else rate
 
     def names(self, key: str, count: int) -> tuple[str, ...] | None:

@@ -175,11 +175,12 @@ def run_batch(
             if name in earlier and _complete(Path(str(job.output)), earlier[name])
         }
         _write(top, jobs, found, keys, earlier)
+        tell = progress or (lambda _done, _total: None)
+        tell(len(found), len(jobs))
         for name, error in _refined({n: job for n, job in jobs.items() if n not in found}, processes):
             found[name] = _read(name, jobs[name], DONE, error)
             _write(top, jobs, found, keys, earlier)
-            if progress is not None:
-                progress(len(found), len(jobs))
+            tell(len(found), len(jobs))
     return Batch(tuple(found[name] for name in jobs))
 
 

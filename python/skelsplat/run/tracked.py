@@ -91,9 +91,9 @@ def follow_everybody(people: Array, whole: Inputs, job: Job, progress: Progress 
     Raises
     ------
     InvalidInputError
-        If the frame rate is unknown, or most frames are missing.
+        If the frame rate is unknown.
     DatasetError
-        If there is nobody on whom two views agree.
+        If the files lack most frames, or there is nobody on whom two views agree.
     """
     check_times(whole, job)
     places, rate = even_clock(whole)
@@ -131,17 +131,16 @@ def follow_everybody(people: Array, whole: Inputs, job: Job, progress: Progress 
 
 
 def check_times(whole: Inputs, job: Job) -> None:
-    """Raise `InvalidInputError` if people cannot be followed: no frame rate, or most frames are missing."""
+    """Raise an error if people cannot be followed: no frame rate, or the files lack most frames."""
     why = f"--people {job.people}" if job.people is not None else f"--person {job.person}"
     if whole.fps is None:
         expected = f"the frame rate, which following people over time needs ({why})"
         raise InvalidInputError(f"fps: expected {expected}, got none: neither the files nor videos state it")
     if is_sparse(whole):
         first, last = whole.frames[0], whole.frames[-1]
-        expected = "most frames, to follow people over time"
-        raise InvalidInputError(
-            f"frames: expected {expected}, got {len(whole.frames)} from {first} to {last}"
-        )
+        expected = f"most frames, to follow people over time ({why})"
+        got = f"{len(whole.frames)} from {first} to {last}"
+        raise DatasetError(Path(job.detections), "frames", expected, got)
 
 
 def _nobody(job: Job, whole: Inputs, detected: Index) -> DatasetError:

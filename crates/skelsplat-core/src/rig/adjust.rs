@@ -1,6 +1,8 @@
 //! The cameras of a recording set right.
 
-use super::bundle::unknowns;
+use super::bundle::{Bundle, Reduced, unknowns};
+use nalgebra::Vector3;
+
 use super::placed::{Change, Freedom, Placed, rebuilt};
 use super::scene::{Scene, median};
 use super::search::{Bars, Explanation, Found, Scope, bars, both, is_worse, total};
@@ -163,7 +165,7 @@ impl Task<'_> {
         let scope = self.scope(&some);
         let mut found = match &self.what.free {
             None => scope.search(progress)?,
-            Some(free) => self.free(&scope, free)?,
+            Some(free) => self.free(&scope, free),
         };
         let mut bars = found.bars.clone();
         let scope = self.scope(&self.fitted);
@@ -175,7 +177,7 @@ impl Task<'_> {
     }
 
     /// The cameras that are known to be wrong, placed by the others one after the other.
-    fn free(&self, scope: &Scope<'_>, free: &[usize]) -> Result<Found> {
+    fn free(&self, scope: &Scope<'_>, free: &[usize]) -> Found {
         let m = self.given.len();
         let Adjustable { focal, clock, .. } = *self.what;
         let mut rig = Explanation::start(self.given.to_vec(), vec![Freedom::default(); m]);
@@ -189,13 +191,13 @@ impl Task<'_> {
             };
             let points = scope.scene.points(scope.frames, &rig.cameras, &used);
             let sigma = scope.sigma(&rig.cameras);
-            if let Some(camera) = scope.placed(&rig, i, kind, &points, sigma)? {
+            if let Some(camera) = scope.placed(&rig, i, kind, &points, sigma) {
                 rig.cameras[i] = camera;
                 rig.freedom[i] = kind;
                 trusted[i] = true;
             }
         }
-        Ok(Found { rig, rivals: Vec::new(), bars: vec![Bars::UNKNOWN; m] })
+        Found { rig, rivals: Vec::new(), bars: vec![Bars::UNKNOWN; m] }
     }
 
     /// Adjusts on all frames. The error bars are those with every part of a change free, also where one of them is enough.
@@ -206,7 +208,7 @@ impl Task<'_> {
             false => *freedom,
         };
         let freedom: Vec<Freedom> = rig.freedom.iter().map(full).collect();
-        let mut rig = self.settle(scope, rig.cameras, freedom.clone())?;
+        let mut rig = self.settle(scope, rig.cameras, freedom.clone());
         let free = unknowns(&freedom);
         for (i, _) in freedom.iter().enumerate().filter(|(_, one)| one.any()) {
             all[i] = bars(&rig.covariance, &free, i);
@@ -227,7 +229,7 @@ impl Task<'_> {
             let (mut cameras, mut freedom) = (rig.cameras.clone(), rig.freedom.clone());
             cameras[i] = self.reset(i, &cameras[i], part)?;
             freedom[i] = part;
-            self.settle(scope, cameras, freedom)
+            Ok(self.settle(scope, cameras, freedom))
         };
         let mut single = parts.into_iter().map(alone).collect::<Result<Vec<_>>>()?;
         single.sort_by(|a, b| total(&a.costs).total_cmp(&total(&b.costs)));
@@ -242,13 +244,13 @@ impl Task<'_> {
         scope: &Scope<'_>,
         cameras: Vec<Placed>,
         freedom: Vec<Freedom>,
-    ) -> Result<Explanation> {
+    ) -> Explanation {
         let mut rig = Explanation::start(cameras, freedom);
         for _ in 0..ROUNDS {
             let sigma = scope.sigma(&rig.cameras);
-            rig = scope.explain(rig.cameras, rig.freedom, sigma, 1.0)?;
+            rig = scope.explain(rig.cameras, rig.freedom, sigma, 1.0);
         }
-        Ok(rig)
+        rig
     }
 
     /// The camera with what is not free as given.
@@ -332,6 +334,38 @@ impl Task<'_> {
         };
         (0..m).map(one).collect()
     }
+}
+
+/// The equations of all parameters of all cameras, mm, with joints `(T, N)` at `points`, and what the detections cost: S, s.
+///
+/// # Errors
+/// [`Error::InvalidInput`] if the numbers of views or points do not match.
+pub fn equations(
+    cameras: &[Placed],
+    frames: &[Detections],
+    points: Vec<Vector3<f64>>,
+    sigma: f64,
+) -> Result<Reduced> {
+    let all: Vec<Camera> = cameras.iter().map(|one| one.camera.clone()).collect();
+    check(&all, frames, &Adjustable::default())?;
+    let scene = Scene::new(frames);
+    if points.len() != frames.len() * scene.n_joints() {
+        let expected = format!("{} x {} points", frames.len(), scene.n_joints());
+        return Err(Error::invalid("points", expected, points.len().to_string()));
+    }
+    let numbers: Vec<usize> = (0..frames.len()).collect();
+    let free = Freedom { focal: true, clock: true, ..Freedom::PLACE };
+    let freedom = vec![free; cameras.len()];
+    let bundle = Bundle {
+        scene,
+        frames: &numbers,
+        given: cameras,
+        cameras: cameras.to_vec(),
+        freedom,
+        points,
+        fixed: false,
+    };
+    Ok(Reduced::sum(&bundle.clusters(sigma)))
 }
 
 /// Frames to adjust on and to judge on.

@@ -72,6 +72,13 @@ impl Reduced {
         Self { matrix: DMatrix::zeros(q, q), gradient: DVector::zeros(q), cost: 0.0 }
     }
 
+    /// The equations of all clusters together.
+    pub fn sum(clusters: &[Self]) -> Self {
+        let mut sum = Self::nothing(clusters.first().map_or(0, |one| one.gradient.len()));
+        clusters.iter().for_each(|one| sum.add(one));
+        sum
+    }
+
     fn add(&mut self, other: &Self) {
         self.matrix += &other.matrix;
         self.gradient += &other.gradient;
@@ -91,31 +98,26 @@ struct Term {
 type Columns = Vec<Vec<(usize, usize)>>;
 
 impl Bundle<'_> {
-    /// Solves under kernels that narrow from `start` to `sigma`, mm.
-    ///
-    /// # Errors
-    /// [`crate::Error::InvalidInput`] if a camera leaves what a camera can be.
-    pub fn solve(&mut self, start: f64, sigma: f64) -> Result<()> {
+    /// Solves under kernels that narrow from `start` to `sigma`, mm. Ends early where a step would leave no camera.
+    pub fn solve(&mut self, start: f64, sigma: f64) {
         let wider = if start.is_finite() { start / sigma } else { 1.0 };
         let widths = wider.log2().ceil().clamp(0.0, WIDTHS);
         for k in 0..widths as usize {
             let width = sigma * wider.powf(1.0 - k as f64 / widths);
-            self.step(width)?;
-            self.step(width)?;
+            self.step(width);
+            self.step(width);
         }
         for _ in 0..STEPS {
-            if self.step(sigma)? < STILL {
+            if self.step(sigma) < STILL {
                 break;
             }
         }
-        Ok(())
     }
 
     /// One step under kernels of the width `sigma`; how far it goes.
-    fn step(&mut self, sigma: f64) -> Result<f64> {
+    fn step(&mut self, sigma: f64) -> f64 {
         let free = unknowns(&self.freedom);
-        let mut sum = Reduced::nothing(free.len());
-        self.clusters(sigma).iter().for_each(|one| sum.add(one));
+        let mut sum = Reduced::sum(&self.clusters(sigma));
         let reach = self.reach();
         let prior = self.prior(sigma, &reach);
         for (q, (i, k)) in free.iter().enumerate() {
@@ -123,7 +125,7 @@ impl Bundle<'_> {
             sum.gradient[q] +=
                 prior[q] * Change::between(&self.given[*i], &self.cameras[*i]).parameter(*k);
         }
-        let Some(factor) = sum.matrix.cholesky() else { return Ok(0.0) };
+        let Some(factor) = sum.matrix.cholesky() else { return 0.0 };
         let delta = -factor.solve(&sum.gradient);
         let mut steps = vec![Step::zeros(); self.cameras.len()];
         let mut farthest = 0.0_f64;
@@ -132,13 +134,13 @@ impl Bundle<'_> {
             let size = if (3..6).contains(k) { d / reach[*i] } else { *d };
             farthest = farthest.max(size.abs());
         }
+        let stepped = self.cameras.iter().zip(&steps).map(|(camera, step)| camera.stepped(step));
+        let Ok(cameras) = stepped.collect::<Result<Vec<Placed>>>() else { return 0.0 };
         if !self.fixed {
             self.move_points(sigma, &steps);
         }
-        for (camera, step) in self.cameras.iter_mut().zip(&steps) {
-            *camera = camera.stepped(step)?;
-        }
-        Ok(farthest)
+        self.cameras = cameras;
+        farthest
     }
 
     /// Distance of each camera from the joints, mm.

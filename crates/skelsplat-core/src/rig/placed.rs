@@ -125,15 +125,21 @@ impl Placed {
         if step.iter().all(|d| *d == 0.0) {
             return Ok(self.clone());
         }
-        let turn = Rotation3::new(step.fixed_rows::<3>(0).into_owned());
-        let turned = turn * Rotation3::from_matrix_unchecked(*self.camera.rotation());
-        // Through the quaternion, so that many steps leave a rotation.
-        let quaternion = UnitQuaternion::from_rotation_matrix(&turned).into_inner();
-        let rotation = UnitQuaternion::new_normalize(quaternion).to_rotation_matrix();
+        let rotation = turned(self.camera.rotation(), &step.fixed_rows::<3>(0).into_owned());
         let centre = self.camera.centre() + step.fixed_rows::<3>(3);
-        let camera = rebuilt(&self.camera, rotation.matrix(), &centre, step[6].exp())?;
+        let camera = rebuilt(&self.camera, &rotation, &centre, step[6].exp())?;
         Ok(Self { camera, clock: self.clock + step[7] })
     }
+}
+
+/// The rotation turned by a rotation vector; through the quaternion, so that many turns leave a rotation.
+fn turned(rotation: &Matrix3<f64>, by: &Vector3<f64>) -> Matrix3<f64> {
+    if *by == Vector3::zeros() {
+        return *rotation;
+    }
+    let turned = Rotation3::new(*by) * Rotation3::from_matrix_unchecked(*rotation);
+    let quaternion = UnitQuaternion::from_rotation_matrix(&turned).into_inner();
+    UnitQuaternion::new_normalize(quaternion).to_rotation_matrix().into_inner()
 }
 
 /// The camera at another place, with its focal lengths multiplied.
@@ -171,10 +177,12 @@ impl Change {
     /// From `old` to `new`.
     #[must_use]
     pub fn between(old: &Placed, new: &Placed) -> Self {
-        let [before, after] =
-            [old, new].map(|p| Rotation3::from_matrix_unchecked(*p.camera.rotation()));
+        let turn = new.camera.rotation() * old.camera.rotation().transpose();
+        // By the quaternion: the cosine of a small angle has no digits of it.
+        let turn = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(turn));
+        let same = new.camera.rotation() == old.camera.rotation();
         Self {
-            turn: (after * before.inverse()).scaled_axis(),
+            turn: if same { Vector3::zeros() } else { turn.scaled_axis() },
             shift: new.camera.centre() - old.camera.centre(),
             zoom: new.camera.focal()[0] / old.camera.focal()[0],
             clock: new.clock - old.clock,

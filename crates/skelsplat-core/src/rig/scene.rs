@@ -32,7 +32,7 @@ impl<'a> Scene<'a> {
 
     /// Number of frames.
     #[must_use]
-    pub fn len(&self) -> usize {
+    pub fn n_frames(&self) -> usize {
         self.frames.len()
     }
 

@@ -20,9 +20,9 @@ const RAYLEIGH: f64 = 1.177_41;
 /// Least noise, pixels.
 const LEAST_PX: f64 = 0.05;
 /// A change is a fault from this [`surety`] on.
-pub const SURE: f64 = 4.0;
+pub const SURE: f64 = 3.5;
 /// The least part of the cost that a fault explains.
-const GAIN: f64 = 0.01;
+const GAIN: f64 = 0.05;
 /// Joints agree that one fault explains more than another from this t statistic on: by chance once in twenty cases.
 const AGREED: f64 = 1.7;
 /// Frames by which clocks may differ: at most, and at most this part of the recording; and the least recording.
@@ -86,7 +86,7 @@ pub struct Explanation {
     pub freedom: Vec<Freedom>,
     /// Cost of every cluster.
     pub costs: Vec<f64>,
-    /// Covariance of what was free: see [`Bundle::covariance`].
+    /// Covariance of what was free: see `Bundle::judge`.
     pub covariance: DMatrix<f64>,
 }
 
@@ -143,7 +143,7 @@ impl Scope<'_> {
         let mut rounds: Vec<(Explanation, Vec<Supposed>)> = Vec::new();
         loop {
             let sigma = self.sigma(&found.rig.cameras);
-            found.rig = self.explain(found.rig.cameras, found.rig.freedom, sigma, 1.0)?;
+            found.rig = self.explain(found.rig.cameras, found.rig.freedom, sigma, 1.0);
             let best = self.best(&mut found, sigma, progress)?;
             let Some(first) = best.first() else { break };
             rounds.push((std::mem::replace(&mut found.rig, first.rig.clone()), best));
@@ -167,7 +167,7 @@ impl Scope<'_> {
         let mut faults = Vec::new();
         for (view, fault) in self.candidates(&found.rig) {
             progress.check()?;
-            if let Some(one) = self.suppose(&found.rig, view, fault, sigma)? {
+            if let Some(one) = self.suppose(&found.rig, view, fault, sigma) {
                 if !found.rig.freedom[view].any() && fault == Fault::Place {
                     found.bars[view] = one.bars;
                 }
@@ -221,12 +221,12 @@ impl Scope<'_> {
         freedom: Vec<Freedom>,
         sigma: f64,
         wider: f64,
-    ) -> Result<Explanation> {
+    ) -> Explanation {
         let points = self.scene.points(self.frames, &cameras, &vec![true; cameras.len()]);
         let mut bundle = self.bundle(cameras, freedom, points);
-        bundle.solve(wider * sigma, sigma)?;
+        bundle.solve(wider * sigma, sigma);
         let (costs, covariance) = bundle.judge(sigma);
-        Ok(Explanation { cameras: bundle.cameras, freedom: bundle.freedom, costs, covariance })
+        Explanation { cameras: bundle.cameras, freedom: bundle.freedom, costs, covariance }
     }
 
     /// The cameras with joints.
@@ -247,7 +247,7 @@ impl Scope<'_> {
         view: usize,
         fault: Fault,
         sigma: f64,
-    ) -> Result<Option<Supposed>> {
+    ) -> Option<Supposed> {
         let m = rig.cameras.len();
         let others: Vec<bool> = (0..m).map(|i| i != view || m == 2).collect();
         let points = self.scene.points(self.frames, &rig.cameras, &others);
@@ -257,17 +257,17 @@ impl Scope<'_> {
             Fault::Place => Freedom { focal: self.focal, ..Freedom::PLACE },
             Fault::Clock => Freedom::CLOCK,
         };
-        let Some(camera) = self.placed(rig, view, kind, &points, sigma)? else { return Ok(None) };
+        let camera = self.placed(rig, view, kind, &points, sigma)?;
         let (mut cameras, mut freedom) = (rig.cameras.clone(), rig.freedom.clone());
         cameras[view] = camera;
         freedom[view] = both(freedom[view], kind);
-        let explained = self.explain(cameras, freedom, sigma, 2.0)?;
+        let explained = self.explain(cameras, freedom, sigma, 2.0);
         let covariance = explained.covariance.clone();
         let unknowns = unknowns(&explained.freedom);
         let bars = bars(&covariance, &unknowns, view);
         let change = Change::between(&rig.cameras[view], &explained.cameras[view]);
         let surety = surety(&covariance, &unknowns, view, kind, &change, explained.costs.len());
-        Ok(Some(Supposed { view, fault, rig: explained, bars, surety }))
+        Some(Supposed { view, fault, rig: explained, bars, surety })
     }
 
     /// One camera placed by joints that the others place.
@@ -278,17 +278,14 @@ impl Scope<'_> {
         kind: Freedom,
         points: &[Vector3<f64>],
         sigma: f64,
-    ) -> Result<Option<Placed>> {
+    ) -> Option<Placed> {
         let mut camera = rig.cameras[view].clone();
         if kind.clock {
-            match self.late(&camera, view, points) {
-                Some(clock) => camera.clock = clock,
-                None => return Ok(None),
-            }
+            camera.clock = self.late(&camera, view, points)?;
         }
         let off = self.scene.distances(self.frames, points, view, &camera);
         if off.len() < LEAST {
-            return Ok(None);
+            return None;
         }
         let start = median(off.iter().map(|(px, mm)| px * mm).collect());
         let mut cameras = rig.cameras.clone();
@@ -297,13 +294,13 @@ impl Scope<'_> {
         freedom[view] = kind;
         let mut bundle = self.bundle(cameras, freedom, points.to_vec());
         bundle.fixed = true;
-        bundle.solve(start, sigma)?;
-        Ok(Some(bundle.cameras.swap_remove(view)))
+        bundle.solve(start, sigma);
+        Some(bundle.cameras.swap_remove(view))
     }
 
     /// The most frames by which a clock may be off.
     fn latest(&self) -> isize {
-        let n = self.scene.len();
+        let n = self.scene.n_frames();
         if n < LEAST_FRAMES { 0 } else { LATEST.min((n / PART) as isize) }
     }
 

@@ -1,0 +1,252 @@
+//! Cameras set right: derivatives, faults of one camera, and what must not change.
+
+use nalgebra::{Rotation3, Vector2, Vector3};
+use skelsplat_core::study::rig::placed::{PARAMETERS, Sight, Step};
+use skelsplat_core::study::rig::{Change, Placed};
+use skelsplat_core::testing::differences::{central_differences, relative_error};
+use skelsplat_core::testing::scenes::{Noise, room, standing};
+use skelsplat_core::{
+    Adjustable, Camera, CameraStatus, Detections, Distortion, Error, Progress, RefineConfig,
+    RigAdjustment, Unit, adjust_cameras,
+};
+
+const FRAMES: usize = 60;
+
+/// A person who walks a loop, turns and swings the arms, at a time in frames.
+fn body(t: f64) -> Vec<Vector3<f64>> {
+    let (phase, turn) = (0.1 * t, Rotation3::from_euler_angles(0.0, 0.0, 0.08 * t));
+    let at = Vector3::new(900.0 * phase.sin(), 700.0 * (1.3 * phase).cos(), 0.0);
+    let swing = |j: usize| Vector3::new(0.0, 90.0 * (3.0 * phase + j as f64).sin(), 0.0);
+    standing().into_iter().enumerate().map(|(j, x)| turn * (x + swing(j)) + at).collect()
+}
+
+/// Detections with noise of `sigma` px, of which view i is `late[i]` frames ahead.
+fn recording(cameras: &[Camera], late: &[f64], sigma: f64) -> Vec<Detections> {
+    let mut noise = Noise::new(5);
+    let frame = |t: usize| {
+        let mut pixels = Vec::new();
+        for (camera, late) in cameras.iter().zip(late) {
+            for joint in body(t as f64 - late) {
+                let p = camera.project(&joint).unwrap();
+                pixels.extend([p.x + sigma * noise.normal(), p.y + sigma * noise.normal()]);
+            }
+        }
+        Detections::new(cameras.len(), 17, &pixels, None).unwrap()
+    };
+    (0..FRAMES).map(frame).collect()
+}
+
+/// The camera turned by so many radians and moved, mm.
+fn moved(camera: &Camera, turn: [f64; 3], shift: [f64; 3]) -> Camera {
+    let rotation = Rotation3::new(Vector3::from(turn)) * camera.rotation();
+    let centre = camera.centre() + Vector3::from(shift);
+    Camera::new(&camera.k(), &rotation, &(-(rotation * centre)), camera.size()).unwrap()
+}
+
+fn adjusted(given: &[Camera], frames: &[Detections], what: &Adjustable) -> RigAdjustment {
+    let config = RefineConfig::default();
+    adjust_cameras(given, Unit::Millimetre, frames, what, &config, &Progress::default()).unwrap()
+}
+
+fn status(found: &RigAdjustment) -> Vec<CameraStatus> {
+    found.report.iter().map(|one| one.status).collect()
+}
+
+/// Angle between two cameras, rad, and distance, mm.
+fn apart(a: &Camera, b: &Camera) -> (f64, f64) {
+    let turn = Rotation3::from_matrix_unchecked(a.rotation() * b.rotation().transpose());
+    (turn.angle(), (a.centre() - b.centre()).norm())
+}
+
+#[test]
+fn derivatives_are_those_of_the_residual() {
+    let lens = Distortion::brown_conrady(&[-0.2, 0.08, 1e-3, -2e-3, 0.01]).unwrap();
+    let camera = room(4).remove(1).with_distortion(lens);
+    let placed = Placed { camera, clock: 2.0 };
+    let x = Vector3::new(350.0, -420.0, 1350.0);
+    let (pixel, speed) = (Vector2::new(512.0, 380.0), Vector2::new(7.0, -3.5));
+    let seen = |clock: f64| Sight { pixel: pixel + speed * (clock - 2.0), speed, confidence: 1.0 };
+    let exact = placed.residual(&x, &seen(2.0)).unwrap();
+    for row in 0..2 {
+        let points = central_differences(x.as_slice(), 1e-3, |at| {
+            placed.residual(&Vector3::from_column_slice(at), &seen(2.0)).unwrap().value[row]
+        });
+        let own: Vec<f64> = exact.by_point.row(row).iter().copied().collect();
+        assert!(relative_error(&own, &points) < 1e-8);
+        // In steps of the parameters' own sizes: rad, mm, relative, frames.
+        for (k, h) in [1e-5, 1e-5, 1e-5, 1e-2, 1e-2, 1e-2, 1e-5, 1e-3].into_iter().enumerate() {
+            let slope = central_differences(&[0.0], h, |at| {
+                let mut step = Step::zeros();
+                step[k] = at[0];
+                let there = placed.stepped(&step).unwrap();
+                there.residual(&x, &seen(there.clock)).unwrap().value[row]
+            });
+            assert!((exact.by_camera[(row, k)] - slope[0]).abs() <= 1e-7 * slope[0].abs().max(1.0));
+        }
+    }
+    assert_eq!(exact.by_camera.ncols(), PARAMETERS);
+}
+
+#[test]
+fn a_step_is_the_change_between_two_cameras() {
+    let old = Placed { camera: room(4).remove(2), clock: 0.0 };
+    let step = Step::from_column_slice(&[0.02, -0.01, 0.03, 12.0, -7.0, 30.0, 0.01, 0.4]);
+    let change = Change::between(&old, &old.stepped(&step).unwrap());
+    for k in 0..PARAMETERS {
+        assert!((change.parameter(k) - step[k]).abs() < 1e-9, "{k}");
+    }
+    assert_eq!(old.stepped(&Step::zeros()).unwrap(), old);
+}
+
+#[test]
+fn a_camera_that_was_knocked_is_found_and_set_right() {
+    let truth = room(4);
+    let frames = recording(&truth, &[0.0; 4], 2.0);
+    let mut given = truth.clone();
+    given[2] = moved(&truth[2], [0.03, -0.02, 0.01], [80.0, -40.0, 60.0]);
+    let found = adjusted(&given, &frames, &Adjustable::default());
+    let expected =
+        [0, 1, 2, 3].map(|i| [CameraStatus::Sound, CameraStatus::Adjusted][usize::from(i == 2)]);
+    assert_eq!(status(&found), expected);
+    let (turn, shift) = apart(&found.cameras[2], &truth[2]);
+    let bars = found.report[2].bars;
+    assert!(turn < 2.0 * bars.turn && turn < 0.004, "{turn} {}", bars.turn);
+    assert!(shift < 2.0 * bars.shift && shift < 12.0, "{shift} {}", bars.shift);
+    assert!(found.report[2].before > 30.0 && found.report[2].after < 5.0);
+    for i in [0, 1, 3] {
+        assert_eq!(found.cameras[i], given[i], "sound cameras stay to the bit");
+    }
+}
+
+#[test]
+fn a_sound_rig_stays() {
+    let truth = room(3);
+    let found = adjusted(&truth, &recording(&truth, &[0.0; 3], 3.0), &Adjustable::default());
+    assert_eq!(status(&found), [CameraStatus::Sound; 3]);
+    assert_eq!(found.cameras, truth);
+    // What a fault could have been unnoticed.
+    assert!(found.report.iter().all(|one| one.bars.turn > 0.0 && one.bars.turn < 0.02));
+    assert!(found.report.iter().all(|one| one.before == one.after));
+}
+
+#[test]
+fn a_late_camera_is_told_from_one_that_was_moved() {
+    let truth = room(4);
+    let frames = recording(&truth, &[0.0, 3.4, 0.0, 0.0], 2.0);
+    let found = adjusted(&truth, &frames, &Adjustable::default());
+    assert_eq!(found.report[1].status, CameraStatus::Late);
+    assert_eq!(found.cameras, truth);
+    let asked = Adjustable { clock: true, ..Adjustable::default() };
+    let found = adjusted(&truth, &frames, &asked);
+    assert_eq!(found.report[1].status, CameraStatus::Adjusted);
+    let off = (found.report[1].change.clock - 3.4).abs();
+    assert!(off < 0.1 && off < 2.0 * found.report[1].bars.clock + 0.05, "{off}");
+    assert_eq!(found.report[1].change.turn, Vector3::zeros());
+}
+
+#[test]
+fn a_focal_length_is_adjusted_on_request() {
+    let truth = room(4);
+    let frames = recording(&truth, &[0.0; 4], 1.0);
+    let mut k = truth[0].k();
+    k[(0, 0)] *= 1.03;
+    k[(1, 1)] *= 1.03;
+    let mut given = truth.clone();
+    given[0] =
+        Camera::new(&k, truth[0].rotation(), truth[0].translation(), truth[0].size()).unwrap();
+    let asked = Adjustable { focal: true, ..Adjustable::default() };
+    let found = adjusted(&given, &frames, &asked);
+    assert_eq!(found.report[0].status, CameraStatus::Adjusted);
+    let [focal, ..] = found.cameras[0].focal();
+    let bar = found.report[0].bars.zoom;
+    assert!((focal / truth[0].focal()[0] - 1.0).abs() < (2.0 * bar).min(0.01), "{focal} {bar}");
+}
+
+#[test]
+fn cameras_that_are_named_are_adjusted_and_no_other() {
+    let truth = room(3);
+    let frames = recording(&truth, &[0.0; 3], 1.0);
+    let mut given = truth.clone();
+    given[0] = moved(&truth[0], [0.0, 0.05, 0.0], [0.0, 0.0, 50.0]);
+    let found =
+        adjusted(&given, &frames, &Adjustable { free: Some(vec![0]), ..Adjustable::default() });
+    assert_eq!(found.cameras[1..], given[1..]);
+    let (turn, shift) = apart(&found.cameras[0], &truth[0]);
+    assert!(turn < 0.005 && shift < 20.0, "{turn} {shift}");
+}
+
+#[test]
+fn two_cameras_do_not_tell_which_is_wrong() {
+    let truth = room(5);
+    let pair = [truth[0].clone(), truth[1].clone()];
+    let frames = recording(&pair, &[0.0; 2], 1.0);
+    let given = [moved(&pair[0], [0.02, 0.0, 0.0], [0.0; 3]), pair[1].clone()];
+    let found = adjusted(&given, &frames, &Adjustable::default());
+    assert_eq!(found.cameras, given);
+}
+
+#[test]
+fn lengths_are_in_the_unit_of_the_cameras_and_threads_do_not_matter() {
+    let truth = room(4);
+    let frames = recording(&truth, &[0.0; 4], 2.0);
+    let mut given = truth.clone();
+    given[3] = moved(&truth[3], [0.02, 0.03, 0.0], [0.0, 90.0, 0.0]);
+    let what = Adjustable::default();
+    let mm = adjusted(&given, &frames, &what);
+    let metres: Vec<Camera> = given.iter().map(|c| c.clone().with_length_scale(1e-3)).collect();
+    let run = |n_threads| {
+        let config = RefineConfig { n_threads, ..RefineConfig::default() };
+        let progress = Progress::default();
+        adjust_cameras(&metres, Unit::Metre, &frames, &what, &config, &progress).unwrap()
+    };
+    let m = run(Some(1));
+    // In words, as NaN is not equal to itself.
+    assert_eq!(format!("{m:?}"), format!("{:?}", run(Some(3))));
+    assert!((mm.report[3].change.shift / 1e3 - m.report[3].change.shift).norm() < 1e-7);
+    assert!((mm.cameras[3].centre() / 1e3 - m.cameras[3].centre()).norm() < 1e-7);
+}
+
+#[test]
+fn arguments_are_checked() {
+    let cameras = room(3);
+    let frames = recording(&cameras, &[0.0; 3], 1.0);
+    let call = |cameras: &[Camera], frames: &[Detections], free: Option<Vec<usize>>| {
+        let what = Adjustable { free, ..Adjustable::default() };
+        let config = RefineConfig::default();
+        adjust_cameras(cameras, Unit::Millimetre, frames, &what, &config, &Progress::default())
+    };
+    let said = |result: Result<RigAdjustment, Error>| result.unwrap_err().to_string();
+    assert_eq!(
+        said(call(&cameras[..1], &frames, None)),
+        "cameras: expected at least two cameras, got 1"
+    );
+    assert_eq!(
+        said(call(&cameras, &[], None)),
+        "detections: expected at least one frame, got none"
+    );
+    let text = said(call(&cameras[..2], &frames, None));
+    assert_eq!(text, "detections: expected one view per camera (2), got 3 views");
+    assert_eq!(
+        said(call(&cameras, &frames, Some(vec![3]))),
+        "free: expected cameras 0 to 2, got 3"
+    );
+    let text = said(call(&cameras, &frames, Some(vec![0, 1, 2])));
+    assert_eq!(text, "free: expected at least one camera that stays, got all cameras");
+    let progress = Progress::default();
+    progress.cancel();
+    let config = RefineConfig::default();
+    let what = Adjustable::default();
+    let stopped = adjust_cameras(&cameras, Unit::Millimetre, &frames, &what, &config, &progress);
+    assert_eq!(stopped.unwrap_err(), Error::Cancelled);
+}
+
+#[test]
+fn nothing_seen_is_said() {
+    let cameras = room(3);
+    let nothing = vec![f64::NAN; 3 * 17 * 2];
+    let frames = vec![Detections::new(3, 17, &nothing, None).unwrap(); 20];
+    let found = adjusted(&cameras, &frames, &Adjustable::default());
+    assert_eq!(status(&found), [CameraStatus::Unseen; 3]);
+    assert_eq!(found.cameras, cameras);
+    assert!(found.report.iter().all(|one| one.before.is_nan()));
+}
