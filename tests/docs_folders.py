@@ -49,6 +49,10 @@ def _sample(folder: Path, *, calibration: str = "Calib.toml", frames: int = FRAM
     paths.calibration.rename(target)
 
 
+def _whole_sample(folder: Path) -> None:
+    _sample(folder, frames=100)
+
+
 def _walk(folder: Path, names: list[str], layout: str, scale: float) -> tuple[Path, detection_files.Take]:
     """Write an Anipose TOML of a ring of cameras; return it with a walk that they see."""
     path = calibration_files.anipose(folder, calibration_files.reference(names), scale)
@@ -189,6 +193,7 @@ PREPARED: dict[str, Callable[[Path], None]] = {
     "docs/howto/angles.md": _sample,
     "docs/howto/anipose.md": _anipose,
     "docs/howto/batches.md": _batches,
+    "docs/howto/cameras.md": _whole_sample,
     "docs/howto/deeplabcut.md": _deeplabcut,
     "docs/howto/freemocap.md": _freemocap,
     "docs/howto/live.md": _live,

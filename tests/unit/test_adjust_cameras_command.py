@@ -177,6 +177,19 @@ def test_doubtful_cameras_are_named_with_what_helps():
     assert Finding.from_dict(doubt.to_dict()) == doubt
 
 
+def test_what_the_recording_does_not_show_is_not_recommended():
+    still = reported(name="cam2", status="late", clock=0.5, clock_sigma=30.0)
+    (doubt,) = found(still, reported(name="cam1", status="sound"))
+    assert doubt.kind == "cameras_doubtful"
+    assert doubt.text.startswith(
+        "cam2 (frame numbers off by +0.5) disagrees with the other cameras, and this"
+    )
+    turn = {"turn": np.array([0.0, 7.0, 0.0]), "turn_sigma": 35.0, "after": 60.0}
+    (worse,) = found(reported(name="cam2", status="adjusted", **turn))
+    assert worse.severity == "warning"
+    assert worse.text.endswith("it does not hold: do not use these cameras.")
+
+
 def test_parts_of_a_frame_and_cameras_that_see_too_little():
     late = reported(name="cam2", status="adjusted", clock=-2.4, clock_sigma=0.05)
     unseen = reported(name="cam4", status="unseen", before=np.nan, after=np.nan)

@@ -198,7 +198,9 @@ def _adjusted(finding: Finding) -> str:
         frames = f"in {numbers['left_out_frames']} other frames"
         error = f" (error {_px(numbers['before_px'])}, {_px(numbers['after_px'])} afterwards, {frames})"
     changes = _changes({**numbers, "clock_frames": 0.0})  # which is no part of a calibration
-    return f"{numbers['camera']} was adjusted: {listed(changes or ['by next to nothing'])}{error}."
+    text = f"{numbers['camera']} was adjusted: {listed(changes or ['by next to nothing'])}{error}."
+    worse = " In frames that were not used, it does not hold: do not use these cameras."
+    return text + (worse if finding.severity != "note" else "")
 
 
 def _changes(numbers: Numbers) -> list[str]:
@@ -238,6 +240,11 @@ def _late(finding: Finding) -> str:
 def _doubtful(finding: Finding) -> str:
     suspected = finding.numbers["suspected"]
     ways = [f"{one['camera']} ({listed(_changes(one) or ['no single change'])})" for one in suspected]
+    if len(ways) == 1:
+        return (
+            f"{ways[0]} disagrees with the other cameras, and this recording does not tell how it is "
+            "wrong: it was not adjusted. The person has to walk through more of the room."
+        )
     few = "the other camera is" if len(ways) == 2 else "the others are"
     return (
         f"{listed(ways, 'or')} is wrong, and this recording does not tell which: none of them was adjusted. "

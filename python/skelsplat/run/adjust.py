@@ -13,7 +13,7 @@ import skelsplat as sk
 from skelsplat._arrays import Array, Index
 from skelsplat.association import take_people
 from skelsplat.exceptions import DatasetError
-from skelsplat.findings import Finding, Remedy, Subject, collected_warnings, warn
+from skelsplat.findings import Finding, Remedy, Severity, Subject, collected_warnings, warn
 from skelsplat.io.detections import cameras_called, read_detections
 from skelsplat.rig_check import ReadAs, check_rig
 from skelsplat.rig_check._scene import follow_person, in_mm
@@ -185,21 +185,30 @@ def findings_of(found: sk.RigAdjustment, mm_per_unit: float, offsets: Mapping[st
     for one in found.report:
         subject, numbers = Subject(cameras=(one.name,)), numbers_of(one, mm_per_unit)
         if is_changed(one):
-            yield Finding("camera_adjusted", "note", subject, {**numbers, "left_out_frames": found.judged})
+            severity: Severity = "warning" if one.after > one.before else "note"
+            numbers["left_out_frames"] = found.judged
+            yield Finding("camera_adjusted", severity, subject, numbers)
         whole = round(one.clock)
-        if one.status in ("late", "adjusted") and (whole or abs(one.clock) > _SHOWN * one.clock_sigma):
+        if one.status in ("late", "adjusted") and _clock_known(one):
             option = offsets.get(one.name, 0) - whole
             remedy = (Remedy("offset", f"{one.name}={option}"),) if whole else ()
             yield Finding("camera_late", "warning", subject, {**numbers, "whole_frames": whole}, remedy)
         if one.status == "unseen":
             yield Finding("camera_unseen", "warning", subject)
-    doubtful = found.of("doubtful")
+    doubtful = [*found.of("doubtful"), *(one for one in found.of("late") if not _clock_known(one))]
     if doubtful:
         suspected = [numbers_of(one, mm_per_unit) for one in doubtful]
         names = tuple(one.name for one in doubtful)
         yield Finding("cameras_doubtful", "warning", Subject(cameras=names), {"suspected": suspected})
     if not found.of("adjusted", "late", "doubtful"):
         yield Finding("cameras_sound", "note", numbers={"cameras": len(found.of("sound"))})
+
+
+def _clock_known(camera: sk.CameraAdjustment) -> bool:
+    """Whether a clock is shown to be off; without an error bar from half a frame on."""
+    if not np.isfinite(camera.clock_sigma):
+        return round(camera.clock) != 0
+    return abs(camera.clock) > _SHOWN * camera.clock_sigma
 
 
 def numbers_of(camera: sk.CameraAdjustment, mm_per_unit: float) -> dict[str, Any]:
