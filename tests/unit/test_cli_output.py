@@ -88,6 +88,10 @@ def cases(recording, dome):
             [calibration, folder / "rig.json"],
             {"kind", "input", "output", "format", "cameras", "unit"},
         ),
+        "adjust-cameras": (
+            [calibration, folder / "openpose", "--layout", "h36m17", "-o", folder / "fixed.toml"],
+            {"calibration", "output", "frames", "findings", "cameras"},
+        ),
         "check-cameras": ([calibration], {"calibration", "ok", "findings", "cameras"}),
         "synth": (["dome", folder / "set", "--poses", 12], {"folder", "name", "takes", "parameters"}),
         "datasets check": (["synthetic", dome], {"name", "ok", "findings", "dataset"}),
@@ -97,7 +101,11 @@ def cases(recording, dome):
 
 
 @pytest.mark.parametrize(
-    "name", ["demo", "refine", "convert", "check-cameras", "synth", "datasets check", "evaluate", "ablate"]
+    "name",
+    [
+        *("demo", "refine", "convert", "adjust-cameras", "check-cameras"),
+        *("synth", "datasets check", "evaluate", "ablate"),
+    ],
 )
 def test_json_is_a_document_and_quiet_is_silence(cases, name):
     arguments, keys = cases[name]

@@ -5,12 +5,18 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from skelsplat._sentences.words import listed, percent
+from skelsplat._sentences.words import listed, options, percent, with_bar
 
 if TYPE_CHECKING:
     from skelsplat.findings import Finding
 
     Numbers = Mapping[str, Any]
+
+
+# A change below this part of its error bar is none.
+_NOTHING = 0.01
+# Multiples of its error bar from which the rest of a clock is worth mentioning.
+_SHOWN = 4.0
 
 
 def _px(error: float | None, digits: int = 1) -> str:
@@ -185,6 +191,62 @@ def _apart(finding: Finding) -> str:
     )
 
 
+def _adjusted(finding: Finding) -> str:
+    numbers = finding.numbers
+    error = ""
+    if numbers["before_px"] is not None and numbers["after_px"] is not None:
+        frames = f"in {numbers['left_out_frames']} other frames"
+        error = f" (error {_px(numbers['before_px'])}, {_px(numbers['after_px'])} afterwards, {frames})"
+    changes = _changes({**numbers, "clock_frames": 0.0})  # which is no part of a calibration
+    return f"{numbers['camera']} was adjusted: {listed(changes or ['by next to nothing'])}{error}."
+
+
+def _changes(numbers: Numbers) -> list[str]:
+    """Return what was changed about a camera, or is suspected, with error bars where they are known."""
+    changes = []
+    if not _is_nothing(numbers["degrees"], numbers["degrees_sigma"]):
+        changes.append(f"turned by {with_bar(numbers['degrees'], numbers['degrees_sigma'])}°")
+    if not _is_nothing(numbers["mm"], numbers["mm_sigma"]):
+        changes.append(f"moved by {with_bar(numbers['mm'], numbers['mm_sigma'])} mm")
+    if numbers["focal"] != 1.0:
+        change, sigma = 100 * (numbers["focal"] - 1), numbers["focal_sigma"]
+        bar = with_bar(change, None if sigma is None else 100 * sigma, "+")
+        changes.append(f"focal length changed by {bar} %")
+    if numbers["clock_frames"]:
+        changes.append(f"frame numbers off by {with_bar(numbers['clock_frames'], None, '+')}")
+    return changes
+
+
+def _is_nothing(value: float, sigma: float | None) -> bool:
+    """Whether a change is none: not allowed, or the prior's, where it could not be measured."""
+    return value <= _NOTHING * (sigma or 0.0)
+
+
+def _late(finding: Finding) -> str:
+    numbers = finding.numbers
+    frames, whole = numbers["clock_frames"], numbers["whole_frames"]
+    sigma = numbers["clock_sigma_frames"]
+    high = f"{abs(frames):.0f}" if sigma is None else with_bar(abs(frames), sigma)
+    text = f"{numbers['camera']}'s frame numbers are {high} too {'high' if frames > 0 else 'low'}"
+    if not whole:
+        return f"{text}: less than half a frame, which no option corrects."
+    rest = abs(frames - whole)
+    left = f" ({rest:.1f} of a frame remains)" if sigma is not None and rest > _SHOWN * sigma else ""
+    return f"{text}; a calibration has no clock: refine with {options(finding.remedy)}{left}."
+
+
+def _doubtful(finding: Finding) -> str:
+    suspected = finding.numbers["suspected"]
+    ways = [f"{one['camera']} ({listed(_changes(one) or ['no single change'])})" for one in suspected]
+    few = "the other camera is" if len(ways) == 2 else "the others are"
+    return (
+        f"{listed(ways, 'or')} is wrong, and this recording does not tell which: none of them was adjusted. "
+        f"If you know which one was moved, name it, and {few} taken as right: skelsplat adjust-cameras "
+        "--move NAME. Otherwise, a recording with three or more other cameras, or in which the person walks "
+        "through more of the room, can tell."
+    )
+
+
 SENTENCES: Mapping[str, str | Callable[[Finding], str]] = {
     "unit_implausible": (
         "{files}: unit: the cameras would be {metres:.3g} m apart in {unit}; the largest distance between "
@@ -206,6 +268,16 @@ SENTENCES: Mapping[str, str | Callable[[Finding], str]] = {
     "camera_rotated": _one_camera(_pose),
     "camera_moved": _one_camera(_pose),
     "camera_unexplained": _disagrees,
+    "camera_adjusted": _adjusted,
+    "camera_late": _late,
+    "cameras_doubtful": _doubtful,
+    "camera_unseen": (
+        "{cameras} sees too few of the joints that other cameras see, so it was not judged and not adjusted."
+    ),
+    "cameras_sound": (
+        "No camera was adjusted: the {cameras} cameras that could be judged agree with this recording."
+    ),
+    "cameras_not_adjusted": "No camera was adjusted, because of another fault: {why}.",
     "cameras_apart": _apart,
     "recording_other": _recording,
     "detections_none": "There are no detections to check the cameras with.",

@@ -20,6 +20,15 @@ def number(value: float, digits: int = 1) -> str:
     return f"{value:,.{digits}f}" if math.isfinite(value) else "–"
 
 
+def with_bar(value: float, sigma: float | None, sign: str = "") -> str:
+    """Return a number with its error bar, to one or two of its digits: "143 ± 36"; without one, "143"."""
+    if sigma is None or not math.isfinite(sigma):
+        return f"{value:{sign},.1f}"
+    digits = min(4, max(0, -math.floor(math.log10(sigma)))) if sigma > 0 else 1
+    shown = 0.0 if abs(value) < 0.5 * 10**-digits else value  # no −0
+    return f"{shown:{sign},.{digits}f} ± {sigma:,.{digits}f}"
+
+
 def percent(share: float) -> str:
     """Return a share of 0 to 1 as a percentage without decimals."""
     return f"{100 * share:.0f}%"

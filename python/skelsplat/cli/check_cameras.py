@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import shlex
 from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any
@@ -71,8 +72,9 @@ def check_cameras(
     With the detections of one person walking about, every camera is compared
     with the other cameras. Detections are read like those of refine. With --json,
     the remedy of a finding lists the options of refine that correct it; a
-    camera's best_offset is by how many frames its numbers are too high, and
-    offset_option the value for --offset.
+    camera's best_offset is by how many frames its numbers are too high,
+    offset_option the value for --offset, and adjust the command for rotated or
+    moved cameras, if there are any.
 
     [bold]Examples[/bold]
 
@@ -96,10 +98,16 @@ def check_cameras(
     }
     read = inputs.calibration_arguments(unit, calibration_format, camera_type, subject, size, binning)
     found = check(source, detections, read=read, without=without or (), person=person, **given)
+    again = inputs.repeated(context, ("quiet", "as_json"))
+    files = ("skelsplat", "adjust-cameras", str(source), str(detections))
+    adjust = shlex.join([*files, *again, "-o", "fixed.toml"]) if found.report.misplaced else None
     if as_json:
-        print_json(_document(source, detections, found))
+        print_json({**_document(source, detections, found), "adjust": adjust})
     else:
         _print(found, quiet=quiet)
+        if adjust and not quiet:
+            typer.echo("Adjust the cameras in a new calibration file with:")
+            typer.echo(f"  {adjust}")  # on one line, to be pasted
     if not found.report.ok:
         raise typer.Exit(1)
 

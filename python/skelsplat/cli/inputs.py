@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -131,6 +131,27 @@ def refuse_detection_options(context: typer.Context) -> None:
         source = getattr(context.get_parameter_source(str(param.name)), "name", "")
         if source == "COMMANDLINE" and param.opts[0] in _OF_DETECTIONS:
             raise typer.BadParameter("requires DETECTIONS", param_hint=param.opts[0])
+
+
+def repeated(context: typer.Context, without: Sequence[str] = ()) -> list[str]:
+    """Return the options of a command that were given, on the command line or in a file, to be given again.
+
+    Flags are not; ``without`` are names of other parameters that are not either.
+    """
+    words: list[str] = []
+    for param in context.command.params:
+        value, name = context.params.get(str(param.name)), str(param.name)
+        option = next((text for text in param.opts if text.startswith("--")), None)
+        if option is None or name in (*without, "config") or isinstance(value, bool) or not value:
+            continue
+        source = getattr(context.get_parameter_source(name), "name", "DEFAULT")
+        if source != "DEFAULT":
+            words += [
+                word
+                for one in (value if isinstance(value, list | tuple) else [value])
+                for word in (option, str(one))
+            ]
+    return words
 
 
 def _pairs(option: str, values: list[str] | None) -> Iterator[tuple[str, str]]:

@@ -190,6 +190,15 @@ InitSigma = Annotated[
 MinConfidence = Annotated[
     float | None, _setting(_INPUT, "min_confidence", *_METHODS, metavar="C", min=0, max=1)
 ]
+AdjustCameras = Annotated[
+    bool,
+    flag(
+        _INPUT,
+        "--adjust-cameras",
+        help="First adjust the cameras that were turned or moved since the calibration. The person the views "
+        "agree on shows which; cameras.json has them. skelsplat adjust-cameras writes a calibration.",
+    ),
+]
 NoUndistort = Annotated[bool, flag(_INPUT, "--no-undistort", help="Ignore lens distortion.")]
 
 Paper = Annotated[

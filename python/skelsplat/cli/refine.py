@@ -26,8 +26,8 @@ EPILOG = (
     "removed first; plots/ and overlay/ are kept."
 )
 COMMON = (
-    *("output", "unit", "layout", "person", "people", "without", "offset", "fps", "filter", "fill_gaps"),
-    *("write", "y_up", "angles", "paper", "quiet", "as_json"),
+    *("output", "unit", "layout", "person", "people", "without", "offset", "fps"),
+    *("filter", "fill_gaps", "write", "y_up", "angles", "paper", "quiet", "as_json"),
 )
 
 
@@ -56,6 +56,7 @@ def job_of(
     subject: inputs.Subject = None,
     size: inputs.Size = None,
     binning: inputs.Binning = None,
+    adjust_cameras: options.AdjustCameras = False,
     paper: options.Paper = False,
     no_swaps: options.NoSwaps = False,
     free_bones: options.FreeBones = False,
@@ -107,6 +108,7 @@ def job_of(
         init=init,
         init_sigma_mm=init_sigma_mm,
         config=sk.RefineConfig.paper(**settings) if paper else sk.RefineConfig(**settings),
+        adjust_cameras=adjust_cameras,
         fps=fps,
         frame_by_frame=frame_by_frame,
         fill_gaps=fill_gaps or 0,

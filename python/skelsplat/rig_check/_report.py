@@ -13,6 +13,13 @@ from skelsplat._arrays import median
 from skelsplat.findings import Finding, Remedy
 from skelsplat.rig_check._scene import Scene
 
+# Faults that `skelsplat.adjust_cameras` may correct, and those before which it would fit nonsense.
+_PLACES = ("camera_rotated", "camera_moved", "camera_unexplained")
+_OF_FILES = (
+    *("unit_wrong", "unit_unknown", "body_size", "pose_convention", "images_changed", "cameras_exchanged"),
+    *("sides_swapped", "image_resized", "image_changed", "recording_other", "detections_none"),
+)
+
 
 @dataclass(frozen=True)
 class CameraRow:
@@ -65,6 +72,17 @@ class RigReport:
         """Whether nothing was found, or notes alone, which are for information."""
         return all(finding.severity == "note" for finding in self.findings)
 
+    @property
+    def before_places(self) -> tuple[Finding, ...]:
+        """What has to be corrected before cameras can be adjusted: faults of the files, not of places."""
+        return tuple(finding for finding in self.findings if finding.kind in _OF_FILES)
+
+    @property
+    def misplaced(self) -> tuple[str, ...]:
+        """The cameras that adjusting may set right, if nothing else has to be corrected before."""
+        found = [] if self.before_places else [one for one in self.findings if one.kind in _PLACES]
+        return tuple(name for finding in found for name in finding.subject.cameras)
+
 
 def rows_of(scene: Scene, corrected: Scene) -> list[CameraRow]:
     """Return the numbers of every camera in ``scene``; offsets are those of the ``corrected`` one."""
@@ -114,7 +132,7 @@ class ReadAs:
 
 
 def with_remedies(report: RigReport, read_as: ReadAs) -> RigReport:
-    """Return the report with remedies for exchanged cameras and frame offsets."""
+    """Return the report with remedies for exchanged and misplaced cameras and frame offsets."""
     owners: Mapping[str, str] = {}
     for finding in report.findings:
         if finding.kind == "cameras_exchanged":
@@ -139,6 +157,8 @@ def with_remedies(report: RigReport, read_as: ReadAs) -> RigReport:
             (name,) = finding.subject.cameras
             remedy = [Remedy("offset", f"{name}={options[name]}")]
             remedy += [Remedy("frames", "intersection")] if read_as.uneven else []
+        elif finding.kind in _PLACES and report.misplaced:
+            remedy = [Remedy("adjust_cameras")]
         findings.append(replace(finding, remedy=tuple(remedy)))
     return replace(report, findings=tuple(findings), cameras=rows)
 

@@ -183,17 +183,22 @@ def judge(cameras: Sequence[sk.Camera], people: Array, layout: sk.Layout | None)
 
 
 def follow(cameras: Sequence[sk.Camera], people: Array, layout: sk.Layout | None) -> Array:
-    """Return one person's detections (T, M, N, 2), also in a view that no other view agrees with.
+    """Return one person's detections (T, M, N, 2) without confidences, as `follow_person`."""
+    return follow_person(cameras, people, layout)[..., :2]
+
+
+def follow_person(cameras: Sequence[sk.Camera], people: Array, layout: sk.Layout | None) -> Array:
+    """Return one person's detections (T, M, N, 2 | 3), also in a view that no other view agrees with.
 
     A camera in which the person is almost never found, although people are there, may be wrong; the largest
     person of each of its images then stands in.
     """
     if people.shape[2] == 1 or len(cameras) < 2:
-        return people[:, :, 0, :, :2]
+        return people[:, :, 0]
     chosen, index = choose_person(people, cameras, layout=layout)
     places = extents(people).argmax(axis=2)
     there = np.isfinite(people[..., 0]).any(axis=(2, 3))
     found = (index >= 0).sum(axis=0) / np.maximum(there.sum(axis=0), 1)
     fallback = np.take_along_axis(people, places[:, :, None, None, None], axis=2)[:, :, 0]
     lost = found < _LOST
-    return np.where(lost[None, :, None, None], fallback, chosen)[..., :2]
+    return np.where(lost[None, :, None, None], fallback, chosen)

@@ -78,6 +78,9 @@ class Job:
         Settings of the method; None: the defaults of `skelsplat.RefineConfig`.
     fps
         Frames per second of the recording; None: as the files, or videos next to them, state it.
+    adjust_cameras
+        First adjust the cameras that were turned or moved, by the person the views agree on
+        (`skelsplat.adjust_cameras`); the cameras used are written to the folder of the results.
     frame_by_frame
         Solve each frame alone even if the frame rate is known, instead of all over time (`Outcome.sequence`).
     fill_gaps
@@ -132,6 +135,7 @@ class Job:
     init_sigma_mm: float | None = None
     config: sk.RefineConfig | None = None
     fps: float | None = None
+    adjust_cameras: bool = False
     frame_by_frame: bool = False
     fill_gaps: int = 0
     fill_method: str | None = None

@@ -137,6 +137,7 @@ def input_of(inputs: Inputs, job: Job | None) -> dict[str, Any]:
         "format": inputs.format,
         "offsets": inputs.offsets,
         "without": list(inputs.without),
+        "adjust_cameras": job is not None and job.adjust_cameras,
         **given,
         "unit": inputs.rig.unit,
         "layout": inputs.layout.name,

@@ -21,10 +21,10 @@ from skelsplat.io._run_files import REPORT, UNFINISHED, folders_of_run, is_perso
 from skelsplat.io.poses import PEOPLE_FORMATS
 from skelsplat.run import folder as folders
 from skelsplat.run._run import Run, check_output, in_order, summed_up, warn_of_output
+from skelsplat.run.adjust import read_adjusted
 from skelsplat.run.over_people import find_over_people, in_proportion, with_checks
 from skelsplat.run.over_time import try_over_time
 from skelsplat.run.people_report import build_people_report, folder_of
-from skelsplat.run.read import read_everybody
 from skelsplat.run.solve import refine_inputs
 from skelsplat.run.tracked import check_times, follow_everybody
 
@@ -146,7 +146,7 @@ def _run_people(job: Job, progress: Progress | None, tell: Callable[[Finding], N
     job = replace(job, people="all" if job.people is None else job.people)
     with collected_warnings(tell) as notes:
         try_over_time(job)
-        people, whole = read_everybody(job)
+        people, whole = read_adjusted(job)
         check_times(whole, job)
         check_output(job, whole)
         warn_of_output(job, whole)

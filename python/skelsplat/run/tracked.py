@@ -16,10 +16,11 @@ from skelsplat._people import Person
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.findings import Finding, collected_warnings, warn
 from skelsplat.io.detections import camera_called
+from skelsplat.run.adjust import read_adjusted
 from skelsplat.run.doubts import find_doubts, find_left_out
 from skelsplat.run.job import Job
 from skelsplat.run.person import MOVES_MOST, count_people, look_around, pick_places, point_of
-from skelsplat.run.read import Inputs, read_everybody
+from skelsplat.run.read import Inputs
 from skelsplat.run.solve import Progress, even_clock, frames_of, is_sparse, spread
 
 # Settings of the paper's method that following people over time understands as well.
@@ -60,9 +61,9 @@ def read_inputs(
     Raises
     ------
     DatasetError, InvalidInputError
-        As `read_everybody`; if nobody is found, or not the person asked for.
+        As `read_adjusted`; if nobody is found, or not the person asked for.
     """
-    people, whole = read_everybody(job)
+    people, whole = read_adjusted(job)
     person = str(job.person)
     by_place, alone = person == "largest" or person.isdecimal(), people.shape[2] == 1
     if person != "consistent" and not (by_place and (alone or whole.fps is None)):

@@ -260,7 +260,13 @@ def convert_unit(rig: sk.CameraRig, unit: str) -> sk.CameraRig:
     return sk.CameraRig(cameras, unit=unit)
 
 
-def write_calibration(path: str | os.PathLike[str], rig: sk.CameraRig, *, format: str | None = None) -> None:
+def write_calibration(
+    path: str | os.PathLike[str],
+    rig: sk.CameraRig,
+    *,
+    format: str | None = None,
+    note: str | None = None,
+) -> None:
     """Write `rig` as Anipose TOML, which Pose2Sim, FreeMoCap and Caliscope also read, or as JSON or npz.
 
     Numbers are written with all their digits. JSON and npz give the same rig back. So does TOML but for two
@@ -276,6 +282,9 @@ def write_calibration(path: str | os.PathLike[str], rig: sk.CameraRig, *, format
     rig : CameraRig
     format : {"anipose", "json", "npz"}, optional
         Found from the suffix (``.toml``, ``.json``, ``.npz``) when left out.
+    note : str, optional
+        Where the cameras come from: the first line of TOML, a comment; ``"note"`` in JSON and npz. It is not
+        read again.
 
     Raises
     ------
@@ -291,6 +300,8 @@ def write_calibration(path: str | os.PathLike[str], rig: sk.CameraRig, *, format
         raise InvalidInputError(f"format: expected {expected}, got {format or suffix or 'no suffix'!r}")
     if chosen == "npz":
         with atomic_write(path) as stream:
-            np.savez(stream, **_json.to_arrays(rig))
+            noted: dict[str, Any] = {} if note is None else {"note": np.array(note)}
+            np.savez(stream, **_json.to_arrays(rig), **noted)
     else:
-        atomic_write_text(path, _json.to_json(rig) if chosen == "json" else _toml.to_toml(rig))
+        write = _json.to_json if chosen == "json" else _toml.to_toml
+        atomic_write_text(path, write(rig, note))

@@ -200,12 +200,12 @@ def _caliscope_camera(entry: Field) -> RawCamera:
     )
 
 
-def to_toml(rig: sk.CameraRig) -> str:
-    """Return a rig as Anipose's TOML."""
+def to_toml(rig: sk.CameraRig, note: str | None = None) -> str:
+    """Return a rig as Anipose's TOML, with a note as its first line."""
     digits = len(str(len(rig) - 1))  # equal lengths, because Anipose sorts tables by name
     tables = [_table(f"cam_{index:0{digits}d}", camera) for index, camera in enumerate(rig)]
     metadata = f'[metadata]\nadjusted = false\nerror = 0.0\nunit = "{rig.unit}"\n'
-    return "\n".join([*tables, metadata])
+    return "\n".join([*([] if note is None else [f"# {' '.join(note.split())}\n"]), *tables, metadata])
 
 
 def _table(key: str, camera: sk.Camera) -> str:

@@ -1,0 +1,198 @@
+"""``skelsplat adjust-cameras``: a calibration corrected by a recording."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from skelsplat._sentences.words import number, with_bar
+from skelsplat.cli import inputs, options
+from skelsplat.cli.output import print_json
+from skelsplat.cli.table import new_table, print_table, tell
+from skelsplat.exceptions import DatasetError
+from skelsplat.io import write_calibration
+from skelsplat.run.adjust import AdjustedCameras, numbers_of
+from skelsplat.run.adjust import adjust_cameras as adjust
+from skelsplat.run.job import FRAME_MODES
+
+EPILOG = (
+    "Exit status: 0 done, also if no camera was adjusted; 1 a file is unreadable or another fault is found."
+)
+COMMON = (
+    *("output", "unit", "layout", "person", "frames", "without", "offset", "order", "joint_map"),
+    *("move", "focal", "clock", "force", "quiet", "as_json"),
+)
+_SUFFIXES = (".toml", ".json", ".npz")
+_PANEL = "Adjust"
+_LEGEND = (
+    "±: error bar; of a camera that was not adjusted, faults of four times as much would have shown; before, "
+    "after: median distance of the detections from where the other cameras place the joints"
+)
+
+_Out = Annotated[
+    Path,
+    options.option(
+        "Output",
+        *("-o", "--output"),
+        metavar="FILE",
+        help="Calibration file to write: .toml (Anipose), .json or .npz. Nothing is written if no camera was "
+        "adjusted.",
+    ),
+]
+_Move = Annotated[
+    list[str] | None,
+    options.option(
+        _PANEL,
+        metavar="CAMERA",
+        help="A camera that was moved. Repeatable; only these are adjusted, instead of those found to be "
+        "wrong.",
+    ),
+]
+_Focal = Annotated[
+    bool,
+    options.flag(_PANEL, "--focal", help="Also adjust focal lengths, if zoom or focus may have changed."),
+]
+_Clock = Annotated[
+    bool,
+    options.flag(
+        _PANEL,
+        "--clock",
+        help="Also measure clocks to parts of a frame. Offsets of whole frames are found in any case.",
+    ),
+]
+_Force = Annotated[bool, options.flag("Output", "--force", help="Replace FILE if it exists.")]
+
+
+# long: a parameter per option
+def adjust_cameras(
+    source: inputs.Calibration,
+    detections: options.Detections,
+    *,
+    output: _Out,
+    move: _Move = None,
+    focal: _Focal = False,
+    clock: _Clock = False,
+    layout: options.LayoutName = None,
+    person: options.Entry = "consistent",
+    frames: options.Frames = "union",
+    format: options.Format = None,
+    offset: options.Offset = None,
+    order: options.Order = None,
+    without: options.Without = None,
+    joint_map: options.JointMap = None,
+    sequence: options.Sequence = None,
+    unit: inputs.Unit = None,
+    calibration_format: inputs.CalibrationFormat = None,
+    camera_type: inputs.CameraType = None,
+    subject: inputs.Subject = None,
+    size: inputs.Size = None,
+    binning: inputs.Binning = None,
+    force: _Force = False,
+    quiet: options.Quiet = False,
+    as_json: options.AsJson = False,
+) -> None:
+    """Adjust the cameras that were turned or moved since the calibration, by a recording.
+
+    The detections of one person walking about, read like those of refine, show
+    which cameras are wrong and by how much. The other cameras, more than half,
+    stay exactly as they are. Where the recording does not tell which camera is
+    wrong, none is adjusted.
+
+    [bold]Examples[/bold]
+
+    skelsplat adjust-cameras Calib.toml pose/ -o fixed.toml --unit m
+
+    skelsplat adjust-cameras Calib.toml pose/ -o fixed.toml --unit m --move cam_03
+
+    skelsplat adjust-cameras Calib.qca.txt pose/ -o fixed.toml --focal --json
+    """
+    _check_output(output, source, force=force)
+    given = {
+        "layout": layout,
+        "frames": options.one_of("--frames", frames, FRAME_MODES),
+        "sequence": sequence,
+        **inputs.detection_arguments(format, offset, order, joint_map),
+    }
+    read = inputs.calibration_arguments(unit, calibration_format, camera_type, subject, size, binning)
+    wanted: dict[str, Any] = {"free": move or (), "focal": focal, "clock": clock}
+    found = adjust(source, detections, read=read, without=without or (), person=person, **wanted, **given)
+    if found.adjusted:
+        names = ", ".join(found.adjusted)
+        note = f"skelsplat adjust-cameras: {names} of {source.name} adjusted by {detections.name}"
+        write_calibration(output, found.cameras, note=note)
+    if as_json:
+        print_json(_document(source, detections, output, found))
+    elif quiet:
+        for finding in found.findings:
+            if finding.severity != "note":
+                tell(finding)
+    else:
+        _print(found, output, focal=focal, clock=clock)
+
+
+def _check_output(output: Path, source: Path, *, force: bool) -> None:
+    if output.suffix.lower() not in _SUFFIXES:
+        expected = f"a calibration to be written as {', '.join(_SUFFIXES)}"
+        got = output.suffix or "no suffix"
+        raise typer.BadParameter(f"expected {expected}, got {got!r}", param_hint="--output")
+    if output.resolve() == source.resolve():
+        raise DatasetError(output, "output", "another file than CALIBRATION", "the same")
+    if output.exists() and not force:
+        raise DatasetError(output, "output", "no file of this name (--force replaces it)", "one that exists")
+
+
+def _print(found: AdjustedCameras, output: Path, *, focal: bool, clock: bool) -> None:
+    console = Console(highlight=False, markup=False)
+    print_table(console, _table(found, focal=focal, clock=clock))
+    console.print(_LEGEND, style="dim")
+    console.print()
+    for finding in found.findings:
+        console.print(f"{'' if finding.severity == 'note' else '! '}{finding.text}")
+    if found.adjusted:
+        unit = found.cameras.unit
+        typer.echo(f"Wrote {len(found.cameras)} cameras to {output}, lengths in {unit}.")
+    else:
+        typer.echo(f"{output} was not written.")
+
+
+def _table(found: AdjustedCameras, *, focal: bool, clock: bool) -> Table:
+    report, mm, judged = found.adjustment.report, found.cameras.mm_per_unit, found.adjustment.judged
+    clock = clock or any(one.clock for one in report)
+    more = [*(["focal\n[%]"] if focal else []), *(["clock\n[frames]"] if clock else [])]
+    columns = ("", "turned by\n[°]", "moved by\n[mm]", *more, "before\n[px]", "after\n[px]")
+    left_out = f"; error before and after in {judged} others" if judged else ""
+    table = new_table(f"Cameras adjusted by {found.adjustment.fitted} frames{left_out}", "camera", columns)
+    for column in table.columns:
+        column.no_wrap = True  # a number and its error bar
+    table.columns[1].justify = "left"
+    for one in report:
+        cells = [_bar(one.degrees, one.turn_sigma), _bar(one.distance * mm, one.shift_sigma * mm)]
+        if focal:
+            cells.append(_bar(100 * (one.focal - 1), 100 * one.focal_sigma, "+"))
+        if clock:
+            cells.append(_bar(one.clock, one.clock_sigma, "+"))
+        table.add_row(one.name, one.status, *cells, number(one.before), number(one.after))
+    return table
+
+
+def _bar(value: float, sigma: float, sign: str = "") -> str:
+    """Return a number with its error bar; a dash for what was not looked at."""
+    return with_bar(value, sigma, sign) if value or math.isfinite(sigma) else "–"
+
+
+def _document(source: Path, detections: Path, output: Path, found: AdjustedCameras) -> dict[str, Any]:
+    mm = found.cameras.mm_per_unit
+    return {
+        "calibration": str(source),
+        "detections": str(detections),
+        "output": str(output) if found.adjusted else None,
+        "unit": found.cameras.unit,
+        "frames": {"fitted": found.adjustment.fitted, "left_out": found.adjustment.judged},
+        "findings": [finding.to_dict() for finding in found.findings],
+        "cameras": [numbers_of(one, mm) for one in found.adjustment.report],
+    }

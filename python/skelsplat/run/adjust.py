@@ -1,0 +1,220 @@
+"""From a calibration and a recording to cameras that agree with it, by `skelsplat.adjust_cameras`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import skelsplat as sk
+from skelsplat._arrays import Array, Index
+from skelsplat.association import take_people
+from skelsplat.exceptions import DatasetError
+from skelsplat.findings import Finding, Remedy, Subject, collected_warnings, warn
+from skelsplat.io.detections import cameras_called, read_detections
+from skelsplat.rig_check import ReadAs, check_rig
+from skelsplat.rig_check._scene import follow_person, in_mm
+from skelsplat.run.job import Job
+from skelsplat.run.person import check_slot, pick_places
+from skelsplat.run.read import Inputs, leave_out, named_offsets, read_everybody, read_rig
+from skelsplat.run.solve import spread
+
+# Frames are put at even times, missing ones between them, unless so many times as many are missing.
+_MOST_EMPTY = 8
+# Multiples of its error bar from which a clock is off.
+_SHOWN = 4.0
+
+
+@dataclass(frozen=True)
+class AdjustedCameras:
+    """What became of the cameras of a calibration.
+
+    Attributes
+    ----------
+    cameras : CameraRig
+        All cameras of the calibration, also those that were left out; changed are those that were adjusted.
+    adjustment : RigAdjustment
+        What `skelsplat.adjust_cameras` returned; clocks are in frames of the files.
+    findings : tuple of Finding
+        Warnings of the files; what was adjusted, and what is to be done about the other cameras.
+    """
+
+    cameras: sk.CameraRig
+    adjustment: sk.RigAdjustment
+    findings: tuple[Finding, ...]
+
+    @property
+    def adjusted(self) -> tuple[str, ...]:
+        """The cameras that differ from the calibration; a clock is no part of it."""
+        return tuple(one.name for one in self.adjustment.report if is_changed(one))
+
+
+def is_changed(camera: sk.CameraAdjustment) -> bool:
+    """Whether a camera was turned or moved, or its focal length changed."""
+    return camera.status == "adjusted" and (camera.degrees, camera.distance, camera.focal) != (0.0, 0.0, 1.0)
+
+
+def adjust_cameras(
+    calibration: Path,
+    detections: Path,
+    *,
+    read: Mapping[str, Any] | None = None,
+    without: Sequence[str] = (),
+    person: str = "consistent",
+    free: Sequence[str] = (),
+    focal: bool = False,
+    clock: bool = False,
+    **given: Any,
+) -> AdjustedCameras:
+    """Read a calibration and a recording, and adjust the cameras that were turned or moved since.
+
+    Parameters
+    ----------
+    calibration, detections, read, without, person, **given
+        As of `skelsplat.run.check.check_cameras`.
+    free, focal, clock
+        As of `skelsplat.adjust_cameras`; in names, case and separators may differ.
+
+    Returns
+    -------
+    AdjustedCameras
+
+    Raises
+    ------
+    DatasetError, InvalidInputError
+        If a file is missing or malformed, or files and options do not fit each other; if the cameras disagree
+        for another reason, such as exchanged folders or a wrong unit, with what corrects it.
+    """
+    check_slot(person)
+    with collected_warnings() as warnings:
+        every = read_rig(calibration, **(read or {}))
+        rig = leave_out(every, tuple(without))
+        chosen = cameras_called(free, rig.names, "free")
+        found = read_detections(detections, every, without=without, **given)
+        offsets = named_offsets(every, given.get("offsets") or {})
+        people = found.people
+        if person != "consistent":
+            people = take_people(people, pick_places(people, rig, person, found.skeleton)[0])[:, :, None]
+        result = _adjust(
+            Scene(rig, people, found.frames, found.skeleton, ReadAs(found.labels, offsets, found.uneven)),
+            free=chosen or None,
+            focal=focal,
+            clock=clock,
+        )
+    if isinstance(result, Finding):
+        expected = "cameras that were turned or moved and have no other fault"
+        raise DatasetError(detections, "cameras", expected, f"another fault: {result.numbers['why']}")
+    cameras = dict(zip(rig.names, result.cameras, strict=True))
+    whole = sk.CameraRig([cameras.get(n, one) for n, one in zip(every.names, every, strict=True)], every.unit)
+    kept = [one for one in warnings if one.kind != "unit_implausible"]  # the person's size says more
+    return AdjustedCameras(whole, result, (*kept, *findings_of(result, rig.mm_per_unit, offsets)))
+
+
+def read_adjusted(job: Job) -> tuple[Array, Inputs]:
+    """Read everybody, and adjust the cameras by the person the views agree on if the job asks for it.
+
+    Raises
+    ------
+    DatasetError, InvalidInputError
+        As `skelsplat.run.read.read_everybody`.
+
+    Warns
+    -----
+    FindingWarning
+        Of what was adjusted, and of what was not.
+    """
+    people, whole = read_everybody(job)
+    if not job.adjust_cameras:
+        return people, whole
+    scene = Scene(whole.rig, people, whole.frames, whole.layout, ReadAs(offsets=whole.offsets))
+    result = _adjust(scene)
+    if isinstance(result, Finding):
+        warn(result)
+        return people, whole
+    for finding in findings_of(result, whole.rig.mm_per_unit, whole.offsets):
+        warn(finding)
+    return people, replace(whole, rig=result.cameras)
+
+
+@dataclass(frozen=True)
+class Scene:
+    """A rig, and the people (T, M, P, N, 3) that it sees in frames (T,)."""
+
+    rig: sk.CameraRig
+    people: Array
+    frames: Index
+    layout: sk.Layout
+    read_as: ReadAs
+
+
+def _adjust(
+    scene: Scene, *, free: Sequence[str] | None = None, focal: bool = False, clock: bool = False
+) -> sk.RigAdjustment | Finding:
+    """Adjust cameras; a finding if they disagree for another reason, which has to be corrected first."""
+    check = check_rig(
+        scene.rig, scene.people, frames=scene.frames, layout=scene.layout, read_as=scene.read_as
+    )
+    allowed = {"recording_other"} if free else set()  # where the user knows who is wrong
+    allowed |= {"image_resized"} if focal else set()
+    for fault in check.before_places:
+        if fault.kind not in allowed:
+            remedy = " ".join(option.text for option in fault.remedy)
+            why = f"{fault.text.rstrip('.')}{'; correct it with ' + remedy if remedy else ''}"
+            return Finding("cameras_not_adjusted", "warning", fault.subject, {"why": why}, fault.remedy)
+    steps = scene.frames - scene.frames[0]
+    step = int(np.gcd.reduce(steps)) or 1
+    places = steps // step
+    person = follow_person(in_mm(scene.rig), scene.people, scene.layout)
+    if places[-1] < _MOST_EMPTY * len(places):
+        person = spread(person, places)
+    found = sk.adjust_cameras(person, scene.rig, free=free, focal=focal, clock=clock)
+    report = tuple(
+        replace(one, clock=one.clock * step, clock_sigma=one.clock_sigma * step) for one in found.report
+    )
+    return replace(found, report=report)
+
+
+def findings_of(found: sk.RigAdjustment, mm_per_unit: float, offsets: Mapping[str, int]) -> Iterator[Finding]:
+    """Yield what was adjusted, and what is to be done about the other cameras.
+
+    ``offsets`` are those with which the detections were read.
+    """
+    for one in found.report:
+        subject, numbers = Subject(cameras=(one.name,)), numbers_of(one, mm_per_unit)
+        if is_changed(one):
+            yield Finding("camera_adjusted", "note", subject, {**numbers, "left_out_frames": found.judged})
+        whole = round(one.clock)
+        if one.status in ("late", "adjusted") and (whole or abs(one.clock) > _SHOWN * one.clock_sigma):
+            option = offsets.get(one.name, 0) - whole
+            remedy = (Remedy("offset", f"{one.name}={option}"),) if whole else ()
+            yield Finding("camera_late", "warning", subject, {**numbers, "whole_frames": whole}, remedy)
+        if one.status == "unseen":
+            yield Finding("camera_unseen", "warning", subject)
+    doubtful = found.of("doubtful")
+    if doubtful:
+        suspected = [numbers_of(one, mm_per_unit) for one in doubtful]
+        names = tuple(one.name for one in doubtful)
+        yield Finding("cameras_doubtful", "warning", Subject(cameras=names), {"suspected": suspected})
+    if not found.of("adjusted", "late", "doubtful"):
+        yield Finding("cameras_sound", "note", numbers={"cameras": len(found.of("sound"))})
+
+
+def numbers_of(camera: sk.CameraAdjustment, mm_per_unit: float) -> dict[str, Any]:
+    """Return what became of a camera as numbers with units in their names; None where nothing is known."""
+    numbers = {
+        "degrees": camera.degrees,
+        "degrees_sigma": camera.turn_sigma,
+        "mm": camera.distance * mm_per_unit,
+        "mm_sigma": camera.shift_sigma * mm_per_unit,
+        "focal": camera.focal,
+        "focal_sigma": camera.focal_sigma,
+        "clock_frames": camera.clock,
+        "clock_sigma_frames": camera.clock_sigma,
+        "before_px": camera.before,
+        "after_px": camera.after,
+    }
+    known = {name: float(value) if np.isfinite(value) else None for name, value in numbers.items()}
+    return {"camera": camera.name, "status": camera.status, **known}

@@ -1,0 +1,246 @@
+"""`skelsplat adjust-cameras` and `refine --adjust-cameras`: files in, corrected cameras and sentences out."""
+
+from __future__ import annotations
+
+import json
+import re
+import shlex
+
+import numpy as np
+import pytest
+
+import calibration_files as files
+import skelsplat as sk
+from command_line import assert_fails, invoke
+from skelsplat import synthetic
+from skelsplat.cameras import altered, matrix_from_vector
+from skelsplat.findings import Finding
+from skelsplat.io import convert_unit, read_calibration, write_calibration
+from skelsplat.run import Job, run, run_people
+from skelsplat.run.adjust import adjust_cameras, findings_of
+
+LAYOUT = ["--layout", "h36m17"]
+RIG = synthetic.human36m_like(distortion=True)
+
+
+def turned(rig, name, degrees):
+    """Return the rig as calibrated before a camera was turned about its axes."""
+    turn = matrix_from_vector(np.radians(degrees))
+    cameras = [altered(one, R=turn @ one.R, t=turn @ one.t) if one.name == name else one for one in rig]
+    return sk.CameraRig(cameras, rig.unit)
+
+
+@pytest.fixture(scope="module")
+def room(tmp_path_factory):
+    """Write a walk of 30 frames, in which cam2 may be 4 frames late or cam1 and cam2 exchanged."""
+    folder = tmp_path_factory.mktemp("room")
+    found = synthetic.simulate_detections(
+        synthetic.motion("walk", 40, seed=1), RIG, noise=synthetic.DetectionNoise.good(), seed=3
+    )[..., :2]
+    write_calibration(folder / "Calib.toml", RIG)
+    write_calibration(folder / "old.toml", convert_unit(turned(RIG, "cam3", [1.0, 1.5, -1.0]), "m"))
+    files.openpose_folders(folder / "pose", RIG, found[5:35])
+    late = found[5:35].copy()
+    late[:, 1] = found[1:31, 1]
+    files.openpose_folders(folder / "late", RIG, late)
+    files.openpose_folders(folder / "exchanged", RIG, found[5:35][:, [1, 0, 2, 3]])
+    return folder
+
+
+def test_the_turned_camera_is_corrected_and_the_others_are_as_they_were(room):
+    given = read_calibration(room / "old.toml")
+    found = adjust_cameras(room / "old.toml", room / "pose", layout="h36m17", without=["cam4"])
+    assert found.adjusted == ("cam3",)
+    assert (found.cameras.unit, found.cameras.names) == ("m", RIG.names)  # cam4 as well
+    (finding,) = found.findings
+    assert (finding.kind, finding.severity, finding.subject.cameras) == ("camera_adjusted", "note", ("cam3",))
+    assert finding.numbers["degrees"] == pytest.approx(np.sqrt(1 + 1.5**2 + 1), abs=0.25)
+    assert finding.numbers["after_px"] < 0.2 * finding.numbers["before_px"]
+    for camera, before, true in zip(found.cameras, given, RIG, strict=True):
+        if camera.name == "cam3":
+            turn = np.asarray(camera.R) @ np.asarray(true.R).T
+            assert np.degrees(np.arccos((np.trace(turn) - 1) / 2)) < 0.2  # a tenth
+        else:
+            np.testing.assert_array_equal(camera.R, before.R)
+            np.testing.assert_array_equal(camera.t, before.t)
+
+
+def test_the_command_writes_the_calibration_and_says_what_was_adjusted(room, tmp_path):
+    out = tmp_path / "fixed.toml"
+    command = ["adjust-cameras", room / "old.toml", room / "pose", "-o", out, *LAYOUT]
+    result = invoke(*command)
+    assert result.exit_code == 0, result.output
+    assert max(map(len, result.stdout.splitlines()[:-1])) <= 80  # the last has the path
+    rows = {
+        line.split()[0]: line.split()[1] for line in result.stdout.splitlines() if line.startswith(" cam")
+    }
+    assert {rows.pop("cam3"), *rows.values()} == {"adjusted", "sound", "[°]"}  # that of the heading
+    said = " ".join(result.stdout.split())
+    assert "cam3 was adjusted: turned by " in said
+    assert f"Wrote 4 cameras to {out}, lengths in m." in result.stdout
+    assert out.read_text().startswith("# skelsplat adjust-cameras: cam3 of old.toml adjusted by pose\n")
+    assert read_calibration(out).unit == "m"
+    assert_fails(
+        invoke(*command), 1, "fixed.toml: output: expected no file of this name (--force replaces it)"
+    )
+    again = invoke("adjust-cameras", out, room / "pose", "-o", tmp_path / "more.json", *LAYOUT)
+    assert again.exit_code == 0
+    assert "No camera was adjusted: the 4 cameras that could be judged agree" in " ".join(
+        again.stdout.split()
+    )
+    assert again.stdout.endswith("more.json was not written.\n")
+    assert not (tmp_path / "more.json").exists()
+
+
+def test_outputs_and_names_that_are_refused(room, tmp_path):
+    command = ["adjust-cameras", room / "old.toml", room / "pose", *LAYOUT, "-o"]
+    assert_fails(invoke(*command, tmp_path / "a.xml"), 2, "--output: expected a calibration to be written as")
+    same = "another file than CALIBRATION, got the same"
+    assert_fails(invoke(*command, room / "old.toml", "--force"), 1, same)
+    out = tmp_path / "a.toml"
+    assert_fails(invoke(*command, out, "--move", "cam9"), 2, "--move: expected a camera, one of cam1")
+    everyone = [word for name in RIG.names for word in ("--move", name)]
+    assert_fails(invoke(*command, out, *everyone), 2, "--move: expected")
+    assert not out.exists()
+
+
+def test_named_cameras_focal_lengths_and_clocks(room, tmp_path):
+    out = tmp_path / "fixed.json"
+    options = ["-o", out, *LAYOUT, "--move", "CAM_3", "--focal", "--clock", "--person", 0]
+    result = invoke("adjust-cameras", room / "old.toml", room / "pose", *options)
+    assert result.exit_code == 0, result.output
+    assert max(map(len, result.stdout.splitlines()[:-1])) <= 80  # the last has the path
+    assert "focal" in result.stdout
+    assert "clock" in result.stdout
+    assert json.loads(out.read_text())["note"].startswith("skelsplat adjust-cameras: cam3 of")
+    document = json.loads(
+        invoke("adjust-cameras", room / "old.toml", room / "pose", *options, "--force", "--json").stdout
+    )
+    assert document["output"] == str(out)
+    (camera,) = [one for one in document["cameras"] if one["status"] == "adjusted"]
+    assert camera["camera"] == "cam3"
+    assert camera["focal"] == pytest.approx(1.0, abs=0.03)
+    assert abs(camera["clock_frames"]) < 0.5
+
+
+def test_a_late_camera_is_for_an_option_of_refine(room, tmp_path):
+    def said(*options):
+        out = ["-o", tmp_path / "fixed.toml"]
+        result = invoke("adjust-cameras", room / "Calib.toml", room / "late", *out, *LAYOUT, *options)
+        assert result.exit_code == 0, result.output
+        return " ".join(result.stdout.split())
+
+    text = said()
+    number = float(re.search(r"! cam2's frame numbers are (\S+) ± \S+ too high;", text)[1])
+    assert number == pytest.approx(4.0, abs=0.2)
+    assert "a calibration has no clock: refine with --offset cam2=-4." in text
+    assert "fixed.toml was not written." in text
+    assert "refine with --offset cam2=-4." in said("--offset", "cam2=-1")  # which counts
+    assert "No camera was adjusted" in said("--offset", "cam2=-4")
+
+
+def test_other_faults_come_first(room, tmp_path):
+    out = tmp_path / "fixed.toml"
+    result = invoke("adjust-cameras", room / "Calib.toml", room / "exchanged", "-o", out, *LAYOUT)
+    parts = "another fault: The detections of cam1 and cam2 are exchanged", "; correct it with --order"
+    assert_fails(result, 1, "exchanged: cameras: expected cameras that were turned or moved", *parts)
+    assert not out.exists()
+    metres = tmp_path / "metres.json"
+    write_calibration(metres, sk.CameraRig(list(RIG), "m"))
+    assert_fails(
+        invoke("adjust-cameras", metres, room / "pose", "-o", out, *LAYOUT), 1, 'is most likely "mm"'
+    )
+
+
+def reported(**given):
+    numbers = {"turn": np.zeros(3), "shift": np.zeros(3), "focal": 1.0, "clock": 0.0}
+    sigmas = {f"{name}_sigma": np.nan for name in ("turn", "shift", "focal", "clock")}
+    return sk.CameraAdjustment(**{**numbers, **sigmas, "before": 30.0, "after": 12.0, **given})
+
+
+def found(*report):
+    return list(findings_of(sk.RigAdjustment(RIG, report, 80, 20), 1.0, {"cam2": 3}))
+
+
+def test_doubtful_cameras_are_named_with_what_helps():
+    one = reported(name="cam1", status="doubtful", turn=np.array([0.0, 1.3, 0.0]), turn_sigma=0.3)
+    other = reported(
+        name="cam3", status="doubtful", shift=np.array([30.0, 40.0, 0.0]), shift_sigma=12.0, clock=2.0
+    )
+    (doubt,) = found(one, reported(name="cam2", status="sound"), other)
+    assert (doubt.kind, doubt.severity, doubt.remedy) == ("cameras_doubtful", "warning", ())
+    assert doubt.text.startswith(
+        "cam1 (turned by 1.3 ± 0.3°) or cam3 (moved by 50 ± 12 mm and frame numbers off by +2.0) is wrong, "
+        "and this recording does not tell which: none of them was adjusted."
+    )
+    assert "skelsplat adjust-cameras --move NAME" in doubt.text
+    assert Finding.from_dict(doubt.to_dict()) == doubt
+
+
+def test_parts_of_a_frame_and_cameras_that_see_too_little():
+    late = reported(name="cam2", status="adjusted", clock=-2.4, clock_sigma=0.05)
+    unseen = reported(name="cam4", status="unseen", before=np.nan, after=np.nan)
+    text, about = (one.text for one in found(late, unseen))
+    assert text == (
+        "cam2's frame numbers are 2.40 ± 0.05 too low; a calibration has no clock: refine with "
+        "--offset cam2=5 (0.4 of a frame remains)."
+    )
+    assert about.startswith("cam4 sees too few of the joints that other cameras see")
+    (little,) = found(reported(name="cam1", status="adjusted", clock=0.3, clock_sigma=0.05))
+    assert little.text.endswith("0.30 ± 0.05 too high: less than half a frame, which no option corrects.")
+    assert found(reported(name="cam1", status="adjusted", clock=0.1, clock_sigma=0.05)) == []
+
+
+def test_check_cameras_ends_with_the_command_that_corrects_them(room, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    command = ["check-cameras", room / "old.toml", room / "pose", *LAYOUT]
+    command += ["--offset", "cam1=0", "--without", "cam4"]
+    result = invoke(*command)
+    assert result.exit_code == 1
+    *_, introduction, line = result.stdout.splitlines()
+    assert introduction == "Adjust the cameras in a new calibration file with:"
+    assert "Correct it in refine with:\n  --adjust-cameras\n" in result.stdout
+    words = shlex.split(line)
+    assert words[:2] == ["skelsplat", "adjust-cameras"]
+    assert words[-6:] == ["--offset", "cam1=0", "--without", "cam4", "-o", "fixed.toml"]
+    document = json.loads(invoke(*command, "--json").stdout)
+    assert document["adjust"] == line.strip()
+    assert {"option": "adjust_cameras", "value": True} in document["findings"][0]["remedy"]
+    assert invoke(*words[1:]).exit_code == 0
+    checked = invoke("check-cameras", "fixed.toml", room / "pose", *LAYOUT, "--json")
+    assert checked.exit_code == 0, checked.output
+    assert json.loads(checked.stdout)["adjust"] is None
+
+
+def test_refine_adjusts_first_and_writes_the_cameras(room, tmp_path):
+    def job(detections="pose", **given):
+        return Job(room / "old.toml", room / detections, layout="h36m17", html=False, **given)
+
+    before = run(job())
+    after = run(job(adjust_cameras=True, output=tmp_path / "out"))
+    assert after.statistics.total.before_px < 0.3 * before.statistics.total.before_px
+    (finding,) = [one for one in after.findings if one.kind == "camera_adjusted"]
+    assert finding.severity == "note"
+    assert finding.to_dict() in after.report["findings"]
+    assert after.report["input"]["adjust_cameras"]
+    assert not before.report["input"]["adjust_cameras"]
+    written = read_calibration(tmp_path / "out" / "cameras.json")
+    np.testing.assert_array_equal(written["cam3"].R, after.cameras["cam3"].R)
+    assert not np.allclose(written["cam3"].R, before.cameras["cam3"].R, atol=1e-3)
+    np.testing.assert_array_equal(written["cam1"].R, before.cameras["cam1"].R)
+
+
+def test_refine_of_everybody_adjusts_once_for_all(room):
+    given = {"layout": "h36m17", "fps": 50, "people": "all", "adjust_cameras": True}
+    everybody = run_people(Job(room / "old.toml", room / "pose", **given))
+    assert "camera_adjusted" in {one.kind for one in everybody.findings}
+    (person,) = everybody.people.values()
+    assert not np.allclose(person.cameras["cam3"].R, read_calibration(room / "old.toml")["cam3"].R, atol=1e-3)
+
+
+def test_refine_leaves_cameras_that_another_fault_explains(room):
+    found = run(Job(room / "Calib.toml", room / "exchanged", layout="h36m17", adjust_cameras=True))
+    (finding,) = [one for one in found.findings if one.kind == "cameras_not_adjusted"]
+    assert finding.severity == "warning"
+    assert finding.text.startswith("No camera was adjusted, because of another fault: The detections of cam1")
+    np.testing.assert_array_equal(found.cameras["cam1"].R, read_calibration(room / "Calib.toml")["cam1"].R)
