@@ -19,6 +19,8 @@ from skelsplat.io.run_folder import write_run_inputs
 from skelsplat.run.figures import most_moved_frame
 from skelsplat.run.vertical import vertical_known, world_up
 
+pytestmark = pytest.mark.drawn  # odd recordings, which must have figures too
+
 T = 5  # frames of `recording`
 NOISE_PX = 2.0
 READ = ["--unit", "mm", "--layout", "h36m17"]

@@ -1,0 +1,80 @@
+"""`skelsplat.adjust_cameras`: names, units and statuses; the core's tests have the faults."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import skelsplat as sk
+from skelsplat import synthetic
+from skelsplat.cameras import altered, matrix_from_vector
+from skelsplat.exceptions import InvalidInputError
+from skelsplat.synthetic import DetectionNoise
+
+RIG = sk.CameraRig(synthetic.human36m_like(), unit="mm")
+TURN = np.radians([0.0, 1.5, 0.0])
+
+
+@pytest.fixture(scope="module")
+def detections() -> np.ndarray:
+    """Simulate a minute of somebody walking about, every 20th frame."""
+    poses = synthetic.motion("walk", 1800, fps=30)[::20]
+    noise = DetectionNoise.recording(frame_rate=1.5)
+    return synthetic.simulate_detections(poses, RIG, noise=noise, seed=3)
+
+
+@pytest.fixture(scope="module")
+def knocked() -> sk.CameraRig:
+    """Return the rig with its third camera turned about its own y axis."""
+    cameras = list(RIG)
+    R = matrix_from_vector(-TURN) @ np.asarray(RIG[2].R)
+    cameras[2] = altered(RIG[2], R=R, t=-R @ np.asarray(RIG[2].centre))
+    return sk.CameraRig(cameras)
+
+
+def test_a_turned_camera_is_set_right(detections, knocked) -> None:
+    found = sk.adjust_cameras(detections, knocked)
+    name = RIG.names[2]
+    assert [one.name for one in found.of("adjusted")] == [name]
+    (turned,) = found.of("adjusted")
+    assert turned.turn == pytest.approx(np.degrees(TURN), abs=0.3)
+    assert turned.degrees == pytest.approx(1.5, abs=2.0 * turned.turn_sigma)
+    assert turned.distance <= 2.0 * turned.shift_sigma
+    assert turned.after < 0.3 * turned.before
+    assert found.cameras.names == RIG.names
+    assert found.cameras[name] != knocked[name]
+    assert [found.cameras[i] for i in (0, 1, 3)] == [knocked[i] for i in (0, 1, 3)]
+    assert (found.fitted, found.judged) == (70, 20)
+
+
+def test_cameras_may_be_named(detections, knocked) -> None:
+    by_name, by_number = (sk.adjust_cameras(detections, knocked, free=[one]) for one in (RIG.names[2], 2))
+    assert by_name.cameras == by_number.cameras
+    assert [one.status for one in by_name.report] == ["sound", "sound", "adjusted", "sound"]
+
+
+def test_a_plain_sequence_of_cameras_is_in_mm(detections) -> None:
+    found = sk.adjust_cameras(detections, list(RIG))
+    assert found.cameras == RIG
+    assert {one.status for one in found.report} == {"sound"}
+    assert all(0.0 < one.turn_sigma < 2.0 for one in found.report)
+    assert all(np.isnan(one.clock_sigma) for one in found.report)
+
+
+@pytest.mark.parametrize(
+    ("free", "said"),
+    [
+        (["side"], "free: unknown camera 'side'; there are "),
+        ([4], "free: expected cameras 0 to 3, got 4"),
+        ([-1], "free: expected cameras 0 to 3, got -1"),
+        ([0, 1, 2, 3], "free: expected at least one camera that stays, got all cameras"),
+    ],
+)
+def test_a_wrong_choice_of_cameras_is_named(detections, free, said: str) -> None:
+    with pytest.raises(InvalidInputError, match=said):
+        sk.adjust_cameras(detections, RIG, free=free)
+
+
+def test_one_frame_is_no_recording(detections) -> None:
+    with pytest.raises(InvalidInputError, match="detections: expected the frames of a recording"):
+        sk.adjust_cameras(detections[0], RIG)
