@@ -21,8 +21,9 @@ const RAYLEIGH: f64 = 1.177_41;
 const LEAST_PX: f64 = 0.05;
 /// A change is a fault from this [`surety`] on.
 pub const SURE: f64 = 3.5;
-/// The least part of the cost that a fault explains.
+/// The least part of the cost that a fault explains: of the place, and of the clock, which is one number.
 const GAIN: f64 = 0.05;
+const GAIN_CLOCK: f64 = 0.01;
 /// Joints agree that one fault explains more than another from this t statistic on: by chance once in twenty cases.
 const AGREED: f64 = 1.7;
 /// Frames by which clocks may differ: at most, and at most this part of the recording; and the least recording.
@@ -75,6 +76,15 @@ impl Bars {
     /// Of nothing that was estimated.
     pub const UNKNOWN: Self =
         Self { turn: f64::NAN, shift: f64::NAN, zoom: f64::NAN, clock: f64::NAN };
+
+    /// Takes what a supposed fault says, of the place from the one with all of it free.
+    fn learn(&mut self, fault: Fault, bars: &Self) {
+        match fault {
+            Fault::Place => *self = Self { clock: self.clock, ..*bars },
+            Fault::Clock => self.clock = bars.clock,
+            Fault::Turn | Fault::Zoom => {}
+        }
+    }
 }
 
 /// A rig that explains the detections.
@@ -168,8 +178,8 @@ impl Scope<'_> {
         for (view, fault) in self.candidates(&found.rig) {
             progress.check()?;
             if let Some(one) = self.suppose(&found.rig, view, fault, sigma) {
-                if !found.rig.freedom[view].any() && fault == Fault::Place {
-                    found.bars[view] = one.bars;
+                if !found.rig.freedom[view].any() {
+                    found.bars[view].learn(fault, &one.bars);
                 }
                 faults.push(one);
             }
@@ -324,7 +334,8 @@ impl Scope<'_> {
     /// Whether a change is more than chance.
     fn is_fault(&self, rig: &Explanation, supposed: &Supposed) -> bool {
         let (before, after) = (total(&rig.costs), total(&supposed.rig.costs));
-        after <= (1.0 - GAIN) * before && supposed.surety > SURE
+        let gain = if supposed.fault == Fault::Clock { GAIN_CLOCK } else { GAIN };
+        after <= (1.0 - gain) * before && supposed.surety > SURE
     }
 }
 
