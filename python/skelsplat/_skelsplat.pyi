@@ -27,6 +27,7 @@ __all__ = [
     "implausible_extent",
     "loss_and_gradient",
     "most_likely_places",
+    "people_choices",
     "people_scores",
     "project",
     "project_gaussians",

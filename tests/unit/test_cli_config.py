@@ -325,12 +325,28 @@ def commands(group, path=()):
 ROOT = typer.main.get_command(app)
 
 
+def test_a_flag_and_a_command_of_the_same_name(tmp_path, monkeypatch):
+    jobs = []
+    monkeypatch.setattr("skelsplat.cli.refine.run_and_print", lambda job, **_: jobs.append(job))
+    path, common = tmp_path / "run.toml", 'calibration = "a"\ndetections = "b"\noutput = "c"\n'
+    for text in (
+        "adjust-cameras = true",
+        "[refine]\nadjust_cameras = true",
+        "[adjust-cameras]\nfocal = true",
+    ):
+        path.write_text(common + text)
+        assert invoke("refine", "--config", path).exit_code == 0
+    assert [job.adjust_cameras for job in jobs] == [True, True, False]
+
+
 @pytest.mark.parametrize("path", [path for path, _ in commands(ROOT)], ids=" ".join)
 def test_every_command_has_it_and_no_option_is_called_like_a_command(path):
     text = " ".join(invoke(*path, "--help").stdout.replace("│", " ").split())
     assert "--config FILE.toml Read options and arguments from a file" in text
     assert "<bool>" not in text
     command = dict(commands(ROOT))[path]
-    assert not entries_of(command).keys() & {name for parts, _ in commands(ROOT) for name in parts}
+    names = {name for parts, _ in commands(ROOT) for name in parts}
+    both = [entry for key, entry in entries_of(command).items() if key in names]
+    assert all(entry.kind is bool for entry in both)  # a table is the command's, another value the option's
     parameters = {param.name for param in command.params} - {"config", "help_all"}
     assert {entry.parameter for entry in entries_of(command).values()} == parameters

@@ -201,3 +201,9 @@ def test_two_faults_are_both_named():
         .partition(", ")[2]
         .startswith(f"{second.numbers['after_px']:.1f} px after this correction")
     )
+
+
+def test_a_layout_without_sides_cannot_have_them_swapped():
+    body = sk.Layout("hand", [f"joint{j}" for j in range(17)])
+    finding = only(check_rig(turned(rig("room"), 2, 3.0, (0, 1, 0)), detections("room"), layout=body))
+    assert finding.kind in ("camera_rotated", "camera_moved")

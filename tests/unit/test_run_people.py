@@ -83,7 +83,7 @@ def test_everybody_has_joint_angles(found, tmp_path, monkeypatch):
 
 def test_a_file_in_the_place_of_a_persons_folder_is_refused_before_the_work(recording, tmp_path, monkeypatch):
     (tmp_path / "person_1").write_text("mine")
-    monkeypatch.setattr("skelsplat.run.several.read_everybody", lambda *_: pytest.fail("it read"))
+    monkeypatch.setattr("skelsplat.run.several.read_adjusted", lambda *_: pytest.fail("it read"))
     with pytest.raises(
         sk.DatasetError, match=r"person_1: output: expected a folder, or nothing, .*got a file"
     ):

@@ -166,7 +166,8 @@ def _chosen(document: dict[str, Any], context: typer.Context) -> Iterator[tuple[
         commands, known = getattr(step.command, "commands", {}), entries_of(step.command)
         tables, seen = {}, set()
         for key, value in table.items():
-            if _normal(key) in commands:
+            option = _normal(key) in known and not isinstance(value, dict)  # adjust-cameras is a command, too
+            if _normal(key) in commands and not option:
                 if not isinstance(value, dict):
                     raise MisfitError(prefix + key, f"a table [{prefix}{key}] of options", _shown(value))
                 tables[_normal(key)] = value

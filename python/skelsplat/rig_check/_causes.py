@@ -75,7 +75,8 @@ def explain(
 
     In the given scene what was found `earlier` is corrected. The layout tells left from right.
     """
-    mirror = None if layout is None else mirror_images(layout.n_joints, layout.left_right)
+    pairs = () if layout is None else layout.left_right
+    mirror = mirror_images(layout.n_joints, pairs) if layout is not None and pairs else None
     findings: list[Finding] = []
     for _ in range(scene.views):
         known = np.isfinite(scene.disagreement)

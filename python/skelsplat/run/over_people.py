@@ -102,7 +102,7 @@ def _command(identity: int, run: Run, job: Job) -> str:
     folder = Path(str(job.output)) / folder_of(identity)
     special = (job.calibration_format, job.camera_type, job.subject, job.size, job.binning, job.without)
     words = ["skelsplat", "check-cameras"]
-    if any(special):  # the cameras as they were read
+    if any(special) or job.adjust_cameras:  # the cameras as they were used
         words += [str(folder / "cameras.json"), str(folder / "detections.npz")]
     else:
         words += [str(job.calibration), str(folder / "detections.npz")]

@@ -3,9 +3,10 @@
 use super::bundle::{Bundle, Reduced, unknowns};
 use nalgebra::Vector3;
 
+use super::evidence::{Bars, bars, is_worse, total};
 use super::placed::{Change, Freedom, Placed, rebuilt};
 use super::scene::{Scene, median};
-use super::search::{Bars, Explanation, Found, Scope, bars, both, is_worse, total};
+use super::search::{Explanation, Found, Scope, both};
 use crate::batch::Progress;
 use crate::camera::{Camera, Distortion};
 use crate::detections::Detections;

@@ -1,13 +1,14 @@
 //! The cameras of a recording set right: bundle adjustment of the cameras that were moved, and of all joints.
 //!
-//! [`search`] finds out which cameras are wrong, [`bundle`] adjusts them, [`adjust`] reports what became of each.
+//! [`search`] finds out which cameras are wrong, by the measures of [`evidence`]; [`bundle`] adjusts them; [`adjust`] reports what became of each.
 
 pub mod adjust;
 pub mod bundle;
+pub mod evidence;
 pub mod placed;
 pub mod scene;
 pub mod search;
 
 pub use adjust::{Adjustable, CameraAdjustment, CameraStatus, RigAdjustment, adjust_cameras};
+pub use evidence::Bars;
 pub use placed::{Change, Freedom, Placed};
-pub use search::Bars;

@@ -5,9 +5,10 @@
 //! the camera is placed by them, then everything is adjusted together. A fault counts where the change is several times its error
 //! bar; it is told from another where the joints agree that it explains more.
 
-use nalgebra::{DMatrix, DVector, Vector3};
+use nalgebra::{DMatrix, Vector3};
 
 use super::bundle::{Bundle, PER_NOISE, unknowns};
+use super::evidence::{Bars, bars, is_worse, surety, total};
 use super::placed::{Change, Freedom, Placed};
 use super::scene::{Scene, median};
 use crate::batch::Progress;
@@ -24,8 +25,6 @@ pub const SURE: f64 = 3.5;
 /// The least part of the cost that a fault explains: of the place, and of the clock, which is one number.
 const GAIN: f64 = 0.05;
 const GAIN_CLOCK: f64 = 0.01;
-/// Joints agree that one fault explains more than another from this t statistic on: by chance once in twenty cases.
-const AGREED: f64 = 1.7;
 /// Frames by which clocks may differ: at most, and at most this part of the recording; and the least recording.
 const LATEST: isize = 30;
 const PART: usize = 3;
@@ -57,34 +56,6 @@ pub enum Fault {
     Place,
     /// Its frames are counted differently.
     Clock,
-}
-
-/// Error bars of a camera's change: root-mean-square length of the error.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Bars {
-    /// Radians.
-    pub turn: f64,
-    /// mm.
-    pub shift: f64,
-    /// Of the focal length, relative.
-    pub zoom: f64,
-    /// Frames.
-    pub clock: f64,
-}
-
-impl Bars {
-    /// Of nothing that was estimated.
-    pub const UNKNOWN: Self =
-        Self { turn: f64::NAN, shift: f64::NAN, zoom: f64::NAN, clock: f64::NAN };
-
-    /// Takes what a supposed fault says, of the place from the one with all of it free.
-    fn learn(&mut self, fault: Fault, bars: &Self) {
-        match fault {
-            Fault::Place => *self = Self { clock: self.clock, ..*bars },
-            Fault::Clock => self.clock = bars.clock,
-            Fault::Turn | Fault::Zoom => {}
-        }
-    }
 }
 
 /// A rig that explains the detections.
@@ -179,7 +150,7 @@ impl Scope<'_> {
             progress.check()?;
             if let Some(one) = self.suppose(&found.rig, view, fault, sigma) {
                 if !found.rig.freedom[view].any() {
-                    found.bars[view].learn(fault, &one.bars);
+                    learn(&mut found.bars[view], fault, &one.bars);
                 }
                 faults.push(one);
             }
@@ -339,36 +310,13 @@ impl Scope<'_> {
     }
 }
 
-/// Error bars of one camera.
-pub fn bars(covariance: &DMatrix<f64>, unknowns: &[(usize, usize)], view: usize) -> Bars {
-    let of = |range: std::ops::Range<usize>| {
-        let own = |(i, k): &(usize, usize)| *i == view && range.contains(k);
-        let places = (0..unknowns.len()).filter(|q| own(&unknowns[*q]));
-        let (n, sum) = places.fold((0, 0.0), |(n, sum), q| (n + 1, sum + covariance[(q, q)]));
-        if n > 0 { sum.sqrt() } else { f64::NAN }
-    };
-    Bars { turn: of(0..3), shift: of(3..6), zoom: of(6..7), clock: of(7..8) }
-}
-
-/// How sure a change of what is free in one camera is: √(θᵀC⁻¹θ/p), of p parameters and with the covariance from G clusters
-/// widened as in Hotelling's test, (G−p)/(G−1).
-pub fn surety(
-    covariance: &DMatrix<f64>,
-    unknowns: &[(usize, usize)],
-    view: usize,
-    of: Freedom,
-    change: &Change,
-    clusters: usize,
-) -> f64 {
-    let own: Vec<usize> = of.columns().collect();
-    let place = |k: &usize| unknowns.iter().position(|one| *one == (view, *k));
-    let Some(rows) = own.iter().map(place).collect::<Option<Vec<usize>>>() else { return 0.0 };
-    let (p, g) = (rows.len(), clusters as f64);
-    let part = DMatrix::from_fn(p, p, |a, b| covariance[(rows[a], rows[b])]);
-    let theta = DVector::from_fn(p, |a, _| change.parameter(own[a]));
-    let Some(inverse) = part.try_inverse().filter(|_| clusters > p) else { return 0.0 };
-    let square = theta.dot(&(inverse * &theta)) / p as f64;
-    (square * (g - p as f64) / (g - 1.0)).max(0.0).sqrt()
+/// Takes what a supposed fault says of error bars, of the place from the one with all of it free.
+fn learn(bars: &mut Bars, fault: Fault, supposed: &Bars) {
+    match fault {
+        Fault::Place => *bars = Bars { clock: bars.clock, ..*supposed },
+        Fault::Clock => bars.clock = supposed.clock,
+        Fault::Turn | Fault::Zoom => {}
+    }
 }
 
 /// What either leaves free.
@@ -384,18 +332,4 @@ pub fn both(a: Freedom, b: Freedom) -> Freedom {
 /// Whether a fault is among those that were corrected.
 fn covers(corrected: Freedom, fault: Fault) -> bool {
     if fault == Fault::Clock { corrected.clock } else { corrected.turn || corrected.focal }
-}
-
-/// The cost of all clusters.
-pub fn total(costs: &[f64]) -> f64 {
-    costs.iter().sum()
-}
-
-/// Whether clusters agree that costs are higher than others.
-pub fn is_worse(costs: &[f64], others: &[f64]) -> bool {
-    let difference: Vec<f64> = costs.iter().zip(others).map(|(a, b)| a - b).collect();
-    let n = difference.len() as f64;
-    let mean = total(&difference) / n;
-    let squares: f64 = difference.iter().map(|d| (d - mean).powi(2)).sum();
-    mean > AGREED * (squares / (n * (n - 1.0).max(1.0))).sqrt()
 }

@@ -1,0 +1,73 @@
+//! How sure a change of a camera is, and whether one fault explains more than another.
+
+use nalgebra::{DMatrix, DVector};
+
+use super::placed::{Change, Freedom};
+
+/// Joints agree that one fault explains more than another from this t statistic on: by chance once in twenty cases.
+const AGREED: f64 = 1.7;
+
+/// Error bars of a camera's change: root-mean-square length of the error.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Bars {
+    /// Radians.
+    pub turn: f64,
+    /// mm.
+    pub shift: f64,
+    /// Of the focal length, relative.
+    pub zoom: f64,
+    /// Frames.
+    pub clock: f64,
+}
+
+impl Bars {
+    /// Of nothing that was estimated.
+    pub const UNKNOWN: Self =
+        Self { turn: f64::NAN, shift: f64::NAN, zoom: f64::NAN, clock: f64::NAN };
+}
+
+/// Error bars of one camera.
+pub fn bars(covariance: &DMatrix<f64>, unknowns: &[(usize, usize)], view: usize) -> Bars {
+    let of = |range: std::ops::Range<usize>| {
+        let own = |(i, k): &(usize, usize)| *i == view && range.contains(k);
+        let places = (0..unknowns.len()).filter(|q| own(&unknowns[*q]));
+        let (n, sum) = places.fold((0, 0.0), |(n, sum), q| (n + 1, sum + covariance[(q, q)]));
+        if n > 0 { sum.sqrt() } else { f64::NAN }
+    };
+    Bars { turn: of(0..3), shift: of(3..6), zoom: of(6..7), clock: of(7..8) }
+}
+
+/// How sure a change of what is free in one camera is: √(θᵀC⁻¹θ/p), of p parameters and with the covariance from G clusters
+/// widened as in Hotelling's test, (G−p)/(G−1).
+pub fn surety(
+    covariance: &DMatrix<f64>,
+    unknowns: &[(usize, usize)],
+    view: usize,
+    of: Freedom,
+    change: &Change,
+    clusters: usize,
+) -> f64 {
+    let own: Vec<usize> = of.columns().collect();
+    let place = |k: &usize| unknowns.iter().position(|one| *one == (view, *k));
+    let Some(rows) = own.iter().map(place).collect::<Option<Vec<usize>>>() else { return 0.0 };
+    let (p, g) = (rows.len(), clusters as f64);
+    let part = DMatrix::from_fn(p, p, |a, b| covariance[(rows[a], rows[b])]);
+    let theta = DVector::from_fn(p, |a, _| change.parameter(own[a]));
+    let Some(inverse) = part.try_inverse().filter(|_| clusters > p) else { return 0.0 };
+    let square = theta.dot(&(inverse * &theta)) / p as f64;
+    (square * (g - p as f64) / (g - 1.0)).max(0.0).sqrt()
+}
+
+/// The cost of all clusters.
+pub fn total(costs: &[f64]) -> f64 {
+    costs.iter().sum()
+}
+
+/// Whether clusters agree that costs are higher than others.
+pub fn is_worse(costs: &[f64], others: &[f64]) -> bool {
+    let difference: Vec<f64> = costs.iter().zip(others).map(|(a, b)| a - b).collect();
+    let n = difference.len() as f64;
+    let mean = total(&difference) / n;
+    let squares: f64 = difference.iter().map(|d| (d - mean).powi(2)).sum();
+    mean > AGREED * (squares / (n * (n - 1.0).max(1.0))).sqrt()
+}
