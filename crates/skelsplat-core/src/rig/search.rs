@@ -24,7 +24,7 @@ const LEAST_PX: f64 = 0.05;
 pub const SURE: f64 = 3.5;
 /// The least part of the cost that a fault explains: of the place, and of the clock, which is one number.
 const GAIN: f64 = 0.05;
-const GAIN_CLOCK: f64 = 0.004;
+const GAIN_CLOCK: f64 = 0.01;
 /// Frames by which clocks may differ: at most, and at most this part of the recording; and the least recording.
 const LATEST: isize = 30;
 const PART: usize = 3;
