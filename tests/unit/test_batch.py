@@ -176,12 +176,13 @@ def test_several_people_have_a_row_each():
     finding = {"kind": "camera_displaced", "severity": "warning", "subject": {"cameras": ["cam1"]}}
     shared = {**finding, "kind": "people_few", "severity": "error", "subject": {}}
     note = {**finding, "severity": "note"}
+    adjusted = {**note, "kind": "camera_adjusted", "subject": {"cameras": ["cam2"]}}
     person = {"frames": 40, "median_error_px": 2.0, "rejected_share": 0.1}
-    people = [{**person, "id": 0, "findings": [finding, note]}, {**person, "id": 3, "findings": []}]
+    people = [{**person, "id": 0, "findings": [finding, note, adjusted]}, {**person, "id": 3, "findings": []}]
     report = {"input": {"frame_rate_hz": 50.0}, "findings": [shared], "people": people}
     first, second = Recording("walk", "done", Path("out"), report=report).rows()
     assert (first["person"], first["errors"], first["warnings"]) == (0, 1, 1)
-    assert first["findings"] == "people few; camera displaced (cam1)"
+    assert first["findings"] == "people few; camera displaced (cam1); camera adjusted (cam2)"
     assert (second["person"], second["findings"], second["frame_rate_hz"]) == (3, "people few", 50.0)
 
 
@@ -210,7 +211,9 @@ def test_a_table_says_what_was_found_and_what_failed_and_why(listed):
     assert "day 2/walk – – – failed, see below" in words
     assert "! day 2/walk: " in words
     assert "2 recordings: 1 refined, 1 failed." in words
-    assert words.endswith(f"Wrote to {listed / 'out'}/: batch.csv, batch.json, and a folder per recording")
+    assert words.endswith(
+        f"Wrote to {listed / 'out'}/: batch.csv, batch.json, and a folder per refined recording"
+    )
     assert max(map(len, result.stdout.splitlines())) <= 80
     assert (listed / "out" / "openpose" / "pose.csv").is_file()
     again = invoke("batch", listed / "sessions.toml", "-o", listed / "out", *OPTIONS, "--json")

@@ -50,7 +50,9 @@ def test_joints_of_the_file_that_the_layout_lacks_are_left_out(tmp_path):
     with pytest.raises(sk.InvalidInputError, match=r"got none; .* names tail, .*: all joints of h36m17 or "):
         read_detections(tmp_path, NAMES)
     write(tmp_path, "deeplabcut_csv_multi", joints=[f"part{k}" for k in range(18)], people=people)
-    expected = r"all those of no known layout; .*--map JOINT=NAME .*\(in Python .*skelsplat\.Layout"
+    expected = (
+        r"no known layout has all its joints among them; .*--map JOINT=NAME .*\(in Python .*skelsplat\.Layout"
+    )
     with pytest.raises(sk.InvalidInputError, match=expected):
         read_detections(tmp_path, NAMES)
 
@@ -110,7 +112,7 @@ def test_a_mapping_takes_a_part_of_many_joints(tmp_path):
         (
             {"nose": -1},
             sk.InvalidInputError,
-            r"mapping\[nose\]: expected a name, a place from 0, or None, got -1",
+            r"mapping\[nose\]: expected a name, an index from 0, or None, got -1",
         ),
         ({"nose": True}, sk.InvalidInputError, r"mapping\[nose\]: expected a name"),
         ({"nose": "snout"}, sk.DatasetError, r"joint names: expected 'snout' for nose, got nose, left_eye"),
@@ -132,6 +134,15 @@ def test_a_mapping_without_names_in_the_file(tmp_path):
         sk.DatasetError, match=r"--map .*for every joint of coco17, .*got none for left_eye, "
     ):
         read_detections(tmp_path, NAMES, layout="coco17", mapping={"nose": 0})
+    head = sk.Layout("head", COCO.joints[:5])
+    with pytest.raises(
+        sk.DatasetError, match=r"coco17\); to use a part of them, state --map JOINT=INDEX for .* head"
+    ):
+        read_detections(tmp_path, NAMES, layout=head)
+    part = read_detections(
+        tmp_path, NAMES, layout=head, mapping={joint: k for k, joint in enumerate(head.joints)}
+    )
+    np.testing.assert_array_equal(first_joints(part), X[:, :5])
 
 
 def test_two_names_of_one_joint(tmp_path):

@@ -219,7 +219,7 @@ def test_a_missing_folder(tmp_path):
 def test_an_empty_folder(root):
     shutil.rmtree(root / "cam02_json")
     (root / "cam02_json").mkdir()
-    message = r"cam02_json: files: expected one JSON file per frame, got no \.json files"
+    message = r"cam02_json: files: expected one JSON file per frame, got no \.json files; .*--without CAMERA"
     with pytest.raises(sk.DatasetError, match=message):
         read_openpose(root, CAMERAS, layout="coco17")
 

@@ -10,6 +10,7 @@ import pytest
 import mouse
 import skelsplat as sk
 from skelsplat import synthetic
+from skelsplat.cli.table import print_run, wide_console
 from skelsplat.io import read_detections, read_layout, read_run
 from skelsplat.run import Job, Run, run
 from skelsplat.run.check import check_cameras
@@ -52,6 +53,12 @@ def test_the_folder_of_the_run_knows_the_layout(recorded):
     assert Run.open(folder / "out").layout == found.layout
     page = (folder / "out" / "report.html").read_text(encoding="utf-8")
     assert "my_mouse, 22 joints" in page
+    assert "scatter alone, without a bias of the detector" in page
+
+
+def test_error_bars_without_a_bias_of_the_detector_are_called_the_scatter(recorded, capsys):
+    print_run(wide_console(), recorded[1])
+    assert "This is the scatter\nalone; it includes no bias" in capsys.readouterr().out
 
 
 def test_a_length_that_the_recording_contradicts_is_named(recorded):

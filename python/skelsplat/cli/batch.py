@@ -215,4 +215,4 @@ def _print(console: Console, found: Batch, folder: Path) -> None:
         said.append(f"{len(found.failed)} failed")
     total = len(found.recordings)
     console.print(f"{total} recording{'s' * (total != 1)}: {', '.join(said)}.")
-    console.print(f"Wrote to {folder}/: {TABLE}, {RECORD}, and a folder per recording")
+    console.print(f"Wrote to {folder}/: {TABLE}, {RECORD}, and a folder per refined recording")

@@ -21,7 +21,7 @@ from skelsplat.run import Run
 from skelsplat.run.folder import left_of_earlier
 from skelsplat.run.report import solved_in_words
 from skelsplat.run.solve import default_threads
-from skelsplat.run.summary import Group, Statistics, finite_max, finite_median
+from skelsplat.run.summary import Group, Statistics, finite_max, finite_median, is_biased
 
 _WIDEST = 100  # columns of tables with more than fits 80
 _MOST_JOINTS = 5
@@ -198,8 +198,12 @@ def _lines(run: Run) -> Iterator[str]:
         yield f"Left–right swaps were corrected in {swapped} detections: {found}."
     yield ""
     bar, scatter = (number(finite_median(mm)) for mm in (statistics.error_bar_mm, statistics.scatter_mm))
-    yield f"Error bars, one standard deviation per axis: median {bar} mm (against anatomical"
-    yield f"joints); scatter {scatter} mm, to which the detector's bias adds in quadrature."
+    if is_biased(run.result):
+        yield f"Error bars, one standard deviation per axis: median {bar} mm (against anatomical"
+        yield f"joints); scatter {scatter} mm, to which the detector's bias adds in quadrature."
+    else:
+        yield f"Error bars, one standard deviation per axis: median {bar} mm. This is the scatter"
+        yield "alone; it includes no bias of the detector (--joint-bias-mm states one)."
     yield "The largest [mm]:"
 
 

@@ -85,8 +85,11 @@ class Recording:
 
 
 def _summed_up(findings: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """Return the numbers of errors and warnings, and what they are: kinds, with the cameras concerned."""
-    told = [finding for finding in findings if finding["severity"] != "note"]
+    """Return the numbers of errors and warnings, and what they are: kinds, with the cameras concerned.
+
+    Cameras that were adjusted are named as well: the poses depend on it.
+    """
+    told = [one for one in findings if one["severity"] != "note" or one["kind"] == "camera_adjusted"]
     count = [sum(finding["severity"] == severity for finding in told) for severity in ("error", "warning")]
     texts = []
     for finding in told:

@@ -19,7 +19,7 @@ from skelsplat._sentences.words import number
 from skelsplat.run.angles import angles_of, by_title
 from skelsplat.run.frames import problems_of, rows_of
 from skelsplat.run.report import MEANINGS, solved_in_words
-from skelsplat.run.summary import DOWN_WEIGHTED, error_maps, finite_median, frame_medians
+from skelsplat.run.summary import DOWN_WEIGHTED, error_maps, finite_median, frame_medians, is_biased
 from skelsplat.run.vertical import world_up
 
 if TYPE_CHECKING:
@@ -47,6 +47,16 @@ _SHARED = (
 _ANGLES = (
     "Joint angles have the colours of the sides of the body in the 3D view. All are 0 in upright standing "
     "with the arms hanging; angles.csv has their error bars, and the guide on joint angles their definitions."
+)
+_BIASED = (
+    "Error bar: one standard deviation per axis against an anatomical joint. It contains the scatter, what "
+    "another recording of the same pose by the same detector would give, and how far detectors place joints "
+    "from anatomical ones in all views and frames (--joint-bias-mm)."
+)
+_UNBIASED = (
+    "Error bar: one standard deviation per axis. It is the scatter, what another recording of the same pose "
+    "by the same detector would give; how far the detector places joints from anatomical ones is not "
+    "included (--joint-bias-mm states it)."
 )
 _OF_JOINTS = (
     ("views used", "views with a detection that is used and not rejected: median over the frames (lowest)"),
@@ -178,6 +188,7 @@ def key_numbers(run: Run) -> list[tuple[str, str, str]]:
     statistics = run.statistics
     total = statistics.total
     frames = {frame for finding in problems_of(run.frame_findings) for frame in finding.subject.frames}
+    scatter = f"against anatomical joints; scatter {number(finite_median(statistics.scatter_mm))} mm"
     return [
         (
             "median reprojection error",
@@ -193,7 +204,7 @@ def key_numbers(run: Run) -> list[tuple[str, str, str]]:
         (
             "median error bar",
             f"{number(finite_median(statistics.error_bar_mm))} mm",
-            f"against anatomical joints; scatter {number(finite_median(statistics.scatter_mm))} mm",
+            scatter if is_biased(run.result) else "scatter alone, without a bias of the detector",
         ),
         (
             "frames with a problem",
@@ -213,10 +224,7 @@ def _notes(run: Run) -> list[str]:
         "Reprojection errors are distances from the detections used, in pixels of the original images: they "
         "measure agreement with the detections, not accuracy.",
         f"Weight: how much each detection is trusted, from 0 to 1; down-weighted below {DOWN_WEIGHTED:g}, "
-        f"rejected below {sk.REJECTED_WEIGHT:g}. Error bar: one standard deviation per axis against an "
-        "anatomical joint. It contains the scatter, what another recording of the same pose by the same "
-        "detector would give, and how far detectors place joints from anatomical ones in all views and "
-        "frames (--joint-bias-mm).",
+        f"rejected below {sk.REJECTED_WEIGHT:g}. {_BIASED if is_biased(run.result) else _UNBIASED}",
         *([_ANGLES] if "joint_angles" in run.report else []),
         *of_the_view(run.poses.frame_rate),
     ]

@@ -14,7 +14,7 @@ from skelsplat._sentences.words import number
 from skelsplat.run.figures import skeleton_of
 from skelsplat.run.frames import problems_of, rows_of
 from skelsplat.run.html import camera_shapes, facts_of, of_the_view
-from skelsplat.run.summary import finite_median, frame_medians
+from skelsplat.run.summary import finite_median, frame_medians, is_biased
 from skelsplat.run.vertical import world_up
 from skelsplat.viz import report as page
 
@@ -153,6 +153,8 @@ def _numbers(run: PeopleRun) -> list[tuple[str, str, str]]:
         for name in ("error_before", "error_after")
     )
     bars = np.concatenate([one.statistics.error_bar_mm.ravel() for one in run.people.values()])
+    biased = any(is_biased(one.result) for one in run.people.values())
+    against = "against anatomical joints" if biased else "scatter alone, without a bias of the detector"
     cameras = run.report["detections"]["cameras"]
     assigned, detected = (sum(camera[name] for camera in cameras) for name in ("assigned", "detected"))
     return [
@@ -164,7 +166,7 @@ def _numbers(run: PeopleRun) -> list[tuple[str, str, str]]:
         ),
         ("median reprojection error", f"{number(before)} → {number(after)} px", "start → refined"),
         ("detections rejected", _share(rejected, used), f"of {used:,} used"),
-        ("median error bar", f"{number(finite_median(bars))} mm", "against anatomical joints"),
+        ("median error bar", f"{number(finite_median(bars))} mm", against),
     ]
 
 

@@ -176,6 +176,11 @@ def summarise(inputs: Inputs, outcome: Outcome) -> Statistics:
     )
 
 
+def is_biased(result: sk.Refinement) -> bool:
+    """Say whether error bars contain a bias of the detector; without one, they are the scatter."""
+    return bool((np.asarray(result.joint_bias) > 0).any())
+
+
 def finite_median(values: npt.ArrayLike) -> float:
     """Return the median of the finite values, NaN if there is none."""
     return _percentile(np.asarray(values, dtype=np.float64), 50)

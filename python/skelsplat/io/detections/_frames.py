@@ -131,8 +131,8 @@ def _counts(sets: dict[str, set[int]], *, ranges: bool = False) -> str:
     return ", ".join(one(name, frames) for name, frames in sets.items())
 
 
-def frame_files(folder: Path, pattern: str, expected: str) -> dict[int, Path]:
-    """Files of a folder by frame number, the last integer in a name, ascending."""
+def frame_files(folder: Path, pattern: str, expected: str, advice: str = "") -> dict[int, Path]:
+    """Files of a folder by frame number, the last integer in a name, ascending; `advice` is for none."""
     files: dict[int, Path] = {}
     for path in sorted(folder.glob(pattern)):
         if path.name.startswith("."):  # "._name" of macOS beside every file on foreign disks
@@ -146,5 +146,5 @@ def frame_files(folder: Path, pattern: str, expected: str) -> dict[int, Path]:
             raise DatasetError(path, "file name", rule, f"also {files[number].name}")
         files[number] = path
     if not files:
-        raise DatasetError(folder, "files", expected, f"no {pattern.lstrip('*')} files")
+        raise DatasetError(folder, "files", expected, f"no {pattern.lstrip('*')} files{advice}")
     return dict(sorted(files.items()))

@@ -22,8 +22,13 @@ _SHOWN = 40
 UNKNOWN = "no known layout"
 CUSTOM = (
     "; choose a known one with --layout and assign its joints with --map JOINT=NAME (in Python layout= and "
-    "mapping=), where NAME is a name, a place from 0, or none, or describe these joints in a layout file "
+    "mapping=), where NAME is a name, an index from 0, or none, or describe these joints in a layout file "
     "(skelsplat layouts --help; in Python skelsplat.Layout)"
+)
+# to a layout of one's own, for files whose joints have no names
+_PART = (
+    "; to use a part of them, state --map JOINT=INDEX for every joint of {layout}, counted from 0 (in Python "
+    "mapping=)"
 )
 
 
@@ -50,7 +55,7 @@ def check_mapping(mapping: Mapping[str, Joint] | None, layout: sk.Layout) -> dic
             expected = f"a joint of {layout.name} ({', '.join(layout.joints)})"
             raise InvalidInputError(f"mapping: expected {expected}, got {joint!r}")
         if not (target is None or isinstance(target, str) or (type(target) is int and target >= 0)):
-            expected = "a name, a place from 0, or None"
+            expected = "a name, an index from 0, or None"
             raise InvalidInputError(f"mapping[{joint}]: expected {expected}, got {target!r}")
     return dict(mapping or {})
 
@@ -134,7 +139,8 @@ def arranged(person: Person, layout: sk.Layout, places: Places | None, *, flat: 
         if flat:
             expected = f"3·{n} = {3 * n} numbers (layout {layout.name})"
             actual = f"{3 * count} (3·{count}: {layouts_of(count)})"
-        raise DatasetError(person.path, person.field, expected, actual + advice_on(count))
+        own = "" if layout.name in sk.layouts.names else _PART.format(layout=layout.name)
+        raise DatasetError(person.path, person.field, expected, actual + (advice_on(count) or own))
     highest = max((place for place in places if place is not None), default=-1)
     if highest >= count:
         expected = f"a joint at place {highest} (mapping)"

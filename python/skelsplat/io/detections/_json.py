@@ -18,6 +18,7 @@ from skelsplat.io.detections._record import with_record
 
 # more than any map's peak: a pixel in the place of a score
 _NO_SCORE = 100.0
+_NO_FILES = "; if this camera has no detections, leave it out with --without CAMERA (in Python without=)"
 
 
 def _document(path: Path, document: str) -> Field:
@@ -26,7 +27,7 @@ def _document(path: Path, document: str) -> Field:
 
 def _frame_view(folder: Path, people: Callable[[Path], list[Person]], *, flat: bool = False) -> View:
     """Return the view of one camera; a frame's file is read when its people are asked for."""
-    files = frame_files(folder, "*.json", "one JSON file per frame")
+    files = frame_files(folder, "*.json", "one JSON file per frame", _NO_FILES)
     return View(folder, list(files), lambda number: people(files[number]), flat=flat)
 
 

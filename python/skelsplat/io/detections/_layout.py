@@ -137,4 +137,4 @@ def _named_layouts(names: Sequence[str]) -> str:
     fitting = [layout.name for layout in known_layouts() if there.issuperset(map(key, layout.joints))]
     if fitting:
         return f"all joints of {' or '.join(fitting)}{_AS_NAMED}"
-    return f"all those of {UNKNOWN}{_AS_NAMED}{CUSTOM}"
+    return f"{UNKNOWN} has all its joints among them{_AS_NAMED}{CUSTOM}"
