@@ -288,6 +288,10 @@ SENTENCES: Mapping[str, str | Callable[[Finding], str]] = {
     "camera_unseen": (
         "{cameras} sees too few of the joints that other cameras see, so it was not judged and not adjusted."
     ),
+    "cameras_two": (
+        "Two cameras do not tell which of them was turned or moved, so neither was adjusted. A third camera "
+        "would, or --move NAME if it is known."
+    ),
     "cameras_sound": (
         "No camera was adjusted: the {cameras} cameras that could be judged agree with this recording."
     ),
