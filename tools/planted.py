@@ -286,8 +286,8 @@ ANALYSIS = (
     Fault(
         "following a person does not consider left–right swaps",
         "lost hypothesis",
-        "min(min_joints, joints), _mirrored(layout, joints)",
-        "min(min_joints, joints), _mirrored(None, joints)",
+        "if mirrored { own.min(distance(&|j| rules.mirror[j])) } else { own }",
+        "if mirrored { own } else { own }",
         (UNIT + "test_association.py",),
     ),
 )

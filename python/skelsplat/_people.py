@@ -30,6 +30,8 @@ _IN_VAIN_S = 2.0
 
 # Nobody's left and right limbs differ by more: joints are in another order than the layout states.
 _LIMB_RATIO = 1.5
+# Fewer frames may be chance.
+_LEAST_FRAMES = 10
 
 #: People per view: an array, or per frame a list of views with the people (P_i, N, 2|3) of each, or None.
 People = ArrayLike | Sequence[Sequence[ArrayLike | None]]
@@ -151,8 +153,12 @@ def _unequal_limbs(
     """Return the left and right limb that differ most, over everybody; None if they hardly do."""
     layout = Layout.by_name(layout) if isinstance(layout, str) else layout
     pairs = layout.symmetric_pairs(2)
-    found = [one.refinement for one in everybody if isinstance(one.refinement, SequenceRefinement)]
-    known = [dict(zip(map(frozenset, one.bones.tolist()), one.bone_lengths, strict=True)) for one in found]
+    found = [one.refinement for one in everybody if len(one.frames) >= _LEAST_FRAMES]
+    known = [
+        dict(zip(map(frozenset, one.bones.tolist()), one.bone_lengths, strict=True))
+        for one in found
+        if isinstance(one, SequenceRefinement)
+    ]
     # (people, pairs, 2), NaN where a limb is no bone
     sizes = np.array(
         [[[own.get(frozenset(limb), np.nan) for limb in pair] for pair in pairs] for own in known]

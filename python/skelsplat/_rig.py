@@ -31,7 +31,8 @@ class CameraAdjustment:
     status : str
         ``"sound"``: it stays as it is; ``"adjusted"``: it was set right; ``"late"``: its clock is off, and
         clocks were not to be adjusted; ``"doubtful"``: it or another doubtful camera is wrong, and the
-        detections do not tell which, so that all of them stay; ``"unseen"``: it sees too little to say.
+        detections do not tell which, or by how much, so that all of them stay; ``"unseen"``: it sees too
+        little to say, or is one of two cameras, of which the detections do not tell which is wrong.
     turn : (3,) float64
         Rotation vector from the given orientation to the new one about the camera's x, y, z axes, degrees.
         Of a doubtful camera, this and the following are what it is suspected of.

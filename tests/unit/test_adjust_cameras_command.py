@@ -194,12 +194,15 @@ def test_what_the_recording_does_not_show_is_not_recommended():
 def test_parts_of_a_frame_and_cameras_that_see_too_little():
     late = reported(name="cam2", status="adjusted", clock=-2.4, clock_sigma=0.05)
     unseen = reported(name="cam4", status="unseen", before=np.nan, after=np.nan)
-    text, about = (one.text for one in found(late, unseen))
+    sound = reported(name="cam1", status="sound")
+    text, about = (one.text for one in found(late, unseen, sound))
     assert text == (
         "cam2's frame numbers are 2.40 ± 0.05 too low; a calibration has no clock: refine with "
         "--offset cam2=5 (0.4 of a frame remains)."
     )
     assert about.startswith("cam4 sees too few of the joints that other cameras see")
+    (two,) = found(reported(name="cam1", status="unseen"), unseen)
+    assert two.text.startswith("Two cameras do not tell which of them was turned or moved")
     (little,) = found(reported(name="cam1", status="adjusted", clock=0.3, clock_sigma=0.05))
     assert little.text.endswith("0.30 ± 0.05 too high: less than half a frame, which no option corrects.")
     assert found(reported(name="cam1", status="adjusted", clock=0.1, clock_sigma=0.05)) == []

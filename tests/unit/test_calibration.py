@@ -225,7 +225,7 @@ def test_millimetres_read_as_metres_are_warned_about(write):
     text = VALID.replace("[-2.0, 0.5, 3.0]", "[-2000, 500, 3000]").replace(
         "[2.5, 0.5, 3.0]", "[2500, 500, 3000]"
     )
-    with pytest.warns(UserWarning, match=r'm apart in m; .*"mm" is likely'):
+    with pytest.warns(UserWarning, match=r'be \d{4} m apart in m; .*"mm" is likely'):
         read_calibration(write(text), unit="m")
 
 

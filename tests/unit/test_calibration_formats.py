@@ -307,14 +307,20 @@ def test_qualisys_in_pixels_is_recognised_and_said(tmp_path, views, binning, lef
     np.testing.assert_allclose(sk.project(files.points(), rig), files.projected(views), atol=5e-3)
 
 
-def test_a_focal_length_in_other_parts_of_a_pixel_than_the_centre_is_refused(tmp_path, views):
-    path = files.qualisys(tmp_path, views)
+@pytest.mark.parametrize(
+    ("parts", "focal", "message"),
+    [
+        (64.0, 1140, "1/64 px, as the centre is, of .*got 1140, that is 17.8 px"),
+        (1.0, 1140 * 64, "px, as the centre is, of .*got 72960, that is 7.3e.04 px"),
+    ],
+)
+def test_a_focal_length_in_other_parts_of_a_pixel_than_the_centre_is_refused(
+    tmp_path, views, parts, focal, message
+):
+    path = files.qualisys(tmp_path, views, parts=parts)
     text = path.read_text()
-    path.write_text(text.replace(f'focalLengthU="{1140.0 * 64:.6f}"', 'focalLengthU="1140"'))
-    expected = (
-        r"focalLengthU: expected a focal length in 1/64 px, as the centre is, .*got 1140, that is 17.8 px"
-    )
-    with pytest.raises(sk.DatasetError, match=expected):
+    path.write_text(text.replace(f'focalLengthU="{1140.0 * parts:.6f}"', f'focalLengthU="{focal}"'))
+    with pytest.raises(sk.DatasetError, match=f"focalLengthU: expected a focal length in {message}"):
         read_calibration(path)
 
 

@@ -256,18 +256,21 @@ def test_trc_of_other_writers(data, tmp_path, change):
     assert_equal(read_trc(path), expected)
 
 
-@pytest.mark.parametrize(("stated", "severity"), [(2, "note"), (4, "note"), (6, "warning"), (0, "warning")])
+@pytest.mark.parametrize(
+    ("stated", "severity"), [("2", "note"), ("4.0", "note"), ("6", "warning"), ("0", "warning")]
+)
 def test_a_trc_that_miscounts_its_frames_is_read_by_its_rows(data, tmp_path, stated, severity):
     path = tmp_path / "pose.trc"
     write_trc(path, data, frame_rate=50.0)
     expected = read_trc(path)
     path.write_text(path.read_text().replace("\t3\t2\tm", f"\t{stated}\t2\tm"))
-    with pytest.warns(FindingWarning, match=f"line 3 states {stated} frames, but 3 rows follow") as told:
+    with pytest.warns(FindingWarning, match=f"line 3 states {stated[0]} frames, but 3 rows follow") as told:
         found = read_trc(path)
     assert_equal(found, expected)
     assert [one.message.finding.severity for one in told] == [severity]
 
 
+@pytest.mark.parametrize("stated", ["0.00", "nan"])
 @pytest.mark.parametrize(
     ("change", "rate", "text"),
     [
@@ -277,12 +280,12 @@ def test_a_trc_that_miscounts_its_frames_is_read_by_its_rows(data, tmp_path, sta
     ],
     ids=["times", "text", "no time passes"],
 )
-def test_a_trc_with_a_frame_rate_of_0_has_that_of_its_times(data, tmp_path, change, rate, text):
+def test_a_trc_without_a_frame_rate_has_that_of_its_times(data, tmp_path, change, rate, text, stated):
     path = tmp_path / "pose.trc"
     write_trc(path, data, frame_rate=50.0)
-    lines = path.read_text().replace("\n50\t50\t", "\n0.00\t50\t").split("\n")
+    lines = path.read_text().replace("\n50\t50\t", f"\n{stated}\t50\t").split("\n")
     path.write_text("\n".join([*lines[:6], *map(change, lines[6:])]))
-    with pytest.warns(FindingWarning, match=f"line 3 states 0 frames per second; {text}"):
+    with pytest.warns(FindingWarning, match=f"line 3 states {float(stated):g} frames per second; {text}"):
         assert read_trc(path).frame_rate == rate
 
 

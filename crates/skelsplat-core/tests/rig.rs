@@ -183,6 +183,7 @@ fn two_cameras_do_not_tell_which_is_wrong() {
     let given = [moved(&pair[0], [0.02, 0.0, 0.0], [0.0; 3]), pair[1].clone()];
     let found = adjusted(&given, &frames, &Adjustable::default());
     assert_eq!(found.cameras, given);
+    assert_eq!(status(&found), [CameraStatus::Unseen; 2]);
 }
 
 #[test]

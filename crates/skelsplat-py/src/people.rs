@@ -112,10 +112,10 @@ pub(crate) fn track_people<'py>(
 /// Frames (C,), slots (C, M), costs (C,) and poses (C, N, 3).
 type Chosen = (Out<i64>, Out<i64>, Out<f64>, Out<f64>);
 
-/// Return the ways to choose one person in each frame: frame (C,), slots (C, M), costs (C,) and poses (C, N, 3).
+/// Return ways to choose one person in each frame: frame (C,), slots (C, M), cost (C,), pose (C, N, 3).
 ///
-/// Of each frame the ``most`` cheapest, none by more than ``worse`` than the first; -1 is no slot. ``gates_px`` is per view the largest median
-/// distance, ``mirror`` (N,) the place of every joint's mirror image.
+/// Of each frame the ``most`` cheapest, none by more than ``worse`` than the first; -1 is no slot.
+/// ``gates_px`` is per view the largest median distance, ``mirror`` (N,) every joint's mirror image.
 #[pyfunction]
 #[pyo3(signature = (cameras, people, gates_px, *, min_confidence, min_joints, mirror, most, worse))]
 #[allow(

@@ -27,7 +27,9 @@ def _length(mm: float) -> str:
 def _trc_rate(finding: Finding) -> str:
     rate = finding.numbers["frame_rate"]
     given = f"the times of the rows give {rate:g}" if rate else "the times of the rows give none either"
-    return f"{finding.subject.files[0]}: line 3 states 0 frames per second; {given}"
+    return (
+        f"{finding.subject.files[0]}: line 3 states {finding.numbers['stated']:g} frames per second; {given}"
+    )
 
 
 SENTENCES: Mapping[str, str | Callable[[Finding], str]] = {

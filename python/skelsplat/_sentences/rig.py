@@ -254,11 +254,18 @@ def _doubtful(finding: Finding) -> str:
     )
 
 
+def _unit_implausible(finding: Finding) -> str:
+    numbers = finding.numbers
+    metres = f"{numbers['metres']:.3g}" if numbers["metres"] < 100.0 else f"{numbers['metres']:.0f}"
+    return (
+        f"{finding.subject.files[0]}: unit: the cameras would be {metres} m apart in {numbers['unit']}; "
+        f"the largest distance between cameras is {numbers['spread']:.6g} in the file, "
+        f'so "{numbers["likely"]}" is likely'
+    )
+
+
 SENTENCES: Mapping[str, str | Callable[[Finding], str]] = {
-    "unit_implausible": (
-        "{files}: unit: the cameras would be {metres:.3g} m apart in {unit}; the largest distance between "
-        'cameras is {spread:.4g} in the file, so "{likely}" is likely'
-    ),
+    "unit_implausible": _unit_implausible,
     "unit_wrong": _size("person", '. The unit of the calibration is most likely "{likely}".'),
     "unit_unknown": _size("person", ", which none of mm, cm and m explains. Was the calibration scaled?"),
     "body_size": _size("body", ". Is that the unit of the calibration?"),
@@ -280,6 +287,10 @@ SENTENCES: Mapping[str, str | Callable[[Finding], str]] = {
     "cameras_doubtful": _doubtful,
     "camera_unseen": (
         "{cameras} sees too few of the joints that other cameras see, so it was not judged and not adjusted."
+    ),
+    "cameras_two": (
+        "Two cameras do not tell which of them was turned or moved, so neither was adjusted. A third camera "
+        "would, or --move NAME if it is known."
     ),
     "cameras_sound": (
         "No camera was adjusted: the {cameras} cameras that could be judged agree with this recording."

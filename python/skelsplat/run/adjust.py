@@ -193,14 +193,16 @@ def findings_of(found: sk.RigAdjustment, mm_per_unit: float, offsets: Mapping[st
             option = offsets.get(one.name, 0) - whole
             remedy = (Remedy("offset", f"{one.name}={option}"),) if whole else ()
             yield Finding("camera_late", "warning", subject, {**numbers, "whole_frames": whole}, remedy)
-        if one.status == "unseen":
+        if one.status == "unseen" and len(found.report) > 2:
             yield Finding("camera_unseen", "warning", subject)
     doubtful = [*found.of("doubtful"), *(one for one in found.of("late") if not _clock_known(one))]
     if doubtful:
         suspected = [numbers_of(one, mm_per_unit) for one in doubtful]
         names = tuple(one.name for one in doubtful)
         yield Finding("cameras_doubtful", "warning", Subject(cameras=names), {"suspected": suspected})
-    if not found.of("adjusted", "late", "doubtful"):
+    if len(found.report) == 2 and found.of("unseen"):
+        yield Finding("cameras_two", "warning", Subject(cameras=found.cameras.names))
+    if found.of("sound") and not found.of("adjusted", "late", "doubtful"):
         yield Finding("cameras_sound", "note", numbers={"cameras": len(found.of("sound"))})
 
 

@@ -3,10 +3,10 @@
 use super::bundle::{Bundle, Reduced, unknowns};
 use nalgebra::Vector3;
 
-use super::evidence::{Bars, bars, is_worse, total};
+use super::evidence::{Bars, bars, is_worse, surety, total};
 use super::placed::{Change, Freedom, Placed, rebuilt};
 use super::scene::{Scene, median};
-use super::search::{Explanation, Found, Scope, both};
+use super::search::{Explanation, Fault, Found, SURE, Scope, Supposed, both};
 use crate::batch::Progress;
 use crate::camera::{Camera, Distortion};
 use crate::detections::Detections;
@@ -48,7 +48,7 @@ pub enum CameraStatus {
     Late,
     /// It or another is wrong, which cannot be told.
     Doubtful,
-    /// It sees too little to say.
+    /// It sees too little to say, or is one of two cameras only, of which nothing tells which is wrong.
     Unseen,
 }
 
@@ -169,12 +169,41 @@ impl Task<'_> {
             Some(free) => self.free(&scope, free),
         };
         let mut bars = found.bars.clone();
-        let scope = self.scope(&self.fitted);
-        if found.rig.freedom.iter().any(|freedom| freedom.any()) {
-            progress.check()?;
-            found.rig = self.whole(&scope, found.rig, &mut bars)?;
+        if !found.rig.freedom.iter().any(|freedom| freedom.any()) {
+            return Ok((found, bars));
+        }
+        progress.check()?;
+        let searched = found.rig.freedom.clone();
+        found.rig = self.whole(&self.scope(&self.fitted), found.rig, &mut bars)?;
+        if self.what.free.is_none() && !self.holds(&found.rig) {
+            self.doubt(&mut found, &searched, &bars);
         }
         Ok((found, bars))
+    }
+
+    /// Whether every change is sure on all frames as well, and its camera fits frames that were left out better than before.
+    fn holds(&self, rig: &Explanation) -> bool {
+        let (before, after) = (self.left_out(self.given), self.left_out(&rig.cameras));
+        let free = unknowns(&rig.freedom);
+        let holds = |(i, freedom): (usize, &Freedom)| {
+            let change = Change::between(&self.given[i], &rig.cameras[i]);
+            let sure = surety(&rig.covariance, &free, i, *freedom, &change, rig.costs.len());
+            let worse = after[i] > before[i];
+            sure > SURE && !worse
+        };
+        rig.freedom.iter().enumerate().filter(|(_, freedom)| freedom.any()).all(holds)
+    }
+
+    /// Takes all changes back: their cameras are doubtful.
+    fn doubt(&self, found: &mut Found, searched: &[Freedom], bars: &[Bars]) {
+        let m = self.given.len();
+        let sound = Explanation::start(self.given.to_vec(), vec![Freedom::default(); m]);
+        let changed = std::mem::replace(&mut found.rig, sound);
+        for (view, freedom) in searched.iter().enumerate().filter(|(_, one)| one.any()) {
+            let fault = if freedom.turn { Fault::Place } else { Fault::Clock };
+            let (rig, own) = (changed.clone(), bars[view]);
+            found.rivals.push(Supposed { view, fault, rig, bars: own, surety: 0.0 });
+        }
     }
 
     /// The cameras that are known to be wrong, placed by the others one after the other.
@@ -310,7 +339,7 @@ impl Task<'_> {
         let status = match freedom.any() {
             true if freedom.clock && !self.what.clock => CameraStatus::Late,
             true => CameraStatus::Adjusted,
-            false if self.is_unseen(i) => CameraStatus::Unseen,
+            false if self.given.len() == 2 || self.is_unseen(i) => CameraStatus::Unseen,
             false => CameraStatus::Sound,
         };
         (change, bars[i], status)

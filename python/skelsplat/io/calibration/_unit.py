@@ -20,7 +20,8 @@ _PLAUSIBLE_M = (0.05, 100.0)
 _SMALLEST_M, _NARROW = 1e-4, 4.0
 # on a table or in a room; a unit that alone puts the cameras so far apart is likely
 _USUAL_M = (0.1, 15.0)
-_ROOM_M = 5.0  # of two usual distances, the one nearer to this is likely
+# in most rooms
+_TYPICAL_M = 4.0
 
 
 def check_unit(path: Path, rig: Sequence[sk.Camera], unit: str | None, *, stated: str | None = None) -> str:
@@ -38,7 +39,7 @@ def check_unit(path: Path, rig: Sequence[sk.Camera], unit: str | None, *, stated
     metres = _metres(spread)[unit]
     least = _SMALLEST_M if narrow else _PLAUSIBLE_M[0]
     if spread > 0.0 and not least <= metres <= _PLAUSIBLE_M[1]:
-        likely = min(MM_PER_UNIT, key=lambda name: _oddity(_metres(spread)[name]))
+        likely = min(MM_PER_UNIT, key=lambda name: abs(np.log(_metres(spread)[name] / _TYPICAL_M)))
         numbers = {"metres": metres, "unit": unit, "spread": spread, "likely": likely}
         subject = Subject(files=(str(path),))
         warnings.warn(FindingWarning(Finding("unit_implausible", "warning", subject, numbers)), stacklevel=3)
@@ -64,10 +65,6 @@ def _unusual(metres: float) -> float:
     """By what factor, as a logarithm, a distance is outside the usual ones; 0 within."""
     least, most = np.log(_USUAL_M)
     return float(max(least - np.log(metres), np.log(metres) - most, 0.0))
-
-
-def _oddity(metres: float) -> tuple[float, float]:
-    return _unusual(metres), abs(float(np.log(metres / _ROOM_M)))
 
 
 def _hint(spread: float, narrow: bool) -> str:

@@ -56,8 +56,8 @@ def parsed(words: Sequence[str]) -> Array:
 
 _SUBPIXELS = 64.0
 _FLIP = np.diag([1.0, -1.0, -1.0])
-# of the longer side of the image: a field of view of 157°
-_SHORTEST = 0.1
+# of the longer side of the image: fields of view of 157° and 2°
+_SHORTEST, _LONGEST = 0.1, 30.0
 # 1088 lines are called 1080p
 _SAME_LINES = 0.02
 
@@ -147,9 +147,10 @@ def _parts_of_pixel(camera: Field) -> float:
     intrinsic = child(camera, "intrinsic")
     focal = _row(intrinsic, "focalLengthU", "focalLengthV")
     parts = 1.0 if (_row(intrinsic, "centerPointU", "centerPointV") < 2.0 * sensor).all() else _SUBPIXELS
-    if (focal / parts < _SHORTEST * sensor.max()).any():
+    lengths = focal / parts / sensor.max()
+    if (lengths < _SHORTEST).any() or (lengths > _LONGEST).any():
         name = "px, as the centre is" if parts == 1.0 else "1/64 px, as the centre is"
-        expected = f"a focal length in {name}, of at least {_SHORTEST} of the image"
+        expected = f"a focal length in {name}, of {_SHORTEST} to {_LONGEST:g} times the longer side"
         raise intrinsic["focalLengthU"].error(expected, f"{focal[0]:g}, that is {focal[0] / parts:.3g} px")
     return parts
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 import os
+import re
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -109,7 +110,7 @@ def read_trc(path: str | os.PathLike[str]) -> PoseData:
 
     The blank sixth line may be missing, and empty fields and "nan" are NaN. ``frames`` are the file's own row
     numbers, ``frame_rate`` is its DataRate. Slips of the header are warned of, and the rows decide: another
-    number of frames than there are, and a DataRate of 0.
+    number of frames than there are, and a DataRate of 0 or NaN.
 
     Raises
     ------
@@ -139,6 +140,7 @@ def read_trc(path: str | os.PathLike[str]) -> PoseData:
 
 def _check_count(path: Path, stated: str, rows: int) -> None:
     """Warn if the header counts other rows: by one is a slip, by more perhaps a file cut between two rows."""
+    stated = re.sub(r"\.0*$", "", stated)  # some programs write all numbers as floats
     if not stated.isdecimal():
         raise DatasetError(path, "line 3 NumFrames", "a whole number", repr(stated))
     difference = frame_number(path, "line 3 NumFrames", stated) - rows
@@ -149,17 +151,17 @@ def _check_count(path: Path, stated: str, rows: int) -> None:
 
 
 def _rate(path: Path, stated: str, frames: Index, body: Sequence[str]) -> float | None:
-    """Return the frames per second that the header states; if it states 0, those of the rows' times."""
+    """Return the frame rate that the header states; if that is 0 or NaN, that of the rows' times."""
     try:
         rate = float(stated)
-        if rate != 0.0:
+        if rate != 0.0 and not math.isnan(rate):
             positive("frame_rate", rate)
             return rate
     except ValueError as error:
         expected = "frames per second, a positive number"
         raise DatasetError(path, "line 3 DataRate", expected, repr(stated)) from error
     found = _rate_of(frames, [line.split("\t")[1] for line in body])
-    warn(Finding("trc_rate", "note", Subject(files=(str(path),)), {"frame_rate": found}))
+    warn(Finding("trc_rate", "note", Subject(files=(str(path),)), {"stated": rate, "frame_rate": found}))
     return found
 
 
