@@ -11,7 +11,7 @@ import pytest
 
 import skelsplat as sk
 from command_line import assert_fails, invoke
-from skelsplat.io import read_npz
+from skelsplat.io import read_calibration, read_npz, write_calibration
 from skelsplat.run import Job, Recording, batch, run_batch
 from skelsplat.run.batch import key_of, trials
 
@@ -166,6 +166,14 @@ def test_the_key_is_that_of_the_content(jobs, tmp_path):
     (tmp_path / "videos").mkdir()
     (tmp_path / "videos" / "cam1.mp4").write_bytes(b"a")
     assert key_of(job) == key
+    assert key_of(replace(job, calibration=tmp_path / "copy")) != key  # there is none
+    (tmp_path / "copy" / "results").mkdir(parents=True)
+    calibration = tmp_path / "copy" / "Calib.toml"
+    calibration.write_bytes(Path(job.calibration).read_bytes())
+    (tmp_path / "copy" / "results" / "report.json").write_text("{}")  # a folder that is a calibration
+    assert key_of(replace(job, calibration=tmp_path / "copy")) == key
+    write_calibration(calibration, sk.CameraRig([*read_calibration(calibration, unit="mm")][::-1], unit="mm"))
+    assert key_of(replace(job, calibration=tmp_path / "copy")) != key
     without = replace(job, fps=None)
     key = key_of(without)
     (tmp_path / "videos" / "cam1.mp4").write_bytes(b"ab")

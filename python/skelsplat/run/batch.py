@@ -10,6 +10,7 @@ import os
 import pickle
 import subprocess
 import sys
+import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass, field, fields, replace
@@ -21,9 +22,11 @@ from skelsplat._json import plain, to_text
 from skelsplat.exceptions import DatasetError, InvalidInputError, SkelSplatError
 from skelsplat.io._files import VIDEO_SUFFIXES, listed, load_json
 from skelsplat.io._run_files import REPORT, files_of_run, folders_of_run
+from skelsplat.io.calibration._json import to_json
 from skelsplat.run._run import run
 from skelsplat.run.folder import output_folder
 from skelsplat.run.job import Job
+from skelsplat.run.read import read_rig
 from skelsplat.run.report import versions
 from skelsplat.run.several import run_people
 
@@ -204,7 +207,7 @@ def _check(jobs: Mapping[str, Job], processes: int) -> None:
 
 
 def key_of(job: Job) -> str:
-    """Return a text that differs if the results of a job may: options, content of the files, version.
+    """Return a text that differs if the results of a job may: options, cameras, content of files, version.
 
     Of videos, which state the frame rate alone, only the size and time count.
     """
@@ -213,7 +216,8 @@ def key_of(job: Job) -> str:
     options = {one.name: getattr(job, one.name) for one in fields(job) if one.name not in _NOT_AS_TEXT}
     options |= {"settings": settings, "version": versions()["skelsplat"]}
     found = hashlib.sha256(json.dumps(options, sort_keys=True, default=_text).encode())
-    given = (job.calibration, job.detections, job.init, job.layout)
+    found.update(_cameras(job).encode())
+    given = (job.detections, job.init, job.layout)
     places = [Path(path) for path in given if isinstance(path, str | os.PathLike)]
     if job.fps is None:
         places.append(Path(job.detections).parent / "videos")
@@ -223,6 +227,17 @@ def key_of(job: Job) -> str:
             found.update(f"{path.relative_to(place.parent)}\0".encode())
             found.update(_content(path))
     return found.hexdigest()
+
+
+def _cameras(job: Job) -> str:
+    """Return the cameras as text: a folder that is a calibration may have the results in it as well."""
+    names = ("calibration_format", "unit", "camera_type", "subject", "size", "binning")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # the run repeats them
+        try:
+            return to_json(read_rig(Path(job.calibration), **{name: getattr(job, name) for name in names}))
+        except SkelSplatError as error:
+            return str(error)
 
 
 def _text(value: object) -> str:

@@ -60,7 +60,8 @@ def _read(path: Path) -> tuple[dict[str, Lines], tuple[str, ...]]:
         if not cell["joint"] or cell["joint"] in person:
             alone = bool(cell["joint"]) and "person" not in columns
             expected = f"a joint, once per {'frame, or a column person for several' if alone else 'person'}"
-            raise DatasetError(path, f"line {number}, joint", expected, repr(cell["joint"]))
+            again = f" again in frame {cell['frame']}" if cell["joint"] else ""
+            raise DatasetError(path, f"line {number}, joint", expected, repr(cell["joint"]) + again)
         person[cell["joint"]] = _values(path, number, cell)
         joints[cell["joint"]] = None
     if not cameras:
