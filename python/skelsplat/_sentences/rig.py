@@ -259,8 +259,7 @@ def _unit_implausible(finding: Finding) -> str:
     metres = f"{numbers['metres']:.3g}" if numbers["metres"] < 100.0 else f"{numbers['metres']:.0f}"
     return (
         f"{finding.subject.files[0]}: unit: the cameras would be {metres} m apart in {numbers['unit']}; "
-        f"the largest distance between cameras is {numbers['spread']:.6g} in the file, "
-        f'so "{numbers["likely"]}" is likely'
+        f"{numbers['hint']}"
     )
 
 
