@@ -7,6 +7,7 @@ from dataclasses import fields
 import numpy as np
 import pytest
 
+import mouse
 import skelsplat as sk
 from skelsplat._arrays import Array
 
@@ -366,6 +367,14 @@ def test_every_layout_of_people_has_angles(name: str) -> None:
     assert found.degrees.shape == found.sigma.shape == (4, len(found.names))
     assert len(found.names) == (18 if "left_heel" in layout.joints else 16)
     assert repr(found) == f"JointAngles({len(found.names)} angles, degrees (4, {len(found.names)}))"
+
+
+def test_an_animal_has_the_angles_of_the_joints_that_it_names_like_a_person() -> None:
+    found = sk.joint_angles(mouse.motion(10), layout="mouse22")
+    assert len(found.names) == 12
+    assert not any("knee" in name or "ankle" in name for name in found.names)  # a mouse has no left_ankle
+    np.testing.assert_allclose(found["trunk_inclination"], 89.0, atol=0.5)  # on four legs
+    np.testing.assert_allclose(found["pelvis_obliquity"], 0.0, atol=1e-9)
 
 
 @pytest.mark.parametrize(

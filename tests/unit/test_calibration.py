@@ -210,6 +210,17 @@ def test_a_rig_on_a_table_or_under_a_microscope_is_neither_refused_nor_doubted(w
         read_calibration(path)
 
 
+@pytest.mark.parametrize(
+    ("metres", "hint"), [(0.9, r'that is 0\.9 m in "mm" or 9 m in "cm"$'), (5.4, 'so "mm" is likely$')]
+)
+def test_a_table_in_millimetres_read_as_metres_has_no_wrong_hint(write, metres, hint):
+    rig = read_calibration(write(VALID), unit="m")
+    spread = np.linalg.norm(rig[0].centre - rig[1].centre)
+    path = _scaled(write(""), rig, 1000.0 * metres / spread)
+    with pytest.warns(UserWarning, match=rf"the cameras would be {1000 * metres:.0f} m apart in m; .*{hint}"):
+        read_calibration(path, unit="m")
+
+
 def test_an_unknown_unit(write):
     with pytest.raises(sk.InvalidInputError, match="unit: expected one of mm, cm, m, got 'inch'"):
         read_calibration(write(VALID), unit="inch")

@@ -285,8 +285,10 @@ def test_help_fits_80_columns(args):
 
 
 def test_help_of_each_command_has_an_example():
-    for command in ("demo", "refine", "live"):
-        assert f"skelsplat {command} " in invoke(command, "--help").stdout.split("Examples")[1]
+    for command in ("demo", "refine", "live", "detect"):
+        text = invoke(command, "--help").stdout
+        assert f"skelsplat {command} " in text.split("Examples")[1]
+        assert "list[" not in text
 
 
 def test_version_and_python_m():

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import skelsplat as sk
+from broken_detections import anybody, write_case
 from command_line import assert_fails, invoke
 from detection_files import Take, openpose, sleap
 from skelsplat import layouts, synthetic
@@ -270,6 +271,11 @@ def test_the_command_lists_and_explains(tmp_path, monkeypatch):
     assert document["joints"] == list(own.joints)
     assert document["bones"] == [{"joints": [0, 3], "length_mm": 80.0, "sigma_mm": 8.0}]
     assert invoke("layouts", "hand21", "-q").stdout.split() == list(layouts.get("hand21").joints)
+    (tmp_path / "dlc").mkdir()
+    write_case(tmp_path / "dlc", "deeplabcut_csv", people=anybody())
+    monkeypatch.chdir(tmp_path)
+    for place in ("dlc", str(tmp_path / "dlc")):  # a folder, whose name becomes the layout's
+        assert invoke("layouts", place, "--toml").stdout.startswith('name = "dlc"\n\njoints = [')
     assert_fails(invoke("layouts", "body99"), 2, "NAME", "'body99'", "did you mean body25?")
     assert_fails(invoke("layouts", "--toml"), 2, "--toml")
     assert Path(layouts.__file__).with_name("data").is_dir()

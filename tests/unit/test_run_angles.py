@@ -11,6 +11,7 @@ import pytest
 
 import skelsplat as sk
 from command_line import READ, RESULTS, assert_fails, invoke, read_report, texts
+from skelsplat.cli import plot
 from skelsplat.io import read_npz, write_npz
 from skelsplat.run import Run
 from skelsplat.run.angles import FILES, check_angles, mot_text
@@ -153,6 +154,18 @@ def test_angles_are_drawn_with_their_bands(with_angles, tmp_path, figures):
     ]
     assert len(figures[0].axes[2].collections) == 4  # two bands a side
     assert (tmp_path / "angles.png").is_file()
+
+
+def test_a_run_with_angles_has_them_drawn_unless_other_figures_are_asked_for(with_angles, monkeypatch):
+    asked = []
+    monkeypatch.setattr(plot, "write_plots", lambda *_, only, **__: asked.append(only) or [])
+    for arguments in ([with_angles], [with_angles, "--only", "bones"], [with_angles / "pose.npz"]):
+        assert invoke("plot", *arguments).exit_code == 0
+    assert asked == [
+        ("trajectories", "bones", "errors", "angles"),
+        ("bones",),
+        ("trajectories", "bones", "errors"),
+    ]
 
 
 def test_a_file_of_poses_has_no_vertical(with_angles, tmp_path, figures):

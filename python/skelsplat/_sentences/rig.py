@@ -259,8 +259,7 @@ def _unit_implausible(finding: Finding) -> str:
     metres = f"{numbers['metres']:.3g}" if numbers["metres"] < 100.0 else f"{numbers['metres']:.0f}"
     return (
         f"{finding.subject.files[0]}: unit: the cameras would be {metres} m apart in {numbers['unit']}; "
-        f"the largest distance between cameras is {numbers['spread']:.6g} in the file, "
-        f'so "{numbers["likely"]}" is likely'
+        f"{numbers['hint']}"
     )
 
 
@@ -289,8 +288,8 @@ SENTENCES: Mapping[str, str | Callable[[Finding], str]] = {
         "{cameras} sees too few of the joints that other cameras see, so it was not judged and not adjusted."
     ),
     "cameras_two": (
-        "Two cameras do not tell which of them was turned or moved, so neither was adjusted. A third camera "
-        "would, or --move NAME if it is known."
+        "Two cameras do not tell which of them was turned or moved, so neither was adjusted. Add a third "
+        "camera, or name the one that was moved with --move NAME."
     ),
     "cameras_sound": (
         "No camera was adjusted: the {cameras} cameras that could be judged agree with this recording."

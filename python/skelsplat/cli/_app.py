@@ -25,7 +25,7 @@ COMMANDS = {
     "plot": "Draw joint trajectories with error bands, bone lengths and errors.",
     "convert": "Convert a calibration, or poses (a file, or the folder of a run), to another format.",
     "check-cameras": "Find faults in a calibration: wrong unit, swapped, rotated or unsynchronised cameras.",
-    "adjust-cameras": "Adjust the cameras that were turned or moved since the calibration, by a recording.",
+    "adjust-cameras": "Adjust the cameras that were turned or moved since the calibration, from a recording.",
     "layouts": "List the joint layouts, or explain one: joints, limbs, symmetric pairs, bones.",
     "synth": "Write a simulated data set: known poses, simulated detections of two detectors.",
     "datasets": "Data sets with ground truth: list them, check one on disk.",

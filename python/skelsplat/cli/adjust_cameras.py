@@ -30,7 +30,7 @@ COMMON = (
 _SUFFIXES = (".toml", ".json", ".npz")
 _PANEL = "Adjust"
 _LEGEND = (
-    "±: error bar; of a camera that was not adjusted, faults of four times as much would have shown; before, "
+    "±: error bar; of a camera that was not adjusted, faults four times as large would have shown; before, "
     "after: median distance of the detections from where the other cameras place the joints"
 )
 
@@ -96,7 +96,7 @@ def adjust_cameras(
     quiet: options.Quiet = False,
     as_json: options.AsJson = False,
 ) -> None:
-    """Adjust the cameras that were turned or moved since the calibration, by a recording.
+    """Adjust the cameras that were turned or moved since the calibration, from a recording.
 
     The detections of one person walking about, read like those of refine, show
     which cameras are wrong and by how much. The other cameras, more than half,
@@ -105,9 +105,9 @@ def adjust_cameras(
 
     [bold]Examples[/bold]
 
-    skelsplat adjust-cameras Calib.toml pose/ -o fixed.toml --unit m
+    skelsplat adjust-cameras Calib.toml pose/ -o fixed.toml --unit m --layout body25b
 
-    skelsplat adjust-cameras Calib.toml pose/ -o fixed.toml --unit m --move cam_03
+    skelsplat adjust-cameras Calib.toml pose/ -o fixed.toml --unit m --layout body25b --move cam_03
 
     skelsplat adjust-cameras Calib.qca.txt pose/ -o fixed.toml --focal --json
     """
@@ -165,8 +165,8 @@ def _table(found: AdjustedCameras, *, focal: bool, clock: bool) -> Table:
     clock = clock or any(one.clock for one in report)
     more = [*(["focal\n[%]"] if focal else []), *(["clock\n[frames]"] if clock else [])]
     columns = ("", "turned by\n[°]", "moved by\n[mm]", *more, "before\n[px]", "after\n[px]")
-    left_out = f"; error before and after in {judged} others" if judged else ""
-    table = new_table(f"Cameras adjusted by {found.adjustment.fitted} frames{left_out}", "camera", columns)
+    left_out = f"; errors measured in {judged} others" if judged else ""
+    table = new_table(f"Cameras estimated from {found.adjustment.fitted} frames{left_out}", "camera", columns)
     for column in table.columns:
         column.no_wrap = True  # a number and its error bar
     table.columns[1].justify = "left"

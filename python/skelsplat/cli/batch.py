@@ -72,7 +72,7 @@ def batch(
         ),
     ] = None,
     overwrite: Annotated[
-        bool, options.flag("Output", "--overwrite", help="Refine recordings again that have not changed.")
+        bool, options.flag("Output", "--overwrite", help="Also refine recordings that have not changed.")
     ] = False,
     quiet: options.Quiet = False,
     as_json: options.AsJson = False,
@@ -81,7 +81,7 @@ def batch(
     """Refine many recordings, listed in a file or in the folders of a Pose2Sim project.
 
     A recording is skipped if its results are complete and neither its files nor
-    its options have changed, so a batch that was stopped goes on.
+    its options have changed, so a batch that was stopped continues.
 
     [bold]Examples[/bold]
 

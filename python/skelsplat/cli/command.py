@@ -174,6 +174,9 @@ class Command(_FlagHelp, TyperCommand):
 
     def format_help(self, ctx: Any, formatter: Any) -> None:
         """Write help: the first sentences of the common options in one panel, or all of all options."""
+        for param in self.params:
+            if param.nargs == -1:  # typer shows <list[Path]>
+                param.display_type = lambda _: "<path>"  # type: ignore[attr-defined]
         short = bool(self.common) and not ctx.meta.get(_ALL)
         changed = {param: dict(vars(param)) for param in self.params if short}
         for param in changed:

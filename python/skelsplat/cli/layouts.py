@@ -63,7 +63,8 @@ def layouts(
         return
     with collected_warnings() as notes:
         layout = _named(name)
-    about = sk.layouts.about(name) if layout.name == name.lower() or _is_toml(name) else sk.layouts.About()
+    described = name.lower() in sk.layouts.names or _is_toml(name)
+    about = sk.layouts.about(name) if described else sk.layouts.About()
     if toml:
         typer.echo(sk.layouts.to_toml(layout, about), nl=False)
         for note in notes:

@@ -13,6 +13,7 @@ from skelsplat.cli.config import NAME_OR_PATH
 from skelsplat.cli.output import counting, print_json, print_warning
 from skelsplat.cli.table import tell
 from skelsplat.findings import collected_warnings
+from skelsplat.run.angles import FILES as ANGLE_FILES
 from skelsplat.run.frame_range import FrameRange
 from skelsplat.run.plots import PICTURES, USUAL, Drawn, Source, read_source, write_plots
 
@@ -24,7 +25,6 @@ EPILOG = (
     "json or nc; what can be drawn depends on what its format stores."
 )
 _FORMATS = ("png", "pdf")
-_USUAL = ",".join(USUAL)
 _WHAT, _OUTPUT = "Drawing", "Output"
 
 _Run = Annotated[
@@ -43,9 +43,12 @@ _Output = Annotated[
     ),
 ]
 _Only = Annotated[
-    str,
+    str | None,
     options.option(
-        _WHAT, metavar="FIGURES", help="Figures to draw: some of trajectories, bones, errors, angles."
+        _WHAT,
+        metavar="FIGURES",
+        help="Figures to draw: some of trajectories, bones, errors, angles.",
+        default="trajectories,bones,errors; angles too of a run with --angles",
     ),
 ]
 _Joints = Annotated[
@@ -73,7 +76,7 @@ _Format = Annotated[str, options.option(_OUTPUT, metavar="FORMATS", help="png, p
 def plot(
     run: _Run,
     *,
-    only: _Only = _USUAL,
+    only: _Only = None,
     joints: _Joints = None,
     range: options.Range = None,
     layout: _Layout = None,
@@ -100,10 +103,9 @@ def plot(
 
     skelsplat plot out --json | jq .bones
     """
-    pictures, formats = (
-        options.some_of("--only", only, PICTURES),
-        options.some_of("--format", format, _FORMATS),
-    )
+    usual = PICTURES if (run / ANGLE_FILES[1]).is_file() else USUAL
+    pictures = usual if only is None else options.some_of("--only", only, PICTURES)
+    formats = options.some_of("--format", format, _FORMATS)
     with collected_warnings(tell):
         source = read_source(run, layout=layout, range=FrameRange.parse(range), joints=joints)
     folder = output or (run.parent if run.is_file() else run) / "plots"

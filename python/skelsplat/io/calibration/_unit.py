@@ -20,8 +20,6 @@ _PLAUSIBLE_M = (0.05, 100.0)
 _SMALLEST_M, _NARROW = 1e-4, 4.0
 # on a table or in a room; a unit that alone puts the cameras so far apart is likely
 _USUAL_M = (0.1, 15.0)
-# in most rooms
-_TYPICAL_M = 4.0
 
 
 def check_unit(path: Path, rig: Sequence[sk.Camera], unit: str | None, *, stated: str | None = None) -> str:
@@ -39,8 +37,7 @@ def check_unit(path: Path, rig: Sequence[sk.Camera], unit: str | None, *, stated
     metres = _metres(spread)[unit]
     least = _SMALLEST_M if narrow else _PLAUSIBLE_M[0]
     if spread > 0.0 and not least <= metres <= _PLAUSIBLE_M[1]:
-        likely = min(MM_PER_UNIT, key=lambda name: abs(np.log(_metres(spread)[name] / _TYPICAL_M)))
-        numbers = {"metres": metres, "unit": unit, "spread": spread, "likely": likely}
+        numbers = {"metres": metres, "unit": unit, "spread": spread, "hint": _hint(spread, narrow)}
         subject = Subject(files=(str(path),))
         warnings.warn(FindingWarning(Finding("unit_implausible", "warning", subject, numbers)), stacklevel=3)
     return unit
@@ -61,18 +58,12 @@ def _metres(spread: float) -> dict[str, float]:
     return {name: spread * factor / 1000.0 for name, factor in MM_PER_UNIT.items()}
 
 
-def _unusual(metres: float) -> float:
-    """By what factor, as a logarithm, a distance is outside the usual ones; 0 within."""
-    least, most = np.log(_USUAL_M)
-    return float(max(least - np.log(metres), np.log(metres) - most, 0.0))
-
-
 def _hint(spread: float, narrow: bool) -> str:
     """Return which unit is likely, if only one is, and what each would mean."""
     if spread == 0.0:
         return "one camera gives no hint of it"
     metres = _metres(spread)
-    usual = [] if narrow else [name for name in metres if _unusual(metres[name]) == 0.0]
+    usual = [] if narrow else [name for name in metres if _USUAL_M[0] <= metres[name] <= _USUAL_M[1]]
     so = f'so "{usual[0]}" is likely' if len(usual) == 1 else "that is " + _meanings(metres, usual)
     return f"the largest distance between cameras is {spread:.4g} in the file, {so}"
 
