@@ -288,8 +288,8 @@ SENTENCES: Mapping[str, str | Callable[[Finding], str]] = {
         "{cameras} sees too few of the joints that other cameras see, so it was not judged and not adjusted."
     ),
     "cameras_two": (
-        "Two cameras do not tell which of them was turned or moved, so neither was adjusted. A third camera "
-        "would, or --move NAME if it is known."
+        "Two cameras do not tell which of them was turned or moved, so neither was adjusted. Add a third "
+        "camera, or name the one that was moved with --move NAME."
     ),
     "cameras_sound": (
         "No camera was adjusted: the {cameras} cameras that could be judged agree with this recording."

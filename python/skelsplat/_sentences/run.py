@@ -244,9 +244,9 @@ def _over_people(finding: Finding) -> str:
         cause = f"; {listed(common, 'or')} may be the cause for all of them" if common else ""
         said = f"The people contradict each other about which is wrong{cause}."
     else:
-        said = "A wrong camera disagrees about everybody whom it sees, a blocked one does not."
+        said = "A wrong calibration shows for every person in the camera's view, an obstructed view does not."
     return (
-        f"Cameras that do not fit the others, over {numbers['people']} people: {whose}. {said} "
+        f"Cameras that disagree with the others, over {numbers['people']} people: {whose}. {said} "
         f"{_look(finding)}{_leaves_out(finding)}."
     )
 

@@ -105,9 +105,9 @@ def adjust_cameras(
 
     [bold]Examples[/bold]
 
-    skelsplat adjust-cameras Calib.toml pose/ -o fixed.toml --unit m
+    skelsplat adjust-cameras Calib.toml pose/ -o fixed.toml --unit m --layout body25b
 
-    skelsplat adjust-cameras Calib.toml pose/ -o fixed.toml --unit m --move cam_03
+    skelsplat adjust-cameras Calib.toml pose/ -o fixed.toml --unit m --layout body25b --move cam_03
 
     skelsplat adjust-cameras Calib.qca.txt pose/ -o fixed.toml --focal --json
     """

@@ -6,7 +6,7 @@ use nalgebra::Vector3;
 use super::evidence::{Bars, bars, is_worse, surety, total};
 use super::placed::{Change, Freedom, Placed, rebuilt};
 use super::scene::{Scene, median};
-use super::search::{Explanation, Fault, Found, SURE, Scope, Supposed, both};
+use super::search::{Explanation, Fault, Found, Scope, Supposed, both};
 use crate::batch::Progress;
 use crate::camera::{Camera, Distortion};
 use crate::detections::Detections;
@@ -23,6 +23,8 @@ const JUDGED: usize = 200;
 const PARTS: usize = 50;
 const LEFT_OUT: [usize; 2] = [2, 5];
 const LEAST_DIVIDED: usize = 10;
+/// A change that a search was sure of is confirmed on all frames from this surety on.
+const CONFIRMED: f64 = 2.0;
 /// Solutions with kernels that follow the noise.
 const ROUNDS: usize = 2;
 
@@ -181,7 +183,7 @@ impl Task<'_> {
         Ok((found, bars))
     }
 
-    /// Whether every change is sure on all frames as well, and its camera fits frames that were left out better than before.
+    /// Whether every change is confirmed on all frames, and its camera fits frames that were left out better than before.
     fn holds(&self, rig: &Explanation) -> bool {
         let (before, after) = (self.left_out(self.given), self.left_out(&rig.cameras));
         let free = unknowns(&rig.freedom);
@@ -189,7 +191,7 @@ impl Task<'_> {
             let change = Change::between(&self.given[i], &rig.cameras[i]);
             let sure = surety(&rig.covariance, &free, i, *freedom, &change, rig.costs.len());
             let worse = after[i] > before[i];
-            sure > SURE && !worse
+            sure > CONFIRMED && !worse
         };
         rig.freedom.iter().enumerate().filter(|(_, freedom)| freedom.any()).all(holds)
     }

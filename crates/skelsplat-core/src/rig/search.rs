@@ -21,7 +21,7 @@ const RAYLEIGH: f64 = 1.177_41;
 /// Least noise, pixels.
 const LEAST_PX: f64 = 0.05;
 /// A change is a fault from this [`surety`] on.
-pub const SURE: f64 = 3.5;
+const SURE: f64 = 3.5;
 /// The least part of the cost that a fault explains: of the place, and of the clock, which is one number.
 const GAIN: f64 = 0.05;
 const GAIN_CLOCK: f64 = 0.01;
