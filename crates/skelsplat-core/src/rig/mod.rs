@@ -6,9 +6,11 @@ pub mod adjust;
 pub mod bundle;
 pub mod evidence;
 pub mod placed;
+pub mod report;
 pub mod scene;
 pub mod search;
 
-pub use adjust::{Adjustable, CameraAdjustment, CameraStatus, RigAdjustment, adjust_cameras};
+pub use adjust::{Adjustable, adjust_cameras};
 pub use evidence::Bars;
 pub use placed::{Change, Freedom, Placed};
+pub use report::{CameraAdjustment, CameraStatus, RigAdjustment};

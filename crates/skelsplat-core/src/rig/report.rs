@@ -1,0 +1,62 @@
+//! What became of the cameras.
+
+use super::evidence::Bars;
+use super::placed::Change;
+use crate::camera::Camera;
+
+/// What became of a camera.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum CameraStatus {
+    /// It stays as it is.
+    Sound,
+    /// It was set right.
+    Adjusted,
+    /// Its clock is off, and clocks were not to be adjusted.
+    Late,
+    /// It or another is wrong, which cannot be told.
+    Doubtful,
+    /// It sees too little to say, or is one of two cameras only, of which nothing tells which is wrong.
+    Unseen,
+}
+
+impl CameraStatus {
+    /// One word.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Sound => "sound",
+            Self::Adjusted => "adjusted",
+            Self::Late => "late",
+            Self::Doubtful => "doubtful",
+            Self::Unseen => "unseen",
+        }
+    }
+}
+
+/// What is said of one camera.
+#[derive(Debug, Clone, PartialEq)]
+pub struct CameraAdjustment {
+    /// What became of it.
+    pub status: CameraStatus,
+    /// From the given camera to the adjusted one; to the supposed one of a late or doubtful camera, which is not applied. Lengths in
+    /// the unit of the cameras.
+    pub change: Change,
+    /// Error bars of the change; of a sound camera those that a change would have.
+    pub bars: Bars,
+    /// Median distance of its detections from where the other cameras place the joints, in frames that were left out, px: as
+    /// given and as returned.
+    pub before: f64,
+    /// After.
+    pub after: f64,
+}
+
+/// Cameras set right.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RigAdjustment {
+    /// Cameras, in the unit of the given ones.
+    pub cameras: Vec<Camera>,
+    /// One for each.
+    pub report: Vec<CameraAdjustment>,
+    /// Number of frames on which they were adjusted and judged.
+    pub frames: [usize; 2],
+}
