@@ -8,9 +8,14 @@ from __future__ import annotations
 from collections.abc import Iterable
 from pathlib import Path
 
+from skelsplat._escape import escaped
+
 
 class SkelSplatError(Exception):
     """Base of every error raised on purpose by this package."""
+
+    def __str__(self) -> str:
+        return escaped(super().__str__())
 
 
 class InvalidInputError(SkelSplatError, ValueError):
@@ -74,4 +79,4 @@ class DatasetError(SkelSplatError):
 
     def __str__(self) -> str:
         message = f"{self.path}: {self.field}: expected {self.expected}, got {self.actual}"
-        return " ".join(message.split())
+        return escaped(" ".join(message.split()))

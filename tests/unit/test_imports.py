@@ -29,6 +29,7 @@ LAYERS = (
     {"_arrays", "_atomic", "_opencv"},
     {"_optional"},
     {"exceptions", "_json"},
+    {"_escape"},
 )
 PAIR = {"findings", "_sentences"}
 # Part → what it must not import either, though it is below it.
