@@ -87,7 +87,7 @@ def test_an_array_cut_short_is_named(tmp_path: Path) -> None:
     write(path, detections())
     rows = _rows.NpzRows(path, "detections")
     rows.shape = (30, *rows.shape[1:])
-    with pytest.raises(DatasetError, match="detections: expected .* bytes .*got fewer, cut short"):
+    with pytest.raises(DatasetError, match=r"detections: expected .* bytes .*got fewer, cut short"):
         rows.read(20, 30)
 
 
