@@ -26,6 +26,7 @@ LAYERS = (
     {"findings", "_sentences"},  # a finding has its sentence, which is made from its numbers
     {"_chunks"},
     {"_skelsplat"},
+    {"_lock"},
     {"_arrays", "_atomic", "_opencv"},
     {"_optional"},
     {"exceptions", "_json"},
