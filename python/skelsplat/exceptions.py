@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Iterable
 from pathlib import Path
 
-
 # Characters of a message; what a file holds may be longer.
 _LONGEST = 1000
 
