@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import math
 import zipfile
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Any, Protocol
 
@@ -16,7 +18,7 @@ from skelsplat.io._unpickle import DAMAGED_NPY, npy_header
 
 BIG = 32 * 2**20
 """Bytes from which a file is read in stretches where its format allows that."""
-_PIECE = 2**24  # bytes
+_PIECE = 2**22  # bytes
 
 
 class Rows(Protocol):
@@ -35,6 +37,7 @@ class RowFile:
         self.path, self.dtype, self._row = path, np.dtype(dtype), shape
         self._bytes = self.dtype.itemsize * math.prod(shape)
         self._stream: IO[bytes] | None = path.open("wb")
+        self._width = 0
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -45,7 +48,20 @@ class RowFile:
         """Write rows (t, …) after those that are there."""
         if self._stream is None:
             self._stream = self.path.open("ab")
+        if self.dtype.kind == "U":
+            self._width = max(self._width, rows.dtype.itemsize // 4)
         self._stream.write(np.ascontiguousarray(rows, dtype=self.dtype).data.cast("B"))
+
+    def pieces(self, size: int = _PIECE) -> Iterator[npt.NDArray[Any]]:
+        """Yield all rows, so many bytes at a time; text no wider than it was."""
+        steps, each = self.shape[0], max(1, size // max(1, self._bytes))
+        dtype = self.narrow()
+        for first in range(0, steps, each):
+            yield self.read(first, min(first + each, steps)).astype(dtype, copy=False)
+
+    def narrow(self) -> np.dtype[Any]:
+        """Return the type that NumPy would give all rows: of text, the width of the widest appended."""
+        return np.dtype(f"U{max(1, self._width)}") if self.dtype.kind == "U" else self.dtype
 
     def close(self) -> None:
         """Finish writing, until more is appended."""
@@ -104,3 +120,32 @@ def big_array(path: Path, name: str) -> NpzRows | None:
         if rows.in_order and rows.size >= BIG:
             return rows
     return None
+
+
+def write_npz(stream: IO[bytes], arrays: Mapping[str, npt.NDArray[Any] | Made]) -> None:
+    """Write a compressed npz file as NumPy's `savez_compressed`; some of its arrays are made in pieces."""
+    with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, array in arrays.items():
+            with archive.open(f"{name}.npy", "w", force_zip64=True) as member:
+                if isinstance(array, np.ndarray):
+                    np.lib.format.write_array(member, array, allow_pickle=False)
+                    continue
+                descr = np.lib.format.dtype_to_descr(array.dtype)
+                header = {"descr": descr, "fortran_order": False, "shape": array.shape}
+                np.lib.format.write_array_header_1_0(member, header)
+                for piece in array.pieces():
+                    member.write(piece.tobytes())
+
+
+@dataclass(frozen=True)
+class Made:
+    """An array that is made in pieces along its first axis."""
+
+    shape: tuple[int, ...]
+    dtype: np.dtype[Any]
+    pieces: Callable[[], Iterator[npt.NDArray[Any]]]
+
+    @classmethod
+    def of(cls, rows: RowFile) -> Made:
+        """Return the array of a file."""
+        return cls(rows.shape, rows.narrow(), rows.pieces)
