@@ -324,9 +324,9 @@ def read_arrays(folder: Path, cameras: Path, views: Sequence[int]) -> Table:
     path = folder / "poses.npz"
     key, truth, own = read_truth(path, N_JOINTS)
     by_frame = load_json(cameras)
-    if not isinstance(by_frame, dict) or not all(name.isdigit() for name in by_frame):
+    if not isinstance(by_frame, dict) or not all(name.isdecimal() for name in by_frame):
         raise DatasetError(cameras, "JSON", "a table of frame numbers", type(by_frame).__name__)
-    frames = np.array(sorted(int(name) for name in by_frame), dtype=np.int64)
+    frames = np.array(sorted(frame_number(cameras, name, name) for name in by_frame), dtype=np.int64)
     if own is not None:
         unknown = np.setdiff1d(own, frames)
         if len(unknown):

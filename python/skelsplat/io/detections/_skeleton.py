@@ -9,10 +9,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from skelsplat._budget import check_document, read_text
 from skelsplat._optional import require
 from skelsplat.exceptions import DatasetError
 from skelsplat.io._arrays import array_names, as_numbers
-from skelsplat.io._files import parsing, read_text
+from skelsplat.io._files import parsing
 from skelsplat.io.detections._format import DetectionFormat, View
 from skelsplat.io.detections._registry import find_format, first_file
 from skelsplat.io.detections._sleap import is_sleap
@@ -82,17 +83,19 @@ def _sleap(path: Path) -> Skeleton:
 
 
 def _dlc_project(path: Path) -> Skeleton:
-    lists = _yaml_lists(read_text(path))
+    text = read_text(path)
+    check_document(path, text)
+    lists = _yaml_lists(text)
     names = next((lists[key] for key in _PARTS if lists.get(key)), [])
     if not names or not all(isinstance(name, str) for name in names) or len(set(names)) < len(names):
         expected = "a list of different names, as in a DeepLabCut project's config.yaml"
         raise DatasetError(path, "bodyparts", expected, names or "none")
-    edges = []
+    edges, places = [], {name: place for place, name in enumerate(names)}
     for pair in lists.get("skeleton", []):
         if not isinstance(pair, list) or len(pair) != 2:
             raise DatasetError(path, "skeleton", "pairs of parts", pair)
-        if set(pair) <= set(names):  # else of the template, or a part of no individual
-            edges.append((names.index(pair[0]), names.index(pair[1])))
+        if all(isinstance(part, str) and part in places for part in pair):  # else of the template, or a part of no individual
+            edges.append((places[pair[0]], places[pair[1]]))
     return Skeleton(tuple(names), tuple(edges))
 
 
