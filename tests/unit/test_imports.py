@@ -25,6 +25,7 @@ LAYERS = (
     {"cameras", "layouts"},
     {"findings", "_sentences"},  # a finding has its sentence, which is made from its numbers
     {"_skelsplat"},
+    {"_lock"},
     {"_arrays", "_atomic", "_opencv"},
     {"_optional"},
     {"exceptions", "_json"},

@@ -20,13 +20,14 @@ _NAMES = ("joint_names", "camera_names", "processing")
 _REQUIRED = ("pose", "joint_names", "frames", "unit")
 
 
-def write_npz(path: str | os.PathLike[str], data: PoseData) -> None:
+def write_npz(path: str | os.PathLike[str], data: PoseData, *, run: str | None = None) -> None:
     """Write all of `data` as a compressed npz file.
 
     Keys: every attribute of `PoseData` under its name, with the shape and unit that are described there, with
     ``uncertainty`` (the scatter) also ``error_bar``, which contains ``joint_bias`` and is not read, and
     ``version``, the version of this package. Tuples of names are string arrays, ``unit`` is a string and
-    ``frame_rate`` a number of shape (), NaN if unknown. No key needs pickle to be read.
+    ``frame_rate`` a number of shape (), NaN if unknown. ``run``, if given, names the run whose folder the
+    file is a part of. No key needs pickle to be read.
 
     Raises
     ------
@@ -40,6 +41,8 @@ def write_npz(path: str | os.PathLike[str], data: PoseData) -> None:
         arrays[key] = np.array(getattr(data, key), dtype=np.str_)
     arrays["frame_rate"] = np.array(np.nan if data.frame_rate is None else data.frame_rate)
     arrays["version"] = np.array(sk.__version__)
+    if run is not None:
+        arrays["run"] = np.array(run)
     with atomic_write(path) as stream:
         np.savez_compressed(stream, allow_pickle=False, **arrays)
 
