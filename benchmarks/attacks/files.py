@@ -184,8 +184,11 @@ def mat_bomb() -> str:
 @attack("12j", "JSON nested 960 deep, as calibration; as poses", _REFUSED, limit_s=_LIMIT_S)
 def json_deep() -> str:
     deep = "[" * 960 + "]" * 960
-    cameras = f'{{"format": "skelsplat-calibration", "version": 1, "unit": "mm", "cameras": [{{"name": "a", "K": {deep}}}]}}'
-    poses = f'{{"format": "skelsplat-poses", "version": 1, "joint_names": {deep}, "frames": [], "unit": {deep}}}'
+    start = '{"format": "skelsplat-calibration", "version": 1, "unit": "mm"'
+    cameras = f'{start}, "cameras": [{{"name": "a", "K": {deep}}}]}}'
+    poses = (
+        f'{{"format": "skelsplat-poses", "version": 1, "joint_names": {deep}, "frames": [], "unit": {deep}}}'
+    )
     return "; ".join(
         (_reading("c.json", cameras.encode(), _calibration), _reading("p.json", poses.encode(), io.read_pose))
     )
@@ -305,7 +308,14 @@ def npz_poses() -> str:
 @attack("13h", "an infinite coordinate in poses: csv; trc; npz", _REFUSED, limit_s=_LIMIT_S)
 def infinite() -> str:
     csv = b"frame,joint,x,y,z,unit\n0,a,inf,1,1,mm\n"
-    lines = ["PathFileType\t4\t(X/Y/Z)\tx", "DataRate", "9\t9\t1\t1\tmm\t9\t1\t1", "Frame#\tTime\ta", "\t\tX1", "1\t0\tinf\t1\t1"]
+    lines = [
+        "PathFileType\t4\t(X/Y/Z)\tx",
+        "DataRate",
+        "9\t9\t1\t1\tmm\t9\t1\t1",
+        "Frame#\tTime\ta",
+        "\t\tX1",
+        "1\t0\tinf\t1\t1",
+    ]
     npz = _npz(pose=np.full((1, 1, 3), np.inf), joint_names=["a"], frames=[0], unit="mm")
     files = {"p.csv": csv, "p.trc": "\n".join(lines).encode(), "p.npz": npz}
     return "; ".join(_reading(name, content, io.read_pose) for name, content in files.items())
@@ -314,8 +324,8 @@ def infinite() -> str:
 @attack("13i", "ragged rotation; rotation of 1e308, TOML", _REFUSED, limit_s=_LIMIT_S)
 def rotations() -> str:
     text = (
-        '[a]\ncam_id = 0\nsize = [9, 9]\nmatrix = [[9, 0, 4], [0, 9, 4], [0, 0, 1]]\ndistortions = [0, 0, 0, 0]\n'
-        "translation = [0, 0, 1]\nrotation = {}\n"
+        "[a]\ncam_id = 0\nsize = [9, 9]\nmatrix = [[9, 0, 4], [0, 9, 4], [0, 0, 1]]\n"
+        "distortions = [0, 0, 0, 0]\ntranslation = [0, 0, 1]\nrotation = {}\n"
     )
     ragged = "[cameras." + text.format("[[1, 0, 0], [0, 1], [0, 0, 1]]")[1:]
     return "; ".join(
@@ -323,7 +333,9 @@ def rotations() -> str:
     )
 
 
-@attack("13j", "every flipped bit of an npy header, in npy and npz: tracebacks", "0 of 2048", limit_s=_LIMIT_S)
+@attack(
+    "13j", "every flipped bit of an npy header, in npy and npz: tracebacks", "0 of 2048", limit_s=_LIMIT_S
+)
 def npy_bits() -> str:
     array = _npy_header((2, 3, 17, 2)) + np.full((2, 3, 17, 2), 5.0).tobytes()
     bad = total = 0

@@ -1,9 +1,9 @@
 """What a file may be: the one budget of all readers, and the one way to open a file.
 
-A file from elsewhere may be no file (a pipe, a device), claim to unpack to more than any memory holds, or nest
-its values until Python gives up. Every reader opens files with `opened` and asks here before it believes what
-a file claims; what is refused is a `DatasetError` of one line with the limit. Large recordings are no problem:
-what counts is the ratio to the size of the file, and the memory that is available.
+A file from elsewhere may be no file (a pipe, a device), claim to unpack to more than any memory holds, or
+nest its values until Python gives up. Every reader opens files with `opened` and asks here before it believes
+what a file claims; what is refused is a `DatasetError` of one line with the limit. Large recordings are no
+problem: what counts is the ratio to the size of the file, and the memory that is available.
 """
 
 from __future__ import annotations
@@ -38,6 +38,7 @@ _MOST_PARTS = 32  # of a dotted key; the time for one grows with their square
 _ALWAYS, _RATIO = 2**27, 100
 _UNCHECKED = 2**26  # bytes that need no look at the memory
 _SPARSE = 2**30  # files from this size on must be stored to a hundredth
+_LEAVES = 10**5  # values of a pickle beyond its bytes
 _CHUNK = 2**20
 _KINDS = {stat.S_IFIFO: "a named pipe", stat.S_IFSOCK: "a socket", stat.S_IFCHR: "a device"}
 _GROUP_LIMITS = ("/sys/fs/cgroup/memory.max", "/sys/fs/cgroup/memory/memory.limit_in_bytes")
@@ -84,7 +85,9 @@ def afford(path: Path, field: str, need: int) -> None:
 def unpack(path: Path, field: str, need: int, held: int) -> None:
     """Raise `DatasetError` if `need` bytes are too much to come from `held` in a file, or for the memory."""
     if need > _ALWAYS + _RATIO * held:
-        expected = f"at most {amount(_ALWAYS + _RATIO * held)} from {amount(held)} (or a file without packing)"
+        expected = (
+            f"at most {amount(_ALWAYS + _RATIO * held)} from {amount(held)} (or a file without packing)"
+        )
         raise DatasetError(path, field, expected, amount(need))
     afford(path, field, need)
 
@@ -156,7 +159,7 @@ _UNMARKED = bytes(set(range(256)) - set(b'"[]{}'))
 
 
 def check_json(path: Path, document: str, text: str) -> None:
-    """Raise `DatasetError` for JSON nested too deeply to be a `document`, or with values beyond the memory."""
+    """Raise `DatasetError` for JSON nested too deeply for a `document`, or with values beyond the memory."""
     raw = text.encode("utf-8", "replace")
     opens = raw.count(b"[") + raw.count(b"{")
     afford(path, "JSON", 72 * opens + 36 * raw.count(b","))
@@ -202,9 +205,9 @@ def read_toml(path: Path) -> dict[str, Any]:
 def check_tree(path: Path, field: str, value: Any, held: int) -> None:
     """Raise `DatasetError` if lists and tables nest too deeply, or have more values than `held` bytes hold.
 
-    A pickle can name a list again and again, so that a few bytes are 2^30 values to whoever goes through them.
+    A pickle can name a list again and again, so that a few bytes are 2^30 values for whoever goes through.
     """
-    left, level = held + 10**6, [value]
+    left, level = held + _LEAVES, [value]
     for _ in range(MOST_DEPTH + 1):
         inner: list[Any] = []
         for one in level:
@@ -218,7 +221,7 @@ def check_tree(path: Path, field: str, value: Any, held: int) -> None:
                 continue
             left -= len(one) if not isinstance(one, np.ndarray) else one.size
             if left < 0:
-                expected = f"at most {held + 10**6:,} values in {amount(held)}"
+                expected = f"at most {held + _LEAVES:,} values in {amount(held)}"
                 raise DatasetError(path, field, expected, "more, by naming the same ones again")
             inner += [entry for entry in entries if not isinstance(entry, str | bytes | int | float)]
         if not inner:

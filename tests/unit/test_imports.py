@@ -26,6 +26,7 @@ LAYERS = (
     {"findings", "_sentences"},  # a finding has its sentence, which is made from its numbers
     {"_skelsplat"},
     {"_lock"},
+    {"_budget"},
     {"_arrays", "_atomic", "_opencv"},
     {"_optional"},
     {"exceptions", "_json"},

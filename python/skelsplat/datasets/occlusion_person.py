@@ -36,6 +36,7 @@ from skelsplat.datasets._model import Dataset, Take
 from skelsplat.datasets._rig import build_rig, camera_at_centre
 from skelsplat.datasets._verify import raise_errors, sample
 from skelsplat.exceptions import DatasetError, InvalidInputError, one_of
+from skelsplat.io._files import frame_number
 from skelsplat.layouts import OCCLUSION_PERSON15
 
 DESCRIPTION = "Occlusion-Person: rendered persons behind furniture in 8 cameras."

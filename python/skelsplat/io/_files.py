@@ -63,7 +63,9 @@ def csv_lines(path: Path) -> Iterator[list[str]]:
         for line in reader:
             columns = len(line) if columns is None else columns
             if (line and len(line) != columns) or columns > MOST_COLUMNS:
-                expected = f"{columns} fields" if columns <= MOST_COLUMNS else f"at most {MOST_COLUMNS} fields"
+                expected = (
+                    f"{columns} fields" if columns <= MOST_COLUMNS else f"at most {MOST_COLUMNS} fields"
+                )
                 raise DatasetError(path, f"line {first}", expected, f"{len(line)} fields")
             yield line
             first = reader.line_num + 1
@@ -100,13 +102,13 @@ def load_json(path: Path, document: str, text: str | None = None) -> Any:
         value = json.loads(text, parse_int=whole_number)
         if _SURROGATE.search(text):
             json.dumps(value, ensure_ascii=False).encode()
-        return value
     except json.JSONDecodeError as error:
         at = f"character {error.pos} of {len(text)}, at line {error.lineno}, column {error.colno}"
         actual = f"{error.msg.lower()} at {at}"
         raise DatasetError(path, "JSON", "a complete JSON document", actual) from error
     except UnicodeEncodeError:
         raise DatasetError(path, "JSON", "texts in Unicode", "half a character (a lone surrogate)") from None
+    return value
 
 
 def whole_number(text: str) -> int | float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import re
 from collections.abc import Mapping
 from pathlib import Path
@@ -10,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from skelsplat._arrays import Array
-from skelsplat._atomic import opening
+from skelsplat._budget import read_bytes
 from skelsplat._optional import require
 from skelsplat.exceptions import DatasetError
 from skelsplat.io._fields import Field
@@ -71,8 +72,7 @@ def parse_opencap(source: Source) -> Parsed:
 
 
 def _opencap_entry(path: Path) -> Field:
-    with opening(path), path.open("rb") as stream:
-        return Field(path, "", _plain(unpickle(stream, path)))
+    return Field(path, "", _plain(unpickle(io.BytesIO(read_bytes(path)), path)))
 
 
 def _opencap_camera(name: str, entry: Field) -> RawCamera:

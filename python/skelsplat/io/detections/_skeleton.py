@@ -94,7 +94,9 @@ def _dlc_project(path: Path) -> Skeleton:
     for pair in lists.get("skeleton", []):
         if not isinstance(pair, list) or len(pair) != 2:
             raise DatasetError(path, "skeleton", "pairs of parts", pair)
-        if all(isinstance(part, str) and part in places for part in pair):  # else of the template, or a part of no individual
+        if all(
+            isinstance(part, str) and part in places for part in pair
+        ):  # else of the template, or a part of no individual
             edges.append((places[pair[0]], places[pair[1]]))
     return Skeleton(tuple(names), tuple(edges))
 

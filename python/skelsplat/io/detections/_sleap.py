@@ -107,11 +107,12 @@ def read_sleap_csv(path: Path) -> View:
     those of `read_sleap`. A frame without animals has no line.
     """
     lines = csv_lines(path)
-    nodes = _nodes(path, lines[0] if lines else [])
-    places = {name: place for place, name in enumerate(lines[0])}
+    header = next(lines, [])
+    nodes = _nodes(path, header)
+    places = {name: place for place, name in enumerate(header)}
     people: dict[int, list[Person]] = {}
     seen: set[tuple[int, str]] = set()
-    for number, line in enumerate(lines[1:], start=2):
+    for number, line in enumerate(lines, start=2):
         if not line:
             continue
         frame = frame_in(path, f"line {number}, {_FRAME}", line[places[_FRAME]].strip())
