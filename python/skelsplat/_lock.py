@@ -36,13 +36,18 @@ def locked(folder: Path, name: str = ".skelsplat.lock") -> Iterator[None]:
     try:
         yield
     finally:
-        with suppress(OSError):  # open elsewhere, on Windows
+        try:
             if sys.platform != "win32":  # while it is held: a file removed later could be another's
-                path.unlink()
-        os.close(file)
-        with suppress(OSError):
-            if sys.platform == "win32":
-                path.unlink()
+                _remove(path)
+        finally:
+            os.close(file)
+        if sys.platform == "win32":  # which removes no file that is open
+            _remove(path)
+
+
+def _remove(path: Path) -> None:
+    with suppress(OSError):
+        path.unlink()
 
 
 def _take(path: Path) -> int:

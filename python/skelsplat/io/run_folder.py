@@ -89,18 +89,22 @@ def write_run_inputs(
     layout: sk.Layout,
     detections: Array,
     frames: Index,
-    run: str,
     frame_rate: float | None = None,
+    run: str | None = None,
 ) -> list[str]:
-    """Write cameras, detections (T, M, N, 3) of one person and an own layout; return the files' names."""
-    write_calibration(folder / CAMERAS, rig, note=mark(run))
+    """Write cameras, detections (T, M, N, 3) of one person and an own layout; return the files' names.
+
+    They say that they are of ``run``.
+    """
+    write_calibration(folder / CAMERAS, rig, note=None if run is None else mark(run))
     own = not sk.layouts.is_built_in(layout)
     if own:
-        atomic_write_text(folder / LAYOUT, f"# {mark(run)}\n{to_toml(layout)}")
+        first = "" if run is None else f"# {mark(run)}\n"
+        atomic_write_text(folder / LAYOUT, f"{first}{to_toml(layout)}")
     names = {
         "camera_names": np.array(rig.names, dtype=np.str_),
         "joint_names": np.array(layout.joints, dtype=np.str_),
-        RUN: np.array(run),
+        **({} if run is None else {RUN: np.array(run)}),
     }
     rate = np.array(np.nan if frame_rate is None else frame_rate)
     with atomic_write(folder / DETECTIONS) as stream:

@@ -151,7 +151,7 @@ def write_folder(run: Run, folder: Path, writing: Writing, name: str | None = No
     write_poses(folder, run.poses, writing, name)
     if writing.angles:
         write_angles(run, folder, _ASSUMED_FPS)
-    write_run_inputs(folder, run.cameras, run.layout, run.detections, run.frames, name, run.poses.frame_rate)
+    write_run_inputs(folder, run.cameras, run.layout, run.detections, run.frames, run.poses.frame_rate, name)
     if can_draw():
         from skelsplat.run.figures import write_figures  # matplotlib takes long to load
 
