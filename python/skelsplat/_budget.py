@@ -13,6 +13,7 @@ import os
 import re
 import stat
 import sys
+import zipfile
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from itertools import chain
@@ -40,6 +41,8 @@ _UNCHECKED = 2**26  # bytes that need no look at the memory
 _SPARSE = 2**30  # files from this size on must be stored to a hundredth
 _LEAVES = 10**5  # values of a pickle beyond its bytes
 _CHUNK = 2**20
+# the end of a zip file, at most so long; bytes of the list of its members, and where their number is
+_END, _LONGEST_END, _MOST_LISTED, _LISTED_AT = b"PK\5\6", 2**16 + 22, 2**23, 12
 _KINDS = {stat.S_IFIFO: "a named pipe", stat.S_IFSOCK: "a socket", stat.S_IFCHR: "a device"}
 _GROUP_LIMITS = ("/sys/fs/cgroup/memory.max", "/sys/fs/cgroup/memory/memory.limit_in_bytes")
 
@@ -82,14 +85,29 @@ def afford(path: Path, field: str, need: int) -> None:
         raise DatasetError(path, field, expected, f"values that need {amount(need)}")
 
 
-def unpack(path: Path, field: str, need: int, held: int) -> None:
-    """Raise `DatasetError` if `need` bytes are too much to come from `held` in a file, or for the memory."""
+def check_ratio(path: Path, field: str, need: int, held: int) -> None:
+    """Raise `DatasetError` if `need` bytes are too much to come from `held` in a file."""
     if need > _ALWAYS + _RATIO * held:
         expected = (
             f"at most {amount(_ALWAYS + _RATIO * held)} from {amount(held)} (or a file without packing)"
         )
         raise DatasetError(path, field, expected, amount(need))
-    afford(path, field, need)
+
+
+def zipped(path: Path, stream: BinaryIO) -> zipfile.ZipFile:
+    """Return the zip file of a stream, unless the list of its members or what they unpack to is too long."""
+    size = os.fstat(stream.fileno()).st_size
+    stream.seek(max(size - _LONGEST_END, 0))
+    rest = stream.read(_LONGEST_END)
+    at = rest.rfind(_END) + _LISTED_AT
+    listed = int.from_bytes(rest[at : at + 4], "little") if at >= _LISTED_AT else 0
+    if listed > _MOST_LISTED:
+        expected = f"a list of its members of at most {amount(_MOST_LISTED)}"
+        raise DatasetError(path, "file", expected, amount(listed))
+    stream.seek(0)
+    archive = zipfile.ZipFile(stream)
+    check_ratio(path, "file", sum(info.file_size for info in archive.infolist()), size)
+    return archive
 
 
 def _available() -> int | None:

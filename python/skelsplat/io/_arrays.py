@@ -9,7 +9,8 @@ import mmap
 import os
 import zipfile
 from collections import Counter
-from collections.abc import Collection
+from collections.abc import Collection, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -17,13 +18,13 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from skelsplat._arrays import Array, Index
-from skelsplat._budget import MOST_NAME, opened, unpack
+from skelsplat._budget import MOST_NAME, afford, check_ratio, opened, zipped
+from skelsplat._optional import require
 from skelsplat.exceptions import DatasetError
 from skelsplat.io._files import frame_number, parsing
 from skelsplat.io._unpickle import npy_header, read_array
 
-# the end of a zip file, at most so long; bytes of the list of what is in it, and where their number is
-_END, _LONGEST_END, _MOST_LISTED, _LISTED_AT = b"PK\5\6", 2**16 + 22, 2**23, 12
+_MOST_ITEMS = 10_000  # of an HDF5 file; a recording has twenty
 _HDF5 = b"\x89HDF\r\n\x1a\n"
 
 
@@ -109,12 +110,11 @@ def load_npz(path: Path, keys: Collection[str]) -> Arrays:
 
 def _members(path: Path, stream: BinaryIO, keys: Collection[str] | None, *, pickled: bool) -> dict[str, Any]:
     """Return the arrays among `keys`, or all, that an npz file holds."""
-    size = _check_list(path, stream)
     found = {}
-    with zipfile.ZipFile(stream) as archive:
+    with zipped(path, stream) as archive:
         infos = {info.filename.removesuffix(".npy"): info for info in _infos(archive)}
         wanted = {name: info for name, info in infos.items() if keys is None or name in keys}
-        unpack(path, "file", sum(info.file_size for info in wanted.values()), size)
+        afford(path, "file", sum(info.file_size for info in wanted.values()))
         for name, info in wanted.items():
             if info.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
                 raise DatasetError(path, name, "an array packed by deflate or not at all", "another packing")
@@ -125,21 +125,6 @@ def _members(path: Path, stream: BinaryIO, keys: Collection[str] | None, *, pick
 
 def _infos(archive: zipfile.ZipFile) -> list[zipfile.ZipInfo]:
     return [info for info in archive.infolist() if info.filename.endswith(".npy")]
-
-
-def _check_list(path: Path, stream: BinaryIO) -> int:
-    """Return the length of a file; raise `DatasetError` for a zip file with an endless list of members."""
-    size = os.fstat(stream.fileno()).st_size
-    stream.seek(max(size - _LONGEST_END, 0))
-    rest = stream.read(_LONGEST_END)
-    at = rest.rfind(_END) + _LISTED_AT
-    listed = int.from_bytes(rest[at : at + 4], "little") if at >= _LISTED_AT else 0
-    if listed > _MOST_LISTED:
-        raise DatasetError(
-            path, "file", f"a list of members of at most {_MOST_LISTED:,} bytes", f"{listed:,}"
-        )
-    stream.seek(0)
-    return size
 
 
 def load_plain_npz(path: Path, kind: str) -> dict[str, Any]:
@@ -160,10 +145,8 @@ def load_npy(path: Path) -> Any:
 def npz_keys(path: Path) -> frozenset[str]:
     """Return the names of the arrays in an npz file; none if it is no such file."""
     try:
-        with opened(path) as stream, parsing(path, "an npz file"):
-            _check_list(path, stream)
-            with zipfile.ZipFile(stream) as archive:
-                return frozenset(info.filename.removesuffix(".npy") for info in _infos(archive))
+        with opened(path) as stream, parsing(path, "an npz file"), zipped(path, stream) as archive:
+            return frozenset(info.filename.removesuffix(".npy") for info in _infos(archive))
     except DatasetError:
         return frozenset()
 
@@ -175,6 +158,39 @@ def npy_shape(path: Path) -> tuple[int, ...]:
             return tuple(npy_header(stream)[0])
     except DatasetError:
         return ()
+
+
+@contextmanager
+def hdf5(path: Path, purpose: str, expected: str = "a complete HDF5 file") -> Iterator[Any]:
+    """Open an HDF5 file of no more than its bytes can hold, and of nothing in other files.
+
+    Another file, and any error within the block, is a `DatasetError` that says what was `expected`.
+    """
+    h5py = require("h5py", purpose)
+    with parsing(path, expected), h5py.File(path, "r") as file:
+        sizes: list[int] = []
+        links: list[str] = []
+
+        def look(name: str, item: Any) -> None:
+            sizes.append(int(item.nbytes) if isinstance(item, h5py.Dataset) else 0)
+            if isinstance(item, h5py.Dataset) and (item.is_virtual or item.external):
+                raise DatasetError(path, name, "data in this file", "those of another file")
+            check_ratio(path, name, sum(sizes), path.stat().st_size)
+
+        def refuse(name: str, link: Any) -> DatasetError | None:
+            links.append(name)
+            if len(links) > _MOST_ITEMS:
+                return DatasetError(path, "file", f"at most {_MOST_ITEMS} groups and datasets", "more")
+            if isinstance(link, h5py.ExternalLink):
+                return DatasetError(path, name, "data in this file", "a link to another")
+            return None
+
+        error = file.visititems_links(refuse)
+        if error is not None:
+            raise error
+        file.visititems(look)
+        afford(path, "file", max(sizes, default=0))
+        yield file
 
 
 def hdf5_mentions(path: Path, *names: bytes) -> bool:

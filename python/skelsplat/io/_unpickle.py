@@ -11,6 +11,7 @@ file, which a pickle could otherwise multiply by naming the same bytes again and
 from __future__ import annotations
 
 import io
+import math
 import pickle
 import re
 from collections import OrderedDict
@@ -315,12 +316,17 @@ def _allowed(charge: Charge) -> dict[tuple[str, str], Any]:
 
 
 def npy_header(stream: IO[bytes]) -> tuple[tuple[int, ...], bool, np.dtype[Any]]:
-    """Return shape, order (Fortran's or not) and dtype of an array in NumPy's npy format."""
+    """Return shape, order (Fortran's or not) and dtype of an array in NumPy's npy format.
+
+    Of another or a damaged file, whose header is evaluated as Python, this can raise nearly anything.
+    """
     version = np.lib.format.read_magic(stream)
     readers = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
     if version not in readers:
         raise ValueError(f"version {version} of the npy format")
-    return readers[version](stream)
+    shape, fortran, dtype = readers[version](stream)
+    _count(shape)
+    return shape, fortran, dtype
 
 
 def read_array(
@@ -332,9 +338,9 @@ def read_array(
     """
     try:
         shape, fortran, dtype = npy_header(stream)
-        count = _count(shape)
-    except Exception as error:  # a header is evaluated as Python: nearly anything
+    except Exception as error:
         raise DatasetError(path, field, "an array in npy format", error) from error
+    count = math.prod(shape)
     if dtype.hasobject and pickled:
         value = unpickle(stream, path, field)
         if not isinstance(value, np.ndarray) or value.size != count:

@@ -13,7 +13,7 @@ import numpy as np
 from skelsplat._arrays import Array
 from skelsplat._optional import require
 from skelsplat.exceptions import DatasetError
-from skelsplat.io._arrays import hdf5_mentions
+from skelsplat.io._arrays import hdf5, hdf5_mentions
 from skelsplat.io._files import csv_header, csv_lines, frame_number, parsing
 from skelsplat.io.detections._csv import frame_in, number_in
 from skelsplat.io.detections._format import View, array_view, joints_of
@@ -56,7 +56,10 @@ def _load(path: Path) -> Any:
     """Return the table; its file is closed again."""
     pandas = require("pandas", f"{path}: DeepLabCut's h5")
     require("tables", f"{path}: DeepLabCut's h5")
-    with parsing(path, "a complete HDF5 file of pandas"), pandas.HDFStore(path, mode="r") as store:
+    expected = "a complete HDF5 file of pandas"
+    with hdf5(path, f"{path}: DeepLabCut's h5", expected):
+        pass
+    with parsing(path, expected), pandas.HDFStore(path, mode="r") as store:
         keys = [key.strip("/") for key in store.keys()]  # noqa: SIM118 - a store, not a dict
         tables = [key for key in keys if str(store.get_storer(key).pandas_type).startswith("frame")]
         table = store[tables[0]] if len(tables) == 1 else None

@@ -10,10 +10,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from skelsplat._budget import check_document, read_text
-from skelsplat._optional import require
 from skelsplat.exceptions import DatasetError
-from skelsplat.io._arrays import array_names, as_numbers
-from skelsplat.io._files import parsing
+from skelsplat.io._arrays import array_names, as_numbers, hdf5
 from skelsplat.io.detections._format import DetectionFormat, View
 from skelsplat.io.detections._registry import find_format, first_file
 from skelsplat.io.detections._sleap import is_sleap
@@ -71,8 +69,7 @@ def _first_view(path: Path, form: DetectionFormat) -> View:
 
 
 def _sleap(path: Path) -> Skeleton:
-    h5py = require("h5py", f"{path}: SLEAP's h5")
-    with parsing(path, "a complete HDF5 file"), h5py.File(path, "r") as file:
+    with hdf5(path, f"{path}: SLEAP's h5") as file:
         names = np.asarray(file["node_names"][()])
         edges = np.asarray(file["edge_inds"][()] if "edge_inds" in file else [])
     known = array_names(path, "node_names", names, names.size)
