@@ -27,9 +27,11 @@ LAYERS = (
     {"_chunks"},
     {"_skelsplat"},
     {"_lock"},
+    {"_budget"},
     {"_arrays", "_atomic", "_opencv"},
     {"_optional"},
     {"exceptions", "_json"},
+    {"_escape"},
 )
 PAIR = {"findings", "_sentences"}
 # Part → what it must not import either, though it is below it.
