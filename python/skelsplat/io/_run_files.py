@@ -4,13 +4,21 @@ from __future__ import annotations
 
 import json
 import re
+from collections.abc import Iterable
 from pathlib import Path
+
+from skelsplat.exceptions import DatasetError
+from skelsplat.io._arrays import load_npz
+from skelsplat.io._files import head, load_json
 
 POSES, CAMERAS, DETECTIONS, REPORT = "pose.npz", "cameras.json", "detections.npz", "report.json"
 LAYOUT = "layout.toml"
 """The layout of a run, if it is not a built-in one."""
 UNFINISHED = "unfinished"
 """Key of a report whose run still writes its files, or was stopped there."""
+
+RUN, MARKED = "run", (POSES, CAMERAS, DETECTIONS, LAYOUT)
+"""Key in a report of what tells runs apart, and the files that have it, too; earlier versions wrote none."""
 
 _START = 1024  # bytes; the versions come first
 
@@ -41,6 +49,49 @@ def folders_of_run(folder: Path) -> list[str]:
 def is_person(name: str) -> bool:
     """Whether a folder has the name of one person's, ``person_0``."""
     return re.fullmatch(r"person_\d+", name) is not None
+
+
+def mark(run: str) -> str:
+    """Return the text that says in the cameras and the layout which run they are of."""
+    return f"run {run}"
+
+
+def run_of(path: Path) -> str | None:
+    """Return the run that a file is of: its report, detections, poses, cameras or layout; None if not marked.
+
+    Raises
+    ------
+    DatasetError
+        If the file cannot be read.
+    """
+    if path.suffix == ".npz":
+        return next((str(run) for run in load_npz(path, (RUN,)).found.values()), None)
+    if path.suffix == ".json":
+        document = load_json(path, "a file of a run")
+        found = document if isinstance(document, dict) else {}
+        return _marked(str(found.get("note"))) if path.name == CAMERAS else found.get(RUN)
+    return _marked(head(path).partition("\n")[0].removeprefix("# "))
+
+
+def _marked(text: str) -> str | None:
+    return text.removeprefix(mark("")) if text.startswith(mark("")) else None
+
+
+def check_one_run(report: Path, files: Iterable[Path]) -> None:
+    """Raise `DatasetError`, which names both, if a file is of another run than a report."""
+    run = run_of(report)
+    for path in files:
+        other = run_of(path)
+        if other != run:
+            expected = f"{_short(run)}, as in {report}"
+            raise DatasetError(
+                path, RUN, expected, f"{_short(other)}: files of two runs are mixed, run it again"
+            )
+
+
+def _short(run: object) -> str:
+    text = "none" if run is None else str(run)
+    return text if len(text) <= 60 else f"{text[:57]}..."
 
 
 def _listed(folder: Path, key: str) -> list[str] | None:

@@ -13,7 +13,7 @@ from skelsplat._atomic import opening
 from skelsplat.exceptions import DatasetError, InvalidInputError, one_of
 from skelsplat.io._files import VIDEO_SUFFIXES, listed
 from skelsplat.io._run_files import is_run
-from skelsplat.io.detections import _arrays, _caliscope, _csv, _deeplabcut, _json, _sleap
+from skelsplat.io.detections import _arrays, _caliscope, _csv, _deeplabcut, _json, _npz, _sleap
 from skelsplat.io.detections._format import DetectionFormat, View
 from skelsplat.io.detections._frames import Sources
 from skelsplat.io.detections._match import Candidates, match_by_name, match_by_order
@@ -50,9 +50,7 @@ FORMATS: dict[str, DetectionFormat] = {
             recording=_arrays.read_videopose3d,
             sequences=True,
         ),
-        DetectionFormat(
-            "npz", (".npz",), _arrays.is_npz, _arrays.read_npz, recording=_arrays.read_npz_recording
-        ),
+        DetectionFormat("npz", (".npz",), _npz.is_npz, _npz.read_npz, recording=_npz.read_npz_recording),
         DetectionFormat("csv", (".csv",), _csv.is_csv, _csv.read_csv, recording=_csv.read_csv_recording),
     )
 }
