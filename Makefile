@@ -16,8 +16,8 @@ PIP := $(BIN)/python -m pip install --quiet --constraint requirements-dev.lock
 # As many as there are cores; more than a few gain nothing.
 PYTEST := $(BIN)/python -m pytest --numprocesses auto --maxprocesses 8 --dist worksteal
 
-.PHONY: demo test test-all docs fmt lint rust-lint python-lint rust-check rust-test python-test bench clean \
-        wheel sdist lock test-lowest package reproducible notices deny publish-check
+.PHONY: demo test test-all fuzz fuzz-case docs fmt lint rust-lint python-lint rust-check rust-test python-test bench \
+        clean wheel sdist lock test-lowest package reproducible notices deny publish-check
 
 demo: $(STAMPS)/installed
 	$(BIN)/skelsplat demo -o skelsplat-demo
@@ -27,6 +27,16 @@ test-all: PYTEST += -m ''
 test test-all: $(STAMPS)/dev
 	$(MAKE) --jobs 2 rust-check python-lint
 	$(PYTEST)
+
+# Random inputs for so many minutes; findings are saved and printed with how to repeat them.
+# docs/reliability.md, "Fuzzing", says what it tries.
+MINUTES ?= 10
+FUZZ := PYTHONPATH=tests:tools:benchmarks $(BIN)/python -m fuzz
+fuzz: $(STAMPS)/dev
+	$(FUZZ) --minutes $(MINUTES)
+
+fuzz-case: $(STAMPS)/dev
+	$(FUZZ) $(CASE)
 
 # Its own interpreter: nothing is installed outside this folder.
 $(STAMPS)/venv: pyproject.toml requirements-dev.lock
