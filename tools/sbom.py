@@ -1,4 +1,4 @@
-"""Write licenses/skelsplat.cdx.json: what the compiled module consists of, as CycloneDX, by `cargo cyclonedx`.
+"""Write licenses/skelsplat.cdx.json, what the compiled module consists of, by `cargo cyclonedx`.
 
     python tools/sbom.py      # needs cargo-cyclonedx, from crates.io
 
