@@ -17,6 +17,7 @@ from dataclasses import asdict, dataclass, field
 from typing import Any, Literal
 
 from skelsplat import _sentences
+from skelsplat._escape import escaped
 
 Severity = Literal["error", "warning", "note"]
 
@@ -90,7 +91,7 @@ class Finding:
     @property
     def text(self) -> str:
         """The finding in words: one or a few sentences."""
-        return _sentences.sentence(self)
+        return escaped(_sentences.sentence(self))
 
     def __str__(self) -> str:
         return self.text

@@ -17,7 +17,7 @@ from skelsplat.cli import options
 from skelsplat.cli._app import FAILED
 from skelsplat.cli.command import Application, with_parameters_of
 from skelsplat.cli.config import MisfitError, entries_of, options_in, unknown
-from skelsplat.cli.output import counting, print_json, print_message
+from skelsplat.cli.output import Terminal, counting, print_json, print_message
 from skelsplat.cli.refine import job_of
 from skelsplat.cli.table import new_table, print_paragraphs, print_table
 from skelsplat.exceptions import DatasetError
@@ -109,7 +109,7 @@ def batch(
     if as_json:
         print_json(found.to_dict())
     elif not quiet:
-        _print(Console(highlight=False, markup=False), found, output)
+        _print(Terminal(), found, output)
     if quiet or as_json:
         for one in found.failed:
             print_message(f"error: {one.name}: {one.error}")

@@ -25,6 +25,7 @@ from pathlib import Path
 from typing import Any
 
 from skelsplat._atomic import atomic_write_text, opening
+from skelsplat._escape import CONTROL
 from skelsplat._skelsplat import Layout
 from skelsplat.exceptions import DatasetError, InvalidInputError
 
@@ -240,7 +241,7 @@ def to_toml(layout: Layout, about: About | None = None) -> str:
 
 def _quoted(text: str) -> str:
     escaped = text.replace("\\", "\\\\").replace('"', '\\"')
-    return '"' + re.sub(r"[\x00-\x1f\x7f]", lambda found: f"\\u{ord(found[0]):04x}", escaped) + '"'
+    return '"' + CONTROL.sub(lambda found: f"\\u{ord(found[0]):04x}", escaped) + '"'
 
 
 def _list(key: str, items: Sequence[str]) -> Iterator[str]:
