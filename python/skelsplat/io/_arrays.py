@@ -8,6 +8,7 @@ from __future__ import annotations
 import io
 import mmap
 import struct
+import sys
 import tokenize
 import zipfile
 import zlib
@@ -109,7 +110,16 @@ def load_npz(path: Path, keys: Collection[str]) -> Arrays:
 
 def _member(archive: zipfile.ZipFile, path: Path, name: str) -> Any:
     with archive.open(f"{name}.npy") as stream:
-        return read_array(stream, path, name)
+        return _readable(read_array(stream, path, name), path, name)
+
+
+def _readable(array: Any, path: Path, name: str) -> Any:
+    """Return an array, or raise `DatasetError` for text with numbers that are no characters."""
+    if isinstance(array, np.ndarray) and array.dtype.kind == "U":
+        codes = np.frombuffer(array.tobytes(), dtype=f"{array.dtype.byteorder}u4")
+        if (codes > sys.maxunicode).any():
+            raise DatasetError(path, name, "text", f"a character of number {codes.max()}")
+    return array
 
 
 def load_plain_npz(path: Path, kind: str) -> dict[str, Any]:
@@ -121,9 +131,10 @@ def load_plain_npz(path: Path, kind: str) -> dict[str, Any]:
     content.seek(0)
     try:
         with np.load(content, allow_pickle=False) as archive:
-            return {name: array for name, array in archive.items() if isinstance(array, np.ndarray)}
+            arrays = {name: array for name, array in archive.items() if isinstance(array, np.ndarray)}
     except (OSError, ValueError, TypeError, tokenize.TokenError, *_DAMAGED_NPZ) as error:
         raise DatasetError(path, "file", kind, error) from error
+    return {name: _readable(array, path, name) for name, array in arrays.items()}
 
 
 def load_npy(path: Path) -> Any:
