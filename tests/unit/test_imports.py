@@ -27,6 +27,7 @@ LAYERS = (
     {"_chunks"},
     {"_skelsplat"},
     {"_lock"},
+    {"_budget"},
     {"_arrays", "_atomic", "_opencv"},
     {"_optional"},
     {"exceptions", "_json"},

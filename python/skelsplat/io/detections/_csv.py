@@ -47,10 +47,10 @@ def read_csv(path: Path) -> View:
 def _read(path: Path) -> tuple[dict[str, Lines], tuple[str, ...]]:
     """Return the lines of each camera, and all joints in the order in which they come."""
     lines = csv_lines(path)
-    columns = _columns(path, lines[0] if lines else [])
+    columns = _columns(path, next(lines, []))
     cameras: dict[str, Lines] = {}
     joints: dict[str, None] = {}
-    for number, line in enumerate(lines[1:], start=2):
+    for number, line in enumerate(lines, start=2):
         if not line:
             continue
         cell = {name: line[place].strip() for name, place in columns.items()}
