@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import skelsplat as sk
-from array_forms import LAYOUT, PIXELS, RIG, SEEN
+from array_forms import LAYOUT, PIXELS, POSES, RIG, SEEN
 from command_line import assert_fails, invoke
 from skelsplat import synthetic
 from skelsplat.datasets._files import as_numbers
@@ -126,3 +126,12 @@ def test_complex_numbers_of_data_sets_are_no_coordinates(tmp_path):
 def test_occluders_over_a_body_without_joints():
     noise = synthetic.DetectionNoise(occluded_views=1)
     assert synthetic.draw_occluders(PIXELS[:, :, :0], noise=noise, seed=0) is not None
+
+
+def test_covariances_of_the_start_are_not_as_good_as_singular():
+    narrow = np.broadcast_to(np.diag([1e-320, 500.0, 600.0]), (17, 3, 3))
+    with pytest.raises(sk.InvalidInputError, match=r"^init_sigma\[0\]: expected a symmetric positive definite"):
+        sk.refine(POSES[0], PIXELS[0], RIG, init_sigma=narrow)
+    for least in (1e-29, 1e-20, 1e-12):
+        spread = np.broadcast_to(np.diag([least, 500.0, 600.0]), (17, 3, 3))
+        assert np.isfinite(sk.refine(POSES[0], PIXELS[0], RIG, init_sigma=spread).pose).all()

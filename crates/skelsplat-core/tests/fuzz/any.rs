@@ -84,7 +84,12 @@ pub(crate) fn detections(m: usize, n: usize) -> impl Strategy<Value = Detections
 }
 
 /// The standing body where the cameras are, seen with noise and with some coordinates replaced.
-pub(crate) fn spoiled(cameras: &[Camera], seed: u64, sigma: f64, wrong: &[(usize, f64)]) -> Detections {
+pub(crate) fn spoiled(
+    cameras: &[Camera],
+    seed: u64,
+    sigma: f64,
+    wrong: &[(usize, f64)],
+) -> Detections {
     let exact = noisy_detections(&standing(), cameras, sigma, &mut Noise::new(seed + 1));
     let n = exact.n_joints();
     let mut pixels: Vec<f64> = (0..cameras.len() * n)
@@ -115,15 +120,22 @@ pub(crate) fn refiner(cameras: &[Camera], n_threads: Option<usize>) -> Refiner {
     Refiner::new(cameras, Unit::Millimetre, Some(&layout()), config).unwrap()
 }
 
-/// A joint with a place has a finite one, and one that is sure has error bars that are positive definite.
-pub(crate) fn sound(found: &Refinement) -> Result<(), TestCaseError> {
+/// A joint that two views see has a finite place, and one that is sure has error bars that are positive definite. `seen` are the
+/// detections, if they are one frame's, and their cameras.
+pub(crate) fn sound(
+    found: &Refinement,
+    seen: Option<(&Detections, &[Camera])>,
+) -> Result<(), TestCaseError> {
+    let seen = seen.map(|(detections, cameras)| detections.undistorted(cameras));
     let joints = found.pose.iter().zip(&found.uncertainty).zip(&found.joint_status);
     for (j, ((at, spread), status)) in joints.enumerate() {
         let placed = at.iter().all(|v| v.is_finite());
-        prop_assert!(
-            placed || *status == JointStatus::Unobserved,
-            "joint {j} {status:?} at {at:?}"
-        );
+        let must = match status {
+            JointStatus::Ok | JointStatus::Inferred => true,
+            JointStatus::Weak => seen.as_ref().is_some_and(|d| d.views_of(j) > 1),
+            JointStatus::Unobserved => false,
+        };
+        prop_assert!(placed || !must, "joint {j} {status:?} at {at:?}");
         prop_assert!(placed || at.iter().all(|v| v.is_nan()), "joint {j} at {at:?}");
         if *status == JointStatus::Ok {
             let scaled = spread / spread.amax();

@@ -74,7 +74,7 @@ fn check(people: &[Person], frames: usize) -> Result<(), TestCaseError> {
     for person in people {
         prop_assert!(person.frames.end <= frames);
         for frame in person.sequence.frames.iter() {
-            sound(&frame)?;
+            sound(&frame, None)?;
         }
     }
     Ok(())
@@ -96,7 +96,7 @@ proptest! {
             if let Ok(seen) = seen {
                 prop_assert!(seen.len() <= 2);
                 for one in &seen {
-                    sound(&one.refinement)?;
+                    sound(&one.refinement, None)?;
                 }
             }
         }

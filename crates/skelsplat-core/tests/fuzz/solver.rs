@@ -17,7 +17,7 @@ proptest! {
         (Just(c), seen)
     })) {
         let found = refiner(&cameras, Some(1)).refine(&Frame::from(seen.clone())).unwrap();
-        sound(&found)?;
+        sound(&found, Some((&seen, &cameras)))?;
         for method in [TriangulationMethod::Dlt, TriangulationMethod::Ransac, TriangulationMethod::Robust] {
             let points = triangulate(&seen, &cameras, Unit::Millimetre, method).unwrap().points;
             prop_assert!(points.iter().all(|x| x.iter().all(|v| !v.is_infinite())), "{method:?}");
@@ -29,7 +29,8 @@ proptest! {
         cameras in cameras(1..=6), seed in any::<u32>(), sigma in 0.0..30.0_f64, wrong in wrong(60),
     ) {
         let seen = spoiled(&cameras, u64::from(seed), sigma, &wrong);
-        sound(&refiner(&cameras, Some(1)).refine(&Frame::from(seen)).unwrap())?;
+        let found = refiner(&cameras, Some(1)).refine(&Frame::from(seen.clone())).unwrap();
+        sound(&found, Some((&seen, &cameras)))?;
     }
 
     /// Few joints, of no layout, from any start.
@@ -39,10 +40,10 @@ proptest! {
         start in prop::collection::vec(coordinate(), 9), unit in prop::sample::select(vec![Unit::Millimetre, Unit::Metre]),
     ) {
         let init = start.chunks_exact(3).map(nalgebra::Vector3::from_column_slice).collect();
-        let frame = Frame { init_pose: Some(init), ..Frame::from(seen) };
+        let frame = Frame { init_pose: Some(init), ..Frame::from(seen.clone()) };
         let refiner = Refiner::new(&cameras, unit, None, RefineConfig::default()).unwrap();
         if let Ok(found) = refiner.refine(&frame) {
-            sound(&found)?;
+            sound(&found, Some((&seen, &cameras)))?;
         }
     }
 
@@ -55,8 +56,8 @@ proptest! {
         let settings = PaperSettings { max_steps: 5, resolution: 0.2, ..PaperSettings::default() };
         let config = RefineConfig { n_threads: Some(1), ..RefineConfig::from(settings) };
         let refiner = Refiner::new(&cameras, Unit::Millimetre, Some(&layout()), config).unwrap();
-        if let Ok(found) = refiner.refine(&Frame::from(seen)) {
-            sound(&found)?;
+        if let Ok(found) = refiner.refine(&Frame::from(seen.clone())) {
+            sound(&found, Some((&seen, &cameras)))?;
         }
     }
 
