@@ -130,8 +130,13 @@ def test_occluders_over_a_body_without_joints():
 
 def test_covariances_of_the_start_are_not_as_good_as_singular():
     narrow = np.broadcast_to(np.diag([1e-320, 500.0, 600.0]), (17, 3, 3))
-    with pytest.raises(sk.InvalidInputError, match=r"^init_sigma\[0\]: expected a symmetric positive definite"):
+    with pytest.raises(sk.InvalidInputError, match=r"^init_sigma\[0\]: expected a symmetric pos"):
         sk.refine(POSES[0], PIXELS[0], RIG, init_sigma=narrow)
     for least in (1e-29, 1e-20, 1e-12):
         spread = np.broadcast_to(np.diag([least, 500.0, 600.0]), (17, 3, 3))
         assert np.isfinite(sk.refine(POSES[0], PIXELS[0], RIG, init_sigma=spread).pose).all()
+
+
+def test_people_who_are_a_list_of_masked_numbers_are_named():
+    with pytest.raises(sk.InvalidInputError, match=r"^people: expected a list of views in every frame, got "):
+        sk.track([np.ma.masked], RIG, layout=LAYOUT, fps=50.0)

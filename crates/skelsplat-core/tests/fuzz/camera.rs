@@ -25,7 +25,7 @@ fn intrinsics() -> impl Strategy<Value = Matrix3<f64>> {
 }
 
 proptest! {
-    #![proptest_config(config(400))]
+    #![proptest_config(config(100))]
 
     /// A camera is refused, or sees every point somewhere or not at all.
     #[test]

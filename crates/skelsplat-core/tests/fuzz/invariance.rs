@@ -34,7 +34,7 @@ fn same(
 }
 
 proptest! {
-    #![proptest_config(config(24))]
+    #![proptest_config(config(8))]
 
     #[test]
     fn the_worlds_frame_does_not_matter(

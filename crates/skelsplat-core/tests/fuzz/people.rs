@@ -81,7 +81,7 @@ fn check(people: &[Person], frames: usize) -> Result<(), TestCaseError> {
 }
 
 proptest! {
-    #![proptest_config(config(24))]
+    #![proptest_config(config(8))]
 
     #[test]
     fn any_people_are_followed_soundly((cameras, people) in recording(), fps in prop::sample::select(vec![1e-3, 30.0, 1e6])) {

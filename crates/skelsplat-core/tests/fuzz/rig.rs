@@ -55,7 +55,7 @@ fn knocked() -> impl Strategy<Value = (Vec<Camera>, Vec<Detections>)> {
 }
 
 proptest! {
-    #![proptest_config(config(8))]
+    #![proptest_config(config(3))]
 
     #[test]
     fn any_recording_leaves_sound_cameras(

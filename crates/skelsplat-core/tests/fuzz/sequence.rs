@@ -33,7 +33,7 @@ fn recording() -> impl Strategy<Value = (Vec<Camera>, Vec<Detections>)> {
 }
 
 proptest! {
-    #![proptest_config(config(40))]
+    #![proptest_config(config(12))]
 
     #[test]
     fn any_recording_has_a_sound_path((cameras, seen) in recording(), fps in prop::sample::select(vec![1e-3, 1.0, 25.0, 120.0, 1e6])) {

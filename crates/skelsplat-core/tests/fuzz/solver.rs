@@ -9,7 +9,7 @@ use skelsplat_core::{
 use crate::any::{cameras, config, coordinate, detections, layout, refiner, sound, spoiled, wrong};
 
 proptest! {
-    #![proptest_config(config(60))]
+    #![proptest_config(config(16))]
 
     #[test]
     fn any_detections_have_a_sound_pose((cameras, seen) in cameras(1..=5).prop_flat_map(|c| {
