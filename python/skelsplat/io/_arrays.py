@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import mmap
 import os
+import sys
 import zipfile
 from collections import Counter
 from collections.abc import Collection, Iterator
@@ -108,6 +109,15 @@ def load_npz(path: Path, keys: Collection[str]) -> Arrays:
         return Arrays(path, _members(path, stream, keys, pickled=True))
 
 
+def _readable(array: Any, path: Path, name: str) -> Any:
+    """Return an array, or raise `DatasetError` for text with numbers that are no characters."""
+    if isinstance(array, np.ndarray) and array.dtype.kind == "U":
+        codes = np.frombuffer(array.tobytes(), dtype=f"{array.dtype.byteorder}u4")
+        if (codes > sys.maxunicode).any():
+            raise DatasetError(path, name, "text", f"a character of number {codes.max()}")
+    return array
+
+
 def _members(path: Path, stream: BinaryIO, keys: Collection[str] | None, *, pickled: bool) -> dict[str, Any]:
     """Return the arrays among `keys`, or all, that an npz file holds."""
     found = {}
@@ -119,7 +129,8 @@ def _members(path: Path, stream: BinaryIO, keys: Collection[str] | None, *, pick
             if info.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
                 raise DatasetError(path, name, "an array packed by deflate or not at all", "another packing")
             with archive.open(info) as member:
-                found[name] = read_array(member, path, name, info.file_size, pickled=pickled)
+                array = read_array(member, path, name, info.file_size, pickled=pickled)
+                found[name] = _readable(array, path, name)
     return found
 
 
