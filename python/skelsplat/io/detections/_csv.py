@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
+from skelsplat._budget import check_ratio
 from skelsplat._skelsplat import HIGHEST_CONFIDENCE
 from skelsplat.exceptions import DatasetError
 from skelsplat.io._files import csv_header, csv_lines, frame_number, whole_number
@@ -66,7 +67,10 @@ def _read(path: Path) -> tuple[dict[str, Lines], tuple[str, ...]]:
         joints[cell["joint"]] = None
     if not cameras:
         raise DatasetError(path, "lines", "one line per joint after the header", "none")
-    return cameras, _ordered(path, tuple(joints))
+    places = _ordered(path, tuple(joints))
+    people = sum(len(frame) for camera in cameras.values() for frame in camera.values())
+    check_ratio(path, "joint", 24 * people * len(places), path.stat().st_size)
+    return cameras, places
 
 
 def _columns(path: Path, header: Sequence[str]) -> dict[str, int]:
