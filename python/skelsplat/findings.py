@@ -10,7 +10,9 @@ from __future__ import annotations
 
 import contextlib
 import inspect
+import os
 import shlex
+import threading
 import warnings
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, dataclass, field
@@ -146,9 +148,26 @@ def remark(text: str) -> Finding:
     return Finding("remark", "note", numbers={"text": " ".join(text.split())})
 
 
+# Warnings belong to the process: two threads that collect at the same time would collect each other's.
+_collecting = threading.RLock()
+
+
+def _free() -> None:
+    """Replace the lock in a child process: after a fork, the thread that held it may not exist."""
+    global _collecting
+    _collecting = threading.RLock()
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_free)
+
+
 @contextlib.contextmanager
 def collected_warnings(tell: Callable[[Finding], None] | None = None) -> Iterator[list[Finding]]:
-    """Collect Python warnings as findings, each once, and call ``tell`` with each as it occurs."""
+    """Collect Python warnings as findings, each once, and call ``tell`` with each as it occurs.
+
+    Threads take turns. Warnings of threads that do not collect are included.
+    """
     found: list[Finding] = []
 
     def show(message: Warning | str, *_: object, **__: object) -> None:
@@ -158,7 +177,7 @@ def collected_warnings(tell: Callable[[Finding], None] | None = None) -> Iterato
             if tell is not None:
                 tell(finding)
 
-    with warnings.catch_warnings():
+    with _collecting, warnings.catch_warnings():
         warnings.simplefilter("always")
         warnings.showwarning = show
         yield found

@@ -23,7 +23,7 @@ from skelsplat._optional import require
 from skelsplat.cameras import MM_PER_UNIT
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.io._files import parsing
-from skelsplat.io.poses._pose_data import Y_UP, PoseData, known_frame_rate
+from skelsplat.io.poses._pose_data import Y_UP, PoseData, checked, known_frame_rate
 from skelsplat.io.poses._pose_data import marker_names as named
 
 # Frame numbers are 16-bit words that start at 1, and a residual is seven bits of a byte in whole units.
@@ -151,6 +151,7 @@ def _residuals(data: PoseData) -> Array:
     return residuals
 
 
+@checked
 def read_c3d(path: str | os.PathLike[str]) -> PoseData:
     """Read the points of a C3D file; its axes are kept as they are.
 

@@ -18,7 +18,7 @@ from skelsplat.cameras import MM_PER_UNIT
 from skelsplat.exceptions import DatasetError
 from skelsplat.io._files import csv_lines, frame_number
 from skelsplat.io.poses._parts import Poses, parts_of
-from skelsplat.io.poses._pose_data import PoseData, over_views
+from skelsplat.io.poses._pose_data import PoseData, checked, over_views
 
 _AXES = ("x", "y", "z")
 _BARS, _SCATTER = (tuple(f"{name}_{axis}" for axis in _AXES) for name in ("error_bar", "scatter"))
@@ -72,6 +72,7 @@ def rows_of(data: PoseData) -> Iterator[list[Any]]:
             yield [frame, joint, *place, *spread, data.unit, status, views, rejected, error]
 
 
+@checked
 def read_csv(path: str | os.PathLike[str]) -> PoseData:
     """Read a file of `write_csv`, or one with its columns frame, joint, x, y, z and unit.
 
@@ -86,7 +87,8 @@ def read_csv(path: str | os.PathLike[str]) -> PoseData:
         no number; names the line.
     """
     source = Path(path)
-    columns, *lines = csv_lines(source) or [[]]
+    lines = csv_lines(source)
+    columns = next(lines, [])
     missing = [name for name in _REQUIRED if name not in columns]
     if "person" in columns:
         raise DatasetError(source, "line 1", "the poses of one person (person_0/pose.csv)", "several people")

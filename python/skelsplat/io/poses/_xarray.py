@@ -14,9 +14,10 @@ from skelsplat._atomic import atomic_path
 from skelsplat._optional import require
 from skelsplat.cameras import MM_PER_UNIT
 from skelsplat.exceptions import DatasetError, InvalidInputError
+from skelsplat.io._arrays import hdf5
 from skelsplat.io._files import parsing
 from skelsplat.io.poses._parts import Poses, parts_of
-from skelsplat.io.poses._pose_data import PoseData, over_views
+from skelsplat.io.poses._pose_data import PoseData, checked, over_views
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -162,6 +163,7 @@ def check_packages() -> Any:
     return require("xarray", "NetCDF files")
 
 
+@checked
 def read_netcdf(path: str | os.PathLike[str]) -> PoseData:
     """Read a ``poses`` dataset of one individual in three dimensions, with either naming of the dimensions.
 
@@ -173,6 +175,8 @@ def read_netcdf(path: str | os.PathLike[str]) -> PoseData:
         If the file cannot be read, is no such dataset or does not state its unit.
     """
     source, xarray = Path(path), check_packages()
+    with hdf5(source, "NetCDF files", "a complete NetCDF file"):
+        pass
     with parsing(source, "a complete NetCDF file"), xarray.open_dataset(source, engine="h5netcdf") as opened:
         return _from_dataset(source, opened.load())
 
