@@ -27,7 +27,7 @@ NO_RATE, SPARSE = "no rate", "sparse"
 _APART_S = 2.0
 # Of frame numbers that leave out more than this multiple of those that are there, most are far apart.
 _MOST_EMPTY = 8
-_OF_BONES = ("bones", "bone_lengths", "bone_length_sigma")
+OF_BONES = ("bones", "bone_lengths", "bone_length_sigma")
 
 
 @dataclass(frozen=True)
@@ -158,7 +158,7 @@ def frames_of(result: sk.Refinement, places: Index) -> sk.SequenceRefinement:
     """Return some frames of a result over time."""
     parts = {entry.name: getattr(result, entry.name) for entry in fields(sk.SequenceRefinement)}
     return sk.SequenceRefinement(
-        **{name: value if name in _OF_BONES else value[places] for name, value in parts.items()}
+        **{name: value if name in OF_BONES else value[places] for name, value in parts.items()}
     )
 
 
