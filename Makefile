@@ -13,7 +13,7 @@ PYTHON_SOURCES := pyproject.toml README.md $(shell find python -name '*.py' -o -
 # As many as there are cores; more than a few gain nothing.
 PYTEST := $(BIN)/python -m pytest --numprocesses auto --maxprocesses 8 --dist worksteal
 
-.PHONY: demo test test-all docs fmt lint rust-lint python-lint rust-check rust-test python-test bench clean
+.PHONY: demo test test-all fuzz fuzz-case docs fmt lint rust-lint python-lint rust-check rust-test python-test bench clean
 
 demo: $(STAMPS)/installed
 	$(BIN)/skelsplat demo -o skelsplat-demo
@@ -23,6 +23,16 @@ test-all: PYTEST += -m ''
 test test-all: $(STAMPS)/dev
 	$(MAKE) --jobs 2 rust-check python-lint
 	$(PYTEST)
+
+# Random inputs for so many minutes; findings are saved and printed with how to repeat them.
+# docs/reliability.md, "Fuzzing", says what it tries.
+MINUTES ?= 10
+FUZZ := PYTHONPATH=tests:tools:benchmarks $(BIN)/python -m fuzz
+fuzz: $(STAMPS)/dev
+	$(FUZZ) --minutes $(MINUTES)
+
+fuzz-case: $(STAMPS)/dev
+	$(FUZZ) $(CASE)
 
 # Its own interpreter: nothing is installed outside this folder.
 $(STAMPS)/venv: pyproject.toml

@@ -8,6 +8,9 @@ from __future__ import annotations
 from collections.abc import Iterable
 from pathlib import Path
 
+# Characters of a message; what a file holds may be longer.
+_LONGEST = 1000
+
 
 class SkelSplatError(Exception):
     """Base of every error raised on purpose by this package."""
@@ -74,4 +77,5 @@ class DatasetError(SkelSplatError):
 
     def __str__(self) -> str:
         message = f"{self.path}: {self.field}: expected {self.expected}, got {self.actual}"
-        return " ".join(message.split())
+        line = " ".join(message.split())
+        return line if len(line) <= _LONGEST else f"{line[: _LONGEST - 100]} … {line[-100:]}"

@@ -19,11 +19,12 @@ LAYERS = (
     {"datasets"},  # writes the sets that `synthetic` makes
     {"io", "viz", "rig_check", "synthetic"},
     {"association", "temporal"},
-    {"_people"},
+    {"_people", "_batches"},
     {"_sequence", "_angles", "_rig"},
     {"_refine", "metrics"},
     {"cameras", "layouts"},
     {"findings", "_sentences"},  # a finding has its sentence, which is made from its numbers
+    {"_chunks"},
     {"_skelsplat"},
     {"_lock"},
     {"_arrays", "_atomic", "_opencv"},

@@ -34,7 +34,10 @@ mod _skelsplat {
     #[pymodule_export]
     use crate::people::{PyTracker, check_people, people_choices, people_scores, track_people};
     #[pymodule_export]
-    use crate::refine::{PyLive, PyRefiner, implausible_extent};
+    use crate::refine::{
+        PyLive, PyRefiner, checked_detections, implausible_extent, sequence_window_size,
+        sequence_windows,
+    };
     #[pymodule_export]
     use crate::rig::adjust_cameras;
     #[pymodule_export]

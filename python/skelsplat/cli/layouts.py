@@ -61,6 +61,8 @@ def layouts(
             raise typer.BadParameter("expected the name of one layout as well", param_hint="--toml")
         _list(quiet=quiet, as_json=as_json)
         return
+    if toml and as_json:
+        raise typer.BadParameter("expected --toml or --json, got both", param_hint="--toml")
     with collected_warnings() as notes:
         layout = _named(name)
     described = name.lower() in sk.layouts.names or _is_toml(name)

@@ -110,7 +110,7 @@ def write_run_inputs(
     rate = np.array(np.nan if frame_rate is None else frame_rate)
     with atomic_write(folder / DETECTIONS) as stream:
         if isinstance(detections, RowFile):
-            arrays = {"detections": Made.of(detections), "frames": frames, "frame_rate": rate}
+            arrays: dict[str, Any] = {"detections": Made.of(detections), "frames": frames, "frame_rate": rate}
             write_npz(stream, {**arrays, **names})
         else:
             np.savez_compressed(

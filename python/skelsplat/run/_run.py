@@ -329,7 +329,9 @@ def summed_up(inputs: Inputs, outcome: Outcome, job: Job | None = None, notes: S
     found = [*notes, *find_findings(inputs, outcome, statistics, frames)]
     facts = FrameFacts.of(inputs, outcome, statistics, poses.joint_status)
     in_frames = find_in_frames([facts], Usual.of(facts), inputs.layout.joints, inputs.rig.names)
-    return reported(Run(poses, in_order(found), tuple(in_frames), {}, statistics, inputs, outcome), job, over_time)
+    return reported(
+        Run(poses, in_order(found), tuple(in_frames), {}, statistics, inputs, outcome), job, over_time
+    )
 
 
 def reported(run: Run, job: Job | None, over_time: dict[str, Any]) -> Run:

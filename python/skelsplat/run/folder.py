@@ -6,6 +6,7 @@ import contextlib
 import hashlib
 import tempfile
 from dataclasses import dataclass, replace
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -40,6 +41,8 @@ from skelsplat.run.vertical import vertical_known
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
+
+    import numpy.typing as npt
 
     from skelsplat.run._run import Run
     from skelsplat.run.job import Job
@@ -132,10 +135,10 @@ def name_of(run: Run) -> str:
     The same run done again has the same, so that its files are the same.
     """
     found = hashlib.sha256(to_text({**run.report, "timing": None, RUN: None}).encode())
-    arrays = (run.poses.pose, run.poses.uncertainty, run.detections)
+    arrays: Iterator[npt.NDArray[Any]] = iter((run.poses.pose, run.poses.uncertainty, run.detections))
     if run.whole is not None:
-        rows = run.whole.poses.rows
-        arrays = (piece for one in (rows["pose"], rows["uncertainty"], run.whole.detections) for piece in one.pieces())
+        rows = (*map(run.whole.poses.rows.__getitem__, ("pose", "uncertainty")), run.whole.detections)
+        arrays = chain.from_iterable(one.pieces() for one in rows)
     for array in arrays:
         found.update(array.tobytes())
     return found.hexdigest()[:16]

@@ -134,13 +134,14 @@ def thinned_in_words(inputs: Inputs) -> list[str]:
         return []
     every, drawn = ordinal(inputs.thinned.every), len(inputs.frames)
     return [
-        f"A long recording: medians, largest values, figures and findings on cameras and people are from every "
-        f"{every} frame ({drawn:,}); counts, findings on single frames and the pose files are from all."
+        "A long recording: medians, largest values, figures and findings on cameras and people are from "
+        f"every {every} frame ({drawn:,}); counts, findings on single frames and the pose files are from all."
     ]
 
 
 def input_of(inputs: Inputs, job: Job | None) -> dict[str, Any]:
     """Return the files, how they were read, and the recording; None for files without a job."""
+    thinned = inputs.thinned
     options = ("order", "mapping", "sequence", "init", "init_sigma_mm")
     given = {name: getattr(job, name, None) for name in ("calibration", "detections", *options)}
     given |= {
@@ -163,7 +164,7 @@ def input_of(inputs: Inputs, job: Job | None) -> dict[str, Any]:
         "first_frame": inputs.span[0],
         "last_frame": inputs.span[1],
         "frame_rate_hz": inputs.fps,
-        **({} if inputs.thinned is None else {"thinned": {"every": inputs.thinned.every, "meaning": THINNED}}),
+        **({} if thinned is None else {"thinned": {"every": thinned.every, "meaning": THINNED}}),
     }
 
 

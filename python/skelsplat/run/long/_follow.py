@@ -40,7 +40,8 @@ def follow(opened: Opened, folder: Path, size: int) -> Followed:
     for part, after in _with_next(opened.detections.stretches(size)):
         people = _joined([before, part, after[:_BESIDE]])
         own = slice(len(before), len(before) + len(part))
-        index, alone = (found[own] for found in pick_places(people, rig, "consistent", layout))
+        places, without = pick_places(people, rig, "consistent", layout)
+        index, alone = places[own], without[own]
         taken = association.take_people(part, index)
         detections.append(taken)
         unmatched.append(alone)

@@ -38,7 +38,7 @@ def run_long(
 ) -> Run | None:
     """Do a job whose recording is long, in memory that hardly grows with it; None if it is not.
 
-    The pose files are those of `skelsplat.run.run`, and so are counts, means and the findings on single frames.
+    The pose files are those of `skelsplat.run.run`, and so are counts, means and findings on single frames.
     Medians, largest values, other findings, figures and the page are from every so many-th frame, as the
     report says under ``thinned``; so is the `Run`.
 
@@ -89,7 +89,7 @@ def _bytes(path: Path) -> int:
     total = 0
     for folder, _, names in os.walk(path):
         for name in names:
-            total += os.stat(os.path.join(folder, name)).st_size
+            total += Path(folder, name).stat().st_size
             if total >= _LEAST_BYTES:
                 return total
     return total

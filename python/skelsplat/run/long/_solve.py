@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Iterator
 from dataclasses import fields
 
@@ -10,17 +9,18 @@ import numpy as np
 
 import skelsplat as sk
 from skelsplat._arrays import Array, Index
+from skelsplat._sequence import OF_BONES
 from skelsplat.io._rows import RowFile
 from skelsplat.run.job import Job
 from skelsplat.run.read import Inputs
-from skelsplat.run.solve import OF_BONES, Progress, even_clock, why_alone
+from skelsplat.run.solve import Progress, even_clock, why_alone
 
 # A part of a recording: its frames, first and end, and what was found in them.
 Part = tuple[slice, sk.Refinement]
 
 
 class OnClock:
-    """Detections (T, M, N, 3) on an even clock, NaN in frames that are missing; read where they are sliced."""
+    """Detections (T, M, N, 3) on an even clock, NaN in missing frames, read where they are sliced."""
 
     def __init__(self, rows: RowFile, places: Index) -> None:
         self._rows, self._places = rows, places
@@ -72,20 +72,12 @@ def solve(
 def taken(result: sk.Refinement, rows: Index) -> sk.Refinement:
     """Return some frames of a result."""
     parts = {entry.name: getattr(result, entry.name) for entry in fields(result)}
-    return type(result)(
-        **{name: value if name in OF_BONES else value[rows] for name, value in parts.items()}
-    )
+    return type(result)(**{name: value if name in OF_BONES else value[rows] for name, value in parts.items()})
 
 
 def joined(results: list[sk.Refinement]) -> sk.Refinement:
-    """Return the frames of all results as one; errors of lengths of bones are their mean."""
-    kind, parts = type(results[0]), {}
-    for entry in fields(kind):
-        values = [getattr(result, entry.name) for result in results]
-        if entry.name == "bone_length_sigma":
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore")
-                parts[entry.name] = np.mean(values, axis=0)
-        else:
-            parts[entry.name] = values[0] if entry.name in OF_BONES else np.concatenate(values)
-    return kind(**parts)
+    """Return the frames of all results as one, with the bones of the last."""
+    parts = {entry.name: [getattr(result, entry.name) for result in results] for entry in fields(results[0])}
+    return type(results[0])(
+        **{name: each[-1] if name in OF_BONES else np.concatenate(each) for name, each in parts.items()}
+    )
