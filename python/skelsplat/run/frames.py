@@ -27,6 +27,12 @@ _RATIO = 3.0
 _SHARE, _HIGH_SHARE = 0.1, 1 / 3
 # of a joint's scatter also this multiple of the median of all.
 _BAR_RATIO = 2.0
+# Kinds of one origin in their order; of the same kind, that of the first frame comes first.
+_KINDS = (
+    *("frame_empty", "frame_diverged", "frame_max_steps"),
+    *("frame_unobserved", "frame_inferred", "frame_weak", "frame_filled"),
+)
+_RANKS = {kind: rank for rank, kind in enumerate(_KINDS)}
 # A stop reason that most frames share is not a finding on one of them.
 _MOSTLY = 0.5
 
@@ -99,31 +105,39 @@ def find_in_frames(
     frames reach, concern the recording and not a frame: see `find_findings` and the stop reasons. ``most`` is
     how many frames each finding names, the first ones; ``frames_in_all`` then counts them.
     """
-    found: dict[tuple[str, Subject], list[tuple[int, dict[str, Any]]]] = {}
-    count = Counter[tuple[str, Subject]]()
+    found: dict[tuple[int, str, Subject], list[tuple[int, dict[str, Any]]]] = {}
+    count = Counter[tuple[int, str, Subject]]()
     for part in facts:
-        for frame, kind, subject, numbers in (
-            *_stops(part, usual),
-            *_statuses(part, usual, joints),
-            *_named("frame_swapped", part.swapped, "cameras", cameras),
-            *_rejected(part, usual),
-            *_errors(part, usual),
-            *_scatter(part, usual, joints),
+        for rank, cases in enumerate(
+            (
+                _stops(part, usual),
+                _statuses(part, usual, joints),
+                _named("frame_swapped", part.swapped, "cameras", cameras),
+                _rejected(part, usual),
+                _errors(part, usual),
+                _scatter(part, usual, joints),
+            )
         ):
-            count[kind, subject] += 1
-            if most is None or count[kind, subject] <= most:
-                found.setdefault((kind, subject), []).append((int(part.frames[frame]), numbers))
-    findings = []
-    for (kind, subject), cases in found.items():
-        numbers = {
-            name: value if name == "of" else [own[name] for _, own in cases]
-            for name, value in cases[0][1].items()
-        }
-        if count[kind, subject] > len(cases):
-            numbers["frames_in_all"] = count[kind, subject]
-        named_frames = replace(subject, frames=tuple(frame for frame, _ in cases))
-        findings.append(Finding(kind, "note", named_frames, numbers))
-    return findings
+            for frame, kind, subject, numbers in cases:
+                key = (rank, kind, subject)
+                count[key] += 1
+                if most is None or count[key] <= most:
+                    found.setdefault(key, []).append((int(part.frames[frame]), numbers))
+    return [
+        _finding(key[1], key[2], found[key], count[key])
+        for key in sorted(found, key=lambda key: (key[0], _RANKS.get(key[1], 0)))
+    ]
+
+
+def _finding(kind: str, subject: Subject, cases: Sequence[tuple[int, dict[str, Any]]], count: int) -> Finding:
+    """Return the finding on these frames, the first of so many."""
+    numbers = {
+        name: value if name == "of" else [own[name] for _, own in cases]
+        for name, value in cases[0][1].items()
+    }
+    if count > len(cases):
+        numbers["frames_in_all"] = count
+    return Finding(kind, "note", replace(subject, frames=tuple(frame for frame, _ in cases)), numbers)
 
 
 def problems_of(findings: Sequence[Finding]) -> list[Finding]:
