@@ -58,7 +58,7 @@ class CheckedChunk:
         return CheckedChunk(detections, np.concatenate(init) if init else None)
 
 
-def _checked(given: Chunk, name: str, n_views: int, first: CheckedChunk | None) -> CheckedChunk:
+def checked(given: Chunk, name: str, n_views: int, first: CheckedChunk | None = None) -> CheckedChunk:
     """Return a chunk, of the same views and joints as the first one."""
     try:
         chunk = _read(dict(given) if isinstance(given, Mapping) else {"detections": given}, n_views)
@@ -112,7 +112,7 @@ class Source:
     def __iter__(self) -> Iterator[CheckedChunk]:
         first: CheckedChunk | None = None
         for k, given in enumerate(self.open()):
-            chunk = _checked(given, f"chunks[{k}]", self.n_views, first)
+            chunk = checked(given, f"chunks[{k}]", self.n_views, first)
             first = chunk.part(0, 0).copy() if first is None else first
             yield chunk
 
@@ -132,7 +132,7 @@ class Source:
         if self.array is None:
             return sample_of(self, ranges)
         pieces = [(self.array[a:b], f"chunks[{a}:{b}]") for a, b in ranges]
-        return [_checked(piece, name, self.n_views, None) for piece, name in pieces]
+        return [checked(piece, name, self.n_views) for piece, name in pieces]
 
 
 def sample_of(chunks: Iterable[CheckedChunk], ranges: list[list[int]]) -> list[CheckedChunk]:

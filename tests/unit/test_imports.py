@@ -18,7 +18,7 @@ LAYERS = (
     {"detect"},
     {"datasets"},  # writes the sets that `synthetic` makes
     {"io", "viz", "rig_check", "synthetic"},
-    {"association", "temporal"},
+    {"association", "temporal", "scale"},
     {"_people", "_batches"},
     {"_sequence", "_angles", "_rig"},
     {"_refine", "metrics"},
@@ -27,9 +27,11 @@ LAYERS = (
     {"_chunks"},
     {"_skelsplat"},
     {"_lock"},
+    {"_budget"},
     {"_arrays", "_atomic", "_opencv"},
     {"_optional"},
     {"exceptions", "_json"},
+    {"_escape"},
 )
 PAIR = {"findings", "_sentences"}
 # Part → what it must not import either, though it is below it.

@@ -13,8 +13,10 @@ from typing import IO, Any, Protocol
 import numpy as np
 import numpy.typing as npt
 
+from skelsplat._budget import opened, zipped
 from skelsplat.exceptions import DatasetError
-from skelsplat.io._unpickle import DAMAGED_NPY, npy_header
+from skelsplat.io._files import parsing
+from skelsplat.io._unpickle import npy_header
 
 BIG = 32 * 2**20
 """Bytes from which a file is read in stretches where its format allows that."""
@@ -81,6 +83,8 @@ class NpzRows:
 
     def __init__(self, path: Path, name: str) -> None:
         self.path, self._name, self._at = path, name, 0
+        with opened(path) as stream:
+            zipped(path, stream)
         self._archive = zipfile.ZipFile(path)
         self._open()
 
@@ -97,7 +101,9 @@ class NpzRows:
     @property
     def in_order(self) -> bool:
         """Whether its rows are numbers that follow each other in the file."""
-        return self.dtype.kind in "fiu" and not self._fortran and len(self.shape) > 1 and self._bytes > 0
+        held = self._archive.getinfo(f"{self._name}.npy").file_size
+        plain = self.dtype.kind in "fiu" and not self._fortran and len(self.shape) > 1
+        return plain and self._bytes > 0 and self.size <= held
 
     def read(self, first: int, end: int) -> npt.NDArray[Any]:
         if first < self._at:
@@ -115,7 +121,7 @@ class NpzRows:
 
 def big_array(path: Path, name: str) -> NpzRows | None:
     """Return an array of an npz file to be read in stretches, if it is that big; None for any other."""
-    with suppress(OSError, KeyError, zipfile.BadZipFile, NotImplementedError, RuntimeError, *DAMAGED_NPY):
+    with suppress(DatasetError), parsing(path, "an npz file"):
         rows = NpzRows(path, name)
         if rows.in_order and rows.size >= BIG:
             return rows

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 from collections.abc import Iterable
 from pathlib import Path
@@ -20,20 +19,13 @@ UNFINISHED = "unfinished"
 RUN, MARKED = "run", (POSES, CAMERAS, DETECTIONS, LAYOUT)
 """Key in a report of what tells runs apart, and the files that have it, too; earlier versions wrote none."""
 
-_START = 1024  # bytes; the versions come first
+_START = 1024  # characters; the versions come first
 
 
 def is_run(folder: Path) -> bool:
     """Say whether a run wrote into this folder, whole or not, by how its report begins."""
-    path = folder / REPORT
-    try:
-        if not path.is_file():
-            return False
-        with path.open("rb") as stream:
-            start = stream.read(_START)
-    except OSError:
-        return False
-    return b'"versions"' in start and b'"skelsplat"' in start
+    start = head(folder / REPORT)[:_START]
+    return '"versions"' in start and '"skelsplat"' in start
 
 
 def files_of_run(folder: Path) -> list[str] | None:
@@ -99,8 +91,8 @@ def _listed(folder: Path, key: str) -> list[str] | None:
     if not is_run(folder):
         return None
     try:
-        report = json.loads((folder / REPORT).read_bytes())
-    except (OSError, ValueError, RecursionError):
+        report = load_json(folder / REPORT, "a report")
+    except DatasetError:
         return None
     versions = report.get("versions") if isinstance(report, dict) else None
     if not (isinstance(versions, dict) and "skelsplat" in versions and "settings" in report):

@@ -34,10 +34,10 @@ def read_caliscope(path: Path, _: str | None) -> Recording:
     joints by number; those of the trackers POSE and HOLISTIC of older versions are MediaPipe's, by name.
     """
     lines = csv_lines(path)
-    columns = _columns(path, lines[0] if lines else [])
+    columns = _columns(path, next(lines, []))
     cameras: dict[str, _Lines] = {}
     highest = 0
-    for number, line in enumerate(lines[1:], start=2):
+    for number, line in enumerate(lines, start=2):
         if not line:
             continue
         frame, point = (

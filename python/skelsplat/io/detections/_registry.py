@@ -10,6 +10,7 @@ from itertools import chain, islice
 from pathlib import Path
 
 from skelsplat._atomic import opening
+from skelsplat._budget import opened
 from skelsplat.exceptions import DatasetError, InvalidInputError, one_of
 from skelsplat.io._files import VIDEO_SUFFIXES, listed
 from skelsplat.io._run_files import is_run
@@ -123,8 +124,9 @@ def _has_detections(folder: Path) -> bool:
 
 def _samples(path: Path) -> Iterator[Path]:
     """Yield the file; or the files of the folder, and the first of each kind in the folders beneath."""
-    if path.is_file():
-        yield path
+    if path.exists() and not path.is_dir():
+        with opened(path):
+            yield path
         return
     folders = subfolders(path)
     suffixes = {suffix for candidate in FORMATS.values() for suffix in candidate.suffixes}

@@ -103,7 +103,8 @@ def read_csv(path: str | os.PathLike[str]) -> PoseData:
         no number; names the line.
     """
     source = Path(path)
-    columns, *lines = csv_lines(source) or [[]]
+    lines = csv_lines(source)
+    columns = next(lines, [])
     missing = [name for name in _REQUIRED if name not in columns]
     if "person" in columns:
         raise DatasetError(source, "line 1", "the poses of one person (person_0/pose.csv)", "several people")

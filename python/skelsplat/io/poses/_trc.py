@@ -17,10 +17,11 @@ import numpy as np
 
 from skelsplat._arrays import Array, Index, positive
 from skelsplat._atomic import atomic_write
+from skelsplat._budget import read_text
 from skelsplat.cameras import MM_PER_UNIT
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.findings import Finding, Severity, Subject, warn
-from skelsplat.io._files import frame_number, read_text
+from skelsplat.io._files import frame_number
 from skelsplat.io.poses._parts import Poses, parts_of
 from skelsplat.io.poses._pose_data import Y_UP, PoseData, known_frame_rate
 from skelsplat.io.poses._pose_data import marker_names as named

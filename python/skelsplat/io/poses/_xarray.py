@@ -14,6 +14,7 @@ from skelsplat._atomic import atomic_path
 from skelsplat._optional import require
 from skelsplat.cameras import MM_PER_UNIT
 from skelsplat.exceptions import DatasetError, InvalidInputError
+from skelsplat.io._arrays import hdf5
 from skelsplat.io._files import parsing
 from skelsplat.io.poses._parts import Poses, parts_of
 from skelsplat.io.poses._pose_data import PoseData, over_views
@@ -173,6 +174,8 @@ def read_netcdf(path: str | os.PathLike[str]) -> PoseData:
         If the file cannot be read, is no such dataset or does not state its unit.
     """
     source, xarray = Path(path), check_packages()
+    with hdf5(source, "NetCDF files", "a complete NetCDF file"):
+        pass
     with parsing(source, "a complete NetCDF file"), xarray.open_dataset(source, engine="h5netcdf") as opened:
         return _from_dataset(source, opened.load())
 
