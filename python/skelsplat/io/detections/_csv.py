@@ -56,9 +56,8 @@ def _views(path: Path) -> dict[str, View]:
         if index is not None:
             return _indexed_views(index)
     lines = csv_lines(path)
-<<<<<<< HEAD
-    columns = _columns(path, lines[0] if lines else [])
-    cameras, joints = _read(path, columns, enumerate(lines[1:], start=2))
+    columns = _columns(path, next(lines, []))
+    cameras, joints = _read(path, columns, enumerate(lines, start=2))
     if not cameras:
         raise DatasetError(path, "lines", "one line per joint after the header", "none")
     names = _ordered(path, tuple(joints))
@@ -72,12 +71,6 @@ def _read(
     cameras: dict[str, Lines] = {}
     joints: dict[str, None] = {}
     for number, line in lines:
-=======
-    columns = _columns(path, next(lines, []))
-    cameras: dict[str, Lines] = {}
-    joints: dict[str, None] = {}
-    for number, line in enumerate(lines, start=2):
->>>>>>> main
         if not line:
             continue
         cell = {name: line[place].strip() for name, place in columns.items()}
