@@ -15,6 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
+from skelsplat._budget import check_ratio
 from skelsplat._skelsplat import HIGHEST_CONFIDENCE
 from skelsplat.exceptions import DatasetError
 from skelsplat.io import _rows
@@ -84,6 +85,7 @@ def _read(
             raise DatasetError(path, f"line {number}, joint", expected, repr(cell["joint"]) + again)
         person[cell["joint"]] = _values(path, number, cell)
         joints[cell["joint"]] = None
+<<<<<<< HEAD
     return cameras, joints
 
 
@@ -107,6 +109,14 @@ def _indexed_views(index: Index) -> dict[str, View]:
         return replace(found, joints=None if names[0].isdecimal() else names, sparse=True)
 
     return {camera: view(camera) for camera in index.frames}
+=======
+    if not cameras:
+        raise DatasetError(path, "lines", "one line per joint after the header", "none")
+    places = _ordered(path, tuple(joints))
+    people = sum(len(frame) for camera in cameras.values() for frame in camera.values())
+    check_ratio(path, "joint", 24 * people * len(places), path.stat().st_size)
+    return cameras, places
+>>>>>>> main
 
 
 def _columns(path: Path, header: Sequence[str]) -> dict[str, int]:

@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 import skelsplat as sk
 from skelsplat._arrays import Array, Index
+from skelsplat._budget import afford
 from skelsplat.exceptions import DatasetError
 from skelsplat.io.detections._format import Person, View
 from skelsplat.io.detections._frames import Sources
@@ -155,6 +156,7 @@ class Opened:
         """Join the views to (T, M, P, N, 3), padded with NaN."""
         views = [read.get(name, []) for name in self.camera_names]
         places = max([1, *(len(people) for view in views for people in view)])
+        afford(self.views.root, "people", 24 * steps * len(views) * places * self.skeleton.n_joints)
         stacked = np.full((steps, len(views), places, self.skeleton.n_joints, 3), np.nan)
         for m, view in enumerate(views):
             for t, people in enumerate(view):

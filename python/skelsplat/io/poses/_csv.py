@@ -20,7 +20,7 @@ from skelsplat.cameras import MM_PER_UNIT
 from skelsplat.exceptions import DatasetError
 from skelsplat.io._files import csv_lines, frame_number
 from skelsplat.io.poses._parts import Poses, parts_of
-from skelsplat.io.poses._pose_data import PoseData, over_views
+from skelsplat.io.poses._pose_data import PoseData, checked, over_views
 
 _AXES = ("x", "y", "z")
 _BARS, _SCATTER = (tuple(f"{name}_{axis}" for axis in _AXES) for name in ("error_bar", "scatter"))
@@ -89,6 +89,7 @@ def _columns(values: npt.NDArray[Any], shape: tuple[int, ...], count: int = 1) -
     return rows.T.tolist()
 
 
+@checked
 def read_csv(path: str | os.PathLike[str]) -> PoseData:
     """Read a file of `write_csv`, or one with its columns frame, joint, x, y, z and unit.
 
