@@ -62,6 +62,8 @@ def _views(path: Path) -> dict[str, View]:
     if not cameras:
         raise DatasetError(path, "lines", "one line per joint after the header", "none")
     names = _ordered(path, tuple(joints))
+    people = sum(len(frame) for camera in cameras.values() for frame in camera.values())
+    check_ratio(path, "joint", 24 * people * len(names), path.stat().st_size)
     return {name: _view(path, camera, names) for name, camera in cameras.items()}
 
 
@@ -85,13 +87,14 @@ def _read(
             raise DatasetError(path, f"line {number}, joint", expected, repr(cell["joint"]) + again)
         person[cell["joint"]] = _values(path, number, cell)
         joints[cell["joint"]] = None
-<<<<<<< HEAD
     return cameras, joints
 
 
 def _indexed_views(index: Index) -> dict[str, View]:
     """Return the views of a big file."""
     names = _ordered(index.path, tuple(index.joints))
+    people = sum(map(len, index.frames.values()))  # or more
+    check_ratio(index.path, "joint", 24 * people * len(names), index.path.stat().st_size)
 
     @functools.lru_cache(maxsize=_BLOCKS)
     def block(number: int) -> dict[str, dict[int, list[Person]]]:
@@ -109,14 +112,6 @@ def _indexed_views(index: Index) -> dict[str, View]:
         return replace(found, joints=None if names[0].isdecimal() else names, sparse=True)
 
     return {camera: view(camera) for camera in index.frames}
-=======
-    if not cameras:
-        raise DatasetError(path, "lines", "one line per joint after the header", "none")
-    places = _ordered(path, tuple(joints))
-    people = sum(len(frame) for camera in cameras.values() for frame in camera.values())
-    check_ratio(path, "joint", 24 * people * len(places), path.stat().st_size)
-    return cameras, places
->>>>>>> main
 
 
 def _columns(path: Path, header: Sequence[str]) -> dict[str, int]:
