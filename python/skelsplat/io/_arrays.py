@@ -74,8 +74,8 @@ def frame_numbers(path: Path, value: object, count: int | None = None) -> Index:
     return np.array([frame_number(path, "frames", int(number)) for number in array], dtype=np.int64)
 
 
-def array_names(path: Path, field: str, value: object, count: int) -> tuple[str, ...]:
-    """Return `count` different names, text or bytes, or raise `DatasetError`."""
+def array_names(path: Path, field: str, value: object, count: int, *, unique: bool = True) -> tuple[str, ...]:
+    """Return `count` names, text or bytes, none of them there twice if `unique`, or raise `DatasetError`."""
     array = np.asarray(value)
     if array.shape != (count,) or array.dtype.kind not in "USO":
         raise DatasetError(path, field, f"{count} names", f"{array.dtype} of shape {array.shape}")
@@ -87,10 +87,10 @@ def array_names(path: Path, field: str, value: object, count: int) -> tuple[str,
         longest = max(len(name.encode()) for name in ("", *names))
     except ValueError:  # numbers in an array of text that are no characters
         raise DatasetError(path, field, "texts in Unicode", "others") from None
-    if longest > MOST_NAME:
+    if unique and longest > MOST_NAME:
         raise DatasetError(path, field, f"names of at most {MOST_NAME} bytes", f"one of {longest}")
     twice = sorted(name for name, times in Counter(names).items() if times > 1)
-    if twice:
+    if unique and twice:
         raise DatasetError(path, field, "different names", f"{twice[0]!r} twice")
     return names
 
