@@ -14,6 +14,7 @@ import numpy as np
 import skelsplat as sk
 from skelsplat._arrays import Array, Index
 from skelsplat._atomic import atomic_path
+from skelsplat._budget import read_bytes
 from skelsplat._optional import require
 from skelsplat.cameras import MM_PER_UNIT
 from skelsplat.exceptions import DatasetError, InvalidInputError
@@ -186,7 +187,7 @@ def c3d_is_y_up(path: str | os.PathLike[str]) -> bool:
 def _opened(source: Path) -> Any:
     ezc3d = require("ezc3d", "C3D files")
     with parsing(source, "a complete C3D file"):
-        _check_structure(source, source.read_bytes())
+        _check_structure(source, read_bytes(source))
         return ezc3d.c3d(str(source))
 
 
