@@ -554,7 +554,7 @@ _OWN = {
     "_lock.py": "writes",
     "io/_rows.py": "files of its own; others after a look",
     "io/sample.py": "part of the package",
-    "io/poses/_c3d_child.py": "in a process of its own",
+    "io/poses/_c3d.py": "what its child wrote a moment ago",
     "evaluation/reported/__init__.py": "part of the package",
     "evaluation/runs.py": "with a checksum",
     "viz/report/_parts.py": "part of the package",
