@@ -559,6 +559,7 @@ _OWN = {
     "evaluation/runs.py": "with a checksum",
     "viz/report/_parts.py": "part of the package",
     "run/html.py": "written a moment ago",
+    "run/long/_gather.py": "written a moment ago",
     "detect/_mediapipe.py": "the null device",
 }
 

@@ -184,7 +184,7 @@ def read_c3d(path: str | os.PathLike[str]) -> PoseData:
         frames=np.arange(steps, dtype=np.int64) + found.first_frame + 1 - shift,
         unit=_unit(source, point),
         frame_rate=_rate(source, point),
-        processing=tuple(map(_text, own.get("PROCESSING", ()))),
+        processing=tuple(own.get("PROCESSING", ())),
     )
 
 
