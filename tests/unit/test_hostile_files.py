@@ -581,5 +581,7 @@ def test_no_reader_opens_a_file_past_the_budget() -> None:
 def test_a_line_of_live_nests_no_deeper_than_a_file() -> None:
     from skelsplat.run.live._lines import MalformedLineError, parsed
 
-    with pytest.raises(MalformedLineError, match="expected JSON nested at most 64 deep"):
+    with pytest.raises(
+        MalformedLineError, match=r"expected JSON, got lists nested too deeply \(at most 64 deep\)"
+    ):
         parsed(f'{{"detections": {DEEP}}}'.encode())

@@ -89,7 +89,7 @@ def _record(text: bytes) -> dict[str, Any]:
     if not text.strip():
         raise MalformedLineError("expected JSON, got an empty line")
     if depth_of(text) > MOST_DEPTH:
-        raise MalformedLineError(f"expected JSON nested at most {MOST_DEPTH} deep, got deeper lists")
+        raise MalformedLineError(f"expected JSON, got lists nested too deeply (at most {MOST_DEPTH} deep)")
     try:
         record = json.loads(text.decode("utf-8-sig"))  # Windows begins a stream with its mark
     except json.JSONDecodeError as error:
