@@ -28,12 +28,13 @@ test test-all: $(STAMPS)/dev
 	$(MAKE) --jobs 2 rust-check python-lint
 	$(PYTEST)
 
-# Random inputs for so many minutes; findings are saved and printed with how to repeat them.
+# Random inputs for so many minutes each to Python and Rust; findings are saved and printed with how to repeat them.
 # docs/reliability.md, "Fuzzing", says what it tries.
 MINUTES ?= 10
 FUZZ := PYTHONPATH=tests:tools:benchmarks $(BIN)/python -m fuzz
 fuzz: $(STAMPS)/dev
 	$(FUZZ) --minutes $(MINUTES)
+	PROPTEST_CASES=$$((200 * $(MINUTES))) cargo test --release --locked -p skelsplat-core --test fuzz
 
 fuzz-case: $(STAMPS)/dev
 	$(FUZZ) $(CASE)

@@ -31,6 +31,8 @@ MOST_LINE, MOST_COLUMNS = 2**22, 2**16
 """Characters of a line of a table, and its columns."""
 MOST_NAME = 255
 """Characters of a camera's or joint's name in a file, as of the name of a file."""
+MOST_CAMERAS = 4096
+"""Cameras of a calibration, or what may belong to one in a file or folder: a dome has 521."""
 MOST_DEPTH = 64
 """Lists within lists: a pose in JSON has 6."""
 _MOST_PARTS = 32  # of a dotted key; the time for one grows with their square

@@ -153,7 +153,7 @@ def work(area: str, seed: int, cases: range, folder: Path, limit: float) -> None
         signal.setitimer(signal.ITIMER_REAL, 6 * limit)
         try:
             _, outcome = attempt(area, seed, number, folder)
-        except (Exception, SystemExit, KeyboardInterrupt) as error:
+        except BaseException as error:  # also panics
             _answer(case=number, trace=traceback.format_exc(), cause=_cause(error), outcome="finding")
         else:
             _answer(case=number, outcome=outcome)

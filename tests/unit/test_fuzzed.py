@@ -2,14 +2,22 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 import skelsplat as sk
-from array_forms import LAYOUT, PIXELS, RIG, SEEN
+from array_forms import LAYOUT, PIXELS, POSES, RIG, SEEN
 from command_line import assert_fails, invoke
 from skelsplat import synthetic
+from skelsplat.datasets._files import as_numbers
+from skelsplat.datasets._rig import camera_at_centre
+from skelsplat.datasets.panoptic import _bodies
 from skelsplat.evaluation import baselines
+from skelsplat.io import read_calibration
+from takes import hand_made
 
 
 def test_detections_of_images_of_twice_the_size_do_not_make_a_recording_nan():
@@ -76,3 +84,82 @@ def test_what_files_hold_is_shortened_in_messages():
     said = str(sk.DatasetError("a.csv", "line 1", "frame", "x" * 5000))
     assert len(said) < 1100
     assert said.startswith("a.csv: line 1: expected frame, got xxx")
+
+
+@pytest.mark.parametrize("confidence", [1e-29, 1e-31, 1e-150, 5e-324])
+def test_tiny_confidences_do_not_make_a_pose_nan(confidence):
+    seen = SEEN.copy()
+    seen[..., 2] = confidence
+    for found in (
+        sk.refine(None, seen, RIG, layout=LAYOUT),
+        sk.refine_sequence(seen, RIG, layout=LAYOUT, fps=50.0),
+    ):
+        there = found.joint_status != "unobserved"
+        assert there.all() == (confidence > 1e-30)
+        assert np.isfinite(found.pose[there]).all()
+
+
+def test_a_calibrations_name_of_numbers_that_are_no_characters(tmp_path):
+    np.savez(
+        tmp_path / "a.npz",
+        **{name: np.zeros(3) for name in "KRt"},
+        names=np.array([0x110000], "<u4").view("<U1"),
+    )
+    with pytest.raises(
+        sk.DatasetError, match=r"a\.npz: names: expected text, got a character of number 1114112"
+    ):
+        read_calibration(tmp_path / "a.npz")
+
+
+@pytest.mark.parametrize("value", [np.inf, -1e31, 1e308])
+def test_data_sets_have_numbers_that_can_be_computed_with(value):
+    truth = hand_made().truth.copy()
+    truth[0, 3, 1] = value
+    with pytest.raises(
+        sk.DatasetError, match=r"truth: expected numbers within ±1e\+30, NaN where missing, got "
+    ):
+        replace(hand_made(), truth=truth)
+
+
+def test_complex_numbers_of_data_sets_are_no_coordinates(tmp_path):
+    with pytest.raises(sk.DatasetError, match="x: expected real numbers, got an array of complex128"):
+        as_numbers(tmp_path, "x", np.ones(3, complex))
+
+
+def test_occluders_over_a_body_without_joints():
+    noise = synthetic.DetectionNoise(occluded_views=1)
+    assert synthetic.draw_occluders(PIXELS[:, :, :0], noise=noise, seed=0) is not None
+
+
+def test_covariances_of_the_start_are_not_as_good_as_singular():
+    narrow = np.broadcast_to(np.diag([1e-320, 500.0, 600.0]), (17, 3, 3))
+    with pytest.raises(sk.InvalidInputError, match=r"^init_sigma\[0\]: expected a symmetric pos"):
+        sk.refine(POSES[0], PIXELS[0], RIG, init_sigma=narrow)
+    for least in (1e-29, 1e-20, 1e-12):
+        spread = np.broadcast_to(np.diag([least, 500.0, 600.0]), (17, 3, 3))
+        assert np.isfinite(sk.refine(POSES[0], PIXELS[0], RIG, init_sigma=spread).pose).all()
+
+
+def test_people_who_are_a_list_of_masked_numbers_are_named():
+    with pytest.raises(sk.InvalidInputError, match=r"^people: expected a list of views in every frame, got "):
+        sk.track([np.ma.masked], RIG, layout=LAYOUT, fps=50.0)
+
+
+@pytest.mark.parametrize(
+    ("bodies", "text"),
+    [
+        ("true", "bodies: expected a list, got bool"),
+        (f'[{{"id": [], "joints19": {[1] * 76}}}]', "id: expected a whole number"),
+    ],
+)
+def test_bodies_of_panoptic_that_are_no_list_and_ids_that_are_no_number(tmp_path, bodies, text):
+    path = tmp_path / "body3DScene_00000001.json"
+    path.write_text(f'{{"bodies": {bodies}}}')
+    with pytest.raises(sk.DatasetError, match=rf"{path.name}: .*{text}"):
+        _bodies(path)
+
+
+def test_a_camera_of_a_data_set_at_1e308():
+    entry = {"R": np.eye(3).tolist(), "T": [1e308] * 3, "fx": 1, "fy": 1, "cx": 0, "cy": 0}
+    with pytest.raises(sk.DatasetError, match=r"T: expected 3 numbers within ±1e\+30, got"):
+        camera_at_centre(Path("a.json"), "a", entry, size=(9, 9), name="a")

@@ -23,6 +23,7 @@ import skelsplat as sk
 from skelsplat import _budget, io
 from skelsplat.io._files import csv_lines, load_json, natural
 from skelsplat.io._unpickle import unpickle
+from skelsplat.io.poses import convert_poses
 
 pytestmark = pytest.mark.skipif(
     sys.platform != "linux", reason="limits of memory, pipes and devices of Linux"
@@ -377,3 +378,151 @@ def test_a_mat_file_has_no_more_in_it_than_its_bytes(tmp_path: Path, case: str) 
     path = tmp_path / "x.mat"
     path.write_bytes(b"MATLAB 5.0 MAT-file".ljust(124) + struct.pack("<H", 0x0100) + b"IM" + content)
     refused(calibration, path, message)
+
+
+POSES = {"pose": np.ones((1, 2, 3)), "joint_names": ["a", "b"], "frames": [5], "unit": "mm"}
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"frames": [5.5]}, "frames: expected whole numbers, got 5.5"),
+        ({"pose": np.full((1, 2, 3), np.inf)}, "pose: expected finite numbers, none for what is missing"),
+        ({"uncertainty": np.full((1, 2, 3, 3), np.inf)}, "uncertainty: expected finite numbers"),
+        ({"joint_names": np.array([b"a", b"a"])}, "joint_names: expected different names, got 'a' twice"),
+        ({"joint_names": np.array([7, 8])}, "joint_names: expected 2 names, got int64"),
+        ({"joint_names": np.array(["\ud800", "b"])}, "joint_names: expected texts in Unicode"),
+        (
+            {"joint_names": ["a" * 300, "b"]},
+            "joint_names: expected names of at most 255 bytes, got one of 300",
+        ),
+    ],
+)
+def test_poses_that_no_writer_could_write_are_not_read(tmp_path: Path, change: Any, message: str) -> None:
+    path = tmp_path / "pose.npz"
+    np.savez(path, **{**POSES, **change})
+    refused(io.read_pose, path, message)
+
+
+def test_names_of_bytes_are_texts(tmp_path: Path) -> None:
+    path = tmp_path / "pose.npz"
+    np.savez(path, **{**POSES, "joint_names": np.array([b"a", "\u00e9".encode()])})
+    assert convert_poses(path, tmp_path / "p.trc", fps=50).joint_names == ("a", "\u00e9")
+
+
+TRC = "PathFileType\t4\nDataRate\n9\t9\t1\t1\tmm\t9\t1\t1\nFrame#\tTime\ta\t\t\n\tX1\n\n1\t0\t{}\t1\t1\n"
+
+
+def test_an_infinite_coordinate_is_refused_in_text(tmp_path: Path) -> None:
+    for name, text in {"p.csv": "frame,joint,x,y,z,unit\n0,a,{},1,1,mm\n", "p.trc": TRC}.items():
+        for number in ("inf", "-1e999"):
+            (tmp_path / name).write_text(text.format(number))
+            refused(io.read_pose, tmp_path / name, "pose: expected finite numbers")
+
+
+def test_names_of_c3d_beyond_ascii_are_written_as_trc(tmp_path: Path) -> None:
+    pytest.importorskip("ezc3d")
+    path = tmp_path / "p.c3d"
+    io.write_c3d(path, io.PoseData(np.ones((2, 1, 3)), ("\u00c4bc",), np.arange(2) + 1, "mm", frame_rate=9.0))
+    path.write_bytes(path.read_bytes().replace("\u00c4bc".encode(), b"\xe9abc"))
+    assert convert_poses(path, tmp_path / "p.trc").joint_names == ("\u00e9abc",)
+    assert io.read_pose(tmp_path / "p.trc").joint_names == ("\u00e9abc",)
+    with pytest.raises(sk.InvalidInputError, match="joint_names: expected texts in Unicode"):
+        io.PoseData(np.ones((1, 1, 3)), ("\udce9",), np.arange(1), "mm")
+
+
+CAMERA = (
+    "[cameras.a]\ncam_id = 0\nsize = [9, 9]\nmatrix = [[9, 0, 4], [0, 9, 4], [0, 0, 1]]\n"
+    "distortions = [0, 0, 0, 0]\ntranslation = [0, 0, 1]\nrotation = "
+)
+
+
+@pytest.mark.parametrize(
+    ("rotation", "message"),
+    [
+        ("[[1, 0, 0], [0, 1], [0, 0, 1]]", "expected 3×3 numbers, got lists of different lengths"),
+        ("[[1, 0, 0], 2, [0, 0, 1]]", "expected 3×3 numbers, got lists of different lengths"),
+        ("[[1, 0, 0], [0, 1, 0]]", "expected 3×3 numbers, got shape 2×3"),
+        ("[1e308, 1e308, 0]", r"expected a rotation vector in radians, at most 1e\+06"),
+        ("[[1e308, 0, 0], [0, 1, 0], [0, 0, 1]]", "R of camera 'cam_0': expected an orthonormal"),
+        ("[1, 2]", "expected 3 numbers"),
+    ],
+)
+def test_rotations_that_are_none(tmp_path: Path, rotation: str, message: str) -> None:
+    for text in (CAMERA, CAMERA.replace("cam_id = 0\n", "").replace("cameras.", "")):
+        if "[[" in rotation and text != CAMERA:
+            continue
+        path = tmp_path / "c.toml"
+        path.write_text(text + rotation)
+        refused(calibration, path, message)
+
+
+def test_a_layout_that_is_no_name(tmp_path: Path) -> None:
+    views = {name: {"custom": [np.full((3, 17, 2), 5.0)]} for name in ("cam0", "cam1")}
+    metadata = np.array({"layout_name": ["coco"]}, dtype=object)
+    path = tmp_path / "d.npz"
+    np.savez(path, positions_2d=np.array(views, dtype=object), metadata=metadata)
+    assert detections(path).people.shape == (3, 2, 1, 17, 3)
+
+
+CROWDS = {
+    "places in csv": (
+        "d.csv",
+        "frame,joint,x,y,camera\n" + "".join(f"{k},9999,5,5,cam0\n" for k in range(5000)),
+        "joint: expected at most 1.* got 1.2 GB",
+    ),
+    "names in csv": (
+        "d.csv",
+        "frame,joint,x,y,camera\n" + "".join(f"{k},j{k},5,5,cam0\n" for k in range(5000)),
+        "joint: expected at most 1.* got 600.0 MB",
+    ),
+    "points of Caliscope": (
+        "xy_x.csv",
+        "sync_index,cam_id,keypoint_id,img_loc_x,img_loc_y\n"
+        + "".join(f"{k},0,9999,5,5\n" for k in range(5000)),
+        "point: expected at most 1.* got 1.2 GB",
+    ),
+    "cameras": (
+        "d.csv",
+        "frame,joint,x,y,camera\n" + "".join(f"0,0,5,5,c{k}\n" for k in range(5000)),
+        "views: expected at most 4096, with names of at most 255 characters, got 5000",
+    ),
+    "a name": (
+        "d.csv",
+        f"frame,joint,x,y,camera\n0,0,5,5,cam0\n0,0,5,5,{'a1' * 5000}\n",
+        "views: .* got 2, with names of at most 10000",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", CROWDS)
+def test_a_table_does_not_grow_with_the_square_of_its_lines(tmp_path: Path, case: str) -> None:
+    name, text, message = CROWDS[case]
+    (tmp_path / name).write_text(text)
+    refused(detections, tmp_path / name, message)
+
+
+def test_one_crowd_in_a_long_recording(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(_budget, "_available", lambda: 10**8)
+    person = '{"image_id": %d, "keypoints": [' + ", ".join(["5", "5", "0.5"] * 17) + "]}"
+    people = [person % k for k in range(1000)] + [person % 0] * 200
+    for name in ("cam0", "cam1"):
+        (tmp_path / f"{name}.json").write_text(f"[{','.join(people)}]")
+    refused(detections, tmp_path, r"people: expected what fits into memory \(100.0 MB .* got .* 164.0 MB")
+
+
+def test_names_of_many_words_are_compared_in_little_time() -> None:
+    from skelsplat.io.detections._match import Candidates, match_by_name
+
+    views = {str(k): f"a{k}x" * 40 for k in range(40)}
+    with pytest.raises(sk.DatasetError, match="views: expected"):
+        match_by_name(
+            Candidates(Path(), "view", views), [f"b{k}y" * 40 for k in range(40)], allow_missing=False
+        )
+
+
+def test_a_calibration_has_not_any_number_of_cameras(tmp_path: Path) -> None:
+    one = '"%d": {"K": [9,0,4,0,9,4,0,0,1], "RT": [1,0,0,0,0,1,0,0,0,0,1,0], "imgSize": [9, 9]}'
+    path = tmp_path / "c.json"
+    path.write_text("{" + ",".join(one % k for k in range(4097)) + "}")
+    refused(calibration, path, "cameras: expected at most 4096 cameras .* got 4097 cameras")

@@ -313,7 +313,8 @@ fn initial_covariances(
     };
     let valid = |c: &Matrix3<f64>| {
         let finite = c.iter().all(|v| v.is_finite());
-        c.iter().any(|v| v.is_nan()) || (finite && is_symmetric(c) && c.cholesky().is_some())
+        let wide = || c.cholesky().is_some_and(|root| root.l_dirty().diagonal().min() >= FINEST);
+        c.iter().any(|v| v.is_nan()) || (finite && is_symmetric(c) && wide())
     };
     if let Some(k) = covariances.iter().position(|c| !valid(c)) {
         let shape = if covariances.len() == n { vec![n] } else { vec![t, n] };

@@ -17,6 +17,9 @@ from skelsplat.io import _arrays
 from skelsplat.io._files import load_json as parse_json_file
 from skelsplat.io._unpickle import unpickle
 
+# Largest number in data that the core computes with.
+FARTHEST = 1e30
+
 
 @dataclass
 class Survey:
@@ -144,6 +147,8 @@ def within(field: str, key: Any) -> str:
 
 def as_numbers(path: Path, field: str, value: Any) -> Array:
     """Return `value` as a new array of float64, C order; None is NaN."""
+    if isinstance(value, np.ndarray) and value.dtype.kind == "c":
+        raise DatasetError(path, field, "real numbers", f"an array of {value.dtype}")
     try:
         return np.array(value, dtype=np.float64, order="C")
     except (TypeError, ValueError) as error:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import mmap
 import os
+import sys
 import zipfile
 from collections import Counter
 from collections.abc import Collection, Iterator
@@ -73,8 +74,8 @@ def frame_numbers(path: Path, value: object, count: int | None = None) -> Index:
     return np.array([frame_number(path, "frames", int(number)) for number in array], dtype=np.int64)
 
 
-def array_names(path: Path, field: str, value: object, count: int) -> tuple[str, ...]:
-    """Return `count` different names, text or bytes, or raise `DatasetError`."""
+def array_names(path: Path, field: str, value: object, count: int, *, unique: bool = True) -> tuple[str, ...]:
+    """Return `count` names, text or bytes, none of them there twice if `unique`, or raise `DatasetError`."""
     array = np.asarray(value)
     if array.shape != (count,) or array.dtype.kind not in "USO":
         raise DatasetError(path, field, f"{count} names", f"{array.dtype} of shape {array.shape}")
@@ -86,10 +87,10 @@ def array_names(path: Path, field: str, value: object, count: int) -> tuple[str,
         longest = max(len(name.encode()) for name in ("", *names))
     except ValueError:  # numbers in an array of text that are no characters
         raise DatasetError(path, field, "texts in Unicode", "others") from None
-    if longest > MOST_NAME:
+    if unique and longest > MOST_NAME:
         raise DatasetError(path, field, f"names of at most {MOST_NAME} bytes", f"one of {longest}")
     twice = sorted(name for name, times in Counter(names).items() if times > 1)
-    if twice:
+    if unique and twice:
         raise DatasetError(path, field, "different names", f"{twice[0]!r} twice")
     return names
 
@@ -108,6 +109,15 @@ def load_npz(path: Path, keys: Collection[str]) -> Arrays:
         return Arrays(path, _members(path, stream, keys, pickled=True))
 
 
+def _readable(array: Any, path: Path, name: str) -> Any:
+    """Return an array, or raise `DatasetError` for text with numbers that are no characters."""
+    if isinstance(array, np.ndarray) and array.dtype.kind == "U":
+        codes = np.frombuffer(array.tobytes(), dtype=f"{array.dtype.byteorder}u4")
+        if (codes > sys.maxunicode).any():
+            raise DatasetError(path, name, "text", f"a character of number {codes.max()}")
+    return array
+
+
 def _members(path: Path, stream: BinaryIO, keys: Collection[str] | None, *, pickled: bool) -> dict[str, Any]:
     """Return the arrays among `keys`, or all, that an npz file holds."""
     found = {}
@@ -119,7 +129,8 @@ def _members(path: Path, stream: BinaryIO, keys: Collection[str] | None, *, pick
             if info.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
                 raise DatasetError(path, name, "an array packed by deflate or not at all", "another packing")
             with archive.open(info) as member:
-                found[name] = read_array(member, path, name, info.file_size, pickled=pickled)
+                array = read_array(member, path, name, info.file_size, pickled=pickled)
+                found[name] = _readable(array, path, name)
     return found
 
 

@@ -48,7 +48,7 @@ def _check(path: Path, content: bytes, expected: str) -> None:
     for kind, first, end in _elements(content, _HEADER, len(content), order, padded=False):
         data = content[first if kind == _PACKED else first - 8 : end]
         if kind == _PACKED:
-            data = b"".join(_unpacked(path, data, len(content), total))
+            data = b"".join(_unpacked(path, data, len(content), total, order))
             total += len(data)
         level = [data]
         for _ in range(MOST_DEPTH):
@@ -57,8 +57,12 @@ def _check(path: Path, content: bytes, expected: str) -> None:
             raise DatasetError(path, "file", f"cells nested at most {MOST_DEPTH} deep", "deeper ones")
 
 
-def _unpacked(path: Path, data: bytes, held: int, total: int) -> Iterator[bytes]:
+def _unpacked(path: Path, data: bytes, held: int, total: int, order: str) -> Iterator[bytes]:
     """Yield the data of a packed variable; `total` bytes have come from the `held` ones before."""
+    packer = zlib.decompressobj()
+    claim = packer.decompress(data, 8)
+    if len(claim) == 8:
+        check_ratio(path, "file", total + struct.unpack(f"{order}II", claim)[1], held)
     packer = zlib.decompressobj()
     while part := packer.decompress(data, _PIECE):
         total += len(part)

@@ -102,8 +102,8 @@ def _body_box(pixels: Array) -> tuple[Array, Array]:
     """Lower corner and size (T, 2) px of the box round the joints of each frame; zeros where none is seen."""
     seen = ~np.isnan(pixels)
     any_seen = seen.any(axis=1)
-    low = np.where(any_seen, np.where(seen, pixels, np.inf).min(axis=1), 0.0)
-    high = np.where(any_seen, np.where(seen, pixels, -np.inf).max(axis=1), 0.0)
+    low = np.where(any_seen, np.where(seen, pixels, np.inf).min(axis=1, initial=np.inf), 0.0)
+    high = np.where(any_seen, np.where(seen, pixels, -np.inf).max(axis=1, initial=-np.inf), 0.0)
     return low, high - low
 
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from skelsplat import layouts
 from skelsplat._arrays import Array
+from skelsplat._budget import check_ratio
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.io._arrays import Arrays, as_numbers, load_npy, load_npz, npy_shape, npz_keys
 from skelsplat.io.detections._format import Person, Recording, View, array_view, joints_of
@@ -113,7 +114,9 @@ def _stacked(path: Path, key: str, parts: list[Array]) -> Array:
         if part.size and (part.ndim != 3 or part.shape[1:] != (joints, 2)):
             expected = f"shape (P, {joints}, 2) like the other frames" if joints else "shape (P, K, 2)"
             raise DatasetError(path, f"{key}[{t}]", expected, part.shape)
-    out = np.full((len(parts), max([1, *map(len, people)]), joints, 2), np.nan)
+    most = max([1, *map(len, people)])
+    check_ratio(path, key, 16 * len(parts) * most * joints, path.stat().st_size)
+    out = np.full((len(parts), most, joints, 2), np.nan)
     for t, part in enumerate(parts):
         if part.size:
             out[t, : len(part)] = part
@@ -219,7 +222,7 @@ def _table(path: Path, field: str, value: Any) -> dict[Any, Any]:
 def _layout(metadata: Any) -> str | None:
     content = _content(metadata)
     name = content.get("layout_name") if isinstance(content, dict) else None
-    return name if name in _LAYOUTS else None
+    return name if isinstance(name, str) and name in _LAYOUTS else None
 
 
 def _choose(path: Path, table: dict[str, dict[Any, Any]], sequence: str | None) -> tuple[str, Any]:

@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 import skelsplat as sk
 from skelsplat._arrays import Array, Index
+from skelsplat._budget import afford
 from skelsplat.exceptions import DatasetError
 from skelsplat.io.detections._format import Person, View
 from skelsplat.io.detections._frames import Sources
@@ -19,6 +20,7 @@ from skelsplat.io.detections._joints import arranged, places_of
 
 # pixels of a whole view that all lie within this are parts of the image's size
 _NORMALISED = 1.5
+_STRETCH = 4096  # frames
 
 
 @dataclass(frozen=True)
@@ -97,7 +99,10 @@ class Opened:
 
     def read(self) -> DetectionSet:
         """Read everything."""
-        read = {name: self._people(name, self.frames) for name in self.views.views}
+        read: dict[str, list[list[Array]]] = {name: [] for name in self.views.views}
+        for first in range(0, len(self.frames), _STRETCH):
+            for name, people in read.items():  # of a file of all cameras each part is read once
+                people += self._people(name, self.frames[first : first + _STRETCH])
         for name, people in read.items():
             pixels = _Pixels(self.views.views[name])
             pixels.add(people)
@@ -151,6 +156,7 @@ class Opened:
         """Join the views to (T, M, P, N, 3), padded with NaN."""
         views = [read.get(name, []) for name in self.camera_names]
         places = max([1, *(len(people) for view in views for people in view)])
+        afford(self.views.root, "people", 24 * steps * len(views) * places * self.skeleton.n_joints)
         stacked = np.full((steps, len(views), places, self.skeleton.n_joints, 3), np.nan)
         for m, view in enumerate(views):
             for t, people in enumerate(view):

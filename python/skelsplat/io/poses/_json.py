@@ -20,7 +20,7 @@ from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.io._fields import Field
 from skelsplat.io._files import FRAME_LIMIT, load_json, of_file
 from skelsplat.io.poses._parts import Poses, parts_of
-from skelsplat.io.poses._pose_data import ARRAYS, BONES, PoseData, shape_of
+from skelsplat.io.poses._pose_data import ARRAYS, BONES, PoseData, checked, shape_of
 
 FORMAT, PEOPLE, VERSION = "skelsplat-poses", "skelsplat-people", 1
 _BY_JOINT = (
@@ -129,6 +129,7 @@ def is_json_poses(text: str) -> bool:
     return start.startswith(tuple(f'{{"format":"{name}"' for name in (FORMAT, PEOPLE)))
 
 
+@checked
 def read_json(path: str | os.PathLike[str]) -> PoseData:
     """Read a file of `write_json`, or one with its keys; ``frames`` needs ``frame`` and ``pose`` only.
 

@@ -14,11 +14,11 @@ import skelsplat as sk
 from skelsplat._arrays import Array
 from skelsplat._atomic import atomic_write
 from skelsplat.exceptions import DatasetError, InvalidInputError
-from skelsplat.io._arrays import Arrays, load_plain_npz
+from skelsplat.io._arrays import Arrays, array_names, load_plain_npz
 from skelsplat.io._rows import Made
 from skelsplat.io._rows import write_npz as write_pieces
 from skelsplat.io.poses._parts import PoseParts, Poses, parts_of
-from skelsplat.io.poses._pose_data import PoseData
+from skelsplat.io.poses._pose_data import PoseData, checked
 
 _KEYS = tuple(entry.name for entry in fields(PoseData))
 _NAMES = ("joint_names", "camera_names", "processing")
@@ -67,6 +67,7 @@ def _bars(data: PoseParts) -> Iterator[Array]:
         yield part.error_bar
 
 
+@checked
 def read_npz(path: str | os.PathLike[str]) -> PoseData:
     """Read a file of `write_npz`; of its keys, pose, joint_names, frames and unit have to be there.
 
@@ -80,10 +81,11 @@ def read_npz(path: str | os.PathLike[str]) -> PoseData:
     for key in _REQUIRED:
         read.take(key)
     arrays = {key: read.found[key] for key in _KEYS if key in read.found}
-    arrays["unit"] = str(arrays["unit"])
+    (arrays["unit"],) = array_names(source, "unit", np.atleast_1d(arrays["unit"]), 1)
     for key in _NAMES:
         if key in arrays:
-            arrays[key] = tuple(np.atleast_1d(arrays[key]).tolist())
+            texts = np.atleast_1d(arrays[key])
+            arrays[key] = array_names(source, key, texts, texts.size, unique=key != "processing")
     arrays["frame_rate"] = read.rate()
     try:
         return PoseData(**arrays)

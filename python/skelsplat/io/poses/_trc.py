@@ -23,7 +23,7 @@ from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.findings import Finding, Severity, Subject, warn
 from skelsplat.io._files import frame_number
 from skelsplat.io.poses._parts import Poses, parts_of
-from skelsplat.io.poses._pose_data import Y_UP, PoseData, known_frame_rate
+from skelsplat.io.poses._pose_data import Y_UP, PoseData, checked, known_frame_rate
 from skelsplat.io.poses._pose_data import marker_names as named
 
 _HEADER = (
@@ -103,7 +103,7 @@ def _header(file_name: str, names: Sequence[str], steps: int, frame_rate: float,
     rate, joints = f"{frame_rate:g}", len(names)
     numbers = range(1, joints + 1)
     return [
-        f"PathFileType\t4\t(X/Y/Z)\t{file_name}",
+        f"PathFileType\t4\t(X/Y/Z)\t{file_name.encode(errors='replace').decode()}",
         _HEADER,
         "\t".join([rate, rate, str(steps), str(joints), unit, rate, "1", str(steps)]),
         "\t".join(["Frame#", "Time", *(f"{name}\t\t" for name in names), ""]),
@@ -112,6 +112,7 @@ def _header(file_name: str, names: Sequence[str], steps: int, frame_rate: float,
     ]
 
 
+@checked
 def read_trc(path: str | os.PathLike[str]) -> PoseData:
     """Read a TRC file; its axes are kept as they are.
 

@@ -17,7 +17,7 @@ from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.io._arrays import hdf5
 from skelsplat.io._files import parsing
 from skelsplat.io.poses._parts import Poses, parts_of
-from skelsplat.io.poses._pose_data import PoseData, over_views
+from skelsplat.io.poses._pose_data import PoseData, checked, over_views
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -163,6 +163,7 @@ def check_packages() -> Any:
     return require("xarray", "NetCDF files")
 
 
+@checked
 def read_netcdf(path: str | os.PathLike[str]) -> PoseData:
     """Read a ``poses`` dataset of one individual in three dimensions, with either naming of the dimensions.
 
