@@ -12,10 +12,13 @@ import pytest
 
 import skelsplat as sk
 from skelsplat import _budget, synthetic
-from skelsplat.findings import Finding
-from skelsplat.io import _rows, write_calibration
-from skelsplat.run import Job, folder, read, run, run_batch, run_long, run_people
+from skelsplat.findings import Finding, FindingWarning
+from skelsplat.io import _rows, read_run, write_calibration
+from skelsplat.io.poses._pose_data import ARRAYS
+from skelsplat.run import Job, folder, frame_range, read, run, run_batch, run_long, run_people
+from skelsplat.run.frame_range import FrameRange
 from skelsplat.run.long import _gather, _run
+from skelsplat.run.plots import read_source
 from skelsplat.run.report import thinned_in_words
 
 FPS, STEPS = 10.0, 1300  # windows of 600 frames
@@ -157,8 +160,8 @@ def test_an_option_that_needs_all_frames_is_named_before_the_work(
     found = run(given, tell=told.append)
     assert told[0] == next(one for one in found.findings if one.kind == "done_at_once")
     assert told[0].text == (
-        "--fill-gaps and --filter need all 1,270 frames at once, at least 0.0 GB of memory; without them they "
-        "are refined in parts"
+        "--fill-gaps and --filter need all 1,270 frames at once, at least 0.0 GB of memory; without them "
+        "they are refined in parts"
     )
     monkeypatch.setattr(read, "_AT_ONCE", 10**4)
     monkeypatch.setattr(_budget, "_available", lambda: 10**8)
@@ -177,8 +180,30 @@ def test_a_batch_does_long_recordings_in_parts(files: Path, tmp_path: Path) -> N
     assert not list((tmp_path / "one").glob(".skelsplat-*"))
 
 
+def test_of_a_long_run_a_range_is_read(files: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    out = tmp_path / "out"
+    run(job(files, out, write=()))
+    whole = read_run(out)
+    range = FrameRange(890, 940)
+    few = read_source(out, range=range)
+    monkeypatch.setattr(frame_range, "MANY", 40)
+    part = read_run(out, within=range.to_read)
+    assert part.ends == whole.ends == (0, STEPS - 1)
+    assert part.poses.frames.tolist() == [*np.arange(890, 900), *np.arange(930, 941)]
+    own = np.isin(whole.poses.frames, part.poses.frames)
+    for name in ARRAYS:
+        np.testing.assert_array_equal(getattr(part.poses, name), getattr(whole.poses, name)[own])
+    np.testing.assert_array_equal(part.detections, whole.detections[own])
+    with pytest.warns(FindingWarning, match="1,270 frames are read and drawn at once: --range A-B reads"):
+        read_source(out)
+    again = read_source(out, range=range)
+    assert (again.zero, again.title) == (few.zero, few.title)
+    with pytest.raises(sk.InvalidInputError, match="range: expected some of the frames 0 to 1299, got 2000"):
+        read_source(out, range=FrameRange(2000, 2000))
+
+
 def test_an_interrupted_run_leaves_nothing(files: Path, tmp_path: Path) -> None:
-    def interrupt(done: int, total: int) -> None:
+    def interrupt(done: int, _: int) -> None:
         if done:
             raise KeyboardInterrupt
 

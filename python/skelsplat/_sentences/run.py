@@ -324,6 +324,7 @@ def _at_once(finding: Finding) -> str:
 
 SENTENCES: Mapping[str, str | Callable[[Finding], str]] = {
     "layout_of_file": _layout_of_file,
+    "many_frames": "{frames:,} frames are read and drawn at once: --range A-B reads some of them",
     "done_at_once": _at_once,
     "option_unused": "{option} has no effect: it applies to pose.trc and pose.c3d, and --write lists neither",
     "vertical_unknown": "--angles: the cameras do not show which axis of the world is vertical: "
