@@ -32,7 +32,9 @@ mod _skelsplat {
     #[pymodule_export]
     use crate::layout::Layout;
     #[pymodule_export]
-    use crate::people::{PyTracker, check_people, people_choices, people_scores, track_people};
+    use crate::people::{
+        PyTracker, check_people, people_choices, people_chosen, people_scores, track_people,
+    };
     #[pymodule_export]
     use crate::refine::{PyLive, PyRefiner, implausible_extent};
     #[pymodule_export]
