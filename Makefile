@@ -1,4 +1,5 @@
-# Three commands on a new machine with Rust and Python >= 3.10:
+# Three commands on a new machine with Rust and Python >= 3.10; all that they install are the versions in Cargo.lock and
+# requirements-dev.lock:
 #   make demo   set up, build, refine the embedded real sample into ./skelsplat-demo
 #   make test   set up, every check; `make test-all` tries more cases of each
 #   make docs   set up, build the documentation into ./site
@@ -10,10 +11,13 @@ STAMPS := .stamps
 RUST_SOURCES   := Cargo.toml Cargo.lock $(shell find crates -name '*.rs' -o -name 'Cargo.toml' 2>/dev/null)
 PYTHON_SOURCES := pyproject.toml README.md $(shell find python -name '*.py' -o -name '*.pyi' -o -name '*.zip' -o -name '*.html' -o -name '*.css' -o -name '*.js' 2>/dev/null)
 
+PIP := $(BIN)/python -m pip install --quiet --constraint requirements-dev.lock
+
 # As many as there are cores; more than a few gain nothing.
 PYTEST := $(BIN)/python -m pytest --numprocesses auto --maxprocesses 8 --dist worksteal
 
-.PHONY: demo test test-all docs fmt lint rust-lint python-lint rust-check rust-test python-test bench clean
+.PHONY: demo test test-all fuzz fuzz-case docs fmt lint rust-lint python-lint rust-check rust-test python-test bench \
+        clean wheel sdist lock test-lowest package reproducible notices deny publish-check
 
 demo: $(STAMPS)/installed
 	$(BIN)/skelsplat demo -o skelsplat-demo
@@ -24,25 +28,43 @@ test test-all: $(STAMPS)/dev
 	$(MAKE) --jobs 2 rust-check python-lint
 	$(PYTEST)
 
+# Random inputs for so many minutes each to Python and Rust; findings are saved and printed with how to repeat them.
+# docs/reliability.md, "Fuzzing", says what it tries.
+MINUTES ?= 10
+FUZZ := PYTHONPATH=tests:tools:benchmarks $(BIN)/python -m fuzz
+fuzz: $(STAMPS)/dev
+	$(FUZZ) --minutes $(MINUTES)
+	PROPTEST_CASES=$$((200 * $(MINUTES))) cargo test --release --locked -p skelsplat-core --test fuzz
+
+fuzz-case: $(STAMPS)/dev
+	$(FUZZ) $(CASE)
+
 # Its own interpreter: nothing is installed outside this folder.
-$(STAMPS)/venv: pyproject.toml
+$(STAMPS)/venv: pyproject.toml requirements-dev.lock
 	@$(PYTHON) -c 'import sys; sys.exit("Python >= 3.10 is needed, this is " + sys.version.split()[0] if sys.version_info < (3, 10) else 0)'
 	@command -v cargo >/dev/null || { echo "cargo is needed: install Rust >= 1.89 (https://rustup.rs)" >&2; exit 1; }
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --upgrade pip
-	$(BIN)/python -m pip install --quiet 'maturin>=1.9,<2'
+	$(PIP) maturin
 	@mkdir -p $(STAMPS) && touch $@
 
 # The wheel that users get, built and installed with the extras that its commands need; not an editable checkout.
 $(STAMPS)/installed: $(STAMPS)/venv $(RUST_SOURCES) $(PYTHON_SOURCES)
 	rm -rf dist && rm -f python/skelsplat/_skelsplat*.so
-	$(BIN)/maturin build --release --quiet --interpreter $(BIN)/python --out dist
+	$(MAKE) wheel
 	$(BIN)/python -m pip install --quiet --force-reinstall --no-deps dist/*.whl
-	$(BIN)/python -m pip install --quiet "$$(ls dist/*.whl)[all]"
+	$(PIP) "$$(ls dist/*.whl)[all]"
 	@touch $@
 
+# No path of this machine is in the wheel, so the same commit gives the same bytes in any folder.
+REMAP := --remap-path-prefix=$(CURDIR)=. --remap-path-prefix=$${CARGO_HOME:-$$HOME/.cargo}=cargo
+wheel:
+	RUSTFLAGS="$$RUSTFLAGS $(REMAP)" $(BIN)/maturin build --release --locked --quiet --interpreter $(BIN)/python --out dist
+sdist:
+	$(BIN)/maturin sdist --quiet --out dist
+
 $(STAMPS)/dev: $(STAMPS)/installed
-	$(BIN)/python -m pip install --quiet "$$(ls dist/*.whl)[dev]"
+	$(PIP) "$$(ls dist/*.whl)[dev]"
 	@touch $@
 
 fmt:
@@ -53,7 +75,7 @@ lint: rust-lint python-lint
 
 rust-lint:
 	cargo fmt --all --check
-	cargo clippy --workspace --all-targets --quiet -- -D warnings
+	cargo clippy --locked --workspace --all-targets --quiet -- -D warnings
 
 python-lint: $(STAMPS)/dev
 	$(BIN)/ruff format --check .
@@ -62,8 +84,8 @@ python-lint: $(STAMPS)/dev
 	$(BIN)/python -m mypy.stubtest skelsplat._skelsplat
 
 rust-test:
-	cargo test --workspace --quiet
-	RUSTDOCFLAGS="-D warnings" cargo doc --workspace --no-deps --quiet
+	cargo test --locked --workspace --quiet
+	RUSTDOCFLAGS="-D warnings" cargo doc --locked --workspace --no-deps --quiet
 
 # One after the other: cargo locks its folder.
 rust-check: rust-lint
@@ -76,8 +98,56 @@ python-test: $(STAMPS)/dev
 docs: $(STAMPS)/dev
 	$(BIN)/sphinx-build -W -n --keep-going -q docs site
 
+# The newest versions that pyproject.toml admits, for all platforms and Python 3.10 to 3.14.
+lock: $(STAMPS)/uv
+	$(BIN)/uv pip compile --quiet --upgrade --universal --python-version 3.10 --extra all --extra dev --no-annotate \
+	    --custom-compile-command 'make lock' --output-file requirements-dev.lock pyproject.toml
+
+$(STAMPS)/uv: $(STAMPS)/venv
+	$(PIP) 'uv>=0.9,<1'
+	@touch $@
+
+# The oldest versions that pyproject.toml admits; old libraries warn of each other.
+LOWEST := $(VENV)-lowest/bin/python -m pytest --timeout 900 -W ignore::DeprecationWarning -W ignore::PendingDeprecationWarning \
+          -W ignore::FutureWarning
+test-lowest: $(STAMPS)/installed $(STAMPS)/uv
+	$(BIN)/uv venv --quiet --clear --python $(PYTHON) $(VENV)-lowest
+	$(BIN)/uv pip compile --quiet --resolution lowest-direct --python $(VENV)-lowest --extra all --extra dev pyproject.toml \
+	    --output-file $(VENV)-lowest/requirements.txt
+	$(BIN)/uv pip install --quiet --python $(VENV)-lowest --requirements $(VENV)-lowest/requirements.txt
+	$(BIN)/uv pip install --quiet --python $(VENV)-lowest --no-deps dist/*.whl
+	$(LOWEST) tests/unit tests/parity
+
+# What is uploaded: wheel and sdist, each installed into an empty environment and used there, the wheel without Rust.
+package: $(STAMPS)/installed
+	$(MAKE) sdist
+	$(BIN)/python tools/check_package.py dist/*.whl
+	$(BIN)/python tools/check_package.py dist/*.tar.gz
+
+# The same bytes from two clones of this commit, in two folders.
+reproducible: COPIES := $(shell mktemp -d -u)
+reproducible: $(STAMPS)/venv
+	for copy in one two/deeper; do \
+	  git clone --quiet . $(COPIES)/$$copy && $(MAKE) -C $(COPIES)/$$copy BIN=$(abspath $(BIN)) wheel sdist || exit 1; done
+	cd $(COPIES) && sha256sum one/dist/* two/deeper/dist/*
+	diff -r $(COPIES)/one/dist $(COPIES)/two/deeper/dist
+	rm -rf $(COPIES)
+
+# Needs cargo-bundle-licenses and cargo-cyclonedx, from crates.io.
+notices:
+	cargo bundle-licenses --format yaml --prefer MIT --prefer Zlib --prefer BSD-2-Clause \
+	    --previous licenses/third-party.yml --output licenses/third-party.yml
+	$(PYTHON) tools/sbom.py
+
+# Needs cargo-deny, from crates.io; advisories need GitHub.
+deny:
+	cargo deny --locked check
+
+publish-check:
+	cargo publish --dry-run --locked --allow-dirty --package skelsplat-core
+
 bench: $(STAMPS)/dev
 	$(BIN)/python benchmarks/paper.py
 
 clean:
-	rm -rf $(VENV) $(STAMPS) dist target site skelsplat-demo skelsplat-demo-people
+	rm -rf $(VENV) $(VENV)-lowest $(STAMPS) dist target site skelsplat-demo skelsplat-demo-people

@@ -50,4 +50,4 @@ def attacks() -> list[Attack]:
     """Every attack of every module, sorted by its order."""
     for module in pkgutil.iter_modules(__path__):
         importlib.import_module(f"{__name__}.{module.name}")
-    return sorted(_REGISTERED, key=lambda a: (int(a.order.rstrip("abcdefghijklmnop")), a.order))
+    return sorted(_REGISTERED, key=lambda a: (int(a.order.rstrip("abcdefghijklmnopqrstuvwxyz")), a.order))

@@ -6,6 +6,7 @@ Gaussian at the 2D detection. The public names are the ones listed in ``__all__`
 
 from skelsplat import layouts, metrics, synthetic
 from skelsplat._angles import JointAngles, joint_angles
+from skelsplat._batches import refine_batches
 from skelsplat._people import Person, Tracker, track
 from skelsplat._refine import LossAndGradient, Refinement, Refiner, loss_and_gradient, refine
 from skelsplat._rig import CameraAdjustment, RigAdjustment, adjust_cameras
@@ -63,6 +64,7 @@ __all__ = [
     "project_gaussians",
     "pseudo_ground_truth",
     "refine",
+    "refine_batches",
     "refine_sequence",
     "render",
     "synthetic",

@@ -7,6 +7,7 @@ same to every function.
 from __future__ import annotations
 
 import sys
+import textwrap
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -64,9 +65,27 @@ def flags(value: object, name: str) -> NDArray[np.bool_]:
 
 
 def positive(name: str, value: float, kind: str = "number") -> None:
-    """Raise `InvalidInputError` unless the argument ``name`` is finite and above zero."""
-    if not (np.isfinite(value) and value > 0) or (kind == "integer" and value != int(value)):
-        raise InvalidInputError(f"{name}: expected a positive {kind}, got {value!r}")
+    """Raise `InvalidInputError` unless the argument ``name`` is a number, finite and above zero."""
+    try:
+        given = float(value) if numbers(value, name).ndim == 0 else float("nan")
+    except (TypeError, ValueError, OverflowError):
+        given = float("nan")
+    if not (np.isfinite(given) and given > 0) or (kind == "integer" and given != int(given)):
+        raise InvalidInputError(f"{name}: expected a positive {kind}, got {_shown(value)}")
+
+
+def generator(seed: int | np.random.Generator) -> np.random.Generator:
+    """Return the random numbers of the argument ``seed``, a generator itself or what NumPy makes one of."""
+    try:
+        return np.random.default_rng(seed)
+    except (TypeError, ValueError) as error:
+        expected = "a whole number of at least 0, or a generator"
+        raise InvalidInputError(f"seed: expected {expected}, got {_shown(seed)}") from error
+
+
+def _shown(value: object) -> str:
+    """Return a value as a message shows it: one short line."""
+    return textwrap.shorten(repr(value), 80, placeholder=" …")
 
 
 def median(values: NDArray[np.float64]) -> float:

@@ -8,10 +8,13 @@ from typing import Any
 
 import numpy as np
 
+from skelsplat._escape import CONTROL
+
 
 def to_text(document: Any) -> str:
-    """Return a document as JSON text, with a final line break."""
-    return json.dumps(plain(document), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+    """Return a document as JSON text, with a final line break; control characters are escaped."""
+    lines = json.dumps(plain(document), indent=2, ensure_ascii=False, allow_nan=False).split("\n")
+    return "\n".join(CONTROL.sub(lambda found: f"\\u{ord(found[0]):04x}", line) for line in lines) + "\n"
 
 
 def plain(value: Any) -> Any:

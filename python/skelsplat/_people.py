@@ -255,7 +255,8 @@ def padded(people: People) -> ArrayLike:
 
 def _views(frame: Any) -> Any:
     """Return a frame if it is a list of views or an array; a mapping or text is neither."""
-    if isinstance(frame, Sequence | np.ndarray) and not isinstance(frame, str):
+    listed = isinstance(frame, Sequence) and not isinstance(frame, str)
+    if listed or (isinstance(frame, np.ndarray) and frame.ndim):
         return frame
     raise InvalidInputError(f"people: expected a list of views in every frame, got {type(frame).__name__}")
 

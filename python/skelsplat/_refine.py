@@ -188,7 +188,7 @@ def refine(
     prepared = _skelsplat.Refiner(cameras, layout=layout, config=config)
     by_pixels = config is not None and config.method == "paper" and config.renderer == "raster"
     if by_pixels:
-        _warn_before_the_work(init_pose, detections, cameras, layout)
+        warn_before_the_work(init_pose, detections, cameras, layout)
     with reporter(progress) as report:
         out = prepared.refine(
             init_pose, detections, confidence=confidence, init_sigma=init_sigma, progress=report
@@ -197,7 +197,7 @@ def refine(
         warn_of_unit(out["pose"], cameras, layout)
     result = Refinement(**refinement_fields(out))
     if init_sigma is not None:
-        _warn_of_prior(result)
+        warn_of_prior(result)
     return result
 
 
@@ -210,8 +210,13 @@ def refinement_fields(out: dict[str, Any]) -> dict[str, Any]:
     return {**out, **words, "joint_bias": bias}
 
 
-def _warn_before_the_work(
-    init_pose: ArrayLike | None, detections: ArrayLike, cameras: Cameras, layout: str | Layout | None
+def warn_before_the_work(
+    init_pose: ArrayLike | None,
+    detections: ArrayLike,
+    cameras: Cameras,
+    layout: str | Layout | None,
+    *,
+    depth: int = 4,
 ) -> None:
     """Judge the start: in a wrong unit splats of pixels can cover whole images and take minutes."""
     try:
@@ -224,7 +229,7 @@ def _warn_before_the_work(
     except (TypeError, ValueError):
         return  # the core names what is wrong with it
     if poses.ndim in (2, 3) and poses.shape[-1] == 3 and poses.size:
-        warn_of_unit(poses, cameras, layout, depth=4)
+        warn_of_unit(poses, cameras, layout, depth=depth)
 
 
 def warn_of_unit(
@@ -236,7 +241,7 @@ def warn_of_unit(
         warn_of("implausible_size", numbers, depth + 1)
 
 
-def _warn_of_prior(result: Refinement) -> None:
+def warn_of_prior(result: Refinement) -> None:
     """Warn of a start that is trusted more than it deserves: it can outvote all detections."""
     seen = result.joint_status != "unobserved"
     rejected = np.nanmax(result.view_weights, axis=-2, initial=-1.0) < _skelsplat.REJECTED_WEIGHT

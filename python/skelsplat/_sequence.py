@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from skelsplat import _skelsplat
-from skelsplat._arrays import positive
+from skelsplat._arrays import Index, positive
 from skelsplat._refine import Cameras, Progress, Refinement, refinement_fields, reporter, warn_of_unit
 from skelsplat._skelsplat import Layout, RefineConfig
+
+# Fields that all frames share.
+_OF_BONES = ("bones", "bone_lengths", "bone_length_sigma")
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,3 +106,23 @@ def refine_sequence(
         )
     warn_of_unit(out["pose"], cameras, layout)
     return SequenceRefinement(**refinement_fields(out))
+
+
+def frames_of(result: Refinement, frames: Index | slice) -> SequenceRefinement:
+    """Return some frames of a result over time."""
+    parts = {entry.name: getattr(result, entry.name) for entry in fields(SequenceRefinement)}
+    return SequenceRefinement(
+        **{name: value if name in _OF_BONES else value[frames] for name, value in parts.items()}
+    )
+
+
+def joined(results: list[SequenceRefinement]) -> SequenceRefinement:
+    """Return the frames of all results over time of one recording, with the bones of the last."""
+    if len(results) == 1:
+        return results[0]
+    whole = {
+        entry.name: np.concatenate([getattr(result, entry.name) for result in results])
+        for entry in fields(SequenceRefinement)
+        if entry.name not in _OF_BONES
+    }
+    return SequenceRefinement(**whole, **{name: getattr(results[-1], name) for name in _OF_BONES})

@@ -23,6 +23,7 @@ __all__ = [
     "__version__",
     "adjust_cameras",
     "check_people",
+    "checked_detections",
     "fuse_monocular",
     "implausible_extent",
     "loss_and_gradient",
@@ -36,6 +37,8 @@ __all__ = [
     "render",
     "rig_equations",
     "sequence_equations",
+    "sequence_window_size",
+    "sequence_windows",
     "track_people",
     "triangulate",
 ]
@@ -640,6 +643,22 @@ class Refiner:
     ) -> dict[str, Any]:
         """Return the fields of ``skelsplat.SequenceRefinement``; the status as codes."""
 
+    def learn_sequence(
+        self, init_pose: ArrayLike | None, detections: ArrayLike, fps: float, stretches: Sequence[int]
+    ) -> NDArray[np.float64]:
+        """Return what a sample shows about its recording, as numbers; ``stretches``: lengths of its parts."""
+
+    def refine_windows(
+        self,
+        init_pose: ArrayLike | None,
+        detections: ArrayLike,
+        known: ArrayLike,
+        windows: Sequence[Sequence[int]],
+        *,
+        progress: Callable[[int, int], Any] | None = None,
+    ) -> dict[str, Any]:
+        """Return the fields of ``skelsplat.SequenceRefinement`` of some windows, as ``sequence_windows``."""
+
     def follow(
         self, past: ArrayLike | None, detections: ArrayLike, *, confidence: ArrayLike | None = None
     ) -> tuple[dict[str, Any], NDArray[np.float64]]:
@@ -771,6 +790,20 @@ def adjust_cameras(
     config: RefineConfig | None = None,
 ) -> tuple[list[Camera], dict[str, Any]]:
     """Return adjusted cameras and the fields of every ``skelsplat.CameraAdjustment``; radians."""
+
+def sequence_windows(n_frames: int, fps: float) -> tuple[list[list[int]], list[list[int]]]:
+    """Return the windows (W, 4) of a recording and the frames (S, 2) from which is learnt.
+
+    A window: where the frames it looks at begin, where its own begin and end, and where the former end.
+    """
+
+def sequence_window_size(fps: float) -> list[int]:
+    """Return the largest number of frames of a window, and how many it looks at on either side."""
+
+def checked_detections(
+    detections: ArrayLike, confidence: ArrayLike | None, n_views: int
+) -> NDArray[np.float64]:
+    """Return detections (T, M, N, 2|3) as float64, checked, with confidences slightly above 1 clipped."""
 
 def implausible_extent(
     poses: ArrayLike, cameras: _Cameras, *, layout: str | Layout | None = None

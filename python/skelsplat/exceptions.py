@@ -8,9 +8,17 @@ from __future__ import annotations
 from collections.abc import Iterable
 from pathlib import Path
 
+from skelsplat._escape import escaped
+
+# Characters of a message; what a file holds may be longer.
+_LONGEST = 1000
+
 
 class SkelSplatError(Exception):
     """Base of every error raised on purpose by this package."""
+
+    def __str__(self) -> str:
+        return escaped(super().__str__())
 
 
 class InvalidInputError(SkelSplatError, ValueError):
@@ -74,4 +82,5 @@ class DatasetError(SkelSplatError):
 
     def __str__(self) -> str:
         message = f"{self.path}: {self.field}: expected {self.expected}, got {self.actual}"
-        return " ".join(message.split())
+        line = escaped(" ".join(message.split()))
+        return line if len(line) <= _LONGEST else f"{line[: _LONGEST - 100]} … {line[-100:]}"

@@ -10,13 +10,16 @@ from __future__ import annotations
 
 import contextlib
 import inspect
+import os
 import shlex
+import threading
 import warnings
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any, Literal
 
 from skelsplat import _sentences
+from skelsplat._escape import escaped
 
 Severity = Literal["error", "warning", "note"]
 
@@ -90,7 +93,7 @@ class Finding:
     @property
     def text(self) -> str:
         """The finding in words: one or a few sentences."""
-        return _sentences.sentence(self)
+        return escaped(_sentences.sentence(self))
 
     def __str__(self) -> str:
         return self.text
@@ -145,9 +148,26 @@ def remark(text: str) -> Finding:
     return Finding("remark", "note", numbers={"text": " ".join(text.split())})
 
 
+# Warnings belong to the process: two threads that collect at the same time would collect each other's.
+_collecting = threading.RLock()
+
+
+def _free() -> None:
+    """Replace the lock in a child process: after a fork, the thread that held it may not exist."""
+    global _collecting
+    _collecting = threading.RLock()
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_free)
+
+
 @contextlib.contextmanager
 def collected_warnings(tell: Callable[[Finding], None] | None = None) -> Iterator[list[Finding]]:
-    """Collect Python warnings as findings, each once, and call ``tell`` with each as it occurs."""
+    """Collect Python warnings as findings, each once, and call ``tell`` with each as it occurs.
+
+    Threads take turns. Warnings of threads that do not collect are included.
+    """
     found: list[Finding] = []
 
     def show(message: Warning | str, *_: object, **__: object) -> None:
@@ -157,7 +177,7 @@ def collected_warnings(tell: Callable[[Finding], None] | None = None) -> Iterato
             if tell is not None:
                 tell(finding)
 
-    with warnings.catch_warnings():
+    with _collecting, warnings.catch_warnings():
         warnings.simplefilter("always")
         warnings.showwarning = show
         yield found

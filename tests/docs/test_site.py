@@ -26,6 +26,7 @@ MODULES = (
     "skelsplat.detect",
     "skelsplat.layouts",
     "skelsplat.metrics",
+    "skelsplat.scale",
     "skelsplat.synthetic",
     "skelsplat.rig_check",
     "skelsplat.datasets",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import os
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,9 +12,11 @@ import pytest
 
 import skelsplat as sk
 from command_line import assert_fails, invoke
+from skelsplat._lock import locked
 from skelsplat.io import read_calibration, read_npz, write_calibration
 from skelsplat.run import Job, Recording, batch, run_batch
 from skelsplat.run.batch import key_of, trials
+from skelsplat.run.folder import output_folder
 
 GIVEN = {"unit": "mm", "layout": "h36m17", "fps": 50, "write": (), "html": False}
 OPTIONS = ["--unit", "mm", "--layout", "h36m17", "--no-html", "--write", "csv", "--jobs", 1]
@@ -68,6 +71,8 @@ def test_a_recording_is_refined_again_only_if_something_has_changed(jobs, runs, 
     assert refined() == ["one"]
     (out / "two" / "report.json").write_text((out / "one" / "report.json").read_text())
     assert refined() == ["two"]
+    (out / "one" / "pose.npz").write_bytes((out / "two" / "pose.npz").read_bytes())
+    assert refined() == ["one"]
     (out / "batch.json").write_text('{"recordings": [1]}')
     assert refined() == ["one", "two"]
     assert refined(overwrite=True) == ["one", "two"]
@@ -90,6 +95,18 @@ def test_one_that_fails_stops_no_other_and_is_tried_again(jobs, tmp_path):
     assert [entry["name"] for entry in document["recordings"]] == ["bad", "one", "two"]
     assert [entry.get("key") is None for entry in document["recordings"]] == [True, False, False]
     assert statuses(run_batch(jobs, tmp_path / "results")) == ["failed", "unchanged", "unchanged"]
+
+
+def test_a_second_batch_in_the_same_folder_is_refused_and_a_recording_in_use_fails(jobs, tmp_path):
+    out = tmp_path / "results"
+    with output_folder(out), locked(out, ".skelsplat-batch.lock"):
+        with pytest.raises(sk.DatasetError, match="output: expected a folder into which no other run writes"):
+            run_batch(jobs, out)
+        assert [path.name for path in out.iterdir()] == [".skelsplat-batch.lock"]
+    with output_folder(out / "two"), locked(out / "two"):
+        found = run_batch(jobs, out)
+    assert statuses(found) == ["done", "failed"]
+    assert f"one in use by process {os.getpid()} on" in found.failed[0].error
 
 
 def test_a_defect_fails_one_recording_and_says_what(jobs, tmp_path, monkeypatch):

@@ -18,16 +18,20 @@ LAYERS = (
     {"detect"},
     {"datasets"},  # writes the sets that `synthetic` makes
     {"io", "viz", "rig_check", "synthetic"},
-    {"association", "temporal"},
-    {"_people"},
+    {"association", "temporal", "scale"},
+    {"_people", "_batches"},
     {"_sequence", "_angles", "_rig"},
     {"_refine", "metrics"},
     {"cameras", "layouts"},
     {"findings", "_sentences"},  # a finding has its sentence, which is made from its numbers
+    {"_chunks"},
     {"_skelsplat"},
+    {"_lock"},
+    {"_budget"},
     {"_arrays", "_atomic", "_opencv"},
     {"_optional"},
     {"exceptions", "_json"},
+    {"_escape"},
 )
 PAIR = {"findings", "_sentences"}
 # Part → what it must not import either, though it is below it.

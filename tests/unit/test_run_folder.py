@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import skelsplat as sk
-from command_line import READ, invoke
+from command_line import READ, invoke, read_report
 from skelsplat.io import read_npz, read_run, write_npz
 
 
@@ -83,7 +83,7 @@ def test_a_report_that_is_no_json_is_refused(run_folder):
 def test_files_of_two_runs_are_told_apart(run_folder, tmp_path):
     poses = read_npz(run_folder / "pose.npz")
     other = shutil.copytree(run_folder, tmp_path / "other")
-    write_npz(other / "pose.npz", poses.in_unit("m"))
+    write_npz(other / "pose.npz", poses.in_unit("m"), run=read_report(other)["run"])
     with pytest.raises(sk.DatasetError, match=r"pose\.npz: unit: expected .* \(mm\), got m"):
         read_run(other)
 

@@ -1,16 +1,20 @@
-"""Compiled calls, however short, let other threads of Python run."""
+"""Threads: compiled calls, however short, let others run, and eight at once compute what one does."""
 
 from __future__ import annotations
 
 import sys
 import threading
 import time
+import warnings
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
 import skelsplat as sk
+from array_forms import bits
 from skelsplat import _skelsplat, synthetic
+from skelsplat.findings import collected_warnings
 
 RIG = synthetic.human36m_like()
 FRAME = sk.project(synthetic.motion("walk", 1, seed=3), RIG)[:, 0]
@@ -53,3 +57,61 @@ def test_other_threads_go_on(name: str, ticks: list[int]) -> None:
         if ticks[0] > before:
             return
     pytest.fail("no other thread ran during any call")
+
+
+THREADS = 8
+SCENE = synthetic.simulate_scene(2, synthetic.ring(4, radius_mm=4500.0), n_frames=20, fps=30.0, seed=1)
+WALK = sk.project(synthetic.motion("walk", 12, seed=3), RIG).swapaxes(0, 1)
+
+
+def own_steps() -> list[sk.Refinement]:
+    live = sk.Refiner(RIG, layout="h36m17", fps=50.0)
+    return [live.step(frame) for frame in WALK]
+
+
+def crowd_steps() -> list[object]:
+    tracker = sk.Tracker(SCENE.cameras, fps=30.0, layout=SCENE.layout)
+    return [list(tracker.step(frame)) for frame in SCENE.people]
+
+
+AT_ONCE: dict[str, Callable[[], object]] = {
+    "refine": lambda: sk.refine(None, WALK, RIG, layout="h36m17"),
+    "one frame": lambda: list(REFINER.refine(None, FRAME).values()),
+    "paper": lambda: sk.refine(
+        None, WALK[:2], RIG, layout="h36m17", config=sk.RefineConfig.paper(max_steps=3)
+    ),
+    "sequence": lambda: sk.refine_sequence(WALK, RIG, fps=50.0, layout="h36m17"),
+    "step": own_steps,
+    "track": lambda: sk.track(SCENE.people, SCENE.cameras, fps=30.0, layout=SCENE.layout),
+    "tracker": crowd_steps,
+}
+
+
+def at_once(work: Callable[[], object]) -> list[object]:
+    """Return what each of the threads computes, all beginning together."""
+    ready = threading.Barrier(THREADS)
+
+    def begin(_: int) -> object:
+        ready.wait()
+        return work()
+
+    with ThreadPoolExecutor(THREADS) as pool:
+        return list(pool.map(begin, range(THREADS)))
+
+
+@pytest.mark.parametrize("name", AT_ONCE)
+def test_eight_threads_at_once_compute_what_one_does(name: str) -> None:
+    alone = bits(AT_ONCE[name]())
+    assert [bits(result) for result in at_once(AT_ONCE[name])] == [alone] * THREADS
+
+
+def test_each_thread_collects_its_own_warnings() -> None:
+    def work() -> tuple[str, list[object]]:
+        name = threading.current_thread().name
+        with collected_warnings() as found:
+            for _ in range(20):
+                time.sleep(0)
+                warnings.warn(name, stacklevel=1)
+        return name, [finding.numbers["text"] for finding in found]
+
+    assert all(found == [name] for name, found in at_once(work))

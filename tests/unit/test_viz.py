@@ -251,7 +251,7 @@ def test_a_failed_write_leaves_the_former_file_and_nothing_else(tmp_path, monkey
     assert [p.name for p in tmp_path.iterdir()] == ["o.png"]
 
 
-BASE = [f"skelsplat.{name}" for name in ("_arrays", "_atomic", "_json", "_opencv", "_optional")]
+BASE = [f"skelsplat.{name}" for name in ("_arrays", "_atomic", "_escape", "_json", "_opencv", "_optional")]
 
 
 def test_viz_is_a_leaf_without_pyplot():

@@ -9,6 +9,9 @@ use crate::error::{Error, Result};
 /// numbers stay finite. Generous because simulated points close to a camera can be projected very far.
 pub const FARTHEST: f64 = 1e30;
 
+/// A smaller confidence is none: products of a few such numbers would be 0.
+const LEAST_CONFIDENCE: f64 = 1e-30;
+
 /// Index of the first finite value outside ±[`FARTHEST`].
 #[must_use]
 pub fn too_far(values: &[f64]) -> Option<usize> {
@@ -21,7 +24,7 @@ pub fn too_far(values: &[f64]) -> Option<usize> {
 
 /// One frame's detections, `(M, N)`: pixel and confidence of joint `j` in view `i`.
 ///
-/// A detection is missing when a coordinate is not finite or its confidence is 0.
+/// A detection is missing when a coordinate is not finite or its confidence is below 1e-30.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Detections {
     n_views: usize,
@@ -74,6 +77,8 @@ impl Detections {
                 confidence[bad].to_string(),
             ));
         }
+        let confidence =
+            confidence.into_iter().map(|c| if c < LEAST_CONFIDENCE { 0.0 } else { c }).collect();
         Ok(Self { n_views, n_joints, points, confidence })
     }
 

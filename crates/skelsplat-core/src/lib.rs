@@ -103,7 +103,7 @@ pub use refine::{
     Control, Frame, JointBias, Method, RefineConfig, Refinement, Refinements, Refiner,
 };
 pub use rig::{Adjustable, CameraAdjustment, CameraStatus, RigAdjustment, adjust_cameras};
-pub use sequence::{Live, Sequence, refine_sequence};
+pub use sequence::{Known, Live, Sequence, learn_sequence, refine_sequence, refine_windows};
 pub use settings::{Domain, Kind, Setting, Value};
 pub use triangulate::{Triangulated, fuse_monocular};
 pub use triangulation::{TriangulationMethod, triangulate};

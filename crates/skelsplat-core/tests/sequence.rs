@@ -7,15 +7,15 @@ use skelsplat_core::study::sequence::agility::{self, Agility};
 use skelsplat_core::study::sequence::chain::{Chain, second_difference, stiffness};
 use skelsplat_core::study::sequence::noise::Memory;
 use skelsplat_core::study::sequence::posterior::posterior;
-use skelsplat_core::study::sequence::refine_in_windows;
 use skelsplat_core::study::sequence::solver::{Common, Run};
 use skelsplat_core::study::sequence::system::System;
 use skelsplat_core::study::sequence::tracks::Tracks;
+use skelsplat_core::study::sequence::{Window, refine_in_windows, sample, window_size, windows};
 use skelsplat_core::testing::differences::{central_differences, relative_error};
 use skelsplat_core::testing::scenes::{Noise, noisy_detections, room, standing};
 use skelsplat_core::{
-    AnnealedSettings, Detections, Frame, JointStatus, Layout, LayoutSpec, Progress, RefineConfig,
-    Refiner, Sequence, Unit, refine_sequence,
+    AnnealedSettings, Detections, Frame, JointStatus, Known, Layout, LayoutSpec, Progress,
+    RefineConfig, Refiner, Sequence, Unit, learn_sequence, refine_sequence, refine_windows,
 };
 
 fn some_block(noise: &mut Noise) -> Matrix3<f64> {
@@ -472,6 +472,74 @@ fn windows_that_overlap_give_what_one_window_gives() {
     let (median, largest) = (off[off.len() / 2], off[off.len() - 1]);
     assert!(median < 0.1, "median {median} mm, largest {largest} mm");
     assert!(largest < 0.15, "largest {largest} mm");
+}
+
+#[test]
+fn windows_solved_by_several_calls_are_those_of_one() {
+    let (_, detections) = recording(1900, 4.0, 11);
+    let layout = Layout::by_name("h36m17").unwrap();
+    let refiner =
+        Refiner::new(&room(3), Unit::Millimetre, Some(&layout), RefineConfig::default()).unwrap();
+    let few = |d: &Detections| {
+        let pixels: Vec<f64> = (0..3 * 17)
+            .flat_map(|k| d.get(k / 17, k % 17).map_or([f64::NAN; 2], |(p, _)| [p.x, p.y]))
+            .collect();
+        Frame::from(Detections::new(3, 17, &pixels, None).unwrap())
+    };
+    let frames: Vec<Frame> = detections.iter().map(few).collect();
+    let fps = 15.0;
+    let whole = refine_sequence(&refiner, &frames, fps, &Progress::default()).unwrap();
+    let all = windows(frames.len(), window_size(fps));
+    assert_eq!(all.len(), 4);
+    let parts: Vec<&[Frame]> = sample(&all).into_iter().map(|range| &frames[range]).collect();
+    let known = learn_sequence(&refiner, &parts, fps, &Progress::default()).unwrap();
+    let again = Known::restored(&refiner, known.numbers()).unwrap();
+    assert_eq!(known, again);
+    let mut poses = Vec::new();
+    for group in all.chunks(2) {
+        let first = group[0].all.start;
+        let here = |range: &std::ops::Range<usize>| range.start - first..range.end - first;
+        let group: Vec<Window> =
+            group.iter().map(|w| Window { own: here(&w.own), all: here(&w.all) }).collect();
+        let end = group[group.len() - 1].all.end;
+        let frames = &frames[first..first + end];
+        let part = refine_windows(&refiner, frames, &group, &again, &Progress::default()).unwrap();
+        poses.extend(part.frames.uncertainty);
+        assert_eq!(
+            part.lengths.iter().map(|l| l.mean).collect::<Vec<_>>(),
+            whole.lengths.iter().map(|l| l.mean).collect::<Vec<_>>()
+        );
+    }
+    assert_eq!(poses, whole.frames.uncertainty);
+}
+
+#[test]
+fn windows_and_knowledge_that_do_not_fit_are_refused() {
+    let refiner = Refiner::new(&room(4), Unit::Millimetre, None, RefineConfig::default()).unwrap();
+    let (_, detections) = recording(30, 4.0, 12);
+    let frames: Vec<Frame> = detections.iter().cloned().map(Frame::from).collect();
+    let progress = Progress::default();
+    let known = learn_sequence(&refiner, &[&frames], 15.0, &progress).unwrap();
+    for (own, all) in [(0..31, 0..31), (5..5, 0..30), (2..10, 3..10), (2..10, 0..9)] {
+        let window = [Window { own, all }];
+        let error = refine_windows(&refiner, &frames, &window, &known, &progress).unwrap_err();
+        let expected = "windows: expected consecutive windows of the 30 frames";
+        assert!(error.to_string().starts_with(expected), "{error}");
+    }
+    let gap = [Window { own: 0..10, all: 0..30 }, Window { own: 11..20, all: 0..30 }];
+    assert!(refine_windows(&refiner, &frames, &gap, &known, &progress).is_err());
+    let one = Detections::new(4, 1, &[1.0; 8], None).unwrap();
+    let window = [Window { own: 0..1, all: 0..1 }];
+    let error = refine_windows(&refiner, &[one.into()], &window, &known, &progress).unwrap_err();
+    assert_eq!(error.to_string(), "known: expected 1 joints, got 17");
+    for parts in [&[][..], &[&frames[..0]][..]] {
+        let error = learn_sequence(&refiner, parts, 15.0, &progress).unwrap_err();
+        assert_eq!(error.to_string(), "detections: expected frames to learn from, got none");
+    }
+    let mut numbers = known.numbers();
+    numbers.pop();
+    let error = Known::restored(&refiner, numbers).unwrap_err().to_string();
+    assert!(error.starts_with("known: expected what was learnt with the same cameras"), "{error}");
 }
 
 #[test]

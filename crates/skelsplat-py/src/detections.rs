@@ -94,6 +94,17 @@ impl Frames {
         Ok(detections)
     }
 
+    /// Pixels, with confidences if there are any, as one array.
+    pub(crate) fn numbers(self) -> Out<f64> {
+        if self.scores.is_empty() {
+            let shape = self.shape(&[self.n_views, self.n_joints, 2]);
+            return Out(self.pixels, shape);
+        }
+        let shape = self.shape(&[self.n_views, self.n_joints, 3]);
+        let rows = self.pixels.chunks_exact(2).zip(&self.scores);
+        Out(rows.flat_map(|(p, score)| [p[0], p[1], *score]).collect(), shape)
+    }
+
     /// The frames of a recording.
     pub(crate) fn recording(self) -> Result<Self> {
         if self.batch {

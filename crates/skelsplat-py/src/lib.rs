@@ -36,7 +36,10 @@ mod _skelsplat {
         PyTracker, check_people, people_choices, people_chosen, people_scores, track_people,
     };
     #[pymodule_export]
-    use crate::refine::{PyLive, PyRefiner, implausible_extent};
+    use crate::refine::{
+        PyLive, PyRefiner, checked_detections, implausible_extent, sequence_window_size,
+        sequence_windows,
+    };
     #[pymodule_export]
     use crate::rig::adjust_cameras;
     #[pymodule_export]

@@ -7,10 +7,11 @@ use nalgebra::{Matrix3, Vector3};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use skelsplat_core::study::gaussian::is_symmetric;
+use skelsplat_core::study::sequence::{Window, sample, window_size, windows};
 use skelsplat_core::study::unit::implausible_extent as core_extent;
 use skelsplat_core::{
-    Follower, Frame, JointStatus, Live, Loss, Method, Progress, Refinements, Refiner, Sequence,
-    refine_batch, refine_sequence,
+    Follower, Frame, JointStatus, Known, Live, Loss, Method, Progress, Refinements, Refiner,
+    Sequence, learn_sequence, refine_batch, refine_sequence, refine_windows,
 };
 
 use crate::args::{Array, Confidence, InitPose, InitSigma, Out, Poses, place};
@@ -99,13 +100,57 @@ impl PyRefiner {
         progress: Option<Bound<'py, PyAny>>,
     ) -> Result<Bound<'py, PyDict>> {
         let mut frames = detections.with(confidence)?.recording()?;
-        let poses = initial_poses(init_pose, &frames)?;
-        let jobs = frames.take()?.into_iter().zip(poses);
-        let jobs: Vec<Frame> =
-            jobs.map(|(detections, init_pose)| Frame { init_pose, ..detections.into() }).collect();
+        let jobs = started(init_pose, &mut frames)?;
         let (refiner, total) = (Arc::clone(&self.0), jobs.len());
         let work = move |progress: &Progress| refine_sequence(&refiner, &jobs, fps, progress);
         let done = watch::watched(py, total, progress.as_ref(), work)?;
+        over_time(py, &frames, done)
+    }
+
+    /// Return what a sample shows about its recording, as numbers; ``stretches``: lengths of its parts.
+    #[pyo3(signature = (init_pose, detections, fps, stretches))]
+    fn learn_sequence(
+        &self,
+        py: Python<'_>,
+        init_pose: Option<InitPose>,
+        detections: Frames,
+        fps: f64,
+        stretches: Vec<usize>,
+    ) -> Result<Out<f64>> {
+        let mut frames = detections.recording()?;
+        let jobs = started(init_pose, &mut frames)?;
+        let refiner = Arc::clone(&self.0);
+        let known = watch::watched(py, 0, None, move |progress: &Progress| {
+            let mut rest = jobs.as_slice();
+            let parts = stretches.iter().map_while(|n| rest.split_off(..*n)).collect::<Vec<_>>();
+            learn_sequence(&refiner, &parts, fps, progress)
+        })?;
+        let numbers = known.numbers();
+        let n = numbers.len();
+        Ok(Out(numbers, vec![n]))
+    }
+
+    /// Return the fields of ``skelsplat.SequenceRefinement`` of some windows, as ``sequence_windows``.
+    #[pyo3(signature = (init_pose, detections, known, windows, *, progress=None))]
+    fn refine_windows<'py>(
+        &self,
+        py: Python<'py>,
+        init_pose: Option<InitPose>,
+        detections: Frames,
+        known: Vec<f64>,
+        windows: Vec<[usize; 4]>,
+        progress: Option<Bound<'py, PyAny>>,
+    ) -> Result<Bound<'py, PyDict>> {
+        let mut frames = detections.recording()?;
+        let jobs = started(init_pose, &mut frames)?;
+        let known = Known::restored(&self.0, known)?;
+        let window = |[a, b, c, d]: &[usize; 4]| Window { all: *a..*d, own: *b..*c };
+        let windows: Vec<Window> = windows.iter().map(window).collect();
+        let (refiner, total) = (Arc::clone(&self.0), windows.iter().map(|w| w.own.len()).sum());
+        let done = watch::watched(py, total, progress.as_ref(), move |progress: &Progress| {
+            refine_windows(&refiner, &jobs, &windows, &known, progress)
+        })?;
+        frames.count = total;
         over_time(py, &frames, done)
     }
 
@@ -201,6 +246,42 @@ impl PyRefiner {
     }
 }
 
+/// The frames of a recording with their initial poses.
+fn started(init_pose: Option<InitPose>, frames: &mut Frames) -> Result<Vec<Frame>> {
+    let poses = initial_poses(init_pose, frames)?;
+    let jobs = frames.take()?.into_iter().zip(poses);
+    Ok(jobs.map(|(detections, init_pose)| Frame { init_pose, ..detections.into() }).collect())
+}
+
+/// Return the windows (W, 4) of a recording and the frames (S, 2) from which is learnt.
+///
+/// A window: where the frames it looks at begin, where its own begin and end, and where the former end.
+#[pyfunction]
+pub(crate) fn sequence_windows(n_frames: usize, fps: f64) -> (Vec<[usize; 4]>, Vec<[usize; 2]>) {
+    let windows = windows(n_frames, window_size(fps));
+    let parts = sample(&windows).iter().map(|part| [part.start, part.end]).collect();
+    let row = |w: &Window| [w.all.start, w.own.start, w.own.end, w.all.end];
+    (windows.iter().map(row).collect(), parts)
+}
+
+/// Return the largest number of frames of a window, and how many it looks at on either side.
+#[pyfunction]
+pub(crate) fn sequence_window_size(fps: f64) -> [usize; 2] {
+    window_size(fps)
+}
+
+/// Return detections (T, M, N, 2|3) as float64, checked, with confidences slightly above 1 clipped.
+#[pyfunction]
+pub(crate) fn checked_detections(
+    detections: Frames,
+    confidence: Option<Confidence>,
+    n_views: usize,
+) -> Result<Out<f64>> {
+    let frames = detections.with(confidence)?.recording()?;
+    frames.expect_views(n_views)?;
+    Ok(frames.numbers())
+}
+
 /// The initial pose of every frame, `None` where it is to be triangulated.
 fn initial_poses(
     given: Option<InitPose>,
@@ -232,7 +313,8 @@ fn initial_covariances(
     };
     let valid = |c: &Matrix3<f64>| {
         let finite = c.iter().all(|v| v.is_finite());
-        c.iter().any(|v| v.is_nan()) || (finite && is_symmetric(c) && c.cholesky().is_some())
+        let wide = || c.cholesky().is_some_and(|root| root.l_dirty().diagonal().min() >= FINEST);
+        c.iter().any(|v| v.is_nan()) || (finite && is_symmetric(c) && wide())
     };
     if let Some(k) = covariances.iter().position(|c| !valid(c)) {
         let shape = if covariances.len() == n { vec![n] } else { vec![t, n] };

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import sys
+import warnings
 from collections.abc import Sequence
 from typing import Annotated, Any, NoReturn
 
@@ -63,7 +64,9 @@ class OneLineErrors(Group):
         if not standalone_mode:
             return super().main(args, *rest, **extra)
         try:
-            status = super().main(args, *rest, **extra)
+            with warnings.catch_warnings():
+                warnings.showwarning = _show_warning
+                status = super().main(args, *rest, **extra)
         except (KeyboardInterrupt, typer.Abort):
             status = INTERRUPTED
         except (sk.SkelSplatError, OSError) as error:
@@ -75,6 +78,12 @@ class OneLineErrors(Group):
         if status == INTERRUPTED:
             _fail(INTERRUPTED, "interrupted; files already written are complete", prefix="")
         sys.exit(status if isinstance(status, int) else 0)
+
+
+def _show_warning(message: Warning | str, *_: object, **__: object) -> None:
+    from skelsplat.cli.output import print_warning
+
+    print_warning(" ".join(str(message).split()))
 
 
 def _fail(status: int, message: str, prefix: str = "error: ") -> NoReturn:

@@ -7,12 +7,11 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from rich.console import Console
 from rich.table import Table
 
 from skelsplat._sentences.words import number, with_bar
 from skelsplat.cli import inputs, options
-from skelsplat.cli.output import print_json
+from skelsplat.cli.output import Terminal, print_json, say
 from skelsplat.cli.table import new_table, print_table, tell
 from skelsplat.exceptions import DatasetError
 from skelsplat.io import write_calibration
@@ -147,7 +146,7 @@ def _check_output(output: Path, source: Path, *, force: bool) -> None:
 
 
 def _print(found: AdjustedCameras, output: Path, *, focal: bool, clock: bool) -> None:
-    console = Console(highlight=False, markup=False)
+    console = Terminal()
     print_table(console, _table(found, focal=focal, clock=clock))
     console.print(_LEGEND, style="dim")
     console.print()
@@ -155,9 +154,9 @@ def _print(found: AdjustedCameras, output: Path, *, focal: bool, clock: bool) ->
         console.print(f"{'' if finding.severity == 'note' else '! '}{finding.text}")
     if found.adjusted:
         unit = found.cameras.unit
-        typer.echo(f"Wrote {len(found.cameras)} cameras to {output}, lengths in {unit}.")
+        say(f"Wrote {len(found.cameras)} cameras to {output}, lengths in {unit}.")
     else:
-        typer.echo(f"{output} was not written.")
+        say(f"{output} was not written.")
 
 
 def _table(found: AdjustedCameras, *, focal: bool, clock: bool) -> Table:

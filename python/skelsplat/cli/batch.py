@@ -12,16 +12,16 @@ from typing import Annotated, Any
 import typer
 from rich.console import Console
 
+from skelsplat._budget import read_toml
 from skelsplat._sentences.words import number
 from skelsplat.cli import options
 from skelsplat.cli._app import FAILED
 from skelsplat.cli.command import Application, with_parameters_of
 from skelsplat.cli.config import MisfitError, entries_of, options_in, unknown
-from skelsplat.cli.output import counting, print_json, print_message
+from skelsplat.cli.output import Terminal, counting, print_json, print_message
 from skelsplat.cli.refine import job_of
 from skelsplat.cli.table import new_table, print_paragraphs, print_table
 from skelsplat.exceptions import DatasetError
-from skelsplat.io._files import parse_toml, read_text
 from skelsplat.run import Batch, Job, run_batch
 from skelsplat.run.batch import DONE, RECORD, TABLE, UNCHANGED, trials
 from skelsplat.run.batch import FAILED as FAILED_RECORDING
@@ -109,7 +109,7 @@ def batch(
     if as_json:
         print_json(found.to_dict())
     elif not quiet:
-        _print(Console(highlight=False, markup=False), found, output)
+        _print(Terminal(), found, output)
     if quiet or as_json:
         for one in found.failed:
             print_message(f"error: {one.name}: {one.error}")
@@ -124,7 +124,7 @@ def _of_project(folder: Path) -> Iterator[tuple[str, dict[str, Any]]]:
 
 def _of_file(path: Path) -> Iterator[tuple[str, dict[str, Any]]]:
     """Yield the name and the options of each session of a file."""
-    document = parse_toml(path, read_text(path))
+    document = read_toml(path)
     try:
         yield from _sessions(document, path.parent)
     except MisfitError as misfit:

@@ -9,13 +9,12 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from rich.console import Console
 from rich.table import Table
 
 import skelsplat as sk
 from skelsplat._sentences.words import number
 from skelsplat.cli import inputs, options
-from skelsplat.cli.output import print_json
+from skelsplat.cli.output import Terminal, print_json, say
 from skelsplat.cli.table import new_table, print_table
 from skelsplat.io import DetectionSet
 from skelsplat.rig_check import RigReport
@@ -106,14 +105,14 @@ def check_cameras(
     else:
         _print(found, quiet=quiet)
         if adjust and not quiet:
-            typer.echo("Adjust the cameras in a new calibration file with:")
-            typer.echo(f"  {adjust}")  # on one line, to be pasted
+            say("Adjust the cameras in a new calibration file with:")
+            say(f"  {adjust}")  # on one line, to be pasted
     if not found.report.ok:
         raise typer.Exit(1)
 
 
 def _print(found: CameraCheck, *, quiet: bool) -> None:
-    console, report = Console(highlight=False, markup=False), found.report
+    console, report = Terminal(), found.report
     if report.cameras and not quiet:
         print_table(console, _table(report))
         console.print(_LEGEND, style="dim")
@@ -122,7 +121,7 @@ def _print(found: CameraCheck, *, quiet: bool) -> None:
         remedy = " ".join(option.text for option in finding.remedy)
         console.print(f"! {finding.text}{' Correct it in refine with:' if remedy else ''}")
         if remedy:
-            typer.echo(f"  {remedy}")  # on one line, however long, to be pasted
+            say(f"  {remedy}")  # on one line, however long, to be pasted
     if report.ok and not quiet:
         console.print(_nothing(found.rig, found.detections))
 

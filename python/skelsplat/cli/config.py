@@ -58,10 +58,10 @@ def _load(context: typer.Context, path: Path | None) -> None:
     """Make the values of a file the defaults of the command that is about to run."""
     if path is None or context.resilient_parsing:
         return
-    from skelsplat.io._files import parse_toml, read_text
+    from skelsplat._budget import read_toml
 
     entries, found = entries_of(context.command), {}
-    document = parse_toml(path, read_text(path))
+    document = read_toml(path)
     try:
         for key, value in _chosen(document, context):
             entry = entries.get(_normal(key.rpartition(".")[2]))

@@ -9,7 +9,7 @@ import typer
 
 from skelsplat.cli import inputs, options
 from skelsplat.cli.config import from_file
-from skelsplat.cli.output import print_json
+from skelsplat.cli.output import print_json, say
 from skelsplat.cli.table import tell
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.findings import collected_warnings
@@ -126,7 +126,7 @@ def convert(
     if as_json:
         print_json({"kind": kind, "input": str(source), "output": str(target), **about})
     elif not quiet:
-        typer.echo(sentence)
+        say(sentence)
 
 
 def _kind(source: Path, *, named: bool) -> str:

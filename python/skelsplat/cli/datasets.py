@@ -12,9 +12,10 @@ from rich.console import Console
 from rich.text import Text
 
 from skelsplat import datasets
+from skelsplat._escape import escaped
 from skelsplat.cli import options
 from skelsplat.cli.command import Application
-from skelsplat.cli.output import print_json
+from skelsplat.cli.output import Terminal, print_json, say
 from skelsplat.cli.table import new_table, print_table
 from skelsplat.datasets import Dataset, Report
 from skelsplat.datasets import _registry as registry
@@ -103,9 +104,9 @@ def list_(quiet: _NamesOnly = False, as_json: options.AsJson = False) -> None:
     if as_json:
         print_json(entries)
     elif quiet:
-        typer.echo("\n".join(datasets.names()))
+        say(*datasets.names())
     else:
-        _print_list(Console(highlight=False, markup=False), entries)
+        _print_list(Terminal(), entries)
 
 
 @app.command("check")
@@ -145,7 +146,7 @@ def check(
     if as_json:
         print_json(report.to_dict())
     elif not (quiet and report.ok and not report.findings):
-        _print_report(Console(highlight=False, markup=False), report)
+        _print_report(Terminal(), report)
     if not report.ok:
         raise typer.Exit(1)
 
@@ -168,14 +169,14 @@ def _print_list(console: Console, entries: Sequence[dict[str, Any]]) -> None:
     table = new_table(None, "data set")
     table.add_column("what it is, and the options of its reader")
     for entry in entries:
-        table.add_row(entry["name"], f"{entry['description']}\n{', '.join(entry['options'])}")
+        table.add_row(entry["name"], Text(f"{entry['description']}\n{', '.join(entry['options'])}"))
     print_table(console, table)
 
 
 def _print_report(console: Console, report: Report) -> None:
     """Print what `datasets.check` found."""
     layout = f", format {report.survey.format}" if report.survey.format else ""
-    console.print(Text.assemble((report.name, "bold"), f" in {report.root}{layout}"))
+    console.print(Text.assemble((report.name, "bold"), escaped(f" in {report.root}{layout}")))
     _print_files(console, report)
     if report.dataset is not None:
         _print_dataset(console, report.dataset)

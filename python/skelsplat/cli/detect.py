@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from skelsplat.cli import options
-from skelsplat.cli.output import counting, print_json
+from skelsplat.cli.output import counting, print_json, say
 from skelsplat.cli.table import tell
 from skelsplat.detect import Detected, Detector, MediaPipe, RTMLib
 from skelsplat.detect import detect as run_detector
@@ -153,5 +153,5 @@ def _tell(written: list[Detected], layout: str, output: Path) -> None:
         new = "" if one.new == one.frames else f", {one.new} of them new"
         empty = f", {one.empty} without a person" if one.empty else ""
         size = f"{one.size[0]}×{one.size[1]}{rate}"
-        typer.echo(f"{one.folder}: {one.frames} frames{new}{empty} ({one.video.name}, {size})")
-    typer.echo(f"Wrote to {output}/: layout {layout}, read by skelsplat refine CALIBRATION {output}")
+        say(f"{one.folder}: {one.frames} frames{new}{empty} ({one.video.name}, {size})")
+    say(f"Wrote to {output}/: layout {layout}, read by skelsplat refine CALIBRATION {output}")

@@ -15,6 +15,7 @@ from rich.text import Text
 
 from skelsplat import datasets
 from skelsplat._arrays import positive
+from skelsplat._escape import escaped
 from skelsplat.cli import options
 from skelsplat.cli.config import NAME_OR_PATH
 from skelsplat.cli.datasets import LENSES, InitSigma, Lens, Settings, reader_options
@@ -280,5 +281,5 @@ def _drawn(table: Table) -> Drawn:
         reported = row.reported
         styles = ["bold" if table.is_best(row, k) else "" for k in range(len(table.columns))]
         cells = [Text(table.text(row, k), style) for k, style in enumerate(styles)]
-        drawn.add_row(Text(row.name), *cells, style="italic" if reported else "")
+        drawn.add_row(Text(escaped(row.name)), *cells, style="italic" if reported else "")
     return drawn

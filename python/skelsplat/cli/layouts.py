@@ -8,12 +8,12 @@ from typing import Annotated, Any
 
 import typer
 from rich.columns import Columns
-from rich.console import Console
 from rich.text import Text
 
 import skelsplat as sk
+from skelsplat._escape import escaped
 from skelsplat.cli import options
-from skelsplat.cli.output import print_json
+from skelsplat.cli.output import Terminal, print_json, say
 from skelsplat.cli.table import new_table, print_table, tell
 from skelsplat.exceptions import InvalidInputError
 from skelsplat.findings import collected_warnings
@@ -61,6 +61,8 @@ def layouts(
             raise typer.BadParameter("expected the name of one layout as well", param_hint="--toml")
         _list(quiet=quiet, as_json=as_json)
         return
+    if toml and as_json:
+        raise typer.BadParameter("expected --toml or --json, got both", param_hint="--toml")
     with collected_warnings() as notes:
         layout = _named(name)
     described = name.lower() in sk.layouts.names or _is_toml(name)
@@ -72,7 +74,7 @@ def layouts(
     elif as_json:
         print_json(_document(layout, about))
     elif quiet:
-        typer.echo("\n".join(layout.joints))
+        say(*layout.joints)
     else:
         _explain(layout, about)
 
@@ -94,9 +96,9 @@ def _list(*, quiet: bool, as_json: bool) -> None:
         print_json([_document(layout, about) for layout, about in every])
         return
     if quiet:
-        typer.echo("\n".join(sk.layouts.names))
+        say(*sk.layouts.names)
         return
-    console = Console(highlight=False, markup=False)
+    console = Terminal()
     table = new_table(None, "layout", ("joints", "human"))
     table.add_column("detections of", overflow="fold")
     for layout, about in every:
@@ -110,8 +112,12 @@ def _list(*, quiet: bool, as_json: bool) -> None:
 
 
 def _explain(layout: sk.Layout, about: sk.layouts.About) -> None:
-    console, names = Console(highlight=False, markup=False), layout.joints
-    console.print(Text.assemble((layout.name, "bold"), f", {layout.n_joints} joints. {about.about}".rstrip()))
+    console, names = Terminal(), layout.joints
+    console.print(
+        Text.assemble(
+            (escaped(layout.name), "bold"), escaped(f", {layout.n_joints} joints. {about.about}".rstrip())
+        )
+    )
     for label, text in (("Detections of", about.detectors), ("Source", about.source)):
         if text:
             console.print(f"{label}: {text}.")

@@ -13,6 +13,7 @@ import typer
 import skelsplat as sk
 from skelsplat.cli import inputs, options
 from skelsplat.cli._app import FAILED, INTERRUPTED
+from skelsplat.cli.output import say
 from skelsplat.cli.table import tell
 from skelsplat.exceptions import DatasetError
 from skelsplat.findings import collected_warnings
@@ -145,20 +146,16 @@ def live(
             who = f", {'all' if most is None else f'at most {most}'} people at {fps:g} Hz"
         if not quiet:
             cameras, joints = f"{len(rig)} cameras ({', '.join(rig.names)})", f"{known.n_joints} joints"
-            _print(f"ready: {cameras}, {joints} ({known.name}), in {rig.unit}{who}")
+            say(f"ready: {cameras}, {joints} ({known.name}), in {rig.unit}{who}", err=True)
         gc.freeze()  # what has been imported is not searched for garbage again, which takes 10 ms
         try:
             status = _serve(session, sys.stdin.buffer, sys.stdout.buffer)
         finally:
             gc.unfreeze()
     if not quiet:
-        _print(session.summary())
+        say(session.summary(), err=True)
     if status:
         sys.exit(status)
-
-
-def _print(text: str) -> None:
-    typer.echo(text, err=True)
 
 
 def _numbered(source: BinaryIO) -> Iterator[tuple[int, bytes]]:
@@ -177,7 +174,7 @@ def _serve(session: Session, source: BinaryIO, target: BinaryIO) -> int:
             try:
                 answer = session.answer(line)
             except MalformedLineError as error:
-                _print(f"line {number}: skipped: {error.text}")
+                say(f"line {number}: skipped: {error.text}", err=True)
                 answer = error.line(number)
             if answer is not None:
                 target.write(answer)
@@ -189,7 +186,7 @@ def _serve(session: Session, source: BinaryIO, target: BinaryIO) -> int:
     except OSError as error:
         closed = isinstance(error, BrokenPipeError)
         got = "a closed pipe" if closed else (error.strerror or str(error)).lower()
-        _print(f"error: stdout: expected a reader, got {got}")
+        say(f"error: stdout: expected a reader, got {got}", err=True)
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # nothing is left to flush at exit
         return FAILED
     return 0

@@ -18,8 +18,29 @@ from rich.progress import (
     TextColumn,
     TimeRemainingColumn,
 )
+from rich.text import Text
 
+from skelsplat._escape import escaped
 from skelsplat._json import to_text
+
+
+class Terminal(Console):
+    """A console that shows names as they are: nothing in them is markup, and control characters are escaped.
+
+    This holds for strings; line breaks of our own are in a `rich.text.Text`, whose other parts are `escaped`.
+    """
+
+    def __init__(self, *, stderr: bool = False) -> None:
+        super().__init__(stderr=stderr, highlight=False, markup=False, emoji=False)
+
+    def render_str(self, text: str, **given: Any) -> Text:
+        """Return a string as text, in one line."""
+        return super().render_str(escaped(text), **given)
+
+
+def say(*lines: str, err: bool = False) -> None:
+    """Print lines on stdout, however long, with control characters escaped."""
+    typer.echo("\n".join(map(escaped, lines)), err=err)
 
 
 def print_json(document: Any) -> None:
@@ -34,7 +55,7 @@ def print_warning(text: str) -> None:
 
 def print_message(text: str) -> None:
     """Print on stderr: wrapped between words on a terminal, else one line, to be searched for."""
-    console = Console(stderr=True)
+    console, text = Terminal(stderr=True), escaped(text)
     if console.is_terminal:
         text = textwrap.fill(text, console.width, break_long_words=False, break_on_hyphens=False)
     typer.echo(text, err=True)
@@ -42,9 +63,9 @@ def print_message(text: str) -> None:
 
 def bar_of(unit: str, *, shown: bool, time: ProgressColumn | None = None) -> Progress:
     """Return a bar that counts `unit`, with a description; nothing is drawn where stderr is no terminal."""
-    console = Console(stderr=True)
+    console = Terminal(stderr=True)
     return Progress(
-        TextColumn("{task.description}"),
+        TextColumn("{task.description}", markup=False),
         BarColumn(),
         MofNCompleteColumn(),
         TextColumn(unit),
@@ -62,7 +83,9 @@ def described(
     """Yield a function of (text, done, total) that draws one bar of poses, with that text before it."""
     with bar_of("poses", shown=shown, time=time) as bar:
         task = bar.add_task(first, total=None)
-        yield lambda text, done, total: bar.update(task, description=text, completed=done, total=total)
+        yield lambda text, done, total: bar.update(
+            task, description=escaped(text), completed=done, total=total
+        )
 
 
 @contextlib.contextmanager
@@ -73,7 +96,7 @@ def counting(unit: str, *, shown: bool) -> Iterator[Callable[[str, int, int], No
 
         def update(name: str, done: int, total: int) -> None:
             if name not in tasks:
-                tasks[name] = bar.add_task(name, total=total)
+                tasks[name] = bar.add_task(escaped(name), total=total)
             bar.update(tasks[name], completed=done, total=total)
 
         yield update

@@ -11,7 +11,7 @@ import skelsplat as sk
 from skelsplat._opencv import opencv
 from skelsplat.cli import options
 from skelsplat.cli.options import positive
-from skelsplat.cli.output import counting, print_json
+from skelsplat.cli.output import counting, print_json, say
 from skelsplat.cli.table import tell
 from skelsplat.findings import collected_warnings
 
@@ -188,6 +188,4 @@ def overlay(
         )
     elif not quiet:
         for one in written:
-            typer.echo(
-                f"{one.path}: {one.frames} frame{'s' * (one.frames != 1)} of {one.size[0]}×{one.size[1]}"
-            )
+            say(f"{one.path}: {one.frames} frame{'s' * (one.frames != 1)} of {one.size[0]}×{one.size[1]}")

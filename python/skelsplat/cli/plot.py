@@ -6,11 +6,10 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from rich.console import Console
 
 from skelsplat.cli import options
 from skelsplat.cli.config import NAME_OR_PATH
-from skelsplat.cli.output import counting, print_json, print_warning
+from skelsplat.cli.output import Terminal, counting, print_json, print_warning
 from skelsplat.cli.table import tell
 from skelsplat.findings import collected_warnings
 from skelsplat.run.angles import FILES as ANGLE_FILES
@@ -121,14 +120,15 @@ def plot(
 
 
 def _print(folder: Path, drawn: list[Drawn]) -> None:
-    console = Console(highlight=False, markup=False)
+    console = Terminal()
     for picture in drawn:
         console.print(
             f"{picture.name}{'' if picture.files else ' left out'}: {picture.sentence}", soft_wrap=False
         )
     names = [path.name for picture in drawn for path in picture.files]
     if names:
-        console.print(f"\nWrote to {folder}/: {', '.join(names)}")
+        console.print()
+        console.print(f"Wrote to {folder}/: {', '.join(names)}")
 
 
 def _report(source: Source, drawn: list[Drawn]) -> dict[str, Any]:

@@ -5,12 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from rich.console import Console
-
 import skelsplat as sk
 from skelsplat.cli import inputs, options
 from skelsplat.cli.command import with_parameters_of
-from skelsplat.cli.output import counting, print_json, print_warning
+from skelsplat.cli.output import Terminal, counting, print_json, print_warning
 from skelsplat.cli.people_table import print_people
 from skelsplat.cli.table import print_files, print_run, tell
 from skelsplat.findings import Finding
@@ -161,7 +159,7 @@ def run_and_print(job: Job, *, quiet: bool, as_json: bool) -> None:
     if as_json:
         print_json(found.report)
     elif not quiet:
-        console, folder = Console(highlight=False, markup=False), Path(str(job.output))
+        console, folder = Terminal(), Path(str(job.output))
         if isinstance(found, PeopleRun):
             print_people(console, found)
         else:

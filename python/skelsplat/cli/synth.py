@@ -9,7 +9,7 @@ import typer
 
 from skelsplat import synthetic
 from skelsplat.cli import options
-from skelsplat.cli.output import print_json
+from skelsplat.cli.output import print_json, say
 from skelsplat.datasets.synthetic import write_simulated
 from skelsplat.synthetic.people_sets import PEOPLE_SET, SceneSet
 from skelsplat.synthetic.sets import RecordingSet
@@ -80,7 +80,7 @@ def synth(
         print_json({"folder": str(root), "name": name, "takes": takes, "parameters": data.parameters})
     elif not quiet:
         detectors = " and ".join(data.parameters["detectors"])
-        typer.echo(f"{root}: {name} (simulated), {what}, detectors {detectors}, seed {seed}")
+        say(f"{root}: {name} (simulated), {what}, detectors {detectors}, seed {seed}")
 
 
 def _simulated(name: str, poses: int | None, seed: int, given: dict[str, int]) -> RecordingSet | SceneSet:

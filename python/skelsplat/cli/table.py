@@ -14,8 +14,9 @@ from rich.table import Table
 from rich.text import Text
 
 import skelsplat as sk
+from skelsplat._escape import escaped
 from skelsplat._sentences.words import number
-from skelsplat.cli.output import print_warning
+from skelsplat.cli.output import Terminal, print_warning
 from skelsplat.findings import Finding
 from skelsplat.run import Run
 from skelsplat.run.folder import left_of_earlier
@@ -40,18 +41,18 @@ def tell(finding: Finding) -> None:
 
 def wide_console() -> Console:
     """Return a console of at most 100 columns: those of the terminal or of ``COLUMNS``; 100 into a file."""
-    console = Console(highlight=False, markup=False)
+    console = Terminal()
     known = console.is_terminal or "COLUMNS" in os.environ
     console.width = min(console.width, _WIDEST) if known else _WIDEST
     return console
 
 
 def new_table(title: str | None, first: str, columns: Sequence[str] = ()) -> Table:
-    """Return a table of names, headed `first`, with these columns of numbers."""
+    """Return a table of names, headed `first`, with these columns of numbers; a head may have two lines."""
     table = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
     table.add_column(first)
     for name in columns:
-        table.add_column(name, justify="right")
+        table.add_column(Text(name), justify="right")
     return table
 
 
@@ -139,7 +140,7 @@ def _nothing_filled(gaps: dict[str, Any] | None) -> list[str]:
 
 def print_files(console: Console, folder: Path, names: Sequence[str]) -> None:
     """Print where the results are, and which folders next to them belong to an earlier run."""
-    console.print(Text.assemble("Wrote to ", (f"{folder}/", "bold"), f": {', '.join(names)}"))
+    console.print(Text.assemble("Wrote to ", (escaped(f"{folder}/"), "bold"), f": {', '.join(names)}"))
     folders = left_of_earlier(folder)
     if folders:
         console.print(f"! {' and '.join(folders)} {'is' if len(folders) == 1 else 'are'} from an earlier run")

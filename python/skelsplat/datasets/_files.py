@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -10,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from skelsplat._arrays import Array
-from skelsplat._atomic import opening
+from skelsplat._budget import read_bytes
 from skelsplat.exceptions import DatasetError
 from skelsplat.io import _arrays
 from skelsplat.io._files import load_json as parse_json_file
@@ -61,8 +62,7 @@ def load_json(path: Path) -> Any:
 
 def load_pickle(path: Path) -> Any:
     """Return the object in a pickle; only data, never code (`unpickle`)."""
-    with opening(path), path.open("rb") as stream:
-        return unpickle(stream, path)
+    return unpickle(io.BytesIO(read_bytes(path)), path)
 
 
 def load_records(path: Path, expected: str) -> list[Any]:
@@ -144,6 +144,8 @@ def within(field: str, key: Any) -> str:
 
 def as_numbers(path: Path, field: str, value: Any) -> Array:
     """Return `value` as a new array of float64, C order; None is NaN."""
+    if isinstance(value, np.ndarray) and value.dtype.kind == "c":
+        raise DatasetError(path, field, "real numbers", f"an array of {value.dtype}")
     try:
         return np.array(value, dtype=np.float64, order="C")
     except (TypeError, ValueError) as error:

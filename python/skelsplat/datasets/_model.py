@@ -18,6 +18,9 @@ from skelsplat.exceptions import DatasetError
 if TYPE_CHECKING:
     from skelsplat.datasets._people import PeopleTake
 
+# What the core computes with.
+_FARTHEST = 1e30
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Take:
@@ -75,6 +78,10 @@ class Take:
     def _expect(self, name: str, value: NDArray[np.generic], shape: tuple[int, ...]) -> None:
         if value.shape != shape:
             raise DatasetError(self.key, name, f"shape {shape}", value.shape)
+        if value.dtype.kind == "f" and (np.abs(value) > _FARTHEST).any():
+            expected = f"numbers within ±{_FARTHEST:g}, NaN where missing"
+            far = value[np.abs(value) > _FARTHEST][0]
+            raise DatasetError(self.files.get(name, self.key), name, expected, f"{far:g}")
 
     def __len__(self) -> int:
         return len(self.frames)

@@ -32,7 +32,7 @@ from skelsplat.datasets._model import Dataset, Take
 from skelsplat.datasets._people import PeopleTake, nearest_slots
 from skelsplat.datasets._rig import build_rig, camera_at_centre
 from skelsplat.exceptions import DatasetError
-from skelsplat.io._files import parsing
+from skelsplat.io._mat import load_mat
 from skelsplat.layouts import COCO17, SHELF14
 
 
@@ -228,9 +228,8 @@ def read_actors(path: Path, n_joints: int) -> list[tuple[Index, Array]]:
 
 
 def _load(path: Path) -> dict[str, Any]:
-    loadmat = require("scipy.io", str(path), "evaluation").loadmat
-    with parsing(path, "a complete MATLAB file before version 7.3"), path.open("rb") as stream:
-        return dict(loadmat(stream))
+    require("scipy.io", str(path), "evaluation")
+    return load_mat(path, "a complete MATLAB file before version 7.3")
 
 
 def _is_cell(value: Any) -> bool:

@@ -36,6 +36,7 @@ from skelsplat.datasets._model import Dataset, Take
 from skelsplat.datasets._rig import build_rig, camera_at_centre
 from skelsplat.datasets._verify import raise_errors, sample
 from skelsplat.exceptions import DatasetError, InvalidInputError, one_of
+from skelsplat.io._files import frame_number
 from skelsplat.layouts import OCCLUSION_PERSON15
 
 DESCRIPTION = "Occlusion-Person: rendered persons behind furniture in 8 cameras."
@@ -324,9 +325,9 @@ def read_arrays(folder: Path, cameras: Path, views: Sequence[int]) -> Table:
     path = folder / "poses.npz"
     key, truth, own = read_truth(path, N_JOINTS)
     by_frame = load_json(cameras)
-    if not isinstance(by_frame, dict) or not all(name.isdigit() for name in by_frame):
+    if not isinstance(by_frame, dict) or not all(name.isdecimal() for name in by_frame):
         raise DatasetError(cameras, "JSON", "a table of frame numbers", type(by_frame).__name__)
-    frames = np.array(sorted(int(name) for name in by_frame), dtype=np.int64)
+    frames = np.array(sorted(frame_number(cameras, name, name) for name in by_frame), dtype=np.int64)
     if own is not None:
         unknown = np.setdiff1d(own, frames)
         if len(unknown):

@@ -36,6 +36,7 @@ from skelsplat.datasets._rig import read_quietly
 from skelsplat.exceptions import DatasetError, InvalidInputError, one_of
 from skelsplat.io import convert_unit
 from skelsplat.io._arrays import frame_numbers
+from skelsplat.io._files import frame_number
 from skelsplat.layouts import PANOPTIC19
 
 DESCRIPTION = "CMU Panoptic Studio: single-person sequences in HD cameras."
@@ -207,9 +208,9 @@ def truth_files(folder: Path) -> dict[int, Path]:
     files = {}
     for path in sorted(folder.glob("body3DScene_*.json")):
         number = path.stem.removeprefix("body3DScene_")
-        if not number.isdigit():
+        if not number.isdecimal():
             raise DatasetError(path, "file name", "body3DScene_ and a frame number", path.name)
-        files[int(number)] = path
+        files[frame_number(path, "file name", number)] = path
     if not files:
         raise DatasetError(folder, "files", "body3DScene_%08d.json", "none")
     return dict(sorted(files.items()))

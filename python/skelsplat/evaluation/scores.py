@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from skelsplat import metrics
-from skelsplat._arrays import Array, Mask, numbers
+from skelsplat._arrays import Array, Mask, generator, numbers
 from skelsplat._skelsplat import Layout
 from skelsplat.datasets import Take
 from skelsplat.evaluation.methods import Solution
@@ -246,7 +246,7 @@ def mean_interval(
     if np.count_nonzero(used) < 2:
         return float("nan"), float("nan")
     n = np.count_nonzero(used)
-    times = np.random.default_rng(seed).multinomial(n, np.full(n, 1.0 / n), size=resamples)
+    times = generator(seed).multinomial(n, np.full(n, 1.0 / n), size=resamples)
     means = (times @ total[used]) / (times @ number[used])
     low, high = np.quantile(means, [(1.0 - level) / 2.0, (1.0 + level) / 2.0])
     return float(low), float(high)

@@ -5,27 +5,27 @@ What is pickled goes through the restricted unpickler, or is refused.
 
 from __future__ import annotations
 
-import io
 import mmap
-import struct
-import tokenize
+import os
+import sys
 import zipfile
-import zlib
-from collections.abc import Collection
+from collections import Counter
+from collections.abc import Collection, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 
 from skelsplat._arrays import Array, Index
-from skelsplat._atomic import opening
+from skelsplat._budget import MOST_NAME, afford, check_ratio, opened, zipped
+from skelsplat._optional import require
 from skelsplat.exceptions import DatasetError
-from skelsplat.io._files import frame_number
-from skelsplat.io._unpickle import DAMAGED_NPY, npy_header, read_array
+from skelsplat.io._files import frame_number, parsing
+from skelsplat.io._unpickle import npy_header, read_array
 
-# what zipfile and NumPy raise for an npz whose bytes are damaged, besides OSError and ValueError
-_DAMAGED_NPZ = (zipfile.BadZipFile, zlib.error, struct.error, EOFError, NotImplementedError, RuntimeError)
+_MOST_ITEMS = 10_000  # of an HDF5 file; a recording has twenty
 _HDF5 = b"\x89HDF\r\n\x1a\n"
 
 
@@ -74,17 +74,23 @@ def frame_numbers(path: Path, value: object, count: int | None = None) -> Index:
     return np.array([frame_number(path, "frames", int(number)) for number in array], dtype=np.int64)
 
 
-def array_names(path: Path, field: str, value: object, count: int) -> tuple[str, ...]:
-    """Return `count` different names, text or bytes, or raise `DatasetError`."""
+def array_names(path: Path, field: str, value: object, count: int, *, unique: bool = True) -> tuple[str, ...]:
+    """Return `count` names, text or bytes, none of them there twice if `unique`, or raise `DatasetError`."""
     array = np.asarray(value)
     if array.shape != (count,) or array.dtype.kind not in "USO":
         raise DatasetError(path, field, f"{count} names", f"{array.dtype} of shape {array.shape}")
-    names = tuple(
-        entry.decode("utf-8", "replace") if isinstance(entry, bytes) else str(entry)
-        for entry in array.tolist()
-    )
-    twice = sorted({name for name in names if names.count(name) > 1})
-    if twice:
+    try:
+        entries = array.tolist()
+        names = tuple(
+            entry.decode("utf-8", "replace") if isinstance(entry, bytes) else str(entry) for entry in entries
+        )
+        longest = max(len(name.encode()) for name in ("", *names))
+    except ValueError:  # numbers in an array of text that are no characters
+        raise DatasetError(path, field, "texts in Unicode", "others") from None
+    if unique and longest > MOST_NAME:
+        raise DatasetError(path, field, f"names of at most {MOST_NAME} bytes", f"one of {longest}")
+    twice = sorted(name for name, times in Counter(names).items() if times > 1)
+    if unique and twice:
         raise DatasetError(path, field, "different names", f"{twice[0]!r} twice")
     return names
 
@@ -99,67 +105,112 @@ def as_numbers(path: Path, field: str, value: object) -> Array:
 
 def load_npz(path: Path, keys: Collection[str]) -> Arrays:
     """Return those arrays of an npz file that are among `keys`."""
-    try:
-        with opening(path, "a readable npz file"), zipfile.ZipFile(path) as archive:
-            names = [name.removesuffix(".npy") for name in archive.namelist() if name.endswith(".npy")]
-            return Arrays(path, {name: _member(archive, path, name) for name in names if name in keys})
-    except _DAMAGED_NPZ as error:
-        raise DatasetError(path, "file", "a complete npz file", str(error) or type(error).__name__) from error
+    with opened(path, "a readable npz file") as stream, parsing(path, "a complete npz file"):
+        return Arrays(path, _members(path, stream, keys, pickled=True))
 
 
-def _member(archive: zipfile.ZipFile, path: Path, name: str) -> Any:
-    with archive.open(f"{name}.npy") as stream:
-        return read_array(stream, path, name)
+def _readable(array: Any, path: Path, name: str) -> Any:
+    """Return an array, or raise `DatasetError` for text with numbers that are no characters."""
+    if isinstance(array, np.ndarray) and array.dtype.kind == "U":
+        codes = np.frombuffer(array.tobytes(), dtype=f"{array.dtype.byteorder}u4")
+        if (codes > sys.maxunicode).any():
+            raise DatasetError(path, name, "text", f"a character of number {codes.max()}")
+    return array
+
+
+def _members(path: Path, stream: BinaryIO, keys: Collection[str] | None, *, pickled: bool) -> dict[str, Any]:
+    """Return the arrays among `keys`, or all, that an npz file holds."""
+    found = {}
+    with zipped(path, stream) as archive:
+        infos = {info.filename.removesuffix(".npy"): info for info in _infos(archive)}
+        wanted = {name: info for name, info in infos.items() if keys is None or name in keys}
+        afford(path, "file", sum(info.file_size for info in wanted.values()))
+        for name, info in wanted.items():
+            if info.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
+                raise DatasetError(path, name, "an array packed by deflate or not at all", "another packing")
+            with archive.open(info) as member:
+                array = read_array(member, path, name, info.file_size, pickled=pickled)
+                found[name] = _readable(array, path, name)
+    return found
+
+
+def _infos(archive: zipfile.ZipFile) -> list[zipfile.ZipInfo]:
+    return [info for info in archive.infolist() if info.filename.endswith(".npy")]
 
 
 def load_plain_npz(path: Path, kind: str) -> dict[str, Any]:
     """Return all arrays of an npz file by name; nothing in it is unpickled. `kind` names it in messages."""
-    with opening(path, "a readable npz file"):
-        content = io.BytesIO(path.read_bytes())
-    if not zipfile.is_zipfile(content):
-        raise DatasetError(path, "file", kind, "another kind of file, or a damaged one")
-    content.seek(0)
-    try:
-        with np.load(content, allow_pickle=False) as archive:
-            return {name: array for name, array in archive.items() if isinstance(array, np.ndarray)}
-    except (OSError, ValueError, TypeError, tokenize.TokenError, *_DAMAGED_NPZ) as error:
-        raise DatasetError(path, "file", kind, error) from error
+    with opened(path, "a readable npz file") as stream, parsing(path, kind):
+        if not zipfile.is_zipfile(stream):
+            raise DatasetError(path, "file", kind, "another kind of file, or a damaged one")
+        return _members(path, stream, None, pickled=False)
 
 
 def load_npy(path: Path) -> Any:
     """Return the array of an npy file, with the errors of `load_npz`."""
-    try:
-        with opening(path, "a readable npy file"), path.open("rb") as stream:
-            return read_array(stream, path)
-    except (MemoryError, OverflowError) as error:
-        raise DatasetError(path, "array", "an array that fits into memory", "a larger one") from error
+    with opened(path, "a readable npy file") as stream:
+        size = os.fstat(stream.fileno()).st_size
+        return read_array(stream, path, "array", size)
 
 
 def npz_keys(path: Path) -> frozenset[str]:
     """Return the names of the arrays in an npz file; none if it is no such file."""
     try:
-        with zipfile.ZipFile(path) as archive:
-            return frozenset(name.removesuffix(".npy") for name in archive.namelist())
-    except (OSError, *_DAMAGED_NPZ):
+        with opened(path) as stream, parsing(path, "an npz file"), zipped(path, stream) as archive:
+            return frozenset(info.filename.removesuffix(".npy") for info in _infos(archive))
+    except DatasetError:
         return frozenset()
 
 
 def npy_shape(path: Path) -> tuple[int, ...]:
     """Return the shape that an npy file announces; () if it is no such file."""
     try:
-        with path.open("rb") as stream:
+        with opened(path) as stream, parsing(path, "an npy file"):
             return tuple(npy_header(stream)[0])
-    except (OSError, *DAMAGED_NPY):
+    except DatasetError:
         return ()
+
+
+@contextmanager
+def hdf5(path: Path, purpose: str, expected: str = "a complete HDF5 file") -> Iterator[Any]:
+    """Open an HDF5 file of no more than its bytes can hold, and of nothing in other files.
+
+    Another file, and any error within the block, is a `DatasetError` that says what was `expected`.
+    """
+    h5py = require("h5py", purpose)
+    with parsing(path, expected), h5py.File(path, "r") as file:
+        sizes: list[int] = []
+        links: list[str] = []
+
+        def look(name: str, item: Any) -> None:
+            sizes.append(int(item.nbytes) if isinstance(item, h5py.Dataset) else 0)
+            if isinstance(item, h5py.Dataset) and (item.is_virtual or item.external):
+                raise DatasetError(path, name, "data in this file", "those of another file")
+            check_ratio(path, name, sum(sizes), path.stat().st_size)
+
+        def refuse(name: str, link: Any) -> DatasetError | None:
+            links.append(name)
+            if len(links) > _MOST_ITEMS:
+                return DatasetError(path, "file", f"at most {_MOST_ITEMS} groups and datasets", "more")
+            if isinstance(link, h5py.ExternalLink):
+                return DatasetError(path, name, "data in this file", "a link to another")
+            return None
+
+        error = file.visititems_links(refuse)
+        if error is not None:
+            raise error
+        file.visititems(look)
+        afford(path, "file", max(sizes, default=0))
+        yield file
 
 
 def hdf5_mentions(path: Path, *names: bytes) -> bool:
     """Whether a file is HDF5 and holds all of `names` as plain text; needs no package that reads HDF5."""
     try:
-        with path.open("rb") as stream:
+        with opened(path) as stream:
             if stream.read(len(_HDF5)) != _HDF5:
                 return False
             with mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as content:
                 return all(content.find(name) >= 0 for name in names)
-    except (OSError, ValueError):
+    except (DatasetError, ValueError):
         return False

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import io
 import json
 import re
 import sys
@@ -12,17 +11,13 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from skelsplat._atomic import opening
+from skelsplat._budget import MOST_COLUMNS, check_json, opened, read_lines, read_text
 from skelsplat.exceptions import DatasetError, InvalidInputError
-
-if sys.version_info >= (3, 11):
-    import tomllib
-else:
-    import tomli as tomllib
 
 # frame numbers and offsets are below it, so that their sum fits into 64 bits
 FRAME_LIMIT = 2**62
 _HEAD = 65_536  # bytes
+_SURROGATE = re.compile(r"\\u[dD][89a-fA-F]")
 _FIELDS = "comma-separated fields, every quote closed"
 VIDEO_SUFFIXES = (".mp4", ".avi", ".mov", ".mkv", ".webm", ".m4v", ".mpg", ".mpeg", ".mts", ".wmv")
 
@@ -30,8 +25,8 @@ VIDEO_SUFFIXES = (".mp4", ".avi", ".mov", ".mkv", ".webm", ".m4v", ".mpg", ".mpe
 @contextmanager
 def parsing(path: Path, expected: str) -> Iterator[None]:
     """Raise `DatasetError` for whatever a library meets in this block: they raise nearly anything."""
-    with opening(path):
-        path.open("rb").close()
+    with opened(path):
+        pass
     try:
         yield
     except DatasetError:
@@ -47,44 +42,36 @@ def of_file(path: Path, error: InvalidInputError) -> DatasetError:
     return DatasetError(path, error.argument, expected, actual)
 
 
-def read_text(path: Path) -> str:
-    """Return the text of a UTF-8 file (a byte-order mark is dropped), or raise `DatasetError`."""
-    try:
-        with opening(path):
-            return path.read_text(encoding="utf-8-sig")
-    except UnicodeDecodeError as error:
-        raise DatasetError(path, "file", "text in UTF-8", f"byte {error.start} that is not") from error
-
-
 def head(path: Path) -> str:
     """Return the first characters of a file; none if it cannot be read."""
     try:
-        with path.open("rb") as stream:
+        with opened(path) as stream:
             return stream.read(_HEAD).decode("utf-8-sig", errors="replace").lstrip()
-    except OSError:
+    except DatasetError:
         return ""
 
 
-def csv_lines(path: Path) -> list[list[str]]:
-    """Return the fields of every line; of a blank line there are none. All others have as many as the first.
+def csv_lines(path: Path) -> Iterator[list[str]]:
+    """Yield the fields of every line; of a blank line there are none. All others have as many as the first.
 
     A quoted field may go on over several lines, so that a quote that is never closed swallows what follows:
     it is an error, of the line in which it opens.
     """
-    reader = csv.reader(io.StringIO(read_text(path), newline=""), strict=True)
-    lines: list[list[str]] = []
-    first = 1
+    reader = csv.reader(read_lines(path), strict=True)
+    columns, first = None, 1
     try:
         for line in reader:
-            lines.append(line)
-            if line and len(line) != len(lines[0]):
-                expected, actual = f"{len(lines[0])} fields", f"{len(line)} fields"
-                raise DatasetError(path, f"line {first}", expected, actual)
+            columns = len(line) if columns is None else columns
+            if (line and len(line) != columns) or columns > MOST_COLUMNS:
+                expected = (
+                    f"{columns} fields" if columns <= MOST_COLUMNS else f"at most {MOST_COLUMNS} fields"
+                )
+                raise DatasetError(path, f"line {first}", expected, f"{len(line)} fields")
+            yield line
             first = reader.line_num + 1
     except csv.Error as error:
         expected, actual = _csv_fault(error, reader.line_num - first)
         raise DatasetError(path, f"line {first}", expected, actual) from error
-    return lines
 
 
 def csv_header(path: Path) -> list[str]:
@@ -110,14 +97,18 @@ def load_json(path: Path, document: str, text: str | None = None) -> Any:
     `document` is what it should hold, for messages, `text` its content if that was read before.
     """
     text = read_text(path) if text is None else text
+    check_json(path, document, text)
     try:
-        return json.loads(text, parse_int=whole_number)
+        value = json.loads(text, parse_int=whole_number)
+        if _SURROGATE.search(text):
+            json.dumps(value, ensure_ascii=False).encode()
     except json.JSONDecodeError as error:
         at = f"character {error.pos} of {len(text)}, at line {error.lineno}, column {error.colno}"
         actual = f"{error.msg.lower()} at {at}"
         raise DatasetError(path, "JSON", "a complete JSON document", actual) from error
-    except RecursionError:
-        raise DatasetError(path, "JSON", document, "lists nested too deeply") from None
+    except UnicodeEncodeError:
+        raise DatasetError(path, "JSON", "texts in Unicode", "half a character (a lone surrogate)") from None
+    return value
 
 
 def whole_number(text: str) -> int | float:
@@ -133,18 +124,10 @@ def frame_number(path: Path, field: str, value: int | str) -> int:
     return number
 
 
-def parse_toml(path: Path, text: str) -> dict[str, Any]:
-    """Return the TOML document that ``path`` holds as ``text``, or raise `DatasetError`."""
-    try:
-        return tomllib.loads(text)
-    except (ValueError, RecursionError) as error:  # a number of thousands of digits is no TOMLDecodeError
-        reason = str(error).partition(";")[0]
-        raise DatasetError(path, "TOML", "valid TOML", reason) from error
-
-
 def natural(name: str) -> tuple[tuple[int, str], ...]:
-    """Sort key that puts 2 before 10."""
-    return tuple((int(part), "") if part.isdigit() else (-1, part) for part in re.split(r"(\d+)", name))
+    """Sort key that puts 2 before 10, with any number of digits."""
+    parts = ((part, part.lstrip("0")) for part in re.split(r"(\d+)", name))
+    return tuple((len(bare), bare) if part.isdecimal() else (-1, part) for part, bare in parts)
 
 
 def listed(names: Sequence[str], most: int) -> str:

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
-import json
 import re
+from collections.abc import Iterable
 from pathlib import Path
+
+from skelsplat.exceptions import DatasetError
+from skelsplat.io._arrays import load_npz
+from skelsplat.io._files import head, load_json
 
 POSES, CAMERAS, DETECTIONS, REPORT = "pose.npz", "cameras.json", "detections.npz", "report.json"
 LAYOUT = "layout.toml"
@@ -12,20 +16,16 @@ LAYOUT = "layout.toml"
 UNFINISHED = "unfinished"
 """Key of a report whose run still writes its files, or was stopped there."""
 
-_START = 1024  # bytes; the versions come first
+RUN, MARKED = "run", (POSES, CAMERAS, DETECTIONS, LAYOUT)
+"""Key in a report of what tells runs apart, and the files that have it, too; earlier versions wrote none."""
+
+_START = 1024  # characters; the versions come first
 
 
 def is_run(folder: Path) -> bool:
     """Say whether a run wrote into this folder, whole or not, by how its report begins."""
-    path = folder / REPORT
-    try:
-        if not path.is_file():
-            return False
-        with path.open("rb") as stream:
-            start = stream.read(_START)
-    except OSError:
-        return False
-    return b'"versions"' in start and b'"skelsplat"' in start
+    start = head(folder / REPORT)[:_START]
+    return '"versions"' in start and '"skelsplat"' in start
 
 
 def files_of_run(folder: Path) -> list[str] | None:
@@ -43,13 +43,56 @@ def is_person(name: str) -> bool:
     return re.fullmatch(r"person_\d+", name) is not None
 
 
+def mark(run: str) -> str:
+    """Return the text that says in the cameras and the layout which run they are of."""
+    return f"run {run}"
+
+
+def run_of(path: Path) -> str | None:
+    """Return the run that a file is of: its report, detections, poses, cameras or layout; None if not marked.
+
+    Raises
+    ------
+    DatasetError
+        If the file cannot be read.
+    """
+    if path.suffix == ".npz":
+        return next((str(run) for run in load_npz(path, (RUN,)).found.values()), None)
+    if path.suffix == ".json":
+        document = load_json(path, "a file of a run")
+        found = document if isinstance(document, dict) else {}
+        return _marked(str(found.get("note"))) if path.name == CAMERAS else found.get(RUN)
+    return _marked(head(path).partition("\n")[0].removeprefix("# "))
+
+
+def _marked(text: str) -> str | None:
+    return text.removeprefix(mark("")) if text.startswith(mark("")) else None
+
+
+def check_one_run(report: Path, files: Iterable[Path]) -> None:
+    """Raise `DatasetError`, which names both, if a file is of another run than a report."""
+    run = run_of(report)
+    for path in files:
+        other = run_of(path)
+        if other != run:
+            expected = f"{_short(run)}, as in {report}"
+            raise DatasetError(
+                path, RUN, expected, f"{_short(other)}: files of two runs are mixed, run it again"
+            )
+
+
+def _short(run: object) -> str:
+    text = "none" if run is None else str(run)
+    return text if len(text) <= 60 else f"{text[:57]}..."
+
+
 def _listed(folder: Path, key: str) -> list[str] | None:
     """Return the names under a key of a run's report; None without a run."""
     if not is_run(folder):
         return None
     try:
-        report = json.loads((folder / REPORT).read_bytes())
-    except (OSError, ValueError, RecursionError):
+        report = load_json(folder / REPORT, "a report")
+    except DatasetError:
         return None
     versions = report.get("versions") if isinstance(report, dict) else None
     if not (isinstance(versions, dict) and "skelsplat" in versions and "settings" in report):

@@ -7,6 +7,8 @@ detections.npz      the detections of the person who was followed (`skelsplat.io
 layout.toml         the layout, if it is not a built-in one (`skelsplat.layouts.read`)
 report.json         settings, inputs and statistics
 ==================  ==========================================================================================
+
+All of them say which run they are of; `read_run` refuses the files of two runs.
 """
 
 from __future__ import annotations
@@ -20,15 +22,28 @@ import numpy as np
 
 import skelsplat as sk
 from skelsplat._arrays import Array, Index
-from skelsplat._atomic import atomic_write
+from skelsplat._atomic import atomic_write, atomic_write_text
 from skelsplat.exceptions import DatasetError
 from skelsplat.io._fields import Field
 from skelsplat.io._files import load_json
-from skelsplat.io._run_files import CAMERAS, DETECTIONS, LAYOUT, POSES, REPORT, UNFINISHED, folders_of_run
+from skelsplat.io._run_files import (
+    CAMERAS,
+    DETECTIONS,
+    LAYOUT,
+    MARKED,
+    POSES,
+    REPORT,
+    RUN,
+    UNFINISHED,
+    check_one_run,
+    folders_of_run,
+    mark,
+)
 from skelsplat.io.calibration import read_calibration, write_calibration
 from skelsplat.io.detections import read_detections
 from skelsplat.io.poses._npz import read_npz
 from skelsplat.io.poses._pose_data import PoseData
+from skelsplat.layouts._files import to_toml
 
 
 @dataclass(frozen=True)
@@ -75,15 +90,21 @@ def write_run_inputs(
     detections: Array,
     frames: Index,
     frame_rate: float | None = None,
+    run: str | None = None,
 ) -> list[str]:
-    """Write cameras, detections (T, M, N, 3) of one person and an own layout; return the files' names."""
-    write_calibration(folder / CAMERAS, rig)
+    """Write cameras, detections (T, M, N, 3) of one person and an own layout; return the files' names.
+
+    They say that they are of ``run``.
+    """
+    write_calibration(folder / CAMERAS, rig, note=None if run is None else mark(run))
     own = not sk.layouts.is_built_in(layout)
     if own:
-        sk.layouts.write(folder / LAYOUT, layout)
+        first = "" if run is None else f"# {mark(run)}\n"
+        atomic_write_text(folder / LAYOUT, f"{first}{to_toml(layout)}")
     names = {
         "camera_names": np.array(rig.names, dtype=np.str_),
         "joint_names": np.array(layout.joints, dtype=np.str_),
+        **({} if run is None else {RUN: np.array(run)}),
     }
     rate = np.array(np.nan if frame_rate is None else frame_rate)
     with atomic_write(folder / DETECTIONS) as stream:
@@ -108,6 +129,8 @@ def read_run(path: str | os.PathLike[str]) -> RunFolder:
         raise DatasetError(folder, REPORT, "the folder of a run of skelsplat refine", got)
     report = _read_report(folder / REPORT)
     own = folder / LAYOUT
+    needed = (folder / name for name in MARKED if name != LAYOUT or own.is_file())
+    check_one_run(folder / REPORT, needed)
     layout = sk.layouts.read(own) if own.is_file() else report["input"]["layout"].layout()
     rig = read_calibration(folder / CAMERAS)
     poses = read_npz(folder / POSES)

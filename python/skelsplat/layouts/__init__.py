@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from skelsplat._budget import read_toml
 from skelsplat._skelsplat import LAYOUT_NAMES, Layout
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.layouts._files import (
@@ -25,7 +26,6 @@ from skelsplat.layouts._files import (
     mirrored_names,
     of_names,
     read_file,
-    read_toml,
     to_toml,
     write_file,
 )

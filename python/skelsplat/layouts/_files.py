@@ -18,13 +18,14 @@ source
 from __future__ import annotations
 
 import re
-import sys
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
-from skelsplat._atomic import atomic_write_text, opening
+from skelsplat._atomic import atomic_write_text
+from skelsplat._budget import read_toml
+from skelsplat._escape import CONTROL
 from skelsplat._skelsplat import Layout
 from skelsplat.exceptions import DatasetError, InvalidInputError
 
@@ -58,19 +59,6 @@ class About:
 _WORDS = tuple(field.name for field in fields(About))
 _PARTS = ("joints", "limbs", "left_right", "symmetric", "bones", "occlusion_prone", "root")
 _KEYS = ("name", *_WORDS, "human", *_PARTS)
-
-
-def read_toml(path: Path) -> dict[str, Any]:
-    """Return the document of a TOML file, or raise `DatasetError`."""
-    if sys.version_info >= (3, 11):  # imported here, as most runs read no layout file
-        import tomllib
-    else:
-        import tomli as tomllib
-    try:
-        with opening(path):
-            return tomllib.loads(path.read_text(encoding="utf-8-sig"))
-    except (ValueError, RecursionError) as error:
-        raise DatasetError(path, "TOML", "valid TOML", str(error)) from error
 
 
 def hint_at(name: str, known: Sequence[str]) -> str:
@@ -240,7 +228,7 @@ def to_toml(layout: Layout, about: About | None = None) -> str:
 
 def _quoted(text: str) -> str:
     escaped = text.replace("\\", "\\\\").replace('"', '\\"')
-    return '"' + re.sub(r"[\x00-\x1f\x7f]", lambda found: f"\\u{ord(found[0]):04x}", escaped) + '"'
+    return '"' + CONTROL.sub(lambda found: f"\\u{ord(found[0]):04x}", escaped) + '"'
 
 
 def _list(key: str, items: Sequence[str]) -> Iterator[str]:

@@ -216,7 +216,7 @@ class Run:
         kinds = tuple(dict.fromkeys(["npz", *formats]))
         writing = folders.Writing(kinds, html=html, **options)
         folders.check_places(Path(folder), writing.names(self.outcome.config.method))
-        with folders.output_folder(Path(folder)):
+        with folders.run_folder(Path(folder)):
             return [*folders.write_folder(self, Path(folder), writing).report["files"], "report.json"]
 
     def show(self) -> None:
@@ -267,7 +267,7 @@ def run(
     folders.keep_input(job)
     folders.check_places(output, writing.names(job.settings.method))
     writing.check()
-    with folders.output_folder(output):
+    with folders.run_folder(output):
         found = _run(job, progress, tell)
         return folders.write_folder(found, output, writing)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import hashlib
 import io
+import itertools
 import json
 import os
 import pickle
@@ -19,9 +20,10 @@ from typing import Any
 
 from skelsplat._atomic import atomic_write_text
 from skelsplat._json import plain, to_text
+from skelsplat._lock import locked
 from skelsplat.exceptions import DatasetError, InvalidInputError, SkelSplatError
 from skelsplat.io._files import VIDEO_SUFFIXES, listed, load_json
-from skelsplat.io._run_files import REPORT, files_of_run, folders_of_run
+from skelsplat.io._run_files import MARKED, REPORT, check_one_run, files_of_run, folders_of_run
 from skelsplat.io.calibration._json import to_json
 from skelsplat.run._run import run
 from skelsplat.run.folder import output_folder
@@ -172,7 +174,7 @@ def run_batch(
     top = Path(folder)
     jobs = {name: replace(job, output=job.output or top / name) for name, job in jobs.items()}
     _check(jobs, processes)
-    with output_folder(top):
+    with output_folder(top), locked(top, ".skelsplat-batch.lock"):
         keys = {name: key_of(job) for name, job in jobs.items()}
         earlier = {} if overwrite else _earlier(top / RECORD, keys)
         found = {
@@ -262,16 +264,19 @@ def _earlier(path: Path, keys: Mapping[str, str]) -> dict[str, dict[str, Any]]:
 
 
 def _complete(folder: Path, entry: Mapping[str, Any]) -> bool:
-    """Whether a folder holds the run that a batch has written there, with all its files."""
+    """Whether a folder holds the run that a batch has written there, with all its files and no others'."""
     if entry.get("report_sha256") != _sha256(folder / REPORT):
         return False
     places = [folder, *(folder / name for name in folders_of_run(folder))]
-    names = [files_of_run(place) for place in places]
-    return all(
-        (place / name).is_file()
-        for place, listed in zip(places, names, strict=True)
-        for name in listed or [""]
-    )
+    files = [[place / name for name in files_of_run(place) or [""]] for place in places]
+    if not all(path.is_file() for path in itertools.chain(*files)):
+        return False
+    marked = [path for path in itertools.chain(*files) if path.name in MARKED]
+    try:
+        check_one_run(folder / REPORT, [*marked, *(place / REPORT for place in places)])
+    except DatasetError:
+        return False
+    return True
 
 
 def _sha256(path: Path) -> str | None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import hashlib
 import tempfile
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -11,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 from skelsplat import layouts
 from skelsplat._atomic import atomic_write_text, opening
 from skelsplat._json import to_text
+from skelsplat._lock import locked
 from skelsplat._optional import can_draw
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.findings import Finding, Subject
@@ -20,6 +22,7 @@ from skelsplat.io._run_files import (
     DETECTIONS,
     LAYOUT,
     REPORT,
+    RUN,
     UNFINISHED,
     files_of_run,
     folders_of_run,
@@ -109,30 +112,46 @@ class Writing:
         return found
 
 
-def write_poses(folder: Path, data: PoseData, writing: Writing) -> list[str]:
-    """Write the pose files; return their names."""
+def write_poses(folder: Path, data: PoseData, writing: Writing, run: str | None = None) -> list[str]:
+    """Write the pose files; return their names. ``run`` is that of whose folder they are a part."""
     given = {
         "frame_rate": data.frame_rate or _ASSUMED_FPS,
         "y_up": writing.y_up,
         "marker_names": writing.marker_names,
     }
     for kind in writing.formats:
-        write_pose(folder / f"pose.{kind}", data, **(given if kind in _WITH_MARKERS else {}))
+        options = given if kind in _WITH_MARKERS else {"run": run} if kind == "npz" else {}
+        write_pose(folder / f"pose.{kind}", data, **options)
     return [f"pose.{kind}" for kind in writing.formats]
 
 
-def write_folder(run: Run, folder: Path, writing: Writing) -> Run:
-    """Write the whole folder of a run, its report last; return the run with the files in its report."""
+def name_of(run: Run) -> str:
+    """Return what tells a run from others: a hash of poses, detections and report, but for the time it took.
+
+    The same run done again has the same, so that its files are the same.
+    """
+    found = hashlib.sha256(to_text({**run.report, "timing": None, RUN: None}).encode())
+    for array in (run.poses.pose, run.poses.uncertainty, run.detections):
+        found.update(array.tobytes())
+    return found.hexdigest()[:16]
+
+
+def write_folder(run: Run, folder: Path, writing: Writing, name: str | None = None) -> Run:
+    """Write the whole folder of a run, its report last; return the run with the files in its report.
+
+    ``name`` is that of a run of several people, of whom this is one.
+    """
+    name = name or name_of(run)
     own = not layouts.is_built_in(run.layout)
     names = writing.names(run.outcome.config.method, own_layout=own)
-    report = {**run.report, "files": names}
+    report = {**run.report, RUN: name, "files": names}
     report.pop("joint_angles", None)
     run = replace(run, report={**report, **({"joint_angles": describe(run)} if writing.angles else {})})
     begin_writing(folder, run.report)
-    write_poses(folder, run.poses, writing)
+    write_poses(folder, run.poses, writing, name)
     if writing.angles:
         write_angles(run, folder, _ASSUMED_FPS)
-    write_run_inputs(folder, run.cameras, run.layout, run.detections, run.frames, run.poses.frame_rate)
+    write_run_inputs(folder, run.cameras, run.layout, run.detections, run.frames, run.poses.frame_rate, name)
     if can_draw():
         from skelsplat.run.figures import write_figures  # matplotlib takes long to load
 
@@ -231,6 +250,13 @@ def left_of_earlier(folder: Path) -> list[str]:
     people = sorted(path.name for path in folder.glob("person_*") if is_person(path.name))
     names = [f"{place}{name}" for place in ("", *(f"{one}/" for one in people)) for name in _OF_OTHERS]
     return [f"{name}/" for name in names if any((folder / name).glob("*"))]
+
+
+@contextlib.contextmanager
+def run_folder(folder: Path) -> Iterator[None]:
+    """Make a folder as `output_folder` does, into which no other run writes during the block."""
+    with output_folder(folder), locked(folder):
+        yield
 
 
 @contextlib.contextmanager

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -17,7 +18,7 @@ from skelsplat._optional import can_draw
 from skelsplat.exceptions import DatasetError
 from skelsplat.findings import Finding, collected_warnings
 from skelsplat.io import write_people
-from skelsplat.io._run_files import REPORT, UNFINISHED, folders_of_run, is_person
+from skelsplat.io._run_files import REPORT, RUN, UNFINISHED, check_one_run, folders_of_run, is_person
 from skelsplat.io.poses import PEOPLE_FORMATS
 from skelsplat.run import folder as folders
 from skelsplat.run._run import Run, check_output, in_order, summed_up, warn_of_output
@@ -81,6 +82,7 @@ class PeopleRun:
         if report.get(UNFINISHED):
             expected = "the report of a run that has written all its files"
             raise DatasetError(path / REPORT, UNFINISHED, expected, "one that was stopped: run it again")
+        check_one_run(path / REPORT, (path / name / REPORT for name in names))
         runs = [Run.open(path / name) for name in names]
         found = tuple(Finding.from_dict(entry) for entry in report["findings"])
         return cls(
@@ -95,7 +97,7 @@ class PeopleRun:
         ``options`` are those of `Run.write`.
         """
         kinds = tuple(dict.fromkeys(["npz", *formats]))
-        with folders.output_folder(Path(folder)):
+        with folders.run_folder(Path(folder)):
             report = write_everybody(self, Path(folder), folders.Writing(kinds, **options)).report
         return [*report["files"], *report["folders"], REPORT]
 
@@ -138,7 +140,7 @@ def run_people(
         if is_person(path.name) and not path.is_dir():
             raise DatasetError(path, "output", "a folder, or nothing, with the name of a person's", "a file")
     writing.check()
-    with folders.output_folder(output):
+    with folders.run_folder(output):
         return write_everybody(_run_people(job, progress, tell), output, writing)
 
 
@@ -161,12 +163,14 @@ def _run_people(job: Job, progress: Progress | None, tell: Callable[[Finding], N
 
 def write_everybody(run: PeopleRun, folder: Path, writing: folders.Writing) -> PeopleRun:
     """Write the folders of all people, then the files of everybody, the report last; return the run."""
-    run = replace(run, report={**run.report, "files": _together(writing)})
+    names = "".join(folders.name_of(one) for one in run.people.values())
+    name = hashlib.sha256(names.encode()).hexdigest()[:16]
+    run = replace(run, report={**run.report, RUN: name, "files": _together(writing)})
     folders.begin_writing(folder, run.report)
     people = {}
     for identity, one in run.people.items():
-        with folders.output_folder(folder / folder_of(identity)):
-            people[identity] = folders.write_folder(one, folder / folder_of(identity), writing)
+        with folders.run_folder(folder / folder_of(identity)):
+            people[identity] = folders.write_folder(one, folder / folder_of(identity), writing, name)
     poses = {identity: one.poses for identity, one in run.people.items()}
     for name in _poses_together(writing):
         write_people(folder / name, poses)

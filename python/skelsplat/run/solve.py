@@ -6,12 +6,13 @@ import os
 import time
 import warnings
 from collections.abc import Callable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 
 import skelsplat as sk
 from skelsplat._arrays import Array, Index
+from skelsplat._sequence import frames_of
 from skelsplat.cameras import without_distortion
 from skelsplat.run.job import Job
 from skelsplat.run.read import Inputs
@@ -27,7 +28,6 @@ NO_RATE, SPARSE = "no rate", "sparse"
 _APART_S = 2.0
 # Of frame numbers that leave out more than this multiple of those that are there, most are far apart.
 _MOST_EMPTY = 8
-_OF_BONES = ("bones", "bone_lengths", "bone_length_sigma")
 
 
 @dataclass(frozen=True)
@@ -152,14 +152,6 @@ def spread(values: Array, places: Index) -> Array:
     whole = np.full((int(places[-1]) + 1, *values.shape[1:]), np.nan)
     whole[places] = values
     return whole
-
-
-def frames_of(result: sk.Refinement, places: Index) -> sk.SequenceRefinement:
-    """Return some frames of a result over time."""
-    parts = {entry.name: getattr(result, entry.name) for entry in fields(sk.SequenceRefinement)}
-    return sk.SequenceRefinement(
-        **{name: value if name in _OF_BONES else value[places] for name, value in parts.items()}
-    )
 
 
 def frame_by_frame(inputs: Inputs, outcome: Outcome) -> Outcome:

@@ -13,6 +13,7 @@ import skelsplat as sk
 from skelsplat import association
 from skelsplat._arrays import Array, Index
 from skelsplat._people import Person
+from skelsplat._sequence import frames_of
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.findings import Finding, collected_warnings, warn
 from skelsplat.io.detections import camera_called
@@ -21,7 +22,7 @@ from skelsplat.run.doubts import find_doubts, find_left_out
 from skelsplat.run.job import Job
 from skelsplat.run.person import MOVES_MOST, count_people, look_around, pick_places, point_of
 from skelsplat.run.read import Inputs
-from skelsplat.run.solve import Progress, even_clock, frames_of, is_sparse, spread
+from skelsplat.run.solve import Progress, even_clock, is_sparse, spread
 
 # Settings of the paper's method that following people over time understands as well.
 _SHARED = ("min_confidence", "undistort", "n_threads")

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from skelsplat._arrays import Array, Index, Mask, positive
+from skelsplat._arrays import Array, Index, Mask, generator, positive
 from skelsplat.exceptions import InvalidInputError, one_of
 from skelsplat.synthetic.motions import stroll
 
@@ -89,7 +89,7 @@ def crowd(
         raise InvalidInputError("meetings: expected at least one, got none")
     for kind in meetings:
         one_of("meetings", kind, _MEETINGS)
-    rng = np.random.default_rng(seed)
+    rng = generator(seed)
     cameras = np.empty((0, 2)) if eyes is None else np.asarray(eyes, dtype=np.float64)[:, :2]
     steps = np.arange(n_frames) / fps
     plan = _Plan(n_people, steps, rng)

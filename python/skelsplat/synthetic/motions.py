@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from skelsplat._arrays import Array
+from skelsplat._arrays import Array, generator
 from skelsplat.exceptions import InvalidInputError, one_of
 from skelsplat.synthetic.skeleton import (
     ANKLE_HEIGHT_MM,
@@ -230,7 +230,7 @@ def stroll(
     -------
     (T, 17, 3) mm, Human3.6M-17.
     """
-    rng = np.random.default_rng(seed)
+    rng = generator(seed)
     angles = _stand(rng.uniform(0.0, 8.0) + np.arange(len(path)) / fps, rng)
     swing, arm_swing = rng.uniform(18.0, 26.0), rng.uniform(12.0, 28.0)
     speed = np.linalg.norm(np.gradient(path, axis=0), axis=1) * fps
@@ -306,7 +306,7 @@ def motion(
         raise InvalidInputError(f"n_frames: expected at least 1, got {n_frames!r}")
     if not (np.isfinite(fps) and fps > 0):
         raise InvalidInputError(f"fps: expected a finite number > 0, got {fps!r}")
-    rng = np.random.default_rng(seed)
+    rng = generator(seed)
     seconds = rng.uniform(0.0, 8.0) + np.arange(n_frames) / fps
     place = scale * rng.uniform(-500.0, 500.0, size=2)
     script = _MOTIONS[name](seconds, rng)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from skelsplat._arrays import Array, Mask, numbers
+from skelsplat._arrays import Array, Mask, generator, numbers
 from skelsplat.exceptions import InvalidInputError
 from skelsplat.synthetic.memory import Numbers
 from skelsplat.synthetic.noise import DetectionNoise
@@ -77,7 +77,7 @@ def projections(pixels: ArrayLike) -> Array:
 
 def streams_of(seed: int | np.random.Generator, n_views: int) -> list[np.random.Generator]:
     """Return random numbers for all views together, and for each."""
-    seeds = np.random.default_rng(seed).integers(2**63, size=n_views + 1)
+    seeds = generator(seed).integers(2**63, size=n_views + 1)
     return [np.random.default_rng(one) for one in seeds]
 
 
@@ -102,8 +102,8 @@ def _body_box(pixels: Array) -> tuple[Array, Array]:
     """Lower corner and size (T, 2) px of the box round the joints of each frame; zeros where none is seen."""
     seen = ~np.isnan(pixels)
     any_seen = seen.any(axis=1)
-    low = np.where(any_seen, np.where(seen, pixels, np.inf).min(axis=1), 0.0)
-    high = np.where(any_seen, np.where(seen, pixels, -np.inf).max(axis=1), 0.0)
+    low = np.where(any_seen, np.where(seen, pixels, np.inf).min(axis=1, initial=np.inf), 0.0)
+    high = np.where(any_seen, np.where(seen, pixels, -np.inf).max(axis=1, initial=-np.inf), 0.0)
     return low, high - low
 
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from skelsplat._arrays import Array, numbers
+from skelsplat._arrays import Array, generator, numbers
 from skelsplat._skelsplat import Camera
 from skelsplat.cameras import CameraRig
 from skelsplat.exceptions import InvalidInputError
@@ -42,7 +42,7 @@ def perturb(points: ArrayLike, sigma_mm: float, *, seed: int | np.random.Generat
         If the shape is another or `sigma_mm` is negative.
     """
     array = _checked(points, sigma_mm)
-    return array + sigma_mm * np.random.default_rng(seed).standard_normal(array.shape)
+    return array + sigma_mm * generator(seed).standard_normal(array.shape)
 
 
 def monocular_poses(
@@ -87,7 +87,7 @@ def monocular_poses(
     ray = truth - centres[None, :, None]
     ray = ray / np.linalg.norm(ray, axis=-1, keepdims=True)
 
-    rng = np.random.default_rng(seed)
+    rng = generator(seed)
     common = rng.standard_normal((*ray.shape[:2], 1, 3))
     own = rng.standard_normal(ray.shape)
     error = np.sqrt(_COMMON_SHARE) * common + np.sqrt(1.0 - _COMMON_SHARE) * own

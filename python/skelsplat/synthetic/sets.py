@@ -43,6 +43,7 @@ POSES, OCCLUDERS, MONOCULAR, DETECTORS = range(4)
 _BOX_MARGIN = 0.1
 
 _CAPTURE_HZ = 50.0
+_MOST_POSES = 10_000_000
 # Detectors, a good one and one that jitters more and misses joints, for a room like Human3.6M's. A detector
 # errs in proportion to the person's size in the image, so elsewhere its pixels are scaled.
 _DETECTORS = {"good": DetectionNoise.good(), "noisy": DetectionNoise.noisy()}
@@ -333,6 +334,8 @@ def _share(total: int | None, defaults: Sequence[int]) -> list[int]:
         return list(defaults)
     if total < len(defaults):
         raise InvalidInputError(f"poses: expected at least {len(defaults)} (one per take), got {total}")
+    if total > _MOST_POSES:
+        raise InvalidInputError(f"poses: expected at most {_MOST_POSES}, got more")
     exact = np.asarray(defaults) * (total - len(defaults)) / sum(defaults)
     counts = np.floor(exact).astype(int)
     largest = np.argsort(counts - exact, kind="stable")[: total - len(defaults) - counts.sum()]

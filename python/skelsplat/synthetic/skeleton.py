@@ -104,7 +104,7 @@ def _checked(angles: Mapping[str, ArrayLike], n_frames: int) -> dict[str, Array]
     for name, given in angles.items():
         if name not in LIMITS_DEG:
             raise InvalidInputError(f"angles: expected names among {', '.join(LIMITS_DEG)}, got {name!r}")
-        value = np.broadcast_to(numbers(given, f"angles[{name!r}]"), (n_frames,))
+        value = _per_frame(numbers(given, f"angles[{name!r}]"), (n_frames,), f"angles[{name!r}]")
         low, high = LIMITS_DEG[name]
         # Written so that NaN fails too; 1e-9 forgives rounding at the limit.
         if not ((value >= low - 1e-9) & (value <= high + 1e-9)).all():
@@ -112,6 +112,14 @@ def _checked(angles: Mapping[str, ArrayLike], n_frames: int) -> dict[str, Array]
             raise InvalidInputError(f"angles[{name!r}]: expected {low} to {high} degrees, got {worst}")
         checked[name] = value
     return checked
+
+
+def _per_frame(value: Array, shape: tuple[int, ...], name: str) -> Array:
+    try:
+        return np.broadcast_to(value, shape)
+    except ValueError as error:
+        expected = f"shape {shape} or {shape[1:]}"
+        raise InvalidInputError(f"{name}: expected {expected}, got {value.shape}") from error
 
 
 def _ball(angles: dict[str, Array], joint: str, side: str) -> Array:
@@ -179,10 +187,10 @@ def forward_kinematics(
     """
     if not (np.isfinite(scale) and scale > 0):
         raise InvalidInputError(f"scale: expected a finite number > 0, got {scale!r}")
-    heading = np.broadcast_to(numbers(heading_deg, "heading_deg"), (n_frames,))
+    heading = _per_frame(numbers(heading_deg, "heading_deg"), (n_frames,), "heading_deg")
     rotations = _segment_rotations(_checked(angles, n_frames), heading)
     pose = np.empty((n_frames, N_JOINTS, 3))
-    pose[:, 0] = numbers(root, "root")
+    pose[:, 0] = _per_frame(numbers(root, "root"), (n_frames, 3), "root")
     for joint, (parent, segment, offset) in enumerate(_BODY[1:], start=1):
         pose[:, joint] = pose[:, parent] + rotations[segment] @ (scale * np.array(offset))
     return pose

@@ -16,6 +16,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.backends.backend_pdf import PdfPages
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.text import Text
 
 from skelsplat._atomic import atomic_write
 
@@ -156,9 +157,16 @@ def write_around(figure: Figure, title: str, lines: Sequence[str]) -> None:
 
 def save_png(figure: Figure, path: str | os.PathLike[str]) -> Path:
     """Write ``figure`` as a PNG, whole or not at all; `DatasetError` if the folder cannot be written."""
+    _show_names_as_they_are(figure)
     with atomic_write(path) as stream:
         figure.savefig(stream, format="png", dpi=figure.dpi, metadata={"Software": "skelsplat"})
     return Path(path)
+
+
+def _show_names_as_they_are(figure: Figure) -> None:
+    """Take nothing between dollar signs for mathematics."""
+    for words in figure.findobj(Text):
+        words.set_parse_math(False)
 
 
 def write_pages(pages: Sequence[Figure], stem: Path, formats: Sequence[str]) -> list[Path]:
@@ -189,4 +197,5 @@ def _write_pdf(path: Path, pages: Sequence[Figure]) -> None:
     fonts = rc_context({"pdf.fonttype": 42})
     with atomic_write(path) as stream, fonts, PdfPages(stream, metadata=_ABOUT) as document:
         for page in pages:
+            _show_names_as_they_are(page)
             document.savefig(page, dpi=page.dpi)

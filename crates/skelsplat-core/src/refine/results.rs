@@ -114,13 +114,7 @@ impl Refinements {
     /// # Errors
     /// [`Error::InvalidInput`] if they differ in the number of views or joints.
     pub(crate) fn room(frames: &[Frame], refiner: &Refiner) -> Result<Self> {
-        let size = |frame: &Frame| (frame.detections.n_views(), frame.detections.n_joints());
-        let (m, n) = frames.first().map_or((0, 0), size);
-        if let Some((views, joints)) = frames.iter().map(size).find(|other| *other != (m, n)) {
-            let expected = format!("{m} views and {n} joints, as in the first frame");
-            let actual = format!("{views} views and {joints} joints");
-            return Err(Error::invalid("detections", expected, actual));
-        }
+        let (m, n) = size(frames)?;
         Ok(Self::blank(frames.len(), m, n, refiner.joint_bias(n)))
     }
 
@@ -175,6 +169,24 @@ impl From<Refinement> for Refinements {
         let mut out = Self::blank(1, frame.view_weights.len() / n.max(1), n, bias);
         out.part().write(0, &frame);
         out
+    }
+}
+
+/// Numbers of views and joints of these frames; zeros without any.
+///
+/// # Errors
+/// [`Error::InvalidInput`] if they differ.
+pub(crate) fn size<'a>(frames: impl IntoIterator<Item = &'a Frame>) -> Result<(usize, usize)> {
+    let of = |frame: &Frame| (frame.detections.n_views(), frame.detections.n_joints());
+    let mut sizes = frames.into_iter().map(of);
+    let (m, n) = sizes.next().unwrap_or_default();
+    match sizes.find(|other| *other != (m, n)) {
+        None => Ok((m, n)),
+        Some((views, joints)) => {
+            let expected = format!("{m} views and {n} joints, as in the first frame");
+            let actual = format!("{views} views and {joints} joints");
+            Err(Error::invalid("detections", expected, actual))
+        }
     }
 }
 

@@ -133,7 +133,7 @@ impl Task<'_> {
         let free = unknowns(&rig.freedom);
         let holds = |(i, freedom): (usize, &Freedom)| {
             let change = Change::between(&self.given[i], &rig.cameras[i]);
-            let sure = surety(&rig.covariance, &free, i, *freedom, &change, rig.costs.len());
+            let sure = surety(&rig.judged, &free, i, *freedom, &change);
             let worse = after[i] > before[i];
             sure > CONFIRMED && !worse
         };
@@ -187,7 +187,7 @@ impl Task<'_> {
         let mut rig = self.settle(scope, rig.cameras, freedom.clone());
         let free = unknowns(&freedom);
         for (i, _) in freedom.iter().enumerate().filter(|(_, one)| one.any()) {
-            all[i] = bars(&rig.covariance, &free, i);
+            all[i] = bars(&rig.judged.steady, &free, i);
         }
         for i in 0..freedom.len() {
             rig = self.simplified(scope, rig, i)?;
@@ -208,10 +208,10 @@ impl Task<'_> {
             Ok(self.settle(scope, cameras, freedom))
         };
         let mut single = parts.into_iter().map(alone).collect::<Result<Vec<_>>>()?;
-        single.sort_by(|a, b| total(&a.costs).total_cmp(&total(&b.costs)));
+        single.sort_by(|a, b| total(&a.judged.costs).total_cmp(&total(&b.judged.costs)));
         let best = single.swap_remove(0);
-        let enough = !is_worse(&best.costs, &rig.costs)
-            && single.iter().all(|other| is_worse(&other.costs, &best.costs));
+        let enough = !is_worse(&best.judged.costs, &rig.judged.costs)
+            && single.iter().all(|other| is_worse(&other.judged.costs, &best.judged.costs));
         Ok(if enough { best } else { rig })
     }
 

@@ -31,6 +31,8 @@ const LOOSE: f64 = 1e-5;
 const WIDTHS: f64 = 8.0;
 /// Most steps at the final width.
 const STEPS: usize = 15;
+/// The least that the kernel's own curvature leaves of what is known.
+const LEAST_CURVED: f64 = 0.1;
 /// Converged when no camera turns, rad, moves, relative to its distance, or changes otherwise by more.
 const STILL: f64 = 3e-6;
 /// Standard deviations of the prior: turn, rad, shift, relative to the distance of the joints, logarithm of the focal length,
@@ -65,11 +67,18 @@ pub struct Reduced {
     pub gradient: DVector<f64>,
     /// What the detections cost, mm².
     pub cost: f64,
+    /// Sums over the detections of W, and of W (1 − |e|²/4σ²): its mean over directions with the curvature of the kernel itself.
+    pub weights: [f64; 2],
 }
 
 impl Reduced {
     fn nothing(q: usize) -> Self {
-        Self { matrix: DMatrix::zeros(q, q), gradient: DVector::zeros(q), cost: 0.0 }
+        Self {
+            matrix: DMatrix::zeros(q, q),
+            gradient: DVector::zeros(q),
+            cost: 0.0,
+            weights: [0.0; 2],
+        }
     }
 
     /// The equations of all clusters together.
@@ -83,6 +92,26 @@ impl Reduced {
         self.matrix += &other.matrix;
         self.gradient += &other.gradient;
         self.cost += other.cost;
+        self.weights = [0, 1].map(|k| self.weights[k] + other.weights[k]);
+    }
+}
+
+/// What a solution costs, and how sure it is.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Judged {
+    /// Cost of every cluster.
+    pub costs: Vec<f64>,
+    /// Covariance of the unknowns: for tests, which know its degrees of freedom. Infinite with a single cluster.
+    pub covariance: DMatrix<f64>,
+    /// The same from the size of all its elements: for error bars.
+    pub steady: DMatrix<f64>,
+}
+
+impl Judged {
+    /// Nothing is known of q unknowns.
+    pub fn unknown(costs: Vec<f64>, q: usize) -> Self {
+        let covariance = DMatrix::from_diagonal_element(q, q, f64::INFINITY);
+        Self { costs, steady: covariance.clone(), covariance }
     }
 }
 
@@ -91,6 +120,8 @@ struct Term {
     view: usize,
     /// W.
     weight: f64,
+    /// |e|²/2σ².
+    size: f64,
     residual: Residual,
 }
 
@@ -209,9 +240,10 @@ impl Bundle<'_> {
                 continue;
             };
             let size = residual.pixel * residual.pixel;
-            let k = (-0.5 * size * residual.value.norm_squared() / most).exp();
+            let scaled = size * residual.value.norm_squared() / most;
+            let k = (-0.5 * scaled).exp();
             cost += sight.confidence * most * (1.0 - k);
-            out.push(Term { view, weight: sight.confidence * k * size, residual });
+            out.push(Term { view, weight: sight.confidence * k * size, size: scaled, residual });
         }
         cost
     }
@@ -231,7 +263,9 @@ impl Bundle<'_> {
         let mixed: Vec<(usize, SMatrix<f64, PARAMETERS, 3>)> = terms
             .iter()
             .filter(|term| !columns[term.view].is_empty())
-            .map(|Term { view, weight, residual: r }| {
+            .map(|Term { view, weight, size, residual: r }| {
+                out.weights[0] += weight;
+                out.weights[1] += weight * (1.0 - 0.5 * size);
                 let own = r.by_camera.transpose() * *weight;
                 let (matrix, gradient) = (own * r.by_camera, own * r.value);
                 for (a, k) in &columns[*view] {
@@ -271,18 +305,15 @@ impl Bundle<'_> {
         self.points = (0..self.points.len()).into_par_iter().map(one).collect();
     }
 
-    /// Cost of every cluster that has detections, and the covariance of the unknowns by leaving out one cluster after the other, as detections err in common over time.
+    /// Cost of every cluster, and the covariance of the unknowns by leaving out one cluster after the other, as detections err in common over time.
     ///
-    /// Without cluster j the solution moves by δ_j = (S − S_j)⁻¹ s_j; their scatter (G−1)/G Σ δ_j δ_jᵀ is that of the solution
-    /// (jackknife), to which the prior adds S⁻¹ Π S⁻¹. Infinite with a single cluster.
+    /// Without cluster j the solution moves by δ_j = (S − S_j)⁻¹ s_j; their scatter J = (G−1)/G Σ δ_j δ_jᵀ is that of the solution
+    /// (jackknife), to which the prior adds S⁻¹ Π S⁻¹. From some ten clusters single elements of J are uncertain by a third, but not its
+    /// size relative to S⁻¹, φ = tr(S J)/q: error bars are those of φ S⁻¹/κ², where κ S has the curvature of the kernel itself.
     #[must_use]
-    pub fn judge(&self, sigma: f64) -> (Vec<f64>, DMatrix<f64>) {
+    pub fn judge(&self, sigma: f64) -> Judged {
         let clusters = self.clusters(sigma);
-        let costs = clusters.iter().map(|one| one.cost).collect();
-        (costs, self.covariance(&clusters, sigma))
-    }
-
-    fn covariance(&self, clusters: &[Reduced], sigma: f64) -> DMatrix<f64> {
+        let costs: Vec<f64> = clusters.iter().map(|one| one.cost).collect();
         let prior = self.prior(sigma, &self.reach());
         let q = prior.len();
         let mut whole = DMatrix::from_diagonal(&DVector::from_vec(prior.clone()));
@@ -291,18 +322,27 @@ impl Bundle<'_> {
         let moved: Option<Vec<DVector<f64>>> = there
             .map(|one| Some((&whole - &one.matrix).cholesky()?.solve(&one.gradient)))
             .collect();
-        let (Some(moved), Some(inverse)) = (moved, whole.try_inverse()) else {
-            return DMatrix::from_diagonal_element(q, q, f64::INFINITY);
+        let (Some(moved), Some(inverse)) = (moved, whole.clone().try_inverse()) else {
+            return Judged::unknown(costs, q);
         };
         let g = moved.len() as f64;
         if moved.len() < 2 {
-            return DMatrix::from_diagonal_element(q, q, f64::INFINITY);
+            return Judged::unknown(costs, q);
         }
         let scatter: DMatrix<f64> =
             moved.iter().fold(DMatrix::zeros(q, q), |sum, d| sum + d * d.transpose());
         let noise = (sigma / PER_NOISE).powi(2);
         let known = DMatrix::from_diagonal(&DVector::from_vec(prior)) * noise;
-        scatter * ((g - 1.0) / g) + &inverse * known * &inverse
+        let jackknife = scatter * ((g - 1.0) / g);
+        let even = (&whole * &jackknife).trace() / q as f64;
+        let held = &inverse * known * &inverse;
+        let [all, curved] = Reduced::sum(&clusters).weights;
+        let curve = (curved / all).max(LEAST_CURVED);
+        Judged {
+            costs,
+            steady: &inverse * (even / curve.powi(2)) + &held,
+            covariance: jackknife + held,
+        }
     }
 }
 

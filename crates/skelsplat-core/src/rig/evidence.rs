@@ -2,6 +2,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
+use super::bundle::Judged;
 use super::placed::{Change, Freedom};
 
 /// Joints agree that one fault explains more than another from this t statistic on: by chance once in twenty cases.
@@ -40,18 +41,18 @@ pub fn bars(covariance: &DMatrix<f64>, unknowns: &[(usize, usize)], view: usize)
 /// How sure a change of what is free in one camera is: √(θᵀC⁻¹θ/p), of p parameters and with the covariance from G clusters
 /// widened as in Hotelling's test, (G−p)/(G−1).
 pub fn surety(
-    covariance: &DMatrix<f64>,
+    judged: &Judged,
     unknowns: &[(usize, usize)],
     view: usize,
     of: Freedom,
     change: &Change,
-    clusters: usize,
 ) -> f64 {
+    let clusters = judged.costs.len();
     let own: Vec<usize> = of.columns().collect();
     let place = |k: &usize| unknowns.iter().position(|one| *one == (view, *k));
     let Some(rows) = own.iter().map(place).collect::<Option<Vec<usize>>>() else { return 0.0 };
     let (p, g) = (rows.len(), clusters as f64);
-    let part = DMatrix::from_fn(p, p, |a, b| covariance[(rows[a], rows[b])]);
+    let part = DMatrix::from_fn(p, p, |a, b| judged.covariance[(rows[a], rows[b])]);
     let theta = DVector::from_fn(p, |a, _| change.parameter(own[a]));
     let Some(inverse) = part.try_inverse().filter(|_| clusters > p) else { return 0.0 };
     let square = theta.dot(&(inverse * &theta)) / p as f64;

@@ -5,9 +5,9 @@
 //! the camera is placed by them, then everything is adjusted together. A fault counts where the change is several times its error
 //! bar; it is told from another where the joints agree that it explains more.
 
-use nalgebra::{DMatrix, Vector3};
+use nalgebra::Vector3;
 
-use super::bundle::{Bundle, PER_NOISE, unknowns};
+use super::bundle::{Bundle, Judged, PER_NOISE, unknowns};
 use super::evidence::{Bars, bars, is_worse, surety, total};
 use super::placed::{Change, Freedom, Placed};
 use super::scene::{Scene, median};
@@ -22,9 +22,12 @@ const RAYLEIGH: f64 = 1.177_41;
 const LEAST_PX: f64 = 0.05;
 /// A change is a fault from this [`surety`] on.
 const SURE: f64 = 3.5;
-/// The least part of the cost that a fault explains: of the place, and of the clock, which is one number.
-const GAIN: f64 = 0.05;
-const GAIN_CLOCK: f64 = 0.01;
+/// The least that a fault explains, relative to the mean cost of a view: of the place, and of the clock, which is one number.
+const GAIN: f64 = 0.2;
+const GAIN_CLOCK: f64 = 0.04;
+/// From this surety on, this part of it is enough.
+const CLEAR: f64 = 6.0;
+const LITTLE: f64 = 0.25;
 /// Frames by which clocks may differ: at most, and at most this part of the recording; and the least recording.
 const LATEST: isize = 30;
 const PART: usize = 3;
@@ -65,10 +68,8 @@ pub struct Explanation {
     pub cameras: Vec<Placed>,
     /// What of each was free.
     pub freedom: Vec<Freedom>,
-    /// Cost of every cluster.
-    pub costs: Vec<f64>,
-    /// Covariance of what was free: see `Bundle::judge`.
-    pub covariance: DMatrix<f64>,
+    /// What it costs, and how sure it is of what was free.
+    pub judged: Judged,
 }
 
 /// A fault of one camera on top of what is known.
@@ -107,7 +108,7 @@ impl Supposed {
 impl Explanation {
     /// Cameras of which nothing is known yet.
     pub fn start(cameras: Vec<Placed>, freedom: Vec<Freedom>) -> Self {
-        Self { cameras, freedom, costs: Vec::new(), covariance: DMatrix::zeros(0, 0) }
+        Self { cameras, freedom, judged: Judged::unknown(Vec::new(), 0) }
     }
 }
 
@@ -156,10 +157,11 @@ impl Scope<'_> {
             }
         }
         faults.retain(|one| self.is_fault(&found.rig, one));
-        faults.sort_by(|a, b| total(&a.rig.costs).total_cmp(&total(&b.rig.costs)));
+        faults.sort_by(|a, b| total(&a.rig.judged.costs).total_cmp(&total(&b.rig.judged.costs)));
         let Some(best) = faults.first().cloned() else { return Ok(faults) };
-        let is_rival =
-            |one: &Supposed| best.differs(one) && !is_worse(&one.rig.costs, &best.rig.costs);
+        let is_rival = |one: &Supposed| {
+            best.differs(one) && !is_worse(&one.rig.judged.costs, &best.rig.judged.costs)
+        };
         let rivals = faults.into_iter().filter(is_rival);
         Ok(std::iter::once(best.clone()).chain(rivals).collect())
     }
@@ -206,8 +208,8 @@ impl Scope<'_> {
         let points = self.scene.points(self.frames, &cameras, &vec![true; cameras.len()]);
         let mut bundle = self.bundle(cameras, freedom, points);
         bundle.solve(wider * sigma, sigma);
-        let (costs, covariance) = bundle.judge(sigma);
-        Explanation { cameras: bundle.cameras, freedom: bundle.freedom, costs, covariance }
+        let judged = bundle.judge(sigma);
+        Explanation { cameras: bundle.cameras, freedom: bundle.freedom, judged }
     }
 
     /// The cameras with joints.
@@ -243,11 +245,10 @@ impl Scope<'_> {
         cameras[view] = camera;
         freedom[view] = both(freedom[view], kind);
         let explained = self.explain(cameras, freedom, sigma, 2.0);
-        let covariance = explained.covariance.clone();
         let unknowns = unknowns(&explained.freedom);
-        let bars = bars(&covariance, &unknowns, view);
+        let bars = bars(&explained.judged.steady, &unknowns, view);
         let change = Change::between(&rig.cameras[view], &explained.cameras[view]);
-        let surety = surety(&covariance, &unknowns, view, kind, &change, explained.costs.len());
+        let surety = surety(&explained.judged, &unknowns, view, kind, &change);
         Some(Supposed { view, fault, rig: explained, bars, surety })
     }
 
@@ -304,9 +305,11 @@ impl Scope<'_> {
 
     /// Whether a change is more than chance.
     fn is_fault(&self, rig: &Explanation, supposed: &Supposed) -> bool {
-        let (before, after) = (total(&rig.costs), total(&supposed.rig.costs));
+        let (before, after) = (total(&rig.judged.costs), total(&supposed.rig.judged.costs));
         let gain = if supposed.fault == Fault::Clock { GAIN_CLOCK } else { GAIN };
-        after <= (1.0 - gain) * before && supposed.surety > SURE
+        let gained = self.given.len() as f64 * (before - after) / before;
+        let clear = supposed.surety > CLEAR && gained >= gain * LITTLE;
+        clear || supposed.surety > SURE && gained >= gain
     }
 }
 

@@ -11,6 +11,7 @@
 use nalgebra::Vector3;
 
 use super::small::{frames_in, median};
+use super::tape::Tape;
 use super::tracks::Tracks;
 
 /// Longest time over which an acceleration is measured, s: half of the second difference's span.
@@ -55,6 +56,13 @@ impl Agility {
     #[must_use]
     pub fn steady(q: f64) -> Self {
         Self { usual: q, variance: 1.0, white: 1.0, squares: Vec::new() }
+    }
+
+    /// Writes it to a tape, or reads it.
+    pub(super) fn exchange(&mut self, tape: &mut Tape) {
+        let numbers = [&mut self.usual, &mut self.variance, &mut self.white];
+        numbers.into_iter().for_each(|v| tape.number(v));
+        tape.list(&mut self.squares, 0.0, |v, tape| tape.number(v));
     }
 }
 

@@ -12,11 +12,13 @@
 //! recording ([`learn`]). [`solver`] anneals with one sparse system per step ([`system`], [`chain`]); [`posterior`] has the
 //! error bars.
 //!
-//! A recording is solved in windows that overlap by [`OVERLAP`] on either side; what is learnt comes from a sample of
-//! them and is common to all. The result does not depend on the number of threads.
+//! A recording is solved in windows that overlap on either side ([`windows`]); what is learnt comes from a sample of
+//! them and is common to all ([`Known`]). The result does not depend on the number of threads, nor on whether all windows are
+//! solved by one call ([`refine_sequence`]) or by several ([`learn_sequence`], [`refine_windows`]).
 
 pub mod agility;
 pub mod chain;
+mod known;
 pub mod learn;
 pub mod live;
 pub mod noise;
@@ -27,8 +29,15 @@ mod small;
 pub mod solver;
 mod swaps;
 pub mod system;
+mod tape;
 pub mod tracks;
+mod windows;
 
+pub use known::Known;
 pub use live::Live;
 pub(crate) use recording::check;
-pub use recording::{Equations, Sequence, equations, refine_in_windows, refine_sequence};
+pub use recording::{
+    Equations, Sequence, equations, learn_sequence, refine_in_windows, refine_sequence,
+    refine_windows,
+};
+pub use windows::{Window, sample, window_size, windows};

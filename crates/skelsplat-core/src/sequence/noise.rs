@@ -50,7 +50,10 @@ impl Noise {
         let all = sums.iter().fold(Sums::default(), Sums::plus);
         let rho = Correlation::of(run, tracks, common);
         let lasting = if rho.at.len() > 1 { rho.at[1].clamp(0.0, 1.0) } else { USUAL_CONSTANT };
-        let scale = |taken: f64| all.freedom / (all.freedom - taken).max(0.1 * all.freedom);
+        let scale = |taken: f64| match all.freedom {
+            0.0 => 1.0, // no two views agree on any joint: nothing to learn from
+            freedom => freedom / (freedom - taken).max(0.1 * freedom),
+        };
         let (of_lasting, of_white) = (scale(3.0 * all.frames), scale(all.taken));
         let growth = lasting * of_lasting + (1.0 - lasting) * of_white;
         let before = median(common.variance.clone());

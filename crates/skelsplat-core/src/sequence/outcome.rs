@@ -16,6 +16,7 @@ use crate::outcome::{ErrorBars, JointStatus, Loss, Outcome, Splats, StopReason};
 pub(super) const INFERRED: f64 = 0.25;
 
 /// What is learnt from the sample.
+#[derive(Debug, Clone, PartialEq)]
 pub(super) struct Learnt {
     pub(super) common: Common,
     pub(super) memory: Memory,

@@ -1,11 +1,12 @@
 //! A recording in windows: what is common to all is learnt from a sample of them, then each is solved.
 
-use std::ops::{Range, RangeInclusive};
+use std::ops::RangeInclusive;
 
 use nalgebra::Vector3;
 use rayon::prelude::*;
 
 use super::agility;
+use super::known::Known;
 use super::learn;
 use super::noise::Noise;
 use super::outcome::{Learnt, State, errors};
@@ -14,24 +15,18 @@ use super::small::{frames_in, median};
 use super::solver::{ANNEAL, Common, Run, SETTLE};
 use super::swaps::{self, Swap};
 use super::tracks::{BRIDGE, Tracks};
+use super::windows::{Window, sample, window_size, windows};
 use crate::annealed::Alone;
 use crate::annealed::posterior::Body;
 use crate::batch::Progress;
 use crate::bones::Length;
 use crate::error::{Error, Result};
-use crate::refine::results::{Part, first, numbers, put};
+use crate::refine::results::{Part, first, numbers, put, size};
 use crate::refine::{Frame, Method, Refinements, Refiner};
 use crate::threads;
 
 /// Frames per second that can be computed with.
 const RATES: RangeInclusive<f64> = 1e-3..=1e6;
-/// Overlap of windows on either side, s, and the least number of frames.
-const OVERLAP: f64 = 2.0;
-const LEAST_OVERLAP: usize = 30;
-/// Length of a window, in overlaps, without them.
-const WINDOW: usize = 20;
-/// Number of windows from which is learnt.
-const SAMPLE: usize = 3;
 /// Least spread of a body in multiples of the noise, and the spread where nothing is known, mm.
 pub(super) const LEAST_SPREAD: f64 = 2.0;
 pub(super) const USUAL_SPREAD: f64 = 500.0;
@@ -65,8 +60,7 @@ pub fn refine_sequence(
     fps: f64,
     progress: &Progress,
 ) -> Result<Sequence> {
-    let overlap = frames_in(OVERLAP, fps).max(LEAST_OVERLAP);
-    refine_in_windows(refiner, frames, fps, [WINDOW.saturating_mul(overlap), overlap], progress)
+    refine_in_windows(refiner, frames, fps, window_size(fps), progress)
 }
 
 /// [`refine_sequence`] in windows of at most this length, which overlap by so many frames on either side.
@@ -77,13 +71,76 @@ pub fn refine_in_windows(
     refiner: &Refiner,
     frames: &[Frame],
     fps: f64,
-    [length, overlap]: [usize; 2],
+    size: [usize; 2],
     progress: &Progress,
 ) -> Result<Sequence> {
     check(refiner, fps, "'annealed' for a sequence")?;
-    let windows = windows(frames.len(), length, overlap);
-    let recording = Recording { refiner, frames, fps, windows, progress };
-    threads::install(refiner.config().n_threads, |_| recording.solve())
+    let windows = windows(frames.len(), size);
+    let recording = Recording { refiner, frames, fps, progress };
+    let out = Sequence::blank(frames, refiner)?;
+    threads::install(refiner.config().n_threads, |_| match windows.as_slice() {
+        [] => Ok(out),
+        [window] => recording.learn_and_solve(window, out),
+        windows => {
+            let parts = sample(windows).into_iter().map(|part| &frames[part]);
+            let known = recording.learn_from(&parts.collect::<Vec<_>>())?;
+            recording.solve(windows, &known, out)
+        }
+    })
+}
+
+/// What a [`sample`], stretches of consecutive frames, shows about a recording, for [`refine_windows`].
+///
+/// # Errors
+/// As [`refine_sequence`], and [`Error::InvalidInput`] if there is no frame.
+pub fn learn_sequence(
+    refiner: &Refiner,
+    stretches: &[&[Frame]],
+    fps: f64,
+    progress: &Progress,
+) -> Result<Known> {
+    check(refiner, fps, "'annealed' for a sequence")?;
+    size(stretches.iter().copied().flatten())?;
+    if stretches.is_empty() || stretches.iter().any(|frames| frames.is_empty()) {
+        return Err(Error::invalid("detections", "frames to learn from", "none"));
+    }
+    let recording = Recording { refiner, frames: &[], fps, progress };
+    threads::install(refiner.config().n_threads, |_| recording.learn_from(stretches))
+}
+
+/// Refines consecutive `windows` of a recording of more than one, of which these are the `frames`, as [`refine_sequence`] refines
+/// them in the whole recording: the results are those of the frames that the windows answer for. The bones' lengths have their
+/// errors in these windows.
+///
+/// # Errors
+/// As [`refine_sequence`], and [`Error::InvalidInput`] if windows are not those of the frames, or `known` is of other joints.
+pub fn refine_windows(
+    refiner: &Refiner,
+    frames: &[Frame],
+    windows: &[Window],
+    known: &Known,
+    progress: &Progress,
+) -> Result<Sequence> {
+    let fps = known.learnt.common.fps;
+    check(refiner, fps, "'annealed' for a sequence")?;
+    let inside = |w: &Window| {
+        let ends = [w.all.start, w.own.start, w.own.end, w.all.end, frames.len()];
+        ends.is_sorted() && !w.own.is_empty()
+    };
+    let joined = windows.windows(2).all(|pair| pair[0].own.end == pair[1].own.start);
+    if windows.is_empty() || !joined || !windows.iter().all(inside) {
+        let expected = format!("consecutive windows of the {} frames", frames.len());
+        return Err(Error::invalid("windows", expected, format!("{windows:?}")));
+    }
+    let (_, n) = size(frames)?;
+    if n != known.n_joints() {
+        let actual = known.n_joints().to_string();
+        return Err(Error::invalid("known", format!("{n} joints"), actual));
+    }
+    let recording = Recording { refiner, frames, fps, progress };
+    let own = windows[0].own.start..windows[windows.len() - 1].own.end;
+    let out = Sequence::blank(&frames[own], refiner)?;
+    threads::install(refiner.config().n_threads, |_| recording.solve(windows, known, out))
 }
 
 /// Rejects a rate that is none, and another method than the `expected` one.
@@ -106,7 +163,6 @@ struct Recording<'a> {
     refiner: &'a Refiner,
     frames: &'a [Frame],
     fps: f64,
-    windows: Vec<Window>,
     progress: &'a Progress,
 }
 
@@ -118,13 +174,6 @@ struct Path {
     steps: usize,
 }
 
-/// A window: the frames it answers for, and those it looks at.
-#[derive(Debug, Clone)]
-struct Window {
-    own: Range<usize>,
-    all: Range<usize>,
-}
-
 /// Where the frames of a window are written.
 struct Place<'a> {
     frames: Part<'a>,
@@ -133,28 +182,28 @@ struct Place<'a> {
 }
 
 impl Recording<'_> {
-    fn solve(&self) -> Result<Sequence> {
-        let mut out = Sequence::blank(self.frames, self.refiner)?;
-        if self.windows.is_empty() {
-            return Ok(out);
-        }
-        let sample = spread_out(&self.windows);
-        let alone: Result<Vec<Vec<Alone>>> = sample.iter().map(|range| self.alone(range)).collect();
-        let alone = alone?;
-        let (learnt, first, path) = self.learn(&alone)?;
-        let mut places = out.places(&self.windows);
-        let errors: Result<Vec<Vec<f64>>> = match self.windows.as_slice() {
-            [window] => {
-                let place = places.remove(0);
-                self.finish(window, &alone[0], path, &learnt, place).map(|errors| vec![errors])
-            }
-            windows => {
-                drop((alone, path));
-                let jobs = windows.par_iter().zip(places);
-                jobs.map(|(window, place)| self.window(window, &first, &learnt, place)).collect()
-            }
-        };
-        out.lengths = self.lengths(&errors?, &learnt);
+    /// Solves the only window, from which is learnt as well.
+    fn learn_and_solve(&self, window: &Window, mut out: Sequence) -> Result<Sequence> {
+        let alone = [self.alone(self.frames)?];
+        let (Known { learnt, .. }, path) = self.learn(&alone)?;
+        let place = out.places(std::slice::from_ref(window)).remove(0);
+        let errors = self.finish(window, &alone[0], path, &learnt, place)?;
+        out.lengths = self.lengths(&[errors], &learnt);
+        Ok(out)
+    }
+
+    fn learn_from(&self, stretches: &[&[Frame]]) -> Result<Known> {
+        let alone: Result<Vec<Vec<Alone>>> =
+            stretches.iter().map(|frames| self.alone(frames)).collect();
+        Ok(self.learn(&alone?)?.0)
+    }
+
+    /// Solves consecutive windows.
+    fn solve(&self, windows: &[Window], known: &Known, mut out: Sequence) -> Result<Sequence> {
+        let jobs = windows.par_iter().zip(out.places(windows));
+        let errors: Result<Vec<Vec<f64>>> =
+            jobs.map(|(window, place)| self.window(window, known, place)).collect();
+        out.lengths = self.lengths(&errors?, &known.learnt);
         Ok(out)
     }
 
@@ -171,12 +220,12 @@ impl Recording<'_> {
         learnt.common.lengths.iter().enumerate().map(one).collect()
     }
 
-    fn alone(&self, frames: &Range<usize>) -> Result<Vec<Alone>> {
+    fn alone(&self, frames: &[Frame]) -> Result<Vec<Alone>> {
         let one = |frame: &Frame| {
             self.progress.check()?;
             self.refiner.alone(frame)
         };
-        self.frames[frames.clone()].par_iter().map(one).collect()
+        frames.par_iter().map(one).collect()
     }
 
     fn tracks(&self, stretches: &[&[Alone]], sigma: f64) -> Tracks {
@@ -187,9 +236,9 @@ impl Recording<'_> {
         || self.progress.check()
     }
 
-    /// What is common to all windows, from the frames of some of them, what was known before their path, and the path. Windows find theirs
-    /// with the same knowledge: where two paths are as good, they take the same.
-    fn learn(&self, sample: &[Vec<Alone>]) -> Result<(Learnt, Common, Path)> {
+    /// What is common to all windows, from the frames of some of them, and their path. Windows find theirs with the knowledge before it:
+    /// where two paths are as good, they take the same.
+    fn learn(&self, sample: &[Vec<Alone>]) -> Result<(Known, Path)> {
         let all = || sample.iter().flatten();
         let noise = median(all().map(|f| f.noise).filter(|n| n.is_finite()).collect());
         let noise = if noise.is_finite() { noise } else { 1.0 };
@@ -222,7 +271,8 @@ impl Recording<'_> {
         let variance = if given { common.variance.clone() } else { variance };
         path.steps += run.n_iter;
         path.points = run.points;
-        Ok((Learnt { common: Common { variance, ..common }, memory }, first, path))
+        let learnt = Learnt { common: Common { variance, ..common }, memory };
+        Ok((Known { first, learnt }, path))
     }
 
     /// The path from wide kernels down to the final ones, and the sides that it shows to be swapped.
@@ -245,17 +295,11 @@ impl Recording<'_> {
         Ok(Path { tracks, swapped, points, steps })
     }
 
-    fn window(
-        &self,
-        window: &Window,
-        first: &Common,
-        learnt: &Learnt,
-        place: Place<'_>,
-    ) -> Result<Vec<f64>> {
-        let alone = self.alone(&window.all)?;
-        let tracks = self.tracks(&[&alone], learnt.common.sigma[0]);
-        let path = self.path(tracks, first)?;
-        self.finish(window, &alone, path, learnt, place)
+    fn window(&self, window: &Window, known: &Known, place: Place<'_>) -> Result<Vec<f64>> {
+        let alone = self.alone(&self.frames[window.all.clone()])?;
+        let tracks = self.tracks(&[&alone], known.learnt.common.sigma[0]);
+        let path = self.path(tracks, &known.first)?;
+        self.finish(window, &alone, path, &known.learnt, place)
     }
 
     /// Writes the solution along a path, with its error bars, and returns the standard errors of the bones' lengths, mm; infinite for
@@ -372,30 +416,4 @@ pub fn equations(
     let mut run = Run::new(&tracks, &common, Some(points));
     run.linearise(wider);
     Ok((run.system.dense(), run.system.pulls, tracks.agility))
-}
-
-/// Windows over `n` frames of at most `length`, that overlap by `overlap` on either side.
-fn windows(n: usize, length: usize, overlap: usize) -> Vec<Window> {
-    let count = n.div_ceil(length);
-    let cut = |k: usize| k * n / count;
-    let window = |k: usize| {
-        let own = cut(k)..cut(k + 1);
-        let all = own.start.saturating_sub(overlap)..(own.end + overlap).min(n);
-        Window { own, all }
-    };
-    (0..count).map(window).collect()
-}
-
-/// The frames of at most [`SAMPLE`] windows, evenly spread; those that overlap in one.
-fn spread_out(windows: &[Window]) -> Vec<Range<usize>> {
-    let n = windows.len().min(SAMPLE);
-    let mut out: Vec<Range<usize>> = Vec::new();
-    for k in 0..n {
-        let next = &windows[(2 * k + 1) * windows.len() / (2 * n)].all;
-        match out.last_mut() {
-            Some(last) if next.start <= last.end => last.end = next.end,
-            _ => out.push(next.clone()),
-        }
-    }
-    out
 }

@@ -11,7 +11,7 @@ use crate::bones::{Length, Pull};
 use crate::error::Result;
 
 /// What is common to all frames of a recording; lengths are mm, times s.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct Common {
     /// Frames per second.
     pub fps: f64,

@@ -136,7 +136,7 @@ def solve(joints: Observations, weights: Array) -> Array:
     # Rows in units of the focal length instead of px: the answer is the same, A is well scaled.
     projections = projections / np.abs(joints.projections[:, :2, :3]).max()
     A = joints.pixels[..., None] * projections[:, 2:] - projections[:, :2]
-    A = (A * weights[..., None, None]).reshape(len(weights), -1, 4)
+    A = (A * weights[..., None, None]).reshape(len(weights), 2 * weights.shape[1], 4)
     # Eigenvectors of AᵀA cost half of the singular vectors of A; rounding stays near 1e-16 · (σ₁/σ₃)², and
     # σ₁/σ₃ is below 1e3 unless all rays are parallel.
     null = np.linalg.eigh(np.swapaxes(A, 1, 2) @ A)[1][:, :, 0]

@@ -19,7 +19,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from skelsplat._arrays import Array, Mask, numbers, positive
+from skelsplat._arrays import Array, Mask, generator, numbers, positive
 from skelsplat.evaluation.baselines._minimise import Reprojections, huber, minimise
 from skelsplat.evaluation.baselines._observations import (
     Cameras,
@@ -65,7 +65,7 @@ def ransac_iskakov(
     positive("n_iters", n_iters, "integer")
     joints = observe(detections, cameras)
     scale = _per_joint(crop_scale, joints)
-    inliers = _largest_set(joints, 2.0 * epsilon * scale, n_iters, np.random.default_rng(seed), forced=True)
+    inliers = _largest_set(joints, 2.0 * epsilon * scale, n_iters, generator(seed), forced=True)
     points = solve(joints, inliers.astype(np.float64))
     if direct_optimization:
         problem = Reprojections(joints.pixels, joints.projections, inliers * 0.5 / scale, by_view=True)
@@ -100,7 +100,7 @@ def ransac_adafuse(
     positive("n_iters", n_iters, "integer")
     joints = observe(detections, cameras)
     tolerance = np.full(joints.seen.shape, float(epsilon))
-    inliers = _largest_set(joints, tolerance, n_iters, np.random.default_rng(seed), forced=False)
+    inliers = _largest_set(joints, tolerance, n_iters, generator(seed), forced=False)
     too_few = inliers.sum(axis=1) < 2
     inliers[too_few] = joints.seen[too_few]
     return joints.points(solve(joints, inliers.astype(np.float64)))

@@ -17,6 +17,7 @@ import numpy as np
 
 import skelsplat as sk
 from skelsplat._atomic import atomic_write, atomic_write_text
+from skelsplat._budget import MOST_CAMERAS, MOST_NAME, within_memory
 from skelsplat.cameras import MM_PER_UNIT, altered
 from skelsplat.exceptions import DatasetError, InvalidInputError, one_of
 from skelsplat.findings import FindingWarning
@@ -125,14 +126,15 @@ def read_calibration(
         TOML has no lens coefficients; if a Qualisys camera's view was turned; if Vicon's lens model could not
         be followed to 0.1 px.
     """
-    source, chosen = _find(Source(path), format)
+    with within_memory(Path(path)):
+        source, chosen = _find(Source(path), format)
     options = {"camera_type": camera_type, "subject": subject, "size": size, "binning": binning}
     _check_options(chosen, options)
-    parsed = chosen.parse(source, **{name: options[name] for name in chosen.options if name != "size"})
+    with within_memory(source.path):
+        parsed = chosen.parse(source, **{name: options[name] for name in chosen.options if name != "size"})
+    _check_amount(source.path, parsed.cameras)
     for finding in parsed.findings:
         warnings.warn(FindingWarning(finding), stacklevel=2)
-    if not parsed.cameras:
-        raise DatasetError(source.path, "cameras", "at least one camera", "none")
     _check_names(source.path, parsed.cameras)
     cameras = [_build(source.path, camera, _size(source.path, camera, size)) for camera in parsed.cameras]
     known_unit = check_unit(source.path, cameras, unit, stated=parsed.unit)
@@ -210,6 +212,16 @@ def _check_names(path: Path, cameras: Sequence[RawCamera]) -> None:
     if count > 1:
         actual = f"{count} cameras named {name!r}"
         raise DatasetError(path, "name", "a different name for every camera", actual)
+
+
+def _check_amount(path: Path, cameras: Sequence[RawCamera]) -> None:
+    if not cameras:
+        raise DatasetError(path, "cameras", "at least one camera", "none")
+    longest = max(len(camera.name) for camera in cameras)
+    if longest > MOST_NAME or len(cameras) > MOST_CAMERAS:
+        actual = f"{len(cameras)} cameras with names of at most {longest} characters"
+        expected = f"at most {MOST_CAMERAS} cameras with names of at most {MOST_NAME} characters"
+        raise DatasetError(path, "cameras", expected, actual)
 
 
 def _size(

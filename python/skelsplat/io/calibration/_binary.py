@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import re
 from collections.abc import Mapping
 from pathlib import Path
@@ -10,11 +11,11 @@ from typing import Any
 import numpy as np
 
 from skelsplat._arrays import Array
-from skelsplat._atomic import opening
-from skelsplat._optional import require
-from skelsplat.exceptions import DatasetError
+from skelsplat._budget import read_bytes
+from skelsplat.exceptions import DatasetError, MissingPackageError
 from skelsplat.io._fields import Field
-from skelsplat.io._files import natural, parsing
+from skelsplat.io._files import natural
+from skelsplat.io._mat import load_mat
 from skelsplat.io._unpickle import unpickle
 from skelsplat.io.calibration._format import Parsed, RawCamera, Source, lens_of, noted, size_of
 
@@ -71,8 +72,7 @@ def parse_opencap(source: Source) -> Parsed:
 
 
 def _opencap_entry(path: Path) -> Field:
-    with opening(path), path.open("rb") as stream:
-        return Field(path, "", _plain(unpickle(stream, path)))
+    return Field(path, "", _plain(unpickle(io.BytesIO(read_bytes(path)), path)))
 
 
 def _opencap_camera(name: str, entry: Field) -> RawCamera:
@@ -111,10 +111,10 @@ def is_dannce(source: Source) -> bool:
 def _may_have_cameras(path: Path) -> bool:
     """Whether a MAT-file has the cameras' variables, or cannot be looked into, of which the parser tells."""
     try:
-        names = {name for name, *_ in require("scipy.io", "MAT-files").whosmat(path)}
-    except Exception:  # SciPy is missing, or the file is damaged or of a version that it does not read
+        names = _mat(path).keys()
+    except (DatasetError, MissingPackageError):
         return True
-    return "params" in names or {"K", "t"} <= names
+    return "params" in names or names >= {"K", "t"}
 
 
 def parse_dannce(source: Source) -> Parsed:
@@ -150,10 +150,9 @@ def parse_dannce(source: Source) -> Parsed:
 
 def _mat(path: Path) -> dict[str, Any]:
     """Return the variables of a MAT-file; a cell or a structure of one element is a list, too."""
-    scipy = require("scipy.io", "MAT-files")
-    with parsing(path, "a MAT-file of version 5 to 7 (in MATLAB: save with '-v7')"):
-        table = scipy.loadmat(path, variable_names=["params", "camnames", *"KRrt", "RDistort", "TDistort"])
-        return {key: _cells(value) for key, value in table.items() if not key.startswith("__")}
+    names = ["params", "camnames", *"KRrt", "RDistort", "TDistort"]
+    table = load_mat(path, "a MAT-file of version 5 to 7 (in MATLAB: save with '-v7')", names)
+    return {key: _cells(value) for key, value in table.items()}
 
 
 def _cells(value: Any) -> Any:

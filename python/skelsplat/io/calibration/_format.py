@@ -14,15 +14,17 @@ import numpy as np
 
 from skelsplat._arrays import Array
 from skelsplat._atomic import opening
+from skelsplat._budget import MOST_DEPTH, check_document, parse_toml, read_text
 from skelsplat.cameras import matrix_from_vector
 from skelsplat.exceptions import DatasetError
 from skelsplat.findings import Finding, Subject
 from skelsplat.io._fields import Field
-from skelsplat.io._files import load_json, parse_toml, read_text
+from skelsplat.io._files import load_json
 
 PINHOLE_COUNTS = (4, 5, 8, 12, 14)
 _FISHEYE_COUNT = 4
 _MOST_PIXELS = 2**31 - 1
+_MOST_RADIANS = 1e6
 _BINARY = (".npz", ".npy", ".pickle", ".pkl", ".h5", ".mat")
 
 
@@ -110,10 +112,19 @@ class Source:
         """The root of the XML document; None if the text does not begin like one."""
         if not self.start.startswith("<"):
             return None
+        check_document(self.path, self.text)
+        if "<!DOCTYPE" in self.text:  # an entity can stand for gigabytes
+            raise DatasetError(self.path, "XML", "a document without a DOCTYPE", "one with it")
         try:
-            return ET.fromstring(self.text)
+            root = ET.fromstring(self.text)
         except ET.ParseError as error:
             raise DatasetError(self.path, "XML", "a well-formed XML document", str(error)) from error
+        level = [root]
+        for _ in range(MOST_DEPTH):
+            level = [inner for node in level for inner in node]
+        if level:
+            raise DatasetError(self.path, "XML", f"elements nested at most {MOST_DEPTH} deep", "deeper ones")
+        return root
 
     @cached_property
     def toml(self) -> dict[str, Any]:
@@ -160,8 +171,19 @@ def lens_of(field: Field, *, fisheye: bool = False) -> Array | None:
 
 def rotation_of(field: Field) -> Array:
     """Return the rotation that a field holds as a matrix or as a vector (Rodrigues, radians)."""
-    is_matrix = np.size(np.array(field.value, dtype=object)) == 9
-    return field.numbers((3, 3)) if is_matrix else matrix_from_vector(field.numbers((3,)))
+    value = field.value
+    rows = value if isinstance(value, list) and len(value) > 1 else []
+    if len(rows) == 9 or any(isinstance(row, list) and len(row) > 1 for row in rows):
+        return field.numbers((3, 3))
+    return rotation_matrix(field)
+
+
+def rotation_matrix(field: Field) -> Array:
+    """Return the rotation that a field holds as a vector, radians."""
+    vector = field.numbers((3,))
+    if np.abs(vector).max() > _MOST_RADIANS:
+        raise field.error(f"a rotation vector in radians, at most {_MOST_RADIANS:g}", field.shown)
+    return matrix_from_vector(vector)
 
 
 def size_of(field: Field) -> tuple[int, int]:

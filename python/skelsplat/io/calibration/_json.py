@@ -24,7 +24,7 @@ import numpy as np
 import skelsplat as sk
 from skelsplat._arrays import Array
 from skelsplat.exceptions import DatasetError, InvalidInputError
-from skelsplat.io._arrays import load_plain_npz
+from skelsplat.io._arrays import load_plain_npz, npz_keys
 from skelsplat.io._fields import Field
 from skelsplat.io.calibration._format import Parsed, RawCamera, Source, camera_of, lens_of
 
@@ -89,7 +89,7 @@ def is_npz(source: Source) -> bool:
     """Whether a file is an npz with the matrices of cameras."""
     if source.suffix != ".npz" or source.is_folder:
         return False
-    return {"K", "R", "t"} <= load_plain_npz(source.path, _NPZ_KIND).keys()
+    return {"K", "R", "t"} <= npz_keys(source.path)
 
 
 def parse_npz(source: Source) -> Parsed:

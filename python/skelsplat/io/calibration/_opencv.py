@@ -15,9 +15,10 @@ from typing import Any
 import numpy as np
 
 from skelsplat._arrays import Array
+from skelsplat._budget import check_document, read_text
 from skelsplat.exceptions import DatasetError
 from skelsplat.io._fields import Field
-from skelsplat.io._files import natural, read_text, whole_number
+from skelsplat.io._files import natural, whole_number
 from skelsplat.io.calibration._format import (
     PINHOLE_COUNTS,
     Parsed,
@@ -28,7 +29,6 @@ from skelsplat.io.calibration._format import (
     whole_size,
 )
 
-_KEY = re.compile(r"^([^\s:#%-][^:]*?)\s*:(?:\s+(.*))?$")
 _MATRIX = "!!opencv-matrix"
 
 
@@ -39,8 +39,7 @@ def _parse_opencv_yaml(path: Path, text: str) -> dict[str, Any]:
         if key in entries:
             raise DatasetError(path, f"{key} (line {line})", "a key once", "the same key again")
         if value.startswith(_MATRIX):
-            parts = dict(re.findall(r"(\w+)\s*:\s*(\[[^\]]*\]?|\S+)", " ".join(block)))
-            entries[key] = _matrix(path, key, parts, closed=True)
+            entries[key] = _matrix(path, key, _parts(" ".join(block)), closed=True)
         elif value.startswith("["):
             inside = " ".join([value, *block]).strip("[] ")
             entries[key] = [_scalar(part.strip()) for part in inside.split(",") if part.strip()]
@@ -51,6 +50,16 @@ def _parse_opencv_yaml(path: Path, text: str) -> dict[str, Any]:
     return entries
 
 
+def _parts(text: str) -> dict[str, str]:
+    """Return the values of ``name: value`` pairs, of which one is a list in brackets."""
+    before, bracket, rest = text.partition("[")
+    data, end, after = rest.partition("]")
+    words = f"{before} {after}".replace(":", " : ").split()
+    triples = zip(words, words[1:], words[2:], strict=False)
+    parts = {name: value for name, colon, value in triples if colon == ":"}
+    return {**parts, "data": f"[{data}{end}"} if bracket else parts
+
+
 def _blocks(path: Path, text: str) -> Iterator[tuple[str, int, str, list[str]]]:
     """Yield key, line number, what stands behind the key, and the stripped indented lines below it."""
     current: tuple[str, int, str, list[str]] | None = None
@@ -59,11 +68,12 @@ def _blocks(path: Path, text: str) -> Iterator[tuple[str, int, str, list[str]]]:
         if not stripped or stripped.startswith(("%YAML", "#")) or stripped in ("---", "..."):
             continue
         indented = line[:1].isspace() or stripped.startswith("- ")
-        found = None if indented else _KEY.match(stripped)
-        if found:
+        name, colon, value = stripped.partition(":")
+        is_key = name[:1] not in "#%-" and bool(colon) and not value[:1].strip()
+        if is_key and not indented:
             if current is not None:
                 yield current
-            current = (found[1].strip("\"'"), number, (found[2] or "").strip(), [])
+            current = (name.strip().strip("\"'"), number, value.strip(), [])
         elif indented and current is not None:
             current[3].append(stripped)
         else:
@@ -95,7 +105,7 @@ def _scalar(text: str) -> Any:
         return text[1:-1] if text[-1:] == text[:1] and len(text) > 1 else text
     if re.fullmatch(r"[-+]?(0|[1-9]\d*)", text):
         return whole_number(text)
-    if re.fullmatch(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?", text) and not text.isdigit():
+    if re.fullmatch(r"[-+]?(\d+(\.\d*)?|\.\d+)([eE][-+]?\d+)?", text) and not text.isdigit():
         return float(text)
     return text
 
@@ -195,7 +205,9 @@ def _files(source: Source) -> tuple[Field, Field]:
 
 
 def _entries(path: Path) -> Field:
-    return Field(path, "", _parse_opencv_yaml(path, read_text(path)))
+    text = read_text(path)
+    check_document(path, text)
+    return Field(path, "", _parse_opencv_yaml(path, text))
 
 
 def _easymocap_camera(intri: Field, extri: Field, name: str) -> RawCamera:

@@ -29,16 +29,17 @@ import numpy as np
 
 import skelsplat as sk
 from skelsplat._arrays import Array
-from skelsplat.cameras import matrix_from_vector, vector_from_matrix
+from skelsplat._budget import read_toml
+from skelsplat.cameras import vector_from_matrix
 from skelsplat.exceptions import DatasetError
 from skelsplat.io._fields import Field
-from skelsplat.io._files import parse_toml, read_text
 from skelsplat.io.calibration._format import (
     Parsed,
     RawCamera,
     Source,
     lens_of,
     noted,
+    rotation_matrix,
     rotation_of,
     size_of,
     whole_size,
@@ -53,7 +54,7 @@ _ANIPOSE, _PROJECT, _LEVELS = "calibration.toml", "config.toml", 4
 
 def _looks_like_toml(text: str) -> bool:
     """Whether the text has a TOML table header or an assignment at the start of a line."""
-    return re.search(r"^\s*(\[[^\[\]\n]+\]\s*(#.*)?$|[\w.\"-]+\s*=)", text, re.MULTILINE) is not None
+    return re.search(r"^[ \t]*(\[[^\[\]\n]+\][ \t]*(#.*)?$|[\w.\"-]+[ \t]*=)", text, re.MULTILINE) is not None
 
 
 def is_anipose(source: Source) -> bool:
@@ -116,7 +117,7 @@ def _with_offsets(source: Source) -> Iterator[Field]:
         path = folder / _PROJECT
         if path.is_file():
             with suppress(DatasetError):  # somebody else's
-                yield Field(path, "", parse_toml(path, read_text(path)))
+                yield Field(path, "", read_toml(path))
 
 
 def _corner(field: Field) -> Array:
@@ -147,7 +148,7 @@ def _anipose_camera(entry: Field) -> RawCamera:
     return RawCamera(
         name=str(entry.value.get("name", entry.place)),
         K=entry["matrix"].numbers((3, 3)),
-        R=matrix_from_vector(entry["rotation"].numbers((3,))),
+        R=rotation_matrix(entry["rotation"]),
         t=entry["translation"].numbers((3,)),
         distortion=None if lens is None else lens_of(entry[lens], fisheye=fisheye),
         size=size_of(entry[size]),

@@ -46,7 +46,7 @@ def check_unit(path: Path, rig: Sequence[sk.Camera], unit: str | None, *, stated
 def _spread(centres: Sequence[Array]) -> float:
     """Largest distance between two camera centres, in the file's unit; 0 for one camera."""
     points = np.stack(centres)
-    return float(np.linalg.norm(points[:, None] - points[None], axis=-1).max())
+    return max(float(np.linalg.norm(point - points, axis=-1).max()) for point in points)
 
 
 def _is_narrow(rig: Sequence[sk.Camera]) -> bool:

@@ -10,87 +10,32 @@ from __future__ import annotations
 
 import os
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-import numpy.typing as npt
-
 import skelsplat as sk
-from skelsplat._arrays import Array, Index
-from skelsplat.exceptions import DatasetError, InvalidInputError, one_of
-from skelsplat.io.detections._format import View
+from skelsplat.exceptions import InvalidInputError, one_of
 from skelsplat.io.detections._frames import FRAME_MODES, FrameMode, check_offsets
-from skelsplat.io.detections._joints import arranged, check_mapping, places_of
+from skelsplat.io.detections._joints import check_mapping
 from skelsplat.io.detections._layout import choose_layout, read_layout
 from skelsplat.io.detections._match import camera_called, cameras_called
+from skelsplat.io.detections._opened import DetectionSet, Opened
 from skelsplat.io.detections._registry import FORMATS, Matching, find_format, open_sources
 from skelsplat.io.detections._skeleton import Skeleton, read_skeleton
 
 __all__ = [
     "FORMATS",
     "DetectionSet",
+    "Opened",
     "Skeleton",
     "camera_called",
     "cameras_called",
+    "open_detections",
     "read_detections",
     "read_layout",
     "read_openpose",
     "read_skeleton",
 ]
-
-# pixels of a whole view that all lie within this are parts of the image's size
-_NORMALISED = 1.5
-
-
-@dataclass(frozen=True)
-class DetectionSet:
-    """All people found in all frames of all cameras.
-
-    Attributes
-    ----------
-    people : (T, M, P, K, 3)
-        x and y in pixels of the original image, confidence in [0, 1]. NaN: a joint that was not detected,
-        also one at exactly (0, 0) if a camera has several, and a place in P where nobody stands. The order of
-        people in a frame is the detector's: place p is nobody's identity.
-    frames : (T,) int
-        Frame numbers, ascending.
-    camera_names : tuple of str
-        The M cameras, in the order they were asked for.
-    sources : tuple of Path or None
-        The folder or file of each camera; None for a camera without detections.
-    layout : str
-        Name of the joint layout of the K joints.
-    skeleton : Layout
-        The layout itself, which may be that of a file.
-    format : str
-        Name of the format that they were read from.
-    labels : tuple of str or None
-        The folder, file or place in the file of each camera, as ``order`` of `read_detections` takes it.
-    uneven : bool
-        Cameras have different frames in the files, which ``frames="strict"`` refuses.
-    frame_rate : float or None
-        Frames per second, if the files state one, the same for all cameras.
-    """
-
-    people: npt.NDArray[np.float64]
-    frames: Index
-    camera_names: tuple[str, ...]
-    sources: tuple[Path | None, ...]
-    layout: str
-    skeleton: sk.Layout
-    format: str = ""
-    labels: tuple[str | None, ...] = ()
-    uneven: bool = False
-    frame_rate: float | None = None
-
-    @property
-    def people_per_frame(self) -> Index:
-        """Number of people with at least one joint, (T, M)."""
-        there = np.isfinite(self.people[..., 0]).any(axis=-1)
-        count: Index = there.sum(axis=-1, dtype=np.int64)
-        return count
 
 
 def read_detections(
@@ -161,6 +106,37 @@ def read_detections(
     MissingPackageError
         If the format needs a package that is not installed.
     """
+    opened = open_detections(
+        path,
+        cameras,
+        layout=layout,
+        format=format,
+        frames=frames,
+        offsets=offsets,
+        order=order,
+        mapping=mapping,
+        sequence=sequence,
+        allow_missing=allow_missing,
+        without=without,
+    )
+    return opened.read()
+
+
+def open_detections(
+    path: str | os.PathLike[str],
+    cameras: sk.CameraRig | Sequence[sk.Camera] | Sequence[str],
+    *,
+    layout: str | os.PathLike[str] | sk.Layout | None = None,
+    format: str | None = None,
+    frames: FrameMode = "strict",
+    offsets: Mapping[str, int] | None = None,
+    order: str | Sequence[str] | None = None,
+    mapping: Mapping[str, str | int | None] | None = None,
+    sequence: str | None = None,
+    allow_missing: bool = False,
+    without: Collection[str] = (),
+) -> Opened:
+    """Open the detections of all cameras to read them in stretches; parameters as of `read_detections`."""
     one_of("frames", frames, FRAME_MODES)
     names = _camera_names(cameras, ordered=order is not None)
     shifts = check_offsets(offsets, names)
@@ -168,26 +144,10 @@ def read_detections(
     root = Path(path)
     form = find_format(root, format)
     sources = open_sources(root, form, Matching(names, order, allow_missing, left_out), sequence)
-    names = [name for name in names if name not in left_out]
     numbers = sources.shared(frames, shifts)
     chosen = choose_layout(layout, sources.views.values(), root)
-    joints = check_mapping(mapping, chosen)
-    read = {
-        name: _read_view(view, numbers - shifts[name], chosen, joints) for name, view in sources.views.items()
-    }
-    rates = {view.rate for view in sources.views.values()}
-    return DetectionSet(
-        people=_stack([read.get(name, []) for name in names], len(numbers), chosen.n_joints),
-        frames=numbers,
-        camera_names=tuple(names),
-        sources=tuple(sources.views[name].path if name in sources.views else None for name in names),
-        layout=chosen.name,
-        skeleton=chosen,
-        format=form.name,
-        labels=tuple(sources.labels[name] for name in names),
-        uneven=sources.uneven,
-        frame_rate=rates.pop() if len(rates) == 1 else None,
-    )
+    kept = tuple(name for name in names if name not in left_out)
+    return Opened(sources, numbers, kept, shifts, chosen, check_mapping(mapping, chosen), form.name)
 
 
 def read_openpose(
@@ -212,54 +172,3 @@ def _camera_names(cameras: Sequence[sk.Camera] | Sequence[str], *, ordered: bool
     if isinstance(cameras, str) or not named or len(set(named)) < len(names):
         raise InvalidInputError(f"cameras: expected cameras with different names, got {names}")
     return named
-
-
-def _read_view(
-    view: View, numbers: Index, layout: sk.Layout, mapping: Mapping[str, str | int | None]
-) -> list[list[Array]]:
-    """People (N, 3) of each of the camera's own frame numbers; nobody in a frame that it lacks."""
-    places = places_of(view, layout, mapping)
-    there = set(view.frames)
-    read = [
-        [arranged(person, layout, places, flat=view.flat) for person in view.people(number)]
-        if number in there
-        else []
-        for number in numbers.tolist()
-    ]
-    everybody = [person for people in read for person in people]
-    _check_pixels(view, everybody)
-    _forget_zeros(everybody)
-    return read
-
-
-def _check_pixels(view: View, people: Sequence[Array]) -> None:
-    """Raise if the view's coordinates are parts of the image's size instead of pixels."""
-    if not people:
-        return
-    points = np.concatenate(people)[:, :2]
-    points = points[np.isfinite(points).all(axis=1)]
-    if len(points) > 1 and np.abs(points).max() <= _NORMALISED:
-        actual = f"numbers from {points.min():.3g} to {points.max():.3g}, parts of the image's size"
-        raise DatasetError(view.path, "keypoints", "pixels of the original image", actual)
-
-
-def _forget_zeros(people: Sequence[Array]) -> None:
-    """Make the joints of a camera that are at exactly (0, 0) missing, unless there is only one.
-
-    YOLO writes so what it did not detect, with a confidence.
-    """
-    zeros = [(person[:, :2] == 0.0).all(axis=1) for person in people]
-    if sum(int(zero.sum()) for zero in zeros) > 1:
-        for person, zero in zip(people, zeros, strict=True):
-            person[zero] = np.nan
-
-
-def _stack(views: Sequence[Sequence[Sequence[Array]]], steps: int, n_joints: int) -> Array:
-    """Join the views to (T, M, P, N, 3), padded with NaN."""
-    places = max([1, *(len(people) for view in views for people in view)])
-    stacked = np.full((steps, len(views), places, n_joints, 3), np.nan)
-    for m, view in enumerate(views):
-        for t, people in enumerate(view):
-            for p, person in enumerate(people):
-                stacked[t, m, p] = person
-    return stacked

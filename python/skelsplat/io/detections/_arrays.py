@@ -1,4 +1,4 @@
-"""Detections in NumPy's files: rtmlib, MeTRAbs, FreeMoCap, VideoPose3D, and plain npz files of one's own."""
+"""Detections in NumPy's files: rtmlib, MeTRAbs, FreeMoCap and VideoPose3D."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import numpy as np
 
 from skelsplat import layouts
 from skelsplat._arrays import Array
+from skelsplat._budget import check_ratio
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.io._arrays import Arrays, as_numbers, load_npy, load_npz, npy_shape, npz_keys
 from skelsplat.io.detections._format import Person, Recording, View, array_view, joints_of
@@ -19,7 +20,7 @@ _KEYPOINTS, _SCORES = "keypoints", "scores"
 _TAIL = f"_{_KEYPOINTS}.npy"
 
 
-def _view(arrays: Arrays, key: str, people: Array) -> View:
+def checked_view(arrays: Arrays, key: str, people: Array) -> View:
     """Return the view of joints (T, P, K, 3), with the numbers of the frames and names that the file has."""
     frames, names = arrays.frames(len(people)), arrays.names("joint_names", people.shape[2])
     view = array_view(arrays.path, key, people, frames=frames, names=names)
@@ -50,7 +51,7 @@ def read_rtmlib(path: Path) -> View:
     With a leading axis of frames, (T, P, K, 2) and (T, P, K), NaN for nobody, and perhaps ``frames`` (T,).
     """
     arrays = load_npz(path, (_KEYPOINTS, _SCORES, "frames"))
-    return _view(arrays, _KEYPOINTS, _rtmlib_joints(arrays, ("T", "P", "K")))
+    return checked_view(arrays, _KEYPOINTS, _rtmlib_joints(arrays, ("T", "P", "K")))
 
 
 def _rtmlib_pair(path: Path) -> Arrays:
@@ -91,7 +92,7 @@ def read_metrabs(path: Path) -> View:
     arrays = load_npz(path, (*_METRABS, "frames", "joint_names"))
     key = "poses" if "poses2d" not in arrays.found and "poses" in arrays.found else "poses2d"
     pixels = _metrabs_pixels(path, key, arrays.take(key))
-    return _view(arrays, key, joints_of(path, key, pixels, None, clip=False))
+    return checked_view(arrays, key, joints_of(path, key, pixels, None, clip=False))
 
 
 def _metrabs_pixels(path: Path, key: str, value: Any) -> Array:
@@ -113,7 +114,9 @@ def _stacked(path: Path, key: str, parts: list[Array]) -> Array:
         if part.size and (part.ndim != 3 or part.shape[1:] != (joints, 2)):
             expected = f"shape (P, {joints}, 2) like the other frames" if joints else "shape (P, K, 2)"
             raise DatasetError(path, f"{key}[{t}]", expected, part.shape)
-    out = np.full((len(parts), max([1, *map(len, people)]), joints, 2), np.nan)
+    most = max([1, *map(len, people)])
+    check_ratio(path, key, 16 * len(parts) * most * joints, path.stat().st_size)
+    out = np.full((len(parts), most, joints, 2), np.nan)
     for t, part in enumerate(parts):
         if part.size:
             out[t, : len(part)] = part
@@ -219,7 +222,7 @@ def _table(path: Path, field: str, value: Any) -> dict[Any, Any]:
 def _layout(metadata: Any) -> str | None:
     content = _content(metadata)
     name = content.get("layout_name") if isinstance(content, dict) else None
-    return name if name in _LAYOUTS else None
+    return name if isinstance(name, str) and name in _LAYOUTS else None
 
 
 def _choose(path: Path, table: dict[str, dict[Any, Any]], sequence: str | None) -> tuple[str, Any]:
@@ -253,60 +256,3 @@ def _pixel_view(path: Path, field: str, value: Any, names: tuple[str, ...] | Non
 def is_videopose3d(path: Path) -> bool:
     """Whether a file has VideoPose3D's array."""
     return _POSITIONS in npz_keys(path)
-
-
-_OWN = "detections"
-_OWN_KEYS = (_OWN, "confidence", "camera_names", "frames", "joint_names", "frame_rate")
-
-
-def read_npz_recording(path: Path, _: str | None) -> Recording:
-    """Return the views of an npz file of all cameras, for detections of one's own.
-
-    ``detections`` in pixels, NaN for missing, with 2 numbers per joint or with confidence as the third.
-
-    ================  ======================  ===========================================================
-    detections        (T, M, P, K, 2 or 3)    all cameras in one file; P may be left out: (T, M, K, …)
-    detections        (T, P, K, 2 or 3)       one file per camera, named like it; P may be left out
-    confidence        detections' but last    in [0, 1], if it is not in ``detections``; else 1
-    camera_names      (M,)                    of a file of all cameras; else their order must be stated
-    frames            (T,)                    ascending; else from 0
-    joint_names       (K,)                    else the layout that is asked for has to have K joints
-    frame_rate        ()                      frames per second; NaN, or no such key, if unknown
-    ================  ======================  ===========================================================
-    """
-    arrays = load_npz(path, _OWN_KEYS)
-    people = _own_joints(arrays, "(T, M, P, K, 2 or 3)", 4)
-    people = people if people.ndim == 5 else people[:, :, None]
-    names = arrays.names("camera_names", people.shape[1])
-    labels = names or [str(m) for m in range(people.shape[1])]
-    views = {label: _view(arrays, _OWN, people[:, m]) for m, label in enumerate(labels)}
-    return Recording(views, named=names is not None)
-
-
-def read_npz(path: Path) -> View:
-    """Return the view of an npz file of one camera, as `read_npz_recording` describes it."""
-    arrays = load_npz(path, _OWN_KEYS)
-    people = _own_joints(arrays, "(T, P, K, 2 or 3)", 3)
-    return _view(arrays, _OWN, people if people.ndim == 4 else people[:, None])
-
-
-def _own_joints(arrays: Arrays, shape: str, least: int) -> Array:
-    """Return joints (…, 3) from an array of `least` or one more axes."""
-    path, array = arrays.path, as_numbers(arrays.path, _OWN, arrays.take(_OWN))
-    if array.ndim not in (least, least + 1) or array.shape[-1] not in (2, 3) or 0 in array.shape[1:]:
-        raise DatasetError(path, _OWN, f"shape {shape}, P may be left out", array.shape)
-    confidence = array[..., 2] if array.shape[-1] == 3 else None
-    apart = arrays.found.get("confidence")
-    if apart is not None:
-        apart = as_numbers(path, "confidence", apart)
-        if confidence is not None or apart.shape != array.shape[:-1]:
-            expected = f"shape {array.shape[:-1]}, and pixels alone in {_OWN}"
-            actual = f"{apart.shape} with {_OWN} of shape {array.shape}"
-            raise DatasetError(path, "confidence", expected, actual)
-        confidence = apart
-    return joints_of(path, _OWN, array[..., :2], confidence, clip=False)
-
-
-def is_npz(path: Path) -> bool:
-    """Whether a file has an array called ``detections``."""
-    return _OWN in npz_keys(path)

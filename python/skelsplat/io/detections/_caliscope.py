@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from skelsplat._arrays import Array
+from skelsplat._budget import check_ratio
 from skelsplat.exceptions import DatasetError
 from skelsplat.io._files import csv_header, csv_lines
 from skelsplat.io.detections._arrays import mediapipe_names
@@ -34,10 +35,10 @@ def read_caliscope(path: Path, _: str | None) -> Recording:
     joints by number; those of the trackers POSE and HOLISTIC of older versions are MediaPipe's, by name.
     """
     lines = csv_lines(path)
-    columns = _columns(path, lines[0] if lines else [])
+    columns = _columns(path, next(lines, []))
     cameras: dict[str, _Lines] = {}
     highest = 0
-    for number, line in enumerate(lines[1:], start=2):
+    for number, line in enumerate(lines, start=2):
         if not line:
             continue
         frame, point = (
@@ -57,6 +58,8 @@ def read_caliscope(path: Path, _: str | None) -> Recording:
         raise DatasetError(path, "lines", "one line per point after the header", "none")
     names = mediapipe_names(max(highest + 1, 33)) if _MEDIAPIPE.match(path.name) else None
     count = highest + 1 if names is None else len(names)
+    people = sum(len(found) for camera in cameras.values() for found in camera.values())
+    check_ratio(path, "point", 24 * people * count, path.stat().st_size)
     return Recording({name: _view(path, lines, count, names) for name, lines in cameras.items()}, named=True)
 
 

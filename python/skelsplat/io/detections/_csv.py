@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
+from skelsplat._budget import check_ratio
 from skelsplat._skelsplat import HIGHEST_CONFIDENCE
 from skelsplat.exceptions import DatasetError
 from skelsplat.io._files import csv_header, csv_lines, frame_number, whole_number
@@ -47,10 +48,10 @@ def read_csv(path: Path) -> View:
 def _read(path: Path) -> tuple[dict[str, Lines], tuple[str, ...]]:
     """Return the lines of each camera, and all joints in the order in which they come."""
     lines = csv_lines(path)
-    columns = _columns(path, lines[0] if lines else [])
+    columns = _columns(path, next(lines, []))
     cameras: dict[str, Lines] = {}
     joints: dict[str, None] = {}
-    for number, line in enumerate(lines[1:], start=2):
+    for number, line in enumerate(lines, start=2):
         if not line:
             continue
         cell = {name: line[place].strip() for name, place in columns.items()}
@@ -66,7 +67,10 @@ def _read(path: Path) -> tuple[dict[str, Lines], tuple[str, ...]]:
         joints[cell["joint"]] = None
     if not cameras:
         raise DatasetError(path, "lines", "one line per joint after the header", "none")
-    return cameras, _ordered(path, tuple(joints))
+    places = _ordered(path, tuple(joints))
+    people = sum(len(frame) for camera in cameras.values() for frame in camera.values())
+    check_ratio(path, "joint", 24 * people * len(places), path.stat().st_size)
+    return cameras, places
 
 
 def _columns(path: Path, header: Sequence[str]) -> dict[str, int]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import chain, islice, pairwise
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +13,7 @@ import numpy as np
 from skelsplat._arrays import Array
 from skelsplat._optional import require
 from skelsplat.exceptions import DatasetError
-from skelsplat.io._arrays import hdf5_mentions
+from skelsplat.io._arrays import hdf5, hdf5_mentions
 from skelsplat.io._files import csv_header, csv_lines, frame_number, parsing
 from skelsplat.io.detections._csv import frame_in, number_in
 from skelsplat.io.detections._format import View, array_view, joints_of
@@ -56,7 +56,10 @@ def _load(path: Path) -> Any:
     """Return the table; its file is closed again."""
     pandas = require("pandas", f"{path}: DeepLabCut's h5")
     require("tables", f"{path}: DeepLabCut's h5")
-    with parsing(path, "a complete HDF5 file of pandas"), pandas.HDFStore(path, mode="r") as store:
+    expected = "a complete HDF5 file of pandas"
+    with hdf5(path, f"{path}: DeepLabCut's h5", expected):
+        pass
+    with parsing(path, expected), pandas.HDFStore(path, mode="r") as store:
         keys = [key.strip("/") for key in store.keys()]  # noqa: SIM118 - a store, not a dict
         tables = [key for key in keys if str(store.get_storer(key).pandas_type).startswith("frame")]
         table = store[tables[0]] if len(tables) == 1 else None
@@ -71,16 +74,17 @@ def read_dlc_csv(path: Path) -> View:
 
     The columns are three or four header lines, and an empty field is a missing value.
     """
-    lines = [line for line in csv_lines(path) if line]
-    names = [line[0] for line in lines[:4]]
+    lines = (line for line in csv_lines(path) if line)
+    header = list(islice(lines, 4))
+    names = [line[0] for line in header]
     depth = 4 if len(names) > 1 and names[1] == "individuals" else 3
     _check_levels(path, tuple(names[:depth]))
-    columns = list(zip(*(line[1:] for line in lines[:depth]), strict=True))
-    body = list(enumerate(lines[depth:], start=depth + 1))
-    frames = [frame_in(path, f"line {number}", line[0]) for number, line in body]
-    values = [[number_in(path, f"line {number}", text) for text in line[1:]] for number, line in body]
-    array = np.array(values, dtype=np.float64).reshape(len(body), len(columns))
-    return _Table(path, columns, frames, array).view()
+    columns = list(zip(*(line[1:] for line in header[:depth]), strict=True))
+    frames, values = [], []
+    for number, line in enumerate(chain(header[depth:], lines), start=depth + 1):
+        frames.append(frame_in(path, f"line {number}", line[0]))
+        values.append(np.array([number_in(path, f"line {number}", text) for text in line[1:]]))
+    return _Table(path, columns, frames, np.array(values).reshape(len(frames), len(columns))).view()
 
 
 def _check_levels(path: Path, levels: tuple[str, ...]) -> None:

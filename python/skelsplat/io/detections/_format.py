@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from skelsplat._arrays import Array
+from skelsplat._arrays import Array, Index
 from skelsplat._skelsplat import HIGHEST_CONFIDENCE
 from skelsplat.exceptions import DatasetError
 
@@ -32,7 +32,7 @@ class View:
     """What one camera saw."""
 
     path: Path  # the file, or the folder of a format with a file per frame
-    frames: Sequence[int]  # ascending
+    frames: Sequence[int] | Index  # ascending
     # from one of the frames to the people in it; may read a file
     people: Callable[[int], Sequence[Person]]
     joints: tuple[str, ...] | None = None  # names of the K joints, if the format has them
@@ -42,6 +42,8 @@ class View:
     flat: bool = False  # a person is one list of 3·K numbers in the file
     sparse: bool = False  # frames in which nobody was found are not listed
     rate: float | None = None  # frames per second, if the file states it
+    # from places in `frames`, first and end, to the people in each of these; reads only that part of a file
+    stretch: Callable[[int, int], Sequence[Sequence[Person]]] | None = None
 
 
 @dataclass(frozen=True)
@@ -75,8 +77,10 @@ class DetectionFormat:
         return re.sub(self.added, "", stem) or stem if self.added else stem
 
 
-def joints_of(path: Path, where: str, xy: Array, confidence: Array | None, *, clip: bool) -> Array:
-    """Join pixels (…, 2) and confidence (…) to (…, 3) with NaN for missing.
+def joints_of(
+    path: Path, where: str, xy: Array, confidence: Array | None, *, clip: bool, first: int = 0
+) -> Array:
+    """Join pixels (…, 2) and confidence (…) to (…, 3) with NaN for missing; rows count from ``first``.
 
     A joint without finite pixels, without confidence, or with a confidence of 0 is missing. Without any
     confidence a joint counts as sure (1), as with one slightly above 1. With `clip`, any score above 1 counts
@@ -92,7 +96,8 @@ def joints_of(path: Path, where: str, xy: Array, confidence: Array | None, *, cl
     wrong = ((sure < 0.0) | (sure > 1.0)) & np.isfinite(xy).all(axis=-1)
     if wrong.any():
         place = tuple(int(i) for i in np.argwhere(wrong)[0])
-        raise DatasetError(path, f"{where}{list(place)}", "a confidence in [0, 1]", f"{sure[place]:g}")
+        shown = [first + place[0], *place[1:]] if place else []
+        raise DatasetError(path, f"{where}{shown}", "a confidence in [0, 1]", f"{sure[place]:g}")
     joined = np.concatenate([xy, sure[..., None]], axis=-1)
     missing = ~np.isfinite(joined).all(axis=-1) | (sure == 0.0)
     joined[missing] = np.nan
@@ -115,6 +120,22 @@ def array_view(
         return [Person(path, where, joints) for joints in people[place[number]]]
 
     return View(path, numbers, in_frame, names)
+
+
+def rows_view(
+    path: Path, where: str, frames: Sequence[int] | Index, read: Callable[[int, int], Array]
+) -> View:
+    """Return the view of joints (t, P, K, 3) that are read a stretch of frames at a time."""
+    places = np.asarray(frames, dtype=np.int64)
+
+    def stretch(first: int, end: int) -> list[list[Person]]:
+        return [[Person(path, where, joints) for joints in people] for people in read(first, end)]
+
+    def in_frame(number: int) -> list[Person]:
+        at = int(np.searchsorted(places, number))
+        return stretch(at, at + 1)[0]
+
+    return View(path, frames, in_frame, stretch=stretch)
 
 
 def list_view(path: Path, people: Mapping[int, Sequence[Person]]) -> View:

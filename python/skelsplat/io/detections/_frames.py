@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import operator
 import re
 from collections.abc import Mapping, Sequence
@@ -57,10 +58,15 @@ class Sources:
         """Whether frames in which nobody was found are not listed."""
         return any(view.sparse for view in self.views.values())
 
-    @property
+    @functools.cached_property
     def uneven(self) -> bool:
         """Whether ``strict`` refuses the views because they do not have the same frames."""
-        return not self.sparse and len({frozenset(view.frames) for view in self.views.values()}) > 1
+        return not self.sparse and not _alike([self._own[name] for name in self.views])
+
+    @functools.cached_property
+    def _own(self) -> dict[str, Index]:
+        """The numbers of each view's frames."""
+        return {name: np.asarray(view.frames, dtype=np.int64) for name, view in self.views.items()}
 
     def shared(self, mode: str, offsets: Mapping[str, int]) -> Index:
         """Return the ascending frame numbers to read, (T,), in the common time.
@@ -70,30 +76,42 @@ class Sources:
         all have begun by to the last before one ends. Of a sparse format it reads every frame that is listed
         anywhere.
         """
-        own = {str(self.labels[name]): set(view.frames) for name, view in self.views.items()}
+        labels = {name: str(self.labels[name]) for name in self.views}
+        own = {labels[name]: frames for name, frames in self._own.items()}
         added = [offsets[name] for name in self.views]
-        common = {
-            label: {n + offset for n in frames}
-            for (label, frames), offset in zip(own.items(), added, strict=True)
-        }
+        common = {labels[name]: frames + offsets[name] for name, frames in self._own.items()}
         judged = _between(common) if any(added) else own
-        if mode == "strict" and self.uneven and len({frozenset(frames) for frames in judged.values()}) > 1:
+        if mode == "strict" and self.uneven and not _alike(list(judged.values())):
             expected = f"the same frames in every {self.kind}{_after(offsets)}"
             raise DatasetError(self.root, "frames", expected, _difference(judged, ranges=any(added)))
-        union, shared = set.union(*common.values()), set.intersection(*common.values())
+        union, shared = _union(common), _intersection(common)
         if mode == "strict" and self.sparse:
-            shared = set() if any(_alone(label, common) for label in common) else union
-        if mode != "union" and union and not shared:
+            shared = shared[:0] if any(_alone(label, common) for label in common) else union
+        if mode != "union" and len(union) and not len(shared):
             expected = f"frames that all {self.kind}s have{_after(offsets)}"
             counts = _counts(common, ranges=any(added) or self.sparse)
             raise DatasetError(self.root, "frames", expected, counts)
-        return np.array(sorted(union if mode == "union" else shared), dtype=np.int64)
+        return union if mode == "union" else shared
 
 
-def _alone(label: str, sets: dict[str, set[int]]) -> bool:
+def _alike(several: Sequence[Index]) -> bool:
+    return all(np.array_equal(frames, several[0]) for frames in several)
+
+
+def _union(frames: Mapping[str, Index]) -> Index:
+    several = list(frames.values())
+    return several[0] if _alike(several) else functools.reduce(np.union1d, several)
+
+
+def _intersection(frames: Mapping[str, Index]) -> Index:
+    several = list(frames.values())
+    return several[0] if _alike(several) else functools.reduce(np.intersect1d, several)
+
+
+def _alone(label: str, frames: Mapping[str, Index]) -> bool:
     """Say whether a source shares no frame with any other."""
-    others = [frames for other, frames in sets.items() if other != label]
-    return bool(others) and all(sets[label].isdisjoint(frames) for frames in others)
+    others = [other for name, other in frames.items() if name != label]
+    return bool(others) and not any(np.isin(frames[label], other).any() for other in others)
 
 
 def _after(offsets: Mapping[str, int]) -> str:
@@ -102,33 +120,32 @@ def _after(offsets: Mapping[str, int]) -> str:
     return f" after the offsets ({' '.join(given)})" if given else ""
 
 
-def _between(sets: dict[str, set[int]]) -> dict[str, set[int]]:
+def _between(frames: Mapping[str, Index]) -> Mapping[str, Index]:
     """Return what each has from the latest first frame of all to the earliest last one."""
-    if not all(sets.values()):
-        return sets
-    first, last = max(map(min, sets.values())), min(map(max, sets.values()))
-    return {label: {n for n in frames if first <= n <= last} for label, frames in sets.items()}
+    if not all(map(len, frames.values())):
+        return frames
+    first, last = max(own[0] for own in frames.values()), min(own[-1] for own in frames.values())
+    return {label: own[(own >= first) & (own <= last)] for label, own in frames.items()}
 
 
-def _difference(sets: dict[str, set[int]], *, ranges: bool = False) -> str:
+def _difference(frames: Mapping[str, Index], *, ranges: bool = False) -> str:
     advice = (
         "--frames intersection reads the frames that all have, --frames union every frame "
         '(in Python frames="intersection", frames="union")'
     )
-    union, shared = set.union(*sets.values()), set.intersection(*sets.values())
-    first = min(union - shared)
-    if len({len(frames) for frames in sets.values()}) > 1:
-        return f"{_counts(sets, ranges=ranges)}; {advice}"
-    without = ", ".join(name for name, frames in sets.items() if first not in frames)
+    first = np.setdiff1d(_union(frames), _intersection(frames))[0]
+    if len({len(own) for own in frames.values()}) > 1:
+        return f"{_counts(frames, ranges=ranges)}; {advice}"
+    without = ", ".join(name for name, own in frames.items() if first not in own)
     return f"equal counts but no frame {first} in {without}; {advice}"
 
 
-def _counts(sets: dict[str, set[int]], *, ranges: bool = False) -> str:
-    def one(name: str, frames: set[int]) -> str:
-        span = f" ({min(frames)} to {max(frames)})" if ranges and frames else ""
-        return f"{len(frames)} in {name}{span}"
+def _counts(frames: Mapping[str, Index], *, ranges: bool = False) -> str:
+    def one(name: str, own: Index) -> str:
+        span = f" ({own[0]} to {own[-1]})" if ranges and len(own) else ""
+        return f"{len(own)} in {name}{span}"
 
-    return ", ".join(one(name, frames) for name, frames in sets.items())
+    return ", ".join(one(name, own) for name, own in frames.items())
 
 
 def frame_files(folder: Path, pattern: str, expected: str, advice: str = "") -> dict[int, Path]:

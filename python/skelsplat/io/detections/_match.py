@@ -8,10 +8,12 @@ from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path, PurePath
 
+from skelsplat._budget import MOST_CAMERAS, MOST_NAME
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.io._files import natural
 
 SORTED = "sorted"
+_MOST_WORDS = 16  # of a name, of which each run is compared with those of all others
 _WORDS = re.compile(r"\d+|[^\W\d_]+")
 _CAPITAL = re.compile(r"(?<=[a-z])(?=[A-Z])")  # where camA is two words
 _ADVICE = (
@@ -53,6 +55,12 @@ class Candidates:
     texts: Mapping[str, str]  # by label, as it is shown, the text to compare with a camera's name
     idle: Collection[str] = ()  # labels that may be left over; they are taken only where no other fits
     within: bool = False  # the camera's words may stand among others in the text
+
+    def __post_init__(self) -> None:
+        longest = max(map(len, self.texts.values()), default=0)
+        if len(self.texts) > MOST_CAMERAS or longest > MOST_NAME:
+            expected = f"at most {MOST_CAMERAS}, with names of at most {MOST_NAME} characters"
+            raise self.error(expected, f"{len(self.texts)}, with names of at most {longest}")
 
     def error(self, expected: str, actual: str) -> DatasetError:
         """Return the error that they do not fit the cameras."""
@@ -146,13 +154,15 @@ def _around(
     cameras = {name: _words(_CAPITAL.sub(" ", name)) for name in names}
     texts = {label: _words(_CAPITAL.sub(" ", candidates.texts[label])) for label in busy or candidates.texts}
     own_camera, own_text = _differing(cameras), _differing(texts)
+    runs = {words: _runs(words) for words in (*cameras.values(), *texts.values())}
     fits = {
         (name, label)
         for name, here in cameras.items()
         for label, there in texts.items()
         if any(
             run in (here, there) or (_is_within(own_camera[name], run) and _is_within(own_text[label], run))
-            for run in _shared(here, there)
+            for run in runs[here] & runs[there]
+            if run in (here, there) or not "".join(run).isdigit()
         )
     }
     by_camera, by_label = Counter(name for name, _ in fits), Counter(label for _, label in fits)
@@ -173,11 +183,10 @@ def _differing(group: Mapping[str, tuple[str, ...]]) -> dict[str, tuple[str, ...
     return {key: words[first : len(words) - last] for key, words in group.items()}
 
 
-def _shared(one: tuple[str, ...], other: tuple[str, ...]) -> list[tuple[str, ...]]:
-    """Return the runs of words that both have: all of one, or with letters among them."""
-    runs = {one[i:j] for i in range(len(one)) for j in range(i + 1, len(one) + 1)}
-    shared = [run for run in runs if _is_within(run, other)]
-    return [run for run in shared if run in (one, other) or not "".join(run).isdigit()]
+def _runs(words: tuple[str, ...]) -> set[tuple[str, ...]]:
+    """Return the runs of words, of a very long name those at its beginning."""
+    count = min(len(words), _MOST_WORDS)
+    return {words[i:j] for i in range(count) for j in range(i + 1, count + 1)}
 
 
 def match_by_order(

@@ -10,10 +10,11 @@ from itertools import chain, islice
 from pathlib import Path
 
 from skelsplat._atomic import opening
+from skelsplat._budget import opened
 from skelsplat.exceptions import DatasetError, InvalidInputError, one_of
 from skelsplat.io._files import VIDEO_SUFFIXES, listed
 from skelsplat.io._run_files import is_run
-from skelsplat.io.detections import _arrays, _caliscope, _csv, _deeplabcut, _json, _sleap
+from skelsplat.io.detections import _arrays, _caliscope, _csv, _deeplabcut, _json, _npz, _sleap
 from skelsplat.io.detections._format import DetectionFormat, View
 from skelsplat.io.detections._frames import Sources
 from skelsplat.io.detections._match import Candidates, match_by_name, match_by_order
@@ -50,9 +51,7 @@ FORMATS: dict[str, DetectionFormat] = {
             recording=_arrays.read_videopose3d,
             sequences=True,
         ),
-        DetectionFormat(
-            "npz", (".npz",), _arrays.is_npz, _arrays.read_npz, recording=_arrays.read_npz_recording
-        ),
+        DetectionFormat("npz", (".npz",), _npz.is_npz, _npz.read_npz, recording=_npz.read_npz_recording),
         DetectionFormat("csv", (".csv",), _csv.is_csv, _csv.read_csv, recording=_csv.read_csv_recording),
     )
 }
@@ -125,8 +124,9 @@ def _has_detections(folder: Path) -> bool:
 
 def _samples(path: Path) -> Iterator[Path]:
     """Yield the file; or the files of the folder, and the first of each kind in the folders beneath."""
-    if path.is_file():
-        yield path
+    if path.exists() and not path.is_dir():
+        with opened(path):
+            yield path
         return
     folders = subfolders(path)
     suffixes = {suffix for candidate in FORMATS.values() for suffix in candidate.suffixes}

@@ -9,10 +9,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from skelsplat._optional import require
+from skelsplat._budget import check_document, read_text
 from skelsplat.exceptions import DatasetError
-from skelsplat.io._arrays import array_names, as_numbers
-from skelsplat.io._files import parsing, read_text
+from skelsplat.io._arrays import array_names, as_numbers, hdf5
 from skelsplat.io.detections._format import DetectionFormat, View
 from skelsplat.io.detections._registry import find_format, first_file
 from skelsplat.io.detections._sleap import is_sleap
@@ -70,8 +69,7 @@ def _first_view(path: Path, form: DetectionFormat) -> View:
 
 
 def _sleap(path: Path) -> Skeleton:
-    h5py = require("h5py", f"{path}: SLEAP's h5")
-    with parsing(path, "a complete HDF5 file"), h5py.File(path, "r") as file:
+    with hdf5(path, f"{path}: SLEAP's h5") as file:
         names = np.asarray(file["node_names"][()])
         edges = np.asarray(file["edge_inds"][()] if "edge_inds" in file else [])
     known = array_names(path, "node_names", names, names.size)
@@ -82,17 +80,21 @@ def _sleap(path: Path) -> Skeleton:
 
 
 def _dlc_project(path: Path) -> Skeleton:
-    lists = _yaml_lists(read_text(path))
+    text = read_text(path)
+    check_document(path, text)
+    lists = _yaml_lists(text)
     names = next((lists[key] for key in _PARTS if lists.get(key)), [])
     if not names or not all(isinstance(name, str) for name in names) or len(set(names)) < len(names):
         expected = "a list of different names, as in a DeepLabCut project's config.yaml"
         raise DatasetError(path, "bodyparts", expected, names or "none")
-    edges = []
+    edges, places = [], {name: place for place, name in enumerate(names)}
     for pair in lists.get("skeleton", []):
         if not isinstance(pair, list) or len(pair) != 2:
             raise DatasetError(path, "skeleton", "pairs of parts", pair)
-        if set(pair) <= set(names):  # else of the template, or a part of no individual
-            edges.append((names.index(pair[0]), names.index(pair[1])))
+        if all(
+            isinstance(part, str) and part in places for part in pair
+        ):  # else of the template, or a part of no individual
+            edges.append((places[pair[0]], places[pair[1]]))
     return Skeleton(tuple(names), tuple(edges))
 
 

@@ -11,10 +11,9 @@ from typing import Any
 import numpy as np
 
 from skelsplat._arrays import Array
-from skelsplat._optional import require
 from skelsplat.exceptions import DatasetError
-from skelsplat.io._arrays import array_names, as_numbers, hdf5_mentions
-from skelsplat.io._files import csv_header, csv_lines, parsing
+from skelsplat.io._arrays import array_names, as_numbers, hdf5, hdf5_mentions
+from skelsplat.io._files import csv_header, csv_lines
 from skelsplat.io.detections._csv import frame_in, number_in
 from skelsplat.io.detections._format import Person, View, array_view, joints_of, list_view
 
@@ -33,8 +32,7 @@ def read_sleap(path: Path) -> View:
     of a confidence map: above 1 it counts as 1; a point without one was placed by hand and counts as 1, as do
     all in files without scores. Nodes are matched to joints by name. Needs h5py.
     """
-    h5py = require("h5py", f"{path}: SLEAP's h5")
-    with parsing(path, "a complete HDF5 file"), h5py.File(path, "r") as file:
+    with hdf5(path, f"{path}: SLEAP's h5") as file:
         names = np.asarray(_dataset(path, file, _NAMES)[()])
         order = _axes(path, file, len(names))
         pixels = as_numbers(path, _TRACKS, file[_TRACKS][()])
@@ -107,11 +105,12 @@ def read_sleap_csv(path: Path) -> View:
     those of `read_sleap`. A frame without animals has no line.
     """
     lines = csv_lines(path)
-    nodes = _nodes(path, lines[0] if lines else [])
-    places = {name: place for place, name in enumerate(lines[0])}
+    header = next(lines, [])
+    nodes = _nodes(path, header)
+    places = {name: place for place, name in enumerate(header)}
     people: dict[int, list[Person]] = {}
     seen: set[tuple[int, str]] = set()
-    for number, line in enumerate(lines[1:], start=2):
+    for number, line in enumerate(lines, start=2):
         if not line:
             continue
         frame = frame_in(path, f"line {number}, {_FRAME}", line[places[_FRAME]].strip())

@@ -39,7 +39,7 @@ class PoseFormat:
 
 
 POSE_FORMATS: dict[str, PoseFormat] = {
-    "npz": PoseFormat(read_npz, write_npz),
+    "npz": PoseFormat(read_npz, write_npz, ("run",)),
     "csv": PoseFormat(read_csv, write_csv),
     "trc": PoseFormat(read_trc, write_trc, ("frame_rate", "unit", "y_up", "marker_names")),
     "c3d": PoseFormat(read_c3d, write_c3d, ("frame_rate", "y_up", "marker_names"), ("ezc3d",)),
@@ -87,8 +87,8 @@ def write_pose(path: str | os.PathLike[str], data: PoseData, **options: object) 
     **options
         ``frame_rate`` (trc, c3d, nc: instead of that of ``data``), ``y_up`` (trc, c3d: write z up as y up),
         ``marker_names`` (trc, c3d: ``"pose2sim"`` for ``RHip`` instead of ``right_hip``),
-        ``unit`` (trc: ``"m"``, the default, or ``"mm"``), ``individual`` and ``singular`` (nc); see the
-        writer of each format. None stands for the default.
+        ``unit`` (trc: ``"m"``, the default, or ``"mm"``), ``individual`` and ``singular`` (nc),
+        ``run`` (npz); see the writer of each format. None stands for the default.
 
     Raises
     ------

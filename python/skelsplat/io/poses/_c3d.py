@@ -18,7 +18,7 @@ from skelsplat._optional import require
 from skelsplat.cameras import MM_PER_UNIT
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.io._files import parsing
-from skelsplat.io.poses._pose_data import Y_UP, PoseData, known_frame_rate
+from skelsplat.io.poses._pose_data import Y_UP, PoseData, checked, known_frame_rate
 from skelsplat.io.poses._pose_data import marker_names as named
 
 # Frame numbers are 16-bit words that start at 1, and a residual is seven bits of a byte in whole units.
@@ -142,6 +142,7 @@ def _residuals(data: PoseData) -> Array:
     return residuals
 
 
+@checked
 def read_c3d(path: str | os.PathLike[str]) -> PoseData:
     """Read the points of a C3D file; its axes are kept as they are.
 
@@ -172,7 +173,7 @@ def read_c3d(path: str | os.PathLike[str]) -> PoseData:
         frames=np.arange(steps, dtype=np.int64) + int(header["first_frame"]) + 1 - shift,
         unit=_unit(source, file["parameters"]["POINT"]),
         frame_rate=_rate(source, file["parameters"]["POINT"]),
-        processing=tuple(own["PROCESSING"]["value"]) if "PROCESSING" in own else (),
+        processing=tuple(map(_text, own["PROCESSING"]["value"])) if "PROCESSING" in own else (),
     )
 
 
@@ -191,10 +192,16 @@ def _opened(source: Path) -> Any:
 
 def _labels(path: Path, point: Any, count: int) -> tuple[str, ...]:
     keys = ["LABELS", *(f"LABELS{k}" for k in range(2, 10))]
-    labels = [label.strip() for key in keys if key in point for label in point[key]["value"]]
+    labels = [_text(label).strip() for key in keys if key in point for label in point[key]["value"]]
     if len(labels) < count or not all(labels[:count]):
         raise DatasetError(path, "POINT:LABELS", f"a label for each of {count} points", len(labels))
     return tuple(labels[:count])
+
+
+def _text(text: str) -> str:
+    """Return a text whose bytes are no UTF-8 as the Latin letters that programs of Windows write so."""
+    own = text.encode("utf-8", "surrogateescape")
+    return own.decode("latin-1") if text != own.decode("utf-8", "replace") else text
 
 
 def _unit(path: Path, point: Any) -> str:

@@ -13,11 +13,12 @@ import numpy as np
 
 import skelsplat as sk
 from skelsplat._arrays import medians
-from skelsplat._atomic import atomic_write_text
+from skelsplat._atomic import atomic_write
 from skelsplat.cameras import MM_PER_UNIT
 from skelsplat.exceptions import DatasetError
 from skelsplat.io._files import csv_lines, frame_number
-from skelsplat.io.poses._pose_data import PoseData, over_views
+from skelsplat.io.poses._parts import Poses, parts_of
+from skelsplat.io.poses._pose_data import PoseData, checked, over_views
 
 _AXES = ("x", "y", "z")
 _BARS, _SCATTER = (tuple(f"{name}_{axis}" for axis in _AXES) for name in ("error_bar", "scatter"))
@@ -28,7 +29,7 @@ COLUMNS = (
 _REQUIRED = ("frame", "joint", *_AXES, "unit")
 
 
-def write_csv(path: str | os.PathLike[str], data: PoseData) -> None:
+def write_csv(path: str | os.PathLike[str], data: Poses) -> None:
     """Write one row per frame and joint, with the columns of `COLUMNS`.
 
     ``x, y, z`` and their standard deviations, ``error_bar_x, …`` against an anatomical joint (from
@@ -42,15 +43,16 @@ def write_csv(path: str | os.PathLike[str], data: PoseData) -> None:
     DatasetError
         If the path cannot be written.
     """
-    atomic_write_text(path, csv_text(COLUMNS, rows_of(data)))
+    with atomic_write(path) as stream:
+        stream.write(csv_text([COLUMNS]).encode())
+        for part in parts_of(data)[2]:
+            stream.write(csv_text(rows_of(part)).encode())
 
 
-def csv_text(columns: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
-    """Return the text of a table."""
+def csv_text(rows: Iterable[Sequence[Any]]) -> str:
+    """Return the text of rows of a table."""
     buffer = io.StringIO(newline="")
-    writer = csv.writer(buffer, lineterminator="\n")
-    writer.writerow(columns)
-    writer.writerows(rows)
+    csv.writer(buffer, lineterminator="\n").writerows(rows)
     return buffer.getvalue()
 
 
@@ -70,6 +72,7 @@ def rows_of(data: PoseData) -> Iterator[list[Any]]:
             yield [frame, joint, *place, *spread, data.unit, status, views, rejected, error]
 
 
+@checked
 def read_csv(path: str | os.PathLike[str]) -> PoseData:
     """Read a file of `write_csv`, or one with its columns frame, joint, x, y, z and unit.
 
@@ -84,7 +87,8 @@ def read_csv(path: str | os.PathLike[str]) -> PoseData:
         no number; names the line.
     """
     source = Path(path)
-    columns, *lines = csv_lines(source) or [[]]
+    lines = csv_lines(source)
+    columns = next(lines, [])
     missing = [name for name in _REQUIRED if name not in columns]
     if "person" in columns:
         raise DatasetError(source, "line 1", "the poses of one person (person_0/pose.csv)", "several people")

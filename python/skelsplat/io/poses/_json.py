@@ -15,11 +15,12 @@ import numpy.typing as npt
 
 import skelsplat as sk
 from skelsplat._arrays import Mask
-from skelsplat._atomic import atomic_write_text
+from skelsplat._atomic import atomic_write
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.io._fields import Field
 from skelsplat.io._files import FRAME_LIMIT, load_json, of_file
-from skelsplat.io.poses._pose_data import ARRAYS, BONES, PoseData, shape_of
+from skelsplat.io.poses._parts import Poses, parts_of
+from skelsplat.io.poses._pose_data import ARRAYS, BONES, PoseData, checked, shape_of
 
 FORMAT, PEOPLE, VERSION = "skelsplat-poses", "skelsplat-people", 1
 _BY_JOINT = (
@@ -36,7 +37,7 @@ _KINDS: dict[Any, tuple[tuple[type, ...], str]] = {
 _LIMITS: dict[Any, float] = {np.float64: sys.float_info.max, np.int64: FRAME_LIMIT}
 
 
-def write_json(path: str | os.PathLike[str], data: PoseData) -> None:
+def write_json(path: str | os.PathLike[str], data: Poses) -> None:
     """Write one JSON object, with a line per frame.
 
     Its keys are ``format`` ("skelsplat-poses"), ``version`` (1), ``written_by``, ``unit``, ``frame_rate``
@@ -55,16 +56,17 @@ def write_json(path: str | os.PathLike[str], data: PoseData) -> None:
     DatasetError
         If the path cannot be written.
     """
-    atomic_write_text(
-        path, _text(data, {"format": FORMAT, "version": VERSION, "written_by": _writer()}) + "\n"
-    )
+    with atomic_write(path) as stream:
+        for text in _texts(data, {"format": FORMAT, "version": VERSION, "written_by": _writer()}):
+            stream.write(text.encode())
+        stream.write(b"\n")
 
 
 def people_text(people: Mapping[int, PoseData]) -> str:
     """Return one JSON object with the poses of several people, as `write_people` describes it."""
     head = {"format": PEOPLE, "version": VERSION, "written_by": _writer()}
     lines = [f"{json.dumps(key)}: {_dumps(value)}," for key, value in head.items()]
-    each = ",\n".join(_text(data, {"person": identity}) for identity, data in people.items())
+    each = ",\n".join("".join(_texts(data, {"person": identity})) for identity, data in people.items())
     return "\n".join(["{", *lines, '"people": [', each, "]", "}", ""])
 
 
@@ -72,20 +74,23 @@ def _writer() -> str:
     return f"skelsplat {sk.__version__}"
 
 
-def _text(data: PoseData, first: Mapping[str, Any]) -> str:
-    """Return the object of one person, with a line per frame; ``first`` are its first keys."""
-    head = {
+def _texts(data: Poses, first: Mapping[str, Any]) -> Iterator[str]:
+    """Yield the object of one person piece by piece, a line per frame; ``first`` are its first keys."""
+    head, _, parts = parts_of(data)
+    keys = {
         **first,
-        "unit": data.unit,
-        "frame_rate": data.frame_rate,
-        "joint_names": list(data.joint_names),
-        "camera_names": list(data.camera_names),
-        "processing": list(data.processing),
-        **({name: to_json(getattr(data, name)) for name in BONES} if len(data.bones) else {}),
+        "unit": head.unit,
+        "frame_rate": head.frame_rate,
+        "joint_names": list(head.joint_names),
+        "camera_names": list(head.camera_names),
+        "processing": list(head.processing),
+        **({name: to_json(getattr(head, name)) for name in BONES} if len(head.bones) else {}),
     }
-    lines = [f"{json.dumps(key)}: {_dumps(value)}," for key, value in head.items()]
-    frames = ",\n".join(_dumps(frame) for frame in _frames(data))
-    return "\n".join(["{", *lines, '"frames": [', frames, "]", "}"])
+    lines = [f"{json.dumps(key)}: {_dumps(value)}," for key, value in keys.items()]
+    yield "\n".join(["{", *lines, '"frames": [', ""])
+    for k, part in enumerate(parts):
+        yield (",\n" if k else "") + ",\n".join(_dumps(frame) for frame in _frames(part))
+    yield "\n]\n}"
 
 
 def _dumps(value: Any) -> str:
@@ -124,6 +129,7 @@ def is_json_poses(text: str) -> bool:
     return start.startswith(tuple(f'{{"format":"{name}"' for name in (FORMAT, PEOPLE)))
 
 
+@checked
 def read_json(path: str | os.PathLike[str]) -> PoseData:
     """Read a file of `write_json`, or one with its keys; ``frames`` needs ``frame`` and ``pose`` only.
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
@@ -10,40 +11,63 @@ from typing import Any
 import numpy as np
 
 import skelsplat as sk
+from skelsplat._arrays import Array
 from skelsplat._atomic import atomic_write
 from skelsplat.exceptions import DatasetError, InvalidInputError
-from skelsplat.io._arrays import Arrays, load_plain_npz
-from skelsplat.io.poses._pose_data import PoseData
+from skelsplat.io._arrays import Arrays, array_names, load_plain_npz
+from skelsplat.io._rows import Made
+from skelsplat.io._rows import write_npz as write_pieces
+from skelsplat.io.poses._parts import PoseParts, Poses, parts_of
+from skelsplat.io.poses._pose_data import PoseData, checked
 
 _KEYS = tuple(entry.name for entry in fields(PoseData))
 _NAMES = ("joint_names", "camera_names", "processing")
 _REQUIRED = ("pose", "joint_names", "frames", "unit")
 
 
-def write_npz(path: str | os.PathLike[str], data: PoseData) -> None:
+def write_npz(path: str | os.PathLike[str], data: Poses, *, run: str | None = None) -> None:
     """Write all of `data` as a compressed npz file.
 
     Keys: every attribute of `PoseData` under its name, with the shape and unit that are described there, with
     ``uncertainty`` (the scatter) also ``error_bar``, which contains ``joint_bias`` and is not read, and
     ``version``, the version of this package. Tuples of names are string arrays, ``unit`` is a string and
-    ``frame_rate`` a number of shape (), NaN if unknown. No key needs pickle to be read.
+    ``frame_rate`` a number of shape (), NaN if unknown. ``run``, if given, names the run whose folder the
+    file is a part of. No key needs pickle to be read.
 
     Raises
     ------
     DatasetError
         If the path cannot be written.
     """
-    arrays: dict[str, Any] = {key: np.asarray(getattr(data, key)) for key in _KEYS}
-    if data.uncertainty.size:
-        arrays["error_bar"] = data.error_bar
+    head, frames, _ = parts_of(data)
+    arrays: dict[str, Any] = {key: np.asarray(getattr(head, key)) for key in _KEYS}
+    arrays["frames"] = frames
+    if isinstance(data, PoseParts):
+        arrays |= {key: Made.of(rows) for key, rows in data.rows.items()}
+    if isinstance(data, PoseParts) and "uncertainty" in data.rows:
+        bars = Made(data.rows["uncertainty"].shape, np.dtype(np.float64), lambda: _bars(data))
+        arrays["error_bar"] = bars
+    elif head.uncertainty.size:
+        arrays["error_bar"] = head.error_bar
     for key in _NAMES:
-        arrays[key] = np.array(getattr(data, key), dtype=np.str_)
-    arrays["frame_rate"] = np.array(np.nan if data.frame_rate is None else data.frame_rate)
+        arrays[key] = np.array(getattr(head, key), dtype=np.str_)
+    arrays["frame_rate"] = np.array(np.nan if head.frame_rate is None else head.frame_rate)
     arrays["version"] = np.array(sk.__version__)
+    if run is not None:
+        arrays["run"] = np.array(run)
     with atomic_write(path) as stream:
-        np.savez_compressed(stream, allow_pickle=False, **arrays)
+        if isinstance(data, PoseParts):
+            write_pieces(stream, arrays)
+        else:
+            np.savez_compressed(stream, allow_pickle=False, **arrays)
 
 
+def _bars(data: PoseParts) -> Iterator[Array]:
+    for part in data:
+        yield part.error_bar
+
+
+@checked
 def read_npz(path: str | os.PathLike[str]) -> PoseData:
     """Read a file of `write_npz`; of its keys, pose, joint_names, frames and unit have to be there.
 
@@ -57,10 +81,11 @@ def read_npz(path: str | os.PathLike[str]) -> PoseData:
     for key in _REQUIRED:
         read.take(key)
     arrays = {key: read.found[key] for key in _KEYS if key in read.found}
-    arrays["unit"] = str(arrays["unit"])
+    (arrays["unit"],) = array_names(source, "unit", np.atleast_1d(arrays["unit"]), 1)
     for key in _NAMES:
         if key in arrays:
-            arrays[key] = tuple(np.atleast_1d(arrays[key]).tolist())
+            texts = np.atleast_1d(arrays[key])
+            arrays[key] = array_names(source, key, texts, texts.size, unique=key != "processing")
     arrays["frame_rate"] = read.rate()
     try:
         return PoseData(**arrays)

@@ -54,7 +54,7 @@ def write_people(path: str | os.PathLike[str], people: Mapping[int, PoseData]) -
 
 def _write_csv(path: str | os.PathLike[str], people: Mapping[int, PoseData]) -> None:
     rows = ([identity, *row] for identity, data in people.items() for row in rows_of(data))
-    atomic_write_text(path, csv_text(("person", *COLUMNS), rows))
+    atomic_write_text(path, csv_text([("person", *COLUMNS), *rows]))
 
 
 def _write_json(path: str | os.PathLike[str], people: Mapping[int, PoseData]) -> None:

@@ -5,8 +5,11 @@ And what marker files (TRC, C3D) have in common: names of the joints, axes, a fr
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import functools
+import os
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,8 +17,10 @@ import numpy.typing as npt
 
 import skelsplat as sk
 from skelsplat._arrays import Array, Index, Mask, flags, numbers, positive, whole_numbers
+from skelsplat._budget import within_memory
 from skelsplat.cameras import MM_PER_UNIT
-from skelsplat.exceptions import InvalidInputError, one_of
+from skelsplat.exceptions import DatasetError, InvalidInputError, one_of
+from skelsplat.io._files import of_file
 from skelsplat.layouts import BODY25
 
 # the axes of every array (T frames, M cameras, N joints) and the type of its entries
@@ -147,6 +152,7 @@ class PoseData:
 
     def __post_init__(self) -> None:
         self._read_arrays()
+        self._check_names()
         one_of("unit", self.unit, MM_PER_UNIT)
         if self.pose.ndim != 3 or self.pose.shape[2] != 3:
             raise InvalidInputError(f"pose: expected shape (T, N, 3), got {self.pose.shape}")
@@ -163,6 +169,12 @@ class PoseData:
             actual = np.shape(getattr(self, name))
             if actual != shape:
                 raise InvalidInputError(f"{name}: expected shape {shape}, got {actual}")
+
+    def _check_names(self) -> None:
+        for field_name in ("joint_names", "camera_names", "processing"):
+            for name in getattr(self, field_name):
+                if not isinstance(name, str) or name != name.encode(errors="replace").decode():
+                    raise InvalidInputError(f"{field_name}: expected texts in Unicode, got {name!r:.60}")
 
     def _read_arrays(self) -> None:
         """Take arrays of any kind: NaN for what is masked."""
@@ -209,6 +221,29 @@ class PoseData:
         lengths = {name: getattr(self, name) * factor for name in _LENGTHS}
         squares = {name: getattr(self, name) * factor**2 for name in _SQUARES}
         return replace(self, unit=unit, **lengths, **squares)
+
+
+def checked(
+    read: Callable[[str | os.PathLike[str]], PoseData],
+) -> Callable[[str | os.PathLike[str]], PoseData]:
+    """Give a reader of poses what all have in common: lengths are finite or missing, and fit into memory."""
+
+    @functools.wraps(read)
+    def reader(path: str | os.PathLike[str]) -> PoseData:
+        source = Path(path)
+        with within_memory(source):
+            try:
+                data = read(path)
+            except InvalidInputError as error:
+                raise of_file(source, error) from error
+        for name in (*_LENGTHS, *_SQUARES):
+            if name != "bone_length_sigma" and np.isinf(getattr(data, name)).any():
+                raise DatasetError(
+                    source, name, "finite numbers, none for what is missing", "an infinite one"
+                )
+        return data
+
+    return reader
 
 
 def over_views(values: Array) -> tuple[Index, Array]:

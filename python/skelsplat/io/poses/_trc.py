@@ -10,19 +10,20 @@ from __future__ import annotations
 import math
 import os
 import re
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
 
-from skelsplat._arrays import Index, positive
-from skelsplat._atomic import atomic_write_text
+from skelsplat._arrays import Array, Index, positive
+from skelsplat._atomic import atomic_write
+from skelsplat._budget import read_text
 from skelsplat.cameras import MM_PER_UNIT
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.findings import Finding, Severity, Subject, warn
-from skelsplat.io._files import frame_number, read_text
-from skelsplat.io.poses._pose_data import Y_UP, PoseData, known_frame_rate
+from skelsplat.io._files import frame_number
+from skelsplat.io.poses._parts import Poses, parts_of
+from skelsplat.io.poses._pose_data import Y_UP, PoseData, checked, known_frame_rate
 from skelsplat.io.poses._pose_data import marker_names as named
 
 _HEADER = (
@@ -34,7 +35,7 @@ _DECIMALS = {"m": 6, "mm": 3}
 
 def write_trc(
     path: str | os.PathLike[str],
-    data: PoseData,
+    data: Poses,
     *,
     frame_rate: float | None = None,
     unit: str = "m",
@@ -69,20 +70,26 @@ def write_trc(
     """
     if unit not in _DECIMALS:
         raise InvalidInputError(f'unit: expected "m" or "mm" in a TRC file, got {unit!r}')
-    rate = known_frame_rate(data, frame_rate, "TRC")
-    data = replace(data, joint_names=named(data.joint_names, marker_names))
-    check_trc_names(data.joint_names)
-    points = data.pose * (MM_PER_UNIT[data.unit] / MM_PER_UNIT[unit])
-    if y_up:
-        points = points[..., Y_UP]
-    start = int(data.frames[0]) if data.frames.size else 0
-    lines = _header(Path(path).name, data, rate, unit)
-    for frame, pose in zip(data.frames.tolist(), points, strict=True):
-        step = frame - start
+    head, frames, parts = parts_of(data)
+    rate = known_frame_rate(head, frame_rate, "TRC")
+    names = named(head.joint_names, marker_names)
+    check_trc_names(names)
+    start = int(frames[0]) if frames.size else 0
+    with atomic_write(path) as stream:
+        lines = _header(Path(path).name, names, len(frames), rate, unit)
+        stream.write("".join(f"{line}\n" for line in lines).encode())
+        for part in parts:
+            points = part.pose * (MM_PER_UNIT[head.unit] / MM_PER_UNIT[unit])
+            rows = _rows(points[..., Y_UP] if y_up else points, part.frames - start, rate, _DECIMALS[unit])
+            stream.write("".join(f"{row}\n" for row in rows).encode())
+
+
+def _rows(points: Array, steps: Index, rate: float, decimals: int) -> Iterator[str]:
+    """Yield the rows of points (T, N, 3), ``steps`` (T,) after the first frame."""
+    for step, pose in zip(steps.tolist(), points, strict=True):
         values = pose.ravel().tolist()
-        fields = [f"{value:.{_DECIMALS[unit]}f}" if math.isfinite(value) else "" for value in values]
-        lines.append("\t".join([str(step + 1), f"{step / rate:.6f}", *fields, ""]))
-    atomic_write_text(path, "\n".join(lines) + "\n")
+        fields = [f"{value:.{decimals}f}" if math.isfinite(value) else "" for value in values]
+        yield "\t".join([str(step + 1), f"{step / rate:.6f}", *fields, ""])
 
 
 def check_trc_names(names: Sequence[str]) -> None:
@@ -92,19 +99,20 @@ def check_trc_names(names: Sequence[str]) -> None:
             raise InvalidInputError(f"joint_names: expected names without tabs and line breaks, got {name!r}")
 
 
-def _header(file_name: str, data: PoseData, frame_rate: float, unit: str) -> list[str]:
-    rate, steps, joints = f"{frame_rate:g}", len(data.frames), len(data.joint_names)
+def _header(file_name: str, names: Sequence[str], steps: int, frame_rate: float, unit: str) -> list[str]:
+    rate, joints = f"{frame_rate:g}", len(names)
     numbers = range(1, joints + 1)
     return [
-        f"PathFileType\t4\t(X/Y/Z)\t{file_name}",
+        f"PathFileType\t4\t(X/Y/Z)\t{file_name.encode(errors='replace').decode()}",
         _HEADER,
         "\t".join([rate, rate, str(steps), str(joints), unit, rate, "1", str(steps)]),
-        "\t".join(["Frame#", "Time", *(f"{name}\t\t" for name in data.joint_names), ""]),
+        "\t".join(["Frame#", "Time", *(f"{name}\t\t" for name in names), ""]),
         "\t".join(["", "", *(f"X{n}\tY{n}\tZ{n}" for n in numbers), ""]),
         "",
     ]
 
 
+@checked
 def read_trc(path: str | os.PathLike[str]) -> PoseData:
     """Read a TRC file; its axes are kept as they are.
 

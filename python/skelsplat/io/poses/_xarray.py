@@ -14,8 +14,10 @@ from skelsplat._atomic import atomic_path
 from skelsplat._optional import require
 from skelsplat.cameras import MM_PER_UNIT
 from skelsplat.exceptions import DatasetError, InvalidInputError
+from skelsplat.io._arrays import hdf5
 from skelsplat.io._files import parsing
-from skelsplat.io.poses._pose_data import PoseData, over_views
+from skelsplat.io.poses._parts import Poses, parts_of
+from skelsplat.io.poses._pose_data import PoseData, checked, over_views
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -30,6 +32,7 @@ def to_xarray(
     frame_rate: float | None = None,
     individual: str = "id_0",
     singular: bool = False,
+    first: int | None = None,
 ) -> xr.Dataset:
     """Return the poses as a ``poses`` dataset of movement (https://movement.neuroinformatics.dev).
 
@@ -56,6 +59,8 @@ def to_xarray(
         Name of the person.
     singular : bool
         Name the dimensions ``keypoint`` and ``individual``, as movement does from version 0.17 on.
+    first : int
+        The frame at which time begins; the first of `data` if left out.
 
     Raises
     ------
@@ -65,7 +70,8 @@ def to_xarray(
     xarray = require("xarray", "xarray datasets")
     time, space, keypoints, individuals = dims = _SINGULAR if singular else _PLURAL
     rate = frame_rate if frame_rate is not None else data.frame_rate
-    steps = data.frames - (data.frames[0] if len(data.frames) else 0)
+    begin = first if first is not None else data.frames[0] if len(data.frames) else 0
+    steps = data.frames - begin
     variables: dict[str, Any] = {
         "position": (dims, data.pose.transpose(0, 2, 1)[..., None]),
         "confidence": ((time, keypoints, individuals), _confidence(data)[..., None]),
@@ -111,7 +117,7 @@ def _confidence(data: PoseData) -> Array:
 
 def write_netcdf(
     path: str | os.PathLike[str],
-    data: PoseData,
+    data: Poses,
     *,
     frame_rate: float | None = None,
     individual: str = "id_0",
@@ -127,9 +133,27 @@ def write_netcdf(
         If the path cannot be written.
     """
     check_packages()
-    dataset = to_xarray(data, frame_rate=frame_rate, individual=individual, singular=singular)
+    _, frames, parts = parts_of(data)
+    given: dict[str, Any] = {"frame_rate": frame_rate, "individual": individual, "singular": singular}
     with atomic_path(path) as temporary:
-        dataset.to_netcdf(temporary, engine="h5netcdf")
+        dataset = to_xarray(next(parts), **given)
+        if isinstance(data, PoseData):
+            dataset.to_netcdf(temporary, engine="h5netcdf")
+            return
+        time = (_SINGULAR if singular else _PLURAL)[0]
+        dataset.to_netcdf(temporary, engine="h5netcdf", unlimited_dims=[time])
+        for part in parts:
+            _append(temporary, to_xarray(part, **given, first=int(frames[0])), time)
+
+
+def _append(path: Path, dataset: xr.Dataset, time: str) -> None:
+    """Add further times to a file, whose first dimension they are."""
+    with require("h5netcdf", "NetCDF files").File(path, "a") as file:
+        there = len(file.dimensions[time])
+        file.resize_dimension(time, there + dataset.sizes[time])
+        for name, values in dataset.variables.items():
+            if time in values.dims:
+                file.variables[name][there:] = values.to_numpy()
 
 
 def check_packages() -> Any:
@@ -139,6 +163,7 @@ def check_packages() -> Any:
     return require("xarray", "NetCDF files")
 
 
+@checked
 def read_netcdf(path: str | os.PathLike[str]) -> PoseData:
     """Read a ``poses`` dataset of one individual in three dimensions, with either naming of the dimensions.
 
@@ -150,6 +175,8 @@ def read_netcdf(path: str | os.PathLike[str]) -> PoseData:
         If the file cannot be read, is no such dataset or does not state its unit.
     """
     source, xarray = Path(path), check_packages()
+    with hdf5(source, "NetCDF files", "a complete NetCDF file"):
+        pass
     with parsing(source, "a complete NetCDF file"), xarray.open_dataset(source, engine="h5netcdf") as opened:
         return _from_dataset(source, opened.load())
 

@@ -10,7 +10,7 @@ import numpy as np
 
 import skelsplat as sk
 from skelsplat._arrays import Array, Index, Mask, median
-from skelsplat.io._run_files import folders_of_run
+from skelsplat.io._run_files import REPORT, check_one_run, folders_of_run
 from skelsplat.io.run_folder import RunFolder, read_run
 from skelsplat.io.video import Size
 from skelsplat.run.solve import rig_as_used
@@ -54,6 +54,7 @@ class Scene:
         names = folders_of_run(folder)
         if not names:
             return cls({"": read_run(folder)})
+        check_one_run(folder / REPORT, (folder / name / REPORT for name in names))
         return cls({name.replace("_", " "): read_run(folder / name) for name in names})
 
     def frame(self, view: int, number: int) -> list[Drawn] | None:

@@ -13,6 +13,7 @@ from PIL import Image as Pillow
 from PIL import ImageDraw, ImageFont
 
 from skelsplat._arrays import Array
+from skelsplat._escape import escaped
 from skelsplat.viz import _style
 from skelsplat.viz.overlay import _marks
 from skelsplat.viz.overlay._draw import SIGMAS, Shown, draw_detection, draw_joint, draw_limb, draw_swapped
@@ -33,7 +34,7 @@ def _font(size: int) -> ImageFont.FreeTypeFont:
 @lru_cache(maxsize=64)
 def text_mask(text: str, size: int) -> npt.NDArray[np.uint8]:
     """Return one line of text ``size`` px high as coverage 0 to 255, (H, W); H is the same for all texts."""
-    font = _font(size)
+    font, text = _font(size), escaped(text)  # Pillow raises for control characters
     ascent, descent = font.getmetrics()
     picture = Pillow.new("L", (max(1, round(font.getlength(text))), ascent + descent))
     ImageDraw.Draw(picture).text((0, 0), text, fill=255, font=font)

@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::tape::Tape;
+use super::super::tape::Tape;
 use crate::bones::{Length, Pull};
 use crate::sequence::learn::{LEAST_SHARE, LEAST_SPREAD};
 use crate::sequence::small::times;

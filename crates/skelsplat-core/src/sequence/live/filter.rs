@@ -14,7 +14,7 @@ use std::collections::VecDeque;
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::tape::Tape;
+use super::super::tape::Tape;
 use crate::sequence::agility::{LEAST_WHITE, SHARE, SPAN, USUAL_AGILITY, bounded, density};
 use crate::sequence::small::frames_in;
 use crate::sequence::small::{inverse, product, times};

@@ -2,9 +2,9 @@
 
 use nalgebra::{Matrix3, Vector3};
 
+use super::super::tape::Tape;
 use super::bone::{End, Tie};
 use super::filter::{Motion, State, symmetric};
-use super::tape::Tape;
 use crate::annealed::consensus::REJECTED;
 use crate::annealed::rays::Ray;
 use crate::outcome::JointStatus;

@@ -22,18 +22,17 @@
 mod bone;
 pub mod filter;
 mod joint;
-mod tape;
 mod window;
 
 use self::bone::{Bone, Tie};
 use self::joint::{Answer, Joint, STEPS, Seen};
-use self::tape::Tape;
 use self::window::Window;
 use super::agility::Agility;
 use super::noise::Memory;
 use super::outcome::Learnt;
 use super::recording::{LEAST_SPREAD, USUAL_SPREAD, check};
 use super::solver::Common;
+use super::tape::Tape;
 use crate::annealed::Alone;
 use crate::annealed::posterior::Body;
 use crate::batch::Progress;

@@ -2,8 +2,8 @@
 
 use nalgebra::{Matrix3, Vector3};
 
+use super::super::tape::Tape;
 use super::joint::Answer;
-use super::tape::Tape;
 use crate::annealed::Alone;
 use crate::annealed::rays::{Ray, Rays};
 use crate::detections::Detections;

@@ -1,0 +1,78 @@
+//! What a sample of a recording shows about all of it: the same for every window.
+
+use super::agility::Agility;
+use super::noise::Memory;
+use super::outcome::Learnt;
+use super::solver::Common;
+use super::tape::Tape;
+use crate::bones::Length;
+use crate::error::{Error, Result};
+use crate::refine::Refiner;
+
+/// What is known of a recording from a sample of it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Known {
+    /// Before the path of the sample was found: windows look for their path with the same knowledge.
+    pub(super) first: Common,
+    /// Along the path.
+    pub(super) learnt: Learnt,
+}
+
+impl Known {
+    /// It as numbers, for [`Self::restored`].
+    #[must_use]
+    pub fn numbers(&self) -> Vec<f64> {
+        let mut tape = Tape::empty();
+        self.clone().exchange(&mut tape);
+        tape.numbers()
+    }
+
+    /// What [`Self::numbers`] returned, learnt with the same refiner.
+    ///
+    /// # Errors
+    /// [`Error::InvalidInput`] if it is not that.
+    pub fn restored(refiner: &Refiner, numbers: Vec<f64>) -> Result<Self> {
+        let (n, mut tape) = (numbers.len(), Tape::of(numbers));
+        let blank = || Common { bones: refiner.bones().to_vec(), ..Common::default() };
+        let memory = Memory { constant: 0.0, rest: Vec::new() };
+        let mut known = Self { first: blank(), learnt: Learnt { common: blank(), memory } };
+        known.exchange(&mut tape);
+        let whole = |c: &Common| {
+            let of_joints = [c.agility.len(), c.variance.len(), c.sigma.len()];
+            c.lengths.len() == c.bones.len() && of_joints == [known.n_joints(); 3]
+        };
+        match tape.is_read() && whole(&known.first) && whole(&known.learnt.common) {
+            true => Ok(known),
+            false => {
+                let expected = "what was learnt with the same cameras, layout and settings";
+                Err(Error::invalid("known", expected, format!("{n} numbers")))
+            }
+        }
+    }
+
+    /// Number of joints.
+    pub(super) fn n_joints(&self) -> usize {
+        self.first.sigma.len()
+    }
+
+    fn exchange(&mut self, tape: &mut Tape) {
+        self.first.exchange(tape);
+        self.learnt.common.exchange(tape);
+        tape.number(&mut self.learnt.memory.constant);
+        tape.list(&mut self.learnt.memory.rest, 0.0, |v, tape| tape.number(v));
+    }
+}
+
+impl Common {
+    /// All but the bones.
+    fn exchange(&mut self, tape: &mut Tape) {
+        [&mut self.fps, &mut self.weight, &mut self.reach].into_iter().for_each(|v| tape.number(v));
+        tape.list(&mut self.lengths, Length { mean: 0.0, sigma: 0.0 }, |length, tape| {
+            tape.number(&mut length.mean);
+            tape.number(&mut length.sigma);
+        });
+        tape.list(&mut self.agility, Agility::steady(0.0), Agility::exchange);
+        tape.list(&mut self.variance, 0.0, |v, tape| tape.number(v));
+        tape.list(&mut self.sigma, 0.0, |v, tape| tape.number(v));
+    }
+}

@@ -1,0 +1,90 @@
+//! What must not matter: where the world's origin is and how it is turned, the order of the cameras, the unit, the number of threads.
+
+use nalgebra::{Rotation3, Vector3};
+use proptest::prelude::*;
+use skelsplat_core::testing::scenes::room;
+use skelsplat_core::{
+    Camera, Detections, Frame, Progress, Refinement, Refiner, Unit, refine_sequence,
+};
+
+use crate::any::{config, layout, refiner, spoiled, wrong};
+
+/// Positions of the joints of two results differ by less, mm: rounding, as a consequence of other sums.
+const SAME: f64 = 1e-6;
+
+fn frame(cameras: &[Camera], seen: &Detections) -> Refinement {
+    refiner(cameras, Some(1)).refine(&Frame::from(seen.clone())).unwrap()
+}
+
+fn same(
+    one: &Refinement,
+    other: &Refinement,
+    to_one: impl Fn(&Vector3<f64>) -> Vector3<f64>,
+) -> Result<(), TestCaseError> {
+    prop_assert_eq!(&one.joint_status, &other.joint_status);
+    for (j, (a, b)) in one.pose.iter().zip(&other.pose).enumerate() {
+        let off = (a - to_one(b)).norm();
+        prop_assert!(
+            off < SAME || (a.x.is_nan() && b.x.is_nan()),
+            "joint {j}: {off} mm, {:?}",
+            one.joint_status[j]
+        );
+    }
+    Ok(())
+}
+
+proptest! {
+    #![proptest_config(config(8))]
+
+    #[test]
+    fn the_worlds_frame_does_not_matter(
+        views in 2..=6_u32, seed in any::<u32>(), sigma in 0.5..8.0_f64, wrong in wrong(12),
+        turn in prop::array::uniform3(-3.0..3.0_f64), shift in prop::array::uniform3(-5000.0..5000.0_f64),
+    ) {
+        let cameras = room(views);
+        let seen = spoiled(&cameras, u64::from(seed), sigma, &wrong);
+        let (turn, shift) = (Rotation3::new(Vector3::from(turn)), Vector3::from(shift));
+        let moved: Vec<Camera> = cameras.iter().map(|c| {
+            let r = c.rotation() * turn.matrix().transpose();
+            let t = c.translation() - r * shift;
+            Camera::new(&c.k(), &r, &t, c.size()).unwrap()
+        }).collect();
+        same(&frame(&cameras, &seen), &frame(&moved, &seen), |x| turn.inverse() * (x - shift))?;
+    }
+
+    #[test]
+    fn the_order_of_the_cameras_does_not_matter(
+        views in 2..=6_u32, seed in any::<u32>(), sigma in 0.5..8.0_f64, wrong in wrong(12), order in any::<prop::sample::Index>(),
+    ) {
+        let cameras = room(views);
+        let seen = spoiled(&cameras, u64::from(seed), sigma, &wrong);
+        let (m, n) = (cameras.len(), seen.n_joints());
+        let order: Vec<usize> = (0..m).map(|i| (i * if m == 5 { 2 } else { m - 1 } + order.index(m)) % m).collect();
+        let others: Vec<Camera> = order.iter().map(|i| cameras[*i].clone()).collect();
+        let pixels: Vec<f64> = (0..m * n)
+            .flat_map(|k| seen.get(order[k / n], k % n).map_or([f64::NAN; 2], |(p, _)| p.into())).collect();
+        let turned = Detections::new(m, n, &pixels, None).unwrap();
+        same(&frame(&cameras, &seen), &frame(&others, &turned), |x| *x)?;
+    }
+
+    #[test]
+    fn the_unit_does_not_matter(views in 2..=6_u32, seed in any::<u32>(), wrong in wrong(12)) {
+        let cameras = room(views);
+        let seen = spoiled(&cameras, u64::from(seed), 3.0, &wrong);
+        let in_metres: Vec<Camera> = cameras.iter()
+            .map(|c| Camera::new(&c.k(), c.rotation(), &(c.translation() / 1000.0), c.size()).unwrap()).collect();
+        let config = refiner(&cameras, Some(1)).config().clone();
+        let metres = Refiner::new(&in_metres, Unit::Metre, Some(&layout()), config).unwrap();
+        let other = metres.refine(&Frame::from(seen.clone())).unwrap();
+        same(&frame(&cameras, &seen), &other, |x| x * 1000.0)?;
+    }
+
+    #[test]
+    fn the_number_of_threads_does_not_matter(views in 2..=5_u32, seed in any::<u32>(), wrong in wrong(80)) {
+        let cameras = room(views);
+        let frames: Vec<Frame> =
+            (0..8).map(|k| Frame::from(spoiled(&cameras, u64::from(seed) + k, 3.0, &wrong))).collect();
+        let solve = |threads| refine_sequence(&refiner(&cameras, Some(threads)), &frames, 30.0, &Progress::default()).unwrap();
+        prop_assert_eq!(format!("{:?}", solve(1)), format!("{:?}", solve(3)));
+    }
+}

@@ -1,0 +1,107 @@
+//! Several people, from any detections.
+
+use nalgebra::Vector3;
+use proptest::prelude::*;
+use skelsplat_core::testing::scenes::{Noise, noisy_detections, room, standing};
+use skelsplat_core::{Camera, Detections, Person, Progress, Tracker, track};
+
+use crate::any::{cameras, config, detections, layout, refiner, sound, wrong};
+
+type Slots = Vec<Detections>;
+
+/// One to three people in one to six frames: anything, or people with wrong detections in slots of any order.
+fn recording() -> impl Strategy<Value = (Vec<Camera>, Vec<Slots>)> {
+    let anything = cameras(1..=3).prop_flat_map(|c| {
+        let frame = prop::collection::vec(detections(c.len(), 17), 0..=3);
+        (Just(c), prop::collection::vec(frame, 1..=4))
+    });
+    let crowd = (
+        2..=4_u32,
+        1..=3_usize,
+        3..=6_usize,
+        any::<u32>(),
+        0.0..10.0_f64,
+        wrong(60),
+        0.0..1500.0_f64,
+    )
+        .prop_map(|(views, people, frames, seed, sigma, wrong, apart)| {
+            let cameras = room(views);
+            let mut noise = Noise::new(u64::from(seed) + 1);
+            let frames = (0..frames)
+                .map(|t| slots(&cameras, people, t, apart, sigma, &mut noise, &wrong))
+                .collect();
+            (cameras, frames)
+        });
+    prop_oneof![1 => anything, 2 => crowd]
+}
+
+fn slots(
+    cameras: &[Camera],
+    people: usize,
+    t: usize,
+    apart: f64,
+    sigma: f64,
+    noise: &mut Noise,
+    wrong: &[(usize, f64)],
+) -> Slots {
+    let seen: Slots = (0..people)
+        .map(|q| {
+            let at = Vector3::new(apart * q as f64, 20.0 * t as f64, 0.0);
+            let body: Vec<_> = standing().into_iter().map(|x| x + at).collect();
+            noisy_detections(&body, cameras, sigma, noise)
+        })
+        .collect();
+    let (m, n) = (cameras.len(), seen[0].n_joints());
+    (0..people)
+        .map(|p| {
+            let mut pixels: Vec<f64> = (0..m * n)
+                .flat_map(|k| {
+                    seen[(p + t + k / n) % people]
+                        .get(k / n, k % n)
+                        .map_or([f64::NAN; 2], |(p, _)| p.into())
+                })
+                .collect();
+            for (k, value) in wrong.iter().filter(|(k, _)| k % 7 == t) {
+                let k = k % pixels.len();
+                pixels[k] = *value;
+            }
+            Detections::new(m, n, &pixels, None).unwrap()
+        })
+        .collect()
+}
+
+fn check(people: &[Person], frames: usize) -> Result<(), TestCaseError> {
+    for person in people {
+        prop_assert!(person.frames.end <= frames);
+        for frame in person.sequence.frames.iter() {
+            sound(&frame, None)?;
+        }
+    }
+    Ok(())
+}
+
+proptest! {
+    #![proptest_config(config(8))]
+
+    #[test]
+    fn any_people_are_followed_soundly((cameras, people) in recording(), fps in prop::sample::select(vec![1e-3, 30.0, 1e6])) {
+        let refiner = refiner(&cameras, Some(1));
+        let found = track(&refiner, &layout(), &people, fps, None, &Progress::default());
+        if let Ok(found) = &found {
+            check(found, people.len())?;
+        }
+        let mut tracker = Tracker::new(&refiner, &layout(), fps, Some(2)).unwrap();
+        for slots in &people {
+            let seen = tracker.step(&refiner, slots, &Progress::default());
+            if let Ok(seen) = seen {
+                prop_assert!(seen.len() <= 2);
+                for one in &seen {
+                    sound(&one.refinement, None)?;
+                }
+            }
+        }
+        // On another number of threads the same bits.
+        let again = track(&crate::any::refiner(&cameras, Some(3)), &layout(), &people, fps, None, &Progress::default());
+        prop_assert_eq!(format!("{found:?}"), format!("{again:?}"));
+    }
+}

@@ -1,0 +1,63 @@
+//! Recordings of any detections, whole and live.
+
+use proptest::prelude::*;
+use skelsplat_core::study::sequence::refine_in_windows;
+use skelsplat_core::{
+    Camera, Detections, Follower, Frame, Live, Progress, Sequence, refine_sequence,
+};
+
+use crate::any::{cameras, config, detections, refiner, sound, spoiled, wrong};
+
+fn check(found: &Sequence, seen: &[Detections], cameras: &[Camera]) -> Result<(), TestCaseError> {
+    for (frame, seen) in found.frames.iter().zip(seen) {
+        sound(&frame, Some((seen, cameras)))?;
+    }
+    prop_assert!(found.velocity.iter().all(|v| !v.is_infinite()));
+    prop_assert!(found.lengths.iter().all(|l| l.mean.is_nan() || l.mean.is_finite()));
+    Ok(())
+}
+
+/// One to six frames, of a person with wrong detections or of anything.
+fn recording() -> impl Strategy<Value = (Vec<Camera>, Vec<Detections>)> {
+    let anything = cameras(1..=4).prop_flat_map(|c| {
+        let frames = prop::collection::vec(detections(c.len(), 17), 1..=6);
+        (Just(c), frames)
+    });
+    let person = (cameras(1..=5), any::<u32>(), 0.0..60.0_f64, wrong(60), 1..=6_u64).prop_map(
+        |(c, seed, sigma, wrong, n)| {
+            let frames = (0..n).map(|k| spoiled(&c, u64::from(seed) + k, sigma, &wrong)).collect();
+            (c, frames)
+        },
+    );
+    prop_oneof![1 => anything, 2 => person]
+}
+
+proptest! {
+    #![proptest_config(config(12))]
+
+    #[test]
+    fn any_recording_has_a_sound_path((cameras, seen) in recording(), fps in prop::sample::select(vec![1e-3, 1.0, 25.0, 120.0, 1e6])) {
+        let frames: Vec<Frame> = seen.iter().cloned().map(Frame::from).collect();
+        let found = refine_sequence(&refiner(&cameras, Some(1)), &frames, fps, &Progress::default()).unwrap();
+        check(&found, &seen, &cameras)?;
+    }
+
+    #[test]
+    fn windows_of_any_length_have_a_sound_path((cameras, seen) in recording(), length in 1..4_usize, overlap in 0..3_usize) {
+        let frames: Vec<Frame> = seen.iter().cloned().map(Frame::from).collect();
+        let found = refine_in_windows(&refiner(&cameras, Some(1)), &frames, 30.0, [length, overlap], &Progress::default());
+        check(&found.unwrap(), &seen, &cameras)?;
+    }
+
+    #[test]
+    fn any_loop_has_sound_poses((cameras, seen) in recording(), fps in prop::sample::select(vec![1e-3, 25.0, 1e6]), lag in 0..3_usize) {
+        let refiner = refiner(&cameras, Some(1));
+        let mut live = Live::new(&refiner, fps, lag).unwrap();
+        let mut follower = Follower::new(&refiner, None);
+        for detections in seen {
+            sound(&live.step(&refiner, detections.clone(), &Progress::default()).unwrap(), None)?;
+            let found = follower.step(detections.clone(), &Progress::default()).unwrap();
+            sound(&found, Some((&detections, &cameras)))?;
+        }
+    }
+}

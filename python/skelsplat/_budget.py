@@ -1,0 +1,260 @@
+"""What a file may be: the one budget of all readers, and the one way to open a file.
+
+A file from elsewhere may be no file (a pipe, a device), claim to unpack to more than any memory holds, or
+nest its values until Python gives up. Every reader opens files with `opened` and asks here before it believes
+what a file claims; what is refused is a `DatasetError` of one line with the limit. Large recordings are no
+problem: what counts is the ratio to the size of the file, and the memory that is available.
+"""
+
+from __future__ import annotations
+
+import io
+import os
+import re
+import stat
+import sys
+import zipfile
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from itertools import chain
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import numpy as np
+
+from skelsplat._atomic import opening
+from skelsplat.exceptions import DatasetError
+
+MOST_DOCUMENT = 2**21
+"""Characters of a document that describes cameras, joints or options (TOML, YAML, XML)."""
+MOST_LINE, MOST_COLUMNS = 2**22, 2**16
+"""Characters of a line of a table, and its columns."""
+MOST_NAME = 255
+"""Characters of a camera's or joint's name in a file, as of the name of a file."""
+MOST_CAMERAS = 4096
+"""Cameras of a calibration, or what may belong to one in a file or folder: a dome has 521."""
+MOST_DEPTH = 64
+"""Lists within lists: a pose in JSON has 6."""
+_MOST_PARTS = 32  # of a dotted key; the time for one grows with their square
+# what is unpacked may be this, and this many times the size of the file: a recording in which hardly anything
+# is detected is packed to a fiftieth, zeros to a thousandth
+_ALWAYS, _RATIO = 2**27, 100
+_UNCHECKED = 2**26  # bytes that need no look at the memory
+_SPARSE = 2**30  # files from this size on must be stored to a hundredth
+_LEAVES = 10**5  # values of a pickle beyond its bytes
+_CHUNK = 2**20
+# the end of a zip file, at most so long; bytes of the list of its members, and where their number is
+_END, _LONGEST_END, _MOST_LISTED, _LISTED_AT = b"PK\5\6", 2**16 + 22, 2**23, 12
+_KINDS = {stat.S_IFIFO: "a named pipe", stat.S_IFSOCK: "a socket", stat.S_IFCHR: "a device"}
+_GROUP_LIMITS = ("/sys/fs/cgroup/memory.max", "/sys/fs/cgroup/memory/memory.limit_in_bytes")
+
+
+@contextmanager
+def opened(path: Path, expected: str = "a readable file") -> Iterator[BinaryIO]:
+    """Open a file that exists in full and is no device or pipe; what the system says is a `DatasetError`."""
+    with opening(path, expected):
+        _check_kind(path, path.stat())
+        # without waiting for the other end, in case a pipe has taken the file's place
+        flags = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
+        with open(os.open(path, flags), "rb") as stream:  # noqa: PTH123 - a descriptor
+            _check_kind(path, os.fstat(stream.fileno()))
+            yield stream
+
+
+def _check_kind(path: Path, status: os.stat_result) -> None:
+    kind = stat.S_IFMT(status.st_mode)
+    if kind not in (stat.S_IFREG, stat.S_IFDIR):  # for a folder the system has its own words
+        raise DatasetError(path, "file", "a regular file", _KINDS.get(kind, "a device"))
+    stored = 512 * getattr(status, "st_blocks", 0)
+    if status.st_size > _SPARSE and 0 < _RATIO * stored < status.st_size:
+        actual = f"a sparse file: {amount(status.st_size)}, of which {amount(stored)} are stored"
+        raise DatasetError(path, "file", "a file with content", actual)
+
+
+def amount(size: float) -> str:
+    """Return a number of bytes in words."""
+    for unit, name in ((1e9, "GB"), (1e6, "MB"), (1e3, "kB")):
+        if size >= unit:
+            return f"{size / unit:.1f} {name}"
+    return f"{size:.0f} bytes"
+
+
+def afford(path: Path, field: str, need: int) -> None:
+    """Raise `DatasetError` if `need` bytes are not available."""
+    there = _available() if need > _UNCHECKED else None
+    if there is not None and need > there:
+        expected = f"what fits into memory ({amount(there)} are available)"
+        raise DatasetError(path, field, expected, f"values that need {amount(need)}")
+
+
+def check_ratio(path: Path, field: str, need: int, held: int) -> None:
+    """Raise `DatasetError` if `need` bytes are too much to come from `held` in a file."""
+    if need > _ALWAYS + _RATIO * held:
+        expected = (
+            f"at most {amount(_ALWAYS + _RATIO * held)} from {amount(held)} (or a file without packing)"
+        )
+        raise DatasetError(path, field, expected, amount(need))
+
+
+def zipped(path: Path, stream: BinaryIO) -> zipfile.ZipFile:
+    """Return the zip file of a stream, unless the list of its members or what they unpack to is too long."""
+    size = os.fstat(stream.fileno()).st_size
+    stream.seek(max(size - _LONGEST_END, 0))
+    rest = stream.read(_LONGEST_END)
+    at = rest.rfind(_END) + _LISTED_AT
+    listed = int.from_bytes(rest[at : at + 4], "little") if at >= _LISTED_AT else 0
+    if listed > _MOST_LISTED:
+        expected = f"a list of its members of at most {amount(_MOST_LISTED)}"
+        raise DatasetError(path, "file", expected, amount(listed))
+    stream.seek(0)
+    archive = zipfile.ZipFile(stream)
+    check_ratio(path, "file", sum(info.file_size for info in archive.infolist()), size)
+    return archive
+
+
+def _available() -> int | None:
+    """Return the bytes that can be used, as the core counts them; None where the system does not say."""
+    found = []
+    with suppress(OSError, ValueError, KeyError):
+        lines = Path("/proc/meminfo").read_text(encoding="ascii").splitlines()
+        table = {name: int(rest.split()[0]) for name, _, rest in (line.partition(":") for line in lines)}
+        found.append(1024 * (table["MemAvailable"] + table.get("SwapFree", 0)))
+    for limit in _GROUP_LIMITS:
+        with suppress(OSError, ValueError):  # "max"
+            found.append(int(Path(limit).read_text(encoding="ascii")))
+    with suppress(ImportError, OSError):  # Windows has none
+        import resource
+
+        own = resource.getrlimit(resource.RLIMIT_AS)[0]
+        found += [own] if own != resource.RLIM_INFINITY else []
+    return min(found, default=None)
+
+
+def read_bytes(path: Path) -> bytes:
+    """Return the content of a file."""
+    with opened(path) as stream:
+        afford(path, "file", os.fstat(stream.fileno()).st_size)
+        return stream.read()
+
+
+def read_text(path: Path) -> str:
+    """Return the text of a UTF-8 file; a byte-order mark is dropped."""
+    parts: list[bytes] = []
+    with opened(path) as stream:
+        afford(path, "file", 2 * os.fstat(stream.fileno()).st_size)
+        while part := stream.read(_CHUNK):
+            parts.append(part)
+            if b"\0" in part:
+                break
+    content = b"".join(parts)
+    try:
+        text = content.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise _no_text(path, error.start) from error
+    if "\0" in text:
+        raise _no_text(path, content.index(b"\0"))
+    return text.replace("\r\n", "\n").replace("\r", "\n")
+
+
+def _no_text(path: Path, byte: int) -> DatasetError:
+    return DatasetError(path, "file", "text in UTF-8", f"byte {byte} that is not")
+
+
+def read_lines(path: Path) -> Iterator[str]:
+    """Yield the lines of a UTF-8 file of any length, with their ends, one at a time."""
+    with opened(path) as stream:
+        text = io.TextIOWrapper(stream, encoding="utf-8-sig")
+        try:
+            for number, line in enumerate(iter(lambda: text.readline(MOST_LINE + 1), ""), start=1):
+                if len(line) > MOST_LINE:
+                    expected = f"at most {MOST_LINE:,} characters"
+                    raise DatasetError(path, f"line {number}", expected, "more")
+                yield line
+        except UnicodeDecodeError as error:
+            raise _no_text(path, stream.tell() - len(error.object) + error.start) from error
+
+
+_BRACKETS = bytes.maketrans(b"[{]}", b"\x01\x01\xff\xff")
+_UNMARKED = bytes(set(range(256)) - set(b'"[]{}'))
+
+
+def check_json(path: Path, document: str, text: str) -> None:
+    """Raise `DatasetError` for JSON nested too deeply for a `document`, or with values beyond the memory."""
+    raw = text.encode("utf-8", "replace")
+    opens = raw.count(b"[") + raw.count(b"{")
+    afford(path, "JSON", 72 * opens + 36 * raw.count(b","))
+    if opens <= MOST_DEPTH:
+        return
+    raw = re.sub(rb"\\.", b"", raw, flags=re.DOTALL) if b"\\" in raw else raw
+    outside = re.sub(rb'"[^"]*"', b"", raw.translate(None, _UNMARKED)).partition(b'"')[0]
+    steps = np.frombuffer(outside.translate(_BRACKETS), dtype=np.int8)
+    if np.cumsum(steps, dtype=np.int32).max(initial=0) > MOST_DEPTH:
+        raise DatasetError(path, "JSON", document, f"lists nested too deeply (at most {MOST_DEPTH} deep)")
+
+
+def check_document(path: Path, text: str) -> None:
+    """Raise `DatasetError` for a document longer than any that describes cameras, joints or options."""
+    if len(text) > MOST_DOCUMENT:
+        raise DatasetError(path, "file", f"at most {MOST_DOCUMENT:,} characters", f"{len(text):,}")
+
+
+def parse_toml(path: Path, text: str) -> dict[str, Any]:
+    """Return the TOML document that ``path`` holds as ``text``, or raise `DatasetError`."""
+    if sys.version_info >= (3, 11):  # imported here, as most runs read no TOML
+        import tomllib
+    else:
+        import tomli as tomllib
+    check_document(path, text)
+    parts = re.split(r"([=,\[\]{}\n])", text)
+    for part, end in zip(parts[::2], parts[1::2], strict=False):
+        if end in "=]" and part.count(".") >= _MOST_PARTS:
+            raise DatasetError(path, "TOML", f"keys of at most {_MOST_PARTS} parts", f"{part.strip()[:40]}…")
+    try:
+        document = tomllib.loads(text)
+    except (ValueError, RecursionError) as error:  # a number of thousands of digits is no TOMLDecodeError
+        raise DatasetError(path, "TOML", "valid TOML", str(error).partition(";")[0]) from error
+    check_tree(path, "TOML", document, len(text))
+    return document
+
+
+def read_toml(path: Path) -> dict[str, Any]:
+    """Return the document of a TOML file, or raise `DatasetError`."""
+    return parse_toml(path, read_text(path))
+
+
+def check_tree(path: Path, field: str, value: Any, held: int) -> None:
+    """Raise `DatasetError` if lists and tables nest too deeply, or have more values than `held` bytes hold.
+
+    A pickle can name a list again and again, so that a few bytes are 2^30 values for whoever goes through.
+    """
+    left, level = held + _LEAVES, [value]
+    for _ in range(MOST_DEPTH + 1):
+        inner: list[Any] = []
+        for one in level:
+            if isinstance(one, dict):
+                entries: Any = chain(one.keys(), one.values())
+            elif isinstance(one, list | tuple | set | frozenset):
+                entries = one
+            elif isinstance(one, np.ndarray) and one.dtype == object:
+                entries = one.flat
+            else:
+                continue
+            left -= len(one) if not isinstance(one, np.ndarray) else one.size
+            if left < 0:
+                expected = f"at most {held + _LEAVES:,} values in {amount(held)}"
+                raise DatasetError(path, field, expected, "more, by naming the same ones again")
+            inner += [entry for entry in entries if not isinstance(entry, str | bytes | int | float)]
+        if not inner:
+            return
+        level = inner
+    raise DatasetError(path, field, f"lists and tables nested at most {MOST_DEPTH} deep", "deeper ones")
+
+
+@contextmanager
+def within_memory(path: Path) -> Iterator[None]:
+    """Raise `DatasetError` where reading a file in this block runs out of memory or of depth."""
+    try:
+        yield
+    except (MemoryError, RecursionError) as error:
+        reason = "more" if isinstance(error, MemoryError) else "values nested too deeply"
+        raise DatasetError(path, "content", "what fits into memory", reason) from error

@@ -1,0 +1,210 @@
+"""The detections of all cameras, opened: read at once or in stretches of frames, in the layout's joints."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+import skelsplat as sk
+from skelsplat._arrays import Array, Index
+from skelsplat._budget import afford
+from skelsplat.exceptions import DatasetError
+from skelsplat.io.detections._format import Person, View
+from skelsplat.io.detections._frames import Sources
+from skelsplat.io.detections._joints import arranged, places_of
+
+# pixels of a whole view that all lie within this are parts of the image's size
+_NORMALISED = 1.5
+
+
+@dataclass(frozen=True)
+class DetectionSet:
+    """All people found in all frames of all cameras.
+
+    Attributes
+    ----------
+    people : (T, M, P, K, 3)
+        x and y in pixels of the original image, confidence in [0, 1]. NaN: a joint that was not detected,
+        also one at exactly (0, 0) if a camera has several, and a place in P where nobody stands. The order of
+        people in a frame is the detector's: place p is nobody's identity.
+    frames : (T,) int
+        Frame numbers, ascending.
+    camera_names : tuple of str
+        The M cameras, in the order they were asked for.
+    sources : tuple of Path or None
+        The folder or file of each camera; None for a camera without detections.
+    layout : str
+        Name of the joint layout of the K joints.
+    skeleton : Layout
+        The layout itself, which may be that of a file.
+    format : str
+        Name of the format that they were read from.
+    labels : tuple of str or None
+        The folder, file or place in the file of each camera, as ``order`` of `read_detections` takes it.
+    uneven : bool
+        Cameras have different frames in the files, which ``frames="strict"`` refuses.
+    frame_rate : float or None
+        Frames per second, if the files state one, the same for all cameras.
+    """
+
+    people: npt.NDArray[np.float64]
+    frames: Index
+    camera_names: tuple[str, ...]
+    sources: tuple[Path | None, ...]
+    layout: str
+    skeleton: sk.Layout
+    format: str = ""
+    labels: tuple[str | None, ...] = ()
+    uneven: bool = False
+    frame_rate: float | None = None
+
+    @property
+    def people_per_frame(self) -> Index:
+        """Number of people with at least one joint, (T, M)."""
+        there = np.isfinite(self.people[..., 0]).any(axis=-1)
+        count: Index = there.sum(axis=-1, dtype=np.int64)
+        return count
+
+
+@dataclass(frozen=True)
+class Opened:
+    """The opened detections of M cameras: T frames, of which the joints are read when they are asked for."""
+
+    views: Sources
+    frames: Index
+    camera_names: tuple[str, ...]
+    shifts: Mapping[str, int]  # by camera, what was added to its frame numbers
+    skeleton: sk.Layout
+    joints: Mapping[str, str | int | None]  # as ``mapping`` of `read_detections`
+    format: str
+
+    @property
+    def sources(self) -> tuple[Path | None, ...]:
+        """As of `DetectionSet`."""
+        return tuple(
+            self.views.views[name].path if name in self.views.views else None for name in self.camera_names
+        )
+
+    @property
+    def frame_rate(self) -> float | None:
+        """As of `DetectionSet`."""
+        rates = {view.rate for view in self.views.views.values()}
+        return rates.pop() if len(rates) == 1 else None
+
+    def read(self) -> DetectionSet:
+        """Read everything."""
+        read = {name: self._people(name, self.frames) for name in self.views.views}
+        for name, people in read.items():
+            pixels = _Pixels(self.views.views[name])
+            pixels.add(people)
+            pixels.check()
+            _forget_zeros([person for one in people for person in one])
+        return DetectionSet(
+            people=self._stack(read, len(self.frames)),
+            frames=self.frames,
+            camera_names=self.camera_names,
+            sources=self.sources,
+            layout=self.skeleton.name,
+            skeleton=self.skeleton,
+            format=self.format,
+            labels=tuple(self.views.labels[name] for name in self.camera_names),
+            uneven=self.views.uneven,
+            frame_rate=self.frame_rate,
+        )
+
+    def stretches(self, size: int) -> Iterator[Array]:
+        """Read so many frames at a time, (t, M, P, N, 3), P as many as there are; at the end raise as `read`.
+
+        A joint at exactly (0, 0) is missing, even if it is the only one of its camera.
+        """
+        whole = [_Pixels(view) for view in self.views.views.values()]
+        for first in range(0, len(self.frames), size):
+            numbers = self.frames[first : first + size]
+            read = {name: self._people(name, numbers) for name in self.views.views}
+            for pixels, people in zip(whole, read.values(), strict=True):
+                pixels.add(people)
+            stacked = self._stack(read, len(numbers))
+            stacked[(stacked[..., :2] == 0.0).all(axis=-1)] = np.nan
+            yield stacked
+        for pixels in whole:
+            pixels.check()
+
+    @functools.cached_property
+    def _known(self) -> dict[str, Index]:
+        """The frame numbers of each camera."""
+        return {name: np.asarray(view.frames, dtype=np.int64) for name, view in self.views.views.items()}
+
+    def _people(self, name: str, numbers: Index) -> list[list[Array]]:
+        """People (N, 3) of each frame number in common time; nobody in a frame that a camera lacks."""
+        view, own = self.views.views[name], numbers - self.shifts[name]
+        places = places_of(view, self.skeleton, self.joints)
+        read = _frames_of(view, self._known[name], own)
+        return [
+            [arranged(person, self.skeleton, places, flat=view.flat) for person in people] for people in read
+        ]
+
+    def _stack(self, read: Mapping[str, Sequence[Sequence[Array]]], steps: int) -> Array:
+        """Join the views to (T, M, P, N, 3), padded with NaN."""
+        views = [read.get(name, []) for name in self.camera_names]
+        places = max([1, *(len(people) for view in views for people in view)])
+        afford(self.views.root, "people", 24 * steps * len(views) * places * self.skeleton.n_joints)
+        stacked = np.full((steps, len(views), places, self.skeleton.n_joints, 3), np.nan)
+        for m, view in enumerate(views):
+            for t, people in enumerate(view):
+                for p, person in enumerate(people):
+                    stacked[t, m, p] = person
+        return stacked
+
+
+def _frames_of(view: View, known: Index, numbers: Index) -> list[Sequence[Person]]:
+    """Return the people in each of the frame numbers, of which the camera has the ``known`` ones."""
+    if not len(known):
+        return [[] for _ in numbers]
+    places = np.minimum(np.searchsorted(known, numbers), len(known) - 1)
+    there = known[places] == numbers
+    if view.stretch is None or not there.any():
+        pairs = zip(numbers.tolist(), there.tolist(), strict=True)
+        return [view.people(number) if known_ else [] for number, known_ in pairs]
+    first, end = int(places[there][0]), int(places[there][-1]) + 1
+    people = view.stretch(first, end)
+    pairs = zip((places - first).tolist(), there.tolist(), strict=True)
+    return [people[place] if known_ else [] for place, known_ in pairs]
+
+
+class _Pixels:
+    """What the coordinates of a view, read in stretches, show: whether they are pixels."""
+
+    def __init__(self, view: View) -> None:
+        self._view, self._least, self._most, self._count = view, np.inf, -np.inf, 0
+
+    def add(self, people: Sequence[Sequence[Array]]) -> None:
+        """Look at the people of further frames."""
+        everybody = [person for one in people for person in one]
+        if everybody:
+            points = np.concatenate(everybody)[:, :2]
+            points = points[np.isfinite(points).all(axis=1)]
+            self._count += len(points)
+            self._least = min(self._least, points.min(initial=np.inf))
+            self._most = max(self._most, points.max(initial=-np.inf))
+
+    def check(self) -> None:
+        """Raise if they are parts of the image's size instead of pixels."""
+        if self._count > 1 and max(-self._least, self._most) <= _NORMALISED:
+            actual = f"numbers from {self._least:.3g} to {self._most:.3g}, parts of the image's size"
+            raise DatasetError(self._view.path, "keypoints", "pixels of the original image", actual)
+
+
+def _forget_zeros(people: Sequence[Array]) -> None:
+    """Make the joints of a camera that are at exactly (0, 0) missing, unless there is only one.
+
+    YOLO writes so what it did not detect, with a confidence.
+    """
+    zeros = [(person[:, :2] == 0.0).all(axis=1) for person in people]
+    if sum(int(zero.sum()) for zero in zeros) > 1:
+        for person, zero in zip(people, zeros, strict=True):
+            person[zero] = np.nan

@@ -1,0 +1,286 @@
+"""`refine_batches`: chunks of any size give the bits of one call, in time too, and wrong ones are refused."""
+
+from __future__ import annotations
+
+import itertools
+import re
+import tracemalloc
+import warnings
+from collections.abc import Iterator
+from dataclasses import fields
+from typing import Any
+
+import numpy as np
+import pytest
+
+import skelsplat as sk
+from skelsplat import synthetic
+from skelsplat.synthetic import DetectionNoise
+
+FPS = 10.0  # windows of 600 frames, which overlap by 30
+FRAMES = 1300
+RIG = synthetic.human36m_like()
+JOINTS = [11, 12, 13, 0, 1, 2]  # half of the left side: few, for speed
+ARM = sk.Layout(
+    "arm",
+    joints=[f"j{k}" for k in range(6)],
+    limbs=[(0, 1), (1, 2), (3, 4), (4, 5)],
+)
+
+
+def recorded(n_frames: int = FRAMES, seed: int = 3) -> np.ndarray:
+    """Simulate detections (T, 4, 6, 3) of six joints that walk back and forth."""
+    pose = synthetic.motion("walk", n_frames, fps=FPS, seed=seed)
+    seen = synthetic.simulate_detections(pose, RIG, noise=DetectionNoise.recording(FPS), seed=seed)
+    return np.ascontiguousarray(seen[:, :, JOINTS])
+
+
+@pytest.fixture(scope="module")
+def seen() -> np.ndarray:
+    return recorded()
+
+
+@pytest.fixture(scope="module")
+def whole(seen: np.ndarray) -> sk.SequenceRefinement:
+    return sk.refine_sequence(seen, RIG, fps=FPS, layout=ARM)
+
+
+def cut(frames: np.ndarray, *sizes: int) -> list[np.ndarray]:
+    """Cut into chunks of these sizes, and the rest."""
+    ends = np.cumsum(sizes)
+    return [np.asarray(part) for part in np.split(frames, ends[ends <= len(frames)])]
+
+
+def same(results: list[Any], expected: Any, but: tuple[str, ...] = ()) -> None:
+    """Assert that results hold the bits of one result."""
+    for entry in fields(expected):
+        name = entry.name
+        if name in but:
+            continue
+        value = getattr(expected, name)
+        if name in ("bones", "bone_lengths", "bone_length_sigma"):
+            of_all = [getattr(result, name) for result in results if len(result.pose)]
+        else:
+            of_all = [np.concatenate([getattr(result, name) for result in results])]
+        for found in of_all:
+            np.testing.assert_array_equal(found, value, err_msg=name)
+
+
+# frames alone
+
+
+def test_chunks_of_frames_alone_have_the_bits_of_one_call(seen):
+    frames = seen[:40]
+    expected = sk.refine(None, frames, RIG, layout=ARM)
+    chunks = cut(frames, 0, 1, 0, 7, 20)
+    results = list(sk.refine_batches(chunks, RIG, layout=ARM))
+    assert [len(result.pose) for result in results] == [0, 1, 0, 7, 20, 12]
+    same(results, expected)
+    same(list(sk.refine_batches(iter(chunks), RIG, layout=ARM)), expected)
+    by_array = list(sk.refine_batches(frames, RIG, layout=ARM, frames_per_chunk=15))
+    assert [len(result.pose) for result in by_array] == [15, 15, 10]
+    same(by_array, expected)
+
+
+def test_chunks_have_confidences_and_initial_poses_of_their_own(seen):
+    frames, rng = seen[:9, ..., :2], np.random.default_rng(0)
+    start = sk.triangulate(frames, RIG) + rng.normal(0, 30, (9, 6, 3))
+    score = rng.uniform(0.2, 1, frames.shape[:-1])
+    expected = sk.refine(start, frames, RIG, confidence=score, init_sigma=25.0)
+    chunks = [
+        {"detections": frames[a:b], "confidence": score[a:b], "init_pose": start[a:b]}
+        for a, b in ((0, 4), (4, 9))
+    ]
+    same(list(sk.refine_batches(chunks, RIG, init_sigma=25.0)), expected)
+
+
+def test_the_published_method_takes_chunks(seen):
+    config = sk.RefineConfig.paper(max_steps=3, resolution=0.1)
+    expected = sk.refine(None, seen[:4], RIG, config=config)
+    same(list(sk.refine_batches(cut(seen[:4], 3), RIG, config=config)), expected)
+
+
+# in time
+
+
+@pytest.mark.parametrize("sizes", [(1300,), (650, 0, 3, 400), (100,) * 12], ids=["one", "uneven", "many"])
+def test_chunks_in_time_have_the_bits_of_one_call(seen, whole, sizes):
+    results = list(sk.refine_batches(cut(seen, *sizes), RIG, fps=FPS, layout=ARM))
+    assert [len(result.pose) for result in results] == [len(part) for part in cut(seen, *sizes)]
+    same(results, whole, but=("bone_length_sigma",))
+    for result in results:
+        if len(result.pose):
+            np.testing.assert_allclose(result.bone_length_sigma, whole.bone_length_sigma, rtol=0.2)
+
+
+def test_an_array_is_read_where_it_is_sliced(seen, whole, tmp_path):
+    np.save(tmp_path / "seen.npy", seen)
+    mapped = np.load(tmp_path / "seen.npy", mmap_mode="r")
+    same(list(sk.refine_batches(mapped, RIG, fps=FPS, layout=ARM)), whole)
+    parts = sk.refine_batches(mapped, RIG, fps=FPS, layout=ARM, frames_per_chunk=400)
+    same(list(parts), whole, but=("bone_length_sigma",))
+
+
+def test_a_function_opens_the_chunks_anew(seen, whole):
+    opened = []
+
+    def chunks() -> Iterator[np.ndarray]:
+        opened.append(1)
+        yield from cut(seen, 500, 500)
+
+    same(list(sk.refine_batches(chunks, RIG, fps=FPS, layout=ARM)), whole, but=("bone_length_sigma",))
+    assert len(opened) == 3
+
+
+@pytest.mark.parametrize("n", [1, 2, 90, 600])
+def test_a_recording_of_one_window_is_solved_at_once(seen, n):
+    expected = sk.refine_sequence(seen[:n], RIG, fps=FPS, layout=ARM)
+    for chunks in (cut(seen[:n], n // 2), iter(cut(seen[:n], n // 2))):
+        same(list(sk.refine_batches(chunks, RIG, fps=FPS, layout=ARM)), expected)
+
+
+def test_initial_poses_place_joints_in_time(seen):
+    frames = seen[:700].copy()
+    frames[100:500, 1:, 5] = np.nan
+    start = np.full((700, 6, 3), np.nan)
+    start[:, 5] = 500.0
+    expected = sk.refine_sequence(frames, RIG, fps=FPS, layout=ARM, init_pose=start)
+    chunks = [{"detections": frames[a:b], "init_pose": start[a:b]} for a, b in ((0, 350), (350, 700))]
+    results = list(sk.refine_batches(chunks, RIG, fps=FPS, layout=ARM))
+    same(results, expected, but=("bone_length_sigma",))
+
+
+def test_a_short_generator_has_the_bits_of_one_call(seen, whole):
+    chunks = (part for part in cut(seen, 400, 400))
+    same(list(sk.refine_batches(chunks, RIG, fps=FPS, layout=ARM)), whole, but=("bone_length_sigma",))
+
+
+def test_a_long_generator_shows_its_beginning_and_hardly_differs():
+    frames = np.concatenate([recorded(1000, seed) for seed in (3, 4)])
+    expected = sk.refine_sequence(frames, RIG, fps=FPS, layout=ARM)
+    results = list(sk.refine_batches((part for part in cut(frames, 700, 1290)), RIG, fps=FPS, layout=ARM))
+    pose = np.concatenate([result.pose for result in results])
+    off = np.linalg.norm(pose - expected.pose, axis=-1)
+    bars = np.sqrt(np.trace(expected.uncertainty, axis1=-2, axis2=-1))
+    assert pose.shape == expected.pose.shape
+    assert np.median(off / bars) < 0.1
+    assert np.quantile(off / bars, 0.99) < 0.25
+
+
+def test_chunks_are_read_when_results_are_asked_for(seen):
+    read = []
+
+    def chunks() -> Iterator[np.ndarray]:
+        for k in range(30):
+            read.append(k)
+            yield seen[100 * (k % 13) :][:100]
+
+    results = sk.refine_batches(chunks(), RIG, fps=FPS)
+    assert read == []
+    next(results)
+    assert len(read) == 19  # more than three windows of 600 frames
+    results.close()  # type: ignore[attr-defined]
+    assert len(read) == 19
+
+
+def test_memory_does_not_grow_with_the_recording(seen):
+    def most(n: int) -> int:
+        tracemalloc.start()
+        frames = itertools.islice(itertools.cycle(cut(seen, *(130,) * 9)), n)
+        for result in sk.refine_batches(frames, RIG, fps=FPS):
+            del result
+        peak = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+        return peak
+
+    assert most(60) < 1.1 * most(30)
+
+
+def test_progress_counts_all_frames(seen):
+    told: list[tuple[int, int]] = []
+    for _ in sk.refine_batches(seen, RIG, fps=FPS, frames_per_chunk=500, progress=lambda *n: told.append(n)):
+        pass
+    assert told[-1][1] == FRAMES
+    assert all(done <= total == FRAMES for done, total in told)
+    assert [done for done, _ in told] == sorted(done for done, _ in told)
+
+
+# what is refused
+
+
+@pytest.mark.parametrize("fps", [None, FPS])
+def test_wrong_chunks_are_named(seen, fps):
+    frames, views = seen[:5], seen[:5, :3]
+    other, unequal = seen[:5, :, :5], frames.copy()
+    unequal[2, 1, 0, 2] = 3.0
+    with_start = {"detections": frames, "init_pose": np.zeros((5, 6, 3))}
+    for wrong, message in (
+        (views, "detections: expected one view per camera (4), got 3 views"),
+        (other, "detections: expected shape (T, 4, 6, 3), as in the first chunk, got shape (5, 4, 5, 3)"),
+        (frames[0], "detections: expected the frames of a recording (T, M, N, 2|3), got one frame"),
+        (np.zeros(0), "detections: expected shape (M, N, 2), (M, N, 3) or either with a leading T, got"),
+        (unequal, "detections[2, 1, 0, 2]: expected a value in [0, 1]"),
+        ("chunk", "detections: expected an array of numbers, got text (<U5)"),
+        ({"pixels": frames}, "entries: expected 'detections' and perhaps 'confidence' and 'init_pose', got"),
+        ({**with_start, "detections": frames[1:]}, "init_pose: expected shape (4, 6, 3), as in the det"),
+        (with_start, "init_pose: expected none, as in the first chunk, got one"),
+    ):
+        message = re.escape(f"chunks[1], {message}")
+        with pytest.raises(sk.InvalidInputError, match=message):
+            list(sk.refine_batches([frames, wrong], RIG, fps=fps))
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"chunks": 5}, r"chunks: expected an array \(T, M, N, 2\|3\), an iterable of such .* got int"),
+        ({"frames_per_chunk": 5}, "frames_per_chunk: expected None unless chunks is an array"),
+        ({"chunks": np.zeros((3, 4, 6, 2)), "frames_per_chunk": 0}, "expected a positive integer, got 0"),
+        ({"fps": 0.0}, r"fps: expected a positive number, got 0\.0"),
+        ({"fps": 1e9}, "fps: expected a number from 1e-3 to 1e6"),
+        ({"fps": FPS, "init_sigma": 5.0}, "init_sigma: expected None with fps"),
+        ({"fps": FPS, "config": sk.RefineConfig.paper()}, r"config.method: expected 'annealed'"),
+        ({"layout": "h37m17"}, "layout: expected one of h36m17"),
+    ],
+)
+def test_wrong_arguments_are_refused_at_once(given, message):
+    with pytest.raises(sk.InvalidInputError, match=message):
+        sk.refine_batches(**{"chunks": [], "cameras": RIG, **given})
+
+
+def test_errors_of_the_source_pass_after_the_results_before_it(seen):
+    def broken() -> Iterator[np.ndarray]:
+        yield seen[:3]
+        raise OSError("the disk is gone")
+
+    results = sk.refine_batches(broken(), RIG)
+    assert next(results).pose.shape == (3, 6, 3)
+    with pytest.raises(OSError, match="the disk is gone"):
+        next(results)
+    with pytest.raises(StopIteration):
+        next(results)
+    with pytest.raises(OSError, match="the disk is gone"):
+        list(sk.refine_batches(broken, RIG, fps=FPS))
+
+
+def test_a_source_that_changes_is_noticed(seen):
+    sizes = iter([300, 200])
+    with pytest.raises(sk.InvalidInputError, match="chunks: expected the same 300 frames each time"):
+        list(sk.refine_batches(lambda: [seen[: next(sizes)]], RIG, fps=FPS))
+
+
+def test_no_chunks_no_results(seen):
+    assert list(sk.refine_batches([], RIG)) == list(sk.refine_batches([], RIG, fps=FPS)) == []
+    assert list(sk.refine_batches(iter([]), RIG, fps=FPS)) == []
+    (empty,) = sk.refine_batches([seen[:0]], RIG, fps=FPS, layout=ARM)
+    assert empty.pose.shape == (0, 6, 3)
+
+
+def test_a_wrong_unit_is_warned_of_once(seen):
+    rig = [sk.Camera(camera.K, camera.R, camera.t / 50, size=camera.size) for camera in RIG]
+    for given in ({}, {"fps": FPS}):
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            list(sk.refine_batches(cut(seen[:30], 10, 10), rig, **given))
+        assert len(caught) == 1
+        assert caught[0].filename == __file__

@@ -1,0 +1,101 @@
+"""Big files of detections are read in stretches, to the same numbers as small ones."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from skelsplat.exceptions import DatasetError
+from skelsplat.io import _rows
+from skelsplat.io.detections import open_detections, read_detections
+
+CAMERAS = ["cam_a", "cam_b"]
+
+
+def detections(steps: int = 23, people: int = 2) -> np.ndarray:
+    rng = np.random.default_rng(0)
+    seen = rng.uniform(10.0, 900.0, (steps, 2, people, 17, 3))
+    seen[..., 2] = rng.uniform(0.1, 1.0, seen.shape[:-1])
+    seen[rng.random(seen.shape[:-1]) < 0.1] = np.nan
+    return seen
+
+
+def write(path: Path, seen: np.ndarray, **more: object) -> Path:
+    np.savez_compressed(path, detections=seen, camera_names=np.array(CAMERAS), **more)
+    return path
+
+
+@pytest.fixture
+def everything_is_big(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(_rows, "BIG", 1)
+
+
+@pytest.mark.parametrize("kind", ["third channel", "apart", "one person"])
+def test_stretches_are_the_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, kind: str) -> None:
+    seen = detections()
+    more = {"frames": np.arange(23) * 2, "frame_rate": 50.0}
+    if kind == "apart":
+        seen, more["confidence"] = seen[..., :2], seen[..., 2]
+    path = write(tmp_path / "all.npz", seen[:, :, 0] if kind == "one person" else seen, **more)
+    small = read_detections(path, CAMERAS, layout="h36m17")
+    monkeypatch.setattr(_rows, "BIG", 1)
+    big = read_detections(path, CAMERAS, layout="h36m17")
+    opened = open_detections(path, CAMERAS, layout="h36m17")
+    assert opened.views.views["cam_a"].stretch is not None
+    parts = list(opened.stretches(10))
+    assert [len(part) for part in parts] == [10, 10, 3]
+    for found in (big.people, np.concatenate(parts)):
+        np.testing.assert_array_equal(found, small.people)
+    assert big.frame_rate == opened.frame_rate == 50.0
+    assert big.frames.tolist() == opened.frames.tolist() == list(range(0, 46, 2))
+
+
+@pytest.mark.usefixtures("everything_is_big")
+def test_cameras_with_different_frames_are_read_in_stretches(tmp_path: Path) -> None:
+    seen = detections(people=1)
+    for m, frames in enumerate((np.arange(23), np.arange(23) + 5)):
+        np.savez(tmp_path / f"{CAMERAS[m]}.npz", detections=seen[:, m, 0], frames=frames)
+    opened = open_detections(tmp_path, CAMERAS, layout="h36m17", frames="union")
+    people = np.concatenate(list(opened.stretches(7)))[:, :, 0]
+    assert people.shape == (28, 2, 17, 3)
+    np.testing.assert_array_equal(people[:23, 0], seen[:, 0, 0])
+    np.testing.assert_array_equal(people[5:, 1], seen[:, 1, 0])
+    assert np.isnan(people[23:, 0]).all()
+
+
+@pytest.mark.usefixtures("everything_is_big")
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda seen: seen.__setitem__((17, 1, 0, 3, 2), 7.0), r"detections\[17, 1, 0, 3\].*got 7"),
+        (lambda seen: seen.__setitem__((..., [0, 1]), 0.5), "parts of the image's size"),
+    ],
+)
+def test_a_fault_is_found_in_its_stretch(tmp_path: Path, change: object, words: str) -> None:
+    seen = np.nan_to_num(detections(), nan=1.0)
+    change(seen)  # type: ignore[operator]
+    opened = open_detections(write(tmp_path / "all.npz", seen), CAMERAS, layout="h36m17")
+    with pytest.raises(DatasetError, match=words):
+        list(opened.stretches(10))
+
+
+@pytest.mark.usefixtures("everything_is_big")
+def test_an_array_cut_short_is_named(tmp_path: Path) -> None:
+    path = tmp_path / "all.npz"
+    write(path, detections())
+    rows = _rows.NpzRows(path, "detections")
+    rows.shape = (30, *rows.shape[1:])
+    with pytest.raises(DatasetError, match=r"detections: expected .* bytes .*got fewer, cut short"):
+        rows.read(20, 30)
+
+
+def test_rows_in_a_file_are_those_appended(tmp_path: Path) -> None:
+    values = np.arange(60.0).reshape(10, 2, 3)
+    rows = _rows.RowFile(tmp_path / "rows", (2, 3), np.float64)
+    rows.append(values[:4])
+    np.testing.assert_array_equal(rows.read(1, 3), values[1:3])
+    rows.append(values[4:])
+    assert rows.shape == values.shape
+    np.testing.assert_array_equal(rows.read(0, 10), values)

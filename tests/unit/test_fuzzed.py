@@ -1,0 +1,142 @@
+"""Small cases of what fuzzing found (`tests/fuzz`, docs/reliability.md)."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import skelsplat as sk
+from array_forms import LAYOUT, PIXELS, POSES, RIG, SEEN
+from command_line import assert_fails, invoke
+from skelsplat import synthetic
+from skelsplat.datasets._files import as_numbers
+from skelsplat.evaluation import baselines
+from skelsplat.io import read_calibration
+from takes import hand_made
+
+
+def test_detections_of_images_of_twice_the_size_do_not_make_a_recording_nan():
+    found = sk.refine_sequence(2.0 * PIXELS, RIG, layout=LAYOUT, fps=50.0)
+    assert np.isfinite(found.pose).all()
+    assert (found.joint_status == "weak").all()
+    assert np.isfinite(found.noise).all()
+
+
+@pytest.mark.parametrize(
+    "fps",
+    [memoryview(np.array(50.0)), np.array("2000", "M8[s]"), np.zeros(0), [50.0, 50.0], "50", 10**400],
+)
+@pytest.mark.parametrize("name", ["refine_sequence", "Refiner", "Tracker", "track"])
+def test_a_rate_that_is_no_number_is_named(name, fps):
+    calls = {
+        "refine_sequence": lambda: sk.refine_sequence(PIXELS, RIG, layout=LAYOUT, fps=fps),
+        "Refiner": lambda: sk.Refiner(RIG, layout=LAYOUT, fps=fps),
+        "Tracker": lambda: sk.Tracker(RIG, layout=LAYOUT, fps=fps),
+        "track": lambda: sk.track(SEEN[:, :, None], RIG, layout=LAYOUT, fps=fps),
+    }
+    with pytest.raises(sk.InvalidInputError, match=r"^fps: expected a positive number, got .+$"):
+        calls[name]()
+
+
+@pytest.mark.parametrize("seed", [-1, 1.5, "x"])
+def test_a_seed_that_is_none_is_named(seed):
+    with pytest.raises(sk.InvalidInputError, match=r"^seed: expected a whole number of at least 0, or a gen"):
+        synthetic.motion("walk", 3, seed=seed)
+
+
+def test_simulated_poses_have_a_limit():
+    with pytest.raises(sk.InvalidInputError, match=r"^poses: expected at most 10000000, got "):
+        synthetic.simulate_set("human36m-like", poses=10**400)
+
+
+@pytest.mark.parametrize(
+    ("given", "text"),
+    [
+        ({"root": np.zeros((3, 3))}, r"root: expected shape \(2, 3\) or \(3,\), got \(3, 3\)"),
+        ({"heading_deg": np.zeros(3)}, r"heading_deg: expected shape \(2,\) or \(\), got \(3,\)"),
+        (
+            {"angles": {"knee_flexion_l": np.zeros(3)}},
+            r"angles\['knee_flexion_l'\]: expected shape \(2,\) or",
+        ),
+    ],
+)
+def test_angles_of_another_number_of_frames_are_named(given, text):
+    with pytest.raises(sk.InvalidInputError, match="^" + text):
+        synthetic.forward_kinematics(**{"angles": {}, "n_frames": 2, **given})
+
+
+def test_a_layout_is_printed_in_one_form():
+    assert_fails(
+        invoke("layouts", "coco17", "--toml", "--json"), 2, "--toml: expected --toml or --json, got both"
+    )
+
+
+def test_no_frames_are_triangulated():
+    assert baselines.dlt(SEEN[:0], RIG).shape == (0, 17, 3)
+
+
+def test_what_files_hold_is_shortened_in_messages():
+    said = str(sk.DatasetError("a.csv", "line 1", "frame", "x" * 5000))
+    assert len(said) < 1100
+    assert said.startswith("a.csv: line 1: expected frame, got xxx")
+
+
+@pytest.mark.parametrize("confidence", [1e-29, 1e-31, 1e-150, 5e-324])
+def test_tiny_confidences_do_not_make_a_pose_nan(confidence):
+    seen = SEEN.copy()
+    seen[..., 2] = confidence
+    for found in (
+        sk.refine(None, seen, RIG, layout=LAYOUT),
+        sk.refine_sequence(seen, RIG, layout=LAYOUT, fps=50.0),
+    ):
+        there = found.joint_status != "unobserved"
+        assert there.all() == (confidence > 1e-30)
+        assert np.isfinite(found.pose[there]).all()
+
+
+def test_a_calibrations_name_of_numbers_that_are_no_characters(tmp_path):
+    np.savez(
+        tmp_path / "a.npz",
+        **{name: np.zeros(3) for name in "KRt"},
+        names=np.array([0x110000], "<u4").view("<U1"),
+    )
+    with pytest.raises(
+        sk.DatasetError, match=r"a\.npz: names: expected text, got a character of number 1114112"
+    ):
+        read_calibration(tmp_path / "a.npz")
+
+
+@pytest.mark.parametrize("value", [np.inf, -1e31, 1e308])
+def test_data_sets_have_numbers_that_can_be_computed_with(value):
+    truth = hand_made().truth.copy()
+    truth[0, 3, 1] = value
+    with pytest.raises(
+        sk.DatasetError, match=r"truth: expected numbers within ±1e\+30, NaN where missing, got "
+    ):
+        replace(hand_made(), truth=truth)
+
+
+def test_complex_numbers_of_data_sets_are_no_coordinates(tmp_path):
+    with pytest.raises(sk.DatasetError, match="x: expected real numbers, got an array of complex128"):
+        as_numbers(tmp_path, "x", np.ones(3, complex))
+
+
+def test_occluders_over_a_body_without_joints():
+    noise = synthetic.DetectionNoise(occluded_views=1)
+    assert synthetic.draw_occluders(PIXELS[:, :, :0], noise=noise, seed=0) is not None
+
+
+def test_covariances_of_the_start_are_not_as_good_as_singular():
+    narrow = np.broadcast_to(np.diag([1e-320, 500.0, 600.0]), (17, 3, 3))
+    with pytest.raises(sk.InvalidInputError, match=r"^init_sigma\[0\]: expected a symmetric pos"):
+        sk.refine(POSES[0], PIXELS[0], RIG, init_sigma=narrow)
+    for least in (1e-29, 1e-20, 1e-12):
+        spread = np.broadcast_to(np.diag([least, 500.0, 600.0]), (17, 3, 3))
+        assert np.isfinite(sk.refine(POSES[0], PIXELS[0], RIG, init_sigma=spread).pose).all()
+
+
+def test_people_who_are_a_list_of_masked_numbers_are_named():
+    with pytest.raises(sk.InvalidInputError, match=r"^people: expected a list of views in every frame, got "):
+        sk.track([np.ma.masked], RIG, layout=LAYOUT, fps=50.0)

@@ -1,0 +1,201 @@
+"""Two runs into one folder: the second is refused, and the files of two runs are not read as one."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import skelsplat as sk
+from skelsplat._lock import locked
+from skelsplat.io import read_run
+from skelsplat.io._run_files import REPORT
+from skelsplat.run import PeopleRun, Run
+from skelsplat.run import folder as folders
+from skelsplat.run.overlay.scene import Scene
+from sweeps import swept
+
+# writes a run into the folder that a line names, for as long as lines come
+WRITE = """
+import sys
+import skelsplat.run.folder as folders
+from skelsplat.run import Run
+folders.can_draw = lambda: False
+run = Run.open(sys.argv[1])
+print("ready", flush=True)
+for line in sys.stdin:
+    try:
+        run.write(line.strip())
+    except folders.DatasetError as error:
+        print(error, flush=True)
+    else:
+        print("written", flush=True)
+"""
+HOLD = """
+import sys
+from pathlib import Path
+from skelsplat._lock import locked
+with locked(Path(sys.argv[1])):
+    print("held", flush=True)
+    sys.stdin.readline()
+"""
+MARKED = ("pose.npz", "cameras.json", "detections.npz", "layout.toml")
+
+
+def started(program, argument):
+    """Start a process, and wait for its first line."""
+    process = subprocess.Popen(
+        [sys.executable, "-c", program, str(argument)],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(path for path in sys.path if path)},
+    )
+    assert process.stdout.readline() in ("ready\n", "held\n")
+    return process
+
+
+@pytest.fixture
+def runs(finished_run, tmp_path, monkeypatch):
+    """Two runs of the same frames and joints, with a layout of their own: (folder, run) each."""
+    monkeypatch.setattr(folders, "can_draw", lambda: False)
+    first = Run.open(finished_run)
+    layout = replace_name(first.layout)
+    first = replace(first, inputs=replace(first.inputs, layout=layout), report={**first.report, "note": "A"})
+    moved = replace(first.poses, pose=first.poses.pose + 1)
+    found = {"A": first, "B": replace(first, poses=moved, report={**first.report, "note": "B"})}
+    for name, run in found.items():
+        run.write(tmp_path / name)
+    return {name: (tmp_path / name, run) for name, run in found.items()}
+
+
+def replace_name(layout):
+    return sk.layouts.from_names("own", layout.joints, layout.limbs)
+
+
+def which(folder):
+    """Return which of the runs a folder holds as a whole; an error if it is a mixture."""
+    read = read_run(folder)
+    assert not list(folder.glob(".*"))
+    return read.report["note"], float(read.poses.pose[0, 0, 0])
+
+
+@pytest.mark.parametrize("rounds", [4, swept(300)])
+def test_of_two_processes_one_writes_and_the_other_is_refused_or_comes_later(runs, tmp_path, rounds):
+    writers = [started(WRITE, folder) for folder, _ in runs.values()]
+    whole = {which(folder) for folder, _ in runs.values()}
+    refused = 0
+    for k in range(rounds):
+        out = tmp_path / f"out{k % 3}"
+        for writer in writers:
+            print(out, file=writer.stdin, flush=True)
+        said = [writer.stdout.readline() for writer in writers]
+        assert "written\n" in said
+        pids = {f"process {writer.pid} on " for writer in writers}
+        for text in set(said) - {"written\n"}:
+            assert (
+                f"{out}: output: expected a folder into which no other run writes, got one in use by" in text
+            )
+            assert "another process" in text or any(pid in text for pid in pids)
+            refused += 1
+        assert which(out) in whole
+    print(f"{rounds} rounds, {refused} refused")
+    for writer in writers:
+        writer.communicate()
+
+
+def test_the_lock_of_a_process_that_was_killed_holds_nothing(tmp_path):
+    process = started(HOLD, tmp_path)
+    held = rf"in use by process {process.pid} on .* since 20\d\d-"
+    with pytest.raises(sk.DatasetError, match=held), locked(tmp_path):
+        pass
+    process.kill()
+    process.communicate()
+    assert [path.name for path in tmp_path.iterdir()] == [".skelsplat.lock"]
+    with locked(tmp_path):
+        assert f"process {os.getpid()} on" in (tmp_path / ".skelsplat.lock").read_text()
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_file_system_without_locks_is_written_to(tmp_path, monkeypatch):
+    def unsupported(*_):
+        raise OSError(95, "Operation not supported")
+
+    monkeypatch.setattr("fcntl.flock", unsupported)
+    with locked(tmp_path):
+        pass
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_run_that_is_refused_leaves_the_folder_as_it_is(runs, tmp_path):
+    folder, run = runs["A"]
+    before = {path.name: path.read_bytes() for path in folder.iterdir()}
+    with (
+        locked(folder),
+        pytest.raises(sk.DatasetError, match="output: expected a folder into which no other"),
+    ):
+        run.write(folder)
+    assert {path.name: path.read_bytes() for path in folder.iterdir()} == before
+    run.write(tmp_path / "again")  # the same run is the same bytes
+    assert {path.name: path.read_bytes() for path in (tmp_path / "again").iterdir()} == before
+
+
+@pytest.mark.parametrize("name", MARKED)
+def test_a_file_of_another_run_is_named_with_the_report(runs, name):
+    (first, _), (second, _) = runs.values()
+    shutil.copy(second / name, first / name)
+    with pytest.raises(sk.DatasetError) as raised:
+        read_run(first)
+    ids = [json.loads((folder / REPORT).read_text())["run"] for folder in (first, second)]
+    assert ids[0] != ids[1]
+    assert str(raised.value) == (
+        f"{first / name}: run: expected {ids[0]}, as in {first / REPORT}, got {ids[1]}: "
+        "files of two runs are mixed, run it again"
+    )
+
+
+def without_marks(folder):
+    """Take the marks out of a folder's files, as an earlier version wrote them."""
+    for name in ("cameras.json", REPORT):
+        document = json.loads((folder / name).read_text())
+        document = {key: value for key, value in document.items() if key not in ("run", "note")}
+        (folder / name).write_text(json.dumps(document))
+    for name in ("pose.npz", "detections.npz"):
+        with np.load(folder / name) as arrays:
+            kept = {key: arrays[key] for key in arrays.files if key != "run"}
+        np.savez(folder / name, **kept)
+    text = (folder / "layout.toml").read_text()
+    (folder / "layout.toml").write_text(text.partition("\n")[2])
+
+
+def test_the_runs_of_earlier_versions_are_read_and_told_from_later_ones(runs):
+    (first, _), (second, _) = runs.values()
+    without_marks(first)
+    np.testing.assert_array_equal(read_run(first).poses.pose, runs["A"][1].poses.pose)
+    shutil.copy(second / "pose.npz", first / "pose.npz")
+    with pytest.raises(
+        sk.DatasetError, match=r"pose\.npz: run: expected none, as in .*report\.json, got \w{16}:"
+    ):
+        read_run(first)
+
+
+def test_the_person_of_another_run_is_named(runs, tmp_path):
+    (_, one), (_, two) = runs.values()
+    people = [{"id": 0, "folder": "person_0"}]
+    report = {"versions": one.report["versions"], "settings": {}, "findings": [], "people": people}
+    report["folders"] = ["person_0"]
+    for name, run in (("X", one), ("Y", two)):
+        PeopleRun({0: run}, (), report).write(tmp_path / name, html=False)
+    assert PeopleRun.open(tmp_path / "X").people[0].report["note"] == "A"
+    shutil.rmtree(tmp_path / "X" / "person_0")
+    shutil.copytree(tmp_path / "Y" / "person_0", tmp_path / "X" / "person_0")
+    expected = r"X/person_0/report\.json: run: expected \w{16}, as in .*X/report\.json, got \w{16}"
+    for read in (PeopleRun.open, Scene.read):
+        with pytest.raises(sk.DatasetError, match=expected):
+            read(tmp_path / "X")

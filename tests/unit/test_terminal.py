@@ -1,0 +1,220 @@
+"""Names of files, cameras and joints reach the terminal as they are: no control character, no markup."""
+
+from __future__ import annotations
+
+import json
+import re
+import warnings
+from io import StringIO
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import skelsplat as sk
+from command_line import invoke
+from skelsplat import synthetic, viz
+from skelsplat._escape import CONTROL, escaped
+from skelsplat._json import to_text
+from skelsplat.cameras import altered
+from skelsplat.cli import app, output
+from skelsplat.exceptions import DatasetError, InvalidInputError
+from skelsplat.findings import FindingWarning, remark
+from skelsplat.io import write_calibration
+from skelsplat.run import folder as folders
+
+# a window's title and markup, the screen cleared in eight bits, a line of its own, a direction, an emoji
+CAMERAS = ["\x1b]0;x\x07[red]x[/red]", "a\x9b2Jb", "c\nerror: none", "\u202e:warning:\x7f"]
+JOINTS = ["\x1b[31mhead", "b\x9bc", "[bold]d[/bold]\r", "left_\u2028e", "right_\u2028e", "f\tg"]
+NAMED = "o\x1b[31m[blue]\u202et"
+T = 4
+
+
+@pytest.fixture(scope="module")
+def given(tmp_path_factory):
+    """Return a folder of files with such names in them, and a run of them."""
+    top = tmp_path_factory.mktemp("names") / NAMED
+    top.mkdir()
+    cameras = [altered(one, name=name) for one, name in zip(synthetic.human36m_like(), CAMERAS, strict=True)]
+    rig = sk.CameraRig(cameras, "mm")
+    write_calibration(top / "rig.json", rig)
+    sk.layouts.write(top / "own.toml", sk.layouts.from_names("lay\x1bout", JOINTS, [(0, 1), (2, 3), (2, 4)]))
+    pose = synthetic.motion("walk", T, seed=3)[:, :6]
+    seen = sk.project(pose, rig).swapaxes(0, 1)
+    seen[:, 1, :, 0] += 60  # a camera that the others contradict
+    names = {"camera_names": np.array(CAMERAS), "joint_names": np.array(JOINTS), "frames": np.arange(T)}
+    np.savez(
+        top / "seen.npz", detections=np.concatenate([seen, np.full((*seen.shape[:-1], 1), 0.9)], -1), **names
+    )
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(folders, "can_draw", lambda: False)
+        run = invoke("refine", *read(top), "-o", top / "out", "--fps", 50, "--write", "csv")
+    assert run.exit_code == 0, run.output
+    return top, run
+
+
+def read(top):
+    return [top / "rig.json", top / "seen.npz", "--layout", top / "own.toml"]
+
+
+def shown(result, *parts, status=0):
+    """Assert what is on the terminal: these parts, none of the control characters but ends of lines."""
+    assert result.exit_code == status, result.output
+    text = result.stdout + result.stderr
+    assert set(CONTROL.findall(text)) <= {"\n"}
+    for part in parts:
+        assert part in text.replace("\n", ""), (part, text)
+    return text
+
+
+ESCAPED = [r"\x1b]0;x\x07[red]x[/red]", r"a\x9b2Jb", r"c\nerror: none", r"\u202e:warning:\x7f"]
+
+
+def test_a_run_prints_names_as_they_are(given):
+    text = shown(given[1], *ESCAPED, r"\x1b[31mhead", "[bold]d[/bold]", r"o\x1b[31m[blue]\u202et/out/")
+    assert not [line for line in text.splitlines() if line.startswith("error")]
+
+
+COMMANDS = {
+    "check-cameras": (lambda top: read(top), ESCAPED, (0, 1)),
+    "adjust-cameras": (lambda top: [*read(top), "-o", top / "new.toml", "--force"], ESCAPED, (0, 1)),
+    "convert": (
+        lambda top: [top / "rig.json", top / "new.json", "--force"],
+        [*ESCAPED[:2], r"\x1b[31m"],
+        (0,),
+    ),
+    "layouts": (lambda top: [top / "own.toml"], [r"lay\x1bout", r"\x1b[31mhead", "[bold]d[/bold]"], (0,)),
+    "overlay": (lambda top: [top / "out", "--plain", "--png", "--range", "0-0"], [r"\x1b[31m[blue]"], (0,)),
+    "plot": (lambda top: [top / "out", "--only", "bones", "--format", "png"], [r"\x1b[31m[blue]"], (0,)),
+}
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+@pytest.mark.filterwarnings("ignore:Glyph")
+def test_no_command_obeys_names(given, name):
+    top = given[0]
+    arguments, parts, status = COMMANDS[name]
+    result = invoke(name, *arguments(top))
+    assert result.exit_code in status, result.output
+    shown(result, *parts, status=result.exit_code)
+    result = invoke(name, *arguments(top), "--json")
+    json.loads(shown(result, status=result.exit_code).partition("warning: ")[0])
+    result = invoke(name, *arguments(top), "--quiet")
+    shown(result, status=result.exit_code)
+
+
+def test_a_layout_printed_as_toml_is_the_same_layout(given, tmp_path):
+    (tmp_path / "again.toml").write_text(shown(invoke("layouts", given[0] / "own.toml", "--toml")))
+    assert sk.layouts.read(tmp_path / "again.toml").joints == tuple(JOINTS)
+
+
+def test_a_batch_names_its_recordings(given, tmp_path):
+    top, _ = given
+    table = (
+        '[[session]]\nname = "a\\u001b[31m[red]s[/red]"\ncalibration = "rig.json"\ndetections = "none.npz"\n'
+    )
+    (top / "sessions.toml").write_text(table)
+    for option in ((), ("-q",)):
+        result = invoke("batch", top / "sessions.toml", "-o", tmp_path / NAMED, *option)
+        shown(result, r"a\x1b[31m[red]s[/red]: ", r"\x1b[31m[blue]\u202et", status=1)
+
+
+def test_live_names_cameras_and_what_is_wrong(given):
+    top, _ = given
+    line = json.dumps({"frame": "\x9b[31m", "detections": {"\x1b[31m\x9bx": []}}, ensure_ascii=False)
+    command = ["live", str(top / "rig.json"), "--layout", str(top / "own.toml")]
+    shown(
+        CliRunner().invoke(app, command, input=line + "\n"), *ESCAPED, r"lay\x1bout", r'"\u001b[31m\u009bx"'
+    )
+
+
+@pytest.mark.parametrize(
+    ("arguments", "parts"),
+    [
+        (["refine", "none\x1b[31m.json", "x", "-o", "out"], [r"none\x1b[31m.json: "]),
+        (["plot", "[red]none\x9b[/red]"], [r"[red]none\x9b[/red]"]),
+        (["convert", "\u202enone", "x.toml"], [r"\u202enone"]),
+        (["layouts", "\x1b[31mh36m"], ["NAME: expected", "[31mh36m"]),
+        (["refine", "a", "b", "-o", "c", "--order", "\x1b[31m"], []),
+        (["\x1b[31mnone"], []),
+        (["datasets", "check", "human36m", "none\x1b[31m[red]x[/red]"], [r"none\x1b[31m[red]x[/red]"]),
+    ],
+)
+def test_errors_name_files_and_values_as_they_are(arguments, parts, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    result = invoke(*arguments)
+    assert result.exit_code in (1, 2)
+    shown(result, *parts, status=result.exit_code)
+
+
+def test_the_bar_shows_names_as_they_are(monkeypatch):
+    class Tty(StringIO):
+        def isatty(self):
+            return True
+
+    monkeypatch.setattr("sys.stderr", Tty())
+    monkeypatch.setenv("TERM", "xterm")
+    with output.counting("frames", shown=True) as count:
+        count("[red]x[/red]\x1b]0;t\x07", 1, 2)
+    with output.described("evaluating", shown=True) as bar:
+        bar("[red]y[/red]\x9b", 1, 2)
+    text = output.sys.stderr.getvalue() if hasattr(output, "sys") else __import__("sys").stderr.getvalue()
+    assert r"[red]x[/red]\x1b]0;t\x07" in text
+    assert r"[red]y[/red]\x9b" in text
+    assert "\x1b]0;t" not in text
+
+
+def test_errors_and_warnings_of_the_library_are_one_line_of_text():
+    assert (
+        str(DatasetError("a\x1b[31m", "b", "c\x9b", "d\u202e"))
+        == r"a\x1b[31m: b: expected c\x9b, got d\u202e"
+    )
+    error = InvalidInputError("name: expected x, got \x1b[31m\n")
+    assert str(error) == r"name: expected x, got \x1b[31m\n"
+    with pytest.raises(InvalidInputError, match=r"expected one of .*, got 'h\\x1b\[31m'"):
+        sk.layouts.get("h\x1b[31m")
+    finding = remark("of \x1b]0;t\x07")
+    assert finding.text == str(FindingWarning(finding)) == r"of \x1b]0;t\x07"
+
+
+def test_json_keeps_the_names_and_obeys_none():
+    names = [*CAMERAS, *JOINTS, "caf\u00e9 \U0001f600", "\udcff"]
+    text = to_text({name: name for name in names})
+    assert set(CONTROL.findall(text)) == {"\n"}
+    assert "caf\u00e9 \U0001f600" in text
+    assert json.loads(text) == {name: name for name in names}
+
+
+def test_text_without_control_characters_is_left_alone():
+    for text in ("cam_01 µ→±", "日本 \U0001f3a5", "می\u200cخواهم", "C:\\new\\table", "[red]x[/red]"):
+        assert escaped(text) == text
+    assert escaped("\udcff\x00\x85") == r"\udcff\x00\x85"
+
+
+@pytest.mark.filterwarnings("always")
+def test_a_warning_of_a_library_is_one_line(monkeypatch):
+    said = warnings.warn
+    monkeypatch.setattr("skelsplat.cli.layouts._list", lambda **_: said("a\n\x1b[31mb", stacklevel=1))
+    assert invoke("layouts").stderr == "warning: a \\x1b[31mb\n"
+
+
+@pytest.mark.painted
+def test_figures_show_names_as_they_are(tmp_path):
+    names = {"camera_names": ("$\\frac$", "$a_$"), "joint_names": ("$\\b$", "b", "c")}
+    data = viz.WeightData(weights=np.ones((2, 2, 3)), frames=np.arange(2), rejected_below=0.25, **names)
+    viz.write_weights(tmp_path / "weights.png", data)
+    assert (tmp_path / "weights.png").stat().st_size > 5000
+
+
+def test_commands_print_through_what_escapes():
+    printing = {
+        (path.name, found)
+        for path in Path(output.__file__).parent.glob("*.py")
+        for found in re.findall(r"\bConsole\(|typer\.echo\(|(?<!\.)\bprint\(", path.read_text())
+    }
+    assert printing == {
+        ("output.py", "typer.echo("),
+        *((name, "typer.echo(") for name in ("_app.py", "command.py", "datasets.py")),  # help, the version
+        ("layouts.py", "typer.echo("),  # TOML, which escapes
+    }

@@ -1,0 +1,177 @@
+"""Install a wheel or an sdist into an empty environment and use it there, as a stranger would.
+
+    python tools/check_package.py dist/*.whl              # no Rust: the environment is all there is in PATH
+    python tools/check_package.py dist/*.tar.gz           # built there, with the Rust of this machine
+    python tools/check_package.py dist/*.whl --python python3.13
+    python tools/check_package.py --here                  # what this interpreter has installed
+
+It needs the standard library alone, so it also runs in the containers that build wheels.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib.metadata
+import importlib.util
+import os
+import shutil
+import subprocess
+import sys
+import sysconfig
+import tempfile
+import venv
+from pathlib import Path
+
+LICENCES = ("LICENSE", "LICENSE.pose2sim", "third-party.yml", "rust-std.txt")
+# What is said where an extra is absent.
+NEEDS_VIZ = "pip install 'skelsplat[viz]'"
+
+
+def main() -> None:
+    """Check the package given, or what is installed here."""
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("package", nargs="?", type=Path, help="a wheel or an sdist")
+    parser.add_argument("--python", default=sys.executable, help="interpreter of the environment")
+    parser.add_argument("--here", action="store_true", help="check what is installed beside this interpreter")
+    chosen = parser.parse_args()
+    if chosen.here:
+        check_installed()
+    elif chosen.package is None:
+        parser.error("expected a wheel or an sdist, or --here")
+    else:
+        check_package(chosen.package.resolve(), chosen.python)
+
+
+def check_package(package: Path, python: str) -> None:
+    """Install the package into an empty environment and check it there."""
+    with tempfile.TemporaryDirectory(prefix="skelsplat-package-") as folder:
+        home = Path(folder) / "env"
+        if python == sys.executable:
+            venv.create(home, with_pip=True)
+        else:
+            subprocess.run([python, "-m", "venv", home], check=True)
+        scripts = home / ("Scripts" if os.name == "nt" else "bin")
+        environment = {name: value for name, value in os.environ.items() if not name.startswith("PYTHON")}
+        if package.suffix == ".whl":
+            environment["PATH"] = str(scripts)
+            if shutil.which("cargo", path=environment["PATH"]) or shutil.which(
+                "cc", path=environment["PATH"]
+            ):
+                sys.exit("a compiler is in the empty environment")
+        here = scripts / ("python.exe" if os.name == "nt" else "python")
+        install = [here, "-m", "pip", "install", "--quiet", "--disable-pip-version-check", package]
+        subprocess.run(install, check=True, env=environment, cwd=folder)
+        check = [here, Path(__file__).resolve(), "--here"]
+        status = subprocess.run(check, check=False, env=environment, cwd=folder).returncode
+    sys.exit(status)
+
+
+def check_installed() -> None:
+    """Use the package that this interpreter finds; its folder must not be the source's."""
+    with tempfile.TemporaryDirectory(prefix="skelsplat-check-") as folder:
+        os.chdir(folder)
+        describe()
+        check_files()
+        check_arrays()
+        check_commands(Path(folder))
+    print("works")
+
+
+def describe() -> None:
+    """Print what is checked: versions, the interpreter and the compiled module."""
+    import numpy as np
+
+    import skelsplat
+    from skelsplat import _skelsplat
+
+    module = Path(_skelsplat.__file__)
+    gil = getattr(sys, "_is_gil_enabled", lambda: True)()
+    print(
+        f"skelsplat {skelsplat.__version__} ({module.name}), Python {sys.version.split()[0]}"
+        f"{'' if gil else ' without the GIL'}, NumPy {np.__version__}, {sysconfig.get_platform()}"
+    )
+    expect(module.is_relative_to(sysconfig.get_path("platlib")), f"the installed module, not {module}")
+    expect(
+        skelsplat.__version__ == importlib.metadata.version("skelsplat"), "one version in code and metadata"
+    )
+    # Importing a module that does not declare that it needs no GIL turns it on again.
+    expect(not (gil and sysconfig.get_config_var("Py_GIL_DISABLED")), "the GIL off in a free-threaded build")
+
+
+def check_files() -> None:
+    """Types, licences of all that is inside, and the list of what it is made of."""
+    files = importlib.metadata.files("skelsplat") or []
+    inside = {path.name for path in files}
+    for name in ("py.typed", "_skelsplat.pyi", *LICENCES, "skelsplat.cdx.json"):
+        expect(name in inside, f"{name} in the package")
+
+
+def check_arrays() -> None:
+    """Refine simulated detections here and in eight threads at once: the same bits, close to the truth."""
+    import threading
+
+    import skelsplat as sk
+    from skelsplat import synthetic
+
+    rig = synthetic.human36m_like()
+    truth = synthetic.motion("walk", 10, seed=0)
+    good = synthetic.DetectionNoise.good()
+    seen = synthetic.simulate_detections(truth, rig, noise=good, seed=0)
+    alone = sk.refine(None, seen, rig, layout="h36m17").pose
+    error = sk.metrics.mpjpe(alone, truth)
+    expect(error < sk.metrics.mpjpe(sk.triangulate(seen, rig, method="dlt"), truth), "an error below DLT's")
+    others: list[bytes] = []
+    threads = [
+        threading.Thread(
+            target=lambda: others.append(sk.refine(None, seen, rig, layout="h36m17").pose.tobytes())
+        )
+        for _ in range(8)
+    ]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    expect(others == [alone.tobytes()] * 8, "the same bits in 8 threads")
+    print(f"arrays: {error:.1f} mm, the same bits in 8 threads")
+
+
+def check_commands(folder: Path) -> None:
+    """`demo`, `refine` from the files that it writes, and the message where an extra is absent."""
+    import numpy as np
+
+    print(run("demo", "-o", "demo", "--quiet").stderr.strip() or "demo: no warnings")
+    given = ["input/Calib.toml", "input/openpose", "--unit", "m", "--layout", "body25b", "--fps", "60"]
+    run(
+        "refine",
+        *(f"demo/{name}" if name.startswith("input/") else name for name in given),
+        "-o",
+        "out",
+        "--quiet",
+    )
+    with np.load(folder / "demo/pose.npz") as one, np.load(folder / "out/pose.npz") as two:
+        for name in ("pose", "error_bar"):
+            expect(np.array_equal(one[name], two[name], equal_nan=True), f"{name} of demo and refine alike")
+    print(f"refine from files: {len(list((folder / 'out').iterdir()))} files, as demo")
+    if importlib.util.find_spec("matplotlib") is None:
+        failed = run("plot", "out", status=1)
+        expect(NEEDS_VIZ in failed.stderr, f"{NEEDS_VIZ} in {failed.stderr!r}")
+        print(f"without viz: {failed.stderr.strip()}")
+
+
+def run(*arguments: str, status: int = 0) -> subprocess.CompletedProcess[str]:
+    """Run the command that was installed, and check its exit status."""
+    command = shutil.which("skelsplat", path=sysconfig.get_path("scripts"))
+    expect(command is not None, "the command skelsplat")
+    done = subprocess.run([str(command), *arguments], capture_output=True, text=True, check=False)
+    expect(done.returncode == status, f"status {status} of skelsplat {arguments[0]}, got {done.stderr}")
+    return done
+
+
+def expect(held: bool, what: str) -> None:
+    """End with a message unless it holds."""
+    if not held:
+        sys.exit(f"expected {what}")
+
+
+if __name__ == "__main__":
+    main()
