@@ -343,7 +343,9 @@ def test_too_many_people_to_compare_are_said_once(monkeypatch) -> None:
     rng, cameras = np.random.default_rng(2), sk.synthetic.ring(2)
     people = rng.uniform(0.0, 1000.0, (2, 1001, 1, 2)) + rng.uniform(0.0, 100.0, (17, 2))
     tracker = sk.Tracker(cameras, layout="h36m17", fps=30.0)
-    with pytest.warns(UserWarning, match=r"in a frame there were too many people .* \(up to 1,001 in a view\)"):
+    with pytest.warns(
+        UserWarning, match=r"in a frame there were too many people .* \(up to 1,001 in a view\)"
+    ):
         tracker.step(people)
     with warnings.catch_warnings():
         warnings.simplefilter("error")

@@ -4,8 +4,8 @@
 pub(super) const SIZE_COST: f64 = 1e-3;
 /// A pair of figures proposes nothing if their rays miss each other by this many gates, in the median.
 pub(super) const MISSED: f64 = 1.5;
-/// The usual [`Rules::most_work`]: a fifth of a second.
-pub const MOST_WORK: usize = 16_000_000;
+/// The usual [`Rules::most_work`]: a quarter of a second.
+pub const MOST_WORK: usize = 48_000_000;
 /// Work of a triangulation, a projection and a median, compared with that of a distance.
 pub(super) const TRIANGULATION: usize = 16;
 pub(super) const PROJECTION: usize = 4;
