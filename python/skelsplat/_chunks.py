@@ -85,7 +85,7 @@ def _read(entries: dict[str, ArrayLike], n_views: int) -> CheckedChunk:
         raise InvalidInputError(
             f"init_pose: expected shape {shape}, as in the detections, got shape {init.shape}"
         )
-    return CheckedChunk(given, init)
+    return CheckedChunk(given, init.copy())  # a source may fill the same array again
 
 
 def _compare(chunk: CheckedChunk, first: CheckedChunk) -> None:
@@ -108,6 +108,7 @@ class Source:
     n_views: int
     again: bool = True  # whether they can be gone through more than once
     array: Sliceable | None = None
+    n_frames: int | None = None  # where it is known without reading
 
     def __iter__(self) -> Iterator[CheckedChunk]:
         first: CheckedChunk | None = None
@@ -115,11 +116,6 @@ class Source:
             chunk = checked(given, f"chunks[{k}]", self.n_views, first)
             first = chunk.part(0, 0).copy() if first is None else first
             yield chunk
-
-    @property
-    def n_frames(self) -> int | None:
-        """The number of all frames, where it is known without reading."""
-        return None if self.array is None else int(self.array.shape[0])
 
     def count(self) -> int | None:
         """Return the number of all frames; None if they can be gone through only once."""
@@ -156,8 +152,9 @@ def source_of(chunks: Chunks, n_views: int, per_chunk: int | None) -> Source:
         array: Any = chunks
         positive("frames_per_chunk", PER_CHUNK if per_chunk is None else per_chunk, "integer")
         size = int(per_chunk or PER_CHUNK)
-        starts = range(0, shape[0], size)
-        return Source(lambda: (array[a : a + size] for a in starts), n_views, array=array)
+        n = int(shape[0])
+        pieces = [slice(a, min(a + size, n)) for a in range(0, n, size)]
+        return Source(lambda: (array[piece] for piece in pieces), n_views, array=array, n_frames=n)
     if per_chunk is not None:
         raise InvalidInputError(f"frames_per_chunk: expected None unless chunks is an array, got {per_chunk}")
     if callable(chunks):

@@ -14,7 +14,7 @@ from skelsplat._refine import Cameras, Progress, Refinement, refinement_fields, 
 from skelsplat._skelsplat import Layout, RefineConfig
 
 # Fields that all frames share.
-_OF_BONES = ("bones", "bone_lengths", "bone_length_sigma")
+OF_BONES = ("bones", "bone_lengths", "bone_length_sigma")
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,7 +112,7 @@ def frames_of(result: Refinement, frames: Index | slice) -> SequenceRefinement:
     """Return some frames of a result over time."""
     parts = {entry.name: getattr(result, entry.name) for entry in fields(SequenceRefinement)}
     return SequenceRefinement(
-        **{name: value if name in _OF_BONES else value[frames] for name, value in parts.items()}
+        **{name: value if name in OF_BONES else value[frames] for name, value in parts.items()}
     )
 
 
@@ -123,6 +123,6 @@ def joined(results: list[SequenceRefinement]) -> SequenceRefinement:
     whole = {
         entry.name: np.concatenate([getattr(result, entry.name) for result in results])
         for entry in fields(SequenceRefinement)
-        if entry.name not in _OF_BONES
+        if entry.name not in OF_BONES
     }
-    return SequenceRefinement(**whole, **{name: getattr(results[-1], name) for name in _OF_BONES})
+    return SequenceRefinement(**whole, **{name: getattr(results[-1], name) for name in OF_BONES})

@@ -150,6 +150,32 @@ def test_initial_poses_place_joints_in_time(seen):
     same(results, expected, but=("bone_length_sigma",))
 
 
+def test_a_source_may_fill_the_same_arrays_again(seen):
+    frames, start = seen[:700], np.random.default_rng(1).normal(0, 500, (700, 6, 3))
+    expected = sk.refine_sequence(frames, RIG, fps=FPS, layout=ARM, init_pose=start)
+    given = {"detections": np.empty_like(frames[:70]), "init_pose": np.empty_like(start[:70])}
+
+    def chunks() -> Iterator[dict[str, np.ndarray]]:
+        for k in range(0, 700, 70):
+            given["detections"][:], given["init_pose"][:] = frames[k : k + 70], start[k : k + 70]
+            yield given
+
+    results = list(sk.refine_batches(chunks, RIG, fps=FPS, layout=ARM))
+    same(results, expected, but=("bone_length_sigma",))
+
+
+def test_frames_added_to_an_array_meanwhile_do_not_count(seen):
+    class Growing:
+        shape = (400, *seen.shape[1:])
+
+        def __getitem__(self, frames: slice) -> np.ndarray:
+            self.shape = (400 + frames.stop, *seen.shape[1:])
+            return seen[frames]
+
+    results = list(sk.refine_batches(Growing(), RIG, fps=FPS, frames_per_chunk=150))
+    assert [len(result.pose) for result in results] == [150, 150, 100]
+
+
 def test_a_short_generator_has_the_bits_of_one_call(seen, whole):
     chunks = (part for part in cut(seen, 400, 400))
     same(list(sk.refine_batches(chunks, RIG, fps=FPS, layout=ARM)), whole, but=("bone_length_sigma",))

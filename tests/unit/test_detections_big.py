@@ -9,7 +9,7 @@ import pytest
 
 from skelsplat.exceptions import DatasetError
 from skelsplat.io import _rows
-from skelsplat.io.detections import open_detections, read_detections
+from skelsplat.io.detections import _csv_index, open_detections, read_detections
 
 CAMERAS = ["cam_a", "cam_b"]
 
@@ -99,3 +99,52 @@ def test_rows_in_a_file_are_those_appended(tmp_path: Path) -> None:
     rows.append(values[4:])
     assert rows.shape == values.shape
     np.testing.assert_array_equal(rows.read(0, 10), values)
+
+
+def write_csv(path: Path, seen: np.ndarray, order: str) -> Path:
+    """Write detections with two people, frame by frame, camera by camera, or in no order."""
+    steps, _, people, joints, _ = seen.shape
+    places = [
+        (t, m, p, j) for t in range(steps) for m in range(2) for p in range(people) for j in range(joints)
+    ]
+    if order == "by camera":
+        places.sort(key=lambda place: place[1])
+    if order == "by joint":
+        places.sort(key=lambda place: place[3])
+    lines = ["frame,camera,person,joint,x,y,confidence"]
+    for t, m, p, j in places:
+        values = seen[t, m, p, j]
+        shown = ",," if np.isnan(values).any() else ",".join(map(repr, values.tolist()))
+        lines.append(f"{3 * t},{CAMERAS[m]},{p},{j},{shown}")
+    path.write_text("\n".join(lines) + "\n")
+    return path
+
+
+@pytest.mark.parametrize("order", ["by frame", "by camera", "by joint"])
+def test_csv_in_blocks_is_the_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, order: str) -> None:
+    path = write_csv(tmp_path / "all.csv", detections(), order)
+    small = read_detections(path, CAMERAS, layout="h36m17")
+    monkeypatch.setattr(_rows, "BIG", 1)
+    monkeypatch.setattr(_csv_index, "_LINES", 100)
+    opened = open_detections(path, CAMERAS, layout="h36m17")
+    in_blocks = opened.views.views["cam_b"].stretch is not None
+    assert in_blocks == (order != "by joint")  # which is read as a whole
+    np.testing.assert_array_equal(np.concatenate(list(opened.stretches(5))), small.people)
+    np.testing.assert_array_equal(opened.read().people, small.people)
+    assert opened.frames.tolist() == small.frames.tolist()
+
+
+@pytest.mark.usefixtures("everything_is_big")
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("\n30,cam_a,0,5,", "\n30,cam_a,0,4,", "line 687, joint: .*got '4' again in frame 30"),
+        ("\n30,cam_a,0,5,", "\n30,cam_a,0,5,x", "line 687, x: "),
+        ("\n30,cam_a,0,5,", "\n30,cam_a,0,5,1,", "line 687: expected 7 fields, got 8 fields"),
+    ],
+)
+def test_a_fault_of_a_csv_is_named_with_its_line(tmp_path: Path, old: str, new: str, words: str) -> None:
+    path = write_csv(tmp_path / "all.csv", np.nan_to_num(detections(), nan=1.0), "by frame")
+    path.write_text(path.read_text().replace(old, new))
+    with pytest.raises(DatasetError, match=words):
+        list(open_detections(path, CAMERAS, layout="h36m17").stretches(4))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,6 +13,8 @@ from array_forms import LAYOUT, PIXELS, POSES, RIG, SEEN
 from command_line import assert_fails, invoke
 from skelsplat import synthetic
 from skelsplat.datasets._files import as_numbers
+from skelsplat.datasets._rig import camera_at_centre
+from skelsplat.datasets.panoptic import _bodies
 from skelsplat.evaluation import baselines
 from skelsplat.io import read_calibration
 from takes import hand_made
@@ -140,3 +143,23 @@ def test_covariances_of_the_start_are_not_as_good_as_singular():
 def test_people_who_are_a_list_of_masked_numbers_are_named():
     with pytest.raises(sk.InvalidInputError, match=r"^people: expected a list of views in every frame, got "):
         sk.track([np.ma.masked], RIG, layout=LAYOUT, fps=50.0)
+
+
+@pytest.mark.parametrize(
+    ("bodies", "text"),
+    [
+        ("true", "bodies: expected a list, got bool"),
+        (f'[{{"id": [], "joints19": {[1] * 76}}}]', "id: expected a whole number"),
+    ],
+)
+def test_bodies_of_panoptic_that_are_no_list_and_ids_that_are_no_number(tmp_path, bodies, text):
+    path = tmp_path / "body3DScene_00000001.json"
+    path.write_text(f'{{"bodies": {bodies}}}')
+    with pytest.raises(sk.DatasetError, match=rf"{path.name}: .*{text}"):
+        _bodies(path)
+
+
+def test_a_camera_of_a_data_set_at_1e308():
+    entry = {"R": np.eye(3).tolist(), "T": [1e308] * 3, "fx": 1, "fy": 1, "cx": 0, "cy": 0}
+    with pytest.raises(sk.DatasetError, match=r"T: expected 3 numbers within ±1e\+30, got"):
+        camera_at_centre(Path("a.json"), "a", entry, size=(9, 9), name="a")

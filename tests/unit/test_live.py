@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import math
+import pickle
 import re
 import signal
 import subprocess
@@ -18,6 +20,7 @@ from command_line import assert_fails, invoke
 from skelsplat import synthetic
 from skelsplat.cli import app, live
 from skelsplat.io import read_calibration, write_calibration
+from skelsplat.run.live._latencies import Latencies
 
 T = 6
 OPTIONS = ["--unit", "mm", "--layout", "h36m17"]
@@ -347,3 +350,25 @@ def test_help_is_of_the_method_that_runs():
         "--sigma-mm MM Largest final σ of a joint's kernel, unless the noise turns out to be larger." in text
     )
     assert "--paper" not in text
+
+
+def test_percentiles_of_all_latencies_are_within_one_per_cent_in_the_same_memory():
+    shares, kept = (50, 90, 99, 99.9), Latencies()
+    size = len(pickle.dumps(kept))
+    times = np.random.default_rng(1).lognormal(0.0, 2.0, 200_000)
+    for ms in times:
+        kept.add(ms)
+    exact = np.percentile(times, shares, method="inverted_cdf")
+    np.testing.assert_allclose(kept.percentiles(shares), exact, rtol=0.01)
+    assert (kept.count, kept.longest_ms) == (len(times), times.max())
+    assert len(pickle.dumps(kept)) < size + 3 * len(kept._counts)  # the counts have more digits
+
+
+@pytest.mark.parametrize(
+    ("ms", "found"), [(0.0, 0.0), (2e-4, 2e-4), (0.25, 0.25), (5e7, 1e6), (math.inf, 1e6)]
+)
+def test_latencies_beyond_the_bins_are_counted(ms, found):
+    kept = Latencies()
+    kept.add(ms)
+    assert kept.percentiles([0, 50, 100]) == [pytest.approx(found, rel=0.02)] * 3
+    assert kept.longest_ms == ms

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from dataclasses import replace
 
@@ -11,6 +12,8 @@ import pytest
 import skelsplat as sk
 from pose_sample import FILLED, JOINTS, MISSING, T, sample
 from skelsplat.io import PoseData, read_c3d, write_c3d
+from skelsplat.io.poses import _c3d, _c3d_child
+from sweeps import swept
 
 ezc3d = pytest.importorskip("ezc3d", reason="ezc3d is not installed: pip install 'skelsplat[formats]'")
 
@@ -209,3 +212,89 @@ def test_a_malformed_c3d(tmp_path, case):
     with pytest.raises(sk.DatasetError, match=rf"pose\.c3d: {message}") as caught:
         read_c3d(path)
     assert "\n" not in str(caught.value)
+
+
+def flipped(path, places):
+    """Yield the name of each place in bits, with the file written so that this bit is the other one."""
+    content = path.read_bytes()
+    for place in places:
+        damaged = bytearray(content)
+        damaged[place // 8] ^= 1 << place % 8
+        path.write_bytes(damaged)
+        yield place
+
+
+def in_a_fork(source, target, memory, seconds):
+    """Run the child as a fork of this process, which has loaded what it needs."""
+    pid = os.fork()
+    if pid == 0:
+        try:
+            _c3d_child.read(source, target, memory, seconds)
+        except BaseException:
+            os._exit(1)
+        os._exit(0)
+    return _c3d.ended_with(os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]))
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="forks, to be quick")
+@pytest.mark.timeout(7200)
+@pytest.mark.parametrize("count", [40, swept(None)])
+def test_a_flipped_bit_is_read_or_refused(tmp_path, monkeypatch, count):
+    monkeypatch.setattr(_c3d, "_child", in_a_fork)
+    path = tmp_path / "pose.c3d"
+    write_c3d(path, sample())
+    bits = 8 * path.stat().st_size
+    places = range(bits) if count is None else np.random.default_rng(1).choice(bits, count, replace=False)
+    refused = 0
+    for _ in flipped(path, map(int, places)):
+        try:
+            names = read_c3d(path).joint_names
+        except sk.DatasetError as error:
+            names = str(error).splitlines()
+            refused += 1
+        assert [name.encode() for name in names]
+    assert 0 < refused < len(places) / 2
+
+
+@pytest.mark.parametrize(
+    ("reading", "got"),
+    [
+        ("os.kill(os.getpid(), signal.SIGSEGV)", "signal 11"),
+        ("os.abort()", "signal 6"),
+        ("os._exit(3)", "status 3"),
+        ("os._exit(0)", "nothing read"),
+        ("exec('while True: pass')", "signal 24"),
+    ],
+)
+def test_a_file_that_ends_the_reader_is_an_error(tmp_path, monkeypatch, reading, got):
+    (tmp_path / "ezc3d.py").write_text(f"import os, signal\ndef c3d(_): {reading}\n")
+    write_c3d(tmp_path / "pose.c3d", sample())
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setattr(_c3d, "_SECONDS", (1, 10**6))
+    expected = rf"pose\.c3d: file: expected a complete C3D file, got one that ends its reader \({got}\)"
+    with pytest.raises(sk.DatasetError, match=expected):
+        read_c3d(tmp_path / "pose.c3d")
+
+
+def test_what_the_reader_says_and_what_it_may_take_are_in_the_error(tmp_path, monkeypatch):
+    write_c3d(tmp_path / "pose.c3d", sample())
+    monkeypatch.syspath_prepend(tmp_path)
+    for reading, got in (("bytearray(10**9)", "MemoryError"), ("int('x')", "invalid literal for int")):
+        (tmp_path / "ezc3d.py").write_text(f"def c3d(_): {reading}\n")
+        with pytest.raises(sk.DatasetError, match=rf"expected a complete C3D file, got {got}"):
+            read_c3d(tmp_path / "pose.c3d")
+
+
+def test_the_reader_imports_nothing_from_where_it_is_called(tmp_path, monkeypatch):
+    for name in ("numpy.py", "ezc3d.py", "json.py"):
+        (tmp_path / name).write_text("raise SystemExit('of the folder')")
+    write_c3d(tmp_path / "pose.c3d", sample())
+    monkeypatch.chdir(tmp_path)
+    assert read_c3d("pose.c3d").joint_names == JOINTS
+
+
+def test_labels_of_older_programs_are_latin_1(tmp_path):
+    with_parameters(LABELS=["Hueft", "b", "c"])(tmp_path / "old.c3d")
+    content = (tmp_path / "old.c3d").read_bytes().replace(b"Hueft", "Hüfte".encode("latin-1"))
+    (tmp_path / "old.c3d").write_bytes(content)
+    assert read_c3d(tmp_path / "old.c3d").joint_names == ("Hüfte", "b", "c")

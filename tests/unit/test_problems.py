@@ -11,7 +11,7 @@ import pytest
 import skelsplat as sk
 from command_line import READ, invoke, read_report
 from skelsplat.findings import Finding, Subject
-from skelsplat.run.frames import find_in_frames, rows_of
+from skelsplat.run.frames import FrameFacts, Usual, find_in_frames, rows_of
 from skelsplat.run.summary import frame_medians
 
 T, M, N = 20, 4, 3
@@ -38,7 +38,8 @@ def found():
         )
         result = SimpleNamespace(stop_reason=parts["stop_reason"], swapped=parts["swapped"])
         outcome = SimpleNamespace(result=result)
-        findings = find_in_frames(inputs, outcome, SimpleNamespace(**parts), parts["status"])
+        facts = FrameFacts.of(inputs, outcome, SimpleNamespace(**parts), parts["status"])
+        findings = find_in_frames([facts], Usual.of(facts), layout.joints, inputs.rig.names)
         words = {}
         for finding in findings:
             for frame in finding.subject.frames:

@@ -169,7 +169,8 @@ fn only_the_ratio_of_confidences_matters() {
         dlt(&detections, &cameras)
     };
     assert_eq!(with(1.0), with(0.25));
-    assert_eq!(with(1.0), with(1e-300));
+    assert_eq!(with(1.0), with(1e-29));
+    assert!(is_nan(&with(1e-31)[0]), "a confidence below 1e-30 is none");
 }
 
 #[test]

@@ -183,16 +183,19 @@ _STATUS = {
 
 def _status(finding: Finding) -> str:
     label, meaning, remedy = _STATUS[finding.kind]
-    frames = zip(finding.subject.joints, finding.numbers["frames"], strict=True)
-    joints = _some([f"{joint} ({_frames(numbers)})" for joint, numbers in frames])
+    named = finding.numbers["frames"]
+    counts = finding.numbers.get("frames_in_all", map(len, named))  # of a long recording, more than are named
+    frames = zip(finding.subject.joints, named, counts, strict=True)
+    joints = _some([f"{joint} ({_frames(numbers, count)})" for joint, numbers, count in frames])
     if finding.numbers["filled"]:
         return f"{label}, now filled from neighbouring frames: {joints}."
     return f"{label}{meaning}: {joints}.{remedy}"
 
 
-def _frames(numbers: list[int]) -> str:
-    if len(numbers) > _MOST_FRAMES:
-        return f"{len(numbers)} frames"
+def _frames(numbers: list[int], count: int | None = None) -> str:
+    count = len(numbers) if count is None else count
+    if count > _MOST_FRAMES:
+        return f"{count} frames"
     return f"frame{'s' * (len(numbers) > 1)} {', '.join(map(str, numbers))}"
 
 

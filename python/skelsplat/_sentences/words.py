@@ -29,6 +29,12 @@ def with_bar(value: float, sigma: float | None, sign: str = "") -> str:
     return f"{shown:{sign},.{digits}f} ± {sigma:,.{digits}f}"
 
 
+def ordinal(number: int) -> str:
+    """Return "1st", "2nd", "11th"."""
+    ending = {1: "st", 2: "nd", 3: "rd"}.get(number % 10 if number % 100 not in (11, 12, 13) else 0, "th")
+    return f"{number:,}{ending}"
+
+
 def percent(share: float) -> str:
     """Return a share of 0 to 1 as a percentage without decimals."""
     return f"{100 * share:.0f}%"

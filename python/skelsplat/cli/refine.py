@@ -13,7 +13,7 @@ from skelsplat.cli.people_table import print_people
 from skelsplat.cli.table import print_files, print_run, tell
 from skelsplat.findings import Finding
 from skelsplat.io.poses import POSE_FORMATS
-from skelsplat.run import Job, PeopleRun, run, run_people
+from skelsplat.run import Job, PeopleRun, Run, run, run_long, run_people
 
 EPILOG = (
     "Results in FOLDER: pose.npz, pose.csv and pose.trc (or the formats of --write), report.json, "
@@ -147,8 +147,13 @@ def run_and_print(job: Job, *, quiet: bool, as_json: bool) -> None:
         tell(finding)
 
     with counting("frames", shown=not quiet) as count:
-        do = run if job.people is None else run_people
-        found = do(job, progress=lambda done, total: count("refining", done, total), tell=tell_now)
+        given: dict[str, Any] = {
+            "progress": lambda done, total: count("refining", done, total),
+            "tell": tell_now,
+        }
+        found: Run | PeopleRun | None = run_long(job, **given)
+        if found is None:
+            found = run(job, **given) if job.people is None else run_people(job, **given)
     if as_json or quiet:
         for finding in found.findings:
             if finding not in printed:

@@ -20,7 +20,7 @@ from skelsplat.cli.output import Terminal, print_warning
 from skelsplat.findings import Finding
 from skelsplat.run import Run
 from skelsplat.run.folder import left_of_earlier
-from skelsplat.run.report import solved_in_words
+from skelsplat.run.report import solved_in_words, thinned_in_words
 from skelsplat.run.solve import default_threads
 from skelsplat.run.summary import Group, Statistics, finite_max, finite_median, is_biased
 
@@ -177,7 +177,7 @@ def _legend(statistics: Statistics) -> str:
 def _lines(run: Run) -> Iterator[str]:
     """Yield what the run did and its results, a sentence or two per line."""
     outcome, statistics = run.outcome, run.statistics
-    frames, joints = len(run.frames), run.layout.n_joints
+    frames, joints = run.inputs.n_frames, run.layout.n_joints
     threads = default_threads(outcome.config)
     each = 1000 * outcome.seconds / frames
     reasons = ", ".join(
@@ -186,6 +186,7 @@ def _lines(run: Run) -> Iterator[str]:
     cores = f"{threads} thread{'s' * (threads != 1)}"
     yield f"{frames} frames of {joints} joints, {each:.{2 if each < 1 else 1}f} ms each ({cores})."
     yield from solved_in_words(run.report)
+    yield from thinned_in_words(run.inputs)
     yield f"Frames stopped: {reasons}."
     moved = number(finite_median(statistics.moved_mm))
     yield f"Median distance of the joints from the {outcome.start_name}: {moved} mm."

@@ -13,13 +13,11 @@ from numpy.typing import NDArray
 from skelsplat._arrays import Array, Index, Mask, positive
 from skelsplat._skelsplat import Layout
 from skelsplat.cameras import CameraRig
+from skelsplat.datasets._files import FARTHEST
 from skelsplat.exceptions import DatasetError
 
 if TYPE_CHECKING:
     from skelsplat.datasets._people import PeopleTake
-
-# What the core computes with.
-_FARTHEST = 1e30
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -78,9 +76,9 @@ class Take:
     def _expect(self, name: str, value: NDArray[np.generic], shape: tuple[int, ...]) -> None:
         if value.shape != shape:
             raise DatasetError(self.key, name, f"shape {shape}", value.shape)
-        if value.dtype.kind == "f" and (np.abs(value) > _FARTHEST).any():
-            expected = f"numbers within ±{_FARTHEST:g}, NaN where missing"
-            far = value[np.abs(value) > _FARTHEST][0]
+        if value.dtype.kind == "f" and (np.abs(value) > FARTHEST).any():
+            expected = f"numbers within ±{FARTHEST:g}, NaN where missing"
+            far = value[np.abs(value) > FARTHEST][0]
             raise DatasetError(self.files.get(name, self.key), name, expected, f"{far:g}")
 
     def __len__(self) -> int:

@@ -12,7 +12,7 @@ import numpy as np
 from skelsplat._arrays import Array
 from skelsplat._skelsplat import Camera
 from skelsplat.cameras import CameraRig
-from skelsplat.datasets._files import as_numbers, require, within
+from skelsplat.datasets._files import FARTHEST, as_numbers, require, within
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.io import read_calibration
 
@@ -47,8 +47,9 @@ def camera_at_centre(path: Path, field: str, entry: Any, *, size: Sequence[int],
 
     def values(key: str, count: int) -> Array:
         given = as_numbers(path, within(field, key), require(path, field, entry, key)).ravel()
-        if given.shape != (count,) or not np.isfinite(given).all():
-            raise DatasetError(path, within(field, key), f"{count} finite numbers", given.tolist())
+        if given.shape != (count,) or not (np.abs(given) <= FARTHEST).all():
+            expected = f"{count} numbers within ±{FARTHEST:g}"
+            raise DatasetError(path, within(field, key), expected, given.tolist())
         return given
 
     fx, fy, cx, cy = (values(key, 1)[0] for key in ("fx", "fy", "cx", "cy"))

@@ -30,7 +30,16 @@ from skelsplat.datasets._detections import (
     read_truth,
     read_world,
 )
-from skelsplat.datasets._files import Survey, find, load_json, numbers, require, within
+from skelsplat.datasets._files import (
+    Survey,
+    a_list,
+    find,
+    load_json,
+    numbers,
+    require,
+    whole_number,
+    within,
+)
 from skelsplat.datasets._model import Dataset, Take
 from skelsplat.datasets._rig import read_quietly
 from skelsplat.exceptions import DatasetError, InvalidInputError, one_of
@@ -242,7 +251,7 @@ def read_bodies(files: Mapping[int, Path], person: int | None) -> tuple[Index, A
 
 def _bodies(path: Path) -> dict[int, Array]:
     found = {}
-    for k, body in enumerate(require(path, "", load_json(path), "bodies")):
+    for k, body in enumerate(a_list(path, "bodies", require(path, "", load_json(path), "bodies"))):
         field = f"bodies[{k}]"
         values = require(path, field, body, "joints19")
         count = len(values) if isinstance(values, list) else 0
@@ -252,5 +261,5 @@ def _bodies(path: Path) -> dict[int, Array]:
         flat = numbers(path, within(field, "joints19"), values, (count,))
         joints = flat.reshape(-1, 4)
         measured = joints[:, 3:] > _LEAST_CONFIDENCE
-        found[int(require(path, field, body, "id"))] = np.where(measured, _MM * joints[:, :3], np.nan)
+        found[whole_number(path, field, body, "id")] = np.where(measured, _MM * joints[:, :3], np.nan)
     return found

@@ -1,12 +1,13 @@
 """Running methods on cases, with the poses of every take kept on disk so that a stopped run goes on.
 
-A take's result is written to a temporary file that then takes its name, and is read back only if all of it is
-there and it belongs to the same settings and the same data; else it is computed again.
+A take's result is written to a temporary file that then takes its name, with its checksum at the end. It is
+read back only if that is right and it belongs to the same settings and data; else it is computed again.
 """
 
 from __future__ import annotations
 
 import hashlib
+import io
 import json
 import re
 import zipfile
@@ -26,6 +27,7 @@ from skelsplat.evaluation.protocols import Case
 
 # Raise it when the meaning of a file or of a method's settings changes.
 _FORMAT = 1
+_CHECKSUM = hashlib.sha256().digest_size
 
 Report = Callable[[str, str, int, int], None]
 """Called with method, take, poses done or found on disk so far, and poses in all (of all methods)."""
@@ -33,7 +35,7 @@ Report = Callable[[str, str, int, int], None]
 
 @dataclass(frozen=True)
 class Store:
-    """Results on disk: ``<folder>/<method>-<hash of settings>/<take>.npz``."""
+    """Results on disk: ``<folder>/<method>-<hash of settings>/<take>.npz``, each with its SHA-256 behind."""
 
     folder: Path
     #: What else the results depend on, as JSON values: data set, layout, detector, protocol.
@@ -49,11 +51,15 @@ class Store:
         """Return the stored result of a take whose arrays have the `fingerprint` `data`, if there is one."""
         path = self.path(method, settings, take)
         try:
-            with path.open("rb") as stream, np.load(stream, allow_pickle=False) as found:
+            content = path.read_bytes()
+            whole, checksum = content[:-_CHECKSUM], content[-_CHECKSUM:]
+            if hashlib.sha256(whole).digest() != checksum:
+                return None
+            with np.load(io.BytesIO(whole), allow_pickle=False) as found:
                 belongs = (str(found["settings"]), str(found["data"])) == (self._text(method, settings), data)
                 pose, seconds = found["pose"], float(found["seconds"])
         except (OSError, EOFError, ValueError, KeyError, TypeError, zipfile.BadZipFile):
-            return None  # absent or broken
+            return None  # absent, or another kind of file
         fits = pose.shape == take.truth.shape and pose.dtype == np.float64 and not np.isinf(pose).any()
         return Solution(pose, seconds) if belongs and fits and 0 <= seconds < np.inf else None
 
@@ -66,15 +72,18 @@ class Store:
         """
         path = self.path(method, settings, take)
         path.parent.mkdir(parents=True, exist_ok=True)
+        content = io.BytesIO()
+        np.savez(
+            content,
+            pose=solution.pose,
+            seconds=np.float64(solution.seconds),
+            key=np.str_(take.key),
+            settings=np.str_(self._text(method, settings)),
+            data=np.str_(data),
+        )
+        whole = content.getvalue()
         with atomic_write(path, durable=False) as stream:  # `load` checks what it reads
-            np.savez(
-                stream,
-                pose=solution.pose,
-                seconds=np.float64(solution.seconds),
-                key=np.str_(take.key),
-                settings=np.str_(self._text(method, settings)),
-                data=np.str_(data),
-            )
+            stream.write(whole + hashlib.sha256(whole).digest())
 
     def _text(self, method: Method, settings: Mapping[str, Any]) -> str:
         what = {

@@ -130,7 +130,8 @@ def big_array(path: Path, name: str) -> NpzRows | None:
 
 def write_npz(stream: IO[bytes], arrays: Mapping[str, npt.NDArray[Any] | Made]) -> None:
     """Write a compressed npz file as NumPy's `savez_compressed`; some of its arrays are made in pieces."""
-    with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
+    # level 1: of random digits hardly larger than the usual 6, and three times as fast
+    with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
         for name, array in arrays.items():
             with archive.open(f"{name}.npy", "w", force_zip64=True) as member:
                 if isinstance(array, np.ndarray):

@@ -26,6 +26,7 @@ from skelsplat._atomic import atomic_write, atomic_write_text
 from skelsplat.exceptions import DatasetError
 from skelsplat.io._fields import Field
 from skelsplat.io._files import load_json
+from skelsplat.io._rows import Made, RowFile, write_npz
 from skelsplat.io._run_files import (
     CAMERAS,
     DETECTIONS,
@@ -87,7 +88,7 @@ def write_run_inputs(
     folder: Path,
     rig: sk.CameraRig,
     layout: sk.Layout,
-    detections: Array,
+    detections: Array | RowFile,
     frames: Index,
     frame_rate: float | None = None,
     run: str | None = None,
@@ -108,9 +109,13 @@ def write_run_inputs(
     }
     rate = np.array(np.nan if frame_rate is None else frame_rate)
     with atomic_write(folder / DETECTIONS) as stream:
-        np.savez_compressed(
-            stream, allow_pickle=False, detections=detections, frames=frames, frame_rate=rate, **names
-        )
+        if isinstance(detections, RowFile):
+            arrays: dict[str, Any] = {"detections": Made.of(detections), "frames": frames, "frame_rate": rate}
+            write_npz(stream, {**arrays, **names})
+        else:
+            np.savez_compressed(
+                stream, allow_pickle=False, detections=detections, frames=frames, frame_rate=rate, **names
+            )
     return [CAMERAS, DETECTIONS, *([LAYOUT] if own else [])]
 
 

@@ -6,6 +6,7 @@ It raises and returns, and never prints.
 from skelsplat.run._run import Run, run
 from skelsplat.run.batch import Batch, Recording, run_batch
 from skelsplat.run.job import IncompleteJobError, Job
+from skelsplat.run.long import run_long
 from skelsplat.run.over_time import Butterworth, OneEuro
 from skelsplat.run.several import PeopleRun, run_people
 
@@ -20,5 +21,6 @@ __all__ = [
     "Run",
     "run",
     "run_batch",
+    "run_long",
     "run_people",
 ]

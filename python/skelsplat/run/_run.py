@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,12 +15,14 @@ from skelsplat._json import to_text
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.findings import Finding, collected_warnings, warn
 from skelsplat.io import PoseData
+from skelsplat.io._rows import RowFile
 from skelsplat.io._run_files import REPORT
+from skelsplat.io.poses._parts import PoseParts
 from skelsplat.io.run_folder import read_run
 from skelsplat.run import folder as folders
 from skelsplat.run.angles import angles_of
-from skelsplat.run.findings import find_findings
-from skelsplat.run.frames import find_in_frames
+from skelsplat.run.findings import find_findings, joint_frames
+from skelsplat.run.frames import FrameFacts, Usual, find_in_frames
 from skelsplat.run.html import notebook_view, show_page, write_html
 from skelsplat.run.over_time import apply_over_time, try_over_time
 from skelsplat.run.read import Inputs
@@ -40,6 +42,14 @@ if TYPE_CHECKING:
     from skelsplat.run.solve import Progress
 
 _ORDER = ("error", "warning", "note")
+
+
+@dataclass(frozen=True)
+class Whole:
+    """A long recording as it is written, in files while the run lasts."""
+
+    poses: PoseParts
+    detections: RowFile  # (T, M, N, 3)
 
 
 @dataclass(frozen=True, repr=False)
@@ -65,6 +75,8 @@ class Run:
         What the run started from.
     outcome : Outcome
         What the refinement returned, and what it is compared with.
+    whole : Whole or None
+        All frames of a long recording while it is written (`run_long`): the other attributes are a sample.
     """
 
     poses: PoseData
@@ -74,6 +86,7 @@ class Run:
     statistics: Statistics
     inputs: Inputs
     outcome: Outcome
+    whole: Whole | None = None
 
     @property
     def result(self) -> sk.Refinement:
@@ -312,16 +325,24 @@ def summed_up(inputs: Inputs, outcome: Outcome, job: Job | None = None, notes: S
     )
     poses, over_time = apply_over_time(data, job)
     statistics = statistics.without_bars(poses.joint_status == "filled")
-    found = in_order([*notes, *find_findings(inputs, outcome, statistics, poses.joint_status)])
-    in_frames = find_in_frames(inputs, outcome, statistics, poses.joint_status)
+    frames = joint_frames(inputs, outcome, poses.joint_status)
+    found = [*notes, *find_findings(inputs, outcome, statistics, frames)]
+    facts = FrameFacts.of(inputs, outcome, statistics, poses.joint_status)
+    in_frames = find_in_frames([facts], Usual.of(facts), inputs.layout.joints, inputs.rig.names)
+    return reported(
+        Run(poses, in_order(found), tuple(in_frames), {}, statistics, inputs, outcome), job, over_time
+    )
+
+
+def reported(run: Run, job: Job | None, over_time: dict[str, Any]) -> Run:
+    """Return the run with its report; ``over_time`` is that of `apply_over_time`."""
     remarks = {
-        "findings": [finding.to_dict() for finding in found],
-        "frame_findings": [finding.to_dict() for finding in in_frames],
+        "findings": [finding.to_dict() for finding in run.findings],
+        "frame_findings": [finding.to_dict() for finding in run.frame_findings],
         "over_time": over_time,
         "files": [],
     }
-    report = build_report(inputs, outcome, statistics, job, remarks)
-    return Run(poses, found, tuple(in_frames), report, statistics, inputs, outcome)
+    return replace(run, report=build_report(run.inputs, run.outcome, run.statistics, job, remarks))
 
 
 def _opened(found: RunFolder) -> Run:

@@ -9,6 +9,7 @@ import numpy as np
 import skelsplat as sk
 from skelsplat import viz
 from skelsplat._arrays import Array
+from skelsplat._sentences.words import ordinal
 from skelsplat.run._run import Run
 from skelsplat.run.read import Inputs
 from skelsplat.run.solve import Outcome
@@ -89,6 +90,8 @@ def _caption(frame: int, inputs: Inputs, outcome: Outcome, statistics: Statistic
         words += f": {change}"
     frames = {name: int((status == name).any(axis=1).sum()) for name in ("inferred", "weak", "unobserved")}
     affected = ", ".join(f"{name} joints in {number}" for name, number in frames.items() if number)
+    if inputs.thinned is not None:
+        words += f"; drawn is every {ordinal(inputs.thinned.every)} frame"
     return f"{words}; {affected} of {count} frames" if affected else words
 
 

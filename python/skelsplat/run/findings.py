@@ -49,11 +49,15 @@ _BAR_RATIO = 2.0
 
 
 def find_findings(
-    inputs: Inputs, outcome: Outcome, statistics: Statistics, written: npt.NDArray[np.str_]
+    inputs: Inputs,
+    outcome: Outcome,
+    statistics: Statistics,
+    frames: JointFrames,
+    counts: Mapping[Any, int] = MappingProxyType({}),
 ) -> list[Finding]:
     """Return findings on people, on cameras that disagree and on joints that are rejected or uncertain.
 
-    ``written`` (T, N) is the status of the poses written, where joints may be filled over time. Cameras and
+    ``frames`` are those of `joint_frames`, ``counts`` how many they are if not all are named. Cameras and
     people are judged frame by frame.
     """
     unfit = unfit_cameras(inputs)
@@ -69,7 +73,7 @@ def find_findings(
         *_limbs(inputs, alone),
         *_given_lengths(inputs, alone),
         *_joints(counted, statistics),
-        *_statuses(inputs, outcome, written),
+        *_statuses(inputs.layout.joints, frames, counts),
     ]
 
 
@@ -288,21 +292,43 @@ def _joints(alone: Statistics, statistics: Statistics) -> Iterator[Finding]:
         yield Finding("joints_uncertain", "warning", named, numbers)
 
 
-def _statuses(inputs: Inputs, outcome: Outcome, written: npt.NDArray[np.str_]) -> Iterator[Finding]:
-    """Yield findings on weak and unobserved joints with their frames, those not filled first."""
+# Frames by joint, of a kind of finding on statuses, those filled over time apart.
+JointFrames = dict[tuple[str, bool], dict[int, list[int]]]
+
+
+def joint_frames(inputs: Inputs, outcome: Outcome, written: npt.NDArray[np.str_]) -> JointFrames:
+    """Return the frames in which joints are weak or unobserved, by their place in the layout.
+
+    ``written`` (T, N) is the status of the poses written, where joints may be filled over time.
+    """
     status, filled = np.asarray(outcome.result.joint_status), written == "filled"
     placed = np.isfinite(outcome.result.pose).all(axis=-1)
     asked = np.array([joint not in inputs.lacking for joint in inputs.layout.joints])
-    gaps = Remedy("fill_gaps", None)
-    for kind, where, remedy in (
-        ("weak_joints", (status == "weak") & placed, (gaps, Remedy("fill_weak"))),
-        ("joints_without_position", (status == "weak") & ~placed, (gaps,)),
-        ("unobserved_joints", status == "unobserved", ()),
+    found: JointFrames = {}
+    for kind, where in (
+        ("weak_joints", (status == "weak") & placed),
+        ("joints_without_position", (status == "weak") & ~placed),
+        ("unobserved_joints", status == "unobserved"),
     ):
         for left, done in ((where & asked & ~filled, False), (where & asked & filled, True)):
-            if left.any():
-                joints = np.flatnonzero(left.any(axis=0))
-                named = Subject(joints=tuple(inputs.layout.joints[j] for j in joints))
-                frames = [inputs.frames[left[:, j]].tolist() for j in joints]
-                numbers = {"frames": frames, "filled": done}
-                yield Finding(kind, "warning", named, numbers, () if done else remedy)
+            for j in np.flatnonzero(left.any(axis=0)).tolist():
+                found.setdefault((kind, done), {})[j] = inputs.frames[left[:, j]].tolist()
+    return found
+
+
+def _statuses(joints: Sequence[str], found: JointFrames, counts: Mapping[Any, int]) -> Iterator[Finding]:
+    """Yield findings on weak and unobserved joints with their frames, those not filled first.
+
+    ``counts`` are of the frames by kind, filled or not, and joint, where ``found`` names the first ones only.
+    """
+    gaps = Remedy("fill_gaps", None)
+    remedies = {"weak_joints": (gaps, Remedy("fill_weak")), "joints_without_position": (gaps,)}
+    for kind in ("weak_joints", "joints_without_position", "unobserved_joints"):
+        for done in (False, True):
+            by_joint = dict(sorted(found.get((kind, done), {}).items()))
+            if by_joint:
+                named = Subject(joints=tuple(joints[j] for j in by_joint))
+                numbers: dict[str, Any] = {"frames": list(by_joint.values()), "filled": done}
+                if counts:
+                    numbers["frames_in_all"] = [counts[kind, done, j] for j in by_joint]
+                yield Finding(kind, "warning", named, numbers, () if done else remedies.get(kind, ()))

@@ -6,6 +6,7 @@ import contextlib
 import hashlib
 import tempfile
 from dataclasses import dataclass, replace
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,7 +17,7 @@ from skelsplat._lock import locked
 from skelsplat._optional import can_draw
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.findings import Finding, Subject
-from skelsplat.io import PoseData, write_pose
+from skelsplat.io import write_pose
 from skelsplat.io._run_files import (
     CAMERAS,
     DETECTIONS,
@@ -30,6 +31,7 @@ from skelsplat.io._run_files import (
     is_run,
 )
 from skelsplat.io.poses import PEOPLE_FORMATS, POSE_FORMATS, check_pose_format
+from skelsplat.io.poses._parts import Poses
 from skelsplat.io.poses._pose_data import MARKER_NAMES
 from skelsplat.io.run_folder import write_run_inputs
 from skelsplat.run.angles import FILES as ANGLE_FILES
@@ -39,6 +41,8 @@ from skelsplat.run.vertical import vertical_known
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
+
+    import numpy.typing as npt
 
     from skelsplat.run._run import Run
     from skelsplat.run.job import Job
@@ -112,7 +116,7 @@ class Writing:
         return found
 
 
-def write_poses(folder: Path, data: PoseData, writing: Writing, run: str | None = None) -> list[str]:
+def write_poses(folder: Path, data: Poses, writing: Writing, run: str | None = None) -> list[str]:
     """Write the pose files; return their names. ``run`` is that of whose folder they are a part."""
     given = {
         "frame_rate": data.frame_rate or _ASSUMED_FPS,
@@ -131,7 +135,11 @@ def name_of(run: Run) -> str:
     The same run done again has the same, so that its files are the same.
     """
     found = hashlib.sha256(to_text({**run.report, "timing": None, RUN: None}).encode())
-    for array in (run.poses.pose, run.poses.uncertainty, run.detections):
+    arrays: Iterator[npt.NDArray[Any]] = iter((run.poses.pose, run.poses.uncertainty, run.detections))
+    if run.whole is not None:
+        rows = (*map(run.whole.poses.rows.__getitem__, ("pose", "uncertainty")), run.whole.detections)
+        arrays = chain.from_iterable(one.pieces() for one in rows)
+    for array in arrays:
         found.update(array.tobytes())
     return found.hexdigest()[:16]
 
@@ -148,10 +156,12 @@ def write_folder(run: Run, folder: Path, writing: Writing, name: str | None = No
     report.pop("joint_angles", None)
     run = replace(run, report={**report, **({"joint_angles": describe(run)} if writing.angles else {})})
     begin_writing(folder, run.report)
-    write_poses(folder, run.poses, writing, name)
+    whole = run.whole or run
+    write_poses(folder, whole.poses, writing, name)
     if writing.angles:
         write_angles(run, folder, _ASSUMED_FPS)
-    write_run_inputs(folder, run.cameras, run.layout, run.detections, run.frames, run.poses.frame_rate, name)
+    frames, rate = whole.poses.frames, run.poses.frame_rate
+    write_run_inputs(folder, run.cameras, run.layout, whole.detections, frames, rate, name)
     if can_draw():
         from skelsplat.run.figures import write_figures  # matplotlib takes long to load
 

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from collections import Counter
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from itertools import groupby
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from skelsplat._arrays import Mask
+from skelsplat._arrays import Array, Index, Mask
 from skelsplat._sentences.run import named
 from skelsplat.findings import Finding, Subject
 from skelsplat.run.read import Inputs
@@ -26,40 +27,117 @@ _RATIO = 3.0
 _SHARE, _HIGH_SHARE = 0.1, 1 / 3
 # of a joint's scatter also this multiple of the median of all.
 _BAR_RATIO = 2.0
+# Kinds of one origin in their order; of the same kind, that of the first frame comes first.
+_KINDS = (
+    *("frame_empty", "frame_diverged", "frame_max_steps"),
+    *("frame_unobserved", "frame_inferred", "frame_weak", "frame_filled"),
+)
+_RANKS = {kind: rank for rank, kind in enumerate(_KINDS)}
 # A stop reason that most frames share is not a finding on one of them.
 _MOSTLY = 0.5
 
 
+@dataclass(frozen=True)
+class FrameFacts:
+    """What single frames are judged from, of T frames, M cameras and N joints."""
+
+    frames: Index  # (T,) their numbers
+    stops: npt.NDArray[np.str_]  # (T,) the stop reasons
+    status: npt.NDArray[np.str_]  # (T, N) of the poses written, where joints may be filled over time
+    swapped: Mask  # (T, M) a camera's detections are swapped and used
+    used: Index  # (T,) detections
+    rejected: Index  # (T,) detections
+    error_px: Array  # (T,) median over the detections
+    scatter_mm: Array  # (T, N) of joints that are ok, else NaN
+
+    @classmethod
+    def of(
+        cls, inputs: Inputs, outcome: Outcome, statistics: Statistics, status: npt.NDArray[np.str_]
+    ) -> FrameFacts:
+        """Return the facts of a run."""
+        used = np.isfinite(statistics.error_after)
+        return cls(
+            inputs.frames,
+            np.asarray(outcome.result.stop_reason),
+            status,
+            np.asarray((used & np.asarray(outcome.result.swapped)).any(axis=2)),
+            used.sum(axis=(1, 2)),
+            statistics.rejected.sum(axis=(1, 2)),
+            frame_medians(statistics.error_after),
+            np.where(status == "ok", statistics.scatter_mm, np.nan),
+        )
+
+
+@dataclass(frozen=True)
+class Usual:
+    """What is usual in a recording, against which single frames are judged."""
+
+    rejected: float  # median share of the detections that are rejected
+    error_px: float
+    scatter_mm: Array  # (N,) beyond which a joint's scatter is unusual
+    unobserved: Mask  # (N,) joints in every frame
+    at_step_limit: bool  # most frames reach it
+
+    @classmethod
+    def of(cls, facts: FrameFacts) -> Usual:
+        """Return what is usual in these frames."""
+        there = facts.used > 0
+        scatter = np.array([finite_median(joint) for joint in facts.scatter_mm.T])
+        return cls(
+            float(np.median(_share(facts)[there])) if there.any() else 0.0,
+            finite_median(facts.error_px),
+            np.maximum(_RATIO * scatter, _BAR_RATIO * finite_median(facts.scatter_mm)),
+            np.asarray((facts.status == "unobserved").all(axis=0)),
+            bool((facts.stops == "max_steps").mean() > _MOSTLY),
+        )
+
+
 def find_in_frames(
-    inputs: Inputs, outcome: Outcome, statistics: Statistics, status: npt.NDArray[np.str_]
+    facts: Iterable[FrameFacts],
+    usual: Usual,
+    joints: Sequence[str],
+    cameras: Sequence[str],
+    most: int | None = None,
 ) -> list[Finding]:
     """Return what is unusual in single frames: a finding per kind and names, with its frames in order.
 
-    Numbers are lists, one per frame. ``status`` (T, N) is that of the poses written, where joints may be
-    filled over time. A joint that is unobserved in every frame, and a step limit that most frames reach,
-    concern the recording and not a frame: see `find_findings` and the stop reasons.
+    Numbers are lists, one per frame. A joint that is unobserved in every frame, and a step limit that most
+    frames reach, concern the recording and not a frame: see `find_findings` and the stop reasons. ``most`` is
+    how many frames each finding names, the first ones; ``frames_in_all`` then counts them.
     """
-    empty = np.asarray(outcome.result.stop_reason) == "no_observations"
-    swapped = np.isfinite(statistics.error_after) & np.asarray(outcome.result.swapped)
-    found: dict[tuple[str, Subject], list[tuple[int, dict[str, Any]]]] = {}
-    for frame, kind, subject, numbers in (
-        *_stops(outcome),
-        *_statuses(status, empty, inputs.layout.joints),
-        *_named("frame_swapped", np.asarray(swapped.any(axis=2)), "cameras", inputs.rig.names),
-        *_rejected(statistics),
-        *_errors(statistics),
-        *_scatter(statistics, status, inputs.layout.joints),
-    ):
-        found.setdefault((kind, subject), []).append((int(inputs.frames[frame]), numbers))
-    findings = []
-    for (kind, subject), cases in found.items():
-        numbers = {
-            name: value if name == "of" else [own[name] for _, own in cases]
-            for name, value in cases[0][1].items()
-        }
-        named_frames = replace(subject, frames=tuple(frame for frame, _ in cases))
-        findings.append(Finding(kind, "note", named_frames, numbers))
-    return findings
+    found: dict[tuple[int, str, Subject], list[tuple[int, dict[str, Any]]]] = {}
+    count = Counter[tuple[int, str, Subject]]()
+    for part in facts:
+        for rank, cases in enumerate(
+            (
+                _stops(part, usual),
+                _statuses(part, usual, joints),
+                _named("frame_swapped", part.swapped, "cameras", cameras),
+                _rejected(part, usual),
+                _errors(part, usual),
+                _scatter(part, usual, joints),
+            )
+        ):
+            for frame, kind, subject, numbers in cases:
+                key = (rank, kind, subject)
+                count[key] += 1
+                if most is None or count[key] <= most:
+                    found.setdefault(key, []).append((int(part.frames[frame]), numbers))
+    return [
+        _finding(key[1], key[2], found[key], count[key])
+        for key in sorted(found, key=lambda key: (key[0], _RANKS.get(key[1], 0)))
+    ]
+
+
+def _finding(kind: str, subject: Subject, cases: Sequence[tuple[int, dict[str, Any]]], count: int) -> Finding:
+    """Return the finding on these frames, the first of so many."""
+    numbers = {
+        name: value if name == "of" else [own[name] for _, own in cases]
+        for name, value in cases[0][1].items()
+    }
+    if count > len(cases):
+        numbers["frames_in_all"] = count
+    return Finding(kind, "note", replace(subject, frames=tuple(frame for frame, _ in cases)), numbers)
 
 
 def problems_of(findings: Sequence[Finding]) -> list[Finding]:
@@ -100,49 +178,46 @@ def _in_frames(places: Sequence[tuple[Finding, int]]) -> str:
     return replace(first, numbers=numbers).text
 
 
-def _stops(outcome: Outcome) -> Iterator[Case]:
-    stops = np.asarray(outcome.result.stop_reason)
+def _stops(facts: FrameFacts, usual: Usual) -> Iterator[Case]:
     for reason, kind in (
         ("no_observations", "frame_empty"),
         ("diverged", "frame_diverged"),
         ("max_steps", "frame_max_steps"),
     ):
-        where = stops == reason
-        if reason != "max_steps" or where.mean() <= _MOSTLY:
-            yield from ((int(t), kind, Subject(), {}) for t in np.flatnonzero(where))
+        if reason != "max_steps" or not usual.at_step_limit:
+            yield from ((int(t), kind, Subject(), {}) for t in np.flatnonzero(facts.stops == reason))
 
 
-def _statuses(status: npt.NDArray[np.str_], empty: Mask, joints: Sequence[str]) -> Iterator[Case]:
-    everywhere = (status == "unobserved").all(axis=0)
-    unobserved = (status == "unobserved") & ~empty[:, None] & ~everywhere
+def _statuses(facts: FrameFacts, usual: Usual, joints: Sequence[str]) -> Iterator[Case]:
+    empty = facts.stops == "no_observations"
+    unobserved = (facts.status == "unobserved") & ~empty[:, None] & ~usual.unobserved
     yield from _named("frame_unobserved", unobserved, "joints", joints)
     for kind in ("inferred", "weak", "filled"):
-        yield from _named(f"frame_{kind}", status == kind, "joints", joints)
+        yield from _named(f"frame_{kind}", facts.status == kind, "joints", joints)
 
 
-def _rejected(statistics: Statistics) -> Iterator[Case]:
-    used = np.isfinite(statistics.error_after).sum(axis=(1, 2))
-    share = statistics.rejected.sum(axis=(1, 2)) / np.maximum(used, 1)
-    usual = float(np.median(share[used > 0])) if used.any() else 0.0
-    where = (share >= _HIGH_SHARE) | (share >= max(_SHARE, _RATIO * usual))
+def _share(facts: FrameFacts) -> Array:
+    return np.asarray(facts.rejected / np.maximum(facts.used, 1))
+
+
+def _rejected(facts: FrameFacts, usual: Usual) -> Iterator[Case]:
+    share = _share(facts)
+    where = (share >= _HIGH_SHARE) | (share >= max(_SHARE, _RATIO * usual.rejected))
     for t in np.flatnonzero(where):
         yield int(t), "frame_rejected", Subject(), {"percent": float(100 * share[t])}
 
 
-def _errors(statistics: Statistics) -> Iterator[Case]:
-    median = frame_medians(statistics.error_after)
-    where = median > _RATIO * finite_median(median)  # False for NaN
+def _errors(facts: FrameFacts, usual: Usual) -> Iterator[Case]:
+    where = facts.error_px > _RATIO * usual.error_px  # False for NaN
     for t in np.flatnonzero(where):
-        yield int(t), "frame_error", Subject(), {"median_px": float(median[t])}
+        yield int(t), "frame_error", Subject(), {"median_px": float(facts.error_px[t])}
 
 
-def _scatter(statistics: Statistics, status: npt.NDArray[np.str_], joints: Sequence[str]) -> Iterator[Case]:
+def _scatter(facts: FrameFacts, usual: Usual, joints: Sequence[str]) -> Iterator[Case]:
     """Yield joints whose scatter is far above their own median; weak ones have their own case."""
-    scatter = np.where(status == "ok", statistics.scatter_mm, np.nan)
-    usual = np.array([finite_median(joint) for joint in scatter.T])
-    where = scatter > np.maximum(_RATIO * usual, _BAR_RATIO * finite_median(scatter))
+    where = facts.scatter_mm > usual.scatter_mm
     for t, kind, subject, numbers in _named("frame_scatter", where, "joints", joints):
-        yield t, kind, subject, {**numbers, "scatter_mm": float(scatter[t][where[t]].max())}
+        yield t, kind, subject, {**numbers, "scatter_mm": float(facts.scatter_mm[t][where[t]].max())}
 
 
 def _named(kind: str, where: Mask, part: str, names: Sequence[str]) -> Iterator[Case]:

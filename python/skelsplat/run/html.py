@@ -18,7 +18,7 @@ from skelsplat._optional import can_draw
 from skelsplat._sentences.words import number
 from skelsplat.run.angles import angles_of, by_title
 from skelsplat.run.frames import problems_of, rows_of
-from skelsplat.run.report import MEANINGS, solved_in_words
+from skelsplat.run.report import MEANINGS, solved_in_words, thinned_in_words
 from skelsplat.run.summary import DOWN_WEIGHTED, error_maps, finite_median, frame_medians, is_biased
 from skelsplat.run.vertical import world_up
 
@@ -208,7 +208,7 @@ def key_numbers(run: Run) -> list[tuple[str, str, str]]:
         ),
         (
             "frames with a problem",
-            f"{len(frames):,} of {len(run.frames):,}",
+            f"{len(frames):,} of {run.inputs.n_frames:,}",
             "weak, missing or unusual joints",
         ),
     ]
@@ -219,6 +219,7 @@ def _notes(run: Run) -> list[str]:
     return [
         *([note] if note else []),
         *solved_in_words(run.report),
+        *thinned_in_words(run.inputs),
         *run.poses.processing,
         f"The start is the {run.outcome.start_name}; the refined poses are those in the pose files. "
         "Reprojection errors are distances from the detections used, in pixels of the original images: they "

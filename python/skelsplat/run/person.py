@@ -99,27 +99,33 @@ def pick_places(
 
 
 def look_around(
-    people: Array, index: Index, rig: sk.CameraRig, person: str, layout: sk.Layout | None = None
+    people: Array,
+    index: Index,
+    rig: sk.CameraRig,
+    person: str,
+    layout: sk.Layout | None = None,
+    steps: Index | None = None,
 ) -> Crowd | None:
     """Return who is visible apart from the person of ``index`` (T, M), and whether this mixes people.
 
-    None where hardly any frame has several people in two views. Long recordings are sampled. The other
-    arguments are those of `pick_places`.
+    None where hardly any frame has several people in two views. Long recordings are sampled, unless people
+    and index are already those of a sample, ``steps`` (S,). The other arguments are those of `pick_places`.
     """
     several = (count_people(people) >= 2).sum(axis=1) >= 2
     if several.mean() < _CROWDED:
         return None
-    steps = sampled(len(people))
-    chosen = index[steps]
+    if steps is None:
+        steps = sampled(len(people))
+        people, index = people[steps], index[steps]
     found, poses = association.separate_people(
-        people[steps],
+        people,
         rig,
-        first=chosen if person == "consistent" else None,
+        first=index if person == "consistent" else None,
         layout=layout,
         min_confidence=_MIN_CONFIDENCE,
         min_joints=_MIN_JOINTS,
     )
-    return describe(people[steps], chosen, found, poses, gates_px(rig), steps)
+    return describe(people, index, found, poses, gates_px(rig), steps)
 
 
 def count_people(people: Array) -> Index:

@@ -16,12 +16,23 @@ from skelsplat.exceptions import DatasetError, InvalidInputError, SkelSplatError
 from skelsplat.findings import Finding
 from skelsplat.io import PoseData, read_npz
 from skelsplat.io.calibration import find_format, read_calibration
-from skelsplat.io.detections import DetectionSet, camera_called, cameras_called, read_detections
+from skelsplat.io.detections import Opened as Detections
+from skelsplat.io.detections import camera_called, cameras_called, open_detections
 from skelsplat.io.video import find_videos, open_source
 from skelsplat.run.job import Job
 from skelsplat.run.person import Crowd
 
 _SAME_RATE = 5e-4  # by which videos of one recording may differ in rate; 29.97 and 30 differ by twice that
+
+
+@dataclass(frozen=True)
+class Thinned:
+    """A long recording of which every so many-th frame is here."""
+
+    frames: int
+    first: int
+    last: int
+    every: int
 
 
 @dataclass(frozen=True)
@@ -52,16 +63,60 @@ class Inputs:
     solved: sk.SequenceRefinement | None = None
     solved_s: float = float("nan")
     doubts: tuple[Finding, ...] = ()  # about the person, if followed over time
+    thinned: Thinned | None = None  # if these are some of the frames of a long recording
+
+    @property
+    def n_frames(self) -> int:
+        """Number of frames of the recording."""
+        return len(self.frames) if self.thinned is None else self.thinned.frames
+
+    @property
+    def span(self) -> tuple[int, int]:
+        """Numbers of the first and the last frame of the recording."""
+        at = self.thinned
+        return (int(self.frames[0]), int(self.frames[-1])) if at is None else (at.first, at.last)
 
 
-def read_everybody(job: Job) -> tuple[Array, Inputs]:
-    """Read what ``job`` names: the detections of everybody (T, M, P, N, 3), and inputs with nobody chosen.
+@dataclass(frozen=True)
+class Opened:
+    """The files of a job: cameras read, detections opened."""
 
-    Raises
-    ------
-    DatasetError, InvalidInputError
-        If a file is missing or malformed, or files and options do not fit each other; the message names it.
-    """
+    every: sk.CameraRig
+    rig: sk.CameraRig  # without those that are left out
+    detections: Detections
+
+    @property
+    def size(self) -> int:
+        """Number of detections of a person."""
+        return len(self.detections.frames) * len(self.rig) * self.detections.skeleton.n_joints
+
+    def inputs(self, job: Job, detections: Array, unmatched: Mask) -> Inputs:
+        """Return the inputs of these detections (T, M, N, 3), of one person."""
+        found, calibration = self.detections, Path(job.calibration)
+        init = None
+        if job.init is not None:
+            init = _read_init(Path(job.init), self.rig, len(found.frames), found.skeleton)
+        rate, stated = _known_rate(job, found, init, self.rig)
+        return Inputs(
+            self.rig,
+            found.skeleton,
+            detections,
+            unmatched,
+            found.frames,
+            init_pose=None if init is None else init.pose,
+            format=found.format,
+            calibration_format=job.calibration_format or find_format(calibration),
+            lacking=frozenset(joint for joint, name in job.mapping.items() if name is None),
+            offsets=named_offsets(self.every, job.offsets),
+            without=tuple(name for name in self.every.names if name not in self.rig.names),
+            sources=tuple(path for path in found.sources if path is not None),
+            fps=rate,
+            fps_source=stated,
+        )
+
+
+def open_files(job: Job) -> Opened:
+    """Read the cameras that a job names and open the detections; errors as of `read_everybody`."""
     calibration = Path(job.calibration)
     every = read_rig(
         calibration,
@@ -71,7 +126,7 @@ def read_everybody(job: Job) -> tuple[Array, Inputs]:
     if len(every) < 2:
         raise DatasetError(calibration, "cameras", "at least two cameras", len(every))
     rig = leave_out(every, job.without)
-    found = read_detections(
+    found = open_detections(
         job.detections,
         every,
         without=job.without,
@@ -83,26 +138,22 @@ def read_everybody(job: Job) -> tuple[Array, Inputs]:
         mapping=job.mapping,
         sequence=job.sequence,
     )
-    layout = found.skeleton
-    init = None if job.init is None else _read_init(Path(job.init), rig, len(found.frames), layout)
-    rate, stated = _known_rate(job, found, init, rig)
-    steps, views = found.people.shape[:2]
-    return found.people, Inputs(
-        rig,
-        layout,
-        np.full((steps, views, layout.n_joints, 3), np.nan),
-        np.zeros((steps, views), dtype=np.bool_),
-        found.frames,
-        init_pose=None if init is None else init.pose,
-        format=found.format,
-        calibration_format=job.calibration_format or find_format(calibration),
-        lacking=frozenset(joint for joint, name in job.mapping.items() if name is None),
-        offsets=named_offsets(every, job.offsets),
-        without=tuple(name for name in every.names if name not in rig.names),
-        sources=tuple(path for path in found.sources if path is not None),
-        fps=rate,
-        fps_source=stated,
-    )
+    return Opened(every, rig, found)
+
+
+def read_everybody(job: Job) -> tuple[Array, Inputs]:
+    """Read what ``job`` names: the detections of everybody (T, M, P, N, 3), and inputs with nobody chosen.
+
+    Raises
+    ------
+    DatasetError, InvalidInputError
+        If a file is missing or malformed, or files and options do not fit each other; the message names it.
+    """
+    opened = open_files(job)
+    people = opened.detections.read().people
+    steps, views, _, joints, _ = people.shape
+    nobody = np.full((steps, views, joints, 3), np.nan)
+    return people, opened.inputs(job, nobody, np.zeros((steps, views), dtype=np.bool_))
 
 
 def read_rig(path: Path, *, calibration_format: str | None = None, **given: Any) -> sk.CameraRig:
@@ -140,7 +191,7 @@ def named_offsets(rig: sk.CameraRig, offsets: Mapping[str, int]) -> dict[str, in
 
 
 def _known_rate(
-    job: Job, found: DetectionSet, init: PoseData | None, rig: sk.CameraRig
+    job: Job, found: Detections, init: PoseData | None, rig: sk.CameraRig
 ) -> tuple[float | None, str]:
     """Return the frame rate, None if unknown, and what states it if the job does not."""
     if job.fps is not None:

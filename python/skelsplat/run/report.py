@@ -10,6 +10,7 @@ import numpy as np
 
 import skelsplat as sk
 from skelsplat._json import plain
+from skelsplat._sentences.words import ordinal
 from skelsplat.run.job import Job
 from skelsplat.run.read import Inputs
 from skelsplat.run.solve import ASKED, NO_RATE, PRIOR, SPARSE, Outcome, default_threads
@@ -40,6 +41,10 @@ _ALONE = {
     NO_RATE: "Solved frame by frame: the frame rate is unknown. --fps HZ solves over time.",
     SPARSE: "Solved frame by frame: most frames are missing.",
 }
+THINNED = (
+    "a long recording: medians, largest and smallest values, and findings on cameras, people and limbs are "
+    "from every so many-th frame; counts, means, findings on single frames and the pose files are from all"
+)
 _MEANING = (
     "distance of the pose's projection from the detection in px of the original image, over the detections "
     "used: agreement with the detections, not accuracy"
@@ -59,7 +64,7 @@ def build_report(
         "versions": versions(),
         "input": input_of(inputs, job),
         "start": outcome.start_name,
-        "solution": _solution(inputs, outcome),
+        "solution": _solution(inputs, outcome, statistics),
         "settings": outcome.config.to_dict(),
         "ground_truth": None,
         "meanings": MEANINGS,
@@ -73,7 +78,7 @@ def build_report(
         },
         "timing": {
             "refine_s": outcome.seconds,
-            "ms_per_frame": 1000 * outcome.seconds / len(inputs.frames),
+            "ms_per_frame": 1000 * outcome.seconds / inputs.n_frames,
             "threads": default_threads(outcome.config),
         },
         "note": None if job is None else job.note or None,
@@ -93,7 +98,7 @@ def versions() -> dict[str, str]:
     }
 
 
-def _solution(inputs: Inputs, outcome: Outcome) -> dict[str, Any]:
+def _solution(inputs: Inputs, outcome: Outcome, statistics: Statistics) -> dict[str, Any]:
     """Return how the frames were solved, and the lengths of the bones if over time."""
     found, joints, mm = outcome.sequence, inputs.layout.joints, inputs.rig.mm_per_unit
     if found is None:
@@ -103,7 +108,7 @@ def _solution(inputs: Inputs, outcome: Outcome) -> dict[str, Any]:
         {"joints": [joints[a], joints[b]], "length_mm": length * mm, "sigma_mm": sigma * mm}
         for (a, b), length, sigma in lengths
     ]
-    inferred = int((np.asarray(found.joint_status) == "inferred").sum())
+    inferred = statistics.statuses.get("inferred", 0)
     rate = {"fps": inputs.fps, "fps_from": inputs.fps_source or None}
     return {"method": "over time", **rate, "inferred": inferred, "bones": bones}
 
@@ -123,8 +128,20 @@ def solved_in_words(report: dict[str, Any]) -> list[str]:
     return found
 
 
+def thinned_in_words(inputs: Inputs) -> list[str]:
+    """Return what of a long recording is from a part of its frames, in a sentence; none of any other."""
+    if inputs.thinned is None:
+        return []
+    every, drawn = ordinal(inputs.thinned.every), len(inputs.frames)
+    return [
+        "A long recording: medians, largest values, figures and findings on cameras and people are from "
+        f"every {every} frame ({drawn:,}); counts, findings on single frames and the pose files are from all."
+    ]
+
+
 def input_of(inputs: Inputs, job: Job | None) -> dict[str, Any]:
     """Return the files, how they were read, and the recording; None for files without a job."""
+    thinned = inputs.thinned
     options = ("order", "mapping", "sequence", "init", "init_sigma_mm")
     given = {name: getattr(job, name, None) for name in ("calibration", "detections", *options)}
     given |= {
@@ -143,10 +160,11 @@ def input_of(inputs: Inputs, job: Job | None) -> dict[str, Any]:
         "layout": inputs.layout.name,
         "person": inputs.person,
         "frame_mode": None if job is None else job.frames,
-        "frames": len(inputs.frames),
-        "first_frame": inputs.frames[0],
-        "last_frame": inputs.frames[-1],
+        "frames": inputs.n_frames,
+        "first_frame": inputs.span[0],
+        "last_frame": inputs.span[1],
         "frame_rate_hz": inputs.fps,
+        **({} if thinned is None else {"thinned": {"every": thinned.every, "meaning": THINNED}}),
     }
 
 

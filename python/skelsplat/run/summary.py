@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
@@ -22,6 +22,11 @@ POOR_SHARE = 0.01
 # A detection is called down-weighted below a weight of one half. With the kernel twice as wide as
 # the noise that is 3.3 standard deviations from the joint, which one in 250 sound detections exceeds.
 DOWN_WEIGHTED = 0.5
+# the fields of `Group` that count detections
+_COUNTS = (
+    *("used", "left_out", "missing", "not_chosen"),
+    *("down_weighted", "rejected", "swapped", "poor"),
+)
 
 
 @dataclass(frozen=True)
@@ -59,6 +64,13 @@ class Group:
     def down_weighted_share(self) -> float:
         """Part of the used detections that is down-weighted; 0 without any."""
         return self.down_weighted / self.used if self.used else 0.0
+
+    def with_counts_of(self, parts: Sequence[Group]) -> Group:
+        """Return the same with the counts and the mean weight of all parts of the recording."""
+        sums: dict[str, Any] = {name: sum(getattr(part, name) for part in parts) for name in _COUNTS}
+        weights = [part.mean_weight * part.used for part in parts if part.used]
+        sums["mean_weight"] = sum(weights) / sums["used"] if weights else float("nan")
+        return replace(self, **sums)
 
     @classmethod
     def from_dict(cls, entry: Mapping[str, Any]) -> Group:
@@ -122,6 +134,31 @@ class Statistics:
         """Return the same without the error bars where (T, N) holds, as of positions that were replaced."""
         bar, scatter = (np.where(where, np.nan, mm) for mm in (self.error_bar_mm, self.scatter_mm))
         return replace(self, error_bar_mm=bar, scatter_mm=scatter)
+
+    def with_counts_of(self, parts: Sequence[Statistics]) -> Statistics:
+        """Return the same with the counts of all parts of the recording, of which it is a sample."""
+        cameras, joints = (
+            [
+                own.with_counts_of(every)
+                for own, *every in zip(*(getattr(one, key) for one in (self, *parts)), strict=True)
+            ]
+            for key in ("cameras", "joints")
+        )
+        stops, statuses = (
+            dict(sum((Counter(getattr(part, key)) for part in parts), Counter()).most_common())
+            for key in ("stop_reasons", "statuses")
+        )
+        total = self.total.with_counts_of([part.total for part in parts])
+        return replace(
+            self, cameras=cameras, joints=joints, total=total, stop_reasons=stops, statuses=statuses
+        )
+
+    def counts(self) -> Statistics:
+        """Return the same without the arrays that have all frames."""
+        nothing = np.empty(0)
+        names = ("error_before", "error_after", "residual", "moved_mm", "error_bar_mm", "scatter_mm")
+        arrays: dict[str, Any] = dict.fromkeys((*names, "rejected", "views_used"), nothing)
+        return replace(self, **arrays)
 
     def with_groups_of(self, errors: Mapping[str, Any]) -> Statistics:
         """Return the same with the groups of a report's ``reprojection_error``."""

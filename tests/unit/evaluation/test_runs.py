@@ -7,7 +7,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -143,6 +143,45 @@ def test_a_broken_result_is_never_read(tmp_path: Path, damage: Callable[[Path], 
     damage(files(tmp_path)[0])
     assert solve(tmp_path).runs == 1
     assert solve(tmp_path).runs == 0
+
+
+def damages(content: bytes, count: int) -> Iterator[bytes]:
+    """Yield ends cut off, bits flipped, and bytes replaced, added and removed, at places drawn at random."""
+    rng = np.random.default_rng(7)
+    for k, place in enumerate(rng.integers(len(content), size=count)):
+        byte = int(rng.integers(1, 256))
+        yield (
+            content[:place],
+            content[:place] + bytes([content[place] ^ 1 << byte % 8]) + content[place + 1 :],
+            content[:place] + bytes([content[place] ^ byte]) + content[place + 1 :],
+            content[:place] + bytes([byte]) + content[place:],
+            content[:place] + content[place + 1 :],
+            content[:place] + bytes(min(50, len(content) - place)) + content[place + 50 :],
+        )[k % 6]
+
+
+@pytest.mark.parametrize("count", [60, swept(21_000)])
+@pytest.mark.timeout(600)
+def test_no_damage_is_read_back(tmp_path: Path, count: int) -> None:
+    solve(tmp_path)
+    path, (case, _) = files(tmp_path)[1], protocols.get("human36m").cases(DATA)
+    content, method = path.read_bytes(), methods.get("dlt")
+    store, settings = runs.Store(tmp_path, {"dataset": DATA.name}), method.settings(methods.Options())
+    data = runs.fingerprint(case.take)
+    assert path == store.path(method, settings, case.take)
+
+    def loaded(written: bytes) -> methods.Solution | None:
+        path.write_bytes(written)
+        return store.load(method, settings, case.take, data)
+
+    assert all(loaded(damaged) is None for damaged in damages(content, count) if damaged != content)
+    assert loaded(content) is not None
+
+
+def test_a_result_can_be_looked_at(tmp_path: Path) -> None:
+    solve(tmp_path)
+    with np.load(files(tmp_path)[0]) as found:
+        assert found["pose"].shape[1:] == (17, 3)
 
 
 def test_a_temporary_file_is_no_result(tmp_path: Path) -> None:

@@ -12,7 +12,7 @@
 //! recording ([`learn`]). [`solver`] anneals with one sparse system per step ([`system`], [`chain`]); [`posterior`] has the
 //! error bars.
 //!
-//! A recording is solved in windows that overlap on either side ([`windows`]); what is learnt comes from a sample of
+//! A recording is solved in windows that overlap on either side ([`windows()`]); what is learnt comes from a sample of
 //! them and is common to all ([`Known`]). The result does not depend on the number of threads, nor on whether all windows are
 //! solved by one call ([`refine_sequence`]) or by several ([`learn_sequence`], [`refine_windows`]).
 

@@ -41,7 +41,7 @@ pub fn windows(n: usize, [length, overlap]: [usize; 2]) -> Vec<Window> {
     (0..count).map(window).collect()
 }
 
-/// The frames of at most [`SAMPLE`] windows, evenly spread; those that overlap in one.
+/// The frames of at most `SAMPLE` windows, evenly spread; those that overlap in one.
 #[must_use]
 pub fn sample(windows: &[Window]) -> Vec<Range<usize>> {
     let n = windows.len().min(SAMPLE);

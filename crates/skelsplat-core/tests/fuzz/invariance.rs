@@ -4,13 +4,15 @@ use nalgebra::{Rotation3, Vector3};
 use proptest::prelude::*;
 use skelsplat_core::testing::scenes::room;
 use skelsplat_core::{
-    Camera, Detections, Frame, Progress, Refinement, Refiner, Unit, refine_sequence,
+    Camera, Detections, Frame, JointStatus, Progress, Refinement, Refiner, Unit, refine_sequence,
 };
 
 use crate::any::{config, layout, refiner, spoiled, wrong};
 
-/// Positions of the joints of two results differ by less, mm: rounding, as a consequence of other sums.
+/// Positions of sure joints of two results differ by less, mm: rounding, as a consequence of other sums.
 const SAME: f64 = 1e-6;
+/// Positions of others: the depth of a weak joint is held by a prior of half a metre, which magnifies rounding.
+const NEARLY: f64 = 0.1;
 
 fn frame(cameras: &[Camera], seen: &Detections) -> Refinement {
     refiner(cameras, Some(1)).refine(&Frame::from(seen.clone())).unwrap()
@@ -24,8 +26,9 @@ fn same(
     prop_assert_eq!(&one.joint_status, &other.joint_status);
     for (j, (a, b)) in one.pose.iter().zip(&other.pose).enumerate() {
         let off = (a - to_one(b)).norm();
+        let most = if one.joint_status[j] == JointStatus::Ok { SAME } else { NEARLY };
         prop_assert!(
-            off < SAME || (a.x.is_nan() && b.x.is_nan()),
+            off < most || (a.x.is_nan() && b.x.is_nan()),
             "joint {j}: {off} mm, {:?}",
             one.joint_status[j]
         );

@@ -8,7 +8,8 @@ like it). ``joint`` is a name, or in every line the place in the layout, from 0.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import functools
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,41 +18,62 @@ import numpy as np
 from skelsplat._budget import check_ratio
 from skelsplat._skelsplat import HIGHEST_CONFIDENCE
 from skelsplat.exceptions import DatasetError
+from skelsplat.io import _rows
 from skelsplat.io._files import csv_header, csv_lines, frame_number, whole_number
-from skelsplat.io.detections._format import Person, Recording, View, joints_of, list_view
+from skelsplat.io.detections._csv_index import Index
+from skelsplat.io.detections._format import Person, Recording, View, joints_of, list_view, stretch_view
 
 # x, y, confidence by frame, person and joint of one camera
 Lines = dict[int, dict[str, dict[str, tuple[float, ...]]]]
 
 _NEEDED = ("frame", "joint", "x", "y")
 _HIGHEST = 9999
+_BLOCKS = 512  # of a big file that are in memory, some 50 MB
 _KNOWN = (*_NEEDED, "confidence", "person", "camera")
 
 
 def read_csv_recording(path: Path, _: str | None) -> Recording:
     """Return the views of a file of all cameras."""
-    cameras, joints = _read(path)
-    if "" in cameras:
+    views = _views(path)
+    if "" in views:
         actual = "none; or a folder of one file per camera"
         raise DatasetError(path, "camera", "a camera in every line", actual)
-    return Recording({name: _view(path, camera, joints) for name, camera in cameras.items()}, named=True)
+    return Recording(views, named=True)
 
 
 def read_csv(path: Path) -> View:
     """Return the view of the one camera of a file."""
-    cameras, joints = _read(path)
-    if len(cameras) > 1:
-        raise DatasetError(path, "camera", "one camera (or the path of this file)", ", ".join(cameras))
-    return _view(path, next(iter(cameras.values())), joints)
+    views = _views(path)
+    if len(views) > 1:
+        raise DatasetError(path, "camera", "one camera (or the path of this file)", ", ".join(views))
+    return next(iter(views.values()))
 
 
-def _read(path: Path) -> tuple[dict[str, Lines], tuple[str, ...]]:
-    """Return the lines of each camera, and all joints in the order in which they come."""
+def _views(path: Path) -> dict[str, View]:
+    """Return the view of each camera; of a big file in the order of its frames, read in stretches."""
+    if path.stat().st_size >= _rows.BIG:
+        header = csv_header(path)
+        index = Index.of(path, _columns(path, header), len(header))
+        if index is not None:
+            return _indexed_views(index)
     lines = csv_lines(path)
     columns = _columns(path, next(lines, []))
+    cameras, joints = _read(path, columns, enumerate(lines, start=2))
+    if not cameras:
+        raise DatasetError(path, "lines", "one line per joint after the header", "none")
+    names = _ordered(path, tuple(joints))
+    people = sum(len(frame) for camera in cameras.values() for frame in camera.values())
+    check_ratio(path, "joint", 24 * people * len(names), path.stat().st_size)
+    return {name: _view(path, camera, names) for name, camera in cameras.items()}
+
+
+def _read(
+    path: Path, columns: Mapping[str, int], lines: Iterable[tuple[int, Sequence[str]]]
+) -> tuple[dict[str, Lines], dict[str, None]]:
+    """Return the lines of each camera, and all joints in the order in which they come."""
     cameras: dict[str, Lines] = {}
     joints: dict[str, None] = {}
-    for number, line in enumerate(lines, start=2):
+    for number, line in lines:
         if not line:
             continue
         cell = {name: line[place].strip() for name, place in columns.items()}
@@ -65,12 +87,31 @@ def _read(path: Path) -> tuple[dict[str, Lines], tuple[str, ...]]:
             raise DatasetError(path, f"line {number}, joint", expected, repr(cell["joint"]) + again)
         person[cell["joint"]] = _values(path, number, cell)
         joints[cell["joint"]] = None
-    if not cameras:
-        raise DatasetError(path, "lines", "one line per joint after the header", "none")
-    places = _ordered(path, tuple(joints))
-    people = sum(len(frame) for camera in cameras.values() for frame in camera.values())
-    check_ratio(path, "joint", 24 * people * len(places), path.stat().st_size)
-    return cameras, places
+    return cameras, joints
+
+
+def _indexed_views(index: Index) -> dict[str, View]:
+    """Return the views of a big file."""
+    names = _ordered(index.path, tuple(index.joints))
+    people = sum(map(len, index.frames.values()))  # or more
+    check_ratio(index.path, "joint", 24 * people * len(names), index.path.stat().st_size)
+
+    @functools.lru_cache(maxsize=_BLOCKS)
+    def block(number: int) -> dict[str, dict[int, list[Person]]]:
+        cameras, _ = _read(index.path, index.columns, index.lines(number))
+        return {camera: _by_frame(index.path, lines, names) for camera, lines in cameras.items()}
+
+    def view(camera: str) -> View:
+        frames, blocks = index.frames[camera], index.blocks[camera]
+
+        def stretch(first: int, end: int) -> list[list[Person]]:
+            places = zip(frames[first:end], blocks[first:end], strict=True)
+            return [block(number)[camera][frame] for frame, number in places]
+
+        found = stretch_view(index.path, np.array(frames, dtype=np.int64), stretch)
+        return replace(found, joints=None if names[0].isdecimal() else names, sparse=True)
+
+    return {camera: view(camera) for camera in index.frames}
 
 
 def _columns(path: Path, header: Sequence[str]) -> dict[str, int]:
@@ -124,12 +165,15 @@ def _ordered(path: Path, joints: tuple[str, ...]) -> tuple[str, ...]:
 
 
 def _view(path: Path, camera: Lines, joints: tuple[str, ...]) -> View:
-    people = {
+    names = None if joints[0].isdecimal() else joints
+    return replace(list_view(path, _by_frame(path, camera, joints)), joints=names, sparse=True)
+
+
+def _by_frame(path: Path, camera: Lines, joints: tuple[str, ...]) -> dict[int, list[Person]]:
+    return {
         number: [_person(path, f"frame {number}", person, joints) for person in frame.values()]
         for number, frame in camera.items()
     }
-    names = None if joints[0].isdecimal() else joints
-    return replace(list_view(path, people), joints=names, sparse=True)
 
 
 def _person(path: Path, where: str, person: dict[str, tuple[float, ...]], joints: tuple[str, ...]) -> Person:

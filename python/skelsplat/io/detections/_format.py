@@ -126,12 +126,20 @@ def rows_view(
     path: Path, where: str, frames: Sequence[int] | Index, read: Callable[[int, int], Array]
 ) -> View:
     """Return the view of joints (t, P, K, 3) that are read a stretch of frames at a time."""
-    places = np.asarray(frames, dtype=np.int64)
 
     def stretch(first: int, end: int) -> list[list[Person]]:
         return [[Person(path, where, joints) for joints in people] for people in read(first, end)]
 
-    def in_frame(number: int) -> list[Person]:
+    return stretch_view(path, frames, stretch)
+
+
+def stretch_view(
+    path: Path, frames: Sequence[int] | Index, stretch: Callable[[int, int], Sequence[Sequence[Person]]]
+) -> View:
+    """Return the view of people who are read a stretch of frames at a time."""
+    places = np.asarray(frames, dtype=np.int64)
+
+    def in_frame(number: int) -> Sequence[Person]:
         at = int(np.searchsorted(places, number))
         return stretch(at, at + 1)[0]
 

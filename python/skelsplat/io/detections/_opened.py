@@ -20,6 +20,7 @@ from skelsplat.io.detections._joints import arranged, places_of
 
 # pixels of a whole view that all lie within this are parts of the image's size
 _NORMALISED = 1.5
+_STRETCH = 4096  # frames
 
 
 @dataclass(frozen=True)
@@ -98,7 +99,10 @@ class Opened:
 
     def read(self) -> DetectionSet:
         """Read everything."""
-        read = {name: self._people(name, self.frames) for name in self.views.views}
+        read: dict[str, list[list[Array]]] = {name: [] for name in self.views.views}
+        for first in range(0, len(self.frames), _STRETCH):
+            for name, people in read.items():  # of a file of all cameras each part is read once
+                people += self._people(name, self.frames[first : first + _STRETCH])
         for name, people in read.items():
             pixels = _Pixels(self.views.views[name])
             pixels.add(people)

@@ -21,6 +21,7 @@ from skelsplat.io.poses._c3d import c3d_is_y_up, check_c3d, read_c3d, write_c3d
 from skelsplat.io.poses._csv import read_csv, write_csv
 from skelsplat.io.poses._json import is_json_poses, read_json, write_json
 from skelsplat.io.poses._npz import read_npz, write_npz
+from skelsplat.io.poses._parts import Poses
 from skelsplat.io.poses._people import PEOPLE_FORMATS as PEOPLE_FORMATS
 from skelsplat.io.poses._people import write_people as write_people
 from skelsplat.io.poses._pose_data import PoseData
@@ -76,7 +77,7 @@ def check_pose_format(
         check_trc_names(joint_names or ())
 
 
-def write_pose(path: str | os.PathLike[str], data: PoseData, **options: object) -> None:
+def write_pose(path: str | os.PathLike[str], data: Poses, **options: object) -> None:
     """Write poses in the format that the extension of ``path`` names.
 
     Parameters

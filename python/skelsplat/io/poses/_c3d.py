@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import json
 import math
 import os
 import struct
+import subprocess
+import sys
+import tempfile
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -30,6 +35,10 @@ _MAX_NAME, _MAX_TEXT = 127, 255
 _EXACT = 2**24
 _MISSING, _INTERPOLATED = -1.0, 0.0
 _GROUP = "SKELSPLAT"
+_CHILD = Path(__file__).with_name("_c3d_child.py")
+_COMPLETE = "a complete C3D file"
+# What reading may take: of sound files, 13 bytes of memory and 0.1 µs were measured per byte.
+_MEMORY, _SECONDS = (256_000_000, 64), (10, 1_000_000)
 _BLOCK = 512
 _KEY = 0x50
 # Intel, DEC, MIPS: the order of the bytes of an integer, and which byte of a float has the sign
@@ -158,62 +167,110 @@ def read_c3d(path: str | os.PathLike[str]) -> PoseData:
         short.
     """
     source = Path(path)
-    file = _opened(source)
-    points, header = file["data"]["points"], file["header"]["points"]
-    steps = int(header["last_frame"]) - int(header["first_frame"]) + 1
+    found = _read(source)
+    point, own, points = found.parameters["POINT"], found.parameters["SKELSPLAT"], found.points
+    steps = found.last_frame - found.first_frame + 1
     if points.shape[2] != steps:
         raise DatasetError(source, "frames", f"{steps} as the header states", points.shape[2])
-    missing = file["data"]["meta_points"]["residuals"][0] < 0.0
+    if not points.shape[1]:
+        raise DatasetError(source, "points", "at least one", "none")
+    missing = found.residuals[0] < 0.0
     pose = np.moveaxis(np.where(missing, np.nan, points[:3]), (0, 1, 2), (2, 1, 0))
-    own = file["parameters"].get(_GROUP, {})
-    shift = int(own["FRAME_SHIFT"]["value"][0]) if "FRAME_SHIFT" in own else 0
+    shift = _shift(source, own.get("FRAME_SHIFT", [0.0]))
     return PoseData(
         pose=np.ascontiguousarray(pose),
-        joint_names=_labels(source, file["parameters"]["POINT"], points.shape[1]),
-        frames=np.arange(steps, dtype=np.int64) + int(header["first_frame"]) + 1 - shift,
-        unit=_unit(source, file["parameters"]["POINT"]),
-        frame_rate=_rate(source, file["parameters"]["POINT"]),
-        processing=tuple(map(_text, own["PROCESSING"]["value"])) if "PROCESSING" in own else (),
+        joint_names=_labels(source, point, points.shape[1]),
+        frames=np.arange(steps, dtype=np.int64) + found.first_frame + 1 - shift,
+        unit=_unit(source, point),
+        frame_rate=_rate(source, point),
+        processing=tuple(own.get("PROCESSING", ())),
     )
 
 
 def c3d_is_y_up(path: str | os.PathLike[str]) -> bool:
     """Tell whether a C3D file states, in ``POINT:Y_SCREEN``, that its y axis points up the screen."""
-    point = _opened(Path(path))["parameters"]["POINT"]
-    return "Y_SCREEN" in point and [axis.strip() for axis in point["Y_SCREEN"]["value"]] == ["+Y"]
+    point = _read(Path(path)).parameters["POINT"]
+    return [axis.strip() for axis in point.get("Y_SCREEN", ())] == ["+Y"]
 
 
-def _opened(source: Path) -> Any:
-    ezc3d = require("ezc3d", "C3D files")
-    with parsing(source, "a complete C3D file"):
-        _check_structure(source, source.read_bytes())
-        return ezc3d.c3d(str(source))
+@dataclass(frozen=True)
+class _Read:
+    """What ezc3d finds in a file: points (4, N, T), residuals (1, N, T), parameters by group and name."""
+
+    points: Array
+    residuals: Array
+    parameters: dict[str, dict[str, list[Any]]]
+    first_frame: int
+    last_frame: int
 
 
-def _labels(path: Path, point: Any, count: int) -> tuple[str, ...]:
+def _read(source: Path) -> _Read:
+    """Read a file in a process of its own: of damaged files, some end ezc3d, or fill the memory."""
+    require("ezc3d", "C3D files")
+    with parsing(source, _COMPLETE):
+        content = source.read_bytes()
+        _check_structure(source, content)
+    memory, seconds = _MEMORY[0] + _MEMORY[1] * len(content), _SECONDS[0] + len(content) // _SECONDS[1]
+    with tempfile.TemporaryDirectory() as place:
+        target = Path(place, "read.npz")
+        ended = _child(str(source.absolute()), str(target), memory, seconds)
+        if ended or not target.is_file():
+            got = f"one that ends its reader ({ended or 'nothing read'})"
+            raise DatasetError(source, "file", _COMPLETE, got)
+        with np.load(target, allow_pickle=False) as arrays:
+            about = json.loads(arrays["about"].tobytes())
+            if "error" in about:
+                raise DatasetError(source, "file", _COMPLETE, about["error"])
+            return _Read(arrays["points"], arrays["residuals"], **about)
+
+
+def _child(source: str, target: str, memory: int, seconds: int) -> str:
+    """Run `_c3d_child` within limits; return how it ended, "" if well."""
+    paths = [path for path in sys.path if path]
+    call = [sys.executable, "-I", str(_CHILD), source, target, str(memory), str(seconds), *paths]
+    try:
+        done = subprocess.run(
+            call,
+            stdin=subprocess.DEVNULL,
+            capture_output=True,
+            check=False,
+            timeout=10 * seconds,  # on a busy machine
+            env={**os.environ, "OPENBLAS_NUM_THREADS": "1"},
+        )
+    except subprocess.TimeoutExpired:
+        return f"after {10 * seconds} s"
+    return ended_with(done.returncode)
+
+
+def ended_with(status: int) -> str:
+    """Return how a process ended, "" if well."""
+    return f"signal {-status}" if status < 0 else f"status {status}" if status else ""
+
+
+def _labels(path: Path, point: dict[str, list[Any]], count: int) -> tuple[str, ...]:
     keys = ["LABELS", *(f"LABELS{k}" for k in range(2, 10))]
-    labels = [_text(label).strip() for key in keys if key in point for label in point[key]["value"]]
+    labels = [label.strip() for key in keys for label in point.get(key, ())]
     if len(labels) < count or not all(labels[:count]):
         raise DatasetError(path, "POINT:LABELS", f"a label for each of {count} points", len(labels))
     return tuple(labels[:count])
 
 
-def _text(text: str) -> str:
-    """Return a text whose bytes are no UTF-8 as the Latin letters that programs of Windows write so."""
-    own = text.encode("utf-8", "surrogateescape")
-    return own.decode("latin-1") if text != own.decode("utf-8", "replace") else text
+def _shift(path: Path, values: list[Any]) -> int:
+    if not values or not abs(values[0]) <= _EXACT:
+        raise DatasetError(path, f"{_GROUP}:FRAME_SHIFT", "a whole number", values)
+    return int(values[0])
 
 
-def _unit(path: Path, point: Any) -> str:
-    values = point["UNITS"]["value"] if "UNITS" in point else []
+def _unit(path: Path, point: dict[str, list[Any]]) -> str:
+    values = point.get("UNITS", [])
     unit = values[0].strip().lower() if values else ""
     if unit not in MM_PER_UNIT:
         raise DatasetError(path, "POINT:UNITS", "mm, cm or m", repr(unit))
     return unit
 
 
-def _rate(path: Path, point: Any) -> float:
-    values = point["RATE"]["value"] if "RATE" in point else []
+def _rate(path: Path, point: dict[str, list[Any]]) -> float:
+    values = point.get("RATE", [])
     rate = float(str(np.float32(values[0]))) if len(values) else 0.0  # stored in single precision
     if not (np.isfinite(rate) and rate > 0.0):
         raise DatasetError(path, "POINT:RATE", "frames per second, a positive number", rate)

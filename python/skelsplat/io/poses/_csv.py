@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import csv
 import io
+import math
 import os
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 import skelsplat as sk
 from skelsplat._arrays import medians
@@ -62,14 +64,29 @@ def rows_of(data: PoseData) -> Iterator[list[Any]]:
     n_rejected = (data.view_weights < sk.REJECTED_WEIGHT).sum(axis=1)
     both = (data.error_bar, data.uncertainty)
     deviations = np.sqrt(np.concatenate([np.diagonal(each, axis1=-2, axis2=-1) for each in both], axis=-1))
-    for t, frame in enumerate(data.frames.tolist()):
-        for j, joint in enumerate(data.joint_names):
-            place = [_field(value) for value in data.pose[t, j]]
-            spread = [_field(value) for value in deviations[t, j]] if deviations.size else [""] * 6
-            status = str(data.joint_status[t, j]) if data.joint_status.size else ""
-            views, error = (n_views[t, j], _field(errors[t, j])) if n_views.size else ("", "")
-            rejected = n_rejected[t, j] if n_rejected.size else ""
-            yield [frame, joint, *place, *spread, data.unit, status, views, rejected, error]
+    shape = data.pose.shape[:2]
+    columns = (
+        *_columns(data.pose, shape, 3),
+        *_columns(deviations, shape, 6),
+        _columns(np.full(shape, data.unit), shape)[0],
+        *(_columns(values, shape)[0] for values in (data.joint_status, n_views, n_rejected, errors)),
+    )
+    places = ((frame, joint) for frame in data.frames.tolist() for joint in data.joint_names)
+    for place, *fields in zip(places, *columns, strict=True):
+        yield [*place, *fields]
+
+
+def _columns(values: npt.NDArray[Any], shape: tuple[int, ...], count: int = 1) -> list[list[Any]]:
+    """Return so many columns of values (T, N, …), a field for each of the rows; empty where there is none.
+
+    Floats are written with all their digits by the csv module.
+    """
+    if not values.size:
+        return [[""] * math.prod(shape)] * count
+    rows = values.reshape(math.prod(shape), count)
+    if rows.dtype.kind == "f":
+        rows = np.where(np.isfinite(rows), rows.astype(object), "")
+    return rows.T.tolist()
 
 
 @checked
@@ -158,7 +175,3 @@ def _assemble(path: Path, rows: Sequence[_Row]) -> PoseData:
         unit=rows[0].unit,
         **arrays,
     )
-
-
-def _field(value: float) -> str:
-    return repr(float(value)) if np.isfinite(value) else ""

@@ -37,6 +37,11 @@ class PoseParts:
     rows: Mapping[str, RowFile]
     size: int
 
+    @property
+    def frame_rate(self) -> float | None:
+        """As of `PoseData`."""
+        return self.head.frame_rate
+
     def __iter__(self) -> Iterator[PoseData]:
         names = {entry.name for entry in fields(PoseData)} - {"frames", *ARRAYS}
         fixed: dict[str, Any] = {name: getattr(self.head, name) for name in names}

@@ -13,11 +13,10 @@ import numpy as np
 import skelsplat as sk
 from skelsplat._arrays import Array
 from skelsplat.io.poses._json import to_json
+from skelsplat.run.live._latencies import Latencies
 from skelsplat.run.live._lines import Line, MalformedLineError, View, by_camera, parsed, points
 
 _PERCENTILES = (50, 90, 99, 99.9)
-# Lines whose latencies are kept, so that a loop of days does not grow.
-_KEPT = 100_000
 
 
 class Session(ABC):
@@ -25,9 +24,8 @@ class Session(ABC):
 
     def __init__(self, rig: sk.CameraRig, layout: sk.Layout) -> None:
         self._cameras, self._joints = rig.names, layout.n_joints
-        self._latencies_ms: deque[float] = deque(maxlen=_KEPT)
-        self._answered_lines = self._skipped = 0
-        self._longest_ms = 0.0
+        self._latencies = Latencies()
+        self._skipped = 0
         self._begun = self._ended = 0.0
 
     def answer(self, text: bytes) -> bytes | None:
@@ -63,21 +61,19 @@ class Session(ABC):
         self._ended = time.perf_counter()
         self._begun = self._begun or begin
         latency_ms = 1000.0 * (self._ended - begin)
-        self._latencies_ms.append(latency_ms)
-        self._answered_lines += 1
-        self._longest_ms = max(self._longest_ms, latency_ms)
+        self._latencies.add(latency_ms)
         return f'{text}, "latency_ms": {latency_ms:.4f}}}\n'.encode()
 
     def summary(self) -> str:
-        """Return how many lines were solved and malformed, how fast, and percentiles of the latency."""
-        count = self._answered_lines
+        """Return how many lines were solved and malformed, how fast, and percentiles of all latencies."""
+        count = self._latencies.count
         lines = f"lines solved {count}, malformed {self._skipped}"
         if not count:
             return lines
-        values = np.percentile(self._latencies_ms, _PERCENTILES)
+        values = self._latencies.percentiles(_PERCENTILES)
         parts = [f"{share:g}% {value:.3f}" for share, value in zip(_PERCENTILES, values, strict=True)]
         rate = count / max(self._ended - self._begun, 1e-9)
-        latencies = f"{', '.join(parts)}, longest {self._longest_ms:.3f}"
+        latencies = f"{', '.join(parts)}, longest {self._latencies.longest_ms:.3f}"
         return f"{lines}; {rate:.0f} per second; latency in ms: {latencies}"
 
 
