@@ -38,25 +38,23 @@ class RowFile:
     def __init__(self, path: Path, shape: tuple[int, ...], dtype: npt.DTypeLike) -> None:
         self.path, self.dtype, self._row = path, np.dtype(dtype), shape
         self._bytes = self.dtype.itemsize * math.prod(shape)
-        self._stream: IO[bytes] | None = path.open("wb")
         self._width = 0
+        path.write_bytes(b"")
 
     @property
     def shape(self) -> tuple[int, ...]:
-        self.close()
         return (self.path.stat().st_size // self._bytes if self._bytes else 0, *self._row)
 
     def append(self, rows: npt.NDArray[Any]) -> None:
         """Write rows (t, …) after those that are there."""
-        if self._stream is None:
-            self._stream = self.path.open("ab")
         if self.dtype.kind == "U":
             self._width = max(self._width, rows.dtype.itemsize // 4)
-        self._stream.write(np.ascontiguousarray(rows, dtype=self.dtype).data.cast("B"))
+        with self.path.open("ab") as stream:
+            stream.write(np.ascontiguousarray(rows, dtype=self.dtype).data.cast("B"))
 
-    def pieces(self, size: int = _PIECE) -> Iterator[npt.NDArray[Any]]:
-        """Yield all rows, so many bytes at a time; text no wider than it was."""
-        steps, each = self.shape[0], max(1, size // max(1, self._bytes))
+    def pieces(self) -> Iterator[npt.NDArray[Any]]:
+        """Yield all rows, a piece at a time; text no wider than it was."""
+        steps, each = self.shape[0], max(1, _PIECE // max(1, self._bytes))
         dtype = self.narrow()
         for first in range(0, steps, each):
             yield self.read(first, min(first + each, steps)).astype(dtype, copy=False)
@@ -65,14 +63,7 @@ class RowFile:
         """Return the type that NumPy would give all rows: of text, the width of the widest appended."""
         return np.dtype(f"U{max(1, self._width)}") if self.dtype.kind == "U" else self.dtype
 
-    def close(self) -> None:
-        """Finish writing, until more is appended."""
-        if self._stream is not None:
-            self._stream.close()
-            self._stream = None
-
     def read(self, first: int, end: int) -> npt.NDArray[Any]:
-        self.close()
         count = (end - first) * math.prod(self._row)
         flat = np.fromfile(self.path, self.dtype, count, offset=first * self._bytes)
         return flat.reshape(end - first, *self._row)

@@ -69,9 +69,10 @@ def run_long(
             inputs = _nobody(job, opened)
             check_output(job, inputs)
             warn_of_output(job, inputs)
-            found = _refined(job, opened, inputs, Path(scratch), progress)
+            found, left_out = _refined(job, opened, inputs, Path(scratch), progress)
         findings = in_order([*notes, *found.findings])
-        found = reported(replace(found, findings=findings), job, apply_over_time(found.poses, None)[1])
+        nothing = apply_over_time(found.poses, None)[1]
+        found = reported(replace(found, findings=findings), job, nothing, left_out)
         return replace(folders.write_folder(found, output, writing), whole=None)
 
 
@@ -101,8 +102,13 @@ def _nobody(job: Job, opened: Opened) -> Inputs:
     return opened.inputs(job, np.empty((0, views, joints, 3)), np.empty((0, views), dtype=np.bool_))
 
 
-def _refined(job: Job, opened: Opened, inputs: Inputs, folder: Path, progress: Progress | None) -> Run:
-    """Return the run of the frames drawn, and the whole, with the findings that are not warnings."""
+def _refined(
+    job: Job, opened: Opened, inputs: Inputs, folder: Path, progress: Progress | None
+) -> tuple[Run, int]:
+    """Return the run of the frames drawn, with the whole and the findings that are not warnings.
+
+    And how many findings on single frames it leaves out.
+    """
     if progress is not None:
         progress(0, len(inputs.frames))
     size = max(_LEAST_FRAMES, _PER_PART // (len(opened.rig) * opened.detections.skeleton.n_joints))
@@ -123,7 +129,8 @@ def _refined(job: Job, opened: Opened, inputs: Inputs, folder: Path, progress: P
     drawn, outcome, statistics = gathered.sample(seconds, why_alone(inputs, job))
     counts = {} if gathered.named_all else gathered.joint_counts
     findings = find_findings(drawn, outcome, statistics, gathered.joint_frames, counts)
-    in_frames = tuple(gathered.in_frames(drawn, outcome, statistics))
+    in_frames, left_out = gathered.in_frames(drawn, outcome, statistics)
     whole = Whole(gathered.poses(size), person.detections)
     poses = poses_of(drawn, outcome.result)
-    return Run(poses, tuple(findings), in_frames, {}, statistics, drawn, outcome, whole)
+    run = Run(poses, tuple(findings), tuple(in_frames), {}, statistics, drawn, outcome, whole)
+    return run, left_out
