@@ -1,11 +1,12 @@
-"""Choosing one person among several: CPU time per frame next to that of refining, and with 40 to 60 people in every image.
+"""Choosing one person among several: CPU time per frame beside refining, and with 40 to 60 people per image.
 
     python benchmarks/choice.py [--frames 100] [--markdown] [--crowds]
 
-One thread, 17 joints, 30 Hz. "choose" is `skelsplat.association.choose_person`; "refine" are `sk.refine_sequence` and
-`sk.refine` of the person it chose, in scenes of `skelsplat.synthetic.simulate_scene`. In a crowd everybody is
-visible in every image: "hall", people at random places; "strangers", other people in every view; "copies", one person
-detected many times. "live" is `sk.Tracker.step`, on average and at most. CPU time, the least of three; of one run.
+One thread, 17 joints, 30 Hz. "choose" is `skelsplat.association.choose_person`; "refine" are
+`sk.refine_sequence` and `sk.refine` of the person it chose, in scenes of `synthetic.simulate_scene`.
+In a crowd everybody is visible in every image: "hall", people at random places; "strangers", other people in
+every view; "copies", one person detected many times. "live" is `sk.Tracker.step`, on average and at most. CPU
+time; that of "choose" and "refine" is the least of three.
 """
 
 from __future__ import annotations

@@ -709,7 +709,7 @@ class Tracker:
         """Identities of everybody who is followed, also of those out of sight."""
 
     def cut(self) -> int:
-        """In how many frames so far there were too many people for all of them to be compared, or followed."""
+        """In how many frames so far there were too many people for all to be compared, or followed."""
 
     def copy(self) -> Tracker:
         """Return another tracker in the same state."""
@@ -744,7 +744,7 @@ def people_chosen(
     switch_cost: float,
     switch_step: float,
 ) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
-    """Return the slots (T, M) of one person, -1 for none, and the frames (T,) with too much to compare for all to be compared.
+    """Return the slots (T, M) of one person, -1 for none, and the frames (T,) with too much to compare.
 
     As for `people_choices`; going over to someone else, ``switch_step`` away or more, costs ``switch_cost``.
     """
@@ -766,8 +766,9 @@ def track_people(
     max_people: int | None = None,
     progress: Callable[[int, int], object] | None = None,
 ) -> tuple[list[dict[str, Any]], int]:
-    """Return the fields of every ``skelsplat.Person``, its refinement as in ``Refiner.refine_sequence``; and in how many frames there were
-    too many people for all of them to be compared, or followed.
+    """Return the fields of every ``skelsplat.Person``, and in how many frames there were too many people.
+
+    Too many to compare or to follow. The refinement of each is as in ``Refiner.refine_sequence``.
     """
 
 def rig_equations(

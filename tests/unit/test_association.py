@@ -210,7 +210,7 @@ def test_too_many_people_to_compare_are_said(rig, monkeypatch):
     """The search is bounded by work (tests/choice.rs in the core); what it then says is tested here."""
     people = crowd(seen(walk([0.0, 0.0, 1.0]), rig), seen(walk([1.0, 0.0, 1.0]), rig))
 
-    def cut(*given, **options):
+    def cut(*_given, **_options):
         return np.zeros((FRAMES, VIEWS), dtype=np.int64), np.arange(FRAMES) < 2
 
     monkeypatch.setattr("skelsplat.association.people_chosen", cut)

@@ -350,6 +350,6 @@ def test_too_many_people_to_compare_are_said_once(monkeypatch) -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         copy.copy(tracker).step(people)
-    monkeypatch.setattr(sk._people._skelsplat, "track_people", lambda *given, **options: ([], 7))
+    monkeypatch.setattr(sk._people._skelsplat, "track_people", lambda *_, **__: ([], 7))
     with pytest.warns(UserWarning, match="in 7 frames there were too many people"):
         assert sk.track(people[None], cameras, layout="h36m17", fps=30.0, progress=False) == []

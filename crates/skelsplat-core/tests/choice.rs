@@ -1,9 +1,7 @@
 //! The choice of one person: what it finds, and that its work is bounded.
 
 use nalgebra::Vector3;
-use skelsplat_core::study::people::births::Judge;
 use skelsplat_core::study::people::choice::{Choices, Linking, MOST_WORK, Rules, choices, choose};
-use skelsplat_core::study::people::known::Known;
 use skelsplat_core::study::people::{Associator, Crowd};
 use skelsplat_core::testing::scenes::{Noise, noisy_detections, room, standing};
 use skelsplat_core::{Camera, Detections, Layout, Progress, RefineConfig, Refiner, Unit};
@@ -106,21 +104,16 @@ fn the_path_stays_with_one_person_and_over_frames_without_any() {
 }
 
 #[test]
-fn newcomers_and_bodies_are_bounded() {
+fn frames_with_too_many_people_to_follow_are_counted() {
     let cameras = room(2);
     let layout = Layout::by_name("h36m17").unwrap();
     let refiner =
         Refiner::new(&cameras, Unit::Millimetre, Some(&layout), RefineConfig::default()).unwrap();
-    let people = crowd(1001, 100_000.0, &cameras);
-    let crowd = Crowd::new(&refiner, &people).unwrap();
-    let known = Known::new(&refiner, &layout);
-    let mut free = crowd.views.iter().map(|view| vec![true; view.len()]).collect();
-    let (_, cut) = Judge { known: &known }.newcomers(&crowd, &mut free);
-    assert!(cut);
     let mut associator = Associator::new(&refiner, &layout, 30.0);
-    for _ in 0..3 {
-        associator.step(&crowd);
+    // A million pairs are compared, of a thousand figures in each view.
+    for (n, cut) in [(1001, 1), (20, 1)] {
+        let people = crowd(n, 9000.0, &cameras);
+        associator.step(&Crowd::new(&refiner, &people).unwrap());
+        assert_eq!(associator.cut(), cut, "{n} people");
     }
-    assert_eq!(associator.cut(), 3);
-    assert!(associator.n_bodies() <= 1024);
 }

@@ -87,12 +87,6 @@ impl Associator {
         self.cut
     }
 
-    /// How many bodies are followed, or lost and remembered.
-    #[must_use]
-    pub fn n_bodies(&self) -> usize {
-        self.bodies.len() + self.lost.len()
-    }
-
     /// The next frame: everybody whom a view sees, in the order of their appearance.
     pub fn step(&mut self, crowd: &Crowd) -> Vec<Sighting> {
         let mut free: Free =
