@@ -11,10 +11,14 @@ import numpy as np
 import pytest
 
 import skelsplat as sk
-from skelsplat import synthetic
-from skelsplat.io import _rows, write_calibration
-from skelsplat.run import Job, folder, run, run_long
+from skelsplat import _budget, synthetic
+from skelsplat.findings import Finding, FindingWarning
+from skelsplat.io import _rows, read_run, write_calibration
+from skelsplat.io.poses._pose_data import ARRAYS
+from skelsplat.run import Job, folder, frame_range, read, run, run_batch, run_long, run_people
+from skelsplat.run.frame_range import FrameRange
 from skelsplat.run.long import _gather, _run
+from skelsplat.run.plots import read_source
 from skelsplat.run.report import thinned_in_words
 
 FPS, STEPS = 10.0, 1300  # windows of 600 frames
@@ -40,7 +44,9 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(autouse=True)
 def everything_is_long(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(_rows, "BIG", 1)
-    for name, value in {"LONG": 0, "_LEAST_BYTES": 0, "_PER_PART": 1}.items():
+    monkeypatch.setattr(folder, "can_draw", lambda: False)
+    monkeypatch.setattr(read, "LONG", 0)
+    for name, value in {"_LEAST_BYTES": 0, "_PER_PART": 1}.items():
         monkeypatch.setattr(_run, name, value)
 
 
@@ -82,6 +88,7 @@ def test_counts_are_of_all_frames_and_medians_of_those_drawn(
     files: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     whole = run(job(files, tmp_path / "whole", frame_by_frame=True, write=()))
+    monkeypatch.setattr(folder, "can_draw", lambda: True)
     monkeypatch.setattr(_gather, "DRAWN", 150)
     monkeypatch.setattr(_gather, "MOST_NAMED", 5)
     monkeypatch.setattr(_gather, "MOST_SINGLE", 7)
@@ -107,7 +114,6 @@ def test_counts_are_of_all_frames_and_medians_of_those_drawn(
 def test_memory_hardly_grows_with_the_recording(
     files: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(folder, "can_draw", lambda: False)
     monkeypatch.setattr(_rows, "_PIECE", 2**17)
     monkeypatch.setattr(_gather, "DRAWN", 100)
     monkeypatch.setattr(_gather, "MOST_NAMED", 10)
@@ -141,14 +147,75 @@ def test_memory_hardly_grows_with_the_recording(
 def test_what_needs_all_frames_is_not_done_in_parts(
     files: Path, tmp_path: Path, options: dict[str, object]
 ) -> None:
-    assert run_long(job(files, tmp_path / "out", **options)) is None
+    given = job(files, tmp_path / "out", **options)
+    assert len(given.at_once) == 1
+    assert run_long(given) is None
+    assert not (tmp_path / "out").exists()
+
+
+def test_an_option_that_needs_all_frames_is_named_before_the_work(
+    files: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    given, told = job(files, tmp_path / "out", fill_gaps=5, filter="butterworth:3"), list[Finding]()
+    found = run(given, tell=told.append)
+    assert told[0] == next(one for one in found.findings if one.kind == "done_at_once")
+    assert told[0].text == (
+        "--fill-gaps and --filter need all 1,270 frames at once, at least 0.0 GB of memory; without them "
+        "they are refined in parts"
+    )
+    monkeypatch.setattr(read, "_AT_ONCE", 10**4)
+    monkeypatch.setattr(_budget, "_available", lambda: 10**8)
+    fits = r"npz: --people: expected what fits into memory \(100.0 MB are available\), got .* 863.6 MB"
+    with pytest.raises(sk.DatasetError, match=fits):
+        run_people(job(files, tmp_path / "none", people="all"))
+    assert not (tmp_path / "none").exists()
+
+
+def test_a_batch_does_long_recordings_in_parts(files: Path, tmp_path: Path) -> None:
+    left = tmp_path / "one" / ".skelsplat-long-x"  # of a run that was killed
+    left.mkdir(parents=True)
+    (left / "pose").write_bytes(b"some")
+    run_batch({"one": job(files, tmp_path / "one", write=())}, tmp_path)
+    assert '"thinned"' in (tmp_path / "one" / "report.json").read_text()
+    assert not list((tmp_path / "one").glob(".skelsplat-*"))
+
+
+def test_of_a_long_run_a_range_is_read(files: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    out = tmp_path / "out"
+    run(job(files, out, write=()))
+    whole = read_run(out)
+    range = FrameRange(890, 940)
+    few = read_source(out, range=range)
+    monkeypatch.setattr(frame_range, "MANY", 40)
+    part = read_run(out, within=range.to_read)
+    assert part.ends == whole.ends == (0, STEPS - 1)
+    assert part.poses.frames.tolist() == [*np.arange(890, 900), *np.arange(930, 941)]
+    own = np.isin(whole.poses.frames, part.poses.frames)
+    for name in ARRAYS:
+        np.testing.assert_array_equal(getattr(part.poses, name), getattr(whole.poses, name)[own])
+    np.testing.assert_array_equal(part.detections, whole.detections[own])
+    with pytest.warns(FindingWarning, match="1,270 frames are read and drawn at once: --range A-B reads"):
+        read_source(out)
+    again = read_source(out, range=range)
+    assert (again.zero, again.title) == (few.zero, few.title)
+    with pytest.raises(sk.InvalidInputError, match="range: expected some of the frames 0 to 1299, got 2000"):
+        read_source(out, range=FrameRange(2000, 2000))
+
+
+def test_an_interrupted_run_leaves_nothing(files: Path, tmp_path: Path) -> None:
+    def interrupt(done: int, _: int) -> None:
+        if done:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        run_long(job(files, tmp_path / "out"), progress=interrupt)
     assert not (tmp_path / "out").exists()
 
 
 def test_a_short_recording_is_not_done_in_parts(
     files: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(_run, "LONG", STEPS * 4 * 17)
+    monkeypatch.setattr(read, "LONG", STEPS * 4 * 17)
     assert run_long(job(files, tmp_path / "out")) is None
     assert not (tmp_path / "out").exists()
 

@@ -81,7 +81,7 @@ class NpzRows:
 
     def _open(self) -> None:
         self._stream, self._at = self._archive.open(f"{self._name}.npy"), 0
-        self.shape, self._fortran, self.dtype = npy_header(self._stream)
+        self.shape, self.fortran, self.dtype = npy_header(self._stream)
         self._bytes = self.dtype.itemsize * math.prod(self.shape[1:])
 
     @property
@@ -93,7 +93,7 @@ class NpzRows:
     def in_order(self) -> bool:
         """Whether its rows are numbers that follow each other in the file."""
         held = self._archive.getinfo(f"{self._name}.npy").file_size
-        plain = self.dtype.kind in "fiu" and not self._fortran and len(self.shape) > 1
+        plain = self.dtype.kind in "fiu" and not self.fortran and len(self.shape) > 1
         return plain and self._bytes > 0 and self.size <= held
 
     def read(self, first: int, end: int) -> npt.NDArray[Any]:
@@ -117,6 +117,15 @@ def big_array(path: Path, name: str) -> NpzRows | None:
         if rows.in_order and rows.size >= BIG:
             return rows
     return None
+
+
+def npz_rows(path: Path, name: str, count: int, own: slice) -> npt.NDArray[Any]:
+    """Return ``own`` rows of an array of an npz file that has ``count``, or all if it has another number."""
+    with parsing(path, "an npz file"):
+        rows = NpzRows(path, name)
+        if rows.dtype.hasobject or not rows.dtype.itemsize or (rows.fortran and len(rows.shape) > 1):
+            raise DatasetError(path, name, "numbers or texts, row after row", f"the type {rows.dtype}")
+        return rows.read(own.start, own.stop) if rows.shape[0] == count else rows.read(0, rows.shape[0])
 
 
 def write_npz(stream: IO[bytes], arrays: Mapping[str, npt.NDArray[Any] | Made]) -> None:

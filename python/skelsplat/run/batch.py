@@ -29,6 +29,7 @@ from skelsplat.io.calibration._json import to_json
 from skelsplat.run._run import run
 from skelsplat.run.folder import output_folder
 from skelsplat.run.job import Job
+from skelsplat.run.long import run_long
 from skelsplat.run.read import read_rig
 from skelsplat.run.report import versions
 from skelsplat.run.several import run_people
@@ -348,7 +349,8 @@ def _on_threads(job: Job, count: int) -> Job:
 def attempt(job: Job) -> str:
     """Do a job, and return why it failed, or ""."""
     try:
-        (run if job.people is None else run_people)(job)
+        if run_long(job) is None:
+            (run if job.people is None else run_people)(job)
     except (SkelSplatError, OSError) as error:
         return " ".join(str(error).split())
     except Exception as error:  # a defect, of which the other recordings know nothing
