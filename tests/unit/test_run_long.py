@@ -220,6 +220,16 @@ def test_a_short_recording_is_not_done_in_parts(
     assert not (tmp_path / "out").exists()
 
 
+def test_a_full_disk_is_one_line(files: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(_rows.RowFile, "append", full)
+    with pytest.raises(sk.DatasetError, match=r"out: output: expected a folder with room .* no space left"):
+        run_long(job(files, tmp_path / "out"))
+    assert not (tmp_path / "out").exists()
+
+
 def test_a_failure_leaves_no_files_of_parts(files: Path, tmp_path: Path) -> None:
     with pytest.raises(sk.DatasetError, match="joint"):
         run_long(job(files, tmp_path / "out", layout="body25b"))

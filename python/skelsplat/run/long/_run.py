@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
+from skelsplat._atomic import opening
 from skelsplat.findings import Finding, collected_warnings, warn
 from skelsplat.run import folder as folders
 from skelsplat.run import read
@@ -78,7 +79,8 @@ def _scratch(folder: Path) -> Iterator[Path]:
     """Make a folder for the parts, removed afterwards, and remove what a killed run has left of its own."""
     for left in folder.glob(f"{_SCRATCH}*"):
         shutil.rmtree(left)
-    with tempfile.TemporaryDirectory(prefix=_SCRATCH, dir=folder) as scratch:
+    room = opening(folder, "a folder with room for the parts of the recording", "output")
+    with room, tempfile.TemporaryDirectory(prefix=_SCRATCH, dir=folder) as scratch:
         yield Path(scratch)
 
 
