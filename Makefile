@@ -61,7 +61,7 @@ REMAP := --remap-path-prefix=$(CURDIR)=. --remap-path-prefix=$${CARGO_HOME:-$$HO
 wheel:
 	RUSTFLAGS="$$RUSTFLAGS $(REMAP)" $(BIN)/maturin build --release --locked --quiet --interpreter $(BIN)/python --out dist
 sdist:
-	$(BIN)/maturin sdist --quiet --out dist
+	$(BIN)/maturin sdist --out dist
 
 $(STAMPS)/dev: $(STAMPS)/installed
 	$(PIP) "$$(ls dist/*.whl)[dev]"

@@ -183,13 +183,16 @@ def check_json(path: Path, document: str, text: str) -> None:
     raw = text.encode("utf-8", "replace")
     opens = raw.count(b"[") + raw.count(b"{")
     afford(path, "JSON", 72 * opens + 36 * raw.count(b","))
-    if opens <= MOST_DEPTH:
-        return
+    if opens > MOST_DEPTH and depth_of(raw) > MOST_DEPTH:
+        raise DatasetError(path, "JSON", document, f"lists nested too deeply (at most {MOST_DEPTH} deep)")
+
+
+def depth_of(raw: bytes) -> int:
+    """Return how deep the lists and objects of JSON nest."""
     raw = re.sub(rb"\\.", b"", raw, flags=re.DOTALL) if b"\\" in raw else raw
     outside = re.sub(rb'"[^"]*"', b"", raw.translate(None, _UNMARKED)).partition(b'"')[0]
     steps = np.frombuffer(outside.translate(_BRACKETS), dtype=np.int8)
-    if np.cumsum(steps, dtype=np.int32).max(initial=0) > MOST_DEPTH:
-        raise DatasetError(path, "JSON", document, f"lists nested too deeply (at most {MOST_DEPTH} deep)")
+    return int(np.cumsum(steps, dtype=np.int32).max(initial=0))
 
 
 def check_document(path: Path, text: str) -> None:
@@ -205,16 +208,34 @@ def parse_toml(path: Path, text: str) -> dict[str, Any]:
     else:
         import tomli as tomllib
     check_document(path, text)
-    parts = re.split(r"([=,\[\]{}\n])", text)
-    for part, end in zip(parts[::2], parts[1::2], strict=False):
-        if end in "=]" and part.count(".") >= _MOST_PARTS:
-            raise DatasetError(path, "TOML", f"keys of at most {_MOST_PARTS} parts", f"{part.strip()[:40]}…")
+    for line in text.splitlines():
+        if line.count(".") >= _MOST_PARTS and _longest_key(line) > _MOST_PARTS:
+            raise DatasetError(path, "TOML", f"keys of at most {_MOST_PARTS} parts", f"{line.strip()[:40]}…")
     try:
         document = tomllib.loads(text)
     except (ValueError, RecursionError) as error:  # a number of thousands of digits is no TOMLDecodeError
         raise DatasetError(path, "TOML", "valid TOML", str(error).partition(";")[0]) from error
     check_tree(path, "TOML", document, len(text))
     return document
+
+
+def _longest_key(line: str) -> int:
+    """Return the most parts that something between commas, brackets and strings has, of a line of TOML."""
+    longest, parts, quote, escaped = 1, 1, "", False
+    for char in line:
+        if quote:
+            quote = quote if char != quote or escaped else ""
+            escaped = char == "\\" and quote == '"' and not escaped
+        elif char in "\"'":
+            quote = char
+        elif char == "#":
+            break
+        elif char in ",=[]{}":
+            parts = 1
+        elif char == ".":
+            parts += 1
+            longest = max(longest, parts)
+    return longest
 
 
 def read_toml(path: Path) -> dict[str, Any]:

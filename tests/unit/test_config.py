@@ -12,6 +12,7 @@ import pytest
 from typer.main import get_command
 
 import skelsplat as sk
+from command_line import invoke
 from skelsplat.cli import app
 
 
@@ -160,6 +161,15 @@ def test_rigs_are_sequences():
     assert rig[1:3].names == rig.names[1:3]
     assert rig.mm_per_unit == 1.0
     assert rig == sk.CameraRig(list(rig))
+
+
+@pytest.mark.parametrize("command", [["demo"], ["refine", "c.toml", "d"]])
+@pytest.mark.parametrize(("threads", "got"), [(1025, "at most 1024, got 1025"), (10**20, ".* got 10{20}")])
+def test_the_number_of_threads_has_a_bound(command, threads, got, tmp_path):
+    result = invoke(*command, "--threads", threads, "-o", tmp_path / "out")
+    assert result.exit_code == 2
+    assert re.match(rf"error: --threads: expected {got}", result.stderr)
+    assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io as streams
 import os
 import pickle
+import re
 import resource
 import socket
 import struct
@@ -80,6 +81,8 @@ TEXTS: dict[str, tuple[str, str, Callable[[Path], object], str]] = {
     "JSON 10^6 deep": ("c.json", "[" * 10**6, calibration, "nested too deeply"),
     "half a character": ("p.json", r'{"joint_names": ["\ud800"]}', io.read_pose, "texts in Unicode"),
     "a key of many parts": ("c.toml", "a" + ".a" * 10**5 + " = 1", calibration, "keys of at most 32 parts"),
+    "a key alone": ("c.toml", "[a]\n" + "a." * 10**5, calibration, "keys of at most 32 parts"),
+    "quoted keys": ("c.toml", '"=\\"".a.' * 10**4, calibration, "keys of at most 32 parts"),
     "a long TOML": (
         "c.toml",
         "a = 1\n" * 400_000,
@@ -105,6 +108,12 @@ def test_text_is_read_in_time_proportional_to_its_length(tmp_path: Path, case: s
     path = tmp_path / name
     path.write_text(text)
     refused(read, path, message)
+
+
+def test_dots_in_numbers_and_texts_are_no_parts_of_a_key(tmp_path: Path) -> None:
+    numbers = ", ".join(["0.5"] * 1000)
+    text = f"a = [{numbers}]\nb = '{'x. ' * 100}' # {'.' * 99}\nc = \"{'.' * 99}\"\nd.e.f = 1\n"
+    assert _budget.parse_toml(tmp_path, text)["a"] == [0.5] * 1000
 
 
 def test_values_of_json_beyond_the_memory_are_refused(
@@ -487,6 +496,15 @@ CROWDS = {
         "frame,joint,x,y,camera\n" + "".join(f"0,0,5,5,c{k}\n" for k in range(5000)),
         "views: expected at most 4096, with names of at most 255 characters, got 5000",
     ),
+    "nulls": (
+        "p.json",
+        '{"format": "skelsplat-poses", "version": 1, "unit": "mm", "joint_names": ['
+        + ",".join(f'"{k}"' for k in range(5000))
+        + '], "frames": ['
+        + ",".join('{"frame": 1, "pose": null}' for _ in range(5000))
+        + "]}",
+        "pose: expected at most 1.* got 600.0 MB",
+    ),
     "a name": (
         "d.csv",
         f"frame,joint,x,y,camera\n0,0,5,5,cam0\n0,0,5,5,{'a1' * 5000}\n",
@@ -499,7 +517,7 @@ CROWDS = {
 def test_a_table_does_not_grow_with_the_square_of_its_lines(tmp_path: Path, case: str) -> None:
     name, text, message = CROWDS[case]
     (tmp_path / name).write_text(text)
-    refused(detections, tmp_path / name, message)
+    refused(io.read_pose if name == "p.json" else detections, tmp_path / name, message)
 
 
 def test_one_crowd_in_a_long_recording(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -526,3 +544,44 @@ def test_a_calibration_has_not_any_number_of_cameras(tmp_path: Path) -> None:
     path = tmp_path / "c.json"
     path.write_text("{" + ",".join(one % k for k in range(4097)) + "}")
     refused(calibration, path, "cameras: expected at most 4096 cameras .* got 4097 cameras")
+
+
+# where a file is opened without asking the budget: those of this package, and what was written a moment ago
+_OWN = {
+    "_budget.py": "the budget itself",
+    "_atomic.py": "writes",
+    "_batches.py": "writes",
+    "_lock.py": "writes",
+    "io/_rows.py": "files of its own; others after a look",
+    "io/sample.py": "part of the package",
+    "io/poses/_c3d.py": "what its child wrote a moment ago",
+    "evaluation/reported/__init__.py": "part of the package",
+    "evaluation/runs.py": "with a checksum",
+    "viz/report/_parts.py": "part of the package",
+    "run/html.py": "written a moment ago",
+    "run/long/_gather.py": "written a moment ago",
+    "detect/_mediapipe.py": "the null device",
+}
+
+
+def test_no_reader_opens_a_file_past_the_budget() -> None:
+    package = Path(sk.__file__).parent
+    opens = re.compile(
+        r"\.open\(\"[ra]|\.read_(text|bytes)\(|(?<![\w.])(?<!def )open\("
+        r"|np\.(load|fromfile)\(|ZipFile\(path|json\.load\("
+    )
+    found = {
+        path.relative_to(package).as_posix()
+        for path in package.rglob("*.py")
+        if opens.search(path.read_text(encoding="utf-8"))
+    }
+    assert found - set(_OWN) == set()
+
+
+def test_a_line_of_live_nests_no_deeper_than_a_file() -> None:
+    from skelsplat.run.live._lines import MalformedLineError, parsed
+
+    with pytest.raises(
+        MalformedLineError, match=r"expected JSON, got lists nested too deeply \(at most 64 deep\)"
+    ):
+        parsed(f'{{"detections": {DEEP}}}'.encode())

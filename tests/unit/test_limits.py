@@ -109,7 +109,7 @@ def test_the_resolution_is_named():
             "config.detection_sigma_px: expected a number from 1e-4 to 1e9, got 1e-12",
         ),
         ({"symmetry_weight": 1e300}, "config.symmetry_weight: expected a number of at most 1e9, got 1e300"),
-        ({"n_threads": 10**9}, "config.n_threads: expected at most 4096, got 1000000000"),
+        ({"n_threads": 10**9}, "config.n_threads: expected at most 1024, got 1000000000"),
     ],
 )
 def test_settings_outside_their_ranges(field, text):

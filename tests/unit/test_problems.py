@@ -39,7 +39,7 @@ def found():
         result = SimpleNamespace(stop_reason=parts["stop_reason"], swapped=parts["swapped"])
         outcome = SimpleNamespace(result=result)
         facts = FrameFacts.of(inputs, outcome, SimpleNamespace(**parts), parts["status"])
-        findings = find_in_frames([facts], Usual.of(facts), layout.joints, inputs.rig.names)
+        findings, _ = find_in_frames([facts], Usual.of(facts), layout.joints, inputs.rig.names)
         words = {}
         for finding in findings:
             for frame in finding.subject.frames:

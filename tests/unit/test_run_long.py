@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tracemalloc
 import zipfile
 from dataclasses import replace
 from pathlib import Path
@@ -10,12 +11,17 @@ import numpy as np
 import pytest
 
 import skelsplat as sk
-from skelsplat import synthetic
-from skelsplat.io import _rows, write_calibration
-from skelsplat.run import Job, run, run_long
-from skelsplat.run.long import _run
+from skelsplat import _budget, synthetic
+from skelsplat.findings import Finding, FindingWarning
+from skelsplat.io import _rows, read_run, write_calibration
+from skelsplat.io.poses._pose_data import ARRAYS
+from skelsplat.run import Job, folder, frame_range, read, run, run_batch, run_long, run_people
+from skelsplat.run.frame_range import FrameRange
+from skelsplat.run.long import _gather, _run
+from skelsplat.run.plots import read_source
+from skelsplat.run.report import thinned_in_words
 
-FPS, STEPS = 25.0, 2600
+FPS, STEPS = 10.0, 1300  # windows of 600 frames
 
 
 @pytest.fixture(scope="module")
@@ -28,7 +34,7 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> Path:
     seen = synthetic.simulate_detections(poses, rig, noise=noise, layout="h36m17", seed=0)
     seen[300:340, :, 5] = np.nan
     seen[700:703] = np.nan
-    frames = np.delete(np.arange(STEPS), slice(1200, 1230))
+    frames = np.delete(np.arange(STEPS), slice(900, 930))
     names = np.array(rig.names)
     np.savez(folder / "detections.npz", detections=seen[frames], camera_names=names, frames=frames)
     write_calibration(folder / "cameras.json", rig)
@@ -38,12 +44,14 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(autouse=True)
 def everything_is_long(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(_rows, "BIG", 1)
-    for name, value in {"LONG": 0, "_LEAST_BYTES": 0, "_PER_PART": 1}.items():
+    monkeypatch.setattr(folder, "can_draw", lambda: False)
+    monkeypatch.setattr(read, "LONG", 0)
+    for name, value in {"_LEAST_BYTES": 0, "_PER_PART": 1}.items():
         monkeypatch.setattr(_run, name, value)
 
 
 def job(files: Path, out: Path, **options: object) -> Job:
-    given = {"layout": "h36m17", "fps": FPS, "write": ("csv", "trc", "json"), "html": False, **options}
+    given = {"layout": "h36m17", "fps": FPS, "write": ("trc",), "html": False, **options}
     return Job(files / "cameras.json", files / "detections.npz", output=out, **given)  # type: ignore[arg-type]
 
 
@@ -57,8 +65,8 @@ def long(job: Job) -> sk.run.Run:
 def test_files_are_those_of_the_whole(files: Path, tmp_path: Path, options: dict[str, object]) -> None:
     whole = run(job(files, tmp_path / "whole", **options))
     found = long(job(files, tmp_path / "parts", **options))
-    for name in ("pose.trc", "pose.csv"):
-        assert (tmp_path / "parts" / name).read_bytes() == (tmp_path / "whole" / name).read_bytes()
+    trc = [(tmp_path / one / "pose.trc").read_bytes() for one in ("parts", "whole")]
+    assert trc[0] == trc[1]
     for name in ("pose.npz", "detections.npz"):
         parts, every = (zipfile.ZipFile(tmp_path / one / name) for one in ("parts", "whole"))
         with parts, every:
@@ -74,3 +82,145 @@ def test_files_are_those_of_the_whole(files: Path, tmp_path: Path, options: dict
     assert found.report["input"].pop("thinned")["every"] == 1
     assert found.report["input"] == whole.report["input"]
     assert found.findings == whole.findings
+
+
+def test_counts_are_of_all_frames_and_medians_of_those_drawn(
+    files: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    whole = run(job(files, tmp_path / "whole", frame_by_frame=True, write=()))
+    monkeypatch.setattr(folder, "can_draw", lambda: True)
+    monkeypatch.setattr(_gather, "DRAWN", 150)
+    monkeypatch.setattr(_gather, "MOST_NAMED", 5)
+    monkeypatch.setattr(_gather, "MOST_SINGLE", 7)
+    found = long(job(files, tmp_path / "parts", frame_by_frame=True, write=()))
+    assert found.report["input"]["thinned"]["every"] == 9
+    assert found.frames.tolist() == whole.frames[::9].tolist()
+    for group, same in zip(found.statistics.cameras, whole.statistics.cameras, strict=True):
+        assert (group.used, group.missing, group.rejected) == (same.used, same.missing, same.rejected)
+        assert group.after_px == pytest.approx(same.after_px, rel=0.2)
+    pages = [thinned_in_words(found.inputs), thinned_in_words(whole.inputs)]
+    assert pages == [[pages[0][0]], []]
+    assert "every 9th frame (142)" in pages[0][0]
+    weak, same = (next(one for one in of.findings if one.kind == "weak_joints") for of in (found, whole))
+    assert weak.numbers["frames_in_all"] == [len(frames) for frames in same.numbers["frames"]]
+    assert max(map(len, weak.numbers["frames"])) == 5
+    assert weak.text == same.text
+    single = [sum(len(finding.subject.frames) for finding in of.frame_findings) for of in (found, whole)]
+    assert single[0] == 7
+    # what is usual is that of the frames drawn
+    assert found.report["frame_findings_left_out"] == pytest.approx(single[1] - 7, abs=3)
+
+
+def test_memory_hardly_grows_with_the_recording(
+    files: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(_rows, "_PIECE", 2**17)
+    monkeypatch.setattr(_gather, "DRAWN", 100)
+    monkeypatch.setattr(_gather, "MOST_NAMED", 10)
+    monkeypatch.setattr(_gather, "MOST_SINGLE", 10)
+    with np.load(files / "detections.npz") as every:
+        seen, names = every["detections"][:600], every["camera_names"]
+    write_calibration(tmp_path / "cameras.json", synthetic.human36m_like())
+    peaks = []
+    for times in (2, 6):
+        np.savez(tmp_path / "detections.npz", detections=np.tile(seen, (times, 1, 1, 1)), camera_names=names)
+        tracemalloc.start()
+        long(job(tmp_path, tmp_path / "out", frame_by_frame=True, write=("npz",)))
+        peaks.append(tracemalloc.get_traced_memory()[1])
+        tracemalloc.stop()
+    assert peaks[1] - peaks[0] < 500 * 4 * len(seen)  # bytes per frame; at once it is some 20,000
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"person": 0},
+        {"people": "all"},
+        {"fill_gaps": 5},
+        {"filter": "butterworth:6"},
+        {"angles": True},
+        {"adjust_cameras": True},
+        {"write": ("c3d",)},
+        {"config": sk.RefineConfig.paper()},
+    ],
+)
+def test_what_needs_all_frames_is_not_done_in_parts(
+    files: Path, tmp_path: Path, options: dict[str, object]
+) -> None:
+    given = job(files, tmp_path / "out", **options)
+    assert len(given.at_once) == 1
+    assert run_long(given) is None
+    assert not (tmp_path / "out").exists()
+
+
+def test_an_option_that_needs_all_frames_is_named_before_the_work(
+    files: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    given, told = job(files, tmp_path / "out", fill_gaps=5, filter="butterworth:3"), list[Finding]()
+    found = run(given, tell=told.append)
+    assert told[0] == next(one for one in found.findings if one.kind == "done_at_once")
+    assert told[0].text == (
+        "--fill-gaps and --filter need all 1,270 frames at once, at least 0.0 GB of memory; without them "
+        "they are refined in parts"
+    )
+    monkeypatch.setattr(read, "_AT_ONCE", 10**4)
+    monkeypatch.setattr(_budget, "_available", lambda: 10**8)
+    fits = r"npz: --people: expected what fits into memory \(100.0 MB are available\), got .* 863.6 MB"
+    with pytest.raises(sk.DatasetError, match=fits):
+        run_people(job(files, tmp_path / "none", people="all"))
+    assert not (tmp_path / "none").exists()
+
+
+def test_a_batch_does_long_recordings_in_parts(files: Path, tmp_path: Path) -> None:
+    left = tmp_path / "one" / ".skelsplat-long-x"  # of a run that was killed
+    left.mkdir(parents=True)
+    (left / "pose").write_bytes(b"some")
+    run_batch({"one": job(files, tmp_path / "one", write=())}, tmp_path)
+    assert '"thinned"' in (tmp_path / "one" / "report.json").read_text()
+    assert not list((tmp_path / "one").glob(".skelsplat-*"))
+
+
+def test_of_a_long_run_a_range_is_read(files: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    out = tmp_path / "out"
+    run(job(files, out, write=()))
+    whole = read_run(out)
+    range = FrameRange(890, 940)
+    few = read_source(out, range=range)
+    monkeypatch.setattr(frame_range, "MANY", 40)
+    part = read_run(out, within=range.to_read)
+    assert part.ends == whole.ends == (0, STEPS - 1)
+    assert part.poses.frames.tolist() == [*np.arange(890, 900), *np.arange(930, 941)]
+    own = np.isin(whole.poses.frames, part.poses.frames)
+    for name in ARRAYS:
+        np.testing.assert_array_equal(getattr(part.poses, name), getattr(whole.poses, name)[own])
+    np.testing.assert_array_equal(part.detections, whole.detections[own])
+    with pytest.warns(FindingWarning, match="1,270 frames are read and drawn at once: --range A-B reads"):
+        read_source(out)
+    again = read_source(out, range=range)
+    assert (again.zero, again.title) == (few.zero, few.title)
+    with pytest.raises(sk.InvalidInputError, match="range: expected some of the frames 0 to 1299, got 2000"):
+        read_source(out, range=FrameRange(2000, 2000))
+
+
+def test_an_interrupted_run_leaves_nothing(files: Path, tmp_path: Path) -> None:
+    def interrupt(done: int, _: int) -> None:
+        if done:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        run_long(job(files, tmp_path / "out"), progress=interrupt)
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_short_recording_is_not_done_in_parts(
+    files: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(read, "LONG", STEPS * 4 * 17)
+    assert run_long(job(files, tmp_path / "out")) is None
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_failure_leaves_no_files_of_parts(files: Path, tmp_path: Path) -> None:
+    with pytest.raises(sk.DatasetError, match="joint"):
+        run_long(job(files, tmp_path / "out", layout="body25b"))
+    assert not (tmp_path / "out").exists()

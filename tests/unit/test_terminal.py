@@ -178,6 +178,12 @@ def test_errors_and_warnings_of_the_library_are_one_line_of_text():
     assert finding.text == str(FindingWarning(finding)) == r"of \x1b]0;t\x07"
 
 
+def test_cameras_and_layouts_are_shown_as_one_line(given):
+    camera, layout = sk.io.read_calibration(given[0] / "rig.json")[0], sk.layouts.read(given[0] / "own.toml")
+    assert repr(camera).startswith(r"Camera('\x1b]0;x\x07[red]x[/red]', 1000x")
+    assert repr(layout) == r"Layout('lay\x1bout', 6 joints)"
+
+
 def test_json_keeps_the_names_and_obeys_none():
     names = [*CAMERAS, *JOINTS, "caf\u00e9 \U0001f600", "\udcff"]
     text = to_text({name: name for name in names})

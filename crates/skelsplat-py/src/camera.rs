@@ -3,7 +3,7 @@
 use nalgebra::{Matrix3, Vector2, Vector3};
 use pyo3::Borrowed;
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
+use pyo3::types::{PyDict, PyString};
 use skelsplat_core::Error;
 use skelsplat_core::Unit;
 use skelsplat_core::study::camera::for_camera;
@@ -190,10 +190,13 @@ impl Camera {
         rebuilt(slf.as_any(), arguments, keywords)
     }
 
-    fn __repr__(&self) -> String {
+    fn __repr__(&self, py: Python<'_>) -> PyResult<String> {
         let [fx, fy] = self.0.focal();
         let [w, h] = self.0.size();
-        let name = self.0.name().map_or_else(String::new, |n| format!("'{n}', "));
-        format!("Camera({name}{w}x{h} px, fx={fx:.1}, fy={fy:.1})")
+        let name = match self.0.name() {
+            Some(name) => format!("{}, ", PyString::new(py, name).repr()?),
+            None => String::new(),
+        };
+        Ok(format!("Camera({name}{w}x{h} px, fx={fx:.1}, fy={fy:.1})"))
     }
 }

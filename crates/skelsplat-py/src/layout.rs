@@ -251,7 +251,8 @@ impl Layout {
         rebuilt(slf.as_any(), arguments, keywords)
     }
 
-    fn __repr__(&self) -> String {
-        format!("Layout('{}', {} joints)", self.0.name, self.0.n_joints())
+    fn __repr__(&self, py: Python<'_>) -> PyResult<String> {
+        let name = PyString::new(py, &self.0.name).repr()?;
+        Ok(format!("Layout({name}, {} joints)", self.0.n_joints()))
     }
 }

@@ -313,8 +313,19 @@ def named(finding: Finding) -> str:
     return ", ".join(names) if len(names) <= _MOST_NAMES else f"{len(names)} of {finding.numbers['of']}"
 
 
+def _at_once(finding: Finding) -> str:
+    needed, numbers = finding.numbers["options"], finding.numbers
+    verb, they = ("needs", "it") if len(needed) == 1 else ("need", "them")
+    return (
+        f"{listed(needed)} {verb} all {numbers['frames']:,} frames at once, at least "
+        f"{numbers['gigabytes']:.1f} GB of memory; without {they} they are refined in parts"
+    )
+
+
 SENTENCES: Mapping[str, str | Callable[[Finding], str]] = {
     "layout_of_file": _layout_of_file,
+    "many_frames": "{frames:,} frames are read and drawn at once: --range A-B reads some of them",
+    "done_at_once": _at_once,
     "option_unused": "{option} has no effect: it applies to pose.trc and pose.c3d, and --write lists neither",
     "vertical_unknown": "--angles: the cameras do not show which axis of the world is vertical: "
     "trunk and pelvis are left out",

@@ -18,7 +18,7 @@ from skelsplat.exceptions import InvalidInputError
 
 _ALL = "skelsplat.help.all"
 # Arguments of the package that have another name as a command's parameter.
-_SPELT = {"offsets": "offset", "mapping": "joint_map", "free": "move"}
+_SPELT = {"offsets": "offset", "mapping": "joint_map", "free": "move", "n_threads": "threads"}
 
 
 class _FlagHelp:

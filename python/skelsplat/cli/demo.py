@@ -60,9 +60,10 @@ def demo(
     skelsplat demo -o /tmp/demo --json > report.json
     """
     output = output or Path(_FOLDER_OF_PEOPLE if people else _FOLDER)
+    settings = {} if threads is None else {"n_threads": threads}
+    config = sk.RefineConfig.paper(**settings) if paper else sk.RefineConfig(**settings)
     with output_folder(output):
         paths = sample.extract(output / "input", people=people)
-    settings = {} if threads is None else {"n_threads": threads}
     job = Job(
         paths.calibration,
         paths.detections,
@@ -70,7 +71,7 @@ def demo(
         layout=sample.LAYOUT,
         fps=sample.FRAME_RATE_HZ,
         frame_by_frame=frame_by_frame,
-        config=sk.RefineConfig.paper(**settings) if paper else sk.RefineConfig(**settings),
+        config=config,
         people="all" if people else None,
         output=output,
         note=f"{_NOTE} {_OF_PEOPLE}" if people else _NOTE,

@@ -310,8 +310,8 @@ def _check_free(root: Path, *, force: bool) -> None:
     if not force:
         raise DatasetError(root, "output", "no folder or an empty one (--force replaces)", "files in it")
     try:
-        known = json.loads((root / INDEX).read_text(encoding="utf-8"))["format"] == FORMAT
-    except (OSError, ValueError, KeyError, TypeError):
+        known = load_json(root / INDEX)["format"] == FORMAT
+    except (DatasetError, KeyError, TypeError):
         known = False
     if not known:
         raise DatasetError(root, "output", "a simulated data set to replace", "files of something else")

@@ -138,12 +138,15 @@ def _infos(archive: zipfile.ZipFile) -> list[zipfile.ZipInfo]:
     return [info for info in archive.infolist() if info.filename.endswith(".npy")]
 
 
-def load_plain_npz(path: Path, kind: str) -> dict[str, Any]:
-    """Return all arrays of an npz file by name; nothing in it is unpickled. `kind` names it in messages."""
+def load_plain_npz(path: Path, kind: str, keys: Collection[str] | None = None) -> dict[str, Any]:
+    """Return all arrays of an npz file by name, or those among `keys`; nothing in it is unpickled.
+
+    `kind` names it in messages.
+    """
     with opened(path, "a readable npz file") as stream, parsing(path, kind):
         if not zipfile.is_zipfile(stream):
             raise DatasetError(path, "file", kind, "another kind of file, or a damaged one")
-        return _members(path, stream, None, pickled=False)
+        return _members(path, stream, keys, pickled=False)
 
 
 def load_npy(path: Path) -> Any:

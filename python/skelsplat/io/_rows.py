@@ -38,25 +38,23 @@ class RowFile:
     def __init__(self, path: Path, shape: tuple[int, ...], dtype: npt.DTypeLike) -> None:
         self.path, self.dtype, self._row = path, np.dtype(dtype), shape
         self._bytes = self.dtype.itemsize * math.prod(shape)
-        self._stream: IO[bytes] | None = path.open("wb")
         self._width = 0
+        path.write_bytes(b"")
 
     @property
     def shape(self) -> tuple[int, ...]:
-        self.close()
         return (self.path.stat().st_size // self._bytes if self._bytes else 0, *self._row)
 
     def append(self, rows: npt.NDArray[Any]) -> None:
         """Write rows (t, …) after those that are there."""
-        if self._stream is None:
-            self._stream = self.path.open("ab")
         if self.dtype.kind == "U":
             self._width = max(self._width, rows.dtype.itemsize // 4)
-        self._stream.write(np.ascontiguousarray(rows, dtype=self.dtype).data.cast("B"))
+        with self.path.open("ab") as stream:
+            stream.write(np.ascontiguousarray(rows, dtype=self.dtype).data.cast("B"))
 
-    def pieces(self, size: int = _PIECE) -> Iterator[npt.NDArray[Any]]:
-        """Yield all rows, so many bytes at a time; text no wider than it was."""
-        steps, each = self.shape[0], max(1, size // max(1, self._bytes))
+    def pieces(self) -> Iterator[npt.NDArray[Any]]:
+        """Yield all rows, a piece at a time; text no wider than it was."""
+        steps, each = self.shape[0], max(1, _PIECE // max(1, self._bytes))
         dtype = self.narrow()
         for first in range(0, steps, each):
             yield self.read(first, min(first + each, steps)).astype(dtype, copy=False)
@@ -65,14 +63,7 @@ class RowFile:
         """Return the type that NumPy would give all rows: of text, the width of the widest appended."""
         return np.dtype(f"U{max(1, self._width)}") if self.dtype.kind == "U" else self.dtype
 
-    def close(self) -> None:
-        """Finish writing, until more is appended."""
-        if self._stream is not None:
-            self._stream.close()
-            self._stream = None
-
     def read(self, first: int, end: int) -> npt.NDArray[Any]:
-        self.close()
         count = (end - first) * math.prod(self._row)
         flat = np.fromfile(self.path, self.dtype, count, offset=first * self._bytes)
         return flat.reshape(end - first, *self._row)
@@ -90,7 +81,7 @@ class NpzRows:
 
     def _open(self) -> None:
         self._stream, self._at = self._archive.open(f"{self._name}.npy"), 0
-        self.shape, self._fortran, self.dtype = npy_header(self._stream)
+        self.shape, self.fortran, self.dtype = npy_header(self._stream)
         self._bytes = self.dtype.itemsize * math.prod(self.shape[1:])
 
     @property
@@ -102,7 +93,7 @@ class NpzRows:
     def in_order(self) -> bool:
         """Whether its rows are numbers that follow each other in the file."""
         held = self._archive.getinfo(f"{self._name}.npy").file_size
-        plain = self.dtype.kind in "fiu" and not self._fortran and len(self.shape) > 1
+        plain = self.dtype.kind in "fiu" and not self.fortran and len(self.shape) > 1
         return plain and self._bytes > 0 and self.size <= held
 
     def read(self, first: int, end: int) -> npt.NDArray[Any]:
@@ -126,6 +117,15 @@ def big_array(path: Path, name: str) -> NpzRows | None:
         if rows.in_order and rows.size >= BIG:
             return rows
     return None
+
+
+def npz_rows(path: Path, name: str, count: int, own: slice) -> npt.NDArray[Any]:
+    """Return ``own`` rows of an array of an npz file that has ``count``, or all if it has another number."""
+    with parsing(path, "an npz file"):
+        rows = NpzRows(path, name)
+        if rows.dtype.hasobject or not rows.dtype.itemsize or (rows.fortran and len(rows.shape) > 1):
+            raise DatasetError(path, name, "numbers or texts, row after row", f"the type {rows.dtype}")
+        return rows.read(own.start, own.stop) if rows.shape[0] == count else rows.read(0, rows.shape[0])
 
 
 def write_npz(stream: IO[bytes], arrays: Mapping[str, npt.NDArray[Any] | Made]) -> None:

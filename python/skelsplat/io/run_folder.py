@@ -14,7 +14,8 @@ All of them say which run they are of; `read_run` refuses the files of two runs.
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -41,8 +42,8 @@ from skelsplat.io._run_files import (
     mark,
 )
 from skelsplat.io.calibration import read_calibration, write_calibration
-from skelsplat.io.detections import read_detections
-from skelsplat.io.poses._npz import read_npz
+from skelsplat.io.detections import open_detections
+from skelsplat.io.poses._npz import read_npz, read_npz_range
 from skelsplat.io.poses._pose_data import PoseData
 from skelsplat.layouts._files import to_toml
 
@@ -64,6 +65,8 @@ class RunFolder:
         The result, with `PoseData.init_pose` and the other arrays of the refinement.
     report : dict
         ``report.json``.
+    ends : (int, int)
+        Numbers of the first and the last frame of the run, of which the arrays may hold a part.
     """
 
     path: Path
@@ -72,6 +75,7 @@ class RunFolder:
     detections: Array
     poses: PoseData
     report: dict[str, Any]
+    ends: tuple[int, int] = (0, 0)
 
     @property
     def undistorted(self) -> bool:
@@ -119,8 +123,17 @@ def write_run_inputs(
     return [CAMERAS, DETECTIONS, *([LAYOUT] if own else [])]
 
 
-def read_run(path: str | os.PathLike[str]) -> RunFolder:
+def read_run(
+    path: str | os.PathLike[str], *, within: Callable[[Index], tuple[int, int]] | None = None
+) -> RunFolder:
     """Read the folder that ``skelsplat refine`` or ``skelsplat demo`` wrote.
+
+    Parameters
+    ----------
+    path : path
+    within : callable, optional
+        Given the numbers (T,) of the run's frames, returns the first and the last one to read; of a long run
+        the others then take no memory.
 
     Raises
     ------
@@ -138,8 +151,16 @@ def read_run(path: str | os.PathLike[str]) -> RunFolder:
     check_one_run(folder / REPORT, needed)
     layout = sk.layouts.read(own) if own.is_file() else report["input"]["layout"].layout()
     rig = read_calibration(folder / CAMERAS)
-    poses = read_npz(folder / POSES)
-    found = read_detections(folder / DETECTIONS, list(rig.names), layout=layout, format="npz")
+    opened = open_detections(folder / DETECTIONS, list(rig.names), layout=layout, format="npz")
+    every = opened.frames
+    ends = (int(every[0]), int(every[-1])) if len(every) else (0, 0)
+    first, last = ends if within is None else within(every)
+    if (first, last) == ends:
+        poses = read_npz(folder / POSES)
+    else:
+        poses = read_npz_range(folder / POSES, first, last)
+        opened = replace(opened, frames=every[(every >= first) & (every <= last)])
+    found = opened.read()
     for name, expected, actual in (
         ("joint_names", tuple(layout.joints), poses.joint_names),
         ("camera_names", tuple(rig.names), poses.camera_names),
@@ -149,7 +170,7 @@ def read_run(path: str | os.PathLike[str]) -> RunFolder:
         if expected != actual:
             same = f"those of the same run ({_short(expected)})"
             raise DatasetError(folder / POSES, name, same, _short(actual))
-    return RunFolder(folder, rig, layout, found.people[:, :, 0], poses, report.value)
+    return RunFolder(folder, rig, layout, found.people[:, :, 0], poses, report.value, ends)
 
 
 def _read_report(path: Path) -> Field:

@@ -328,17 +328,21 @@ def summed_up(inputs: Inputs, outcome: Outcome, job: Job | None = None, notes: S
     frames = joint_frames(inputs, outcome, poses.joint_status)
     found = [*notes, *find_findings(inputs, outcome, statistics, frames)]
     facts = FrameFacts.of(inputs, outcome, statistics, poses.joint_status)
-    in_frames = find_in_frames([facts], Usual.of(facts), inputs.layout.joints, inputs.rig.names)
+    in_frames, _ = find_in_frames([facts], Usual.of(facts), inputs.layout.joints, inputs.rig.names)
     return reported(
         Run(poses, in_order(found), tuple(in_frames), {}, statistics, inputs, outcome), job, over_time
     )
 
 
-def reported(run: Run, job: Job | None, over_time: dict[str, Any]) -> Run:
-    """Return the run with its report; ``over_time`` is that of `apply_over_time`."""
+def reported(run: Run, job: Job | None, over_time: dict[str, Any], left_out: int = 0) -> Run:
+    """Return the run with its report; ``over_time`` is that of `apply_over_time`.
+
+    Of a long recording so many findings on single frames are ``left_out``.
+    """
     remarks = {
         "findings": [finding.to_dict() for finding in run.findings],
         "frame_findings": [finding.to_dict() for finding in run.frame_findings],
+        **({"frame_findings_left_out": left_out} if left_out else {}),
         "over_time": over_time,
         "files": [],
     }

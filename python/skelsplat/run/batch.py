@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from skelsplat._atomic import atomic_write_text
+from skelsplat._budget import opened
 from skelsplat._json import plain, to_text
 from skelsplat._lock import locked
 from skelsplat.exceptions import DatasetError, InvalidInputError, SkelSplatError
@@ -28,6 +29,7 @@ from skelsplat.io.calibration._json import to_json
 from skelsplat.run._run import run
 from skelsplat.run.folder import output_folder
 from skelsplat.run.job import Job
+from skelsplat.run.long import run_long
 from skelsplat.run.read import read_rig
 from skelsplat.run.report import versions
 from skelsplat.run.several import run_people
@@ -251,7 +253,7 @@ def _content(path: Path) -> bytes:
     if path.suffix.lower() in VIDEO_SUFFIXES:
         status = path.stat()
         return f"{status.st_size} {status.st_mtime_ns}".encode()
-    return hashlib.sha256(path.read_bytes()).digest()
+    return bytes.fromhex(_sha256(path) or "")
 
 
 def _earlier(path: Path, keys: Mapping[str, str]) -> dict[str, dict[str, Any]]:
@@ -280,14 +282,20 @@ def _complete(folder: Path, entry: Mapping[str, Any]) -> bool:
 
 
 def _sha256(path: Path) -> str | None:
-    return hashlib.sha256(path.read_bytes()).hexdigest() if path.is_file() else None
+    if not path.is_file():
+        return None
+    digest = hashlib.sha256()
+    with opened(path) as stream:
+        for part in iter(lambda: stream.read(2**20), b""):
+            digest.update(part)
+    return digest.hexdigest()
 
 
 def _read(name: str, job: Job, status: str, error: str = "") -> Recording:
     folder = Path(str(job.output))
     if error:
         return Recording(name, FAILED, folder, error)
-    return Recording(name, status, folder, report=json.loads((folder / REPORT).read_bytes()))
+    return Recording(name, status, folder, report=load_json(folder / REPORT, "a report"))
 
 
 def _write(
@@ -341,7 +349,8 @@ def _on_threads(job: Job, count: int) -> Job:
 def attempt(job: Job) -> str:
     """Do a job, and return why it failed, or ""."""
     try:
-        (run if job.people is None else run_people)(job)
+        if run_long(job) is None:
+            (run if job.people is None else run_people)(job)
     except (SkelSplatError, OSError) as error:
         return " ".join(str(error).split())
     except Exception as error:  # a defect, of which the other recordings know nothing

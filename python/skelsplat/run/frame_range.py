@@ -7,6 +7,10 @@ from dataclasses import dataclass
 
 from skelsplat._arrays import Index
 from skelsplat.exceptions import InvalidInputError
+from skelsplat.findings import Finding, warn
+
+MANY = 50_000
+"""Frames of a run from which a range of them is read without the others."""
 
 
 @dataclass(frozen=True)
@@ -31,6 +35,19 @@ class FrameRange:
         first, dash, last = match.groups()
         ends = (first, last) if dash else (first, first)
         return cls(*(int(end) if end else None for end in ends))
+
+    def to_read(self, frames: Index) -> tuple[int, int]:
+        """Return the first and the last number to read of a run: of few frames all, of many as `within`.
+
+        If these are many as well, a finding says so.
+        """
+        if len(frames) <= MANY:
+            return (int(frames[0]), int(frames[-1])) if len(frames) else (0, 0)
+        first, last = self.within(frames)
+        count = int(((frames >= first) & (frames <= last)).sum())
+        if count > MANY:
+            warn(Finding("many_frames", "note", numbers={"frames": count}))
+        return first, last
 
     def within(self, frames: Index) -> tuple[int, int]:
         """Return the first and the last number to draw of a run's ascending ``frames``.

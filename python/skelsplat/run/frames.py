@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import groupby
@@ -98,15 +97,15 @@ def find_in_frames(
     joints: Sequence[str],
     cameras: Sequence[str],
     most: int | None = None,
-) -> list[Finding]:
+) -> tuple[list[Finding], int]:
     """Return what is unusual in single frames: a finding per kind and names, with its frames in order.
 
     Numbers are lists, one per frame. A joint that is unobserved in every frame, and a step limit that most
-    frames reach, concern the recording and not a frame: see `find_findings` and the stop reasons. ``most`` is
-    how many frames each finding names, the first ones; ``frames_in_all`` then counts them.
+    frames reach, concern the recording and not a frame: see `find_findings` and the stop reasons. Of more
+    than ``most`` the first ones are named; the number of those left out comes with the findings.
     """
     found: dict[tuple[int, str, Subject], list[tuple[int, dict[str, Any]]]] = {}
-    count = Counter[tuple[int, str, Subject]]()
+    count = 0
     for part in facts:
         for rank, cases in enumerate(
             (
@@ -119,24 +118,22 @@ def find_in_frames(
             )
         ):
             for frame, kind, subject, numbers in cases:
-                key = (rank, kind, subject)
-                count[key] += 1
-                if most is None or count[key] <= most:
+                count += 1
+                if most is None or count <= most:
+                    key = (rank, kind, subject)
                     found.setdefault(key, []).append((int(part.frames[frame]), numbers))
-    return [
-        _finding(key[1], key[2], found[key], count[key])
-        for key in sorted(found, key=lambda key: (key[0], _RANKS.get(key[1], 0)))
+    findings = [
+        _finding(kind, subject, found[rank, kind, subject])
+        for rank, kind, subject in sorted(found, key=lambda key: (key[0], _RANKS.get(key[1], 0)))
     ]
+    return findings, 0 if most is None else max(0, count - most)
 
 
-def _finding(kind: str, subject: Subject, cases: Sequence[tuple[int, dict[str, Any]]], count: int) -> Finding:
-    """Return the finding on these frames, the first of so many."""
+def _finding(kind: str, subject: Subject, cases: Sequence[tuple[int, dict[str, Any]]]) -> Finding:
     numbers = {
         name: value if name == "of" else [own[name] for _, own in cases]
         for name, value in cases[0][1].items()
     }
-    if count > len(cases):
-        numbers["frames_in_all"] = count
     return Finding(kind, "note", replace(subject, frames=tuple(frame for frame, _ in cases)), numbers)
 
 

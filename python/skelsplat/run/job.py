@@ -214,6 +214,22 @@ class Job:
         """The pose files to write: npz, and those of ``write``, each once."""
         return tuple(dict.fromkeys(["npz", *self.write]))
 
+    @property
+    def at_once(self) -> tuple[str, ...]:
+        """The options that need all frames of a recording at once, however long it is."""
+        needed = {
+            "--paper": self.settings.method == "paper",
+            "--people": self.people is not None,
+            "--person": self.person != "consistent",
+            "--init": self.init is not None,
+            "--adjust-cameras": self.adjust_cameras,
+            "--fill-gaps": self.fill_gaps,
+            "--filter": self.filter is not None,
+            "--angles": self.angles,
+            "--write c3d": "c3d" in self.write,
+        }
+        return tuple(option for option, given in needed.items() if given)
+
 
 def _positive(option: str, value: float | None) -> None:
     if value is not None and not 0 < value < float("inf"):

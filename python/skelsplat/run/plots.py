@@ -90,7 +90,7 @@ def read_source(
         poses = read_pose(path)
         known = _known_layout(poses.joint_names) if named is None else named
     else:
-        run = read_run(path)
+        run = read_run(path, within=chosen.to_read)
         poses, known = run.poses, run.layout if named is None else named
         tier, up = _symmetry_tier(run.report["settings"]), vertical_of(run.rig)
     if not len(poses.frames):
@@ -98,7 +98,7 @@ def read_source(
     if (np.diff(poses.frames) < 1).any():
         raise DatasetError(path, "frames", "ascending numbers", "some that are not")
     limbs, left_right = _connections(known, poses.joint_names)
-    zero = int(poses.frames[0])
+    zero = int(poses.frames[0]) if path.is_file() else run.ends[0]
     poses = _between(poses, *chosen.within(poses.frames)).in_unit("mm")
     shown = _chosen_joints(joints, poses.joint_names)
     other = known is not None and not set(known.joints) <= set(poses.joint_names)

@@ -11,9 +11,11 @@ import numpy as np
 
 import skelsplat as sk
 from skelsplat._arrays import Array, Index, Mask
+from skelsplat._budget import afford
+from skelsplat._sentences.words import listed
 from skelsplat.cameras import MM_PER_UNIT
 from skelsplat.exceptions import DatasetError, InvalidInputError, SkelSplatError
-from skelsplat.findings import Finding
+from skelsplat.findings import Finding, warn
 from skelsplat.io import PoseData, read_npz
 from skelsplat.io.calibration import find_format, read_calibration
 from skelsplat.io.detections import Opened as Detections
@@ -22,6 +24,9 @@ from skelsplat.io.video import find_videos, open_source
 from skelsplat.run.job import Job
 from skelsplat.run.person import Crowd
 
+# Detections of one person from which a recording is long: 29,000 frames of 17 joints in 4 views.
+LONG = 2_000_000
+_AT_ONCE = 180  # bytes of memory for each of them, with its share of the results, if all are there at once
 _SAME_RATE = 5e-4  # by which videos of one recording may differ in rate; 29.97 and 30 differ by twice that
 
 
@@ -150,10 +155,20 @@ def read_everybody(job: Job) -> tuple[Array, Inputs]:
         If a file is missing or malformed, or files and options do not fit each other; the message names it.
     """
     opened = open_files(job)
+    if opened.size > LONG and job.at_once:
+        _say_at_once(opened, job)
     people = opened.detections.read().people
     steps, views, _, joints, _ = people.shape
     nobody = np.full((steps, views, joints, 3), np.nan)
     return people, opened.inputs(job, nobody, np.zeros((steps, views), dtype=np.bool_))
+
+
+def _say_at_once(opened: Opened, job: Job) -> None:
+    """Say which options need a long recording at once; refuse it if it does not fit into memory."""
+    need, told = _AT_ONCE * opened.size, listed(job.at_once)
+    afford(Path(job.detections), told, need)
+    numbers = {"options": list(job.at_once), "frames": len(opened.detections.frames), "gigabytes": need / 1e9}
+    warn(Finding("done_at_once", "note", numbers=numbers))
 
 
 def read_rig(path: Path, *, calibration_format: str | None = None, **given: Any) -> sk.CameraRig:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -18,6 +17,7 @@ from skelsplat._optional import can_draw
 from skelsplat.exceptions import DatasetError
 from skelsplat.findings import Finding, collected_warnings
 from skelsplat.io import write_people
+from skelsplat.io._files import load_json
 from skelsplat.io._run_files import REPORT, RUN, UNFINISHED, check_one_run, folders_of_run, is_person
 from skelsplat.io.poses import PEOPLE_FORMATS
 from skelsplat.run import folder as folders
@@ -78,7 +78,7 @@ class PeopleRun:
         names = folders_of_run(path)
         if not names:
             raise DatasetError(path, REPORT, "the report of a run of several people", "none")
-        report = json.loads((path / REPORT).read_bytes())
+        report = load_json(path / REPORT, "the report of a run")
         if report.get(UNFINISHED):
             expected = "the report of a run that has written all its files"
             raise DatasetError(path / REPORT, UNFINISHED, expected, "one that was stopped: run it again")

@@ -18,8 +18,8 @@ pub enum Method {
     Paper(PaperSettings),
 }
 
-/// Upper limit of `n_threads`: more than any machine has cores.
-const MOST_THREADS: usize = 4096;
+/// Upper limit of `n_threads`: as many as the largest machines have cores. To start many takes long: 4096 on two cores a minute.
+const MOST_THREADS: usize = 1024;
 
 /// Smallest `detection_sigma_px`: a tenth of the noise of the best calibrated cameras with coordinates in focal lengths
 /// instead of pixels. Below a tenth of this, the weights of ordinary detections are so small that error bars are lost to

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from skelsplat._arrays import Array
+from skelsplat._budget import MOST_NAME
 from skelsplat.cameras import CameraRig
 from skelsplat.datasets._detections import Separate, Wanted, choose_detector, detector_name
 from skelsplat.datasets._model import Dataset, Take
@@ -52,7 +53,7 @@ ALIASES = {"TakingPhoto": "Photo", "WalkingDog": "WalkDog", "WalkingTogether": "
 
 def action_of(activity: str) -> str:
     """Return the action of a take: ``"TakingPhoto 1"`` → ``"Photo"``."""
-    stem = re.sub(r"[\s_-]*\d*$", "", activity.strip())
+    stem = re.sub(r"[\s_-]*\d*$", "", activity.strip()[:MOST_NAME])
     return ALIASES.get(stem, stem)
 
 
@@ -62,7 +63,7 @@ def spelling(activity: str) -> str:
     ``"Greeting 1"`` (the name of the original file) and ``"Greeting-1"`` (its number among the two takes of
     an action) stay different: they can mean different takes.
     """
-    number = re.search(r"([\s_-]*)(\d+)$", activity.strip())
+    number = re.search(r"([\s_-]*)(\d+)$", activity.strip()[:MOST_NAME])
     if number is None:
         return action_of(activity).lower()
     return f"{action_of(activity).lower()}{'-' if '-' in number[1] else ' '}{number[2]}"
@@ -77,7 +78,7 @@ def order(activity: str) -> tuple[int, str]:
 def subject_order(subject: str) -> tuple[int, str]:
     """Sort key of ``"S9"`` before ``"S11"``."""
     digits = re.sub(r"\D", "", subject)
-    return int(digits) if digits else 0, subject
+    return int(digits[:9] or 0), subject
 
 
 CAMERAS = ("54138969", "55011271", "58860488", "60457274")

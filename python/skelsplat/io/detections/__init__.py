@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import skelsplat as sk
+from skelsplat._budget import within_memory
 from skelsplat.exceptions import InvalidInputError, one_of
 from skelsplat.io.detections._frames import FRAME_MODES, FrameMode, check_offsets
 from skelsplat.io.detections._joints import check_mapping
@@ -121,7 +122,8 @@ def read_detections(
         allow_missing=allow_missing,
         without=without,
     )
-    return opened.read()
+    with within_memory(opened.views.root):
+        return opened.read()
 
 
 def open_detections(
@@ -144,10 +146,11 @@ def open_detections(
     shifts = check_offsets(offsets, names)
     left_out = cameras_called(without, names, "without")
     root = Path(path)
-    form = find_format(root, format)
-    sources = open_sources(root, form, Matching(names, order, allow_missing, left_out), sequence)
-    numbers = sources.shared(frames, shifts)
-    chosen = choose_layout(layout, sources.views.values(), root)
+    with within_memory(root):
+        form = find_format(root, format)
+        sources = open_sources(root, form, Matching(names, order, allow_missing, left_out), sequence)
+        numbers = sources.shared(frames, shifts)
+        chosen = choose_layout(layout, sources.views.values(), root)
     kept = tuple(name for name in names if name not in left_out)
     return Opened(sources, numbers, kept, shifts, chosen, check_mapping(mapping, chosen), form.name)
 

@@ -156,7 +156,7 @@ def _ordered(path: Path, joints: tuple[str, ...]) -> tuple[str, ...]:
     """Return the joints in their order: places by number, names as they come."""
     places = [joint for joint in joints if joint.isdecimal()]
     if places and len(places) < len(joints):
-        names = ", ".join(joint for joint in joints if joint not in places)
+        names = ", ".join(joint for joint in joints if not joint.isdecimal())
         raise DatasetError(path, "joint", "names or places, not both", f"places and {names}")
     highest = max(map(whole_number, places), default=0)
     if highest > _HIGHEST:

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO
 
-from skelsplat._atomic import opening
+from skelsplat._budget import MOST_LINE, opened
 from skelsplat.exceptions import DatasetError
 
 _LINES = 4096  # of a block, at least
@@ -35,16 +35,17 @@ class Index:
     def of(cls, path: Path, columns: Mapping[str, int], width: int) -> Index | None:
         """Return the index; None if the lines are in another order, or not plain enough to be told apart."""
         found = cls(path, columns, _width=width)
-        with opening(path), path.open("rb") as stream:
+        with opened(path) as stream:
             return found if found._scan(stream) else None
 
     def _scan(self, stream: IO[bytes]) -> bool:
         at = len(stream.readline())
         frame, camera, joint = (self.columns.get(name) for name in ("frame", "camera", "joint"))
         last, first = (b"", b""), 2
-        for number, line in enumerate(stream, start=2):
+        lines = iter(lambda: stream.readline(MOST_LINE + 1), b"")
+        for number, line in enumerate(lines, start=2):
             cells = line.split(b",")
-            if len(cells) != self._width or b'"' in line:
+            if len(line) > MOST_LINE or len(cells) != self._width or b'"' in line:
                 return False
             key = (cells[frame or 0], cells[camera] if camera is not None else b"")
             self.joints.setdefault(cells[joint or 0].decode("utf-8", "replace").strip())
@@ -71,7 +72,7 @@ class Index:
     def lines(self, block: int) -> Iterator[tuple[int, list[str]]]:
         """Yield the lines of a block with their numbers."""
         (at, first), (end, _) = self._begins[block : block + 2]
-        with opening(self.path), self.path.open("rb") as stream:
+        with opened(self.path) as stream:
             stream.seek(at)
             content = stream.read(end - at)
         try:

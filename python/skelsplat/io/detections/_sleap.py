@@ -129,8 +129,9 @@ def read_sleap_csv(path: Path) -> View:
 
 def _nodes(path: Path, header: Sequence[str]) -> tuple[str, ...]:
     nodes = tuple(name.removesuffix(".x") for name in header if name.endswith(".x"))
-    lacking = [name for name in (_FRAME, *(f"{node}.y" for node in nodes)) if name not in header]
-    if lacking or not nodes or len(set(header)) < len(header):
+    known = set(header)
+    lacking = [name for name in (_FRAME, *(f"{node}.y" for node in nodes)) if name not in known]
+    if lacking or not nodes or len(known) < len(header):
         expected = f"different columns: {_FRAME}, and NODE.x and NODE.y for every node"
         raise DatasetError(path, "line 1", expected, ", ".join(header)[:200] or "an empty line")
     return nodes

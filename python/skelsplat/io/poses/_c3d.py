@@ -19,6 +19,7 @@ import numpy as np
 import skelsplat as sk
 from skelsplat._arrays import Array, Index
 from skelsplat._atomic import atomic_path
+from skelsplat._budget import read_bytes
 from skelsplat._optional import require
 from skelsplat.cameras import MM_PER_UNIT
 from skelsplat.exceptions import DatasetError, InvalidInputError
@@ -208,7 +209,7 @@ def _read(source: Path) -> _Read:
     """Read a file in a process of its own: of damaged files, some end ezc3d, or fill the memory."""
     require("ezc3d", "C3D files")
     with parsing(source, _COMPLETE):
-        content = source.read_bytes()
+        content = read_bytes(source)
         _check_structure(source, content)
     memory, seconds = _MEMORY[0] + _MEMORY[1] * len(content), _SECONDS[0] + len(content) // _SECONDS[1]
     with tempfile.TemporaryDirectory() as place:

@@ -16,6 +16,7 @@ import numpy.typing as npt
 import skelsplat as sk
 from skelsplat._arrays import Mask
 from skelsplat._atomic import atomic_write
+from skelsplat._budget import check_ratio
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.io._fields import Field
 from skelsplat.io._files import FRAME_LIMIT, load_json, of_file
@@ -178,6 +179,8 @@ def read_json(path: str | os.PathLike[str]) -> PoseData:
 
 def _array(frames: Sequence[Field], name: str, shape: tuple[int, ...], kind: Any) -> npt.NDArray[Any]:
     flat: list[Any] = []
+    for frame in frames[:1]:  # a null stands for all numbers of a frame
+        check_ratio(frame.path, name, 8 * len(frames) * math.prod(shape), frame.path.stat().st_size)
     for frame in frames:
         if name not in frame:
             raise frame.error(f'the key "{name}"', ", ".join(frame.value) or "no keys")

@@ -14,14 +14,15 @@ import skelsplat as sk
 from skelsplat._arrays import Array
 from skelsplat._atomic import atomic_write
 from skelsplat.exceptions import DatasetError, InvalidInputError
-from skelsplat.io._arrays import Arrays, array_names, load_plain_npz
-from skelsplat.io._rows import Made
+from skelsplat.io._arrays import Arrays, array_names, frame_numbers, load_plain_npz, npz_keys
+from skelsplat.io._rows import Made, npz_rows
 from skelsplat.io._rows import write_npz as write_pieces
 from skelsplat.io.poses._parts import PoseParts, Poses, parts_of
-from skelsplat.io.poses._pose_data import PoseData, checked
+from skelsplat.io.poses._pose_data import ARRAYS, PoseData, checked
 
 _KEYS = tuple(entry.name for entry in fields(PoseData))
 _NAMES = ("joint_names", "camera_names", "processing")
+_KIND = "an npz file"
 _REQUIRED = ("pose", "joint_names", "frames", "unit")
 
 
@@ -76,8 +77,25 @@ def read_npz(path: str | os.PathLike[str]) -> PoseData:
     DatasetError
         If the file cannot be read, lacks a key, or its arrays do not fit each other.
     """
-    source = Path(path)
-    read = Arrays(source, load_plain_npz(source, "an npz file"))
+    return _pose_data(Path(path), load_plain_npz(Path(path), _KIND))
+
+
+def read_npz_range(path: Path, first: int, last: int) -> PoseData:
+    """Read a file as `read_npz`, of its frames those from ``first`` to ``last`` alone."""
+    frames = frame_numbers(path, Arrays(path, load_plain_npz(path, _KIND, ("frames",))).take("frames"))
+    own = slice(int(np.searchsorted(frames, first)), int(np.searchsorted(frames, last, "right")))
+
+    @checked
+    def read(_: str | os.PathLike[str]) -> PoseData:
+        found = load_plain_npz(path, _KIND, {*_KEYS} - {*ARRAYS})
+        found |= {key: npz_rows(path, key, len(frames), own) for key in npz_keys(path) & {*ARRAYS}}
+        return _pose_data(path, {**found, "frames": frames[own]})
+
+    return read(path)
+
+
+def _pose_data(source: Path, found: dict[str, Any]) -> PoseData:
+    read = Arrays(source, found)
     for key in _REQUIRED:
         read.take(key)
     arrays = {key: read.found[key] for key in _KEYS if key in read.found}

@@ -13,7 +13,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from skelsplat._atomic import atomic_path, atomic_write, opening
+from skelsplat._atomic import atomic_path, atomic_write
+from skelsplat._budget import read_bytes
 from skelsplat._opencv import opencv
 from skelsplat.exceptions import DatasetError
 from skelsplat.io.detections._frames import frame_files
@@ -152,8 +153,7 @@ def images_in(folder: Path) -> list[Path]:
 
 def _read_image(path: Path) -> Image | None:
     """Return an image, or None for a file that is none."""
-    with opening(path, field="image"):
-        data = np.fromfile(path, dtype=np.uint8)  # imread cannot open every path on Windows
+    data = np.frombuffer(read_bytes(path), dtype=np.uint8)  # imread cannot open every path on Windows
     if not data.size:
         return None
     image: Image | None = opencv().imdecode(data, opencv().IMREAD_COLOR)

@@ -12,6 +12,7 @@ import numpy as np
 
 import skelsplat as sk
 from skelsplat._arrays import Array
+from skelsplat._budget import MOST_DEPTH, depth_of
 from skelsplat._skelsplat import check_people
 
 # more than any detector's score: probably a pixel coordinate
@@ -87,6 +88,8 @@ def parsed(text: bytes) -> Line:
 def _record(text: bytes) -> dict[str, Any]:
     if not text.strip():
         raise MalformedLineError("expected JSON, got an empty line")
+    if depth_of(text) > MOST_DEPTH:
+        raise MalformedLineError(f"expected JSON, got lists nested too deeply (at most {MOST_DEPTH} deep)")
     try:
         record = json.loads(text.decode("utf-8-sig"))  # Windows begins a stream with its mark
     except json.JSONDecodeError as error:

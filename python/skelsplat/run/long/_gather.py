@@ -24,8 +24,8 @@ from skelsplat.run.summary import Statistics, summarise
 
 # Frames that medians, findings, figures and the page are from, at least half of these.
 DRAWN = 10_000
-# Frames that a finding names, of each joint if it is on joints.
-MOST_NAMED = 10_000
+# Frames of each joint that a finding names, and single frames that are named in all.
+MOST_NAMED, MOST_SINGLE = 10_000, 50_000
 
 
 @dataclass(frozen=True)
@@ -101,8 +101,8 @@ class Gathered:
         )
         return drawn, outcome, summarise(drawn, outcome).with_counts_of(self._counts)
 
-    def in_frames(self, drawn: Inputs, outcome: Outcome, statistics: Statistics) -> list[Finding]:
-        """Return the findings on single frames, of all of them, by what is usual in those drawn."""
+    def in_frames(self, drawn: Inputs, outcome: Outcome, statistics: Statistics) -> tuple[list[Finding], int]:
+        """Return the findings on single frames as `find_in_frames`, by what is usual in those drawn."""
         status = np.asarray(outcome.result.joint_status)
         usual = Usual.of(FrameFacts.of(drawn, outcome, statistics, status))
         everywhere = [(facts.status == "unobserved").all(axis=0) for facts in self._read()]
@@ -113,7 +113,7 @@ class Gathered:
             at_step_limit=steps.get("max_steps", 0) > sum(steps.values()) / 2,
         )
         names = drawn.layout.joints, drawn.rig.names
-        return find_in_frames(self._read(), usual, *names, most=MOST_NAMED)
+        return find_in_frames(self._read(), usual, *names, most=MOST_SINGLE)
 
     def _read(self) -> Iterator[FrameFacts]:
         for path in self._facts:

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import os
+import shutil
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,6 +15,7 @@ import numpy as np
 
 from skelsplat.findings import Finding, collected_warnings, warn
 from skelsplat.run import folder as folders
+from skelsplat.run import read
 from skelsplat.run._run import Run, Whole, check_output, in_order, reported, warn_of_output
 from skelsplat.run.findings import find_findings
 from skelsplat.run.job import Job
@@ -23,14 +26,11 @@ from skelsplat.run.over_time import apply_over_time
 from skelsplat.run.read import Inputs, Opened, open_files
 from skelsplat.run.solve import Progress, why_alone
 
-# Detections of one person from which a recording is long: 29,000 frames of 17 joints in 4 views, which with
-# their results take 0.8 GB.
-LONG = 2_000_000
 # Bytes of files of so many detections, at least.
 _LEAST_BYTES = 16 * 2**20
 # Detections in memory at a time, but 600 frames or more: 100 MB with their results.
 _PER_PART, _LEAST_FRAMES = 400_000, 600
-_IN_PARTS = ("npz", "csv", "trc", "json", "nc")
+_SCRATCH = ".skelsplat-long-"
 
 
 def run_long(
@@ -43,43 +43,43 @@ def run_long(
     report says under ``thinned``; so is the `Run`.
 
     Long is a recording of more than 2 million detections, that is, frames × cameras × joints. Jobs whose
-    options need all frames at once are not done in parts: ``people``, ``init``, ``adjust_cameras``,
-    ``fill_gaps``, ``filter``, ``angles``, the paper's method, another ``person`` than ``"consistent"``, and
-    ``pose.c3d``.
+    options need all frames at once (`Job.at_once`) are not done in parts: ``people``, ``init``,
+    ``adjust_cameras``, ``fill_gaps``, ``filter``, ``angles``, the paper's method, another ``person`` than
+    ``"consistent"``, and ``pose.c3d``.
 
     Parameters and errors are those of `skelsplat.run.run`.
     """
-    if job.output is None or not fits(job) or _bytes(Path(job.detections)) < _LEAST_BYTES:
+    if job.output is None or job.at_once or _bytes(Path(job.detections)) < _LEAST_BYTES:
         return None
     folders.keep_input(job)
     with collected_warnings() as early:
         opened = open_files(job)
-    if opened.size <= LONG:
+    if opened.size <= read.LONG:
         return None
     output, writing = Path(job.output), folders.Writing.of(job)
     folders.check_places(output, writing.names(job.settings.method))
     writing.check()
-    with (
-        folders.run_folder(output),
-        tempfile.TemporaryDirectory(prefix=".skelsplat-", dir=output) as scratch,
-    ):
+    with folders.run_folder(output), _scratch(output) as scratch:
         with collected_warnings(tell) as notes:
             for finding in early:
                 warn(finding)
             inputs = _nobody(job, opened)
             check_output(job, inputs)
             warn_of_output(job, inputs)
-            found = _refined(job, opened, inputs, Path(scratch), progress)
+            found, left_out = _refined(job, opened, inputs, scratch, progress)
         findings = in_order([*notes, *found.findings])
-        found = reported(replace(found, findings=findings), job, apply_over_time(found.poses, None)[1])
+        nothing = apply_over_time(found.poses, None)[1]
+        found = reported(replace(found, findings=findings), job, nothing, left_out)
         return replace(folders.write_folder(found, output, writing), whole=None)
 
 
-def fits(job: Job) -> bool:
-    """Whether the options allow that the recording is done in parts."""
-    whole = (job.people, job.init, job.adjust_cameras, job.fill_gaps, job.filter, job.angles)
-    in_parts = set(job.pose_formats) <= set(_IN_PARTS) and job.settings.method != "paper"
-    return in_parts and job.person == "consistent" and not any(whole)
+@contextmanager
+def _scratch(folder: Path) -> Iterator[Path]:
+    """Make a folder for the parts, removed afterwards, and remove what a killed run has left of its own."""
+    for left in folder.glob(f"{_SCRATCH}*"):
+        shutil.rmtree(left)
+    with tempfile.TemporaryDirectory(prefix=_SCRATCH, dir=folder) as scratch:
+        yield Path(scratch)
 
 
 def _bytes(path: Path) -> int:
@@ -101,8 +101,13 @@ def _nobody(job: Job, opened: Opened) -> Inputs:
     return opened.inputs(job, np.empty((0, views, joints, 3)), np.empty((0, views), dtype=np.bool_))
 
 
-def _refined(job: Job, opened: Opened, inputs: Inputs, folder: Path, progress: Progress | None) -> Run:
-    """Return the run of the frames drawn, and the whole, with the findings that are not warnings."""
+def _refined(
+    job: Job, opened: Opened, inputs: Inputs, folder: Path, progress: Progress | None
+) -> tuple[Run, int]:
+    """Return the run of the frames drawn, with the whole and the findings that are not warnings.
+
+    And how many findings on single frames it leaves out.
+    """
     if progress is not None:
         progress(0, len(inputs.frames))
     size = max(_LEAST_FRAMES, _PER_PART // (len(opened.rig) * opened.detections.skeleton.n_joints))
@@ -123,7 +128,8 @@ def _refined(job: Job, opened: Opened, inputs: Inputs, folder: Path, progress: P
     drawn, outcome, statistics = gathered.sample(seconds, why_alone(inputs, job))
     counts = {} if gathered.named_all else gathered.joint_counts
     findings = find_findings(drawn, outcome, statistics, gathered.joint_frames, counts)
-    in_frames = tuple(gathered.in_frames(drawn, outcome, statistics))
+    in_frames, left_out = gathered.in_frames(drawn, outcome, statistics)
     whole = Whole(gathered.poses(size), person.detections)
     poses = poses_of(drawn, outcome.result)
-    return Run(poses, tuple(findings), in_frames, {}, statistics, drawn, outcome, whole)
+    run = Run(poses, tuple(findings), tuple(in_frames), {}, statistics, drawn, outcome, whole)
+    return run, left_out

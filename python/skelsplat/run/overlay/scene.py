@@ -13,6 +13,7 @@ from skelsplat._arrays import Array, Index, Mask, median
 from skelsplat.io._run_files import REPORT, check_one_run, folders_of_run
 from skelsplat.io.run_folder import RunFolder, read_run
 from skelsplat.io.video import Size
+from skelsplat.run.frame_range import FrameRange
 from skelsplat.run.solve import rig_as_used
 from skelsplat.viz import Skeleton, person_colour
 from skelsplat.viz.overlay import OverlayFrame
@@ -40,6 +41,7 @@ class Scene:
         self.offsets = runs[0].offsets
         self.frame_rate = runs[0].poses.frame_rate
         self.frames: Index = np.unique(np.concatenate([run.poses.frames for run in runs]))
+        self.ends = runs[0].ends if len(runs) == 1 else (int(self.frames[0]), int(self.frames[-1]))
         self.cameras = list(rig_as_used(self.rig, undistort=runs[0].undistorted))
         self.colours = {
             name: person_colour(place) for place, name in enumerate(name for name in people if name)
@@ -49,11 +51,11 @@ class Scene:
         ]
 
     @classmethod
-    def read(cls, folder: Path) -> Scene:
-        """Read the folder of a run, or that of several people."""
+    def read(cls, folder: Path, chosen: FrameRange) -> Scene:
+        """Read the folder of a run, or that of several people; of a long run the range alone."""
         names = folders_of_run(folder)
         if not names:
-            return cls({"": read_run(folder)})
+            return cls({"": read_run(folder, within=chosen.to_read)})
         check_one_run(folder / REPORT, (folder / name / REPORT for name in names))
         return cls({name.replace("_", " "): read_run(folder / name) for name in names})
 

@@ -228,9 +228,9 @@ def _fit_size(path: Path, name: str, size: Size, expected: Size) -> Array:
 
 def _counted_from_one(view: View) -> bool:
     """Say whether the run's frames are as many as those of a video that begins at 0, but begin at 1."""
-    frames = view.scene.frames - view.offset
+    first, last = (end - view.offset for end in view.scene.ends)
     is_video = not view.source.path.is_dir()
-    return is_video and (frames[0], frames[-1]) == (view.source.first + 1, view.source.last + 1)
+    return is_video and (first, last) == (view.source.first + 1, view.source.last + 1)
 
 
 def _no_frame(view: View, span: Span) -> DatasetError:

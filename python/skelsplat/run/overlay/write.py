@@ -59,7 +59,7 @@ def write_overlay(job: OverlayJob, progress: Callable[[str, int, int], None] | N
     SkelSplatError
         If an input is missing, malformed or does not fit, or a result cannot be written.
     """
-    scene = Scene.read(job.run)
+    scene = Scene.read(job.run, job.frames)
     span = job.frames.within(scene.frames)
     views = open_views(job, scene, span)
     groups = [views] if job.grid else [[view] for view in views]
