@@ -9,7 +9,7 @@ import numpy as np
 import skelsplat as sk
 from skelsplat import synthetic
 from skelsplat.association import take_people
-from skelsplat.run.findings import find_findings
+from skelsplat.run.findings import find_findings, joint_frames
 from skelsplat.run.people import find_people
 from skelsplat.run.person import look_around, pick_places
 from skelsplat.run.read import Inputs
@@ -71,5 +71,6 @@ def findings_of(people, rig, person="consistent"):
     )
     result = sk.refine(None, detections, rig, layout=LAYOUT)
     outcome = Outcome.of(result, sk.RefineConfig(), inputs)
-    found = find_findings(inputs, outcome, summarise(inputs, outcome), np.asarray(result.joint_status))
+    frames = joint_frames(inputs, outcome, np.asarray(result.joint_status))
+    found = find_findings(inputs, outcome, summarise(inputs, outcome), frames)
     return [finding.text for finding in found]

@@ -9,7 +9,6 @@ import socket
 import struct
 import tempfile
 import time
-import zipfile
 import zlib
 from collections.abc import Callable
 from pathlib import Path
@@ -328,33 +327,7 @@ def infinite() -> str:
     return "; ".join(_reading(name, content, io.read_pose) for name, content in files.items())
 
 
-@attack("14i", "every flipped bit of an npy header, in npy and npz: tracebacks", "0 of 2048")
-def npy_bits() -> str:
-    points = _npy_header((2, 3, 25, 2)) + np.full((2, 3, 25, 2), 5.0).tobytes()
-    poses = _npy_header((3, 2, 3)) + np.ones((3, 2, 3)).tobytes()
-    bad = 0
-    with tempfile.TemporaryDirectory() as folder:
-        for bit in range(8 * 128):
-            whole, path = Path(folder, "mediapipe.npy"), Path(folder, "p.npz")
-            whole.write_bytes(_flipped(points, bit))
-            np.savez(path, joint_names=["a", "b"], frames=[1, 2, 3], unit="mm")
-            with zipfile.ZipFile(path, "a") as archive:
-                archive.writestr("pose.npy", _flipped(poses, bit))
-            for one, read in ((whole, _detections), (path, io.read_pose)):
-                try:
-                    read(one)
-                except sk.SkelSplatError:
-                    pass
-                except Exception:
-                    bad += 1
-    return f"{bad} of 2048"
-
-
-def _flipped(content: bytes, bit: int) -> bytes:
-    return content[: bit // 8] + bytes([content[bit // 8] ^ 1 << bit % 8]) + content[bit // 8 + 1 :]
-
-
-@attack("14j", "C3D with a name of Latin letters, read and written as TRC", "the name, or an error")
+@attack("14i", "C3D with a name of Latin letters, read and written as TRC", "the name, or an error")
 def latin_name() -> str:
     def make(path: Path) -> None:
         poses = io.PoseData(np.ones((2, 1, 3)), ("\u00c4bc",), np.arange(1, 3), "mm", frame_rate=9.0)

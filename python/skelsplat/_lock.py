@@ -54,7 +54,8 @@ def _take(path: Path) -> int:
     """Return the open file whose lock this process holds, with who it is written into it."""
     while True:
         path.parent.mkdir(parents=True, exist_ok=True)  # another process may have removed it, empty as it was
-        file = os.open(path, os.O_RDWR | os.O_CREAT, 0o666)
+        # not through a link: what it leads to would be emptied
+        file = os.open(path, os.O_RDWR | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0), 0o666)
         try:
             _lock(file, path)
             if _is_at(file, path):
@@ -87,6 +88,6 @@ def _lock(file: int, path: Path) -> None:
 
 def _is_at(file: int, path: Path) -> bool:
     try:
-        return os.path.samestat(os.fstat(file), path.stat())
+        return os.path.samestat(os.fstat(file), path.lstat())
     except OSError:
         return False

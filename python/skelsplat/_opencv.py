@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from types import ModuleType
 
 _SILENT = 0
+_MOST_PIXELS = 2**27  # 400 MB; a file of a few kilobytes can claim more
 
 
 @cache
@@ -24,6 +25,7 @@ def opencv() -> ModuleType:
         If it is not installed.
     """
     os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")  # read once, when the first video is opened
+    os.environ.setdefault("OPENCV_IO_MAX_IMAGE_PIXELS", str(_MOST_PIXELS))  # read once, at the import
     module = require("cv2", "videos", "video")
     getattr(module.utils, "logging", module).setLogLevel(_SILENT)  # in OpenCV 5, and 4
     return module

@@ -126,13 +126,14 @@ def track(
     -----
     UserWarning
         As ``refine``; if two views or more detect people in half of the frames, or for two seconds, and
-        nobody is found; or if left and right limbs differ in length as with a wrong layout.
+        nobody is found; if there are too many people for all of them to be compared in a frame, so that
+        some may be left out; or if left and right limbs differ in length as with a wrong layout.
     """
     positive("fps", fps)
     prepared = _skelsplat.Refiner(cameras, layout=layout, config=config)
     frames = _frames(people, cameras)
     with reporter(progress) as report:
-        found: list[dict[str, Any]] = _skelsplat.track_people(
+        found, cut = _skelsplat.track_people(
             prepared, layout, frames, float(fps), max_people=_count(max_people), progress=report
         )
     everybody = [_person(out) for out in found]
@@ -141,6 +142,8 @@ def track(
     in_vain = 0 if everybody else _frames_of_two_views(frames)
     if in_vain >= max(3.0, min(_IN_VAIN_S * fps, 0.5 * len(np.asarray(frames)))):
         warn_of("nobody_found", {"frames": in_vain}, 3)
+    if cut:
+        warn_of("people_uncompared", {"frames": cut, "most": most_people(frames)}, 3)
     limbs = _unequal_limbs(everybody, cameras, layout)
     if limbs is not None:
         warn_of("limbs_differ", limbs, 3)
@@ -188,6 +191,11 @@ def _frames(people: People, cameras: Cameras) -> ArrayLike:
         expected = f"one view per camera ({len(cameras)})"
         raise InvalidInputError(f"people: expected {expected}, got {shape[1]} views")
     return frames
+
+
+def most_people(frames: ArrayLike) -> int:
+    """Return the largest number of people in a view of frames (T, M, P, N, 2|3)."""
+    return int(np.isfinite(np.asarray(frames)[..., 0]).any(axis=-1).sum(axis=-1).max())
 
 
 def _frames_of_two_views(people: ArrayLike) -> int:
@@ -285,7 +293,7 @@ class Tracker:
     ...     poses = {person.id: person.refinement.pose for person in tracker.step(people)}
     """
 
-    __slots__ = ("_cameras", "_compiled", "_doubtful", "_in_vain")
+    __slots__ = ("_cameras", "_compiled", "_cut", "_doubtful", "_in_vain")
 
     def __init__(
         self,
@@ -302,6 +310,7 @@ class Tracker:
         self._cameras = cameras
         self._doubtful = round(_IN_VAIN_S * fps)  # frames in vain after which to warn
         self._in_vain: int | None = 0  # None: somebody was found, or the warning given
+        self._cut = False  # whether it was said that there are too many people
 
     @property
     def ids(self) -> tuple[int, ...]:
@@ -334,7 +343,8 @@ class Tracker:
         Warns
         -----
         UserWarning
-            Once, if views detect people for two seconds and nobody is found.
+            Once, if views detect people for two seconds and nobody is found; and if there are too many
+            people for all of them to be compared, so that some may be left out.
         """
         one = [people] if isinstance(people, Sequence) else numbers(people, "people")[None]
         frame = _frames(one, self._cameras)
@@ -347,6 +357,9 @@ class Tracker:
             if self._in_vain == self._doubtful > 0:
                 warn_of("nobody_found", {"frames": self._in_vain}, 3)
                 self._in_vain = None
+        if not self._cut and self._compiled.cut():
+            self._cut = True
+            warn_of("people_uncompared", {"frames": 1, "most": most_people(frame)}, 3)
         return [_seen(out) for out in found]
 
     def reset(self) -> None:

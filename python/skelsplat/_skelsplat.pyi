@@ -29,6 +29,7 @@ __all__ = [
     "loss_and_gradient",
     "most_likely_places",
     "people_choices",
+    "people_chosen",
     "people_scores",
     "project",
     "project_gaussians",
@@ -707,6 +708,9 @@ class Tracker:
     def ids(self) -> list[int]:
         """Identities of everybody who is followed, also of those out of sight."""
 
+    def cut(self) -> int:
+        """In how many frames so far there were too many people for all to be compared, or followed."""
+
     def copy(self) -> Tracker:
         """Return another tracker in the same state."""
 
@@ -727,6 +731,24 @@ def people_choices(
     ``gates_px`` is per view the largest median distance, ``mirror`` (N,) every joint's mirror image.
     """
 
+def people_chosen(
+    cameras: _Cameras,
+    people: ArrayLike,
+    gates_px: Sequence[float],
+    *,
+    min_confidence: float,
+    min_joints: int,
+    mirror: Sequence[int],
+    most: int,
+    worse: float,
+    switch_cost: float,
+    switch_step: float,
+) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+    """Return the slots (T, M) of one person, -1 for none, and the frames (T,) with too much to compare.
+
+    As for `people_choices`; going over to someone else, ``switch_step`` away or more, costs ``switch_cost``.
+    """
+
 def people_scores(
     refiner: Refiner, layout: str | Layout, people: ArrayLike, pose: ArrayLike
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
@@ -743,8 +765,11 @@ def track_people(
     *,
     max_people: int | None = None,
     progress: Callable[[int, int], object] | None = None,
-) -> list[dict[str, Any]]:
-    """Return the fields of every ``skelsplat.Person``, its refinement as in ``Refiner.refine_sequence``."""
+) -> tuple[list[dict[str, Any]], int]:
+    """Return the fields of every ``skelsplat.Person``, and in how many frames there were too many people.
+
+    Too many to compare or to follow. The refinement of each is as in ``Refiner.refine_sequence``.
+    """
 
 def rig_equations(
     points: ArrayLike, detections: ArrayLike, cameras: _Cameras, *, clocks: Sequence[float], sigma: float

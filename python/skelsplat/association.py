@@ -9,7 +9,6 @@ person is followed.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -17,9 +16,11 @@ import numpy.typing as npt
 
 import skelsplat as sk
 from skelsplat._arrays import Array, Index, Mask, medians, numbers
-from skelsplat._skelsplat import check_people, people_choices
+from skelsplat._people import most_people
+from skelsplat._skelsplat import check_people, people_chosen
 from skelsplat.cameras import mm_per_unit
 from skelsplat.exceptions import InvalidInputError
+from skelsplat.findings import Finding, warn
 from skelsplat.layouts import mirror_images
 
 # hypotheses of a frame that stay in the running when frames are linked
@@ -75,10 +76,16 @@ def choose_person(
     ------
     InvalidInputError
         If the shapes do not fit, a confidence is outside [0, 1], or there are fewer than two cameras.
+
+    Warns
+    -----
+    UserWarning
+        If there are too many people for all of them to be compared: the search of a frame ends after a fixed
+        amount of work, and those that agree best have been compared by then.
     """
     everyone = _check(people, cameras)
     joints = everyone.shape[3]
-    step, slots, cost, pose = people_choices(
+    index, cut = people_chosen(
         cameras,
         everyone,
         [gate * float(np.hypot(*camera.size)) for camera in cameras],
@@ -87,10 +94,11 @@ def choose_person(
         mirror=_mirrored(layout, joints).tolist(),
         most=_KEPT,
         worse=2 * _SWITCH_COST,  # going over to the best of a frame and back costs no more
+        switch_cost=_SWITCH_COST,
+        switch_step=_SWITCH_MM / mm_per_unit(cameras),
     )
-    path = _link(step, cost, pose, mm_per_unit(cameras))
-    index = np.full(everyone.shape[:2], -1, dtype=np.int64)
-    index[step[path]] = slots[path]
+    if cut.any():
+        warn(Finding("people_uncompared", numbers={"frames": int(cut.sum()), "most": most_people(everyone)}))
     return take_people(everyone, index), index
 
 
@@ -215,37 +223,3 @@ def _mirrored(layout: sk.Layout | None, joints: int) -> Index:
     if layout.n_joints != joints:
         raise InvalidInputError(f"layout: expected one of {joints} joints, got {layout.n_joints}")
     return mirror_images(joints, layout.left_right)
-
-
-def _link(step: Index, cost: Array, pose: Array, mm_per_unit: float) -> Index:
-    """Rows of the chosen hypotheses, one per frame that has any: the cheapest sequence in all.
-
-    Dynamic programming over the frames ``step`` (C,), ascending, last frame first in the result.
-    """
-    groups = _groups(step)
-    total = cost.copy()
-    came_from = np.full(len(total), -1, dtype=np.int64)
-    for before, now in pairwise(groups):
-        ways = total[before][:, None] + _switch_costs(pose, before, now, mm_per_unit)
-        came_from[now] = before[ways.argmin(axis=0)]
-        total[now] += ways.min(axis=0)
-    path: list[int] = []
-    row = int(groups[-1][total[groups[-1]].argmin()]) if groups else -1
-    while row >= 0:
-        path.append(row)
-        row = int(came_from[row])
-    return np.array(path, dtype=np.int64)
-
-
-def _groups(steps: Index) -> list[Index]:
-    """Rows of each frame; `steps` is ascending."""
-    if not len(steps):
-        return []
-    return list(np.split(np.arange(len(steps)), np.flatnonzero(np.diff(steps)) + 1))
-
-
-def _switch_costs(pose: Array, before: Index, now: Index, mm_per_unit: float) -> Array:
-    """Cost of going from each candidate of a frame to each of the next, (B, A)."""
-    step = np.linalg.norm(pose[before][:, None] - pose[now][None], axis=-1) * mm_per_unit
-    moved = np.nan_to_num(medians(step), nan=_SWITCH_MM)
-    return _SWITCH_COST * np.minimum(moved / _SWITCH_MM, 1.0) ** 2

@@ -7,6 +7,7 @@ import pytest
 
 import skelsplat as sk
 from skelsplat.association import choose_person
+from skelsplat.findings import FindingWarning
 
 RNG_SEED = 5
 FRAMES, VIEWS, JOINTS = 6, 4, 12
@@ -203,3 +204,17 @@ def test_a_view_with_exchanged_sides_is_the_same_person_if_the_layout_is_known(r
 def test_a_layout_of_another_size_is_refused(rig):
     with pytest.raises(sk.InvalidInputError, match="layout: expected one of 12 joints, got 17"):
         choose_person(crowd(seen(walk((0.0, 0.0, 0.0)), rig)), rig, layout=sk.layouts.H36M17)
+
+
+def test_too_many_people_to_compare_are_said(rig, monkeypatch):
+    """The search is bounded by work (tests/choice.rs in the core); what it then says is tested here."""
+    people = crowd(seen(walk([0.0, 0.0, 1.0]), rig), seen(walk([1.0, 0.0, 1.0]), rig))
+
+    def cut(*_given, **_options):
+        return np.zeros((FRAMES, VIEWS), dtype=np.int64), np.arange(FRAMES) < 2
+
+    monkeypatch.setattr("skelsplat.association.people_chosen", cut)
+    with pytest.warns(FindingWarning, match=r"in 2 frames .* \(up to 2 in a view\)") as told:
+        _, index = choose_person(people, rig)
+    assert [one.message.finding.kind for one in told] == ["people_uncompared"]
+    assert (index == 0).all()

@@ -429,6 +429,31 @@ def test_an_infinite_coordinate_is_refused_in_text(tmp_path: Path) -> None:
             refused(io.read_pose, tmp_path / name, "pose: expected finite numbers")
 
 
+@pytest.mark.parametrize("kind", ["json", "c3d", "nc"])
+def test_an_infinite_coordinate_is_refused(tmp_path: Path, kind: str) -> None:
+    pytest.importorskip({"json": "json", "c3d": "ezc3d", "nc": "h5netcdf"}[kind])
+    path = tmp_path / f"p.{kind}"
+    io.write_pose(path, io.PoseData(np.full((2, 1, 3), 7.5), ("a",), np.arange(2), "mm", frame_rate=9.0))
+    content = path.read_bytes()
+    for there, infinite in (
+        (b"[[7.5", b"[[1e999"),
+        (np.float32([7.5]).tobytes(), np.float32([np.inf]).tobytes()),
+        (np.float64([7.5]).tobytes(), np.float64([np.inf]).tobytes()),
+    ):
+        content = content.replace(there, infinite, 1)
+    path.write_bytes(content)
+    refused(io.read_pose, path, "pose: expected finite numbers|expected a number or null .* got inf")
+
+
+def test_folders_named_with_digits_that_are_no_numbers(tmp_path: Path) -> None:
+    for name in ("\u00b2", "cam" + "1" * 200, "cam2"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "0.json").write_text('{"people": []}')
+    names = [f"cam{k}" for k in range(3)]
+    found = io.read_detections(tmp_path, names, layout="coco17", order="sorted")
+    assert [path.name for path in found.sources] == ["cam2", "cam" + "1" * 200, "\u00b2"]
+
+
 def test_names_of_c3d_beyond_ascii_are_written_as_trc(tmp_path: Path) -> None:
     pytest.importorskip("ezc3d")
     path = tmp_path / "p.c3d"

@@ -9,6 +9,7 @@ import re
 import signal
 import subprocess
 import sys
+from io import BytesIO
 from pathlib import Path
 
 import numpy as np
@@ -322,13 +323,23 @@ def test_a_reader_that_goes_away_is_status_1(tmp_path, detections):
 
 def test_a_fault_of_reading_is_not_one_of_writing():
     class Broken:
-        def __iter__(self):
-            yield b"{}\n"
+        lines = iter([b"{}\n"])
+
+        def readline(self, _):
+            for line in self.lines:
+                return line
             raise OSError(5, "Input/output error")
 
     lines = live._numbered(Broken())
     assert next(lines) == (1, b"{}\n")
     with pytest.raises(sk.DatasetError, match=r"stdin: line: expected a stream .* got input"):
+        next(lines)
+
+
+def test_a_line_without_end_ends_the_command():
+    lines = live._numbered(BytesIO(b"{}\n" + bytes(2**24) + b"\n" + bytes(2**24)))
+    assert next(lines) == (1, b"{}\n")
+    with pytest.raises(sk.DatasetError, match=r"stdin: line 2: expected at most 16,777,216 bytes, got more"):
         next(lines)
 
 

@@ -199,3 +199,15 @@ def test_the_person_of_another_run_is_named(runs, tmp_path):
     for read in (PeopleRun.open, Scene.read):
         with pytest.raises(sk.DatasetError, match=expected):
             read(tmp_path / "X")
+
+
+@pytest.mark.skipif(not hasattr(os, "O_NOFOLLOW"), reason="systems on which links are not followed")
+def test_a_lock_is_not_written_through_a_link(tmp_path):
+    (tmp_path / "other").write_text("kept")
+    (tmp_path / ".skelsplat.lock").symlink_to("other")
+    with (
+        pytest.raises(sk.DatasetError, match=r"output: expected a folder that can be written"),
+        locked(tmp_path),
+    ):
+        pass
+    assert (tmp_path / "other").read_text() == "kept"

@@ -336,3 +336,20 @@ def test_a_wrong_layout_is_said_once(three) -> None:
         sk.track(three.people, three.cameras, fps=FPS, layout="coco17")
     assert len(said) == 1
     assert "Is the layout correct (h36m17 has the same number of joints)?" in str(said[0].message)
+
+
+def test_too_many_people_to_compare_are_said_once(monkeypatch) -> None:
+    """Two views of 1,001 people allow more pairs than are compared in a frame."""
+    rng, cameras = np.random.default_rng(2), sk.synthetic.ring(2)
+    people = rng.uniform(0.0, 1000.0, (2, 1001, 1, 2)) + rng.uniform(0.0, 100.0, (17, 2))
+    tracker = sk.Tracker(cameras, layout="h36m17", fps=30.0)
+    with pytest.warns(
+        UserWarning, match=r"in a frame there were too many people .* \(up to 1,001 in a view\)"
+    ):
+        tracker.step(people)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        copy.copy(tracker).step(people)
+    monkeypatch.setattr(sk._people._skelsplat, "track_people", lambda *_, **__: ([], 7))
+    with pytest.warns(UserWarning, match="in 7 frames there were too many people"):
+        assert sk.track(people[None], cameras, layout="h36m17", fps=30.0, progress=False) == []

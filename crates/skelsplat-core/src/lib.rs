@@ -98,7 +98,7 @@ pub use layout::{KnownLength, Layout, LayoutSpec, SymmetricPair};
 pub use nalgebra;
 pub use outcome::{JointStatus, Loss, StopReason};
 pub use paper::{Encoding, LossAndGradient, PaperSettings, PositionLearningRate, Renderer};
-pub use people::{Person, Seen, Tracker, track};
+pub use people::{Everybody, Person, Seen, Tracker, track};
 pub use refine::{
     Control, Frame, JointBias, Method, RefineConfig, Refinement, Refinements, Refiner,
 };

@@ -58,7 +58,7 @@ fn found(n_threads: Option<usize>, max_people: Option<usize>) -> Vec<Person> {
     let cameras = room(4);
     let people = recording(&cameras, 81);
     let refiner = refiner(&cameras, n_threads);
-    track(&refiner, &layout(), &people, FPS, max_people, &Progress::default()).unwrap()
+    track(&refiner, &layout(), &people, FPS, max_people, &Progress::default()).unwrap().people
 }
 
 #[test]
@@ -99,7 +99,7 @@ fn at_most_so_many_people_and_never_none() {
     let none = track(&refiner, &layout(), &[], FPS, Some(0), &Progress::default());
     assert!(none.unwrap_err().to_string().starts_with("max_people: expected at least 1"));
     let empty = track(&refiner, &layout(), &[], FPS, None, &Progress::default());
-    assert_eq!(empty.unwrap(), []);
+    assert_eq!(empty.unwrap().people, []);
 }
 
 #[test]

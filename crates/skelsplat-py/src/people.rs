@@ -6,11 +6,13 @@ use pyo3::Borrowed;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use skelsplat_core::study::people::births::Judge;
-use skelsplat_core::study::people::choice::{Choice, Rules, choices};
+use skelsplat_core::study::people::choice::{
+    Choice, Choices, Chosen, Linking, MOST_WORK, Rules, choices, choose,
+};
 use skelsplat_core::study::people::known::Known;
 use skelsplat_core::study::people::score::{at_body, of_pair};
 use skelsplat_core::study::people::{Crowd, Figure};
-use skelsplat_core::{Detections, Person, Progress, Tracker, track};
+use skelsplat_core::{Detections, Everybody, Person, Progress, Tracker, track};
 
 use crate::args::{Array, Out, Poses, place};
 use crate::camera::Cameras;
@@ -75,7 +77,8 @@ pub(crate) fn check_people(people: People) {
     let _ = people;
 }
 
-/// Return the fields of every ``skelsplat.Person``, its refinement as in ``Refiner.refine_sequence``.
+/// Return the fields of every ``skelsplat.Person``, its refinement as in ``Refiner.refine_sequence``; and in how many frames there were
+/// too many people for all of them to be compared, or followed.
 #[pyfunction]
 #[pyo3(signature = (refiner, layout, people, fps, *, max_people=None, progress=None))]
 pub(crate) fn track_people<'py>(
@@ -86,14 +89,14 @@ pub(crate) fn track_people<'py>(
     fps: f64,
     max_people: Option<usize>,
     progress: Option<Bound<'py, PyAny>>,
-) -> Result<Vec<Bound<'py, PyDict>>> {
+) -> Result<(Vec<Bound<'py, PyDict>>, usize)> {
     let [total, m, _, n] = people.shape;
     let slots = people.slots()?;
     drop(people);
     let (refiner, layout) = (Arc::clone(&refiner.0), layout.0);
     let work =
         move |progress: &Progress| track(&refiner, &layout, &slots, fps, max_people, progress);
-    let found: Vec<Person> = watch::watched(py, total, progress.as_ref(), work)?;
+    let found: Everybody = watch::watched(py, total, progress.as_ref(), work)?;
     let one = |person: Person| {
         let frames = Frames::of(person.frames.len(), m, n);
         let out = over_time(py, &frames, person.sequence)?;
@@ -106,11 +109,11 @@ pub(crate) fn track_people<'py>(
         out.set_item("more_slots", frames.out(numbers(&person.more), &[m]))?;
         Ok(out)
     };
-    found.into_iter().map(one).collect()
+    Ok((found.people.into_iter().map(one).collect::<Result<_>>()?, found.cut))
 }
 
 /// Frames (C,), slots (C, M), costs (C,) and poses (C, N, 3).
-type Chosen = (Out<i64>, Out<i64>, Out<f64>, Out<f64>);
+type Ways = (Out<i64>, Out<i64>, Out<f64>, Out<f64>);
 
 /// Return ways to choose one person in each frame: frame (C,), slots (C, M), cost (C,), pose (C, N, 3).
 ///
@@ -132,15 +135,16 @@ pub(crate) fn people_choices(
     mirror: Vec<usize>,
     most: usize,
     worse: f64,
-) -> Result<Chosen> {
+) -> Result<Ways> {
     let ([_, m, _, n], cameras) = (people.shape, cameras.cameras);
     let slots = people.slots()?;
-    let rules = Rules { gates_px, min_confidence, min_joints, mirror, most, worse };
+    let most_work = MOST_WORK;
+    let rules = Rules { gates_px, min_confidence, min_joints, mirror, most, worse, most_work };
     let work = move |progress: &Progress| choices(&slots, &cameras, &rules, progress);
-    let found: Vec<Vec<Choice>> = watch::run(py, false, work)?;
-    let of = |(t, frame): (usize, &Vec<Choice>)| vec![t as i64; frame.len()];
+    let found: Vec<Choices> = watch::run(py, false, work)?;
+    let of = |(t, frame): (usize, &Choices)| vec![t as i64; frame.all.len()];
     let step: Vec<i64> = found.iter().enumerate().flat_map(of).collect();
-    let all = found.concat();
+    let all: Vec<Choice> = found.into_iter().flat_map(|frame| frame.all).collect();
     let slot = |slot: &Option<usize>| slot.map_or(-1, |s| s as i64);
     let chosen = all.iter().flat_map(|one| one.slots.iter().map(slot)).collect();
     let costs = all.iter().map(|one| one.cost).collect();
@@ -148,6 +152,40 @@ pub(crate) fn people_choices(
     let count = step.len();
     let (step, chosen) = (Out(step, vec![count]), Out(chosen, vec![count, m]));
     Ok((step, chosen, Out(costs, vec![count]), Out::points(&poses, vec![count, n, 3])))
+}
+
+/// Return the slots (T, M) of one person, -1 for none, and the frames (T,) with too much to compare for all to be compared.
+///
+/// As for `people_choices`; going over to someone else, ``switch_step`` away or more, costs ``switch_cost``.
+#[pyfunction]
+#[pyo3(signature = (cameras, people, gates_px, *, min_confidence, min_joints, mirror, most, worse, switch_cost, switch_step))]
+#[allow(
+    clippy::too_many_arguments,
+    reason = "one settings object in Python would carry them one step"
+)]
+pub(crate) fn people_chosen(
+    py: Python<'_>,
+    cameras: Cameras,
+    people: People,
+    gates_px: Vec<f64>,
+    min_confidence: f64,
+    min_joints: usize,
+    mirror: Vec<usize>,
+    most: usize,
+    worse: f64,
+    switch_cost: f64,
+    switch_step: f64,
+) -> Result<(Out<i64>, Out<bool>)> {
+    let ([t, m, _, _], cameras) = (people.shape, cameras.cameras);
+    let slots = people.slots()?;
+    drop(people);
+    let most_work = MOST_WORK;
+    let rules = Rules { gates_px, min_confidence, min_joints, mirror, most, worse, most_work };
+    let linking = Linking { cost: switch_cost, step: switch_step };
+    let work = move |progress: &Progress| choose(&slots, &cameras, &rules, linking, progress);
+    let found: Chosen = watch::run(py, false, work)?;
+    let slots = found.slots.iter().map(|slot| slot.map_or(-1, |s| s as i64)).collect();
+    Ok((Out(slots, vec![t, m]), Out(found.cut, vec![t])))
 }
 
 /// Return scores of the figures of a frame: at a body (M, P), of pairs (M, P, M, P), support of the body.
@@ -241,6 +279,11 @@ impl PyTracker {
     /// Identities of everybody who is followed, also of those out of sight.
     fn ids(&self) -> Vec<usize> {
         self.tracker.lock().unwrap_or_else(PoisonError::into_inner).ids()
+    }
+
+    /// In how many frames so far there were too many people for all of them to be compared, or followed.
+    fn cut(&self) -> usize {
+        self.tracker.lock().unwrap_or_else(PoisonError::into_inner).cut()
     }
 
     /// Return another tracker in the same state.

@@ -32,6 +32,15 @@ def _trc_rate(finding: Finding) -> str:
     )
 
 
+def _people_uncompared(finding: Finding) -> str:
+    n = finding.numbers
+    frames = f"{n['frames']:,} frames" if n["frames"] > 1 else "a frame"
+    return (
+        f"in {frames} there were too many people to compare all of them (up to {n['most']:,} in a view): the "
+        "result is the best that a bounded search found, and somebody may be missing"
+    )
+
+
 SENTENCES: Mapping[str, str | Callable[[Finding], str]] = {
     "implausible_size": _implausible_size,
     "start_contradicts": (
@@ -42,6 +51,7 @@ SENTENCES: Mapping[str, str | Callable[[Finding], str]] = {
         "in {frames} frames two or more views detect people, but no two agree on a person: check the unit of "
         "the cameras, their order, and that all detections of a frame are from the same instant"
     ),
+    "people_uncompared": _people_uncompared,
     "confidence_clipped": "{argument}: confidences slightly above 1, up to {highest}, count as 1",
     "lens_assumed": "{files}: no distortions for {cameras}: assumed to have no lens distortion",
     "view_rotated": (

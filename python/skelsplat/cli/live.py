@@ -22,6 +22,7 @@ from skelsplat.run.live import MalformedLineError, OnePerson, Session, SeveralPe
 from skelsplat.run.read import read_rig
 
 EPILOG = "Exit status: 0 at the end of the input, 1 failed, 2 bad usage, 130 interrupted."
+_MOST_LINE = 2**24  # bytes: eight cameras with hundreds of people need less
 
 
 # long: a parameter per option
@@ -159,9 +160,12 @@ def live(
 
 
 def _numbered(source: BinaryIO) -> Iterator[tuple[int, bytes]]:
-    """Yield the lines with their numbers from 1; an error of reading becomes a `DatasetError`."""
+    """Yield the lines with their numbers from 1; what cannot be read, or has no end, is a `DatasetError`."""
     try:
-        yield from enumerate(source, start=1)
+        for number, line in enumerate(iter(lambda: source.readline(_MOST_LINE + 1), b""), start=1):
+            if len(line) > _MOST_LINE:
+                raise DatasetError("stdin", f"line {number}", f"at most {_MOST_LINE:,} bytes", "more")
+            yield number, line
     except OSError as error:
         reason = (error.strerror or str(error)).lower()
         raise DatasetError("stdin", "line", "a stream that can be read", reason) from error

@@ -26,7 +26,7 @@ from skelsplat.run.person import Crowd
 
 # Detections of one person from which a recording is long: 29,000 frames of 17 joints in 4 views.
 LONG = 2_000_000
-_AT_ONCE = 180  # bytes of memory for each of them, with its share of the results, if all are there at once
+_AT_ONCE = 450  # bytes of memory for each of them, with its share of the results, if all are there at once
 _SAME_RATE = 5e-4  # by which videos of one recording may differ in rate; 29.97 and 30 differ by twice that
 
 

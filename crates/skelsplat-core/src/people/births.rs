@@ -19,6 +19,9 @@ pub const FITS: f64 = 0.35;
 const COMMON: usize = 4;
 /// Number of proposals that are judged.
 const PROPOSALS: usize = 200;
+/// Work on a frame: pairs of figures that are compared, and figures that are compared with proposals.
+const MOST_PAIRS: usize = 1_000_000;
+const MOST_SCORES: usize = 1_000_000;
 /// Support lost by each view that should see a body and does not.
 const UNSEEN: f64 = 0.3;
 /// Least support of a body.
@@ -65,11 +68,19 @@ fn best(proposals: &[Proposal]) -> Option<usize> {
 }
 
 impl Judge<'_> {
-    /// Newcomers among the free figures, which they take; those of the largest support first.
-    pub fn newcomers(&self, crowd: &Crowd, free: &mut Free) -> Vec<Newcomer> {
-        let mut proposals = self.proposals(crowd, free);
+    /// Newcomers among the free figures, which they take; those of the largest support first. And whether there was too much
+    /// to compare for all of it to be compared.
+    pub fn newcomers(&self, crowd: &Crowd, free: &mut Free) -> (Vec<Newcomer>, bool) {
+        let (mut proposals, mut cut) = self.proposals(crowd, free);
+        let figures = crowd.views.iter().map(Vec::len).sum::<usize>().max(1);
+        let mut left = (MOST_SCORES / figures).max(PROPOSALS) - proposals.len();
         let mut found: Vec<Newcomer> = Vec::new();
         while let Some(at) = best(&proposals) {
+            if left == 0 {
+                cut = true;
+                break;
+            }
+            left -= 1;
             // What was accepted since may have taken figures that supported this one.
             if proposals[at].judged < found.len() {
                 let support = self.support(crowd, free, &proposals[at].pose);
@@ -88,22 +99,31 @@ impl Judge<'_> {
                 proposals.retain(|p| p.pair.iter().all(|(i, slot)| free[*i][*slot]));
             }
         }
-        found
+        (found, cut)
     }
 
-    /// Pairs of figures with their bodies, those that agree best.
-    fn proposals(&self, crowd: &Crowd, free: &Free) -> Vec<Proposal> {
+    /// Pairs of figures with their bodies, those that agree best; and whether figures were left out.
+    fn proposals(&self, crowd: &Crowd, free: &Free) -> (Vec<Proposal>, bool) {
         let sigma = KERNEL * self.known.sigma;
         let least = COMMON.min(crowd.n_joints);
+        let n = crowd.views.len();
+        let most = (MOST_PAIRS / (n * n.saturating_sub(1) / 2).max(1)).isqrt();
         let mut pairs = Vec::new();
-        let figures = |i: usize| {
+        let figures = |i: usize| -> Vec<(usize, &Figure)> {
             let all = crowd.views[i].iter().enumerate();
-            all.filter(move |(slot, figure)| free[i][*slot] && figure.joints >= least)
+            all.filter(|(slot, figure)| free[i][*slot] && figure.joints >= least).collect()
         };
-        for i in 0..crowd.views.len() {
-            for k in i + 1..crowd.views.len() {
-                for (p, a) in figures(i) {
-                    for (q, b) in figures(k) {
+        let mut figures: Vec<Vec<(usize, &Figure)>> = (0..n).map(figures).collect();
+        let cut = figures.iter().any(|view| view.len() > most);
+        for view in figures.iter_mut().filter(|view| view.len() > most) {
+            let whole = |figure: &Figure| figure.confidence * figure.joints as f64;
+            view.sort_by(|a, b| whole(b.1).total_cmp(&whole(a.1)));
+            view.truncate(most);
+        }
+        for i in 0..n {
+            for k in i + 1..n {
+                for &(p, a) in &figures[i] {
+                    for &(q, b) in &figures[k] {
                         let (score, common) = of_pair(a, b, sigma);
                         if score >= LEAST_PAIR && common >= least {
                             pairs.push((score, [(i, p), (k, q)]));
@@ -120,7 +140,7 @@ impl Judge<'_> {
             let support = self.support(crowd, free, &pose);
             Proposal { pair, pose, support, judged: 0 }
         };
-        pairs.into_iter().map(propose).collect()
+        (pairs.into_iter().map(propose).collect(), cut)
     }
 
     /// Scores of all views at a body, less a penalty for those that should see it, times how human it is.

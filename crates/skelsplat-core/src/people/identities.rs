@@ -162,28 +162,39 @@ fn misfit(a: &[f64], b: &[f64]) -> f64 {
     ratios.map(|r| (r / (2.0 * SPREAD)).powi(2).min(2.0)).sum()
 }
 
-/// Joins whoever appears to whoever was lost there.
+/// Joins whoever appears to whoever was lost there, those first whose parts look most like those of one person.
 fn join(tracks: &mut Vec<Track>, known: &Known, fps: f64) {
-    loop {
-        let mut best: Option<(f64, usize, usize)> = None;
-        for (a, lost) in tracks.iter().enumerate() {
-            for (b, new) in tracks.iter().enumerate().filter(|(b, _)| *b != a) {
-                if let Some(cost) = parted(lost, new, known, fps)
-                    && best.is_none_or(|(least, _, _)| cost < least)
-                {
-                    best = Some((cost, a, b));
-                }
-            }
+    let bones = |track: &Track| lengths(track, &(track.first..track.end()), known);
+    let mut all: Vec<Option<(Track, Vec<f64>)>> =
+        tracks.drain(..).map(|track| (bones(&track), track)).map(|(b, t)| Some((t, b))).collect();
+    let cost = |all: &[Option<(Track, Vec<f64>)>], a: usize, b: usize| {
+        let (lost, new) = (all[a].as_ref()?, all[b].as_ref()?);
+        (a != b).then(|| parted(lost, new, known, fps)).flatten().map(|cost| (cost, a, b))
+    };
+    let pairs = (0..all.len()).flat_map(|a| (0..all.len()).map(move |b| (a, b)));
+    let mut found: Vec<(f64, usize, usize)> = pairs.filter_map(|(a, b)| cost(&all, a, b)).collect();
+    let order = |x: &&(f64, usize, usize), y: &&(f64, usize, usize)| {
+        x.0.total_cmp(&y.0).then((x.1, x.2).cmp(&(y.1, y.2)))
+    };
+    while let Some(&(_, a, b)) = found.iter().min_by(order) {
+        if let (Some((new, _)), Some((track, own))) = (all[b].take(), all[a].as_mut()) {
+            track.append(new);
+            *own = bones(track);
         }
-        let Some((_, a, b)) = best else { return };
-        let new = tracks[b].clone();
-        tracks[a].append(new);
-        tracks.remove(b);
+        found.retain(|(_, c, d)| ![*c, *d].iter().any(|k| *k == a || *k == b));
+        let others = (0..all.len()).flat_map(|k| [(a, k), (k, a)]);
+        found.extend(others.filter_map(|(c, d)| cost(&all, c, d)));
     }
+    tracks.extend(all.into_iter().flatten().map(|(track, _)| track));
 }
 
-/// How little two tracks look like the parts of one person; `None` if they cannot be.
-fn parted(lost: &Track, new: &Track, known: &Known, fps: f64) -> Option<f64> {
+/// How little two tracks, with the lengths of their bones, look like the parts of one person; `None` if they cannot be.
+fn parted(
+    (lost, a): &(Track, Vec<f64>),
+    (new, b): &(Track, Vec<f64>),
+    known: &Known,
+    fps: f64,
+) -> Option<f64> {
     let gap = (new.first as f64 - lost.end() as f64) / fps;
     let in_time = (-OVERLAP..=ABSENCE).contains(&gap);
     if !in_time || new.first <= lost.first || new.end() <= lost.end() {
@@ -194,8 +205,7 @@ fn parted(lost: &Track, new: &Track, known: &Known, fps: f64) -> Option<f64> {
     let starts = || new.poses.iter().take(ENDS);
     let near = |a: &Vec<_>| starts().map(|b| apart(a, b)).fold(f64::INFINITY, f64::min);
     let far = ends.map(near).fold(f64::INFINITY, f64::min) / reach;
-    let [a, b] = [lost, new].map(|track| lengths(track, &(track.first..track.end()), known));
-    let ratios = a.iter().zip(&b).map(|(x, y)| (x / y).ln().abs());
+    let ratios = a.iter().zip(b).map(|(x, y)| (x / y).ln().abs());
     let mut ratios: Vec<f64> = ratios.filter(|r| r.is_finite()).collect();
     // Whoever was not seen long enough to be measured can only be known by the place.
     if ratios.len() < known.limbs.len().min(3) && gap > OVERLAP {

@@ -34,5 +34,5 @@ mod tracks;
 
 pub use associate::{Associator, Sighting};
 pub use crowd::{Crowd, Figure};
-pub use recording::{Person, track};
+pub use recording::{Everybody, Person, track};
 pub use tracker::{Seen, Tracker};

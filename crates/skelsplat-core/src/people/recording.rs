@@ -46,6 +46,15 @@ pub struct Person {
     pub sequence: Sequence,
 }
 
+/// Everybody in a recording.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Everybody {
+    /// In the order of their appearance.
+    pub people: Vec<Person>,
+    /// In how many frames there were too many people for all of them to be compared, or followed.
+    pub cut: usize,
+}
+
 /// Finds and refines everybody whom at least two views see.
 ///
 /// `people` has the slots of every frame, `P` times one figure per view `(M, N)`; empty slots have no detections, and slots are not
@@ -60,7 +69,7 @@ pub fn track(
     fps: f64,
     max_people: Option<usize>,
     progress: &Progress,
-) -> Result<Vec<Person>> {
+) -> Result<Everybody> {
     if max_people == Some(0) {
         return Err(Error::invalid("max_people", "at least 1, or None for any number", "0"));
     }
@@ -82,8 +91,8 @@ struct Recording<'a> {
 }
 
 impl Recording<'_> {
-    fn solve(&self, max_people: Option<usize>) -> Result<Vec<Person>> {
-        let mut tracks = self.tracks()?;
+    fn solve(&self, max_people: Option<usize>) -> Result<Everybody> {
+        let (mut tracks, cut) = self.tracks()?;
         identities::settle(&mut tracks, &self.known, self.fps);
         let mut tracks = self.assigned_again(&tracks)?;
         if let Some(most) = max_people {
@@ -96,7 +105,8 @@ impl Recording<'_> {
         let solved: Vec<Sequence> = solved.collect::<Result<_>>()?;
         // Two views that saw figures without a joint in common have seen nobody.
         let found = tracks.iter().zip(solved).filter(|(_, sequence)| has_joints(sequence));
-        Ok((0..).zip(found).map(|(id, (track, sequence))| person(id, track, sequence)).collect())
+        let people = (0..).zip(found).map(|(id, (track, sequence))| person(id, track, sequence));
+        Ok(Everybody { people: people.collect(), cut })
     }
 
     /// The rays of frames.
@@ -110,8 +120,8 @@ impl Recording<'_> {
         (0..n).step_by(CHUNK).map(move |first| first..(first + CHUNK).min(n))
     }
 
-    /// Everybody who is seen by two views for long enough, followed from frame to frame.
-    fn tracks(&self) -> Result<Vec<Track>> {
+    /// Everybody who is seen by two views for long enough, followed from frame to frame; and [`Everybody::cut`].
+    fn tracks(&self) -> Result<(Vec<Track>, usize)> {
         let mut associator = Associator::new(self.refiner, self.layout, self.fps);
         let mut seen: BTreeMap<usize, Track> = BTreeMap::new();
         for chunk in self.chunks() {
@@ -126,7 +136,7 @@ impl Recording<'_> {
         let reach = (SMOOTH * self.fps).round() as usize;
         let least = self.people.len().min(2);
         let smooth = |track: Track| Some(track.trimmed(least)?.smooth(reach));
-        Ok(seen.into_values().filter_map(smooth).collect())
+        Ok((seen.into_values().filter_map(smooth).collect(), associator.cut()))
     }
 
     /// Least number of frames in which two views must see a person.

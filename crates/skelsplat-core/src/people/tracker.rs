@@ -83,6 +83,12 @@ impl Tracker {
         ids
     }
 
+    /// In how many frames so far there were too many people for all of them to be compared, or followed.
+    #[must_use]
+    pub fn cut(&self) -> usize {
+        self.associator.cut()
+    }
+
     /// Everybody who is known and followed in the next frame, in the order of their identities; also those who are bridged while no view
     /// sees them.
     ///

@@ -2,6 +2,7 @@
 
 use nalgebra::Vector3;
 use proptest::prelude::*;
+use skelsplat_core::study::people::choice::{Linking, MOST_WORK, Rules, choices, choose};
 use skelsplat_core::testing::scenes::{Noise, noisy_detections, room, standing};
 use skelsplat_core::{Camera, Detections, Person, Progress, Tracker, track};
 
@@ -88,7 +89,7 @@ proptest! {
         let refiner = refiner(&cameras, Some(1));
         let found = track(&refiner, &layout(), &people, fps, None, &Progress::default());
         if let Ok(found) = &found {
-            check(found, people.len())?;
+            check(&found.people, people.len())?;
         }
         let mut tracker = Tracker::new(&refiner, &layout(), fps, Some(2)).unwrap();
         for slots in &people {
@@ -103,5 +104,31 @@ proptest! {
         // On another number of threads the same bits.
         let again = track(&crate::any::refiner(&cameras, Some(3)), &layout(), &people, fps, None, &Progress::default());
         prop_assert_eq!(format!("{found:?}"), format!("{again:?}"));
+    }
+
+    #[test]
+    fn any_person_chosen_is_there((cameras, people) in recording(), most_work in prop::sample::select(vec![0, 2_000, MOST_WORK])) {
+        let rules = Rules {
+            gates_px: vec![66.0; cameras.len()],
+            min_confidence: 0.2,
+            min_joints: 4,
+            mirror: (0..layout().n_joints()).collect(),
+            most: 8,
+            worse: 4.0,
+            most_work,
+        };
+        let linking = Linking { cost: 2.0, step: 1000.0 };
+        let chosen = choose(&people, &cameras, &rules, linking, &Progress::default()).unwrap();
+        for (k, slot) in chosen.slots.iter().enumerate() {
+            if let Some(slot) = slot {
+                let (t, view) = (k / cameras.len(), k % cameras.len());
+                let seen = |j| people[t][*slot].get(view, j).is_some();
+                prop_assert!((0..layout().n_joints()).filter(|j| seen(*j)).count() >= 4);
+            }
+        }
+        for choice in choices(&people, &cameras, &rules, &Progress::default()).unwrap().iter().flat_map(|f| &f.all) {
+            prop_assert!(choice.cost.is_finite());
+            prop_assert!(choice.slots.iter().flatten().count() >= 2);
+        }
     }
 }

@@ -156,7 +156,10 @@ def _read_image(path: Path) -> Image | None:
     data = np.frombuffer(read_bytes(path), dtype=np.uint8)  # imread cannot open every path on Windows
     if not data.size:
         return None
-    image: Image | None = opencv().imdecode(data, opencv().IMREAD_COLOR)
+    try:
+        image: Image | None = opencv().imdecode(data, opencv().IMREAD_COLOR)
+    except opencv().error:  # more pixels than are decoded
+        return None
     return image
 
 

@@ -22,6 +22,8 @@ const ALONE: f64 = 3.0;
 const DIFFERENCE: f64 = 0.12;
 /// Time for which two views must see a body before it is known, s.
 const KNOWN: f64 = 0.1;
+/// Number of bodies that are followed, and of those that are lost and remembered.
+const MOST_BODIES: usize = 512;
 
 /// Who is where in one frame.
 #[derive(Debug, Clone)]
@@ -47,6 +49,8 @@ pub struct Associator {
     /// Pairs of bodies in one place, and for how many frames.
     doubles: Vec<([usize; 2], usize)>,
     next: usize,
+    /// Frames with too many people for all to be compared, or followed.
+    cut: usize,
 }
 
 impl Associator {
@@ -60,6 +64,7 @@ impl Associator {
             lost: Vec::new(),
             doubles: Vec::new(),
             next: 0,
+            cut: 0,
         }
     }
 
@@ -76,6 +81,12 @@ impl Associator {
         self.bodies.iter().chain(&self.lost).any(|body| body.id == id)
     }
 
+    /// In how many frames there were too many people for all of them to be compared, or followed.
+    #[must_use]
+    pub fn cut(&self) -> usize {
+        self.cut
+    }
+
     /// The next frame: everybody whom a view sees, in the order of their appearance.
     pub fn step(&mut self, crowd: &Crowd) -> Vec<Sighting> {
         let mut free: Free =
@@ -90,12 +101,16 @@ impl Associator {
         }
         let judge = Judge { known: &self.known };
         let doubtful = self.released(&judge, crowd, &mut claims, &mut free);
-        let mut newcomers = judge.newcomers(crowd, &mut free);
+        let (mut newcomers, mut cut) = judge.newcomers(crowd, &mut free);
         self.confirm(doubtful, &mut newcomers, &mut claims, &mut free);
+        let room = MOST_BODIES - self.bodies.len();
+        cut |= newcomers.len() > room;
+        newcomers.truncate(room);
         self.admit(crowd, newcomers, &mut claims);
         self.merge_doubles(&mut claims);
         let sightings = self.sightings(&claims);
         self.retire();
+        self.cut += usize::from(cut);
         sightings
     }
 
@@ -121,6 +136,7 @@ impl Associator {
         let is_lost = |body: &Body| body.missed > hold || body.alone > alone;
         let lost = self.bodies.extract_if(.., |body| is_lost(body));
         self.lost.extend(lost);
+        self.lost.drain(..self.lost.len().saturating_sub(MOST_BODIES)); // those that are lost for longest
         self.lost.iter_mut().for_each(|body| body.alone += 1);
         self.lost.retain(|body| body.alone <= keep.max(alone) + hold);
     }
