@@ -12,7 +12,7 @@ import pytest
 import skelsplat as sk
 from pose_sample import FILLED, JOINTS, MISSING, T, sample
 from skelsplat.io import PoseData, read_c3d, write_c3d
-from skelsplat.io.poses import _c3d, _c3d_child
+from skelsplat.io.poses import _c3d, _c3d_child, check_pose_format
 from sweeps import swept
 
 ezc3d = pytest.importorskip("ezc3d", reason="ezc3d is not installed: pip install 'skelsplat[formats]'")
@@ -94,6 +94,20 @@ def test_names_and_texts_as_long_as_the_format_holds_them(tmp_path):
     back = read_c3d(tmp_path / "a.c3d")
     assert back.joint_names == names
     assert back.processing == ("é" * 127,)
+
+
+def test_a_world_whose_origin_is_too_far_for_single_precision(tmp_path):
+    data = sample()
+    far = np.array([5.0e8, 5.2e9, 1.0e5])  # mm: UTM coordinates
+    with pytest.raises(sk.InvalidInputError, match=r"^pose: expected positions within 10 km of the origin"):
+        write_c3d(tmp_path / "pose.c3d", replace(data, pose=data.pose + far))
+    assert not (tmp_path / "pose.c3d").exists()
+    camera = sk.Camera(np.diag([1000.0, 1000.0, 1.0]), np.eye(3), -far / 1000, size=(1000, 1000))
+    with pytest.raises(sk.InvalidInputError, match="C3D"):
+        check_pose_format("c3d", data.frames, data.joint_names, sk.CameraRig([camera], unit="m"))
+    stray = data.pose.copy()
+    stray[0, 0] = 1e9  # one joint of no use is no reason to refuse the others
+    write_c3d(tmp_path / "pose.c3d", replace(data, pose=stray))
 
 
 def test_frame_numbers_beyond_single_precision(tmp_path):

@@ -240,6 +240,24 @@ def test_every_frame_rate_is_computed_with(fps):
     assert errors(found.pose, pose).mean() < 1.05 * errors(found.init_pose, pose).mean()
 
 
+def test_frames_further_apart_than_a_second_have_no_velocity():
+    """Between them, anything may have happened: a difference of positions tells nothing."""
+    pose = synthetic.motion("walk", 120, fps=0.1, seed=0)
+    noise = DetectionNoise.good()
+    found = solve(seen(pose, noise), fps=0.1)
+    assert np.isnan(found.velocity).all()
+    assert (found.joint_status == "ok").mean() > 0.99
+
+
+def test_detections_that_never_change_are_answered():
+    """A photograph, or cameras that have stopped: no second difference is above 0."""
+    detections = np.repeat(recorded()[1][:1], 90, axis=0)
+    found = solve(detections)
+    assert (found.joint_status == "ok").all()
+    assert errors(found.pose, found.init_pose).mean() < 5.0
+    np.testing.assert_allclose(found.velocity, 0.0, atol=1e-6)
+
+
 # views and confidences
 
 

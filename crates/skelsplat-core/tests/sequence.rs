@@ -439,7 +439,16 @@ fn bones_tell_a_frame_what_the_dense_inverse_tells() {
     }
     for (b, [a, c]) in bones.iter().enumerate() {
         let pull = &run.system.lengths[b];
-        let block = pull.along * pull.along.transpose() * pull.stiffness;
+        // Errors across the bone of the ends that two views see make its direction uncertain: the second moment of |e|²/2l.
+        let seen = [a, c].into_iter().filter(|j| **j != 2);
+        let errors: Matrix3<f64> = seen.map(|j| alone.positions[*j]).sum();
+        let across = Matrix3::identity() - pull.along * pull.along.transpose();
+        let spread = (across * errors * across).symmetric_eigenvalues();
+        let square = spread.sum().powi(2) + 2.0 * spread.norm_squared();
+        let bent = square / (2.0 * (joints[*a] - joints[*c]).norm()).powi(2);
+        assert!(bent > 1e-3);
+        let stiffness = 1.0 / (1.0 / pull.stiffness + bent);
+        let block = pull.along * pull.along.transpose() * stiffness;
         for (p, q, sign) in [(a, a, 1.0), (c, c, 1.0), (a, c, -1.0), (c, a, -1.0)] {
             let mut part = information.view_mut((3 * p, 3 * q), (3, 3));
             part += block * sign;

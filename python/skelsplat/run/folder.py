@@ -94,11 +94,12 @@ class Writing:
 
     def check(self, inputs: Inputs | None = None) -> None:
         """Apply `skelsplat.io.poses.check_pose_format` to each format, and `check_angles`."""
-        frames, layout = (None, None) if inputs is None else (inputs.frames, inputs.layout)
         for kind in self.formats:
-            check_pose_format(kind, frames, None if layout is None else layout.joints)
-        if self.angles and layout is not None:
-            check_angles(layout)
+            check_pose_format(kind)
+            if inputs is not None:
+                check_pose_format(kind, inputs.frames, inputs.layout.joints, inputs.rig)
+        if self.angles and inputs is not None:
+            check_angles(inputs.layout)
 
     def notes(self, inputs: Inputs) -> list[Finding]:
         """Return notes: options without effect, assumed times, no vertical, missing pictures."""

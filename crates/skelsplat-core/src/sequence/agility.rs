@@ -31,6 +31,9 @@ const FASTEST: f64 = 0.5;
 /// second, the more they weigh against the motion (docs/decisions.md). Frames per second up to which it is all of it.
 pub(super) const SHARE: f64 = 0.5;
 const SLOW_RATE: f64 = 15.0;
+/// Least variance of second differences in multiples of the white noise: those of detections that never change are 0, and others are
+/// counted in multiples of them.
+const STILL: f64 = 1e-6;
 /// Second differences needed for an estimate.
 const LEAST: usize = 6;
 /// Half of the time in which second differences show the agility at a time, s.
@@ -76,6 +79,7 @@ pub fn learn(tracks: &Tracks, fps: f64, variance: &[f64]) -> Vec<Agility> {
     let of_joint = |(measured, variance): (Measured, &f64)| {
         let Measured { q, white, mut squares } = measured;
         let q = if q.is_finite() { q } else { shared };
+        squares.iter_mut().for_each(|square| *square = square.max(STILL * white));
         for h in squares.len() + 1..=frames_in(SPAN, fps) {
             squares.push(2.0 / 3.0 * q * (h as f64 / fps).powi(3) + 6.0 * white);
         }

@@ -11,7 +11,8 @@
 //! where S_t is a block of the selected inverse of the joint's chain, and n_t the number of frames that it averages over. Bones then act on each frame: a joint that
 //! is known to C_n is a measurement along the bone u of variance σ_b² + uᵀ C_n u of its neighbour. These messages pass from
 //! joint to joint, never back to where they come from, so that no information counts twice. An error of a bone's length
-//! lasts as well: it is not averaged over the frames.
+//! lasts as well: it is not averaged over the frames. Where the direction of a bone is uncertain itself, as with cameras that are close
+//! together, a measurement along it says less: an end that is off by e across the bone changes its length by |e|²/2l.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -130,6 +131,8 @@ fn share(run: &Run<'_>, tracks: &Tracks, common: &Common, k: usize, spread: &mut
     let t = tracks.frames;
     let alone: Vec<Matrix3<f64>> =
         (0..tracks.joints).map(|j| inverse(&spread[j * t + k])).collect();
+    let variances: Vec<f64> =
+        (0..common.bones.len()).map(|b| variance(run, tracks, common, [b, k], spread)).collect();
     // Information along the bone that its first joint has from the second, and the second from the first.
     let mut messages = vec![[0.0; 2]; common.bones.len()];
     let told = |messages: &[[f64; 2]], j: usize, without: usize| {
@@ -145,13 +148,13 @@ fn share(run: &Run<'_>, tracks: &Tracks, common: &Common, k: usize, spread: &mut
     for _ in 0..SWEEPS {
         for (b, [head, tail]) in common.bones.iter().enumerate() {
             let pull = &run.system.lengths[b * t + k];
-            if pull.stiffness <= 0.0 {
+            if !variances[b].is_finite() {
                 continue;
             }
             let from = |j: usize, messages: &[[f64; 2]]| {
                 let known = inverse(&told(messages, j, b));
                 let variance = pull.along.dot(&times(&known, &pull.along));
-                if variance > 0.0 { 1.0 / (1.0 / pull.stiffness + variance) } else { 0.0 }
+                if variance > 0.0 { 1.0 / (variances[b] + variance) } else { 0.0 }
             };
             messages[b] = [from(*tail, &messages), from(*head, &messages)];
         }
@@ -159,4 +162,25 @@ fn share(run: &Run<'_>, tracks: &Tracks, common: &Common, k: usize, spread: &mut
     for j in (0..tracks.joints).filter(|j| tracks.active[j * t + k]) {
         spread[j * t + k] = inverse(&told(&messages, j, usize::MAX));
     }
+}
+
+/// Variance of bone `b` as a measurement in frame `k`, mm²; infinite where it is none. To that of its length comes the second moment
+/// of |e|²/2l, with the errors e across the bone of those of its ends that two views see; where one does, the bone decides.
+fn variance(
+    run: &Run<'_>,
+    tracks: &Tracks,
+    common: &Common,
+    [b, k]: [usize; 2],
+    spread: &[Matrix3<f64>],
+) -> f64 {
+    let (pull, length) = (&run.system.lengths[b * tracks.frames + k], common.lengths[b].mean);
+    let ends = common.bones[b].map(|j| j * tracks.frames + k);
+    let seen = ends.iter().filter(|end| tracks.active[**end] && tracks.sure[**end]);
+    let errors: Matrix3<f64> = seen.map(|end| spread[*end]).sum();
+    let of_along = times(&errors, &pull.along);
+    let along = pull.along.dot(&of_along);
+    let across = errors.trace() - along;
+    let of_squares = errors.norm_squared() - 2.0 * of_along.norm_squared() + along * along;
+    let bent = (across * across + 2.0 * of_squares) / (4.0 * length * length);
+    if pull.stiffness > 0.0 { 1.0 / pull.stiffness + bent } else { f64::INFINITY }
 }

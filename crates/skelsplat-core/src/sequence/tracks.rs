@@ -125,13 +125,16 @@ impl Tracks {
     }
 
     /// Looks for cuts: frames between which the body jumps, in the median of the joints whose positions are sure. Wrong
-    /// positions are those of single joints. `usual` is how agile each joint usually is, mm²/s³.
+    /// positions are those of single joints. `usual` is how agile each joint usually is, mm²/s³. Frames that are further apart than a gap
+    /// that is bridged are all cut from each other.
     pub fn find_cuts(&mut self, fps: f64, usual: &[f64]) {
+        let apart = fps * BRIDGE < 1.0;
         let jumps: Vec<f64> = (0..self.frames).map(|t| self.jumps(t, fps, usual)).collect();
         let mut cuts = 0;
         for (t, jump) in jumps.iter().enumerate() {
             let near = jumps[t.saturating_sub(1)..(t + 2).min(jumps.len())].iter();
-            if *jump > JUMP * JUMP && near.copied().fold(0.0, f64::max) < BESIDE * jump {
+            let jumped = *jump > JUMP * JUMP && near.copied().fold(0.0, f64::max) < BESIDE * jump;
+            if jumped || apart {
                 cuts += 1;
             }
             self.cuts[t] += cuts;

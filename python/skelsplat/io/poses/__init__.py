@@ -11,13 +11,16 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import numpy as np
+
 from skelsplat._arrays import Index
 from skelsplat._optional import require
+from skelsplat.cameras import CameraRig, mm_per_unit
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.findings import Finding, FindingWarning, Subject
 from skelsplat.io._arrays import npz_keys
 from skelsplat.io._files import head
-from skelsplat.io.poses._c3d import c3d_is_y_up, check_c3d, read_c3d, write_c3d
+from skelsplat.io.poses._c3d import c3d_is_y_up, check_c3d, check_c3d_place, read_c3d, write_c3d
 from skelsplat.io.poses._csv import read_csv, write_csv
 from skelsplat.io.poses._json import is_json_poses, read_json, write_json
 from skelsplat.io.poses._npz import read_npz, write_npz
@@ -63,16 +66,22 @@ def pose_format(path: str | os.PathLike[str]) -> str:
 
 
 def check_pose_format(
-    kind: str, frames: Index | None = None, joint_names: Sequence[str] | None = None
+    kind: str,
+    frames: Index | None = None,
+    joint_names: Sequence[str] | None = None,
+    cameras: CameraRig | None = None,
 ) -> None:
     """Raise before long work if a file of this kind cannot be written.
 
-    It may need a package that is not installed, or frame numbers or names do not fit into such a file.
+    It may need a package that is not installed, or frame numbers, names or the place of the cameras do not
+    fit into such a file.
     """
     for module in POSE_FORMATS[kind].packages:
         require(module, f".{kind} files")
     if kind == "c3d" and frames is not None:
         check_c3d(frames, joint_names or ())
+    if kind == "c3d" and cameras is not None:
+        check_c3d_place(np.array([camera.centre for camera in cameras]) * mm_per_unit(cameras))
     if kind == "trc":
         check_trc_names(joint_names or ())
 

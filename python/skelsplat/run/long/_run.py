@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
+from skelsplat._atomic import opening
 from skelsplat.findings import Finding, collected_warnings, warn
 from skelsplat.run import folder as folders
 from skelsplat.run import read
@@ -38,7 +39,8 @@ def run_long(
 ) -> Run | None:
     """Do a job whose recording is long, in memory that hardly grows with it; None if it is not.
 
-    The pose files are those of `skelsplat.run.run`, and so are counts, means and findings on single frames.
+    The pose files are those of `skelsplat.run.run`, and so are counts, means and findings on single frames;
+    where several people are seen about as well, another may be followed, as each part is judged alone.
     Medians, largest values, other findings, figures and the page are from every so many-th frame, as the
     report says under ``thinned``; so is the `Run`.
 
@@ -78,7 +80,8 @@ def _scratch(folder: Path) -> Iterator[Path]:
     """Make a folder for the parts, removed afterwards, and remove what a killed run has left of its own."""
     for left in folder.glob(f"{_SCRATCH}*"):
         shutil.rmtree(left)
-    with tempfile.TemporaryDirectory(prefix=_SCRATCH, dir=folder) as scratch:
+    room = opening(folder, "a folder with room for the parts of the recording", "output")
+    with room, tempfile.TemporaryDirectory(prefix=_SCRATCH, dir=folder) as scratch:
         yield Path(scratch)
 
 
