@@ -154,8 +154,8 @@ READERS = (
     Fault(
         "a camera's frame offset is added instead of subtracted",
         "sign of an offset",
-        "self.views.views[name], numbers - self.shifts[name]",
-        "self.views.views[name], numbers + self.shifts[name]",
+        "own = numbers - self._whole",
+        "own = numbers + self._whole",
         (UNIT + "test_detections.py",),
     ),
     Fault(
@@ -286,8 +286,8 @@ ANALYSIS = (
     Fault(
         "following a person does not consider left–right swaps",
         "lost hypothesis",
-        "if mirrored { own.min(distance(&|j| rules.mirror[j])) } else { own }",
-        "if mirrored { own } else { own }",
+        "if mirrored && !figures.has_sides {",
+        "if mirrored {",
         (UNIT + "test_association.py",),
     ),
 )
