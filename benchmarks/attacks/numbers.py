@@ -85,7 +85,7 @@ def _largest(found: Array, expected: Array) -> float:
     return float(np.nanmax(np.abs(found - expected)))
 
 
-@attack("12a", "a recording whose detections never change", "as a frame")
+@attack("15a", "a recording whose detections never change", "as a frame")
 def still_detections() -> str:
     seen = _walk()
     still = _Recording(seen.truth, np.repeat(seen.detections[:1], 120, axis=0), seen.cameras)
@@ -98,7 +98,7 @@ def still_detections() -> str:
     return f"{states}; {100 * missing:.0f} % without a position"
 
 
-@attack("12b", "the same: error bars, 20 recordings of 2.4 s", "97 % within 3 σ")
+@attack("15b", "the same: error bars, 20 recordings of 2.4 s", "97 % within 3 σ")
 def error_bars_of_still_detections() -> str:
     pairs = []
     for seed in range(20):
@@ -108,25 +108,25 @@ def error_bars_of_still_detections() -> str:
     return _claims(pairs)
 
 
-@attack("12c", "two cameras 150 mm apart, 3 m away: recordings", "97 % within 3 σ")
+@attack("15c", "two cameras 150 mm apart, 3 m away: recordings", "97 % within 3 σ")
 def recordings_by_cameras_150_mm_apart() -> str:
     seen = [_close_cameras(150.0, seed) for seed in range(5)]
     return _claims([(one.solved(), one.truth) for one in seen])
 
 
-@attack("12d", "two cameras 300 mm apart: recordings", "97 % within 3 σ")
+@attack("15d", "two cameras 300 mm apart: recordings", "97 % within 3 σ")
 def recordings_by_cameras_300_mm_apart() -> str:
     seen = [_close_cameras(300.0, seed) for seed in range(5)]
     return _claims([(one.solved(), one.truth) for one in seen])
 
 
-@attack("12e", "two cameras 70 mm apart: joints that are inferred", "none")
+@attack("15e", "two cameras 70 mm apart: joints that are inferred", "none")
 def recordings_by_cameras_70_mm_apart() -> str:
     seen = [_close_cameras(70.0, seed) for seed in range(5)]
     return _claims([(one.solved(), one.truth) for one in seen], "inferred")
 
 
-@attack("12f", "a frame every ten seconds: velocities", "none")
+@attack("15f", "a frame every ten seconds: velocities", "none")
 def velocities_over_ten_seconds() -> str:
     seen = _walk(fps=0.1)
     found = seen.solved(0.1)
@@ -139,7 +139,7 @@ def velocities_over_ten_seconds() -> str:
     return f"{known.sum()} velocities, {100 * (far > 10).mean():.0f} % beyond ten error bars"
 
 
-@attack("12g", "a C3D file of a world in UTM coordinates, read again", "as written, or refused")
+@attack("15g", "a C3D file of a world in UTM coordinates, read again", "as written, or refused")
 def c3d_far_from_the_origin() -> str:
     pose = synthetic.motion("walk", 4, seed=0) + _UTM
     names = sk.layouts.H36M17.joints
@@ -152,7 +152,7 @@ def c3d_far_from_the_origin() -> str:
         return f"off by up to {_largest(read_pose(Path(folder) / 'pose.c3d').pose, pose):.0f} mm"
 
 
-@attack("12h", "a rig in centimetres that is stated to be in millimetres", "a warning")
+@attack("15h", "a rig in centimetres that is stated to be in millimetres", "a warning")
 def centimetres_taken_for_millimetres() -> str:
     seen = _walk()
     rig = sk.CameraRig([sk.Camera(c.K, c.R, c.t / 10.0, size=c.size) for c in seen.cameras])
@@ -177,7 +177,7 @@ def _mirrored(seen: _Recording) -> tuple[_Recording, list[int]]:
     return _Recording(seen.truth * [-1.0, 1.0, 1.0], found[:, :, other], sk.CameraRig(cameras)), other
 
 
-@attack("12i", "recordings reversed, moved, turned, mirrored, in m, cameras in another order", "same")
+@attack("15i", "recordings reversed, moved, turned, mirrored, in m, cameras in another order", "same")
 def recordings_that_must_agree() -> str:
     seen = _walk(noise="occluded")
     base = seen.solved()
@@ -203,7 +203,7 @@ def recordings_that_must_agree() -> str:
     return "mm: " + ", ".join(f"{name} {value:.0e}" for name, value in worst.items())
 
 
-@attack("12j", "people in another order of slots and cameras, in m, in UTM coordinates", "same")
+@attack("15j", "people in another order of slots and cameras, in m, in UTM coordinates", "same")
 def people_that_must_agree() -> str:
     scene = synthetic.simulate_scene(3, synthetic.ring(4, radius_mm=4500), n_frames=100, seed=1)
     people, rig = np.asarray(scene.people), scene.cameras
@@ -234,7 +234,7 @@ def people_that_must_agree() -> str:
     return f"{len(base)} people; mm: " + ", ".join(f"{name} {value:.0e}" for name, value in worst.items())
 
 
-@attack("12k", "detections rounded to 8 px, the stride of a heat map: recordings", "97 % within 3 σ")
+@attack("15k", "detections rounded to 8 px, the stride of a heat map: recordings", "97 % within 3 σ")
 def detections_rounded_to_8_px() -> str:
     pairs = []
     for seed in range(5):
@@ -245,7 +245,7 @@ def detections_rounded_to_8_px() -> str:
     return _claims(pairs)
 
 
-@attack("12l", "every frame four times: a video of 12.5 Hz stored at 50 Hz", "97 % within 3 σ")
+@attack("15l", "every frame four times: a video of 12.5 Hz stored at 50 Hz", "97 % within 3 σ")
 def frames_four_times() -> str:
     pairs = []
     for seed in range(5):
@@ -255,7 +255,7 @@ def frames_four_times() -> str:
     return _claims(pairs)
 
 
-@attack("12m", "left and right exchanged in two of four views, always", "not ok")
+@attack("15m", "left and right exchanged in two of four views, always", "not ok")
 def sides_exchanged_in_half_of_the_views() -> str:
     pairs = []
     other = _mirrored(_walk())[1]

@@ -12,12 +12,14 @@ import pytest
 
 import skelsplat as sk
 from skelsplat import _budget, synthetic
+from skelsplat.association import take_people
 from skelsplat.findings import Finding, FindingWarning
 from skelsplat.io import _rows, read_run, write_calibration
 from skelsplat.io.poses._pose_data import ARRAYS
 from skelsplat.run import Job, folder, frame_range, read, run, run_batch, run_long, run_people
 from skelsplat.run.frame_range import FrameRange
-from skelsplat.run.long import _gather, _run
+from skelsplat.run.long import _follow, _gather, _run
+from skelsplat.run.person import pick_places
 from skelsplat.run.plots import read_source
 from skelsplat.run.report import thinned_in_words
 
@@ -59,6 +61,19 @@ def long(job: Job) -> sk.run.Run:
     found = run_long(job)
     assert found is not None
     return found
+
+
+def test_one_of_several_people_is_followed_from_part_to_part(tmp_path: Path) -> None:
+    rig = synthetic.ring(4, radius_mm=4500.0)
+    scene = synthetic.simulate_scene(3, rig, n_frames=300, fps=10, seed=2)
+    write_calibration(tmp_path / "cameras.json", rig)
+    np.savez(tmp_path / "detections.npz", detections=scene.people, camera_names=np.array(rig.names))
+    opened = read.open_files(job(tmp_path, tmp_path, layout=scene.layout))
+    people = opened.detections.read().people
+    index, unmatched = pick_places(people, rig, "consistent", opened.detections.skeleton)
+    found = _follow.follow(opened, tmp_path, 100)
+    np.testing.assert_array_equal(found.detections.read(0, 300), take_people(people, index))
+    np.testing.assert_array_equal(found.unmatched.read(0, 300), unmatched)
 
 
 @pytest.mark.parametrize("options", [{}, {"frame_by_frame": True}], ids=["over time", "frame by frame"])

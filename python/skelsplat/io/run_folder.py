@@ -106,7 +106,7 @@ def write_run_inputs(
     if own:
         first = "" if run is None else f"# {mark(run)}\n"
         atomic_write_text(folder / LAYOUT, f"{first}{to_toml(layout)}")
-    names = {
+    names: dict[str, Any] = {
         "camera_names": np.array(rig.names, dtype=np.str_),
         "joint_names": np.array(layout.joints, dtype=np.str_),
         **({} if run is None else {RUN: np.array(run)}),
@@ -117,9 +117,7 @@ def write_run_inputs(
             arrays: dict[str, Any] = {"detections": Made.of(detections), "frames": frames, "frame_rate": rate}
             write_npz(stream, {**arrays, **names})
         else:
-            np.savez_compressed(
-                stream, allow_pickle=False, detections=detections, frames=frames, frame_rate=rate, **names
-            )
+            np.savez_compressed(stream, detections=detections, frames=frames, frame_rate=rate, **names)
     return [CAMERAS, DETECTIONS, *([LAYOUT] if own else [])]
 
 

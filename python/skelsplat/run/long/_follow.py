@@ -17,7 +17,7 @@ from skelsplat.run.read import Opened
 
 # Frames on either side of a part among which the person is chosen as well: in those before, only the one
 # followed there is left.
-_BESIDE = 50
+_BESIDE = 300
 
 
 @dataclass(frozen=True)

@@ -39,7 +39,8 @@ def run_long(
 ) -> Run | None:
     """Do a job whose recording is long, in memory that hardly grows with it; None if it is not.
 
-    The pose files are those of `skelsplat.run.run`, and so are counts, means and findings on single frames.
+    The pose files are those of `skelsplat.run.run`, and so are counts, means and findings on single frames;
+    where several people are seen about as well, another may be followed, as each part is judged alone.
     Medians, largest values, other findings, figures and the page are from every so many-th frame, as the
     report says under ``thinned``; so is the `Run`.
 
