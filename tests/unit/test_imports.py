@@ -24,7 +24,7 @@ LAYERS = (
     {"_refine", "metrics"},
     {"cameras", "layouts"},
     {"findings", "_sentences"},  # a finding has its sentence, which is made from its numbers
-    {"_chunks"},
+    {"_chunks", "_clocks"},
     {"_skelsplat"},
     {"_lock"},
     {"_budget"},
