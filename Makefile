@@ -22,9 +22,9 @@ PYTEST := $(BIN)/python -m pytest --numprocesses auto --maxprocesses 8 --dist wo
 demo: $(STAMPS)/installed
 	$(BIN)/skelsplat demo -o skelsplat-demo
 
-# The compiler and mypy have a core each; pytest takes all of them.
+# The Rust checks have a core while the wheel is built, installed and checked on the other; pytest takes all of them.
 test-all: PYTEST += -m ''
-test test-all: $(STAMPS)/dev
+test test-all: $(STAMPS)/venv
 	$(MAKE) --jobs 2 rust-check python-lint
 	$(PYTEST)
 

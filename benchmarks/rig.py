@@ -1,6 +1,7 @@
 """Cameras set right: what `skelsplat.adjust_cameras` leaves of a fault, and what it does to sound cameras.
 
     python benchmarks/rig.py [--views 3 4] [--faults "turn 1" sound] [--takes 20] [--condition good]
+    python benchmarks/rig.py --lost                      what a clock costs that is off by parts of a frame
 
 Simulated: CMU motions of ten seconds at 30 Hz (without the data: the package's synthetic motions), detections
 with memory (`recordings.noise`), and one camera, in half of the takes two of five or more, that was turned or
@@ -207,6 +208,35 @@ def row(name: str, views: int, takes: int, condition: str) -> list[object]:
     return [name, *share, *middle, float(np.mean(seconds))]
 
 
+def lost(takes: int) -> list[list[str]]:
+    """Return what half a frame costs: mean error of a walk of 20 s, one camera of four late, mm."""
+    rows = []
+    for fps, late in ((15, 0.25), (15, 0.5), (30, 0.25), (30, 0.5), (60, 0.5)):
+        errors = np.array([lost_in(fps, late, seed) for seed in range(FIRST, FIRST + takes)])
+        synchronised, wrong, measured, clock = errors.mean(axis=0)
+        cells = [f"{synchronised:.2f}"]
+        cells += [f"{error:.2f} (+{100 * (error / synchronised - 1):.1f} %)" for error in (wrong, measured)]
+        rows.append([f"{fps}", f"{late}", *cells, f"{clock:.2f} ± {errors[:, 3].std():.2f}"])
+    return rows
+
+
+def lost_in(fps: int, late: float, seed: int) -> tuple[float, float, float, float]:
+    """Return the error of a walk: synchronised, with a camera `late`, with the clock measured; and that."""
+    fine = synthetic.motion("walk", (20 * fps + 2) * 4, fps=4 * fps, seed=seed)
+    cameras, noise = synthetic.ring(4), synthetic.DetectionNoise.recording(fps)
+    truth, own = fine[4:-4:4], fine[4 - round(4 * late) :: 4][: 20 * fps]
+    sound = synthetic.simulate_detections(truth, cameras, noise=noise, seed=seed)
+    seen = sound.copy()
+    seen[:, 1] = synthetic.simulate_detections(own, cameras, noise=noise, seed=seed)[:, 1]
+    found = sk.adjust_cameras(seen, cameras, clock=True, config=CONFIG)
+
+    def error(detections: FloatArray) -> float:
+        pose = sk.refine_sequence(detections, cameras, fps=fps, layout="h36m17", config=CONFIG).pose
+        return float(np.nanmean(np.linalg.norm(pose - truth, axis=-1)))
+
+    return error(sound), error(seen), error(found.synchronised(seen)), found.report[1].clock
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
@@ -215,9 +245,23 @@ def main() -> None:
     parser.add_argument("--faults", nargs="+", default=list(FAULTS))
     parser.add_argument("--takes", type=int, default=20)
     parser.add_argument("--condition", choices=recordings.CONDITIONS, default="good")
+    parser.add_argument("--lost", action="store_true")
     parser.add_argument("--json", action="store_true")
     parser.add_argument("--markdown", action="store_true")
     given = parser.parse_args()
+    if given.lost:
+        columns = [
+            "frames per s",
+            "late, frames",
+            "synchronised, mm",
+            "as recorded, mm",
+            "set right, mm",
+            "clock",
+        ]
+        title = f"walk of 20 s, one of four cameras late, {given.takes} takes, simulated"
+        common.show(title, columns, lost(given.takes), markdown=given.markdown)
+        print(common.circumstances())
+        return
     report: dict[str, list[list[object]]] = {}
     for views in given.views:
         report[str(views)] = [row(fault, views, given.takes, given.condition) for fault in given.faults]

@@ -41,9 +41,13 @@ def _told(count: Counter[str]) -> str:
     return f"{count.total()} flips: " + ", ".join(f"{count[kind]} {kind}" for kind in _KINDS)
 
 
+def _detections(path: Path) -> object:
+    return io.read_detections(path, ["a", "b"], layout="mediapipe33", order="sorted")
+
+
 def _npy(shape: tuple[int, ...]) -> bytes:
     text = f"{{'descr': '<f8', 'fortran_order': False, 'shape': {shape}, }}".ljust(117) + "\n"
-    return b"\x93NUMPY\x01\x00" + struct.pack("<H", len(text)) + text.encode() + np.ones(shape).tobytes()
+    return b"\x93NUMPY\x01\x00" + struct.pack("<H", len(text)) + text.encode() + np.full(shape, 5.0).tobytes()
 
 
 @attack("14j", "every flipped bit of an npy header, in npy and npz", "no tracebacks")
@@ -51,9 +55,11 @@ def npy_bits() -> str:
     count: Counter[str] = Counter()
     with tempfile.TemporaryDirectory() as folder:
         whole, packed = Path(folder, "mediapipe.npy"), Path(folder, "p.npz")
-        for damaged in _flipped(_npy((2, 3, 25, 2)), range(8 * 128)):
+        for damaged in _flipped(_npy((2, 3, 33, 2)), range(8 * 128)):
             whole.write_bytes(damaged)
-            count[_outcome(lambda path: io.read_detections(path, ["a", "b"], layout="coco17"), whole)] += 1
+            count[
+                _outcome(lambda path: io.read_detections(path, ["a", "b"], layout="mediapipe33"), whole)
+            ] += 1
         for damaged in _flipped(_npy((3, 2, 3)), range(8 * 128)):
             np.savez(packed, joint_names=["a", "b"], frames=[1, 2, 3], unit="mm")
             with zipfile.ZipFile(packed, "a") as archive:

@@ -231,7 +231,11 @@ def padded(people: People) -> ArrayLike:
     ----------
     people : (T, M, P, N, 2|3), or per frame a list of views with (P_i, N, 2|3) each
     """
-    if hasattr(people, "__array__") or not isinstance(people, Sequence) or isinstance(people, str):
+    if (
+        hasattr(people, "__array__")
+        or not isinstance(people, Sequence)
+        or isinstance(people, str | memoryview)
+    ):
         return numbers(people, "people")
     rows: Sequence[Any] = people
     frames = [[_view(view) for view in _views(frame)] for frame in rows]

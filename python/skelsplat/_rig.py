@@ -10,6 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from skelsplat import _skelsplat
+from skelsplat._arrays import Array, numbers
+from skelsplat._clocks import shifted
 from skelsplat._refine import Cameras
 from skelsplat._skelsplat import RefineConfig
 from skelsplat.cameras import CameraRig
@@ -97,6 +99,26 @@ class RigAdjustment:
     def of(self, *status: str) -> tuple[CameraAdjustment, ...]:
         """Return the reports of cameras with one of these ``status``."""
         return tuple(one for one in self.report if one.status in status)
+
+    def synchronised(self, detections: ArrayLike) -> Array:
+        """Return detections (T, M, N, 2|3) with the clocks of late and adjusted cameras set right.
+
+        For parts of a frame, joints are moved in a straight line towards their place in the next or previous
+        frame; those that are missing there, or that jump, stay. NaN where a camera has no such frame.
+
+        Raises
+        ------
+        InvalidInputError
+            If the shape does not fit the cameras.
+        """
+        seen = numbers(detections, "detections").copy()
+        if seen.ndim != 4 or seen.shape[1] != len(self.report) or seen.shape[3] not in (2, 3):
+            expected = f"(T, {len(self.report)}, N, 2 or 3)"
+            raise InvalidInputError(f"detections: expected shape {expected}, got {seen.shape}")
+        for i, camera in enumerate(self.report):
+            if camera.status in ("late", "adjusted") and camera.clock:
+                seen[:, i] = shifted(seen[:, i], camera.clock)
+        return seen
 
 
 def adjust_cameras(

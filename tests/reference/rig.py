@@ -12,7 +12,7 @@ from reference.camera import project
 # Information on a joint that holds what no ray does, relative to a detection's.
 LOOSE = 1e-5
 # Frames on either side from which the movement of a detection is measured.
-REACH = 3
+REACH = 2
 # Steps of the differences: rad, mm, relative; and of a joint, mm.
 STEPS = (1e-5, 1e-5, 1e-5, 1e-2, 1e-2, 1e-2, 1e-5)
 STEP = 1e-3

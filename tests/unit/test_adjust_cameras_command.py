@@ -198,13 +198,15 @@ def test_parts_of_a_frame_and_cameras_that_see_too_little():
     text, about = (one.text for one in found(late, unseen, sound))
     assert text == (
         "cam2's frame numbers are 2.40 ± 0.05 too low; a calibration has no clock: refine with "
-        "--offset cam2=5 (0.4 of a frame remains)."
+        "--offset cam2=5.4."
     )
     assert about.startswith("cam4 sees too few of the joints that other cameras see")
     (two,) = found(reported(name="cam1", status="unseen"), unseen)
     assert two.text.startswith("Two cameras do not tell which of them was turned or moved")
     (little,) = found(reported(name="cam1", status="adjusted", clock=0.3, clock_sigma=0.05))
-    assert little.text.endswith("0.30 ± 0.05 too high: less than half a frame, which no option corrects.")
+    assert little.text.endswith(
+        "0.30 ± 0.05 too high; a calibration has no clock: refine with --offset cam1=-0.3."
+    )
     assert found(reported(name="cam1", status="adjusted", clock=0.1, clock_sigma=0.05)) == []
 
 

@@ -121,7 +121,7 @@ USAGE, FAILED = 2, 1
     [
         (USAGE, ["--format", "yolo"], ["--format", "openpose", "'yolo'"]),
         (USAGE, ["--offset", "cam1"], ["--offset", "A=B", "'cam1'"]),
-        (USAGE, ["--offset", "cam1=0.5"], ["--offset", "whole number", "'0.5'"]),
+        (USAGE, ["--offset", "cam1=0.5s"], ["--offset", "number of frames", "'0.5s'"]),
         (USAGE, ["--offset", "cam1=1", "--offset", "cam1=2"], ["--offset", "once", "'cam1=2'"]),
         (USAGE, ["--map", "nose"], ["--map", "A=B", "'nose'"]),
         (USAGE, ["--offset", "cam9=1"], ["--offset: ", "'cam9'"]),

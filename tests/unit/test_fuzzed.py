@@ -11,12 +11,16 @@ import pytest
 import skelsplat as sk
 from array_forms import LAYOUT, PIXELS, POSES, RIG, SEEN
 from command_line import assert_fails, invoke
-from skelsplat import synthetic
+from skelsplat import datasets, synthetic
 from skelsplat.datasets._files import as_numbers
 from skelsplat.datasets._rig import camera_at_centre
+from skelsplat.datasets.human36m._adafuse import _world
 from skelsplat.datasets.panoptic import _bodies
+from skelsplat.datasets.synthetic import write_simulated
 from skelsplat.evaluation import baselines
-from skelsplat.io import read_calibration
+from skelsplat.io import read_calibration, read_pose
+from skelsplat.io._arrays import as_numbers as of_file
+from skelsplat.io.calibration._vicon import _is_plausible
 from takes import hand_made
 
 
@@ -138,6 +142,55 @@ def test_covariances_of_the_start_are_not_as_good_as_singular():
     for least in (1e-29, 1e-20, 1e-12):
         spread = np.broadcast_to(np.diag([least, 500.0, 600.0]), (17, 3, 3))
         assert np.isfinite(sk.refine(POSES[0], PIXELS[0], RIG, init_sigma=spread).pose).all()
+
+
+def test_people_in_a_memory_view_are_an_array():
+    people = np.stack([SEEN, SEEN[::-1]], axis=2)
+    found = sk.track(memoryview(people), RIG, layout=LAYOUT, fps=50.0)
+    expected = sk.track(people, RIG, layout=LAYOUT, fps=50.0)
+    assert [one.id for one in found] == [one.id for one in expected]
+    for one, other in zip(found, expected, strict=True):
+        np.testing.assert_array_equal(one.refinement.pose, other.refinement.pose)
+
+
+def test_poses_of_adafuse_that_are_far_away_name_their_file():
+    poses, pixels = np.full((1, len(RIG), 17, 3), 1e40), np.zeros((1, len(RIG), 17, 2))
+    with pytest.raises(sk.DatasetError, match=r"^a\.pkl: points.*: expected values within ±1e30, got "):
+        _world(Path("a.pkl"), "S9/Walking", poses, pixels, RIG)
+
+
+def test_error_bars_of_which_the_square_is_no_number_name_the_line(tmp_path):
+    columns = "frame,joint,x,y,z,error_bar_x,error_bar_y,error_bar_z,unit"
+    (tmp_path / "p.csv").write_text(f"{columns}\n0,a,1,2,3,1,1,1,mm\n0,b,1,2,3,1,1e200,1,mm\n")
+    with pytest.raises(
+        sk.DatasetError, match=r"line 3: expected standard deviations of at most 1e\+100, got "
+    ):
+        read_pose(tmp_path / "p.csv")
+
+
+def test_numbers_of_nan_that_signal_are_missing(tmp_path):
+    signals = np.array([0x7FA00000], np.uint32).view(np.float32)
+    with np.errstate(all="raise"):
+        assert np.isnan(of_file(tmp_path, "x", signals)).all()
+
+
+def test_a_lens_that_leaves_the_numbers_is_not_plausible():
+    with np.errstate(all="raise"):
+        assert not _is_plausible((1000, 1000), np.array([500.0, 500.0]), np.array([1e305, -1e305]), 1.0)
+
+
+def test_detections_of_several_people_beyond_numbers_name_their_file(tmp_path):
+    write_simulated(tmp_path / "set", synthetic.simulate_people_set(2, 3, 1, frames=3))
+    index = datasets.read("synthetic", tmp_path / "set")
+    path = index.takes[0].files["detections"]
+    with np.load(path) as arrays:
+        held = dict(arrays)
+    for values in held.values():
+        if values.dtype.kind == "f" and values.ndim > 3:
+            values[..., 1][np.isfinite(values[..., 1])] = np.inf
+    np.savez(path, **held)
+    with pytest.raises(sk.DatasetError, match=rf"{path.name}: .*expected numbers within"):
+        datasets.read("synthetic", tmp_path / "set")
 
 
 def test_people_who_are_a_list_of_masked_numbers_are_named():

@@ -377,6 +377,13 @@ MATS = {
     "claims": (matrix((2**30, 2)), "a matrix of at most a value per byte, got one of 1073741824×2"),
     "claims within": (packed(matrix((1, 1), matrix((2**20, 2**10)))), "got one of 1048576×1024"),
     "deep": (nested(70), "cells nested at most 64 deep"),
+    # SciPy takes these types for addresses
+    "of no numbers": (matrix((1, 1), element(0, bytes(8)), kind=6), "got a damaged one"),
+    "of far numbers": (packed(matrix((1, 1), matrix((1, 1), element(255, bytes(8)), kind=6))), "damaged one"),
+    "of no lengths": (matrix((1,), element(9, bytes(8)), kind=6), "got a damaged one"),
+    "too few cells": (matrix((1, 2), matrix((1, 1), element(9, bytes(8)), kind=6)), "got a damaged one"),
+    "without fields": (matrix((1, 1), element(5, b"\2\0\0\0"), element(1, b"a\0b\0"), kind=2), "damaged one"),
+    "cut": (matrix((1, 1), element(9, bytes(8)), kind=6)[:-8], "got a damaged one"),
 }
 
 
@@ -477,7 +484,7 @@ CAMERA = (
         ("[[1, 0, 0], [0, 1], [0, 0, 1]]", "expected 3×3 numbers, got lists of different lengths"),
         ("[[1, 0, 0], 2, [0, 0, 1]]", "expected 3×3 numbers, got lists of different lengths"),
         ("[[1, 0, 0], [0, 1, 0]]", "expected 3×3 numbers, got shape 2×3"),
-        ("[1e308, 1e308, 0]", r"expected a rotation vector in radians, at most 1e\+06"),
+        ("[1e308, 1e308, 0]", r"expected a rotation vector in radians, of a length of at most 12.6"),
         ("[[1e308, 0, 0], [0, 1, 0], [0, 0, 1]]", "R of camera 'cam_0': expected an orthonormal"),
         ("[1, 2]", "expected 3 numbers"),
     ],

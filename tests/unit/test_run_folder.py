@@ -62,7 +62,7 @@ def test_a_folder_that_is_no_run_is_said_to_be_none(tmp_path):
         (lambda r: r["input"].update(layout=None), r"input\.layout"),
         (lambda r: r["settings"].update(undistort="yes"), r"settings\.undistort"),
         (lambda r: r["input"].update(offsets=["cam1"]), r"input\.offsets"),
-        (lambda r: r["input"].update(offsets={"cam1": 1.5}), r"input\.offsets\.cam1"),
+        (lambda r: r["input"].update(offsets={"cam1": "1.5"}), r"input\.offsets\.cam1"),
         (lambda r: r["input"].update(offsets={"cam1": True}), r"input\.offsets\.cam1"),
     ],
 )

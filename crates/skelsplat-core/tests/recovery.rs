@@ -1,7 +1,9 @@
 //! The complete method on scenes with known ground truth.
 
-use nalgebra::Vector3;
-use skelsplat_core::testing::scenes::{Noise, exact_detections, perturbed, room, standing};
+use nalgebra::{Vector2, Vector3};
+use skelsplat_core::testing::scenes::{
+    Noise, exact_detections, noisy_detections, perturbed, room, standing,
+};
 use skelsplat_core::{
     Camera, Detections, Frame, JointStatus, Layout, PaperSettings, PositionLearningRate,
     RefineConfig, Refinement, Refiner, StopReason, Unit,
@@ -176,6 +178,34 @@ fn a_lower_resolution_still_recovers_the_pose() {
 }
 
 /// A learning rate that makes the parameters overflow ends with the last finite state.
+/// A joint that another wrong detection pulls aside comes back past the place nearest to the camera on such a ray.
+#[test]
+fn a_detection_far_outside_its_image_is_no_barrier() {
+    let cameras = room(6);
+    let seen = noisy_detections(&standing(), &cameras, 3.0, &mut Noise::new(1));
+    // One view is 300 px off, another has a joint at `far`, or not at all.
+    let refined = |j: usize, off: usize, other: usize, far: f64| {
+        let detections = seen.map(|view, p| match Some(p) == seen.get(view, j).map(|(q, _)| q) {
+            true if view == off => Some(p + Vector2::new(300.0, 0.0)),
+            true if view == other => Some(Vector2::new(far, p.y)),
+            _ => Some(p),
+        });
+        refine(&cameras, Unit::Millimetre, &Frame::from(detections), RefineConfig::default())
+    };
+    for j in 0..17 {
+        for (off, other) in [(0, 1), (0, 2), (1, 4), (2, 3)] {
+            let without = refined(j, off, other, f64::NAN);
+            for far in [-1e5, 1e5, 1e6, 1e30] {
+                let out = refined(j, off, other, far);
+                let moved = (out.pose[j] - without.pose[j]).norm();
+                assert!(moved < 5.0, "joint {j} at {far} px of view {other}: {moved} mm");
+                let least = out.uncertainty[j].symmetric_eigenvalues().min().sqrt();
+                assert!(least > 1.0, "joint {j} at {far} px of view {other}: ±{least} mm");
+            }
+        }
+    }
+}
+
 #[test]
 fn divergence_is_an_outcome_with_finite_numbers() {
     let cameras = room(4);

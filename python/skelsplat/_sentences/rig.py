@@ -15,8 +15,6 @@ if TYPE_CHECKING:
 
 # A change below this part of its error bar is none.
 _NOTHING = 0.01
-# Multiples of its error bar from which the rest of a clock is worth mentioning.
-_SHOWN = 4.0
 
 
 def _px(error: float | None, digits: int = 1) -> str:
@@ -226,15 +224,10 @@ def _is_nothing(value: float, sigma: float | None) -> bool:
 
 def _late(finding: Finding) -> str:
     numbers = finding.numbers
-    frames, whole = numbers["clock_frames"], numbers["whole_frames"]
-    sigma = numbers["clock_sigma_frames"]
+    frames, sigma = numbers["clock_frames"], numbers["clock_sigma_frames"]
     high = f"{abs(frames):.0f}" if sigma is None else with_bar(abs(frames), sigma)
     text = f"{numbers['camera']}'s frame numbers are {high} too {'high' if frames > 0 else 'low'}"
-    if not whole:
-        return f"{text}: less than half a frame, which no option corrects."
-    rest = abs(frames - whole)
-    left = f" ({rest:.1f} of a frame remains)" if sigma is not None and rest > _SHOWN * sigma else ""
-    return f"{text}; a calibration has no clock: refine with {options(finding.remedy)}{left}."
+    return f"{text}; a calibration has no clock: refine with {options(finding.remedy)}."
 
 
 def _doubtful(finding: Finding) -> str:

@@ -111,7 +111,7 @@ def detection_arguments(
     """
     return {
         "format": None if name is None else name.lower(),
-        "offsets": {camera: _frames(text) for camera, text in _pairs("--offset", offset)},
+        "offsets": {camera: _offset(text) for camera, text in _pairs("--offset", offset)},
         "order": order if order in (None, "sorted") else tuple(part.strip() for part in order.split(",")),
         "mapping": {joint: _source(text) for joint, text in _pairs("--map", joint_map)},
     }
@@ -165,11 +165,11 @@ def _pairs(option: str, values: list[str] | None) -> Iterator[tuple[str, str]]:
         yield left, right
 
 
-def _frames(text: str) -> int:
-    if not re.fullmatch(r"[+-]?\d+", text):
-        expected = "a whole number of frames, like cam2=3 or cam2=-1"
+def _offset(text: str) -> float:
+    if not re.fullmatch(r"[+-]?\d+(\.\d+)?", text):
+        expected = "a number of frames, like cam2=3 or cam2=-1.25"
         raise typer.BadParameter(f"expected {expected}, got {text!r}", param_hint="--offset")
-    return int(text)
+    return float(text) if "." in text else int(text)
 
 
 def _source(text: str) -> str | int | None:

@@ -108,8 +108,8 @@ class PeopleTake:
             seen = found[there]
             seen[np.isnan(seen[..., 0])] = (np.nan, np.nan, 0.0)
             key, frames = f"{self.key}/{name}", self.frames[there]
-            take = Take(key, subject, name, self.rig, frames, truth[there], seen, fps=self.fps)
-            takes.append(replace(take, files=self.files))
+            take = (key, subject, name, self.rig, frames, truth[there], seen)
+            takes.append(Take(*take, fps=self.fps, files=self.files))
         return tuple(takes)
 
 

@@ -78,12 +78,12 @@ def write_scenes(takes: Path, data: SceneSet, *, openpose: bool) -> None:
             files = files_of(folder, detector)
             frames = np.arange(len(scene.people))
             whose = {"owner": scene.owner, "joint_owner": scene.joint_owner}
-            owners = {name: array.astype(np.int16) for name, array in whose.items()}
-            np.savez(files["detections"], allow_pickle=False, frames=frames, people=scene.people, **owners)
+            owners: dict[str, Any] = {name: array.astype(np.int16) for name, array in whose.items()}
+            np.savez(files["detections"], frames=frames, people=scene.people, **owners)
             if openpose:
                 _write_openpose(folder / f"openpose_simulated_{detector}", scene)
-        own = {"poses": scene.truth, "visible": scene.visible}
-        np.savez(files["truth"], allow_pickle=False, frames=frames, **own)
+        own: dict[str, Any] = {"poses": scene.truth, "visible": scene.visible}
+        np.savez(files["truth"], frames=frames, **own)
 
 
 def _write_openpose(folder: Path, scene: Scene) -> None:

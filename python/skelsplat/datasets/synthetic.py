@@ -11,7 +11,6 @@ from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
 from skelsplat import io
 from skelsplat._arrays import Array
@@ -362,17 +361,17 @@ def _write_rigs(folder: Path, rigs: Mapping[str, CameraRig]) -> None:
 
 def _write_take(folder: Path, recording: Recording) -> None:
     folder.mkdir(parents=True)
-    truth: dict[str, NDArray[Any]] = {"poses": recording.truth, "boxes": recording.boxes}
+    truth: dict[str, Any] = {"poses": recording.truth, "boxes": recording.boxes}
     if recording.visible is not None:
         truth["visible"] = recording.visible
-    parts: dict[str, dict[str, NDArray[Any]]] = {
+    parts: dict[str, dict[str, Any]] = {
         "truth": truth,
         "monocular_simulated": {"poses": recording.monocular},
     }
     for name, detections in recording.detections.items():
         parts[f"detections_simulated_{name}"] = {"detections": detections}
     for stem, arrays in parts.items():
-        np.savez(folder / f"{stem}.npz", allow_pickle=False, frames=recording.frames, **arrays)
+        np.savez(folder / f"{stem}.npz", frames=recording.frames, **arrays)
 
 
 def _write_openpose(folder: Path, recording: Recording, rig: CameraRig) -> None:

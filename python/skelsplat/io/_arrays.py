@@ -100,7 +100,8 @@ def as_numbers(path: Path, field: str, value: object) -> Array:
     array = np.asarray(value)
     if array.dtype.kind not in "fiu":
         raise DatasetError(path, field, "an array of numbers", f"one of {array.dtype}")
-    return array.astype(np.float64)
+    with np.errstate(invalid="ignore"):  # of a NaN that signals
+        return array.astype(np.float64)
 
 
 def load_npz(path: Path, keys: Collection[str]) -> Arrays:

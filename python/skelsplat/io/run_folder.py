@@ -26,7 +26,7 @@ from skelsplat._arrays import Array, Index
 from skelsplat._atomic import atomic_write, atomic_write_text
 from skelsplat.exceptions import DatasetError
 from skelsplat.io._fields import Field
-from skelsplat.io._files import load_json
+from skelsplat.io._files import FRAME_LIMIT, load_json
 from skelsplat.io._rows import Made, RowFile, write_npz
 from skelsplat.io._run_files import (
     CAMERAS,
@@ -84,8 +84,8 @@ class RunFolder:
 
     @property
     def offsets(self) -> dict[str, int]:
-        """By camera, what was added to its frame numbers to get those of the run; 0 if not named."""
-        return dict(self.report["input"].get("offsets") or {})
+        """By camera, whole frames that were added to its numbers to get those of the run; 0 if not named."""
+        return {name: round(offset) for name, offset in (self.report["input"].get("offsets") or {}).items()}
 
 
 def write_run_inputs(
@@ -106,7 +106,7 @@ def write_run_inputs(
     if own:
         first = "" if run is None else f"# {mark(run)}\n"
         atomic_write_text(folder / LAYOUT, f"{first}{to_toml(layout)}")
-    names = {
+    names: dict[str, Any] = {
         "camera_names": np.array(rig.names, dtype=np.str_),
         "joint_names": np.array(layout.joints, dtype=np.str_),
         **({} if run is None else {RUN: np.array(run)}),
@@ -117,9 +117,7 @@ def write_run_inputs(
             arrays: dict[str, Any] = {"detections": Made.of(detections), "frames": frames, "frame_rate": rate}
             write_npz(stream, {**arrays, **names})
         else:
-            np.savez_compressed(
-                stream, allow_pickle=False, detections=detections, frames=frames, frame_rate=rate, **names
-            )
+            np.savez_compressed(stream, detections=detections, frames=frames, frame_rate=rate, **names)
     return [CAMERAS, DETECTIONS, *([LAYOUT] if own else [])]
 
 
@@ -191,10 +189,10 @@ def _read_report(path: Path) -> Field:
         raise undistort.error("true or false", undistort.shown)
     by_camera = {} if offsets.is_missing else offsets.value or {}
     if not isinstance(by_camera, dict):
-        raise offsets.error("an object with a whole number of frames by camera", offsets.shown)
+        raise offsets.error("an object with a number of frames by camera", offsets.shown)
     for name, offset in by_camera.items():
-        if not isinstance(offset, int) or isinstance(offset, bool):
-            raise offsets[name].error("a whole number of frames", offset)
+        if isinstance(offset, bool) or not isinstance(offset, int | float) or not abs(offset) < FRAME_LIMIT:
+            raise offsets[name].error("a number of frames", offset)
     return report
 
 

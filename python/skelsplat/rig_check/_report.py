@@ -10,6 +10,7 @@ import numpy as np
 
 import skelsplat as sk
 from skelsplat._arrays import median
+from skelsplat._clocks import rounded
 from skelsplat.findings import Finding, Remedy
 from skelsplat.rig_check._scene import Scene
 
@@ -43,7 +44,7 @@ class CameraRow:
         others. 0 without a finding of such an offset.
     best_offset_px : float
         The median distance from where the others place the joints when all that was found is corrected.
-    offset_option : int or None
+    offset_option : float or None
         Value for ``--offset`` that corrects the offset, the one with which the detections were read included;
         None without a finding.
     """
@@ -57,7 +58,7 @@ class CameraRow:
     left_out_px: float
     best_offset: int
     best_offset_px: float
-    offset_option: int | None = None
+    offset_option: float | None = None
 
 
 @dataclass(frozen=True)
@@ -120,14 +121,14 @@ class ReadAs:
     ----------
     labels : tuple of str or None
         The folder, file or place in the file of each camera, as ``--order`` takes it.
-    offsets : mapping of str to int
+    offsets : mapping of str to float
         By camera, frames that were added to its numbers.
     uneven : bool
         Cameras have different frames in the files.
     """
 
     labels: tuple[str | None, ...] = ()
-    offsets: Mapping[str, int] = field(default_factory=dict)
+    offsets: Mapping[str, float] = field(default_factory=dict)
     uneven: bool = False
 
 
@@ -138,12 +139,12 @@ def with_remedies(report: RigReport, read_as: ReadAs) -> RigReport:
         if finding.kind == "cameras_exchanged":
             owners = finding.numbers["folders"]
 
-    def given(camera: str) -> int:
+    def given(camera: str) -> float:
         """Return the offset with which the detections that belong to a camera were read."""
         return read_as.offsets.get(owners.get(camera, camera), 0)
 
     rows = tuple(
-        replace(row, offset_option=given(row.name) - row.best_offset if row.best_offset else None)
+        replace(row, offset_option=rounded(given(row.name) - row.best_offset) if row.best_offset else None)
         for row in report.cameras
     )
     options = {row.name: row.offset_option for row in rows if row.offset_option is not None}
@@ -151,7 +152,7 @@ def with_remedies(report: RigReport, read_as: ReadAs) -> RigReport:
     for finding in report.findings:
         remedy: list[Remedy] = []
         if finding.kind == "cameras_exchanged":
-            moved = {name: given(name) for name in finding.subject.cameras if name not in options}
+            moved = {name: rounded(given(name)) for name in finding.subject.cameras if name not in options}
             remedy = _order(finding, rows, read_as, moved)
         elif finding.kind == "frame_offset":
             (name,) = finding.subject.cameras
@@ -164,7 +165,7 @@ def with_remedies(report: RigReport, read_as: ReadAs) -> RigReport:
 
 
 def _order(
-    finding: Finding, rows: tuple[CameraRow, ...], read_as: ReadAs, moved: Mapping[str, int]
+    finding: Finding, rows: tuple[CameraRow, ...], read_as: ReadAs, moved: Mapping[str, float]
 ) -> list[Remedy]:
     """Return --order with the labels that belong to the cameras, and the offsets that move with them."""
     if not read_as.labels:

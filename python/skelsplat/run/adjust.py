@@ -11,6 +11,7 @@ import numpy as np
 
 import skelsplat as sk
 from skelsplat._arrays import Array, Index
+from skelsplat._clocks import parted, rounded
 from skelsplat.association import take_people
 from skelsplat.exceptions import DatasetError
 from skelsplat.findings import Finding, Remedy, Severity, Subject, collected_warnings, warn
@@ -177,7 +178,9 @@ def _adjust(
     return replace(found, report=report)
 
 
-def findings_of(found: sk.RigAdjustment, mm_per_unit: float, offsets: Mapping[str, int]) -> Iterator[Finding]:
+def findings_of(
+    found: sk.RigAdjustment, mm_per_unit: float, offsets: Mapping[str, float]
+) -> Iterator[Finding]:
     """Yield what was adjusted, and what is to be done about the other cameras.
 
     ``offsets`` are those with which the detections were read.
@@ -188,11 +191,10 @@ def findings_of(found: sk.RigAdjustment, mm_per_unit: float, offsets: Mapping[st
             severity: Severity = "warning" if one.after > one.before else "note"
             numbers["left_out_frames"] = found.judged
             yield Finding("camera_adjusted", severity, subject, numbers)
-        whole = round(one.clock)
         if one.status in ("late", "adjusted") and _clock_known(one):
-            option = offsets.get(one.name, 0) - whole
-            remedy = (Remedy("offset", f"{one.name}={option}"),) if whole else ()
-            yield Finding("camera_late", "warning", subject, {**numbers, "whole_frames": whole}, remedy)
+            option = rounded(offsets.get(one.name, 0) - _shown_clock(one))
+            remedy = (Remedy("offset", f"{one.name}={option}"),)
+            yield Finding("camera_late", "warning", subject, numbers, remedy)
         if one.status == "unseen" and len(found.report) > 2:
             yield Finding("camera_unseen", "warning", subject)
     doubtful = [*found.of("doubtful"), *(one for one in found.of("late") if not _clock_known(one))]
@@ -211,6 +213,13 @@ def _clock_known(camera: sk.CameraAdjustment) -> bool:
     if not np.isfinite(camera.clock_sigma):
         return round(camera.clock) != 0
     return abs(camera.clock) > _SHOWN * camera.clock_sigma
+
+
+def _shown_clock(camera: sk.CameraAdjustment) -> float:
+    """Return by how much a clock is off: in whole frames, unless it is shown that it is off by parts."""
+    whole, rest = parted(camera.clock)
+    shown = np.isfinite(camera.clock_sigma) and abs(rest) > _SHOWN * camera.clock_sigma
+    return camera.clock if shown else whole
 
 
 def numbers_of(camera: sk.CameraAdjustment, mm_per_unit: float) -> dict[str, Any]:

@@ -73,7 +73,6 @@ def write_angles(run: Run, folder: Path, frame_rate: float) -> None:
     with atomic_write(folder / FILES[1]) as stream:
         np.savez_compressed(
             stream,
-            allow_pickle=False,
             names=np.array(angles.names, dtype=np.str_),
             degrees=angles.degrees,
             sigma=angles.sigma,

@@ -60,7 +60,7 @@ class Job:
     format
         Format of the detections, of `skelsplat.io.detections.FORMATS`; None to find it from the files.
     offsets
-        By camera, frames to add to its frame numbers.
+        By camera, frames to add to its frame numbers, also parts of one.
     order
         The source of each camera's detections, or ``"sorted"``; None to match by name.
     without
@@ -126,7 +126,7 @@ class Job:
     people: str | int | None = None
     frames: str = "strict"
     format: str | None = None
-    offsets: Mapping[str, int] = field(default_factory=dict)
+    offsets: Mapping[str, float] = field(default_factory=dict)
     order: str | tuple[str, ...] | None = None
     without: tuple[str, ...] = ()
     mapping: Mapping[str, str | int | None] = field(default_factory=dict)

@@ -57,7 +57,7 @@ class Inputs:
     calibration_format: str | None = None
     lacking: frozenset[str] = frozenset()  # joints that the user declared missing from the files
     # by camera, frames that were added to its numbers, where the user gave them
-    offsets: dict[str, int] = field(default_factory=dict)
+    offsets: dict[str, float] = field(default_factory=dict)
     without: tuple[str, ...] = ()  # cameras of the calibration that are left out
     sources: tuple[Path, ...] = ()  # the files or folders that hold the cameras' detections
     person: str = "consistent"  # the person to follow, as `Job.person`, or the identity followed
@@ -200,7 +200,7 @@ def leave_out(rig: sk.CameraRig, without: Sequence[str]) -> sk.CameraRig:
     return sk.CameraRig(kept, unit=rig.unit) if without else rig
 
 
-def named_offsets(rig: sk.CameraRig, offsets: Mapping[str, int]) -> dict[str, int]:
+def named_offsets(rig: sk.CameraRig, offsets: Mapping[str, float]) -> dict[str, float]:
     """Return the offsets by the calibration's own camera names."""
     return {camera_called(text, rig.names): frames for text, frames in offsets.items()}
 

@@ -125,7 +125,7 @@ fn posterior(
         let weights = &k[j * of_joint.len()..];
         for (ray, k) in of_joint.iter().zip(weights).filter(|(ray, _)| ray.is_there()) {
             block += ray.information() * (ray.weight * k / variance);
-            nearest = nearest.min(ray.direction.dot(&(x - ray.centre)).abs());
+            nearest = nearest.min((x - ray.centre).norm());
         }
         if nearest.is_finite() {
             block += Matrix3::from_diagonal_element(1.0 / square_reach(body, x, nearest));

@@ -126,7 +126,9 @@ struct Sums {
     pull: Vector3<f64>,
     squares: f64,
     support: f64,
+    /// Square of the distance of the farthest ray.
     farthest: f64,
+    /// Square of the distance of the nearest camera: along the ray of a wrong detection it may be 0 anywhere.
     nearest: f64,
 }
 
@@ -160,7 +162,7 @@ impl Sums {
         self.support += k;
         self.farthest = self.farthest.max(square);
         if offset.range > 0.0 {
-            self.nearest = self.nearest.min(offset.range);
+            self.nearest = self.nearest.min(offset.range * offset.range + square);
         }
     }
 
@@ -274,7 +276,7 @@ impl<'a> Run<'a> {
             }
             self.equations.set(j, block, pull);
             joint.residuals = Residuals::new(sums.squares, sums.support);
-            (joint.farthest, joint.nearest) = (sums.farthest.sqrt(), sums.nearest);
+            (joint.farthest, joint.nearest) = (sums.farthest.sqrt(), sums.nearest.sqrt());
         }
         self.couple();
     }

@@ -160,7 +160,11 @@ impl Scope<'_> {
         faults.sort_by(|a, b| total(&a.rig.judged.costs).total_cmp(&total(&b.rig.judged.costs)));
         let Some(best) = faults.first().cloned() else { return Ok(faults) };
         let is_rival = |one: &Supposed| {
-            best.differs(one) && !is_worse(&one.rig.judged.costs, &best.rig.judged.costs)
+            // A clock is one number: a place that explains less with six is no rival.
+            let simpler = best.fault == Fault::Clock && best.view == one.view;
+            best.differs(one)
+                && !simpler
+                && !is_worse(&one.rig.judged.costs, &best.rig.judged.costs)
         };
         let rivals = faults.into_iter().filter(is_rival);
         Ok(std::iter::once(best.clone()).chain(rivals).collect())

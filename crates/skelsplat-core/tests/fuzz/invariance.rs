@@ -14,6 +14,12 @@ const SAME: f64 = 1e-6;
 /// Positions of others: the depth of a weak joint is held by a prior of half a metre, which magnifies rounding.
 const NEARLY: f64 = 0.1;
 
+/// Cameras, and detections that are wrong. Which of two views is wrong only the bones tell, and rounding may decide between two places
+/// that are as good (docs/reliability.md, "Fuzzing"): two views have no wrong detections, and do not face each other.
+fn decided(views: u32, wrong: Vec<(usize, f64)>) -> (Vec<Camera>, Vec<(usize, f64)>) {
+    if views > 2 { (room(views), wrong) } else { (room(5)[..2].to_vec(), Vec::new()) }
+}
+
 fn frame(cameras: &[Camera], seen: &Detections) -> Refinement {
     refiner(cameras, Some(1)).refine(&Frame::from(seen.clone())).unwrap()
 }
@@ -44,7 +50,7 @@ proptest! {
         views in 2..=6_u32, seed in any::<u32>(), sigma in 0.5..8.0_f64, wrong in wrong(12),
         turn in prop::array::uniform3(-3.0..3.0_f64), shift in prop::array::uniform3(-5000.0..5000.0_f64),
     ) {
-        let cameras = room(views);
+        let (cameras, wrong) = decided(views, wrong);
         let seen = spoiled(&cameras, u64::from(seed), sigma, &wrong);
         let (turn, shift) = (Rotation3::new(Vector3::from(turn)), Vector3::from(shift));
         let moved: Vec<Camera> = cameras.iter().map(|c| {
@@ -59,7 +65,7 @@ proptest! {
     fn the_order_of_the_cameras_does_not_matter(
         views in 2..=6_u32, seed in any::<u32>(), sigma in 0.5..8.0_f64, wrong in wrong(12), order in any::<prop::sample::Index>(),
     ) {
-        let cameras = room(views);
+        let (cameras, wrong) = decided(views, wrong);
         let seen = spoiled(&cameras, u64::from(seed), sigma, &wrong);
         let (m, n) = (cameras.len(), seen.n_joints());
         let order: Vec<usize> = (0..m).map(|i| (i * if m == 5 { 2 } else { m - 1 } + order.index(m)) % m).collect();
@@ -72,7 +78,7 @@ proptest! {
 
     #[test]
     fn the_unit_does_not_matter(views in 2..=6_u32, seed in any::<u32>(), wrong in wrong(12)) {
-        let cameras = room(views);
+        let (cameras, wrong) = decided(views, wrong);
         let seen = spoiled(&cameras, u64::from(seed), 3.0, &wrong);
         let in_metres: Vec<Camera> = cameras.iter()
             .map(|c| Camera::new(&c.k(), c.rotation(), &(c.translation() / 1000.0), c.size()).unwrap()).collect();

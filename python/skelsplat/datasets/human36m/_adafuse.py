@@ -33,7 +33,8 @@ from skelsplat.datasets._model import Take
 from skelsplat.datasets._rig import build_rig, camera_at_centre
 from skelsplat.datasets._verify import body_size, is_human
 from skelsplat.datasets.human36m._common import CAMERAS, NUMBERED, SIZES, Options, Reading
-from skelsplat.exceptions import DatasetError
+from skelsplat.exceptions import DatasetError, InvalidInputError
+from skelsplat.io._files import of_file
 from skelsplat.layouts import H36M17
 
 NAME = "adafuse"
@@ -159,7 +160,10 @@ def _detections(path: Path, key: str, rows: list[list[Record]], frames: Any) -> 
 def _world(path: Path, key: str, given: Array, pixels: Array, rig: CameraRig) -> Array:
     """Return the poses (T, 17, 3) in the world from those in the records (T, M, 17, 3)."""
     moved = np.stack([(given[:, v] - c.t) @ c.R for v, c in enumerate(rig)], axis=1)
-    in_camera, in_world = (_misfit(poses, pixels, rig) for poses in (moved, given))
+    try:
+        in_camera, in_world = (_misfit(poses, pixels, rig) for poses in (moved, given))
+    except InvalidInputError as error:  # numbers that nothing is projected from
+        raise of_file(path, error) from error
     poses = given if in_world < in_camera else moved
     apart = float(np.abs(poses - poses[:, :1]).max())
     if not apart <= _AGREE_MM and is_human(body_size(given)):  # else it is the unit, and verified later

@@ -131,8 +131,9 @@ def _is_plausible(size: tuple[int, int], centre: Array, radial: Array, aspect: f
     corners = np.array([[0.0, 0.0], [size[0], 0.0], [0.0, size[1]], [size[0], size[1]]])
     most = np.linalg.norm((corners - centre) * [1.0, aspect], axis=1).max()
     r = np.linspace(0.0, most, 200)
-    scale = 1.0 + sum(k * r ** (2 * i + 2) for i, k in enumerate(radial))
-    growth = 1.0 + sum((2 * i + 3) * k * r ** (2 * i + 2) for i, k in enumerate(radial))
+    with np.errstate(over="ignore", invalid="ignore"):
+        scale = 1.0 + sum(k * r ** (2 * i + 2) for i, k in enumerate(radial))
+        growth = 1.0 + sum((2 * i + 3) * k * r ** (2 * i + 2) for i, k in enumerate(radial))
     return bool((np.asarray(growth) > 0.1).all() and (np.asarray(scale) < 2.0).all())
 
 

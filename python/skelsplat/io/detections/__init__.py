@@ -46,7 +46,7 @@ def read_detections(
     layout: str | os.PathLike[str] | sk.Layout | None = None,
     format: str | None = None,
     frames: FrameMode = "strict",
-    offsets: Mapping[str, int] | None = None,
+    offsets: Mapping[str, float] | None = None,
     order: str | Sequence[str] | None = None,
     mapping: Mapping[str, str | int | None] | None = None,
     sequence: str | None = None,
@@ -75,8 +75,10 @@ def read_detections(
     offsets : dict, optional
         By camera, frames to add to its numbers: ``{"cam2": 3}`` if that camera started 3 frames late. The
         frame numbers of the result count in the common time, in which ``strict`` asks for the same numbers
-        from the latest beginning to the earliest end, and reads these. Cameras may be written as
-        loosely as their folders: ``cam2`` for ``cam_02``.
+        from the latest beginning to the earliest end, and reads these. For parts of a frame, joints are moved
+        in a straight line towards their place in the next or previous frame of the camera; those that it
+        lacks, or that jump, stay. Cameras may be written as loosely as their folders: ``cam2`` for
+        ``cam_02``.
     order : sequence of str or "sorted", optional
         The folder, file, or place in the file of each camera, in the order of `cameras`, instead of matching
         by name, written as loosely. ``"sorted"``: the first in natural order belongs to the first camera.
@@ -131,7 +133,7 @@ def open_detections(
     layout: str | os.PathLike[str] | sk.Layout | None = None,
     format: str | None = None,
     frames: FrameMode = "strict",
-    offsets: Mapping[str, int] | None = None,
+    offsets: Mapping[str, float] | None = None,
     order: str | Sequence[str] | None = None,
     mapping: Mapping[str, str | int | None] | None = None,
     sequence: str | None = None,

@@ -3,41 +3,46 @@
 from __future__ import annotations
 
 import functools
-import operator
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
 from skelsplat._arrays import Index
+from skelsplat._clocks import parted
 from skelsplat.exceptions import DatasetError, InvalidInputError
-from skelsplat.io._files import FRAME_LIMIT, frame_number
+from skelsplat.io._files import FRAME_LIMIT, frame_number, natural
 from skelsplat.io.detections._format import View
 from skelsplat.io.detections._match import camera_called
 
+_LAST = re.compile(r"\d+(?=\D*$)")  # the last integer in a name
 FrameMode = Literal["strict", "intersection", "union"]
 FRAME_MODES = ("strict", "intersection", "union")
 
 
-def check_offsets(offsets: Mapping[str, int] | None, names: Sequence[str]) -> dict[str, int]:
+def check_offsets(offsets: Mapping[str, float] | None, names: Sequence[str]) -> dict[str, float]:
     """Return the offset of every camera, 0 unless given; cameras may be written loosely."""
-    checked, written = dict.fromkeys(names, 0), dict[str, str]()
+    checked, written = dict[str, float](dict.fromkeys(names, 0)), dict[str, str]()
     for text, value in (offsets or {}).items():
         name = camera_called(text, names, "offsets")
         if name in written:
             raise InvalidInputError(f"offsets: expected {name} once, got {written[name]!r} and {text!r}")
         written[name] = text
-        try:
-            checked[name] = operator.index(value)
-        except TypeError:
-            text = f"offsets[{name}]: expected a whole number of frames, got {value!r}"
-            raise InvalidInputError(text) from None
-        if abs(checked[name]) >= FRAME_LIMIT:
-            raise InvalidInputError(f"offsets[{name}]: expected frames, fewer than 2^62, got {value!r:.40}")
+        checked[name] = _offset(value, f"offsets[{name}]")
     return checked
+
+
+def _offset(value: Any, argument: str) -> float:
+    """Return a number of frames, a whole one as an int."""
+    if isinstance(value, bool) or not isinstance(value, int | float | np.integer | np.floating):
+        raise InvalidInputError(f"{argument}: expected a number of frames, got {value!r}")
+    if not abs(float(value)) < FRAME_LIMIT:
+        raise InvalidInputError(f"{argument}: expected frames, fewer than 2^62, got {value!r:.40}")
+    return int(value) if value == int(value) else float(value)
 
 
 @dataclass(frozen=True)
@@ -68,18 +73,20 @@ class Sources:
         """The numbers of each view's frames."""
         return {name: np.asarray(view.frames, dtype=np.int64) for name, view in self.views.items()}
 
-    def shared(self, mode: str, offsets: Mapping[str, int]) -> Index:
+    def shared(self, mode: str, offsets: Mapping[str, float]) -> Index:
         """Return the ascending frame numbers to read, (T,), in the common time.
 
-        `offsets` are by camera: what is to be added to its own numbers to get the common time. ``strict``
+        `offsets` are by camera: what is to be added to its own numbers to get the common time, of which
+        the whole frames count here. ``strict``
         asks for the same numbers in all views: in the files, or after the offsets from the first frame that
         all have begun by to the last before one ends. Of a sparse format it reads every frame that is listed
         anywhere.
         """
         labels = {name: str(self.labels[name]) for name in self.views}
         own = {labels[name]: frames for name, frames in self._own.items()}
-        added = [offsets[name] for name in self.views]
-        common = {labels[name]: frames + offsets[name] for name, frames in self._own.items()}
+        whole = {name: parted(offsets[name])[0] for name in self.views}
+        added = list(whole.values())
+        common = {labels[name]: frames + whole[name] for name, frames in self._own.items()}
         judged = _between(common) if any(added) else own
         if mode == "strict" and self.uneven and not _alike(list(judged.values())):
             expected = f"the same frames in every {self.kind}{_after(offsets)}"
@@ -114,7 +121,7 @@ def _alone(label: str, frames: Mapping[str, Index]) -> bool:
     return bool(others) and not any(np.isin(frames[label], other).any() for other in others)
 
 
-def _after(offsets: Mapping[str, int]) -> str:
+def _after(offsets: Mapping[str, float]) -> str:
     """Return a clause: the offsets, as options write them; "" without any."""
     given = [f"--offset {name}={frames}" for name, frames in offsets.items() if frames]
     return f" after the offsets ({' '.join(given)})" if given else ""
@@ -164,4 +171,17 @@ def frame_files(folder: Path, pattern: str, expected: str, advice: str = "") -> 
         files[number] = path
     if not files:
         raise DatasetError(folder, "files", expected, f"no {pattern.lstrip('*')} files{advice}")
-    return dict(sorted(files.items()))
+    files = dict(sorted(files.items()))
+    _check_one_recording(files)
+    return files
+
+
+def _check_one_recording(files: Mapping[int, Path]) -> None:
+    """Raise `DatasetError` if names differ beside the frame's number, and not in its order, as times do."""
+    rests = {path: _LAST.sub("*", path.stem) for path in files.values()}
+    if len(set(rests.values())) <= 1:
+        return
+    for (first, here), (second, there) in pairwise(rests.items()):
+        if natural(here) >= natural(there):
+            expected = "names that differ in the frame's number alone (the last integer), or in its order"
+            raise DatasetError(second, "file name", expected, f"{second.name!r} after {first.name!r}")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,6 +12,7 @@ import numpy.typing as npt
 import skelsplat as sk
 from skelsplat._arrays import Array, Index
 from skelsplat._budget import afford
+from skelsplat._clocks import between, parted
 from skelsplat.exceptions import DatasetError
 from skelsplat.io.detections._format import Person, View
 from skelsplat.io.detections._frames import Sources
@@ -21,6 +21,7 @@ from skelsplat.io.detections._joints import arranged, places_of
 # pixels of a whole view that all lie within this are parts of the image's size
 _NORMALISED = 1.5
 _STRETCH = 4096  # frames
+_FAR = 2**62  # frames: further than any are apart
 
 
 @dataclass(frozen=True)
@@ -79,7 +80,7 @@ class Opened:
     views: Sources
     frames: Index
     camera_names: tuple[str, ...]
-    shifts: Mapping[str, int]  # by camera, what was added to its frame numbers
+    shifts: Mapping[str, float]  # by camera, what was added to its frame numbers
     skeleton: sk.Layout
     joints: Mapping[str, str | int | None]  # as ``mapping`` of `read_detections`
     format: str
@@ -100,9 +101,10 @@ class Opened:
     def read(self) -> DetectionSet:
         """Read everything."""
         read: dict[str, list[list[Array]]] = {name: [] for name in self.views.views}
+        readers = self._readers()
         for first in range(0, len(self.frames), _STRETCH):
             for name, people in read.items():  # of a file of all cameras each part is read once
-                people += self._people(name, self.frames[first : first + _STRETCH])
+                people += readers[name].read(self.frames[first : first + _STRETCH])
         for name, people in read.items():
             pixels = _Pixels(self.views.views[name])
             pixels.add(people)
@@ -127,9 +129,10 @@ class Opened:
         A joint at exactly (0, 0) is missing, even if it is the only one of its camera.
         """
         whole = [_Pixels(view) for view in self.views.views.values()]
+        readers = self._readers()
         for first in range(0, len(self.frames), size):
             numbers = self.frames[first : first + size]
-            read = {name: self._people(name, numbers) for name in self.views.views}
+            read = {name: reader.read(numbers) for name, reader in readers.items()}
             for pixels, people in zip(whole, read.values(), strict=True):
                 pixels.add(people)
             stacked = self._stack(read, len(numbers))
@@ -138,19 +141,11 @@ class Opened:
         for pixels in whole:
             pixels.check()
 
-    @functools.cached_property
-    def _known(self) -> dict[str, Index]:
-        """The frame numbers of each camera."""
-        return {name: np.asarray(view.frames, dtype=np.int64) for name, view in self.views.views.items()}
-
-    def _people(self, name: str, numbers: Index) -> list[list[Array]]:
-        """People (N, 3) of each frame number in common time; nobody in a frame that a camera lacks."""
-        view, own = self.views.views[name], numbers - self.shifts[name]
-        places = places_of(view, self.skeleton, self.joints)
-        read = _frames_of(view, self._known[name], own)
-        return [
-            [arranged(person, self.skeleton, places, flat=view.flat) for person in people] for people in read
-        ]
+    def _readers(self) -> dict[str, _Reader]:
+        return {
+            name: _Reader(view, self.skeleton, self.joints, self.shifts[name])
+            for name, view in self.views.views.items()
+        }
 
     def _stack(self, read: Mapping[str, Sequence[Sequence[Array]]], steps: int) -> Array:
         """Join the views to (T, M, P, N, 3), padded with NaN."""
@@ -178,6 +173,44 @@ def _frames_of(view: View, known: Index, numbers: Index) -> list[Sequence[Person
     people = view.stretch(first, end)
     pairs = zip((places - first).tolist(), there.tolist(), strict=True)
     return [people[place] if known_ else [] for place, known_ in pairs]
+
+
+class _Reader:
+    """Reads a view frame after frame, each once."""
+
+    def __init__(
+        self, view: View, skeleton: sk.Layout, joints: Mapping[str, str | int | None], offset: float
+    ) -> None:
+        self._view, self._skeleton = view, skeleton
+        self._places = places_of(view, skeleton, joints)
+        self._known = np.asarray(view.frames, dtype=np.int64)
+        self._whole, self._rest = parted(offset)
+        # what was read last, by number: a stretch may begin beside it
+        self._last: dict[int, list[Array]] = {}
+
+    def read(self, numbers: Index) -> list[list[Array]]:
+        """People (N, 3) of each frame number in common time; nobody in a frame that the camera lacks."""
+        own = numbers - self._whole
+        if not self._rest:
+            return self._people(own)
+        beside = self._beside(own)
+        wanted = np.setdiff1d(np.union1d(own, beside), list(self._last))
+        read = {**self._last, **dict(zip(wanted.tolist(), self._people(wanted), strict=True))}
+        self._last = {number: read[number] for number in sorted(read)[-2:]}
+        pairs = zip(own.tolist(), beside.tolist(), strict=True)
+        return [between(read[a], read[b], abs(self._rest / (b - a))) if a != b else read[a] for a, b in pairs]
+
+    def _beside(self, own: Index) -> Index:
+        """Return the frame beside each, on the side of the offset's rest; itself where there is none."""
+        step = int(np.diff(self._known).min(initial=_FAR))
+        beside = own - step if self._rest > 0 else own + step
+        return np.where(np.isin(beside, self._known), beside, own)
+
+    def _people(self, own: Index) -> list[list[Array]]:
+        return [
+            [arranged(person, self._skeleton, self._places, flat=self._view.flat) for person in people]
+            for people in _frames_of(self._view, self._known, own)
+        ]
 
 
 class _Pixels:

@@ -28,6 +28,7 @@ COLUMNS = (
     *("frame", "joint", *_AXES, *_BARS, *_SCATTER, "unit"),
     *("status", "n_views", "n_rejected", "reprojection_error_px"),
 )
+_WIDEST = 1e100  # standard deviation, of which the square is a number
 _REQUIRED = ("frame", "joint", *_AXES, "unit")
 
 
@@ -159,6 +160,12 @@ def _assemble(path: Path, rows: Sequence[_Row]) -> PoseData:
         np.array(values).reshape(steps, len(joints), 3)
         for values in ([row.bar for row in rows], [row.scatter for row in rows])
     )
+    wide = (np.abs((bars, scatter)) > _WIDEST).any(axis=(0, 3)).ravel()
+    if wide.any():
+        line = rows[int(wide.argmax())].line
+        raise DatasetError(
+            path, f"line {line}", f"standard deviations of at most {_WIDEST:g}", "a larger one"
+        )
     arrays: dict[str, Any] = {}
     if np.isfinite(scatter).any():
         known = np.isfinite(scatter).all(axis=-1)[..., None, None]

@@ -60,7 +60,7 @@ def write_npz(path: str | os.PathLike[str], data: Poses, *, run: str | None = No
         if isinstance(data, PoseParts):
             write_pieces(stream, arrays)
         else:
-            np.savez_compressed(stream, allow_pickle=False, **arrays)
+            np.savez_compressed(stream, **arrays)
 
 
 def _bars(data: PoseParts) -> Iterator[Array]:

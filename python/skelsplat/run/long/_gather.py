@@ -65,7 +65,7 @@ class Gathered:
 
     def _note(self, facts: FrameFacts) -> None:
         path = self._folder / f"facts_{len(self._facts)}.npz"
-        np.savez(path, allow_pickle=False, **asdict(facts))
+        np.savez(path, **asdict(facts))
         self._facts.append(path)
 
     def _name(self, found: JointFrames) -> None:
