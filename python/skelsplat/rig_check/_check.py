@@ -169,7 +169,7 @@ def same_detections(names: Sequence[str], people: Array) -> list[Finding]:
     alike: dict[bytes, list[str]] = {}
     for name, view in zip(names, np.moveaxis(people[..., :2], 1, 0), strict=True):
         if np.isfinite(view).sum() >= _COPIED:
-            alike.setdefault(sha256(np.ascontiguousarray(view)).digest(), []).append(name)
+            alike.setdefault(sha256(view.tobytes()).digest(), []).append(name)
     found = [tuple(cameras) for cameras in alike.values() if len(cameras) > 1]
     return [Finding("detections_same", "error", Subject(cameras=cameras)) for cameras in found]
 
