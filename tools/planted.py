@@ -154,8 +154,8 @@ READERS = (
     Fault(
         "a camera's frame offset is added instead of subtracted",
         "sign of an offset",
-        "_read_view(view, numbers - shifts[name], chosen, joints)",
-        "_read_view(view, numbers + shifts[name], chosen, joints)",
+        "own = numbers - self._whole",
+        "own = numbers + self._whole",
         (UNIT + "test_detections.py",),
     ),
     Fault(
@@ -168,8 +168,8 @@ READERS = (
     Fault(
         "cameras are in the order of the folders, not of the calibration",
         "order of cameras",
-        "people=_stack([read.get(name, []) for name in names]",
-        "people=_stack([read.get(name, []) for name in sorted(names)]",
+        "views = [read.get(name, []) for name in self.camera_names]",
+        "views = [read.get(name, []) for name in sorted(self.camera_names)]",
         (UNIT + "test_detections.py", UNIT + "test_detections_matching.py"),
     ),
     Fault(
@@ -286,8 +286,8 @@ ANALYSIS = (
     Fault(
         "following a person does not consider left–right swaps",
         "lost hypothesis",
-        "if mirrored { own.min(distance(&|j| rules.mirror[j])) } else { own }",
-        "if mirrored { own } else { own }",
+        "if mirrored && !figures.has_sides {",
+        "if mirrored {",
         (UNIT + "test_association.py",),
     ),
 )

@@ -182,8 +182,9 @@ def refine(
     Warns
     -----
     UserWarning
-        If the skeleton is taller than 10 m or shorter than 10 cm in the stated unit; with a layout of one's
-        own, which may be an animal's or a hand's, taller than 20 m or shorter than 1 mm.
+        If the skeleton is taller than 10 m or shorter than 30 cm in the stated unit, or 10 cm without a
+        layout; with a layout of one's own, which may be an animal's or a hand's, taller than 20 m or shorter
+        than 1 mm.
     """
     prepared = _skelsplat.Refiner(cameras, layout=layout, config=config)
     by_pixels = config is not None and config.method == "paper" and config.renderer == "raster"

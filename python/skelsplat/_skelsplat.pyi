@@ -809,9 +809,10 @@ def checked_detections(
 def implausible_extent(
     poses: ArrayLike, cameras: _Cameras, *, layout: str | Layout | None = None
 ) -> dict[str, Any] | None:
-    """Return the facts for a warning if the skeletons (T, N, 3) are larger than 10 m or smaller than 10 cm.
+    """Return the facts for a warning if the skeletons (T, N, 3) are larger than 10 m or smaller than 30 cm.
 
-    With a custom layout the limits are 20 m and 1 mm. None if the size is plausible.
+    Without a layout the lower limit is 10 cm, with a custom one the limits are 20 m and 1 mm. None if the
+    size is plausible.
     """
 
 def check_people(people: ArrayLike) -> None:

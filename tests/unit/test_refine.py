@@ -220,7 +220,8 @@ def scaled_to(scene, size):
 @pytest.mark.parametrize(
     ("own", "size", "told"),
     [
-        (False, 96.0, "shorter than 10 cm"),
+        (False, 170.0, "shorter than 30 cm"),
+        (False, 500.0, None),
         (True, 96.0, None),
         (True, 0.5, "measures 0.50 mm and is shorter than 1 mm"),
         (True, 15_000.0, None),

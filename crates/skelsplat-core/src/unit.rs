@@ -56,8 +56,10 @@ impl Unit {
     }
 }
 
-/// Range of plausible extents of a person, mm.
-const PERSON: [f64; 2] = [100.0, 10_000.0];
+/// Range of plausible extents of a person, mm: a newborn measures 500, and an adult in centimetres that are taken for millimetres 170.
+const PERSON: [f64; 2] = [300.0, 10_000.0];
+/// The same without a layout: joints may be those of a hand.
+const UNKNOWN: [f64; 2] = [100.0, 10_000.0];
 /// Range of plausible extents of any body, mm: smaller than an ant to three times a giraffe.
 const ANYTHING: [f64; 2] = [1.0, 20_000.0];
 
@@ -72,10 +74,10 @@ pub struct Implausible {
     pub limit_mm: f64,
 }
 
-/// The median extent of these skeletons, `(T, N)` in `unit`, if it is below 10 cm or above 10 m; `None` if it is plausible
+/// The median extent of these skeletons, `(T, N)` in `unit`, if it is below 30 cm or above 10 m; `None` if it is plausible
 /// or the skeletons are too incomplete to measure.
 ///
-/// A layout that is not human may be of any size that bodies have: its limits are 1 mm and 20 m.
+/// Without a layout the lower limit is 10 cm. A layout that is not human may be of any size that bodies have: its limits are 1 mm and 20 m.
 #[must_use]
 pub fn implausible_extent(
     poses: &[Vec<Vector3<f64>>],
@@ -89,7 +91,11 @@ pub fn implausible_extent(
     extents.sort_by(f64::total_cmp);
     let extent = extents[extents.len() / 2];
     let mm = extent * unit.millimetres();
-    let [low, high] = if layout.is_none_or(Layout::is_human) { PERSON } else { ANYTHING };
+    let [low, high] = match layout {
+        None => UNKNOWN,
+        Some(layout) if layout.is_human() => PERSON,
+        Some(_) => ANYTHING,
+    };
     let taller = mm > high;
     let limit_mm = if taller { high } else { low };
     (!(low..=high).contains(&mm)).then_some(Implausible { extent, taller, limit_mm })
@@ -148,7 +154,11 @@ mod tests {
         let short = found(0.0956, Unit::Millimetre).unwrap();
         assert!(!short.taller && short.limit_mm == 1.0, "{short:?}");
         let human = Layout::by_name("coco17").unwrap();
-        assert!(implausible_extent(&person(95.6), Unit::Millimetre, Some(&human)).is_some());
+        // An adult of 1.7 m in centimetres that are taken for millimetres.
+        let short = implausible_extent(&person(170.0), Unit::Millimetre, Some(&human)).unwrap();
+        assert!(!short.taller && short.limit_mm == 300.0, "{short:?}");
+        assert_eq!(implausible_extent(&person(170.0), Unit::Millimetre, None), None);
+        assert!(implausible_extent(&person(95.6), Unit::Millimetre, None).is_some());
     }
 
     #[test]

@@ -77,8 +77,9 @@ pub(crate) fn check_people(people: People) {
     let _ = people;
 }
 
-/// Return the fields of every ``skelsplat.Person``, its refinement as in ``Refiner.refine_sequence``; and in how many frames there were
-/// too many people for all of them to be compared, or followed.
+/// Return the fields of every ``skelsplat.Person``, and in how many frames there were too many people.
+///
+/// Too many to compare or to follow. The refinement of each is as in ``Refiner.refine_sequence``.
 #[pyfunction]
 #[pyo3(signature = (refiner, layout, people, fps, *, max_people=None, progress=None))]
 pub(crate) fn track_people<'py>(
@@ -154,7 +155,7 @@ pub(crate) fn people_choices(
     Ok((step, chosen, Out(costs, vec![count]), Out::points(&poses, vec![count, n, 3])))
 }
 
-/// Return the slots (T, M) of one person, -1 for none, and the frames (T,) with too much to compare for all to be compared.
+/// Return the slots (T, M) of one person, -1 for none, and the frames (T,) with too much to compare.
 ///
 /// As for `people_choices`; going over to someone else, ``switch_step`` away or more, costs ``switch_cost``.
 #[pyfunction]
@@ -281,7 +282,7 @@ impl PyTracker {
         self.tracker.lock().unwrap_or_else(PoisonError::into_inner).ids()
     }
 
-    /// In how many frames so far there were too many people for all of them to be compared, or followed.
+    /// In how many frames so far there were too many people for all to be compared, or followed.
     fn cut(&self) -> usize {
         self.tracker.lock().unwrap_or_else(PoisonError::into_inner).cut()
     }

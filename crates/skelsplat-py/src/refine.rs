@@ -398,9 +398,10 @@ pub(crate) fn over_time<'py>(
     Ok(out)
 }
 
-/// Return the facts for a warning if the skeletons (T, N, 3) are larger than 10 m or smaller than 10 cm.
+/// Return the facts for a warning if the skeletons (T, N, 3) are larger than 10 m or smaller than 30 cm.
 ///
-/// With a custom layout the limits are 20 m and 1 mm. None if the size is plausible.
+/// Without a layout the lower limit is 10 cm, with a custom one the limits are 20 m and 1 mm. None if the
+/// size is plausible.
 #[pyfunction]
 #[pyo3(signature = (poses, cameras, *, layout=None))]
 pub(crate) fn implausible_extent<'py>(

@@ -48,7 +48,8 @@ class OneLineErrors(Group):
         try:
             return super().invoke(ctx)
         finally:
-            sys.stdout.flush()
+            if sys.stdout is not None:  # it was closed before the program began
+                sys.stdout.flush()
 
     def main(
         self,
@@ -114,6 +115,10 @@ def _usage(error: Any) -> str:
 
 def _with_value(message: str, cause: Any) -> str:
     """Return the message of a value that is no number, or not in its range, as "expected …, got …"."""
+    # typer before 0.29: "4 is not in the range 0<=x<=3", "'many' is not a valid integer range"
+    old = re.fullmatch(r"(\S+: )'?(.*?)'? is not (?:a valid (?:int|float).*|(in the range .*?))\.?", message)
+    if old:
+        return f"{old[1]}expected a number{f' {old[3]}' if old[3] else ''}, got '{old[2]}'"
     if "Input should be " not in message or not hasattr(cause, "errors"):  # pydantic's, which typer asks
         return message
     expected = message.partition(", unable to parse")[0].replace("Input should be", "expected")

@@ -79,8 +79,8 @@ class Take:
         if value.dtype.kind == "f" and (np.abs(value) > FARTHEST).any():
             expected = f"numbers within ±{FARTHEST:g}, NaN where missing"
             far = value[np.abs(value) > FARTHEST][0]
-            path = self.files.get(name) or self.files.get("truth", self.key)  # the rest comes with the truth
-            raise DatasetError(path, name, expected, f"{far:g}")
+            known = [self.files[one] for one in (name, "truth", "detections") if one in self.files]
+            raise DatasetError(known[0] if known else self.key, name, expected, f"{far:g}")
 
     def __len__(self) -> int:
         return len(self.frames)

@@ -10,6 +10,7 @@ use super::tracks::{BRIDGE, Tracks};
 use crate::annealed::Alone;
 use crate::annealed::consensus::REJECTED;
 use crate::annealed::depth::determine;
+use crate::annealed::rays::Ray;
 use crate::outcome::{ErrorBars, JointStatus, Loss, Outcome, Splats, StopReason};
 
 /// Largest standard deviation of an inferred joint, as a share of the body's spread.
@@ -24,10 +25,12 @@ pub(super) struct Learnt {
 
 /// A solved window.
 pub(super) struct State<'a> {
-    pub(super) run: &'a Run<'a>,
-    pub(super) tracks: &'a Tracks,
-    pub(super) learnt: &'a Learnt,
-    pub(super) posterior: &'a Posterior,
+    run: &'a Run<'a>,
+    tracks: &'a Tracks,
+    learnt: &'a Learnt,
+    posterior: &'a Posterior,
+    /// Whether the frames around show the depth of each joint `(N, T)`, as [`State::deep`] finds.
+    deep: Vec<bool>,
 }
 
 /// A joint of a frame.
@@ -40,7 +43,18 @@ struct Joint {
     loss: f64,
 }
 
-impl State<'_> {
+impl<'a> State<'a> {
+    /// The window along the path of `run`.
+    pub(super) fn of(
+        run: &'a Run<'a>,
+        tracks: &'a Tracks,
+        learnt: &'a Learnt,
+        posterior: &'a Posterior,
+    ) -> Self {
+        let state = Self { run, tracks, learnt, posterior, deep: Vec::new() };
+        Self { deep: state.deep(), ..state }
+    }
+
     /// Frame `t`, and its error bars.
     pub(super) fn outcome(
         &self,
@@ -82,26 +96,68 @@ impl State<'_> {
             true => (self.run.points[k], self.posterior.positions[k] + self.undecided(j, t, alone)),
             false => (alone.points[j], alone.spread[j]),
         };
-        let offsets = || rays.iter().map(|ray| ray.is_there().then(|| (ray, ray.offset(&at))));
-        let believed: Vec<f64> = offsets()
-            .map(|offset| offset.map_or(f64::NAN, |(_, o)| o.weight(common.sigma[j])))
-            .collect();
-        let agreeing = believed.iter().filter(|k| **k >= REJECTED).count();
-        let ranges = offsets().flatten().map(|(ray, o)| o.range.abs() * ray.pixel);
-        let pixel = ranges.clone().sum::<f64>() / ranges.count().max(1) as f64;
-        let variance = common.variance[j] / (pixel * pixel);
-        let fixed = agreeing > 1 && determine(rays, &at, variance, common.weight, |i| believed[i]);
+        let believed = self.believed(j, t, &at);
+        let fixed = self.fixed(j, t, &at, &believed) == Some(true);
         let widest = || covariance.symmetric_eigenvalues().max().sqrt();
         let status = match (active, fixed) {
             (false, _) => alone.status[j],
             (true, true) => JointStatus::Ok,
-            (true, false) if widest() <= INFERRED * common.reach => JointStatus::Inferred,
+            (true, false) if self.deep[k] && widest() <= INFERRED * common.reach => {
+                JointStatus::Inferred
+            }
             (true, false) => JointStatus::Weak,
         };
         let scale = 2.0 * common.sigma[j].powi(2) / common.variance[j];
         let terms = rays.iter().zip(&believed).filter(|(ray, k)| ray.is_there() && k.is_finite());
         let loss = terms.map(|(ray, k)| ray.weight * scale * (1.0 - k)).sum();
         Joint { at, covariance, believed, status, loss }
+    }
+
+    /// k of every view for joint `j` in frame `t`, `at` a position; NaN where missing.
+    fn believed(&self, j: usize, t: usize, at: &Vector3<f64>) -> Vec<f64> {
+        let sigma = self.learnt.common.sigma[j];
+        let weight = |ray: &Ray| ray.is_there().then(|| ray.offset(at).weight(sigma));
+        self.tracks.rays(j, t).iter().map(|ray| weight(ray).unwrap_or(f64::NAN)).collect()
+    }
+
+    /// Whether the views that agree on a joint fix its depth; `None` where fewer than two agree.
+    fn fixed(&self, j: usize, t: usize, at: &Vector3<f64>, believed: &[f64]) -> Option<bool> {
+        let (common, rays) = (&self.learnt.common, self.tracks.rays(j, t));
+        if believed.iter().filter(|k| **k >= REJECTED).count() < 2 {
+            return None;
+        }
+        let there = rays.iter().filter(|ray| ray.is_there());
+        let ranges = there.map(|ray| ray.offset(at).range.abs() * ray.pixel);
+        let pixel = ranges.clone().sum::<f64>() / ranges.count() as f64;
+        let variance = common.variance[j] / (pixel * pixel);
+        Some(determine(rays, at, variance, common.weight, |i| believed[i]))
+    }
+
+    /// Whether the frames around show the depth of each joint `(N, T)`: of those within the longest gap in which two views agree, at
+    /// least half fix it. Where cameras are so close together that it is fewer, these are the ones whose errors bring the joint nearer.
+    fn deep(&self) -> Vec<bool> {
+        let t = self.tracks.frames;
+        let around = frames_in(BRIDGE, self.learnt.common.fps);
+        let balance = |k: usize| {
+            let at = &self.run.points[k];
+            let fixed = || self.fixed(k / t, k % t, at, &self.believed(k / t, k % t, at));
+            match self.tracks.active[k].then(fixed).flatten() {
+                Some(true) => 1,
+                Some(false) => -1,
+                None => 0,
+            }
+        };
+        let of_joint = |j: usize| {
+            let sums: Vec<i64> = std::iter::once(0)
+                .chain((j * t..(j + 1) * t).map(balance))
+                .scan(0, |sum, one| {
+                    *sum += one;
+                    Some(*sum)
+                })
+                .collect();
+            (0..t).map(move |k| sums[(k + around + 1).min(t)] >= sums[k.saturating_sub(around)])
+        };
+        (0..self.tracks.joints).flat_map(of_joint).collect()
     }
 
     /// What a joint's covariance in its frame alone adds where no frame around shows it to enough views: its bone then allows two

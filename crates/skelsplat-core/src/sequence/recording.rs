@@ -326,7 +326,7 @@ impl Recording<'_> {
         let found = posterior(&run, &tracks, &learnt.common, &learnt.memory);
         let errors = errors(&run, &found, &tracks, &learnt.common);
         let steps = steps + run.n_iter;
-        let state = State { run: &run, tracks: &tracks, learnt, posterior: &found };
+        let state = State::of(&run, &tracks, learnt, &found);
         let mm = self.refiner.unit().millimetres();
         for (own, t) in window.own.clone().enumerate() {
             let k = t - window.all.start;

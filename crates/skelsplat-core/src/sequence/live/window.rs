@@ -87,7 +87,7 @@ impl Window {
             self.rest[k % frames].points[k / frames] = *x;
         }
         let found = posterior(&run, &tracks, common, &learnt.memory);
-        let state = State { run: &run, tracks: &tracks, learnt, posterior: &found };
+        let state = State::of(&run, &tracks, learnt, &found);
         let (alone, rest) = (&self.alone[t], &self.rest[t]);
         let filtered = Alone {
             points: rest.answers.iter().map(|answer| answer.at).collect(),
