@@ -151,7 +151,8 @@ def convert_poses(
 
     `fps` and `unit` are by default those of the source, but the unit is m in TRC and mm in C3D; `fps` changes
     velocities with it. `y_up` writes a world with z up as y up and `marker_names` names the joints in a
-    style of `MARKER_NAMES` (TRC, C3D); `singular` names the dimensions of a NetCDF file as movement does from version 0.17 on.
+    style of `MARKER_NAMES` (TRC, C3D); `singular` names the dimensions of a NetCDF file as movement does from
+    version 0.17 on.
 
     Raises
     ------
