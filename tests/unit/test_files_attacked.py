@@ -10,7 +10,7 @@ import pytest
 
 import skelsplat as sk
 from broken_detections import Broken, anybody, write_case
-from calibration_files import anipose, caliscope, reference, voxelpose
+from calibration_files import anipose, caliscope, easymocap, own_npz, reference, voxelpose
 from detection_cases import CASES
 from detection_files import Take, openpose
 from skelsplat.exceptions import DatasetError
@@ -201,3 +201,29 @@ def test_cameras_of_toml_without_a_name(tmp_path, name):
     path.write_text(path.read_text().replace('"a"', name))
     with pytest.raises(DatasetError, match="name"):
         read_calibration(path, unit="m")
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"fisheye": np.array(["false", "false"])}, "fisheye: expected true or false for every camera"),
+        ({"fisheye": np.array([np.nan, 0.0])}, "fisheye: expected true or false for every camera"),
+        ({"distortion": np.full((2, 5), np.inf)}, "distortion: expected finite numbers"),
+        ({"distCoef": np.zeros((2, 5))}, "distCoef: expected lens coefficients under the name distortion"),
+    ],
+)
+def test_lenses_of_npz_are_never_left_out(tmp_path, changes, message):
+    path = own_npz(tmp_path, reference(["a", "b"]))
+    with np.load(path) as archive:
+        arrays = dict(archive)
+    arrays.pop("distortion")
+    np.savez(path, **{**arrays, **changes})
+    with pytest.raises(DatasetError, match=message):
+        read_calibration(path)
+
+
+def test_two_pairs_of_easymocap_in_one_folder(tmp_path):
+    easymocap(tmp_path, reference(["a", "b"]))
+    (tmp_path / "intri.yaml").write_text((tmp_path / "intri.yml").read_text())
+    with pytest.raises(DatasetError, match=r"files: expected one intri.yml, got intri.yaml, intri.yml"):
+        read_calibration(tmp_path, unit="m")

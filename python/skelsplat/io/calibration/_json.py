@@ -104,10 +104,15 @@ def parse_npz(source: Source) -> Parsed:
     for name, shape in {**_NPZ_SHAPES, "fisheye": ()}.items():
         if name in arrays and arrays[name].shape != (len(names), *shape):
             raise DatasetError(path, name, f"shape {(len(names), *shape)}", arrays[name].shape)
+    odd = sorted(name for name in arrays if name != "distortion" and name.lower().startswith("dist"))
+    if odd and "distortion" not in arrays:  # it would pass for cameras without lenses
+        raise DatasetError(path, odd[0], "lens coefficients under the name distortion", odd[0])
     lenses = arrays.get("distortion", np.full((len(names), 4), np.nan))
     if lenses.ndim != 2 or len(lenses) != len(names):
         raise DatasetError(path, "distortion", f"shape ({len(names)}, n)", lenses.shape)
     fisheye = arrays.get("fisheye", np.zeros(len(names), dtype=bool))
+    if fisheye.dtype.kind not in "biu" or not np.isin(fisheye, (0, 1)).all():
+        raise DatasetError(path, "fisheye", "true or false for every camera", str(fisheye.tolist())[:40])
     rows = [
         {
             "name": _name(path, i, names[i]),
@@ -131,7 +136,7 @@ def _name(path: Path, index: int, value: object) -> str:
 
 
 def _unpadded(path: Path, index: int, row: Array) -> list[float] | None:
-    known = np.isfinite(row)
+    known = ~np.isnan(row)
     if not known.any():
         return None
     if not known[: known.sum()].all():

@@ -190,6 +190,10 @@ def parse_easymocap(source: Source) -> Parsed:
 def _files(source: Source) -> tuple[Field, Field]:
     """Return intrinsics and extrinsics; the same file twice if it holds both."""
     if source.is_folder:
+        for part in _PAIR:
+            twins = [f.name for f in source.files if f.stem == part and f.suffix.lower() in _SUFFIXES]
+            if len(twins) > 1:
+                raise DatasetError(source.path, "files", f"one {part}.yml", ", ".join(twins))
         intri, extri = (_in_folder(source, part) or source.path / f"{part}.yml" for part in _PAIR)
         return _entries(intri), _entries(extri)
     given = _entries(source.path)
