@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import os
+import re
 import secrets
-from collections.abc import Iterator
+import shutil
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
+from errno import EINVAL, ENOSPC, ENOTSUP
 from pathlib import Path
 from typing import BinaryIO
 
@@ -29,7 +32,8 @@ def atomic_path(
 
     For libraries that open a path themselves. The file is a temporary one in the same folder, with the given
     suffix or else the same; it is flushed to disk and then moved over `path` in one step. A reader never
-    sees half a file, and on an exception an older file stays as it was. A symbolic link is followed. Without
+    sees half a file, and on an exception an older file stays as it was. A symbolic link is followed, and a
+    file that is replaced hands on who may read and write it. Without
     `durable` nothing waits for the disk: after a power failure the file may be empty or torn, so its reader
     must check it. A folder that is missing and a path that cannot be written are a `DatasetError`.
     """
@@ -42,11 +46,41 @@ def atomic_path(
             if durable:
                 with temporary.open("rb+") as stream:
                     os.fsync(stream.fileno())
+            with suppress(OSError):  # there is none
+                shutil.copymode(target, temporary)
             temporary.replace(target)
         except BaseException:
             with suppress(OSError):  # the folder cannot be reached: what led here is the one to report
                 temporary.unlink(missing_ok=True)
             raise
+
+
+def remove_left(folder: Path, names: Iterable[str]) -> None:
+    """Remove what processes that were killed while they wrote files of these names left in a folder."""
+    stems = {Path(name).stem for name in names}
+    for path in folder.glob(".*"):
+        parts = re.fullmatch(r"\.(.*)\.[0-9a-f]{12}\.\w+", path.name)
+        if parts and parts[1] in stems:
+            with suppress(OSError):
+                path.unlink()
+
+
+def make_room(path: Path, size: int) -> None:
+    """Raise `OSError` if there is no room for so many bytes in a file, which is empty before and after.
+
+    For libraries that cannot be stopped by a full disk.
+    """
+    if not hasattr(os, "posix_fallocate"):
+        if shutil.disk_usage(path.parent).free < size:
+            raise OSError(ENOSPC, os.strerror(ENOSPC))
+        return
+    with path.open("rb+") as stream:
+        try:
+            os.posix_fallocate(stream.fileno(), 0, size)
+        except OSError as error:
+            if error.errno not in (EINVAL, ENOTSUP):  # a file system that does not know how
+                raise
+        stream.truncate(0)
 
 
 @contextmanager

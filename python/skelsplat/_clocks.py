@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from skelsplat._arrays import Array
+from skelsplat._arrays import Array, Mask
 
 # Parts of a figure's extent: figures of two frames whose joints are farther apart, in the median, are of
 # different people; a joint that moves by more against its figure was detected elsewhere, and is not moved.
@@ -31,7 +31,8 @@ def between(people: Sequence[Array], others: Sequence[Array], part: float) -> li
 
     Straight lines join the pixels and confidences of a joint in both frames. Figures nearest to each other
     in both directions are the same person. Who or what is found in one of the frames alone stays where
-    it is, and so does a joint that jumps: half the way to a wrong detection is wrong too.
+    it is, and so does a joint that jumps: half the way to a wrong detection is wrong too. A joint at exactly
+    (0, 0) is none, as some detectors write it, and stays there.
     """
     nearest = _nearest(people, others)
     return [
@@ -66,21 +67,27 @@ def _nearest(people: Sequence[Array], others: Sequence[Array]) -> list[int | Non
 
 def _apart(person: Array, other: Array) -> float:
     """Return the median distance of two figures' joints in extents of the first; inf without any."""
-    distance = np.hypot(*(other - person)[:, :2].T)
-    known = distance[np.isfinite(distance)]
-    return float(np.median(known)) / _extent(person) if len(known) else np.inf
+    known = _placed(person) & _placed(other)
+    distance = np.hypot(*(other - person)[known, :2].T)
+    return float(np.median(distance)) / _extent(person) if known.any() else np.inf
 
 
 def _extent(person: Array) -> float:
     """Return the diagonal of the box around a figure, pixels, at least 1."""
-    seen = person[np.isfinite(person[:, :2]).all(axis=1), :2]
+    seen = person[_placed(person), :2]
     return max(1.0, float(np.hypot(*(seen.max(axis=0) - seen.min(axis=0)))))
+
+
+def _placed(person: Array) -> Mask:
+    """Return which joints of a figure are somewhere, (N,)."""
+    there: Mask = np.isfinite(person[:, :2]).all(axis=1) & (person[:, :2] != 0.0).any(axis=1)
+    return there
 
 
 def _moved(person: Array, other: Array, part: float) -> Array:
     """Return the joints of a person a part of the way to those of the same person in another frame."""
     step = other - person
-    known = np.isfinite(step[:, :2]).all(axis=1)
+    known = _placed(person) & _placed(other)
     own = step[:, :2] - np.median(step[known, :2], axis=0)
     steady = known & (np.hypot(*own.T) <= _STEADY * _extent(person))
     moved: Array = np.where(steady[:, None], person + part * step, person)

@@ -207,6 +207,13 @@ def _read(descriptor):
         return b""
 
 
+@pytest.mark.skipif(os.name != "posix", reason="Windows has no shell that closes stdout")
+def test_stdout_that_is_closed_from_the_start_is_no_error():
+    command = [sys.executable, "-m", "skelsplat", "layouts", "coco17"]
+    done = subprocess.run(["sh", "-c", 'exec "$@" >&-', "sh", *command], capture_output=True, check=False)
+    assert (done.returncode, done.stderr) == (0, b"")
+
+
 @pytest.mark.parametrize("width", [40, 80])
 def test_a_table_keeps_names_and_words_whole_on_a_narrow_console(width):
     names = ["camera_of_the_laboratory_north_wall_0123456789", "cam 2"]

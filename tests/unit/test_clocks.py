@@ -44,6 +44,17 @@ def test_what_only_one_frame_shows_and_what_jumps_stays():
     assert np.isnan(gone[1]).all()
 
 
+def test_a_joint_at_zero_is_none_in_both_frames():
+    """Some detectors write what they did not detect as (0, 0): half the way there is a wrong detection."""
+    corner = FIGURE - np.array([80.0, 80.0, 0.0])  # where it would pass for a small movement
+    gone = corner + STEP
+    gone[0, :2] = 0.0
+    (moved,), (back,) = between([corner], [gone], 0.5), between([gone], [corner], 0.5)
+    np.testing.assert_array_equal(moved[0], corner[0])
+    np.testing.assert_array_equal(back[0], gone[0])
+    np.testing.assert_allclose(moved[1:], (corner + 0.5 * STEP)[1:])
+
+
 def test_people_are_found_again_in_any_order():
     far, alone = FIGURE + np.array([400.0, 0.0, 0.0]), FIGURE - np.array([900.0, 0.0, 0.0])
     moved = between([FIGURE, alone, far], [far + STEP, FIGURE + STEP], 0.5)

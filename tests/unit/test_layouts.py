@@ -220,7 +220,7 @@ def test_sides_are_read_from_names_where_they_are_unambiguous(joints, pairs):
 @pytest.mark.parametrize("name", ["hand21", "mediapipe33", "wholebody133", "halpe136"])
 def test_a_number_of_joints_that_one_detector_alone_has_tells_the_layout(tmp_path, name):
     people = np.full((2, 2, 1, layouts.get(name).n_joints, 3), 0.5)
-    openpose(tmp_path, Take(people * 100, ["a", "b"], None))
+    openpose(tmp_path, Take(people * [100, 100, 1], ["a", "b"], None))
     found = read_detections(tmp_path, ["a", "b"])
     assert (found.layout, found.skeleton) == (name, layouts.get(name))
 

@@ -18,6 +18,7 @@ from skelsplat.io import read_run
 from skelsplat.io._run_files import REPORT
 from skelsplat.run import PeopleRun, Run
 from skelsplat.run import folder as folders
+from skelsplat.run.frame_range import FrameRange
 from skelsplat.run.overlay.scene import Scene
 from sweeps import swept
 
@@ -196,7 +197,7 @@ def test_the_person_of_another_run_is_named(runs, tmp_path):
     shutil.rmtree(tmp_path / "X" / "person_0")
     shutil.copytree(tmp_path / "Y" / "person_0", tmp_path / "X" / "person_0")
     expected = r"X/person_0/report\.json: run: expected \w{16}, as in .*X/report\.json, got \w{16}"
-    for read in (PeopleRun.open, Scene.read):
+    for read in (PeopleRun.open, lambda folder: Scene.read(folder, FrameRange())):
         with pytest.raises(sk.DatasetError, match=expected):
             read(tmp_path / "X")
 

@@ -10,7 +10,7 @@ import pytest
 
 import skelsplat as sk
 from pose_sample import assert_equal
-from skelsplat._atomic import atomic_write, atomic_write_text
+from skelsplat._atomic import atomic_write, atomic_write_text, remove_left
 from skelsplat.findings import FindingWarning
 from skelsplat.io import PoseData, read_npz, read_trc, write_csv, write_npz, write_trc
 
@@ -221,6 +221,13 @@ def test_trc_and_back(data, tmp_path, unit, factor, half_digit):
     np.testing.assert_allclose(back.pose, data.pose * factor, rtol=1e-15, atol=half_digit * 1.000001)
 
 
+def test_the_name_of_a_trc_stays_in_its_line(data, tmp_path):
+    path = tmp_path / "take\t1\nb.trc"
+    write_trc(path, data)
+    assert path.read_text().splitlines()[0] == "PathFileType\t4\t(X/Y/Z)\ttake 1 b.trc"
+    assert read_trc(path).joint_names == data.joint_names
+
+
 def test_trc_keeps_gaps_in_time(data, tmp_path):
     write_trc(tmp_path / "pose.trc", data, frame_rate=50.0)
     rows = [line.split("\t")[:2] for line in (tmp_path / "pose.trc").read_text().splitlines()[6:]]
@@ -414,10 +421,28 @@ def test_a_link_stays_a_link(tmp_path):
     assert (tmp_path / "file").read_text() == "text"
 
 
+def test_a_file_that_is_replaced_hands_on_who_may_read_it(tmp_path):
+    path = tmp_path / "pose.csv"
+    path.write_text("old")
+    path.chmod(0o600)
+    atomic_write_text(path, "new")
+    assert path.read_text() == "new"
+    assert path.stat().st_mode & 0o777 == 0o600
+
+
+def test_what_killed_processes_left_is_removed(tmp_path):
+    kept = [".pose.npz", ".notes.0123456789ab.tmp", "pose.0123456789ab.tmp", ".pose.0123456789.tmp"]
+    for name in [".pose.0123456789ab.tmp", ".report.a1b2c3d4e5f6.nc", *kept]:
+        (tmp_path / name).touch()
+    remove_left(tmp_path, ["pose.npz", "report.json"])
+    assert {path.name for path in tmp_path.iterdir()} == set(kept)
+
+
 WRONG = {
     "unit": ("inch", "unit: expected"),
     "pose": (np.zeros((T, N, 2)), r"pose: expected shape \(T, N, 3\), got \(3, 2, 2\)"),
     "joint_names": (("nose",), r"joint_names: expected shape \(2,\), got \(1,\)"),
+    "processing": (("a\0b",), r"processing: expected texts without \\0, got 'a\\x00b'"),
     "frames": (np.arange(T + 1), r"frames: expected shape \(3,\), got \(4,\)"),
     "camera_names": (("cam_01",), r"view_weights: expected shape \(3, 1, 2\), got \(3, 2, 2\)"),
     "covariance": (np.zeros((T, N, 3)), r"covariance: expected shape \(3, 2, 3, 3\), got \(3, 2, 3\)"),

@@ -48,7 +48,8 @@ class OneLineErrors(Group):
         try:
             return super().invoke(ctx)
         finally:
-            sys.stdout.flush()
+            if sys.stdout is not None:  # it was closed before the program began
+                sys.stdout.flush()
 
     def main(
         self,

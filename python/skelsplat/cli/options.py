@@ -101,7 +101,7 @@ Offset = Annotated[
     option(
         _INPUT,
         metavar="CAMERA=FRAMES",
-        help="Frames to add to a camera's numbers: 3 if it started 3 frames late, also 3.4. Repeatable.",
+        help="Frames to add to a camera's numbers. 3 if it started 3 frames late; also 3.4. Repeatable.",
     ),
 ]
 Order = Annotated[

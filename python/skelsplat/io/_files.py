@@ -6,6 +6,7 @@ import csv
 import json
 import re
 import sys
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -91,6 +92,19 @@ def _csv_fault(error: csv.Error, further_lines: int) -> tuple[str, str]:
     return _FIELDS, str(error)
 
 
+class _TwiceError(Exception):
+    """A key is twice in an object."""
+
+
+def _with_keys_once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    table = dict(pairs)
+    if len(table) < len(pairs):
+        raise _TwiceError(
+            next(key for key, count in Counter(key for key, _ in pairs).items() if count > 1)[:40]
+        )
+    return table
+
+
 def load_json(path: Path, document: str, text: str | None = None) -> Any:
     """Return what a JSON file holds; a whole number beyond any float is infinite, as with an exponent.
 
@@ -99,9 +113,11 @@ def load_json(path: Path, document: str, text: str | None = None) -> Any:
     text = read_text(path) if text is None else text
     check_json(path, document, text)
     try:
-        value = json.loads(text, parse_int=whole_number)
+        value = json.loads(text, parse_int=whole_number, object_pairs_hook=_with_keys_once)
         if _SURROGATE.search(text):
             json.dumps(value, ensure_ascii=False).encode()
+    except _TwiceError as error:
+        raise DatasetError(path, "JSON", "every key once in an object", f"{error.args[0]!r} twice") from None
     except json.JSONDecodeError as error:
         at = f"character {error.pos} of {len(text)}, at line {error.lineno}, column {error.colno}"
         actual = f"{error.msg.lower()} at {at}"

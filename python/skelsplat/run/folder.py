@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from skelsplat import layouts
-from skelsplat._atomic import atomic_write_text, opening
+from skelsplat._atomic import atomic_write_text, opening, remove_left
 from skelsplat._json import to_text
 from skelsplat._lock import locked
 from skelsplat._optional import can_draw
@@ -238,6 +238,7 @@ def begin_writing(folder: Path, report: dict[str, Any]) -> None:
         unfinished["folders"] = list(dict.fromkeys([*report.get("folders", []), *people]))
     atomic_write_text(folder / REPORT, to_text(unfinished))
     _remove(folder, earlier)
+    remove_left(folder, [*_POSSIBLE, REPORT])
     for gone in (folder / name for name in people if name not in report.get("folders", [])):
         _remove(gone, [*_written(gone), *([REPORT] if is_run(gone) else [])])
         with contextlib.suppress(OSError):  # missing, or it holds what is not from a run

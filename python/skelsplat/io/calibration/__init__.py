@@ -212,6 +212,9 @@ def _check_names(path: Path, cameras: Sequence[RawCamera]) -> None:
     if count > 1:
         actual = f"{count} cameras named {name!r}"
         raise DatasetError(path, "name", "a different name for every camera", actual)
+    blank = [camera.name for camera in cameras if not camera.name.strip()]
+    if blank:
+        raise DatasetError(path, "name", "a name for every camera", repr(blank[0]))
 
 
 def _check_amount(path: Path, cameras: Sequence[RawCamera]) -> None:

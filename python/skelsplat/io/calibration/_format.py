@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import xml.etree.ElementTree as ET
 from collections.abc import Callable, Sequence
@@ -24,7 +25,7 @@ from skelsplat.io._files import load_json
 PINHOLE_COUNTS = (4, 5, 8, 12, 14)
 _FISHEYE_COUNT = 4
 _MOST_PIXELS = 2**31 - 1
-_MOST_RADIANS = 1e6
+_MOST_RADIANS = 4 * np.pi  # optimisers pass a turn, but not two
 _BINARY = (".npz", ".npy", ".pickle", ".pkl", ".h5", ".mat")
 
 
@@ -181,8 +182,9 @@ def rotation_of(field: Field) -> Array:
 def rotation_matrix(field: Field) -> Array:
     """Return the rotation that a field holds as a vector, radians."""
     vector = field.numbers((3,))
-    if np.abs(vector).max() > _MOST_RADIANS:
-        raise field.error(f"a rotation vector in radians, at most {_MOST_RADIANS:g}", field.shown)
+    if math.hypot(*vector) > _MOST_RADIANS:
+        expected = f"a rotation vector in radians, of a length of at most {_MOST_RADIANS:.3g}"
+        raise field.error(expected, f"{field.shown}, as in degrees")
     return matrix_from_vector(vector)
 
 

@@ -146,7 +146,7 @@ def _anipose_camera(entry: Field) -> RawCamera:
     lens = next((name for name in _LENS if name in entry), None)
     size = "size" if "size" in entry or "image_size" not in entry else "image_size"
     return RawCamera(
-        name=str(entry.value.get("name", entry.place)),
+        name=entry["name"].text() if "name" in entry else entry.place,
         K=entry["matrix"].numbers((3, 3)),
         R=rotation_matrix(entry["rotation"]),
         t=entry["translation"].numbers((3,)),

@@ -21,13 +21,21 @@ from skelsplat.exceptions import DatasetError
 from skelsplat.io import _rows
 from skelsplat.io._files import csv_header, csv_lines, frame_number, whole_number
 from skelsplat.io.detections._csv_index import Index
-from skelsplat.io.detections._format import Person, Recording, View, joints_of, list_view, stretch_view
+from skelsplat.io.detections._format import (
+    Person,
+    Recording,
+    View,
+    joints_of,
+    list_view,
+    refuse_other_names,
+    stretch_view,
+)
 
 # x, y, confidence by frame, person and joint of one camera
 Lines = dict[int, dict[str, dict[str, tuple[float, ...]]]]
 
 _NEEDED = ("frame", "joint", "x", "y")
-_HIGHEST = 9999
+_HIGHEST, _DIGITS = 9999, 20
 _BLOCKS = 512  # of a big file that are in memory, some 50 MB
 _KNOWN = (*_NEEDED, "confidence", "person", "camera")
 
@@ -77,6 +85,7 @@ def _read(
         if not line:
             continue
         cell = {name: line[place].strip() for name, place in columns.items()}
+        cell["joint"] = joint_in(cell["joint"])
         camera = cameras.setdefault(cell.get("camera", ""), {})
         frame = camera.setdefault(frame_in(path, f"line {number}, frame", cell["frame"]), {})
         person = frame.setdefault(cell.get("person", ""), {})
@@ -92,7 +101,7 @@ def _read(
 
 def _indexed_views(index: Index) -> dict[str, View]:
     """Return the views of a big file."""
-    names = _ordered(index.path, tuple(index.joints))
+    names = _ordered(index.path, tuple(dict.fromkeys(map(joint_in, index.joints))))
     people = sum(map(len, index.frames.values()))  # or more
     check_ratio(index.path, "joint", 24 * people * len(names), index.path.stat().st_size)
 
@@ -120,7 +129,14 @@ def _columns(path: Path, header: Sequence[str]) -> dict[str, int]:
     if missing or len(set(names)) < len(names):
         expected = f"different columns, among them {', '.join(_NEEDED)}"
         raise DatasetError(path, "line 1", expected, ", ".join(header) or "an empty line")
+    if "confidence" not in names:
+        refuse_other_names(path, "line 1", names)
     return {name: names.index(name) for name in _KNOWN if name in names}
+
+
+def joint_in(text: str) -> str:
+    """Return the name of a joint, or its place without leading zeros."""
+    return str(int(text)) if text.isdecimal() and len(text) < _DIGITS else text
 
 
 def frame_in(path: Path, field: str, text: str) -> int:

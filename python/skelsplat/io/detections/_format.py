@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
@@ -46,6 +46,12 @@ class View:
     stretch: Callable[[int, int], Sequence[Sequence[Person]]] | None = None
 
 
+# what other programs call the confidence
+_OTHER_NAMES = frozenset(("conf", "confidences", "likelihood", "prob", "probability", "score", "scores"))
+# no map's peak on average, but a percentage
+_PERCENT = 20.0
+
+
 @dataclass(frozen=True)
 class Recording:
     """All views in one file, by label: the camera's name if `named`, else only the place in the file."""
@@ -77,6 +83,13 @@ class DetectionFormat:
         return re.sub(self.added, "", stem) or stem if self.added else stem
 
 
+def refuse_other_names(path: Path, field: str, names: Iterable[str]) -> None:
+    """Raise `DatasetError` if there seem to be confidences under another name: without any, all are sure."""
+    odd = sorted(name for name in names if name.lower() in _OTHER_NAMES)
+    if odd:
+        raise DatasetError(path, field, "confidences under the name confidence, or none", odd[0])
+
+
 def joints_of(
     path: Path, where: str, xy: Array, confidence: Array | None, *, clip: bool, first: int = 0
 ) -> Array:
@@ -91,6 +104,10 @@ def joints_of(
         raise DatasetError(path, where, "pixels, NaN for missing", "an infinite number")
     sure = np.ones(xy.shape[:-1]) if confidence is None else np.array(confidence, dtype=np.float64)
     if clip:
+        scores = sure[np.isfinite(xy).all(axis=-1) & np.isfinite(sure)]
+        if scores.size and np.median(scores) > _PERCENT:
+            actual = f"a median of {np.median(scores):g}, as of percentages"
+            raise DatasetError(path, where, "confidences in [0, 1]", actual)
         sure = np.clip(sure, 0.0, 1.0)
     sure[(sure > 1.0) & (sure <= HIGHEST_CONFIDENCE)] = 1.0
     wrong = ((sure < 0.0) | (sure > 1.0)) & np.isfinite(xy).all(axis=-1)

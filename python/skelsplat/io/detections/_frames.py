@@ -6,6 +6,7 @@ import functools
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, Literal
 
@@ -14,10 +15,11 @@ import numpy as np
 from skelsplat._arrays import Index
 from skelsplat._clocks import parted
 from skelsplat.exceptions import DatasetError, InvalidInputError
-from skelsplat.io._files import FRAME_LIMIT, frame_number
+from skelsplat.io._files import FRAME_LIMIT, frame_number, natural
 from skelsplat.io.detections._format import View
 from skelsplat.io.detections._match import camera_called
 
+_LAST = re.compile(r"\d+(?=\D*$)")  # the last integer in a name
 FrameMode = Literal["strict", "intersection", "union"]
 FRAME_MODES = ("strict", "intersection", "union")
 
@@ -169,4 +171,17 @@ def frame_files(folder: Path, pattern: str, expected: str, advice: str = "") -> 
         files[number] = path
     if not files:
         raise DatasetError(folder, "files", expected, f"no {pattern.lstrip('*')} files{advice}")
-    return dict(sorted(files.items()))
+    files = dict(sorted(files.items()))
+    _check_one_recording(files)
+    return files
+
+
+def _check_one_recording(files: Mapping[int, Path]) -> None:
+    """Raise `DatasetError` if names differ beside the frame's number, and not in its order, as times do."""
+    rests = {path: _LAST.sub("*", path.stem) for path in files.values()}
+    if len(set(rests.values())) <= 1:
+        return
+    for (first, here), (second, there) in pairwise(rests.items()):
+        if natural(here) >= natural(there):
+            expected = "names that differ in the frame's number alone (the last integer), or in its order"
+            raise DatasetError(second, "file name", expected, f"{second.name!r} after {first.name!r}")

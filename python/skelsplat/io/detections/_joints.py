@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import unicodedata
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -17,6 +18,8 @@ Joint = str | int | None
 # place in the file of each joint of the layout, None for one that the file lacks
 Places = tuple[int | None, ...]
 
+# the letters of LHip, hip_l, Hüfte and 肩; capitals beyond ASCII begin no word
+_WORDS = re.compile(r"[A-Z]+(?![^\W\d_A-Z])|[A-Z]?[^\W\d_A-Z]+|\d+")
 _SIDES = {"l": "left", "r": "right"}
 _SHOWN = 40
 UNKNOWN = "no known layout"
@@ -123,7 +126,7 @@ def _mapped(view: View, joint: str, target: Joint) -> int | None:
 
 def key(name: str) -> tuple[str, ...]:
     """Sort a name's words, in lower case, sides in full: ``LHip``, ``hip_left`` and ``Left hip`` are one."""
-    words = re.findall(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+", name)
+    words = _WORDS.findall(unicodedata.normalize("NFKC", name))
     return tuple(sorted(_SIDES.get(word.lower(), word.lower()) for word in words))
 
 

@@ -118,7 +118,7 @@ def read_coco(path: Path) -> View:
 
     A list of ``{"image_id", "keypoints": [x, y, c, …], "score": s}``, one entry per person; `image_id` is the
     frame number. `score` belongs to the person and is not used. An annotation file, whose third number is a
-    visibility 0, 1 or 2, is refused.
+    visibility 0, 1 or 2, is refused, and so are results with several skeletons (`category_id`).
     """
     entries = _results(path, "COCO keypoint results", lambda image: image.index())
     third = [keypoints.value[2::3] for _, keypoints in entries if isinstance(keypoints.value, list)]
@@ -135,7 +135,16 @@ def read_alphapose(path: Path) -> View:
     They are those of COCO, but `image_id` is an image's name, ``"12.jpg"``, whose last integer is the frame
     number.
     """
-    return _results_view(path, _results(path, "AlphaPose results", _number_in_name))
+    images: dict[int, str] = {}
+
+    def number(image: Field) -> int:
+        found = _number_in_name(image)
+        if images.setdefault(found, image.value) != image.value:
+            expected = f"one image for frame {found} (the last integer in its name), here {images[found]!r}"
+            raise image.error(expected, repr(image.value)[:80])
+        return found
+
+    return _results_view(path, _results(path, "AlphaPose results", number))
 
 
 def _number_in_name(image: Field) -> int:
@@ -148,15 +157,19 @@ def _number_in_name(image: Field) -> int:
 def _results(path: Path, document: str, frame_of: Callable[[Field], int]) -> list[tuple[int, Field]]:
     """Return frame number and keypoints of every person in a file."""
     expected = f"{document}, a list of people"
+    people = _document(path, document).entries(expected)
     entries = [
         (
             frame_of(person.member("image_id", "the image of the person")),
             person.member("keypoints", "a list of numbers x, y, confidence"),
         )
-        for person in _document(path, document).entries(expected)
+        for person in people
     ]
     if not entries:
         raise DatasetError(path, "document", expected, "an empty list")
+    kinds = sorted({person["category_id"].shown for person in people if "category_id" in person})
+    if len(kinds) > 1:
+        raise DatasetError(path, "category_id", "one category, that of the layout", ", ".join(kinds)[:80])
     return entries
 
 

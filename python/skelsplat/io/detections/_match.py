@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import unicodedata
 from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -39,8 +40,12 @@ def cameras_called(texts: Iterable[str], names: Sequence[str], argument: str) ->
 
 
 def _words(name: str) -> tuple[str, ...]:
-    """Split a name into lower-case words and numbers, without separators, leading zeros and a last "json"."""
-    words = [word.lstrip("0") or "0" if word.isdigit() else word for word in _WORDS.findall(name.lower())]
+    """Split a name into lower-case words and numbers, without separators, leading zeros and a last "json".
+
+    Letters and digits are the same in every form of Unicode: macOS writes ``ü`` as two characters.
+    """
+    found = _WORDS.findall(unicodedata.normalize("NFKC", name).lower())
+    words = [word.lstrip("0") or "0" if word.isdigit() else word for word in found]
     if len(words) > 1 and words[-1] == "json":
         words.pop()
     return tuple(words)

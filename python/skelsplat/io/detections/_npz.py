@@ -15,7 +15,7 @@ from skelsplat.exceptions import DatasetError
 from skelsplat.io._arrays import Arrays, as_numbers, load_npz, npz_keys
 from skelsplat.io._rows import NpzRows, big_array
 from skelsplat.io.detections._arrays import checked_view
-from skelsplat.io.detections._format import Recording, View, joints_of, rows_view
+from skelsplat.io.detections._format import Recording, View, joints_of, refuse_other_names, rows_view
 
 _OWN = "detections"
 _OWN_KEYS = (_OWN, "confidence", "camera_names", "frames", "joint_names", "frame_rate")
@@ -65,6 +65,8 @@ def _own_joints(arrays: Arrays, shape: str, least: int, first: int = 0) -> Array
         raise DatasetError(path, _OWN, f"shape {shape}, P may be left out", array.shape)
     confidence = array[..., 2] if array.shape[-1] == 3 else None
     apart = arrays.found.get("confidence")
+    if confidence is apart is None:
+        refuse_other_names(path, "confidence", npz_keys(path))
     if apart is not None:
         apart = as_numbers(path, "confidence", apart)
         if confidence is not None or apart.shape != array.shape[:-1]:

@@ -131,9 +131,14 @@ def _samples(path: Path) -> Iterator[Path]:
     folders = subfolders(path)
     suffixes = {suffix for candidate in FORMATS.values() for suffix in candidate.suffixes}
     for suffix in sorted(suffixes):
-        yield from sorted(path.glob(f"*{suffix}"))[:_MOST]
+        yield from sorted(_shown(path, suffix))[:_MOST]
         for folder in folders[:_MOST]:
-            yield from sorted(folder.glob(f"*{suffix}"))[:1]
+            yield from sorted(_shown(folder, suffix))[:1]
+
+
+def _shown(folder: Path, suffix: str) -> Iterator[Path]:
+    """Yield the files with a suffix, but for hidden ones, as macOS puts "._name" beside each."""
+    return (path for path in folder.glob(f"*{suffix}") if not path.name.startswith("."))
 
 
 def folders_beneath(top: Path, wanted: Callable[[Path], bool]) -> list[Path]:
@@ -249,7 +254,7 @@ def _file_candidates(path: Path, form: DetectionFormat) -> Candidates:
 
 
 def _folder_candidates(path: Path, folders: list[Path], form: DetectionFormat) -> Candidates:
-    idle = [p.name for p in folders if not any(next(p.glob(f"*{suffix}"), None) for suffix in form.suffixes)]
+    idle = [p.name for p in folders if not any(next(_shown(p, suffix), None) for suffix in form.suffixes)]
     return Candidates(path, "folder", {folder.name: folder.name for folder in folders}, idle)
 
 
@@ -271,8 +276,7 @@ def subfolders(path: Path) -> list[Path]:
 
 def _files(folder: Path, form: DetectionFormat, *, recognised: bool = True) -> list[Path]:
     """Files in a folder with the format's suffix, by name; if `recognised`, only those of the format."""
-    found = [p for suffix in form.suffixes for p in folder.glob(f"*{suffix}") if p.is_file()]
-    shown = sorted(path for path in found if not path.name.startswith("."))
+    shown = sorted(p for suffix in form.suffixes for p in _shown(folder, suffix) if p.is_file())
     return [path for path in shown if form.matches(path)] if recognised else shown
 
 

@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 
 from skelsplat._arrays import Index
-from skelsplat._atomic import atomic_path, atomic_write_text
+from skelsplat._atomic import atomic_path, atomic_write_text, make_room
 from skelsplat._optional import require
 from skelsplat.exceptions import InvalidInputError
 from skelsplat.io.poses._csv import COLUMNS, csv_text, rows_of
 from skelsplat.io.poses._json import people_text
 from skelsplat.io.poses._pose_data import ARRAYS, PoseData
-from skelsplat.io.poses._xarray import check_packages, to_xarray
+from skelsplat.io.poses._xarray import check_packages, room_for, to_xarray
 
 
 def write_people(path: str | os.PathLike[str], people: Mapping[int, PoseData]) -> None:
@@ -71,6 +71,7 @@ def _write_netcdf(path: str | os.PathLike[str], people: Mapping[int, PoseData]) 
     ]
     dataset = xarray.concat(each, dim="individuals", data_vars="minimal", coords="minimal", join="exact")
     with atomic_path(path) as temporary:
+        make_room(temporary, room_for(dataset, len(frames)))
         dataset.to_netcdf(temporary, engine="h5netcdf")
 
 

@@ -175,6 +175,8 @@ class PoseData:
             for name in getattr(self, field_name):
                 if not isinstance(name, str) or name != name.encode(errors="replace").decode():
                     raise InvalidInputError(f"{field_name}: expected texts in Unicode, got {name!r:.60}")
+                if "\0" in name:  # which ends a text in npz, C3D and NetCDF
+                    raise InvalidInputError(f"{field_name}: expected texts without \\0, got {name!r:.60}")
 
     def _read_arrays(self) -> None:
         """Take arrays of any kind: NaN for what is masked."""

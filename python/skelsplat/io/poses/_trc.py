@@ -101,6 +101,7 @@ def check_trc_names(names: Sequence[str]) -> None:
 
 def _header(file_name: str, names: Sequence[str], steps: int, frame_rate: float, unit: str) -> list[str]:
     rate, joints = f"{frame_rate:g}", len(names)
+    file_name = " ".join(file_name.split())  # a tab or a line break would be one of the header
     numbers = range(1, joints + 1)
     return [
         f"PathFileType\t4\t(X/Y/Z)\t{file_name.encode(errors='replace').decode()}",

@@ -10,7 +10,7 @@ import numpy as np
 
 import skelsplat as sk
 from skelsplat._arrays import Array
-from skelsplat._atomic import atomic_path
+from skelsplat._atomic import atomic_path, make_room
 from skelsplat._optional import require
 from skelsplat.cameras import MM_PER_UNIT
 from skelsplat.exceptions import DatasetError, InvalidInputError
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 _PLURAL = ("time", "space", "keypoints", "individuals")
+_ROOM, _TEXT = 2**17, 64  # bytes of a file for its structure, and for a text and where it is
 _SINGULAR = ("time", "space", "keypoint", "individual")
 
 
@@ -137,6 +138,7 @@ def write_netcdf(
     given: dict[str, Any] = {"frame_rate": frame_rate, "individual": individual, "singular": singular}
     with atomic_path(path) as temporary:
         dataset = to_xarray(next(parts), **given)
+        make_room(temporary, room_for(dataset, len(frames)))
         if isinstance(data, PoseData):
             dataset.to_netcdf(temporary, engine="h5netcdf")
             return
@@ -154,6 +156,16 @@ def _append(path: Path, dataset: xr.Dataset, time: str) -> None:
         for name, values in dataset.variables.items():
             if time in values.dims:
                 file.variables[name][there:] = values.to_numpy()
+
+
+def room_for(dataset: xr.Dataset, steps: int) -> int:
+    """Return how many bytes a file of a dataset takes at most once it has so many frames.
+
+    A full disk ends HDF5, and the process with it.
+    """
+    texts = sum(values.size for values in dataset.variables.values() if values.dtype.kind in "OU")
+    of_frames = (dataset.nbytes + _TEXT * texts) * steps // max(1, len(dataset["frame"]))
+    return _ROOM + of_frames * 5 // 4
 
 
 def check_packages() -> Any:

@@ -1,0 +1,176 @@
+"""Files that used to be read as something else than what they say, or were refused without a reason."""
+
+from __future__ import annotations
+
+import json
+import unicodedata
+
+import numpy as np
+import pytest
+
+import skelsplat as sk
+from broken_detections import Broken, anybody, write_case
+from calibration_files import anipose, caliscope, reference, voxelpose
+from detection_cases import CASES
+from detection_files import Take, openpose
+from skelsplat.exceptions import DatasetError
+from skelsplat.io import read_calibration, read_detections
+
+CAMERAS = ["camA", "camB"]
+JOINTS = sk.layouts.H36M17.joints
+
+
+def read(path, cameras=CAMERAS, **options):
+    return read_detections(path, cameras, **{"layout": "h36m17", **options})
+
+
+def refused(path, **options):
+    with pytest.raises(DatasetError) as found:
+        read(path, **options)
+    assert "\n" not in str(found.value)
+    return str(found.value)
+
+
+def lines(first, last="0.5", joint="{}"):
+    rows = [f"0,{joint.format(j)},{100 + j},{200 + j},{last}" for j in range(17)]
+    return "\n".join([f"frame,joint,x,y,{first}", *rows]) + "\n"
+
+
+@pytest.mark.parametrize("form", ["{:02}", "{:04}"])
+@pytest.mark.parametrize("big", [False, True])
+def test_the_places_of_joints_may_have_zeros_before_them(tmp_path, monkeypatch, form, big):
+    monkeypatch.setattr("skelsplat.io._rows.BIG", 1 if big else 2**60)
+    monkeypatch.setattr("skelsplat.io.detections._csv_index._LINES", 5)
+    for name in CAMERAS:
+        once = "".join(
+            f"{t}{line[1:]}" for t in range(3) for line in lines("", joint=form).splitlines(True)[1:]
+        )
+        (tmp_path / f"{name}.csv").write_text(f"frame,joint,x,y,confidence\n{once}")
+    found = read(tmp_path).people
+    np.testing.assert_array_equal(found[..., 0], np.broadcast_to(100 + np.arange(17), found.shape[:-1]))
+
+
+@pytest.mark.parametrize("name", ["score", "Likelihood", "conf"])
+def test_confidences_under_another_name_are_not_left_out(tmp_path, name):
+    for camera in CAMERAS:
+        (tmp_path / f"{camera}.csv").write_text(lines(name))
+    assert f"confidences under the name confidence, or none, got {name.lower()}" in refused(tmp_path)
+    path = tmp_path / "own.npz"
+    arrays = {"detections": anybody()[..., :2], "camera_names": CAMERAS}
+    np.savez(path, **arrays, **{name: np.full((3, 2, 2, 17), 0.1)})
+    assert f"confidences under the name confidence, or none, got {name}" in refused(path)
+
+
+def take(root, people=None, names=CAMERAS):
+    return openpose(root, Take(anybody() if people is None else people, list(names), list(JOINTS)))
+
+
+def test_two_recordings_in_one_folder(tmp_path):
+    take(tmp_path)
+    for path in sorted((tmp_path / "camB").iterdir()):
+        number = int(path.name[:6])
+        path.rename(path.with_name(f"{'walk' if number < 2 else 'jump'}_{path.name}"))
+    assert "expected names that differ in the frame's number alone" in refused(tmp_path)
+
+
+def test_times_in_names_are_read_if_they_ascend(tmp_path):
+    take(tmp_path)
+    for path in sorted((tmp_path / "camB").iterdir()):
+        path.rename(path.with_name(f"{1700000000.5 + int(path.name[:6]):.1f}_{path.name}"))
+    assert read(tmp_path).frames.tolist() == [0, 1, 2]
+
+
+def test_times_behind_the_number_of_the_frame_are_no_numbers_of_frames(tmp_path):
+    take(tmp_path)
+    for camera in CAMERAS:
+        paths = sorted((tmp_path / camera).iterdir())
+        for path, name in zip(paths, ("0000_0.67", "0001_1.01", "0002_1.34"), strict=True):
+            path.rename(path.with_name(f"{name}.json"))
+    assert "(the last integer), or in its order, got '0000_0.67.json' after" in refused(tmp_path)
+
+
+def results(root, change):
+    """COCO's results of both cameras, each entry changed."""
+    write_case(root, "coco", people=anybody())
+    for path in Broken(root, "coco").file.parent.glob("*.json"):
+        document = json.loads(path.read_text())
+        for place, entry in enumerate(document):
+            change(entry, place)
+        path.write_text(json.dumps(document))
+    return root
+
+
+def test_images_of_alphapose_whose_last_number_is_not_the_frame(tmp_path):
+    root = results(tmp_path, lambda e, _: e.update(image_id=f"{e['image_id']:06d}_1080p.jpg"))
+    assert "expected one image for frame 1080 (the last integer in its name)" in refused(root)
+
+
+def test_coco_results_of_two_skeletons(tmp_path):
+    root = results(tmp_path, lambda entry, place: entry.update(category_id=1 + place % 2))
+    assert "category_id: expected one category, that of the layout, got 1, 2" in refused(root)
+
+
+@pytest.mark.parametrize("name", ["coco", "mmpose", "openpose", "rtmlib_cameras", "sleap_csv"])
+def test_percentages_are_no_peaks_of_maps(tmp_path, name):
+    people = anybody()
+    people[..., 2] = 80.0
+    (tmp_path / "percent").mkdir()
+    path = write_case(tmp_path / "percent", name, people=people)
+    assert "confidences in [0, 1], got a median of 80, as of percentages" in refused(
+        path, order=CASES[name].order
+    )
+    people[..., 2] = 8.0
+    (tmp_path / "peaks").mkdir()
+    assert (read(write_case(tmp_path / "peaks", name, people=people)).people[0, 0, 0, :, 2] == 1.0).all()
+
+
+def test_a_key_that_is_twice_in_an_object(tmp_path):
+    take(tmp_path)
+    path = tmp_path / "camB" / "000001_keypoints.json"
+    path.write_text(path.read_text().rstrip()[:-1] + ', "people": []}')
+    assert refused(tmp_path).endswith("JSON: expected every key once in an object, got 'people' twice")
+    path = voxelpose(tmp_path, reference(["a", "b"]))
+    path.write_text(path.read_text().replace('"b":', '"a":'))
+    with pytest.raises(DatasetError, match="every key once in an object, got 'a' twice"):
+        read_calibration(path, size=(1000, 1000))
+
+
+def test_files_of_macos_beside_each(tmp_path):
+    take(tmp_path)
+    for path in list(tmp_path.glob("*/*.json")):
+        path.with_name(f"._{path.name}").write_bytes(b"\0\5\x16\7\0\2\0\0Mac OS X")
+    assert read(tmp_path).format == "openpose"
+
+
+def test_names_in_other_forms_of_unicode(tmp_path):
+    names = ["Küche", "Tür２"]
+    take(tmp_path, names=[unicodedata.normalize("NFD", "Küche"), "tür 02"])
+    assert read(tmp_path, names).camera_names == tuple(names)
+
+
+def test_joints_in_any_script(tmp_path):
+    joints = ["左肩", "右肩", "Hüfte"]
+    for camera in CAMERAS:
+        rows = [f"0,{joint},{100 + j},200" for j, joint in enumerate([*joints, "hfte"])]
+        (tmp_path / f"{camera}.csv").write_text("\n".join(["frame,joint,x,y", *rows]), encoding="utf-8")
+    found = read(tmp_path, layout=sk.Layout("own", joints))
+    np.testing.assert_array_equal(found.people[0, 0, 0, :, 0], [100, 101, 102])
+    assert "none for fte" in refused(tmp_path, layout=sk.Layout("own", ["fte"]))
+
+
+@pytest.mark.parametrize("writer", [anipose, caliscope])
+def test_rotation_vectors_in_degrees(tmp_path, writer):
+    path = writer(tmp_path, reference(["a", "b"]))
+    text = path.read_text().splitlines()
+    turned = ["rotation = [0.0, 90.0, 0.0]" if line.startswith("rotation =") else line for line in text]
+    path.write_text("\n".join(turned))
+    with pytest.raises(DatasetError, match=r"radians, of a length of at most 12.6, got \[0.0, 90.0, 0.0\]"):
+        read_calibration(path, unit="m")
+
+
+@pytest.mark.parametrize("name", ['""', '" "', "[1, 2]"])
+def test_cameras_of_toml_without_a_name(tmp_path, name):
+    path = anipose(tmp_path, reference(["a", "b"]))
+    path.write_text(path.read_text().replace('"a"', name))
+    with pytest.raises(DatasetError, match="name"):
+        read_calibration(path, unit="m")
