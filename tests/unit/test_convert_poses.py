@@ -65,6 +65,33 @@ def test_every_length_is_in_the_new_unit(tmp_path):
         assert_fails(invoke(*command), 2, "--to-unit: expected", "got ")
 
 
+def test_velocities_are_those_at_the_new_frame_rate(tmp_path):
+    velocity = np.arange(4 * len(JOINTS) * 3.0).reshape(4, len(JOINTS), 3)
+    squares = np.broadcast_to(np.eye(3), (4, len(JOINTS), 3, 3))
+    data = replace(sample(), frame_rate=50.0, velocity=velocity, velocity_uncertainty=squares)
+    write_npz(tmp_path / "a.npz", data)
+    assert invoke("convert", tmp_path / "a.npz", tmp_path / "b.npz", "--fps", 25).exit_code == 0
+    found = read_npz(tmp_path / "b.npz")
+    assert found.frame_rate == 25.0
+    np.testing.assert_array_equal(found.velocity, velocity / 2)
+    np.testing.assert_array_equal(found.velocity_uncertainty, squares / 4)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"joint_names": ("a", "b", "a")}, "joint_names: expected different names, got 'a' twice"),
+        ({"joint_names": ("a", "b", "c" * 256)}, "joint_names: expected names of at most 255 bytes"),
+        ({"frames": np.array([1, 1, 2, 3])}, "frames: expected whole numbers that ascend"),
+        ({"frame_rate": 1e9}, r"frame_rate: expected a number from 1e-3 to 1e6, got 1e\+09"),
+    ],
+)
+def test_an_npz_that_could_not_be_read_is_not_written(tmp_path, change, message):
+    with pytest.raises(sk.DatasetError, match=rf"a\.npz: {message}"):
+        write_npz(tmp_path / "a.npz", replace(sample(), **change))
+    assert not any(tmp_path.iterdir())
+
+
 def test_a_frame_rate_that_the_source_does_not_state_is_asked_for(tmp_path):
     write_csv(tmp_path / "a.csv", sample())
     with pytest.raises(
@@ -73,6 +100,12 @@ def test_a_frame_rate_that_the_source_does_not_state_is_asked_for(tmp_path):
         convert_poses(tmp_path / "a.csv", tmp_path / "b.trc")
     convert_poses(tmp_path / "a.csv", tmp_path / "b.trc", fps=50.0)
     assert read_trc(tmp_path / "b.trc").joint_names == JOINTS
+
+
+def test_a_wrong_frame_rate_is_that_of_the_option(tmp_path):
+    write_npz(tmp_path / "a.npz", sample())
+    result = invoke("convert", tmp_path / "a.npz", tmp_path / "b.json", "--fps", -5)
+    assert_fails(result, 2, "--fps: expected a positive number, got -5")
 
 
 def test_what_cannot_be_converted(tmp_path):

@@ -70,7 +70,13 @@ def test_two_recordings_in_one_folder(tmp_path):
     for path in sorted((tmp_path / "camB").iterdir()):
         number = int(path.name[:6])
         path.rename(path.with_name(f"{'walk' if number < 2 else 'jump'}_{path.name}"))
-    assert "expected names that differ in the frame's number alone" in refused(tmp_path)
+    assert "number alone (the last integer), or in its order, got 'jump_000002" in refused(tmp_path)
+
+
+def test_another_file_beside_the_frames_is_named(tmp_path):
+    take(tmp_path)
+    (tmp_path / "camB" / "calib_2024.json").write_text("{}")
+    assert refused(tmp_path).endswith("got 'calib_2024.json' after '000002_keypoints.json'")
 
 
 def test_times_in_names_are_read_if_they_ascend(tmp_path):

@@ -14,6 +14,7 @@ from command_line import assert_fails, invoke
 from skelsplat import datasets, synthetic
 from skelsplat.datasets._files import as_numbers
 from skelsplat.datasets._rig import camera_at_centre
+from skelsplat.datasets._shelf_campus import _actor
 from skelsplat.datasets.human36m._adafuse import _world
 from skelsplat.datasets.panoptic import _bodies
 from skelsplat.datasets.synthetic import write_simulated
@@ -123,6 +124,21 @@ def test_data_sets_have_numbers_that_can_be_computed_with(value):
         sk.DatasetError, match=r"truth: expected numbers within ±1e\+30, NaN where missing, got "
     ):
         replace(hand_made(), truth=truth)
+
+
+def test_actors_of_shelf_beyond_numbers_are_read_without_a_warning():
+    cells = np.empty(1, object)
+    cells[0] = np.full((14, 3), 1e306)
+    with np.errstate(all="raise"):
+        _, _, joints = _actor(Path("a.mat"), "actor3D{1}", cells, 14)
+    assert np.isinf(joints).all()  # which the take refuses
+
+
+def test_boxes_of_data_sets_beyond_numbers_name_the_file_of_the_truth():
+    take = replace(hand_made(), files={"truth": Path("a.pkl")})
+    boxes = np.full((len(take), len(take.rig), 4), np.inf)
+    with pytest.raises(sk.DatasetError, match=r"^a\.pkl: boxes: expected numbers within "):
+        replace(take, boxes=boxes)
 
 
 def test_complex_numbers_of_data_sets_are_no_coordinates(tmp_path):

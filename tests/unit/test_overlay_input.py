@@ -258,7 +258,15 @@ def test_frames_that_the_run_does_not_have(case, videos, args, words):
 
 
 @pytest.mark.parametrize(
-    "args", [("--range", "two"), ("--range", "-"), ("--scale", "0"), ("--scale", "1e6"), ("--fps", "-1")]
+    "args",
+    [
+        ("--range", "two"),
+        ("--range", "-"),
+        ("--scale", "0"),
+        ("--scale", "1e6"),
+        ("--scale", "1e308"),
+        ("--fps", "-1"),
+    ],
 )
 def test_bad_usage(case, videos, args):
     assert_fails(overlay(case, videos, *args), 2, args[0])

@@ -146,6 +146,16 @@ def test_cameras_without_detections_are_named():
     assert report.findings[-1].text == "There are no detections to check the cameras with."
 
 
+@pytest.mark.parametrize("name", ["room", "dome of 3", "pair"])
+def test_detections_that_are_copied_are_no_camera_that_was_moved(name):
+    found = detections(name).copy()
+    found[:, 1] = found[:, 0]
+    finding = only(check_rig(rig(name), found))
+    assert (finding.kind, finding.severity) == ("detections_same", "error")
+    assert finding.subject.cameras == tuple(rig(name).names[:2])
+    assert "have the same detections to the last digit" in finding.text
+
+
 GEOMETRY = {
     *("field_of_view", "principal_point", "pixels_not_square"),
     *("same_place", "looks_away", "all_look_away"),

@@ -12,7 +12,7 @@ import skelsplat as sk
 from pose_sample import assert_equal
 from skelsplat._atomic import atomic_write, atomic_write_text, remove_left
 from skelsplat.findings import FindingWarning
-from skelsplat.io import PoseData, read_npz, read_trc, write_csv, write_npz, write_trc
+from skelsplat.io import PoseData, read_csv, read_npz, read_trc, write_csv, write_npz, write_trc
 
 T, N, M = 3, 2, 2
 
@@ -219,6 +219,16 @@ def test_trc_and_back(data, tmp_path, unit, factor, half_digit):
     assert back.joint_names == data.joint_names
     # half a unit of the last digit written, and one ulp of slack
     np.testing.assert_allclose(back.pose, data.pose * factor, rtol=1e-15, atol=half_digit * 1.000001)
+
+
+@pytest.mark.parametrize("name", ["a\rb", "a\nb", "a\r\nb", 'a"\rb', "=a,b"])
+def test_a_csv_keeps_every_name_in_one_field(data, tmp_path, name):
+    path = tmp_path / "pose.csv"
+    write_csv(path, replace(data, joint_names=("nose", name)))
+    ends = name.replace("\r\n", "\n").replace("\r", "\n")  # as text is read
+    assert read_csv(path).joint_names == ("nose", ends)
+    with path.open(newline="", encoding="utf-8") as stream:
+        assert {row["joint"] for row in csv.DictReader(stream)} == {"nose", name}
 
 
 def test_the_name_of_a_trc_stays_in_its_line(data, tmp_path):

@@ -292,6 +292,10 @@ SENTENCES: Mapping[str, str | Callable[[Finding], str]] = {
     "recording_other": _recording,
     "detections_none": "There are no detections to check the cameras with.",
     "camera_blind": "{cameras} has no detections.",
+    "detections_same": (
+        "{cameras} have the same detections to the last digit, so they are those of one camera. Was a folder "
+        "or a file copied or linked?"
+    ),
     "detections_outside": (
         "{cameras}: {outside:.0%} of the detections lie outside its image of {width} by {height} px. Are "
         "they from images of this size, not rotated, x before y?"

@@ -165,8 +165,9 @@ def _poses(source: Path, target: Path, given: dict[str, Any]) -> tuple[str, dict
     try:
         data = convert_poses(path, target, unit=given.pop("to_unit", None), **given)
     except InvalidInputError as error:
-        if error.argument == "unit":
-            raise error.of_argument("to_unit") from error
+        own = {"unit": "to_unit", "frame_rate": "fps"}.get(error.argument)
+        if own is not None:
+            raise error.of_argument(own) from error
         raise
     frames, joints = data.pose.shape[:2]
     about = {"format": pose_format(path), "frames": frames, "joints": list(data.joint_names)}

@@ -254,6 +254,7 @@ def _actor(path: Path, field: str, cells: Any, n_joints: int) -> tuple[int, Inde
                 path, f"{field}{{{k + 1}}}", f"joints ({n_joints}, 3), metres", f"shape {pose.shape}"
             )
         frames.append(k)
-        poses.append(_MM_PER_M * pose.astype(np.float64))
+        with np.errstate(over="ignore"):  # refused with the take
+            poses.append(_MM_PER_M * pose.astype(np.float64))
     joints = np.stack(poses) if poses else np.empty((0, n_joints, 3))
     return len(values), np.array(frames, dtype=np.int64), joints

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from hashlib import sha256
 from typing import Any
 
 import numpy as np
@@ -28,6 +29,7 @@ _FAR_DEG, _FAR_MM = 2.5, 150.0
 # Part of the diagonal, 42 px of 1000 by 1000: two and a half times what poor detections are off.
 _FAR_OFF = 0.03
 _OUTSIDE = 0.05
+_COPIED = 200  # coordinates that two cameras share
 _MIN_CONFIDENCE = 0.3
 
 
@@ -91,6 +93,9 @@ def check_rig(
     if everyone.shape[-1] == 3:
         everyone = np.where(everyone[..., 2:] >= min_confidence, everyone, np.nan)
     findings += _images(rig, everyone)
+    same = same_detections(rig.names, everyone)
+    if same:  # what the cameras' places would explain is chance then
+        return RigReport((*same, *findings))
     report = _with_detections(rig, everyone, numbers, shape, findings)
     return with_remedies(report, ReadAs() if read_as is None else read_as)
 
@@ -157,6 +162,16 @@ def _images(rig: sk.CameraRig, people: Array) -> list[Finding]:
             numbers = {"outside": outside, "width": width, "height": height}
             findings.append(Finding("detections_outside", subject=subject, numbers=numbers))
     return findings
+
+
+def same_detections(names: Sequence[str], people: Array) -> list[Finding]:
+    """Cameras whose detections (T, M, …, 2 or more) are copies of each other's."""
+    alike: dict[bytes, list[str]] = {}
+    for name, view in zip(names, np.moveaxis(people[..., :2], 1, 0), strict=True):
+        if np.isfinite(view).sum() >= _COPIED:
+            alike.setdefault(sha256(view.tobytes()).digest(), []).append(name)
+    found = [tuple(cameras) for cameras in alike.values() if len(cameras) > 1]
+    return [Finding("detections_same", "error", Subject(cameras=cameras)) for cameras in found]
 
 
 def _left_over(scene: Scene, earlier: list[Finding]) -> list[Finding]:

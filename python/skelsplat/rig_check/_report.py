@@ -19,6 +19,7 @@ _PLACES = ("camera_rotated", "camera_moved", "camera_unexplained")
 _OF_FILES = (
     *("unit_wrong", "unit_unknown", "body_size", "pose_convention", "images_changed", "cameras_exchanged"),
     *("sides_swapped", "image_resized", "image_changed", "recording_other", "detections_none"),
+    "detections_same",
 )
 
 

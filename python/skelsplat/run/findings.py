@@ -13,6 +13,7 @@ import numpy.typing as npt
 import skelsplat as sk
 from skelsplat._arrays import Array
 from skelsplat.findings import Finding, Remedy, Subject
+from skelsplat.rig_check._check import same_detections
 from skelsplat.run.displaced import displaced_cameras, find_apart, find_displaced, shift_of
 from skelsplat.run.people import are_mixed, find_people
 from skelsplat.run.read import Inputs
@@ -64,6 +65,7 @@ def find_findings(
     alone = frame_by_frame(inputs, outcome)
     counted = statistics if alone is outcome else summarise(inputs, alone)
     return [
+        *same_detections(inputs.rig.names, inputs.detections),
         *find_people(inputs, alone),
         *find_whole(counted, mixed=are_mixed(inputs)),
         *_in_time(statistics, counted),

@@ -179,9 +179,10 @@ def frame_files(folder: Path, pattern: str, expected: str, advice: str = "") -> 
 def _check_one_recording(files: Mapping[int, Path]) -> None:
     """Raise `DatasetError` if names differ beside the frame's number, and not in its order, as times do."""
     rests = {path: _LAST.sub("*", path.stem) for path in files.values()}
-    if len(set(rests.values())) <= 1:
+    kinds = len(set(rests.values()))
+    if kinds <= 1:
         return
     for (first, here), (second, there) in pairwise(rests.items()):
-        if natural(here) >= natural(there):
+        if natural(here) >= natural(there) if kinds == len(rests) else here != there:
             expected = "names that differ in the frame's number alone (the last integer), or in its order"
             raise DatasetError(second, "file name", expected, f"{second.name!r} after {first.name!r}")

@@ -8,7 +8,7 @@ from __future__ import annotations
 import os
 import warnings
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -149,9 +149,10 @@ def convert_poses(
     The extensions name the formats. A format keeps what it can hold: npz and json everything; csv positions,
     standard deviations and status; trc and c3d positions; nc positions, uncertainty and status.
 
-    `fps` and `unit` are by default those of the source, but the unit is m in TRC and mm in C3D; `y_up` writes
-    a world with z up as y up and `marker_names` names the joints in a style of `MARKER_NAMES` (TRC, C3D);
-    `singular` names the dimensions of a NetCDF file as movement does from version 0.17 on.
+    `fps` and `unit` are by default those of the source, but the unit is m in TRC and mm in C3D; `fps` changes
+    velocities with it. `y_up` writes a world with z up as y up and `marker_names` names the joints in a
+    style of `MARKER_NAMES` (TRC, C3D); `singular` names the dimensions of a NetCDF file as movement does from
+    version 0.17 on.
 
     Raises
     ------
@@ -169,7 +170,7 @@ def convert_poses(
     if fps is not None and kind == "csv":
         raise InvalidInputError("fps: expected a file with a place for it, got .csv")
     data = read_pose(source)
-    data = data if fps is None else replace(data, frame_rate=fps)
+    data = data if fps is None else data.at_rate(fps)
     given: dict[str, object] = {
         "y_up": y_up or None,
         "marker_names": marker_names,

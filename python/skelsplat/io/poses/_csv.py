@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import io
 import math
 import os
 from collections.abc import Iterable, Iterator, Sequence
@@ -54,9 +53,15 @@ def write_csv(path: str | os.PathLike[str], data: Poses) -> None:
 
 def csv_text(rows: Iterable[Sequence[Any]]) -> str:
     """Return the text of rows of a table."""
-    buffer = io.StringIO(newline="")
-    csv.writer(buffer, lineterminator="\n").writerows(rows)
-    return buffer.getvalue()
+    lines = _Lines()
+    csv.writer(lines, lineterminator="\r\n").writerows(rows)  # so that a text with either is quoted
+    return "".join(f"{line[:-2]}\n" for line in lines)
+
+
+class _Lines(list[str]):
+    """Takes the lines that the csv module writes."""
+
+    write = list.append
 
 
 def rows_of(data: PoseData) -> Iterator[list[Any]]:

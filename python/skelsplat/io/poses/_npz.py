@@ -38,7 +38,8 @@ def write_npz(path: str | os.PathLike[str], data: Poses, *, run: str | None = No
     Raises
     ------
     DatasetError
-        If the path cannot be written.
+        If the path cannot be written, or the data are none that are read again: a name that is there twice or
+        longer than 255 bytes, frames that do not ascend, a frame rate beyond 1e-3 to 1e6.
     """
     head, frames, _ = parts_of(data)
     arrays: dict[str, Any] = {key: np.asarray(getattr(head, key)) for key in _KEYS}
@@ -56,6 +57,11 @@ def write_npz(path: str | os.PathLike[str], data: Poses, *, run: str | None = No
     arrays["version"] = np.array(sk.__version__)
     if run is not None:
         arrays["run"] = np.array(run)
+    target = Path(path)  # what its reader refuses is not written either
+    for key in ("joint_names", "camera_names"):
+        array_names(target, key, arrays[key], len(arrays[key]))
+    frame_numbers(target, frames)
+    Arrays(target, arrays).rate()
     with atomic_write(path) as stream:
         if isinstance(data, PoseParts):
             write_pieces(stream, arrays)

@@ -224,6 +224,13 @@ class PoseData:
         squares = {name: getattr(self, name) * factor**2 for name in _SQUARES}
         return replace(self, unit=unit, **lengths, **squares)
 
+    def at_rate(self, frame_rate: float) -> PoseData:
+        """Return the same poses at another frame rate; velocities, if there are any, change with it."""
+        factor = frame_rate / (self.frame_rate or frame_rate)
+        data = replace(self, frame_rate=frame_rate)
+        squares = self.velocity_uncertainty * factor**2
+        return replace(data, velocity=self.velocity * factor, velocity_uncertainty=squares)
+
 
 def checked(
     read: Callable[[str | os.PathLike[str]], PoseData],

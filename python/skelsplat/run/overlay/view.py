@@ -182,11 +182,12 @@ def _open(job: OverlayJob, scene: Scene, index: int, source: FrameSource, span: 
     corners = np.zeros((len(scene.frames), 2), dtype=np.int64)
     if job.crop:
         size, corners = follow((scene.outline(index) + 0.5) * fit - 0.5, source.size)
-    view = View(job, scene, index, source, Place(fit, size, job.scale or 1.0), corners)
-    if max(view.place.output) > _MOST_PX:
-        width, height = view.place.output
+    scale = job.scale or 1.0
+    width, height = size[0] * scale, size[1] * scale
+    if max(width, height) > _MOST_PX:
         expected = f"an output of at most {_MOST_PX} px in width and height"
-        raise InvalidInputError(f"scale: expected {expected}, got {width}×{height}")
+        raise InvalidInputError(f"scale: expected {expected}, got {width:.6g}×{height:.6g}")
+    view = View(job, scene, index, source, Place(fit, size, scale), corners)
     if not view.expected(span):
         raise _no_frame(view, span)
     if job.first_frame is None and _counted_from_one(view):
