@@ -61,6 +61,20 @@ def test_confidences_under_another_name_are_not_left_out(tmp_path, name):
     assert f"confidences under the name confidence, or none, got {name}" in refused(path)
 
 
+@pytest.mark.parametrize(
+    ("content", "begins"),
+    [
+        (lines("confidence").replace(",", ";").encode(), "'frame;joint;x;y;confidence'"),
+        (lines("confidence").encode("utf-16"), "'\ufffd\ufffdf\\x00r\\x00"),
+        (b"sep=,\n" + lines("confidence").encode(), "'sep=,'"),
+    ],
+)
+def test_a_file_that_nobody_knows_is_shown(tmp_path, content, begins):
+    for camera in CAMERAS:
+        (tmp_path / f"{camera}.csv").write_bytes(content)
+    assert f"none that is recognised: camA.csv begins with {begins}" in refused(tmp_path)
+
+
 def take(root, people=None, names=CAMERAS):
     return openpose(root, Take(anybody() if people is None else people, list(names), list(JOINTS)))
 
@@ -128,6 +142,13 @@ def test_percentages_are_no_peaks_of_maps(tmp_path, name):
     people[..., 2] = 8.0
     (tmp_path / "peaks").mkdir()
     assert (read(write_case(tmp_path / "peaks", name, people=people)).people[0, 0, 0, :, 2] == 1.0).all()
+
+
+def test_parts_of_the_image_are_no_pixels_even_if_some_joints_are_beyond_it(tmp_path):
+    people = anybody()
+    people[..., :2] /= 1000.0
+    people[1, :, 0, :3, 1] = 2.5  # feet below the image, as MediaPipe guesses them
+    assert "expected pixels of the original image, got numbers from 0.0" in refused(take(tmp_path, people))
 
 
 def test_a_key_that_is_twice_in_an_object(tmp_path):

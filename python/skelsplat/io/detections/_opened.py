@@ -18,8 +18,8 @@ from skelsplat.io.detections._format import Person, View
 from skelsplat.io.detections._frames import Sources
 from skelsplat.io.detections._joints import arranged, places_of
 
-# pixels of a whole view that all lie within this are parts of the image's size
-_NORMALISED = 1.5
+# pixels of a view that nearly all lie within this are parts of the image's size; joints may be beyond it
+_NORMALISED, _NEARLY_ALL = 1.5, 0.9
 _STRETCH = 4096  # frames
 _FAR = 2**62  # frames: further than any are apart
 
@@ -217,7 +217,8 @@ class _Pixels:
     """What the coordinates of a view, read in stretches, show: whether they are pixels."""
 
     def __init__(self, view: View) -> None:
-        self._view, self._least, self._most, self._count = view, np.inf, -np.inf, 0
+        self._view, self._least, self._most = view, np.inf, -np.inf
+        self._count, self._near, self._zeros = 0, 0, 0  # all, those within `_NORMALISED`, those at (0, 0)
 
     def add(self, people: Sequence[Sequence[Array]]) -> None:
         """Look at the people of further frames."""
@@ -226,12 +227,15 @@ class _Pixels:
             points = np.concatenate(everybody)[:, :2]
             points = points[np.isfinite(points).all(axis=1)]
             self._count += len(points)
+            self._near += int((np.abs(points) <= _NORMALISED).all(axis=1).sum())
+            self._zeros += int((points == 0.0).all(axis=1).sum())
             self._least = min(self._least, points.min(initial=np.inf))
             self._most = max(self._most, points.max(initial=-np.inf))
 
     def check(self) -> None:
         """Raise if they are parts of the image's size instead of pixels."""
-        if self._count > 1 and max(-self._least, self._most) <= _NORMALISED:
+        placed, near = self._count - self._zeros, self._near - self._zeros
+        if self._count > 1 and (placed == 0 or near >= max(_NEARLY_ALL * placed, 1)):
             actual = f"numbers from {self._least:.3g} to {self._most:.3g}, parts of the image's size"
             raise DatasetError(self._view.path, "keypoints", "pixels of the original image", actual)
 

@@ -12,7 +12,7 @@ from pathlib import Path
 from skelsplat._atomic import opening
 from skelsplat._budget import opened
 from skelsplat.exceptions import DatasetError, InvalidInputError, one_of
-from skelsplat.io._files import VIDEO_SUFFIXES, listed
+from skelsplat.io._files import VIDEO_SUFFIXES, head, listed
 from skelsplat.io._run_files import is_run
 from skelsplat.io.detections import _arrays, _caliscope, _csv, _deeplabcut, _json, _npz, _sleap
 from skelsplat.io.detections._format import DetectionFormat, View
@@ -57,8 +57,8 @@ FORMATS: dict[str, DetectionFormat] = {
 }
 # files looked at per folder: enough for every camera of a dome, and never a folder of a million images
 _MOST = 64
-# files or folders named in a message
-_NAMED = 10
+# files or folders named in a message, and how much is shown of a file that nobody knows
+_NAMED, _BEGINNING = 10, 40
 # looked for beneath a folder: a session, a participant, a trial is Pose2Sim's deepest; never a whole disk
 _LEVELS = 3
 _FOLDERS = 200
@@ -112,6 +112,10 @@ def _told(path: Path) -> str:
         return f"folders with such detections beneath it: give one of them ({listed(names, _NAMED)})"
     if any(one.suffix.lower() in VIDEO_SUFFIXES for one in chain([path], path.glob("*"), path.glob("*/*"))):
         return "videos; run skelsplat detect or another detector on them first, and give what it writes"
+    for sample in _samples(path):
+        if sample.suffix.lower() in (".csv", ".json"):
+            begins = head(sample).partition("\n")[0][:_BEGINNING]
+            return f"none that is recognised: {sample.name} begins with {begins!r}"
     return "none that is recognised"
 
 
