@@ -2,7 +2,7 @@
 
     python benchmarks/scale.py                           all tables, about ten minutes
     python benchmarks/scale.py speed growth --markdown   some of them: speed, growth, day, stages, memory
-    python benchmarks/scale.py picture                   docs/figures/scaling.png
+    python benchmarks/scale.py growth picture            draws the growth too: docs/figures/scaling.png
 
 Simulated recordings (`synthetic.motion`, errors that last), seen by a ring of cameras, 17 joints in 4 views
 where nothing else is said. CPU time of one thread, the best of several runs: other programs disturb it
@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import functools
 import json
 import resource
 import subprocess
@@ -147,6 +148,7 @@ def growth(repeat: int) -> Iterator[tuple[str, list[str], Rows]]:
         yield f"growth with {what}", columns, rows
 
 
+@functools.cache
 def measured_growth(repeat: int) -> dict[str, dict[int, tuple[float, ...]]]:
     """Return µs per frame, alone and in time, by what grows and its size; of people what `track` takes."""
     both = (alone_us, in_time_us)
@@ -327,6 +329,7 @@ def main() -> None:
     for name in chosen.tables:
         for title, columns, rows in {**TABLES, "picture": picture}[name](chosen.repeat):
             common.show(title, columns, rows, markdown=chosen.markdown)
+            sys.stdout.flush()
 
 
 if __name__ == "__main__":
