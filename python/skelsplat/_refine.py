@@ -182,7 +182,7 @@ def refine(
     Warns
     -----
     UserWarning
-        If the skeleton is taller than 10 m or shorter than 30 cm in the stated unit, or 10 cm without a
+        If the skeleton is taller than 10 m or shorter than 22 cm in the stated unit, or 10 cm without a
         layout; with a layout of one's own, which may be an animal's or a hand's, taller than 20 m or shorter
         than 1 mm.
     """

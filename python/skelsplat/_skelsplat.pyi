@@ -809,7 +809,7 @@ def checked_detections(
 def implausible_extent(
     poses: ArrayLike, cameras: _Cameras, *, layout: str | Layout | None = None
 ) -> dict[str, Any] | None:
-    """Return the facts for a warning if the skeletons (T, N, 3) are larger than 10 m or smaller than 30 cm.
+    """Return the facts for a warning if the skeletons (T, N, 3) are larger than 10 m or smaller than 22 cm.
 
     Without a layout the lower limit is 10 cm, with a custom one the limits are 20 m and 1 mm. None if the
     size is plausible.

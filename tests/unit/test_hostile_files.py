@@ -587,6 +587,7 @@ _OWN = {
     "io/_rows.py": "files of its own; others after a look",
     "io/sample.py": "part of the package",
     "io/poses/_c3d.py": "what its child wrote a moment ago",
+    "io/poses/_c3d_child.py": "the kernel, of this process",
     "evaluation/reported/__init__.py": "part of the package",
     "evaluation/runs.py": "with a checksum",
     "viz/report/_parts.py": "part of the package",

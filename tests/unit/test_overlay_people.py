@@ -24,6 +24,7 @@ from overlay_case import (
 
 need_opencv()
 
+from skelsplat.run.frame_range import FrameRange  # noqa: E402
 from skelsplat.run.overlay.scene import Scene  # noqa: E402  after the check
 from skelsplat.viz import _style  # noqa: E402
 from skelsplat.viz.overlay import Shown, draw_name, legend_strip  # noqa: E402
@@ -67,7 +68,7 @@ def test_every_person_is_drawn_in_one_colour_in_the_frames_of_their_run(people, 
 
 @pytest.mark.usefixtures("people")
 def test_the_farthest_is_drawn_first(tmp_path):
-    scene = Scene.read(tmp_path / "out")
+    scene = Scene.read(tmp_path / "out", FrameRange())
     assert [one.name for one in scene.frame(0, 3)] == ["person 0", "person 3"]
     assert [one.name for one in scene.frame(0, 1)] == ["person 0"]
     assert scene.frame(0, 99) is None

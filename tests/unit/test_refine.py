@@ -220,7 +220,7 @@ def scaled_to(scene, size):
 @pytest.mark.parametrize(
     ("own", "size", "told"),
     [
-        (False, 170.0, "shorter than 30 cm"),
+        (False, 170.0, "shorter than 22 cm"),
         (False, 500.0, None),
         (True, 96.0, None),
         (True, 0.5, "measures 0.50 mm and is shorter than 1 mm"),

@@ -57,7 +57,7 @@ impl Unit {
 }
 
 /// Range of plausible extents of a person, mm: a newborn measures 500, and an adult in centimetres that are taken for millimetres 170.
-const PERSON: [f64; 2] = [300.0, 10_000.0];
+const PERSON: [f64; 2] = [220.0, 10_000.0];
 /// The same without a layout: joints may be those of a hand.
 const UNKNOWN: [f64; 2] = [100.0, 10_000.0];
 /// Range of plausible extents of any body, mm: smaller than an ant to three times a giraffe.
@@ -74,7 +74,7 @@ pub struct Implausible {
     pub limit_mm: f64,
 }
 
-/// The median extent of these skeletons, `(T, N)` in `unit`, if it is below 30 cm or above 10 m; `None` if it is plausible
+/// The median extent of these skeletons, `(T, N)` in `unit`, if it is below 22 cm or above 10 m; `None` if it is plausible
 /// or the skeletons are too incomplete to measure.
 ///
 /// Without a layout the lower limit is 10 cm. A layout that is not human may be of any size that bodies have: its limits are 1 mm and 20 m.
@@ -156,7 +156,7 @@ mod tests {
         let human = Layout::by_name("coco17").unwrap();
         // An adult of 1.7 m in centimetres that are taken for millimetres.
         let short = implausible_extent(&person(170.0), Unit::Millimetre, Some(&human)).unwrap();
-        assert!(!short.taller && short.limit_mm == 300.0, "{short:?}");
+        assert!(!short.taller && short.limit_mm == 220.0, "{short:?}");
         assert_eq!(implausible_extent(&person(170.0), Unit::Millimetre, None), None);
         assert!(implausible_extent(&person(95.6), Unit::Millimetre, None).is_some());
     }

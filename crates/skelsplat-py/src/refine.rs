@@ -398,7 +398,7 @@ pub(crate) fn over_time<'py>(
     Ok(out)
 }
 
-/// Return the facts for a warning if the skeletons (T, N, 3) are larger than 10 m or smaller than 30 cm.
+/// Return the facts for a warning if the skeletons (T, N, 3) are larger than 10 m or smaller than 22 cm.
 ///
 /// Without a layout the lower limit is 10 cm, with a custom one the limits are 20 m and 1 mm. None if the
 /// size is plausible.

@@ -10,7 +10,7 @@ from skelsplat.cli import options
 from skelsplat.cli.refine import run_and_print
 from skelsplat.io import sample
 from skelsplat.run import Job
-from skelsplat.run.folder import output_folder
+from skelsplat.run.folder import run_folder
 
 # one each, since a run removes the files of an earlier one
 _FOLDER, _FOLDER_OF_PEOPLE = "skelsplat-demo", "skelsplat-demo-people"
@@ -62,7 +62,7 @@ def demo(
     output = output or Path(_FOLDER_OF_PEOPLE if people else _FOLDER)
     settings = {} if threads is None else {"n_threads": threads}
     config = sk.RefineConfig.paper(**settings) if paper else sk.RefineConfig(**settings)
-    with output_folder(output):
+    with run_folder(output):  # which another run may be writing
         paths = sample.extract(output / "input", people=people)
     job = Job(
         paths.calibration,
