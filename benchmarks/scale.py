@@ -15,7 +15,6 @@ import argparse
 import contextlib
 import functools
 import json
-import resource
 import subprocess
 import sys
 import tempfile
@@ -282,7 +281,9 @@ def child(way: str, frames: int) -> None:
     else:
         for _ in sk.refine_batches(chunks if way == "chunks" else chunks(), rig, **given):
             pass
-    print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)
+    # not the resource usage, which begins with that of the parent
+    status = Path("/proc/self/status").read_text(encoding="ascii").splitlines()
+    print(next(int(line.split()[1]) for line in status if line.startswith("VmHWM")) / 1024)
 
 
 def picture(repeat: int) -> Iterator[tuple[str, list[str], Rows]]:
@@ -297,7 +298,7 @@ def picture(repeat: int) -> Iterator[tuple[str, list[str], Rows]]:
     for axis, (what, of_sizes) in zip(axes, costs.items(), strict=True):
         sizes = np.array(list(of_sizes))
         lines = np.array(list(of_sizes.values())).T
-        labels = ["frame by frame", "in time"] if len(lines) == 2 else ["in time, who is who included"]
+        labels = ["frame by frame", "in time"] if len(lines) == 2 else ["people, with track"]
         for line, label, mark in zip(lines, labels, "os" if len(lines) == 2 else "^", strict=True):
             colour = {"frame by frame": "#4477aa", "in time": "#cc6677"}.get(label, "#117733")
             axis.loglog(sizes, line, marker=mark, color=colour, label=label)
