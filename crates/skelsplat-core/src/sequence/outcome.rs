@@ -29,7 +29,11 @@ pub(super) struct State<'a> {
     tracks: &'a Tracks,
     learnt: &'a Learnt,
     posterior: &'a Posterior,
-    /// Whether the frames around show the depth of each joint `(N, T)`, as [`State::deep`] finds.
+    /// k of every view at the path `(N, T, M)`; NaN where missing, or where no place is solved for.
+    believed: Vec<f64>,
+    /// Whether the views that agree on each joint fix its depth `(N, T)`; `None` where fewer than two do.
+    fixed: Vec<Option<bool>>,
+    /// Whether the frames around show the depth of each joint `(N, T)`, as [`deep`] finds.
     deep: Vec<bool>,
 }
 
@@ -51,8 +55,18 @@ impl<'a> State<'a> {
         learnt: &'a Learnt,
         posterior: &'a Posterior,
     ) -> Self {
-        let state = Self { run, tracks, learnt, posterior, deep: Vec::new() };
-        Self { deep: state.deep(), ..state }
+        let (common, views) = (&learnt.common, tracks.views);
+        let mut known = vec![f64::NAN; tracks.active.len() * views];
+        let mut depths = vec![None; tracks.active.len()];
+        for k in (0..depths.len()).filter(|k| tracks.active[*k]) {
+            let (j, at, own) =
+                (k / tracks.frames, &run.points[k], &mut known[k * views..][..views]);
+            let rays = tracks.rays(j, k % tracks.frames);
+            own.iter_mut().zip(believed(rays, at, common.sigma[j])).for_each(|(k, now)| *k = now);
+            depths[k] = fixed(rays, common, j, at, own);
+        }
+        let deep = deep(&depths, tracks.frames, frames_in(BRIDGE, common.fps));
+        Self { run, tracks, learnt, posterior, believed: known, fixed: depths, deep }
     }
 
     /// Frame `t`, and its error bars.
@@ -96,8 +110,11 @@ impl<'a> State<'a> {
             true => (self.run.points[k], self.posterior.positions[k] + self.undecided(j, t, alone)),
             false => (alone.points[j], alone.spread[j]),
         };
-        let believed = self.believed(j, t, &at);
-        let fixed = self.fixed(j, t, &at, &believed) == Some(true);
+        let believed: Vec<f64> = match active {
+            true => self.believed[k * rays.len()..][..rays.len()].to_vec(),
+            false => believed(rays, &at, common.sigma[j]).collect(),
+        };
+        let fixed = self.fixed[k] == Some(true);
         let widest = || covariance.symmetric_eigenvalues().max().sqrt();
         let status = match (active, fixed) {
             (false, _) => alone.status[j],
@@ -111,53 +128,6 @@ impl<'a> State<'a> {
         let terms = rays.iter().zip(&believed).filter(|(ray, k)| ray.is_there() && k.is_finite());
         let loss = terms.map(|(ray, k)| ray.weight * scale * (1.0 - k)).sum();
         Joint { at, covariance, believed, status, loss }
-    }
-
-    /// k of every view for joint `j` in frame `t`, `at` a position; NaN where missing.
-    fn believed(&self, j: usize, t: usize, at: &Vector3<f64>) -> Vec<f64> {
-        let sigma = self.learnt.common.sigma[j];
-        let weight = |ray: &Ray| ray.is_there().then(|| ray.offset(at).weight(sigma));
-        self.tracks.rays(j, t).iter().map(|ray| weight(ray).unwrap_or(f64::NAN)).collect()
-    }
-
-    /// Whether the views that agree on a joint fix its depth; `None` where fewer than two agree.
-    fn fixed(&self, j: usize, t: usize, at: &Vector3<f64>, believed: &[f64]) -> Option<bool> {
-        let (common, rays) = (&self.learnt.common, self.tracks.rays(j, t));
-        if believed.iter().filter(|k| **k >= REJECTED).count() < 2 {
-            return None;
-        }
-        let there = rays.iter().filter(|ray| ray.is_there());
-        let ranges = there.map(|ray| ray.offset(at).range.abs() * ray.pixel);
-        let pixel = ranges.clone().sum::<f64>() / ranges.count() as f64;
-        let variance = common.variance[j] / (pixel * pixel);
-        Some(determine(rays, at, variance, common.weight, |i| believed[i]))
-    }
-
-    /// Whether the frames around show the depth of each joint `(N, T)`: of those within the longest gap in which two views agree, at
-    /// least half fix it. Where cameras are so close together that it is fewer, these are the ones whose errors bring the joint nearer.
-    fn deep(&self) -> Vec<bool> {
-        let t = self.tracks.frames;
-        let around = frames_in(BRIDGE, self.learnt.common.fps);
-        let balance = |k: usize| {
-            let at = &self.run.points[k];
-            let fixed = || self.fixed(k / t, k % t, at, &self.believed(k / t, k % t, at));
-            match self.tracks.active[k].then(fixed).flatten() {
-                Some(true) => 1,
-                Some(false) => -1,
-                None => 0,
-            }
-        };
-        let of_joint = |j: usize| {
-            let sums: Vec<i64> = std::iter::once(0)
-                .chain((j * t..(j + 1) * t).map(balance))
-                .scan(0, |sum, one| {
-                    *sum += one;
-                    Some(*sum)
-                })
-                .collect();
-            (0..t).map(move |k| sums[(k + around + 1).min(t)] >= sums[k.saturating_sub(around)])
-        };
-        (0..self.tracks.joints).flat_map(of_joint).collect()
     }
 
     /// What a joint's covariance in its frame alone adds where no frame around shows it to enough views: its bone then allows two
@@ -175,6 +145,42 @@ impl<'a> State<'a> {
         let render = joints.iter().map(|joint| joint.loss).sum();
         Loss { total: render, render, symmetry: 0.0 }
     }
+}
+
+/// k of every view at a position; NaN where missing.
+fn believed(rays: &[Ray], at: &Vector3<f64>, sigma: f64) -> impl Iterator<Item = f64> {
+    rays.iter().map(move |ray| if ray.is_there() { ray.offset(at).weight(sigma) } else { f64::NAN })
+}
+
+/// Whether the views that agree on joint `j` fix its depth; `None` where fewer than two agree.
+fn fixed(
+    rays: &[Ray],
+    common: &Common,
+    j: usize,
+    at: &Vector3<f64>,
+    believed: &[f64],
+) -> Option<bool> {
+    if believed.iter().filter(|k| **k >= REJECTED).count() < 2 {
+        return None;
+    }
+    let there = rays.iter().filter(|ray| ray.is_there());
+    let ranges = there.map(|ray| ray.offset(at).range.abs() * ray.pixel);
+    let pixel = ranges.clone().sum::<f64>() / ranges.count() as f64;
+    let variance = common.variance[j] / (pixel * pixel);
+    Some(determine(rays, at, variance, common.weight, |i| believed[i]))
+}
+
+/// Whether the frames around show the depth of each joint `(N, T)`: of those up to `around` frames away in which two views agree, at least
+/// half fix it. Cameras so close together that fewer do fix it in the frames whose errors bring the joint nearer.
+fn deep(fixed: &[Option<bool>], frames: usize, around: usize) -> Vec<bool> {
+    let balance = |fixed: &Option<bool>| fixed.map_or(0, |is| if is { 1 } else { -1 });
+    let of_joint = |own: &[Option<bool>]| {
+        let mut sums = vec![0_i64];
+        own.iter().for_each(|one| sums.push(sums[sums.len() - 1] + balance(one)));
+        (0..frames)
+            .map(move |t| sums[(t + around + 1).min(frames)] >= sums[t.saturating_sub(around)])
+    };
+    fixed.chunks(frames.max(1)).flat_map(of_joint).collect()
 }
 
 /// Standard errors of the bones' lengths, mm: those of a typical frame, since most of an error lasts.
