@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,6 +16,8 @@ from skelsplat._skelsplat import Layout, RefineConfig
 
 # Fields that all frames share.
 OF_BONES = ("bones", "bone_lengths", "bone_length_sigma")
+
+_Kind = TypeVar("_Kind", bound=Refinement)
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,21 +111,19 @@ def refine_sequence(
     return SequenceRefinement(**refinement_fields(out))
 
 
-def frames_of(result: Refinement, frames: Index | slice) -> SequenceRefinement:
-    """Return some frames of a result over time."""
-    parts = {entry.name: getattr(result, entry.name) for entry in fields(SequenceRefinement)}
-    return SequenceRefinement(
+def frames_of(result: _Kind, frames: Index | slice) -> _Kind:
+    """Return some frames of a result."""
+    parts = {entry.name: getattr(result, entry.name) for entry in fields(result)}
+    return type(result)(
         **{name: value if name in OF_BONES else value[frames] for name, value in parts.items()}
     )
 
 
-def joined(results: list[SequenceRefinement]) -> SequenceRefinement:
-    """Return the frames of all results over time of one recording, with the bones of the last."""
+def joined(results: Sequence[_Kind]) -> _Kind:
+    """Return the frames of all results of one recording, in time with the bones of the last."""
     if len(results) == 1:
         return results[0]
-    whole = {
-        entry.name: np.concatenate([getattr(result, entry.name) for result in results])
-        for entry in fields(SequenceRefinement)
-        if entry.name not in OF_BONES
-    }
-    return SequenceRefinement(**whole, **{name: getattr(results[-1], name) for name in OF_BONES})
+    parts = {entry.name: [getattr(result, entry.name) for result in results] for entry in fields(results[0])}
+    return type(results[0])(
+        **{name: each[-1] if name in OF_BONES else np.concatenate(each) for name, each in parts.items()}
+    )

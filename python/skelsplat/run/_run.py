@@ -27,7 +27,7 @@ from skelsplat.run.html import notebook_view, show_page, write_html
 from skelsplat.run.over_time import apply_over_time, try_over_time
 from skelsplat.run.read import Inputs
 from skelsplat.run.report import build_report
-from skelsplat.run.solve import GIVEN_START, Outcome, refine_inputs
+from skelsplat.run.solve import GIVEN_START, Outcome, poses_of, refine_inputs
 from skelsplat.run.summary import Statistics, summarise
 from skelsplat.run.tracked import read_inputs
 
@@ -315,15 +315,7 @@ def in_order(findings: Iterable[Finding]) -> tuple[Finding, ...]:
 def summed_up(inputs: Inputs, outcome: Outcome, job: Job | None = None, notes: Sequence[Finding] = ()) -> Run:
     """Return the run with its statistics, findings and report; ``notes`` are earlier findings."""
     statistics = summarise(inputs, outcome)
-    data = PoseData.from_refinement(
-        outcome.result,
-        joint_names=inputs.layout.joints,
-        frames=inputs.frames,
-        camera_names=inputs.rig.names,
-        unit=inputs.rig.unit,
-        frame_rate=inputs.fps,
-    )
-    poses, over_time = apply_over_time(data, job)
+    poses, over_time = apply_over_time(poses_of(inputs, outcome.result), job)
     statistics = statistics.without_bars(poses.joint_status == "filled")
     frames = joint_frames(inputs, outcome, poses.joint_status)
     found = [*notes, *find_findings(inputs, outcome, statistics, frames)]

@@ -14,6 +14,7 @@ import skelsplat as sk
 from skelsplat._arrays import Array, Index
 from skelsplat._sequence import frames_of
 from skelsplat.cameras import without_distortion
+from skelsplat.io import PoseData
 from skelsplat.run.job import Job
 from skelsplat.run.read import Inputs
 
@@ -110,6 +111,18 @@ def why_alone(inputs: Inputs, job: Job) -> str:
 def is_sparse(inputs: Inputs) -> bool:
     """Whether most frames between the first and the last are missing."""
     return bool(even_clock(inputs)[0][-1] >= _MOST_EMPTY * len(inputs.frames))
+
+
+def poses_of(inputs: Inputs, result: sk.Refinement) -> PoseData:
+    """Return the poses of a result, with their names."""
+    return PoseData.from_refinement(
+        result,
+        joint_names=inputs.layout.joints,
+        frames=inputs.frames,
+        camera_names=inputs.rig.names,
+        unit=inputs.rig.unit,
+        frame_rate=inputs.fps,
+    )
 
 
 def even_clock(inputs: Inputs) -> tuple[Index, float]:

@@ -166,6 +166,8 @@ def _inputs(person: Person, seen: Array, whole: Inputs, places: Index, seconds: 
     here = np.flatnonzero((places >= person.frames[0]) & (places <= person.frames[-1]))
     rows = places[here] - person.frames[0]
     result = person.refinement
+    if not isinstance(result, sk.SequenceRefinement):
+        raise TypeError("a person solved over time is needed")
     return replace(
         whole,
         detections=person.detections(seen)[rows],

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import chain, pairwise
 from pathlib import Path
@@ -36,8 +35,9 @@ def follow(opened: Opened, folder: Path, size: int) -> Followed:
     detections = RowFile(folder / "detections", shape, np.float64)
     unmatched = RowFile(folder / "unmatched", shape[:1], np.bool_)
     sample, seen, chosen = sampled(steps), list[Array](), list[Index]()
-    before, done = np.empty((0, shape[0], 1, *shape[1:])), 0
-    for part, after in _with_next(opened.detections.stretches(size)):
+    nobody = np.empty((0, shape[0], 1, *shape[1:]))
+    before, done = nobody, 0
+    for part, after in pairwise(chain(opened.detections.stretches(size), [nobody])):
         people = _joined([before, part, after[:_BESIDE]])
         own = slice(len(before), len(before) + len(part))
         places, without = pick_places(people, rig, "consistent", layout)
@@ -51,18 +51,6 @@ def follow(opened: Opened, folder: Path, size: int) -> Followed:
         before, done = taken[-_BESIDE:, :, None], done + len(part)
     crowd = look_around(_joined(seen), np.concatenate(chosen), rig, "consistent", layout, sample)
     return Followed(detections, unmatched, crowd)
-
-
-def _with_next(parts: Iterator[Array]) -> Iterator[tuple[Array, Array]]:
-    """Yield every part with the one that follows; the last one with an empty one."""
-    last: list[Array] = []
-
-    def noted() -> Iterator[Array]:
-        for part in parts:
-            last[:] = [part[:0]]
-            yield part
-
-    return pairwise(chain(noted(), (part for part in last)))
 
 
 def _joined(parts: list[Array]) -> Array:

@@ -12,14 +12,14 @@ import numpy as np
 
 import skelsplat as sk
 from skelsplat._arrays import Index
+from skelsplat._sequence import frames_of, joined
 from skelsplat.findings import Finding
 from skelsplat.io import PoseData
 from skelsplat.io.poses._parts import PoseParts, PoseStore
 from skelsplat.run.findings import JointFrames, joint_frames
 from skelsplat.run.frames import FrameFacts, Usual, find_in_frames
-from skelsplat.run.long._solve import joined, taken
 from skelsplat.run.read import Inputs, Thinned
-from skelsplat.run.solve import Outcome
+from skelsplat.run.solve import Outcome, poses_of
 from skelsplat.run.summary import Statistics, summarise
 
 # Frames that medians, findings, figures and the page are from, at least half of these.
@@ -127,22 +127,10 @@ class Gathered:
         return self._poses.parts(self._last, self._whole.frames, size)
 
 
-def poses_of(inputs: Inputs, result: sk.Refinement) -> PoseData:
-    """Return the poses with their names."""
-    return PoseData.from_refinement(
-        result,
-        joint_names=inputs.layout.joints,
-        frames=inputs.frames,
-        camera_names=inputs.rig.names,
-        unit=inputs.rig.unit,
-        frame_rate=inputs.fps,
-    )
-
-
 def _some(inputs: Inputs, rows: Index) -> Inputs:
     parts = {name: getattr(inputs, name)[rows] for name in ("detections", "unmatched", "frames")}
     return replace(inputs, **parts)
 
 
 def _drawn(outcome: Outcome, rows: Index) -> Outcome:
-    return replace(outcome, result=taken(outcome.result, rows), start=outcome.start[rows])
+    return replace(outcome, result=frames_of(outcome.result, rows), start=outcome.start[rows])

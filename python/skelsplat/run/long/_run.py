@@ -21,11 +21,11 @@ from skelsplat.run._run import Run, Whole, check_output, in_order, reported, war
 from skelsplat.run.findings import find_findings
 from skelsplat.run.job import Job
 from skelsplat.run.long._follow import follow
-from skelsplat.run.long._gather import Gathered, poses_of
+from skelsplat.run.long._gather import Gathered
 from skelsplat.run.long._solve import solve
 from skelsplat.run.over_time import apply_over_time
 from skelsplat.run.read import Inputs, Opened, open_files
-from skelsplat.run.solve import Progress, why_alone
+from skelsplat.run.solve import Progress, poses_of, why_alone
 
 # Bytes of files of so many detections, at least.
 _LEAST_BYTES = 16 * 2**20

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import fields
 
 import numpy as np
 
 import skelsplat as sk
 from skelsplat._arrays import Array, Index
-from skelsplat._sequence import OF_BONES
+from skelsplat._sequence import frames_of
 from skelsplat.io._rows import RowFile
 from skelsplat.run.job import Job
 from skelsplat.run.read import Inputs
@@ -65,19 +64,5 @@ def solve(
     for result in results:
         end = first + len(result.pose)
         own = slice(*np.searchsorted(places, [first, end]).tolist())
-        yield own, taken(result, places[own] - first)
+        yield own, frames_of(result, places[own] - first)
         first = end
-
-
-def taken(result: sk.Refinement, rows: Index) -> sk.Refinement:
-    """Return some frames of a result."""
-    parts = {entry.name: getattr(result, entry.name) for entry in fields(result)}
-    return type(result)(**{name: value if name in OF_BONES else value[rows] for name, value in parts.items()})
-
-
-def joined(results: list[sk.Refinement]) -> sk.Refinement:
-    """Return the frames of all results as one, with the bones of the last."""
-    parts = {entry.name: [getattr(result, entry.name) for result in results] for entry in fields(results[0])}
-    return type(results[0])(
-        **{name: each[-1] if name in OF_BONES else np.concatenate(each) for name, each in parts.items()}
-    )
