@@ -1,4 +1,4 @@
-"""Choosing one person among several: CPU time per frame beside refining, and with 40 to 60 people per image.
+"""Choosing one person among several: CPU time per frame next to refining, and with 40 to 60 people per image.
 
     python benchmarks/choice.py [--frames 100] [--markdown] [--crowds]
 

@@ -130,7 +130,7 @@ def _zipped_zeros(path: Path) -> None:
     path.write_bytes(local + data + central + b"PK\5\6" + end)
 
 
-@attack("13f", "npy whose header claims 80 GB", _REFUSED, limit_s=_LIMIT_S)
+@attack("13f", "npy with a header that claims 80 GB", _REFUSED, limit_s=_LIMIT_S)
 def npy_claim() -> str:
     return _reading("mediapipe.npy", _npy_header((2, 10**8, 25, 2)), _detections)
 

@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 
 _FPS = 50.0
 _LAYOUT = "h36m17"
-# A world whose origin is that of its map's zone, mm
+# A world with its origin far away, as map coordinates have it, mm
 _UTM = np.array([5.0e8, 5.2e9, 1.0e5])
 
 
@@ -85,7 +85,7 @@ def _largest(found: Array, expected: Array) -> float:
     return float(np.nanmax(np.abs(found - expected)))
 
 
-@attack("15a", "a recording whose detections never change", "as a frame")
+@attack("15a", "a recording in which nothing ever moves", "as a frame")
 def still_detections() -> str:
     seen = _walk()
     still = _Recording(seen.truth, np.repeat(seen.detections[:1], 120, axis=0), seen.cameras)

@@ -162,7 +162,7 @@ fn misfit(a: &[f64], b: &[f64]) -> f64 {
     ratios.map(|r| (r / (2.0 * SPREAD)).powi(2).min(2.0)).sum()
 }
 
-/// Joins whoever appears to whoever was lost there, those first whose parts look most like those of one person.
+/// Joins tracks that begin to those that ended nearby, the pairs most like one person first.
 fn join(tracks: &mut Vec<Track>, known: &Known, fps: f64) {
     let bones = |track: &Track| lengths(track, &(track.first..track.end()), known);
     let mut all: Vec<Option<(Track, Vec<f64>)>> =

@@ -142,7 +142,7 @@ fn adjugate([a, b, c, d, e, f, g, h, i, j]: &[f64x4; 10]) -> [f64x4; 10] {
     ]
 }
 
-/// The eigenvector of the smallest eigenvalue of the matrix whose adjugate this is, divided by its last entry.
+/// The eigenvector of a matrix for its smallest eigenvalue, divided by its last entry, from the matrix's adjugate.
 #[inline]
 fn smallest(m: &[f64x4; 10]) -> [f64x4; 3] {
     let (mut a, mut b, mut c, mut d) = (m[3], m[6], m[8], m[9]);

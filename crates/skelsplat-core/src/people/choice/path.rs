@@ -10,7 +10,7 @@ use crate::camera::Camera;
 use crate::detections::Detections;
 use crate::error::Result;
 
-/// Frames whose choices are in memory together.
+/// How many frames' choices are in memory at a time.
 const CHUNK: usize = 1024;
 
 /// What going over to someone else costs.

@@ -1,6 +1,6 @@
 //! What a choice depends on.
 
-/// Two equal explanations are told apart by size.
+/// Of two equal explanations, the larger figures win by this much.
 pub(super) const SIZE_COST: f64 = 1e-3;
 /// A pair of figures proposes nothing if their rays miss each other by this many gates, in the median.
 pub(super) const MISSED: f64 = 1.5;

@@ -127,7 +127,7 @@ impl Search {
         Choices { all, cut, work: self.body.work }
     }
 
-    /// All pairs of figures whose rays meet.
+    /// Proposes every pair of figures in different views if their rays meet.
     fn propose(&mut self, views: &Views<'_>, rules: &Rules) {
         self.proposals.clear();
         self.body.work = 0;
