@@ -217,13 +217,21 @@ def test_of_a_long_run_a_range_is_read(files: Path, tmp_path: Path, monkeypatch:
         read_source(out, range=FrameRange(2000, 2000))
 
 
-def test_an_interrupted_run_leaves_nothing(files: Path, tmp_path: Path) -> None:
-    def interrupt(done: int, _: int) -> None:
-        if done:
+def test_an_interrupted_run_leaves_nothing(
+    files: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(_run, "_LEAST_FRAMES", 400)
+    told: list[int] = []
+
+    def interrupt(done: int, of: int) -> None:
+        told.append(done)
+        if 2 * done > of:
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
         run_long(job(files, tmp_path / "out"), progress=interrupt)
+    assert told[:5] == [0, 200, 400, 600, 635], "reading and following 1270 frames is half of the work"
+    assert 635 < told[-1] <= 1270
     assert not (tmp_path / "out").exists()
 
 

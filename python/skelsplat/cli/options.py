@@ -244,6 +244,7 @@ Threads = Annotated[
         help=_sentence("n_threads", *_METHODS),
         default="all cores",
         min=1,
+        max=1024,
     ),
 ]
 

@@ -13,6 +13,7 @@ from skelsplat._arrays import Array, Index
 from skelsplat.io._rows import RowFile
 from skelsplat.run.person import Crowd, look_around, pick_places, sampled
 from skelsplat.run.read import Opened
+from skelsplat.run.solve import Progress
 
 # Frames on either side of a part among which the person is chosen as well: in those before, only the one
 # followed there is left.
@@ -28,7 +29,7 @@ class Followed:
     crowd: Crowd | None
 
 
-def follow(opened: Opened, folder: Path, size: int) -> Followed:
+def follow(opened: Opened, folder: Path, size: int, progress: Progress | None = None) -> Followed:
     """Read everybody, so many frames at a time, and follow the person the views agree on."""
     rig, layout, steps = opened.rig, opened.detections.skeleton, len(opened.detections.frames)
     shape = (len(rig), layout.n_joints, 3)
@@ -49,6 +50,8 @@ def follow(opened: Opened, folder: Path, size: int) -> Followed:
         seen.append(part[here])
         chosen.append(index[here])
         before, done = taken[-_BESIDE:, :, None], done + len(part)
+        if progress is not None:
+            progress(done, steps)
     crowd = look_around(_joined(seen), np.concatenate(chosen), rig, "consistent", layout, sample)
     return Followed(detections, unmatched, crowd)
 

@@ -114,11 +114,11 @@ def _refined(
     if progress is not None:
         progress(0, len(inputs.frames))
     size = max(_LEAST_FRAMES, _PER_PART // (len(opened.rig) * opened.detections.skeleton.n_joints))
-    person = follow(opened, folder, size)
+    person = follow(opened, folder, size, _half(progress, 0))
     inputs = replace(inputs, crowd=person.crowd)
     gathered, seconds = Gathered(inputs, job.settings, folder), 0.0
     begin = time.perf_counter()
-    for part, result in solve(inputs, person.detections, job, size, progress):
+    for part, result in solve(inputs, person.detections, job, size, _half(progress, 1)):
         seconds += time.perf_counter() - begin
         own = replace(
             inputs,
@@ -136,3 +136,10 @@ def _refined(
     poses = poses_of(drawn, outcome.result)
     run = Run(poses, tuple(findings), tuple(in_frames), {}, statistics, drawn, outcome, whole)
     return run, left_out
+
+
+def _half(progress: Progress | None, done: int) -> Progress | None:
+    """Return the progress of one of two passes, ``done`` of which are over: a frame counts half in each."""
+    if progress is None:
+        return None
+    return lambda frames, total: progress((done * total + frames) // 2, total)
