@@ -196,10 +196,30 @@ def test_the_person_of_another_run_is_named(runs, tmp_path):
     assert PeopleRun.open(tmp_path / "X").people[0].report["note"] == "A"
     shutil.rmtree(tmp_path / "X" / "person_0")
     shutil.copytree(tmp_path / "Y" / "person_0", tmp_path / "X" / "person_0")
-    expected = r"X/person_0/report\.json: run: expected \w{16}, as in .*X/report\.json, got \w{16}"
+    expected = r"X/person_0/report\.json: run: expected \w{16}_person_0, as in .*X/report\.json, got \w{16}_"
     for read in (PeopleRun.open, lambda folder: Scene.read(folder, FrameRange())):
         with pytest.raises(sk.DatasetError, match=expected):
             read(tmp_path / "X")
+
+
+@pytest.mark.parametrize("what", ["folder", "file"])
+def test_two_people_of_one_run_are_not_mixed(runs, tmp_path, what):
+    (_, one), (_, two) = runs.values()
+    people = [{"id": k, "folder": f"person_{k}"} for k in (0, 1)]
+    report = {"versions": one.report["versions"], "settings": {}, "findings": [], "people": people}
+    report["folders"] = [entry["folder"] for entry in people]
+    PeopleRun({0: one, 1: two}, (), report).write(tmp_path, html=False)
+    PeopleRun.open(tmp_path)
+    mixed = tmp_path / "person_1" / ("report.json" if what == "folder" else "pose.npz")
+    if what == "folder":
+        shutil.rmtree(mixed.parent)
+        shutil.copytree(tmp_path / "person_0", mixed.parent)
+    else:
+        shutil.copy(tmp_path / "person_0" / mixed.name, mixed)
+    expected = rf"1/{mixed.name}: run: expected \w{{16}}_person_1, as in .*, got \w{{16}}_person_0: "
+    for read in (PeopleRun.open, lambda folder: Scene.read(folder, FrameRange())):
+        with pytest.raises(sk.DatasetError, match=expected):
+            read(tmp_path)
 
 
 @pytest.mark.skipif(not hasattr(os, "O_NOFOLLOW"), reason="systems on which links are not followed")

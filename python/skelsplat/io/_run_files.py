@@ -69,16 +69,38 @@ def _marked(text: str) -> str | None:
     return text.removeprefix(mark("")) if text.startswith(mark("")) else None
 
 
+def of_person(run: str, folder: str) -> str:
+    """Return the run of one person in a run of several, whose folder is ``person_0``."""
+    return f"{run}_{folder}"
+
+
 def check_one_run(report: Path, files: Iterable[Path]) -> None:
     """Raise `DatasetError`, which names both, if a file is of another run than a report."""
     run = run_of(report)
     for path in files:
-        other = run_of(path)
-        if other != run:
-            expected = f"{_short(run)}, as in {report}"
-            raise DatasetError(
-                path, RUN, expected, f"{_short(other)}: files of two runs are mixed, run it again"
-            )
+        _check(path, run, report)
+
+
+def check_people(report: Path) -> None:
+    """Raise `DatasetError` if the report in a folder of a run of several people is not that person's."""
+    run = run_of(report)
+    for name in folders_of_run(report.parent):
+        _check(
+            report.parent / name / REPORT,
+            None if run is None else of_person(run, name),
+            report,
+            "runs or people",
+        )
+
+
+def _check(path: Path, run: str | None, report: Path, what: str = "runs") -> None:
+    found = run_of(path)
+    if found != run:
+        expected, got = (
+            f"{_short(run)}, as in {report}",
+            f"files of two {what} are mixed, run it again",
+        )
+        raise DatasetError(path, RUN, expected, f"{_short(found)}: {got}")
 
 
 def _short(run: object) -> str:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import hashlib
 import io
-import itertools
 import json
 import os
 import pickle
@@ -24,7 +23,7 @@ from skelsplat._json import plain, to_text
 from skelsplat._lock import locked
 from skelsplat.exceptions import DatasetError, InvalidInputError, SkelSplatError
 from skelsplat.io._files import VIDEO_SUFFIXES, listed, load_json
-from skelsplat.io._run_files import MARKED, REPORT, check_one_run, files_of_run, folders_of_run
+from skelsplat.io._run_files import MARKED, REPORT, check_one_run, check_people, files_of_run, folders_of_run
 from skelsplat.io.calibration._json import to_json
 from skelsplat.run._run import run
 from skelsplat.run.folder import output_folder
@@ -269,13 +268,13 @@ def _complete(folder: Path, entry: Mapping[str, Any]) -> bool:
     """Whether a folder holds the run that a batch has written there, with all its files and no others'."""
     if entry.get("report_sha256") != _sha256(folder / REPORT):
         return False
-    places = [folder, *(folder / name for name in folders_of_run(folder))]
-    files = [[place / name for name in files_of_run(place) or [""]] for place in places]
-    if not all(path.is_file() for path in itertools.chain(*files)):
-        return False
-    marked = [path for path in itertools.chain(*files) if path.name in MARKED]
     try:
-        check_one_run(folder / REPORT, [*marked, *(place / REPORT for place in places)])
+        check_people(folder / REPORT)
+        for place in (folder, *(folder / name for name in folders_of_run(folder))):
+            files = [place / name for name in files_of_run(place) or [""]]
+            if not all(path.is_file() for path in files):
+                return False
+            check_one_run(place / REPORT, (path for path in files if path.name in MARKED))
     except DatasetError:
         return False
     return True

@@ -18,7 +18,15 @@ from skelsplat.exceptions import DatasetError
 from skelsplat.findings import Finding, collected_warnings
 from skelsplat.io import write_people
 from skelsplat.io._files import load_json
-from skelsplat.io._run_files import REPORT, RUN, UNFINISHED, check_one_run, folders_of_run, is_person
+from skelsplat.io._run_files import (
+    REPORT,
+    RUN,
+    UNFINISHED,
+    check_people,
+    folders_of_run,
+    is_person,
+    of_person,
+)
 from skelsplat.io.poses import PEOPLE_FORMATS
 from skelsplat.run import folder as folders
 from skelsplat.run._run import Run, check_output, in_order, summed_up, warn_of_output
@@ -82,7 +90,7 @@ class PeopleRun:
         if report.get(UNFINISHED):
             expected = "the report of a run that has written all its files"
             raise DatasetError(path / REPORT, UNFINISHED, expected, "one that was stopped: run it again")
-        check_one_run(path / REPORT, (path / name / REPORT for name in names))
+        check_people(path / REPORT)
         runs = [Run.open(path / name) for name in names]
         found = tuple(Finding.from_dict(entry) for entry in report["findings"])
         return cls(
@@ -169,8 +177,9 @@ def write_everybody(run: PeopleRun, folder: Path, writing: folders.Writing) -> P
     folders.begin_writing(folder, run.report)
     people = {}
     for identity, one in run.people.items():
-        with folders.run_folder(folder / folder_of(identity)):
-            people[identity] = folders.write_folder(one, folder / folder_of(identity), writing, name)
+        own = folder_of(identity)
+        with folders.run_folder(folder / own):
+            people[identity] = folders.write_folder(one, folder / own, writing, of_person(name, own))
     poses = {identity: one.poses for identity, one in run.people.items()}
     for name in _poses_together(writing):
         write_people(folder / name, poses)

@@ -10,7 +10,7 @@ import numpy as np
 
 import skelsplat as sk
 from skelsplat._arrays import Array, Index, Mask, median
-from skelsplat.io._run_files import REPORT, check_one_run, folders_of_run
+from skelsplat.io._run_files import REPORT, check_people, folders_of_run
 from skelsplat.io.run_folder import RunFolder, read_run
 from skelsplat.io.video import Size
 from skelsplat.run.frame_range import FrameRange
@@ -56,7 +56,7 @@ class Scene:
         names = folders_of_run(folder)
         if not names:
             return cls({"": read_run(folder, within=chosen.to_read)})
-        check_one_run(folder / REPORT, (folder / name / REPORT for name in names))
+        check_people(folder / REPORT)
         return cls({name.replace("_", " "): read_run(folder / name) for name in names})
 
     def frame(self, view: int, number: int) -> list[Drawn] | None:
