@@ -15,7 +15,7 @@ from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.findings import collected_warnings
 from skelsplat.io import convert_unit, write_calibration
 from skelsplat.io._files import listed
-from skelsplat.io._run_files import POSES, folders_of_run
+from skelsplat.io._run_files import POSES, check_run, folders_of_run
 from skelsplat.io.calibration import find_format, read_calibration
 from skelsplat.io.poses import POSE_FORMATS, convert_poses, is_pose_file, pose_format
 
@@ -135,6 +135,8 @@ def _kind(source: Path, *, named: bool) -> str:
         raise DatasetError(source, "file", "a readable file or folder", "no such file")
     if named:
         return "calibration"
+    if source.is_dir():
+        check_run(source)
     if is_pose_file(source) or is_pose_file(source / POSES):
         return "pose file"
     if people := folders_of_run(source):
