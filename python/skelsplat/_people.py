@@ -143,7 +143,7 @@ def track(
     if in_vain >= max(3.0, min(_IN_VAIN_S * fps, 0.5 * len(np.asarray(frames)))):
         warn_of("nobody_found", {"frames": in_vain}, 3)
     if cut:
-        warn_of("people_uncompared", {"frames": cut, "most": most_people(frames)}, 3)
+        warn_of("people_uncompared", {"frames": cut, "most": most_people(frames)}, 3, "without")
     limbs = _unequal_limbs(everybody, cameras, layout)
     if limbs is not None:
         warn_of("limbs_differ", limbs, 3)
@@ -363,7 +363,7 @@ class Tracker:
                 self._in_vain = None
         if not self._cut and self._compiled.cut():
             self._cut = True
-            warn_of("people_uncompared", {"frames": 1, "most": most_people(frame)}, 3)
+            warn_of("people_uncompared", {"frames": 1, "most": most_people(frame)}, 3, "without")
         return [_seen(out) for out in found]
 
     def reset(self) -> None:

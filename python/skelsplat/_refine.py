@@ -251,11 +251,12 @@ def warn_of_prior(result: Refinement) -> None:
         warn_of("start_contradicts", {"percent": 100 * share}, 4)
 
 
-def warn_of(kind: str, numbers: dict[str, Any], depth: int) -> None:
-    """Warn with a finding, at the caller ``depth`` calls up."""
-    from skelsplat.findings import Finding, FindingWarning
+def warn_of(kind: str, numbers: dict[str, Any], depth: int, *remedies: str) -> None:
+    """Warn with a finding, at the caller ``depth`` calls up; ``remedies`` are options that help."""
+    from skelsplat.findings import Finding, FindingWarning, Remedy
 
-    warnings.warn(FindingWarning(Finding(kind, numbers=numbers)), stacklevel=depth)
+    remedy = tuple(Remedy(option, None) for option in remedies)
+    warnings.warn(FindingWarning(Finding(kind, numbers=numbers, remedy=remedy)), stacklevel=depth)
 
 
 @contextmanager

@@ -20,7 +20,7 @@ from skelsplat._people import most_people
 from skelsplat._skelsplat import check_people, people_chosen
 from skelsplat.cameras import mm_per_unit
 from skelsplat.exceptions import InvalidInputError
-from skelsplat.findings import Finding, warn
+from skelsplat.findings import Finding, Remedy, warn
 from skelsplat.layouts import mirror_images
 
 # hypotheses of a frame that stay in the running when frames are linked
@@ -84,6 +84,32 @@ def choose_person(
         amount of work, and those that agree best have been compared by then.
     """
     everyone = _check(people, cameras)
+    options: dict[str, Any] = {"layout": layout, "min_confidence": min_confidence, "min_joints": min_joints}
+    index, cut = chosen_places(everyone, cameras, gate=gate, **options)
+    if cut.any():
+        warn(uncompared(int(cut.sum()), most_people(everyone)))
+    return take_people(everyone, index), index
+
+
+def uncompared(frames: int, most: int) -> Finding:
+    """Return the finding that in so many frames, with up to ``most`` people a view, not all were compared."""
+    numbers = {"frames": frames, "most": most}
+    return Finding("people_uncompared", numbers=numbers, remedy=(Remedy("without", None),))
+
+
+def chosen_places(
+    everyone: Array,
+    cameras: sk.CameraRig | Sequence[sk.Camera],
+    *,
+    layout: sk.Layout | None,
+    min_confidence: float,
+    min_joints: int,
+    gate: float = 0.03,
+) -> tuple[Index, Mask]:
+    """Return the places (T, M) of `choose_person`, and in which frames (T,) not all were compared.
+
+    The people are checked already, and nothing is warned of.
+    """
     joints = everyone.shape[3]
     index, cut = people_chosen(
         cameras,
@@ -97,9 +123,7 @@ def choose_person(
         switch_cost=_SWITCH_COST,
         switch_step=_SWITCH_MM / mm_per_unit(cameras),
     )
-    if cut.any():
-        warn(Finding("people_uncompared", numbers={"frames": int(cut.sum()), "most": most_people(everyone)}))
-    return take_people(everyone, index), index
+    return index, cut
 
 
 def separate_people(
@@ -114,8 +138,9 @@ def separate_people(
 ) -> tuple[Index, Array]:
     """Tell apart the people on whom two views or more agree, the one whom `choose_person` takes first.
 
-    Everybody else is chosen in the same way among the detections that are left. A body detected twice is one
-    person: who is nearer to an earlier one than a quarter of that body's size is left out.
+    Everybody else is chosen in the same way among the detections that are left, without another warning of
+    too many people. A body detected twice is one person: who is nearer to an earlier one than a quarter of
+    that body's size is left out.
 
     Parameters
     ----------
@@ -145,7 +170,7 @@ def separate_people(
     while len(found) < most:
         steps, views = np.nonzero(index >= 0)
         rest[steps, views, index[steps, views]] = np.nan
-        index = choose_person(rest, cameras, **options)[1]
+        index, _ = chosen_places(rest, cameras, **options)
         if (index < 0).all():
             break
         pose = _triangulated(everyone, index, cameras)

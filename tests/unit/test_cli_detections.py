@@ -9,7 +9,7 @@ import pytest
 from typer.testing import CliRunner
 
 import skelsplat as sk
-from command_line import invoke, read_report, texts
+from command_line import assert_fails, invoke, read_report, texts
 from detection_cases import CASES
 from detection_files import Take
 from skelsplat.cli import app
@@ -148,3 +148,15 @@ def test_a_missing_package_is_one_line(recording, take, monkeypatch):
     assert result.exit_code == 1
     assert len(result.stderr.splitlines()) == 1
     assert "pip install 'skelsplat[formats]'" in result.stderr
+
+
+@pytest.mark.parametrize("command", ["refine", "check-cameras", "adjust-cameras"])
+@pytest.mark.parametrize("frames", ["strict", "intersection", "union"])
+def test_detections_without_frames_are_named(recording, command, frames):
+    folder, rig, _ = recording
+    path = folder / "empty.npz"
+    np.savez(path, detections=np.empty((0, len(rig), len(JOINTS), 3)), camera_names=np.array(rig.names))
+    out = {"refine": ["-o", folder / "out"], "adjust-cameras": ["-o", folder / "new.toml"]}.get(command, [])
+    result = invoke(command, folder / "Calib.toml", path, *OPTIONS[:4], "--frames", frames, *out)
+    assert_fails(result, 1, f"error: {path}: frames: expected at least one frame, got none")
+    assert not (folder / "out").exists()

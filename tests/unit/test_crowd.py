@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from skelsplat import synthetic
+from skelsplat import association, synthetic
 from skelsplat.association import body_sizes, separate_people, take_people
+from skelsplat.findings import FindingWarning
 from skelsplat.run.people import limb_spread
 from skelsplat.run.person import sampled, visible_alike
 from two_people import FRAMES, LAYOUT, crossing, crowd_of, seen, shuffled
@@ -41,6 +42,21 @@ def test_a_body_detected_twice_is_one_person(people):
     twice = np.stack([people[:, :, 0], people[:, :, 0] + [3.0, -2.0, 0.0]], axis=2)
     index, _ = separate_people(twice, RIG)
     assert len(index) == 1
+
+
+def test_too_many_people_to_compare_are_said_once_with_their_number(people, monkeypatch):
+    bounded = association.people_chosen
+
+    def cut(*given, **options):
+        return bounded(*given, **options)[0], np.arange(len(given[1])) < 5
+
+    monkeypatch.setattr(association, "people_chosen", cut)
+    for person in ("consistent", "largest"):
+        with pytest.warns(
+            FindingWarning, match=r"in 5 frames .* \(up to 2 in a view\): .*\(--without\)"
+        ) as told:
+            assert crowd_of(people, RIG, person).visible == 2
+        assert [remedy.text for one in told for remedy in one.message.finding.remedy] == ["--without"]
 
 
 def test_nobody_is_one_person_without_a_place():

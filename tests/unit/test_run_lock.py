@@ -126,6 +126,14 @@ def test_the_lock_of_a_process_that_was_killed_holds_nothing(tmp_path):
     assert not list(tmp_path.iterdir())
 
 
+def test_the_next_run_removes_the_parts_that_a_killed_one_left(runs):
+    folder, run = runs["A"]
+    (folder / ".skelsplat-long-x").mkdir()
+    (folder / ".skelsplat-long-x" / "pose").write_bytes(b"some")
+    run.write(folder)
+    assert not list(folder.glob(".*"))
+
+
 def test_a_file_system_without_locks_is_written_to(tmp_path, monkeypatch):
     def unsupported(*_):
         raise OSError(95, "Operation not supported")
@@ -139,11 +147,14 @@ def test_a_file_system_without_locks_is_written_to(tmp_path, monkeypatch):
 def test_a_run_that_is_refused_leaves_the_folder_as_it_is(runs, tmp_path):
     folder, run = runs["A"]
     before = {path.name: path.read_bytes() for path in folder.iterdir()}
+    parts = folder / ".skelsplat-long-x"  # of the run that writes, or of one that was killed
+    parts.mkdir()
     with (
         locked(folder),
         pytest.raises(sk.DatasetError, match="output: expected a folder into which no other"),
     ):
         run.write(folder)
+    parts.rmdir()
     assert {path.name: path.read_bytes() for path in folder.iterdir()} == before
     run.write(tmp_path / "again")  # the same run is the same bytes
     assert {path.name: path.read_bytes() for path in (tmp_path / "again").iterdir()} == before

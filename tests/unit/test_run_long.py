@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import skelsplat as sk
-from skelsplat import _budget, synthetic
+from skelsplat import _budget, association, synthetic
 from skelsplat.association import take_people
 from skelsplat.findings import Finding, FindingWarning
 from skelsplat.io import _rows, read_run, write_calibration
@@ -74,6 +74,21 @@ def test_one_of_several_people_is_followed_from_part_to_part(tmp_path: Path) -> 
     found = _follow.follow(opened, tmp_path, 100)
     np.testing.assert_array_equal(found.detections.read(0, 300), take_people(people, index))
     np.testing.assert_array_equal(found.unmatched.read(0, 300), unmatched)
+
+
+def test_of_too_many_people_to_compare_all_frames_count_once(
+    files: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bounded = association.people_chosen
+
+    def cut(*given: object, **options: object) -> object:
+        index, none = bounded(*given, **options)
+        return index, ~none
+
+    monkeypatch.setattr(association, "people_chosen", cut)
+    with pytest.warns(FindingWarning, match=r"in 1,270 frames .* \(up to 1 in a view\)") as told:
+        _follow.follow(read.open_files(job(files, tmp_path)), tmp_path, 400)
+    assert len(told) == 1
 
 
 @pytest.mark.parametrize("options", [{}, {"frame_by_frame": True}], ids=["over time", "frame by frame"])

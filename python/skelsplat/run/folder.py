@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
+import shutil
 import tempfile
 from dataclasses import dataclass, replace
 from itertools import chain
@@ -49,6 +50,7 @@ if TYPE_CHECKING:
     from skelsplat.run.read import Inputs
 
 PAGE = "report.html"
+SCRATCH = ".skelsplat-long-"  # begins the name of the folder for the parts of a long recording
 _PICTURES, _PAPERS_PICTURE = ("overview.png", "weights.png"), "heatmaps.png"
 _POSSIBLE = (
     *(f"pose.{kind}" for kind in POSE_FORMATS),
@@ -266,8 +268,13 @@ def left_of_earlier(folder: Path) -> list[str]:
 
 @contextlib.contextmanager
 def run_folder(folder: Path) -> Iterator[None]:
-    """Make a folder as `output_folder` does, into which no other run writes during the block."""
+    """Make a folder as `output_folder` does, into which no other run writes during the block.
+
+    What a killed run has left of the parts of a long recording is removed.
+    """
     with output_folder(folder), locked(folder):
+        for left in folder.glob(f"{SCRATCH}*"):
+            shutil.rmtree(left, ignore_errors=True)
         yield
 
 

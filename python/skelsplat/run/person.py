@@ -11,6 +11,8 @@ import numpy as np
 import skelsplat as sk
 from skelsplat import association
 from skelsplat._arrays import Array, Index, Mask, medians
+from skelsplat._people import most_people
+from skelsplat.findings import warn
 
 # Choices that need no frame rate, and one that needs people followed over time.
 BY_FRAME, MOVES_MOST = ("consistent", "largest"), "moves-most"
@@ -83,11 +85,10 @@ def pick_places(
         If no file has a person at that index.
     """
     if person == "consistent":
-        _, index = association.choose_person(
-            people, rig, layout=layout, min_confidence=_MIN_CONFIDENCE, min_joints=_MIN_JOINTS
-        )
-        there = count_people(people) > 0
-        return index, there & (index < 0) & (there.sum(axis=1, keepdims=True) >= 2)
+        index, unmatched, cut = pick_consistent(people, rig, layout)
+        if cut.any():
+            warn(association.uncompared(int(cut.sum()), most_people(people)))
+        return index, unmatched
     never = np.zeros(people.shape[:2], dtype=bool)
     if person == "largest":
         return association.extents(people).argmax(axis=2), never
@@ -96,6 +97,19 @@ def pick_places(
             f"person: expected less than {people.shape[2]} (the most people in a file), got {person}"
         )
     return np.full(people.shape[:2], int(person), dtype=np.int64), never
+
+
+def pick_consistent(people: Array, rig: sk.CameraRig, layout: sk.Layout | None) -> tuple[Index, Mask, Mask]:
+    """Return what `pick_places` does for the person the views agree on, without a warning.
+
+    And the frames (T,) in which there were too many people to compare all of them.
+    """
+    people = association.with_confidences(people)
+    index, cut = association.chosen_places(
+        people, rig, layout=layout, min_confidence=_MIN_CONFIDENCE, min_joints=_MIN_JOINTS
+    )
+    there = count_people(people) > 0
+    return index, there & (index < 0) & (there.sum(axis=1, keepdims=True) >= 2), cut
 
 
 def look_around(

@@ -92,6 +92,8 @@ class Sources:
             expected = f"the same frames in every {self.kind}{_after(offsets)}"
             raise DatasetError(self.root, "frames", expected, _difference(judged, ranges=any(added)))
         union, shared = _union(common), _intersection(common)
+        if not len(union):
+            raise DatasetError(self.root, "frames", "at least one frame", "none")
         if mode == "strict" and self.sparse:
             shared = shared[:0] if any(_alone(label, common) for label in common) else union
         if mode != "union" and len(union) and not len(shared):

@@ -10,8 +10,10 @@ import numpy as np
 
 from skelsplat import association
 from skelsplat._arrays import Array, Index
+from skelsplat._people import most_people
+from skelsplat.findings import warn
 from skelsplat.io._rows import RowFile
-from skelsplat.run.person import Crowd, look_around, pick_places, sampled
+from skelsplat.run.person import Crowd, look_around, pick_consistent, sampled
 from skelsplat.run.read import Opened
 from skelsplat.run.solve import Progress
 
@@ -37,12 +39,14 @@ def follow(opened: Opened, folder: Path, size: int, progress: Progress | None = 
     unmatched = RowFile(folder / "unmatched", shape[:1], np.bool_)
     sample, seen, chosen = sampled(steps), list[Array](), list[Index]()
     nobody = np.empty((0, shape[0], 1, *shape[1:]))
-    before, done = nobody, 0
+    before, done, uncompared, most = nobody, 0, 0, 0
     for part, after in pairwise(chain(opened.detections.stretches(size), [nobody])):
         people = _joined([before, part, after[:_BESIDE]])
         own = slice(len(before), len(before) + len(part))
-        places, without = pick_places(people, rig, "consistent", layout)
-        index, alone = places[own], without[own]
+        places, without, not_all = pick_consistent(people, rig, layout)
+        index, alone, cut = places[own], without[own], not_all[own]
+        if cut.any():
+            uncompared, most = uncompared + int(cut.sum()), max(most, most_people(part))
         taken = association.take_people(part, index)
         detections.append(taken)
         unmatched.append(alone)
@@ -52,6 +56,8 @@ def follow(opened: Opened, folder: Path, size: int, progress: Progress | None = 
         before, done = taken[-_BESIDE:, :, None], done + len(part)
         if progress is not None:
             progress(done, steps)
+    if uncompared:
+        warn(association.uncompared(uncompared, most))
     crowd = look_around(_joined(seen), np.concatenate(chosen), rig, "consistent", layout, sample)
     return Followed(detections, unmatched, crowd)
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import shutil
 import tempfile
 import time
 from collections.abc import Callable, Iterator
@@ -31,7 +30,6 @@ from skelsplat.run.solve import Progress, poses_of, why_alone
 _LEAST_BYTES = 16 * 2**20
 # Detections in memory at a time, but 600 frames or more: 100 MB with their results.
 _PER_PART, _LEAST_FRAMES = 400_000, 600
-_SCRATCH = ".skelsplat-long-"
 
 
 def run_long(
@@ -77,11 +75,9 @@ def run_long(
 
 @contextmanager
 def _scratch(folder: Path) -> Iterator[Path]:
-    """Make a folder for the parts, removed afterwards, and remove what a killed run has left of its own."""
-    for left in folder.glob(f"{_SCRATCH}*"):
-        shutil.rmtree(left)
+    """Make a folder for the parts, removed afterwards."""
     room = opening(folder, "a folder with room for the parts of the recording", "output")
-    with room, tempfile.TemporaryDirectory(prefix=_SCRATCH, dir=folder) as scratch:
+    with room, tempfile.TemporaryDirectory(prefix=folders.SCRATCH, dir=folder) as scratch:
         yield Path(scratch)
 
 
