@@ -27,7 +27,7 @@ _CAMERAS = ["cam0", "cam1"]
 
 
 def _outcome(call: Callable[[], object]) -> str:
-    """Return how a call ends, after what time of the processor, and by how much the process has grown."""
+    """Return how a call ends, after what CPU time, and by how much the process has grown."""
     resource.setrlimit(resource.RLIMIT_AS, (_ADDRESSES, _ADDRESSES))
     before, start = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss, time.process_time()
     try:

@@ -299,7 +299,7 @@ def test_a_table_is_read_line_by_line(tmp_path: Path) -> None:
     assert next(lines) == ["a", "b"]
     assert list(lines) == [["1", "2\n3"], ["4", "5"]]
     path.write_bytes(b"a,b\n" * 5000 + b"\xff")
-    refused(lambda p: list(csv_lines(p)), path, "text in UTF-8, got byte 20000 that is not")
+    refused(lambda p: list(csv_lines(p)), path, "text in UTF-8, got byte 0xff at 20000, which is not")
 
 
 def hdf5(path: Path, **datasets: tuple[tuple[int, ...], object]) -> Any:

@@ -11,13 +11,13 @@ from rich.table import Table
 
 from skelsplat._sentences.words import number, with_bar
 from skelsplat.cli import inputs, options
+from skelsplat.cli.command import with_parameters_of
 from skelsplat.cli.output import Terminal, print_json, say
 from skelsplat.cli.table import new_table, print_table, tell
 from skelsplat.exceptions import DatasetError
 from skelsplat.io import write_calibration
 from skelsplat.run.adjust import AdjustedCameras, numbers_of
 from skelsplat.run.adjust import adjust_cameras as adjust
-from skelsplat.run.job import FRAME_MODES
 
 EPILOG = (
     "Exit status: 0 done, also if no camera was adjusted; 1 a file is unreadable or another fault is found."
@@ -67,7 +67,7 @@ _Clock = Annotated[
 _Force = Annotated[bool, options.flag("Output", "--force", help="Replace FILE if it exists.")]
 
 
-# long: a parameter per option
+@with_parameters_of(inputs.recording_arguments)
 def adjust_cameras(
     source: inputs.Calibration,
     detections: options.Detections,
@@ -76,24 +76,10 @@ def adjust_cameras(
     move: _Move = None,
     focal: _Focal = False,
     clock: _Clock = False,
-    layout: options.LayoutName = None,
-    person: options.Entry = "consistent",
-    frames: options.Frames = "union",
-    format: options.Format = None,
-    offset: options.Offset = None,
-    order: options.Order = None,
-    without: options.Without = None,
-    joint_map: options.JointMap = None,
-    sequence: options.Sequence = None,
-    unit: inputs.Unit = None,
-    calibration_format: inputs.CalibrationFormat = None,
-    camera_type: inputs.CameraType = None,
-    subject: inputs.Subject = None,
-    size: inputs.Size = None,
-    binning: inputs.Binning = None,
     force: _Force = False,
     quiet: options.Quiet = False,
     as_json: options.AsJson = False,
+    **given: Any,
 ) -> None:
     """Adjust the cameras that were turned or moved since the calibration, from a recording.
 
@@ -111,15 +97,8 @@ def adjust_cameras(
     skelsplat adjust-cameras Calib.qca.txt pose/ -o fixed.toml --focal --json
     """
     _check_output(output, source, force=force)
-    given = {
-        "layout": layout,
-        "frames": options.one_of("--frames", frames, FRAME_MODES),
-        "sequence": sequence,
-        **inputs.detection_arguments(format, offset, order, joint_map),
-    }
-    read = inputs.calibration_arguments(unit, calibration_format, camera_type, subject, size, binning)
-    wanted: dict[str, Any] = {"free": move or (), "focal": focal, "clock": clock}
-    found = adjust(source, detections, read=read, without=without or (), person=person, **wanted, **given)
+    reading = inputs.recording_arguments(**given)
+    found = adjust(source, detections, free=move or (), focal=focal, clock=clock, **reading)
     if found.adjusted:
         names = ", ".join(found.adjusted)
         note = f"skelsplat adjust-cameras: {names} of {source.name} adjusted by {detections.name}"

@@ -14,13 +14,13 @@ from rich.table import Table
 import skelsplat as sk
 from skelsplat._sentences.words import number
 from skelsplat.cli import inputs, options
+from skelsplat.cli.command import with_parameters_of
 from skelsplat.cli.output import Terminal, print_json, say
 from skelsplat.cli.table import new_table, print_table
 from skelsplat.io import DetectionSet
 from skelsplat.rig_check import RigReport
 from skelsplat.run.check import CameraCheck
 from skelsplat.run.check import check_cameras as check
-from skelsplat.run.job import FRAME_MODES
 
 EPILOG = "Exit status: 0 nothing found, 1 something found or a file is unreadable, 2 bad usage."
 COMMON = ("unit", "layout", "person", "frames", "without", "offset", "order", "joint_map", "quiet", "as_json")
@@ -43,28 +43,15 @@ _LEGEND = (
 )
 
 
+@with_parameters_of(inputs.recording_arguments)
 def check_cameras(
     context: typer.Context,
     source: inputs.Calibration,
     detections: _Detections = None,
     *,
-    layout: options.LayoutName = None,
-    person: options.Entry = "consistent",
-    frames: options.Frames = "union",
-    format: options.Format = None,
-    offset: options.Offset = None,
-    order: options.Order = None,
-    without: options.Without = None,
-    joint_map: options.JointMap = None,
-    sequence: options.Sequence = None,
-    unit: inputs.Unit = None,
-    calibration_format: inputs.CalibrationFormat = None,
-    camera_type: inputs.CameraType = None,
-    subject: inputs.Subject = None,
-    size: inputs.Size = None,
-    binning: inputs.Binning = None,
     quiet: options.Quiet = False,
     as_json: options.AsJson = False,
+    **given: Any,
 ) -> None:
     """Find faults in a calibration: wrong unit, swapped, rotated or unsynchronised cameras.
 
@@ -89,14 +76,7 @@ def check_cameras(
     """
     if detections is None:
         inputs.refuse_detection_options(context)
-    given = {
-        "layout": layout,
-        "frames": options.one_of("--frames", frames, FRAME_MODES),
-        "sequence": sequence,
-        **inputs.detection_arguments(format, offset, order, joint_map),
-    }
-    read = inputs.calibration_arguments(unit, calibration_format, camera_type, subject, size, binning)
-    found = check(source, detections, read=read, without=without or (), person=person, **given)
+    found = check(source, detections, **inputs.recording_arguments(**given))
     again = inputs.repeated(context, ("quiet", "as_json"))
     files = ("skelsplat", "adjust-cameras", str(source), str(detections))
     adjust = shlex.join([*files, *again, "-o", "fixed.toml"]) if found.report.misplaced else None

@@ -11,6 +11,7 @@ import typer
 
 from skelsplat.cli import options
 from skelsplat.io.calibration import FORMATS
+from skelsplat.run.job import FRAME_MODES
 
 _PANEL = "Calibration"
 _OF_DETECTIONS = (
@@ -84,6 +85,43 @@ def calibration_arguments(
         "subject": subject,
         "size": width_and_height(size),
         "binning": binning,
+    }
+
+
+# long: a parameter per option
+def recording_arguments(
+    *,
+    layout: options.LayoutName = None,
+    person: options.Entry = "consistent",
+    frames: options.Frames = "union",
+    format: options.Format = None,
+    offset: options.Offset = None,
+    order: options.Order = None,
+    without: options.Without = None,
+    joint_map: options.JointMap = None,
+    sequence: options.Sequence = None,
+    unit: Unit = None,
+    calibration_format: CalibrationFormat = None,
+    camera_type: CameraType = None,
+    subject: Subject = None,
+    size: Size = None,
+    binning: Binning = None,
+) -> dict[str, Any]:
+    """Return the arguments of `skelsplat.run.check_cameras` and `adjust_cameras` for reading a recording.
+
+    Raises
+    ------
+    typer.BadParameter
+        If a value does not have the form of its option.
+    """
+    return {
+        "read": calibration_arguments(unit, calibration_format, camera_type, subject, size, binning),
+        "without": without or (),
+        "person": person,
+        "layout": layout,
+        "frames": options.one_of("--frames", frames, FRAME_MODES),
+        "sequence": sequence,
+        **detection_arguments(format, offset, order, joint_map),
     }
 
 

@@ -9,8 +9,8 @@ use crate::camera::{Camera, NEAR};
 /// Trace of the adjugate of AᵀA, relative to that of AᵀA cubed, below which the rays do not determine a point.
 const RANK: f64 = 1e-14;
 /// Steps of the inverse iteration, at most; it ends with a step of this square, relative to the point's.
-const STEPS: usize = 8;
-const SETTLED: f64 = 1e-12;
+const STEPS: usize = 16;
+const SETTLED: f64 = 1e-18;
 /// Square of a distance, in lengths of the rig, from which a point is at infinity.
 const FARTHEST: f64x4 = f64x4::splat(1.0 / (AT_INFINITY * AT_INFINITY));
 const MISSING: f64x4 = f64x4::splat(f64::NAN);

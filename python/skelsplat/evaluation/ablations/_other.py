@@ -232,12 +232,12 @@ def time_of_tiers(source: Source, samples: Sequence[Sample]) -> Outcome:
         ratio >= _COSTLY,
     )
     table = Table("Time per iteration", "tier", TIERS, tuple(timed), "ms", 4, chart=False)
-    note = f"Times: processor time on one thread, best of {_REPEATS}, {_TIMED} poses; the paper's on a GPU."
+    note = f"Times: CPU time on one thread, best of {_REPEATS}, {_TIMED} poses; the paper's on a GPU."
     return Outcome((table,), (claim,), (note,))
 
 
 def _seconds(once: Callable[[], Sequence[Refinement]]) -> float:
-    """Return the processor time per iteration and pose."""
+    """Return the CPU time per iteration and pose."""
     begun = time.process_time()
     steps = int(sum(np.sum(result.n_iter) for result in once()))
     return (time.process_time() - begun) / max(1, steps)
