@@ -19,6 +19,7 @@ from skelsplat._optional import can_draw
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.findings import Finding, Subject
 from skelsplat.io import write_pose
+from skelsplat.io._files import load_json
 from skelsplat.io._run_files import (
     CAMERAS,
     DETECTIONS,
@@ -26,6 +27,7 @@ from skelsplat.io._run_files import (
     REPORT,
     RUN,
     UNFINISHED,
+    check_finished,
     files_of_run,
     folders_of_run,
     is_person,
@@ -286,12 +288,33 @@ def left_of_earlier(folder: Path) -> list[str]:
 def run_folder(folder: Path) -> Iterator[None]:
     """Make a folder as `output_folder` does, into which no other run writes during the block.
 
-    What a killed run has left of the parts of a long recording is removed.
+    What a killed run has left of the parts of a long recording is removed. A `KeyboardInterrupt` says whether
+    anything was written.
     """
     with output_folder(folder), locked(folder):
         for left in folder.glob(f"{SCRATCH}*"):
             shutil.rmtree(left, ignore_errors=True)
-        yield
+        before = _version(folder / REPORT)
+        try:
+            yield
+        except KeyboardInterrupt as stop:
+            raise KeyboardInterrupt(_left_by_interrupt(folder, before)) from stop
+
+
+def _version(path: Path) -> tuple[int, int] | None:
+    """Return what changes whenever a file is written as a whole; None if there is none."""
+    return (path.stat().st_ino, path.stat().st_mtime_ns) if path.exists() else None
+
+
+def _left_by_interrupt(folder: Path, before: tuple[int, int] | None) -> str:
+    """Return the state of the folder of a run that was interrupted; "" if all its files are written."""
+    if _version(folder / REPORT) == before:
+        return f"nothing was written to {folder}"
+    try:
+        check_finished(folder / REPORT, load_json(folder / REPORT, "the report of a run"))
+    except DatasetError:
+        return f"{folder} is unfinished: run it again"
+    return ""
 
 
 @contextlib.contextmanager
