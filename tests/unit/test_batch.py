@@ -123,7 +123,7 @@ def test_a_batch_that_was_stopped_goes_on(jobs, runs, tmp_path):
         if runs:
             raise KeyboardInterrupt
 
-    with pytest.raises(KeyboardInterrupt):
+    with pytest.raises(KeyboardInterrupt, match="1 of 2 recordings are done: run it again for the others"):
         run_batch(jobs, tmp_path / "results", progress=stop)
     assert runs == ["one"]
     assert statuses(run_batch(jobs, tmp_path / "results")) == ["unchanged", "done"]

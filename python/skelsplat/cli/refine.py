@@ -8,7 +8,7 @@ from typing import Any
 import skelsplat as sk
 from skelsplat.cli import inputs, options
 from skelsplat.cli.command import with_parameters_of
-from skelsplat.cli.output import Terminal, counting, print_json, print_warning
+from skelsplat.cli.output import Terminal, described, print_json, print_warning
 from skelsplat.cli.people_table import print_people
 from skelsplat.cli.table import print_files, print_run, tell
 from skelsplat.findings import Finding
@@ -149,10 +149,11 @@ def run_and_print(job: Job, *, quiet: bool, as_json: bool) -> None:
         printed.append(finding)
         tell(finding)
 
-    with counting("frames", shown=not quiet) as count:
+    with described("refining", shown=not quiet, unit="frames") as show:
         given: dict[str, Any] = {
-            "progress": lambda done, total: count("refining", done, total),
+            "progress": lambda done, total: show("refining", done, total),
             "tell": tell_now,
+            "on_file": lambda name: show(f"writing {name}", None, None),
         }
         found: Run | PeopleRun | None = run_long(job, **given)
         if found is None:

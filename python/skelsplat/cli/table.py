@@ -184,7 +184,7 @@ def _lines(run: Run) -> Iterator[str]:
         f"{n} {_REASONS.get(reason, reason)}" for reason, n in statistics.stop_reasons.items()
     )
     cores = f"{threads} thread{'s' * (threads != 1)}"
-    yield f"{frames} frames of {joints} joints, {each:.{2 if each < 1 else 1}f} ms each ({cores})."
+    yield f"{frames} frames of {joints} joints, solved in {each:.{2 if each < 1 else 1}f} ms each ({cores})."
     yield from solved_in_words(run.report)
     yield from thinned_in_words(run.inputs)
     yield f"Frames stopped: {reasons}."

@@ -186,10 +186,14 @@ def run_batch(
         _write(top, jobs, found, keys, earlier)
         tell = progress or (lambda _done, _total: None)
         tell(len(found), len(jobs))
-        for name, error in _refined({n: job for n, job in jobs.items() if n not in found}, processes):
-            found[name] = _read(name, jobs[name], DONE, error)
-            _write(top, jobs, found, keys, earlier)
-            tell(len(found), len(jobs))
+        try:
+            for name, error in _refined({n: job for n, job in jobs.items() if n not in found}, processes):
+                found[name] = _read(name, jobs[name], DONE, error)
+                _write(top, jobs, found, keys, earlier)
+                tell(len(found), len(jobs))
+        except KeyboardInterrupt as stop:
+            done = f"{len(found)} of {len(jobs)} recordings are done"
+            raise KeyboardInterrupt(f"{done}: run it again for the others") from stop
     return Batch(tuple(found[name] for name in jobs))
 
 
