@@ -52,6 +52,21 @@ def test_stretches_are_the_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     assert big.frames.tolist() == opened.frames.tolist() == list(range(0, 46, 2))
 
 
+@pytest.mark.parametrize("size", [1, 32 * 2**20])
+def test_pixels_beyond_what_is_computed_with_name_the_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, size: int
+) -> None:
+    monkeypatch.setattr(_rows, "BIG", size)
+    seen = detections().astype(np.float32)
+    seen[15, 1, 0, 2, :2] = -1e30
+    path = write(tmp_path / "all.npz", seen)
+    expected = r"all\.npz: keypoints: expected pixels within ±1e\+30, or none where missing, got 1\.00000001"
+    with pytest.raises(DatasetError, match=expected):
+        read_detections(path, CAMERAS, layout="h36m17")
+    with pytest.raises(DatasetError, match=expected):
+        list(open_detections(path, CAMERAS, layout="h36m17").stretches(10))
+
+
 @pytest.mark.usefixtures("everything_is_big")
 def test_cameras_with_different_frames_are_read_in_stretches(tmp_path: Path) -> None:
     seen = detections(people=1)

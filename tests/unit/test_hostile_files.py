@@ -404,6 +404,7 @@ POSES = {"pose": np.ones((1, 2, 3)), "joint_names": ["a", "b"], "frames": [5], "
     [
         ({"frames": [5.5]}, "frames: expected whole numbers, got 5.5"),
         ({"pose": np.full((1, 2, 3), np.inf)}, "pose: expected finite numbers, none for what is missing"),
+        ({"pose": np.full((1, 2, 3), 1e300)}, r"pose: expected positions within ±1e\+30 m, got 1e\+297 m"),
         ({"uncertainty": np.full((1, 2, 3, 3), np.inf)}, "uncertainty: expected finite numbers"),
         ({"joint_names": np.array([b"a", b"a"])}, "joint_names: expected different names, got 'a' twice"),
         ({"joint_names": np.array([7, 8])}, "joint_names: expected 2 names, got int64"),
