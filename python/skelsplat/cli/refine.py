@@ -5,8 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import typer
+
 import skelsplat as sk
 from skelsplat.cli import inputs, options
+from skelsplat.cli._app import FAILED
 from skelsplat.cli.command import with_parameters_of
 from skelsplat.cli.output import Terminal, described, print_json, print_warning
 from skelsplat.cli.people_table import print_people
@@ -176,3 +179,5 @@ def run_and_print(job: Job, *, quiet: bool, as_json: bool) -> None:
         print_files(
             console, folder, [*found.report["files"], *found.report.get("folders", []), "report.json"]
         )
+    if any(finding.severity == "error" for finding in found.findings):
+        raise typer.Exit(FAILED)

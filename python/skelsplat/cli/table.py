@@ -16,7 +16,7 @@ from rich.text import Text
 import skelsplat as sk
 from skelsplat._escape import escaped
 from skelsplat._sentences.words import number
-from skelsplat.cli.output import Terminal, print_warning
+from skelsplat.cli.output import Terminal, print_message
 from skelsplat.findings import Finding
 from skelsplat.run import Run
 from skelsplat.run.folder import left_of_earlier
@@ -35,8 +35,8 @@ _REASONS = {
 
 
 def tell(finding: Finding) -> None:
-    """Print a finding on stderr."""
-    print_warning(finding.text)
+    """Print a finding on stderr, as an error or a warning."""
+    print_message(f"{'error' if finding.severity == 'error' else 'warning'}: {finding.text}")
 
 
 def wide_console() -> Console:
