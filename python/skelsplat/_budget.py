@@ -163,13 +163,13 @@ def read_text(path: Path) -> str:
     try:
         text = content.decode("utf-8-sig")
     except UnicodeDecodeError as error:
-        raise _no_text(path, content, error.start) from error
+        raise no_text(path, content, error.start) from error
     if "\0" in text:
-        raise _no_text(path, content, content.index(b"\0"))
+        raise no_text(path, content, content.index(b"\0"))
     return text.replace("\r\n", "\n").replace("\r", "\n")
 
 
-def _no_text(path: Path, content: bytes, at: int, before: int = 0) -> DatasetError:
+def no_text(path: Path, content: bytes, at: int, before: int = 0) -> DatasetError:
     """Return the error for the byte ``at`` a place in content with ``before`` bytes before it in the file."""
     byte = f"byte 0x{content[at]:02x} at {before + at}"
     if not before and content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
@@ -190,7 +190,7 @@ def read_lines(path: Path) -> Iterator[str]:
                     raise DatasetError(path, f"line {number}", expected, "more")
                 yield line
         except UnicodeDecodeError as error:
-            raise _no_text(path, error.object, error.start, stream.tell() - len(error.object)) from error
+            raise no_text(path, error.object, error.start, stream.tell() - len(error.object)) from error
 
 
 _BRACKETS = bytes.maketrans(b"[{]}", b"\x01\x01\xff\xff")

@@ -163,3 +163,15 @@ def test_a_fault_of_a_csv_is_named_with_its_line(tmp_path: Path, old: str, new: 
     path.write_text(path.read_text().replace(old, new))
     with pytest.raises(DatasetError, match=words):
         list(open_detections(path, CAMERAS, layout="h36m17").stretches(4))
+
+
+@pytest.mark.usefixtures("everything_is_big")
+def test_a_byte_of_a_csv_that_is_no_text_is_named_with_its_place(tmp_path: Path) -> None:
+    path = write_csv(tmp_path / "all.csv", np.nan_to_num(detections(), nan=1.0), "by frame")
+    content = path.read_bytes()
+    at = content.index(b"\n30,cam_a,0,5,") + len(b"\n30,cam_a,0,5,")
+    path.write_bytes(content[:at] + b"\xe9" + content[at:])
+    with pytest.raises(
+        DatasetError, match=f"file: expected text in UTF-8, got byte 0xe9 at {at}, which is not"
+    ):
+        list(open_detections(path, CAMERAS, layout="h36m17").stretches(4))
