@@ -269,6 +269,15 @@ def test_what_is_no_calibration_is_named(finished_run, name, is_what):
     assert str(found.value).endswith(f"voxelpose), got {is_what}")
 
 
+def test_what_is_damaged_is_no_detections(finished_run, tmp_path):
+    path = tmp_path / "camA.json"
+    path.write_bytes((finished_run / "cameras.json").read_bytes()[:20])
+    assert "csv), got invalid JSON: unterminated string starting at character " in refused(path)
+    path.write_bytes(b"")
+    assert refused(path).endswith("csv), got an empty file")
+    assert refused(tmp_path).endswith("got none that is recognised: camA.json is an empty file")
+
+
 def test_what_is_damaged_or_missing_is_no_calibration(tmp_path):
     for name in ("x.npz", "x.h5", "x.npy"):
         with pytest.raises(DatasetError, match=rf"{name}: file: expected a readable file, got no such file"):

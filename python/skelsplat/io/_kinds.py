@@ -29,7 +29,9 @@ def seems(path: Path) -> str | None:
         form = None if unclear else find_format(path)
         if form is None or (form == "anipose" and not has_cameras(Source(path))):
             return None
-    except (DatasetError, OSError):
+    except DatasetError as error:
+        return f"invalid JSON: {error.actual}" if error.field == "JSON" else None
+    except OSError:
         return None
     return f"a calibration ({form})"
 
@@ -37,12 +39,14 @@ def seems(path: Path) -> str | None:
 def damage(path: Path) -> str | None:
     """Say that the content of a file is not what its name says; None if it is, or cannot be told."""
     suffix = path.suffix.lower()
-    if suffix != ".npz" and suffix not in _SIGNS:
+    try:
+        with opened(path) as stream:
+            if suffix == ".npz":
+                return damaged_zip(stream)
+            begins = stream.read(8)
+    except DatasetError:  # it cannot be read
         return None
-    with opened(path) as stream:
-        if suffix == ".npz":
-            return damaged_zip(stream)
-        begins = stream.read(8)
-    if begins.startswith(_SIGNS[suffix]):
-        return None
-    return "another kind of file, or a damaged one" if begins else "an empty file"
+    if not begins:
+        return "an empty file"
+    wrong = not begins.startswith(_SIGNS.get(suffix, (b"",)))
+    return "another kind of file, or a damaged one" if wrong else None
