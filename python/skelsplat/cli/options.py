@@ -241,7 +241,7 @@ Threads = Annotated[
         _METHOD,
         "--threads",
         metavar="N",
-        help="Number of threads; does not affect the result.",
+        help=_sentence("n_threads", *_METHODS),
         default="all cores",
         min=1,
         max=1024,
