@@ -19,6 +19,9 @@ Array: TypeAlias = NDArray[np.float64]
 Mask: TypeAlias = NDArray[np.bool_]
 Index: TypeAlias = NDArray[np.int64]
 
+FARTHEST = 1e30
+"""Largest number in data that the core computes with."""
+
 _FLOAT64 = np.dtype(np.float64)
 # NumPy makes a float64 of these: it parses text, drops the imaginary part, drops the unit.
 _NO_NUMBERS = (str, bytes, complex, np.complexfloating, np.datetime64, np.timedelta64)

@@ -8,6 +8,7 @@ problem: what counts is the ratio to the size of the file, and the memory that i
 
 from __future__ import annotations
 
+import codecs
 import io
 import os
 import re
@@ -106,10 +107,22 @@ def zipped(path: Path, stream: BinaryIO) -> zipfile.ZipFile:
     if listed > _MOST_LISTED:
         expected = f"a list of its members of at most {amount(_MOST_LISTED)}"
         raise DatasetError(path, "file", expected, amount(listed))
-    stream.seek(0)
+    if (wrong := damaged_zip(stream)) is not None:
+        raise DatasetError(path, "file", "a complete npz file", wrong)
     archive = zipfile.ZipFile(stream)
     check_ratio(path, "file", sum(info.file_size for info in archive.infolist()), size)
     return archive
+
+
+def damaged_zip(stream: BinaryIO) -> str | None:
+    """Say for a message what a stream is that is no complete zip file; None if it is one."""
+    stream.seek(0)
+    begins = stream.read(2)
+    if zipfile.is_zipfile(stream):
+        return None
+    if begins == b"PK":
+        return "a damaged file, cut short"
+    return "another kind of file, or a damaged one" if begins else "an empty file"
 
 
 def _available() -> int | None:
@@ -150,14 +163,20 @@ def read_text(path: Path) -> str:
     try:
         text = content.decode("utf-8-sig")
     except UnicodeDecodeError as error:
-        raise _no_text(path, error.start) from error
+        raise no_text(path, content, error.start) from error
     if "\0" in text:
-        raise _no_text(path, content.index(b"\0"))
+        raise no_text(path, content, content.index(b"\0"))
     return text.replace("\r\n", "\n").replace("\r", "\n")
 
 
-def _no_text(path: Path, byte: int) -> DatasetError:
-    return DatasetError(path, "file", "text in UTF-8", f"byte {byte} that is not")
+def no_text(path: Path, content: bytes, at: int, before: int = 0) -> DatasetError:
+    """Return the error for the byte ``at`` a place in content with ``before`` bytes before it in the file."""
+    byte = f"byte 0x{content[at]:02x} at {before + at}"
+    if not before and content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        return DatasetError(path, "file", "text in UTF-8", "text in UTF-16: save it as UTF-8")
+    if b"\0" in content:
+        return DatasetError(path, "file", "a text file", f"one that is binary ({byte})")
+    return DatasetError(path, "file", "text in UTF-8", f"{byte}, which is not")
 
 
 def read_lines(path: Path) -> Iterator[str]:
@@ -171,7 +190,7 @@ def read_lines(path: Path) -> Iterator[str]:
                     raise DatasetError(path, f"line {number}", expected, "more")
                 yield line
         except UnicodeDecodeError as error:
-            raise _no_text(path, stream.tell() - len(error.object) + error.start) from error
+            raise no_text(path, error.object, error.start, stream.tell() - len(error.object)) from error
 
 
 _BRACKETS = bytes.maketrans(b"[{]}", b"\x01\x01\xff\xff")

@@ -5,6 +5,9 @@ from __future__ import annotations
 import csv
 import json
 import os
+import subprocess
+import sys
+import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -123,7 +126,7 @@ def test_a_batch_that_was_stopped_goes_on(jobs, runs, tmp_path):
         if runs:
             raise KeyboardInterrupt
 
-    with pytest.raises(KeyboardInterrupt):
+    with pytest.raises(KeyboardInterrupt, match="1 of 2 recordings are done: run it again for the others"):
         run_batch(jobs, tmp_path / "results", progress=stop)
     assert runs == ["one"]
     assert statuses(run_batch(jobs, tmp_path / "results")) == ["unchanged", "done"]
@@ -151,6 +154,42 @@ def test_a_process_that_dies_fails_its_recording_alone(jobs, tmp_path, monkeypat
     monkeypatch.setattr(batch, "_PROGRAM", "import sys; sys.exit('no memory')")
     found = run_batch(jobs, tmp_path / "results", processes=2)
     assert [one.error for one in found.failed] == ["its process ended with status 1: no memory"] * 2
+
+
+# a batch whose worker holds the folder of its recording for a minute
+HOLDING = """
+from pathlib import Path
+import time
+from skelsplat._lock import locked
+from skelsplat.run import batch
+def attempt(_):
+    with locked(Path()):
+        time.sleep(60)
+batch.attempt = attempt
+"""
+BATCH = f"""
+from skelsplat.run import batch
+batch._PROGRAM = {HOLDING!r} + batch._PROGRAM
+batch._in_a_process(None)
+"""
+
+
+@pytest.mark.skipif(os.name != "posix", reason="Windows does not say that a parent has ended")
+def test_a_worker_ends_with_a_batch_that_is_killed(tmp_path):
+    paths = {**os.environ, "PYTHONPATH": os.pathsep.join(path for path in sys.path if path)}
+    with subprocess.Popen([sys.executable, "-c", BATCH], cwd=tmp_path, env=paths) as process:
+        while not (tmp_path / ".skelsplat.lock").exists():
+            time.sleep(0.05)
+            assert process.poll() is None
+        process.kill()
+    end = time.monotonic() + 20
+    while True:
+        try:
+            with locked(tmp_path):
+                break
+        except sk.DatasetError:
+            assert time.monotonic() < end
+            time.sleep(0.1)
 
 
 @pytest.mark.parametrize(

@@ -144,7 +144,13 @@ MALFORMED = {
         "hello, world",
         r"content: expected a calibration in a known format \(4d-association, anipose, caliscope, ",
     ),
-    "not text": (b"\xff\xfe\x00[cam]", r"file: expected text in UTF-8, got byte 0"),
+    "UTF-16": ("[cam]".encode("utf-16"), r"file: expected text in UTF-8, got text in UTF-16: save it as"),
+    "Latin-1": (b"[cam\xe9]", r"file: expected text in UTF-8, got byte 0xe9 at 4, which is not$"),
+    "an image": (
+        b"\x89PNG\r\n\x1a\n\0\0",
+        r"expected a text file, got one that is binary \(byte 0x89 at 0\)",
+    ),
+    "zeros": (bytes(20), r"file: expected a text file, got one that is binary \(byte 0x00 at 0\)"),
 }
 
 

@@ -16,7 +16,7 @@ import skelsplat as sk
 from command_line import FAST, READ, RESULTS, assert_fails, invoke, read_report, texts
 from skelsplat import synthetic
 from skelsplat.association import take_people
-from skelsplat.io import PoseData, read_npz, read_trc, write_npz, write_pose
+from skelsplat.io import PoseData, read_npz, read_run, read_trc, write_npz, write_pose
 from skelsplat.run import _run, solve
 from skelsplat.run import folder as run_folder
 from skelsplat.run.person import pick_places
@@ -245,8 +245,38 @@ def test_ctrl_c_is_status_130_and_keeps_finished_work(recording, arguments, monk
     monkeypatch.setattr(solve.sk, "refine_sequence", interrupted)
     result = invoke(*arguments, *READ, *FAST)
     assert result.exit_code == 130
-    assert result.stderr.splitlines()[-1] == "interrupted; files already written are complete"
+    assert result.stderr.splitlines()[-1] == f"interrupted; nothing was written to {folder / 'out'}"
     assert (folder / "out" / "pose.npz").read_bytes() == before
+
+
+@pytest.mark.parametrize("people", [[], ["--people", "all"]])
+def test_ctrl_c_while_files_are_written_says_that_the_folder_is_unfinished(
+    recording, arguments, monkeypatch, people
+):
+    folder, _, _ = recording
+
+    def interrupted(*_args, **_kwargs):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("skelsplat.run.folder.write_pose", interrupted)
+    result = invoke(*arguments, *READ, *FAST, *people)
+    assert result.exit_code == 130
+    assert result.stderr.splitlines()[-1] == f"interrupted; {folder / 'out'} is unfinished: run it again"
+    with pytest.raises(sk.DatasetError, match="unfinished"):
+        read_run(folder / "out")
+
+
+def test_ctrl_c_after_the_last_file_says_that_they_are_complete(arguments, monkeypatch):
+    write = run_folder.write_folder
+
+    def interrupted(*args, **kwargs):
+        write(*args, **kwargs)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(run_folder, "write_folder", interrupted)
+    result = invoke(*arguments, *READ, *FAST)
+    assert result.exit_code == 130
+    assert result.stderr.splitlines()[-1] == "interrupted; files already written are complete"
 
 
 def test_a_defect_keeps_its_traceback(arguments, monkeypatch):

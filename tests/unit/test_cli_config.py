@@ -297,7 +297,8 @@ def test_what_is_still_missing_is_said(folder):
         (b"fps = ", ["TOML: expected valid TOML", "end of document"]),
         (b"fps = 3\nfps = 4\n", ["TOML: expected valid TOML", "overwrite"]),
         (b"fps = 1" + 5000 * b"0", ["TOML: expected valid TOML", "4300 digits"]),
-        (b"\xff\xfe", ["file: expected text in UTF-8", "byte 0"]),
+        (b"\xff\xfe", ["file: expected text in UTF-8", "text in UTF-16"]),
+        (b"\xfffps", ["file: expected text in UTF-8", "byte 0xff at 0"]),
     ],
 )
 def test_a_file_that_cannot_be_read_is_status_1(tmp_path, content, parts):

@@ -39,9 +39,11 @@ def test_a_stop_while_writing_leaves_no_file_of_an_earlier_run(recording, argume
         patched.setattr(run_folder, "write_run_inputs", interrupted)
         assert invoke(*arguments, *READ, *FAST).exit_code == 130
     assert {path.name for path in out.iterdir()} == {"pose.npz", "pose.csv", "pose.trc", "report.json"}
-    assert_fails(
-        invoke("plot", out), 1, "report.json: unfinished: expected the report of a run", "run it again"
-    )
+    unfinished = ("report.json: unfinished: expected the report of a run", "run it again")
+    assert_fails(invoke("plot", out), 1, *unfinished)
+    assert_fails(invoke("convert", out, folder / "poses.csv"), 1, *unfinished)
+    (out / "pose.npz").unlink()
+    assert_fails(invoke("convert", out, folder / "poses.csv"), 1, *unfinished)
     # what the stopped run left is known by its report
     assert invoke(*arguments, *READ, *FAST, "--no-html", "--write", "json").exit_code == 0
     kept = RESULTS - {"pose.csv", "pose.trc", "report.html"}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import subprocess
@@ -178,6 +179,24 @@ def test_no_progress_bar_without_a_terminal(recording):
     run = through_a_pipe(*arguments, "-o", folder / "out", TERM="xterm-256color")
     assert run.stderr == b""
     assert b"\x1b" not in run.stdout
+
+
+def test_the_bar_names_the_file_that_is_written(recording, monkeypatch):
+    shown = []
+
+    @contextlib.contextmanager
+    def described(*told, **options):
+        shown.append((*told, options["unit"], options["shown"]))
+        yield lambda *told: shown.append(told)
+
+    monkeypatch.setattr("skelsplat.cli.refine.described", described)
+    folder, _, _ = recording
+    arguments = ["refine", folder / "Calib.toml", folder / "openpose", "--layout", "h36m17", "--fps", 50]
+    assert invoke(*arguments, "-o", folder / "out", "--write", "csv").exit_code == 0
+    assert shown[0] == ("refining", "frames", True)
+    assert ("refining", 5, 5) in shown
+    names = ("pose.npz", "pose.csv", "detections.npz", "overview.png", "report.html")
+    assert shown[-5:] == [(f"writing {name}", None, None) for name in names]
 
 
 @pytest.mark.skipif(os.name != "posix", reason="terminals of POSIX")

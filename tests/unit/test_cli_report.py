@@ -222,7 +222,23 @@ def test_detections_that_are_no_pixels_are_doubted(recording, arguments):
             person["pose_keypoints_2d"] = [0.0] * len(person["pose_keypoints_2d"])
         path.write_text(json.dumps(frame))
     result = invoke(*arguments, *READ, *FAST)
-    assert "! No detection could be used" in " ".join(result.stdout.split())
+    assert result.exit_code == 1
+    said = "No detection could be used: nobody is detected with enough confidence."
+    assert f"! {said}" in " ".join(result.stdout.split())
+    for option in ("--quiet", "--json"):
+        result = invoke(*arguments, *READ, *FAST, option)
+        assert result.exit_code == 1
+        assert f"error: {said}\n" in result.stderr
+    assert read_report(folder / "out")["findings"][0]["severity"] == "error"
+
+
+def test_detections_of_little_confidence_are_doubted(recording, arguments):
+    folder, _, _ = recording
+    for path in (folder / "openpose").rglob("*.json"):
+        path.write_text(path.read_text().replace("0.9", "0.0001"))
+    result = invoke(*arguments, *READ, *FAST, "--min-confidence", 0.5, "--person", 0, "--quiet")
+    assert result.exit_code == 1
+    assert "error: No detection could be used. Are they in pixels of" in result.stderr
 
 
 def test_the_frame_shown_has_the_joints_of_most_frames_and_is_not_chosen_by_one_stray_joint():

@@ -77,6 +77,13 @@ def test_velocities_are_those_at_the_new_frame_rate(tmp_path):
     np.testing.assert_array_equal(found.velocity_uncertainty, squares / 4)
 
 
+def test_what_does_not_fit_into_the_target_names_the_source(tmp_path):
+    write_npz(tmp_path / "a.npz", replace(sample(), joint_names=("a", "b\tc", "d")))
+    result = invoke("convert", tmp_path / "a.npz", tmp_path / "a.trc", "--fps", 50)
+    assert_fails(result, 1, "a.npz: joint_names: expected names without tabs and line breaks, got 'b\\tc'")
+    assert not (tmp_path / "a.trc").exists()
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [

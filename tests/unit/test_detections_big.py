@@ -52,6 +52,21 @@ def test_stretches_are_the_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     assert big.frames.tolist() == opened.frames.tolist() == list(range(0, 46, 2))
 
 
+@pytest.mark.parametrize("size", [1, 32 * 2**20])
+def test_pixels_beyond_what_is_computed_with_name_the_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, size: int
+) -> None:
+    monkeypatch.setattr(_rows, "BIG", size)
+    seen = detections().astype(np.float32)
+    seen[15, 1, 0, 2, :2] = -1e30
+    path = write(tmp_path / "all.npz", seen)
+    expected = r"all\.npz: keypoints: expected pixels within ±1e\+30, or none where missing, got 1\.00000001"
+    with pytest.raises(DatasetError, match=expected):
+        read_detections(path, CAMERAS, layout="h36m17")
+    with pytest.raises(DatasetError, match=expected):
+        list(open_detections(path, CAMERAS, layout="h36m17").stretches(10))
+
+
 @pytest.mark.usefixtures("everything_is_big")
 def test_cameras_with_different_frames_are_read_in_stretches(tmp_path: Path) -> None:
     seen = detections(people=1)
@@ -147,4 +162,16 @@ def test_a_fault_of_a_csv_is_named_with_its_line(tmp_path: Path, old: str, new: 
     path = write_csv(tmp_path / "all.csv", np.nan_to_num(detections(), nan=1.0), "by frame")
     path.write_text(path.read_text().replace(old, new))
     with pytest.raises(DatasetError, match=words):
+        list(open_detections(path, CAMERAS, layout="h36m17").stretches(4))
+
+
+@pytest.mark.usefixtures("everything_is_big")
+def test_a_byte_of_a_csv_that_is_no_text_is_named_with_its_place(tmp_path: Path) -> None:
+    path = write_csv(tmp_path / "all.csv", np.nan_to_num(detections(), nan=1.0), "by frame")
+    content = path.read_bytes()
+    at = content.index(b"\n30,cam_a,0,5,") + len(b"\n30,cam_a,0,5,")
+    path.write_bytes(content[:at] + b"\xe9" + content[at:])
+    with pytest.raises(
+        DatasetError, match=f"file: expected text in UTF-8, got byte 0xe9 at {at}, which is not"
+    ):
         list(open_detections(path, CAMERAS, layout="h36m17").stretches(4))

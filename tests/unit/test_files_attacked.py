@@ -227,3 +227,65 @@ def test_two_pairs_of_easymocap_in_one_folder(tmp_path):
     (tmp_path / "intri.yaml").write_text((tmp_path / "intri.yml").read_text())
     with pytest.raises(DatasetError, match=r"files: expected one intri.yml, got intri.yaml, intri.yml"):
         read_calibration(tmp_path, unit="m")
+
+
+@pytest.mark.parametrize(
+    ("name", "is_what"),
+    [
+        ("pose.npz", "poses"),
+        ("pose.csv", "poses"),
+        ("cameras.json", "a calibration (json)"),
+        ("../Calib.toml", "a calibration (anipose)"),
+        ("pose.npz cut", "a damaged file, cut short"),
+        ("detections.npz cut", "a damaged file, cut short"),
+    ],
+)
+def test_what_is_no_detections_is_named(finished_run, tmp_path, name, is_what):
+    name, _, cut = name.partition(" ")
+    content = (finished_run / name).read_bytes()
+    path = tmp_path / name.rpartition("/")[2]
+    path.write_bytes(content[: len(content) // 2] if cut else content)
+    assert refused(path).endswith(f"csv), got {is_what}")
+    if cut:
+        assert refused(path, format="npz").endswith(f"expected a complete npz file, got {is_what}")
+        path.rename(tmp_path / "camA.npz")
+        assert refused(tmp_path).endswith(f"got none that is recognised: camA.npz is {is_what}")
+
+
+@pytest.mark.parametrize(
+    ("name", "is_what"),
+    [
+        ("out/pose.npz", "poses"),
+        ("out/pose.csv", "poses"),
+        ("out/detections.npz", "detections (npz)"),
+        ("openpose", "detections (openpose)"),
+        ("openpose/*/000000_keypoints.json", "detections (openpose)"),
+    ],
+)
+def test_what_is_no_calibration_is_named(finished_run, name, is_what):
+    path = next(finished_run.parent.glob(name))
+    with pytest.raises(DatasetError) as found:
+        read_calibration(path)
+    assert str(found.value).endswith(f"voxelpose), got {is_what}")
+
+
+def test_what_is_damaged_is_no_detections(finished_run, tmp_path):
+    path = tmp_path / "camA.json"
+    path.write_bytes((finished_run / "cameras.json").read_bytes()[:20])
+    assert "csv), got invalid JSON: unterminated string starting at character " in refused(path)
+    path.write_bytes(b"")
+    assert refused(path).endswith("csv), got an empty file")
+    assert refused(tmp_path).endswith("got none that is recognised: camA.json is an empty file")
+
+
+def test_what_is_damaged_or_missing_is_no_calibration(tmp_path):
+    for name in ("x.npz", "x.h5", "x.npy"):
+        with pytest.raises(DatasetError, match=rf"{name}: file: expected a readable file, got no such file"):
+            read_calibration(tmp_path / name)
+        for content, is_what in (
+            (b"hello", "another kind of file, or a damaged"),
+            (b"", "an empty file"),
+        ):
+            (tmp_path / name).write_bytes(content)
+            with pytest.raises(DatasetError, match=rf"{name}: content: expected .*, got {is_what}"):
+                read_calibration(tmp_path / name)

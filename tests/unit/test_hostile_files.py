@@ -299,7 +299,7 @@ def test_a_table_is_read_line_by_line(tmp_path: Path) -> None:
     assert next(lines) == ["a", "b"]
     assert list(lines) == [["1", "2\n3"], ["4", "5"]]
     path.write_bytes(b"a,b\n" * 5000 + b"\xff")
-    refused(lambda p: list(csv_lines(p)), path, "text in UTF-8, got byte 20000 that is not")
+    refused(lambda p: list(csv_lines(p)), path, "text in UTF-8, got byte 0xff at 20000, which is not")
 
 
 def hdf5(path: Path, **datasets: tuple[tuple[int, ...], object]) -> Any:
@@ -404,6 +404,7 @@ POSES = {"pose": np.ones((1, 2, 3)), "joint_names": ["a", "b"], "frames": [5], "
     [
         ({"frames": [5.5]}, "frames: expected whole numbers, got 5.5"),
         ({"pose": np.full((1, 2, 3), np.inf)}, "pose: expected finite numbers, none for what is missing"),
+        ({"pose": np.full((1, 2, 3), 1e300)}, r"pose: expected positions within ±1e\+30 m, got 1e\+297 m"),
         ({"uncertainty": np.full((1, 2, 3, 3), np.inf)}, "uncertainty: expected finite numbers"),
         ({"joint_names": np.array([b"a", b"a"])}, "joint_names: expected different names, got 'a' twice"),
         ({"joint_names": np.array([7, 8])}, "joint_names: expected 2 names, got int64"),

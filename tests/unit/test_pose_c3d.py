@@ -96,6 +96,14 @@ def test_names_and_texts_as_long_as_the_format_holds_them(tmp_path):
     assert back.processing == ("é" * 127,)
 
 
+def test_a_position_beyond_single_precision(tmp_path):
+    pose = sample().pose.copy()
+    pose[0, 0, 0] = 1e39
+    with pytest.raises(sk.InvalidInputError, match=r"^pose: expected positions within 3\.4e\+38 mm of the"):
+        write_c3d(tmp_path / "a.c3d", replace(sample(), pose=pose))
+    assert not list(tmp_path.iterdir())
+
+
 def test_a_world_whose_origin_is_too_far_for_single_precision(tmp_path):
     data = sample()
     far = np.array([5.0e8, 5.2e9, 1.0e5])  # mm: UTM coordinates

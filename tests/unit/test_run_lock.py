@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 import skelsplat as sk
+from command_line import assert_fails, invoke
 from skelsplat._lock import locked
 from skelsplat.io import read_run
 from skelsplat.io._run_files import REPORT
@@ -41,6 +42,7 @@ for line in sys.stdin:
 HOLD = """
 import sys
 from pathlib import Path
+from command_line import assert_fails, invoke
 from skelsplat._lock import locked
 with locked(Path(sys.argv[1])):
     print("held", flush=True)
@@ -170,6 +172,9 @@ def test_a_file_of_another_run_is_named_with_the_report(runs, name):
         f"{first / name}: run: expected {ids[0]}, as in {first / REPORT}, got {ids[1]}: "
         "files of two runs are mixed, run it again"
     )
+    converted = invoke("convert", first, first.parent / "m.csv")
+    assert_fails(converted, 1, str(raised.value))
+    assert not (first.parent / "m.csv").exists()
 
 
 def without_marks(folder):

@@ -69,6 +69,38 @@ def command(recording, out):
     return ["refine", recording / "Calib.toml", recording / "openpose", "-o", out, *READ, "--fps", FPS]
 
 
+def test_following_is_half_of_the_progress(recording, monkeypatch):
+    def track(*_, progress, **__):
+        for told in (
+            (0, 40),
+            (20, 40),
+            (40, 40),
+            (40, 120),
+            (80, 120),
+            (120, 120),
+        ):  # the core adds to the total
+            progress(*told)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(sk, "track", track)
+    done = []
+    with pytest.raises(KeyboardInterrupt):
+        run_people(job(recording), progress=lambda *told: done.append(told))
+    assert done == [(0, 40), (10, 40), (20, 40), (20, 40), (30, 40), (40, 40)]
+
+
+def test_progress_has_one_total_and_names_the_files(recording, tmp_path, monkeypatch):
+    for module in ("folder", "several"):
+        monkeypatch.setattr(f"skelsplat.run.{module}.can_draw", lambda: False)
+    done, names = list[tuple[int, int]](), list[str]()
+    given = {"progress": lambda *told: done.append(told), "on_file": names.append}
+    run_people(job(recording, output=tmp_path / "out", write=("csv",)), **given)
+    assert {total for _, total in done} == {FRAMES}
+    assert done[-1] == (FRAMES, FRAMES)
+    own = ["pose.npz", "pose.csv", "detections.npz"]
+    assert names == [*(f"person_{k}/{name}" for k in (0, 1) for name in own), "people.csv"]
+
+
 def test_everybody_has_joint_angles(found, tmp_path, monkeypatch):
     for module in ("folder", "several"):
         monkeypatch.setattr(f"skelsplat.run.{module}.can_draw", lambda: False)  # pictures take longer

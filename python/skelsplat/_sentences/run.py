@@ -30,6 +30,12 @@ def _leaves_out(finding: Finding) -> str:
     return f"; {options(without)} leaves {'it' if len(without) == 1 else 'them'} out"
 
 
+def _nothing_used(finding: Finding) -> str:
+    if finding.numbers.get("nobody"):
+        return "No detection could be used: nobody is detected with enough confidence."
+    return "No detection could be used. Are they in pixels of these cameras' images (not 0 to 1), x before y?"
+
+
 def _many_rejected(finding: Finding) -> str:
     mixed = any(remedy.option == "person" for remedy in finding.remedy)
     first = "that all views show the same person (--person), then " if mixed else ""
@@ -356,8 +362,7 @@ SENTENCES: Mapping[str, str | Callable[[Finding], str]] = {
     "are not in it; {drawn} were drawn",
     "no_figures": f"figures need skelsplat[viz]: {pip_line('viz')}",
     "no_pictures": f"report.html and figures need skelsplat[viz]: {pip_line('viz')}",
-    "nothing_used": "No detection could be used. Are they in pixels of these cameras' images (not 0 to 1), "
-    "x before y?",
+    "nothing_used": _nothing_used,
     "many_rejected": _many_rejected,
     "further_than_start": "The refined pose lies further from the detections than its start (median "
     "{before_px:.1f} to {after_px:.1f} px): check the layout, the unit and the calibration.",

@@ -43,10 +43,15 @@ class OneLineErrors(Group):
     status is 1 without a message; every command writes its files before it prints.
     """
 
+    _left = ""  # what a command that was interrupted says of its files
+
     def invoke(self, ctx: typer.Context) -> Any:  # type: ignore[override, unused-ignore]
         """Run the command; flush stdout, so that a closed pipe is an error here and not at exit."""
         try:
             return super().invoke(ctx)
+        except KeyboardInterrupt as stop:
+            self._left = str(stop)
+            raise
         finally:
             if sys.stdout is not None:  # it was closed before the program began
                 sys.stdout.flush()
@@ -77,7 +82,9 @@ class OneLineErrors(Group):
                 raise
             _fail(BAD_USAGE, _usage(error))
         if status == INTERRUPTED:
-            _fail(INTERRUPTED, "interrupted; files already written are complete", prefix="")
+            _fail(
+                INTERRUPTED, f"interrupted; {self._left or 'files already written are complete'}", prefix=""
+            )
         sys.exit(status if isinstance(status, int) else 0)
 
 

@@ -15,7 +15,8 @@ from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.findings import collected_warnings
 from skelsplat.io import convert_unit, write_calibration
 from skelsplat.io._files import listed
-from skelsplat.io._run_files import POSES, folders_of_run
+from skelsplat.io._kinds import seems
+from skelsplat.io._run_files import POSES, check_run, folders_of_run
 from skelsplat.io.calibration import find_format, read_calibration
 from skelsplat.io.poses import POSE_FORMATS, convert_poses, is_pose_file, pose_format
 
@@ -135,6 +136,8 @@ def _kind(source: Path, *, named: bool) -> str:
         raise DatasetError(source, "file", "a readable file or folder", "no such file")
     if named:
         return "calibration"
+    if source.is_dir():
+        check_run(source)
     if is_pose_file(source) or is_pose_file(source / POSES):
         return "pose file"
     if people := folders_of_run(source):
@@ -143,7 +146,8 @@ def _kind(source: Path, *, named: bool) -> str:
     if find_format(source) is not None:  # an error of its own for a damaged file
         return "calibration"
     expected = "a calibration in a known format, a pose file, or the folder of a run"
-    raise DatasetError(source, "content", expected, "something else (convert --help lists the formats)")
+    actual = seems(source) or "something else"
+    raise DatasetError(source, "content", expected, f"{actual} (convert --help lists the formats)")
 
 
 def _check(kind: str, target: Path, given: dict[str, Any]) -> None:

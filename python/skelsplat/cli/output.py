@@ -78,10 +78,13 @@ def bar_of(unit: str, *, shown: bool, time: ProgressColumn | None = None) -> Pro
 
 @contextlib.contextmanager
 def described(
-    first: str, *, shown: bool, time: ProgressColumn | None = None
-) -> Iterator[Callable[[str, int, int], None]]:
-    """Yield a function of (text, done, total) that draws one bar of poses, with that text before it."""
-    with bar_of("poses", shown=shown, time=time) as bar:
+    first: str, *, shown: bool, unit: str = "poses", time: ProgressColumn | None = None
+) -> Iterator[Callable[[str, int | None, int | None], None]]:
+    """Yield a function of (text, done, total) that draws one bar of a unit, with that text before it.
+
+    Numbers that are None stay as they are.
+    """
+    with bar_of(unit, shown=shown, time=time) as bar:
         task = bar.add_task(first, total=None)
         yield lambda text, done, total: bar.update(
             task, description=escaped(text), completed=done, total=total

@@ -5,10 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import typer
+
 import skelsplat as sk
 from skelsplat.cli import inputs, options
+from skelsplat.cli._app import FAILED
 from skelsplat.cli.command import with_parameters_of
-from skelsplat.cli.output import Terminal, counting, print_json, print_warning
+from skelsplat.cli.output import Terminal, described, print_json, print_warning
 from skelsplat.cli.people_table import print_people
 from skelsplat.cli.table import print_files, print_run, tell
 from skelsplat.findings import Finding
@@ -149,10 +152,11 @@ def run_and_print(job: Job, *, quiet: bool, as_json: bool) -> None:
         printed.append(finding)
         tell(finding)
 
-    with counting("frames", shown=not quiet) as count:
+    with described("refining", shown=not quiet, unit="frames") as show:
         given: dict[str, Any] = {
-            "progress": lambda done, total: count("refining", done, total),
+            "progress": lambda done, total: show("refining", done, total),
             "tell": tell_now,
+            "on_file": lambda name: show(f"writing {name}", None, None),
         }
         found: Run | PeopleRun | None = run_long(job, **given)
         if found is None:
@@ -175,3 +179,5 @@ def run_and_print(job: Job, *, quiet: bool, as_json: bool) -> None:
         print_files(
             console, folder, [*found.report["files"], *found.report.get("folders", []), "report.json"]
         )
+    if any(finding.severity == "error" for finding in found.findings):
+        raise typer.Exit(FAILED)

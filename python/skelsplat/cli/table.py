@@ -16,7 +16,7 @@ from rich.text import Text
 import skelsplat as sk
 from skelsplat._escape import escaped
 from skelsplat._sentences.words import number
-from skelsplat.cli.output import Terminal, print_warning
+from skelsplat.cli.output import Terminal, print_message
 from skelsplat.findings import Finding
 from skelsplat.run import Run
 from skelsplat.run.folder import left_of_earlier
@@ -35,8 +35,8 @@ _REASONS = {
 
 
 def tell(finding: Finding) -> None:
-    """Print a finding on stderr."""
-    print_warning(finding.text)
+    """Print a finding on stderr, as an error or a warning."""
+    print_message(f"{'error' if finding.severity == 'error' else 'warning'}: {finding.text}")
 
 
 def wide_console() -> Console:
@@ -184,7 +184,7 @@ def _lines(run: Run) -> Iterator[str]:
         f"{n} {_REASONS.get(reason, reason)}" for reason, n in statistics.stop_reasons.items()
     )
     cores = f"{threads} thread{'s' * (threads != 1)}"
-    yield f"{frames} frames of {joints} joints, {each:.{2 if each < 1 else 1}f} ms each ({cores})."
+    yield f"{frames} frames of {joints} joints, solved in {each:.{2 if each < 1 else 1}f} ms each ({cores})."
     yield from solved_in_words(run.report)
     yield from thinned_in_words(run.inputs)
     yield f"Frames stopped: {reasons}."

@@ -17,9 +17,6 @@ from skelsplat.io import _arrays
 from skelsplat.io._files import load_json as parse_json_file
 from skelsplat.io._unpickle import unpickle
 
-# Largest number in data that the core computes with.
-FARTHEST = 1e30
-
 
 @dataclass
 class Survey:

@@ -10,10 +10,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from skelsplat._arrays import Array, Index, Mask, positive
+from skelsplat._arrays import FARTHEST, Array, Index, Mask, positive
 from skelsplat._skelsplat import Layout
 from skelsplat.cameras import CameraRig
-from skelsplat.datasets._files import FARTHEST
 from skelsplat.exceptions import DatasetError
 
 if TYPE_CHECKING:

@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from skelsplat._arrays import Array
+from skelsplat._arrays import FARTHEST, Array
 from skelsplat._skelsplat import Camera
 from skelsplat.cameras import CameraRig
-from skelsplat.datasets._files import FARTHEST, as_numbers, require, within
+from skelsplat.datasets._files import as_numbers, require, within
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.io import read_calibration
 

@@ -19,14 +19,14 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from skelsplat._arrays import Array, Index
-from skelsplat._budget import MOST_NAME, afford, check_ratio, opened, zipped
+from skelsplat._budget import MOST_NAME, afford, check_ratio, damaged_zip, opened, zipped
 from skelsplat._optional import require
 from skelsplat.exceptions import DatasetError
 from skelsplat.io._files import frame_number, parsing
 from skelsplat.io._unpickle import npy_header, read_array
 
 _MOST_ITEMS = 10_000  # of an HDF5 file; a recording has twenty
-_HDF5 = b"\x89HDF\r\n\x1a\n"
+HDF5 = b"\x89HDF\r\n\x1a\n"
 
 
 @dataclass(frozen=True)
@@ -145,8 +145,8 @@ def load_plain_npz(path: Path, kind: str, keys: Collection[str] | None = None) -
     `kind` names it in messages.
     """
     with opened(path, "a readable npz file") as stream, parsing(path, kind):
-        if not zipfile.is_zipfile(stream):
-            raise DatasetError(path, "file", kind, "another kind of file, or a damaged one")
+        if (wrong := damaged_zip(stream)) is not None:
+            raise DatasetError(path, "file", kind, wrong)
         return _members(path, stream, keys, pickled=False)
 
 
@@ -212,7 +212,7 @@ def hdf5_mentions(path: Path, *names: bytes) -> bool:
     """Whether a file is HDF5 and holds all of `names` as plain text; needs no package that reads HDF5."""
     try:
         with opened(path) as stream:
-            if stream.read(len(_HDF5)) != _HDF5:
+            if stream.read(len(HDF5)) != HDF5:
                 return False
             with mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as content:
                 return all(content.find(name) >= 0 for name in names)

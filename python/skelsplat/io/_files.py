@@ -120,7 +120,7 @@ def load_json(path: Path, document: str, text: str | None = None) -> Any:
         raise DatasetError(path, "JSON", "every key once in an object", f"{error.args[0]!r} twice") from None
     except json.JSONDecodeError as error:
         at = f"character {error.pos} of {len(text)}, at line {error.lineno}, column {error.colno}"
-        actual = f"{error.msg.lower()} at {at}"
+        actual = f"{error.msg.lower().removesuffix(' at')} at {at}"
         raise DatasetError(path, "JSON", "a complete JSON document", actual) from error
     except UnicodeEncodeError:
         raise DatasetError(path, "JSON", "texts in Unicode", "half a character (a lone surrogate)") from None

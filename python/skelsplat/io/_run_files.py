@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable
 from pathlib import Path
+from typing import Any
 
 from skelsplat.exceptions import DatasetError
 from skelsplat.io._arrays import load_npz
@@ -72,6 +73,24 @@ def _marked(text: str) -> str | None:
 def of_person(run: str, folder: str) -> str:
     """Return the run of one person in a run of several, whose folder is ``person_0``."""
     return f"{run}_{folder}"
+
+
+def check_run(folder: Path) -> None:
+    """Raise `DatasetError` if the run that wrote into a folder was stopped, or files there are of another.
+
+    Only the report and the marks of the files that are there are read; a folder without a run passes.
+    """
+    if is_run(folder):
+        check_finished(folder / REPORT, load_json(folder / REPORT, "the report of a run"))
+        there = (folder / name for name in MARKED)
+        check_one_run(folder / REPORT, (path for path in there if path.is_file()))
+
+
+def check_finished(path: Path, report: Any) -> None:
+    """Raise `DatasetError` if a report, as its file holds it, is of a run that was stopped while it wrote."""
+    if isinstance(report, dict) and report.get(UNFINISHED):
+        expected = "the report of a run that has written all its files"
+        raise DatasetError(path, UNFINISHED, expected, "one that was stopped while it wrote: run it again")
 
 
 def check_one_run(report: Path, files: Iterable[Path]) -> None:

@@ -36,7 +36,7 @@ from skelsplat.io._run_files import (
     POSES,
     REPORT,
     RUN,
-    UNFINISHED,
+    check_finished,
     check_one_run,
     folders_of_run,
     mark,
@@ -173,9 +173,7 @@ def read_run(
 
 def _read_report(path: Path) -> Field:
     report = Field(path, "", load_json(path, "the report of a run"))
-    if UNFINISHED in report and report[UNFINISHED].value:
-        expected = "the report of a run that has written all its files"
-        raise report[UNFINISHED].error(expected, "one that was stopped while it wrote: run it again")
+    check_finished(path, report.value)
     if "folders" in report and isinstance(report["folders"].value, list):
         people = folders_of_run(path.parent)
         got = f"the run of several people ({', '.join(people)})"

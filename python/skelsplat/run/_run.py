@@ -250,6 +250,7 @@ def run(
     *,
     progress: Progress | None = None,
     tell: Callable[[Finding], None] | None = None,
+    on_file: Callable[[str], None] | None = None,
 ) -> Run:
     """Do one job: read, refine, check, and write the results if the job names a folder.
 
@@ -260,6 +261,8 @@ def run(
         Called with (frames done, frames in all).
     tell : callable, optional
         Called with each finding on the input, before the poses are known.
+    on_file : callable, optional
+        Called with the name of each large file of the results before it is written.
 
     Returns
     -------
@@ -282,7 +285,7 @@ def run(
     writing.check()
     with folders.run_folder(output):
         found = _run(job, progress, tell)
-        return folders.write_folder(found, output, writing)
+        return folders.write_folder(found, output, writing, on_file=on_file)
 
 
 def _run(job: Job, progress: Progress | None, tell: Callable[[Finding], None] | None) -> Run:

@@ -10,6 +10,8 @@ import os
 import pickle
 import subprocess
 import sys
+import threading
+import time
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
@@ -41,7 +43,9 @@ COLUMNS = (
 )
 # Fields of a job whose content counts instead, or nothing at all.
 _NOT_AS_TEXT = ("output", "calibration", "detections", "init", "config")
-_PROGRAM = "from skelsplat.run.batch import _work; _work()"
+# The parent first: it may end during the imports.
+_PROGRAM = "import os; parent = os.getppid(); from skelsplat.run.batch import _work; _work(parent)"
+_WATCH_S = 1.0
 
 
 @dataclass(frozen=True)
@@ -186,10 +190,14 @@ def run_batch(
         _write(top, jobs, found, keys, earlier)
         tell = progress or (lambda _done, _total: None)
         tell(len(found), len(jobs))
-        for name, error in _refined({n: job for n, job in jobs.items() if n not in found}, processes):
-            found[name] = _read(name, jobs[name], DONE, error)
-            _write(top, jobs, found, keys, earlier)
-            tell(len(found), len(jobs))
+        try:
+            for name, error in _refined({n: job for n, job in jobs.items() if n not in found}, processes):
+                found[name] = _read(name, jobs[name], DONE, error)
+                _write(top, jobs, found, keys, earlier)
+                tell(len(found), len(jobs))
+        except KeyboardInterrupt as stop:
+            done = f"{len(found)} of {len(jobs)} recordings are done"
+            raise KeyboardInterrupt(f"{done}: run it again for the others") from stop
     return Batch(tuple(found[name] for name in jobs))
 
 
@@ -373,9 +381,17 @@ def _in_a_process(job: Job) -> str:
     return f"its process ended with status {done.returncode}" + (f": {last[0]}" if last else "")
 
 
-def _work() -> None:
-    """Do the job on stdin, and print the outcome as a line of JSON."""
+def _work(parent: int) -> None:
+    """Do the job on stdin, and print the outcome as a line of JSON; end if the parent process ends."""
+    threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
     print(json.dumps(attempt(pickle.load(sys.stdin.buffer))), flush=True)
+
+
+def _end_with(parent: int) -> None:
+    """End this process once its parent has been killed; on Windows it goes on."""
+    while os.getppid() == parent:
+        time.sleep(_WATCH_S)
+    os._exit(1)
 
 
 def trials(project: str | os.PathLike[str]) -> dict[str, tuple[Path, Path]]:

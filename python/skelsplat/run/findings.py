@@ -83,7 +83,8 @@ def find_whole(statistics: Statistics, *, mixed: bool = False) -> Iterator[Findi
     """Yield a finding if hardly any detection is used or trusted, or the pose is worse than its start."""
     total = statistics.total
     if total.used == 0:
-        yield Finding("nothing_used", "error")
+        nobody = total.left_out == total.not_chosen == 0
+        yield Finding("nothing_used", "error", numbers={"nobody": nobody})
     elif total.rejected_share >= _WHOLE_SHARE or min(total.rejected_share, _rest(statistics)) >= _REST_SHARE:
         remedy = (Remedy("person", "consistent"),) if mixed else ()
         yield Finding(

@@ -19,6 +19,7 @@ from skelsplat._optional import can_draw
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.findings import Finding, Subject
 from skelsplat.io import write_pose
+from skelsplat.io._files import load_json
 from skelsplat.io._run_files import (
     CAMERAS,
     DETECTIONS,
@@ -26,6 +27,7 @@ from skelsplat.io._run_files import (
     REPORT,
     RUN,
     UNFINISHED,
+    check_finished,
     files_of_run,
     folders_of_run,
     is_person,
@@ -41,13 +43,15 @@ from skelsplat.run.html import write_html
 from skelsplat.run.vertical import vertical_known
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Callable, Iterator, Sequence
 
     import numpy.typing as npt
 
     from skelsplat.run._run import Run
     from skelsplat.run.job import Job
     from skelsplat.run.read import Inputs
+
+    OnFile = Callable[[str], None]
 
 PAGE = "report.html"
 SCRATCH = ".skelsplat-long-"  # begins the name of the folder for the parts of a long recording
@@ -119,7 +123,13 @@ class Writing:
         return found
 
 
-def write_poses(folder: Path, data: Poses, writing: Writing, run: str | None = None) -> list[str]:
+def nothing(_: str) -> None:
+    """Tell nobody which file is being written."""
+
+
+def write_poses(
+    folder: Path, data: Poses, writing: Writing, run: str | None = None, on_file: OnFile = nothing
+) -> list[str]:
     """Write the pose files; return their names. ``run`` is that of whose folder they are a part."""
     given = {
         "frame_rate": data.frame_rate or _ASSUMED_FPS,
@@ -128,6 +138,7 @@ def write_poses(folder: Path, data: Poses, writing: Writing, run: str | None = N
     }
     for kind in writing.formats:
         options = given if kind in _WITH_MARKERS else {"run": run} if kind == "npz" else {}
+        on_file(f"pose.{kind}")
         write_pose(folder / f"pose.{kind}", data, **options)
     return [f"pose.{kind}" for kind in writing.formats]
 
@@ -147,11 +158,15 @@ def name_of(run: Run) -> str:
     return found.hexdigest()[:16]
 
 
-def write_folder(run: Run, folder: Path, writing: Writing, name: str | None = None) -> Run:
+def write_folder(
+    run: Run, folder: Path, writing: Writing, name: str | None = None, on_file: OnFile | None = None
+) -> Run:
     """Write the whole folder of a run, its report last; return the run with the files in its report.
 
-    ``name`` is that of a run of several people, of whom this is one.
+    ``name`` is that of a run of several people, of whom this is one. ``on_file`` is called with the name of a
+    file before it is written.
     """
+    on_file = on_file or nothing
     name = name or name_of(run)
     own = not layouts.is_built_in(run.layout)
     names = writing.names(run.outcome.config.method, own_layout=own)
@@ -160,16 +175,19 @@ def write_folder(run: Run, folder: Path, writing: Writing, name: str | None = No
     run = replace(run, report={**report, **({"joint_angles": describe(run)} if writing.angles else {})})
     begin_writing(folder, run.report)
     whole = run.whole or run
-    write_poses(folder, whole.poses, writing, name)
+    write_poses(folder, whole.poses, writing, name, on_file)
     if writing.angles:
         write_angles(run, folder, _ASSUMED_FPS)
     frames, rate = whole.poses.frames, run.poses.frame_rate
+    on_file(DETECTIONS)
     write_run_inputs(folder, run.cameras, run.layout, whole.detections, frames, rate, name)
     if can_draw():
         from skelsplat.run.figures import write_figures  # matplotlib takes long to load
 
+        on_file(_PICTURES[0])
         write_figures(run, folder)
     if PAGE in run.report["files"]:
+        on_file(PAGE)
         write_html(run, folder / PAGE)
     atomic_write_text(folder / REPORT, to_text(run.report))  # last: the run is whole
     return run
@@ -270,12 +288,33 @@ def left_of_earlier(folder: Path) -> list[str]:
 def run_folder(folder: Path) -> Iterator[None]:
     """Make a folder as `output_folder` does, into which no other run writes during the block.
 
-    What a killed run has left of the parts of a long recording is removed.
+    What a killed run has left of the parts of a long recording is removed. A `KeyboardInterrupt` says whether
+    anything was written.
     """
     with output_folder(folder), locked(folder):
         for left in folder.glob(f"{SCRATCH}*"):
             shutil.rmtree(left, ignore_errors=True)
-        yield
+        before = _version(folder / REPORT)
+        try:
+            yield
+        except KeyboardInterrupt as stop:
+            raise KeyboardInterrupt(_left_by_interrupt(folder, before)) from stop
+
+
+def _version(path: Path) -> tuple[int, int] | None:
+    """Return what changes whenever a file is written as a whole; None if there is none."""
+    return (path.stat().st_ino, path.stat().st_mtime_ns) if path.exists() else None
+
+
+def _left_by_interrupt(folder: Path, before: tuple[int, int] | None) -> str:
+    """Return the state of the folder of a run that was interrupted; "" if all its files are written."""
+    if _version(folder / REPORT) == before:
+        return f"nothing was written to {folder}"
+    try:
+        check_finished(folder / REPORT, load_json(folder / REPORT, "the report of a run"))
+    except DatasetError:
+        return f"{folder} is unfinished: run it again"
+    return ""
 
 
 @contextlib.contextmanager

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -120,6 +121,7 @@ def run_people(
     *,
     progress: Progress | None = None,
     tell: Callable[[Finding], None] | None = None,
+    on_file: Callable[[str], None] | None = None,
 ) -> PeopleRun:
     """Do one job for everybody in the recording: who is who, then a run for each person.
 
@@ -127,8 +129,8 @@ def run_people(
     ----------
     job : Job
         Its frame rate must be known; ``people`` limits their number.
-    progress, tell
-        As for `run`.
+    progress, tell, on_file
+        As for `run`; the name of a person's file is ``person_0/pose.npz``.
 
     Returns
     -------
@@ -149,7 +151,7 @@ def run_people(
             raise DatasetError(path, "output", "a folder, or nothing, with the name of a person's", "a file")
     writing.check()
     with folders.run_folder(output):
-        return write_everybody(_run_people(job, progress, tell), output, writing)
+        return write_everybody(_run_people(job, progress, tell), output, writing, on_file)
 
 
 def _run_people(job: Job, progress: Progress | None, tell: Callable[[Finding], None] | None) -> PeopleRun:
@@ -169,8 +171,11 @@ def _run_people(job: Job, progress: Progress | None, tell: Callable[[Finding], N
     return PeopleRun(runs, found, build_people_report(everybody, runs, found, job))
 
 
-def write_everybody(run: PeopleRun, folder: Path, writing: folders.Writing) -> PeopleRun:
+def write_everybody(
+    run: PeopleRun, folder: Path, writing: folders.Writing, on_file: Callable[[str], None] | None = None
+) -> PeopleRun:
     """Write the folders of all people, then the files of everybody, the report last; return the run."""
+    on_file = on_file or folders.nothing
     names = "".join(folders.name_of(one) for one in run.people.values())
     name = hashlib.sha256(names.encode()).hexdigest()[:16]
     run = replace(run, report={**run.report, RUN: name, "files": _together(writing)})
@@ -178,19 +183,26 @@ def write_everybody(run: PeopleRun, folder: Path, writing: folders.Writing) -> P
     people = {}
     for identity, one in run.people.items():
         own = folder_of(identity)
+        told = partial(_tell_of, on_file, own)
         with folders.run_folder(folder / own):
-            people[identity] = folders.write_folder(one, folder / own, writing, of_person(name, own))
+            people[identity] = folders.write_folder(one, folder / own, writing, of_person(name, own), told)
     poses = {identity: one.poses for identity, one in run.people.items()}
     for name in _poses_together(writing):
+        on_file(name)
         write_people(folder / name, poses)
     if can_draw():
         from skelsplat.run import people_page  # matplotlib takes long to load
 
+        on_file(PICTURE)
         people_page.write_people_figure(run, folder / PICTURE)
         if writing.html:
             people_page.write_people_page(run, folder / folders.PAGE)
     atomic_write_text(folder / REPORT, to_text(run.report))
     return replace(run, people=people)
+
+
+def _tell_of(on_file: Callable[[str], None], folder: str, name: str) -> None:
+    on_file(f"{folder}/{name}")
 
 
 def _together(writing: folders.Writing) -> list[str]:

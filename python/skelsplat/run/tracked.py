@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -110,7 +111,7 @@ def follow_everybody(people: Array, whole: Inputs, job: Job, progress: Progress 
             layout=whole.layout,
             max_people=job.people if isinstance(job.people, int) else None,
             config=config,
-            progress=False if progress is None else progress,
+            progress=False if progress is None else partial(_halves, progress, len(seen)),
         )
     for one in told:
         if one.kind not in ("nobody_found", "limbs_differ"):  # an error below, a finding about each person
@@ -129,6 +130,12 @@ def follow_everybody(people: Array, whole: Inputs, job: Job, progress: Progress 
     if len(found) != job.people:  # else others may be left out on purpose
         whole = replace(whole, doubts=tuple(find_left_out(detected, assigned, whole)))
     return Everybody(tuple(kept), detected, assigned, whole)
+
+
+def _halves(progress: Progress, steps: int, done: int, total: int) -> None:
+    """Report following ``steps`` frames, and then solving everybody's, as half of the work each."""
+    solved = (done - steps) * steps // (total - steps) if total > steps else 0
+    progress((min(done, steps) + solved) // 2, steps)
 
 
 def check_times(whole: Inputs, job: Job) -> None:

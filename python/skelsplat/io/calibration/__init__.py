@@ -17,7 +17,7 @@ import numpy as np
 
 import skelsplat as sk
 from skelsplat._atomic import atomic_write, atomic_write_text
-from skelsplat._budget import MOST_CAMERAS, MOST_NAME, within_memory
+from skelsplat._budget import MOST_CAMERAS, MOST_NAME, opened, within_memory
 from skelsplat.cameras import MM_PER_UNIT, altered
 from skelsplat.exceptions import DatasetError, InvalidInputError, one_of
 from skelsplat.findings import FindingWarning
@@ -161,7 +161,13 @@ def _find(source: Source, name: str | None) -> tuple[Source, CalibrationFormat]:
     one_of("format", name, (None, *known))
     found = _found(source, name)
     if found is None:
-        actual = "a folder without one" if source.is_folder else "something else"
+        from skelsplat.io._kinds import seems  # which imports this module
+
+        if not source.is_folder:
+            with opened(source.path):  # of a binary one nothing was read yet
+                pass
+        unknown = "a folder without one" if source.is_folder else "something else"
+        actual = seems(source.path) or unknown
         expected = f"a calibration in a known format ({', '.join(known)})"
         raise DatasetError(source.path, "content", expected, actual)
     return found

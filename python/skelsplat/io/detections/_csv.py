@@ -198,5 +198,6 @@ def _person(path: Path, where: str, person: dict[str, tuple[float, ...]], joints
 
 
 def is_csv(path: Path) -> bool:
-    """Whether the first line of a file names the columns that are needed."""
-    return set(_NEEDED) <= {name.strip().lower() for name in csv_header(path)}
+    """Whether the first line of a file names the columns that are needed, and not those of poses."""
+    names = {name.strip().lower() for name in csv_header(path)}
+    return set(_NEEDED) <= names and not {"z", "status"} <= names

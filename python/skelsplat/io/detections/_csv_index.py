@@ -10,8 +10,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO
 
-from skelsplat._budget import MOST_LINE, opened
-from skelsplat.exceptions import DatasetError
+from skelsplat._budget import MOST_LINE, no_text, opened
 
 _LINES = 4096  # of a block, at least
 
@@ -78,6 +77,5 @@ class Index:
         try:
             text = content.decode()
         except UnicodeDecodeError as error:
-            expected, actual = "text in UTF-8", f"byte {at + error.start} that is not"
-            raise DatasetError(self.path, "file", expected, actual) from error
+            raise no_text(self.path, content, error.start, at) from error
         return enumerate(csv.reader(io.StringIO(text, newline=""), strict=True), start=first)

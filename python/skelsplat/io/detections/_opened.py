@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 import skelsplat as sk
-from skelsplat._arrays import Array, Index
+from skelsplat._arrays import FARTHEST, Array, Index
 from skelsplat._budget import afford
 from skelsplat._clocks import between, parted
 from skelsplat.exceptions import DatasetError
@@ -221,7 +221,7 @@ class _Pixels:
         self._count, self._near, self._zeros = 0, 0, 0  # all, those within `_NORMALISED`, those at (0, 0)
 
     def add(self, people: Sequence[Sequence[Array]]) -> None:
-        """Look at the people of further frames."""
+        """Look at the people of further frames; raise if a coordinate is beyond `FARTHEST`."""
         everybody = [person for one in people for person in one]
         if everybody:
             points = np.concatenate(everybody)[:, :2]
@@ -231,6 +231,10 @@ class _Pixels:
             self._zeros += int((points == 0.0).all(axis=1).sum())
             self._least = min(self._least, points.min(initial=np.inf))
             self._most = max(self._most, points.max(initial=-np.inf))
+            furthest = max(self._most, -self._least)
+            if furthest > FARTHEST:
+                expected = f"pixels within ±{FARTHEST:g}, or none where missing"
+                raise DatasetError(self._view.path, "keypoints", expected, float(furthest))
 
     def check(self) -> None:
         """Raise if they are parts of the image's size instead of pixels."""

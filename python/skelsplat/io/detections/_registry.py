@@ -78,7 +78,7 @@ def find_format(path: Path, name: str | None) -> DetectionFormat:
     one_of("format", name, (None, *FORMATS))
     if name is not None:
         return FORMATS[name]
-    found = _recognised(path)
+    found = recognised(path)
     if not found:
         expected = f"detections in a known format ({', '.join(FORMATS)})"
         raise DatasetError(path, "content", expected, _told(path))
@@ -88,7 +88,7 @@ def find_format(path: Path, name: str | None) -> DetectionFormat:
     return FORMATS[next(iter(found))]
 
 
-def _recognised(path: Path) -> dict[str, Path]:
+def recognised(path: Path) -> dict[str, Path]:
     """Return the formats that a look at the path finds, each with the file that it was found in."""
     found: dict[str, Path] = {}
     for sample in _samples(path):
@@ -112,16 +112,22 @@ def _told(path: Path) -> str:
         return f"folders with such detections beneath it: give one of them ({listed(names, _NAMED)})"
     if any(one.suffix.lower() in VIDEO_SUFFIXES for one in chain([path], path.glob("*"), path.glob("*/*"))):
         return "videos; run skelsplat detect or another detector on them first, and give what it writes"
+    from skelsplat.io._kinds import damage, seems  # which imports this module
+
+    if path.is_file() and (other := seems(path)) is not None:
+        return other
     for sample in _samples(path):
+        if (wrong := damage(sample)) is not None:
+            return f"none that is recognised: {sample.name} is {wrong}"
         if sample.suffix.lower() in (".csv", ".json"):
             begins = head(sample).partition("\n")[0][:_BEGINNING]
             return f"none that is recognised: {sample.name} begins with {begins!r}"
-    return "none that is recognised"
+    return seems(path) or "none that is recognised"
 
 
 def _has_detections(folder: Path) -> bool:
     try:
-        return not is_run(folder) and bool(_recognised(folder))
+        return not is_run(folder) and bool(recognised(folder))
     except DatasetError:  # it cannot be read
         return False
 

@@ -19,7 +19,7 @@ from skelsplat.cameras import CameraRig, mm_per_unit
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.findings import Finding, FindingWarning, Subject
 from skelsplat.io._arrays import npz_keys
-from skelsplat.io._files import head
+from skelsplat.io._files import head, of_file
 from skelsplat.io.poses._c3d import c3d_is_y_up, check_c3d, check_c3d_place, read_c3d, write_c3d
 from skelsplat.io.poses._csv import read_csv, write_csv
 from skelsplat.io.poses._json import is_json_poses, read_json, write_json
@@ -53,6 +53,7 @@ POSE_FORMATS: dict[str, PoseFormat] = {
     ),
 }
 _CSV_START = ("frame,joint,", "person,frame,joint,")  # the latter is refused by its reader, with a reason
+_OF_DATA = ("joint_names", "frame numbers", "pose")  # arguments of writers that are no options
 _OWN_UNIT = ("trc", "c3d")  # these formats do not take any unit
 
 
@@ -188,6 +189,8 @@ def convert_poses(
         if data.frame_rate is None and error.argument == "frame_rate":
             expected = f"one for a .{kind} file (--fps)"
             raise DatasetError(source, "frame rate", expected, "none in the file") from error
+        if error.argument in _OF_DATA:
+            raise of_file(source, error) from error
         raise
     return data
 

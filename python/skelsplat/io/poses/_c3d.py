@@ -36,6 +36,7 @@ _MAX_NAME, _MAX_TEXT = 127, 255
 _EXACT = 2**24
 # Beyond it, mm, the coordinates of a C3D file (single precision) are off by more than half a millimetre.
 _FAR = 1e7
+_MOST = float(np.finfo(np.float32).max)  # of a coordinate
 _MISSING, _INTERPOLATED = -1.0, 0.0
 _GROUP = "SKELSPLAT"
 _CHILD = Path(__file__).with_name("_c3d_child.py")
@@ -149,6 +150,9 @@ def check_c3d_place(points_mm: Array) -> None:
     if known.size and np.median(known) > _FAR:
         expected = f"positions within {_FAR / 1e6:g} km of the origin in a C3D file, of 7 digits"
         raise InvalidInputError(f"pose: expected {expected}, got {np.median(known) / 1e6:.6g} km")
+    if known.size and known.max() > _MOST:
+        expected = f"positions within {_MOST:.3g} mm of the origin in a C3D file"
+        raise InvalidInputError(f"pose: expected {expected}, got one at {known.max():.3g} mm")
 
 
 def _residuals(data: PoseData) -> Array:

@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 import skelsplat as sk
-from skelsplat._arrays import Array, Index, Mask, flags, numbers, positive, whole_numbers
+from skelsplat._arrays import FARTHEST, Array, Index, Mask, flags, numbers, positive, whole_numbers
 from skelsplat._budget import within_memory
 from skelsplat.cameras import MM_PER_UNIT
 from skelsplat.exceptions import DatasetError, InvalidInputError, one_of
@@ -250,6 +250,10 @@ def checked(
                 raise DatasetError(
                     source, name, "finite numbers, none for what is missing", "an infinite one"
                 )
+        for name in ("pose", "init_pose"):
+            furthest = np.nanmax(np.abs(getattr(data, name)), initial=0.0) * (MM_PER_UNIT[data.unit] / 1e3)
+            if furthest > FARTHEST:
+                raise DatasetError(source, name, f"positions within ±{FARTHEST:g} m", f"{furthest:g} m")
         return data
 
     return reader

@@ -194,6 +194,8 @@ def listed(value: Any, count: int, place: str, what: str) -> Sequence[Any]:
     """
     if not isinstance(value, list) or len(value) != count:
         got = len(value) if isinstance(value, list) else shown(value)
+        if type(value) in (int, float):
+            got = f"the number {got}"  # and not the length of a list
         raise MalformedLineError(f"{place}: expected a list of {count} {what}, got {got}")
     return value
 

@@ -33,7 +33,11 @@ _PER_PART, _LEAST_FRAMES = 400_000, 600
 
 
 def run_long(
-    job: Job, *, progress: Progress | None = None, tell: Callable[[Finding], None] | None = None
+    job: Job,
+    *,
+    progress: Progress | None = None,
+    tell: Callable[[Finding], None] | None = None,
+    on_file: Callable[[str], None] | None = None,
 ) -> Run | None:
     """Do a job whose recording is long, in memory that hardly grows with it; None if it is not.
 
@@ -70,7 +74,7 @@ def run_long(
         findings = in_order([*notes, *found.findings])
         nothing = apply_over_time(found.poses, None)[1]
         found = reported(replace(found, findings=findings), job, nothing, left_out)
-        return replace(folders.write_folder(found, output, writing), whole=None)
+        return replace(folders.write_folder(found, output, writing, on_file=on_file), whole=None)
 
 
 @contextmanager

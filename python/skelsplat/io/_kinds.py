@@ -1,0 +1,52 @@
+"""What a file is that is not what was asked for, for the message that refuses it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from skelsplat._budget import MOST_DOCUMENT, damaged_zip, opened
+from skelsplat.exceptions import DatasetError
+from skelsplat.io._arrays import HDF5
+from skelsplat.io.calibration import find_format
+from skelsplat.io.calibration._format import Source
+from skelsplat.io.calibration._toml import has_cameras
+from skelsplat.io.detections._registry import recognised
+from skelsplat.io.poses import is_pose_file
+
+_SIGNS = {".npy": (b"\x93NUMPY",), ".h5": (HDF5,), ".hdf5": (HDF5,), ".nc": (HDF5, b"CDF")}
+
+
+def seems(path: Path) -> str | None:
+    """Return what a path seems to be: poses, detections, a calibration, damaged; None if unknown."""
+    try:
+        if path.is_file() and (wrong := damage(path)) is not None:
+            return wrong
+        if is_pose_file(path):
+            return "poses"
+        if found := recognised(path):
+            return f"detections ({', '.join(found)})"
+        unclear = path.suffix == ".mat" or (path.is_file() and path.stat().st_size > MOST_DOCUMENT)
+        form = None if unclear else find_format(path)
+        if form is None or (form == "anipose" and not has_cameras(Source(path))):
+            return None
+    except DatasetError as error:
+        return f"invalid JSON: {error.actual}" if error.field == "JSON" else None
+    except OSError:
+        return None
+    return f"a calibration ({form})"
+
+
+def damage(path: Path) -> str | None:
+    """Say that the content of a file is not what its name says; None if it is, or cannot be told."""
+    suffix = path.suffix.lower()
+    try:
+        with opened(path) as stream:
+            if suffix == ".npz":
+                return damaged_zip(stream)
+            begins = stream.read(8)
+    except DatasetError:  # it cannot be read
+        return None
+    if not begins:
+        return "an empty file"
+    wrong = not begins.startswith(_SIGNS.get(suffix, (b"",)))
+    return "another kind of file, or a damaged one" if wrong else None
