@@ -164,11 +164,11 @@ def test_rigs_are_sequences():
 
 
 @pytest.mark.parametrize("command", [["demo"], ["refine", "c.toml", "d"]])
-@pytest.mark.parametrize(("threads", "got"), [(1025, "1025"), (10**20, "10{20}")])
+@pytest.mark.parametrize(("threads", "got"), [(1025, "at most 1024, got 1025"), (10**20, ".* got 10{20}")])
 def test_the_number_of_threads_has_a_bound(command, threads, got, tmp_path):
     result = invoke(*command, "--threads", threads, "-o", tmp_path / "out")
     assert result.exit_code == 2
-    assert re.match(rf"error: --threads: expected a number .*1024, got '{got}' ", result.stderr)
+    assert re.match(rf"error: --threads: expected {got}", result.stderr)
     assert list(tmp_path.iterdir()) == []
 
 

@@ -105,7 +105,7 @@ REFINE = {
         lambda _: {"layout": "body25"},
         r"detections: expected the layout's 25 joints, got 17 joints",
     ),
-    "layout type": (lambda _: {"layout": 17}, r"layout: expected a Layout, its name or None, got int"),
+    "layout type": (lambda _: {"layout": 17}, r"layout: expected a Layout or its name, got int"),
     "a camera's type": (
         lambda s: {"cameras": [*list(s.rig)[:3], {"K": 1}]},
         r"cameras\[3\]: expected a Camera, got dict",
@@ -128,7 +128,7 @@ REFINE = {
     ),
     "endless init_sigma": (
         lambda _: {"init_sigma": np.inf},
-        r"init_sigma: expected a positive finite standard deviation, or NaN for none, got inf",
+        r"init_sigma: expected values within ±1e30, or NaN for none, got inf",
     ),
     "init_sigma shape": (
         lambda _: {"init_sigma": np.full(16, 30.0)},

@@ -133,14 +133,25 @@ TURNS = np.tile([1.0, 0, 0, 0], (5, 1))
 FAR = [0] * 4 + [1e308]
 
 
-def far(values: np.ndarray) -> np.ndarray:
+def far(values: np.ndarray, number: float = 1e308) -> np.ndarray:
     """Give the same with one number that is none to compute with."""
     out = values.copy()
-    out[(-1,) * out.ndim] = 1e308
+    out[(-1,) * out.ndim] = number
     return out
 
 
+ENDLESS = far(PIXELS, -np.inf)
 FAR_VALUES: dict[str, tuple[Callable[[], object], str]] = {
+    "refine endless": (lambda: sk.refine(None, ENDLESS[None, None], [camera()]), "detections[0, 0, 4, 1]"),
+    "in time endless": (
+        lambda: sk.refine_sequence(np.stack([PIXELS, ENDLESS])[:, None], [camera()], fps=25),
+        "detections[1, 0, 4, 1]",
+    ),
+    "step endless": (lambda: sk.Refiner([camera()], fps=25).step(ENDLESS[None]), "detections[0, 4, 1]"),
+    "track endless": (
+        lambda: sk.track(far(np.zeros((2, 2, 1, 17, 2)), np.inf), synthetic.ring(2), fps=25, layout="h36m17"),
+        "people[1, 1, 0, 16, 1]",
+    ),
     "project": (lambda: sk.project(far(POINTS), [camera()]), "points[4, 2]"),
     "gaussians": (lambda: sk.project_gaussians(far(POINTS), WIDE, [camera()]), "means[4, 2]"),
     "covariances": (lambda: sk.render(POINTS, far(WIDE), camera()), "covariances[4, 2, 2]"),

@@ -12,19 +12,19 @@ pub const FARTHEST: f64 = 1e30;
 /// A smaller confidence is none: products of a few such numbers would be 0.
 const LEAST_CONFIDENCE: f64 = 1e-30;
 
-/// Index of the first finite value outside ±[`FARTHEST`].
+/// Index of the first value outside ±[`FARTHEST`]; NaN is none.
 #[must_use]
 pub fn too_far(values: &[f64]) -> Option<usize> {
     // No branch per value: refining a frame takes only microseconds.
     if !values.iter().fold(false, |far, v| far | (v.abs() > FARTHEST)) {
         return None;
     }
-    values.iter().position(|v| v.is_finite() && v.abs() > FARTHEST)
+    values.iter().position(|v| v.abs() > FARTHEST)
 }
 
 /// One frame's detections, `(M, N)`: pixel and confidence of joint `j` in view `i`.
 ///
-/// A detection is missing when a coordinate is not finite or its confidence is below 1e-30.
+/// A detection is missing when a coordinate is NaN or its confidence is below 1e-30.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Detections {
     n_views: usize,
@@ -37,7 +37,7 @@ impl Detections {
     /// From row-major `(M, N, 2)` pixels and optional `(M, N)` confidences in [0, 1] (default 1).
     ///
     /// # Errors
-    /// [`Error::InvalidInput`] if a length does not match, a confidence is outside [0, 1] or a finite pixel outside
+    /// [`Error::InvalidInput`] if a length does not match, a confidence is outside [0, 1] or a pixel outside
     /// ±[`FARTHEST`].
     /// A confidence that is not a number marks the detection as missing; that of a missing one is ignored.
     pub fn new(

@@ -12,6 +12,9 @@ use skelsplat_core::study::detections::{FARTHEST, too_far};
 
 use crate::errors::{Failure, Result, in_words, refuse};
 
+/// Arguments whose third channel, if there is one, is a score.
+const WITH_SCORES: [&str; 2] = ["detections", "people"];
+
 /// A float64 array: name of the argument, values (row-major) and shape.
 pub(crate) struct Array {
     pub(crate) name: &'static str,
@@ -71,9 +74,15 @@ impl Array {
         if ok { Ok(self) } else { Err(self.misshapen(expected)) }
     }
 
-    /// Rejects finite values that are too large to compute with; `missing` states in the message how to mark missing values.
+    /// Rejects values that are infinite or too large to compute with, but for the scores of detections, which count only where
+    /// there is a pixel; `missing` states in the message how to mark missing values.
     pub(crate) fn bounded(self, missing: &str) -> Result<Self> {
-        let Some(k) = too_far(&self.values) else { return Ok(self) };
+        if too_far(&self.values).is_none() {
+            return Ok(self);
+        }
+        let scored = WITH_SCORES.contains(&self.name) && self.shape.ends_with(&[3]);
+        let wrong = |k: &usize| self.values[*k].abs() > FARTHEST && !(scored && k % 3 == 2);
+        let Some(k) = (0..self.values.len()).find(wrong) else { return Ok(self) };
         let expected = format!("values within ±{FARTHEST:e}{missing}");
         Err(self.refused(k, &expected, format!("{:e}", self.values[k])))
     }

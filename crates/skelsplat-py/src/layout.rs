@@ -53,7 +53,7 @@ impl<'py> FromPyObject<'_, 'py> for Layout {
             let read = value.py().import("skelsplat.layouts")?.call_method1("get", (name,))?;
             return object("layout", &read, "a Layout").map(|it: &Self| Self(it.0.clone()));
         }
-        object("layout", &value, "a Layout, its name or None").map(|it: &Self| Self(it.0.clone()))
+        object("layout", &value, "a Layout or its name").map(|it: &Self| Self(it.0.clone()))
     }
 }
 

@@ -240,11 +240,10 @@ Threads = Annotated[
     option(
         _METHOD,
         "--threads",
-        metavar="N",
+        metavar="1..1024",
         help=_sentence("n_threads", *_METHODS),
         default="all cores",
         min=1,
-        max=1024,
     ),
 ]
 

@@ -35,7 +35,7 @@ pub(crate) fn coordinate() -> impl Strategy<Value = f64> {
     prop_oneof![
         12 => 0.0..1000.0_f64,
         2 => -3000.0..4000.0_f64,
-        1 => prop::sample::select(vec![f64::NAN, f64::INFINITY, 0.0, 5e-324, 1e-300, 1e6, 1e12, -1e30, 1e30]),
+        1 => prop::sample::select(vec![f64::NAN, 0.0, 5e-324, 1e-300, 1e6, 1e12, -1e30, 1e30]),
     ]
 }
 

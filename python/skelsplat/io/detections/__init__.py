@@ -105,7 +105,7 @@ def read_detections(
         If `layout` is missing or does not decide (the message names those that fit), or another argument is
         unknown.
     DatasetError
-        If a folder or file is missing, malformed, or fits no camera; names the file and the field.
+        If a folder or file is missing, malformed, without frames, or fits no camera; names it and the field.
     MissingPackageError
         If the format needs a package that is not installed.
     """
