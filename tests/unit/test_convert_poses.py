@@ -113,6 +113,10 @@ def test_a_wrong_frame_rate_is_that_of_the_option(tmp_path):
     write_npz(tmp_path / "a.npz", sample())
     result = invoke("convert", tmp_path / "a.npz", tmp_path / "b.json", "--fps", -5)
     assert_fails(result, 2, "--fps: expected a positive number, got -5")
+    for rate in ("1e308", "1e-9"):
+        result = invoke("convert", tmp_path / "a.npz", tmp_path / "b.trc", "--fps", rate)
+        assert_fails(result, 2, "--fps: expected a number from 0.001 to 1e+06, got 1e")
+    assert [path.name for path in tmp_path.iterdir()] == ["a.npz"]
 
 
 def test_what_cannot_be_converted(tmp_path):

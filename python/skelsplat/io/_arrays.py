@@ -26,6 +26,8 @@ from skelsplat.io._files import frame_number, parsing
 from skelsplat.io._unpickle import npy_header, read_array
 
 _MOST_ITEMS = 10_000  # of an HDF5 file; a recording has twenty
+FRAME_RATES = (1e-3, 1e6)
+"""Frames per second, the lowest and the highest, that files state."""
 HDF5 = b"\x89HDF\r\n\x1a\n"
 
 
@@ -55,7 +57,7 @@ class Arrays:
         if value.shape != () or value.dtype.kind not in "fiu":
             raise DatasetError(self.path, "frame_rate", "one number", f"{value.dtype} of shape {value.shape}")
         rate = float(value)
-        if not (np.isnan(rate) or 1e-3 <= rate <= 1e6):
+        if not (np.isnan(rate) or FRAME_RATES[0] <= rate <= FRAME_RATES[1]):
             raise DatasetError(self.path, "frame_rate", "a number from 1e-3 to 1e6", f"{rate:g}")
         return None if np.isnan(rate) else rate
 

@@ -20,6 +20,7 @@ from skelsplat._arrays import FARTHEST, Array, Index, Mask, flags, numbers, posi
 from skelsplat._budget import within_memory
 from skelsplat.cameras import MM_PER_UNIT
 from skelsplat.exceptions import DatasetError, InvalidInputError, one_of
+from skelsplat.io._arrays import FRAME_RATES
 from skelsplat.io._files import of_file
 from skelsplat.layouts import BODY25
 
@@ -226,9 +227,14 @@ class PoseData:
 
     def at_rate(self, frame_rate: float) -> PoseData:
         """Return the same poses at another frame rate; velocities, if there are any, change with it."""
-        factor = frame_rate / (self.frame_rate or frame_rate)
         data = replace(self, frame_rate=frame_rate)
-        squares = self.velocity_uncertainty * factor**2
+        low, high = FRAME_RATES
+        if not low <= frame_rate <= high:
+            raise InvalidInputError(
+                f"frame_rate: expected a number from {low:g} to {high:g}, got {frame_rate:g}"
+            )
+        factor = frame_rate / (self.frame_rate or frame_rate)
+        squares = self.velocity_uncertainty * (factor * factor)
         return replace(data, velocity=self.velocity * factor, velocity_uncertainty=squares)
 
 
