@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -352,7 +353,7 @@ class Refiner:
     ------
     InvalidInputError
         As ``refine``; ``fps`` is not a positive number, or given with ``paper``; ``lag`` is not a whole
-        number of at least 0, or given without ``fps``.
+        number from 0 to the frames of a minute, or given without ``fps``.
     """
 
     def __init__(
@@ -372,7 +373,7 @@ class Refiner:
             raise InvalidInputError("lag: expected fps as well, got none")
         self._cameras, self._layout = cameras, layout
         self._config = config
-        self._fps, self._lag = fps, lag
+        self._fps, self._lag = fps, min(int(lag), sys.maxsize)
         self._last: NDArray[np.float64] | None = None
         self._begun = False
         self._joints: int | None = None  # how many, once that is known

@@ -275,7 +275,7 @@ class RefineConfig:
     min_confidence : float, default 0
         Detections with a lower confidence are treated as missing.
     n_threads : int or None, default None
-        Number of threads for a batch; does not affect the result; None: all cores.
+        Number of threads that share the frames; does not affect the result; None: all cores.
     occlusion_factor : float
         The paper's f, an alternative to ``occlusion_sigma_mm``: multiplies the *logarithm* of ``sigma_mm``,
         giving σ^f; for ``paper`` 42.5 mm with 1.25, 90 mm with 1.5 and 403 mm with 2. Converted, not stored.

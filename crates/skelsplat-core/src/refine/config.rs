@@ -50,7 +50,7 @@ settings! {
         min_confidence: f64 = 0.0, Domain::Share, "",
             "Detections with a lower confidence are treated as missing.";
         n_threads: Option<usize> = None, Domain::Within(1, MOST_THREADS), "",
-            "Number of threads for a batch; does not affect the result; None: all cores.";
+            "Number of threads that share the frames; does not affect the result; None: all cores.";
     }
     also {
         /// The method with its own settings.
