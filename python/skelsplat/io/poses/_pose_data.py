@@ -256,10 +256,11 @@ def checked(
                 raise DatasetError(
                     source, name, "finite numbers, none for what is missing", "an infinite one"
                 )
-        for name in ("pose", "init_pose"):
-            furthest = np.nanmax(np.abs(getattr(data, name)), initial=0.0) * (MM_PER_UNIT[data.unit] / 1e3)
-            if furthest > FARTHEST:
-                raise DatasetError(source, name, f"positions within ±{FARTHEST:g} m", f"{furthest:g} m")
+            power = 2 if name in _SQUARES else 1
+            largest = np.nanmax(np.abs(getattr(data, name)), initial=0.0)
+            most = (FARTHEST * 1e3 / MM_PER_UNIT[data.unit]) ** power
+            if most < largest < np.inf:
+                raise DatasetError(source, name, f"numbers within ±{most:g}", f"{largest:g}")
         return data
 
     return reader
