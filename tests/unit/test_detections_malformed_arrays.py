@@ -36,6 +36,14 @@ def _ragged(*shapes):
     return parts
 
 
+def _long_name(broken):
+    """Say in the root's attributes that the name of one is longer than all of them, which ends PyTables."""
+    content = bytearray(broken.file.read_bytes())
+    at = content.index(b"PYTABLES_FORMAT_VERSION")
+    content[at - 6 : at - 4] = b"\xff\xff"
+    broken.file.write_bytes(content)
+
+
 NPZ_CUT = (Broken.cut, r"file: expected a complete npz file, got ")
 MALFORMED = {
     "rtmlib_frames": {
@@ -108,6 +116,7 @@ MALFORMED = {
             r"file: expected a complete HDF5 file of pandas",
         ),
         "no HDF5": (lambda b: b.file.write_text("x" * 99), r"file: expected a complete HDF5 file of pandas"),
+        "an attribute": (_long_name, r"file: expected a complete HDF5 file of pandas, got .*attributes"),
         "key": (
             lambda b: b.dlc(lambda table: table[table.columns[0]].rename("x")),
             r"key: expected one table in the file \(df_with_missing or tracks\), got keys df_with_missing",

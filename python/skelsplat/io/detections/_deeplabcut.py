@@ -57,8 +57,9 @@ def _load(path: Path) -> Any:
     pandas = require("pandas", f"{path}: DeepLabCut's h5")
     require("tables", f"{path}: DeepLabCut's h5")
     expected = "a complete HDF5 file of pandas"
-    with hdf5(path, f"{path}: DeepLabCut's h5", expected):
-        pass
+    with hdf5(path, f"{path}: DeepLabCut's h5", expected) as file:
+        list(file.attrs)  # those that are damaged end the process in PyTables
+        file.visititems(lambda _, item: list(item.attrs) and None)
     with parsing(path, expected), pandas.HDFStore(path, mode="r") as store:
         keys = [key.strip("/") for key in store.keys()]  # noqa: SIM118 - a store, not a dict
         tables = [key for key in keys if str(store.get_storer(key).pandas_type).startswith("frame")]
