@@ -353,7 +353,7 @@ class Refiner:
     ------
     InvalidInputError
         As ``refine``; ``fps`` is not a positive number, or given with ``paper``; ``lag`` is not a whole
-        number from 0 to the frames of a minute, or given without ``fps``.
+        number from 0 to 10,000, or given without ``fps``.
     """
 
     def __init__(

@@ -31,7 +31,6 @@ use super::agility::Agility;
 use super::noise::Memory;
 use super::outcome::Learnt;
 use super::recording::{LEAST_SPREAD, USUAL_SPREAD, check};
-use super::small::frames_in;
 use super::solver::Common;
 use super::tape::Tape;
 use crate::annealed::Alone;
@@ -64,20 +63,22 @@ pub struct Live {
     window: Option<Window>,
 }
 
-/// Longest lag, s: every step solves all its frames again, and beyond a second they hardly change.
-const LONGEST_LAG: f64 = 60.0;
+/// Every step solves all frames of the lag again, and beyond a second they hardly change.
+const MOST_LAG: usize = 10_000;
 
 impl Live {
     /// Nothing is known yet, of frames at this rate. The answer is the frame `lag` frames before the last.
     ///
     /// # Errors
-    /// [`Error::InvalidInput`] if `fps` is not a positive number, `lag` is more than a minute, or for another method than `annealed`.
+    /// [`Error::InvalidInput`] if `fps` is not a positive number, `lag` is too large, or for another method than `annealed`.
     pub fn new(refiner: &Refiner, fps: f64, lag: usize) -> Result<Self> {
         check(refiner, fps, "'annealed' where fps is given")?;
-        let most = frames_in(LONGEST_LAG, fps);
-        if lag > most {
-            let expected = format!("at most {LONGEST_LAG} s, which are {most} frames");
-            return Err(Error::invalid("lag", expected, lag.to_string()));
+        if lag > MOST_LAG {
+            return Err(Error::invalid(
+                "lag",
+                format!("at most {MOST_LAG} frames"),
+                lag.to_string(),
+            ));
         }
         let window = (lag > 0).then(|| Window::new(lag, fps));
         Ok(Self {
