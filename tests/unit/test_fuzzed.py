@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+import calibration_files
 import skelsplat as sk
 from array_forms import LAYOUT, PIXELS, POSES, RIG, SEEN
 from command_line import assert_fails, invoke
@@ -271,6 +273,24 @@ def test_bodies_of_panoptic_that_are_no_list_and_ids_that_are_no_number(tmp_path
     path.write_text(f'{{"bodies": {bodies}}}')
     with pytest.raises(sk.DatasetError, match=rf"{path.name}: .*{text}"):
         _bodies(path)
+
+
+def test_bodies_of_panoptic_beyond_numbers_are_read_without_a_warning(tmp_path):
+    path = tmp_path / "body3DScene_00000001.json"
+    path.write_text(f'{{"bodies": [{{"id": 3, "joints19": {[1.5e308, 1, 1, 1] * 19}}}]}}')
+    with np.errstate(all="raise"):
+        assert np.isinf(_bodies(path)[3][:, 0]).all()  # which the take refuses
+
+
+def test_a_camera_of_a_calibration_at_1e308_is_no_warning(tmp_path):
+    path, rig = tmp_path / "Calib.qca.txt", calibration_files.reference(calibration_files.NAMES)
+    calibration_files.qualisys(tmp_path, rig)
+    path.write_text(re.sub(r' x="[^"]*"', ' x="1.5e308"', path.read_text()))
+    refused = pytest.raises(
+        sk.DatasetError, match=r"Calib\.qca\.txt: t of camera .*: expected values within "
+    )
+    with np.errstate(all="raise"), refused:
+        read_calibration(path)
 
 
 def test_a_camera_of_a_data_set_at_1e308():
