@@ -26,6 +26,7 @@ from skelsplat.io import read_calibration, read_pose, write_pose
 from skelsplat.io._arrays import as_numbers as of_file
 from skelsplat.io._arrays import has_endless_heap
 from skelsplat.io.calibration._vicon import _is_plausible
+from skelsplat.run import Job
 from takes import hand_made
 
 
@@ -50,6 +51,12 @@ def test_a_rate_that_is_no_number_is_named(name, fps):
     }
     with pytest.raises(sk.InvalidInputError, match=r"^fps: expected a positive number, got .+$"):
         calls[name]()
+
+
+@pytest.mark.parametrize("fps", [1e308, 1e7, 1e-4])
+def test_the_rate_of_a_job_is_one_that_its_files_can_state(fps):
+    with pytest.raises(sk.InvalidInputError, match=r"^fps: expected a number from 1e-3 to 1e6, got "):
+        Job("Calib.toml", "pose", fps=fps)
 
 
 @pytest.mark.parametrize("seed", [-1, 1.5, "x"])
