@@ -26,6 +26,7 @@ from skelsplat.io import read_calibration, read_pose, write_pose
 from skelsplat.io._arrays import as_numbers as of_file
 from skelsplat.io._arrays import has_endless_heap
 from skelsplat.io.calibration._vicon import _is_plausible
+from skelsplat.io.poses._xarray import to_xarray
 from skelsplat.run import Job
 from takes import hand_made
 
@@ -261,6 +262,30 @@ def test_frames_of_people_in_memory_views_are_arrays():
     for wrong in (memoryview(people), memoryview(np.array(1.0))):
         with pytest.raises(sk.InvalidInputError, match=r"^people: expected "):
             sk.Tracker(RIG, layout=LAYOUT, fps=50.0).step([wrong])
+
+
+@pytest.mark.parametrize("value", [np.inf, np.nan, 0.5])
+def test_owners_of_simulated_detections_are_whole_numbers(tmp_path, value):
+    write_simulated(tmp_path / "set", synthetic.simulate_people_set(2, 3, 1, frames=3))
+    path = datasets.read("synthetic", tmp_path / "set").takes[0].files["detections"]
+    with np.load(path) as arrays:
+        held = dict(arrays)
+    held["owner"] = np.full(held["owner"].shape, value)
+    np.savez(path, **held)
+    with pytest.raises(sk.DatasetError, match=rf"{path.name}: owner: expected whole numbers, got others"):
+        datasets.read("synthetic", tmp_path / "set")
+
+
+def test_frames_of_netcdf_are_whole_numbers(tmp_path):
+    xarray = pytest.importorskip("xarray")
+    pytest.importorskip("h5netcdf")
+    found = to_xarray(sample())
+    found["frame"] = xarray.full_like(found["frame"], np.nan, dtype=float)
+    found.to_netcdf(tmp_path / "pose.nc", engine="h5netcdf")
+    with pytest.raises(
+        sk.DatasetError, match=r"pose\.nc: variables: .*frames: expected whole numbers, got nan"
+    ):
+        read_pose(tmp_path / "pose.nc")
 
 
 def test_people_who_are_a_list_of_masked_numbers_are_named():
