@@ -232,6 +232,7 @@ def test_numbers_of_nan_that_signal_are_missing(tmp_path):
     signals = np.array([0x7FA00000], np.uint32).view(np.float32)
     with np.errstate(all="raise"):
         assert np.isnan(of_file(tmp_path, "x", signals)).all()
+        assert np.isnan(as_numbers(tmp_path, "x", signals)).all()
 
 
 def test_a_lens_that_leaves_the_numbers_is_not_plausible():

@@ -147,7 +147,8 @@ def as_numbers(path: Path, field: str, value: Any) -> Array:
     if isinstance(value, np.ndarray) and value.dtype.kind == "c":
         raise DatasetError(path, field, "real numbers", f"an array of {value.dtype}")
     try:
-        return np.array(value, dtype=np.float64, order="C")
+        with np.errstate(invalid="ignore"):  # of a NaN that signals
+            return np.array(value, dtype=np.float64, order="C")
     except (TypeError, ValueError) as error:
         raise DatasetError(path, field, "numbers in rows of the same length", error) from error
 
