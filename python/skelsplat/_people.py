@@ -259,6 +259,8 @@ def padded(people: People) -> ArrayLike:
 
 def _views(frame: Any) -> Any:
     """Return a frame if it is a list of views or an array; a mapping or text is neither."""
+    if isinstance(frame, memoryview):  # of which Python gives no parts
+        frame = numbers(frame, "people")
     listed = isinstance(frame, Sequence) and not isinstance(frame, str)
     if listed or (isinstance(frame, np.ndarray) and frame.ndim):
         return frame

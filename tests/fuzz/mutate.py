@@ -272,7 +272,7 @@ def odd_array(rng: Random, array: np.ndarray) -> np.ndarray:
         array.reshape(-1)[place] = np.asarray(value).astype(array.dtype)
         return array
     if choice == 4 and numeric:
-        return array * array.dtype.type(rng.choice((0, 1, 2, 100)))
+        return np.asarray(array * array.dtype.type(rng.choice((0, 1, 2, 100))))
     if choice <= 5:
         kinds = ("f4", "f2", "i8", "i1", "u8", "?", "c16", "U5", "S5", "O", ">f8", "M8[s]")
         kinds = kinds if numeric else kinds[:-1]  # text like b"0.977" to times ends the process in NumPy 2.4

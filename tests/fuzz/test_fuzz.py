@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
+from random import Random
 
+import numpy as np
 import pytest
 
-from fuzz import commands, readers
+from fuzz import commands, mutate, readers
 from fuzz.__main__ import hunt
 from skelsplat.io.calibration import FORMATS as CALIBRATIONS
 from skelsplat.io.detections import FORMATS as DETECTIONS
@@ -42,6 +44,15 @@ def test_errors_loops_and_deaths_are_found_and_saved_with_how_to_repeat_them(tmp
     how = (tmp_path / "planted-7-1" / "how.txt").read_text()
     assert how.startswith("python -m fuzz planted --seed 7 --case 1\nValueError")
     assert (tmp_path / "planted-7-1" / "input").read_text() == "an error"
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_odd_arrays_are_arrays() -> None:
+    for seed in range(200):
+        rng, array = Random(seed), np.array(3)
+        for _ in range(3):
+            array = mutate.odd_array(rng, array)
+            assert isinstance(array, np.ndarray), seed
 
 
 def test_every_format_and_every_command_is_fuzzed() -> None:

@@ -144,6 +144,13 @@ def test_percentages_are_no_peaks_of_maps(tmp_path, name):
     assert (read(write_case(tmp_path / "peaks", name, people=people)).people[0, 0, 0, :, 2] == 1.0).all()
 
 
+def test_confidences_beyond_any_have_a_median(tmp_path):
+    people = anybody()
+    people[..., 2] = 1.7e308  # two of them have no sum
+    path = write_case(tmp_path, "rtmlib_cameras", people=people)
+    assert "confidences in [0, 1], got a median of 1e+30" in refused(path)
+
+
 def test_parts_of_the_image_are_no_pixels_even_if_some_joints_are_beyond_it(tmp_path):
     people = anybody()
     people[..., :2] /= 1000.0

@@ -2,26 +2,32 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+import calibration_files
 import skelsplat as sk
 from array_forms import LAYOUT, PIXELS, POSES, RIG, SEEN
 from command_line import assert_fails, invoke
+from pose_sample import sample
 from skelsplat import datasets, synthetic
 from skelsplat.datasets._files import as_numbers
 from skelsplat.datasets._rig import camera_at_centre
 from skelsplat.datasets._shelf_campus import _actor
-from skelsplat.datasets.human36m._adafuse import _world
+from skelsplat.datasets.human36m._adafuse import _misfit, _world
 from skelsplat.datasets.panoptic import _bodies
 from skelsplat.datasets.synthetic import write_simulated
 from skelsplat.evaluation import baselines
-from skelsplat.io import read_calibration, read_pose
+from skelsplat.io import read_calibration, read_pose, write_pose
 from skelsplat.io._arrays import as_numbers as of_file
+from skelsplat.io._arrays import has_endless_heap
 from skelsplat.io.calibration._vicon import _is_plausible
+from skelsplat.io.poses._xarray import to_xarray
+from skelsplat.run import Job
 from takes import hand_made
 
 
@@ -46,6 +52,12 @@ def test_a_rate_that_is_no_number_is_named(name, fps):
     }
     with pytest.raises(sk.InvalidInputError, match=r"^fps: expected a positive number, got .+$"):
         calls[name]()
+
+
+@pytest.mark.parametrize("fps", [1e308, 1e7, 1e-4])
+def test_the_rate_of_a_job_is_one_that_its_files_can_state(fps):
+    with pytest.raises(sk.InvalidInputError, match=r"^fps: expected a number from 1e-3 to 1e6, got "):
+        Job("Calib.toml", "pose", fps=fps)
 
 
 @pytest.mark.parametrize("seed", [-1, 1.5, "x"])
@@ -175,6 +187,12 @@ def test_poses_of_adafuse_that_are_far_away_name_their_file():
         _world(Path("a.pkl"), "S9/Walking", poses, pixels, RIG)
 
 
+def test_pixels_of_adafuse_that_are_far_away_are_no_warning():
+    poses, pixels = np.repeat(POSES[:1, None], len(RIG), axis=1), np.full((1, len(RIG), 17, 2), 1e306)
+    with np.errstate(all="raise"):
+        assert _misfit(poses, pixels, RIG) == np.inf
+
+
 def test_error_bars_of_which_the_square_is_no_number_name_the_line(tmp_path):
     columns = "frame,joint,x,y,z,error_bar_x,error_bar_y,error_bar_z,unit"
     (tmp_path / "p.csv").write_text(f"{columns}\n0,a,1,2,3,1,1,1,mm\n0,b,1,2,3,1,1e200,1,mm\n")
@@ -182,6 +200,32 @@ def test_error_bars_of_which_the_square_is_no_number_name_the_line(tmp_path):
         sk.DatasetError, match=r"line 3: expected standard deviations of at most 1e\+100, got "
     ):
         read_pose(tmp_path / "p.csv")
+
+
+@pytest.mark.parametrize("name", ["loss", "reprojection_error", "view_weights", "uncertainty"])
+def test_poses_with_infinite_numbers_name_the_file_and_the_array(tmp_path, name):
+    write_pose(tmp_path / "pose.npz", sample())
+    with np.load(tmp_path / "pose.npz") as arrays:
+        held = dict(arrays)
+    held[name].reshape(-1)[0] = -np.inf
+    np.savez(tmp_path / "pose.npz", **held)
+    with pytest.raises(sk.DatasetError, match=rf"pose\.npz: {name}: expected finite numbers"):
+        read_pose(tmp_path / "pose.npz")
+
+
+def test_a_heap_of_hdf5_that_never_ends_is_refused(tmp_path):
+    pytest.importorskip("h5netcdf")
+    path = tmp_path / "pose.nc"
+    write_pose(path, sample())
+    assert not has_endless_heap(path)
+    content = bytearray(path.read_bytes())
+    first = content.index(b"GCOL") + 16
+    content[first : first + 16] = bytes(16)  # free space of no length
+    path.write_bytes(content)
+    with pytest.raises(
+        sk.DatasetError, match=r"pose\.nc: file: expected a complete NetCDF file, got a damag"
+    ):
+        read_pose(path)
 
 
 def test_numbers_of_nan_that_signal_are_missing(tmp_path):
@@ -209,6 +253,41 @@ def test_detections_of_several_people_beyond_numbers_name_their_file(tmp_path):
         datasets.read("synthetic", tmp_path / "set")
 
 
+def test_frames_of_people_in_memory_views_are_arrays():
+    people = np.stack([SEEN, SEEN[::-1]], axis=2)
+    found = sk.track([memoryview(frame) for frame in people], RIG, layout=LAYOUT, fps=50.0)
+    expected = sk.track(people, RIG, layout=LAYOUT, fps=50.0)
+    assert [one.id for one in found] == [one.id for one in expected]
+    np.testing.assert_array_equal(found[0].refinement.pose, expected[0].refinement.pose)
+    for wrong in (memoryview(people), memoryview(np.array(1.0))):
+        with pytest.raises(sk.InvalidInputError, match=r"^people: expected "):
+            sk.Tracker(RIG, layout=LAYOUT, fps=50.0).step([wrong])
+
+
+@pytest.mark.parametrize("value", [np.inf, np.nan, 0.5])
+def test_owners_of_simulated_detections_are_whole_numbers(tmp_path, value):
+    write_simulated(tmp_path / "set", synthetic.simulate_people_set(2, 3, 1, frames=3))
+    path = datasets.read("synthetic", tmp_path / "set").takes[0].files["detections"]
+    with np.load(path) as arrays:
+        held = dict(arrays)
+    held["owner"] = np.full(held["owner"].shape, value)
+    np.savez(path, **held)
+    with pytest.raises(sk.DatasetError, match=rf"{path.name}: owner: expected whole numbers, got others"):
+        datasets.read("synthetic", tmp_path / "set")
+
+
+def test_frames_of_netcdf_are_whole_numbers(tmp_path):
+    xarray = pytest.importorskip("xarray")
+    pytest.importorskip("h5netcdf")
+    found = to_xarray(sample())
+    found["frame"] = xarray.full_like(found["frame"], np.nan, dtype=float)
+    found.to_netcdf(tmp_path / "pose.nc", engine="h5netcdf")
+    with pytest.raises(
+        sk.DatasetError, match=r"pose\.nc: variables: .*frames: expected whole numbers, got nan"
+    ):
+        read_pose(tmp_path / "pose.nc")
+
+
 def test_people_who_are_a_list_of_masked_numbers_are_named():
     with pytest.raises(sk.InvalidInputError, match=r"^people: expected a list of views in every frame, got "):
         sk.track([np.ma.masked], RIG, layout=LAYOUT, fps=50.0)
@@ -226,6 +305,24 @@ def test_bodies_of_panoptic_that_are_no_list_and_ids_that_are_no_number(tmp_path
     path.write_text(f'{{"bodies": {bodies}}}')
     with pytest.raises(sk.DatasetError, match=rf"{path.name}: .*{text}"):
         _bodies(path)
+
+
+def test_bodies_of_panoptic_beyond_numbers_are_read_without_a_warning(tmp_path):
+    path = tmp_path / "body3DScene_00000001.json"
+    path.write_text(f'{{"bodies": [{{"id": 3, "joints19": {[1.5e308, 1, 1, 1] * 19}}}]}}')
+    with np.errstate(all="raise"):
+        assert np.isinf(_bodies(path)[3][:, 0]).all()  # which the take refuses
+
+
+def test_a_camera_of_a_calibration_at_1e308_is_no_warning(tmp_path):
+    path, rig = tmp_path / "Calib.qca.txt", calibration_files.reference(calibration_files.NAMES)
+    calibration_files.qualisys(tmp_path, rig)
+    path.write_text(re.sub(r' x="[^"]*"', ' x="1.5e308"', path.read_text()))
+    refused = pytest.raises(
+        sk.DatasetError, match=r"Calib\.qca\.txt: t of camera .*: expected values within "
+    )
+    with np.errstate(all="raise"), refused:
+        read_calibration(path)
 
 
 def test_a_camera_of_a_data_set_at_1e308():

@@ -404,7 +404,9 @@ POSES = {"pose": np.ones((1, 2, 3)), "joint_names": ["a", "b"], "frames": [5], "
     [
         ({"frames": [5.5]}, "frames: expected whole numbers, got 5.5"),
         ({"pose": np.full((1, 2, 3), np.inf)}, "pose: expected finite numbers, none for what is missing"),
-        ({"pose": np.full((1, 2, 3), 1e300)}, r"pose: expected positions within ±1e\+30 m, got 1e\+297 m"),
+        ({"pose": np.full((1, 2, 3), 1e300)}, r"pose: expected numbers within ±1e\+33, got 1e\+300"),
+        ({"joint_bias": np.full((1, 2), 1e300)}, r"joint_bias: expected numbers within ±1e\+33"),
+        ({"uncertainty": np.full((1, 2, 3, 3), 1e70)}, r"uncertainty: expected numbers within ±1e\+66"),
         ({"uncertainty": np.full((1, 2, 3, 3), np.inf)}, "uncertainty: expected finite numbers"),
         ({"joint_names": np.array([b"a", b"a"])}, "joint_names: expected different names, got 'a' twice"),
         ({"joint_names": np.array([7, 8])}, "joint_names: expected 2 names, got int64"),

@@ -19,13 +19,13 @@ _LEGEND = (
 
 
 def print_people(console: Console, run: PeopleRun) -> None:
-    """Print the table of people, and the findings on everybody and on each person."""
+    """Print the table of people, and the warnings on everybody and the findings on each person."""
     print_table(console, _people(run))
     console.print(_LEGEND, style="dim")
     console.print()
     note = run.report["note"]
     print_paragraphs(console, [note] if note else [])
-    found = [finding.text for finding in run.findings if finding.severity != "note"]
+    found = [finding.text for finding in run.findings if finding.severity == "warning"]
     print_paragraphs(console, [f"! {text}" for text in found])
     for identity, one in run.people.items():
         own = [finding.text for finding in one.findings if finding.severity != "note"]

@@ -161,9 +161,10 @@ def run_and_print(job: Job, *, quiet: bool, as_json: bool) -> None:
         found: Run | PeopleRun | None = run_long(job, **given)
         if found is None:
             found = run(job, **given) if job.people is None else run_people(job, **given)
+    errors = [finding for finding in found.findings if finding.severity == "error"]
     if as_json or quiet:
         for finding in found.findings:
-            if finding not in printed:
+            if finding not in (*printed, *errors):
                 tell(finding)
         for identity, person in found.people.items() if isinstance(found, PeopleRun) else ():
             for finding in (one for one in person.findings if one.severity != "note"):
@@ -179,5 +180,7 @@ def run_and_print(job: Job, *, quiet: bool, as_json: bool) -> None:
         print_files(
             console, folder, [*found.report["files"], *found.report.get("folders", []), "report.json"]
         )
-    if any(finding.severity == "error" for finding in found.findings):
+    for finding in errors:
+        tell(finding)
+    if errors:
         raise typer.Exit(FAILED)

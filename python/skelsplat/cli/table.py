@@ -108,7 +108,7 @@ def _least_width(console: Console, table: Table) -> int:
 
 
 def print_run(console: Console, run: Run) -> None:
-    """Print the table of cameras, the lines on the run, the least certain joints, and the findings."""
+    """Print the table of cameras, the lines on the run, the least certain joints, and the warnings."""
     print_table(console, _cameras(run))
     console.print(_legend(run.statistics), style="dim")
     console.print()
@@ -118,7 +118,7 @@ def print_run(console: Console, run: Run) -> None:
     console.print()
     note = run.report["note"]
     print_paragraphs(console, [note] if note else [])
-    found = [finding.text for finding in run.findings if finding.severity != "note"]
+    found = [finding.text for finding in run.findings if finding.severity == "warning"]
     print_paragraphs(console, [f"! {text}" for text in found])
     print_paragraphs(console, [*_nothing_filled(run.report["over_time"]["gaps"]), *run.poses.processing])
 

@@ -47,7 +47,9 @@ def read_scene(
     t, m, n = len(frames), len(rig), layout.n_joints
     truth = part("truth", "poses", ("Q", t, n, 3))
     people = part("detections", "people", (t, m, "P", n, 3))
-    owner = part("detections", "owner", (t, m, people.shape[2])).astype(np.int64)
+    owner = part("detections", "owner", (t, m, people.shape[2]))
+    if not (np.isfinite(owner) & (owner == np.rint(owner))).all():
+        raise DatasetError(files["detections"], "owner", "whole numbers", "others")
     return PeopleTake(
         key=key,
         rig=rig,
@@ -61,7 +63,7 @@ def read_scene(
     )
 
 
-def _slots(people: Array, owner: Index, n_people: int) -> Index:
+def _slots(people: Array, owner: Array, n_people: int) -> Index:
     """Place in P of each person, (Q, T, M); −1 = none. Of two parts of a person the larger."""
     joints = np.isfinite(people[..., 0]).sum(axis=-1)
     own = (owner == np.arange(n_people)[:, None, None, None]) & (joints > 0)

@@ -261,5 +261,6 @@ def _bodies(path: Path) -> dict[int, Array]:
         flat = numbers(path, within(field, "joints19"), values, (count,))
         joints = flat.reshape(-1, 4)
         measured = joints[:, 3:] > _LEAST_CONFIDENCE
-        found[whole_number(path, field, body, "id")] = np.where(measured, _MM * joints[:, :3], np.nan)
+        with np.errstate(over="ignore"):  # refused with the take
+            found[whole_number(path, field, body, "id")] = np.where(measured, _MM * joints[:, :3], np.nan)
     return found

@@ -11,7 +11,7 @@ import sys
 import zipfile
 from collections import Counter
 from collections.abc import Collection, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -29,6 +29,7 @@ _MOST_ITEMS = 10_000  # of an HDF5 file; a recording has twenty
 FRAME_RATES = (1e-3, 1e6)
 """Frames per second, the lowest and the highest, that files state."""
 HDF5 = b"\x89HDF\r\n\x1a\n"
+_HEAP = b"GCOL\1\0\0\0"  # the beginning of a heap of texts and other values of any length
 
 
 @dataclass(frozen=True)
@@ -184,6 +185,8 @@ def hdf5(path: Path, purpose: str, expected: str = "a complete HDF5 file") -> It
     Another file, and any error within the block, is a `DatasetError` that says what was `expected`.
     """
     h5py = require("h5py", purpose)
+    if has_endless_heap(path):
+        raise DatasetError(path, "file", expected, "a damaged heap")
     with parsing(path, expected), h5py.File(path, "r") as file:
         sizes: list[int] = []
         links: list[str] = []
@@ -212,11 +215,36 @@ def hdf5(path: Path, purpose: str, expected: str = "a complete HDF5 file") -> It
 
 def hdf5_mentions(path: Path, *names: bytes) -> bool:
     """Whether a file is HDF5 and holds all of `names` as plain text; needs no package that reads HDF5."""
-    try:
-        with opened(path) as stream:
-            if stream.read(len(HDF5)) != HDF5:
-                return False
-            with mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as content:
-                return all(content.find(name) >= 0 for name in names)
-    except (DatasetError, ValueError):
-        return False
+    with _content(path) as content:
+        return content is not None and all(content.find(name) >= 0 for name in names)
+
+
+def has_endless_heap(path: Path) -> bool:
+    """Whether HDF5 would never end to read a heap of this file: one of its entries has no length.
+
+    Each is a number, 0 for free space, and after it the length (at 8) of what follows, or of all free space.
+    """
+    with _content(path) as content:
+        start = -1 if content is None else content.find(_HEAP)
+        while content is not None and start >= 0:
+            at, end = start + 16, start + int.from_bytes(content[start + 8 : start + 16], "little")
+            while at + 16 <= min(end, len(content)):
+                free = content[at : at + 2] == b"\0\0"
+                length = int.from_bytes(content[at + 8 : at + 16], "little")
+                if length == 0 if free else length > end - at:
+                    return True
+                at += length if free else 16 + (length + 7) // 8 * 8
+            start = content.find(_HEAP, start + 1)
+    return False
+
+
+@contextmanager
+def _content(path: Path) -> Iterator[mmap.mmap | None]:
+    """Give the bytes of an HDF5 file; None for another file, and for one that cannot be read."""
+    with ExitStack() as stack:
+        content = None
+        with suppress(DatasetError, ValueError):
+            stream = stack.enter_context(opened(path))
+            if stream.read(len(HDF5)) == HDF5:
+                content = stack.enter_context(mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ))
+        yield content

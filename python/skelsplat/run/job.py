@@ -10,6 +10,7 @@ import skelsplat as sk
 from skelsplat import temporal
 from skelsplat.cameras import MM_PER_UNIT
 from skelsplat.exceptions import InvalidInputError, one_of
+from skelsplat.io._arrays import FRAME_RATES
 from skelsplat.io.detections import FORMATS
 from skelsplat.io.detections._layout import check_layout
 from skelsplat.io.poses import POSE_FORMATS
@@ -159,6 +160,9 @@ class Job:
         self._check_people()
         self._check_start()
         _positive("fps", self.fps)
+        low, high = FRAME_RATES
+        if self.fps is not None and not low <= self.fps <= high:
+            raise InvalidInputError(f"fps: expected a number from 1e-3 to 1e6, got {self.fps:g}")
         one_of("marker_names", self.marker_names, MARKER_NAMES)
         for kind in self.write:
             one_of("write", kind, tuple(POSE_FORMATS))

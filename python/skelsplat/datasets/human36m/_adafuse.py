@@ -174,11 +174,12 @@ def _world(path: Path, key: str, given: Array, pixels: Array, rig: CameraRig) ->
 
 def _misfit(poses: Array, pixels: Array, rig: CameraRig) -> float:
     """Return the median distance of projected poses (T, M, 17, 3) from the pixels; infinite without any."""
-    apart = [
-        np.linalg.norm(project(poses[:, v], [camera])[0] - pixels[:, v], axis=-1)
-        for v, camera in enumerate(rig)
-    ]
-    seen = np.concatenate([values[np.isfinite(values)] for values in apart])
+    with np.errstate(over="ignore"):
+        apart = [
+            np.linalg.norm(project(poses[:, v], [camera])[0] - pixels[:, v], axis=-1)
+            for v, camera in enumerate(rig)
+        ]
+    seen = np.concatenate([values[~np.isnan(values)] for values in apart])
     return float(np.median(seen)) if seen.size else float("inf")
 
 

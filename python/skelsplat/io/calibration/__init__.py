@@ -130,7 +130,8 @@ def read_calibration(
         source, chosen = _find(Source(path), format)
     options = {"camera_type": camera_type, "subject": subject, "size": size, "binning": binning}
     _check_options(chosen, options)
-    with within_memory(source.path):
+    # a number beyond all others is refused with its camera
+    with within_memory(source.path), np.errstate(over="ignore", invalid="ignore"):
         parsed = chosen.parse(source, **{name: options[name] for name in chosen.options if name != "size"})
     _check_amount(source.path, parsed.cameras)
     for finding in parsed.findings:

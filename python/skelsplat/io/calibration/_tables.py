@@ -39,13 +39,11 @@ def _voxelpose_camera(entry: Field) -> RawCamera:
     fx, fy, cx, cy = (entry[name].number() for name in ("fx", "fy", "cx", "cy"))
     rotation = entry["R"].numbers((3, 3))
     (k1, k2, k3), (p1, p2) = entry["k"].numbers((3,)), entry["p"].numbers((2,))
-    with np.errstate(over="ignore", invalid="ignore"):  # refused with the camera
-        t = -rotation @ entry["T"].numbers((3,))
     return RawCamera(
         name=entry.place,
         K=np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]]),
         R=rotation,
-        t=t,
+        t=-rotation @ entry["T"].numbers((3,)),
         distortion=np.array([k1, k2, p1, p2, k3]),
         size=None,
     )

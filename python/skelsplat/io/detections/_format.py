@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from skelsplat._arrays import Array, Index
+from skelsplat._arrays import FARTHEST, Array, Index
 from skelsplat._skelsplat import HIGHEST_CONFIDENCE
 from skelsplat.exceptions import DatasetError
 
@@ -105,8 +105,9 @@ def joints_of(
     sure = np.ones(xy.shape[:-1]) if confidence is None else np.array(confidence, dtype=np.float64)
     if clip:
         scores = sure[np.isfinite(xy).all(axis=-1) & np.isfinite(sure)]
-        if scores.size and np.median(scores) > _PERCENT:
-            actual = f"a median of {np.median(scores):g}, as of percentages"
+        median = np.median(np.minimum(scores, FARTHEST)) if scores.size else 0.0
+        if median > _PERCENT:
+            actual = f"a median of {median:g}, as of percentages"
             raise DatasetError(path, where, "confidences in [0, 1]", actual)
         sure = np.clip(sure, 0.0, 1.0)
     sure[(sure > 1.0) & (sure <= HIGHEST_CONFIDENCE)] = 1.0

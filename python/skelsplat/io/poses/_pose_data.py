@@ -251,15 +251,17 @@ def checked(
                 data = read(path)
             except InvalidInputError as error:
                 raise of_file(source, error) from error
-        for name in (*_LENGTHS, *_SQUARES):
-            if name != "bone_length_sigma" and np.isinf(getattr(data, name)).any():
+        for name, (_, kind) in {**ARRAYS, **BONES}.items():
+            if kind is np.float64 and name != "bone_length_sigma" and np.isinf(getattr(data, name)).any():
                 raise DatasetError(
                     source, name, "finite numbers, none for what is missing", "an infinite one"
                 )
-        for name in ("pose", "init_pose"):
-            furthest = np.nanmax(np.abs(getattr(data, name)), initial=0.0) * (MM_PER_UNIT[data.unit] / 1e3)
-            if furthest > FARTHEST:
-                raise DatasetError(source, name, f"positions within ±{FARTHEST:g} m", f"{furthest:g} m")
+        for name in (*_LENGTHS, *_SQUARES):
+            power = 2 if name in _SQUARES else 1
+            largest = np.nanmax(np.abs(getattr(data, name)), initial=0.0)
+            most = (FARTHEST * 1e3 / MM_PER_UNIT[data.unit]) ** power
+            if most < largest < np.inf:
+                raise DatasetError(source, name, f"numbers within ±{most:g}", f"{largest:g}")
         return data
 
     return reader

@@ -225,7 +225,7 @@ def _from_dataset(path: Path, dataset: xr.Dataset) -> PoseData:
         return PoseData(
             pose=np.asarray(position.transpose(time, keypoints, space, individuals).values[..., 0], float),
             joint_names=tuple(map(str, position[keypoints].values)),
-            frames=frames.astype(np.int64),
+            frames=frames,
             unit=str(unit),
             frame_rate=None if rate is None else float(rate),
             processing=tuple(str(dataset.attrs.get("processing", "")).splitlines()),
