@@ -11,11 +11,11 @@ from reference.camera import project
 
 # Information on a joint that holds what no ray does, relative to a detection's.
 LOOSE = 1e-5
-# Frames on either side from which the movement of a detection is measured.
+# Frames on either side from which the movement of a joint is measured.
 REACH = 2
 # Steps of the differences: rad, mm, relative; and of a joint, mm.
 STEPS = (1e-5, 1e-5, 1e-5, 1e-2, 1e-2, 1e-2, 1e-5)
-STEP = 1e-3
+STEP = 1.0
 
 
 @dataclass(frozen=True)
@@ -43,19 +43,17 @@ class Camera:
         return project(x, K, R, -R @ centre, distortion=self.distortion)
 
 
-def sight(detections: Array, t: int, i: int, j: int, clock: float) -> tuple[Array, Array] | None:
-    """Pixel of a detection when all clocks show t, and its movement, px per frame; None where missing."""
-    k = t + round(clock)
-    if not 0 <= k < len(detections) or not np.isfinite(detections[k, i, j]).all():
-        return None
+def movement(points: Array, t: int, j: int, camera: Camera) -> Array:
+    """Movement of a joint in the camera's image, px per frame, by least squares over pairs of frames."""
     pairs = [
-        (d, detections[k + d, i, j, :2] - detections[k - d, i, j, :2])
+        (d, points[t + d, j] - points[t - d, j])
         for d in range(1, REACH + 1)
-        if k - d >= 0 and k + d < len(detections)
+        if t - d >= 0 and t + d < len(points)
     ]
-    pairs = [(d, move) for d, move in pairs if np.isfinite(move).all()]
-    speed = sum(d * move for d, move in pairs) / sum(2 * d * d for d, _ in pairs) if pairs else np.zeros(2)
-    return detections[k, i, j, :2] + speed * (clock - round(clock)), speed
+    if not pairs:
+        return np.zeros(2)
+    speed = sum(d * move for d, move in pairs) / sum(2 * d * d for d, _ in pairs)
+    return by_point(camera, points[t, j]) @ speed
 
 
 def equations(
@@ -68,17 +66,17 @@ def equations(
         x = points[t, j]
         H, h, C = np.zeros((3, 3)), np.zeros(3), np.zeros((size, 3))
         for i, camera in enumerate(cameras):
-            seen = sight(detections, t, i, j, camera.clock)
-            if seen is None:
+            k = t + round(camera.clock)
+            if not 0 <= k < len(detections) or not np.isfinite(detections[k, i, j]).all():
                 continue
-            pixel, speed = seen
-            residual = camera.pixel(x, np.zeros(7)) - pixel
+            speed = movement(points, t, j, camera)
+            pixel, confidence = np.split(detections[k, i, j], [2])
+            residual = camera.pixel(x, np.zeros(7)) - pixel - speed * (camera.clock - round(camera.clock))
             A, B = slopes(camera, x, speed)
             mm = (camera.R @ x + camera.t)[2] / np.sqrt(camera.K[0, 0] * camera.K[1, 1])
-            k = np.exp(-(mm**2) * (residual @ residual) / (4 * sigma**2))
-            confidence = detections[t + round(camera.clock), i, j, 2]
-            cost += confidence * 2 * sigma**2 * (1 - k)
-            W = confidence * k * mm**2
+            kept = np.exp(-(mm**2) * (residual @ residual) / (4 * sigma**2))
+            cost += confidence.item() * 2 * sigma**2 * (1 - kept)
+            W = confidence.item() * kept * mm**2
             own = slice(8 * i, 8 * i + 8)
             matrix[own, own] += W * B.T @ B
             gradient[own] += W * B.T @ residual
@@ -89,16 +87,20 @@ def equations(
     return matrix, gradient, cost
 
 
+def by_point(camera: Camera, x: Array) -> Array:
+    """Return the derivative (2, 3) of a pixel by the point."""
+
+    def difference(step: Array) -> Array:
+        return camera.pixel(x + step, np.zeros(7)) - camera.pixel(x - step, np.zeros(7))
+
+    # Of fourth order: exact to rounding.
+    columns = [(8 * difference(e) - difference(2 * e)) / (12 * STEP) for e in STEP * np.eye(3)]
+    return np.stack(columns, axis=1)
+
+
 def slopes(camera: Camera, x: Array, speed: Array) -> tuple[Array, Array]:
     """Return derivatives of a pixel by the point (2, 3) and by the camera (2, 8)."""
-    nothing = np.zeros(7)
-    A = np.stack(
-        [
-            (camera.pixel(x + e, nothing) - camera.pixel(x - e, nothing)) / (2 * STEP)
-            for e in STEP * np.eye(3)
-        ],
-        axis=1,
-    )
+    A = by_point(camera, x)
     B = np.empty((2, 8))
     for k, step in enumerate(STEPS):
         e = np.zeros(7)

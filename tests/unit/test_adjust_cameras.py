@@ -78,3 +78,18 @@ def test_a_wrong_choice_of_cameras_is_named(detections, free, said: str) -> None
 def test_one_frame_is_no_recording(detections) -> None:
     with pytest.raises(InvalidInputError, match="detections: expected the frames of a recording"):
         sk.adjust_cameras(detections[0], RIG)
+
+
+@pytest.mark.parametrize("seed", [2, 3])
+def test_noise_of_people_who_hardly_move_is_no_clock(seed) -> None:
+    rig = synthetic.ring(4, radius_mm=4500.0)
+    walk = synthetic.motion("walk", 1000, fps=400.0, seed=seed)  # in slow motion at 30 Hz
+    noise = DetectionNoise.recording(frame_rate=30.0)
+    now, before = (
+        synthetic.simulate_detections(walk[k : k + 900 : 3], rig, noise=noise, seed=seed) for k in (20, 17)
+    )
+    seen = np.concatenate([now[:, :1], before[:, 1:2], now[:, 2:]], axis=1)
+    late = sk.adjust_cameras(seen, rig, free=[1], clock=True).report[1]
+    assert late.clock == pytest.approx(1.0, abs=2.0 * late.clock_sigma)
+    found = sk.adjust_cameras(seen, rig, clock=True)
+    assert {one.status for one in found.report if one.name != rig.names[1]} == {"sound"}

@@ -1,12 +1,13 @@
 //! The cameras of a recording set right.
 
-use super::bundle::{Bundle, Reduced, unknowns};
+use super::bundle::{Bundle, unknowns};
 use nalgebra::Vector3;
 
 use super::evidence::{Bars, bars, is_worse, surety, total};
 use super::placed::{Change, Freedom, Placed, rebuilt};
+use super::reduced::Reduced;
 use super::report::{CameraAdjustment, CameraStatus, RigAdjustment};
-use super::scene::{Scene, median};
+use super::scene::{Motion, Scene, median};
 use super::search::{Explanation, Fault, Found, Scope, Supposed, both};
 use crate::batch::Progress;
 use crate::camera::{Camera, Distortion};
@@ -64,7 +65,10 @@ pub fn adjust_cameras(
         };
         let given: Vec<Placed> = cameras.iter().map(mm).collect();
         let (fitted, judged) = divided(frames.len());
-        let task = Task { scene: Scene::new(&used), given: &given, what, fitted, judged };
+        let plain = Scene::new(&used);
+        let looked: Vec<usize> = fitted.iter().chain(&judged).copied().collect();
+        let motion = Motion::of(plain, &looked, &given);
+        let task = Task { scene: plain.moving(&motion), given: &given, what, fitted, judged };
         let (found, bars) = task.solve(progress)?;
         task.report(&found, &bars, cameras, unit)
     })
@@ -294,7 +298,7 @@ impl Task<'_> {
     fn is_unseen(&self, i: usize) -> bool {
         let n = self.scene.n_joints();
         let seen = |t: &usize| {
-            (0..n).filter(|j| self.scene.sight(*t, i, *j, 0.0, false).is_some()).count()
+            (0..n).filter(|j| self.scene.sight(*t, i, *j, &self.given[i], false).is_some()).count()
         };
         self.fitted.iter().map(seen).sum::<usize>() < 20
     }
@@ -312,7 +316,7 @@ impl Task<'_> {
     }
 }
 
-/// The equations of all parameters of all cameras, mm, with joints `(T, N)` at `points`, and what the detections cost: S, s.
+/// The equations of all parameters of all cameras, mm, with joints `(T, N)` at `points`, which move as these do, and what the detections cost: S, s.
 ///
 /// # Errors
 /// [`Error::InvalidInput`] if the numbers of views or points do not match.
@@ -329,11 +333,12 @@ pub fn equations(
         let expected = format!("{} x {} points", frames.len(), scene.n_joints());
         return Err(Error::invalid("points", expected, points.len().to_string()));
     }
+    let motion = Motion::known(scene.n_joints(), points.clone());
     let numbers: Vec<usize> = (0..frames.len()).collect();
     let free = Freedom { focal: true, clock: true, ..Freedom::PLACE };
     let freedom = vec![free; cameras.len()];
     let bundle = Bundle {
-        scene,
+        scene: scene.moving(&motion),
         frames: &numbers,
         given: cameras,
         cameras: cameras.to_vec(),

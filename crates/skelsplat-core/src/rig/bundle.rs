@@ -16,6 +16,7 @@ use nalgebra::{DMatrix, DVector, Matrix3, SMatrix, Vector3};
 use rayon::prelude::*;
 
 use super::placed::{Change, Freedom, PARAMETERS, Placed, Residual, Step};
+use super::reduced::{Judged, Reduced, jackknife, lasting, summed};
 use super::scene::Scene;
 use crate::error::Result;
 
@@ -56,63 +57,6 @@ pub struct Bundle<'a> {
     pub points: Vec<Vector3<f64>>,
     /// Whether the joints are left where they are.
     pub fixed: bool,
-}
-
-/// The equations of the cameras from a part of the detections, joints eliminated.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Reduced {
-    /// S.
-    pub matrix: DMatrix<f64>,
-    /// s.
-    pub gradient: DVector<f64>,
-    /// What the detections cost, mm².
-    pub cost: f64,
-    /// Sums over the detections of W, and of W (1 − |e|²/4σ²): its mean over directions with the curvature of the kernel itself.
-    pub weights: [f64; 2],
-}
-
-impl Reduced {
-    fn nothing(q: usize) -> Self {
-        Self {
-            matrix: DMatrix::zeros(q, q),
-            gradient: DVector::zeros(q),
-            cost: 0.0,
-            weights: [0.0; 2],
-        }
-    }
-
-    /// The equations of all clusters together.
-    pub fn sum(clusters: &[Self]) -> Self {
-        let mut sum = Self::nothing(clusters.first().map_or(0, |one| one.gradient.len()));
-        clusters.iter().for_each(|one| sum.add(one));
-        sum
-    }
-
-    fn add(&mut self, other: &Self) {
-        self.matrix += &other.matrix;
-        self.gradient += &other.gradient;
-        self.cost += other.cost;
-        self.weights = [0, 1].map(|k| self.weights[k] + other.weights[k]);
-    }
-}
-
-/// What a solution costs, and how sure it is.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Judged {
-    /// Cost of every cluster.
-    pub costs: Vec<f64>,
-    /// Covariance of the unknowns: for tests, which know its degrees of freedom. Infinite with a single cluster.
-    pub covariance: DMatrix<f64>,
-    /// The same from the size of all its elements: for error bars.
-    pub steady: DMatrix<f64>,
-}
-
-impl Judged {
-    /// Nothing is known of q unknowns.
-    pub fn unknown(costs: Vec<f64>, q: usize) -> Self {
-        let covariance = DMatrix::from_diagonal_element(q, q, f64::INFINITY);
-        Self { costs, steady: covariance.clone(), covariance }
-    }
 }
 
 /// One detection of a joint.
@@ -191,6 +135,11 @@ impl Bundle<'_> {
     /// The equations of every cluster: a joint, or where there are few joints a joint in a part of the recording.
     #[must_use]
     pub fn clusters(&self, sigma: f64) -> Vec<Reduced> {
+        summed(&self.cells(sigma))
+    }
+
+    /// The equations of every cluster in each of the parts of the recording that one task sums up, in order.
+    fn cells(&self, sigma: f64) -> Vec<Vec<Reduced>> {
         let (n, q) = (self.scene.n_joints(), unknowns(&self.freedom).len());
         let mut columns: Columns = vec![Vec::new(); self.cameras.len()];
         unknowns(&self.freedom)
@@ -213,12 +162,7 @@ impl Bundle<'_> {
             out
         };
         let starts: Vec<usize> = (0..self.frames.len()).step_by(CHUNK).collect();
-        let parts_of: Vec<Vec<Reduced>> = starts.into_par_iter().map(sum_of).collect();
-        let mut total = vec![Reduced::nothing(q); joints * parts];
-        for part in &parts_of {
-            total.iter_mut().zip(part).for_each(|(sum, one)| sum.add(one));
-        }
-        total
+        starts.into_par_iter().map(sum_of).collect()
     }
 
     /// The detections of a joint that count, and what all of them cost.
@@ -231,7 +175,7 @@ impl Bundle<'_> {
         let (mut cost, most) = (0.0, 2.0 * sigma * sigma);
         for (view, placed) in self.cameras.iter().enumerate() {
             let Some(sight) =
-                self.scene.sight(self.frames[t], view, j, placed.clock, self.freedom[view].clock)
+                self.scene.sight(self.frames[t], view, j, placed, self.freedom[view].clock)
             else {
                 continue;
             };
@@ -312,28 +256,20 @@ impl Bundle<'_> {
     /// size relative to S⁻¹, φ = tr(S J)/q: error bars are those of φ S⁻¹/κ², where κ S has the curvature of the kernel itself.
     #[must_use]
     pub fn judge(&self, sigma: f64) -> Judged {
-        let clusters = self.clusters(sigma);
+        let cells = self.cells(sigma);
+        let clusters = summed(&cells);
         let costs: Vec<f64> = clusters.iter().map(|one| one.cost).collect();
         let prior = self.prior(sigma, &self.reach());
         let q = prior.len();
         let mut whole = DMatrix::from_diagonal(&DVector::from_vec(prior.clone()));
         clusters.iter().for_each(|one| whole += &one.matrix);
-        let there = clusters.iter().filter(|one| one.matrix.trace() > 0.0);
-        let moved: Option<Vec<DVector<f64>>> = there
-            .map(|one| Some((&whole - &one.matrix).cholesky()?.solve(&one.gradient)))
-            .collect();
-        let (Some(moved), Some(inverse)) = (moved, whole.clone().try_inverse()) else {
+        let of_joints = jackknife(&whole, &clusters);
+        let (Some(of_joints), Some(inverse)) = (of_joints, whole.clone().try_inverse()) else {
             return Judged::unknown(costs, q);
         };
-        let g = moved.len() as f64;
-        if moved.len() < 2 {
-            return Judged::unknown(costs, q);
-        }
-        let scatter: DMatrix<f64> =
-            moved.iter().fold(DMatrix::zeros(q, q), |sum, d| sum + d * d.transpose());
         let noise = (sigma / PER_NOISE).powi(2);
         let known = DMatrix::from_diagonal(&DVector::from_vec(prior)) * noise;
-        let jackknife = scatter * ((g - 1.0) / g);
+        let jackknife = of_joints + lasting(&whole, &cells);
         let even = (&whole * &jackknife).trace() / q as f64;
         let held = &inverse * known * &inverse;
         let [all, curved] = Reduced::sum(&clusters).weights;

@@ -2,8 +2,8 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::bundle::Judged;
 use super::placed::{Change, Freedom};
+use super::reduced::Judged;
 
 /// Joints agree that one fault explains more than another from this t statistic on: by chance once in twenty cases.
 const AGREED: f64 = 1.7;

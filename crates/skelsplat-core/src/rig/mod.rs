@@ -1,11 +1,12 @@
 //! The cameras of a recording set right: bundle adjustment of the cameras that were moved, and of all joints.
 //!
-//! [`search`] finds out which cameras are wrong, by the measures of [`evidence`]; [`bundle`] adjusts them; [`adjust`] reports what became of each.
+//! [`search`] finds out which cameras are wrong, by the measures of [`evidence`] and [`reduced`]; [`bundle`] adjusts them; [`adjust`] reports what became of each.
 
 pub mod adjust;
 pub mod bundle;
 pub mod evidence;
 pub mod placed;
+pub mod reduced;
 pub mod report;
 pub mod scene;
 pub mod search;

@@ -8,7 +8,7 @@ use crate::annealed::robust;
 use crate::camera::Camera;
 use crate::detections::Detections;
 
-/// Frames on either side from which the movement of a detection is measured: more average the swing of a foot at 15 frames per second
+/// Frames on either side from which the movement of a joint is measured: more average the swing of a foot at 15 frames per second
 /// away, fewer the noise too little.
 const REACH: usize = 2;
 
@@ -16,13 +16,73 @@ const REACH: usize = 2;
 #[derive(Debug, Clone, Copy)]
 pub struct Scene<'a> {
     frames: &'a [Detections],
+    motion: Option<&'a Motion>,
+}
+
+/// Where the joints are in some frames, and how they move there, as all cameras together see it.
+///
+/// From the detections of one camera, the movement would have their noise, and a clock would seem to be off by less than it is: of
+/// two noisy quantities, the slope of one over the other is too small.
+#[derive(Debug, Clone)]
+pub struct Motion {
+    n_joints: usize,
+    /// Place of each frame among those that were looked at.
+    places: Vec<Option<usize>>,
+    /// Joints (frames, N), mm; NaN where unknown.
+    points: Vec<Vector3<f64>>,
+}
+
+impl Motion {
+    /// At these frames.
+    #[must_use]
+    pub fn of(scene: Scene<'_>, frames: &[usize], cameras: &[Placed]) -> Self {
+        let mut places = vec![None; scene.n_frames()];
+        let around = |t: &usize| t.saturating_sub(REACH)..(t + REACH + 1).min(scene.n_frames());
+        frames.iter().flat_map(around).for_each(|t| places[t] = Some(0));
+        let needed: Vec<usize> = (0..places.len()).filter(|t| places[*t].is_some()).collect();
+        needed.iter().enumerate().for_each(|(place, t)| places[*t] = Some(place));
+        let points = scene.points(&needed, cameras, &vec![true; cameras.len()]);
+        Self { n_joints: scene.n_joints(), places, points }
+    }
+
+    /// Of joints `(T, N)` that are known in every frame, mm.
+    #[must_use]
+    pub fn known(n_joints: usize, points: Vec<Vector3<f64>>) -> Self {
+        Self { n_joints, places: (0..points.len() / n_joints).map(Some).collect(), points }
+    }
+
+    fn point(&self, t: usize, j: usize) -> Option<&Vector3<f64>> {
+        let place = (*self.places.get(t)?)?;
+        self.points.get(place * self.n_joints + j).filter(|x| x.x.is_finite())
+    }
+
+    /// Movement of joint `j` in a camera's image, px per frame, by least squares over pairs of frames before and after; 0 where unknown.
+    fn speed(&self, t: usize, j: usize, camera: &Camera) -> Vector2<f64> {
+        let (mut sum, mut squares) = (Vector3::zeros(), 0.0);
+        for d in 1..=REACH.min(t) {
+            if let (Some(b), Some(a)) = (self.point(t + d, j), self.point(t - d, j)) {
+                let d = d as f64;
+                sum += (b - a) * d;
+                squares += 2.0 * d * d;
+            }
+        }
+        let at = self.point(t, j).filter(|_| squares > 0.0);
+        let slope = at.and_then(|x| camera.project_with_jacobian(x));
+        slope.map_or_else(Vector2::zeros, |(_, by_point)| by_point * (sum / squares))
+    }
 }
 
 impl<'a> Scene<'a> {
-    /// At least one frame; all have the same numbers of views and joints.
+    /// At least one frame; all have the same numbers of views and joints. How the joints move is not known.
     #[must_use]
     pub fn new(frames: &'a [Detections]) -> Self {
-        Self { frames }
+        Self { frames, motion: None }
+    }
+
+    /// With the movement of the joints.
+    #[must_use]
+    pub fn moving(self, motion: &'a Motion) -> Self {
+        Self { motion: Some(motion), ..self }
     }
 
     /// Number of joints.
@@ -37,33 +97,19 @@ impl<'a> Scene<'a> {
         self.frames.len()
     }
 
-    /// The detection of joint `j` in view `i` when all clocks show `t`.
+    /// The detection of joint `j` in view `i`, whose camera is given, when all clocks show `t`.
     ///
     /// It is taken from the nearest frame of the camera and moved on for the rest of a frame, u + f v: between two frames
     /// the noise would be averaged, and a clock half a frame off would seem to fit better than the true one. The movement v is
     /// given where it is needed or the camera's clock may be `moving`.
     #[must_use]
-    pub fn sight(&self, t: usize, i: usize, j: usize, clock: f64, moving: bool) -> Option<Sight> {
-        let whole = clock.round();
+    pub fn sight(&self, t: usize, i: usize, j: usize, one: &Placed, moving: bool) -> Option<Sight> {
+        let whole = one.clock.round();
         let k = t.checked_add_signed(whole as isize)?;
         let (pixel, confidence) = self.frames.get(k)?.get(i, j)?;
-        let speed = if moving || clock != whole { self.speed(k, i, j) } else { Vector2::zeros() };
-        Some(Sight { pixel: pixel + speed * (clock - whole), speed, confidence })
-    }
-
-    /// Movement of a detection, px per frame, by least squares over pairs of frames before and after; 0 without a pair. Its own
-    /// error has no part in it.
-    fn speed(&self, k: usize, i: usize, j: usize) -> Vector2<f64> {
-        let (mut sum, mut squares) = (Vector2::zeros(), 0.0);
-        for d in 1..=REACH.min(k) {
-            let later = self.frames.get(k + d).and_then(|frame| frame.get(i, j));
-            if let (Some((b, _)), Some((a, _))) = (later, self.frames[k - d].get(i, j)) {
-                let d = d as f64;
-                sum += (b - a) * d;
-                squares += 2.0 * d * d;
-            }
-        }
-        if squares > 0.0 { sum / squares } else { Vector2::zeros() }
+        let motion = self.motion.filter(|_| moving || one.clock != whole);
+        let speed = motion.map_or_else(Vector2::zeros, |motion| motion.speed(t, j, &one.camera));
+        Some(Sight { pixel: pixel + speed * (one.clock - whole), speed, confidence })
     }
 
     /// Joints `(frames, N)` placed by the views that are `used`, mm; NaN where unknown.
@@ -73,7 +119,7 @@ impl<'a> Scene<'a> {
         let there: Vec<Camera> = views.iter().map(|i| cameras[*i].camera.clone()).collect();
         let one = |t: &usize| {
             let get = |v: usize, j: usize| {
-                let sight = self.sight(*t, views[v], j, cameras[views[v]].clock, false)?;
+                let sight = self.sight(*t, views[v], j, &cameras[views[v]], false)?;
                 Some((sight.pixel, sight.confidence))
             };
             let seen = Detections::gathered(views.len(), self.n_joints(), get);
@@ -94,7 +140,7 @@ impl<'a> Scene<'a> {
     ) -> Vec<(f64, f64)> {
         let n = self.n_joints();
         let one = |(k, x): (usize, &Vector3<f64>)| {
-            let sight = self.sight(frames[k / n], i, k % n, camera.clock, false)?;
+            let sight = self.sight(frames[k / n], i, k % n, camera, false)?;
             let residual = camera.residual(x, &sight)?;
             Some((residual.value.norm(), residual.pixel))
         };

@@ -7,9 +7,10 @@
 
 use nalgebra::Vector3;
 
-use super::bundle::{Bundle, Judged, PER_NOISE, unknowns};
+use super::bundle::{Bundle, PER_NOISE, unknowns};
 use super::evidence::{Bars, bars, is_worse, surety, total};
 use super::placed::{Change, Freedom, Placed};
+use super::reduced::Judged;
 use super::scene::{Scene, median};
 use crate::batch::Progress;
 use crate::error::Result;
@@ -249,6 +250,10 @@ impl Scope<'_> {
         cameras[view] = camera;
         freedom[view] = both(freedom[view], kind);
         let explained = self.explain(cameras, freedom, sigma, 2.0);
+        let frames = |rig: &Explanation| rig.cameras[view].clock.round();
+        if fault == Fault::Clock && !self.clock && frames(&explained) == frames(rig) {
+            return None; // parts of a frame are not asked for
+        }
         let unknowns = unknowns(&explained.freedom);
         let bars = bars(&explained.judged.steady, &unknowns, view);
         let change = Change::between(&rig.cameras[view], &explained.cameras[view]);
