@@ -45,7 +45,7 @@ _SPARSE = 2**30  # files from this size on must be stored to a hundredth
 _LEAVES = 10**5  # values of a pickle beyond its bytes
 _CHUNK = 2**20
 # the end of a zip file, at most so long; bytes of the list of its members, and where their number is
-_END, _LONGEST_END, _MOST_LISTED, _LISTED_AT = b"PK\5\6", 2**16 + 22, 2**23, 12
+_END, _LONGEST_END, _MOST_LISTED, _LISTED_AT = b"PK\5\6", 2**16 + 22, 2**18, 12
 _KINDS = {stat.S_IFIFO: "a named pipe", stat.S_IFSOCK: "a socket", stat.S_IFCHR: "a device"}
 _GROUP_LIMITS = ("/sys/fs/cgroup/memory.max", "/sys/fs/cgroup/memory/memory.limit_in_bytes")
 

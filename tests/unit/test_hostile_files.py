@@ -249,7 +249,18 @@ def test_a_zip_file_does_not_unpack_to_gigabytes(tmp_path: Path) -> None:
     long = bytearray(path.read_bytes())
     struct.pack_into("<I", long, long.rfind(b"PK\5\6") + 12, 10**9)
     path.write_bytes(long)
-    refused(io.read_pose, path, "a list of its members of at most 8.4 MB, got 1.0 GB")
+    refused(io.read_pose, path, "a list of its members of at most 262.1 kB, got 1.0 GB")
+
+
+def test_a_zip_file_of_thousands_of_members_is_refused_at_once(tmp_path: Path) -> None:
+    path = tmp_path / "pose.npz"
+    with zipfile.ZipFile(path, "w") as archive:
+        for number in range(8000):
+            archive.writestr(f"{number}.npy", b"")
+    message = "a list of its members of at most 262.1 kB, got 430.9 kB"
+    for read in (io.read_pose, detections, calibration):
+        refused(read, path, f"{message}|content: expected")
+    refused(io.read_pose, path, message)
 
 
 NPY = {
