@@ -12,7 +12,7 @@ use skelsplat_core::study::detections::{FARTHEST, too_far};
 
 use crate::errors::{Failure, Result, in_words, refuse};
 
-/// Arguments whose third channel, if there is one, is a score.
+/// Arguments that may have a score as their third channel.
 const WITH_SCORES: [&str; 2] = ["detections", "people"];
 
 /// A float64 array: name of the argument, values (row-major) and shape.

@@ -37,8 +37,8 @@ def _people_uncompared(finding: Finding) -> str:
     frames = f"{n['frames']:,} frames" if n["frames"] > 1 else "a frame"
     return (
         f"in {frames} there were too many people to compare all of them (up to {n['most']:,} in a view): the "
-        "result is the best that a bounded search found, and somebody may be missing; with fewer views "
-        "(--without) or a higher threshold in the detector, all can be compared"
+        "best of those compared was taken, and somebody may be missing; with fewer views (--without) or a "
+        "higher threshold in the detector, all can be compared"
     )
 
 

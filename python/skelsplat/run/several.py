@@ -22,7 +22,7 @@ from skelsplat.io._files import load_json
 from skelsplat.io._run_files import (
     REPORT,
     RUN,
-    UNFINISHED,
+    check_finished,
     check_people,
     folders_of_run,
     is_person,
@@ -88,9 +88,7 @@ class PeopleRun:
         if not names:
             raise DatasetError(path, REPORT, "the report of a run of several people", "none")
         report = load_json(path / REPORT, "the report of a run")
-        if report.get(UNFINISHED):
-            expected = "the report of a run that has written all its files"
-            raise DatasetError(path / REPORT, UNFINISHED, expected, "one that was stopped: run it again")
+        check_finished(path / REPORT, report)
         check_people(path / REPORT)
         runs = [Run.open(path / name) for name in names]
         found = tuple(Finding.from_dict(entry) for entry in report["findings"])

@@ -6,7 +6,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
-/// Numbers of parts of the recording whose errors count as independent: at least, and at most.
+/// The recording is divided into this many parts, at least and at most; their errors count as independent.
 const LEAST_PARTS: usize = 5;
 const MOST_PARTS: usize = 12;
 

@@ -97,7 +97,7 @@ impl<'a> Scene<'a> {
         self.frames.len()
     }
 
-    /// The detection of joint `j` in view `i`, whose camera is given, when all clocks show `t`.
+    /// The detection of joint `j` by the camera `one` of view `i`, in frame `t` as all clocks count.
     ///
     /// It is taken from the nearest frame of the camera and moved on for the rest of a frame, u + f v: between two frames
     /// the noise would be averaged, and a clock half a frame off would seem to fit better than the true one. The movement v is

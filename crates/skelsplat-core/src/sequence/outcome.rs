@@ -171,7 +171,7 @@ fn fixed(
 }
 
 /// Whether the frames around show the depth of each joint `(N, T)`: of those up to `around` frames away in which two views agree, at least
-/// half fix it. Cameras so close together that fewer do fix it in the frames whose errors bring the joint nearer.
+/// half fix it. Where fewer do, the cameras are so close together that only errors which bring the joint nearer fix it.
 fn deep(fixed: &[Option<bool>], frames: usize, around: usize) -> Vec<bool> {
     let balance = |fixed: &Option<bool>| fixed.map_or(0, |is| if is { 1 } else { -1 });
     let of_joint = |own: &[Option<bool>]| {
