@@ -14,6 +14,7 @@ from pose_sample import JOINTS, assert_equal, sample
 from skelsplat import synthetic
 from skelsplat.findings import collected_warnings
 from skelsplat.io import (
+    read_csv,
     read_json,
     read_npz,
     read_trc,
@@ -100,7 +101,7 @@ def test_an_npz_that_could_not_be_read_is_not_written(tmp_path, change, message)
 
 
 def test_a_frame_rate_that_the_source_does_not_state_is_asked_for(tmp_path):
-    write_csv(tmp_path / "a.csv", sample())
+    write_csv(tmp_path / "a.csv", replace(sample(), frame_rate=None))
     with pytest.raises(
         sk.DatasetError, match=r"a\.csv: frame rate: expected one for a \.trc file \(--fps\), got"
     ):
@@ -127,8 +128,6 @@ def test_what_cannot_be_converted(tmp_path):
         convert_poses(tmp_path / "a.npz", tmp_path / "a.bvh")
     with pytest.raises(sk.InvalidInputError, match=r"y_up: expected a \.trc or \.c3d file for it"):
         convert_poses(tmp_path / "a.npz", tmp_path / "a.csv", y_up=True)
-    with pytest.raises(sk.InvalidInputError, match=r"fps: expected a file with a place for it, got \.csv"):
-        convert_poses(tmp_path / "a.npz", tmp_path / "a.csv", fps=50.0)
     with pytest.raises(sk.DatasetError, match=r"b\.npz: file: expected a readable npz file"):
         convert_poses(tmp_path / "b.npz", tmp_path / "b.json")
     assert [path.name for path in tmp_path.iterdir()] == ["a.npz"]
@@ -197,7 +196,7 @@ def test_an_input_of_no_kind_is_one_line_whatever_the_options(tmp_path, options)
         assert_fails(result, 1, f"{name}: content: expected a calibration", "the folder of a run")
 
 
-@pytest.mark.parametrize("options", [("--y-up",), ("--fps", "60"), ("--marker-names", "pose2sim")])
+@pytest.mark.parametrize("options", [("--y-up",), ("--marker-names", "pose2sim")])
 def test_an_option_without_a_place_in_the_output_is_bad_usage(tmp_path, options):
     write_npz(tmp_path / "a.npz", sample())
     result = invoke("convert", tmp_path / "a.npz", tmp_path / "a.csv", *options)
@@ -205,13 +204,15 @@ def test_an_option_without_a_place_in_the_output_is_bad_usage(tmp_path, options)
     assert not (tmp_path / "a.csv").exists()
 
 
-def test_a_frame_rate_for_all_commands_is_passed_over_where_it_has_no_place(tmp_path):
-    write_npz(tmp_path / "a.npz", sample())
-    (tmp_path / "run.toml").write_text("fps = 60\n")
-    run = ["convert", "--config", tmp_path / "run.toml", tmp_path / "a.npz"]
-    assert invoke(*run, tmp_path / "a.csv").exit_code == 0
-    assert invoke(*run, tmp_path / "b.npz").exit_code == 0
-    assert read_npz(tmp_path / "b.npz").frame_rate == 60.0
+def test_a_frame_rate_is_in_the_times_of_a_csv(tmp_path):
+    write_npz(tmp_path / "a.npz", replace(sample(), frame_rate=None))
+    (tmp_path / "run.toml").write_text("fps = 59.94\n")
+    run = ["convert", "--config", tmp_path / "run.toml"]
+    assert invoke(*run, tmp_path / "a.npz", tmp_path / "a.csv").exit_code == 0
+    assert invoke("convert", tmp_path / "a.csv", tmp_path / "b.trc").exit_code == 0
+    assert invoke("convert", tmp_path / "b.trc", tmp_path / "b.csv").exit_code == 0
+    rates = [read(tmp_path / name).frame_rate for read, name in ((read_csv, "a.csv"), (read_trc, "b.trc"))]
+    assert [*rates, read_csv(tmp_path / "b.csv").frame_rate] == [59.94] * 3
 
 
 def test_axes_that_are_turned_once_more_are_a_warning(tmp_path):

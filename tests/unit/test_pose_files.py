@@ -146,6 +146,52 @@ def test_csv_and_back(tmp_path):
         np.testing.assert_array_equal(getattr(back, name), getattr(data, name), err_msg=name)
 
 
+@pytest.mark.parametrize("rate", [25.0, 29.97, 60.0, 240.0, 0.2, 24000 / 1001, 30000 / 1001])
+def test_csv_has_times_and_the_frame_rate_is_read_from_them(tmp_path, rate):
+    data = replace(sample(), frame_rate=rate)
+    write_csv(tmp_path / "pose.csv", data)
+    back = read_csv(tmp_path / "pose.csv")
+    assert back.frame_rate == rate
+    np.testing.assert_array_equal(back.pose, data.pose)
+    lines = (tmp_path / "pose.csv").read_text().splitlines()
+    assert lines[0].startswith("frame,time,joint,x,")
+    assert lines[1].startswith(f"10,0.0,{JOINTS[0]},")
+    assert lines[-1].startswith(f"14,{4 / rate!r},{JOINTS[-1]},")
+    cut = [lines[0], *lines[1 + N :]]  # without the first frame
+    (tmp_path / "pose.csv").write_text("\n".join(cut))
+    assert read_csv(tmp_path / "pose.csv").frame_rate == pytest.approx(rate, rel=1e-14)
+
+
+def test_any_rate_is_read_to_the_last_digits(tmp_path):
+    frames = np.arange(0, 2000, 7)
+    for rate in (*np.random.default_rng(3).uniform(0.1, 1000.0, 20).tolist(), 120000 / 1001):
+        data = PoseData(np.zeros((len(frames), 1, 3)), ("a",), frames, "m", frame_rate=rate)
+        write_csv(tmp_path / "pose.csv", data)
+        assert read_csv(tmp_path / "pose.csv").frame_rate == pytest.approx(rate, rel=4e-16)
+
+
+def test_csv_without_a_frame_rate_has_no_times(tmp_path):
+    for data in (replace(sample(), frame_rate=None), PoseData(np.ones((1, 1, 3)), ("a",), [7], "m")):
+        write_csv(tmp_path / "pose.csv", data)
+        assert (tmp_path / "pose.csv").read_text().splitlines()[1].split(",")[1] == ""
+        assert read_csv(tmp_path / "pose.csv").frame_rate is None
+
+
+@pytest.mark.parametrize(
+    "times", [None, "0,0", ",0.1", "0.1,0", "00:01,00:02", "nan,1", "0,inf", "0,1e-7", "-1e308,1e308"]
+)
+def test_csv_without_times_or_with_others_has_no_frame_rate(tmp_path, times):
+    write_csv(tmp_path / "pose.csv", replace(sample(), pose=sample().pose + 1.0))
+    lines = [line.split(",") for line in (tmp_path / "pose.csv").read_text().splitlines()[: 1 + 2 * N]]
+    for k, line in enumerate(lines):
+        stated = times.split(",") if times else ["", ""]
+        line[1:2] = (["time"] if k == 0 else [stated[(k - 1) // N]]) if times else []
+    (tmp_path / "pose.csv").write_text("\n".join(map(",".join, lines)))
+    back = read_csv(tmp_path / "pose.csv")
+    assert back.frame_rate is None
+    np.testing.assert_array_equal(back.pose, sample().pose[:2] + 1.0)
+
+
 def test_csv_of_other_programs_needs_little(tmp_path):
     (tmp_path / "own.csv").write_text(
         "joint,frame,unit,x,y,z\na,3,m,1,2,3\nb,3,m,,,\na,5,m,4,5,6\nb,5,m,7,8,9\n"
@@ -164,7 +210,7 @@ MALFORMED_CSV = {
     ),
     "a field too few": (
         lambda lines: [*lines[:3], lines[3].rpartition(",")[0], *lines[4:]],
-        "line 4: expected 16 fields, got 15 fields",
+        "line 4: expected 17 fields, got 16 fields",
     ),
     "a frame of 20 digits": (
         lambda lines: [lines[0], 10 * "10" + lines[1], *lines[2:]],

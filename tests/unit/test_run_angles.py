@@ -57,7 +57,9 @@ def test_the_files_hold_the_angles_of_the_poses(with_angles):
         assert stored["frame_rate"] == 50
         np.testing.assert_array_equal(stored["up"], [0, 0, 1])
     rows = list(csv.DictReader((with_angles / "angles.csv").read_text().splitlines()))
+    assert list(rows[0])[:3] == ["frame", "time", expected.names[0]]
     assert [int(row["frame"]) for row in rows] == poses.frames.tolist()
+    assert [float(row["time"]) for row in rows] == ((poses.frames - poses.frames[0]) / 50).tolist()
     for values, end in ((expected.degrees, ""), (expected.sigma, "_sigma"), (scatter.sigma, "_scatter")):
         read = np.array([[float(row[name + end]) for name in expected.names] for row in rows])
         np.testing.assert_allclose(read, values, atol=0.5e-4)
@@ -127,6 +129,8 @@ def test_times_are_assumed_without_a_frame_rate(recording, arguments):
     assert result.exit_code == 0, result.output
     notes = texts(read_report(recording[0] / "out"), "note")
     assert any("the times in angles.mot assume 30 frames per second" in note for note in notes)
+    rows = csv.DictReader((recording[0] / "out" / "angles.csv").read_text().splitlines())
+    assert {row["time"] for row in rows} == {""}
 
 
 def test_a_layout_without_angles_is_refused_before_the_work():

@@ -192,6 +192,14 @@ def test_individuals_of_movement_are_over_all_frames(found, tmp_path):
         unit="mm",
         frame_rate=FPS,
     )
+    write_people(tmp_path / "people.csv", {3: late, 0: first})
+    with (tmp_path / "people.csv").open(newline="") as stream:
+        times = {(row["person"], int(row["frame"])): float(row["time"]) for row in csv.DictReader(stream)}
+    assert times == {
+        (name, k): (k - first.frames[0]) / FPS
+        for name, one in (("3", late), ("0", first))
+        for k in one.frames.tolist()
+    }
     write_people(tmp_path / "people.nc", {0: first, 3: late})
     with xarray.open_dataset(tmp_path / "people.nc", engine="h5netcdf") as dataset:
         assert dataset["individuals"].values.tolist() == ["person_0", "person_3"]

@@ -8,7 +8,6 @@ from typing import Annotated, Any
 import typer
 
 from skelsplat.cli import inputs, options
-from skelsplat.cli.config import from_file
 from skelsplat.cli.output import print_json, say
 from skelsplat.cli.table import tell
 from skelsplat.exceptions import DatasetError, InvalidInputError
@@ -67,7 +66,6 @@ _Force = Annotated[bool, options.flag("Output", "--force", help="Replace OUTPUT 
 
 # long: a parameter per option
 def convert(
-    context: typer.Context,
     source: _Input,
     target: _Output,
     *,
@@ -102,8 +100,6 @@ def convert(
 
     skelsplat convert cameraParameters/ Calib.toml --size 1280x1024
     """
-    if target.suffix.lower() == ".csv" and from_file(context, "fps"):
-        fps = None  # which may be meant for another command
     every = {
         "unit": unit,
         "format": format,

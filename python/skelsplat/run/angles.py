@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,9 +11,10 @@ import numpy as np
 
 import skelsplat as sk
 from skelsplat._angles import angle_names, angles_of_joints
-from skelsplat._arrays import Array, Index
+from skelsplat._arrays import Array
 from skelsplat._atomic import atomic_write, atomic_write_text
 from skelsplat.exceptions import InvalidInputError
+from skelsplat.io.poses._csv import times_of
 from skelsplat.run.vertical import vertical_known, world_up
 
 if TYPE_CHECKING:
@@ -69,7 +70,8 @@ def write_angles(run: Run, folder: Path, frame_rate: float) -> None:
     poses, up = run.poses, vertical_of(run.cameras)
     angles = angles_of(run)
     scatter = angles_of_joints(poses.pose, run.layout.joints, poses.uncertainty, up).sigma
-    atomic_write_text(folder / FILES[0], _csv(angles, scatter, poses.frames))
+    stamps = zip(poses.frames, times_of(poses.frames, poses.frames[0], poses.frame_rate), strict=True)
+    atomic_write_text(folder / FILES[0], _csv(angles, scatter, stamps))
     with atomic_write(folder / FILES[1]) as stream:
         np.savez_compressed(
             stream,
@@ -86,14 +88,14 @@ def write_angles(run: Run, folder: Path, frame_rate: float) -> None:
     atomic_write_text(folder / FILES[2], mot_text(angles, times))
 
 
-def _csv(angles: sk.JointAngles, scatter: Array, frames: Index) -> str:
-    """Return a row per frame, with three columns per angle; a field without a number is empty."""
+def _csv(angles: sk.JointAngles, scatter: Array, stamps: Iterable[tuple[int, Any]]) -> str:
+    """Return a row per frame and time, with three columns per angle; a field without a number is empty."""
     ends = ("", "_sigma", "_scatter")
-    values = np.stack([angles.degrees, angles.sigma, scatter], axis=-1).reshape(len(frames), -1)
-    lines = [",".join(["frame", *(name + end for name in angles.names for end in ends)])]
-    for frame, row in zip(frames.tolist(), values.tolist(), strict=True):
+    values = np.stack([angles.degrees, angles.sigma, scatter], axis=-1).reshape(len(scatter), -1)
+    lines = [",".join(["frame", "time", *(name + end for name in angles.names for end in ends)])]
+    for stamp, row in zip(stamps, values.tolist(), strict=True):
         numbers = (f"{value:.{_DECIMALS}f}" if math.isfinite(value) else "" for value in row)
-        lines.append(",".join([str(frame), *numbers]))
+        lines.append(",".join([*map(str, stamp), *numbers]))
     return "\n".join(lines) + "\n"
 
 

@@ -52,7 +52,9 @@ POSE_FORMATS: dict[str, PoseFormat] = {
         read_netcdf, write_netcdf, ("frame_rate", "individual", "singular"), ("xarray", "h5netcdf", "h5py")
     ),
 }
-_CSV_START = ("frame,joint,", "person,frame,joint,")  # the latter is refused by its reader, with a reason
+_CSV_START = tuple(  # that with a person is refused by its reader, with a reason
+    f"{person}frame,{time}joint," for person in ("", "person,") for time in ("", "time,")
+)
 _OF_DATA = ("joint_names", "frame numbers", "pose")  # arguments of writers that are no options
 _OWN_UNIT = ("trc", "c3d")  # these formats do not take any unit
 
@@ -148,7 +150,7 @@ def convert_poses(
     """Read the poses in ``source``, write them to ``target``, and return them.
 
     The extensions name the formats. A format keeps what it can hold: npz and json everything; csv positions,
-    standard deviations and status; trc and c3d positions; nc positions, uncertainty and status.
+    standard deviations, times and status; trc and c3d positions; nc positions, uncertainty and status.
 
     `fps` and `unit` are by default those of the source, but the unit is m in TRC and mm in C3D; `fps` changes
     velocities with it. `y_up` writes a world with z up as y up and `marker_names` names the joints in a
@@ -168,8 +170,6 @@ def convert_poses(
     kind = pose_format(target)
     if target.resolve() == source.resolve():
         raise DatasetError(target, "target", "another file than the source", "the same")
-    if fps is not None and kind == "csv":
-        raise InvalidInputError("fps: expected a file with a place for it, got .csv")
     data = read_pose(source)
     data = data if fps is None else data.at_rate(fps)
     given: dict[str, object] = {

@@ -13,10 +13,11 @@ import numpy as np
 import numpy.typing as npt
 
 import skelsplat as sk
-from skelsplat._arrays import medians
+from skelsplat._arrays import Index, medians
 from skelsplat._atomic import atomic_write
 from skelsplat.cameras import MM_PER_UNIT
 from skelsplat.exceptions import DatasetError
+from skelsplat.io._arrays import FRAME_RATES
 from skelsplat.io._files import csv_lines, frame_number
 from skelsplat.io.poses._parts import Poses, parts_of
 from skelsplat.io.poses._pose_data import PoseData, checked, over_views
@@ -24,7 +25,7 @@ from skelsplat.io.poses._pose_data import PoseData, checked, over_views
 _AXES = ("x", "y", "z")
 _BARS, _SCATTER = (tuple(f"{name}_{axis}" for axis in _AXES) for name in ("error_bar", "scatter"))
 COLUMNS = (
-    *("frame", "joint", *_AXES, *_BARS, *_SCATTER, "unit"),
+    *("frame", "time", "joint", *_AXES, *_BARS, *_SCATTER, "unit"),
     *("status", "n_views", "n_rejected", "reprojection_error_px"),
 )
 _WIDEST = 1e100  # standard deviation, of which the square is a number
@@ -34,6 +35,7 @@ _REQUIRED = ("frame", "joint", *_AXES, "unit")
 def write_csv(path: str | os.PathLike[str], data: Poses) -> None:
     """Write one row per frame and joint, with the columns of `COLUMNS`.
 
+    ``time`` is in seconds from the first frame, as in TRC files, and empty without a frame rate.
     ``x, y, z`` and their standard deviations, ``error_bar_x, …`` against an anatomical joint (from
     `PoseData.error_bar`) and ``scatter_x, …`` (from `PoseData.uncertainty`), are in ``unit`` with all their
     digits, ``n_views`` counts the views whose detection of the joint was used (none if it has
@@ -45,10 +47,12 @@ def write_csv(path: str | os.PathLike[str], data: Poses) -> None:
     DatasetError
         If the path cannot be written.
     """
+    _, frames, parts = parts_of(data)
+    start = int(frames[0]) if frames.size else 0
     with atomic_write(path) as stream:
         stream.write(csv_text([COLUMNS]).encode())
-        for part in parts_of(data)[2]:
-            stream.write(csv_text(rows_of(part)).encode())
+        for part in parts:
+            stream.write(csv_text(rows_of(part, start)).encode())
 
 
 def csv_text(rows: Iterable[Sequence[Any]]) -> str:
@@ -64,8 +68,13 @@ class _Lines(list[str]):
     write = list.append
 
 
-def rows_of(data: PoseData) -> Iterator[list[Any]]:
-    """Yield the fields of `COLUMNS`, frame by frame and joint by joint."""
+def times_of(frames: Index, start: int, rate: float | None) -> list[Any]:
+    """Return the time of each frame in s from the frame ``start``, with all its digits; empty if unknown."""
+    return [""] * len(frames) if rate is None else ((frames - start) / rate).tolist()
+
+
+def rows_of(data: PoseData, start: int) -> Iterator[list[Any]]:
+    """Yield the fields of `COLUMNS`, frame by frame and joint by joint; time is that from ``start``."""
     n_views, errors = over_views(data.reprojection_error)
     n_rejected = (data.view_weights < sk.REJECTED_WEIGHT).sum(axis=1)
     both = (data.error_bar, data.uncertainty)
@@ -77,7 +86,8 @@ def rows_of(data: PoseData) -> Iterator[list[Any]]:
         _columns(np.full(shape, data.unit), shape)[0],
         *(_columns(values, shape)[0] for values in (data.joint_status, n_views, n_rejected, errors)),
     )
-    places = ((frame, joint) for frame in data.frames.tolist() for joint in data.joint_names)
+    stamps = zip(data.frames.tolist(), times_of(data.frames, start, data.frame_rate), strict=True)
+    places = ((*stamp, joint) for stamp in stamps for joint in data.joint_names)
     for place, *fields in zip(places, *columns, strict=True):
         yield [*place, *fields]
 
@@ -99,6 +109,7 @@ def _columns(values: npt.NDArray[Any], shape: tuple[int, ...], count: int = 1) -
 def read_csv(path: str | os.PathLike[str]) -> PoseData:
     """Read a file of `write_csv`, or one with its columns frame, joint, x, y, z and unit.
 
+    If there is a column ``time`` with the seconds of frames at a constant rate, that is the ``frame_rate``.
     The file has no correlations between axes: ``uncertainty`` is diagonal, and ``joint_bias`` is what the
     error bars have beyond it. It does not say which view had
     which error either, so that ``n_views``, ``n_rejected`` and ``reprojection_error_px`` are not read.
@@ -124,6 +135,7 @@ def read_csv(path: str | os.PathLike[str]) -> PoseData:
 class _Row(NamedTuple):
     line: int
     frame: int
+    time: str
     joint: str
     position: tuple[float, ...]
     bar: tuple[float, ...]
@@ -142,8 +154,28 @@ def _parsed(path: Path, line: int, columns: Sequence[str], values: Sequence[str]
     except ValueError as error:
         raise DatasetError(path, f"line {line}", "numbers", error) from error
     frame_number(path, f"line {line}, frame", frame)
-    status = fields.get("status", "")
-    return _Row(line, frame, fields["joint"], position, bar, scatter, fields["unit"], status)
+    place = (line, frame, fields.get("time", ""), fields["joint"])
+    return _Row(*place, position, bar, scatter, fields["unit"], fields.get("status", ""))
+
+
+def _rate(frames: Index, texts: Sequence[str]) -> float | None:
+    """Return the rate, in the fewest digits, at which frames have these times; None if there is none.
+
+    Times as they are written give the rate that they were written with. Those of a table that was cut may be
+    off in the last digit.
+    """
+    try:
+        times = np.array(texts, dtype=np.float64)
+    except ValueError:  # the column of another program
+        return None
+    with np.errstate(all="ignore"):
+        steps, seconds = frames - frames[0], times - times[0]
+        rates = [float(f"{steps[-1] / seconds[-1]:.{digits}g}") for digits in range(1, 18)]
+        errors = [np.abs(steps / rate - seconds).max() for rate in rates]
+        slack = 4.0 * np.spacing(np.abs(times).max())
+    both = [(most, pair) for most in (0.0, slack) for pair in zip(rates, errors, strict=True)]
+    low, high = FRAME_RATES
+    return next((rate for most, (rate, error) in both if error <= most and low <= rate <= high), None)
 
 
 def _assemble(path: Path, rows: Sequence[_Row]) -> PoseData:
@@ -171,6 +203,7 @@ def _assemble(path: Path, rows: Sequence[_Row]) -> PoseData:
         raise DatasetError(
             path, f"line {line}", f"standard deviations of at most {_WIDEST:g}", "a larger one"
         )
+    frames = np.array([row.frame for row in rows[:: len(joints)]], dtype=np.int64)
     arrays: dict[str, Any] = {}
     if np.isfinite(scatter).any():
         known = np.isfinite(scatter).all(axis=-1)[..., None, None]
@@ -183,7 +216,8 @@ def _assemble(path: Path, rows: Sequence[_Row]) -> PoseData:
     return PoseData(
         pose=np.array([row.position for row in rows]).reshape(steps, len(joints), 3),
         joint_names=joints,
-        frames=np.array([row.frame for row in rows[:: len(joints)]], dtype=np.int64),
+        frames=frames,
         unit=rows[0].unit,
+        frame_rate=_rate(frames, [row.time for row in rows[:: len(joints)]]),
         **arrays,
     )

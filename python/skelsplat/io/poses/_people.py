@@ -22,10 +22,10 @@ from skelsplat.io.poses._xarray import check_packages, room_for, to_xarray
 def write_people(path: str | os.PathLike[str], people: Mapping[int, PoseData]) -> None:
     """Write several people into one file, whose extension names the format.
 
-    ``.csv`` has the columns of `write_csv` after one called ``person``. ``.json`` is an object with
-    ``format`` ("skelsplat-people"), ``version`` (1) and ``people``, a list of the objects of `write_json`,
-    each with ``person``. ``.nc`` is the dataset of `to_xarray` with an individual ``person_0``, … each, over
-    the frames of all: where a person is not there, positions are NaN.
+    ``.csv`` has the columns of `write_csv` after one called ``person``, and times from the first frame of
+    all. ``.json`` is an object with ``format`` ("skelsplat-people"), ``version`` (1) and ``people``, a list
+    of the objects of `write_json`, each with ``person``. ``.nc`` is the dataset of `to_xarray` with an
+    individual ``person_0``, … each, over the frames of all: where a person is not there, positions are NaN.
 
     Parameters
     ----------
@@ -53,7 +53,8 @@ def write_people(path: str | os.PathLike[str], people: Mapping[int, PoseData]) -
 
 
 def _write_csv(path: str | os.PathLike[str], people: Mapping[int, PoseData]) -> None:
-    rows = ([identity, *row] for identity, data in people.items() for row in rows_of(data))
+    start = min((int(data.frames[0]) for data in people.values() if data.frames.size), default=0)
+    rows = ([identity, *row] for identity, data in people.items() for row in rows_of(data, start))
     atomic_write_text(path, csv_text([("person", *COLUMNS), *rows]))
 
 
