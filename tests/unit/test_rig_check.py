@@ -122,9 +122,24 @@ def test_a_calibration_of_another_recording_is_named_once(name, degrees, mm):
 def test_a_camera_that_sees_something_else_disagrees():
     found = detections("dome of 6").copy()
     found[:, 5, :, :2] = np.random.default_rng(0).uniform(0, 1000, found[:, 5, :, :2].shape)
-    finding = only(check_rig(rig("dome of 6"), found))
+    report = check_rig(rig("dome of 6"), found)
+    finding = only(report)
     assert (finding.kind, finding.subject.cameras) == ("camera_unexplained", ("hd05",))
     assert "no tested cause explains it" in finding.text
+    assert "so adjusting cameras is unlikely to help. Check that its file belongs to" in finding.text
+    assert (report.misplaced, finding.remedy) == ((), ())
+
+
+def test_a_camera_that_adjusting_does_not_help_is_not_among_those_it_may_correct():
+    cameras, found = turned(rig("dome of 6"), 2, 2.0, (0, 1, 0)), detections("dome of 6").copy()
+    found[:, 5, :, :2] = np.random.default_rng(0).uniform(0, 1000, found[:, 5, :, :2].shape)
+    report = check_rig(cameras, found, layout=LAYOUT)
+    assert {finding.kind: finding.subject.cameras for finding in report.findings} == {
+        "camera_rotated": ("hd02",),
+        "camera_unexplained": ("hd05",),
+    }
+    assert report.misplaced == ("hd02",)
+    assert {finding.kind for finding in report.findings if finding.remedy} == {"camera_rotated"}
 
 
 def test_two_cameras_can_disagree_but_nobody_knows_which():

@@ -161,7 +161,9 @@ def _disagrees(finding: Finding) -> str:
         f"{name} disagrees with the other cameras, and no tested cause explains it: "
         f"{percent(numbers['rejected'])} of its detections are rejected, {percent(numbers['others'])} of "
         f"theirs, and they lie {numbers['px']:.0f} px from where the others place them{_once(numbers)}. "
-        "Check its images: what is in view, and whether the lens is the one in the calibration."
+        "Rotating or moving it does not restore agreement, so adjusting cameras is unlikely to help. Check "
+        "that its file belongs to this recording, shows the same person and stays synchronised to the end, "
+        "that the camera was not moved meanwhile, and that lens and focal length are those calibrated."
     )
 
 

@@ -15,7 +15,7 @@ from skelsplat.findings import Finding, Remedy
 from skelsplat.rig_check._scene import Scene
 
 # Faults that `skelsplat.adjust_cameras` may correct, and those before which it would fit nonsense.
-_PLACES = ("camera_rotated", "camera_moved", "camera_unexplained")
+_PLACES = ("camera_rotated", "camera_moved")
 _OF_FILES = (
     *("unit_wrong", "unit_unknown", "body_size", "pose_convention", "images_changed", "cameras_exchanged"),
     *("sides_swapped", "image_resized", "image_changed", "recording_other", "detections_none"),
