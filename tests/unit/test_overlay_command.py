@@ -218,7 +218,10 @@ def test_a_crop_has_one_size_and_holds_the_joints(case, images, tmp_path):
 def test_missing_data_are_outcomes(images, tmp_path, what):
     shape = (FRAMES, len(NAMES), LAYOUT.n_joints)
     nothing = {
-        "pose": {"pose": np.full((FRAMES, LAYOUT.n_joints, 3), np.nan)},
+        "pose": {
+            "pose": np.full((FRAMES, LAYOUT.n_joints, 3), np.nan),
+            "joint_status": np.full((FRAMES, LAYOUT.n_joints), "unobserved"),
+        },
         "detections": {"detections": np.full((*shape, 3), np.nan), "view_weights": np.full(shape, np.nan)},
         "error bars": {"uncertainty": np.full((FRAMES, LAYOUT.n_joints, 3, 3), np.nan)},
     }

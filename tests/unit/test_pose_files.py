@@ -14,9 +14,11 @@ from skelsplat.io import (
     PoseData,
     read_csv,
     read_json,
+    read_npz,
     read_pose,
     write_csv,
     write_json,
+    write_npz,
     write_pose,
 )
 from skelsplat.io.poses import POSE_FORMATS
@@ -237,6 +239,50 @@ def test_a_malformed_csv(tmp_path, case):
     path.write_text("\n".join(change(path.read_text().splitlines())))
     with pytest.raises(sk.DatasetError, match=rf"pose\.csv: {message}"):
         read_csv(path)
+
+
+LACKING = "joint_status: expected unobserved or weak in frame 13, joint nose, which has no position, got "
+
+
+@pytest.mark.parametrize("status", ["ok", "inferred", "filled"])
+def test_a_joint_that_is_determined_has_a_position(tmp_path, status):
+    data = sample()
+    pose, statuses = data.pose.copy(), data.joint_status.copy()
+    statuses[2, 0] = status
+    write_npz(tmp_path / "a.npz", replace(data, joint_status=statuses))
+    pose[2, 0, 1] = np.nan
+    with pytest.raises(sk.InvalidInputError, match=f"^{LACKING}{status}$"):
+        replace(data, pose=pose, joint_status=statuses)
+    for allowed in ("weak", "unobserved"):
+        statuses[2, 0] = allowed
+        write_npz(tmp_path / "b.npz", replace(data, pose=pose, joint_status=statuses))
+        assert read_npz(tmp_path / "b.npz").joint_status[2, 0] == allowed
+    with np.load(tmp_path / "a.npz") as arrays:
+        np.savez(tmp_path / "c.npz", **{**arrays, "pose": pose})
+    with pytest.raises(sk.DatasetError, match=rf"c\.npz: .*{LACKING}{status}$"):
+        read_npz(tmp_path / "c.npz")
+
+
+def test_a_joint_that_was_removed_from_a_table_is_named_unless_its_status_is_changed(tmp_path):
+    write_csv(tmp_path / "pose.csv", sample())
+    write_json(tmp_path / "pose.json", sample())
+    lines = (tmp_path / "pose.csv").read_text().splitlines()
+    row = lines[1 + 2 * N].split(",")
+    row[3:6] = ["", "", ""]
+    changed = ",".join(row)
+    for status, works in (("ok", False), ("unobserved", True)):
+        lines[1 + 2 * N] = changed.replace(",ok,", f",{status},")
+        (tmp_path / "pose.csv").write_text("\n".join(lines))
+        if works:
+            assert np.isnan(read_csv(tmp_path / "pose.csv").pose[2, 0]).all()
+        else:
+            with pytest.raises(sk.DatasetError, match=rf"pose\.csv: {LACKING}ok$"):
+                read_csv(tmp_path / "pose.csv")
+    document = json.loads((tmp_path / "pose.json").read_text())
+    document["frames"][2]["pose"][0] = None
+    (tmp_path / "pose.json").write_text(json.dumps(document))
+    with pytest.raises(sk.DatasetError, match=rf"pose\.json: {LACKING}ok$"):
+        read_json(tmp_path / "pose.json")
 
 
 # by extension

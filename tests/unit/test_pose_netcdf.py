@@ -84,6 +84,20 @@ def test_netcdf_and_back(xarray, tmp_path, singular):  # noqa: ARG001
         np.testing.assert_array_equal(getattr(back, name), getattr(data, name), err_msg=name)
 
 
+def test_a_joint_whose_position_movement_has_removed_is_unobserved(xarray, tmp_path):  # noqa: ARG001
+    """Its filters set positions to NaN, and know no status."""
+    data = sample()
+    status = data.joint_status.copy()
+    status[0, 1], status[MISSING[0]] = "inferred", "weak"
+    dataset = to_xarray(replace(data, joint_status=status))
+    dataset["position"][0] = np.nan
+    dataset.to_netcdf(tmp_path / "pose.nc", engine="h5netcdf")
+    back = read_netcdf(tmp_path / "pose.nc")
+    status[0] = "unobserved"
+    np.testing.assert_array_equal(back.joint_status, status)
+    assert np.isnan(back.pose[0]).all()
+
+
 def test_movement_takes_the_file(xarray, tmp_path):
     datasets = pytest.importorskip("movement.validators.datasets", reason="movement is not installed")
     inputs = getattr(datasets, "ValidPosesInputs", None)

@@ -11,6 +11,7 @@ from skelsplat import metrics
 from skelsplat._arrays import Array, Index, Mask
 from skelsplat.evaluation.protocols import Endpoint
 from skelsplat.evaluation.scores import mean_interval
+from skelsplat.metrics._people import share
 
 Tracks = Sequence[tuple[int, Index, Array]]
 """Of each person found: identity, frames (F,), poses (F, N, 3) mm. An identity may come in pieces."""
@@ -93,9 +94,9 @@ class Tally:
         people = self.people(every)
         return {
             "person_frames": n_truth,
-            "precision": _share(hits, n_estimates),
-            "recall": _share(hits, n_truth),
-            "mean_mm": _share(sum(sums), hits),
+            "precision": share(hits, n_estimates),
+            "recall": share(hits, n_truth),
+            "mean_mm": share(sum(sums), hits),
             "mean_low_mm": low,
             "mean_high_mm": high,
             "pcp": float(np.mean([one["pcp"] for one in people.values()])) if people else float("nan"),
@@ -122,8 +123,8 @@ class Tally:
         return {
             name: {
                 "person_frames": n,
-                "recall": _share(hits, n),
-                "mean_mm": _share(error, hits),
+                "recall": share(hits, n),
+                "mean_mm": share(error, hits),
                 "pcp": parts / n,
             }
             for name, (n, hits, error, parts) in (
@@ -139,7 +140,3 @@ class Tally:
             for side in (0, 1)
         )
         return float(own.mean() / other.mean() - 1.0) if len(own) else float("nan")
-
-
-def _share(part: float, whole: float) -> float:
-    return part / whole if whole else float("nan")

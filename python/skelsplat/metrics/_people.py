@@ -128,11 +128,11 @@ def track_scores(
         mpjpe_mm=float(error[counted & (index >= 0)].mean()) if hits else float("nan"),
         n_truth=n_truth,
         n_estimates=n_estimates,
-        precision=_share(hits, n_estimates),
-        recall=_share(hits, n_truth),
+        precision=share(hits, n_estimates),
+        recall=share(hits, n_truth),
         identity_switches=switches,
         fragmentations=fragments,
-        mota=1.0 - _share(wrong, n_truth),
+        mota=1.0 - share(wrong, n_truth),
         idf1=_idf1(distance, counted, n_truth, n_estimates),
         pcp=None if limbs is None else _pcp(index, poses, people, counted, limbs, alpha),
     )
@@ -150,7 +150,7 @@ def _checked(truth: ArrayLike, optional: ArrayLike | None) -> tuple[Array, Mask]
     return people, waived
 
 
-def _share(part: float, whole: float) -> float:
+def share(part: float, whole: float) -> float:
     return part / whole if whole else float("nan")
 
 
@@ -232,7 +232,7 @@ def _idf1(distance: Array, counted: Mask, n_truth: int, n_estimates: int) -> flo
     together = (np.isfinite(distance) & counted.T[:, None]).sum(axis=0)
     best = cheapest_pairs(-together.astype(np.float64))
     hits = int(together[best[:, 0], best[:, 1]].sum())
-    return _share(2 * hits, n_truth + n_estimates)
+    return share(2 * hits, n_truth + n_estimates)
 
 
 def _pcp(

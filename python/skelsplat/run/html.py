@@ -195,7 +195,7 @@ def key_numbers(run: Run) -> list[tuple[str, str, str]]:
             f"{number(total.before_px)} → {number(total.after_px)} px",
             "start → refined",
         ),
-        ("detections rejected", _share(total.rejected, total.used), f"of {total.used:,} used"),
+        ("detections rejected", part_of(total.rejected, total.used), f"of {total.used:,} used"),
         (
             "noise of the detections",
             f"{number(statistics.noise_px)} px",
@@ -335,13 +335,13 @@ def _cells(group: Group) -> list[str]:
         f"{group.missing:,}",
         f"{group.not_chosen:,}",
         f"{group.left_out:,}",
-        _share(group.down_weighted, group.used),
-        _share(group.rejected, group.used),
+        part_of(group.down_weighted, group.used),
+        part_of(group.rejected, group.used),
         number(group.mean_weight, 2),
         f"{group.swapped:,}",
     ]
 
 
-def _share(count: int, of: int) -> str:
+def part_of(count: int, of: int) -> str:
     """Return a part as a percentage, a dash if it is a part of nothing."""
     return f"{100 * count / of:.1f}%" if of else "–"

@@ -13,7 +13,7 @@ from skelsplat._arrays import Array
 from skelsplat._sentences.words import number
 from skelsplat.run.figures import skeleton_of
 from skelsplat.run.frames import problems_of, rows_of
-from skelsplat.run.html import camera_shapes, facts_of, of_the_view
+from skelsplat.run.html import camera_shapes, facts_of, of_the_view, part_of
 from skelsplat.run.summary import finite_median, frame_medians, is_biased
 from skelsplat.run.vertical import world_up
 from skelsplat.viz import report as page
@@ -161,17 +161,13 @@ def _numbers(run: PeopleRun) -> list[tuple[str, str, str]]:
         ("people", str(len(run.people)), f"in {len(run.frames):,} frames"),
         (
             "detected people assigned",
-            _share(assigned, detected),
+            part_of(assigned, detected),
             f"of {detected:,} in all views, to the people above",
         ),
         ("median reprojection error", f"{number(before)} → {number(after)} px", "start → refined"),
-        ("detections rejected", _share(rejected, used), f"of {used:,} used"),
+        ("detections rejected", part_of(rejected, used), f"of {used:,} used"),
         ("median error bar", f"{number(finite_median(bars))} mm", against),
     ]
-
-
-def _share(count: int, of: int) -> str:
-    return f"{100 * count / of:.1f}%" if of else "–"
 
 
 def _row(entry: dict[str, Any], run: Run) -> list[str]:
@@ -183,7 +179,7 @@ def _row(entry: dict[str, Any], run: Run) -> list[str]:
         f"{sum(last - first + 1 for first, last in entry['seen']):,}",
         f"{entry['views_median']:g}",
         f"{number(total.before_px)} → {number(total.after_px)}",
-        _share(total.rejected, total.used),
+        part_of(total.rejected, total.used),
         number(finite_median(run.statistics.error_bar_mm)),
         "–" if limbs is None or not np.isfinite(limbs) else f"{100 * limbs:.0f}%",
         f"{len(frames):,}",

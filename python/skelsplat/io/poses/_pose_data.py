@@ -54,6 +54,7 @@ MARKER_NAMES = ("skelsplat", "pose2sim")
 # the world's z axis up becomes the file's y axis up by this order of columns (Pose2Sim does the same)
 Y_UP = [1, 2, 0]
 _SIDES = {"left": "L", "right": "R"}
+_WITH_POSITION = ("ok", "inferred", "filled")  # statuses
 
 
 @dataclass(frozen=True)
@@ -119,7 +120,8 @@ class PoseData:
     Raises
     ------
     InvalidInputError
-        If a shape does not fit the others, the unit is unknown or the frame rate is not positive.
+        If a shape does not fit the others, the unit is unknown, the frame rate is not positive or a joint
+        that is "ok", "inferred" or "filled" has no position.
     """
 
     pose: Array
@@ -170,6 +172,12 @@ class PoseData:
             actual = np.shape(getattr(self, name))
             if actual != shape:
                 raise InvalidInputError(f"{name}: expected shape {shape}, got {actual}")
+        if len(self.joint_status):
+            lacking = np.isnan(self.pose).any(axis=-1) & np.isin(self.joint_status, _WITH_POSITION)
+            for t, j in np.argwhere(lacking)[:1]:
+                where = f"frame {self.frames[t]}, joint {self.joint_names[j]}, which has no position"
+                got = self.joint_status[t][j]
+                raise InvalidInputError(f"joint_status: expected unobserved or weak in {where}, got {got}")
 
     def _check_names(self) -> None:
         for field_name in ("joint_names", "camera_names", "processing"):

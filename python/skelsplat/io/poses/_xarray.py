@@ -179,6 +179,8 @@ def check_packages() -> Any:
 def read_netcdf(path: str | os.PathLike[str]) -> PoseData:
     """Read a ``poses`` dataset of one individual in three dimensions, with either naming of the dimensions.
 
+    A joint without a position is ``unobserved`` unless it is ``weak``: movement removes positions alone.
+
     Raises
     ------
     MissingPackageError
@@ -217,8 +219,10 @@ def _from_dataset(path: Path, dataset: xr.Dataset) -> PoseData:
         bias = dataset["joint_bias"].transpose(time, keypoints, individuals)
         arrays["joint_bias"] = bias.values[..., 0]
     if "status" in dataset:
-        status = dataset["status"].transpose(time, keypoints, individuals).values[..., 0]
-        arrays["joint_status"] = status.astype(np.str_)
+        status = dataset["status"].where(
+            position.notnull().all(space) | (dataset["status"] == "weak"), "unobserved"
+        )
+        arrays["joint_status"] = status.transpose(time, keypoints, individuals).values[..., 0].astype(np.str_)
     rate = dataset.attrs.get("fps")
     frames = dataset["frame"].values if "frame" in dataset else np.arange(position.sizes[time])
     try:
