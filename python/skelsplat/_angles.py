@@ -207,7 +207,7 @@ def between(a: Array, b: Array) -> tuple[Array, Gradients, Array]:
     axis = np.cross(a, b)
     value = np.arctan2(_norm(axis), _dot(a, b))
     straight = _norm(axis) <= _TINY * _norm(a) * _norm(b)
-    axis = _unit(np.where(straight[..., None], _across(a), axis))
+    axis = _unit(np.where(straight[..., None], np.cross(a, np.eye(3)[np.argmin(np.abs(a), axis=-1)]), axis))
     in_a, in_b = (np.cross(axis, _unit(v)) / _norm(v)[..., None] for v in (a, b))
     return value, (-in_a, in_b), np.ones(value.shape)
 
@@ -293,11 +293,6 @@ def _norm(vector: Array) -> Array:
 
 def _unit(vector: Array) -> Array:
     return vector / _norm(vector)[..., None]
-
-
-def _across(vector: Array) -> Array:
-    """Return directions perpendicular to these (…, 3)."""
-    return np.cross(vector, np.eye(3)[np.argmin(np.abs(vector), axis=-1)])
 
 
 _HIPS: Point = ("left_hip", "right_hip")

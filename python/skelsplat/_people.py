@@ -238,7 +238,7 @@ def padded(people: People) -> ArrayLike:
     ):
         return numbers(people, "people")
     rows: Sequence[Any] = people
-    frames = [[_view(view) for view in _views(frame)] for frame in rows]
+    frames = [[numbers(() if view is None else view, "people") for view in _views(frame)] for frame in rows]
     shapes = {view.shape[1:] for frame in frames for view in frame if view.size}
     counts = {len(frame) for frame in frames}
     if len(counts) > 1:
@@ -265,11 +265,6 @@ def _views(frame: Any) -> Any:
     if listed or (isinstance(frame, np.ndarray) and frame.ndim):
         return frame
     raise InvalidInputError(f"people: expected a list of views in every frame, got {type(frame).__name__}")
-
-
-def _view(people: Any) -> NDArray[np.float64]:
-    """Return the people of a view; None is nobody."""
-    return np.empty(0) if people is None else numbers(people, "people")
 
 
 class Tracker:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from pathlib import Path
 from typing import Annotated, Any
 
 import typer
@@ -65,7 +64,7 @@ def layouts(
         raise typer.BadParameter("expected --toml or --json, got both", param_hint="--toml")
     with collected_warnings() as notes:
         layout = _named(name)
-    described = name.lower() in sk.layouts.names or _is_toml(name)
+    described = name.lower() in sk.layouts.names or name.lower().endswith(".toml")
     about = sk.layouts.about(name) if described else sk.layouts.About()
     if toml:
         typer.echo(sk.layouts.to_toml(layout, about), nl=False)
@@ -84,10 +83,6 @@ def _named(name: str) -> sk.Layout:
         return read_layout(name)
     except InvalidInputError as error:
         raise typer.BadParameter(error.reason, param_hint="NAME") from error
-
-
-def _is_toml(name: str) -> bool:
-    return Path(name).suffix.lower() == ".toml"
 
 
 def _list(*, quiet: bool, as_json: bool) -> None:

@@ -121,14 +121,10 @@ def detect(
     results = Results.opened(Path(output), record, sources, overwrite=overwrite)
     written = []
     for camera, source in sources.items():
-        tell = functools.partial(progress or _silent, camera)
+        tell = functools.partial(progress or (lambda *_: None), camera)
         written.append(_camera(_Camera(camera, source, span, wanted[camera]), detector, results, tell))
     _compare(written)
     return written
-
-
-def _silent(_camera: str, _done: int, _total: int) -> None:
-    pass
 
 
 def _wanted(source: FrameSource, span: Span) -> int:

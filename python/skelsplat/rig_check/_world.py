@@ -90,14 +90,9 @@ def check_unit(rig: sk.CameraRig, detections: Array, layout: sk.Layout | None) -
     size = median(np.array([_size(frame) for frame in points]))
     if not np.isfinite(size):
         return None, rig.unit
-    if _may_be_anything(layout):
+    if layout is not None and not layout.human:  # an animal, a hand
         return _of_anything(size * rig.mm_per_unit, rig.unit), rig.unit
     return _of_person(size, rig.unit)
-
-
-def _may_be_anything(layout: sk.Layout | None) -> bool:
-    """Whether the layout is not a person's body: an animal, a hand."""
-    return layout is not None and not layout.human
 
 
 def _of_anything(size_mm: float, stated: str) -> Finding | None:

@@ -78,18 +78,15 @@ def read_layout(
 def _of_skeleton(path: Path) -> sk.Layout:
     names, edges = read_skeleton(path)
     try:
-        layout = sk.layouts.from_names(_free_name(path.resolve().stem), names, edges)
+        name = path.resolve().stem
+        name = f"{name}_file" if name in sk.layouts.names else name
+        layout = sk.layouts.from_names(name, names, edges)
     except InvalidInputError as error:
         raise of_file(path, error) from error
     pairs = [f"{names[left]}–{names[right]}" for left, right in layout.left_right]
     numbers = {"joints": len(names), "limbs": len(edges), "pairs": pairs}
     warn(Finding("layout_of_file", "note", Subject(files=(str(path),)), numbers))
     return layout
-
-
-def _free_name(name: str) -> str:
-    """Return a name that is no built-in layout's."""
-    return f"{name}_file" if name in sk.layouts.names else name
 
 
 def choose_layout(

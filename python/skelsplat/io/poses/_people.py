@@ -58,10 +58,6 @@ def _write_csv(path: str | os.PathLike[str], people: Mapping[int, PoseData]) -> 
     atomic_write_text(path, csv_text([("person", *COLUMNS), *rows]))
 
 
-def _write_json(path: str | os.PathLike[str], people: Mapping[int, PoseData]) -> None:
-    atomic_write_text(path, people_text(people))
-
-
 def _write_netcdf(path: str | os.PathLike[str], people: Mapping[int, PoseData]) -> None:
     check_packages()
     xarray = require("xarray", "NetCDF files")
@@ -94,6 +90,6 @@ def _on_frames(data: PoseData, frames: Index) -> PoseData:
 #: The formats that hold several people, by extension.
 PEOPLE_FORMATS: dict[str, Callable[[str | os.PathLike[str], Mapping[int, PoseData]], None]] = {
     "csv": _write_csv,
-    "json": _write_json,
+    "json": lambda path, people: atomic_write_text(path, people_text(people)),
     "nc": _write_netcdf,
 }

@@ -49,12 +49,7 @@ def tiling(sizes: Sequence[Size]) -> Tiling:
     """Return the tiling that shows images of these sizes largest on a screen, with few cells empty."""
     cell = max(width for width, _ in sizes), max(height for _, height in sizes)
     every = [Tiling(columns, cell, len(sizes)) for columns in range(1, len(sizes) + 1)]
-    return max(every, key=lambda one: (_on_screen(one.size), -one.rows * one.columns))
-
-
-def _on_screen(size: Size) -> float:
-    """Return the scale with which an image of this size fills a screen of height 1."""
-    return min(_ASPECT / size[0], 1 / size[1])
+    return max(every, key=lambda one: (min(_ASPECT / one.size[0], 1 / one.size[1]), -one.rows * one.columns))
 
 
 def blank_tile(size: Size) -> Image:
