@@ -37,6 +37,8 @@ def main(folder: Path) -> None:
         other = solved(paths.calibration, folder, None)
     print("| joint | left | right |\n|---|---:|---:|")
     for joint in JOINTS:
+        if f"left_{joint}" not in other:  # COCO has no heels
+            continue
         apart = [
             np.linalg.norm(reference[f"{side}_{joint}"] - other[f"{side}_{joint}"], axis=1)
             for side in ("left", "right")
