@@ -1,6 +1,6 @@
-"""``skelsplat.detect``: files, resuming and refusals with a detector of the test; the tools are imitated.
+"""``skelsplat.detect``: files, resuming and refusals with a detector of the test; MediaPipe is imitated.
 
-The networks of rtmlib are not run here; MediaPipe's is in tests/real/test_detect.py.
+MediaPipe itself is in tests/real/test_detect.py; rtmlib in test_detect_rtmlib.py.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from overlay_case import FRAMES, SIZE, level, need_opencv, write_images, write_v
 
 need_opencv()
 
-from skelsplat.detect import MediaPipe, RTMLib, detect  # noqa: E402  after the check
+from skelsplat.detect import MediaPipe, detect  # noqa: E402  after the check
 from skelsplat.io import read_detections  # noqa: E402
 
 CAMERAS = ("cam1", "cam2")
@@ -215,7 +215,7 @@ def test_a_turned_video_is_detected_upright_and_said(videos, tmp_path):
     assert one.rotation in (90, 270)
 
 
-# MediaPipe and rtmlib, imitated
+# MediaPipe, imitated
 
 
 class Pose:
@@ -274,104 +274,6 @@ def test_a_model_that_cannot_be_downloaded(mediapipe):
     message = r"load 'lite' \(it downloads this model .*\), got no network"
     with MediaPipe("lite").open() as find, pytest.raises(sk.SkelSplatError, match=message):
         find(np.zeros((240, 320, 3), dtype=np.uint8))
-
-
-class Network:
-    def __init__(self, size):
-        self.model_input_size = "rtmlib's"
-        self.session = SimpleNamespace(get_inputs=lambda: [SimpleNamespace(shape=["batch", 3, *size])])
-
-
-class Solution:
-    """A solution class of rtmlib: boxes, then joints and scores, for as many people as the image's level."""
-
-    made: list[dict] = []  # noqa: RUF012
-    joints = 26
-
-    def __init__(self, **options):
-        self.made.append(options)
-        print("load it with onnxruntime backend")
-        self.det_model, self.pose_model = _Boxes((416, 640)), _Joints((256, 192))
-        self.pose_model.joints = self.joints
-
-
-class _Boxes(Network):
-    def __call__(self, image):
-        return np.tile([0.0, 0.0, 50.0, 90.0], (level(image), 1))
-
-
-class _Joints(Network):
-    def __call__(self, _image, bboxes):
-        assert len(bboxes)  # none would be the whole image
-        pixels = np.arange(len(bboxes) * self.joints * 2.0).reshape(len(bboxes), self.joints, 2)
-        return pixels, np.full((len(bboxes), self.joints), 1.07)
-
-
-@pytest.fixture
-def rtmlib(monkeypatch):
-    Solution.made.clear()
-    module = SimpleNamespace(BodyWithFeet=Solution, Body=Solution, Wholebody=Solution)
-    monkeypatch.setitem(sys.modules, "rtmlib", module)
-    return module
-
-
-@pytest.mark.usefixtures("rtmlib")
-def test_rtmlib_finds_several_people_from_the_command_line(videos, tmp_path):
-    pose = tmp_path / "pose"
-    result = invoke("detect", videos, "-o", pose, "--backend", "rtmlib", "--mode", "lightweight", "--json")
-    assert result.exit_code == 0, result.output
-    document = json.loads(result.stdout)
-    assert document["layout"] == "halpe26"
-    assert document["detector"]["mode"] == "lightweight"
-    assert [camera["new"] for camera in document["cameras"]] == [FRAMES, FRAMES]
-    assert Solution.made == [{"mode": "lightweight", "backend": "onnxruntime", "device": "cpu"}]
-    found = read_detections(pose, CAMERAS)
-    assert found.layout == "halpe26"
-    assert found.people_per_frame[:, 0].tolist() == list(range(FRAMES))
-    assert found.people[5, 0, 1, 0].tolist() == [52.0, 53.0, 1.0]
-
-
-@pytest.mark.usefixtures("rtmlib")
-def test_networks_from_files_have_the_files_input_size(tmp_path):
-    files = [tmp_path / "yolox.onnx", tmp_path / "rtmpose.onnx"]
-    for path in files:
-        path.touch()
-    detector = RTMLib(det_model=files[0], pose_model=files[1])
-    from skelsplat.detect import _rtmlib
-
-    solution = _rtmlib._loaded(detector)
-    assert {"det": str(files[0]), "pose": str(files[1])}.items() <= Solution.made[0].items()
-    # rtmlib has YOLOX's as height, width and RTMPose's as width, height
-    assert (solution.det_model.model_input_size, solution.pose_model.model_input_size) == (
-        (416, 640),
-        (192, 256),
-    )
-    assert detector.settings["pose_model"] == "rtmpose.onnx"
-    assert _rtmlib._loaded(RTMLib(model="body")).det_model.model_input_size == "rtmlib's"
-
-
-def test_whole_bodies_have_their_layout(rtmlib, videos, tmp_path):
-    rtmlib.Wholebody = type("Wholebody", (Solution,), {"joints": 133})
-    detect(videos, tmp_path / "pose", RTMLib("whole-body"), last=1)
-    found = read_detections(tmp_path / "pose", CAMERAS)
-    assert (found.layout, found.people.shape[3]) == ("wholebody133", 133)
-
-
-@pytest.mark.usefixtures("rtmlib")
-def test_a_network_of_other_joints_is_refused():
-    with RTMLib(model="body", device="cuda").open() as find, pytest.raises(sk.InvalidInputError) as found:
-        find(np.full((240, 320, 3), 60, dtype=np.uint8))
-    assert str(found.value) == "pose_model: expected a network of 17 points (the model body), got one of 26"
-
-
-def test_networks_that_cannot_be_loaded(rtmlib, videos, tmp_path):
-    def fails(**_):
-        raise OSError("<urlopen error [Errno -3]>")
-
-    rtmlib.Body = fails
-    options = ["--backend", "rtmlib", "--model", "body", "--mode", "performance"]
-    result = invoke("detect", videos, "-o", tmp_path / "pose", *options)
-    assert_fails(result, 1, "rtmlib: expected rtmlib to download and load its networks, or files", "urlopen")
 
 
 # The command

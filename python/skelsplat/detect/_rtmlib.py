@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import contextlib
 import io
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
-from importlib.metadata import PackageNotFoundError, version
+from importlib import import_module
 from pathlib import Path
 from typing import Any, ClassVar
+from zlib import crc32
 
 import numpy as np
 
@@ -28,6 +29,11 @@ _MODELS = {
     "whole-body": ("Wholebody", "wholebody133"),
 }
 _MODES = ("balanced", "lightweight", "performance")
+_RTMDET = (
+    b"bbox_head.rtm_cls"  # in the names of its weights; its outputs look like YOLOX's, its inputs do not
+)
+_SCORE = 0.3  # of a person, as rtmlib has it for its own networks; for others it has 0.7, which loses people
+_LOG_SIZE = 10.0  # a box of e^10 cells: no logarithm, but pixels
 
 
 @dataclass(frozen=True)
@@ -43,7 +49,8 @@ class RTMLib:
     mode : {"balanced", "lightweight", "performance"}
         rtmlib's choice of networks, which it downloads when they are first used.
     det_model, pose_model : path, optional
-        ONNX files of YOLOX and of a two-stage RTMPose to use instead.
+        ONNX files of YOLOX and of a two-stage RTMPose to use instead. The first class of a YOLOX is a person,
+        as in COCO; others are left out.
     device : str
         What onnxruntime computes on, such as ``cpu`` or ``cuda``.
     """
@@ -62,9 +69,8 @@ class RTMLib:
         for path in (self.det_model, self.pose_model):
             if path is not None and not path.is_file():
                 raise DatasetError(path, "model", "an ONNX file", "no such file")
-        if self.pose_model is not None and "rtmo" in self.pose_model.name.lower():
-            expected = "a two-stage model (RTMPose), whose people --det-model finds"
-            raise InvalidInputError(f"pose_model: expected {expected}, got {self.pose_model}")
+        if self.det_model is not None and _RTMDET in self.det_model.read_bytes():
+            raise InvalidInputError(f"det_model: expected YOLOX, got RTMDet in {self.det_model}")
 
     @property
     def layout(self) -> str:
@@ -76,8 +82,10 @@ class RTMLib:
         """Backend, its version and the networks."""
         require("rtmlib", "detect", "rtmlib")
         files = {"det_model": self.det_model, "pose_model": self.pose_model}
-        given = {name: path.name for name, path in files.items() if path is not None}
-        return {"backend": "rtmlib", "version": _version(), "model": self.model, "mode": self.mode, **given}
+        # with a checksum, since MMDeploy calls every network end2end.onnx
+        given = {name: f"{path.name} {crc32(path.read_bytes()):08x}" for name, path in files.items() if path}
+        version = import_module("rtmlib.version").__version__
+        return {"backend": "rtmlib", "version": version, "model": self.model, "mode": self.mode, **given}
 
     @contextmanager
     def open(self) -> Iterator[Find]:
@@ -87,47 +95,72 @@ class RTMLib:
 
     def _people(self, solution: Any, image: Image) -> Array:
         """Return the people in an image (P, N, 3)."""
-        n_joints = sk.layouts.get(self.layout).n_joints
         boxes = solution.det_model(image)
         if len(boxes) == 0:  # without boxes, RTMPose takes the whole image for a person
-            return np.empty((0, n_joints, 3))
+            return np.empty((0, sk.layouts.get(self.layout).n_joints, 3))
         pixels, scores = solution.pose_model(image, bboxes=boxes)
-        if np.shape(pixels)[1:] != (n_joints, 2):
-            expected = f"a network of {n_joints} points (the model {self.model})"
-            raise InvalidInputError(f"pose_model: expected {expected}, got one of {np.shape(pixels)[1]}")
         return np.concatenate([pixels, np.clip(scores, 0.0, 1.0)[..., None]], axis=-1)
 
 
-def _version() -> str:
+@contextmanager
+def _failing(expected: str) -> Iterator[None]:
     try:
-        return version("rtmlib")
-    except PackageNotFoundError:
-        return "unknown"
+        yield
+    except Exception as error:  # whatever downloading, loading and onnxruntime meet
+        reason = " ".join(str(error).split()) or type(error).__name__
+        raise SkelSplatError(f"{expected}, got {reason}") from error
 
 
 @cache
 def _loaded(detector: RTMLib) -> Any:
     """Return rtmlib's solution with its networks loaded."""
-    kind = getattr(require("rtmlib", "detect", "rtmlib"), _MODELS[detector.model][0])
+    module, name = require("rtmlib", "detect", "rtmlib"), _MODELS[detector.model][0]
+    if name == "Body" and detector.pose_model is not None:
+        name = "BodyWithFeet"  # the same two networks; Body downloads another if "rtmo" is anywhere in a path
     files = {"det": detector.det_model, "pose": detector.pose_model}
     given = {name: str(path) for name, path in files.items() if path is not None}
-    try:
-        with contextlib.redirect_stdout(io.StringIO()):  # it prints what it loads
-            solution = kind(**given, mode=detector.mode, backend="onnxruntime", device=detector.device)
-    except Exception as error:  # whatever downloading and loading meet
-        expected = "expected rtmlib to download and load its networks, or files (det_model, pose_model)"
-        reason = " ".join(str(error).split()) or type(error).__name__
-        raise SkelSplatError(f"rtmlib: {expected}, got {reason}") from error
-    # a file says for which size it was made; rtmlib knows only those of its own networks
-    if detector.det_model is not None:
-        _resize(solution.det_model, slice(None))
-    if detector.pose_model is not None:
-        _resize(solution.pose_model, slice(None, None, -1))
+    expected = "rtmlib: expected rtmlib to download and load its networks, or files (det_model, pose_model)"
+    with _failing(expected), contextlib.redirect_stdout(io.StringIO()):  # it prints what it loads
+        kind = getattr(module, name)
+        solution = kind(**given, mode=detector.mode, backend="onnxruntime", device=detector.device)
+    boxes, joints = solution.det_model, solution.pose_model
+    # a file states its size, if any; rtmlib has YOLOX's as height, width and RTMPose's as width, height
+    for network, path, order in ((boxes, detector.det_model, 1), (joints, detector.pose_model, -1)):
+        size = tuple(network.session.get_inputs()[0].shape[-2:])
+        if path is not None and all(isinstance(side, int) for side in size):
+            network.model_input_size = size[::order]
+    boxes.score_thr = _SCORE
+    yolox = "det_model: expected YOLOX without decoding, with scores from 0 to 1, or with NMS"
+    _check(boxes, yolox, lambda found: _people_alone(found, boxes.model_input_size))
+    n_joints = sk.layouts.get(detector.layout).n_joints
+    sides = [(n_joints, 2 * side) for side in joints.model_input_size]
+    rtmpose = f"pose_model: expected RTMPose of {n_joints} points"
+    _check(joints, rtmpose, lambda found: found if [one.shape[1:] for one in found] == sides else None)
     return solution
 
 
-def _resize(network: Any, order: slice) -> None:
-    """Set the input size to the file's, height and width in this order, unless the file leaves it open."""
-    size = tuple(network.session.get_inputs()[0].shape[-2:])
-    if all(isinstance(side, int) for side in size):
-        network.model_input_size = size[order]
+def _check(network: Any, expected: str, checked: Callable[[list[Array]], list[Array] | None]) -> None:
+    """Let a network's outputs pass through a check before rtmlib takes them for those of its own networks."""
+    infer = network.inference
+
+    def inference(image: Array) -> list[Array]:
+        with _failing(expected):
+            outputs = infer(image)
+        if (found := checked(outputs)) is None:
+            shapes = " and ".join("×".join(map(str, output.shape)) for output in outputs)
+            raise InvalidInputError(f"{expected}, got outputs of {shapes}")
+        return found
+
+    network.inference = inference
+
+
+def _people_alone(outputs: list[Array], size: tuple[int, int]) -> list[Array] | None:
+    """Return YOLOX's boxes (1, cells, 4 + 1 + classes) of people alone, since rtmlib mixes all classes."""
+    boxes, *labels = outputs
+    if boxes.ndim == 3 and boxes.shape[2] == 5:  # with NMS
+        return [boxes[:, labels[0][0] == 0] if labels else boxes]
+    cells = sum((size[0] // stride) * (size[1] // stride) for stride in (8, 16, 32))
+    fits = boxes.ndim == 3 and boxes.shape[1] == cells and boxes.shape[2] > 5
+    # some exports have no probabilities (those of 8 bits can pass 0 and 1 a little) or no logarithms
+    known = fits and np.abs(boxes[..., 4:] - 0.5).max() < 0.6 and boxes[..., 2:4].max() < _LOG_SIZE
+    return [boxes[..., :6]] if known else None
