@@ -39,8 +39,8 @@ CORE = (
     Fault(
         "coupled limbs move their joints in the wrong direction (Woodbury's identity)",
         "sign in a solver",
-        "self.steps[*j] -= self.inverse[*j] * g * *push;",
-        "self.steps[*j] += self.inverse[*j] * g * *push;",
+        "self.steps[j] -= y * *push;",
+        "self.steps[j] += y * *push;",
         ("cargo --test equations",),
     ),
     Fault(

@@ -3,7 +3,7 @@
 use nalgebra::Vector3;
 
 use super::depth::have_parallax;
-use super::rays::{Ray, nearest_point};
+use super::rays::{Ray, midpoint, nearest_point};
 
 /// Weight k below which a detection is rejected: |e| above 2.4 σ.
 pub const REJECTED: f64 = 0.25;
@@ -124,7 +124,7 @@ pub(super) fn meeting_point(a: &Ray, b: &Ray, sigma: f64) -> Option<Vector3<f64>
     if !have_parallax(a, b) {
         return None;
     }
-    let x = nearest_point(&[*a, *b], |_, _| 1.0)?;
+    let x = midpoint(a, b)?;
     let meets = |ray: &Ray| {
         let offset = ray.offset(&x);
         offset.range > 0.0 && offset.across.norm() <= 2.0 * sigma

@@ -39,10 +39,22 @@ impl Coupling {
         }
     }
 
+    /// ∇rᵀ y, for a vector y of every joint.
+    #[must_use]
+    fn along(&self, y: &[Vector3<f64>]) -> f64 {
+        self.ends().map(|(j, g)| g.dot(&y[j])).sum()
+    }
+
     /// Whether it is that of a bone.
     #[must_use]
     pub fn is_bone(&self) -> bool {
         self.gradient[2] == Vector3::zeros()
+    }
+
+    /// The joints that it moves, each with ∂r/∂x.
+    fn ends(&self) -> impl Iterator<Item = (usize, &Vector3<f64>)> {
+        let n = if self.is_bone() { 2 } else { 4 };
+        self.joints[..n].iter().copied().zip(&self.gradient)
     }
 }
 
@@ -54,9 +66,12 @@ pub struct NormalEquations {
     pulls: Vec<Vector3<f64>>,
     couplings: Vec<Coupling>,
     inverse: Vec<Matrix3<f64>>,
-    /// Cholesky factor of Q, row-major.
+    /// D⁻¹ ∂r/∂x of every coupling's joints.
+    moves: Vec<[Vector3<f64>; 4]>,
+    /// Factor U of Q = Uᵀ U, row-major.
     factor: Vec<f64>,
     middle: Vec<f64>,
+    along: Vec<Vector3<f64>>,
     steps: Vec<Vector3<f64>>,
 }
 
@@ -146,41 +161,50 @@ impl NormalEquations {
             *step = inverse * pull;
         }
         // δ = D⁻¹(b − G Q⁻¹ (Gᵀ D⁻¹ b + r)): the coupling's own gradient Λ r is folded in.
-        let along = |c: &Coupling, y: &[Vector3<f64>]| -> f64 {
-            c.joints.iter().zip(&c.gradient).map(|(j, g)| g.dot(&y[*j])).sum()
-        };
         self.middle.clear();
-        self.middle.extend(self.couplings.iter().map(|c| along(c, &self.steps) + c.residual));
-        solve_cholesky(&self.factor, &mut self.middle);
-        for (c, push) in self.couplings.iter().zip(&self.middle) {
-            for (j, g) in c.joints.iter().zip(&c.gradient) {
-                self.steps[*j] -= self.inverse[*j] * g * *push;
+        self.middle.extend(self.couplings.iter().map(|c| c.along(&self.steps) + c.residual));
+        solve_factored(&self.factor, &mut self.middle);
+        for ((c, moves), push) in self.couplings.iter().zip(&self.moves).zip(&self.middle) {
+            for ((j, _), y) in c.ends().zip(moves) {
+                self.steps[j] -= y * *push;
             }
         }
         &self.steps
     }
 
-    /// The block of (H + μI)⁻¹ that belongs to joint `j`, for the `mu` of the last [`Self::factorise`].
+    /// The steps of the last [`Self::solve`].
+    #[must_use]
+    pub fn steps(&self) -> &[Vector3<f64>] {
+        &self.steps
+    }
+
+    /// By how much the last step lowers joint `j`'s own residuals, to first order: −∇ᵀδ.
+    #[must_use]
+    pub fn gain(&self, j: usize) -> f64 {
+        self.pulls[j].dot(&self.steps[j])
+    }
+
+    /// By how much the last step lowers the couplings, to first order.
+    #[must_use]
+    pub fn coupled_gain(&self) -> f64 {
+        let gain = |c: &Coupling| -c.precision * c.residual * c.along(&self.steps);
+        self.couplings.iter().map(gain).sum()
+    }
+
+    /// The block of (H + μI)⁻¹ that belongs to joint `j`, for the `mu` of the last [`Self::factorise`]: with Y the joint's rows of
+    /// D⁻¹ G and Q = Uᵀ U it is D_j⁻¹ − Wᵀ W, W = U⁻ᵀ Yᵀ.
     #[must_use]
     pub fn covariance(&mut self, j: usize) -> Matrix3<f64> {
-        let inverse = self.inverse[j];
-        let part = |c: &Coupling| -> Vector3<f64> {
-            let own = c.joints.iter().zip(&c.gradient).filter(|(k, _)| **k == j);
-            own.map(|(_, g)| inverse * g).sum()
+        let of_joint = |(c, moves): (&Coupling, &[Vector3<f64>; 4])| -> Vector3<f64> {
+            c.ends().zip(moves).filter(|((k, _), _)| *k == j).map(|(_, y)| *y).sum()
         };
-        let mut out = inverse;
-        if !self.couplings.iter().any(|c| c.joints.contains(&j)) {
-            return out;
-        }
-        for axis in 0..3 {
-            self.middle.clear();
-            self.middle.extend(self.couplings.iter().map(|c| part(c)[axis]));
-            solve_cholesky(&self.factor, &mut self.middle);
-            for (c, q) in self.couplings.iter().zip(&self.middle) {
-                out.set_column(axis, &(out.column(axis) - part(c) * *q));
-            }
-        }
-        0.5 * (out + out.transpose())
+        self.along.clear();
+        self.along.extend(self.couplings.iter().zip(&self.moves).map(of_joint));
+        let first = self.along.iter().position(|y| *y != Vector3::zeros());
+        let Some(first) = first else { return self.inverse[j] };
+        forward(&self.factor, &mut self.along, first);
+        let gained: Matrix3<f64> = self.along[first..].iter().map(|w| w * w.transpose()).sum();
+        self.inverse[j] - gained
     }
 
     /// Inverts the blocks and factorises Q.
@@ -188,24 +212,29 @@ impl NormalEquations {
         for (j, (inverse, block)) in self.inverse.iter_mut().zip(&self.blocks).enumerate() {
             *inverse = inverse_of(&(block + Matrix3::from_diagonal_element(mu(j))));
         }
+        let inverse = &self.inverse;
+        let moved = |c: &Coupling| -> [Vector3<f64>; 4] {
+            std::array::from_fn(|k| inverse[c.joints[k]] * c.gradient[k])
+        };
+        self.moves.clear();
+        self.moves.extend(self.couplings.iter().map(moved));
         let p = self.couplings.len();
         self.factor.clear();
         self.factor.resize(p * p, 0.0);
-        for a in 0..p {
-            for b in 0..=a {
-                let (ca, cb) = (&self.couplings[a], &self.couplings[b]);
-                let mut q = if a == b { 1.0 / ca.precision } else { 0.0 };
-                for (ja, ga) in ca.joints.iter().zip(&ca.gradient) {
-                    for (jb, gb) in cb.joints.iter().zip(&cb.gradient) {
+        for (a, ca) in self.couplings.iter().enumerate() {
+            self.factor[a * p + a] = 1.0 / ca.precision;
+            for (b, (cb, moves)) in self.couplings.iter().zip(&self.moves).enumerate().skip(a) {
+                let q = &mut self.factor[a * p + b];
+                for (ja, ga) in ca.ends() {
+                    for ((jb, _), y) in cb.ends().zip(moves) {
                         if ja == jb {
-                            q += ga.dot(&(self.inverse[*ja] * gb));
+                            *q += ga.dot(y);
                         }
                     }
                 }
-                self.factor[a * p + b] = q;
             }
         }
-        cholesky(&mut self.factor, p);
+        factorise(&mut self.factor, p);
     }
 }
 
@@ -233,33 +262,40 @@ fn carefully_inverted(m: &Matrix3<f64>) -> Matrix3<f64> {
     m.cholesky().map_or_else(Matrix3::zeros, |factor| factor.inverse())
 }
 
-/// Cholesky factor of a `p × p` positive definite matrix, in place, lower triangle, row-major.
-fn cholesky(a: &mut [f64], p: usize) {
-    for i in 0..p {
-        for j in 0..=i {
-            let mut sum = a[i * p + j];
-            for k in 0..j {
-                sum -= a[i * p + k] * a[j * p + k];
-            }
-            a[i * p + j] =
-                if i == j { sum.max(f64::MIN_POSITIVE).sqrt() } else { sum / a[j * p + j] };
+/// Factor U of a `p × p` positive definite matrix Uᵀ U, in place, upper triangle, row-major. Every inner loop runs along rows.
+fn factorise(a: &mut [f64], p: usize) {
+    for k in 0..p {
+        let (row, below) = a[k * p..].split_at_mut(p);
+        let root = row[k].max(f64::MIN_POSITIVE).sqrt();
+        row[k..].iter_mut().for_each(|v| *v /= root);
+        for i in k + 1..p {
+            let u = row[i];
+            let target = &mut below[(i - k - 1) * p + i..(i - k) * p];
+            target.iter_mut().zip(&row[i..]).for_each(|(t, v)| *t -= u * v);
         }
     }
 }
 
-/// Solves L Lᵀ x = b in place.
-fn solve_cholesky(factor: &[f64], b: &mut [f64]) {
+/// Solves Uᵀ x = b in place, for one or several right-hand sides, of which the first `from` rows are zero.
+fn forward<T>(factor: &[f64], b: &mut [T], from: usize)
+where
+    T: Copy + std::ops::Mul<f64, Output = T> + std::ops::SubAssign,
+{
     let p = b.len();
-    for i in 0..p {
-        for k in 0..i {
-            b[i] -= factor[i * p + k] * b[k];
-        }
-        b[i] /= factor[i * p + i];
+    for k in from..p {
+        let (row, (solved, rest)) = (&factor[k * p..(k + 1) * p], b[k..].split_at_mut(1));
+        solved[0] = solved[0] * (1.0 / row[k]);
+        rest.iter_mut().zip(&row[k + 1..]).for_each(|(v, u)| *v -= solved[0] * *u);
     }
+}
+
+/// Solves Uᵀ U x = b in place.
+fn solve_factored(factor: &[f64], b: &mut [f64]) {
+    forward(factor, b, 0);
+    let p = b.len();
     for i in (0..p).rev() {
-        for k in i + 1..p {
-            b[i] -= factor[k * p + i] * b[k];
-        }
-        b[i] /= factor[i * p + i];
+        let row = &factor[i * p..(i + 1) * p];
+        let sum: f64 = row[i + 1..].iter().zip(&b[i + 1..]).map(|(u, x)| u * x).sum();
+        b[i] = (b[i] - sum) / row[i];
     }
 }

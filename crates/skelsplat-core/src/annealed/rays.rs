@@ -156,11 +156,22 @@ impl Rays {
 /// Smallest determinant of Σ w (I − d dᵀ), relative to the cube of its mean eigenvalue, that determines a point: two rays
 /// at 0.1 mrad from each other.
 const RANK: f64 = 1e-8;
+/// The same, below which cofactors lose too many digits to rounding.
+const WELL_CONDITIONED: f64 = 1e-4;
 
 /// The point with the least Σ w |e|², or `None` if the rays do not determine it.
 #[must_use]
 pub fn nearest_point(rays: &[Ray], weight: impl Fn(usize, &Ray) -> f64) -> Option<Vector3<f64>> {
     nearest_with_spread(rays, weight).map(|(x, _)| x)
+}
+
+/// The point nearest to two rays, or `None` if they are parallel: the middle of their common perpendicular.
+#[must_use]
+pub fn midpoint(a: &Ray, b: &Ray) -> Option<Vector3<f64>> {
+    let mut sums = Meeting::default();
+    sums.add(a, 1.0);
+    sums.add(b, 1.0);
+    sums.point().map(|(x, _)| x)
 }
 
 /// [`nearest_point`] and how far from parallel the rays are: the determinant of Σ w (I − d dᵀ), relative to the cube of
@@ -169,18 +180,58 @@ pub(crate) fn nearest_with_spread(
     rays: &[Ray],
     weight: impl Fn(usize, &Ray) -> f64,
 ) -> Option<(Vector3<f64>, f64)> {
-    let (mut information, mut pull) = (Matrix3::zeros(), Vector3::zeros());
+    let mut sums = Meeting::default();
     for (i, ray) in rays.iter().enumerate() {
-        let w = weight(i, ray);
+        sums.add(ray, weight(i, ray));
+    }
+    sums.point()
+}
+
+/// The normal equations of the point with the least Σ w |e|².
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct Meeting {
+    /// Σ w.
+    weight: f64,
+    /// Σ w d dᵀ: xx, xy, xz, yy, yz, zz.
+    outer: [f64; 6],
+    /// Σ w (I − d dᵀ) c.
+    pull: Vector3<f64>,
+}
+
+impl Meeting {
+    /// Adds a ray of weight `w`.
+    #[inline]
+    pub(crate) fn add(&mut self, ray: &Ray, w: f64) {
         if w > 0.0 {
-            information += w * ray.information();
-            pull += w * (ray.centre - ray.direction * ray.direction.dot(&ray.centre));
+            let d = &ray.direction;
+            let wd = w * d;
+            let outer = [wd.x * d.x, wd.x * d.y, wd.x * d.z, wd.y * d.y, wd.y * d.z, wd.z * d.z];
+            self.outer.iter_mut().zip(outer).for_each(|(sum, o)| *sum += o);
+            self.weight += w;
+            self.pull += w * ray.centre - wd * d.dot(&ray.centre);
         }
     }
-    let scale = information.trace() / 3.0;
-    let spread = information.determinant() / scale.powi(3);
-    if spread.is_nan() || spread <= RANK {
-        return None;
+
+    /// The point, and how far from parallel the rays are (see [`nearest_with_spread`]).
+    #[inline]
+    pub(crate) fn point(&self) -> Option<(Vector3<f64>, f64)> {
+        let ([xx, xy, xz, yy, yz, zz], w) = (self.outer, self.weight);
+        let (a, b, c, d, e, f) = (w - xx, -xy, -xz, w - yy, -yz, w - zz);
+        // The cofactors of [a b c; b d e; c e f].
+        let (p, q, r) = (d * f - e * e, c * e - b * f, b * e - c * d);
+        let (s, t, u) = (a * f - c * c, b * c - a * e, a * d - b * b);
+        let (determinant, scale) = (a * p + b * q + c * r, (a + d + f) / 3.0);
+        let spread = determinant / (scale * scale * scale);
+        if spread.is_nan() || spread <= RANK {
+            return None;
+        }
+        if spread < WELL_CONDITIONED {
+            let information = Matrix3::new(a, b, c, b, d, e, c, e, f);
+            return information.cholesky().map(|factor| (factor.solve(&self.pull), spread));
+        }
+        let (x, y, z) = (self.pull.x, self.pull.y, self.pull.z);
+        let along =
+            Vector3::new(p * x + q * y + r * z, q * x + s * y + t * z, r * x + t * y + u * z);
+        Some((along / determinant, spread))
     }
-    information.cholesky().map(|c| (c.solve(&pull), spread))
 }

@@ -8,7 +8,7 @@
 
 use nalgebra::Vector3;
 
-use super::rays::{Ray, Rays, nearest_point};
+use super::rays::{Meeting, Ray, Rays, midpoint};
 use super::solver::Solution;
 use crate::layout::Layout;
 
@@ -160,7 +160,7 @@ impl Judge<'_> {
         let mut best: Option<Proposal> = None;
         for (a, b) in pairs {
             for exchanged in [false, true] {
-                let at = self.proposal(chain, a, b, exchanged);
+                let Some(at) = self.proposal(chain, a, b, exchanged) else { continue };
                 let at = self.settled(chain, &at, &self.all_ways(chain, &at));
                 let ways = self.all_ways(chain, &at);
                 if best.as_ref().is_none_or(|most| best_ways(&ways) > best_ways(&most.ways)) {
@@ -171,21 +171,27 @@ impl Judge<'_> {
         best
     }
 
+    /// Where the rays of views `a` and `b` meet, with equal or opposite assignments; `None` if most of them do not.
     fn proposal(
         &self,
         chain: &Chain,
         a: usize,
         b: usize,
         exchanged: bool,
-    ) -> Vec<[Vector3<f64>; 2]> {
-        let meet = |pair: &[usize; 2], side: usize| {
-            let first = self.rays.of_joint(pair[side])[a];
-            let second = self.rays.of_joint(pair[if exchanged { 1 - side } else { side }])[b];
+    ) -> Option<Vec<[Vector3<f64>; 2]>> {
+        let (mut seen, mut met) = (0, 0);
+        let mut meet = |pair: &[usize; 2], side: usize| {
+            let first = &self.rays.of_joint(pair[side])[a];
+            let second = &self.rays.of_joint(pair[if exchanged { 1 - side } else { side }])[b];
             let both = first.is_there() && second.is_there();
-            let x = if both { nearest_point(&[first, second], |_, _| 1.0) } else { None };
+            seen += usize::from(both);
+            let x = if both { midpoint(first, second) } else { None };
+            let reach = SETTLE * self.sigma[pair[side]];
+            met += usize::from(x.is_some_and(|x| first.offset(&x).across.norm() <= reach));
             x.unwrap_or_else(|| Vector3::repeat(f64::NAN))
         };
-        chain.iter().map(|pair| [meet(pair, 0), meet(pair, 1)]).collect()
+        let at = chain.iter().map(|pair| [meet(pair, 0), meet(pair, 1)]).collect();
+        (2 * met >= seen && met > 0).then_some(at)
     }
 
     /// One weighted step of the chain's joints, with the better assignment in every view.
@@ -196,13 +202,14 @@ impl Judge<'_> {
         ways: &[Ways],
     ) -> Vec<[Vector3<f64>; 2]> {
         let step = |pair: &[usize; 2], side: usize, x: &Vector3<f64>| {
-            let ray = |i: usize| {
-                let exchanged = ways[i].exchanged > ways[i].own;
-                self.rays.of_joint(pair[if exchanged { 1 - side } else { side }])[i]
-            };
-            let rays: Vec<Ray> = (0..ways.len()).map(ray).collect();
             let sigma = SETTLE * self.sigma[pair[side]];
-            nearest_point(&rays, |_, ray| self.weight(ray, x, sigma)).unwrap_or(*x)
+            let mut sums = Meeting::default();
+            for (i, way) in ways.iter().enumerate() {
+                let exchanged = way.exchanged > way.own;
+                let ray = &self.rays.of_joint(pair[if exchanged { 1 - side } else { side }])[i];
+                sums.add(ray, self.weight(ray, x, sigma));
+            }
+            sums.point().map_or(*x, |(x, _)| x)
         };
         let both = |(pair, x): (&[usize; 2], &[Vector3<f64>; 2])| {
             [step(pair, 0, &x[0]), step(pair, 1, &x[1])]
