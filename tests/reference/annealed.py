@@ -124,7 +124,7 @@ def dense(blocks: Array, terms: list[tuple[float, float, Array]]) -> Array:
 
 
 class Step(NamedTuple):
-    """Moves of the joints (N,3), and by how much they lower, to first order, a joint's own terms of F (N,) and the limbs'."""
+    """Moves (N,3), and the fall of F to first order: of each joint's own terms (N,), of the limbs'."""
 
     moves: Array
     own: Array
@@ -202,8 +202,8 @@ def narrowed(problem: Problem, now: Kernels, x: Array, active: Mask, moments: tu
 def solve(problem: Problem, start: Array, sigma: Array) -> Solution:
     """Iterate from `start` (N,3) and kernels `sigma` (N,), infinite for plain least squares, until all rests.
 
-    A joint in no limb pair is settled by its first short step under a narrow kernel, and moves no more. Steps that
-    lower F by next to nothing count as short.
+    A joint in no limb pair is settled by its first short step under a narrow kernel, and moves no more. Steps
+    that lower F by next to nothing count as short.
     """
     rays, settings, N = problem.rays, problem.settings, len(start)
     seen = (rays.weight > 0).any(axis=0)
