@@ -100,19 +100,9 @@ def convert(
 
     skelsplat convert cameraParameters/ Calib.toml --size 1280x1024
     """
-    every = {
-        "unit": unit,
-        "format": format,
-        "camera_type": camera_type,
-        "subject": subject,
-        "size": size,
-        "binning": binning,
-        "to_unit": to_unit,
-        "fps": fps,
-        "y_up": y_up or None,
-        "marker_names": marker_names,
-        "singular": singular or None,
-    }
+    reading = {"unit": unit, "format": format, "camera_type": camera_type, "subject": subject, "size": size}
+    writing = {"binning": binning, "to_unit": to_unit, "fps": fps, "marker_names": marker_names}
+    every = {**reading, **writing, "y_up": y_up or None, "singular": singular or None}
     given = {name: value for name, value in every.items() if value is not None}
     kind = _kind(source, named=format is not None)
     _check(kind, target, given)

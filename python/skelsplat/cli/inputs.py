@@ -10,6 +10,7 @@ from typing import Annotated, Any
 import typer
 
 from skelsplat.cli import options
+from skelsplat.cli.command import with_parameters_of
 from skelsplat.io.calibration import FORMATS
 from skelsplat.run.job import FRAME_MODES
 
@@ -70,25 +71,21 @@ Binning = Annotated[
 
 
 def calibration_arguments(
-    unit: str | None,
-    calibration_format: str | None,
-    camera_type: str | None,
-    subject: str | None,
-    size: str | None,
-    binning: float | None,
+    *,
+    unit: Unit = None,
+    calibration_format: CalibrationFormat = None,
+    camera_type: CameraType = None,
+    subject: Subject = None,
+    size: Size = None,
+    binning: Binning = None,
 ) -> dict[str, Any]:
     """Return the arguments of `skelsplat.run.read.read_rig`, which are fields of `skelsplat.run.Job`, too."""
-    return {
-        "unit": unit,
-        "calibration_format": calibration_format,
-        "camera_type": camera_type,
-        "subject": subject,
-        "size": width_and_height(size),
-        "binning": binning,
-    }
+    names = {"unit": unit, "calibration_format": calibration_format, "camera_type": camera_type}
+    return {**names, "subject": subject, "size": width_and_height(size), "binning": binning}
 
 
 # long: a parameter per option
+@with_parameters_of(calibration_arguments)
 def recording_arguments(
     *,
     layout: options.LayoutName = None,
@@ -100,12 +97,7 @@ def recording_arguments(
     without: options.Without = None,
     joint_map: options.JointMap = None,
     sequence: options.Sequence = None,
-    unit: Unit = None,
-    calibration_format: CalibrationFormat = None,
-    camera_type: CameraType = None,
-    subject: Subject = None,
-    size: Size = None,
-    binning: Binning = None,
+    **reading: Any,
 ) -> dict[str, Any]:
     """Return the arguments of `skelsplat.run.check_cameras` and `adjust_cameras` for reading a recording.
 
@@ -115,7 +107,7 @@ def recording_arguments(
         If a value does not have the form of its option.
     """
     return {
-        "read": calibration_arguments(unit, calibration_format, camera_type, subject, size, binning),
+        "read": calibration_arguments(**reading),
         "without": without or (),
         "person": person,
         "layout": layout,

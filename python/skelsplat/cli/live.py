@@ -6,13 +6,14 @@ import gc
 import os
 import sys
 from collections.abc import Iterator
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
 import typer
 
 import skelsplat as sk
 from skelsplat.cli import inputs, options
 from skelsplat.cli._app import FAILED, INTERRUPTED
+from skelsplat.cli.command import with_parameters_of
 from skelsplat.cli.output import say
 from skelsplat.cli.table import tell
 from skelsplat.exceptions import DatasetError
@@ -26,18 +27,13 @@ _MOST_LINE = 2**24  # bytes: eight cameras with hundreds of people need less
 
 
 # long: a parameter per option
+@with_parameters_of(inputs.calibration_arguments)
 def live(
     source: inputs.Calibration,
     *,
     layout: options.RequiredLayout = None,
     min_confidence: options.MinConfidence = None,
     no_undistort: options.NoUndistort = False,
-    unit: inputs.Unit = None,
-    calibration_format: inputs.CalibrationFormat = None,
-    camera_type: inputs.CameraType = None,
-    subject: inputs.Subject = None,
-    size: inputs.Size = None,
-    binning: inputs.Binning = None,
     no_swaps: options.NoSwaps = False,
     free_bones: options.FreeBones = False,
     sigma_mm: options.SigmaOfAnnealed = None,
@@ -46,6 +42,7 @@ def live(
     lag: options.Lag = 0,
     people: options.LivePeople = None,
     quiet: options.Quiet = False,
+    **reading: Any,
 ) -> None:
     """Refine frame by frame: detections as JSON lines on stdin, poses on stdout.
 
@@ -114,7 +111,7 @@ def live(
     if layout is None:
         raise typer.BadParameter("expected a layout's name or file, got nothing", param_hint="--layout")
     known = read_layout(layout)
-    read = inputs.calibration_arguments(unit, calibration_format, camera_type, subject, size, binning)
+    read = inputs.calibration_arguments(**reading)
     settings = {
         "min_confidence": min_confidence,
         "sigma_mm": sigma_mm,

@@ -36,6 +36,7 @@ COMMON = (
 
 
 # long: a parameter per option
+@with_parameters_of(inputs.calibration_arguments)
 def job_of(
     source: inputs.Calibration,
     detections: options.Detections,
@@ -54,12 +55,6 @@ def job_of(
     init_sigma_mm: options.InitSigma = None,
     min_confidence: options.MinConfidence = None,
     no_undistort: options.NoUndistort = False,
-    unit: inputs.Unit = None,
-    calibration_format: inputs.CalibrationFormat = None,
-    camera_type: inputs.CameraType = None,
-    subject: inputs.Subject = None,
-    size: inputs.Size = None,
-    binning: inputs.Binning = None,
     adjust_cameras: options.AdjustCameras = False,
     paper: options.Paper = False,
     no_swaps: options.NoSwaps = False,
@@ -82,6 +77,7 @@ def job_of(
     marker_names: options.MarkerNames = "skelsplat",
     angles: options.Angles = False,
     no_html: options.NoHtml = False,
+    **reading: Any,
 ) -> Job:
     """Return the job of these options and arguments."""
     given = {
@@ -97,11 +93,10 @@ def job_of(
         "bones": "free" if free_bones and not paper else None,
     }
     settings = {name: value for name, value in given.items() if value is not None}
-    read = inputs.calibration_arguments(unit, calibration_format, camera_type, subject, size, binning)
     return Job(
         source,
         detections,
-        **read,
+        **inputs.calibration_arguments(**reading),
         layout=layout,
         person=person,
         people=people and (options.number_of_people("--people", people) or "all"),
