@@ -129,10 +129,7 @@ def _alone(
             if before is not None and done == 0:
                 before(chunk.init_pose, chunk.detections)
             out = prepared.refine(
-                chunk.init_pose,
-                chunk.detections,
-                init_sigma=init_sigma,
-                progress=_after(report, done, total),
+                chunk.init_pose, chunk.detections, init_sigma=init_sigma, progress=_after(report, done, total)
             )
             result = Refinement(**refinement_fields(out))
             if before is None and done == 0:

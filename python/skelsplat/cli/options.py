@@ -212,21 +212,13 @@ Paper = Annotated[
 ]
 FreeBones = Annotated[
     bool,
-    flag(
-        _METHOD,
-        "--free-bones",
-        help="Do not use the proportions of people for joints that few views see.",
-    ),
+    flag(_METHOD, "--free-bones", help="Do not use the proportions of people for joints that few views see."),
 ]
-NoSwaps = Annotated[
-    bool,
-    flag(_METHOD, "--no-swaps", help="Do not correct left–right swaps."),
-]
+NoSwaps = Annotated[bool, flag(_METHOD, "--no-swaps", help="Do not correct left–right swaps.")]
 Sigma = Annotated[float | None, _setting(_METHOD, "sigma_mm", *_METHODS, metavar="MM")]
 SigmaOfAnnealed = Annotated[float | None, _setting(_METHOD, "sigma_mm", _METHODS[0], metavar="MM")]
 OcclusionSigma = Annotated[
-    float | None,
-    _setting(_METHOD, "occlusion_sigma_mm", *_METHODS, metavar="MM", default="as --sigma-mm"),
+    float | None, _setting(_METHOD, "occlusion_sigma_mm", *_METHODS, metavar="MM", default="as --sigma-mm")
 ]
 JointBias = Annotated[
     float | None, _setting(_METHOD, "joint_bias_mm", *_METHODS, metavar="MM", min=0, default="by the layout")

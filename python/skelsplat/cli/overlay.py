@@ -32,8 +32,7 @@ _Videos = Annotated[
     ),
 ]
 _Plain = Annotated[
-    bool,
-    options.flag(_INPUT, "--plain", help="Draw on plain frames of the cameras' size, without videos."),
+    bool, options.flag(_INPUT, "--plain", help="Draw on plain frames of the cameras' size, without videos.")
 ]
 _Out = Annotated[
     Path | None,

@@ -20,15 +20,7 @@ import numpy as np
 
 from skelsplat._arrays import Array, Index
 from skelsplat._skelsplat import Layout
-from skelsplat.datasets._files import (
-    a_table,
-    as_numbers,
-    find,
-    load_json,
-    load_npz,
-    numbers,
-    require,
-)
+from skelsplat.datasets._files import a_table, as_numbers, find, load_json, load_npz, numbers, require
 from skelsplat.exceptions import DatasetError
 from skelsplat.io._arrays import frame_numbers
 

@@ -173,11 +173,7 @@ def _detections(folder: Path, activity: str, table: Table, views: Sequence[int])
 
 
 def _takes(
-    table: Table,
-    rows: Index,
-    views: Sequence[int],
-    detections: Array | None,
-    source: Path | None,
+    table: Table, rows: Index, views: Sequence[int], detections: Array | None, source: Path | None
 ) -> list[Take]:
     """Group rows of the same activity and cameras into takes."""
     groups: dict[tuple[str, bytes], list[int]] = {}

@@ -23,23 +23,8 @@ import numpy as np
 
 from skelsplat._arrays import Array, Index, Mask
 from skelsplat.cameras import MM_PER_UNIT, CameraRig
-from skelsplat.datasets._detections import (
-    Wanted,
-    detections_of,
-    read_apart,
-    read_truth,
-    read_world,
-)
-from skelsplat.datasets._files import (
-    Survey,
-    a_list,
-    find,
-    load_json,
-    numbers,
-    require,
-    whole_number,
-    within,
-)
+from skelsplat.datasets._detections import Wanted, detections_of, read_apart, read_truth, read_world
+from skelsplat.datasets._files import Survey, a_list, find, load_json, numbers, require, whole_number, within
 from skelsplat.datasets._model import Dataset, Take
 from skelsplat.datasets._rig import read_quietly
 from skelsplat.exceptions import DatasetError, InvalidInputError, one_of

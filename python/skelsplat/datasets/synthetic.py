@@ -77,12 +77,7 @@ def read(root: Path, *, detector: str = "good", views: Views = None) -> Dataset:
     name, seed = index["name"].text(), index.value.get("parameters", {}).get("seed")
     source = f"simulated poses and detections ({name}, detector {detector!r}, seed {seed}); no image was seen"
     return Dataset(
-        name,
-        layout,
-        tuple(takes),
-        detector=f"simulated-{detector}",
-        source=source,
-        scenes=tuple(scenes),
+        name, layout, tuple(takes), detector=f"simulated-{detector}", source=source, scenes=tuple(scenes)
     )
 
 
@@ -364,10 +359,7 @@ def _write_take(folder: Path, recording: Recording) -> None:
     truth: dict[str, Any] = {"poses": recording.truth, "boxes": recording.boxes}
     if recording.visible is not None:
         truth["visible"] = recording.visible
-    parts: dict[str, dict[str, Any]] = {
-        "truth": truth,
-        "monocular_simulated": {"poses": recording.monocular},
-    }
+    parts: dict[str, dict[str, Any]] = {"truth": truth, "monocular_simulated": {"poses": recording.monocular}}
     for name, detections in recording.detections.items():
         parts[f"detections_simulated_{name}"] = {"detections": detections}
     for stem, arrays in parts.items():

@@ -296,11 +296,7 @@ _ALL = (
         "annealed-butterworth",
         "annealed, then a zero-lag Butterworth filter of 6 Hz",
         _then(_butterworth),
-        lambda options: {
-            **_annealed(options),
-            "cutoff_hz": over_time.CUTOFF_HZ,
-            "gap_s": over_time.GAP_S,
-        },
+        lambda options: {**_annealed(options), "cutoff_hz": over_time.CUTOFF_HZ, "gap_s": over_time.GAP_S},
         over_time=True,
         package="scipy",
     ),

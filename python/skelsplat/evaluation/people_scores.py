@@ -85,10 +85,7 @@ class Tally:
         scored = [self.scenes[key] for key in every]
         scores = [one.scores for one in scored]
         hits = sum(int(one.hits.sum()) for one in scored)
-        n_truth, n_estimates = (
-            sum(one.n_truth for one in scores),
-            sum(one.n_estimates for one in scores),
-        )
+        n_truth, n_estimates = (sum(one.n_truth for one in scores), sum(one.n_estimates for one in scores))
         sums = [float(one.scores.error_mm[one.hits].sum()) for one in scored]
         low, high = mean_interval(sums, [float(one.hits.sum()) for one in scored])
         people = self.people(every)

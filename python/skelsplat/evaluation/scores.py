@@ -208,12 +208,7 @@ def _mean(values: Sequence[Array], mean: Callable[[Array], np.floating[Any]] = n
 
 
 def mean_interval(
-    sums: ArrayLike,
-    counts: ArrayLike,
-    *,
-    level: float = 0.95,
-    resamples: int = RESAMPLES,
-    seed: int = 0,
+    sums: ArrayLike, counts: ArrayLike, *, level: float = 0.95, resamples: int = RESAMPLES, seed: int = 0
 ) -> tuple[float, float]:
     """Return the percentile interval of Σ sums / Σ counts when whole takes are drawn with replacement.
 

@@ -5,13 +5,7 @@ alone.
 """
 
 from skelsplat.io.calibration import convert_unit, read_calibration, write_calibration
-from skelsplat.io.detections import (
-    DetectionSet,
-    read_detections,
-    read_layout,
-    read_openpose,
-    read_skeleton,
-)
+from skelsplat.io.detections import DetectionSet, read_detections, read_layout, read_openpose, read_skeleton
 from skelsplat.io.poses import read_pose, write_pose
 from skelsplat.io.poses._c3d import read_c3d, write_c3d
 from skelsplat.io.poses._csv import read_csv, write_csv

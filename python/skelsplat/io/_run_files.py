@@ -115,10 +115,7 @@ def check_people(report: Path) -> None:
 def _check(path: Path, run: str | None, report: Path, what: str = "runs") -> None:
     found = run_of(path)
     if found != run:
-        expected, got = (
-            f"{_short(run)}, as in {report}",
-            f"files of two {what} are mixed, run it again",
-        )
+        expected, got = (f"{_short(run)}, as in {report}", f"files of two {what} are mixed, run it again")
         raise DatasetError(path, RUN, expected, f"{_short(found)}: {got}")
 
 

@@ -9,15 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from skelsplat._arrays import Array
-from skelsplat.metrics._arrays import (
-    PartialReduce,
-    Reduce,
-    as_pair,
-    centre,
-    joint_errors,
-    present,
-    result,
-)
+from skelsplat.metrics._arrays import PartialReduce, Reduce, as_pair, centre, joint_errors, present, result
 
 
 @overload

@@ -75,11 +75,7 @@ def auc(
     pred: ArrayLike, gt: ArrayLike, *, thresholds_mm: Sequence[float] | None = None, reduce: PartialReduce
 ) -> Array: ...
 def auc(
-    pred: ArrayLike,
-    gt: ArrayLike,
-    *,
-    thresholds_mm: Sequence[float] | None = None,
-    reduce: Reduce = "mean",
+    pred: ArrayLike, gt: ArrayLike, *, thresholds_mm: Sequence[float] | None = None, reduce: Reduce = "mean"
 ) -> float | Array:
     """Area under the PCK curve: the mean of `pck` over thresholds, by default 0, 5, …, 150 mm (31 of them).
 

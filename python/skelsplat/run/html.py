@@ -37,10 +37,7 @@ _SHARED = (
     ("not chosen", "of the missing: no person detected in this view matches the other cameras"),
     ("left out", "detections below the minimum confidence, or of a joint without a position"),
     ("down-weighted", f"detections used with a weight below {DOWN_WEIGHTED:g}, including the rejected ones"),
-    (
-        "rejected",
-        f"detections used with a weight below {sk.REJECTED_WEIGHT:g}, which hardly affect the pose",
-    ),
+    ("rejected", f"detections used with a weight below {sk.REJECTED_WEIGHT:g}, which hardly affect the pose"),
     ("weight", MEANINGS["mean_weight"]),
     ("swapped", MEANINGS["swapped"]),
 )

@@ -132,12 +132,7 @@ def _filled(data: PoseData, job: Job) -> tuple[PoseData, int]:
 
 
 def _filtered(
-    pose: Array,
-    frames: Any,
-    weak: Mask,
-    chosen: Filter | None,
-    fps: float | None,
-    mm: float,
+    pose: Array, frames: Any, weak: Mask, chosen: Filter | None, fps: float | None, mm: float
 ) -> tuple[Array, int]:
     """Filter poses whose unit is ``mm`` millimetres; also return how many were in runs too short for it."""
     if isinstance(chosen, Butterworth) and fps is not None:

@@ -23,10 +23,7 @@ POOR_SHARE = 0.01
 # the noise that is 3.3 standard deviations from the joint, which one in 250 sound detections exceeds.
 DOWN_WEIGHTED = 0.5
 # the fields of `Group` that count detections
-_COUNTS = (
-    *("used", "left_out", "missing", "not_chosen"),
-    *("down_weighted", "rejected", "swapped", "poor"),
-)
+_COUNTS = (*("used", "left_out", "missing", "not_chosen"), *("down_weighted", "rejected", "swapped", "poor"))
 
 
 @dataclass(frozen=True)

@@ -14,12 +14,7 @@ import numpy as np
 
 from skelsplat._arrays import Array, generator
 from skelsplat.exceptions import InvalidInputError, one_of
-from skelsplat.synthetic.skeleton import (
-    ANKLE_HEIGHT_MM,
-    JOINT_NAMES,
-    LIMITS_DEG,
-    forward_kinematics,
-)
+from skelsplat.synthetic.skeleton import ANKLE_HEIGHT_MM, JOINT_NAMES, LIMITS_DEG, forward_kinematics
 
 _LEG_MM = 885.0
 _ANKLES = [JOINT_NAMES.index("left_ankle"), JOINT_NAMES.index("right_ankle")]

@@ -61,12 +61,7 @@ def mixed_heights(n_views: int) -> CameraRig:
 
 
 def simulate_people_set(
-    people: int = 3,
-    views: int = 4,
-    scenes: int = 5,
-    *,
-    frames: int = _FRAMES,
-    seed: int = 0,
+    people: int = 3, views: int = 4, scenes: int = 5, *, frames: int = _FRAMES, seed: int = 0
 ) -> SceneSet:
     """Simulate scenes of several people, as `simulate_scene` does, at 30 Hz.
 

@@ -282,11 +282,7 @@ def _recording(
 ) -> Recording:
     """Simulate what is recorded of a take. All detectors see the same occluders: those of the first one."""
     body = motion(
-        take.motion,
-        take.count,
-        fps=_CAPTURE_HZ / take.step,
-        seed=stream(*seeds, POSES),
-        scale=take.scale,
+        take.motion, take.count, fps=_CAPTURE_HZ / take.step, seed=stream(*seeds, POSES), scale=take.scale
     )
     truth = in_layout(body, layout)
     pixels = true_pixels(truth, rig)

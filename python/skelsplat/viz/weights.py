@@ -71,13 +71,7 @@ def _draw_joints(axes: Axes, data: WeightData) -> AxesImage:
     )
     for row, share in enumerate(rejected):
         text = "none" if np.isnan(share) else f"{100 * share:.0f}% rejected"
-        axes.annotate(
-            text,
-            (1.01, row),
-            xycoords=("axes fraction", "data"),
-            va="center",
-            fontsize=_SMALL_PT,
-        )
+        axes.annotate(text, (1.01, row), xycoords=("axes fraction", "data"), va="center", fontsize=_SMALL_PT)
     if len(data.joint_names) <= _MOST_NUMBERS:
         for (row, column), value in np.ndenumerate(mean):
             if np.isfinite(value):

@@ -39,12 +39,7 @@ FORMATS = tuple(_LAYOUTS)
 OPTIONS = tuple(entry.name for entry in fields(Options))
 
 
-def read(
-    root: Path,
-    *,
-    format: str | None = None,
-    **options: Any,
-) -> Dataset:
+def read(root: Path, *, format: str | None = None, **options: Any) -> Dataset:
     """Read Human3.6M.
 
     Parameters

@@ -10,13 +10,7 @@ import numpy as np
 
 from skelsplat import Refinement, metrics
 from skelsplat._arrays import Array
-from skelsplat.evaluation.ablations._sample import (
-    Errors,
-    Sample,
-    Start,
-    difference,
-    errors_of,
-)
+from skelsplat.evaluation.ablations._sample import Errors, Sample, Start, difference, errors_of
 from skelsplat.evaluation.ablations._source import ANNEALED, PAPER, Source
 from skelsplat.evaluation.ablations._sweep import (
     IN_THE_TEXT,

@@ -39,10 +39,7 @@ ACCUMULATION = Sweep(
         Line(PAPER, lambda views: {"views_per_step": views}),
         Line(f"{PAPER}, no early stopping", lambda views: {"views_per_step": views, "stop_tolerance": 0.0}),
     ),
-    checks=(
-        Check("4 views per step beat 2", (4,), (2,)),
-        Check("2 views per step beat 1", (2,), (1,)),
-    ),
+    checks=(Check("4 views per step beat 2", (4,), (2,)), Check("2 views per step beat 1", (2,), (1,))),
     notes=(f"The {ANNEALED} method always uses all views at once.",),
 )
 

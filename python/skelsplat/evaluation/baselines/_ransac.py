@@ -21,13 +21,7 @@ from numpy.typing import ArrayLike
 
 from skelsplat._arrays import Array, Mask, generator, numbers, positive
 from skelsplat.evaluation.baselines._minimise import Reprojections, huber, minimise
-from skelsplat.evaluation.baselines._observations import (
-    Cameras,
-    Observations,
-    observe,
-    reproject,
-    solve,
-)
+from skelsplat.evaluation.baselines._observations import Cameras, Observations, observe, reproject, solve
 from skelsplat.exceptions import InvalidInputError
 
 

@@ -256,13 +256,7 @@ def _size(
 def _build(path: Path, raw: RawCamera, size: tuple[int, int]) -> sk.Camera:
     try:
         return sk.Camera(
-            raw.K,
-            raw.R,
-            raw.t,
-            distortion=raw.distortion,
-            fisheye=raw.fisheye,
-            size=size,
-            name=raw.name,
+            raw.K, raw.R, raw.t, distortion=raw.distortion, fisheye=raw.fisheye, size=size, name=raw.name
         )
     except InvalidInputError as error:
         raise of_file(path, error) from error
@@ -283,11 +277,7 @@ def convert_unit(rig: sk.CameraRig, unit: str) -> sk.CameraRig:
 
 
 def write_calibration(
-    path: str | os.PathLike[str],
-    rig: sk.CameraRig,
-    *,
-    format: str | None = None,
-    note: str | None = None,
+    path: str | os.PathLike[str], rig: sk.CameraRig, *, format: str | None = None, note: str | None = None
 ) -> None:
     """Write `rig` as Anipose TOML, which Pose2Sim, FreeMoCap and Caliscope also read, or as JSON or npz.
 

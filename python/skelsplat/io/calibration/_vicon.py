@@ -76,12 +76,7 @@ def _vicon_camera(camera: Field, findings: list[Finding]) -> RawCamera:
     if error > _GOOD_FIT_PX:
         findings.append(noted("lens_approximated", camera.path, name, error_px=error))
     return RawCamera(
-        name=name,
-        K=K,
-        R=R,
-        t=-R @ numbers(frame, "POSITION", 3),
-        distortion=distortion,
-        size=size,
+        name=name, K=K, R=R, t=-R @ numbers(frame, "POSITION", 3), distortion=distortion, size=size
     )
 
 

@@ -13,13 +13,7 @@ from skelsplat._atomic import atomic_write_text
 from skelsplat.viz import _style
 from skelsplat.viz.report import _parts
 from skelsplat.viz.report._parts import Problem, Table, TimeLine, TimeLines
-from skelsplat.viz.report._scene import (
-    CameraShapes,
-    Sequence3D,
-    as_text,
-    frames_to_show,
-    pack_scene,
-)
+from skelsplat.viz.report._scene import CameraShapes, Sequence3D, as_text, frames_to_show, pack_scene
 
 # One program in several files, in this order.
 _PROGRAMS = ("decode.js", "body.js", "view.js", "charts.js", "heat.js", "panels.js", "player.js")
