@@ -140,6 +140,49 @@ def test_swapped_sides_are_named_not_a_moved_camera(name, motion, fifths):
     )
 
 
+THIRD = np.arange(T) % 3 == 1
+
+
+@pytest.mark.parametrize(
+    ("name", "motion"), diagonal(("room", "dome of 3", "dome of 6", "ring of 4"), ("walk", "sit", "reach"))
+)
+def test_sides_swapped_in_a_third_of_the_frames_are_named(name, motion):
+    finding = only(check_rig(rig(name), sides_swapped(detections(name, motion), 1, THIRD), layout=LAYOUT))
+    camera = rig(name).names[1]
+    assert (finding.kind, finding.severity) == ("sides_swapped_at_times", "warning")
+    assert finding.subject.cameras == (camera,)
+    assert finding.numbers["share_of_frames"] == pytest.approx(1 / 3, abs=0.05)
+    share = f"{finding.numbers['share_of_frames']:.0%}"
+    assert finding.text.startswith(f"{camera}: left and right are swapped in {share} of its frames, compared")
+
+
+def test_sides_swapped_at_times_next_to_a_turned_camera():
+    for view in (1, 2):  # the same camera, and another one
+        cameras = turned(rig("room"), view, 2.0, (0, 1, 0))
+        report = check_rig(cameras, sides_swapped(detections("room"), 1, THIRD), layout=LAYOUT)
+        assert {finding.kind: finding.subject.cameras for finding in report.findings} == {
+            "camera_rotated": (rig("room").names[view],),
+            "sides_swapped_at_times": ("cam2",),
+        }
+        assert report.misplaced == (rig("room").names[view],)
+
+
+@pytest.mark.parametrize("name", ["room", "dome of 3", "ring of 4"])
+def test_sides_of_sound_views_and_of_two_frames_are_not_named(name):
+    for noise in ("noisy", "occluded"):
+        assert check_rig(rig(name), detections(name, "reach", noise), layout=LAYOUT).ok
+    few = sides_swapped(detections(name)[:12], 1, [3, 7])
+    assert check_rig(rig(name), few, layout=LAYOUT).ok
+
+
+def test_sides_swapped_at_times_need_a_layout_and_three_cameras():
+    found = sides_swapped(detections("room"), 1, THIRD)
+    assert "sides_swapped_at_times" not in [one.kind for one in check_rig(rig("room"), found).findings]
+    pair = sides_swapped(detections("pair", "reach"), 1, THIRD)
+    kinds = [one.kind for one in check_rig(rig("pair"), pair, layout=LAYOUT).findings]
+    assert "sides_swapped_at_times" not in kinds
+
+
 def test_swapped_sides_need_a_layout_that_tells_them():
     found = sides_swapped(detections("room"), 1)
     assert only(check_rig(rig("room"), found)).kind != "sides_swapped"

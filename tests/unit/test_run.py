@@ -13,6 +13,7 @@ import pytest
 import skelsplat as sk
 from skelsplat import synthetic
 from skelsplat.io import write_calibration
+from skelsplat.layouts import mirror_images
 from skelsplat.run import Butterworth, IncompleteJobError, Job, Run, run
 
 LAYOUT = "h36m17"
@@ -126,6 +127,22 @@ def test_a_result_made_of_arrays_has_findings_report_and_figures(tmp_path, capfd
     assert found.write_figures(tmp_path / "figures") == ["overview.png", "weights.png"]
     assert found.write_poses(tmp_path / "poses", ("npz", "trc")) == ["pose.npz", "pose.trc"]
     assert capfd.readouterr() == ("", "")
+
+
+@pytest.mark.parametrize(("share", "kind"), [(0.3, "sides_swapped_at_times"), (1.0, "camera_mirrored")])
+def test_a_view_whose_sides_are_swapped_is_named_once(share, kind):
+    rig, layout = synthetic.human36m_like(), sk.layouts.get(LAYOUT)
+    found = synthetic.simulate_detections(
+        synthetic.motion("walk", 20, seed=3), rig, noise=synthetic.DetectionNoise.good(), seed=1
+    )
+    places = np.arange(20) < share * 20
+    found[places, 1] = found[places, 1][:, mirror_images(layout.n_joints, layout.left_right)]
+    result = sk.refine(None, found, rig, layout=layout)
+    findings = Run.from_arrays(result, rig, found, layout, fps=50.0).findings
+    (finding,) = [one for one in findings if "swapped in" in one.text]
+    assert (finding.kind, finding.subject.cameras) == (kind, (rig.names[1],))
+    swapped = "30% of its frames" if share < 1 else "7"
+    assert f": left and right are swapped in {swapped}" in finding.text
 
 
 def test_one_pose_is_a_run_of_one_frame(tmp_path):

@@ -271,6 +271,10 @@ SENTENCES: Mapping[str, str | Callable[[Finding], str]] = {
     "cameras_exchanged": _all_cameras,
     "frame_offset": _one_camera(_offset),
     "sides_swapped": _one_camera(_sides),
+    "sides_swapped_at_times": (
+        "{cameras}: left and right are swapped in {share_of_frames:.0%} of its frames, compared with the "
+        "other cameras. refine swaps these detections back. Does the detector confuse the sides in this view?"
+    ),
     "image_resized": _one_camera(_resized),
     "image_changed": _one_camera(_images),
     "camera_rotated": _one_camera(_pose),

@@ -17,7 +17,7 @@ from skelsplat.findings import Finding, Subject
 from skelsplat.rig_check._causes import explain, once_corrected
 from skelsplat.rig_check._files import correct_files
 from skelsplat.rig_check._geometry import check_geometry
-from skelsplat.rig_check._report import CameraRow, ReadAs, RigReport, rows_of, with_remedies
+from skelsplat.rig_check._report import ReadAs, RigReport, rows_of, solved, with_remedies
 from skelsplat.rig_check._scene import Scene, follow, in_mm, named, scene_of
 from skelsplat.rig_check._world import check_unit, find_convention
 
@@ -29,6 +29,8 @@ _FAR_DEG, _FAR_MM = 2.5, 150.0
 # Part of the diagonal, 42 px of 1000 by 1000: two and a half times what poor detections are off.
 _FAR_OFF = 0.03
 _OUTSIDE = 0.05
+# Left and right are swapped from this share of a camera's frames on, five times that of sound recordings.
+_SWAPPED_SHARE, _SWAPPED_FRAMES = 0.1, 3
 _COPIED = 200  # coordinates that two cameras share
 _MIN_CONFIDENCE = 0.3
 
@@ -48,10 +50,11 @@ def check_rig(
     also the convention of the poses (camera → world? OpenGL's axes?), the unit (is the body as large as a
     person; with a layout of one's own, between 1 mm and 20 m?), detections of other images than the
     calibration's (resized, turned, mirrored), exchanged cameras (every pair is tried), frame offsets between
-    cameras, left and right swapped in a view, and cameras that were turned or moved; half of the cameras or
-    more mean another recording. A cause is named when with it corrected all cameras agree clearly better by
-    leave-one-out reprojection; what is left over is named as a camera that disagrees. It takes three cameras
-    to tell which one is wrong, and where half of them are wrong it is impossible to tell which half.
+    cameras, left and right swapped in a view (always, or in a tenth of its frames), and cameras that were
+    turned or moved; half of the cameras or more mean another recording. A cause is named when with it
+    corrected all cameras agree clearly better by leave-one-out reprojection; what is left over is named as a
+    camera that disagrees. It takes three cameras to tell which one is wrong, and where half of them are wrong
+    it is impossible to tell which half.
 
     Parameters
     ----------
@@ -122,10 +125,12 @@ def _with_detections(
     recording = _check_recording(causes, corrected)
     if recording is not None:  # what single cameras or their order would explain is chance then
         return RigReport((recording, *findings), tuple(rows_of(as_given, as_given)))
-    causes += _left_over(corrected, [*earlier, *causes])
+    result = solved(corrected, layout)
+    causes += _left_over(corrected, result, [*earlier, *causes])
     if causes and likely == rig.unit:
         unit = None  # a body of no person's size, but the cameras do not agree on it
     found = [finding for finding in (convention, unit, *earlier) if finding is not None]
+    causes += find_swapped(rig.names, result, layout)
     return RigReport((*found, *findings, *causes), tuple(rows_of(as_given, corrected)))
 
 
@@ -174,32 +179,54 @@ def same_detections(names: Sequence[str], people: Array) -> list[Finding]:
     return [Finding("detections_same", "error", Subject(cameras=cameras)) for cameras in found]
 
 
-def _left_over(scene: Scene, earlier: list[Finding]) -> list[Finding]:
+def find_swapped(names: Sequence[str], result: sk.Refinement, layout: sk.Layout | None) -> list[Finding]:
+    """Name the cameras in which left and right are swapped in part of the frames, as the solver finds.
+
+    In such a frame half of the detections with a side, or more, are swapped and not rejected: those of a
+    wrong camera may fit better swapped, but not well. Of two cameras either may be the one.
+    """
+    if layout is None or len(names) == 2:
+        return []
+    sides = [joint for pair in layout.left_right for joint in pair]
+    weights = np.asarray(result.view_weights)[..., sides]
+    used = np.isfinite(weights).sum(axis=2)
+    swapped = (np.asarray(result.swapped)[..., sides] & (weights >= sk.REJECTED_WEIGHT)).sum(axis=2)
+    frames = ((used > 0) & (2 * swapped >= used)).sum(axis=0).tolist()
+    return [
+        Finding(
+            "sides_swapped_at_times", "warning", Subject(cameras=(name,)), {"share_of_frames": count / of}
+        )
+        for name, count, of in zip(names, frames, (used > 0).sum(axis=0).tolist(), strict=True)
+        if count >= max(_SWAPPED_FRAMES, _SWAPPED_SHARE * of)
+    ]
+
+
+def _left_over(scene: Scene, result: sk.Refinement, earlier: list[Finding]) -> list[Finding]:
     """Cameras that still disagree when everything that was found is corrected."""
-    rows = rows_of(scene, scene)
+    names = named(scene.cameras)
     if scene.views == 2:
-        return _two(scene, rows)
+        return _two(scene, names)
+    weights = [view[np.isfinite(view)] for view in np.moveaxis(np.asarray(result.view_weights), 1, 0)]
+    shares = np.array([(view < sk.REJECTED_WEIGHT).mean() if view.size else np.nan for view in weights])
     findings = []
-    for i, row in enumerate(rows):
-        rejected = [other.rejected for other in rows if other is not row and np.isfinite(other.rejected)]
-        usual = float(np.mean(rejected)) if rejected else 1.0
+    for i, name in enumerate(names):
+        rejected = np.delete(shares, i)
+        usual = float(np.mean(rejected[np.isfinite(rejected)])) if np.isfinite(rejected).any() else 1.0
         frames = np.isfinite(scene.seen(i)).any(axis=(1, 2)).sum()
-        if frames >= _LEAST_FRAMES and row.rejected >= max(_REJECTED, _RATIO * usual):
+        if frames >= _LEAST_FRAMES and shares[i] >= max(_REJECTED, _RATIO * usual):
             px = float(scene.left_out[i])
-            numbers: dict[str, Any] = {"rejected": row.rejected, "others": usual, "px": px}
-            numbers |= once_corrected(earlier, row.name)
-            subject = Subject(cameras=(row.name,))
-            findings.append(Finding("camera_unexplained", subject=subject, numbers=numbers))
+            numbers: dict[str, Any] = {"rejected": float(shares[i]), "others": usual, "px": px}
+            numbers |= once_corrected(earlier, name)
+            findings.append(Finding("camera_unexplained", subject=Subject(cameras=(name,)), numbers=numbers))
     return findings
 
 
-def _two(scene: Scene, rows: list[CameraRow]) -> list[Finding]:
-    error = median(np.array([row.dlt_px for row in rows]))
+def _two(scene: Scene, names: list[str]) -> list[Finding]:
+    error = median(np.array([row.dlt_px for row in rows_of(scene, scene)]))
     limit = _APART * float(np.mean([np.hypot(*camera.size) for camera in scene.cameras])) / 2
     if not error > limit or len(scene.judged) < _LEAST_FRAMES:
         return []
-    names = tuple(row.name for row in rows)
-    return [Finding("cameras_apart", subject=Subject(cameras=names), numbers={"px": error})]
+    return [Finding("cameras_apart", subject=Subject(cameras=tuple(names)), numbers={"px": error})]
 
 
 def _check_recording(causes: Sequence[Finding], corrected: Scene) -> Finding | None:

@@ -86,13 +86,17 @@ class RigReport:
         return tuple(name for finding in found for name in finding.subject.cameras)
 
 
-def rows_of(scene: Scene, corrected: Scene) -> list[CameraRow]:
-    """Return the numbers of every camera in ``scene``; offsets are those of the ``corrected`` one."""
-    detections, rig = scene.judged_detections, list(scene.cameras)
-    plain = np.asarray(sk.triangulate(detections, rig, method="dlt"))
+def solved(scene: Scene, layout: sk.Layout | None = None) -> sk.Refinement:
+    """Refine the judged frames; with a layout also where left and right are swapped."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of a unit doubt, which has been looked at
-        result = sk.refine(None, detections, rig)
+        return sk.refine(None, scene.judged_detections, list(scene.cameras), layout=layout)
+
+
+def rows_of(scene: Scene, corrected: Scene) -> list[CameraRow]:
+    """Return the numbers of every camera in ``scene``; offsets are those of the ``corrected`` one."""
+    detections, rig, result = scene.judged_detections, list(scene.cameras), solved(scene)
+    plain = np.asarray(sk.triangulate(detections, rig, method="dlt"))
     rows = []
     for i, camera in enumerate(rig):
         there = np.isfinite(detections[:, i, :, 0])

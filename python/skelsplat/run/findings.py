@@ -13,7 +13,7 @@ import numpy.typing as npt
 import skelsplat as sk
 from skelsplat._arrays import Array
 from skelsplat.findings import Finding, Remedy, Subject
-from skelsplat.rig_check._check import same_detections
+from skelsplat.rig_check._check import find_swapped, same_detections
 from skelsplat.run.displaced import displaced_cameras, find_apart, find_displaced, shift_of
 from skelsplat.run.people import are_mixed, find_people
 from skelsplat.run.read import Inputs
@@ -64,6 +64,7 @@ def find_findings(
     unfit = unfit_cameras(inputs)
     alone = frame_by_frame(inputs, outcome)
     counted = statistics if alone is outcome else summarise(inputs, alone)
+    swapped = [*find_swapped(inputs.rig.names, alone.result, inputs.layout), *_mirrored(counted)]
     return [
         *same_detections(inputs.rig.names, inputs.detections),
         *find_people(inputs, alone),
@@ -71,7 +72,7 @@ def find_findings(
         *_in_time(statistics, counted),
         *find_unfit(inputs.rig.names, unfit),
         *_cameras(inputs, counted, unfit),
-        *_mirrored(counted),
+        *{finding.subject: finding for finding in swapped}.values(),  # the latter of two on a camera
         *_limbs(inputs, alone),
         *_given_lengths(inputs, alone),
         *_joints(counted, statistics),
