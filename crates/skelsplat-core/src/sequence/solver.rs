@@ -61,8 +61,6 @@ const DAMPING: f64 = 320.0;
 const LONGEST: f64 = 300.0;
 /// Steps that are shorter than this share of the noise, root mean square, end the work under a kernel.
 const SMALL: f64 = 0.01;
-/// Movement per step.
-const RELAXATION: f64 = 1.2;
 /// Rounds of the smoothing from which the annealing starts, and squares of the reach of its kernel, in standard deviations, for
 /// positions on which three views agree and for others.
 const SMOOTHING: usize = 5;
@@ -78,8 +76,6 @@ pub struct Run<'a> {
     pub system: System,
     /// Steps taken.
     pub n_iter: usize,
-    /// Last movement under the present kernels `(N, T)`.
-    last: Vec<Vector3<f64>>,
     /// k of the rays of one joint `(T, M)`, and their running sums.
     kept: Vec<f64>,
     sums: Vec<f64>,
@@ -92,9 +88,8 @@ impl<'a> Run<'a> {
         let system = System::new(tracks.frames, tracks.joints, &common.bones);
         let smooth = points.is_none();
         let points = points.unwrap_or_else(|| vec![Vector3::zeros(); tracks.active.len()]);
-        let last = vec![Vector3::zeros(); points.len()];
-        let (kept, sums) = (Vec::new(), Vec::new());
-        let mut run = Self { tracks, common, points, system, n_iter: 0, last, kept, sums };
+        let mut run =
+            Self { tracks, common, points, system, n_iter: 0, kept: Vec::new(), sums: Vec::new() };
         if smooth {
             (0..tracks.joints).for_each(|j| run.smooth(j));
         }
@@ -109,7 +104,6 @@ impl<'a> Run<'a> {
         let least = self.common.variance.iter().copied().fold(f64::INFINITY, f64::min);
         let noise = (least / self.common.weight).sqrt();
         for (wider, steps) in schedule {
-            self.last.fill(Vector3::zeros());
             for _ in 0..*steps {
                 check()?;
                 self.linearise(*wider);
@@ -143,21 +137,13 @@ impl<'a> Run<'a> {
         chain.selected_inverse()
     }
 
-    /// One step; returns the root mean square of the steps, mm. The weights of a robust kernel make the system stiffer than the
-    /// objective, so that its steps are too short and follow each other in the same direction: positions move by more, and by what
-    /// the last movement says of the rest of the way.
+    /// One step; returns the root mean square movement, mm.
     fn step(&mut self) -> f64 {
         let step = self.system.solve(DAMPING.powi(-2), ACCURACY, ROUNDS);
         let mut squares = 0.0;
-        for ((x, step), last) in self.points.iter_mut().zip(step).zip(&mut self.last) {
-            let (length, square) = (step.norm(), last.norm_squared());
-            let share = if square > 0.0 { (step.dot(last) / square).clamp(0.0, 1.0) } else { 0.0 };
-            *last = if length > LONGEST {
-                step * (LONGEST / length)
-            } else {
-                step * RELAXATION + *last * share
-            };
-            *x += *last;
+        for (x, step) in self.points.iter_mut().zip(step) {
+            let length = step.norm();
+            *x += if length > LONGEST { step * (LONGEST / length) } else { *step };
             squares += length * length;
         }
         (squares / step.len() as f64).sqrt()
