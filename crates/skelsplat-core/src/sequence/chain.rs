@@ -96,26 +96,35 @@ impl Chain {
 
     /// Solves the factorised system for the right-hand side `x`, in place.
     pub fn solve(&self, x: &mut [Vector3<f64>]) {
-        let n = x.len();
+        Self::solve_together([self], [x]);
+    }
+
+    /// [`Chain::solve`] for chains of the same length: every frame waits for the one before it, and while one chain waits, another goes on.
+    pub fn solve_together<const K: usize>(chains: [&Self; K], mut x: [&mut [Vector3<f64>]; K]) {
+        let n = x[0].len();
         // y_t = x_t − P_t y_{t−1} − c_t D_{t−2}⁻¹ y_{t−2}
         for t in 1..n {
-            let mut y = x[t] - times(&self.lower[t], &x[t - 1]);
-            if t > 1 {
-                y -= times(&self.inverse[t - 2], &x[t - 2]) * self.second[t];
+            for (chain, x) in chains.iter().zip(&mut x) {
+                let mut y = x[t] - times(&chain.lower[t], &x[t - 1]);
+                if t > 1 {
+                    y -= times(&chain.inverse[t - 2], &x[t - 2]) * chain.second[t];
+                }
+                x[t] = y;
             }
-            x[t] = y;
         }
         // x_t = D_t⁻¹ (y_t − c_{t+2} x_{t+2}) − P_{t+1}ᵀ x_{t+1}
         for t in (0..n).rev() {
-            let mut z = x[t];
-            if t + 2 < n {
-                z -= x[t + 2] * self.second[t + 2];
+            for (chain, x) in chains.iter().zip(&mut x) {
+                let mut z = x[t];
+                if t + 2 < n {
+                    z -= x[t + 2] * chain.second[t + 2];
+                }
+                z = times(&chain.inverse[t], &z);
+                if t + 1 < n {
+                    z -= transposed_times(&chain.lower[t + 1], &x[t + 1]);
+                }
+                x[t] = z;
             }
-            z = times(&self.inverse[t], &z);
-            if t + 1 < n {
-                z -= transposed_times(&self.lower[t + 1], &x[t + 1]);
-            }
-            x[t] = z;
         }
     }
 

@@ -114,9 +114,13 @@ impl System {
 
     fn precondition(&mut self) {
         self.preconditioned.copy_from_slice(&self.residual);
-        for (j, chain) in self.chains.iter().enumerate() {
-            let of = j * self.frames..(j + 1) * self.frames;
-            chain.solve(&mut self.preconditioned[of]);
+        let both = 2 * self.frames.max(1);
+        for (chains, x) in self.chains.chunks(2).zip(self.preconditioned.chunks_mut(both)) {
+            let (first, second) = x.split_at_mut(self.frames);
+            match chains {
+                [a, b] => Chain::solve_together([a, b], [first, second]),
+                _ => chains[0].solve(first),
+            }
         }
     }
 
