@@ -22,6 +22,7 @@ from skelsplat.io import (
     write_pose,
 )
 from skelsplat.io.poses import POSE_FORMATS
+from skelsplat.io.poses._csv import _rate
 
 # json
 
@@ -172,6 +173,14 @@ def test_any_rate_is_read_to_the_last_digits(tmp_path):
         assert read_csv(tmp_path / "pose.csv").frame_rate == pytest.approx(rate, rel=4e-16)
 
 
+@pytest.mark.parametrize("rate", [24.0, 29.97, 30.0, 59.94, 120.0])
+def test_times_that_r_or_a_spreadsheet_rounded_have_the_frame_rate(rate):
+    frames = np.arange(7, 5000)
+    texts = [f"{time:.15g}" for time in frames / rate]
+    assert _rate(frames, texts) == rate
+    assert _rate(frames[:2], texts[:2]) == pytest.approx(rate, rel=1e-13)
+
+
 def test_csv_without_a_frame_rate_has_no_times(tmp_path):
     for data in (replace(sample(), frame_rate=None), PoseData(np.ones((1, 1, 3)), ("a",), [7], "m")):
         write_csv(tmp_path / "pose.csv", data)
@@ -223,6 +232,18 @@ MALFORMED_CSV = {
         "line 6: expected frame 11, joint right_hip, got frame 11, joint head",
     ),
     "cut at the end": (lambda lines: lines[:-1], "line 12: expected 3 joints in every frame, got 2"),
+    "a joint twice": (
+        lambda lines: [*lines[:4], lines[1], *lines[4:]],
+        "line 5: expected every joint once in a frame, got frame 10, joint nose again",
+    ),
+    "a frame twice": (
+        lambda lines: [*lines, *lines[-N:]],
+        "line 14: expected frame 15 or later, got frame 14",
+    ),
+    "frames that descend": (
+        lambda lines: [lines[0], *lines[1 + N : 1 + 2 * N], *lines[1 : 1 + N]],
+        "line 5: expected frame 12 or later, got frame 10",
+    ),
     "two units": (
         lambda lines: [*lines[:4], lines[4].replace(",mm,", ",m,"), *lines[5:]],
         "line 5: expected the unit mm, cm or m, one for all, got 'm'",

@@ -29,6 +29,7 @@ COLUMNS = (
     *("status", "n_views", "n_rejected", "reprojection_error_px"),
 )
 _WIDEST = 1e100  # standard deviation, of which the square is a number
+_ROUNDED = 5e-15  # relative error of a number of 15 digits
 _REQUIRED = ("frame", "joint", *_AXES, "unit")
 
 
@@ -109,7 +110,8 @@ def _columns(values: npt.NDArray[Any], shape: tuple[int, ...], count: int = 1) -
 def read_csv(path: str | os.PathLike[str]) -> PoseData:
     """Read a file of `write_csv`, or one with its columns frame, joint, x, y, z and unit.
 
-    If there is a column ``time`` with the seconds of frames at a constant rate, that is the ``frame_rate``.
+    If there is a column ``time`` with the seconds of two frames or more at a constant rate, with 15 digits at
+    least, that is the ``frame_rate``.
     The file has no correlations between axes: ``uncertainty`` is diagonal, and ``joint_bias`` is what the
     error bars have beyond it. It does not say which view had
     which error either, so that ``n_views``, ``n_rejected`` and ``reprojection_error_px`` are not read.
@@ -117,8 +119,8 @@ def read_csv(path: str | os.PathLike[str]) -> PoseData:
     Raises
     ------
     DatasetError
-        If the file cannot be read, lacks a column, names different units or joints, or has a field that is
-        no number; names the line.
+        If the file cannot be read, lacks a column, names different units or joints or a joint twice, has
+        frames that do not ascend, or a field that is no number; names the line.
     """
     source = Path(path)
     lines = csv_lines(source)
@@ -162,7 +164,7 @@ def _rate(frames: Index, texts: Sequence[str]) -> float | None:
     """Return the rate, in the fewest digits, at which frames have these times; None if there is none.
 
     Times as they are written give the rate that they were written with. Those of a table that was cut may be
-    off in the last digit.
+    off in the last digit, and R and spreadsheets write 15 digits.
     """
     try:
         times = np.array(texts, dtype=np.float64)
@@ -172,18 +174,21 @@ def _rate(frames: Index, texts: Sequence[str]) -> float | None:
         steps, seconds = frames - frames[0], times - times[0]
         rates = [float(f"{steps[-1] / seconds[-1]:.{digits}g}") for digits in range(1, 18)]
         errors = [np.abs(steps / rate - seconds).max() for rate in rates]
-        slack = 4.0 * np.spacing(np.abs(times).max())
-    both = [(most, pair) for most in (0.0, slack) for pair in zip(rates, errors, strict=True)]
+        largest = np.abs(times).max()
+    slacks = (0.0, 4.0 * np.spacing(largest), 2.0 * _ROUNDED * largest)
+    both = [(most, pair) for most in slacks for pair in zip(rates, errors, strict=True)]
     low, high = FRAME_RATES
     return next((rate for most, (rate, error) in both if error <= most and low <= rate <= high), None)
 
 
-def _assemble(path: Path, rows: Sequence[_Row]) -> PoseData:
-    """Put the rows, frame by frame with the same joints in the same order, into arrays."""
-    if not rows:
-        raise DatasetError(path, "rows", "at least one", "none")
-    joints = tuple(row.joint for row in rows if row.frame == rows[0].frame)
-    steps, rest = divmod(len(rows), len(joints))
+def _joints(path: Path, rows: Sequence[_Row]) -> tuple[str, ...]:
+    """Return the joints, which are in the same order in every frame; check that frames ascend."""
+    of_first = [row for row in rows if row.frame == rows[0].frame]
+    joints = tuple(row.joint for row in of_first)
+    again = next((row for k, row in enumerate(of_first) if row.joint in joints[:k]), None)
+    if again is not None:
+        got = f"frame {again.frame}, joint {again.joint} again"
+        raise DatasetError(path, f"line {again.line}", "every joint once in a frame", got)
     for k, row in enumerate(rows):
         first = rows[k - k % len(joints)]
         if row.unit != rows[0].unit or row.unit not in MM_PER_UNIT:
@@ -191,6 +196,18 @@ def _assemble(path: Path, rows: Sequence[_Row]) -> PoseData:
         if row.joint != joints[k % len(joints)] or row.frame != first.frame:
             expected = f"frame {first.frame}, joint {joints[k % len(joints)]}"
             raise DatasetError(path, f"line {row.line}", expected, f"frame {row.frame}, joint {row.joint}")
+        if row is first and k and row.frame <= rows[k - 1].frame:
+            expected, got = (f"frame {rows[k - 1].frame + 1} or later", f"frame {row.frame}")
+            raise DatasetError(path, f"line {row.line}", expected, got)
+    return joints
+
+
+def _assemble(path: Path, rows: Sequence[_Row]) -> PoseData:
+    """Put the rows, frame by frame with the same joints in the same order, into arrays."""
+    if not rows:
+        raise DatasetError(path, "rows", "at least one", "none")
+    joints = _joints(path, rows)
+    steps, rest = divmod(len(rows), len(joints))
     if rest:
         raise DatasetError(path, f"line {rows[-1].line}", f"{len(joints)} joints in every frame", rest)
     bars, scatter = (
