@@ -254,6 +254,23 @@ fn a_singular_block_does_not_move_and_holds_the_others() {
     }
 }
 
+/// One residual twice, so stiff that rounding leaves Q without its second pivot: the step is that of the residual once.
+#[test]
+fn couplings_that_rounding_makes_equal_give_a_finite_step() {
+    let mut equations = NormalEquations::new(2);
+    equations.set(0, Matrix3::identity(), Vector3::x() * 3.0);
+    equations.set(1, Matrix3::identity(), Vector3::y());
+    let gradient = [Vector3::x(), -Vector3::x(), Vector3::zeros(), Vector3::zeros()];
+    let coupling =
+        Coupling { joints: [0, 1, 0, 1], gradient, residual: 5.0, precision: 2.0_f64.powi(60) };
+    equations.couple(coupling);
+    equations.couple(coupling);
+    let step = equations.solve(|_| 0.0);
+    assert!((step[0] - Vector3::new(-1.0, 0.0, 0.0)).amax() < 1e-12);
+    assert!((step[1] - Vector3::new(4.0, 1.0, 0.0)).amax() < 1e-12);
+    assert!(equations.covariance(0).iter().all(|v| v.is_finite()));
+}
+
 #[test]
 fn what_is_not_coupled_is_forgotten() {
     let (mut equations, _) = random_equations(2, 7);

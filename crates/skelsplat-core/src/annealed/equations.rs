@@ -266,7 +266,8 @@ fn carefully_inverted(m: &Matrix3<f64>) -> Matrix3<f64> {
 fn factorise(a: &mut [f64], p: usize) {
     for k in 0..p {
         let (row, below) = a[k * p..].split_at_mut(p);
-        let root = row[k].max(f64::MIN_POSITIVE).sqrt();
+        row[k] = row[k].max(f64::MIN_POSITIVE); // rounding can leave 0 or less
+        let root = row[k].sqrt();
         row[k..].iter_mut().for_each(|v| *v /= root);
         for i in k + 1..p {
             let u = row[i];
