@@ -93,3 +93,13 @@ def test_noise_of_people_who_hardly_move_is_no_clock(seed) -> None:
     assert late.clock == pytest.approx(1.0, abs=2.0 * late.clock_sigma)
     found = sk.adjust_cameras(seen, rig, clock=True)
     assert {one.status for one in found.report if one.name != rig.names[1]} == {"sound"}
+
+
+@pytest.mark.parametrize(("pixels", "seed"), [(20.0, 0), (40.0, 5), (80.0, 6)])
+def test_bad_detections_are_no_clock(pixels: float, seed: int) -> None:
+    poses = synthetic.motion("reach", 60, seed=1)
+    found = synthetic.simulate_detections(poses, RIG, noise=DetectionNoise.good(), seed=3)
+    found[:, 1, :, :2] += np.random.default_rng(seed).normal(0.0, pixels, found[:, 1, :, :2].shape)
+    adjusted = sk.adjust_cameras(found, RIG)
+    assert adjusted.cameras == RIG
+    assert adjusted.of("adjusted", "late") == ()

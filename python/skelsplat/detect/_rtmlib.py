@@ -17,6 +17,7 @@ import numpy as np
 
 import skelsplat as sk
 from skelsplat._arrays import Array
+from skelsplat._budget import read_bytes
 from skelsplat._optional import require
 from skelsplat.detect._detector import Find
 from skelsplat.exceptions import DatasetError, InvalidInputError, SkelSplatError, one_of
@@ -69,7 +70,7 @@ class RTMLib:
         for path in (self.det_model, self.pose_model):
             if path is not None and not path.is_file():
                 raise DatasetError(path, "model", "an ONNX file", "no such file")
-        if self.det_model is not None and _RTMDET in self.det_model.read_bytes():
+        if self.det_model is not None and _RTMDET in read_bytes(self.det_model):
             raise InvalidInputError(f"det_model: expected YOLOX, got RTMDet in {self.det_model}")
 
     @property
@@ -83,7 +84,7 @@ class RTMLib:
         require("rtmlib", "detect", "rtmlib")
         files = {"det_model": self.det_model, "pose_model": self.pose_model}
         # with a checksum, since MMDeploy calls every network end2end.onnx
-        given = {name: f"{path.name} {crc32(path.read_bytes()):08x}" for name, path in files.items() if path}
+        given = {name: f"{path.name} {crc32(read_bytes(path)):08x}" for name, path in files.items() if path}
         version = import_module("rtmlib.version").__version__
         return {"backend": "rtmlib", "version": version, "model": self.model, "mode": self.mode, **given}
 

@@ -27,6 +27,10 @@ const LEFT_OUT: [usize; 2] = [2, 5];
 const LEAST_DIVIDED: usize = 10;
 /// A change that a search was sure of is confirmed on all frames from this surety on.
 const CONFIRMED: f64 = 2.0;
+/// A change explains its camera where the distance of its detections in frames that were left out is at most this multiple of the
+/// median of the other cameras', or this part of the one before.
+const ALIKE: f64 = 2.0;
+const NEARER: f64 = 0.85;
 /// Solutions with kernels that follow the noise.
 const ROUNDS: usize = 2;
 
@@ -131,15 +135,18 @@ impl Task<'_> {
         Ok((found, bars))
     }
 
-    /// Whether every change is confirmed on all frames, and its camera fits frames that were left out better than before.
+    /// Whether every change is confirmed on all frames, and its camera fits frames that were left out better than before and about
+    /// as the others do, or clearly better: detections that are bad for another reason also fit a little better with any wrong clock.
     fn holds(&self, rig: &Explanation) -> bool {
         let (before, after) = (self.left_out(self.given), self.left_out(&rig.cameras));
         let free = unknowns(&rig.freedom);
         let holds = |(i, freedom): (usize, &Freedom)| {
             let change = Change::between(&self.given[i], &rig.cameras[i]);
             let sure = surety(&rig.judged, &free, i, *freedom, &change);
+            let others = (0..after.len()).filter(|k| *k != i).map(|k| after[k]).collect();
+            let unexplained = after[i] > ALIKE * median(others) && after[i] > NEARER * before[i];
             let worse = after[i] > before[i];
-            sure > CONFIRMED && !worse
+            sure > CONFIRMED && !unexplained && !worse
         };
         rig.freedom.iter().enumerate().filter(|(_, freedom)| freedom.any()).all(holds)
     }
