@@ -313,7 +313,7 @@ class RefineConfig:
         None: 20 for all.
     step_tolerance : float, default 0.01
         Converged when the kernels have reached their final width and no joint moves by more than this
-        fraction of the noise, or a step lowers the objective by less than ten times its square per joint.
+        fraction of the noise.
 
     For paper, accepted by RefineConfig.paper(...):
 

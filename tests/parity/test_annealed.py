@@ -238,7 +238,7 @@ def test_the_twin_follows_the_gradient_of_f() -> None:
         return float(data.sum() + 0.5 * np.einsum("na,nab,nb", from_prior, prior[1], from_prior) + limbs)
 
     active = np.ones(17, bool)
-    delta = annealed.step(x, problem, sigma, variance, active).moves
+    delta = annealed.step(x, problem, sigma, variance, active)
     blocks = annealed.information(weights(x, rays, sigma), rays) / variance + prior[1]
     blocks += annealed.bends(x, problem, active)
     H = annealed.dense(blocks, annealed.limb_terms(x, problem, active)) + 320.0**-2 * np.eye(51)

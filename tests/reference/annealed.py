@@ -18,8 +18,6 @@ from reference.symmetry import Pairs
 PRIOR_PX, PRIOR_FREEDOM, REFUTED_FREEDOM = 3.0, 6.0, 3.0
 SYMMETRY_REACH = 3.0
 UPWARDS = 0.78
-# Fall of F per joint that counts as none, in squares of the tolerance.
-NEGLIGIBLE = 10.0
 RESIDUAL_SHARE, SHARED_FREEDOM = 0.87, 5.0
 BODY, LEAST_JOINTS = 2.0, 3
 LEAST_SPREAD = 2.0
@@ -123,16 +121,8 @@ def dense(blocks: Array, terms: list[tuple[float, float, Array]]) -> Array:
     return flat
 
 
-class Step(NamedTuple):
-    """Moves (N,3), and the fall of F to first order: of each joint's own terms (N,), of the limbs'."""
-
-    moves: Array
-    own: Array
-    limbs: float
-
-
-def step(x: Array, problem: Problem, sigma: Array, variance: float, active: Mask) -> Step:
-    """−(H + μI)⁻¹ ∇F, with μ = 1/σ_start²."""
+def step(x: Array, problem: Problem, sigma: Array, variance: float, active: Mask) -> Array:
+    """−(H + μI)⁻¹ ∇F per joint (N,3), with μ = 1/σ_start²."""
     rays = problem.rays
     w = weights(x, rays, sigma) * active
     e, _ = offsets(x, rays)
@@ -143,13 +133,12 @@ def step(x: Array, problem: Problem, sigma: Array, variance: float, active: Mask
         blocks[active] += precision[active]
         gradient[active] += np.einsum("nab,nb->na", precision, x - mean)[active]
     terms = limb_terms(x, problem, active & np.isfinite(sigma))
-    of_limbs = sum((p * r * g for p, r, g in terms), np.zeros(gradient.size))
-    slope = gradient.ravel() + of_limbs
+    slope = gradient.ravel() + sum((p * r * g for p, r, g in terms), np.zeros(gradient.size))
     blocks = blocks + bends(x, problem, active & np.isfinite(sigma))
     mu = problem.settings.widest**-2
-    flat = -np.linalg.solve(dense(blocks, terms) + mu * np.eye(len(slope)), slope)
-    moves = flat.reshape(x.shape)
-    return Step(moves, -np.einsum("na,na->n", gradient, moves), -float(of_limbs @ flat))
+    return np.asarray(
+        -np.linalg.solve(dense(blocks, terms) + mu * np.eye(len(slope)), slope).reshape(x.shape)
+    )
 
 
 def farthest_step(x: Array, rays: Rays) -> Array:
@@ -202,8 +191,7 @@ def narrowed(problem: Problem, now: Kernels, x: Array, active: Mask, moments: tu
 def solve(problem: Problem, start: Array, sigma: Array) -> Solution:
     """Iterate from `start` (N,3) and kernels `sigma` (N,), infinite for plain least squares, until all rests.
 
-    A joint in no limb pair is settled by its first short step under a narrow kernel, and moves no more. Steps
-    that lower F by next to nothing count as short.
+    A joint in no limb pair is settled by its first short step under a narrow kernel, and moves no more.
     """
     rays, settings, N = problem.rays, problem.settings, len(start)
     seen = (rays.weight > 0).any(axis=0)
@@ -219,15 +207,13 @@ def solve(problem: Problem, start: Array, sigma: Array) -> Solution:
         moments = tuple(np.where(settled, m, active * f) for m, f in zip(moments, fresh, strict=True))
         small = settings.tolerance * np.sqrt(now.variance / rays.mean_weight)
         moving = active & ~settled
-        found = step(x, problem, now.sigma, now.variance, active)
-        delta, negligible = found.moves * moving[:, None], NEGLIGIBLE * settings.tolerance**2
+        delta = step(x, problem, now.sigma, now.variance, active) * moving[:, None]
         length = np.linalg.norm(delta, axis=1)
         x += delta * np.minimum(1.0, farthest_step(x, rays) / np.maximum(length, 1e-300))[:, None]
-        settled |= moving & now.narrow & ~coupled & ((length <= small) | (found.own <= negligible))
+        settled |= moving & now.narrow & ~coupled & (length <= small)
         n_iter += 1
         then = narrowed(problem, now, x, active, moments)
         still = length.max(initial=0.0) <= settings.tolerance * np.sqrt(then.variance / rays.mean_weight)
-        still |= found.own[moving].sum() + found.limbs <= N * negligible
         converged = bool(still and (then.narrow | settled | ~active).all())
         now = then._replace(sigma=np.where(settled, now.sigma, then.sigma))
     sigma = np.where(np.isinf(now.sigma), settings.end, now.sigma)

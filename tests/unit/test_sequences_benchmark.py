@@ -56,12 +56,10 @@ def test_every_camera_of_the_sample_is_predicted_from_the_others() -> None:
     corrected = next(k for k, line in enumerate(lines) if line.startswith("cam_03 rotated by"))
     for line in lines[corrected:]:
         if line.startswith("| cam_0"):
-            name, *cells = (cell.strip() for cell in line.strip("|").split("|"))
-            figures[name] = np.array([float(cell) for cell in cells[:3]])
+            name, _, middle, most, *_ = (cell.strip() for cell in line.strip("|").split("|"))
+            figures[name] = np.array([float(middle), float(most)])
     assert len(figures) == 12
     for view in range(1, 5):
         in_time, alone = (figures[f"cam_0{view}, {name}"] for name in ("sequence", "frames"))
-        assert (in_time[:2] < alone[:2]).all()  # mean and median
-        # That of cam_04 is higher: 34.49 and 34.42 px, which docs/sequences.md says.
-        assert in_time[2] < alone[2] + (0.15 if view == 4 else 0.0)
-        assert (alone < [25.0, 20.0, 40.0]).all()
+        assert (in_time <= alone).all()
+        assert (alone < [20.0, 40.0]).all()

@@ -172,25 +172,6 @@ impl NormalEquations {
         &self.steps
     }
 
-    /// The steps of the last [`Self::solve`].
-    #[must_use]
-    pub fn steps(&self) -> &[Vector3<f64>] {
-        &self.steps
-    }
-
-    /// By how much the last step lowers joint `j`'s own residuals, to first order: −∇ᵀδ.
-    #[must_use]
-    pub fn gain(&self, j: usize) -> f64 {
-        self.pulls[j].dot(&self.steps[j])
-    }
-
-    /// By how much the last step lowers the couplings, to first order.
-    #[must_use]
-    pub fn coupled_gain(&self) -> f64 {
-        let gain = |c: &Coupling| -c.precision * c.residual * c.along(&self.steps);
-        self.couplings.iter().map(gain).sum()
-    }
-
     /// The block of (H + μI)⁻¹ that belongs to joint `j`, for the `mu` of the last [`Self::factorise`]: with Y the joint's rows of
     /// D⁻¹ G and Q = Uᵀ U it is D_j⁻¹ − Wᵀ W, W = U⁻ᵀ Yᵀ.
     #[must_use]

@@ -31,7 +31,7 @@ settings! {
             "Standard deviation of each of these lengths; one that is not less than the length marks it as unknown. None: 20 for all.";
         step_tolerance: f64 = 0.01, Domain::Positive, "",
             "Converged when the kernels have reached their final width and no joint moves by more than this fraction of the \
-             noise, or a step lowers the objective by less than ten times its square per joint.";
+             noise.";
     }
 }
 

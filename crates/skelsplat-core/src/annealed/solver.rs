@@ -37,7 +37,7 @@ pub struct Annealing {
     pub symmetry_sigma: f64,
     /// Maximum number of steps.
     pub max_steps: usize,
-    /// The solver stops when no joint moves by more than this fraction of the noise, or the moves change next to nothing.
+    /// The solver stops when no joint moves by more than this fraction of the noise.
     pub tolerance: f64,
     /// Model of the noise.
     pub noise: NoiseModel,
@@ -173,10 +173,6 @@ impl Sums {
         Matrix3::new(w - xx, -xy, -xz, -xy, w - yy, -yz, -xz, -yz, w - zz)
     }
 }
-
-/// Fall of F per joint in a step below which the joints count as still, in squares of [`Annealing::tolerance`]: a step of this
-/// fraction of the noise lowers F by 0.7 of them per view. Along a ray that alone determines a joint, steps are long and change nothing.
-const NEGLIGIBLE: f64 = 10.0;
 
 /// State of one joint.
 #[derive(Debug, Clone, Copy)]
@@ -328,30 +324,26 @@ impl<'a> Run<'a> {
         self.problem.annealing.tolerance * (self.variance / self.weight).sqrt()
     }
 
-    /// Moves the joints and returns the longest step, mm; 0 if the steps lower F by next to nothing.
+    /// Moves the joints and returns the longest step, mm.
     fn step(&mut self) -> f64 {
         let damping = self.problem.annealing.start.powi(-2);
         let small = self.small();
-        let negligible = NEGLIGIBLE * self.problem.annealing.tolerance.powi(2);
         let joints = &self.joints;
         self.equations.bend(|a, b| (joints[a].at - joints[b].at).norm());
-        self.equations.solve(|_| damping);
-        let (mut longest, mut gain) = (0.0_f64, 0.0);
-        for (j, (joint, step)) in self.joints.iter_mut().zip(self.equations.steps()).enumerate() {
+        let steps = self.equations.solve(|_| damping);
+        let mut longest = 0.0_f64;
+        for (joint, step) in self.joints.iter_mut().zip(steps) {
             if !joint.active || joint.settled {
                 continue;
             }
-            let (length, own) = (step.norm(), self.equations.gain(j));
-            let done = length <= small || own <= negligible;
-            joint.settled = done && joint.narrow && !joint.coupled;
+            let length = step.norm();
+            joint.settled = length <= small && joint.narrow && !joint.coupled;
             let most = TRUST * joint.nearest;
             let step = if length > most { step * (most / length) } else { *step };
             joint.at += step;
             longest = longest.max(length);
-            gain += own;
         }
-        gain += self.equations.coupled_gain();
-        if gain <= negligible * self.joints.len() as f64 { 0.0 } else { longest }
+        longest
     }
 
     /// Re-estimates the noise, once every joint has a kernel, and narrows the kernels; returns whether all are final.
