@@ -10,7 +10,9 @@ use skelsplat_core::study::sequence::posterior::posterior;
 use skelsplat_core::study::sequence::solver::{Common, Run};
 use skelsplat_core::study::sequence::system::System;
 use skelsplat_core::study::sequence::tracks::Tracks;
-use skelsplat_core::study::sequence::{Window, refine_in_windows, sample, window_size, windows};
+use skelsplat_core::study::sequence::{
+    Learnt, Window, refine_in_windows, sample, window_size, windows,
+};
 use skelsplat_core::testing::differences::{central_differences, relative_error};
 use skelsplat_core::testing::scenes::{Noise, noisy_detections, room, standing};
 use skelsplat_core::{
@@ -423,15 +425,16 @@ fn bones_tell_a_frame_what_the_dense_inverse_tells() {
     let mut run = Run::new(&tracks, &common, Some(joints.to_vec()));
     run.linearise(1.0);
     let white = Memory { constant: 0.0, rest: Vec::new() };
-    let found = posterior(&run, &tracks, &common, &white);
-    // What the joints know by themselves, up to the share of the residuals that is noise, which takes out of the trace.
-    let mut without = common.clone();
-    without.bones.clear();
-    let mut own = Run::new(&tracks, &without, Some(joints.to_vec()));
+    let learnt = Learnt { common: common.clone(), memory: white, share: 0.8 };
+    let found = posterior(&run, &tracks, &learnt);
+    // What the joints know by themselves: the inverse of their blocks, of which 0.8 is noise.
+    let mut without = learnt.clone();
+    without.common.bones.clear();
+    let mut own = Run::new(&tracks, &without.common, Some(joints.to_vec()));
     own.linearise(1.0);
-    let alone = posterior(&own, &tracks, &without, &white);
+    let alone = posterior(&own, &tracks, &without);
     let share = alone.positions[0].trace() / own.bands(0)[0].own.trace();
-    assert!((0.5..=1.0).contains(&share));
+    assert!((share / 0.8 - 1.0).abs() < 1e-9);
     let mut information = DMatrix::zeros(12, 12);
     for j in 0..4 {
         let known = alone.positions[j].try_inverse().unwrap();

@@ -2,7 +2,6 @@
 
 use super::agility::Agility;
 use super::noise::Memory;
-use super::outcome::Learnt;
 use super::solver::Common;
 use super::tape::Tape;
 use crate::bones::Length;
@@ -16,6 +15,17 @@ pub struct Known {
     pub(super) first: Common,
     /// Along the path.
     pub(super) learnt: Learnt,
+}
+
+/// What is learnt along the path of a sample.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Learnt {
+    /// What all frames have in common.
+    pub common: Common,
+    /// How long the detections' errors last.
+    pub memory: Memory,
+    /// Share of the residuals' variance that is noise; the rest are wrong detections that the kernel lets through.
+    pub share: f64,
 }
 
 impl Known {
@@ -35,7 +45,8 @@ impl Known {
         let (n, mut tape) = (numbers.len(), Tape::of(numbers));
         let blank = || Common { bones: refiner.bones().to_vec(), ..Common::default() };
         let memory = Memory { constant: 0.0, rest: Vec::new() };
-        let mut known = Self { first: blank(), learnt: Learnt { common: blank(), memory } };
+        let learnt = Learnt { common: blank(), memory, share: 0.0 };
+        let mut known = Self { first: blank(), learnt };
         known.exchange(&mut tape);
         let whole = |c: &Common| {
             let of_joints = [c.agility.len(), c.variance.len(), c.sigma.len()];
@@ -58,6 +69,7 @@ impl Known {
     fn exchange(&mut self, tape: &mut Tape) {
         self.first.exchange(tape);
         self.learnt.common.exchange(tape);
+        tape.number(&mut self.learnt.share);
         tape.number(&mut self.learnt.memory.constant);
         tape.list(&mut self.learnt.memory.rest, 0.0, |v, tape| tape.number(v));
     }

@@ -33,7 +33,7 @@ mod tape;
 pub mod tracks;
 mod windows;
 
-pub use known::Known;
+pub use known::{Known, Learnt};
 pub use live::Live;
 pub(crate) use recording::check;
 pub use recording::{

@@ -1,5 +1,7 @@
 //! The detections' errors in a recording: how large they are, and how long they last.
 
+use std::f64::consts::FRAC_PI_2;
+
 use super::small::{frames_in, median};
 use super::solver::{Common, Run};
 use super::tracks::Tracks;
@@ -19,6 +21,12 @@ const USUAL_SECONDS: f64 = 0.35;
 const LEAST_SUPPORT: f64 = 1.6;
 /// Largest constant share.
 const MOST_CONSTANT: f64 = 0.8;
+/// Distances, in widths of the kernel and one apart, between which detections are wrong.
+const WRONG: [f64; 2] = [3.0, 4.0];
+/// Share of the residuals' variance that is noise, where nothing shows it.
+pub(super) const USUAL_SHARE: f64 = 0.93;
+/// Least share that a recording shows.
+const LEAST_SHARE: f64 = 0.4;
 
 /// How long the errors of detections last.
 #[derive(Debug, Clone, PartialEq)]
@@ -36,6 +44,8 @@ pub struct Noise {
     pub variance: Vec<f64>,
     /// How long the errors last.
     pub memory: Memory,
+    /// Share of the variance that is noise; the rest are wrong detections that the kernel lets through.
+    pub share: f64,
 }
 
 impl Noise {
@@ -43,6 +53,10 @@ impl Noise {
     ///
     /// Residuals have 2 Σ k degrees of freedom less those that the position takes up: 3 of errors that last, tr(S D) of white ones,
     /// with the covariance S of the smoothed position. They are scaled up accordingly, by a_l and a_w.
+    ///
+    /// Wrong detections lie at any distance r, about as many in every ring of the same width; far outside the kernel
+    /// k = exp(−r²/2w²), w² = 2 σ², there is nothing else. n of them per w of distance add n ∫ k dr = n √(π/2) to Σ k, and as
+    /// much times w² to Σ k |e|²; without them the variance is smaller.
     #[must_use]
     pub fn of(run: &Run<'_>, tracks: &Tracks, common: &Common) -> Self {
         let sums: Vec<Sums> =
@@ -64,7 +78,8 @@ impl Noise {
             shrunk / (1.0 - shrunk / (2.0 * common.weight * sigma * sigma)).max(0.25)
         };
         let variance = sums.iter().zip(&common.sigma).map(own).collect();
-        Self { variance, memory: rho.memory(common.fps, of_lasting / growth) }
+        let memory = rho.memory(common.fps, of_lasting / growth);
+        Self { variance, memory, share: all.share(growth) }
     }
 }
 
@@ -72,12 +87,16 @@ impl Noise {
 #[derive(Debug, Clone, Copy, Default)]
 struct Sums {
     frames: f64,
+    /// Those with at least three detections, of which one can be outvoted.
+    shown: f64,
     /// Σ c k |e|², mm².
     squares: f64,
     /// 2 Σ k.
     freedom: f64,
     /// tr(S D).
     taken: f64,
+    /// What wrong detections add to the squares, mm², and to the freedom.
+    wrong: [f64; 2],
 }
 
 impl Sums {
@@ -86,16 +105,25 @@ impl Sums {
         let mut sums = Self::default();
         for (t, band) in bands.iter().enumerate() {
             let k = j * tracks.frames + t;
-            let (mut support, mut squares) = (0.0, 0.0);
+            let (mut there, mut support, mut squares, mut wrong) = (0, 0.0, 0.0, [0.0; 2]);
+            let width = 2.0 * common.sigma[j] * common.sigma[j];
             for ray in tracks.rays(j, t).iter().filter(|ray| ray.is_there() && tracks.active[k]) {
                 let offset = ray.offset(&run.points[k]);
                 let kept = offset.weight(common.sigma[j]);
+                there += 1;
                 support += kept;
-                squares += ray.weight * kept * offset.across.norm_squared();
+                let square = offset.across.norm_squared();
+                squares += ray.weight * kept * square;
+                if (WRONG[0] * WRONG[0]..WRONG[1] * WRONG[1]).contains(&(square / width)) {
+                    wrong[0] += FRAC_PI_2.sqrt() * ray.weight * width;
+                    wrong[1] += FRAC_PI_2.sqrt() * 2.0;
+                }
             }
             if support > LEAST_SUPPORT {
                 sums.frames += 1.0;
+                sums.shown += if there > 2 { 1.0 } else { 0.0 };
                 sums.squares += squares;
+                sums.wrong = [sums.wrong[0] + wrong[0], sums.wrong[1] + wrong[1]];
                 sums.freedom += 2.0 * support;
                 sums.taken += (band.own * run.system.blocks[k]).trace().clamp(0.0, 3.0);
             }
@@ -106,10 +134,21 @@ impl Sums {
     fn plus(self, other: &Self) -> Self {
         Self {
             frames: self.frames + other.frames,
+            shown: self.shown + other.shown,
             squares: self.squares + other.squares,
             freedom: self.freedom + other.freedom,
             taken: self.taken + other.taken,
+            wrong: [self.wrong[0] + other.wrong[0], self.wrong[1] + other.wrong[1]],
         }
+    }
+
+    /// Share of the variance that is noise, for residuals that are scaled up by `growth`; the usual one where most joints are seen by
+    /// two views, of which none can outvote the other.
+    fn share(&self, growth: f64) -> f64 {
+        let (squares, freedom) = (self.wrong[0] / self.squares, self.wrong[1] / self.freedom);
+        let share = (1.0 - squares) / (1.0 - growth * freedom);
+        let known = 2.0 * self.shown > self.frames && share.is_finite() && growth * freedom < 1.0;
+        if known { share.clamp(LEAST_SHARE, 1.0) } else { USUAL_SHARE }
     }
 }
 

@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::noise::Memory;
+use super::known::Learnt;
 use super::posterior::Posterior;
 use super::small::{frames_in, median};
 use super::solver::{Common, Run};
@@ -15,13 +15,6 @@ use crate::outcome::{ErrorBars, JointStatus, Loss, Outcome, Splats, StopReason};
 
 /// Largest standard deviation of an inferred joint, as a share of the body's spread.
 pub(super) const INFERRED: f64 = 0.25;
-
-/// What is learnt from the sample.
-#[derive(Debug, Clone, PartialEq)]
-pub(super) struct Learnt {
-    pub(super) common: Common,
-    pub(super) memory: Memory,
-}
 
 /// A solved window.
 pub(super) struct State<'a> {

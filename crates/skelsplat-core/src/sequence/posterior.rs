@@ -1,32 +1,29 @@
 //! Error bars of a recording.
 //!
 //! The detections of a joint have errors with a constant part c that no number of frames averages out; of the rest, f(n) among n
-//! frames make up an independent detection ([`Memory`]). With the information D_t of a frame's detections, the motion's stiffness
+//! frames make up an independent detection ([`Memory`](super::noise::Memory)). With the information D_t of a frame's detections, the motion's stiffness
 //! K and the mean D̄_t of the information around t,
 //!
 //! ```text
-//! C_t = (1 − c) f(n_t) S_t + c D̄_t⁻¹        S = (D + K)⁻¹        n_t = 3 / tr(S_t D_t)
+//! C_t = s ((1 − c) f(n_t) S_t + c D̄_t⁻¹)        S = (D + K)⁻¹        n_t = 3 / tr(S_t D_t)
 //! ```
 //!
-//! where S_t is a block of the selected inverse of the joint's chain, and n_t the number of frames that it averages over. Bones then act on each frame: a joint that
-//! is known to C_n is a measurement along the bone u of variance σ_b² + uᵀ C_n u of its neighbour. These messages pass from
-//! joint to joint, never back to where they come from, so that no information counts twice. An error of a bone's length
-//! lasts as well: it is not averaged over the frames. Where the direction of a bone is uncertain itself, as with cameras that are close
+//! where S_t is a block of the selected inverse of the joint's chain, n_t the number of frames that it averages over, and s the share of
+//! the residuals' variance that is noise ([`Learnt`]). Bones then act on each frame: a joint that is known to C_n is a measurement along the
+//! bone u of variance σ_b² + uᵀ C_n u of its neighbour. These messages pass from joint to joint, never back to where they come from, so
+//! that no information counts twice. An error of a bone's length lasts as well: it is not averaged over the frames. Where the direction of a bone is uncertain itself, as with cameras that are close
 //! together, a measurement along it says less: an end that is off by e across the bone changes its length by |e|²/2l.
 
 use nalgebra::{Matrix3, Vector3};
 
 use super::chain::Band;
-use super::noise::Memory;
+use super::known::Learnt;
 use super::small::{frames_in, inverse, times};
 use super::solver::{Common, Run};
 use super::tracks::Tracks;
 
 /// Half of the time over which the information of a joint's detections is averaged, s.
 const AROUND: f64 = 0.5;
-/// Share of the residuals' variance that is noise; the rest are wrong detections that the kernel lets through (measured,
-/// docs/decisions.md).
-const SHARE: f64 = 0.93;
 /// Sweeps of the bones' messages: to joints two bones away.
 const SWEEPS: usize = 3;
 
@@ -43,7 +40,8 @@ pub struct Posterior {
 
 /// The posterior at the solution.
 #[must_use]
-pub fn posterior(run: &Run<'_>, tracks: &Tracks, common: &Common, memory: &Memory) -> Posterior {
+pub fn posterior(run: &Run<'_>, tracks: &Tracks, learnt: &Learnt) -> Posterior {
+    let Learnt { common, memory, share } = learnt;
     let (n, t) = (tracks.joints, tracks.frames);
     let unknown = Matrix3::repeat(f64::NAN);
     let mut out = Posterior {
@@ -55,28 +53,23 @@ pub fn posterior(run: &Run<'_>, tracks: &Tracks, common: &Common, memory: &Memor
         let mut bands = run.bands(j);
         bands.iter_mut().zip(&run.system.blocks[run.system.of(j)]).for_each(|(band, block)| {
             let frames = 3.0 / (band.own * block).trace().clamp(1e-3, 3.0);
-            band.scale(SHARE * (1.0 - memory.constant) * memory.frames(frames));
+            band.scale(share * (1.0 - memory.constant) * memory.frames(frames));
         });
-        let lasting = lasting(run, tracks, common, memory, j);
+        let lasting = lasting(run, tracks, learnt, j);
         for k in (0..t).filter(|k| tracks.active[j * t + k]) {
             out.positions[j * t + k] = bands[k].own + lasting[k];
         }
         out.velocities(run, tracks, common, &bands, j);
     }
     for k in 0..t {
-        share(run, tracks, common, k, &mut out.positions);
+        join(run, tracks, common, k, &mut out.positions);
     }
     out
 }
 
 /// c D̄⁻¹ of joint `j` in every frame.
-fn lasting(
-    run: &Run<'_>,
-    tracks: &Tracks,
-    common: &Common,
-    memory: &Memory,
-    j: usize,
-) -> Vec<Matrix3<f64>> {
+fn lasting(run: &Run<'_>, tracks: &Tracks, learnt: &Learnt, j: usize) -> Vec<Matrix3<f64>> {
+    let Learnt { common, memory, share } = learnt;
     let (t, own) = (tracks.frames, j * tracks.frames);
     let around = frames_in(AROUND, common.fps);
     let reach = Matrix3::from_diagonal_element(common.reach.powi(-2));
@@ -92,7 +85,7 @@ fn lasting(
     let of_frame = |k: usize| {
         let (first, last) = (&sums[k.saturating_sub(around)], &sums[(k + around + 1).min(t)]);
         let mean = (last.0 - first.0) / (last.1 - first.1).max(1.0);
-        inverse(&(mean + reach)) * (SHARE * memory.constant)
+        inverse(&(mean + reach)) * (share * memory.constant)
     };
     (0..t).map(of_frame).collect()
 }
@@ -127,7 +120,7 @@ impl Posterior {
 }
 
 /// Passes the bones' messages of frame `k` and adds what they tell.
-fn share(run: &Run<'_>, tracks: &Tracks, common: &Common, k: usize, spread: &mut [Matrix3<f64>]) {
+fn join(run: &Run<'_>, tracks: &Tracks, common: &Common, k: usize, spread: &mut [Matrix3<f64>]) {
     let t = tracks.frames;
     let alone: Vec<Matrix3<f64>> =
         (0..tracks.joints).map(|j| inverse(&spread[j * t + k])).collect();

@@ -6,10 +6,10 @@ use nalgebra::Vector3;
 use rayon::prelude::*;
 
 use super::agility;
-use super::known::Known;
+use super::known::{Known, Learnt};
 use super::learn;
 use super::noise::Noise;
-use super::outcome::{Learnt, State, errors};
+use super::outcome::{State, errors};
 use super::posterior::{Posterior, posterior};
 use super::small::{frames_in, median};
 use super::solver::{ANNEAL, Common, Run, SETTLE};
@@ -266,12 +266,12 @@ impl Recording<'_> {
         let mut run = Run::new(&path.tracks, &common, Some(std::mem::take(&mut path.points)));
         run.anneal(SETTLE, &self.check())?;
         run.linearise(1.0);
-        let Noise { variance, memory } = Noise::of(&run, &path.tracks, &common);
+        let Noise { variance, memory, share } = Noise::of(&run, &path.tracks, &common);
         let given = self.refiner.config().detection_sigma_px.is_some();
         let variance = if given { common.variance.clone() } else { variance };
         path.steps += run.n_iter;
         path.points = run.points;
-        let learnt = Learnt { common: Common { variance, ..common }, memory };
+        let learnt = Learnt { common: Common { variance, ..common }, memory, share };
         Ok((Known { first, learnt }, path))
     }
 
@@ -323,7 +323,7 @@ impl Recording<'_> {
         let mut run = Run::new(&tracks, &learnt.common, Some(points));
         run.anneal(SETTLE, &self.check())?;
         run.linearise(1.0);
-        let found = posterior(&run, &tracks, &learnt.common, &learnt.memory);
+        let found = posterior(&run, &tracks, learnt);
         let errors = errors(&run, &found, &tracks, &learnt.common);
         let steps = steps + run.n_iter;
         let state = State::of(&run, &tracks, learnt, &found);

@@ -28,8 +28,8 @@ use self::bone::{Bone, Tie};
 use self::joint::{Answer, Joint, STEPS, Seen};
 use self::window::Window;
 use super::agility::Agility;
-use super::noise::Memory;
-use super::outcome::Learnt;
+use super::known::Learnt;
+use super::noise::{Memory, USUAL_SHARE};
 use super::recording::{LEAST_SPREAD, USUAL_SPREAD, check};
 use super::solver::Common;
 use super::tape::Tape;
@@ -260,7 +260,7 @@ impl Live {
             sigma: self.kernels(refiner, last),
             reach: self.reach(),
         };
-        Learnt { common, memory: self.memory.clone() }
+        Learnt { common, memory: self.memory.clone(), share: USUAL_SHARE }
     }
 
     fn refinement(

@@ -9,7 +9,8 @@ use crate::annealed::rays::{Ray, Rays};
 use crate::detections::Detections;
 use crate::outcome::{ErrorBars, JointStatus, Loss, Outcome, Splats, StopReason, as_given};
 use crate::refine::{Refinement, Refiner};
-use crate::sequence::outcome::{Learnt, State};
+use crate::sequence::known::Learnt;
+use crate::sequence::outcome::State;
 use crate::sequence::posterior::posterior;
 use crate::sequence::small::frames_in;
 use crate::sequence::solver::{Run, Schedule};
@@ -86,7 +87,7 @@ impl Window {
         for (k, x) in run.points.iter().enumerate().filter(|(k, _)| tracks.active[*k]) {
             self.rest[k % frames].points[k / frames] = *x;
         }
-        let found = posterior(&run, &tracks, common, &learnt.memory);
+        let found = posterior(&run, &tracks, learnt);
         let state = State::of(&run, &tracks, learnt, &found);
         let (alone, rest) = (&self.alone[t], &self.rest[t]);
         let filtered = Alone {
