@@ -34,6 +34,9 @@ class Solved:
 
 Method = Callable[[Take], Solved]
 
+# Frames on either side that the oracle's filter sees, and rounds of its weights.
+_FILTER, _ROUNDS = 10, 10
+
 
 def joint_classes(layout: str) -> dict[str, list[int]]:
     """Return the joints of each class: ends and middles of the limbs, and the rest."""
@@ -85,6 +88,35 @@ def kalman(take: Take) -> Solved:
     return Solved(*temporal.kalman(result.pose, take.fps, result.covariance, density))
 
 
+def oracle(take: Take) -> Solved:
+    """Frame by frame, then the filter of each joint whose accelerations err least: no method can know it.
+
+    The filter x̂_t = Σ_k h_k x_{t+k}, Σ_k h_k = 1, is one for the whole take. It minimises the mean length of
+    the error of the second differences, against the truth, by iteratively reweighted least squares.
+    """
+    truth, asked = take.scene.truth, np.isfinite(take.scene.judged).all(axis=-1)
+    found, _ = temporal.fill_gaps(frames(take).pose, len(truth), method="linear")
+    padded = np.pad(found, ((_FILTER, _FILTER), (0, 0), (0, 0)), mode="edge")
+    around = np.lib.stride_tricks.sliding_window_view(padded, 2 * _FILTER + 1, axis=0)  # (T, N, 3, taps)
+    pose = found.copy()
+    for j in range(found.shape[1]):
+        offsets, missed = around[:, j] - found[:, j, :, None], truth[:, j] - found[:, j]
+        known = asked[:, j] & np.isfinite(offsets).all(axis=(1, 2))
+        inside = known[:-2] & known[1:-1] & known[2:]
+        if inside.sum() <= 2 * _FILTER:
+            continue
+        moves, misses = (np.diff(part, n=2, axis=0)[inside] for part in (offsets, missed))
+        weights = np.ones(len(moves))
+        for _ in range(_ROUNDS):
+            root = np.sqrt(weights)[:, None]
+            equations = (moves * root[..., None]).reshape(-1, moves.shape[-1])
+            taps = np.linalg.lstsq(equations, (misses * root).ravel(), rcond=None)[0]
+            errors = np.linalg.norm(moves @ taps - misses, axis=-1)
+            weights = 1.0 / np.maximum(errors, 0.01 * errors.mean())
+        pose[known, j] += offsets[known] @ taps
+    return Solved(pose)
+
+
 def anipose(take: Take, *, ransac: bool = False, **tuned: float) -> Solved:
     """Aniposelib's `CameraGroup.triangulate_optim`: constant bones, smooth motion, confidences as scores.
 
@@ -124,6 +156,7 @@ METHODS: dict[str, Method] = {
     "lag15": partial(refiner, fps=True, lag=15),
     "butterworth": butterworth,
     "kalman": kalman,
+    "oracle": oracle,
     "anipose": anipose,
     "anipose-tuned": partial(anipose, **_TUNED),
     "anipose-ransac": partial(anipose, ransac=True, **_TUNED),

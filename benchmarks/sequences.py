@@ -194,7 +194,7 @@ def options() -> argparse.Namespace:
     parser.add_argument("--fps", type=int, default=30, choices=(10, 15, 30), help="frames per second (30)")
     parser.add_argument("--conditions", nargs="+", choices=known, default=known[:4], help=f"{known[:4]}")
     methods = list(over_time.METHODS)
-    usual = [name for name in methods if not name.startswith("anipose-")]  # slow
+    usual = [name for name in methods if not name.startswith(("anipose-", "oracle"))]  # slow, and no method
     parser.add_argument("--methods", nargs="+", choices=methods, default=usual, help=f"{methods}")
     parser.add_argument("--confidence", action="store_true", help="let the methods use the confidences")
     parser.add_argument("--joints", action="store_true", help="also a table per class of joints")
