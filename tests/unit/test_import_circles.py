@@ -10,7 +10,7 @@ from import_circles import circles, python_graph, rust_graph
 LAYERS = [
     {"error"},
     {"memory", "camera", "layout", "settings", "threads"},
-    {"detections", "unit", "gaussian", "overlap", "projection", "symmetry", "outcome", "bones"},
+    {"detections", "unit", "gaussian", "overlap", "projection", "symmetric", "symmetry", "outcome", "bones"},
     {"triangulate"},
     {"annealed", "paper"},
     {"refine", "triangulation"},

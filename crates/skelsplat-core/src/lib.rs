@@ -79,6 +79,7 @@ mod refine;
 mod rig;
 mod sequence;
 mod settings;
+mod symmetric;
 mod symmetry;
 #[cfg(feature = "testing")]
 pub mod testing;

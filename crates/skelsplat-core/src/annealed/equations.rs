@@ -11,6 +11,7 @@
 use nalgebra::{Matrix3, Vector3};
 
 use crate::bones::Pull;
+use crate::symmetric::Symmetric;
 
 /// A scalar residual r of four joints.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -225,16 +226,14 @@ const ILL_CONDITIONED: f64 = 1e-9;
 /// Inverse of a symmetric positive definite matrix, zero where it has none.
 #[inline]
 fn inverse_of(m: &Matrix3<f64>) -> Matrix3<f64> {
-    let (a, b, c) = (m[(0, 0)], m[(0, 1)], m[(0, 2)]);
-    let (d, e, f) = (m[(1, 1)], m[(1, 2)], m[(2, 2)]);
-    let (p, q, r) = (d * f - e * e, c * e - b * f, b * e - c * d);
-    let (s, t, u) = (a * f - c * c, b * c - a * e, a * d - b * b);
-    let (determinant, scale) = (a * p + b * q + c * r, (a + d + f) / 3.0);
+    let symmetric = Symmetric::of(m);
+    let cofactors = symmetric.cofactors();
+    let (determinant, scale) = (symmetric.determinant(&cofactors), symmetric.scale());
     let well_conditioned = determinant > ILL_CONDITIONED * scale * scale * scale;
     if !well_conditioned {
         return carefully_inverted(m);
     }
-    Matrix3::new(p, q, r, q, s, t, r, t, u) * (1.0 / determinant)
+    cofactors.matrix(1.0 / determinant)
 }
 
 #[cold]

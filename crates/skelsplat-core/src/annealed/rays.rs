@@ -15,6 +15,7 @@ use nalgebra::{Matrix3, Vector3};
 
 use crate::camera::Camera;
 use crate::detections::Detections;
+use crate::symmetric::Symmetric;
 
 /// One detection as a ray from its camera.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -192,8 +193,8 @@ pub(crate) fn nearest_with_spread(
 pub(crate) struct Meeting {
     /// Σ w.
     weight: f64,
-    /// Σ w d dᵀ: xx, xy, xz, yy, yz, zz.
-    outer: [f64; 6],
+    /// Σ w d dᵀ.
+    outer: Symmetric,
     /// Σ w (I − d dᵀ) c.
     pull: Vector3<f64>,
 }
@@ -205,8 +206,7 @@ impl Meeting {
         if w > 0.0 {
             let d = &ray.direction;
             let wd = w * d;
-            let outer = [wd.x * d.x, wd.x * d.y, wd.x * d.z, wd.y * d.y, wd.y * d.z, wd.z * d.z];
-            self.outer.iter_mut().zip(outer).for_each(|(sum, o)| *sum += o);
+            self.outer.add_outer(w, d);
             self.weight += w;
             self.pull += w * ray.centre - wd * d.dot(&ray.centre);
         }
@@ -215,23 +215,17 @@ impl Meeting {
     /// The point, and how far from parallel the rays are (see [`nearest_with_spread`]).
     #[inline]
     pub(crate) fn point(&self) -> Option<(Vector3<f64>, f64)> {
-        let ([xx, xy, xz, yy, yz, zz], w) = (self.outer, self.weight);
-        let (a, b, c, d, e, f) = (w - xx, -xy, -xz, w - yy, -yz, w - zz);
-        // The cofactors of [a b c; b d e; c e f].
-        let (p, q, r) = (d * f - e * e, c * e - b * f, b * e - c * d);
-        let (s, t, u) = (a * f - c * c, b * c - a * e, a * d - b * b);
-        let (determinant, scale) = (a * p + b * q + c * r, (a + d + f) / 3.0);
+        let information = self.outer.below(self.weight);
+        let cofactors = information.cofactors();
+        let (determinant, scale) = (information.determinant(&cofactors), information.scale());
         let spread = determinant / (scale * scale * scale);
         if spread.is_nan() || spread <= RANK {
             return None;
         }
         if spread < WELL_CONDITIONED {
-            let information = Matrix3::new(a, b, c, b, d, e, c, e, f);
-            return information.cholesky().map(|factor| (factor.solve(&self.pull), spread));
+            let factor = information.matrix(1.0).cholesky();
+            return factor.map(|factor| (factor.solve(&self.pull), spread));
         }
-        let (x, y, z) = (self.pull.x, self.pull.y, self.pull.z);
-        let along =
-            Vector3::new(p * x + q * y + r * z, q * x + s * y + t * z, r * x + t * y + u * z);
-        Some((along / determinant, spread))
+        Some((cofactors.times(&self.pull) / determinant, spread))
     }
 }

@@ -6,6 +6,7 @@ use super::equations::{Coupling, NormalEquations};
 use super::noise::{NoiseModel, Residuals, Scale, pixel_size};
 use super::rays::{Ray, Rays};
 use crate::bones::{Bone, Pull};
+use crate::symmetric::Symmetric;
 use crate::symmetry::LimbPair;
 
 /// A Gaussian prior of one joint.
@@ -120,8 +121,8 @@ const TRUST: f64 = 0.5;
 struct Sums {
     /// Σ c k.
     weight: f64,
-    /// Σ c k d dᵀ: xx, xy, xz, yy, yz, zz.
-    outer: [f64; 6],
+    /// Σ c k d dᵀ.
+    outer: Symmetric,
     /// −Σ c k e.
     pull: Vector3<f64>,
     squares: f64,
@@ -136,7 +137,7 @@ impl Default for Sums {
     fn default() -> Self {
         Self {
             weight: 0.0,
-            outer: [0.0; 6],
+            outer: Symmetric::default(),
             pull: Vector3::zeros(),
             squares: 0.0,
             support: 0.0,
@@ -152,10 +153,8 @@ impl Sums {
         let offset = ray.offset(x);
         let k = offset.weight(sigma);
         let w = ray.weight * k;
-        let (d, square) = (&ray.direction, offset.across.norm_squared());
-        let wd = w * d;
-        let outer = [wd.x * d.x, wd.x * d.y, wd.x * d.z, wd.y * d.y, wd.y * d.z, wd.z * d.z];
-        self.outer.iter_mut().zip(outer).for_each(|(sum, o)| *sum += o);
+        let square = offset.across.norm_squared();
+        self.outer.add_outer(w, &ray.direction);
         self.weight += w;
         self.pull -= w * offset.across;
         self.squares += w * square;
@@ -168,9 +167,7 @@ impl Sums {
 
     /// Σ c k (I − d dᵀ).
     fn information(&self) -> Matrix3<f64> {
-        let [xx, xy, xz, yy, yz, zz] = self.outer;
-        let w = self.weight;
-        Matrix3::new(w - xx, -xy, -xz, -xy, w - yy, -yz, -xz, -yz, w - zz)
+        self.outer.below(self.weight).matrix(1.0)
     }
 }
 

@@ -2,6 +2,8 @@
 
 use nalgebra::{Matrix3, Vector3};
 
+use crate::symmetric::Symmetric;
+
 /// A v.
 #[inline(always)]
 pub(super) fn times(a: &Matrix3<f64>, v: &Vector3<f64>) -> Vector3<f64> {
@@ -34,17 +36,13 @@ pub(super) fn product(a: &Matrix3<f64>, b: &Matrix3<f64>) -> Matrix3<f64> {
 /// The inverse of a symmetric positive definite matrix; zero where it has none, so that nothing moves.
 #[inline(always)]
 pub(super) fn inverse(m: &Matrix3<f64>) -> Matrix3<f64> {
-    let (a, b, c, d, e, f) = (m.m11, m.m12, m.m13, m.m22, m.m23, m.m33);
-    let (p, q, r) = (d * f - e * e, c * e - b * f, b * e - c * d);
-    let (s, t, u) = (a * f - c * c, b * c - a * e, a * d - b * b);
-    let determinant = a * p + b * q + c * r;
+    let symmetric = Symmetric::of(m);
+    let cofactors = symmetric.cofactors();
+    let determinant = symmetric.determinant(&cofactors);
     if determinant.is_nan() || determinant <= 0.0 {
         return Matrix3::zeros();
     }
-    let scale = 1.0 / determinant;
-    let (p, q, r) = (p * scale, q * scale, r * scale);
-    let (s, t, u) = (s * scale, t * scale, u * scale);
-    Matrix3::new(p, q, r, q, s, t, r, t, u)
+    cofactors.matrix(1.0 / determinant)
 }
 
 /// The median; NaN of nothing.

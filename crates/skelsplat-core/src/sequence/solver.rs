@@ -9,6 +9,7 @@ use super::system::System;
 use super::tracks::Tracks;
 use crate::bones::{Length, Pull};
 use crate::error::Result;
+use crate::symmetric::Symmetric;
 
 /// What is common to all frames of a recording; lengths are mm, times s.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -168,23 +169,18 @@ impl<'a> Run<'a> {
             let x = &self.points[of.start + t];
             let (first, last) =
                 (t.saturating_sub(around), (t + around + 1).min(self.tracks.frames));
-            let (mut weight, mut outer) = (0.0, [0.0; 6]);
+            let (mut weight, mut outer) = (0.0, Symmetric::default());
             let rays = self.tracks.rays(j, t).iter().zip(self.tracks.held(j, t)).enumerate();
             for (i, (ray, held)) in rays.filter(|(_, (ray, _))| ray.is_there()) {
                 let sum =
                     |k: usize| self.sums[last * 2 * views + k] - self.sums[first * 2 * views + k];
                 let mean = (sum(2 * i) / sum(2 * i + 1)).max(*held);
                 let w = ray.weight * self.kept[t * views + i] * mean * precision;
-                let (d, wd) = (&ray.direction, ray.direction * w);
-                let parts =
-                    [wd.x * d.x, wd.x * d.y, wd.x * d.z, wd.y * d.y, wd.y * d.z, wd.z * d.z];
-                outer.iter_mut().zip(parts).for_each(|(sum, part)| *sum += part);
+                outer.add_outer(w, &ray.direction);
                 weight += w;
                 *pull -= ray.offset(x).across * w;
             }
-            let [xx, xy, xz, yy, yz, zz] = outer;
-            let (x, y, z) = (weight - xx, weight - yy, weight - zz);
-            *block = Matrix3::new(x, -xy, -xz, -xy, y, -yz, -xz, -yz, z);
+            *block = outer.below(weight).matrix(1.0);
         }
     }
 
