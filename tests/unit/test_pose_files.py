@@ -248,6 +248,14 @@ MALFORMED_CSV = {
         lambda lines: [*lines[:4], lines[4].replace(",mm,", ",m,"), *lines[5:]],
         "line 5: expected the unit mm, cm or m, one for all, got 'm'",
     ),
+    "a column twice": (
+        lambda lines: [lines[0] + ",x", *(line + ",1" for line in lines[1:])],
+        "line 1: expected one column x, got 2",
+    ),
+    "another status": (
+        lambda lines: [*lines[:4], lines[4].replace(",ok,", ",good,"), *lines[5:]],
+        "joint_status: expected one of ok, .*, filled in frame 11, joint nose, got good",
+    ),
     "a quote": (lambda lines: [*lines[:2], '"' + lines[2]], "line 3: expected comma-separated fields"),
 }
 

@@ -130,6 +130,9 @@ def read_csv(path: str | os.PathLike[str]) -> PoseData:
         raise DatasetError(source, "line 1", "the poses of one person (person_0/pose.csv)", "several people")
     if missing:
         raise DatasetError(source, "line 1", f"a column {missing[0]}", ", ".join(columns) or "nothing")
+    twice = [name for name in COLUMNS if columns.count(name) > 1]
+    if twice:
+        raise DatasetError(source, "line 1", f"one column {twice[0]}", columns.count(twice[0]))
     rows = [_parsed(source, k, columns, line) for k, line in enumerate(lines, start=2) if line]
     return _assemble(source, rows)
 

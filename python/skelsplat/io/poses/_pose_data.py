@@ -18,6 +18,7 @@ import numpy.typing as npt
 import skelsplat as sk
 from skelsplat._arrays import FARTHEST, Array, Index, Mask, flags, numbers, positive, whole_numbers
 from skelsplat._budget import within_memory
+from skelsplat._skelsplat import JOINT_STATUS
 from skelsplat.cameras import MM_PER_UNIT
 from skelsplat.exceptions import DatasetError, InvalidInputError, one_of
 from skelsplat.io._arrays import FRAME_RATES
@@ -54,6 +55,7 @@ MARKER_NAMES = ("skelsplat", "pose2sim")
 # the world's z axis up becomes the file's y axis up by this order of columns (Pose2Sim does the same)
 Y_UP = [1, 2, 0]
 _SIDES = {"left": "L", "right": "R"}
+_STATUSES = (*JOINT_STATUS, "filled")
 _WITH_POSITION = ("ok", "inferred", "filled")  # statuses
 
 
@@ -173,11 +175,19 @@ class PoseData:
             if actual != shape:
                 raise InvalidInputError(f"{name}: expected shape {shape}, got {actual}")
         if len(self.joint_status):
-            lacking = np.isnan(self.pose).any(axis=-1) & np.isin(self.joint_status, _WITH_POSITION)
-            for t, j in np.argwhere(lacking)[:1]:
-                where = f"frame {self.frames[t]}, joint {self.joint_names[j]}, which has no position"
-                got = self.joint_status[t][j]
-                raise InvalidInputError(f"joint_status: expected unobserved or weak in {where}, got {got}")
+            self._check_statuses()
+
+    def _check_statuses(self) -> None:
+        unknown = ~np.isin(self.joint_status, (*_STATUSES, ""))
+        lacking = np.isnan(self.pose).any(axis=-1) & np.isin(self.joint_status, _WITH_POSITION)
+        for t, j in np.argwhere(unknown | lacking)[:1]:
+            where = f"frame {self.frames[t]}, joint {self.joint_names[j]}"
+            expected = (
+                f"one of {', '.join(_STATUSES)} in {where}"
+                if unknown[t, j]
+                else f"unobserved or weak in {where}, which has no position"
+            )
+            raise InvalidInputError(f"joint_status: expected {expected}, got {self.joint_status[t][j]}")
 
     def _check_names(self) -> None:
         for field_name in ("joint_names", "camera_names", "processing"):
