@@ -251,3 +251,39 @@ fn nothing_seen_is_said() {
     assert_eq!(found.cameras, cameras);
     assert!(found.report.iter().all(|one| one.before.is_nan()));
 }
+
+/// A person who walks in a line: a detector's error that stays looks like another clock of its joint.
+#[test]
+fn errors_that_last_are_no_clock_and_hide_none() {
+    let cameras = room(4);
+    for late in [0.0, 0.4] {
+        let mut noise = Noise::new(8);
+        let offsets: Vec<f64> = (0..cameras.len() * 34).map(|_| 4.0 * noise.normal()).collect();
+        let frame = |t: usize| {
+            let mut pixels = Vec::new();
+            for (i, camera) in cameras.iter().enumerate() {
+                let time = t as f64 - if i == 2 { late } else { 0.0 };
+                for (j, x) in standing().into_iter().enumerate() {
+                    let swing = 120.0 * (0.25 * time + j as f64).sin();
+                    let p =
+                        camera.project(&(x + Vector3::new(25.0 * time + swing, 0.0, 0.0))).unwrap();
+                    let own = 2 * (i * 17 + j);
+                    pixels.push(p.x + offsets[own] + 2.0 * noise.normal());
+                    pixels.push(p.y + offsets[own + 1] + 2.0 * noise.normal());
+                }
+            }
+            Detections::new(cameras.len(), 17, &pixels, None).unwrap()
+        };
+        let frames: Vec<Detections> = (0..FRAMES).map(frame).collect();
+        let what = Adjustable { clock: true, ..Adjustable::default() };
+        let found = adjusted(&cameras, &frames, &what);
+        for (i, one) in found.report.iter().enumerate() {
+            let wrong = i == 2 && late > 0.0;
+            let expected = if wrong { CameraStatus::Adjusted } else { CameraStatus::Sound };
+            assert_eq!(one.status, expected, "camera {i}, {late} frames late");
+            let left = if wrong { late - one.change.clock } else { 0.0 };
+            assert!(left.abs() < 2.0 * one.bars.clock, "{left} ± {}", one.bars.clock);
+            assert!(one.bars.clock < 0.06, "± {}", one.bars.clock);
+        }
+    }
+}

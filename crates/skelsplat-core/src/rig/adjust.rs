@@ -3,7 +3,7 @@
 use super::bundle::{Bundle, unknowns};
 use nalgebra::Vector3;
 
-use super::evidence::{Bars, bars, is_worse, surety, total};
+use super::evidence::{Bars, bars, excess, is_worse, surety, total};
 use super::placed::{Change, Freedom, Placed, rebuilt};
 use super::reduced::Reduced;
 use super::report::{CameraAdjustment, CameraStatus, RigAdjustment};
@@ -31,6 +31,8 @@ const CONFIRMED: f64 = 2.0;
 /// median of the other cameras', or this part of the one before.
 const ALIKE: f64 = 2.0;
 const NEARER: f64 = 0.85;
+/// Clocks explain these frames better from this many standard errors over joints on.
+const BETTER: f64 = 0.5;
 /// Solutions with kernels that follow the noise.
 const ROUNDS: usize = 2;
 
@@ -111,7 +113,7 @@ struct Task<'a> {
 impl Task<'_> {
     fn scope<'a>(&'a self, frames: &'a [usize]) -> Scope<'a> {
         let Adjustable { focal, clock, .. } = *self.what;
-        Scope { scene: self.scene, frames, given: self.given, focal, clock }
+        Scope { scene: self.scene, frames, all: &self.fitted, given: self.given, focal, clock }
     }
 
     /// The cameras, and the error bars of each.
@@ -145,10 +147,20 @@ impl Task<'_> {
             let sure = surety(&rig.judged, &free, i, *freedom, &change);
             let others = (0..after.len()).filter(|k| *k != i).map(|k| after[k]).collect();
             let unexplained = after[i] > ALIKE * median(others) && after[i] > NEARER * before[i];
-            let worse = after[i] > before[i];
+            let worse = match freedom.turn || freedom.shift || freedom.focal {
+                true => after[i] > before[i],
+                false => !self.keeps_better_time(rig),
+            };
             sure > CONFIRMED && !unexplained && !worse
         };
         rig.freedom.iter().enumerate().filter(|(_, freedom)| freedom.any()).all(holds)
+    }
+
+    /// Whether the clocks, errors that last apart, explain frames that were left out better than before.
+    fn keeps_better_time(&self, rig: &Explanation) -> bool {
+        let scope = self.scope(&self.judged);
+        let [before, after] = scope.moving(self.given, &rig.cameras, scope.sigma(self.given));
+        excess(&before, &after) > BETTER
     }
 
     /// Takes all changes back: their cameras are doubtful.
@@ -352,6 +364,7 @@ pub fn equations(
         freedom,
         points,
         fixed: false,
+        offsets: None,
     };
     Ok(Reduced::sum(&bundle.clusters(sigma)))
 }

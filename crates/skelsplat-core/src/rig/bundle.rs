@@ -12,9 +12,10 @@
 //! Each free parameter θ has a wide normal prior at its given value, which holds what no detection does: ½ ŝ² (θ/σ_θ)², with the
 //! noise ŝ of a detection.
 
-use nalgebra::{DMatrix, DVector, Matrix3, SMatrix, Vector3};
+use nalgebra::{DMatrix, DVector, Matrix3, RowVector3, SMatrix, Vector2, Vector3};
 use rayon::prelude::*;
 
+use super::bias::{Follow, Offsets};
 use super::placed::{Change, Freedom, PARAMETERS, Placed, Residual, Step};
 use super::reduced::{Judged, Reduced, jackknife, lasting, summed};
 use super::scene::Scene;
@@ -57,6 +58,8 @@ pub struct Bundle<'a> {
     pub points: Vec<Vector3<f64>>,
     /// Whether the joints are left where they are.
     pub fixed: bool,
+    /// Errors of detections that last; `None`: they are noise as the others.
+    pub offsets: Option<Offsets>,
 }
 
 /// One detection of a joint.
@@ -67,7 +70,13 @@ struct Term {
     /// |e|²/2σ².
     size: f64,
     residual: Residual,
+    /// d residual / d of the camera and of the offset.
+    slope: Slopes,
 }
+
+/// Parameters of a camera, and the offset of a joint in its view.
+const SLOPES: usize = PARAMETERS + 2;
+type Slopes = SMatrix<f64, 2, SLOPES>;
 
 /// Where a camera's parameters stand among those of all.
 type Columns = Vec<Vec<(usize, usize)>>;
@@ -92,7 +101,8 @@ impl Bundle<'_> {
     /// One step under kernels of the width `sigma`; how far it goes.
     fn step(&mut self, sigma: f64) -> f64 {
         let free = unknowns(&self.freedom);
-        let mut sum = Reduced::sum(&self.clusters(sigma));
+        let (cells, follow) = self.cells(sigma);
+        let mut sum = Reduced::sum(&summed(&cells));
         let reach = self.reach();
         let prior = self.prior(sigma, &reach);
         for (q, (i, k)) in free.iter().enumerate() {
@@ -102,6 +112,7 @@ impl Bundle<'_> {
         }
         let Some(factor) = sum.matrix.cholesky() else { return 0.0 };
         let delta = -factor.solve(&sum.gradient);
+        let offsets = self.offsets.as_ref().map(|all| all.steps(&follow, &delta));
         let mut steps = vec![Step::zeros(); self.cameras.len()];
         let mut farthest = 0.0_f64;
         for ((i, k), d) in free.iter().zip(delta.iter()) {
@@ -112,9 +123,14 @@ impl Bundle<'_> {
         let stepped = self.cameras.iter().zip(&steps).map(|(camera, step)| camera.stepped(step));
         let Ok(cameras) = stepped.collect::<Result<Vec<Placed>>>() else { return 0.0 };
         if !self.fixed {
-            self.move_points(sigma, &steps);
+            self.move_points(sigma, &steps, offsets.as_deref());
         }
         self.cameras = cameras;
+        if let (Some(all), Some(steps)) = (&mut self.offsets, &offsets) {
+            all.add(steps);
+            let near = reach.iter().copied().fold(f64::INFINITY, f64::min);
+            farthest = steps.iter().fold(farthest, |most, b| most.max(b.norm() / near));
+        }
         farthest
     }
 
@@ -135,34 +151,53 @@ impl Bundle<'_> {
     /// The equations of every cluster: a joint, or where there are few joints a joint in a part of the recording.
     #[must_use]
     pub fn clusters(&self, sigma: f64) -> Vec<Reduced> {
-        summed(&self.cells(sigma))
+        summed(&self.cells(sigma).0)
     }
 
-    /// The equations of every cluster in each of the parts of the recording that one task sums up, in order.
-    fn cells(&self, sigma: f64) -> Vec<Vec<Reduced>> {
-        let (n, q) = (self.scene.n_joints(), unknowns(&self.freedom).len());
-        let mut columns: Columns = vec![Vec::new(); self.cameras.len()];
-        unknowns(&self.freedom)
-            .iter()
-            .enumerate()
-            .for_each(|(q, (i, k))| columns[*i].push((q, *k)));
+    /// The equations of every cluster in each of the parts of the recording that one task sums up, in order; with offsets, how these
+    /// follow.
+    fn cells(&self, sigma: f64) -> (Vec<Vec<Reduced>>, Vec<Follow>) {
+        let n = self.scene.n_joints();
+        let (columns, q) = self.columns();
         let [least, most] = CLUSTERS;
         let parts = least.div_ceil(n).min(self.frames.len()).max(1);
-        let joints = n.min(most);
-        let cluster = |t: usize, j: usize| j % joints + joints * (t * parts / self.frames.len());
+        let cell = |t: usize, j: usize| j + n * (t * parts / self.frames.len());
         let sum_of = |first: usize| {
-            let mut out = vec![Reduced::nothing(q); joints * parts];
+            let mut out = vec![Reduced::nothing(q); n * parts];
             let mut terms = Vec::new();
             for t in first..(first + CHUNK).min(self.frames.len()) {
                 for j in 0..n {
-                    out[cluster(t, j)].cost += self.terms(t, j, sigma, &mut terms);
-                    self.eliminate(&terms, &columns, &mut out[cluster(t, j)]);
+                    out[cell(t, j)].cost += self.terms(t, j, sigma, &mut terms);
+                    self.eliminate(&terms, &columns, &mut out[cell(t, j)]);
                 }
             }
             out
         };
         let starts: Vec<usize> = (0..self.frames.len()).step_by(CHUNK).collect();
-        starts.into_par_iter().map(sum_of).collect()
+        let mut cells: Vec<Vec<Reduced>> = starts.into_par_iter().map(sum_of).collect();
+        let follow = self.offsets.as_ref().map_or_else(Vec::new, |all| all.eliminated(&mut cells));
+        let joints = n.min(most);
+        let merged = |all: Vec<Reduced>| {
+            let mut out = vec![Reduced::nothing(all[0].gradient.len()); joints * parts];
+            for (k, one) in all.iter().enumerate() {
+                out[k % n % joints + joints * (k / n)].add(one);
+            }
+            out
+        };
+        (cells.into_iter().map(merged).collect(), follow)
+    }
+
+    /// Where the unknowns of each camera stand, and the offsets of its detections of a joint; number of all.
+    fn columns(&self) -> (Columns, usize) {
+        let mut columns: Columns = vec![Vec::new(); self.cameras.len()];
+        let free = unknowns(&self.freedom);
+        free.iter().enumerate().for_each(|(q, (i, k))| columns[*i].push((q, *k)));
+        let Some(offsets) = &self.offsets else { return (columns, free.len()) };
+        for (i, own) in columns.iter_mut().enumerate() {
+            let at = free.len() + 2 * i;
+            own.extend([(at, PARAMETERS), (at + 1, PARAMETERS + 1)]);
+        }
+        (columns, free.len() + offsets.per_joint())
     }
 
     /// The detections of a joint that count, and what all of them cost.
@@ -179,15 +214,29 @@ impl Bundle<'_> {
             else {
                 continue;
             };
-            let Some(residual) = placed.residual(x, &sight) else {
+            let Some(mut residual) = placed.residual(x, &sight) else {
                 cost += sight.confidence * most;
                 continue;
             };
+            let mut slope = Slopes::zeros();
+            slope.fixed_columns_mut::<PARAMETERS>(0).copy_from(&residual.by_camera);
+            if let Some(offsets) = &self.offsets {
+                residual.value -= offsets.at(view, j) / residual.pixel;
+                let own = -1.0 / residual.pixel;
+                slope[(0, PARAMETERS)] = own;
+                slope[(1, PARAMETERS + 1)] = own;
+            }
             let size = residual.pixel * residual.pixel;
             let scaled = size * residual.value.norm_squared() / most;
             let k = (-0.5 * scaled).exp();
             cost += sight.confidence * most * (1.0 - k);
-            out.push(Term { view, weight: sight.confidence * k * size, size: scaled, residual });
+            out.push(Term {
+                view,
+                weight: sight.confidence * k * size,
+                size: scaled,
+                residual,
+                slope,
+            });
         }
         cost
     }
@@ -204,44 +253,43 @@ impl Bundle<'_> {
                 None => return,
             },
         };
-        let mixed: Vec<(usize, SMatrix<f64, PARAMETERS, 3>)> = terms
-            .iter()
-            .filter(|term| !columns[term.view].is_empty())
-            .map(|Term { view, weight, size, residual: r }| {
-                out.weights[0] += weight;
-                out.weights[1] += weight * (1.0 - 0.5 * size);
-                let own = r.by_camera.transpose() * *weight;
-                let (matrix, gradient) = (own * r.by_camera, own * r.value);
-                for (a, k) in &columns[*view] {
-                    out.gradient[*a] += gradient[*k];
-                    columns[*view]
-                        .iter()
-                        .for_each(|(b, l)| out.matrix[(*a, *b)] += matrix[(*k, *l)]);
+        // Of every unknown its row of C and of C H⁻¹.
+        let mut rows: Vec<(usize, RowVector3<f64>, RowVector3<f64>)> = Vec::new();
+        for Term { view, weight, size, residual: r, slope } in terms {
+            if columns[*view].is_empty() {
+                continue;
+            }
+            out.weights[0] += weight;
+            out.weights[1] += weight * (1.0 - 0.5 * size);
+            for (a, k) in &columns[*view] {
+                let own = slope.column(*k).transpose() * *weight;
+                out.gradient[*a] += own.dot(&r.value.transpose());
+                for (b, l) in &columns[*view] {
+                    out.matrix[(*a, *b)] += own.dot(&slope.column(*l).transpose());
                 }
-                (*view, own * r.by_point)
-            })
-            .collect();
-        for (i, c) in &mixed {
-            let left = c * inverse;
-            let gradient = c * pull;
-            columns[*i].iter().for_each(|(a, k)| out.gradient[*a] -= gradient[*k]);
-            for (m, d) in &mixed {
-                let block = left * d.transpose();
-                for (a, k) in &columns[*i] {
-                    columns[*m].iter().for_each(|(b, l)| out.matrix[(*a, *b)] -= block[(*k, *l)]);
-                }
+                let mixed = own * r.by_point;
+                rows.push((*a, mixed, mixed * inverse));
+            }
+        }
+        for (a, mixed, left) in &rows {
+            out.gradient[*a] -= (mixed * pull).x;
+            for (b, other, _) in &rows {
+                out.matrix[(*a, *b)] -= left.dot(other);
             }
         }
     }
 
     /// The joints' part of a step.
-    fn move_points(&mut self, sigma: f64, steps: &[Step]) {
-        let n = self.scene.n_joints();
+    fn move_points(&mut self, sigma: f64, steps: &[Step], offsets: Option<&[Vector2<f64>]>) {
+        let (n, m) = (self.scene.n_joints(), self.cameras.len());
         let one = |k: usize| {
             let mut terms = Vec::new();
             self.terms(k / n, k % n, sigma, &mut terms);
             for term in &mut terms {
                 term.residual.value += term.residual.by_camera * steps[term.view];
+                if let Some(all) = offsets {
+                    term.residual.value -= all[(k % n) * m + term.view] / term.residual.pixel;
+                }
             }
             information(&terms)
                 .map_or(self.points[k], |(inverse, pull)| self.points[k] - inverse * pull)
@@ -256,7 +304,7 @@ impl Bundle<'_> {
     /// size relative to S⁻¹, φ = tr(S J)/q: error bars are those of φ S⁻¹/κ², where κ S has the curvature of the kernel itself.
     #[must_use]
     pub fn judge(&self, sigma: f64) -> Judged {
-        let cells = self.cells(sigma);
+        let (cells, _) = self.cells(sigma);
         let clusters = summed(&cells);
         let costs: Vec<f64> = clusters.iter().map(|one| one.cost).collect();
         let prior = self.prior(sigma, &self.reach());
@@ -278,6 +326,7 @@ impl Bundle<'_> {
             costs,
             steady: &inverse * (even / curve.powi(2)) + &held,
             covariance: jackknife + held,
+            moving: Vec::new(),
         }
     }
 }

@@ -66,9 +66,15 @@ pub fn total(costs: &[f64]) -> f64 {
 
 /// Whether clusters agree that costs are higher than others.
 pub fn is_worse(costs: &[f64], others: &[f64]) -> bool {
+    excess(costs, others) > AGREED
+}
+
+/// By how many standard errors the costs of clusters are higher than others (paired); 0 if all are the same.
+pub fn excess(costs: &[f64], others: &[f64]) -> f64 {
     let difference: Vec<f64> = costs.iter().zip(others).map(|(a, b)| a - b).collect();
     let n = difference.len() as f64;
     let mean = total(&difference) / n;
     let squares: f64 = difference.iter().map(|d| (d - mean).powi(2)).sum();
-    mean > AGREED * (squares / (n * (n - 1.0).max(1.0))).sqrt()
+    let error = (squares / (n * (n - 1.0).max(1.0))).sqrt();
+    if mean == 0.0 { 0.0 } else { mean / error }
 }

@@ -3,6 +3,7 @@
 //! [`search`] finds out which cameras are wrong, by the measures of [`evidence`] and [`reduced`]; [`bundle`] adjusts them; [`adjust`] reports what became of each.
 
 pub mod adjust;
+pub mod bias;
 pub mod bundle;
 pub mod evidence;
 pub mod placed;

@@ -58,13 +58,36 @@ pub struct Judged {
     pub covariance: DMatrix<f64>,
     /// The same from the size of all its elements: for error bars.
     pub steady: DMatrix<f64>,
+    /// Cost of every cluster without the errors of detections that last: of clocks; empty where none is free.
+    pub moving: Vec<f64>,
 }
 
 impl Judged {
     /// Nothing is known of q unknowns.
     pub fn unknown(costs: Vec<f64>, q: usize) -> Self {
         let covariance = DMatrix::from_diagonal_element(q, q, f64::INFINITY);
-        Self { costs, steady: covariance.clone(), covariance }
+        Self { costs, steady: covariance.clone(), covariance, moving: Vec::new() }
+    }
+
+    /// With clocks as another solution judges them: the unknowns for which `is_clock` holds.
+    pub(super) fn timed(self, clocks: Self, is_clock: &[bool]) -> Self {
+        let q = is_clock.len();
+        let place: Vec<usize> = (0..q)
+            .map(|k| is_clock[..k].iter().filter(|one| **one == is_clock[k]).count())
+            .collect();
+        let joined = |places: &DMatrix<f64>, times: &DMatrix<f64>| {
+            DMatrix::from_fn(q, q, |a, b| match (is_clock[a], is_clock[b]) {
+                (true, true) => times[(place[a], place[b])],
+                (false, false) => places[(place[a], place[b])],
+                _ => 0.0,
+            })
+        };
+        Self {
+            covariance: joined(&self.covariance, &clocks.covariance),
+            steady: joined(&self.steady, &clocks.steady),
+            costs: self.costs,
+            moving: clocks.costs,
+        }
     }
 }
 

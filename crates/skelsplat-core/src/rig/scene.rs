@@ -9,8 +9,10 @@ use crate::camera::Camera;
 use crate::detections::Detections;
 
 /// Frames on either side from which the movement of a joint is measured: more average the swing of a foot at 15 frames per second
-/// away, fewer the noise too little.
-const REACH: usize = 2;
+/// away, fewer the noise too little. Twice and four times as many where people move so slowly that of the changes of the movement more
+/// than this part would be noise.
+const REACH: [usize; 3] = [2, 4, 8];
+const NOISY: f64 = 0.05;
 
 /// The frames of a recording, in order.
 #[derive(Debug, Clone, Copy)]
@@ -26,6 +28,8 @@ pub struct Scene<'a> {
 #[derive(Debug, Clone)]
 pub struct Motion {
     n_joints: usize,
+    /// Frames on either side from which the movement is measured.
+    reach: usize,
     /// Place of each frame among those that were looked at.
     places: Vec<Option<usize>>,
     /// Joints (frames, N), mm; NaN where unknown.
@@ -36,19 +40,32 @@ impl Motion {
     /// At these frames.
     #[must_use]
     pub fn of(scene: Scene<'_>, frames: &[usize], cameras: &[Placed]) -> Self {
+        let [least, middle, most] = REACH;
+        let mut motion = Self::within(scene, frames, cameras, least);
+        for reach in [middle, most] {
+            if motion.noise(frames) <= NOISY {
+                break;
+            }
+            motion = Self::within(scene, frames, cameras, reach);
+        }
+        motion
+    }
+
+    fn within(scene: Scene<'_>, frames: &[usize], cameras: &[Placed], reach: usize) -> Self {
         let mut places = vec![None; scene.n_frames()];
-        let around = |t: &usize| t.saturating_sub(REACH)..(t + REACH + 1).min(scene.n_frames());
+        let around = |t: &usize| t.saturating_sub(reach)..(t + reach + 1).min(scene.n_frames());
         frames.iter().flat_map(around).for_each(|t| places[t] = Some(0));
         let needed: Vec<usize> = (0..places.len()).filter(|t| places[*t].is_some()).collect();
         needed.iter().enumerate().for_each(|(place, t)| places[*t] = Some(place));
         let points = scene.points(&needed, cameras, &vec![true; cameras.len()]);
-        Self { n_joints: scene.n_joints(), places, points }
+        Self { n_joints: scene.n_joints(), reach, places, points }
     }
 
     /// Of joints `(T, N)` that are known in every frame, mm.
     #[must_use]
     pub fn known(n_joints: usize, points: Vec<Vector3<f64>>) -> Self {
-        Self { n_joints, places: (0..points.len() / n_joints).map(Some).collect(), points }
+        let reach = REACH[0];
+        Self { n_joints, reach, places: (0..points.len() / n_joints).map(Some).collect(), points }
     }
 
     fn point(&self, t: usize, j: usize) -> Option<&Vector3<f64>> {
@@ -56,19 +73,44 @@ impl Motion {
         self.points.get(place * self.n_joints + j).filter(|x| x.x.is_finite())
     }
 
-    /// Movement of joint `j` in a camera's image, px per frame, by least squares over pairs of frames before and after; 0 where unknown.
-    fn speed(&self, t: usize, j: usize, camera: &Camera) -> Vector2<f64> {
-        let (mut sum, mut squares) = (Vector3::zeros(), 0.0);
-        for d in 1..=REACH.min(t) {
+    /// Movement of joint `j`, mm per frame, by least squares over pairs of frames before and after, and the variance of its noise, of
+    /// all three coordinates together; `None` where unknown.
+    fn movement(&self, t: usize, j: usize) -> Option<(Vector3<f64>, f64)> {
+        let (mut sum, mut squares, mut length, mut pairs) = (Vector3::zeros(), 0.0, 0.0, 0.0);
+        for d in 1..=self.reach.min(t) {
             if let (Some(b), Some(a)) = (self.point(t + d, j), self.point(t - d, j)) {
                 let d = d as f64;
                 sum += (b - a) * d;
                 squares += 2.0 * d * d;
+                length += (b - a).norm_squared();
+                pairs += 1.0;
             }
         }
-        let at = self.point(t, j).filter(|_| squares > 0.0);
-        let slope = at.and_then(|x| camera.project_with_jacobian(x));
-        slope.map_or_else(Vector2::zeros, |(_, by_point)| by_point * (sum / squares))
+        let slope = sum / squares;
+        let left = length - 2.0 * slope.norm_squared() * squares;
+        (squares > 0.0).then(|| (slope, left / (2.0 * squares * (pairs - 1.0))))
+    }
+
+    /// The part of the changes of the movement that is noise.
+    fn noise(&self, frames: &[usize]) -> f64 {
+        let (mut noise, mut changes) = (0.0, 0.0);
+        for j in 0..self.n_joints {
+            let all = frames.iter().filter_map(|t| self.movement(*t, j));
+            let all: Vec<(Vector3<f64>, f64)> = all.filter(|one| one.1.is_finite()).collect();
+            let mean = all.iter().map(|one| one.0).sum::<Vector3<f64>>() / all.len() as f64;
+            noise += all.iter().map(|one| one.1).sum::<f64>();
+            changes += all.iter().map(|one| (one.0 - mean).norm_squared()).sum::<f64>();
+        }
+        if changes > 0.0 { noise / changes } else { 0.0 }
+    }
+
+    /// Movement of joint `j` in a camera's image, px per frame; 0 where unknown.
+    fn speed(&self, t: usize, j: usize, camera: &Camera) -> Vector2<f64> {
+        let slope = self.point(t, j).and_then(|x| {
+            let (movement, _) = self.movement(t, j)?;
+            Some(camera.project_with_jacobian(x)?.1 * movement)
+        });
+        slope.unwrap_or_else(Vector2::zeros)
     }
 }
 

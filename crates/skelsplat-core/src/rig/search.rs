@@ -7,9 +7,10 @@
 
 use nalgebra::Vector3;
 
+use super::bias::Offsets;
 use super::bundle::{Bundle, PER_NOISE, unknowns};
 use super::evidence::{Bars, bars, is_worse, surety, total};
-use super::placed::{Change, Freedom, Placed};
+use super::placed::{CLOCK, Change, Freedom, Placed};
 use super::reduced::Judged;
 use super::scene::{Scene, median};
 use crate::batch::Progress;
@@ -23,12 +24,11 @@ const RAYLEIGH: f64 = 1.177_41;
 const LEAST_PX: f64 = 0.05;
 /// A change is a fault from this [`surety`] on.
 const SURE: f64 = 3.5;
-/// The least that a fault explains, relative to the mean cost of a view: of the place, and of the clock, which is one number.
-const GAIN: f64 = 0.2;
-const GAIN_CLOCK: f64 = 0.04;
-/// From this surety on, this part of it is enough.
+/// The least that a fault explains, relative to the mean cost of a view, and what is enough from the surety [`CLEAR`] on: of the place,
+/// and of the clock, which is one number.
+const GAIN: [f64; 2] = [0.2, 0.05];
+const GAIN_CLOCK: [f64; 2] = [0.02, 0.01];
 const CLEAR: f64 = 6.0;
-const LITTLE: f64 = 0.25;
 /// Frames by which clocks may differ: at most, and at most this part of the recording; and the least recording.
 const LATEST: isize = 30;
 const PART: usize = 3;
@@ -41,6 +41,8 @@ pub struct Scope<'a> {
     pub scene: Scene<'a>,
     /// Frames that are looked at.
     pub frames: &'a [usize],
+    /// Those and others, on which clocks compare.
+    pub all: &'a [usize],
     /// Cameras as given.
     pub given: &'a [Placed],
     /// Whether focal lengths may be wrong.
@@ -100,9 +102,13 @@ pub struct Found {
 }
 
 impl Supposed {
+    fn is_clock(&self) -> bool {
+        self.fault == Fault::Clock
+    }
+
     /// Whether this is another camera, or time against place.
     fn differs(&self, other: &Self) -> bool {
-        self.view != other.view || (self.fault == Fault::Clock) != (other.fault == Fault::Clock)
+        self.view != other.view || self.is_clock() != other.is_clock()
     }
 }
 
@@ -157,18 +163,35 @@ impl Scope<'_> {
                 faults.push(one);
             }
         }
-        faults.retain(|one| self.is_fault(&found.rig, one));
-        faults.sort_by(|a, b| total(&a.rig.judged.costs).total_cmp(&total(&b.rig.judged.costs)));
-        let Some(best) = faults.first().cloned() else { return Ok(faults) };
+        faults.retain(|one| self.is_fault(&found.rig, one, sigma));
+        let Some(best) = strongest(&faults).cloned() else { return Ok(faults) };
         let is_rival = |one: &Supposed| {
             // A clock is one number: a place that explains less with six is no rival.
-            let simpler = best.fault == Fault::Clock && best.view == one.view;
-            best.differs(one)
-                && !simpler
-                && !is_worse(&one.rig.judged.costs, &best.rig.judged.costs)
+            let simpler = best.is_clock() && best.view == one.view;
+            best.differs(one) && !simpler && !self.explains_less(one, &best, sigma)
         };
-        let rivals = faults.into_iter().filter(is_rival);
-        Ok(std::iter::once(best.clone()).chain(rivals).collect())
+        let rivals: Vec<Supposed> = faults.into_iter().filter(is_rival).collect();
+        Ok(std::iter::once(best).chain(rivals).collect())
+    }
+
+    /// Whether joints agree that one fault explains less than another. Clocks compare in all frames, without the errors that last.
+    fn explains_less(&self, one: &Supposed, other: &Supposed, sigma: f64) -> bool {
+        if !(one.is_clock() && other.is_clock()) {
+            return is_worse(&one.rig.judged.costs, &other.rig.judged.costs);
+        }
+        let scope = Scope { frames: self.all, ..*self };
+        let [own, others] = scope.moving(&one.rig.cameras, &other.rig.cameras, sigma);
+        is_worse(&own, &others) || scope.needed_besides(one, other, sigma)
+    }
+
+    /// Whether a clock is sure also where another is free.
+    fn needed_besides(&self, one: &Supposed, clock: &Supposed, sigma: f64) -> bool {
+        let mut freedom = clock.rig.freedom.clone();
+        freedom[one.view].clock = true;
+        let rig = self.explain(clock.rig.cameras.clone(), freedom, sigma, 1.0);
+        let change = Change::between(&one.rig.cameras[clock.view], &rig.cameras[clock.view]);
+        let unknowns = unknowns(&rig.freedom);
+        surety(&rig.judged, &unknowns, clock.view, Freedom::CLOCK, &change) > SURE
     }
 
     /// Faults that may be supposed next.
@@ -211,10 +234,47 @@ impl Scope<'_> {
         wider: f64,
     ) -> Explanation {
         let points = self.scene.points(self.frames, &cameras, &vec![true; cameras.len()]);
-        let mut bundle = self.bundle(cameras, freedom, points);
+        let mut bundle = self.bundle(cameras, freedom.clone(), points);
         bundle.solve(wider * sigma, sigma);
-        let judged = bundle.judge(sigma);
-        Explanation { cameras: bundle.cameras, freedom: bundle.freedom, judged }
+        if !freedom.iter().any(|one| one.clock) {
+            let judged = bundle.judge(sigma);
+            return Explanation { cameras: bundle.cameras, freedom, judged };
+        }
+        let mut clocks = self.timing(bundle.clone());
+        clocks.solve(sigma, sigma);
+        bundle.freedom.iter_mut().for_each(|one| one.clock = false);
+        bundle.cameras = clocks.cameras.clone();
+        bundle.solve(sigma, sigma);
+        let is_clock: Vec<bool> = unknowns(&freedom).iter().map(|(_, k)| *k == CLOCK).collect();
+        let judged = bundle.judge(sigma).timed(clocks.judge(sigma), &is_clock);
+        Explanation { cameras: bundle.cameras, freedom, judged }
+    }
+
+    /// What tells clocks alone: errors of detections that last are unknown, and places stay.
+    fn timing<'a>(&self, bundle: Bundle<'a>) -> Bundle<'a> {
+        let clock = |one: &Freedom| Freedom { clock: one.clock, ..Freedom::default() };
+        Bundle {
+            freedom: bundle.freedom.iter().map(clock).collect(),
+            offsets: Some(Offsets::new(self.given.len(), self.scene.n_joints())),
+            ..bundle
+        }
+    }
+
+    /// What every cluster costs without the errors of detections that last: before and after a change, in frames that both have.
+    pub fn moving(&self, before: &[Placed], after: &[Placed], sigma: f64) -> [Vec<f64>; 2] {
+        let last = self.scene.n_frames() as f64 - 1.0;
+        let inside =
+            |t: usize, one: &Placed| (0.0..=last).contains(&(t as f64 + one.clock.round()));
+        let there = |t: &usize| after.iter().chain(before).all(|one| inside(*t, one));
+        let frames: Vec<usize> = self.frames.iter().copied().filter(there).collect();
+        let scope = Scope { frames: &frames, ..*self };
+        [before, after].map(|cameras| {
+            let points = scope.scene.points(&frames, cameras, &vec![true; cameras.len()]);
+            let still = vec![Freedom::default(); cameras.len()];
+            let mut bundle = scope.timing(scope.bundle(cameras.to_vec(), still, points));
+            bundle.solve(sigma, sigma);
+            bundle.clusters(sigma).iter().map(|one| one.cost).collect()
+        })
     }
 
     /// The cameras with joints.
@@ -225,7 +285,7 @@ impl Scope<'_> {
         points: Vec<Vector3<f64>>,
     ) -> Bundle<'_> {
         let Self { scene, frames, given, .. } = *self;
-        Bundle { scene, frames, given, cameras, freedom, points, fixed: false }
+        Bundle { scene, frames, given, cameras, freedom, points, fixed: false, offsets: None }
     }
 
     /// The rig in which one more fault is corrected; `None` if the camera sees too little to say.
@@ -313,12 +373,35 @@ impl Scope<'_> {
     }
 
     /// Whether a change is more than chance.
-    fn is_fault(&self, rig: &Explanation, supposed: &Supposed) -> bool {
-        let (before, after) = (total(&rig.judged.costs), total(&supposed.rig.judged.costs));
-        let gain = if supposed.fault == Fault::Clock { GAIN_CLOCK } else { GAIN };
+    fn is_fault(&self, rig: &Explanation, supposed: &Supposed, sigma: f64) -> bool {
+        if supposed.surety <= SURE {
+            return false;
+        }
+        let judged = &supposed.rig.judged;
+        let (before, after, gain) = match supposed.fault {
+            Fault::Clock => {
+                let costs = self.moving(&rig.cameras, &supposed.rig.cameras, sigma);
+                let [before, after] = costs.map(|all| total(&all));
+                (before, after, GAIN_CLOCK)
+            }
+            _ => (total(&rig.judged.costs), total(&judged.costs), GAIN),
+        };
         let gained = self.given.len() as f64 * (before - after) / before;
-        let clear = supposed.surety > CLEAR && gained >= gain * LITTLE;
-        clear || supposed.surety > SURE && gained >= gain
+        gained >= gain[usize::from(supposed.surety > CLEAR)]
+    }
+}
+
+/// The fault that explains most: the best clock, or the best place if that explains more.
+fn strongest(faults: &[Supposed]) -> Option<&Supposed> {
+    let moving = |one: &Supposed| total(&one.rig.judged.moving);
+    let costs = |one: &Supposed| total(&one.rig.judged.costs);
+    let clocks = faults.iter().filter(|one| one.is_clock());
+    let clock = clocks.min_by(|a, b| moving(a).total_cmp(&moving(b)));
+    let places = faults.iter().filter(|one| !one.is_clock());
+    let place = places.min_by(|a, b| costs(a).total_cmp(&costs(b)));
+    match (place, clock) {
+        (Some(place), Some(clock)) if costs(place) < costs(clock) => Some(place),
+        _ => clock.or(place),
     }
 }
 

@@ -1,0 +1,110 @@
+//! Errors of a detector that last: of each joint in each view, an offset that stays throughout the recording.
+//!
+//! Two fifths of the variance of a detector's errors do not change within a recording. For a clock they are the larger part of what
+//! it is measured against: of a joint that goes one way, as all do when a person walks, an offset cannot be told from a clock that is off.
+//! With the offsets unknown, only changes of the movement tell the clock.
+//!
+//! The offsets b of a joint are eliminated after its places: with N their equations, in cells, and Γ = (Σ N_bb + Π)⁻¹ Σ N_bθ, a cell
+//! has S = N_θθ − N_θb Γ − Γᵀ N_bθ + Γᵀ N_bb Γ and s = n_θ − Γᵀ n_b.
+
+use nalgebra::{DMatrix, DVector, Vector2};
+
+use super::reduced::Reduced;
+
+/// Precision of the prior of an offset, of that of a detection: an offset is as large as an error.
+const PRIOR: f64 = 1.0;
+
+/// Offset of the detections of joint j in view i, mm, at j * views + i.
+#[derive(Debug, Clone)]
+pub struct Offsets {
+    views: usize,
+    values: Vec<Vector2<f64>>,
+}
+
+/// How the offsets of one joint follow the cameras.
+#[derive(Debug, Clone)]
+pub(super) struct Follow {
+    /// (Σ N_bb + Π)⁻¹ (n_b + Π b).
+    pull: DVector<f64>,
+    /// Γ.
+    slope: DMatrix<f64>,
+}
+
+impl Offsets {
+    /// None yet.
+    #[must_use]
+    pub fn new(views: usize, n_joints: usize) -> Self {
+        Self { views, values: vec![Vector2::zeros(); views * n_joints] }
+    }
+
+    /// The offset of joint `j` in view `i`, mm.
+    #[must_use]
+    pub fn at(&self, i: usize, j: usize) -> Vector2<f64> {
+        self.values[j * self.views + i]
+    }
+
+    /// Number of offsets' coordinates of one joint.
+    pub(super) fn per_joint(&self) -> usize {
+        2 * self.views
+    }
+
+    fn of_joint(&self, j: usize) -> DVector<f64> {
+        let own = &self.values[j * self.views..(j + 1) * self.views];
+        DVector::from_iterator(2 * self.views, own.iter().flat_map(|b| [b.x, b.y]))
+    }
+
+    /// Step of the offsets of every joint when the cameras step by `delta`.
+    pub(super) fn steps(&self, follow: &[Follow], delta: &DVector<f64>) -> Vec<Vector2<f64>> {
+        let of = |one: &Follow| -&one.pull - &one.slope * delta;
+        let all: Vec<f64> = follow.iter().flat_map(|one| of(one).data.as_vec().clone()).collect();
+        all.chunks(2).map(|b| Vector2::new(b[0], b[1])).collect()
+    }
+
+    pub(super) fn add(&mut self, steps: &[Vector2<f64>]) {
+        self.values.iter_mut().zip(steps).for_each(|(b, step)| *b += step);
+    }
+
+    /// Eliminates the offsets, the last unknowns, from cells `[chunk][part * N + j]`.
+    pub(super) fn eliminated(&self, cells: &mut [Vec<Reduced>]) -> Vec<Follow> {
+        let n = self.values.len() / self.views;
+        let one = |j: usize| {
+            let own = cells.iter().flat_map(|chunk| chunk.iter().skip(j).step_by(n));
+            self.follow(j, &Reduced::sum(own))
+        };
+        let follow: Vec<Follow> = (0..n).map(one).collect();
+        for (k, cell) in cells.iter_mut().flat_map(|chunk| chunk.iter_mut().enumerate()) {
+            without(cell, &follow[k % n].slope);
+        }
+        follow
+    }
+
+    /// From all equations of joint `j`; not at all if these are none.
+    fn follow(&self, j: usize, all: &Reduced) -> Follow {
+        let b = self.per_joint();
+        let q = all.gradient.len().saturating_sub(b);
+        let none = || Follow { pull: DVector::zeros(b), slope: DMatrix::zeros(b, q) };
+        if all.gradient.len() < b {
+            return none();
+        }
+        let prior = DMatrix::from_diagonal_element(b, b, PRIOR);
+        let own = all.matrix.view((q, q), (b, b)) + prior;
+        let mixed = all.matrix.view((q, 0), (b, q)).into_owned();
+        let pull = all.gradient.rows(q, b) + self.of_joint(j) * PRIOR;
+        own.cholesky().map_or_else(none, |factor| Follow {
+            pull: factor.solve(&pull),
+            slope: factor.solve(&mixed),
+        })
+    }
+}
+
+/// The equations of a cell without the offsets, which follow by `slope`.
+fn without(cell: &mut Reduced, slope: &DMatrix<f64>) {
+    let (b, q) = slope.shape();
+    let n = &cell.matrix;
+    let mixed = n.view((0, q), (q, b)) * slope;
+    let own = slope.transpose() * n.view((q, q), (b, b)) * slope;
+    let matrix = n.view((0, 0), (q, q)) - &mixed - mixed.transpose() + own;
+    let gradient = cell.gradient.rows(0, q) - slope.transpose() * cell.gradient.rows(q, b);
+    cell.matrix = matrix;
+    cell.gradient = gradient;
+}
