@@ -1,6 +1,6 @@
 //! Triangulation from two views that is done very often: four joints at a time, without a decomposition.
 
-use nalgebra::{Matrix3, RowVector4, Vector3};
+use nalgebra::{Matrix3, Matrix4, RowVector4};
 use wide::f64x4;
 
 use super::dlt::{AT_INFINITY, RigFrame};
@@ -8,9 +8,9 @@ use crate::camera::{Camera, NEAR};
 
 /// Trace of the adjugate of AᵀA, relative to that of AᵀA cubed, below which the rays do not determine a point.
 const RANK: f64 = 1e-14;
-/// Steps of the inverse iteration, at most; it ends with a step of this square, relative to the point's.
+/// Steps towards the smallest eigenvalue, at most; they end with one of this size, relative to the gap above it.
 const STEPS: usize = 16;
-const SETTLED: f64 = 1e-18;
+const SETTLED: f64 = 1e-6;
 /// Square of a distance, in lengths of the rig, from which a point is at infinity.
 const FARTHEST: f64x4 = f64x4::splat(1.0 / (AT_INFINITY * AT_INFINITY));
 const MISSING: f64x4 = f64x4::splat(f64::NAN);
@@ -30,25 +30,23 @@ pub(crate) struct TwoViews {
     rows: [[RowVector4<f64>; 3]; 2],
     /// Third rows of [R | t].
     depth: [RowVector4<f64>; 2],
-    /// Fundamental matrix: bᵀ F a = 0 for homogeneous ideal pixels from the principal points.
+    /// Fundamental matrix: bᵀ F a, for homogeneous ideal pixels from the principal points, is the determinant of their rows.
     fundamental: Matrix3<f64>,
 }
 
 impl TwoViews {
     pub(crate) fn new(one: &Camera, other: &Camera) -> Self {
-        let rotation = other.rotation() * one.rotation().transpose();
-        let shift = other.to_camera(&one.centre());
-        let inverse = |camera: &Camera| {
-            let [fx, fy] = camera.focal();
-            Matrix3::from_diagonal(&Vector3::new(1.0 / fx, 1.0 / fy, 1.0))
-        };
-        let fundamental = inverse(other) * shift.cross_matrix() * rotation * inverse(one);
         let frame = RigFrame::of([one, other].into_iter());
         let rows = [one, other].map(|camera| {
             let ([fx, fy], [p, q, r]) = (camera.focal(), frame.extrinsics(camera));
             [p * (fx / frame.focal), q * (fy / frame.focal), r / frame.focal]
         });
         let depth = [one, other].map(|camera| frame.extrinsics(camera)[2]);
+        let others = |k: usize, side: usize| [(k + 1) % 3, (k + 2) % 3].map(|k| rows[side][k]);
+        let fundamental = Matrix3::from_fn(|i, j| {
+            let ([p, q], [r, s]) = (others(j, 0), others(i, 1));
+            Matrix4::from_rows(&[p, q, r, s]).determinant()
+        });
         Self { frame, rows, depth, fundamental }
     }
 
@@ -76,14 +74,14 @@ impl TwoViews {
     #[inline]
     pub(crate) fn points(&self, one: &Seen, other: &Seen) -> [f64x4; 3] {
         let weight = f64x4::ONE / one.confidence.fast_max(other.confidence);
+        let weights = [one.confidence * weight, other.confidence * weight];
         let mut square = [f64x4::ZERO; 10];
-        add_view(&mut square, one, &self.rows[0], one.confidence * weight);
-        add_view(&mut square, other, &self.rows[1], other.confidence * weight);
-        let inverse = adjugate(&square);
-        let trace = (square[0] + square[4]) + (square[7] + square[9]);
-        let determined = ((inverse[0] + inverse[4]) + (inverse[7] + inverse[9]))
-            .simd_gt(trace * trace * trace * RANK);
-        let [x, y, z] = smallest(&inverse);
+        add_view(&mut square, one, &self.rows[0], weights[0]);
+        add_view(&mut square, other, &self.rows[1], weights[1]);
+        let [a, b, c, _] = self.lines(one);
+        let weight = weights[0] * weights[1];
+        let root = (other.x * a + other.y * b + c) * (weight * weight);
+        let (determined, [x, y, z]) = smallest(&square, root * root);
         let near = (x * x + y * y + z * z).simd_le(FARTHEST);
         let depth = |row: &RowVector4<f64>| x * row[0] + y * row[1] + z * row[2] + row[3];
         let least = f64x4::splat(NEAR / self.frame.length);
@@ -119,49 +117,40 @@ fn add_view(square: &mut [f64x4; 10], seen: &Seen, rows: &[RowVector4<f64>; 3], 
     square[9] += d * d + h * h;
 }
 
-/// The inverse of a symmetric matrix times its determinant, which may be 0.
+/// The eigenvector of a symmetric matrix, with its determinant, for the smallest eigenvalue, divided by its last entry; and
+/// whether there is only one.
+///
+/// Newton's steps on the characteristic polynomial stay below its roots if they start there. The eigenvector is a column of the
+/// adjugate of what is left of the matrix. Determinants of matrices of nearly rank 3 have to be those of their roots, squared.
 #[inline]
-fn adjugate([a, b, c, d, e, f, g, h, i, j]: &[f64x4; 10]) -> [f64x4; 10] {
-    let (a, b, c, d, e, f, g, h, i, j) = (*a, *b, *c, *d, *e, *f, *g, *h, *i, *j);
+fn smallest(square: &[f64x4; 10], determinant: f64x4) -> (f64x4, [f64x4; 3]) {
+    let &[a, b, c, d, e, f, g, h, i, j] = square;
     // Minors of the first two rows and of the last two; the last of the former is the first of the latter.
     let (m01, m02, m03) = (a * e - b * b, a * f - c * b, a * g - d * b);
     let (m12, m13, m23) = (b * f - c * e, b * g - d * e, c * g - d * f);
     let (n02, n03, n12) = (c * i - h * d, c * j - i * d, f * i - h * g);
     let (n13, n23) = (f * j - i * g, h * j - i * i);
-    [
-        e * n23 - f * n13 + g * n12,
-        c * n13 - b * n23 - d * n12,
-        g * m23 - i * m13 + j * m12,
-        h * m13 - f * m23 - i * m12,
-        a * n23 - c * n03 + d * n02,
-        i * m03 - d * m23 - j * m02,
-        c * m23 - h * m03 + i * m02,
-        d * m13 - g * m03 + j * m01,
-        f * m03 - c * m13 - i * m01,
-        c * m12 - f * m02 + h * m01,
-    ]
-}
-
-/// The eigenvector of a matrix for its smallest eigenvalue, divided by its last entry, from the matrix's adjugate.
-#[inline]
-fn smallest(m: &[f64x4; 10]) -> [f64x4; 3] {
-    let (mut a, mut b, mut c, mut d) = (m[3], m[6], m[8], m[9]);
-    let (mut x, mut y, mut z) = (MISSING, MISSING, MISSING);
-    for step in 0..STEPS {
-        (a, b, c, d) = (
-            m[0] * a + m[1] * b + (m[2] * c + m[3] * d),
-            m[1] * a + m[4] * b + (m[5] * c + m[6] * d),
-            m[2] * a + m[5] * b + (m[7] * c + m[8] * d),
-            m[3] * a + m[6] * b + (m[8] * c + m[9] * d),
-        );
-        let over = f64x4::ONE / d;
-        let (u, v, w) = (a * over, b * over, c * over);
-        let (p, q, r) = (u - x, v - y, w - z);
-        (x, y, z) = (u, v, w);
-        let least = (u * u + v * v + w * w + 1.0) * SETTLED;
-        if step > 0 && !(p * p + q * q + r * r).simd_gt(least).any() {
+    let one = (e * n23 - f * n13 + g * n12) + (a * n23 - c * n03 + d * n02);
+    let one = one + ((j * m01 - g * m03 + d * m13) + (h * m01 - f * m02 + c * m12));
+    let two = (m01 + n23) + (a * h - c * c) + (a * j - d * d) + (e * h - f * f) + (e * j - g * g);
+    let three = (a + e) + (h + j);
+    let mut root = determinant / one;
+    let least = one / two * SETTLED;
+    for _ in 0..STEPS {
+        let value = (((root - three) * root + two) * root - one) * root + determinant;
+        let slope = ((root * 4.0 - three * 3.0) * root + two * 2.0) * root - one;
+        let step = slope.simd_lt(f64x4::ZERO) & (value / slope);
+        root -= step;
+        if !step.abs().simd_gt(least).any() {
             break;
         }
     }
-    [x, y, z]
+    let (a, e, h) = (a - root, e - root, h - root);
+    let (m01, m02, m03) = (a * e - b * b, a * f - c * b, a * g - d * b);
+    let (m12, m13) = (b * f - c * e, b * g - d * e);
+    let over = f64x4::ONE / (h * m01 - f * m02 + c * m12);
+    let x = (h * m13 - f * m23 - i * m12) * over;
+    let y = (i * m02 - h * m03 + c * m23) * over;
+    let z = (f * m03 - c * m13 - i * m01) * over;
+    (one.simd_gt(three * three * three * RANK), [x, y, z])
 }

@@ -182,7 +182,7 @@ impl Body {
     /// How many distances are below a part of the gate.
     fn below(&self, distances: &Distances, part: f64) -> usize {
         let limit = f64x4::splat((distances.gate * part).powi(2));
-        count(self.of(distances), |square| square.simd_lt(limit))
+        count(self.of(distances), |square| square.simd_lt(limit)) as usize
     }
 
     /// Whether the error may be below `part`.
@@ -208,9 +208,12 @@ impl Body {
     /// Median distance, as a part of the gate.
     fn error(&self, distances: &Distances) -> f64 {
         let (all, last) = (self.of(distances), distances.known - 1);
-        let high = nth(all, last.div_ceil(2)).sqrt();
-        let low = if last % 2 == 0 { high } else { nth(all, last / 2).sqrt() };
-        0.5 * (low + high) / distances.gate
+        let n = last.div_ceil(2) as f64;
+        let high = nth(all, n, distances.gate * distances.gate);
+        // Of an even number, the other in the middle is the largest below, unless they are equal.
+        let is_other = last % 2 == 1 && count(all, |one| one.simd_lt(f64x4::splat(high))) == n;
+        let low = if is_other { largest(all, high) } else { high };
+        0.5 * (low.sqrt() + high.sqrt()) / distances.gate
     }
 }
 
@@ -233,33 +236,44 @@ fn least(all: f64x4) -> f64 {
 }
 
 #[inline]
-fn count(all: &[f64x4], is: impl Fn(&f64x4) -> f64x4) -> usize {
+fn count(all: &[f64x4], is: impl Fn(&f64x4) -> f64x4) -> f64 {
     let mut sum = f64x4::ZERO;
     for group in all {
         sum += is(group) & f64x4::ONE;
     }
-    sum.reduce_add() as usize
+    sum.reduce_add()
 }
 
-/// The number that n are below, of those that are not NaN; infinite if there are fewer.
-fn nth(all: &[f64x4], n: usize) -> f64 {
-    let (mut low, mut high) = (f64::NEG_INFINITY, f64::INFINITY);
-    for group in all {
-        for value in group.to_array() {
-            if !(low < value && value < high) {
-                continue;
-            }
-            let at = f64x4::splat(value);
-            if n < count(all, |other| other.simd_lt(at)) {
-                high = value;
-            } else if n >= count(all, |other| other.simd_le(at)) {
-                low = value;
-            } else {
-                return value;
-            }
-        }
+/// The number that n are below, of those that are not NaN and not negative; `limit` is above it, or not far below.
+///
+/// Bounds around it close in on where it would be if those between them were evenly spread: no branch depends on a single one.
+fn nth(all: &[f64x4], n: f64, limit: f64) -> f64 {
+    let below = |limit: f64| count(all, |one| one.simd_lt(f64x4::splat(limit)));
+    let (mut low, mut high) = ((0.0, 0.0), (limit, below(limit)));
+    while high.1 <= n {
+        (low, high) = (high, (4.0 * high.0, below(4.0 * high.0)));
     }
-    f64::INFINITY
+    for step in 1.. {
+        let part = if step % 4 == 0 { 0.5 } else { (n + 0.5 - low.1) / (high.1 - low.1) };
+        let at = low.0 + (high.0 - low.0) * part;
+        // It is alone between the bounds, or equal to all that are.
+        if high.1 == n + 1.0 || !(low.0 < at && at < high.0) {
+            break;
+        }
+        let fewer = below(at);
+        *(if fewer > n { &mut high } else { &mut low }) = (at, fewer);
+    }
+    largest(all, high.0)
+}
+
+/// The largest number below a limit, of those that are not negative.
+fn largest(all: &[f64x4], limit: f64) -> f64 {
+    let limit = f64x4::splat(limit);
+    let mut largest = f64x4::ZERO;
+    for one in all {
+        largest = largest.fast_max(one.simd_lt(limit) & *one);
+    }
+    -least(-largest)
 }
 
 /// The median of at least one finite number.
