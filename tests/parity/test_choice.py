@@ -129,7 +129,7 @@ def test_choices_are_those_of_the_twin(people, views, layout):
 
 
 def test_the_joints_of_rays_that_hardly_meet_are_those_of_the_twin():
-    """In two views, bodies of two different people have joints whose two smallest eigenvalues are nearly equal."""
+    """Joints of two different people in two views, whose two smallest eigenvalues are nearly equal."""
     rig = synthetic.ring(2, radius_mm=4500.0)
     scene = synthetic.simulate_scene(4, rig, n_frames=25, seed=26, crowding=synthetic.Crowding.heavy())
     everyone = np.asarray(padded(scene.people))[:2]
