@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 
@@ -167,6 +169,17 @@ def test_every_format_is_written_and_older_pages_go(tmp_path):
     for path in files:
         assert path.read_bytes().startswith(MAGIC[path.suffix[1:]])
     assert sorted(path.name for path in tmp_path.iterdir()) == ["t.pdf", "t.png", "t_5.png"]
+
+
+@pytest.mark.painted
+@pytest.mark.parametrize("rate", [50.0, None, 1e-9])
+def test_the_numbers_on_an_axis_over_time_are_plain(tmp_path, rate):
+    (page,) = viz.draw_trajectories(trajectory_data(rate=rate), skeleton=SKELETON)
+    viz.write_pages([page], tmp_path / "t", ("png", "pdf"))
+    for axis in (axis for axes in page.axes for axis in (axes.xaxis, axes.yaxis)):
+        numbers = [label.get_text() for label in axis.get_ticklabels()] + [axis.get_offset_text().get_text()]
+        assert any(numbers)
+        assert [number for number in numbers if re.fullmatch(r"[−.0-9]*(1e\d+)?", number) is None] == []
 
 
 @pytest.mark.painted
