@@ -87,8 +87,9 @@ class TimeAxis:
         whole = self.frame_rate is None
         axes.xaxis.set_major_locator(MaxNLocator(5, integer=whole, steps=[1, 2, 2.5, 5, 10]))
         plain = np.abs(places).max() < _LARGE
-        style = "plain" if plain else "sci"
-        axes.ticklabel_format(axis="x", style=style, scilimits=(0, 0), useOffset=False, useMathText=False)
+        axes.ticklabel_format(
+            axis="x", style="plain" if plain else "sci", scilimits=(0, 0), useOffset=False, useMathText=False
+        )
         axes.xaxis.offsetText.set_fontsize(_style.PRINT.small_pt)
 
 

@@ -125,6 +125,7 @@ def _capture(path: Path) -> Iterator[Any]:
     try:
         if not capture.isOpened():
             raise DatasetError(path, "video", "a video that OpenCV can read", "none (is it damaged?)")
+        capture.set(opencv().CAP_PROP_ORIENTATION_AUTO, 1)  # not the default of every version
         yield capture
     finally:
         capture.release()
