@@ -390,6 +390,20 @@ def test_fast_motion_is_no_worse_than_frame_by_frame(motion, noise):
         assert np.percentile(error, 95) < np.percentile(alone, 95)
 
 
+@pytest.mark.parametrize(("fps", "turns"), [(10.0, 3.0), (5.0, 1.5)])
+def test_views_that_agree_are_not_outvoted_when_a_body_turns_between_frames(fps, turns):
+    pose = synthetic.motion("wave", round(6 * fps), fps=fps, seed=0)
+    fast = slice(round(2 * fps), round(4 * fps))
+    angle = 2.0 * np.pi * turns * np.clip(np.arange(len(pose)) / fps - 2.0, 0.0, 2.0)
+    pose = turned(pose, 2, angle, pose.mean(axis=(0, 1)) * [1.0, 1.0, 0.0])
+    detections = seen(pose, DetectionNoise.recording(fps))
+    for rig, views in ((RIG, detections), (RIG[:3], detections[:, :3])):
+        found = solve(views, rig, fps=fps)
+        error, alone = errors(found.pose, pose)[fast], errors(found.init_pose, pose)[fast]
+        assert error.mean() < alone.mean()
+        assert error.max() < 1.5 * alone.max()
+
+
 # left and right
 
 

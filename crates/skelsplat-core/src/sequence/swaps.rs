@@ -29,6 +29,9 @@ pub(super) struct Swap {
 /// Cost of a jump of a chain to the other side, and of a view whose sides are exchanged, per second.
 const JUMP: f64 = 10.0;
 const EXCHANGED: f64 = 7.5;
+/// Views that agree on the sides, from so many on, are not outvoted by how the chain went on, unless more than this part of them denies it.
+const AGREED: f64 = 2.2;
+const DENIED: f64 = 0.2;
 /// Longest gap, s, over which a chain goes on as it was.
 const GAP: f64 = 0.3;
 
@@ -85,11 +88,13 @@ fn sides(tracks: &Tracks, pairs: &Chain, common: &Common) -> Vec<bool> {
 }
 
 /// Number of views that, with sides as they are detected, agree with the other side's position: if the frame is as it is, and
-/// if it is exchanged.
+/// if it is exchanged; infinite there if views agree that it is as it is.
 fn against(tracks: &Tracks, pairs: &Chain, common: &Common, t: usize) -> [f64; 2] {
-    let mut views = [0.0; 2];
+    let (mut views, mut asserted, mut denied) = ([0.0; 2], 0.0, 0.0);
+    let most = (2 * pairs.len()) as f64;
     for i in 0..tracks.views {
         let turned = tracks.is_turned(t, pairs, i);
+        let mut clearer = 0.0;
         for [l, r] in pairs {
             let k = |ray_of: usize, x_of: usize| {
                 let ray = &tracks.rays(ray_of, t)[i];
@@ -98,12 +103,14 @@ fn against(tracks: &Tracks, pairs: &Chain, common: &Common, t: usize) -> [f64; 2
             };
             let (own, other) = (k(*l, *l) + k(*r, *r), k(*l, *r) + k(*r, *l));
             let against = if turned { [own, other] } else { [other, own] };
-            for (sum, k) in views.iter_mut().zip(against) {
-                *sum += if k.is_finite() { k } else { 0.0 };
-            }
+            let against = against.map(|k| if k.is_finite() { k / most } else { 0.0 });
+            views = [views[0] + against[0], views[1] + against[1]];
+            clearer += against[1] - against[0];
         }
+        *(if clearer > 0.0 { &mut asserted } else { &mut denied }) += clearer.abs();
     }
-    views.map(|sum| sum / (2 * pairs.len()) as f64)
+    let agreed = asserted > AGREED && denied < DENIED * asserted;
+    if agreed { [views[0], f64::INFINITY] } else { views }
 }
 
 /// How little farther the sides move if they cross, from 0 (much farther) to 1 (they do cross): the mean over the pairs that
