@@ -117,10 +117,12 @@ def coverage_real(
     result = default(real, fields=fields)
     hips = [j for j, name in enumerate(sk.layouts.COCO17.joints) if name.endswith("hip")]
     no_hips, only_hips, by_three = (real.judged.copy() for _ in range(3))
+    by_one = np.where((real.detected.sum(axis=1) == 1)[..., None], real.truth, np.nan)
     no_hips[:, hips] = np.nan
     only_hips[:, np.setdiff1d(np.arange(17), hips)] = np.nan
     by_three[real.detected.sum(axis=1) < 3] = np.nan
-    parts = {"all": real.judged, "without hips": no_hips, "hips": only_hips, "three views": by_three}
+    parts = {"all": real.judged, "without hips": no_hips, "hips": only_hips}
+    parts |= {"three views": by_three, "one view": by_one}
     for name, truth in parts.items():
         rows[f"MVOR, {name}"] = _both(result, truth, label_sigma_mm)
         rows[f"MVOR, {name}, offsets out"] = _both(
