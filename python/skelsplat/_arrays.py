@@ -70,7 +70,8 @@ def flags(value: object, name: str) -> NDArray[np.bool_]:
 def positive(name: str, value: float, kind: str = "number") -> None:
     """Raise `InvalidInputError` unless the argument ``name`` is a number, finite and above zero."""
     try:
-        given = float(value) if numbers(value, name).ndim == 0 else float("nan")
+        is_number = not isinstance(value, (bool, np.bool_)) and numbers(value, name).ndim == 0
+        given = float(value) if is_number else float("nan")
     except (TypeError, ValueError, OverflowError):
         given = float("nan")
     if not (np.isfinite(given) and given > 0) or (kind == "integer" and given != int(given)):

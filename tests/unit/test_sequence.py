@@ -58,7 +58,7 @@ def test_the_frame_rate_must_be_given():
         sk.refine_sequence(detections, RIG)  # type: ignore[call-arg]
 
 
-@pytest.mark.parametrize("fps", [0, -25.0, np.nan, np.inf])
+@pytest.mark.parametrize("fps", [0, -25.0, np.nan, np.inf, True])
 def test_a_frame_rate_is_positive(fps):
     with pytest.raises(sk.InvalidInputError, match=f"^fps: expected a positive number, got {fps}$"):
         solve(recorded(n_frames=3)[1], fps=fps)
