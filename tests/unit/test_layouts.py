@@ -172,6 +172,10 @@ def test_lengths_of_a_layout_file_place_a_joint_that_one_view_sees(tmp_path, wal
             r"bones\[0\].length_mm: expected a number of mm, got '3'",
         ),
         (
+            'joints = ["a", "b"]\nlimbs = [["a", "b"]]\nbones = [{ joints = ["a", "b"], length_mm = 0 }]',
+            r"bones\[0\].length_mm: expected a positive number of mm, got 0",
+        ),
+        (
             'joints = ["a", "b"]\nlimbs = [["a", "b"]]\nbones = [{ joints = ["a", "b"], length_mm = -3 }]',
             "bones: expected a positive length in mm, got -3",
         ),

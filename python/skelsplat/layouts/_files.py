@@ -129,6 +129,8 @@ def _bone(path: Path, place: str, table: Any) -> tuple[Any, float, float] | None
     for key, value in (("length_mm", length), ("sigma_mm", sigma)):
         if isinstance(value, bool) or not isinstance(value, int | float):
             raise DatasetError(path, f"{place}.{key}", "a number of mm", repr(value)[:60])
+        if key in table and value == 0:
+            raise DatasetError(path, f"{place}.{key}", "a positive number of mm", value)
     if not length and not sigma:
         return None
     return ends, length, sigma or min(_SIGMA * length, _MOST_SIGMA_MM)
