@@ -46,12 +46,12 @@ def dlt(scene: Scene, *, weighted: bool = False) -> FloatArray:
 
 
 def oracle_views(scene: Scene) -> FloatArray:
-    """DLT from those views of each joint that come closest to the truth: no choice of views does better."""
-    views = range(len(scene.rig))
+    """Triangulate each joint from the views that bring it closest to the truth: no choice does better."""
+    n_views = len(scene.rig)
     best, least = np.full(scene.truth.shape, np.nan), np.full(scene.truth.shape[:2], np.inf)
-    for used in (kept for n in views if n > 0 for kept in combinations(views, n + 1)):
+    for used in (kept for n in range(2, n_views + 1) for kept in combinations(range(n_views), n)):
         detections = scene.detections[..., :2].copy()
-        detections[:, [view for view in views if view not in used]] = np.nan
+        detections[:, np.setdiff1d(range(n_views), used)] = np.nan
         pose = sk.triangulate(detections, scene.rig, method="dlt")
         distance = np.linalg.norm(pose - scene.truth, axis=-1)
         nearer = distance < least

@@ -89,7 +89,7 @@ def kalman(take: Take) -> Solved:
 
 
 def oracle(take: Take) -> Solved:
-    """Frame by frame, then the filter of each joint whose accelerations err least: no method can know it.
+    """Filter single frames, every joint with the smallest acceleration error possible: it needs the truth.
 
     The filter x̂_t = Σ_k h_k x_{t+k}, Σ_k h_k = 1, is one for the whole take. It minimises the mean length of
     the error of the second differences, against the truth, by iteratively reweighted least squares.

@@ -78,11 +78,18 @@ impl Symmetric {
         )
     }
 
-    /// s A, as a matrix.
+    /// s A.
     #[inline(always)]
-    pub(crate) fn matrix(&self, s: f64) -> Matrix3<f64> {
-        let (a, b, c) = (self.xx * s, self.xy * s, self.xz * s);
-        let (d, e, f) = (self.yy * s, self.yz * s, self.zz * s);
-        Matrix3::new(a, b, c, b, d, e, c, e, f)
+    #[must_use]
+    pub(crate) fn scaled(&self, s: f64) -> Self {
+        let Self { xx, xy, xz, yy, yz, zz } = *self;
+        Self { xx: xx * s, xy: xy * s, xz: xz * s, yy: yy * s, yz: yz * s, zz: zz * s }
+    }
+
+    /// All nine entries.
+    #[inline(always)]
+    pub(crate) fn matrix(&self) -> Matrix3<f64> {
+        let Self { xx, xy, xz, yy, yz, zz } = *self;
+        Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz)
     }
 }

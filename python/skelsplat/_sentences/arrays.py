@@ -37,8 +37,8 @@ def _people_uncompared(finding: Finding) -> str:
     frames = f"{n['frames']:,} frames" if n["frames"] > 1 else "a frame"
     return (
         f"in {frames} there were too many people to compare all of them (up to {n['most']:,} in a view); the "
-        "best of those compared was taken, so somebody may be missing. To compare them all, use fewer views "
-        "(--without) or a higher threshold in the detector"
+        "best of those compared was chosen, so somebody may be missing. To compare all of them, use fewer "
+        "views (--without) or a higher detection threshold"
     )
 
 

@@ -233,7 +233,7 @@ fn inverse_of(m: &Matrix3<f64>) -> Matrix3<f64> {
     if !well_conditioned {
         return carefully_inverted(m);
     }
-    cofactors.matrix(1.0 / determinant)
+    cofactors.scaled(1.0 / determinant).matrix()
 }
 
 #[cold]

@@ -223,7 +223,7 @@ impl Meeting {
             return None;
         }
         if spread < WELL_CONDITIONED {
-            let factor = information.matrix(1.0).cholesky();
+            let factor = information.matrix().cholesky();
             return factor.map(|factor| (factor.solve(&self.pull), spread));
         }
         Some((cofactors.times(&self.pull) / determinant, spread))

@@ -167,7 +167,7 @@ impl Sums {
 
     /// Σ c k (I − d dᵀ).
     fn information(&self) -> Matrix3<f64> {
-        self.outer.below(self.weight).matrix(1.0)
+        self.outer.below(self.weight).matrix()
     }
 }
 

@@ -3,7 +3,7 @@
 //! A detector that mistakes the left arm for the right one swaps all joints of the arm. In units of detections, view i
 //! explains Σ c k of a chain of joints; with the chain swapped, each detection is compared with the other side's joint. A
 //! view is considered swapped where that explains clearly more. Where no assignment explains the chain at its present
-//! position, which may then be a mixture of both sides, two views whose rays meet (with equal or opposite assignments) propose
+//! position, which may then be a mixture of both sides, any two views whose rays meet (with equal or opposite assignments) propose
 //! another position, at which all views are evaluated.
 
 use nalgebra::Vector3;

@@ -1,8 +1,10 @@
 //! The cameras of a recording set right.
 
-use super::bundle::{Bundle, unknowns};
+use std::cell::LazyCell;
+
 use nalgebra::Vector3;
 
+use super::bundle::{Bundle, unknowns};
 use super::evidence::{Bars, bars, excess, is_worse, surety, total};
 use super::placed::{Change, Freedom, Placed, rebuilt};
 use super::reduced::Reduced;
@@ -142,6 +144,7 @@ impl Task<'_> {
     fn holds(&self, rig: &Explanation) -> bool {
         let (before, after) = (self.left_out(self.given), self.left_out(&rig.cameras));
         let free = unknowns(&rig.freedom);
+        let keeps_better_time = LazyCell::new(|| self.keeps_better_time(rig));
         let holds = |(i, freedom): (usize, &Freedom)| {
             let change = Change::between(&self.given[i], &rig.cameras[i]);
             let sure = surety(&rig.judged, &free, i, *freedom, &change);
@@ -149,7 +152,7 @@ impl Task<'_> {
             let unexplained = after[i] > ALIKE * median(others) && after[i] > NEARER * before[i];
             let worse = match freedom.turn || freedom.shift || freedom.focal {
                 true => after[i] > before[i],
-                false => !self.keeps_better_time(rig),
+                false => !*keeps_better_time,
             };
             sure > CONFIRMED && !unexplained && !worse
         };

@@ -78,6 +78,9 @@ struct Term {
 const SLOPES: usize = PARAMETERS + 2;
 type Slopes = SMatrix<f64, 2, SLOPES>;
 
+/// Of an unknown its place, and its rows of C and of C H⁻¹.
+type Row = (usize, RowVector3<f64>, RowVector3<f64>);
+
 /// Where a camera's parameters stand among those of all.
 type Columns = Vec<Vec<(usize, usize)>>;
 
@@ -164,11 +167,11 @@ impl Bundle<'_> {
         let cell = |t: usize, j: usize| j + n * (t * parts / self.frames.len());
         let sum_of = |first: usize| {
             let mut out = vec![Reduced::nothing(q); n * parts];
-            let mut terms = Vec::new();
+            let (mut terms, mut rows) = (Vec::new(), Vec::new());
             for t in first..(first + CHUNK).min(self.frames.len()) {
                 for j in 0..n {
                     out[cell(t, j)].cost += self.terms(t, j, sigma, &mut terms);
-                    self.eliminate(&terms, &columns, &mut out[cell(t, j)]);
+                    self.eliminate(&terms, &columns, &mut rows, &mut out[cell(t, j)]);
                 }
             }
             out
@@ -241,8 +244,8 @@ impl Bundle<'_> {
         cost
     }
 
-    /// Adds what a joint says of the cameras.
-    fn eliminate(&self, terms: &[Term], columns: &Columns, out: &mut Reduced) {
+    /// Adds what a joint says of the cameras; `rows` is filled anew.
+    fn eliminate(&self, terms: &[Term], columns: &Columns, rows: &mut Vec<Row>, out: &mut Reduced) {
         if columns.iter().all(Vec::is_empty) {
             return;
         }
@@ -253,8 +256,7 @@ impl Bundle<'_> {
                 None => return,
             },
         };
-        // Of every unknown its row of C and of C H⁻¹.
-        let mut rows: Vec<(usize, RowVector3<f64>, RowVector3<f64>)> = Vec::new();
+        rows.clear();
         for Term { view, weight, size, residual: r, slope } in terms {
             if columns[*view].is_empty() {
                 continue;
@@ -271,9 +273,9 @@ impl Bundle<'_> {
                 rows.push((*a, mixed, mixed * inverse));
             }
         }
-        for (a, mixed, left) in &rows {
+        for (a, mixed, left) in &*rows {
             out.gradient[*a] -= (mixed * pull).x;
-            for (b, other, _) in &rows {
+            for (b, other, _) in &*rows {
                 out.matrix[(*a, *b)] -= left.dot(other);
             }
         }

@@ -42,7 +42,7 @@ pub(super) fn inverse(m: &Matrix3<f64>) -> Matrix3<f64> {
     if determinant.is_nan() || determinant <= 0.0 {
         return Matrix3::zeros();
     }
-    cofactors.matrix(1.0 / determinant)
+    cofactors.scaled(1.0 / determinant).matrix()
 }
 
 /// The median; NaN of nothing.

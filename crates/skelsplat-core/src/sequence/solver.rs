@@ -180,7 +180,7 @@ impl<'a> Run<'a> {
                 weight += w;
                 *pull -= ray.offset(x).across * w;
             }
-            *block = outer.below(weight).matrix(1.0);
+            *block = outer.below(weight).matrix();
         }
     }
 

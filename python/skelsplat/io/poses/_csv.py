@@ -188,7 +188,8 @@ def _joints(path: Path, rows: Sequence[_Row]) -> tuple[str, ...]:
     """Return the joints, which are in the same order in every frame; check that frames ascend."""
     of_first = [row for row in rows if row.frame == rows[0].frame]
     joints = tuple(row.joint for row in of_first)
-    again = next((row for k, row in enumerate(of_first) if row.joint in joints[:k]), None)
+    first_line = {row.joint: row.line for row in reversed(of_first)}
+    again = next((row for row in of_first if row.line != first_line[row.joint]), None)
     if again is not None:
         got = f"frame {again.frame}, joint {again.joint} again"
         raise DatasetError(path, f"line {again.line}", "every joint once in a frame", got)
