@@ -249,6 +249,14 @@ def test_refine_adjusts_first_and_writes_the_cameras(room, tmp_path):
     np.testing.assert_array_equal(written["cam1"].R, before.cameras["cam1"].R)
 
 
+def test_what_was_adjusted_is_a_note_and_no_warning(room, tmp_path):
+    words = ["refine", room / "old.toml", room / "pose", *LAYOUT, "--adjust-cameras", "--no-html"]
+    said = invoke(*words, "-o", tmp_path / "out").stderr
+    assert said.startswith("note: cam3 was adjusted: turned by")
+    assert "warning: cam3 was adjusted" not in said
+    assert "adjusted" not in invoke(*words, "-o", tmp_path / "quiet", "--quiet").output
+
+
 def test_refine_of_everybody_adjusts_once_for_all(room):
     given = {"layout": "h36m17", "fps": 50, "people": "all", "adjust_cameras": True}
     everybody = run_people(Job(room / "old.toml", room / "pose", **given))

@@ -104,7 +104,7 @@ def test_an_unknown_frame_rate_is_a_warning(recording, arguments):
     result = invoke(*arguments, *READ, "--max-steps", 1, "-q")
     assert result.exit_code == 0
     assert result.stderr.startswith("warning: --fps: not given")
-    assert "--fps" in texts(read_report(folder / "out"), "note")[0]
+    assert "--fps" in texts(read_report(folder / "out"), "warning")[0]
 
 
 def test_an_initial_pose_is_read_in_its_own_unit(recording, arguments):

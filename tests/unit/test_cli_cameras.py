@@ -64,12 +64,12 @@ def test_convert_keeps_the_cameras(tmp_path, views, write, options, suffix):
     np.testing.assert_allclose(sk.project(files.points(), rig), files.projected(views), atol=5e-3)
 
 
-def test_convert_quietly_and_with_warnings_on_stderr(tmp_path, views):
+def test_convert_prints_notes_on_stderr_and_quietly_nothing(tmp_path, views):
     source = files.qualisys(tmp_path, views)
     source.write_text(source.read_text().replace('viewrotation="0"><fov', 'viewrotation="90"><fov'))
+    assert invoke("convert", source, tmp_path / "b.toml").stderr.startswith(f"note: {source}: viewrotation")
     result = invoke("convert", source, tmp_path / "a.toml", "-q")
-    assert (result.exit_code, result.stdout) == (0, "")
-    assert result.stderr.startswith("warning: ")
+    assert (result.exit_code, result.output) == (0, "")
     assert read_calibration(tmp_path / "a.toml").unit == "mm"
 
 
@@ -80,6 +80,8 @@ def test_notes_on_the_calibration_of_a_folder_are_said_and_are_no_faults(tmp_pat
     assert result.exit_code == 0
     assert "videos of 54138969 are cropped" in " ".join(result.stdout.split())
     assert "No fault found in the file itself" in result.stdout
+    assert "!" not in result.stdout
+    assert invoke("check-cameras", tmp_path, "--unit", "m", "--quiet").output == ""
 
 
 def test_convert_refuses(tmp_path, views):

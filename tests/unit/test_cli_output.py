@@ -19,8 +19,9 @@ from skelsplat import datasets, synthetic
 from skelsplat._json import plain
 from skelsplat.cli import app, refine
 from skelsplat.cli.output import print_warning
-from skelsplat.cli.table import print_table
+from skelsplat.cli.table import print_table, tell, telling
 from skelsplat.datasets.synthetic import write_simulated
+from skelsplat.findings import Finding, warn
 from sweeps import swept
 
 
@@ -266,6 +267,23 @@ def test_warnings_are_wrapped_on_a_terminal_alone(monkeypatch, capsys):
     lines = capsys.readouterr().err.splitlines()
     assert lines[-1].startswith("/a/path/of-many-parts/of-many-parts")  # whole, to be copied
     assert 50 < max(map(len, lines[:-1])) <= 60
+
+
+def test_a_finding_begins_with_its_severity(capsys):
+    for severity in ("error", "warning", "note"):
+        finding = Finding("remark", severity, numbers={"text": "words"})
+        tell(finding)
+        telling(quiet=True)(finding)
+    tell(finding, "person 1: ")
+    said = ["error: words"] * 2 + ["warning: words"] * 2 + ["note: words", "note: person 1: words"]
+    assert capsys.readouterr().err.splitlines() == said
+
+
+@pytest.mark.filterwarnings("always")
+def test_a_finding_that_no_command_collects_begins_with_its_severity(monkeypatch):
+    finding = Finding("remark", "note", numbers={"text": "words"})
+    monkeypatch.setattr("skelsplat.cli.layouts._list", lambda **_: warn(finding))
+    assert invoke("layouts").stderr == "note: words\n"
 
 
 def test_errors_are_wrapped_as_warnings_are(monkeypatch, capsys):

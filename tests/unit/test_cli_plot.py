@@ -178,8 +178,9 @@ def test_pose2sims_names_are_those_of_the_layout_they_came_from(tmp_path, layout
 def test_a_slip_of_the_file_is_said(tmp_path):
     path = written(tmp_path / "pose.trc", h36m())
     path.write_text(path.read_text().replace("\t6\t17\tm", "\t7\t17\tm"))
-    result = invoke("plot", path, "--only", "bones", "-q")
+    result = invoke("plot", path, "--only", "bones")
     assert result.exit_code == 0, result.output
+    assert result.stderr.startswith("note: ")
     assert "line 3 states 7 frames, but 6 rows follow, which are read" in " ".join(result.stderr.split())
 
 

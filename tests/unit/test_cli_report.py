@@ -161,7 +161,7 @@ def test_what_to_distrust_is_said_in_words(recording, arguments):
             points[points[:, 2] > 0, :2] += 28.0
             person["pose_keypoints_2d"] = points.ravel().tolist()
         path.write_text(json.dumps(frame))
-    result = invoke(*arguments, *READ)
+    result = invoke(*arguments, *READ, "--write", "csv")
     assert result.exit_code == 0, result.output
     text = " ".join(result.stdout.split())
     assert "! cam3 disagrees with the other cameras: 100% of its detections are rejected, " in text

@@ -24,11 +24,11 @@ def without_viz(monkeypatch):
 
 
 @pytest.mark.parametrize("missing", _optional.DRAWING)
-def test_demo_without_a_package_for_pictures_writes_all_else_and_warns(tmp_path, monkeypatch, missing):
+def test_demo_without_a_package_for_pictures_writes_all_else_and_says_so(tmp_path, monkeypatch, missing):
     monkeypatch.setitem(sys.modules, missing, None)
     result = invoke("demo", "-o", tmp_path / "run")
     assert result.exit_code == 0
-    assert f"warning: {NEEDS}\n" in result.stderr
+    assert f"note: {NEEDS}\n" in result.stderr
     names = {path.name for path in (tmp_path / "run").iterdir()}
     assert {"pose.npz", "pose.csv", "pose.trc", "report.json", "cameras.json", "detections.npz"} <= names
     assert not names & PICTURES
@@ -58,7 +58,7 @@ def test_plot_without_viz_fails_with_the_pip_line(tmp_path):
 def test_the_chart_of_an_ablation_is_left_out_without_viz(tmp_path):
     result = invoke("ablate", "accumulation", "--poses", 2, "-o", tmp_path)
     assert result.exit_code == 0
-    assert f"warning: {NEEDS.partition(' and ')[2]}\n" in result.stderr
+    assert f"note: {NEEDS.partition(' and ')[2]}\n" in result.stderr
     assert sorted(path.suffix for path in tmp_path.iterdir()) == [".csv", ".json", ".md"]
 
 

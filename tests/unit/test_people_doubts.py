@@ -145,7 +145,7 @@ def test_a_run_that_mixes_people_ends_well_and_says_so(tmp_path):
     source = CASES["openpose"].write(
         tmp_path / "openpose", Take(people, list(RIG.names), list(LAYOUT.joints))
     )
-    arguments = ["refine", tmp_path / "Calib.toml", source, "-o", tmp_path / "out", *READ]
+    arguments = ["refine", tmp_path / "Calib.toml", source, "-o", tmp_path / "out", *READ, "--write", "csv"]
     result = invoke(*arguments, "--person", 0)
     assert result.exit_code == 0, result.output
     text = " ".join(result.stdout.split())

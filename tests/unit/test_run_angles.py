@@ -127,8 +127,8 @@ def test_cameras_without_a_vertical_leave_out_trunk_and_pelvis(finished_run, tmp
 def test_times_are_assumed_without_a_frame_rate(recording, arguments):
     result = invoke(*arguments, *READ, "--write", "npz", "--no-html", "--angles")
     assert result.exit_code == 0, result.output
-    notes = texts(read_report(recording[0] / "out"), "note")
-    assert any("the times in angles.mot assume 30 frames per second" in note for note in notes)
+    warnings = texts(read_report(recording[0] / "out"), "warning")
+    assert any("the times in angles.mot assume 30 frames per second" in warning for warning in warnings)
     rows = csv.DictReader((recording[0] / "out" / "angles.csv").read_text().splitlines())
     assert {row["time"] for row in rows} == {""}
 

@@ -89,9 +89,11 @@ class OneLineErrors(Group):
 
 
 def _show_warning(message: Warning | str, *_: object, **__: object) -> None:
-    from skelsplat.cli.output import print_warning
+    from skelsplat.cli.output import print_message
+    from skelsplat.findings import FindingWarning
 
-    print_warning(" ".join(str(message).split()))
+    severity = message.finding.severity if isinstance(message, FindingWarning) else "warning"
+    print_message(f"{severity}: {' '.join(str(message).split())}")
 
 
 def _fail(status: int, message: str, prefix: str = "error: ") -> NoReturn:

@@ -19,7 +19,7 @@ from skelsplat import datasets
 from skelsplat.cli import options
 from skelsplat.cli.datasets import LENSES, InitSigma, Lens, Settings, reader_options
 from skelsplat.cli.output import described, print_json
-from skelsplat.cli.table import new_table, print_parts, print_table, tell, wide_console
+from skelsplat.cli.table import new_table, print_parts, print_table, telling, wide_console
 from skelsplat.evaluation import ablations
 from skelsplat.evaluation.ablations import Choices, OnDisk, Simulated, Source
 from skelsplat.evaluation.methods import DEFAULT_INIT_SIGMA_MM
@@ -118,7 +118,7 @@ def ablate(
         record = ablations.run(name, source, command=shlex.join(["skelsplat", *sys.argv[1:]]))
     files = [] if out is None else ablations.write(out, record)
     if files and files[-1].suffix != ".png":
-        tell(Finding("no_figures", "note"))
+        telling(quiet=quiet)(Finding("no_figures", "note"))
     if as_json:
         print_json(ablations.as_dict(record))
     elif not quiet:

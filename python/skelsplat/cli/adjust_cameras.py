@@ -13,7 +13,7 @@ from skelsplat._sentences.words import number, with_bar
 from skelsplat.cli import inputs, options
 from skelsplat.cli.command import with_parameters_of
 from skelsplat.cli.output import Terminal, print_json, say
-from skelsplat.cli.table import new_table, print_table, tell
+from skelsplat.cli.table import marked, new_table, print_table, telling
 from skelsplat.exceptions import DatasetError
 from skelsplat.io import write_calibration
 from skelsplat.run.adjust import AdjustedCameras, numbers_of
@@ -107,8 +107,7 @@ def adjust_cameras(
         print_json(_document(source, detections, output, found))
     elif quiet:
         for finding in found.findings:
-            if finding.severity != "note":
-                tell(finding)
+            telling(quiet=quiet)(finding)
     else:
         _print(found, output, focal=focal, clock=clock)
 
@@ -130,7 +129,7 @@ def _print(found: AdjustedCameras, output: Path, *, focal: bool, clock: bool) ->
     console.print(_LEGEND, style="dim")
     console.print()
     for finding in found.findings:
-        console.print(f"{'' if finding.severity == 'note' else '! '}{finding.text}")
+        console.print(marked(finding))
     if found.adjusted:
         unit = found.cameras.unit
         say(f"Wrote {len(found.cameras)} cameras to {output}, lengths in {unit}.")

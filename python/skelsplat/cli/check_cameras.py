@@ -16,7 +16,7 @@ from skelsplat._sentences.words import number
 from skelsplat.cli import inputs, options
 from skelsplat.cli.command import with_parameters_of
 from skelsplat.cli.output import Terminal, print_json, say
-from skelsplat.cli.table import new_table, print_table
+from skelsplat.cli.table import marked, new_table, print_table
 from skelsplat.io import DetectionSet
 from skelsplat.rig_check import RigReport
 from skelsplat.run.check import CameraCheck
@@ -97,9 +97,9 @@ def _print(found: CameraCheck, *, quiet: bool) -> None:
         print_table(console, _table(report))
         console.print(_LEGEND, style="dim")
         console.print()
-    for finding in report.findings:
+    for finding in (one for one in report.findings if not (quiet and one.severity == "note")):
         remedy = " ".join(option.text for option in finding.remedy)
-        console.print(f"! {finding.text}{' Correct it in refine with:' if remedy else ''}")
+        console.print(f"{marked(finding)}{' Correct it in refine with:' if remedy else ''}")
         if remedy:
             say(f"  {remedy}")  # on one line, however long, to be pasted
     if report.ok and not quiet:

@@ -9,7 +9,7 @@ import typer
 
 from skelsplat.cli import inputs, options
 from skelsplat.cli.output import print_json, say
-from skelsplat.cli.table import tell
+from skelsplat.cli.table import telling
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.findings import collected_warnings
 from skelsplat.io import convert_unit, write_calibration
@@ -108,7 +108,7 @@ def convert(
     _check(kind, target, given)
     if target.exists() and not force and target.resolve() != source.resolve():
         raise DatasetError(target, "OUTPUT", "no file of this name (--force replaces it)", "one that exists")
-    with collected_warnings(tell):
+    with collected_warnings(telling(quiet=quiet)):
         sentence, about = (_poses if kind == "pose file" else _calibration)(source, target, given)
     if as_json:
         print_json({"kind": kind, "input": str(source), "output": str(target), **about})

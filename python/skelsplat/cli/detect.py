@@ -9,7 +9,7 @@ import typer
 
 from skelsplat.cli import options
 from skelsplat.cli.output import counting, print_json, say
-from skelsplat.cli.table import tell
+from skelsplat.cli.table import telling
 from skelsplat.detect import Detected, Detector, MediaPipe, RTMLib
 from skelsplat.detect import detect as run_detector
 from skelsplat.findings import collected_warnings
@@ -111,7 +111,7 @@ def detect(
         backend, model, {key: value for key, value in of_rtmlib.items() if value is not None}
     )
     frames = FrameRange.parse(range)
-    with collected_warnings(tell) as found, counting("frames", shown=not quiet) as progress:
+    with collected_warnings(telling(quiet=quiet)) as found, counting("frames", shown=not quiet) as progress:
         written = run_detector(
             videos,
             output,

@@ -19,8 +19,8 @@ from skelsplat._escape import escaped
 from skelsplat.cli import options
 from skelsplat.cli.config import NAME_OR_PATH
 from skelsplat.cli.datasets import LENSES, InitSigma, Lens, Settings, reader_options
-from skelsplat.cli.output import described, print_json, print_warning
-from skelsplat.cli.table import new_table, print_parts, tell, wide_console
+from skelsplat.cli.output import described, print_json
+from skelsplat.cli.table import new_table, print_parts, tell, telling, wide_console
 from skelsplat.datasets import Dataset
 from skelsplat.datasets._registry import detections_option, options_of
 from skelsplat.evaluation import export, methods, people, people_tables, protocols, report, runs, tables
@@ -158,10 +158,10 @@ def evaluate(
         positive("fps", fps)
     options.one_of("DATASET", dataset, datasets.names())
     options.one_of("--counting", counting, ("all", "adafuse"))
-    with collected_warnings(tell):
+    with collected_warnings(telling(quiet=quiet)):
         data = datasets.read(dataset, root, **_reader_options(dataset, detections, views, setting or []))
         for finding in datasets.verify(data):
-            print_warning(f"{', '.join(finding.subject.files)}: {finding.text}")
+            tell(finding, f"{', '.join(finding.subject.files)}: ")
         if fps is not None:
             data = data.with_fps(fps)
         rules = protocols.get(data.name).with_options(n_views=views, every=every, counting=counting)
@@ -170,7 +170,7 @@ def evaluate(
             run = _people if _of_people(names, data, start, counting) else _alone
             result = run(data, names, chosen, rules, folder, partial(_heard, bar))
     if "bars.png" not in result.files and run is _alone:
-        tell(Finding("no_figures", "note"))
+        telling(quiet=quiet)(Finding("no_figures", "note"))
     if as_json:
         print_json(result.values)
     elif not quiet:

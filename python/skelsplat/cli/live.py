@@ -15,7 +15,7 @@ from skelsplat.cli import inputs, options
 from skelsplat.cli._app import FAILED, INTERRUPTED
 from skelsplat.cli.command import with_parameters_of
 from skelsplat.cli.output import say
-from skelsplat.cli.table import tell
+from skelsplat.cli.table import telling
 from skelsplat.exceptions import DatasetError
 from skelsplat.findings import collected_warnings
 from skelsplat.io import read_layout
@@ -131,7 +131,7 @@ def live(
             "expected no --people: only one person is solved with a lag", param_hint="--lag"
         )
     most = None if people is None else options.number_of_people("--people", people)
-    with collected_warnings(tell):
+    with collected_warnings(telling(quiet=quiet)):
         rig = read_rig(source, **read)
         if len(rig) < 2:
             raise DatasetError(source, "cameras", "at least two cameras", len(rig))

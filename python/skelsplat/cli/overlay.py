@@ -12,7 +12,7 @@ from skelsplat._opencv import opencv
 from skelsplat.cli import options
 from skelsplat.cli.options import positive
 from skelsplat.cli.output import counting, print_json, say
-from skelsplat.cli.table import tell
+from skelsplat.cli.table import telling
 from skelsplat.findings import collected_warnings
 
 EPILOG = (
@@ -173,7 +173,7 @@ def overlay(
         png=png,
         grid=grid,
     )
-    with collected_warnings(tell) as found, counting("frames", shown=not quiet) as progress:
+    with collected_warnings(telling(quiet=quiet)) as found, counting("frames", shown=not quiet) as progress:
         written = write_overlay(job, progress)
     if as_json:
         files, findings = ([one.to_dict() for one in several] for several in (written, found))

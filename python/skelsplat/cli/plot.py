@@ -10,7 +10,7 @@ import typer
 from skelsplat.cli import options
 from skelsplat.cli.config import NAME_OR_PATH
 from skelsplat.cli.output import Terminal, counting, print_json, print_warning
-from skelsplat.cli.table import tell
+from skelsplat.cli.table import telling
 from skelsplat.findings import collected_warnings
 from skelsplat.run.angles import FILES as ANGLE_FILES
 from skelsplat.run.frame_range import FrameRange
@@ -105,7 +105,7 @@ def plot(
     usual = PICTURES if (run / ANGLE_FILES[1]).is_file() else USUAL
     pictures = usual if only is None else options.some_of("--only", only, PICTURES)
     formats = options.some_of("--format", format, _FORMATS)
-    with collected_warnings(tell):
+    with collected_warnings(telling(quiet=quiet)):
         source = read_source(run, layout=layout, range=FrameRange.parse(range), joints=joints)
     folder = output or (run.parent if run.is_file() else run) / "plots"
     with counting("figures", shown=not quiet) as progress:

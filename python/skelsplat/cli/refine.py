@@ -11,9 +11,9 @@ import skelsplat as sk
 from skelsplat.cli import inputs, options
 from skelsplat.cli._app import FAILED
 from skelsplat.cli.command import with_parameters_of
-from skelsplat.cli.output import Terminal, described, print_json, print_warning
+from skelsplat.cli.output import Terminal, described, print_json
 from skelsplat.cli.people_table import print_people
-from skelsplat.cli.table import print_files, print_run, tell
+from skelsplat.cli.table import print_files, print_run, tell, telling
 from skelsplat.findings import Finding
 from skelsplat.io.poses import POSE_FORMATS
 from skelsplat.run import Job, PeopleRun, Run, run, run_long, run_people
@@ -142,10 +142,11 @@ def refine(*, quiet: options.Quiet = False, as_json: options.AsJson = False, **g
 def run_and_print(job: Job, *, quiet: bool, as_json: bool) -> None:
     """Do a job that names a folder, under a progress bar, and print the results."""
     printed: list[Finding] = []
+    print_finding = telling(quiet=quiet)
 
     def tell_now(finding: Finding) -> None:
         printed.append(finding)
-        tell(finding)
+        print_finding(finding)
 
     with described("refining", shown=not quiet, unit="frames") as show:
         given: dict[str, Any] = {
@@ -160,10 +161,10 @@ def run_and_print(job: Job, *, quiet: bool, as_json: bool) -> None:
     if as_json or quiet:
         for finding in found.findings:
             if finding not in (*printed, *errors):
-                tell(finding)
+                print_finding(finding)
         for identity, person in found.people.items() if isinstance(found, PeopleRun) else ():
             for finding in (one for one in person.findings if one.severity != "note"):
-                print_warning(f"person {identity}: {finding.text}")
+                tell(finding, f"person {identity}: ")
     if as_json:
         print_json(found.report)
     elif not quiet:

@@ -34,9 +34,19 @@ _REASONS = {
 }
 
 
-def tell(finding: Finding) -> None:
-    """Print a finding on stderr, as an error or a warning."""
-    print_message(f"{'error' if finding.severity == 'error' else 'warning'}: {finding.text}")
+def tell(finding: Finding, of: str = "") -> None:
+    """Print a finding on stderr after its severity, and ``of``, whom or what it is of."""
+    print_message(f"{finding.severity}: {of}{finding.text}")
+
+
+def telling(*, quiet: bool) -> Callable[[Finding], None]:
+    """Return `tell`; with ``quiet``, one that prints warnings and errors alone."""
+    return lambda finding: None if quiet and finding.severity == "note" else tell(finding)
+
+
+def marked(finding: Finding) -> str:
+    """Return the text of a finding for stdout, after ``!`` unless it is a note."""
+    return finding.text if finding.severity == "note" else f"! {finding.text}"
 
 
 def wide_console() -> Console:

@@ -108,7 +108,7 @@ class Writing:
             check_angles(inputs.layout)
 
     def notes(self, inputs: Inputs) -> list[Finding]:
-        """Return notes: options without effect, assumed times, no vertical, missing pictures."""
+        """Return findings on the files: options without effect, assumed times, no vertical, no pictures."""
         timed = tuple(f"pose.{kind}" for kind in self.formats if kind in _WITH_MARKERS)
         given = {"--y-up": self.y_up, "--marker-names": self.marker_names != MARKER_NAMES[0]}
         unused = [option for option, value in given.items() if value and not timed]
@@ -117,7 +117,7 @@ class Writing:
             timed = (*timed, ANGLE_FILES[-1])
             found += [] if vertical_known(inputs.rig) else [Finding("vertical_unknown", "note")]
         if timed and inputs.fps is None:
-            found.append(Finding("times_assumed", "note", Subject(files=timed), {"fps": _ASSUMED_FPS}))
+            found.append(Finding("times_assumed", "warning", Subject(files=timed), {"fps": _ASSUMED_FPS}))
         if not can_draw():
             found.append(Finding("no_pictures", "note"))
         return found

@@ -77,7 +77,7 @@ def read_inputs(
         check(whole)
     index, unmatched = pick_places(people, whole.rig, person, whole.layout)
     if person.isdecimal() and not alone:
-        warn(Finding("person_by_place", "note", numbers={"person": person}))
+        warn(Finding("person_by_place", "warning", numbers={"person": person}))
     return replace(
         whole,
         detections=association.take_people(people, index),

@@ -212,5 +212,5 @@ def _warn_if_turned(source: Path) -> None:
     kind = pose_format(source)
     if kind == "trc" or (kind == "c3d" and c3d_is_y_up(source)):
         finding = "axes_unknown" if kind == "trc" else "axes_turned"
-        note = Finding(finding, "note", Subject(files=(str(source),)))
-        warnings.warn(FindingWarning(note), stacklevel=3)
+        doubt = Finding(finding, "warning", Subject(files=(str(source),)))
+        warnings.warn(FindingWarning(doubt), stacklevel=3)
