@@ -15,12 +15,12 @@ from skelsplat._clocks import parted, rounded
 from skelsplat.association import take_people
 from skelsplat.exceptions import DatasetError
 from skelsplat.findings import Finding, Remedy, Severity, Subject, collected_warnings, warn
-from skelsplat.io.detections import cameras_called, read_detections
+from skelsplat.io.detections import cameras_called
 from skelsplat.rig_check import ReadAs, check_rig
 from skelsplat.rig_check._scene import follow_person, in_mm
 from skelsplat.run.job import Job
 from skelsplat.run.person import check_slot, pick_places
-from skelsplat.run.read import Inputs, leave_out, named_offsets, read_everybody, read_rig
+from skelsplat.run.read import Inputs, named_offsets, open_recording, read_everybody
 from skelsplat.run.solve import spread
 
 # Frames are put at even times, missing ones between them, unless so many times as many are missing.
@@ -91,10 +91,10 @@ def adjust_cameras(
     """
     check_slot(person)
     with collected_warnings() as warnings:
-        every = read_rig(calibration, **(read or {}))
-        rig = leave_out(every, tuple(without))
+        opened = open_recording(calibration, detections, read=read or {}, without=without, **given)
+        every, rig = opened.every, opened.rig
         chosen = cameras_called(free, rig.names, "free")
-        found = read_detections(detections, every, without=without, **given)
+        found = opened.detections.read()
         offsets = named_offsets(every, given.get("offsets") or {})
         people = found.people
         if person != "consistent":

@@ -11,10 +11,9 @@ import skelsplat as sk
 from skelsplat.association import take_people
 from skelsplat.findings import collected_warnings
 from skelsplat.io import DetectionSet
-from skelsplat.io.detections import read_detections
 from skelsplat.rig_check import ReadAs, RigReport, check_rig
 from skelsplat.run.person import check_slot, pick_places
-from skelsplat.run.read import leave_out, named_offsets, read_rig
+from skelsplat.run.read import leave_out, named_offsets, open_recording, read_rig
 
 
 @dataclass(frozen=True)
@@ -63,13 +62,14 @@ def check_cameras(
     """
     check_slot(person)
     with collected_warnings() as warnings:
-        every = read_rig(calibration, **(read or {}))
-        rig, found = leave_out(every, tuple(without)), None
         if detections is None:
+            rig, found = leave_out(read_rig(calibration, **(read or {})), tuple(without)), None
             report = check_rig(rig)
         else:
-            found = read_detections(detections, every, without=without, **given)
-            read_as = ReadAs(found.labels, named_offsets(every, given.get("offsets", {})), found.uneven)
+            opened = open_recording(calibration, detections, read=read or {}, without=without, **given)
+            rig, found = opened.rig, opened.detections.read()
+            offsets = named_offsets(opened.every, given.get("offsets", {}))
+            read_as = ReadAs(found.labels, offsets, found.uneven)
             people, layout = found.people, found.skeleton
             if person != "consistent":  # whom `check_rig` finds on its own
                 people = take_people(people, pick_places(people, rig, person, layout)[0])

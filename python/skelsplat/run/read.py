@@ -15,12 +15,13 @@ from skelsplat._budget import afford
 from skelsplat._sentences.words import listed
 from skelsplat.cameras import MM_PER_UNIT
 from skelsplat.exceptions import DatasetError, InvalidInputError, SkelSplatError
-from skelsplat.findings import Finding, warn
+from skelsplat.findings import Finding, collected_warnings, warn
 from skelsplat.io import PoseData, read_npz
 from skelsplat.io.calibration import find_format, read_calibration
 from skelsplat.io.detections import Opened as Detections
 from skelsplat.io.detections import camera_called, cameras_called, open_detections
 from skelsplat.io.video import find_videos, open_source
+from skelsplat.run.image_sizes import in_calibrated_pixels
 from skelsplat.run.job import Job
 from skelsplat.run.person import Crowd
 
@@ -122,28 +123,37 @@ class Opened:
 
 def open_files(job: Job) -> Opened:
     """Read the cameras that a job names and open the detections; errors as of `read_everybody`."""
-    calibration = Path(job.calibration)
-    every = read_rig(
-        calibration,
-        calibration_format=job.calibration_format,
-        **{name: getattr(job, name) for name in ("unit", "camera_type", "subject", "size", "binning")},
+    reading = ("calibration_format", "unit", "camera_type", "subject", "size", "binning")
+    given = ("layout", "format", "frames", "offsets", "order", "mapping", "sequence")
+    return open_recording(
+        Path(job.calibration),
+        Path(job.detections),
+        read={name: getattr(job, name) for name in reading},
+        without=job.without,
+        **{name: getattr(job, name) for name in given},
     )
+
+
+def open_recording(
+    calibration: Path, detections: Path, *, read: Mapping[str, Any], without: Sequence[str], **given: Any
+) -> Opened:
+    """Read cameras and open detections, with the arguments of `read_rig` and of `open_detections`.
+
+    The detections are in pixels of the calibration's images (`in_calibrated_pixels`).
+    """
+    told: list[Finding] = []
+    try:
+        with collected_warnings() as told:
+            every = read_rig(calibration, **read)
+    finally:
+        for finding in told:
+            warn(finding)
     if len(every) < 2:
         raise DatasetError(calibration, "cameras", "at least two cameras", len(every))
-    rig = leave_out(every, job.without)
-    found = open_detections(
-        job.detections,
-        every,
-        without=job.without,
-        layout=job.layout,
-        format=job.format,
-        frames=job.frames,  # type: ignore[arg-type]
-        offsets=job.offsets,
-        order=job.order,
-        mapping=job.mapping,
-        sequence=job.sequence,
-    )
-    return Opened(every, rig, found)
+    rig = leave_out(every, without)
+    found = open_detections(detections, every, without=without, **given)
+    cropped = {name for one in told if one.kind == "crop_applied" for name in one.subject.cameras}
+    return Opened(every, rig, in_calibrated_pixels(found, every, cropped))
 
 
 def read_everybody(job: Job) -> tuple[Array, Inputs]:

@@ -109,7 +109,7 @@ def read_detections(
     MissingPackageError
         If the format needs a package that is not installed.
     """
-    opened = open_detections(
+    return open_detections(
         path,
         cameras,
         layout=layout,
@@ -121,9 +121,7 @@ def read_detections(
         sequence=sequence,
         allow_missing=allow_missing,
         without=without,
-    )
-    with within_memory(opened.views.root):
-        return opened.read()
+    ).read()
 
 
 def open_detections(

@@ -13,6 +13,7 @@ from skelsplat._arrays import Array
 from skelsplat._budget import check_ratio
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.io._arrays import Arrays, as_numbers, load_npy, load_npz, npy_shape, npz_keys
+from skelsplat.io.calibration._format import whole_size
 from skelsplat.io.detections._format import Person, Recording, View, array_view, joints_of
 from skelsplat.io.detections._frames import frame_files
 
@@ -199,7 +200,8 @@ def read_videopose3d(path: Path, sequence: str | None) -> Recording:
         views = {}
         for video, actions in table.items():
             part = _videos(path, f"{_POSITIONS}.{video}.custom", actions[_CUSTOM])[0]
-            views[video] = _pixel_view(path, f"{_POSITIONS}.{video}", part, names)
+            view = _pixel_view(path, f"{_POSITIONS}.{video}", part, names)
+            views[video] = replace(view, size=_video_size(arrays.found.get("metadata"), video))
         return Recording(views, named=True)
     key, value = _choose(path, table, sequence)
     parts = _videos(path, key, value)
@@ -223,6 +225,15 @@ def _layout(metadata: Any) -> str | None:
     content = _content(metadata)
     name = content.get("layout_name") if isinstance(content, dict) else None
     return name if isinstance(name, str) and name in _LAYOUTS else None
+
+
+def _video_size(metadata: Any, video: str) -> tuple[int, int] | None:
+    """Return width and height from ``video_metadata``, if they are there."""
+    value = _content(metadata)
+    for key in ("video_metadata", video):
+        value = value.get(key) if isinstance(value, dict) else None
+    width, height = (value.get("w"), value.get("h")) if isinstance(value, dict) else (None, None)
+    return whole_size(width, height) if isinstance(width, int) and isinstance(height, int) else None
 
 
 def _choose(path: Path, table: dict[str, dict[Any, Any]], sequence: str | None) -> tuple[str, Any]:

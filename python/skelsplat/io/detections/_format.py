@@ -42,6 +42,7 @@ class View:
     flat: bool = False  # a person is one list of 3·K numbers in the file
     sparse: bool = False  # frames in which nobody was found are not listed
     rate: float | None = None  # frames per second, if the file states it
+    size: tuple[int, int] | None = None  # width and height of the images, if the file states them
     # from places in `frames`, first and end, to the people in each of these; reads only that part of a file
     stretch: Callable[[int, int], Sequence[Sequence[Person]]] | None = None
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,6 +13,7 @@ import numpy as np
 from skelsplat.exceptions import DatasetError
 from skelsplat.io._fields import Field
 from skelsplat.io._files import frame_number, head, load_json
+from skelsplat.io.calibration._format import whole_size
 from skelsplat.io.detections._format import Person, View, joints_of, list_view
 from skelsplat.io.detections._frames import frame_files
 from skelsplat.io.detections._record import with_record
@@ -25,10 +27,17 @@ def _document(path: Path, document: str) -> Field:
     return Field(path, "", load_json(path, document))
 
 
-def _frame_view(folder: Path, people: Callable[[Path], list[Person]], *, flat: bool = False) -> View:
+def _frame_view(
+    folder: Path,
+    people: Callable[[Path], list[Person]],
+    size: Callable[[Path], tuple[int, int] | None] = lambda _: None,
+    *,
+    flat: bool = False,
+) -> View:
     """Return the view of one camera; a frame's file is read when its people are asked for."""
     files = frame_files(folder, "*.json", "one JSON file per frame", _NO_FILES)
-    return View(folder, list(files), lambda number: people(files[number]), flat=flat)
+    first = next(iter(files.values()))
+    return View(folder, list(files), lambda number: people(files[number]), flat=flat, size=size(first))
 
 
 def read_openpose(folder: Path) -> View:
@@ -37,7 +46,8 @@ def read_openpose(folder: Path) -> View:
     ``{"people": [{"pose_keypoints_2d": [x, y, c, …]}]}``, pixels of the original image; x = y = c = 0 marks a
     joint that was not detected. A score is the peak of a map and may lie above 1, where it counts as 1. A
     person ``{}``, or one with an empty list, as Pose2Sim writes it, is nobody in that place. The frame number
-    is the last integer in the file's name. Joints and frame rate are those that ``skelsplat detect`` states.
+    is the last integer in the file's name. Joints, frame rate and the images' size are those that ``skelsplat
+    detect`` states.
     """
     return with_record(_frame_view(folder, _openpose_people, flat=True))
 
@@ -85,9 +95,17 @@ def read_easymocap(folder: Path) -> View:
 
     ``{"filename", "height", "width", "annots": [{"personID", "bbox", "keypoints": [[x, y, c], …]}]}``; older
     files are the bare list. A confidence of 0 or below marks a joint that was not detected. The frame number
-    is the last integer in the file's name. Hands and faces are separate keys and are left out.
+    is the last integer in the file's name. Hands and faces are separate keys and are left out. The size of
+    the images is that of the first frame.
     """
-    return _frame_view(folder, _easymocap_people)
+    return _frame_view(folder, _easymocap_people, _easymocap_size)
+
+
+def _easymocap_size(path: Path) -> tuple[int, int] | None:
+    with suppress(DatasetError):  # older files, or a broken one, which is an error when it is read
+        document = _document(path, "an EasyMocap annotation")
+        return whole_size(document["width"].number(), document["height"].number())
+    return None
 
 
 def _easymocap_people(path: Path) -> list[Person]:

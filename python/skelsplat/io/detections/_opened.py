@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 import skelsplat as sk
 from skelsplat._arrays import FARTHEST, Array, Index
-from skelsplat._budget import afford
+from skelsplat._budget import afford, within_memory
 from skelsplat._clocks import between, parted
 from skelsplat.exceptions import DatasetError
 from skelsplat.io.detections._format import Person, View
@@ -84,6 +84,8 @@ class Opened:
     skeleton: sk.Layout
     joints: Mapping[str, str | int | None]  # as ``mapping`` of `read_detections`
     format: str
+    # by camera, (2,) pixels that are read per pixel of its images; 1 for the others
+    factors: Mapping[str, Array] = field(default_factory=dict)
 
     @property
     def sources(self) -> tuple[Path | None, ...]:
@@ -98,8 +100,17 @@ class Opened:
         rates = {view.rate for view in self.views.views.values()}
         return rates.pop() if len(rates) == 1 else None
 
+    @property
+    def sizes(self) -> dict[str, tuple[int, int]]:
+        """Width and height of the images, by camera, where the files state them."""
+        return {name: view.size for name, view in self.views.views.items() if view.size is not None}
+
     def read(self) -> DetectionSet:
         """Read everything."""
+        with within_memory(self.views.root):
+            return self._read()
+
+    def _read(self) -> DetectionSet:
         read: dict[str, list[list[Array]]] = {name: [] for name in self.views.views}
         readers = self._readers()
         for first in range(0, len(self.frames), _STRETCH):
@@ -111,7 +122,7 @@ class Opened:
             pixels.check()
             _forget_zeros([person for one in people for person in one])
         return DetectionSet(
-            people=self._stack(read, len(self.frames)),
+            people=self._resized(self._stack(read, len(self.frames))),
             frames=self.frames,
             camera_names=self.camera_names,
             sources=self.sources,
@@ -137,7 +148,7 @@ class Opened:
                 pixels.add(people)
             stacked = self._stack(read, len(numbers))
             stacked[(stacked[..., :2] == 0.0).all(axis=-1)] = np.nan
-            yield stacked
+            yield self._resized(stacked)
         for pixels in whole:
             pixels.check()
 
@@ -158,6 +169,13 @@ class Opened:
                 for p, person in enumerate(people):
                     stacked[t, m, p] = person
         return stacked
+
+    def _resized(self, people: Array) -> Array:
+        """Apply the `factors` to pixels (T, M, P, N, 3), in place; integers are pixel centres."""
+        for name, factor in self.factors.items():
+            pixels = people[:, self.camera_names.index(name), ..., :2]
+            pixels[...] = (pixels + 0.5) * factor - 0.5
+        return people
 
 
 def _frames_of(view: View, known: Index, numbers: Index) -> list[Sequence[Person]]:

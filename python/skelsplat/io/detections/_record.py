@@ -10,6 +10,7 @@ from skelsplat import _json
 from skelsplat._atomic import atomic_write_text
 from skelsplat.io._fields import Field
 from skelsplat.io._files import load_json
+from skelsplat.io.calibration._format import size_of
 from skelsplat.io.detections._format import View
 
 _NAME = "detect.json"
@@ -60,11 +61,10 @@ def read_record(folder: Path) -> Record | None:
 
 
 def _video(entry: Field) -> Video:
-    width, height = entry["size"].numbers((2,))
     rate, length, count = entry["frame_rate"], entry["bytes"], entry["frames"]
     return Video(
         entry["video"].text(),
-        (int(width), int(height)),
+        size_of(entry["size"]),
         None if rate.value is None else rate.number(),
         None if length.value is None else length.index(),
         None if count.value is None else count.index(),
@@ -87,11 +87,10 @@ def write_record(folder: Path, record: Record) -> None:
 
 
 def with_record(view: View) -> View:
-    """Return the view of a camera's folder with the joints and the rate that the record there states."""
+    """Return the view of a camera's folder with the joints, rate and size that the record there states."""
     record = read_record(view.path.absolute().parent)
     if record is None:
         return view
     video = record.videos.get(view.path.name.removesuffix(_SUFFIX))
-    return replace(
-        view, joints=record.joints or None, own_order=True, rate=None if video is None else video.rate
-    )
+    view = replace(view, joints=record.joints or None, own_order=True)
+    return view if video is None else replace(view, rate=video.rate, size=video.size)

@@ -15,6 +15,7 @@ from skelsplat.findings import Finding, Subject, warn
 from skelsplat.io.detections import cameras_called
 from skelsplat.io.video import FrameSource, Image, PlainFrames, Size, find_videos, open_source
 from skelsplat.run.frame_range import FrameRange
+from skelsplat.run.image_sizes import resizing
 from skelsplat.run.overlay.scene import Scene, follow
 from skelsplat.viz.overlay import Shown, draw_label, draw_name, draw_overlay
 
@@ -22,8 +23,6 @@ Span = tuple[int, int]
 
 # More no encoder takes, and a frame would fill the memory.
 _MOST_PX = 16_384
-_SAME_SHAPE = 0.005  # of the ratio of width to height
-_PADDING_PX = 16  # codecs fill up to blocks of 16
 
 
 @dataclass(frozen=True)
@@ -200,31 +199,23 @@ def _open(job: OverlayJob, scene: Scene, index: int, source: FrameSource, span: 
 def _fit_size(path: Path, name: str, size: Size, expected: Size) -> Array:
     """Return the scale (2,) from the camera's image to a video's frames; warn if that is doubtful.
 
-    Equal sizes fit. A difference of at most 16 px is what codecs fill up or cut off, at the right and lower
-    border: what is drawn stays where it is. Images of the same shape are copies in another size.
-
     Raises
     ------
     DatasetError
         If the sizes have nothing to do with each other, or width and height are exchanged.
     """
-    (width, height), (wide, high) = size, expected
-    ones = np.ones(2)
-    if size == expected:
-        return ones
-    if size == (high, wide):
+    fit, (width, height), (wide, high) = resizing(expected, size), size, expected
+    if fit is None and size == (high, wide):
         wanted = f"{wide}×{high} like the camera {name}"
         advice = "is the video turned (a phone's metadata), or the calibration that of turned images?"
         raise DatasetError(path, "size", wanted, f"{width}×{height}, width and height exchanged; {advice}")
-    if abs(width - wide) <= _PADDING_PX and abs(height - high) <= _PADDING_PX:
+    if fit is None:
+        wanted = f"{wide}×{high} like the camera {name}, or a copy of it in another size"
+        raise DatasetError(path, "size", wanted, f"{width}×{height}")
+    if size != expected and (fit == 1.0).all():
         numbers = {"size": [width, height], "size_of_camera": [wide, high]}
         warn(Finding("video_padded", "note", Subject(cameras=(name,), files=(str(path),)), numbers))
-        return ones
-    scale = np.array([width / wide, height / high])
-    if abs(scale[0] / scale[1] - 1) <= _SAME_SHAPE:
-        return scale
-    wanted = f"{wide}×{high} like the camera {name}, or a copy of it in another size"
-    raise DatasetError(path, "size", wanted, f"{width}×{height}")
+    return fit
 
 
 def _counted_from_one(view: View) -> bool:

@@ -1,0 +1,62 @@
+"""Whether detections and videos are of images of the calibration's size, as far as files state it."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import replace
+
+import numpy as np
+
+import skelsplat as sk
+from skelsplat._arrays import Array
+from skelsplat.findings import Finding, Subject, warn
+from skelsplat.io.detections import Opened
+
+Size = tuple[int, int]
+
+_SAME_SHAPE = 0.005  # of the ratio of width to height
+_PADDING_PX = 16  # codecs fill up to blocks of 16
+
+
+def resizing(old: Size, new: Size) -> Array | None:
+    """Return the factors (2,) from images of a size to those of another; None if neither is a copy.
+
+    A difference of at most 16 px is what codecs fill up or cut off, at the right and lower border: factors of
+    1. Images of the same shape are copies in another size. Those with width and height exchanged are none.
+    """
+    if new == old[::-1] != old:
+        return None
+    if all(abs(a - b) <= _PADDING_PX for a, b in zip(old, new, strict=True)):
+        return np.ones(2)
+    factors = np.array(new) / np.array(old)
+    return factors if abs(factors[0] / factors[1] - 1) <= _SAME_SHAPE else None
+
+
+def in_calibrated_pixels(found: Opened, rig: sk.CameraRig, cropped: Collection[str] = ()) -> Opened:
+    """Return detections in pixels of the cameras' images, resized where the files state another size.
+
+    Of the ``cropped`` cameras, the rig's size is the largest that their images can have.
+
+    Warns
+    -----
+    FindingWarning
+        Of detections that are resized, and of those from images that are no copy of the calibration's.
+    """
+    factors: dict[str, Array] = {}
+    differing: dict[tuple[Size, Size, bool], list[str]] = {}
+    for name, size in found.sizes.items():
+        whole, is_crop = rig[name].size, name in cropped
+        if is_crop and all(np.array(size) <= np.array(whole) + _PADDING_PX):
+            continue
+        factor = None if is_crop else resizing(size, whole)
+        if factor is None or (factor != 1.0).any():
+            differing.setdefault((size, whole, is_crop), []).append(name)
+        if factor is not None and (factor != 1.0).any():
+            factors[name] = factor
+    for (size, whole, is_crop), names in differing.items():
+        numbers = {"size": list(size), "size_of_camera": list(whole), "cropped": is_crop}
+        kind, factor = "image_sizes_differ", factors.get(names[0])
+        if factor is not None:
+            kind, numbers = "detections_resized", {**numbers, "factor": float(factor.mean())}
+        warn(Finding(kind, "warning", Subject(cameras=tuple(names)), numbers))
+    return replace(found, factors=factors)

@@ -1,0 +1,275 @@
+"""Detections of images of another size than the calibration's, as ``detect.json`` or other files say."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import detection_files
+import skelsplat as sk
+from command_line import READ, assert_fails, invoke, read_report
+from skelsplat import synthetic
+from skelsplat.findings import FindingWarning
+from skelsplat.io import read_calibration, read_npz, read_openpose
+from skelsplat.io.detections import open_detections
+from skelsplat.io.detections._record import read_record, write_record
+from skelsplat.run import Job, run_batch
+from skelsplat.run.image_sizes import in_calibrated_pixels, resizing
+from skelsplat.run.read import open_files
+
+KINDS = {"detections_resized", "image_sizes_differ"}
+JOINTS = sk.layouts.H36M17.joints
+ADVICE = "run the detector on images like those of the calibration, or calibrate with images like these"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "factors"),
+    [
+        ((1920, 1080), (1920, 1080), (1, 1)),
+        ((960, 540), (1920, 1080), (2, 2)),
+        ((3840, 2160), (1920, 1080), (0.5, 0.5)),
+        ((854, 480), (1920, 1080), (1920 / 854, 2.25)),
+        ((1080, 1920), (1088, 1920), (1, 1)),  # blocks of a codec
+        ((1080, 1920), (1920, 1080), None),
+        ((1080, 1088), (1088, 1080), None),
+        ((1000, 1000), (500, 500), (0.5, 0.5)),
+        ((1280, 960), (1920, 1080), None),
+    ],
+)
+def test_what_is_a_copy_in_another_size(old, new, factors):
+    found = resizing(old, new)
+    assert found is None if factors is None else found.tolist() == list(factors)
+
+
+def write_detect(folder, sizes):
+    """Write ``detect.json`` in the form that `skelsplat detect` gives it, without a frame rate."""
+    videos = {
+        name: {"video": f"{name}.mp4", "size": size, "frame_rate": None, "bytes": 1234, "frames": 5}
+        for name, size in sizes.items()
+    }
+    detector = {"backend": "mediapipe", "version": "0.10.21", "model": "full"}
+    document = {"detector": detector, "layout": "h36m17", "joints": list(JOINTS), "videos": videos}
+    (folder / "detect.json").write_text(json.dumps(document, indent=2))
+
+
+@pytest.fixture
+def detected(recording):
+    """Return what states a size for each camera, and divides the detections of some by a factor."""
+    folder, rig, _ = recording
+    shutil.copytree(folder / "openpose", folder / "pose")
+    whole = {name: list(camera.size) for name, camera in zip(rig.names, rig, strict=True)}
+
+    def write(sizes=None, factors=None):
+        write_detect(folder / "pose", {**whole, **(sizes or {})})
+        for name, factor in (factors or {}).items():
+            for path in (folder / "pose" / name).iterdir():
+                (person,) = json.loads(path.read_text())["people"]
+                joints = np.reshape(person["pose_keypoints_2d"], (-1, 3))
+                seen = joints[:, 2] > 0
+                joints[seen, :2] = (joints[seen, :2] + 0.5) / factor - 0.5
+                path.write_text(json.dumps({"people": [{"pose_keypoints_2d": joints.ravel().tolist()}]}))
+        return folder
+
+    return write
+
+
+def refined(folder, detections="pose", *options):
+    """Refine; return the findings on sizes, the poses file, and what was printed."""
+    out = folder / f"out_{detections}"
+    calibration = folder / "Calib.toml"
+    result = invoke("refine", calibration, folder / detections, *READ, "--no-html", *options, "-o", out)
+    assert result.exit_code == 0, result.output
+    findings = [one for one in read_report(out)["findings"] if one["kind"] in KINDS]
+    return findings, out / "pose.npz", result
+
+
+def assert_same_bits(one, other):
+    """Compare all arrays of two pose files, but for ``run``, which names the files."""
+    with np.load(one) as arrays, np.load(other) as expected:
+        assert arrays.files == expected.files
+        differ = {key for key in arrays.files if arrays[key].tobytes() != expected[key].tobytes()}
+    assert differ <= {"run"}
+
+
+def test_detect_writes_and_reads_this_form(detected):
+    folder = detected({"cam1": [500, 501]})
+    record = read_record(folder / "pose")
+    assert record.videos["cam1"].size == (500, 501)
+    before = (folder / "pose" / "detect.json").read_text()
+    write_record(folder / "pose", record)
+    assert json.loads((folder / "pose" / "detect.json").read_text()) == json.loads(before)
+
+
+def test_the_same_size_changes_nothing(detected):
+    folder = detected()
+    findings, poses, _ = refined(folder)
+    assert findings == []
+    assert_same_bits(poses, refined(folder, "openpose")[1])
+
+
+def test_a_padded_size_changes_nothing(detected):
+    folder = detected({"cam1": [992, 1000]})
+    assert refined(folder)[0] == []
+
+
+def test_half_the_size_is_resized_and_said(detected):
+    folder = detected({"cam2": [500, 500], "cam4": [2000, 2004]}, {"cam2": 2, "cam4": 0.5})
+    findings, poses, result = refined(folder)
+    expected = read_npz(refined(folder, "openpose")[1]).pose
+    np.testing.assert_allclose(read_npz(poses).pose, expected, rtol=1e-9)
+    half, double = findings
+    assert (half["severity"], half["subject"], half["remedy"]) == ("warning", {"cameras": ["cam2"]}, [])
+    numbers = {"size": [500, 500], "size_of_camera": [1000, 1000], "cropped": False, "factor": 2.0}
+    assert half["numbers"] == numbers
+    assert half["text"] == (
+        "detections of cam2 come from images of 500×500 px, but its calibration is for 1000×1000: assuming "
+        f"copies in another size, they are multiplied by 2. If the images are cropped instead, {ADVICE}"
+    )
+    assert "cam4 come from images of 2000×2004 px" in double["text"]
+    assert "multiplied by 0.5." in double["text"]
+    assert f"warning: {half['text']}\n" in result.stderr
+    assert f"! {half['text'][:70]}" in " ".join(result.stdout.split())
+
+
+def test_cameras_of_the_same_sizes_are_one_finding(detected):
+    folder = detected({"cam2": [500, 500], "cam3": [500, 500]}, {"cam2": 2, "cam3": 2})
+    ((finding,), _, _) = refined(folder)
+    assert finding["subject"]["cameras"] == ["cam2", "cam3"]
+    assert finding["text"].startswith("detections of cam2 and cam3 come from images of 500×500 px, but their")
+
+
+@pytest.mark.parametrize(
+    ("size", "words"),
+    [
+        (
+            [1002, 1000],
+            "for 1000×1002, width and height exchanged (is a phone's video turned?): they are used",
+        ),
+        ([1280, 720], "for 1000×1002, which has another shape: they are used as they are, and poses are"),
+    ],
+)
+def test_another_shape_is_said_and_left_as_it_is(detected, size, words):
+    folder = detected({"cam1": size})
+    (finding,), poses, _ = refined(folder)
+    assert (finding["kind"], finding["severity"]) == ("image_sizes_differ", "warning")
+    assert words in finding["text"]
+    assert finding["text"].endswith(f"probably wrong. To correct this, {ADVICE}")
+    assert_same_bits(poses, refined(folder, "openpose")[1])
+
+
+def test_a_camera_left_out_is_not_judged(detected):
+    folder = detected({"cam2": [500, 500]})
+    assert refined(folder, "pose", "--without", "cam2")[0] == []
+
+
+def test_check_and_adjust_and_people_and_batches_say_it_too(detected):
+    folder = detected({"cam2": [500, 500]}, {"cam2": 2})
+    files = [folder / "Calib.toml", folder / "pose", *READ]
+    result = invoke("check-cameras", *files, "--json")
+    assert (result.exit_code, json.loads(result.stdout)["ok"]) == (1, False)
+    assert [one["kind"] for one in json.loads(result.stdout)["findings"]] == ["detections_resized"]
+    result = invoke("adjust-cameras", *files, "-o", folder / "fixed.toml", "--json")
+    assert "detections_resized" in [one["kind"] for one in json.loads(result.stdout)["findings"]]
+    findings, _, _ = refined_people(folder)
+    assert [one["kind"] for one in findings] == ["detections_resized"]
+    job = Job(*files[:2], unit="mm", layout="h36m17", write=(), html=False)
+    (row,) = run_batch({"walk": job}, folder / "results").rows()
+    assert (row["status"], row["findings"]) == ("done", "detections resized (cam2)")
+
+
+def refined_people(folder):
+    out = folder / "out"
+    given = ["refine", folder / "Calib.toml", folder / "pose", *READ, "--fps", 50, "--people", "all"]
+    result = invoke(*given, "--no-html", "-o", out)
+    assert result.exit_code == 0, result.output
+    findings = [one for one in read_report(out)["findings"] if one["kind"] in KINDS]
+    return findings, out, result
+
+
+@pytest.mark.parametrize(
+    ("size", "words"),
+    [
+        ([640, 480], None),  # the size of a crop is in no file: any that fits within
+        ([388, 441], None),  # also of the shape of what is left of the image
+        ([792, 890], None),
+        (
+            [1000, 1002],
+            "1000×1002 px, but its calibration is for a crop of at most 776×882, which has another",
+        ),
+    ],
+)
+def test_of_a_cropped_camera_only_the_largest_size_is_known(detected, size, words):
+    folder = detected({"cam1": size})
+    calibration = folder / "Calib.toml"
+    text = calibration.read_text()
+    calibration.write_text(text.replace("fisheye", "offset = [224, 120]\nfisheye", 1))
+    with pytest.warns(FindingWarning) as caught:
+        opened = open_files(Job(calibration, folder / "pose", unit="mm", layout="h36m17"))
+    told = [one.message.finding for one in caught]
+    assert [one.kind for one in told] == ["crop_applied"] + ["image_sizes_differ"] * (words is not None)
+    assert words is None or words in told[1].text
+    assert not opened.detections.factors
+
+
+def test_what_is_said_of_a_calibration_is_said_before_its_error(detected):
+    folder = detected()
+    calibration = folder / "Calib.toml"
+    calibration.write_text(calibration.read_text().replace("fisheye", "offset = [224, 120]\nfisheye", 1))
+    with (
+        pytest.warns(FindingWarning, match="are cropped"),
+        pytest.raises(sk.InvalidInputError, match=r"^unit: expected"),
+    ):
+        open_files(Job(calibration, folder / "pose", unit="cm"))
+
+
+def test_joints_at_the_origin_stay_missing_in_both_ways_to_read(detected):
+    folder = detected({"cam2": [500, 500]}, {"cam2": 2})
+    for path in sorted((folder / "pose" / "cam2").iterdir()):
+        document = json.loads(path.read_text())
+        document["people"][0]["pose_keypoints_2d"][:2] = [0.0, 0.0]  # as YOLO writes it, with a confidence
+        path.write_text(json.dumps(document))
+    rig = read_calibration(folder / "Calib.toml", unit="mm")
+    found = open_detections(folder / "pose", rig, layout="h36m17")
+    with pytest.warns(FindingWarning, match="multiplied by 2"):
+        found = in_calibrated_pixels(found, rig)
+    people = found.read().people
+    np.testing.assert_array_equal(np.concatenate(list(found.stretches(2))), people)
+    assert np.isnan(people[:, 1, :, 0]).all()
+    expected = read_openpose(folder / "openpose", rig, layout="h36m17").people
+    np.testing.assert_allclose(people[..., 1:, :], expected[..., 1:, :], rtol=1e-9)
+
+
+@pytest.mark.parametrize("size", [[0, 0], [500, -500], [0.5, 500], [500]])
+def test_a_size_that_is_none_is_refused(detected, size):
+    folder = detected({"cam2": size})
+    result = invoke("refine", folder / "Calib.toml", folder / "pose", *READ, "-o", folder / "out")
+    assert_fails(result, 1, "detect.json: videos.cam2.size: expected ")
+
+
+def test_other_formats_that_state_a_size(tmp_path):
+    rig = synthetic.ring(2)
+    people = np.full((3, 2, 1, 17, 3), 9.0)
+    people[..., 2] = 0.5
+    take = detection_files.Take(people, list(rig.names), list(sk.layouts.COCO17.joints))
+    easymocap = detection_files.easymocap(tmp_path / "easymocap", take)
+    assert open_detections(easymocap, rig, layout="coco17").sizes == dict.fromkeys(rig.names, (1000, 1000))
+    for path in easymocap.rglob("*.json"):
+        path.write_text(json.dumps(json.loads(path.read_text())["annots"]))  # as older ones are
+    assert open_detections(easymocap, rig, layout="coco17").sizes == {}
+    path = detection_files.videopose3d_custom(tmp_path, take)
+    assert open_detections(path, rig).sizes == {}
+    with np.load(path, allow_pickle=True) as arrays:
+        table, metadata = arrays["positions_2d"], arrays["metadata"].item()
+    metadata["video_metadata"][rig.names[0]] = {"w": 960, "h": 540}
+    np.savez_compressed(path, positions_2d=table, metadata=metadata)
+    assert open_detections(path, rig).sizes == {rig.names[0]: (960, 540)}
+
+
+def test_detections_that_state_no_size_are_left_as_they_are(recording):
+    folder, rig, _ = recording
+    found = open_detections(folder / "openpose", rig, layout="h36m17")
+    assert (found.sizes, replace(found, factors={})) == ({}, in_calibrated_pixels(found, rig))
