@@ -269,11 +269,11 @@ def listed(recording):
 def test_a_table_says_what_was_found_and_what_failed_and_why(listed):
     result = invoke("batch", listed / "sessions.toml", "-o", listed / "out", *OPTIONS)
     assert result.exit_code == 1, result.output
-    assert result.stderr == ""
+    (line,) = result.stderr.splitlines()  # once, where errors are found
+    assert line.startswith(f"error: day 2/walk: {listed / 'none'}: ")
     words = " ".join(result.stdout.split())
     assert "openpose 5 " in words
-    assert "day 2/walk – – – failed, see below" in words
-    assert "! day 2/walk: " in words
+    assert "day 2/walk – – – failed 2 recordings: " in words
     assert "2 recordings: 1 refined, 1 failed." in words
     assert words.endswith(
         f"Wrote to {listed / 'out'}/: batch.csv, batch.json, and a folder per refined recording"
@@ -285,7 +285,19 @@ def test_a_table_says_what_was_found_and_what_failed_and_why(listed):
     assert [entry["status"] for entry in document["recordings"]] == ["unchanged", "failed"]
     assert again.stderr.startswith("error: day 2/walk: ")
     quiet = invoke("batch", listed / "sessions.toml", "-o", listed / "out", *OPTIONS, "-q")
-    assert (quiet.exit_code, quiet.stdout, quiet.stderr.count("\n")) == (1, "", 1)
+    assert (quiet.exit_code, quiet.stdout, quiet.stderr) == (1, "", f"{line}\n")
+
+
+def test_a_recording_without_a_usable_detection_ends_with_an_error_as_in_refine(listed):
+    words = ["batch", listed / "sessions.toml", "-o", listed / "out", *OPTIONS, "--min-confidence", 1]
+    (listed / "sessions.toml").write_text(
+        '[[session]]\ncalibration = "Calib.toml"\ndetections = "openpose"\nfps = 50\n'
+    )
+    for _ in range(2):  # the second time unchanged
+        result = invoke(*words)
+        assert result.exit_code == 1
+        assert result.stderr.startswith("error: openpose: No detection could be used")
+        assert "openpose 5 – – nothing used" in " ".join(result.stdout.split())
 
 
 @pytest.fixture

@@ -20,7 +20,7 @@ from skelsplat.cli.command import Application, with_parameters_of
 from skelsplat.cli.config import MisfitError, entries_of, options_in, unknown
 from skelsplat.cli.output import Terminal, counting, print_json, print_message
 from skelsplat.cli.refine import job_of
-from skelsplat.cli.table import new_table, print_paragraphs, print_table
+from skelsplat.cli.table import new_table, print_table
 from skelsplat.exceptions import DatasetError
 from skelsplat.run import Batch, Job, run_batch
 from skelsplat.run.batch import DONE, RECORD, TABLE, UNCHANGED, trials
@@ -32,7 +32,7 @@ EPILOG = (
     "the command line win. In a project of Pose2Sim, a recording is a folder with pose-sync or else pose, "
     "and its calibration is the TOML in a folder with calib in its name, there or above. The results of a "
     "recording are in FOLDER/NAME; batch.csv and batch.json in FOLDER have the table. Exit status 1 if a "
-    "recording failed."
+    "recording failed, or none of its detections could be used."
 )
 COMMON = (
     *("output", "jobs", "overwrite", "unit", "layout", "fps", "people", "write", "y_up", "quiet"),
@@ -110,10 +110,10 @@ def batch(
         print_json(found.to_dict())
     elif not quiet:
         _print(Terminal(), found, output)
-    if quiet or as_json:
-        for one in found.failed:
-            print_message(f"error: {one.name}: {one.error}")
-    if found.failed:
+    errors = [f"error: {one.name}: {text}" for one in found.recordings for text in one.errors]
+    for text in errors:
+        print_message(text)
+    if errors:
         raise typer.Exit(FAILED)
 
 
@@ -194,7 +194,7 @@ def _print(console: Console, found: Batch, folder: Path) -> None:
     table.add_column("findings")
     for row in found.rows():
         person = "" if row["person"] is None else f", person {row['person']}"
-        told = row["findings"] if row["status"] != FAILED_RECORDING else "failed, see below"
+        told = row["findings"] if row["status"] != FAILED_RECORDING else "failed"
         share = row["rejected_share"]
         table.add_row(
             row["recording"] + person,
@@ -202,11 +202,10 @@ def _print(console: Console, found: Batch, folder: Path) -> None:
             "–" if row["median_error_px"] is None else number(row["median_error_px"]),
             "–" if share is None else f"{100 * share:.0f}%",
             told or "none",
-            style="red" if row["status"] == FAILED_RECORDING else None,
+            style="red" if row["status"] == FAILED_RECORDING or row["errors"] else None,
         )
     print_table(console, table)
     console.print()
-    print_paragraphs(console, [f"! {one.name}: {one.error}" for one in found.failed])
     count = {status: sum(one.status == status for one in found.recordings) for status in (DONE, UNCHANGED)}
     said = [f"{count[DONE]} refined"]
     if count[UNCHANGED]:

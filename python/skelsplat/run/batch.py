@@ -71,6 +71,14 @@ class Recording:
     error: str = ""
     report: Mapping[str, Any] = field(default_factory=dict)
 
+    @property
+    def errors(self) -> tuple[str, ...]:
+        """Why it failed, or the errors among the findings of its run: no detection could be used."""
+        runs = [self.report, *self.report.get("people", ())] if self.report else []
+        found = [finding for run in runs for finding in run["findings"]]
+        own = [finding["text"] for finding in found if finding["severity"] == "error"]
+        return (self.error, *own) if self.error else tuple(own)
+
     def rows(self) -> list[dict[str, Any]]:
         """Return the rows of the table: one, or one per person; by `COLUMNS`, None where nothing is known."""
         row = dict.fromkeys(COLUMNS) | {"recording": self.name, "status": self.status}
