@@ -11,7 +11,9 @@ import pytest
 import skelsplat as sk
 from command_line import assert_fails, invoke
 from pose_sample import sample
-from skelsplat.io import read_npz, write_pose
+from skelsplat.io import PoseData, read_npz, write_pose
+from skelsplat.io.poses._pose_data import MARKER_NAMES, marker_names
+from skelsplat.run.plot_pictures import _limb_lengths
 from skelsplat.run.plots import read_source
 from sweeps import swept
 
@@ -83,6 +85,56 @@ def test_bone_lengths_are_those_of_numpy(run_folder):
         assert bone["median_mm"] == pytest.approx(np.median(lengths), rel=1e-12)
         assert bone["sd_mm"] == pytest.approx(np.std(lengths), rel=1e-9)
         assert bone["frames_counted"] == 5
+
+
+@pytest.mark.parametrize("style", MARKER_NAMES)
+@pytest.mark.parametrize("name", sk.layouts.names)
+def test_a_limb_of_both_sides_has_a_name_without_one(name, style):
+    layout = sk.layouts.get(name)
+    joints = marker_names(tuple(layout.joints), style)
+    poses = PoseData(np.zeros((1, len(joints), 3)), joints, np.arange(1), "mm")
+    panels = _limb_lengths(poses, layout.limbs, layout.left_right)
+    assert sum(len(panel.bones) for panel in panels) == len(layout.limbs)
+    sided = {joint.replace("_", " ") for pair in layout.left_right for joint in (joints[k] for k in pair)}
+    for panel in panels:
+        ends = panel.title.split(" – ")
+        assert len(ends) == 2
+        if len(panel.bones) == 1:
+            assert set(ends) <= {joint.replace("_", " ") for joint in joints}
+        else:
+            assert not sided & set(ends)
+
+
+@pytest.mark.parametrize(
+    ("left", "right", "title"),
+    [
+        ("LEye", "REye", "Nose – Eye"),
+        ("left_big_toe", "right_big_toe", "Nose – big toe"),
+        ("ear.L", "ear.R", "Nose – ear"),
+        ("EarLTip", "EarRTip", "Nose – Ear Tip"),
+        ("paw_l", "paw_r", "Nose – paw"),
+        ("left", "right", "Nose – left / Nose – right"),
+        ("p3", "p7", "Nose – p3 / Nose – p7"),
+    ],
+)
+def test_sides_are_left_out_of_names_where_these_differ_in_nothing_else(left, right, title):
+    poses = PoseData(np.zeros((1, 3, 3)), ("Nose", left, right), np.arange(1), "mm")
+    for limbs in ([(0, 1), (0, 2)], [(2, 0), (0, 1)]):
+        (panel,) = _limb_lengths(poses, tuple(limbs), ((1, 2),))
+        assert set(panel.title.split(" / ")[0].split(" – ")) == set(title.split(" / ")[0].split(" – "))
+        assert [bone.side for bone in panel.bones] == ["left", "right"]
+    (panel,) = _limb_lengths(poses, ((0, 1), (0, 2)), ((1, 2),))
+    assert panel.title == title
+
+
+def test_a_file_of_pose2sim_names_limbs_as_it_names_joints(tmp_path):
+    joints = marker_names(tuple(sk.layouts.HALPE26.joints), "pose2sim")
+    rest = np.arange(26.0)[:, None] ** 2 * [1.0, 0.0, 0.0]
+    shake = np.zeros((4, 26, 3))
+    shake[::2, joints.index("REye"), 1] = 9.0
+    path = written(tmp_path / "p.trc", PoseData(rest + shake, joints, np.arange(4), "mm", frame_rate=50.0))
+    result = invoke("plot", path, "--only", "bones")
+    assert "largest: Nose – Eye (right)." in " ".join(result.stdout.split())
 
 
 def test_limbs_that_were_kept_equal_have_a_note(run_folder, tmp_path, monkeypatch):

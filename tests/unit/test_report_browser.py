@@ -338,7 +338,7 @@ def in_time():
     speed = np.full(walk.refined.shape[:2], 1500.0)
     speed[0, 0] = np.nan
     walk = replace(walk, alone=walk.refined + jumps, speed=speed)
-    return report_data(walk, bones=[(0, 1, 474.0, 5.0), (0, 2, 474.0, np.nan)])
+    return report_data(walk, bones=[(0, 1, 474.0, 5.0), (0, 2, 474.0, np.nan), (1, 2, 300.0, 5.0)])
 
 
 def curves(page, div):
@@ -367,8 +367,8 @@ def test_in_time_and_frame_by_frame_can_be_compared(visit):
 def test_bone_lengths_and_speeds_are_drawn_by_name_with_both_sides(visit):
     page = visit(in_time)
     lengths, titles = curves(page, "bones")
-    assert titles == ["hip – knee"]
-    assert len(lengths) == 4  # frame by frame and over time, left and right
+    assert titles == ["hip – knee", "left knee – right knee"]
+    assert len(lengths) == 6  # frame by frame and over time: left, right, and from one side to the other
     np.testing.assert_allclose(lengths[1], np.hypot(150.0, 450.0), atol=0.5)
     assert np.ptp(lengths[0]) > 40.0
     speeds, titles = curves(page, "speeds")

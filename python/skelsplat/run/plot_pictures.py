@@ -5,6 +5,7 @@ Without pages, the sentence says why the picture is left out.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -25,6 +26,8 @@ Picture = tuple[list["Figure"], str, Any]
 
 # Statuses of joints whose depth is open, or that were not measured in their own frame.
 _UNSURE = ("weak", "inferred", "filled")
+# How names of joints state a side.
+_SIDES = (("left", "right"), ("Left", "Right"), ("LEFT", "RIGHT"), ("L", "R"), ("l", "r"))
 _SPREAD = "Median ± standard deviation over the frames (in brackets: relative to the median). Dashed: median."
 _PALE = (
     "Pale: frames in which an end is weak, inferred or filled; they are not counted, and may lie outside the "
@@ -170,13 +173,12 @@ def _limb_lengths(poses: PoseData, limbs: Pairs, left_right: Pairs) -> list[viz.
     for limb in limbs:
         if rest.pop(frozenset(limb), None) is None:
             continue
-        twin = rest.pop(frozenset(mirror.get(joint, joint) for joint in limb), None)
-        if twin is None:
-            name = " – ".join(poses.joint_names[joint].replace("_", " ") for joint in limb)
-            panels.append(viz.BonePanel(name, [_bone(poses, limb, "")]))
+        twin = mirror.get(limb[0], limb[0]), mirror.get(limb[1], limb[1])
+        if rest.pop(frozenset(twin), None) is None:
+            panels.append(viz.BonePanel(_name_of(limb, poses.joint_names), [_bone(poses, limb, "")]))
             continue
         left, right = (limb, twin) if left_joints & set(limb) else (twin, limb)
-        name = " – ".join(_without_side(poses.joint_names[joint]) for joint in left)
+        name = _name_of_both(left, right, poses.joint_names)
         panels.append(viz.BonePanel(name, [_bone(poses, left, "left"), _bone(poses, right, "right")]))
     return panels
 
@@ -190,13 +192,33 @@ def _bone(poses: PoseData, limb: tuple[int, int], side: str) -> viz.Bone:
     return viz.Bone(side, lengths, sure)
 
 
-def _without_side(name: str) -> str:
-    return " ".join(part for part in name.split("_") if part not in ("left", "right"))
+def _name_of(limb: tuple[int, int], names: Sequence[str]) -> str:
+    return " – ".join(names[joint].replace("_", " ") for joint in limb)
+
+
+def _name_of_both(left: tuple[int, int], right: tuple[int, int], names: Sequence[str]) -> str:
+    """Return the name of a limb without its side, or the names of both, if these differ in more than that."""
+    ends = [_without_side(names[a], names[b]) for a, b in zip(left, right, strict=True)]
+    if None in ends:
+        return f"{_name_of(left, names)} / {_name_of(right, names)}"
+    return " – ".join(map(str, ends))
+
+
+def _without_side(left: str, right: str) -> str | None:
+    """Return what two names say besides the side, ``Eye`` of LEye and REye; None if they differ in more."""
+    if left == right:
+        return left.replace("_", " ")
+    for a, b in _SIDES:
+        for found in re.finditer(a, left):
+            before, after = left[: found.start()], left[found.end() :]
+            if f"{before}{b}{after}" == right:
+                return " ".join(re.split(r"[\s_.-]+", f"{before} {after}")).strip() or None
+    return None
 
 
 def _about_bones(limbs: Sequence[tuple[str, viz.Bone]]) -> str:
     shares = {
-        f"{bone.side} {name}".strip(): 100 * bone.deviation / bone.median
+        f"{name} ({bone.side})" if bone.side else name: 100 * bone.deviation / bone.median
         for name, bone in limbs
         if bone.median > 0 and np.isfinite(bone.deviation)
     }

@@ -123,8 +123,7 @@ def _connections(layout: sk.Layout | None, joints: tuple[str, ...]) -> tuple[Pai
     """Return limbs and mirror images as places among ``joints``; without a layout, names tell the sides."""
     place = {name: k for k, name in enumerate(joints)}
     if layout is None:
-        mirrored = ((name, name.replace("left", "right", 1)) for name in joints if name.startswith("left"))
-        return (), tuple((place[left], place[right]) for left, right in mirrored if right in place)
+        return (), sk.layouts.mirrored_names(joints)
     styles = (marker_names(tuple(layout.joints), style) for style in MARKER_NAMES)
     named = next((names for names in styles if set(names) <= set(joints)), None)
     if named is not None:

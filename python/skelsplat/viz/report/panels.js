@@ -115,8 +115,19 @@ function grouped(entries, titleOf, add, panelOf) {
   return [...panels.values()];
 }
 
+function nameOf(j) {
+  return scene.joints[j].replaceAll("_", " ");
+}
+
+// Without the side that the layout has for a joint.
 function plainName(j) {
-  return scene.joints[j].replace(/^(left|right)_/, "").replaceAll("_", " ");
+  return scene.sides[j] < 2 ? nameOf(j).replace(/^(left|right) /, "") : nameOf(j);
+}
+
+// A bone from one side to the other keeps both.
+function boneName({ ends }) {
+  const across = [0, 1].every((side) => ends.some((j) => scene.sides[j] === side));
+  return ends.map(across ? nameOf : plainName).join(" – ");
 }
 
 // Lengths in mm: frame by frame thin, over time thick, and the length of the whole recording with its error.
@@ -135,7 +146,7 @@ function drawBones() {
       panel.bands.push({ low: overFrames(() => length - sigma), high: overFrames(() => length + sigma), colour: own });
     }
   };
-  return drawPanels(inTime.bones, grouped(report.bones, ({ ends }) => ends.map(plainName).join(" – "), add, {}), "mm");
+  return drawPanels(inTime.bones, grouped(report.bones, boneName, add, {}), "mm");
 }
 
 function drawSpeeds() {
