@@ -81,6 +81,7 @@ def test_the_command_writes_the_calibration_and_says_what_was_adjusted(room, tmp
     assert f"Wrote 4 cameras to {out}, lengths in m." in result.stdout
     assert out.read_text().startswith("# skelsplat adjust-cameras: cam3 of old.toml adjusted by pose\n")
     assert read_calibration(out).unit == "m"
+    assert out.read_text().endswith('[metadata]\nadjusted = true\nunit = "m"\n')
     assert_fails(
         invoke(*command), 1, "fixed.toml: output: expected no file of this name (--force replaces it)"
     )
@@ -176,6 +177,19 @@ def test_doubtful_cameras_are_named_with_what_helps():
     )
     assert "skelsplat adjust-cameras --move NAME" in doubt.text
     assert Finding.from_dict(doubt.to_dict()) == doubt
+
+
+def test_changes_that_would_be_shown_as_zero_are_left_out():
+    tiny = {"shift": np.array([0.04, 0.0, 0.0]), "focal": 1.0 + 1e-6}
+    (doubt,) = found(reported(name="cam1", status="doubtful", turn=np.array([0.0, 1.3, 0.0]), **tiny))
+    assert doubt.text.startswith("cam1 (turned by 1.3°) disagrees with the other cameras")
+    tiny |= {"shift_sigma": 0.3, "focal_sigma": 0.01, "clock": -0.01}
+    (doubt,) = found(reported(name="cam1", status="doubtful", **tiny))
+    assert doubt.text.startswith("cam1 (no single change) disagrees with the other cameras")
+    shown = {"shift": np.array([0.0, 0.04, 0.0]), "shift_sigma": 0.02, "focal": 0.97, "focal_sigma": 0.004}
+    (doubt,) = found(reported(name="cam1", status="doubtful", **shown))
+    words = "moved by 0.040 ± 0.020 mm and focal length changed by -3.0 ± 0.4 %"
+    assert doubt.text.startswith(f"cam1 ({words}) disagrees with the other cameras")
 
 
 def test_what_the_recording_does_not_show_is_not_recommended():

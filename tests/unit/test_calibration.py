@@ -287,6 +287,16 @@ def test_a_file_that_this_package_wrote_states_its_unit(write, tmp_path):
         read_calibration(path, unit="mm")
 
 
+def test_a_file_states_that_cameras_were_adjusted_only_where_it_is_known(write, tmp_path):
+    """Anipose does not adjust cameras again whose file has ``adjusted = true``."""
+    path, rig = tmp_path / "copy.toml", read_calibration(write(VALID), unit="m")
+    write_calibration(path, rig)
+    assert path.read_text().endswith('\n[metadata]\nunit = "m"\n')
+    write_calibration(path, rig, adjusted=True)
+    assert path.read_text().endswith('\n[metadata]\nadjusted = true\nunit = "m"\n')
+    assert read_calibration(path).names == rig.names
+
+
 @pytest.mark.parametrize("decimals", [3, 6])
 def test_a_rotation_of_few_decimals_becomes_the_nearest(decimals):
     exact = matrix_from_vector(np.array([0.3, -1.2, 0.7]))

@@ -8,6 +8,7 @@ import pytest
 import skelsplat as sk
 from rig_case import LAYOUT, T, detections, mirrored, only, recording, replaced, rig, turned
 from skelsplat._sentences.words import percent
+from skelsplat.findings import Finding, Subject
 from skelsplat.io import sample
 from skelsplat.layouts import mirror_images
 from skelsplat.rig_check import check_rig
@@ -225,6 +226,24 @@ def test_a_moved_camera_is_named():
     )  # a turn does as well for a person in the middle of the room
     assert finding.subject.cameras == ("cam3",)
     assert finding.numbers["before_px"] > 5 * finding.numbers["after_px"]
+
+
+@pytest.mark.parametrize(
+    ("degrees", "mm", "words"),
+    [
+        (1.44, 92.3, "rotating the camera by 1.4° and moving it by 92 mm"),
+        (1.44, 0.0, "rotating the camera by 1.4°"),
+        (1.44, 0.3, "rotating the camera by 1.4°"),
+        (0.02, 92.3, "moving the camera by 92 mm"),
+        (0.02, 0.3, "rotating the camera by less than 0.1°"),
+    ],
+)
+def test_a_change_that_would_be_shown_as_zero_is_left_out(degrees, mm, words):
+    numbers = {"degrees": degrees, "mm": mm, "before_px": 9.0, "after_px": 1.0}
+    finding = Finding("camera_moved", "error", Subject(cameras=("cam1",)), numbers)
+    assert finding.text.startswith(
+        f"cam1's calibration looks wrong: {words} restores agreement (error 9.0 px"
+    )
 
 
 def test_two_faults_are_both_named():

@@ -190,6 +190,8 @@ def test_cameras_mark_rejected_and_exchanged_detections(tmp_path, figures):
     labels = [text.get_text() for legend in figures[0].legends for text in legend.get_texts()]
     assert "error ellipsoid, 2 σ" in labels
     assert "left and right exchanged" in labels
+    heads = [text.get_text() for text in figures[0].texts]
+    assert "Cameras, same frame, cropped to the pose" in heads  # of a person or an animal
 
 
 def test_a_camera_that_does_not_see_the_person_says_so(tmp_path, figures):

@@ -115,8 +115,14 @@ def _pose(numbers: Numbers, name: str) -> str:
 
 
 def _motion(numbers: Numbers, what: str) -> str:
-    moved = f" and moving it by {numbers['mm']:.0f} mm" if numbers["mm"] else ""
-    return f"rotating {what} by {numbers['degrees']:.1f}°{moved}"
+    turned, moved = f"{numbers['degrees']:.1f}°", f"{numbers['mm']:.0f} mm"
+    if moved == "0 mm":
+        return f"rotating {what} by {'less than 0.1°' if turned == '0.0°' else turned}"
+    return (
+        f"moving {what} by {moved}"
+        if turned == "0.0°"
+        else f"rotating {what} by {turned} and moving it by {moved}"
+    )
 
 
 def _briefly(numbers: Numbers) -> str:
@@ -205,23 +211,24 @@ def _adjusted(finding: Finding) -> str:
 
 def _changes(numbers: Numbers) -> list[str]:
     """Return what was changed about a camera, or is suspected, with error bars where they are known."""
-    changes = []
-    if not _is_nothing(numbers["degrees"], numbers["degrees_sigma"]):
-        changes.append(f"turned by {with_bar(numbers['degrees'], numbers['degrees_sigma'])}°")
-    if not _is_nothing(numbers["mm"], numbers["mm_sigma"]):
-        changes.append(f"moved by {with_bar(numbers['mm'], numbers['mm_sigma'])} mm")
-    if numbers["focal"] != 1.0:
-        change, sigma = 100 * (numbers["focal"] - 1), numbers["focal_sigma"]
-        bar = with_bar(change, None if sigma is None else 100 * sigma, "+")
-        changes.append(f"focal length changed by {bar} %")
-    if numbers["clock_frames"]:
-        changes.append(f"frame numbers off by {with_bar(numbers['clock_frames'], None, '+')}")
-    return changes
+    focal_sigma = None if numbers["focal_sigma"] is None else 100 * numbers["focal_sigma"]
+    changes = (
+        ("turned by", numbers["degrees"], numbers["degrees_sigma"], "°", ""),
+        ("moved by", numbers["mm"], numbers["mm_sigma"], " mm", ""),
+        ("focal length changed by", 100 * (numbers["focal"] - 1), focal_sigma, " %", "+"),
+        ("frame numbers off by", numbers["clock_frames"], None, "", "+"),
+    )
+    return [
+        f"{words} {with_bar(value, sigma, sign)}{unit}"
+        for words, value, sigma, unit, sign in changes
+        if not _is_nothing(value, sigma)
+    ]
 
 
 def _is_nothing(value: float, sigma: float | None) -> bool:
-    """Whether a change is none: not allowed, or the prior's, where it could not be measured."""
-    return value <= _NOTHING * (sigma or 0.0)
+    """Whether a change is none: not allowed, the prior's, where it could not be measured, or shown as 0."""
+    shown = with_bar(value, sigma).partition(" ")[0]
+    return abs(value) <= _NOTHING * (sigma or 0.0) or not set(shown) & set("123456789")
 
 
 def _late(finding: Finding) -> str:

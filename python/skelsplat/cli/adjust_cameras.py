@@ -102,7 +102,7 @@ def adjust_cameras(
     if found.adjusted:
         names = ", ".join(found.adjusted)
         note = f"skelsplat adjust-cameras: {names} of {source.name} adjusted by {detections.name}"
-        write_calibration(output, found.cameras, note=note)
+        write_calibration(output, found.cameras, note=note, adjusted=True)
     if as_json:
         print_json(_document(source, detections, output, found))
     elif quiet:
@@ -159,7 +159,7 @@ def _table(found: AdjustedCameras, *, focal: bool, clock: bool) -> Table:
 
 def _bar(value: float, sigma: float, sign: str = "") -> str:
     """Return a number with its error bar; a dash for what was not looked at."""
-    return with_bar(value, sigma, sign) if value or math.isfinite(sigma) else "–"
+    return with_bar(value, sigma, sign) if round(value, 1) or math.isfinite(sigma) else "–"
 
 
 def _document(source: Path, detections: Path, output: Path, found: AdjustedCameras) -> dict[str, Any]:

@@ -50,7 +50,7 @@ def write_figures(run: Run, folder: Path) -> list[str]:
     names = ["overview.png", "weights.png"]
     if outcome.config.method == "paper":
         rows = [_heatmap_row(view, frame, inputs, outcome, statistics) for view in views]
-        what = "heat maps summed over the joints (white 0, dark 1 and more), cropped to the person"
+        what = "heat maps summed over the joints (white 0, dark 1 and more), cropped to the pose"
         caption = f"Frame {inputs.frames[frame]}: {what}"
         viz.write_heatmaps(folder / "heatmaps.png", rows, skeleton=skeleton, caption=caption)
         names.append("heatmaps.png")

@@ -81,7 +81,7 @@ def write_overview(path: str | os.PathLike[str], data: OverviewData, *, skeleton
         shown = (
             f"{len(panels)} of {len(data.panels)} cameras" if len(panels) < len(data.panels) else "Cameras"
         )
-        _style.heading(figure, below - 0.08, f"{shown}, same frame, cropped to the person")
+        _style.heading(figure, below - 0.08, f"{shown}, same frame, cropped to the pose")
         _legend(figure, 0.2, below - 0.3, _panel_entries(panels))
     return _style.save_png(figure, path)
 

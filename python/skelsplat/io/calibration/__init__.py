@@ -277,7 +277,12 @@ def convert_unit(rig: sk.CameraRig, unit: str) -> sk.CameraRig:
 
 
 def write_calibration(
-    path: str | os.PathLike[str], rig: sk.CameraRig, *, format: str | None = None, note: str | None = None
+    path: str | os.PathLike[str],
+    rig: sk.CameraRig,
+    *,
+    format: str | None = None,
+    note: str | None = None,
+    adjusted: bool = False,
 ) -> None:
     """Write `rig` as Anipose TOML, which Pose2Sim, FreeMoCap and Caliscope also read, or as JSON or npz.
 
@@ -297,6 +302,9 @@ def write_calibration(
     note : str, optional
         Where the cameras come from: the first line of TOML, a comment; ``"note"`` in JSON and npz. It is not
         read again.
+    adjusted : bool
+        In TOML, states that detections of a recording adjusted these cameras, so that Anipose does not adjust
+        them again (`skelsplat.run.adjust_cameras`).
 
     Raises
     ------
@@ -315,5 +323,5 @@ def write_calibration(
             noted: dict[str, Any] = {} if note is None else {"note": np.array(note)}
             np.savez(stream, **_json.to_arrays(rig), **noted)
     else:
-        write = _json.to_json if chosen == "json" else _toml.to_toml
-        atomic_write_text(path, write(rig, note))
+        text = _json.to_json(rig, note) if chosen == "json" else _toml.to_toml(rig, note, adjusted=adjusted)
+        atomic_write_text(path, text)

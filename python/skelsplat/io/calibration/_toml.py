@@ -201,11 +201,15 @@ def _caliscope_camera(entry: Field) -> RawCamera:
     )
 
 
-def to_toml(rig: sk.CameraRig, note: str | None = None) -> str:
-    """Return a rig as Anipose's TOML, with a note as its first line."""
+def to_toml(rig: sk.CameraRig, note: str | None = None, *, adjusted: bool = False) -> str:
+    """Return a rig as Anipose's TOML, with a note as its first line.
+
+    ``adjusted`` is Anipose's mark of cameras that detections of a recording have adjusted; otherwise unknown.
+    """
     digits = len(str(len(rig) - 1))  # equal lengths, because Anipose sorts tables by name
     tables = [_table(f"cam_{index:0{digits}d}", camera) for index, camera in enumerate(rig)]
-    metadata = f'[metadata]\nadjusted = false\nerror = 0.0\nunit = "{rig.unit}"\n'
+    mark = "adjusted = true\n" if adjusted else ""
+    metadata = f'[metadata]\n{mark}unit = "{rig.unit}"\n'
     return "\n".join([*([] if note is None else [f"# {' '.join(note.split())}\n"]), *tables, metadata])
 
 
