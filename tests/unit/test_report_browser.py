@@ -377,6 +377,39 @@ def test_bone_lengths_and_speeds_are_drawn_by_name_with_both_sides(visit):
     np.testing.assert_allclose(speeds[1], 1.5, rtol=1e-4)
 
 
+def with_bands():
+    """Build a report of an angle of both sides; the left one has gaps, and a frame without an error bar."""
+    left, right = np.linspace(10.0, 30.0, 40), np.linspace(20.0, 5.0, 40)
+    left[[10, 11]] = np.nan
+    sigma = np.full(40, 2.0)
+    sigma[20], sigma[30] = np.nan, 900.0  # hardly determined
+    curves = [("left", "left", left), ("right", "right", right)]
+    lines = [report.TimeLines("Knee flexion", "°", curves, sigmas=[sigma, np.full(40, 1.234)])]
+    return report_data(lines=lines)
+
+
+def test_error_bars_of_curves_are_bands_around_every_stretch(visit):
+    page = visit(with_bands)
+    band, left, other, right = page.evaluate(
+        "charts.lines.data.map(({ x, y, text, fill, line }) => ({ x, y, text, fill, width: line.width }))"
+    )
+    assert [one.get("fill") for one in (band, left, other, right)] == ["toself", None, "toself", None]
+    assert band["width"] == 0
+    ends = [k for k, x in enumerate(band["x"]) if x is None]
+    assert np.diff([-1, *ends]).tolist() == [2 * count + 1 for count in (10, 8, 19)]
+    assert band["x"][:2] + band["x"][18:20] == [100, 101, 101, 100]
+    assert band["y"][0] == pytest.approx(8.0)
+    assert band["y"][19] == pytest.approx(12.0)
+    assert (left["text"][0], left["text"][20], right["text"][0]) == (" ± 2", "", " ± 1.2")
+    low, high = page.evaluate("charts.lines.layout.yaxis.range")
+    # from 0, which all angles have, to the end of the bands and a twentieth; not to that of 900°
+    assert low == 0
+    assert high == pytest.approx(32.0 + 0.05 * (32.0 - (5.0 - 1.234)))
+    assert "Knee flexion [°] (bands: error bars, 1 σ)" in page.evaluate(
+        "charts.lines.layout.annotations.map(({ text }) => text)"
+    )
+
+
 @pytest.mark.parametrize("data", [in_time, report_data])
 def test_the_trajectory_of_the_chosen_joint_has_its_band(visit, data):
     page = visit(data)

@@ -11,6 +11,7 @@ import pytest
 
 import skelsplat as sk
 from command_line import READ, RESULTS, assert_fails, invoke, read_report, texts
+from report_page import data_of, numbers
 from skelsplat.cli import plot
 from skelsplat.io import read_npz, write_npz
 from skelsplat.run import Run
@@ -94,6 +95,25 @@ def test_the_page_has_a_curve_per_side(with_angles):
     assert '"title":"Knee flexion","unit":"\\u00b0","curves":[{"name":"left","colour":"left"' in page
     assert '"title":"Trunk inclination"' in page
     assert "Joint angles have the colours of the sides" in page
+
+
+def test_the_page_has_the_error_bars_of_the_angles(with_angles):
+    page = (with_angles / "report.html").read_text()
+    lines = {line["title"]: line for line in data_of(page)["lines"]}
+    with np.load(with_angles / "angles.npz") as stored:
+        names = stored["names"].tolist()
+        for title, name in (
+            ("Knee flexion", "right_knee_flexion"),
+            ("Trunk inclination", "trunk_inclination"),
+        ):
+            curve, k = lines[title]["curves"][-1], names.index(name)
+            np.testing.assert_array_equal(
+                numbers(curve["values"], "<f4"), np.float32(stored["degrees"][:, k])
+            )
+            np.testing.assert_array_equal(numbers(curve["sigma"], "<f4"), np.float32(stored["sigma"][:, k]))
+            assert np.isfinite(stored["sigma"][:, k]).all()
+    assert "their bands are error bars, one standard deviation" in page
+    assert not any("sigma" in curve for curve in lines["Median reprojection error"]["curves"])
 
 
 @pytest.mark.usefixtures("no_pictures")

@@ -42,8 +42,9 @@ _SHARED = (
     ("swapped", MEANINGS["swapped"]),
 )
 _ANGLES = (
-    "Joint angles have the colours of the sides of the body in the 3D view. All are 0 in upright standing "
-    "with the arms hanging; angles.csv has their error bars, and the guide on joint angles their definitions."
+    "Joint angles have the colours of the sides of the body in the 3D view; their bands are error bars, one "
+    "standard deviation. All are 0 in upright standing with the arms hanging; the guide on joint angles has "
+    "their definitions."
 )
 _BIASED = (
     "Error bar: one standard deviation per axis against an anatomical joint. It contains the scatter, what "
@@ -299,7 +300,12 @@ def _angle_lines(run: Run) -> list[page.TimeLines]:
         return []
     found = angles_of(run)
     return [
-        TimeLines(title, "°", [(side, side or "middle", found.degrees[:, k]) for side, k in sides])
+        TimeLines(
+            title,
+            "°",
+            [(side, side or "middle", found.degrees[:, k]) for side, k in sides],
+            sigmas=[found.sigma[:, k] for _, k in sides],
+        )
         for title, sides in by_title(found.names).items()
     ]
 

@@ -21,6 +21,7 @@ from skelsplat._json import plain
 from skelsplat._optional import require
 from skelsplat.viz._skeleton import not_ok_in_words
 from skelsplat.viz.report._scene import as_text, thin_line
+from skelsplat.viz.trajectories import limits
 
 Problem = tuple[int, int, str]
 
@@ -69,6 +70,7 @@ class TimeLines(ArrayFields):
     unit: str
     curves: Sequence[tuple[str, str, Array]]  # name, name of the colour in the style, values (T,)
     peaks: bool = False  # as of `TimeLine`
+    sigmas: Sequence[Array] = ()  # of each curve the standard deviations (T,), as a band; NaN where unknown
 
 
 def assemble(programs: Sequence[str], content: dict[str, Any], **texts: str) -> str:
@@ -107,7 +109,7 @@ def _policy(programs: list[str]) -> str:
 
 def packed_line(line: TimeLine | TimeLines, places: Index) -> dict[str, Any]:
     """Return a curve, or several, at ``places`` for the page."""
-    return {
+    packed: dict[str, Any] = {
         "title": line.title,
         "unit": line.unit,
         "curves": [
@@ -119,6 +121,15 @@ def packed_line(line: TimeLine | TimeLines, places: Index) -> dict[str, Any]:
             for name, colour, values in line.curves
         ],
     }
+    if isinstance(line, TimeLines) and line.sigmas:
+        values, sigmas = (
+            np.stack([one[places] for one in each]) for each in ([c[2] for c in line.curves], line.sigmas)
+        )
+        for curve, sigma in zip(packed["curves"], sigmas, strict=True):
+            curve["sigma"] = as_text(sigma, "<f4")
+        low, high = limits(values, sigmas / 2, np.full(values.shape, np.nan))  # which are of two σ
+        packed["range"] = [min(low, 0.0), max(high, 0.0)]
+    return packed
 
 
 def thinned(count: int, shown: int, every: int, whole: str = "Tables and heat map") -> list[str]:

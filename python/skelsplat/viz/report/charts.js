@@ -35,16 +35,21 @@ function drawLines() {
     const top = 1 - (bars.height + k * ROW + LINE.top) / inside;
     layout[`yaxis${k ? k + 1 : ""}`] = {
       domain: [top - LINE.height / inside, top], gridcolor: colour("line"), zeroline: false,
-      rangemode: "tozero", nticks: 4, fixedrange: true,
+      rangemode: "tozero", range: line.range, nticks: 4, fixedrange: true,
     };
     const unit = line.unit ? ` [${line.unit}]` : "";
     const grey = line.curves.find((curve) => curve.colour === "start");
-    write(`${escaped(line.title)}${unit}${grey && charts.lines.clientWidth > 520 ? ` (grey: ${escaped(grey.name)})` : ""}`, top);
-    for (const { name, colour: own, values } of line.curves) {
+    const meaning = grey ? ` (grey: ${escaped(grey.name)})` : line.curves.some(({ sigma }) => sigma) ? " (bands: error bars, 1 σ)" : "";
+    write(`${escaped(line.title)}${unit}${charts.lines.clientWidth > 520 ? meaning : ""}`, top);
+    for (const { name, colour: own, values, sigma } of line.curves) {
       const words = own === "start" || !name ? "" : `, ${escaped(name)}`;
+      const [y, sigmas, yaxis] = [floatsOf(values), sigma && floatsOf(sigma), k ? `y${k + 1}` : "y"];
+      if (sigma) drawn.push({ ...bandOf(frames, y, sigmas), yaxis, fillcolor: faint(colour(own)) });
       drawn.push({
-        x: frames, y: floatsOf(values), yaxis: k ? `y${k + 1}` : "y", mode, marker: { size: 4 }, type: "scatter",
-        line: { color: colour(own), width: own === "start" ? 1 : 1.5 }, hovertemplate: `%{y:.3~g} ${line.unit}${words}<extra></extra>`,
+        x: frames, y, yaxis, mode, marker: { size: 4 }, type: "scatter",
+        text: sigmas?.map((one) => (Number.isFinite(one) ? ` ± ${Number(one.toPrecision(2))}` : "")),
+        line: { color: colour(own), width: own === "start" ? 1 : 1.5 },
+        hovertemplate: `%{y:.3~g}${sigma ? "%{text}" : ""} ${line.unit}${words}<extra></extra>`,
       });
     }
   });
@@ -53,6 +58,28 @@ function drawLines() {
     write(bars.title, 1 - LINE.top / inside);
   }
   return Plotly.react(charts.lines, drawn, layout, { ...CONFIG, scrollZoom: false, displayModeBar: false });
+}
+
+// One standard deviation on either side of a curve: a closed outline around every stretch of frames that has both.
+function bandOf(x, y, sigmas) {
+  const outline = { x: [], y: [] };
+  let stretch = [];
+  const close = () => {
+    const back = [...stretch].reverse();
+    outline.x.push(...stretch.map((t) => x[t]), ...back.map((t) => x[t]), null);
+    outline.y.push(...stretch.map((t) => y[t] - sigmas[t]), ...back.map((t) => y[t] + sigmas[t]), null);
+    stretch = [];
+  };
+  x.forEach((_, t) => {
+    if (y[t] !== null && Number.isFinite(sigmas[t])) stretch.push(t);
+    else if (stretch.length) close();
+  });
+  if (stretch.length) close();
+  return { ...outline, type: "scatter", mode: "lines", line: { width: 0 }, fill: "toself", hoverinfo: "skip" };
+}
+
+function faint(hex) {
+  return `${hex}38`;
 }
 
 // A row per person: a bar while they are there, pale where few views see them.

@@ -40,10 +40,6 @@ function drawPanels(div, panels, unit) {
   return Plotly.react(div, traces, layout, { ...CONFIG, scrollZoom: false, displayModeBar: false });
 }
 
-function faint(hex) {
-  return `${hex}38`;
-}
-
 // The range of all lines but for their outermost frames, and of the bands; thin lines widen it by so much at most.
 function panelRange(panel) {
   const thick = panel.lines.filter(({ opacity }) => opacity === undefined);
