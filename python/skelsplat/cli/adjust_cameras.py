@@ -83,7 +83,7 @@ def adjust_cameras(
 ) -> None:
     """Adjust the cameras that were turned or moved since the calibration, from a recording.
 
-    The detections of one person walking about, read like those of refine, show
+    The detections of people walking about, read like those of refine, show
     which cameras are wrong and by how much. The other cameras, more than half,
     stay exactly as they are. Where the recording does not tell which camera is
     wrong, none is adjusted.

@@ -30,7 +30,7 @@ _Detections = Annotated[
     typer.Argument(
         readable=False,
         metavar="DETECTIONS",
-        help="Detections of one person walking about. In any form that refine reads: a folder with one "
+        help="Detections of people walking about. In any form that refine reads: a folder with one "
         "folder or file per camera, named like the camera, or one file. Without them, only the calibration "
         "itself is checked.",
         show_default=False,
@@ -55,7 +55,7 @@ def check_cameras(
 ) -> None:
     """Find faults in a calibration: wrong unit, swapped, rotated or unsynchronised cameras.
 
-    With the detections of one person walking about, every camera is compared
+    With the detections of people walking about, every camera is compared
     with the other cameras. Detections are read like those of refine. With --json,
     the remedy of a finding lists the options of refine that correct it; a
     camera's best_offset is by how many frames its numbers are too high,
@@ -85,7 +85,7 @@ def check_cameras(
     else:
         _print(found, quiet=quiet)
         if adjust and not quiet:
-            say("Adjust the cameras in a new calibration file with:")
+            say("To measure the faults, and correct those that are sure in a new calibration file:")
             say(f"  {adjust}")  # on one line, to be pasted
     if not found.report.ok:
         raise typer.Exit(1)
@@ -119,7 +119,7 @@ def _nothing(rig: sk.CameraRig, found: DetectionSet | None) -> str:
 
 def _table(report: RigReport) -> Table:
     columns = ("vs.\nothers", "--offset", "DLT", "robust", "weight", "rejected", "detections")
-    table = new_table("Distance of the detections from the person [px], medians", "camera", columns)
+    table = new_table("Distance of the detections from the joints [px], medians", "camera", columns)
     for row in report.cameras:
         offset = "" if row.offset_option is None else f"{row.offset_option}: {row.best_offset_px:.1f}"
         share = f"{100 * row.rejected:.0f}%" if math.isfinite(row.rejected) else "–"

@@ -89,7 +89,7 @@ def calibration_arguments(
 def recording_arguments(
     *,
     layout: options.LayoutName = None,
-    person: options.Entry = "consistent",
+    person: options.Entry = "everybody",
     frames: options.Frames = "union",
     format: options.Format = None,
     offset: options.Offset = None,

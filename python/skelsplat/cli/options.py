@@ -159,8 +159,9 @@ Entry = Annotated[
     option(
         _INPUT,
         metavar="WHO",
-        help="Person to compare. consistent: the person the views agree on; largest: the largest in each "
-        "image; N: entry N of each file, from 0.",
+        help="By whom the cameras are judged. everybody: all on whom three views agree; consistent: only the "
+        "person on whom they agree best; largest: the largest in each image; N: entry N of each file, "
+        "from 0.",
     ),
 ]
 Frames = Annotated[
@@ -195,7 +196,7 @@ AdjustCameras = Annotated[
     flag(
         _INPUT,
         "--adjust-cameras",
-        help="First adjust the cameras that were turned or moved since the calibration. The person the views "
+        help="First adjust the cameras that were turned or moved since the calibration. Everybody the views "
         "agree on shows which; cameras.json has them. skelsplat adjust-cameras writes a calibration.",
     ),
 ]

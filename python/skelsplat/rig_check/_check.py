@@ -15,10 +15,11 @@ from skelsplat.association import with_confidences
 from skelsplat.exceptions import InvalidInputError
 from skelsplat.findings import Finding, Subject
 from skelsplat.rig_check._causes import explain, once_corrected
+from skelsplat.rig_check._everybody import scene_of_everybody
 from skelsplat.rig_check._files import correct_files
 from skelsplat.rig_check._geometry import check_geometry
 from skelsplat.rig_check._report import ReadAs, RigReport, rows_of, solved, with_remedies
-from skelsplat.rig_check._scene import Scene, follow, in_mm, named, scene_of
+from skelsplat.rig_check._scene import Scene, follow, in_mm, named
 from skelsplat.rig_check._world import check_unit, find_convention
 
 # A camera whose detections are rejected this often, and this many times as often as the others', in so many
@@ -60,8 +61,8 @@ def check_rig(
     ----------
     rig : CameraRig
     people : (T, M, P, N, 3) or (T, M, N, 2 | 3), optional
-        Detections, pixels and confidence; NaN where nobody or nothing is. Of several people the one is judged
-        on whom the views agree.
+        Detections, pixels and confidence; NaN where nobody or nothing is. Of several people, all count on
+        whom three views agree.
     frames : (T,) int, optional
         Frame numbers, ascending; 0, 1, … when left out.
     layout : str or Layout, optional
@@ -112,7 +113,7 @@ def _with_detections(
     given = follow(cameras, people, layout)
     if not np.isfinite(given).any():
         return RigReport((*findings, Finding("detections_none", "error")))
-    as_given = scene_of(cameras, given, frames)
+    as_given = scene_of_everybody(cameras, people, frames, layout)
     files = correct_files(cameras, people, layout)
     earlier = list(files.findings)
     if earlier:
@@ -121,7 +122,8 @@ def _with_detections(
         cameras = in_mm(sk.CameraRig(list(rig), unit=likely))
     if any(finding.kind == "images_changed" for finding in earlier):
         findings = [finding for finding in findings if finding.kind != "detections_outside"]
-    causes, corrected = explain(scene_of(cameras, given, frames), earlier, layout)
+    scene = scene_of_everybody(cameras, files.people, frames, layout) if earlier else as_given
+    causes, corrected = explain(scene, earlier, layout)
     recording = _check_recording(causes, corrected)
     if recording is not None:  # what single cameras or their order would explain is chance then
         return RigReport((recording, *findings), tuple(rows_of(as_given, as_given)))

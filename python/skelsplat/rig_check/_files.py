@@ -194,14 +194,16 @@ def find_exchange(
 
 
 def _is_right(before: Scene, after: Scene, order: tuple[int, ...]) -> bool:
-    """Whether an order sets everything right, or at least all the cameras that it exchanges."""
-    if after.disagreement < _BETTER * before.disagreement:
-        return True
+    """Whether an order sets everything right, or at least all the cameras that it exchanges.
+
+    In a symmetric rig, cameras exchanged in turn agree as well as before, but for one that sees strangers.
+    """
     moved = [i for i, folder in enumerate(order) if folder != i]
-    return bool(
-        after.disagreement < min(_RATHER * before.disagreement, 2 * gross_px(before))
-        and (after.left_out[moved] < _HALF * before.left_out[moved]).all()
-    )
+    old, new = before.left_out[moved], after.left_out[moved]
+    if after.disagreement < _BETTER * before.disagreement:
+        return not (new >= _RATHER * old).any()  # NaN, a camera that saw nobody, does not count
+    allowed = min(_RATHER * before.disagreement, 2 * gross_px(before))
+    return bool(after.disagreement < allowed and (new < _HALF * old).all())
 
 
 def _orders(suspects: list[int], count: int) -> Iterator[tuple[int, ...]]:

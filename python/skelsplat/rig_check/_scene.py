@@ -22,7 +22,7 @@ _FEW_FRAMES = 30
 # a search.
 _GROSS = 0.012
 # A camera in which the chosen person is found in fewer frames is judged by whoever is there.
-_LOST = 0.2
+LOST = 0.2
 
 
 @dataclass(frozen=True)
@@ -197,8 +197,13 @@ def follow_person(cameras: Sequence[sk.Camera], people: Array, layout: sk.Layout
         return people[:, :, 0]
     chosen, index = choose_person(people, cameras, layout=layout)
     places = extents(people).argmax(axis=2)
-    there = np.isfinite(people[..., 0]).any(axis=(2, 3))
-    found = (index >= 0).sum(axis=0) / np.maximum(there.sum(axis=0), 1)
     fallback = np.take_along_axis(people, places[:, :, None, None, None], axis=2)[:, :, 0]
-    lost = found < _LOST
+    lost = found_in(people, index) < LOST
     return np.where(lost[None, :, None, None], fallback, chosen)
+
+
+def found_in(people: Array, index: Index) -> Array:
+    """Return in which part of the frames in which a camera sees people it sees this one, (M,)."""
+    there = np.isfinite(people[..., 0]).any(axis=(2, 3))
+    share: Array = (index >= 0).sum(axis=0) / np.maximum(there.sum(axis=0), 1)
+    return share

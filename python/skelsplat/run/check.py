@@ -12,7 +12,7 @@ from skelsplat.association import take_people
 from skelsplat.findings import collected_warnings
 from skelsplat.io import DetectionSet
 from skelsplat.rig_check import ReadAs, RigReport, check_rig
-from skelsplat.run.person import check_slot, pick_places
+from skelsplat.run.person import EVERYBODY, check_slot, pick_places
 from skelsplat.run.read import leave_out, named_offsets, open_recording, read_rig
 
 
@@ -31,7 +31,7 @@ def check_cameras(
     *,
     read: Mapping[str, Any] | None = None,
     without: Sequence[str] = (),
-    person: str = "consistent",
+    person: str = "everybody",
     **given: Any,
 ) -> CameraCheck:
     """Read a calibration, and detections if there are any, and find what is wrong with the cameras.
@@ -45,8 +45,9 @@ def check_cameras(
     without
         As of `skelsplat.run.Job`.
     person
-        ``"consistent"``: the person the views agree on; ``"largest"``: the largest in each image; a number:
-        the one at that index in each file, from 0.
+        ``"everybody"``: all on whom three views agree; ``"consistent"``: only the person on whom the views
+        agree best; ``"largest"``: the largest in each image; a number: the one at that index in each file,
+        from 0.
     **given
         Further arguments of `skelsplat.io.detections.read_detections`.
 
@@ -71,7 +72,7 @@ def check_cameras(
             offsets = named_offsets(opened.every, given.get("offsets", {}))
             read_as = ReadAs(found.labels, offsets, found.uneven)
             people, layout = found.people, found.skeleton
-            if person != "consistent":  # whom `check_rig` finds on its own
+            if person != EVERYBODY:  # whom `check_rig` finds on its own
                 people = take_people(people, pick_places(people, rig, person, layout)[0])
             report = check_rig(rig, people, frames=found.frames, layout=layout, read_as=read_as)
     # detections judge the unit better than cameras

@@ -16,6 +16,8 @@ from skelsplat.findings import warn
 
 # Choices that need no frame rate, and one that needs people followed over time.
 BY_FRAME, MOVES_MOST = ("consistent", "largest"), "moves-most"
+# By whom cameras are judged, unless by one of them.
+EVERYBODY = "everybody"
 # A person counts as detected with this many joints of this confidence; others are not considered.
 _MIN_JOINTS, _MIN_CONFIDENCE = 4, 0.2
 # Share of the frames with several people in two views or more from which these people are examined.
@@ -48,9 +50,10 @@ def check_person(person: str | int) -> None:
 
 
 def check_slot(person: str) -> None:
-    """Raise `InvalidInputError` unless it is a choice that each frame allows by itself."""
-    if person not in BY_FRAME and not person.isdecimal():
-        raise sk.InvalidInputError(f"person: expected {', '.join(BY_FRAME)} or a number, got {person!r}")
+    """Raise `InvalidInputError` unless it is everybody, or a choice that each frame allows by itself."""
+    choices = (EVERYBODY, *BY_FRAME)
+    if person not in choices and not person.isdecimal():
+        raise sk.InvalidInputError(f"person: expected {', '.join(choices)} or a number, got {person!r}")
 
 
 def point_of(person: str | int) -> tuple[str, float, float] | None:

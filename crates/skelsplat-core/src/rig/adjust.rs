@@ -30,9 +30,10 @@ const LEAST_DIVIDED: usize = 10;
 /// A change that a search was sure of is confirmed on all frames from this surety on.
 const CONFIRMED: f64 = 2.0;
 /// A change explains its camera where the distance of its detections in frames that were left out is at most this multiple of the
-/// median of the other cameras', or this part of the one before.
+/// median of the other cameras', or this part of the one before and of the image's diagonal: what poor detections are off.
 const ALIKE: f64 = 2.0;
 const NEARER: f64 = 0.85;
+const POOR: f64 = 0.012;
 /// Clocks explain these frames better from this many standard errors over joints on.
 const BETTER: f64 = 0.5;
 /// Solutions with kernels that follow the noise.
@@ -149,7 +150,10 @@ impl Task<'_> {
             let change = Change::between(&self.given[i], &rig.cameras[i]);
             let sure = surety(&rig.judged, &free, i, *freedom, &change);
             let others = (0..after.len()).filter(|k| *k != i).map(|k| after[k]).collect();
-            let unexplained = after[i] > ALIKE * median(others) && after[i] > NEARER * before[i];
+            let size = self.given[i].camera.size().map(f64::from);
+            let poor = POOR * size[0].hypot(size[1]);
+            let unexplained =
+                after[i] > ALIKE * median(others) && after[i] > (NEARER * before[i]).min(poor);
             let worse = match freedom.turn || freedom.shift || freedom.focal {
                 true => after[i] > before[i],
                 false => !*keeps_better_time,
