@@ -2,10 +2,10 @@
 
     python benchmarks/rig_people.py [--people 3] [--views 4] [--takes 20]
 
-Simulated: people who cross, circle and pass each other for 200 frames at 30 Hz (`skelsplat.synthetic.
-simulate_scene`), in a room whose cameras are not all alike, one of them turned or moved in a random direction,
-or late. Nothing tells the method who is who, nor which camera. `one` is ``--person consistent`` of `skelsplat
-adjust-cameras`, `all` its default.
+Simulated: people who cross, circle and pass each other for 200 frames at 30 Hz (`simulate_scene`), in a room
+with cameras at several heights, one of them turned or moved in a random direction, or late. Nothing tells the
+method who is who, nor which camera. `one` is ``--person consistent`` of `skelsplat adjust-cameras`, `all` its
+default.
 
 set right: the faulty camera alone is adjusted (or late), and at most a tenth of the fault or twice the error
 bar is left. beyond: more is. doubt: it is among the doubtful, or the person in it is not found. refused:

@@ -32,7 +32,8 @@ class CameraAdjustment:
     name : str
     status : str
         ``"sound"``: it stays as it is; ``"adjusted"``: it was set right; ``"late"``: its clock is off, and
-        clocks were not to be adjusted; ``"doubtful"``: it or another doubtful camera is wrong, and the
+        clocks were not to be adjusted (of one that was turned or moved as well, ``clock`` says so);
+        ``"doubtful"``: it or another doubtful camera is wrong, and the
         detections do not tell which, or by how much, so that all of them stay; ``"unseen"``: it sees too
         little to say, or is one of two cameras, of which the detections do not tell which is wrong.
     turn : (3,) float64
@@ -141,7 +142,8 @@ def adjust_cameras(
     Parameters
     ----------
     detections : (T, M, N, 2|3)
-        Of one person or animal who moves about: the frames in order, NaN where missing.
+        Of one person or animal who moves about: the frames in order, NaN where missing. Of several people,
+        one after another, with 31 empty frames between them (`skelsplat.run.adjust` tells them apart).
     cameras : CameraRig or sequence of Camera
     free : sequence of str or int, optional
         Names or numbers of the cameras that are wrong, in place of finding them; at least one must stay.

@@ -231,7 +231,7 @@ def test_check_cameras_ends_with_the_command_that_corrects_them(room, tmp_path, 
     result = invoke(*command)
     assert result.exit_code == 1
     *_, introduction, line = result.stdout.splitlines()
-    assert introduction == "Adjust the cameras in a new calibration file with:"
+    assert introduction == "To measure this, and correct what is sure in a new calibration file:"
     assert "Correct it in refine with:\n  --adjust-cameras\n" in result.stdout
     words = shlex.split(line)
     assert words[:2] == ["skelsplat", "adjust-cameras"]

@@ -393,5 +393,7 @@ def test_the_person_is_chosen_as_in_refine(room, tmp_path):
         assert min(row["left_out_px"] for row in report["cameras"]) > 20
     assert_fails(invoke(*command, "--person", "2"), 2, "--person: expected less than 2", "got 2")
     assert_fails(
-        invoke(*command, "--person", "tall"), 2, "--person: expected consistent, largest or a number"
+        invoke(*command, "--person", "tall"),
+        2,
+        "--person: expected everybody, consistent, largest or a number",
     )

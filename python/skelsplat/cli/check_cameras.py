@@ -85,7 +85,7 @@ def check_cameras(
     else:
         _print(found, quiet=quiet)
         if adjust and not quiet:
-            say("To measure the faults, and correct those that are sure in a new calibration file:")
+            say("To measure this, and correct what is sure in a new calibration file:")
             say(f"  {adjust}")  # on one line, to be pasted
     if not found.report.ok:
         raise typer.Exit(1)

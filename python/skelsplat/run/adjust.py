@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -13,13 +13,11 @@ import skelsplat as sk
 from skelsplat._arrays import Array, Index
 from skelsplat._clocks import parted, rounded
 from skelsplat.association import take_people
-from skelsplat.cameras import altered, matrix_from_vector
 from skelsplat.exceptions import DatasetError
 from skelsplat.findings import Finding, Remedy, Severity, Subject, collected_warnings, warn
 from skelsplat.io.detections import cameras_called
 from skelsplat.rig_check import ReadAs, check_rig
-from skelsplat.rig_check._everybody import everybody, followed, one_after_another, several
-from skelsplat.rig_check._scene import in_mm
+from skelsplat.run.by_everybody import adjust_by_everybody
 from skelsplat.run.job import Job
 from skelsplat.run.person import EVERYBODY, check_slot, pick_places
 from skelsplat.run.read import Inputs, named_offsets, open_recording, read_everybody
@@ -29,8 +27,6 @@ from skelsplat.run.solve import spread
 _MOST_EMPTY = 8
 # Multiples of its error bar from which a clock is off.
 _SHOWN = 4.0
-# How often people are told apart anew with other cameras.
-_ROUNDS = 3
 
 
 @dataclass(frozen=True)
@@ -172,60 +168,18 @@ def adjusted(
     steps = scene.frames - scene.frames[0]
     step = int(np.gcd.reduce(steps)) or 1
     places = steps // step
-    even = places[-1] < _MOST_EMPTY * len(places)
+    people = scene.people
+    if places[-1] < _MOST_EMPTY * len(places):
+        people = spread(people, places)
 
-    def solved(people: Sequence[Array]) -> sk.RigAdjustment:
-        each = [spread(one, places) if even else one for one in people]
-        return sk.adjust_cameras(one_after_another(each), scene.rig, free=free, focal=focal, clock=clock)
+    def solve(person: Array) -> sk.RigAdjustment:
+        return sk.adjust_cameras(person, scene.rig, free=free, focal=focal, clock=clock)
 
-    found = _by_everybody(scene, solved)
+    found = adjust_by_everybody(scene.rig, people, scene.layout, solve)
     report = tuple(
         replace(one, clock=one.clock * step, clock_sigma=one.clock_sigma * step) for one in found.report
     )
     return replace(found, report=report)
-
-
-def _by_everybody(scene: Scene, solved: Callable[[Sequence[Array]], sk.RigAdjustment]) -> sk.RigAdjustment:
-    """Adjust cameras by everybody whom the views agree on.
-
-    A camera that is far off sees other people in their places. Once it is known where it may be, those are
-    told apart anew, and the cameras are adjusted by them.
-    """
-    people, layout = scene.people, scene.layout
-    everyone = followed(in_mm(scene.rig), people, layout)
-    found = solved(everyone)
-    for _ in range(_ROUNDS if several(scene.rig, people) else 0):
-        supposed = _supposed(scene.rig, found)
-        if supposed is None:
-            break
-        before, everyone = everyone, everybody(in_mm(supposed), people, layout)
-        if _same(everyone, before):
-            break
-        found = solved(everyone)
-    return found
-
-
-def _supposed(rig: sk.CameraRig, found: sk.RigAdjustment) -> sk.CameraRig | None:
-    """Return the cameras with all changes that are shown or, of one camera, suspected; None if there is none.
-
-    Of two suspected cameras one is sound.
-    """
-    doubtful = found.of("doubtful")
-    if len(doubtful) > 1 or not (doubtful or found.of("adjusted", "late")):
-        return None
-    cameras = list(found.cameras)
-    for one in doubtful:
-        i = rig.names.index(one.name)
-        turned = matrix_from_vector(np.radians(one.turn)) @ rig[i].R
-        cameras[i] = altered(rig[i], R=turned, t=-turned @ (rig[i].centre + one.shift))
-    return sk.CameraRig(cameras, rig.unit)
-
-
-def _same(some: Sequence[Array], others: Sequence[Array]) -> bool:
-    """Whether the detections are those of the same people."""
-    return len(some) == len(others) and all(
-        np.array_equal(a, b, equal_nan=True) for a, b in zip(some, others, strict=True)
-    )
 
 
 def findings_of(

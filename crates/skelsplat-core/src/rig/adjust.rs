@@ -313,7 +313,7 @@ impl Task<'_> {
         let change = now(&found.rig);
         let freedom = found.rig.freedom[i];
         let status = match freedom.any() {
-            true if freedom.clock && !self.what.clock => CameraStatus::Late,
+            true if freedom == Freedom::CLOCK && !self.what.clock => CameraStatus::Late,
             true => CameraStatus::Adjusted,
             false if self.given.len() == 2 || self.is_unseen(i) => CameraStatus::Unseen,
             false => CameraStatus::Sound,
