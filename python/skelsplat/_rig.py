@@ -32,10 +32,10 @@ class CameraAdjustment:
     name : str
     status : str
         ``"sound"``: it stays as it is; ``"adjusted"``: it was set right; ``"late"``: its clock is off, and
-        clocks were not to be adjusted (of one that was turned or moved as well, ``clock`` says so);
-        ``"doubtful"``: it or another doubtful camera is wrong, and the
-        detections do not tell which, or by how much, so that all of them stay; ``"unseen"``: it sees too
-        little to say, or is one of two cameras, of which the detections do not tell which is wrong.
+        clocks were not to be adjusted (if it was turned or moved as well, it is adjusted, and ``clock`` says
+        so); ``"doubtful"``: it or another doubtful camera is wrong, and the detections do not tell which, or
+        by how much, so that all of them stay; ``"unseen"``: it sees too little to say, or is one of two
+        cameras, of which the detections do not tell which is wrong.
     turn : (3,) float64
         Rotation vector from the given orientation to the new one about the camera's x, y, z axes, degrees.
         Of a doubtful camera, this and the following are what it is suspected of.
