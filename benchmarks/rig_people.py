@@ -8,8 +8,9 @@ method who is who, nor which camera. `one` is ``--person consistent`` of `skelsp
 default.
 
 set right: the faulty camera alone is adjusted (or late), and at most a tenth of the fault or twice the error
-bar is left. beyond: more is. doubt: it is among the doubtful, or the person in it is not found. refused:
-another fault is reported. wrong: a sound camera was changed. left, error bar: medians, degrees, mm or frames.
+bar is left. beyond: more is. doubt: it is doubtful, or not judged. within: nothing is found, and the fault is
+at most twice the error bar. missed: it is more. refused: another fault is reported. wrong: a sound camera was
+changed. left, error bar: medians, degrees, mm or frames.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from collections import Counter
 import _one_core  # noqa: F401  before numpy
 import common
 import numpy as np
-from rig import NOTHING, error_bars, errors, spoilt
+from rig import NOTHING, Case, error_bars, errors, spoilt, within
 from scenarios import FloatArray
 
 import skelsplat as sk
@@ -32,7 +33,7 @@ from skelsplat.run.adjust import Scene, adjusted
 from skelsplat.synthetic.people_sets import mixed_heights
 
 FAULTS = ("sound", "turn 0.5", "turn 1", "turn 3", "turn 10", "move 20", "move 100", "move 500", "clock 3")
-OUTCOMES = ("set right", "beyond", "doubt", "missed", "refused", "wrong")
+OUTCOMES = ("set right", "beyond", "doubt", "within", "missed", "refused", "wrong")
 COLUMNS = ["", "by", *(f"{one} %" for one in OUTCOMES), "left", "error bar"]
 FRAMES, FPS, FIRST = 200, 30.0, 1000
 
@@ -51,8 +52,10 @@ def outcome(
         quiet = all(one.status == "sound" for one in found.report)
         return "set right" if quiet else "doubt", np.nan, np.nan
     if not changed:
-        quiet = all(one.status == "sound" for one in found.report)
-        return "missed" if quiet else "doubt", np.nan, np.nan
+        clocks = np.where(np.arange(len(true)) == faulty, late, 0.0)
+        case = Case(list(true), list(given), clocks, {faulty}, people)
+        quiet = "within" if within(case, found) else "missed"
+        return quiet if found.report[faulty].status == "sound" else "doubt", np.nan, np.nan
     report = found.report[faulty]
     before = errors(true[faulty], given[faulty], late)
     after, bars = errors(true[faulty], found.cameras[faulty], late - report.clock), error_bars(report)

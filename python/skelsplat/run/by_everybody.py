@@ -27,7 +27,8 @@ def adjust_by_everybody(
     """Adjust cameras by everybody on whom the views agree.
 
     A camera that is far off sees strangers in people's places. Once it is known where it may be, people are
-    told apart anew, and the cameras are adjusted by them. If it does not see them then, it is doubtful.
+    told apart anew, and the cameras are adjusted by them. A camera that does not see them then is doubtful
+    if it was changed, and otherwise not judged: ``"unseen"``.
 
     Parameters
     ----------
@@ -45,7 +46,7 @@ def adjust_by_everybody(
     for _ in range(_ROUNDS):
         supposed = _supposed(rig, found)
         if supposed is None:
-            return found
+            break
         before, everyone = everyone, _told_apart(supposed, _clocks(found), people, layout)
         if _same(everyone, before):
             break
@@ -102,12 +103,16 @@ def _part_seen(people: Array, everyone: Sequence[Array]) -> Array:
 
 
 def _confirmed(rig: sk.CameraRig, found: sk.RigAdjustment, seen: Array) -> sk.RigAdjustment:
-    """Return the adjustment with changed cameras doubtful that do not see the people of the others."""
+    """Return the adjustment with cameras doubtful, or unseen, that do not see the people of the others."""
     report, cameras = list(found.report), list(found.cameras)
     for i, one in enumerate(found.report):
-        if one.status in ("adjusted", "late") and seen[i] < _SEES * np.median(np.delete(seen, i)):
+        if seen[i] >= _SEES * np.median(np.delete(seen, i)):
+            continue
+        if one.status in ("adjusted", "late"):
             report[i] = replace(one, status="doubtful", after=one.before)
             cameras[i] = rig[i]
+        elif one.status == "sound":
+            report[i] = replace(one, status="unseen")
     return replace(found, cameras=sk.CameraRig(cameras, rig.unit), report=tuple(report))
 
 
