@@ -38,6 +38,14 @@ ADVICE = "run the detector on images like those of the calibration, or calibrate
         ((1080, 1088), (1088, 1080), None),
         ((1000, 1000), (500, 500), (0.5, 0.5)),
         ((1280, 960), (1920, 1080), None),
+        ((540, 960), (1088, 1920), (2, 2)),  # half of 1080×1920, which a codec filled up
+        ((1088, 1920), (540, 960), (0.5, 0.5)),
+        ((544, 960), (1080, 1920), (2, 2)),
+        ((720, 1280), (1088, 1920), (1.5, 1.5)),
+        ((2160, 3840), (1088, 1920), (0.5, 0.5)),
+        ((864, 480), (1712, 960), (2, 2)),
+        ((320, 256), (1280, 960), None),  # 64 px of the larger image
+        ((520, 960), (1088, 1920), None),
     ],
 )
 def test_what_is_a_copy_in_another_size(old, new, factors):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection
 from dataclasses import replace
+from fractions import Fraction
 
 import numpy as np
 
@@ -21,15 +22,20 @@ _PADDING_PX = 16  # codecs fill up to blocks of 16
 def resizing(old: Size, new: Size) -> Array | None:
     """Return the factors (2,) from images of a size to those of another; None if neither is a copy.
 
-    A difference of at most 16 px is what codecs fill up or cut off, at the right and lower border: factors of
-    1. Images of the same shape are copies in another size. Those with width and height exchanged are none.
+    Images of the same shape are copies in another size. Up to 16 px of the larger image are what codecs fill
+    up or cut off, at the right and lower border: then the factor is the ratio of the other side, the simpler
+    fraction (540×960 and 1088×1920: 2). Images with width and height exchanged are no copies.
     """
     if new == old[::-1] != old:
         return None
     if all(abs(a - b) <= _PADDING_PX for a, b in zip(old, new, strict=True)):
         return np.ones(2)
     factors = np.array(new) / np.array(old)
-    return factors if abs(factors[0] / factors[1] - 1) <= _SAME_SHAPE else None
+    if abs(factors[0] / factors[1] - 1) <= _SAME_SHAPE:
+        return factors
+    ratio = min(map(Fraction, new, old), key=lambda one: one.numerator * one.denominator)
+    padding = np.abs(np.array(new) - np.array(old) * float(ratio)) / min(float(ratio), 1.0)
+    return np.full(2, float(ratio)) if padding.max() <= _PADDING_PX else None
 
 
 def in_calibrated_pixels(found: Opened, rig: sk.CameraRig, cropped: Collection[str] = ()) -> Opened:
