@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import json
 from dataclasses import fields, replace
 
 import numpy as np
@@ -282,9 +283,44 @@ def test_videos_state_the_rate(recording, job, arguments, place):
     write_video(short, count=3, rate=25.0)
     assert run(job(fps=None)).outcome.sequence is None
     write_video(short, count=5, rate=24.0)
-    assert run(job(fps=None)).outcome.sequence is None
+    found = run(job(fps=None))
+    assert found.outcome.sequence is None
+    (told,) = (one for one in found.findings if one.kind == "frame_rates_differ")
+    assert told.text.startswith("the videos state different frame rates (cam1 25, cam2 24, cam3 25, cam4 25)")
     short.unlink()
     assert run(job(fps=None)).outcome.sequence is None
+
+
+def detect_json(folder, rates):
+    """Write ``detect.json`` that states a frame rate by camera."""
+    video = {"video": "a.mp4", "size": [1000, 1002], "bytes": 1, "frames": 5}
+    videos = {name: {**video, "frame_rate": rate} for name, rate in rates.items()}
+    document = {"detector": {}, "layout": LAYOUT, "joints": list(sk.layouts.get(LAYOUT).joints)}
+    (folder / "openpose" / "detect.json").write_text(json.dumps({**document, "videos": videos}))
+
+
+def test_rates_of_files_that_differ_are_said_and_no_videos_next_to_them_count(recording, job, arguments):
+    pytest.importorskip("cv2", reason="opencv-python-headless is not installed: pip install 'skelsplat[dev]'")
+    folder, rig, _ = recording
+    (folder / "videos").mkdir()
+    for name in rig.names:
+        write_video(folder / "videos" / f"{name}.mp4", count=5, rate=25.0)
+    detect_json(folder, {"cam1": 60, "cam2": 30, "cam3": 60, "cam4": 60.01})
+    found = run(job(fps=None))
+    assert found.outcome.sequence is None
+    (told,) = (one for one in found.findings if one.kind == "frame_rates_differ")
+    assert told.text.startswith(
+        "the files state different frame rates (cam1 60, cam2 30, cam3 60, cam4 60.01)"
+    )
+    assert "frame_rates_differ" in [one.kind for one in run(job()).findings]  # also with --fps
+    checked = invoke("check-cameras", *arguments[1:3], *READ, "--json")
+    assert checked.exit_code == 1
+    kinds = [one["kind"] for one in json.loads(checked.stdout)["findings"]]
+    assert "frame_rates_differ" in kinds
+    detect_json(folder, {"cam1": 60, "cam2": None, "cam3": 60, "cam4": 60.01})
+    found = run(job(fps=None))
+    assert (found.report["solution"]["fps"], found.report["solution"]["fps_from"]) == (60, "files")
+    assert "frame_rates_differ" not in [one.kind for one in found.findings]
 
 
 def test_given_lengths_that_contradict_the_recording_are_named(job):

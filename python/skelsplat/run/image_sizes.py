@@ -30,7 +30,7 @@ def resizing(old: Size, new: Size) -> Array | None:
         return None
     if all(abs(a - b) <= _PADDING_PX for a, b in zip(old, new, strict=True)):
         return np.ones(2)
-    factors = np.array(new) / np.array(old)
+    factors: Array = np.array(new) / np.array(old)
     if abs(factors[0] / factors[1] - 1) <= _SAME_SHAPE:
         return factors
     ratio = min(map(Fraction, new, old), key=lambda one: one.numerator * one.denominator)

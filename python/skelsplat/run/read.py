@@ -19,7 +19,7 @@ from skelsplat.findings import Finding, collected_warnings, warn
 from skelsplat.io import PoseData, read_npz
 from skelsplat.io.calibration import find_format, read_calibration
 from skelsplat.io.detections import Opened as Detections
-from skelsplat.io.detections import camera_called, cameras_called, open_detections
+from skelsplat.io.detections import camera_called, cameras_called, one_rate, open_detections
 from skelsplat.io.video import find_videos, open_source
 from skelsplat.run.image_sizes import in_calibrated_pixels
 from skelsplat.run.job import Job
@@ -28,7 +28,6 @@ from skelsplat.run.person import Crowd
 # Detections of one person from which a recording is long: 29,000 frames of 17 joints in 4 views.
 LONG = 2_000_000
 _AT_ONCE = 450  # bytes of memory for each of them, with its share of the results, if all are there at once
-_SAME_RATE = 5e-4  # by which videos of one recording may differ in rate; 29.97 and 30 differ by twice that
 
 
 @dataclass(frozen=True)
@@ -90,6 +89,7 @@ class Opened:
     every: sk.CameraRig
     rig: sk.CameraRig  # without those that are left out
     detections: Detections
+    rate: tuple[float | None, str]  # frames per second, None if unknown, and what states them, as of `Inputs`
 
     @property
     def size(self) -> int:
@@ -102,7 +102,9 @@ class Opened:
         init = None
         if job.init is not None:
             init = _read_init(Path(job.init), self.rig, len(found.frames), found.skeleton)
-        rate, stated = _known_rate(job, found, init, self.rig)
+        rate, stated = self.rate
+        if job.fps is None and stated != "files" and init is not None and init.frame_rate is not None:
+            rate, stated = init.frame_rate, "files"
         return Inputs(
             self.rig,
             found.skeleton,
@@ -130,16 +132,24 @@ def open_files(job: Job) -> Opened:
         Path(job.detections),
         read={name: getattr(job, name) for name in reading},
         without=job.without,
+        fps=job.fps,
         **{name: getattr(job, name) for name in given},
     )
 
 
 def open_recording(
-    calibration: Path, detections: Path, *, read: Mapping[str, Any], without: Sequence[str], **given: Any
+    calibration: Path,
+    detections: Path,
+    *,
+    read: Mapping[str, Any],
+    without: Sequence[str],
+    fps: float | None = None,
+    **given: Any,
 ) -> Opened:
     """Read cameras and open detections, with the arguments of `read_rig` and of `open_detections`.
 
-    The detections are in pixels of the calibration's images (`in_calibrated_pixels`).
+    The detections are in pixels of the calibration's images (`in_calibrated_pixels`). Warns if files, or
+    without ``fps`` videos, state different frame rates.
     """
     told: list[Finding] = []
     try:
@@ -153,7 +163,7 @@ def open_recording(
     rig = leave_out(every, without)
     found = open_detections(detections, every, without=without, **given)
     cropped = {name for one in told if one.kind == "crop_applied" for name in one.subject.cameras}
-    return Opened(every, rig, in_calibrated_pixels(found, every, cropped))
+    return Opened(every, rig, in_calibrated_pixels(found, every, cropped), _rate(found, detections, rig, fps))
 
 
 def read_everybody(job: Job) -> tuple[Array, Inputs]:
@@ -215,34 +225,32 @@ def named_offsets(rig: sk.CameraRig, offsets: Mapping[str, float]) -> dict[str, 
     return {camera_called(text, rig.names): frames for text, frames in offsets.items()}
 
 
-def _known_rate(
-    job: Job, found: Detections, init: PoseData | None, rig: sk.CameraRig
-) -> tuple[float | None, str]:
-    """Return the frame rate, None if unknown, and what states it if the job does not."""
-    if job.fps is not None:
-        return job.fps, ""
-    of_files = found.frame_rate or (None if init is None else init.frame_rate)
-    if of_files is not None:
-        return of_files, "files"
-    of_videos = _rate_of_videos(Path(job.detections), rig, found.frames)
-    return of_videos, "" if of_videos is None else "videos"
+def _rate(found: Detections, folder: Path, rig: sk.CameraRig, fps: float | None) -> tuple[float | None, str]:
+    """Return the frame rate, None if unknown, and what states it but for the user: the files, or videos."""
+    rates, stated = found.rates, "files"
+    if not rates and fps is None:
+        rates, stated = _rates_of_videos(folder, rig, found.frames), "videos"
+    rate = one_rate(rates)
+    if rates and rate is None:
+        each = ", ".join(f"{name} {round(one, 3):g}" for name, one in rates.items())
+        warn(Finding("frame_rates_differ", "warning", numbers={"stated_by": stated, "each": each}))
+    return (fps, "") if fps is not None else (rate, "" if rate is None else stated)
 
 
-def _rate_of_videos(detections: Path, rig: sk.CameraRig, frames: Index) -> float | None:
-    """Return the rate that all cameras' videos state, with the detections or in ``videos`` next to them.
+def _rates_of_videos(detections: Path, rig: sk.CameraRig, frames: Index) -> dict[str, float]:
+    """Return the rates of the cameras' videos, with the detections or in ``videos`` next to them.
 
-    None if a camera has no video, one has fewer frames than the detections, or their rates differ.
+    None if a camera has no video, or one has no rate or fewer frames than the detections.
     """
     for folder in (detections, detections.parent / "videos"):
         try:
-            videos = [open_source(path) for path in find_videos(folder, rig.names).values()]
+            videos = {name: open_source(path) for name, path in find_videos(folder, rig.names).items()}
         except SkelSplatError:
             continue
-        rates = [video.rate or 0.0 for video in videos]
-        long_enough = all(frames[-1] <= video.last + 1 for video in videos)  # detectors count from 0 or 1
-        if long_enough and 0.0 < max(rates) <= (1 + _SAME_RATE) * min(rates):
-            return rates[0]
-    return None
+        # detectors count from 0 or 1
+        if all(video.rate and frames[-1] <= video.last + 1 for video in videos.values()):
+            return {name: video.rate or 0.0 for name, video in videos.items()}
+    return {}
 
 
 def _read_init(path: Path, rig: sk.CameraRig, steps: int, layout: sk.Layout) -> PoseData:

@@ -20,7 +20,7 @@ from skelsplat.io.detections._frames import FRAME_MODES, FrameMode, check_offset
 from skelsplat.io.detections._joints import check_mapping
 from skelsplat.io.detections._layout import choose_layout, read_layout
 from skelsplat.io.detections._match import camera_called, cameras_called
-from skelsplat.io.detections._opened import DetectionSet, Opened
+from skelsplat.io.detections._opened import DetectionSet, Opened, one_rate
 from skelsplat.io.detections._registry import FORMATS, Matching, find_format, open_sources
 from skelsplat.io.detections._skeleton import Skeleton, read_skeleton
 
@@ -31,6 +31,7 @@ __all__ = [
     "Skeleton",
     "camera_called",
     "cameras_called",
+    "one_rate",
     "open_detections",
     "read_detections",
     "read_layout",

@@ -22,6 +22,13 @@ from skelsplat.io.detections._joints import arranged, places_of
 _NORMALISED, _NEARLY_ALL = 1.5, 0.9
 _STRETCH = 4096  # frames
 _FAR = 2**62  # frames: further than any are apart
+_SAME_RATE = 5e-4  # by which videos of one recording may differ in rate; 29.97 and 30 differ by twice that
+
+
+def one_rate(rates: Mapping[str, float]) -> float | None:
+    """Return the frame rate that all cameras have; None if they differ or there are none."""
+    known = list(rates.values())
+    return known[0] if known and 0.0 < max(known) <= (1 + _SAME_RATE) * min(known) else None
 
 
 @dataclass(frozen=True)
@@ -51,7 +58,7 @@ class DetectionSet:
     uneven : bool
         Cameras have different frames in the files, which ``frames="strict"`` refuses.
     frame_rate : float or None
-        Frames per second, if the files state one, the same for all cameras.
+        Frames per second, if files state them, the same for all of their cameras.
     """
 
     people: npt.NDArray[np.float64]
@@ -97,8 +104,12 @@ class Opened:
     @property
     def frame_rate(self) -> float | None:
         """As of `DetectionSet`."""
-        rates = {view.rate for view in self.views.views.values()}
-        return rates.pop() if len(rates) == 1 else None
+        return one_rate(self.rates)
+
+    @property
+    def rates(self) -> dict[str, float]:
+        """Frames per second, by camera, where the files state them."""
+        return {name: view.rate for name, view in self.views.views.items() if view.rate is not None}
 
     @property
     def sizes(self) -> dict[str, tuple[int, int]]:
