@@ -10,6 +10,7 @@ import pytest
 
 import skelsplat as sk
 from broken_detections import NAMES, K, anybody, first_joints, write_case
+from skelsplat.findings import FindingWarning
 from skelsplat.io import read_detections
 
 H36M, COCO = sk.layouts.H36M17, sk.layouts.COCO17
@@ -150,6 +151,46 @@ def test_two_names_of_one_joint(tmp_path):
     write(tmp_path, "csv", joints=names)
     with pytest.raises(sk.DatasetError, match=r"joint names: expected one name for nose, got nose, Nose"):
         read_detections(tmp_path / "detections.csv", NAMES, layout="coco17")
+
+
+def split(tmp_path, *, numbers=False, rename=None):
+    """Write a csv per camera: the first never lists the last joint, the second may call one differently."""
+    lines = write(tmp_path, "csv").read_text().splitlines()
+    columns = lines[0].split(",")
+    camera, joint = columns.index("camera"), columns.index("joint")
+    folder = tmp_path / "cameras"
+    folder.mkdir(exist_ok=True)
+    for place, name in enumerate(NAMES):
+        rows = [row.split(",") for row in lines[1:] if row.split(",")[camera] == name]
+        rows = [row for row in rows if place or row[joint] != H36M.joints[-1]]
+        for row in rows:
+            if place == 1 and row[joint] == H36M.joints[0]:
+                row[joint] = rename or row[joint]
+            row[joint] = str(H36M.joints.index(row[joint])) if numbers else row[joint]
+            del row[camera]
+        columns_here = [column for column in columns if column != "camera"]
+        (folder / f"{name}.csv").write_text("\n".join(map(",".join, [columns_here, *rows])) + "\n")
+    return folder
+
+
+@pytest.mark.parametrize("numbers", [False, True])
+def test_a_joint_that_one_camera_never_lists_is_missing_there(tmp_path, numbers):
+    folder = split(tmp_path, numbers=numbers)
+    found = read_detections(folder, NAMES, layout=H36M)
+    whole = read_detections(tmp_path / "detections.csv", NAMES, layout=H36M).people
+    whole[:, 0, :, -1] = np.nan
+    np.testing.assert_array_equal(found.people, whole)
+    if not numbers:
+        assert read_detections(folder, NAMES).layout == H36M.name
+        with pytest.warns(FindingWarning):
+            own = read_detections(folder, NAMES, layout="file")
+        assert set(own.skeleton.joints) == set(H36M.joints)
+
+
+def test_a_camera_that_calls_a_joint_as_no_other_does_is_not_completed(tmp_path):
+    folder = split(tmp_path, rename="hips")
+    with pytest.raises(sk.DatasetError, match=r"joint names: .*got none for right_wrist among pelvis"):
+        read_detections(folder, NAMES, layout=H36M)
 
 
 def test_mmpose_names_confirm_an_order_and_need_not_be_ours(tmp_path):

@@ -9,6 +9,8 @@ like it). ``joint`` is a name, or in every line the place in the layout, from 0.
 from __future__ import annotations
 
 import functools
+import itertools
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -55,6 +57,37 @@ def read_csv(path: Path) -> View:
     if len(views) > 1:
         raise DatasetError(path, "camera", "one camera (or the path of this file)", ", ".join(views))
     return next(iter(views.values()))
+
+
+def completed(views: Mapping[str, View]) -> dict[str, View]:
+    """Give each camera the joints that others list: in its own file, a joint that it never saw has no line.
+
+    A camera that lists a joint as no other does is left as it is: it may have another name for what it lacks.
+    """
+    counts = {name: len(view.people(view.frames[0])[0].joints) for name, view in views.items()}
+    own = {name: view.joints or tuple(map(str, range(counts[name]))) for name, view in views.items()}
+    listing = Counter(itertools.chain.from_iterable(own.values()))
+    lacking = [name for name in views if all(listing[joint] > 1 for joint in own[name])]
+    lacking = [name for name in lacking if len(own[name]) < len(listing)]
+    return {**views, **{name: _with_joints(views[name], own[name], tuple(listing)) for name in lacking}}
+
+
+def _with_joints(view: View, own: tuple[str, ...], every: tuple[str, ...]) -> View:
+    places = [every.index(joint) for joint in own]
+
+    def wide(people: Sequence[Person]) -> list[Person]:
+        joints = np.full((len(people), len(every), 3), np.nan)
+        for row, person in zip(joints, people, strict=True):
+            row[places] = person.joints
+        return [person._replace(joints=row) for row, person in zip(joints, people, strict=True)]
+
+    read, stretch = view.people, view.stretch
+    return replace(
+        view,
+        joints=every if view.joints else None,
+        people=lambda number: wide(read(number)),
+        stretch=None if stretch is None else lambda first, end: list(map(wide, stretch(first, end))),
+    )
 
 
 def _views(path: Path) -> dict[str, View]:

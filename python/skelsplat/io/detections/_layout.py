@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
 
 import skelsplat as sk
@@ -70,13 +70,12 @@ def read_layout(
     if layout == OF_FILE:
         if detections is None:
             raise InvalidInputError("layout: expected a name or a path, as there are no detections, got file")
-        return _of_skeleton(Path(detections))
+        return _of_skeleton(*read_skeleton(detections), Path(detections))
     file = _skeleton_file(layout)
-    return sk.layouts.get(layout) if file is None else _of_skeleton(file)
+    return sk.layouts.get(layout) if file is None else _of_skeleton(*read_skeleton(file), file)
 
 
-def _of_skeleton(path: Path) -> sk.Layout:
-    names, edges = read_skeleton(path)
+def _of_skeleton(names: Sequence[str], edges: Sequence[tuple[int, int]], path: Path) -> sk.Layout:
     try:
         name = path.resolve().stem
         name = f"{name}_file" if name in sk.layouts.names else name
@@ -90,11 +89,17 @@ def _of_skeleton(path: Path) -> sk.Layout:
 
 
 def choose_layout(
-    layout: str | os.PathLike[str] | sk.Layout | None, views: Iterable[View], detections: Path
+    layout: str | os.PathLike[str] | sk.Layout | None, views: Collection[View], detections: Path
 ) -> sk.Layout:
     """Return the layout that is asked for, or the one that names or number of the joints tell."""
+    if layout == OF_FILE:
+        first, edges = read_skeleton(detections)
+        # of csv files, one camera's may lack a joint; the views have those of all (`_csv.completed`)
+        most = max((view.joints or () for view in views), key=len, default=())
+        everywhere = all(set(most) <= set(view.joints or ()) for view in views)
+        return _of_skeleton(most if everywhere and set(most) > set(first) else first, edges, detections)
     if layout is not None:
-        return read_layout(layout, detections)
+        return read_layout(layout)
     hint = "the files hold no person to count joints of"
     for view in views:
         named = [known for known in known_layouts() if view.joints and _same_joints(known, view.joints)]

@@ -222,7 +222,7 @@ def open_sources(path: Path, form: DetectionFormat, matching: Matching, sequence
         candidates, open_one = _of_folder(path, form)
     labels = matching.match(candidates)
     views = {name: open_one(label) for name, label in labels.items() if label is not None}
-    return Sources(path, candidates.kind, labels, views)
+    return Sources(path, candidates.kind, labels, _csv.completed(views) if form.name == "csv" else views)
 
 
 def _of_recording(path: Path, form: DetectionFormat, sequence: str | None, *, ordered: bool) -> Offer:
