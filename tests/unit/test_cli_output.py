@@ -18,7 +18,7 @@ from command_line import assert_fails, invoke
 from skelsplat import datasets, synthetic
 from skelsplat._json import plain
 from skelsplat.cli import app, refine
-from skelsplat.cli.output import print_warning
+from skelsplat.cli.output import print_message
 from skelsplat.cli.table import print_table, tell, telling
 from skelsplat.datasets.synthetic import write_simulated
 from skelsplat.findings import Finding, warn
@@ -259,11 +259,11 @@ def test_a_title_has_the_width_of_the_console():
 
 def test_warnings_are_wrapped_on_a_terminal_alone(monkeypatch, capsys):
     words = "word " * 30
-    print_warning(words.strip())
+    print_message(f"warning: {words.strip()}")
     assert capsys.readouterr().err == f"warning: {words.strip()}\n"
     monkeypatch.setenv("COLUMNS", "60")
     monkeypatch.setenv("FORCE_COLOR", "1")  # rich's way to say that it is a terminal
-    print_warning(f"{words}/a/path/{'of-many-parts/' * 6}")
+    print_message(f"warning: {words}/a/path/{'of-many-parts/' * 6}")
     lines = capsys.readouterr().err.splitlines()
     assert lines[-1].startswith("/a/path/of-many-parts/of-many-parts")  # whole, to be copied
     assert 50 < max(map(len, lines[:-1])) <= 60

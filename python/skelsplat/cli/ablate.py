@@ -12,14 +12,13 @@ from typing import Annotated, Literal
 import typer
 from rich.console import Console
 from rich.progress import TimeElapsedColumn
-from rich.table import Table
 from rich.text import Text
 
 from skelsplat import datasets
 from skelsplat.cli import options
 from skelsplat.cli.datasets import LENSES, InitSigma, Lens, Settings, reader_options
 from skelsplat.cli.output import described, print_json
-from skelsplat.cli.table import new_table, print_parts, print_table, telling, wide_console
+from skelsplat.cli.table import in_parts, new_table, print_parts, print_table, telling, wide_console
 from skelsplat.evaluation import ablations
 from skelsplat.evaluation.ablations import Choices, OnDisk, Simulated, Source
 from skelsplat.evaluation.methods import DEFAULT_INIT_SIGMA_MM
@@ -149,16 +148,12 @@ def _print_figures(console: Console, table: ablations.Table) -> None:
         heads, names = [name.replace(", ", ",\n") for name in names], heads
         lines = [list(line) for line in zip(*lines, strict=True)]
 
-    def part(start: int, size: int) -> Table:
-        title = None if start else f"{table.title} ({table.unit})"
-        shown = new_table(title, table.corner, heads[start : start + size])
-        for k, column in enumerate(shown.columns[1:] if turned else (), start):
-            column.style = styles[k]
-        for k, (name, line) in enumerate(zip(names, lines, strict=True)):
-            shown.add_row(name, *line[start : start + size], style=None if turned else styles[k])
-        return shown
-
-    print_parts(console, len(heads), lambda size: [part(k, size) for k in range(0, len(heads), size)])
+    shown = new_table(f"{table.title} ({table.unit})", table.corner, heads)
+    for column, style in zip(shown.columns[1:], styles if turned else (), strict=False):
+        column.style = style
+    for k, (name, line) in enumerate(zip(names, lines, strict=True)):
+        shown.add_row(name, *line, style=None if turned else styles[k])
+    print_parts(console, len(heads), partial(in_parts, shown, 1))
 
 
 def _print_claims(console: Console, record: ablations.Record) -> None:

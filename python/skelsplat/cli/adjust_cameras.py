@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -13,7 +14,7 @@ from skelsplat._sentences.words import number, with_bar
 from skelsplat.cli import inputs, options
 from skelsplat.cli.command import with_parameters_of
 from skelsplat.cli.output import Terminal, print_json, say
-from skelsplat.cli.table import marked, new_table, print_table, telling
+from skelsplat.cli.table import in_parts, new_table, print_finding, print_parts, telling
 from skelsplat.exceptions import DatasetError
 from skelsplat.io import write_calibration
 from skelsplat.run.adjust import AdjustedCameras, numbers_of
@@ -125,11 +126,12 @@ def _check_output(output: Path, source: Path, *, force: bool) -> None:
 
 def _print(found: AdjustedCameras, output: Path, *, focal: bool, clock: bool) -> None:
     console = Terminal()
-    print_table(console, _table(found, focal=focal, clock=clock))
+    table = _table(found, focal=focal, clock=clock)
+    print_parts(console, len(table.columns) - 2, partial(in_parts, table, 2))
     console.print(_LEGEND, style="dim")
     console.print()
     for finding in found.findings:
-        console.print(marked(finding))
+        print_finding(console, finding)
     if found.adjusted:
         unit = found.cameras.unit
         say(f"Wrote {len(found.cameras)} cameras to {output}, lengths in {unit}.")

@@ -15,8 +15,8 @@ import skelsplat as sk
 from skelsplat._sentences.words import number
 from skelsplat.cli import inputs, options
 from skelsplat.cli.command import with_parameters_of
-from skelsplat.cli.output import Terminal, print_json, say
-from skelsplat.cli.table import marked, new_table, print_table
+from skelsplat.cli.output import Terminal, print_json, print_text, say
+from skelsplat.cli.table import new_table, print_finding, print_table
 from skelsplat.io import DetectionSet
 from skelsplat.rig_check import RigReport
 from skelsplat.run.check import CameraCheck
@@ -99,11 +99,11 @@ def _print(found: CameraCheck, *, quiet: bool) -> None:
         console.print()
     for finding in (one for one in report.findings if not (quiet and one.severity == "note")):
         remedy = " ".join(option.text for option in finding.remedy)
-        console.print(f"{marked(finding)}{' Correct it in refine with:' if remedy else ''}")
+        print_finding(console, finding, end=" Correct it in refine with:" if remedy else "")
         if remedy:
             say(f"  {remedy}")  # on one line, however long, to be pasted
     if report.ok and not quiet:
-        console.print(_nothing(found.rig, found.detections))
+        print_text(console, _nothing(found.rig, found.detections))
 
 
 def _nothing(rig: sk.CameraRig, found: DetectionSet | None) -> str:

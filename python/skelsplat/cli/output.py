@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import contextlib
-import textwrap
-from collections.abc import Callable, Iterator
+import re
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import typer
+from rich.cells import cell_len
 from rich.console import Console
 from rich.progress import (
     BarColumn,
@@ -22,6 +23,11 @@ from rich.text import Text
 
 from skelsplat._escape import escaped
 from skelsplat._json import to_text
+
+# What is pasted into a shell, and so not broken over lines: an option and its value, a command.
+_OPTION = r"--[a-z][a-z-]* \S+"
+_PASTED = rf"pip install \S+|(?:skelsplat [a-z-]+(?: [A-Z]{{3,}})*|{_OPTION})(?: {_OPTION})*"
+_drawn_on: list[Console] = []  # those with a bar, the innermost last
 
 
 class Terminal(Console):
@@ -48,23 +54,33 @@ def print_json(document: Any) -> None:
     typer.echo(to_text(document), nl=False)
 
 
-def print_warning(text: str) -> None:
-    """Print a warning on stderr, as `print_message` does."""
-    print_message(f"warning: {text}")
-
-
-def print_message(text: str) -> None:
-    """Print on stderr: wrapped between words on a terminal, else one line, to be searched for."""
-    console, text = Terminal(stderr=True), escaped(text)
+def print_message(text: str, whole: Sequence[str] = ()) -> None:
+    """Print on stderr, above a bar: on a terminal as `print_text` does, else one line, to be searched for."""
+    console = _drawn_on[-1] if _drawn_on else Terminal(stderr=True)
     if console.is_terminal:
-        text = textwrap.fill(text, console.width, break_long_words=False, break_on_hyphens=False)
-    typer.echo(text, err=True)
+        print_text(console, text, whole)
+    else:
+        typer.echo(escaped(text), err=True)
 
 
-def bar_of(unit: str, *, shown: bool, time: ProgressColumn | None = None) -> Progress:
-    """Return a bar that counts `unit`, with a description; nothing is drawn where stderr is no terminal."""
+def print_text(console: Console, text: str, whole: Sequence[str] = ()) -> None:
+    """Print text wrapped between words, not within the parts `whole`, paths, options and commands."""
+    lines = [""]
+    parts = "|".join([*map(re.escape, whole), _PASTED])
+    for word in re.findall(rf"\(?(?:{parts})\S*|\S+", escaped(text)):
+        line = f"{lines[-1]} {word}" if lines[-1] else word
+        if cell_len(line) <= console.width:
+            lines[-1] = line
+        else:
+            lines.append(word)
+    console.print(Text("\n".join(filter(None, lines))), soft_wrap=True)
+
+
+@contextlib.contextmanager
+def bar_of(unit: str, *, shown: bool, time: ProgressColumn | None = None) -> Iterator[Progress]:
+    """Yield a bar that counts `unit`, with a description; nothing is drawn where stderr is no terminal."""
     console = Terminal(stderr=True)
-    return Progress(
+    with Progress(
         TextColumn("{task.description}", markup=False),
         BarColumn(),
         MofNCompleteColumn(),
@@ -73,7 +89,12 @@ def bar_of(unit: str, *, shown: bool, time: ProgressColumn | None = None) -> Pro
         console=console,
         transient=True,
         disable=not (shown and console.is_terminal),
-    )
+    ) as bar:
+        _drawn_on.append(console)
+        try:
+            yield bar
+        finally:
+            _drawn_on.remove(console)
 
 
 @contextlib.contextmanager

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from typing import Any
 
 from rich.console import Console
 from rich.table import Table
 
 from skelsplat._sentences.words import number
-from skelsplat.cli.table import new_table, print_paragraphs, print_table
+from skelsplat.cli.table import new_table, print_findings, print_paragraphs, print_table
+from skelsplat.findings import Finding
 from skelsplat.run import PeopleRun
 
 _LEGEND = (
@@ -18,18 +20,17 @@ _LEGEND = (
 )
 
 
-def print_people(console: Console, run: PeopleRun) -> None:
-    """Print the table of people, and the warnings on everybody and the findings on each person."""
+def print_people(console: Console, run: PeopleRun, told: Collection[Finding] = ()) -> None:
+    """Print the table of people, the warnings on everybody not ``told``, and the findings on each person."""
     print_table(console, _people(run))
     console.print(_LEGEND, style="dim")
     console.print()
     note = run.report["note"]
     print_paragraphs(console, [note] if note else [])
-    found = [finding.text for finding in run.findings if finding.severity == "warning"]
-    print_paragraphs(console, [f"! {text}" for text in found])
-    for identity, one in run.people.items():
-        own = [finding.text for finding in one.findings if finding.severity != "note"]
-        print_paragraphs(console, [f"! person {identity}: {text}" for text in own])
+    print_findings(console, [one for one in run.findings if one.severity == "warning" and one not in told])
+    for identity, person in run.people.items():
+        own = [one for one in person.findings if one.severity != "note"]
+        print_findings(console, own, f"person {identity}: ")
 
 
 def _people(run: PeopleRun) -> Table:

@@ -9,7 +9,7 @@ import typer
 
 from skelsplat.cli import options
 from skelsplat.cli.config import NAME_OR_PATH
-from skelsplat.cli.output import Terminal, counting, print_json, print_warning
+from skelsplat.cli.output import Terminal, counting, print_json, print_message
 from skelsplat.cli.table import telling
 from skelsplat.findings import collected_warnings
 from skelsplat.run.angles import FILES as ANGLE_FILES
@@ -112,7 +112,7 @@ def plot(
         drawn = write_plots(source, folder, only=pictures, formats=formats, progress=progress)
     for picture in drawn:
         if not picture.files and (quiet or as_json):
-            print_warning(f"{picture.name} left out: {picture.sentence}")
+            print_message(f"warning: {picture.name} left out: {picture.sentence}")
     if as_json:
         print_json(_report(source, drawn))
     elif not quiet:

@@ -169,10 +169,11 @@ def run_and_print(job: Job, *, quiet: bool, as_json: bool) -> None:
         print_json(found.report)
     elif not quiet:
         console, folder = Terminal(), Path(str(job.output))
+        told = printed if console.is_terminal and Terminal(stderr=True).is_terminal else []
         if isinstance(found, PeopleRun):
-            print_people(console, found)
+            print_people(console, found, told)
         else:
-            print_run(console, found)
+            print_run(console, found, told)
         print_files(
             console, folder, [*found.report["files"], *found.report.get("folders", []), "report.json"]
         )

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
+from copy import copy
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +17,7 @@ from rich.text import Text
 import skelsplat as sk
 from skelsplat._escape import escaped
 from skelsplat._sentences.words import number
-from skelsplat.cli.output import Terminal, print_message
+from skelsplat.cli.output import Terminal, print_message, print_text
 from skelsplat.findings import Finding
 from skelsplat.run import Run
 from skelsplat.run.folder import left_of_earlier
@@ -36,7 +37,7 @@ _REASONS = {
 
 def tell(finding: Finding, of: str = "") -> None:
     """Print a finding on stderr after its severity, and ``of``, whom or what it is of."""
-    print_message(f"{finding.severity}: {of}{finding.text}")
+    print_message(f"{finding.severity}: {of}{finding.text}", _pasted(finding))
 
 
 def telling(*, quiet: bool) -> Callable[[Finding], None]:
@@ -44,9 +45,24 @@ def telling(*, quiet: bool) -> Callable[[Finding], None]:
     return lambda finding: None if quiet and finding.severity == "note" else tell(finding)
 
 
-def marked(finding: Finding) -> str:
-    """Return the text of a finding for stdout, after ``!`` unless it is a note."""
-    return finding.text if finding.severity == "note" else f"! {finding.text}"
+def print_finding(console: Console, finding: Finding, of: str = "", end: str = "") -> None:
+    """Print a finding on stdout, after ``!`` unless it is a note, and ``of``; before ``end``."""
+    mark = "" if finding.severity == "note" else "! "
+    print_text(console, f"{mark}{of}{finding.text}{end}", _pasted(finding))
+
+
+def print_findings(console: Console, findings: Sequence[Finding], of: str = "") -> None:
+    """Print findings, and an empty line if there are any."""
+    for finding in findings:
+        print_finding(console, finding, of)
+    if findings:
+        console.print()
+
+
+def _pasted(finding: Finding) -> list[str]:
+    """Return what is pasted from a finding's text: a command, and options."""
+    command = finding.numbers.get("check")
+    return [*([command] if command else []), *(remedy.text for remedy in finding.remedy)]
 
 
 def wide_console() -> Console:
@@ -94,6 +110,17 @@ def print_parts(console: Console, columns: int, split: Callable[[int], list[Tabl
         print_table(console, part)
 
 
+def in_parts(table: Table, names: int, most: int) -> list[Table]:
+    """Cut a table into parts of its first columns, so many ``names``, and at most so many others."""
+    parts = []
+    for first in range(names, len(table.columns), most):
+        part = copy(table)
+        part.columns = [copy(one) for one in table.columns[:names] + table.columns[first : first + most]]
+        part.title = table.title if first == names else None
+        parts.append(part)
+    return parts
+
+
 def _least_width(console: Console, table: Table) -> int:
     """Set the columns' widths so that no word breaks, nor a name in the first column; return the least sum.
 
@@ -117,8 +144,8 @@ def _least_width(console: Console, table: Table) -> int:
     return size.minimum
 
 
-def print_run(console: Console, run: Run) -> None:
-    """Print the table of cameras, the lines on the run, the least certain joints, and the warnings."""
+def print_run(console: Console, run: Run, told: Collection[Finding] = ()) -> None:
+    """Print the table of cameras, the lines on the run, the least certain joints, warnings not ``told``."""
     print_table(console, _cameras(run))
     console.print(_legend(run.statistics), style="dim")
     console.print()
@@ -128,8 +155,7 @@ def print_run(console: Console, run: Run) -> None:
     console.print()
     note = run.report["note"]
     print_paragraphs(console, [note] if note else [])
-    found = [finding.text for finding in run.findings if finding.severity == "warning"]
-    print_paragraphs(console, [f"! {text}" for text in found])
+    print_findings(console, [one for one in run.findings if one.severity == "warning" and one not in told])
     print_paragraphs(console, [*_nothing_filled(run.report["over_time"]["gaps"]), *run.poses.processing])
 
 

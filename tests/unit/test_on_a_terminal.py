@@ -1,0 +1,157 @@
+"""What a terminal of 80 columns shows, where stdout, stderr and a progress bar are in the same place."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+from functools import partial
+from io import StringIO
+from types import SimpleNamespace
+
+import pytest
+from rich.console import Console
+
+from command_line import READ, read_report, texts
+from skelsplat.cli.adjust_cameras import _table
+from skelsplat.cli.output import print_text
+from skelsplat.cli.table import in_parts, print_finding, print_parts
+from skelsplat.findings import Finding, Remedy, Subject
+
+LONG = "skelsplat check-cameras 'my cameras.toml' out/person_1/detections.npz --unit mm --layout h36m17 -o x"
+
+
+def on_terminal(*arguments):
+    """Return the lines that a command leaves on a terminal, each as it was written, however long."""
+    pty = pytest.importorskip("pty", reason="no pseudo-terminals here")
+    ours, theirs = pty.openpty()
+    own = {"TERM": "xterm", "COLUMNS": "80", "LINES": "40"}
+    process = subprocess.Popen(
+        [sys.executable, *map(str, arguments)],
+        **dict.fromkeys(("stdin", "stdout", "stderr"), theirs),
+        env={**{name: value for name, value in os.environ.items() if name != "NO_COLOR"}, **own},
+    )
+    os.close(theirs)
+    written = b""
+    while True:
+        try:
+            part = os.read(ours, 65536)
+        except OSError:  # how Linux says that nobody writes any more
+            break
+        if not part:
+            break
+        written += part
+    os.close(ours)
+    assert process.wait() == 0, written.decode()
+    return shown(written.decode())
+
+
+def shown(written):
+    """Return the lines on a screen: its cursor goes up and to the start of a line, lines are cleared."""
+    lines, row, column = [""], 0, 0
+    for code, plain in re.findall(r"(\x1b\[[0-9;?]*[A-Za-z]|\r|\n)|([^\x1b\r\n]+)", written):
+        if plain:
+            lines[row] = lines[row][:column].ljust(column) + plain + lines[row][column + len(plain) :]
+            column += len(plain)
+        elif code == "\r":
+            column = 0
+        elif code == "\n":
+            row += 1
+            lines += [""] * (row == len(lines))
+        elif code.endswith("A"):
+            row -= int(code[2:-1] or 1)
+        elif code == "\x1b[2K":
+            lines[row] = ""
+    return [line.rstrip() for line in lines]
+
+
+BAR = """
+from skelsplat.cli.output import described, counting, print_message
+with described("refining", shown=True) as show:
+    show("refining", 1, 3)
+    print_message("warning: " + 20 * "word ")
+    show("refining", 2, 3)
+    print_message("warning: last")
+with counting("frames", shown=True) as count:
+    count("cam1", 1, 2)
+    count("cam2", 1, 2)
+    print_message("warning: /" + 30 * "path/")
+"""
+
+
+def test_a_warning_is_printed_above_the_bar():
+    words = f"warning: {20 * 'word '}".split()
+    path = f"/{30 * 'path/'}"
+    expected = [" ".join(words[:15]), " ".join(words[15:]), "warning: last", "warning:", path]
+    assert [line for line in on_terminal("-c", BAR) if line] == expected
+
+
+def test_a_run_says_each_warning_once_and_leaves_no_bar(recording, arguments):
+    folder, rig, _ = recording
+    for path in (folder / "openpose" / rig.names[0]).iterdir():
+        path.write_text('{"people": []}')
+    lines = on_terminal("-m", "skelsplat", *arguments, *READ, "--no-html", "--write", "trc")
+    assert lines[0].startswith("warning: --fps: not given")
+    assert not [line for line in lines if "━" in line or line.startswith("refining")]
+    text = " ".join(lines)
+    warnings = texts(read_report(folder / "out"), "warning")
+    assert len(warnings) > 1
+    assert [text.count(warning) for warning in warnings] == [1] * len(warnings)
+
+
+def printed(text, whole=()):
+    console = Console(file=StringIO(), width=40)
+    print_text(console, text, whole)
+    return console.file.getvalue().splitlines()
+
+
+def test_commands_and_options_are_not_broken_over_lines():
+    assert printed(f"Something in the room is wrong with it. {LONG} looks for the cause.", [LONG]) == [
+        "Something in the room is wrong with it.",
+        LONG,
+        "looks for the cause.",
+    ]
+    assert printed("figures of this run need skelsplat[viz]: pip install 'skelsplat[viz]'") == [
+        "figures of this run need skelsplat[viz]:",
+        "pip install 'skelsplat[viz]'",
+    ]
+    assert printed("Name it: skelsplat adjust-cameras --move NAME. Otherwise, walk.") == [
+        "Name it:",
+        "skelsplat adjust-cameras --move NAME.",
+        "Otherwise, walk.",
+    ]
+    assert printed("cause of it all; (--without cam_03 --without cam_04) leaves them out.") == [
+        "cause of it all;",
+        "(--without cam_03 --without cam_04)",
+        "leaves them out.",
+    ]
+    assert printed("日本" * 12 + " word") == ["日本" * 12, "word"]
+
+
+def test_a_finding_keeps_its_command_and_its_options_whole():
+    console = Console(file=StringIO(), width=50)
+    remedy = (Remedy("without", "the camera"),)
+    numbers = {"people": 2, "named": [[0]], "contradict": False, "may_be_the_cause": [], "check": LONG}
+    finding = Finding("cameras_over_people", "warning", Subject(cameras=("the camera",)), numbers, remedy)
+    print_finding(console, finding, of="person 1: ")
+    lines = console.file.getvalue().splitlines()
+    assert lines[0].startswith("! person 1: Cameras that disagree")
+    assert lines[-3:] == [LONG, "looks for the cause; --without 'the camera' leaves", "it out."]
+
+
+@pytest.mark.parametrize(("width", "parts"), [(80, 2), (100, 1)])
+def test_adjusted_cameras_fit_the_terminal_with_all_columns(width, parts):
+    sizes = {"turn_sigma": 1.25, "shift_sigma": 1234.0, "focal_sigma": 0.12, "clock_sigma": 0.07}
+    found = {"degrees": 12.5, "distance": 1234.0, "focal": 1.21, "clock": -10.0, "before": 1036.3}
+    one = SimpleNamespace(name="cam_03", status="adjusted", after=15.7, **found, **sizes)
+    adjustment = SimpleNamespace(report=[one], fitted=80, judged=20)
+    cameras = SimpleNamespace(adjustment=adjustment, cameras=SimpleNamespace(mm_per_unit=1.0))
+    table = _table(cameras, focal=True, clock=True)
+    console = Console(file=StringIO(), width=width)
+    print_parts(console, 6, partial(in_parts, table, 2))
+    text = console.file.getvalue()
+    assert max(len(line.rstrip()) for line in text.splitlines()) <= width
+    assert (text.count("cam_03  adjusted"), text.count("Cameras estimated")) == (parts, 1)
+    for number in ("12.5 ± 1.2", "1,234 ± 1,234", "+21 ± 12", "-10.00 ± 0.07", "1,036.3", "15.7"):
+        assert number in text
