@@ -61,6 +61,16 @@ def test_a_run_gives_three_figures_in_its_folder(run_folder):
         assert f"{name}.png" in result.stdout
 
 
+def test_figures_of_a_file_replace_neither_those_of_its_run_nor_of_another_file(run_folder):
+    for path in (run_folder, run_folder / "pose.csv", run_folder / "pose.npz"):
+        result = invoke("plot", path, "--only", "bones")
+        assert result.exit_code == 0, result.output
+        kept = run_folder / "plots" / (path.name if path.is_file() else "") / "bones.png"
+        kept.rename(kept.with_name("kept.png"))
+    assert len([*(run_folder / "plots").rglob("kept.png")]) == 3
+    assert not [*(run_folder / "plots").rglob("bones.png")]
+
+
 @pytest.mark.painted
 def test_pdf_goes_where_it_is_asked_for(run_folder, tmp_path):
     result = invoke("plot", run_folder, "-o", tmp_path / "f", "--only", "bones", "--format", "png,pdf", "-q")
@@ -242,8 +252,8 @@ def test_any_pose_file_has_trajectories_and_bones(tmp_path, suffix):
     result = invoke("plot", path)
     assert result.exit_code == 0, result.output
     assert "errors left out: the file has no errors per camera" in result.stdout
-    assert (tmp_path / "plots" / "trajectories.png").is_file()
-    assert (tmp_path / "plots" / "bones.png").is_file()
+    assert (tmp_path / "plots" / f"walk.{suffix}" / "trajectories.png").is_file()
+    assert (tmp_path / "plots" / f"walk.{suffix}" / "bones.png").is_file()
     assert not (tmp_path / "errors.png").exists()
 
 

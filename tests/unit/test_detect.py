@@ -308,7 +308,7 @@ def test_what_it_prints(videos, tmp_path):
     result = invoke("detect", videos / "cam1.mp4", "-o", pose)
     assert result.stdout == (
         f"{pose}/cam1_json: 6 frames (cam1.mp4, 320×240, 25 Hz)\n"
-        f"Wrote to {pose}/: layout mediapipe33, read by skelsplat refine CALIBRATION {pose}\n"
+        f"Wrote to {pose}/, with the layout mediapipe33. Next: skelsplat refine CALIBRATION {pose} -o out\n"
     )
     result = invoke("detect", videos / "cam1.mp4", "-o", pose)
     assert "6 frames, 0 of them new" in result.stdout

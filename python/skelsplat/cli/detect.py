@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -154,4 +155,5 @@ def _tell(written: list[Detected], layout: str, output: Path) -> None:
         empty = f", {one.empty} without a person" if one.empty else ""
         size = f"{one.size[0]}×{one.size[1]}{rate}"
         say(f"{one.folder}: {one.frames} frames{new}{empty} ({one.video.name}, {size})")
-    say(f"Wrote to {output}/: layout {layout}, read by skelsplat refine CALIBRATION {output}")
+    again = shlex.join(["skelsplat", "refine", "CALIBRATION", str(output), "-o", "out"])
+    say(f"Wrote to {output}/, with the layout {layout}. Next: {again}")

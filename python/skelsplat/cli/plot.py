@@ -38,7 +38,7 @@ _Output = Annotated[
         "--output",
         metavar="FOLDER",
         help="Folder for the figures.",
-        default="RUN/plots, or plots next to the file",
+        default="RUN/plots; of a file, plots/FILE next to it",
     ),
 ]
 _Only = Annotated[
@@ -107,7 +107,7 @@ def plot(
     formats = options.some_of("--format", format, _FORMATS)
     with collected_warnings(telling(quiet=quiet)):
         source = read_source(run, layout=layout, range=FrameRange.parse(range), joints=joints)
-    folder = output or (run.parent if run.is_file() else run) / "plots"
+    folder = output or (run.parent / "plots" / run.name if run.is_file() else run / "plots")
     with counting("figures", shown=not quiet) as progress:
         drawn = write_plots(source, folder, only=pictures, formats=formats, progress=progress)
     for picture in drawn:
