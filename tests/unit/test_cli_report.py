@@ -231,6 +231,22 @@ def test_detections_that_are_no_pixels_are_doubted(recording, arguments):
     assert read_report(folder / "out")["findings"][0]["severity"] == "error"
 
 
+@pytest.mark.parametrize("option", [[], ["--person", 0], ["--person", 0, "--fps", 50]])
+def test_the_only_camera_that_detects_people_is_named(recording, arguments, option):
+    folder, rig, _ = recording
+    for name in rig.names[:-1]:
+        for path in (folder / "openpose" / name).iterdir():
+            path.write_text('{"people": []}')
+    result = invoke(*arguments, *READ, *FAST, *option)
+    only = (
+        f"only {rig.names[-1]} has detections of people, and two cameras must detect them in the same frame"
+    )
+    assert (result.exit_code, result.stderr.splitlines()[-1]) == (
+        1,
+        f"error: No detection could be used: {only}.",
+    )
+
+
 def test_detections_of_little_confidence_are_doubted(recording, arguments):
     folder, _, _ = recording
     for path in (folder / "openpose").rglob("*.json"):

@@ -31,6 +31,10 @@ def _leaves_out(finding: Finding) -> str:
 
 
 def _nothing_used(finding: Finding) -> str:
+    cameras = finding.subject.cameras
+    if cameras:
+        only = f"only {listed(cameras)} {'has' if len(cameras) == 1 else 'have'} detections of people, and"
+        return f"No detection could be used: {only} two cameras must detect them in the same frame."
     if finding.numbers.get("nobody"):
         return "No detection could be used: nobody is detected with enough confidence."
     return "No detection could be used. Are they in pixels of these cameras' images (not 0 to 1), x before y?"

@@ -68,7 +68,7 @@ def find_findings(
     return [
         *same_detections(inputs.rig.names, inputs.detections),
         *find_people(inputs, alone),
-        *find_whole(counted, mixed=are_mixed(inputs)),
+        *find_whole(counted, inputs.apart, mixed=are_mixed(inputs)),
         *_in_time(statistics, counted),
         *find_unfit(inputs.rig.names, unfit),
         *_cameras(inputs, counted, unfit),
@@ -80,12 +80,17 @@ def find_findings(
     ]
 
 
-def find_whole(statistics: Statistics, *, mixed: bool = False) -> Iterator[Finding]:
-    """Yield a finding if hardly any detection is used or trusted, or the pose is worse than its start."""
+def find_whole(
+    statistics: Statistics, apart: tuple[str, ...] = (), *, mixed: bool = False
+) -> Iterator[Finding]:
+    """Yield a finding if hardly any detection is used or trusted, or the pose is worse than its start.
+
+    ``apart`` are the cameras that detect people, if no two do so in the same frame.
+    """
     total = statistics.total
     if total.used == 0:
         nobody = total.left_out == total.not_chosen == 0
-        yield Finding("nothing_used", "error", numbers={"nobody": nobody})
+        yield Finding("nothing_used", "error", Subject(cameras=apart), {"nobody": nobody})
     elif total.rejected_share >= _WHOLE_SHARE or min(total.rejected_share, _rest(statistics)) >= _REST_SHARE:
         remedy = (Remedy("person", "consistent"),) if mixed else ()
         yield Finding(

@@ -152,6 +152,13 @@ def count_people(people: Array) -> Index:
     return count
 
 
+def seen_apart(people: Array, cameras: Sequence[str]) -> tuple[str, ...]:
+    """Return the cameras that detect people, if no two ever do so in the same frame."""
+    there = count_people(people) > 0
+    together = (there.sum(axis=1) >= 2).any()
+    return () if together else tuple(np.array(cameras)[there.any(axis=0)].tolist())
+
+
 @dataclass(frozen=True)
 class Crowd:
     """The people whom the cameras see, and the one who was chosen among them."""

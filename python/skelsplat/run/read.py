@@ -62,6 +62,7 @@ class Inputs:
     sources: tuple[Path, ...] = ()  # the files or folders that hold the cameras' detections
     person: str = "consistent"  # the person to follow, as `Job.person`, or the identity followed
     crowd: Crowd | None = None  # the people that the cameras see; None if they see one
+    apart: tuple[str, ...] = ()  # cameras that detect people, if no two do so in the same frame
     fps: float | None = None  # frames per second; None if unknown
     fps_source: str = ""  # what states the rate, if the user did not: "files" or "videos"
     # the frames solved over time, if following people over time has done so, and the seconds that took

@@ -21,7 +21,7 @@ from skelsplat.io.detections import camera_called
 from skelsplat.run.adjust import read_adjusted
 from skelsplat.run.doubts import find_doubts, find_left_out
 from skelsplat.run.job import Job
-from skelsplat.run.person import MOVES_MOST, count_people, look_around, pick_places, point_of
+from skelsplat.run.person import MOVES_MOST, count_people, look_around, pick_places, point_of, seen_apart
 from skelsplat.run.read import Inputs
 from skelsplat.run.solve import Progress, even_clock, is_sparse, spread
 
@@ -84,6 +84,7 @@ def read_inputs(
         unmatched=unmatched,
         person=person,
         crowd=look_around(people, index, whole.rig, person, whole.layout),
+        apart=seen_apart(people, whole.rig.names),
     )
 
 

@@ -13,7 +13,7 @@ from skelsplat._arrays import Array, Index
 from skelsplat._people import most_people
 from skelsplat.findings import warn
 from skelsplat.io._rows import RowFile
-from skelsplat.run.person import Crowd, look_around, pick_consistent, sampled
+from skelsplat.run.person import Crowd, look_around, pick_consistent, sampled, seen_apart
 from skelsplat.run.read import Opened
 from skelsplat.run.solve import Progress
 
@@ -29,6 +29,7 @@ class Followed:
     detections: RowFile  # (T, M, N, 3)
     unmatched: RowFile  # (T, M) bool
     crowd: Crowd | None
+    apart: tuple[str, ...]
 
 
 def follow(opened: Opened, folder: Path, size: int, progress: Progress | None = None) -> Followed:
@@ -58,8 +59,9 @@ def follow(opened: Opened, folder: Path, size: int, progress: Progress | None = 
             progress(done, steps)
     if uncompared:
         warn(association.uncompared(uncompared, most))
-    crowd = look_around(_joined(seen), np.concatenate(chosen), rig, "consistent", layout, sample)
-    return Followed(detections, unmatched, crowd)
+    some = _joined(seen)
+    crowd = look_around(some, np.concatenate(chosen), rig, "consistent", layout, sample)
+    return Followed(detections, unmatched, crowd, seen_apart(some, rig.names))
 
 
 def _joined(parts: list[Array]) -> Array:

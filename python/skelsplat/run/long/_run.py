@@ -115,7 +115,7 @@ def _refined(
         progress(0, len(inputs.frames))
     size = max(_LEAST_FRAMES, _PER_PART // (len(opened.rig) * opened.detections.skeleton.n_joints))
     person = follow(opened, folder, size, _half(progress, 0))
-    inputs = replace(inputs, crowd=person.crowd)
+    inputs = replace(inputs, crowd=person.crowd, apart=person.apart)
     gathered, seconds = Gathered(inputs, job.settings, folder), 0.0
     begin = time.perf_counter()
     for part, result in solve(inputs, person.detections, job, size, _half(progress, 1)):
