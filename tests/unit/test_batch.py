@@ -13,6 +13,7 @@ from pathlib import Path
 
 import pytest
 
+import calibration_files
 import skelsplat as sk
 from command_line import assert_fails, invoke
 from skelsplat._lock import locked
@@ -98,6 +99,19 @@ def test_one_that_fails_stops_no_other_and_is_tried_again(jobs, tmp_path):
     assert [entry["name"] for entry in document["recordings"]] == ["bad", "one", "two"]
     assert [entry.get("key") is None for entry in document["recordings"]] == [True, False, False]
     assert statuses(run_batch(jobs, tmp_path / "results")) == ["failed", "unchanged", "unchanged"]
+
+
+def test_results_of_an_earlier_run_are_not_those_of_one_that_fails(jobs, tmp_path):
+    out = tmp_path / "results"
+    run_batch(jobs, out)
+    (failed,) = run_batch({**jobs, "two": replace(jobs["two"], detections=tmp_path / "none")}, out).failed
+    assert failed.error.endswith(f"; {out / 'two'} has the results of an earlier run")
+    with (out / "batch.csv").open(newline="") as stream:
+        rows = list(csv.DictReader(stream))
+    assert [row["output"] for row in rows] == [str(out / "one"), ""]
+    entries = json.loads((out / "batch.json").read_text())["recordings"]
+    assert [entry["output"] for entry in entries] == [str(out / "one"), None]
+    assert (out / "two" / "report.json").is_file()
 
 
 def test_a_second_batch_in_the_same_folder_is_refused_and_a_recording_in_use_fails(jobs, tmp_path):
@@ -280,6 +294,11 @@ def test_a_table_says_what_was_found_and_what_failed_and_why(listed):
     )
     assert max(map(len, result.stdout.splitlines())) <= 80
     assert (listed / "out" / "openpose" / "pose.csv").is_file()
+    (listed / "bad.toml").write_text('[[session]]\ncalibration = "Calib.toml"\ndetections = "none"\n')
+    bad = " ".join(
+        invoke("batch", listed / "bad.toml", "-o", listed / "b", "--layout", "coco17").stdout.split()
+    )
+    assert bad.endswith(f"1 recording: 0 refined, 1 failed. Wrote to {listed / 'b'}/: batch.csv, batch.json")
     again = invoke("batch", listed / "sessions.toml", "-o", listed / "out", *OPTIONS, "--json")
     document = json.loads(again.stdout)
     assert [entry["status"] for entry in document["recordings"]] == ["unchanged", "failed"]
@@ -391,6 +410,12 @@ def test_the_trials_of_a_project_are_found_with_the_nearest_calibration(tmp_path
     assert [job.unit for job in asked["jobs"].values()] == ["m", "m"]
 
 
+def test_a_project_may_have_a_calibration_in_any_format(tmp_path):
+    root = project(tmp_path / "Project", "T/pose/cam1_json/0.json", "calibration/board.txt")
+    calibration_files.qualisys(root / "calibration", calibration_files.reference(["cam1", "cam2"]))
+    assert trials(root) == {"T": (root / "calibration", root / "T" / "pose")}
+
+
 @pytest.mark.parametrize(
     ("files", "message"),
     [
@@ -398,10 +423,10 @@ def test_the_trials_of_a_project_are_found_with_the_nearest_calibration(tmp_path
             ["calibration/a.toml"],
             "folder: expected trials: folders with a folder pose or pose-sync, got none",
         ),
-        (["T/pose/a.json"], "calibration: expected a TOML in a folder calibration, here or above, got none"),
+        (["T/pose/a.json"], "calibration: expected one in a folder calibration, here or above, got none"),
         (
             ["calibration/a.toml", "calibration/b.toml", "T/pose/a.json"],
-            "calibration: expected one TOML in the folder of calibrations, got a.toml, b.toml",
+            "calibration: expected one in the folder of calibrations, got a.toml, b.toml",
         ),
     ],
 )

@@ -214,4 +214,5 @@ def _print(console: Console, found: Batch, folder: Path) -> None:
         said.append(f"{len(found.failed)} failed")
     total = len(found.recordings)
     console.print(f"{total} recording{'s' * (total != 1)}: {', '.join(said)}.")
-    console.print(f"Wrote to {folder}/: {TABLE}, {RECORD}, and a folder per refined recording")
+    folders = ", and a folder per refined recording" if any(count.values()) else ""
+    console.print(f"Wrote to {folder}/: {TABLE}, {RECORD}{folders}")

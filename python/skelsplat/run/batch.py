@@ -26,6 +26,7 @@ from skelsplat._lock import locked
 from skelsplat.exceptions import DatasetError, InvalidInputError, SkelSplatError
 from skelsplat.io._files import VIDEO_SUFFIXES, listed, load_json
 from skelsplat.io._run_files import MARKED, REPORT, check_one_run, check_people, files_of_run, folders_of_run
+from skelsplat.io.calibration import find_format
 from skelsplat.io.calibration._json import to_json
 from skelsplat.run._run import run
 from skelsplat.run.folder import output_folder
@@ -82,7 +83,7 @@ class Recording:
     def rows(self) -> list[dict[str, Any]]:
         """Return the rows of the table: one, or one per person; by `COLUMNS`, None where nothing is known."""
         row = dict.fromkeys(COLUMNS) | {"recording": self.name, "status": self.status}
-        row |= {"output": str(self.output), "error": self.error or None}
+        row |= {"output": None if self.error else str(self.output), "error": self.error or None}
         if not self.report:
             return [row]
         rate, shared = self.report["input"]["frame_rate_hz"], self.report["findings"]
@@ -137,7 +138,7 @@ class Batch:
             {
                 "name": one.name,
                 "status": one.status,
-                "output": str(one.output),
+                "output": None if one.error else str(one.output),
                 "error": one.error or None,
                 "rows": one.rows(),
                 "findings": one.report.get("findings", []),
@@ -309,7 +310,8 @@ def _sha256(path: Path) -> str | None:
 def _read(name: str, job: Job, status: str, error: str = "") -> Recording:
     folder = Path(str(job.output))
     if error:
-        return Recording(name, FAILED, folder, error)
+        left = f"; {folder} has the results of an earlier run" if (folder / REPORT).is_file() else ""
+        return Recording(name, FAILED, folder, error + left)
     return Recording(name, status, folder, report=load_json(folder / REPORT, "a report"))
 
 
@@ -405,8 +407,9 @@ def _end_with(parent: int) -> None:
 def trials(project: str | os.PathLike[str]) -> dict[str, tuple[Path, Path]]:
     """Find the trials of a Pose2Sim project: by name, the calibration and the folder of detections.
 
-    A trial is a folder with ``pose-sync`` or else ``pose``. Its calibration is the TOML in a folder with
-    *calib* in its name, of the trial or of the nearest folder above it within the project.
+    A trial is a folder with ``pose-sync`` or else ``pose``. Its calibration is the TOML, or else whatever
+    calibration there is, in a folder with *calib* in its name, of the trial or of the nearest folder above it
+    within the project.
 
     Raises
     ------
@@ -435,11 +438,12 @@ def _calibration_of(trial: Path, root: Path) -> Path:
     for place in (trial, *trial.parents):
         folders = sorted(path for path in place.iterdir() if path.is_dir() and "calib" in path.name.lower())
         files = [path for folder in folders for path in sorted(folder.glob("*.toml"))]
+        files = files or [folder for folder in folders if find_format(folder)]
         if len(files) > 1:
             names = listed([path.name for path in files], 5)
-            raise DatasetError(trial, "calibration", "one TOML in the folder of calibrations", names)
+            raise DatasetError(trial, "calibration", "one in the folder of calibrations", names)
         if files:
             return files[0]
         if place == root:
             break
-    raise DatasetError(trial, "calibration", "a TOML in a folder calibration, here or above", "none")
+    raise DatasetError(trial, "calibration", "one in a folder calibration, here or above", "none")
