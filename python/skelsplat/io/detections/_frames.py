@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import re
+import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -90,7 +91,8 @@ class Sources:
         judged = _between(common) if any(added) else own
         if mode == "strict" and self.uneven and not _alike(list(judged.values())):
             expected = f"the same frames in every {self.kind}{_after(offsets)}"
-            raise DatasetError(self.root, "frames", expected, _difference(judged, ranges=any(added)))
+            actual = _difference(judged, ranges=any(added)) + ("" if any(added) else _shifted(self._own))
+            raise DatasetError(self.root, "frames", expected, actual)
         union, shared = _union(common), _intersection(common)
         if not len(union):
             raise DatasetError(self.root, "frames", "at least one frame", "none")
@@ -147,6 +149,17 @@ def _difference(frames: Mapping[str, Index], *, ranges: bool = False) -> str:
         return f"{_counts(frames, ranges=ranges)}; {advice}"
     without = ", ".join(name for name, own in frames.items() if first not in own)
     return f"equal counts but no frame {first} in {without}; {advice}"
+
+
+def _shifted(frames: Mapping[str, Index]) -> str:
+    """Return a clause: the offsets of cameras whose frames begin at another number than most, or ""."""
+    if not _alike([own - own[:1] for own in frames.values()]):
+        return ""
+    begins = [int(own[0]) for own in frames.values()]
+    most = max(sorted(set(begins)), key=begins.count)
+    pairs = [(name, most - first) for name, first in zip(frames, begins, strict=True) if first != most]
+    options = " ".join(f"--offset {shlex.quote(name)}={frames}" for name, frames in pairs)
+    return f"; if all begin at the same instant, {options} numbers them alike (in Python offsets=)"
 
 
 def _counts(frames: Mapping[str, Index], *, ranges: bool = False) -> str:
