@@ -469,7 +469,7 @@ def test_a_format_that_states_its_unit_is_still_doubted(tmp_path, views):
     document = json.loads(path.read_text())
     del document["extrinsics"]["S1"]
     path.write_text(json.dumps(document))
-    with pytest.warns(UserWarning, match=r"apart in mm; .*likely"):
+    with pytest.warns(UserWarning, match="if it is mm, the cameras are 0.8 mm apart; .*likely"):
         read_calibration(path)
 
 

@@ -117,7 +117,7 @@ MALFORMED = {
         ),
         "two radial coefficients": (
             lambda p: _json_edit(p, lambda d: d[N]["k"].pop()),
-            rf"{N}\.k: expected 3 numbers, got shape 2",
+            rf"{N}\.k: expected 3 numbers, got 2 numbers",
         ),
         "no lens": (
             lambda p: _json_edit(p, lambda d: d[N].pop("p")),
@@ -139,7 +139,7 @@ MALFORMED = {
     "4d-association": {
         "eleven numbers": (
             lambda p: _json_edit(p, lambda d: d[N]["RT"].pop()),
-            rf"{N}\.RT: expected 12 numbers, got shape 11",
+            rf"{N}\.RT: expected 12 numbers, got 11 numbers",
         ),
         "no size": (
             lambda p: _json_edit(p, lambda d: d[N].pop("imgSize")),
@@ -147,7 +147,7 @@ MALFORMED = {
         ),
         "four numbers for a rotation": (
             lambda p: _json_edit(p, lambda d: d[NAMES[1]].update(R=[1, 0, 0, 0])),
-            rf"{NAMES[1]}\.R: expected 3 numbers, got shape 4",
+            rf"{NAMES[1]}\.R: expected 3 numbers, got 4 numbers",
         ),
         "no translation": (
             lambda p: _json_edit(p, lambda d: d[NAMES[1]].pop("T")),

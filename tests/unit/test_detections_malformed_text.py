@@ -194,7 +194,7 @@ MALFORMED = {
     "sleap_csv": {
         "header": (
             lambda b: b.text("nose.y", "nose.z"),
-            r"line 1: expected different columns: frame_idx, and NODE\.x and NODE\.y for every node, got",
+            r"line 1: expected the columns frame_idx, and NODE\.x and NODE\.y for every node, got",
         ),
         "a track twice": (
             lambda b: b.text("track_1,0,", "track_0,0,"),
@@ -254,7 +254,21 @@ MALFORMED = {
         ),
         "header": (
             lambda b: b.text("joint", "part"),
-            r"line 1: expected different columns, among them frame",
+            r"line 1: expected the columns frame, joint, x, y, got",
+        ),
+        "a column twice": (
+            lambda b: b.text("joint,x", "x,x"),
+            r"line 1: expected the columns frame, joint, x, y, got",
+        ),
+        "another column twice": (
+            lambda b: b.file.write_text(
+                "\n".join(f"{line},a,a" for line in b.file.read_text().splitlines()) + "\n"
+            ),
+            r"line 1: expected every column once, got .*a, a$",
+        ),
+        "one field": (
+            lambda b: b.file.write_text(f"{b.file.read_text()}end"),
+            r"expected 7 fields, got 1 field$",
         ),
         "text": (lambda b: b.text("pelvis,", "pelvis,a"), r"line 2, x: expected a number or nothing, got 'a"),
         "cut": (lambda b: b.file.write_text(b.file.read_text()[:-60]), r"line 205: expected 7 fields, got"),

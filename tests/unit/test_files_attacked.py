@@ -136,7 +136,7 @@ def test_percentages_are_no_peaks_of_maps(tmp_path, name):
     people[..., 2] = 80.0
     (tmp_path / "percent").mkdir()
     path = write_case(tmp_path / "percent", name, people=people)
-    assert "confidences in [0, 1], got a median of 80, as of percentages" in refused(
+    assert "confidences in [0, 1], got a median of 80; divide percentages by 100" in refused(
         path, order=CASES[name].order
     )
     people[..., 2] = 8.0

@@ -497,7 +497,7 @@ CAMERA = (
     [
         ("[[1, 0, 0], [0, 1], [0, 0, 1]]", "expected 3×3 numbers, got lists of different lengths"),
         ("[[1, 0, 0], 2, [0, 0, 1]]", "expected 3×3 numbers, got lists of different lengths"),
-        ("[[1, 0, 0], [0, 1, 0]]", "expected 3×3 numbers, got shape 2×3"),
+        ("[[1, 0, 0], [0, 1, 0]]", "expected 3×3 numbers, got 2×3 numbers"),
         ("[1e308, 1e308, 0]", r"expected a rotation vector in radians, of a length of at most 12.6"),
         ("[[1e308, 0, 0], [0, 1, 0], [0, 0, 1]]", "R of camera 'cam_0': expected an orthonormal"),
         ("[1, 2]", "expected 3 numbers"),

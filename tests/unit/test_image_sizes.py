@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import shutil
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -110,6 +111,14 @@ def test_detect_writes_and_reads_this_form(detected):
     before = (folder / "pose" / "detect.json").read_text()
     write_record(folder / "pose", record)
     assert json.loads((folder / "pose" / "detect.json").read_text()) == json.loads(before)
+
+
+def test_a_size_that_is_none_is_named_with_the_file_as_it_was_given(detected, monkeypatch):
+    folder = detected({"cam1": [500]})
+    monkeypatch.chdir(folder)
+    result = invoke("refine", "Calib.toml", "pose", *READ, "-o", "out")
+    words = "detect.json: videos.cam1.size: expected 2 numbers, got 1 number"
+    assert_fails(result, 1, f"error: {Path('pose') / words}")
 
 
 def test_the_same_size_changes_nothing(detected):

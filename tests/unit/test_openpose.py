@@ -376,7 +376,7 @@ def _set(index, value):
 VALID = json.dumps(document(person(1.0)))
 MALFORMED = {
     "cut in half": (VALID[: len(VALID) // 2], r"JSON: expected a complete JSON document, got .* of \d+"),
-    "empty": ("", r"JSON: expected a complete JSON document, got expecting value at character 0 of 0"),
+    "empty": ("", r"JSON: expected a complete JSON document, got an empty file"),
     "a list": ("[]", r"people: expected an object .*got list"),
     "no people": ('{"version": 1.3}', r"people: expected an object .*got nothing"),
     "people no list": ('{"people": {"0": 1}}', r"people: expected a list, got dict"),

@@ -312,8 +312,8 @@ MALFORMED_TRC = {
         "header: expected five lines that start with PathFileType, got 1 lines",
     ),
     "inches": (
-        lambda lines: [line.replace("\tm\t", "\tin\t") for line in lines],
-        "line 3 Units: expected m, cm or mm",
+        lambda lines: [line.replace("\tm\t", "\tinch\t") for line in lines],
+        "line 3 Units: expected m, cm or mm in the fifth field, got 'inch'$",
     ),
     "a name too few": (
         lambda lines: [line.replace("nose", "") for line in lines],

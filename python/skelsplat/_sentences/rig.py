@@ -258,11 +258,10 @@ def _doubtful(finding: Finding) -> str:
 
 def _unit_implausible(finding: Finding) -> str:
     numbers = finding.numbers
-    metres = f"{numbers['metres']:.3g}" if numbers["metres"] < 100.0 else f"{numbers['metres']:.0f}"
-    return (
-        f"{finding.subject.files[0]}: unit: the cameras would be {metres} m apart in {numbers['unit']}; "
-        f"{numbers['hint']}"
-    )
+    metres = numbers["metres"]
+    far = f"{1e3 * metres:.3g} mm" if metres < 1 else f"{metres:.{0 if metres >= 100 else 2}f} m"
+    read = f"if it is {numbers['unit']}, the cameras are {far} apart"
+    return f"{finding.subject.files[0]}: unit: {read}; {numbers['hint']}"
 
 
 SENTENCES: Mapping[str, str | Callable[[Finding], str]] = {

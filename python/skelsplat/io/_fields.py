@@ -123,7 +123,8 @@ class Field:
         if (shape is None or len(shape) == 1) and array.ndim == 2 and 1 in array.shape:
             array = array.ravel()
         if array.ndim != 1 if shape is None else array.shape != shape:
-            raise self.error(expected, f"shape {'×'.join(map(str, array.shape)) or 'scalar'}")
+            there = "×".join(map(str, array.shape)) or "1"
+            raise self.error(expected, f"{there} number{'s' * (there != '1')}")
         if not np.isfinite(array).all():
             raise self.error("finite numbers", self.shown)
         return array

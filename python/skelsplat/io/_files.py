@@ -64,15 +64,17 @@ def csv_lines(path: Path) -> Iterator[list[str]]:
         for line in reader:
             columns = len(line) if columns is None else columns
             if (line and len(line) != columns) or columns > MOST_COLUMNS:
-                expected = (
-                    f"{columns} fields" if columns <= MOST_COLUMNS else f"at most {MOST_COLUMNS} fields"
-                )
-                raise DatasetError(path, f"line {first}", expected, f"{len(line)} fields")
+                expected = _fields(columns) if columns <= MOST_COLUMNS else f"at most {_fields(MOST_COLUMNS)}"
+                raise DatasetError(path, f"line {first}", expected, _fields(len(line)))
             yield line
             first = reader.line_num + 1
     except csv.Error as error:
         expected, actual = _csv_fault(error, reader.line_num - first)
         raise DatasetError(path, f"line {first}", expected, actual) from error
+
+
+def _fields(count: int) -> str:
+    return f"{count} field{'s' * (count != 1)}"
 
 
 def csv_header(path: Path) -> list[str]:
@@ -111,6 +113,8 @@ def load_json(path: Path, document: str, text: str | None = None) -> Any:
     `document` is what it should hold, for messages, `text` its content if that was read before.
     """
     text = read_text(path) if text is None else text
+    if not text.strip():
+        raise DatasetError(path, "JSON", "a complete JSON document", "an empty file")
     check_json(path, document, text)
     try:
         value = json.loads(text, parse_int=whole_number, object_pairs_hook=_with_keys_once)

@@ -160,7 +160,7 @@ def _columns(path: Path, header: Sequence[str]) -> dict[str, int]:
     names = [name.strip().lower() for name in header]
     missing = [name for name in _NEEDED if name not in names]
     if missing or len(set(names)) < len(names):
-        expected = f"different columns, among them {', '.join(_NEEDED)}"
+        expected = f"the columns {', '.join(_NEEDED)}" if missing else "every column once"
         raise DatasetError(path, "line 1", expected, ", ".join(header) or "an empty line")
     if "confidence" not in names:
         refuse_other_names(path, "line 1", names)

@@ -108,7 +108,7 @@ def joints_of(
         scores = sure[np.isfinite(xy).all(axis=-1) & np.isfinite(sure)]
         median = np.median(np.minimum(scores, FARTHEST)) if scores.size else 0.0
         if median > _PERCENT:
-            actual = f"a median of {median:g}, as of percentages"
+            actual = f"a median of {median:.3g}; divide percentages by 100"
             raise DatasetError(path, where, "confidences in [0, 1]", actual)
         sure = np.clip(sure, 0.0, 1.0)
     sure[(sure > 1.0) & (sure <= HIGHEST_CONFIDENCE)] = 1.0

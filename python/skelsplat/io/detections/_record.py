@@ -88,7 +88,8 @@ def write_record(folder: Path, record: Record) -> None:
 
 def with_record(view: View) -> View:
     """Return the view of a camera's folder with the joints, rate and size that the record there states."""
-    record = read_record(view.path.absolute().parent)
+    place = view.path if view.path.name not in ("", "..") else view.path.absolute()
+    record = read_record(place.parent)
     if record is None:
         return view
     video = record.videos.get(view.path.name.removesuffix(_SUFFIX))

@@ -132,7 +132,8 @@ def _nodes(path: Path, header: Sequence[str]) -> tuple[str, ...]:
     known = set(header)
     lacking = [name for name in (_FRAME, *(f"{node}.y" for node in nodes)) if name not in known]
     if lacking or not nodes or len(known) < len(header):
-        expected = f"different columns: {_FRAME}, and NODE.x and NODE.y for every node"
+        expected = f"the columns {_FRAME}, and NODE.x and NODE.y for every node"
+        expected = expected if lacking or not nodes else "every column once"
         raise DatasetError(path, "line 1", expected, ", ".join(header)[:200] or "an empty line")
     return nodes
 

@@ -132,7 +132,8 @@ def read_trc(path: str | os.PathLike[str]) -> PoseData:
         raise DatasetError(source, "header", "five lines that start with PathFileType", f"{len(lines)} lines")
     stated = lines[2].split("\t")
     if len(stated) < 5 or stated[4] not in MM_PER_UNIT:
-        raise DatasetError(source, "line 3 Units", "m, cm or mm in the fifth field", repr(lines[2]))
+        actual = repr(stated[4]) if len(stated) > 4 else f"only {len(stated)}"
+        raise DatasetError(source, "line 3 Units", "m, cm or mm in the fifth field", actual)
     markers = tuple(name for name in lines[3].split("\t")[2:] if name.strip())
     if str(len(markers)) != stated[3].strip():
         expected = f"the {stated[3]} marker names that line 3 states"
