@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 import shlex
+import shutil
 
 import numpy as np
 import pytest
@@ -14,13 +15,14 @@ import skelsplat as sk
 from command_line import assert_fails, invoke
 from skelsplat import synthetic
 from skelsplat.cameras import altered, matrix_from_vector
-from skelsplat.findings import Finding
+from skelsplat.findings import Finding, Remedy
 from skelsplat.io import convert_unit, read_calibration, write_calibration
 from skelsplat.run import Job, run, run_people
 from skelsplat.run.adjust import adjust_cameras, findings_of
 from skelsplat.run.over_people import _command as check_command
 
 LAYOUT = ["--layout", "h36m17"]
+ORDER = "cam2,cam1,cam3,cam4"  # which corrects the recording `exchanged`
 RIG = synthetic.human36m_like(distortion=True)
 
 
@@ -135,17 +137,20 @@ def test_a_late_camera_is_for_an_option_of_refine(room, tmp_path):
     text = said()
     number = float(re.search(r"! cam2's frame numbers are (\S+) ± \S+ too high;", text)[1])
     assert number == pytest.approx(4.0, abs=0.2)
-    assert "a calibration has no clock: refine with --offset cam2=-4." in text
+    assert "a calibration has no clock: --offset cam2=-4 of refine corrects it." in text
     assert "fixed.toml was not written." in text
-    assert "refine with --offset cam2=-4." in said("--offset", "cam2=-1")  # which counts
+    assert "--offset cam2=-4 of refine corrects it." in said("--offset", "cam2=-1")  # which counts
     assert "No camera was adjusted" in said("--offset", "cam2=-4")
 
 
 def test_other_faults_come_first(room, tmp_path):
     out = tmp_path / "fixed.toml"
     result = invoke("adjust-cameras", room / "Calib.toml", room / "exchanged", "-o", out, *LAYOUT)
-    parts = "another fault: The detections of cam1 and cam2 are exchanged", "; correct it with --order"
-    assert_fails(result, 1, "exchanged: cameras: expected cameras that were turned or moved", *parts)
+    parts = "got this one: The detections of cam1 and cam2 are exchanged", f"). --order {ORDER} corrects it."
+    assert_fails(result, 1, "exchanged: cameras: expected no fault but turned or moved cameras, ", *parts)
+    files.openpose_folders(tmp_path / "empty", RIG, np.full((5, 4, 17, 2), np.nan))
+    result = invoke("adjust-cameras", room / "Calib.toml", tmp_path / "empty", "-o", out, *LAYOUT)
+    assert_fails(result, 1, "empty: detections: expected some to adjust the cameras by, got none")
     assert not out.exists()
     metres = tmp_path / "metres.json"
     write_calibration(metres, sk.CameraRig(list(RIG), "m"))
@@ -211,15 +216,15 @@ def test_parts_of_a_frame_and_cameras_that_see_too_little():
     sound = reported(name="cam1", status="sound")
     text, about = (one.text for one in found(late, unseen, sound))
     assert text == (
-        "cam2's frame numbers are 2.40 ± 0.05 too low; a calibration has no clock: refine with "
-        "--offset cam2=5.4."
+        "cam2's frame numbers are 2.40 ± 0.05 too low; a calibration has no clock: "
+        "--offset cam2=5.4 of refine corrects it."
     )
     assert about.startswith("cam4 sees too few of the joints that other cameras see")
     (two,) = found(reported(name="cam1", status="unseen"), unseen)
     assert two.text.startswith("Two cameras do not tell which of them was turned or moved")
     (little,) = found(reported(name="cam1", status="adjusted", clock=0.3, clock_sigma=0.05))
     assert little.text.endswith(
-        "0.30 ± 0.05 too high; a calibration has no clock: refine with --offset cam1=-0.3."
+        "0.30 ± 0.05 too high; a calibration has no clock: --offset cam1=-0.3 of refine corrects it."
     )
     assert found(reported(name="cam1", status="adjusted", clock=0.1, clock_sigma=0.05)) == []
 
@@ -285,5 +290,28 @@ def test_refine_leaves_cameras_that_another_fault_explains(room):
     found = run(Job(room / "Calib.toml", room / "exchanged", layout="h36m17", adjust_cameras=True))
     (finding,) = [one for one in found.findings if one.kind == "cameras_not_adjusted"]
     assert finding.severity == "warning"
-    assert finding.text.startswith("No camera was adjusted, because of another fault: The detections of cam1")
+    first = "No camera was adjusted, because another fault has to be corrected first."
+    assert finding.text.startswith(f"{first} The detections of cam1 and cam2 are exchanged")
+    assert finding.text.endswith(f"). --order {ORDER} corrects it.")
+    assert finding.remedy == (Remedy("order", ORDER),)
     np.testing.assert_array_equal(found.cameras["cam1"].R, read_calibration(room / "Calib.toml")["cam1"].R)
+
+
+def test_sides_that_are_named_as_another_fault_are_not_named_again(room, tmp_path):
+    left_right = sk.layouts.H36M17.left_right
+    for path in sorted((room / "pose" / "cam2").iterdir()):
+        document = json.loads(path.read_text())
+        for person in document["people"]:
+            keypoints = np.reshape(person["pose_keypoints_2d"], (-1, 3))
+            for a, b in left_right:
+                keypoints[[a, b]] = keypoints[[b, a]]
+            person["pose_keypoints_2d"] = keypoints.ravel().tolist()
+        (tmp_path / "pose" / "cam2").mkdir(parents=True, exist_ok=True)
+        (tmp_path / "pose" / "cam2" / path.name).write_text(json.dumps(document))
+    for name in ("cam1", "cam3", "cam4"):
+        shutil.copytree(room / "pose" / name, tmp_path / "pose" / name)
+    for adjust in (True, False):
+        job = Job(room / "Calib.toml", tmp_path / "pose", layout="h36m17", fps=50, adjust_cameras=adjust)
+        (said,) = [one for one in run(job).findings if "left and right are swapped" in one.text]
+        assert said.kind == ("cameras_not_adjusted" if adjust else "camera_mirrored")
+        assert said.text.endswith("viewer's side?" if adjust else "Is the image mirrored?")

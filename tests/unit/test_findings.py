@@ -48,3 +48,14 @@ def test_warnings_are_collected_as_findings_each_once():
 def test_a_finding_warns_with_its_text():
     with pytest.warns(UserWarning, match="^of a file$"):
         warnings.warn(FindingWarning(remark("of a file")), stacklevel=1)
+
+
+def test_sides_swapped_in_part_of_the_detections_are_no_mirrored_image():
+    def said(share):
+        subject = Subject(cameras=("cam1",))
+        return Finding("camera_mirrored", "warning", subject, {"swapped_share": share}).text
+
+    assert said(0.71).endswith("swapped in 71% of its detections. Is the image mirrored?")
+    assert said(0.33).endswith(
+        "swapped in 33% of its detections. Does the detector confuse the sides in this view?"
+    )

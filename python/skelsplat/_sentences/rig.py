@@ -236,7 +236,7 @@ def _late(finding: Finding) -> str:
     frames, sigma = numbers["clock_frames"], numbers["clock_sigma_frames"]
     high = f"{abs(frames):.0f}" if sigma is None else with_bar(abs(frames), sigma)
     text = f"{numbers['camera']}'s frame numbers are {high} too {'high' if frames > 0 else 'low'}"
-    return f"{text}; a calibration has no clock: refine with {options(finding.remedy)}."
+    return f"{text}; a calibration has no clock: {options(finding.remedy)} of refine corrects it."
 
 
 def _doubtful(finding: Finding) -> str:
@@ -299,7 +299,7 @@ SENTENCES: Mapping[str, str | Callable[[Finding], str]] = {
     "cameras_sound": (
         "No camera was adjusted: the {cameras} cameras that could be judged agree with this recording."
     ),
-    "cameras_not_adjusted": "No camera was adjusted, because of another fault: {why}.",
+    "cameras_not_adjusted": "No camera was adjusted, because another fault has to be corrected first. {why}",
     "cameras_apart": _apart,
     "recording_other": _recording,
     "detections_none": "There are no detections to check the cameras with.",

@@ -13,6 +13,8 @@ if TYPE_CHECKING:
 
 # Names and frame numbers that a sentence lists; the rest are counted.
 _MOST_NAMES = _MOST_FRAMES = 6
+# So many of a camera's detections are swapped if all are that have a side.
+_ALL_SIDES = 0.6
 # A direction is named from this part of the shift on.
 _DIRECTION = 0.1
 
@@ -138,9 +140,10 @@ def _apart(finding: Finding) -> str:
 
 
 def _mirrored(finding: Finding) -> str:
-    share = percent(finding.numbers["swapped_share"])
-    name = finding.subject.cameras[0]
-    return f"{name}: left and right are swapped in {share} of its detections. Is the image mirrored?"
+    share, name = finding.numbers["swapped_share"], finding.subject.cameras[0]
+    confused = "Does the detector confuse the sides in this view?"
+    cause = "Is the image mirrored?" if share >= _ALL_SIDES else confused
+    return f"{name}: left and right are swapped in {percent(share)} of its detections. {cause}"
 
 
 def _limbs_differ(finding: Finding) -> str:

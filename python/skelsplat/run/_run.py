@@ -321,7 +321,9 @@ def summed_up(inputs: Inputs, outcome: Outcome, job: Job | None = None, notes: S
     poses, over_time = apply_over_time(poses_of(inputs, outcome.result), job)
     statistics = statistics.without_bars(poses.joint_status == "filled")
     frames = joint_frames(inputs, outcome, poses.joint_status)
-    found = [*notes, *find_findings(inputs, outcome, statistics, frames)]
+    swapped = [one.subject for one in notes if one.numbers.get("fault") == "sides_swapped"]  # named already
+    found = find_findings(inputs, outcome, statistics, frames)
+    found = [*notes, *(one for one in found if one.kind != "camera_mirrored" or one.subject not in swapped)]
     facts = FrameFacts.of(inputs, outcome, statistics, poses.joint_status)
     in_frames, _ = find_in_frames([facts], Usual.of(facts), inputs.layout.joints, inputs.rig.names)
     return reported(

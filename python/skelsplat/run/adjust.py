@@ -12,6 +12,7 @@ import numpy as np
 import skelsplat as sk
 from skelsplat._arrays import Array, Index
 from skelsplat._clocks import parted, rounded
+from skelsplat._sentences.words import options
 from skelsplat.association import take_people
 from skelsplat.exceptions import DatasetError
 from skelsplat.findings import Finding, Remedy, Severity, Subject, collected_warnings, warn
@@ -106,8 +107,10 @@ def adjust_cameras(
             clock=clock,
         )
     if isinstance(result, Finding):
-        expected = "cameras that were turned or moved and have no other fault"
-        raise DatasetError(detections, "cameras", expected, f"another fault: {result.numbers['why']}")
+        if result.numbers["fault"] == "detections_none":
+            raise DatasetError(detections, "detections", "some to adjust the cameras by", "none")
+        expected = "no fault but turned or moved cameras"
+        raise DatasetError(detections, "cameras", expected, f"this one: {result.numbers['why']}")
     cameras = dict(zip(rig.names, result.cameras, strict=True))
     whole = sk.CameraRig([cameras.get(n, one) for n, one in zip(every.names, every, strict=True)], every.unit)
     kept = [one for one in warnings if one.kind != "unit_implausible"]  # the person's size says more
@@ -130,12 +133,12 @@ def read_adjusted(job: Job) -> tuple[Array, Inputs]:
     people, whole = read_everybody(job)
     if not job.adjust_cameras:
         return people, whole
-    scene = Scene(whole.rig, people, whole.frames, whole.layout, ReadAs(offsets=whole.offsets))
+    scene = Scene(whole.rig, people, whole.frames, whole.layout, whole.read_as)
     result = adjusted(scene)
     if isinstance(result, Finding):
         warn(result)
         return people, whole
-    for finding in findings_of(result, whole.rig.mm_per_unit, whole.offsets):
+    for finding in findings_of(result, whole.rig.mm_per_unit, whole.read_as.offsets):
         warn(finding)
     return people, replace(whole, rig=result.cameras)
 
@@ -162,9 +165,9 @@ def adjusted(
     allowed |= {"image_resized"} if focal else set()
     for fault in check.before_places:
         if fault.kind not in allowed:
-            remedy = " ".join(option.text for option in fault.remedy)
-            why = f"{fault.text.rstrip('.')}{'; correct it with ' + remedy if remedy else ''}"
-            return Finding("cameras_not_adjusted", "warning", fault.subject, {"why": why}, fault.remedy)
+            why = f"{fault.text} {options(fault.remedy)} corrects it." if fault.remedy else fault.text
+            numbers = {"fault": fault.kind, "why": why}
+            return Finding("cameras_not_adjusted", "warning", fault.subject, numbers, fault.remedy)
     steps = scene.frames - scene.frames[0]
     step = int(np.gcd.reduce(steps)) or 1
     places = steps // step

@@ -21,6 +21,7 @@ from skelsplat.io.calibration import find_format, read_calibration
 from skelsplat.io.detections import Opened as Detections
 from skelsplat.io.detections import camera_called, cameras_called, one_rate, open_detections
 from skelsplat.io.video import find_videos, open_source
+from skelsplat.rig_check import ReadAs
 from skelsplat.run.image_sizes import in_calibrated_pixels
 from skelsplat.run.job import Job
 from skelsplat.run.person import Crowd
@@ -56,8 +57,7 @@ class Inputs:
     format: str | None = None
     calibration_format: str | None = None
     lacking: frozenset[str] = frozenset()  # joints that the user declared missing from the files
-    # by camera, frames that were added to its numbers, where the user gave them
-    offsets: dict[str, float] = field(default_factory=dict)
+    read_as: ReadAs = field(default_factory=ReadAs)
     without: tuple[str, ...] = ()  # cameras of the calibration that are left out
     sources: tuple[Path, ...] = ()  # the files or folders that hold the cameras' detections
     person: str = "consistent"  # the person to follow, as `Job.person`, or the identity followed
@@ -116,7 +116,7 @@ class Opened:
             format=found.format,
             calibration_format=job.calibration_format or find_format(calibration),
             lacking=frozenset(joint for joint, name in job.mapping.items() if name is None),
-            offsets=named_offsets(self.every, job.offsets),
+            read_as=ReadAs(found.labels, named_offsets(self.every, job.offsets), found.views.uneven),
             without=tuple(name for name in self.every.names if name not in self.rig.names),
             sources=tuple(path for path in found.sources if path is not None),
             fps=rate,

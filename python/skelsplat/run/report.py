@@ -152,7 +152,7 @@ def input_of(inputs: Inputs, job: Job | None) -> dict[str, Any]:
         "calibration_format": inputs.calibration_format,
         "detections": given.pop("detections"),
         "format": inputs.format,
-        "offsets": inputs.offsets,
+        "offsets": dict(inputs.read_as.offsets),
         "without": list(inputs.without),
         "adjust_cameras": job is not None and job.adjust_cameras,
         **given,

@@ -102,6 +102,11 @@ class Opened:
         )
 
     @property
+    def labels(self) -> tuple[str | None, ...]:
+        """As of `DetectionSet`."""
+        return tuple(self.views.labels[name] for name in self.camera_names)
+
+    @property
     def frame_rate(self) -> float | None:
         """As of `DetectionSet`."""
         return one_rate(self.rates)
@@ -140,7 +145,7 @@ class Opened:
             layout=self.skeleton.name,
             skeleton=self.skeleton,
             format=self.format,
-            labels=tuple(self.views.labels[name] for name in self.camera_names),
+            labels=self.labels,
             uneven=self.views.uneven,
             frame_rate=self.frame_rate,
         )
