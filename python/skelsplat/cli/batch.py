@@ -30,7 +30,7 @@ EPILOG = (
     "SESSIONS.toml has a table session per recording, with calibration, detections, optionally name and "
     "output, and any option of refine under its name; a table defaults has what all share. Options of "
     "the command line win. In a project of Pose2Sim, a recording is a folder with pose-sync or else pose, "
-    "and its calibration is the TOML in a folder with calib in its name, there or above. The results of a "
+    "and its calibration is in a folder with calib in its name, there or above. The results of a "
     "recording are in FOLDER/NAME; batch.csv and batch.json in FOLDER have the table. Exit status 1 if a "
     "recording failed, or none of its detections could be used."
 )
@@ -139,21 +139,18 @@ def _sessions(document: dict[str, Any], folder: Path) -> Iterator[tuple[str, dic
     tables, shared = document.get("session", []), document.get("defaults", {})
     if not isinstance(shared, dict):
         raise MisfitError("defaults", "a table [defaults] of options", "something else")
-    if not tables or not all(
-        isinstance(table, dict) for table in (tables if isinstance(tables, list) else [0])
-    ):
-        raise MisfitError(
-            "session", "a table [[session]] per recording", "none" if not tables else "something else"
-        )
+    listed = isinstance(tables, list) and all(isinstance(table, dict) for table in tables)
+    if not tables or not listed:
+        got = "something else" if tables else "none"
+        raise MisfitError("session", "a table [[session]] per recording", got)
     defaults, names = options_in(shared, known, folder, "defaults."), set()
     for place, table in enumerate(tables, 1):
         prefix, options_of = f"session {place}.", {k: v for k, v in table.items() if k != "name"}
         values = defaults | options_in(options_of, known, folder, prefix)
         for argument, parameter in (("calibration", "source"), ("detections", "detections")):
             if parameter not in values:
-                raise MisfitError(
-                    prefix + argument, f"a path in [[session]] {place} or in [defaults]", "none"
-                )
+                expected = f"a path in [[session]] {place} or in [defaults]"
+                raise MisfitError(prefix + argument, expected, "none")
         name = _name(table.get("name", _named_by(values["detections"], folder)), prefix)
         if name in names:
             raise MisfitError(f"{prefix}name", "a name of its own for each session", f"{name} twice")

@@ -219,10 +219,8 @@ def _check(jobs: Mapping[str, Job], processes: int) -> None:
     for name, job in jobs.items():
         place = Path(str(job.output)).resolve()
         if place in places:
-            expected = (
-                f"a folder of its own for each recording, got {job.output} for {places[place]} and {name}"
-            )
-            raise InvalidInputError(f"output: expected {expected}")
+            got = f"{job.output} for {places[place]} and {name}"
+            raise InvalidInputError(f"output: expected a folder of its own for each recording, got {got}")
         places[place] = name
 
 

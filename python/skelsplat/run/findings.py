@@ -93,15 +93,11 @@ def find_whole(
         yield Finding("nothing_used", "error", Subject(cameras=apart), {"nobody": nobody})
     elif total.rejected_share >= _WHOLE_SHARE or min(total.rejected_share, _rest(statistics)) >= _REST_SHARE:
         remedy = (Remedy("person", "consistent"),) if mixed else ()
-        yield Finding(
-            "many_rejected", "warning", numbers={"rejected_share": total.rejected_share}, remedy=remedy
-        )
+        numbers = {"rejected_share": total.rejected_share}
+        yield Finding("many_rejected", "warning", numbers=numbers, remedy=remedy)
     elif total.after_px > max(_further(statistics) * total.before_px, total.before_px + _FURTHER_PX):
-        yield Finding(
-            "further_than_start",
-            "warning",
-            numbers={"before_px": total.before_px, "after_px": total.after_px},
-        )
+        numbers = {"before_px": total.before_px, "after_px": total.after_px}
+        yield Finding("further_than_start", "warning", numbers=numbers)
 
 
 def _further(statistics: Statistics) -> float:
@@ -264,11 +260,8 @@ def _given_lengths(inputs: Inputs, alone: Outcome) -> Iterator[Finding]:
     wrong = np.flatnonzero((np.abs(measured - lengths) > allowed) & (sigmas < lengths))
     if len(wrong):
         named = [[joints[j] for j in limbs[b]] for b in wrong]
-        numbers = {
-            "limbs": named,
-            "given_mm": lengths[wrong].tolist(),
-            "measured_mm": measured[wrong].tolist(),
-        }
+        given, found = lengths[wrong].tolist(), measured[wrong].tolist()
+        numbers = {"limbs": named, "given_mm": given, "measured_mm": found}
         subject = Subject(joints=tuple(dict.fromkeys(joint for limb in named for joint in limb)))
         yield Finding("given_lengths_differ", "warning", subject, numbers)
 

@@ -164,9 +164,8 @@ def _nobody(job: Job, whole: Inputs, detected: Index) -> DatasetError:
     else:
         advice = "no two views detect anybody in the same frame"
     got = f"nobody, though people are detected ({counts} of {len(detected):,} frames): {advice}"
-    return DatasetError(
-        Path(job.detections), "people", expected, got if seen.any() else "no detections of people"
-    )
+    got = got if seen.any() else "no detections of people"
+    return DatasetError(Path(job.detections), "people", expected, got)
 
 
 def _inputs(person: Person, seen: Array, whole: Inputs, places: Index, seconds: float) -> Inputs:
@@ -198,16 +197,15 @@ def choose(everybody: Everybody, person: str) -> Inputs:
     """
     people, point = everybody.people, point_of(person)
     if person.isdecimal():
-        found = [one for one in people if int(one.person) == int(person)]
-        if not found:
+        by_number = {int(one.person): one for one in people}
+        if int(person) not in by_number:
             known = ", ".join(one.person for one in people)
             raise InvalidInputError(f"person: expected one of {known} (the people found), got {person}")
-        chosen = found[0]
+        chosen = by_number[int(person)]
     elif point is not None:
         chosen = _at(people, *point)
     else:
-        measure = _moved if person == MOVES_MOST else _size
-        chosen = max(people, key=measure)
+        chosen = max(people, key=_moved if person == MOVES_MOST else _size)
     numbers = {"person": person, "identity": int(chosen.person), "people": len(people)}
     warn(Finding("person_followed", "note", numbers=numbers))
     return replace(chosen, doubts=(*everybody.whole.doubts, *chosen.doubts))

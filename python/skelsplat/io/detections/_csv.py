@@ -64,30 +64,27 @@ def completed(views: Mapping[str, View]) -> dict[str, View]:
 
     A camera that lists a joint as no other does is left as it is: it may have another name for what it lacks.
     """
-    counts = {name: len(view.people(view.frames[0])[0].joints) for name, view in views.items()}
-    own = {name: view.joints or tuple(map(str, range(counts[name]))) for name, view in views.items()}
+    own = {name: view.joints or _places(view) for name, view in views.items()}
     listing = Counter(itertools.chain.from_iterable(own.values()))
-    lacking = [name for name in views if all(listing[joint] > 1 for joint in own[name])]
-    lacking = [name for name in lacking if len(own[name]) < len(listing)]
-    return {**views, **{name: _with_joints(views[name], own[name], tuple(listing)) for name in lacking}}
+    lacking = [name for name, joints in own.items() if len(joints) < len(listing)]
+    alike = [name for name in lacking if all(listing[joint] > 1 for joint in own[name])]
+    return {**views, **{name: _with_joints(views[name], own[name], tuple(listing)) for name in alike}}
+
+
+def _places(view: View) -> tuple[str, ...]:
+    return tuple(map(str, range(len(view.people(view.frames[0])[0].joints))))
 
 
 def _with_joints(view: View, own: tuple[str, ...], every: tuple[str, ...]) -> View:
-    places = [every.index(joint) for joint in own]
+    places, read = [every.index(joint) for joint in own], view.people
 
-    def wide(people: Sequence[Person]) -> list[Person]:
-        joints = np.full((len(people), len(every), 3), np.nan)
-        for row, person in zip(joints, people, strict=True):
-            row[places] = person.joints
-        return [person._replace(joints=row) for row, person in zip(joints, people, strict=True)]
+    def wide(person: Person) -> Person:
+        joints = np.full((len(every), 3), np.nan)
+        joints[places] = person.joints
+        return person._replace(joints=joints)
 
-    read, stretch = view.people, view.stretch
-    return replace(
-        view,
-        joints=every if view.joints else None,
-        people=lambda number: wide(read(number)),
-        stretch=None if stretch is None else lambda first, end: list(map(wide, stretch(first, end))),
-    )
+    names = every if view.joints else None
+    return replace(view, joints=names, people=lambda number: [*map(wide, read(number))], stretch=None)
 
 
 def _views(path: Path) -> dict[str, View]:

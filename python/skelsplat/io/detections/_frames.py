@@ -163,11 +163,9 @@ def _shifted(frames: Mapping[str, Index]) -> str:
 
 
 def _counts(frames: Mapping[str, Index], *, ranges: bool = False) -> str:
-    def one(name: str, own: Index) -> str:
-        span = f" ({own[0]} to {own[-1]})" if ranges and len(own) else ""
-        return f"{len(own)} in {name}{span}"
-
-    return ", ".join(one(name, own) for name, own in frames.items())
+    counts = {name: f"{len(own)} in {name}" for name, own in frames.items()}
+    spans = {name: f" ({own[0]} to {own[-1]})" for name, own in frames.items() if ranges and len(own)}
+    return ", ".join(count + spans.get(name, "") for name, count in counts.items())
 
 
 def frame_files(folder: Path, pattern: str, expected: str, advice: str = "") -> dict[int, Path]:

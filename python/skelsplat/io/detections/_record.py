@@ -61,14 +61,10 @@ def read_record(folder: Path) -> Record | None:
 
 
 def _video(entry: Field) -> Video:
-    rate, length, count = entry["frame_rate"], entry["bytes"], entry["frames"]
-    return Video(
-        entry["video"].text(),
-        size_of(entry["size"]),
-        None if rate.value is None else rate.number(),
-        None if length.value is None else length.index(),
-        None if count.value is None else count.index(),
-    )
+    rate, length, count = (entry[key] for key in ("frame_rate", "bytes", "frames"))
+    known = None if rate.value is None else rate.number()
+    length_and_count = (None if one.value is None else one.index() for one in (length, count))
+    return Video(entry["video"].text(), size_of(entry["size"]), known, *length_and_count)
 
 
 def write_record(folder: Path, record: Record) -> None:

@@ -6,6 +6,7 @@ import os
 import shlex
 from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import chain, islice
 from pathlib import Path
 
@@ -192,16 +193,10 @@ class Matching:
     def match(self, candidates: Candidates) -> dict[str, str | None]:
         """Return the label of every camera that is not left out."""
         if self.order is not None:
-            return match_by_order(
-                candidates, self.names, self.order, left_out=self.left_out, otherwise=_SOME_LEFT_OUT
-            )
-        found = match_by_name(
-            candidates,
-            self.names,
-            allow_missing=self.allow_missing,
-            optional=self.left_out,
-            otherwise=self._leave_out,
-        )
+            by_order = partial(match_by_order, left_out=self.left_out, otherwise=_SOME_LEFT_OUT)
+            return by_order(candidates, self.names, self.order)
+        by_name = partial(match_by_name, allow_missing=self.allow_missing, optional=self.left_out)
+        found = by_name(candidates, self.names, otherwise=self._leave_out)
         return {name: label for name, label in found.items() if name not in self.left_out}
 
     def _leave_out(self, missing: Sequence[str]) -> str:

@@ -54,16 +54,12 @@ def _axes(path: Path, file: Any, nodes: int) -> tuple[str, ...]:
     tracks = _dataset(path, file, _TRACKS)
     stated = tracks.attrs.get("dims")
     unturned = file.attrs.get("transpose") is not None and not file.attrs["transpose"]
-    orders = (
-        [_stated(path, stated)] if stated is not None else [_UNTURNED] if unturned else [_AXES, _UNTURNED]
-    )
+    usual = [_UNTURNED] if unturned else [_AXES, _UNTURNED]
+    orders = usual if stated is None else [_stated(path, stated)]
     named = len(file["track_names"]) if "track_names" in file else 0
     sizes = {"xy": 2, "node": nodes, **({"track": named} if named else {})}
     for order in orders:
-        if (
-            len(tracks.shape) == len(order)
-            and sizes.items() <= dict(zip(order, tracks.shape, strict=True)).items()
-        ):
+        if len(tracks.shape) == len(order) and sizes.items() <= set(zip(order, tracks.shape, strict=True)):
             return order
     expected = f"shape ({', '.join(str(sizes.get(axis, f'{axis}s')) for axis in orders[0])})"
     raise DatasetError(path, _TRACKS, expected, tracks.shape)
@@ -130,10 +126,10 @@ def read_sleap_csv(path: Path) -> View:
 def _nodes(path: Path, header: Sequence[str]) -> tuple[str, ...]:
     nodes = tuple(name.removesuffix(".x") for name in header if name.endswith(".x"))
     known = set(header)
-    lacking = [name for name in (_FRAME, *(f"{node}.y" for node in nodes)) if name not in known]
-    if lacking or not nodes or len(known) < len(header):
-        expected = f"the columns {_FRAME}, and NODE.x and NODE.y for every node"
-        expected = expected if lacking or not nodes else "every column once"
+    lacking = not nodes or not known.issuperset([_FRAME, *(f"{node}.y" for node in nodes)])
+    if lacking or len(known) < len(header):
+        needed = f"the columns {_FRAME}, and NODE.x and NODE.y for every node"
+        expected = needed if lacking else "every column once"
         raise DatasetError(path, "line 1", expected, ", ".join(header)[:200] or "an empty line")
     return nodes
 

@@ -26,9 +26,7 @@ from skelsplat.io.poses._parts import Poses, parts_of
 from skelsplat.io.poses._pose_data import Y_UP, PoseData, checked, known_frame_rate
 from skelsplat.io.poses._pose_data import marker_names as named
 
-_HEADER = (
-    "DataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\tOrigDataRate\tOrigDataStartFrame\tOrigNumFrames"
-)
+_HEADER = "DataRate CameraRate NumFrames NumMarkers Units OrigDataRate OrigDataStartFrame OrigNumFrames"
 # a micrometre, far below what keypoints resolve
 _DECIMALS = {"m": 6, "mm": 3}
 
@@ -105,7 +103,7 @@ def _header(file_name: str, names: Sequence[str], steps: int, frame_rate: float,
     numbers = range(1, joints + 1)
     return [
         f"PathFileType\t4\t(X/Y/Z)\t{file_name.encode(errors='replace').decode()}",
-        _HEADER,
+        _HEADER.replace(" ", "\t"),
         "\t".join([rate, rate, str(steps), str(joints), unit, rate, "1", str(steps)]),
         "\t".join(["Frame#", "Time", *(f"{name}\t\t" for name in names), ""]),
         "\t".join(["", "", *(f"X{n}\tY{n}\tZ{n}" for n in numbers), ""]),
