@@ -315,3 +315,15 @@ def test_sides_that_are_named_as_another_fault_are_not_named_again(room, tmp_pat
         (said,) = [one for one in run(job).findings if "left and right are swapped" in one.text]
         assert said.kind == ("cameras_not_adjusted" if adjust else "camera_mirrored")
         assert said.text.endswith("viewer's side?" if adjust else "Is the image mirrored?")
+
+
+@pytest.mark.parametrize(
+    ("moved", "said"), [(["cam3"], 0), (["cam1", "cam3"], 1), (["cam1", "cam2", "cam3"], 1)]
+)
+def test_cameras_that_are_taken_as_right_without_being_most_are_said(room, moved, said):
+    found = adjust_cameras(room / "old.toml", room / "pose", layout="h36m17", free=moved).findings
+    trusted = [one for one in found if one.kind == "cameras_trusted"]
+    assert len(trusted) == said
+    for one in trusted:
+        assert one.severity == "warning"
+        assert one.text.startswith(f"--move names {len(moved)} of 4 cameras. The others are taken as right: ")

@@ -59,3 +59,12 @@ def test_sides_swapped_in_part_of_the_detections_are_no_mirrored_image():
     assert said(0.33).endswith(
         "swapped in 33% of its detections. Does the detector confuse the sides in this view?"
     )
+
+
+@pytest.mark.parametrize(("rival", "words"), [(23.6, "as well"), (24.0, "as well"), (24.1, "almost as well")])
+def test_another_explanation_that_is_better_is_not_almost_as_good(rival, words):
+    change = {"degrees": 1.4, "mm": 0.0, "mean_px": rival}
+    other = {"kind": "camera_rotated", "camera": "cam1", **change}
+    numbers = {**change, "before_px": 34.4, "after_px": 15.3, "mean_px": 24.0, "rivals": [other]}
+    text = Finding("camera_rotated", "warning", Subject(cameras=("cam3",)), numbers).text
+    assert f"Rotating cam1 by 1.4° explains it {words} (mean error {rival} px instead of 24.0 px)." in text

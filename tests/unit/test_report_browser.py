@@ -312,6 +312,23 @@ def test_the_heat_map_switches_and_a_curve_leads_to_its_frame(visit):
     assert abs(frame_of(page) - 120) <= 2
 
 
+@pytest.mark.parametrize("make", [report_data, people_report])
+def test_the_mark_of_the_frame_strikes_no_title(visit, make):
+    page = visit(make)
+    page.evaluate("show(3)")
+    wait(page, "!player.busy && player.wanted === null && !charts.cursor.hidden")
+    titles = page.locator("#lines .annotation")
+    looks = []
+    for opacity in (1, 0):
+        page.evaluate(f"charts.cursor.style.opacity = {opacity}")
+        looks.append([titles.nth(k).screenshot() for k in range(titles.count())])
+    page.evaluate("charts.cursor.style.opacity = 1")
+    assert len(looks[0]) > 1
+    assert looks[0] == looks[1]
+    image = imread(io.BytesIO(page.locator(".charts").first.screenshot()))[..., :3]
+    assert near(image, "#b3006b") > 100
+
+
 @pytest.mark.parametrize("frames", [1, swept(3)])
 def test_a_sequence_without_a_single_joint_opens(visit, frames):
     nothing = np.full((frames, 3, 3), np.nan)

@@ -194,7 +194,7 @@ def test_swapped_sides_need_a_layout_that_tells_them():
 def test_swapped_sides_of_one_of_two_views():
     finding = only(check_rig(rig("pair"), sides_swapped(detections("pair", "reach"), 1), layout=LAYOUT))
     assert (finding.kind, finding.subject.cameras) == ("sides_swapped", ("left",))
-    assert " Swapping left and right in right explains it almost as well " in finding.text
+    assert " Swapping left and right in right explains it as well " in finding.text
 
 
 def test_swapped_sides_next_to_a_turned_camera():

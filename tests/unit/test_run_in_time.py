@@ -15,6 +15,7 @@ from overlay_case import write_video
 from skelsplat import synthetic
 from skelsplat.io import PoseData, read_detections, read_json, read_npz, write_json, write_npz
 from skelsplat.run import Job, Run, run, solve
+from skelsplat.run.report import solved_in_words
 
 LAYOUT, FPS = "h36m17", 50.0
 
@@ -62,6 +63,16 @@ def test_frame_by_frame_is_as_without_a_rate(job):
         assert found.outcome.sequence is None
         assert found.report["solution"] == {"method": "frame by frame", "reason": reason}
         assert not len(found.poses.velocity)
+
+
+def test_bones_are_named_where_the_layout_has_some():
+    rig, layout = synthetic.human36m_like(), sk.Layout("points", sk.layouts.H36M17.joints)
+    seen = sk.project(synthetic.motion("walk", 8, seed=3), rig).swapaxes(0, 1)
+    for one in (layout, sk.layouts.H36M17):
+        result = sk.refine_sequence(seen, rig, fps=50, layout=one)
+        first, *_ = solved_in_words(Run.from_arrays(result, rig, seen, one, fps=50.0).report)
+        bones = "" if one is layout else "constant bone lengths, "
+        assert first == f"Solved over time at 50 frames per second: {bones}smooth motion."
 
 
 @pytest.mark.parametrize(

@@ -149,10 +149,10 @@ def _one_camera(describe: Callable[[Numbers, str], str]) -> Callable[[Finding], 
         if rivals:
             ways = " or ".join(map(_briefly, rivals))
             means = " or ".join(f"{rival['mean_px']:.1f}" for rival in rivals)
-            text += (
-                f" {ways[0].upper() + ways[1:]} explains it almost as well (mean error {means} px instead "
-            )
-            text += f"of {numbers['mean_px']:.1f} px)."
+            best = min(round(rival["mean_px"], 1) for rival in rivals)
+            well = f"{'almost ' * (best > round(numbers['mean_px'], 1))}as well"
+            text += f" {ways[0].upper() + ways[1:]} explains it {well} (mean error {means} px instead of "
+            text += f"{numbers['mean_px']:.1f} px)."
         if "few_frames" in numbers:
             frames = numbers["few_frames"]
             text += f" Based on only {frames} frame{'s' * (frames != 1)}; provide more."
@@ -291,6 +291,10 @@ SENTENCES: Mapping[str, str | Callable[[Finding], str]] = {
     "cameras_doubtful": _doubtful,
     "camera_unseen": (
         "{cameras} sees too few of the joints that other cameras see, so it was not judged and not adjusted."
+    ),
+    "cameras_trusted": (
+        "--move names {moved} of {of} cameras. The others are taken as right: unless they are more than half "
+        "of all, the recording hardly shows if one of them is wrong."
     ),
     "cameras_two": (
         "Two cameras do not tell which of them was turned or moved, so neither was adjusted. Add a third "

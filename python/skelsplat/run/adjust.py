@@ -95,6 +95,9 @@ def adjust_cameras(
         opened = open_recording(calibration, detections, read=read or {}, without=without, **given)
         every, rig = opened.every, opened.rig
         chosen = cameras_called(free, rig.names, "free")
+        if 2 * len(chosen) >= len(rig) > 2:
+            numbers = {"moved": len(chosen), "of": len(rig)}
+            warn(Finding("cameras_trusted", "warning", Subject(cameras=tuple(chosen)), numbers))
         found = opened.detections.read()
         offsets = named_offsets(every, given.get("offsets") or {})
         people = found.people

@@ -120,11 +120,12 @@ def solved_in_words(report: dict[str, Any]) -> list[str]:
         return [_ALONE[solution["reason"]]] if solution["reason"] in _ALONE else []
     rate = "" if solution["fps"] is None else f" at {solution['fps']:g} frames per second"
     source = solution.get("fps_from")
-    stated = f", as the {source} state" if source else ": constant bone lengths, smooth motion"
+    bones = bool(solution["bones"])
+    stated = f", as the {source} state" if source else f": {'constant bone lengths, ' * bones}smooth motion"
     found = [f"Solved over time{rate}{stated}."]
     if count := solution["inferred"]:
         what = "1 joint position is" if count == 1 else f"{count:,} joint positions are"
-        found.append(f"{what} inferred from bones and neighbouring frames.")
+        found.append(f"{what} inferred from {'bones and ' * bones}neighbouring frames.")
     return found
 
 

@@ -57,6 +57,10 @@ function drawLines() {
     layout[`yaxis${report.lines.length + 1}`] = { ...bars.axis, domain: [1 - bars.height / inside, 1 - LINE.top / inside] };
     write(bars.title, 1 - LINE.top / inside);
   }
+  const tops = report.lines.map((_, k) => bars.height + k * ROW + LINE.top); // the cursor leaves titles free
+  const shown = [...(report.bars ? [[LINE.top, bars.height]] : []), ...tops.map((top) => [top, top + LINE.height])];
+  const stops = shown.flatMap(([from, to]) => [`transparent 0 ${from}px`, `var(--problem) 0 ${to}px`]);
+  charts.cursor.style.background = `linear-gradient(${stops.join()}, transparent 0)`;
   return Plotly.react(charts.lines, drawn, layout, { ...CONFIG, scrollZoom: false, displayModeBar: false });
 }
 
