@@ -115,9 +115,8 @@ def detect(
     for camera, source in sources.items():
         if not wanted[camera]:
             expected = f"some of the frames {source.first} to {source.last} of {source.path}"
-            raise InvalidInputError(
-                f"range: expected {expected}, got {span[0]}-{'' if last is None else last}"
-            )
+            got = f"{span[0]}-{'' if last is None else last}"
+            raise InvalidInputError(f"range: expected {expected}, got {got}")
     results = Results.opened(Path(output), record, sources, overwrite=overwrite)
     written = []
     for camera, source in sources.items():

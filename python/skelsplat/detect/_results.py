@@ -39,11 +39,8 @@ class Results:
         before = read_record(folder) if folder.is_dir() else None
         known = before.videos if before is not None else {}
         ours = {camera: _files(folder, camera) if camera in known else {} for camera in {*known, *sources}}
-        kept = {
-            camera: video
-            for camera, video in known.items()
-            if ours[camera] and not (overwrite and camera in sources)
-        }
+        gone = sources if overwrite else {}
+        kept = {camera: video for camera, video in known.items() if ours[camera] and camera not in gone}
         if before is not None and kept:
             _check_detector(folder, before, wanted)
         for camera, source in sources.items():
@@ -110,10 +107,8 @@ def _check_detector(folder: Path, there: Record, wanted: Record) -> None:
     """Raise unless detections of both may lie in one folder."""
     if (there.detector, there.layout) != (wanted.detector, wanted.layout):
         before, now = (", ".join(one.detector.values()) for one in (there, wanted))
-        expected = (
-            f"a folder of the same detector ({folder} has {before}), or --overwrite for all its cameras"
-        )
-        raise InvalidInputError(f"output: expected {expected}, got {now}")
+        same = f"a folder of the same detector ({folder} has {before})"
+        raise InvalidInputError(f"output: expected {same}, or --overwrite for all its cameras, got {now}")
 
 
 def _check_video(camera: str, there: Video, video: Video) -> None:

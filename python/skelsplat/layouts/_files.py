@@ -98,11 +98,8 @@ def read_file(path: Path) -> tuple[Layout, About]:
 
 
 def _layout(path: Path, document: Mapping[str, Any]) -> Layout:
-    given = {
-        key: document[key]
-        for key in ("limbs", "left_right", "occlusion_prone", "root", "human")
-        if key in document
-    }
+    keys = ("limbs", "left_right", "occlusion_prone", "root", "human")
+    given = {key: document[key] for key in keys if key in document}
     if "symmetric" in document:
         tables = enumerate(document["symmetric"])
         given["symmetric"] = [
@@ -215,11 +212,8 @@ def to_toml(layout: Layout, about: About | None = None) -> str:
     lines += ["", *_list("joints", [_quoted(name) for name in names])]
     lines += _list("limbs", [pair(limb) for limb in layout.limbs])
     lines += _list("left_right", [pair(both) for both in layout.left_right])
-    symmetric = [
-        f"{{ tier = {tier}, left = {pair(left)}, right = {pair(right)} }}"
-        for tier, left, right in layout.symmetric
-    ]
-    lines += _list("symmetric", symmetric)
+    tiers = [(tier, pair(left), pair(right)) for tier, left, right in layout.symmetric]
+    lines += _list("symmetric", [f"{{ tier = {t}, left = {a}, right = {b} }}" for t, a, b in tiers])
     for key in ("occlusion_prone", "root"):
         places = getattr(layout, key)
         lines += _list(key, [_quoted(names[k]) for k in places]) if places else []

@@ -60,11 +60,8 @@ def find_displaced(
     if not displaced:
         return
     first = displaced[0]
-    numbers = {
-        "cameras": len(names),
-        **shift_of(names, shifts, first, displaced[1:]),
-        "median_error_px": float(shifts.error[first]),
-    }
+    numbers = {"cameras": len(names), **shift_of(names, shifts, first, displaced[1:])}
+    numbers["median_error_px"] = float(shifts.error[first])
     leave = len(names) > 2 and names[first] not in unfit
     remedy = (Remedy("without", names[first]),) if leave else ()
     yield Finding("camera_displaced", "warning", Subject(cameras=(names[first],)), numbers, remedy)
@@ -99,10 +96,7 @@ def find_apart(rig: sk.CameraRig, statistics: Statistics, known: AbstractSet[int
         return
     share = apart.mean(axis=0)
     named = np.flatnonzero((share > 0) & (share >= _ALSO_APART * share.max()))
-    numbers = {
-        "any_share_of_frames": float(frames.mean()),
-        "share_of_frames": [float(share[i]) for i in named],
-    }
+    numbers = {"any_share_of_frames": float(frames.mean()), "share_of_frames": share[named].tolist()}
     yield Finding("views_apart", "warning", Subject(cameras=tuple(rig.names[i] for i in named)), numbers)
 
 

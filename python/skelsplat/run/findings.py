@@ -145,10 +145,8 @@ def find_unfit(names: Sequence[str], unfit: Mapping[int, tuple[int, int]]) -> It
     if not unfit:
         return
     cameras = tuple(names[i] for i in unfit)
-    numbers = {
-        "frames_without_match": [count for count, _ in unfit.values()],
-        "frames_detected": [seen for _, seen in unfit.values()],
-    }
+    counts, seen = map(list, zip(*unfit.values(), strict=True))
+    numbers = {"frames_without_match": counts, "frames_detected": seen}
     enough = len(names) - len(cameras) >= 2
     remedy = tuple(Remedy("without", name) for name in cameras) if enough else ()
     yield Finding("no_match", "warning", Subject(cameras=cameras), numbers, remedy)

@@ -131,11 +131,8 @@ def write_poses(
     folder: Path, data: Poses, writing: Writing, run: str | None = None, on_file: OnFile = nothing
 ) -> list[str]:
     """Write the pose files; return their names. ``run`` is that of whose folder they are a part."""
-    given = {
-        "frame_rate": data.frame_rate or _ASSUMED_FPS,
-        "y_up": writing.y_up,
-        "marker_names": writing.marker_names,
-    }
+    rate = data.frame_rate or _ASSUMED_FPS
+    given = {"frame_rate": rate, "y_up": writing.y_up, "marker_names": writing.marker_names}
     for kind in writing.formats:
         options = given if kind in _WITH_MARKERS else {"run": run} if kind == "npz" else {}
         on_file(f"pose.{kind}")

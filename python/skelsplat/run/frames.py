@@ -130,10 +130,8 @@ def find_in_frames(
 
 
 def _finding(kind: str, subject: Subject, cases: Sequence[tuple[int, dict[str, Any]]]) -> Finding:
-    numbers = {
-        name: value if name == "of" else [own[name] for _, own in cases]
-        for name, value in cases[0][1].items()
-    }
+    first = cases[0][1].items()
+    numbers = {name: value if name == "of" else [own[name] for _, own in cases] for name, value in first}
     return Finding(kind, "note", replace(subject, frames=tuple(frame for frame, _ in cases)), numbers)
 
 
@@ -176,11 +174,8 @@ def _in_frames(places: Sequence[tuple[Finding, int]]) -> str:
 
 
 def _stops(facts: FrameFacts, usual: Usual) -> Iterator[Case]:
-    for reason, kind in (
-        ("no_observations", "frame_empty"),
-        ("diverged", "frame_diverged"),
-        ("max_steps", "frame_max_steps"),
-    ):
+    kinds = {"no_observations": "frame_empty", "diverged": "frame_diverged", "max_steps": "frame_max_steps"}
+    for reason, kind in kinds.items():
         if reason != "max_steps" or not usual.at_step_limit:
             yield from ((int(t), kind, Subject(), {}) for t in np.flatnonzero(facts.stops == reason))
 

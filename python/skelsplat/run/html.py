@@ -120,10 +120,8 @@ def show_page(run: Run) -> None:
 
 def notebook_view(run: Run) -> str:
     """Return facts, numbers, findings and the overview as HTML, for the output of a notebook's cell."""
-    rows = [
-        *facts_of(run.report),
-        *((name, f"{value} ({remark})") for name, value, remark in key_numbers(run)),
-    ]
+    remarked = [(name, f"{value} ({remark})") for name, value, remark in key_numbers(run)]
+    rows = [*facts_of(run.report), *remarked]
     cells = "".join(
         f"<tr><th>{html.escape(name)}</th><td>{html.escape(value)}</td></tr>" for name, value in rows
     )
@@ -165,10 +163,8 @@ def facts_of(report: dict[str, Any]) -> list[tuple[str, str]]:
     source, errors = report["input"], report["reprojection_error"]
     first, last, rate = source["first_frame"], source["last_frame"], source["frame_rate_hz"]
     span = f"{source['frames']:,}, {first} to {last}" if source["frames"] > 1 else f"1, frame {first}"
-    files = [
-        ("calibration", f"{source['calibration']}"),
-        ("detections", f"{source['detections']} ({source['format']})"),
-    ]
+    detections = f"{source['detections']} ({source['format']})"
+    files = [("calibration", f"{source['calibration']}"), ("detections", detections)]
     return [
         *(files if source["calibration"] is not None else []),
         ("layout", f"{source['layout']}, {len(errors['joints'])} joints"),

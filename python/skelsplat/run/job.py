@@ -185,10 +185,8 @@ class Job:
         if self.init is None:
             raise IncompleteJobError("init_sigma_mm", "init")
         if self.settings.method == "paper":
-            raise InvalidInputError(
-                "init_sigma_mm: expected none with the method paper, whose start is not an observation, "
-                f"got {self.init_sigma_mm:g}"
-            )
+            why = "with the method paper, whose start is not an observation"
+            raise InvalidInputError(f"init_sigma_mm: expected none {why}, got {self.init_sigma_mm:g}")
 
     def _check_over_time(self) -> None:
         one_of("fill_method", self.fill_method, (None, *temporal.METHODS))

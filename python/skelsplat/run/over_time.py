@@ -86,12 +86,8 @@ def apply_over_time(data: PoseData, job: Job | None) -> tuple[PoseData, dict[str
     sentences = []
     if job is not None and job.fill_gaps:
         data, count = _filled(data, job)
-        settings = {
-            "max_frames": job.fill_gaps,
-            "method": job.interpolation,
-            "weak_joints_too": job.fill_weak,
-        }
-        entry["gaps"] = {**settings, "filled": count}
+        settings = {"max_frames": job.fill_gaps, "method": job.interpolation}
+        entry["gaps"] = {**settings, "weak_joints_too": job.fill_weak, "filled": count}
         if count:
             what = "Gaps and weak stretches" if job.fill_weak else "Gaps"
             sentences.append(

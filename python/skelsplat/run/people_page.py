@@ -209,10 +209,8 @@ def _bones(runs: Sequence[Run], names: Sequence[str]) -> page.Table:
         ends = [(a, b) for a, b in found.bones.tolist()]
         lengths.append({bone: _length(size) for bone, size in zip(ends, sizes, strict=True)})
     every = list(dict.fromkeys(bone for own in lengths for bone in own))
-    rows = [
-        [" – ".join(joints[j].replace("_", " ") for j in bone), *(own.get(bone, "–") for own in lengths)]
-        for bone in every
-    ]
+    words = {bone: " – ".join(joints[j].replace("_", " ") for j in bone) for bone in every}
+    rows = [[words[bone], *(own.get(bone, "–") for own in lengths)] for bone in every]
     return page.Table(columns, [row for row in rows if set(row[1:]) != {"–"}])
 
 

@@ -96,9 +96,8 @@ def pick_places(
     if person == "largest":
         return association.extents(people).argmax(axis=2), never
     if int(person) >= people.shape[2]:
-        raise sk.InvalidInputError(
-            f"person: expected less than {people.shape[2]} (the most people in a file), got {person}"
-        )
+        expected = f"less than {people.shape[2]} (the most people in a file)"
+        raise sk.InvalidInputError(f"person: expected {expected}, got {person}")
     return np.full(people.shape[:2], int(person), dtype=np.int64), never
 
 

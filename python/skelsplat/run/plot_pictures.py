@@ -82,11 +82,8 @@ def trajectories(source: Source) -> Picture:
 def bones(source: Source) -> Picture:
     """Draw the lengths of all limbs over time."""
     if not source.limbs:
-        return (
-            [],
-            "the joints match no built-in layout, so the limbs are unknown (--layout names the layout)",
-            None,
-        )
+        why = "the joints match no built-in layout, so the limbs are unknown (--layout names the layout)"
+        return [], why, None
     poses, time = source.poses, viz.TimeAxis(source.poses.frames, source.poses.frame_rate, source.zero)
     panels = _limb_lengths(poses, source.limbs, source.left_right)
     limbs = [(panel.title, bone) for panel in panels for bone in panel.bones]

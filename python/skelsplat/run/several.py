@@ -92,9 +92,8 @@ class PeopleRun:
         check_people(path / REPORT)
         runs = [Run.open(path / name) for name in names]
         found = tuple(Finding.from_dict(entry) for entry in report["findings"])
-        return cls(
-            {entry["id"]: run for entry, run in zip(report["people"], runs, strict=True)}, found, report
-        )
+        pairs = zip(report["people"], runs, strict=True)
+        return cls({entry["id"]: run for entry, run in pairs}, found, report)
 
     def write(
         self, folder: str | os.PathLike[str], formats: Sequence[str] = ("npz", "csv", "trc"), **options: Any

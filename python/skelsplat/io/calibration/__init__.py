@@ -241,9 +241,9 @@ def _size(
         given = given.get(camera.name)
     if camera.size is None:
         if given is None:
+            expected = f"the images' (width, height) for camera {camera.name!r}"
             raise InvalidInputError(
-                f"size: expected the images' (width, height) for camera {camera.name!r}, because {path} does "
-                "not contain it, got none"
+                f"size: expected {expected}, because {path} does not contain it, got none"
             )
         return given
     if given is not None and tuple(given) != camera.size:

@@ -65,10 +65,8 @@ def _checked_unit(unit: Field) -> str:
 
 def to_json(rig: sk.CameraRig, note: str | None = None) -> str:
     """Return the rig as JSON text, with a note if there is one; numbers have all their digits."""
-    cameras = [
-        {"name": name, **to_entry(camera), "fisheye": camera.fisheye}
-        for name, camera in zip(rig.names, rig, strict=True)
-    ]
+    named = zip(rig.names, rig, strict=True)
+    cameras = [{"name": name, **to_entry(camera), "fisheye": camera.fisheye} for name, camera in named]
     noted = {} if note is None else {"note": note}
     document = {"format": _MARK, "version": _VERSION, **noted, "unit": rig.unit, "cameras": cameras}
     return json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False) + "\n"

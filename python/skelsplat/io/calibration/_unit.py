@@ -30,9 +30,8 @@ def check_unit(path: Path, rig: Sequence[sk.Camera], unit: str | None, *, stated
             raise InvalidInputError(f'unit: expected none or "{stated}", the unit of {path}, got {unit!r}')
         unit = stated
     if unit is None:
-        raise InvalidInputError(
-            f'unit: expected "mm", "cm" or "m" for {path}, got none; {_hint(spread, narrow)}'
-        )
+        actual = f"none; {_hint(spread, narrow)}"
+        raise InvalidInputError(f'unit: expected "mm", "cm" or "m" for {path}, got {actual}')
     one_of("unit", unit, MM_PER_UNIT)
     metres = _metres(spread)[unit]
     least = _SMALLEST_M if narrow else _PLAUSIBLE_M[0]

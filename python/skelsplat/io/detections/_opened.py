@@ -97,9 +97,8 @@ class Opened:
     @property
     def sources(self) -> tuple[Path | None, ...]:
         """As of `DetectionSet`."""
-        return tuple(
-            self.views.views[name].path if name in self.views.views else None for name in self.camera_names
-        )
+        views = self.views.views
+        return tuple(views[name].path if name in views else None for name in self.camera_names)
 
     @property
     def labels(self) -> tuple[str | None, ...]:
@@ -169,10 +168,8 @@ class Opened:
             pixels.check()
 
     def _readers(self) -> dict[str, _Reader]:
-        return {
-            name: _Reader(view, self.skeleton, self.joints, self.shifts[name])
-            for name, view in self.views.views.items()
-        }
+        views = self.views.views.items()
+        return {name: _Reader(view, self.skeleton, self.joints, self.shifts[name]) for name, view in views}
 
     def _stack(self, read: Mapping[str, Sequence[Sequence[Array]]], steps: int) -> Array:
         """Join the views to (T, M, P, N, 3), padded with NaN."""

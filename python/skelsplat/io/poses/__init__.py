@@ -172,11 +172,8 @@ def convert_poses(
         raise DatasetError(target, "target", "another file than the source", "the same")
     data = read_pose(source)
     data = data if fps is None else data.at_rate(fps)
-    given: dict[str, object] = {
-        "y_up": y_up or None,
-        "marker_names": marker_names,
-        "singular": singular or None,
-    }
+    given: dict[str, object] = {"y_up": y_up or None, "marker_names": marker_names}
+    given["singular"] = singular or None
     if kind in _OWN_UNIT:
         given["unit"] = unit
     elif unit is not None:

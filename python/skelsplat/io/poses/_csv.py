@@ -214,16 +214,13 @@ def _assemble(path: Path, rows: Sequence[_Row]) -> PoseData:
     steps, rest = divmod(len(rows), len(joints))
     if rest:
         raise DatasetError(path, f"line {rows[-1].line}", f"{len(joints)} joints in every frame", rest)
-    bars, scatter = (
-        np.array(values).reshape(steps, len(joints), 3)
-        for values in ([row.bar for row in rows], [row.scatter for row in rows])
-    )
+    both = ([row.bar for row in rows], [row.scatter for row in rows])
+    bars, scatter = (np.array(values).reshape(steps, len(joints), 3) for values in both)
     wide = (np.abs((bars, scatter)) > _WIDEST).any(axis=(0, 3)).ravel()
     if wide.any():
         line = rows[int(wide.argmax())].line
-        raise DatasetError(
-            path, f"line {line}", f"standard deviations of at most {_WIDEST:g}", "a larger one"
-        )
+        expected = f"standard deviations of at most {_WIDEST:g}"
+        raise DatasetError(path, f"line {line}", expected, "a larger one")
     frames = np.array([row.frame for row in rows[:: len(joints)]], dtype=np.int64)
     arrays: dict[str, Any] = {}
     if np.isfinite(scatter).any():

@@ -62,10 +62,8 @@ def _write_netcdf(path: str | os.PathLike[str], people: Mapping[int, PoseData]) 
     check_packages()
     xarray = require("xarray", "NetCDF files")
     frames = np.unique(np.concatenate([data.frames for data in people.values()]))
-    each = [
-        to_xarray(_on_frames(data, frames), individual=f"person_{identity}")
-        for identity, data in people.items()
-    ]
+    named = {f"person_{identity}": _on_frames(data, frames) for identity, data in people.items()}
+    each = [to_xarray(data, individual=name) for name, data in named.items()]
     dataset = xarray.concat(each, dim="individuals", data_vars="minimal", coords="minimal", join="exact")
     with atomic_path(path) as temporary:
         make_room(temporary, room_for(dataset, len(frames)))

@@ -182,11 +182,9 @@ class PoseData:
         lacking = np.isnan(self.pose).any(axis=-1) & np.isin(self.joint_status, _WITH_POSITION)
         for t, j in np.argwhere(unknown | lacking)[:1]:
             where = f"frame {self.frames[t]}, joint {self.joint_names[j]}"
-            expected = (
-                f"one of {', '.join(_STATUSES)} in {where}"
-                if unknown[t, j]
-                else f"unobserved or weak in {where}, which has no position"
-            )
+            known = f"one of {', '.join(_STATUSES)} in {where}"
+            placeless = f"unobserved or weak in {where}, which has no position"
+            expected = known if unknown[t, j] else placeless
             raise InvalidInputError(f"joint_status: expected {expected}, got {self.joint_status[t][j]}")
 
     def _check_names(self) -> None:

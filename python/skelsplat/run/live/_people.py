@@ -69,11 +69,8 @@ class SeveralPeople(Session):
         for i, slots in enumerate(zip(person.slots.tolist(), person.more_slots.tolist(), strict=True)):
             own = [slot for slot in slots if slot >= 0]
             if own:
-                views[self._cameras[i]] = {
-                    "detections": own,
-                    "weight": round(float(mean[i]), 4),
-                    "rejected": np.flatnonzero(rejected[i]).tolist(),
-                }
+                used = {"detections": own, "weight": round(float(mean[i]), 4)}
+                views[self._cameras[i]] = {**used, "rejected": np.flatnonzero(rejected[i]).tolist()}
         return {"id": person.id, **person_record(person.refinement), "views": views}
 
     def _unassigned(self, people: Array, found: list[sk.Person]) -> dict[str, list[int]]:

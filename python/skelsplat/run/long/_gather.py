@@ -107,11 +107,8 @@ class Gathered:
         usual = Usual.of(FrameFacts.of(drawn, outcome, statistics, status))
         everywhere = [(facts.status == "unobserved").all(axis=0) for facts in self._read()]
         steps = statistics.stop_reasons
-        usual = replace(
-            usual,
-            unobserved=np.logical_and.reduce(everywhere),
-            at_step_limit=steps.get("max_steps", 0) > sum(steps.values()) / 2,
-        )
+        at_limit = steps.get("max_steps", 0) > sum(steps.values()) / 2
+        usual = replace(usual, unobserved=np.logical_and.reduce(everywhere), at_step_limit=at_limit)
         names = drawn.layout.joints, drawn.rig.names
         return find_in_frames(self._read(), usual, *names, most=MOST_SINGLE)
 

@@ -131,10 +131,8 @@ def _together(views: Sequence[View], span: Span) -> Iterator[tuple[int, list[Ima
         number = min(numbers)
         here = [head is not None and head[0] == number for head in heads]
         yield number, [head[1] if now and head else None for head, now in zip(heads, here, strict=True)]
-        heads = [
-            next(stream, None) if now else head
-            for stream, head, now in zip(streams, heads, here, strict=True)
-        ]
+        ready = zip(streams, heads, here, strict=True)
+        heads = [next(stream, None) if now else head for stream, head, now in ready]
 
 
 def _joined(views: Sequence[View], tiles: Tiling, images: Sequence[Image | None], number: int) -> Image:
