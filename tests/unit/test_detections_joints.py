@@ -187,6 +187,18 @@ def test_a_joint_that_one_camera_never_lists_is_missing_there(tmp_path, numbers)
         assert set(own.skeleton.joints) == set(H36M.joints)
 
 
+def test_cameras_with_names_and_with_places_are_each_read_as_they_are(tmp_path):
+    names = ["one", "two", "three", "four"]
+    for place, name in enumerate(names):
+        lines = ["frame,joint,x,y"]
+        for k, joint in enumerate(H36M.joints):
+            lines.append(f"0,{joint if place < 2 else k},{100 * place + k},{k}")
+        (tmp_path / f"{name}.csv").write_text("\n".join(lines) + "\n")
+    found = read_detections(tmp_path, names, layout=H36M)
+    expected = 100 * np.arange(4)[:, None] + np.arange(17)
+    np.testing.assert_array_equal(first_joints(found), expected)
+
+
 def test_a_camera_that_calls_a_joint_as_no_other_does_is_not_completed(tmp_path):
     folder = split(tmp_path, rename="hips")
     with pytest.raises(sk.DatasetError, match=r"joint names: .*got none for right_wrist among pelvis"):

@@ -66,7 +66,8 @@ def completed(views: Mapping[str, View]) -> dict[str, View]:
     """
     own = {name: view.joints or _places(view) for name, view in views.items()}
     listing = Counter(itertools.chain.from_iterable(own.values()))
-    lacking = [name for name, joints in own.items() if len(joints) < len(listing)]
+    comparable = len({view.joints is None for view in views.values()}) == 1  # all have names, or none
+    lacking = [name for name, joints in own.items() if len(joints) < len(listing) and comparable]
     alike = [name for name in lacking if all(listing[joint] > 1 for joint in own[name])]
     return {**views, **{name: _with_joints(views[name], own[name], tuple(listing)) for name in alike}}
 
