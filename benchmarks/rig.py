@@ -6,8 +6,9 @@
 
 Simulated: CMU motions of ten seconds at 30 Hz (without the data: the package's synthetic motions), detections
 with memory (`recordings.noise`), and one camera, in half of the takes two of five or more, that was turned or
-moved in a random direction, zoomed, or is late. Nothing tells the method which. Faults are in degrees, mm,
-shares of the focal length, and frames; `focal=True` and `clock=True` are given for these faults alone.
+moved in a random direction, zoomed, or is late, or one that was turned and another that is late. Nothing
+tells the method which. Faults are in degrees, mm, shares of the focal length, and frames; `focal=True` and
+`clock=True` are given for these faults alone.
 
 set right: takes in which every faulty camera is adjusted (or late) and no other, and at most a tenth of the
 fault or twice the error bar is left, of the fault and of what it might be confused with. beyond: more is.
@@ -53,6 +54,7 @@ FAULTS = (
     "clock 0.3",
     "clock 3",
     "clock 20",
+    "turn 3, another late 3",
 )
 # What rounding leaves: degrees, mm, share, frames.
 NOTHING = np.array([1e-4, 1e-3, 1e-9, 1e-9])
@@ -100,8 +102,8 @@ def spoilt(camera: sk.Camera, kind: str, size: float, rng: np.random.Generator) 
     return altered(camera, R=R, t=-R @ centre)
 
 
-def case(views: int, kind: str, size: float, condition: str, seed: int) -> Case:
-    """Draw a motion, the faults and the detections."""
+def case(views: int, kind: str, size: float, condition: str, seed: int, *, another: float = 0.0) -> Case:
+    """Draw a motion, the faults and the detections; `another` camera may be late by so many frames."""
     rng = np.random.default_rng(seed)
     motions = recordings.motions()
     longest = sorted(motions, key=lambda name: -len(motions[name]))[:LONGEST]
@@ -116,6 +118,10 @@ def case(views: int, kind: str, size: float, condition: str, seed: int) -> Case:
         [size * rng.choice([-1, 1]) if kind == "clock" and i in faulty else 0.0 for i in range(views)]
     )
     given = [spoilt(c, kind, size, rng) if i in faulty else c for i, c in enumerate(true)]
+    if another:
+        i = int(rng.choice(sorted(set(range(views)) - faulty)))
+        late[i] = another * rng.choice([-1, 1])
+        faulty.add(i)
     noise = recordings.noise(condition, views, FPS)
     if late.any():  # each camera sees the motion at its own time
         seen = [
@@ -181,11 +187,12 @@ def error_bars(one: sk.CameraAdjustment) -> FloatArray:
 
 def row(name: str, views: int, takes: int, condition: str) -> list[object]:
     """Measure one fault in one rig."""
-    kind, size = ("sound", "0") if name.startswith("sound") else name.split()
+    fault, _, another = name.partition(", another late ")
+    kind, size = ("sound", "0") if name.startswith("sound") else fault.split()
     counts: Counter[str] = Counter()
     left, bars, seconds = [], [], []
     for seed in range(FIRST, FIRST + takes):
-        one = case(views, kind, float(size), condition, seed)
+        one = case(views, kind, float(size), condition, seed, another=float(another or 0))
         begun = time.process_time()
         found = sk.adjust_cameras(
             one.detections, one.given, focal=kind == "focal", clock="clock" in name, config=CONFIG

@@ -32,8 +32,8 @@ class CameraAdjustment:
     name : str
     status : str
         ``"sound"``: it stays as it is; ``"adjusted"``: it was set right; ``"late"``: its clock is off, and
-        clocks were not to be adjusted (if it was turned or moved as well, it is adjusted, and ``clock`` says
-        so); ``"doubtful"``: it or another doubtful camera is wrong, and the detections do not tell which, or
+        it stays as it is (if it was turned or moved as well, it is adjusted, and ``clock`` says so);
+        ``"doubtful"``: it or another doubtful camera is wrong, and the detections do not tell which, or
         by how much, so that all of them stay; ``"unseen"``: it sees too little to say, or is one of two
         cameras, of which the detections do not tell which is wrong.
     turn : (3,) float64
@@ -136,8 +136,8 @@ def adjust_cameras(
 
     Bundle adjustment of cameras and joints together, with the robust kernel of ``refine``. A camera stays
     exactly where it is unless the detections show that it is elsewhere; the sound ones, more than half, hold
-    the world's frame and scale. Where the detections do not tell which of two cameras is wrong, nothing is
-    changed, and both are reported. docs/method.md has the mathematics.
+    the world's frame and scale; so do the clocks of more than half. Where the detections do not tell which of
+    two cameras is wrong, nothing is changed, and both are reported. docs/method.md has the mathematics.
 
     Parameters
     ----------
@@ -151,8 +151,7 @@ def adjust_cameras(
         Also adjust focal lengths. Close to a movement along the optical axis, so only where zoom or focus may
         have changed.
     clock : bool
-        Also adjust clocks, to parts of a frame. Offsets of whole frames are looked for in any case, and
-        reported with the status ``"late"``.
+        Also measure clocks to parts of a frame. Offsets of whole frames are looked for in any case.
     confidence, config
         As in ``refine``. Of the settings, ``min_confidence``, ``undistort`` and ``n_threads`` count.
 

@@ -103,3 +103,20 @@ def test_bad_detections_are_no_clock(pixels: float, seed: int) -> None:
     adjusted = sk.adjust_cameras(found, RIG)
     assert adjusted.cameras == RIG
     assert adjusted.of("adjusted", "late") == ()
+
+
+@pytest.mark.parametrize("views", [3, 4])
+def test_a_clock_is_found_beside_a_turned_camera(views: int) -> None:
+    rig = synthetic.ring(views, radius_mm=4500.0)
+    walk = synthetic.motion("walk", 303, fps=30.0, seed=1)
+    noise = DetectionNoise.recording(frame_rate=30.0)
+    now, before = (synthetic.simulate_detections(walk[k : k + 300], rig, noise=noise, seed=1) for k in (3, 0))
+    seen = np.concatenate([before[:, :1], now[:, 1:]], axis=1)
+    R = matrix_from_vector(2.0 * TURN) @ np.asarray(rig[1].R)
+    given = [rig[0], altered(rig[1], R=R, t=-R @ np.asarray(rig[1].centre)), *list(rig)[2:]]
+    found = sk.adjust_cameras(seen, given)
+    assert [one.status for one in found.report] == ["late", "adjusted", *["sound"] * (views - 2)]
+    late, turned, *_ = found.report
+    assert late.clock == pytest.approx(3.0, abs=2.0 * late.clock_sigma)
+    assert turned.degrees == pytest.approx(3.0, abs=2.0 * turned.turn_sigma)
+    assert found.cameras[0] == rig[0]

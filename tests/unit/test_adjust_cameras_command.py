@@ -17,6 +17,7 @@ from skelsplat import synthetic
 from skelsplat.cameras import altered, matrix_from_vector
 from skelsplat.findings import Finding, Remedy
 from skelsplat.io import convert_unit, read_calibration, write_calibration
+from skelsplat.rig_check import ReadAs
 from skelsplat.run import Job, run, run_people
 from skelsplat.run.adjust import adjust_cameras, findings_of
 from skelsplat.run.over_people import _command as check_command
@@ -143,6 +144,21 @@ def test_a_late_camera_is_for_an_option_of_refine(room, tmp_path):
     assert "No camera was adjusted" in said("--offset", "cam2=-4")
 
 
+def test_a_late_camera_beside_a_turned_one_is_found(room, tmp_path):
+    out, options = tmp_path / "fixed.toml", ("--clock", *LAYOUT)
+    assert invoke("adjust-cameras", room / "old.toml", room / "late", "-o", out, *options).exit_code == 0
+    right, *cameras = (read_calibration(one) for one in (room / "Calib.toml", room / "old.toml", out))
+    errors = [float(np.linalg.norm(one["cam3"].R - right["cam3"].R)) for one in cameras]
+    assert errors[1] < 0.15 * errors[0]
+
+
+def test_a_rig_of_which_one_clock_is_off_is_not_written_anew(room, tmp_path):
+    out = tmp_path / "fixed.toml"
+    result = invoke("adjust-cameras", room / "Calib.toml", room / "late", "-o", out, "--clock", *LAYOUT)
+    assert " cam2 late " in " ".join(result.stdout.split())
+    assert not out.exists()
+
+
 def test_other_faults_come_first(room, tmp_path):
     out = tmp_path / "fixed.toml"
     result = invoke("adjust-cameras", room / "Calib.toml", room / "exchanged", "-o", out, *LAYOUT)
@@ -166,7 +182,8 @@ def reported(**given):
 
 
 def found(*report):
-    return list(findings_of(sk.RigAdjustment(RIG, report, 80, 20), 1.0, {"cam2": 3}))
+    read_as = ReadAs(offsets={"cam2": 3})
+    return list(findings_of(sk.RigAdjustment(RIG, report, 80, 20), 1.0, read_as))
 
 
 def test_doubtful_cameras_are_named_with_what_helps():
@@ -208,6 +225,16 @@ def test_what_the_recording_does_not_show_is_not_recommended():
     (worse,) = found(reported(name="cam2", status="adjusted", **turn))
     assert worse.severity == "warning"
     assert worse.text.endswith("it does not hold: do not use these cameras.")
+
+
+def test_a_clock_that_may_be_off_is_for_refine():
+    turn = {"turn": np.array([0.0, 1.3, 0.0]), "turn_sigma": 0.2}
+    clock = {"clock": 1.9, "clock_sigma": 0.1, "status": "doubtful"}
+    (doubt,) = found(reported(name="cam1", status="doubtful", **turn), reported(name="cam2", **clock))
+    assert "--move NAME. If it is cam2, refine with --offset cam2=1. Otherwise, a recording" in doubt.text
+    (doubt,) = found(*(reported(name=name, **clock) for name in ("cam1", "cam2")))
+    assert "none of them was adjusted. If it is cam1, refine with --offset cam1=-2. If it is" in doubt.text
+    assert "--move" not in doubt.text
 
 
 def test_parts_of_a_frame_and_cameras_that_see_too_little():

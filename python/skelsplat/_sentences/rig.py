@@ -248,11 +248,18 @@ def _doubtful(finding: Finding) -> str:
             "wrong: it was not adjusted. The person has to walk through more of the room."
         )
     few = "the other camera is" if len(ways) == 2 else "the others are"
+    late = [one for one in suspected if not _changes({**one, "clock_frames": 0.0})]
+    moved = (
+        f" If you know which one was moved, name it, and {few} taken as right: skelsplat adjust-cameras "
+        "--move NAME."
+    )
+    option = " If it is {camera}, refine with --offset {camera}={offset}."
     return (
-        f"{listed(ways, 'or')} is wrong, and this recording does not tell which: none of them was adjusted. "
-        f"If you know which one was moved, name it, and {few} taken as right: skelsplat adjust-cameras "
-        "--move NAME. Otherwise, a recording with three or more other cameras, or in which the person walks "
-        "through more of the room, can tell."
+        f"{listed(ways, 'or')} is wrong, and this recording does not tell which: none of them was adjusted."
+        + (moved if len(late) < len(ways) else "")
+        + "".join(option.format_map(one) for one in late)
+        + " Otherwise, a recording with three or more other cameras, or in which the person walks through "
+        "more of the room, can tell."
     )
 
 

@@ -99,6 +99,7 @@ def _print(found: CameraCheck, *, quiet: bool) -> None:
         console.print()
     for finding in (one for one in report.findings if not (quiet and one.severity == "note")):
         remedy = " ".join(option.text for option in finding.remedy)
+        remedy = "" if remedy in finding.text else remedy
         print_finding(console, finding, end=" Correct it in refine with:" if remedy else "")
         if remedy:
             say(f"  {remedy}")  # on one line, however long, to be pasted

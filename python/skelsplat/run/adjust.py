@@ -16,12 +16,13 @@ from skelsplat._sentences.words import options
 from skelsplat.association import take_people
 from skelsplat.exceptions import DatasetError
 from skelsplat.findings import Finding, Remedy, Severity, Subject, collected_warnings, warn
+from skelsplat.io import DetectionSet
 from skelsplat.io.detections import cameras_called
-from skelsplat.rig_check import ReadAs, check_rig
+from skelsplat.rig_check import ReadAs, RigReport, check_rig
 from skelsplat.run.by_everybody import adjust_by_everybody
 from skelsplat.run.job import Job
 from skelsplat.run.person import EVERYBODY, check_slot, pick_places
-from skelsplat.run.read import Inputs, named_offsets, open_recording, read_everybody
+from skelsplat.run.read import Inputs, Opened, named_offsets, open_recording, read_everybody
 from skelsplat.run.solve import spread
 
 # Frames are put at even times, missing ones between them, unless so many times as many are missing.
@@ -98,17 +99,8 @@ def adjust_cameras(
         if 2 * len(chosen) >= len(rig) > 2:
             numbers = {"moved": len(chosen), "of": len(rig)}
             warn(Finding("cameras_trusted", "warning", Subject(cameras=tuple(chosen)), numbers))
-        found = opened.detections.read()
-        offsets = named_offsets(every, given.get("offsets") or {})
-        people = found.people
-        if person != EVERYBODY:
-            people = take_people(people, pick_places(people, rig, person, found.skeleton)[0])[:, :, None]
-        result = adjusted(
-            Scene(rig, people, found.frames, found.skeleton, ReadAs(found.labels, offsets, found.uneven)),
-            free=chosen or None,
-            focal=focal,
-            clock=clock,
-        )
+        _, scene = read_scene(opened, person, given.get("offsets"))
+        result = adjusted(scene, free=chosen or None, focal=focal, clock=clock)
     if isinstance(result, Finding):
         if result.numbers["fault"] == "detections_none":
             raise DatasetError(detections, "detections", "some to adjust the cameras by", "none")
@@ -117,7 +109,7 @@ def adjust_cameras(
     cameras = dict(zip(rig.names, result.cameras, strict=True))
     whole = sk.CameraRig([cameras.get(n, one) for n, one in zip(every.names, every, strict=True)], every.unit)
     kept = [one for one in warnings if one.kind != "unit_implausible"]  # the person's size says more
-    return AdjustedCameras(whole, result, (*kept, *findings_of(result, rig.mm_per_unit, offsets)))
+    return AdjustedCameras(whole, result, (*kept, *findings_of(result, rig.mm_per_unit, scene.read_as)))
 
 
 def read_adjusted(job: Job) -> tuple[Array, Inputs]:
@@ -141,7 +133,7 @@ def read_adjusted(job: Job) -> tuple[Array, Inputs]:
     if isinstance(result, Finding):
         warn(result)
         return people, whole
-    for finding in findings_of(result, whole.rig.mm_per_unit, whole.read_as.offsets):
+    for finding in findings_of(result, whole.rig.mm_per_unit, scene.read_as):
         warn(finding)
     return people, replace(whole, rig=result.cameras)
 
@@ -156,21 +148,41 @@ class Scene:
     layout: sk.Layout
     read_as: ReadAs
 
+    def check(self) -> RigReport:
+        """Find what is wrong with the cameras."""
+        return check_rig(self.rig, self.people, frames=self.frames, layout=self.layout, read_as=self.read_as)
+
+
+def read_scene(
+    opened: Opened, person: str, offsets: Mapping[str, float] | None
+) -> tuple[DetectionSet, Scene]:
+    """Read the detections of everybody, or of one ``person`` as of `skelsplat.run.check.check_cameras`."""
+    rig, found = opened.rig, opened.detections.read()
+    people, layout = found.people, found.skeleton
+    if person != EVERYBODY:
+        people = take_people(people, pick_places(people, rig, person, layout)[0])[:, :, None]
+    read_as = ReadAs(found.labels, named_offsets(opened.every, offsets or {}), found.uneven)
+    return found, Scene(rig, people, found.frames, layout, read_as)
+
 
 def adjusted(
     scene: Scene, *, free: Sequence[str] | None = None, focal: bool = False, clock: bool = False
 ) -> sk.RigAdjustment | Finding:
     """Adjust cameras; a finding if they disagree for another reason, which has to be corrected first."""
-    check = check_rig(
-        scene.rig, scene.people, frames=scene.frames, layout=scene.layout, read_as=scene.read_as
-    )
     allowed = {"recording_other"} if free else set()  # where the user knows who is wrong
     allowed |= {"image_resized"} if focal else set()
-    for fault in check.before_places:
+    for fault in scene.check().before_places:
         if fault.kind not in allowed:
             why = f"{fault.text} {options(fault.remedy)} corrects it." if fault.remedy else fault.text
             numbers = {"fault": fault.kind, "why": why}
             return Finding("cameras_not_adjusted", "warning", fault.subject, numbers, fault.remedy)
+    return settled(scene, free=free, focal=focal, clock=clock)
+
+
+def settled(
+    scene: Scene, *, free: Sequence[str] | None = None, focal: bool = False, clock: bool = False
+) -> sk.RigAdjustment:
+    """Adjust cameras that disagree for no other reason. Clocks are in frames of the files."""
     steps = scene.frames - scene.frames[0]
     step = int(np.gcd.reduce(steps)) or 1
     places = steps // step
@@ -188,13 +200,13 @@ def adjusted(
     return replace(found, report=report)
 
 
-def findings_of(
-    found: sk.RigAdjustment, mm_per_unit: float, offsets: Mapping[str, float]
-) -> Iterator[Finding]:
-    """Yield what was adjusted, and what is to be done about the other cameras.
+def findings_of(found: sk.RigAdjustment, mm_per_unit: float, read_as: ReadAs) -> Iterator[Finding]:
+    """Yield what was adjusted, and what is to be done about the other cameras."""
 
-    ``offsets`` are those with which the detections were read.
-    """
+    def option(one: sk.CameraAdjustment) -> float:
+        """Return the value for --offset that sets a clock right."""
+        return rounded(read_as.offsets.get(one.name, 0) - _shown_clock(one))
+
     for one in found.report:
         subject, numbers = Subject(cameras=(one.name,)), numbers_of(one, mm_per_unit)
         if is_changed(one):
@@ -202,14 +214,14 @@ def findings_of(
             numbers["left_out_frames"] = found.judged
             yield Finding("camera_adjusted", severity, subject, numbers)
         if one.status in ("late", "adjusted") and _clock_known(one):
-            option = rounded(offsets.get(one.name, 0) - _shown_clock(one))
-            remedy = (Remedy("offset", f"{one.name}={option}"),)
-            yield Finding("camera_late", "warning", subject, numbers, remedy)
+            remedy = [Remedy("offset", f"{one.name}={option(one)}")]
+            remedy += [Remedy("frames", "intersection")] if read_as.uneven else []
+            yield Finding("camera_late", "warning", subject, numbers, tuple(remedy))
         if one.status == "unseen" and len(found.report) > 2:
             yield Finding("camera_unseen", "warning", subject)
     doubtful = [*found.of("doubtful"), *(one for one in found.of("late") if not _clock_known(one))]
     if doubtful:
-        suspected = [numbers_of(one, mm_per_unit) for one in doubtful]
+        suspected = [{**numbers_of(one, mm_per_unit), "offset": option(one)} for one in doubtful]
         names = tuple(one.name for one in doubtful)
         yield Finding("cameras_doubtful", "warning", Subject(cameras=names), {"suspected": suspected})
     if len(found.report) == 2 and found.of("unseen"):

@@ -8,12 +8,13 @@ from pathlib import Path
 from typing import Any
 
 import skelsplat as sk
-from skelsplat.association import take_people
-from skelsplat.findings import collected_warnings
+from skelsplat._clocks import rounded
+from skelsplat.findings import Finding, collected_warnings
 from skelsplat.io import DetectionSet
-from skelsplat.rig_check import ReadAs, RigReport, check_rig
-from skelsplat.run.person import EVERYBODY, check_slot, pick_places
-from skelsplat.run.read import leave_out, named_offsets, open_recording, read_rig
+from skelsplat.rig_check import CameraRow, RigReport, check_rig
+from skelsplat.run.adjust import Scene, findings_of, read_scene, settled
+from skelsplat.run.person import check_slot
+from skelsplat.run.read import leave_out, open_recording, read_rig
 
 
 @dataclass(frozen=True)
@@ -67,15 +68,51 @@ def check_cameras(
             rig, found = leave_out(read_rig(calibration, **(read or {})), tuple(without)), None
             report = check_rig(rig)
         else:
-            opened = open_recording(calibration, detections, read=read or {}, without=without, **given)
-            rig, found = opened.rig, opened.detections.read()
-            offsets = named_offsets(opened.every, given.get("offsets", {}))
-            read_as = ReadAs(found.labels, offsets, found.uneven)
-            people, layout = found.people, found.skeleton
-            if person != EVERYBODY:  # whom `check_rig` finds on its own
-                people = take_people(people, pick_places(people, rig, person, layout)[0])
-            report = check_rig(rig, people, frames=found.frames, layout=layout, read_as=read_as)
+
+            def look(offsets: Mapping[str, float]) -> tuple[DetectionSet, Scene, RigReport]:
+                given["offsets"] = offsets
+                opened = open_recording(calibration, detections, read=read or {}, without=without, **given)
+                found, scene = read_scene(opened, person, offsets)
+                return found, scene, scene.check()
+
+            found, scene, report = look(given.get("offsets") or {})
+            rig, late = scene.rig, _late(scene, report)
+            if late:
+                offsets = {name: _option(one) for name, one in late.items()}
+                if given.get("frames") in (None, "strict"):
+                    given["frames"] = "union"
+                with collected_warnings():  # which were given
+                    report = _synchronised(report, late, look({**scene.read_as.offsets, **offsets})[-1])
     # detections judge the unit better than cameras
     measured = any(one.kind in ("unit_wrong", "unit_unknown", "body_size") for one in report.findings)
     kept = [one for one in warnings if not (measured and one.kind == "unit_implausible")]
     return CameraCheck(rig, found, replace(report, findings=(*kept, *report.findings)))
+
+
+def _late(scene: Scene, report: RigReport) -> dict[str, Finding]:
+    """Find the cameras whose clocks show once other cameras are set right."""
+    found = {finding.kind for finding in report.findings}
+    if len(scene.rig) < 3 or report.before_places or "frame_offset" in found:
+        return {}
+    findings = findings_of(settled(scene), scene.rig.mm_per_unit, scene.read_as)
+    return {name: one for one in findings if one.kind == "camera_late" for name in one.subject.cameras}
+
+
+def _option(late: Finding) -> float:
+    """Return the offset that sets a clock right, as refine takes it: NAME=FRAMES."""
+    return float(late.remedy[0].value.rpartition("=")[2])
+
+
+def _synchronised(report: RigReport, late: Mapping[str, Finding], right: RigReport) -> RigReport:
+    """Return the cameras as they were read, with late ones, and what is wrong once those are right."""
+    after = {row.name: row.best_offset_px for row in right.cameras}
+
+    def corrected(row: CameraRow) -> CameraRow:
+        if row.name not in late:
+            return row
+        one, px = late[row.name], after[row.name]
+        frames = round(one.numbers["clock_frames"])
+        return replace(row, best_offset=frames, best_offset_px=px, offset_option=rounded(_option(one)))
+
+    rows = tuple(corrected(row) for row in report.cameras)
+    return RigReport((*late.values(), *right.findings), rows)

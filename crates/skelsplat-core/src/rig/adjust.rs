@@ -142,6 +142,7 @@ impl Task<'_> {
 
     /// Whether every change is confirmed on all frames, and its camera fits frames that were left out better than before and about
     /// as the others do, or clearly better: detections that are bad for another reason also fit a little better with any wrong clock.
+    /// Where cameras change places, all together fit those frames better.
     fn holds(&self, rig: &Explanation) -> bool {
         let (before, after) = (self.left_out(self.given), self.left_out(&rig.cameras));
         let free = unknowns(&rig.freedom);
@@ -155,7 +156,7 @@ impl Task<'_> {
             let unexplained =
                 after[i] > ALIKE * median(others) && after[i] > (NEARER * before[i]).min(poor);
             let worse = match freedom.turn || freedom.shift || freedom.focal {
-                true => after[i] > before[i],
+                true => after[i] > before[i] || total(&after) > total(&before),
                 false => !*keeps_better_time,
             };
             sure > CONFIRMED && !unexplained && !worse
@@ -313,7 +314,7 @@ impl Task<'_> {
         let change = now(&found.rig);
         let freedom = found.rig.freedom[i];
         let status = match freedom.any() {
-            true if freedom == Freedom::CLOCK && !self.what.clock => CameraStatus::Late,
+            true if freedom == Freedom::CLOCK => CameraStatus::Late,
             true => CameraStatus::Adjusted,
             false if self.given.len() == 2 || self.is_unseen(i) => CameraStatus::Unseen,
             false => CameraStatus::Sound,

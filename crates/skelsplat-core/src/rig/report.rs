@@ -11,7 +11,7 @@ pub enum CameraStatus {
     Sound,
     /// It was set right.
     Adjusted,
-    /// Its clock is off, and clocks were not to be adjusted.
+    /// Its clock is off, and nothing else: the camera stays as it is.
     Late,
     /// It or another is wrong, which cannot be told.
     Doubtful,

@@ -139,16 +139,44 @@ impl Scope<'_> {
         }
         // What was corrected later is a fault of its own.
         let corrected = found.rig.freedom.clone();
-        let open = |one: &&Supposed| !covers(corrected[one.view], one.fault);
-        for (before, best) in rounds {
-            let rivals: Vec<Supposed> = best[1..].iter().filter(open).cloned().collect();
-            if !rivals.is_empty() {
-                found.rivals = best[..1].iter().cloned().chain(rivals).collect();
-                found.rig = before;
-                break;
-            }
+        for (_, best) in &mut rounds {
+            let first = best[0].view;
+            best.retain(|one| one.view == first || !covers(corrected[one.view], one.fault));
+        }
+        let doubt = |round: &(Explanation, Vec<Supposed>)| round.1.len() > 1;
+        let Some(k) = rounds.iter().position(doubt) else { return Ok(found) };
+        let later = rounds.split_off(k + 1);
+        (found.rig, found.rivals) = rounds.swap_remove(k);
+        // Time and place hardly depend on each other.
+        let clock = found.rivals[0].is_clock();
+        let besides = later.iter().all(|round| !doubt(round) && round.1[0].is_clock() != clock);
+        if besides && let Some(last) = later.last() {
+            self.tell_again(&mut found, &last.1[0].rig);
         }
         Ok(found)
+    }
+
+    /// Tells rivals apart in a rig in which what was found after them is right, too.
+    fn tell_again(&self, found: &mut Found, right: &Explanation) {
+        let first = &found.rivals[0];
+        let (given, now) = (&self.given[first.view], right.freedom[first.view]);
+        let (mut cameras, mut freedom) = (right.cameras.clone(), right.freedom.clone());
+        if first.is_clock() {
+            cameras[first.view].clock = given.clock;
+            freedom[first.view] = Freedom { clock: false, ..now };
+        } else {
+            cameras[first.view].camera = given.camera.clone();
+            freedom[first.view] = Freedom { clock: now.clock, ..Freedom::default() };
+        }
+        let sigma = self.sigma(&right.cameras);
+        let rig = self.explain(cameras, freedom, sigma, 1.0);
+        let again = |one: &Supposed| self.suppose(&rig, one.view, one.fault, sigma);
+        let faults: Vec<Supposed> = found.rivals.iter().filter_map(again).collect();
+        found.rivals = self.told_apart(faults, sigma);
+        found.rig = rig;
+        if found.rivals.len() == 1 {
+            found.rig = found.rivals.swap_remove(0).rig;
+        }
     }
 
     /// The fault that explains most, and those of other cameras, or of time instead of place, that explain as much.
@@ -164,14 +192,19 @@ impl Scope<'_> {
             }
         }
         faults.retain(|one| self.is_fault(&found.rig, one, sigma));
-        let Some(best) = strongest(&faults).cloned() else { return Ok(faults) };
+        Ok(self.told_apart(faults, sigma))
+    }
+
+    /// The strongest fault, and those that explain as much: of other cameras, or of time instead of place.
+    fn told_apart(&self, faults: Vec<Supposed>, sigma: f64) -> Vec<Supposed> {
+        let Some(best) = strongest(&faults).cloned() else { return faults };
         let is_rival = |one: &Supposed| {
             // A clock is one number: a place that explains less with six is no rival.
             let simpler = best.is_clock() && best.view == one.view;
             best.differs(one) && !simpler && !self.explains_less(one, &best, sigma)
         };
         let rivals: Vec<Supposed> = faults.into_iter().filter(is_rival).collect();
-        Ok(std::iter::once(best).chain(rivals).collect())
+        std::iter::once(best).chain(rivals).collect()
     }
 
     /// Whether joints agree that one fault explains less than another. Clocks compare in all frames, without the errors that last.
@@ -197,16 +230,18 @@ impl Scope<'_> {
     /// Faults that may be supposed next.
     fn candidates(&self, rig: &Explanation) -> Vec<(usize, Fault)> {
         let m = self.given.len();
-        let known = rig.freedom.iter().filter(|freedom| freedom.any()).count();
+        let another = |part: fn(&Freedom) -> bool| {
+            2 * (rig.freedom.iter().filter(|one| part(one)).count() + 1) < m
+        };
+        let (place, clock) = (another(|one| one.turn || one.focal), another(|one| one.clock));
         let mut out = Vec::new();
         for (i, freedom) in rig.freedom.iter().enumerate() {
-            let another = freedom.any() || 2 * (known + 1) < m;
-            if m > 2 && another && !freedom.turn {
+            if m > 2 && (place || freedom.focal) && !freedom.turn {
                 out.extend([(i, Fault::Turn), (i, Fault::Place)]);
                 out.extend(self.focal.then_some((i, Fault::Zoom)));
             }
             // Of two clocks, only the difference can be told.
-            if (another || m == 2 && i == 1) && !freedom.clock && self.latest() > 0 {
+            if (clock || m == 2 && i == 1) && !freedom.clock && self.latest() > 0 {
                 out.push((i, Fault::Clock));
             }
         }
