@@ -13,6 +13,8 @@ from typer.testing import CliRunner
 
 import calibration_files as files
 import skelsplat as sk
+from detection_cases import CASES
+from detection_files import Take
 from skelsplat import synthetic
 from skelsplat.cli import app
 from skelsplat.io import read_calibration, sample, write_calibration
@@ -290,6 +292,18 @@ def test_a_wrong_unit_is_said(room, tmp_path):
     alone = invoke("check-cameras", tmp_path / "Calib.toml", "--unit", "m")
     assert alone.exit_code == 1
     assert '"mm" is likely' in " ".join(alone.stdout.split())
+
+
+def test_an_entry_of_the_files_need_not_be_one_person(room, tmp_path):
+    rig = read_calibration(room / "Calib.toml")
+    walk = synthetic.motion("walk", 20, seed=1)
+    noise = synthetic.DetectionNoise.good()
+    crowd = [synthetic.simulate_detections(walk + x, rig, noise=noise) for x in (0.0, 400.0)]
+    joints = list(sk.layouts.H36M17.joints)
+    CASES["openpose"].write(tmp_path, Take(np.stack(crowd, axis=2), list(rig.names), joints))
+    given = ("check-cameras", room / "Calib.toml", tmp_path, "--layout", "h36m17")
+    assert "entry 1 of each file" in " ".join(invoke(*given, "--person", "1").stdout.split())
+    assert "of each file" not in invoke(*given).stdout
 
 
 def test_json_has_the_numbers(room):

@@ -403,6 +403,8 @@ SENTENCES: Mapping[str, str | Callable[[Finding], str]] = {
     "person_followed": _followed,
     "person_by_place": "--person {person} is entry {person} of each file, as the frame rate is unknown. The "
     "order of people in a file is arbitrary, so this need not be one person: with --fps HZ it is.",
+    "person_of_files": "--person {person} is entry {person} of each file. The order of people in a file is "
+    "arbitrary, so this need not be one person: without --person, everybody counts.",
     "limb_lengths_vary": _lengths,
     "frame_empty": "no detection could be used",
     "frame_diverged": "diverged",
