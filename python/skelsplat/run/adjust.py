@@ -160,7 +160,7 @@ def read_scene(
     rig, found = opened.rig, opened.detections.read()
     people, layout = found.people, found.skeleton
     if person.isdecimal() and people.shape[2] > 1:
-        warn(Finding("person_of_files", "warning", numbers={"person": person}))
+        warn(Finding("person_of_files", "note", numbers={"person": person}))
     if person != EVERYBODY:
         people = take_people(people, pick_places(people, rig, person, layout)[0])[:, :, None]
     read_as = ReadAs(found.labels, named_offsets(opened.every, offsets or {}), found.uneven)
