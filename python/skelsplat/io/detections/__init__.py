@@ -110,7 +110,19 @@ def read_detections(
     MissingPackageError
         If the format needs a package that is not installed.
     """
-    return open_detections(**locals()).read()
+    return open_detections(
+        path,
+        cameras,
+        layout=layout,
+        format=format,
+        frames=frames,
+        offsets=offsets,
+        order=order,
+        mapping=mapping,
+        sequence=sequence,
+        allow_missing=allow_missing,
+        without=without,
+    ).read()
 
 
 def open_detections(
