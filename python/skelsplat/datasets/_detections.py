@@ -27,6 +27,7 @@ from skelsplat.io._arrays import frame_numbers
 KEYS_2D = ("poses", "poses2d")
 """Keys of 2D poses in the authors' files; the first that is there counts."""
 KEYS_3D = ("poses", "poses3d")
+KEY_WORLD = "coords3d_pred_world"  # world poses of a monocular estimator, beside its pixels
 
 _DETECTORS = {"cpn_ft_h36m_dbb": "cpn", "resnet_152": "resnet152", "resnet_50": "resnet50"}
 
@@ -229,7 +230,7 @@ def read_world(
     for path, names in zip(paths, spellings, strict=False):
         if path is None:
             raise DatasetError(folder / names[0] / f"{stems[0]}.npz", "file", what, "no file")
-        key, value = first_key(path, load_poses(path), ("coords3d_pred_world", *KEYS_3D))
+        key, value = first_key(path, load_poses(path), (KEY_WORLD, *KEYS_3D))
         views.append(numbers(path, key, value, (*shape, 3)))
     return np.stack(views, axis=1)
 

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from skelsplat._arrays import Array, Index
+from skelsplat._arrays import Array, Index, Mask
 from skelsplat._skelsplat import Layout
 from skelsplat.cameras import CameraRig
 from skelsplat.datasets._files import load_npz, numbers, require
@@ -19,7 +19,6 @@ from skelsplat.io._arrays import frame_numbers
 
 if TYPE_CHECKING:
     from skelsplat.synthetic.people_sets import SceneSet
-    from skelsplat.synthetic.scenes import Scene
 
 
 def files_of(folder: Path, detector: str) -> dict[str, Path]:
@@ -83,22 +82,27 @@ def write_scenes(takes: Path, data: SceneSet, *, openpose: bool) -> None:
             owners: dict[str, Any] = {name: array.astype(np.int16) for name, array in whose.items()}
             np.savez(files["detections"], frames=frames, people=scene.people, **owners)
             if openpose:
-                _write_openpose(folder / f"openpose_simulated_{detector}", scene)
+                there = np.asarray(np.isfinite(scene.people[..., 0]).any(axis=-1))
+                write_openpose(folder, detector, scene.cameras.names, frames, scene.people, there)
         own: dict[str, Any] = {"poses": scene.truth, "visible": scene.visible}
         np.savez(files["truth"], frames=frames, **own)
 
 
-def _write_openpose(folder: Path, scene: Scene) -> None:
-    """Write ``CAMERA/FRAME_keypoints.json`` with the people of a frame; missing joints are 0, 0, 0."""
-    there = np.asarray(np.isfinite(scene.people[..., 0]).any(axis=-1))
-    values = np.nan_to_num(scene.people).round(3)
-    for view, camera in enumerate(scene.cameras.names):
-        target = folder / camera
+def write_openpose(
+    take: Path, detector: str, cameras: Sequence[str], frames: Index, people: Array, there: Mask
+) -> None:
+    """Write ``openpose_simulated_DETECTOR/CAMERA/FRAME_keypoints.json``; missing joints are 0, 0, 0.
+
+    Of people (T, M, P, N, 3) those who are ``there`` (T, M, P).
+    """
+    values = np.nan_to_num(people).round(3)
+    for view, camera in enumerate(cameras):
+        target = take / f"openpose_simulated_{detector}" / camera
         target.mkdir(parents=True)
-        for frame, found in enumerate(values[:, view]):
-            rows = [found[slot].ravel().tolist() for slot in np.flatnonzero(there[frame, view])]
-            people = [{"person_id": [-1], "pose_keypoints_2d": row} for row in rows]
-            text = json.dumps({"version": 1.3, "people": people})
+        for t, frame in enumerate(frames.tolist()):
+            rows = [row.ravel().tolist() for row in values[t, view, there[t, view]]]
+            found = [{"person_id": [-1], "pose_keypoints_2d": row} for row in rows]
+            text = json.dumps({"version": 1.3, "people": found})
             (target / f"{frame:012d}_keypoints.json").write_text(text, encoding="utf-8")
 
 

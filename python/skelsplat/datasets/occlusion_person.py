@@ -146,17 +146,11 @@ def _tables(root: Path, format: str | None, split: str, views: Sequence[int]) ->
     if not folders:
         raise DatasetError(root / "3d_gt" / "S0" / "ACTIVITY" / "poses.npz", "file", "truth", "nothing there")
     places = [root / "cameras" / "cameras.json", root / "cameras.json"]
-    return [
-        (
-            folder.name,
-            read_arrays(
-                folder,
-                find([root / "cameras" / folder.name / "cameras.json", *places], "cameras by frame"),
-                views,
-            ),
-        )
-        for folder in folders
-    ]
+    found = []
+    for folder in folders:
+        cameras = find([root / "cameras" / folder.name / "cameras.json", *places], "cameras by frame")
+        found.append((folder.name, read_arrays(folder, cameras, views)))
+    return found
 
 
 def _detections(folder: Path, activity: str, table: Table, views: Sequence[int]) -> tuple[Array, Index, Path]:

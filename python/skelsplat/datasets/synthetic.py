@@ -21,7 +21,7 @@ from skelsplat.datasets._files import Survey, load_json, load_npz, numbers, requ
 from skelsplat.datasets._model import Dataset, Take
 from skelsplat.datasets._people import PeopleTake
 from skelsplat.datasets._rig import build_camera, build_rig
-from skelsplat.datasets._synthetic_people import files_of, index_of, read_scene, write_scenes
+from skelsplat.datasets._synthetic_people import files_of, index_of, read_scene, write_openpose, write_scenes
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.io._arrays import frame_numbers
 from skelsplat.io._fields import Field
@@ -64,16 +64,18 @@ def read(root: Path, *, detector: str = "good", views: Views = None) -> Dataset:
     rigs = {name: _rig(root / "cameras" / f"{name}.json") for name in index["cameras"].names()}
     entries = index["takes"].entries("a list of takes")
     fps = index["fps"].number() if "fps" in index else None
-    alone = [entry for entry in entries if "people" not in entry]
-    takes = [replace(_take(root, entry, rigs, layout, detector), fps=fps) for entry in alone]
-    takes = [take.with_views(_places(take.files["cameras"], take.rig.names, views)) for take in takes]
-    scenes = [
-        _scene(root, entry, rigs, layout, detector, views, index["fps"].number())
-        for entry in entries
-        if "people" in entry
-    ]
-    for scene in scenes:
-        takes += scene.apart(scene.key)
+    takes: list[Take] = []
+    scenes: list[PeopleTake] = []
+    for entry in entries:
+        (rig, path), folder = _named_rig(root, entry, rigs), _folder(root, entry)
+        if "people" in entry:
+            rate = index["fps"].number()
+            scene = read_scene(folder, entry["key"].text(), rig, path, layout, detector, rate)
+            scenes.append(scene.with_views(_places(path, rig.names, views)))
+            takes += scenes[-1].apart(scene.key)
+        else:
+            take = replace(_take(folder, entry, rig, path, layout, detector), fps=fps)
+            takes.append(take.with_views(_places(path, rig.names, views)))
     name, seed = index["name"].text(), index.value.get("parameters", {}).get("seed")
     source = f"simulated poses and detections ({name}, detector {detector!r}, seed {seed}); no image was seen"
     return Dataset(
@@ -151,23 +153,8 @@ def _named_rig(root: Path, entry: Field, rigs: Mapping[str, CameraRig]) -> tuple
     return rigs[cameras], root / "cameras" / f"{cameras}.json"
 
 
-def _scene(
-    root: Path,
-    entry: Field,
-    rigs: Mapping[str, CameraRig],
-    layout: Layout,
-    detector: str,
-    views: Views,
-    fps: float,
-) -> PeopleTake:
-    rig, path = _named_rig(root, entry, rigs)
-    scene = read_scene(_folder(root, entry), entry["key"].text(), rig, path, layout, detector, fps)
-    return scene if views is None else scene.with_views(_places(path, rig.names, views))
-
-
-def _take(root: Path, entry: Field, rigs: Mapping[str, CameraRig], layout: Layout, detector: str) -> Take:
+def _take(folder: Path, entry: Field, rig: CameraRig, cameras: Path, layout: Layout, detector: str) -> Take:
     key, subject, action = (entry[name].text() for name in ("key", "subject", "action"))
-    (rig, cameras), folder = _named_rig(root, entry, rigs), _folder(root, entry)
     files = {
         "truth": folder / "truth.npz",
         "detections": folder / f"detections_simulated_{detector}.npz",
@@ -289,8 +276,12 @@ def _write_parts(folder: Path, data: RecordingSet | SceneSet, *, openpose: bool)
     for recording in data.recordings:
         take = folder / "takes" / recording.key
         _write_take(take, recording)
-        if openpose:
-            _write_openpose(take, recording, data.rigs[recording.rig_name])
+        for name, detections in recording.detections.items() if openpose else ():
+            cameras, alone = (
+                data.rigs[recording.rig_name].names,
+                np.ones((*detections.shape[:2], 1), dtype=bool),
+            )
+            write_openpose(take, name, cameras, recording.frames, detections[:, :, None], alone)
     return _index_of(data)
 
 
@@ -364,16 +355,3 @@ def _write_take(folder: Path, recording: Recording) -> None:
         parts[f"detections_simulated_{name}"] = {"detections": detections}
     for stem, arrays in parts.items():
         np.savez(folder / f"{stem}.npz", frames=recording.frames, **arrays)
-
-
-def _write_openpose(folder: Path, recording: Recording, rig: CameraRig) -> None:
-    """Write ``openpose_simulated_DETECTOR/CAMERA/FRAME_keypoints.json``; missing joints are 0, 0, 0."""
-    for name, detections in recording.detections.items():
-        for view, camera in enumerate(rig.names):
-            target = folder / f"openpose_simulated_{name}" / camera
-            target.mkdir(parents=True)
-            rows = np.nan_to_num(detections[:, view]).round(3).reshape(len(recording.frames), -1).tolist()
-            for frame, row in zip(recording.frames.tolist(), rows, strict=True):
-                person = {"person_id": [-1], "pose_keypoints_2d": row}
-                text = json.dumps({"version": 1.3, "people": [person]})
-                (target / f"{frame:012d}_keypoints.json").write_text(text, encoding="utf-8")

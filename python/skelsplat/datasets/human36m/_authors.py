@@ -18,6 +18,7 @@ import numpy as np
 from skelsplat._arrays import Array
 from skelsplat.cameras import CameraRig
 from skelsplat.datasets._detections import (
+    KEY_WORLD,
     KEYS_3D,
     choose_detector,
     detector_name,
@@ -44,8 +45,6 @@ from skelsplat.layouts import H36M17
 NAME = "skelsplat"
 HAS = "3d_gt/ and 2d_<detector>/"
 _TRUTH = "3d_gt"
-_KEYS_WORLD = ("coords3d_pred_world",)
-"""World poses of a monocular estimator, beside its pixels."""
 
 
 def locate(root: Path) -> Path | None:
@@ -126,10 +125,9 @@ def _per_view(folder: Path, take: Take) -> Array | None:
     for name in take.rig.names:
         path = poses_file(folder / name)
         content = load_poses(path) if path is not None else {}
-        key = next((key for key in _KEYS_WORLD if key in content), None)
-        if path is None or key is None:
+        if path is None or KEY_WORLD not in content:
             return None
-        views.append(numbers(path, key, content[key], (len(take), H36M17.n_joints, 3)))
+        views.append(numbers(path, KEY_WORLD, content[KEY_WORLD], (len(take), H36M17.n_joints, 3)))
     return np.stack(views, axis=1)
 
 
