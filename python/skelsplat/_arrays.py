@@ -107,6 +107,13 @@ def medians(values: NDArray[np.float64], least: int = 1) -> NDArray[np.float64]:
     return np.where(count >= max(least, 1), (low + high) / 2, np.nan)
 
 
+def corners(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the ends (…, D) of the box round points (…, N, D): ∞ and −∞ where no number is finite."""
+    there = np.isfinite(points)
+    low = np.where(there, points, np.inf).min(axis=-2, initial=np.inf)
+    return low, np.where(there, points, -np.inf).max(axis=-2, initial=-np.inf)
+
+
 class ArrayFields:
     """A dataclass whose fields of the type `Array` hold what `numbers` makes of what they are given."""
 

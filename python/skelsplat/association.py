@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 import skelsplat as sk
-from skelsplat._arrays import Array, Index, Mask, medians, numbers
+from skelsplat._arrays import Array, Index, Mask, corners, medians, numbers
 from skelsplat._people import most_people
 from skelsplat._skelsplat import check_people, people_chosen
 from skelsplat.cameras import mm_per_unit
@@ -217,10 +217,8 @@ def extents(people: npt.ArrayLike) -> Array:
 
 def _box(points: Array) -> Array:
     """Sides of the boxes around points (..., K, D), (..., D); 0 where there are none."""
-    there: Mask = np.isfinite(points)
-    high = np.where(there, points, -np.inf).max(axis=-2)
-    low = np.where(there, points, np.inf).min(axis=-2)
-    return np.where(there.any(axis=-2), high - low, 0.0)
+    low, high = corners(points)
+    return np.where(low <= high, high - low, 0.0)
 
 
 def _check(people: npt.ArrayLike, cameras: Sequence[sk.Camera]) -> Array:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from skelsplat._arrays import Array, Index, Mask
+from skelsplat._arrays import Array, Index, Mask, corners
 from skelsplat._optional import require
 from skelsplat._skelsplat import project
 from skelsplat.cameras import CameraRig
@@ -122,11 +122,7 @@ def nearest_slots(truth: Array, rig: CameraRig, people: Array) -> Index:
     assign = require("scipy.optimize", "oracle association", "evaluation").linear_sum_assignment
     out = np.full((*truth.shape[:2], len(rig)), -1, dtype=np.int64)
     projected = np.stack([np.asarray(project(one, rig)) for one in truth])  # (Q, M, T, N, 2)
-    known = np.isfinite(projected).all(axis=-1, keepdims=True)
-    low, high = (
-        pick(np.where(known, projected, empty), axis=3)
-        for pick, empty in ((np.min, np.inf), (np.max, -np.inf))
-    )
+    low, high = corners(projected)
     size = np.linalg.norm(high - low, axis=-1)
     for view in range(len(rig)):
         for t, found in enumerate(people[:, view, ..., :2]):

@@ -277,11 +277,11 @@ def _write_parts(folder: Path, data: RecordingSet | SceneSet, *, openpose: bool)
         take = folder / "takes" / recording.key
         _write_take(take, recording)
         for name, detections in recording.detections.items() if openpose else ():
-            cameras, alone = (
+            names, there = (
                 data.rigs[recording.rig_name].names,
                 np.ones((*detections.shape[:2], 1), dtype=bool),
             )
-            write_openpose(take, name, cameras, recording.frames, detections[:, :, None], alone)
+            write_openpose(take, name, names, recording.frames, detections[:, :, None], there)
     return _index_of(data)
 
 

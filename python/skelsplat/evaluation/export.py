@@ -7,7 +7,7 @@ import io
 import json
 import math
 import platform
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -36,9 +36,7 @@ def markdown(evaluation: Evaluation) -> str:
 
 def to_csv(evaluation: Evaluation) -> str:
     """Return one line per method and group, with all digits that mean something (see `CSV_FIELDS`)."""
-    stream = io.StringIO(newline="")
-    writer = csv.DictWriter(stream, CSV_FIELDS, restval="", lineterminator="\n")
-    writer.writeheader()
+    rows = []
     for method, reported, group, name, figures in _lines(evaluation):
         numbers = {
             key: f"{value:{'d' if key == 'poses' else '.6g'}}"
@@ -46,7 +44,16 @@ def to_csv(evaluation: Evaluation) -> str:
             if value is not None and math.isfinite(value)
         }
         own = {"method": method, "reported": int(reported), "group": group, "name": name}
-        writer.writerow({**own, **numbers})
+        rows.append({**own, **numbers})
+    return csv_text(CSV_FIELDS, rows)
+
+
+def csv_text(fields: Sequence[str], rows: Iterable[Mapping[str, Any]]) -> str:
+    """Return rows by field as a table with a header; a field that a row does not have is empty."""
+    stream = io.StringIO(newline="")
+    writer = csv.DictWriter(stream, fields, restval="", lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
     return stream.getvalue()
 
 

@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import math
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 from skelsplat._atomic import atomic_write_text
-from skelsplat._json import plain
-from skelsplat.evaluation.export import about_dataset, as_text, versions
+from skelsplat.evaluation.export import about_dataset, as_text, csv_text, versions
 from skelsplat.evaluation.people import PeopleEvaluation
-from skelsplat.evaluation.tables import Cell, Column, Row, Table, interval, one_paragraph
+from skelsplat.evaluation.tables import Cell, Column, Row, Table, interval, one_paragraph, reported_rows
 
 # Columns by figure, and by what the figure is multiplied.
 _COLUMNS: dict[str, tuple[Column, float]] = {
@@ -47,9 +44,8 @@ def overall(evaluation: PeopleEvaluation) -> Table:
         rows.append(Row(method, tuple(cells[key] for key in _COLUMNS)))
     others = evaluation.published
     if others is not None:
-        for row in others.table.rows:
-            known = {"mean_mm": others.value(row, others.absolute), "pcp": others.value(row, others.pcp)}
-            rows.append(Row(others.name(row), tuple(known.get(key) for key in _COLUMNS), reported=True))
+        columns = {"mean_mm": others.absolute, "pcp": others.pcp}
+        rows += reported_rows(others, [columns.get(key) for key in _COLUMNS])
     title = f"{_subject(evaluation)}: precision, recall, PCP and IDF1 in %, MPJPE in mm"
     return Table(
         title, "method", tuple(column for column, _ in _COLUMNS.values()), tuple(rows), notes(evaluation)
@@ -78,11 +74,8 @@ def all_tables(evaluation: PeopleEvaluation) -> list[Table]:
 
 def notes(evaluation: PeopleEvaluation) -> tuple[str, ...]:
     """Return what goes under the first table: data, protocol, what the columns mean."""
-    real = (
-        ""
-        if evaluation.protocol.least_views
-        else (" People without a truth in a frame may be real; whoever finds them loses precision.")
-    )
+    several = " People without a truth in a frame may be real; whoever finds them loses precision."
+    real = "" if evaluation.protocol.least_views else several
     lines = [
         f"Data: {evaluation.dataset.source or evaluation.dataset.name}. Who is who is not given, except to "
         "oracle, which takes the detections that the ground truth associates with each person.",
@@ -121,15 +114,13 @@ def _lines(evaluation: PeopleEvaluation) -> Iterator[tuple[str, str, str, Mappin
 
 def to_csv(evaluation: PeopleEvaluation) -> str:
     """Return one line per method and group (see `CSV_FIELDS`)."""
-    stream = io.StringIO(newline="")
-    writer = csv.DictWriter(stream, CSV_FIELDS, restval="", lineterminator="\n")
-    writer.writeheader()
+    rows = []
     for method, group, name, figures in _lines(evaluation):
         known = {
             key: f"{figures[key]:.6g}" for key in CSV_FIELDS if math.isfinite(figures.get(key, math.nan))
         }
-        writer.writerow({"method": method, "group": group, "name": name, **known})
-    return stream.getvalue()
+        rows.append({"method": method, "group": group, "name": name, **known})
+    return csv_text(CSV_FIELDS, rows)
 
 
 def as_dict(evaluation: PeopleEvaluation) -> dict[str, Any]:
@@ -162,7 +153,7 @@ def write(folder: Path, evaluation: PeopleEvaluation) -> list[str]:
     texts = {
         "report.md": title + "\n".join(table.markdown() for table in all_tables(evaluation)),
         "report.csv": to_csv(evaluation),
-        "report.json": as_text(plain(as_dict(evaluation))),
+        "report.json": as_text(as_dict(evaluation)),
     }
     for name, text in texts.items():
         atomic_write_text(folder / name, text)

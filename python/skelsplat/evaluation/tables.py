@@ -164,7 +164,7 @@ def overall(evaluation: Evaluation) -> Table:
     others = evaluation.published
     if others is not None:
         columns = {"absolute_mm": others.absolute, "pcp": others.pcp}
-        rows += _reported(others, [columns.get(key) for key in shown])
+        rows += reported_rows(others, [columns.get(key) for key in shown])
     return Table(
         f"{_subject(evaluation)}: MPJPE in mm (absolute, root-relative, Procrustes), shares in %",
         "method",
@@ -186,7 +186,7 @@ def actions(evaluation: Evaluation, metric: Metric = "absolute") -> Table:
         rows.append(Row(s.method, (*values, share * average)))
     others = evaluation.published
     if others is not None and metric == "absolute" and set(evaluation.headers) <= set(others.table.keys):
-        rows += _reported(others, (*evaluation.headers, others.absolute))
+        rows += reported_rows(others, (*evaluation.headers, others.absolute))
     rules = evaluation.protocol
     kind = "actor" if rules.parts else "action" if rules.columns else "sequence"
     return Table(
@@ -197,7 +197,8 @@ def actions(evaluation: Evaluation, metric: Metric = "absolute") -> Table:
     )
 
 
-def _reported(others: Published, keys: Sequence[str | None]) -> list[Row]:
+def reported_rows(others: Published, keys: Sequence[str | None]) -> list[Row]:
+    """Return a row per published one, with these of its columns; None is a column that it does not have."""
     return [
         Row(others.name(row), tuple(others.value(row, key) for key in keys), reported=True)
         for row in others.table

@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from skelsplat._atomic import atomic_write_text
 from skelsplat._budget import read_toml
 from skelsplat._skelsplat import LAYOUT_NAMES, Layout
 from skelsplat.exceptions import DatasetError, InvalidInputError
@@ -27,7 +28,6 @@ from skelsplat.layouts._files import (
     of_names,
     read_file,
     to_toml,
-    write_file,
 )
 
 H36M17 = Layout.by_name("h36m17")
@@ -134,7 +134,7 @@ def write(path: str | os.PathLike[str], layout: Layout | str, *, about: About | 
     layout = get(layout)
     if about is None and is_built_in(layout):
         about = _about(layout.name)
-    write_file(Path(path), to_toml(layout, about))
+    atomic_write_text(path, to_toml(layout, about))
 
 
 def from_names(name: str, joints: Sequence[str], limbs: Sequence[tuple[int, int]] = ()) -> Layout:

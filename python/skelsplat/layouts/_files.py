@@ -23,7 +23,6 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
-from skelsplat._atomic import atomic_write_text
 from skelsplat._budget import read_toml
 from skelsplat._escape import CONTROL
 from skelsplat._skelsplat import Layout
@@ -191,11 +190,6 @@ def _mirrored_limbs(layout: Layout) -> list[tuple[int, Pair, Pair]]:
         if one_side and {a, b} & left and frozenset(image) in known:
             found.append((1 if a in left and b in left else 3, (a, b), image))
     return found
-
-
-def write_file(path: Path, text: str) -> None:
-    """Write a layout file whole."""
-    atomic_write_text(path, text)
 
 
 def to_toml(layout: Layout, about: About | None = None) -> str:

@@ -12,7 +12,7 @@ from itertools import permutations
 
 import numpy as np
 
-from skelsplat._arrays import Array, Index, Mask
+from skelsplat._arrays import Array, Index, Mask, corners
 from skelsplat._skelsplat import Layout
 from skelsplat.exceptions import InvalidInputError
 from skelsplat.synthetic.memory import Memory, Range
@@ -270,10 +270,8 @@ class View:
 
 def _height(seen: Array) -> Array:
     """Extent (T,) px of detections (T, N, 3) along the longer side of the image; 0 where there are none."""
-    there = np.isfinite(seen[..., :2])
-    high = np.where(there, seen[..., :2], -np.inf).max(axis=1)
-    low = np.where(there, seen[..., :2], np.inf).min(axis=1)
-    return np.where(there.any(axis=(1, 2)), (high - low).max(axis=1), 0.0)
+    low, high = corners(seen[..., :2])
+    return np.where((low <= high).any(axis=1), (high - low).max(axis=1), 0.0)
 
 
 def _tidy(seen: Array, owner: Index) -> tuple[Array, Index]:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from skelsplat._arrays import Array, Mask, generator, numbers
+from skelsplat._arrays import Array, Mask, corners, generator, numbers
 from skelsplat.exceptions import InvalidInputError
 from skelsplat.synthetic.memory import Numbers
 from skelsplat.synthetic.noise import DetectionNoise
@@ -100,10 +100,8 @@ def occluded_views(
 
 def _body_box(pixels: Array) -> tuple[Array, Array]:
     """Lower corner and size (T, 2) px of the box round the joints of each frame; zeros where none is seen."""
-    seen = ~np.isnan(pixels)
-    any_seen = seen.any(axis=1)
-    low = np.where(any_seen, np.where(seen, pixels, np.inf).min(axis=1, initial=np.inf), 0.0)
-    high = np.where(any_seen, np.where(seen, pixels, -np.inf).max(axis=1, initial=-np.inf), 0.0)
+    low, high = corners(pixels)
+    low, high = (np.where(low <= high, end, 0.0) for end in (low, high))
     return low, high - low
 
 

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from skelsplat._arrays import Array, generator, numbers
 from skelsplat._skelsplat import Camera
-from skelsplat.cameras import CameraRig
+from skelsplat.cameras import CameraRig, mm_per_unit
 from skelsplat.exceptions import InvalidInputError
 
 # Standard deviation along the view's ray over that across it: depth is what a single view knows least.
@@ -82,7 +82,7 @@ def monocular_poses(
     if array.ndim > 3:
         raise InvalidInputError(f"points: expected shape (T, N, 3) or (N, 3), got {array.shape}")
     truth = array[:, None] if array.ndim == 3 else array[None, None]
-    sigma = sigma_mm / float(getattr(cameras, "mm_per_unit", 1.0))
+    sigma = sigma_mm / mm_per_unit(cameras)
     centres = np.array([-np.asarray(c.R).T @ np.asarray(c.t) for c in cameras])
     ray = truth - centres[None, :, None]
     ray = ray / np.linalg.norm(ray, axis=-1, keepdims=True)

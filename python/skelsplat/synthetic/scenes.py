@@ -19,7 +19,7 @@ from skelsplat.synthetic.detections import corrupt, true_pixels
 from skelsplat.synthetic.memory import Memory
 from skelsplat.synthetic.motions import motion
 from skelsplat.synthetic.noise import DetectionNoise
-from skelsplat.synthetic.sets import SIZE_IN_ROOM
+from skelsplat.synthetic.sets import SIZE_IN_ROOM, stream
 from skelsplat.synthetic.skeleton import in_layout
 
 _BYSTANDER_AT = 1.15  # from the centre of the room, as a share of its radius
@@ -124,21 +124,17 @@ def simulate_scene(
     eyes = np.array([-np.asarray(c.R).T @ np.asarray(c.t) for c in rig])
     if isinstance(people, int | np.integer):
         moving = crowd(
-            int(people), n_frames, fps=fps, meetings=meetings, eyes=eyes, seed=_stream(seed, _PEOPLE)
+            int(people), n_frames, fps=fps, meetings=meetings, eyes=eyes, seed=stream(seed, _PEOPLE)
         )
         truth = in_layout(moving, skeleton)
     else:
         truth = _poses(people, len(skeleton.joints))
     walls = np.zeros((len(truth), len(rig)), dtype=bool)
     if bystander:
-        own, hidden_from = _bystander(truth.shape[1], fps, rig, skeleton, _stream(seed, _BYSTANDER))
+        own, hidden_from = _bystander(truth.shape[1], fps, rig, skeleton, stream(seed, _BYSTANDER))
         truth, walls = np.concatenate([truth, own[None]]), np.concatenate([walls, hidden_from[None]])
     usual = DetectionNoise.recording(fps).scaled(_size(rig, eyes) / SIZE_IN_ROOM)
     return _detected(truth, walls, rig, skeleton, fps, noise or usual, crowding or Crowding(), seed)
-
-
-def _stream(seed: int, *what: int) -> np.random.Generator:
-    return np.random.default_rng([seed, *what])
 
 
 def _poses(people: Sequence[ArrayLike], n_joints: int) -> Array:
@@ -184,7 +180,7 @@ def _detected(
     pixels[np.broadcast_to(walls[:, None, :], pixels.shape[:3])] = np.nan
     alone = np.stack(
         [
-            corrupt(one, noise=noise, layout=layout, seed=_stream(seed, _DETECTORS, q))
+            corrupt(one, noise=noise, layout=layout, seed=stream(seed, _DETECTORS, q))
             for q, one in enumerate(pixels)
         ]
     )
@@ -198,10 +194,10 @@ def _detected(
         hidden = behind(everywhere, depth, float(camera.K[0, 0]), layout)
         visible[:, :, m] &= hidden < 0
         size = (int(camera.size[0]), int(camera.size[1]))
-        rng = _stream(seed, _CROWDING, m)
+        rng = stream(seed, _CROWDING, m)
         view = View(alone[:, :, m], hidden, depth.mean(axis=-1), size, layout, crowding, memory, rng)
         views.append(view.instances())
-    found, joint_owner = _packed(views, _stream(seed, _SLOTS))
+    found, joint_owner = _packed(views, stream(seed, _SLOTS))
     return Scene(found, _majority(joint_owner, len(truth)), joint_owner, truth, visible, rig, layout, fps)
 
 

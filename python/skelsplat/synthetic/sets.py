@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skelsplat import layouts
-from skelsplat._arrays import Array, Mask
+from skelsplat._arrays import Array, Mask, corners
 from skelsplat._skelsplat import Camera, Layout
 from skelsplat.cameras import CameraRig
 from skelsplat.exceptions import InvalidInputError, one_of
@@ -315,11 +315,8 @@ def stream(*key: int) -> np.random.Generator:
 
 def boxes(pixels: Array) -> Array:
     """Boxes (T, M, 4) round the joints (T, M, N, 2) in the image, with a margin."""
-    seen = np.isfinite(pixels)
-    low = np.where(seen, pixels, np.inf).min(axis=2)
-    high = np.where(seen, pixels, -np.inf).max(axis=2)
-    nobody = np.logical_not(seen.any(axis=(2, 3)))[..., None]
-    low, high = (np.where(nobody, np.nan, edge) for edge in (low, high))
+    low, high = corners(pixels)
+    low, high = (np.where(low <= high, edge, np.nan) for edge in (low, high))
     margin = _BOX_MARGIN * (high - low)
     return np.concatenate([low - margin, high + margin], axis=-1)
 

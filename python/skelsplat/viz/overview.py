@@ -133,7 +133,9 @@ def _draw_body(figure: Figure, body: OverviewData, skeleton: Skeleton, bottom_in
     for (right, title, label), points, limit, width in zip(views, flat, limits, widths, strict=True):
         size = (width * inches_per_mm, (high - low) * inches_per_mm)
         axes = figure.add_axes(_style.box(figure, start, bottom_in, *size))
-        _draw_view(axes, points, _flat_covariances(body, right), body.status[body.frame], skeleton)
+        plane = np.stack([right, body.up])
+        covariances = plane @ body.error_bar[body.frame] @ plane.T
+        _draw_view(axes, points, covariances, body.status[body.frame], skeleton)
         axes.set(xlim=limit[0], ylim=(low, high), xlabel=label, title=title)
         axes.xaxis.set_major_locator(MultipleLocator(_grid(max(*widths, high - low))))
         axes.yaxis.set_major_locator(MultipleLocator(_grid(max(*widths, high - low))))
@@ -185,13 +187,6 @@ def _flatten(pose: Array, body: OverviewData, right: Array) -> Array:
     across = body.after[body.frame] @ right
     middle = np.median(across[np.isfinite(across)]) if np.isfinite(across).any() else 0.0
     return np.stack([pose @ right - middle, pose @ body.up], axis=1)
-
-
-def _flat_covariances(body: OverviewData, right: Array) -> Array:
-    """Return the covariances (N, 2, 2) in the plane of a view."""
-    plane = np.stack([right, body.up])
-    flat: Array = plane @ body.error_bar[body.frame] @ plane.T
-    return flat
 
 
 def _limits(points: Array) -> tuple[tuple[float, float], tuple[float, float]]:

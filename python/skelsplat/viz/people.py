@@ -19,7 +19,7 @@ from skelsplat.viz import _style
 from skelsplat.viz._people import PersonTrack, all_frames, spread_out, thinned
 from skelsplat.viz._skeleton import Skeleton, draw_limbs
 from skelsplat.viz._time import TimeAxis, draw_series
-from skelsplat.viz.report._scene import upright
+from skelsplat.viz.report._scene import reach, upright
 
 # Places of the panels, in inches.
 _EDGE_IN, _FOOT_IN, _HEAD_IN, _LINE_IN = 0.3, 0.7, 0.85, 0.25
@@ -30,7 +30,6 @@ _SIDE_IN = 3.1
 _LETTERS = 135  # of a line of the caption
 _MOST_NAME = 14  # letters
 _MARGIN_MM = 500.0
-_STRAY = (1.0, 99.0)  # percentiles beyond which places do not widen the plan by more than the margin
 _FAR = 3.0  # cameras farther away than so many times the size of the plan are left out
 _BAR = 0.76  # height of a bar in its row
 # Frames and directions that are tried for the view from the side.
@@ -92,7 +91,8 @@ def _draw_plan(axes: Axes, data: PeopleData, turn: Array, names: Sequence[str]) 
             axes.plot(*known[0], "o", color=colour, markerfacecolor="white", markersize=7, zorder=4)
             axes.plot(*known[-1], "o", color=colour, markersize=8, zorder=4)
             _label(axes, known[-1], _short(person.name), colour)
-    low, high = _limits(np.concatenate([(person.middle @ turn.T)[:, :2] for person in data.people]))
+    places = np.concatenate([(person.middle @ turn.T)[:, :2] for person in data.people])
+    low, high = reach(places, _MARGIN_MM)
     flat = (data.centres @ turn.T)[:, :2]
     near = np.linalg.norm(flat - (low + high) / 2, axis=1) < _FAR * np.linalg.norm(high - low)
     for name, at in zip(np.array(data.camera_names)[near], flat[near], strict=True):
@@ -154,7 +154,7 @@ def _draw_side(axes: Axes, data: PeopleData, turn: Array) -> None:
             if len(known):
                 _label(axes, known[np.argmax(known[:, 1])], _short(person.name), colour)
             everybody.append(flat)
-    low, high = _limits(np.concatenate(everybody))
+    low, high = reach(np.concatenate(everybody), _MARGIN_MM)
     _fit(axes, low - np.array([200.0, 100.0]), high + np.array([200.0, 300.0]))
     axes.set(xlabel="across [mm]", ylabel="height [mm]")
     axes.set(title=f"frame {number}, from the side (hollow: joints that are not ok)")
@@ -182,15 +182,6 @@ def _widest_gaps(people: Sequence[PersonTrack], turn: Array) -> tuple[int, Array
         np.argmax(np.where(np.isfinite(smallest), smallest, -1.0)), smallest.shape
     )
     return int(frames[fullest[frame]]), directions[direction]
-
-
-def _limits(places: Array) -> tuple[Array, Array]:
-    """Return the corners of the box of places (K, 2), but for stray ones; 1 m about 0 without any."""
-    known = places[np.isfinite(places).all(axis=1)]
-    if not len(known):
-        return np.full(2, -500.0), np.full(2, 500.0)
-    low, high = np.percentile(known, _STRAY, axis=0)
-    return np.maximum(known.min(axis=0), low - _MARGIN_MM), np.minimum(known.max(axis=0), high + _MARGIN_MM)
 
 
 def _fit(axes: Axes, low: Array, high: Array) -> None:

@@ -18,7 +18,6 @@ from skelsplat.datasets._registry import detections_option, options_of
 from skelsplat.evaluation import protocols
 from skelsplat.evaluation.ablations._sample import Errors, Sample, Start, errors_of, sample
 from skelsplat.evaluation.methods import DEFAULT_INIT_SIGMA_MM, refined
-from skelsplat.evaluation.protocols import Protocol
 from skelsplat.evaluation.report import occlusion_of
 from skelsplat.exceptions import InvalidInputError
 from skelsplat.synthetic import simulate_set
@@ -86,7 +85,8 @@ class Source(ABC):
         chosen, protocol = self.choices, protocols.get(dataset.name)
         if all_views and protocol.view_sets:
             protocol = protocol.with_options(n_views=max(protocol.view_sets))
-        key = key or _key(dataset, protocol)
+        variant = occlusion_of(dataset) if protocol.name == "human36m-occ" else None
+        key = key or (f"{protocol.name}-{variant}" if variant else protocol.name)  # as in the paper's rows
         made = sample(dataset, protocol, chosen.poses, name=name, key=key, undistort=chosen.undistort)
         some = made.n_poses < made.n_available
         count = f"{made.n_poses} of {made.n_available}" if some else f"all {made.n_available}"
@@ -235,9 +235,3 @@ class OnDisk(Source):
             self._sources.append(dataset.source)
         label = f"{dataset.name}, {dataset.detector}" if dataset.detector else dataset.name
         return self._sample(dataset, label, all_views=all_views)
-
-
-def _key(dataset: Dataset, protocol: Protocol) -> str:
-    """Name of the data as in the paper's rows: the protocol's, with the occlusion behind it."""
-    variant = occlusion_of(dataset) if protocol.name == "human36m-occ" else None
-    return f"{protocol.name}-{variant}" if variant else protocol.name

@@ -87,11 +87,6 @@ def to_csv(record: Record) -> str:
     return stream.getvalue()
 
 
-def to_json(record: Record) -> str:
-    """Return everything as a JSON object."""
-    return to_text(as_dict(record))
-
-
 def as_dict(record: Record) -> dict[str, Any]:
     """Return everything as values of JSON."""
     return {
@@ -117,7 +112,11 @@ def write(folder: Path, record: Record) -> list[Path]:
     """
     folder.mkdir(parents=True, exist_ok=True)
     out = []
-    for suffix, text in (("md", to_markdown), ("csv", to_csv), ("json", to_json)):
+    for suffix, text in (
+        ("md", to_markdown),
+        ("csv", to_csv),
+        ("json", lambda record: to_text(as_dict(record))),
+    ):
         out.append(folder / f"{record.ablation.name}.{suffix}")
         atomic_write_text(out[-1], text(record))
     return [*out, _write_chart(folder / f"{record.ablation.name}.png", record)] if can_draw() else out

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
@@ -11,7 +10,6 @@ from typing import Any
 import numpy as np
 
 import skelsplat as sk
-from skelsplat._arrays import Array
 from skelsplat._atomic import atomic_write
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.io._arrays import Arrays, array_names, frame_numbers, load_plain_npz, npz_keys
@@ -47,8 +45,8 @@ def write_npz(path: str | os.PathLike[str], data: Poses, *, run: str | None = No
     if isinstance(data, PoseParts):
         arrays |= {key: Made.of(rows) for key, rows in data.rows.items()}
     if isinstance(data, PoseParts) and "uncertainty" in data.rows:
-        bars = Made(data.rows["uncertainty"].shape, np.dtype(np.float64), lambda: _bars(data))
-        arrays["error_bar"] = bars
+        shape, bars = data.rows["uncertainty"].shape, lambda: (part.error_bar for part in data)
+        arrays["error_bar"] = Made(shape, np.dtype(np.float64), bars)
     elif head.uncertainty.size:
         arrays["error_bar"] = head.error_bar
     for key in _NAMES:
@@ -67,11 +65,6 @@ def write_npz(path: str | os.PathLike[str], data: Poses, *, run: str | None = No
             write_pieces(stream, arrays)
         else:
             np.savez_compressed(stream, **arrays)
-
-
-def _bars(data: PoseParts) -> Iterator[Array]:
-    for part in data:
-        yield part.error_bar
 
 
 @checked

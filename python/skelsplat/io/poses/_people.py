@@ -11,7 +11,6 @@ import numpy as np
 
 from skelsplat._arrays import Index
 from skelsplat._atomic import atomic_path, atomic_write_text, make_room
-from skelsplat._optional import require
 from skelsplat.exceptions import InvalidInputError
 from skelsplat.io.poses._csv import COLUMNS, csv_text, rows_of
 from skelsplat.io.poses._json import people_text
@@ -59,8 +58,7 @@ def _write_csv(path: str | os.PathLike[str], people: Mapping[int, PoseData]) -> 
 
 
 def _write_netcdf(path: str | os.PathLike[str], people: Mapping[int, PoseData]) -> None:
-    check_packages()
-    xarray = require("xarray", "NetCDF files")
+    xarray = check_packages()
     frames = np.unique(np.concatenate([data.frames for data in people.values()]))
     named = {f"person_{identity}": _on_frames(data, frames) for identity, data in people.items()}
     each = [to_xarray(data, individual=name) for name, data in named.items()]

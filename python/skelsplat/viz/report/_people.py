@@ -126,7 +126,7 @@ def build_people_page(data: PeopleReportData) -> str:
             views=str(len(data.shapes.names)),
             meanings=_parts.meanings(data.table),
             findings=_findings(data),
-            bones=_bone_section(data.bones),
+            bones=_parts.fill("people_bones.html", bones=_parts.table(data.bones)) if data.bones.rows else "",
         ),
         problems=_parts.problem_rows(data.problems),
         notes=_parts.bullets([*data.notes, *thinned]),
@@ -232,9 +232,3 @@ def _follow(people: Sequence[PersonTrack]) -> str:
     options = [f'<option value="{place}">{escape(one.name)}</option>' for place, one in enumerate(people)]
     nobody = '<option value="">nobody</option>'
     return f'<label>follow <select id="follow">{nobody}{"".join(options)}</select></label>'
-
-
-def _bone_section(bones: Table) -> str:
-    if not bones.rows:
-        return ""
-    return _parts.fill("people_bones.html", bones=_parts.table(bones))

@@ -16,7 +16,6 @@ from skelsplat.viz._skeleton import Skeleton
 
 # Around the joints, in mm; the start may lie outside them.
 _MARGIN_MM = 1500.0
-# Joints beyond these percentiles may be stray, and do not widen the space by more than the margin.
 _MOST = (1.0, 99.0)
 # Depth of a camera's pyramid as a part of its distance from the person, and its limits in mm.
 _DEPTH, _DEPTH_MM = 0.09, (40.0, 600.0)
@@ -86,7 +85,7 @@ def pack_scene(sequence: Sequence3D, shapes: CameraShapes, places: Index) -> dic
     """Return the sequence at ``places`` for the page: axes turned so that the third points up."""
     turn, axes = upright(sequence.up)
     refined = sequence.refined[places] @ turn.T
-    corners = [reach(sequence.refined[:, own] @ turn.T) for _, own in sequence.parts]
+    corners = [reach(sequence.refined[:, own] @ turn.T, _MARGIN_MM / 2) for _, own in sequence.parts]
     low, high = np.min(corners, axis=(0, 1)), np.max(corners, axis=(0, 1))
     grid = Grid.over(low - _MARGIN_MM, high + _MARGIN_MM)
     return {
@@ -152,16 +151,16 @@ def upright(up: Array) -> tuple[Array, list[str]]:
     return turn, names
 
 
-def reach(poses: Array) -> tuple[Array, Array]:
-    """Return the corners of the box of the joints of (T, N, 3), but for stray ones; 1 m without any."""
-    known = poses[np.isfinite(poses).all(axis=-1)]
+def reach(places: Array, margin: float) -> tuple[Array, Array]:
+    """Return the corners (D,) of the box of places (…, D); 1 m about 0 without any.
+
+    Places beyond the percentiles `_MOST` may be stray, and do not widen it by more than the margin.
+    """
+    known = places[np.isfinite(places).all(axis=-1)]
     if not len(known):
-        return np.full(3, -500.0), np.full(3, 500.0)
+        return np.full(places.shape[-1], -500.0), np.full(places.shape[-1], 500.0)
     low, high = np.percentile(known, _MOST, axis=0)
-    return (
-        np.maximum(known.min(axis=0), low - _MARGIN_MM / 2),
-        np.minimum(known.max(axis=0), high + _MARGIN_MM / 2),
-    )
+    return np.maximum(known.min(axis=0), low - margin), np.minimum(known.max(axis=0), high + margin)
 
 
 def _on_floor(sequence: Sequence3D) -> Index:
