@@ -213,12 +213,7 @@ def refinement_fields(out: dict[str, Any]) -> dict[str, Any]:
 
 
 def warn_before_the_work(
-    init_pose: ArrayLike | None,
-    detections: ArrayLike,
-    cameras: Cameras,
-    layout: str | Layout | None,
-    *,
-    depth: int = 4,
+    init_pose: ArrayLike | None, detections: ArrayLike, cameras: Cameras, layout: str | Layout | None
 ) -> None:
     """Judge the start: in a wrong unit splats of pixels can cover whole images and take minutes."""
     try:
@@ -231,7 +226,7 @@ def warn_before_the_work(
     except (TypeError, ValueError):
         return  # the core names what is wrong with it
     if poses.ndim in (2, 3) and poses.shape[-1] == 3 and poses.size:
-        warn_of_unit(poses, cameras, layout, depth=depth)
+        warn_of_unit(poses, cameras, layout, depth=4)
 
 
 def warn_of_unit(

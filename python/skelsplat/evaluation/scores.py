@@ -99,15 +99,9 @@ class _Errors:
 
 
 def score(
-    method: str,
-    cases: Sequence[Case],
-    solutions: Sequence[Solution],
-    layout: Layout,
-    protocol: Protocol,
-    *,
-    seed: int = 0,
+    method: str, cases: Sequence[Case], solutions: Sequence[Solution], layout: Layout, protocol: Protocol
 ) -> Scores:
-    """Score the poses of one method, one solution per case; `seed` is that of the bootstrap.
+    """Score the poses of one method, one solution per case.
 
     Raises `DatasetError` if the protocol counts visible joints and a take does not say which are.
     """
@@ -125,9 +119,9 @@ def score(
         method=method,
         absolute_poses=sum(len(case.take) for case in cases if case.absolute),
         poses=poses,
-        absolute=_estimate([e.absolute for e in errors], seed),
-        relative=_estimate([e.relative for e in errors], seed),
-        procrustes=_estimate([e.procrustes for e in errors], seed),
+        absolute=_estimate([e.absolute for e in errors]),
+        relative=_estimate([e.relative for e in errors]),
+        procrustes=_estimate([e.procrustes for e in errors]),
         median=_mean([e.absolute for e in errors], np.median),
         pck={limit: _mean([e.pck[limit] for e in errors]) for limit in PCK_MM},
         pcp=_mean([np.array([g.pcp for g in columns.values()])]) if protocol.mean_of_columns else every.pcp,
@@ -194,10 +188,10 @@ def _group(errors: Sequence[_Errors], joint: int | None = None) -> Group:
     )
 
 
-def _estimate(values: Sequence[Array], seed: int) -> Estimate:
+def _estimate(values: Sequence[Array]) -> Estimate:
     sums = [float(np.nansum(v)) for v in values]
     counts = [np.count_nonzero(~np.isnan(v)) for v in values]
-    return Estimate(_mean(values), *mean_interval(sums, counts, seed=seed))
+    return Estimate(_mean(values), *mean_interval(sums, counts))
 
 
 def _mean(values: Sequence[Array], mean: Callable[[Array], np.floating[Any]] = np.mean) -> float:

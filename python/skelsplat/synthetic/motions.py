@@ -237,9 +237,7 @@ def stroll(
     side = "l" if rng.random() < 0.5 else "r"
     for name, value in (("shoulder_flexion", rng.uniform(70.0, 90.0)), ("elbow_flexion", 8.0)):
         angles[f"{name}_{side}"] = (1.0 - reach) * angles[f"{name}_{side}"] + reach * value
-    angles = {key: np.clip(value, *LIMITS_DEG[key]) for key, value in angles.items()}
-    pose = forward_kinematics(angles, heading_deg=heading_deg, n_frames=len(path), scale=scale)
-    return _place(pose, _Script(angles, heading_deg, path), path, scale)
+    return _performed(_Script(angles, heading_deg, path), path, scale)
 
 
 _MOTIONS: dict[str, Callable[[Array, np.random.Generator], _Script]] = {
@@ -255,8 +253,12 @@ motion_names: tuple[str, ...] = tuple(_MOTIONS)
 """Names that `motion` knows."""
 
 
-def _place(pose: Array, script: _Script, place: Array, scale: float) -> Array:
-    """Set the body on the floor, with the pelvis on its path or the feet's middle at `place` (2,) mm."""
+def _performed(script: _Script, place: Array, scale: float) -> Array:
+    """Move the body, on the floor, with the pelvis on its path or the feet's middle at `place` (2,) mm."""
+    # Sway may carry an angle a degree past its limit.
+    angles = {key: np.clip(value, *LIMITS_DEG[key]) for key, value in script.angles.items()}
+    heading, n_frames = script.heading_deg, len(script.heading_deg)
+    pose = forward_kinematics(angles, heading_deg=heading, n_frames=n_frames, scale=scale)
     anchor = pose[:, _ANKLES, :2].mean(axis=1) if script.path is None else pose[:, 0, :2]
     goal: Array = place if script.path is None else script.path
     heights = pose[:, _ANKLES, 2]
@@ -307,7 +309,4 @@ def motion(
     script = _MOTIONS[name](seconds, rng)
     if script.path is not None:
         script.path = scale * script.path
-    # Sway may carry an angle a degree past its limit.
-    angles = {key: np.clip(value, *LIMITS_DEG[key]) for key, value in script.angles.items()}
-    pose = forward_kinematics(angles, heading_deg=script.heading_deg, n_frames=n_frames, scale=scale)
-    return _place(pose, script, place, scale)
+    return _performed(script, place, scale)

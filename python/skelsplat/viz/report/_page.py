@@ -8,11 +8,11 @@ from dataclasses import dataclass
 from html import escape
 from pathlib import Path
 
-from skelsplat._arrays import Array, ArrayFields
+from skelsplat._arrays import Array
 from skelsplat._atomic import atomic_write_text
 from skelsplat.viz import _style
 from skelsplat.viz.report import _parts
-from skelsplat.viz.report._parts import Problem, Table, TimeLine, TimeLines
+from skelsplat.viz.report._parts import PageData, Table, TimeLine, TimeLines
 from skelsplat.viz.report._scene import CameraShapes, Sequence3D, as_text, frames_to_show, pack_scene
 
 # One program in several files, in this order.
@@ -25,14 +25,9 @@ _FOLLOW = '<label><input type="checkbox" id="follow"> follow</label>'
 
 
 @dataclass(frozen=True)
-class ReportData(ArrayFields):
+class ReportData(PageData):
     """A whole report."""
 
-    title: str  # what was refined
-    facts: Sequence[tuple[str, str]]  # (name, value) pairs for the line below it
-    warnings: Sequence[str]  # sentences; empty without any
-    notes: Sequence[str]  # sentences on how to read the numbers and on what was done to the poses
-    numbers: Sequence[tuple[str, str, str]]  # (label, text, remark) of the numbers worth a glance
     sequence: Sequence3D
     shapes: CameraShapes
     cameras: Table
@@ -42,8 +37,6 @@ class ReportData(ArrayFields):
     errors_px: Array
     rejected: Array
     lines: Sequence[TimeLine | TimeLines]
-    # (first frame, last frame, words) of stretches of frames that have the same problem
-    problems: Sequence[Problem]
     # (joint, joint, length, standard error) of the bones of a solution over time, in mm; NaN where unknown
     bones: Sequence[tuple[int, int, float, float]] = ()
 
@@ -62,8 +55,7 @@ def write_report(path: str | os.PathLike[str], data: ReportData) -> Path:
 def build_page(data: ReportData) -> str:
     """Return the page's text."""
     sequence = data.sequence
-    wanted = [number for first, last, _ in data.problems for number in (first, last)]
-    places, every = frames_to_show(sequence.frames, len(sequence.joint_names), wanted)
+    places, every = frames_to_show(sequence.frames, len(sequence.joint_names), data.wanted)
     content = {
         "scene": pack_scene(sequence, data.shapes, places),
         "heat": {
@@ -73,7 +65,6 @@ def build_page(data: ReportData) -> str:
             "rejected": as_text(data.rejected, "<f4"),
         },
         "lines": [_parts.packed_line(line, places) for line in data.lines],
-        "problems": [list(row) for row in data.problems],
         "bones": None if sequence.alone is None else [_bone(bone) for bone in data.bones],
         "colours": {"left": _style.LEFT, "right": _style.RIGHT},
     }
@@ -81,11 +72,10 @@ def build_page(data: ReportData) -> str:
     return _parts.assemble(
         _PROGRAMS,
         content,
-        title=escape(data.title),
-        facts=_parts.facts(data.facts),
+        data,
+        thinned,
         warnings=_parts.bullets(data.warnings) or "<p>None. Frames with a problem are listed below.</p>",
         warnings_kind="loud" if data.warnings else "quiet",
-        numbers=_parts.tiles(data.numbers),
         player=_player(sequence),
         sections=_parts.fill(
             "person.html",
@@ -96,8 +86,6 @@ def build_page(data: ReportData) -> str:
             grey=escape(sequence.grey),
             in_time="" if sequence.alone is None else _parts.resource("in_time.html"),
         ),
-        problems=_parts.problem_rows(data.problems),
-        notes=_parts.bullets([*data.notes, *thinned]),
     )
 
 

@@ -73,8 +73,28 @@ class TimeLines(ArrayFields):
     sigmas: Sequence[Array] = ()  # of each curve the standard deviations (T,), as a band; NaN where unknown
 
 
-def assemble(programs: Sequence[str], content: dict[str, Any], **texts: str) -> str:
-    """Return a page of these programs and data; ``texts`` are the parts of ``page.html`` as HTML."""
+@dataclass(frozen=True)
+class PageData(ArrayFields):
+    """What pages of one person and of several have in common."""
+
+    title: str  # what was refined
+    facts: Sequence[tuple[str, str]]  # (name, value) pairs for the line below it
+    warnings: Sequence[str]  # sentences, of several people on everybody; empty without any
+    notes: Sequence[str]  # sentences on how to read the numbers and on what was done to the poses
+    numbers: Sequence[tuple[str, str, str]]  # (label, text, remark) of the numbers worth a glance
+    # (first frame, last frame, words) of stretches of frames that have the same problem
+    problems: Sequence[Problem]
+
+    @property
+    def wanted(self) -> list[int]:
+        """Numbers of the frames to show in any case."""
+        return [number for first, last, _ in self.problems for number in (first, last)]
+
+
+def assemble(
+    programs: Sequence[str], content: dict[str, Any], page: PageData, thinned: Sequence[str], **texts: str
+) -> str:
+    """Return a page of these programs and data; ``texts`` are further parts of ``page.html`` as HTML."""
     plotly_js = require("plotly.offline", "report.html", "viz").get_plotlyjs()  # slow, and only needed here
     program = "\n".join(resource(name) for name in programs)
     return Template(resource("page.html")).substitute(
@@ -82,7 +102,12 @@ def assemble(programs: Sequence[str], content: dict[str, Any], **texts: str) -> 
         style=resource("style.css"),
         plotly=plotly_js,
         program=program,
-        data=_json(content),
+        data=_json({**content, "problems": [list(row) for row in page.problems]}),
+        title=escape(page.title),
+        facts=facts(page.facts),
+        numbers=tiles(page.numbers),
+        problems=problem_rows(page.problems),
+        notes=bullets([*page.notes, *thinned]),
         **texts,
     )
 

@@ -11,12 +11,12 @@ from typing import Any
 
 import numpy as np
 
-from skelsplat._arrays import Array, ArrayFields, Index
+from skelsplat._arrays import Array, Index
 from skelsplat._atomic import atomic_write_text
 from skelsplat.viz._people import PersonTrack, all_frames, spread_out
 from skelsplat.viz._skeleton import Skeleton
 from skelsplat.viz.report import _parts
-from skelsplat.viz.report._parts import Problem, Table, TimeLines
+from skelsplat.viz.report._parts import PageData, Table, TimeLines
 from skelsplat.viz.report._scene import (
     CameraShapes,
     Sequence3D,
@@ -32,14 +32,9 @@ _PROGRAMS = ("decode.js", "body.js", "view.js", "charts.js", "player.js")
 
 
 @dataclass(frozen=True)
-class PeopleReportData(ArrayFields):
+class PeopleReportData(PageData):
     """A whole report of several people."""
 
-    title: str  # what was refined
-    facts: Sequence[tuple[str, str]]  # (name, value) pairs for the line below it
-    warnings: Sequence[str]  # sentences on everybody; empty without any
-    notes: Sequence[str]  # sentences on how to read the numbers
-    numbers: Sequence[tuple[str, str, str]]  # (label, text, remark) of the numbers worth a glance
     people: Sequence[PersonTrack]  # at least one, in the order of their identities
     findings: Sequence[Sequence[str]]  # sentences on each person
     table: Table  # a row per person
@@ -50,8 +45,6 @@ class PeopleReportData(ArrayFields):
     up: Array  # (3,) the vertical: an axis of the world or its opposite
     frame_rate: float | None  # frames per second; None if unknown
     start_name: str  # what the poses before the refinement are, in words
-    # (first frame, last frame, words) of stretches of frames that have the same problem
-    problems: Sequence[Problem]
 
     def sequence(self, frames: Index) -> Sequence3D:
         """Return all people in ``frames`` as one sequence, whose joints are those of one after the other."""
@@ -88,25 +81,22 @@ def write_people_report(path: str | os.PathLike[str], data: PeopleReportData) ->
 def build_people_page(data: PeopleReportData) -> str:
     """Return the page's text."""
     frames = with_gaps(all_frames(data.people))
-    wanted = [number for first, last, _ in data.problems for number in (first, last)]
-    places, every = frames_to_show(frames, len(data.people) * len(data.joint_names), wanted)
+    places, every = frames_to_show(frames, len(data.people) * len(data.joint_names), data.wanted)
     sequence = data.sequence(frames[places])
     content = {
         "scene": pack_scene(sequence, data.shapes, np.arange(len(places))),
         "bars": _bars(data, frames[places]),
         "lines": [_parts.packed_line(line, places) for line in _lines(data.people, frames)],
-        "problems": [list(row) for row in data.problems],
     }
     known = sequence.status[np.isfinite(sequence.refined).all(axis=-1)]
     thinned = _parts.thinned(len(frames), len(places), every, "Tables")
     return _parts.assemble(
         _PROGRAMS,
         content,
-        title=escape(data.title),
-        facts=_parts.facts(data.facts),
+        data,
+        thinned,
         warnings=_warnings(data),
         warnings_kind="loud" if data.warnings or any(data.findings) else "quiet",
-        numbers=_parts.tiles(data.numbers),
         player=_parts.fill(
             "player.html",
             start=escape(data.start_name),
@@ -128,8 +118,6 @@ def build_people_page(data: PeopleReportData) -> str:
             findings=_findings(data),
             bones=_parts.fill("people_bones.html", bones=_parts.table(data.bones)) if data.bones.rows else "",
         ),
-        problems=_parts.problem_rows(data.problems),
-        notes=_parts.bullets([*data.notes, *thinned]),
     )
 
 
