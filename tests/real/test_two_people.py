@@ -50,7 +50,7 @@ def doubts(trial, out, person, *more):
 def test_the_first_entries_of_the_files_are_several_people(trial, tmp_path):
     place, rate, mixes, visible, lengths, rejected, *_ = doubts(trial, tmp_path, "0")
     assert place.startswith("--person 0 is entry 0 of each file, as the frame rate is unknown. ")
-    assert rate.startswith("--fps: not given; ")
+    assert rate.startswith("--fps is not given: ")
     assert mixes.startswith("--person 0 mixes people: the views show different people in 84% of the frames")
     assert visible.startswith(
         "2 people are visible in about the same number of views in 100% of the frames; "

@@ -214,7 +214,7 @@ def test_too_many_people_to_compare_are_said(rig, monkeypatch):
         return np.zeros((FRAMES, VIEWS), dtype=np.int64), np.arange(FRAMES) < 2
 
     monkeypatch.setattr("skelsplat.association.people_chosen", cut)
-    with pytest.warns(FindingWarning, match=r"in 2 frames .* \(up to 2 in a view\)") as told:
+    with pytest.warns(FindingWarning, match=r"In 2 frames .* \(up to 2 in a view\)") as told:
         _, index = choose_person(people, rig)
     assert [one.message.finding.kind for one in told] == ["people_uncompared"]
     assert (index == 0).all()

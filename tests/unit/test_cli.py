@@ -103,7 +103,7 @@ def test_an_unknown_frame_rate_is_a_warning(recording, arguments):
     folder, _, _ = recording
     result = invoke(*arguments, *READ, "--max-steps", 1, "-q")
     assert result.exit_code == 0
-    assert result.stderr.startswith("warning: --fps: not given")
+    assert result.stderr.startswith("warning: --fps is not given: ")
     assert "--fps" in texts(read_report(folder / "out"), "warning")[0]
 
 

@@ -175,7 +175,9 @@ def test_an_unknown_frame_rate_is_a_warning_of_the_files_that_need_one(recording
     assert invoke(*run, "npz,csv,json").stderr == ""
     assert read_json(folder / "out" / "pose.json").frame_rate is None
     result = invoke(*run, "c3d,trc,npz")
-    assert result.stderr.startswith("warning: --fps: not given; the times in pose.c3d and pose.trc assume 30")
+    assert result.stderr.startswith(
+        "warning: --fps is not given: the times in pose.c3d and pose.trc assume 30"
+    )
     assert read_c3d(folder / "out" / "pose.c3d").frame_rate == 30.0
     assert read_npz(folder / "out" / "pose.npz").frame_rate is None
 

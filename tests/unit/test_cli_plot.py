@@ -243,7 +243,9 @@ def test_a_slip_of_the_file_is_said(tmp_path):
     result = invoke("plot", path, "--only", "bones")
     assert result.exit_code == 0, result.output
     assert result.stderr.startswith("note: ")
-    assert "line 3 states 7 frames, but 6 rows follow, which are read" in " ".join(result.stderr.split())
+    assert "the header (line 3) states 7 frames, but 6 follow. All are read." in " ".join(
+        result.stderr.split()
+    )
 
 
 @pytest.mark.parametrize("suffix", ["npz", "trc", *map(swept, ["csv", "c3d", "json", "nc"])])

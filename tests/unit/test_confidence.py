@@ -76,7 +76,7 @@ def test_a_confidence_slightly_above_1_counts_as_1_with_one_warning(entry, detec
     found[1, 1, 4] = [800.0, 500.0, np.nan]  # a detection without a confidence is missing
     expected = call(found, rig)
     found[1, 2, 3, 2] = 1.0103
-    text = f"^{place.partition('[')[0]}: confidences slightly above 1, up to 1.05, count as 1$"
+    text = f"^{place.partition('[')[0]}: confidences slightly above 1, up to 1.05, count as 1[.]$"
     with pytest.warns(FindingWarning, match=text) as told:
         np.testing.assert_array_equal(call(found, rig), expected)
     assert {Path(one.filename) for one in told} == {Path(__file__)}

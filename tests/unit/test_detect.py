@@ -182,7 +182,7 @@ def test_videos_that_differ_and_a_camera_without_anybody(tmp_path):
     with pytest.warns(UserWarning) as found:  # noqa: PT030  the texts are below
         detect(tmp_path / "videos", tmp_path / "pose", Counting())
     texts = [str(one.message) for one in found]
-    assert texts[0] == "a: no person detected in any frame (1 in all)"
+    assert texts[0] == "a: no person detected in any frame (1 in all)."
     assert "different numbers of frames (a 1, b 2)" in texts[1]
     assert "different frame rates (a 25, b 30)" in texts[2]
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import warnings
 from itertools import combinations
 
@@ -68,3 +69,10 @@ def test_another_explanation_that_is_better_is_not_almost_as_good(rival, words):
     numbers = {**change, "before_px": 34.4, "after_px": 15.3, "mean_px": 24.0, "rivals": [other]}
     text = Finding("camera_rotated", "warning", Subject(cameras=("cam3",)), numbers).text
     assert f"Rotating cam1 by 1.4° explains it {words} (mean error {rival} px instead of 24.0 px)." in text
+
+
+def test_sentences_begin_with_a_capital_a_name_or_an_option_and_end():
+    for kind, form in _sentences.SENTENCES.items():
+        if isinstance(form, str) and not kind.startswith(("frame_", "remark")):
+            assert re.match(r"[A-Z{]|--|init_pose|report\.html", form), (kind, form)
+            assert re.search(r"[.?}]$|pip install '[^']+'$", form), (kind, form)

@@ -143,8 +143,8 @@ def test_half_the_size_is_resized_and_said(detected):
     numbers = {"size": [500, 500], "size_of_camera": [1000, 1000], "cropped": False, "factor": 2.0}
     assert half["numbers"] == numbers
     assert half["text"] == (
-        "detections of cam2 come from images of 500×500 px, but its calibration is for 1000×1000: assuming "
-        f"copies in another size, they are multiplied by 2. If the images are cropped instead, {ADVICE}"
+        "Detections of cam2 come from images of 500×500 px, but its calibration is for 1000×1000: assuming "
+        f"copies in another size, they are multiplied by 2. If the images are cropped instead, {ADVICE}."
     )
     assert "cam4 come from images of 2000×2004 px" in double["text"]
     assert "multiplied by 0.5." in double["text"]
@@ -156,7 +156,7 @@ def test_cameras_of_the_same_sizes_are_one_finding(detected):
     folder = detected({"cam2": [500, 500], "cam3": [500, 500]}, {"cam2": 2, "cam3": 2})
     ((finding,), _, _) = refined(folder)
     assert finding["subject"]["cameras"] == ["cam2", "cam3"]
-    assert finding["text"].startswith("detections of cam2 and cam3 come from images of 500×500 px, but their")
+    assert finding["text"].startswith("Detections of cam2 and cam3 come from images of 500×500 px, but their")
 
 
 @pytest.mark.parametrize(
@@ -174,7 +174,7 @@ def test_another_shape_is_said_and_left_as_it_is(detected, size, words):
     (finding,), poses, _ = refined(folder)
     assert (finding["kind"], finding["severity"]) == ("image_sizes_differ", "warning")
     assert words in finding["text"]
-    assert finding["text"].endswith(f"probably wrong. To correct this, {ADVICE}")
+    assert finding["text"].endswith(f"probably wrong. To correct this, {ADVICE}.")
     assert_same_bits(poses, refined(folder, "openpose")[1])
 
 

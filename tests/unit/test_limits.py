@@ -204,7 +204,7 @@ def test_images_that_do_not_fit_into_memory():
 
 
 @measured
-@pytest.mark.filterwarnings("ignore:the skeleton measures")
+@pytest.mark.filterwarnings("ignore:The skeleton measures")
 @pytest.mark.parametrize("encoding", ["one_hot", "single"])
 @pytest.mark.parametrize("frames", [1, 3])
 def test_windows_that_do_not_fit_into_memory(encoding, frames):
@@ -232,7 +232,7 @@ def test_an_image_of_the_largest_side_is_drawn():
     assert image[0, :, -40:].max() > 0.0
 
 
-@pytest.mark.filterwarnings("ignore:the skeleton measures")
+@pytest.mark.filterwarnings("ignore:The skeleton measures")
 @pytest.mark.parametrize("seed", range(3))
 def test_no_finite_camera_that_is_accepted_panics_or_gives_infinite_numbers(seed):
     random = np.random.default_rng(seed)

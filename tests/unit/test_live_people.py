@@ -266,7 +266,7 @@ def test_nobody_found_is_not_kept_silent(tmp_path, calibration, scene):
     lines = lines_of(scene) * 3
     result = CliRunner().invoke(app, arguments, input="\n".join(lines) + "\n")
     assert [json.loads(text)["people"] for text in result.stdout.splitlines()] == [[]] * len(lines)
-    assert "warning: in 60 frames two or more views detect people, but no two agree" in result.stderr
+    assert "warning: In 60 frames two or more views detect people, but no two agree" in result.stderr
 
 
 def test_points_without_confidence_and_of_both_kinds(calibration, scene):

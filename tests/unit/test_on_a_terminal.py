@@ -92,7 +92,7 @@ def test_a_run_says_each_warning_once_and_leaves_no_bar(recording, arguments):
     for path in (folder / "openpose" / rig.names[0]).iterdir():
         path.write_text('{"people": []}')
     lines = on_terminal("-m", "skelsplat", *arguments, *READ, "--no-html", "--write", "trc")
-    assert lines[0].startswith("warning: --fps: not given")
+    assert lines[0].startswith("warning: --fps is not given: ")
     assert not [line for line in lines if "━" in line or line.startswith("refining")]
     text = " ".join(lines)
     warnings = texts(read_report(folder / "out"), "warning")

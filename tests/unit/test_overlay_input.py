@@ -185,7 +185,7 @@ def test_images_without_a_frame_rate(case, tmp_path):
         write_images(tmp_path / "images" / name)
     result = overlay(case, tmp_path / "images")
     assert (
-        "--fps: not given, and neither the images nor the run state it; assuming 30 frames per second"
+        "--fps is not given, and neither the images nor the run state it: assuming 30 frames per second."
         in result.stderr
     )
     assert kinds(overlay(case, tmp_path / "images", "--json")) == ["video_rate_assumed"]

@@ -86,7 +86,7 @@ def test_of_too_many_people_to_compare_all_frames_count_once(
         return index, ~none
 
     monkeypatch.setattr(association, "people_chosen", cut)
-    with pytest.warns(FindingWarning, match=r"in 1,270 frames .* \(up to 1 in a view\)") as told:
+    with pytest.warns(FindingWarning, match=r"In 1,270 frames .* \(up to 1 in a view\)") as told:
         _follow.follow(read.open_files(job(files, tmp_path)), tmp_path, 400)
     assert len(told) == 1
 
@@ -191,7 +191,7 @@ def test_an_option_that_needs_all_frames_is_named_before_the_work(
     assert told[0] == next(one for one in found.findings if one.kind == "done_at_once")
     assert told[0].text == (
         "--fill-gaps and --filter need all 1,270 frames at once, at least 0.0 GB of memory; without them "
-        "they are refined in parts"
+        "they are refined in parts."
     )
     monkeypatch.setattr(read, "_AT_ONCE", 10**4)
     monkeypatch.setattr(_budget, "_available", lambda: 10**8)

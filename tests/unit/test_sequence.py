@@ -205,7 +205,7 @@ def test_a_limb_that_changes_its_length_does_no_harm():
     assert odd > 300.0
 
 
-@pytest.mark.filterwarnings("ignore:the skeleton measures")
+@pytest.mark.filterwarnings("ignore:The skeleton measures")
 @pytest.mark.parametrize("layout", [None, "h36m17"])
 def test_on_the_table_it_is_the_same(layout):
     body = synthetic.motion("reach", 90, fps=FPS, seed=1)

@@ -262,13 +262,13 @@ def test_bad_input_of_a_loop_leaves_the_state_as_it_was(three) -> None:
 def test_people_who_are_not_found_are_not_kept_silent(three) -> None:
     """Here for the unit of the cameras; nobody agrees on anybody."""
     rig = [sk.Camera(c.K, c.R, c.t / 1000, size=c.size) for c in three.cameras]
-    with pytest.warns(UserWarning, match="in 90 frames two or more views detect people, but no two agree"):
+    with pytest.warns(UserWarning, match="In 90 frames two or more views detect people, but no two agree"):
         assert sk.track(three.people, rig, fps=FPS, layout=three.layout) == []
     tracker = sk.Tracker(rig, fps=FPS, layout=three.layout)
     with warnings.catch_warnings(record=True) as told:
         warnings.simplefilter("always")
         assert [tracker.step(frame) for frame in three.people] == [[]] * len(three.people)
-    assert [str(warning.message)[:12] for warning in told] == ["in 60 frames"]
+    assert [str(warning.message)[:12] for warning in told] == ["In 60 frames"]
 
 
 def test_live_takes_none_for_nobody_and_names_other_shapes(three) -> None:
@@ -344,12 +344,12 @@ def test_too_many_people_to_compare_are_said_once(monkeypatch) -> None:
     people = rng.uniform(0.0, 1000.0, (2, 1001, 1, 2)) + rng.uniform(0.0, 100.0, (17, 2))
     tracker = sk.Tracker(cameras, layout="h36m17", fps=30.0)
     with pytest.warns(
-        UserWarning, match=r"in a frame there were too many people .* \(up to 1,001 in a view\)"
+        UserWarning, match=r"In a frame there were too many people .* \(up to 1,001 in a view\)"
     ):
         tracker.step(people)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         copy.copy(tracker).step(people)
     monkeypatch.setattr(sk._people._skelsplat, "track_people", lambda *_, **__: ([], 7))
-    with pytest.warns(UserWarning, match="in 7 frames there were too many people"):
+    with pytest.warns(UserWarning, match="In 7 frames there were too many people"):
         assert sk.track(people[None], cameras, layout="h36m17", fps=30.0, progress=False) == []

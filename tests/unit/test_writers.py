@@ -281,7 +281,9 @@ def test_a_trc_that_miscounts_its_frames_is_read_by_its_rows(data, tmp_path, sta
     write_trc(path, data, frame_rate=50.0)
     expected = read_trc(path)
     path.write_text(path.read_text().replace("\t3\t2\tm", f"\t{stated}\t2\tm"))
-    with pytest.warns(FindingWarning, match=f"line 3 states {stated[0]} frames, but 3 rows follow") as told:
+    with pytest.warns(
+        FindingWarning, match=rf"the header \(line 3\) states {stated[0]} frames, but 3 follow"
+    ) as told:
         found = read_trc(path)
     assert_equal(found, expected)
     assert [one.message.finding.severity for one in told] == [severity]
@@ -291,9 +293,9 @@ def test_a_trc_that_miscounts_its_frames_is_read_by_its_rows(data, tmp_path, sta
 @pytest.mark.parametrize(
     ("change", "rate", "text"),
     [
-        (lambda line: line, 50.0, "the times of the rows give 50"),
-        (lambda line: line.replace("\t0.0", "\tx0.0", 1), None, "the times of the rows give none either"),
-        (lambda line: line.replace("\t0.02", "\t0.00", 1), None, "the times of the rows give none either"),
+        (lambda line: line, 50.0, "it is 50 by the times of the rows"),
+        (lambda line: line.replace("\t0.0", "\tx0.0", 1), None, "the times of the rows give no rate either"),
+        (lambda line: line.replace("\t0.02", "\t0.00", 1), None, "the times of the rows give no rate either"),
     ],
     ids=["times", "text", "no time passes"],
 )
@@ -302,7 +304,9 @@ def test_a_trc_without_a_frame_rate_has_that_of_its_times(data, tmp_path, change
     write_trc(path, data, frame_rate=50.0)
     lines = path.read_text().replace("\n50\t50\t", f"\n{stated}\t50\t").split("\n")
     path.write_text("\n".join([*lines[:6], *map(change, lines[6:])]))
-    with pytest.warns(FindingWarning, match=f"line 3 states {float(stated):g} frames per second; {text}"):
+    with pytest.warns(
+        FindingWarning, match=rf"\(line 3\) states {float(stated):g} frames per second; {text}"
+    ):
         assert read_trc(path).frame_rate == rate
 
 

@@ -18,7 +18,7 @@ def _implausible_size(finding: Finding) -> str:
     n = finding.numbers
     size = f"{n['extent']:.6f}" if n["extent"] < 0.01 else f"{n['extent']:.2f}"
     beyond = f"{'taller' if n['taller'] else 'shorter'} than {_length(n['limit_mm'])}"
-    return f"the skeleton measures {size} {n['unit']} and is {beyond}: is the unit really '{n['unit']}'?"
+    return f"The skeleton measures {size} {n['unit']} and is {beyond}: is the unit really '{n['unit']}'?"
 
 
 def _length(mm: float) -> str:
@@ -31,9 +31,12 @@ def _length(mm: float) -> str:
 
 def _trc_rate(finding: Finding) -> str:
     rate = finding.numbers["frame_rate"]
-    given = f"the times of the rows give {rate:g}" if rate else "the times of the rows give none either"
+    given = (
+        f"it is {rate:g} by the times of the rows" if rate else "the times of the rows give no rate either"
+    )
     return (
-        f"{finding.subject.files[0]}: line 3 states {finding.numbers['stated']:g} frames per second; {given}"
+        f"{finding.subject.files[0]}: the header (line 3) states {finding.numbers['stated']:g} frames per "
+        f"second; {given}."
     )
 
 
@@ -41,7 +44,7 @@ def _of_images(finding: Finding) -> str:
     """Return from which images detections come, and for which the calibration is."""
     cameras, n = finding.subject.cameras, finding.numbers
     (width, height), (wide, high) = n["size"], n["size_of_camera"]
-    come = f"detections of {listed(cameras)} come from images of {width}×{height} px"
+    come = f"Detections of {listed(cameras)} come from images of {width}×{height} px"
     own = "its" if len(cameras) == 1 else "their"
     return f"{come}, but {own} calibration is for {'a crop of at most ' * n['cropped']}{wide}×{high}"
 
@@ -49,7 +52,7 @@ def _of_images(finding: Finding) -> str:
 def _resized(finding: Finding) -> str:
     return (
         f"{_of_images(finding)}: assuming copies in another size, they are multiplied by "
-        f"{finding.numbers['factor']:.4g}. If the images are cropped instead, {_SAME_IMAGES}"
+        f"{finding.numbers['factor']:.4g}. If the images are cropped instead, {_SAME_IMAGES}."
     )
 
 
@@ -60,7 +63,7 @@ def _sizes_differ(finding: Finding) -> str:
     )
     return (
         f"{_of_images(finding)}, {how}: they are used as they are, and poses are probably wrong. To correct "
-        f"this, {_SAME_IMAGES}"
+        f"this, {_SAME_IMAGES}."
     )
 
 
@@ -68,9 +71,9 @@ def _people_uncompared(finding: Finding) -> str:
     n = finding.numbers
     frames = f"{n['frames']:,} frames" if n["frames"] > 1 else "a frame"
     return (
-        f"in {frames} there were too many people to compare all of them (up to {n['most']:,} in a view); the "
+        f"In {frames} there were too many people to compare all of them (up to {n['most']:,} in a view); the "
         "best of those compared was chosen, so somebody may be missing. To compare all of them, use fewer "
-        "views (--without) or a higher detection threshold"
+        "views (--without) or a higher detection threshold."
     )
 
 
@@ -81,8 +84,8 @@ SENTENCES: Mapping[str, str | Callable[[Finding], str]] = {
         "of another person or frame, or is init_sigma (in the cameras' unit) too small?"
     ),
     "nobody_found": (
-        "in {frames} frames two or more views detect people, but no two agree on a person: check the unit of "
-        "the cameras, their order, and that all detections of a frame are from the same instant"
+        "In {frames} frames two or more views detect people, but no two agree on a person: check the unit of "
+        "the cameras, their order, and that all detections of a frame are from the same instant."
     ),
     "people_uncompared": _people_uncompared,
     "detections_resized": _resized,
@@ -92,31 +95,32 @@ SENTENCES: Mapping[str, str | Callable[[Finding], str]] = {
         "compared, are not of the same instant. To correct this, convert the videos to one rate and run the "
         "detector again; if the stated rates are wrong, state the right one with --fps of refine"
     ),
-    "confidence_clipped": "{argument}: confidences slightly above 1, up to {highest}, count as 1",
-    "lens_assumed": "{files}: no distortions for {cameras}: assumed to have no lens distortion",
+    "confidence_clipped": "{argument}: confidences slightly above 1, up to {highest}, count as 1.",
+    "lens_assumed": "{files}: no distortions for {cameras}: assumed to have no lens distortion.",
     "view_rotated": (
         "{files}: viewrotation: images of {cameras} were rotated for display; the calibration is for images "
-        "as the sensor records them, so the detections must come from unrotated images"
+        "as the sensor records them, so the detections must come from unrotated images."
     ),
     "lens_approximated": (
         "{files}: camera {cameras}: OpenCV's lens model follows Vicon's to {error_px:.2g} px at worst "
-        "(towards the corners of the image)"
+        "(towards the corners of the image)."
     ),
     "focal_in_pixels": (
         "{files}: focal length and centre of {cameras} are in px here, not in 1/64 px as Qualisys writes "
-        "them; read as px"
+        "them; read as px."
     ),
     "crop_applied": (
-        "{files}: offset: videos of {cameras} are cropped; detections are taken to be in pixels of the crop"
+        "{files}: offset: videos of {cameras} are cropped; detections are taken to be in pixels of the crop."
     ),
     "skew_approximated": (
         "{files}: skew of {cameras}: not supported; the cameras turned by half of it agree to {error_px:.2g} "
-        "px at worst (towards the corners of the image)"
+        "px at worst (towards the corners of the image)."
     ),
     "axes_unknown": (
-        "{files}: a TRC file does not state which axis is up; --y-up turns it once more if y is already"
+        "{files}: a TRC file does not state which axis is up. If y is up in it already, --y-up turns it "
+        "again."
     ),
-    "trc_frames": "{files}: line 3 states {stated} frames, but {rows} rows follow, which are read",
+    "trc_frames": "{files}: the header (line 3) states {stated} frames, but {rows} follow. All are read.",
     "trc_rate": _trc_rate,
-    "axes_turned": "{files}: y is up in it already (POINT:Y_SCREEN); --y-up turns its axes once more",
+    "axes_turned": "{files}: y is up in it already (POINT:Y_SCREEN); --y-up turns its axes once more.",
 }

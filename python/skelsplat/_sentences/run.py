@@ -331,43 +331,43 @@ def _at_once(finding: Finding) -> str:
     verb, they = ("needs", "it") if len(needed) == 1 else ("need", "them")
     return (
         f"{listed(needed)} {verb} all {numbers['frames']:,} frames at once, at least "
-        f"{numbers['gigabytes']:.1f} GB of memory; without {they} they are refined in parts"
+        f"{numbers['gigabytes']:.1f} GB of memory; without {they} they are refined in parts."
     )
 
 
 SENTENCES: Mapping[str, str | Callable[[Finding], str]] = {
     "layout_of_file": _layout_of_file,
-    "many_frames": "{frames:,} frames are read and drawn at once: --range A-B reads some of them",
+    "many_frames": "{frames:,} frames are read and drawn at once: --range A-B reads some of them.",
     "done_at_once": _at_once,
-    "option_unused": "{option} has no effect: it applies to pose.trc and pose.c3d, and --write lists neither",
+    "option_unused": "{option} has no effect: it applies to pose.trc and pose.c3d. --write lists neither.",
     "vertical_unknown": "--angles: the cameras do not show which axis of the world is vertical: "
-    "trunk and pelvis are left out",
+    "trunk and pelvis are left out.",
     "times_assumed": lambda f: (
-        f"--fps: not given; the times in {listed(f.subject.files)} assume {f.numbers['fps']:g} frames per "
-        "second"
+        f"--fps is not given: the times in {listed(f.subject.files)} assume {f.numbers['fps']:g} frames per "
+        "second."
     ),
     "video_one_frame_late": "{files}: frames 0 to {last}, and the run has 1 to {last_of_run} of {cameras}: "
-    "if its detector counts from 1, all is drawn one frame late; --first-frame 1 corrects that",
-    "nobody_detected": "{cameras}: no person detected in any frame ({frames} in all)",
+    "if its detector counts from 1, all is drawn one frame late; --first-frame 1 corrects that.",
+    "nobody_detected": "{cameras}: no person detected in any frame ({frames} in all).",
     "videos_differ_in_length": (
-        "the videos have different numbers of frames ({each}): if they begin at the same instant, refine "
-        "needs --frames intersection"
+        "The videos have different numbers of frames ({each}): if they begin at the same instant, refine "
+        "needs --frames intersection."
     ),
     "videos_differ_in_rate": (
-        "the videos have different frame rates ({each}): frames of the same number, which refine "
-        "compares, are then not of the same instant"
+        "The videos have different frame rates ({each}): frames of the same number, which refine "
+        "compares, are then not of the same instant."
     ),
     "video_turned": (
         "{files}: frames are turned by {degrees}° as the video's metadata say; the calibration must "
-        "be of frames turned in the same way"
+        "be of frames turned in the same way."
     ),
     "video_padded": "{files}: {size[0]}×{size[1]}, but the camera {cameras} has "
-    "{size_of_camera[0]}×{size_of_camera[1]}: drawn without scaling",
-    "video_rate_assumed": "--fps: not given, and neither the images nor the run state it; assuming {fps:g} "
-    "frames per second",
+    "{size_of_camera[0]}×{size_of_camera[1]}: drawn without scaling.",
+    "video_rate_assumed": "--fps is not given, and neither the images nor the run state it: assuming {fps:g} "
+    "frames per second.",
     "video_frames_missing": "{files}: {missing} of the frames {first} to {last} of the run cannot be read or "
-    "are not in it; {drawn} were drawn",
-    "no_figures": f"figures need skelsplat[viz]: {pip_line('viz')}",
+    "are not in it; {drawn} were drawn.",
+    "no_figures": f"Figures need skelsplat[viz]: {pip_line('viz')}",
     "no_pictures": f"report.html and figures need skelsplat[viz]: {pip_line('viz')}",
     "nothing_used": _nothing_used,
     "many_rejected": _many_rejected,
