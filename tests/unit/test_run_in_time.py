@@ -297,7 +297,7 @@ def test_videos_state_the_rate(recording, job, arguments, place):
     found = run(job(fps=None))
     assert found.outcome.sequence is None
     (told,) = (one for one in found.findings if one.kind == "frame_rates_differ")
-    assert told.text.startswith("the videos state different frame rates (cam1 25, cam2 24, cam3 25, cam4 25)")
+    assert told.text.startswith("The videos state different frame rates (cam1 25, cam2 24, cam3 25, cam4 25)")
     short.unlink()
     assert run(job(fps=None)).outcome.sequence is None
 
@@ -321,7 +321,7 @@ def test_rates_of_files_that_differ_are_said_and_no_videos_next_to_them_count(re
     assert found.outcome.sequence is None
     (told,) = (one for one in found.findings if one.kind == "frame_rates_differ")
     assert told.text.startswith(
-        "the files state different frame rates (cam1 60, cam2 30, cam3 60, cam4 60.01)"
+        "The files state different frame rates (cam1 60, cam2 30, cam3 60, cam4 60.01)"
     )
     assert "frame_rates_differ" in [one.kind for one in run(job()).findings]  # also with --fps
     checked = invoke("check-cameras", *arguments[1:3], *READ, "--json")

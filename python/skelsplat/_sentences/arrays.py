@@ -91,9 +91,9 @@ SENTENCES: Mapping[str, str | Callable[[Finding], str]] = {
     "detections_resized": _resized,
     "image_sizes_differ": _sizes_differ,
     "frame_rates_differ": (
-        "the {stated_by} state different frame rates ({each}), so frames of the same number, which are "
+        "The {stated_by} state different frame rates ({each}), so frames of the same number, which are "
         "compared, are not of the same instant. To correct this, convert the videos to one rate and run the "
-        "detector again; if the stated rates are wrong, state the right one with --fps of refine"
+        "detector again; if the stated rates are wrong, state the right one with --fps of refine."
     ),
     "confidence_clipped": "{argument}: confidences slightly above 1, up to {highest}, count as 1.",
     "lens_assumed": "{files}: no distortions for {cameras}: assumed to have no lens distortion.",
