@@ -120,7 +120,8 @@ def refine(
             "bone_lengths": ("bone", bones[0]),
             "bone_length_sigma": ("bone", bones[1]),
         }
-    attributes = {"unit": setup.unit} | ({} if fps is None else {"fps": fps})
+    unit = cameras.unit if isinstance(cameras, CameraRig) else "mm"
+    attributes = {"unit": unit} | ({} if fps is None else {"fps": fps})
     dataset: xr.Dataset = xarray.Dataset(variables, coords, attributes)
     return dataset
 
@@ -150,10 +151,6 @@ class _Setup:
     layout: str | Layout | None
     config: RefineConfig | None
     fps: float | None
-
-    @property
-    def unit(self) -> str:
-        return str(self.cameras.unit) if isinstance(self.cameras, CameraRig) else "mm"
 
     def refiner(self) -> _skelsplat.Refiner:
         config = self.config or RefineConfig()

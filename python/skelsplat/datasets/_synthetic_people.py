@@ -39,10 +39,7 @@ def read_scene(
     def part(file: str, name: str, shape: tuple[int | str, ...]) -> Array:
         return numbers(files[file], name, require(files[file], "", loaded[file], name), shape)
 
-    frames = frame_numbers(files["truth"], require(files["truth"], "", loaded["truth"], "frames"))
-    own = require(files["detections"], "", loaded["detections"], "frames")
-    if not np.array_equal(own, frames):
-        raise DatasetError(files["detections"], "frames", "those of truth.npz", "others")
+    frames = frames_of(files, loaded)
     t, m, n = len(frames), len(rig), layout.n_joints
     truth = part("truth", "poses", ("Q", t, n, 3))
     people = part("detections", "people", (t, m, "P", n, 3))
@@ -60,6 +57,18 @@ def read_scene(
         fps=fps,
         files={**files, "cameras": cameras},
     )
+
+
+def frames_of(files: Mapping[str, Path], loaded: Mapping[str, dict[str, Any]]) -> Index:
+    """Return the frame numbers of the truth; those of the other files have to be the same."""
+    frames = frame_numbers(files["truth"], require(files["truth"], "", loaded["truth"], "frames"))
+    for name, arrays in loaded.items():
+        other = np.asarray(require(files[name], "", arrays, "frames"))
+        if not np.array_equal(other, frames):
+            expected = f"those of {files['truth'].name} ({len(frames)} from {frames[:1]} to {frames[-1:]})"
+            actual = f"{other.size} from {other.ravel()[:1]} to {other.ravel()[-1:]}"
+            raise DatasetError(files[name], "frames", expected, actual)
+    return frames
 
 
 def _slots(people: Array, owner: Array, n_people: int) -> Index:

@@ -21,9 +21,15 @@ from skelsplat.datasets._files import Survey, load_json, load_npz, numbers, requ
 from skelsplat.datasets._model import Dataset, Take
 from skelsplat.datasets._people import PeopleTake
 from skelsplat.datasets._rig import build_camera, build_rig
-from skelsplat.datasets._synthetic_people import files_of, index_of, read_scene, write_openpose, write_scenes
+from skelsplat.datasets._synthetic_people import (
+    files_of,
+    frames_of,
+    index_of,
+    read_scene,
+    write_openpose,
+    write_scenes,
+)
 from skelsplat.exceptions import DatasetError, InvalidInputError
-from skelsplat.io._arrays import frame_numbers
 from skelsplat.io._fields import Field
 from skelsplat.io.calibration._json import to_entry
 
@@ -162,7 +168,7 @@ def _take(folder: Path, entry: Field, rig: CameraRig, cameras: Path, layout: Lay
         "cameras": cameras,
     }
     loaded = {part: load_npz(path) for part, path in files.items() if part != "cameras"}
-    frames = _frames(files, loaded)
+    frames = frames_of(files, loaded)
     t, m, n = len(frames), len(rig), layout.n_joints
 
     def part(name: str, key: str, shape: tuple[int, ...]) -> Array:
@@ -190,19 +196,6 @@ def _take(folder: Path, entry: Field, rig: CameraRig, cameras: Path, layout: Lay
         visible=visible,
         files=files,
     )
-
-
-def _frames(files: Mapping[str, Path], loaded: Mapping[str, Mapping[str, Any]]) -> Any:
-    """Frame numbers of the truth; those of the other files have to be the same."""
-    frames = frame_numbers(files["truth"], require(files["truth"], "", dict(loaded["truth"]), "frames"))
-    for name, arrays in loaded.items():
-        path = files[name]
-        other = np.asarray(require(path, "", dict(arrays), "frames"))
-        if not np.array_equal(other, frames):
-            expected = f"those of {files['truth'].name} ({len(frames)} from {frames[:1]} to {frames[-1:]})"
-            actual = f"{other.size} from {other.ravel()[:1]} to {other.ravel()[-1:]}"
-            raise DatasetError(path, "frames", expected, actual)
-    return frames
 
 
 def _places(path: Path, names: Sequence[str], views: Views) -> list[int]:

@@ -116,7 +116,9 @@ class Protocol:
             if self.subjects and take.subject not in self.subjects:
                 continue
             whole = self._seen(take)
-            keep = self._kept(whole)
+            keep = self.counted(whole.frames)
+            if self.all_views_detected:
+                keep &= _has_every_view(whole)
             if keep.any():
                 column, absolute = self._column(take), take.key not in self.excluded
                 cases.append(Case(whole.select(keep), column, absolute, whole, keep))
@@ -153,10 +155,6 @@ class Protocol:
         if self.ranges:
             keep &= np.any([(frames >= a) & (frames <= b) for a, b in self.ranges], axis=0)
         return keep
-
-    def _kept(self, take: Take) -> NDArray[np.bool_]:
-        keep = self.counted(take.frames)
-        return keep & _has_every_view(take) if self.all_views_detected else keep
 
 
 def _first_of_each(frames: NDArray[np.int64], every: int) -> NDArray[np.intp]:

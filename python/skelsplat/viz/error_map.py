@@ -122,10 +122,9 @@ def _letters(names: Sequence[str]) -> float:
 def _maps(data: ErrorMapData) -> tuple[_Map, _Map]:
     error, share = data.median_px.T, 100 * data.rejected.T
     known = error[np.isfinite(error)]
-    highest = (
-        [np.percentile(known, _TOP_PERCENTILE), _TOP_MEDIANS * np.median(known)] if len(known) else [1.0]
-    )
-    top = float(min(highest))
+    top = 1.0
+    if len(known):
+        top = float(min(np.percentile(known, _TOP_PERCENTILE), _TOP_MEDIANS * np.median(known)))
     shares = share[np.isfinite(share)]
     most = min(max(float(shares.max()) if len(shares) else 0.0, _LEAST_SHARE), 100.0)
     title = "Median reprojection error [px]"

@@ -82,15 +82,11 @@ def survey(root: Path, options: Options, found: Survey) -> None:
         found.look([root / _TRUTH / subject], f"the truth of {subject}")
         for folder in _folders(root / _TRUTH / subject):
             found.look([folder / "poses.npz", folder / "poses.json"], "the truth of a take")
-            if detector in detectors:
-                _survey_detections(found, detectors[detector] / subject / folder.name)
-
-
-def _survey_detections(found: Survey, folder: Path) -> None:
-    if poses_file(folder) is not None or not folder.is_dir():
-        return  # together in one file, or a take that the detector leaves out
-    for name in CAMERAS:
-        found.look([folder / name / "poses.npz", folder / name / "poses.json"], f"detections of {name}")
+            own = detectors[detector] / subject / folder.name if detector in detectors else None
+            # Else they are together in one file, or the detector leaves the take out.
+            if own is not None and own.is_dir() and poses_file(own) is None:
+                for name in CAMERAS:
+                    found.look([own / name / "poses.npz", own / name / "poses.json"], f"detections of {name}")
 
 
 def _folders(path: Path) -> list[Path]:

@@ -34,10 +34,6 @@ class Track:
     frames: list[int] = field(default_factory=list)
     poses: list[Array] = field(default_factory=list)
 
-    def whole(self) -> tuple[int, Index, Array]:
-        """Return identity, frames (F,) and poses (F, N, 3)."""
-        return self.identity, np.array(self.frames), np.array(self.poses)
-
 
 def track(
     people: Array, cameras: CameraRig, *, fps: float, gate_mm: float = PAIR_GATE_MM
@@ -137,7 +133,8 @@ def linked(frames: Sequence[Array], fps: float) -> list[tuple[int, Index, Array]
         for b in sorted(free_poses):
             alive.append(Track(begun, [t], [poses[b]]))
             begun += 1
-    return [one.whole() for one in ended + alive if len(one.frames) >= SHORTEST_FRAMES]
+    long = [one for one in ended + alive if len(one.frames) >= SHORTEST_FRAMES]
+    return [(one.identity, np.array(one.frames), np.array(one.poses)) for one in long]
 
 
 def moved(before: Array, now: Array) -> float:

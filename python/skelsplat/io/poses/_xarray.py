@@ -81,10 +81,9 @@ def to_xarray(
         axes = (time, space, f"{space}_2", keypoints, individuals)
         for name in ("uncertainty", "error_bar"):
             variables[name] = (axes, getattr(data, name).transpose(0, 2, 3, 1)[..., None])
-    if data.joint_bias.size:
-        variables["joint_bias"] = ((time, keypoints, individuals), data.joint_bias[..., None])
-    if data.joint_status.size:
-        variables["status"] = ((time, keypoints, individuals), data.joint_status[..., None])
+    for name, values in (("joint_bias", data.joint_bias), ("status", data.joint_status)):
+        if values.size:
+            variables[name] = ((time, keypoints, individuals), values[..., None])
     coordinates: dict[str, Any] = {
         time: steps if rate is None else steps / rate,
         space: ["x", "y", "z"],

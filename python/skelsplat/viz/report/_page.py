@@ -56,6 +56,7 @@ def build_page(data: ReportData) -> str:
     """Return the page's text."""
     sequence = data.sequence
     places, every = frames_to_show(sequence.frames, len(sequence.joint_names), data.wanted)
+    bones = [{"ends": [a, b], "length_mm": length, "sigma_mm": sigma} for a, b, length, sigma in data.bones]
     content = {
         "scene": pack_scene(sequence, data.shapes, places),
         "heat": {
@@ -65,7 +66,7 @@ def build_page(data: ReportData) -> str:
             "rejected": as_text(data.rejected, "<f4"),
         },
         "lines": [_parts.packed_line(line, places) for line in data.lines],
-        "bones": None if sequence.alone is None else [_bone(bone) for bone in data.bones],
+        "bones": None if sequence.alone is None else bones,
         "colours": {"left": _style.LEFT, "right": _style.RIGHT},
     }
     thinned = _parts.thinned(len(sequence.frames), len(places), every)
@@ -103,8 +104,3 @@ def _player(sequence: Sequence3D) -> str:
         walked='<span class="walked">path on the floor</span>',
         hollow=_parts.hollow_key(sequence.status),
     )
-
-
-def _bone(bone: tuple[int, int, float, float]) -> dict[str, object]:
-    a, b, length, sigma = bone
-    return {"ends": [a, b], "length_mm": length, "sigma_mm": sigma}
