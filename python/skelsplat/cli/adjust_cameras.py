@@ -132,11 +132,8 @@ def _print(found: AdjustedCameras, output: Path, *, focal: bool, clock: bool) ->
     console.print()
     for finding in found.findings:
         print_finding(console, finding)
-    if found.adjusted:
-        unit = found.cameras.unit
-        say(f"Wrote {len(found.cameras)} cameras to {output}, lengths in {unit}.")
-    else:
-        say(f"{output} was not written.")
+    wrote = f"Wrote {len(found.cameras)} cameras to {output}, lengths in {found.cameras.unit}."
+    say(wrote if found.adjusted else f"{output} was not written.")
 
 
 def _table(found: AdjustedCameras, *, focal: bool, clock: bool) -> Table:

@@ -68,11 +68,8 @@ def print_text(console: Console, text: str, whole: Sequence[str] = ()) -> None:
     lines = [""]
     parts = "|".join([*map(re.escape, whole), _PASTED])
     for word in re.findall(rf"\(?(?:{parts})\S*|\S+", escaped(text)):
-        line = f"{lines[-1]} {word}" if lines[-1] else word
-        if cell_len(line) <= console.width:
-            lines[-1] = line
-        else:
-            lines.append(word)
+        line = f"{lines[-1]} {word}".lstrip()
+        lines[-1:] = [line] if cell_len(line) <= console.width else [lines[-1], word]
     console.print(Text("\n".join(filter(None, lines))), soft_wrap=True)
 
 

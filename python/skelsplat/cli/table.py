@@ -61,8 +61,7 @@ def print_findings(console: Console, findings: Sequence[Finding], of: str = "") 
 
 def _pasted(finding: Finding) -> list[str]:
     """Return what is pasted from a finding's text: a command, and options."""
-    command = finding.numbers.get("check")
-    return [*([command] if command else []), *(remedy.text for remedy in finding.remedy)]
+    return [*filter(None, [finding.numbers.get("check")]), *(remedy.text for remedy in finding.remedy)]
 
 
 def wide_console() -> Console:

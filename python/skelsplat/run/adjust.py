@@ -98,7 +98,7 @@ def adjust_cameras(
         chosen = cameras_called(free, rig.names, "free")
         if 2 * len(chosen) >= len(rig) > 2:
             numbers = {"moved": len(chosen), "of": len(rig)}
-            warn(Finding("cameras_trusted", "warning", Subject(cameras=tuple(chosen)), numbers))
+            warn(Finding("cameras_trusted", "warning", Subject(cameras=chosen), numbers))
         _, scene = read_scene(opened, person, given.get("offsets"))
         result = adjusted(scene, free=chosen or None, focal=focal, clock=clock)
     if isinstance(result, Finding):
