@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import chain
 from typing import Final
 
 import numpy as np
@@ -302,12 +303,6 @@ _PELVIS = (("right_hip",), ("left_hip",))
 _GIRDLE = (("right_shoulder",), ("left_shoulder",))
 
 
-def _of_limbs() -> list[_Angle]:
-    """Return the angles of the limbs, each on the left and on the right."""
-    pairs = zip(_of_side("left", -1.0), _of_side("right", 1.0), strict=True)
-    return [angle for pair in pairs for angle in pair]
-
-
 def _of_side(side: str, right: float) -> list[_Angle]:
     def ends(a: str, b: str) -> Direction:
         return (f"{side}_{a}",), (f"{side}_{b}",)
@@ -326,7 +321,7 @@ def _of_side(side: str, right: float) -> list[_Angle]:
 
 
 _ANGLES: tuple[_Angle, ...] = (
-    *_of_limbs(),
+    *chain.from_iterable(zip(_of_side("left", -1.0), _of_side("right", 1.0), strict=True)),
     _Angle("trunk_inclination", between, (_TRUNK, UP)),
     _Angle("trunk_forward_lean", swing, ((_SHOULDERS, _HIPS), UP, _PELVIS), 0.0, -1.0, least=-180.0),
     _Angle("trunk_side_lean", aside, (_TRUNK, UP, _PELVIS), 90.0, -1.0),

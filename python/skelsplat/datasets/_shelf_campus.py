@@ -211,7 +211,8 @@ def from_coco(detections: Array) -> Array:
 
 def read_actors(path: Path, n_joints: int) -> list[tuple[Index, Array]]:
     """Return frames (T,), from 0, and joints (T, N, 3) mm of each actor, where it is labelled."""
-    content = _load(path)
+    require("scipy.io", str(path), "evaluation")
+    content = load_mat(path, "a complete MATLAB file before version 7.3")
     if "actor3D" not in content:
         there = ", ".join(key for key in content if not key.startswith("__")) or "nothing"
         raise DatasetError(path, "actor3D", "cells of actors", f"only {there}")
@@ -225,11 +226,6 @@ def read_actors(path: Path, n_joints: int) -> list[tuple[Index, Array]]:
     if len(lengths) > 1:
         raise DatasetError(path, "actor3D", "as many frames for every actor", sorted(lengths))
     return [(frames, joints) for _, frames, joints in found]
-
-
-def _load(path: Path) -> dict[str, Any]:
-    require("scipy.io", str(path), "evaluation")
-    return load_mat(path, "a complete MATLAB file before version 7.3")
 
 
 def _is_cell(value: Any) -> bool:

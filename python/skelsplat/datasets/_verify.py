@@ -6,7 +6,6 @@ a wrong unit or an exchanged joint, and both show there.
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -14,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from skelsplat._arrays import Array, median
+from skelsplat._arrays import Array, median, medians
 from skelsplat._sentences.datasets import parts
 from skelsplat._skelsplat import Camera, Layout, project
 from skelsplat.cameras import MM_PER_UNIT, CameraRig, altered, without_distortion
@@ -110,13 +109,8 @@ def view_errors(samples: list[Sample], layout: Layout) -> tuple[ViewError, ...]:
 
 def view_distances(item: Sample) -> Array:
     """Return the median distance of each view's detections from the projection into each camera, (M, M)."""
-    return _medians(distance(item.projected[:, None, :], item.pixels[:, :, None]), (0, 3))
-
-
-def _medians(values: Array, axis: tuple[int, ...]) -> Array:
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", RuntimeWarning)  # an empty slice is NaN, which is meant
-        return np.asarray(np.nanmedian(values, axis=axis))
+    apart = distance(item.projected[:, None, :], item.pixels[:, :, None])  # (t, M, M, N)
+    return medians(np.moveaxis(apart, 0, -1).reshape(*apart.shape[1:3], -1))
 
 
 @dataclass
@@ -294,7 +288,8 @@ def _joint_order(samples: list[Sample], layout: Layout) -> Iterator[Finding]:
     if not samples:
         return
     each = [distance(s.projected[..., :, None, :], s.pixels[..., None, :, :]) for s in samples]
-    table = _medians(np.stack([_medians(apart, (0, 1)) for apart in each]), (0,))  # projected, detected
+    flat = [np.moveaxis(apart.reshape(-1, *apart.shape[2:]), 0, -1) for apart in each]
+    table = medians(np.stack([medians(apart) for apart in flat], axis=-1))  # projected, detected
     names, pairs = layout.joints, []
     for joint, row in enumerate(table):
         if np.isfinite(row).all() and _clearly_less(row.min(), row[joint]):

@@ -18,7 +18,6 @@ from skelsplat._arrays import Mask
 from skelsplat._people import track
 from skelsplat._sequence import refine_sequence
 from skelsplat._skelsplat import Layout, RefineConfig
-from skelsplat.cameras import CameraRig, altered
 from skelsplat.datasets import Dataset, PeopleTake
 from skelsplat.evaluation import over_time, protocols
 from skelsplat.evaluation.baselines import affinity
@@ -27,6 +26,7 @@ from skelsplat.evaluation.people_scores import Tally, Tracks
 from skelsplat.evaluation.protocols import Protocol
 from skelsplat.evaluation.report import Published, published
 from skelsplat.exceptions import DatasetError, one_of
+from skelsplat.io import convert_unit
 
 Report = Callable[[str, str, int, int], None]
 
@@ -58,9 +58,7 @@ def _oracle(scene: PeopleTake, layout: Layout, config: RefineConfig) -> Tracks:
 
 
 def _affinity(scene: PeopleTake, *_: object) -> Tracks:
-    mm = scene.rig.mm_per_unit
-    rig = CameraRig([altered(camera, t=mm * camera.t) for camera in scene.rig], "mm")
-    return affinity.track(scene.people, rig, fps=scene.fps)
+    return affinity.track(scene.people, convert_unit(scene.rig, "mm"), fps=scene.fps)
 
 
 _ALL = (

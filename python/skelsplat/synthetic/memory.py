@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from skelsplat._arrays import Array
+from skelsplat._arrays import Array, positive
 from skelsplat.exceptions import InvalidInputError
 
 Numbers = NDArray[np.int64]
@@ -61,8 +61,7 @@ class Memory:
     guess_jitter: float = 1.0
 
     def __post_init__(self) -> None:
-        if not (np.isfinite(self.frame_rate) and self.frame_rate > 0):
-            raise InvalidInputError(f"frame_rate: expected a positive number, got {self.frame_rate!r}")
+        positive("frame_rate", self.frame_rate)
         for name in ("slow_share", "constant_share"):
             if not 0.0 <= getattr(self, name) <= 1.0:
                 raise InvalidInputError(f"{name}: expected a number from 0 to 1, got {getattr(self, name)!r}")

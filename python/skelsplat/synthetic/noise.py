@@ -156,13 +156,7 @@ class DetectionNoise:
 
         With `hard` it is two larger ones, and a hidden joint is never missing: always a gross error.
         """
-        return replace(
-            cls.good(),
-            occluded_views=n_views,
-            n_discs=2 if hard else 1,
-            disc_radius=(0.16, 0.32) if hard else (0.1, 0.22),
-            hidden_missing_rate=0.0 if hard else 0.1,
-        )
+        return cls.good()._behind(n_views, (0.1, 0.22), heavy=hard)
 
     @classmethod
     def recording(cls, frame_rate: float = 30.0) -> DetectionNoise:
@@ -177,10 +171,10 @@ class DetectionNoise:
 
         With `heavy` it is two larger ones, and a hidden joint is never missing: always a gross error.
         """
+        return cls.recording(frame_rate)._behind(n_views, (0.13, 0.28), heavy=heavy)
+
+    def _behind(self, n_views: int | None, radius: tuple[float, float], *, heavy: bool) -> DetectionNoise:
+        discs, radius, missing = (2, (0.16, 0.32), 0.0) if heavy else (1, radius, 0.1)
         return replace(
-            cls.recording(frame_rate),
-            occluded_views=n_views,
-            n_discs=2 if heavy else 1,
-            disc_radius=(0.16, 0.32) if heavy else (0.13, 0.28),
-            hidden_missing_rate=0.0 if heavy else 0.1,
+            self, occluded_views=n_views, n_discs=discs, disc_radius=radius, hidden_missing_rate=missing
         )
