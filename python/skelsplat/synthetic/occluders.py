@@ -98,13 +98,6 @@ def occluded_views(
     return (rank < count)[block], np.repeat(block[:, None], n_views, axis=1)
 
 
-def _body_box(pixels: Array) -> tuple[Array, Array]:
-    """Lower corner and size (T, 2) px of the box round the joints of each frame; zeros where none is seen."""
-    low, high = corners(pixels)
-    low, high = (np.where(low <= high, end, 0.0) for end in (low, high))
-    return low, high - low
-
-
 def draw_discs(
     pixels: Array, n_discs: int, radius_range: tuple[float, float], stays: Numbers, rng: np.random.Generator
 ) -> tuple[Array, Array]:
@@ -116,7 +109,9 @@ def draw_discs(
     n_stays = int(stays.max(initial=-1)) + 1
     where = rng.random((n_stays, n_discs, 2))[stays]
     share = rng.uniform(*radius_range, size=(n_stays, n_discs))[stays]
-    low, size = _body_box(pixels)
+    low, high = corners(pixels)
+    low, high = (np.where(low <= high, end, 0.0) for end in (low, high))  # where no joint is seen
+    size = high - low
     centres: Array = low[:, None] + where * size[:, None]
     return centres, share * size.max(axis=-1, keepdims=True)
 

@@ -133,7 +133,9 @@ def simulate_scene(
     if bystander:
         own, hidden_from = _bystander(truth.shape[1], fps, rig, skeleton, stream(seed, _BYSTANDER))
         truth, walls = np.concatenate([truth, own[None]]), np.concatenate([walls, hidden_from[None]])
-    usual = DetectionNoise.recording(fps).scaled(_size(rig, eyes) / SIZE_IN_ROOM)
+    # Size of people in the middle of the room: focal length, px, over distance, mm; median of the views.
+    size = np.median([c.K[0, 0] / d for c, d in zip(rig, np.linalg.norm(eyes, axis=1), strict=True)])
+    usual = DetectionNoise.recording(fps).scaled(float(size) / SIZE_IN_ROOM)
     return _detected(truth, walls, rig, skeleton, fps, noise or usual, crowding or Crowding(), seed)
 
 
@@ -143,12 +145,6 @@ def _poses(people: Sequence[ArrayLike], n_joints: int) -> Array:
     if len(shapes) != 1 or len(given[0].shape) != 3 or given[0].shape[1:] != (n_joints, 3):
         raise InvalidInputError(f"people: expected poses (T, {n_joints}, 3) of one T, got {sorted(shapes)}")
     return np.stack(given)
-
-
-def _size(rig: CameraRig, eyes: Array) -> float:
-    """Size of people in the middle of the room: focal length, px, over distance, mm; median of the views."""
-    distance = np.linalg.norm(eyes, axis=1)
-    return float(np.median([c.K[0, 0] / d for c, d in zip(rig, distance, strict=True)]))
 
 
 def _bystander(
@@ -198,7 +194,9 @@ def _detected(
         view = View(alone[:, :, m], hidden, depth.mean(axis=-1), size, layout, crowding, memory, rng)
         views.append(view.instances())
     found, joint_owner = _packed(views, stream(seed, _SLOTS))
-    return Scene(found, _majority(joint_owner, len(truth)), joint_owner, truth, visible, rig, layout, fps)
+    votes = np.stack([(joint_owner == q).sum(axis=-1) for q in range(len(truth))], axis=-1)
+    owner = np.where(votes.any(axis=-1), votes.argmax(axis=-1), -1)
+    return Scene(found, owner, joint_owner, truth, visible, rig, layout, fps)
 
 
 def _packed(views: Sequence[Instances], rng: np.random.Generator) -> tuple[Array, Index]:
@@ -218,9 +216,3 @@ def _packed(views: Sequence[Instances], rng: np.random.Generator) -> tuple[Array
     order = np.take_along_axis(order, again, axis=-1)[..., None]
     owners = np.take_along_axis(owner, order, axis=2)
     return np.take_along_axis(found, order[..., None], axis=2), owners
-
-
-def _majority(joint_owner: Index, n_people: int) -> Index:
-    """Person of most joints (T, M, P); −1 where there is none."""
-    votes = np.stack([(joint_owner == q).sum(axis=-1) for q in range(n_people)], axis=-1)
-    return np.where(votes.any(axis=-1), votes.argmax(axis=-1), -1)
