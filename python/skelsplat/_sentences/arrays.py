@@ -32,7 +32,9 @@ def _length(mm: float) -> str:
 def _trc_rate(finding: Finding) -> str:
     rate = finding.numbers["frame_rate"]
     given = (
-        f"it is {rate:g} by the times of the rows" if rate else "the times of the rows give no rate either"
+        f"it is {rate:g} by the times of the rows, which decide"
+        if rate
+        else "the times of the rows give no rate either"
     )
     return (
         f"{finding.subject.files[0]}: the header (line 3) states {finding.numbers['stated']:g} frames per "

@@ -20,13 +20,15 @@ from skelsplat._atomic import atomic_write
 from skelsplat._budget import read_text
 from skelsplat.cameras import MM_PER_UNIT
 from skelsplat.exceptions import DatasetError, InvalidInputError
-from skelsplat.findings import Finding, Severity, Subject, warn
+from skelsplat.findings import Finding, Subject, warn
 from skelsplat.io._files import frame_number
 from skelsplat.io.poses._parts import Poses, parts_of
 from skelsplat.io.poses._pose_data import Y_UP, PoseData, checked, known_frame_rate
 from skelsplat.io.poses._pose_data import marker_names as named
 
 _HEADER = "DataRate CameraRate NumFrames NumMarkers Units OrigDataRate OrigDataStartFrame OrigNumFrames"
+# share by which a rounded frame rate is off; 59.94 and 60 differ by twice as much
+_SAME_RATE = 5e-4
 # a micrometre, far below what keypoints resolve
 _DECIMALS = {"m": 6, "mm": 3}
 
@@ -117,7 +119,7 @@ def read_trc(path: str | os.PathLike[str]) -> PoseData:
 
     The blank sixth line may be missing, and empty fields and "nan" are NaN. ``frames`` are the file's own row
     numbers, ``frame_rate`` is its DataRate. Slips of the header are warned of, and the rows decide: another
-    number of frames than there are, and a DataRate of 0 or NaN.
+    number of frames than there are, a DataRate of 0 or NaN, and one that the rows' times contradict.
 
     Raises
     ------
@@ -147,29 +149,34 @@ def read_trc(path: str | os.PathLike[str]) -> PoseData:
 
 
 def _check_count(path: Path, stated: str, rows: int) -> None:
-    """Warn if the header counts other rows: by one is a slip, by more perhaps a file cut between two rows."""
+    """Warn if the header counts other rows."""
     stated = re.sub(r"\.0*$", "", stated)  # some programs write all numbers as floats
     if not stated.isdecimal():
         raise DatasetError(path, "line 3 NumFrames", "a whole number", repr(stated))
     difference = frame_number(path, "line 3 NumFrames", stated) - rows
     if difference:
-        severity: Severity = "note" if abs(difference) == 1 else "warning"
         numbers = {"stated": rows + difference, "rows": rows}
-        warn(Finding("trc_frames", severity, Subject(files=(str(path),)), numbers))
+        warn(Finding("trc_frames", "warning", Subject(files=(str(path),)), numbers))
 
 
 def _rate(path: Path, stated: str, frames: Index, body: Sequence[str]) -> float | None:
-    """Return the frame rate that the header states; if that is 0 or NaN, that of the rows' times."""
+    """Return the frame rate that the header states, or that of the rows' times if they contradict it.
+
+    A rate of 0 or NaN states none.
+    """
     try:
         rate = float(stated)
-        if rate != 0.0 and not math.isnan(rate):
+        unknown = rate == 0.0 or math.isnan(rate)
+        if not unknown:
             positive("frame_rate", rate)
-            return rate
     except ValueError as error:
         expected = "frames per second, a positive number"
         raise DatasetError(path, "line 3 DataRate", expected, repr(stated)) from error
-    found = _rate_of(frames, [line.split("\t")[1] for line in body])
-    warn(Finding("trc_rate", "note", Subject(files=(str(path),)), {"stated": rate, "frame_rate": found}))
+    times = [line.split("\t")[1] for line in body]
+    found = _rate_of(frames, times)
+    if not unknown and (found is None or not _contradict(rate, frames, times)):
+        return rate
+    warn(Finding("trc_rate", "warning", Subject(files=(str(path),)), {"stated": rate, "frame_rate": found}))
     return found
 
 
@@ -183,6 +190,19 @@ def _rate_of(frames: Index, times: Sequence[str]) -> float | None:
         return None
     rate = round(float((frames[-1] - frames[0]) / (seconds[-1] - seconds[0])), 3)
     return rate if 0.0 < rate < math.inf else None
+
+
+def _contradict(stated: float, frames: Index, times: Sequence[str]) -> bool:
+    """Say whether times that ascend are not those of the rate stated, but for rounding.
+
+    They have to pass evenly, to half a frame: with a jump in them, no rate is that of all rows.
+    """
+    seconds = np.array([float(time) for time in times])
+    steps, passed = frames - frames[0], seconds - seconds[0]
+    digit = 10.0 ** -max(len(time.strip().partition(".")[2]) for time in times)
+    frame = passed[-1] / steps[-1]
+    even = bool((np.abs(passed - steps * frame) <= 0.5 * frame + digit).all())
+    return even and bool(abs(passed[-1] - steps[-1] / stated) > digit + _SAME_RATE * passed[-1])
 
 
 def _read_row(path: Path, number: int, line: str, count: int) -> tuple[int, list[float]]:
