@@ -104,7 +104,35 @@ def test_a_frame_without_people_is_missing(root):
     assert np.isnan(read_openpose(root, CAMERAS, layout="coco17").people[1, 1]).all()
 
 
-@pytest.mark.parametrize("nobody", [{}, {"pose_keypoints_2d": []}], ids=["no keys", "no numbers"])
+def test_an_empty_document_is_an_image_with_nobody(root):
+    expected = read_openpose(root, CAMERAS, layout="coco17").people
+    for c in (1, 2):
+        a_file(root, c, 0).write_text("{}")
+    a_file(root, 2, 2).write_text(" {\n}\n")
+    found = read_openpose(root, CAMERAS, layout="coco17")
+    np.testing.assert_array_equal(found.people_per_frame, [[0, 0], [1, 2], [1, 0]])
+    np.testing.assert_array_equal(found.people[1], expected[1])
+    np.testing.assert_array_equal(
+        read_detections(root, CAMERAS, layout="coco17").people_per_frame, found.people_per_frame
+    )
+    for path in root.rglob("*.json"):
+        path.write_text("{}")
+    assert not read_openpose(root, CAMERAS, layout="coco17").people_per_frame.any()
+    with pytest.raises(sk.DatasetError, match="expected detections in a known format"):
+        read_detections(root, CAMERAS, layout="coco17")
+
+
+@pytest.mark.parametrize(
+    "nobody",
+    [
+        {},
+        {"pose_keypoints_2d": []},
+        {"pose_keypoints_2d": None, "face_keypoints_2d": [1.0, 2.0, 0.5]},
+        {"person_id": [-1]},
+        {"person_id": [3], "face_keypoints_2d": [], "hand_left_keypoints_2d": []},
+    ],
+    ids=["no keys", "no numbers", "null", "an identity", "no body"],
+)
 def test_a_person_without_keypoints_is_nobody_in_that_place(root, nobody):
     a_file(root).write_text(json.dumps(document(nobody, person(900.0))))
     a_file(root, 1, 0).write_text(json.dumps(document(nobody)))
@@ -381,11 +409,11 @@ MALFORMED = {
     "no people": ('{"version": 1.3}', r"people: expected an object .*got nothing"),
     "people no list": ('{"people": {"0": 1}}', r"people: expected a list, got dict"),
     "person no object": ('{"people": [3]}', r"people\[0\]\.pose_keypoints_2d: .*got nothing"),
-    "no keypoints": ('{"people": [{"person_id": [-1]}]}', r"people\[0\]\.pose_keypoints_2d: .*got nothing"),
-    "keypoints null": (
-        '{"people": [{"pose_keypoints_2d": null}]}',
-        r"expected a list of numbers, got NoneType",
+    "keypoints of another name": (
+        '{"people": [{"person_id": [-1], "pose_keypoints": [1, 2, 0.5]}]}',
+        r"people\[0\]\.pose_keypoints_2d: .*got nothing",
     ),
+    "people of another format": ('{"annots": []}', r"people: expected an object .*got nothing"),
     "one number too few": (_with(lambda p: p["pose_keypoints_2d"].pop()), r"three numbers per joint, got 50"),
     "one joint too few": (
         _with(lambda p: p.update(pose_keypoints_2d=[1.0] * 48)),

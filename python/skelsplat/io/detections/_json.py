@@ -45,24 +45,31 @@ def read_openpose(folder: Path) -> View:
 
     ``{"people": [{"pose_keypoints_2d": [x, y, c, …]}]}``, pixels of the original image; x = y = c = 0 marks a
     joint that was not detected. A score is the peak of a map and may lie above 1, where it counts as 1. A
-    person ``{}``, or one with an empty list, as Pose2Sim writes it, is nobody in that place. The frame number
-    is the last integer in the file's name. Joints, frame rate and the images' size are those that ``skelsplat
-    detect`` states.
+    person ``{}``, or one with an empty list or null, as other programs write them, is nobody in that place,
+    and a document ``{}`` is an image with nobody. The frame number is the last integer in the file's name.
+    Joints, frame rate and the images' size are those that ``skelsplat detect`` states.
     """
     return with_record(_frame_view(folder, _openpose_people, flat=True))
 
 
 def _openpose_people(path: Path) -> list[Person]:
     document = _document(path, "an OpenPose document")
+    if document.value == {}:
+        return []
     people = document.member("people", "an object with a list under this key")
     return [_openpose_person(person) for person in people.entries("a list")]
 
 
 def _openpose_person(person: Field) -> Person:
     keypoints = person["pose_keypoints_2d"]
-    if person.value == {} or keypoints.value == []:
+    if keypoints.value in ([], None) or _is_empty(person.value):
         return Person(keypoints.path, keypoints.place, np.empty((0, 3)))
     return _triples(keypoints, clip=False)
+
+
+def _is_empty(person: object) -> bool:
+    """Say whether an object holds nothing but an identity: joints may have another program's name."""
+    return isinstance(person, dict) and not any(value for key, value in person.items() if key != "person_id")
 
 
 def _triples(keypoints: Field, *, clip: bool) -> Person:
