@@ -58,6 +58,7 @@ class Panel:
         -60.0,
         1860.0,
     )  # left, bottom and height of what is shown, mm
+    moved: tuple[float, float] = (0.0, 0.0)  # of the number, off limbs, mm
 
 
 HIPS, SHOULDERS = ("left_hip", "right_hip"), ("left_shoulder", "right_shoulder")
@@ -87,6 +88,7 @@ PANELS = (
         (left("knee"), left("ankle")),
         (left("hip"), left("knee")),
         "shank, off the line\nof the thigh",
+        moved=(390, 110),
     ),
     Panel(
         "left_ankle_dorsiflexion",
@@ -97,6 +99,7 @@ PANELS = (
         (1.0, 0.0),
         "heel to big toe, above the\nperpendicular of the shank",
         (-230.0, -40.0, 720.0),
+        (35, 0),
     ),
     Panel(
         "left_shoulder_flexion",
@@ -124,6 +127,7 @@ PANELS = (
         (left("hip"), left("knee")),
         (SHOULDERS, HIPS),
         "thigh, out of the\nsagittal plane",
+        moved=(-70, -40),
     ),
     Panel(
         "left_shoulder_abduction",
@@ -135,6 +139,16 @@ PANELS = (
         "upper arm, out of the\nsagittal plane",
     ),
     Panel(
+        "trunk_inclination",
+        SIDE,
+        ((TRUNK, "hips", (25, 0)),),
+        HIPS,
+        (HIPS, SHOULDERS),
+        (0.0, 1.0),
+        "trunk line, to any side\nof the vertical; no sign",
+        moved=(25, 50),
+    ),
+    Panel(
         "trunk_forward_lean",
         SIDE,
         ((TRUNK, "hips", (-30, 0)),),
@@ -142,6 +156,7 @@ PANELS = (
         (HIPS, SHOULDERS),
         (0.0, 1.0),
         "trunk line, forward\nof the vertical",
+        moved=(-25, 60),
     ),
     Panel(
         "trunk_side_lean",
@@ -151,6 +166,7 @@ PANELS = (
         (HIPS, SHOULDERS),
         (0.0, 1.0),
         "trunk line, to the left\nof the vertical",
+        moved=(-150, 170),
     ),
     Panel(
         "pelvis_obliquity",
@@ -161,6 +177,7 @@ PANELS = (
         (1.0, 0.0),
         "left hip above\nthe right",
         (-350.0, 540.0, 950.0),
+        (-140, -105),
     ),
 )
 
@@ -229,11 +246,16 @@ def draw(axes: Axes, panel: Panel) -> None:
     line(list(vertex + 0.72 * reach * np.stack([np.cos(arc), np.sin(arc)], axis=1)), color=ORANGE, lw=1.6)
     degrees = degrees_of(pose, panel.name)
     assert np.isclose(abs(np.degrees(turn)), degrees), (panel.name, np.degrees(turn), degrees)
-    label = vertex + (0.72 * reach + 0.09 * height) * np.array(
-        [np.cos(first + turn / 2), np.sin(first + turn / 2)]
-    )
+    middle_of_arc = np.array([np.cos(first + turn / 2), np.sin(first + turn / 2)])
+    label = vertex + (0.72 * reach + 0.09 * height) * middle_of_arc + panel.moved
     style = {"fontsize": 10, "weight": "bold", "ha": "center", "va": "center", "path_effects": EDGE}
-    axes.text(*label, f"{degrees:+.0f}°", color=ORANGE, zorder=5, **style)
+    axes.text(
+        *label,
+        f"{degrees:.0f}°" if "inclination" in panel.name else f"{degrees:+.0f}°",
+        color=ORANGE,
+        zorder=5,
+        **style,
+    )
     axes.set(xlim=(x, x + 0.72 * height), ylim=(y, y + height), aspect="equal")
     axes.axhline(0, color=PALE, lw=1, zorder=0)
     axes.axis("off")
@@ -247,9 +269,10 @@ def draw(axes: Axes, panel: Panel) -> None:
 
 def definitions() -> Figure:
     """Each angle on the left side of the body, positive."""
-    figure, axes = plt.subplots(2, 5, figsize=(10.4, 7.4), layout="constrained")
-    for axis, panel in zip(axes.flat, PANELS, strict=True):
+    figure, axes = plt.subplots(2, 6, figsize=(12.4, 7.4), layout="constrained")
+    for axis, panel in zip(axes.flat, PANELS, strict=False):
         draw(axis, panel)
+    axes.flat[-1].axis("off")
     return figure
 
 
