@@ -325,12 +325,12 @@ def _node_columns(person: np.ndarray, joints) -> Iterator[tuple[str, object]]:
             yield f"{joint}.{part}", "" if np.isnan(value) else value
 
 
-def _caliscope(root: Path, take: Take, camera: str, point: str, *, objects: bool) -> Path:
+def _caliscope(root: Path, take: Take, camera: str, point: str, *, objects: bool, first: int = 1) -> Path:
     """Write Caliscope's xy file, whose cameras have only numbers; a missing point has no line."""
     lines = [
         {
             "sync_index": take.first + t,
-            camera: m + 1,
+            camera: m + first,
             "frame_index": take.first + t + 3 * m,
             "frame_time": 48033.0 + t / 30,
             **({"object_id": p} if objects else {}),
@@ -350,13 +350,13 @@ def _caliscope(root: Path, take: Take, camera: str, point: str, *, objects: bool
     return path
 
 
-def caliscope(root: Path, take: Take) -> Path:
-    return _caliscope(root, take, "cam_id", "keypoint_id", objects=True)
+def caliscope(root: Path, take: Take, first: int = 1) -> Path:
+    return _caliscope(root, take, "cam_id", "keypoint_id", objects=True, first=first)
 
 
-def caliscope_ports(root: Path, take: Take) -> Path:
+def caliscope_ports(root: Path, take: Take, first: int = 1) -> Path:
     """Write the file of versions before 2026, without objects."""
-    return _caliscope(root, take, "port", "point_id", objects=False)
+    return _caliscope(root, take, "port", "point_id", objects=False, first=first)
 
 
 def freemocap(root: Path, take: Take) -> Path:

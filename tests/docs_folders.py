@@ -16,6 +16,7 @@ import numpy as np
 import calibration_files
 import detection_files
 import mouse
+import other_tools
 import skelsplat as sk
 from docs_code import run
 from skelsplat import synthetic
@@ -198,6 +199,7 @@ PREPARED: dict[str, Callable[[Path], None]] = {
     "docs/howto/freemocap.md": _freemocap,
     "docs/howto/live.md": _live,
     "docs/howto/openpose.md": _openpose,
+    "docs/howto/other-tools.md": other_tools.write,
     "docs/howto/own-skeleton.md": _own_skeleton,
     "docs/howto/pose2sim.md": _pose2sim,
     "docs/howto/python.md": _sample,
