@@ -242,7 +242,7 @@ def test_a_slip_of_the_file_is_said(tmp_path):
     path.write_text(path.read_text().replace("\t6\t17\tm", "\t7\t17\tm"))
     result = invoke("plot", path, "--only", "bones")
     assert result.exit_code == 0, result.output
-    assert result.stderr.startswith("note: ")
+    assert result.stderr.startswith("warning: ")
     assert "the header (line 3) states 7 frames, but 6 follow. All are read." in " ".join(
         result.stderr.split()
     )
