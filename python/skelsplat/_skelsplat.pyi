@@ -811,8 +811,8 @@ def implausible_extent(
 ) -> dict[str, Any] | None:
     """Return the facts for a warning if the skeletons (T, N, 3) are larger than 10 m or smaller than 22 cm.
 
-    Without a layout the lower limit is 10 cm, with a custom one the limits are 20 m and 1 mm. None if the
-    size is plausible.
+    Without a layout the lower limit is 10 cm, if the cameras are less than 5 cm apart; a layout that is not
+    human has none, and its upper limit is 20 m. None if the size is plausible.
     """
 
 def check_people(people: ArrayLike) -> None:

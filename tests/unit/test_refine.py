@@ -223,7 +223,7 @@ def scaled_to(scene, size):
         (False, 170.0, "shorter than 22 cm"),
         (False, 500.0, None),
         (True, 96.0, None),
-        (True, 0.5, "measures 0.50 mm and is shorter than 1 mm"),
+        (True, 0.06, None),
         (True, 15_000.0, None),
         (True, 30_000.0, "taller than 20 m"),
     ],

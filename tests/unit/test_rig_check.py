@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import warnings
+
 import numpy as np
 import pytest
 
@@ -72,12 +74,55 @@ def test_an_animal_need_not_have_a_person_s_size():
     human, mouse = sk.layouts.H36M17, scaled(0.05, "mm")
     own = sk.Layout("mouse", human.joints, limbs=human.limbs, left_right=human.left_right)
     assert check_rig(mouse, detections("room"), layout=own).ok
-    for layout in (None, LAYOUT, human):
+    for layout in (LAYOUT, human):
         assert only(check_rig(mouse, detections("room"), layout=layout)).kind == "unit_wrong"
+    assert check_rig(scaled(1e-6, "mm"), detections("room"), layout=own).ok
     finding = only(check_rig(scaled(0.05, "m"), detections("room"), layout=own))
     assert finding.kind == "body_size"
     assert finding.text.startswith("With unit m, the body measures about ")
     assert finding.text.endswith(" m. Is that the unit of the calibration?")
+
+
+def table_top(across, size, focal):
+    """Return four cameras on a circle ``across`` mm wide, and what they see of a body ``size`` mm tall."""
+    lens = np.array([[focal, 0, 640], [0, focal, 360], [0, 0, 1.0]])
+    places = [across / 2 * np.array([np.cos(a), np.sin(a), 0.5]) for a in np.arange(4) * np.pi / 2]
+    poses = [synthetic.look_at(place, np.zeros(3)) for place in places]
+    small = sk.CameraRig([sk.Camera(lens, R, t, size=(1280, 720)) for R, t in poses], unit="mm")
+    body = synthetic.motion("reach", T, seed=1)
+    pixels = sk.project((body - body.mean(axis=(0, 1))) * size / 1700.0, small).swapaxes(0, 1)
+    return small, pixels + np.random.default_rng(5).normal(0.0, 0.5, pixels.shape)
+
+
+# on a table, and under a microscope
+SMALL = [(1300.0, 100.0, 1200.0), (300.0, 30.0, 1200.0), (300.0, 2.5, 3e4), (20.0, 0.06, 1e5)]
+
+
+@pytest.mark.parametrize("sizes", SMALL)
+@pytest.mark.parametrize("layout", [None, sk.Layout("thing", sk.layouts.get(LAYOUT).joints)])
+def test_what_small_rigs_see_need_not_be_a_person(sizes, layout):
+    small, found = table_top(*sizes)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert check_rig(small, found, layout=layout).ok
+        sk.refine(None, found[0], small, layout=layout)
+
+
+def test_cameras_too_close_together_show_a_wrong_unit_without_a_layout():
+    """Metres of a room that are taken for millimetres put ordinary cameras 5 mm apart."""
+    small, found = table_top(5.0, 1.7, 900.0)
+    finding = only(check_rig(small, found))
+    assert finding.kind == "unit_wrong"
+    assert finding.numbers["likely"] == "m"
+    with pytest.warns(UserWarning, match="shorter than 10 cm: is the unit really 'mm'"):
+        sk.refine(None, found[0], small)
+
+
+@pytest.mark.parametrize("sizes", SMALL)
+def test_a_small_person_of_a_human_layout_has_a_wrong_unit(sizes):
+    small, found = table_top(*sizes)
+    finding = only(check_rig(small, found, layout=LAYOUT))
+    assert finding.kind in ("unit_wrong", "unit_unknown")
 
 
 def test_the_main_person_is_judged_not_a_bystander():

@@ -2,6 +2,7 @@
 
 use nalgebra::Vector3;
 
+use crate::camera::Camera;
 use crate::error::{Error, Result};
 use crate::layout::Layout;
 
@@ -58,10 +59,14 @@ impl Unit {
 
 /// Range of plausible extents of a person, mm: a newborn measures 500, and an adult in centimetres that are taken for millimetres 170.
 const PERSON: [f64; 2] = [220.0, 10_000.0];
-/// The same without a layout: joints may be those of a hand.
+/// The same without a layout, if no cameras with ordinary lenses are as close together as these: joints may be those of a hand or a mouse.
 const UNKNOWN: [f64; 2] = [100.0, 10_000.0];
-/// Range of plausible extents of any body, mm: smaller than an ant to three times a giraffe.
-const ANYTHING: [f64; 2] = [1.0, 20_000.0];
+/// The largest extent of a body with a layout that is not human, mm: three times a giraffe. It may be as small as it likes.
+const ANYTHING: [f64; 2] = [0.0, 20_000.0];
+/// Cameras closer together than this, mm, are so in a wrong unit only, unless they look through lenses with a focal length
+/// of more than so many images' widths: microscopes.
+const CROWDED_MM: f64 = 50.0;
+const NARROW: f64 = 4.0;
 
 /// A skeleton of implausible size.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -77,10 +82,12 @@ pub struct Implausible {
 /// The median extent of these skeletons, `(T, N)` in `unit`, if it is below 22 cm or above 10 m; `None` if it is plausible
 /// or the skeletons are too incomplete to measure.
 ///
-/// Without a layout the lower limit is 10 cm. A layout that is not human may be of any size that bodies have: its limits are 1 mm and 20 m.
+/// Without a layout the lower limit is 10 cm, and holds only if the cameras, in `unit` too, are closer together than cameras
+/// with ordinary lenses can be. A layout that is not human has no lower limit: its upper one is 20 m.
 #[must_use]
 pub fn implausible_extent(
     poses: &[Vec<Vector3<f64>>],
+    cameras: &[Camera],
     unit: Unit,
     layout: Option<&Layout>,
 ) -> Option<Implausible> {
@@ -92,13 +99,26 @@ pub fn implausible_extent(
     let extent = extents[extents.len() / 2];
     let mm = extent * unit.millimetres();
     let [low, high] = match layout {
-        None => UNKNOWN,
+        None if is_crowded(cameras, unit) => UNKNOWN,
+        None => [0.0, UNKNOWN[1]],
         Some(layout) if layout.is_human() => PERSON,
         Some(_) => ANYTHING,
     };
     let taller = mm > high;
     let limit_mm = if taller { high } else { low };
     (!(low..=high).contains(&mm)).then_some(Implausible { extent, taller, limit_mm })
+}
+
+/// Whether cameras with ordinary lenses are closer together than they can be; a single one never is.
+fn is_crowded(cameras: &[Camera], unit: Unit) -> bool {
+    let centres: Vec<_> = cameras.iter().map(Camera::centre).collect();
+    let apart = centres.iter().flat_map(|a| centres.iter().map(move |b| (a - b).norm()));
+    let mm = apart.fold(0.0, f64::max) * unit.millimetres();
+    let wide = |camera: &&Camera| {
+        let [width, height] = camera.size();
+        camera.focal()[0] <= NARROW * f64::from(width.max(height))
+    };
+    mm > 0.0 && mm < CROWDED_MM && 2 * cameras.iter().filter(wide).count() > cameras.len()
 }
 
 /// Diagonal of the box around the finite joints, if at least half of them (and two) are finite.
@@ -117,6 +137,17 @@ fn extent(pose: &[Vector3<f64>]) -> Option<f64> {
 mod tests {
     use super::*;
     use crate::layout::LayoutSpec;
+    use nalgebra::Matrix3;
+
+    /// Two cameras so far apart, with this focal length on images of 1000 px.
+    fn pair(apart: f64, focal: f64) -> Vec<Camera> {
+        let k = Matrix3::new(focal, 0.0, 500.0, 0.0, focal, 500.0, 0.0, 0.0, 1.0);
+        let at = |x: f64| {
+            let t = Vector3::new(x, 0.0, 0.0);
+            Camera::new(&k, &Matrix3::identity(), &t, [1000, 1000]).unwrap()
+        };
+        vec![at(0.0), at(apart)]
+    }
 
     fn person(height: f64) -> Vec<Vec<Vector3<f64>>> {
         vec![vec![Vector3::zeros(), Vector3::new(0.0, 0.0, height)]]
@@ -124,16 +155,19 @@ mod tests {
 
     #[test]
     fn a_person_in_the_right_unit_raises_no_doubt() {
-        assert_eq!(implausible_extent(&person(1700.0), Unit::Millimetre, None), None);
-        assert_eq!(implausible_extent(&person(1.7), Unit::Metre, None), None);
+        assert_eq!(
+            implausible_extent(&person(1700.0), &pair(3000.0, 1e3), Unit::Millimetre, None),
+            None
+        );
+        assert_eq!(implausible_extent(&person(1.7), &pair(3.0, 1e3), Unit::Metre, None), None);
     }
 
     #[test]
     fn a_unit_mistaken_by_1000_is_noticed() {
-        let tall = implausible_extent(&person(1700.0), Unit::Metre, None);
+        let tall = implausible_extent(&person(1700.0), &pair(3000.0, 1e3), Unit::Metre, None);
         let expected = Implausible { extent: 1700.0, taller: true, limit_mm: 10_000.0 };
         assert_eq!(tall, Some(expected));
-        let short = implausible_extent(&person(1.7), Unit::Millimetre, None);
+        let short = implausible_extent(&person(1.7), &pair(3.0, 1e3), Unit::Millimetre, None);
         let expected = Implausible { extent: 1.7, taller: false, limit_mm: 100.0 };
         assert_eq!(short, Some(expected));
     }
@@ -146,25 +180,45 @@ mod tests {
             ..LayoutSpec::default()
         };
         let mouse = Layout::new(spec).unwrap();
-        let found = |size, unit| implausible_extent(&person(size), unit, Some(&mouse));
+        let found =
+            |size, unit| implausible_extent(&person(size), &pair(size, 1e3), unit, Some(&mouse));
         assert_eq!(found(95.6, Unit::Millimetre), None);
         assert_eq!(found(18.0, Unit::Metre), None);
         let tall = found(95.6, Unit::Metre).unwrap();
         assert!(tall.taller && tall.limit_mm == 20_000.0, "{tall:?}");
-        let short = found(0.0956, Unit::Millimetre).unwrap();
-        assert!(!short.taller && short.limit_mm == 1.0, "{short:?}");
+        assert_eq!(found(0.0956, Unit::Millimetre), None);
         let human = Layout::by_name("coco17").unwrap();
         // An adult of 1.7 m in centimetres that are taken for millimetres.
-        let short = implausible_extent(&person(170.0), Unit::Millimetre, Some(&human)).unwrap();
+        let found = |size, layout| {
+            implausible_extent(&person(size), &pair(300.0, 1e3), Unit::Millimetre, layout)
+        };
+        let short = found(170.0, Some(&human)).unwrap();
         assert!(!short.taller && short.limit_mm == 220.0, "{short:?}");
-        assert_eq!(implausible_extent(&person(170.0), Unit::Millimetre, None), None);
-        assert!(implausible_extent(&person(95.6), Unit::Millimetre, None).is_some());
+        assert_eq!(found(170.0, None), None);
+    }
+
+    #[test]
+    fn small_joints_of_no_layout_are_in_doubt_only_where_cameras_are_too_close_together() {
+        let found = |size, apart, focal, unit| {
+            implausible_extent(&person(size), &pair(apart, focal), unit, None).is_some()
+        };
+        for (size, apart, focal) in [(96.0, 1300.0, 1e3), (2.5, 300.0, 1e3), (0.06, 20.0, 1e5)] {
+            assert!(!found(size, apart, focal, Unit::Millimetre), "{size} mm, {apart} mm apart");
+            assert!(!found(size / 1e3, apart / 1e3, focal, Unit::Metre));
+        }
+        // A person in a room in metres that are taken for millimetres or centimetres, and a single camera.
+        assert!(found(1.7, 4.0, 1e3, Unit::Millimetre));
+        assert!(found(1.7, 4.0, 1e3, Unit::Centimetre));
+        assert!(
+            implausible_extent(&person(1.7), &pair(1.0, 1e3)[..1], Unit::Millimetre, None)
+                .is_none()
+        );
     }
 
     #[test]
     fn an_incomplete_skeleton_is_not_judged() {
         let pose =
             vec![vec![Vector3::zeros(), Vector3::repeat(f64::NAN), Vector3::repeat(f64::NAN)]];
-        assert_eq!(implausible_extent(&pose, Unit::Millimetre, None), None);
+        assert_eq!(implausible_extent(&pose, &pair(4.0, 1e3), Unit::Millimetre, None), None);
     }
 }

@@ -400,8 +400,8 @@ pub(crate) fn over_time<'py>(
 
 /// Return the facts for a warning if the skeletons (T, N, 3) are larger than 10 m or smaller than 22 cm.
 ///
-/// Without a layout the lower limit is 10 cm, with a custom one the limits are 20 m and 1 mm. None if the
-/// size is plausible.
+/// Without a layout the lower limit is 10 cm, if the cameras are less than 5 cm apart; a layout that is not
+/// human has none, and its upper limit is 20 m. None if the size is plausible.
 #[pyfunction]
 #[pyo3(signature = (poses, cameras, *, layout=None))]
 pub(crate) fn implausible_extent<'py>(
@@ -412,7 +412,7 @@ pub(crate) fn implausible_extent<'py>(
 ) -> PyResult<Option<Bound<'py, PyDict>>> {
     let (n, layout) = (poses.0.shape[1].max(1), layout.map(|layout| layout.0));
     let poses: Vec<Vec<Vector3<f64>>> = poses.0.points().chunks(n).map(<[_]>::to_vec).collect();
-    let found = core_extent(&poses, cameras.unit, layout.as_ref());
+    let found = core_extent(&poses, &cameras.cameras, cameras.unit, layout.as_ref());
     let Some(found) = found else { return Ok(None) };
     let out = PyDict::new(py);
     out.set_item("extent", found.extent)?;

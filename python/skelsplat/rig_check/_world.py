@@ -16,6 +16,7 @@ import numpy as np
 
 import skelsplat as sk
 from skelsplat._arrays import Array, median
+from skelsplat._skelsplat import implausible_extent
 from skelsplat.cameras import MM_PER_UNIT, altered
 from skelsplat.findings import Finding
 from skelsplat.rig_check._scene import in_mm, is_gross, judge, some_frames
@@ -26,8 +27,8 @@ _AXES = np.diag([1.0, -1.0, -1.0])
 # twice the distance from the middle joint that four joints in five keep within: 1.4 m standing, 0.8 m
 # curled up
 _PERSON_MM = (400.0, 3000.0)
-# of a body that need not be a person's
-_ANYTHING_MM = (1.0, 20_000.0)
+# the largest body that need not be a person's; it may be as small as it likes
+_ANYTHING_MM = 20_000.0
 _TYPICAL_MM = 1300.0
 _SHARE = 80.0
 _LEAST_JOINTS = 8
@@ -81,7 +82,7 @@ def _changed(rig: sk.CameraRig, change: Callable[[Array, Array], tuple[Array, Ar
 
 
 def check_unit(rig: sk.CameraRig, detections: Array, layout: sk.Layout | None) -> tuple[Finding | None, str]:
-    """Compare the size of the body in detections (T, M, N, 2) with a person's, if the layout is a person's.
+    """Compare the size of the body in detections (T, M, N, 2) with a person's, unless it is known to be none.
 
     Plain triangulation, which knows no unit, is used, and sizes in every frame, so that neither a wrong unit
     nor a few wrong detections matter. Returns the finding, and the unit in which the rig is plausible.
@@ -90,13 +91,16 @@ def check_unit(rig: sk.CameraRig, detections: Array, layout: sk.Layout | None) -
     size = median(np.array([_size(frame) for frame in points]))
     if not np.isfinite(size):
         return None, rig.unit
+    size_mm = size * rig.mm_per_unit
     if layout is not None and not layout.human:  # an animal, a hand
-        return _of_anything(size * rig.mm_per_unit, rig.unit), rig.unit
+        return _of_anything(size_mm, rig.unit), rig.unit
+    if layout is None and size_mm < _PERSON_MM[0] and implausible_extent(points, rig) is None:
+        return None, rig.unit  # anything small, before cameras that can be so close together
     return _of_person(size, rig.unit)
 
 
 def _of_anything(size_mm: float, stated: str) -> Finding | None:
-    if _ANYTHING_MM[0] <= size_mm <= _ANYTHING_MM[1]:
+    if size_mm <= _ANYTHING_MM:
         return None
     return Finding("body_size", numbers={"stated": stated, "size_mm": size_mm})
 
