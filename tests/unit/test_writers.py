@@ -211,6 +211,19 @@ def test_trc_lines(tmp_path):
     ]
 
 
+@pytest.mark.parametrize(("size", "digits"), [(500.0, 6), (10.0, 6), (9.9, 7), (2.5, 7), (0.06, 9)])
+def test_trc_of_small_bodies_has_more_decimals(tmp_path, size, digits):
+    """And a body that is seen in part in the first frames does not change those of the whole."""
+    pose = np.zeros((3, 2, 3))
+    pose[0, 1], pose[1:, 1, 2] = np.nan, [size / 9.0, size]
+    write_trc(tmp_path / "pose.trc", PoseData(pose, ("nose", "head"), np.arange(3), "mm"), frame_rate=60.0)
+    rows = (tmp_path / "pose.trc").read_text().splitlines()[6:]
+    assert rows[-1].split("\t")[7] == f"{size / 1000.0:.{digits}f}"
+    assert {len(field.partition(".")[2]) for row in rows for field in row.split("\t")[2:] if field} == {
+        digits
+    }
+
+
 @pytest.mark.parametrize(("unit", "factor", "half_digit"), [("mm", 1.0, 5e-4), ("m", 1e-3, 5e-7)])
 def test_trc_and_back(data, tmp_path, unit, factor, half_digit):
     write_trc(tmp_path / "pose.trc", data, frame_rate=50.0, unit=unit)

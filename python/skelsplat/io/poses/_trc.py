@@ -29,8 +29,9 @@ from skelsplat.io.poses._pose_data import marker_names as named
 _HEADER = "DataRate CameraRate NumFrames NumMarkers Units OrigDataRate OrigDataStartFrame OrigNumFrames"
 # share by which a rounded frame rate is off; 59.94 and 60 differ by twice as much
 _SAME_RATE = 5e-4
-# a micrometre, far below what keypoints resolve
+# a micrometre, far below what keypoints of a body of 1 cm or more resolve
 _DECIMALS = {"m": 6, "mm": 3}
+_LARGE_MM = 10.0
 
 
 def write_trc(
@@ -46,6 +47,7 @@ def write_trc(
 
     Rows are numbered from 1 at the first frame; a gap in `data.frames` is a gap in the rows' numbers and
     times. A joint without a position has empty fields, since the text "nan" breaks readers downstream.
+    Positions have steps of 1 µm, of bodies that measure less than 1 cm finer ones.
 
     Parameters
     ----------
@@ -77,11 +79,25 @@ def write_trc(
     start = int(frames[0]) if frames.size else 0
     with atomic_write(path) as stream:
         lines = _header(Path(path).name, names, len(frames), rate, unit)
+        decimals = _DECIMALS[unit] + _further_decimals(data)
         stream.write("".join(f"{line}\n" for line in lines).encode())
         for part in parts:
             points = part.pose * (MM_PER_UNIT[head.unit] / MM_PER_UNIT[unit])
-            rows = _rows(points[..., Y_UP] if y_up else points, part.frames - start, rate, _DECIMALS[unit])
+            rows = _rows(points[..., Y_UP] if y_up else points, part.frames - start, rate, decimals)
             stream.write("".join(f"{row}\n" for row in rows).encode())
+
+
+def _further_decimals(data: Poses) -> int:
+    """Return how many decimals more poses need than those of a person: one below 1 cm, two below 1 mm."""
+    largest, (head, _, parts) = 0.0, parts_of(data)
+    for part in parts:
+        known = np.isfinite(part.pose)
+        low, high = (np.where(known, part.pose, own) for own in (np.inf, -np.inf))
+        sizes = (high.max(axis=1) - low.min(axis=1)) * MM_PER_UNIT[head.unit]
+        largest = max(largest, float(sizes.max(initial=0.0)))
+        if largest >= _LARGE_MM:
+            return 0
+    return math.floor(math.log10(_LARGE_MM / largest) - 1e-9) + 1 if largest > 0.0 else 0
 
 
 def _rows(points: Array, steps: Index, rate: float, decimals: int) -> Iterator[str]:
