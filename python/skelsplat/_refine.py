@@ -183,9 +183,9 @@ def refine(
     Warns
     -----
     UserWarning
-        If the skeleton is taller than 10 m or shorter than 22 cm in the stated unit. With a layout that is not
-        human, which may be an animal's or a hand's, if it is taller than 20 m; without a layout, taller than
-        10 m, or shorter than 10 cm before cameras that are less than 5 cm apart.
+        If the skeleton is taller than 10 m or shorter than 22 cm in the stated unit. With a layout that is
+        not human, which may be an animal's or a hand's, if it is taller than 20 m; without a layout, taller
+        than 10 m, or shorter than 10 cm before cameras that are less than 5 cm apart.
     """
     prepared = _skelsplat.Refiner(cameras, layout=layout, config=config)
     by_pixels = config is not None and config.method == "paper" and config.renderer == "raster"

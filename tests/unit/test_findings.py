@@ -10,6 +10,7 @@ from itertools import combinations
 import pytest
 
 from skelsplat import _sentences
+from skelsplat._sentences import words
 from skelsplat.findings import Finding, FindingWarning, Remedy, Subject, collected_warnings, remark
 
 
@@ -69,6 +70,35 @@ def test_another_explanation_that_is_better_is_not_almost_as_good(rival, words):
     numbers = {**change, "before_px": 34.4, "after_px": 15.3, "mean_px": 24.0, "rivals": [other]}
     text = Finding("camera_rotated", "warning", Subject(cameras=("cam3",)), numbers).text
     assert f"Rotating cam1 by 1.4° explains it {words} (mean error {rival} px instead of 24.0 px)." in text
+
+
+@pytest.mark.parametrize(
+    ("mm", "text"),
+    [
+        (1234.5, "1,234.5"),
+        (14.22, "14.2"),
+        (1.04, "1.0"),
+        (0.96, "0.96"),
+        (0.0046, "0.0046"),
+        (4e-6, "0.0000040"),
+    ],
+)
+def test_lengths_have_one_decimal_or_two_digits(mm, text):
+    assert words.length(mm) == text
+    assert words.length(-mm) == f"-{text}"
+
+
+def test_lengths_that_are_none_are_written_as_before():
+    assert (words.length(0.0), words.length(float("nan")), words.length(0.0, 0)) == ("0.0", "–", "0")
+
+
+@pytest.mark.parametrize(
+    ("sizes", "text"),
+    [((234.0, 87.4), "a to b 234 mm and c to d 87 mm"), ((1.63, 0.3), "a to b 1.6 mm and c to d 0.30 mm")],
+)
+def test_limbs_below_a_centimetre_have_two_digits(sizes, text):
+    numbers = {"limbs": [("a", "b"), ("c", "d")], "lengths_mm": sizes, "layouts_of_as_many_joints": ()}
+    assert text in Finding("limbs_differ", numbers=numbers).text
 
 
 def test_sentences_begin_with_a_capital_a_name_or_an_option_and_end():

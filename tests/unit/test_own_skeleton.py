@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 
 import numpy as np
@@ -11,9 +12,10 @@ import mouse
 import skelsplat as sk
 from skelsplat import synthetic
 from skelsplat.cli.table import print_run, wide_console
-from skelsplat.io import read_detections, read_layout, read_run
+from skelsplat.io import read_detections, read_layout, read_run, read_trc, write_calibration
 from skelsplat.run import Job, Run, run
 from skelsplat.run.check import check_cameras
+from skelsplat.run.figures import _caption
 from skelsplat.run.overlay import OverlayJob, write_overlay
 from skelsplat.run.plots import read_source, write_plots
 from skelsplat.viz.overlay import Shown
@@ -141,3 +143,50 @@ def test_the_skeleton_of_the_files_is_taken_as_it_is(recorded, tmp_path):
     assert np.linalg.norm(found.poses.pose - truth, axis=-1).mean() < 1.2
     assert read_run(tmp_path / "out").layout == found.layout
     assert read_layout(tmp_path / "out" / "layout.toml") == found.layout
+
+
+@pytest.fixture(scope="module")
+def fly(tmp_path_factory):
+    """Return the folder of the run of a simulated fly, 2.5 mm long, before cameras 200 mm apart."""
+    folder = tmp_path_factory.mktemp("fly")
+    layout, random = sk.layouts.get("fly38"), np.random.default_rng(0)
+    lens = np.array([[8000.0, 0, 640], [0, 8000.0, 360], [0, 0, 1]])
+    places = [100.0 * np.array([np.cos(a), np.sin(a), 0.5]) for a in np.arange(4) * np.pi / 2]
+    poses = [synthetic.look_at(place, np.zeros(3)) for place in places]
+    cameras = [sk.Camera(lens, R, t, size=(1280, 720), name=f"c{k}") for k, (R, t) in enumerate(poses)]
+    rig = sk.CameraRig(cameras, unit="mm")
+    truth = random.normal(0.0, 0.6, (38, 3)) + np.cumsum(random.normal(0.0, 0.06, (STEPS, 1, 3)), axis=0)
+    pixels = sk.project(truth, rig).swapaxes(0, 1)
+    pixels += random.normal(0.0, 0.5, pixels.shape)
+    names = {"camera_names": rig.names, "joint_names": layout.joints, "frame_rate": 100.0}
+    np.savez(folder / "detections.npz", detections=pixels, **names)
+    write_calibration(folder / "rig.json", rig)
+    return folder / "out", run(Job(folder / "rig.json", folder / "detections.npz", output=folder / "out"))
+
+
+def test_lengths_of_a_fly_have_two_digits(fly, capsys):
+    folder, found = fly
+    assert found.statistics.decimals == 4
+    print_run(wide_console(), found)
+    printed = capsys.readouterr().out
+    page = (folder / "report.html").read_text(encoding="utf-8")
+    middle = f"{np.nanmedian(found.statistics.error_bar_mm):.4f} mm"
+    assert middle.startswith("0.004")
+    assert f"median {middle}." in printed
+    assert middle in page
+    for text in (printed, page):
+        assert not re.search(r"\b0\.0 mm|\b0 mm|\b0\.0 \(0\.0\)", text)
+    assert re.search(r"\bright_\w+ +0\.00\d\d +0\.00\d\d +0\.00\d\d ", printed)
+    assert re.search(r"0\.00\d\d \(0\.00\d\d\)", page)  # a row of the table of joints
+
+
+def test_the_title_of_a_picture_of_a_fly_has_its_lengths(fly):
+    found = fly[1]
+    words = _caption(3, found.inputs, found.outcome, found.statistics)
+    assert re.search(r"median joint 0\.00\d\d mm .* \(all frames: 0\.00\d\d mm\)", words)
+
+
+def test_a_trc_of_a_fly_has_steps_far_below_its_error_bars(fly):
+    folder, found = fly
+    apart = np.abs(1000.0 * read_trc(folder / "pose.trc").pose - found.poses.pose)
+    assert 0 < apart.max() < 5.1e-5  # half a step of 0.1 µm; its error bars are 4.5 µm

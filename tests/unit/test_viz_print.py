@@ -220,6 +220,17 @@ def test_a_panel_has_both_sides_and_their_numbers():
     assert axes.get_ylabel() == "mm"
 
 
+def test_bones_of_a_fly_have_digits_and_fill_their_panel():
+    left, right = bone("left", (0.25, 0.26, 0.24)), bone("right", (0.30, 0.31, 0.29))
+    (axes,) = bone_axes(viz.BonePanel("a – b", [left, right]))
+    assert words(axes)[1:] == [
+        "left − right −0.050 mm",
+        "left 0.250 ± 0.008 mm (3.3 %)",
+        "right 0.300 ± 0.008 mm (2.7 %)",
+    ]
+    assert np.ptp(axes.get_ylim()) < 0.2
+
+
 def test_lengths_that_do_not_count_are_pale_and_do_not_set_the_scale():
     (axes,) = bone_axes(viz.BonePanel("a – b", [bone("left", (100.0, 5000.0, 90.0), (True, False, True))]))
     assert np.isnan(labelled(axes.lines, "left").get_ydata()[1])

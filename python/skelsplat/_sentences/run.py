@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from skelsplat._optional import pip_line
-from skelsplat._sentences.words import listed, options, percent
+from skelsplat._sentences.words import decimals, length, listed, number, options, percent
 
 if TYPE_CHECKING:
     from skelsplat.findings import Finding
@@ -148,7 +148,7 @@ def _mirrored(finding: Finding) -> str:
 
 def _limbs_differ(finding: Finding) -> str:
     limbs = zip(finding.numbers["limbs"], finding.numbers["lengths_mm"], strict=True)
-    sizes = " and ".join(f"{a} to {b} {size:.0f} mm" for (a, b), size in limbs)
+    sizes = " and ".join(f"{a} to {b} {length(size, 0, 10.0)} mm" for (a, b), size in limbs)
     others = " and ".join(finding.numbers["layouts_of_as_many_joints"])
     hint = f" ({others} has the same number of joints)" if others else ""
     return f"Left and right limbs differ in length, {sizes}. Is the layout correct{hint}?"
@@ -157,7 +157,7 @@ def _limbs_differ(finding: Finding) -> str:
 def _given_lengths_differ(finding: Finding) -> str:
     given, measured = finding.numbers["given_mm"], finding.numbers["measured_mm"]
     sizes = [
-        f"{a} to {b} {size:.0f} mm, measured {seen:.0f} mm"
+        f"{a} to {b} {length(size, 0, 10.0)} mm, measured {length(seen, 0, 10.0)} mm"
         for (a, b), size, seen in zip(finding.numbers["limbs"], given, measured, strict=True)
     ]
     return f"Given bone lengths contradict the recording: {_some(sizes)}. Short recordings follow them."
@@ -165,8 +165,9 @@ def _given_lengths_differ(finding: Finding) -> str:
 
 def _uncertain(finding: Finding) -> str:
     scatter = zip(finding.subject.joints, finding.numbers["scatter_mm"], strict=True)
-    joints = _some([f"{name} ({own:.0f} mm)" for name, own in scatter])
-    return f"Scatter far above the median of {finding.numbers['median_scatter_mm']:.0f} mm: {joints}."
+    median = finding.numbers["median_scatter_mm"]
+    joints = _some([f"{name} ({number(own, decimals(median, 0))} mm)" for name, own in scatter])
+    return f"Scatter far above the median of {length(median, 0)} mm: {joints}."
 
 
 def _some(joints: Sequence[str]) -> str:
@@ -286,9 +287,11 @@ def _left_out(finding: Finding) -> str:
 def _jumps(finding: Finding) -> str:
     count, frames = finding.numbers["jumps"], _frames(list(finding.subject.frames))
     times = "once" if count == 1 else f"{count:,} times"
+    longest = finding.numbers["longest_mm"]
+    far = f"{longest / 1000:.1f} m" if longest >= 100 else f"{length(longest, 0, 10.0)} mm"
     return (
         f"The person jumps {times} from one frame to the next, by up to "
-        f"{finding.numbers['longest_mm'] / 1000:.1f} m ({frames}): the detections change to another person, "
+        f"{far} ({frames}): the detections change to another person, "
         "or frames are missing or out of order."
     )
 
@@ -306,6 +309,7 @@ def _followed(finding: Finding) -> str:
 def _lengths(finding: Finding) -> str:
     numbers, (a, b) = finding.numbers, finding.subject.joints
     low, high = numbers["range_mm"]
+    digits = decimals(high, 0, 10.0)
     cause = (
         "The detections probably mix people: --person consistent follows the person the views agree on"
         if finding.remedy
@@ -314,9 +318,9 @@ def _lengths(finding: Finding) -> str:
     )
     return (
         f"Limb lengths vary by up to {percent(numbers['relative_range'])} over the recording, which is "
-        f"impossible for one body. {a} to {b} is {low:,.0f} to {high:,.0f} mm long (5th to 95th "
-        f"percentile), and {percent(numbers['off_share'])} of the lengths of arms and legs deviate by "
-        f"more than scatter explains. {cause}."
+        f"impossible for one body. {a} to {b} is {number(low, digits)} to {number(high, digits)} mm long "
+        f"(5th to 95th percentile), and {percent(numbers['off_share'])} of the lengths of arms and legs "
+        f"deviate by more than scatter explains. {cause}."
     )
 
 
@@ -416,5 +420,7 @@ SENTENCES: Mapping[str, str | Callable[[Finding], str]] = {
     "frame_swapped": lambda f: f"left–right swap in {named(f)}",
     "frame_rejected": lambda f: f"{max(f.numbers['percent']):.0f}% of the detections rejected",
     "frame_error": lambda f: f"median reprojection error {max(f.numbers['median_px']):.1f} px",
-    "frame_scatter": lambda f: f"scatter far above normal: {named(f)}, {max(f.numbers['scatter_mm']):.0f} mm",
+    "frame_scatter": lambda f: (
+        f"scatter far above normal: {named(f)}, {length(max(f.numbers['scatter_mm']), 0)} mm"
+    ),
 }

@@ -20,6 +20,17 @@ def number(value: float, digits: int = 1) -> str:
     return f"{value:,.{digits}f}" if math.isfinite(value) else "–"
 
 
+def decimals(mm: float, least: int = 1, below: float = 1.0) -> int:
+    """Return how many decimals a length in mm has: `least`; below `below` two significant digits or more."""
+    short = 0 < abs(mm) < below  # not if it is NaN
+    return max(least, 1 - math.floor(math.log10(abs(mm)))) if short else least
+
+
+def length(mm: float, least: int = 1, below: float = 1.0) -> str:
+    """Return a length in mm as text: "14.2", "0.0046"."""
+    return number(mm, decimals(mm, least, below))
+
+
 def with_bar(value: float, sigma: float | None, sign: str = "") -> str:
     """Return a number with its error bar, to one or two of its digits: "143 ± 36"; without one, "143"."""
     if sigma is None or not math.isfinite(sigma):

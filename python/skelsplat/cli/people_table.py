@@ -8,7 +8,7 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
-from skelsplat._sentences.words import number
+from skelsplat._sentences.words import length, number
 from skelsplat.cli.table import new_table, print_findings, print_paragraphs, print_table
 from skelsplat.findings import Finding
 from skelsplat.run import PeopleRun
@@ -51,7 +51,7 @@ def _cells(entry: dict[str, Any]) -> list[str]:
         str(seen),
         f"{entry['views_median']:g}",
         number(_known(entry["median_error_px"])),
-        number(_known(entry["error_bar_median_mm"])),
+        length(_known(entry["error_bar_median_mm"])),
         _percent(entry["rejected_share"]),
         _percent(entry["limb_range"]),
     ]

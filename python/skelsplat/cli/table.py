@@ -6,6 +6,7 @@ import os
 from collections.abc import Callable, Collection, Iterator, Sequence
 from copy import copy
 from pathlib import Path
+from textwrap import wrap
 from typing import Any
 
 import numpy as np
@@ -223,10 +224,11 @@ def _lines(run: Run) -> Iterator[str]:
     yield from solved_in_words(run.report)
     yield from thinned_in_words(run.inputs)
     yield f"Frames stopped: {reasons}."
-    moved = number(finite_median(statistics.moved_mm))
+    digits = statistics.decimals
+    moved = number(finite_median(statistics.moved_mm), digits)
     yield f"Median distance of the joints from the {outcome.start_name}: {moved} mm."
     yield (
-        f"Estimated noise of the detections: {number(statistics.noise_mm)} mm across the ray, "
+        f"Estimated noise of the detections: {number(statistics.noise_mm, digits)} mm across the ray, "
         f"{number(statistics.noise_px)} px."
     )
     swapped = statistics.total.swapped
@@ -234,13 +236,17 @@ def _lines(run: Run) -> Iterator[str]:
         found = ", ".join(f"{group.name} {group.swapped}" for group in statistics.cameras if group.swapped)
         yield f"Left–right swaps were corrected in {swapped} detections: {found}."
     yield ""
-    bar, scatter = (number(finite_median(mm)) for mm in (statistics.error_bar_mm, statistics.scatter_mm))
+    bar, scatter = (
+        number(finite_median(mm), digits) for mm in (statistics.error_bar_mm, statistics.scatter_mm)
+    )
     if is_biased(run.result):
-        yield f"Error bars, one standard deviation per axis: median {bar} mm (against anatomical"
-        yield f"joints); scatter {scatter} mm, to which the detector's bias adds in quadrature."
+        rest = f" (against anatomical joints); scatter {scatter} mm, to which the detector's bias adds in"
+        rest += " quadrature."
     else:
-        yield f"Error bars, one standard deviation per axis: median {bar} mm. This is the scatter"
-        yield "alone; it includes no bias of the detector (--joint-bias-mm states one)."
+        rest = (
+            ". This is the scatter alone; it includes no bias of the detector (--joint-bias-mm states one)."
+        )
+    yield from wrap(f"Error bars, one standard deviation per axis: median {bar} mm{rest}", 80)
     yield "The largest [mm]:"
 
 
@@ -257,6 +263,6 @@ def _joints(run: Run) -> Table:
         group, largest = statistics.joints[j], finite_max(statistics.error_bar_mm[:, j])
         scatter = finite_median(statistics.scatter_mm[:, j])
         counts = (group.missing, group.rejected, group.used + group.missing + group.left_out)
-        sizes = (number(size) for size in (bars[j], largest, scatter))
+        sizes = (number(size, statistics.decimals) for size in (bars[j], largest, scatter))
         table.add_row(f" {group.name}", *sizes, *map(str, counts))
     return table

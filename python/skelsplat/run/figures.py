@@ -80,12 +80,12 @@ def _caption(frame: int, inputs: Inputs, outcome: Outcome, statistics: Statistic
     """Return which frame is drawn and why, and how many frames have joints that are not ok."""
     here, typical = finite_median(statistics.moved_mm[frame]), finite_median(statistics.moved_mm)
     count, status = len(inputs.frames), np.asarray(outcome.result.joint_status)
-    start = outcome.start_name
-    words, change = f"Frame {inputs.frames[frame]}", f"median joint {here:.0f} mm from the {start}"
+    start, digits = outcome.start_name, statistics.decimals if statistics.decimals > 1 else 0
+    words, change = f"Frame {inputs.frames[frame]}", f"median joint {here:.{digits}f} mm from the {start}"
     if not np.isfinite(here):
         words += ", in which no joint can be compared with its start"
     elif count > 1:
-        words += f", with the largest change: {change} (all frames: {typical:.0f} mm)"
+        words += f", with the largest change: {change} (all frames: {typical:.{digits}f} mm)"
     else:
         words += f": {change}"
     frames = {name: int((status == name).any(axis=1).sum()) for name in ("inferred", "weak", "unobserved")}

@@ -182,7 +182,8 @@ def key_numbers(run: Run) -> list[tuple[str, str, str]]:
     statistics = run.statistics
     total = statistics.total
     frames = {frame for finding in problems_of(run.frame_findings) for frame in finding.subject.frames}
-    scatter = f"against anatomical joints; scatter {number(finite_median(statistics.scatter_mm))} mm"
+    digits = statistics.decimals
+    scatter = f"against anatomical joints; scatter {number(finite_median(statistics.scatter_mm), digits)} mm"
     return [
         (
             "median reprojection error",
@@ -193,11 +194,11 @@ def key_numbers(run: Run) -> list[tuple[str, str, str]]:
         (
             "noise of the detections",
             f"{number(statistics.noise_px)} px",
-            f"{number(statistics.noise_mm)} mm across the ray, estimated",
+            f"{number(statistics.noise_mm, digits)} mm across the ray, estimated",
         ),
         (
             "median error bar",
-            f"{number(finite_median(statistics.error_bar_mm))} mm",
+            f"{number(finite_median(statistics.error_bar_mm), digits)} mm",
             scatter if is_biased(run.result) else "scatter alone, without a bias of the detector",
         ),
         (
@@ -310,14 +311,14 @@ def _joint_table(inputs: Inputs, statistics: Statistics) -> page.Table:
     """Return a row per joint."""
     from skelsplat.viz.report import Table  # as in write_html
 
-    rows = []
+    rows, digits = [], statistics.decimals
     for j, group in enumerate(statistics.joints):
         views = statistics.views_used[:, j]
         bar, scatter = (finite_median(mm[:, j]) for mm in (statistics.error_bar_mm, statistics.scatter_mm))
         own = [
             f"{np.median(views):g} ({views.min()})",
-            f"{number(bar)} ({number(scatter)})",
-            number(finite_median(statistics.moved_mm[:, j])),
+            f"{number(bar, digits)} ({number(scatter, digits)})",
+            number(finite_median(statistics.moved_mm[:, j]), digits),
         ]
         rows.append([*_cells(group), *own])
     (views_used, meaning), *others = _OF_JOINTS

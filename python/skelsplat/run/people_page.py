@@ -10,7 +10,7 @@ import numpy as np
 
 from skelsplat import viz
 from skelsplat._arrays import Array
-from skelsplat._sentences.words import number
+from skelsplat._sentences.words import decimals, length, number
 from skelsplat.run.figures import skeleton_of
 from skelsplat.run.frames import problems_of, rows_of
 from skelsplat.run.html import camera_shapes, facts_of, of_the_view, part_of
@@ -166,7 +166,7 @@ def _numbers(run: PeopleRun) -> list[tuple[str, str, str]]:
         ),
         ("median reprojection error", f"{number(before)} → {number(after)} px", "start → refined"),
         ("detections rejected", part_of(rejected, used), f"of {used:,} used"),
-        ("median error bar", f"{number(finite_median(bars))} mm", against),
+        ("median error bar", f"{length(finite_median(bars))} mm", against),
     ]
 
 
@@ -180,7 +180,7 @@ def _row(entry: dict[str, Any], run: Run) -> list[str]:
         f"{entry['views_median']:g}",
         f"{number(total.before_px)} → {number(total.after_px)}",
         part_of(total.rejected, total.used),
-        number(finite_median(run.statistics.error_bar_mm)),
+        length(finite_median(run.statistics.error_bar_mm)),
         "–" if limbs is None or not np.isfinite(limbs) else f"{100 * limbs:.0f}%",
         f"{len(frames):,}",
         str(len(run.findings)),
@@ -215,4 +215,5 @@ def _bones(runs: Sequence[Run], names: Sequence[str]) -> page.Table:
 
 
 def _length(size: Array) -> str:
-    return f"{size[0]:.0f} ± {size[1]:.0f}" if np.isfinite(size).all() else "–"
+    digits = decimals(size[0], 0, 10.0)
+    return " ± ".join(number(mm, digits) for mm in size) if np.isfinite(size).all() else "–"

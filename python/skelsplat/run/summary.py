@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 import skelsplat as sk
 from skelsplat._arrays import Array, Index, Mask, medians
+from skelsplat._sentences.words import decimals
 from skelsplat.run.displaced import Shifts, camera_shifts, residuals
 from skelsplat.run.read import Inputs
 from skelsplat.run.solve import Outcome, rig_as_used
@@ -126,6 +127,11 @@ class Statistics:
     total: Group
     stop_reasons: dict[str, int]
     statuses: dict[str, int]
+
+    @property
+    def decimals(self) -> int:
+        """How many decimals lengths in mm are written with: one, more if the error bars are below 1 mm."""
+        return decimals(finite_median(self.error_bar_mm))
 
     def without_bars(self, where: Mask) -> Statistics:
         """Return the same without the error bars where (T, N) holds, as of positions that were replaced."""

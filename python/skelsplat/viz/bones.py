@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TypeVar
@@ -136,15 +137,22 @@ def in_words(bone: Bone) -> str:
     """Return the median and the standard deviation of a limb in words."""
     if not np.isfinite(bone.median):
         return "no reliable frame" if np.isfinite(bone.lengths).any() else ""
+    digits = _digits(bone.median)
     if not np.isfinite(bone.deviation):
-        return f"{_three_figures(bone.median)} mm"
+        return f"{_three_figures(bone.median, digits)} mm"
+    deviation = _three_figures(bone.deviation, digits)
     share = f" ({_three_figures(100 * bone.deviation / bone.median)} %)" if bone.median > 0 else ""
-    return f"{_three_figures(bone.median)} ± {_three_figures(bone.deviation)} mm{share}"
+    return f"{_three_figures(bone.median, digits)} ± {deviation} mm{share}"
 
 
-def _three_figures(value: float) -> str:
-    """Return a number with one decimal, from a hundred on without: both sides' must fit above a panel."""
-    return f"{value:.{1 if value < 99.95 else 0}f}"
+def _digits(mm: float) -> int:
+    """Return how many decimals the spread of a bone of this length needs: one, more if it is short."""
+    return 2 - math.floor(math.log10(mm)) if 0 < mm < 10 else 1
+
+
+def _three_figures(value: float, digits: int = 1) -> str:
+    """Return a number with these decimals, from a hundred on without: both sides' must fit above a panel."""
+    return f"{value:.{digits if value < 99.95 else 0}f}"
 
 
 def difference_in_words(panel: BonePanel) -> str:
@@ -154,7 +162,7 @@ def difference_in_words(panel: BonePanel) -> str:
     left, right = (bone.median for bone in panel.bones)
     if not np.isfinite(left - right):
         return ""
-    return f"left − right {left - right:+.1f} mm".replace("-", "−")
+    return f"left − right {left - right:+.{_digits(min(left, right))}f} mm".replace("-", "−")
 
 
 def _limits(bones: Sequence[Bone]) -> tuple[float, float]:
@@ -165,7 +173,7 @@ def _limits(bones: Sequence[Bone]) -> tuple[float, float]:
     if not len(known):
         return 0.0, 1.0
     middle = float(np.median(known))
-    least = max(_LEAST_SHARE * middle, 1.0)
+    least = _LEAST_SHARE * middle or 1.0
     low, high = min(float(known.min()), middle - least), max(float(known.max()), middle + least)
     margin = 0.03 * (high - low)
     return low - margin, high + margin

@@ -68,10 +68,16 @@ function statusOf(t, j) {
 
 function tell(t, j) {
   const bar = errorBar(t, j);
-  const width = bar === null ? "no error bar" : `error bar ${(1000 * bar).toFixed(0)} mm`;
+  const width = bar === null ? "no error bar" : `error bar ${millimetres(bar)} mm`;
   const cut = bar !== null && surface(spread(t, j)).some(([, share]) => share < 1);
   const note = cut ? `<br>ellipsoid cut off at ${1000 * MOST_M} mm` : "";
   return `${escaped(scene.joints[j])}<br>${width}, ${statusOf(t, j)}${note}`;
+}
+
+// A length as text, with two digits if it is below a millimetre.
+function millimetres(metres) {
+  const mm = 1000 * metres;
+  return mm !== 0 && Math.abs(mm) < 1 ? String(Number(mm.toPrecision(2))) : mm.toFixed(0);
 }
 
 // Plotly reads a few tags in texts.
