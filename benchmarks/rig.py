@@ -7,9 +7,9 @@
 
 Simulated: CMU motions of ten seconds at 30 Hz (without the data: the package's synthetic motions), detections
 with memory (`recordings.noise`), and one camera, in half of the takes two of five or more, that was turned or
-moved in a random direction, zoomed, or is late, or one that was turned and another that is late. Nothing
-tells the method which. Faults are in degrees, mm, shares of the focal length, and frames; `focal=True` and
-`clock=True` are given for these faults alone.
+moved in a random direction, zoomed, or is late; or one that was turned and another that is late; or all count
+frames differently, by up to so many either way. Nothing tells the method which. Faults are in degrees, mm,
+shares of the focal length, and frames; `focal=True` and `clock=True` are given for these faults alone.
 
 set right: takes in which every faulty camera is adjusted (or late) and no other, and at most a tenth of the
 fault or twice the error bar is left, of the fault and of what it might be confused with. beyond: more is.
@@ -60,6 +60,7 @@ FAULTS = (
     "clock 0.3",
     "clock 3",
     "clock 20",
+    "clocks 10",
     "turn 3, another late 3",
 )
 # What rounding leaves: degrees, mm, share, frames.
@@ -124,6 +125,8 @@ def case(views: int, kind: str, size: float, condition: str, seed: int, *, anoth
         [size * rng.choice([-1, 1]) if kind == "clock" and i in faulty else 0.0 for i in range(views)]
     )
     given = [spoilt(c, kind, size, rng) if i in faulty else c for i, c in enumerate(true)]
+    if kind == "clocks":
+        late, faulty = rng.integers(-size, size, views, endpoint=True).astype(float), set(range(views))
     if another:
         i = int(rng.choice(sorted(set(range(views)) - faulty)))
         late[i] = another * rng.choice([-1, 1])
@@ -159,6 +162,8 @@ def errors(true: sk.Camera, camera: sk.Camera, late: float) -> FloatArray:
 
 def verdict(one: Case, found: sk.RigAdjustment) -> tuple[str, float, float]:
     """Return what became of a case, what is left of the fault, and its error bar; NaN if not set right."""
+    if len(one.faulty) == len(one.true):
+        return verdict_of_clocks(one, found)
     changed = {i for i, r in enumerate(found.report) if r.status in ("adjusted", "late")}
     doubtful = {i for i, r in enumerate(found.report) if r.status == "doubtful"}
     if changed - one.faulty:
@@ -177,6 +182,18 @@ def verdict(one: Case, found: sk.RigAdjustment) -> tuple[str, float, float]:
         part = int(np.argmax(before > NOTHING))
         left, bar = max(left, float(after[part])), max(bar, float(bars[part]))
     return outcome, left, bar
+
+
+def verdict_of_clocks(one: Case, found: sk.RigAdjustment) -> tuple[str, float, float]:
+    """Return what became of clocks of which none need be right: what they share does not count."""
+    off = one.late - [camera.clock for camera in found.report]
+    left = float(np.abs(off - np.median(off)).max())
+    bar = float(np.nanmax([camera.clock_sigma for camera in found.report], initial=0.0))
+    if found.of("adjusted"):
+        return "wrong", np.nan, np.nan
+    if found.of("doubtful"):
+        return "doubt", np.nan, np.nan
+    return "set right" if left <= max(float(np.ptp(one.late)) / 10, 2 * bar) else "beyond", left, bar
 
 
 def within(one: Case, found: sk.RigAdjustment) -> bool:

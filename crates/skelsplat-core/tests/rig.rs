@@ -138,10 +138,32 @@ fn a_late_camera_is_told_from_one_that_was_moved() {
     assert_eq!(found.cameras, truth);
     let asked = Adjustable { clock: true, ..Adjustable::default() };
     let found = adjusted(&truth, &frames, &asked);
-    assert_eq!(found.report[1].status, CameraStatus::Adjusted);
+    assert_eq!(found.report[1].status, CameraStatus::Late);
+    assert_eq!(found.cameras, truth);
     let off = (found.report[1].change.clock - 3.4).abs();
     assert!(off < 0.1 && off < 2.0 * found.report[1].bars.clock + 0.05, "{off}");
     assert_eq!(found.report[1].change.turn, Vector3::zeros());
+}
+
+/// Clocks are known up to one that all share, and by motion, which a turned camera shows as well.
+#[test]
+fn every_clock_may_be_off_and_a_camera_turned_besides() {
+    let truth = room(4);
+    let late = [3.0, 7.0, -4.0, 9.0];
+    let mut given = truth.clone();
+    given[2] = moved(&truth[2], [0.0, 0.03, 0.0], [0.0; 3]);
+    let found = adjusted(&given, &recording(&truth, &late, 2.0), &Adjustable::default());
+    let ahead = |i: usize| found.report[i].change.clock - late[i];
+    for (i, one) in found.report.iter().enumerate() {
+        assert!((ahead(i) - ahead(0)).abs() < 0.1, "camera {i}: {}", ahead(i) - ahead(0));
+        let expected = match i {
+            2 => CameraStatus::Adjusted,
+            _ if one.change.clock == 0.0 => CameraStatus::Sound,
+            _ => CameraStatus::Late,
+        };
+        assert_eq!(one.status, expected, "camera {i}");
+    }
+    assert!(apart(&found.cameras[2], &truth[2]).0 < 0.003);
 }
 
 #[test]
@@ -279,7 +301,7 @@ fn errors_that_last_are_no_clock_and_hide_none() {
         let found = adjusted(&cameras, &frames, &what);
         for (i, one) in found.report.iter().enumerate() {
             let wrong = i == 2 && late > 0.0;
-            let expected = if wrong { CameraStatus::Adjusted } else { CameraStatus::Sound };
+            let expected = if wrong { CameraStatus::Late } else { CameraStatus::Sound };
             assert_eq!(one.status, expected, "camera {i}, {late} frames late");
             let left = if wrong { late - one.change.clock } else { 0.0 };
             assert!(left.abs() < 2.0 * one.bars.clock, "{left} ± {}", one.bars.clock);

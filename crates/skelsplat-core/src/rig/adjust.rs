@@ -10,7 +10,7 @@ use super::placed::{Change, Freedom, Placed, rebuilt};
 use super::reduced::Reduced;
 use super::report::{CameraAdjustment, CameraStatus, RigAdjustment};
 use super::scene::{Motion, Scene, median};
-use super::search::{Explanation, Fault, Found, Scope, Supposed, both};
+use super::search::{CONFIRMED, Explanation, Fault, Found, Scope, Supposed, both};
 use crate::batch::Progress;
 use crate::camera::{Camera, Distortion};
 use crate::detections::Detections;
@@ -27,8 +27,6 @@ const JUDGED: usize = 200;
 const PARTS: usize = 50;
 const LEFT_OUT: [usize; 2] = [2, 5];
 const LEAST_DIVIDED: usize = 10;
-/// A change that a search was sure of is confirmed on all frames from this surety on.
-const CONFIRMED: f64 = 2.0;
 /// A change explains its camera where the distance of its detections in frames that were left out is at most this multiple of the
 /// median of the other cameras', or this part of the one before and of the image's diagonal: what poor detections are off.
 const ALIKE: f64 = 2.0;

@@ -24,6 +24,8 @@ const RAYLEIGH: f64 = 1.177_41;
 const LEAST_PX: f64 = 0.05;
 /// A change is a fault from this [`surety`] on.
 const SURE: f64 = 3.5;
+/// A change that was found is confirmed from this surety on where more is known.
+pub const CONFIRMED: f64 = 2.0;
 /// The least that a fault explains, relative to the mean cost of a view, and what is enough from the surety [`CLEAR`] on: of the place,
 /// and of the clock, which is one number.
 const GAIN: [f64; 2] = [0.2, 0.05];
@@ -105,11 +107,6 @@ impl Supposed {
     fn is_clock(&self) -> bool {
         self.fault == Fault::Clock
     }
-
-    /// Whether this is another camera, or time against place.
-    fn differs(&self, other: &Self) -> bool {
-        self.view != other.view || self.is_clock() != other.is_clock()
-    }
 }
 
 impl Explanation {
@@ -137,49 +134,50 @@ impl Scope<'_> {
             let Some(first) = best.first() else { break };
             rounds.push((std::mem::replace(&mut found.rig, first.rig.clone()), best));
         }
+        rounds.retain(|(_, best)| !best[0].is_clock() || self.keeps(&mut found.rig, best[0].view));
         // What was corrected later is a fault of its own.
         let corrected = found.rig.freedom.clone();
         for (_, best) in &mut rounds {
-            let first = best[0].view;
-            best.retain(|one| one.view == first || !covers(corrected[one.view], one.fault));
+            let first = best[0].clone();
+            let told = |one: &Supposed| {
+                covers(corrected[one.view], one.fault)
+                    || first.is_clock() && self.stays_late(&found.rig, first.view, one.view)
+            };
+            best.retain(|one| one.view == first.view || !told(one));
         }
-        let doubt = |round: &(Explanation, Vec<Supposed>)| round.1.len() > 1;
-        let Some(k) = rounds.iter().position(doubt) else { return Ok(found) };
-        let later = rounds.split_off(k + 1);
-        (found.rig, found.rivals) = rounds.swap_remove(k);
-        // Time and place hardly depend on each other.
-        let clock = found.rivals[0].is_clock();
-        let besides = later.iter().all(|round| !doubt(round) && round.1[0].is_clock() != clock);
-        if besides && let Some(last) = later.last() {
-            self.tell_again(&mut found, &last.1[0].rig);
+        if let Some(k) = rounds.iter().position(|(_, best)| best.len() > 1) {
+            (found.rig, found.rivals) = rounds.swap_remove(k);
         }
         Ok(found)
     }
 
-    /// Tells rivals apart in a rig in which what was found after them is right, too.
-    fn tell_again(&self, found: &mut Found, right: &Explanation) {
-        let first = &found.rivals[0];
-        let (given, now) = (&self.given[first.view], right.freedom[first.view]);
-        let (mut cameras, mut freedom) = (right.cameras.clone(), right.freedom.clone());
-        if first.is_clock() {
-            cameras[first.view].clock = given.clock;
-            freedom[first.view] = Freedom { clock: false, ..now };
-        } else {
-            cameras[first.view].camera = given.camera.clone();
-            freedom[first.view] = Freedom { clock: now.clock, ..Freedom::default() };
+    /// Whether a clock is still off now that other faults are corrected; if not, it is as given again.
+    fn keeps(&self, rig: &mut Explanation, view: usize) -> bool {
+        let keeps = self.lateness(rig, view) > CONFIRMED;
+        if !keeps {
+            rig.cameras[view].clock = self.given[view].clock;
+            rig.freedom[view].clock = false;
+            let sigma = self.sigma(&rig.cameras);
+            *rig = self.explain(rig.cameras.clone(), rig.freedom.clone(), sigma, 1.0);
         }
-        let sigma = self.sigma(&right.cameras);
-        let rig = self.explain(cameras, freedom, sigma, 1.0);
-        let again = |one: &Supposed| self.suppose(&rig, one.view, one.fault, sigma);
-        let faults: Vec<Supposed> = found.rivals.iter().filter_map(again).collect();
-        found.rivals = self.told_apart(faults, sigma);
-        found.rig = rig;
-        if found.rivals.len() == 1 {
-            found.rig = found.rivals.swap_remove(0).rig;
-        }
+        keeps
     }
 
-    /// The fault that explains most, and those of other cameras, or of time instead of place, that explain as much.
+    /// Whether a clock is sure in a rig in which another clock is free besides.
+    fn stays_late(&self, rig: &Explanation, view: usize, besides: usize) -> bool {
+        let mut freedom = rig.freedom.clone();
+        freedom[besides].clock = true;
+        let rig = self.explain(rig.cameras.clone(), freedom, self.sigma(&rig.cameras), 1.0);
+        self.lateness(&rig, view) > SURE
+    }
+
+    /// How sure it is that a clock is off: see [`surety`].
+    fn lateness(&self, rig: &Explanation, view: usize) -> f64 {
+        let change = Change::between(&self.given[view], &rig.cameras[view]);
+        surety(&rig.judged, &unknowns(&rig.freedom), view, Freedom::CLOCK, &change)
+    }
+
+    /// The fault that explains most, and those of other cameras that explain as much.
     fn best(&self, found: &mut Found, sigma: f64, progress: &Progress) -> Result<Vec<Supposed>> {
         let mut faults = Vec::new();
         for (view, fault) in self.candidates(&found.rig) {
@@ -195,13 +193,14 @@ impl Scope<'_> {
         Ok(self.told_apart(faults, sigma))
     }
 
-    /// The strongest fault, and those that explain as much: of other cameras, or of time instead of place.
+    /// The strongest fault, and those of other cameras that explain as much. Time and place are no rivals: motion tells clocks, and
+    /// places hardly change it.
     fn told_apart(&self, faults: Vec<Supposed>, sigma: f64) -> Vec<Supposed> {
         let Some(best) = strongest(&faults).cloned() else { return faults };
         let is_rival = |one: &Supposed| {
-            // A clock is one number: a place that explains less with six is no rival.
-            let simpler = best.is_clock() && best.view == one.view;
-            best.differs(one) && !simpler && !self.explains_less(one, &best, sigma)
+            best.view != one.view
+                && best.is_clock() == one.is_clock()
+                && !self.explains_less(one, &best, sigma)
         };
         let rivals: Vec<Supposed> = faults.into_iter().filter(is_rival).collect();
         std::iter::once(best).chain(rivals).collect()
@@ -209,7 +208,7 @@ impl Scope<'_> {
 
     /// Whether joints agree that one fault explains less than another. Clocks compare in all frames, without the errors that last.
     fn explains_less(&self, one: &Supposed, other: &Supposed, sigma: f64) -> bool {
-        if !(one.is_clock() && other.is_clock()) {
+        if !one.is_clock() {
             return is_worse(&one.rig.judged.costs, &other.rig.judged.costs);
         }
         let scope = Scope { frames: self.all, ..*self };
@@ -233,7 +232,8 @@ impl Scope<'_> {
         let another = |part: fn(&Freedom) -> bool| {
             2 * (rig.freedom.iter().filter(|one| part(one)).count() + 1) < m
         };
-        let (place, clock) = (another(|one| one.turn || one.focal), another(|one| one.clock));
+        let place = another(|one| one.turn || one.focal);
+        let clock = rig.freedom.iter().filter(|one| one.clock).count() + 1 < m;
         let mut out = Vec::new();
         for (i, freedom) in rig.freedom.iter().enumerate() {
             if m > 2 && (place || freedom.focal) && !freedom.turn {
@@ -426,18 +426,13 @@ impl Scope<'_> {
     }
 }
 
-/// The fault that explains most: the best clock, or the best place if that explains more.
+/// The clock that explains most, or else the place: motion tells clocks also while places are wrong.
 fn strongest(faults: &[Supposed]) -> Option<&Supposed> {
     let moving = |one: &Supposed| total(&one.rig.judged.moving);
     let costs = |one: &Supposed| total(&one.rig.judged.costs);
     let clocks = faults.iter().filter(|one| one.is_clock());
     let clock = clocks.min_by(|a, b| moving(a).total_cmp(&moving(b)));
-    let places = faults.iter().filter(|one| !one.is_clock());
-    let place = places.min_by(|a, b| costs(a).total_cmp(&costs(b)));
-    match (place, clock) {
-        (Some(place), Some(clock)) if costs(place) < costs(clock) => Some(place),
-        _ => clock.or(place),
-    }
+    clock.or_else(|| faults.iter().min_by(|a, b| costs(a).total_cmp(&costs(b))))
 }
 
 /// Takes what a supposed fault says of error bars, of the place from the one with all of it free.
