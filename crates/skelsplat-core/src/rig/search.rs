@@ -3,7 +3,8 @@
 //! A calibration is either right or wrong, so the prior of a camera is a spike at its calibration and a wide normal: a camera stays
 //! exactly where it is unless it is shown to be elsewhere. Each supposition is solved on its own: the other cameras place the joints,
 //! the camera is placed by them, then everything is adjusted together. A fault counts where the change is several times its error
-//! bar; it is told from another where the joints agree that it explains more.
+//! bar; it is told from another where the joints agree that it explains more. Clocks come first: motion tells them, also while places
+//! are wrong.
 
 use nalgebra::Vector3;
 
