@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from skelsplat._sentences.words import length, listed, options, percent, with_bar
+from skelsplat._sentences.words import listed, options, percent, with_bar
 
 if TYPE_CHECKING:
     from skelsplat.findings import Finding
@@ -115,7 +115,7 @@ def _pose(numbers: Numbers, name: str) -> str:
 
 
 def _motion(numbers: Numbers, what: str) -> str:
-    turned, moved = f"{numbers['degrees']:.1f}°", f"{length(numbers['mm'], 0)} mm"
+    turned, moved = f"{numbers['degrees']:.1f}°", f"{numbers['mm']:.0f} mm"
     if moved == "0 mm":
         return f"rotating {what} by {'less than 0.1°' if turned == '0.0°' else turned}"
     return (
