@@ -154,7 +154,7 @@ impl Scope<'_> {
 
     /// Whether a clock is still off now that other faults are corrected; if not, it is as given again.
     fn keeps(&self, rig: &mut Explanation, view: usize) -> bool {
-        let keeps = self.lateness(rig, view) > CONFIRMED;
+        let keeps = self.lateness(rig, view) > CONFIRMED && self.is_within(rig, view);
         if !keeps {
             rig.cameras[view].clock = self.given[view].clock;
             rig.freedom[view].clock = false;
@@ -170,6 +170,11 @@ impl Scope<'_> {
         freedom[besides].clock = true;
         let rig = self.explain(rig.cameras.clone(), freedom, self.sigma(&rig.cameras), 1.0);
         self.lateness(&rig, view) > SURE
+    }
+
+    /// Whether a clock is off by no more than it may be: where places are wrong, some clock far away seems to fit.
+    fn is_within(&self, rig: &Explanation, view: usize) -> bool {
+        (rig.cameras[view].clock - self.given[view].clock).abs() <= self.latest() as f64 + 1.0
     }
 
     /// How sure it is that a clock is off: see [`surety`].
@@ -347,8 +352,11 @@ impl Scope<'_> {
         freedom[view] = both(freedom[view], kind);
         let explained = self.explain(cameras, freedom, sigma, 2.0);
         let frames = |rig: &Explanation| rig.cameras[view].clock.round();
-        if fault == Fault::Clock && !self.clock && frames(&explained) == frames(rig) {
-            return None; // parts of a frame are not asked for
+        // Parts of a frame may not be asked for.
+        let counts =
+            (self.clock || frames(&explained) != frames(rig)) && self.is_within(&explained, view);
+        if fault == Fault::Clock && !counts {
+            return None;
         }
         let unknowns = unknowns(&explained.freedom);
         let bars = bars(&explained.judged.steady, &unknowns, view);
