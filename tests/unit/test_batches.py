@@ -303,7 +303,7 @@ def test_no_chunks_no_results(seen):
 
 
 def test_a_wrong_unit_is_warned_of_once(seen):
-    rig = [sk.Camera(camera.K, camera.R, camera.t / 50, size=camera.size) for camera in RIG]
+    rig = [sk.Camera(camera.K, camera.R, camera.t / 1000, size=camera.size) for camera in RIG]
     for given in ({}, {"fps": FPS}):
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always")
