@@ -124,9 +124,22 @@ fn a_sound_rig_stays() {
     let found = adjusted(&truth, &recording(&truth, &[0.0; 3], 3.0), &Adjustable::default());
     assert_eq!(status(&found), [CameraStatus::Sound; 3]);
     assert_eq!(found.cameras, truth);
-    // What a fault could have been unnoticed.
+    // What a fault may be all the same.
     assert!(found.report.iter().all(|one| one.bars.turn > 0.0 && one.bars.turn < 0.02));
     assert!(found.report.iter().all(|one| one.before == one.after));
+}
+
+/// The error bars are those of the cameras as they are returned, also of one that stays although another clock fits better.
+#[test]
+fn faults_too_small_to_be_told_are_within_the_error_bars() {
+    let truth = room(4);
+    let asked = Adjustable { clock: true, ..Adjustable::default() };
+    for late in [0.06, 0.12, 0.18] {
+        let found = adjusted(&truth, &recording(&truth, &[0.0, 0.0, 0.0, late], 6.0), &asked);
+        assert_eq!(status(&found), [CameraStatus::Sound; 4]);
+        let bar = found.report[3].bars.clock;
+        assert!(late < 2.0 * bar && bar < 0.2, "{late} {bar}");
+    }
 }
 
 #[test]

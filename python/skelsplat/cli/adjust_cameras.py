@@ -30,7 +30,7 @@ COMMON = (
 _SUFFIXES = (".toml", ".json", ".npz")
 _PANEL = "Adjust"
 _LEGEND = (
-    "±: error bar; of a camera that was not adjusted, faults four times as large would have shown; before, "
+    "±: error bar; of a camera that was not adjusted, how far off it may be all the same; before, "
     "after: median distance of the detections from where the other cameras place the joints"
 )
 

@@ -25,6 +25,18 @@ impl Bars {
     /// Of nothing that was estimated.
     pub const UNKNOWN: Self =
         Self { turn: f64::NAN, shift: f64::NAN, zoom: f64::NAN, clock: f64::NAN };
+
+    /// How far off a camera may be that stays although another place, at this change, fits best: with the estimate θ̂ ± σ of what is
+    /// wrong with it, the root mean square of the error is √(θ̂² + σ²).
+    #[must_use]
+    pub fn besides(&self, change: &Change) -> Self {
+        Self {
+            turn: self.turn.hypot(change.turn.norm()),
+            shift: self.shift.hypot(change.shift.norm()),
+            zoom: self.zoom.hypot(change.zoom.ln()),
+            clock: self.clock.hypot(change.clock),
+        }
+    }
 }
 
 /// Error bars of one camera.

@@ -41,7 +41,7 @@ pub struct CameraAdjustment {
     /// From the given camera to the adjusted one; to the supposed one of a late or doubtful camera, which is not applied. Lengths in
     /// the unit of the cameras.
     pub change: Change,
-    /// Error bars of the change; of a sound camera those that a change would have.
+    /// Error bars of the change; of a sound camera, how far off it may be all the same.
     pub bars: Bars,
     /// Median distance of its detections from where the other cameras place the joints, in frames that were left out, px: as
     /// given and as returned.

@@ -183,6 +183,11 @@ impl Scope<'_> {
         surety(&rig.judged, &unknowns(&rig.freedom), view, Freedom::CLOCK, &change)
     }
 
+    /// What a fault changes in its camera.
+    fn change(&self, one: &Supposed) -> Change {
+        Change::between(&self.given[one.view], &one.rig.cameras[one.view])
+    }
+
     /// The fault that explains most, and those of other cameras that explain as much.
     fn best(&self, found: &mut Found, sigma: f64, progress: &Progress) -> Result<Vec<Supposed>> {
         let mut faults = Vec::new();
@@ -190,7 +195,7 @@ impl Scope<'_> {
             progress.check()?;
             if let Some(one) = self.suppose(&found.rig, view, fault, sigma) {
                 if !found.rig.freedom[view].any() {
-                    learn(&mut found.bars[view], fault, &one.bars);
+                    learn(&mut found.bars[view], fault, &one.bars.besides(&self.change(&one)));
                 }
                 faults.push(one);
             }
@@ -444,7 +449,7 @@ fn strongest(faults: &[Supposed]) -> Option<&Supposed> {
     clock.or_else(|| faults.iter().min_by(|a, b| costs(a).total_cmp(&costs(b))))
 }
 
-/// Takes what a supposed fault says of error bars, of the place from the one with all of it free.
+/// Takes what a supposed fault says of how far off its camera may be, of the place from the one with all of it free.
 fn learn(bars: &mut Bars, fault: Fault, supposed: &Bars) {
     match fault {
         Fault::Place => *bars = Bars { clock: bars.clock, ..*supposed },
