@@ -131,7 +131,7 @@ impl Scope<'_> {
         loop {
             let sigma = self.sigma(&found.rig.cameras);
             found.rig = self.explain(found.rig.cameras, found.rig.freedom, sigma, 1.0);
-            let best = self.best(&mut found, sigma, progress)?;
+            let best = self.best(&found.rig, sigma, progress)?;
             let Some(first) = best.first() else { break };
             rounds.push((std::mem::replace(&mut found.rig, first.rig.clone()), best));
         }
@@ -149,6 +149,7 @@ impl Scope<'_> {
         if let Some(k) = rounds.iter().position(|(_, best)| best.len() > 1) {
             (found.rig, found.rivals) = rounds.swap_remove(k);
         }
+        found.bars = self.left(&found.rig, progress)?;
         Ok(found)
     }
 
@@ -183,25 +184,39 @@ impl Scope<'_> {
         surety(&rig.judged, &unknowns(&rig.freedom), view, Freedom::CLOCK, &change)
     }
 
-    /// What a fault changes in its camera.
-    fn change(&self, one: &Supposed) -> Change {
-        Change::between(&self.given[one.view], &one.rig.cameras[one.view])
+    /// The fault that explains most, and those of other cameras that explain as much.
+    fn best(&self, rig: &Explanation, sigma: f64, progress: &Progress) -> Result<Vec<Supposed>> {
+        let mut faults = Vec::new();
+        for (view, fault) in self.candidates(rig) {
+            progress.check()?;
+            faults.extend(self.suppose(rig, view, fault, sigma));
+        }
+        faults.retain(|one| self.is_fault(rig, one, sigma));
+        Ok(self.told_apart(faults, sigma))
     }
 
-    /// The fault that explains most, and those of other cameras that explain as much.
-    fn best(&self, found: &mut Found, sigma: f64, progress: &Progress) -> Result<Vec<Supposed>> {
-        let mut faults = Vec::new();
-        for (view, fault) in self.candidates(&found.rig) {
+    /// How far off each camera may be that stays, beside the others as they are.
+    fn left(&self, rig: &Explanation, progress: &Progress) -> Result<Vec<Bars>> {
+        let m = rig.cameras.len();
+        let still = Explanation::start(rig.cameras.clone(), vec![Freedom::default(); m]);
+        let sigma = self.sigma(&rig.cameras);
+        let mut bars = vec![Bars::UNKNOWN; m];
+        for (view, fault) in self.candidates(&still) {
             progress.check()?;
-            if let Some(one) = self.suppose(&found.rig, view, fault, sigma) {
-                if !found.rig.freedom[view].any() {
-                    learn(&mut found.bars[view], fault, &one.bars.besides(&self.change(&one)));
-                }
-                faults.push(one);
+            if rig.freedom[view].any() || !matches!(fault, Fault::Place | Fault::Clock) {
+                continue;
+            }
+            if let Some(one) = self.suppose(&still, view, fault, sigma) {
+                let change = Change::between(&self.given[view], &one.rig.cameras[view]);
+                let bar = one.bars.besides(&change);
+                let own = &mut bars[view];
+                *own = match fault {
+                    Fault::Clock => Bars { clock: bar.clock, ..*own },
+                    _ => Bars { clock: own.clock, ..bar },
+                };
             }
         }
-        faults.retain(|one| self.is_fault(&found.rig, one, sigma));
-        Ok(self.told_apart(faults, sigma))
+        Ok(bars)
     }
 
     /// The strongest fault, and those of other cameras that explain as much. Time and place are no rivals: motion tells clocks, and
@@ -447,15 +462,6 @@ fn strongest(faults: &[Supposed]) -> Option<&Supposed> {
     let clocks = faults.iter().filter(|one| one.is_clock());
     let clock = clocks.min_by(|a, b| moving(a).total_cmp(&moving(b)));
     clock.or_else(|| faults.iter().min_by(|a, b| costs(a).total_cmp(&costs(b))))
-}
-
-/// Takes what a supposed fault says of how far off its camera may be, of the place from the one with all of it free.
-fn learn(bars: &mut Bars, fault: Fault, supposed: &Bars) {
-    match fault {
-        Fault::Place => *bars = Bars { clock: bars.clock, ..*supposed },
-        Fault::Clock => bars.clock = supposed.clock,
-        Fault::Turn | Fault::Zoom => {}
-    }
 }
 
 /// What either leaves free.
