@@ -225,6 +225,41 @@ def test_what_cannot_be_is_known_before_the_work(jobs, runs, tmp_path, change, g
     assert runs == []
 
 
+def test_a_folder_that_holds_detections_is_refused(jobs, runs, recording, tmp_path):
+    folder, _, _ = recording
+    before = sorted(folder.rglob("*"))
+    of_one = tmp_path / "apart" / "batch.csv"
+    given = {
+        jobs["one"].detections: jobs,
+        jobs["one"].detections / "cam1": jobs,
+        jobs["one"].detections / "results": jobs,
+        of_one.parent: {"csv": replace(jobs["one"], detections=of_one)},
+    }
+    for out, wanted in given.items():
+        with pytest.raises(sk.InvalidInputError, match="output: expected a folder in which no input is over"):
+            run_batch(wanted, out)
+    assert runs == []
+    assert sorted(folder.rglob("*")) == before
+
+
+def test_results_may_be_below_the_files_of_the_cameras(jobs, recording, tmp_path):
+    _, rig, pose = recording
+    pixels = sk.project(pose, rig)  # (M, T, N, 2)
+    files = tmp_path / "files"
+    files.mkdir()
+    joints = sk.layouts.H36M17.joints
+    for view, camera in enumerate(rig):
+        rows = [
+            f"{frame},{joint},{x},{y}"
+            for frame, people in enumerate(pixels[view].tolist())
+            for joint, (x, y) in zip(joints, people, strict=True)
+        ]
+        (files / f"{camera.name}.csv").write_text("\n".join(["frame,joint,x,y", *rows]))
+    jobs = {"one": replace(jobs["one"], detections=files)}
+    for _ in range(2):
+        assert statuses(run_batch(jobs, files / "results", overwrite=True)) == ["done"]
+
+
 def test_the_key_is_that_of_the_content(jobs, tmp_path):
     job = jobs["one"]
     key = key_of(job)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from functools import partial
 
 import numpy as np
@@ -123,6 +124,45 @@ def test_a_mapping_that_does_not_fit(tmp_path, mapping, error, message):
     write(tmp_path, "sleap", joints=COCO.joints)
     with pytest.raises(error, match=message):
         read_detections(tmp_path, NAMES, layout="coco17", mapping=mapping)
+
+
+@pytest.mark.parametrize(
+    ("name", "mapping", "point"),
+    [
+        (
+            "sleap",
+            {"right_ankle": "left_ankle"},
+            "'left_ankle' for left_ankle, right_ankle; if",
+        ),
+        (
+            "sleap",
+            {"nose": 99, "left_eye": 99},
+            "index 99 for nose, left_eye; if the files lack left",
+        ),
+        (
+            "openpose",
+            {joint: min(place, 15) for place, joint in enumerate(COCO.joints)},
+            "index 15 for left_ankle, right_ankle; if the files lack right_ankle, map it to none",
+        ),
+        (
+            "openpose",
+            dict.fromkeys(COCO.joints, 0),
+            "index 0 for nose, left_eye, right_eye, left_ear and 13 more; if the files lack right_ankle",
+        ),
+    ],
+)
+def test_one_point_for_two_joints_is_refused(tmp_path, name, mapping, point):
+    write(tmp_path, name, joints=COCO.joints)
+    message = re.escape(f"mapping: expected a different point for each joint, got {point}")
+    with pytest.raises(sk.InvalidInputError, match=message):
+        read_detections(tmp_path, NAMES, layout="coco17", mapping=mapping)
+
+
+def test_joints_that_the_file_lacks_may_be_many(tmp_path):
+    write(tmp_path, "sleap", joints=COCO.joints)
+    mapping = {"left_ear": None, "right_ear": None}
+    found = read_detections(tmp_path, NAMES, layout="coco17", mapping=mapping)
+    assert np.isnan(first_joints(found)[:, 3:5]).all()
 
 
 def test_a_mapping_without_names_in_the_file(tmp_path):

@@ -29,7 +29,7 @@ from skelsplat.io._run_files import MARKED, REPORT, check_one_run, check_people,
 from skelsplat.io.calibration import find_format
 from skelsplat.io.calibration._json import to_json
 from skelsplat.run._run import run
-from skelsplat.run.folder import output_folder
+from skelsplat.run.folder import keep_inputs, output_folder
 from skelsplat.run.job import Job
 from skelsplat.run.long import run_long
 from skelsplat.run.read import read_rig
@@ -183,11 +183,12 @@ def run_batch(
     Raises
     ------
     SkelSplatError
-        If there are no jobs, two have the same output, or ``folder`` cannot be written.
+        If there are no jobs, two have the same output, or ``folder`` holds input or cannot be written.
     """
     top = Path(folder)
     jobs = {name: replace(job, output=job.output or top / name) for name, job in jobs.items()}
     _check(jobs, processes)
+    keep_inputs(jobs.values(), top, (TABLE, RECORD))
     with output_folder(top), locked(top, ".skelsplat-batch.lock"):
         keys = {name: key_of(job) for name, job in jobs.items()}
         earlier = {} if overwrite else _earlier(top / RECORD, keys)

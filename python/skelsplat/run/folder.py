@@ -33,6 +33,7 @@ from skelsplat.io._run_files import (
     is_person,
     is_run,
 )
+from skelsplat.io.detections import FORMATS
 from skelsplat.io.poses import PEOPLE_FORMATS, POSE_FORMATS, check_pose_format
 from skelsplat.io.poses._parts import Poses
 from skelsplat.io.poses._pose_data import MARKER_NAMES
@@ -43,7 +44,7 @@ from skelsplat.run.html import write_html
 from skelsplat.run.vertical import vertical_known
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Sequence
 
     import numpy.typing as npt
 
@@ -217,6 +218,21 @@ def keep_input(job: Job, sources: Sequence[Path] = ()) -> None:
         folder = place if place.is_dir() else place.parent
         if place in written or (folder != top and folder != top.parent and folder in {out, *out.parents}):
             raise _in_the_way(path)
+
+
+def keep_inputs(jobs: Iterable[Job], folder: Path, names: Sequence[str]) -> None:
+    """Refuse, as `keep_input` does, a folder for files with these ``names``, which are about several jobs.
+
+    Below a folder of detections it must be one in which the cameras have files, not folders.
+    """
+    out, suffixes = folder.resolve(), {suffix for form in FORMATS.values() for suffix in form.suffixes}
+    for job in jobs:
+        given = [Path(file).resolve() for file in (job.calibration, job.detections, job.init) if file]
+        taken = {out / name for name in names}.intersection(given)
+        files = (path for path in given[1].glob("*.*") if path != given[0])
+        of_cameras = given[1] in out.parents and not any(path.suffix.lower() in suffixes for path in files)
+        if taken or out == given[1] or of_cameras:
+            raise _in_the_way(taken.pop() if taken else Path(job.detections))
 
 
 def _of_a_person(path: Path, out: Path) -> bool:

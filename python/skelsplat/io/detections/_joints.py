@@ -21,7 +21,7 @@ Places = tuple[int | None, ...]
 # the letters of LHip, hip_l, Hüfte and 肩; capitals beyond ASCII begin no word
 _WORDS = re.compile(r"[A-Z]+(?![^\W\d_A-Z])|[A-Z]?[^\W\d_A-Z]+|\d+")
 _SIDES = {"l": "left", "r": "right"}
-_SHOWN = 40
+_SHOWN, _TOGETHER = 40, 4
 UNKNOWN = "no known layout"
 CUSTOM = (
     "; choose a known one with --layout and assign its joints with --map JOINT=NAME (in Python layout= and "
@@ -71,25 +71,40 @@ def places_of(view: View, layout: sk.Layout, mapping: Mapping[str, Joint]) -> Pl
     long as no name contradicts the layout. Without names only `mapping` can differ from the layout's order.
     """
     if view.joints is None:
-        return _without_names(view, layout, mapping) if mapping else None
+        return _each_once(_without_names(view, layout, mapping), view, layout) if mapping else None
     if not mapping and view.own_order and confirmed(view.joints, layout):
         return None
     keys: dict[tuple[str, ...], list[int]] = {}
     for place, name in enumerate(view.joints):
         keys.setdefault(key(name), []).append(place)
     named = {joint: keys.get(key(joint), []) for joint in layout.joints if joint not in mapping}
-    for joint, places in named.items():
-        if len(places) > 1:
-            names = ", ".join(view.joints[place] for place in places)
+    for joint, fitting in named.items():
+        if len(fitting) > 1:
+            names = ", ".join(view.joints[place] for place in fitting)
             raise _wrong(view, f"one name for {joint}", names)
-    missing = [joint for joint, places in named.items() if not places]
+    missing = [joint for joint, fitting in named.items() if not fitting]
     if missing:
         advice = f'mapping={{"{missing[0]}": …}} (--map {missing[0]}=…) assigns it'
         actual = f"none for {', '.join(missing)} among {listed(view.joints, _SHOWN)}; {advice}"
         raise _wrong(view, f"a name for every joint of {layout.name}", actual)
-    return tuple(
+    places = [
         named[joint][0] if joint in named else _mapped(view, joint, mapping[joint]) for joint in layout.joints
-    )
+    ]
+    return _each_once(tuple(places), view, layout)
+
+
+def _each_once(places: Places, view: View, layout: sk.Layout) -> Places:
+    """Return the places, or raise if two joints have the same: one point is no evidence of two."""
+    names = view.joints or ()
+    for place in places:
+        joints = [joint for joint, its in zip(layout.joints, places, strict=True) if its == place]
+        if place is not None and len(joints) > 1:
+            point = repr(names[place]) if place < len(names) else f"index {place}"
+            actual = (
+                f"{point} for {listed(joints, _TOGETHER)}; if the files lack {joints[-1]}, map it to none"
+            )
+            raise InvalidInputError(f"mapping: expected a different point for each joint, got {actual}")
+    return places
 
 
 def _wrong(view: View, expected: str, actual: str) -> DatasetError:
