@@ -61,15 +61,17 @@ def doubts_of(people, rig, person="consistent"):
     return [finding.text for finding in find_people(inputs, SimpleNamespace(result=result))]
 
 
-def findings_of(people, rig, person="consistent"):
-    """Return the sentences of all findings of a run with ``person`` among people (T, M, P, 17, 3)."""
-    index, unmatched = pick_places(people, rig, person, LAYOUT)
+def findings_of(people, rig, person="consistent", *, layout=LAYOUT, fps=None):
+    """Return the sentences of all findings of a run with ``person`` among people (T, M, P, N, 3)."""
+    index, unmatched = pick_places(people, rig, person, layout)
     detections = take_people(people, index)
-    crowd = look_around(people, index, rig, person, LAYOUT)
-    inputs = Inputs(
-        rig, LAYOUT, detections, unmatched, np.arange(len(detections)), person=person, crowd=crowd
-    )
-    result = sk.refine(None, detections, rig, layout=LAYOUT)
+    crowd = look_around(people, index, rig, person, layout)
+    frames = np.arange(len(detections))
+    inputs = Inputs(rig, layout, detections, unmatched, frames, person=person, crowd=crowd, fps=fps)
+    if fps is None:
+        result = sk.refine(None, detections, rig, layout=layout)
+    else:
+        result = sk.refine_sequence(detections, rig, fps=fps, layout=layout)
     outcome = Outcome.of(result, sk.RefineConfig(), inputs)
     frames = joint_frames(inputs, outcome, np.asarray(result.joint_status))
     found = find_findings(inputs, outcome, summarise(inputs, outcome), frames)

@@ -94,6 +94,53 @@ def test_another_person_in_all_views_at_once_is_a_jump(frames):
     assert doubt.endswith("change to another person, or frames are missing or out of order.")
 
 
+def jumps(people, fps=None):
+    """Return the findings on jumps of a recording with one person per file."""
+    found = findings_of(people[:, :, :1], RIG, "0", fps=fps)
+    return [text for text in found if text.startswith("The person jumps")]
+
+
+UPPER = slice(8, 17)
+
+
+@pytest.mark.parametrize("fps", [None, 60.0])
+@pytest.mark.parametrize("joints", [UPPER, [8, 9, 10, 11, 14]], ids=["upper body", "head and shoulders"])
+def test_other_joints_in_view_are_no_jump(joints, fps):
+    """Of somebody who walks, some frames have the upper body alone, and in others each frame other joints."""
+    people = seen(crossing(), RIG)
+    hidden = np.ones(17, dtype=bool)
+    hidden[joints] = False
+    people[8:14, :, :, hidden] = np.nan
+    people[18:22:2, :, :, UPPER] = np.nan
+    assert jumps(people, fps) == []
+
+
+@pytest.mark.parametrize("fps", [None, 60.0])
+def test_another_person_is_a_jump_also_where_joints_are_hidden(fps):
+    people = seen(crossing(apart_mm=2500.0), RIG)
+    people[12:, :, 0] = people[12:, :, 1]
+    people[11, :, :, :7] = np.nan  # no legs before the change, no left arm after it
+    people[12, :, :, 11:14] = np.nan
+    (found,) = jumps(people, fps)
+    assert "jumps once from one frame to the next" in found
+    assert "(frame 12)" in found
+
+
+@pytest.mark.parametrize("fps", [None, 60.0])
+def test_frames_out_of_order_are_jumps(fps):
+    people = seen(crossing(), RIG)
+    (found,) = jumps(people[[*range(6), *range(18, 24), *range(6, 18)]], fps)
+    assert "jumps 2 times from one frame to the next" in found
+    assert "(frames 6, 12)" in found
+
+
+def test_part_of_a_body_is_as_large_as_the_body():
+    """Walking at 260 mm per frame is no jump either where only head and shoulders are in view."""
+    people = seen(crossing(8), RIG)
+    people[3:6, :, :, [*range(8), 12, 13, 15, 16]] = np.nan
+    assert jumps(people) == []
+
+
 def spread(off):
     """Of two limbs of H36M17; the second one varies more."""
     limbs = np.array([(11, 12), (12, 13)])

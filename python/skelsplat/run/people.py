@@ -13,6 +13,7 @@ from skelsplat.findings import Finding, Remedy, Subject
 from skelsplat.run.person import MIXED, Crowd
 from skelsplat.run.read import Inputs
 from skelsplat.run.solve import Outcome
+from skelsplat.run.summary import finite_median
 
 # No distribution has more than 1/9 beyond four standard deviations from its median: the median is within one
 # of the mean, and Chebyshev's inequality leaves 1/9 beyond three from the mean.
@@ -89,9 +90,11 @@ def find_jumps(inputs: Inputs, outcome: Outcome) -> Iterator[Finding]:
     """Yield a finding if the body is elsewhere from one frame to the next: another person."""
     result = outcome.result
     pose = np.where((np.asarray(result.joint_status) == "ok")[..., None], result.pose, np.nan)
-    centres, sizes = medians(np.moveaxis(pose, -1, -2), _LEAST_JOINTS), body_sizes(pose)
-    steps = np.linalg.norm(np.diff(centres, axis=0), axis=-1)
-    allowed = _JUMP * np.minimum(sizes[1:], sizes[:-1])
+    pairs = np.stack([pose[:-1], pose[1:]])  # joints of one frame alone would move the centre
+    pairs[:, ~np.isfinite(pairs).all(axis=(0, -1))] = np.nan
+    centres, sizes = medians(np.moveaxis(pairs, -1, -2), _LEAST_JOINTS), body_sizes(pose)
+    steps = np.linalg.norm(centres[1] - centres[0], axis=-1)
+    allowed = _JUMP * np.maximum(np.minimum(sizes[1:], sizes[:-1]), finite_median(sizes[sizes > 0]))
     if inputs.fps is not None:
         allowed = np.maximum(allowed, _FASTEST_MM_S / inputs.fps / inputs.rig.mm_per_unit)
     jumps = np.flatnonzero((steps > allowed) & (np.diff(inputs.frames) == 1))
