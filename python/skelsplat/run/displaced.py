@@ -43,9 +43,14 @@ _LEAST_DETECTIONS = 50
 _LEAST_JOINTS = 4
 
 
+def diagonals(rig: sk.CameraRig) -> Array:
+    """Return the diagonals (M,) of the cameras' images [px]."""
+    return np.array([np.hypot(*camera.size) for camera in rig])
+
+
 def displaced_cameras(rig: sk.CameraRig, shifts: Shifts) -> list[int]:
     """Return the cameras with detections shifted from the pose, the largest shift first."""
-    diagonal = np.array([np.hypot(*camera.size) for camera in rig])
+    diagonal = diagonals(rig)
     found = np.flatnonzero(shifts.one_sided(diagonal))
     return sorted((int(i) for i in found), key=lambda i: -shifts.size[i] / diagonal[i])
 
@@ -116,14 +121,17 @@ class Shifts:
         """Length of the shift [px], (M,)."""
         return np.hypot(self.shift[:, 0], self.shift[:, 1])
 
-    def one_sided(self, diagonal: Array) -> Mask:
-        """Return the cameras (M,) whose detections lie to one side; ``diagonal`` (M,) of the images [px]."""
+    def one_sided(self, diagonal: Array, chance: float = _CHANCE) -> Mask:
+        """Return the cameras (M,) whose detections lie to one side, but for this probability of ``chance``.
+
+        ``diagonal`` (M,) of the images [px].
+        """
         with np.errstate(invalid="ignore"):
             mask: Mask = (
                 (self.count >= _LEAST_DETECTIONS)
                 & (self.size >= _ONE_SIDED * self.error)
                 & (self.size >= _LEAST_SHIFT * diagonal)
-                & (self.chance < _CHANCE)
+                & (self.chance < chance)
             )
         return mask
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from collections.abc import Set as AbstractSet
+from dataclasses import replace
 from types import MappingProxyType
 from typing import Any
 
@@ -14,7 +15,7 @@ import skelsplat as sk
 from skelsplat._arrays import Array
 from skelsplat.findings import Finding, Remedy, Subject
 from skelsplat.rig_check._check import find_swapped, same_detections
-from skelsplat.run.displaced import displaced_cameras, find_apart, find_displaced, shift_of
+from skelsplat.run.displaced import diagonals, displaced_cameras, find_apart, find_displaced, shift_of
 from skelsplat.run.people import are_mixed, find_people
 from skelsplat.run.read import Inputs
 from skelsplat.run.solve import Outcome, frame_by_frame
@@ -30,6 +31,8 @@ _CAMERA_SHARE, _CAMERA_RATIO = 0.1, 3.0
 _BAD_SHARE, _BEST_RATIO = 0.2, 2.0
 # the whole recording with this, or with the lesser share that also those have who are not named for it.
 _WHOLE_SHARE, _REST_SHARE = 1 / 3, 0.2
+# Probability of chance up to which detections that lie to one side are a shift if rejected over time.
+_UNSURE = 0.05
 # A robust fit may leave the median where it was; a tenth more is further away.
 _FURTHER, _FURTHER_PX = 1.1, 0.1  # less is the rounding of the detections
 _FURTHER_OVER_TIME = 1.25
@@ -71,7 +74,7 @@ def find_findings(
         *find_whole(counted, inputs.apart, mixed=are_mixed(inputs)),
         *_in_time(statistics, counted),
         *find_unfit(inputs.rig.names, unfit),
-        *_cameras(inputs, counted, unfit),
+        *_cameras(inputs, with_lasting(inputs.rig, counted, statistics), unfit),
         *{finding.subject: finding for finding in swapped}.values(),  # the latter of two on a camera
         *_limbs(inputs, alone),
         *_given_lengths(inputs, alone),
@@ -150,6 +153,21 @@ def find_unfit(names: Sequence[str], unfit: Mapping[int, tuple[int, int]]) -> It
     enough = len(names) - len(cameras) >= 2
     remedy = tuple(Remedy("without", name) for name in cameras) if enough else ()
     yield Finding("no_match", "warning", Subject(cameras=cameras), numbers, remedy)
+
+
+def with_lasting(rig: sk.CameraRig, alone: Statistics, statistics: Statistics) -> Statistics:
+    """Return those of frames ``alone`` with the groups over time of cameras that only these reject.
+
+    What is hidden is rejected in both; an offset that lasts is followed by frames alone. Few joints do not
+    rule out chance where all lie to one side (`Shifts.one_sided`); that they are rejected over time does.
+    """
+    diagonal = diagonals(rig)
+    unsure = alone.shifts.one_sided(diagonal, _UNSURE) & ~alone.shifts.one_sided(diagonal)
+    cameras = [
+        group if unsure[i] and group.rejected_share >= _CAMERA_RATIO * single.rejected_share else single
+        for i, (single, group) in enumerate(zip(alone.cameras, statistics.cameras, strict=True))
+    ]
+    return replace(alone, cameras=cameras)
 
 
 def _cameras(inputs: Inputs, statistics: Statistics, unfit: Mapping[int, object]) -> Iterator[Finding]:
