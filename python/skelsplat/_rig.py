@@ -93,7 +93,7 @@ class RigAdjustment:
     """
 
     cameras: CameraRig
-    report: tuple[CameraAdjustment, ...]
+    report: tuple[CameraAdjustment, ...] = field(repr=False)
     fitted: int = field(repr=False)
     judged: int = field(repr=False)
 
@@ -167,7 +167,8 @@ def adjust_cameras(
         names an unknown camera or all of them.
     """
     rig = cameras if isinstance(cameras, CameraRig) else CameraRig(cameras)
-    chosen = None if free is None else [_number(rig, one) for one in free]
+    named = [free] if isinstance(free, str) else free
+    chosen = None if named is None else [_number(rig, one) for one in named]
     adjusted, out = _skelsplat.adjust_cameras(
         detections, rig, confidence=confidence, free=chosen, focal=focal, clock=clock, config=config
     )

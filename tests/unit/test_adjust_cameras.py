@@ -48,9 +48,10 @@ def test_a_turned_camera_is_set_right(detections, knocked) -> None:
 
 
 def test_cameras_may_be_named(detections, knocked) -> None:
-    by_name, by_number = (sk.adjust_cameras(detections, knocked, free=[one]) for one in (RIG.names[2], 2))
+    by_name, by_number = (sk.adjust_cameras(detections, knocked, free=one) for one in (RIG.names[2], [2]))
     assert by_name.cameras == by_number.cameras
     assert [one.status for one in by_name.report] == ["sound", "sound", "adjusted", "sound"]
+    assert repr(by_name) == f"RigAdjustment(cameras={by_name.cameras})"  # not all its numbers
 
 
 def test_a_plain_sequence_of_cameras_is_in_mm(detections) -> None:

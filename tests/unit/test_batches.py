@@ -244,7 +244,7 @@ def test_wrong_chunks_are_named(seen, fps):
         (views, "detections: expected one view per camera (4), got 3 views"),
         (other, "detections: expected shape (T, 4, 6, 3), as in the first chunk, got shape (5, 4, 5, 3)"),
         (frames[0], "detections: expected the frames of a recording (T, M, N, 2|3), got one frame"),
-        (np.zeros(0), "detections: expected shape (M, N, 2), (M, N, 3) or either with a leading T, got"),
+        (np.zeros(0), "detections: expected shape ([T,] M, N, 2|3) of one person (choose_person"),
         (unequal, "detections[2, 1, 0, 2]: expected a value in [0, 1]"),
         ("chunk", "detections: expected an array of numbers, got text (<U5)"),
         ({"pixels": frames}, "entries: expected 'detections' and perhaps 'confidence' and 'init_pose', got"),

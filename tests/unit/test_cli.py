@@ -206,7 +206,23 @@ def test_an_initial_pose_of_another_length_is_status_1(recording, arguments):
 
 
 def test_a_person_that_is_not_there_is_status_2(arguments):
-    assert_fails(invoke(*arguments, *READ, "--person", 7), 2, "--person: expected less than 1", "7")
+    assert_fails(
+        invoke(*arguments, *READ, "--person", 7), 2, "--person: expected less than 1 (no file has more", "7"
+    )
+
+
+@pytest.mark.parametrize("given", [["-o", ""], ["--output", ""], ["--output="]])
+def test_an_empty_output_is_not_the_current_folder(recording, monkeypatch, given):
+    folder, _, _ = recording
+    monkeypatch.chdir(folder)
+    before = sorted(folder.iterdir())
+    files = [folder / "Calib.toml", folder / "openpose"]
+    assert_fails(invoke("refine", *files, *READ, *given), 2, "--output: expected a path, got an empty text")
+    (folder / "run.toml").write_text('output = ""')
+    assert_fails(
+        invoke("refine", *files, *READ, "--config", "run.toml"), 2, "output: expected a path, as text"
+    )
+    assert sorted(folder.iterdir()) == sorted([*before, folder / "run.toml"])
 
 
 @pytest.mark.parametrize("command", ["refine", "demo"])

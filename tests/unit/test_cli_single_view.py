@@ -35,7 +35,7 @@ def test_it_is_said_to_have_none(one_view, arguments):
         "! Weak joints without a position (detected in one view only, or in views from the same place): "
         in text
     )
-    assert ": right_wrist (frame 2). --fill-gaps N interpolates them." in text
+    assert ": right_wrist (frame 2). --fill-gaps N interpolates those between known frames." in text
     assert "Weak joints (fewer" not in text
     assert "left as it is" not in text  # of the filter: there is nothing to leave
     assert "; left out: too little confidence, or the joint has no position" in text

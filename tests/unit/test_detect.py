@@ -263,7 +263,8 @@ def test_a_mediapipe_without_its_model_is_refused(mediapipe, videos, tmp_path):
     del mediapipe.solutions
     mediapipe.__version__ = "0.10.33"
     result = invoke("detect", videos, "-o", tmp_path / "pose")
-    assert_fails(result, 1, "got version 0.10.33; run: pip install 'skelsplat[mediapipe]'")
+    alone = "pip install 'skelsplat[mediapipe]' in an environment of its own, as it needs NumPy 1"
+    assert_fails(result, 1, f"got version 0.10.33; run: {alone}")
 
 
 def test_a_model_that_cannot_be_downloaded(mediapipe):

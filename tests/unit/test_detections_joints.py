@@ -79,7 +79,7 @@ def test_mapping_says_what_names_do_not(tmp_path):
     message = (
         r"joint names: expected a name for every joint of coco17, got none for nose among snout, left_eye.*"
     )
-    with pytest.raises(sk.DatasetError, match=message + r'mapping=\{"nose": …\} \(--map nose=…\)'):
+    with pytest.raises(sk.DatasetError, match=message + r'mapping=\{"nose": …\} \(--map nose=…\) .*; none'):
         read_detections(tmp_path, NAMES, layout="coco17")
     found = read_detections(tmp_path, NAMES, layout="coco17", mapping={"nose": "snout", "left_eye": None})
     expected = X.copy()
@@ -132,22 +132,22 @@ def test_a_mapping_that_does_not_fit(tmp_path, mapping, error, message):
         (
             "sleap",
             {"right_ankle": "left_ankle"},
-            "'left_ankle' for left_ankle, right_ankle; if",
+            "'left_ankle' for left_ankle, right_ankle (none,",
         ),
         (
             "sleap",
             {"nose": 99, "left_eye": 99},
-            "index 99 for nose, left_eye; if the files lack left",
+            "index 99 for nose, left_eye (none, in Python None, if the files lack",
         ),
         (
             "openpose",
             {joint: min(place, 15) for place, joint in enumerate(COCO.joints)},
-            "index 15 for left_ankle, right_ankle; if the files lack right_ankle, map it to none",
+            "index 15 for left_ankle, right_ankle (none, in Python None, if",
         ),
         (
             "openpose",
             dict.fromkeys(COCO.joints, 0),
-            "index 0 for nose, left_eye, right_eye, left_ear and 13 more; if the files lack right_ankle",
+            "index 0 for nose, left_eye, right_eye, left_ear and 13 more (none,",
         ),
     ],
 )

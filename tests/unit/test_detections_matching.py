@@ -47,6 +47,19 @@ def test_nothing_known(tmp_path):
         read_detections(tmp_path, NAMES, layout=H36M)
 
 
+@pytest.mark.parametrize(("people", "place"), [((), ""), (("person_2", "person_10"), "person_2/")])
+def test_the_folder_of_a_run_is_no_folder_of_detections(tmp_path, people, place):
+    for folder in ("", *people):
+        (tmp_path / folder).mkdir(exist_ok=True)
+        folders = [] if folder else people
+        report = {"versions": {"skelsplat": "0"}, "settings": {}, "people": [], "folders": folders}
+        (tmp_path / folder / "report.json").write_text(json.dumps(report))
+        write(tmp_path / folder, "npz")
+    message = f"the folder of a run, whose detections are .*/{place}detections.npz"
+    with pytest.raises(sk.DatasetError, match=message):
+        read_detections(tmp_path, NAMES, layout=H36M)
+
+
 @pytest.mark.parametrize("given", [None, "mmpose"])
 def test_a_path_that_is_not_there(tmp_path, given):
     with pytest.raises(
@@ -157,6 +170,20 @@ def test_a_file_of_no_camera(tmp_path):
         read_detections(tmp_path, ["camA"], layout=H36M)
     (tmp_path / "camB.json").write_text('{"not": "detections"}')
     assert read_detections(tmp_path, ["camA"], layout=H36M).people.shape[1] == 1
+
+
+def test_the_advice_names_a_camera_of_the_calibration(tmp_path):
+    write(tmp_path, "deeplabcut_csv")
+    message = r"name each file like its camera, for example left\.csv for the camera left, or state"
+    with pytest.raises(sk.DatasetError, match=message):
+        read_detections(tmp_path, ["left", "top", "right"], layout=H36M)
+
+
+def test_one_camera_left_out_needs_no_list(tmp_path):
+    write(tmp_path, "deeplabcut_csv")
+    found = read_detections(tmp_path, NAMES, layout=H36M, without=NAMES[0])
+    assert found.camera_names == tuple(NAMES[1:])
+    assert repr(found).startswith(f"DetectionSet(camera_names={tuple(NAMES[1:])}, layout='h36m17', format=")
 
 
 def test_a_camera_without_a_file_may_be_allowed(tmp_path):

@@ -64,7 +64,11 @@ def test_rig():
 REFINE = {
     "detections shape": (
         lambda s: {"detections": s.detections[0, 0, :, 0]},
-        r"detections: expected shape \(M, N, 2\).*, got shape \(17,\)",
+        r"detections: expected shape \(\[T,\] M, N, 2\|3\) of one person \(.*, got shape \(17,\)",
+    ),
+    "several people": (
+        lambda s: {"detections": s.detections[:, :, None]},
+        r"detections: expected shape .* of one person \(choose_person\), got shape \(3, 4, 1",
     ),
     "no joints": (
         lambda _: {"detections": np.zeros((4, 0, 2)), "init_pose": None},

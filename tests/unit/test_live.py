@@ -145,7 +145,7 @@ def test_malformed_lines_are_named_and_skipped(tmp_path, detections):
         return json.dumps({"detections": [[value, *good[0][1:]], *good[1:]]})
 
     lines = {
-        "{bad": "expected JSON, got at column 2: Expecting property name",
+        "{bad": "expected JSON, got a flaw at column 2: Expecting property name",
         "[" * 100_000: "expected JSON, got",
         "[1]": 'expected an object with "detections", got [1]',
         "null": 'expected an object with "detections", got null',

@@ -164,7 +164,7 @@ def test_everything_malformed_is_answered_and_changes_nothing(calibration, scene
         return line("wrong", [first, [], [], []])
 
     malformed = {
-        "{bad": "expected JSON, got at column 2",
+        "{bad": "expected JSON, got a flaw at column 2",
         "": "expected JSON, got an empty line",
         "[]": 'expected an object with "detections", got []',
         line("wrong", [[]] * 3): "detections: expected a list of 4 cameras, got 3",

@@ -264,9 +264,20 @@ def test_cameras_need_different_names(root, names):
 
 def test_different_counts_of_frames(root):
     a_file(root).unlink()
-    message = r"frames: expected the same frames in every folder, got 3 in cam01_json, 2 in cam02_json"
+    message = (
+        "frames: expected the same frames in every folder, got 3 in cam01_json, 2 in cam02_json; --offset is "
+        r"for cameras that started late \(check-cameras measures it\); --frames intersection reads"
+    )
     with pytest.raises(sk.DatasetError, match=message):
         read_openpose(root, CAMERAS, layout="coco17")
+
+
+def test_hands_are_said_to_be_under_keys_that_are_not_read(root):
+    message = (
+        r"pose_keypoints_2d: expected 3·21 = 63 numbers \(layout hand21\).*; the keys hand_… and face_… of"
+    )
+    with pytest.raises(sk.DatasetError, match=message):
+        read_openpose(root, CAMERAS, layout="hand21")
 
 
 def test_equal_counts_of_different_frames(root):
@@ -405,7 +416,8 @@ VALID = json.dumps(document(person(1.0)))
 MALFORMED = {
     "cut in half": (VALID[: len(VALID) // 2], r"JSON: expected a complete JSON document, got .* of \d+"),
     "empty": ("", r"JSON: expected a complete JSON document, got an empty file"),
-    "a list": ("[]", r"people: expected an object .*got list"),
+    "a list": ("[]", r"people: expected an object with people, got \[\]"),
+    "a null document": ("null", "people: expected an object with people, got null"),
     "no people": ('{"version": 1.3}', r"people: expected an object .*got nothing"),
     "people no list": ('{"people": {"0": 1}}', r"people: expected a list, got dict"),
     "person no object": ('{"people": [3]}', r"people\[0\]\.pose_keypoints_2d: .*got nothing"),

@@ -78,8 +78,9 @@ def without(*keys):
 MALFORMED_JSON = {
     "not an object": (
         lambda _: [1],
-        r'format: expected an object with "format": "skelsplat-poses", got list',
+        r'format: expected an object with "format": "skelsplat-poses", got \[1\]',
     ),
+    "no format": (lambda _: {"unit": "m"}, "format: expected an object with .*, got format nothing"),
     "another format": (lambda d: {**d, "format": "coco"}, "format: expected .*, got format 'coco'"),
     "a newer version": (lambda d: {**d, "version": 2}, "version: expected 1, got 2"),
     "no names": (without("joint_names"), "joint_names: expected a list of strings, got nothing"),
@@ -217,7 +218,11 @@ MALFORMED_CSV = {
     "no rows": (lambda lines: lines[:1], "rows: expected at least one, got none"),
     "text": (
         lambda lines: [*lines[:2], lines[2].replace("11,", "eleven,").replace("10,", "ten,", 1), *lines[3:]],
-        "line 3: expected numbers, got",
+        "line 3, frame: expected a number, got 'ten'",
+    ),
+    "text for a coordinate": (
+        lambda lines: [*lines[:2], ",".join(["10", "0", "left_hip", "3 m", *lines[2].split(",")[4:]])],
+        "line 3, x: expected a number, got '3 m'",
     ),
     "a field too few": (
         lambda lines: [*lines[:3], lines[3].rpartition(",")[0], *lines[4:]],

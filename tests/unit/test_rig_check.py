@@ -67,6 +67,7 @@ def scaled(by, unit):
 def test_a_scale_that_is_no_unit_is_named():
     finding = only(check_rig(scaled(30.0, "m"), detections("room")))
     assert finding.kind == "unit_unknown"
+    assert "e+" not in finding.text
     assert finding.text.endswith(" m, which none of mm, cm and m explains. Was the calibration scaled?")
 
 
@@ -80,6 +81,7 @@ def test_an_animal_need_not_have_a_person_s_size():
     finding = only(check_rig(scaled(0.05, "m"), detections("room"), layout=own))
     assert finding.kind == "body_size"
     assert finding.text.startswith("With unit m, the body measures about ")
+    assert "e+" not in finding.text
     assert finding.text.endswith(" m. Is that the unit of the calibration?")
 
 

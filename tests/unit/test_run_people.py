@@ -137,6 +137,7 @@ def test_the_findings_on_each_person_are_counted(found):
     doubt = Finding("remark", "note", numbers={"text": "a doubt"})
     people = {identity: replace(one, findings=(doubt,)) for identity, one in found.people.items()}
     assert repr(PeopleRun(people, (doubt,), found.report)).endswith(", 3 findings)")
+    assert repr(PeopleRun(found.people, (doubt,), found.report)).endswith(", 1 finding)")
 
 
 def test_each_folder_is_that_of_a_run(folder, found):

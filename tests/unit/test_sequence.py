@@ -80,7 +80,7 @@ REFUSED: dict[str, tuple[Callable[[np.ndarray], dict[str, Any]], str]] = {
         lambda d: {"detections": d[:, :, :5]},
         "detections: expected the layout's 17 joints, got 5 joints",
     ),
-    "last": (lambda d: {"detections": d[..., :1]}, "detections: expected shape (M, N, 2), (M, N, 3)"),
+    "last": (lambda d: {"detections": d[..., :1]}, "detections: expected shape ([T,] M, N, 2|3) of one"),
     "start": (lambda d: {"init_pose": d[:2, 0]}, "init_pose: expected shape (3, 17, 3)"),
     "confidence": (
         lambda d: {"detections": d[..., :2], "confidence": np.ones((4, 17, 2))},

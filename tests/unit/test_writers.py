@@ -398,7 +398,10 @@ MALFORMED_TRC = {
         lambda lines: [*lines[:6], 20 * "1" + lines[6], *lines[7:]],
         r"line 7, frame: expected a frame number below 2\^62, got 1111",
     ),
-    "text": (lambda lines: [*lines[:6], lines[6].replace("1\t0.0", "one\t0.0")], "line 7: expected numbers"),
+    "text": (
+        lambda lines: [*lines[:6], lines[6].replace("1\t0.0", "one\t0.0")],
+        "line 7: expected numbers, got 'one'",
+    ),
 }
 
 

@@ -33,7 +33,7 @@ impl<'py> FromPyObject<'_, 'py> for Frames {
         let (batch, count, n_views, n_joints) = match *array.shape.as_slice() {
             [m, n, 2 | 3] => (false, 1, m, n),
             [t, m, n, 2 | 3] => (true, t, m, n),
-            _ => return Err(array.misshapen("(M, N, 2), (M, N, 3) or either with a leading T")),
+            _ => return Err(array.misshapen("([T,] M, N, 2|3) of one person (choose_person)")),
         };
         let array = array.bounded(", or NaN where missing")?;
         if n_views == 0 || n_joints == 0 {
@@ -117,7 +117,7 @@ impl Frames {
     pub(crate) fn only(&self) -> Result<Detections> {
         if self.batch {
             let actual = format!("{} frames", self.count);
-            return refuse("detections", "one frame (M, N, 2|3)", actual);
+            return refuse("detections", "one frame (M, N, 2|3) of one person", actual);
         }
         Ok(self.detections()?.swap_remove(0))
     }

@@ -23,7 +23,7 @@ def _px(error: float | None, digits: int = 1) -> str:
 
 def _length(mm: float) -> str:
     if mm >= 1000.0:
-        return f"{mm / 1000.0:.3g} m"
+        return f"{mm / 1000.0:.3g} m" if mm < 1e6 else f"{mm / 1000.0:,.0f} m"
     return f"{mm / 10.0:.3g} cm" if mm >= 10.0 else f"{mm:.3g} mm"
 
 

@@ -39,6 +39,9 @@ def _nothing_used(finding: Finding) -> str:
         return f"No detection could be used: {only} two cameras must detect them in the same frame."
     if finding.numbers.get("nobody"):
         return "No detection could be used: nobody is detected with enough confidence."
+    if least := finding.numbers.get("min_confidence"):
+        few = f"no joint has a confidence of {least:g} (--min-confidence) in two views"
+        return f"No detection could be used: {few}."
     return "No detection could be used. Are they in pixels of these cameras' images (not 0 to 1), x before y?"
 
 
@@ -180,12 +183,12 @@ _STATUS = {
     "weak_joints": (
         "Weak joints",
         " (fewer than two views agree, or equally many agree on another position)",
-        " They are written as usual; --fill-gaps N --fill-weak interpolates them.",
+        " They are written as usual; --fill-gaps N --fill-weak interpolates those between known frames.",
     ),
     "joints_without_position": (
         "Weak joints",
         " without a position (detected in one view only, or in views from the same place)",
-        " --fill-gaps N interpolates them.",
+        " --fill-gaps N interpolates those between known frames.",
     ),
     "unobserved_joints": (
         "Unobserved joints",

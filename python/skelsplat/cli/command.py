@@ -197,7 +197,10 @@ class Command(_FlagHelp, TyperCommand):
         }
         rest = iter(args)
         for word in itertools.takewhile(lambda word: word != "--", rest):
-            for value in itertools.islice(rest, counts.get(word, 0)):
+            values = list(itertools.islice(rest, counts.get(word, 0)))
+            if word == "--output=" or (word in ("-o", "--output") and "" in values):  # not the current folder
+                raise typer.BadParameter("expected a path, got an empty text", ctx=ctx, param_hint="--output")
+            for value in values:
                 if value.startswith("--"):
                     raise typer.BadParameter(f"expected a value, got {value}", ctx=ctx, param_hint=word)
         read: list[str] = super().parse_args(ctx, args)

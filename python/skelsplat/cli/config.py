@@ -223,7 +223,7 @@ def _scalar(kind: Any, value: Any, entry: Entry, folder: Path) -> Any:
         except OverflowError:  # TOML's whole numbers have no limit
             return None
     if kind is Path or (NAME_OR_PATH in entry.marks and (folder / str(value)).exists()):
-        return str(folder / str(value))
+        return str(folder / str(value)) if value else None  # an empty path would be the folder
     return value if kind in (bool, int) else str(value)
 
 

@@ -44,7 +44,7 @@ class Field:
     @property
     def shown(self) -> str:
         """The value for a message, cut if long."""
-        text = _MISSING if self.is_missing else repr(self.value)
+        text = _MISSING if self.is_missing else "null" if self.value is None else repr(self.value)
         return text if len(text) <= 60 else f"{text[:57]}..."
 
     def __contains__(self, key: str) -> bool:
@@ -58,8 +58,7 @@ class Field:
     def member(self, key: str, expected: str) -> Field:
         """Return what is under a key that must be there."""
         if not isinstance(self.value, dict):
-            there = type(self.value).__name__
-            raise DatasetError(self.path, self.place or key, f"an object with {key}", there)
+            raise DatasetError(self.path, self.place or key, f"an object with {key}", self.shown)
         if key not in self.value:
             raise self[key].error(expected, _MISSING)
         return self[key]

@@ -237,7 +237,7 @@ class Run:
         show_page(self)
 
     def __repr__(self) -> str:
-        found = f"{len(self.findings)} findings" if self.findings else "no findings"
+        found = f"{len(self.findings) or 'no'} finding{'s' * (len(self.findings) != 1)}"
         size = f"{len(self.frames)} frames of {self.layout.n_joints} joints, {len(self.cameras)} cameras"
         return f"Run({size}, {found})"
 

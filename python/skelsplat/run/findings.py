@@ -67,11 +67,13 @@ def find_findings(
     unfit = unfit_cameras(inputs)
     alone = frame_by_frame(inputs, outcome)
     counted = statistics if alone is outcome else summarise(inputs, alone)
+    sure = (inputs.detections[..., 2] >= alone.config.min_confidence).sum(axis=1)
+    least = alone.config.min_confidence if sure.max(initial=0) < 2 else 0.0
     swapped = [*find_swapped(inputs.rig.names, alone.result, inputs.layout), *_mirrored(counted)]
     return [
         *same_detections(inputs.rig.names, inputs.detections),
         *find_people(inputs, alone),
-        *find_whole(counted, inputs.apart, mixed=are_mixed(inputs)),
+        *find_whole(counted, inputs.apart, mixed=are_mixed(inputs), least=least),
         *_in_time(statistics, counted),
         *find_unfit(inputs.rig.names, unfit),
         *_cameras(inputs, with_lasting(inputs.rig, counted, statistics), unfit),
@@ -84,16 +86,18 @@ def find_findings(
 
 
 def find_whole(
-    statistics: Statistics, apart: tuple[str, ...] = (), *, mixed: bool = False
+    statistics: Statistics, apart: tuple[str, ...] = (), *, mixed: bool = False, least: float = 0.0
 ) -> Iterator[Finding]:
     """Yield a finding if hardly any detection is used or trusted, or the pose is worse than its start.
 
-    ``apart`` are the cameras that detect people, if no two do so in the same frame.
+    ``apart`` are the cameras that detect people, if no two do so in the same frame; ``least`` is the
+    confidence demanded, if no joint has it in two views.
     """
     total = statistics.total
     if total.used == 0:
         nobody = total.left_out == total.not_chosen == 0
-        yield Finding("nothing_used", "error", Subject(cameras=apart), {"nobody": nobody})
+        numbers = {"nobody": nobody, "min_confidence": least}
+        yield Finding("nothing_used", "error", Subject(cameras=apart), numbers)
     elif total.rejected_share >= _WHOLE_SHARE or min(total.rejected_share, _rest(statistics)) >= _REST_SHARE:
         remedy = (Remedy("person", "consistent"),) if mixed else ()
         numbers = {"rejected_share": total.rejected_share}

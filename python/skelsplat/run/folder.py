@@ -227,12 +227,11 @@ def keep_inputs(jobs: Iterable[Job], folder: Path, names: Sequence[str]) -> None
     """
     out, suffixes = folder.resolve(), {suffix for form in FORMATS.values() for suffix in form.suffixes}
     for job in jobs:
-        given = [Path(file).resolve() for file in (job.calibration, job.detections, job.init) if file]
-        taken = {out / name for name in names}.intersection(given)
-        files = (path for path in given[1].glob("*.*") if path != given[0])
-        of_cameras = given[1] in out.parents and not any(path.suffix.lower() in suffixes for path in files)
-        if taken or out == given[1] or of_cameras:
-            raise _in_the_way(taken.pop() if taken else Path(job.detections))
+        top = Path(job.detections).resolve()
+        files = (path for path in top.glob("*.*") if path != Path(job.calibration).resolve())
+        of_cameras = top in out.parents and not any(path.suffix.lower() in suffixes for path in files)
+        if of_cameras or top in (out, *(out / name for name in names)):
+            raise _in_the_way(Path(job.detections))
 
 
 def _of_a_person(path: Path, out: Path) -> bool:

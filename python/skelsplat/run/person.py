@@ -96,7 +96,7 @@ def pick_places(
     if person == "largest":
         return association.extents(people).argmax(axis=2), never
     if int(person) >= people.shape[2]:
-        expected = f"less than {people.shape[2]} (the most people in a file)"
+        expected = f"less than {people.shape[2]} (no file has more people)"
         raise sk.InvalidInputError(f"person: expected {expected}, got {person}")
     return np.full(people.shape[:2], int(person), dtype=np.int64), never
 

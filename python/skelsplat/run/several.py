@@ -110,7 +110,7 @@ class PeopleRun:
     def __repr__(self) -> str:
         people = "1 person" if len(self.people) == 1 else f"{len(self.people)} people"
         found = len(self.findings) + sum(len(run.findings) for run in self.people.values())
-        return f"PeopleRun({people}, {len(self.frames)} frames, {found} findings)"
+        return f"PeopleRun({people}, {len(self.frames)} frames, {found} finding{'s' * (found != 1)})"
 
 
 def run_people(

@@ -140,13 +140,14 @@ def _between(frames: Mapping[str, Index]) -> Mapping[str, Index]:
 
 
 def _difference(frames: Mapping[str, Index], *, ranges: bool = False) -> str:
+    late = "--offset is for cameras that started late (check-cameras measures it); "
     advice = (
         "--frames intersection reads the frames that all have, --frames union every frame "
         '(in Python frames="intersection", frames="union")'
     )
     first = np.setdiff1d(_union(frames), _intersection(frames))[0]
     if len({len(own) for own in frames.values()}) > 1:
-        return f"{_counts(frames, ranges=ranges)}; {advice}"
+        return f"{_counts(frames, ranges=ranges)}; {'' if ranges else late}{advice}"
     without = ", ".join(name for name, own in frames.items() if first not in own)
     return f"equal counts but no frame {first} in {without}; {advice}"
 

@@ -84,7 +84,7 @@ def places_of(view: View, layout: sk.Layout, mapping: Mapping[str, Joint]) -> Pl
             raise _wrong(view, f"one name for {joint}", names)
     missing = [joint for joint, fitting in named.items() if not fitting]
     if missing:
-        advice = f'mapping={{"{missing[0]}": …}} (--map {missing[0]}=…) assigns it'
+        advice = f'mapping={{"{missing[0]}": …}} (--map {missing[0]}=…) assigns it; none if the files lack it'
         actual = f"none for {', '.join(missing)} among {listed(view.joints, _SHOWN)}; {advice}"
         raise _wrong(view, f"a name for every joint of {layout.name}", actual)
     places = [
@@ -100,9 +100,7 @@ def _each_once(places: Places, view: View, layout: sk.Layout) -> Places:
         joints = [joint for joint, its in zip(layout.joints, places, strict=True) if its == place]
         if place is not None and len(joints) > 1:
             point = repr(names[place]) if place < len(names) else f"index {place}"
-            actual = (
-                f"{point} for {listed(joints, _TOGETHER)}; if the files lack {joints[-1]}, map it to none"
-            )
+            actual = f"{point} for {listed(joints, _TOGETHER)} (none, in Python None, if the files lack one)"
             raise InvalidInputError(f"mapping: expected a different point for each joint, got {actual}")
     return places
 
@@ -158,6 +156,8 @@ def arranged(person: Person, layout: sk.Layout, places: Places | None, *, flat: 
             expected = f"3·{n} = {3 * n} numbers (layout {layout.name})"
             actual = f"{3 * count} (3·{count}: {layouts_of(count)})"
         own = "" if layout.name in sk.layouts.names else _PART.format(layout=layout.name)
+        if layout.name == "hand21" and person.field.endswith("pose_keypoints_2d"):
+            own = "; the keys hand_… and face_… of OpenPose are not read (docs/howto/openpose has a way)"
         raise DatasetError(person.path, person.field, expected, actual + (advice_on(count) or own))
     highest = max((place for place in places if place is not None), default=-1)
     if highest >= count:

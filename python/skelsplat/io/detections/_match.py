@@ -18,7 +18,7 @@ _MOST_WORDS = 16  # of a name, of which each run is compared with those of all o
 _WORDS = re.compile(r"\d+|[^\W\d_]+")
 _CAPITAL = re.compile(r"(?<=[a-z])(?=[A-Z])")  # where camA is two words
 _ADVICE = (
-    "name each {kind} like its camera, for example cam_01{tail} or cam01{tail} for the camera cam_01, "
+    "name each {kind} like its camera, for example {first}{tail} for the camera {first}, "
     "or state their order: --order sorted, or --order and the {kind} of each camera (in Python order=)"
 )
 
@@ -35,7 +35,8 @@ def camera_called(text: str, names: Sequence[str], argument: str = "camera") -> 
 
 
 def cameras_called(texts: Iterable[str], names: Sequence[str], argument: str) -> tuple[str, ...]:
-    """Return the cameras that are meant, each once, in the order of `texts`, as `camera_called` does."""
+    """Return the cameras that `texts`, or one text, mean, each once, in order, as `camera_called` does."""
+    texts = [texts] if isinstance(texts, str) else texts
     return tuple(dict.fromkeys(camera_called(text, names, argument) for text in texts))
 
 
@@ -92,7 +93,8 @@ def match_by_name(
     label, what else may be done, if anything.
     """
     kind, texts = candidates.kind, candidates.texts
-    advice = _ADVICE.format(kind=kind, tail=PurePath(next(iter(texts), "")).suffix if kind == "file" else "")
+    tail = PurePath(next(iter(texts), "")).suffix if kind == "file" else ""
+    advice = _ADVICE.format(kind=kind, first=names[0], tail=tail)
     if not texts:
         raise candidates.error(f"one {kind} per camera ({', '.join(names)})", f"no {kind}s")
     found = {name: _label_of(candidates, name, names, advice) for name in names}

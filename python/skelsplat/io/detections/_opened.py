@@ -61,12 +61,12 @@ class DetectionSet:
         Frames per second, if files state them, the same for all of their cameras.
     """
 
-    people: npt.NDArray[np.float64]
-    frames: Index
+    people: npt.NDArray[np.float64] = field(repr=False)
+    frames: Index = field(repr=False)
     camera_names: tuple[str, ...]
-    sources: tuple[Path | None, ...]
+    sources: tuple[Path | None, ...] = field(repr=False)
     layout: str
-    skeleton: sk.Layout
+    skeleton: sk.Layout = field(repr=False)
     format: str = ""
     labels: tuple[str | None, ...] = ()
     uneven: bool = False

@@ -14,7 +14,7 @@ from skelsplat._atomic import opening
 from skelsplat._budget import opened
 from skelsplat.exceptions import DatasetError, InvalidInputError, one_of
 from skelsplat.io._files import VIDEO_SUFFIXES, head, listed
-from skelsplat.io._run_files import is_run
+from skelsplat.io._run_files import DETECTIONS, folders_of_run, is_run
 from skelsplat.io.detections import _arrays, _caliscope, _csv, _deeplabcut, _json, _npz, _sleap
 from skelsplat.io.detections._format import DetectionFormat, View
 from skelsplat.io.detections._frames import Sources
@@ -79,6 +79,9 @@ def find_format(path: Path, name: str | None) -> DetectionFormat:
     one_of("format", name, (None, *FORMATS))
     if name is not None:
         return FORMATS[name]
+    if is_run(path):
+        there = path / next(iter(folders_of_run(path)), "") / DETECTIONS
+        raise DatasetError(path, "folder", "detections", f"the folder of a run, whose detections are {there}")
     found = recognised(path)
     if not found:
         expected = f"detections in a known format ({', '.join(FORMATS)})"

@@ -157,7 +157,9 @@ def _parsed(path: Path, line: int, columns: Sequence[str], values: Sequence[str]
             tuple(float(fields.get(axis) or "nan") for axis in axes) for axes in (_AXES, _BARS, _SCATTER)
         )
     except ValueError as error:
-        raise DatasetError(path, f"line {line}", "numbers", error) from error
+        wrong = str(error).partition(": ")[2]  # of both, what is no number comes last
+        column = next((f", {name}" for name, value in fields.items() if repr(value) == wrong), "")
+        raise DatasetError(path, f"line {line}{column}", "a number", wrong or error) from error
     frame_number(path, f"line {line}, frame", frame)
     place = (line, frame, fields.get("time", ""), fields["joint"])
     return _Row(*place, position, bar, scatter, fields["unit"], fields.get("status", ""))

@@ -231,5 +231,5 @@ def _read_row(path: Path, number: int, line: str, count: int) -> tuple[int, list
     try:
         frame, values = int(fields[0]), [float(value) if value.strip() else math.nan for value in fields[2:]]
     except ValueError as error:
-        raise DatasetError(path, f"line {number}", "numbers", str(error)) from error
+        raise DatasetError(path, f"line {number}", "numbers", str(error).partition(": ")[2]) from error
     return frame_number(path, f"line {number}, frame", frame), values

@@ -93,7 +93,7 @@ def _record(text: bytes) -> dict[str, Any]:
     try:
         record = json.loads(text.decode("utf-8-sig"))  # Windows begins a stream with its mark
     except json.JSONDecodeError as error:
-        raise MalformedLineError(f"expected JSON, got at column {error.colno}: {error.msg}") from error
+        raise MalformedLineError(f"expected JSON, got a flaw at column {error.colno}: {error.msg}") from error
     except (ValueError, RecursionError) as error:
         raise MalformedLineError(f"expected JSON, got {error}") from error
     if not isinstance(record, dict):
