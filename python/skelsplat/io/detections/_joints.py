@@ -157,7 +157,7 @@ def arranged(person: Person, layout: sk.Layout, places: Places | None, *, flat: 
             actual = f"{3 * count} (3·{count}: {layouts_of(count)})"
         own = "" if layout.name in sk.layouts.names else _PART.format(layout=layout.name)
         if layout.name == "hand21" and person.field.endswith("pose_keypoints_2d"):
-            own = "; the keys hand_… and face_… of OpenPose are not read (docs/howto/openpose has a way)"
+            own = "; the keys hand_… and face_… of OpenPose are not read (docs/howto/openpose.md: Hands)"
         raise DatasetError(person.path, person.field, expected, actual + (advice_on(count) or own))
     highest = max((place for place in places if place is not None), default=-1)
     if highest >= count:

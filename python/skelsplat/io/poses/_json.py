@@ -146,7 +146,7 @@ def read_json(path: str | os.PathLike[str]) -> PoseData:
     if document["format"].value == PEOPLE:
         raise DatasetError(source, "format", "the poses of one person (person_0/pose.json)", "several people")
     if document["format"].value != FORMAT:
-        got = f"format {document['format'].shown}" if whole else document.shown
+        got = document["format"].shown if whole else document.shown
         raise DatasetError(source, "format", f'an object with "format": "{FORMAT}"', got)
     if document["version"].value != VERSION:
         raise document["version"].error(VERSION, document["version"].shown)
