@@ -323,7 +323,7 @@ def test_refiner_follows_and_finds_again(scene):
 
 def test_refiner_takes_one_frame_of_the_same_joints(scene):
     refiner = sk.Refiner(scene.rig)
-    with pytest.raises(sk.InvalidInputError, match=r"expected one frame \(M, N, 2\|3\), got 3 frames"):
+    with pytest.raises(sk.InvalidInputError, match=r"expected one frame \(M, N, 2\|3\) of one person, got 3"):
         refiner.step(scene.detections)
     refiner.step(scene.detections[0])
     with pytest.raises(
