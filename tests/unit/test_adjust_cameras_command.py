@@ -20,6 +20,7 @@ from skelsplat.io import convert_unit, read_calibration, write_calibration
 from skelsplat.rig_check import ReadAs
 from skelsplat.run import Job, run, run_people
 from skelsplat.run.adjust import adjust_cameras, findings_of
+from skelsplat.run.html import write_html
 from skelsplat.run.over_people import _command as check_command
 
 LAYOUT = ["--layout", "h36m17"]
@@ -249,6 +250,9 @@ def test_parts_of_a_frame_and_cameras_that_see_too_little():
     assert about.startswith("cam4 sees too few of the joints that other cameras see")
     (two,) = found(reported(name="cam1", status="unseen"), unseen)
     assert two.text.startswith("Two cameras do not tell which of them was turned or moved")
+    assert two.text.endswith(
+        " the one that was moved: skelsplat adjust-cameras --move NAME."
+    )  # not of refine
     (little,) = found(reported(name="cam1", status="adjusted", clock=0.3, clock_sigma=0.05))
     assert little.text.endswith(
         "0.30 ± 0.05 too high; a calibration has no clock: --offset cam1=-0.3 of refine corrects it."
@@ -286,6 +290,12 @@ def test_refine_adjusts_first_and_writes_the_cameras(room, tmp_path):
     assert after.statistics.total.before_px < 0.3 * before.statistics.total.before_px
     (finding,) = [one for one in after.findings if one.kind == "camera_adjusted"]
     assert finding.severity == "note"
+    write_html(after, tmp_path / "report.html")
+    page = (tmp_path / "report.html").read_text(encoding="utf-8")
+    warnings, _, notes = page.partition("Warnings</h2>")[2].partition("<footer>")
+    assert "cam3 was adjusted: turned by" not in warnings
+    assert "cam3 was adjusted: turned by" in notes
+    assert repr(sk.adjust_cameras(before.inputs.detections[..., :2], before.cameras)).count("array(") == 0
     assert finding.to_dict() in after.report["findings"]
     assert after.report["input"]["adjust_cameras"]
     assert not before.report["input"]["adjust_cameras"]

@@ -48,6 +48,24 @@ def test_it_is_said_to_have_none(one_view, arguments):
     assert (row["x"], row["status"], row["n_views"]) == ("", "weak", "0")
 
 
+@pytest.mark.parametrize("fill", [[], ["--fill-gaps", 10]], ids=["", "filled"])
+def test_at_an_end_filling_is_not_recommended(recording, arguments, fill):
+    """Nothing is known beyond the last frame; a gap before it can be filled, if it is asked for."""
+    folder, rig, _ = recording
+    last = max(path.name for path in (folder / "openpose" / rig.names[0]).iterdir())
+    for name in rig.names[1:]:
+        path = folder / "openpose" / name / last
+        document = json.loads(path.read_text())
+        document["people"][0]["pose_keypoints_2d"][48:51] = [0.0, 0.0, 0.0]
+        path.write_text(json.dumps(document))
+    result = invoke(*arguments, *READ, *FPS, *fill)
+    text = " ".join(result.stdout.split())
+    assert f": right_wrist (frame {int(last[:6])}). " in text
+    assert "interpolates" not in text
+    (weak,) = (one for one in json.loads((folder / "out" / "report.json").read_text())["findings"])
+    assert weak["remedy"] == []
+
+
 def test_gaps_are_filled_at_it_and_have_no_error_bar(one_view, arguments):
     result = invoke(*arguments, *READ, *FPS, "--fill-gaps", 1)
     text = " ".join(result.stdout.split())

@@ -113,6 +113,26 @@ def test_people_who_are_left_out_are_counted(people):
     assert doubt.kind == "people_left_out"
     assert doubt.numbers["left_out_share"] == pytest.approx(1 / 3, abs=0.05)
     assert "33% of the people detected are none of those found (cam1 33%, cam2 33%, " in doubt.text
+    assert "sigma" not in doubt.text  # of people
+
+
+def test_small_bodies_need_a_smaller_sigma_and_are_told_which(people):
+    """The same pixels in a room of a 20th: two bodies of 10 cm, 3 to 9 cm apart, become one."""
+    rig = sk.CameraRig([sk.Camera(one.K, one.R, one.t / 20, size=one.size, name=one.name) for one in RIG])
+    animal = sk.Layout("animal", LAYOUT.joints, limbs=LAYOUT.limbs)
+    none = np.full((FRAMES, 4, 17, 3), np.nan)
+    whole = Inputs(rig, animal, none, np.zeros((FRAMES, 4), dtype=bool), np.arange(FRAMES), fps=FPS)
+    found = follow_everybody(people, whole, Job("Calib.toml", "pose", people="all"))
+    assert len(found.people) == 1
+    (doubt,) = found.whole.doubts
+    sigma = doubt.remedy[0]
+    assert sigma.option == "sigma_mm"
+    assert "small bodies merged into one (those found are " in doubt.text
+    assert f" mm long: try {sigma.text}), people whom one view sees" in doubt.text
+    config = sk.RefineConfig(sigma_mm=float(sigma.value))
+    found = follow_everybody(people, whole, Job("Calib.toml", "pose", people="all", config=config))
+    assert len(found.people) == 2
+    assert found.whole.doubts == ()
 
 
 def test_a_limit_on_the_number_leaves_out_on_purpose(people):

@@ -305,7 +305,7 @@ SENTENCES: Mapping[str, str | Callable[[Finding], str]] = {
     ),
     "cameras_two": (
         "Two cameras do not tell which of them was turned or moved, so neither was adjusted. Add a third "
-        "camera, or name the one that was moved with --move NAME."
+        "camera, or name the one that was moved: skelsplat adjust-cameras --move NAME."
     ),
     "cameras_sound": (
         "No camera was adjusted: the {cameras} cameras that could be judged agree with this recording."

@@ -163,7 +163,7 @@ def _given_lengths_differ(finding: Finding) -> str:
         f"{a} to {b} {length(size, 0, 10.0)} mm, measured {length(seen, 0, 10.0)} mm"
         for (a, b), size, seen in zip(finding.numbers["limbs"], given, measured, strict=True)
     ]
-    return f"Given bone lengths contradict the recording: {_some(sizes)}. Short recordings follow them."
+    return f"Given bone lengths contradict the recording, which follows them if it is short: {_some(sizes)}."
 
 
 def _uncertain(finding: Finding) -> str:
@@ -184,29 +184,32 @@ _STATUS = {
         "Weak joints",
         " (fewer than two views agree, or equally many agree on another position)",
         " They are written as usual; --fill-gaps N --fill-weak interpolates those between known frames.",
+        " They are written as usual.",
     ),
     "joints_without_position": (
         "Weak joints",
         " without a position (detected in one view only, or in views from the same place)",
         " --fill-gaps N interpolates those between known frames.",
+        "",
     ),
     "unobserved_joints": (
         "Unobserved joints",
         " (no usable detection; they keep their initial position, if any)",
+        "",
         "",
     ),
 }
 
 
 def _status(finding: Finding) -> str:
-    label, meaning, remedy = _STATUS[finding.kind]
+    label, meaning, *remedies = _STATUS[finding.kind]
     named = finding.numbers["frames"]
     counts = finding.numbers.get("frames_in_all", map(len, named))  # of a long recording, more than are named
     frames = zip(finding.subject.joints, named, counts, strict=True)
     joints = _some([f"{joint} ({_frames(numbers, count)})" for joint, numbers, count in frames])
     if finding.numbers["filled"]:
         return f"{label}, now filled from neighbouring frames: {joints}."
-    return f"{label}{meaning}: {joints}.{remedy}"
+    return f"{label}{meaning}: {joints}.{remedies[not finding.remedy]}"
 
 
 def _frames(numbers: list[int], count: int | None = None) -> str:
@@ -280,10 +283,13 @@ def _left_out(finding: Finding) -> str:
     cameras = ", ".join(f"{name} {percent(share)}" for name, share in shares)
     alike = " or ".join(finding.numbers["layouts_of_as_many_joints"])
     layout = f"a wrong layout ({alike} has the same number of joints)" if alike else "a wrong layout"
+    finer = [remedy.text for remedy in finding.remedy if remedy.option == "sigma_mm"]
+    size = length(finding.numbers.get("size_mm", 0.0), 0)
+    merged = [f"small bodies merged into one (those found are {size} mm long: try {one}), " for one in finer]
     return (
         f"{percent(finding.numbers['left_out_share'])} of the people detected are none of those found "
-        f"({cameras}): people whom one view sees, false detections, {layout}, or cameras that do not fit. "
-        f"{_look(finding)}."
+        f"({cameras}): {''.join(merged)}people whom one view sees, false detections, {layout}, or "
+        f"cameras that do not fit. {_look(finding)}."
     )
 
 

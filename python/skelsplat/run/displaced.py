@@ -43,15 +43,10 @@ _LEAST_DETECTIONS = 50
 _LEAST_JOINTS = 4
 
 
-def diagonals(rig: sk.CameraRig) -> Array:
-    """Return the diagonals (M,) of the cameras' images [px]."""
-    return np.array([np.hypot(*camera.size) for camera in rig])
-
-
-def displaced_cameras(rig: sk.CameraRig, shifts: Shifts) -> list[int]:
+def displaced_cameras(rig: sk.CameraRig, shifts: Shifts, chance: float = _CHANCE) -> list[int]:
     """Return the cameras with detections shifted from the pose, the largest shift first."""
-    diagonal = diagonals(rig)
-    found = np.flatnonzero(shifts.one_sided(diagonal))
+    diagonal = np.array([np.hypot(*camera.size) for camera in rig])
+    found = np.flatnonzero(shifts.one_sided(diagonal, chance))
     return sorted((int(i) for i in found), key=lambda i: -shifts.size[i] / diagonal[i])
 
 
@@ -122,10 +117,7 @@ class Shifts:
         return np.hypot(self.shift[:, 0], self.shift[:, 1])
 
     def one_sided(self, diagonal: Array, chance: float = _CHANCE) -> Mask:
-        """Return the cameras (M,) whose detections lie to one side, but for this probability of ``chance``.
-
-        ``diagonal`` (M,) of the images [px].
-        """
+        """Return the cameras (M,) whose detections lie to one side; ``diagonal`` (M,) of the images [px]."""
         with np.errstate(invalid="ignore"):
             mask: Mask = (
                 (self.count >= _LEAST_DETECTIONS)

@@ -28,6 +28,8 @@ _SAME_MM, _APART_MM = 60.0, 500.0
 _SAME_BONES = 0.05
 # Part of the people detected who may be left out: those whom one view sees, and false detections.
 _LEFT_OUT = 0.25
+# Two bodies nearer than 4 σ become one: those of fewer σ need a smaller one, that of people in proportion.
+_SMALL, _SIGMA_PER_SIZE = 15.0, 1 / 60
 # Fewer are no pattern.
 _LEAST_DETECTED = 20
 
@@ -131,18 +133,25 @@ def lasts(of: Inputs) -> float:
     return float(of.frames[-1] - of.frames[0]) / of.fps if of.fps else 0.0
 
 
-def find_left_out(detected: Index, assigned: Index, of: Inputs) -> Iterator[Finding]:
-    """Yield a finding if many of the people detected in each view (T, M) are none of those who were found."""
+def find_left_out(
+    detected: Index, assigned: Index, of: Inputs, size_mm: float, sigma_mm: float
+) -> Iterator[Finding]:
+    """Yield a finding if many of the people detected in each view (T, M) are none of those who were found.
+
+    Those found, of ``size_mm``, may be several in one if they are small for ``sigma_mm``.
+    """
     everybody, left = detected.sum(), (detected - assigned).sum(axis=0)
     if everybody < _LEAST_DETECTED or left.sum() < _LEFT_OUT * everybody:
         return
     shares = left / np.maximum(detected.sum(axis=0), 1)
     named = np.flatnonzero(shares >= _LEFT_OUT)
     same = [name for name in sk.layouts.names if sk.layouts.get(name).n_joints == of.layout.n_joints]
+    finer = [Remedy("sigma_mm", f"{size_mm * _SIGMA_PER_SIZE:.1g}")] if size_mm < _SMALL * sigma_mm else []
     numbers = {
+        "size_mm": size_mm,
         "left_out_share": float(left.sum() / everybody),
         "shares": shares[named].tolist(),
         "layouts_of_as_many_joints": [name for name in same if name != of.layout.name],
     }
     subject = Subject(cameras=tuple(of.rig.names[i] for i in named))
-    yield Finding("people_left_out", "warning", subject, numbers, (Remedy("layout", None),))
+    yield Finding("people_left_out", "warning", subject, numbers, (*finer, Remedy("layout", None)))

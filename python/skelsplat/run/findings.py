@@ -12,10 +12,10 @@ import numpy as np
 import numpy.typing as npt
 
 import skelsplat as sk
-from skelsplat._arrays import Array
+from skelsplat._arrays import Array, Mask
 from skelsplat.findings import Finding, Remedy, Subject
 from skelsplat.rig_check._check import find_swapped, same_detections
-from skelsplat.run.displaced import diagonals, displaced_cameras, find_apart, find_displaced, shift_of
+from skelsplat.run.displaced import displaced_cameras, find_apart, find_displaced, shift_of
 from skelsplat.run.people import are_mixed, find_people
 from skelsplat.run.read import Inputs
 from skelsplat.run.solve import Outcome, frame_by_frame
@@ -81,7 +81,7 @@ def find_findings(
         *_limbs(inputs, alone),
         *_given_lengths(inputs, alone),
         *_joints(counted, statistics),
-        *_statuses(inputs.layout.joints, frames, counts),
+        *_statuses(inputs, outcome, frames, counts),
     ]
 
 
@@ -162,13 +162,11 @@ def find_unfit(names: Sequence[str], unfit: Mapping[int, tuple[int, int]]) -> It
 def with_lasting(rig: sk.CameraRig, alone: Statistics, statistics: Statistics) -> Statistics:
     """Return those of frames ``alone`` with the groups over time of cameras that only these reject.
 
-    What is hidden is rejected in both; an offset that lasts is followed by frames alone. Few joints do not
-    rule out chance where all lie to one side (`Shifts.one_sided`); that they are rejected over time does.
+    What is hidden is rejected in both; an offset that lasts, frames alone follow.
     """
-    diagonal = diagonals(rig)
-    unsure = alone.shifts.one_sided(diagonal, _UNSURE) & ~alone.shifts.one_sided(diagonal)
+    unsure = {*displaced_cameras(rig, alone.shifts, _UNSURE)} - {*displaced_cameras(rig, alone.shifts)}
     cameras = [
-        group if unsure[i] and group.rejected_share >= _CAMERA_RATIO * single.rejected_share else single
+        group if i in unsure and group.rejected_share >= _CAMERA_RATIO * single.rejected_share else single
         for i, (single, group) in enumerate(zip(alone.cameras, statistics.cameras, strict=True))
     ]
     return replace(alone, cameras=cameras)
@@ -338,19 +336,28 @@ def joint_frames(inputs: Inputs, outcome: Outcome, written: npt.NDArray[np.str_]
     return found
 
 
-def _statuses(joints: Sequence[str], found: JointFrames, counts: Mapping[Any, int]) -> Iterator[Finding]:
+def _statuses(
+    inputs: Inputs, outcome: Outcome, found: JointFrames, counts: Mapping[Any, int]
+) -> Iterator[Finding]:
     """Yield findings on weak and unobserved joints with their frames, those not filled first.
 
     ``counts`` are of the frames by kind, filled or not, and joint, where ``found`` names the first ones only.
+    What lies between frames in which the joint is known can be filled.
     """
+    joints, placed = inputs.layout.joints, np.isfinite(np.asarray(outcome.result.pose)).all(axis=-1)
+    weak = np.asarray(outcome.result.joint_status) == "weak"
     gaps = Remedy("fill_gaps", None)
     remedies = {"weak_joints": (gaps, Remedy("fill_weak")), "joints_without_position": (gaps,)}
     for kind in ("weak_joints", "joints_without_position", "unobserved_joints"):
         for done in (False, True):
             by_joint = dict(sorted(found.get((kind, done), {}).items()))
             if by_joint:
+                known: Mask = placed & ~(weak & (kind == "weak_joints"))
+                there = {j: inputs.frames[known[:, j]] for j in by_joint if known[:, j].any()}
+                inside = any(a[0] < t < a[-1] for j, a in there.items() for t in by_joint[j])
+                remedy = remedies.get(kind, ()) if inside and not done else ()
                 named = Subject(joints=tuple(joints[j] for j in by_joint))
                 numbers: dict[str, Any] = {"frames": list(by_joint.values()), "filled": done}
                 if counts:
                     numbers["frames_in_all"] = [counts[kind, done, j] for j in by_joint]
-                yield Finding(kind, "warning", named, numbers, () if done else remedies.get(kind, ()))
+                yield Finding(kind, "warning", named, numbers, remedy)

@@ -78,7 +78,7 @@ def write_html(run: Run, path: Path) -> None:
     data = page.ReportData(
         title="SkelSplat" if source is None else f"SkelSplat: {Path(source).name}{_of_whom(run)}",
         facts=facts_of(run.report),
-        warnings=[finding.text for finding in run.findings],
+        warnings=[finding.text for finding in run.findings if finding.severity != "note"],
         notes=_notes(run),
         numbers=key_numbers(run),
         sequence=_sequence(run),
@@ -213,6 +213,7 @@ def _notes(run: Run) -> list[str]:
     note = run.report["note"]
     return [
         *([note] if note else []),
+        *(finding.text for finding in run.findings if finding.severity == "note"),
         *solved_in_words(run.report),
         *thinned_in_words(run.inputs),
         *run.poses.processing,

@@ -50,7 +50,7 @@ def write_people_page(run: PeopleRun, path: Path) -> None:
             *facts_of({**first.report, "input": {**first.report["input"], **run.report["input"]}}),
             *([] if most == "all" else [("people at most", str(most))]),
         ],
-        warnings=[finding.text for finding in run.findings],
+        warnings=[finding.text for finding in run.findings if finding.severity != "note"],
         notes=_notes(run),
         numbers=_numbers(run),
         people=tracks_of(run),
@@ -134,6 +134,7 @@ def _notes(run: PeopleRun) -> list[str]:
     note = run.report["note"]
     return [
         *([note] if note else []),
+        *(finding.text for finding in run.findings if finding.severity == "note"),
         "A person is found once two views agree on them. Identities are numbers in the order of appearance; "
         "the page of each person, linked in the table, has their cameras, joints and curves.",
         "A camera sees a person where it has a detection of them that is used and not rejected. The distance "

@@ -13,7 +13,7 @@ from skelsplat._json import plain
 from skelsplat._sentences.words import ordinal
 from skelsplat.run.job import Job
 from skelsplat.run.read import Inputs
-from skelsplat.run.solve import ASKED, NO_RATE, PRIOR, SPARSE, Outcome, default_threads
+from skelsplat.run.solve import ASKED, NO_RATE, PAPER, PRIOR, SPARSE, Outcome, default_threads
 from skelsplat.run.summary import DOWN_WEIGHTED, POOR_SHARE, Group, Statistics, finite_max, finite_median
 
 MEANINGS = {
@@ -37,6 +37,7 @@ MEANINGS = {
 }
 _ALONE = {
     ASKED: "Solved frame by frame (--frame-by-frame).",
+    PAPER: "Solved frame by frame, as always with --paper.",
     PRIOR: "Solved frame by frame: --init-sigma-mm is for single frames.",
     NO_RATE: "Solved frame by frame: the frame rate is unknown. --fps HZ solves over time.",
     SPARSE: "Solved frame by frame: most frames are missing.",

@@ -129,7 +129,9 @@ def follow_everybody(people: Array, whole: Inputs, job: Job, progress: Progress 
     kept = [replace(one, doubts=tuple(find_doubts(kept, one))) for one in kept]
     assigned = np.minimum(assigned[places], detected)
     if len(found) != job.people:  # else others may be left out on purpose
-        whole = replace(whole, doubts=tuple(find_left_out(detected, assigned, whole)))
+        sizes = np.concatenate([association.body_sizes(person.refinement.pose) for person in found])
+        size = float(np.median(sizes)) * whole.rig.mm_per_unit
+        whole = replace(whole, doubts=tuple(find_left_out(detected, assigned, whole, size, config.sigma_mm)))
     return Everybody(tuple(kept), detected, assigned, whole)
 
 
