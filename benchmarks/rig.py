@@ -13,9 +13,10 @@ shares of the focal length, and frames; `focal=True` and `clock=True` are given 
 
 set right: takes in which every faulty camera is adjusted (or late) and no other, and at most a tenth of the
 fault or twice the error bar is left, of the fault and of what it might be confused with. beyond: more is.
-doubt: a faulty camera is among those said to be doubtful. within: nothing is found, and the fault is at most
-twice the error bar that is stated. missed: it is more. wrong: a sound camera was
-changed. left, error bar: medians of what is left of the fault, and of its error bar. CPU s: one core.
+doubt: a faulty camera is among those said to be doubtful, or sound ones are beside those set right.
+within: nothing is found, and the fault is at most twice the error bar that is stated. missed: it is more.
+wrong: a sound camera was changed. left, error bar: medians of what is left of the fault, and of its error
+bar. CPU s: one core.
 """
 
 from __future__ import annotations
@@ -172,6 +173,8 @@ def verdict(one: Case, found: sk.RigAdjustment) -> tuple[str, float, float]:
         return "doubt", np.nan, np.nan
     if one.faulty - changed:
         return ("wrong" if doubtful else "within" if within(one, found) else "missed"), np.nan, np.nan
+    if doubtful:
+        return "doubt", np.nan, np.nan
     outcome, left, bar = "set right", 0.0, 0.0
     for i in one.faulty:
         before = errors(one.true[i], one.given[i], one.late[i])

@@ -56,6 +56,8 @@ def outcome(
         case = Case(list(true), list(given), clocks, {faulty}, people)
         quiet = "within" if within(case, found) else "missed"
         return quiet if found.report[faulty].status == "sound" else "doubt", np.nan, np.nan
+    if found.of("doubtful"):
+        return "doubt", np.nan, np.nan
     report = found.report[faulty]
     before = errors(true[faulty], given[faulty], late)
     after, bars = errors(true[faulty], found.cameras[faulty], late - report.clock), error_bars(report)

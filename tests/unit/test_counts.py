@@ -15,7 +15,7 @@ ROWS = {row.name: row for row in counts.folders()}
 
 # Lines of the package without what came later, and what each later capability may add.
 HOUSE = 29_500
-LATER = {"sequences": 1_600, "people": 5_510, "recordings": 5_511, "trust": 3_640}
+LATER = {"sequences": 1_600, "people": 5_510, "recordings": 5_540, "trust": 3_640}
 
 
 def test_the_package_is_small() -> None:

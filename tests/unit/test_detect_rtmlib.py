@@ -150,7 +150,7 @@ def test_networks_that_cannot_be_loaded(rtmlib, videos, tmp_path):
     rtmlib.Body = fails
     options = ["--backend", "rtmlib", "--model", "body", "--mode", "performance"]
     result = invoke("detect", videos, "-o", tmp_path / "pose", *options)
-    assert_fails(result, 1, "rtmlib: expected rtmlib to download and load its networks, or files", "urlopen")
+    assert_fails(result, 1, "expected rtmlib to download and load its networks, or their files", "urlopen")
 
 
 # Networks from files. Refused is what real ones gave: tracebacks, or thousands of people.

@@ -118,6 +118,23 @@ fn a_camera_that_was_knocked_is_found_and_set_right() {
     }
 }
 
+/// Of four cameras one may be corrected, or no majority would stay. Another that is wrong pulls at all of them, so which it is may be
+/// mistaken, but something is said to be wrong.
+#[test]
+fn a_camera_that_is_wrong_besides_leaves_a_doubt() {
+    let truth = room(4);
+    let frames = recording(&truth, &[0.0; 4], 2.0);
+    let mut given = truth.clone();
+    given[2] = moved(&truth[2], [0.06, -0.04, 0.02], [0.0; 3]);
+    given[0] = moved(&truth[0], [0.0, 0.02, 0.0], [0.0; 3]);
+    let found = adjusted(&given, &frames, &Adjustable::default());
+    assert_eq!(found.report[2].status, CameraStatus::Adjusted);
+    let doubtful: Vec<usize> =
+        (0..4).filter(|i| found.report[*i].status == CameraStatus::Doubtful).collect();
+    assert!(!doubtful.is_empty());
+    assert!(doubtful.iter().all(|i| found.cameras[*i] == given[*i]), "it is not applied");
+}
+
 #[test]
 fn a_sound_rig_stays() {
     let truth = room(3);

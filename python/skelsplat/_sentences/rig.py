@@ -242,6 +242,13 @@ def _late(finding: Finding) -> str:
 def _doubtful(finding: Finding) -> str:
     suspected = finding.numbers["suspected"]
     ways = [f"{one['camera']} ({listed(_changes(one) or ['no single change'])})" for one in suspected]
+    if besides := finding.numbers["besides"]:
+        named = " ".join(f"--move {name}" for name in (*besides, "NAME"))
+        return (
+            f"Another camera is wrong as well, most likely {listed(ways, 'or')}. It was not adjusted: more "
+            "than half of the cameras have to stay. If you know which were moved, name all of them: "
+            f"skelsplat adjust-cameras {named}."
+        )
     if len(ways) == 1:
         return (
             f"{ways[0]} disagrees with the other cameras, and this recording does not tell how it is "
@@ -308,7 +315,8 @@ SENTENCES: Mapping[str, str | Callable[[Finding], str]] = {
         "camera, or name the one that was moved: skelsplat adjust-cameras --move NAME."
     ),
     "cameras_sound": (
-        "No camera was adjusted: the {cameras} cameras that could be judged agree with this recording."
+        "No camera was adjusted: this recording shows none of the {cameras} cameras that could be judged to "
+        "be wrong."
     ),
     "cameras_not_adjusted": "No camera was adjusted, because another fault has to be corrected first. {why}",
     "cameras_apart": _apart,

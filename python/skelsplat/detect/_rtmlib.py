@@ -120,7 +120,10 @@ def _loaded(detector: RTMLib) -> Any:
         name = "BodyWithFeet"  # the same two networks; Body downloads another if "rtmo" is anywhere in a path
     files = {"det": detector.det_model, "pose": detector.pose_model}
     given = {name: str(path) for name, path in files.items() if path is not None}
-    expected = "rtmlib: expected rtmlib to download and load its networks, or files (det_model, pose_model)"
+    expected = (
+        "rtmlib: expected rtmlib to download and load its networks, or their files (--det-model, "
+        "--pose-model; in Python det_model, pose_model)"
+    )
     with _failing(expected), contextlib.redirect_stdout(io.StringIO()):  # it prints what it loads
         kind = getattr(module, name)
         solution = kind(**given, mode=detector.mode, backend="onnxruntime", device=detector.device)

@@ -49,7 +49,7 @@ def check_rig(
 
     Without detections: lenses, cameras in one place, cameras that look away. With detections of a person
     also the convention of the poses (camera → world? OpenGL's axes?), the unit (is the body as large as a
-    person; with a layout of one's own, between 1 mm and 20 m?), detections of other images than the
+    person; with a layout of one's own, at most 20 m?), detections of other images than the
     calibration's (resized, turned, mirrored), exchanged cameras (every pair is tried), frame offsets between
     cameras, left and right swapped in a view (always, or in a tenth of its frames), and cameras that were
     turned or moved; half of the cameras or more mean another recording. A cause is named when with it

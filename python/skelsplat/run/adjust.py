@@ -104,8 +104,8 @@ def adjust_cameras(
     if isinstance(result, Finding):
         if result.numbers["fault"] == "detections_none":
             raise DatasetError(detections, "detections", "some to adjust the cameras by", "none")
-        expected = "no fault but turned or moved cameras"
-        raise DatasetError(detections, "cameras", expected, f"this one: {result.numbers['why']}")
+        expected = "no fault besides turned or moved cameras"
+        raise DatasetError(detections, "cameras", expected, f"another one: {result.numbers['why']}")
     cameras = dict(zip(rig.names, result.cameras, strict=True))
     whole = sk.CameraRig([cameras.get(n, one) for n, one in zip(every.names, every, strict=True)], every.unit)
     kept = [one for one in warnings if one.kind != "unit_implausible"]  # the person's size says more
@@ -224,8 +224,10 @@ def findings_of(found: sk.RigAdjustment, mm_per_unit: float, read_as: ReadAs) ->
     doubtful = [*found.of("doubtful"), *(one for one in found.of("late") if not _clock_known(one))]
     if doubtful:
         suspected = [{**numbers_of(one, mm_per_unit), "offset": option(one)} for one in doubtful]
-        names = tuple(one.name for one in doubtful)
-        yield Finding("cameras_doubtful", "warning", Subject(cameras=names), {"suspected": suspected})
+        names, changed = tuple(one.name for one in doubtful), [one.name for one in found.of("adjusted")]
+        besides = changed if 2 * (len(changed) + 1) >= len(found.report) else []  # a majority stays
+        numbers = {"suspected": suspected, "besides": besides}
+        yield Finding("cameras_doubtful", "warning", Subject(cameras=names), numbers)
     if len(found.report) == 2 and found.of("unseen"):
         yield Finding("cameras_two", "warning", Subject(cameras=found.cameras.names))
     if found.of("sound") and not found.of("adjusted", "late", "doubtful"):

@@ -59,8 +59,8 @@ def _supposed(rig: sk.CameraRig, found: sk.RigAdjustment) -> sk.CameraRig | None
 
     Of two suspected cameras one is sound.
     """
-    doubtful = found.of("doubtful")
-    if len(doubtful) > 1 or not (doubtful or found.of("adjusted", "late")):
+    doubtful = found.of("doubtful") if len(found.of("doubtful")) == 1 else []
+    if not (doubtful or found.of("adjusted", "late")):
         return None
     cameras = list(found.cameras)
     for one in doubtful:

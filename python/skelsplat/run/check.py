@@ -90,12 +90,17 @@ def check_cameras(
 
 
 def _late(scene: Scene, report: RigReport) -> dict[str, Finding]:
-    """Find the cameras whose clocks show once other cameras, or other clocks, are set right."""
-    one_clock = [finding.kind for finding in report.findings].count("frame_offset") == 1
-    if len(scene.rig) < 3 or report.before_places or one_clock:
+    """Find the cameras whose clocks show, or are measured better, once cameras and clocks are set right."""
+    clocks = [finding for finding in report.findings if finding.kind == "frame_offset"]
+    if len(scene.rig) < 3 or report.before_places:
         return {}
     findings = findings_of(settled(scene), scene.rig.mm_per_unit, scene.read_as)
-    return {name: one for one in findings if one.kind == "camera_late" for name in one.subject.cameras}
+    late = {name: one for one in findings if one.kind == "camera_late" for name in one.subject.cameras}
+    if len(clocks) == 1:  # it is right unless its camera is measured otherwise
+        measured = [one.remedy[0] for one in late.values()]
+        if tuple(late) != clocks[0].subject.cameras or clocks[0].remedy[0] in measured:
+            return {}
+    return late
 
 
 def _option(late: Finding) -> float:

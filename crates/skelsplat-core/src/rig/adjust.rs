@@ -131,7 +131,15 @@ impl Task<'_> {
         }
         progress.check()?;
         let searched = found.rig.freedom.clone();
-        found.rig = self.whole(&self.scope(&self.fitted), found.rig, &mut bars)?;
+        let all = self.scope(&self.fitted);
+        found.rig = self.whole(&all, found.rig, &mut bars)?;
+        for (i, bars) in bars.iter_mut().enumerate() {
+            let change = Change::between(&self.given[i], &found.rig.cameras[i]);
+            let late = self.what.free.is_none() && found.rig.freedom[i] == Freedom::CLOCK;
+            if late && !all.keeps(&mut found.rig, i) {
+                *bars = bars.besides(&change);
+            }
+        }
         if self.what.free.is_none() && !self.holds(&found.rig) {
             self.doubt(&mut found, &searched, &bars);
         }

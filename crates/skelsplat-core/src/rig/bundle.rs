@@ -81,6 +81,21 @@ type Slopes = SMatrix<f64, 2, SLOPES>;
 /// Of an unknown its place, and its rows of C and of C H⁻¹.
 type Row = (usize, RowVector3<f64>, RowVector3<f64>);
 
+/// How the joints of one task move: of each H⁻¹ h, if anything is known of it, and where its rows of C H⁻¹ end.
+#[derive(Default)]
+struct Moves {
+    joints: Vec<(Option<Vector3<f64>>, usize)>,
+    rows: Vec<(usize, RowVector3<f64>)>,
+}
+
+/// What a step sums up: the equations of every cluster in each part of the recording, in order, how the joints move, and how offsets
+/// follow.
+struct Cells {
+    equations: Vec<Vec<Reduced>>,
+    moves: Vec<Moves>,
+    follow: Vec<Follow>,
+}
+
 /// Where a camera's parameters stand among those of all.
 type Columns = Vec<Vec<(usize, usize)>>;
 
@@ -104,8 +119,8 @@ impl Bundle<'_> {
     /// One step under kernels of the width `sigma`; how far it goes.
     fn step(&mut self, sigma: f64) -> f64 {
         let free = unknowns(&self.freedom);
-        let (cells, follow) = self.cells(sigma);
-        let mut sum = Reduced::sum(&summed(&cells));
+        let Cells { equations, moves, follow } = self.cells(sigma);
+        let mut sum = Reduced::sum(&summed(&equations));
         let reach = self.reach();
         let prior = self.prior(sigma, &reach);
         for (q, (i, k)) in free.iter().enumerate() {
@@ -126,7 +141,7 @@ impl Bundle<'_> {
         let stepped = self.cameras.iter().zip(&steps).map(|(camera, step)| camera.stepped(step));
         let Ok(cameras) = stepped.collect::<Result<Vec<Placed>>>() else { return 0.0 };
         if !self.fixed {
-            self.move_points(sigma, &steps, offsets.as_deref());
+            self.move_points(&moves, delta.as_slice(), offsets.as_deref());
         }
         self.cameras = cameras;
         if let (Some(all), Some(steps)) = (&mut self.offsets, &offsets) {
@@ -154,12 +169,11 @@ impl Bundle<'_> {
     /// The equations of every cluster: a joint, or where there are few joints a joint in a part of the recording.
     #[must_use]
     pub fn clusters(&self, sigma: f64) -> Vec<Reduced> {
-        summed(&self.cells(sigma).0)
+        summed(&self.cells(sigma).equations)
     }
 
-    /// The equations of every cluster in each of the parts of the recording that one task sums up, in order; with offsets, how these
-    /// follow.
-    fn cells(&self, sigma: f64) -> (Vec<Vec<Reduced>>, Vec<Follow>) {
+    /// All detections, each part of the recording by one task.
+    fn cells(&self, sigma: f64) -> Cells {
         let n = self.scene.n_joints();
         let (columns, q) = self.columns();
         let [least, most] = CLUSTERS;
@@ -167,17 +181,20 @@ impl Bundle<'_> {
         let cell = |t: usize, j: usize| j + n * (t * parts / self.frames.len());
         let sum_of = |first: usize| {
             let mut out = vec![Reduced::nothing(q); n * parts];
-            let (mut terms, mut rows) = (Vec::new(), Vec::new());
+            let (mut terms, mut rows, mut moves) = (Vec::new(), Vec::new(), Moves::default());
             for t in first..(first + CHUNK).min(self.frames.len()) {
                 for j in 0..n {
                     out[cell(t, j)].cost += self.terms(t, j, sigma, &mut terms);
-                    self.eliminate(&terms, &columns, &mut rows, &mut out[cell(t, j)]);
+                    let pull = self.eliminate(&terms, &columns, &mut rows, &mut out[cell(t, j)]);
+                    moves.rows.extend(rows.iter().map(|(a, _, left): &Row| (*a, *left)));
+                    moves.joints.push((pull, moves.rows.len()));
                 }
             }
-            out
+            (out, moves)
         };
         let starts: Vec<usize> = (0..self.frames.len()).step_by(CHUNK).collect();
-        let mut cells: Vec<Vec<Reduced>> = starts.into_par_iter().map(sum_of).collect();
+        let (mut cells, moves): (Vec<Vec<Reduced>>, Vec<Moves>) =
+            starts.into_par_iter().map(sum_of).unzip();
         let follow = self.offsets.as_ref().map_or_else(Vec::new, |all| all.eliminated(&mut cells));
         let joints = n.min(most);
         let merged = |all: Vec<Reduced>| {
@@ -187,7 +204,7 @@ impl Bundle<'_> {
             }
             out
         };
-        (cells.into_iter().map(merged).collect(), follow)
+        Cells { equations: cells.into_iter().map(merged).collect(), moves, follow }
     }
 
     /// Where the unknowns of each camera stand, and the offsets of its detections of a joint; number of all.
@@ -244,19 +261,19 @@ impl Bundle<'_> {
         cost
     }
 
-    /// Adds what a joint says of the cameras; `rows` is filled anew.
-    fn eliminate(&self, terms: &[Term], columns: &Columns, rows: &mut Vec<Row>, out: &mut Reduced) {
-        if columns.iter().all(Vec::is_empty) {
-            return;
-        }
+    /// Adds what a joint says of the cameras; `rows` is filled anew. H⁻¹ h; `None` if nothing is known of the joint.
+    fn eliminate(
+        &self,
+        terms: &[Term],
+        columns: &Columns,
+        rows: &mut Vec<Row>,
+        out: &mut Reduced,
+    ) -> Option<Vector3<f64>> {
+        rows.clear();
         let (inverse, pull) = match self.fixed {
             true => (Matrix3::zeros(), Vector3::zeros()),
-            false => match information(terms) {
-                Some((inverse, gradient)) => (inverse, inverse * gradient),
-                None => return,
-            },
+            false => information(terms).map(|(inverse, gradient)| (inverse, inverse * gradient))?,
         };
-        rows.clear();
         for Term { view, weight, size, residual: r, slope } in terms {
             if columns[*view].is_empty() {
                 continue;
@@ -279,24 +296,30 @@ impl Bundle<'_> {
                 out.matrix[(*a, *b)] -= left.dot(other);
             }
         }
+        Some(pull)
     }
 
-    /// The joints' part of a step.
-    fn move_points(&mut self, sigma: f64, steps: &[Step], offsets: Option<&[Vector2<f64>]>) {
+    /// The joints' part of a step of the unknowns, and of the offsets.
+    fn move_points(&mut self, moves: &[Moves], delta: &[f64], offsets: Option<&[Vector2<f64>]>) {
         let (n, m) = (self.scene.n_joints(), self.cameras.len());
-        let one = |k: usize| {
-            let mut terms = Vec::new();
-            self.terms(k / n, k % n, sigma, &mut terms);
-            for term in &mut terms {
-                term.residual.value += term.residual.by_camera * steps[term.view];
-                if let Some(all) = offsets {
-                    term.residual.value -= all[(k % n) * m + term.view] / term.residual.pixel;
-                }
-            }
-            information(&terms)
-                .map_or(self.points[k], |(inverse, pull)| self.points[k] - inverse * pull)
+        let change = |j: usize, a: usize| match (a.checked_sub(delta.len()), offsets) {
+            (Some(b), Some(all)) => all[j * m + b / 2][b % 2],
+            _ => delta[a],
         };
-        self.points = (0..self.points.len()).into_par_iter().map(one).collect();
+        let mut points = self.points.iter_mut().enumerate();
+        for Moves { joints, rows } in moves {
+            let mut first = 0;
+            for (pull, end) in joints {
+                let Some((k, x)) = points.next() else { return };
+                if let Some(pull) = pull {
+                    let own = rows[first..*end].iter();
+                    let shift: Vector3<f64> =
+                        own.map(|(a, left)| left.transpose() * change(k % n, *a)).sum();
+                    *x -= pull + shift;
+                }
+                first = *end;
+            }
+        }
     }
 
     /// Cost of every cluster, and the covariance of the unknowns by leaving out one cluster after the other, as detections err in common over time.
@@ -306,7 +329,7 @@ impl Bundle<'_> {
     /// size relative to S⁻¹, φ = tr(S J)/q: error bars are those of φ S⁻¹/κ², where κ S has the curvature of the kernel itself.
     #[must_use]
     pub fn judge(&self, sigma: f64) -> Judged {
-        let (cells, _) = self.cells(sigma);
+        let Cells { equations: cells, .. } = self.cells(sigma);
         let clusters = summed(&cells);
         let costs: Vec<f64> = clusters.iter().map(|one| one.cost).collect();
         let prior = self.prior(sigma, &self.reach());

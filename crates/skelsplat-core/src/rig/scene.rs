@@ -34,6 +34,8 @@ pub struct Motion {
     places: Vec<Option<usize>>,
     /// Joints (frames, N), mm; NaN where unknown.
     points: Vec<Vector3<f64>>,
+    /// Of each its movement, mm per frame, and the variance of its noise, of all three coordinates together; `None` where unknown.
+    movements: Vec<Option<(Vector3<f64>, f64)>>,
 }
 
 impl Motion {
@@ -58,24 +60,39 @@ impl Motion {
         let needed: Vec<usize> = (0..places.len()).filter(|t| places[*t].is_some()).collect();
         needed.iter().enumerate().for_each(|(place, t)| places[*t] = Some(place));
         let points = scene.points(&needed, cameras, &vec![true; cameras.len()]);
-        Self { n_joints: scene.n_joints(), reach, places, points }
+        Self { n_joints: scene.n_joints(), reach, places, points, movements: Vec::new() }.measured()
     }
 
     /// Of joints `(T, N)` that are known in every frame, mm.
     #[must_use]
     pub fn known(n_joints: usize, points: Vec<Vector3<f64>>) -> Self {
-        let reach = REACH[0];
-        Self { n_joints, reach, places: (0..points.len() / n_joints).map(Some).collect(), points }
+        let (reach, movements) = (REACH[0], Vec::new());
+        let places = (0..points.len() / n_joints).map(Some).collect();
+        Self { n_joints, reach, places, points, movements }.measured()
+    }
+
+    /// With the movement of every joint.
+    fn measured(mut self) -> Self {
+        let there = (0..self.places.len()).filter(|t| self.places[*t].is_some());
+        let all = there.flat_map(|t| (0..self.n_joints).map(move |j| (t, j)));
+        self.movements = all.map(|(t, j)| self.measure(t, j)).collect();
+        self
+    }
+
+    fn place(&self, t: usize, j: usize) -> Option<usize> {
+        Some((*self.places.get(t)?)? * self.n_joints + j)
     }
 
     fn point(&self, t: usize, j: usize) -> Option<&Vector3<f64>> {
-        let place = (*self.places.get(t)?)?;
-        self.points.get(place * self.n_joints + j).filter(|x| x.x.is_finite())
+        self.points.get(self.place(t, j)?).filter(|x| x.x.is_finite())
     }
 
-    /// Movement of joint `j`, mm per frame, by least squares over pairs of frames before and after, and the variance of its noise, of
-    /// all three coordinates together; `None` where unknown.
     fn movement(&self, t: usize, j: usize) -> Option<(Vector3<f64>, f64)> {
+        self.movements[self.place(t, j)?]
+    }
+
+    /// Movement of joint `j` by least squares over pairs of frames before and after.
+    fn measure(&self, t: usize, j: usize) -> Option<(Vector3<f64>, f64)> {
         let (mut sum, mut squares, mut length, mut pairs) = (Vector3::zeros(), 0.0, 0.0, 0.0);
         for d in 1..=self.reach.min(t) {
             if let (Some(b), Some(a)) = (self.point(t + d, j), self.point(t - d, j)) {

@@ -8,7 +8,6 @@
 
 use nalgebra::Vector3;
 
-use super::bias::Offsets;
 use super::bundle::{Bundle, PER_NOISE, unknowns};
 use super::evidence::{Bars, bars, is_worse, surety, total};
 use super::placed::{CLOCK, Change, Freedom, Placed};
@@ -18,13 +17,13 @@ use crate::batch::Progress;
 use crate::error::Result;
 
 /// Fewer detections do not place a camera.
-const LEAST: usize = 20;
+pub(super) const LEAST: usize = 20;
 /// Median distance of normal errors in a plane, relative to their standard deviation.
 const RAYLEIGH: f64 = 1.177_41;
 /// Least noise, pixels.
 const LEAST_PX: f64 = 0.05;
 /// A change is a fault from this [`surety`] on.
-const SURE: f64 = 3.5;
+pub(super) const SURE: f64 = 3.5;
 /// A change that was found is confirmed from this surety on where more is known.
 pub const CONFIRMED: f64 = 2.0;
 /// The least that a fault explains, relative to the mean cost of a view, and what is enough from the surety [`CLEAR`] on: of the place,
@@ -32,10 +31,6 @@ pub const CONFIRMED: f64 = 2.0;
 const GAIN: [f64; 2] = [0.2, 0.05];
 const GAIN_CLOCK: [f64; 2] = [0.02, 0.01];
 const CLEAR: f64 = 6.0;
-/// Frames by which clocks may differ: at most, and at most this part of the recording; and the least recording.
-const LATEST: isize = 30;
-const PART: usize = 3;
-const LEAST_FRAMES: usize = 12;
 
 /// What a search may suppose.
 #[derive(Debug, Clone, Copy)]
@@ -98,11 +93,15 @@ pub struct Supposed {
 pub struct Found {
     /// The rig with every fault corrected that could be told.
     pub rig: Explanation,
-    /// Faults of which one is there that could not be told from each other; empty where there is no doubt.
+    /// Faults of which one is there that could not be told from each other, or one more than may be corrected; empty where there is
+    /// no doubt.
     pub rivals: Vec<Supposed>,
     /// Error bars of cameras that are sound.
     pub bars: Vec<Bars>,
 }
+
+/// The rigs before each correction, and the correction, first among what explained as much.
+type Rounds = Vec<(Explanation, Vec<Supposed>)>;
 
 impl Supposed {
     fn is_clock(&self) -> bool {
@@ -126,14 +125,10 @@ impl Scope<'_> {
         let m = self.given.len();
         let start = Explanation::start(self.given.to_vec(), vec![Freedom::default(); m]);
         let mut found = Found { rig: start, rivals: Vec::new(), bars: vec![Bars::UNKNOWN; m] };
-        // The rigs before each correction, the correction first among what explained as much.
-        let mut rounds: Vec<(Explanation, Vec<Supposed>)> = Vec::new();
-        loop {
-            let sigma = self.sigma(&found.rig.cameras);
-            found.rig = self.explain(found.rig.cameras, found.rig.freedom, sigma, 1.0);
-            let best = self.best(&found.rig, sigma, progress)?;
-            let Some(first) = best.first() else { break };
-            rounds.push((std::mem::replace(&mut found.rig, first.rig.clone()), best));
+        let mut rounds = self.rounds(&mut found.rig, progress)?;
+        let placed = found.rig.freedom.iter().any(|one| one.turn || one.focal);
+        if placed && found.rig.freedom.iter().any(|one| one.clock) {
+            (found.rig, rounds) = self.timed_anew(found.rig, rounds, progress)?;
         }
         rounds.retain(|(_, best)| !best[0].is_clock() || self.keeps(&mut found.rig, best[0].view));
         // What was corrected later is a fault of its own.
@@ -149,85 +144,91 @@ impl Scope<'_> {
         if let Some(k) = rounds.iter().position(|(_, best)| best.len() > 1) {
             (found.rig, found.rivals) = rounds.swap_remove(k);
         }
-        found.bars = self.left(&found.rig, progress)?;
+        let (bars, more) = self.left(&found.rig, progress)?;
+        found.bars = bars;
+        if found.rivals.is_empty() {
+            found.rivals = more;
+        }
         Ok(found)
     }
 
-    /// Whether a clock is still off now that other faults are corrected; if not, it is as given again.
-    fn keeps(&self, rig: &mut Explanation, view: usize) -> bool {
-        let keeps = self.lateness(rig, view) > CONFIRMED && self.is_within(rig, view);
-        if !keeps {
-            rig.cameras[view].clock = self.given[view].clock;
-            rig.freedom[view].clock = false;
+    /// Corrects one fault after the other.
+    fn rounds(&self, rig: &mut Explanation, progress: &Progress) -> Result<Rounds> {
+        let mut rounds = Vec::new();
+        loop {
             let sigma = self.sigma(&rig.cameras);
             *rig = self.explain(rig.cameras.clone(), rig.freedom.clone(), sigma, 1.0);
+            let best = self.best(rig, sigma, progress)?;
+            let Some(first) = best.first() else { return Ok(rounds) };
+            rounds.push((std::mem::replace(rig, first.rig.clone()), best));
         }
-        keeps
     }
 
-    /// Whether a clock is sure in a rig in which another clock is free besides.
-    fn stays_late(&self, rig: &Explanation, view: usize, besides: usize) -> bool {
-        let mut freedom = rig.freedom.clone();
-        freedom[besides].clock = true;
-        let rig = self.explain(rig.cameras.clone(), freedom, self.sigma(&rig.cameras), 1.0);
-        self.lateness(&rig, view) > SURE
-    }
-
-    /// Whether a clock is off by no more than it may be: where places are wrong, some clock far away seems to fit.
-    fn is_within(&self, rig: &Explanation, view: usize) -> bool {
-        (rig.cameras[view].clock - self.given[view].clock).abs() <= self.latest() as f64 + 1.0
-    }
-
-    /// How sure it is that a clock is off: see [`surety`].
-    fn lateness(&self, rig: &Explanation, view: usize) -> f64 {
-        let change = Change::between(&self.given[view], &rig.cameras[view]);
-        surety(&rig.judged, &unknowns(&rig.freedom), view, Freedom::CLOCK, &change)
-    }
-
-    /// The fault that explains most, and those of other cameras that explain as much.
-    fn best(&self, rig: &Explanation, sigma: f64, progress: &Progress) -> Result<Vec<Supposed>> {
-        let mut faults = Vec::new();
-        for (view, fault) in self.candidates(rig) {
-            progress.check()?;
-            faults.extend(self.suppose(rig, view, fault, sigma));
-        }
-        faults.retain(|one| self.is_fault(rig, one, sigma));
-        Ok(self.told_apart(faults, sigma))
-    }
-
-    /// How far off each camera may be that stays, beside the others as they are.
-    fn left(&self, rig: &Explanation, progress: &Progress) -> Result<Vec<Bars>> {
-        let m = rig.cameras.len();
-        let still = Explanation::start(rig.cameras.clone(), vec![Freedom::default(); m]);
+    /// Clocks looked for again now that places are corrected, unless those from before explain more: while a place was wrong, clocks of
+    /// sound cameras may have seemed to be off, and near there they still seem so.
+    fn timed_anew(
+        &self,
+        rig: Explanation,
+        rounds: Rounds,
+        progress: &Progress,
+    ) -> Result<(Explanation, Rounds)> {
+        let mut again = self.without_clocks(&rig, &vec![true; rig.cameras.len()]);
+        let mut anew = rounds.clone();
+        anew.retain(|(_, best)| !best[0].is_clock());
+        anew.extend(self.rounds(&mut again, progress)?);
         let sigma = self.sigma(&rig.cameras);
-        let mut bars = vec![Bars::UNKNOWN; m];
+        let [before, after] = self.moving(&rig.cameras, &again.cameras, sigma);
+        Ok(if is_worse(&after, &before) { (rig, rounds) } else { (again, anew) })
+    }
+
+    /// The fault that explains most, and those of other cameras that explain as much: of clocks, or else of places, since motion tells
+    /// clocks also while places are wrong.
+    fn best(&self, rig: &Explanation, sigma: f64, progress: &Progress) -> Result<Vec<Supposed>> {
+        let (clocks, places): (Vec<_>, Vec<_>) =
+            self.candidates(rig).into_iter().partition(|(_, fault)| *fault == Fault::Clock);
+        for candidates in [clocks, places] {
+            let mut faults = Vec::new();
+            for (view, fault) in candidates {
+                progress.check()?;
+                faults.extend(self.suppose(rig, view, fault, sigma));
+            }
+            faults.retain(|one| self.is_fault(rig, one, sigma));
+            if !faults.is_empty() {
+                return Ok(self.told_apart(faults, sigma));
+            }
+        }
+        Ok(Vec::new())
+    }
+
+    /// How far off each camera may be that stays, beside the others as they are; and, where no more places may be corrected, the place
+    /// that is wrong besides, with its rivals.
+    fn left(&self, rig: &Explanation, progress: &Progress) -> Result<(Vec<Bars>, Vec<Supposed>)> {
+        let m = rig.cameras.len();
+        let full = !self.may_place(rig);
+        let sigma = self.sigma(&rig.cameras);
+        let still = self.explain(rig.cameras.clone(), vec![Freedom::default(); m], sigma, 1.0);
+        let (mut bars, mut more) = (vec![Bars::UNKNOWN; m], Vec::new());
         for (view, fault) in self.candidates(&still) {
             progress.check()?;
-            if rig.freedom[view].any() || !matches!(fault, Fault::Place | Fault::Clock) {
+            let needed = full || matches!(fault, Fault::Place | Fault::Clock);
+            if rig.freedom[view].any() || !needed {
                 continue;
             }
-            if let Some(one) = self.suppose(&still, view, fault, sigma) {
-                let change = Change::between(&self.given[view], &one.rig.cameras[view]);
-                let bar = one.bars.besides(&change);
-                let own = &mut bars[view];
-                *own = match fault {
-                    Fault::Clock => Bars { clock: bar.clock, ..*own },
-                    _ => Bars { clock: own.clock, ..bar },
-                };
+            let Some(one) = self.suppose(&still, view, fault, sigma) else { continue };
+            let change = Change::between(&self.given[view], &one.rig.cameras[view]);
+            learn(&mut bars[view], fault, &one.bars.besides(&change));
+            if full && !one.is_clock() && self.is_fault(&still, &one, sigma) {
+                more.push(one);
             }
         }
-        Ok(bars)
+        Ok((bars, self.told_apart(more, sigma)))
     }
 
-    /// The strongest fault, and those of other cameras that explain as much. Time and place are no rivals: motion tells clocks, and
-    /// places hardly change it.
+    /// The strongest fault, and those of other cameras that explain as much.
     fn told_apart(&self, faults: Vec<Supposed>, sigma: f64) -> Vec<Supposed> {
         let Some(best) = strongest(&faults).cloned() else { return faults };
-        let is_rival = |one: &Supposed| {
-            best.view != one.view
-                && best.is_clock() == one.is_clock()
-                && !self.explains_less(one, &best, sigma)
-        };
+        let is_rival =
+            |one: &Supposed| best.view != one.view && !self.explains_less(one, &best, sigma);
         let rivals: Vec<Supposed> = faults.into_iter().filter(is_rival).collect();
         std::iter::once(best).chain(rivals).collect()
     }
@@ -242,23 +243,16 @@ impl Scope<'_> {
         is_worse(&own, &others) || scope.needed_besides(one, other, sigma)
     }
 
-    /// Whether a clock is sure also where another is free.
-    fn needed_besides(&self, one: &Supposed, clock: &Supposed, sigma: f64) -> bool {
-        let mut freedom = clock.rig.freedom.clone();
-        freedom[one.view].clock = true;
-        let rig = self.explain(clock.rig.cameras.clone(), freedom, sigma, 1.0);
-        let change = Change::between(&one.rig.cameras[clock.view], &rig.cameras[clock.view]);
-        let unknowns = unknowns(&rig.freedom);
-        surety(&rig.judged, &unknowns, clock.view, Freedom::CLOCK, &change) > SURE
+    /// Whether the place of another camera may be corrected: a majority stays.
+    fn may_place(&self, rig: &Explanation) -> bool {
+        let corrected = rig.freedom.iter().filter(|one| one.turn || one.focal).count();
+        2 * (corrected + 1) < rig.freedom.len()
     }
 
     /// Faults that may be supposed next.
     fn candidates(&self, rig: &Explanation) -> Vec<(usize, Fault)> {
         let m = self.given.len();
-        let another = |part: fn(&Freedom) -> bool| {
-            2 * (rig.freedom.iter().filter(|one| part(one)).count() + 1) < m
-        };
-        let place = another(|one| one.turn || one.focal);
+        let place = self.may_place(rig);
         let clock = rig.freedom.iter().filter(|one| one.clock).count() + 1 < m;
         let mut out = Vec::new();
         for (i, freedom) in rig.freedom.iter().enumerate() {
@@ -311,35 +305,8 @@ impl Scope<'_> {
         Explanation { cameras: bundle.cameras, freedom, judged }
     }
 
-    /// What tells clocks alone: errors of detections that last are unknown, and places stay.
-    fn timing<'a>(&self, bundle: Bundle<'a>) -> Bundle<'a> {
-        let clock = |one: &Freedom| Freedom { clock: one.clock, ..Freedom::default() };
-        Bundle {
-            freedom: bundle.freedom.iter().map(clock).collect(),
-            offsets: Some(Offsets::new(self.given.len(), self.scene.n_joints())),
-            ..bundle
-        }
-    }
-
-    /// What every cluster costs without the errors of detections that last: before and after a change, in frames that both have.
-    pub fn moving(&self, before: &[Placed], after: &[Placed], sigma: f64) -> [Vec<f64>; 2] {
-        let last = self.scene.n_frames() as f64 - 1.0;
-        let inside =
-            |t: usize, one: &Placed| (0.0..=last).contains(&(t as f64 + one.clock.round()));
-        let there = |t: &usize| after.iter().chain(before).all(|one| inside(*t, one));
-        let frames: Vec<usize> = self.frames.iter().copied().filter(there).collect();
-        let scope = Scope { frames: &frames, ..*self };
-        [before, after].map(|cameras| {
-            let points = scope.scene.points(&frames, cameras, &vec![true; cameras.len()]);
-            let still = vec![Freedom::default(); cameras.len()];
-            let mut bundle = scope.timing(scope.bundle(cameras.to_vec(), still, points));
-            bundle.solve(sigma, sigma);
-            bundle.clusters(sigma).iter().map(|one| one.cost).collect()
-        })
-    }
-
     /// The cameras with joints.
-    fn bundle(
+    pub fn bundle(
         &self,
         cameras: Vec<Placed>,
         freedom: Vec<Freedom>,
@@ -413,29 +380,6 @@ impl Scope<'_> {
         Some(bundle.cameras.swap_remove(view))
     }
 
-    /// The most frames by which a clock may be off.
-    fn latest(&self) -> isize {
-        let n = self.scene.n_frames();
-        if n < LEAST_FRAMES { 0 } else { LATEST.min((n / PART) as isize) }
-    }
-
-    /// The whole number of frames by which a camera's clock fits best; `None` if only a part of a frame is left, which is not asked
-    /// for, or nothing fits.
-    fn late(&self, camera: &Placed, view: usize, points: &[Vector3<f64>]) -> Option<f64> {
-        let now = camera.clock.round();
-        let count = self.scene.distances(self.frames, points, view, camera).len();
-        let off = |shift: isize| {
-            let tried = Placed { clock: now + shift as f64, ..camera.clone() };
-            let sights = self.scene.distances(self.frames, points, view, &tried);
-            let enough = 2 * sights.len() >= count && sights.len() >= LEAST;
-            enough.then(|| median(sights.iter().map(|(px, mm)| px * mm).collect()))
-        };
-        let most = self.latest();
-        let tried = (-most..=most).filter_map(|shift| Some((shift, off(shift)?)));
-        let (best, _) = tried.min_by(|a, b| a.1.total_cmp(&b.1).then(a.0.abs().cmp(&b.0.abs())))?;
-        (best != 0 || self.clock).then_some(now + best as f64)
-    }
-
     /// Whether a change is more than chance.
     fn is_fault(&self, rig: &Explanation, supposed: &Supposed, sigma: f64) -> bool {
         if supposed.surety <= SURE {
@@ -455,13 +399,22 @@ impl Scope<'_> {
     }
 }
 
-/// The clock that explains most, or else the place: motion tells clocks also while places are wrong.
+/// The fault that explains most, of clocks or of places.
 fn strongest(faults: &[Supposed]) -> Option<&Supposed> {
-    let moving = |one: &Supposed| total(&one.rig.judged.moving);
-    let costs = |one: &Supposed| total(&one.rig.judged.costs);
-    let clocks = faults.iter().filter(|one| one.is_clock());
-    let clock = clocks.min_by(|a, b| moving(a).total_cmp(&moving(b)));
-    clock.or_else(|| faults.iter().min_by(|a, b| costs(a).total_cmp(&costs(b))))
+    let cost = |one: &Supposed| {
+        let judged = &one.rig.judged;
+        total(if one.is_clock() { &judged.moving } else { &judged.costs })
+    };
+    faults.iter().min_by(|a, b| cost(a).total_cmp(&cost(b)))
+}
+
+/// Takes what a supposed fault says of how far off its camera may be, of the place from the one with all of it free.
+fn learn(bars: &mut Bars, fault: Fault, supposed: &Bars) {
+    match fault {
+        Fault::Place => *bars = Bars { clock: bars.clock, ..*supposed },
+        Fault::Clock => bars.clock = supposed.clock,
+        Fault::Turn | Fault::Zoom => {}
+    }
 }
 
 /// What either leaves free.

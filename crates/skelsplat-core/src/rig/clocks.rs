@@ -1,0 +1,119 @@
+//! Clocks of cameras: which are off, by how much, and whether they still are once other faults are corrected.
+//!
+//! Motion tells clocks, so they are judged against errors of detections that last, with places as they are.
+
+use nalgebra::Vector3;
+
+use super::bias::Offsets;
+use super::bundle::{Bundle, unknowns};
+use super::evidence::surety;
+use super::placed::{Change, Freedom, Placed};
+use super::scene::median;
+use super::search::{CONFIRMED, Explanation, LEAST, SURE, Scope, Supposed};
+
+/// Frames by which clocks may differ: at most, and at most this part of the recording; and the least recording.
+const LATEST: isize = 30;
+const PART: usize = 3;
+const LEAST_FRAMES: usize = 12;
+
+impl Scope<'_> {
+    /// Whether a clock is still off now that other faults are corrected; if not, it is as given again.
+    pub fn keeps(&self, rig: &mut Explanation, view: usize) -> bool {
+        let keeps = self.lateness(rig, view) > CONFIRMED && self.is_within(rig, view);
+        if !keeps {
+            let own: Vec<bool> = (0..rig.cameras.len()).map(|i| i == view).collect();
+            *rig = self.without_clocks(rig, &own);
+        }
+        keeps
+    }
+
+    /// The rig with some clocks as given.
+    pub fn without_clocks(&self, rig: &Explanation, which: &[bool]) -> Explanation {
+        let (mut cameras, mut freedom) = (rig.cameras.clone(), rig.freedom.clone());
+        for i in (0..cameras.len()).filter(|i| which[*i]) {
+            cameras[i].clock = self.given[i].clock;
+            freedom[i].clock = false;
+        }
+        let sigma = self.sigma(&cameras);
+        self.explain(cameras, freedom, sigma, 1.0)
+    }
+
+    /// Whether a clock is sure in a rig in which another clock is free besides.
+    pub fn stays_late(&self, rig: &Explanation, view: usize, besides: usize) -> bool {
+        let mut freedom = rig.freedom.clone();
+        freedom[besides].clock = true;
+        let rig = self.explain(rig.cameras.clone(), freedom, self.sigma(&rig.cameras), 1.0);
+        self.lateness(&rig, view) > SURE
+    }
+
+    /// Whether a clock is sure also where another is free.
+    pub fn needed_besides(&self, one: &Supposed, clock: &Supposed, sigma: f64) -> bool {
+        let mut freedom = clock.rig.freedom.clone();
+        freedom[one.view].clock = true;
+        let rig = self.explain(clock.rig.cameras.clone(), freedom, sigma, 1.0);
+        let change = Change::between(&one.rig.cameras[clock.view], &rig.cameras[clock.view]);
+        let unknowns = unknowns(&rig.freedom);
+        surety(&rig.judged, &unknowns, clock.view, Freedom::CLOCK, &change) > SURE
+    }
+
+    /// Whether a clock is off by no more than it may be: where places are wrong, some clock far away seems to fit.
+    pub fn is_within(&self, rig: &Explanation, view: usize) -> bool {
+        (rig.cameras[view].clock - self.given[view].clock).abs() <= self.latest() as f64 + 1.0
+    }
+
+    /// How sure it is that a clock is off: see [`surety`].
+    pub fn lateness(&self, rig: &Explanation, view: usize) -> f64 {
+        let change = Change::between(&self.given[view], &rig.cameras[view]);
+        surety(&rig.judged, &unknowns(&rig.freedom), view, Freedom::CLOCK, &change)
+    }
+
+    /// The most frames by which a clock may be off.
+    pub fn latest(&self) -> isize {
+        let n = self.scene.n_frames();
+        if n < LEAST_FRAMES { 0 } else { LATEST.min((n / PART) as isize) }
+    }
+
+    /// The whole number of frames by which a camera's clock fits best; `None` if only a part of a frame is left, which is not asked
+    /// for, or nothing fits.
+    pub fn late(&self, camera: &Placed, view: usize, points: &[Vector3<f64>]) -> Option<f64> {
+        let now = camera.clock.round();
+        let count = self.scene.distances(self.frames, points, view, camera).len();
+        let off = |shift: isize| {
+            let tried = Placed { clock: now + shift as f64, ..camera.clone() };
+            let sights = self.scene.distances(self.frames, points, view, &tried);
+            let enough = 2 * sights.len() >= count && sights.len() >= LEAST;
+            enough.then(|| median(sights.iter().map(|(px, mm)| px * mm).collect()))
+        };
+        let most = self.latest();
+        let tried = (-most..=most).filter_map(|shift| Some((shift, off(shift)?)));
+        let (best, _) = tried.min_by(|a, b| a.1.total_cmp(&b.1).then(a.0.abs().cmp(&b.0.abs())))?;
+        (best != 0 || self.clock).then_some(now + best as f64)
+    }
+
+    /// What tells clocks alone: errors of detections that last are unknown, and places stay.
+    pub fn timing<'a>(&self, bundle: Bundle<'a>) -> Bundle<'a> {
+        let clock = |one: &Freedom| Freedom { clock: one.clock, ..Freedom::default() };
+        Bundle {
+            freedom: bundle.freedom.iter().map(clock).collect(),
+            offsets: Some(Offsets::new(self.given.len(), self.scene.n_joints())),
+            ..bundle
+        }
+    }
+
+    /// What every cluster costs without the errors of detections that last: before and after a change, in frames that both have.
+    pub fn moving(&self, before: &[Placed], after: &[Placed], sigma: f64) -> [Vec<f64>; 2] {
+        let last = self.scene.n_frames() as f64 - 1.0;
+        let inside =
+            |t: usize, one: &Placed| (0.0..=last).contains(&(t as f64 + one.clock.round()));
+        let there = |t: &usize| after.iter().chain(before).all(|one| inside(*t, one));
+        let frames: Vec<usize> = self.frames.iter().copied().filter(there).collect();
+        let scope = Scope { frames: &frames, ..*self };
+        [before, after].map(|cameras| {
+            let points = scope.scene.points(&frames, cameras, &vec![true; cameras.len()]);
+            let still = vec![Freedom::default(); cameras.len()];
+            let mut bundle = scope.timing(scope.bundle(cameras.to_vec(), still, points));
+            bundle.solve(sigma, sigma);
+            bundle.clusters(sigma).iter().map(|one| one.cost).collect()
+        })
+    }
+}
