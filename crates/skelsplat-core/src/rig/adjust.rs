@@ -34,6 +34,8 @@ const NEARER: f64 = 0.85;
 const POOR: f64 = 0.012;
 /// Clocks explain these frames better from this many standard errors over joints on.
 const BETTER: f64 = 0.5;
+/// A clock off by fewer frames that all frames do not confirm is right; by more, something else is wrong.
+const PASSABLE: f64 = 0.5;
 /// Solutions with kernels that follow the noise.
 const ROUNDS: usize = 2;
 
@@ -136,12 +138,14 @@ impl Task<'_> {
         for (i, bars) in bars.iter_mut().enumerate() {
             let change = Change::between(&self.given[i], &found.rig.cameras[i]);
             let late = self.what.free.is_none() && found.rig.freedom[i] == Freedom::CLOCK;
-            if late && !all.keeps(&mut found.rig, i) {
+            if late && change.clock.abs() < PASSABLE && !all.keeps(&mut found.rig, i) {
                 *bars = bars.besides(&change);
             }
         }
         if self.what.free.is_none() && !self.holds(&found.rig) {
             self.doubt(&mut found, &searched, &bars);
+        } else if found.rivals.is_empty() {
+            found.rivals = std::mem::take(&mut found.besides);
         }
         Ok((found, bars))
     }
@@ -210,7 +214,8 @@ impl Task<'_> {
                 trusted[i] = true;
             }
         }
-        Found { rig, rivals: Vec::new(), bars: vec![Bars::UNKNOWN; m] }
+        let bars = vec![Bars::UNKNOWN; m];
+        Found { rig, rivals: Vec::new(), besides: Vec::new(), bars }
     }
 
     /// Adjusts on all frames. The error bars are those with every part of a change free, also where one of them is enough.

@@ -93,9 +93,10 @@ pub struct Supposed {
 pub struct Found {
     /// The rig with every fault corrected that could be told.
     pub rig: Explanation,
-    /// Faults of which one is there that could not be told from each other, or one more than may be corrected; empty where there is
-    /// no doubt.
+    /// Faults of which one is there that could not be told from each other; empty where there is no doubt.
     pub rivals: Vec<Supposed>,
+    /// The same of faults that are there besides those corrected, where no more may be.
+    pub besides: Vec<Supposed>,
     /// Error bars of cameras that are sound.
     pub bars: Vec<Bars>,
 }
@@ -124,7 +125,8 @@ impl Scope<'_> {
     pub fn search(&self, progress: &Progress) -> Result<Found> {
         let m = self.given.len();
         let start = Explanation::start(self.given.to_vec(), vec![Freedom::default(); m]);
-        let mut found = Found { rig: start, rivals: Vec::new(), bars: vec![Bars::UNKNOWN; m] };
+        let bars = vec![Bars::UNKNOWN; m];
+        let mut found = Found { rig: start, rivals: Vec::new(), besides: Vec::new(), bars };
         let mut rounds = self.rounds(&mut found.rig, progress)?;
         let placed = found.rig.freedom.iter().any(|one| one.turn || one.focal);
         if placed && found.rig.freedom.iter().any(|one| one.clock) {
@@ -144,11 +146,7 @@ impl Scope<'_> {
         if let Some(k) = rounds.iter().position(|(_, best)| best.len() > 1) {
             (found.rig, found.rivals) = rounds.swap_remove(k);
         }
-        let (bars, more) = self.left(&found.rig, progress)?;
-        found.bars = bars;
-        if found.rivals.is_empty() {
-            found.rivals = more;
-        }
+        (found.bars, found.besides) = self.left(&found.rig, progress)?;
         Ok(found)
     }
 
