@@ -13,7 +13,7 @@ shares of the focal length, and frames; `focal=True` and `clock=True` are given 
 
 set right: takes in which every faulty camera is adjusted (or late) and no other, and at most a tenth of the
 fault or twice the error bar is left, of the fault and of what it might be confused with. beyond: more is.
-doubt: a faulty camera is among those said to be doubtful, or sound ones are beside those set right.
+doubt: a faulty camera is said to be doubtful, or the faulty ones are set right and a sound one is doubtful.
 within: nothing is found, and the fault is at most twice the error bar that is stated. missed: it is more.
 wrong: a sound camera was changed. left, error bar: medians of what is left of the fault, and of its error
 bar. CPU s: one core.

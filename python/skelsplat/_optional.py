@@ -15,7 +15,7 @@ DRAWING = ("matplotlib", "plotly")  # what figures and report.html need: the ext
 
 
 def pip_line(extra: str) -> str:
-    """Return the command that installs an extra."""
+    """Return the command that installs an extra, and where to run it if that matters."""
     own = " in an environment of its own, as it needs NumPy 1" if extra == "mediapipe" else ""
     return f"pip install 'skelsplat[{extra}]'{own}"
 

@@ -23,9 +23,9 @@ class CameraAdjustment:
     """What became of one camera.
 
     Error bars (``…_sigma``) are root-mean-square lengths of the error. They come from leaving out one joint
-    after the other, as a detector's errors last. Those of a camera that stays say how far off it may be all
-    the same: √(θ² + σ²), if a change θ ± σ fits best but is too small to be told from chance. NaN for what
-    was not looked at.
+    after the other, as a detector's errors last. Those of a camera that stays say how far off it may still
+    be: √(θ² + σ²), if a change θ ± σ fits best but cannot be told from chance. NaN for what was not looked
+    at.
 
     Attributes
     ----------

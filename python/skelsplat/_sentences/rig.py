@@ -315,8 +315,7 @@ SENTENCES: Mapping[str, str | Callable[[Finding], str]] = {
         "camera, or name the one that was moved: skelsplat adjust-cameras --move NAME."
     ),
     "cameras_sound": (
-        "No camera was adjusted: this recording shows none of the {cameras} cameras that could be judged to "
-        "be wrong."
+        "No camera was adjusted: this recording shows no fault in the {cameras} cameras that could be judged."
     ),
     "cameras_not_adjusted": "No camera was adjusted, because another fault has to be corrected first. {why}",
     "cameras_apart": _apart,

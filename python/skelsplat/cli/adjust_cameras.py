@@ -30,8 +30,8 @@ COMMON = (
 _SUFFIXES = (".toml", ".json", ".npz")
 _PANEL = "Adjust"
 _LEGEND = (
-    "±: error bar; of a camera that was not adjusted, how far off it may be all the same; before, "
-    "after: median distance of the detections from where the other cameras place the joints"
+    "±: error bar; for a camera that was not adjusted, how far off it may still be; before, after:"
+    " median distance of the detections from where the other cameras place the joints"
 )
 
 _Out = Annotated[

@@ -57,7 +57,12 @@ class AdjustedCameras:
 
 def is_changed(camera: sk.CameraAdjustment) -> bool:
     """Whether a camera was turned or moved, or its focal length changed."""
-    return camera.status == "adjusted" and (camera.degrees, camera.distance, camera.focal) != (0.0, 0.0, 1.0)
+    return camera.status == "adjusted" and _is_placed(camera)
+
+
+def _is_placed(camera: sk.CameraAdjustment) -> bool:
+    """Whether more than a clock was changed, or is suspected."""
+    return (camera.degrees, camera.distance, camera.focal) != (0.0, 0.0, 1.0)
 
 
 def adjust_cameras(
@@ -225,7 +230,8 @@ def findings_of(found: sk.RigAdjustment, mm_per_unit: float, read_as: ReadAs) ->
     if doubtful:
         suspected = [{**numbers_of(one, mm_per_unit), "offset": option(one)} for one in doubtful]
         names, changed = tuple(one.name for one in doubtful), [one.name for one in found.of("adjusted")]
-        besides = changed if 2 * (len(changed) + 1) >= len(found.report) else []  # a majority stays
+        placed = all(map(_is_placed, doubtful)) and 2 * (len(changed) + 1) >= len(found.report)
+        besides = changed if placed else []  # a majority of places stays
         numbers = {"suspected": suspected, "besides": besides}
         yield Finding("cameras_doubtful", "warning", Subject(cameras=names), numbers)
     if len(found.report) == 2 and found.of("unseen"):

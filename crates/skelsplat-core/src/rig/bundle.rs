@@ -186,8 +186,10 @@ impl Bundle<'_> {
                 for j in 0..n {
                     out[cell(t, j)].cost += self.terms(t, j, sigma, &mut terms);
                     let pull = self.eliminate(&terms, &columns, &mut rows, &mut out[cell(t, j)]);
-                    moves.rows.extend(rows.iter().map(|(a, _, left): &Row| (*a, *left)));
-                    moves.joints.push((pull, moves.rows.len()));
+                    if !self.fixed {
+                        moves.rows.extend(rows.iter().map(|(a, _, left): &Row| (*a, *left)));
+                        moves.joints.push((pull, moves.rows.len()));
+                    }
                 }
             }
             (out, moves)
@@ -261,7 +263,7 @@ impl Bundle<'_> {
         cost
     }
 
-    /// Adds what a joint says of the cameras; `rows` is filled anew. H⁻¹ h; `None` if nothing is known of the joint.
+    /// Adds what a joint says about the cameras, and returns H⁻¹ h, or `None` if nothing is known of the joint. Overwrites `rows`.
     fn eliminate(
         &self,
         terms: &[Term],

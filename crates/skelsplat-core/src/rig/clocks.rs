@@ -9,7 +9,7 @@ use super::bundle::{Bundle, unknowns};
 use super::evidence::surety;
 use super::placed::{Change, Freedom, Placed};
 use super::scene::median;
-use super::search::{CONFIRMED, Explanation, LEAST, SURE, Scope, Supposed};
+use super::search::{CONFIRMED, Explanation, LEAST, SURE, Scope};
 
 /// Frames by which clocks may differ: at most, and at most this part of the recording; and the least recording.
 const LATEST: isize = 30;
@@ -21,16 +21,15 @@ impl Scope<'_> {
     pub fn keeps(&self, rig: &mut Explanation, view: usize) -> bool {
         let keeps = self.lateness(rig, view) > CONFIRMED && self.is_within(rig, view);
         if !keeps {
-            let own: Vec<bool> = (0..rig.cameras.len()).map(|i| i == view).collect();
-            *rig = self.without_clocks(rig, &own);
+            *rig = self.without_clocks(rig, |i| i == view);
         }
         keeps
     }
 
     /// The rig with some clocks as given.
-    pub fn without_clocks(&self, rig: &Explanation, which: &[bool]) -> Explanation {
+    pub fn without_clocks(&self, rig: &Explanation, which: impl Fn(usize) -> bool) -> Explanation {
         let (mut cameras, mut freedom) = (rig.cameras.clone(), rig.freedom.clone());
-        for i in (0..cameras.len()).filter(|i| which[*i]) {
+        for i in (0..cameras.len()).filter(|i| which(*i)) {
             cameras[i].clock = self.given[i].clock;
             freedom[i].clock = false;
         }
@@ -38,22 +37,12 @@ impl Scope<'_> {
         self.explain(cameras, freedom, sigma, 1.0)
     }
 
-    /// Whether a clock is sure in a rig in which another clock is free besides.
-    pub fn stays_late(&self, rig: &Explanation, view: usize, besides: usize) -> bool {
+    /// Whether a clock is sure also in a rig in which that of another camera is free.
+    pub fn stays_late(&self, rig: &Explanation, view: usize, other: usize, sigma: f64) -> bool {
         let mut freedom = rig.freedom.clone();
-        freedom[besides].clock = true;
-        let rig = self.explain(rig.cameras.clone(), freedom, self.sigma(&rig.cameras), 1.0);
+        freedom[other].clock = true;
+        let rig = self.explain(rig.cameras.clone(), freedom, sigma, 1.0);
         self.lateness(&rig, view) > SURE
-    }
-
-    /// Whether a clock is sure also where another is free.
-    pub fn needed_besides(&self, one: &Supposed, clock: &Supposed, sigma: f64) -> bool {
-        let mut freedom = clock.rig.freedom.clone();
-        freedom[one.view].clock = true;
-        let rig = self.explain(clock.rig.cameras.clone(), freedom, sigma, 1.0);
-        let change = Change::between(&one.rig.cameras[clock.view], &rig.cameras[clock.view]);
-        let unknowns = unknowns(&rig.freedom);
-        surety(&rig.judged, &unknowns, clock.view, Freedom::CLOCK, &change) > SURE
     }
 
     /// Whether a clock is off by no more than it may be: where places are wrong, some clock far away seems to fit.

@@ -3,8 +3,8 @@
 //! A calibration is either right or wrong, so the prior of a camera is a spike at its calibration and a wide normal: a camera stays
 //! exactly where it is unless it is shown to be elsewhere. Each supposition is solved on its own: the other cameras place the joints,
 //! the camera is placed by them, then everything is adjusted together. A fault counts where the change is several times its error
-//! bar; it is told from another where the joints agree that it explains more. Clocks come first: motion tells them, also while places
-//! are wrong.
+//! bar; it is told from another where the joints agree that it explains more. Clocks come first, because motion shows them even while
+//! places are wrong.
 
 use nalgebra::Vector3;
 
@@ -130,16 +130,16 @@ impl Scope<'_> {
         let mut rounds = self.rounds(&mut found.rig, progress)?;
         let placed = found.rig.freedom.iter().any(|one| one.turn || one.focal);
         if placed && found.rig.freedom.iter().any(|one| one.clock) {
-            (found.rig, rounds) = self.timed_anew(found.rig, rounds, progress)?;
+            (found.rig, rounds) = self.timed_again(found.rig, rounds, progress)?;
         }
         rounds.retain(|(_, best)| !best[0].is_clock() || self.keeps(&mut found.rig, best[0].view));
         // What was corrected later is a fault of its own.
-        let corrected = found.rig.freedom.clone();
+        let (corrected, sigma) = (found.rig.freedom.clone(), self.sigma(&found.rig.cameras));
         for (_, best) in &mut rounds {
             let first = best[0].clone();
             let told = |one: &Supposed| {
                 covers(corrected[one.view], one.fault)
-                    || first.is_clock() && self.stays_late(&found.rig, first.view, one.view)
+                    || first.is_clock() && self.stays_late(&found.rig, first.view, one.view, sigma)
             };
             best.retain(|one| one.view == first.view || !told(one));
         }
@@ -162,21 +162,21 @@ impl Scope<'_> {
         }
     }
 
-    /// Clocks looked for again now that places are corrected, unless those from before explain more: while a place was wrong, clocks of
-    /// sound cameras may have seemed to be off, and near there they still seem so.
-    fn timed_anew(
+    /// Searches for clocks again now that places are corrected. While a place was wrong, sound cameras may have seemed late, and a
+    /// search that starts there would not undo it. The first clocks are kept only if they explain more.
+    fn timed_again(
         &self,
         rig: Explanation,
         rounds: Rounds,
         progress: &Progress,
     ) -> Result<(Explanation, Rounds)> {
-        let mut again = self.without_clocks(&rig, &vec![true; rig.cameras.len()]);
-        let mut anew = rounds.clone();
-        anew.retain(|(_, best)| !best[0].is_clock());
-        anew.extend(self.rounds(&mut again, progress)?);
+        let mut again = self.without_clocks(&rig, |_| true);
+        let mut second = rounds.clone();
+        second.retain(|(_, best)| !best[0].is_clock());
+        second.extend(self.rounds(&mut again, progress)?);
         let sigma = self.sigma(&rig.cameras);
         let [before, after] = self.moving(&rig.cameras, &again.cameras, sigma);
-        Ok(if is_worse(&after, &before) { (rig, rounds) } else { (again, anew) })
+        Ok(if is_worse(&after, &before) { (rig, rounds) } else { (again, second) })
     }
 
     /// The fault that explains most, and those of other cameras that explain as much: of clocks, or else of places, since motion tells
@@ -198,8 +198,8 @@ impl Scope<'_> {
         Ok(Vec::new())
     }
 
-    /// How far off each camera may be that stays, beside the others as they are; and, where no more places may be corrected, the place
-    /// that is wrong besides, with its rivals.
+    /// How far off each uncorrected camera may be if the others are right. If no more places may be corrected, also the place that is
+    /// still wrong, with its rivals.
     fn left(&self, rig: &Explanation, progress: &Progress) -> Result<(Vec<Bars>, Vec<Supposed>)> {
         let m = rig.cameras.len();
         let full = !self.may_place(rig);
@@ -238,7 +238,7 @@ impl Scope<'_> {
         }
         let scope = Scope { frames: self.all, ..*self };
         let [own, others] = scope.moving(&one.rig.cameras, &other.rig.cameras, sigma);
-        is_worse(&own, &others) || scope.needed_besides(one, other, sigma)
+        is_worse(&own, &others) || scope.stays_late(&other.rig, other.view, one.view, sigma)
     }
 
     /// Whether the place of another camera may be corrected: a majority stays.
