@@ -16,6 +16,7 @@ from __future__ import annotations
 import argparse
 import csv
 import json
+import os
 import re
 import subprocess
 import sys
@@ -61,6 +62,49 @@ RUNS: dict[str, list[str]] = {
         "check-cameras {inputs}/dlc/calibration.toml {inputs}/dlc/detections --unit cm "
         "--layout coco17 --json",
     ],
+    "people": [
+        "demo --people -o {out}/run",
+        "refine {inputs}/people/calibration.toml {inputs}/people/detections -o {out}/two --unit m "
+        "--layout body25b --fps 60 --people 2 --angles --write csv,trc,c3d,json,nc --y-up",
+        "refine {inputs}/people/calibration.toml {inputs}/people/detections -o {out}/one --unit m "
+        "--layout body25b --fps 60 --person 1 --fill-gaps 20 --no-html",
+        "refine {inputs}/people/calibration.toml {inputs}/people/detections -o {out}/largest --unit m "
+        "--layout body25b --person largest --frame-by-frame --no-html",
+    ],
+    "recording": [
+        "refine {inputs}/demo/calibration.toml {inputs}/demo/detections -o {out}/run --unit m "
+        "--layout body25b --fps 60 --angles --fill-gaps 10 --filter one-euro --offset cam_02=1 --no-html",
+        "refine {inputs}/dlc/calibration.toml {inputs}/dlc/detections -o {out}/dlc --unit cm "
+        "--layout coco17 --fps 30 --write csv,c3d,json,nc --angles --no-html",
+        "convert {out}/run {out}/converted.json --fps 60",
+        "convert {inputs}/demo/calibration.toml {out}/cameras.json --unit m",
+    ],
+    "cameras": [
+        "adjust-cameras {inputs}/demo/calibration.toml {inputs}/demo/detections -o {out}/fixed.json --unit m "
+        "--layout body25b --clock --focal --json",
+        "adjust-cameras {inputs}/people/calibration.toml {inputs}/people/detections -o {out}/by-all.json "
+        "--unit m --layout body25b --json",
+        "refine {inputs}/demo/calibration.toml {inputs}/demo/detections -o {out}/run --unit m "
+        "--layout body25b --fps 60 --adjust-cameras --no-html",
+        "check-cameras {inputs}/demo/calibration.toml {inputs}/demo/detections --unit m --layout body25b "
+        "--offset cam_02=5 --json",
+        "check-cameras {inputs}/demo/calibration.toml {inputs}/demo/detections --unit mm "
+        "--layout body25b --json",
+        "check-cameras {inputs}/people/calibration.toml {inputs}/people/detections --unit m "
+        "--layout body25b --json",
+    ],
+    "batch": ["batch {inputs}/sessions.toml -o {out}/batch --jobs 1 --json"],
+    "long": ["refine {inputs}/long.json {inputs}/long.npz -o {out}/run --layout coco17 --fps 50 --no-html"],
+    "live": [
+        "live {inputs}/live.json --layout coco17 < {inputs}/live.jsonl",
+        "live {inputs}/live.json --layout coco17 --fps 30 < {inputs}/live.jsonl",
+        "live {inputs}/live.json --layout coco17 --fps 30 --lag 3 < {inputs}/live.jsonl",
+        "live {inputs}/live.json --layout coco17 --fps 30 --people all < {inputs}/live.jsonl",
+    ],
+    "evaluate-people": [
+        "synth people {out}/data --people 3 --views 4 --scenes 2 --frames 60 --quiet",
+        "evaluate synthetic {out}/data -o {out}/results --json",
+    ],
     "evaluate": [
         "synth human36m-like {out}/data --poses 60 --seed 3 --quiet",
         "evaluate synthetic {out}/data -o {out}/results --methods all --json",
@@ -85,7 +129,8 @@ def make(out: Path, python: str, inputs: Path, only: list[str]) -> int:
         for place, text in enumerate(RUNS[name]):
             folders = {"inputs": inputs.resolve(), "out": folder.resolve()}
             words = [word.format(**folders) for word in text.replace("{alone}", alone).split()]
-            status = _run([python, "-m", "skelsplat", *words], folder / f"stdout{place}.json")
+            words, stdin = (words[:-2], words[-1]) if "<" in words else (words, os.devnull)
+            status = _run([python, "-m", "skelsplat", *words], folder / f"stdout{place}.json", stdin)
             (folder / f"exit{place}.json").write_text(f'{{"status": {status}}}\n')
             print(f"{name}: exit {status}: skelsplat {text}", flush=True)
     return failed
@@ -98,9 +143,13 @@ def _alone(python: str) -> str:
     return ALONE if ALONE in shown else ""
 
 
-def _run(command: list[str], stdout: Path) -> int:
-    with stdout.open("wb") as out, stdout.with_suffix(".log").open("wb") as err:
-        return subprocess.run(command, stdout=out, stderr=err, check=False).returncode
+def _run(command: list[str], stdout: Path, stdin: str = os.devnull) -> int:
+    with (
+        stdout.open("wb") as out,
+        stdout.with_suffix(".log").open("wb") as err,
+        Path(stdin).open("rb") as given,
+    ):
+        return subprocess.run(command, stdin=given, stdout=out, stderr=err, check=False).returncode
 
 
 def scene(seed: int, frames: int = 60, cameras: int = 4, joints: int = 17) -> tuple[Any, ...]:
@@ -139,6 +188,7 @@ def scene(seed: int, frames: int = 60, cameras: int = 4, joints: int = 17) -> tu
 def arrays(folder: Path) -> None:
     """Refine simulated arrays with the package of this interpreter, and keep every array of the results."""
     import skelsplat as sk
+    from skelsplat.association import choose_person
 
     from_paper = {"max_steps": 60}
     for seed, cameras, layout in ((0, 4, "coco17"), (1, 3, "h36m17"), (2, 2, None), (3, 8, "coco17")):
@@ -153,9 +203,35 @@ def arrays(folder: Path) -> None:
                 start[:8], detections[:8], rig, layout=layout, config=sk.RefineConfig.paper(**from_paper)
             ),
         }
-        refiner = sk.Refiner(rig, layout=layout)
-        poses = [np.asarray(refiner.step(frame).pose) for frame in detections]
-        np.savez(folder / f"step-{seed}.npz", pose=np.array(poses))
+        recording = sk.refine_sequence(detections, rig, fps=50, layout=layout)
+        runs["recording"] = recording
+        parts = [
+            part.pose
+            for part in sk.refine_batches([detections[:40], detections[40:]], rig, fps=50, layout=layout)
+        ]
+        same = np.array_equal(np.concatenate(parts), recording.pose, equal_nan=True)
+        np.savez(folder / f"batches-{seed}.npz", same=same)
+        for rate in (None, 50):
+            refiner = sk.Refiner(rig, layout=layout, fps=rate)
+            poses = [np.asarray(refiner.step(frame).pose) for frame in detections]
+            np.savez(folder / f"step-{seed}-{rate}.npz", pose=np.array(poses))
+        if layout is not None:
+            adjusted = sk.adjust_cameras(detections, rig)
+            np.savez(
+                folder / f"adjusted-{seed}.npz",
+                R=[c.R for c in adjusted.cameras],
+                t=[c.t for c in adjusted.cameras],
+            )
+            people = people_of(detections)
+            found = sk.track(people, rig, fps=50, layout=layout)
+            for person in found:
+                kept = {"frames": person.frames, "slots": person.slots, "pose": person.refinement.pose}
+                np.savez(folder / f"person-{seed}-{person.id}.npz", **kept)
+            tracker = sk.Tracker(rig, layout=layout, fps=50)
+            live = [(p.id, np.asarray(p.refinement.pose)) for frame in people for p in tracker.step(frame)]
+            np.savez(folder / f"tracker-{seed}.npz", ids=[k for k, _ in live], poses=[x for _, x in live])
+            person, places = choose_person(people, rig, layout=sk.layouts.get(layout))
+            np.savez(folder / f"chosen-{seed}.npz", person=person, places=places)
         for name, result in runs.items():
             fields = {
                 key: np.asarray(getattr(result, key))
@@ -168,14 +244,45 @@ def arrays(folder: Path) -> None:
             np.savez(folder / f"{method}-{seed}.npz", pose=np.asarray(placed))
 
 
+def people_of(detections: Any) -> Any:
+    """Return (T, M, 2, N, 3): the person of (T, M, N, 3), and another who is the same 20 frames later."""
+    other = np.roll(detections, 20, axis=0)
+    return np.stack([detections, other], axis=2)
+
+
 def write_inputs(folder: Path) -> None:
-    """Write the files of the own-file runs: the embedded recording, and simulated DeepLabCut files."""
+    """Write the files of the own-file runs: the embedded recordings, and simulated ones."""
     from skelsplat.io import sample
 
-    demo = folder / "demo"
-    paths = sample.extract(demo)
-    paths.calibration.rename(demo / "calibration.toml")
-    paths.detections.rename(demo / "detections")
+    for name in ("demo", "people"):
+        paths = sample.extract(folder / name, people=name == "people")
+        paths.calibration.rename(folder / name / "calibration.toml")
+        paths.detections.rename(folder / name / "detections")
+    session = (
+        '[[session]]\nname = "{0}"\ncalibration = "{0}/calibration.toml"\ndetections = "{0}/detections"\n{1}'
+    )
+    shared = '[defaults]\nunit = "m"\nlayout = "body25b"\nfps = 60\n'
+    sessions = [session.format("demo", ""), session.format("people", 'people = "all"\n')]
+    (folder / "sessions.toml").write_text("\n".join([shared, *sessions]))
+    _write_simulated(folder)
+
+
+def _write_simulated(folder: Path) -> None:
+    mark = {"format": "skelsplat-calibration", "version": 1}
+    for name, seed, frames in (("long", 5, 30_000), ("live", 6, 80)):
+        K, R, t, _, detected = scene(seed, frames=frames)
+        cameras = [
+            {"name": f"c{i}", "size": [1920, 1080], "K": K.tolist(), "R": R[i].tolist(), "t": t[i].tolist()}
+            | {"distortion": None, "fisheye": False}
+            for i in range(len(R))
+        ]
+        (folder / f"{name}.json").write_text(json.dumps({**mark, "unit": "mm", "cameras": cameras}))
+        if name == "long":
+            names = np.array([camera["name"] for camera in cameras])
+            np.savez(folder / "long.npz", detections=detected, camera_names=names)
+            continue
+        lines = [json.dumps({"frame": f, "detections": frame.tolist()}) for f, frame in enumerate(detected)]
+        (folder / "live.jsonl").write_text("\n".join([*lines[:40], "{}", *lines[40:]]) + "\n")
     K, R, t, _, detected = scene(7, frames=50, cameras=3)
     names = (
         "nose left_eye right_eye left_ear right_ear left_shoulder right_shoulder left_elbow right_elbow "
@@ -232,10 +339,7 @@ def _differences(a: Path, b: Path, renamed: Sequence[Path] = ()) -> list[str]:
         return [f"{b}: {text}" for text in _arrays_differ(a, b)]
     if a.suffix == ".json" and a.stat().st_size:
         try:
-            return [
-                f"{b}: {text}"
-                for text in _numbers_differ(json.loads(a.read_text()), json.loads(b.read_text()))
-            ]
+            return [f"{b}: {text}" for text in _numbers_differ(_documents(a), _documents(b))]
         except json.JSONDecodeError:
             return []  # what people read
     if a.suffix == ".csv":
@@ -243,6 +347,15 @@ def _differences(a: Path, b: Path, renamed: Sequence[Path] = ()) -> list[str]:
     if a.suffix in {".trc", ".c3d"} and a.read_bytes() != b.read_bytes():
         return [f"{b}: bytes differ"]
     return []
+
+
+def _documents(path: Path) -> Any:
+    """Return the document of a file, or the list of them that its lines hold."""
+    text = path.read_text()
+    try:
+        return json.loads(text)
+    except json.JSONDecodeError:
+        return [json.loads(line) for line in text.splitlines()]
 
 
 def _table(path: Path) -> list[list[str]]:

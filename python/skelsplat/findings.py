@@ -1,9 +1,8 @@
 """Findings: faults and doubts about runs, rigs and data sets, in one type.
 
-A `Finding` holds facts: its kind, what it concerns, the numbers and what helps against it. Its sentence,
-`Finding.text`, comes from `skelsplat._sentences`, so that programs need not parse prose and all sentences
-are in one place. Sentences spell options as on the command line (``--without cam_03``); `Remedy`
-is the form for programs.
+A `Finding` is made where it is noticed, with its sentence: its kind, what it concerns, the numbers and what
+helps against it are for programs, which need not parse prose. A `Remedy` is a setting and its value;
+how it is typed on the command line is up to `skelsplat.cli`.
 """
 
 from __future__ import annotations
@@ -45,23 +44,23 @@ class Subject:
 
 @dataclass(frozen=True)
 class Remedy:
-    """An option of ``skelsplat refine`` that helps, and its value.
+    """A setting of a run (a field of `skelsplat.run.Job` or of its settings) that helps, and its value.
 
     Attributes
     ----------
-    option : str
-        Its name without dashes: ``"without"``.
+    setting : str
+        Its name: ``"without"``.
     value : Any
-        Its value: ``"cam_03"``; True for an option without one, None where the user chooses.
+        Its value: ``"cam_03"``; True for a switch, None where the user chooses.
     """
 
-    option: str
+    setting: str
     value: Any = True
 
     @property
     def text(self) -> str:
         """The option as it is pasted into a shell: ``--without cam_03``."""
-        flag = "--" + self.option.replace("_", "-")
+        flag = "--" + self.setting.replace("_", "-")
         return flag if self.value is None or self.value is True else f"{flag} {shlex.quote(str(self.value))}"
 
 
@@ -72,7 +71,7 @@ class Finding:
     Attributes
     ----------
     kind : str
-        A key of `skelsplat._sentences.SENTENCES`, such as ``"camera_disagrees"``.
+        Such as ``"camera_disagrees"``; docs/errors.md lists all.
     severity : str
         ``"error"``: results are wrong until this is corrected; ``"warning"``: results may be wrong;
         ``"note"``: for information.
@@ -81,7 +80,9 @@ class Finding:
     numbers : dict
         What the sentence quotes, as values of JSON; lengths carry their unit in the key.
     remedy : tuple of Remedy
-        Options of ``skelsplat refine`` that help.
+        Settings that help.
+    text : str
+        The finding in words: one or a few sentences, which name no option of the command line.
     """
 
     kind: str
@@ -89,11 +90,10 @@ class Finding:
     subject: Subject = field(default_factory=Subject)
     numbers: Mapping[str, Any] = field(default_factory=dict)
     remedy: tuple[Remedy, ...] = ()
+    text: str = ""
 
-    @property
-    def text(self) -> str:
-        """The finding in words: one or a few sentences."""
-        return escaped(_sentences.sentence(self))
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "text", escaped(self.text or _sentences.sentence(self)))
 
     def __str__(self) -> str:
         return self.text
@@ -115,7 +115,7 @@ class Finding:
         """Return the finding from which `to_dict` made ``entry``."""
         subject = Subject(**{name: tuple(values) for name, values in entry["subject"].items()})
         remedy = tuple(Remedy(**one) for one in entry["remedy"])
-        return cls(entry["kind"], entry["severity"], subject, entry["numbers"], remedy)
+        return cls(entry["kind"], entry["severity"], subject, entry["numbers"], remedy, entry["text"])
 
 
 class FindingWarning(UserWarning):

@@ -292,7 +292,7 @@ def test_check_cameras_ends_with_the_command_that_corrects_them(room, tmp_path, 
     assert words[-6:] == ["--offset", "cam1=0", "--without", "cam4", "-o", "fixed.toml"]
     document = json.loads(invoke(*command, "--json").stdout)
     assert document["adjust"] == line.strip()
-    assert {"option": "adjust_cameras", "value": True} in document["findings"][0]["remedy"]
+    assert {"setting": "adjust_cameras", "value": True} in document["findings"][0]["remedy"]
     assert invoke(*words[1:]).exit_code == 0
     checked = invoke("check-cameras", "fixed.toml", room / "pose", *LAYOUT, "--json")
     assert checked.exit_code == 0, checked.output

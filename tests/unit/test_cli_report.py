@@ -168,7 +168,7 @@ def test_what_to_distrust_is_said_in_words(recording, arguments):
     (found,) = (one for one in read_report(folder / "out")["findings"] if one["severity"] == "warning")
     assert (found["kind"], found["subject"]) == ("camera_disagrees", {"cameras": ["cam3"]})
     assert found["numbers"]["rejected_share"] == 1.0
-    assert found["remedy"] == [{"option": "without", "value": "cam3"}]
+    assert found["remedy"] == [{"setting": "without", "value": "cam3"}]
 
 
 @pytest.mark.parametrize("preset", [[], ["--paper"]])

@@ -26,7 +26,7 @@ def _look(finding: Finding) -> str:
 
 def _leaves_out(finding: Finding) -> str:
     """Return "; --without a leaves it out", empty if that is no remedy."""
-    without = [remedy for remedy in finding.remedy if remedy.option == "without"]
+    without = [remedy for remedy in finding.remedy if remedy.setting == "without"]
     if not without:
         return ""
     return f"; {options(without)} leaves {'it' if len(without) == 1 else 'them'} out"
@@ -46,7 +46,7 @@ def _nothing_used(finding: Finding) -> str:
 
 
 def _many_rejected(finding: Finding) -> str:
-    mixed = any(remedy.option == "person" for remedy in finding.remedy)
+    mixed = any(remedy.setting == "person" for remedy in finding.remedy)
     first = "that all views show the same person (--person), then " if mixed else ""
     return (
         f"{percent(finding.numbers['rejected_share'])} of all detections are rejected: check {first}"
@@ -283,7 +283,7 @@ def _left_out(finding: Finding) -> str:
     cameras = ", ".join(f"{name} {percent(share)}" for name, share in shares)
     alike = " or ".join(finding.numbers["layouts_of_as_many_joints"])
     layout = f"a wrong layout ({alike} has the same number of joints)" if alike else "a wrong layout"
-    finer = [remedy.text for remedy in finding.remedy if remedy.option == "sigma_mm"]
+    finer = [remedy.text for remedy in finding.remedy if remedy.setting == "sigma_mm"]
     size = length(finding.numbers.get("size_mm", 0.0), 0)
     merged = [f"small bodies merged into one (those found are {size} mm long: try {one}), " for one in finer]
     return (
