@@ -81,7 +81,7 @@ class Finding:
         What the sentence quotes, as values of JSON; lengths carry their unit in the key.
     remedy : tuple of Remedy
         Settings that help.
-    text : str
+    sentence : str
         The finding in words: one or a few sentences, which name no option of the command line.
     """
 
@@ -90,10 +90,12 @@ class Finding:
     subject: Subject = field(default_factory=Subject)
     numbers: Mapping[str, Any] = field(default_factory=dict)
     remedy: tuple[Remedy, ...] = ()
-    text: str = ""
+    sentence: str = ""
 
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "text", escaped(self.text or _sentences.sentence(self)))
+    @property
+    def text(self) -> str:
+        """The sentence as it may be printed: control characters of names from files are escaped."""
+        return escaped(self.sentence or _sentences.sentence(self))
 
     def __str__(self) -> str:
         return self.text
