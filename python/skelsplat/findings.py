@@ -90,7 +90,7 @@ class Finding:
     subject: Subject = field(default_factory=Subject)
     numbers: Mapping[str, Any] = field(default_factory=dict)
     remedy: tuple[Remedy, ...] = ()
-    sentence: str = ""
+    sentence: str = field(default="", compare=False)
 
     @property
     def text(self) -> str:
