@@ -10,7 +10,7 @@ from itertools import combinations
 import pytest
 
 from skelsplat import _sentences
-from skelsplat._sentences import words
+from skelsplat import _words as words
 from skelsplat.findings import Finding, FindingWarning, Remedy, Subject, collected_warnings, remark
 
 

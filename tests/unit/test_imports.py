@@ -30,7 +30,7 @@ LAYERS = (
     {"_budget"},
     {"_arrays", "_atomic", "_opencv"},
     {"_optional"},
-    {"exceptions", "_json"},
+    {"exceptions", "_json", "_words"},
     {"_escape"},
 )
 PAIR = {"findings", "_sentences"}

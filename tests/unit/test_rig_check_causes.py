@@ -7,7 +7,7 @@ import pytest
 
 import skelsplat as sk
 from rig_case import LAYOUT, T, detections, mirrored, only, recording, replaced, rig, turned
-from skelsplat._sentences.words import percent
+from skelsplat._words import percent
 from skelsplat.findings import Finding, Subject
 from skelsplat.io import sample
 from skelsplat.layouts import mirror_images

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING
 
-from skelsplat._sentences.words import listed
+from skelsplat._words import listed
 
 if TYPE_CHECKING:
     from skelsplat.findings import Finding

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from skelsplat._sentences.words import listed, options, percent, with_bar
+from skelsplat._words import listed, options, percent, with_bar
 
 if TYPE_CHECKING:
     from skelsplat.findings import Finding

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from skelsplat._optional import pip_line
-from skelsplat._sentences.words import decimals, length, listed, number, options, percent
+from skelsplat._words import decimals, length, listed, number, options, percent
 
 if TYPE_CHECKING:
     from skelsplat.findings import Finding

@@ -10,7 +10,7 @@ from typing import Annotated, Any
 import typer
 from rich.table import Table
 
-from skelsplat._sentences.words import number, with_bar
+from skelsplat._words import number, with_bar
 from skelsplat.cli import inputs, options
 from skelsplat.cli.command import with_parameters_of
 from skelsplat.cli.output import Terminal, print_json, say

@@ -13,7 +13,7 @@ import typer
 from rich.console import Console
 
 from skelsplat._budget import read_toml
-from skelsplat._sentences.words import number
+from skelsplat._words import number
 from skelsplat.cli import options
 from skelsplat.cli._app import FAILED
 from skelsplat.cli.command import Application, with_parameters_of

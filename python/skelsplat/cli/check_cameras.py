@@ -12,7 +12,7 @@ import typer
 from rich.table import Table
 
 import skelsplat as sk
-from skelsplat._sentences.words import number
+from skelsplat._words import number
 from skelsplat.cli import inputs, options
 from skelsplat.cli.command import with_parameters_of
 from skelsplat.cli.output import Terminal, print_json, print_text, say

@@ -8,7 +8,7 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
-from skelsplat._sentences.words import length, number
+from skelsplat._words import length, number
 from skelsplat.cli.table import new_table, print_findings, print_paragraphs, print_table
 from skelsplat.findings import Finding
 from skelsplat.run import PeopleRun

@@ -17,7 +17,7 @@ from rich.text import Text
 
 import skelsplat as sk
 from skelsplat._escape import escaped
-from skelsplat._sentences.words import number
+from skelsplat._words import number
 from skelsplat.cli.output import Terminal, print_message, print_text
 from skelsplat.findings import Finding
 from skelsplat.run import Run

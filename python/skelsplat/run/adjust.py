@@ -12,7 +12,7 @@ import numpy as np
 import skelsplat as sk
 from skelsplat._arrays import Array, Index
 from skelsplat._clocks import parted, rounded
-from skelsplat._sentences.words import options
+from skelsplat._words import options
 from skelsplat.association import take_people
 from skelsplat.exceptions import DatasetError
 from skelsplat.findings import Finding, Remedy, Severity, Subject, collected_warnings, warn

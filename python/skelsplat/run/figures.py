@@ -9,7 +9,7 @@ import numpy as np
 import skelsplat as sk
 from skelsplat import viz
 from skelsplat._arrays import Array
-from skelsplat._sentences.words import ordinal
+from skelsplat._words import ordinal
 from skelsplat.run._run import Run
 from skelsplat.run.read import Inputs
 from skelsplat.run.solve import Outcome

@@ -15,7 +15,7 @@ import numpy as np
 
 import skelsplat as sk
 from skelsplat._optional import can_draw
-from skelsplat._sentences.words import number
+from skelsplat._words import number
 from skelsplat.run.angles import angles_of, by_title
 from skelsplat.run.frames import problems_of, rows_of
 from skelsplat.run.report import MEANINGS, solved_in_words, thinned_in_words

@@ -10,7 +10,7 @@ import numpy as np
 
 from skelsplat import viz
 from skelsplat._arrays import Array
-from skelsplat._sentences.words import decimals, length, number
+from skelsplat._words import decimals, length, number
 from skelsplat.run.figures import skeleton_of
 from skelsplat.run.frames import problems_of, rows_of
 from skelsplat.run.html import camera_shapes, facts_of, of_the_view, part_of

@@ -12,7 +12,7 @@ import numpy as np
 import skelsplat as sk
 from skelsplat._arrays import Array, Index, Mask
 from skelsplat._budget import afford
-from skelsplat._sentences.words import listed
+from skelsplat._words import listed
 from skelsplat.cameras import MM_PER_UNIT
 from skelsplat.exceptions import DatasetError, InvalidInputError, SkelSplatError
 from skelsplat.findings import Finding, collected_warnings, warn

@@ -10,7 +10,7 @@ import numpy as np
 
 import skelsplat as sk
 from skelsplat._json import plain
-from skelsplat._sentences.words import ordinal
+from skelsplat._words import ordinal
 from skelsplat.run.job import Job
 from skelsplat.run.read import Inputs
 from skelsplat.run.solve import ASKED, NO_RATE, PAPER, PRIOR, SPARSE, Outcome, default_threads

@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 import skelsplat as sk
 from skelsplat._arrays import Array, Index, Mask, medians
-from skelsplat._sentences.words import decimals
+from skelsplat._words import decimals
 from skelsplat.run.displaced import Shifts, camera_shifts, residuals
 from skelsplat.run.read import Inputs
 from skelsplat.run.solve import Outcome, rig_as_used

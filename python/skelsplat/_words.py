@@ -1,13 +1,10 @@
-"""Phrases that several modules of sentences use."""
+"""Words and numbers as sentences and tables show them."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from skelsplat.findings import Remedy
+from typing import Any
 
 
 def listed(words: Sequence[str], last: str = "and") -> str:
@@ -51,6 +48,6 @@ def percent(share: float) -> str:
     return f"{100 * share:.0f}%"
 
 
-def options(remedies: Iterable[Remedy]) -> str:
+def options(remedies: Iterable[Any]) -> str:
     """Return remedies as they are pasted into a shell."""
     return " ".join(remedy.text for remedy in remedies)
