@@ -15,9 +15,7 @@ need_opencv()
 from skelsplat.viz.overlay import (  # noqa: E402  after the check
     OverlayFrame,
     Shown,
-    draw_label,
     draw_overlay,
-    legend_strip,
     tiling,
 )
 from skelsplat.viz.overlay._marks import bgr, weight_colour  # noqa: E402
@@ -65,12 +63,6 @@ def test_joints_and_limbs_have_the_colours_of_their_sides():
         assert tuple(image[v, u]) == colour
     assert tuple(image[50, 100]) == sides[0]
     assert tuple(image[100, 150]) == sides[2]
-
-
-def test_unreliable_joints_are_squares_as_discs_are_detections():
-    image = drawn(of(THREE, reliable=np.array([True, False, True])), size=(1920, 1080))
-    for corner in ([45, 145], [45, 155], [55, 145], [55, 155]):
-        assert tuple(image[tuple(corner)]) == bgr(_style.MIDDLE)
 
 
 def test_unreliable_joints_are_hollow_and_their_limbs_dashed():
@@ -157,28 +149,6 @@ def test_what_is_unknown_behind_or_far_away_is_not_drawn():
     assert not changed(drawn(far)).any()
     off = of(THREE + 1000, detections=THREE + 1000, weights=np.zeros(3))
     assert not changed(drawn(off)).any()
-
-
-def test_moving_a_frame_scales_points_and_ellipses():
-    frame = of(THREE, covariances=np.repeat(np.diag([4.0, 9.0])[None], 3, axis=0))
-    moved = frame.moved(np.array([2.0, 3.0]), np.array([1.0, -1.0]))
-    np.testing.assert_allclose(moved.pose, THREE * [2, 3] + [1, -1])
-    np.testing.assert_allclose(moved.covariances[0], np.diag([16.0, 81.0]))
-
-
-def test_the_legend_grows_downwards_and_shows_only_the_layers():
-    wide, narrow = (legend_strip(width, (1920, 1080), SHOWN) for width in (4000, 500))
-    assert wide.shape[0] < narrow.shape[0]
-    assert narrow.shape[1] == 500
-    ellipses = legend_strip(4000, (1920, 1080), replace(NOTHING, ellipses=True))
-    assert (ellipses != 247).any(axis=(0, 2)).sum() < (wide != 247).any(axis=(0, 2)).sum()
-
-
-def test_a_label_fits_images_smaller_than_itself():
-    image = np.full((6, 9, 3), GROUND, dtype=np.uint8)
-    draw_label(image, "a camera with a long näme   frame 12")
-    assert image.shape == (6, 9, 3)
-    assert (image != GROUND).any()
 
 
 def test_tiles_fill_the_screen():

@@ -17,7 +17,6 @@ from overlay_case import (
     need_opencv,
     read_image,
     read_video,
-    write_images,
     write_people,
     write_run,
 )
@@ -27,7 +26,7 @@ need_opencv()
 from skelsplat.run.frame_range import FrameRange  # noqa: E402
 from skelsplat.run.overlay.scene import Scene  # noqa: E402  after the check
 from skelsplat.viz import _style  # noqa: E402
-from skelsplat.viz.overlay import Shown, draw_name, legend_strip  # noqa: E402
+from skelsplat.viz.overlay import Shown, legend_strip  # noqa: E402
 from skelsplat.viz.overlay._marks import bgr, weight_colour  # noqa: E402
 
 BARE = ["--plain", "--png", "--no-legend", "--quiet"]
@@ -102,14 +101,6 @@ def test_legend_and_names_tell_who_is_who(tmp_path):
     assert legend_strip(400, SIZE, shown, none).size == 0
 
 
-@pytest.mark.parametrize("pose", [[[-50.0, 5.0]], [[np.nan, np.nan]], [[8.0, 1.0]], [[0.0, 0.0], [9.0, 9.0]]])
-def test_names_stay_within_the_image(pose):
-    image = np.full((10, 12, 3), PLAIN, dtype=np.uint8)
-    draw_name(image, np.array(pose), "person 12", "#e69f00")
-    assert image.shape == (10, 12, 3)
-    assert (image != PLAIN).any() == bool(np.isfinite(pose).all() and pose[0][0] >= 0)
-
-
 def test_plain_frames_replace_the_videos_of_any_run(tmp_path):
     write_run(tmp_path / "out", frames=np.arange(10, 10 + 5 * FRAMES, 5))
     said = overlay(tmp_path, "--plain", "--no-legend", "--fps", 25, "--json").stdout
@@ -118,40 +109,3 @@ def test_plain_frames_replace_the_videos_of_any_run(tmp_path):
         frames, rate = read_video(tmp_path / "out" / "overlay" / f"{name}.mp4")
         assert (len(frames), rate, frames[0].shape) == (FRAMES, 25.0, (SIZE[1], SIZE[0], 3))
         assert abs(int(np.median(frames[0])) - PLAIN) < 4
-
-
-def test_plain_frames_of_chosen_cameras_and_frames(tmp_path):
-    write_run(tmp_path / "out", offsets={NAMES[1]: 3})
-    overlay(tmp_path, *BARE, "--camera", NAMES[1], "--range", "2-4", "--crop")
-    folder = tmp_path / "out" / "overlay"
-    assert [path.name for path in folder.iterdir()] == [NAMES[1]]
-    assert sorted(path.stem for path in (folder / NAMES[1]).iterdir()) == ["000002", "000003", "000004"]
-
-
-@pytest.mark.parametrize(
-    ("args", "words"),
-    [
-        (
-            [],
-            "VIDEOS: expected a folder of videos or images, or --plain to draw on plain frames, got neither",
-        ),
-        (["images", "--plain"], "or --plain to draw on plain frames, got both"),
-        (["--plain", "--order", "sorted"], "--order: expected videos or images with it, got none"),
-        (["--plain", "--first-frame", "1"], "--first-frame: expected videos or images with it, got none"),
-        (["--plain", "--camera", "cam_9"], "cam_9"),
-    ],
-)
-def test_videos_or_plain_frames_are_needed(tmp_path, args, words):
-    write_run(tmp_path / "out")
-    write_images(tmp_path / "images" / "cam01")
-    result = invoke("overlay", tmp_path / "out", *args)
-    assert result.exit_code == 2
-    assert words in " ".join(result.stderr.split())
-
-
-@pytest.mark.usefixtures("people")
-def test_a_person_without_a_folder_is_an_error(tmp_path):
-    (tmp_path / "out" / "person_3" / "report.json").unlink()
-    result = invoke("overlay", tmp_path / "out", "--plain")
-    assert result.exit_code == 1
-    assert "person_3" in result.stderr

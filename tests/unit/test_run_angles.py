@@ -12,7 +12,6 @@ import pytest
 import skelsplat as sk
 from command_line import READ, RESULTS, assert_fails, invoke, read_report, texts
 from report_page import data_of, numbers
-from skelsplat.cli import plot
 from skelsplat.io import read_npz, write_npz
 from skelsplat.run import Run
 from skelsplat.run.angles import FILES, check_angles, mot_text
@@ -90,13 +89,6 @@ def test_a_missing_angle_is_nan_in_motion_files():
     assert rows == ["time\ta\tb", "0.000000\t1.0000\tnan", "0.100000\t-2.5000\t3.0000"]
 
 
-def test_the_page_has_a_curve_per_side(with_angles):
-    page = (with_angles / "report.html").read_text()
-    assert '"title":"Knee flexion","unit":"\\u00b0","curves":[{"name":"left","colour":"left"' in page
-    assert '"title":"Trunk inclination"' in page
-    assert "Joint angles have the colours of the sides" in page
-
-
 def test_the_page_has_the_error_bars_of_the_angles(with_angles):
     page = (with_angles / "report.html").read_text()
     lines = {line["title"]: line for line in data_of(page)["lines"]}
@@ -114,16 +106,6 @@ def test_the_page_has_the_error_bars_of_the_angles(with_angles):
             assert np.isfinite(stored["sigma"][:, k]).all()
     assert "their bands are error bars, one standard deviation" in page
     assert not any("sigma" in curve for curve in lines["Median reprojection error"]["curves"])
-
-
-@pytest.mark.usefixtures("no_pictures")
-def test_without_the_option_nothing_is_written(run_folder, tmp_path):
-    run = Run.open(run_folder)
-    names = run.write(tmp_path / "out", ("npz",), html=False, angles=True)
-    assert set(FILES) <= set(names)
-    assert not set(FILES) & set(run.write(tmp_path / "out", ("npz",), html=False))
-    assert not [name for name in FILES if (tmp_path / "out" / name).exists()]
-    assert "joint_angles" not in read_report(tmp_path / "out")
 
 
 @pytest.mark.usefixtures("no_pictures")
@@ -178,18 +160,6 @@ def test_angles_are_drawn_with_their_bands(with_angles, tmp_path, figures):
     ]
     assert len(figures[0].axes[2].collections) == 4  # two bands a side
     assert (tmp_path / "angles.png").is_file()
-
-
-def test_a_run_with_angles_has_them_drawn_unless_other_figures_are_asked_for(with_angles, monkeypatch):
-    asked = []
-    monkeypatch.setattr(plot, "write_plots", lambda *_, only, **__: asked.append(only) or [])
-    for arguments in ([with_angles], [with_angles, "--only", "bones"], [with_angles / "pose.npz"]):
-        assert invoke("plot", *arguments).exit_code == 0
-    assert asked == [
-        ("trajectories", "bones", "errors", "angles"),
-        ("bones",),
-        ("trajectories", "bones", "errors"),
-    ]
 
 
 def test_a_file_of_poses_has_no_vertical(with_angles, tmp_path, figures):

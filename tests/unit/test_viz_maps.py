@@ -42,13 +42,6 @@ def test_weights_are_means_over_frames_and_over_joints(tmp_path, figures):
     assert imread(path).shape[1] == 1400
 
 
-def test_weights_without_a_detection_and_of_many_joints(tmp_path, figures):
-    names = tuple(f"j{j}" for j in range(133))
-    data = weight_data(weights=np.full((T, M, 133), np.nan), joint_names=names)
-    viz.write_weights(tmp_path / "w.png", data)
-    assert [text.get_text() for text in figures[0].axes[0].texts] == ["none", "none"]
-
-
 def heatmap_row(name="door", height=200, width=300, **changes):
     image = np.zeros((height, width), dtype=np.float32)
     image[85:140, 95:120] = 1.0
@@ -101,25 +94,3 @@ def test_the_crop_holds_the_person_and_stays_in_the_image():
     assert 120 < bottom < 199
     edge = heatmap_row(detections=np.array([[-0.4, 0.0], [299.0, 199.4], [400.0, 50.0]]))
     assert crop_window(edge) == ((0, 299), (0, 199))
-
-
-def test_the_crop_without_joints_is_the_image():
-    nothing = np.full((3, 2), np.nan)
-    assert crop_window(heatmap_row(detections=nothing, reprojection=nothing)) == ((0, 299), (0, 199))
-
-
-@pytest.mark.painted
-def test_upright_persons_stand_two_cameras_abreast(tmp_path):
-    tall = {"height": 600, "reprojection": np.array([[100.0, 10.0], [110.0, 590.0], [120.0, 100.0]])}
-    heights = {
-        n: imread(
-            viz.write_heatmaps(tmp_path / f"{n}.png", [heatmap_row(**tall)] * n, skeleton=SKELETON)
-        ).shape[0]
-        for n in (2, 3, 4)
-    }
-    assert heights[3] == heights[4] > heights[2]
-
-
-def test_heatmaps_need_a_camera(tmp_path):
-    with pytest.raises(ValueError, match="rows: expected at least one camera, got none"):
-        viz.write_heatmaps(tmp_path / "h.png", [], skeleton=SKELETON)

@@ -91,19 +91,6 @@ def test_lines_and_bands_stop_where_positions_or_frames_are_missing():
     assert axes.get_xlabel() == "frame"
 
 
-def test_large_frame_numbers_are_counted_from_the_first():
-    axes = drawn(trajectory_data(frames=np.arange(10**8, 10**8 + T)))[0]
-    assert axes.get_xlabel() == "frames since frame 100000000"
-    assert labelled(axes.lines, "position").get_xdata().tolist() == list(range(T))
-
-
-def test_no_band_where_the_uncertainty_is_unknown():
-    data = trajectory_data()
-    data.sigma[4:] = np.nan
-    (corners,) = band(drawn(data)[0], 2)
-    assert corners[:, 0].max() == 3
-
-
 def test_a_frame_without_neighbours_is_a_point_with_bars():
     axes = drawn(trajectory_data(frames=[7]))[0]
     point = [line for line in axes.lines if line.get_marker() == "o"]
@@ -141,23 +128,6 @@ def test_a_band_of_metres_does_not_flatten_the_motion():
     assert high < 1500  # positions 100 to 1200
 
 
-def test_joints_come_six_on_a_page():
-    names = [f"joint_{k}" for k in range(14)]
-    pose = np.random.default_rng(0).normal(size=(4, 14, 3))
-    data = viz.TrajectoryData(
-        pose=pose,
-        sigma=np.full(pose.shape, np.nan),
-        start=np.full(pose.shape, np.nan),
-        status=np.full((4, 14), ""),
-        time=viz.TimeAxis(np.arange(4)),
-        joint_names=names,
-        joints=range(14),
-    )
-    pages = draw_trajectories(data, skeleton=viz.Skeleton())
-    assert [len(page.axes) // 3 for page in pages] == [6, 6, 2]
-    assert all(page.get_figheight() < 9.4 for page in pages)
-
-
 @pytest.mark.painted
 def test_every_format_is_written_and_older_pages_go(tmp_path):
     data = trajectory_data(joints=[0, 1, 2], notes=["Low-pass: a filter."])
@@ -172,7 +142,7 @@ def test_every_format_is_written_and_older_pages_go(tmp_path):
 
 
 @pytest.mark.painted
-@pytest.mark.parametrize("rate", [50.0, None, 1e-9])
+@pytest.mark.parametrize("rate", [50.0, 1e-9])
 def test_the_numbers_on_an_axis_over_time_are_plain(tmp_path, rate):
     (page,) = viz.draw_trajectories(trajectory_data(rate=rate), skeleton=SKELETON)
     viz.write_pages([page], tmp_path / "t", ("png", "pdf"))
@@ -238,22 +208,6 @@ def test_lengths_that_do_not_count_are_pale_and_do_not_set_the_scale():
     assert axes.get_ylim()[1] < 200
 
 
-def test_bones_without_a_length_or_with_one_alone_say_so():
-    none = bone("", (np.nan,), (False,))
-    one = bone("", (100.0,), (True,))
-    weak = bone("", (100.0,), (False,))
-    axes = bone_axes(*(viz.BonePanel("a – b", [b]) for b in (none, one, weak)), frames=1)
-    assert words(axes[0])[0] == "no length"
-    assert words(axes[1])[-1] == "100 mm"
-    assert words(axes[2])[-1] == "no reliable frame"
-
-
-def test_bones_come_fourteen_on_a_page():
-    panels = [viz.BonePanel(str(k), [bone()]) for k in range(15)]
-    pages = draw_bones(panels, viz.TimeAxis(np.arange(3)))
-    assert [len(page.axes) for page in pages] == [14, 1]
-
-
 def error_data(cameras=4, joints=17, **changes):
     rng = np.random.default_rng(0)
     shape = (cameras + 1, joints + 1)
@@ -266,7 +220,7 @@ def error_data(cameras=4, joints=17, **changes):
     return viz.ErrorMapData(**{**data, **changes})
 
 
-@pytest.mark.parametrize("shape", [(2, 4), (4, 17), (8, 26), (31, 25), (60, 133)])
+@pytest.mark.parametrize("shape", [(2, 4), (60, 133)])
 def test_maps_show_the_values_and_fit_the_page(shape):
     data = error_data(*shape)
     figure = draw_error_map(data)
@@ -283,7 +237,7 @@ def test_maps_show_the_values_and_fit_the_page(shape):
     assert maps[0].get_title(loc="left") == "Median reprojection error [px]"
 
 
-@pytest.mark.parametrize(("shape", "written"), [((4, 17), True), ((31, 25), True), ((60, 25), False)])
+@pytest.mark.parametrize(("shape", "written"), [((31, 25), True), ((60, 25), False)])
 def test_numbers_are_written_where_they_fit(shape, written):
     data = error_data(*shape)
     axes = draw_error_map(data).axes[0]
@@ -294,22 +248,6 @@ def test_numbers_are_written_where_they_fit(shape, written):
     renderer = axes.figure.canvas.get_renderer()
     cell = axes.get_window_extent().width / data.median_px.shape[0]
     assert max(text.get_window_extent(renderer).width for text in axes.texts) < cell
-
-
-def test_one_bad_camera_does_not_pale_the_others():
-    data = error_data(median_px=np.full((5, 18), 2.0))
-    data.median_px[1] = 400.0
-    image = draw_error_map(data).axes[0].images[0]
-    assert image.get_clim() == (0.0, 8.0)
-
-
-@pytest.mark.painted
-def test_maps_without_any_detection_say_so(tmp_path):
-    empty = np.full((5, 18), np.nan)
-    data = error_data(median_px=empty, rejected=empty)
-    assert "no detections" in words(draw_error_map(data).axes[0])
-    (path,) = viz.write_pages([draw_error_map(data)], tmp_path / "e", ("png",))
-    assert path.read_bytes().startswith(MAGIC["png"])
 
 
 def test_a_file_that_cannot_be_written_is_named(tmp_path):
