@@ -1,9 +1,11 @@
-//! Refines one pose of a simulated person and prints its error: `cargo run --release --example refine`.
+//! Refines one pose of a simulated person and prints its error: `cargo run --release --example
+//! refine`.
 
 use skelsplat_core::nalgebra::{Matrix3, Vector3};
 use skelsplat_core::{Camera, Detections, Frame, Layout, RefineConfig, Refiner, Unit};
 
-/// A camera 5 m from the person, looking at it from the direction `angle` (radians); x right, y down, z forward.
+/// A camera 5 m from the person, looking at it from the direction `angle` (radians); x right, y
+/// down, z forward.
 fn camera(angle: f64) -> skelsplat_core::Result<Camera> {
     let (sin, cos) = angle.sin_cos();
     let k = Matrix3::new(1100.0, 0.0, 500.0, 0.0, 1100.0, 500.0, 0.0, 0.0, 1.0);
@@ -17,7 +19,8 @@ fn main() -> skelsplat_core::Result<()> {
     let cameras: Vec<Camera> =
         [0.5, 2.0, 3.5, 5.0].into_iter().map(camera).collect::<Result<_, _>>()?;
 
-    // Joints on a spiral simulate a person, errors of up to 4 px a detector; the third view misses the left wrist.
+    // Joints on a spiral simulate a person, errors of up to 4 px a detector; the third view misses
+    // the left wrist.
     let truth: Vec<Vector3<f64>> = (0..17)
         .map(|j| f64::from(j) / 17.0)
         .map(|h| Vector3::new(0.3 * (9.0 * h).sin(), 0.3 * (9.0 * h).cos(), 1.7 * h))

@@ -24,7 +24,8 @@ impl Progress {
         self.done.load(Ordering::Relaxed)
     }
 
-    /// Number of frames found to be necessary beyond those given: several people are solved one by one.
+    /// Number of frames found to be necessary beyond those given: several people are solved one by
+    /// one.
     #[must_use]
     pub fn expected(&self) -> usize {
         self.expected.load(Ordering::Relaxed)
@@ -60,11 +61,12 @@ impl Progress {
     }
 }
 
-/// Refines every frame independently; results are in order. A single frame distributes its windows over the threads.
+/// Refines every frame independently; results are in order. A single frame distributes its windows
+/// over the threads.
 ///
 /// # Errors
-/// The error of the first frame with an error, [`Error::InvalidInput`] if frames differ in the number of joints, or
-/// [`Error::Cancelled`].
+/// The error of the first frame with an error, [`Error::InvalidInput`] if frames differ in the
+/// number of joints, or [`Error::Cancelled`].
 pub fn refine_batch(
     refiner: &Refiner,
     frames: &[Frame],

@@ -5,8 +5,9 @@ use nalgebra::Vector2;
 use crate::camera::{Camera, Undistorted};
 use crate::error::{Error, Result};
 
-/// Largest accepted coordinate of a pixel or a world point: larger values are not measurements, and products of a few such
-/// numbers stay finite. Generous because simulated points close to a camera can be projected very far.
+/// Largest accepted coordinate of a pixel or a world point: larger values are not measurements, and
+/// products of a few such numbers stay finite. Generous because simulated points close to a camera
+/// can be projected very far.
 pub const FARTHEST: f64 = 1e30;
 
 /// A smaller confidence is none: products of a few such numbers would be 0.
@@ -37,9 +38,9 @@ impl Detections {
     /// From row-major `(M, N, 2)` pixels and optional `(M, N)` confidences in [0, 1] (default 1).
     ///
     /// # Errors
-    /// [`Error::InvalidInput`] if a length does not match, a confidence is outside [0, 1] or a pixel outside
-    /// ±[`FARTHEST`].
-    /// A confidence that is not a number marks the detection as missing; that of a missing one is ignored.
+    /// [`Error::InvalidInput`] if a length does not match, a confidence is outside [0, 1] or a
+    /// pixel outside ±[`FARTHEST`]. A confidence that is not a number marks the detection as
+    /// missing; that of a missing one is ignored.
     pub fn new(
         n_views: usize,
         n_joints: usize,
@@ -106,7 +107,8 @@ impl Detections {
         self.n_joints
     }
 
-    /// The detection of joint `j` in view `i` as (pixel, confidence), or `None` where it is missing.
+    /// The detection of joint `j` in view `i` as (pixel, confidence), or `None` where it is
+    /// missing.
     #[must_use]
     pub fn get(&self, view: usize, joint: usize) -> Option<(Vector2<f64>, f64)> {
         let k = view * self.n_joints + joint;

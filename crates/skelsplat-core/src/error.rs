@@ -3,7 +3,8 @@
 /// Result of a fallible core function.
 pub type Result<T> = std::result::Result<T, Error>;
 
-/// Why a call was rejected. Missing data and lack of convergence are outcomes with a status, never an `Error`.
+/// Why a call was rejected. Missing data and lack of convergence are outcomes with a status, never
+/// an `Error`.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
@@ -30,7 +31,8 @@ pub enum Error {
     /// Geometry without a solution, such as two cameras at the same position.
     #[error("degenerate geometry: {0}")]
     DegenerateGeometry(String),
-    /// Arrays that do not fit into memory: what they are, how much they need and how much is available.
+    /// Arrays that do not fit into memory: what they are, how much they need and how much is
+    /// available.
     #[error("{0}")]
     OutOfMemory(String),
     /// The caller cancelled the work.

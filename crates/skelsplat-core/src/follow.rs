@@ -14,9 +14,10 @@ const LEAP_MM: f64 = 300.0;
 
 /// Refines frame by frame, each from the poses of the previous frames.
 ///
-/// With `annealed` the detections determine every joint that two views see; the past provides the depth of a joint that one
-/// view sees and the position of one that no view sees, and breaks ties. With `paper`, joints without a reliable position
-/// are triangulated again, and so is the whole pose if most joints no longer match their detections. At a known frame rate
+/// With `annealed` the detections determine every joint that two views see; the past provides the
+/// depth of a joint that one view sees and the position of one that no view sees, and breaks ties.
+/// With `paper`, joints without a reliable position are triangulated again, and so is the whole
+/// pose if most joints no longer match their detections. At a known frame rate
 /// ([`Follower::at_rate`]) the past predicts as well ([`Live`]).
 #[derive(Debug, Clone)]
 pub struct Follower<'a> {
@@ -26,15 +27,15 @@ pub struct Follower<'a> {
 }
 
 impl<'a> Follower<'a> {
-    /// Starts from the last known positions `(N)` in the unit of the cameras, NaN where unknown; `None`: from the detections
-    /// only.
+    /// Starts from the last known positions `(N)` in the unit of the cameras, NaN where unknown;
+    /// `None`: from the detections only.
     #[must_use]
     pub fn new(refiner: &'a Refiner, past: Option<Vec<Vector3<f64>>>) -> Self {
         Self { refiner, past, live: None }
     }
 
-    /// Starts without a past, of frames that come `fps` times per second: the past predicts. The answer is the frame `lag`
-    /// frames before the last.
+    /// Starts without a past, of frames that come `fps` times per second: the past predicts. The
+    /// answer is the frame `lag` frames before the last.
     ///
     /// # Errors
     /// As [`Live::new`].
@@ -57,7 +58,8 @@ impl<'a> Follower<'a> {
     /// Refines the next frame.
     ///
     /// # Errors
-    /// As [`refine_batch`], and [`Error::InvalidInput`] if the number of joints differs from the previous frames.
+    /// As [`refine_batch`], and [`Error::InvalidInput`] if the number of joints differs from the
+    /// previous frames.
     pub fn step(&mut self, detections: Detections, progress: &Progress) -> Result<Refinement> {
         if let Some(live) = &mut self.live {
             return live.step(self.refiner, detections, progress);
@@ -88,8 +90,9 @@ impl<'a> Follower<'a> {
 
     /// The start of the next frame: for `paper` only reliable positions, else all known ones.
     ///
-    /// `annealed` starts from least squares, so a past position matters only where it is the only one or where views tie. A
-    /// weak joint that has jumped may have followed the wrong views: its past position is kept.
+    /// `annealed` starts from least squares, so a past position matters only where it is the only
+    /// one or where views tie. A weak joint that has jumped may have followed the wrong views: its
+    /// past position is kept.
     fn remembered(&self, refined: &Refinement) -> Vec<Vector3<f64>> {
         let missing = Vector3::repeat(f64::NAN);
         let mm = self.refiner.unit().millimetres();

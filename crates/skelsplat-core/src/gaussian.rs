@@ -1,7 +1,8 @@
 //! The skeleton of Gaussians: one anisotropic 3D Gaussian per joint (paper §3, "3D Human Pose as
 //! Skeleton of Gaussians").
 //!
-//! Σ = R S Sᵀ Rᵀ with S = diag(exp s) and R the rotation of the normalised quaternion q = (w, x, y, z).
+//! Σ = R S Sᵀ Rᵀ with S = diag(exp s) and R the rotation of the normalised quaternion q = (w, x, y,
+//! z).
 
 use nalgebra::{Matrix3, Vector3, Vector4};
 
@@ -58,7 +59,8 @@ impl Gaussian {
         }
     }
 
-    /// Rejects scales and orientations that cannot be computed with; missing values (NaN) are allowed.
+    /// Rejects scales and orientations that cannot be computed with; missing values (NaN) are
+    /// allowed.
     ///
     /// # Errors
     /// [`Error::InvalidInput`] naming the first wrong entry.
@@ -168,7 +170,8 @@ fn rotation(q: &Vector4<f64>) -> Matrix3<f64> {
     )
 }
 
-/// Gradient of ⟨D, rotation(q)⟩ with respect to the four entries of q, entry by entry of [`rotation`].
+/// Gradient of ⟨D, rotation(q)⟩ with respect to the four entries of q, entry by entry of
+/// [`rotation`].
 fn rotation_backward(q: &Vector4<f64>, d: &Matrix3<f64>) -> Vector4<f64> {
     let (w, x, y, z) = (q[0], q[1], q[2], q[3]);
     let skew = Vector3::new(d[(2, 1)] - d[(1, 2)], d[(0, 2)] - d[(2, 0)], d[(1, 0)] - d[(0, 1)]);

@@ -48,8 +48,8 @@ pub struct LayoutSpec {
     pub root: Vec<usize>,
     /// Lengths of limbs that are known; `bone_lengths_mm` of a configuration replaces them.
     pub lengths: Vec<KnownLength>,
-    /// Whether this is a person's body, with the joint names of the built-in layouts: its bones have the population's
-    /// proportions, and its joints the published errors.
+    /// Whether this is a person's body, with the joint names of the built-in layouts: its bones
+    /// have the population's proportions, and its joints the published errors.
     pub human: bool,
 }
 
@@ -72,8 +72,9 @@ impl Layout {
     /// A custom layout.
     ///
     /// # Errors
-    /// [`Error::InvalidInput`] naming the field: no joints, an empty or repeated joint name, an index out of range, a limb
-    /// or pair of a joint with itself, a joint in two left–right pairs, a tier other than 1, 2, 3, or a length that is not positive.
+    /// [`Error::InvalidInput`] naming the field: no joints, an empty or repeated joint name, an
+    /// index out of range, a limb or pair of a joint with itself, a joint in two left–right pairs,
+    /// a tier other than 1, 2, 3, or a length that is not positive.
     pub fn new(spec: LayoutSpec) -> Result<Self> {
         check_joints(&spec.joints)?;
         check_indices(&spec)?;

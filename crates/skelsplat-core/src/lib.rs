@@ -1,16 +1,19 @@
 //! Accurate 3D human pose from 2D keypoints of several calibrated cameras, without training.
 //!
-//! Each joint is a 3D Gaussian (μ_j, Σ_j). It is projected into every view i and matched to a Gaussian at the 2D detection
-//! d_ij there. The default method, `annealed`, takes round splats Σ = σ² I and the overlap in closed form: with e_ij the
-//! vector from the ray of the detection to the joint,
+//! Each joint is a 3D Gaussian (μ_j, Σ_j). It is projected into every view i and matched to a
+//! Gaussian at the 2D detection d_ij there. The default method, `annealed`, takes round splats Σ =
+//! σ² I and the overlap in closed form: with e_ij the vector from the ray of the detection to the
+//! joint,
 //!
 //! ```text
 //! k_ij = exp(−|e_ij|² / 4σ²)                     how much a detection is trusted
-//! F    = Σ_ij c_ij (2σ²/ŝ²) (1 − k_ij) + ½ Σ_j (x_j−x⁰_j)ᵀ Π_j (x_j−x⁰_j) + ½ Σ_p κ_p (‖l_p‖−‖r_p‖)² / σ_sym²
+//! F    = Σ_ij c_ij (2σ²/ŝ²) (1 − k_ij) + ½ Σ_j (x_j−x⁰_j)ᵀ Π_j (x_j−x⁰_j)
+//!        + ½ Σ_p κ_p (‖l_p‖−‖r_p‖)² / σ_sym²
 //! ```
 //!
-//! minimised by re-weighted Gauss–Newton while σ narrows to the detection noise ŝ, from any initial pose. The published
-//! method, `paper`, renders the splats on one channel per joint and optimises them with Adam:
+//! minimised by re-weighted Gauss–Newton while σ narrows to the detection noise ŝ, from any initial
+//! pose. The published method, `paper`, renders the splats on one channel per joint and optimises
+//! them with Adam:
 //!
 //! ```text
 //! L_opt    = L_render + λ_sym L_sym
@@ -19,7 +22,8 @@
 //! render   = min(0.99, exp(−½ (p−m)ᵀ(Σ²)⁻¹(p−m)))      m = π(Rμ+t),  Σ² = J W Σ Wᵀ Jᵀ + h·I
 //! ```
 //!
-//! after "SkelSplat: Robust Multi-view 3D Human Pose Estimation with Differentiable Gaussian Rendering" (WACV 2026).
+//! after "SkelSplat: Robust Multi-view 3D Human Pose Estimation with Differentiable Gaussian
+//! Rendering" (WACV 2026).
 //!
 //! ```
 //! use skelsplat_core::nalgebra::{Matrix3, Vector3};
@@ -56,9 +60,10 @@
 //! # }
 //! ```
 //!
-//! [`RefineConfig`] has the settings, described by its tables ([`RefineConfig::settings`]). [`refine_batch`] refines many frames
-//! on all cores, bit-identical for any number of them. [`study`] exposes the parts. This crate has no dependency on Python,
-//! files or data sets. Internally lengths are millimetres; [`Refiner`] accepts any [`Unit`].
+//! [`RefineConfig`] has the settings, described by its tables ([`RefineConfig::settings`]).
+//! [`refine_batch`] refines many frames on all cores, bit-identical for any number of them.
+//! [`study`] exposes the parts. This crate has no dependency on Python, files or data sets.
+//! Internally lengths are millimetres; [`Refiner`] accepts any [`Unit`].
 
 mod annealed;
 mod batch;
@@ -113,8 +118,8 @@ pub use unit::Unit;
 /// Makes private modules visible as parts of [`study`].
 macro_rules! parts {
     ($($name:ident: $sentence:literal,)*) => {
-        /// The parts of the methods, for study, tests and bindings. They follow the mathematics and may change with any
-        /// release.
+        /// The parts of the methods, for study, tests and bindings. They follow the mathematics and
+        /// may change with any release.
         pub mod study {
             $(
                 #[doc = $sentence]

@@ -1,7 +1,7 @@
 //! Checks that enough memory is available before allocating it.
 //!
-//! Linux grants more memory than it has and kills the process when it is used, so allocation does not fail. The available
-//! memory is therefore checked first.
+//! Linux grants more memory than it has and kills the process when it is used, so allocation does
+//! not fail. The available memory is therefore checked first.
 
 use std::fs;
 

@@ -1,4 +1,5 @@
-//! The result of a method for one frame, in mm. Lack of convergence and unobserved joints are outcomes, not errors.
+//! The result of a method for one frame, in mm. Lack of convergence and unobserved joints are
+//! outcomes, not errors.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -34,8 +35,9 @@ impl StopReason {
 pub enum JointStatus {
     /// Its splat matches its detection in at least two views, which determine its position.
     Ok,
-    /// Detected but not determined: its splat matches its detection in fewer than two views, the views are too close
-    /// together to determine the depth, or equally many views agree on another position.
+    /// Detected but not determined: its splat matches its detection in fewer than two views, the
+    /// views are too close together to determine the depth, or equally many views agree on another
+    /// position.
     Weak,
     /// No usable detection: the joint keeps its initial position, NaN if it has none.
     Unobserved,

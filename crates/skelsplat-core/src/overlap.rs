@@ -1,7 +1,8 @@
 //! The rendering loss of one channel in closed form: no pixels, no window, any σ at the same cost.
 //!
-//! A channel holds one Gaussian R = exp(−½ (p−m)ᵀΣr⁻¹(p−m)) and its target P = exp(−½ (p−d)ᵀΣp⁻¹(p−d)). Over
-//! the plane ∫R² = π√|Σr|, and the product of two Gaussians is a Gaussian, so that with C = Σr + Σp, r = m − d
+//! A channel holds one Gaussian R = exp(−½ (p−m)ᵀΣr⁻¹(p−m)) and its target P = exp(−½
+//! (p−d)ᵀΣp⁻¹(p−d)). Over the plane ∫R² = π√|Σr|, and the product of two Gaussians is a Gaussian,
+//! so that with C = Σr + Σp, r = m − d
 //!
 //! ```text
 //! k        = exp(−½ rᵀ C⁻¹ r)
@@ -12,9 +13,9 @@
 //! ∂/∂Σr    = ½ π √|Σr| Σr⁻¹ − ½ B (Σr⁻¹ − C⁻¹ + C⁻¹ r rᵀ C⁻¹)
 //! ```
 //!
-//! from d√|Σ| = ½ √|Σ| tr(Σ⁻¹dΣ) and d(C⁻¹) = −C⁻¹ dC C⁻¹. With Σr = Σp = S it is 2π√|S| (1 − exp(−¼ rᵀS⁻¹r)), a
-//! Welsch loss: k ∈ [0, 1] is how much the detection is trusted. Unlike the raster it has no cut at 1/255, no
-//! clamp at 0.99 and no image border.
+//! from d√|Σ| = ½ √|Σ| tr(Σ⁻¹dΣ) and d(C⁻¹) = −C⁻¹ dC C⁻¹. With Σr = Σp = S it is 2π√|S| (1 −
+//! exp(−¼ rᵀS⁻¹r)), a Welsch loss: k ∈ [0, 1] is how much the detection is trusted. Unlike the
+//! raster it has no cut at 1/255, no clamp at 0.99 and no image border.
 
 use std::f64::consts::PI;
 

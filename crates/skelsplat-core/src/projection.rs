@@ -1,7 +1,7 @@
 //! EWA projection of a 3D Gaussian into a view (paper §3 "Background" and supplement A, DESIGN §2).
 //!
-//! m = π(Rμ+t) and Σ² = J W Σ Wᵀ Jᵀ + h·I, with W = R, the camera's rotation, and J the Jacobian of the
-//! pinhole projection at the camera-frame mean (x, y, z):
+//! m = π(Rμ+t) and Σ² = J W Σ Wᵀ Jᵀ + h·I, with W = R, the camera's rotation, and J the Jacobian of
+//! the pinhole projection at the camera-frame mean (x, y, z):
 //!
 //! ```text
 //! J = | fx/z   0    -fx τx / z |      τx = x/z, τy = y/z, clamped to the image's
@@ -68,8 +68,8 @@ impl View {
         }
     }
 
-    /// Projects the Gaussian (`mean`, `covariance`) with `dilation` = h in pixels²; `None` if its mean
-    /// lies at or behind [`NEAR`].
+    /// Projects the Gaussian (`mean`, `covariance`) with `dilation` = h in pixels²; `None` if its
+    /// mean lies at or behind [`NEAR`].
     #[must_use]
     pub fn project(
         &self,
@@ -92,11 +92,11 @@ impl View {
         })
     }
 
-    /// Gradient of a scalar with respect to the 3D mean and covariance, given those with respect to the
-    /// projected mean and covariance (`d_cov` symmetric, every entry counted).
+    /// Gradient of a scalar with respect to the 3D mean and covariance, given those with respect to
+    /// the projected mean and covariance (`d_cov` symmetric, every entry counted).
     ///
-    /// Σ² = T Σ Tᵀ + hI gives ∂L/∂Σ = Tᵀ G T and ∂L/∂T = 2 G T Σ, hence ∂L/∂J = 2 G T Σ Wᵀ; the mean
-    /// enters both through m and through J.
+    /// Σ² = T Σ Tᵀ + hI gives ∂L/∂Σ = Tᵀ G T and ∂L/∂T = 2 G T Σ, hence ∂L/∂J = 2 G T Σ Wᵀ; the
+    /// mean enters both through m and through J.
     #[must_use]
     pub fn backward(
         &self,

@@ -1,7 +1,9 @@
-//! The definition of a setting: name, default, unit, domain and a one-sentence description, each written once.
+//! The definition of a setting: name, default, unit, domain and a one-sentence description, each
+//! written once.
 //!
-//! [`settings!`] generates a struct of settings from one line per field, with its documentation, its defaults and a table
-//! of [`Setting`]s, from which the bindings read, write and describe the settings.
+//! [`settings!`] generates a struct of settings from one line per field, with its documentation,
+//! its defaults and a table of [`Setting`]s, from which the bindings read, write and describe the
+//! settings.
 
 use crate::error::{Error, Result};
 
@@ -80,7 +82,8 @@ pub enum Domain {
     From(f64),
     /// Not negative, at most 1e9.
     NotNegative,
-    /// A learning rate: finite and not negative. One that is too large makes the run diverge, which is reported as an outcome.
+    /// A learning rate: finite and not negative. One that is too large makes the run diverge, which
+    /// is reported as an outcome.
     Rate,
     /// Between 0 and 1, both excluded.
     Between,
@@ -132,8 +135,8 @@ impl Kind {
     }
 }
 
-/// Largest number of any setting, and smallest of a positive one: squares and products of a few of them stay well within
-/// the range of a double.
+/// Largest number of any setting, and smallest of a positive one: squares and products of a few of
+/// them stay well within the range of a double.
 const MOST: f64 = 1e9;
 const LEAST: f64 = 1e-15;
 
@@ -245,7 +248,8 @@ macro_rules! parameter {
 }
 parameter!(f64, Kind::Number, x => Value::Number(*x), Value::Number(x) => Some(*x));
 parameter!(usize, Kind::Count, n => Value::Count(*n), Value::Count(n) => Some(*n));
-parameter!(u8, Kind::Count, n => Value::Count((*n).into()), Value::Count(n) => (*n).try_into().ok());
+parameter!(u8, Kind::Count, n => Value::Count((*n).into()),
+    Value::Count(n) => (*n).try_into().ok());
 parameter!(bool, Kind::Switch, on => Value::Switch(*on), Value::Switch(on) => Some(*on));
 parameter!([f64; 2], Kind::Pair, pair => Value::Numbers(pair.to_vec()),
     Value::Numbers(given) => given.as_slice().try_into().ok());
@@ -253,16 +257,18 @@ parameter!(Option<f64>, Kind::NumberOrNothing, x => x.map_or(Value::Nothing, Val
     Value::Number(x) => Some(Some(*x)), Value::Nothing => Some(None));
 parameter!(Option<usize>, Kind::CountOrNothing, n => n.map_or(Value::Nothing, Value::Count),
     Value::Count(n) => Some(Some(*n)), Value::Nothing => Some(None));
-parameter!(Option<Vec<f64>>, Kind::NumbersOrNothing, all => all.clone().map_or(Value::Nothing, Value::Numbers),
+parameter!(Option<Vec<f64>>, Kind::NumbersOrNothing,
+    all => all.clone().map_or(Value::Nothing, Value::Numbers),
     Value::Numbers(all) => Some(Some(all.clone())), Value::Nothing => Some(None));
 
-/// A struct of settings, one line each: `name: type = default, domain, unit, sentence;`. Fields after `also` are not
-/// settings: they have only documentation and a default.
+/// A struct of settings, one line each: `name: type = default, domain, unit, sentence;`. Fields
+/// after `also` are not settings: they have only documentation and a default.
 macro_rules! settings {
     (
         $(#[$meta:meta])*
         $name:ident {
-            $($field:ident: $type:ty = $default:expr, $domain:expr, $unit:literal, $sentence:literal;)*
+            $($field:ident: $type:ty = $default:expr,
+                $domain:expr, $unit:literal, $sentence:literal;)*
         }
         $(also { $($(#[$extra_meta:meta])* $extra:ident: $extra_type:ty = $extra_default:expr;)* })?
     ) => {

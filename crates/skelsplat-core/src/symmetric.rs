@@ -1,5 +1,5 @@
-//! Symmetric 3×3 matrices by their upper triangle, written out: sums over rays and small inverses are what most time goes into, and
-//! general matrices take several times as long.
+//! Symmetric 3×3 matrices by their upper triangle, written out: sums over rays and small inverses
+//! are what most time goes into, and general matrices take several times as long.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -33,7 +33,8 @@ impl Symmetric {
         self.zz += wd.z * d.z;
     }
 
-    /// w I − A: with A = Σ w d dᵀ over rays and w = Σ w, the information Σ w (I − d dᵀ) of what lies across them.
+    /// w I − A: with A = Σ w d dᵀ over rays and w = Σ w, the information Σ w (I − d dᵀ) of what
+    /// lies across them.
     #[inline(always)]
     #[must_use]
     pub(crate) fn below(&self, w: f64) -> Self {

@@ -9,8 +9,8 @@ pub type LimbPair = ([usize; 2], [usize; 2]);
 
 /// L_sym of `means` over `pairs`; passes each joint's part of the gradient to `add`.
 ///
-/// With d = ‖l₁−l₂‖ − ‖r₁−r₂‖ and the unit vector e along each limb, ∂d²/∂l₁ = 2 d e_l = −∂d²/∂l₂ and
-/// ∂d²/∂r₁ = −2 d e_r = −∂d²/∂r₂. A limb of length zero has no direction and gets no gradient.
+/// With d = ‖l₁−l₂‖ − ‖r₁−r₂‖ and the unit vector e along each limb, ∂d²/∂l₁ = 2 d e_l = −∂d²/∂l₂
+/// and ∂d²/∂r₁ = −2 d e_r = −∂d²/∂r₂. A limb of length zero has no direction and gets no gradient.
 pub fn symmetry(
     means: impl Fn(usize) -> Vector3<f64>,
     pairs: &[LimbPair],

@@ -1,8 +1,8 @@
 //! Threads for frames and windows: one pool per process.
 //!
-//! Threads do not survive a fork. A child process inherits the memory of its parent's pool but none of its threads, so
-//! work submitted to that pool would wait for ever. The pool is therefore stored with the id of the process that owns its
-//! threads; another process creates its own.
+//! Threads do not survive a fork. A child process inherits the memory of its parent's pool but none
+//! of its threads, so work submitted to that pool would wait for ever. The pool is therefore stored
+//! with the id of the process that owns its threads; another process creates its own.
 
 use std::sync::{Arc, Mutex, PoisonError, TryLockError};
 use std::time::Duration;
@@ -18,13 +18,13 @@ struct Kept {
 /// Locked only to read or replace the value, never while a pool is built or used.
 static POOL: Mutex<Option<Kept>> = Mutex::new(None);
 
-/// How often and for how long the lock is tried. It is held for nanoseconds: if it stays locked, another thread
-/// held it at the moment of a fork, and no thread is left to release it.
+/// How often and for how long the lock is tried. It is held for nanoseconds: if it stays locked,
+/// another thread held it at the moment of a fork, and no thread is left to release it.
 const TRIES: usize = 200;
 const PAUSE: Duration = Duration::from_millis(1);
 
-/// Runs `work(true)` in a pool of `n_threads` (`None`: the process's pool, one thread per core), or `work(false)` on this
-/// thread if no pool can be started.
+/// Runs `work(true)` in a pool of `n_threads` (`None`: the process's pool, one thread per core), or
+/// `work(false)` on this thread if no pool can be started.
 pub(crate) fn install<R: Send>(n_threads: Option<usize>, work: impl FnOnce(bool) -> R + Send) -> R {
     let pool = match n_threads {
         None => pool(),
@@ -68,7 +68,8 @@ fn with_slot<R>(f: impl FnOnce(&mut Option<Kept>) -> R) -> Option<R> {
     None
 }
 
-/// Locks the slot, also after a panic of a holder, which cannot corrupt the value; `None` if the lock is held.
+/// Locks the slot, also after a panic of a holder, which cannot corrupt the value; `None` if the
+/// lock is held.
 fn poisoned<T>(error: TryLockError<T>) -> Option<T> {
     match error {
         TryLockError::Poisoned(held) => Some(PoisonError::into_inner(held)),
@@ -87,8 +88,8 @@ mod tests {
         assert!(Arc::ptr_eq(&one, &two));
         assert!(install(None, |parallel| parallel && rayon::current_thread_index().is_some()));
 
-        // The state in a child after a fork: a pool of another process, without its threads. It must not be dropped: the
-        // slot keeps its reference.
+        // The state in a child after a fork: a pool of another process, without its threads. It
+        // must not be dropped: the slot keeps its reference.
         let stale = Arc::new(ThreadPoolBuilder::new().num_threads(1).build().unwrap());
         let process = std::process::id().wrapping_add(1);
         let parents = Kept { process, pool: Arc::clone(&stale) };

@@ -38,8 +38,8 @@ impl TriangulationMethod {
     }
 }
 
-/// Triangulates `(M, N)` detections in pixels of the image, lens distortion included, to `N` world points in the
-/// `unit` of the cameras. NaN where a joint has no finite answer: see [`dlt()`].
+/// Triangulates `(M, N)` detections in pixels of the image, lens distortion included, to `N` world
+/// points in the `unit` of the cameras. NaN where a joint has no finite answer: see [`dlt()`].
 ///
 /// # Errors
 /// [`Error::InvalidInput`] if the number of cameras differs from the detections' number of views.

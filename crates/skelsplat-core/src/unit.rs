@@ -57,14 +57,17 @@ impl Unit {
     }
 }
 
-/// Range of plausible extents of a person, mm: a newborn measures 500, and an adult in centimetres that are taken for millimetres 170.
+/// Range of plausible extents of a person, mm: a newborn measures 500, and an adult in centimetres
+/// that are taken for millimetres 170.
 const PERSON: [f64; 2] = [220.0, 10_000.0];
-/// The same without a layout, if no cameras with ordinary lenses are as close together as these: joints may be those of a hand or a mouse.
+/// The same without a layout, if no cameras with ordinary lenses are as close together as these:
+/// joints may be those of a hand or a mouse.
 const UNKNOWN: [f64; 2] = [100.0, 10_000.0];
-/// The largest extent of a body with a layout that is not human, mm: three times a giraffe. It may be as small as it likes.
+/// The largest extent of a body with a layout that is not human, mm: three times a giraffe. It may
+/// be as small as it likes.
 const ANYTHING: [f64; 2] = [0.0, 20_000.0];
-/// Cameras closer together than this, mm, are so in a wrong unit only, unless they look through lenses with a focal length
-/// of more than so many images' widths: microscopes.
+/// Cameras closer together than this, mm, are so in a wrong unit only, unless they look through
+/// lenses with a focal length of more than so many images' widths: microscopes.
 const CROWDED_MM: f64 = 50.0;
 const NARROW: f64 = 4.0;
 
@@ -79,11 +82,12 @@ pub struct Implausible {
     pub limit_mm: f64,
 }
 
-/// The median extent of these skeletons, `(T, N)` in `unit`, if it is below 22 cm or above 10 m; `None` if it is plausible
-/// or the skeletons are too incomplete to measure.
+/// The median extent of these skeletons, `(T, N)` in `unit`, if it is below 22 cm or above 10 m;
+/// `None` if it is plausible or the skeletons are too incomplete to measure.
 ///
-/// Without a layout the lower limit is 10 cm, and holds only if the cameras, in `unit` too, are closer together than cameras
-/// with ordinary lenses can be. A layout that is not human has no lower limit: its upper one is 20 m.
+/// Without a layout the lower limit is 10 cm, and holds only if the cameras, in `unit` too, are
+/// closer together than cameras with ordinary lenses can be. A layout that is not human has no
+/// lower limit: its upper one is 20 m.
 #[must_use]
 pub fn implausible_extent(
     poses: &[Vec<Vector3<f64>>],
@@ -109,7 +113,8 @@ pub fn implausible_extent(
     (!(low..=high).contains(&mm)).then_some(Implausible { extent, taller, limit_mm })
 }
 
-/// Whether cameras with ordinary lenses are closer together than they can be; a single one never is.
+/// Whether cameras with ordinary lenses are closer together than they can be; a single one never
+/// is.
 fn is_crowded(cameras: &[Camera], unit: Unit) -> bool {
     let centres: Vec<_> = cameras.iter().map(Camera::centre).collect();
     let apart = centres.iter().flat_map(|a| centres.iter().map(move |b| (a - b).norm()));
@@ -206,7 +211,8 @@ mod tests {
             assert!(!found(size, apart, focal, Unit::Millimetre), "{size} mm, {apart} mm apart");
             assert!(!found(size / 1e3, apart / 1e3, focal, Unit::Metre));
         }
-        // A person in a room in metres that are taken for millimetres or centimetres, and a single camera.
+        // A person in a room in metres that are taken for millimetres or centimetres, and a single
+        // camera.
         assert!(found(1.7, 4.0, 1e3, Unit::Millimetre));
         assert!(found(1.7, 4.0, 1e3, Unit::Centimetre));
         assert!(

@@ -1,4 +1,5 @@
-//! The error bar: the scatter, and what the detector's joints have in common with no anatomical joint.
+//! The error bar: the scatter, and what the detector's joints have in common with no anatomical
+//! joint.
 
 use skelsplat_core::nalgebra::Matrix3;
 use skelsplat_core::testing::scenes::{Noise, exact_detections, noisy_detections, room, standing};
@@ -28,7 +29,8 @@ fn h36m() -> Layout {
     Layout::by_name("h36m17").unwrap()
 }
 
-/// Of every joint, what the diagonal of the error bar has beyond that of the scatter, as a standard deviation.
+/// Of every joint, what the diagonal of the error bar has beyond that of the scatter, as a standard
+/// deviation.
 fn added(found: &Refinement) -> Vec<f64> {
     let one = |(bar, scatter): (&_, &Matrix3<f64>)| {
         let beyond: Matrix3<f64> = bar - scatter;

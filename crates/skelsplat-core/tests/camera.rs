@@ -45,8 +45,9 @@ fn lenses() -> Vec<Camera> {
     general.into_iter().chain(others).collect()
 }
 
-/// The principal point and pixels around it, to the image's corners or as far as lens `C` is one-to-one:
-/// with eight coefficients to a distorted radius of 0.78, where the corners lie at 1.01.
+/// The principal point and pixels around it, to the image's corners or as far as lens `C` is
+/// one-to-one: with eight coefficients to a distorted radius of 0.78, where the corners lie at
+/// 1.01.
 fn pixels(camera: &Camera) -> impl Iterator<Item = Vector2<f64>> {
     let reach = if camera.distortion().coefficients().first() == Some(&C[0]) { 0.7 } else { 1.0 };
     (-6..=6).flat_map(move |i| {
@@ -106,7 +107,8 @@ fn undistort_inverts_distort_over_the_image() {
             // the tolerance of `undistort`
             assert!((camera.distort(&ideal) - pixel).amax() <= 1e-9, "{pixel:?} {camera:?}");
             let again = converged(&camera, camera.distort(&ideal));
-            // the same 1e-9 px, in the ideal image stretched by the inverse Jacobian (below 10 here)
+            // the same 1e-9 px, in the ideal image stretched by the inverse Jacobian (below 10
+            // here)
             assert!((again - ideal).amax() <= 1e-8, "{again:?} {ideal:?} {camera:?}");
         }
     }
@@ -126,7 +128,8 @@ fn distort_is_what_separates_ideal_from_real_projection() {
 
 #[test]
 fn jacobians_are_central_differences() {
-    // Truncation h²f'''/6 and rounding 1e-13 px/h are both some 1e-11 px/mm at h = 0.05 mm, where J is some 0.3 px/mm.
+    // Truncation h²f'''/6 and rounding 1e-13 px/h are both some 1e-11 px/mm at h = 0.05 mm, where J
+    // is some 0.3 px/mm.
     let h = 0.05;
     let on_axis =
         |c: &Camera| c.rotation().tr_mul(&(Vector3::new(1.0, 2.0, 2500.0) - c.translation()));
@@ -158,7 +161,8 @@ fn at_radius(r: f64) -> Vector2<f64> {
 
 #[test]
 fn pixels_beyond_the_fold_are_out_of_range() {
-    // r (1 - 0.3 r²) turns at r = 1/√0.9 = 1.0541 with 0.70273; r/(1 + r²/2) at √2 with 0.70711; θ ends at π/2 = 1.5708
+    // r (1 - 0.3 r²) turns at r = 1/√0.9 = 1.0541 with 0.70273; r/(1 + r²/2) at √2 with 0.70711; θ
+    // ends at π/2 = 1.5708
     let cases: [(Model, &[f64], f64, f64); 3] = [
         (Distortion::brown_conrady, &[-0.3, 0.0, 0.0, 0.0], 0.70273, 1.0541),
         (

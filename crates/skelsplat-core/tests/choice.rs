@@ -46,7 +46,8 @@ fn the_work_of_a_frame_is_bounded_and_the_best_pairs_come_first() {
         assert!(!whole.cut && whole.work > 100_000, "{}", whole.work);
         let part = &found(&people, &cameras, 100_000)[0];
         assert!(part.cut);
-        // The last body is compared with everybody: at most 30 figures in 4 views, two sides, five registers, with a median.
+        // The last body is compared with everybody: at most 30 figures in 4 views, two sides, five
+        // registers, with a median.
         assert!(part.work < 100_000 + 30 * 4 * 2 * 5 * 10, "{}", part.work);
         assert!(part.all[0].slots.iter().all(Option::is_some));
         assert!(part.all[0].cost < 0.1);

@@ -1,4 +1,5 @@
-//! One Gauss–Newton step: the normal equations against numerically differentiated residuals, and against dense algebra.
+//! One Gauss–Newton step: the normal equations against numerically differentiated residuals, and
+//! against dense algebra.
 
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 use skelsplat_core::study::annealed::equations::{Coupling, NormalEquations};
@@ -75,7 +76,8 @@ impl Linearised {
         Self { rays, pairs, priors, at, solution, symmetry_sigma }
     }
 
-    /// All residuals at `x`, with the weights of `self.at`: their squares, halved, are what a step minimises.
+    /// All residuals at `x`, with the weights of `self.at`: their squares, halved, are what a step
+    /// minimises.
     fn residuals(&self, x: &[Vector3<f64>]) -> Vec<f64> {
         let mut out = Vec::new();
         let noise = NOISE * self.rays.mean_weight().sqrt();
@@ -102,7 +104,8 @@ impl Linearised {
     /// ∂residuals/∂x by central differences.
     fn jacobian(&self) -> DMatrix<f64> {
         let x = flat(&self.at);
-        // Rounding: ulp of 5 m over h, 1e-10 of a residual; truncation: (h / 250 mm)² of a limb's, 2e-9.
+        // Rounding: ulp of 5 m over h, 1e-10 of a residual; truncation: (h / 250 mm)² of a limb's,
+        // 2e-9.
         let h = 1e-2;
         let columns: Vec<DVector<f64>> = (0..x.len())
             .map(|k| {
@@ -254,7 +257,8 @@ fn a_singular_block_does_not_move_and_holds_the_others() {
     }
 }
 
-/// One residual twice, so stiff that rounding leaves Q without its second pivot: the step is that of the residual once.
+/// One residual twice, so stiff that rounding leaves Q without its second pivot: the step is that
+/// of the residual once.
 #[test]
 fn couplings_that_rounding_makes_equal_give_a_finite_step() {
     let mut equations = NormalEquations::new(2);

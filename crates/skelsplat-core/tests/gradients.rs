@@ -1,9 +1,10 @@
 //! Every analytic gradient against central differences.
 //!
-//! Projection, covariance and symmetry are smooth: with step h the difference quotient is off by O(h²) and by
-//! rounding of about ulp/h, which at h = 1e-4..1e-5 of the parameter's scale leaves 1e-7 relative. The rendering
-//! loss is smooth as long as no pixel crosses the 1/255 cut; a step of 1e-6 mm makes such a crossing unlikely
-//! and the scenes below have none, so the tolerance is the 1e-5 that rounding (ulp·L/h) leaves.
+//! Projection, covariance and symmetry are smooth: with step h the difference quotient is off by
+//! O(h²) and by rounding of about ulp/h, which at h = 1e-4..1e-5 of the parameter's scale leaves
+//! 1e-7 relative. The rendering loss is smooth as long as no pixel crosses the 1/255 cut; a step of
+//! 1e-6 mm makes such a crossing unlikely and the scenes below have none, so the tolerance is the
+//! 1e-5 that rounding (ulp·L/h) leaves.
 
 use nalgebra::{Matrix2, Matrix3, Vector2, Vector3, Vector4};
 use skelsplat_core::study::projection::View;
@@ -126,7 +127,8 @@ fn total_loss_in_every_parameter() {
                 .unwrap()
         };
         let gradient = of(&gaussians).gradient;
-        // One joint of the trunk and one of each side is enough: the others run through the same code.
+        // One joint of the trunk and one of each side is enough: the others run through the same
+        // code.
         for j in [0, 3, 13] {
             let g = &gaussians[j];
             let at = [g.mean.as_slice(), g.log_scales.as_slice(), g.quaternion.as_slice()].concat();

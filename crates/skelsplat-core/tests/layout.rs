@@ -21,8 +21,8 @@ fn mirrored(name: &str) -> String {
     }
 }
 
-/// Joints, limbs of tiers 1, 2 and 3 together, left-right pairs and joints of the root, from the published joint lists:
-/// a third tier needs a pelvis (hips) and a neck (shoulders).
+/// Joints, limbs of tiers 1, 2 and 3 together, left-right pairs and joints of the root, from the
+/// published joint lists: a third tier needs a pelvis (hips) and a neck (shoulders).
 #[test]
 fn sizes() {
     let expected = [

@@ -17,9 +17,9 @@ fn value(g: &PlaneGaussian, at: Vector2<f64>) -> f64 {
     (-0.5 * x.dot(&(g.covariance.try_inverse().unwrap() * x))).exp()
 }
 
-/// Σ (R−P)² over pixels. For a smooth function whose spectrum has died away at the sampling frequency the sum is
-/// the integral: (R−P)² of σ ≥ 3 px is below exp(−π²·9) at frequency 1, beyond doubles; the 40 px border leaves
-/// exp(−(40/6)²) outside.
+/// Σ (R−P)² over pixels. For a smooth function whose spectrum has died away at the sampling
+/// frequency the sum is the integral: (R−P)² of σ ≥ 3 px is below exp(−π²·9) at frequency 1, beyond
+/// doubles; the 40 px border leaves exp(−(40/6)²) outside.
 #[test]
 fn is_the_integral_of_the_squared_difference() {
     let render = gaussian([1.3, -0.4], [3.0, 5.0], 0.7);
@@ -59,7 +59,8 @@ fn a_covariance_without_an_inverse_has_no_overlap() {
 proptest! {
     #![proptest_config(ProptestConfig { failure_persistence: None, rng_seed: RngSeed::Fixed(7), ..ProptestConfig::default() })]
 
-    /// Central differences with h = 1e-4 of lengths of some px: O(h²) and ulp/h both leave 1e-8 of the energy.
+    /// Central differences with h = 1e-4 of lengths of some px: O(h²) and ulp/h both leave 1e-8 of
+    /// the energy.
     #[test]
     fn gradients_are_central_differences(
         by in prop::array::uniform2(-12.0..12.0_f64),

@@ -17,7 +17,8 @@ fn refiner(cameras: &[Camera], n_threads: Option<usize>) -> Refiner {
     Refiner::new(cameras, Unit::Millimetre, Some(&layout()), config).unwrap()
 }
 
-/// Person `q` of three in frame `t`, of three statures: the first two pass each other at half a metre, the third stands.
+/// Person `q` of three in frame `t`, of three statures: the first two pass each other at half a
+/// metre, the third stands.
 fn body(q: usize, t: usize) -> Vec<Vector3<f64>> {
     let along = 1300.0 - 2600.0 * t as f64 / 80.0;
     let at = [

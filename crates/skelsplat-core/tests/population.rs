@@ -26,7 +26,8 @@ fn human() -> Layout {
     Layout::by_name("h36m17").unwrap()
 }
 
-/// `detections` with those that `keep(view, joint)` does not keep moved by `shift` pixels, or removed.
+/// `detections` with those that `keep(view, joint)` does not keep moved by `shift` pixels, or
+/// removed.
 fn damaged(
     detections: &Detections,
     keep: impl Fn(usize, usize) -> bool,

@@ -57,7 +57,8 @@ proptest! {
         }
     }
 
-    /// A splat on its own heat map differs by the clamp alone; anywhere else the loss is positive and finite.
+    /// A splat on its own heat map differs by the clamp alone; anywhere else the loss is positive
+    /// and finite.
     #[test]
     fn masked_l2_is_least_where_render_and_target_agree(
         s in covariance(),
@@ -77,8 +78,9 @@ proptest! {
         prop_assert_eq!(same.mask, heat.count);
     }
 
-    /// Single and double precision agree to what `raster::rows` derives for a pixel (50 ulp) and what a lane's sum
-    /// over 16 rows of at most 800 px adds (16 · 100 additions): Σ R(R−2P) is at most three times the energy.
+    /// Single and double precision agree to what `raster::rows` derives for a pixel (50 ulp) and
+    /// what a lane's sum over 16 rows of at most 800 px adds (16 · 100 additions): Σ R(R−2P) is at
+    /// most three times the energy.
     #[test]
     fn single_precision_follows_double(
         s in covariance(),

@@ -9,7 +9,8 @@ use skelsplat_core::{
     Camera, Detections, Distortion, TriangulationMethod as Method, Unit, triangulate,
 };
 
-/// Detections where the cameras see the points, moved by `shift(view, joint)` pixels; NaN is a missing one.
+/// Detections where the cameras see the points, moved by `shift(view, joint)` pixels; NaN is a
+/// missing one.
 fn seen(
     cameras: &[Camera],
     points: &[Vector3<f64>],

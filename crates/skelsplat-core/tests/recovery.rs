@@ -57,7 +57,8 @@ fn exact_detections_recover_the_pose_from_20_mm_of_noise() {
     }
 }
 
-/// The same scene in metres gives the same pose: all lengths are scaled by powers that rounding hardly feels.
+/// The same scene in metres gives the same pose: all lengths are scaled by powers that rounding
+/// hardly feels.
 #[test]
 fn the_unit_changes_nothing() {
     let cameras = room(4);
@@ -136,7 +137,8 @@ fn a_frame_without_detections_keeps_its_start() {
 fn joints_behind_every_camera_or_outside_every_image_are_outcomes() {
     let cameras = room(2);
     let detections = exact_detections(&standing(), &cameras);
-    // Below the floor by 100 m: no image shows it. Far behind camera 0, which looks at the room from one side.
+    // Below the floor by 100 m: no image shows it. Far behind camera 0, which looks at the room
+    // from one side.
     let outside = Vector3::new(0.0, 0.0, -1e5);
     let behind = cameras[0].centre() * 3.0;
     for (j, place) in [(4, outside), (9, behind)] {
@@ -177,8 +179,9 @@ fn a_lower_resolution_still_recovers_the_pose() {
     assert!(mean_error(&out.pose, &standing()) < 1.0);
 }
 
-/// A learning rate that makes the parameters overflow ends with the last finite state.
-/// A joint that another wrong detection pulls aside comes back past the place nearest to the camera on such a ray.
+/// A learning rate that makes the parameters overflow ends with the last finite state. A joint that
+/// another wrong detection pulls aside comes back past the place nearest to the camera on such a
+/// ray.
 #[test]
 fn a_detection_far_outside_its_image_is_no_barrier() {
     let cameras = room(6);

@@ -118,8 +118,8 @@ fn a_camera_that_was_knocked_is_found_and_set_right() {
     }
 }
 
-/// Of four cameras one may be corrected, or no majority would stay. Another that is wrong pulls at all of them, so which it is may be
-/// mistaken, but something is said to be wrong.
+/// Of four cameras one may be corrected, or no majority would stay. Another that is wrong pulls at
+/// all of them, so which it is may be mistaken, but something is said to be wrong.
 #[test]
 fn a_camera_that_is_wrong_besides_leaves_a_doubt() {
     let truth = room(4);
@@ -146,7 +146,8 @@ fn a_sound_rig_stays() {
     assert!(found.report.iter().all(|one| one.before == one.after));
 }
 
-/// The error bars are those of the cameras as they are returned, also of one that stays although another clock fits better.
+/// The error bars are those of the cameras as they are returned, also of one that stays although
+/// another clock fits better.
 #[test]
 fn faults_too_small_to_be_told_are_within_the_error_bars() {
     let truth = room(4);
@@ -304,7 +305,8 @@ fn nothing_seen_is_said() {
     assert!(found.report.iter().all(|one| one.before.is_nan()));
 }
 
-/// A person who walks in a line: a detector's error that stays looks like another clock of its joint.
+/// A person who walks in a line: a detector's error that stays looks like another clock of its
+/// joint.
 #[test]
 fn errors_that_last_are_no_clock_and_hide_none() {
     let cameras = room(4);

@@ -1,4 +1,5 @@
-//! Robust triangulation with known wrong detections: positions, rejections, and independence of the unit.
+//! Robust triangulation with known wrong detections: positions, rejections, and independence of the
+//! unit.
 
 use std::collections::BTreeSet;
 use std::f64::consts::TAU;
@@ -13,8 +14,8 @@ use skelsplat_core::{Camera, Detections, TriangulationMethod as Method, Unit, tr
 const NOISE_PX: f64 = 1.5;
 /// A pixel's size at the room's centre, mm.
 const PIXEL: f64 = 5400.0 / 1145.0;
-/// Wrong rays pass the truth, and where asked for any other ray, at this distance or more: five of the widest final
-/// kernels, at which k is 2e-3.
+/// Wrong rays pass the truth, and where asked for any other ray, at this distance or more: five of
+/// the widest final kernels, at which k is 2e-3.
 const CLEAR: f64 = 150.0;
 
 /// `n` cameras around the room at different heights, so that no two look along one line.
@@ -44,7 +45,8 @@ fn distance(a: &Ray, b: &Ray) -> f64 {
     }
 }
 
-/// Pixels of a joint at `x` in every view, and whether they are wrong; `None` if the rays leave no room for a wrong one.
+/// Pixels of a joint at `x` in every view, and whether they are wrong; `None` if the rays leave no
+/// room for a wrong one.
 fn draw(
     cameras: &[Camera],
     x: &Vector3<f64>,
@@ -84,7 +86,8 @@ struct Scene {
 }
 
 impl Scene {
-    /// `n_wrong(joint)` views of every joint point anywhere in the image. `alone`: no wrong ray comes near any other ray.
+    /// `n_wrong(joint)` views of every joint point anywhere in the image. `alone`: no wrong ray
+    /// comes near any other ray.
     fn new(n_views: usize, seed: u64, alone: bool, n_wrong: impl Fn(usize) -> usize) -> Self {
         let (cameras, mut noise) = (ring(n_views), Noise::new(seed));
         let truth: Vec<Vector3<f64>> = standing().into_iter().step_by(2).collect();
@@ -120,8 +123,8 @@ impl Scene {
         from.dot(&(information * from)).sqrt() / (NOISE_PX * PIXEL)
     }
 
-    /// Joints farther than six standard deviations from the truth. Three normals exceed that once in 1e7; a wrong detection
-    /// that pulled would be CLEAR, some 20 standard deviations, off.
+    /// Joints farther than six standard deviations from the truth. Three normals exceed that once
+    /// in 1e7; a wrong detection that pulled would be CLEAR, some 20 standard deviations, off.
     fn lost(&self, found: &Triangulated) -> Vec<usize> {
         let is_lost = |j: &usize| {
             let deviation = self.deviation(*j, &found.points[*j]);
@@ -136,7 +139,8 @@ impl Scene {
         let rejected = rejected(&found, self.truth.len());
         let kept: Vec<_> = self.wrong.difference(&rejected).collect();
         assert!(kept.is_empty(), "{name}: wrong but not rejected: {kept:?}");
-        // A correct detection is rejected beyond 2.4 σ, with σ = 2 ŝ: at 4.7 standard deviations from the estimate.
+        // A correct detection is rejected beyond 2.4 σ, with σ = 2 ŝ: at 4.7 standard deviations
+        // from the estimate.
         for (i, j) in rejected.difference(&self.wrong) {
             let at = self.cameras[*i].project(&self.truth[*j]).unwrap();
             let error = (self.detections.get(*i, *j).unwrap().0 - at).norm() / NOISE_PX;
@@ -154,7 +158,8 @@ fn rejected(found: &Triangulated, n: usize) -> BTreeSet<(usize, usize)> {
     those.map(|(k, _)| (k / n, k % n)).collect()
 }
 
-/// With four views, two wrong rays must not cross any other by chance: a tie of two against two cannot be decided.
+/// With four views, two wrong rays must not cross any other by chance: a tie of two against two
+/// cannot be decided.
 #[test]
 fn half_of_four_views_wrong_and_alone() {
     for seed in 0..100 {
@@ -304,7 +309,8 @@ fn fewer_than_two_views_and_parallel_rays_have_no_point() {
 
 #[test]
 fn a_confident_minority_is_not_outvoted_by_faint_detections() {
-    // Three wrong views of confidence 0.1 agree on another point; two right ones of confidence 1 weigh more.
+    // Three wrong views of confidence 0.1 agree on another point; two right ones of confidence 1
+    // weigh more.
     let scene = Scene::new(5, 3, false, |_| 0);
     let elsewhere = Vector3::new(300.0, -200.0, 0.0);
     let (mut pixels, mut confidence) = (Vec::new(), Vec::new());

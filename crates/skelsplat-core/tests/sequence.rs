@@ -104,7 +104,8 @@ fn a_bone_pulls_along_the_gradient_of_its_loss() {
         let g = pull.gradient();
         let analytic: Vec<f64> = g.iter().copied().chain((-g).iter().copied()).collect();
         assert!(relative_error(&analytic, &central_differences(&x, 1e-3, loss)) < 1e-7);
-        // The block is the derivative of the gradient under the kernel's present weight, for a stretched bone.
+        // The block is the derivative of the gradient under the kernel's present weight, for a
+        // stretched bone.
         let kept = pull.stiffness;
         let frozen = |x: &[f64], axis: usize| {
             let d = Vector3::from_column_slice(x) - b;
@@ -384,7 +385,8 @@ fn nothing_and_one_frame_are_answered_and_a_wrong_rate_is_named() {
 
 #[test]
 fn bones_tell_a_frame_what_the_dense_inverse_tells() {
-    // A tree of four joints, of which the third is seen by one view only: its messages need two sweeps.
+    // A tree of four joints, of which the third is seen by one view only: its messages need two
+    // sweeps.
     let joints =
         [[0.0, 0.0, 0.0], [200.0, 50.0, 30.0], [350.0, -40.0, 210.0], [180.0, 260.0, -60.0]];
     let joints = joints.map(Vector3::from);
@@ -442,7 +444,8 @@ fn bones_tell_a_frame_what_the_dense_inverse_tells() {
     }
     for (b, [a, c]) in bones.iter().enumerate() {
         let pull = &run.system.lengths[b];
-        // Errors across the bone of the ends that two views see make its direction uncertain: the second moment of |e|²/2l.
+        // Errors across the bone of the ends that two views see make its direction uncertain: the
+        // second moment of |e|²/2l.
         let seen = [a, c].into_iter().filter(|j| **j != 2);
         let errors: Matrix3<f64> = seen.map(|j| alone.positions[*j]).sum();
         let across = Matrix3::identity() - pull.along * pull.along.transpose();

@@ -14,7 +14,8 @@ const SIGMA: f64 = 30.0;
 const ERROR: f64 = 8.0;
 const FAR: f64 = 250.0;
 
-/// A joint at the origin, seen from all sides by `views`; each detection errs by noise, and a share of them by any distance.
+/// A joint at the origin, seen from all sides by `views`; each detection errs by noise, and a share
+/// of them by any distance.
 fn frame(views: usize, wrong: f64, noise: &mut Noise) -> Alone {
     let mut ray = |i: usize| {
         let angle = std::f64::consts::TAU * i as f64 / views as f64;
@@ -64,7 +65,8 @@ fn wrong_detections_are_told_from_noise() {
         let found = shown(5, wrong);
         let much = found.variance[0] / sound.variance[0];
         let (too_much, left) = (much - 1.0, found.share * much - 1.0);
-        // A tenth of what was too much, and three standard deviations of a variance from 5000 degrees of freedom.
+        // A tenth of what was too much, and three standard deviations of a variance from 5000
+        // degrees of freedom.
         let bound = 0.1 * too_much + 0.06;
         assert!(too_much > wrong && left.abs() < bound, "{wrong}: {too_much}, {left}");
     }

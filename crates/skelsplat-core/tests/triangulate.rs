@@ -116,8 +116,9 @@ fn the_null_vector_is_that_of_the_pixel_rows() {
     for (j, truth) in points.iter().enumerate() {
         let difference = |d: &Detections| (dlt(d, &cameras)[j] - plain(d, &cameras, j)).norm();
         assert!(difference(&exact) < 1e-6 * truth.norm());
-        // The unit vectors compared differ by the choice of origin and unit; that moves the answer by
-        // (noise/f)² (depth/|x|)² of |x|: (5/1145)² · (6000/900)² · 900 mm = 0.8 mm, of 20 mm of noise.
+        // The unit vectors compared differ by the choice of origin and unit; that moves the answer
+        // by (noise/f)² (depth/|x|)² of |x|: (5/1145)² · (6000/900)² · 900 mm = 0.8 mm, of 20 mm of
+        // noise.
         assert!(difference(&noisy) < 0.8, "{j}: {}", difference(&noisy));
         assert!((dlt(&noisy, &cameras)[j] - truth).norm() > 1.0);
     }
@@ -154,8 +155,8 @@ fn a_detection_weighs_its_confidence() {
         (dlt(&detections, &cameras)[1] - points[1]).norm()
     };
     assert!(error(1.0) > 10.0);
-    // Weights enter squared: a tenth of the confidence leaves a hundredth of the pull, a little more as the view
-    // also loses its part in holding the point.
+    // Weights enter squared: a tenth of the confidence leaves a hundredth of the pull, a little
+    // more as the view also loses its part in holding the point.
     assert!(error(0.1) < 0.03 * error(1.0), "{} {}", error(0.1), error(1.0));
     assert!(error(0.0) < 1e-9);
 }
@@ -283,7 +284,8 @@ fn fusion_survives_exact_and_invisible_estimates() {
     let detections = detect(&cameras, &[truth]);
     let near = truth + Vector3::new(40.0, 0.0, 0.0);
     let found = fuse_monocular(&[vec![truth], vec![near]], &detections, &cameras)[0];
-    // 40 mm are about 7 px at 6 m, of which the floor of 1e-3 px is 1.4e-4: the exact one keeps all but 6e-3 mm
+    // 40 mm are about 7 px at 6 m, of which the floor of 1e-3 px is 1.4e-4: the exact one keeps all
+    // but 6e-3 mm
     assert!((found - truth).norm() < 0.01 && (found - truth).norm() > 0.0);
     let both = fuse_monocular(&[vec![truth], vec![truth]], &detections, &cameras)[0];
     assert!((both - truth).norm() < 1e-11);

@@ -9,7 +9,8 @@ use skelsplat_core::{
 
 const REPETITIONS: usize = 600;
 
-/// Repetitions of one person in normal noise of `px`, no symmetry: empirical scatter and estimated covariances.
+/// Repetitions of one person in normal noise of `px`, no symmetry: empirical scatter and estimated
+/// covariances.
 struct Repeated {
     /// Mean of (x − truth)(x − truth)ᵀ per joint.
     scatter: Vec<Matrix3<f64>>,
@@ -69,7 +70,8 @@ fn plain() -> RefineConfig {
     RefineConfig { symmetry_tier: 0, ..RefineConfig::from(settings) }
 }
 
-/// 600 repetitions of 51 coordinates: the ratio of standard deviations is known to 1/√(2·600·51) = 0.4 %.
+/// 600 repetitions of 51 coordinates: the ratio of standard deviations is known to 1/√(2·600·51) =
+/// 0.4 %.
 #[test]
 fn error_bars_are_what_repetitions_scatter() {
     for views in [3, 6] {
@@ -89,8 +91,8 @@ fn error_bars_of_a_known_noise_are_what_repetitions_scatter() {
     }
 }
 
-/// Three views leave half of the residuals over: the noise prior of 3 px has some weight there, and at 6 px (28 mm) the
-/// final kernel of 30 mm cuts into the noise.
+/// Three views leave half of the residuals over: the noise prior of 3 px has some weight there, and
+/// at 6 px (28 mm) the final kernel of 30 mm cuts into the noise.
 #[test]
 fn error_bars_follow_the_noise() {
     for (views, px) in [(3, 1.5), (6, 1.5), (3, 6.0), (6, 6.0)] {
@@ -110,7 +112,8 @@ fn error_bars_count_the_prior() {
     }
 }
 
-/// One camera and an independent pose: along the rays only the prior contributes, across them both do.
+/// One camera and an independent pose: along the rays only the prior contributes, across them both
+/// do.
 #[test]
 fn error_bars_of_one_view_with_a_prior_are_what_repetitions_scatter() {
     for px in [1.5, 3.0] {
@@ -142,7 +145,8 @@ fn without(detections: &Detections, missing: impl Fn(usize, usize) -> bool) -> D
     Detections::new(m, n, &all.flat_map(pixel).collect::<Vec<_>>(), None).unwrap()
 }
 
-/// Along the only ray of a joint the error bar is as long as the body, across it as short as for a detection.
+/// Along the only ray of a joint the error bar is as long as the body, across it as short as for a
+/// detection.
 #[test]
 fn a_joint_with_one_view_is_uncertain_along_its_ray() {
     const WRIST: usize = 13;
@@ -193,7 +197,8 @@ fn a_covariance_is_symmetric_and_positive() {
     }
 }
 
-/// A wrist that one view sees, placed by its start or a limb up to 3 m behind the body: the error bar reaches back to it.
+/// A wrist that one view sees, placed by its start or a limb up to 3 m behind the body: the error
+/// bar reaches back to it.
 #[test]
 fn a_bar_along_a_ray_reaches_back_to_the_body() {
     const WRIST: usize = 13;
@@ -216,7 +221,8 @@ fn a_bar_along_a_ray_reaches_back_to_the_body() {
         assert!(((found.pose[WRIST] - truth).norm() - beyond).abs() < 50.0);
         let along = ray.direction.dot(&(found.uncertainty[WRIST] * ray.direction)).sqrt();
         let error = ray.direction.dot(&(found.pose[WRIST] - truth));
-        // With a spread s and b beyond 2 s of the middle, where the truth is: (2 s + b)² ≤ 5 (s² + b²).
+        // With a spread s and b beyond 2 s of the middle, where the truth is: (2 s + b)² ≤ 5 (s² +
+        // b²).
         assert!(error.abs() < 3.0 * along, "{error} mm off, bar {along} mm");
         assert!(along < 1000.0 + beyond, "{along} mm");
     }
@@ -248,7 +254,8 @@ fn a_joint_without_a_depth_is_no_part_of_the_body() {
     assert!((along(3000.0) / along(0.0) - 1.0).abs() < 1e-3);
 }
 
-/// A prior that confines a joint to a plane, with conditions of 1e9 to 1e13: no eigenvalue is lost to rounding.
+/// A prior that confines a joint to a plane, with conditions of 1e9 to 1e13: no eigenvalue is lost
+/// to rounding.
 #[test]
 fn covariances_are_positive_under_priors_of_any_condition() {
     for (seed, variances) in
@@ -291,7 +298,8 @@ fn a_pose_in_one_point_has_bars_as_long_as_the_noise() {
         let refiner = Refiner::new(&cameras, Unit::Millimetre, None, plain()).unwrap();
         let found = refiner.refine(&frame).unwrap();
         for covariance in &found.uncertainty {
-            // Four rays leave less than half of a detection's variance along each axis, and not much less.
+            // Four rays leave less than half of a detection's variance along each axis, and not
+            // much less.
             let bar = (covariance.trace() / 3.0).sqrt() / found.noise;
             assert!((0.3..1.0).contains(&bar), "{bar}");
         }

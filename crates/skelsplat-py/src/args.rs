@@ -1,5 +1,5 @@
-//! Arrays and plain values between Python and the core: a newtype for each argument, which holds its name and rejects
-//! values that do not match.
+//! Arrays and plain values between Python and the core: a newtype for each argument, which holds
+//! its name and rejects values that do not match.
 
 use nalgebra::{Matrix3, Vector3};
 use numpy::{Element, PyArray1, PyArrayDyn, PyArrayMethods, PyUntypedArrayMethods};
@@ -44,8 +44,8 @@ pub(crate) fn place(name: &str, shape: &[usize], k: usize, channel: &str) -> Str
 }
 
 impl Array {
-    /// Reads anything that holds numbers, in any memory layout, with `skelsplat._arrays.numbers`; NaN where masked or
-    /// missing.
+    /// Reads anything that holds numbers, in any memory layout, with `skelsplat._arrays.numbers`;
+    /// NaN where masked or missing.
     pub(crate) fn read(name: &'static str, value: &Bound<'_, PyAny>) -> Result<Self> {
         let read =
             value.py().import("skelsplat._arrays")?.call_method1("numbers", (value, name))?;
@@ -74,8 +74,9 @@ impl Array {
         if ok { Ok(self) } else { Err(self.misshapen(expected)) }
     }
 
-    /// Rejects values that are infinite or too large to compute with, but for the scores of detections, which count only where
-    /// there is a pixel; `missing` states in the message how to mark missing values.
+    /// Rejects values that are infinite or too large to compute with, but for the scores of
+    /// detections, which count only where there is a pixel; `missing` states in the message how to
+    /// mark missing values.
     pub(crate) fn bounded(self, missing: &str) -> Result<Self> {
         if too_far(&self.values).is_none() {
             return Ok(self);
@@ -103,10 +104,12 @@ impl Array {
     }
 }
 
-/// One type per array argument: its name, its shape (`[..]` where it depends on other arguments), and whether its values
-/// are bounded (with the message's words for missing values).
+/// One type per array argument: its name, its shape (`[..]` where it depends on other arguments),
+/// and whether its values are bounded (with the message's words for missing values).
 macro_rules! arrays {
-    ($($type:ident: $name:literal, $shape:pat => $expected:literal $(, bounded $missing:literal)?;)*) => {$(
+    ($(
+        $type:ident: $name:literal, $shape:pat => $expected:literal $(, bounded $missing:literal)?;
+    )*) => {$(
         pub(crate) struct $type(pub(crate) Array);
 
         impl<'py> FromPyObject<'_, 'py> for $type {
@@ -224,7 +227,8 @@ impl<'py, T: Element> IntoPyObject<'py> for Out<T> {
 pub(crate) type Rebuilt<'py> =
     (Bound<'py, PyAny>, (Bound<'py, PyType>, Bound<'py, PyTuple>, Bound<'py, PyDict>));
 
-/// The result of `__reduce__`, valid for every protocol, for an immutable object made from these arguments.
+/// The result of `__reduce__`, valid for every protocol, for an immutable object made from these
+/// arguments.
 pub(crate) fn rebuilt<'py>(
     object: &Bound<'py, PyAny>,
     arguments: Bound<'py, PyTuple>,

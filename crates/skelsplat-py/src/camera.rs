@@ -18,19 +18,21 @@ use crate::geometry::in_every_view;
 
 /// A calibrated camera: pinhole, lens and image size. Immutable.
 ///
-/// World to camera is x_c = R x_w + t with x right, y down, z forward; integer pixel coordinates are at pixel
-/// centres.
+/// World to camera is x_c = R x_w + t with x right, y down, z forward; integer pixel coordinates
+/// are at pixel centres.
 ///
 /// Parameters
 /// ----------
 /// K : (3, 3)
 ///     [[fx, 0, cx], [0, fy, cy], [0, 0, 1]] in pixels.
 /// R : (3, 3)
-///     Rotation world to camera. One that is orthonormal to 1e-3 will do: the nearest rotation is taken.
+///     Rotation world to camera. One that is orthonormal to 1e-3 will do: the nearest rotation is
+///     taken.
 /// t : (3,)
 ///     Translation world to camera, in the unit of the rig.
 /// distortion : (4 | 5 | 8 | 12 | 14,), optional
-///     OpenCV order k1, k2, p1, p2[, k3[, k4, k5, k6[, s1..s4[, tau_x, tau_y]]]]; 4 with ``fisheye``.
+///     OpenCV order k1, k2, p1, p2[, k3[, k4, k5, k6[, s1..s4[, tau_x, tau_y]]]]; 4 with
+///     ``fisheye``.
 /// fisheye : bool
 ///     Whether the coefficients are the four of OpenCV's fisheye model.
 /// size : (width, height)
@@ -40,8 +42,8 @@ use crate::geometry::in_every_view;
 /// Raises
 /// ------
 /// InvalidInputError
-///     Wrong shape or number of coefficients, a value that is not finite or outside its range (see the page
-///     Conventions), or an R that is not a rotation.
+///     Wrong shape or number of coefficients, a value that is not finite or outside its range (see
+///     the page Conventions), or an R that is not a rotation.
 #[pyclass(frozen, eq, module = "skelsplat", name = "Camera")]
 #[derive(PartialEq)]
 pub(crate) struct Camera(pub(crate) Core);

@@ -130,7 +130,8 @@ impl RefineConfig {
     fn with(mut config: Core, fields: Option<&Bound<'_, PyDict>>) -> Result<Self> {
         let Some(fields) = fields else { return Ok(Self(config)) };
         for (name, value) in fields.iter() {
-            // not `to_string`: str() runs pending signal handlers, and the error raised by Ctrl-C would be lost
+            // not `to_string`: str() runs pending signal handlers, and the error raised by Ctrl-C
+            // would be lost
             let name: String = name.extract()?;
             if name == METHOD {
                 // the method of a configuration is fixed
@@ -277,11 +278,11 @@ fn in_rst(text: &str) -> String {
 const SUMMARY: &str = "\
 Settings of ``refine``. Immutable.
 
-``RefineConfig(...)`` configures the default method, ``annealed``: splats that narrow to the noise of the
-detections, from any initial pose. ``RefineConfig.paper(...)`` configures the published method, ``paper``:
-rendered pixels and Adam. Every setting is a keyword; settings of the other method are rejected, and
-settings not given keep their defaults. Lengths are in mm whatever the unit of the cameras; their names
-end in ``_mm``.
+``RefineConfig(...)`` configures the default method, ``annealed``: splats that narrow to the noise
+of the detections, from any initial pose. ``RefineConfig.paper(...)`` configures the published
+method, ``paper``: rendered pixels and Adam. Every setting is a keyword; settings of the other
+method are rejected, and settings not given keep their defaults. Lengths are in mm whatever the unit
+of the cameras; their names end in ``_mm``.
 
 Parameters
 ----------
@@ -291,7 +292,8 @@ const RAISES: &str = "\
 Raises
 ------
 InvalidInputError
-    An unknown setting, one of the other method, or a value outside its domain; the message names it.
+    An unknown setting, one of the other method, or a value outside its domain; the message names
+    it.
 ";
 
 /// The class's documentation, in the style of numpydoc.

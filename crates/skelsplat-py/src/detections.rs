@@ -7,7 +7,8 @@ use skelsplat_core::Detections;
 use crate::args::{Array, Confidence, Out, place, shown};
 use crate::errors::{Failure, Result, refuse};
 
-/// A confidence up to this one counts as 1: rounding, and peaks of heat maps that are drawn to end at 1.
+/// A confidence up to this one counts as 1: rounding, and peaks of heat maps that are drawn to end
+/// at 1.
 pub(crate) const HIGHEST_CONFIDENCE: f64 = 1.05;
 /// Peaks of a detector's heat maps slightly exceed the range [0, 1].
 const HIGHEST_PEAK: f64 = 2.0;
@@ -152,8 +153,8 @@ pub(crate) fn split(array: Array) -> (Vec<f64>, Vec<f64>) {
     (rows().flat_map(|d| [d[0], d[1]]).collect(), rows().map(|d| d[2]).collect())
 }
 
-/// Rejects a confidence outside [0, 1], located by `place`, except for missing detections (pixel not finite). What is
-/// slightly above 1 becomes 1, with a warning that names the argument.
+/// Rejects a confidence outside [0, 1], located by `place`, except for missing detections (pixel
+/// not finite). What is slightly above 1 becomes 1, with a warning that names the argument.
 pub(crate) fn check_scores(
     py: Python<'_>,
     name: &str,

@@ -57,7 +57,8 @@ fn to_python(py: Python<'_>, error: &Error) -> PyErr {
     class.map_or_else(|failed| failed, |class| PyErr::from_type(class, error.to_string()))
 }
 
-/// Replaces an exception raised by Python code with the error `words`; `KeyboardInterrupt` is passed on.
+/// Replaces an exception raised by Python code with the error `words`; `KeyboardInterrupt` is
+/// passed on.
 pub(crate) fn in_words(py: Python<'_>, raised: PyErr, words: impl FnOnce() -> Error) -> Failure {
     match raised.is_instance_of::<PyException>(py) {
         true => words().into(),

@@ -18,8 +18,8 @@ const SHORT_PROJECTIONS: usize = 50_000;
 
 /// Project world points (…, 3) to pixels (M, …, 2), lens distortion included; NaN behind a camera.
 ///
-/// The view axis comes first: a sequence (T, N, 3) gives (M, T, N, 2), while ``refine`` takes (T, M, N, 2);
-/// ``project(poses, cameras).swapaxes(0, 1)`` converts.
+/// The view axis comes first: a sequence (T, N, 3) gives (M, T, N, 2), while ``refine`` takes (T,
+/// M, N, 2); ``project(poses, cameras).swapaxes(0, 1)`` converts.
 #[pyfunction]
 pub(crate) fn project(py: Python<'_>, points: Points, cameras: Cameras) -> Result<Out<f64>> {
     let Points(array) = points;
@@ -62,38 +62,41 @@ pub(crate) enum Found {
 
 /// Triangulate detections ([T,] M, N, 2|3) to points ([T,] N, 3); NaN with fewer than two views.
 ///
-/// ``"robust"``, the default, starts at the point nearest to all rays of a joint and narrows a Welsch kernel
-/// to the frame's noise, so that wrong detections lose their influence. If the views that agree at the end
-/// are not a majority, the points between pairs of rays are also tried, each scored by all views. A joint is
-/// recovered with up to half of its views wrong if the wrong ones do not agree with each other, and with all
-/// but two wrong if only those two agree. If only two views see a joint and they disagree, both are used.
-/// Detections with a weight k < ¼ (more than 2.4 σ from the joint) are rejected.
+/// ``"robust"``, the default, starts at the point nearest to all rays of a joint and narrows a
+/// Welsch kernel to the frame's noise, so that wrong detections lose their influence. If the views
+/// that agree at the end are not a majority, the points between pairs of rays are also tried, each
+/// scored by all views. A joint is recovered with up to half of its views wrong if the wrong ones
+/// do not agree with each other, and with all but two wrong if only those two agree. If only two
+/// views see a joint and they disagree, both are used. Detections with a weight k < ¼ (more than
+/// 2.4 σ from the joint) are rejected.
 ///
-/// ``"dlt"`` is confidence-weighted algebraic triangulation. ``"ransac"`` applies it to the largest set of
-/// views that agree: of at most 10 pairs of views, the pair with most detections within 20 px of its
-/// projected point defines the set; if no two views agree, all are used. Every method removes lens distortion
-/// first.
+/// ``"dlt"`` is confidence-weighted algebraic triangulation. ``"ransac"`` applies it to the largest
+/// set of views that agree: of at most 10 pairs of views, the pair with most detections within 20
+/// px of its projected point defines the set; if no two views agree, all are used. Every method
+/// removes lens distortion first.
 ///
 /// Parameters
 /// ----------
 /// detections : ([T,] M, N, 2 | 3)
 ///     Pixels and, in a third channel, confidences; NaN or a confidence of 0 where missing.
 /// cameras : CameraRig or sequence of Camera
-///     The M cameras; points are in their unit. A plain sequence is in mm. The unit matters only for
-///     ``"robust"``, which has a kernel width in mm.
+///     The M cameras; points are in their unit. A plain sequence is in mm. The unit matters only
+///     for ``"robust"``, which has a kernel width in mm.
 /// method : {"robust", "dlt", "ransac"}
 /// confidence : ([T,] M, N), optional
 ///     Confidences, if detections have no third channel.
 /// return_rejected : bool
-///     Also return which detections were rejected, ([T,] M, N) bool. ``"dlt"`` rejects none; missing
-///     detections do not count as rejected.
+///     Also return which detections were rejected, ([T,] M, N) bool. ``"dlt"`` rejects none;
+///     missing detections do not count as rejected.
 ///
 /// Raises
 /// ------
 /// InvalidInputError
 ///     Shapes that do not match, an unknown method, or a confidence outside [0, 1].
 #[pyfunction]
-#[pyo3(signature = (detections, cameras, *, method="robust", confidence=None, return_rejected=false))]
+#[pyo3(signature = (
+    detections, cameras, *, method="robust", confidence=None, return_rejected=false
+))]
 pub(crate) fn triangulate(
     py: Python<'_>,
     detections: Frames,
@@ -120,8 +123,8 @@ pub(crate) fn triangulate(
 
 /// Fuse monocular 3D poses ([T,] V, N, 3) in world coordinates into one pose ([T,] N, 3).
 ///
-/// X_j = Σ_i w_ij X_ij with w_ij ∝ 1 / (mean reprojection error of X_ij over the views that detect j). A pose
-/// that is NaN at a joint is ignored there.
+/// X_j = Σ_i w_ij X_ij with w_ij ∝ 1 / (mean reprojection error of X_ij over the views that detect
+/// j). A pose that is NaN at a joint is ignored there.
 #[pyfunction]
 pub(crate) fn fuse_monocular(
     py: Python<'_>,

@@ -9,7 +9,8 @@ use skelsplat_core::{KnownLength, Layout as Core, LayoutSpec, SymmetricPair};
 use crate::args::{JointNames, Name, Rebuilt, Tier, object, rebuilt, repr, type_name};
 use crate::errors::{Failure, Result, in_words};
 
-/// Joint names, limbs and symmetries of a skeleton. Immutable. Joints are given by index or by name.
+/// Joint names, limbs and symmetries of a skeleton. Immutable. Joints are given by index or by
+/// name.
 ///
 /// Parameters
 /// ----------
@@ -26,17 +27,17 @@ use crate::errors::{Failure, Result, in_words};
 /// root : sequence of joints
 ///     Joints whose mean is the root.
 /// lengths : sequence of ((joint, joint), length_mm, sigma_mm)
-///     Known lengths of limbs, in mm, and their standard deviations, which ``bone_lengths_mm`` of the
-///     configuration replaces.
+///     Known lengths of limbs, in mm, and their standard deviations, which ``bone_lengths_mm`` of
+///     the configuration replaces.
 /// human : bool
-///     This is a person's body, whose joints are named as in the built-in layouts: bones with known ends
-///     have the proportions of the population, and joints the published errors of detectors.
+///     This is a person's body, whose joints are named as in the built-in layouts: bones with known
+///     ends have the proportions of the population, and joints the published errors of detectors.
 ///
 /// Raises
 /// ------
 /// InvalidInputError
-///     An unknown joint name or index, a joint paired with itself, a tier other than 1, 2, 3, or a length
-///     that is not positive or of no limb.
+///     An unknown joint name or index, a joint paired with itself, a tier other than 1, 2, 3, or a
+///     length that is not positive or of no limb.
 #[pyclass(frozen, eq, module = "skelsplat", name = "Layout")]
 #[derive(PartialEq)]
 pub(crate) struct Layout(pub(crate) Core);
@@ -134,7 +135,10 @@ impl Reader<'_> {
 #[pymethods]
 impl Layout {
     #[new]
-    #[pyo3(signature = (name, joints, *, limbs=None, symmetric=None, left_right=None, occlusion_prone=None, root=None, lengths=None, human=false))]
+    #[pyo3(signature = (
+        name, joints, *, limbs=None, symmetric=None, left_right=None, occlusion_prone=None,
+        root=None, lengths=None, human=false
+    ))]
     #[allow(clippy::too_many_arguments, reason = "a layout's parts, all but two by keyword")]
     fn new(
         name: Name,

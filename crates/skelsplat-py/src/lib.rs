@@ -1,5 +1,5 @@
-//! Python module `skelsplat._skelsplat`: parses arguments, releases the interpreter, calls the core and wraps the
-//! results. It contains no mathematics, no defaults and no file access.
+//! Python module `skelsplat._skelsplat`: parses arguments, releases the interpreter, calls the core
+//! and wraps the results. It contains no mathematics, no defaults and no file access.
 
 #![allow(clippy::needless_pass_by_value, reason = "PyO3 passes parsed arguments by value")]
 

@@ -77,7 +77,8 @@ pub(crate) fn check_people(people: People) {
     let _ = people;
 }
 
-/// Return the fields of every ``skelsplat.Person``, and in how many frames there were too many people.
+/// Return the fields of every ``skelsplat.Person``, and in how many frames there were too many
+/// people.
 ///
 /// Too many to compare or to follow. The refinement of each is as in ``Refiner.refine_sequence``.
 #[pyfunction]
@@ -116,10 +117,12 @@ pub(crate) fn track_people<'py>(
 /// Frames (C,), slots (C, M), costs (C,) and poses (C, N, 3).
 type Ways = (Out<i64>, Out<i64>, Out<f64>, Out<f64>);
 
-/// Return ways to choose one person in each frame: frame (C,), slots (C, M), cost (C,), pose (C, N, 3).
+/// Return ways to choose one person in each frame: frame (C,), slots (C, M), cost (C,), pose (C, N,
+/// 3).
 ///
 /// Of each frame the ``most`` cheapest, none by more than ``worse`` than the first; -1 is no slot.
-/// ``gates_px`` is per view the largest median distance, ``mirror`` (N,) every joint's mirror image.
+/// ``gates_px`` is per view the largest median distance, ``mirror`` (N,) every joint's mirror
+/// image.
 #[pyfunction]
 #[pyo3(signature = (cameras, people, gates_px, *, min_confidence, min_joints, mirror, most, worse))]
 #[allow(
@@ -155,11 +158,16 @@ pub(crate) fn people_choices(
     Ok((step, chosen, Out(costs, vec![count]), Out::points(&poses, vec![count, n, 3])))
 }
 
-/// Return the slots (T, M) of one person, -1 for none, and the frames (T,) with too much to compare.
+/// Return the slots (T, M) of one person, -1 for none, and the frames (T,) with too much to
+/// compare.
 ///
-/// As for `people_choices`; going over to someone else, ``switch_step`` away or more, costs ``switch_cost``.
+/// As for `people_choices`; going over to someone else, ``switch_step`` away or more, costs
+/// ``switch_cost``.
 #[pyfunction]
-#[pyo3(signature = (cameras, people, gates_px, *, min_confidence, min_joints, mirror, most, worse, switch_cost, switch_step))]
+#[pyo3(signature = (
+    cameras, people, gates_px, *, min_confidence, min_joints, mirror, most, worse, switch_cost,
+    switch_step
+))]
 #[allow(
     clippy::too_many_arguments,
     reason = "one settings object in Python would carry them one step"
@@ -189,7 +197,8 @@ pub(crate) fn people_chosen(
     Ok((Out(slots, vec![t, m]), Out(found.cut, vec![t])))
 }
 
-/// Return scores of the figures of a frame: at a body (M, P), of pairs (M, P, M, P), support of the body.
+/// Return scores of the figures of a frame: at a body (M, P), of pairs (M, P, M, P), support of the
+/// body.
 ///
 /// ``people`` is (1, M, P, N, 2|3), ``pose`` (N, 3) in mm. Scores of pairs of one view are 0.
 #[pyfunction]

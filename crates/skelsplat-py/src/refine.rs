@@ -26,7 +26,8 @@ use crate::watch;
 pub(crate) const JOINT_STATUS: [JointStatus; 4] =
     [JointStatus::Ok, JointStatus::Weak, JointStatus::Unobserved, JointStatus::Inferred];
 
-/// Smallest standard deviation of an initial pose: the inverse of its square is well within the range of a double.
+/// Smallest standard deviation of an initial pose: the inverse of its square is well within the
+/// range of a double.
 const FINEST: f64 = 1e-15;
 
 /// The core's refiner for these arguments.
@@ -58,7 +59,8 @@ impl PyRefiner {
         Ok(Self(Arc::new(refiner(&cameras, layout, config)?)))
     }
 
-    /// Return the fields of ``skelsplat.Refinement``; ``joint_status`` as codes into ``JOINT_STATUS``.
+    /// Return the fields of ``skelsplat.Refinement``; ``joint_status`` as codes into
+    /// ``JOINT_STATUS``.
     #[pyo3(signature = (init_pose, detections, *, confidence=None, init_sigma=None, progress=None))]
     fn refine<'py>(
         &self,
@@ -107,7 +109,8 @@ impl PyRefiner {
         over_time(py, &frames, done)
     }
 
-    /// Return what a sample shows about its recording, as numbers; ``stretches``: lengths of its parts.
+    /// Return what a sample shows about its recording, as numbers; ``stretches``: lengths of its
+    /// parts.
     #[pyo3(signature = (init_pose, detections, fps, stretches))]
     fn learn_sequence(
         &self,
@@ -130,7 +133,8 @@ impl PyRefiner {
         Ok(Out(numbers, vec![n]))
     }
 
-    /// Return the fields of ``skelsplat.SequenceRefinement`` of some windows, as ``sequence_windows``.
+    /// Return the fields of ``skelsplat.SequenceRefinement`` of some windows, as
+    /// ``sequence_windows``.
     #[pyo3(signature = (init_pose, detections, known, windows, *, progress=None))]
     fn refine_windows<'py>(
         &self,
@@ -181,7 +185,8 @@ impl PyRefiner {
 /// Raises
 /// ------
 /// InvalidInputError
-///     ``fps`` is not positive, the method is ``paper``, or ``state`` is not what ``state()`` returned.
+///     ``fps`` is not positive, the method is ``paper``, or ``state`` is not what ``state()``
+///     returned.
 #[pyclass(frozen, module = "skelsplat._skelsplat", name = "Live")]
 pub(crate) struct PyLive {
     refiner: PyRefiner,
@@ -255,7 +260,8 @@ fn started(init_pose: Option<InitPose>, frames: &mut Frames) -> Result<Vec<Frame
 
 /// Return the windows (W, 4) of a recording and the frames (S, 2) from which is learnt.
 ///
-/// A window: where the frames it looks at begin, where its own begin and end, and where the former end.
+/// A window: where the frames it looks at begin, where its own begin and end, and where the former
+/// end.
 #[pyfunction]
 pub(crate) fn sequence_windows(n_frames: usize, fps: f64) -> (Vec<[usize; 4]>, Vec<[usize; 2]>) {
     let windows = windows(n_frames, window_size(fps));
@@ -398,10 +404,11 @@ pub(crate) fn over_time<'py>(
     Ok(out)
 }
 
-/// Return the facts for a warning if the skeletons (T, N, 3) are larger than 10 m or smaller than 22 cm.
+/// Return the facts for a warning if the skeletons (T, N, 3) are larger than 10 m or smaller than
+/// 22 cm.
 ///
-/// Without a layout the lower limit is 10 cm, if the cameras are less than 5 cm apart; a layout that is not
-/// human has none, and its upper limit is 20 m. None if the size is plausible.
+/// Without a layout the lower limit is 10 cm, if the cameras are less than 5 cm apart; a layout
+/// that is not human has none, and its upper limit is 20 m. None if the size is plausible.
 #[pyfunction]
 #[pyo3(signature = (poses, cameras, *, layout=None))]
 pub(crate) fn implausible_extent<'py>(

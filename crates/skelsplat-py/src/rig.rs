@@ -13,7 +13,9 @@ use crate::watch;
 
 /// Return adjusted cameras and the fields of every ``skelsplat.CameraAdjustment``; radians.
 #[pyfunction]
-#[pyo3(signature = (detections, cameras, *, confidence=None, free=None, focal=false, clock=false, config=None))]
+#[pyo3(signature = (
+    detections, cameras, *, confidence=None, free=None, focal=false, clock=false, config=None
+))]
 #[allow(clippy::too_many_arguments, reason = "all but two by keyword")]
 pub(crate) fn adjust_cameras<'py>(
     py: Python<'py>,

@@ -60,7 +60,8 @@ fn gaussians(means: &Array, scales: Array, turns: Array) -> Result<Vec<Gaussian>
     Ok(gaussians)
 }
 
-/// Project Gaussians (N, 3), (N, 3, 3) to means (M, N, 2) and covariances (M, N, 2, 2), ideal pixels.
+/// Project Gaussians (N, 3), (N, 3, 3) to means (M, N, 2) and covariances (M, N, 2, 2), ideal
+/// pixels.
 ///
 /// Σ² = J W Σ Wᵀ Jᵀ + h·I (paper §3, supplement A); NaN behind a camera.
 #[pyfunction]
@@ -159,7 +160,10 @@ pub(crate) fn pseudo_ground_truth(
 
 /// Return the fields of ``skelsplat.LossAndGradient``.
 #[pyfunction]
-#[pyo3(signature = (means, log_scales, quaternions, detections, cameras, *, layout=None, config=None, target_means=None, target_covariances=None))]
+#[pyo3(signature = (
+    means, log_scales, quaternions, detections, cameras, *, layout=None, config=None,
+    target_means=None, target_covariances=None
+))]
 #[allow(clippy::too_many_arguments, reason = "the settled interface, all but five by keyword")]
 pub(crate) fn loss_and_gradient<'py>(
     py: Python<'py>,
@@ -203,10 +207,12 @@ pub(crate) fn loss_and_gradient<'py>(
     Ok(out)
 }
 
-/// Return H (3NT, 3NT), gradient (N, T, 3) and density of the acceleration (N, T) of a step in time.
+/// Return H (3NT, 3NT), gradient (N, T, 3) and density of the acceleration (N, T) of a step in
+/// time.
 ///
-/// It is that of ``refine_sequence`` at ``poses`` (T, N, 3). ``lengths``: mean and σ of every limb, mm;
-/// ``joints``: variance of a detection (mm²) and kernel (mm) of every joint. Densities are mm²/s³.
+/// It is that of ``refine_sequence`` at ``poses`` (T, N, 3). ``lengths``: mean and σ of every limb,
+/// mm; ``joints``: variance of a detection (mm²) and kernel (mm) of every joint. Densities are
+/// mm²/s³.
 #[pyfunction]
 #[pyo3(signature = (poses, detections, cameras, *, fps, lengths, joints, layout=None, config=None))]
 #[allow(clippy::too_many_arguments, reason = "what a step depends on")]
@@ -244,10 +250,11 @@ pub(crate) fn sequence_equations(
     Ok((hessian, Out::points(&gradient, vec![n, t, 3]), Out(agility, vec![n, t])))
 }
 
-/// Return S (8 M, 8 M), s (8 M,) and the cost of the equations of ``adjust_cameras``, joints eliminated.
+/// Return S (8 M, 8 M), s (8 M,) and the cost of the equations of ``adjust_cameras``, joints
+/// eliminated.
 ///
-/// ``points`` (T, N, 3), mm, under kernels of ``sigma`` mm; ``clocks`` of the cameras, in frames. Every
-/// camera has turn, shift, logarithm of the focal length and clock, in this order.
+/// ``points`` (T, N, 3), mm, under kernels of ``sigma`` mm; ``clocks`` of the cameras, in frames.
+/// Every camera has turn, shift, logarithm of the focal length and clock, in this order.
 #[pyfunction]
 #[pyo3(signature = (points, detections, cameras, *, clocks, sigma))]
 pub(crate) fn rig_equations(
@@ -266,10 +273,11 @@ pub(crate) fn rig_equations(
     Ok((Out(matrix, vec![q, q]), Out(gradient, vec![q]), found.cost))
 }
 
-/// Return the most likely places (N, 3), mm, of a pose's joints, of which doubtful ones need their bones.
+/// Return the most likely places (N, 3), mm, of a pose's joints, of which doubtful ones need their
+/// bones.
 ///
-/// ``bones``: joints, mean and σ of each; ``placed``: joints that two views agree on; ``sigma``: final kernel
-/// of every joint; ``variance``: ŝ² (mm²). Detections are ideal pixels.
+/// ``bones``: joints, mean and σ of each; ``placed``: joints that two views agree on; ``sigma``:
+/// final kernel of every joint; ``variance``: ŝ² (mm²). Detections are ideal pixels.
 #[pyfunction]
 #[pyo3(signature = (pose, detections, cameras, *, bones, doubtful, placed, sigma, variance))]
 #[allow(clippy::too_many_arguments, reason = "what the search depends on")]

@@ -1,4 +1,5 @@
-//! Long calls that Ctrl-C can interrupt: the work runs on its own thread while the calling thread checks for signals.
+//! Long calls that Ctrl-C can interrupt: the work runs on its own thread while the calling thread
+//! checks for signals.
 
 use std::panic::resume_unwind;
 use std::sync::Arc;
@@ -16,8 +17,8 @@ use crate::errors::Result;
 /// Interval at which a call checks for signals and reports progress.
 const POLL: Duration = Duration::from_millis(50);
 
-/// Views squared times joints, over all frames, up to which triangulation takes at most about 5 ms, also in the worst case
-/// of scoring pairs of views.
+/// Views squared times joints, over all frames, up to which triangulation takes at most about 5 ms,
+/// also in the worst case of scoring pairs of views.
 const SHORT_VIEWS: usize = 50_000;
 
 /// Whether `frames` frames are triangulated within a few milliseconds.
@@ -26,7 +27,8 @@ pub(crate) fn is_short(frames: usize, n_views: usize, n_joints: usize) -> bool {
     size <= SHORT_VIEWS
 }
 
-/// Runs `work`: on this thread if it is `short` (at most a tenth of a second), else like [`watched`].
+/// Runs `work`: on this thread if it is `short` (at most a tenth of a second), else like
+/// [`watched`].
 pub(crate) fn run<T: Send + 'static>(
     py: Python<'_>,
     short: bool,
@@ -38,10 +40,11 @@ pub(crate) fn run<T: Send + 'static>(
     watched(py, 0, None, work)
 }
 
-/// Runs `work` on its own thread while this one calls `report` with the progress out of `total` and checks for Ctrl-C.
+/// Runs `work` on its own thread while this one calls `report` with the progress out of `total` and
+/// checks for Ctrl-C.
 ///
-/// Ctrl-C and errors of `report` are raised at once. The progress is then cancelled, and the thread ends when `work` next
-/// checks it. The thread owns its data and does not use Python.
+/// Ctrl-C and errors of `report` are raised at once. The progress is then cancelled, and the thread
+/// ends when `work` next checks it. The thread owns its data and does not use Python.
 pub(crate) fn watched<T: Send + 'static>(
     py: Python<'_>,
     total: usize,

@@ -1,4 +1,5 @@
-//! Joints for which annealing ends without a majority: candidate points between two rays, scored by all rays.
+//! Joints for which annealing ends without a majority: candidate points between two rays, scored by
+//! all rays.
 
 use nalgebra::Vector3;
 
@@ -11,9 +12,11 @@ pub const REJECTED: f64 = 0.25;
 const ANCHORS: usize = 8;
 /// Agreement at which the search ends, in rays of the largest weight: three that agree.
 const ENOUGH: f64 = 2.5;
-/// A position is a rival of another if it has no more than this less agreement, in detections of the joint's mean weight,
+/// A position is a rival of another if it has no more than this less agreement, in detections of
+/// the joint's mean weight,
 pub const TIE: f64 = 0.5;
-/// and this where the past decides between them: two views against two, however well they agree, not two against three.
+/// and this where the past decides between them: two views against two, however well they agree,
+/// not two against three.
 pub const NEAR_TIE: f64 = 0.9;
 /// Positions nearer to each other than this multiple of the kernel are the same.
 const APART: f64 = 4.0;
@@ -25,11 +28,13 @@ pub fn agreement(rays: &[Ray], x: &Vector3<f64>, sigma: f64) -> f64 {
     there.map(|ray| ray.weight * ray.offset(x).weight(sigma)).sum()
 }
 
-/// The point between two rays on which the rays agree most, with its [`agreement`]; `None` if no two meet.
+/// The point between two rays on which the rays agree most, with its [`agreement`]; `None` if no
+/// two meet.
 ///
-/// Eight rays at a time are paired with all others, those farthest from `from` first, and the search ends once three agree:
-/// linear in the number of views as long as a fixed share of them is correct, and independent of the order of the
-/// views. All pairs are examined only where no three agree.
+/// Eight rays at a time are paired with all others, those farthest from `from` first, and the
+/// search ends once three agree: linear in the number of views as long as a fixed share of them is
+/// correct, and independent of the order of the views. All pairs are examined only where no three
+/// agree.
 #[must_use]
 pub fn best_pair(rays: &[Ray], from: &Vector3<f64>, sigma: f64) -> Option<(Vector3<f64>, f64)> {
     let enough = ENOUGH * rays.iter().map(|ray| ray.weight).fold(0.0, f64::max);
@@ -64,8 +69,9 @@ pub struct Rival {
     pub share: f64,
 }
 
-/// Positions on which rays, at least one of them rejected at `x`, agree as well as the others do at `x`: if two views see
-/// one position and two see another, it is undecided which is correct. `slack` is the tolerated difference, see [`TIE`].
+/// Positions on which rays, at least one of them rejected at `x`, agree as well as the others do at
+/// `x`: if two views see one position and two see another, it is undecided which is correct.
+/// `slack` is the tolerated difference, see [`TIE`].
 #[must_use]
 pub fn rivals(rays: &[Ray], x: &Vector3<f64>, sigma: f64, slack: f64) -> Vec<Rival> {
     let against = |ray: &Ray| ray.offset(x).weight(sigma) < REJECTED;
@@ -76,9 +82,11 @@ pub fn rivals(rays: &[Ray], x: &Vector3<f64>, sigma: f64, slack: f64) -> Vec<Riv
         rejected += if against(ray) { ray.weight } else { 0.0 };
     }
     let here = agreement(rays, x, sigma);
-    // Half a detection for two votes, a whole one for four: the more votes, the more may fail by chance.
+    // Half a detection for two votes, a whole one for four: the more votes, the more may fail by
+    // chance.
     let enough = here - (slack * sum / n).max(0.5 * TIE * here);
-    // Few rays pass through two positions: of those that agree on x, two may agree on another as well.
+    // Few rays pass through two positions: of those that agree on x, two may agree on another as
+    // well.
     if rejected == 0.0 || rejected + 2.0 * most < enough {
         return Vec::new();
     }
@@ -109,7 +117,8 @@ pub fn rivals(rays: &[Ray], x: &Vector3<f64>, sigma: f64, slack: f64) -> Vec<Riv
     found
 }
 
-/// `x` after two weighted steps: x itself has converged under the kernel, so its rivals have to converge as well.
+/// `x` after two weighted steps: x itself has converged under the kernel, so its rivals have to
+/// converge as well.
 pub(super) fn settled(rays: &[Ray], x: Vector3<f64>, sigma: f64) -> Vector3<f64> {
     let step = |x: Vector3<f64>| {
         let weight = |_: usize, ray: &Ray| ray.weight * ray.offset(&x).weight(sigma);
@@ -118,8 +127,8 @@ pub(super) fn settled(rays: &[Ray], x: Vector3<f64>, sigma: f64) -> Vector3<f64>
     step(step(x))
 }
 
-/// The midpoint of two rays where they pass each other in front of both cameras, if they do so within 2σ and are not too
-/// nearly parallel to determine it.
+/// The midpoint of two rays where they pass each other in front of both cameras, if they do so
+/// within 2σ and are not too nearly parallel to determine it.
 pub(super) fn meeting_point(a: &Ray, b: &Ray, sigma: f64) -> Option<Vector3<f64>> {
     if !have_parallax(a, b) {
         return None;

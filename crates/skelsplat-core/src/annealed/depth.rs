@@ -1,14 +1,16 @@
 //! Whether the rays of a joint determine its depth.
 //!
-//! Cameras close together see a joint along nearly the same ray: a point at infinity fits them as well as any nearer
-//! one. The residual |e| in mm does not show this, since it shrinks towards the cameras; angles do. With a the noise of a
-//! ray's direction (the detection noise in pixels times the angle of a pixel) the rays prefer x to infinity by
+//! Cameras close together see a joint along nearly the same ray: a point at infinity fits them as
+//! well as any nearer one. The residual |e| in mm does not show this, since it shrinks towards the
+//! cameras; angles do. With a the noise of a ray's direction (the detection noise in pixels times
+//! the angle of a pixel) the rays prefer x to infinity by
 //!
 //! ```text
 //! Δχ² = Σ_i c k |d_i − u|²/a_i² − Σ_i c k (|e_i|/r_i)²/a_i²          u ∝ Σ_i c k d_i/a_i²
 //! ```
 //!
-//! with the range r. Two rays at the angle φ give Δχ² = φ²/2a², and a standard deviation of the depth of r/√Δχ².
+//! with the range r. Two rays at the angle φ give Δχ² = φ²/2a², and a standard deviation of the
+//! depth of r/√Δχ².
 
 use nalgebra::Vector3;
 
@@ -16,13 +18,15 @@ use super::noise::NoiseModel;
 use super::rays::Ray;
 use super::solver::Solution;
 
-/// Five standard deviations: the depth is known to a fifth of its value, and twice the usual noise is not mistaken for it.
+/// Five standard deviations: the depth is known to a fifth of its value, and twice the usual noise
+/// is not mistaken for it.
 const DISTINCT: f64 = 25.0;
-/// The least noise of a detection, px: the residuals of rays that nearly coincide do not show their noise.
+/// The least noise of a detection, px: the residuals of rays that nearly coincide do not show their
+/// noise.
 const USUAL_PX: f64 = NoiseModel::PRIOR_PX;
 
-/// Δχ² of `rays` at `x`, of which ray i counts `k(i)` times; `variance` is that of a detection of weight 1, px².
-/// Σ w |d − u|² = 2 (Σ w − |Σ w d|), since u is a unit vector along Σ w d.
+/// Δχ² of `rays` at `x`, of which ray i counts `k(i)` times; `variance` is that of a detection of
+/// weight 1, px². Σ w |d − u|² = 2 (Σ w − |Σ w d|), since u is a unit vector along Σ w d.
 fn over_infinity(rays: &[Ray], x: &Vector3<f64>, variance: f64, k: impl Fn(usize) -> f64) -> f64 {
     let (mut weight, mut along, mut at_x) = (0.0, Vector3::zeros(), 0.0);
     for (i, ray) in rays.iter().enumerate().filter(|(_, ray)| ray.is_there()) {
@@ -37,15 +41,17 @@ fn over_infinity(rays: &[Ray], x: &Vector3<f64>, variance: f64, k: impl Fn(usize
     2.0 * (weight - along.norm()) - at_x
 }
 
-/// Whether the rays that agree on `x` under a kernel of standard deviation `sigma` (infinite: all rays) determine its depth,
-/// assuming the usual detection noise. If not, the joint gets no position.
+/// Whether the rays that agree on `x` under a kernel of standard deviation `sigma` (infinite: all
+/// rays) determine its depth, assuming the usual detection noise. If not, the joint gets no
+/// position.
 #[must_use]
 pub fn may_be_fixed(rays: &[Ray], x: &Vector3<f64>, sigma: f64) -> bool {
     let k = |ray: &Ray| if sigma.is_finite() { ray.offset(x).weight(sigma) } else { 1.0 };
     over_infinity(rays, x, USUAL_PX * USUAL_PX, |i| k(&rays[i]) / rays[i].weight) >= DISTINCT
 }
 
-/// Whether the rays of joint `j`, with weights `k`, determine its depth at the solution, given the frame's noise.
+/// Whether the rays of joint `j`, with weights `k`, determine its depth at the solution, given the
+/// frame's noise.
 #[must_use]
 pub fn is_fixed(rays: &[Ray], j: usize, solution: &Solution, k: &[f64]) -> bool {
     let least = USUAL_PX * USUAL_PX * solution.variance / (solution.noise * solution.noise);
@@ -53,8 +59,9 @@ pub fn is_fixed(rays: &[Ray], j: usize, solution: &Solution, k: &[f64]) -> bool 
     over_infinity(rays, &solution.points[j], variance, |i| k[i]) >= DISTINCT
 }
 
-/// Whether rays with weights `k` determine the depth of `x`; `variance` is that of a detection of weight 1, px², and `weight` the
-/// mean weight of a detection. The noise is taken to be at least the usual one.
+/// Whether rays with weights `k` determine the depth of `x`; `variance` is that of a detection of
+/// weight 1, px², and `weight` the mean weight of a detection. The noise is taken to be at least
+/// the usual one.
 #[must_use]
 pub fn determine(
     rays: &[Ray],

@@ -1,8 +1,9 @@
 //! One Gauss–Newton step for joints coupled by few scalar residuals.
 //!
-//! The normal matrix is H = D + G Λ Gᵀ: a 3×3 block D_j per joint (its detections and its prior) and one rank-one term
-//! per coupling (a symmetric pair of limbs), whose gradient is the column g of G. Woodbury's identity solves the whole
-//! system exactly, coupled limbs together, with nothing larger than the number of couplings P:
+//! The normal matrix is H = D + G Λ Gᵀ: a 3×3 block D_j per joint (its detections and its prior)
+//! and one rank-one term per coupling (a symmetric pair of limbs), whose gradient is the column g
+//! of G. Woodbury's identity solves the whole system exactly, coupled limbs together, with nothing
+//! larger than the number of couplings P:
 //!
 //! ```text
 //! H⁻¹ = D⁻¹ − D⁻¹ G Q⁻¹ Gᵀ D⁻¹        Q = Λ⁻¹ + Gᵀ D⁻¹ G   (P × P)
@@ -116,10 +117,11 @@ impl NormalEquations {
         }
     }
 
-    /// Adds to D what a step needs where r is the difference of two lengths, (joints 0 and 1) less (2 and 3): the Hessian of
-    /// ½ Λ r² is Λ (∇r ∇rᵀ + r ∇²r), and what is positive in r ∇²r is |r| (I − u uᵀ)/l across the longer limb, its ends
-    /// against each other; [A, −A; −A, A] ≤ diag(2A, 2A). Where a joint's only ray is at right angles to its limb the first
-    /// term vanishes along the ray, and a step without the second always overshoots. `length(a, b)` is that of a limb.
+    /// Adds to D what a step needs where r is the difference of two lengths, (joints 0 and 1) less
+    /// (2 and 3): the Hessian of ½ Λ r² is Λ (∇r ∇rᵀ + r ∇²r), and what is positive in r ∇²r is |r|
+    /// (I − u uᵀ)/l across the longer limb, its ends against each other; [A, −A; −A, A] ≤ diag(2A,
+    /// 2A). Where a joint's only ray is at right angles to its limb the first term vanishes along
+    /// the ray, and a step without the second always overshoots. `length(a, b)` is that of a limb.
     pub fn bend(&mut self, length: impl Fn(usize, usize) -> f64) {
         for c in &self.couplings {
             if c.is_bone() && c.residual <= 0.0 {
@@ -153,7 +155,8 @@ impl NormalEquations {
         h
     }
 
-    /// The step −(H + μI)⁻¹ ∇ of every joint, with damping `mu(j)`. A joint whose block stays singular does not move.
+    /// The step −(H + μI)⁻¹ ∇ of every joint, with damping `mu(j)`. A joint whose block stays
+    /// singular does not move.
     pub fn solve(&mut self, mu: impl Fn(usize) -> f64) -> &[Vector3<f64>] {
         self.factorise(mu);
         for (step, (inverse, pull)) in
@@ -173,8 +176,9 @@ impl NormalEquations {
         &self.steps
     }
 
-    /// The block of (H + μI)⁻¹ that belongs to joint `j`, for the `mu` of the last [`Self::factorise`]: with Y the joint's rows of
-    /// D⁻¹ G and Q = Uᵀ U it is D_j⁻¹ − Wᵀ W, W = U⁻ᵀ Yᵀ.
+    /// The block of (H + μI)⁻¹ that belongs to joint `j`, for the `mu` of the last
+    /// [`Self::factorise`]: with Y the joint's rows of D⁻¹ G and Q = Uᵀ U it is D_j⁻¹ − Wᵀ W, W =
+    /// U⁻ᵀ Yᵀ.
     #[must_use]
     pub fn covariance(&mut self, j: usize) -> Matrix3<f64> {
         let of_joint = |(c, moves): (&Coupling, &[Vector3<f64>; 4])| -> Vector3<f64> {
@@ -220,7 +224,8 @@ impl NormalEquations {
     }
 }
 
-/// Determinant, relative to the cube of the mean eigenvalue, below which cofactors lose too many digits to rounding.
+/// Determinant, relative to the cube of the mean eigenvalue, below which cofactors lose too many
+/// digits to rounding.
 const ILL_CONDITIONED: f64 = 1e-9;
 
 /// Inverse of a symmetric positive definite matrix, zero where it has none.
@@ -242,7 +247,8 @@ fn carefully_inverted(m: &Matrix3<f64>) -> Matrix3<f64> {
     m.cholesky().map_or_else(Matrix3::zeros, |factor| factor.inverse())
 }
 
-/// Factor U of a `p × p` positive definite matrix Uᵀ U, in place, upper triangle, row-major. Every inner loop runs along rows.
+/// Factor U of a `p × p` positive definite matrix Uᵀ U, in place, upper triangle, row-major. Every
+/// inner loop runs along rows.
 fn factorise(a: &mut [f64], p: usize) {
     for k in 0..p {
         let (row, below) = a[k * p..].split_at_mut(p);
@@ -257,7 +263,8 @@ fn factorise(a: &mut [f64], p: usize) {
     }
 }
 
-/// Solves Uᵀ x = b in place, for one or several right-hand sides, of which the first `from` rows are zero.
+/// Solves Uᵀ x = b in place, for one or several right-hand sides, of which the first `from` rows
+/// are zero.
 fn forward<T>(factor: &[f64], b: &mut [T], from: usize)
 where
     T: Copy + std::ops::Mul<f64, Output = T> + std::ops::SubAssign,

@@ -1,21 +1,23 @@
 //! Large noise or many wrong detections: which of two solutions the detections support.
 //!
-//! A kernel that ends narrow explains two or three of four scattered rays and rejects the others; a wide one explains
-//! all by larger noise. Either is a model of the same frame: a detection of view i is correct with probability 1 − ε_i and then
-//! lies within the noise s, or it is wrong and lies anywhere within S, at most W, the widest kernel,
+//! A kernel that ends narrow explains two or three of four scattered rays and rejects the others; a
+//! wide one explains all by larger noise. Either is a model of the same frame: a detection of view
+//! i is correct with probability 1 − ε_i and then lies within the noise s, or it is wrong and lies
+//! anywhere within S, at most W, the widest kernel,
 //!
 //! ```text
-//! p(e) = (1−ε_i) N₂(e; s²) + ε_i N₂(e; S²)       log p = Σ_ij log p(e_ij) − ½ Σ_j log det H_j + const
+//! p(e) = (1−ε_i) N₂(e; s²) + ε_i N₂(e; S²)      log p = Σ_ij log p(e_ij) − ½ Σ_j log det H_j + …
 //! H_j  = Σ_i r_ij (I − d dᵀ)/s² + I/W²             r = (1−ε_i) N₂(e; s²) / p(e)
 //! ```
 //!
-//! with the joints integrated out by Laplace's method: that two rays nearly meet somewhere is no evidence for small
-//! noise, since the volume in which they do so shrinks with it. ε and S maximise log p. Every view has its
-//! own ε, since its calibration may be wrong, shrunk towards the mean of all by the weight of two detections. A prior
-//! adds −½ (x−x⁰)ᵀ Π (x−x⁰) to log p and Π to H.
+//! with the joints integrated out by Laplace's method: that two rays nearly meet somewhere is no
+//! evidence for small noise, since the volume in which they do so shrinks with it. ε and S maximise
+//! log p. Every view has its own ε, since its calibration may be wrong, shrunk towards the mean of
+//! all by the weight of two detections. A prior adds −½ (x−x⁰)ᵀ Π (x−x⁰) to log p and Π to H.
 //!
-//! Wrong detections may agree on another position y, as when several views show another person. They then lie within the
-//! noise of y, which lies within W of x: ε_i N₂(e(y); s²) for each and −½ log det (W² H_y) − |y−x|²/2W² for y, where that is more.
+//! Wrong detections may agree on another position y, as when several views show another person.
+//! They then lie within the noise of y, which lies within W of x: ε_i N₂(e(y); s²) for each and −½
+//! log det (W² H_y) − |y−x|²/2W² for y, where that is more.
 
 use super::consensus::best_pair;
 use super::rays::{Ray, Rays};
@@ -45,7 +47,8 @@ struct Mixture {
 }
 
 impl Mixture {
-    /// The shares and the spread that maximise the likelihood of `solution`, and the share of wrong detections over all views.
+    /// The shares and the spread that maximise the likelihood of `solution`, and the share of wrong
+    /// detections over all views.
     fn fitted(rays: &Rays, solution: &Solution, widest: f64) -> (Self, f64) {
         let mut mixture = Self {
             variance: solution.variance,

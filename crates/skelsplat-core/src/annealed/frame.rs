@@ -84,7 +84,8 @@ struct Informed<'a> {
 
 /// Maximum rounds of the search for swaps.
 const SWAP_ROUNDS: usize = 3;
-/// Detections of mean weight that a swap has to explain in addition, after the pose is solved again.
+/// Detections of mean weight that a swap has to explain in addition, after the pose is solved
+/// again.
 const SWAP_GAIN: f64 = 1.0;
 /// Log-odds that a swap has to reach where the noise is large: there are a few dozen candidates.
 const SWAP_EVIDENCE: f64 = 10.0;
@@ -96,8 +97,8 @@ impl Found {
         here.iter().zip(there).any(|(x, y)| x.x.is_nan() && y.x.is_finite())
     }
 
-    /// Whether a swap is accepted: by the number of explained detections and, where the noise is so large that chance
-    /// explains some, by the likelihood of all.
+    /// Whether a swap is accepted: by the number of explained detections and, where the noise is so
+    /// large that chance explains some, by the likelihood of all.
     fn explains_more(&self, before: &Self, given: &Given<'_>) -> bool {
         let likely = |found: &Self| {
             let anywhere = anywhere(&found.rays, &given.annealing);
@@ -170,7 +171,8 @@ impl Frame<'_> {
         let problem = self.problem(&rays, &given, Widening::NONE, &[]);
         let mut solution = solve(&problem, points, &given.annealing.end);
         let bars = error_bars(&problem, &mut solution);
-        // Its splats are wider than these kernels: detections rejected here may still determine the depth.
+        // Its splats are wider than these kernels: detections rejected here may still determine the
+        // depth.
         let all = vec![1.0; self.detections.n_views()];
         let has_depth = |j: usize| is_fixed(rays.of_joint(j), j, &solution, &all);
         let status = (0..points.len()).map(|j| match has_depth(j) {
@@ -180,8 +182,9 @@ impl Frame<'_> {
         ErrorBars { status: status.collect(), ..bars }
     }
 
-    /// The pose with priors. The noise is estimated without them, so that a wrong prior is not mistaken for detection noise.
-    /// Where the noise requires wider kernels, the priors take part in the decision whether it is noise.
+    /// The pose with priors. The noise is estimated without them, so that a wrong prior is not
+    /// mistaken for detection noise. Where the noise requires wider kernels, the priors take part
+    /// in the decision whether it is noise.
     fn with_priors<'p>(&self, priors: &'p [Prior], rays: &Rays) -> Informed<'p> {
         let annealing = &self.annealing;
         let alone = locate(rays, annealing);

@@ -1,4 +1,5 @@
-//! The joints of a frame one by one: annealed splatting of each, and pairs of rays where that ends without a majority.
+//! The joints of a frame one by one: annealed splatting of each, and pairs of rays where that ends
+//! without a majority.
 
 use nalgebra::Vector3;
 
@@ -14,29 +15,32 @@ use crate::triangulate::Triangulated;
 
 /// Number of views by which the agreeing ones have to outnumber the others to be a majority.
 const MAJORITY: f64 = 0.25;
-/// Agreement by which a pair's point has to exceed the annealed one's, in detections of the joint's mean weight: with three
-/// views, of which any two outvote the third by chance, and with more.
+/// Agreement by which a pair's point has to exceed the annealed one's, in detections of the joint's
+/// mean weight: with three views, of which any two outvote the third by chance, and with more.
 const MARGIN: [f64; 2] = [0.75, 0.5];
-/// Maximum distance of a wrong detection, in multiples of the widest kernel: where no joint is seen by three views, so that
-/// it is impossible to tell which detection is wrong, and otherwise.
+/// Maximum distance of a wrong detection, in multiples of the widest kernel: where no joint is seen
+/// by three views, so that it is impossible to tell which detection is wrong, and otherwise.
 const ANYWHERE: [f64; 2] = [1.5, 1.0];
 /// cos 15°.
 const NARROW: f64 = 0.966;
 /// Rays this far from parallel, 15° for two, determine a depth whatever the noise.
 const WIDE: f64 = 0.05;
-/// Fraction of a large noise within which two views may agree by chance; closer agreement means both show the same person.
+/// Fraction of a large noise within which two views may agree by chance; closer agreement means
+/// both show the same person.
 const AGREES: f64 = 0.2;
 /// Joints that two views have to share for that; five agree by chance in one of a hundred frames.
 const LEAST_COMMON: usize = 6;
 /// Minimum number of residuals for an estimate of the noise.
 const LEAST_FREEDOM: f64 = 6.0;
 
-/// Triangulates each joint from ideal pixels; NaN as [`crate::triangulate::dlt()`], with fewer than two views or parallel rays.
+/// Triangulates each joint from ideal pixels; NaN as [`crate::triangulate::dlt()`], with fewer than
+/// two views or parallel rays.
 ///
-/// A joint starts at the point nearest to all its rays and is annealed down to the noise of the frame (see
-/// `annealed/mod.rs`). Where the views that agree at the end are not a majority, points between two rays are also scored
-/// ([`best_pair`]). The cost is linear in the number of views as long as a fixed share of them is correct. Where the
-/// noise is too large for the final kernel, wider ones are tried ([`evidence`]).
+/// A joint starts at the point nearest to all its rays and is annealed down to the noise of the
+/// frame (see `annealed/mod.rs`). Where the views that agree at the end are not a majority, points
+/// between two rays are also scored ([`best_pair`]). The cost is linear in the number of views as
+/// long as a fixed share of them is correct. Where the noise is too large for the final kernel,
+/// wider ones are tried ([`evidence`]).
 #[must_use]
 pub fn robust(detections: &Detections, cameras: &[Camera]) -> Triangulated {
     let rays = Rays::new(detections, cameras, &[]);
@@ -62,9 +66,10 @@ pub struct Located {
 
 /// The joints of one frame without priors and symmetry.
 ///
-/// The noise is estimated under a kernel, so a final kernel narrower than twice the noise underestimates it. Where the
-/// estimate requires a wider one, the frame is solved again under kernels that follow the noise; that solution is used if
-/// it makes the detections more likely ([`evidence`]).
+/// The noise is estimated under a kernel, so a final kernel narrower than twice the noise
+/// underestimates it. Where the estimate requires a wider one, the frame is solved again under
+/// kernels that follow the noise; that solution is used if it makes the detections more likely
+/// ([`evidence`]).
 #[must_use]
 pub fn locate(rays: &Rays, annealing: &Annealing) -> Located {
     if !annealing.per_noise.is_finite() {
@@ -90,8 +95,9 @@ pub fn locate(rays: &Rays, annealing: &Annealing) -> Located {
     Located { narrow_noise: narrow.narrow_noise, ..wide }
 }
 
-/// Whether any two views agree on the joints to a noise of `sigma`, mm: by the median distance of their rays, which for
-/// normal noise is 0.6745 · √2 σ. Two views of the same person do, whatever the others show.
+/// Whether any two views agree on the joints to a noise of `sigma`, mm: by the median distance of
+/// their rays, which for normal noise is 0.6745 · √2 σ. Two views of the same person do, whatever
+/// the others show.
 fn views_agree(rays: &Rays, sigma: f64) -> bool {
     let mut distances = Vec::with_capacity(rays.n_joints());
     let m = rays.n_views();
@@ -122,8 +128,8 @@ fn can_outvote(rays: &Rays) -> bool {
     (0..rays.n_joints()).any(|j| views(j) > 2)
 }
 
-/// Factor on the squares of error bars for a noise estimated from few residuals: the variance of Student's t. Two views
-/// leave one residual per joint, three views three.
+/// Factor on the squares of error bars for a noise estimated from few residuals: the variance of
+/// Student's t. Two views leave one residual per joint, three views three.
 fn of_few(rays: &Rays) -> f64 {
     let freedom = rays.n_joints() as f64;
     if can_outvote(rays) || freedom < LEAST_FREEDOM { 1.0 } else { freedom / (freedom - 2.0) }
@@ -134,7 +140,8 @@ fn located(rays: &Rays, annealing: &Annealing, widening: Widening) -> Located {
     Located { narrow_noise: solution.noise, solution, widening }
 }
 
-/// Anneals every joint from least squares down to its final kernel, or from a better position if there is one.
+/// Anneals every joint from least squares down to its final kernel, or from a better position if
+/// there is one.
 fn under(rays: &Rays, annealing: &Annealing, widening: Widening) -> Solution {
     let problem = Problem { rays, pairs: &[], bones: &[], priors: None, annealing, widening };
     let n = rays.n_joints();
@@ -148,7 +155,8 @@ fn under(rays: &Rays, annealing: &Annealing, widening: Widening) -> Solution {
     for j in 0..n {
         let of_joint = rays.of_joint(j);
         let (x, sigma) = (&solution.points[j], solution.sigma[j]);
-        // The remaining rays may be parallel because others contradict them: then all rays are tested.
+        // The remaining rays may be parallel because others contradict them: then all rays are
+        // tested.
         let agrees = |ray: &Ray| ray.is_there() && ray.offset(x).weight(sigma) >= REJECTED;
         let two = of_joint.iter().filter(|ray| agrees(ray)).count() > 1;
         let sigma = if two { sigma } else { f64::INFINITY };
@@ -166,8 +174,9 @@ fn is_narrow(rays: &[Ray]) -> bool {
     there.all(|ray| ray.direction.dot(&first) > NARROW)
 }
 
-/// The point nearest to all rays of joint `j`. If a detection that is far off puts it behind every camera or leaves
-/// it without a depth, the point between two rays on which most agree. NaN if the rays do not determine it or its depth.
+/// The point nearest to all rays of joint `j`. If a detection that is far off puts it behind every
+/// camera or leaves it without a depth, the point between two rays on which most agree. NaN if the
+/// rays do not determine it or its depth.
 #[must_use]
 pub fn nearest_to_all(rays: &Rays, j: usize) -> Vector3<f64> {
     let of_joint = rays.of_joint(j);
@@ -184,7 +193,8 @@ pub fn nearest_to_all(rays: &Rays, j: usize) -> Vector3<f64> {
     pair.filter(|x| may_be_fixed(of_joint, x, Annealing::END)).unwrap_or(nan)
 }
 
-/// Moves joints without a majority to the point on which more detections agree; returns whether any has moved.
+/// Moves joints without a majority to the point on which more detections agree; returns whether any
+/// has moved.
 fn reconsider(rays: &Rays, solution: &mut Solution) -> bool {
     let mut moved = false;
     for j in 0..rays.n_joints() {

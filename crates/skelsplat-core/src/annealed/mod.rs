@@ -1,16 +1,20 @@
-//! Annealed splatting: the closed-form loss of a whole pose as a robust M-estimator, solved from any initial pose.
+//! Annealed splatting: the closed-form loss of a whole pose as a robust M-estimator, solved from
+//! any initial pose.
 //!
-//! With k = exp(−|e|²/4σ²) ([`rays`]), the closed-form loss of a channel, divided by the channel's energy, is 1 − k: a
-//! Welsch loss of the width of the splat. On the scale of the detection noise ŝ ([`noise`]), the pose minimises
+//! With k = exp(−|e|²/4σ²) ([`rays`]), the closed-form loss of a channel, divided by the channel's
+//! energy, is 1 − k: a Welsch loss of the width of the splat. On the scale of the detection noise ŝ
+//! ([`noise`]), the pose minimises
 //!
 //! ```text
-//! F = Σ_ij c_ij (2σ²/ŝ²)(1 − k_ij) + ½ Σ_j (x_j−x⁰_j)ᵀ Π_j (x_j−x⁰_j) + ½ Σ_p κ_p (‖l_p‖−‖r_p‖)² / σ_sym²
+//! F = Σ_ij c_ij (2σ²/ŝ²)(1 − k_ij) + ½ Σ_j (x_j−x⁰_j)ᵀ Π_j (x_j−x⁰_j)
+//!     + ½ Σ_p κ_p (‖l_p‖−‖r_p‖)² / σ_sym²
 //! ```
 //!
-//! where ŝ² is the noise variance of a detection of mean weight c̄, multiplied by c̄ so that a common factor on all
-//! confidences has no effect, Π is the precision of an independent prior and κ the weight of a limb pair. Since
-//! ∂F/∂x_j = Σ c k e / ŝ² + …, each step of [`solver`] is a weighted least-squares problem: iteratively re-weighted
-//! Gauss–Newton. σ starts wide, where every detection counts, and narrows to the noise.
+//! where ŝ² is the noise variance of a detection of mean weight c̄, multiplied by c̄ so that a
+//! common factor on all confidences has no effect, Π is the precision of an independent prior and κ
+//! the weight of a limb pair. Since ∂F/∂x_j = Σ c k e / ŝ² + …, each step of [`solver`] is a
+//! weighted least-squares problem: iteratively re-weighted Gauss–Newton. σ starts wide, where every
+//! detection counts, and narrows to the noise.
 
 pub mod consensus;
 pub mod depth;

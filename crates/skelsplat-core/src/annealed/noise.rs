@@ -1,9 +1,10 @@
 //! The detection noise, estimated from the residuals.
 //!
-//! e has two degrees of freedom and variance s² along each; a detection of weight c k contributes c k |e|², and a joint's
-//! three coordinates take up three degrees. For normal e the kernel k = exp(−|e|²/4σ²) shrinks the mean of |e|² to
-//! 2 s² c²/(s²+c²) with c² = 2σ², from the means 2s²(1+s²/c²)⁻² of k|e|² and (1+s²/c²)⁻¹ of k. A scaled inverse χ² prior
-//! stabilises the estimate where few detections remain.
+//! e has two degrees of freedom and variance s² along each; a detection of weight c k contributes c
+//! k |e|², and a joint's three coordinates take up three degrees. For normal e the kernel k =
+//! exp(−|e|²/4σ²) shrinks the mean of |e|² to 2 s² c²/(s²+c²) with c² = 2σ², from the means
+//! 2s²(1+s²/c²)⁻² of k|e|² and (1+s²/c²)⁻¹ of k. A scaled inverse χ² prior stabilises the estimate
+//! where few detections remain.
 
 use super::rays::Rays;
 use nalgebra::Vector3;
@@ -72,8 +73,8 @@ impl NoiseModel {
     /// The prior of the estimate.
     pub const PRIOR_PX: f64 = 3.0;
 
-    /// s², mm², from the joints' residuals under a kernel of standard deviation `sigma` in a frame of this `scale`;
-    /// like the residuals, it is multiplied by the frame's mean weight.
+    /// s², mm², from the joints' residuals under a kernel of standard deviation `sigma` in a frame
+    /// of this `scale`; like the residuals, it is multiplied by the frame's mean weight.
     pub(super) fn variance(
         self,
         residuals: impl Iterator<Item = Residuals> + Clone,

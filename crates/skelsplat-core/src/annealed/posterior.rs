@@ -1,11 +1,12 @@
 //! The posterior covariance of a pose: its error bars.
 //!
-//! Σ_post = (Σ_i c k (I − d dᵀ)/ŝ_j² + Π + I/ρ² + symmetry)⁻¹ at the solution. ŝ_j² is the frame's noise, corrected by the
-//! joint's own residuals as a scaled inverse χ²: a joint with views that disagree has a wider bar. Along a ray that no
-//! other crosses only ρ contributes: the joint belongs to a body, with joints at distance s (root mean square) from its
-//! centre, and lies in front of the camera. Where x is more than 2 s from the centre, the distance beyond is added in
-//! squares: wherever the joint lies on such a ray, the bar reaches back to the body. Joints closer together than twice the
-//! noise are not treated as a body.
+//! Σ_post = (Σ_i c k (I − d dᵀ)/ŝ_j² + Π + I/ρ² + symmetry)⁻¹ at the solution. ŝ_j² is the frame's
+//! noise, corrected by the joint's own residuals as a scaled inverse χ²: a joint with views that
+//! disagree has a wider bar. Along a ray that no other crosses only ρ contributes: the joint
+//! belongs to a body, with joints at distance s (root mean square) from its centre, and lies in
+//! front of the camera. Where x is more than 2 s from the centre, the distance beyond is added in
+//! squares: wherever the joint lies on such a ray, the bar reaches back to the body. Joints closer
+//! together than twice the noise are not treated as a body.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -23,7 +24,8 @@ const SHARED_DOF: f64 = 5.0;
 const PLACED: f64 = 1.5;
 /// All joints lie within this multiple of the body's spread.
 const BODY: f64 = 2.0;
-/// Minimum spread of a body, in multiples of the noise: closer joints cannot be distinguished from one point.
+/// Minimum spread of a body, in multiples of the noise: closer joints cannot be distinguished from
+/// one point.
 const LEAST_SPREAD: f64 = 2.0;
 /// Largest standard deviation of a joint that its bones place, as a share of the body's spread.
 const INFERRED: f64 = 0.25;
@@ -104,8 +106,9 @@ fn believed(rays: &Rays, solution: &Solution) -> Vec<f64> {
     out
 }
 
-/// Posterior covariances `(N)` in mm²; NaN for an unobserved joint. `deep[j]`: whether the rays of joint j determine its
-/// depth (see [`super::depth`]); such joints form the body. `k` are the rays' weights `(N, M)`.
+/// Posterior covariances `(N)` in mm²; NaN for an unobserved joint. `deep[j]`: whether the rays of
+/// joint j determine its depth (see [`super::depth`]); such joints form the body. `k` are the rays'
+/// weights `(N, M)`.
 fn posterior(
     problem: &Problem<'_>,
     solution: &mut Solution,
@@ -135,7 +138,8 @@ fn posterior(
         }
         solution.equations.set_block(j, block);
     }
-    // Equal limbs allow two positions on the ray of a joint that one view sees, which is not a normal distribution.
+    // Equal limbs allow two positions on the ray of a joint that one view sees, which is not a
+    // normal distribution.
     let residuals = &solution.residuals;
     solution.equations.retain_couplings(|c| {
         c.is_bone() || c.joints.iter().all(|j| residuals[*j].support >= PLACED)
@@ -147,7 +151,8 @@ fn posterior(
     (0..solution.points.len()).map(|j| known(solution.equations.covariance(j))).collect()
 }
 
-/// `m` without the negative eigenvalues due to rounding where the largest exceeds the smallest by 10⁸ or more.
+/// `m` without the negative eigenvalues due to rounding where the largest exceeds the smallest by
+/// 10⁸ or more.
 fn positive(m: Matrix3<f64>) -> Matrix3<f64> {
     if m.cholesky().is_some() {
         return m;
@@ -168,7 +173,8 @@ pub(crate) struct Body {
 }
 
 impl Body {
-    /// From the joints with a known depth, if there are at least three, else from all that have a position.
+    /// From the joints with a known depth, if there are at least three, else from all that have a
+    /// position.
     fn of(points: &[Vector3<f64>], deep: &[bool]) -> Option<Self> {
         let finite = |x: &&Vector3<f64>| x.iter().all(|v| v.is_finite());
         let sure = || points.iter().zip(deep).filter(|(_, deep)| **deep).map(|(x, _)| x);

@@ -1,9 +1,11 @@
 //! Expected lengths in one frame: bones for joints that too few views see.
 //!
-//! Where fewer than three views agree on a joint, and not all that see it, the lengths of its bones take part: l_b = s ρ_b (1 + ε_b) with the population's
-//! ratio ρ_b and spread ε_b ([`crate::bones::population`]) and a stature s of the person, which the frame's other bones
-//! show, or the lengths that the user gives ([`crate::bones::expected`]). The frame is then solved twice with the bones' terms, from where it was and from wide kernels; the solution with the lower
-//! objective counts. A joint that one view sees starts where its bone meets the ray.
+//! Where fewer than three views agree on a joint, and not all that see it, the lengths of its bones
+//! take part: l_b = s ρ_b (1 + ε_b) with the population's ratio ρ_b and spread ε_b
+//! ([`crate::bones::population`]) and a stature s of the person, which the frame's other bones
+//! show, or the lengths that the user gives ([`crate::bones::expected`]). The frame is then solved
+//! twice with the bones' terms, from where it was and from wide kernels; the solution with the
+//! lower objective counts. A joint that one view sees starts where its bone meets the ray.
 
 use nalgebra::Vector3;
 
@@ -16,7 +18,8 @@ use crate::bones::{Bone, Length, Pull};
 
 /// Views that have to agree on a joint for it not to need its bones.
 const ENOUGH: usize = 3;
-/// Least number of joints on which two views agree, for a stature and for given lengths: others have nothing to hold on to.
+/// Least number of joints on which two views agree, for a stature and for given lengths: others
+/// have nothing to hold on to.
 const LEAST_ANCHORS: usize = 3;
 const LEAST_GIVEN: usize = 1;
 /// Kernel of the joints that do, in the search from wide kernels, mm.
@@ -54,8 +57,8 @@ impl Votes {
     }
 }
 
-/// A better solution of `problem` with the bones that its `solution` needs, and these bones; `None` if it needs none. Without `search`
-/// it is the nearest one.
+/// A better solution of `problem` with the bones that its `solution` needs, and these bones; `None`
+/// if it needs none. Without `search` it is the nearest one.
 #[must_use]
 pub fn with_bones(
     problem: &Problem<'_>,
@@ -91,8 +94,9 @@ fn needed(expected: &Expected, solution: &Solution, votes: &Votes) -> Option<Vec
     (!bones.is_empty()).then_some(bones)
 }
 
-/// The best of the solution `here`, the one from wide kernels, and the one from the most likely combination of places. Where that
-/// combination is both where `here` began and where it ended, the others are hardly ever better (docs/decisions.md).
+/// The best of the solution `here`, the one from wide kernels, and the one from the most likely
+/// combination of places. Where that combination is both where `here` began and where it ended, the
+/// others are hardly ever better (docs/decisions.md).
 fn searched(
     problem: &Problem<'_>,
     points: &[Vector3<f64>],
@@ -151,9 +155,10 @@ struct Place {
     cost: f64,
 }
 
-/// The most likely combination of places of the doubtful joints: where two of a joint's rays meet, where one meets the sphere around
-/// the other end of a bone, and where it is. On a tree of bones, the best combination follows from the leaves to the root
-/// (dynamic programming); bones that close a circle are left out.
+/// The most likely combination of places of the doubtful joints: where two of a joint's rays meet,
+/// where one meets the sphere around the other end of a bone, and where it is. On a tree of bones,
+/// the best combination follows from the leaves to the root (dynamic programming); bones that close
+/// a circle are left out.
 #[must_use]
 pub fn most_likely(search: &Search<'_>) -> Vec<Vector3<f64>> {
     let points = search.points;
@@ -242,7 +247,8 @@ fn tree(bones: &[Bone], joints: usize) -> Vec<(usize, usize, Length)> {
     order
 }
 
-/// The points of a ray at the distance `length` from `centre`, or the nearest one if it passes farther away, in front of the camera.
+/// The points of a ray at the distance `length` from `centre`, or the nearest one if it passes
+/// farther away, in front of the camera.
 fn meetings_with_sphere(
     ray: &Ray,
     centre: &Vector3<f64>,
@@ -317,8 +323,8 @@ fn objective(problem: &Problem<'_>, solution: &Solution, variance: f64) -> f64 {
     sum + bones.filter(|loss| loss.is_finite()).sum::<f64>()
 }
 
-/// The other place on the ray of joint `j`, which only this ray determines: its bone has the same length there. With the share of the
-/// probability of both that it has.
+/// The other place on the ray of joint `j`, which only this ray determines: its bone has the same
+/// length there. With the share of the probability of both that it has.
 #[must_use]
 pub fn other_place(problem: &Problem<'_>, solution: &Solution, j: usize) -> Option<Rival> {
     let x = &solution.points[j];

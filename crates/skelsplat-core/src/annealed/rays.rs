@@ -1,15 +1,17 @@
 //! Detections as rays: the set of positions that match a detection.
 //!
-//! An isotropic splat of standard deviation σ projects to Σ = σ² J W Wᵀ Jᵀ, and the residual to r ≈ J W (x − y) for
-//! the point y of the detection's ray that is nearest to x. J W has the ray as its null space, so that to first order
+//! An isotropic splat of standard deviation σ projects to Σ = σ² J W Wᵀ Jᵀ, and the residual to r ≈
+//! J W (x − y) for the point y of the detection's ray that is nearest to x. J W has the ray as its
+//! null space, so that to first order
 //!
 //! ```text
 //! rᵀ (J W Wᵀ Jᵀ)⁻¹ r = |e|²      (J W)ᵀ (J W Wᵀ Jᵀ)⁻¹ (J W) = I − d dᵀ      e = (I − d dᵀ)(x − c)
 //! ```
 //!
-//! with the camera's centre c and the ray's unit direction d. The weight of the closed form (`overlap`, with
-//! Σr = Σp = Σ) becomes k = exp(−|e|²/4σ²), and the residual e is *linear* in x: no projection inside the loop, one exp
-//! per view and joint. The dilation h (0.3 px²) is only needed for pixels and left out.
+//! with the camera's centre c and the ray's unit direction d. The weight of the closed form
+//! (`overlap`, with Σr = Σp = Σ) becomes k = exp(−|e|²/4σ²), and the residual e is *linear* in x:
+//! no projection inside the loop, one exp per view and joint. The dilation h (0.3 px²) is only
+//! needed for pixels and left out.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -154,8 +156,8 @@ impl Rays {
     }
 }
 
-/// Smallest determinant of Σ w (I − d dᵀ), relative to the cube of its mean eigenvalue, that determines a point: two rays
-/// at 0.1 mrad from each other.
+/// Smallest determinant of Σ w (I − d dᵀ), relative to the cube of its mean eigenvalue, that
+/// determines a point: two rays at 0.1 mrad from each other.
 const RANK: f64 = 1e-8;
 /// The same, below which cofactors lose too many digits to rounding.
 const WELL_CONDITIONED: f64 = 1e-4;
@@ -166,7 +168,8 @@ pub fn nearest_point(rays: &[Ray], weight: impl Fn(usize, &Ray) -> f64) -> Optio
     nearest_with_spread(rays, weight).map(|(x, _)| x)
 }
 
-/// The point nearest to two rays, or `None` if they are parallel: the middle of their common perpendicular.
+/// The point nearest to two rays, or `None` if they are parallel: the middle of their common
+/// perpendicular.
 #[must_use]
 pub fn midpoint(a: &Ray, b: &Ray) -> Option<Vector3<f64>> {
     let mut sums = Meeting::default();
@@ -175,8 +178,9 @@ pub fn midpoint(a: &Ray, b: &Ray) -> Option<Vector3<f64>> {
     sums.point().map(|(x, _)| x)
 }
 
-/// [`nearest_point`] and how far from parallel the rays are: the determinant of Σ w (I − d dᵀ), relative to the cube of
-/// its mean eigenvalue, is 0.84 sin² φ for two rays of one weight at the angle φ.
+/// [`nearest_point`] and how far from parallel the rays are: the determinant of Σ w (I − d dᵀ),
+/// relative to the cube of its mean eigenvalue, is 0.84 sin² φ for two rays of one weight at the
+/// angle φ.
 pub(crate) fn nearest_with_spread(
     rays: &[Ray],
     weight: impl Fn(usize, &Ray) -> f64,

@@ -12,26 +12,32 @@ settings! {
         max_steps: usize = 50, Domain::Any, "",
             "Maximum number of steps.";
         sigma_start_mm: f64 = 320.0, Domain::Positive, "mm",
-            "Initial σ of the kernels; a joint with all rays nearer than this starts at the distance of its farthest ray.";
+            "Initial σ of the kernels; a joint with all rays nearer than this starts at the \
+             distance of its farthest ray.";
         sigma_decay: f64 = 0.5, Domain::Between, "",
             "Factor applied to the kernel's σ at each step.";
         sigma_per_noise: Option<f64> = Some(Annealing::PER_NOISE), Domain::Positive, "",
-            "Final σ of the kernel as a multiple of the detection noise, if that is less than `sigma_mm`; it exceeds `sigma_mm` \
-             only where large noise explains the frame better than many wrong detections. None: always `sigma_mm`.";
+            "Final σ of the kernel as a multiple of the detection noise, if that is less than \
+             `sigma_mm`; it exceeds `sigma_mm` only where large noise explains the frame better \
+             than many wrong detections. None: always `sigma_mm`.";
         view_weights: Option<Vec<f64>> = None, Domain::NotNegative, "",
-            "Weight of each of the M views, multiplied by the confidence; 0 ignores a view; None: 1 for all.";
+            "Weight of each of the M views, multiplied by the confidence; 0 ignores a view; None: \
+             1 for all.";
         find_swaps: bool = true, Domain::Any, "",
             "Find and correct detections with left and right swapped.";
         bones: Bones = Bones::Population, Domain::Any, "",
-            "Lengths of bones for joints on which neither three views agree nor all that see them: `population`, with the proportions of people \
-             (human layouts only) and a stature found in the frame, or `free`, none.";
+            "Lengths of bones for joints on which neither three views agree nor all that see \
+             them: `population`, with the proportions of people (human layouts only) and a stature \
+             found in the frame, or `free`, none.";
         bone_lengths_mm: Option<Vec<f64>> = None, Domain::Positive, "mm",
-            "Known length of each of the layout's limbs, for any layout; replaces the population's. None: not known.";
+            "Known length of each of the layout's limbs, for any layout; replaces the \
+             population's. None: not known.";
         bone_sigmas_mm: Option<Vec<f64>> = None, Domain::Positive, "mm",
-            "Standard deviation of each of these lengths; one that is not less than the length marks it as unknown. None: 20 for all.";
+            "Standard deviation of each of these lengths; one that is not less than the length \
+             marks it as unknown. None: 20 for all.";
         step_tolerance: f64 = 0.01, Domain::Positive, "",
-            "Converged when the kernels have reached their final width and no joint moves by more than this fraction of the \
-             noise.";
+            "Converged when the kernels have reached their final width and no joint moves by more \
+             than this fraction of the noise.";
     }
 }
 
@@ -66,8 +72,9 @@ impl Parameter for Bones {
 }
 
 impl AnnealedSettings {
-    /// The annealing schedule of one frame: final kernel widths `sigmas` `(N)`, mm; standard deviation `symmetry_sigma` of
-    /// the length difference between symmetric limbs, mm; detection noise `detection_sigma`, pixels (`None`: estimated).
+    /// The annealing schedule of one frame: final kernel widths `sigmas` `(N)`, mm; standard
+    /// deviation `symmetry_sigma` of the length difference between symmetric limbs, mm; detection
+    /// noise `detection_sigma`, pixels (`None`: estimated).
     #[must_use]
     pub fn annealing(
         &self,

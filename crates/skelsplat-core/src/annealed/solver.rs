@@ -27,8 +27,8 @@ pub struct Annealing {
     pub start: f64,
     /// Final kernel of each joint, mm; narrower according to `per_noise`.
     pub end: Vec<f64>,
-    /// The final kernel of a joint with `end` equal to `base` is at most this multiple of the noise, that of others in
-    /// proportion to `end`; infinite: always `end`.
+    /// The final kernel of a joint with `end` equal to `base` is at most this multiple of the
+    /// noise, that of others in proportion to `end`; infinite: always `end`.
     pub per_noise: f64,
     /// See [`Self::per_noise`], mm.
     pub base: f64,
@@ -75,7 +75,8 @@ pub struct Problem<'a> {
 pub struct Widening {
     /// Whether they may exceed [`Annealing::end`] where the noise requires it.
     pub follows_noise: bool,
-    /// Share of the residuals' variance that is noise; the rest are wrong detections that the kernel lets through.
+    /// Share of the residuals' variance that is noise; the rest are wrong detections that the
+    /// kernel lets through.
     pub noise_share: f64,
 }
 
@@ -95,7 +96,8 @@ pub struct Solution {
     pub sigma: Vec<f64>,
     /// Residuals of each joint at the end.
     pub residuals: Vec<Residuals>,
-    /// Standard deviation of the detection noise across the ray, mm, for a detection of mean weight.
+    /// Standard deviation of the detection noise across the ray, mm, for a detection of mean
+    /// weight.
     pub noise: f64,
     /// ŝ², mm²: the variance for weight 1, as in F.
     pub variance: f64,
@@ -109,9 +111,11 @@ pub struct Solution {
     pub equations: NormalEquations,
 }
 
-/// Reach of the kernel of limb pairs, in σ_sym: pairs that differ by more lose their influence like outlying detections.
+/// Reach of the kernel of limb pairs, in σ_sym: pairs that differ by more lose their influence like
+/// outlying detections.
 const SYMMETRY_REACH: f64 = 3.0;
-/// Factor on the multiple of the noise for kernels above the configured ones, which makes them reject sooner.
+/// Factor on the multiple of the noise for kernels above the configured ones, which makes them
+/// reject sooner.
 const UPWARDS: f64 = 0.78;
 /// Maximum step, as a fraction of the distance to the nearest camera.
 const TRUST: f64 = 0.5;
@@ -129,7 +133,8 @@ struct Sums {
     support: f64,
     /// Square of the distance of the farthest ray.
     farthest: f64,
-    /// Square of the distance of the nearest camera: along the ray of a wrong detection it may be 0 anywhere.
+    /// Square of the distance of the nearest camera: along the ray of a wrong detection it may be 0
+    /// anywhere.
     nearest: f64,
 }
 
@@ -203,8 +208,9 @@ struct Run<'a> {
     equations: NormalEquations,
 }
 
-/// Solves `problem` from `start`, in which joints may be NaN and then stay NaN. `sigma` is the initial kernel; infinite
-/// means plain least squares first, after which the start no longer matters where the detections determine a joint.
+/// Solves `problem` from `start`, in which joints may be NaN and then stay NaN. `sigma` is the
+/// initial kernel; infinite means plain least squares first, after which the start no longer
+/// matters where the detections determine a joint.
 #[must_use]
 pub fn solve(problem: &Problem<'_>, start: &[Vector3<f64>], sigma: &[f64]) -> Solution {
     let mut run = Run::new(problem, start, sigma);
@@ -252,7 +258,8 @@ impl<'a> Run<'a> {
         run
     }
 
-    /// Fills the normal equations at the present points: D = Σ c k (I − d dᵀ)/ŝ² + Π, −∇ = −Σ c k e/ŝ² − Π(x − x⁰).
+    /// Fills the normal equations at the present points: D = Σ c k (I − d dᵀ)/ŝ² + Π, −∇ = −Σ c k
+    /// e/ŝ² − Π(x − x⁰).
     fn linearise(&mut self) {
         let precision = 1.0 / self.variance;
         for (j, joint) in self.joints.iter_mut().enumerate() {
@@ -343,7 +350,8 @@ impl<'a> Run<'a> {
         longest
     }
 
-    /// Re-estimates the noise, once every joint has a kernel, and narrows the kernels; returns whether all are final.
+    /// Re-estimates the noise, once every joint has a kernel, and narrows the kernels; returns
+    /// whether all are final.
     fn narrow(&mut self) -> bool {
         let annealing = self.problem.annealing;
         let first = self.joints.iter().any(|joint| joint.sigma.is_infinite());

@@ -1,4 +1,5 @@
-//! The start of annealed splatting: from the detections, a prior or, for what the detections do not determine, a given pose.
+//! The start of annealed splatting: from the detections, a prior or, for what the detections do not
+//! determine, a given pose.
 
 use nalgebra::Vector3;
 
@@ -12,9 +13,11 @@ use super::solver::{Annealing, Prior, Solution, Widening};
 pub struct Before {
     /// The initial pose `(N)`, mm; `None` for a joint without one.
     pub pose: Vec<Option<Vector3<f64>>>,
-    /// Priors `(N)`, if the pose is independent of these detections; otherwise it is only a starting point.
+    /// Priors `(N)`, if the pose is independent of these detections; otherwise it is only a
+    /// starting point.
     pub priors: Option<Vec<Prior>>,
-    /// Whether it is the pose of the previous frame: it then decides between positions with equal votes.
+    /// Whether it is the pose of the previous frame: it then decides between positions with equal
+    /// votes.
     pub past: bool,
 }
 
@@ -46,16 +49,17 @@ impl Given<'_> {
     }
 }
 
-/// Kernel under which positions compete where the past decides, in multiples of the final one: two views that agree
-/// somewhat less well than two others are not outvoted by them.
+/// Kernel under which positions compete where the past decides, in multiples of the final one: two
+/// views that agree somewhat less well than two others are not outvoted by them.
 const PAST_KERNEL: f64 = 2.0;
 /// Standard deviations of a prior that the first kernel covers.
 const PRIOR_REACH: f64 = 2.0;
 
 /// The initial pose, the start and the initial kernels.
 ///
-/// Where two views see a joint, the detections determine its start; an initial pose without a prior is used for the other
-/// joints. With a prior, the search starts there under a kernel that covers its spread.
+/// Where two views see a joint, the detections determine its start; an initial pose without a prior
+/// is used for the other joints. With a prior, the search starts there under a kernel that covers
+/// its spread.
 pub(super) fn start(before: Option<&Before>, rays: &Rays, given: &Given<'_>) -> Start {
     match (before, given.priors) {
         (None, _) => {
@@ -84,8 +88,8 @@ fn start_at_prior(before: &Before, priors: &[Prior], rays: &Rays, given: &Given<
     Start { init, points, sigma: vec![annealing.start; n], widening: given.widening }
 }
 
-/// The start with an initial pose that is not a prior: from the detections where possible. Of two positions with equal
-/// votes the past decides.
+/// The start with an initial pose that is not a prior: from the detections where possible. Of two
+/// positions with equal votes the past decides.
 fn start_beside(before: &Before, rays: &Rays, annealing: &Annealing) -> Start {
     let Located { solution: found, widening, .. } = locate(rays, annealing);
     let init = before.pose.iter().zip(&found.points).map(|(p, x)| p.unwrap_or(*x)).collect();

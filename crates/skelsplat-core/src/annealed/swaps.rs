@@ -1,10 +1,11 @@
 //! Left and right swapped in a view: found by testing hypotheses.
 //!
-//! A detector that mistakes the left arm for the right one swaps all joints of the arm. In units of detections, view i
-//! explains Σ c k of a chain of joints; with the chain swapped, each detection is compared with the other side's joint. A
-//! view is considered swapped where that explains clearly more. Where no assignment explains the chain at its present
-//! position, which may then be a mixture of both sides, any two views whose rays meet (with equal or opposite assignments) propose
-//! another position, at which all views are evaluated.
+//! A detector that mistakes the left arm for the right one swaps all joints of the arm. In units of
+//! detections, view i explains Σ c k of a chain of joints; with the chain swapped, each detection
+//! is compared with the other side's joint. A view is considered swapped where that explains
+//! clearly more. Where no assignment explains the chain at its present position, which may then be
+//! a mixture of both sides, any two views whose rays meet (with equal or opposite assignments)
+//! propose another position, at which all views are evaluated.
 
 use nalgebra::Vector3;
 
@@ -16,11 +17,14 @@ use crate::layout::Layout;
 const GAIN: f64 = 1.5;
 /// A view in which the two assignments differ by less is undecided (the limbs overlap).
 const UNDECIDED: f64 = 0.5;
-/// Detections of mean weight by which a view may fail to explain a chain before it is against the chain's position.
+/// Detections of mean weight by which a view may fail to explain a chain before it is against the
+/// chain's position.
 const UNEXPLAINED: f64 = 1.0;
-/// Minimum number of views: of two that contradict each other, it is impossible to tell which is swapped.
+/// Minimum number of views: of two that contradict each other, it is impossible to tell which is
+/// swapped.
 const LEAST_VIEWS: usize = 3;
-/// Number of views that propose positions in pairs: those with the most detections, then those that explain the most.
+/// Number of views that propose positions in pairs: those with the most detections, then those that
+/// explain the most.
 const MOST_PROPOSERS: usize = 6;
 
 /// Kernel, in multiples of the final one, under which a proposed position settles.
@@ -29,7 +33,8 @@ const SETTLE: f64 = 2.0;
 /// (left, right) joints that a detector swaps together, from the trunk outwards: arms, legs, face.
 pub type Chain = Vec<[usize; 2]>;
 
-/// The left–right pairs of a layout, grouped by its limbs. Limbs that connect two groups (shoulder to hip) are ignored.
+/// The left–right pairs of a layout, grouped by its limbs. Limbs that connect two groups (shoulder
+/// to hip) are ignored.
 #[must_use]
 pub fn chains(layout: &Layout) -> Vec<Chain> {
     let pairs = &layout.left_right;
@@ -83,7 +88,8 @@ struct Proposal {
 /// A frame to search for swaps.
 struct Judge<'a> {
     rays: &'a Rays,
-    /// Kernel of each joint, at most the configured one: swapped sides can look like noise and widen it.
+    /// Kernel of each joint, at most the configured one: swapped sides can look like noise and
+    /// widen it.
     sigma: Vec<f64>,
     /// Mean weight of a detection.
     unit: f64,
@@ -132,7 +138,8 @@ impl Judge<'_> {
         (0..self.rays.n_views()).map(|i| self.ways(i, chain, at)).collect()
     }
 
-    /// Views in which the chain is swapped; `sideways` is the sum of the other chains' right-to-left vectors at the trunk.
+    /// Views in which the chain is swapped; `sideways` is the sum of the other chains'
+    /// right-to-left vectors at the trunk.
     fn views(&self, chain: &Chain, points: &[Vector3<f64>], sideways: &Vector3<f64>) -> Vec<usize> {
         let at: Vec<[Vector3<f64>; 2]> = chain.iter().map(|p| p.map(|j| points[j])).collect();
         let ways = self.all_ways(chain, &at);
@@ -152,7 +159,8 @@ impl Judge<'_> {
         (0..ways.len()).filter(|i| gains(&ways[*i])).collect()
     }
 
-    /// The position of the chain, proposed by two views, that explains most when every view chooses its assignment.
+    /// The position of the chain, proposed by two views, that explains most when every view chooses
+    /// its assignment.
     fn best_proposal(&self, chain: &Chain, ways: &[Ways]) -> Option<Proposal> {
         let proposers = proposers(ways);
         let pairs = proposers.iter().enumerate();
@@ -171,7 +179,8 @@ impl Judge<'_> {
         best
     }
 
-    /// Where the rays of views `a` and `b` meet, with equal or opposite assignments; `None` if most of them do not.
+    /// Where the rays of views `a` and `b` meet, with equal or opposite assignments; `None` if most
+    /// of them do not.
     fn proposal(
         &self,
         chain: &Chain,
@@ -217,8 +226,9 @@ impl Judge<'_> {
         chain.iter().zip(at).map(both).collect()
     }
 
-    /// Swapped views of a proposal, which may itself be swapped as a whole: the assignment with fewer swapped views, else the
-    /// one in which left is on the same side as for the rest of the body.
+    /// Swapped views of a proposal, which may itself be swapped as a whole: the assignment with
+    /// fewer swapped views, else the one in which left is on the same side as for the rest of the
+    /// body.
     fn right_way_round(&self, proposal: &Proposal, sideways: &Vector3<f64>) -> Vec<usize> {
         let Proposal { at, ways } = proposal;
         let least = UNDECIDED * self.unit;

@@ -1,12 +1,13 @@
-//! What is known of the lengths of bones before any frame: lengths given by the user, else the population's proportions.
+//! What is known of the lengths of bones before any frame: lengths given by the user, else the
+//! population's proportions.
 
 use super::population::{Proportion, STATURE, proportions};
 use super::{Bone, Length};
 use crate::error::{Error, Result};
 use crate::layout::Layout;
 
-/// Least standard deviation of a bone's length in the population, mm, and that of a given length by default: detectors,
-/// tables and rulers mean different points.
+/// Least standard deviation of a bone's length in the population, mm, and that of a given length by
+/// default: detectors, tables and rulers mean different points.
 pub const LEAST_SPREAD: f64 = 20.0;
 
 /// Lengths of bones that are expected; none: bones are free.
@@ -30,8 +31,9 @@ pub struct Shown {
 }
 
 impl Expected {
-    /// The population's proportions for a human `layout`, replaced where the user gives `lengths` of the layout's limbs, mm, with
-    /// standard deviations `sigmas`, or else the layout knows them. A length with a σ of its own size or more is unknown.
+    /// The population's proportions for a human `layout`, replaced where the user gives `lengths`
+    /// of the layout's limbs, mm, with standard deviations `sigmas`, or else the layout knows them.
+    /// A length with a σ of its own size or more is unknown.
     ///
     /// # Errors
     /// [`Error::InvalidInput`] if there is not one length, and one σ, for each limb.
@@ -96,8 +98,8 @@ impl Proportion {
     }
 }
 
-/// The stature that these bones show, with the population's as a prior, and its standard error, mm: a weighted median, since
-/// some bones may be wrong.
+/// The stature that these bones show, with the population's as a prior, and its standard error, mm:
+/// a weighted median, since some bones may be wrong.
 #[must_use]
 pub fn stature(bones: impl Iterator<Item = Shown>) -> [f64; 2] {
     let one = |Shown { proportion: p, length, variance }: Shown| {

@@ -1,4 +1,5 @@
-//! Lengths of bones: the residual (‖x_a − x_b‖ − l)/σ under a robust kernel, with value, gradient and Gauss–Newton block.
+//! Lengths of bones: the residual (‖x_a − x_b‖ − l)/σ under a robust kernel, with value, gradient
+//! and Gauss–Newton block.
 //!
 //! With d = x_a − x_b, u = d/‖d‖ and r = ‖d‖ − l the term κ(r) is a Welsch loss of reach c = 6σ,
 //!
@@ -7,8 +8,9 @@
 //! H = k/σ² (u uᵀ + (r₊/‖d‖) (I − u uᵀ))
 //! ```
 //!
-//! H is the block of x_a and x_b each, −H the one between them. The second term is the positive part of r ∇²r: without it,
-//! a joint with a single ray at right angles to its bone always overshoots.
+//! H is the block of x_a and x_b each, −H the one between them. The second term is the positive
+//! part of r ∇²r: without it, a joint with a single ray at right angles to its bone always
+//! overshoots.
 
 pub mod expected;
 pub mod population;

@@ -1,13 +1,15 @@
 //! Lengths of bones relative to stature, in the population.
 //!
-//! The segment lengths are those of R. Drillis and R. Contini, "Body Segment Parameters" (1966), as tabulated in D. A. Winter,
-//! "Biomechanics and Motor Control of Human Movement", 4th edition, figure 4.1: shoulder to elbow 0.186, elbow to wrist 0.146,
-//! hip to knee 0.245 (0.530 − 0.285), knee to ankle 0.246 (0.285 − 0.039), hip to shoulder height 0.288 (0.818 − 0.530),
-//! shoulder height to the top of the head 0.182, between the shoulders 0.259, foot 0.152 of stature.
+//! The segment lengths are those of R. Drillis and R. Contini, "Body Segment Parameters" (1966), as
+//! tabulated in D. A. Winter, "Biomechanics and Motor Control of Human Movement", 4th edition,
+//! figure 4.1: shoulder to elbow 0.186, elbow to wrist 0.146, hip to knee 0.245 (0.530 − 0.285),
+//! knee to ankle 0.246 (0.285 − 0.039), hip to shoulder height 0.288 (0.818 − 0.530), shoulder
+//! height to the top of the head 0.182, between the shoulders 0.259, foot 0.152 of stature.
 //!
-//! Where the joints of a layout are not the ends of these segments, the length is bridged and its spread is larger: hip joints lie
-//! inside the hips' breadth of 0.191; the neck is a point between shoulder height and the base of the neck; the spine divides
-//! the trunk, which bends, in two; nose, toes and heels are points of the skin. Bones of the face have no entry.
+//! Where the joints of a layout are not the ends of these segments, the length is bridged and its
+//! spread is larger: hip joints lie inside the hips' breadth of 0.191; the neck is a point between
+//! shoulder height and the base of the neck; the spine divides the trunk, which bends, in two;
+//! nose, toes and heels are points of the skin. Bones of the face have no entry.
 
 use crate::layout::Layout;
 

@@ -4,15 +4,17 @@ use nalgebra::{Matrix3, Vector3};
 
 use crate::error::{Error, Result};
 
-/// Largest entry of `RᵀR − I` accepted: files with three decimals and more pass, a scaled or sheared R does not.
+/// Largest entry of `RᵀR − I` accepted: files with three decimals and more pass, a scaled or
+/// sheared R does not.
 const ORTHONORMAL: f64 = 1e-3;
 /// Largest entry of `RᵀR − I` of a rotation in double precision, which stays as it is, to the bit.
 const EXACT: f64 = 1e-12;
 /// Largest entry, relative to fx, that is accepted as one of K's zeros (rounding of a computed K).
 const ZERO: f64 = 1e-9;
 
-/// Focal lengths, pixels: from a camera scaled down to one pixel to a telescope. With the bounds below, products of a few of
-/// these numbers and their squares stay well within the range of a double.
+/// Focal lengths, pixels: from a camera scaled down to one pixel to a telescope. With the bounds
+/// below, products of a few of these numbers and their squares stay well within the range of a
+/// double.
 const FOCAL: [f64; 2] = [1e-9, 1e9];
 /// Largest coordinate of the principal point, pixels.
 const PRINCIPAL: f64 = 1e9;
@@ -83,8 +85,8 @@ fn deviation(r: &Matrix3<f64>) -> f64 {
     (r.tr_mul(r) - Matrix3::identity()).amax()
 }
 
-/// The nearest rotation in the Frobenius norm, by Newton's iteration for the polar decomposition: each step squares the
-/// deviation, so that three suffice from [`ORTHONORMAL`].
+/// The nearest rotation in the Frobenius norm, by Newton's iteration for the polar decomposition:
+/// each step squares the deviation, so that three suffice from [`ORTHONORMAL`].
 fn nearest(mut r: Matrix3<f64>) -> Matrix3<f64> {
     if deviation(&r) > EXACT {
         for _ in 0..3 {

@@ -1,5 +1,5 @@
-//! Lens distortion of normalised coordinates: `OpenCV`'s polynomial, rational, thin-prism and tilted models
-//! (the notation is that of the calib3d documentation), each with its Jacobian.
+//! Lens distortion of normalised coordinates: `OpenCV`'s polynomial, rational, thin-prism and
+//! tilted models (the notation is that of the calib3d documentation), each with its Jacobian.
 
 use nalgebra::{Matrix2, Matrix3, Vector2, Vector3};
 
@@ -20,12 +20,12 @@ pub enum Distortion {
 }
 
 impl Distortion {
-    /// From the coefficients of `OpenCV`'s general model: `k1,k2,p1,p2[,k3[,k4,k5,k6[,s1..s4[,τx,τy]]]]`.
-    /// No coefficients: a pinhole.
+    /// From the coefficients of `OpenCV`'s general model:
+    /// `k1,k2,p1,p2[,k3[,k4,k5,k6[,s1..s4[,τx,τy]]]]`. No coefficients: a pinhole.
     ///
     /// # Errors
-    /// [`Error::InvalidInput`] naming `distortion`: a count other than 0, 4, 5, 8, 12 or 14, or a value that is not
-    /// finite or beyond ±1e9.
+    /// [`Error::InvalidInput`] naming `distortion`: a count other than 0, 4, 5, 8, 12 or 14, or a
+    /// value that is not finite or beyond ±1e9.
     pub fn brown_conrady(c: &[f64]) -> Result<Self> {
         checks::distortion(c)?;
         match c.len() {
@@ -38,8 +38,8 @@ impl Distortion {
     /// From the coefficients of `OpenCV`'s fisheye model, `k1..k4`. No coefficients: a pinhole.
     ///
     /// # Errors
-    /// [`Error::InvalidInput`] naming `distortion`: a count other than 0 or 4, or a value that is not finite or beyond
-    /// ±1e9.
+    /// [`Error::InvalidInput`] naming `distortion`: a count other than 0 or 4, or a value that is
+    /// not finite or beyond ±1e9.
     pub fn fisheye(c: &[f64]) -> Result<Self> {
         checks::distortion(c)?;
         match c {
@@ -59,7 +59,8 @@ impl Distortion {
         }
     }
 
-    /// Whether the lens has no effect. A fisheye always has one: with zero coefficients it is equidistant.
+    /// Whether the lens has no effect. A fisheye always has one: with zero coefficients it is
+    /// equidistant.
     #[must_use]
     pub fn is_none(&self) -> bool {
         match self {
@@ -103,7 +104,8 @@ fn wrong_count(expected: &str, n: usize) -> Error {
     Error::invalid("distortion", expected, format!("{n} coefficients"))
 }
 
-/// `OpenCV`'s general model: the lens (radial, tangential, thin prism) and then the tilt of the sensor.
+/// `OpenCV`'s general model: the lens (radial, tangential, thin prism) and then the tilt of the
+/// sensor.
 #[derive(Debug, Clone, PartialEq)]
 pub struct BrownConrady {
     /// k1,k2,p1,p2,k3,k4,k5,k6,s1..s4,τx,τy; 0 if not given.

@@ -6,7 +6,8 @@ use nalgebra::{Matrix2, Vector2};
 
 use super::fold;
 
-/// Below this r² the series of atan(r)/r takes over: closed form and series then both hold to 1e-13.
+/// Below this r² the series of atan(r)/r takes over: closed form and series then both hold to
+/// 1e-13.
 const SERIES_BELOW: f64 = 1e-3;
 
 /// The equidistant polynomial of `cv::fisheye`, for rays in front of the camera.

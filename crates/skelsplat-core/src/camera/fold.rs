@@ -2,7 +2,8 @@
 
 /// Largest r² considered: rays 89.99° off the axis.
 const MAX_SQUARED_RADIUS: f64 = 1e8;
-/// Every second step at least halves the bracket or the error, both down to rounding well before this many.
+/// Every second step at least halves the bracket or the error, both down to rounding well before
+/// this many.
 const MAX_STEPS: usize = 200;
 
 /// Radius at which r·n(r²)/d(r²) first turns back or meets a pole; infinite if it never does.
@@ -56,9 +57,9 @@ fn bisect(c: &[f64], mut lo: f64, mut hi: f64) -> Option<f64> {
     }
 }
 
-/// The x in [0, max] with g(x) = target, for `g` (value, derivative) that rises there from g(0) = 0:
-/// Newton, bisecting where it would leave the bracket or where a step did not halve the error (Newton alone can
-/// cycle around an inflection). `None` if the target is not reached.
+/// The x in [0, max] with g(x) = target, for `g` (value, derivative) that rises there from g(0) =
+/// 0: Newton, bisecting where it would leave the bracket or where a step did not halve the error
+/// (Newton alone can cycle around an inflection). `None` if the target is not reached.
 pub(super) fn invert_rising(g: impl Fn(f64) -> (f64, f64), max: f64, target: f64) -> Option<f64> {
     let (mut lo, mut hi) = (0.0, bracket(&g, max, target)?);
     let mut x = target.min(hi);

@@ -1,8 +1,9 @@
 //! A calibrated camera: projection of world points to pixels, with its Jacobian.
 //!
 //! World to camera is `x_c = R x_w + t` with x right, y down, z forward. Normalised coordinates are
-//! `(x/z, y/z)`, lens distortion maps them to distorted normalised ones, and K maps either to pixels.
-//! Integer pixel coordinates are pixel centres. "Ideal" pixels are those of K without distortion.
+//! `(x/z, y/z)`, lens distortion maps them to distorted normalised ones, and K maps either to
+//! pixels. Integer pixel coordinates are pixel centres. "Ideal" pixels are those of K without
+//! distortion.
 
 mod checks;
 mod distortion;
@@ -37,14 +38,15 @@ pub struct Camera {
 impl Camera {
     /// A camera without lens distortion and without a name; `size` is (width, height) in pixels.
     ///
-    /// A rotation that is orthonormal to 1e-3 (files have few digits) is replaced by the nearest rotation; one in double
-    /// precision stays as it is.
+    /// A rotation that is orthonormal to 1e-3 (files have few digits) is replaced by the nearest
+    /// rotation; one in double precision stays as it is.
     ///
     /// # Errors
     /// [`Error::InvalidInput`] naming `K`, `R`, `t` or `size`: a value is not finite, K is not
-    /// `[[fx, 0, cx], [0, fy, cy], [0, 0, 1]]` with focal lengths from 1e-9 to 1e9 and a principal point within ±1e9
-    /// pixels, R is not orthonormal to 1e-3 or is a reflection, t is not within ±1e12, or the image is not 1 to
-    /// 65 535 pixels wide and high. [`for_camera`] adds the camera's name.
+    /// `[[fx, 0, cx], [0, fy, cy], [0, 0, 1]]` with focal lengths from 1e-9 to 1e9 and a principal
+    /// point within ±1e9 pixels, R is not orthonormal to 1e-3 or is a reflection, t is not within
+    /// ±1e12, or the image is not 1 to 65 535 pixels wide and high. [`for_camera`] adds the
+    /// camera's name.
     pub fn new(
         k: &Matrix3<f64>,
         rotation: &Matrix3<f64>,
@@ -158,8 +160,8 @@ impl Camera {
 
     /// The pixel of a world point through the lens, or `None` at or behind [`NEAR`].
     ///
-    /// Like `OpenCV`, evaluates the model's formula unchanged, even for points so far outside the image that a fitted
-    /// polynomial folds back.
+    /// Like `OpenCV`, evaluates the model's formula unchanged, even for points so far outside the
+    /// image that a fitted polynomial folds back.
     #[must_use]
     pub fn project(&self, x: &Vector3<f64>) -> Option<Vector2<f64>> {
         self.normalised(x).map(|n| self.to_pixel(&self.distortion.distort(&n)))
@@ -208,12 +210,12 @@ impl Camera {
         }
     }
 
-    /// The camera for images resized by `factor`: u' = (u + ½)·factor − ½.
-    /// K and the size (rounded, at least 1) change; distortion acts on normalised coordinates and does not.
+    /// The camera for images resized by `factor`: u' = (u + ½)·factor − ½. K and the size (rounded,
+    /// at least 1) change; distortion acts on normalised coordinates and does not.
     ///
     /// # Errors
-    /// [`Error::InvalidInput`] if `factor` is not positive and finite, or if K or the size leave the ranges of
-    /// [`Camera::new`].
+    /// [`Error::InvalidInput`] if `factor` is not positive and finite, or if K or the size leave
+    /// the ranges of [`Camera::new`].
     pub fn scaled(&self, factor: f64) -> Result<Self> {
         if !(factor.is_finite() && factor > 0.0) {
             return Err(Error::invalid("factor", "a positive finite number", factor.to_string()));

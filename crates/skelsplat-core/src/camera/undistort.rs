@@ -12,7 +12,8 @@ const STOP_PX: f64 = 1e-11;
 const MAX_STEPS: usize = 50;
 /// Shortest fraction of a Newton step that is tried.
 const SHORTEST: f64 = 1e-6;
-/// Fractions of the radial solution to start from, in turn: near a fold the first may lie beyond it.
+/// Fractions of the radial solution to start from, in turn: near a fold the first may lie beyond
+/// it.
 const STARTS: [f64; 3] = [1.0, 0.7, 0.4];
 /// Points of the segment from the axis to an answer at which the map must keep its orientation.
 const SHEET_SAMPLES: usize = 16;
@@ -68,8 +69,8 @@ fn brown(lens: &BrownConrady, y: &Vector2<f64>, focal: &Vector2<f64>) -> Option<
     attempts.find(|x| on_first_sheet(lens, x))
 }
 
-/// Damped Newton that keeps the determinant positive, so that it does not cross a fold; `None` if it ends above
-/// the tolerance.
+/// Damped Newton that keeps the determinant positive, so that it does not cross a fold; `None` if
+/// it ends above the tolerance.
 fn newton(
     lens: &BrownConrady,
     y: &Vector2<f64>,

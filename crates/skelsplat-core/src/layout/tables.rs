@@ -1,8 +1,10 @@
-//! The built-in layouts: joint orders as used by data sets and detectors; everything else is derived from the names.
+//! The built-in layouts: joint orders as used by data sets and detectors; everything else is
+//! derived from the names.
 //!
-//! A body joint has the same name in all layouts. `pelvis` is the centre of the hips (Panoptic's body centre, `OpenPose`'s
-//! mid hip, Occlusion-Person's root), `spine` the middle of the trunk (Occlusion-Person's belly), `neck` the base of
-//! the neck or head (Human3.6M's thorax, Shelf's bottom of the head) and `head` the top of the head.
+//! A body joint has the same name in all layouts. `pelvis` is the centre of the hips (Panoptic's
+//! body centre, `OpenPose`'s mid hip, Occlusion-Person's root), `spine` the middle of the trunk
+//! (Occlusion-Person's belly), `neck` the base of the neck or head (Human3.6M's thorax, Shelf's
+//! bottom of the head) and `head` the top of the head.
 
 use super::{LayoutSpec, SymmetricPair};
 
@@ -41,8 +43,9 @@ const JOINTS: [&str; 9] = [
     "r_ankle r_knee r_hip l_hip l_knee l_ankle r_wrist r_elbow r_shoulder \
      l_shoulder l_elbow l_wrist neck head",
     "nose l_eye_inner l_eye l_eye_outer r_eye_inner r_eye r_eye_outer l_ear r_ear l_mouth r_mouth \
-     l_shoulder r_shoulder l_elbow r_elbow l_wrist r_wrist l_pinky r_pinky l_index r_index l_thumb r_thumb \
-     l_hip r_hip l_knee r_knee l_ankle r_ankle l_heel r_heel l_foot_index r_foot_index",
+     l_shoulder r_shoulder l_elbow r_elbow l_wrist r_wrist l_pinky r_pinky l_index r_index \
+     l_thumb r_thumb l_hip r_hip l_knee r_knee l_ankle r_ankle l_heel r_heel \
+     l_foot_index r_foot_index",
 ];
 
 /// Limbs of one side with their symmetry tier (0: drawn, but not part of the symmetry loss).
@@ -121,7 +124,8 @@ fn find(joints: &[String], name: &str) -> Option<usize> {
     joints.iter().position(|j| j == name)
 }
 
-/// Both ends of a limb; on a `side`, a joint with a left and a right version is the one on that side.
+/// Both ends of a limb; on a `side`, a joint with a left and a right version is the one on that
+/// side.
 fn limb(joints: &[String], side: &str, a: &str, b: &str) -> Option<[usize; 2]> {
     let on_side = |name| find(joints, &format!("{side}_{name}")).or_else(|| find(joints, name));
     Some([on_side(a)?, on_side(b)?])

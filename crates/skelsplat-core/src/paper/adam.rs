@@ -1,4 +1,5 @@
-//! Adam (Kingma & Ba 2015) with one learning rate per parameter group: position, log-scale, rotation.
+//! Adam (Kingma & Ba 2015) with one learning rate per parameter group: position, log-scale,
+//! rotation.
 
 use crate::gaussian::{Gaussian, GaussianGradient};
 
@@ -37,8 +38,8 @@ impl Adam {
         Self { betas, epsilon, step: 0, moments: vec![[[0.0; 2]; PARAMETERS]; n] }
     }
 
-    /// Moves every parameter by −lr · m̂ / (√v̂ + ε), with m̂ and v̂ the bias-corrected moments. A parameter
-    /// whose gradient has always been zero does not move.
+    /// Moves every parameter by −lr · m̂ / (√v̂ + ε), with m̂ and v̂ the bias-corrected moments. A
+    /// parameter whose gradient has always been zero does not move.
     pub fn step(
         &mut self,
         gaussians: &mut [Gaussian],

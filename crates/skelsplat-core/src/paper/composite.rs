@@ -1,16 +1,17 @@
-//! The ablation's shared channel: joints composited front to back by depth, as 3D Gaussian splatting does.
+//! The ablation's shared channel: joints composited front to back by depth, as 3D Gaussian
+//! splatting does.
 //!
-//! C(p) = Σ_j a_j T_j with T_j = ∏ (1 − a_l) over the joints l nearer than j. Walking back to front with
-//! S_j = Σ_{l behind j} a_l T_l,
+//! C(p) = Σ_j a_j T_j with T_j = ∏ (1 − a_l) over the joints l nearer than j. Walking back to front
+//! with S_j = Σ_{l behind j} a_l T_l,
 //!
 //! ```text
 //! ∂C/∂a_j = T_j − S_j / (1 − a_j)
 //! ```
 //!
-//! since every term behind j holds the factor (1 − a_j); a ≤ 0.99 bounds the divisor away from zero. The pseudo
-//! ground truth is the sum of the joints' heat maps, scaled to peak 1. Canvases cover the person's window,
-//! never the whole image. This path is for ablations and uses only doubles. Once `cancel` is set, no further row is
-//! rendered and the result is invalid.
+//! since every term behind j holds the factor (1 − a_j); a ≤ 0.99 bounds the divisor away from
+//! zero. The pseudo ground truth is the sum of the joints' heat maps, scaled to peak 1. Canvases
+//! cover the person's window, never the whole image. This path is for ablations and uses only
+//! doubles. Once `cancel` is set, no further row is rendered and the result is invalid.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -94,8 +95,8 @@ pub fn bytes<'a>(splats: impl Iterator<Item = &'a Splat>) -> u128 {
     (CANVASES * size_of::<f64>()) as u128 * rows.len() as u128 * columns.len() as u128
 }
 
-/// Calls `visit(v, span, a)` for every covered row of `splat` with its values, cut at 0.99 if `clamp`, until `cancel` is
-/// set. `line` is the buffer for the values.
+/// Calls `visit(v, span, a)` for every covered row of `splat` with its values, cut at 0.99 if
+/// `clamp`, until `cancel` is set. `line` is the buffer for the values.
 fn each_row(
     splat: &Splat,
     clamp: bool,
@@ -193,8 +194,8 @@ impl Composite {
         }
     }
 
-    /// Moments of every splat after [`Composite::compare`] with the same `splats`, nearest first; passes
-    /// them to `give(index, moments)`, farthest first.
+    /// Moments of every splat after [`Composite::compare`] with the same `splats`, nearest first;
+    /// passes them to `give(index, moments)`, farthest first.
     pub fn backward(
         &mut self,
         splats: &[Splat],

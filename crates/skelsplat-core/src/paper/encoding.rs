@@ -5,11 +5,12 @@ use crate::error::{Error, Result};
 /// Joint encoding c_j.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Encoding {
-    /// `c_j[k] = [k = j]`: one channel per joint; joints do not occlude each other. The paper's method.
+    /// `c_j[k] = [k = j]`: one channel per joint; joints do not occlude each other. The paper's
+    /// method.
     #[default]
     OneHot,
-    /// Ablation: three shared channels, composited front to back. Every joint is white, so the three
-    /// channels are equal.
+    /// Ablation: three shared channels, composited front to back. Every joint is white, so the
+    /// three channels are equal.
     Rgb,
     /// Ablation: one shared channel, composited front to back.
     Single,

@@ -1,4 +1,5 @@
-//! The published method for one frame: Gaussians start at the initial pose and are optimised by Adam.
+//! The published method for one frame: Gaussians start at the initial pose and are optimised by
+//! Adam.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -52,10 +53,12 @@ pub struct LossAndGradient {
 }
 
 impl Frame<'_> {
-    /// The pose of the frame, starting from the known joints of `init`, with splats of standard deviation `sigmas` `(N)`.
+    /// The pose of the frame, starting from the known joints of `init`, with splats of standard
+    /// deviation `sigmas` `(N)`.
     ///
     /// # Errors
-    /// [`Error::OutOfMemory`] if the windows are too large, [`Error::Cancelled`] once `cancel` is set.
+    /// [`Error::OutOfMemory`] if the windows are too large, [`Error::Cancelled`] once `cancel` is
+    /// set.
     pub fn solve(&self, init: Option<&[Option<Vector3<f64>>]>, sigmas: &[f64]) -> Result<Outcome> {
         let init = self.initial_pose(init);
         let round = |(mean, sigma): (&Vector3<f64>, &f64)| Gaussian::isotropic(*mean, *sigma);
@@ -87,8 +90,8 @@ impl Frame<'_> {
         })
     }
 
-    /// Loss over all views and its gradient for any Gaussians `(N)`, in doubles; `shapes` determine the pseudo
-    /// ground truth.
+    /// Loss over all views and its gradient for any Gaussians `(N)`, in doubles; `shapes` determine
+    /// the pseudo ground truth.
     ///
     /// # Errors
     /// As [`Self::solve`].

@@ -1,7 +1,8 @@
-//! Masked L2 of one channel, value and gradient in one pass over the render's pixels (paper §3, L_render).
+//! Masked L2 of one channel, value and gradient in one pass over the render's pixels (paper §3,
+//! L_render).
 //!
-//! Over the union mask, Σ(R−P)² = ΣP² + Σ_R (R² − 2RP): outside the render only P contributes, and ΣP² is
-//! known. The mask counts |R| + |P| − |R∩P| pixels, from the spans alone.
+//! Over the union mask, Σ(R−P)² = ΣP² + Σ_R (R² − 2RP): outside the render only P contributes, and
+//! ΣP² is known. The mask counts |R| + |P| − |R∩P| pixels, from the spans alone.
 //!
 //! For the gradient let D = R − P and w = D·R where the clamp at 0.99 is not active, else 0. With
 //! R = exp(−½ xᵀAx) and x = p − m,
@@ -55,7 +56,8 @@ impl Moments {
     }
 }
 
-/// Rows after which the lanes' sums are added to doubles, which limits the error of f32 sums to that of a few rows.
+/// Rows after which the lanes' sums are added to doubles, which limits the error of f32 sums to
+/// that of a few rows.
 const FLUSH: usize = 16;
 
 /// Per-lane sums over some rows: Σ R(R−2P), Σw·{x, y, xx, xy, yy}.
@@ -73,7 +75,8 @@ impl<P: Pixel> Lanes<P> {
     }
 }
 
-/// Compares the render of `splat` with `heat`. `line` is scratch for one row of the pseudo ground truth.
+/// Compares the render of `splat` with `heat`. `line` is scratch for one row of the pseudo ground
+/// truth.
 #[must_use]
 pub fn channel<P: Pixel>(splat: &Splat, heat: &HeatMap<P>, line: &mut Vec<P>) -> ChannelSums {
     let table = RowTable::new(splat.conic[(0, 0)]);
@@ -100,8 +103,8 @@ pub fn channel<P: Pixel>(splat: &Splat, heat: &HeatMap<P>, line: &mut Vec<P>) ->
     }
 }
 
-/// One row of the pseudo ground truth up to whole groups, assembled in `line` where the heat map's window
-/// does not hold all of it.
+/// One row of the pseudo ground truth up to whole groups, assembled in `line` where the heat map's
+/// window does not hold all of it.
 #[cold]
 fn gather<'a, P: Pixel>(heat: &HeatMap<P>, v: i32, span: Span, line: &'a mut Vec<P>) -> &'a [P] {
     let (offset, pseudo) = heat.line(v, span);

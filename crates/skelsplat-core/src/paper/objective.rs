@@ -1,8 +1,9 @@
 //! L_opt = L_render + λ_sym L_sym of a skeleton, and its gradient in every parameter (paper §3).
 //!
-//! L_render is, per view, the mean of (render − pseudo)² over the union mask of all its channels, then the
-//! mean over the step's views that have any pixel (DESIGN §2). The closed form takes the integral over the plane
-//! instead, divided by the area of the targets' ellipses a ≥ 1/255, which the mask has where render and target agree.
+//! L_render is, per view, the mean of (render − pseudo)² over the union mask of all its channels,
+//! then the mean over the step's views that have any pixel (DESIGN §2). The closed form takes the
+//! integral over the plane instead, divided by the area of the targets' ellipses a ≥ 1/255, which
+//! the mask has where render and target agree.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -31,8 +32,8 @@ const PARALLEL_PIXELS: u64 = 5_000;
 /// Area of the ellipse a ≥ 1/255, 2π ln 255 √|Σ|, in units of the energy π√|Σ|.
 const ELLIPSE_AREA: f64 = CUT;
 
-/// The targets of the skeleton: detections, and the Gaussians that determine the shape of their heat maps by their
-/// projected covariance.
+/// The targets of the skeleton: detections, and the Gaussians that determine the shape of their
+/// heat maps by their projected covariance.
 #[derive(Debug, Clone, Copy)]
 pub struct Targets<'a> {
     /// Ideal pixels.
@@ -83,8 +84,8 @@ struct Channel<P> {
     loss: ChannelLoss,
 }
 
-/// The objective of one pose, with every buffer that an evaluation needs. Once the buffers have their
-/// size, evaluations do not allocate.
+/// The objective of one pose, with every buffer that an evaluation needs. Once the buffers have
+/// their size, evaluations do not allocate.
 #[derive(Debug, Clone)]
 pub struct Objective<'a, P> {
     views: &'a [View],
@@ -101,7 +102,8 @@ pub struct Objective<'a, P> {
     gradient: Vec<GaussianGradient>,
 }
 
-/// The splat of the detection of joint `j` in view `i` and the same on the plane; `None` without a pixel in the image.
+/// The splat of the detection of joint `j` in view `i` and the same on the plane; `None` without a
+/// pixel in the image.
 fn detection(
     view: &View,
     targets: &Targets<'_>,
@@ -184,8 +186,8 @@ impl ChannelLoss {
 }
 
 impl<'a, P: Pixel> Objective<'a, P> {
-    /// Builds the pseudo ground truth of `targets` in `views`. `parallel` allows the threads of the current pool to work on
-    /// this pose.
+    /// Builds the pseudo ground truth of `targets` in `views`. `parallel` allows the threads of the
+    /// current pool to work on this pose.
     ///
     /// # Errors
     /// [`Error::OutOfMemory`] before building it, [`Error::Cancelled`] once `cancel` is set.
@@ -255,7 +257,8 @@ impl<'a, P: Pixel> Objective<'a, P> {
         self.of_joint(j).filter(|c| !c.is_missing()).count()
     }
 
-    /// Number of views in which the splat of joint `j` overlapped its pseudo ground truth at the last evaluation.
+    /// Number of views in which the splat of joint `j` overlapped its pseudo ground truth at the
+    /// last evaluation.
     #[must_use]
     pub fn meeting_views(&self, j: usize) -> usize {
         let meets = |c: &&Channel<P>| match (&c.detection, &c.splat) {
@@ -409,7 +412,8 @@ impl<'a, P: Pixel> Objective<'a, P> {
     }
 }
 
-/// Rejects windows that do not fit into memory, including those of frames processed concurrently by other threads.
+/// Rejects windows that do not fit into memory, including those of frames processed concurrently by
+/// other threads.
 fn check_memory<P>(
     found: &[Option<(Splat, PlaneGaussian)>],
     n_joints: usize,

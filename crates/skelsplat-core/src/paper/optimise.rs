@@ -24,7 +24,8 @@ pub struct Run {
     pub history: Vec<Loss>,
 }
 
-/// Moves `gaussians` to a minimum of `objective` over `n_views` views; `position_lr` in mm per step.
+/// Moves `gaussians` to a minimum of `objective` over `n_views` views; `position_lr` in mm per
+/// step.
 ///
 /// # Errors
 /// [`Error::Cancelled`] once `cancel`, the flag of the objective, is set.

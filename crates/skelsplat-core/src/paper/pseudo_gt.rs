@@ -1,7 +1,7 @@
 //! Pseudo ground truth: the heat map of one detection (paper §3 "Supervision from 2D Detections").
 //!
-//! P(p) = exp(−½ (p−d)ᵀ(Σ²)⁻¹(p−d)) around the sub-pixel detection d with the projected covariance of the
-//! *initial* Gaussian, peak 1, zero below 1/255. Built once per pose.
+//! P(p) = exp(−½ (p−d)ᵀ(Σ²)⁻¹(p−d)) around the sub-pixel detection d with the projected covariance
+//! of the *initial* Gaussian, peak 1, zero below 1/255. Built once per pose.
 
 use super::rows::{Group, LANES, Pixel, RowTable};
 use super::splat::{Row, Span, Splat};
@@ -86,8 +86,8 @@ impl<P: Pixel> HeatMap<P> {
         (at(span.start), &self.values[start..start + shared.len()])
     }
 
-    /// The pixels of `span` in row `v`, up to whole groups of [`LANES`], if the window holds them all. What lies
-    /// beyond the span is unspecified.
+    /// The pixels of `span` in row `v`, up to whole groups of [`LANES`], if the window holds them
+    /// all. What lies beyond the span is unspecified.
     #[inline]
     #[must_use]
     pub fn groups(&self, v: i32, span: Span) -> Option<&[P]> {

@@ -68,7 +68,8 @@ impl Images {
 /// A splat with its depth, `None` if the Gaussian is not in front of the camera.
 pub type Seen = Option<(Splat, f64)>;
 
-/// Splats in `view` of Gaussians `(mean, covariance)`, the projected variances enlarged by `dilation`.
+/// Splats in `view` of Gaussians `(mean, covariance)`, the projected variances enlarged by
+/// `dilation`.
 #[must_use]
 pub fn splats(view: &View, shapes: &[(Vector3<f64>, Matrix3<f64>)], dilation: f64) -> Vec<Seen> {
     let one = |(mean, covariance): &(Vector3<f64>, Matrix3<f64>)| {

@@ -1,5 +1,5 @@
-//! exp(−½ (a x² + e)) along a row of pixels by recurrence, eight pixels at a time in vector registers, with
-//! two calls of exp per row instead of one per pixel.
+//! exp(−½ (a x² + e)) along a row of pixels by recurrence, eight pixels at a time in vector
+//! registers, with two calls of exp per row instead of one per pixel.
 //!
 //! For lane l of a group of L pixels that starts at x = d,
 //!
@@ -9,8 +9,9 @@
 //! r_l      ← r_l · exp(−a L²)    from one group to the next
 //! ```
 //!
-//! Each step multiplies rounding into both g and r, so the relative error after k groups is about k²/2 ulp, plus
-//! k times that of the first r; the recurrence restarts every `RESTART` groups, when k²/2 reaches 32 ulp.
+//! Each step multiplies rounding into both g and r, so the relative error after k groups is about
+//! k²/2 ulp, plus k times that of the first r; the recurrence restarts every `RESTART` groups, when
+//! k²/2 reaches 32 ulp.
 
 use std::ops::{Add, Mul, Sub};
 
@@ -139,8 +140,8 @@ impl<P: Pixel> RowTable<P> {
         }
     }
 
-    /// Calls `visit(k, group)` for the consecutive groups of `len` pixels, the first of which lies at `d`
-    /// from the row's centre; `floor` is e. Lanes beyond `len` are zero.
+    /// Calls `visit(k, group)` for the consecutive groups of `len` pixels, the first of which lies
+    /// at `d` from the row's centre; `floor` is e. Lanes beyond `len` are zero.
     #[inline(always)]
     #[allow(clippy::inline_always, reason = "the visitor's sums must stay in registers")]
     pub fn for_each(&self, d: f64, floor: f64, len: usize, mut visit: impl FnMut(usize, P::Group)) {
@@ -192,7 +193,8 @@ fn keep<P: Pixel>(group: P::Group, n: usize) -> P::Group {
 mod tests {
     use super::*;
 
-    /// Largest relative error against exp, over rows of every width from one pixel to a whole image.
+    /// Largest relative error against exp, over rows of every width from one pixel to a whole
+    /// image.
     fn worst<P: Pixel>() -> f64 {
         let mut worst = 0.0_f64;
         for sigma in [0.55, 1.0, 2.4, 5.0, 20.0, 100.0, 300.0] {
@@ -220,13 +222,14 @@ mod tests {
 
     #[test]
     fn recurrence_follows_exp() {
-        // k²/2 = 32 ulp, k = 8 times the error of the first r, a product of three rounded factors (2 ulp), and
-        // as much once for the start.
+        // k²/2 = 32 ulp, k = 8 times the error of the first r, a product of three rounded factors
+        // (2 ulp), and as much once for the start.
         let single = 32.0 + 8.0 * 2.0 + 2.0;
         assert!(worst::<f32>() / 2.0_f64.powi(-24) < single, "{}", worst::<f32>());
-        // Doubles are also affected by the rounding of the exponents, unlike f32 factors: the exponents of the start add
-        // up to ½ a d² + a |d| l + ½ a l² < 5.6 + 43 + 81 at the smallest σ here, 0.55 px, each off by half an ulp
-        // of itself, hence the exponential by as many ulp of its own.
+        // Doubles are also affected by the rounding of the exponents, unlike f32 factors: the
+        // exponents of the start add up to ½ a d² + a |d| l + ½ a l² < 5.6 + 43 + 81 at the
+        // smallest σ here, 0.55 px, each off by half an ulp of itself, hence the exponential by as
+        // many ulp of its own.
         let double = single + 0.5 * 130.0 * 2.0;
         assert!(worst::<f64>() / 2.0_f64.powi(-53) < double, "{}", worst::<f64>());
     }

@@ -15,19 +15,22 @@ settings! {
         max_steps: usize = 125, Domain::Any, "",
             "Maximum number of steps.";
         renderer: Renderer = Renderer::Raster, Domain::Any, "",
-            "How splats are compared with detections: `raster` on pixels, as in the paper, or `closed_form` with the exact \
-             integral of the same loss over the plane (one-hot encoding only).";
+            "How splats are compared with detections: `raster` on pixels, as in the paper, or \
+             `closed_form` with the exact integral of the same loss over the plane (one-hot \
+             encoding only).";
         dilation: f64 = 0.3, Domain::Positive, "px²",
             "h, added to the projected variances.";
         encoding: Encoding = Encoding::OneHot, Domain::Any, "",
-            "Joint encoding; `rgb` and `single`, which share channels among joints, are for ablations.";
+            "Joint encoding; `rgb` and `single`, which share channels among joints, are for \
+             ablations.";
         symmetry_weight: f64 = 1e-5, Domain::NotNegative, "mm⁻²",
             "λ_sym, the weight of the symmetry loss.";
         views_per_step: Option<usize> = None, Domain::Within(1, usize::MAX), "",
             "Number of views accumulated into the gradient of a step; None: all.";
-        position_lr_mm: PositionLearningRate = PositionLearningRate::Millimetres(3.0), Domain::Rate, "mm",
-            "Initial learning rate of the means; \"camera_extent\": 5e-4 · 1.1 · the largest distance of a camera centre from \
-             their mean.";
+        position_lr_mm: PositionLearningRate = PositionLearningRate::Millimetres(3.0),
+            Domain::Rate, "mm",
+            "Initial learning rate of the means; \"camera_extent\": 5e-4 · 1.1 · the largest \
+             distance of a camera centre from their mean.";
         position_lr_factor: f64 = 1.0, Domain::Positive, "",
             "Factor on `position_lr_mm`; for its dome rigs the paper used 10 times the formula.";
         log_scale_lr: f64 = 0.005, Domain::Rate, "",
@@ -37,7 +40,8 @@ settings! {
         lr_decay: f64 = 0.01, Domain::Positive, "",
             "Factor applied to the position learning rate over `lr_decay_steps`.";
         lr_decay_steps: f64 = 1000.0, Domain::Positive, "steps",
-            "Number of steps after which the position learning rate has been multiplied by `lr_decay`.";
+            "Number of steps after which the position learning rate has been multiplied by \
+             `lr_decay`.";
         adam_betas: [f64; 2] = [0.9, 0.999], Domain::BelowOne, "",
             "Adam's β₁ and β₂.";
         adam_epsilon: f64 = 1e-15, Domain::Positive, "",
@@ -70,7 +74,8 @@ impl PaperSettings {
 pub enum Renderer {
     /// On pixels, as in the paper.
     Raster,
-    /// The integral of the same loss over the plane, exact and without pixels; one-hot encoding only.
+    /// The integral of the same loss over the plane, exact and without pixels; one-hot encoding
+    /// only.
     ClosedForm,
 }
 

@@ -62,7 +62,8 @@ pub struct Row {
     pub floor: f64,
 }
 
-/// exp(−½ q) with q = (p−m)ᵀ A (p−m), A = Σ⁻¹ = [[a, b], [b, c]], cut at 1/255 and at the image's border.
+/// exp(−½ q) with q = (p−m)ᵀ A (p−m), A = Σ⁻¹ = [[a, b], [b, c]], cut at 1/255 and at the image's
+/// border.
 #[derive(Debug, Clone, Copy)]
 pub struct Splat {
     /// Centre m, pixels.
@@ -96,8 +97,8 @@ fn pixels_within(centre: f64, half: f64, limit: f64) -> Span {
 }
 
 impl Splat {
-    /// The splat of `mean` and `covariance` (pixels², positive definite) in an image of `size` = (width,
-    /// height); `None` if the covariance has no inverse.
+    /// The splat of `mean` and `covariance` (pixels², positive definite) in an image of `size` =
+    /// (width, height); `None` if the covariance has no inverse.
     #[must_use]
     pub fn new(mean: Vector2<f64>, covariance: &Matrix2<f64>, size: [u32; 2]) -> Option<Self> {
         let conic = covariance.try_inverse()?;
@@ -115,7 +116,8 @@ impl Splat {
         })
     }
 
-    /// Row `v` of the splat; its span is empty where the ellipse misses every pixel centre of the row.
+    /// Row `v` of the splat; its span is empty where the ellipse misses every pixel centre of the
+    /// row.
     #[must_use]
     pub fn row(&self, v: i32) -> Row {
         let y = f64::from(v) - self.mean.y;

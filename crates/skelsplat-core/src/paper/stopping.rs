@@ -1,7 +1,7 @@
 //! Early stopping on window minima (paper §3 "Optimization").
 
-/// Stops when the minimum loss of one window of steps differs by less than `tolerance` from that of the previous
-/// window.
+/// Stops when the minimum loss of one window of steps differs by less than `tolerance` from that of
+/// the previous window.
 #[derive(Debug, Clone)]
 pub struct WindowMinimum {
     window: usize,

@@ -10,10 +10,12 @@ use super::score::at_body;
 
 /// Score from which a figure at a body that has one already is the same person again.
 const AGAIN: f64 = 0.5;
-/// Share of its joints that such a figure may have in common with the first, if it is another part of the body.
+/// Share of its joints that such a figure may have in common with the first, if it is another part
+/// of the body.
 const PART: f64 = 0.3;
 
-/// Figures at a body that has one in the same view: another part of the person, or the person detected twice.
+/// Figures at a body that has one in the same view: another part of the person, or the person
+/// detected twice.
 pub(super) fn absorb(
     crowd: &Crowd,
     pose: &[Vector3<f64>],

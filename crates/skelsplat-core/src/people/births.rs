@@ -19,7 +19,8 @@ pub const FITS: f64 = 0.35;
 const COMMON: usize = 4;
 /// Number of proposals that are judged.
 const PROPOSALS: usize = 200;
-/// Work on a frame: pairs of figures that are compared, and figures that are compared with proposals.
+/// Work on a frame: pairs of figures that are compared, and figures that are compared with
+/// proposals.
 const MOST_PAIRS: usize = 1_000_000;
 const MOST_SCORES: usize = 1_000_000;
 /// Support lost by each view that should see a body and does not.
@@ -28,7 +29,8 @@ const UNSEEN: f64 = 0.3;
 const SUPPORT: f64 = 0.75;
 /// Share of a body's joints inside an image that ought to be detected.
 const INSIDE: f64 = 0.7;
-/// Standard deviation of a bone's length from the population's proportions, and least share of bones that match.
+/// Standard deviation of a bone's length from the population's proportions, and least share of
+/// bones that match.
 const PROPORTION: f64 = 0.3;
 const LEAST_BONES: f64 = 0.35;
 
@@ -68,8 +70,8 @@ fn best(proposals: &[Proposal]) -> Option<usize> {
 }
 
 impl Judge<'_> {
-    /// Newcomers among the free figures, which they take; those of the largest support first. And whether there was too much
-    /// to compare for all of it to be compared.
+    /// Newcomers among the free figures, which they take; those of the largest support first. And
+    /// whether there was too much to compare for all of it to be compared.
     pub fn newcomers(&self, crowd: &Crowd, free: &mut Free) -> (Vec<Newcomer>, bool) {
         let (mut proposals, mut cut) = self.proposals(crowd, free);
         let figures = crowd.views.iter().map(Vec::len).sum::<usize>().max(1);
@@ -102,7 +104,8 @@ impl Judge<'_> {
         (found, cut)
     }
 
-    /// Pairs of figures with their bodies, those that agree best; and whether figures were left out.
+    /// Pairs of figures with their bodies, those that agree best; and whether figures were left
+    /// out.
     fn proposals(&self, crowd: &Crowd, free: &Free) -> (Vec<Proposal>, bool) {
         let sigma = KERNEL * self.known.sigma;
         let least = COMMON.min(crowd.n_joints);
@@ -143,7 +146,8 @@ impl Judge<'_> {
         (pairs.into_iter().map(propose).collect(), cut)
     }
 
-    /// Scores of all views at a body, less a penalty for those that should see it, times how human it is.
+    /// Scores of all views at a body, less a penalty for those that should see it, times how human
+    /// it is.
     #[must_use]
     pub fn support(&self, crowd: &Crowd, free: &Free, pose: &[Vector3<f64>]) -> f64 {
         let sigma = KERNEL * self.known.sigma;
@@ -179,7 +183,8 @@ impl Judge<'_> {
         n > 0 && known.filter(inside).count() as f64 >= INSIDE * n as f64
     }
 
-    /// Mean weight of the bones, compared with the proportions of people of the stature that suits them best; 1 if none is known.
+    /// Mean weight of the bones, compared with the proportions of people of the stature that suits
+    /// them best; 1 if none is known.
     fn human(&self, pose: &[Vector3<f64>]) -> f64 {
         let stature = |p: &Proportion| (pose[p.joints[0]] - pose[p.joints[1]]).norm() / p.ratio;
         let known: Vec<f64> = self
@@ -201,7 +206,8 @@ impl Judge<'_> {
         known.iter().map(|s| at(*s)).fold(0.0, f64::max)
     }
 
-    /// A proposal with the figures of all views that fit it, placed by all of them; `None` if less than two remain or no support.
+    /// A proposal with the figures of all views that fit it, placed by all of them; `None` if less
+    /// than two remain or no support.
     fn grown(&self, crowd: &Crowd, free: &Free, proposal: &Proposal) -> Option<Newcomer> {
         let sigma = KERNEL * self.known.sigma;
         let mut pose = proposal.pose.clone();

@@ -9,7 +9,8 @@ use crate::detections::Detections;
 
 /// Kernels under which a joint settles, in multiples of σ.
 const SETTLE: [f64; 3] = [1.5, 0.75, 0.5];
-/// Least spread of the rays (see [`nearest_with_spread`]) that gives a joint a place of its own: two rays at 13°.
+/// Least spread of the rays (see [`nearest_with_spread`]) that gives a joint a place of its own:
+/// two rays at 13°.
 const SPREAD: f64 = 0.04;
 /// Weight of the expected place, as a share of that of all rays.
 const PRIOR: f64 = 0.01;
@@ -63,7 +64,8 @@ pub fn placed(
 
 /// The point near `start` (NaN: anywhere) that the rays agree on, under narrowing kernels.
 ///
-/// Where rays are nearly parallel, as those of opposite cameras, the expected place decides along them: it counts as [`PRIOR`] of a ray.
+/// Where rays are nearly parallel, as those of opposite cameras, the expected place decides along
+/// them: it counts as [`PRIOR`] of a ray.
 fn settled(rays: &[Ray], start: &Vector3<f64>, sigma: f64) -> Option<Vector3<f64>> {
     if rays.len() < 2 {
         return None;
@@ -88,7 +90,8 @@ fn settled(rays: &[Ray], start: &Vector3<f64>, sigma: f64) -> Option<Vector3<f64
     (fits >= 2).then_some(x)
 }
 
-/// The point with the least Σ w |e|² + [`PRIOR`] |x − x⁰|²; without x⁰ `None` if the rays are nearly parallel.
+/// The point with the least Σ w |e|² + [`PRIOR`] |x − x⁰|²; without x⁰ `None` if the rays are
+/// nearly parallel.
 fn nearest(
     rays: &[Ray],
     prior: Option<&Vector3<f64>>,
@@ -99,7 +102,8 @@ fn nearest(
             .filter(|(_, s)| *s > SPREAD)
             .map(|(x, _)| x);
     };
-    // Σ w and the six entries of Σ w d dᵀ, written out: the library's matrices are not inlined everywhere.
+    // Σ w and the six entries of Σ w d dᵀ, written out: the library's matrices are not inlined
+    // everywhere.
     let (mut all, mut pull) = (0.0, Vector3::zeros());
     let mut along = [0.0; 6];
     for ray in rays {
@@ -247,7 +251,8 @@ impl Body {
         }
     }
 
-    /// Median difference of the lengths of bones, relative to the length; 0 if they have none in common.
+    /// Median difference of the lengths of bones, relative to the length; 0 if they have none in
+    /// common.
     #[must_use]
     pub fn differs(&self, other: &Self) -> f64 {
         let both = self.lengths.iter().zip(&other.lengths).filter(|(a, b)| a.1 > 0 && b.1 > 0);
@@ -262,7 +267,8 @@ impl Body {
     }
 }
 
-/// Median distance of the joints that two poses have in common, mm; infinite if those are fewer than three.
+/// Median distance of the joints that two poses have in common, mm; infinite if those are fewer
+/// than three.
 #[must_use]
 pub fn apart(a: &[Vector3<f64>], b: &[Vector3<f64>]) -> f64 {
     let between = a.iter().zip(b).map(|(x, y)| (x - y).norm());

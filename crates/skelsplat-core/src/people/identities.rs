@@ -1,7 +1,8 @@
 //! Who is who over a whole recording: what a look at single frames cannot know.
 //!
-//! The lengths of bones, medians over many frames, tell people apart who were followed for a while. They say whether somebody who appears is
-//! the one who was lost there before, and whether two who met went on as each other.
+//! The lengths of bones, medians over many frames, tell people apart who were followed for a while.
+//! They say whether somebody who appears is the one who was lost there before, and whether two who
+//! met went on as each other.
 
 use std::ops::Range;
 
@@ -9,22 +10,27 @@ use super::body::{apart, median};
 use super::known::Known;
 use super::tracks::Track;
 
-/// Share of their common frames in which two people are in one place, if they are one; and the distance, in kernels.
+/// Share of their common frames in which two people are in one place, if they are one; and the
+/// distance, in kernels.
 const DOUBLE: f64 = 0.5;
 const SAME: f64 = 1.5;
-/// Distance, in kernels, within which two people meet, and the time between two meetings that are one, s.
+/// Distance, in kernels, within which two people meet, and the time between two meetings that are
+/// one, s.
 const MEET: f64 = 8.0;
 const PAUSE: f64 = 0.5;
 /// Time before and after a meeting from which bones are measured, s: at most, and at least.
 const AROUND: f64 = 5.0;
 const LEAST: f64 = 0.4;
-/// Standard deviation of a measured bone, relative to its length, and the evidence for an exchange, in log-likelihood.
+/// Standard deviation of a measured bone, relative to its length, and the evidence for an exchange,
+/// in log-likelihood.
 const SPREAD: f64 = 0.03;
 const EVIDENCE: f64 = 6.0;
-/// Longest absence, and longest time for which both can be there while one takes over from the other, s.
+/// Longest absence, and longest time for which both can be there while one takes over from the
+/// other, s.
 const ABSENCE: f64 = 5.0;
 const OVERLAP: f64 = 0.5;
-/// How far somebody can have moved while absent: in kernels, and mm/s; in how many frames at either end it is looked for.
+/// How far somebody can have moved while absent: in kernels, and mm/s; in how many frames at either
+/// end it is looked for.
 const STEP: f64 = 5.0;
 const SPEED: f64 = 2500.0;
 const ENDS: usize = 10;
@@ -33,7 +39,8 @@ const DIFFERENCE: f64 = 0.08;
 /// Most frames from which bones are measured.
 const SAMPLES: usize = 60;
 
-/// Removes people who are others, exchanges those who went on as each other, and joins the parts of one.
+/// Removes people who are others, exchanges those who went on as each other, and joins the parts of
+/// one.
 pub(super) fn settle(tracks: &mut Vec<Track>, known: &Known, fps: f64) {
     drop_doubles(tracks, known);
     for a in 0..tracks.len() {
@@ -188,7 +195,8 @@ fn join(tracks: &mut Vec<Track>, known: &Known, fps: f64) {
     tracks.extend(all.into_iter().flatten().map(|(track, _)| track));
 }
 
-/// How little two tracks, with the lengths of their bones, look like the parts of one person; `None` if they cannot be.
+/// How little two tracks, with the lengths of their bones, look like the parts of one person;
+/// `None` if they cannot be.
 fn parted(
     (lost, a): &(Track, Vec<f64>),
     (new, b): &(Track, Vec<f64>),

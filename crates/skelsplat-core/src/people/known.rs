@@ -5,7 +5,8 @@ use crate::camera::Camera;
 use crate::layout::Layout;
 use crate::refine::Refiner;
 
-/// Kernel of claims in multiples of the splats' σ: 90 mm with the usual settings, the size of a part of the body.
+/// Kernel of claims in multiples of the splats' σ: 90 mm with the usual settings, the size of a
+/// part of the body.
 const KERNEL: f64 = 3.0;
 
 /// What bodies have in common.

@@ -1,4 +1,5 @@
-//! A recording of several people: one pass to find them, a second look at who has which figure, and each solved over time.
+//! A recording of several people: one pass to find them, a second look at who has which figure, and
+//! each solved over time.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -57,8 +58,9 @@ pub struct Everybody {
 
 /// Finds and refines everybody whom at least two views see.
 ///
-/// `people` has the slots of every frame, `P` times one figure per view `(M, N)`; empty slots have no detections, and slots are not
-/// identities. At most `max_people` are returned, those whom the views see most.
+/// `people` has the slots of every frame, `P` times one figure per view `(M, N)`; empty slots have
+/// no detections, and slots are not identities. At most `max_people` are returned, those whom the
+/// views see most.
 ///
 /// # Errors
 /// As [`refine_sequence`], and [`Error::InvalidInput`] if slots do not match.
@@ -120,7 +122,8 @@ impl Recording<'_> {
         (0..n).step_by(CHUNK).map(move |first| first..(first + CHUNK).min(n))
     }
 
-    /// Everybody who is seen by two views for long enough, followed from frame to frame; and [`Everybody::cut`].
+    /// Everybody who is seen by two views for long enough, followed from frame to frame; and
+    /// [`Everybody::cut`].
     fn tracks(&self) -> Result<(Vec<Track>, usize)> {
         let mut associator = Associator::new(self.refiner, self.layout, self.fps);
         let mut seen: BTreeMap<usize, Track> = BTreeMap::new();

@@ -16,8 +16,8 @@ const FARTHEST: f64 = 32.0;
 /// Scores as whole numbers.
 const SCALE: f64 = 1e9;
 
-/// The score of a figure at a body `(N)`, NaN where unknown, under kernels of width `sigma`; the better one of its two sides, where
-/// `mirror` has the mirror image of each joint.
+/// The score of a figure at a body `(N)`, NaN where unknown, under kernels of width `sigma`; the
+/// better one of its two sides, where `mirror` has the mirror image of each joint.
 #[must_use]
 pub fn at_body(figure: &Figure, body: &[Vector3<f64>], sigma: f64, mirror: &[usize]) -> f64 {
     let farthest = FARTHEST * sigma * sigma;
@@ -44,8 +44,8 @@ pub fn at_body(figure: &Figure, body: &[Vector3<f64>], sigma: f64, mirror: &[usi
     straight.max(score(&|j| mirror[j]))
 }
 
-/// The place where two rays meet, halfway between them, and their distance there; `None` if they are parallel or one would meet
-/// the other behind its camera.
+/// The place where two rays meet, halfway between them, and their distance there; `None` if they
+/// are parallel or one would meet the other behind its camera.
 #[inline]
 #[must_use]
 pub fn meet(a: &Ray, b: &Ray) -> Option<(Vector3<f64>, f64)> {
@@ -81,7 +81,8 @@ pub fn of_pair(a: &Figure, b: &Figure, sigma: f64) -> (f64, usize) {
     (if all > 0.0 { fits / all } else { 0.0 }, common)
 }
 
-/// The assignment with the largest sum of scores above `least`: the column of each row, each at most once.
+/// The assignment with the largest sum of scores above `least`: the column of each row, each at
+/// most once.
 #[must_use]
 pub fn assign(scores: &[Vec<f64>], least: f64) -> Vec<Option<usize>> {
     let (rows, columns) = (scores.len(), scores.first().map_or(0, Vec::len));

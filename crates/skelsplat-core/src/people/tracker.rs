@@ -47,7 +47,8 @@ impl Tracker {
     /// Nobody is known yet, of frames at this rate.
     ///
     /// # Errors
-    /// [`Error::InvalidInput`] if `fps` is not a positive number, for another method than `annealed`, or if nobody may be followed.
+    /// [`Error::InvalidInput`] if `fps` is not a positive number, for another method than
+    /// `annealed`, or if nobody may be followed.
     pub fn new(
         refiner: &Refiner,
         layout: &Layout,
@@ -75,7 +76,8 @@ impl Tracker {
         self.followed.clear();
     }
 
-    /// Identities of everybody who is known and followed, also of those out of sight: an identity that has left these does not return.
+    /// Identities of everybody who is known and followed, also of those out of sight: an identity
+    /// that has left these does not return.
     #[must_use]
     pub fn ids(&self) -> Vec<usize> {
         let mut ids: Vec<usize> = self.followed.iter().filter_map(|one| one.id).collect();
@@ -83,14 +85,15 @@ impl Tracker {
         ids
     }
 
-    /// In how many frames so far there were too many people for all of them to be compared, or followed.
+    /// In how many frames so far there were too many people for all of them to be compared, or
+    /// followed.
     #[must_use]
     pub fn cut(&self) -> usize {
         self.associator.cut()
     }
 
-    /// Everybody who is known and followed in the next frame, in the order of their identities; also those who are bridged while no view
-    /// sees them.
+    /// Everybody who is known and followed in the next frame, in the order of their identities;
+    /// also those who are bridged while no view sees them.
     ///
     /// # Errors
     /// As [`Refiner::refine`], and [`Error::InvalidInput`] if slots do not match.

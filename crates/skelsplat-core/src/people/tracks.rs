@@ -60,7 +60,8 @@ impl Track {
         self.claims.iter().flatten().filter(|claim| claim[0].is_some()).count()
     }
 
-    /// From the first to the last frame that two views see; `None` if those are nowhere `least` of twice as many frames.
+    /// From the first to the last frame that two views see; `None` if those are nowhere `least` of
+    /// twice as many frames.
     #[must_use]
     pub(super) fn trimmed(mut self, least: usize) -> Option<Self> {
         let two = |claims: &Claims| views(claims) >= 2;

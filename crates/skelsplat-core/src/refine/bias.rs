@@ -1,21 +1,26 @@
-//! How far a detector's joints lie from anatomical ones: errors that all views and frames share, and no residual shows.
+//! How far a detector's joints lie from anatomical ones: errors that all views and frames share,
+//! and no residual shows.
 //!
-//! The distances are those that comparisons of markerless with marker-based capture state in their abstracts; their tables per
-//! joint and direction were not available. Of two figures the larger is taken, of a range its upper end, of a bound the bound:
+//! The distances are those that comparisons of markerless with marker-based capture state in their
+//! abstracts; their tables per joint and direction were not available. Of two figures the larger is
+//! taken, of a range its upper end, of a bound the bound:
 //!
-//! * L. Needham et al., "The accuracy of several pose estimation methods for 3D joint centre localisation", Scientific Reports
-//!   11:20673 (2021), OpenPose, AlphaPose, DeepLabCut: hip and knee "~30–50 mm", ankle "1–15 mm";
-//! * R. M. Kanko et al., "Concurrent assessment of gait kinematics using marker-based and markerless motion capture", Journal of
-//!   Biomechanics 127:110665 (2021), Theia3D: "less than 2.5 cm for all joints except the hip, which was 3.6 cm" (root mean
-//!   square), whence the ankle;
-//! * B. K. Lahkar et al., "Accuracy of a markerless motion capture system in estimating upper extremity kinematics during
-//!   boxing", Frontiers in Sports and Active Living 4:939980 (2022), Theia3D: elbow "more than 3 cm", shoulder and wrist
-//!   "<2.5 cm";
-//! * N. Nakano et al., "Evaluation of 3D markerless motion capture accuracy using OpenPose with multiple video cameras", Frontiers
-//!   in Sports and Active Living 2:50 (2020), all joints: "an accuracy of 30 mm or less".
+//! * L. Needham et al., "The accuracy of several pose estimation methods for 3D joint centre
+//!   localisation", Scientific Reports 11:20673 (2021), OpenPose, AlphaPose, DeepLabCut: hip and
+//!   knee "~30–50 mm", ankle "1–15 mm";
+//! * R. M. Kanko et al., "Concurrent assessment of gait kinematics using marker-based and
+//!   markerless motion capture", Journal of Biomechanics 127:110665 (2021), Theia3D: "less than 2.5
+//!   cm for all joints except the hip, which was 3.6 cm" (root mean square), whence the ankle;
+//! * B. K. Lahkar et al., "Accuracy of a markerless motion capture system in estimating upper
+//!   extremity kinematics during boxing", Frontiers in Sports and Active Living 4:939980 (2022),
+//!   Theia3D: elbow "more than 3 cm", shoulder and wrist "<2.5 cm";
+//! * N. Nakano et al., "Evaluation of 3D markerless motion capture accuracy using OpenPose with
+//!   multiple video cameras", Frontiers in Sports and Active Living 2:50 (2020), all joints: "an
+//!   accuracy of 30 mm or less".
 //!
-//! Bridged: the pelvis, the middle of the hips, errs like a hip, and the neck, between the shoulders, like a shoulder. For spine,
-//! head, face, fingers, heels and toes, no abstract has a figure of its own; they get Nakano's.
+//! Bridged: the pelvis, the middle of the hips, errs like a hip, and the neck, between the
+//! shoulders, like a shoulder. For spine, head, face, fingers, heels and toes, no abstract has a
+//! figure of its own; they get Nakano's.
 
 use crate::layout::Layout;
 use crate::settings::{Kind, Parameter, Value};

@@ -1,5 +1,6 @@
-//! Every setting of `refine`: those shared by all methods, and the method with its own. These tables (here,
-//! `annealed/settings.rs` and `paper/settings.rs`) are the only definition of the defaults.
+//! Every setting of `refine`: those shared by all methods, and the method with its own. These
+//! tables (here, `annealed/settings.rs` and `paper/settings.rs`) are the only definition of the
+//! defaults.
 
 use std::fmt::Display;
 
@@ -12,41 +13,46 @@ use crate::settings::{Domain, Kind, Setting, Value, settings};
 /// How a pose is refined.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Method {
-    /// Annealed splatting, the default: the closed-form loss under a kernel that narrows to the noise, from any start.
+    /// Annealed splatting, the default: the closed-form loss under a kernel that narrows to the
+    /// noise, from any start.
     Annealed(AnnealedSettings),
     /// The published method: the rendering loss, minimised by Adam.
     Paper(PaperSettings),
 }
 
-/// Upper limit of `n_threads`: as many as the largest machines have cores. To start many takes long: 4096 on two cores a minute.
+/// Upper limit of `n_threads`: as many as the largest machines have cores. To start many takes
+/// long: 4096 on two cores a minute.
 const MOST_THREADS: usize = 1024;
 
-/// Smallest `detection_sigma_px`: a tenth of the noise of the best calibrated cameras with coordinates in focal lengths
-/// instead of pixels. Below a tenth of this, the weights of ordinary detections are so small that error bars are lost to
-/// rounding.
+/// Smallest `detection_sigma_px`: a tenth of the noise of the best calibrated cameras with
+/// coordinates in focal lengths instead of pixels. Below a tenth of this, the weights of ordinary
+/// detections are so small that error bars are lost to rounding.
 const LEAST_NOISE_PX: f64 = 1e-4;
 
 settings! {
     /// Settings of `refine`. Lengths are millimetres whatever the unit of the cameras.
     RefineConfig {
         occlusion_sigma_mm: Option<f64> = None, Domain::Positive, "mm",
-            "`sigma_mm` of occlusion-prone joints (elbows, wrists, ankles); None: same as `sigma_mm`.";
+            "`sigma_mm` of occlusion-prone joints (elbows, wrists, ankles); None: same as \
+             `sigma_mm`.";
         joint_sigmas_mm: Option<Vec<f64>> = None, Domain::Positive, "mm",
             "`sigma_mm` per joint, N values; replaces `sigma_mm` and `occlusion_sigma_mm`.";
         symmetry_tier: u8 = 1, Domain::Within(0, 3), "",
-            "Tier up to which symmetric limbs are kept equal in length: 0 off, 1 lower limbs, 2 also upper limbs, 3 also the \
-             trunk.";
+            "Tier up to which symmetric limbs are kept equal in length: 0 off, 1 lower limbs, 2 \
+             also upper limbs, 3 also the trunk.";
         symmetry_sigma_mm: f64 = Annealing::SYMMETRY_SIGMA, Domain::Positive, "mm",
-            "Standard deviation of the length difference between symmetric limbs; `paper` uses it only for error bars.";
+            "Standard deviation of the length difference between symmetric limbs; `paper` uses it \
+             only for error bars.";
         detection_sigma_px: Option<f64> = None, Domain::From(LEAST_NOISE_PX), "px",
-            "Standard deviation of the detection noise per axis; `paper` uses it only for error bars; None: estimated in \
-             every frame.";
+            "Standard deviation of the detection noise per axis; `paper` uses it only for error \
+             bars; None: estimated in every frame.";
         joint_bias_mm: JointBias = JointBias::OfLayout, Domain::NotNegative, "mm",
-            "Standard deviation per axis of the detector's joints from anatomical ones, the same in all views and frames, for all \
-             joints or N values; part of the error bar, not of the scatter; None: published figures for human layouts, 0 \
-             for others.";
+            "Standard deviation per axis of the detector's joints from anatomical ones, the same \
+             in all views and frames, for all joints or N values; part of the error bar, not of \
+             the scatter; None: published figures for human layouts, 0 for others.";
         undistort: bool = true, Domain::Any, "",
-            "Remove lens distortion from the detections first; False reproduces results published without undistortion.";
+            "Remove lens distortion from the detections first; False reproduces results published \
+             without undistortion.";
         min_confidence: f64 = 0.0, Domain::Share, "",
             "Detections with a lower confidence are treated as missing.";
         n_threads: Option<usize> = None, Domain::Within(1, MOST_THREADS), "",
@@ -131,8 +137,9 @@ pub const OCCLUSION_FACTOR: Setting = Setting {
     kind: Kind::Number,
     domain: Domain::Any,
     unit: "",
-    sentence: "The paper's f, an alternative to `occlusion_sigma_mm`: multiplies the *logarithm* of `sigma_mm`, giving σ^f; for \
-               `paper` 42.5 mm with 1.25, 90 mm with 1.5 and 403 mm with 2. Converted, not stored.",
+    sentence: "The paper's f, an alternative to `occlusion_sigma_mm`: multiplies the \
+               *logarithm* of `sigma_mm`, giving σ^f; for `paper` 42.5 mm with 1.25, 90 mm with \
+               1.5 and 403 mm with 2. Converted, not stored.",
 };
 
 /// Former names and their replacements, which include the unit.
@@ -174,8 +181,8 @@ impl RefineConfig {
     /// Sets a setting; [`Self::validate`] checks whether the value lies in its domain.
     ///
     /// # Errors
-    /// [`Error::UnknownName`], or [`Error::InvalidInput`] if it belongs to the other method or the value has the wrong
-    /// kind.
+    /// [`Error::UnknownName`], or [`Error::InvalidInput`] if it belongs to the other method or the
+    /// value has the wrong kind.
     pub fn set(&mut self, name: &str, value: &Value) -> Result<()> {
         let setting = self.setting(name, value)?;
         let own = match &mut self.method {
@@ -189,7 +196,8 @@ impl RefineConfig {
         Err(Error::invalid(field, setting.kind.expected(), value.to_string()))
     }
 
-    /// The table row of a setting of this configuration; `given`, the value to be set, appears in errors.
+    /// The table row of a setting of this configuration; `given`, the value to be set, appears in
+    /// errors.
     ///
     /// # Errors
     /// [`Error::UnknownName`], or [`Error::InvalidInput`] if it belongs to the other method.
@@ -233,8 +241,8 @@ impl RefineConfig {
         }
     }
 
-    /// Sets σ of occlusion-prone joints from the paper's factor f, which multiplies the *log*-scale:
-    /// σ = σ₀^f (e^{3f} at the paper's σ₀; f = 1.25 → 42.5 mm).
+    /// Sets σ of occlusion-prone joints from the paper's factor f, which multiplies the
+    /// *log*-scale: σ = σ₀^f (e^{3f} at the paper's σ₀; f = 1.25 → 42.5 mm).
     pub fn set_occlusion_factor(&mut self, factor: f64) {
         self.occlusion_sigma_mm = Some(self.sigma_mm().powf(factor));
     }

@@ -24,18 +24,19 @@ use crate::symmetry::LimbPair;
 use crate::threads;
 use crate::unit::Unit;
 
-/// One frame: detections, and an initial pose `(N)` in the unit of the cameras (`None`: triangulated; a NaN
-/// joint is triangulated too).
+/// One frame: detections, and an initial pose `(N)` in the unit of the cameras (`None`:
+/// triangulated; a NaN joint is triangulated too).
 #[derive(Debug, Clone)]
 pub struct Frame {
     /// Detection of each joint in each view.
     pub detections: Detections,
     /// Initial pose.
     pub init_pose: Option<Vec<Vector3<f64>>>,
-    /// Covariance `(N)`, unit², of an initial pose that is independent of these detections: the pose is then used as a
-    /// prior, not only as a starting point.
+    /// Covariance `(N)`, unit², of an initial pose that is independent of these detections: the
+    /// pose is then used as a prior, not only as a starting point.
     pub init_covariance: Option<Vec<Matrix3<f64>>>,
-    /// Whether the initial pose is that of the previous frame: it then decides between positions with equal votes.
+    /// Whether the initial pose is that of the previous frame: it then decides between positions
+    /// with equal votes.
     pub past: bool,
 }
 
@@ -77,7 +78,8 @@ pub struct Refiner {
     expected: Expected,
     occlusion_prone: Vec<usize>,
     n_joints: Option<usize>,
-    /// Standard deviations of the joints' systematic errors, in the unit of the cameras; empty if their number is unknown.
+    /// Standard deviations of the joints' systematic errors, in the unit of the cameras; empty if
+    /// their number is unknown.
     joint_bias: Arc<[f64]>,
     /// Settings of the rendering loss: those of `paper`, or for `annealed` its closed form.
     paper: PaperSettings,
@@ -86,7 +88,8 @@ pub struct Refiner {
 }
 
 impl Refiner {
-    /// Prepares `cameras`, given in `unit`. Without a `layout` there is no symmetry and no occlusion-prone joint.
+    /// Prepares `cameras`, given in `unit`. Without a `layout` there is no symmetry and no
+    /// occlusion-prone joint.
     ///
     /// # Errors
     /// [`Error::InvalidInput`] if there is no camera or a setting lies outside its domain.
@@ -158,7 +161,8 @@ impl Refiner {
     /// Refines one frame under `control`.
     ///
     /// # Errors
-    /// [`Error::InvalidInput`] if views or joints do not match, [`Error::Cancelled`] once cancelled.
+    /// [`Error::InvalidInput`] if views or joints do not match, [`Error::Cancelled`] once
+    /// cancelled.
     pub fn refine_under(&self, frame: &Frame, control: Control<'_>) -> Result<Refinement> {
         self.check(frame)?;
         let used = self.usable(&frame.detections);
@@ -252,15 +256,16 @@ impl Refiner {
         }
     }
 
-    /// Loss over all views and its gradient for any Gaussians `(N)`, in doubles, for study and tests: the paper's with
-    /// the paper's settings, else its closed form.
+    /// Loss over all views and its gradient for any Gaussians `(N)`, in doubles, for study and
+    /// tests: the paper's with the paper's settings, else its closed form.
     ///
-    /// Means and log-scales (ln σ) are in the unit of the cameras, as is the gradient. The pseudo ground
-    /// truth is shaped by the `targets` (mean and covariance per joint; `None`: the Gaussians themselves).
+    /// Means and log-scales (ln σ) are in the unit of the cameras, as is the gradient. The pseudo
+    /// ground truth is shaped by the `targets` (mean and covariance per joint; `None`: the
+    /// Gaussians themselves).
     ///
     /// # Errors
-    /// [`Error::InvalidInput`] if views or joints do not match, [`Error::OutOfMemory`] if the splats' windows are too
-    /// large, [`Error::Cancelled`] once cancelled.
+    /// [`Error::InvalidInput`] if views or joints do not match, [`Error::OutOfMemory`] if the
+    /// splats' windows are too large, [`Error::Cancelled`] once cancelled.
     pub fn loss_and_gradient(
         &self,
         gaussians: &[Gaussian],
@@ -390,8 +395,8 @@ impl Refiner {
         }
     }
 
-    /// Runs in the caller's thread pool, else in that of the process; never in rayon's global pool, which does not survive a
-    /// fork.
+    /// Runs in the caller's thread pool, else in that of the process; never in rayon's global pool,
+    /// which does not survive a fork.
     fn by_paper(&self, frame: &Frame, used: &Detections, control: Control<'_>) -> Result<Outcome> {
         let pose = self.initial_pose(frame);
         let sigmas = self.sigmas(used.n_joints());

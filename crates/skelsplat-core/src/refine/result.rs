@@ -15,21 +15,23 @@ pub struct Refinement {
     pub pose: Vec<Vector3<f64>>,
     /// Splat covariances Σ `(N)`, unit²; not an error bar.
     pub covariance: Vec<Matrix3<f64>>,
-    /// Posterior covariance of the position `(N)`, unit²: the scatter, what another recording of the same pose by the same
-    /// detector would give. NaN where unobserved.
+    /// Posterior covariance of the position `(N)`, unit²: the scatter, what another recording of
+    /// the same pose by the same detector would give. NaN where unobserved.
     pub uncertainty: Vec<Matrix3<f64>>,
-    /// Standard deviation per axis of the detector's joints `(N)` from anatomical ones, the same in all views and frames.
+    /// Standard deviation per axis of the detector's joints `(N)` from anatomical ones, the same in
+    /// all views and frames.
     pub joint_bias: Arc<[f64]>,
     /// Weight k of every detection `(M, N)`: how much it is trusted; NaN where missing.
     pub view_weights: Vec<f64>,
     /// Detections `(M, N)` that were used with left and right swapped.
     pub swapped: Vec<bool>,
-    /// ŝ, standard deviation of the detection noise across the ray, in the unit of the cameras; NaN without detections.
+    /// ŝ, standard deviation of the detection noise across the ray, in the unit of the cameras; NaN
+    /// without detections.
     pub noise: f64,
     /// The initial pose that was used `(N)`.
     pub init_pose: Vec<Vector3<f64>>,
-    /// Distance between detection and reprojection `(M, N)`, pixels of the original image; NaN where
-    /// there is no detection or no reprojection.
+    /// Distance between detection and reprojection `(M, N)`, pixels of the original image; NaN
+    /// where there is no detection or no reprojection.
     pub reprojection_error: Vec<f64>,
     /// Reliability of each joint `(N)`.
     pub joint_status: Vec<JointStatus>,
@@ -44,7 +46,8 @@ pub struct Refinement {
 }
 
 impl Refinement {
-    /// Covariance of the distance from an anatomical joint `(N)`, unit²: `uncertainty` + `joint_bias`² I. NaN where unobserved.
+    /// Covariance of the distance from an anatomical joint `(N)`, unit²: `uncertainty` +
+    /// `joint_bias`² I. NaN where unobserved.
     #[must_use]
     pub fn error_bar(&self) -> Vec<Matrix3<f64>> {
         let bar = |(scatter, bias): (&Matrix3<f64>, &f64)| {

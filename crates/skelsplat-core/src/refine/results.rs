@@ -1,4 +1,5 @@
-//! The results of many frames: one array per quantity, so that a long recording needs no more memory than its numbers.
+//! The results of many frames: one array per quantity, so that a long recording needs no more
+//! memory than its numbers.
 
 use std::iter::once;
 use std::sync::Arc;
@@ -10,17 +11,22 @@ use super::result::Refinement;
 use crate::error::{Error, Result};
 use crate::outcome::{JointStatus, Loss, StopReason};
 
-/// The columns: for each its type, the value before it is written, its length per frame of M views and N joints, and the
-/// values of a frame.
+/// The columns: for each its type, the value before it is written, its length per frame of M views
+/// and N joints, and the values of a frame.
 macro_rules! columns {
-    ($($(#[$doc:meta])* $name:ident: $type:ty = $blank:expr, $length:expr, |$frame:ident| $values:expr;)*) => {
-        /// The refined poses of T frames, in the unit of the cameras: the fields of [`Refinement`], each one row-major array.
+    ($(
+        $(#[$doc:meta])*
+        $name:ident: $type:ty = $blank:expr, $length:expr, |$frame:ident| $values:expr;
+    )*) => {
+        /// The refined poses of T frames, in the unit of the cameras: the fields of [`Refinement`],
+        /// each one row-major array.
         #[derive(Debug, Clone, PartialEq)]
         pub struct Refinements {
             frames: usize,
             views: usize,
             joints: usize,
-            /// Standard deviation per axis of the detector's joints `(N)` from anatomical ones, the same in all frames.
+            /// Standard deviation per axis of the detector's joints `(N)` from anatomical ones, the
+            /// same in all frames.
             pub joint_bias: Arc<[f64]>,
             $($(#[$doc])* pub $name: Vec<$type>,)*
         }
@@ -84,7 +90,8 @@ columns! {
     pose: f64 = 0.0, |_, n| 3 * n, |frame| numbers(&frame.pose);
     /// Splat covariances Σ `(T, N, 3, 3)`, unit²; not an error bar.
     covariance: f64 = 0.0, |_, n| 9 * n, |frame| numbers(&frame.covariance);
-    /// Posterior covariances of the positions `(T, N, 3, 3)`, unit²: the scatter. NaN where unobserved.
+    /// Posterior covariances of the positions `(T, N, 3, 3)`, unit²: the scatter. NaN where
+    /// unobserved.
     uncertainty: f64 = 0.0, |_, n| 9 * n, |frame| numbers(&frame.uncertainty);
     /// Weights k of the detections `(T, M, N)`; NaN where missing.
     view_weights: f64 = 0.0, |m, n| m * n, |frame| frame.view_weights.iter().copied();
@@ -94,10 +101,12 @@ columns! {
     noise: f64 = 0.0, |_, _| 1, |frame| once(frame.noise);
     /// The initial poses that were used `(T, N, 3)`.
     init_pose: f64 = 0.0, |_, n| 3 * n, |frame| numbers(&frame.init_pose);
-    /// Distances between detections and reprojections `(T, M, N)`, pixels of the original image; NaN where there is none.
+    /// Distances between detections and reprojections `(T, M, N)`, pixels of the original image;
+    /// NaN where there is none.
     reprojection_error: f64 = 0.0, |m, n| m * n, |frame| frame.reprojection_error.iter().copied();
     /// Reliability of the joints `(T, N)`.
-    joint_status: JointStatus = JointStatus::Unobserved, |_, n| n, |frame| frame.joint_status.iter().copied();
+    joint_status: JointStatus = JointStatus::Unobserved, |_, n| n,
+        |frame| frame.joint_status.iter().copied();
     /// Loss of the returned poses `(T)` over all views.
     loss: Loss = Loss::default(), |_, _| 1, |frame| once(frame.loss);
     /// Loss of every step of each frame `(T)`, if requested.

@@ -19,22 +19,26 @@ use crate::refine::RefineConfig;
 use crate::threads;
 use crate::unit::Unit;
 
-/// Frames on which cameras are adjusted, on which faults are searched, and on which the result is judged: at most.
+/// Frames on which cameras are adjusted, on which faults are searched, and on which the result is
+/// judged: at most.
 const FITTED: usize = 1000;
 const SEARCHED: usize = 120;
 const JUDGED: usize = 200;
-/// The recording is divided into so many parts at most, of which every fifth is left out; fewer frames are all used.
+/// The recording is divided into so many parts at most, of which every fifth is left out; fewer
+/// frames are all used.
 const PARTS: usize = 50;
 const LEFT_OUT: [usize; 2] = [2, 5];
 const LEAST_DIVIDED: usize = 10;
-/// A change explains its camera where the distance of its detections in frames that were left out is at most this multiple of the
-/// median of the other cameras', or this part of the one before and of the image's diagonal: what poor detections are off.
+/// A change explains its camera where the distance of its detections in frames that were left out
+/// is at most this multiple of the median of the other cameras', or this part of the one before and
+/// of the image's diagonal: what poor detections are off.
 const ALIKE: f64 = 2.0;
 const NEARER: f64 = 0.85;
 const POOR: f64 = 0.012;
 /// Clocks explain these frames better from this many standard errors over joints on.
 const BETTER: f64 = 0.5;
-/// A clock off by fewer frames that all frames do not confirm is right; by more, something else is wrong.
+/// A clock off by fewer frames that all frames do not confirm is right; by more, something else is
+/// wrong.
 const PASSABLE: f64 = 0.5;
 /// Solutions with kernels that follow the noise.
 const ROUNDS: usize = 2;
@@ -53,7 +57,8 @@ pub struct Adjustable {
 /// Finds cameras that are wrong, and sets them right.
 ///
 /// # Errors
-/// [`Error::InvalidInput`] if the numbers of views do not match, a view of `free` does not exist or all are free, [`Error::Cancelled`].
+/// [`Error::InvalidInput`] if the numbers of views do not match, a view of `free` does not exist or
+/// all are free, [`Error::Cancelled`].
 pub fn adjust_cameras(
     cameras: &[Camera],
     unit: Unit,
@@ -150,9 +155,10 @@ impl Task<'_> {
         Ok((found, bars))
     }
 
-    /// Whether every change is confirmed on all frames, and its camera fits frames that were left out better than before and about
-    /// as the others do, or clearly better: detections that are bad for another reason also fit a little better with any wrong clock.
-    /// Where cameras change places, all together fit those frames better.
+    /// Whether every change is confirmed on all frames, and its camera fits frames that were left
+    /// out better than before and about as the others do, or clearly better: detections that are
+    /// bad for another reason also fit a little better with any wrong clock. Where cameras change
+    /// places, all together fit those frames better.
     fn holds(&self, rig: &Explanation) -> bool {
         let (before, after) = (self.left_out(self.given), self.left_out(&rig.cameras));
         let free = unknowns(&rig.freedom);
@@ -174,7 +180,8 @@ impl Task<'_> {
         rig.freedom.iter().enumerate().filter(|(_, freedom)| freedom.any()).all(holds)
     }
 
-    /// Whether the clocks, errors that last apart, explain frames that were left out better than before.
+    /// Whether the clocks, errors that last apart, explain frames that were left out better than
+    /// before.
     fn keeps_better_time(&self, rig: &Explanation) -> bool {
         let scope = self.scope(&self.judged);
         let [before, after] = scope.moving(self.given, &rig.cameras, scope.sigma(self.given));
@@ -218,7 +225,8 @@ impl Task<'_> {
         Found { rig, rivals: Vec::new(), besides: Vec::new(), bars }
     }
 
-    /// Adjusts on all frames. The error bars are those with every part of a change free, also where one of them is enough.
+    /// Adjusts on all frames. The error bars are those with every part of a change free, also where
+    /// one of them is enough.
     fn whole(&self, scope: &Scope<'_>, rig: Explanation, all: &mut [Bars]) -> Result<Explanation> {
         let Adjustable { focal, clock, .. } = *self.what;
         let full = |freedom: &Freedom| match freedom.turn || freedom.focal {
@@ -237,7 +245,8 @@ impl Task<'_> {
         Ok(rig)
     }
 
-    /// Only the part of a camera's change that explains as much as all of it, and more than any other part alone; else all of it.
+    /// Only the part of a camera's change that explains as much as all of it, and more than any
+    /// other part alone; else all of it.
     fn simplified(&self, scope: &Scope<'_>, rig: Explanation, i: usize) -> Result<Explanation> {
         let parts: Vec<Freedom> = rig.freedom[i].parts().collect();
         if parts.len() < 2 {
@@ -341,7 +350,8 @@ impl Task<'_> {
         self.fitted.iter().map(seen).sum::<usize>() < 20
     }
 
-    /// Median distance of each view's detections from where the others place the joints, px, in frames that were left out.
+    /// Median distance of each view's detections from where the others place the joints, px, in
+    /// frames that were left out.
     fn left_out(&self, cameras: &[Placed]) -> Vec<f64> {
         let m = cameras.len();
         let one = |i: usize| {
@@ -354,7 +364,8 @@ impl Task<'_> {
     }
 }
 
-/// The equations of all parameters of all cameras, mm, with joints `(T, N)` at `points`, which move as these do, and what the detections cost: S, s.
+/// The equations of all parameters of all cameras, mm, with joints `(T, N)` at `points`, which move
+/// as these do, and what the detections cost: S, s.
 ///
 /// # Errors
 /// [`Error::InvalidInput`] if the numbers of views or points do not match.

@@ -1,11 +1,14 @@
-//! Errors of a detector that last: of each joint in each view, an offset that stays throughout the recording.
+//! Errors of a detector that last: of each joint in each view, an offset that stays throughout the
+//! recording.
 //!
-//! Two fifths of the variance of a detector's errors do not change within a recording. For a clock they are the larger part of what
-//! it is measured against: of a joint that goes one way, as all do when a person walks, an offset cannot be told from a clock that is off.
-//! With the offsets unknown, only changes of the movement tell the clock.
+//! Two fifths of the variance of a detector's errors do not change within a recording. For a clock
+//! they are the larger part of what it is measured against: of a joint that goes one way, as all do
+//! when a person walks, an offset cannot be told from a clock that is off. With the offsets
+//! unknown, only changes of the movement tell the clock.
 //!
-//! The offsets b of a joint are eliminated after its places: with N their equations, in cells, and Γ = (Σ N_bb + Π)⁻¹ Σ N_bθ, a cell
-//! has S = N_θθ − N_θb Γ − Γᵀ N_bθ + Γᵀ N_bb Γ and s = n_θ − Γᵀ n_b.
+//! The offsets b of a joint are eliminated after its places: with N their equations, in cells, and
+//! Γ = (Σ N_bb + Π)⁻¹ Σ N_bθ, a cell has S = N_θθ − N_θb Γ − Γᵀ N_bθ + Γᵀ N_bb Γ and s = n_θ − Γᵀ
+//! n_b.
 
 use nalgebra::{DMatrix, DVector, Vector2};
 

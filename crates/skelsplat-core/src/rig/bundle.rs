@@ -1,16 +1,18 @@
-//! Bundle adjustment: some cameras and all joints together, joints eliminated by the Schur complement.
+//! Bundle adjustment: some cameras and all joints together, joints eliminated by the Schur
+//! complement.
 //!
-//! A detection of confidence c with the residual r, px, at a joint where a pixel is a millimetres, has e = a r and
-//! k = exp(−|e|²/4σ²), and costs c 2σ²(1 − k), the loss of the annealed method. With W = c k a² its Gauss–Newton terms are
-//! W AᵀA for the joint, W BᵀB for the camera and W BᵀA between them, A = ∂r/∂x, B = ∂r/∂θ. a counts as given, or a camera would gain
-//! by coming nearer. For one joint with H = Σ W AᵀA, C = Σ W BᵀA, and gradients g of the cameras and h of the joint,
+//! A detection of confidence c with the residual r, px, at a joint where a pixel is a millimetres,
+//! has e = a r and k = exp(−|e|²/4σ²), and costs c 2σ²(1 − k), the loss of the annealed method.
+//! With W = c k a² its Gauss–Newton terms are W AᵀA for the joint, W BᵀB for the camera and W BᵀA
+//! between them, A = ∂r/∂x, B = ∂r/∂θ. a counts as given, or a camera would gain by coming nearer.
+//! For one joint with H = Σ W AᵀA, C = Σ W BᵀA, and gradients g of the cameras and h of the joint,
 //!
 //! ```text
 //! S = Σ W BᵀB − C H⁻¹ Cᵀ      s = g − C H⁻¹ h      (Σ S) δθ = −Σ s      δx = −H⁻¹ Σ W Aᵀ(r + B δθ)
 //! ```
 //!
-//! Each free parameter θ has a wide normal prior at its given value, which holds what no detection does: ½ ŝ² (θ/σ_θ)², with the
-//! noise ŝ of a detection.
+//! Each free parameter θ has a wide normal prior at its given value, which holds what no detection
+//! does: ½ ŝ² (θ/σ_θ)², with the noise ŝ of a detection.
 
 use nalgebra::{DMatrix, DVector, Matrix3, RowVector3, SMatrix, Vector2, Vector3};
 use rayon::prelude::*;
@@ -35,10 +37,11 @@ const WIDTHS: f64 = 8.0;
 const STEPS: usize = 15;
 /// The least that the kernel's own curvature leaves of what is known.
 const LEAST_CURVED: f64 = 0.1;
-/// Converged when no camera turns, rad, moves, relative to its distance, or changes otherwise by more.
+/// Converged when no camera turns, rad, moves, relative to its distance, or changes otherwise by
+/// more.
 const STILL: f64 = 3e-6;
-/// Standard deviations of the prior: turn, rad, shift, relative to the distance of the joints, logarithm of the focal length,
-/// clock, frames.
+/// Standard deviations of the prior: turn, rad, shift, relative to the distance of the joints,
+/// logarithm of the focal length, clock, frames.
 const PRIOR: [f64; 4] = [0.35, 0.25, 0.1, 30.0];
 
 /// Cameras and joints that are adjusted together.
@@ -81,15 +84,16 @@ type Slopes = SMatrix<f64, 2, SLOPES>;
 /// Of an unknown its place, and its rows of C and of C H⁻¹.
 type Row = (usize, RowVector3<f64>, RowVector3<f64>);
 
-/// How the joints of one task move: of each H⁻¹ h, if anything is known of it, and where its rows of C H⁻¹ end.
+/// How the joints of one task move: of each H⁻¹ h, if anything is known of it, and where its rows
+/// of C H⁻¹ end.
 #[derive(Default)]
 struct Moves {
     joints: Vec<(Option<Vector3<f64>>, usize)>,
     rows: Vec<(usize, RowVector3<f64>)>,
 }
 
-/// What a step sums up: the equations of every cluster in each part of the recording, in order, how the joints move, and how offsets
-/// follow.
+/// What a step sums up: the equations of every cluster in each part of the recording, in order, how
+/// the joints move, and how offsets follow.
 struct Cells {
     equations: Vec<Vec<Reduced>>,
     moves: Vec<Moves>,
@@ -100,7 +104,8 @@ struct Cells {
 type Columns = Vec<Vec<(usize, usize)>>;
 
 impl Bundle<'_> {
-    /// Solves under kernels that narrow from `start` to `sigma`, mm. Ends early where a step would leave no camera.
+    /// Solves under kernels that narrow from `start` to `sigma`, mm. Ends early where a step would
+    /// leave no camera.
     pub fn solve(&mut self, start: f64, sigma: f64) {
         let wider = if start.is_finite() { start / sigma } else { 1.0 };
         let widths = wider.log2().ceil().clamp(0.0, WIDTHS);
@@ -166,7 +171,8 @@ impl Bundle<'_> {
         unknowns(&self.freedom).into_iter().map(one).collect()
     }
 
-    /// The equations of every cluster: a joint, or where there are few joints a joint in a part of the recording.
+    /// The equations of every cluster: a joint, or where there are few joints a joint in a part of
+    /// the recording.
     #[must_use]
     pub fn clusters(&self, sigma: f64) -> Vec<Reduced> {
         summed(&self.cells(sigma).equations)
@@ -209,7 +215,8 @@ impl Bundle<'_> {
         Cells { equations: cells.into_iter().map(merged).collect(), moves, follow }
     }
 
-    /// Where the unknowns of each camera stand, and the offsets of its detections of a joint; number of all.
+    /// Where the unknowns of each camera stand, and the offsets of its detections of a joint;
+    /// number of all.
     fn columns(&self) -> (Columns, usize) {
         let mut columns: Columns = vec![Vec::new(); self.cameras.len()];
         let free = unknowns(&self.freedom);
@@ -263,7 +270,8 @@ impl Bundle<'_> {
         cost
     }
 
-    /// Adds what a joint says about the cameras, and returns H⁻¹ h, or `None` if nothing is known of the joint. Overwrites `rows`.
+    /// Adds what a joint says about the cameras, and returns H⁻¹ h, or `None` if nothing is known
+    /// of the joint. Overwrites `rows`.
     fn eliminate(
         &self,
         terms: &[Term],
@@ -324,11 +332,14 @@ impl Bundle<'_> {
         }
     }
 
-    /// Cost of every cluster, and the covariance of the unknowns by leaving out one cluster after the other, as detections err in common over time.
+    /// Cost of every cluster, and the covariance of the unknowns by leaving out one cluster after
+    /// the other, as detections err in common over time.
     ///
-    /// Without cluster j the solution moves by δ_j = (S − S_j)⁻¹ s_j; their scatter J = (G−1)/G Σ δ_j δ_jᵀ is that of the solution
-    /// (jackknife), to which the prior adds S⁻¹ Π S⁻¹. From some ten clusters single elements of J are uncertain by a third, but not its
-    /// size relative to S⁻¹, φ = tr(S J)/q: error bars are those of φ S⁻¹/κ², where κ S has the curvature of the kernel itself.
+    /// Without cluster j the solution moves by δ_j = (S − S_j)⁻¹ s_j; their scatter J = (G−1)/G Σ
+    /// δ_j δ_jᵀ is that of the solution (jackknife), to which the prior adds S⁻¹ Π S⁻¹. From some
+    /// ten clusters single elements of J are uncertain by a third, but not its size relative to
+    /// S⁻¹, φ = tr(S J)/q: error bars are those of φ S⁻¹/κ², where κ S has the curvature of the
+    /// kernel itself.
     #[must_use]
     pub fn judge(&self, sigma: f64) -> Judged {
         let Cells { equations: cells, .. } = self.cells(sigma);

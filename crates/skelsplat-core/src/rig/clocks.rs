@@ -1,6 +1,8 @@
-//! Clocks of cameras: which are off, by how much, and whether they still are once other faults are corrected.
+//! Clocks of cameras: which are off, by how much, and whether they still are once other faults are
+//! corrected.
 //!
-//! Motion tells clocks, so they are judged against errors of detections that last, with places as they are.
+//! Motion tells clocks, so they are judged against errors of detections that last, with places as
+//! they are.
 
 use nalgebra::Vector3;
 
@@ -11,13 +13,15 @@ use super::placed::{Change, Freedom, Placed};
 use super::scene::median;
 use super::search::{CONFIRMED, Explanation, LEAST, SURE, Scope};
 
-/// Frames by which clocks may differ: at most, and at most this part of the recording; and the least recording.
+/// Frames by which clocks may differ: at most, and at most this part of the recording; and the
+/// least recording.
 const LATEST: isize = 30;
 const PART: usize = 3;
 const LEAST_FRAMES: usize = 12;
 
 impl Scope<'_> {
-    /// Whether a clock is still off now that other faults are corrected; if not, it is as given again.
+    /// Whether a clock is still off now that other faults are corrected; if not, it is as given
+    /// again.
     pub fn keeps(&self, rig: &mut Explanation, view: usize) -> bool {
         let keeps = self.lateness(rig, view) > CONFIRMED && self.is_within(rig, view);
         if !keeps {
@@ -45,7 +49,8 @@ impl Scope<'_> {
         self.lateness(&rig, view) > SURE
     }
 
-    /// Whether a clock is off by no more than it may be: where places are wrong, some clock far away seems to fit.
+    /// Whether a clock is off by no more than it may be: where places are wrong, some clock far
+    /// away seems to fit.
     pub fn is_within(&self, rig: &Explanation, view: usize) -> bool {
         (rig.cameras[view].clock - self.given[view].clock).abs() <= self.latest() as f64 + 1.0
     }
@@ -62,8 +67,8 @@ impl Scope<'_> {
         if n < LEAST_FRAMES { 0 } else { LATEST.min((n / PART) as isize) }
     }
 
-    /// The whole number of frames by which a camera's clock fits best; `None` if only a part of a frame is left, which is not asked
-    /// for, or nothing fits.
+    /// The whole number of frames by which a camera's clock fits best; `None` if only a part of a
+    /// frame is left, which is not asked for, or nothing fits.
     pub fn late(&self, camera: &Placed, view: usize, points: &[Vector3<f64>]) -> Option<f64> {
         let now = camera.clock.round();
         let count = self.scene.distances(self.frames, points, view, camera).len();
@@ -89,7 +94,8 @@ impl Scope<'_> {
         }
     }
 
-    /// What every cluster costs without the errors of detections that last: before and after a change, in frames that both have.
+    /// What every cluster costs without the errors of detections that last: before and after a
+    /// change, in frames that both have.
     pub fn moving(&self, before: &[Placed], after: &[Placed], sigma: f64) -> [Vec<f64>; 2] {
         let last = self.scene.n_frames() as f64 - 1.0;
         let inside =

@@ -5,7 +5,8 @@ use nalgebra::{DMatrix, DVector};
 use super::placed::{Change, Freedom};
 use super::reduced::Judged;
 
-/// Joints agree that one fault explains more than another from this t statistic on: by chance once in twenty cases.
+/// Joints agree that one fault explains more than another from this t statistic on: by chance once
+/// in twenty cases.
 const AGREED: f64 = 1.7;
 
 /// Error bars of a camera's change: root-mean-square length of the error.
@@ -26,8 +27,9 @@ impl Bars {
     pub const UNKNOWN: Self =
         Self { turn: f64::NAN, shift: f64::NAN, zoom: f64::NAN, clock: f64::NAN };
 
-    /// How far off a camera may be that stays although another place, at this change, fits best: with the estimate θ̂ ± σ of what is
-    /// wrong with it, the root mean square of the error is √(θ̂² + σ²).
+    /// How far off a camera may be that stays although another place, at this change, fits best:
+    /// with the estimate θ̂ ± σ of what is wrong with it, the root mean square of the error is
+    /// √(θ̂² + σ²).
     #[must_use]
     pub fn besides(&self, change: &Change) -> Self {
         Self {
@@ -50,8 +52,8 @@ pub fn bars(covariance: &DMatrix<f64>, unknowns: &[(usize, usize)], view: usize)
     Bars { turn: of(0..3), shift: of(3..6), zoom: of(6..7), clock: of(7..8) }
 }
 
-/// How sure a change of what is free in one camera is: √(θᵀC⁻¹θ/p), of p parameters and with the covariance from G clusters
-/// widened as in Hotelling's test, (G−p)/(G−1).
+/// How sure a change of what is free in one camera is: √(θᵀC⁻¹θ/p), of p parameters and with the
+/// covariance from G clusters widened as in Hotelling's test, (G−p)/(G−1).
 pub fn surety(
     judged: &Judged,
     unknowns: &[(usize, usize)],
@@ -81,7 +83,8 @@ pub fn is_worse(costs: &[f64], others: &[f64]) -> bool {
     excess(costs, others) > AGREED
 }
 
-/// By how many standard errors the costs of clusters are higher than others (paired); 0 if all are the same.
+/// By how many standard errors the costs of clusters are higher than others (paired); 0 if all are
+/// the same.
 pub fn excess(costs: &[f64], others: &[f64]) -> f64 {
     let difference: Vec<f64> = costs.iter().zip(others).map(|(a, b)| a - b).collect();
     let n = difference.len() as f64;

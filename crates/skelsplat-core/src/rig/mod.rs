@@ -1,6 +1,9 @@
-//! The cameras of a recording set right: bundle adjustment of the cameras that were moved, and of all joints.
+//! The cameras of a recording set right: bundle adjustment of the cameras that were moved, and of
+//! all joints.
 //!
-//! [`search`] finds out which cameras are wrong, by the measures of [`evidence`] and [`reduced`], [`clocks`] which clocks are off; [`bundle`] adjusts them; [`adjust`] reports what became of each.
+//! [`search`] finds out which cameras are wrong, by the measures of [`evidence`] and [`reduced`],
+//! [`clocks`] which clocks are off; [`bundle`] adjusts them; [`adjust`] reports what became of
+//! each.
 
 pub mod adjust;
 pub mod bias;

@@ -101,8 +101,8 @@ pub struct Residual {
 impl Placed {
     /// The residual of a detection of the point `x`; `None` behind the camera.
     ///
-    /// With p = R x + t and δp = ω × p − R δc, and A = ∂u/∂x = J R: ∂u/∂ω = −A Rᵀ\[p\]ₓ, ∂u/∂c = −A, ∂u/∂(ln f) = u − c₀. A
-    /// later clock takes the detection from a later frame, ∂r/∂τ = −v.
+    /// With p = R x + t and δp = ω × p − R δc, and A = ∂u/∂x = J R: ∂u/∂ω = −A Rᵀ\[p\]ₓ, ∂u/∂c =
+    /// −A, ∂u/∂(ln f) = u − c₀. A later clock takes the detection from a later frame, ∂r/∂τ = −v.
     #[must_use]
     pub fn residual(&self, x: &Vector3<f64>, sight: &Sight) -> Option<Residual> {
         let (pixel, by_point) = self.camera.project_with_jacobian(x)?;
@@ -134,7 +134,8 @@ impl Placed {
     }
 }
 
-/// The rotation turned by a rotation vector; through the quaternion, so that many turns leave a rotation.
+/// The rotation turned by a rotation vector; through the quaternion, so that many turns leave a
+/// rotation.
 fn turned(rotation: &Matrix3<f64>, by: &Vector3<f64>) -> Matrix3<f64> {
     if *by == Vector3::zeros() {
         return *rotation;

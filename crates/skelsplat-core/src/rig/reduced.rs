@@ -1,12 +1,15 @@
-//! The reduced equations of the cameras by clusters of detections, and how far these scatter the solution.
+//! The reduced equations of the cameras by clusters of detections, and how far these scatter the
+//! solution.
 //!
-//! Errors are independent neither over time, since detectors err in the same direction for seconds, nor quite over joints, which move
-//! together. The scatter is therefore that of two-way clusters: by leaving out joints, and by what leaving out parts of the
-//! recording adds to it (Cameron, Gelbach and Miller 2011).
+//! Errors are independent neither over time, since detectors err in the same direction for seconds,
+//! nor quite over joints, which move together. The scatter is therefore that of two-way clusters:
+//! by leaving out joints, and by what leaving out parts of the recording adds to it (Cameron,
+//! Gelbach and Miller 2011).
 
 use nalgebra::{DMatrix, DVector};
 
-/// The recording is divided into this many parts, at least and at most; their errors count as independent.
+/// The recording is divided into this many parts, at least and at most; their errors count as
+/// independent.
 const LEAST_PARTS: usize = 5;
 const MOST_PARTS: usize = 12;
 
@@ -19,7 +22,8 @@ pub struct Reduced {
     pub gradient: DVector<f64>,
     /// What the detections cost, mm².
     pub cost: f64,
-    /// Sums over the detections of W, and of W (1 − |e|²/4σ²): its mean over directions with the curvature of the kernel itself.
+    /// Sums over the detections of W, and of W (1 − |e|²/4σ²): its mean over directions with the
+    /// curvature of the kernel itself.
     pub weights: [f64; 2],
 }
 
@@ -54,11 +58,13 @@ impl Reduced {
 pub struct Judged {
     /// Cost of every cluster.
     pub costs: Vec<f64>,
-    /// Covariance of the unknowns: for tests, which know its degrees of freedom. Infinite with a single cluster.
+    /// Covariance of the unknowns: for tests, which know its degrees of freedom. Infinite with a
+    /// single cluster.
     pub covariance: DMatrix<f64>,
     /// The same from the size of all its elements: for error bars.
     pub steady: DMatrix<f64>,
-    /// Cost of every cluster without the errors of detections that last: of clocks; empty where none is free.
+    /// Cost of every cluster without the errors of detections that last: of clocks; empty where
+    /// none is free.
     pub moving: Vec<f64>,
 }
 
@@ -97,7 +103,8 @@ pub(super) fn summed(cells: &[Vec<Reduced>]) -> Vec<Reduced> {
     (0..count).map(|k| Reduced::sum(cells.iter().map(|part| &part[k]))).collect()
 }
 
-/// Scatter of the solution by leaving out one of the clusters after the other; `None` if fewer than two say anything, or one says all.
+/// Scatter of the solution by leaving out one of the clusters after the other; `None` if fewer than
+/// two say anything, or one says all.
 pub(super) fn jackknife<'a>(
     whole: &DMatrix<f64>,
     clusters: impl IntoIterator<Item = &'a Reduced>,
@@ -111,8 +118,9 @@ pub(super) fn jackknife<'a>(
     Some(scatter * ((g - 1.0) / g))
 }
 
-/// What errors that joints have in common for a while add to their scatter: that of leaving out parts of the recording, less that of
-/// leaving out a joint in a part, where it is positive (two-way clusters).
+/// What errors that joints have in common for a while add to their scatter: that of leaving out
+/// parts of the recording, less that of leaving out a joint in a part, where it is positive
+/// (two-way clusters).
 pub(super) fn lasting(whole: &DMatrix<f64>, cells: &[Vec<Reduced>]) -> DMatrix<f64> {
     let q = whole.nrows();
     let parts: Vec<Vec<Reduced>> =

@@ -15,7 +15,8 @@ pub enum CameraStatus {
     Late,
     /// It or another is wrong, which cannot be told.
     Doubtful,
-    /// It sees too little to say, or is one of two cameras only, of which nothing tells which is wrong.
+    /// It sees too little to say, or is one of two cameras only, of which nothing tells which is
+    /// wrong.
     Unseen,
 }
 
@@ -38,13 +39,13 @@ impl CameraStatus {
 pub struct CameraAdjustment {
     /// What became of it.
     pub status: CameraStatus,
-    /// From the given camera to the adjusted one; to the supposed one of a late or doubtful camera, which is not applied. Lengths in
-    /// the unit of the cameras.
+    /// From the given camera to the adjusted one; to the supposed one of a late or doubtful camera,
+    /// which is not applied. Lengths in the unit of the cameras.
     pub change: Change,
     /// Error bars of the change; of a sound camera, how far off it may be all the same.
     pub bars: Bars,
-    /// Median distance of its detections from where the other cameras place the joints, in frames that were left out, px: as
-    /// given and as returned.
+    /// Median distance of its detections from where the other cameras place the joints, in frames
+    /// that were left out, px: as given and as returned.
     pub before: f64,
     /// After.
     pub after: f64,

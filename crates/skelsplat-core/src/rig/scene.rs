@@ -8,9 +8,10 @@ use crate::annealed::robust;
 use crate::camera::Camera;
 use crate::detections::Detections;
 
-/// Frames on either side from which the movement of a joint is measured: more average the swing of a foot at 15 frames per second
-/// away, fewer the noise too little. Twice and four times as many where people move so slowly that of the changes of the movement more
-/// than this part would be noise.
+/// Frames on either side from which the movement of a joint is measured: more average the swing of
+/// a foot at 15 frames per second away, fewer the noise too little. Twice and four times as many
+/// where people move so slowly that of the changes of the movement more than this part would be
+/// noise.
 const REACH: [usize; 3] = [2, 4, 8];
 const NOISY: f64 = 0.05;
 
@@ -23,8 +24,9 @@ pub struct Scene<'a> {
 
 /// Where the joints are in some frames, and how they move there, as all cameras together see it.
 ///
-/// From the detections of one camera, the movement would have their noise, and a clock would seem to be off by less than it is: of
-/// two noisy quantities, the slope of one over the other is too small.
+/// From the detections of one camera, the movement would have their noise, and a clock would seem
+/// to be off by less than it is: of two noisy quantities, the slope of one over the other is too
+/// small.
 #[derive(Debug, Clone)]
 pub struct Motion {
     n_joints: usize,
@@ -34,7 +36,8 @@ pub struct Motion {
     places: Vec<Option<usize>>,
     /// Joints (frames, N), mm; NaN where unknown.
     points: Vec<Vector3<f64>>,
-    /// Of each its movement, mm per frame, and the variance of its noise, of all three coordinates together; `None` where unknown.
+    /// Of each its movement, mm per frame, and the variance of its noise, of all three coordinates
+    /// together; `None` where unknown.
     movements: Vec<Option<(Vector3<f64>, f64)>>,
 }
 
@@ -132,7 +135,8 @@ impl Motion {
 }
 
 impl<'a> Scene<'a> {
-    /// At least one frame; all have the same numbers of views and joints. How the joints move is not known.
+    /// At least one frame; all have the same numbers of views and joints. How the joints move is
+    /// not known.
     #[must_use]
     pub fn new(frames: &'a [Detections]) -> Self {
         Self { frames, motion: None }
@@ -156,11 +160,13 @@ impl<'a> Scene<'a> {
         self.frames.len()
     }
 
-    /// The detection of joint `j` by the camera `one` of view `i`, in frame `t` as all clocks count.
+    /// The detection of joint `j` by the camera `one` of view `i`, in frame `t` as all clocks
+    /// count.
     ///
-    /// It is taken from the nearest frame of the camera and moved on for the rest of a frame, u + f v: between two frames
-    /// the noise would be averaged, and a clock half a frame off would seem to fit better than the true one. The movement v is
-    /// given where it is needed or the camera's clock may be `moving`.
+    /// It is taken from the nearest frame of the camera and moved on for the rest of a frame, u + f
+    /// v: between two frames the noise would be averaged, and a clock half a frame off would seem
+    /// to fit better than the true one. The movement v is given where it is needed or the camera's
+    /// clock may be `moving`.
     #[must_use]
     pub fn sight(&self, t: usize, i: usize, j: usize, one: &Placed, moving: bool) -> Option<Sight> {
         let whole = one.clock.round();
@@ -188,7 +194,8 @@ impl<'a> Scene<'a> {
         placed.into_iter().flatten().collect()
     }
 
-    /// Distances of the detections of view `i` from points `(frames, N)`, px, and what a pixel is there, mm.
+    /// Distances of the detections of view `i` from points `(frames, N)`, px, and what a pixel is
+    /// there, mm.
     #[must_use]
     pub fn distances(
         &self,

@@ -1,10 +1,12 @@
-//! Which cameras are wrong: one fault after the other is supposed, and the one that explains most is kept.
+//! Which cameras are wrong: one fault after the other is supposed, and the one that explains most
+//! is kept.
 //!
-//! A calibration is either right or wrong, so the prior of a camera is a spike at its calibration and a wide normal: a camera stays
-//! exactly where it is unless it is shown to be elsewhere. Each supposition is solved on its own: the other cameras place the joints,
-//! the camera is placed by them, then everything is adjusted together. A fault counts where the change is several times its error
-//! bar; it is told from another where the joints agree that it explains more. Clocks come first, because motion shows them even while
-//! places are wrong.
+//! A calibration is either right or wrong, so the prior of a camera is a spike at its calibration
+//! and a wide normal: a camera stays exactly where it is unless it is shown to be elsewhere. Each
+//! supposition is solved on its own: the other cameras place the joints, the camera is placed by
+//! them, then everything is adjusted together. A fault counts where the change is several times its
+//! error bar; it is told from another where the joints agree that it explains more. Clocks come
+//! first, because motion shows them even while places are wrong.
 
 use nalgebra::Vector3;
 
@@ -26,8 +28,8 @@ const LEAST_PX: f64 = 0.05;
 pub(super) const SURE: f64 = 3.5;
 /// A change that was found is confirmed from this surety on where more is known.
 pub const CONFIRMED: f64 = 2.0;
-/// The least that a fault explains, relative to the mean cost of a view, and what is enough from the surety [`CLEAR`] on: of the place,
-/// and of the clock, which is one number.
+/// The least that a fault explains, relative to the mean cost of a view, and what is enough from
+/// the surety [`CLEAR`] on: of the place, and of the clock, which is one number.
 const GAIN: [f64; 2] = [0.2, 0.05];
 const GAIN_CLOCK: [f64; 2] = [0.02, 0.01];
 const CLEAR: f64 = 6.0;
@@ -93,7 +95,8 @@ pub struct Supposed {
 pub struct Found {
     /// The rig with every fault corrected that could be told.
     pub rig: Explanation,
-    /// Faults of which one is there that could not be told from each other; empty where there is no doubt.
+    /// Faults of which one is there that could not be told from each other; empty where there is no
+    /// doubt.
     pub rivals: Vec<Supposed>,
     /// The same of faults that are there besides those corrected, where no more may be.
     pub besides: Vec<Supposed>,
@@ -162,8 +165,9 @@ impl Scope<'_> {
         }
     }
 
-    /// Searches for clocks again now that places are corrected. While a place was wrong, sound cameras may have seemed late, and a
-    /// search that starts there would not undo it. The first clocks are kept only if they explain more.
+    /// Searches for clocks again now that places are corrected. While a place was wrong, sound
+    /// cameras may have seemed late, and a search that starts there would not undo it. The first
+    /// clocks are kept only if they explain more.
     fn timed_again(
         &self,
         rig: Explanation,
@@ -179,8 +183,8 @@ impl Scope<'_> {
         Ok(if is_worse(&after, &before) { (rig, rounds) } else { (again, second) })
     }
 
-    /// The fault that explains most, and those of other cameras that explain as much: of clocks, or else of places, since motion tells
-    /// clocks also while places are wrong.
+    /// The fault that explains most, and those of other cameras that explain as much: of clocks, or
+    /// else of places, since motion tells clocks also while places are wrong.
     fn best(&self, rig: &Explanation, sigma: f64, progress: &Progress) -> Result<Vec<Supposed>> {
         let (clocks, places): (Vec<_>, Vec<_>) =
             self.candidates(rig).into_iter().partition(|(_, fault)| *fault == Fault::Clock);
@@ -198,8 +202,8 @@ impl Scope<'_> {
         Ok(Vec::new())
     }
 
-    /// How far off each uncorrected camera may be if the others are right. If no more places may be corrected, also the place that is
-    /// still wrong, with its rivals.
+    /// How far off each uncorrected camera may be if the others are right. If no more places may be
+    /// corrected, also the place that is still wrong, with its rivals.
     fn left(&self, rig: &Explanation, progress: &Progress) -> Result<(Vec<Bars>, Vec<Supposed>)> {
         let m = rig.cameras.len();
         let full = !self.may_place(rig);
@@ -231,7 +235,8 @@ impl Scope<'_> {
         std::iter::once(best).chain(rivals).collect()
     }
 
-    /// Whether joints agree that one fault explains less than another. Clocks compare in all frames, without the errors that last.
+    /// Whether joints agree that one fault explains less than another. Clocks compare in all
+    /// frames, without the errors that last.
     fn explains_less(&self, one: &Supposed, other: &Supposed, sigma: f64) -> bool {
         if !one.is_clock() {
             return is_worse(&one.rig.judged.costs, &other.rig.judged.costs);
@@ -406,7 +411,8 @@ fn strongest(faults: &[Supposed]) -> Option<&Supposed> {
     faults.iter().min_by(|a, b| cost(a).total_cmp(&cost(b)))
 }
 
-/// Takes what a supposed fault says of how far off its camera may be, of the place from the one with all of it free.
+/// Takes what a supposed fault says of how far off its camera may be, of the place from the one
+/// with all of it free.
 fn learn(bars: &mut Bars, fault: Fault, supposed: &Bars) {
     match fault {
         Fault::Place => *bars = Bars { clock: bars.clock, ..*supposed },

@@ -1,12 +1,15 @@
-//! How agile joints are: the spectral density q of their acceleration, in the whole recording and at every time.
+//! How agile joints are: the spectral density q of their acceleration, in the whole recording and
+//! at every time.
 //!
-//! For white acceleration of density q the second difference over the time h has the variance ⅔ q h³ per axis, and for white noise
-//! of variance s² per frame 6 s². The shortest span in which motion outweighs the noise counts: only there can they be
-//! told apart. Errors with a memory follow the joint, so that only the white part of the noise weighs against the motion; the solver
+//! For white acceleration of density q the second difference over the time h has the variance ⅔ q
+//! h³ per axis, and for white noise of variance s² per frame 6 s². The shortest span in which
+//! motion outweighs the noise counts: only there can they be told apart. Errors with a memory
+//! follow the joint, so that only the white part of the noise weighs against the motion; the solver
 //! takes the whole variance, and q grows by the same factor.
 //!
-//! A body rests, walks and jumps in the same recording. So q changes with time: it is that of the second differences around, of the
-//! joint and of those that bones connect to it, with the recording's as a prior.
+//! A body rests, walks and jumps in the same recording. So q changes with time: it is that of the
+//! second differences around, of the joint and of those that bones connect to it, with the
+//! recording's as a prior.
 
 use nalgebra::Vector3;
 
@@ -27,18 +30,20 @@ pub(super) const USUAL_AGILITY: f64 = 2.5e6;
 /// Bounds of the cut-off frequency between motion and noise, Hz and as a share of the frame rate.
 const SLOWEST: f64 = 0.5;
 const FASTEST: f64 = 0.5;
-/// Share of the measured agility where views do not agree, at high rates: wrong detections last, and the more of them there are per
-/// second, the more they weigh against the motion (docs/decisions.md). Frames per second up to which it is all of it.
+/// Share of the measured agility where views do not agree, at high rates: wrong detections last,
+/// and the more of them there are per second, the more they weigh against the motion
+/// (docs/decisions.md). Frames per second up to which it is all of it.
 pub(super) const SHARE: f64 = 0.5;
 const SLOW_RATE: f64 = 15.0;
-/// Least variance of second differences in multiples of the white noise: those of detections that never change are 0, and others are
-/// counted in multiples of them.
+/// Least variance of second differences in multiples of the white noise: those of detections that
+/// never change are 0, and others are counted in multiples of them.
 const STILL: f64 = 1e-6;
 /// Second differences needed for an estimate.
 const LEAST: usize = 6;
 /// Half of the time in which second differences show the agility at a time, s.
 const AROUND: f64 = 0.3;
-/// Second differences as which the recording's agility counts: this many, and those of this time, s, since at high rates they overlap.
+/// Second differences as which the recording's agility counts: this many, and those of this time,
+/// s, since at high rates they overlap.
 const PRIOR: f64 = 6.0;
 const PRIOR_TIME: f64 = 0.2;
 
@@ -50,7 +55,8 @@ pub struct Agility {
     /// Variances of the detections and of the white part of the positions' errors, mm².
     variance: f64,
     white: f64,
-    /// Variances per axis of the second differences over 1, 2, … frames, mm²; empty if q is the same at all times.
+    /// Variances per axis of the second differences over 1, 2, … frames, mm²; empty if q is the
+    /// same at all times.
     squares: Vec<f64>,
 }
 
@@ -101,8 +107,8 @@ pub(super) fn bounded(q: f64, white: f64, variance: f64, fps: f64) -> f64 {
     (q * variance / white).clamp(at(SLOWEST.min(fastest)), at(fastest))
 }
 
-/// q by the variances of second differences over spans of h frames, for noise of the variance `white`: the first span in which
-/// motion outweighs the noise counts. NaN of nothing.
+/// q by the variances of second differences over spans of h frames, for noise of the variance
+/// `white`: the first span in which motion outweighs the noise counts. NaN of nothing.
 pub(super) fn density(squares: impl Iterator<Item = (usize, f64)>, white: f64, fps: f64) -> f64 {
     let mut q = f64::NAN;
     for (h, square) in squares {
@@ -123,7 +129,8 @@ fn is_clear(square: f64, white: f64) -> bool {
     square > CLEAR * 6.0 * white
 }
 
-/// How little a span shows motion, from 1 to 0 around [`CLEAR`], without a jump: q must not depend on a hair.
+/// How little a span shows motion, from 1 to 0 around [`CLEAR`], without a jump: q must not depend
+/// on a hair.
 fn unclear(square: f64, white: f64) -> f64 {
     (CLEAR + 0.5 * SOFT - square / (6.0 * white)).clamp(0.0, SOFT) / SOFT
 }
@@ -151,15 +158,17 @@ impl Measured {
             return Self { q: f64::NAN, white: variance, squares };
         };
         let white = (first / 6.0).clamp(LEAST_WHITE * variance, variance);
-        // Too short a recording may end before a slow joint has moved: then little motion in few frames means nothing.
+        // Too short a recording may end before a slow joint has moved: then little motion in few
+        // frames means nothing.
         let shows = squares.len() == spans || squares.iter().any(|s| is_clear(*s, white));
         let of_spans = squares.iter().zip(1..).map(|(square, h)| (h, *square));
         Self { q: if shows { density(of_spans, white, fps) } else { f64::NAN }, white, squares }
     }
 }
 
-/// Variance per axis of the second differences over `h` frames, between frames that are `joined` and without the largest tenth: rest
-/// and motion both count, jumps do not. `None` if there are few.
+/// Variance per axis of the second differences over `h` frames, between frames that are `joined`
+/// and without the largest tenth: rest and motion both count, jumps do not. `None` if there are
+/// few.
 fn second_moment(
     x: &[Vector3<f64>],
     h: usize,
@@ -181,9 +190,9 @@ fn second_moment(
 
 /// q of every joint at every time `(N, T)`, mm²/s³.
 ///
-/// The second differences around count in multiples of the recording's, so that those of joints that bones connect can be added. Only
-/// positions on which all of at least three views agree count, and only the same views in a second difference: others differ
-/// by their errors.
+/// The second differences around count in multiples of the recording's, so that those of joints
+/// that bones connect can be added. Only positions on which all of at least three views agree
+/// count, and only the same views in a second difference: others differ by their errors.
 #[must_use]
 pub fn local(tracks: &Tracks, fps: f64, bones: &[[usize; 2]], usual: &[Agility]) -> Vec<f64> {
     let t = tracks.frames;
@@ -247,8 +256,8 @@ fn agreeing(tracks: &Tracks, j: usize) -> Vec<u64> {
         .collect()
 }
 
-/// Running sums `(T + 1)` of the squares of second differences of joint `j` over `h` frames in multiples of the usual one, and of
-/// their number.
+/// Running sums `(T + 1)` of the squares of second differences of joint `j` over `h` frames in
+/// multiples of the usual one, and of their number.
 fn ratios(tracks: &Tracks, views: &[u64], j: usize, h: usize, usual: f64) -> Vec<[f64; 2]> {
     let x = &tracks.alone[j * tracks.frames..(j + 1) * tracks.frames];
     let mut sum = [0.0; 2];

@@ -1,15 +1,17 @@
 //! One joint over time: a symmetric system of 3×3 blocks, coupled over two frames by scalars.
 //!
-//! The information of the detections and of the bones gives a block A_t per frame, and a second difference with weight w_t
-//! couples three frames: A_tt += w_{t−1} + 4 w_t + w_{t+1}, b_t = A_{t,t−1} = −2 (w_{t−1} + w_t), c_t = A_{t,t−2} = w_{t−1}, all times
-//! the identity. Its factors A = L D Lᵀ, with identities on the diagonal of L and P_t = L_{t,t−1}, are
+//! The information of the detections and of the bones gives a block A_t per frame, and a second
+//! difference with weight w_t couples three frames: A_tt += w_{t−1} + 4 w_t + w_{t+1}, b_t =
+//! A_{t,t−1} = −2 (w_{t−1} + w_t), c_t = A_{t,t−2} = w_{t−1}, all times the identity. Its factors A
+//! = L D Lᵀ, with identities on the diagonal of L and P_t = L_{t,t−1}, are
 //!
 //! ```text
-//! U_t = b_t − c_t P_{t−1}ᵀ     P_t = U_t D_{t−1}⁻¹     L_{t,t−2} = c_t D_{t−2}⁻¹     D_t = A_t − P_t U_tᵀ − c_t² D_{t−2}⁻¹
+//! U_t = b_t − c_t P_{t−1}ᵀ     P_t = U_t D_{t−1}⁻¹     L_{t,t−2} = c_t D_{t−2}⁻¹
+//! D_t = A_t − P_t U_tᵀ − c_t² D_{t−2}⁻¹
 //! ```
 //!
-//! and the blocks of S = A⁻¹ in the band follow from S = D⁻¹L⁻¹ + (I − Lᵀ) S, from the last frame to the first
-//! (Takahashi's equations), in linear time.
+//! and the blocks of S = A⁻¹ in the band follow from S = D⁻¹L⁻¹ + (I − Lᵀ) S, from the last frame
+//! to the first (Takahashi's equations), in linear time.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -46,7 +48,8 @@ impl Band {
     }
 }
 
-/// What second differences of weights `w` (one per frame, at its centre) add to the diagonal at `t`.
+/// What second differences of weights `w` (one per frame, at its centre) add to the diagonal at
+/// `t`.
 #[inline]
 #[must_use]
 pub fn stiffness(w: &[f64], t: usize) -> f64 {
@@ -62,7 +65,8 @@ pub fn second_difference(x: &[Vector3<f64>], t: usize) -> Vector3<f64> {
 }
 
 impl Chain {
-    /// Factors of the system with blocks `block(t)` and second differences of weights `w`, which are zero at the ends.
+    /// Factors of the system with blocks `block(t)` and second differences of weights `w`, which
+    /// are zero at the ends.
     pub fn factorise(&mut self, w: &[f64], block: impl Fn(usize) -> Matrix3<f64>) {
         let n = w.len();
         for of_frame in [&mut self.first, &mut self.second] {
@@ -99,7 +103,8 @@ impl Chain {
         Self::solve_together([self], [x]);
     }
 
-    /// [`Chain::solve`] for chains of the same length: every frame waits for the one before it, and while one chain waits, another goes on.
+    /// [`Chain::solve`] for chains of the same length: every frame waits for the one before it, and
+    /// while one chain waits, another goes on.
     pub fn solve_together<const K: usize>(chains: [&Self; K], mut x: [&mut [Vector3<f64>]; K]) {
         let n = x[0].len();
         // y_t = x_t − P_t y_{t−1} − c_t D_{t−2}⁻¹ y_{t−2}

@@ -11,7 +11,8 @@ use crate::refine::Refiner;
 /// What is known of a recording from a sample of it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Known {
-    /// Before the path of the sample was found: windows look for their path with the same knowledge.
+    /// Before the path of the sample was found: windows look for their path with the same
+    /// knowledge.
     pub(super) first: Common,
     /// Along the path.
     pub(super) learnt: Learnt,
@@ -24,7 +25,8 @@ pub struct Learnt {
     pub common: Common,
     /// How long the detections' errors last.
     pub memory: Memory,
-    /// Share of the residuals' variance that is noise; the rest are wrong detections that the kernel lets through.
+    /// Share of the residuals' variance that is noise; the rest are wrong detections that the
+    /// kernel lets through.
     pub share: f64,
 }
 

@@ -14,13 +14,15 @@ pub(super) const LEAST_SPREAD: f64 = 6.0;
 pub(super) const LEAST_SHARE: f64 = 0.02;
 /// Share of a length's variance in one frame that all frames have in common.
 const LASTING: f64 = 0.5;
-/// Multiple of the population's spread: less errs where frames see a bone badly (docs/decisions.md).
+/// Multiple of the population's spread: less errs where frames see a bone badly
+/// (docs/decisions.md).
 const LOOSE: f64 = 3.0;
-/// Standard errors between the measured and the expected length of a bone, from which they contradict each other.
+/// Standard errors between the measured and the expected length of a bone, from which they
+/// contradict each other.
 const CONTRADICTS: f64 = 3.0;
 
-/// The length of every bone at `points` `(N, T)`: what the frames show, with what is expected as its prior. σ is infinite for a
-/// bone that no frame shows and of which nothing is known.
+/// The length of every bone at `points` `(N, T)`: what the frames show, with what is expected as
+/// its prior. σ is infinite for a bone that no frame shows and of which nothing is known.
 #[must_use]
 pub fn lengths(
     tracks: &Tracks,
@@ -55,8 +57,8 @@ struct Measured {
     well: bool,
 }
 
-/// A measured length with a prior, by their precisions. Of two lengths that contradict each other, the frames' one counts if they see the
-/// bone well.
+/// A measured length with a prior, by their precisions. Of two lengths that contradict each other,
+/// the frames' one counts if they see the bone well.
 fn combined(measured: Option<Measured>, prior: Option<Length>) -> Length {
     let (m, prior) = match (measured, prior) {
         (None, None) => return Length { mean: 0.0, sigma: f64::INFINITY },

@@ -13,7 +13,8 @@ const SHARED_DOF: f64 = 50.0;
 const MEMORY: [f64; 2] = [0.7, 0.6];
 /// Shortest recording, s, that shows how long its errors last.
 const LEAST_SECONDS: f64 = 3.0;
-/// Where it does not: the constant share, the slow share of the rest and its time constant, s, as measured on real recordings.
+/// Where it does not: the constant share, the slow share of the rest and its time constant, s, as
+/// measured on real recordings.
 const USUAL_CONSTANT: f64 = 0.4;
 const USUAL_SLOW: f64 = 0.42;
 const USUAL_SECONDS: f64 = 0.35;
@@ -44,19 +45,22 @@ pub struct Noise {
     pub variance: Vec<f64>,
     /// How long the errors last.
     pub memory: Memory,
-    /// Share of the variance that is noise; the rest are wrong detections that the kernel lets through.
+    /// Share of the variance that is noise; the rest are wrong detections that the kernel lets
+    /// through.
     pub share: f64,
 }
 
 impl Noise {
     /// From the residuals of `run`.
     ///
-    /// Residuals have 2 Σ k degrees of freedom less those that the position takes up: 3 of errors that last, tr(S D) of white ones,
-    /// with the covariance S of the smoothed position. They are scaled up accordingly, by a_l and a_w.
+    /// Residuals have 2 Σ k degrees of freedom less those that the position takes up: 3 of errors
+    /// that last, tr(S D) of white ones, with the covariance S of the smoothed position. They are
+    /// scaled up accordingly, by a_l and a_w.
     ///
-    /// Wrong detections lie at any distance r, about as many in every ring of the same width; far outside the kernel
-    /// k = exp(−r²/2w²), w² = 2 σ², there is nothing else. n of them per w of distance add n ∫ k dr = n √(π/2) to Σ k, and as
-    /// much times w² to Σ k |e|²; without them the variance is smaller.
+    /// Wrong detections lie at any distance r, about as many in every ring of the same width; far
+    /// outside the kernel k = exp(−r²/2w²), w² = 2 σ², there is nothing else. n of them per w of
+    /// distance add n ∫ k dr = n √(π/2) to Σ k, and as much times w² to Σ k |e|²; without them the
+    /// variance is smaller.
     #[must_use]
     pub fn of(run: &Run<'_>, tracks: &Tracks, common: &Common) -> Self {
         let sums: Vec<Sums> =
@@ -142,8 +146,8 @@ impl Sums {
         }
     }
 
-    /// Share of the variance that is noise, for residuals that are scaled up by `growth`; the usual one where most joints are seen by
-    /// two views, of which none can outvote the other.
+    /// Share of the variance that is noise, for residuals that are scaled up by `growth`; the usual
+    /// one where most joints are seen by two views, of which none can outvote the other.
     fn share(&self, growth: f64) -> f64 {
         let (squares, freedom) = (self.wrong[0] / self.squares, self.wrong[1] / self.freedom);
         let share = (1.0 - squares) / (1.0 - growth * freedom);
@@ -161,8 +165,9 @@ impl Memory {
         Self { constant: USUAL_CONSTANT, rest: (1..=longest).map(after).collect() }
     }
 
-    /// The number of frames among `n` that make up an independent detection, apart from the constant share: the mean of `n` errors
-    /// has the variance of one times (1 + 2 Σ_h (1 − h/n) ρ_h)/n.
+    /// The number of frames among `n` that make up an independent detection, apart from the
+    /// constant share: the mean of `n` errors has the variance of one times (1 + 2 Σ_h (1 − h/n)
+    /// ρ_h)/n.
     #[must_use]
     pub fn frames(&self, n: f64) -> f64 {
         let lags = self.rest.iter().enumerate().map(|(k, rho)| ((k + 1) as f64, rho));
@@ -214,8 +219,8 @@ impl Correlation {
         Self { lags, at: if known { at } else { Vec::new() } }
     }
 
-    /// The memory of the errors; their correlation is that of the residuals times `scale`. At the longest lags it is the constant share c,
-    /// and (ρ − c)/(1 − c) is that of the rest.
+    /// The memory of the errors; their correlation is that of the residuals times `scale`. At the
+    /// longest lags it is the constant share c, and (ρ − c)/(1 − c) is that of the rest.
     fn memory(&self, fps: f64, scale: f64) -> Memory {
         let late = frames_in(MEMORY[1], fps);
         let last: Vec<f64> = self

@@ -1,4 +1,5 @@
-//! What comes out of a solved window: positions, error bars and status of the joints of each frame, and errors of the bones' lengths.
+//! What comes out of a solved window: positions, error bars and status of the joints of each frame,
+//! and errors of the bones' lengths.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -24,7 +25,8 @@ pub(super) struct State<'a> {
     posterior: &'a Posterior,
     /// k of every view at the path `(N, T, M)`; NaN where missing, or where no place is solved for.
     believed: Vec<f64>,
-    /// Whether the views that agree on each joint fix its depth `(N, T)`; `None` where fewer than two do.
+    /// Whether the views that agree on each joint fix its depth `(N, T)`; `None` where fewer than
+    /// two do.
     fixed: Vec<Option<bool>>,
     /// Whether the frames around show the depth of each joint `(N, T)`, as [`deep`] finds.
     deep: Vec<bool>,
@@ -123,8 +125,9 @@ impl<'a> State<'a> {
         Joint { at, covariance, believed, status, loss }
     }
 
-    /// What a joint's covariance in its frame alone adds where no frame around shows it to enough views: its bone then allows two
-    /// places on the ray, and all frames may have taken the wrong one.
+    /// What a joint's covariance in its frame alone adds where no frame around shows it to enough
+    /// views: its bone then allows two places on the ray, and all frames may have taken the wrong
+    /// one.
     fn undecided(&self, j: usize, t: usize, alone: &Alone) -> Matrix3<f64> {
         let around = frames_in(BRIDGE, self.learnt.common.fps);
         let (first, last) = (t.saturating_sub(around), (t + around + 1).min(self.tracks.frames));
@@ -163,8 +166,9 @@ fn fixed(
     Some(determine(rays, at, variance, common.weight, |i| believed[i]))
 }
 
-/// Whether the frames around show the depth of each joint `(N, T)`: of those up to `around` frames away in which two views agree, at least
-/// half fix it. Where fewer do, the cameras are so close together that only errors which bring the joint nearer fix it.
+/// Whether the frames around show the depth of each joint `(N, T)`: of those up to `around` frames
+/// away in which two views agree, at least half fix it. Where fewer do, the cameras are so close
+/// together that only errors which bring the joint nearer fix it.
 fn deep(fixed: &[Option<bool>], frames: usize, around: usize) -> Vec<bool> {
     let balance = |fixed: &Option<bool>| fixed.map_or(0, |is| if is { 1 } else { -1 });
     let of_joint = |own: &[Option<bool>]| {
@@ -176,7 +180,8 @@ fn deep(fixed: &[Option<bool>], frames: usize, around: usize) -> Vec<bool> {
     fixed.chunks(frames.max(1)).flat_map(of_joint).collect()
 }
 
-/// Standard errors of the bones' lengths, mm: those of a typical frame, since most of an error lasts.
+/// Standard errors of the bones' lengths, mm: those of a typical frame, since most of an error
+/// lasts.
 pub(super) fn errors(
     run: &Run<'_>,
     found: &Posterior,

@@ -1,18 +1,22 @@
 //! Error bars of a recording.
 //!
-//! The detections of a joint have errors with a constant part c that no number of frames averages out; of the rest, f(n) among n
-//! frames make up an independent detection ([`Memory`](super::noise::Memory)). With the information D_t of a frame's detections, the motion's stiffness
-//! K and the mean D̄_t of the information around t,
+//! The detections of a joint have errors with a constant part c that no number of frames averages
+//! out; of the rest, f(n) among n frames make up an independent detection
+//! ([`Memory`](super::noise::Memory)). With the information D_t of a frame's detections, the
+//! motion's stiffness K and the mean D̄_t of the information around t,
 //!
 //! ```text
 //! C_t = s ((1 − c) f(n_t) S_t + c D̄_t⁻¹)        S = (D + K)⁻¹        n_t = 3 / tr(S_t D_t)
 //! ```
 //!
-//! where S_t is a block of the selected inverse of the joint's chain, n_t the number of frames that it averages over, and s the share of
-//! the residuals' variance that is noise ([`Learnt`]). Bones then act on each frame: a joint that is known to C_n is a measurement along the
-//! bone u of variance σ_b² + uᵀ C_n u of its neighbour. These messages pass from joint to joint, never back to where they come from, so
-//! that no information counts twice. An error of a bone's length lasts as well: it is not averaged over the frames. Where the direction of a bone is uncertain itself, as with cameras that are close
-//! together, a measurement along it says less: an end that is off by e across the bone changes its length by |e|²/2l.
+//! where S_t is a block of the selected inverse of the joint's chain, n_t the number of frames that
+//! it averages over, and s the share of the residuals' variance that is noise ([`Learnt`]). Bones
+//! then act on each frame: a joint that is known to C_n is a measurement along the bone u of
+//! variance σ_b² + uᵀ C_n u of its neighbour. These messages pass from joint to joint, never back
+//! to where they come from, so that no information counts twice. An error of a bone's length lasts
+//! as well: it is not averaged over the frames. Where the direction of a bone is uncertain itself,
+//! as with cameras that are close together, a measurement along it says less: an end that is off by
+//! e across the bone changes its length by |e|²/2l.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -126,7 +130,8 @@ fn join(run: &Run<'_>, tracks: &Tracks, common: &Common, k: usize, spread: &mut 
         (0..tracks.joints).map(|j| inverse(&spread[j * t + k])).collect();
     let variances: Vec<f64> =
         (0..common.bones.len()).map(|b| variance(run, tracks, common, [b, k], spread)).collect();
-    // Information along the bone that its first joint has from the second, and the second from the first.
+    // Information along the bone that its first joint has from the second, and the second from the
+    // first.
     let mut messages = vec![[0.0; 2]; common.bones.len()];
     let told = |messages: &[[f64; 2]], j: usize, without: usize| {
         let mut information = alone[j];
@@ -157,8 +162,9 @@ fn join(run: &Run<'_>, tracks: &Tracks, common: &Common, k: usize, spread: &mut 
     }
 }
 
-/// Variance of bone `b` as a measurement in frame `k`, mm²; infinite where it is none. To that of its length comes the second moment
-/// of |e|²/2l, with the errors e across the bone of those of its ends that two views see; where one does, the bone decides.
+/// Variance of bone `b` as a measurement in frame `k`, mm²; infinite where it is none. To that of
+/// its length comes the second moment of |e|²/2l, with the errors e across the bone of those of its
+/// ends that two views see; where one does, the bone decides.
 fn variance(
     run: &Run<'_>,
     tracks: &Tracks,

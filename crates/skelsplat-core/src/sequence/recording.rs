@@ -1,4 +1,5 @@
-//! A recording in windows: what is common to all is learnt from a sample of them, then each is solved.
+//! A recording in windows: what is common to all is learnt from a sample of them, then each is
+//! solved.
 
 use std::ops::RangeInclusive;
 
@@ -49,11 +50,12 @@ pub struct Sequence {
     pub lengths: Vec<Length>,
 }
 
-/// Refines the frames of one motion, recorded `fps` times per second, in order and without leaving frames out.
+/// Refines the frames of one motion, recorded `fps` times per second, in order and without leaving
+/// frames out.
 ///
 /// # Errors
-/// [`Error::InvalidInput`] if views or joints do not match, if `fps` is not from 1e-3 to 1e6, or for another method than `annealed`;
-/// [`Error::Cancelled`] once cancelled.
+/// [`Error::InvalidInput`] if views or joints do not match, if `fps` is not from 1e-3 to 1e6, or
+/// for another method than `annealed`; [`Error::Cancelled`] once cancelled.
 pub fn refine_sequence(
     refiner: &Refiner,
     frames: &[Frame],
@@ -63,7 +65,8 @@ pub fn refine_sequence(
     refine_in_windows(refiner, frames, fps, window_size(fps), progress)
 }
 
-/// [`refine_sequence`] in windows of at most this length, which overlap by so many frames on either side.
+/// [`refine_sequence`] in windows of at most this length, which overlap by so many frames on either
+/// side.
 ///
 /// # Errors
 /// As [`refine_sequence`].
@@ -89,7 +92,8 @@ pub fn refine_in_windows(
     })
 }
 
-/// What a [`sample`], stretches of consecutive frames, shows about a recording, for [`refine_windows`].
+/// What a [`sample`], stretches of consecutive frames, shows about a recording, for
+/// [`refine_windows`].
 ///
 /// # Errors
 /// As [`refine_sequence`], and [`Error::InvalidInput`] if there is no frame.
@@ -108,12 +112,13 @@ pub fn learn_sequence(
     threads::install(refiner.config().n_threads, |_| recording.learn_from(stretches))
 }
 
-/// Refines consecutive `windows` of a recording of more than one, of which these are the `frames`, as [`refine_sequence`] refines
-/// them in the whole recording: the results are those of the frames that the windows answer for. The bones' lengths have their
-/// errors in these windows.
+/// Refines consecutive `windows` of a recording of more than one, of which these are the `frames`,
+/// as [`refine_sequence`] refines them in the whole recording: the results are those of the frames
+/// that the windows answer for. The bones' lengths have their errors in these windows.
 ///
 /// # Errors
-/// As [`refine_sequence`], and [`Error::InvalidInput`] if windows are not those of the frames, or `known` is of other joints.
+/// As [`refine_sequence`], and [`Error::InvalidInput`] if windows are not those of the frames, or
+/// `known` is of other joints.
 pub fn refine_windows(
     refiner: &Refiner,
     frames: &[Frame],
@@ -207,7 +212,8 @@ impl Recording<'_> {
         Ok(out)
     }
 
-    /// The bones' lengths, in the unit of the cameras, with the median of the `errors` in each window.
+    /// The bones' lengths, in the unit of the cameras, with the median of the `errors` in each
+    /// window.
     fn lengths(&self, errors: &[Vec<f64>], learnt: &Learnt) -> Vec<Length> {
         let mm = self.refiner.unit().millimetres();
         let one = |(b, length): (usize, &Length)| {
@@ -236,8 +242,8 @@ impl Recording<'_> {
         || self.progress.check()
     }
 
-    /// What is common to all windows, from the frames of some of them, and their path. Windows find theirs with the knowledge before it:
-    /// where two paths are as good, they take the same.
+    /// What is common to all windows, from the frames of some of them, and their path. Windows find
+    /// theirs with the knowledge before it: where two paths are as good, they take the same.
     fn learn(&self, sample: &[Vec<Alone>]) -> Result<(Known, Path)> {
         let all = || sample.iter().flatten();
         let noise = median(all().map(|f| f.noise).filter(|n| n.is_finite()).collect());
@@ -275,7 +281,8 @@ impl Recording<'_> {
         Ok((Known { first, learnt }, path))
     }
 
-    /// The path from wide kernels down to the final ones, and the sides that it shows to be swapped.
+    /// The path from wide kernels down to the final ones, and the sides that it shows to be
+    /// swapped.
     fn path(&self, mut tracks: Tracks, common: &Common) -> Result<Path> {
         let chains = self.refiner.chains();
         let mut swapped = swaps::exchanged(&tracks, chains, common);
@@ -302,8 +309,8 @@ impl Recording<'_> {
         self.finish(window, &alone, path, &known.learnt, place)
     }
 
-    /// Writes the solution along a path, with its error bars, and returns the standard errors of the bones' lengths, mm; infinite for
-    /// a bone that is not seen.
+    /// Writes the solution along a path, with its error bars, and returns the standard errors of
+    /// the bones' lengths, mm; infinite for a bone that is not seen.
     fn finish(
         &self,
         window: &Window,
@@ -396,8 +403,9 @@ fn exchange(used: &mut [usize], [l, r]: [usize; 2]) {
 /// H, minus the gradient, and the agility of a step.
 pub type Equations = (Vec<f64>, Vec<Vector3<f64>>, Vec<f64>);
 
-/// The equations of one step at `points` `(N, T)` under kernels `wider` than the final ones: H, row-major, and minus the gradient
-/// `(N, T)`, joint after joint, and the agility `(N, T)`. `common` is used with the bones of the refiner and the agility of the frames.
+/// The equations of one step at `points` `(N, T)` under kernels `wider` than the final ones: H,
+/// row-major, and minus the gradient `(N, T)`, joint after joint, and the agility `(N, T)`.
+/// `common` is used with the bones of the refiner and the agility of the frames.
 ///
 /// # Errors
 /// [`Error::InvalidInput`] if a frame does not match the refiner.

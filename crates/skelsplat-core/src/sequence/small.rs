@@ -1,4 +1,5 @@
-//! Small arithmetic: medians, and products of 3×3 matrices, written out: the library's general ones are not inlined everywhere, and take several times as long.
+//! Small arithmetic: medians, and products of 3×3 matrices, written out: the library's general ones
+//! are not inlined everywhere, and take several times as long.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -33,7 +34,8 @@ pub(super) fn product(a: &Matrix3<f64>, b: &Matrix3<f64>) -> Matrix3<f64> {
     Matrix3::new(x.x, y.x, z.x, x.y, y.y, z.y, x.z, y.z, z.z)
 }
 
-/// The inverse of a symmetric positive definite matrix; zero where it has none, so that nothing moves.
+/// The inverse of a symmetric positive definite matrix; zero where it has none, so that nothing
+/// moves.
 #[inline(always)]
 pub(super) fn inverse(m: &Matrix3<f64>) -> Matrix3<f64> {
     let symmetric = Symmetric::of(m);

@@ -28,7 +28,8 @@ pub struct Common {
     pub variance: Vec<f64>,
     /// Final kernel of each joint, mm.
     pub sigma: Vec<f64>,
-    /// Root mean square distance of the joints from the body's centre, mm: no joint is unknown beyond it.
+    /// Root mean square distance of the joints from the body's centre, mm: no joint is unknown
+    /// beyond it.
     pub reach: f64,
 }
 
@@ -39,7 +40,8 @@ impl Common {
     }
 }
 
-/// Kernels in multiples of the final ones, the widest first, with the maximum number of steps under each.
+/// Kernels in multiples of the final ones, the widest first, with the maximum number of steps under
+/// each.
 pub type Schedule = [(f64, usize)];
 
 /// From wide kernels down to the final ones.
@@ -60,10 +62,11 @@ const TRUST_SPAN: f64 = 0.1;
 const DAMPING: f64 = 320.0;
 /// Longest step of a joint.
 const LONGEST: f64 = 300.0;
-/// Steps that are shorter than this share of the noise, root mean square, end the work under a kernel.
+/// Steps that are shorter than this share of the noise, root mean square, end the work under a
+/// kernel.
 const SMALL: f64 = 0.01;
-/// Rounds of the smoothing from which the annealing starts, and squares of the reach of its kernel, in standard deviations, for
-/// positions on which three views agree and for others.
+/// Rounds of the smoothing from which the annealing starts, and squares of the reach of its kernel,
+/// in standard deviations, for positions on which three views agree and for others.
 const SMOOTHING: usize = 5;
 const SMOOTHING_REACH: [f64; 2] = [9.0, 400.0];
 
@@ -97,7 +100,8 @@ impl<'a> Run<'a> {
         run
     }
 
-    /// Anneals along `schedule`, without filling the system at the last positions; `check` is called before every step and ends the run with its error.
+    /// Anneals along `schedule`, without filling the system at the last positions; `check` is
+    /// called before every step and ends the run with its error.
     ///
     /// # Errors
     /// The error of `check`.
@@ -127,7 +131,8 @@ impl<'a> Run<'a> {
         self.pull_of_bones();
     }
 
-    /// The selected inverse of joint `j`'s chain; a joint lies within `reach` (see [`Common`]) of the body's centre.
+    /// The selected inverse of joint `j`'s chain; a joint lies within `reach` (see [`Common`]) of
+    /// the body's centre.
     #[must_use]
     pub fn bands(&self, j: usize) -> Vec<Band> {
         let of = self.system.of(j);
@@ -150,9 +155,10 @@ impl<'a> Run<'a> {
         (squares / step.len() as f64).sqrt()
     }
 
-    /// The detections of joint `j`: Σ c k k̄ (I − d dᵀ)/ŝ² and −Σ c k k̄ e/ŝ², where k̄ is the mean of k over the frames around:
-    /// errors that are not noise last. Where three views agree on a position and none disagrees, k and k̄ do not fall below their
-    /// values at this position: the other frames never outvote them.
+    /// The detections of joint `j`: Σ c k k̄ (I − d dᵀ)/ŝ² and −Σ c k k̄ e/ŝ², where k̄ is the mean
+    /// of k over the frames around: errors that are not noise last. Where three views agree on a
+    /// position and none disagrees, k and k̄ do not fall below their values at this position: the
+    /// other frames never outvote them.
     fn see(&mut self, j: usize, wider: f64) {
         let sigma = self.common.sigma[j] * wider;
         let precision = 1.0 / self.common.variance[j];
@@ -184,7 +190,8 @@ impl<'a> Run<'a> {
         }
     }
 
-    /// k of every ray of joint `j`, at least the held weight, and the running sums of k and of the rays' number.
+    /// k of every ray of joint `j`, at least the held weight, and the running sums of k and of the
+    /// rays' number.
     fn weigh(&mut self, j: usize, sigma: f64) {
         let (views, own) = (self.tracks.views, j * self.tracks.frames);
         self.kept.clear();
@@ -206,8 +213,9 @@ impl<'a> Run<'a> {
         }
     }
 
-    /// The weights of joint `j`'s second differences, 1/(q dt³), less where the acceleration is larger than usual: it is measured
-    /// over [`MOTION_SPAN`], so that the frame rate does not matter. There is none across a cut.
+    /// The weights of joint `j`'s second differences, 1/(q dt³), less where the acceleration is
+    /// larger than usual: it is measured over [`MOTION_SPAN`], so that the frame rate does not
+    /// matter. There is none across a cut.
     fn couple(&mut self, j: usize, reach: f64) {
         let of = self.system.of(j);
         let (x, active) = (&self.points[of.clone()], &self.tracks.active[of.clone()]);
@@ -267,8 +275,8 @@ impl<'a> Run<'a> {
         }
     }
 
-    /// Fills in and smooths the positions that the frames alone give joint `j`: the same motion term, and a Gaussian per frame with
-    /// its covariance under a Cauchy kernel.
+    /// Fills in and smooths the positions that the frames alone give joint `j`: the same motion
+    /// term, and a Gaussian per frame with its covariance under a Cauchy kernel.
     fn smooth(&mut self, j: usize) {
         let of = self.system.of(j);
         let alone = &self.tracks.alone[of.clone()];
@@ -303,7 +311,8 @@ impl<'a> Run<'a> {
     }
 }
 
-/// Linear interpolation of `known` over the active frames between known positions; `out` stays where inactive.
+/// Linear interpolation of `known` over the active frames between known positions; `out` stays
+/// where inactive.
 fn interpolate(known: &[Vector3<f64>], active: &[bool], out: &mut [Vector3<f64>]) {
     let there: Vec<usize> =
         (0..known.len()).filter(|t| active[*t] && known[*t].x.is_finite()).collect();

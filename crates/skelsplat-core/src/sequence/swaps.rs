@@ -1,10 +1,11 @@
 //! Left and right swapped in a view of a recording: the path decides, and a swap lasts.
 //!
-//! The frames alone have corrected what three views show. Along the path that all frames agree on, two views suffice, and
-//! since a swap lasts for some frames, a frame's neighbours vote as well.
+//! The frames alone have corrected what three views show. Along the path that all frames agree on,
+//! two views suffice, and since a swap lasts for some frames, a frame's neighbours vote as well.
 //!
-//! Where as many views are swapped as are not, the frames alone may have exchanged the sides in the wrong half. Then the chain
-//! jumps to the other side and back, and the sides are those with which it goes on as it was.
+//! Where as many views are swapped as are not, the frames alone may have exchanged the sides in the
+//! wrong half. Then the chain jumps to the other side and back, and the sides are those with which
+//! it goes on as it was.
 
 use super::small::frames_in;
 use super::solver::Common;
@@ -12,7 +13,8 @@ use super::tracks::Tracks;
 use crate::annealed::swaps::Chain;
 use nalgebra::Vector3;
 
-/// Detections of mean weight by which a swap explains more: in the frame, and in the mean over the frames around it.
+/// Detections of mean weight by which a swap explains more: in the frame, and in the mean over the
+/// frames around it.
 const OWN_GAIN: f64 = 0.5;
 const MEAN_GAIN: f64 = 1.0;
 /// Half of the time over which the gain is averaged, s.
@@ -26,10 +28,12 @@ pub(super) struct Swap {
     pub(super) chain: usize,
 }
 
-/// Cost of a jump of a chain to the other side, and of a view whose sides are exchanged, per second.
+/// Cost of a jump of a chain to the other side, and of a view whose sides are exchanged, per
+/// second.
 const JUMP: f64 = 10.0;
 const EXCHANGED: f64 = 7.5;
-/// Views that agree on the sides, from so many on, are not outvoted by how the chain went on, unless more than this part of them denies it.
+/// Views that agree on the sides, from so many on, are not outvoted by how the chain went on,
+/// unless more than this part of them denies it.
 const AGREED: f64 = 2.2;
 const DENIED: f64 = 0.2;
 /// Longest gap, s, over which a chain goes on as it was.
@@ -54,7 +58,8 @@ pub(super) fn exchange(tracks: &mut Tracks, chains: &[Chain], swaps: &[Swap]) {
     }
 }
 
-/// Whether the sides of a chain are exchanged in each frame: the cheapest sequence, by dynamic programming.
+/// Whether the sides of a chain are exchanged in each frame: the cheapest sequence, by dynamic
+/// programming.
 fn sides(tracks: &Tracks, pairs: &Chain, common: &Common) -> Vec<bool> {
     let places = |t: usize| {
         let unsure = Vector3::repeat(f64::NAN);
@@ -87,8 +92,9 @@ fn sides(tracks: &Tracks, pairs: &Chain, common: &Common) -> Vec<bool> {
     out
 }
 
-/// Number of views that, with sides as they are detected, agree with the other side's position: if the frame is as it is, and
-/// if it is exchanged; infinite there if views agree that it is as it is.
+/// Number of views that, with sides as they are detected, agree with the other side's position: if
+/// the frame is as it is, and if it is exchanged; infinite there if views agree that it is as it
+/// is.
 fn against(tracks: &Tracks, pairs: &Chain, common: &Common, t: usize) -> [f64; 2] {
     let (mut views, mut asserted, mut denied) = ([0.0; 2], 0.0, 0.0);
     let most = (2 * pairs.len()) as f64;
@@ -113,8 +119,8 @@ fn against(tracks: &Tracks, pairs: &Chain, common: &Common, t: usize) -> [f64; 2
     if agreed { [views[0], f64::INFINITY] } else { views }
 }
 
-/// How little farther the sides move if they cross, from 0 (much farther) to 1 (they do cross): the mean over the pairs that
-/// are known in both frames.
+/// How little farther the sides move if they cross, from 0 (much farther) to 1 (they do cross): the
+/// mean over the pairs that are known in both frames.
 fn crossing(
     before: impl Iterator<Item = [Vector3<f64>; 2]>,
     after: impl Iterator<Item = [Vector3<f64>; 2]>,

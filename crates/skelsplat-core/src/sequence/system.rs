@@ -1,8 +1,10 @@
-//! The sparse system of one Gauss–Newton step, and its solution by preconditioned conjugate gradients.
+//! The sparse system of one Gauss–Newton step, and its solution by preconditioned conjugate
+//! gradients.
 //!
-//! H = D + bones + motion couples the joints of a frame along the bones and each joint over five frames. Its part per joint, with
-//! the bones' diagonal blocks, is a [`Chain`], solved exactly in linear time: it takes up the stiff coupling in time, and
-//! the eigenvalues of the preconditioned system lie in (0, 2). Vectors hold joint after joint, each over all frames.
+//! H = D + bones + motion couples the joints of a frame along the bones and each joint over five
+//! frames. Its part per joint, with the bones' diagonal blocks, is a [`Chain`], solved exactly in
+//! linear time: it takes up the stiff coupling in time, and the eigenvalues of the preconditioned
+//! system lie in (0, 2). Vectors hold joint after joint, each over all frames.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -124,7 +126,8 @@ impl System {
         }
     }
 
-    /// The step (H + μI)⁻¹ (−∇), to a relative accuracy `tolerance` in the norm of the preconditioner, in at most `most` rounds.
+    /// The step (H + μI)⁻¹ (−∇), to a relative accuracy `tolerance` in the norm of the
+    /// preconditioner, in at most `most` rounds.
     pub fn solve(&mut self, mu: f64, tolerance: f64, most: usize) -> &[Vector3<f64>] {
         self.factorise(mu);
         self.step.fill(Vector3::zeros());

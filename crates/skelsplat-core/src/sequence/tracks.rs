@@ -11,9 +11,11 @@ use crate::annealed::rays::Ray;
 pub(super) const BRIDGE: f64 = 1.0;
 /// Weight of rays that agree closely.
 const CLOSE: f64 = 0.7;
-/// Root mean square deviation, in standard deviations, of the joints from a steady motion that shows a cut.
+/// Root mean square deviation, in standard deviations, of the joints from a steady motion that
+/// shows a cut.
 const JUMP: f64 = 2.0;
-/// Multiple of its square that a frame beside a cut does not reach: it departs from a velocity that is measured across the cut.
+/// Multiple of its square that a frame beside a cut does not reach: it departs from a velocity that
+/// is measured across the cut.
 const BESIDE: f64 = 2.0;
 /// Least number of joints that show it, and their least share of those that are estimated.
 const LEAST_JOINTS: usize = 3;
@@ -38,21 +40,25 @@ pub struct Tracks {
     pub active: Vec<bool>,
     /// Whether three views, or both of two, agree on the position of the frame alone `(N, T)`.
     pub sure: Vec<bool>,
-    /// Least weight of every ray `(N, T, M)`: its weight at a position on which all of at least three agree closely, else 0.
+    /// Least weight of every ray `(N, T, M)`: its weight at a position on which all of at least
+    /// three agree closely, else 0.
     held: Vec<f64>,
     /// Whether the frame alone has exchanged the ray's side `(N, T, M)`.
     turned: Vec<bool>,
-    /// Number of cuts before each frame and at it `(T)`: a cut lies between a frame and the one before.
+    /// Number of cuts before each frame and at it `(T)`: a cut lies between a frame and the one
+    /// before.
     cuts: Vec<usize>,
-    /// Spectral density q of the acceleration `(N, T)`, mm²/s³; empty where it is the usual one at all times.
+    /// Spectral density q of the acceleration `(N, T)`, mm²/s³; empty where it is the usual one at
+    /// all times.
     pub agility: Vec<f64>,
 }
 
 impl Tracks {
-    /// The tracks of `stretches` of consecutive frames, one after the other; motion does not connect them.
+    /// The tracks of `stretches` of consecutive frames, one after the other; motion does not
+    /// connect them.
     ///
-    /// A joint is estimated between frames that give it a position, over gaps of at most `longest` frames. `sigma` is the kernel
-    /// under which views agree.
+    /// A joint is estimated between frames that give it a position, over gaps of at most `longest`
+    /// frames. `sigma` is the kernel under which views agree.
     #[must_use]
     pub fn new(stretches: &[&[Alone]], longest: usize, sigma: f64) -> Self {
         let first = &stretches[0][0];
@@ -124,9 +130,10 @@ impl Tracks {
         }
     }
 
-    /// Looks for cuts: frames between which the body jumps, in the median of the joints whose positions are sure. Wrong
-    /// positions are those of single joints. `usual` is how agile each joint usually is, mm²/s³. Frames that are further apart than a gap
-    /// that is bridged are all cut from each other.
+    /// Looks for cuts: frames between which the body jumps, in the median of the joints whose
+    /// positions are sure. Wrong positions are those of single joints. `usual` is how agile each
+    /// joint usually is, mm²/s³. Frames that are further apart than a gap that is bridged are all
+    /// cut from each other.
     pub fn find_cuts(&mut self, fps: f64, usual: &[f64]) {
         let apart = fps * BRIDGE < 1.0;
         let jumps: Vec<f64> = (0..self.frames).map(|t| self.jumps(t, fps, usual)).collect();
@@ -141,7 +148,8 @@ impl Tracks {
         }
     }
 
-    /// How far the median joint moves before frame `t` beyond what is explained, as in [`Tracks::jump`]; 0 where too few are sure.
+    /// How far the median joint moves before frame `t` beyond what is explained, as in
+    /// [`Tracks::jump`]; 0 where too few are sure.
     fn jumps(&self, t: usize, fps: f64, usual: &[f64]) -> f64 {
         let both = |j: &usize| t > 0 && [t - 1, t].iter().all(|t| self.active[self.at(*j, *t)]);
         let asked = (0..self.joints).filter(both).count();
@@ -151,9 +159,9 @@ impl Tracks {
         if jumps.len() >= LEAST_JOINTS && enough { median(jumps) } else { 0.0 }
     }
 
-    /// How far joint `j` moves before frame `t` beyond what its velocity before and after explains: the square over the
-    /// variance of errors of the positions and of white acceleration, which adds `moved` mm² to a second difference. `None`
-    /// where positions are not sure.
+    /// How far joint `j` moves before frame `t` beyond what its velocity before and after explains:
+    /// the square over the variance of errors of the positions and of white acceleration, which
+    /// adds `moved` mm² to a second difference. `None` where positions are not sure.
     fn jump(&self, j: usize, t: usize, moved: f64) -> Option<f64> {
         let at = |t: usize| Some(self.at(j, t)).filter(|k| t < self.frames && self.sure[*k]);
         let (b, c) = (at(t.checked_sub(1)?)?, at(t)?);
@@ -225,7 +233,8 @@ impl Tracks {
         self.sure.swap(a, b);
     }
 
-    /// Swaps the detections of joints `a` and `b` in view `i` of frame `t`; they are no longer held.
+    /// Swaps the detections of joints `a` and `b` in view `i` of frame `t`; they are no longer
+    /// held.
     pub fn swap(&mut self, i: usize, t: usize, a: usize, b: usize) {
         let at = |j: usize| (j * self.frames + t) * self.views + i;
         let (a, b) = (at(a), at(b));

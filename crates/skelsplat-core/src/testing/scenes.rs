@@ -5,8 +5,8 @@ use nalgebra::{Matrix3, Vector3};
 use crate::camera::Camera;
 use crate::detections::Detections;
 
-/// Uniform and normal numbers from a linear congruential generator (Knuth's MMIX constants): enough for
-/// tests, the same on every machine.
+/// Uniform and normal numbers from a linear congruential generator (Knuth's MMIX constants): enough
+/// for tests, the same on every machine.
 #[derive(Debug, Clone)]
 pub struct Noise(u64);
 

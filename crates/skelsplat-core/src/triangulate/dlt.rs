@@ -8,17 +8,19 @@ use crate::detections::Detections;
 /// Third singular value, relative to the first, below which the rays do not determine a point
 /// (one centre, or all centres on the ray).
 const RANK: f64 = 1e-10;
-/// Homogeneous coordinate, relative to the point in rig lengths, below which the point is at infinity.
+/// Homogeneous coordinate, relative to the point in rig lengths, below which the point is at
+/// infinity.
 pub(super) const AT_INFINITY: f64 = 1e-9;
 
 /// Triangulates each joint from the ideal pixels of the views that detect it.
 ///
-/// Every detection gives the rows c·(u P₃ − P₁) and c·(v P₃ − P₂) with its confidence c and the rows P of K [R | t],
-/// and the point is their right null vector: the algebraic method of learnable triangulation, in which a row weighs
-/// c times a focal length times the point's depth. World coordinates are first normalised to the cameras
-/// in use (origin at their mean centre, RMS distance from it as unit), so that the unit-norm constraint, and with it the
-/// result on noisy data, depends neither on the unit of length, nor on the world's origin, nor on cameras without usable
-/// detections.
+/// Every detection gives the rows c·(u P₃ − P₁) and c·(v P₃ − P₂) with its confidence c and the
+/// rows P of K [R | t], and the point is their right null vector: the algebraic method of learnable
+/// triangulation, in which a row weighs c times a focal length times the point's depth. World
+/// coordinates are first normalised to the cameras in use (origin at their mean centre, RMS
+/// distance from it as unit), so that the unit-norm constraint, and with it the result on noisy
+/// data, depends neither on the unit of length, nor on the world's origin, nor on cameras without
+/// usable detections.
 ///
 /// NaN where fewer than two views detect the joint, where the rays are parallel or coincide,
 /// and where the point lies behind every camera that detects it.
@@ -83,7 +85,8 @@ impl RigFrame {
         [0, 1, 2].map(|k| RowVector4::new(r[(k, 0)], r[(k, 1)], r[(k, 2)], t[k]))
     }
 
-    /// u P₃ − P₁ = fx·(x̂ r₃ − r₁) with x̂ = (u − cx)/fx, and likewise for v, in units of the largest focal length.
+    /// u P₃ − P₁ = fx·(x̂ r₃ − r₁) with x̂ = (u − cx)/fx, and likewise for v, in units of the
+    /// largest focal length.
     fn rows(&self, camera: &Camera, pixel: &Vector2<f64>) -> [RowVector4<f64>; 2] {
         let ([fx, fy], [cx, cy]) = (camera.focal(), camera.principal_point());
         let p = self.extrinsics(camera);
@@ -94,7 +97,8 @@ impl RigFrame {
     }
 }
 
-/// Rotates one more row into an upper triangular `R` with `RᵀR = AᵀA`, so that the number of views needs no storage.
+/// Rotates one more row into an upper triangular `R` with `RᵀR = AᵀA`, so that the number of views
+/// needs no storage.
 fn add_row(triangle: &mut Matrix4<f64>, mut row: RowVector4<f64>) {
     for k in 0..4 {
         let length = triangle[(k, k)].hypot(row[k]);

@@ -5,20 +5,22 @@ use nalgebra::Vector3;
 use crate::camera::Camera;
 use crate::detections::Detections;
 
-/// Lower limit of the mean reprojection error, in pixels; an exact pose would otherwise have infinite weight.
+/// Lower limit of the mean reprojection error, in pixels; an exact pose would otherwise have
+/// infinite weight.
 pub const MIN_ERROR_PX: f64 = 1e-3;
 
-/// Fuses poses estimated from one view each, in world coordinates, weighted by their agreement with all views:
-/// `X_j = Σ_i w_ij X_ij` with `w_ij ∝ 1/e_ij` and `e_ij` the mean reprojection error of `X_ij` over the views that detect `j`.
+/// Fuses poses estimated from one view each, in world coordinates, weighted by their agreement with
+/// all views: `X_j = Σ_i w_ij X_ij` with `w_ij ∝ 1/e_ij` and `e_ij` the mean reprojection error of
+/// `X_ij` over the views that detect `j`.
 ///
-/// `poses` holds one pose of `N` joints per monocular estimate, NaN where a joint is missing; `detections` are ideal
-/// pixels. An `X_ij` that is missing or lies behind a camera that detects the joint gets no weight, errors below
-/// [`MIN_ERROR_PX`] are raised to it, and a joint without detections is the plain mean of its `X_ij`.
-/// NaN where no `X_ij` remains.
+/// `poses` holds one pose of `N` joints per monocular estimate, NaN where a joint is missing;
+/// `detections` are ideal pixels. An `X_ij` that is missing or lies behind a camera that detects
+/// the joint gets no weight, errors below [`MIN_ERROR_PX`] are raised to it, and a joint without
+/// detections is the plain mean of its `X_ij`. NaN where no `X_ij` remains.
 ///
 /// # Panics
-/// If a pose has another number of joints than the detections, or the detections another number of views than
-/// there are cameras.
+/// If a pose has another number of joints than the detections, or the detections another number of
+/// views than there are cameras.
 #[must_use]
 pub fn fuse_monocular(
     poses: &[Vec<Vector3<f64>>],
@@ -45,8 +47,8 @@ pub fn fuse_monocular(
         .collect()
 }
 
-/// Mean distance in pixels between the projections of `x` and the detections of joint `j`; 0 if there are none,
-/// `None` if `x` is not finite or is behind a camera that detects the joint.
+/// Mean distance in pixels between the projections of `x` and the detections of joint `j`; 0 if
+/// there are none, `None` if `x` is not finite or is behind a camera that detects the joint.
 fn reprojection_error(
     x: &Vector3<f64>,
     joint: usize,

@@ -13,16 +13,19 @@ pub const ITERATIONS: usize = 10;
 /// A view agrees with a point that projects at most this far from its detection, in ideal pixels.
 pub const INLIER_PX: f64 = 20.0;
 
-/// Triangulates each joint from the largest set of views that agree on it (Fischler and Bolles, 1981).
+/// Triangulates each joint from the largest set of views that agree on it (Fischler and Bolles,
+/// 1981).
 ///
-/// Two views make a hypothesis by [`dlt()`](super::dlt()); its inliers are the views that have the point in front of
-/// them and detect it at most [`INLIER_PX`] away. The hypothesis with the most inliers wins; ties go to the
-/// smaller sum of errors, then to the first. The joint is [`dlt()`](super::dlt()) over its inliers.
-/// All pairs are tried if there are at most [`ITERATIONS`], else as many different ones, drawn by a generator seeded
-/// with the joint's index: the result depends only on the arguments.
+/// Two views make a hypothesis by [`dlt()`](super::dlt()); its inliers are the views that have the
+/// point in front of them and detect it at most [`INLIER_PX`] away. The hypothesis with the most
+/// inliers wins; ties go to the smaller sum of errors, then to the first. The joint is
+/// [`dlt()`](super::dlt()) over its inliers. All pairs are tried if there are at most
+/// [`ITERATIONS`], else as many different ones, drawn by a generator seeded with the joint's index:
+/// the result depends only on the arguments.
 ///
-/// A detection outside the winning set is rejected. Where no hypothesis has two inliers, or they do not
-/// determine the point, the joint is [`dlt()`](super::dlt()) over all its views and nothing is rejected. NaN as there.
+/// A detection outside the winning set is rejected. Where no hypothesis has two inliers, or they do
+/// not determine the point, the joint is [`dlt()`](super::dlt()) over all its views and nothing is
+/// rejected. NaN as there.
 ///
 /// `detections` are ideal pixels.
 #[must_use]
@@ -106,8 +109,8 @@ fn pair_of(k: usize) -> (usize, usize) {
 
 /// Calls `visit` with each of `n` pairs, or with [`ITERATIONS`] different ones if there are more.
 ///
-/// Floyd's sampling: of `0..=last`, for each of the last few values of `last`, a number at random, or `last` itself if
-/// that number has been drawn before. Every subset is equally likely.
+/// Floyd's sampling: of `0..=last`, for each of the last few values of `last`, a number at random,
+/// or `last` itself if that number has been drawn before. Every subset is equally likely.
 fn sampled_pairs(n: usize, joint: usize, mut visit: impl FnMut(usize)) {
     if n <= ITERATIONS {
         (0..n).for_each(visit);

@@ -1,4 +1,5 @@
-//! Triangulation from two views that is done very often: four joints at a time, without a decomposition.
+//! Triangulation from two views that is done very often: four joints at a time, without a
+//! decomposition.
 
 use nalgebra::{Matrix3, Matrix4, RowVector4};
 use wide::f64x4;
@@ -6,16 +7,19 @@ use wide::f64x4;
 use super::dlt::{AT_INFINITY, RigFrame};
 use crate::camera::{Camera, NEAR};
 
-/// Trace of the adjugate of AᵀA, relative to that of AᵀA cubed, below which the rays do not determine a point.
+/// Trace of the adjugate of AᵀA, relative to that of AᵀA cubed, below which the rays do not
+/// determine a point.
 const RANK: f64 = 1e-14;
-/// Steps towards the smallest eigenvalue, at most; they end with one of this size, relative to the gap above it.
+/// Steps towards the smallest eigenvalue, at most; they end with one of this size, relative to the
+/// gap above it.
 const STEPS: usize = 16;
 const SETTLED: f64 = 1e-6;
 /// Square of a distance, in lengths of the rig, from which a point is at infinity.
 const FARTHEST: f64x4 = f64x4::splat(1.0 / (AT_INFINITY * AT_INFINITY));
 const MISSING: f64x4 = f64x4::splat(f64::NAN);
 
-/// Four joints in one view: ideal pixels from the principal point, NaN where missing, and confidences.
+/// Four joints in one view: ideal pixels from the principal point, NaN where missing, and
+/// confidences.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Seen {
     pub(crate) x: f64x4,
@@ -26,11 +30,13 @@ pub(crate) struct Seen {
 /// Two cameras: as [`super::dlt()`], up to rounding.
 pub(crate) struct TwoViews {
     frame: RigFrame,
-    /// Rows of [R | t] of the cameras in the frame: the third over the focal length, the others in units of it.
+    /// Rows of [R | t] of the cameras in the frame: the third over the focal length, the others in
+    /// units of it.
     rows: [[RowVector4<f64>; 3]; 2],
     /// Third rows of [R | t].
     depth: [RowVector4<f64>; 2],
-    /// Fundamental matrix: bᵀ F a, for homogeneous ideal pixels from the principal points, is the determinant of their rows.
+    /// Fundamental matrix: bᵀ F a, for homogeneous ideal pixels from the principal points, is the
+    /// determinant of their rows.
     fundamental: Matrix3<f64>,
 }
 
@@ -60,7 +66,8 @@ impl TwoViews {
         [a, b, c, a * a + b * b]
     }
 
-    /// By how many pixels joints of the second view miss the lines, to first order, squared; NaN if one is missing.
+    /// By how many pixels joints of the second view miss the lines, to first order, squared; NaN if
+    /// one is missing.
     #[inline]
     pub(crate) fn apart2(&self, lines: &[f64x4; 4], other: &Seen) -> f64x4 {
         let (f, Seen { x, y, .. }) = (&self.fundamental, *other);
@@ -117,15 +124,17 @@ fn add_view(square: &mut [f64x4; 10], seen: &Seen, rows: &[RowVector4<f64>; 3], 
     square[9] += d * d + h * h;
 }
 
-/// The eigenvector of a symmetric matrix, with its determinant, for the smallest eigenvalue, divided by its last entry; and
-/// whether there is only one.
+/// The eigenvector of a symmetric matrix, with its determinant, for the smallest eigenvalue,
+/// divided by its last entry; and whether there is only one.
 ///
-/// Newton's steps on the characteristic polynomial stay below its roots if they start there. The eigenvector is a column of the
-/// adjugate of what is left of the matrix. Determinants of matrices of nearly rank 3 have to be those of their roots, squared.
+/// Newton's steps on the characteristic polynomial stay below its roots if they start there. The
+/// eigenvector is a column of the adjugate of what is left of the matrix. Determinants of matrices
+/// of nearly rank 3 have to be those of their roots, squared.
 #[inline]
 fn smallest(square: &[f64x4; 10], determinant: f64x4) -> (f64x4, [f64x4; 3]) {
     let &[a, b, c, d, e, f, g, h, i, j] = square;
-    // Minors of the first two rows and of the last two; the last of the former is the first of the latter.
+    // Minors of the first two rows and of the last two; the last of the former is the first of the
+    // latter.
     let (m01, m02, m03) = (a * e - b * b, a * f - c * b, a * g - d * b);
     let (m12, m13, m23) = (b * f - c * e, b * g - d * e, c * g - d * f);
     let (n02, n03, n12) = (c * i - h * d, c * j - i * d, f * i - h * g);

@@ -16,7 +16,8 @@ fn pair(phi: f64) -> [Ray; 2] {
     [-0.5 * phi, 0.5 * phi].map(|half| ray(at(half), Vector3::zeros()))
 }
 
-/// Two rays at the angle φ give Δχ² = φ²/2a²: the limit of 25 is at φ = √50 a, with 3 px of noise 3 milliradians.
+/// Two rays at the angle φ give Δχ² = φ²/2a²: the limit of 25 is at φ = √50 a, with 3 px of noise 3
+/// milliradians.
 fn limit() -> f64 {
     50.0_f64.sqrt() * 3.0 * PIXEL
 }
@@ -42,7 +43,8 @@ fn more_rays_fix_more() {
     assert!(may_be_fixed(&twice(1.01 * half), &Vector3::zeros(), f64::INFINITY));
 }
 
-/// What two rays miss a point by counts against its depth: 40 mm, 4.4 times the noise, cost 2 · 19.8 of the 25 · 2.25 gained.
+/// What two rays miss a point by counts against its depth: 40 mm, 4.4 times the noise, cost 2 ·
+/// 19.8 of the 25 · 2.25 gained.
 #[test]
 fn rays_that_miss_the_point_do_not_fix_it() {
     let mut rays = pair(1.5 * limit());

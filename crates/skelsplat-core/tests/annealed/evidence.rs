@@ -44,7 +44,8 @@ fn large_noise_is_noise() {
         assert!(prefers_wide(&rays), "seed {seed}");
         let found = locate(&rays, &Annealing::of_joints(17));
         assert!(found.widening.follows_noise);
-        // 20 px are 93 mm; 68 residuals in two axes less 51 know it to 9 %, and the share that is no noise to as much.
+        // 20 px are 93 mm; 68 residuals in two axes less 51 know it to 9 %, and the share that is
+        // no noise to as much.
         assert!((found.solution.noise / 93.0 - 1.0).abs() < 0.35, "{}", found.solution.noise);
     }
 }
@@ -61,7 +62,8 @@ fn small_noise_with_gross_errors_is_small_noise() {
         assert!(!prefers_wide(&rays), "seed {seed}");
         let found = locate(&rays, &Annealing::of_joints(17));
         assert!(!found.widening.follows_noise);
-        // A wrong ray may happen to meet those of two cameras that face each other: three against one.
+        // A wrong ray may happen to meet those of two cameras that face each other: three against
+        // one.
         let off = |j: &usize| (found.solution.points[*j] - standing()[*j]).norm() > 100.0;
         assert!((0..17).filter(off).count() <= 1, "seed {seed}");
     }

@@ -58,7 +58,8 @@ fn a_prior_without_doubt_keeps_the_start() {
     let start = perturbed(&standing(), 30.0, &mut Noise::new(2));
     for sigma in [1e-3, 1e-6] {
         let out = refine(&cameras, &with_prior(detections.clone(), start.clone(), sigma), free());
-        // A detection pulls with c k |e| / ŝ² ≤ 0.86 √2 σ / ŝ² each, some 4 · 40 / 100 per mm: times σ_init².
+        // A detection pulls with c k |e| / ŝ² ≤ 0.86 √2 σ / ŝ² each, some 4 · 40 / 100 per mm:
+        // times σ_init².
         assert!(largest(&out.pose, &start) < 2.0 * sigma * sigma + 1e-9);
         let variance = out.uncertainty[3].trace() / (3.0 * sigma * sigma);
         assert!((variance - 1.0).abs() < 1e-3, "{variance}");
@@ -122,7 +123,8 @@ fn a_prior_keeps_a_joint_that_one_view_sees_near_its_start() {
 fn a_joint_whose_prior_is_nan_has_none() {
     let cameras = room(4);
     let mut noise = Noise::new(4);
-    // Small enough that the kernels end below their largest width, despite the wrong priors of the other joints.
+    // Small enough that the kernels end below their largest width, despite the wrong priors of the
+    // other joints.
     let detections = noisy_detections(&standing(), &cameras, 2.0, &mut noise);
     let mut frame = with_prior(detections.clone(), perturbed(&standing(), 25.0, &mut noise), 1e-3);
     frame.init_pose.as_mut().unwrap()[4] = Vector3::repeat(f64::NAN);

@@ -3,8 +3,9 @@
 use super::*;
 use skelsplat_core::study::annealed::Widening;
 
-/// With the ray's nearest point y, r = (z_x / z_y) J W (x − y) holds exactly, and (J W)⁺ forgets what lies along x − c, so
-/// that rᵀΣ⁻¹r = (z_x / z_y)² |e|² cos²θ / σ² with tan θ = |e| / range. Both factors differ from 1 by |e| / z or less.
+/// With the ray's nearest point y, r = (z_x / z_y) J W (x − y) holds exactly, and (J W)⁺ forgets
+/// what lies along x − c, so that rᵀΣ⁻¹r = (z_x / z_y)² |e|² cos²θ / σ² with tan θ = |e| / range.
+/// Both factors differ from 1 by |e| / z or less.
 #[test]
 fn the_weight_is_that_of_the_closed_form_to_first_order() {
     let sigma = 40.0;
@@ -65,7 +66,8 @@ fn linearised(
     (solve(&problem, at, &vec![sigma; n]), annealing)
 }
 
-/// F with Welsch losses for the detections and for the limbs, from which the weights k and κ derive.
+/// F with Welsch losses for the detections and for the limbs, from which the weights k and κ
+/// derive.
 fn objective(
     rays: &Rays,
     priors: &[Prior],

@@ -1,4 +1,5 @@
-//! The annealed solver: its loss, its weights, and the default method on scenes with known ground truth.
+//! The annealed solver: its loss, its weights, and the default method on scenes with known ground
+//! truth.
 
 mod depth;
 mod evidence;

@@ -19,8 +19,8 @@ fn exact_detections_recover_the_pose_from_any_start() {
     assert!(largest(&out.pose, &standing()) < 1e-3);
 }
 
-/// The second start is 400 mm per axis off: the first step leaves nothing of it but the damping's share,
-/// ŝ²/(320 mm)² ≈ 1e-3 of it, and every further step that share of the rest.
+/// The second start is 400 mm per axis off: the first step leaves nothing of it but the damping's
+/// share, ŝ²/(320 mm)² ≈ 1e-3 of it, and every further step that share of the rest.
 #[test]
 fn noisy_detections_give_the_same_pose_from_any_start() {
     let cameras = room(4);
@@ -94,8 +94,9 @@ fn a_joint_with_one_view_moves_across_its_ray_and_not_along() {
     }
 }
 
-/// Limbs of equal length may move a joint along its only ray, but never away: an arm exceeds its twin by no more than the
-/// span of the limbs' kernel, and a joint that starts farther off stays there.
+/// Limbs of equal length may move a joint along its only ray, but never away: an arm exceeds its
+/// twin by no more than the span of the limbs' kernel, and a joint that starts farther off stays
+/// there.
 #[test]
 fn symmetry_does_not_throw_a_joint_along_its_only_ray() {
     let cameras = room(4);

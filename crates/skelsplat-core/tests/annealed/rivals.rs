@@ -73,7 +73,8 @@ fn less_confident_views_do_not_tie() {
     assert_eq!(rivals(&rays, &elsewhere(), SIGMA, TIE).len(), 1);
 }
 
-/// Positions in a chain, each nearer to the next than four kernels: the votes decide which of them represent the others.
+/// Positions in a chain, each nearer to the next than four kernels: the votes decide which of them
+/// represent the others.
 #[test]
 fn rivals_do_not_depend_on_the_order_of_views() {
     let mut several = 0;

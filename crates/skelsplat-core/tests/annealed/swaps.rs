@@ -8,7 +8,8 @@ fn h36m_chains() -> Vec<Chain> {
     chains(&Layout::by_name("h36m17").unwrap())
 }
 
-/// Three views, the first with its arms swapped; `empty[i]` views without a detection come before view i.
+/// Three views, the first with its arms swapped; `empty[i]` views without a detection come before
+/// view i.
 fn arms_exchanged(seed: u64, empty: [u32; 3]) -> Rays {
     let cameras = room(3);
     let chains = h36m_chains();
@@ -56,7 +57,8 @@ fn views_without_a_detection_have_no_influence() {
     assert!(exchanges >= 8, "{exchanges} of 10");
 }
 
-/// Two views that see a chain and contradict each other do not determine which is swapped, however many others there are.
+/// Two views that see a chain and contradict each other do not determine which is swapped, however
+/// many others there are.
 #[test]
 fn two_views_that_see_a_chain_are_too_few() {
     let cameras = room(5);

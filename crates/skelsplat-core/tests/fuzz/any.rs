@@ -9,7 +9,8 @@ use skelsplat_core::{
     StopReason, Unit,
 };
 
-/// So many cases of one seed; with `PROPTEST_CASES`, as many times more as that is above 16, of any seed.
+/// So many cases of one seed; with `PROPTEST_CASES`, as many times more as that is above 16, of any
+/// seed.
 pub(crate) fn config(cases: u32) -> ProptestConfig {
     let given = ProptestConfig::default();
     let more = std::env::var_os("PROPTEST_CASES").map(|_| given.cases.div_ceil(16));
@@ -121,8 +122,9 @@ pub(crate) fn refiner(cameras: &[Camera], n_threads: Option<usize>) -> Refiner {
     Refiner::new(cameras, Unit::Millimetre, Some(&layout()), config).unwrap()
 }
 
-/// A joint that is sure is somewhere, with error bars that are positive definite, and where anything is seen, its noise is known. A
-/// joint can be weak and nowhere: seen by one view, or by two whose rays meet behind them.
+/// A joint that is sure is somewhere, with error bars that are positive definite, and where
+/// anything is seen, its noise is known. A joint can be weak and nowhere: seen by one view, or by
+/// two whose rays meet behind them.
 pub(crate) fn sound(found: &Refinement) -> Result<(), TestCaseError> {
     let joints = found.pose.iter().zip(&found.uncertainty).zip(&found.joint_status);
     for (j, ((at, spread), status)) in joints.enumerate() {

@@ -24,7 +24,8 @@ fn intrinsics() -> impl Strategy<Value = Matrix3<f64>> {
     prop_oneof![6 => usual, 1 => numbers(9).prop_map(|v| Matrix3::from_row_slice(&v))]
 }
 
-/// How far the pixel moves when the ideal one does by its rounding: coefficients of a thousand magnify it.
+/// How far the pixel moves when the ideal one does by its rounding: coefficients of a thousand
+/// magnify it.
 fn rounding(camera: &Camera, ideal: &Vector2<f64>) -> f64 {
     let [cx, cy] = camera.principal_point();
     let least = 4.0 * f64::EPSILON * (ideal.amax() + cx.abs().max(cy.abs()));

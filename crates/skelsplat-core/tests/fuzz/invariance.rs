@@ -1,4 +1,5 @@
-//! What must not matter: where the world's origin is and how it is turned, the order of the cameras, the unit, the number of threads.
+//! What must not matter: where the world's origin is and how it is turned, the order of the
+//! cameras, the unit, the number of threads.
 
 use nalgebra::{Rotation3, Vector3};
 use proptest::prelude::*;
@@ -10,16 +11,19 @@ use skelsplat_core::{
 
 use crate::any::{config, layout, refiner, spoiled, wrong};
 
-/// Positions of sure joints of two results differ by less, mm: rounding, as a consequence of other sums.
+/// Positions of sure joints of two results differ by less, mm: rounding, as a consequence of other
+/// sums.
 const SAME: f64 = 1e-6;
-/// Positions of others: the depth of a weak joint is held by a prior of half a metre, which magnifies rounding.
+/// Positions of others: the depth of a weak joint is held by a prior of half a metre, which
+/// magnifies rounding.
 const NEARLY: f64 = 0.1;
 /// Shares of the error bars: of sure joints beside weak ones, and of weak joints.
 const UNFELT: f64 = 1.0;
 const WITHIN: f64 = 3.0;
 
-/// Cameras, and detections that are wrong. Which of two views is wrong only the bones tell, and rounding may decide between two places
-/// that are as good (docs/reliability.md, "Fuzzing"): two views have no wrong detections, and do not face each other.
+/// Cameras, and detections that are wrong. Which of two views is wrong only the bones tell, and
+/// rounding may decide between two places that are as good (docs/reliability.md, "Fuzzing"): two
+/// views have no wrong detections, and do not face each other.
 fn decided(views: u32, wrong: Vec<(usize, f64)>) -> (Vec<Camera>, Vec<(usize, f64)>) {
     if views > 2 { (room(views), wrong) } else { (room(5)[..2].to_vec(), Vec::new()) }
 }
@@ -34,8 +38,9 @@ fn on_one_ray(found: &Refinement, j: usize) -> bool {
     found.view_weights.iter().skip(j).step_by(n).filter(|k| **k >= REJECTED).count() < 2
 }
 
-/// Positions are those of the other result. Where two places of a weak joint are as good, rounding may decide between them: both lie
-/// within its error bar, and joints that are sure stay within theirs. Where no two detections agree, the bar does not know of the others.
+/// Positions are those of the other result. Where two places of a weak joint are as good, rounding
+/// may decide between them: both lie within its error bar, and joints that are sure stay within
+/// theirs. Where no two detections agree, the bar does not know of the others.
 fn same(
     one: &Refinement,
     other: &Refinement,

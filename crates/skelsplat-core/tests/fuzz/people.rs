@@ -10,7 +10,8 @@ use crate::any::{cameras, config, detections, layout, refiner, sound, wrong};
 
 type Slots = Vec<Detections>;
 
-/// One to three people in one to six frames: anything, or people with wrong detections in slots of any order.
+/// One to three people in one to six frames: anything, or people with wrong detections in slots of
+/// any order.
 fn recording() -> impl Strategy<Value = (Vec<Camera>, Vec<Slots>)> {
     let anything = cameras(1..=3).prop_flat_map(|c| {
         let frame = prop::collection::vec(detections(c.len(), 17), 0..=3);

@@ -10,7 +10,8 @@ use crate::people::score::at_body;
 
 /// Support below which two views may have agreed by chance.
 const DOUBTFUL: f64 = 1.0;
-/// A body is taken for a newcomer that is nearer than this, in kernels, if the mean score of the body's own figures is lower.
+/// A body is taken for a newcomer that is nearer than this, in kernels, if the mean score of the
+/// body's own figures is lower.
 const NEAR: f64 = 3.5;
 const MISFIT: f64 = 0.55;
 /// A newcomer this close to a body, in kernels, is the same person again.
@@ -21,8 +22,9 @@ const DOUBLE: f64 = 0.2;
 const REACH: [f64; 2] = [300.0, 2000.0];
 
 impl Associator {
-    /// Gives back the figures of bodies that only two views see, with little support, where there are others to choose from: a chance
-    /// agreement of two views has to stand against every other pair.
+    /// Gives back the figures of bodies that only two views see, with little support, where there
+    /// are others to choose from: a chance agreement of two views has to stand against every other
+    /// pair.
     pub(super) fn released(
         &self,
         judge: &Judge<'_>,
@@ -50,8 +52,8 @@ impl Associator {
         out
     }
 
-    /// Settles bodies whose figures were given back. Each becomes the nearest newcomer that took one of its figures; without such a
-    /// newcomer it keeps the figures that nobody took.
+    /// Settles bodies whose figures were given back. Each becomes the nearest newcomer that took
+    /// one of its figures; without such a newcomer it keeps the figures that nobody took.
     pub(super) fn confirm(
         &mut self,
         doubtful: Vec<(usize, Claims)>,

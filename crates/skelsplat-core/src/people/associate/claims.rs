@@ -29,7 +29,8 @@ impl Associator {
 
     /// Figures that bodies claim from where they are expected.
     ///
-    /// Those that two views saw in the frame before come first: where a body is that was lost from sight is not sure.
+    /// Those that two views saw in the frame before come first: where a body is that was lost from
+    /// sight is not sure.
     pub(super) fn claims(&self, crowd: &Crowd, free: &mut Free) -> Vec<Claims> {
         let mut claims = vec![vec![[None, None]; crowd.views.len()]; self.bodies.len()];
         let recent = (RECENT / self.dt).ceil() as usize;

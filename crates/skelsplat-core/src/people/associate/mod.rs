@@ -1,4 +1,5 @@
-//! One frame after the other: known bodies claim figures (`claims`), what is left gives newcomers (`arrivals`).
+//! One frame after the other: known bodies claim figures (`claims`), what is left gives newcomers
+//! (`arrivals`).
 
 mod arrivals;
 mod claims;
@@ -75,7 +76,8 @@ impl Associator {
         self.doubles.clear();
     }
 
-    /// Whether a body is still followed, seen or not; one that was lost keeps its identity for a while.
+    /// Whether a body is still followed, seen or not; one that was lost keeps its identity for a
+    /// while.
     #[must_use]
     pub fn follows(&self, id: usize) -> bool {
         self.bodies.iter().chain(&self.lost).any(|body| body.id == id)
@@ -136,7 +138,8 @@ impl Associator {
         let is_lost = |body: &Body| body.missed > hold || body.alone > alone;
         let lost = self.bodies.extract_if(.., |body| is_lost(body));
         self.lost.extend(lost);
-        self.lost.drain(..self.lost.len().saturating_sub(MOST_BODIES)); // those that are lost for longest
+        // Those that are lost for longest.
+        self.lost.drain(..self.lost.len().saturating_sub(MOST_BODIES));
         self.lost.iter_mut().for_each(|body| body.alone += 1);
         self.lost.retain(|body| body.alone <= keep.max(alone) + hold);
     }

@@ -12,7 +12,8 @@ use crate::triangulate::Seen;
 
 /// Joints in a register.
 pub(super) const LANES: usize = 4;
-/// Numbers of a joint: ideal pixel from the principal point, confidence, pixel, pixel of the mirror image.
+/// Numbers of a joint: ideal pixel from the principal point, confidence, pixel, pixel of the mirror
+/// image.
 const FIELDS: usize = 7;
 
 /// What a view detects in one slot.

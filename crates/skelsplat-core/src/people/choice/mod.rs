@@ -1,11 +1,12 @@
-//! Ways to choose one person in a frame without a past: any two figures propose a body, and every view is asked who is there.
+//! Ways to choose one person in a frame without a past: any two figures propose a body, and every
+//! view is asked who is there.
 //!
-//! A body explains a view if the median distance of its joints from those of a figure there is below the view's gate. The
-//! more views it explains the better; then the smaller the error, and the larger the figures. Over the frames, `path`
-//! follows one of them.
+//! A body explains a view if the median distance of its joints from those of a figure there is
+//! below the view's gate. The more views it explains the better; then the smaller the error, and
+//! the larger the figures. Over the frames, `path` follows one of them.
 //!
-//! The work of a frame is bounded: of very many figures the smallest are left out, and proposals are judged in the order in
-//! which their rays agree, until a number of comparisons is reached.
+//! The work of a frame is bounded: of very many figures the smallest are left out, and proposals
+//! are judged in the order in which their rays agree, until a number of comparisons is reached.
 
 mod figures;
 mod kept;

@@ -18,7 +18,8 @@ const CHUNK: usize = 1024;
 pub struct Linking {
     /// At most, in unexplained views.
     pub cost: f64,
-    /// A step from frame to frame of this length counts as someone else, in the unit of the cameras.
+    /// A step from frame to frame of this length counts as someone else, in the unit of the
+    /// cameras.
     pub step: f64,
 }
 

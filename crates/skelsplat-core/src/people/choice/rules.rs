@@ -2,7 +2,8 @@
 
 /// Of two equal explanations, the larger figures win by this much.
 pub(super) const SIZE_COST: f64 = 1e-3;
-/// A pair of figures proposes nothing if their rays miss each other by this many gates, in the median.
+/// A pair of figures proposes nothing if their rays miss each other by this many gates, in the
+/// median.
 pub(super) const MISSED: f64 = 1.5;
 /// The usual [`Rules::most_work`]: a quarter of a second.
 pub const MOST_WORK: usize = 48_000_000;
@@ -26,6 +27,7 @@ pub struct Rules {
     pub most: usize,
     /// See `most`.
     pub worse: f64,
-    /// Work on a frame, in distances of four joints: a quarter for pairs of figures, the rest for what they propose.
+    /// Work on a frame, in distances of four joints: a quarter for pairs of figures, the rest for
+    /// what they propose.
     pub most_work: usize,
 }

@@ -20,9 +20,11 @@ use crate::triangulate::TwoViews;
 pub struct Choice {
     /// Slot of the figure in each view `(M,)`; `None` in a view that is not explained.
     pub slots: Vec<Option<usize>>,
-    /// Views that are not explained + the median error as a part of the gate (below 1) + a little for being small.
+    /// Views that are not explained + the median error as a part of the gate (below 1) + a little
+    /// for being small.
     pub cost: f64,
-    /// Joints from the two figures that proposed it `(N,)`, in the unit of the cameras; NaN where unknown.
+    /// Joints from the two figures that proposed it `(N,)`, in the unit of the cameras; NaN where
+    /// unknown.
     pub pose: Vec<Vector3<f64>>,
 }
 
@@ -173,7 +175,8 @@ impl Search {
     }
 }
 
-/// By how many pixels the rays of two figures miss each other, squared; `None` if most are further apart than a body allows.
+/// By how many pixels the rays of two figures miss each other, squared; `None` if most are further
+/// apart than a body allows.
 fn apart2(
     pair: &TwoViews,
     lines: &[[f64x4; 4]],

@@ -20,7 +20,8 @@ pub(super) struct Body {
     /// Registers that were compared.
     pub(super) work: usize,
     pixels: Vec<[f64x4; 2]>,
-    /// Squared distances from the figures of the explained views, those of the last figure at the end.
+    /// Squared distances from the figures of the explained views, those of the last figure at the
+    /// end.
     squares: Vec<f64x4>,
     explained: Vec<Distances>,
     errors: Vec<f64>,
@@ -36,8 +37,8 @@ struct Distances {
 }
 
 impl Body {
-    /// Explains every view by its nearest figure, those of `last` at the end; the cost. `None` if fewer than two views are
-    /// explained, or if it is of no interest to those that are kept.
+    /// Explains every view by its nearest figure, those of `last` at the end; the cost. `None` if
+    /// fewer than two views are explained, or if it is of no interest to those that are kept.
     pub(super) fn weighed(
         &mut self,
         figures: &Figures,
@@ -244,9 +245,11 @@ fn count(all: &[f64x4], is: impl Fn(&f64x4) -> f64x4) -> f64 {
     sum.reduce_add()
 }
 
-/// The number that n are below, of those that are not NaN and not negative; `limit` is above it, or not far below.
+/// The number that n are below, of those that are not NaN and not negative; `limit` is above it, or
+/// not far below.
 ///
-/// Bounds around it close in on where it would be if those between them were evenly spread: no branch depends on a single one.
+/// Bounds around it close in on where it would be if those between them were evenly spread: no
+/// branch depends on a single one.
 fn nth(all: &[f64x4], n: f64, limit: f64) -> f64 {
     let below = |limit: f64| count(all, |one| one.simd_lt(f64x4::splat(limit)));
     let (mut low, mut high) = ((0.0, 0.0), (limit, below(limit)));

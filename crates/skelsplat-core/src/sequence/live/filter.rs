@@ -1,8 +1,8 @@
 //! The causal estimate of one joint: a constant-velocity Kalman state, and how agile the joint is.
 //!
-//! Position x and velocity v have the covariance blocks P_xx, P_xv and P_vv. White acceleration of the spectral density q adds
-//! q dt³/3, q dt²/2 and q dt to them over dt. A frame that moves the position to x⁺ with the covariance S moves the velocity
-//! along,
+//! Position x and velocity v have the covariance blocks P_xx, P_xv and P_vv. White acceleration of
+//! the spectral density q adds q dt³/3, q dt²/2 and q dt to them over dt. A frame that moves the
+//! position to x⁺ with the covariance S moves the velocity along,
 //!
 //! ```text
 //! G = P_vx P_xx⁻¹     v⁺ = v + G (x⁺ − x)     P_xv⁺ = S Gᵀ     P_vv⁺ = P_vv − G (P_xx − S) Gᵀ
@@ -21,7 +21,8 @@ use crate::sequence::small::{inverse, product, times};
 
 /// Standard deviation of an unknown velocity, mm/s per axis.
 const ANY_SPEED: f64 = 1500.0;
-/// Time over which second differences are averaged, s, and the largest of them, in multiples of the mean.
+/// Time over which second differences are averaged, s, and the largest of them, in multiples of the
+/// mean.
 const LEARNING: f64 = 2.0;
 const LARGEST: f64 = 6.0;
 /// Longest span, frames.
@@ -88,7 +89,8 @@ pub(super) fn symmetric(m: Matrix3<f64>) -> Matrix3<f64> {
     (m + m.transpose()) * 0.5
 }
 
-/// How agile a joint is: running means of its second differences over 1, 2, 4, … frames, see [`crate::sequence::agility`].
+/// How agile a joint is: running means of its second differences over 1, 2, 4, … frames, see
+/// [`crate::sequence::agility`].
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Motion {
     /// The last positions that a frame alone determined, NaN for other frames; the newest first.
@@ -102,7 +104,8 @@ pub struct Motion {
 }
 
 impl Motion {
-    /// Takes in the position of a frame and its variance per axis; NaN if the frame does not determine it.
+    /// Takes in the position of a frame and its variance per axis; NaN if the frame does not
+    /// determine it.
     pub fn learn(&mut self, at: Vector3<f64>, variance: f64, fps: f64) {
         let longest = longest(fps);
         self.past.push_front(at);
@@ -140,9 +143,9 @@ impl Motion {
         bounded(SHARE * q, white, self.variance, fps)
     }
 
-    /// Variance per axis by which the joint leaves a straight path within so many frames, mm²: that of the second differences
-    /// over the time, of which the longer ones are extrapolated with its third power. A swinging arm leaves it by more than
-    /// white acceleration does.
+    /// Variance per axis by which the joint leaves a straight path within so many frames, mm²: that
+    /// of the second differences over the time, of which the longer ones are extrapolated with its
+    /// third power. A swinging arm leaves it by more than white acceleration does.
     #[must_use]
     pub fn leaves(&self, frames: f64) -> f64 {
         let longest = 1 << self.squares.len().saturating_sub(1);

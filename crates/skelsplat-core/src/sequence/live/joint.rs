@@ -20,10 +20,12 @@ const REACH: f64 = 3.0;
 const ASIDE: f64 = 3.0;
 /// Longest time over which a joint is bridged, s.
 const BRIDGE: f64 = 0.5;
-/// Steps for a joint with rays weighted by their distance from it, and for one that its views determine.
+/// Steps for a joint with rays weighted by their distance from it, and for one that its views
+/// determine.
 pub(super) const STEPS: usize = 4;
 const FEW_STEPS: usize = 2;
-/// Time over which the information of a frame is averaged, s, and the weights of a view's detections of a joint.
+/// Time over which the information of a frame is averaged, s, and the weights of a view's
+/// detections of a joint.
 const AROUND: f64 = 0.5;
 const TRUST: f64 = 0.4;
 /// Least weight of all rays by which an error bar grows.

@@ -1,21 +1,25 @@
 //! Frame by frame as they arrive: the past predicts, the detections decide.
 //!
-//! Every joint has a [`filter::State`], moved on to the next frame. The frame is solved alone first. Where its views determine a
-//! position y with the covariance R, it is compared with the prediction x of covariance P by the Mahalanobis distance δ of the two,
+//! Every joint has a [`filter::State`], moved on to the next frame. The frame is solved alone
+//! first. Where its views determine a position y with the covariance R, it is compared with the
+//! prediction x of covariance P by the Mahalanobis distance δ of the two,
 //!
 //! ```text
 //! δ² = (y − x)ᵀ (R + P)⁻¹ (y − x)
 //! ```
 //!
-//! Up to δ = 5 the prediction is the prior of the position, with P times 1 + δ²/9 (a Cauchy kernel); beyond it the joint has jumped:
-//! no prior, and the state starts again at y. The state before is kept aside for three frames, in case the views agreed by chance.
-//! Where the views determine no position, the rays near the prediction count, and the prediction gives the rest; without any ray it
-//! bridges up to half a second. Bones of learnt lengths tie a joint to joints of the same frame with smaller error bars.
+//! Up to δ = 5 the prediction is the prior of the position, with P times 1 + δ²/9 (a Cauchy
+//! kernel); beyond it the joint has jumped: no prior, and the state starts again at y. The state
+//! before is kept aside for three frames, in case the views agreed by chance. Where the views
+//! determine no position, the rays near the prediction count, and the prediction gives the rest;
+//! without any ray it bridges up to half a second. Bones of learnt lengths tie a joint to joints of
+//! the same frame with smaller error bars.
 //!
-//! Errors of detections last, and a filter averages over frames: the error bar is C = (1 − c) f(n) S + c R̄, with the posterior S, the
-//! memory (c, f) that errors usually have ([`Memory::usual`]), n = 3/tr(S R⁻¹) and the mean R̄⁻¹ of R⁻¹ over half a second, as in
-//! [`super::posterior`]. C − S stays where a later frame determines no position; there C grows with the share of the rays that the
-//! position contradicts.
+//! Errors of detections last, and a filter averages over frames: the error bar is C = (1 − c) f(n)
+//! S + c R̄, with the posterior S, the memory (c, f) that errors usually have ([`Memory::usual`]),
+//! n = 3/tr(S R⁻¹) and the mean R̄⁻¹ of R⁻¹ over half a second, as in [`super::posterior`]. C − S
+//! stays where a later frame determines no position; there C grows with the share of the rays that
+//! the position contradicts.
 //!
 //! With a lag of n frames the last of these are solved once more, like a recording (`window.rs`).
 
@@ -53,7 +57,8 @@ pub struct Live {
     joints: Vec<Joint>,
     /// Lengths of the layout's limbs.
     bones: Vec<Bone>,
-    /// Logarithm of the mean noise variance of a detection of weight 1, mm²; NaN before the first detection.
+    /// Logarithm of the mean noise variance of a detection of weight 1, mm²; NaN before the first
+    /// detection.
     noise: f64,
     /// Mean spread of the body, mm; NaN before it is known.
     reach: f64,
@@ -67,10 +72,12 @@ pub struct Live {
 const MOST_LAG: usize = 10_000;
 
 impl Live {
-    /// Nothing is known yet, of frames at this rate. The answer is the frame `lag` frames before the last.
+    /// Nothing is known yet, of frames at this rate. The answer is the frame `lag` frames before
+    /// the last.
     ///
     /// # Errors
-    /// [`Error::InvalidInput`] if `fps` is not a positive number, `lag` is too large, or for another method than `annealed`.
+    /// [`Error::InvalidInput`] if `fps` is not a positive number, `lag` is too large, or for
+    /// another method than `annealed`.
     pub fn new(refiner: &Refiner, fps: f64, lag: usize) -> Result<Self> {
         check(refiner, fps, "'annealed' where fps is given")?;
         if lag > MOST_LAG {
@@ -101,10 +108,12 @@ impl Live {
         self.window.iter_mut().for_each(Window::clear);
     }
 
-    /// The next frame; with a lag, the pose of the frame that lies so many before it, NaN if there is none.
+    /// The next frame; with a lag, the pose of the frame that lies so many before it, NaN if there
+    /// is none.
     ///
     /// # Errors
-    /// As [`Refiner::refine`], and [`Error::InvalidInput`] if the number of joints differs from the frames before.
+    /// As [`Refiner::refine`], and [`Error::InvalidInput`] if the number of joints differs from the
+    /// frames before.
     pub fn step(
         &mut self,
         refiner: &Refiner,
@@ -171,7 +180,8 @@ impl Live {
         refiner.final_kernels(alone.points.len(), noise)
     }
 
-    /// The joints: those that their views determine, the surest first, then the others, those next to known ones first.
+    /// The joints: those that their views determine, the surest first, then the others, those next
+    /// to known ones first.
     fn answers(&mut self, refiner: &Refiner, alone: &Alone) -> Vec<Answer> {
         let n = alone.points.len();
         let (sigma, mean_weight) = (self.kernels(refiner, alone), alone.rays.mean_weight());

@@ -1,4 +1,5 @@
-//! The last frames once more, like a recording: a frame is known better once the frames after it are known.
+//! The last frames once more, like a recording: a frame is known better once the frames after it
+//! are known.
 
 use nalgebra::{Matrix3, Vector3};
 
