@@ -36,8 +36,7 @@ from skelsplat.io import (
 )
 from skelsplat.io.poses import POSE_FORMATS
 from skelsplat.run import Run
-from skelsplat.run.live import OnePerson, SeveralPeople
-from skelsplat.run.live._lines import MalformedLineError
+from skelsplat.run.live import MalformedLineError, Session
 from writers import human36m, occlusion_person, panoptic, shelf_campus
 
 Reader = Callable[[Path], object]
@@ -182,8 +181,8 @@ def _lines(folder: Path) -> Reader:
     )
 
     def read(root: Path) -> object:
-        one = OnePerson(RIG, layouts.H36M17, sk.RefineConfig(), fps=25.0, lag=1)
-        several = SeveralPeople(RIG, layouts.H36M17, sk.RefineConfig(), fps=25.0)
+        one = Session(RIG, layouts.H36M17, sk.RefineConfig(), fps=25.0, lag=1)
+        several = Session(RIG, layouts.H36M17, sk.RefineConfig(), fps=25.0, people="all")
         return [
             _answers(one, (root / "lines.jsonl").read_bytes()),
             _answers(several, (root / "people.jsonl").read_bytes()),

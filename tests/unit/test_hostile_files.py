@@ -623,12 +623,3 @@ def test_no_reader_opens_a_file_past_the_budget() -> None:
         if opens.search(path.read_text(encoding="utf-8"))
     }
     assert found - set(_OWN) == set()
-
-
-def test_a_line_of_live_nests_no_deeper_than_a_file() -> None:
-    from skelsplat.run.live._lines import MalformedLineError, parsed
-
-    with pytest.raises(
-        MalformedLineError, match=r"expected JSON, got lists nested too deeply \(at most 64 deep\)"
-    ):
-        parsed(f'{{"detections": {DEEP}}}'.encode())

@@ -139,78 +139,57 @@ def test_cameras_by_name(tmp_path, rig, detections):
 
 
 def test_malformed_lines_are_named_and_skipped(tmp_path, detections):
+    """One line of each kind; the error begins with the place of what is wrong."""
     good = plain(detections[0])
 
     def point(value):
         return json.dumps({"detections": [[value, *good[0][1:]], *good[1:]]})
 
     lines = {
-        "{bad": "expected JSON, got a flaw at column 2: Expecting property name",
-        "[" * 100_000: "expected JSON, got",
-        "[1]": 'expected an object with "detections", got [1]',
-        "null": 'expected an object with "detections", got null',
-        "": "expected JSON, got an empty line",
-        "  ": "expected JSON, got an empty line",
-        "{}": 'expected an object with "detections", got no keys',
-        '{"detections": {"cam9": null}}': 'expected the cameras cam1, cam2, cam3, cam4, got "cam9"',
-        '{"detections": {"cam2": []}}': 'detections["cam2"]: expected a list of 17 joints, got 0',
-        '{"detections": "none"}': 'detections: expected a list of 4 cameras, got "none"',
-        '{"frame": 3}': 'expected an object with "detections", got the keys frame',
-        '{"detections": null}': "detections: expected a list of 4 cameras, got null",
-        '{"detections": [null, null, null]}': "detections: expected a list of 4 cameras, got 3",
-        '{"detections": [[], null, null, null]}': "detections[0]: expected a list of 17 joints, got 0",
-        '{"detections": [], "reset": 1}': "reset: expected true or false, got 1",
-        point(["1", 2, 3]): 'detections[0][0]: expected [x, y, confidence] or null, got ["1", 2, 3]',
-        point([1]): "detections[0][0]: expected [x, y, confidence] or null, got [1]",
-        point([True, 2, None]): "detections[0][0]: expected [x, y, confidence] or null, got [true, 2, null]",
-        point([1, 2, 300]): "detections[0][0][2]: expected a value in [0, 1], got 300",
-        point([1, 2, -0.5]): "detections[0][0][2]: expected a value in [0, 1] (clip",
-        point([1e200, 2, 0.5]): "detections[0][0][0]: expected values within",
-        point([good[0]]): "detections[0][0]: expected [x, y, confidence] or null, got [[[",
-        json.dumps({"detections": [[good[0]], *good[1:]]}): "expected the joints of one person (several: use",
+        "{bad": "expected JSON",
+        "[" * 100_000: "expected JSON",
+        "[1]": 'expected an object with "detections"',
+        "": "expected JSON",
+        '{"frame": 3}': 'expected an object with "detections"',
+        '{"detections": {"cam9": null}}': "detections: ",
+        '{"detections": {"cam2": []}}': 'detections["cam2"]: ',
+        '{"detections": [null, null, null]}': "detections: ",
+        '{"detections": [[], null, null, null]}': "detections[0]: ",
+        '{"detections": [], "reset": 1}': "reset: ",
+        point(["1", 2, 3]): "detections[0][0]: ",
+        point([1, 2, 300]): "detections[0][0][2]: ",
+        point([1e200, 2, 0.5]): "detections[0][0][0]: ",
+        json.dumps(
+            {"detections": [[good[0]], *good[1:]]}
+        ): "detections[0]: expected the joints of one person",
         point([1, 2, 0.5]).replace("0.5", "1e999", 1): "detections: expected numbers, got infinity",
-        point([10**400, 2, 0.5]): "detections[0][0]: expected finite numbers, got [1000000",
-        line(0, detections[0]).replace(": 0", ": NaN", 1): "frame: expected a value of JSON, got nan",
+        point([10**400, 2, 0.5]): "detections[0][0]: ",
+        line(0, detections[0]).replace(": 0", ": NaN", 1): "frame: ",
     }
     result = run(tmp_path, *lines, line("last", detections[0]), options=())
     assert result.exit_code == 0
     *errors, last = records(result)
     assert (last["frame"], len(last["pose"])) == ("last", 17)
-    for number, (error, expected) in enumerate(zip(errors, lines.values(), strict=True), start=1):
+    ready, *said, end = result.stderr.splitlines()
+    assert ready == "ready: 4 cameras (cam1, cam2, cam3, cam4), 17 joints (h36m17), in mm"
+    told = zip(errors, said, lines.values(), strict=True)
+    for number, (error, text, expected) in enumerate(told, start=1):
         assert error.keys() == {"frame", "line", "error"}
         assert error["line"] == number
-        assert expected in error["error"]
-    said = result.stderr.splitlines()
-    assert said[0] == "ready: 4 cameras (cam1, cam2, cam3, cam4), 17 joints (h36m17), in mm"
-    for number, (text, expected) in enumerate(zip(said[1:], lines.values(), strict=False), start=1):
-        assert text.startswith(f"line {number}: skipped: ")
-        assert expected in text
-    assert said[-1].startswith(f"lines solved 1, malformed {len(lines)}; ")
-    assert len(said) == len(lines) + 2
+        assert error["error"].startswith(expected)
+        assert text == f"line {number}: skipped: {error['error']}"
+    assert end.startswith(f"lines solved 1, malformed {len(lines)}; ")
 
 
-def test_a_line_that_is_no_utf8(tmp_path, detections):
-    data = b'\xff\xfe{"detections": []}\n' + line(1, detections[0]).encode() + b"\n"
-    result = CliRunner().invoke(app, ["live", str(tmp_path / "Calib.toml"), *OPTIONS, "-q"], input=data)
-    assert result.stderr.startswith("line 1: skipped: expected JSON, got 'utf-8' codec can't decode")
-    assert [record.get("line") for record in records(result)] == [1, None]
-
-
-def test_the_mark_with_which_windows_begins_a_stream(tmp_path, detections):
-    data = b"\xef\xbb\xbf" + line(1, detections[0]).encode() + b"\n"
-    result = CliRunner().invoke(app, ["live", str(tmp_path / "Calib.toml"), *OPTIONS, "-q"], input=data)
-    assert (len(records(result)), result.stderr) == (1, "")
-
-
-def test_the_end_has_percentiles(tmp_path, detections):
-    said = run(tmp_path, *[line(0, detections[0])] * 3, options=()).stderr.splitlines()[-1]
-    assert re.fullmatch(
-        r"lines solved 3, malformed 0; \d+ per second; latency in ms: "
-        r"50% [\d.]+, 90% [\d.]+, 99% [\d.]+, 99.9% [\d.]+, longest [\d.]+",
-        said,
-    )
-    nothing = CliRunner().invoke(app, ["live", str(tmp_path / "Calib.toml"), *OPTIONS], input="")
-    assert nothing.stderr.splitlines()[-1] == "lines solved 0, malformed 0"
+def test_encodings_of_a_line(tmp_path, detections):
+    """What is no UTF-8 is malformed; the mark with which Windows begins a stream is not."""
+    text = line(1, detections[0]).encode() + b"\n"
+    for data, expected in (
+        (b'\xff\xfe{"detections": []}\n' + text, [1, None]),
+        (b"\xef\xbb\xbf" + text, [None]),
+    ):
+        result = CliRunner().invoke(app, ["live", str(tmp_path / "Calib.toml"), *OPTIONS, "-q"], input=data)
+        assert [record.get("line") for record in records(result)] == expected
 
 
 def test_a_malformed_line_changes_nothing(tmp_path, detections):
@@ -229,41 +208,28 @@ def test_a_malformed_line_changes_nothing(tmp_path, detections):
         assert poses == [answer["pose"] for answer in without]
 
 
-@pytest.mark.parametrize("depth", [100, 500, 900, 990, 3000])
+@pytest.mark.parametrize("depth", [100, 990, 3000])
 def test_any_depth_of_nesting_is_answered(tmp_path, detections, depth):
     nested = "[" * depth + "]" * depth
-    lines = [
-        nested,
-        f'{{"frame": {nested}}}',
-        f'{{"detections": {nested}}}',
-        f'{{"detections": [[{nested}]]}}',
-    ]
+    lines = [nested, f'{{"frame": {nested}}}', f'{{"detections": [[{nested}]]}}']
     answers = records(run(tmp_path, *lines, line(0, detections[0])))
     assert ["error" in answer for answer in answers] == [True] * len(lines) + [False]
 
 
-def test_a_doubt_about_the_unit_is_one_line(tmp_path, detections):
-    text = (tmp_path / "Calib.toml").read_text()
-    for numbers in re.findall(r"translation = \[(.*)\]", text):
-        small = ", ".join(str(float(number) / 1000) for number in numbers.split(","))
-        text = text.replace(numbers, small)
-    (tmp_path / "Calib.toml").write_text(text)
-    result = run(tmp_path, line(0, detections[0]))
-    assert "unit" in result.stderr
-    assert all(text.startswith("warning: ") for text in result.stderr.splitlines())
-
-
 @pytest.mark.parametrize(
-    ("extra", "status", "parts"),
+    ("extra", "option"),
     [
-        (["--unit", "mm"], 2, ["--layout", "name or file", "nothing"]),
-        (["--unit", "inch", "--layout", "h36m17"], 2, ["--unit", "'inch'"]),
-        ([*OPTIONS, "--fps", "-3"], 2, ["--fps", "expected a positive number, got -3"]),
-        ([*OPTIONS, "--lag", "3"], 2, ["--lag", "expected --fps as well"]),
+        (["--unit", "mm"], "--layout"),
+        (["--unit", "inch", "--layout", "h36m17"], "--unit"),
+        ([*OPTIONS, "--fps", "-3"], "--fps"),
+        ([*OPTIONS, "--lag", "3"], "--lag"),
+        ([*OPTIONS, "--people", "all"], "--people"),
+        ([*OPTIONS, "--people", "0", "--fps", "30"], "--people"),
+        ([*OPTIONS, "--people", "2", "--fps", "30", "--lag", "3"], "--lag"),
     ],
 )
-def test_bad_options(tmp_path, rig, extra, status, parts):  # noqa: ARG001  the file is written
-    assert_fails(invoke("live", tmp_path / "Calib.toml", *extra), status, *parts)
+def test_bad_options(tmp_path, rig, extra, option):  # noqa: ARG001  the file is written
+    assert_fails(invoke("live", tmp_path / "Calib.toml", *extra), 2, f"error: {option}: ")
 
 
 def test_at_a_known_rate_the_past_predicts(tmp_path, rig, detections):
@@ -321,25 +287,10 @@ def test_a_reader_that_goes_away_is_status_1(tmp_path, detections):
     assert len(said) == 3
 
 
-def test_a_fault_of_reading_is_not_one_of_writing():
-    class Broken:
-        lines = iter([b"{}\n"])
-
-        def readline(self, _):
-            for line in self.lines:
-                return line
-            raise OSError(5, "Input/output error")
-
-    lines = live._numbered(Broken())
-    assert next(lines) == (1, b"{}\n")
-    with pytest.raises(sk.DatasetError, match=r"stdin: line: expected a stream .* got input"):
-        next(lines)
-
-
 def test_a_line_without_end_ends_the_command():
     lines = live._numbered(BytesIO(b"{}\n" + bytes(2**24) + b"\n" + bytes(2**24)))
     assert next(lines) == (1, b"{}\n")
-    with pytest.raises(sk.DatasetError, match=r"stdin: line 2: expected at most 16,777,216 bytes, got more"):
+    with pytest.raises(sk.DatasetError, match="line 2"):
         next(lines)
 
 
@@ -355,31 +306,17 @@ def test_a_full_disk_is_one_line_and_status_1(tmp_path, detections):
     assert len(said) == 3
 
 
-def test_help_is_of_the_method_that_runs():
-    text = " ".join(invoke("live", "--help").stdout.replace("│", " ").split())
-    assert (
-        "--sigma-mm MM Largest final σ of a joint's kernel, unless the noise turns out to be larger." in text
-    )
-    assert "--paper" not in text
-
-
 def test_percentiles_of_all_latencies_are_within_one_per_cent_in_the_same_memory():
-    shares, kept = (50, 90, 99, 99.9), Latencies()
+    kept = Latencies()
     size = len(pickle.dumps(kept))
     times = np.random.default_rng(1).lognormal(0.0, 2.0, 200_000)
     for ms in times:
-        kept.add(ms)
-    exact = np.percentile(times, shares, method="inverted_cdf")
-    np.testing.assert_allclose(kept.percentiles(shares), exact, rtol=0.01)
-    assert (kept.count, kept.longest_ms) == (len(times), times.max())
+        kept.add(0.0, ms / 1000)
+    *found, longest = (float(number) for number in re.findall(r"(?:%|longest) ([\d.]+)", str(kept)))
+    exact = np.percentile(times, (50, 90, 99, 99.9), method="inverted_cdf")
+    np.testing.assert_allclose(found, exact, rtol=0.01, atol=1e-3)
+    assert longest == pytest.approx(times.max(), abs=1e-3)
     assert len(pickle.dumps(kept)) < size + 3 * len(kept._counts)  # the counts have more digits
-
-
-@pytest.mark.parametrize(
-    ("ms", "found"), [(0.0, 0.0), (2e-4, 2e-4), (0.25, 0.25), (5e7, 1e6), (math.inf, 1e6)]
-)
-def test_latencies_beyond_the_bins_are_counted(ms, found):
-    kept = Latencies()
-    kept.add(ms)
-    assert kept.percentiles([0, 50, 100]) == [pytest.approx(found, rel=0.02)] * 3
-    assert kept.longest_ms == ms
+    for seconds in (0.0, 5e4, math.inf):  # beyond the bins
+        kept.add(0.0, seconds)
+    assert kept.count == len(times) + 3

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import copy
 import pickle
-import sys
 
 import numpy as np
 import pytest
@@ -33,7 +32,7 @@ def seen(walk):
 
 
 def refiner(**options):
-    return sk.Refiner(RIG, layout="h36m17", config=ONE_CORE, **{"fps": FPS, **options})
+    return sk.Refiner(RIG, layout="h36m17", **{"fps": FPS, "config": ONE_CORE, **options})
 
 
 def poses(live, frames):
@@ -148,28 +147,22 @@ def test_the_unit_does_not_matter(seen):
 
 
 @pytest.mark.parametrize(
-    ("options", "told"),
+    ("options", "argument"),
     [
-        ({"fps": 0.0}, "fps: expected a positive number, got 0.0"),
-        ({"fps": -25}, "fps: expected a positive number, got -25"),
-        ({"fps": float("nan")}, "fps: expected a positive number, got nan"),
-        ({"fps": 1e9}, "fps: expected a number from 1e-3 to 1e6, got 1e9"),
-        ({"lag": -1}, "lag: expected a whole number of at least 0, got -1"),
-        ({"lag": 2.5}, "lag: expected a whole number of at least 0, got 2.5"),
-        ({"lag": 10_001}, "lag: expected at most 10000 frames, got 10001"),
-        ({"lag": 10**30}, f"lag: expected at most 10000 frames, got {sys.maxsize}"),
-        ({"fps": None, "lag": 3}, "lag: expected fps as well, got none"),
+        ({"fps": 0.0}, "fps"),
+        ({"fps": float("nan")}, "fps"),
+        ({"fps": 1e9}, "fps"),
+        ({"lag": -1}, "lag"),
+        ({"lag": 2.5}, "lag"),
+        ({"lag": 10**30}, "lag"),
+        ({"fps": None, "lag": 3}, "lag"),
+        ({"config": sk.RefineConfig.paper()}, "config.method"),
     ],
 )
-def test_what_is_no_rate_or_lag_is_refused(options, told):
+def test_what_is_no_rate_or_lag_is_refused(options, argument):
     with pytest.raises(sk.InvalidInputError) as caught:
         refiner(**options)
-    assert str(caught.value) == told
-
-
-def test_the_paper_s_method_has_no_rate():
-    with pytest.raises(sk.InvalidInputError, match=r"config\.method: expected 'annealed' where fps is given"):
-        sk.Refiner(RIG, fps=FPS, config=sk.RefineConfig.paper())
+    assert caught.value.argument == argument
 
 
 @pytest.mark.parametrize("lag", [0, 2])

@@ -5,14 +5,14 @@ from __future__ import annotations
 import math
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import typer
 from rich.table import Table
 
 from skelsplat._words import number, with_bar
-from skelsplat.cli import inputs, options
-from skelsplat.cli.command import with_parameters_of
+from skelsplat.cli import options
+from skelsplat.cli.command import Option, in_panel, takes
 from skelsplat.cli.output import Terminal, print_json, say
 from skelsplat.cli.table import in_parts, new_table, print_finding, print_parts, telling
 from skelsplat.exceptions import DatasetError
@@ -24,62 +24,53 @@ EPILOG = (
     "Exit status: 0 done, also if no camera was adjusted; 1 a file is unreadable or another fault is found."
 )
 COMMON = (
-    *("output", "unit", "layout", "person", "frames", "without", "offset", "order", "joint_map"),
-    *("move", "focal", "clock", "force", "quiet", "as_json"),
+    *("output", "unit", "layout", "person", "frames", "without", "offsets", "order", "mapping"),
+    *("free", "focal", "clock", "force", "quiet", "as_json"),
 )
 _SUFFIXES = (".toml", ".json", ".npz")
-_PANEL = "Adjust"
 _LEGEND = (
     "±: error bar; for a camera that was not adjusted, how far off it may still be; before, after:"
     " median distance of the detections from where the other cameras place the joints"
 )
 
-_Out = Annotated[
-    Path,
-    options.option(
-        "Output",
-        *("-o", "--output"),
-        metavar="FILE",
-        help="Calibration file to write: .toml (Anipose), .json or .npz. Nothing is written if no camera was "
+OPTIONS = (
+    options.CALIBRATION_FILE,
+    options.DETECTIONS,
+    *options.CALIBRATION,
+    *options.RECORDING,
+    options.output(
+        "Calibration file to write: .toml (Anipose), .json or .npz. Nothing is written if no camera was "
         "adjusted.",
+        "FILE",
     ),
-]
-_Move = Annotated[
-    list[str] | None,
-    options.option(
-        _PANEL,
-        metavar="CAMERA",
-        help="A camera that was moved. Repeatable; only these are adjusted, instead of those found to be "
-        "wrong.",
+    *in_panel(
+        "Adjust",
+        Option(
+            "free",
+            "CAMERA",
+            "A camera that was moved. Repeatable; only these are adjusted, instead of those found to be "
+            "wrong.",
+            flags=("--move",),
+            many=True,
+        ),
+        options.flag("focal", "Also adjust focal lengths, if zoom or focus may have changed."),
+        options.flag(
+            "clock", "Also measure clocks to parts of a frame. Offsets of whole frames are found in any case."
+        ),
     ),
-]
-_Focal = Annotated[
-    bool,
-    options.flag(_PANEL, "--focal", help="Also adjust focal lengths, if zoom or focus may have changed."),
-]
-_Clock = Annotated[
-    bool,
-    options.flag(
-        _PANEL,
-        "--clock",
-        help="Also measure clocks to parts of a frame. Offsets of whole frames are found in any case.",
-    ),
-]
-_Force = Annotated[bool, options.flag("Output", "--force", help="Replace FILE if it exists.")]
+    *in_panel("Output", options.flag("force", "Replace FILE if it exists."), options.QUIET, options.AS_JSON),
+)
 
 
-@with_parameters_of(inputs.recording_arguments)
+@takes(*OPTIONS)
 def adjust_cameras(
-    source: inputs.Calibration,
-    detections: options.Detections,
+    calibration: Path,
+    detections: Path,
     *,
-    output: _Out,
-    move: _Move = None,
-    focal: _Focal = False,
-    clock: _Clock = False,
-    force: _Force = False,
-    quiet: options.Quiet = False,
-    as_json: options.AsJson = False,
+    output: Path,
+    force: bool,
+    quiet: bool,
+    as_json: bool,
     **given: Any,
 ) -> None:
     """Adjust the cameras that were turned or moved since the calibration, from a recording.
@@ -97,20 +88,19 @@ def adjust_cameras(
 
     skelsplat adjust-cameras Calib.qca.txt pose/ -o fixed.toml --focal --json
     """
-    _check_output(output, source, force=force)
-    reading = inputs.recording_arguments(**given)
-    found = adjust(source, detections, free=move or (), focal=focal, clock=clock, **reading)
+    _check_output(output, calibration, force=force)
+    found = adjust(calibration, detections, **options.reading(given))
     if found.adjusted:
         names = ", ".join(found.adjusted)
-        note = f"skelsplat adjust-cameras: {names} of {source.name} adjusted by {detections.name}"
+        note = f"skelsplat adjust-cameras: {names} of {calibration.name} adjusted by {detections.name}"
         write_calibration(output, found.cameras, note=note, adjusted=True)
     if as_json:
-        print_json(_document(source, detections, output, found))
+        print_json(_document(calibration, detections, output, found))
     elif quiet:
         for finding in found.findings:
             telling(quiet=quiet)(finding)
     else:
-        _print(found, output, focal=focal, clock=clock)
+        _print(found, output, focal=given["focal"], clock=given["clock"])
 
 
 def _check_output(output: Path, source: Path, *, force: bool) -> None:

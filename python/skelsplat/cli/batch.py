@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from os import cpu_count
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import typer
 from rich.console import Console
@@ -16,10 +16,9 @@ from skelsplat._budget import read_toml
 from skelsplat._words import number
 from skelsplat.cli import options
 from skelsplat.cli._app import FAILED
-from skelsplat.cli.command import Application, with_parameters_of
+from skelsplat.cli.command import Application, Option, in_panel, takes
 from skelsplat.cli.config import MisfitError, entries_of, options_in, unknown
 from skelsplat.cli.output import Terminal, counting, print_json, print_message
-from skelsplat.cli.refine import job_of
 from skelsplat.cli.table import new_table, print_table
 from skelsplat.exceptions import DatasetError
 from skelsplat.run import Batch, Job, run_batch
@@ -38,45 +37,51 @@ COMMON = (
     *("output", "jobs", "overwrite", "unit", "layout", "fps", "people", "write", "y_up", "quiet"),
     *("as_json",),
 )
-_OF_A_SESSION = ("source", "detections")
 # The last part of a path of detections that names no recording.
 _USUAL = ("pose", "pose-sync", "pose-associated", "openpose", "detections", "pose-2d")
 
+OPTIONS = (
+    options.path(
+        "sessions",
+        "SESSIONS",
+        "TOML file with the recordings, or the folder of a Pose2Sim project.",
+    ),
+    *options.JOB[2:],
+    *in_panel(
+        "Computation",
+        Option(
+            "jobs",
+            "N",
+            "Recordings refined at the same time, each in a process of its own.",
+            int,
+            shown="one per core",
+            limits={"min": 1},
+        ),
+    ),
+    *in_panel(
+        "Output",
+        options.flag("overwrite", "Also refine recordings that have not changed."),
+        options.QUIET,
+        options.AS_JSON,
+    ),
+)
+
 _program = Application(add_completion=False)
-_program.command("refine")(job_of)
+_program.command("refine")(takes(*options.JOB)(options.job_of))
 _refine: Any = typer.main.get_command(_program)
 
 
-# long: a parameter per option
-@with_parameters_of(job_of, without=(*_OF_A_SESSION, "output"))
+@takes(*OPTIONS)
 def batch(
     context: typer.Context,
-    sessions: Annotated[
-        Path,
-        typer.Argument(
-            readable=False,
-            metavar="SESSIONS",
-            help="TOML file with the recordings, or the folder of a Pose2Sim project.",
-        ),
-    ],
+    sessions: Path,
     *,
-    output: options.Out,
-    jobs: Annotated[
-        int | None,
-        options.option(
-            "Computation",
-            metavar="N",
-            min=1,
-            help="Recordings refined at the same time, each in a process of its own.",
-            default="one per core",
-        ),
-    ] = None,
-    overwrite: Annotated[
-        bool, options.flag("Output", "--overwrite", help="Also refine recordings that have not changed.")
-    ] = False,
-    quiet: options.Quiet = False,
-    as_json: options.AsJson = False,
-    **given: Any,
+    output: Path,
+    jobs: int | None = None,
+    overwrite: bool,
+    quiet: bool,
+    as_json: bool,
+    **_of_jobs: Any,
 ) -> None:
     """Refine many recordings, listed in a file or in the folders of a Pose2Sim project.
 
@@ -91,9 +96,12 @@ def batch(
 
     skelsplat batch sessions.toml -o results --write trc,c3d --jobs 1 --overwrite
     """
-    ways = {name: getattr(context.get_parameter_source(name), "name", "") for name in given}
-    stated = {name: given[name] for name, way in ways.items() if way == "COMMANDLINE"}
-    usual = {name: given[name] for name, way in ways.items() if way == "DEFAULT_MAP"}
+    ways: dict[str, dict[str, Any]] = {"COMMANDLINE": {}, "DEFAULT_MAP": {}, "DEFAULT": {}}
+    for row in options.JOB[2:]:
+        if row.name != "output":
+            way = getattr(context.get_parameter_source(row.name), "name", "DEFAULT")
+            ways[way][row.name] = context.params[row.name]
+    usual, stated = ways["DEFAULT_MAP"], ways["COMMANDLINE"]
     wanted = {
         name: _job(sessions, name, {**usual, **values, **stated})
         for name, values in (_of_project if sessions.is_dir() else _of_file)(sessions)
@@ -119,7 +127,7 @@ def batch(
 
 def _of_project(folder: Path) -> Iterator[tuple[str, dict[str, Any]]]:
     for name, (calibration, detections) in trials(folder).items():
-        yield name, {"source": calibration, "detections": detections}
+        yield name, {"calibration": calibration, "detections": detections}
 
 
 def _of_file(path: Path) -> Iterator[tuple[str, dict[str, Any]]]:
@@ -147,8 +155,8 @@ def _sessions(document: dict[str, Any], folder: Path) -> Iterator[tuple[str, dic
     for place, table in enumerate(tables, 1):
         prefix, options_of = f"session {place}.", {k: v for k, v in table.items() if k != "name"}
         values = defaults | options_in(options_of, known, folder, prefix)
-        for argument, parameter in (("calibration", "source"), ("detections", "detections")):
-            if parameter not in values:
+        for argument in ("calibration", "detections"):
+            if argument not in values:
                 expected = f"a path in [[session]] {place} or in [defaults]"
                 raise MisfitError(prefix + argument, expected, "none")
         name = _name(table.get("name", _named_by(values["detections"], folder)), prefix)

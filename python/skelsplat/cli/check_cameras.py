@@ -4,17 +4,18 @@ from __future__ import annotations
 
 import math
 import shlex
-from dataclasses import asdict
+from collections.abc import Iterator
+from dataclasses import asdict, replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import typer
 from rich.table import Table
 
 import skelsplat as sk
 from skelsplat._words import number
-from skelsplat.cli import inputs, options
-from skelsplat.cli.command import with_parameters_of
+from skelsplat.cli import options
+from skelsplat.cli.command import Option, takes
 from skelsplat.cli.output import Terminal, print_json, print_text, say
 from skelsplat.cli.table import new_table, print_finding, print_table
 from skelsplat.io import DetectionSet
@@ -23,19 +24,22 @@ from skelsplat.run.check import CameraCheck
 from skelsplat.run.check import check_cameras as check
 
 EPILOG = "Exit status: 0 nothing found, 1 something found or a file is unreadable, 2 bad usage."
-COMMON = ("unit", "layout", "person", "frames", "without", "offset", "order", "joint_map", "quiet", "as_json")
+COMMON = ("unit", "layout", "person", "frames", "without", "offsets", "order", "mapping", "quiet", "as_json")
 
-_Detections = Annotated[
-    Path | None,
-    typer.Argument(
-        readable=False,
-        metavar="DETECTIONS",
-        help="Detections of people walking about. In any form that refine reads: a folder with one "
-        "folder or file per camera, named like the camera, or one file. Without them, only the calibration "
-        "itself is checked.",
-        show_default=False,
+OPTIONS = (
+    options.CALIBRATION_FILE,
+    replace(
+        options.DETECTIONS,
+        default=None,
+        help="Detections of people walking about. In any form that refine reads: a folder with one folder or "
+        "file per camera, named like the camera, or one file. Without them, only the calibration itself is "
+        "checked.",
     ),
-]
+    *options.CALIBRATION,
+    *options.RECORDING,
+    options.QUIET,
+    options.AS_JSON,
+)
 _LEGEND = (
     "vs. others: error vs. the other cameras; --offset: value for refine that corrects an unsynchronised "
     "camera, and the error with it; DLT, robust: error vs. all cameras; weight: how much the robust solver "
@@ -43,14 +47,14 @@ _LEGEND = (
 )
 
 
-@with_parameters_of(inputs.recording_arguments)
+@takes(*OPTIONS)
 def check_cameras(
     context: typer.Context,
-    source: inputs.Calibration,
-    detections: _Detections = None,
+    calibration: Path,
+    detections: Path | None = None,
     *,
-    quiet: options.Quiet = False,
-    as_json: options.AsJson = False,
+    quiet: bool,
+    as_json: bool,
     **given: Any,
 ) -> None:
     """Find faults in a calibration: wrong unit, swapped, rotated or unsynchronised cameras.
@@ -75,13 +79,13 @@ def check_cameras(
     skelsplat check-cameras Calib.toml dlc/ --unit mm --layout coco17 --map nose=snout --offset camB=3
     """
     if detections is None:
-        inputs.refuse_detection_options(context)
-    found = check(source, detections, **inputs.recording_arguments(**given))
-    again = inputs.repeated(context, ("quiet", "as_json"))
-    files = ("skelsplat", "adjust-cameras", str(source), str(detections))
+        _refuse(context)
+    found = check(calibration, detections, **options.reading(given))
+    again = [word for pair in _given(context) for word in pair]
+    files = ("skelsplat", "adjust-cameras", str(calibration), str(detections))
     adjust = shlex.join([*files, *again, "-o", "fixed.toml"]) if found.report.misplaced else None
     if as_json:
-        print_json({**_document(source, detections, found), "adjust": adjust})
+        print_json({**_document(calibration, detections, found), "adjust": adjust})
     else:
         _print(found, quiet=quiet)
         if adjust and not quiet:
@@ -89,6 +93,26 @@ def check_cameras(
             say(f"  {adjust}")  # on one line, to be pasted
     if not found.report.ok:
         raise typer.Exit(1)
+
+
+def _source(context: typer.Context, row: Option) -> str:
+    return getattr(context.get_parameter_source(row.name), "name", "DEFAULT")
+
+
+def _refuse(context: typer.Context) -> None:
+    """Refuse options for reading detections, where there are none; a file's may be for another command."""
+    for row in options.RECORDING:
+        if row.name != "without" and _source(context, row) == "COMMANDLINE":
+            raise typer.BadParameter("requires DETECTIONS", param_hint=row.flag)
+
+
+def _given(context: typer.Context) -> Iterator[tuple[str, str]]:
+    """Yield the options for reading a recording that were given, in any way, to be given again."""
+    for row in (*options.CALIBRATION, *options.RECORDING):
+        value = context.params[row.name]
+        if value and _source(context, row) != "DEFAULT":
+            for one in value if row.many else [value]:
+                yield row.flag, str(one)
 
 
 def _print(found: CameraCheck, *, quiet: bool) -> None:

@@ -7,7 +7,9 @@ import inspect
 import itertools
 import re
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from importlib import import_module
+from pathlib import Path
 from typing import Annotated, Any, ClassVar
 
 import typer
@@ -17,8 +19,8 @@ from skelsplat.cli.config import Config
 from skelsplat.exceptions import InvalidInputError
 
 _ALL = "skelsplat.help.all"
-# Arguments of the package that have another name as a command's parameter.
-_SPELT = {"offsets": "offset", "mapping": "joint_map", "free": "move", "n_threads": "threads"}
+REQUIRED: Any = object()
+"""The default of an option that must be given."""
 
 
 class _FlagHelp:
@@ -128,21 +130,110 @@ def _with_options(function: Callable[..., Any], extra: dict[str, Any]) -> Callab
     return command
 
 
-def with_parameters_of(
-    other: Callable[..., Any], *, without: Sequence[str] = ()
-) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
-    """Give a function, which takes them as keywords, the parameters of another one before its own options."""
+@dataclass(frozen=True)
+class Option:
+    """A row of a table of options: what typer's parameter is made from, and what the package gets.
+
+    Attributes
+    ----------
+    name : str
+        The parameter, and its keyword in the package; the option is ``--name`` unless `flags` say otherwise.
+        A flag ``no_name`` is the opposite of the keyword ``name``.
+    metavar, help, panel : str
+    kind : type
+        Of the value; bool: a flag. With `many` the option is repeatable.
+    shown : str
+        The default in words, for the help.
+    default
+        None: there is none, and the package is not given the keyword; `REQUIRED`.
+    argument : bool
+        Whether it is an argument and no option.
+    read : callable, optional
+        Takes the option and its value, and returns what the package gets.
+    marks : tuple
+        More for the annotation.
+    limits : dict
+        ``min`` and ``max``.
+    """
+
+    name: str
+    metavar: str
+    help: str
+    kind: Any = str
+    flags: tuple[str, ...] = ()
+    many: bool = False
+    shown: str = ""
+    default: Any = None
+    argument: bool = False
+    panel: str = ""
+    read: Callable[[str, Any], Any] | None = None
+    marks: tuple[Any, ...] = ()
+    limits: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def flag(self) -> str:
+        """The option as it is typed."""
+        return next(
+            (name for name in self.flags if name.startswith("--")), f"--{self.name.replace('_', '-')}"
+        )
+
+    @property
+    def info(self) -> Any:
+        """Typer's option or argument."""
+        about: dict[str, Any] = {"metavar": self.metavar, "help": self.help, **self.limits}
+        if self.kind is Path:
+            about["readable"] = False
+        if self.argument:
+            return typer.Argument(show_default=False, **about)
+        if self.shown:
+            about["show_default"] = self.shown
+        return typer.Option(*(self.flags or (self.flag,)), rich_help_panel=self.panel or None, **about)
+
+    @property
+    def parameter(self) -> inspect.Parameter:
+        """The parameter from which typer makes the option or argument."""
+        kind = list[self.kind] if self.many else self.kind  # type: ignore[name-defined]
+        kind = kind | None if self.default is None else kind  # type: ignore[operator]
+        return inspect.Parameter(
+            self.name,
+            inspect.Parameter.KEYWORD_ONLY,
+            default=inspect.Parameter.empty if self.default is REQUIRED else self.default,
+            annotation=Annotated[(kind, self.info, *self.marks)],
+        )
+
+    def given(self, value: Any) -> tuple[str, Any]:
+        """Return the keyword of the package, and its value."""
+        if self.kind is bool and self.name.startswith("no_"):
+            return self.name[3:], not value
+        if self.many:
+            value = list(value or ())
+        return self.name, value if self.read is None or value is None else self.read(self.flag, value)
+
+
+def in_panel(name: str, *rows: Option) -> tuple[Option, ...]:
+    """Return options with the panel of the help in which they are."""
+    return tuple(replace(row, panel=name) for row in rows)
+
+
+def takes(*rows: Option) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """Give a function, which takes them as keywords, the options and arguments of a table.
+
+    The function gets what is given, or has a default. A parameter ``context`` of its own is typer's.
+    """
 
     def decorate(function: Callable[..., Any]) -> Callable[..., Any]:
-        own, theirs = (
-            list(inspect.signature(f, eval_str=True).parameters.values()) for f in (function, other)
-        )
-        named = [one for one in own if one.kind is not inspect.Parameter.VAR_KEYWORD]
-        first = [one for one in named if one.kind is not inspect.Parameter.KEYWORD_ONLY]
-        added = [one for one in theirs if one.name not in without]
-        signature = inspect.Signature([*first, *added, *named[len(first) :]])
-        function.__signature__ = signature  # type: ignore[attr-defined]
-        return function
+        @functools.wraps(function)
+        def command(**given: Any) -> Any:
+            pairs = dict(row.given(given.pop(row.name)) for row in rows)
+            return function(**given, **{name: value for name, value in pairs.items() if value is not None})
+
+        own = [
+            parameter
+            for parameter in inspect.signature(function, eval_str=True).parameters.values()
+            if parameter.annotation is typer.Context
+        ]
+        command.__signature__ = inspect.Signature([*own, *(row.parameter for row in rows)])  # type: ignore[attr-defined]
+        return command
 
     return decorate
 
@@ -237,6 +328,5 @@ class Command(_FlagHelp, TyperCommand):
 
     def _option(self, argument: str) -> str | None:
         """Return the option for an argument of the package."""
-        name = _SPELT.get(argument, argument)
-        spelt = [opt for param in self.params if param.name == name != "config" for opt in param.opts]
+        spelt = [opt for param in self.params if param.name == argument != "config" for opt in param.opts]
         return next((option for option in spelt if option.startswith("--")), None)

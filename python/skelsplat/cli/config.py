@@ -30,6 +30,7 @@ _HELP = (
 _WITH_COMMAS = ("A,B,…", "FORMATS", "FIGURES")
 _WORDS = {bool: "true or false", int: "a whole number", float: "a number", Path: "a path, as text"}
 _MOST_CHARACTERS = 40
+_NOT_IN_A_FILE = ("config", "help", "help_all", "version")
 
 
 def origin(context: Any, label: str) -> str:
@@ -110,10 +111,10 @@ def entries_of(command: Any) -> dict[str, Entry]:
     commands: Mapping[str, Any] = getattr(command, "commands", {})
     if commands:
         return {key: entry for part in commands.values() for key, entry in entries_of(part).items()}
-    signature = inspect.signature(inspect.unwrap(command.callback), eval_str=True).parameters
+    signature = inspect.signature(command.callback, eval_str=True).parameters
     entries = {}
     for param in command.params:
-        if param.name in signature:
+        if param.name not in _NOT_IN_A_FILE:
             annotation = signature[param.name].annotation
             kind, *marks = get_args(annotation) if get_origin(annotation) is Annotated else (annotation,)
             if get_origin(kind) in (Union, UnionType):

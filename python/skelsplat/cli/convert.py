@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import typer
 
-from skelsplat.cli import inputs, options
+from skelsplat.cli import options
+from skelsplat.cli.command import Option, in_panel, takes
 from skelsplat.cli.output import print_json, say
 from skelsplat.cli.table import telling
 from skelsplat.exceptions import DatasetError, InvalidInputError
@@ -36,54 +38,39 @@ _KINDS = {
     "calibration": ((".toml", ".json", ".npz"), _READ | {"to_unit"}),
 }
 
-_Input = Annotated[Path, typer.Argument(readable=False, metavar="INPUT", help="File or folder.")]
-_Output = Annotated[Path, typer.Argument(metavar="OUTPUT", help="File; its suffix is the format.")]
-_ToUnit = Annotated[
-    str | None,
-    options.option(
-        "Output",
-        metavar="mm|cm|m",
-        help="Length unit to write. Pose2Sim takes m, FreeMoCap mm.",
-        default="that of the input",
+OPTIONS = (
+    options.path("source", "INPUT", "File or folder."),
+    options.path("target", "OUTPUT", "File; its suffix is the format."),
+    *(
+        replace(row, name="format") if row.name == "calibration_format" else row
+        for row in options.CALIBRATION
     ),
-]
-_Fps = Annotated[float | None, options.option("Output", metavar="RATE", help="Poses: frames per second.")]
-_YUp = Annotated[bool, options.flag("Output", "--y-up", help="Poses: write a world with z up as y up.")]
-_MarkerNames = Annotated[
-    str | None,
-    options.option(
+    *in_panel(
         "Output",
-        metavar="STYLE",
-        help="Poses in .trc and .c3d: skelsplat, or pose2sim for RHip instead of right_hip.",
+        Option(
+            "to_unit",
+            "mm|cm|m",
+            "Length unit to write. Pose2Sim takes m, FreeMoCap mm.",
+            shown="that of the input",
+            read=lambda option, unit: options.one_of(option, unit, ("mm", "cm", "m")),
+        ),
+        Option("fps", "RATE", "Poses: frames per second.", float),
+        options.flag("y_up", "Poses: write a world with z up as y up."),
+        Option(
+            "marker_names",
+            "STYLE",
+            "Poses in .trc and .c3d: skelsplat, or pose2sim for RHip instead of right_hip.",
+        ),
+        options.flag("singular", "Poses in .nc: name the dimensions as movement 0.17 does."),
+        options.flag("force", "Replace OUTPUT if it exists."),
+        options.QUIET,
+        options.AS_JSON,
     ),
-]
-_Singular = Annotated[
-    bool,
-    options.flag("Output", "--singular", help="Poses in .nc: name the dimensions as movement 0.17 does."),
-]
-_Force = Annotated[bool, options.flag("Output", "--force", help="Replace OUTPUT if it exists.")]
+)
 
 
-# long: a parameter per option
-def convert(
-    source: _Input,
-    target: _Output,
-    *,
-    unit: inputs.Unit = None,
-    format: inputs.CalibrationFormat = None,
-    camera_type: inputs.CameraType = None,
-    subject: inputs.Subject = None,
-    size: inputs.Size = None,
-    binning: inputs.Binning = None,
-    to_unit: _ToUnit = None,
-    fps: _Fps = None,
-    y_up: _YUp = False,
-    marker_names: _MarkerNames = None,
-    singular: _Singular = False,
-    force: _Force = False,
-    quiet: options.Quiet = False,
-    as_json: options.AsJson = False,
-) -> None:
+@takes(*OPTIONS)
+def convert(source: Path, target: Path, *, force: bool, quiet: bool, as_json: bool, **given: Any) -> None:
     """Convert a calibration, or poses (a file, or the folder of a run), to another format.
 
     [bold]Examples[/bold]
@@ -100,11 +87,8 @@ def convert(
 
     skelsplat convert cameraParameters/ Calib.toml --size 1280x1024
     """
-    reading = {"unit": unit, "format": format, "camera_type": camera_type, "subject": subject, "size": size}
-    writing = {"binning": binning, "to_unit": to_unit, "fps": fps, "marker_names": marker_names}
-    every = {**reading, **writing, "y_up": y_up or None, "singular": singular or None}
-    given = {name: value for name, value in every.items() if value is not None}
-    kind = _kind(source, named=format is not None)
+    given = {name: value for name, value in given.items() if value is not False}
+    kind = _kind(source, named="format" in given)
     _check(kind, target, given)
     if target.exists() and not force and target.resolve() != source.resolve():
         raise DatasetError(target, "OUTPUT", "no file of this name (--force replaces it)", "one that exists")
@@ -169,10 +153,7 @@ def _calibration(source: Path, target: Path, given: dict[str, Any]) -> tuple[str
     """Convert a calibration; return a sentence about it, and values of JSON."""
     given = dict(given)
     unit = given.pop("to_unit", None)
-    if unit is not None:
-        options.one_of("--to-unit", unit, ("mm", "cm", "m"))
-    size = given.pop("size", None)
-    rig = read_calibration(source, size=inputs.width_and_height(size), **given)
+    rig = read_calibration(source, **given)
     if target.resolve() == source.resolve():
         raise DatasetError(target, "target", "another file than the source", "the same")
     written = rig if unit is None else convert_unit(rig, unit)

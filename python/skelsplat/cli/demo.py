@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Any
 
-import skelsplat as sk
 from skelsplat.cli import options
+from skelsplat.cli.command import in_panel, takes
 from skelsplat.cli.refine import run_and_print
 from skelsplat.io import sample
 from skelsplat.run import Job
@@ -21,25 +21,25 @@ _OF_PEOPLE = (
 _NOTE = "The sample has no ground truth: these errors measure agreement with the detections, not accuracy."
 
 
+@takes(
+    options.output(
+        "Folder for the results.", default=None, shown=f"{_FOLDER}, with --people {_FOLDER_OF_PEOPLE}"
+    ),
+    *in_panel("Method", options.PAPER),
+    *in_panel("Input", options.flag("people", "Refine the recording of two people and a bystander.")),
+    *in_panel("Over time", options.FRAME_BY_FRAME),
+    options.THREADS,
+    options.QUIET,
+    options.AS_JSON,
+)
 def demo(
-    output: Annotated[
-        Path | None,
-        options.option(
-            "Output",
-            *("-o", "--output"),
-            metavar="FOLDER",
-            help="Folder for the results.",
-            default=f"{_FOLDER}, with --people {_FOLDER_OF_PEOPLE}",
-        ),
-    ] = None,
-    paper: options.Paper = False,
-    people: Annotated[
-        bool, options.flag("Input", "--people", help="Refine the recording of two people and a bystander.")
-    ] = False,
-    frame_by_frame: options.FrameByFrame = False,
-    threads: options.Threads = None,
-    quiet: options.Quiet = False,
-    as_json: options.AsJson = False,
+    *,
+    output: Path | None = None,
+    people: bool,
+    frame_by_frame: bool,
+    quiet: bool,
+    as_json: bool,
+    **settings: Any,
 ) -> None:
     """Refine the recording that ships with the package: 4 cameras, 100 frames, OpenPose.
 
@@ -60,8 +60,6 @@ def demo(
     skelsplat demo -o /tmp/demo --json > report.json
     """
     output = output or Path(_FOLDER_OF_PEOPLE if people else _FOLDER)
-    settings = {} if threads is None else {"n_threads": threads}
-    config = sk.RefineConfig.paper(**settings) if paper else sk.RefineConfig(**settings)
     with run_folder(output):  # which another run may be writing
         paths = sample.extract(output / "input", people=people)
     job = Job(
@@ -71,7 +69,7 @@ def demo(
         layout=sample.LAYOUT,
         fps=sample.FRAME_RATE_HZ,
         frame_by_frame=frame_by_frame,
-        config=config,
+        config=options.config_of(**settings),
         people="all" if people else None,
         output=output,
         note=f"{_NOTE} {_OF_PEOPLE}" if people else _NOTE,

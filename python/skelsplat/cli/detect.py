@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import shlex
+from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import typer
 
 from skelsplat.cli import options
+from skelsplat.cli.command import Option, in_panel, takes
 from skelsplat.cli.output import counting, print_json, say
 from skelsplat.cli.table import telling
 from skelsplat.detect import Detected, Detector, MediaPipe, RTMLib
@@ -21,76 +23,59 @@ EPILOG = (
     "'skelsplat\\[mediapipe]'. rtmlib: several people, 26, 17 or 133 points (halpe26, coco17, wholebody133), "
     "downloads its networks when they are first used; pip install 'skelsplat\\[rtmlib]'."
 )
-BACKENDS = ("mediapipe", "rtmlib")
-_INPUT, _DETECTOR, _OUTPUT = "Input", "Detector", "Output"
-
-_Videos = Annotated[
-    list[Path],
-    typer.Argument(
-        readable=False,
-        metavar="VIDEOS",
-        help="Folder with one video or one folder of images per camera, or these themselves. Their names are "
+OPTIONS = (
+    options.path(
+        "videos",
+        "VIDEOS",
+        "Folder with one video or one folder of images per camera, or these themselves. Their names are "
         "those of the cameras.",
+        many=True,
     ),
-]
-_Range = Annotated[
-    str | None,
-    options.option(
-        _INPUT,
-        "--range",
-        metavar="A-B",
-        help="Frames to detect, from 0; A- and -B are open ranges.",
-        default="all",
+    *in_panel(
+        "Input",
+        replace(options.RANGE, help="Frames to detect, from 0; A- and -B are open ranges."),
     ),
-]
-_Backend = Annotated[str, options.option(_DETECTOR, metavar="NAME", help="mediapipe or rtmlib.")]
-_Model = Annotated[
-    str | None,
-    options.option(
-        _DETECTOR,
-        metavar="NAME",
-        help="Of mediapipe: full, lite or heavy. Of rtmlib: body-feet, body or whole-body.",
-        default="full; body-feet",
+    *in_panel(
+        "Detector",
+        Option(
+            "backend",
+            "NAME",
+            "mediapipe or rtmlib.",
+            default="mediapipe",
+            read=lambda option, name: options.one_of(option, name, ("mediapipe", "rtmlib")),
+        ),
+        Option(
+            "model",
+            "NAME",
+            "Of mediapipe: full, lite or heavy. Of rtmlib: body-feet, body or whole-body.",
+            shown="full; body-feet",
+        ),
+        Option("mode", "NAME", "rtmlib: balanced, lightweight or performance.", shown="balanced"),
+        Option("det_model", "FILE", "rtmlib: ONNX file that finds people (YOLOX).", Path),
+        Option("pose_model", "FILE", "rtmlib: ONNX file that finds joints (RTMPose).", Path),
+        Option("device", "NAME", "rtmlib: cpu or cuda.", shown="cpu"),
     ),
-]
-_Mode = Annotated[
-    str | None,
-    options.option(
-        _DETECTOR, metavar="NAME", help="rtmlib: balanced, lightweight or performance.", default="balanced"
+    options.output("Folder to write.", default=Path("pose")),
+    *in_panel(
+        "Output",
+        options.flag("overwrite", "Replace detections that this command wrote before."),
+        options.QUIET,
+        options.AS_JSON,
     ),
-]
-_DetModel = Annotated[
-    Path | None,
-    options.option(_DETECTOR, metavar="FILE", help="rtmlib: ONNX file that finds people (YOLOX)."),
-]
-_PoseModel = Annotated[
-    Path | None,
-    options.option(_DETECTOR, metavar="FILE", help="rtmlib: ONNX file that finds joints (RTMPose)."),
-]
-_Device = Annotated[
-    str | None, options.option(_DETECTOR, metavar="NAME", help="rtmlib: cpu or cuda.", default="cpu")
-]
-_Out = Annotated[Path, options.option(_OUTPUT, "-o", "--output", metavar="FOLDER", help="Folder to write.")]
-_Overwrite = Annotated[
-    bool, options.flag(_OUTPUT, "--overwrite", help="Replace detections that this command wrote before.")
-]
+)
 
 
-# long: a parameter per option
+@takes(*OPTIONS)
 def detect(
-    videos: _Videos,
+    videos: list[Path],
     *,
-    output: _Out = Path("pose"),
-    backend: _Backend = "mediapipe",
-    model: _Model = None,
-    mode: _Mode = None,
-    det_model: _DetModel = None,
-    pose_model: _PoseModel = None,
-    device: _Device = None,
-    range: _Range = None,
-    overwrite: _Overwrite = False,
-    quiet: options.Quiet = False,
-    as_json: options.AsJson = False,
+    output: Path,
+    backend: str,
+    range: FrameRange | None = None,
+    overwrite: bool,
+    quiet: bool,
+    as_json: bool,
+    **of_detector: Any,
 ) -> None:
     """Detect people in the videos of all cameras, for refine.
 
@@ -107,11 +92,8 @@ def detect(
 
     skelsplat detect videos/ -o pose --backend rtmlib --model whole-body
     """
-    of_rtmlib = {"mode": mode, "det_model": det_model, "pose_model": pose_model, "device": device}
-    detector = _detector(
-        backend, model, {key: value for key, value in of_rtmlib.items() if value is not None}
-    )
-    frames = FrameRange.parse(range)
+    detector = _detector(backend, of_detector)
+    frames = range or FrameRange()
     with collected_warnings(telling(quiet=quiet)) as found, counting("frames", shown=not quiet) as progress:
         written = run_detector(
             videos,
@@ -136,13 +118,11 @@ def detect(
         _tell(written, detector.layout, output)
 
 
-def _detector(backend: str, model: str | None, of_rtmlib: dict[str, Any]) -> Detector:
+def _detector(backend: str, given: dict[str, Any]) -> Detector:
     """Return the detector that is asked for."""
-    options.one_of("--backend", backend, BACKENDS)
-    given: dict[str, Any] = {} if model is None else {"model": model}
     if backend == "rtmlib":
-        return RTMLib(**given, **of_rtmlib)
-    for name in of_rtmlib:
+        return RTMLib(**given)
+    for name in given.keys() - {"model"}:
         option = f"--{name.replace('_', '-')}"
         raise typer.BadParameter("does not apply to mediapipe, only to rtmlib", param_hint=option)
     return MediaPipe(**given)

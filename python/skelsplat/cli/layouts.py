@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import Annotated, Any
+from typing import Any
 
 import typer
 from rich.columns import Columns
@@ -12,6 +12,7 @@ from rich.text import Text
 import skelsplat as sk
 from skelsplat._escape import escaped
 from skelsplat.cli import options
+from skelsplat.cli.command import takes
 from skelsplat.cli.output import Terminal, print_json, say
 from skelsplat.cli.table import new_table, print_table, tell
 from skelsplat.exceptions import InvalidInputError
@@ -23,24 +24,21 @@ EPILOG = (
     "lengths of bones may follow. Edit what --toml prints to make your own, and give it to --layout."
 )
 
-_Name = Annotated[
-    str | None,
-    typer.Argument(
-        metavar="NAME",
-        help="A built-in layout, a layout file (.toml), or a file with a skeleton: SLEAP's h5, DeepLabCut's "
-        "h5, csv or config.yaml. Without it, all built-in layouts are listed.",
-        show_default=False,
+
+@takes(
+    options.path(
+        "name",
+        "NAME",
+        "A built-in layout, a layout file (.toml), or a file with a skeleton: SLEAP's h5, DeepLabCut's h5, "
+        "csv or config.yaml. Without it, all built-in layouts are listed.",
+        kind=str,
+        default=None,
     ),
-]
-_Toml = Annotated[bool, typer.Option("--toml", metavar="", help="Print the layout as a layout file.")]
-_Quiet = Annotated[
-    bool, typer.Option("--quiet", "-q", metavar="", help="Only the names of layouts or joints, a line each.")
-]
-
-
-def layouts(
-    name: _Name = None, *, toml: _Toml = False, quiet: _Quiet = False, as_json: options.AsJson = False
-) -> None:
+    options.flag("toml", "Print the layout as a layout file."),
+    options.flag("quiet", "Only the names of layouts or joints, a line each.", "-q"),
+    options.AS_JSON,
+)
+def layouts(name: str | None = None, *, toml: bool, quiet: bool, as_json: bool) -> None:
     """List the joint layouts, or explain one: joints, limbs, symmetric pairs, bones.
 
     [bold]Examples[/bold]

@@ -6,43 +6,77 @@ import gc
 import os
 import sys
 from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
 from typing import Any, BinaryIO
 
 import typer
 
-import skelsplat as sk
-from skelsplat.cli import inputs, options
+from skelsplat.cli import options
 from skelsplat.cli._app import FAILED, INTERRUPTED
-from skelsplat.cli.command import with_parameters_of
+from skelsplat.cli.command import Option, in_panel, takes
 from skelsplat.cli.output import say
 from skelsplat.cli.table import telling
 from skelsplat.exceptions import DatasetError
 from skelsplat.findings import collected_warnings
 from skelsplat.io import read_layout
-from skelsplat.run.live import MalformedLineError, OnePerson, Session, SeveralPeople
+from skelsplat.run.live import MalformedLineError, Session
 from skelsplat.run.read import read_rig
 
 EPILOG = "Exit status: 0 at the end of the input, 1 failed, 2 bad usage, 130 interrupted."
 _MOST_LINE = 2**24  # bytes: eight cameras with hundreds of people need less
 
 
-# long: a parameter per option
-@with_parameters_of(inputs.calibration_arguments)
+OPTIONS = (
+    options.CALIBRATION_FILE,
+    *options.CALIBRATION,
+    *in_panel(
+        "Input",
+        replace(
+            options.LAYOUT,
+            help="Joint layout of the detections: a name (skelsplat layouts lists them) or a layout file "
+            "(.toml). Required.",
+            shown="",
+        ),
+    ),
+    *options.OF_LIVE,
+    *in_panel(
+        "Over time",
+        Option(
+            "fps",
+            "HZ",
+            "Frames per second, one line each, also where nothing is detected: the past then predicts.",
+            float,
+            shown="every frame by itself",
+            read=options.positive,
+        ),
+        Option(
+            "lag",
+            "FRAMES",
+            "Answer so many frames later, from the frames before and after. Requires --fps.",
+            int,
+            default=0,
+            limits={"min": 0},
+        ),
+        replace(
+            options.PEOPLE,
+            help="Follow everybody, or at most N people, and find out who is who. Requires --fps.",
+        ),
+    ),
+    options.QUIET,
+)
+
+
+@takes(*OPTIONS)
 def live(
-    source: inputs.Calibration,
+    calibration: Path,
     *,
-    layout: options.RequiredLayout = None,
-    min_confidence: options.MinConfidence = None,
-    no_undistort: options.NoUndistort = False,
-    no_swaps: options.NoSwaps = False,
-    free_bones: options.FreeBones = False,
-    sigma_mm: options.SigmaOfAnnealed = None,
-    joint_bias_mm: options.JointBias = None,
-    fps: options.LiveRate = None,
-    lag: options.Lag = 0,
-    people: options.LivePeople = None,
-    quiet: options.Quiet = False,
-    **reading: Any,
+    layout: str | None = None,
+    fps: float | None = None,
+    lag: int,
+    people: str | int | None = None,
+    quiet: bool,
+    **given: Any,
 ) -> None:
     """Refine frame by frame: detections as JSON lines on stdin, poses on stdout.
 
@@ -111,39 +145,24 @@ def live(
     if layout is None:
         raise typer.BadParameter("expected a layout's name or file, got nothing", param_hint="--layout")
     known = read_layout(layout)
-    read = inputs.calibration_arguments(**reading)
-    settings = {
-        "min_confidence": min_confidence,
-        "sigma_mm": sigma_mm,
-        "joint_bias_mm": joint_bias_mm,
-        "undistort": False if no_undistort else None,
-        "find_swaps": False if no_swaps else None,
-        "bones": "free" if free_bones else None,
-    }
-    given = {name: value for name, value in settings.items() if value is not None}
-    fps = options.positive("--fps", fps)
-    if lag and fps is None:
-        raise typer.BadParameter("expected --fps as well", param_hint="--lag")
-    if people is not None and fps is None:
-        raise typer.BadParameter("expected --fps as well", param_hint="--people")
+    for option, given_too in (("--lag", lag), ("--people", people)):
+        if given_too and fps is None:
+            raise typer.BadParameter("expected --fps as well", param_hint=option)
     if people is not None and lag:
-        raise typer.BadParameter(
-            "expected no --people: only one person is solved with a lag", param_hint="--lag"
-        )
-    most = None if people is None else options.number_of_people("--people", people)
+        expected = "expected no --people: only one person is solved with a lag"
+        raise typer.BadParameter(expected, param_hint="--lag")
+    reading = options.reading(given)
+    of_calibration = reading.pop("read")
+    config = options.config_of(n_threads=1, **reading)
     with collected_warnings(telling(quiet=quiet)):
-        rig = read_rig(source, **read)
+        rig = read_rig(calibration, **of_calibration)
         if len(rig) < 2:
-            raise DatasetError(source, "cameras", "at least two cameras", len(rig))
-        config = sk.RefineConfig(n_threads=1, **given)
-        session: Session
-        if people is None or fps is None:
-            session, who = OnePerson(rig, known, config, fps=fps, lag=lag), ""
-        else:
-            session = SeveralPeople(rig, known, config, fps=fps, max_people=most)
-            who = f", {'all' if most is None else f'at most {most}'} people at {fps:g} Hz"
+            raise DatasetError(calibration, "cameras", "at least two cameras", len(rig))
+        session = Session(rig, known, config, fps=fps, lag=lag, people=people)
         if not quiet:
             cameras, joints = f"{len(rig)} cameras ({', '.join(rig.names)})", f"{known.n_joints} joints"
+            most = people if people == "all" else f"at most {people}"
+            who = "" if people is None else f", {most} people at {fps:g} Hz"
             say(f"ready: {cameras}, {joints} ({known.name}), in {rig.unit}{who}", err=True)
         gc.freeze()  # what has been imported is not searched for garbage again, which takes 10 ms
         try:

@@ -1,380 +1,24 @@
-"""The options that commands share, with their help, and checks of their values.
-
-Each option is the annotated type of a parameter.
-"""
+"""The options that commands share, in tables, and how their texts become values of the package."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator
+from dataclasses import fields
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
 from skelsplat import RefineConfig
+from skelsplat.cli.command import REQUIRED, Option, in_panel
 from skelsplat.cli.config import NAME_OR_PATH
+from skelsplat.io.calibration import FORMATS as CALIBRATION_FORMATS
 from skelsplat.io.detections import FORMATS
-
-_INPUT, _METHOD, _TIME, _OUTPUT = "Input", "Method", "Over time", "Output"
-
-
-def option(panel: str, *names: str, metavar: str, help: str, default: str | None = None, **more: Any) -> Any:
-    """Return typer's option, in a panel of the help; ``default`` is shown in place of None."""
-    more |= {} if default is None else {"show_default": default}
-    return typer.Option(*names, metavar=metavar, help=help, rich_help_panel=panel, **more)
-
-
-def flag(panel: str, *names: str, help: str) -> Any:
-    """Return typer's option of a flag, in a panel of the help."""
-    return typer.Option(*names, metavar="", help=help, rich_help_panel=panel)
-
-
-_METHODS = tuple(
-    {setting.name: setting for setting in RefineConfig.settings(method)} for method in ("annealed", "paper")
-)
-
-
-def _sentence(name: str, *tables: Mapping[str, Any]) -> str:
-    """Return what a setting does, in the core's words, with options instead of settings."""
-    sentences = [
-        re.sub(r"`(\w+)`", lambda found: "--" + found[1].replace("_", "-"), table[name].sentence)
-        for table in tables
-        if name in table
-    ]
-    both = [text.partition("; None:")[0].rstrip(".") + "." for text in dict.fromkeys(sentences)]
-    return " With --paper: ".join([both[0], *(text[0].lower() + text[1:] for text in both[1:])])
-
-
-def _setting(
-    panel: str, name: str, *tables: Mapping[str, Any], metavar: str, default: str | None = None, **more: Any
-) -> Any:
-    """Return typer's option of a setting, with what the methods' ``tables`` say of it."""
-    texts = [] if default else [f"{table[name].default:.4g}" for table in tables if name in table]
-    shown = default or ", with --paper ".join(dict.fromkeys(texts))
-    return option(panel, metavar=metavar, help=_sentence(name, *tables), default=shown, **more)
-
-
-Detections = Annotated[
-    Path,
-    typer.Argument(
-        readable=False,
-        metavar="DETECTIONS",
-        help="Folder or file of 2D detections. A folder has one folder or file per camera, named like the "
-        "camera.",
-    ),
-]
-
-LayoutName = Annotated[
-    str | None,
-    option(
-        _INPUT,
-        metavar="NAME",
-        help="Joint layout, such as body25b. A name (skelsplat layouts lists them), a layout file (.toml), "
-        "or file: the joints as the detections name them.",
-        default="found from the joint names in the files",
-    ),
-    NAME_OR_PATH,
-]
-RequiredLayout = Annotated[
-    str | None,
-    option(
-        _INPUT,
-        "--layout",
-        metavar="NAME",
-        help="Joint layout of the detections: a name (skelsplat layouts lists them) or a layout file "
-        "(.toml). Required.",
-    ),
-    NAME_OR_PATH,
-]
-Format = Annotated[
-    str | None,
-    option(
-        _INPUT,
-        metavar="NAME",
-        help=f"Format of the detections: {', '.join(FORMATS)}.",
-        default="found from the files",
-    ),
-]
-Offset = Annotated[
-    list[str] | None,
-    option(
-        _INPUT,
-        metavar="CAMERA=FRAMES",
-        help="Frames to add to a camera's numbers. 3 if it started 3 frames late; also 3.4. Repeatable.",
-    ),
-]
-Order = Annotated[
-    str | None,
-    option(
-        _INPUT,
-        metavar="A,B,…",
-        help="Folder, file or index in the file of each camera, in the calibration's order; or sorted.",
-        default="by name",
-    ),
-]
-Without = Annotated[
-    list[str] | None,
-    option(
-        _INPUT, metavar="CAMERA", help="Leave a camera out. Repeatable; the camera need not have detections."
-    ),
-]
-JointMap = Annotated[
-    list[str] | None,
-    option(
-        _INPUT,
-        "--map",
-        metavar="JOINT=NAME",
-        help="What a joint of the layout is in the files: a name, an index from 0, or none. Repeatable.",
-    ),
-]
-Sequence = Annotated[
-    str | None,
-    option(_INPUT, metavar="NAME", help='Sequence of a file that has several, such as "S9/Directions 1".'),
-]
-Person = Annotated[
-    str,
-    option(
-        _INPUT,
-        metavar="WHO",
-        help="Person to follow. consistent: the person the views agree on. The others are followed over time "
-        "as by --people, and one is chosen: N, the identity, from 0 in the order of appearance; largest; "
-        "moves-most; CAMERA:X,Y, whoever is at that pixel when the camera first sees somebody. If the frame "
-        "rate is unknown, N is entry N of each file, and largest the largest in each image: not always the "
-        "same person.",
-    ),
-]
-People = Annotated[
-    str | None,
-    option(
-        _INPUT,
-        metavar="all|N",
-        help="Refine several people. Each has a folder, person_0, person_1, …: all of them, or the N whom "
-        "the views see most. The frame rate must be known.",
-        default="one person",
-    ),
-]
-Entry = Annotated[
-    str,
-    option(
-        _INPUT,
-        metavar="WHO",
-        help="By whom the cameras are judged. everybody: all on whom three views agree; consistent: only the "
-        "person on whom they agree best; largest: the largest in each image; N: entry N of each file, "
-        "from 0.",
-    ),
-]
-Frames = Annotated[
-    str,
-    option(
-        _INPUT,
-        metavar="MODE",
-        help="What to do if cameras have different frames. strict: stop (except for formats that list only "
-        "people: alphapose, coco, csv); intersection: keep the common frames; union: keep all.",
-    ),
-]
-Init = Annotated[
-    Path | None,
-    option(
-        _INPUT, metavar="POSE.npz", help="Pose file to start from.", default="triangulation", readable=False
-    ),
-]
-InitSigma = Annotated[
-    float | None,
-    option(
-        _INPUT,
-        metavar="MM",
-        help="Standard deviation of --init per axis, in mm. With it, an --init that is independent of the "
-        "detections (monocular, body model) counts as an observation. Not with --paper.",
-    ),
-]
-MinConfidence = Annotated[
-    float | None, _setting(_INPUT, "min_confidence", *_METHODS, metavar="C", min=0, max=1)
-]
-AdjustCameras = Annotated[
-    bool,
-    flag(
-        _INPUT,
-        "--adjust-cameras",
-        help="First adjust the cameras that were turned or moved since the calibration. Everybody the views "
-        "agree on shows which; cameras.json has them. skelsplat adjust-cameras writes a calibration.",
-    ),
-]
-NoUndistort = Annotated[bool, flag(_INPUT, "--no-undistort", help="Ignore lens distortion.")]
-
-Paper = Annotated[
-    bool,
-    flag(
-        _METHOD,
-        "--paper",
-        help="Use the published method. It renders pixels and optimises with Adam; the default, "
-        "annealed, is more robust.",
-    ),
-]
-FreeBones = Annotated[
-    bool,
-    flag(_METHOD, "--free-bones", help="Do not use the proportions of people for joints that few views see."),
-]
-NoSwaps = Annotated[bool, flag(_METHOD, "--no-swaps", help="Do not correct left–right swaps.")]
-Sigma = Annotated[float | None, _setting(_METHOD, "sigma_mm", *_METHODS, metavar="MM")]
-SigmaOfAnnealed = Annotated[float | None, _setting(_METHOD, "sigma_mm", _METHODS[0], metavar="MM")]
-OcclusionSigma = Annotated[
-    float | None, _setting(_METHOD, "occlusion_sigma_mm", *_METHODS, metavar="MM", default="as --sigma-mm")
-]
-JointBias = Annotated[
-    float | None, _setting(_METHOD, "joint_bias_mm", *_METHODS, metavar="MM", min=0, default="by the layout")
-]
-SymmetryTier = Annotated[
-    int | None, _setting(_METHOD, "symmetry_tier", *_METHODS, metavar="0..3", min=0, max=3)
-]
-MaxSteps = Annotated[int | None, _setting(_METHOD, "max_steps", *_METHODS, metavar="N", min=0)]
-Threads = Annotated[
-    int | None,
-    option(
-        _METHOD,
-        "--threads",
-        metavar="1..1024",
-        help=_sentence("n_threads", *_METHODS),
-        default="all cores",
-        min=1,
-    ),
-]
-
-FillGaps = Annotated[
-    int | None,
-    option(
-        _TIME,
-        "--fill-gaps",
-        metavar="N",
-        help="Fill gaps of at most N frames. The results mark these joints as filled.",
-        default="none",
-        min=1,
-    ),
-]
-FillMethod = Annotated[
-    str | None,
-    option(
-        _TIME,
-        "--fill-method",
-        metavar="cubic|linear",
-        help="Fill with cubic splines, or straight lines.",
-        default="cubic",
-    ),
-]
-FillWeak = Annotated[bool, flag(_TIME, "--fill-weak", help="Also treat weak joints as gaps.")]
-Filter = Annotated[
-    str | None,
-    option(
-        _TIME,
-        "--filter",
-        metavar="FILTER",
-        help="Smooth over time. butterworth[:HZ[:ORDER]] runs both ways and has no lag; "
-        "one-euro[:HZ[:BETA]] is causal, BETA in Hz per mm/s. Weak joints stay as they are and do not affect "
-        "others. Requires --fps.",
-        default="none",
-    ),
-]
-LiveRate = Annotated[
-    float | None,
-    option(
-        _TIME,
-        "--fps",
-        metavar="HZ",
-        help="Frames per second, one line each, also where nothing is detected: the past then predicts.",
-        default="every frame by itself",
-    ),
-]
-Lag = Annotated[
-    int,
-    option(
-        _TIME,
-        "--lag",
-        metavar="FRAMES",
-        help="Answer so many frames later, from the frames before and after. Requires --fps.",
-        min=0,
-    ),
-]
-LivePeople = Annotated[
-    str | None,
-    option(
-        _TIME,
-        "--people",
-        metavar="all|N",
-        help="Follow everybody, or at most N people, and find out who is who. Requires --fps.",
-        default="one person",
-    ),
-]
-FrameByFrame = Annotated[
-    bool,
-    flag(
-        _TIME,
-        "--frame-by-frame",
-        help="Solve each frame alone, even if the frame rate is known. --paper always does.",
-    ),
-]
-
-Out = Annotated[Path, option(_OUTPUT, "-o", "--output", metavar="FOLDER", help="Folder for the results.")]
-Write = Annotated[
-    str,
-    option(
-        _OUTPUT,
-        "--write",
-        metavar="FORMATS",
-        help="Pose files: csv, trc, c3d, json, nc. pose.npz is always written; nc is for xarray and "
-        "movement.",
-    ),
-]
-Fps = Annotated[
-    float | None,
-    option(
-        _TIME,
-        metavar="HZ",
-        help="Frame rate. If it is known, the recording is solved over time: bones keep their length and "
-        "joints move smoothly.",
-        default="as files or videos state it",
-    ),
-]
-YUp = Annotated[
-    bool,
-    flag(
-        _OUTPUT,
-        "--y-up",
-        help="Write TRC and C3D with y up. OpenSim expects it; the calibration must have z up.",
-    ),
-]
-Angles = Annotated[
-    bool,
-    flag(
-        _OUTPUT,
-        "--angles",
-        help="Write joint angles. angles.csv and angles.npz have error bars, angles.mot is for OpenSim.",
-    ),
-]
-NoHtml = Annotated[bool, flag(_OUTPUT, "--no-html", help="Do not write report.html. It takes 5 MB or more.")]
-MarkerNames = Annotated[
-    str,
-    option(
-        _OUTPUT,
-        "--marker-names",
-        metavar="STYLE",
-        help="Joint names in TRC and C3D files: skelsplat (right_hip), or pose2sim (RHip), for its OpenSim "
-        "models.",
-    ),
-]
-Quiet = Annotated[bool, flag(_OUTPUT, "--quiet", "-q", help="Print only warnings and errors.")]
-AsJson = Annotated[
-    bool, flag(_OUTPUT, "--json", help="Print the result as JSON. Nothing else is printed on stdout.")
-]
-Range = Annotated[
-    str | None,
-    option(
-        "Drawing",
-        "--range",
-        metavar="A-B",
-        help="Frames to draw, by the run's frame numbers; A- and -B are open ranges; A is one frame.",
-        default="all",
-    ),
-]
+from skelsplat.io.poses import POSE_FORMATS
+from skelsplat.run.frame_range import FrameRange
+from skelsplat.run.job import FRAME_MODES, Job
 
 
 def one_of(option: str, value: str | None, choices: tuple[str, ...]) -> str:
@@ -385,23 +29,7 @@ def one_of(option: str, value: str | None, choices: tuple[str, ...]) -> str:
     raise typer.BadParameter(f"expected one of {', '.join(choices)}, got {got}", param_hint=option)
 
 
-def positive(option: str, value: float | None) -> float | None:
-    """Return ``value`` if it is positive and finite, or None."""
-    if value is None or 0 < value < float("inf"):
-        return value
-    raise typer.BadParameter(f"expected a positive number, got {value:g}", param_hint=option)
-
-
-def number_of_people(option: str, value: str) -> int | None:
-    """Return how many people to follow at most: None for all."""
-    if value.lower() == "all":
-        return None
-    if value.isdecimal() and int(value) > 0:
-        return int(value)
-    raise typer.BadParameter(f"expected all or a number of at least 1, got {value!r}", param_hint=option)
-
-
-def some_of(option: str, value: str, choices: tuple[str, ...]) -> tuple[str, ...]:
+def some_of(choices: tuple[str, ...], option: str, value: str) -> tuple[str, ...]:
     """Return the names in a list with commas, each once and each one of ``choices``."""
     names = tuple(dict.fromkeys(name.strip().lower().removeprefix(".") for name in value.split(",")))
     for name in names:
@@ -409,3 +37,407 @@ def some_of(option: str, value: str, choices: tuple[str, ...]) -> tuple[str, ...
             expected = f"some of {', '.join(choices)}"
             raise typer.BadParameter(f"expected {expected}, got {name!r}", param_hint=option)
     return names
+
+
+def positive(option: str, value: float) -> float:
+    """Return ``value`` if it is positive and finite."""
+    if 0 < value < float("inf"):
+        return value
+    raise typer.BadParameter(f"expected a positive number, got {value:g}", param_hint=option)
+
+
+def _all_or_number(option: str, value: str) -> str | int:
+    """Return ``"all"``, or how many people to follow."""
+    if value.lower() == "all":
+        return "all"
+    if value.isdecimal() and int(value) > 0:
+        return int(value)
+    raise typer.BadParameter(f"expected all or a number of at least 1, got {value!r}", param_hint=option)
+
+
+def _width_and_height(option: str, text: str) -> tuple[int, int]:
+    found = re.fullmatch(r"(\d+)[x×](\d+)", text.strip())
+    if found is None or not (int(found[1]) and int(found[2])):
+        expected = "a width and a height such as 1920x1080"
+        raise typer.BadParameter(f"expected {expected}, got {text!r}", param_hint=option)
+    return int(found[1]), int(found[2])
+
+
+def _pairs(option: str, values: list[str]) -> Iterator[tuple[str, str]]:
+    """Yield the two sides of each ``A=B``; no A comes twice."""
+    seen = set()
+    for value in values:
+        left, equals, right = (part.strip() for part in value.rpartition("="))
+        if not (left and equals and right) or left in seen:
+            raise typer.BadParameter(f"expected A=B, each A once, got {value!r}", param_hint=option)
+        seen.add(left)
+        yield left, right
+
+
+def _offsets(option: str, values: list[str]) -> dict[str, float]:
+    found: dict[str, float] = {}
+    for camera, text in _pairs(option, values):
+        if not re.fullmatch(r"[+-]?\d+(\.\d+)?", text):
+            expected = "a number of frames, like cam2=3 or cam2=-1.25"
+            raise typer.BadParameter(f"expected {expected}, got {text!r}", param_hint=option)
+        found[camera] = float(text) if "." in text else int(text)
+    return found
+
+
+def _mapping(option: str, values: list[str]) -> dict[str, str | int | None]:
+    """Return what each joint is in the files: an index, None, or a name."""
+    return {
+        joint: int(text) if text.isdecimal() else None if text == "none" else text
+        for joint, text in _pairs(option, values)
+    }
+
+
+def distinct(_option: str, names: list[str]) -> tuple[str, ...]:
+    """Return names of cameras, each once."""
+    return tuple(dict.fromkeys(names))
+
+
+def _order(_option: str, text: str) -> str | tuple[str, ...]:
+    return text if text == "sorted" else tuple(part.strip() for part in text.split(","))
+
+
+def flag(name: str, help: str, *short: str) -> Option:
+    """Return a row for a flag."""
+    long = f"--{name.replace('_', '-')}"
+    return Option(name, "", help, bool, flags=(long, *short), default=False)
+
+
+def path(name: str, metavar: str, help: str, **more: Any) -> Option:
+    """Return a row for an argument that is a path."""
+    return Option(name, metavar, help, argument=True, **{"kind": Path, "default": REQUIRED, **more})
+
+
+def output(help: str, metavar: str = "FOLDER", **more: Any) -> Option:
+    """Return the row for ``--output``."""
+    flags = ("-o", "--output")
+    return Option("output", metavar, help, Path, flags=flags, panel="Output", **{"default": REQUIRED, **more})
+
+
+_METHODS = tuple(
+    {setting.name: setting for setting in RefineConfig.settings(method)} for method in ("annealed", "paper")
+)
+
+
+def _setting(name: str, metavar: str, shown: str = "", *, methods: Any = _METHODS, **more: Any) -> Option:
+    """Return the row for a setting of the methods, in the core's words, with options instead of settings."""
+    tables = [table[name] for table in methods if name in table]
+    sentences = [
+        re.sub(r"`(\w+)`", lambda found: "--" + found[1].replace("_", "-"), setting.sentence)
+        for setting in tables
+    ]
+    texts = [text.partition("; None:")[0].rstrip(".") + "." for text in dict.fromkeys(sentences)]
+    words = " With --paper: ".join([texts[0], *(text[0].lower() + text[1:] for text in texts[1:])])
+    if not shown:
+        shown = ", with --paper ".join(dict.fromkeys(f"{setting.default:.4g}" for setting in tables))
+    return Option(name, metavar, words, **{"kind": float, "shown": shown, **more})
+
+
+CALIBRATION_FILE = path(
+    "calibration", "CALIBRATION", "Calibration file or its folder. convert --help lists the formats."
+)
+DETECTIONS = path(
+    "detections",
+    "DETECTIONS",
+    "Folder or file of 2D detections. A folder has one folder or file per camera, named like the camera.",
+)
+
+CALIBRATION = in_panel(
+    "Calibration",
+    Option(
+        "unit",
+        "mm|cm|m",
+        "Length unit of the calibration. Needed if the format does not state it: Anipose TOML, OpenCV YAML, "
+        "4D association.",
+    ),
+    Option(
+        "calibration_format",
+        "NAME",
+        f"Format of the calibration: {', '.join(sorted(CALIBRATION_FORMATS))}.",
+        shown="found from the content",
+    ),
+    Option(
+        "camera_type",
+        "TYPE",
+        "Which cameras of the file: hd, vga, … (Panoptic), video cameras (Qualisys, Vicon), or all.",
+    ),
+    Option("subject", "S1", "Human3.6M: the subject with these cameras."),
+    Option(
+        "size",
+        "WxH",
+        "Image size, if the files do not state it: OpenPose, some OpenCV YAML, VoxelPose, DANNCE.",
+        read=_width_and_height,
+    ),
+    Option("binning", "N", "Qualisys: sensor pixels per pixel of the video.", float),
+)
+
+LAYOUT = Option(
+    "layout",
+    "NAME",
+    "Joint layout, such as body25b. A name (skelsplat layouts lists them), a layout file (.toml), or file: "
+    "the joints as the detections name them.",
+    shown="found from the joint names in the files",
+    marks=(NAME_OR_PATH,),
+)
+ORDER = Option(
+    "order",
+    "A,B,…",
+    "Folder, file or index in the file of each camera, in the calibration's order; or sorted.",
+    shown="by name",
+    read=_order,
+)
+
+
+def _reading(person: Option, frames: str) -> tuple[Option, ...]:
+    """Return the rows for reading detections of a person, or of ``person`` and ``people``."""
+    return in_panel(
+        "Input",
+        LAYOUT,
+        person,
+        Option(
+            "frames",
+            "MODE",
+            "What to do if cameras have different frames. strict: stop (except for formats that list only "
+            "people: alphapose, coco, csv); intersection: keep the common frames; union: keep all.",
+            default=frames,
+            read=lambda option, value: one_of(option, value, FRAME_MODES),
+        ),
+        Option(
+            "format",
+            "NAME",
+            f"Format of the detections: {', '.join(FORMATS)}.",
+            shown="found from the files",
+            read=lambda _option, value: value.lower(),
+        ),
+        Option(
+            "offsets",
+            "CAMERA=FRAMES",
+            "Frames to add to a camera's numbers. 3 if it started 3 frames late; also 3.4. Repeatable.",
+            flags=("--offset",),
+            many=True,
+            read=_offsets,
+        ),
+        ORDER,
+        Option(
+            "without",
+            "CAMERA",
+            "Leave a camera out. Repeatable; the camera need not have detections.",
+            many=True,
+            read=distinct,
+        ),
+        Option(
+            "mapping",
+            "JOINT=NAME",
+            "What a joint of the layout is in the files: a name, an index from 0, or none. Repeatable.",
+            flags=("--map",),
+            many=True,
+            read=_mapping,
+        ),
+        Option("sequence", "NAME", 'Sequence of a file that has several, such as "S9/Directions 1".'),
+    )
+
+
+RECORDING = _reading(
+    Option(
+        "person",
+        "WHO",
+        "By whom the cameras are judged. everybody: all on whom three views agree; consistent: only the "
+        "person on whom they agree best; largest: the largest in each image; N: entry N of each file, "
+        "from 0.",
+        default="everybody",
+    ),
+    frames="union",
+)
+
+MIN_CONFIDENCE = _setting("min_confidence", "C", limits={"min": 0, "max": 1})
+NO_UNDISTORT = flag("no_undistort", "Ignore lens distortion.")
+_PERSON = Option(
+    "person",
+    "WHO",
+    "Person to follow. consistent: the person the views agree on. The others are followed over time as by "
+    "--people, and one is chosen: N, the identity, from 0 in the order of appearance; largest; moves-most; "
+    "CAMERA:X,Y, whoever is at that pixel when the camera first sees somebody. If the frame rate is unknown, "
+    "N is entry N of each file, and largest the largest in each image: not always the same person.",
+    default="consistent",
+)
+PEOPLE = Option(
+    "people",
+    "all|N",
+    "Refine several people. Each has a folder, person_0, person_1, …: all of them, or the N whom the views "
+    "see most. The frame rate must be known.",
+    shown="one person",
+    panel="Input",
+    read=_all_or_number,
+)
+_INPUT = (
+    *_reading(_PERSON, frames="strict"),
+    *in_panel(
+        "Input",
+        Option("init", "POSE.npz", "Pose file to start from.", Path, shown="triangulation"),
+        Option(
+            "init_sigma_mm",
+            "MM",
+            "Standard deviation of --init per axis, in mm. With it, an --init that is independent of the "
+            "detections (monocular, body model) counts as an observation. Not with --paper.",
+            float,
+        ),
+        MIN_CONFIDENCE,
+        NO_UNDISTORT,
+        flag(
+            "adjust_cameras",
+            "First adjust the cameras that were turned or moved since the calibration. Everybody the views "
+            "agree on shows which; cameras.json has them. skelsplat adjust-cameras writes a calibration.",
+        ),
+    ),
+)
+
+PAPER = flag(
+    "paper",
+    "Use the published method. It renders pixels and optimises with Adam; the default, annealed, is more "
+    "robust.",
+)
+NO_SWAPS = flag("no_swaps", "Do not correct left–right swaps.")
+FREE_BONES = flag("free_bones", "Do not use the proportions of people for joints that few views see.")
+JOINT_BIAS = _setting("joint_bias_mm", "MM", "by the layout", limits={"min": 0})
+THREADS = _setting(
+    "n_threads", "1..1024", "all cores", kind=int, flags=("--threads",), limits={"min": 1}, panel="Method"
+)
+_METHOD = in_panel(
+    "Method",
+    PAPER,
+    NO_SWAPS,
+    FREE_BONES,
+    _setting("sigma_mm", "MM"),
+    _setting("occlusion_sigma_mm", "MM", "as --sigma-mm"),
+    JOINT_BIAS,
+    _setting("symmetry_tier", "0..3", kind=int, limits={"min": 0, "max": 3}),
+    _setting("max_steps", "N", kind=int, limits={"min": 0}),
+    THREADS,
+)
+OF_LIVE = (
+    *in_panel("Input", MIN_CONFIDENCE, NO_UNDISTORT),
+    *in_panel("Method", NO_SWAPS, FREE_BONES, _setting("sigma_mm", "MM", methods=_METHODS[:1]), JOINT_BIAS),
+)
+"""The settings of `skelsplat live`."""
+
+FRAME_BY_FRAME = flag(
+    "frame_by_frame", "Solve each frame alone, even if the frame rate is known. --paper always does."
+)
+_TIME = in_panel(
+    "Over time",
+    Option(
+        "fps",
+        "HZ",
+        "Frame rate. If it is known, the recording is solved over time: bones keep their length and joints "
+        "move smoothly.",
+        float,
+        shown="as files or videos state it",
+    ),
+    FRAME_BY_FRAME,
+    Option(
+        "fill_gaps",
+        "N",
+        "Fill gaps of at most N frames. The results mark these joints as filled.",
+        int,
+        shown="none",
+        limits={"min": 1},
+    ),
+    Option("fill_method", "cubic|linear", "Fill with cubic splines, or straight lines.", shown="cubic"),
+    flag("fill_weak", "Also treat weak joints as gaps."),
+    Option(
+        "filter",
+        "FILTER",
+        "Smooth over time. butterworth[:HZ[:ORDER]] runs both ways and has no lag; one-euro[:HZ[:BETA]] is "
+        "causal, BETA in Hz per mm/s. Weak joints stay as they are and do not affect others. Requires --fps.",
+        shown="none",
+    ),
+)
+
+_OUTPUT = in_panel(
+    "Output",
+    output("Folder for the results."),
+    Option(
+        "write",
+        "FORMATS",
+        "Pose files: csv, trc, c3d, json, nc. pose.npz is always written; nc is for xarray and movement.",
+        default="csv,trc",
+        read=partial(some_of, tuple(POSE_FORMATS)),
+    ),
+    flag("y_up", "Write TRC and C3D with y up. OpenSim expects it; the calibration must have z up."),
+    Option(
+        "marker_names",
+        "STYLE",
+        "Joint names in TRC and C3D files: skelsplat (right_hip), or pose2sim (RHip), for its OpenSim "
+        "models.",
+        default="skelsplat",
+    ),
+    flag(
+        "angles", "Write joint angles. angles.csv and angles.npz have error bars, angles.mot is for OpenSim."
+    ),
+    flag("no_html", "Do not write report.html. It takes 5 MB or more."),
+)
+JOB = (
+    CALIBRATION_FILE,
+    DETECTIONS,
+    *CALIBRATION,
+    *_INPUT[:2],
+    PEOPLE,
+    *_INPUT[2:],
+    *_METHOD,
+    *_TIME,
+    *_OUTPUT,
+)
+"""The options of a job, by the names of the fields of `skelsplat.run.Job` and of its settings."""
+
+QUIET, AS_JSON = in_panel(
+    "Output",
+    flag("quiet", "Print only warnings and errors.", "-q"),
+    Option(
+        "as_json",
+        "",
+        "Print the result as JSON. Nothing else is printed on stdout.",
+        bool,
+        flags=("--json",),
+        default=False,
+    ),
+)
+Quiet = Annotated[bool, QUIET.info]
+AsJson = Annotated[bool, AS_JSON.info]
+Threads = Annotated[int | None, THREADS.info]
+RANGE = Option(
+    "range",
+    "A-B",
+    "Frames to draw, by the run's frame numbers; A- and -B are open ranges; A is one frame.",
+    shown="all",
+    panel="Drawing",
+    read=lambda _option, text: FrameRange.parse(text),
+)
+
+
+def job_of(**given: Any) -> Job:
+    """Return the job of these options and arguments."""
+    own = {one.name for one in fields(Job)}
+    settings = {name: value for name, value in given.items() if name not in own}
+    return Job(config=config_of(**settings), **{name: given[name] for name in given if name in own})
+
+
+def reading(given: dict[str, Any]) -> dict[str, Any]:
+    """Return the arguments of `skelsplat.run.check_cameras` and `adjust_cameras`, from those by name."""
+    of_calibration = {row.name: given.pop(row.name) for row in CALIBRATION if row.name in given}
+    return {"read": of_calibration, **given}
+
+
+def config_of(*, paper: bool = False, free_bones: bool = False, **settings: Any) -> RefineConfig:
+    """Return the settings of the method, of which the published one has no swaps and no bones."""
+    if paper:
+        settings.pop("swaps", None)
+        return RefineConfig.paper(**settings)
+    if free_bones:
+        settings["bones"] = "free"
+    if "swaps" in settings:
+        settings["find_swaps"] = settings.pop("swaps")
+    return RefineConfig(**settings)

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
-from typing import Annotated, Any
-
-import typer
+from typing import Any
 
 from skelsplat.cli import options
+from skelsplat.cli.command import Option, in_panel, takes
 from skelsplat.cli.config import NAME_OR_PATH
 from skelsplat.cli.output import Terminal, counting, print_json, print_message
 from skelsplat.cli.table import telling
@@ -23,66 +23,63 @@ EPILOG = (
     "Figures are 180 mm wide; further pages of PNG files are numbered. A pose file is npz, csv, trc, c3d, "
     "json or nc; what can be drawn depends on what its format stores."
 )
-_FORMATS = ("png", "pdf")
-_WHAT, _OUTPUT = "Drawing", "Output"
 
-_Run = Annotated[
-    Path,
-    typer.Argument(readable=False, metavar="RUN", help="Output folder of refine or demo, or a pose file."),
-]
-_Output = Annotated[
-    Path | None,
-    options.option(
-        _OUTPUT,
-        "-o",
-        "--output",
-        metavar="FOLDER",
-        help="Folder for the figures.",
-        default="RUN/plots; of a file, plots/FILE next to it",
+OPTIONS = (
+    options.path("run", "RUN", "Output folder of refine or demo, or a pose file."),
+    *in_panel(
+        "Drawing",
+        Option(
+            "only",
+            "FIGURES",
+            "Figures to draw: some of trajectories, bones, errors, angles.",
+            shown="trajectories,bones,errors; angles too of a run with --angles",
+            read=partial(options.some_of, PICTURES),
+        ),
+        Option(
+            "joints",
+            "A,B,…",
+            "Joints for the trajectories, or all.",
+            shown="wrists and ankles, or the first four",
+        ),
+        options.RANGE,
+        Option(
+            "layout",
+            "NAME",
+            "Joint layout, for limbs and sides: a name, or a layout file (.toml).",
+            shown="that of the run, or found from the joints' names",
+            marks=(NAME_OR_PATH,),
+        ),
     ),
-]
-_Only = Annotated[
-    str | None,
-    options.option(
-        _WHAT,
-        metavar="FIGURES",
-        help="Figures to draw: some of trajectories, bones, errors, angles.",
-        default="trajectories,bones,errors; angles too of a run with --angles",
+    options.output(
+        "Folder for the figures.", default=None, shown="RUN/plots; of a file, plots/FILE next to it"
     ),
-]
-_Joints = Annotated[
-    str | None,
-    options.option(
-        _WHAT,
-        metavar="A,B,…",
-        help="Joints for the trajectories, or all.",
-        default="wrists and ankles, or the first four",
+    *in_panel(
+        "Output",
+        Option(
+            "format",
+            "FORMATS",
+            "png, pdf or png,pdf.",
+            default="png",
+            read=partial(options.some_of, ("png", "pdf")),
+        ),
+        options.QUIET,
+        options.AS_JSON,
     ),
-]
-_Layout = Annotated[
-    str | None,
-    options.option(
-        _WHAT,
-        metavar="NAME",
-        help="Joint layout, for limbs and sides: a name, or a layout file (.toml).",
-        default="that of the run, or found from the joints' names",
-    ),
-    NAME_OR_PATH,
-]
-_Format = Annotated[str, options.option(_OUTPUT, metavar="FORMATS", help="png, pdf or png,pdf.")]
+)
 
 
+@takes(*OPTIONS)
 def plot(
-    run: _Run,
+    run: Path,
     *,
-    only: _Only = None,
-    joints: _Joints = None,
-    range: options.Range = None,
-    layout: _Layout = None,
-    output: _Output = None,
-    format: _Format = "png",
-    quiet: options.Quiet = False,
-    as_json: options.AsJson = False,
+    format: tuple[str, ...],
+    only: tuple[str, ...] | None = None,
+    joints: str | None = None,
+    range: FrameRange | None = None,
+    layout: str | None = None,
+    output: Path | None = None,
+    quiet: bool,
+    as_json: bool,
 ) -> None:
     """Draw joint trajectories with error bands, bone lengths and errors.
 
@@ -103,13 +100,11 @@ def plot(
     skelsplat plot out --json | jq .bones
     """
     usual = PICTURES if (run / ANGLE_FILES[1]).is_file() else USUAL
-    pictures = usual if only is None else options.some_of("--only", only, PICTURES)
-    formats = options.some_of("--format", format, _FORMATS)
     with collected_warnings(telling(quiet=quiet)):
-        source = read_source(run, layout=layout, range=FrameRange.parse(range), joints=joints)
+        source = read_source(run, layout=layout, range=range or FrameRange(), joints=joints)
     folder = output or (run.parent / "plots" / run.name if run.is_file() else run / "plots")
     with counting("figures", shown=not quiet) as progress:
-        drawn = write_plots(source, folder, only=pictures, formats=formats, progress=progress)
+        drawn = write_plots(source, folder, only=only or usual, formats=format, progress=progress)
     for picture in drawn:
         if not picture.files and (quiet or as_json):
             print_message(f"warning: {picture.name} left out: {picture.sentence}")

@@ -7,15 +7,13 @@ from typing import Any
 
 import typer
 
-import skelsplat as sk
-from skelsplat.cli import inputs, options
+from skelsplat.cli import options
 from skelsplat.cli._app import FAILED
-from skelsplat.cli.command import with_parameters_of
+from skelsplat.cli.command import takes
 from skelsplat.cli.output import Terminal, described, print_json
 from skelsplat.cli.people_table import print_people
 from skelsplat.cli.table import print_files, print_run, tell, telling
 from skelsplat.findings import Finding
-from skelsplat.io.poses import POSE_FORMATS
 from skelsplat.run import Job, PeopleRun, Run, run, run_long, run_people
 
 EPILOG = (
@@ -30,101 +28,13 @@ EPILOG = (
     "--fill-gaps, --filter, --angles, --paper and --write c3d need all frames at once."
 )
 COMMON = (
-    *("output", "unit", "layout", "person", "people", "without", "offset", "fps"),
+    *("output", "unit", "layout", "person", "people", "without", "offsets", "fps"),
     *("filter", "fill_gaps", "write", "y_up", "angles", "paper", "quiet", "as_json"),
 )
 
 
-# long: a parameter per option
-@with_parameters_of(inputs.calibration_arguments)
-def job_of(
-    source: inputs.Calibration,
-    detections: options.Detections,
-    *,
-    layout: options.LayoutName = None,
-    person: options.Person = "consistent",
-    people: options.People = None,
-    frames: options.Frames = "strict",
-    format: options.Format = None,
-    offset: options.Offset = None,
-    order: options.Order = None,
-    without: options.Without = None,
-    joint_map: options.JointMap = None,
-    sequence: options.Sequence = None,
-    init: options.Init = None,
-    init_sigma_mm: options.InitSigma = None,
-    min_confidence: options.MinConfidence = None,
-    no_undistort: options.NoUndistort = False,
-    adjust_cameras: options.AdjustCameras = False,
-    paper: options.Paper = False,
-    no_swaps: options.NoSwaps = False,
-    free_bones: options.FreeBones = False,
-    sigma_mm: options.Sigma = None,
-    occlusion_sigma_mm: options.OcclusionSigma = None,
-    joint_bias_mm: options.JointBias = None,
-    symmetry_tier: options.SymmetryTier = None,
-    max_steps: options.MaxSteps = None,
-    threads: options.Threads = None,
-    fps: options.Fps = None,
-    frame_by_frame: options.FrameByFrame = False,
-    fill_gaps: options.FillGaps = None,
-    fill_method: options.FillMethod = None,
-    fill_weak: options.FillWeak = False,
-    filter: options.Filter = None,
-    output: options.Out,
-    write: options.Write = "csv,trc",
-    y_up: options.YUp = False,
-    marker_names: options.MarkerNames = "skelsplat",
-    angles: options.Angles = False,
-    no_html: options.NoHtml = False,
-    **reading: Any,
-) -> Job:
-    """Return the job of these options and arguments."""
-    given = {
-        "sigma_mm": sigma_mm,
-        "occlusion_sigma_mm": occlusion_sigma_mm,
-        "joint_bias_mm": joint_bias_mm,
-        "symmetry_tier": symmetry_tier,
-        "max_steps": max_steps,
-        "min_confidence": min_confidence,
-        "n_threads": threads,
-        "undistort": False if no_undistort else None,
-        "find_swaps": False if no_swaps and not paper else None,
-        "bones": "free" if free_bones and not paper else None,
-    }
-    settings = {name: value for name, value in given.items() if value is not None}
-    return Job(
-        source,
-        detections,
-        **inputs.calibration_arguments(**reading),
-        layout=layout,
-        person=person,
-        people=people and (options.number_of_people("--people", people) or "all"),
-        frames=frames,
-        **inputs.detection_arguments(format, offset, order, joint_map),
-        without=tuple(dict.fromkeys(without or [])),
-        sequence=sequence,
-        init=init,
-        init_sigma_mm=init_sigma_mm,
-        config=sk.RefineConfig.paper(**settings) if paper else sk.RefineConfig(**settings),
-        adjust_cameras=adjust_cameras,
-        fps=fps,
-        frame_by_frame=frame_by_frame,
-        fill_gaps=fill_gaps or 0,
-        fill_method=fill_method,
-        fill_weak=fill_weak,
-        filter=filter,
-        output=output,
-        write=options.some_of("--write", write, tuple(POSE_FORMATS)),
-        y_up=y_up,
-        marker_names=marker_names,
-        angles=angles,
-        html=not no_html,
-    )
-
-
-@with_parameters_of(job_of)
-def refine(*, quiet: options.Quiet = False, as_json: options.AsJson = False, **given: Any) -> None:
+@takes(*options.JOB, options.QUIET, options.AS_JSON)
+def refine(*, quiet: bool, as_json: bool, **given: Any) -> None:
     """Refine the 3D pose of one person, or of several, from 2D detections.
 
     [bold]Examples[/bold]
@@ -136,7 +46,7 @@ def refine(*, quiet: options.Quiet = False, as_json: options.AsJson = False, **g
 
     skelsplat refine --config run.toml --fps 60 --people all
     """
-    run_and_print(job_of(**given), quiet=quiet, as_json=as_json)
+    run_and_print(options.job_of(**given), quiet=quiet, as_json=as_json)
 
 
 def run_and_print(job: Job, *, quiet: bool, as_json: bool) -> None:

@@ -12,7 +12,6 @@ import numpy as np
 
 import skelsplat as sk
 from skelsplat._arrays import Array
-from skelsplat._budget import MOST_DEPTH, depth_of
 from skelsplat._skelsplat import check_people
 
 # more than any detector's score: probably a pixel coordinate
@@ -88,14 +87,10 @@ def parsed(text: bytes) -> Line:
 def _record(text: bytes) -> dict[str, Any]:
     if not text.strip():
         raise MalformedLineError("expected JSON, got an empty line")
-    if depth_of(text) > MOST_DEPTH:
-        raise MalformedLineError(f"expected JSON, got lists nested too deeply (at most {MOST_DEPTH} deep)")
     try:
         record = json.loads(text.decode("utf-8-sig"))  # Windows begins a stream with its mark
-    except json.JSONDecodeError as error:
-        raise MalformedLineError(f"expected JSON, got a flaw at column {error.colno}: {error.msg}") from error
     except (ValueError, RecursionError) as error:
-        raise MalformedLineError(f"expected JSON, got {error}") from error
+        raise MalformedLineError(f"expected JSON, got a flaw: {error}") from error
     if not isinstance(record, dict):
         raise MalformedLineError(f'expected an object with "detections", got {shown(record)}')
     return record
@@ -116,11 +111,74 @@ def by_camera(value: Any, cameras: Sequence[str]) -> list[View]:
                     f"detections: expected the cameras {', '.join(cameras)}, got {shown(name)}"
                 )
         return [View(value.get(name), f"detections[{json.dumps(name)}]") for name in cameras]
-    views = listed(value, len(cameras), "detections", "cameras")
+    views = _listed(value, len(cameras), "detections", "cameras")
     return [View(view, f"detections[{i}]") for i, view in enumerate(views)]
 
 
-def points(people: Sequence[View], joints: int) -> Array:
+def one_person(views: Sequence[View], joints: int) -> Array:
+    """Return the detections (M, N, 2|3) of one person, NaN where missing.
+
+    Raises
+    ------
+    MalformedLineError
+        As `_points`; with people in place of joints, it names the option for several.
+    """
+    try:
+        return _points(views, joints)
+    except MalformedLineError:
+        for value, place in views:
+            if isinstance(value, list) and any(map(_is_person, value)) and not any(map(_is_point, value)):
+                expected = "the joints of one person (several: use --people)"
+                raise MalformedLineError(f"{place}: expected {expected}, got {len(value)} people") from None
+        raise
+
+
+def several_people(views: Sequence[View], joints: int) -> Array:
+    """Return the people (M, P, N, 2|3) of a line, NaN where a camera has fewer than P.
+
+    Raises
+    ------
+    MalformedLineError
+        As `_points`; if a view is no list.
+    """
+    people = [_people_of(view) for view in views]
+    found = _points([person for view in people for person in view], joints)
+    counts = [len(view) for view in people]
+    padded = np.full((len(views), max(counts), *found.shape[1:]), np.nan)
+    padded[np.arange(max(counts)) < np.array(counts)[:, None]] = found
+    return padded
+
+
+def _people_of(view: View) -> list[View]:
+    """Return the people of a view: those of a list, one alone, or none."""
+    value = view.value
+    if value is None:
+        return []
+    if not isinstance(value, list):
+        expected = "a list of people, the joints of one, or null"
+        raise MalformedLineError(f"{view.place}: expected {expected}, got {shown(value)}")
+    if any(map(_is_person, value)):
+        return [View(person, f"{view.place}[{k}]") for k, person in enumerate(value)]
+    empty = all(entry is None or _is_nothing(entry) for entry in value)
+    return [] if empty else [view]
+
+
+def _is_person(value: Any) -> bool:
+    """Tell whether an entry of a view is a person's joints, some of them detected, and not a joint."""
+    return isinstance(value, list) and any(isinstance(joint, list) for joint in value)
+
+
+def _is_point(value: Any) -> bool:
+    """Tell whether an entry of a view is a detected joint."""
+    return isinstance(value, list) and any(isinstance(number, int | float) for number in value)
+
+
+def _is_nothing(entry: Any) -> bool:
+    """Tell whether an entry is a person or a joint of nulls."""
+    return isinstance(entry, list) and bool(entry) and all(number is None for number in entry)
+
+
+def _points(people: Sequence[View], joints: int) -> Array:
     """Return the detections (K, N, 2|3) of K people, NaN where missing.
 
     Parameters
@@ -180,11 +238,11 @@ def _one_by_one(person: View, joints: int) -> list[list[float]]:
     """Return the points with a confidence each, and an error that names the first malformed one."""
     if person.value is None:
         return [_MISSING] * joints
-    every = enumerate(listed(person.value, joints, person.place, "joints"))
+    every = enumerate(_listed(person.value, joints, person.place, "joints"))
     return [_MISSING if point is None else _point(point, f"{person.place}[{j}]") for j, point in every]
 
 
-def listed(value: Any, count: int, place: str, what: str) -> Sequence[Any]:
+def _listed(value: Any, count: int, place: str, what: str) -> Sequence[Any]:
     """Return ``value`` if it is a list of ``count`` entries.
 
     Raises
