@@ -60,6 +60,7 @@ def demo(
     skelsplat demo -o /tmp/demo --json > report.json
     """
     output = output or Path(_FOLDER_OF_PEOPLE if people else _FOLDER)
+    config = options.config_of(**settings)
     with run_folder(output):  # which another run may be writing
         paths = sample.extract(output / "input", people=people)
     job = Job(
@@ -69,7 +70,7 @@ def demo(
         layout=sample.LAYOUT,
         fps=sample.FRAME_RATE_HZ,
         frame_by_frame=frame_by_frame,
-        config=options.config_of(**settings),
+        config=config,
         people="all" if people else None,
         output=output,
         note=f"{_NOTE} {_OF_PEOPLE}" if people else _NOTE,
