@@ -29,7 +29,7 @@ test test-all: $(STAMPS)/venv
 	$(PYTEST)
 
 # Random inputs for so many minutes each to Python and Rust; findings are saved and printed with how to repeat them.
-# docs/reliability.md, "Fuzzing", says what it tries.
+# CONTRIBUTING.md says what it tries.
 MINUTES ?= 10
 FUZZ := PYTHONPATH=tests:tools:benchmarks $(BIN)/python -m fuzz
 fuzz: $(STAMPS)/dev

@@ -1,17 +1,17 @@
-"""Run the commands of docs/reproducing.md on simulated data and insert their results into the document.
+"""Run the commands of docs/measurements.md on simulated data and insert their tables into the page.
 
-    python benchmarks/reproducing.py [--only out/noise.md] [--list]
+    python benchmarks/reproducing.py [--only REGEX] [--list]
 
-A marker ``<!-- measured: FILE, sections A-B -->`` belongs to the nearest ``sh`` block above it: the block's
-lines are run in an empty folder, and sections A to B of FILE (by its headings below the title, from 1)
-replace the text between the marker and ``<!-- /measured -->``. A line already run for an earlier marker is
-not run again. Commands on the real data sets are in other blocks, which contain ``DATA/``.
+A marker ``<!-- measured: FILE.md, table N -->`` takes the N-th table of a file, ``<!-- measured: column NAME
+of FOLDER, FOLDER -->`` one column of each folder's ``report.csv``, a row per method. It replaces the text
+up to ``<!-- /measured -->``. The nearest ``sh`` block above makes the files: its lines are run in an empty
+folder, each once. Commands on the real data sets are in other blocks, which contain ``DATA/``.
 """
 
 from __future__ import annotations
 
 import argparse
-import datetime
+import csv
 import re
 import shlex
 import subprocess
@@ -20,35 +20,29 @@ import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
-from common import cpu
-
-DOCUMENT = Path(__file__).resolve().parents[1] / "docs" / "reproducing.md"
+DOCUMENT = Path(__file__).resolve().parents[1] / "docs" / "measurements.md"
 REAL = "DATA/"
+OURS = "SkelSplat ("  # published rows that the page quotes
 _BLOCK = re.compile(r"```sh\n(?P<sh>.*?)```", re.DOTALL)
-_MARKER = re.compile(
-    r"<!-- measured: (?P<file>\S+), sections (?P<first>\d+)-(?P<last>\d+) -->\n"
-    r"(?P<old>.*?)<!-- /measured -->",
-    re.DOTALL,
-)
+_MARKER = re.compile(r"<!-- measured: (?P<what>.+) -->\n")
+_TABLE = re.compile(r"(?:^\|.*\n)+", re.MULTILINE)
 
 
 @dataclass(frozen=True)
 class Measured:
-    """A marker, and the commands that create its file."""
+    """What a marker asks for, and the commands that make it."""
 
-    file: str
-    first: int
-    last: int
+    what: str
     commands: tuple[str, ...]
 
 
 def commands(text: str) -> list[str]:
-    """Return every line of the document's sh blocks, without comments."""
+    """Return every command of the page's sh blocks that is one of skelsplat."""
     return [line for block in _BLOCK.finditer(text) for line in _lines(block["sh"])]
 
 
 def _lines(block: str) -> list[str]:
-    return [line for line in block.replace("\\\n", " ").splitlines() if line and not line.startswith("#")]
+    return [line for line in block.replace("\\\n", " ").splitlines() if line.startswith("skelsplat ")]
 
 
 def markers(text: str) -> list[Measured]:
@@ -57,55 +51,65 @@ def markers(text: str) -> list[Measured]:
     for marker in _MARKER.finditer(text):
         above = [_lines(block["sh"]) for block in _BLOCK.finditer(text[: marker.start()])]
         lines = next(lines for lines in reversed(above) if not any(REAL in line for line in lines))
-        out.append(Measured(marker["file"], int(marker["first"]), int(marker["last"]), tuple(lines)))
+        out.append(Measured(marker["what"], tuple(lines)))
     return out
 
 
-def excerpt(markdown: str, first: int, last: int) -> str:
-    """Return sections `first` to `last` of a file, headings at the fourth level."""
-    sections = re.split(r"^(?=##+ )", markdown, flags=re.MULTILINE)[1:]
-    chosen = "".join(sections[first - 1 : last])
-    return re.sub(r"^##+ (.*)$", r"**\1**", chosen, flags=re.MULTILINE).strip()
+def table(what: str, folder: Path) -> str:
+    """Return the table that a marker asks for, from the files in `folder`."""
+    if column := re.fullmatch(r"column (\w+) of (.+)", what):
+        return _columns(column[1], [folder / name for name in column[2].split(", ")])
+    file, number = what.split(", table ")
+    return _TABLE.findall((folder / file).read_text(encoding="utf-8"))[int(number) - 1]
+
+
+def _columns(name: str, folders: list[Path]) -> str:
+    values: dict[str, dict[str, str]] = {}
+    for folder in folders:
+        with (folder / "report.csv").open(encoding="utf-8", newline="") as stream:
+            for row in csv.DictReader(stream):
+                reported = row["reported"] == "1"
+                if row["group"] == "all" and row[name] and (not reported or row["method"].startswith(OURS)):
+                    method = f"*{row['method']}*" if reported else row["method"]
+                    values.setdefault(method, {})[folder.name] = f"{float(row[name]):.1f}"
+    names = [folder.name for folder in folders]
+    ordered = sorted(values.items(), key=lambda item: item[0].startswith("*"))
+    rows = [[method, *(found.get(each, "–") for each in names)] for method, found in ordered]
+    head = [["method", *names], ["---", *["---:"] * len(names)]]
+    return "".join(f"| {' | '.join(row)} |\n" for row in head + rows)
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    parser.add_argument("--only", metavar="REGEX", default="", help="only files in which it is found")
+    parser.add_argument("--only", metavar="REGEX", default="", help="only markers in which it is found")
     parser.add_argument("--list", action="store_true", help="print the commands and leave")
     options = parser.parse_args()
     text = DOCUMENT.read_text(encoding="utf-8")
-    chosen = [marker for marker in markers(text) if re.search(options.only, marker.file)]
+    chosen = [marker for marker in markers(text) if re.search(options.only, marker.what)]
+    lines = list(dict.fromkeys(line for marker in chosen for line in marker.commands))
     if options.list:
-        print("\n".join(dict.fromkeys(line for marker in chosen for line in marker.commands)))
+        print("\n".join(lines))
         return
-    done: set[str] = set()
     with tempfile.TemporaryDirectory() as folder:
+        for line in lines:
+            print(f"$ {line}", flush=True)
+            run(line, Path(folder))
         for marker in chosen:
-            for line in marker.commands:
-                if line not in done:
-                    print(f"$ {line}", flush=True)
-                    run(line, Path(folder))
-                    done.add(line)
-            text = _replaced(text, marker, (Path(folder) / marker.file).read_text(encoding="utf-8"))
-            DOCUMENT.write_text(text, encoding="utf-8")
+            text = replaced(text, marker.what, table(marker.what, Path(folder)))
+    DOCUMENT.write_text(text, encoding="utf-8")
 
 
 def run(line: str, folder: Path) -> None:
     """Run a command line with this interpreter's package."""
-    program, *arguments = shlex.split(line)
-    assert program == "skelsplat", line
+    arguments = shlex.split(line)[1:]
     subprocess.run([sys.executable, "-m", "skelsplat", *arguments, "-q"], cwd=folder, check=True)
 
 
-def _replaced(text: str, marker: Measured, markdown: str) -> str:
-    when = f"Measured {datetime.date.today()} on simulated data, {cpu()}."
-    new = f"{when}\n\n{excerpt(markdown, marker.first, marker.last)}\n"
-
-    def put(match: re.Match[str]) -> str:
-        same = (match["file"], int(match["first"])) == (marker.file, marker.first)
-        return match[0].replace(match["old"], new) if same and match["old"] else match[0]
-
-    return _MARKER.sub(put, text)
+def replaced(text: str, what: str, new: str) -> str:
+    """Return the page with the text of one marker replaced."""
+    begin = f"<!-- measured: {what} -->\n"
+    before, rest = text.split(begin)
+    return before + begin + new + rest[rest.index("<!-- /measured -->") :]
 
 
 if __name__ == "__main__":

@@ -16,8 +16,9 @@ from PIL import Image
 NAME = "skelsplat-demo"  # the folder of the run, which a picture names
 PEOPLE = "several-people"
 COLOURS = 256
-# left, top, right, bottom of the body's two views in parts of the overview
-POSE = (0.0, 0.035, 0.67, 0.565)
+# The two views of the body in the overview: below its title (one or two lines), right and bottom in parts.
+TITLE_PX = 64
+POSE = (0.67, 0.565)
 
 
 def main(folder: Path) -> None:
@@ -36,14 +37,14 @@ def main(folder: Path) -> None:
             for picture in (*pictures, f"{PEOPLE}/overview.png")
         )
     width, height = overview.size
-    box = (POSE[0] * width, POSE[1] * height, POSE[2] * width, POSE[3] * height)
+    box = (0, TITLE_PX, round(POSE[0] * width), round(POSE[1] * height))
     for name, picture in (
         ("overview", overview),
         ("weights", weights),
         ("trajectories", paths),
         ("angles", angles),
         ("several-people", people),
-        ("pose", overview.crop(tuple(round(side) for side in box))),
+        ("pose", overview.crop(box)),
     ):
         picture.quantize(COLOURS).save(folder / f"{name}.png", optimize=True)
 

@@ -48,7 +48,7 @@ def refine_batches(
     k-th result is that of the k-th chunk, with the same bits as these frames have in one call with the whole
     recording. There are two exceptions, both with ``fps``: ``bone_length_sigma`` is that of the part solved
     with the chunk, and of an iterator that can be gone through only once, such as a generator, only the
-    beginning is there to learn from (docs/scaling.md has the differences).
+    beginning is there to learn from (docs/howto/large-recordings.md has the differences).
 
     Parameters
     ----------

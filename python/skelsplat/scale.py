@@ -1,6 +1,7 @@
 """Recordings of any length on many processes or machines: Dask distributes the windows of `refine_sequence`.
 
-What Dask runs on is its user's choice: the threads of this process, processes, a cluster (docs/scaling.md).
+What Dask runs on is its user's choice: the threads of this process, processes, a cluster
+(docs/howto/large-recordings.md).
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Small cases of what fuzzing found (`tests/fuzz`, docs/reliability.md)."""
+"""Small cases of what fuzzing found (`tests/fuzz`)."""
 
 from __future__ import annotations
 

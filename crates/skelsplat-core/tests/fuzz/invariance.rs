@@ -22,7 +22,7 @@ const UNFELT: f64 = 1.0;
 const WITHIN: f64 = 3.0;
 
 /// Cameras, and detections that are wrong. Which of two views is wrong only the bones tell, and
-/// rounding may decide between two places that are as good (docs/reliability.md, "Fuzzing"): two
+/// rounding may decide between two places that are as good (an open limit): two
 /// views have no wrong detections, and do not face each other.
 fn decided(views: u32, wrong: Vec<(usize, f64)>) -> (Vec<Camera>, Vec<(usize, f64)>) {
     if views > 2 { (room(views), wrong) } else { (room(5)[..2].to_vec(), Vec::new()) }
