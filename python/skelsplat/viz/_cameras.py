@@ -117,11 +117,7 @@ def _draw_panel(axes: Axes, panel: CameraPanel, skeleton: Skeleton) -> None:
 
 
 def person_window(points: Array, size: tuple[int, int]) -> Window:
-    """Return the first and last column and the first and last row of the part of the image to show.
-
-    It holds every one of ``points`` (K, 2) that lies in the image of ``size`` (width, height), with a margin;
-    the whole image if none does.
-    """
+    """Return the columns and rows with the ``points`` (K, 2) in an image and a margin; without any, all."""
     width, height = size
     inside = (points >= -0.5).all(axis=1) & (points < np.array([width, height]) - 0.5).all(axis=1)
     if not inside.any():

@@ -23,21 +23,11 @@ _STEADY_HEADING = 0.3
 
 @dataclass(frozen=True)
 class Skeleton:
-    """The connections of ``N`` joints.
+    """The connections of ``N`` joints."""
 
-    Parameters
-    ----------
-    limbs
-        Pairs of joint indices joined by a line; empty for points alone.
-    left_right
-        Pairs (left joint, right joint), from which sides and the body's heading are taken.
-    own
-        The colour of one of several people, drawn instead of the sides'.
-    """
-
-    limbs: tuple[tuple[int, int], ...] = ()
-    left_right: tuple[tuple[int, int], ...] = ()
-    own: str | None = None
+    limbs: tuple[tuple[int, int], ...] = ()  # pairs of joint indices; empty for points alone
+    left_right: tuple[tuple[int, int], ...] = ()  # (left joint, right joint): sides and heading
+    own: str | None = None  # the colour of one of several people, instead of the sides'
 
     def colour(self, joint: int) -> str:
         """Return the colour of a joint's side: left, right or middle; or the one of all joints."""
@@ -63,29 +53,11 @@ def not_ok_in_words(status: npt.NDArray[np.str_]) -> str:
 def body_axes(
     poses: Array, left_right: tuple[tuple[int, int], ...], up: Array, *, frame: int = 0
 ) -> tuple[Array, Array, bool]:
-    """Return the body's horizontal axes in one frame of a sequence, as unit vectors.
+    """Return unit vectors (3,) to the body's left and front, orthogonal to ``up``, and whether they are known.
 
-    The axis to the left is the mean of the horizontal left-minus-right vectors of all pairs in ``frame``,
-    each of length one. Where these cancel or are unknown, those of all frames are used; without pairs, the
-    direction in which the joints spread most.
-
-    Parameters
-    ----------
-    poses : (T, N, 3)
-        Joint positions; NaN where unknown.
-    left_right
-        Pairs (left joint, right joint).
-    up : (3,)
-        The vertical, of unit length.
-    frame
-        Index of the frame.
-
-    Returns
-    -------
-    left, forward : (3,), (3,)
-        To the body's left and to its front; ``left``, ``up`` and ``forward`` are orthonormal.
-    known
-        False if the pairs do not tell where the body's left is.
+    Left is the mean of the horizontal left-minus-right unit vectors of all pairs in a frame of ``poses``
+    (T, N, 3). Where these cancel or are unknown, those of all frames are used; without pairs, the direction
+    in which the joints spread most.
     """
     left = _mean_heading(poses[frame : frame + 1], left_right, up)
     if np.linalg.norm(left) < _STEADY_HEADING:
@@ -136,22 +108,7 @@ def draw_limbs(axes: Axes, points: Array, skeleton: Skeleton, **line: object) ->
 
 
 def draw_ellipses(axes: Axes, centres: Array, covariances: Array, colours: Sequence[str]) -> None:
-    """Draw the ellipse of `SIGMAS` standard deviations about every point; none where anything is NaN.
-
-    That of a projected ellipsoid: the outline of the points within `SIGMAS` of the joint, seen along the
-    direction of projection.
-
-    Parameters
-    ----------
-    axes
-        Where to draw.
-    centres : (N, 2)
-        In the axes' own coordinates.
-    covariances : (N, 2, 2)
-        In these, squared.
-    colours
-        One per point.
-    """
+    """Draw the ellipse of `SIGMAS` standard deviations of every point (N, 2); none where anything is NaN."""
     known = np.isfinite(centres).all(axis=1) & np.isfinite(covariances).all(axis=(1, 2))
     patches, shown = [], []
     for j in np.flatnonzero(known):

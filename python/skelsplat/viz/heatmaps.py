@@ -43,18 +43,7 @@ class HeatmapRow(ArrayFields):
 def write_heatmaps(
     path: str | os.PathLike[str], rows: Sequence[HeatmapRow], *, skeleton: Skeleton, caption: str = ""
 ) -> Path:
-    """Draw the two images of every camera and write the figure to ``path``.
-
-    A pair shows the same part of the camera's image twice, cut to the person; the ticks are pixels of the
-    whole image.
-
-    Raises
-    ------
-    ValueError
-        If ``rows`` is empty.
-    """
-    if not rows:
-        raise ValueError("rows: expected at least one camera, got none")
+    """Draw the two images of every camera, cut to the person, and write the figure to ``path``."""
     windows = [crop_window(row) for row in rows]
     # An upright person leaves room for two cameras side by side.
     across = 2 if len(rows) > 1 and np.median([aspect(window) for window in windows]) > 1 else 1

@@ -151,11 +151,7 @@ def draw_bands(axes: Axes, time: TimeAxis, values: Array, spread: tuple[Array, s
 
 
 def limits(values: Array, sigma: Array, start: Array) -> tuple[float, float]:
-    """Return the range of a panel: all positions, most of the band, and a start that is not far away.
-
-    A joint that is hardly determined has a band of metres, and a bad start is anywhere; neither may flatten
-    the motion.
-    """
+    """Return the range of a panel: all positions, most of the band, and a start that is not far away."""
     known = values[np.isfinite(values)]
     if not len(known):
         return -1.0, 1.0

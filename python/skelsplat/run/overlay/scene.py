@@ -120,13 +120,10 @@ class _Person:
 
 
 def project_covariances(points: Array, covariances: Array, camera: sk.Camera) -> tuple[Array, Array]:
-    """Project points (N, 3) and their covariances (N, 3, 3) through the lens.
+    """Project points (N, 3) and their covariances (N, 3, 3) through the lens: (N, 2) and J Σ Jᵀ (N, 2, 2).
 
-    Returns
-    -------
-    pixels, covariances : (N, 2), (N, 2, 2)
-        J Σ Jᵀ with the derivative J of `skelsplat.project` at the point, by central differences: lens
-        distortion moves the ellipse and turns and stretches it as well. NaN where nothing is known.
+    J is the derivative of `skelsplat.project` at the point, by central differences: lens distortion moves,
+    turns and stretches the ellipse.
     """
     step = _STEP * np.linalg.norm(points - camera.centre, axis=1)  # (N,)
     shifts = np.concatenate([np.eye(3), -np.eye(3)])[:, None] * step[:, None]  # (6, N, 3)
@@ -141,21 +138,10 @@ def _known(values: Array, shape: tuple[int, ...]) -> Array:
 
 
 def follow(points: Array, size: Size) -> tuple[Size, Index]:
-    """Return the size of the cut-out, and its upper left corner in each frame.
+    """Return the size of a cut-out that follows joints (T, N, 2), and its upper left corner (T, 2) per frame.
 
-    Parameters
-    ----------
-    points : (T, N, 2)
-        The person's joints in the pixels of the frames; NaN where unknown.
-    size : (width, height)
-        Of the frames.
-
-    Returns
-    -------
-    size : (width, height)
-        Enough for the person in 95 of 100 frames, with a margin; the whole frame if it is in none.
-    corners : (T, 2) int
-        x and y; the middle is averaged over frames and the cut-out stays within the frame.
+    It holds the person in 95 of 100 frames with a margin, and is the whole frame if the person is in none; its
+    middle is averaged over frames, and it stays within the frame of ``size`` (width, height).
     """
     limit = np.array(size)
     inside: Mask = np.all((points >= -0.5) & (points < limit - 0.5), axis=2)

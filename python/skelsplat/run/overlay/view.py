@@ -136,16 +136,7 @@ class View:
 
 
 def open_views(job: OverlayJob, scene: Scene, span: Span) -> list[View]:
-    """Open every camera's video and see that it fits, before any is drawn.
-
-    Raises
-    ------
-    DatasetError
-        If a video is missing, unreadable, of another size than its camera, or has no frame of the run.
-    InvalidInputError
-        If there is no camera of a name, the order does not fit, there are images whose numbers `first_frame`
-        would change, or the output would be too large.
-    """
+    """Open every camera's video and see that it fits, before any is drawn."""
     rig = scene.rig
     if job.videos is None:
         return _plain_views(job, scene, span)
@@ -197,13 +188,7 @@ def _open(job: OverlayJob, scene: Scene, index: int, source: FrameSource, span: 
 
 
 def _fit_size(path: Path, name: str, size: Size, expected: Size) -> Array:
-    """Return the scale (2,) from the camera's image to a video's frames; warn if that is doubtful.
-
-    Raises
-    ------
-    DatasetError
-        If the sizes have nothing to do with each other, or width and height are exchanged.
-    """
+    """Return the scale (2,) from the camera's image to a video's frames; warn if that is doubtful."""
     fit, (width, height), (wide, high) = resizing(expected, size), size, expected
     if fit is None and size == (high, wide):
         wanted = f"{wide}×{high} like the camera {name}"
