@@ -53,7 +53,7 @@ def not_ok_in_words(status: npt.NDArray[np.str_]) -> str:
 def body_axes(
     poses: Array, left_right: tuple[tuple[int, int], ...], up: Array, *, frame: int = 0
 ) -> tuple[Array, Array, bool]:
-    """Return unit vectors (3,) to the body's left and front, orthogonal to ``up``, and whether they are known.
+    """Return unit vectors (3,) to the body's left and front, orthogonal to ``up``, and if they are known.
 
     Left is the mean of the horizontal left-minus-right unit vectors of all pairs in a frame of ``poses``
     (T, N, 3). Where these cancel or are unknown, those of all frames are used; without pairs, the direction

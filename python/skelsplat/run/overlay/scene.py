@@ -138,10 +138,10 @@ def _known(values: Array, shape: tuple[int, ...]) -> Array:
 
 
 def follow(points: Array, size: Size) -> tuple[Size, Index]:
-    """Return the size of a cut-out that follows joints (T, N, 2), and its upper left corner (T, 2) per frame.
+    """Return the size of a cut-out that follows joints (T, N, 2), and its upper left corners (T, 2).
 
-    It holds the person in 95 of 100 frames with a margin, and is the whole frame if the person is in none; its
-    middle is averaged over frames, and it stays within the frame of ``size`` (width, height).
+    It holds the person in 95 of 100 frames with a margin, or else is the whole frame. Its middle is averaged
+    over frames, and it stays within the frame of ``size`` (width, height).
     """
     limit = np.array(size)
     inside: Mask = np.all((points >= -0.5) & (points < limit - 0.5), axis=2)
