@@ -17,13 +17,14 @@ from skelsplat._refine import (
     Refinement,
     refinement_fields,
     reporter,
-    warn_of,
     warn_of_unit,
 )
 from skelsplat._sequence import SequenceRefinement
 from skelsplat._skelsplat import Layout, RefineConfig
+from skelsplat._words import length
 from skelsplat.cameras import mm_per_unit
 from skelsplat.exceptions import InvalidInputError
+from skelsplat.findings import Finding, Remedy, Subject, warn
 
 # Time in which views detect people and nobody is found, after which something must be wrong, s.
 _IN_VAIN_S = 2.0
@@ -141,19 +142,58 @@ def track(
         warn_of_unit(person.refinement.pose, cameras, layout)
     in_vain = 0 if everybody else _frames_of_two_views(frames)
     if in_vain >= max(3.0, min(_IN_VAIN_S * fps, 0.5 * len(np.asarray(frames)))):
-        warn_of("nobody_found", {"frames": in_vain}, 3)
+        warn(nobody_found(in_vain))
     if cut:
-        warn_of("people_uncompared", {"frames": cut, "most": most_people(frames)}, 3, "without")
+        warn(people_uncompared(cut, most_people(frames)))
     limbs = _unequal_limbs(everybody, cameras, layout)
     if limbs is not None:
-        warn_of("limbs_differ", limbs, 3)
+        warn(limbs)
     return everybody
 
 
-def _unequal_limbs(
-    everybody: Sequence[Person], cameras: Cameras, layout: str | Layout
-) -> dict[str, Any] | None:
-    """Return the left and right limb that differ most, over everybody; None if they hardly do."""
+def nobody_found(frames: int) -> Finding:
+    """Return the finding that in so many frames no two views agree on a person."""
+    return Finding(
+        "nobody_found",
+        numbers={"frames": frames},
+        sentence=f"In {frames} frames two or more views detect people, but no two agree on a person: check "
+        "the unit of the cameras, their order, and that all detections of a frame are from the same instant.",
+    )
+
+
+def people_uncompared(frames: int, most: int) -> Finding:
+    """Return the finding that in so many frames, with up to ``most`` people a view, not all were compared."""
+    where = f"{frames:,} frames" if frames > 1 else "a frame"
+    return Finding(
+        "people_uncompared",
+        numbers={"frames": frames, "most": most},
+        remedy=(Remedy("without", None),),
+        sentence=f"In {where} there were too many people to compare all of them (up to {most:,} in a view); "
+        "the best of those compared was chosen, so somebody may be missing. To compare all of them, use "
+        "fewer views or a higher detection threshold.",
+    )
+
+
+def limbs_differ(layout: Layout, limbs: Sequence[tuple[int, int]], lengths_mm: Sequence[float]) -> Finding:
+    """Return the finding that the left and right of a pair of ``limbs`` differ in length."""
+    named = [[layout.joints[joint] for joint in limb] for limb in limbs]
+    others = [name for name in _skelsplat.LAYOUT_NAMES if Layout.by_name(name).n_joints == layout.n_joints]
+    others = [name for name in others if name != layout.name]
+    sizes = " and ".join(
+        f"{a} to {b} {length(size, 0, 10.0)} mm" for (a, b), size in zip(named, lengths_mm, strict=True)
+    )
+    hint = f" ({' and '.join(others)} has the same number of joints)" if others else ""
+    return Finding(
+        "limbs_differ",
+        subject=Subject(joints=tuple(dict.fromkeys(joint for limb in named for joint in limb))),
+        numbers={"limbs": named, "lengths_mm": list(lengths_mm), "layouts_of_as_many_joints": others},
+        remedy=(Remedy("layout", None),),
+        sentence=f"Left and right limbs differ in length, {sizes}. Is the layout correct{hint}?",
+    )
+
+
+def _unequal_limbs(everybody: Sequence[Person], cameras: Cameras, layout: str | Layout) -> Finding | None:
+    """Return a finding on the left and right limb that differ most over everybody, if they do."""
     layout = Layout.by_name(layout) if isinstance(layout, str) else layout
     pairs = layout.symmetric_pairs(2)
     found = [one.refinement for one in everybody if len(one.frames) >= _LEAST_FRAMES]
@@ -173,12 +213,7 @@ def _unequal_limbs(
     worst = int(ratios.argmax())
     if ratios[worst] <= _LIMB_RATIO:
         return None
-    alike = [name for name in _skelsplat.LAYOUT_NAMES if Layout.by_name(name).n_joints == layout.n_joints]
-    return {
-        "limbs": [[layout.joints[joint] for joint in limb] for limb in pairs[worst]],
-        "lengths_mm": typical[worst].tolist(),
-        "layouts_of_as_many_joints": [name for name in alike if name != layout.name],
-    }
+    return limbs_differ(layout, pairs[worst], typical[worst].tolist())
 
 
 def _frames(people: People, cameras: Cameras) -> ArrayLike:
@@ -356,11 +391,11 @@ class Tracker:
         if self._in_vain is not None:
             self._in_vain = None if found else self._in_vain + _frames_of_two_views(frame)
             if self._in_vain == self._doubtful > 0:
-                warn_of("nobody_found", {"frames": self._in_vain}, 3)
+                warn(nobody_found(self._in_vain))
                 self._in_vain = None
         if not self._cut and self._compiled.cut():
             self._cut = True
-            warn_of("people_uncompared", {"frames": 1, "most": most_people(frame)}, 3, "without")
+            warn(people_uncompared(1, most_people(frame)))
         return [_seen(out) for out in found]
 
     def reset(self) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -15,8 +14,10 @@ from numpy.typing import ArrayLike, NDArray
 from skelsplat import _skelsplat
 from skelsplat._arrays import numbers, positive
 from skelsplat._skelsplat import Camera, Layout, RefineConfig
+from skelsplat._words import metric
 from skelsplat.cameras import CameraRig
 from skelsplat.exceptions import InvalidInputError
+from skelsplat.findings import Finding, warn
 
 Cameras = CameraRig | Sequence[Camera]
 Progress = Callable[[int, int], None]
@@ -233,9 +234,13 @@ def warn_of_unit(
     poses: NDArray[np.float64], cameras: Cameras, layout: str | Layout | None, *, depth: int = 3
 ) -> None:
     some = poses[:: max(1, len(poses) // _FRAMES_TO_JUDGE)] if poses.ndim == 3 else poses[None]
-    numbers = _skelsplat.implausible_extent(some, cameras, layout=layout)
-    if numbers is not None:
-        warn_of("implausible_size", numbers, depth + 1)
+    found = _skelsplat.implausible_extent(some, cameras, layout=layout)
+    if found is not None:
+        extent, unit = found["extent"], found["unit"]
+        size = f"{extent:.6f}" if extent < 0.01 else f"{extent:.2f}"
+        beyond = f"{'taller' if found['taller'] else 'shorter'} than {metric(found['limit_mm'])}"
+        sentence = f"The skeleton measures {size} {unit} and is {beyond}: is the unit really '{unit}'?"
+        warn(Finding("unit_implausible", numbers=found, sentence=sentence), depth + 1)
 
 
 def warn_of_prior(result: Refinement) -> None:
@@ -244,15 +249,10 @@ def warn_of_prior(result: Refinement) -> None:
     rejected = np.nanmax(result.view_weights, axis=-2, initial=-1.0) < _skelsplat.REJECTED_WEIGHT
     share = float(np.mean(rejected[seen])) if seen.any() else 0.0
     if share > _MOST_OUTVOTED:
-        warn_of("start_contradicts", {"percent": 100 * share}, 4)
-
-
-def warn_of(kind: str, numbers: dict[str, Any], depth: int, *remedies: str) -> None:
-    """Warn with a finding, at the caller ``depth`` calls up; ``remedies`` are options that help."""
-    from skelsplat.findings import Finding, FindingWarning, Remedy
-
-    remedy = tuple(Remedy(option, None) for option in remedies)
-    warnings.warn(FindingWarning(Finding(kind, numbers=numbers, remedy=remedy)), stacklevel=depth)
+        percent = 100 * share
+        sentence = f"init_pose with init_sigma contradicts every detection of {percent:.0f} % of the joints: "
+        sentence += "is it of another person or frame, or is init_sigma (in the cameras' unit) too small?"
+        warn(Finding("start_contradicts", numbers={"percent": percent}, sentence=sentence), 4)
 
 
 @contextmanager

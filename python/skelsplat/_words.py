@@ -28,6 +28,18 @@ def length(mm: float, least: int = 1, below: float = 1.0) -> str:
     return number(mm, decimals(mm, least, below))
 
 
+def metric(mm: float) -> str:
+    """Return a length in the unit in which it is a small number: "1.3 m", "22 cm"."""
+    if mm >= 1000.0:
+        return f"{mm / 1000.0:.3g} m" if mm < 1e6 else f"{mm / 1000.0:,.0f} m"
+    return f"{mm / 10.0:.3g} cm" if mm >= 10.0 else f"{mm:.3g} mm"
+
+
+def capitalised(text: str) -> str:
+    """Return a sentence of a clause."""
+    return text[0].upper() + text[1:]
+
+
 def with_bar(value: float, sigma: float | None, sign: str = "") -> str:
     """Return a number with its error bar, to one or two of its digits: "143 ± 36"; without one, "143"."""
     if sigma is None or not math.isfinite(sigma):

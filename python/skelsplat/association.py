@@ -17,10 +17,11 @@ import numpy.typing as npt
 import skelsplat as sk
 from skelsplat._arrays import Array, Index, Mask, corners, medians, numbers
 from skelsplat._people import most_people
+from skelsplat._people import people_uncompared as uncompared
 from skelsplat._skelsplat import check_people, people_chosen
 from skelsplat.cameras import mm_per_unit
 from skelsplat.exceptions import InvalidInputError
-from skelsplat.findings import Finding, Remedy, warn
+from skelsplat.findings import warn
 from skelsplat.layouts import mirror_images
 
 # hypotheses of a frame that stay in the running when frames are linked
@@ -89,12 +90,6 @@ def choose_person(
     if cut.any():
         warn(uncompared(int(cut.sum()), most_people(everyone)))
     return take_people(everyone, index), index
-
-
-def uncompared(frames: int, most: int) -> Finding:
-    """Return the finding that in so many frames, with up to ``most`` people a view, not all were compared."""
-    numbers = {"frames": frames, "most": most}
-    return Finding("people_uncompared", numbers=numbers, remedy=(Remedy("without", None),))
 
 
 def chosen_places(

@@ -128,9 +128,9 @@ class FindingWarning(UserWarning):
         self.finding = finding
 
 
-def warn(finding: Finding) -> None:
-    """Warn of a finding, as of the line that called the caller."""
-    warnings.warn(FindingWarning(finding), stacklevel=3)
+def warn(finding: Finding, depth: int = 3) -> None:
+    """Warn of a finding: of the line that called the caller, or further up."""
+    warnings.warn(FindingWarning(finding), stacklevel=depth)
 
 
 def warn_of_clipped(argument: str, highest: float) -> None:
@@ -138,7 +138,12 @@ def warn_of_clipped(argument: str, highest: float) -> None:
 
     The text is the same each time, so that Python shows it once per line. The compiled core calls this.
     """
-    finding = Finding("confidence_clipped", "note", numbers={"argument": argument, "highest": highest})
+    finding = Finding(
+        "confidence_clipped",
+        "note",
+        numbers={"argument": argument, "highest": highest},
+        sentence=f"{argument}: confidences slightly above 1, up to {highest}, count as 1.",
+    )
     frame, depth = inspect.currentframe(), 1
     while frame is not None and frame.f_globals.get("__name__", "").partition(".")[0] == __package__:
         frame, depth = frame.f_back, depth + 1
@@ -147,7 +152,8 @@ def warn_of_clipped(argument: str, highest: float) -> None:
 
 def remark(text: str) -> Finding:
     """Return a note with the given sentence, such as the message of a warning."""
-    return Finding("remark", "note", numbers={"text": " ".join(text.split())})
+    sentence = " ".join(text.split())
+    return Finding("remark", "note", numbers={"text": sentence}, sentence=sentence)
 
 
 # Warnings belong to the process: two threads that collect at the same time would collect each other's.

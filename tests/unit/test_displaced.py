@@ -10,7 +10,7 @@ import pytest
 
 import skelsplat as sk
 from skelsplat import synthetic
-from skelsplat._sentences.run import to_one_side
+from skelsplat.run.displaced import to_one_side
 from skelsplat.run import displaced
 from skelsplat.run.displaced import displaced_cameras, find_displaced, shift_of
 from skelsplat.run.findings import find_cameras

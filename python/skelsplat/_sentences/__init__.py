@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import asdict
 from typing import TYPE_CHECKING
 
-from skelsplat._sentences import arrays, datasets, rig, run
+from skelsplat._sentences import arrays, datasets, run
 
 if TYPE_CHECKING:
     from skelsplat.findings import Finding
@@ -19,10 +19,8 @@ if TYPE_CHECKING:
 Sentence = str | Callable[["Finding"], str]
 
 ORIGINS: tuple[Mapping[str, Sentence], ...] = (
-    {"remark": "{text}"},
     arrays.SENTENCES,
     run.SENTENCES,
-    rig.SENTENCES,
     datasets.SENTENCES,
 )
 SENTENCES: dict[str, Sentence] = {kind: form for origin in ORIGINS for kind, form in origin.items()}

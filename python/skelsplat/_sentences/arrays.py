@@ -14,19 +14,12 @@ if TYPE_CHECKING:
 _SAME_IMAGES = "run the detector on images like those of the calibration, or calibrate with images like these"
 
 
-def _implausible_size(finding: Finding) -> str:
-    n = finding.numbers
-    size = f"{n['extent']:.6f}" if n["extent"] < 0.01 else f"{n['extent']:.2f}"
-    beyond = f"{'taller' if n['taller'] else 'shorter'} than {_length(n['limit_mm'])}"
-    return f"The skeleton measures {size} {n['unit']} and is {beyond}: is the unit really '{n['unit']}'?"
-
-
-def _length(mm: float) -> str:
-    """Return a round length in the unit in which it is a small number."""
-    for unit, size in (("m", 1000.0), ("cm", 10.0)):
-        if mm >= size:
-            return f"{mm / size:g} {unit}"
-    return f"{mm:g} mm"
+def _unit_implausible(finding: Finding) -> str:
+    numbers = finding.numbers
+    metres = numbers["metres"]
+    far = f"{1e3 * metres:.3g} mm" if metres < 1 else f"{metres:.{0 if metres >= 100 else 2}f} m"
+    read = f"if it is {numbers['unit']}, the cameras are {far} apart"
+    return f"{finding.subject.files[0]}: unit: {read}; {numbers['hint']}"
 
 
 def _trc_rate(finding: Finding) -> str:
@@ -69,27 +62,8 @@ def _sizes_differ(finding: Finding) -> str:
     )
 
 
-def _people_uncompared(finding: Finding) -> str:
-    n = finding.numbers
-    frames = f"{n['frames']:,} frames" if n["frames"] > 1 else "a frame"
-    return (
-        f"In {frames} there were too many people to compare all of them (up to {n['most']:,} in a view); the "
-        "best of those compared was chosen, so somebody may be missing. To compare all of them, use fewer "
-        "views (--without) or a higher detection threshold."
-    )
-
-
 SENTENCES: Mapping[str, str | Callable[[Finding], str]] = {
-    "implausible_size": _implausible_size,
-    "start_contradicts": (
-        "init_pose with init_sigma contradicts every detection of {percent:.0f} % of the joints: is it "
-        "of another person or frame, or is init_sigma (in the cameras' unit) too small?"
-    ),
-    "nobody_found": (
-        "In {frames} frames two or more views detect people, but no two agree on a person: check the unit of "
-        "the cameras, their order, and that all detections of a frame are from the same instant."
-    ),
-    "people_uncompared": _people_uncompared,
+    "unit_implausible": _unit_implausible,
     "detections_resized": _resized,
     "image_sizes_differ": _sizes_differ,
     "frame_rates_differ": (
@@ -97,7 +71,6 @@ SENTENCES: Mapping[str, str | Callable[[Finding], str]] = {
         "compared, are not of the same instant. To correct this, convert the videos to one rate and run the "
         "detector again; if the stated rates are wrong, state the right one with --fps of refine."
     ),
-    "confidence_clipped": "{argument}: confidences slightly above 1, up to {highest}, count as 1.",
     "lens_assumed": "{files}: no distortions for {cameras}: assumed to have no lens distortion.",
     "view_rotated": (
         "{files}: viewrotation: images of {cameras} were rotated for display; the calibration is for images "

@@ -7,23 +7,27 @@ that is wrong spoils what the others are compared with, too.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
 import skelsplat as sk
 from skelsplat._arrays import Array, Index, median, medians
+from skelsplat._words import capitalised, listed, percent
 from skelsplat.cameras import altered, matrix_from_vector
 from skelsplat.findings import Finding, Subject
 from skelsplat.layouts import mirror_images
-from skelsplat.rig_check._files import CHANGES, Change, resizer
-from skelsplat.rig_check._scene import Scene, named
+from skelsplat.rig_check._report import px
+from skelsplat.rig_check._scene import Scene
+from skelsplat.rig_check._whole import CHANGES, Change, resizer
 
 # A cause must make the cameras agree better by this much, over all and for the camera itself, and by more
 # than detectors' noise.
-_ALL_BETTER, _ITSELF_BETTER, _LEAST_PX = 0.85, 0.7, 1.0
+_ALL_BETTER = 0.85
+_ITSELF_BETTER = 0.7
+_LEAST_PX = 1.0
 # What is wrong is wrong in both halves of a recording.
 _HALF_BETTER = 0.9
 # Two cameras agree better by chance more easily.
@@ -33,7 +37,9 @@ _GOOD = 0.012
 # Of two causes that explain as much the simpler one is named.
 _AS_GOOD = 1.1
 # Frames of the camera's count that are tried, at most this part of the recording; a few frames do not tell.
-_MOST_SHIFT, _PART, _LEAST_SPAN = 30, 3, 12
+_MOST_SHIFT = 30
+_PART = 3
+_LEAST_SPAN = 12
 # Or, for swapped sides, so little of its error is left: nothing was fitted, and another fault may remain.
 _MUCH_BETTER = 0.35
 # What explains nearly as much is named with it.
@@ -47,25 +53,20 @@ _MIRRORED_SHARE = 1 / 4
 # a turn about the optical axis is no shift of the picture
 _ROLL = 0.25
 # Steps of a resection, and the least number of points for one.
-_ROUNDS, _LEAST = 30, 20
+_ROUNDS = 30
+_LEAST = 20
 # From the simplest kind of cause on.
-_ORDER = ("frame_offset", "sides_swapped", "image_changed", "image_resized", "camera_rotated", "camera_moved")
+_ORDER = ("frame_offset", "sides_swapped", "images", "size", "rotated", "moved")
 
 
 @dataclass(frozen=True)
 class Cause:
-    """A hypothesis about one camera, and the scene in which it is corrected.
+    """A hypothesis about one camera, the scene in which it is corrected, and what the correction changes."""
 
-    `images` says what the camera's images are, `factor` by what its detections are multiplied, `share` in how
-    many of its frames left and right are swapped.
-    """
-
-    kind: str
+    kind: str  # one of `_ORDER`
     view: int
     scene: Scene
-    images: str = ""
-    factor: float = 1.0
-    share: float = 0.0
+    change: Mapping[str, Any] = field(default_factory=dict)
 
 
 def explain(
@@ -102,52 +103,128 @@ def once_corrected(findings: Sequence[Finding], camera: str) -> dict[str, list[s
     return {"once_corrected": names}
 
 
+def once(numbers: Mapping[str, Any]) -> str:
+    """Return the clause that a number before it holds only if earlier findings are corrected."""
+    names = numbers.get("once_corrected")
+    if names is None:
+        return ""
+    return (
+        f" once {listed(names)} {'is' if len(names) == 1 else 'are'} corrected"
+        if names
+        else " once the above is corrected"
+    )
+
+
 def _finding(scene: Scene, cause: Cause, earlier: Sequence[Finding], rivals: Sequence[Cause]) -> Finding:
     """Return the finding of a cause in a scene in which `earlier` ones are corrected."""
-    name, after = named(scene.cameras)[cause.view], cause.scene
+    view, after = cause.view, cause.scene
+    name = scene.names[view]
     numbers: dict[str, Any] = {
-        **_change(scene, cause),
-        "before_px": float(scene.left_out[cause.view]),
-        "after_px": float(after.left_out[cause.view]),
+        **cause.change,
+        "before_px": float(scene.left_out[view]),
+        "after_px": float(after.left_out[view]),
         "mean_px": after.disagreement,
         **once_corrected(earlier, name),
     }
-    if cause.kind == "frame_offset":
-        numbers["frames_nearly_as_good"] = _fitting_shifts(scene, cause)
-    if cause.kind == "camera_rotated":
-        old = scene.cameras[cause.view]
-        axis = turn_between(old, after.cameras[cause.view])
-        if abs(axis[2]) < _ROLL * np.linalg.norm(axis):
-            numbers["same_as_shift_px"] = float(np.hypot(axis[1], axis[0]) * np.asarray(old.K)[0, 0])
     if rivals:
         numbers["rivals"] = [
-            {
-                "camera": named(scene.cameras)[rival.view],
-                "kind": rival.kind,
-                "mean_px": rival.scene.disagreement,
-                **_change(scene, rival),
-            }
-            for rival in rivals
+            {"camera": scene.names[one.view], "kind": one.kind, "mean_px": one.scene.disagreement}
+            | dict(one.change)
+            for one in rivals
         ]
     if len(scene.judged) < _FEW:
         numbers["few_frames"] = len(scene.judged)
-    return Finding(cause.kind, "error", Subject(cameras=(name,)), numbers)
+    first = once(numbers)
+    better = f"error {px(numbers['before_px'])}{first}, {px(numbers['after_px'])} after "
+    better += f"{'this' if first else 'the'} correction"
+    return _named(scene, cause, numbers, better, _rivalled(numbers))
 
 
-def _change(scene: Scene, cause: Cause) -> dict[str, Any]:
-    """Return what a cause changes: frames, degrees and mm, a factor, or what the images are."""
-    view = cause.view
+def _named(scene: Scene, cause: Cause, numbers: dict[str, Any], better: str, rivals: str) -> Finding:
+    """Return the finding with its sentence: what is wrong, how much ``better`` it gets, and ``rivals``."""
+    name = scene.names[cause.view]
+    subject = Subject(cameras=(name,))
     if cause.kind == "frame_offset":
-        return {"frames": cause.scene.shifts[view] - scene.shifts[view]}
-    if cause.kind == "image_changed":
-        return {"images": cause.images}
+        fitting, shift = _fitting_shifts(scene, cause), numbers["frames"]
+        least, most = sorted(map(abs, fitting))
+        also = f" ({least} to {most} fit almost as well)" if least < most else ""
+        return Finding(
+            "frame_offset",
+            "error",
+            subject,
+            {**numbers, "frames_nearly_as_good": fitting},
+            sentence=f"{name}'s frame numbers are {abs(shift)} too {'high' if shift > 0 else 'low'}{also}: "
+            f"its frame f{shift:+d} is frame f of the others ({better}).{rivals}",
+        )
     if cause.kind == "sides_swapped":
-        return {"share_of_frames": cause.share}
-    if cause.kind == "image_resized":
-        return {"factor": cause.factor}
-    old, new = scene.cameras[view], cause.scene.cameras[view]
-    distance = float(np.linalg.norm(np.asarray(old.centre) - np.asarray(new.centre)))
-    return {"degrees": angle_between(old, new), "mm": distance if cause.kind == "camera_moved" else 0.0}
+        return Finding(
+            "sides_swapped",
+            "error",
+            subject,
+            numbers,
+            sentence=f"{name}: left and right are swapped in {percent(numbers['share_of_frames'])} of its "
+            f"frames ({better}). Were its images mirrored for the detector, or its joints named from the "
+            f"viewer's side?{rivals}",
+        )
+    if "images" in numbers:
+        return Finding(
+            "images_changed",
+            "error",
+            subject,
+            numbers,
+            sentence=f"{name}'s images are {numbers['images']} ({better}).{rivals}",
+        )
+    old, shift_px = scene.cameras[cause.view], ""
+    axis = turn_between(old, cause.scene.cameras[cause.view])
+    if cause.kind == "rotated" and abs(axis[2]) < _ROLL * np.linalg.norm(axis):
+        numbers["same_as_shift_px"] = float(np.hypot(axis[1], axis[0]) * np.asarray(old.K)[0, 0])
+        shift_px = f" An image shifted by {numbers['same_as_shift_px']:.0f} px (a crop, a principal point) "
+        shift_px += "would look the same."
+    return Finding(
+        "camera_moved",
+        "error",
+        subject,
+        numbers,
+        sentence=f"{name}'s calibration looks wrong: {_motion(numbers, 'the camera')} restores agreement "
+        f"({better}). The camera was moved after calibration, or the calibration belongs to another camera "
+        f"or another image.{shift_px}{rivals}",
+    )
+
+
+def _rivalled(numbers: Mapping[str, Any]) -> str:
+    """Return sentences on other explanations, and on how few frames support it."""
+    text, rivals = "", numbers.get("rivals", ())
+    if rivals:
+        ways = capitalised(" or ".join(map(_briefly, rivals)))
+        means = " or ".join(f"{rival['mean_px']:.1f}" for rival in rivals)
+        best = min(round(rival["mean_px"], 1) for rival in rivals)
+        well = f"{'almost ' * (best > round(numbers['mean_px'], 1))}as well"
+        text = f" {ways} explains it {well} (mean error {means} px instead of {numbers['mean_px']:.1f} px)."
+    if "few_frames" in numbers:
+        frames = numbers["few_frames"]
+        text += f" Based on only {frames} frame{'s' * (frames != 1)}; provide more."
+    return text
+
+
+def _briefly(numbers: Mapping[str, Any]) -> str:
+    """Return what would be changed about one camera."""
+    name = numbers["camera"]
+    if "frames" in numbers:
+        return f"changing {name}'s frame numbers by {-numbers['frames']:+d}"
+    if "images" in numbers:
+        return f"treating {name}'s images as {numbers['images']}"
+    if "share_of_frames" in numbers:
+        return f"swapping left and right in {name}"
+    return _motion(numbers, name)
+
+
+def _motion(numbers: Mapping[str, Any], what: str) -> str:
+    turned, moved = f"{numbers['degrees']:.1f}°", f"{numbers['mm']:.0f} mm"
+    if moved == "0 mm":
+        return f"rotating {what} by {'less than 0.1°' if turned == '0.0°' else turned}"
+    if turned == "0.0°":
+        return f"moving {what} by {moved}"
+    return f"rotating {what} by {turned} and moving it by {moved}"
 
 
 def _fitting_shifts(scene: Scene, cause: Cause) -> list[int]:
@@ -185,7 +262,7 @@ def _rivals(chosen: Cause, causes: Sequence[Cause]) -> list[Cause]:
 
 def _explains(scene: Scene, cause: Cause) -> bool:
     before, after = scene.left_out[cause.view], median(cause.scene.residuals_of(cause.view))
-    after *= max(1.0, 1.0 / cause.factor)  # smaller images make smaller errors
+    after *= max(1.0, 1.0 / cause.change.get("factor", 1.0))  # smaller images make smaller errors
     better = _ALL_BETTER if scene.views > 2 else _TWO_BETTER
     good = _GOOD * np.hypot(*scene.cameras[cause.view].size)
     if cause.kind == "sides_swapped":
@@ -210,21 +287,32 @@ def _causes(scene: Scene, mirror: Index | None) -> Iterator[Cause]:
         points = scene.points_without(view)
         shift = best_shift(scene, view, points)
         if shift != scene.shifts[view]:
-            yield Cause("frame_offset", view, scene.with_shift(view, shift))
+            yield _counted(scene, scene.with_shift(view, shift), view)
         factor = _size_factor(scene, view, points)
         if factor is not None:
-            yield Cause("image_resized", view, _with_change(scene, view, resizer(factor)), factor=factor)
-        for words, change in CHANGES.items():
-            yield Cause("image_changed", view, _with_change(scene, view, change), words)
+            images = f"of another size (detections fit if multiplied by {factor:.3g})"
+            change = {"images": images, "factor": factor}
+            yield Cause("size", view, _with_change(scene, view, resizer(factor)), change)
+        for images, undo in CHANGES.items():
+            yield Cause("images", view, _with_change(scene, view, undo), {"images": images})
         if mirror is not None:
             yield from _swapped(scene, view, points, mirror)
             # the detector takes the left hand of a mirrored person for the right one
             swapped = scene.with_detections(view, scene.detections[:, view, mirror])
-            yield Cause("image_changed", view, _with_change(swapped, view, CHANGES["mirrored"]), "mirrored")
-        for kind, move in (("camera_rotated", False), ("camera_moved", True)):
+            upright = _with_change(swapped, view, CHANGES["mirrored"])
+            yield Cause("images", view, upright, {"images": "mirrored"})
+        for kind, move in (("rotated", False), ("moved", True)):
             camera = resect(scene, view, points, move=move)
             if camera is not None:
-                yield Cause(kind, view, scene.with_camera(view, camera))
+                old = scene.cameras[view]
+                distance = float(np.linalg.norm(np.asarray(old.centre) - np.asarray(camera.centre)))
+                change = {"degrees": angle_between(old, camera), "mm": distance if move else 0.0}
+                yield Cause(kind, view, scene.with_camera(view, camera), change)
+
+
+def _counted(scene: Scene, other: Scene, view: int) -> Cause:
+    """Return the cause that a camera's frames are counted as in another scene."""
+    return Cause("frame_offset", view, other, {"frames": other.shifts[view] - scene.shifts[view]})
 
 
 def _swapped(scene: Scene, view: int, points: Array, mirror: Index) -> Iterator[Cause]:
@@ -241,7 +329,7 @@ def _swapped(scene: Scene, view: int, points: Array, mirror: Index) -> Iterator[
     middle = (judged[1:] + judged[:-1]) / 2
     swapped = (otherwise < as_given)[known][np.searchsorted(middle, scene.frames)]
     found = np.where(swapped[:, None, None], exchanged.detections[:, view], scene.detections[:, view])
-    yield Cause("sides_swapped", view, scene.with_detections(view, found), share=share)
+    yield Cause("sides_swapped", view, scene.with_detections(view, found), {"share_of_frames": share})
 
 
 def _with_change(scene: Scene, view: int, change: Change) -> Scene:
@@ -253,10 +341,10 @@ def _between_two(scene: Scene, mirror: Index | None) -> Iterator[Cause]:
     tried = (scene.with_shift(1, shift) for shift in _shifts(scene, 1))
     best = min(tried, key=lambda other: other.disagreement, default=scene)
     if best.shifts != scene.shifts:
-        yield Cause("frame_offset", 1, best)
+        yield _counted(scene, best, 1)
     for view in range(2) if mirror is not None else ():
         swapped = scene.with_detections(view, scene.detections[:, view, mirror])
-        yield Cause("sides_swapped", view, swapped, share=1.0)
+        yield Cause("sides_swapped", view, swapped, {"share_of_frames": 1.0})
 
 
 def _shifts(scene: Scene, view: int) -> list[int]:

@@ -11,28 +11,35 @@ import numpy.typing as npt
 
 import skelsplat as sk
 from skelsplat._arrays import Array, Index, median, numbers, whole_numbers
+from skelsplat._words import listed, percent
 from skelsplat.association import with_confidences
 from skelsplat.exceptions import InvalidInputError
 from skelsplat.findings import Finding, Subject
-from skelsplat.rig_check._causes import explain, once_corrected
-from skelsplat.rig_check._everybody import scene_of_everybody
-from skelsplat.rig_check._files import correct_files
+from skelsplat.rig_check._causes import explain, once, once_corrected
 from skelsplat.rig_check._geometry import check_geometry
+from skelsplat.rig_check._people import follow_person, scene_of_everybody
 from skelsplat.rig_check._report import ReadAs, RigReport, rows_of, solved, with_remedies
-from skelsplat.rig_check._scene import Scene, follow, in_mm, named
-from skelsplat.rig_check._world import check_unit, find_convention
+from skelsplat.rig_check._scene import Scene, in_mm
+from skelsplat.rig_check._whole import check_unit, correct_files, find_convention
 
 # A camera whose detections are rejected this often, and this many times as often as the others', in so many
-# frames or more (less is somebody in the way); two cameras that miss each other by this share of a diagonal.
-_REJECTED, _RATIO, _LEAST_FRAMES, _APART = 1 / 3, 3.0, 5, 0.012
-# A camera that was knocked turns by less than this; one set up again is further off.
-_FAR_DEG, _FAR_MM = 2.5, 150.0
+# frames or more (less is somebody in the way).
+_REJECTED = 1 / 3
+_RATIO = 3.0
+_LEAST_FRAMES = 5
+# Two cameras that miss each other by this share of a diagonal.
+_APART = 0.012
+# A camera that was knocked turns and moves by less than this; one set up again is further off.
+_FAR_DEG = 2.5
+_FAR_MM = 150.0
 # Part of the diagonal, 42 px of 1000 by 1000: two and a half times what poor detections are off.
 _FAR_OFF = 0.03
 _OUTSIDE = 0.05
 # Left and right are swapped from this share of a camera's frames on, five times that of sound recordings.
-_SWAPPED_SHARE, _SWAPPED_FRAMES = 0.1, 3
-_COPIED = 200  # coordinates that two cameras share
+_SWAPPED_SHARE = 0.1
+_SWAPPED_FRAMES = 3
+# Coordinates that two cameras share.
+_COPIED = 200
 _MIN_CONFIDENCE = 0.3
 
 
@@ -108,32 +115,40 @@ def _with_detections(
     rig: sk.CameraRig, people: Array, frames: Index, layout: sk.Layout | None, findings: list[Finding]
 ) -> RigReport:
     convention, rig = find_convention(rig, people, layout)
-    unit, likely = check_unit(rig, follow(in_mm(rig), people, layout), layout)
-    cameras = in_mm(sk.CameraRig(list(rig), unit=likely))
-    given = follow(cameras, people, layout)
+    unit, cameras, given = _in_likely_unit(rig, people, layout)
     if not np.isfinite(given).any():
-        return RigReport((*findings, Finding("detections_none", "error")))
+        nobody = "There are no detections to check the cameras with."
+        return RigReport((*findings, Finding("nobody_detected", "error", sentence=nobody)))
     as_given = scene_of_everybody(cameras, people, frames, layout)
     files = correct_files(cameras, people, layout)
     earlier = list(files.findings)
+    scene = as_given
     if earlier:
-        given = follow(cameras, files.people, layout)
-        unit, likely = check_unit(rig, given, layout)
-        cameras = in_mm(sk.CameraRig(list(rig), unit=likely))
+        unit, cameras, _ = _in_likely_unit(rig, files.people, layout, cameras)
+        scene = scene_of_everybody(cameras, files.people, frames, layout)
     if any(finding.kind == "images_changed" for finding in earlier):
         findings = [finding for finding in findings if finding.kind != "detections_outside"]
-    scene = scene_of_everybody(cameras, files.people, frames, layout) if earlier else as_given
     causes, corrected = explain(scene, earlier, layout)
     recording = _check_recording(causes, corrected)
     if recording is not None:  # what single cameras or their order would explain is chance then
         return RigReport((recording, *findings), tuple(rows_of(as_given, as_given)))
     result = solved(corrected, layout)
     causes += _left_over(corrected, result, [*earlier, *causes])
-    if causes and likely == rig.unit:
+    if causes and unit is not None and unit.numbers["likely"] is None:
         unit = None  # a body of no person's size, but the cameras do not agree on it
     found = [finding for finding in (convention, unit, *earlier) if finding is not None]
     causes += find_swapped(rig.names, result, layout)
     return RigReport((*found, *findings, *causes), tuple(rows_of(as_given, corrected)))
+
+
+def _in_likely_unit(
+    rig: sk.CameraRig, people: Array, layout: sk.Layout | None, cameras: Sequence[sk.Camera] = ()
+) -> tuple[Finding | None, tuple[sk.Camera, ...], Array]:
+    """Return the finding on the unit, the cameras in mm by the likely one, and the person it is judged by."""
+    person = follow_person(cameras or in_mm(rig), people, layout)[..., :2]
+    unit, likely = check_unit(rig, person, layout)
+    cameras = in_mm(sk.CameraRig(list(rig), unit=likely))
+    return unit, cameras, person
 
 
 def _checked(people: npt.ArrayLike, rig: sk.CameraRig) -> Array:
@@ -162,12 +177,20 @@ def _images(rig: sk.CameraRig, people: Array) -> list[Finding]:
         seen = people[:, i, ..., :2]
         seen = seen[np.isfinite(seen).all(axis=-1)]
         if not len(seen):
-            findings.append(Finding("camera_blind", subject=subject))
+            findings.append(
+                Finding("nobody_detected", subject=subject, sentence=f"{name} has no detections.")
+            )
             continue
         outside = float(((seen < -0.5) | (seen > [width - 0.5, height - 0.5])).any(axis=-1).mean())
         if outside > _OUTSIDE:
             numbers = {"outside": outside, "width": width, "height": height}
-            findings.append(Finding("detections_outside", subject=subject, numbers=numbers))
+            sentence = (
+                f"{name}: {outside:.0%} of the detections lie outside its image of {width} by {height} "
+            )
+            sentence += "px. Are they from images of this size, not rotated, x before y?"
+            findings.append(
+                Finding("detections_outside", subject=subject, numbers=numbers, sentence=sentence)
+            )
     return findings
 
 
@@ -178,7 +201,16 @@ def same_detections(names: Sequence[str], people: Array) -> list[Finding]:
         if np.isfinite(view).sum() >= _COPIED:
             alike.setdefault(sha256(view.tobytes()).digest(), []).append(name)
     found = [tuple(cameras) for cameras in alike.values() if len(cameras) > 1]
-    return [Finding("detections_same", "error", Subject(cameras=cameras)) for cameras in found]
+    return [
+        Finding(
+            "detections_same",
+            "error",
+            Subject(cameras=cameras),
+            sentence=f"{', '.join(cameras)} have the same detections to the last digit, so they are those of "
+            "one camera. Was a folder or a file copied or linked?",
+        )
+        for cameras in found
+    ]
 
 
 def find_swapped(names: Sequence[str], result: sk.Refinement, layout: sk.Layout | None) -> list[Finding]:
@@ -196,7 +228,13 @@ def find_swapped(names: Sequence[str], result: sk.Refinement, layout: sk.Layout 
     frames = ((used > 0) & (2 * swapped >= used)).sum(axis=0).tolist()
     return [
         Finding(
-            "sides_swapped_at_times", "warning", Subject(cameras=(name,)), {"share_of_frames": count / of}
+            "sides_swapped",
+            "warning",
+            Subject(cameras=(name,)),
+            {"share_of_frames": count / of},
+            sentence=f"{name}: left and right are swapped in {count / of:.0%} of its frames, compared with "
+            "the other cameras. Refining swaps these detections back. Does the detector confuse the sides "
+            "here?",
         )
         for name, count, of in zip(names, frames, (used > 0).sum(axis=0).tolist(), strict=True)
         if count >= max(_SWAPPED_FRAMES, _SWAPPED_SHARE * of)
@@ -205,7 +243,7 @@ def find_swapped(names: Sequence[str], result: sk.Refinement, layout: sk.Layout 
 
 def _left_over(scene: Scene, result: sk.Refinement, earlier: list[Finding]) -> list[Finding]:
     """Cameras that still disagree when everything that was found is corrected."""
-    names = named(scene.cameras)
+    names = scene.names
     if scene.views == 2:
         return _two(scene, names)
     weights = [view[np.isfinite(view)] for view in np.moveaxis(np.asarray(result.view_weights), 1, 0)]
@@ -216,10 +254,22 @@ def _left_over(scene: Scene, result: sk.Refinement, earlier: list[Finding]) -> l
         usual = float(np.mean(rejected[np.isfinite(rejected)])) if np.isfinite(rejected).any() else 1.0
         frames = np.isfinite(scene.seen(i)).any(axis=(1, 2)).sum()
         if frames >= _LEAST_FRAMES and shares[i] >= max(_REJECTED, _RATIO * usual):
-            px = float(scene.left_out[i])
-            numbers: dict[str, Any] = {"rejected": float(shares[i]), "others": usual, "px": px}
+            error = float(scene.left_out[i])
+            numbers: dict[str, Any] = {"rejected": float(shares[i]), "others": usual, "px": error}
             numbers |= once_corrected(earlier, name)
-            findings.append(Finding("camera_unexplained", subject=Subject(cameras=(name,)), numbers=numbers))
+            findings.append(
+                Finding(
+                    "camera_disagrees",
+                    subject=Subject(cameras=(name,)),
+                    numbers=numbers,
+                    sentence=f"{name} disagrees with the other cameras, and no tested cause explains it: "
+                    f"{percent(shares[i])} of its detections are rejected, {percent(usual)} of theirs, and "
+                    f"they lie {error:.0f} px from where the others place them{once(numbers)}. Rotating or "
+                    "moving it does not restore agreement. Check that its file belongs to this recording, "
+                    "shows the same person and stays synchronised, and that lens and focal length are those "
+                    "calibrated.",
+                )
+            )
     return findings
 
 
@@ -228,7 +278,12 @@ def _two(scene: Scene, names: list[str]) -> list[Finding]:
     limit = _APART * float(np.mean([np.hypot(*camera.size) for camera in scene.cameras])) / 2
     if not error > limit or len(scene.judged) < _LEAST_FRAMES:
         return []
-    return [Finding("cameras_apart", subject=Subject(cameras=tuple(names)), numbers={"px": error})]
+    sentence = (
+        f"{listed(names)} disagree: every 3D point is at least {error:.1f} px from their detections. With "
+    )
+    sentence += "two cameras, it is impossible to tell which is wrong, and whether calibration or timing is."
+    subject = Subject(cameras=tuple(names))
+    return [Finding("camera_disagrees", subject=subject, numbers={"px": error}, sentence=sentence)]
 
 
 def _check_recording(causes: Sequence[Finding], corrected: Scene) -> Finding | None:
@@ -239,17 +294,25 @@ def _check_recording(causes: Sequence[Finding], corrected: Scene) -> Finding | N
     """
     if corrected.views < 3 or len(corrected.judged) < _LEAST_FRAMES:
         return None
-    names = named(corrected.cameras)
+    names = corrected.names
     moved = {name for finding in causes if _is_far(finding) for name in finding.subject.cameras}
     limits = _FAR_OFF * np.array([np.hypot(*camera.size) for camera in corrected.cameras])
     lost = {name for name, far in zip(names, corrected.left_out > limits, strict=True) if far}
     wrong = tuple(name for name in names if name in moved | lost)
     if 2 * len(wrong) < len(names):
         return None
-    return Finding("recording_other", "error", Subject(cameras=wrong), {"of": len(names)})
+    return Finding(
+        "recording_other",
+        "error",
+        Subject(cameras=wrong),
+        {"of": len(names)},
+        sentence="Calibration and detections probably do not belong together (another recording, another "
+        f"rig, or cameras that were moved): {len(wrong)} of {len(names)} cameras ({', '.join(wrong)}) are "
+        "not where the calibration places them. It is impossible to tell which cameras are right.",
+    )
 
 
 def _is_far(finding: Finding) -> bool:
-    if finding.kind not in ("camera_rotated", "camera_moved"):
+    if finding.kind != "camera_moved":
         return False
     return bool(finding.numbers["degrees"] >= _FAR_DEG or finding.numbers["mm"] >= _FAR_MM)

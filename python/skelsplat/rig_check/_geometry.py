@@ -9,6 +9,7 @@ import numpy as np
 
 import skelsplat as sk
 from skelsplat._arrays import Array
+from skelsplat._words import listed
 from skelsplat.findings import Finding, Subject
 from skelsplat.rig_check._scene import named
 
@@ -30,9 +31,7 @@ def check_geometry(cameras: Sequence[sk.Camera]) -> list[Finding]:
     names = named(cameras)
     narrowest = min(_VIEW_DEG[0], float(np.median([_view(camera) for camera in cameras])) / _LIKE_OTHERS)
     findings = [
-        Finding(kind, subject=Subject(cameras=(name,)), numbers=numbers)
-        for name, camera in zip(names, cameras, strict=True)
-        for kind, numbers in _lens(camera, narrowest)
+        one for name, camera in zip(names, cameras, strict=True) for one in _lens(name, camera, narrowest)
     ]
     if len(cameras) < 2:
         return findings
@@ -45,17 +44,27 @@ def _view(camera: sk.Camera) -> float:
     return float(np.degrees(2 * np.arctan(max(wide, high) / 2)))
 
 
-def _lens(camera: sk.Camera, narrowest: float) -> Iterator[tuple[str, dict[str, float]]]:
-    """Yield kinds and numbers of findings on one camera's lens."""
+def _lens(name: str, camera: sk.Camera, narrowest: float) -> Iterator[Finding]:
+    """Yield findings on one camera's lens."""
     K, (width, height) = np.asarray(camera.K), camera.size
-    size, view = {"width": width, "height": height}, _view(camera)
+    (fx, fy), (x, y), view = K[[0, 1], [0, 1]].tolist(), K[:2, 2].tolist(), _view(camera)
+    numbers = {"width": width, "height": height, "fx": fx, "fy": fy, "x": x, "y": y, "degrees": view}
+    faults = []
     if not camera.fisheye and not narrowest <= view <= _VIEW_DEG[1]:
-        yield "field_of_view", {"focal_px": float(K[0, 0]), **size, "degrees": view}
+        faults.append(f"a focal length of {fx:.4g} px is a field of view of {view:.3g}°")
     off = np.abs((K[:2, 2] - [(width - 1) / 2, (height - 1) / 2]) / [width, height])
     if (off > _OFF_CENTRE).any():
-        yield "principal_point", {"x": float(K[0, 2]), "y": float(K[1, 2]), **size}
-    if not 1 / _ASPECT < K[0, 0] / K[1, 1] < _ASPECT:
-        yield "pixels_not_square", {"fx": float(K[0, 0]), "fy": float(K[1, 1])}
+        faults.append(f"the principal point ({x:.0f}, {y:.0f}) is far from the middle")
+    if not 1 / _ASPECT < fx / fy < _ASPECT:
+        faults.append(f"focal lengths of {fx:.4g} and {fy:.4g} px mean pixels that are not square")
+    if faults:
+        yield Finding(
+            "lens_unusual",
+            subject=Subject(cameras=(name,)),
+            numbers=numbers,
+            sentence=f"{name}: on images of {width} by {height} px, {', and '.join(faults)}. Is this the "
+            "image size of the calibration, width before height?",
+        )
 
 
 def _same_place(cameras: Sequence[sk.Camera], names: list[str]) -> Iterator[Finding]:
@@ -63,8 +72,12 @@ def _same_place(cameras: Sequence[sk.Camera], names: list[str]) -> Iterator[Find
     width = np.linalg.norm(centres[:, None] - centres, axis=-1).max()
     for i, j in combinations(range(len(cameras)), 2):
         if np.linalg.norm(centres[i] - centres[j]) <= _SAME_PLACE * width:
-            numbers = {"one": names[i], "other": names[j]}
-            yield Finding("same_place", subject=Subject(cameras=(names[i], names[j])), numbers=numbers)
+            yield Finding(
+                "same_place",
+                subject=Subject(cameras=(names[i], names[j])),
+                sentence=f"{names[i]} and {names[j]} are in the same place; two views from one place give no "
+                "depth. Is one a copy of the other?",
+            )
 
 
 def _directions(cameras: Sequence[sk.Camera], names: list[str]) -> Iterator[Finding]:
@@ -78,9 +91,13 @@ def _directions(cameras: Sequence[sk.Camera], names: list[str]) -> Iterator[Find
     depths = ((point - centres) * axes).sum(axis=1)
     away = [name for name, depth in zip(names, depths, strict=True) if depth < 0]
     if len(away) == len(cameras):
-        yield Finding("all_look_away")
+        sentence = "All cameras look away from the point where their axes come closest. Are rotation and "
+        sentence += "translation camera → world instead of world → camera, or does z point backwards?"
+        yield Finding("looks_away", sentence=sentence)
     elif away and len(away) <= len(cameras) // 2:
-        yield Finding("looks_away", subject=Subject(cameras=tuple(away)))
+        verb = f"look{'s' * (len(away) == 1)}"
+        sentence = f"{listed(away)} {verb} away from where the other cameras look."
+        yield Finding("looks_away", subject=Subject(cameras=tuple(away)), sentence=sentence)
 
 
 def meeting_point(centres: Array, axes: Array) -> Array:

@@ -1,4 +1,4 @@
-"""What a check returns: findings with what to give to ``skelsplat refine``, and every camera's numbers."""
+"""What a check returns: findings with settings that correct them, and every camera's numbers."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from skelsplat._clocks import rounded
 from skelsplat.findings import Finding, Remedy
 from skelsplat.rig_check._scene import Scene
 
-# Faults that `skelsplat.adjust_cameras` may correct, and those before which it would fit nonsense.
-_PLACES = ("camera_rotated", "camera_moved")
+# Before these are corrected, `skelsplat.adjust_cameras` would fit nonsense. Sides that are swapped at times
+# and a camera without detections are warnings.
 _OF_FILES = (
-    *("unit_wrong", "unit_unknown", "body_size", "pose_convention", "images_changed", "cameras_exchanged"),
-    *("sides_swapped", "image_resized", "image_changed", "recording_other", "detections_none"),
+    *("unit_wrong", "pose_convention", "images_changed", "cameras_exchanged", "recording_other"),
     "detections_same",
 )
+_OF_FILES_IF_ERRORS = ("sides_swapped", "nobody_detected")
 
 
 @dataclass(frozen=True)
@@ -46,8 +46,8 @@ class CameraRow:
     best_offset_px : float
         The median distance from where the others place the joints when all that was found is corrected.
     offset_option : float or None
-        Value for ``--offset`` that corrects the offset, the one with which the detections were read included;
-        None without a finding.
+        Value of the setting ``offsets`` that corrects it, with that with which the detections were read; None
+        without a finding.
     """
 
     name: str
@@ -77,13 +77,22 @@ class RigReport:
     @property
     def before_places(self) -> tuple[Finding, ...]:
         """What has to be corrected before cameras can be adjusted: faults of the files, not of places."""
-        return tuple(finding for finding in self.findings if finding.kind in _OF_FILES)
+        return tuple(
+            one
+            for one in self.findings
+            if one.kind in _OF_FILES or (one.kind in _OF_FILES_IF_ERRORS and one.severity == "error")
+        )
 
     @property
     def misplaced(self) -> tuple[str, ...]:
         """The cameras that adjusting may set right, if nothing else has to be corrected before."""
-        found = [] if self.before_places else [one for one in self.findings if one.kind in _PLACES]
+        found = [] if self.before_places else [one for one in self.findings if one.kind == "camera_moved"]
         return tuple(name for finding in found for name in finding.subject.cameras)
+
+
+def px(error: float | None, digits: int = 1) -> str:
+    """Return an error in pixels as text."""
+    return f"{error:.{digits}f} px" if error is not None and error < float("inf") else "too large to measure"
 
 
 def solved(scene: Scene, layout: sk.Layout | None = None) -> sk.Refinement:
@@ -125,7 +134,7 @@ class ReadAs:
     Attributes
     ----------
     labels : tuple of str or None
-        The folder, file or place in the file of each camera, as ``--order`` takes it.
+        The folder, file or place in the file of each camera, as the setting ``order`` takes it.
     offsets : mapping of str to float
         By camera, frames that were added to its numbers.
     uneven : bool
@@ -163,7 +172,7 @@ def with_remedies(report: RigReport, read_as: ReadAs) -> RigReport:
             (name,) = finding.subject.cameras
             remedy = [Remedy("offset", f"{name}={options[name]}")]
             remedy += [Remedy("frames", "intersection")] if read_as.uneven else []
-        elif finding.kind in _PLACES and report.misplaced:
+        elif finding.kind == "camera_moved" and report.misplaced:
             remedy = [Remedy("adjust_cameras")]
         findings.append(replace(finding, remedy=tuple(remedy)))
     return replace(report, findings=tuple(findings), cameras=rows)
@@ -172,7 +181,7 @@ def with_remedies(report: RigReport, read_as: ReadAs) -> RigReport:
 def _order(
     finding: Finding, rows: tuple[CameraRow, ...], read_as: ReadAs, moved: Mapping[str, float]
 ) -> list[Remedy]:
-    """Return --order with the labels that belong to the cameras, and the offsets that move with them."""
+    """Return the order of the labels that belong to the cameras, and the offsets that move with them."""
     if not read_as.labels:
         return []
     label = dict(zip((row.name for row in rows), read_as.labels, strict=True))

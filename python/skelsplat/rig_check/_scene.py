@@ -11,7 +11,6 @@ import numpy as np
 
 import skelsplat as sk
 from skelsplat._arrays import Array, Index, median
-from skelsplat.association import choose_person, extents
 from skelsplat.cameras import altered
 
 # frames that are judged, spread over the recording; more tell nothing new
@@ -21,8 +20,6 @@ _FEW_FRAMES = 30
 # Cameras that miss each other's joints by more than this share of the diagonal (20 px at 1700 px) are worth
 # a search.
 _GROSS = 0.012
-# A camera in which the chosen person is found in fewer frames is judged by whoever is there.
-LOST = 0.2
 
 
 @dataclass(frozen=True)
@@ -118,6 +115,21 @@ class Scene:
         behind = np.isnan(pixels[..., 0]) & np.isfinite(points[..., 0])
         return np.where(behind, np.hypot(*self.cameras[view].size), offset)
 
+    @property
+    def gross_px(self) -> float:
+        """The mean disagreement in px from which a search is worth it: more than that of poor detections."""
+        return _GROSS * float(np.mean([np.hypot(*camera.size) for camera in self.cameras]))
+
+    @property
+    def is_gross(self) -> bool:
+        """Whether the cameras disagree by more than poor detections do."""
+        return bool(self.disagreement > self.gross_px)
+
+    @property
+    def names(self) -> list[str]:
+        """Names of the cameras."""
+        return named(self.cameras)
+
     def with_camera(self, view: int, camera: sk.Camera) -> Scene:
         """Return the scene with one camera exchanged for another calibration of it."""
         cameras = list(self.cameras)
@@ -165,45 +177,3 @@ def named(cameras: Sequence[sk.Camera]) -> list[str]:
 def some_frames(count: int, most: int = _FEW_FRAMES) -> Index:
     """Places of a few frames, spread over the recording."""
     return np.unique(np.linspace(0, count - 1, min(most, count)).round().astype(np.int64))
-
-
-def is_gross(scene: Scene) -> bool:
-    """Whether the cameras disagree by more than poor detections do."""
-    return bool(scene.disagreement > gross_px(scene))
-
-
-def gross_px(scene: Scene) -> float:
-    """Return the mean disagreement in px from which a search is worth it."""
-    return _GROSS * float(np.mean([np.hypot(*camera.size) for camera in scene.cameras]))
-
-
-def judge(cameras: Sequence[sk.Camera], people: Array, layout: sk.Layout | None) -> Scene:
-    """Return the scene of the person that is followed."""
-    return scene_of(cameras, follow(cameras, people, layout), np.arange(len(people)))
-
-
-def follow(cameras: Sequence[sk.Camera], people: Array, layout: sk.Layout | None) -> Array:
-    """Return one person's detections (T, M, N, 2) without confidences, as `follow_person`."""
-    return follow_person(cameras, people, layout)[..., :2]
-
-
-def follow_person(cameras: Sequence[sk.Camera], people: Array, layout: sk.Layout | None) -> Array:
-    """Return one person's detections (T, M, N, 2 | 3), also in a view that no other view agrees with.
-
-    A camera in which the person is almost never found, although people are there, may be wrong; the largest
-    person of each of its images then stands in.
-    """
-    if people.shape[2] == 1 or len(cameras) < 2:
-        return people[:, :, 0]
-    chosen, index = choose_person(people, cameras, layout=layout)
-    places = extents(people).argmax(axis=2)
-    fallback = np.take_along_axis(people, places[:, :, None, None, None], axis=2)[:, :, 0]
-    lost = found_in(people, index) < LOST
-    return np.where(lost[None, :, None, None], fallback, chosen)
-
-
-def found_in(people: Array, index: Index) -> Array:
-    """Return in which part of the frames in which a camera sees people it sees this one, (M,)."""
-    there = np.isfinite(people[..., 0]).any(axis=(2, 3))
-    share: Array = (index >= 0).sum(axis=0) / np.maximum(there.sum(axis=0), 1)
-    return share

@@ -12,13 +12,13 @@ import numpy as np
 import skelsplat as sk
 from skelsplat._arrays import Array, Index
 from skelsplat._clocks import parted, rounded
-from skelsplat._words import options
+from skelsplat._words import listed, with_bar
 from skelsplat.association import take_people
 from skelsplat.exceptions import DatasetError
-from skelsplat.findings import Finding, Remedy, Severity, Subject, collected_warnings, warn
+from skelsplat.findings import Finding, Remedy, Subject, collected_warnings, warn
 from skelsplat.io import DetectionSet
 from skelsplat.io.detections import cameras_called
-from skelsplat.rig_check import ReadAs, RigReport, check_rig
+from skelsplat.rig_check import ReadAs, RigReport, check_rig, px
 from skelsplat.run.by_everybody import adjust_by_everybody
 from skelsplat.run.job import Job
 from skelsplat.run.person import EVERYBODY, check_slot, pick_places
@@ -29,6 +29,8 @@ from skelsplat.run.solve import spread
 _MOST_EMPTY = 8
 # Multiples of its error bar from which a clock is off.
 _SHOWN = 4.0
+# A change below this part of its error bar is none.
+_NOTHING = 0.01
 
 
 @dataclass(frozen=True)
@@ -102,18 +104,28 @@ def adjust_cameras(
         every, rig = opened.every, opened.rig
         chosen = cameras_called(free, rig.names, "free")
         if 2 * len(chosen) >= len(rig) > 2:
-            numbers = {"moved": len(chosen), "of": len(rig)}
-            warn(Finding("cameras_trusted", "warning", Subject(cameras=chosen), numbers))
+            warn(
+                Finding(
+                    "cameras_trusted",
+                    "warning",
+                    Subject(cameras=chosen),
+                    {"moved": len(chosen), "of": len(rig)},
+                    sentence=f"{len(chosen)} of {len(rig)} cameras are named as moved. The others are taken "
+                    "as right: unless they are more than half of all, the recording hardly shows if one is "
+                    "wrong.",
+                )
+            )
         _, scene = read_scene(opened, person, given.get("offsets"))
         result = adjusted(scene, free=chosen or None, focal=focal, clock=clock)
     if isinstance(result, Finding):
-        if result.numbers["fault"] == "detections_none":
+        if result.numbers["fault"] == "nobody_detected":
             raise DatasetError(detections, "detections", "some to adjust the cameras by", "none")
         expected = "no fault besides turned or moved cameras"
         raise DatasetError(detections, "cameras", expected, f"another one: {result.numbers['why']}")
     cameras = dict(zip(rig.names, result.cameras, strict=True))
     whole = sk.CameraRig([cameras.get(n, one) for n, one in zip(every.names, every, strict=True)], every.unit)
-    kept = [one for one in warnings if one.kind != "unit_implausible"]  # the person's size says more
+    # the person's size says more
+    kept = [one for one in warnings if one.kind not in ("unit_wrong", "unit_implausible")]
     return AdjustedCameras(whole, result, (*kept, *findings_of(result, rig.mm_per_unit, scene.read_as)))
 
 
@@ -165,7 +177,15 @@ def read_scene(
     rig, found = opened.rig, opened.detections.read()
     people, layout = found.people, found.skeleton
     if person.isdecimal() and people.shape[2] > 1:
-        warn(Finding("person_of_files", "note", numbers={"person": person}))
+        warn(
+            Finding(
+                "person_of_files",
+                "note",
+                numbers={"person": person},
+                sentence=f"Person {person} is entry {person} of each file. The order of people in a file is "
+                "arbitrary, so this need not be one person: without a choice, everybody counts.",
+            )
+        )
     if person != EVERYBODY:
         people = take_people(people, pick_places(people, rig, person, layout)[0])[:, :, None]
     read_as = ReadAs(found.labels, named_offsets(opened.every, offsets or {}), found.uneven)
@@ -176,13 +196,18 @@ def adjusted(
     scene: Scene, *, free: Sequence[str] | None = None, focal: bool = False, clock: bool = False
 ) -> sk.RigAdjustment | Finding:
     """Adjust cameras; a finding if they disagree for another reason, which has to be corrected first."""
-    allowed = {"recording_other"} if free else set()  # where the user knows who is wrong
-    allowed |= {"image_resized"} if focal else set()
     for fault in scene.check().before_places:
-        if fault.kind not in allowed:
-            why = f"{fault.text} {options(fault.remedy)} corrects it." if fault.remedy else fault.text
-            numbers = {"fault": fault.kind, "why": why}
-            return Finding("cameras_not_adjusted", "warning", fault.subject, numbers, fault.remedy)
+        # where the user knows who is wrong, and where a focal length may be
+        if (free and fault.kind == "recording_other") or (focal and "factor" in fault.numbers):
+            continue
+        return Finding(
+            "cameras_not_adjusted",
+            "warning",
+            fault.subject,
+            {"fault": fault.kind, "why": fault.text},
+            fault.remedy,
+            sentence=f"No camera was adjusted, because another fault has to be corrected first. {fault.text}",
+        )
     return settled(scene, free=free, focal=focal, clock=clock)
 
 
@@ -209,35 +234,123 @@ def settled(
 
 def findings_of(found: sk.RigAdjustment, mm_per_unit: float, read_as: ReadAs) -> Iterator[Finding]:
     """Yield what was adjusted, and what is to be done about the other cameras."""
-
-    def option(one: sk.CameraAdjustment) -> float:
-        """Return the value for --offset that sets a clock right."""
-        return rounded(read_as.offsets.get(one.name, 0) - _shown_clock(one))
-
     for one in found.report:
         subject, numbers = Subject(cameras=(one.name,)), numbers_of(one, mm_per_unit)
         if is_changed(one):
-            severity: Severity = "warning" if one.after > one.before else "note"
-            numbers["left_out_frames"] = found.judged
-            yield Finding("camera_adjusted", severity, subject, numbers)
+            yield _adjusted(subject, {**numbers, "left_out_frames": found.judged})
         if one.status in ("late", "adjusted") and _clock_known(one):
-            remedy = [Remedy("offset", f"{one.name}={option(one)}")]
-            remedy += [Remedy("frames", "intersection")] if read_as.uneven else []
-            yield Finding("camera_late", "warning", subject, numbers, tuple(remedy))
+            yield _late(subject, numbers, _offset(one, read_as), read_as)
         if one.status == "unseen" and len(found.report) > 2:
-            yield Finding("camera_unseen", "warning", subject)
+            sentence = f"{one.name} sees too few of the joints that other cameras see, so it was not judged "
+            sentence += "and not adjusted."
+            yield Finding("camera_unseen", "warning", subject, sentence=sentence)
     doubtful = [*found.of("doubtful"), *(one for one in found.of("late") if not _clock_known(one))]
     if doubtful:
-        suspected = [{**numbers_of(one, mm_per_unit), "offset": option(one)} for one in doubtful]
-        names, changed = tuple(one.name for one in doubtful), [one.name for one in found.of("adjusted")]
+        suspected = [{**numbers_of(one, mm_per_unit), "offset": _offset(one, read_as)} for one in doubtful]
+        changed = [one.name for one in found.of("adjusted")]
         placed = all(map(_is_placed, doubtful)) and 2 * (len(changed) + 1) >= len(found.report)
-        besides = changed if placed else []  # a majority of places stays
-        numbers = {"suspected": suspected, "besides": besides}
-        yield Finding("cameras_doubtful", "warning", Subject(cameras=names), numbers)
+        yield _doubtful(suspected, changed if placed else [])  # a majority of places stays
     if len(found.report) == 2 and found.of("unseen"):
-        yield Finding("cameras_two", "warning", Subject(cameras=found.cameras.names))
+        yield Finding(
+            "cameras_doubtful",
+            "warning",
+            Subject(cameras=found.cameras.names),
+            remedy=(Remedy("move", None),),
+            sentence="Two cameras do not tell which of them was turned or moved, so neither was adjusted. "
+            "Add a third camera, or name the one that was moved.",
+        )
     if found.of("sound") and not found.of("adjusted", "late", "doubtful"):
-        yield Finding("cameras_sound", "note", numbers={"cameras": len(found.of("sound"))})
+        cameras = len(found.of("sound"))
+        sentence = f"No camera was adjusted: this recording shows no fault in the {cameras} cameras that "
+        sentence += "could be judged."
+        yield Finding("cameras_sound", "note", numbers={"cameras": cameras}, sentence=sentence)
+
+
+def _offset(camera: sk.CameraAdjustment, read_as: ReadAs) -> float:
+    """Return the offset, in frames of the files, that sets a clock right."""
+    return rounded(read_as.offsets.get(camera.name, 0) - _shown_clock(camera))
+
+
+def _adjusted(subject: Subject, numbers: dict[str, Any]) -> Finding:
+    """Return the finding on a camera that was adjusted."""
+    before, after, error = numbers["before_px"], numbers["after_px"], ""
+    known = before is not None and after is not None
+    worse = known and after > before
+    if known:
+        error = f" (error {px(before)}, {px(after)} afterwards, in {numbers['left_out_frames']} other frames)"
+    changes = _changes({**numbers, "clock_frames": 0.0})  # which is no part of a calibration
+    fails = " In frames that were not used, it does not hold: do not use these cameras." if worse else ""
+    return Finding(
+        "camera_adjusted",
+        "warning" if worse else "note",
+        subject,
+        numbers,
+        sentence=f"{numbers['camera']} was adjusted: "
+        f"{listed(changes or ['by next to nothing'])}{error}.{fails}",
+    )
+
+
+def _late(subject: Subject, numbers: dict[str, Any], offset: float, read_as: ReadAs) -> Finding:
+    """Return the finding on a camera whose clock is off."""
+    name, frames, sigma = numbers["camera"], numbers["clock_frames"], numbers["clock_sigma_frames"]
+    size = f"{abs(frames):.0f}" if sigma is None else with_bar(abs(frames), sigma)
+    remedy = [Remedy("offset", f"{name}={offset}")]
+    remedy += [Remedy("frames", "intersection")] if read_as.uneven else []
+    return Finding(
+        "frame_offset",
+        "warning",
+        subject,
+        numbers,
+        tuple(remedy),
+        sentence=f"{name}'s frame numbers are {size} too {'high' if frames > 0 else 'low'}; a calibration "
+        "has no clock, so the offset has to be given with each recording.",
+    )
+
+
+def _doubtful(suspected: list[dict[str, Any]], besides: list[str]) -> Finding:
+    """Return the finding on cameras of which one is wrong, perhaps ``besides`` some that were adjusted."""
+    names = tuple(one["camera"] for one in suspected)
+    ways = [f"{one['camera']} ({listed(_changes(one) or ['no single change'])})" for one in suspected]
+    late = [one for one in suspected if not _changes({**one, "clock_frames": 0.0})]
+    remedy: list[Remedy] = []
+    if besides:
+        remedy = [Remedy("move", name) for name in (*besides, "NAME")]
+        sentence = f"Another camera is wrong as well, most likely {listed(ways, 'or')}. It was not adjusted: "
+        sentence += "more than half of the cameras have to stay. If you know which were moved, name all of "
+    elif len(ways) == 1:
+        sentence = f"{ways[0]} disagrees with the other cameras, and this recording does not tell how it is "
+        sentence += "wrong: it was not adjusted. The person has to walk through more of the room."
+    else:
+        sentence = f"{listed(ways, 'or')} is wrong, and this recording does not tell which: none of them was "
+        sentence += "adjusted. If you know, name the one that was moved, or correct the clock of the one "
+        sentence += "that is late. Otherwise, a recording with three or more other cameras, or in which the "
+        sentence += "person walks through more of the room, can tell."
+        remedy = [Remedy("move", None)] if len(late) < len(ways) else []
+        remedy += [Remedy("offset", f"{one['camera']}={one['offset']}") for one in late]
+    numbers = {"suspected": suspected, "besides": besides}
+    return Finding("cameras_doubtful", "warning", Subject(cameras=names), numbers, tuple(remedy), sentence)
+
+
+def _changes(numbers: Mapping[str, Any]) -> list[str]:
+    """Return what was changed about a camera, or is suspected, with error bars where they are known."""
+    focal_sigma = None if numbers["focal_sigma"] is None else 100 * numbers["focal_sigma"]
+    changes = (
+        ("turned by", numbers["degrees"], numbers["degrees_sigma"], "°", ""),
+        ("moved by", numbers["mm"], numbers["mm_sigma"], " mm", ""),
+        ("focal length changed by", 100 * (numbers["focal"] - 1), focal_sigma, " %", "+"),
+        ("frame numbers off by", numbers["clock_frames"], None, "", "+"),
+    )
+    return [
+        f"{words} {with_bar(value, sigma, sign)}{unit}"
+        for words, value, sigma, unit, sign in changes
+        if not _is_nothing(value, sigma)
+    ]
+
+
+def _is_nothing(value: float, sigma: float | None) -> bool:
+    """Whether a change is none: not allowed, the prior's, where it could not be measured, or shown as 0."""
+    shown = with_bar(value, sigma).partition(" ")[0]
+    return abs(value) <= _NOTHING * (sigma or 0.0) or not set(shown) & set("123456789")
 
 
 def _clock_known(camera: sk.CameraAdjustment) -> bool:

@@ -10,7 +10,7 @@ import numpy as np
 import skelsplat as sk
 from skelsplat._arrays import Array
 from skelsplat.cameras import altered, matrix_from_vector
-from skelsplat.rig_check._everybody import everybody, followed, one_after_another, several
+from skelsplat.rig_check._people import everybody, followed, one_after_another, several
 from skelsplat.rig_check._scene import in_mm
 
 # How often people are told apart anew with other cameras.

@@ -84,8 +84,8 @@ def check_cameras(
                 with collected_warnings():  # which were given
                     report = _synchronised(report, late, look({**scene.read_as.offsets, **offsets})[-1])
     # detections judge the unit better than cameras
-    measured = any(one.kind in ("unit_wrong", "unit_unknown", "body_size") for one in report.findings)
-    kept = [one for one in warnings if not (measured and one.kind == "unit_implausible")]
+    measured = any(one.kind == "unit_wrong" for one in report.findings)
+    kept = [one for one in warnings if not (measured and one.kind in ("unit_wrong", "unit_implausible"))]
     return CameraCheck(rig, found, replace(report, findings=(*kept, *report.findings)))
 
 
@@ -95,7 +95,7 @@ def _late(scene: Scene, report: RigReport) -> dict[str, Finding]:
     if len(scene.rig) < 3 or report.before_places:
         return {}
     findings = findings_of(settled(scene), scene.rig.mm_per_unit, scene.read_as)
-    late = {name: one for one in findings if one.kind == "camera_late" for name in one.subject.cameras}
+    late = {name: one for one in findings if one.kind == "frame_offset" for name in one.subject.cameras}
     if len(clocks) == 1:  # it is right unless its camera is measured otherwise
         measured = [one.remedy[0] for one in late.values()]
         if tuple(late) != clocks[0].subject.cameras or clocks[0].remedy[0] in measured:

@@ -9,12 +9,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from skelsplat._arrays import Array, Index, Mask, medians
+from skelsplat._words import listed, percent
 from skelsplat.findings import Finding, Remedy, Subject
 from skelsplat.layouts import mirror_images
 from skelsplat.run.person import MIXED, gates_px
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
     from collections.abc import Set as AbstractSet
 
     import skelsplat as sk
@@ -39,6 +40,8 @@ _LEAST_SHIFT = 0.004
 _CHANCE = 1e-4
 # Fewer detections are no pattern: three frames of a body.
 _LEAST_DETECTIONS = 50
+# A direction is named from this part of the shift on.
+_DIRECTION = 0.1
 # Fewer joints of a view are no whole; as many make a person.
 _LEAST_JOINTS = 4
 
@@ -63,8 +66,19 @@ def find_displaced(
     numbers = {"cameras": len(names), **shift_of(names, shifts, first, displaced[1:])}
     numbers["median_error_px"] = float(shifts.error[first])
     leave = len(names) > 2 and names[first] not in unfit
-    remedy = (Remedy("without", names[first]),) if leave else ()
-    yield Finding("camera_displaced", "warning", Subject(cameras=(names[first],)), numbers, remedy)
+    whose = f"{names[first]}'s calibration or timing looks wrong"
+    whose += ", or that of another of the three" if len(names) == 3 else ""
+    if len(names) == 2:
+        whose = "Calibration or timing of one of the two cameras looks wrong, it is impossible to tell which"
+    yield Finding(
+        "camera_displaced",
+        "warning",
+        Subject(cameras=(names[first],)),
+        numbers,
+        (Remedy("without", names[first]),) if leave else (),
+        sentence=f"{whose}: {names[first]}'s detections are shifted by {to_one_side(numbers)}. Check the "
+        "cameras to find the cause.",
+    )
 
 
 def shift_of(names: Sequence[str], shifts: Shifts, camera: int, others: Sequence[int] = ()) -> dict[str, Any]:
@@ -87,6 +101,24 @@ def shift_of(names: Sequence[str], shifts: Shifts, camera: int, others: Sequence
     }
 
 
+def to_one_side(numbers: Mapping[str, Any]) -> str:
+    """Return how far a camera's detections are shifted, from what `shift_of` returns.
+
+    "18 px from the pose (18 px left); those of cam_01 by 7 px".
+    """
+    size, error, others = numbers["size_px"], numbers.get("median_error_px"), numbers["also_displaced"]
+    sides = zip(numbers["shift_px"], (("left", "right"), ("up", "down")), strict=True)
+    parts = [
+        f"{abs(part):.0f} px {words[part > 0]}" for part, words in sides if abs(part) >= _DIRECTION * size
+    ]
+    text = f"{size:.0f} px from the pose ({', '.join(parts)})"
+    text += "" if error is None else f", with a median error of {error:.1f} px"
+    if others:
+        text += "; " + listed([f"those of {one['camera']} by {one['size_px']:.0f} px" for one in others])
+    rivals = [one["camera"] for one in others if one["may_be_the_cause"]]
+    return text + (f", so {listed(rivals, 'or')} may be the cause instead" if rivals else "")
+
+
 def find_apart(rig: sk.CameraRig, statistics: Statistics, known: AbstractSet[int]) -> Iterator[Finding]:
     """Yield a finding if some views as a whole are far from the pose; cameras ``known`` are left out."""
     apart = views_apart(statistics.residual, gates_px(rig))
@@ -94,10 +126,19 @@ def find_apart(rig: sk.CameraRig, statistics: Statistics, known: AbstractSet[int
     frames = apart.any(axis=1)
     if frames.sum() < _LEAST_FRAMES or frames.mean() < MIXED:
         return
-    share = apart.mean(axis=0)
+    share, most = apart.mean(axis=0), float(frames.mean())
     named = np.flatnonzero((share > 0) & (share >= _ALSO_APART * share.max()))
-    numbers = {"any_share_of_frames": float(frames.mean()), "share_of_frames": share[named].tolist()}
-    yield Finding("views_apart", "warning", Subject(cameras=tuple(rig.names[i] for i in named)), numbers)
+    cameras = tuple(rig.names[i] for i in named)
+    where = ", ".join(f"{name} in {percent(share[i])}" for name, i in zip(cameras, named, strict=True))
+    yield Finding(
+        "views_apart",
+        "warning",
+        Subject(cameras=cameras),
+        {"any_share_of_frames": most, "share_of_frames": share[named].tolist()},
+        sentence=f"In {percent(most)} of the frames, one camera's detections are far from the whole pose "
+        f"({where}). In these frames the cameras show different people or different moments, or a "
+        "calibration is wrong: inspect them, and check the cameras.",
+    )
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""The detections of everybody by whom the cameras are judged."""
+"""The detections by which cameras are judged: those of one person, or of everybody the views agree on."""
 
 from __future__ import annotations
 
@@ -8,15 +8,42 @@ import numpy as np
 
 import skelsplat as sk
 from skelsplat._arrays import Array, Index
-from skelsplat.association import separate_people, take_people
-from skelsplat.rig_check._scene import LOST, Scene, follow_person, found_in, scene_of
+from skelsplat.association import choose_person, extents, separate_people, take_people
+from skelsplat.rig_check._scene import Scene, scene_of
 
+# A camera in which the chosen person is found in fewer frames is judged by whoever is there.
+_LOST = 0.2
 # Two cameras do not tell which of them is wrong, and whom only two see may be a chance meeting of rays.
 _THREE = 3
 # Someone seen in fewer frames tells nothing.
 _LEAST_FRAMES = 12
 # Empty frames between people: more than clocks are compared by.
 _GAP = 40
+
+
+def judge(cameras: Sequence[sk.Camera], people: Array, layout: sk.Layout | None) -> Scene:
+    """Return the scene of the person that is followed."""
+    return scene_of(cameras, follow_person(cameras, people, layout)[..., :2], np.arange(len(people)))
+
+
+def follow_person(cameras: Sequence[sk.Camera], people: Array, layout: sk.Layout | None) -> Array:
+    """Return one person's detections (T, M, N, 2 | 3), also in a view that no other view agrees with.
+
+    A camera in which the person is almost never found, although people are there, may be wrong; the largest
+    person of each of its images then stands in.
+    """
+    if people.shape[2] == 1 or len(cameras) < 2:
+        return people[:, :, 0]
+    chosen, index = choose_person(people, cameras, layout=layout)
+    largest = take_people(people, extents(people).argmax(axis=2))
+    return np.where(_is_lost(people, index)[None, :, None, None], largest, chosen)
+
+
+def _is_lost(people: Array, index: Index) -> Array:
+    """Return the cameras (M,) that see people, but hardly ever this one."""
+    there = np.isfinite(people[..., 0]).any(axis=(2, 3))
+    lost: Array = (index >= 0).sum(axis=0) / np.maximum(there.sum(axis=0), 1) < _LOST
+    return lost
 
 
 def several(cameras: Sequence[sk.Camera], people: Array) -> bool:
@@ -49,10 +76,10 @@ def _told_apart(
 ) -> tuple[tuple[Array, ...], bool]:
     """Return `everybody`, and whether a camera sees people, but hardly ever the first of them."""
     index, _ = separate_people(people, cameras, layout=layout)
-    lost = bool((found_in(people, index[0]) < LOST).any())
     sure = np.where((index >= 0).sum(axis=2, keepdims=True) >= _THREE, index, -1)
     often = [one for one in sure[1:] if (one >= 0).any(axis=1).sum() >= _LEAST_FRAMES]
-    return tuple(take_people(people, one) for one in (index[0], *often)), lost
+    everyone = tuple(take_people(people, one) for one in (index[0], *often))
+    return everyone, bool(_is_lost(people, index[0]).any())
 
 
 def one_after_another(everyone: Sequence[Array]) -> Array:

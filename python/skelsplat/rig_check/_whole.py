@@ -1,0 +1,344 @@
+"""What may be wrong with all cameras at once: the convention of the poses, the unit, the images, the order.
+
+Poses of another convention:
+
+=======  ===================================================================================
+inverse  camera → world given for world → camera: R' = Rᵀ, t' = −Rᵀ t
+axes     y up and z backward (OpenGL, Blender) for y down and z forward: F = diag(1, −1, −1),
+         R' = F R, t' = F t
+both     camera → world with these axes: R' = F Rᵀ, t' = −F Rᵀ t
+=======  ===================================================================================
+
+Images other than the calibration's are resized, turned, mirrored, or have x and y exchanged.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations, permutations
+
+import numpy as np
+
+import skelsplat as sk
+from skelsplat._arrays import Array, median
+from skelsplat._skelsplat import implausible_extent
+from skelsplat._words import capitalised, listed, metric
+from skelsplat.cameras import MM_PER_UNIT, altered
+from skelsplat.findings import Finding, Subject
+from skelsplat.rig_check._people import judge
+from skelsplat.rig_check._report import px
+from skelsplat.rig_check._scene import Scene, in_mm, named, some_frames
+
+Change = Callable[[Array, tuple[int, int]], Array]
+Pose = tuple[Array, Array]
+
+# What is right leaves less than this part of the disagreement.
+_BETTER = 0.35
+# Or less than this, if the exchanged cameras themselves lose half.
+_RATHER = 0.7
+_HALF = 0.5
+# A rival explanation leaves little more.
+_CLEAR = 1.5
+# In a symmetric rig orders leave the same, but for noise; so do, in a ring of cameras, mirrored images and
+# cameras exchanged across.
+_SAME = 1.05
+# of so many cameras all orders are tried (24), of more those that exchange two
+_ALL_ORDERS = 4
+_FACTORS = (1 / 4, 1 / 3, 3 / 8, 1 / 2, 2 / 3, 3 / 4, 4 / 3, 3 / 2, 2.0, 8 / 3, 3.0, 4.0)
+_AXES = np.diag([1.0, -1.0, -1.0])
+# twice the distance from the middle joint that four joints in five keep within: 1.4 m standing, 0.8 m
+# curled up
+_PERSON_MM = (400.0, 3000.0)
+# the largest body that need not be a person's; it may be as small as it likes
+_ANYTHING_MM = 20_000.0
+_TYPICAL_MM = 1300.0
+_SHARE = 80.0
+_LEAST_JOINTS = 8
+
+
+def _inverse(R: Array, t: Array) -> Pose:
+    return R.T, -R.T @ t
+
+
+def _axes(R: Array, t: Array) -> Pose:
+    return _AXES @ R, _AXES @ t
+
+
+_CONVENTIONS: dict[str, Callable[[Array, Array], Pose]] = {
+    "camera → world instead of world → camera": _inverse,
+    "with y up and z backward (OpenGL, Blender) instead of y down and z forward": _axes,
+    "camera → world with y up and z backward (OpenGL, Blender)": lambda R, t: _axes(*_inverse(R, t)),
+}
+
+
+def find_convention(
+    rig: sk.CameraRig, people: Array, layout: sk.Layout | None
+) -> tuple[Finding | None, sk.CameraRig]:
+    """Find out whether the poses of all cameras are in another convention than this package's; correct them.
+
+    Of the detections (T, M, P, N, 2) of everybody. Returns None and the rig as given, or the finding and the
+    rig with which the cameras agree.
+    """
+    some = people[some_frames(len(people))]
+    before = judge(in_mm(rig), some, layout)
+    if not before.is_gross:
+        return None, rig
+    rigs = {words: _changed(rig, change) for words, change in _CONVENTIONS.items()}
+    tried = {words: judge(in_mm(other), some, layout) for words, other in rigs.items()}
+    words = min(tried, key=lambda name: tried[name].disagreement)
+    given, after = before.disagreement, tried[words].disagreement
+    if tried[words].is_gross or not after <= _BETTER * given:
+        return None, rig
+    return Finding(
+        "pose_convention",
+        "error",
+        numbers={"convention": words, "before_px": given, "after_px": after},
+        sentence=f"The poses of all cameras appear to be {words}: read that way, the cameras agree to "
+        f"{after:.1f} px instead of {given:.0f} px. Convert the calibration before using it.",
+    ), rigs[words]
+
+
+def _changed(rig: sk.CameraRig, change: Callable[[Array, Array], Pose]) -> sk.CameraRig:
+    poses = [change(np.asarray(camera.R), np.asarray(camera.t)) for camera in rig]
+    made = [altered(camera, R=R, t=t) for camera, (R, t) in zip(rig, poses, strict=True)]
+    return sk.CameraRig(made, unit=rig.unit)
+
+
+def check_unit(rig: sk.CameraRig, detections: Array, layout: sk.Layout | None) -> tuple[Finding | None, str]:
+    """Compare the size of the body in detections (T, M, N, 2) with a person's, unless it is known to be none.
+
+    Plain triangulation, which knows no unit, is used, and sizes in every frame, so that neither a wrong unit
+    nor a few wrong detections matter. Returns the finding, and the unit in which the rig is plausible.
+    """
+    points = np.asarray(sk.triangulate(detections[some_frames(len(detections))], rig, method="dlt"))
+    size = median(np.array([_size(frame) for frame in points]))
+    size_mm, unit = size * rig.mm_per_unit, rig.unit
+    person = layout is None or layout.human  # not an animal, a hand
+    if not np.isfinite(size) or (_is_person(size_mm) if person else size_mm <= _ANYTHING_MM):
+        return None, unit
+    measured = f"With unit {unit}, the body measures about {metric(size_mm)}"
+    numbers = {"stated": unit, "size_mm": size_mm, "likely": None}
+    if not person:
+        sentence = f"{measured}. Is that the unit of the calibration?"
+        return Finding("unit_wrong", numbers=numbers, sentence=sentence), unit
+    if layout is None and size_mm < _PERSON_MM[0] and implausible_extent(points, rig) is None:
+        return None, unit  # anything small, before cameras that can be so close together
+    likely = min(MM_PER_UNIT, key=lambda name: abs(np.log(size * MM_PER_UNIT[name] / _TYPICAL_MM)))
+    if not _is_person(size * MM_PER_UNIT[likely]):
+        sentence = f"{measured}, which none of mm, cm and m explains. Was the calibration scaled?"
+        return Finding("unit_wrong", "error", numbers=numbers, sentence=sentence), unit
+    sentence = f'{measured}. The unit of the calibration is most likely "{likely}".'
+    return Finding("unit_wrong", "error", numbers={**numbers, "likely": likely}, sentence=sentence), likely
+
+
+def _size(points: Array) -> float:
+    known = points[np.isfinite(points).all(axis=-1)]
+    if len(known) < _LEAST_JOINTS:
+        return float("nan")
+    return 2.0 * float(np.percentile(np.linalg.norm(known - np.median(known, axis=0), axis=1), _SHARE))
+
+
+def _is_person(size_mm: float) -> bool:
+    return _PERSON_MM[0] <= size_mm <= _PERSON_MM[1]
+
+
+def _arranged(axes: tuple[int, int], flipped: tuple[bool, bool]) -> Change:
+    """Return the change to x and y taken from these axes, counted from the image's other side if flipped."""
+
+    def change(points: Array, size: tuple[int, int]) -> Array:
+        taken = [points[..., axis] for axis in axes]
+        ends = zip(taken, size, flipped, strict=True)
+        return np.stack([length - 1.0 - value if flip else value for value, length, flip in ends], axis=-1)
+
+    return change
+
+
+# what the images are → how the detections become those of the calibration's images
+CHANGES: dict[str, Change] = {
+    "upside down": _arranged((0, 1), (True, True)),
+    "mirrored": _arranged((0, 1), (True, False)),
+    "turned clockwise by a quarter": _arranged((1, 0), (False, True)),
+    "turned anticlockwise by a quarter": _arranged((1, 0), (True, False)),
+}
+_FOR_ALL: dict[str, Change] = {
+    **CHANGES,
+    "given with y before x": _arranged((1, 0), (False, False)),
+    "given as parts of the image's width and height": lambda points, size: points * np.array(size) - 0.5,
+}
+
+
+def resizer(factor: float) -> Change:
+    """Return the change that undoes resizing by 1 / factor."""
+    # integers are pixel centres
+    return lambda points, size: (points + 0.5) * factor - 0.5  # noqa: ARG005
+
+
+@dataclass(frozen=True)
+class Files:
+    """What was found, the people (T, M, P, N, 2) with it corrected, and how far the cameras are off then.
+
+    The error is in pixels of the detections as they were given: small images make small errors. It is
+    infinite where nothing is compared with it.
+    """
+
+    findings: tuple[Finding, ...]
+    people: Array
+    error_px: float = float("inf")
+
+
+def correct_files(cameras: Sequence[sk.Camera], people: Array, layout: sk.Layout | None) -> Files:
+    """Find other images and exchanged cameras, and correct what leaves less disagreement.
+
+    Exchanged cameras may agree better by chance if the images are taken to be of another size, and in a
+    symmetric rig they look nearly like turned or mirrored images. So an exchange alone is tried next to the
+    images, and what fits nearly as well is mentioned. Not so with more cameras than all orders are tried of:
+    the exchange of two of them looks like nothing else.
+    """
+    images, upright, factor = _find_images(cameras, people, layout)
+    exchange, order = _find_exchange(cameras, upright, layout)
+    findings = tuple(finding for finding in (images, exchange) if finding is not None)
+    corrected = upright[:, list(order)]
+    if images is None or len(cameras) > _ALL_ORDERS:
+        return Files(findings, corrected)
+    exchange, order = _find_exchange(cameras, people, layout)
+    if exchange is None:
+        return Files(findings, corrected)
+    error = judge(cameras, corrected[some_frames(len(people))], layout).disagreement / factor
+    alone = Files((exchange,), people[:, list(order)], exchange.numbers["after_px"])
+    return _better(Files(findings, corrected, error), alone)
+
+
+def _better(images: Files, exchange: Files) -> Files:
+    """Return what leaves less, images where both leave as much; the other is mentioned if it is near."""
+    pair = (images, exchange) if images.error_px <= _SAME * exchange.error_px else (exchange, images)
+    best, rival = pair
+    if rival.error_px >= _CLEAR * best.error_px:
+        return best
+    first, *rest = best.findings
+    shown = ("images", "folders")
+    other = [{key: one.numbers[key] for key in shown if key in one.numbers} for one in rival.findings]
+    numbers = {**first.numbers, "rivals": [*first.numbers.get("rivals", []), other]}
+    sentence = first.sentence + _almost(" and ".join(map(_explanation, other)))
+    return replace(best, findings=(replace(first, numbers=numbers, sentence=sentence), *rest))
+
+
+def _almost(other: str) -> str:
+    return f" Almost as good an explanation: {other}."
+
+
+def _explanation(numbers: Mapping[str, Mapping[str, str]]) -> str:
+    """Return a clause on all cameras: other images, or folders that are exchanged."""
+    if "images" in numbers:
+        return f"the detections of all cameras are {numbers['images']}"
+    moved = {name: owner for name, owner in numbers["folders"].items() if owner != name}
+    if len(moved) == 2:
+        return f"the detections of {listed(list(moved))} are exchanged (or their calibrations are)"
+    each = ", ".join(f"those of {owner} belong to {name}" for name, owner in moved.items())
+    return f"the detections of {len(moved)} cameras are exchanged (or their calibrations are): {each}"
+
+
+def _find_images(
+    cameras: Sequence[sk.Camera], people: Array, layout: sk.Layout | None
+) -> tuple[Finding | None, Array, float]:
+    """Find out whether the detections of all cameras are of other images.
+
+    Returns the finding (None: they are not), the people corrected, and the factor on lengths in that.
+    """
+    some = people[some_frames(len(people))]
+    before = judge(cameras, some, layout)
+    if not before.is_gross:
+        return None, people, 1.0
+
+    def disagreement(tried: tuple[str, Change, float]) -> float:
+        """Return it in pixels of the detections as they are: small images make small errors."""
+        return judge(cameras, _applied(some, cameras, tried[1]), layout).disagreement / tried[2]
+
+    tries = [(words, change, 1.0) for words, change in _FOR_ALL.items()]
+    tries += [(f"of images {1 / factor:.3g} times as large", resizer(factor), factor) for factor in _FACTORS]
+    images, change, factor = best = min(tries, key=disagreement)
+    after = disagreement(best)
+    if not after < _BETTER * before.disagreement:
+        return None, people, 1.0
+    finding = Finding(
+        "images_changed",
+        "error",
+        numbers={"images": images, "before_px": before.disagreement, "after_px": after},
+        sentence=f"The detections of all cameras are {images} "
+        f"(error {px(before.disagreement, 0)}, {px(after)} after the correction).",
+    )
+    return finding, _applied(people, cameras, change), factor
+
+
+def _applied(people: Array, cameras: Sequence[sk.Camera], change: Change) -> Array:
+    changed = people.copy()
+    for i, camera in enumerate(cameras):
+        changed[:, i, ..., :2] = change(people[:, i, ..., :2], camera.size)
+    return changed
+
+
+def _find_exchange(
+    cameras: Sequence[sk.Camera], people: Array, layout: sk.Layout | None
+) -> tuple[Finding | None, tuple[int, ...]]:
+    """Find out which folder of detections belongs to which camera, if not its own.
+
+    Returns the finding (None: they are in order) and the order: camera i has the detections order[i].
+    """
+    some = people[some_frames(len(people))]
+    given = tuple(range(len(cameras)))
+    before = judge(cameras, some, layout)
+    if not before.is_gross:
+        return None, given
+
+    suspects = np.flatnonzero(~(before.left_out <= before.gross_px)).tolist()
+    orders = list(_orders(suspects, len(cameras)))
+    tried = [judge(cameras, some[:, list(order)], layout) for order in orders]
+    least = min((scene.disagreement for scene in tried), default=float("inf"))
+
+    def rank(k: int) -> tuple[bool, int, float]:
+        """Orders that leave the same are told apart by how many cameras they exchange."""
+        moved = sum(i != folder for i, folder in enumerate(orders[k]))
+        same = tried[k].disagreement <= _SAME * least
+        return (not same, moved if same else 0, tried[k].disagreement)
+
+    ranked = sorted(range(len(tried)), key=rank)
+    if not ranked or not _is_right(before, tried[ranked[0]], orders[ranked[0]]):
+        return None, given
+    best, after = orders[ranked[0]], tried[ranked[0]].disagreement
+    names = named(cameras)
+    # by camera, the one whose folder has its detections
+    found = {"folders": {names[i]: names[folder] for i, folder in enumerate(best)}}
+    numbers = {**found, "before_px": before.disagreement, "after_px": after}
+    error = f"error {px(before.disagreement, 0)}, {px(after)} after the correction"
+    sentence = f"{capitalised(_explanation(found))} ({error})."
+    rivals = [orders[k] for k in ranked[1:] if tried[k].disagreement < _CLEAR * after]
+    if rivals:
+        other = {"folders": {names[i]: names[folder] for i, folder in enumerate(rivals[0])}}
+        numbers["rivals"] = [[other]]
+        sentence += _almost(_explanation(other))
+    moved = tuple(names[i] for i, folder in enumerate(best) if folder != i)
+    return Finding("cameras_exchanged", "error", Subject(cameras=moved), numbers, sentence=sentence), best
+
+
+def _is_right(before: Scene, after: Scene, order: tuple[int, ...]) -> bool:
+    """Whether an order sets everything right, or at least all the cameras that it exchanges.
+
+    In a symmetric rig, cameras exchanged in turn agree as well as before, but for one that sees strangers.
+    """
+    moved = [i for i, folder in enumerate(order) if folder != i]
+    old, new = before.left_out[moved], after.left_out[moved]
+    if after.disagreement < _BETTER * before.disagreement:
+        return not (new >= _RATHER * old).any()  # NaN, a camera that saw nobody, does not count
+    allowed = min(_RATHER * before.disagreement, 2 * before.gross_px)
+    return bool(after.disagreement < allowed and (new < _HALF * old).all())
+
+
+def _orders(suspects: list[int], count: int) -> Iterator[tuple[int, ...]]:
+    """Orders other than the given one: all of few cameras, of more the exchanges of two that disagree."""
+    if count <= _ALL_ORDERS:
+        yield from list(permutations(range(count)))[1:]
+        return
+    for i, j in combinations(suspects, 2):
+        order = list(range(count))
+        order[i], order[j] = j, i
+        yield tuple(order)
