@@ -11,7 +11,7 @@ from skelsplat.association import choose_person
 from skelsplat.cameras import altered, matrix_from_vector
 from skelsplat.exceptions import InvalidInputError
 from skelsplat.rig_check import ReadAs, check_rig
-from skelsplat.rig_check._everybody import everybody, one_after_another, scene_of_everybody
+from skelsplat.rig_check._people import everybody, one_after_another, scene_of_everybody
 from skelsplat.rig_check._scene import in_mm
 from skelsplat.run.adjust import Scene, adjusted
 from skelsplat.run.person import check_slot

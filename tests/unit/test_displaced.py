@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import re
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import skelsplat as sk
 from skelsplat import synthetic
-from skelsplat.run.displaced import to_one_side
+from skelsplat.findings import Remedy
 from skelsplat.run import displaced
-from skelsplat.run.displaced import displaced_cameras, find_displaced, shift_of
-from skelsplat.run.findings import find_cameras
+from skelsplat.run.displaced import displaced_cameras, find_displaced, shift_of, to_one_side
 from skelsplat.synthetic import DetectionNoise
 from two_people import LAYOUT, crossing, findings_of, seen
 
@@ -54,56 +52,31 @@ def displaced_findings(people, rig, person="consistent"):
     return [doubt for doubt in findings_of(people, rig, person) if any(word in doubt for word in words)]
 
 
-def test_a_turned_camera_is_named_with_its_shift():
-    rig = synthetic.human36m_like()
+@pytest.mark.parametrize("distortion", [False, True])
+def test_a_turned_camera_is_named_with_its_shift(distortion):
+    rig = synthetic.human36m_like(distortion=distortion)
     people = scattered(walker(rig), 8.0)
     (doubt,) = displaced_findings(people, turned(rig, 1, 1.5))  # whether or not its detections are rejected
     assert doubt.startswith("cam2")
-    assert re.search(r"ts detections are shifted by \d+ px from the pose \(\d+ px left", doubt), doubt
-    assert doubt.endswith("check-cameras looks for the cause; --without cam2 leaves it out.")
-
-
-def test_through_distorted_lenses_as_well():
-    rig = synthetic.human36m_like(distortion=True)
-    (doubt,) = displaced_findings(scattered(walker(rig), 8.0), turned(rig, 1, 1.5))
-    assert doubt.startswith("cam2")
-    assert displaced_findings(scattered(walker(rig), 8.0), rig) == []
+    assert re.search(r"detections are shifted by \d+ px from the pose \(\d+ px left", doubt), doubt
+    assert displaced_findings(people, rig) == []
 
 
 def test_a_rejected_camera_has_one_message():
     rig = synthetic.human36m_like()
     wrong = turned(rig, 1, 1.5)
     (doubt,) = (doubt for doubt in findings_of(walker(rig), wrong) if "cam2" in doubt)
-    assert doubt.startswith("cam2 disagrees with the other cameras: ")
-    lie = re.search(
-        r"\. Its detections are shifted by (\d+) px from the pose \(\1 px left\)\. The pose", doubt
-    )
-    assert lie is not None, doubt
+    shift = re.search(r"shifted by (\d+) px from the pose \(\1 px left\)", doubt)
+    assert shift is not None, doubt
     truth = synthetic.motion("walk", FRAMES, seed=3)  # where the other cameras keep the pose
     expected = np.median(sk.project(truth, rig)[1, ..., 0] - sk.project(truth, wrong)[1, ..., 0])
-    assert abs(int(lie[1]) + expected) < 1.0
-
-
-def test_of_three_cameras_another_may_be_the_wrong_one():
-    rig = synthetic.ring(3)
-    (doubt,) = displaced_findings(scattered(walker(rig), 4.0), turned(rig, 0, 3.0, (1.0, 0.0, 0.0)))
-    assert doubt.startswith("cam0")
-    shifts = shifts_of((0.0, 22.0), (0.0, 7.0), (0.0, 6.0))
-    (finding,) = find_displaced(rig.names, shifts, [0, 1, 2])
-    doubt = finding.text
-    assert doubt.startswith(
-        "cam0's calibration or timing looks wrong, or that of another of the three: "
-        "cam0's detections are shifted by "
-    )
+    assert abs(int(shift[1]) + expected) < 1.0
 
 
 def test_of_two_cameras_none_is_accused():
     rig = synthetic.stereo()
     (doubt,) = displaced_findings(walker(rig), turned(rig, 0, 3.0, (1.0, 0.0, 0.0)))
-    assert doubt.startswith("The calibration or timing of one of the two cameras looks wrong: ")
-    assert doubt.endswith(
-        "It is impossible to tell which is wrong; skelsplat check-cameras looks for the cause."
-    )
+    assert doubt.startswith("Calibration or timing of one of the two cameras looks wrong")
 
 
 @pytest.mark.parametrize(
@@ -111,21 +84,12 @@ def test_of_two_cameras_none_is_accused():
     [DetectionNoise.good(), DetectionNoise.noisy(), DetectionNoise.occluded(3, hard=True)],
     ids=["good", "noisy", "occluded"],
 )
-@pytest.mark.parametrize("frames", [3, FRAMES])
 @pytest.mark.parametrize(
-    "rig",
-    [synthetic.human36m_like(), synthetic.ring(3), synthetic.ring(8)],
-    ids=["four", "three", "eight"],
+    ("rig", "frames"), [(synthetic.human36m_like(), FRAMES), (synthetic.ring(3), 3)], ids=["four", "three"]
 )
 def test_sound_cameras_are_not_doubted(rig, noise, frames):
     assert displaced_findings(walker(rig, noise, frames), rig) == []
     assert displaced_findings(scattered(walker(rig, noise, frames), 10.0), rig) == []
-
-
-def test_objects_on_a_table_are_not_doubted():
-    rig = synthetic.table()
-    for motion in ("reach", "sit"):
-        assert displaced_findings(seen([0.2 * synthetic.motion(motion, FRAMES, seed=1)], rig), rig) == []
 
 
 def test_exchanged_sides_a_bystander_and_two_people_are_not_doubted():
@@ -248,28 +212,10 @@ def test_the_worst_camera_is_first_and_rivals_are_named():
     found = displaced_cameras(rig, shifts)
     assert found == [1, 2, 0]
     (finding,) = find_displaced(rig.names, shifts, found)
-    assert finding.text == (
-        "cam2's calibration or timing looks wrong: its detections are shifted by 30 px from the pose (30 px "
-        "down), with a median error of 33.0 px; those of cam3 by 16 px and those of cam1 by 10 px, "
-        "so cam3 may be the cause instead. skelsplat check-cameras looks for the cause; --without cam2 "
-        "leaves it out."
-    )
+    assert finding.subject.cameras == ("cam2",)
+    assert finding.remedy == (Remedy("without", "cam2"),)
+    others = {one["camera"]: one["may_be_the_cause"] for one in finding.numbers["also_displaced"]}
+    assert others == {"cam3": True, "cam1": False}
     (finding,) = find_displaced(rig.names, shifts, found, {"cam2"})
-    assert finding.text.endswith("looks for the cause.")
+    assert finding.remedy == ()
     assert list(find_displaced(rig.names, shifts, [])) == []
-
-
-def test_where_detections_lie_is_said_of_the_camera_that_disagrees():
-    counts = {"used": 100, "mean_weight": 0.5}
-    cameras = [
-        SimpleNamespace(name=name, rejected=n, rejected_share=n / 100, **counts)
-        for name, n in (("a", 40), ("b", 1), ("c", 1))
-    ]
-    statistics = SimpleNamespace(cameras=cameras, total=SimpleNamespace(used=300))
-    side = shift_of("abc", shifts_of((0.0, -9.0)), 0)
-    (finding,) = find_cameras(statistics, sides={"a": side})
-    doubt = finding.text
-    assert (
-        "mean weight is 0.50. Its detections are shifted by 9 px from the pose (9 px up). The pose follows"
-        in doubt
-    )

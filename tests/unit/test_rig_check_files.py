@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import re
-
 import numpy as np
 import pytest
 
@@ -26,13 +24,11 @@ def test_exchanged_names_are_named(name, pair, motion):
     assert finding.kind == "cameras_exchanged"
     assert finding.subject.cameras == tuple(names)
     assert finding.numbers["folders"][names[0]] == names[1]
-    assert f"The detections of {names[0]} and {names[1]} are exchanged" in finding.text
 
 
 def test_three_cameras_in_a_circle_are_named():
     finding = only(check_rig(rig("room"), detections("room")[:, [2, 0, 1, 3]]))
     assert finding.kind == "cameras_exchanged"
-    assert "those of cam3 belong to cam2" in finding.text
     assert finding.numbers["folders"] == {"cam1": "cam2", "cam2": "cam3", "cam3": "cam1", "cam4": "cam4"}
 
 
@@ -71,21 +67,16 @@ def test_exchanged_cameras_are_no_mirrored_images(motion, exchange):
     assert finding.kind == "cameras_exchanged"
     assert finding.numbers["folders"] == folders_of(order, rig(name).names)
     near = (name, motion) in {("room", "sit"), ("room", "reach")}
-    rival = " Almost as good an explanation: the detections of all cameras are mirrored."
-    assert finding.text.endswith(rival) == near
+    assert ("rivals" in finding.numbers) == near
 
 
 @pytest.mark.parametrize("motion", ["walk", "sit", swept("reach")])
 def test_mirrored_images_are_no_exchanged_cameras(motion):
     finding = only(check_rig(rig("room"), mirrored(detections("room", motion), "room"), layout=LAYOUT))
     assert finding.kind == "images_changed"
-    assert "The detections of all cameras are mirrored" in finding.text
-    rival = (
-        " Almost as good an explanation: the detections of 4 cameras are exchanged (or their calibrations "
-        "are): those of cam3 belong to cam1, those of cam4 belong to cam2, those of cam1 belong to cam3, "
-        "those of cam2 belong to cam4."
-    )
-    assert finding.text.endswith(rival) == (motion != "walk")
+    assert finding.numbers["images"] == "mirrored"
+    across = {"cam1": "cam3", "cam2": "cam4", "cam3": "cam1", "cam4": "cam2"}
+    assert finding.numbers.get("rivals") == (None if motion == "walk" else [[{"folders": across}]])
 
 
 def test_where_nothing_tells_them_apart_both_are_mentioned():
@@ -94,9 +85,8 @@ def test_where_nothing_tells_them_apart_both_are_mentioned():
         finding = only(check_rig(rig("ring of 4"), people, layout=LAYOUT))
         assert finding.kind == "images_changed"
         # two that face each other, whichever; an order of all four leaves the same and is no simpler
-        assert re.search(
-            "explanation: the detections of (cam0 and cam2|cam1 and cam3) are exchanged", finding.text
-        )
+        ((rival,),) = finding.numbers["rivals"]
+        assert sum(owner != name for name, owner in rival["folders"].items()) == 2
 
 
 @pytest.mark.parametrize("order", [(1, 2, 0, 3), swept((3, 2, 1, 0)), swept((3, 0, 2, 1))])
@@ -106,7 +96,7 @@ def test_exchanged_cameras_of_a_recording_are_no_images_of_another_size(order):
     exchange, turned = check_rig(cameras, people[:, list(order)], layout=sample.LAYOUT).findings
     assert exchange.kind == "cameras_exchanged"
     assert exchange.numbers["folders"] == folders_of(order, cameras.names)
-    assert (turned.kind, turned.subject.cameras) == ("camera_rotated", ("cam_03",))
+    assert (turned.kind, turned.subject.cameras) == ("camera_moved", ("cam_03",))
 
 
 @pytest.mark.parametrize(("factor", "words"), [(4 / 3, "1.33"), swept(3 / 4, "0.75")])
@@ -115,9 +105,9 @@ def test_a_recording_of_another_size_has_no_exchanged_cameras(factor, words):
     resized = people.copy()
     resized[..., :2] = (people[..., :2] + 0.5) * factor - 0.5
     images, turned = check_rig(cameras, resized, layout=sample.LAYOUT).findings
-    assert images.text.startswith(f"The detections of all cameras are of images {words} times as large (")
-    assert "Almost as good" not in images.text
-    assert (turned.kind, turned.subject.cameras) == ("camera_rotated", ("cam_03",))
+    assert images.numbers["images"] == f"of images {words} times as large"
+    assert "rivals" not in images.numbers
+    assert (turned.kind, turned.subject.cameras) == ("camera_moved", ("cam_03",))
 
 
 def test_detections_of_other_images_are_named():
@@ -130,13 +120,13 @@ def test_detections_of_other_images_are_named():
     half = good.copy()
     half[:, 1, :, :2] = (half[:, 1, :, :2] + 0.5) / 2 - 0.5
     for found, camera, text in (
-        (upside, "hd02", "hd02's images are upside down"),
-        (flipped, "hd03", "hd03's images are mirrored"),
-        (half, "hd01", "from images of another size; multiplied by 2"),
+        (upside, "hd02", "upside down"),
+        (flipped, "hd03", "mirrored"),
+        (half, "hd01", "of another size"),
     ):
         finding = only(check_rig(rig("dome of 6"), found))
         assert finding.subject.cameras == (camera,)
-        assert text in finding.text
+        assert text in finding.numbers["images"]
 
 
 def test_all_detections_of_other_images_are_named():
@@ -152,4 +142,4 @@ def test_all_detections_of_other_images_are_named():
     ):
         finding = only(check_rig(rig("dome of 6"), found))
         assert (finding.kind, finding.subject.cameras) == ("images_changed", ())
-        assert text in finding.text
+        assert text in finding.numbers["images"]

@@ -121,7 +121,9 @@ def adjust_cameras(
         if result.numbers["fault"] == "nobody_detected":
             raise DatasetError(detections, "detections", "some to adjust the cameras by", "none")
         expected = "no fault besides turned or moved cameras"
-        raise DatasetError(detections, "cameras", expected, f"another one: {result.numbers['why']}")
+        settings = ", ".join(f"{one.setting}={one.value}" for one in result.remedy)
+        corrects = f" Corrected by the setting {settings}." if settings else ""
+        raise DatasetError(detections, "cameras", expected, f"another one: {result.numbers['why']}{corrects}")
     cameras = dict(zip(rig.names, result.cameras, strict=True))
     whole = sk.CameraRig([cameras.get(n, one) for n, one in zip(every.names, every, strict=True)], every.unit)
     # the person's size says more
