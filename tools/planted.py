@@ -279,7 +279,7 @@ ANALYSIS = (
     Fault(
         "a camera without detections is not reported",
         "lost finding",
-        'findings.append(Finding("camera_blind", subject=subject))',
+        "findings.append(blind)",
         "pass",
         (UNIT + "test_rig_check.py",),
     ),

@@ -169,7 +169,7 @@ def test_the_example_of_the_documents(tmp_path, monkeypatch):
     assert invoke("refine", "--config", tmp_path / "run.toml").exit_code == 0
     assert (jobs[0].output, jobs[0].fps, jobs[0].offsets) == (tmp_path / "out", 60, {"cam_02": 3})
     found = invoke("check-cameras", "--config", tmp_path / "run.toml", "--json")
-    assert [finding["kind"] for finding in json.loads(found.stdout)["findings"]] == ["camera_rotated"]
+    assert [finding["kind"] for finding in json.loads(found.stdout)["findings"]] == ["camera_moved"]
 
 
 SEEN = {}

@@ -177,9 +177,8 @@ def _images(rig: sk.CameraRig, people: Array) -> list[Finding]:
         seen = people[:, i, ..., :2]
         seen = seen[np.isfinite(seen).all(axis=-1)]
         if not len(seen):
-            findings.append(
-                Finding("nobody_detected", subject=subject, sentence=f"{name} has no detections.")
-            )
+            blind = Finding("nobody_detected", subject=subject, sentence=f"{name} has no detections.")
+            findings.append(blind)
             continue
         outside = float(((seen < -0.5) | (seen > [width - 0.5, height - 0.5])).any(axis=-1).mean())
         if outside > _OUTSIDE:
