@@ -18,8 +18,9 @@ from command_line import assert_fails, invoke
 from skelsplat import datasets, synthetic
 from skelsplat._json import plain
 from skelsplat.cli import app, refine
+from skelsplat.cli.findings import tell, telling
 from skelsplat.cli.output import print_message
-from skelsplat.cli.table import print_table, tell, telling
+from skelsplat.cli.table import print_table
 from skelsplat.datasets.synthetic import write_simulated
 from skelsplat.findings import Finding, warn
 from sweeps import swept

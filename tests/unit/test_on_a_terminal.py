@@ -15,8 +15,9 @@ from rich.console import Console
 
 from command_line import READ, read_report, texts
 from skelsplat.cli.adjust_cameras import _table
+from skelsplat.cli.findings import print_finding
 from skelsplat.cli.output import print_text
-from skelsplat.cli.table import in_parts, print_finding, print_parts
+from skelsplat.cli.table import in_parts, print_parts
 from skelsplat.findings import Finding, Remedy, Subject
 
 LONG = "skelsplat check-cameras 'my cameras.toml' out/person_1/detections.npz --unit mm --layout h36m17 -o x"

@@ -17,8 +17,9 @@ from rich.text import Text
 from skelsplat import datasets
 from skelsplat.cli import options
 from skelsplat.cli.datasets import LENSES, InitSigma, Lens, Settings, reader_options
+from skelsplat.cli.findings import telling
 from skelsplat.cli.output import described, print_json
-from skelsplat.cli.table import in_parts, new_table, print_parts, print_table, telling, wide_console
+from skelsplat.cli.table import in_parts, new_table, print_parts, print_table, wide_console
 from skelsplat.evaluation import ablations
 from skelsplat.evaluation.ablations import Choices, OnDisk, Simulated, Source
 from skelsplat.evaluation.methods import DEFAULT_INIT_SIGMA_MM

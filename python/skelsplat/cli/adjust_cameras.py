@@ -13,8 +13,9 @@ from rich.table import Table
 from skelsplat._words import number, with_bar
 from skelsplat.cli import options
 from skelsplat.cli.command import Option, in_panel, takes
+from skelsplat.cli.findings import print_finding, telling
 from skelsplat.cli.output import Terminal, print_json, say
-from skelsplat.cli.table import in_parts, new_table, print_finding, print_parts, telling
+from skelsplat.cli.table import in_parts, new_table, print_parts
 from skelsplat.exceptions import DatasetError
 from skelsplat.io import write_calibration
 from skelsplat.run.adjust import AdjustedCameras, numbers_of

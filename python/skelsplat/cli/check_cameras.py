@@ -16,8 +16,9 @@ import skelsplat as sk
 from skelsplat._words import number
 from skelsplat.cli import options
 from skelsplat.cli.command import Option, takes
+from skelsplat.cli.findings import print_finding
 from skelsplat.cli.output import Terminal, print_json, print_text, say
-from skelsplat.cli.table import new_table, print_finding, print_table
+from skelsplat.cli.table import new_table, print_table
 from skelsplat.io import DetectionSet
 from skelsplat.rig_check import RigReport
 from skelsplat.run.check import CameraCheck
@@ -122,11 +123,7 @@ def _print(found: CameraCheck, *, quiet: bool) -> None:
         console.print(_LEGEND, style="dim")
         console.print()
     for finding in (one for one in report.findings if not (quiet and one.severity == "note")):
-        remedy = " ".join(option.text for option in finding.remedy)
-        remedy = "" if remedy in finding.text else remedy
-        print_finding(console, finding, end=" Correct it in refine with:" if remedy else "")
-        if remedy:
-            say(f"  {remedy}")  # on one line, however long, to be pasted
+        print_finding(console, finding, own_line=True)
     if report.ok and not quiet:
         print_text(console, _nothing(found.rig, found.detections))
 

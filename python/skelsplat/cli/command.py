@@ -193,7 +193,7 @@ class Option:
     def parameter(self) -> inspect.Parameter:
         """The parameter from which typer makes the option or argument."""
         kind = list[self.kind] if self.many else self.kind  # type: ignore[name-defined]
-        kind = kind | None if self.default is None else kind  # type: ignore[operator]
+        kind = kind | None if self.default is None else kind
         return inspect.Parameter(
             self.name,
             inspect.Parameter.KEYWORD_ONLY,

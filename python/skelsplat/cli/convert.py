@@ -10,8 +10,8 @@ import typer
 
 from skelsplat.cli import options
 from skelsplat.cli.command import Option, in_panel, takes
+from skelsplat.cli.findings import telling
 from skelsplat.cli.output import print_json, say
-from skelsplat.cli.table import telling
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.findings import collected_warnings
 from skelsplat.io import convert_unit, write_calibration

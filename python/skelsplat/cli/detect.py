@@ -11,8 +11,8 @@ import typer
 
 from skelsplat.cli import options
 from skelsplat.cli.command import Option, in_panel, takes
+from skelsplat.cli.findings import telling
 from skelsplat.cli.output import counting, print_json, say
-from skelsplat.cli.table import telling
 from skelsplat.detect import Detected, Detector, MediaPipe, RTMLib
 from skelsplat.detect import detect as run_detector
 from skelsplat.findings import collected_warnings

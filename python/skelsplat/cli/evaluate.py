@@ -19,8 +19,9 @@ from skelsplat._escape import escaped
 from skelsplat.cli import options
 from skelsplat.cli.config import NAME_OR_PATH
 from skelsplat.cli.datasets import LENSES, InitSigma, Lens, Settings, reader_options
+from skelsplat.cli.findings import tell, telling
 from skelsplat.cli.output import described, print_json
-from skelsplat.cli.table import new_table, print_parts, tell, telling, wide_console
+from skelsplat.cli.table import new_table, print_parts, wide_console
 from skelsplat.datasets import Dataset
 from skelsplat.datasets._registry import detections_option, options_of
 from skelsplat.evaluation import export, methods, people, people_tables, protocols, report, runs, tables

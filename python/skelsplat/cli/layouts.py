@@ -13,8 +13,9 @@ import skelsplat as sk
 from skelsplat._escape import escaped
 from skelsplat.cli import options
 from skelsplat.cli.command import takes
+from skelsplat.cli.findings import tell
 from skelsplat.cli.output import Terminal, print_json, say
-from skelsplat.cli.table import new_table, print_table, tell
+from skelsplat.cli.table import new_table, print_table
 from skelsplat.exceptions import InvalidInputError
 from skelsplat.findings import collected_warnings
 from skelsplat.io import read_layout

@@ -15,8 +15,8 @@ import typer
 from skelsplat.cli import options
 from skelsplat.cli._app import FAILED, INTERRUPTED
 from skelsplat.cli.command import Option, in_panel, takes
+from skelsplat.cli.findings import telling
 from skelsplat.cli.output import say
-from skelsplat.cli.table import telling
 from skelsplat.exceptions import DatasetError
 from skelsplat.findings import collected_warnings
 from skelsplat.io import read_layout

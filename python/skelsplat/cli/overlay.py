@@ -12,8 +12,8 @@ import skelsplat as sk
 from skelsplat._opencv import opencv
 from skelsplat.cli import options
 from skelsplat.cli.command import Option, in_panel, takes
+from skelsplat.cli.findings import telling
 from skelsplat.cli.output import counting, print_json, say
-from skelsplat.cli.table import telling
 from skelsplat.findings import collected_warnings
 from skelsplat.run.frame_range import FrameRange
 

@@ -9,7 +9,8 @@ from rich.console import Console
 from rich.table import Table
 
 from skelsplat._words import length, number
-from skelsplat.cli.table import new_table, print_findings, print_paragraphs, print_table
+from skelsplat.cli.findings import print_findings
+from skelsplat.cli.table import new_table, print_paragraphs, print_table
 from skelsplat.findings import Finding
 from skelsplat.run import PeopleRun
 

@@ -18,7 +18,8 @@ from rich.text import Text
 import skelsplat as sk
 from skelsplat._escape import escaped
 from skelsplat._words import number
-from skelsplat.cli.output import Terminal, print_message, print_text
+from skelsplat.cli.findings import print_findings
+from skelsplat.cli.output import Terminal
 from skelsplat.findings import Finding
 from skelsplat.run import Run
 from skelsplat.run.folder import left_of_earlier
@@ -34,35 +35,6 @@ _REASONS = {
     "no_observations": "without detections",
     "diverged": "diverged",
 }
-
-
-def tell(finding: Finding, of: str = "") -> None:
-    """Print a finding on stderr after its severity, and ``of``, whom or what it is of."""
-    print_message(f"{finding.severity}: {of}{finding.text}", _pasted(finding))
-
-
-def telling(*, quiet: bool) -> Callable[[Finding], None]:
-    """Return `tell`; with ``quiet``, one that prints warnings and errors alone."""
-    return lambda finding: None if quiet and finding.severity == "note" else tell(finding)
-
-
-def print_finding(console: Console, finding: Finding, of: str = "", end: str = "") -> None:
-    """Print a finding on stdout, after ``!`` unless it is a note, and ``of``; before ``end``."""
-    mark = "" if finding.severity == "note" else "! "
-    print_text(console, f"{mark}{of}{finding.text}{end}", _pasted(finding))
-
-
-def print_findings(console: Console, findings: Sequence[Finding], of: str = "") -> None:
-    """Print findings, and an empty line if there are any."""
-    for finding in findings:
-        print_finding(console, finding, of)
-    if findings:
-        console.print()
-
-
-def _pasted(finding: Finding) -> list[str]:
-    """Return what is pasted from a finding's text: a command, and options."""
-    return [*filter(None, [finding.numbers.get("check")]), *(remedy.text for remedy in finding.remedy)]
 
 
 def wide_console() -> Console:
