@@ -16,8 +16,7 @@ import numpy.typing as npt
 
 import skelsplat as sk
 from skelsplat._arrays import Array, Index, Mask, corners, medians, numbers
-from skelsplat._people import most_people
-from skelsplat._people import people_uncompared as uncompared
+from skelsplat._people import most_people, people_uncompared
 from skelsplat._skelsplat import check_people, people_chosen
 from skelsplat.cameras import mm_per_unit
 from skelsplat.exceptions import InvalidInputError
@@ -88,7 +87,7 @@ def choose_person(
     options: dict[str, Any] = {"layout": layout, "min_confidence": min_confidence, "min_joints": min_joints}
     index, cut = chosen_places(everyone, cameras, gate=gate, **options)
     if cut.any():
-        warn(uncompared(int(cut.sum()), most_people(everyone)))
+        warn(people_uncompared(int(cut.sum()), most_people(everyone)))
     return take_people(everyone, index), index
 
 

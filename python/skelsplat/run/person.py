@@ -11,7 +11,7 @@ import numpy as np
 import skelsplat as sk
 from skelsplat import association
 from skelsplat._arrays import Array, Index, Mask, medians
-from skelsplat._people import most_people
+from skelsplat._people import most_people, people_uncompared
 from skelsplat.findings import warn
 
 # Choices that need no frame rate, and one that needs people followed over time.
@@ -90,7 +90,7 @@ def pick_places(
     if person == "consistent":
         index, unmatched, cut = pick_consistent(people, rig, layout)
         if cut.any():
-            warn(association.uncompared(int(cut.sum()), most_people(people)))
+            warn(people_uncompared(int(cut.sum()), most_people(people)))
         return index, unmatched
     never = np.zeros(people.shape[:2], dtype=bool)
     if person == "largest":

@@ -10,7 +10,7 @@ import numpy as np
 
 from skelsplat import association
 from skelsplat._arrays import Array, Index
-from skelsplat._people import most_people
+from skelsplat._people import most_people, people_uncompared
 from skelsplat.findings import warn
 from skelsplat.io._rows import RowFile
 from skelsplat.run.person import Crowd, look_around, pick_consistent, sampled, seen_apart
@@ -58,7 +58,7 @@ def follow(opened: Opened, folder: Path, size: int, progress: Progress | None = 
         if progress is not None:
             progress(done, steps)
     if uncompared:
-        warn(association.uncompared(uncompared, most))
+        warn(people_uncompared(uncompared, most))
     some = _joined(seen)
     crowd = look_around(some, np.concatenate(chosen), rig, "consistent", layout, sample)
     return Followed(detections, unmatched, crowd, seen_apart(some, rig.names))
