@@ -122,10 +122,7 @@ def _print(found: AdjustedCameras, output: Path, *, focal: bool, clock: bool) ->
     console.print(_LEGEND, style="dim")
     console.print()
     for finding in found.findings:
-        remedy = " ".join(option.text for option in finding.remedy)
-        print_finding(console, finding, end=" Options:" if remedy else "")
-        if remedy:
-            say(f"  {remedy}")  # on one line, however long, to be pasted
+        print_finding(console, finding, own_line=True)
     wrote = f"Wrote {len(found.cameras)} cameras to {output}, lengths in {found.cameras.unit}."
     say(wrote if found.adjusted else f"{output} was not written.")
 
