@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import html
 import importlib
 import re
 import runpy
@@ -109,11 +108,6 @@ def test_mathematics_is_mathml(site: Path) -> None:
     assert "$" not in re.sub(r"<(pre|script)\b.*?</\1>", "", text, flags=re.DOTALL)
 
 
-def plain_text(page: Path) -> str:
-    """Return what a page says, without its markup."""
-    return " ".join(html.unescape(re.sub(r"<[^>]+>", "", page.read_text(encoding="utf-8"))).split())
-
-
 @pytest.mark.parametrize("module", MODULES)
 def test_every_public_name_is_documented(module: str, pages: dict[Path, Page]) -> None:
     known = set().union(*(page.anchors for page in pages.values()))
@@ -137,21 +131,6 @@ def test_every_command_and_option_is_documented(site: Path) -> None:
         for option in param.opts
     }
     assert wanted - anchors == set()
-
-
-def test_constants_have_a_text_of_their_own(site: Path) -> None:
-    assert "is rejected and hardly affects the pose" in plain_text(site / "api" / "skelsplat.html")
-    assert "Names of the built-in layouts" in plain_text(site / "api" / "cameras.html")
-    for page in ("skelsplat", "cameras"):
-        assert "floating-point number" not in plain_text(site / "api" / f"{page}.html")
-        assert "immutable sequence" not in plain_text(site / "api" / f"{page}.html")
-
-
-def test_the_terminals_markup_does_not_leak_into_the_commands(site: Path) -> None:
-    text = plain_text(site / "commands.html")
-    assert "pip install 'skelsplat[video]'" in text
-    assert "\\[" not in text
-    assert "[bold]" not in text
 
 
 def test_figures_are_small() -> None:
