@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
 
 import pytest
 
 import docs_folders
-from command_line import invoke
 from docs_code import Page, blocks
 from skelsplat.cli import batch
 
@@ -53,9 +51,3 @@ def test_a_page_that_is_wrong_fails(text: str, reason: str, tmp_path: Path) -> N
     path.write_text(text, encoding="utf-8")
     with pytest.raises((AssertionError, ArithmeticError, ValueError), match=reason):
         Page(path, tmp_path).run()
-
-
-def test_the_demo_prints_what_the_readme_quotes(tmp_path: Path) -> None:
-    (quoted,) = re.findall(r"```text\n(! .*?)```", PAGES["README.md"].read_text(encoding="utf-8"), re.DOTALL)
-    result = invoke("demo", "-o", tmp_path)
-    assert " ".join(quoted.split()) in " ".join(result.stdout.split())
