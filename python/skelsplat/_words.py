@@ -35,6 +35,11 @@ def metric(mm: float) -> str:
     return f"{mm / 10.0:.3g} cm" if mm >= 10.0 else f"{mm:.3g} mm"
 
 
+def px(error: float | None, digits: int = 1) -> str:
+    """Return an error in pixels as text."""
+    return f"{error:.{digits}f} px" if error is not None and error < math.inf else "too large to measure"
+
+
 def capitalised(text: str) -> str:
     """Return a sentence of a clause."""
     return text[0].upper() + text[1:]

@@ -15,11 +15,10 @@ import numpy as np
 
 import skelsplat as sk
 from skelsplat._arrays import Array, Index, median, medians
-from skelsplat._words import capitalised, listed, percent
+from skelsplat._words import capitalised, listed, percent, px
 from skelsplat.cameras import altered, matrix_from_vector
 from skelsplat.findings import Finding, Subject
 from skelsplat.layouts import mirror_images
-from skelsplat.rig_check._report import px
 from skelsplat.rig_check._scene import Scene
 from skelsplat.rig_check._whole import CHANGES, Change, resizer
 

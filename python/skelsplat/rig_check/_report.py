@@ -90,11 +90,6 @@ class RigReport:
         return tuple(name for finding in found for name in finding.subject.cameras)
 
 
-def px(error: float | None, digits: int = 1) -> str:
-    """Return an error in pixels as text."""
-    return f"{error:.{digits}f} px" if error is not None and error < float("inf") else "too large to measure"
-
-
 def solved(scene: Scene, layout: sk.Layout | None = None) -> sk.Refinement:
     """Refine the judged frames; with a layout also where left and right are swapped."""
     with warnings.catch_warnings():

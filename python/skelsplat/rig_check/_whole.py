@@ -23,11 +23,10 @@ import numpy as np
 import skelsplat as sk
 from skelsplat._arrays import Array, median
 from skelsplat._skelsplat import implausible_extent
-from skelsplat._words import capitalised, listed, metric
+from skelsplat._words import capitalised, listed, metric, px
 from skelsplat.cameras import MM_PER_UNIT, altered
 from skelsplat.findings import Finding, Subject
 from skelsplat.rig_check._people import judge
-from skelsplat.rig_check._report import px
 from skelsplat.rig_check._scene import Scene, in_mm, named, some_frames
 
 Change = Callable[[Array, tuple[int, int]], Array]

@@ -12,13 +12,13 @@ import numpy as np
 import skelsplat as sk
 from skelsplat._arrays import Array, Index
 from skelsplat._clocks import parted, rounded
-from skelsplat._words import listed, with_bar
+from skelsplat._words import listed, px, with_bar
 from skelsplat.association import take_people
 from skelsplat.exceptions import DatasetError
 from skelsplat.findings import Finding, Remedy, Subject, collected_warnings, warn
 from skelsplat.io import DetectionSet
 from skelsplat.io.detections import cameras_called
-from skelsplat.rig_check import ReadAs, RigReport, check_rig, px
+from skelsplat.rig_check import ReadAs, RigReport, check_rig
 from skelsplat.run.by_everybody import adjust_by_everybody
 from skelsplat.run.job import Job
 from skelsplat.run.person import EVERYBODY, check_slot, pick_places
@@ -243,9 +243,11 @@ def findings_of(found: sk.RigAdjustment, mm_per_unit: float, read_as: ReadAs) ->
         if one.status in ("late", "adjusted") and _clock_known(one):
             yield _late(subject, numbers, _offset(one, read_as), read_as)
         if one.status == "unseen" and len(found.report) > 2:
-            sentence = f"{one.name} sees too few of the joints that other cameras see, so it was not judged "
-            sentence += "and not adjusted."
-            yield Finding("camera_unseen", "warning", subject, sentence=sentence)
+            unseen = (
+                f"{one.name} sees too few of the joints that other cameras see, so it was not judged and "
+            )
+            unseen += "not adjusted."
+            yield Finding("camera_unseen", "warning", subject, sentence=unseen)
     doubtful = [*found.of("doubtful"), *(one for one in found.of("late") if not _clock_known(one))]
     if doubtful:
         suspected = [{**numbers_of(one, mm_per_unit), "offset": _offset(one, read_as)} for one in doubtful]
@@ -318,7 +320,9 @@ def _doubtful(suspected: list[dict[str, Any]], besides: list[str]) -> Finding:
     if besides:
         remedy = [Remedy("move", name) for name in (*besides, "NAME")]
         sentence = f"Another camera is wrong as well, most likely {listed(ways, 'or')}. It was not adjusted: "
-        sentence += "more than half of the cameras have to stay. If you know which were moved, name all of "
+        sentence += (
+            "more than half of the cameras have to stay. If you know which were moved, name all of them."
+        )
     elif len(ways) == 1:
         sentence = f"{ways[0]} disagrees with the other cameras, and this recording does not tell how it is "
         sentence += "wrong: it was not adjusted. The person has to walk through more of the room."

@@ -66,18 +66,22 @@ def find_displaced(
     numbers = {"cameras": len(names), **shift_of(names, shifts, first, displaced[1:])}
     numbers["median_error_px"] = float(shifts.error[first])
     leave = len(names) > 2 and names[first] not in unfit
-    whose = f"{names[first]}'s calibration or timing looks wrong"
-    whose += ", or that of another of the three" if len(names) == 3 else ""
+    name, whose = names[first], "its"
+    wrong = f"{name}'s calibration or timing looks wrong"
     if len(names) == 2:
-        whose = "Calibration or timing of one of the two cameras looks wrong, it is impossible to tell which"
+        wrong = "Calibration or timing of one of the two cameras looks wrong, it is impossible to tell which"
+    elif len(names) == 3:
+        wrong += ", or that of another of the three"
+    if len(names) <= 3:
+        whose = f"{name}'s"
     yield Finding(
         "camera_displaced",
         "warning",
         Subject(cameras=(names[first],)),
         numbers,
         (Remedy("without", names[first]),) if leave else (),
-        sentence=f"{whose}: {names[first]}'s detections are shifted by {to_one_side(numbers)}. Check the "
-        "cameras to find the cause.",
+        sentence=f"{wrong}: {whose} detections are shifted by {to_one_side(numbers)}. Check the cameras to "
+        "find the cause.",
     )
 
 

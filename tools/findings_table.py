@@ -1,0 +1,108 @@
+"""Write the table of all findings into docs/errors.md, from the calls that make them.
+
+    python tools/findings_table.py          # write it
+    python tools/findings_table.py check    # status 1 if the page differs
+
+Every call `Finding(kind, severity, …, sentence=…)` of the package is read from the source: sentences with "…"
+in place of what is filled in. A kind that is made in several places has all its sentences.
+"""
+
+from __future__ import annotations
+
+import ast
+import re
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+ROOT = Path(__file__).parents[1]
+PAGE = ROOT / "docs" / "errors.md"
+PACKAGE = ROOT / "python" / "skelsplat"
+BEGIN, END = "<!-- findings: every kind, generated from the calls that make them -->\n", "<!-- /findings -->"
+FIELDS = ("kind", "severity", "subject", "numbers", "remedy", "sentence")
+SEVERITIES = ("error", "warning", "note")
+Found = tuple[str, str, str]
+
+
+def texts(node: ast.expr | None, names: dict[str, list[ast.expr]], depth: int = 0) -> list[str]:
+    """Return what an expression may be as text, "…" for what only the program knows."""
+    if isinstance(node, ast.Constant) and isinstance(node.value, str):
+        return [node.value]
+    if isinstance(node, ast.FormattedValue):
+        inside = texts(node.value, names, depth)
+        return inside if len(inside) == 1 else ["…"]
+    if isinstance(node, ast.JoinedStr):
+        return ["".join(texts(part, names, depth)[0] for part in node.values)]
+    if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Add):
+        return [a + b for a in texts(node.left, names, depth) for b in texts(node.right, names, depth)]
+    if isinstance(node, ast.IfExp):
+        return [*texts(node.body, names, depth), *texts(node.orelse, names, depth)]
+    if isinstance(node, ast.Name) and node.id in names and depth < 2:
+        return [text for value in names[node.id] for text in texts(value, names, depth + 1)]
+    return ["…"]
+
+
+def assigned(function: ast.AST) -> dict[str, list[ast.expr]]:
+    """Return the values that the names of a function may have; what is added belongs to the value before."""
+    names: dict[str, list[ast.expr]] = {}
+    statements = (node for node in ast.walk(function) if isinstance(node, ast.Assign | ast.AugAssign))
+    for node in sorted(statements, key=lambda one: one.lineno):
+        target = node.targets[0] if isinstance(node, ast.Assign) else node.target
+        if isinstance(target, ast.Name) and isinstance(node, ast.Assign):
+            names.setdefault(target.id, []).append(node.value)
+        elif isinstance(target, ast.Name) and names.get(target.id):
+            names[target.id].append(ast.BinOp(names[target.id].pop(), ast.Add(), node.value))
+    return names
+
+
+def is_finding(node: ast.AST) -> bool:
+    """Whether a node calls `Finding`."""
+    return isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "Finding"
+
+
+def findings_of(path: Path) -> Iterator[Found]:
+    """Yield kind, severity and sentence of every finding that a file makes."""
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    functions = [node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)]
+    for function in functions:
+        names = assigned(function)
+        for call in (node for node in ast.walk(function) if is_finding(node)):
+            given = dict(zip(FIELDS, call.args, strict=False))
+            given |= {one.arg: one.value for one in call.keywords}
+            severities = texts(given["severity"], names) if "severity" in given else ["warning"]
+            for kind in texts(given["kind"], names):
+                severity = "/".join(one for one in SEVERITIES if one in severities)
+                for sentence in texts(given.get("sentence"), names):
+                    yield kind, severity, sentence
+
+
+def table() -> str:
+    """Return the table, sorted by kind."""
+    rows: dict[str, tuple[set[str], list[str]]] = {}
+    for path in sorted(PACKAGE.rglob("*.py")):
+        for kind, severity, sentence in findings_of(path):
+            severities, sentences = rows.setdefault(kind, (set(), []))
+            severities |= set(severity.split("/"))
+            words = re.sub(r"…([. ]*…)+", "…", sentence).replace("|", "\\|")
+            if words not in sentences:
+                sentences.append(words)
+    lines = ["| kind | severity | sentence |", "|---|---|---|"]
+    for kind, (severities, sentences) in sorted(rows.items()):
+        shown = ", ".join(one for one in SEVERITIES if one in severities)
+        lines.append(f"| `{kind}` | {shown} | {'<br>'.join(sentences)} |")
+    return "\n".join(lines) + "\n"
+
+
+def main(check: bool) -> int:
+    """Write the page, or compare it; 1 if it differs."""
+    page = PAGE.read_text(encoding="utf-8")
+    head, _, rest = page.partition(BEGIN)
+    current = f"{head}{BEGIN}\n{table()}\n{END}{rest.partition(END)[2]}"
+    if check:
+        return int(page != current)
+    PAGE.write_text(current, encoding="utf-8")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main("check" in sys.argv[1:]))
