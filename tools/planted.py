@@ -486,9 +486,9 @@ SILENT = (
     Fault(
         "truth in other units is not converted",
         "wrong unit",
-        "return own, MM_PER_UNIT[unit] * truth, path",
-        "return own, truth, path",
-        (UNIT + "datasets/test_panoptic.py",),
+        "MM_PER_UNIT[unit] * truth, given.path",
+        "truth, given.path",
+        (UNIT + "datasets/test_others.py",),
     ),
     Fault(
         "the first frames of every part of a long recording are drawn",

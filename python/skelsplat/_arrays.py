@@ -114,6 +114,23 @@ def corners(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[n
     return low, np.where(there, points, -np.inf).max(axis=-2, initial=-np.inf)
 
 
+def largest_slots(people: NDArray[np.float64], owner: NDArray[Any], n_people: int) -> NDArray[np.int64]:
+    """Return the place in P of each person, (Q, T, M), from owners (T, M, P) of detections (T, M, P, N, 3).
+
+    −1 = not detected. Of two parts of a person it is the larger.
+    """
+    joints = np.isfinite(people[..., 0]).sum(axis=-1)
+    own = (owner == np.arange(n_people)[:, None, None, None]) & (joints > 0)
+    place: NDArray[np.int64] = np.where(own, joints, 0).argmax(axis=-1)
+    return np.where(own.any(axis=-1), place, -1)
+
+
+def at_slots(people: NDArray[np.float64], slots: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Return the detections of each person, (Q, T, M, N, 3), from their places in P; NaN for no place."""
+    frame, view = np.arange(slots.shape[1])[:, None], np.arange(slots.shape[2])
+    return np.where((slots >= 0)[..., None, None], people[frame, view, slots], np.nan)
+
+
 class ArrayFields:
     """A dataclass whose fields of the type `Array` hold what `numbers` makes of what they are given."""
 

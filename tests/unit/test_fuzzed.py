@@ -15,11 +15,10 @@ from array_forms import LAYOUT, PIXELS, POSES, RIG, SEEN
 from command_line import assert_fails, invoke
 from pose_sample import sample
 from skelsplat import datasets, synthetic
-from skelsplat.datasets._files import as_numbers
-from skelsplat.datasets._rig import camera_at_centre
-from skelsplat.datasets._shelf_campus import _actor
+from skelsplat.datasets._files import Value, camera_at_centre
 from skelsplat.datasets.human36m._adafuse import _misfit, _world
 from skelsplat.datasets.panoptic import _bodies
+from skelsplat.datasets.shelf_campus import _actor
 from skelsplat.datasets.synthetic import write_simulated
 from skelsplat.evaluation import baselines
 from skelsplat.io import read_calibration, read_pose, write_pose
@@ -142,7 +141,7 @@ def test_actors_of_shelf_beyond_numbers_are_read_without_a_warning():
     cells = np.empty(1, object)
     cells[0] = np.full((14, 3), 1e306)
     with np.errstate(all="raise"):
-        _, _, joints = _actor(Path("a.mat"), "actor3D{1}", cells, 14)
+        _, joints = _actor(Path("a.mat"), "actor3D{1}", cells, 14)
     assert np.isinf(joints).all()  # which the take refuses
 
 
@@ -155,7 +154,7 @@ def test_boxes_of_data_sets_beyond_numbers_name_the_file_of_the_truth():
 
 def test_complex_numbers_of_data_sets_are_no_coordinates(tmp_path):
     with pytest.raises(sk.DatasetError, match="x: expected real numbers, got an array of complex128"):
-        as_numbers(tmp_path, "x", np.ones(3, complex))
+        Value(tmp_path, "x", np.ones(3, complex)).array()
 
 
 def test_occluders_over_a_body_without_joints():
@@ -184,7 +183,7 @@ def test_people_in_a_memory_view_are_an_array():
 def test_poses_of_adafuse_that_are_far_away_name_their_file():
     poses, pixels = np.full((1, len(RIG), 17, 3), 1e40), np.zeros((1, len(RIG), 17, 2))
     with pytest.raises(sk.DatasetError, match=r"^a\.pkl: points.*: expected values within ±1e30, got "):
-        _world(Path("a.pkl"), "S9/Walking", poses, pixels, RIG)
+        _world(Value(Path("a.pkl"), "S9/Walking", poses), pixels, RIG)
 
 
 def test_pixels_of_adafuse_that_are_far_away_are_no_warning():
@@ -232,7 +231,7 @@ def test_numbers_of_nan_that_signal_are_missing(tmp_path):
     signals = np.array([0x7FA00000], np.uint32).view(np.float32)
     with np.errstate(all="raise"):
         assert np.isnan(of_file(tmp_path, "x", signals)).all()
-        assert np.isnan(as_numbers(tmp_path, "x", signals)).all()
+        assert np.isnan(Value(tmp_path, "x", signals).array()).all()
 
 
 def test_a_lens_that_leaves_the_numbers_is_not_plausible():
@@ -329,4 +328,4 @@ def test_a_camera_of_a_calibration_at_1e308_is_no_warning(tmp_path):
 def test_a_camera_of_a_data_set_at_1e308():
     entry = {"R": np.eye(3).tolist(), "T": [1e308] * 3, "fx": 1, "fy": 1, "cx": 0, "cy": 0}
     with pytest.raises(sk.DatasetError, match=r"T: expected 3 numbers within ±1e\+30, got"):
-        camera_at_centre(Path("a.json"), "a", entry, size=(9, 9), name="a")
+        camera_at_centre(Value(Path("a.json"), "a", entry), size=(9, 9), name="a")

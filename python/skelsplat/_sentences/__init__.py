@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import asdict
 from typing import TYPE_CHECKING
 
-from skelsplat._sentences import arrays, datasets, run
+from skelsplat._sentences import arrays, run
 
 if TYPE_CHECKING:
     from skelsplat.findings import Finding
@@ -21,7 +21,6 @@ Sentence = str | Callable[["Finding"], str]
 ORIGINS: tuple[Mapping[str, Sentence], ...] = (
     arrays.SENTENCES,
     run.SENTENCES,
-    datasets.SENTENCES,
 )
 SENTENCES: dict[str, Sentence] = {kind: form for origin in ORIGINS for kind, form in origin.items()}
 

@@ -96,10 +96,10 @@ def list_(quiet: _NamesOnly = False, as_json: options.AsJson = False) -> None:
     entries = [
         {
             "name": name,
-            "description": registry.reader(name).DESCRIPTION,
-            "options": list(registry.options_of(name)),
+            "description": reader.description,
+            "options": list(reader.options),
         }
-        for name in datasets.names()
+        for name, reader in registry.READERS.items()
     ]
     if as_json:
         print_json(entries)

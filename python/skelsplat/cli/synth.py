@@ -11,7 +11,7 @@ from skelsplat import synthetic
 from skelsplat.cli import options
 from skelsplat.cli.output import print_json, say
 from skelsplat.datasets.synthetic import write_simulated
-from skelsplat.synthetic.people_sets import PEOPLE_SET, SceneSet
+from skelsplat.synthetic.people_sets import PEOPLE_SET
 from skelsplat.synthetic.sets import RecordingSet
 
 NAMES = (*synthetic.set_names, PEOPLE_SET)
@@ -73,31 +73,24 @@ def synth(
     """
     options.one_of("NAME", name, NAMES)
     given = {"people": people, "views": views, "scenes": scenes, "frames": frames}
-    data = _simulated(name, poses, seed, {key: value for key, value in given.items() if value is not None})
+    made = {key: value for key, value in given.items() if value is not None}
+    if name == PEOPLE_SET and poses is not None:
+        message = f"does not apply to {PEOPLE_SET}; the length of its scenes is given with --frames"
+        raise typer.BadParameter(message, param_hint="--poses")
+    for key in made if name != PEOPLE_SET else ():
+        raise typer.BadParameter(f"does not apply to {name}, only to {PEOPLE_SET}", param_hint=f"--{key}")
+    if name == PEOPLE_SET:
+        data: RecordingSet[Any] = synthetic.simulate_people_set(**{**_DEFAULTS, **made}, seed=seed)
+        number = data.parameters["scenes"]
+        length = f"{number} scene{'s' * (number != 1)} of {data.parameters['frames']} frames"
+        what = f"{data.parameters['people']} people, {data.parameters['views']} views, {length}"
+    else:
+        data = synthetic.simulate_set(name, poses=poses, seed=seed)
+        what = f"{data.parameters['poses']} poses in {len(data.recordings)} takes"
     write_simulated(root, data, openpose=openpose, force=force)
-    takes, what = _counted(data)
     if as_json:
-        print_json({"folder": str(root), "name": name, "takes": takes, "parameters": data.parameters})
+        about = {"name": name, "takes": len(data.recordings), "parameters": data.parameters}
+        print_json({"folder": str(root), **about})
     elif not quiet:
         detectors = " and ".join(data.parameters["detectors"])
         say(f"{root}: {name} (simulated), {what}, detectors {detectors}, seed {seed}")
-
-
-def _simulated(name: str, poses: int | None, seed: int, given: dict[str, int]) -> RecordingSet | SceneSet:
-    if name != PEOPLE_SET:
-        for key in given:
-            raise typer.BadParameter(f"does not apply to {name}, only to {PEOPLE_SET}", param_hint=f"--{key}")
-        return synthetic.simulate_set(name, poses=poses, seed=seed)
-    if poses is not None:
-        message = f"does not apply to {PEOPLE_SET}; the length of its scenes is given with --frames"
-        raise typer.BadParameter(message, param_hint="--poses")
-    return synthetic.simulate_people_set(**{**_DEFAULTS, **given}, seed=seed)
-
-
-def _counted(data: RecordingSet | SceneSet) -> tuple[int, str]:
-    """Return the number of takes, and what is in them in words."""
-    about = data.parameters
-    if isinstance(data, RecordingSet):
-        return len(data.recordings), f"{about['poses']} poses in {len(data.recordings)} takes"
-    takes = f"{about['scenes']} scene{'s' * (about['scenes'] != 1)} of {about['frames']} frames"
-    return about["scenes"], f"{about['people']} people, {about['views']} views, {takes}"

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from skelsplat.datasets._files import Survey
-from skelsplat.datasets._model import Dataset, Take
-from skelsplat.datasets._people import PeopleTake
+from skelsplat.datasets._model import Dataset, PeopleTake, Take
 from skelsplat.datasets._registry import Report, check, names, read
 from skelsplat.datasets._verify import verify
 

@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -20,16 +20,22 @@ import numpy as np
 
 from skelsplat._arrays import Array, Index
 from skelsplat._skelsplat import Layout
-from skelsplat.datasets._files import a_table, as_numbers, find, load_json, load_npz, numbers, require
+from skelsplat.datasets._files import MissingFileError, Survey, Value, load_json, load_npz
 from skelsplat.exceptions import DatasetError
-from skelsplat.io._arrays import frame_numbers
 
-KEYS_2D = ("poses", "poses2d")
+KEYS_2D = ("poses", "poses2d", "detections")
 """Keys of 2D poses in the authors' files; the first that is there counts."""
 KEYS_3D = ("poses", "poses3d")
 KEY_WORLD = "coords3d_pred_world"  # world poses of a monocular estimator, beside its pixels
+PREFERRED = ("metrabs", "resnet152", "cpn", "resnet50")
+"""Which detector is read if the caller does not say: the first of these that is there, else by name."""
 
 _DETECTORS = {"cpn_ft_h36m_dbb": "cpn", "resnet_152": "resnet152", "resnet_50": "resnet50"}
+
+Places = Sequence[tuple[Path, Sequence[str]]]
+"""Folders in which files may be, and the names that these may have; the first with files counts."""
+Spellings = Sequence[Sequence[str]]
+"""For each view, the names that its folder may have."""
 
 
 @dataclass(frozen=True)
@@ -45,50 +51,67 @@ class Wanted:
 def detector_name(text: str) -> str:
     """Return the short name of a detector: ``"2d_ResNet-152"`` → ``"resnet152"``."""
     name = re.sub(r"^(data_)?2d_(h36m_)?", "", text.lower())
-    name = _DETECTORS.get(name, name)
-    return re.sub(r"[^a-z0-9_]", "", name)
+    return re.sub(r"[^a-z0-9_]", "", _DETECTORS.get(name, name))
 
 
-def as_detections(path: Path, field: str, value: Any, wanted: Wanted) -> Array:
+def detectors_of(root: Path) -> dict[str, Path]:
+    """Return the folders ``2d_DETECTOR`` by the name of the detector."""
+    return {detector_name(path.name): path for path in sorted(root.glob("2d_*")) if path.is_dir()}
+
+
+def choose_detector(survey: Survey, there: dict[str, Path], wanted: str | None, usual: Path) -> str | None:
+    """Return the detector to read; None if there is none, whose detections would be at `usual`."""
+    if wanted is None:
+        known = [name for name in PREFERRED if name in there]
+        chosen = next(iter([*known, *sorted(there, key=lambda name: name == "gt")]), None)
+        if chosen is None:
+            survey.lacks([usual], "detections")
+        return chosen
+    if detector_name(wanted) not in there:
+        survey.lacks([usual.parent / f"2d_{wanted}"], "detections")
+        expected, got = f"detections of {detector_name(wanted)}", ", ".join(there) or "none"
+        raise DatasetError(usual.parent, "detector", expected, f"only {got}")
+    return detector_name(wanted)
+
+
+def detections_of(
+    survey: Survey, root: Path, detector: str | None, given: Path | str | None, usual: str
+) -> tuple[Path | None, str | None]:
+    """Return ``2d_DETECTOR/S0`` of a data set whose only subject is S0, or the folder `given`, and DETECTOR.
+
+    If no detector is named it is chosen as for Human3.6M; None if there is none.
+    """
+    if given is not None:
+        name = None if detector is None else detector_name(detector)
+        return survey.find([Path(given)], "folder of detections"), name
+    there = detectors_of(root)
+    name = choose_detector(survey, there, detector, root / f"2d_{usual}")
+    return None if name is None else survey.find([there[name] / "S0"], f"detections of {name}"), name
+
+
+def as_detections(pixels: Value, wanted: Wanted) -> Array:
     """Return (T, M, N, 3) from pixels with or without confidence; missing = NaN, NaN, 0.
 
     Takes pixels that are not finite, the pixel (0, 0) and a confidence of 0 as missing; a confidence above 1
     counts as 1.
     """
-    array = as_numbers(path, field, value)
+    array = pixels.array()
     if array.ndim != 4 or array.shape[-1] not in (2, 3):
-        raise DatasetError(path, field, "pixels (frames, views, joints, 2 or 3)", f"shape {array.shape}")
-    joints = f"{wanted.layout.n_joints} joints of {wanted.layout.name}"
+        raise pixels.error("pixels (frames, views, joints, 2 or 3)", f"shape {array.shape}")
     counts = (
-        (array.shape[0], len(wanted.frames), f"{len(wanted.frames)} frames as in the truth of {wanted.key}"),
-        (array.shape[1], len(wanted.views), f"{len(wanted.views)} views ({', '.join(wanted.views)})"),
-        (array.shape[2], wanted.layout.n_joints, joints),
+        (len(wanted.frames), f"{len(wanted.frames)} frames as in the truth of {wanted.key}"),
+        (len(wanted.views), f"{len(wanted.views)} views ({', '.join(wanted.views)})"),
+        (wanted.layout.n_joints, f"{wanted.layout.n_joints} joints of {wanted.layout.name}"),
     )
-    for got, want, expected in counts:
+    for got, (want, expected) in zip(array.shape, counts, strict=False):
         if got != want:
-            raise DatasetError(path, field, expected, f"{got} (shape {array.shape})")
-    pixels = array[..., :2]
+            raise pixels.error(expected, f"{got} (shape {array.shape})")
     confidence = np.nan_to_num(array[..., 2]) if array.shape[-1] == 3 else np.ones(array.shape[:-1])
-    missing = ~np.isfinite(pixels).all(axis=-1) | (pixels == 0.0).all(axis=-1) | (confidence <= 0.0)
-    out = np.concatenate([pixels, np.clip(confidence, 0.0, 1.0)[..., None]], axis=-1)
+    array = array[..., :2]
+    missing = ~np.isfinite(array).all(axis=-1) | (array == 0.0).all(axis=-1) | (confidence <= 0.0)
+    out = np.concatenate([array, np.clip(confidence, 0.0, 1.0)[..., None]], axis=-1)
     out[missing] = (np.nan, np.nan, 0.0)
     return out
-
-
-PREFERRED = ("metrabs", "resnet152", "cpn", "resnet50")
-"""Which detector is read if the caller does not say: the first of these that is there, else by name."""
-
-
-def choose_detector(there: dict[str, Path], wanted: str | None, folder: Path) -> str | None:
-    """Return the detector to read, None if there is none."""
-    if wanted is not None:
-        if wanted not in there:
-            raise DatasetError(
-                folder, "detector", f"detections of {wanted}", f"only {', '.join(there) or 'none'}"
-            )
-        return wanted
-    known = [name for name in PREFERRED if name in there]
-    return next(iter([*known, *sorted(there, key=lambda name: name == "gt")]), None)
 
 
 def poses_file(folder: Path, stems: Sequence[str] = ("poses",)) -> Path | None:
@@ -97,45 +120,50 @@ def poses_file(folder: Path, stems: Sequence[str] = ("poses",)) -> Path | None:
     return next((path for path in paths if path.is_file()), None)
 
 
-def load_poses(path: Path) -> dict[str, Any]:
+def load_poses(path: Path) -> Value:
     """Return the table in an npz or JSON file."""
     content = load_npz(path) if path.suffix == ".npz" else load_json(path)
-    return a_table(path, "JSON", content, "a table of arrays")
+    content.table("a table of arrays")
+    return content
 
 
-def first_key(path: Path, content: dict[str, Any], keys: Sequence[str]) -> tuple[str, Any]:
-    """Return the first of `keys` that the content of a file has, and what is under it."""
-    for key in keys:
-        if key in content:
-            return key, content[key]
-    there = ", ".join(content) or "nothing"
-    raise DatasetError(path, keys[0], f"one of the keys {', '.join(keys)}", f"only {there}")
+def read_truth(
+    survey: Survey, folder: Path, n_joints: int, stems: Sequence[str]
+) -> tuple[Value, Array, Index | None]:
+    """Return the joints (T, N, 3) of the file in a folder, as it has them and checked, and its ``frames``."""
+    path = poses_file(folder, stems) or survey.find([folder / f"{stems[-1]}.npz"], "truth")
+    content = load_poses(survey.found(path))
+    truth = content.first(*KEYS_3D)
+    return truth, truth.numbers("T", n_joints, 3), content["frames"].frames() if "frames" in content else None
 
 
-def with_scores(path: Path, array: Array, content: dict[str, Any]) -> Array:
-    """Return pixels (…, 2) with the ``scores`` of their file as confidence, if it has them."""
-    if "scores" not in content or array.shape[-1:] != (2,):
-        return array
-    scores = as_numbers(path, "scores", content["scores"])
-    if scores.size != math.prod(array.shape[:-1]):
-        raise DatasetError(path, "scores", f"shape {array.shape[:-1]}", scores.shape)
-    return np.concatenate([array, scores.reshape(*array.shape[:-1], 1)], axis=-1)
-
-
-def read_truth(path: Path, n_joints: int) -> tuple[str, Array, Index | None]:
-    """Return key and values of the joints (T, N, 3) of a file, and its ``frames`` (T,), if it has them."""
-    content = load_npz(path)
-    key = next((key for key in KEYS_3D if key in content), KEYS_3D[-1])
-    truth = numbers(path, key, require(path, "", content, key), ("T", n_joints, 3))
-    return key, truth, frame_numbers(path, content["frames"]) if "frames" in content else None
-
-
-Spellings = Sequence[Sequence[str]]
-"""For each view, the names that its folder may have."""
+def files_of_views(survey: Survey, places: Places, spellings: Spellings, what: str) -> list[Path]:
+    """Return the one file with all views, or the file of each view."""
+    for folder, stems in places:
+        together = poses_file(folder, stems)
+        if together is not None:
+            return [survey.found(together)]
+        paths = [
+            next((path for name in names if (path := poses_file(folder / name, stems)) is not None), None)
+            for names in spellings
+        ]
+        if any(paths):
+            break
+    else:
+        folder, stems = places[0]
+        raise survey.lacks([folder / f"{stems[0]}.npz"], what)
+    errors: list[MissingFileError] = []
+    for path, names in zip(paths, spellings, strict=True):
+        if path is None:
+            errors.append(survey.lacks([folder / names[0] / f"{stems[0]}.npz"], f"{what}, camera {names[0]}"))
+    if errors:
+        raise errors[0]
+    return [survey.found(path) for path in paths if path is not None]
 
 
 def read_apart(
-    places: Sequence[tuple[Path, Sequence[str]]],
+    survey: Survey,
+    places: Places,
     wanted: Wanted,
     spellings: Spellings | None = None,
     *,
@@ -145,13 +173,13 @@ def read_apart(
 
     Parameters
     ----------
-    places : sequence of (folder, stems)
-        The first with files counts: ``STEM.npz`` or ``STEM.json`` with all views, or one folder per view with
-        it. Of several stems the first that is there counts.
+    survey : Survey
+    places : Places
+        ``STEM.npz`` or ``STEM.json`` with all views, or one folder per view with it.
     wanted : Wanted
         The take's frames, views and joints. A file without ``frames`` must have as many as these.
     spellings : Spellings, optional
-        Without it the names of the views.
+        By default the names of the views.
     by_frame : bool
         Whether ``frames`` in a file counts, which may be some of the take's.
 
@@ -159,53 +187,40 @@ def read_apart(
     -------
     detections (S, M, N, 3), places in `wanted.frames` (S,), file or folder
     """
-    for folder, stems in places:
-        together = poses_file(folder, stems)
-        if together is not None:
-            return (*_one_file(together, wanted, by_frame=by_frame), together)
-        paths = _of_views(folder, stems, spellings or [[name] for name in wanted.views])
-        if any(paths):
-            break
-    else:
-        folder, stems = places[0]
-        expected = f"detections of {wanted.key}"
-        raise DatasetError(folder / f"{stems[0]}.npz", "file", expected, "nothing in this place")
-    parts = []
-    for path, name in zip(paths, wanted.views, strict=True):
-        if path is None:
-            missing = folder / name / f"{stems[0]}.npz"
-            raise DatasetError(missing, "file", f"detections of camera {name}", "no file (nor JSON)")
-        one_view = Wanted(wanted.key, wanted.frames, (name,), wanted.layout)
-        parts.append(_one_file(path, one_view, by_frame=by_frame))
+    names = spellings or [[name] for name in wanted.views]
+    paths = files_of_views(survey, places, names, f"detections of {wanted.key}")
+    if len(paths) == 1:
+        return (*_one_file(paths[0], wanted, by_frame=by_frame), paths[0])
+    parts = [
+        _one_file(path, replace(wanted, views=(name,)), by_frame=by_frame)
+        for path, name in zip(paths, wanted.views, strict=True)
+    ]
     common = parts[0][1]
     for _, own in parts[1:]:
         common = np.intersect1d(common, own)
     if not len(common):
-        raise DatasetError(next(filter(None, paths)), "frames", "frames that all views have", "none")
+        raise DatasetError(paths[0], "frames", "frames that all views have", "none")
     views = [values[np.searchsorted(own, common)] for values, own in parts]
-    return np.concatenate(views, axis=1), common, folder
-
-
-def _of_views(folder: Path, stems: Sequence[str], spellings: Spellings) -> list[Path | None]:
-    """Return the file of each view."""
-    return [
-        next((path for name in names if (path := poses_file(folder / name, stems)) is not None), None)
-        for names in spellings
-    ]
+    return np.concatenate(views, axis=1), common, paths[0].parent.parent
 
 
 def _one_file(path: Path, wanted: Wanted, *, by_frame: bool) -> tuple[Array, Index]:
     """Return the detections of a file and their places in the take's frames."""
     content = load_poses(path)
-    key, value = first_key(path, content, (*KEYS_2D, "detections"))
-    array = as_numbers(path, key, value)
+    pixels = content.first(*KEYS_2D)
+    array = pixels.array()
     if len(wanted.views) == 1 and array.ndim == 3:
         array = array[:, None]
-    array = with_scores(path, array, content)
+    if "scores" in content and array.shape[-1:] == (2,):
+        scores = content["scores"].array()
+        if scores.size != math.prod(array.shape[:-1]):
+            raise content["scores"].error(f"shape {array.shape[:-1]}", scores.shape)
+        array = np.concatenate([array, scores.reshape(*array.shape[:-1], 1)], axis=-1)
+    pixels = replace(pixels, content=array)
     if "frames" not in content or not by_frame:
-        return as_detections(path, key, array, wanted), np.arange(len(wanted.frames))
-    frames = frame_numbers(path, content["frames"])
-    detections = as_detections(path, key, array, Wanted(wanted.key, frames, wanted.views, wanted.layout))
+        return as_detections(pixels, wanted), np.arange(len(wanted.frames))
+    frames = content["frames"].frames()
+    detections = as_detections(pixels, replace(wanted, frames=frames))
     common, places, mine = np.intersect1d(wanted.frames, frames, return_indices=True)
     if not len(common):
         span = f"some of the frames of {wanted.key} ({wanted.frames[:1]} to {wanted.frames[-1:]})"
@@ -214,40 +229,15 @@ def _one_file(path: Path, wanted: Wanted, *, by_frame: bool) -> tuple[Array, Ind
 
 
 def read_world(
-    folder: Path,
-    stems: Sequence[str],
-    shape: tuple[int, int],
-    spellings: Spellings,
-    what: str = "world poses",
+    survey: Survey, places: Places, shape: tuple[int, int], spellings: Spellings, what: str = "world poses"
 ) -> Array:
     """Read world poses (T, V, N, 3): one per view, or one in all that is fused already (V = 1).
 
-    `shape` is (T, N); `what` names them if they are missing; else as for `read_apart`.
+    `shape` is (T, N).
     """
-    together = poses_file(folder, stems)
-    paths = [together] if together else _of_views(folder, stems, spellings)
-    views = []
-    for path, names in zip(paths, spellings, strict=False):
-        if path is None:
-            raise DatasetError(folder / names[0] / f"{stems[0]}.npz", "file", what, "no file")
-        key, value = first_key(path, load_poses(path), (KEY_WORLD, *KEYS_3D))
-        views.append(numbers(path, key, value, (*shape, 3)))
+    paths = files_of_views(survey, places, spellings, what)
+    views = [load_poses(path).first(KEY_WORLD, *KEYS_3D).numbers(*shape, 3) for path in paths]
     return np.stack(views, axis=1)
-
-
-def detections_of(
-    root: Path, detector: str | None, given: Path | str | None
-) -> tuple[Path | None, str | None]:
-    """Return ``2d_DETECTOR/S0`` of a data set whose only subject is S0, or the folder `given`, and DETECTOR.
-
-    If no detector is named it is chosen as for Human3.6M; None if there is none.
-    """
-    wanted = None if detector is None else detector_name(detector)
-    if given is not None:
-        return find([Path(given)], "folder of detections"), wanted
-    there = {detector_name(path.name): path / "S0" for path in sorted(root.glob("2d_*")) if path.is_dir()}
-    name = choose_detector(there, wanted, root)
-    return (None, None) if name is None else (find([there[name]], f"detections of {name}"), name)
 
 
 class Separate:
@@ -259,59 +249,50 @@ class Separate:
     def __init__(self, path: Path, spelling: Callable[[str], str]) -> None:
         self.path = path
         self._spelling = spelling
-        self._content: Any = None
-        if path.is_file():
-            self._content = _whole(path)
-        elif not path.is_dir():
-            raise DatasetError(path, "detections", "a folder, an npz or a JSON file", "nothing in this place")
+        self._takes = None if path.is_dir() else _takes_of(path)
 
-    def read(self, subject: str, activity: str, wanted: Wanted) -> tuple[Array, Path] | None:
+    def read(self, survey: Survey, subject: str, activity: str, wanted: Wanted) -> tuple[Array, Path] | None:
         """Return the detections of a take and the file they are in, or None if it has none."""
-        if self._content is None:
-            folder = self._named(self.path / subject, activity)
-            if folder is None:
-                return None
-            values, _, _ = read_apart([(folder, ["poses"])], wanted, by_frame=False)
-            return values, folder
-        takes = a_table(self.path, subject, self._content.get(subject, {}), "a table of activities")
-        for name, value in takes.items():
-            if self._spelling(str(name)) == self._spelling(activity):
-                field = f"{subject}.{name}"
-                return as_detections(self.path, field, _stacked(self.path, field, value), wanted), self.path
-        return None
-
-    def _named(self, folder: Path, activity: str) -> Path | None:
-        if (folder / activity).is_dir():
-            return folder / activity
         same = self._spelling(activity)
-        there = sorted(folder.iterdir()) if folder.is_dir() else []
-        return next((path for path in there if path.is_dir() and self._spelling(path.name) == same), None)
+        if self._takes is not None:
+            named = ((name, at) for name, at in self._takes.get(subject, {}).items())
+            pixels = next((at for name, at in named if self._spelling(str(name)) == same), None)
+            return None if pixels is None else (as_detections(_stacked(pixels), wanted), self.path)
+        folder = self.path / subject
+        there = [path for path in sorted(folder.glob("*")) if path.is_dir()]
+        exact = [path for path in there if path.name == activity]
+        alike = [path for path in there if self._spelling(path.name) == same]
+        if not exact and not alike:
+            return None
+        place = (exact or alike)[0]
+        return read_apart(survey, [(place, ["poses"])], wanted, by_frame=False)[0], place
 
 
-def _whole(path: Path) -> dict[Any, Any]:
+def _takes_of(path: Path) -> dict[Any, dict[Any, Value]]:
     """Return {subject: {activity: value}} of a file with all detections."""
-    if path.suffix == ".json":
-        return a_table(path, "JSON", load_json(path), "a table of subjects")
-    arrays = load_npz(path)
-    if "positions_2d" in arrays:
-        return a_table(path, "positions_2d", arrays["positions_2d"], "a table of subjects")
-    content: dict[str, dict[str, Any]] = {}
-    for key, value in arrays.items():
+    if not path.is_file():
+        raise DatasetError(path, "detections", "a folder, an npz or a JSON file", "nothing in this place")
+    content = load_json(path) if path.suffix == ".json" else load_npz(path)
+    if path.suffix == ".json" or "positions_2d" in content:
+        subjects = content if path.suffix == ".json" else content["positions_2d"]
+        return {name: at.table("activities") for name, at in subjects.table("a table of subjects").items()}
+    found: dict[Any, dict[Any, Value]] = {}
+    for key, at in content.table().items():
         subject, slash, activity = key.partition("/")
         if slash:
-            content.setdefault(subject, {})[activity] = value
-    if not content:
-        raise DatasetError(path, "keys", "positions_2d, or subject/activity", ", ".join(arrays) or "none")
-    return content
+            found.setdefault(subject, {})[activity] = at
+    if not found:
+        raise content.error("positions_2d, or subject/activity", ", ".join(content.keys) or "none")
+    return found
 
 
-def _stacked(path: Path, field: str, value: Any) -> Any:
+def _stacked(pixels: Value) -> Value:
     """Return (T, M, N, 2 or 3) from that, or from a list of one array (T, N, 2 or 3) per view."""
-    if isinstance(value, np.ndarray) and value.dtype == object:
-        value = list(value)
-    if not (isinstance(value, list) and value and isinstance(value[0], np.ndarray)):
-        return value
-    lengths = [len(view) for view in value]
-    if len({view.shape for view in value}) > 1:
-        raise DatasetError(path, field, "as many frames in every view", f"frames {lengths}")
-    return np.stack(value, axis=1)
+    views = pixels.content
+    if isinstance(views, np.ndarray) and views.dtype == object:
+        views = list(views)
+    if not (isinstance(views, list) and views and all(isinstance(view, np.ndarray) for view in views)):
+        return pixels
+    if len({view.shape for view in views}) > 1:
+        raise pixels.error("as many frames in every view", f"shapes {[view.shape for view in views]}")
+    return replace(pixels, content=np.stack(views, axis=1))

@@ -1,90 +1,204 @@
-"""Finding and opening the files of data sets, with errors that name the file and the field."""
+"""What all readers share: the files they look for, the values in these, and cameras made of them.
+
+Every error names the file and the field.
+"""
 
 from __future__ import annotations
 
 import io
-from collections.abc import Sequence
+import warnings
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
-from skelsplat._arrays import Array
+from skelsplat._arrays import FARTHEST, Array, Index
 from skelsplat._budget import read_bytes
-from skelsplat.exceptions import DatasetError
-from skelsplat.io import _arrays
+from skelsplat._skelsplat import Camera
+from skelsplat.cameras import CameraRig
+from skelsplat.exceptions import DatasetError, InvalidInputError
+from skelsplat.io import _arrays, read_calibration
 from skelsplat.io._files import load_json as parse_json_file
 from skelsplat.io._unpickle import unpickle
+
+T = TypeVar("T")
+Item = TypeVar("Item")
+
+
+class MissingFileError(DatasetError):
+    """A file or folder is not there."""
 
 
 @dataclass
 class Survey:
-    """Files of a data set."""
+    """The files that a reader looks for.
+
+    Attributes
+    ----------
+    there : list of Path
+    missing : list of (Path, str)
+        Where a file or folder was expected, and what it would hold.
+    format : str
+        The layout on disk that was chosen or found; "" if the data set has only one.
+    """
 
     there: list[Path] = field(default_factory=list)
-    # list of (Path, str): Where a file or folder was expected, and what it would hold.
     missing: list[tuple[Path, str]] = field(default_factory=list)
-    format: str = ""  # the layout on disk that was chosen or found; "" if the data set has one only
+    format: str = ""
+    strict: bool = True  # whether the first file that is missing ends the reading
+    error: DatasetError | None = None  # the first error of a take that `each` has left out
+    notes: list[str] = field(default_factory=list)  # what was left out or assumed
 
-    def look(self, candidates: Sequence[Path], what: str) -> None:
-        """Note whether one of `candidates` exists."""
-        found = next((path for path in candidates if path.exists()), None)
-        if found is None:
-            self.missing.append((candidates[0], what))
-        else:
-            self.there.append(found)
+    def find(self, candidates: Sequence[Path], what: str) -> Path:
+        """Return the first of `candidates` that exists, or raise `MissingFileError`."""
+        path = next((path for path in candidates if path.exists()), None)
+        if path is None:
+            raise self.lacks(candidates, what)
+        return self.found(path)
 
-    def look_for_detections(
-        self, root: Path, detector: str | None, given: Path | str | None, usual: str
-    ) -> None:
-        """Note whether there are detections of the only subject, S0, or those `given`."""
-        if given is not None:
-            self.look([Path(given)], "detections")
-        else:
-            there = [path / "S0" for path in sorted(root.glob(f"2d_{detector or '*'}"))]
-            self.look(there or [root / f"2d_{detector or usual}" / "S0"], "detections")
+    def found(self, path: Path) -> Path:
+        """Note that a file is there."""
+        if path not in self.there:
+            self.there.append(path)
+        return path
+
+    def lacks(self, candidates: Sequence[Path], what: str) -> MissingFileError:
+        """Note that a file is missing; return the error."""
+        self.missing.append((candidates[0], what))
+        others = ", ".join(map(str, candidates[1:]))
+        return MissingFileError(
+            candidates[0], "file", what, f"nothing there{', nor at ' if others else ''}{others}"
+        )
+
+    def each(self, make: Callable[[Item], T], items: Iterable[Item]) -> Iterator[T]:
+        """Yield what `make` makes of every item; unless `strict`, leave out those with a missing file."""
+        for item in items:
+            try:
+                yield make(item)
+            except MissingFileError as error:
+                if self.strict:
+                    raise
+                self.error = self.error or error
 
 
-def find(candidates: Sequence[Path], what: str) -> Path:
-    """Return the first of `candidates` that exists."""
-    for path in candidates:
-        if path.exists():
-            return path
-    others = ", ".join(str(path) for path in candidates[1:])
-    raise DatasetError(candidates[0], "file", what, f"nothing there{', nor at ' if others else ''}{others}")
+@dataclass(frozen=True, eq=False)
+class Value:
+    """A value in a file and its place there: ``cameras[0].K``; "" is the whole file."""
+
+    path: Path
+    place: str
+    content: Any
+
+    def error(self, expected: object, actual: object) -> DatasetError:
+        """Return the error for this value."""
+        return DatasetError(self.path, self.place or "file", expected, actual)
+
+    @property
+    def keys(self) -> tuple[Any, ...]:
+        """The keys of a dict or structured array; none for anything else."""
+        if isinstance(self.content, np.ndarray | np.void):
+            return tuple(self.content.dtype.names or ())
+        return tuple(self.content) if isinstance(self.content, dict) else ()
+
+    def __contains__(self, key: str) -> bool:
+        return key in self.keys
+
+    def __getitem__(self, key: Any) -> Value:
+        """Return what is under a key, which must be there."""
+        inner = Value(self.path, f"{self.place}.{key}" if self.place else str(key), None)
+        if not isinstance(self.content, dict) and not self.keys:
+            raise self.error(f"a table with the key {key!r}", type(self.content).__name__)
+        if key not in self.keys:
+            there = ", ".join(map(str, self.keys[:8])) or "nothing"
+            raise inner.error("a value under this key", f"none (there are {there})")
+        return Value(self.path, inner.place, self.content[key])
+
+    def first(self, *keys: str) -> Value:
+        """Return the first of `keys` that is there."""
+        return self[next((key for key in keys if key in self), keys[0])]
+
+    def table(self, expected: str = "a table") -> dict[Any, Value]:
+        """Return the values of a dict."""
+        if not isinstance(self.content, dict):
+            raise self.error(expected, type(self.content).__name__)
+        return {key: self[key] for key in self.content}
+
+    def entries(self, expected: str = "a list") -> list[Value]:
+        """Return the entries of a list, tuple or array."""
+        given = self.content
+        if not isinstance(given, list | tuple | np.ndarray) or (
+            isinstance(given, np.ndarray) and not given.ndim
+        ):
+            raise self.error(expected, type(given).__name__)
+        return [Value(self.path, f"{self.place}[{k}]", entry) for k, entry in enumerate(given)]
+
+    def texts(self) -> list[str]:
+        """Return the entries of a list as texts."""
+        return [str(entry.content) for entry in self.entries()]
+
+    def whole(self) -> int:
+        """Return the value as an integer."""
+        try:
+            return int(self.content)
+        except (TypeError, ValueError, OverflowError):
+            raise self.error("a whole number", repr(self.content)[:40]) from None
+
+    def array(self) -> Array:
+        """Return the value as a new array of float64, C order; None is NaN."""
+        if isinstance(self.content, np.ndarray) and self.content.dtype.kind == "c":
+            raise self.error("real numbers", f"an array of {self.content.dtype}")
+        try:
+            with np.errstate(invalid="ignore"):  # of a NaN that signals
+                return np.array(self.content, dtype=np.float64, order="C")
+        except (TypeError, ValueError) as error:
+            raise self.error("numbers in rows of the same length", error) from error
+
+    def numbers(self, *shape: int | str) -> Array:
+        """Return the value as an array of float64 with the given shape.
+
+        `shape` has an integer where the length is fixed and a letter where it is free; the same letter means
+        the same length.
+        """
+        array = self.array()
+        lengths: dict[str, int] = {}
+        fits = array.ndim == len(shape) and all(
+            (lengths.setdefault(want, got) if isinstance(want, str) else want) == got
+            for want, got in zip(shape, array.shape, strict=True)
+        )
+        if not fits:
+            expected = f"shape ({', '.join(map(str, shape))}{',' * (len(shape) == 1)})"
+            raise self.error(expected, array.shape)
+        return array
+
+    def frames(self) -> Index:
+        """Return ascending frame numbers (T,)."""
+        return _arrays.frame_numbers(self.path, self.content)
 
 
-def load_json(path: Path) -> Any:
+def load_json(path: Path) -> Value:
     """Return the value in a JSON file."""
-    return parse_json_file(path, "values of moderate depth")
+    return Value(path, "", parse_json_file(path, "values of moderate depth"))
 
 
-def load_pickle(path: Path) -> Any:
+def load_pickle(path: Path) -> Value:
     """Return the object in a pickle; only data, never code (`unpickle`)."""
-    return unpickle(io.BytesIO(read_bytes(path)), path)
+    return Value(path, "", unpickle(io.BytesIO(read_bytes(path)), path))
 
 
-def load_records(path: Path, expected: str) -> list[Any]:
-    """Return the list in a pickle, which must have entries."""
-    records = load_pickle(path)
-    if not isinstance(records, list) or not records:
-        raise DatasetError(path, "pickle", expected, type(records).__name__)
-    return records
-
-
-def load_npy(path: Path) -> Any:
+def load_npy(path: Path) -> Value:
     """Return the array of an npy file, or the object that is pickled in it alone."""
-    return _content(_arrays.load_npy(path))
+    return Value(path, "", _content(_arrays.load_npy(path)))
 
 
-def load_npz(path: Path, keys: tuple[str, ...] | None = None) -> dict[str, Any]:
+def load_npz(path: Path, keys: tuple[str, ...] | None = None) -> Value:
     """Return the arrays of an npz file by key; a pickled object in place of an array is unpickled safely.
 
-    With `keys`, those alone are read, as far as they are there.
+    With `keys`, only those are read, if they are there.
     """
     found = _arrays.load_npz(path, _arrays.npz_keys(path) if keys is None else keys).found
-    return {key: _content(value) for key, value in found.items()}
+    return Value(path, "", {key: _content(value) for key, value in found.items()})
 
 
 def _content(array: Any) -> Any:
@@ -92,83 +206,90 @@ def _content(array: Any) -> Any:
     return array.item() if array.dtype == object and array.ndim == 0 else array
 
 
-def require(path: Path, field: str, container: Any, key: Any) -> Any:
-    """Return ``container[key]``, where `container` should be a dict or structured array.
+def images_of(path: Path) -> dict[tuple[int, int, int, int], dict[int, Value]]:
+    """Return the records of a pickle of AdaFuse, one per image.
 
-    `field` names the container (``""`` is the file itself).
+    They are grouped by subject, action, subaction and frame, and then by camera.
     """
-    names = container.dtype.names if isinstance(container, np.ndarray | np.void) else None
-    if isinstance(container, dict) or names:
-        if key in (names or container):
-            return container[key]
-        there = ", ".join(map(str, list(names or container)[:8])) or "nothing"
-        raise DatasetError(path, within(field, key), "a value under this key", f"none (there are {there})")
-    raise DatasetError(path, field or "file", f"a table with the key {key!r}", type(container).__name__)
+    found: dict[tuple[int, int, int, int], dict[int, Value]] = {}
+    for record in load_pickle(path).entries("a list of records, one per image"):
+        subject, action, subaction = (record[key].whole() for key in ("subject", "action", "subaction"))
+        views = found.setdefault((subject, action, subaction, record["image_id"].whole()), {})
+        view = record["camera_id"].whole()
+        if view in views:
+            raise record.error("one record per frame and camera", f"another one of camera {view}")
+        views[view] = record
+    if not found:
+        raise DatasetError(path, "file", "a list of records, one per image", "none")
+    return found
 
 
-def whole_number(path: Path, field: str, container: Any, key: Any) -> int:
-    """Return ``container[key]`` as an integer."""
-    value = require(path, field, container, key)
-    try:
-        return int(value)
-    except (TypeError, ValueError, OverflowError):
-        raise DatasetError(path, within(field, key), "a whole number", repr(value)[:40]) from None
+def stacked(rows: Sequence[Sequence[Value]], key: str, *shape: int) -> Array:
+    """Return what the records of every frame and camera have under a key, (T, M, *shape)."""
+    return np.stack([[record[key].numbers(*shape) for record in row] for row in rows])
 
 
-def a_table(path: Path, field: str, value: Any, expected: str = "a table") -> dict[Any, Any]:
-    """Return `value` if it is a dict."""
-    if not isinstance(value, dict):
-        raise DatasetError(path, field, expected, type(value).__name__)
-    return value
+def build_camera(
+    path: Path,
+    field: str,
+    *,
+    K: Array,
+    R: Array,
+    t: Array,
+    distortion: Array | None,
+    size: Sequence[int],
+    name: str,
+) -> Camera:
+    """Return a camera, or raise `DatasetError` with `field` if its values make none.
 
-
-def a_list(path: Path, field: str, value: Any) -> list[Any]:
-    """Return the entries of a list, tuple or array."""
-    if not isinstance(value, list | tuple | np.ndarray) or (isinstance(value, np.ndarray) and not value.ndim):
-        raise DatasetError(path, field, "a list", type(value).__name__)
-    return list(value)
-
-
-def shape_of(value: Any) -> tuple[int, ...] | str:
-    """Return the shape of what may be an array, or words if it has none."""
-    try:
-        return tuple(np.shape(value))
-    except ValueError:
-        return "rows of different lengths"
-
-
-def within(field: str, key: Any) -> str:
-    """Name the part `key` of `field`."""
-    return f"{field}.{key}" if field else str(key)
-
-
-def as_numbers(path: Path, field: str, value: Any) -> Array:
-    """Return `value` as a new array of float64, C order; None is NaN."""
-    if isinstance(value, np.ndarray) and value.dtype.kind == "c":
-        raise DatasetError(path, field, "real numbers", f"an array of {value.dtype}")
-    try:
-        with np.errstate(invalid="ignore"):  # of a NaN that signals
-            return np.array(value, dtype=np.float64, order="C")
-    except (TypeError, ValueError) as error:
-        raise DatasetError(path, field, "numbers in rows of the same length", error) from error
-
-
-def numbers(path: Path, field: str, value: Any, shape: tuple[int | str, ...]) -> Array:
-    """Return `value` as an array of float64 with the given shape.
-
-    `shape` has an integer where the length is fixed and a letter where any is good; the same letter is the
-    same length.
+    A distortion that is all zeros is none.
     """
-    array = as_numbers(path, field, value)
-    lengths: dict[str, int] = {}
-    fits = array.ndim == len(shape) and all(
-        (lengths.setdefault(want, got) if isinstance(want, str) else want) == got
-        for want, got in zip(shape, array.shape, strict=True)
-    )
-    if not fits:
-        raise DatasetError(path, field, f"shape {_shown(shape)}", array.shape)
-    return array
+    lens = None if distortion is None or not np.any(distortion) else distortion
+    try:
+        return Camera(K, R, t, distortion=lens, size=size, name=name)
+    except InvalidInputError as error:
+        raise DatasetError(path, field, "a camera", error) from error
 
 
-def _shown(shape: tuple[int | str, ...]) -> str:
-    return f"({', '.join(map(str, shape))}{',' * (len(shape) == 1)})"
+def camera_at_centre(entry: Value, *, size: Sequence[int], name: str) -> Camera:
+    """Return the camera of a table R, T, fx, fy, cx, cy[, k, p] where x_cam = R (X − T): T is the centre.
+
+    Numbers may be wrapped in arrays of any shape with as many values; ``k`` are three and ``p`` two.
+    """
+
+    def values(key: str, count: int) -> Array:
+        given = entry[key].array().ravel()
+        if given.shape != (count,) or not (np.abs(given) <= FARTHEST).all():
+            raise entry[key].error(f"{count} numbers within ±{FARTHEST:g}", given.tolist())
+        return given
+
+    fx, fy, cx, cy = (values(key, 1)[0] for key in ("fx", "fy", "cx", "cy"))
+    R, distortion = values("R", 9).reshape(3, 3), None
+    if "k" in entry or "p" in entry:
+        k, p = values("k", 3), values("p", 2)
+        distortion = np.array([k[0], k[1], p[0], p[1], k[2]])
+    K = np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
+    t = -R @ values("T", 3)
+    return build_camera(entry.path, entry.place, K=K, R=R, t=t, distortion=distortion, size=size, name=name)
+
+
+def build_rig(path: Path, cameras: Sequence[Camera], unit: Any) -> CameraRig:
+    """Return the cameras as a rig, or raise `DatasetError`."""
+    try:
+        return CameraRig(cameras, unit)
+    except InvalidInputError as error:
+        raise DatasetError(path, "cameras", "a rig", error) from error
+
+
+def read_cameras(path: Path, format: str, names: Sequence[str], **options: Any) -> CameraRig:
+    """Read the cameras of these names, in this order.
+
+    Doubts about the unit are not reported here: verification by reprojection has the numbers.
+    """
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)
+        rig = read_calibration(path, format=format, **options)
+    for name in names:
+        if name not in rig.names:
+            raise DatasetError(path, "cameras", f"camera {name}", f"only {', '.join(sorted(rig.names))}")
+    return CameraRig([rig[name] for name in names], rig.unit)

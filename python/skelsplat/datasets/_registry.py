@@ -1,77 +1,67 @@
 """Data sets by name: reading and checking them.
 
-A reader is a module, or an object in one (``"module:NAME"``), with
-
-- ``DESCRIPTION``: one line for ``skelsplat datasets list``;
-- ``read(root, **options) -> Dataset``: keyword-only options with defaults, and those that ``OPTIONS``, if the
-  reader has it, names; raises `DatasetError`;
-- ``survey(root, options) -> Survey``: those options by name; which files are there, which are missing and
-  where they were expected. It opens nothing that is large and does not raise for what is missing.
-
-Takes should say in ``Take.files`` where their parts come from, so that errors can name the file.
+A reader is a function ``read(root, survey, **options) -> Dataset``; its options are keyword-only and have
+defaults. It looks for files with `Survey.find`, reads takes with `Survey.each`, and raises `DatasetError`.
+``Take.files`` states where the parts of a take come from, so that errors can name the file.
 """
 
 from __future__ import annotations
 
 import inspect
 import os
-from collections.abc import Mapping
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
-from importlib import import_module
 from pathlib import Path
-from typing import Any, Protocol, cast
+from typing import Any
 
+from skelsplat.datasets import human36m, occlusion_person, panoptic, shelf_campus, synthetic
 from skelsplat.datasets._files import Survey
 from skelsplat.datasets._model import Dataset
 from skelsplat.datasets._verify import ViewError, raise_errors, samples_of, verify, view_errors
 from skelsplat.exceptions import DatasetError, InvalidInputError, one_of
 from skelsplat.findings import Finding
 
-_MODULES = {
-    "human36m": "skelsplat.datasets.human36m",
-    "human36m-occ": "skelsplat.datasets.human36m:OCCLUDED",
-    "panoptic": "skelsplat.datasets.panoptic",
-    "occlusion-person": "skelsplat.datasets.occlusion_person",
-    "shelf": "skelsplat.datasets._shelf_campus:SHELF",
-    "campus": "skelsplat.datasets._shelf_campus:CAMPUS",
-    "synthetic": "skelsplat.datasets.synthetic",
+
+@dataclass(frozen=True)
+class Reader:
+    """A line for ``skelsplat datasets list``, and the function that reads."""
+
+    description: str
+    read: Callable[..., Dataset]
+
+    @property
+    def options(self) -> tuple[str, ...]:
+        """Names of the options that `read` takes."""
+        parameters = inspect.signature(self.read).parameters.values()
+        return tuple(one.name for one in parameters if one.kind is one.KEYWORD_ONLY)
+
+
+READERS = {
+    "human36m": Reader(
+        "Human3.6M: 4 cameras, 17 joints; formats skelsplat, karfly, adafuse, videopose3d", human36m.read
+    ),
+    "human36m-occ": Reader(
+        "Human3.6M-Occ: occluded views; variants 2, 3, 3-hard; authors' layout", human36m.read_occluded
+    ),
+    "panoptic": Reader("CMU Panoptic Studio: single-person sequences in HD cameras.", panoptic.read),
+    "occlusion-person": Reader(
+        "Occlusion-Person: rendered persons behind furniture in 8 cameras.", occlusion_person.read
+    ),
+    "shelf": Reader("Shelf: several people in 5 cameras.", shelf_campus.read_shelf),
+    "campus": Reader("Campus: several people in 3 cameras.", shelf_campus.read_campus),
+    "synthetic": Reader("Simulated data sets that `skelsplat synth` writes.", synthetic.read),
 }
-
-
-class Reader(Protocol):
-    """What a reader offers."""
-
-    DESCRIPTION: str
-
-    def read(self, root: Path, **options: Any) -> Dataset:
-        """Read the data set beneath `root`."""
-
-    def survey(self, root: Path, options: Mapping[str, Any]) -> Survey:
-        """Say which files are there."""
 
 
 def names() -> tuple[str, ...]:
     """Names of the data sets that can be read."""
-    return tuple(_MODULES)
-
-
-def reader(name: str) -> Reader:
-    """Return the reader of a data set."""
-    one_of("name", name, _MODULES)
-    module, _, inside = _MODULES[name].partition(":")
-    found = import_module(module)
-    return cast("Reader", getattr(found, inside) if inside else found)
+    return tuple(READERS)
 
 
 def options_of(name: str) -> tuple[str, ...]:
     """Names of the options that `read` takes for a data set."""
-    module = reader(name)
-    return (*_defaults(module), *getattr(module, "OPTIONS", ()))
-
-
-def _defaults(module: Reader) -> dict[str, Any]:
-    parameters = inspect.signature(module.read).parameters.values()
-    return {p.name: p.default for p in parameters if p.kind is p.KEYWORD_ONLY}
+    one_of("name", name, READERS)
+    return READERS[name].options
 
 
 def detections_option(name: str, which: str) -> dict[str, Any]:
@@ -80,17 +70,19 @@ def detections_option(name: str, which: str) -> dict[str, Any]:
     return {"detections": Path(which)} if apart else {"detector": which}
 
 
-def prepared(name: str, root: str | os.PathLike[str], options: dict[str, Any]) -> tuple[Reader, Path]:
-    """Return the reader and the root; refuse unknown names and options, and a root that is not there."""
-    module = reader(name)
+def _read(name: str, root: str | os.PathLike[str], survey: Survey, options: dict[str, Any]) -> Dataset:
+    """Read a data set without a look at what the data mean."""
     known = options_of(name)
     for option in options:
         if option not in known:
             raise InvalidInputError(f"{option}: expected an option of {name} ({', '.join(known)}), got this")
-    path = Path(root)
-    if not path.exists():
-        raise DatasetError(path, "root", f"the folder of {name}", "nothing in this place")
-    return module, path
+    return READERS[name].read(Path(root), survey, **options)
+
+
+def _check_root(name: str, root: str | os.PathLike[str]) -> None:
+    one_of("name", name, READERS)
+    if not Path(root).exists():
+        raise DatasetError(Path(root), "root", f"the folder of {name}", "nothing in this place")
 
 
 def read(name: str, root: str | os.PathLike[str], **options: Any) -> Dataset:
@@ -113,8 +105,8 @@ def read(name: str, root: str | os.PathLike[str], **options: Any) -> Dataset:
         If files are missing or malformed, or the data cannot be used: a wrong unit, exchanged sides. It names
         the file and the field.
     """
-    module, path = prepared(name, root, options)
-    dataset = module.read(path, **options)
+    _check_root(name, root)
+    dataset = _read(name, root, Survey(), options)
     raise_errors(dataset)
     return dataset
 
@@ -200,12 +192,14 @@ def check(name: str, root: str | os.PathLike[str], **options: Any) -> Report:
     DatasetError
         If there is nothing at `root`.
     """
-    module, path = prepared(name, root, options)
-    survey = module.survey(path, {**_defaults(module), **options})
+    _check_root(name, root)
+    survey = Survey(strict=False)
     try:
-        dataset = module.read(path, **options)
+        dataset = _read(name, root, survey, options)
     except DatasetError as error:
-        return Report(name, path, survey, error=error)
+        survey.error = survey.error or error
+    if survey.error is not None:
+        return Report(name, Path(root), survey, error=survey.error)
     samples = samples_of(dataset)
     errors = view_errors(samples, dataset.layout)
-    return Report(name, path, survey, dataset, findings=verify(dataset, samples), errors=errors)
+    return Report(name, Path(root), survey, dataset, findings=verify(dataset, samples), errors=errors)

@@ -6,27 +6,29 @@ a wrong unit or an exchanged joint, and both show there.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from skelsplat._arrays import Array, median, medians
-from skelsplat._sentences.datasets import parts
 from skelsplat._skelsplat import Camera, Layout, project
 from skelsplat.cameras import MM_PER_UNIT, CameraRig, altered, without_distortion
 from skelsplat.datasets._model import Dataset, Take
 from skelsplat.exceptions import DatasetError
-from skelsplat.findings import Finding, Severity, Subject
+from skelsplat.findings import Finding, Subject
 
 _BODY_MM = (400.0, 3500.0)
 """Diagonal of the box round a person: from a child that crouches to a tall one with arms spread."""
 _NEAR_MM = 200.0
+"""A camera that is nearer to the body than this is inside of it."""
 _CLEAR_PX = 5.0
+"""An explanation is better by at least this much, and halves the error: detectors err by a few pixels."""
 _LARGE_PX = 25.0
+"""Errors that no detector makes in the better quarter of its joints."""
 _FRAMES = 24
+_MOST_PAIRS = 3
 _LENS_PX = 15.0
 """Views farther off than this have another fault than the lens."""
 
@@ -188,7 +190,8 @@ def raise_errors(dataset: Dataset) -> None:
     """Raise the first error that `verify` finds."""
     for finding in verify(dataset):
         if finding.severity == "error":
-            raise DatasetError(Path(finding.subject.files[0]), *parts(finding))
+            field, _, rest = finding.sentence.partition(": expected ")
+            raise DatasetError(Path(finding.subject.files[0]), field, *rest.split(", got ", 1))
 
 
 def merged(findings: Iterable[Finding]) -> tuple[Finding, ...]:
@@ -200,27 +203,26 @@ def merged(findings: Iterable[Finding]) -> tuple[Finding, ...]:
         if first is not finding:
             takes = first.subject.takes + finding.subject.takes
             found[key] = replace(first, subject=replace(first.subject, takes=takes))
-    return tuple(found.values())
+    return tuple(_with_takes(finding) for finding in found.values())
+
+
+def _with_takes(finding: Finding) -> Finding:
+    """Add the takes that a finding concerns to its sentence."""
+    first, *others = finding.subject.takes
+    return replace(finding, sentence=f"{finding.sentence} in {first}{_more(len(others))}")
+
+
+def _more(count: int) -> str:
+    return f" and {count} more" if count > 0 else ""
 
 
 _DETECTIONS = ("detections", "truth")
 
 
-def _found(
-    kind: str,
-    take: Take,
-    files: Sequence[str],
-    numbers: Mapping[str, Any],
-    *,
-    severity: Severity = "warning",
-    cameras: Iterable[str] = (),
-    takes: Iterable[str] | None = None,
-) -> Finding:
-    """Return a finding in a take, in the first of its `files` that is known."""
+def _of(take: Take, files: Sequence[str], cameras: Iterable[str] = ()) -> Subject:
+    """Return the subject of a finding in a take, in the first of its `files` that is known."""
     file = next((take.files[part] for part in files if part in take.files), take.key)
-    where = (take.key,) if takes is None else tuple(takes)
-    subject = Subject(cameras=tuple(cameras), files=(str(file),), takes=where)
-    return Finding(f"dataset_{kind}", severity, subject, numbers)
+    return Subject(cameras=tuple(cameras), files=(str(file),), takes=(take.key,))
 
 
 def body_size(poses: Array) -> float:
@@ -241,16 +243,25 @@ def _unit(item: Sample, layout: Layout) -> Iterator[Finding]:
     scale = take.rig.mm_per_unit
     size = body_size(item.truth)
     if layout.n_joints > 10 and not (np.isnan(size) or is_human(scale * size)):
-        kind, numbers = "truth_size", {"size": size, "unit": unit}
-        for name, mm in MM_PER_UNIT.items():
-            if is_human(mm * size):
-                kind, numbers = "truth_unit", {**numbers, "likely_unit": name}
-        yield _found(kind, take, ["truth"], numbers, severity="error")
-        return
-    factor = _camera_factor(item)
-    if factor is not None:
-        numbers = {"unit": unit, "factor": factor}
-        yield _found("camera_unit", take, ["cameras"], numbers, severity="error")
+        likely = [name for name, mm in MM_PER_UNIT.items() if is_human(mm * size)][-1:]
+        numbers = {"size": size, "unit": unit, **({"likely_unit": likely[0]} if likely else {})}
+        advice = f" (plausible in {likely[0]})" if likely else ""
+        yield Finding(
+            "dataset_truth_unit",
+            "error",
+            _of(take, ["truth"]),
+            numbers,
+            sentence=f"truth: expected joints in {unit}, got a body of {size:.3g} {unit}{advice}",
+        )
+    elif (factor := _camera_factor(item)) is not None:
+        yield Finding(
+            "dataset_camera_unit",
+            "error",
+            _of(take, ["cameras"]),
+            {"unit": unit, "factor": factor},
+            sentence=f"cameras: expected translations in {unit}, got cameras that fit if their translations "
+            f"are multiplied by {factor:g}",
+        )
 
 
 def _camera_factor(item: Sample) -> float | None:
@@ -279,8 +290,14 @@ def _sides(item: Sample, layout: Layout) -> Iterator[Finding]:
     """Find takes whose detections fit the truth with left and right exchanged."""
     given, exchanged = sides(item, layout)
     if _clearly_less(exchanged, given):
-        px = {"given_px": given, "exchanged_px": exchanged}
-        yield _found("sides", item.take, _DETECTIONS, px, severity="error")
+        yield Finding(
+            "dataset_sides",
+            "error",
+            _of(item.take, _DETECTIONS),
+            {"given_px": given, "exchanged_px": exchanged},
+            sentence="left and right: expected the same sides in the truth and the detections, got exchanged "
+            f"sides: {given:.1f} px from the truth as given, {exchanged:.1f} px exchanged",
+        )
 
 
 def _joint_order(samples: list[Sample], layout: Layout) -> Iterator[Finding]:
@@ -295,9 +312,16 @@ def _joint_order(samples: list[Sample], layout: Layout) -> Iterator[Finding]:
         if np.isfinite(row).all() and _clearly_less(row.min(), row[joint]):
             pairs.append([names[joint], names[int(row.argmin())]])
     if pairs:
-        keys = [item.take.key for item in samples]
-        about = {"layout": layout.name, "pairs": pairs}
-        yield _found("joint_order", samples[0].take, _DETECTIONS, about, takes=keys)
+        shown = ", ".join(f"{joint} lies on {other}" for joint, other in pairs[:_MOST_PAIRS])
+        finding = Finding(
+            "dataset_joint_order",
+            "warning",
+            replace(_of(samples[0].take, _DETECTIONS), takes=tuple(item.take.key for item in samples)),
+            {"layout": layout.name, "pairs": pairs},
+            sentence=f"joints: expected the order of {layout.name} in the truth and the detections, "
+            f"got another order: {shown}{_more(len(pairs) - _MOST_PAIRS)}",
+        )
+        yield _with_takes(finding)
 
 
 def _views(item: Sample, layout: Layout) -> Iterator[Finding]:
@@ -311,21 +335,39 @@ def _views(item: Sample, layout: Layout) -> Iterator[Finding]:
         others = median(np.delete(quarters, view))
         given, exchanged = sides(item, layout, view)
         best = int(np.nanargmin(row))
-        px = {"given_px": float(row[view])}
+        subject, far = _of(item.take, _DETECTIONS, [names[view]]), float(row[view])
         if _clearly_less(row[best], row[view]):
-            kind, about = "view_of_another_camera", {**px, "other_px": float(row[best]), "other": names[best]}
+            yield Finding(
+                "dataset_view_of_another_camera",
+                "warning",
+                subject,
+                {"given_px": far, "other_px": float(row[best]), "other": names[best]},
+                sentence=f"camera {names[view]}: expected detections of this camera, got {far:.1f} px from "
+                f"the truth, and {row[best]:.1f} px in camera {names[best]}",
+            )
         elif _clearly_less(exchanged, given):
-            kind, about = "view_sides", {"given_px": given, "exchanged_px": exchanged}
+            yield Finding(
+                "dataset_view_sides",
+                "warning",
+                subject,
+                {"given_px": given, "exchanged_px": exchanged},
+                sentence=f"camera {names[view]}: expected left and right as in the other views, got "
+                f"{given:.1f} px as given, {exchanged:.1f} px with sides exchanged",
+            )
         elif quarters[view] > max(_LARGE_PX, 3.0 * np.nan_to_num(others)):
-            kind, about = "view_far", {**px, "quarter_px": float(quarters[view])}
-        else:
-            continue
-        yield _found(kind, item.take, _DETECTIONS, about, cameras=[names[view]])
+            yield Finding(
+                "dataset_view_far",
+                "warning",
+                subject,
+                {"given_px": far, "quarter_px": float(quarters[view])},
+                sentence=f"camera {names[view]}: expected detections near the truth, got errors of up to "
+                f"{quarters[view]:.1f} px in the best quarter of them",
+            )
 
 
-_LENSES: dict[str, Callable[[Camera], Camera]] = {
-    "lens_tangential": with_exchanged_tangential,
-    "lens_none": without_distortion,
+_LENSES: dict[str, tuple[Callable[[Camera], Camera], str]] = {
+    "tangential": (with_exchanged_tangential, "p1 and p2 exchanged"),
+    "none": (without_distortion, "detections without distortion (undistorted, or made with K alone)"),
 }
 
 
@@ -335,11 +377,18 @@ def _lenses(samples: list[Sample]) -> Iterator[Finding]:
     for item in samples:
         for view, (name, camera) in enumerate(zip(item.take.rig.names, item.take.rig, strict=True)):
             if camera.distortion is not None and not camera.fisheye:
-                own = fits.setdefault(name, {kind: LensFit() for kind in _LENSES})
-                for kind, other in _LENSES.items():
-                    own[kind].add(item, view, other)
-    best = {name: min(own, key=lambda kind: own[kind].misfit) for name, own in fits.items()}
-    for kind in _LENSES:
-        wrong = [name for name, own in fits.items() if best[name] == kind and own[kind].other_is_right()]
+                own = fits.setdefault(name, {lens: LensFit() for lens in _LENSES})
+                for lens, (other, _) in _LENSES.items():
+                    own[lens].add(item, view, other)
+    best = {name: min(own, key=lambda lens: own[lens].misfit) for name, own in fits.items()}
+    for lens, (_, words) in _LENSES.items():
+        wrong = [name for name, own in fits.items() if best[name] == lens and own[lens].other_is_right()]
         if wrong:
-            yield _found(kind, samples[0].take, ["cameras"], {}, cameras=wrong, takes=())
+            yield Finding(
+                "dataset_lens",
+                "warning",
+                replace(_of(samples[0].take, ["cameras"], wrong), takes=()),
+                {"likely_lens": lens},
+                sentence=f"distortion of {', '.join(wrong)}: expected the lens of the detections, "
+                f"got {words}",
+            )

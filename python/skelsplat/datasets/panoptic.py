@@ -17,30 +17,31 @@ import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from skelsplat._arrays import Array, Index, Mask
-from skelsplat.cameras import MM_PER_UNIT, CameraRig
-from skelsplat.datasets._detections import Wanted, detections_of, read_apart, read_truth, read_world
-from skelsplat.datasets._files import Survey, a_list, find, load_json, numbers, require, whole_number, within
+from skelsplat.cameras import MM_PER_UNIT
+from skelsplat.datasets._detections import (
+    Wanted,
+    detections_of,
+    poses_file,
+    read_apart,
+    read_truth,
+    read_world,
+)
+from skelsplat.datasets._files import Survey, load_json, read_cameras
 from skelsplat.datasets._model import Dataset, Take
-from skelsplat.datasets._rig import read_quietly
 from skelsplat.exceptions import DatasetError, InvalidInputError, one_of
 from skelsplat.io import convert_unit
-from skelsplat.io._arrays import frame_numbers
 from skelsplat.io._files import frame_number
 from skelsplat.layouts import PANOPTIC19
-
-DESCRIPTION = "CMU Panoptic Studio: single-person sequences in HD cameras."
 
 SEQUENCES = ("171204_pose5", "171204_pose6")
 CAMERAS = (1, 2, 10, 13, 3, 23, 19, 30)
 """HD cameras in the order in which the experiments add them: the first four, then one by one."""
 
-_TRUTH = "hdPose3d_stage1_coco19"
-_FORMATS = ("toolbox", "skelsplat")
+_TRUTHS = {"toolbox": "hdPose3d_stage1_coco19", "skelsplat": "3d_gt"}
 _MM = 10.0
 _HD_FPS = 29.97
 # A joint with less confidence is no measurement; the toolbox writes −1 where there is none at all.
@@ -49,6 +50,7 @@ _LEAST_CONFIDENCE = 0.1
 
 def read(
     root: Path,
+    survey: Survey,
     *,
     detector: str | None = None,
     detections: Path | str | None = None,
@@ -64,6 +66,7 @@ def read(
     Parameters
     ----------
     root : Path
+    survey : Survey
     detector : str or None
         Name of the detector, as in ``2d_DETECTOR``; chosen as for Human3.6M when left out.
     detections : Path or None
@@ -79,47 +82,29 @@ def read(
         Id of the body to take where there are several.
     monocular : str or None
         The folder in ``initial_guess`` with world poses, mm, a row per row of the detections.
-
-    Raises
-    ------
-    DatasetError
-        If a file is missing or malformed; names the file and the field.
-    InvalidInputError
-        If `views`, `format` or `truth_unit` is unknown.
     """
-    numbers_ = _cameras(views)
-    source, name = detections_of(root, detector, detections)
-    takes, notes = [], []
-    for sequence in sequences:
-        path = find(_calibrations(root, sequence), f"calibration of {sequence}")
-        rig = read_cameras(path, numbers_)
-        frames, truth, truth_path = _truth(
-            find(_truths(root, sequence, len(rig), format), f"truth of {sequence}"), truth_unit, person
+    chosen = _cameras(views)
+    one_of("format", format, (None, *_TRUTHS))
+    one_of("truth_unit", truth_unit, MM_PER_UNIT)
+    survey.format = format or ""
+    source, name = detections_of(survey, root, detector, detections, "metrabs")
+
+    def take(sequence: str) -> Take:
+        path = survey.find(_calibrations(root, sequence), f"calibration of {sequence}")
+        rig = convert_unit(
+            read_cameras(path, "panoptic", [camera_name(n) for n in chosen], camera_type="hd"), "mm"
         )
-        files = {"cameras": path, "truth": truth_path}
-        take = Take(f"S0/{sequence}", "S0", sequence, rig, frames, truth, fps=_HD_FPS, files=files)
-        if source is not None:
-            guess = None if monocular is None else root / "initial_guess" / monocular / "S0" / sequence
-            take, note = _with_detections(take, source, guess, filtered=detections is None)
-            notes += [note] if note else []
-        takes.append(take)
-    words = f"CMU Panoptic, HD cameras {', '.join(map(str, numbers_))}, detections: {name or 'none'}"
-    return Dataset("panoptic", PANOPTIC19, tuple(takes), detector=name, source=words, notes=tuple(notes))
+        frames, truth, own = _truth(survey, root, sequence, (len(rig), format, truth_unit, person))
+        files = {"cameras": path, "truth": own}
+        one = Take(f"S0/{sequence}", "S0", sequence, rig, frames, truth, fps=_HD_FPS, files=files)
+        guess = None if monocular is None else root / "initial_guess" / monocular / "S0" / sequence
+        if source is None:
+            return one
+        return _with_detections(survey, one, source, guess, filtered=detections is None)
 
-
-def survey(root: Path, options: Mapping[str, Any]) -> Survey:
-    """Say which files are there, with the options of `read`."""
-    detector, detections, format = (options[name] for name in ("detector", "detections", "format"))
-    found, count = Survey(format=format or ""), len(_cameras(options["views"]))
-    for sequence in options["sequences"]:
-        found.look(_calibrations(root, sequence), f"calibration of {sequence}")
-        found.look(_truths(root, sequence, count, format), f"truth of {sequence}")
-        if detections is not None or detector is not None:
-            folder = Path(detections) if detections is not None else root / f"2d_{detector}" / "S0"
-            found.look([folder / sequence], f"detections of {sequence}")
-    if detections is None and detector is None and not sorted(root.glob("2d_*")):
-        found.look([root / "2d_metrabs" / "S0"], "detections")
-    return found
+    takes = tuple(survey.each(take, sequences))
+    words = f"CMU Panoptic, HD cameras {', '.join(map(str, chosen))}, detections: {name or 'none'}"
+    return Dataset("panoptic", PANOPTIC19, takes, detector=name, source=words, notes=tuple(survey.notes))
 
 
 def _cameras(views: int | Sequence[int]) -> tuple[int, ...]:
@@ -140,40 +125,34 @@ def _calibrations(root: Path, sequence: str) -> list[Path]:
     return [root / sequence / name, root / "cameras" / name, root / name]
 
 
-def _truths(root: Path, sequence: str, n_views: int, format: str | None) -> list[Path]:
-    one_of("format", format, (None, *_FORMATS))
-    folder = root / "3d_gt" / "S0" / sequence
-    arrays = [folder / f"poses_filtered_{n_views}.npz", folder / "poses.npz"]
-    return {"toolbox": [], "skelsplat": arrays}.get(format or "", arrays) + (
-        [] if format == "skelsplat" else [root / sequence / _TRUTH]
-    )
-
-
-def _truth(path: Path, unit: str, person: int | None) -> tuple[Index, Array, Path]:
+def _truth(
+    survey: Survey, root: Path, sequence: str, options: tuple[int, str | None, str, int | None]
+) -> tuple[Index, Array, Path]:
     """Frames (T,), joints (T, 19, 3) mm, and the file or folder they are from."""
-    one_of("truth_unit", unit, MM_PER_UNIT)
-    if path.is_dir():
-        return (*read_bodies(truth_files(path), person), path)
-    _, truth, frames = read_truth(path, PANOPTIC19.n_joints)
-    own = frame_numbers(path, np.arange(len(truth)) if frames is None else frames, len(truth))
-    return own, MM_PER_UNIT[unit] * truth, path
+    n_views, format, unit, person = options
+    stems = [f"poses_filtered_{n_views}", "poses"]
+    folder, bodies = root / "3d_gt" / "S0" / sequence, root / sequence / _TRUTHS["toolbox"]
+    if format == "toolbox" or (format is None and poses_file(folder, stems) is None):
+        return (*read_bodies(truth_files(survey.find([bodies], f"truth of {sequence}")), person), bodies)
+    given, truth, frames = read_truth(survey, folder, PANOPTIC19.n_joints, stems)
+    return np.arange(len(truth)) if frames is None else frames, MM_PER_UNIT[unit] * truth, given.path
 
 
-def _with_detections(take: Take, source: Path, guess: Path | None, *, filtered: bool) -> tuple[Take, str]:
-    """Return the frames of a take in which every view has a detection, and what was left out."""
+def _with_detections(survey: Survey, take: Take, source: Path, guess: Path | None, *, filtered: bool) -> Take:
+    """Return the frames of a take in which every view has a detection."""
     stems = [f"poses_filtered_{len(take.rig)}", "poses"] if filtered else ["poses"]
     wanted = Wanted(take.key, take.frames, take.rig.names, PANOPTIC19)
     spellings = [_spellings(name) for name in take.rig.names]
     places = [(source / take.action, stems), *([] if filtered else [(source, [take.action])])]
-    values, own, path = read_apart(places, wanted, spellings)
+    values, own, path = read_apart(survey, places, wanted, spellings)
     everywhere: Mask = np.all(np.any(values[..., 2] > 0, axis=2), axis=1)
     world = None
     if guess is not None:
-        world = read_world(guess, stems, (len(values), PANOPTIC19.n_joints), spellings)
-    with_2d = take.select(own).with_detections(values, path, monocular=world).select(everywhere)
-    lost = len(take) - len(with_2d)
-    note = f"{take.key}: {lost} of {len(take)} frames left out, not detected in every view"
-    return with_2d, note if lost else ""
+        world = read_world(survey, [(guess, stems)], (len(values), PANOPTIC19.n_joints), spellings)
+    found = take.select(own).with_detections(values, path, monocular=world).select(everywhere)
+    if lost := len(take) - len(found):
+        survey.notes.append(f"{take.key}: {lost} of {len(take)} frames left out, not detected in every view")
+    return found
 
 
 def _spellings(name: str) -> list[str]:
@@ -185,16 +164,6 @@ def _spellings(name: str) -> list[str]:
 def camera_name(number: int) -> str:
     """Return the name of an HD camera: panel 0, node `number`."""
     return f"00_{number:02d}"
-
-
-def read_cameras(path: Path, chosen: Sequence[int]) -> CameraRig:
-    """Return the HD cameras with these numbers, in this order, mm."""
-    rig = convert_unit(read_quietly(path, "panoptic", camera_type="hd"), "mm")
-    names = [camera_name(number) for number in chosen]
-    for name in names:
-        if name not in rig.names:
-            raise DatasetError(path, "cameras", f"HD camera {name}", f"only {', '.join(sorted(rig.names))}")
-    return CameraRig([rig[name] for name in names], rig.unit)
 
 
 def truth_files(folder: Path) -> dict[int, Path]:
@@ -236,16 +205,14 @@ def read_bodies(files: Mapping[int, Path], person: int | None) -> tuple[Index, A
 
 def _bodies(path: Path) -> dict[int, Array]:
     found = {}
-    for k, body in enumerate(a_list(path, "bodies", require(path, "", load_json(path), "bodies"))):
-        field = f"bodies[{k}]"
-        values = require(path, field, body, "joints19")
-        count = len(values) if isinstance(values, list) else 0
-        expected = f"4·{PANOPTIC19.n_joints} numbers (x, y, z, c of 19 joints)"
+    for body in load_json(path)["bodies"].entries():
+        values = body["joints19"]
+        count = len(values.content) if isinstance(values.content, list) else 0
         if count != 4 * PANOPTIC19.n_joints:
-            raise DatasetError(path, within(field, "joints19"), expected, f"{count} numbers")
-        flat = numbers(path, within(field, "joints19"), values, (count,))
-        joints = flat.reshape(-1, 4)
+            expected = f"4·{PANOPTIC19.n_joints} numbers (x, y, z, c of 19 joints)"
+            raise values.error(expected, f"{count} numbers")
+        joints = values.numbers(count).reshape(-1, 4)
         measured = joints[:, 3:] > _LEAST_CONFIDENCE
         with np.errstate(over="ignore"):  # refused with the take
-            found[whole_number(path, field, body, "id")] = np.where(measured, _MM * joints[:, :3], np.nan)
+            found[body["id"].whole()] = np.where(measured, _MM * joints[:, :3], np.nan)
     return found

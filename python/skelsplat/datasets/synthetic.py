@@ -6,127 +6,98 @@ import json
 import secrets
 import shutil
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
 from skelsplat import io
-from skelsplat._arrays import Array
+from skelsplat._arrays import Array, Index, Mask, largest_slots
 from skelsplat._atomic import opening
 from skelsplat._skelsplat import Layout
 from skelsplat.cameras import CameraRig
-from skelsplat.datasets._files import Survey, load_json, load_npz, numbers, require
-from skelsplat.datasets._model import Dataset, Take
-from skelsplat.datasets._people import PeopleTake
-from skelsplat.datasets._rig import build_camera, build_rig
-from skelsplat.datasets._synthetic_people import (
-    files_of,
-    frames_of,
-    index_of,
-    read_scene,
-    write_openpose,
-    write_scenes,
+from skelsplat.datasets._files import (
+    MissingFileError,
+    Survey,
+    Value,
+    build_camera,
+    build_rig,
+    load_json,
+    load_npz,
 )
+from skelsplat.datasets._model import Dataset, PeopleTake, Take
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.io._fields import Field
 from skelsplat.io.calibration._json import to_entry
 
 if TYPE_CHECKING:
-    from skelsplat.synthetic.people_sets import SceneSet
-    from skelsplat.synthetic.sets import Recording, RecordingSet
+    from skelsplat.synthetic.sets import RecordingSet
 
-FORMAT, FORMAT_VERSION = "skelsplat-simulated", 1
+FORMAT = "skelsplat-simulated"
+FORMAT_VERSION = 1
 INDEX = "dataset.json"
 
 Views: TypeAlias = int | Sequence[int | str] | None
 """The first so many cameras, or some of them by place or name, or (None) all."""
 
-DESCRIPTION = "Simulated data sets that `skelsplat synth` writes."
 
-
-def read(root: Path, *, detector: str = "good", views: Views = None) -> Dataset:
+def read(root: Path, survey: Survey, *, detector: str = "good", views: Views = None) -> Dataset:
     """Read a simulated data set.
 
     Parameters
     ----------
     root : Path
+    survey : Survey
     detector : str
         One of the index's detectors: ``"good"``, ``"noisy"``.
     views : int, sequence of int or str, or None
         The first so many cameras, or some by place or name; None is all.
-
-    Raises
-    ------
-    DatasetError
-        If a file is missing or malformed; names the file and the field.
     """
-    index = _index(root)
-    layout = _layout(index)
-    known = index["detectors"].names()
-    if detector not in known:
-        raise index["detectors"].error(f"the detector {detector!r}", ", ".join(known))
-    rigs = {name: _rig(root / "cameras" / f"{name}.json") for name in index["cameras"].names()}
-    entries = index["takes"].entries("a list of takes")
-    fps = index["fps"].number() if "fps" in index else None
-    takes: list[Take] = []
-    scenes: list[PeopleTake] = []
-    for entry in entries:
-        (rig, path), folder = _named_rig(root, entry, rigs), _folder(root, entry)
-        if "people" in entry:
-            rate = index["fps"].number()
-            scene = read_scene(folder, entry["key"].text(), rig, path, layout, detector, rate)
-            scenes.append(scene.with_views(_places(path, rig.names, views)))
-            takes += scenes[-1].apart(scene.key)
-        else:
-            take = replace(_take(folder, entry, rig, path, layout, detector), fps=fps)
-            takes.append(take.with_views(_places(path, rig.names, views)))
-    name, seed = index["name"].text(), index.value.get("parameters", {}).get("seed")
-    source = f"simulated poses and detections ({name}, detector {detector!r}, seed {seed}); no image was seen"
-    return Dataset(
-        name, layout, tuple(takes), detector=f"simulated-{detector}", source=source, scenes=tuple(scenes)
-    )
-
-
-def survey(root: Path, options: Mapping[str, Any]) -> Survey:
-    """Say which files are there, with the options of `read`."""
-    found = Survey()
-    found.look([root / INDEX], "index of a simulated data set")
-    if found.missing:
-        return found
-    index = _index(root)
-    for name in index["cameras"].names():
-        found.look([root / "cameras" / f"{name}.json"], "cameras")
-    for entry in index["takes"].entries("a list of takes"):
-        folder = _folder(root, entry)
-        if "people" in entry:
-            for part, path in files_of(folder, options["detector"]).items():
-                found.look([path], part)
-            continue
-        for stem in ("truth", f"detections_simulated_{options['detector']}", "monocular_simulated"):
-            found.look([folder / f"{stem}.npz"], stem.replace("_", " "))
-    return found
-
-
-def _index(root: Path) -> Field:
-    index = Field(root / INDEX, "", load_json(root / INDEX))
+    index = _document(survey.find([root / INDEX], "index of a simulated data set"))
     for key, known in (("format", FORMAT), ("format_version", FORMAT_VERSION)):
         if index[key].value != known:
             raise index[key].error(known, index[key].shown)
-    return index
-
-
-def _layout(index: Field) -> Layout:
     layout = index["layout"].layout()
     joints = index["joints"].names()
     if joints != list(layout.joints):
         raise index["joints"].error(f"those of {layout.name}", ", ".join(joints))
-    return layout
+    detectors = index["detectors"].names()
+    if detector not in detectors:
+        raise index["detectors"].error(f"the detector {detector!r}", ", ".join(detectors))
+    files = {name: root / "cameras" / f"{name}.json" for name in index["cameras"].names()}
+    rigs = {name: _rig(survey.find([path], "cameras")) for name, path in files.items()}
+    fps = index["fps"].number() if "fps" in index else None
+
+    def read_entry(entry: Field) -> Take | PeopleTake:
+        cameras, key = entry["cameras"].text(), PurePosixPath(entry["key"].text())
+        if cameras not in rigs:
+            raise entry["cameras"].error(f"one of {', '.join(rigs)}", cameras)
+        if key.is_absolute() or ".." in key.parts:
+            raise entry["key"].error("a folder beneath takes", key)
+        folder, rig, path = root / "takes" / key, rigs[cameras], files[cameras]
+        if "people" in entry:
+            rate = index["fps"].number()
+            take: Take | PeopleTake = _scene(survey, folder, str(key), rig, path, layout, detector, rate)
+        else:
+            take = _take(survey, folder, entry, rig, path, layout, detector, fps)
+        return take.with_views(_places(path, rig.names, views))
+
+    found = list(survey.each(read_entry, index["takes"].entries("a list of takes")))
+    scenes = tuple(take for take in found if isinstance(take, PeopleTake))
+    takes = [
+        one for take in found for one in (take.apart(take.key) if isinstance(take, PeopleTake) else (take,))
+    ]
+    name, seed = index["name"].text(), index.value.get("parameters", {}).get("seed")
+    source = f"simulated poses and detections ({name}, detector {detector!r}, seed {seed}); no image was seen"
+    return Dataset(name, layout, tuple(takes), f"simulated-{detector}", source, scenes=scenes)
+
+
+def _document(path: Path) -> Field:
+    return Field(path, "", load_json(path).content)
 
 
 def _rig(path: Path) -> CameraRig:
-    document = Field(path, "", load_json(path))
+    document = _document(path)
     cameras = []
     for entry in document["cameras"].entries("a list of cameras"):
         width, height = entry["size"].numbers((2,))
@@ -144,57 +115,93 @@ def _rig(path: Path) -> CameraRig:
     return build_rig(path, cameras, document["unit"].text())
 
 
-def _folder(root: Path, entry: Field) -> Path:
-    key = PurePosixPath(entry["key"].text())
-    if key.is_absolute() or ".." in key.parts:
-        raise entry["key"].error("a folder beneath takes", key)
-    return root / "takes" / key
+def _loaded(survey: Survey, files: Mapping[str, Path]) -> tuple[Index, dict[str, Value]]:
+    """Return the frame numbers and the content of a take's files; all have the same frames."""
+    lost: list[MissingFileError] = []
+    for part, path in files.items():
+        if not path.exists():
+            lost.append(survey.lacks([path], part))
+    if lost:
+        raise lost[0]
+    loaded = {part: load_npz(survey.found(path)) for part, path in files.items()}
+    frames = loaded["truth"]["frames"].frames()
+    for content in loaded.values():
+        other = np.asarray(content["frames"].content)
+        if not np.array_equal(other, frames):
+            expected = f"those of {files['truth'].name} ({len(frames)} from {frames[:1]} to {frames[-1:]})"
+            actual = f"{other.size} from {other.ravel()[:1]} to {other.ravel()[-1:]}"
+            raise content["frames"].error(expected, actual)
+    return frames, loaded
 
 
-def _named_rig(root: Path, entry: Field, rigs: Mapping[str, CameraRig]) -> tuple[CameraRig, Path]:
-    """Return the cameras of a take and their file."""
-    cameras = entry["cameras"].text()
-    if cameras not in rigs:
-        raise entry["cameras"].error(f"one of {', '.join(rigs)}", cameras)
-    return rigs[cameras], root / "cameras" / f"{cameras}.json"
-
-
-def _take(folder: Path, entry: Field, rig: CameraRig, cameras: Path, layout: Layout, detector: str) -> Take:
+def _take(
+    survey: Survey,
+    folder: Path,
+    entry: Field,
+    rig: CameraRig,
+    cameras: Path,
+    layout: Layout,
+    detector: str,
+    fps: float | None,
+) -> Take:
     key, subject, action = (entry[name].text() for name in ("key", "subject", "action"))
     files = {
         "truth": folder / "truth.npz",
         "detections": folder / f"detections_simulated_{detector}.npz",
         "monocular": folder / "monocular_simulated.npz",
-        "cameras": cameras,
     }
-    loaded = {part: load_npz(path) for part, path in files.items() if part != "cameras"}
-    frames = frames_of(files, loaded)
+    frames, loaded = _loaded(survey, files)
+    truth, detections = loaded["truth"], loaded["detections"]["detections"]
     t, m, n = len(frames), len(rig), layout.n_joints
-
-    def part(name: str, key: str, shape: tuple[int, ...]) -> Array:
-        return numbers(files[name], key, require(files[name], "", loaded[name], key), shape)
-
-    per_view = (loaded["truth"].get("boxes"), loaded["detections"].get("detections"))
-    shapes = [np.asarray(array).shape for array in per_view]
+    shapes = [np.shape(one.content) for one in (truth["boxes"], detections)]
     views = {shape[1] if len(shape) > 1 else None for shape in shapes}
     if len(views) == 1 and views.isdisjoint({m, None}):  # boxes and detections agree with each other
-        expected = f"{views.pop()} cameras, one per view of the takes"
-        raise DatasetError(files["cameras"], "cameras", expected, m)
-    visible = loaded["truth"].get("visible")
-    if visible is not None:
-        visible = numbers(files["truth"], "visible", visible, (t, m, n)).astype(bool)
+        raise DatasetError(cameras, "cameras", f"{views.pop()} cameras, one per view of the takes", m)
     return Take(
         key=key,
         subject=subject,
         action=action,
         rig=rig,
         frames=frames,
-        truth=part("truth", "poses", (t, n, 3)),
-        detections=part("detections", "detections", (t, m, n, 3)),
-        monocular=part("monocular", "poses", (t, m, n, 3)),
-        boxes=part("truth", "boxes", (t, m, 4)),
-        visible=visible,
-        files=files,
+        truth=truth["poses"].numbers(t, n, 3),
+        detections=detections.numbers(t, m, n, 3),
+        monocular=loaded["monocular"]["poses"].numbers(t, m, n, 3),
+        boxes=truth["boxes"].numbers(t, m, 4),
+        visible=truth["visible"].numbers(t, m, n).astype(bool) if "visible" in truth else None,
+        fps=fps,
+        files={**files, "cameras": cameras},
+    )
+
+
+def _scene(
+    survey: Survey,
+    folder: Path,
+    key: str,
+    rig: CameraRig,
+    cameras: Path,
+    layout: Layout,
+    detector: str,
+    fps: float,
+) -> PeopleTake:
+    files = {"truth": folder / "truth.npz", "detections": folder / f"people_simulated_{detector}.npz"}
+    frames, loaded = _loaded(survey, files)
+    t, m, n = len(frames), len(rig), layout.n_joints
+    truth = loaded["truth"]["poses"].numbers("Q", t, n, 3)
+    people = loaded["detections"]["people"].numbers(t, m, "P", n, 3)
+    whose = loaded["detections"]["owner"]
+    owner = whose.numbers(t, m, people.shape[2])
+    if not (np.isfinite(owner) & (owner == np.rint(owner))).all():
+        raise whose.error("whole numbers", "others")
+    return PeopleTake(
+        key=key,
+        rig=rig,
+        frames=frames,
+        people=people,
+        truth=truth,
+        names=tuple(f"person{q}" for q in range(len(truth))),
+        slots=largest_slots(people, owner, len(truth)),
+        fps=fps,
+        files={**files, "cameras": cameras},
     )
 
 
@@ -222,7 +229,7 @@ def _place(path: Path, names: Sequence[str], view: int | str) -> int:
 
 
 def write_simulated(
-    root: Path, data: RecordingSet | SceneSet, *, openpose: bool = False, force: bool = False
+    root: Path, data: RecordingSet[Any], *, openpose: bool = False, force: bool = False
 ) -> None:
     """Write a simulated data set to the folder `root`, whole or not at all.
 
@@ -230,7 +237,7 @@ def write_simulated(
     ----------
     root : Path
         Must not exist, or be empty.
-    data : RecordingSet or SceneSet
+    data : RecordingSet
         As `skelsplat.synthetic.simulate_set` or `simulate_people_set` makes it.
     openpose : bool
         Write the detections as OpenPose JSON too, one file per frame and camera.
@@ -247,35 +254,77 @@ def write_simulated(
     try:
         with opening(root, "a folder that can be written", "output"):
             temporary.mkdir(parents=True)
-            own = _write_parts(temporary, data, openpose=openpose)
+            _write_parts(temporary, data, openpose=openpose)
             # The index comes last: without it a folder is no data set.
-            about = {"format": FORMAT, "format_version": FORMAT_VERSION, "name": data.name, "simulated": True}
-            text = json.dumps({**about, **own}, indent=1, ensure_ascii=False)
+            text = json.dumps(_index_of(data), indent=1, ensure_ascii=False)
             (temporary / INDEX).write_text(text + "\n", encoding="utf-8")
             _move(temporary, root)
     finally:
         shutil.rmtree(temporary, ignore_errors=True)
 
 
-def _write_parts(folder: Path, data: RecordingSet | SceneSet, *, openpose: bool) -> dict[str, Any]:
-    """Write cameras and takes; return what the index says of them."""
-    from skelsplat.synthetic.people_sets import SceneSet  # loads the simulation, which reading does without
-
-    if isinstance(data, SceneSet):
-        _write_rigs(folder / "cameras", {data.rig_name: data.first.cameras})
-        write_scenes(folder / "takes", data, openpose=openpose)
-        return index_of(data)
-    _write_rigs(folder / "cameras", data.rigs)
+def _write_parts(folder: Path, data: RecordingSet[Any], *, openpose: bool) -> None:
+    """Write cameras and takes."""
+    (folder / "cameras").mkdir()
+    for name, rig in data.rigs.items():
+        io.write_calibration(folder / "cameras" / f"{name}.toml", rig)
+        entries = [{"name": camera.name, **to_entry(camera)} for camera in rig]
+        cameras = [{**entry, "distortion": entry["distortion"] or []} for entry in entries]
+        document = {"unit": rig.unit, "cameras": cameras}
+        text = json.dumps(document, indent=1) + "\n"
+        (folder / "cameras" / f"{name}.json").write_text(text, encoding="utf-8")
     for recording in data.recordings:
         take = folder / "takes" / recording.key
-        _write_take(take, recording)
-        for name, detections in recording.detections.items() if openpose else ():
-            names, there = (
-                data.rigs[recording.rig_name].names,
-                np.ones((*detections.shape[:2], 1), dtype=bool),
-            )
-            write_openpose(take, name, names, recording.frames, detections[:, :, None], there)
-    return _index_of(data)
+        take.mkdir(parents=True)
+        for stem, arrays in recording.parts().items():
+            np.savez(take / f"{stem}.npz", frames=recording.frames, **arrays)
+        for detector, people in recording.people().items() if openpose else ():
+            _write_openpose(take, detector, data.rigs[recording.rig_name].names, recording.frames, people)
+
+
+def _write_openpose(
+    take: Path, detector: str, cameras: Sequence[str], frames: Index, people: tuple[Array, Mask]
+) -> None:
+    """Write ``openpose_simulated_DETECTOR/CAMERA/FRAME_keypoints.json``; missing joints are 0, 0, 0.
+
+    Of people (T, M, P, N, 3) those who are there (T, M, P).
+    """
+    values, there = np.nan_to_num(people[0]).round(3), people[1]
+    for view, camera in enumerate(cameras):
+        target = take / f"openpose_simulated_{detector}" / camera
+        target.mkdir(parents=True)
+        for t, frame in enumerate(frames.tolist()):
+            rows = [row.ravel().tolist() for row in values[t, view, there[t, view]]]
+            found = [{"person_id": [-1], "pose_keypoints_2d": row} for row in rows]
+            text = json.dumps({"version": 1.3, "people": found})
+            (target / f"{frame:012d}_keypoints.json").write_text(text, encoding="utf-8")
+
+
+def _index_of(data: RecordingSet[Any]) -> dict[str, Any]:
+    return {
+        "format": FORMAT,
+        "format_version": FORMAT_VERSION,
+        "name": data.name,
+        "simulated": True,
+        "unit": next(iter(data.rigs.values())).unit,
+        "layout": data.layout.name,
+        "joints": list(data.layout.joints),
+        "detectors": sorted(data.parameters["detectors"]),
+        "cameras": list(data.rigs),
+        **({} if data.fps is None else {"fps": data.fps}),
+        "takes": [
+            {
+                "key": recording.key,
+                "subject": recording.subject,
+                "action": recording.action,
+                "cameras": recording.rig_name,
+                "frames": len(recording.frames),
+                **recording.about,
+            }
+            for recording in data.recordings
+        ],
+        "parameters": data.parameters,
+    }
 
 
 def _check_free(root: Path, *, force: bool) -> None:
@@ -288,8 +337,8 @@ def _check_free(root: Path, *, force: bool) -> None:
     if not force:
         raise DatasetError(root, "output", "no folder or an empty one (--force replaces)", "files in it")
     try:
-        known = load_json(root / INDEX)["format"] == FORMAT
-    except (DatasetError, KeyError, TypeError):
+        known = load_json(root / INDEX)["format"].content == FORMAT
+    except DatasetError:
         known = False
     if not known:
         raise DatasetError(root, "output", "a simulated data set to replace", "files of something else")
@@ -304,47 +353,3 @@ def _move(temporary: Path, root: Path) -> None:
     root.replace(old)
     temporary.replace(root)
     shutil.rmtree(old)
-
-
-def _index_of(data: RecordingSet) -> dict[str, Any]:
-    detectors = sorted({name for recording in data.recordings for name in recording.detections})
-    return {
-        "unit": next(iter(data.rigs.values())).unit,
-        "layout": data.layout.name,
-        "joints": list(data.layout.joints),
-        "detectors": detectors,
-        "cameras": list(data.rigs),
-        "takes": [
-            {
-                "key": recording.key,
-                "subject": recording.subject,
-                "action": recording.action,
-                "cameras": recording.rig_name,
-                "frames": len(recording.frames),
-            }
-            for recording in data.recordings
-        ],
-        "parameters": data.parameters,
-    }
-
-
-def _write_rigs(folder: Path, rigs: Mapping[str, CameraRig]) -> None:
-    folder.mkdir()
-    for name, rig in rigs.items():
-        io.write_calibration(folder / f"{name}.toml", rig)
-        entries = [{"name": camera.name, **to_entry(camera)} for camera in rig]
-        cameras = [{**entry, "distortion": entry["distortion"] or []} for entry in entries]
-        document = {"unit": rig.unit, "cameras": cameras}
-        (folder / f"{name}.json").write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
-
-
-def _write_take(folder: Path, recording: Recording) -> None:
-    folder.mkdir(parents=True)
-    truth: dict[str, Any] = {"poses": recording.truth, "boxes": recording.boxes}
-    if recording.visible is not None:
-        truth["visible"] = recording.visible
-    parts: dict[str, dict[str, Any]] = {"truth": truth, "monocular_simulated": {"poses": recording.monocular}}
-    for name, detections in recording.detections.items():
-        parts[f"detections_simulated_{name}"] = {"detections": detections}
-    for stem, arrays in parts.items():
-        np.savez(folder / f"{stem}.npz", frames=recording.frames, **arrays)

@@ -62,6 +62,14 @@ import numpy as np
 from skelsplat.exceptions import InvalidInputError
 from skelsplat.synthetic.memory import Memory
 
+SIZE_IN_ROOM = 1147.0 / 5300.0
+"""Size of people in the images for which the presets are made: focal length, px, over distance, mm."""
+
+
+def stream(*key: int) -> np.random.Generator:
+    """Random numbers that belong to `key`: the seed, the places in the set, what they are for."""
+    return np.random.default_rng(key)
+
 
 @dataclass(frozen=True, kw_only=True)
 class DetectionNoise:

@@ -4,14 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import Any, ClassVar
 
+import numpy as np
+
+from skelsplat._arrays import Array, Index, Mask
 from skelsplat.cameras import CameraRig
 from skelsplat.exceptions import InvalidInputError
 from skelsplat.synthetic import rigs
 from skelsplat.synthetic.crowding import Crowding
 from skelsplat.synthetic.crowds import meeting_names
 from skelsplat.synthetic.scenes import Scene, simulate_scene
+from skelsplat.synthetic.sets import RecordingSet
 
 PEOPLE_SET = "people"
 """Name of the set."""
@@ -29,29 +33,53 @@ _MOST_SCENES = 1000
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class SceneSet:
-    """Scenes that share cameras and detectors.
+class Meeting:
+    """A scene of several people as each detector sees it; all see the same people."""
 
-    Attributes
-    ----------
-    name : str
-    rig_name : str
-        Of the cameras, in the files.
-    scenes : mapping of key to mapping of detector to Scene
-        All detectors of a scene see the same people.
-    parameters : mapping
-        All that the data follow from, for people to read.
-    """
+    key: str
+    scenes: Mapping[str, Scene]  # by detector
 
-    name: str
-    rig_name: str
-    scenes: Mapping[str, Mapping[str, Scene]]
-    parameters: Mapping[str, Any]
+    action: ClassVar[str] = "people"
+    rig_name: ClassVar[str] = "ring"
+
+    @property
+    def subject(self) -> str:
+        """The scene."""
+        return self.key
 
     @property
     def first(self) -> Scene:
-        """One of the scenes; cameras, layout and rate are those of all."""
-        return next(iter(next(iter(self.scenes.values())).values()))
+        """One of the scenes; people, cameras, layout and rate are those of all."""
+        return next(iter(self.scenes.values()))
+
+    @property
+    def frames(self) -> Index:
+        """Frame numbers (T,)."""
+        return np.arange(len(self.first.people))
+
+    @property
+    def about(self) -> dict[str, Any]:
+        """What the index of a written set says of the recording besides its key and cameras."""
+        return {"people": len(self.first.truth)}
+
+    def parts(self) -> dict[str, dict[str, Any]]:
+        """Return the arrays of each file, apart from the frames."""
+        found: dict[str, dict[str, Any]] = {
+            f"people_simulated_{detector}": {
+                "people": scene.people,
+                "owner": scene.owner.astype(np.int16),
+                "joint_owner": scene.joint_owner.astype(np.int16),
+            }
+            for detector, scene in self.scenes.items()
+        }
+        return {**found, "truth": {"poses": self.first.truth, "visible": self.first.visible}}
+
+    def people(self) -> dict[str, tuple[Array, Mask]]:
+        """Return each detector's people (T, M, P, N, 3), and which of them are there (T, M, P)."""
+        return {
+            detector: (scene.people, np.asarray(np.isfinite(scene.people[..., 0]).any(axis=-1)))
+            for detector, scene in self.scenes.items()
+        }
 
 
 def mixed_heights(n_views: int) -> CameraRig:
@@ -62,7 +90,7 @@ def mixed_heights(n_views: int) -> CameraRig:
 
 def simulate_people_set(
     people: int = 3, views: int = 4, scenes: int = 5, *, frames: int = _FRAMES, seed: int = 0
-) -> SceneSet:
+) -> RecordingSet[Meeting]:
     """Simulate scenes of several people, as `simulate_scene` does, at 30 Hz.
 
     Parameters
@@ -86,9 +114,9 @@ def simulate_people_set(
     for name, value, least in (("frames", frames, 2), ("seed", seed, 0)):
         if value < least:
             raise InvalidInputError(f"{name}: expected an integer >= {least}, got {value!r}")
-    rig, made = mixed_heights(views), {}
+    rig, made = mixed_heights(views), []
     for k in range(scenes):
-        made[f"scene{k}"] = {
+        each = {
             detector: simulate_scene(
                 people,
                 rig,
@@ -100,6 +128,7 @@ def simulate_people_set(
             )
             for detector, crowding in CROWDED.items()
         }
+        made.append(Meeting(f"scene{k}", each))
     parameters = {
         "seed": seed,
         "people": people,
@@ -109,4 +138,5 @@ def simulate_people_set(
         "meetings": list(MEETINGS),
         "detectors": {name: asdict(crowding) for name, crowding in CROWDED.items()},
     }
-    return SceneSet(PEOPLE_SET, "ring", made, parameters)
+    layout = made[0].first.layout
+    return RecordingSet(PEOPLE_SET, layout, {Meeting.rig_name: rig}, tuple(made), parameters, _FPS)

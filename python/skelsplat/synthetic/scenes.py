@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from skelsplat import layouts
-from skelsplat._arrays import Array, Index, Mask, numbers
+from skelsplat._arrays import Array, Index, Mask, at_slots, largest_slots, numbers
 from skelsplat._skelsplat import Camera, Layout, project
 from skelsplat.cameras import CameraRig, mm_per_unit
 from skelsplat.exceptions import InvalidInputError
@@ -18,8 +18,7 @@ from skelsplat.synthetic.crowds import ROOM_MM, crowd
 from skelsplat.synthetic.detections import corrupt, true_pixels
 from skelsplat.synthetic.memory import Memory
 from skelsplat.synthetic.motions import motion
-from skelsplat.synthetic.noise import DetectionNoise
-from skelsplat.synthetic.sets import SIZE_IN_ROOM, stream
+from skelsplat.synthetic.noise import SIZE_IN_ROOM, DetectionNoise, stream
 from skelsplat.synthetic.skeleton import in_layout
 
 _BYSTANDER_AT = 1.15  # from the centre of the room, as a share of its radius
@@ -59,16 +58,11 @@ class Scene:
 
     def slots(self) -> Index:
         """Place in P of each person, (Q, T, M); −1 = not detected. Of two parts of a person the larger."""
-        joints = np.isfinite(self.people[..., 0]).sum(axis=-1)
-        own = self.owner == np.arange(len(self.truth))[:, None, None, None]
-        place: Index = np.where(own, joints, 0).argmax(axis=-1)
-        return np.where(own.any(axis=-1), place, -1)
+        return largest_slots(self.people, self.owner, len(self.truth))
 
     def detections(self) -> Array:
         """Return the detections of each person, (Q, T, M, N, 3), as a perfect association has them."""
-        place = self.slots()
-        frame, view = np.arange(place.shape[1])[:, None], np.arange(place.shape[2])
-        return np.where((place >= 0)[..., None, None], self.people[frame, view, place], np.nan)
+        return at_slots(self.people, self.slots())
 
     def optional(self, least_views: int = 2) -> Mask:
         """Who need not be found, (Q, T): detected in fewer than `least_views` views, or not there."""

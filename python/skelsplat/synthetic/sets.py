@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import partial
-from typing import Any
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +23,7 @@ from skelsplat.exceptions import InvalidInputError, one_of
 from skelsplat.synthetic import rigs
 from skelsplat.synthetic.detections import corrupt, true_pixels
 from skelsplat.synthetic.motions import motion, motion_names
-from skelsplat.synthetic.noise import DetectionNoise
+from skelsplat.synthetic.noise import SIZE_IN_ROOM, DetectionNoise, stream
 from skelsplat.synthetic.occluders import draw_occluders
 from skelsplat.synthetic.poses import monocular_poses
 from skelsplat.synthetic.skeleton import in_layout
@@ -47,10 +47,10 @@ _MOST_POSES = 10_000_000
 # Detectors, a good one and one that jitters more and misses joints, for a room like Human3.6M's. A detector
 # errs in proportion to the person's size in the image, so elsewhere its pixels are scaled.
 _DETECTORS = {"good": DetectionNoise.good(), "noisy": DetectionNoise.noisy()}
-SIZE_IN_ROOM = 1147.0 / 5300.0  # focal length, px, over distance, mm
 _SIZE_IN_DOME = 1400.0 / 2800.0
 _SIZE_IN_RING = 640.0 / 3600.0
 
+R = TypeVar("R")
 
 # Subject → body size, as a factor on the 1.75 m adult.
 _SUBJECTS = {"S9": 1.02, "S11": 0.97}
@@ -118,9 +118,30 @@ class Recording:
     monocular: Array
     visible: Mask | None = None
 
+    @property
+    def about(self) -> dict[str, Any]:
+        """What the index of a written set says of the recording besides its key and cameras."""
+        return {}
+
+    def parts(self) -> dict[str, dict[str, Any]]:
+        """Return the arrays of each file, apart from the frames."""
+        visible = {} if self.visible is None else {"visible": self.visible}
+        return {
+            "truth": {"poses": self.truth, "boxes": self.boxes, **visible},
+            "monocular_simulated": {"poses": self.monocular},
+            **{f"detections_simulated_{name}": {"detections": d} for name, d in self.detections.items()},
+        }
+
+    def people(self) -> dict[str, tuple[Array, Mask]]:
+        """Return each detector's people (T, M, 1, N, 3), and that they are there (T, M, 1)."""
+        return {
+            name: (d[:, :, None], np.ones((*d.shape[:2], 1), dtype=bool))
+            for name, d in self.detections.items()
+        }
+
 
 @dataclass(frozen=True, slots=True, eq=False)
-class RecordingSet:
+class RecordingSet(Generic[R]):
     """Recordings that share a layout and detectors.
 
     Attributes
@@ -128,16 +149,20 @@ class RecordingSet:
     name : str
     layout : Layout
     rigs : mapping of name to CameraRig
-    recordings : tuple of Recording
+    recordings : tuple
+        Each a `Recording`, or a `Meeting` of several people, which `skelsplat.datasets.synthetic` writes.
     parameters : mapping
         All that the data follow from, for people to read: seed, detectors, generator's version.
+    fps : float or None
+        Frames per second; None if the frames are single poses.
     """
 
     name: str
     layout: Layout
     rigs: Mapping[str, CameraRig]
-    recordings: tuple[Recording, ...]
+    recordings: tuple[R, ...]
     parameters: Mapping[str, Any]
+    fps: float | None = None
 
 
 @dataclass(frozen=True)
@@ -169,7 +194,7 @@ def _human_takes(subject: str) -> list[_Take]:
     ]
 
 
-def simulate_set(name: str, *, poses: int | None = None, seed: int = 0) -> RecordingSet:
+def simulate_set(name: str, *, poses: int | None = None, seed: int = 0) -> RecordingSet[Recording]:
     """Simulate a data set.
 
     Parameters
@@ -192,7 +217,9 @@ def simulate_set(name: str, *, poses: int | None = None, seed: int = 0) -> Recor
     return _SETS[name](name, poses, seed)
 
 
-def _human36m(name: str, poses: int | None, seed: int, *, occluders: DetectionNoise) -> RecordingSet:
+def _human36m(
+    name: str, poses: int | None, seed: int, *, occluders: DetectionNoise
+) -> RecordingSet[Recording]:
     """S9 and S11, fifteen actions twice each, four cameras with lens distortion, every 64th frame."""
     takes = [take for subject in _SUBJECTS for take in _human_takes(subject)]
     counts = _share(poses, [take.count for take in takes])
@@ -201,7 +228,7 @@ def _human36m(name: str, poses: int | None, seed: int, *, occluders: DetectionNo
     return _simulate(name, takes, room, layouts.H36M17, _detectors(SIZE_IN_ROOM, occluders), seed)
 
 
-def _dome(name: str, poses: int | None, seed: int) -> RecordingSet:
+def _dome(name: str, poses: int | None, seed: int) -> RecordingSet[Recording]:
     """Two sequences of one person each in the eight cameras of a dome that the experiments use."""
     # The first cameras of `rigs.dome` are spread out best; the names are those of Panoptic.
     spread = rigs.dome(len(PANOPTIC_CAMERAS))
@@ -228,7 +255,7 @@ def _dome(name: str, poses: int | None, seed: int) -> RecordingSet:
     return _simulate(name, takes, dome, layouts.PANOPTIC19, detectors, seed)
 
 
-def _occlusion_person(name: str, poses: int | None, seed: int) -> RecordingSet:
+def _occlusion_person(name: str, poses: int | None, seed: int) -> RecordingSet[Recording]:
     """Nine scenes with a ring of eight cameras each, large occluders in every view, no joint missing."""
     draw = stream(seed, 999)
     places = {f"scene{k}": rigs.ring(radius_mm=draw.uniform(3000.0, 4200.0)) for k in range(1, 10)}
@@ -257,7 +284,7 @@ def _simulate(
     layout: Layout,
     detectors: Mapping[str, DetectionNoise],
     seed: int,
-) -> RecordingSet:
+) -> RecordingSet[Recording]:
     recordings = tuple(
         _recording(take, places[take.rig], layout, detectors, (seed, index))
         for index, take in enumerate(takes)
@@ -308,11 +335,6 @@ def _recording(
     )
 
 
-def stream(*key: int) -> np.random.Generator:
-    """Random numbers that belong to `key`: the seed, the places in the set, what they are for."""
-    return np.random.default_rng(key)
-
-
 def boxes(pixels: Array) -> Array:
     """Boxes (T, M, 4) round the joints (T, M, N, 2) in the image, with a margin."""
     low, high = corners(pixels)
@@ -336,7 +358,7 @@ def _share(total: int | None, defaults: Sequence[int]) -> list[int]:
     return [int(count) + 1 for count in counts]
 
 
-_SETS: dict[str, Callable[[str, int | None, int], RecordingSet]] = {
+_SETS: dict[str, Callable[[str, int | None, int], RecordingSet[Recording]]] = {
     "human36m-like": partial(_human36m, occluders=DetectionNoise()),
     "human36m-like-occ-2": partial(_human36m, occluders=DetectionNoise.occluded(2)),
     "human36m-like-occ-3": partial(_human36m, occluders=DetectionNoise.occluded(3)),

@@ -48,19 +48,13 @@ def test_a_good_data_set_is_status_0(good):
     assert result.exit_code == 0, result.output
     assert narrow(result, good)
     text = plain(result)
-    assert "43 files and folders are there, 0 missing." in text
     assert "S11 4 24 4 17 100.0 % 100.0 %" in text
-    assert "All there and usable." in text
     assert text.count("60457274") == 1
-
-
-def test_json_holds_everything(good):
     result = invoke("check", "human36m", good, "--json")
     assert result.exit_code == 0
     report = json.loads(result.stdout)
-    assert report["ok"]
-    assert report["format"] == "skelsplat"
-    assert len(report["files"]["there"]) == 43
+    assert (report["ok"], report["format"]) == (True, "skelsplat")
+    assert len(report["files"]["there"]) == 1 + 8 + 8 * 4, "cameras, truth, and detections of every view"
     assert report["files"]["missing"] == report["findings"] == []
     first = report["dataset"]["takes"][0]
     assert (first["key"], first["frames"], first["views"]) == ("S9/Directions", 6, list(write.CAMERAS))
@@ -69,16 +63,17 @@ def test_json_holds_everything(good):
         assert row["as_given"] < 3 < 20 < row["sides_exchanged"] < row["best_other_camera"] + 40
 
 
-def test_what_is_missing_is_status_1_and_said_where(good):
-    missing = good / "2d_metrabs" / "S9" / "Directions" / "60457274" / "poses.npz"
-    missing.unlink()
+def test_all_that_is_missing_is_status_1_and_listed(good):
+    folders = [good / "2d_metrabs" / "S9" / name for name in ("Directions", "Greeting 1")]
+    missing = [folder / "60457274" / "poses.npz" for folder in folders]
+    for path in missing:
+        path.unlink()
     result = invoke("check", "human36m", good)
     assert result.exit_code == 1
-    assert "1 missing. missing: detections of 60457274, expected at " + str(missing) in plain(result)
-    assert "cannot be read: file: expected detections of camera 60457274" in plain(result)
+    assert all(str(path) in plain(result) for path in missing)
     assert narrow(result, good)
     report = json.loads(invoke("check", "human36m", good, "--json").stdout)
-    assert report["files"]["missing"] == [{"path": str(missing), "what": "detections of 60457274"}]
+    assert [entry["path"] for entry in report["files"]["missing"]] == list(map(str, missing))
     assert report["dataset"] is None
     assert not report["ok"]
 
@@ -97,8 +92,7 @@ def test_exchanged_sides_are_status_1(tmp_path):
     write.write_skelsplat(tmp_path, recording)
     result = invoke("check", "human36m", tmp_path)
     assert result.exit_code == 1
-    assert "✗ left and right: expected the same sides" in plain(result)
-    assert "These data cannot be used as they are." in plain(result)
+    assert "✗ left and right" in plain(result)
     report = json.loads(invoke("check", "human36m", tmp_path, "--json").stdout)
     assert [finding["kind"] for finding in report["findings"]] == ["dataset_sides"]
 
@@ -111,7 +105,6 @@ def test_warnings_are_printed_and_are_status_0(tmp_path):
     result = invoke("check", "human36m", tmp_path)
     assert result.exit_code == 0
     assert "! camera 55011271" in plain(result)
-    assert "with 1 warning." in plain(result)
 
 
 def test_options_reach_the_reader(tmp_path):

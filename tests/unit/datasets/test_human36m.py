@@ -9,10 +9,13 @@ import numpy as np
 import pytest
 
 import skelsplat as sk
-from human36m_case import ALIASES, FORMATS, TOLERANCE, refused, write_as
 from skelsplat import DatasetError, datasets
-from skelsplat.exceptions import InvalidInputError
 from writers import human36m as write
+
+FORMATS = ("skelsplat", "karfly", "adafuse", "videopose3d")
+# float32 keeps 2⁻²⁴ of the largest coordinate, about 5 m or 1000 px.
+TOLERANCE = {"skelsplat": 1e-9, "karfly": 1e-3, "adafuse": 1e-9, "videopose3d": 1e-3}
+ALIASES = {"TakingPhoto": "Photo"}
 
 
 @pytest.fixture(scope="module")
@@ -20,10 +23,13 @@ def recording():
     return write.record()
 
 
-@pytest.fixture
-def spoiled():
-    """Give a recording of its own, to spoil."""
-    return write.record()
+def write_as(name, root, recording):
+    """Write a recording in a layout; return the options to read it with."""
+    getattr(write, f"write_{name}")(root, recording)
+    if name != "karfly":
+        return {}
+    write.write_detections(root / "2d_cpn", recording, numbered=True)
+    return {"detections": root / "2d_cpn"}
 
 
 @pytest.mark.parametrize("name", FORMATS)
@@ -54,15 +60,9 @@ def test_every_layout_comes_back(tmp_path, recording, name):
         np.testing.assert_array_equal(take.frames, written.frames + (name == "adafuse"))
         assert {"truth", "detections", "cameras"} <= set(take.files)
         assert all(path.exists() for path in take.files.values())
-
-
-@pytest.mark.parametrize("name", FORMATS)
-def test_check_finds_nothing_wrong(tmp_path, recording, name):
-    report = datasets.check("human36m", tmp_path, **write_as(name, tmp_path, recording))
-    assert report.ok
-    assert report.survey.format == name
+    report = datasets.check("human36m", tmp_path, **options)
+    assert (report.ok, report.survey.format, report.findings) == (True, name, ())
     assert not report.survey.missing
-    assert not report.findings
     assert all(path.exists() for path in report.survey.there)
 
 
@@ -72,15 +72,6 @@ def test_frames_of_adafuse_that_one_view_lacks_are_left_out(tmp_path, recording)
     dataset = datasets.read("human36m", tmp_path)
     assert [len(take) for take in dataset] == [5] + [6] * 7
     assert dataset.notes == ("S9/Directions-1: 1 frames left out, not seen by every view",)
-
-
-def test_detections_of_videopose3d_that_end_early(tmp_path, recording):
-    write.write_videopose3d(tmp_path, recording)
-    path = tmp_path / "data_2d_h36m_cpn_ft_h36m_dbb.npz"
-    positions = np.load(path, allow_pickle=True)["positions_2d"].item()
-    positions["S9"]["Directions"][1] = positions["S9"]["Directions"][1][:4]
-    np.savez(path, positions_2d=np.array(positions, dtype=object))
-    refused(tmp_path, {}, path.name, r"positions_2d\.S9\.Directions, camera 55011271", "6 frames", "4")
 
 
 def test_adafuse_in_world_coordinates_and_in_pickles_of_python_2(tmp_path, recording):
@@ -93,22 +84,18 @@ def test_adafuse_in_world_coordinates_and_in_pickles_of_python_2(tmp_path, recor
         assert "oracle" in dataset.source
 
 
-def test_boxes_are_left_top_right_bottom(tmp_path, recording):
-    write.write_karfly(tmp_path / "k", recording)
+def test_boxes_are_left_top_right_bottom_and_zeros_are_a_missing_view(tmp_path, recording):
+    path = write.write_karfly(tmp_path / "k", recording)
     write.write_adafuse(tmp_path / "a", recording)
     for folder, atol in (("k", 1.0), ("a", 1e-9)):
         take = datasets.read("human36m", tmp_path / folder).takes[0]
         pixels = recording.takes[0].pixels
         expected = np.concatenate([pixels.min(axis=2), pixels.max(axis=2)], axis=-1)
         np.testing.assert_allclose(take.boxes, expected, atol=atol)
-
-
-def test_a_box_of_zeros_is_a_missing_view(tmp_path, recording):
-    path = write.write_karfly(tmp_path, recording)
     labels = write.karfly_labels(recording)
     labels["table"]["bbox_by_camera_tlbr"][0, 2] = 0
     np.save(path, labels, allow_pickle=True)
-    boxes = datasets.read("human36m", tmp_path).takes[0].boxes
+    boxes = datasets.read("human36m", tmp_path / "k").takes[0].boxes
     assert np.isnan(boxes[0, 2]).all()
     assert np.isfinite(np.delete(boxes.reshape(-1, 4), 2, axis=0)).all()
 
@@ -124,12 +111,12 @@ def test_the_order_of_learnable_triangulation_is_the_published_one():
     assert own == list(write.OF_32)
 
 
-@pytest.mark.parametrize("kind", ["npz", "json", "flat", "positions", "document"])
+@pytest.mark.parametrize("kind", ["json", "flat", "positions", "document"])
 def test_detections_kept_apart(tmp_path, recording, kind):
     write.write_karfly(tmp_path, recording)
     path = tmp_path / "resnet152"
-    if kind in ("npz", "json"):
-        write.write_detections(path, recording, json_files=kind == "json", numbered=True)
+    if kind == "json":
+        write.write_detections(path, recording, json_files=True, numbered=True)
     elif kind == "flat":
         path = tmp_path / "resnet152.npz"
         np.savez(path, **{f"{take.subject}/{take.numbered}": take.pixels for take in recording.takes})
@@ -170,8 +157,9 @@ def test_detectors_are_chosen_by_name_and_told(tmp_path, recording):
     assert dataset.detector == "resnet152"
     assert dataset.notes == ("detector resnet152 of cpn, resnet152",)
     assert datasets.read("human36m", tmp_path, detector="cpn").detector == "cpn"
-    with pytest.raises(DatasetError, match="detections of metrabs, got only cpn, resnet152"):
+    with pytest.raises(DatasetError) as caught:
         datasets.read("human36m", tmp_path, detector="MeTRAbs")
+    assert caught.value.field == "detector"
 
 
 def test_confidences_missing_joints_and_monocular_poses_of_the_authors(tmp_path, recording):
@@ -197,13 +185,8 @@ def test_confidences_missing_joints_and_monocular_poses_of_the_authors(tmp_path,
     np.testing.assert_allclose(take.monocular[:, 2], written.truth + 2)
     take = datasets.read("human36m", tmp_path, monocular="fusion").takes[0]
     np.testing.assert_allclose(take.monocular[:, 0], written.truth + 7)
-    with pytest.raises(DatasetError, match=r"initial_guess/other/.*poses 'other'"):
+    with pytest.raises(DatasetError, match=r"initial_guess/other/"):
         datasets.read("human36m", tmp_path, monocular="other")
-
-
-def test_the_root_may_be_one_folder_up(tmp_path, recording):
-    write.write_skelsplat(tmp_path / "human36m", recording)
-    assert len(datasets.read("human36m", tmp_path)) == 8
 
 
 def test_occluded_variants_are_found_by_folder_and_option(tmp_path, recording):
@@ -214,11 +197,9 @@ def test_occluded_variants_are_found_by_folder_and_option(tmp_path, recording):
         assert dataset.source.startswith(f"Human3.6M-Occ-{variant.lower()}, skelsplat layout")
         assert dataset.name == "human36m-occ"
     assert "Occ-3-hard," in datasets.read("human36m-occ", tmp_path / "human36m-occ-3-hard").source
-    with pytest.raises(DatasetError, match="variant: expected one of 2, 3, 3-hard, got none chosen"):
-        datasets.read("human36m-occ", tmp_path)
+    for root, variant in ((tmp_path, None), (tmp_path / "human36m-occ-3", "2")):
+        with pytest.raises(DatasetError) as caught:
+            datasets.read("human36m-occ", root, variant=variant)
+        assert caught.value.field == "variant"
     assert not datasets.check("human36m-occ", tmp_path).ok
-    with pytest.raises(InvalidInputError, match="variant: expected one of 2, 3, 3-hard, got '4'"):
-        datasets.read("human36m-occ", tmp_path, variant="4")
-    with pytest.raises(DatasetError, match="variant: expected 2, got a folder of 3"):
-        datasets.read("human36m-occ", tmp_path / "human36m-occ-3", variant="2")
     assert datasets.check("human36m-occ", tmp_path, variant="3").ok

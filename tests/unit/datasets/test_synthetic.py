@@ -6,12 +6,12 @@ import json
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
 import skelsplat as sk
+from command_line import assert_fails, invoke
 from skelsplat import DatasetError, datasets, io, synthetic
-from skelsplat.cli import app
 from skelsplat.datasets import synthetic as on_disk
+from skelsplat.datasets._model import nearest_slots
 from skelsplat.datasets.synthetic import write_simulated
 from sweeps import diagonal
 
@@ -28,6 +28,12 @@ def made():
 def root(tmp_path, made):
     write_simulated(tmp_path / "data", made)
     return tmp_path / "data"
+
+
+def refused(root, file, field):
+    with pytest.raises(DatasetError) as caught:
+        datasets.read("synthetic", root)
+    assert (caught.value.path.name, caught.value.field) == (file, field)
 
 
 def edit(path, **changes):
@@ -68,16 +74,15 @@ def test_views_can_be_chosen(root):
     for part in ("detections", "monocular", "boxes", "visible"):
         np.testing.assert_array_equal(getattr(take, part), getattr(whole, part)[:, [2, 0]])
     assert datasets.read("synthetic", root, views=2).takes[0].rig.names == ("cam1", "cam2")
-    with pytest.raises(DatasetError, match=r"room.json: cameras: expected at least 5 cameras, got 4"):
+    with pytest.raises(DatasetError, match=r"room.json: cameras: "):
         datasets.read("synthetic", root, views=5)
-    with pytest.raises(sk.InvalidInputError, match="views: expected at least one camera and none twice"):
+    with pytest.raises(sk.InvalidInputError, match="views: "):
         datasets.read("synthetic", root, views=[1, 1])
 
 
 def test_the_same_seed_gives_the_same_bytes(tmp_path):
-    runner = CliRunner()
     for name in "ab":
-        result = runner.invoke(app, ["synth", "human36m-like", str(tmp_path / name), "--seed", "5"])
+        result = invoke("synth", "human36m-like", str(tmp_path / name), "--seed", "5")
         assert result.exit_code == 0, result.output
     assert "human36m-like (simulated), 2181 poses in 60 takes" in result.output
     files = sorted(path.relative_to(tmp_path / "a") for path in (tmp_path / "a").rglob("*") if path.is_file())
@@ -137,94 +142,158 @@ def test_all_is_well(root):
 
 def test_an_empty_folder_lacks_the_index(tmp_path):
     report = datasets.check("synthetic", tmp_path)
-    assert report.survey.missing == [(tmp_path / "dataset.json", "index of a simulated data set")]
-    with pytest.raises(DatasetError, match=r"dataset.json: file: expected a readable file, got no such file"):
-        datasets.read("synthetic", tmp_path)
-
-
-def test_an_unknown_detector_is_refused(root):
-    with pytest.raises(DatasetError, match=r"dataset.json: detectors: expected the detector 'cpn', got good"):
-        datasets.read("synthetic", root, detector="cpn")
+    assert [path for path, _ in report.survey.missing] == [tmp_path / "dataset.json"]
+    refused(tmp_path, "dataset.json", "file")
 
 
 @pytest.mark.parametrize(
-    ("change", "message"),
+    ("change", "field"),
     [
-        (lambda index: index.update(format="other"), "format: expected skelsplat-simulated, got 'other'"),
-        (lambda index: index.update(format_version=2), "format_version: expected 1, got 2"),
-        (lambda index: index.update(layout="h36m18"), "layout: expected one of .* got 'h36m18'"),
-        (lambda index: index["joints"].reverse(), "joints: expected those of h36m17"),
-        (lambda index: index.pop("takes"), "takes: expected a list of takes, got nothing"),
-        (lambda index: index["takes"][1].pop("subject"), r"takes\[1\].subject: expected a text, got nothing"),
-        (
-            lambda index: index["takes"][1].update(cameras="hall"),
-            r"takes\[1\].cameras: expected one of room",
-        ),
-        (
-            lambda index: index["takes"][1].update(key="../x"),
-            r"takes\[1\].key: expected a folder beneath takes",
-        ),
+        (lambda index: index.update(format="other"), "format"),
+        (lambda index: index.update(format_version=2), "format_version"),
+        (lambda index: index.update(layout="h36m18"), "layout"),
+        (lambda index: index["joints"].reverse(), "joints"),
+        (lambda index: index.pop("takes"), "takes"),
+        (lambda index: index["takes"][1].pop("subject"), "takes[1].subject"),
+        (lambda index: index["takes"][1].update(cameras="hall"), "takes[1].cameras"),
+        (lambda index: index["takes"][1].update(key="../x"), "takes[1].key"),
+        (lambda index: index["detectors"].remove("good"), "detectors"),
     ],
 )
-def test_a_wrong_index_is_refused(root, change, message):
+def test_a_wrong_index_is_refused(root, change, field):
     edit_index(root, change)
-    with pytest.raises(DatasetError, match=f"dataset.json: {message}"):
-        datasets.read("synthetic", root)
+    refused(root, "dataset.json", field)
 
 
 def test_files_that_do_not_fit_are_refused(root):
-    take = root / "takes" / TAKE
-    path = take / "detections_simulated_good.npz"
+    path = root / "takes" / TAKE / "detections_simulated_good.npz"
     whole = path.read_bytes()
     with np.load(path) as archive:
         detections, frames = archive["detections"], archive["frames"]
-    for changes, message in (
-        ({"detections": detections[:, :, :16]}, r"detections: expected shape \(2, 4, 17, 3\)"),
-        ({"detections": detections[:, :3]}, r"detections: expected shape \(2, 4, 17, 3\)"),
-        ({"frames": frames + 64}, r"frames: expected those of truth.npz"),
-    ):
+    for changes in ({"detections": detections[:, :3]}, {"frames": frames + 64}):
         edit(path, **changes)
-        with pytest.raises(DatasetError, match=rf"Directions/detections_simulated_good.npz: {message}"):
-            datasets.read("synthetic", root)
+        refused(root, path.name, next(iter(changes)))
         path.write_bytes(whole)
     path.write_bytes(whole[: len(whole) // 2])
-    with pytest.raises(DatasetError, match=r"good.npz: file: expected a complete npz file"):
-        datasets.read("synthetic", root)
+    refused(root, path.name, "file")
 
 
-def test_metres_and_exchanged_sides_are_refused(root):
+def test_exchanged_sides_and_cameras_that_do_not_fit_are_refused(root):
     path = root / "takes" / TAKE / "truth.npz"
+    whole = path.read_bytes()
     with np.load(path) as archive:
         truth = archive["poses"]
-    edit(path, poses=truth / 1000.0)
-    with pytest.raises(DatasetError, match=r"Directions/truth.npz: truth: expected joints in mm"):
-        datasets.read("synthetic", root)
     order = np.arange(17)
     for left, right in sk.layouts.H36M17.left_right:
         order[[left, right]] = right, left
     edit(path, poses=truth[:, order])
-    with pytest.raises(DatasetError, match="left and right: expected the same sides"):
-        datasets.read("synthetic", root)
-
-
-def test_a_missing_camera_value_is_refused(root):
+    refused(root, "detections_simulated_good.npz", "left and right")
+    path.write_bytes(whole)
     path = root / "cameras" / "room.json"
     document = json.loads(path.read_text())
-    document["cameras"][2]["R"][0] = [0.0, 0.0, 0.0]
+    lost = document["cameras"].pop()
     path.write_text(json.dumps(document))
-    with pytest.raises(DatasetError, match=r"room.json: cameras\[2\]: expected a camera"):
-        datasets.read("synthetic", root)
-    del document["cameras"][2]["K"]
+    refused(root, "room.json", "cameras")  # 4 views of the takes, 3 cameras
+    document["cameras"].append({**lost, "R": np.zeros((3, 3)).tolist()})
     path.write_text(json.dumps(document))
-    with pytest.raises(DatasetError, match=r"room.json: cameras\[2\].K: expected 3×3 numbers, got nothing"):
-        datasets.read("synthetic", root)
+    refused(root, "room.json", "cameras[3]")
 
 
-def test_a_camera_that_lacks_is_a_fault_of_the_file_of_cameras(root):
-    (path,) = (root / "cameras").glob("*.json")
-    document = json.loads(path.read_text())
-    document["cameras"].pop()
-    path.write_text(json.dumps(document))
-    with pytest.raises(DatasetError, match="expected 4 cameras, one per view of the takes, got 3") as error:
-        datasets.read("synthetic", root)
-    assert error.value.path == path
+@pytest.fixture(scope="module")
+def met():
+    return synthetic.simulate_people_set(3, 4, 2, frames=40, seed=3)
+
+
+@pytest.fixture
+def people(tmp_path, met):
+    write_simulated(tmp_path / "people", met, openpose=True)
+    return tmp_path / "people"
+
+
+@pytest.mark.parametrize("detector", ["good", "noisy"])
+def test_people_who_are_written_come_back(people, met, detector):
+    data = datasets.read("synthetic", people, detector=detector)
+    assert (data.name, data.detector) == ("people", f"simulated-{detector}")
+    assert [scene.key for scene in data.scenes] == ["scene0", "scene1"]
+    assert datasets.check("synthetic", people, detector=detector).ok
+    for read, meeting in zip(data.scenes, met.recordings, strict=True):
+        scene = meeting.scenes[detector]
+        assert (read.rig, read.fps, read.names) == (scene.cameras, 30.0, ("person0", "person1", "person2"))
+        np.testing.assert_array_equal(read.people, scene.people)
+        np.testing.assert_array_equal(read.truth, scene.truth)
+        np.testing.assert_array_equal(read.slots, scene.slots())
+        np.testing.assert_array_equal(read.detections(), scene.detections())
+        np.testing.assert_array_equal(read.optional(2), scene.optional())
+        assert not read.optional().any()
+        found = nearest_slots(read.truth, read.rig, read.people)
+        assert (found == read.slots).mean() > (0.99 if detector == "good" else 0.8)
+
+
+def test_the_scenes_are_those_of_simulate_scene(met):
+    cameras, meetings = met.rigs["ring"], met.parameters["meetings"]
+    alone = synthetic.simulate_scene(3, cameras, n_frames=40, meetings=meetings, seed=3001)
+    np.testing.assert_array_equal(alone.people, met.recordings[1].scenes["good"].people)
+
+
+def test_the_people_are_takes_by_oracle_association(people):
+    data = datasets.read("synthetic", people)
+    assert [take.key for take in data][:3] == [f"scene0/person{q}" for q in range(3)]
+    scene = data.scenes[0]
+    for q, take in enumerate(data.takes[:3]):
+        there = np.isfinite(scene.truth[q]).any(axis=(1, 2))
+        np.testing.assert_array_equal(take.truth, scene.truth[q][there])
+        np.testing.assert_array_equal(take.detections[..., :2], scene.detections()[q][there][..., :2])
+
+
+def test_views_and_frames_of_people_can_be_chosen(people):
+    scene = datasets.read("synthetic", people, views=["cam2", "cam0"]).scenes[0]
+    whole = datasets.read("synthetic", people).scenes[0]
+    np.testing.assert_array_equal(scene.people, whole.people[:, [2, 0]])
+    np.testing.assert_array_equal(scene.slots, whole.slots[..., [2, 0]])
+    few = whole.select(slice(5, 9))
+    assert few.frames.tolist() == [5, 6, 7, 8]
+    np.testing.assert_array_equal(few.detections(), whole.detections()[:, 5:9])
+
+
+def test_openpose_files_hold_the_people_of_each_view(people, met):
+    scene = met.recordings[0].scenes["good"]
+    folder = people / "takes" / "scene0" / "openpose_simulated_good"
+    read = io.read_openpose(folder, scene.cameras, layout="h36m17")
+    there = np.isfinite(scene.people[..., 0]).any(axis=-1)
+    np.testing.assert_array_equal(np.isfinite(read.people[..., 0]).any(axis=-1).sum(-1), there.sum(-1))
+
+
+def test_a_file_of_people_that_does_not_fit_is_refused(people):
+    path = people / "takes" / "scene1" / "people_simulated_good.npz"
+    with np.load(path) as archive:
+        arrays = dict(archive)
+    for changes in (
+        {"people": arrays["people"][:, :3]},
+        {"owner": arrays["owner"][..., :1]},
+        {"frames": arrays["frames"] + 1},
+    ):
+        np.savez(path, **{**arrays, **changes})
+        refused(people, path.name, next(iter(changes)))
+    path.unlink()
+    assert datasets.check("synthetic", people).survey.missing == [(path, "detections")]
+
+
+@pytest.mark.parametrize(
+    "numbers", [{"people": 1}, {"views": 9}, {"scenes": 0}, {"frames": 1}, {"seed": -1}], ids=str
+)
+def test_numbers_out_of_range_are_refused(numbers):
+    with pytest.raises(sk.InvalidInputError) as caught:
+        synthetic.simulate_people_set(**numbers)
+    assert caught.value.argument == next(iter(numbers))
+
+
+def test_the_command(tmp_path):
+    small = ["people", str(tmp_path / "data"), "--people", "2", "--views", "3", "--scenes", "1", "--frames"]
+    result = invoke("synth", *small, "5")
+    assert result.exit_code == 0, result.output
+    assert "2 people, 3 views, 1 scene of 5 frames, detectors good and noisy, seed 0" in result.output
+    result = invoke("synth", *small, "5", "--force", "--json")
+    assert json.loads(result.stdout)["parameters"]["people"] == 2
+    assert_fails(invoke("synth", "people", "x", "--people", "9"), 2, "--people")
+    assert_fails(invoke("synth", "dome", "x", "--views", "4"), 2, "--views")
+    assert_fails(invoke("synth", "people", "x", "--poses", "4"), 2, "--poses")

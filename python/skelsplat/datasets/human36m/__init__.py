@@ -16,78 +16,162 @@ Take keys are ``"S9/Directions 1"`` where a format keeps the names of the origin
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
-from dataclasses import fields
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
-from typing import Any
 
+from skelsplat.datasets._detections import Separate, choose_detector, detector_name
 from skelsplat.datasets._files import Survey
-from skelsplat.datasets._model import Dataset
+from skelsplat.datasets._model import Dataset, Take
 from skelsplat.datasets.human36m import _adafuse, _authors, _karfly, _videopose3d
-from skelsplat.datasets.human36m._common import ACTIONS, CAMERAS, Options, Reading, with_separate
+from skelsplat.datasets.human36m._common import (
+    ACTIONS,
+    ALIASES,
+    CAMERAS,
+    FPS,
+    SUBJECTS,
+    Adding,
+    Options,
+    activity_of,
+    order,
+    spelling,
+    subject_order,
+    wanted,
+)
 from skelsplat.exceptions import DatasetError, one_of
+from skelsplat.layouts import H36M17
 
-__all__ = ["ACTIONS", "CAMERAS", "DESCRIPTION", "FORMATS", "OCCLUDED", "OPTIONS", "read", "survey"]
-
-DESCRIPTION = "Human3.6M: 4 cameras, 17 joints; formats skelsplat, karfly, adafuse, videopose3d"
+__all__ = ["ACTIONS", "ALIASES", "CAMERAS", "FORMATS", "read", "read_occluded"]
 
 _LAYOUTS: dict[str, ModuleType] = {
     module.NAME: module for module in (_videopose3d, _karfly, _adafuse, _authors)
 }
 FORMATS = tuple(_LAYOUTS)
-OPTIONS = tuple(entry.name for entry in fields(Options))
+VARIANTS = ("2", "3", "3-hard")
 
 
-def read(root: Path, *, format: str | None = None, **options: Any) -> Dataset:
+def read(
+    root: Path,
+    survey: Survey,
+    *,
+    format: str | None = None,
+    subjects: Sequence[str] | None = SUBJECTS,
+    detector: str | None = None,
+    detections: Path | str | None = None,
+    cameras: Path | str | None = None,
+    monocular: str | None = None,
+) -> Dataset:
     """Read Human3.6M.
 
     Parameters
     ----------
     root : Path
         The folder, or the file of a format that is one file.
+    survey : Survey
     format : str, optional
         One of `FORMATS`; found from the files when left out.
-    **options
-        The attributes of `Options`.
-
-    Raises
-    ------
-    InvalidInputError
-        If an option has a value that is none of those possible.
-    DatasetError
-        If a file is missing or malformed; it names the file and the field.
+    subjects : sequence of str or None
+        Default: the two that the method is tested on. None reads all.
+    detector : str, optional
+        Which of the detections that are there: ``"metrabs"``, ``"cpn"``, ``"resnet152"``, … Default: metrabs,
+        resnet152, cpn, resnet50 or another, the first that is there.
+    detections : path, optional
+        Detections that are kept apart from the data: a folder ``<subject>/<activity>[/<camera>]/poses.npz``
+        (or ``.json``), an npz or a JSON file. Takes without any there are left out.
+    cameras : path, optional
+        ``camera-parameters.json``, if it lies elsewhere.
+    monocular : str, optional
+        Format ``skelsplat``: the folder in ``initial_guess`` with 3D poses of monocular estimators.
     """
-    chosen = Options.parse(**options)
-    name, place = find_format(root, format)
-    return read_layout("human36m", name, place, chosen, "Human3.6M")
+    options = Options(subjects, detector, detections, cameras, monocular)
+    return _read("human36m", "Human3.6M", *_find_format(root, format), options, survey)
 
 
-def survey(root: Path, options: Mapping[str, Any]) -> Survey:
-    """Say which files of Human3.6M are there, and which are missing; options as for `read`."""
-    chosen = Options.parse(**{name: options[name] for name in OPTIONS if name in options})
-    try:
-        name, place = find_format(root, options["format"])
-    except DatasetError as error:
-        return Survey(missing=[(root, error.expected)])
-    found = Survey(format=name)
-    _LAYOUTS[name].survey(place, chosen, found)
-    if chosen.detections is not None:
-        found.look([chosen.detections], "the detections")
-    return found
+def read_occluded(
+    root: Path,
+    survey: Survey,
+    *,
+    variant: str | int | None = None,
+    subjects: Sequence[str] | None = SUBJECTS,
+    detector: str | None = None,
+    detections: Path | str | None = None,
+    cameras: Path | str | None = None,
+    monocular: str | None = None,
+) -> Dataset:
+    """Read Human3.6M-Occ: Human3.6M with objects pasted over the person in two or three of the four views.
+
+    The layout of the method's authors, one folder per variant: ``…occ-2``, ``…occ-3``, ``…occ-3-hard``. The
+    truth and the cameras are those of Human3.6M.
+
+    Parameters
+    ----------
+    root : Path
+        The folder of the variant, or the folder that holds those of the variants.
+    survey : Survey
+    variant : {"2", "3", "3-hard"}, optional
+        Needed if `root` holds several.
+    subjects, detector, detections, cameras, monocular
+        As for `read`.
+    """
+    folder, found = _locate(root, variant)
+    options = Options(subjects, detector, detections, cameras, monocular)
+    origin = f"Human3.6M-Occ-{found}" if found else "Human3.6M-Occ, variant unknown"
+    return _read("human36m-occ", origin, *_find_format(folder, _authors.NAME), options, survey)
 
 
-def read_layout(dataset: str, name: str, place: Path, options: Options, origin: str) -> Dataset:
-    """Read a data set that lies at `place` in the layout `name`."""
-    reading = Reading(origin=f"{origin}, {name} layout")
-    takes = _LAYOUTS[name].takes(place, options, reading)
-    reading.takes += with_separate(takes, options, reading)
+def _read(dataset: str, origin: str, name: str, place: Path, options: Options, survey: Survey) -> Dataset:
+    """Read a data set that lies at `place` in the layout `name`, takes in the order of the tables."""
+    module, survey.format = _LAYOUTS[name], name
+    detector, add = _detections(module, place, options, survey)
+    takes, left_out = [], []
+    for take in survey.each(add, module.takes(place, options, survey)) if add else ():
+        takes += [take] if isinstance(take, Take) else []
+        left_out += [take] if isinstance(take, str) else []
+    if add is None:
+        takes = list(module.takes(place, options, survey))
     if name == _authors.NAME and options.monocular is not None:
-        reading.takes = [_authors.with_monocular(take, place, options.monocular) for take in reading.takes]
-    return reading.dataset(dataset, place)
+        takes = list(survey.each(_authors.with_monocular(survey, place, options.monocular), takes))
+    if not takes:
+        raise DatasetError(place, "takes", "at least one", "none")
+    twice = [key for key, count in Counter(take.key for take in takes).items() if count > 1]
+    if twice:
+        raise DatasetError(place, "takes", "each take once", f"{twice[0]} twice")
+    if left_out:
+        survey.notes.append(f"left out, without detections: {', '.join(left_out)}")
+    takes.sort(key=lambda take: (subject_order(take.subject), order(activity_of(take))))
+    words = {None: "without detections", "gt": "detections are the projected truth (oracle)"}
+    source = f"{origin}, {name} layout; {words.get(detector, f'detections of {detector}')}"
+    takes = [replace(take, fps=FPS) for take in takes]
+    return Dataset(dataset, H36M17, tuple(takes), detector, source, tuple(survey.notes))
 
 
-def find_format(root: Path, format: str | None) -> tuple[str, Path]:
+def _detections(
+    module: ModuleType, place: Path, options: Options, survey: Survey
+) -> tuple[str | None, Adding | None]:
+    """Return the detector, and what gives a take its detections; a take that has none becomes its key."""
+    if options.detections is not None:
+        path = Path(options.detections)
+        source = Separate(survey.find([path], "detections"), spelling)
+
+        def separate(take: Take) -> Take | str:
+            found = source.read(survey, take.subject, activity_of(take), wanted(take))
+            return take.key if found is None else take.with_detections(*found)
+
+        return detector_name(options.detector or path.stem), separate
+    if not hasattr(module, "detectors"):
+        return module.DETECTOR, None
+    there: dict[str, Path] = module.detectors(place)
+    detector = choose_detector(survey, there, options.detector, place / module.USUAL)
+    if detector is None:
+        return None, None
+    if len(there) > 1 and options.detector is None:
+        survey.notes.append(f"detector {detector} of {', '.join(sorted(there))}")
+    return detector, module.adding(there[detector], survey)
+
+
+def _find_format(root: Path, format: str | None) -> tuple[str, Path]:
     """Return the layout on disk, and the folder or file that it begins at; refuse none, or several."""
     one_of("format", format, (None, *_LAYOUTS))
     wanted = _LAYOUTS if format is None else {format: _LAYOUTS[format]}
@@ -102,56 +186,6 @@ def find_format(root: Path, format: str | None) -> tuple[str, Path]:
     return found[0]
 
 
-VARIANTS = ("2", "3", "3-hard")
-
-
-class Occluded:
-    """Human3.6M-Occ: Human3.6M with objects pasted over the person in two or three of the four views.
-
-    The layout of the method's authors, one folder per variant: ``…occ-2``, ``…occ-3``, ``…occ-3-hard``. The
-    truth and the cameras are those of Human3.6M.
-    """
-
-    DESCRIPTION = "Human3.6M-Occ: occluded views; variants 2, 3, 3-hard; authors' layout"
-    OPTIONS = OPTIONS
-
-    def read(self, root: Path, *, variant: str | int | None = None, **options: Any) -> Dataset:
-        """Read a variant of Human3.6M-Occ.
-
-        Parameters
-        ----------
-        root : Path
-            The folder of the variant, or the folder that holds those of the variants.
-        variant : {"2", "3", "3-hard"}, optional
-            Needed if `root` holds several.
-        **options
-            The attributes of `Options`.
-
-        Raises
-        ------
-        InvalidInputError
-            If the variant is unknown.
-        DatasetError
-            If files are missing or malformed, or `root` holds several variants and none is chosen.
-        """
-        chosen = Options.parse(**options)
-        folder, found = _locate(root, variant)
-        name, place = find_format(folder, _authors.NAME)
-        origin = f"Human3.6M-Occ-{found}" if found else "Human3.6M-Occ, variant not said"
-        return read_layout("human36m-occ", name, place, chosen, origin)
-
-    def survey(self, root: Path, options: Mapping[str, Any]) -> Survey:
-        """Say which files are there, and which are missing; options as for `read`."""
-        try:
-            folder, _ = _locate(root, options["variant"])
-        except DatasetError as error:
-            return Survey(missing=[(error.path, error.expected)])
-        return survey(folder, {**options, "format": _authors.NAME})
-
-
-OCCLUDED = Occluded()
-
-
 def _variant_of(name: str) -> str | None:
     """Return the variant that a folder's name ends with."""
     match = re.search(r"occ[-_ ]?([23])[-_ ]?(hard|h)?$", name.lower())
@@ -159,24 +193,19 @@ def _variant_of(name: str) -> str | None:
 
 
 def _locate(root: Path, variant: str | int | None) -> tuple[Path, str | None]:
-    """Return the folder of the variant, and which it is (None if nothing says so)."""
+    """Return the folder of the variant, and which it is; None if nothing states it."""
     wanted = None if variant is None else str(variant).lower()
     one_of("variant", wanted, (None, *VARIANTS))
     inside = {_variant_of(path.name): path for path in sorted(root.iterdir()) if path.is_dir()}
     folders = {name: path for name, path in inside.items() if name is not None}
     if (root / "3d_gt").is_dir() or not folders:
-        return root, _named(root, wanted)
+        own = _variant_of(root.resolve().name)
+        if wanted is not None and own not in (None, wanted):
+            raise DatasetError(root, "variant", wanted, f"a folder of {own}")
+        return root, wanted or own
     if wanted is None and len(folders) == 1:
         wanted = next(iter(folders))
     if wanted is None or wanted not in folders:
         expected = f"one of {', '.join(VARIANTS)}" if wanted is None else f"a folder …occ-{wanted}"
         raise DatasetError(root, "variant", expected, f"none chosen of {', '.join(folders)}")
     return folders[wanted], wanted
-
-
-def _named(root: Path, wanted: str | None) -> str | None:
-    """Return the variant of a folder that is one, if its name does not contradict what was asked for."""
-    own = _variant_of(root.resolve().name)
-    if wanted is not None and own is not None and own != wanted:
-        raise DatasetError(root, "variant", wanted, f"a folder of {own}")
-    return wanted or own

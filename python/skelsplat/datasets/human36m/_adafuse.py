@@ -8,42 +8,30 @@ joints_2d is the projected truth, so without other detections the data are an or
 
 from __future__ import annotations
 
-from collections import defaultdict
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from skelsplat._arrays import Array
+from skelsplat._arrays import Array, Mask
 from skelsplat._skelsplat import project
 from skelsplat.cameras import CameraRig
 from skelsplat.datasets._detections import Wanted, as_detections
-from skelsplat.datasets._files import (
-    Survey,
-    as_numbers,
-    load_records,
-    require,
-    shape_of,
-    whole_number,
-    within,
-)
+from skelsplat.datasets._files import Survey, Value, build_rig, camera_at_centre, images_of, stacked
 from skelsplat.datasets._model import Take
-from skelsplat.datasets._rig import build_rig, camera_at_centre
 from skelsplat.datasets._verify import body_size, is_human
-from skelsplat.datasets.human36m._common import CAMERAS, NUMBERED, SIZES, Options, Reading
+from skelsplat.datasets.human36m._common import CAMERAS, NUMBERED, SIZES, SUBJECTS, Options
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.io._files import of_file
 from skelsplat.layouts import H36M17
 
 NAME = "adafuse"
 HAS = "h36m_validation.pkl"
+DETECTOR = "gt"
 _TRAIN = "h36m_train.pkl"
 _AGREE_MM = 5.0
 
-Record = dict[str, Any]
-Frames = dict[int, dict[int, Record]]
+Frames = dict[int, dict[int, Value]]
 
 
 def locate(root: Path) -> Path | None:
@@ -54,52 +42,28 @@ def locate(root: Path) -> Path | None:
     return next((f for f in folders if (f / HAS).is_file() or (f / _TRAIN).is_file()), None)
 
 
-def takes(root: Path, options: Options, reading: Reading) -> Iterator[Take]:
-    """Give the takes in the pickles."""
+def takes(root: Path, options: Options, survey: Survey) -> Iterator[Take]:
+    """Give the takes in the pickles: S9 and S11 are the validation set."""
+    asked = set(options.subjects or ("S1", "S9"))
+    files = {root / HAS: asked & set(SUBJECTS), root / _TRAIN: asked - set(SUBJECTS)}
+    paths = [root] if root.is_file() else [path for path, some in files.items() if some]
     grouped: dict[tuple[str, str], tuple[Path, Frames]] = {}
-    for path in _paths(root, options):
-        for place, record in enumerate(load_records(path, "a list of records")):
-            key, frame, view = _place(path, f"[{place}]", record)
-            _, frames = grouped.setdefault(key, (path, defaultdict(dict)))
-            if view in frames[frame]:
-                raise DatasetError(path, f"[{place}]", f"frame {frame} of {key} once per camera", "twice")
-            frames[frame][view] = record
+    for path in paths:
+        for (who, action, subaction, frame), views in images_of(survey.find([path], "annotations")).items():
+            record = next(iter(views.values()))
+            if action not in NUMBERED:
+                raise record["action"].error("2 to 16", action)
+            if not set(views) <= set(range(len(CAMERAS))):
+                raise record["camera_id"].error("0 to 3", sorted(views))
+            key = f"S{who}", f"{NUMBERED[action]}-{subaction}"
+            grouped.setdefault(key, (path, {}))[1][frame] = views
     subjects = options.chosen(root, {subject for subject, _ in grouped})
-    if options.detections is None:
-        reading.detector = "gt"
     for (subject, activity), (path, frames) in grouped.items():
         if subject in subjects:
-            yield _take(path, subject, activity, frames, reading)
+            yield _take(path, subject, activity, frames, survey)
 
 
-def survey(root: Path, options: Options, found: Survey) -> None:
-    """Look for the files that `read` opens, apart from `options.detections`."""
-    for path in _paths(root, options):
-        found.look([path], "the annotations")
-
-
-def _paths(root: Path, options: Options) -> list[Path]:
-    """Return the pickles with the subjects wanted: S9 and S11 are the validation set."""
-    if root.is_file():
-        return [root]
-    wanted = set(options.subjects or ("S1", "S9"))
-    paths = [root / HAS] if wanted & {"S9", "S11"} else []
-    return [*paths, root / _TRAIN] if wanted - {"S9", "S11"} else paths
-
-
-def _place(path: Path, field: str, record: Any) -> tuple[tuple[str, str], int, int]:
-    """Return subject and activity, frame, and view of a record."""
-    keys = ("subject", "action", "subaction", "image_id", "camera_id")
-    values = {key: whole_number(path, field, record, key) for key in keys}
-    if values["action"] not in NUMBERED:
-        raise DatasetError(path, within(field, "action"), "2 to 16", values["action"])
-    if not 0 <= values["camera_id"] < len(CAMERAS):
-        raise DatasetError(path, within(field, "camera_id"), "0 to 3", values["camera_id"])
-    activity = f"{NUMBERED[values['action']]}-{values['subaction']}"
-    return (f"S{values['subject']}", activity), values["image_id"], values["camera_id"]
-
-
-def _take(path: Path, subject: str, activity: str, frames: Frames, reading: Reading) -> Take:
+def _take(path: Path, subject: str, activity: str, frames: Frames, survey: Survey) -> Take:
     """Return a take; frames that not all views have are left out."""
     key = f"{subject}/{activity}"
     views = {view for records in frames.values() for view in records}
@@ -111,65 +75,58 @@ def _take(path: Path, subject: str, activity: str, frames: Frames, reading: Read
         got = f"{len(complete)} of {len(frames)} frames in all four"
         raise DatasetError(path, f"{key}, image_id", "the same frames in every view", got)
     if len(complete) < len(frames):
-        reading.notes.append(f"{key}: {len(frames) - len(complete)} frames left out, not seen by every view")
+        survey.notes.append(f"{key}: {len(frames) - len(complete)} frames left out, not seen by every view")
     rows = [[frames[frame][view] for view in range(len(CAMERAS))] for frame in complete]
-    cameras = []
-    for name, record in zip(CAMERAS, rows[0], strict=True):
-        field, values = f"{key}, camera {name}", require(path, f"{key}, camera {name}", record, "camera")
-        cameras.append(camera_at_centre(path, field, values, size=SIZES[name], name=name))
+    cameras = [
+        camera_at_centre(record["camera"], size=SIZES[name], name=name)
+        for name, record in zip(CAMERAS, rows[0], strict=True)
+    ]
     rig = build_rig(path, cameras, "mm")
-    given = _stack(path, key, rows, "joints_3d", 3)
+    given = Value(path, f"{key}, joints_3d", stacked(rows, "joints_3d", H36M17.n_joints, 3))
     numbered = np.array(complete, dtype=np.int64)
-    detections = _detections(path, key, rows, numbered)
+    detections = _detections(path, key, rows, Wanted(key, numbered, CAMERAS, H36M17))
+    boxed = all(np.shape(record.content.get("box")) == (4,) for row in rows for record in row)
     return Take(
         key,
         subject,
         activity.partition("-")[0],
         rig,
         numbered,
-        _world(path, key, given, detections[..., :2], rig),
+        _world(given, detections[..., :2], rig),
         detections=detections,
-        boxes=_boxes(path, key, rows),
+        boxes=stacked(rows, "box", 4) if boxed else None,
         files={"truth": path, "detections": path, "cameras": path},
     )
 
 
-def _stack(path: Path, key: str, rows: list[list[Record]], name: str, axes: int) -> Array:
-    """Return (T, M, 17, axes) of the records."""
-    joints = H36M17.n_joints
-    for records in rows:
-        for record in records:
-            shape = shape_of(require(path, key, record, name))
-            if shape != (joints, axes):
-                expected = f"{joints} joints of {H36M17.name} ({joints}, {axes})"
-                raise DatasetError(path, f"{key}, {name}", expected, f"shape {shape}")
-    return as_numbers(path, f"{key}, {name}", [[record[name] for record in records] for records in rows])
+def _detections(path: Path, key: str, rows: list[list[Value]], wanted: Wanted) -> Array:
+    pixels = stacked(rows, "joints_2d", H36M17.n_joints, 2)
+    seen: Array | Mask = np.ones(pixels.shape[:3])
+    if all("joints_vis" in record for row in rows for record in row):
+        marks = Value(
+            path, f"{key}, joints_vis", [[record.content["joints_vis"] for record in row] for row in rows]
+        )
+        flags = marks.array()
+        if flags.shape[:3] == seen.shape and flags.ndim in (3, 4):
+            seen = (flags if flags.ndim == 3 else flags[..., 0]) > 0
+    return as_detections(
+        Value(path, f"{key}, joints_2d", np.concatenate([pixels, seen[..., None]], axis=-1)), wanted
+    )
 
 
-def _detections(path: Path, key: str, rows: list[list[Record]], frames: Any) -> Array:
-    pixels = _stack(path, key, rows, "joints_2d", 2)
-    seen: NDArray[Any] = np.ones(pixels.shape[:3])
-    if all("joints_vis" in record for records in rows for record in records):
-        marks = as_numbers(path, f"{key}, joints_vis", [[record["joints_vis"] for record in r] for r in rows])
-        if marks.shape[:3] == seen.shape and marks.ndim in (3, 4):
-            seen = (marks if marks.ndim == 3 else marks[..., 0]) > 0
-    value = np.concatenate([pixels, seen[..., None]], axis=-1)
-    return as_detections(path, f"{key}, joints_2d", value, Wanted(key, frames, CAMERAS, H36M17))
-
-
-def _world(path: Path, key: str, given: Array, pixels: Array, rig: CameraRig) -> Array:
+def _world(given: Value, pixels: Array, rig: CameraRig) -> Array:
     """Return the poses (T, 17, 3) in the world from those in the records (T, M, 17, 3)."""
-    moved = np.stack([(given[:, v] - c.t) @ c.R for v, c in enumerate(rig)], axis=1)
+    poses: Array = given.content
+    moved = np.stack([(poses[:, v] - c.t) @ c.R for v, c in enumerate(rig)], axis=1)
     try:
-        in_camera, in_world = (_misfit(poses, pixels, rig) for poses in (moved, given))
+        in_camera, in_world = (_misfit(some, pixels, rig) for some in (moved, poses))
     except InvalidInputError as error:  # numbers that nothing is projected from
-        raise of_file(path, error) from error
-    poses = given if in_world < in_camera else moved
-    apart = float(np.abs(poses - poses[:, :1]).max())
-    if not apart <= _AGREE_MM and is_human(body_size(given)):  # else it is the unit, and verified later
-        got = f"poses that are {apart:.3g} mm apart"
-        raise DatasetError(path, f"{key}, joints_3d", "the same pose in all views of a frame", got)
-    return np.ascontiguousarray(poses[:, 0])
+        raise of_file(given.path, error) from error
+    chosen = poses if in_world < in_camera else moved
+    apart = float(np.abs(chosen - chosen[:, :1]).max())
+    if not apart <= _AGREE_MM and is_human(body_size(poses)):  # else it is the unit, and verified later
+        raise given.error("the same pose in all views of a frame", f"poses that are {apart:.3g} mm apart")
+    return np.ascontiguousarray(chosen[:, 0])
 
 
 def _misfit(poses: Array, pixels: Array, rig: CameraRig) -> float:
@@ -181,11 +138,3 @@ def _misfit(poses: Array, pixels: Array, rig: CameraRig) -> float:
         ]
     seen = np.concatenate([values[~np.isnan(values)] for values in apart])
     return float(np.median(seen)) if seen.size else float("inf")
-
-
-def _boxes(path: Path, key: str, rows: list[list[Record]]) -> Array | None:
-    """Return left, top, right, bottom, if the records have them."""
-    boxes = [[record.get("box") for record in records] for records in rows]
-    if any(shape_of(box) != (4,) for row in boxes for box in row):
-        return None
-    return as_numbers(path, f"{key}, box", boxes)

@@ -8,19 +8,19 @@ the detections.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TypeAlias
 
 import numpy as np
 
 from skelsplat._arrays import Array
 from skelsplat._budget import MOST_NAME
 from skelsplat.cameras import CameraRig
-from skelsplat.datasets._detections import Separate, Wanted, choose_detector, detector_name
-from skelsplat.datasets._model import Dataset, Take
-from skelsplat.datasets._rig import read_quietly
+from skelsplat.datasets._detections import Wanted
+from skelsplat.datasets._files import Survey, read_cameras
+from skelsplat.datasets._model import Take
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.layouts import H36M17
 
@@ -49,6 +49,22 @@ ACTIONS = tuple(_NUMBER_IN_FILE_NAMES)
 NUMBERED = {number: action for action, number in _NUMBER_IN_FILE_NAMES.items()}
 
 ALIASES = {"TakingPhoto": "Photo", "WalkingDog": "WalkDog", "WalkingTogether": "WalkTogether"}
+
+SUBJECTS = ("S9", "S11")
+"""Those that the method is tested on."""
+
+CAMERAS = ("54138969", "55011271", "58860488", "60457274")
+"""In the order of every format."""
+
+SIZES = {name: (1000, 1002 if name in ("54138969", "60457274") else 1000) for name in CAMERAS}
+
+FPS = 50.0
+"""Of the videos, whose frames every format numbers."""
+
+FILE = "camera-parameters.json"
+
+Adding: TypeAlias = Callable[[Take], Take | str]
+"""Gives a take its detections; a take that has none becomes its key."""
 
 
 def action_of(activity: str) -> str:
@@ -81,143 +97,6 @@ def subject_order(subject: str) -> tuple[int, str]:
     return int(digits[:9] or 0), subject
 
 
-CAMERAS = ("54138969", "55011271", "58860488", "60457274")
-"""In the order of every format."""
-
-FPS = 50.0
-"""Of the videos, whose frames every format numbers."""
-
-FILE = "camera-parameters.json"
-
-SIZES = {name: (1000, 1002 if name in ("54138969", "60457274") else 1000) for name in CAMERAS}
-
-
-def find_cameras(root: Path, given: Path | None) -> Path:
-    """Return where the cameras' file is, or should be."""
-    if given is not None:
-        return given / FILE if given.is_dir() else given
-    places = [folder / FILE for folder in (root / "cameras", root, root.parent / "cameras", root.parent)]
-    return next((place for place in places if place.is_file()), places[0])
-
-
-def read_rig(path: Path, subject: str) -> CameraRig:
-    """Return the four cameras of ``camera-parameters.json`` as they stood for a subject, mm."""
-    try:
-        rig = read_quietly(path, "human36m", subject=subject)
-    except InvalidInputError as error:
-        raise DatasetError(path, "extrinsics", f"the subject {subject}", error) from error
-    for name in CAMERAS:
-        if name not in rig.names:
-            raise DatasetError(
-                path, f"extrinsics.{subject}.{name}", "a camera", f"only {', '.join(rig.names)}"
-            )
-    return CameraRig([rig[name] for name in CAMERAS], rig.unit)
-
-
-@dataclass(frozen=True)
-class Options:
-    """The options of `skelsplat.datasets.human36m.read`, parsed.
-
-    Attributes
-    ----------
-    subjects : sequence of str or None
-        Default: the two that the method is tested on. None reads all.
-    detector : str, optional
-        Which of the detections that are there: ``"metrabs"``, ``"cpn"``, ``"resnet152"``, … Default: metrabs,
-        resnet152, cpn, resnet50 or another, the first that is there.
-    detections : path, optional
-        Detections that are kept apart from the data: a folder ``<subject>/<activity>[/<camera>]/poses.npz``
-        (or ``.json``), an npz or a JSON file. Takes without any there are left out.
-    cameras : path, optional
-        ``camera-parameters.json``, if it lies elsewhere.
-    monocular : str, optional
-        Format ``skelsplat``: the folder in ``initial_guess`` with 3D poses of monocular estimators.
-    """
-
-    subjects: Sequence[str] | None = ("S9", "S11")
-    detector: str | None = None
-    detections: Path | None = None
-    cameras: Path | None = None
-    monocular: str | None = None
-
-    @classmethod
-    def parse(cls, **given: Any) -> Options:
-        """Return the options given; a text in place of several subjects is an `InvalidInputError`."""
-        subjects = given.get("subjects", cls.subjects)
-        if isinstance(subjects, str) or (subjects is not None and not subjects):
-            raise InvalidInputError(f'subjects: expected names such as ("S9", "S11"), got {subjects!r}')
-        parsers: dict[str, Callable[[Any], Any]] = {
-            "detector": detector_name,
-            "detections": Path,
-            "cameras": Path,
-        }
-        known = {key: value for key, value in given.items() if value is not None or key == "subjects"}
-        return cls(**{key: parsers.get(key, lambda value: value)(value) for key, value in known.items()})
-
-    def chosen(self, path: Path, there: Iterable[str]) -> list[str]:
-        """Return the subjects to read of those that are there."""
-        available = sorted(set(there), key=subject_order)
-        for subject in self.subjects or ():
-            if subject not in available:
-                raise DatasetError(path, "subjects", subject, f"only {', '.join(available) or 'none'}")
-        return available if self.subjects is None else list(self.subjects)
-
-
-@dataclass
-class Reading:
-    """A data set while it is read: its takes, and what has to be said of them."""
-
-    takes: list[Take] = field(default_factory=list)
-    notes: list[str] = field(default_factory=list)
-    left_out: list[str] = field(default_factory=list)
-    detector: str | None = None
-    origin: str = ""
-
-    def choose(self, there: dict[str, Path], options: Options, root: Path) -> Path | None:
-        """Return where the chosen detector's detections lie, and note which it is; None if there are none.
-
-        None as well if other detections are given. Raises `DatasetError` if the wanted detector is not there.
-        """
-        if options.detections is not None:
-            return None
-        self.detector = choose_detector(there, options.detector, root)
-        if self.detector is None:
-            return None
-        if len(there) > 1 and options.detector is None:
-            self.notes.append(f"detector {self.detector} of {', '.join(sorted(there))}")
-        return there[self.detector]
-
-    def detected(self, takes: Iterable[Take], add: Callable[[Take], Take | None]) -> Iterator[Take]:
-        """Give the takes with what `add` makes of them; leave out those of which it makes nothing."""
-        for take in takes:
-            found = add(take)
-            if found is None:
-                self.left_out.append(take.key)
-            else:
-                yield found
-
-    def dataset(self, name: str, root: Path) -> Dataset:
-        """Return the data set, takes in the order of the tables."""
-        if not self.takes:
-            raise DatasetError(root, "takes", "at least one", "none")
-        keys = [take.key for take in self.takes]
-        if len(set(keys)) < len(keys):
-            twice = next(key for key in keys if keys.count(key) > 1)
-            raise DatasetError(root, "takes", "each take once", f"{twice} twice")
-        if self.left_out:
-            self.notes.append(f"left out, without detections: {', '.join(self.left_out)}")
-        takes = sorted(self.takes, key=lambda take: (subject_order(take.subject), order(activity_of(take))))
-        takes = [replace(take, fps=FPS) for take in takes]
-        return Dataset(name, H36M17, tuple(takes), self.detector, self._source(), tuple(self.notes))
-
-    def _source(self) -> str:
-        if self.detector is None:
-            return f"{self.origin}; without detections"
-        if self.detector == "gt":
-            return f"{self.origin}; detections are the projected truth (oracle)"
-        return f"{self.origin}; detections of {self.detector}"
-
-
 def activity_of(take: Take) -> str:
     """Return the take's name without the subject."""
     return take.key.partition("/")[2]
@@ -234,16 +113,40 @@ def wanted(take: Take) -> Wanted:
     return Wanted(take.key, take.frames, take.rig.names, H36M17)
 
 
-def with_separate(takes: Iterable[Take], options: Options, reading: Reading) -> Iterator[Take]:
-    """Give the takes the detections of ``Options.detections``; leave out those that have none there."""
-    if options.detections is None:
-        yield from takes
-        return
-    source = Separate(options.detections, spelling)
-    reading.detector = options.detector or detector_name(options.detections.stem)
+@dataclass(frozen=True)
+class Options:
+    """The options of `skelsplat.datasets.human36m.read` but for the format."""
 
-    def detected(take: Take) -> Take | None:
-        found = source.read(take.subject, activity_of(take), wanted(take))
-        return None if found is None else take.with_detections(*found)
+    subjects: Sequence[str] | None
+    detector: str | None
+    detections: Path | str | None
+    cameras: Path | str | None
+    monocular: str | None
 
-    yield from reading.detected(takes, detected)
+    def __post_init__(self) -> None:
+        if isinstance(self.subjects, str) or (self.subjects is not None and not self.subjects):
+            raise InvalidInputError(f'subjects: expected names such as ("S9", "S11"), got {self.subjects!r}')
+
+    def chosen(self, path: Path, there: Iterable[str]) -> list[str]:
+        """Return the subjects to read of those that are there."""
+        available = sorted(set(there), key=subject_order)
+        for subject in self.subjects or ():
+            if subject not in available:
+                raise DatasetError(path, "subjects", subject, f"only {', '.join(available) or 'none'}")
+        return available if self.subjects is None else list(self.subjects)
+
+    def find_cameras(self, survey: Survey, root: Path) -> Path:
+        """Return the file of the cameras."""
+        if self.cameras is not None:
+            given = Path(self.cameras)
+            return survey.find([given / FILE if given.is_dir() else given], "cameras")
+        folders = (root / "cameras", root, root.parent / "cameras", root.parent)
+        return survey.find([folder / FILE for folder in folders], "cameras")
+
+
+def read_rig(path: Path, subject: str) -> CameraRig:
+    """Return the four cameras of ``camera-parameters.json`` as they stood for a subject, mm."""
+    try:
+        return read_cameras(path, "human36m", CAMERAS, subject=subject)
+    except InvalidInputError as error:
+        raise DatasetError(path, "extrinsics", f"the subject {subject}", error) from error

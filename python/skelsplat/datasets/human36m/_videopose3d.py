@@ -9,31 +9,30 @@ cut off, as VideoPose3D does.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from skelsplat._arrays import Array
 from skelsplat.cameras import CameraRig
 from skelsplat.datasets._detections import Wanted, as_detections, detector_name
-from skelsplat.datasets._files import Survey, a_list, a_table, load_npz, numbers, require
+from skelsplat.datasets._files import Survey, Value, load_npz
 from skelsplat.datasets._model import Take
 from skelsplat.datasets.human36m._common import (
     CAMERAS,
+    Adding,
     Options,
-    Reading,
     activity_of,
-    find_cameras,
     read_rig,
     take_of,
     wanted,
 )
-from skelsplat.exceptions import DatasetError
 from skelsplat.layouts import H36M17
 
 NAME = "videopose3d"
 HAS = "data_3d_h36m.npz"
+USUAL = "data_2d_h36m_<detector>.npz"
 _MM = 1000.0
 
 JOINTS_OF_32 = (0, 1, 2, 3, 6, 7, 8, 12, 13, 14, 15, 17, 18, 19, 25, 26, 27)
@@ -45,82 +44,54 @@ def locate(root: Path) -> Path | None:
     return next((folder for folder in (root, root / "data") if (folder / HAS).is_file()), None)
 
 
-def takes(root: Path, options: Options, reading: Reading) -> Iterator[Take]:
-    """Give the takes in the archives."""
-    path = root / HAS
-    positions = _table(path, "positions_3d")
-    subjects = options.chosen(path, map(str, positions))
-    cameras = find_cameras(root, options.cameras)
-    rigs = {subject: read_rig(cameras, subject) for subject in subjects}
-    without: Iterator[Take] = (
-        _take(path, subject, str(activity), value, rigs[subject], cameras)
-        for subject in subjects
-        for activity, value in a_table(path, f"positions_3d.{subject}", positions[subject]).items()
-    )
-    own = reading.choose(_detectors(root), options, root)
-    return without if own is None else _with_own(without, own, reading)
+def takes(root: Path, options: Options, survey: Survey) -> Iterator[Take]:
+    """Give the takes in the archives beneath `root`."""
+    cameras = options.find_cameras(survey, root)
+    path = survey.find([root / HAS], "truth")
+    positions = load_npz(path, ("positions_3d",))["positions_3d"].table()
+    for subject in options.chosen(path, map(str, positions)):
+        rig = read_rig(cameras, subject)
+        for activity, value in positions[subject].table().items():
+            yield _take(subject, activity, value, rig, cameras)
 
 
-def survey(root: Path, options: Options, found: Survey) -> None:
-    """Look for the files that `read` opens, apart from `options.detections`."""
-    found.look([root / HAS], "the truth")
-    found.look([find_cameras(root, options.cameras)], "the cameras")
-    there = {} if options.detections else _detectors(root)
-    if options.detections is None and (options.detector is not None or not there):
-        name = options.detector or "<detector>"
-        found.look([there.get(name, root / f"data_2d_h36m_{name}.npz")], "the detections")
-    else:
-        found.there += there.values()
-
-
-def _detectors(root: Path) -> dict[str, Path]:
-    return {detector_name(path.stem): path for path in sorted(root.glob("data_2d_h36m_*.npz"))}
-
-
-def _table(path: Path, key: str) -> dict[Any, Any]:
-    table = require(path, "", load_npz(path, (key,)), key)
-    return a_table(path, key, table)
-
-
-def _take(path: Path, subject: str, activity: str, value: Any, rig: CameraRig, cameras: Path) -> Take:
-    field = f"positions_3d.{subject}.{activity}"
-    truth = numbers(path, field, value, ("frames", "joints", 3))
+def _take(subject: str, activity: str, value: Value, rig: CameraRig, cameras: Path) -> Take:
+    truth = value.numbers("frames", "joints", 3)
     if truth.shape[1] == 32:
         truth = truth[:, list(JOINTS_OF_32)]
     if truth.shape[1] != H36M17.n_joints:
-        raise DatasetError(path, field, "32 joints, or 17 of h36m17", truth.shape[1])
-    return take_of(subject, activity, rig, _MM * truth, {"truth": path, "cameras": cameras})
+        raise value.error("32 joints, or 17 of h36m17", truth.shape[1])
+    return take_of(subject, activity, rig, _MM * truth, {"truth": value.path, "cameras": cameras})
 
 
-def _with_own(takes: Iterator[Take], path: Path, reading: Reading) -> Iterator[Take]:
-    """Add the detections in ``data_2d_h36m_<detector>.npz``; leave out takes that have none."""
-    positions, cut = _table(path, "positions_2d"), 0
-
-    def detected(take: Take) -> Take | None:
-        nonlocal cut
-        own = require(path, "positions_2d", positions, take.subject)
-        views = a_table(path, f"positions_2d.{take.subject}", own).get(activity_of(take))
-        if views is None:
-            return None
-        field = f"positions_2d.{take.subject}.{activity_of(take)}"
-        detections, longer = _joined(path, field, a_list(path, field, views), wanted(take))
-        cut += longer
-        return take.with_detections(detections, path)
-
-    yield from reading.detected(takes, detected)
-    if cut:
-        reading.notes.append(f"{path.name}: {cut} views cut where the truth ends")
+def detectors(root: Path) -> dict[str, Path]:
+    """Return the archives of detections by the name of the detector."""
+    return {detector_name(path.stem): path for path in sorted(root.glob("data_2d_h36m_*.npz"))}
 
 
-def _joined(path: Path, field: str, views: list[Any], fits: Wanted) -> tuple[Array, int]:
-    """Return (T, M, N, 3) from one (T or more, N, 2) per camera, and how many were longer."""
-    if len(views) != len(CAMERAS):
-        raise DatasetError(path, field, f"{len(CAMERAS)} cameras ({', '.join(CAMERAS)})", len(views))
-    parts, longer = [], 0
-    for name, view in zip(fits.views, views, strict=True):
-        place = f"{field}, camera {name}"
-        pixels = numbers(path, place, view, ("frames", "joints", 2))
-        longer += len(pixels) > len(fits.frames)
-        one = Wanted(fits.key, fits.frames, (name,), fits.layout)
-        parts.append(as_detections(path, place, pixels[: len(fits.frames), None], one))
-    return np.concatenate(parts, axis=1), longer
+def adding(path: Path, survey: Survey) -> Adding:
+    """Return what gives a take its detections in ``data_2d_h36m_<detector>.npz``."""
+    positions = load_npz(survey.found(path), ("positions_2d",))["positions_2d"]
+
+    def add(take: Take) -> Take | str:
+        views = positions[take.subject].table().get(activity_of(take))
+        return take.key if views is None else take.with_detections(_joined(views, wanted(take), survey), path)
+
+    return add
+
+
+def _joined(views: Value, fits: Wanted, survey: Survey) -> Array:
+    """Return (T, M, N, 3) from one (T or more, N, 2) per camera."""
+    given = views.entries()
+    if len(given) != len(CAMERAS):
+        raise views.error(f"{len(CAMERAS)} cameras ({', '.join(CAMERAS)})", len(given))
+    parts = []
+    for name, view in zip(fits.views, given, strict=True):
+        at = replace(view, place=f"{views.place}, camera {name}")
+        pixels = at.numbers("frames", "joints", 2)
+        note = f"{view.path.name}: views cut where the truth ends"
+        if len(pixels) > len(fits.frames) and note not in survey.notes:
+            survey.notes.append(note)
+        one = replace(at, content=pixels[: len(fits.frames), None])
+        parts.append(as_detections(one, replace(fits, views=(name,))))
+    return np.concatenate(parts, axis=1)

@@ -1,0 +1,289 @@
+"""Shelf and Campus: several people, few cameras, 14 joints.
+
+- ``calibration_NAME.json`` as VoxelPose wrote it: {"0": {k, p, R, T, fx, fy, cx, cy}}, mm, x_cam = R (X − T);
+- truth ``actorsGT.mat``, key ``actor3D``: cells of actors, of frames, of (14, 3) **metres**, empty where an
+  actor is not labelled;
+- detections ``2d_DETECTOR/S0/actorK[/CAMERA]/poses.npz`` or ``2d_DETECTOR/S0/actorK.npz``: which detection
+  belongs to which actor is decided before. With 17 joints they are COCO-17 and become the 14, neck and head
+  top interpolated from shoulders and ears;
+- or detections of everybody, in which nothing says who is who: ``2d_DETECTOR/S0/people.npz``, key ``people``
+  (T, M, P, N, 2 or 3), NaN where there is nothing, and ``frames`` (T,), from 0; or
+  ``pred_NAME_DETECTOR_coco.pkl`` as VoxelPose has it: {"CAMERA_FRAME": [{"pred": (17, 3)}, …]}.
+
+Each actor is a take; frames are those in which it is labelled. With detections of everybody alone, the takes
+have those that are nearest to the projected truth (oracle association).
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from skelsplat._arrays import Array, Index
+from skelsplat._optional import require
+from skelsplat._skelsplat import Layout
+from skelsplat.cameras import CameraRig
+from skelsplat.datasets._detections import Wanted, detections_of, detector_name, read_apart
+from skelsplat.datasets._files import Survey, build_rig, camera_at_centre, load_json, load_npz, load_pickle
+from skelsplat.datasets._model import Dataset, PeopleTake, Take, nearest_slots
+from skelsplat.exceptions import DatasetError
+from skelsplat.io._mat import load_mat
+from skelsplat.layouts import COCO17, SHELF14
+
+Actors = Sequence[tuple[Index, Array]]
+"""Frames (T,), from 0, and joints (T, N, 3) mm of each actor, where it is labelled."""
+
+_EVALUATED = 3  # the first actors
+_FPS = 25.0
+_MM_PER_M = 1000.0
+_FROM_COCO = (16, 14, 12, 11, 13, 15, 10, 8, 6, 5, 7, 9)
+"""The 12 limb joints of SHELF14 in COCO-17."""
+
+
+@dataclass(frozen=True)
+class Scene:
+    """Which of the two: its name, image size and number of cameras."""
+
+    name: str
+    size: tuple[int, int]
+    n_cameras: int
+
+
+def _read(
+    scene: Scene,
+    root: Path,
+    survey: Survey,
+    *,
+    detector: str | None = None,
+    detections: Path | str | None = None,
+) -> Dataset:
+    """Read the data set.
+
+    Parameters
+    ----------
+    scene : Scene
+    root : Path
+    survey : Survey
+    detector : str or None
+        Name of the detector, as in ``2d_DETECTOR``; chosen as for Human3.6M when left out.
+    detections : Path or None
+        A folder of detections outside the root, in place of ``2d_DETECTOR/S0``, or a file of everybody.
+    """
+    file, inside = f"calibration_{scene.name}.json", root / scene.name.capitalize()
+    places = [root / file, inside / file, root / "cameras" / file]
+    calibration = survey.find(places, f"calibration of {scene.name}")
+    truth = survey.find([root / "actorsGT.mat", inside / "actorsGT.mat"], f"truth of {scene.name}")
+    rig = _rig(scene, calibration)
+    folder, everybody, name = _detections(scene, root, survey, detector, detections)
+    actors = read_actors(truth, SHELF14.n_joints)
+    files = {"truth": truth, "cameras": calibration}
+    words = f"{scene.name.capitalize()}, one take per actor, detections: {name or 'none'}"
+    scenes = () if everybody is None else (_people(everybody, rig, actors, files),)
+    if folder is None and scenes:
+        takes = scenes[0].apart("S0")
+    else:
+        numbered = [(k, *actor) for k, actor in enumerate(actors[:_EVALUATED]) if len(actor[0])]
+        takes = tuple(survey.each(lambda actor: _take(survey, rig, folder, files, *actor), numbered))
+    return Dataset(scene.name, SHELF14, takes, name, words, scenes=scenes)
+
+
+read_shelf = partial(_read, Scene("shelf", (1032, 776), 5))
+read_campus = partial(_read, Scene("campus", (360, 288), 3))
+
+
+def _detections(
+    scene: Scene, root: Path, survey: Survey, detector: str | None, given: Path | str | None
+) -> tuple[Path | None, Path | None, str | None]:
+    """Return the folder with detections per actor, the file of everybody, and the detector."""
+    folders = (root, root / scene.name.capitalize())
+    alone = {}
+    for path in (path for one in folders for path in sorted(one.glob(f"pred_{scene.name}_*.pkl"))):
+        alone[detector_name(re.sub(rf"^pred_{scene.name}_|(_coco)?\.pkl$", "", path.name))] = path
+    wanted = None if detector is None else detector_name(detector)
+    if given is not None and Path(given).is_file():
+        return None, survey.found(Path(given)), wanted
+    if given is None and alone and (wanted in alone or (wanted is None and not any(root.glob("2d_*")))):
+        chosen = wanted or next(iter(alone))
+        return None, survey.found(alone[chosen]), chosen
+    folder, name = detections_of(survey, root, detector, given, "hrnet")
+    everybody = None if folder is None or not (folder / "people.npz").is_file() else folder / "people.npz"
+    per_actor = folder is not None and any(folder.glob("actor*"))
+    return (folder if per_actor or everybody is None else None), everybody, name
+
+
+def _rig(scene: Scene, path: Path) -> CameraRig:
+    content = load_json(path)
+    content.table("a table of cameras")
+    names = [str(k) for k in range(scene.n_cameras)]
+    for name in names:
+        if name not in content:
+            there = ", ".join(sorted(content.keys)) or "none"
+            raise DatasetError(path, "cameras", f"camera {name}", f"only {there}")
+    cameras = [camera_at_centre(content[name], size=scene.size, name=name) for name in names]
+    return build_rig(path, cameras, "mm")
+
+
+def _take(
+    survey: Survey,
+    rig: CameraRig,
+    folder: Path | None,
+    files: Mapping[str, Path],
+    k: int,
+    frames: Index,
+    joints: Array,
+) -> Take:
+    """Return an actor's take, with the detections in a folder if there is one."""
+    name = f"actor{k}"
+    take = Take(f"S0/{name}", "S0", name, rig, frames, joints, fps=_FPS, files=files)
+    if folder is None:
+        return take
+
+    def found_as(layout: Layout) -> tuple[Array, Index, Path]:
+        spellings = [[camera, f"cam{camera}", f"Camera{camera}"] for camera in rig.names]
+        wanted = Wanted(take.key, frames, rig.names, layout)
+        return read_apart(survey, [(folder / name, ["poses"]), (folder, [name])], wanted, spellings)
+
+    try:
+        values, places, path = found_as(SHELF14)
+    except DatasetError as error:
+        if f"{SHELF14.n_joints} joints" not in error.expected:
+            raise
+        try:
+            values, places, path = found_as(COCO17)
+        except DatasetError:
+            raise error from None
+        values = from_coco(values)
+    return take.select(places).with_detections(values, path)
+
+
+def from_coco(detections: Array) -> Array:
+    """Return SHELF14 detections (…, 14, 3) of COCO-17 ones (…, 17, 3).
+
+    The neck (bottom of the head) is half-way between the middles of shoulders and ears; the top of the head
+    is as far beyond the ears. Both are missing, and as uncertain as the worst, if shoulders or ears are.
+    """
+    limbs = detections[..., _FROM_COCO, :]
+    ears, shoulders = (detections[..., pair, :].mean(axis=-2) for pair in ([3, 4], [5, 6]))
+    confidence = detections[..., [3, 4, 5, 6], 2].min(axis=-1)
+    bottom = 0.5 * (shoulders + ears)
+    head = np.stack([bottom, 2.0 * ears - bottom], axis=-2)
+    head[..., 2] = confidence[..., None]
+    head[np.isnan(head[..., 0])] = (np.nan, np.nan, 0.0)
+    return np.concatenate([limbs, head], axis=-2)
+
+
+def _people(path: Path, rig: CameraRig, actors: Actors, files: Mapping[str, Path]) -> PeopleTake:
+    """Read the detections of everybody; actors who are not evaluated need not be found."""
+    frames, people = _everybody(path, rig.names)
+    truth = np.full((len(actors), len(frames), SHELF14.n_joints, 3), np.nan)
+    for own, (labelled, joints) in zip(truth, actors, strict=True):
+        _, here, there = np.intersect1d(frames, labelled, return_indices=True)
+        own[here] = joints[there]
+    names = tuple(f"actor{k}" for k in range(len(actors)))
+    return PeopleTake(
+        key="S0",
+        rig=rig,
+        frames=frames,
+        people=people,
+        truth=truth,
+        names=names,
+        slots=nearest_slots(truth, rig, people),
+        fps=_FPS,
+        waived=names[_EVALUATED:],
+        files={**files, "detections": path},
+    )
+
+
+def _everybody(path: Path, cameras: Sequence[str]) -> tuple[Index, Array]:
+    """Read frames (T,) and detections (T, M, P, 14, 3), NaN where there is nothing."""
+    frames, people = _of_npz(path, cameras) if path.suffix == ".npz" else _of_pickle(path, cameras)
+    if people.shape[-1] == 2:
+        people = np.concatenate([people, np.ones((*people.shape[:-1], 1))], axis=-1)
+    missing = ~np.isfinite(people[..., :2]).all(axis=-1) | (people[..., :2] == 0.0).all(axis=-1)
+    people[..., 2] = np.clip(people[..., 2], 0.0, 1.0)
+    people[missing | ~(people[..., 2] > 0.0)] = np.nan
+    if people.shape[-2] == COCO17.n_joints:
+        people = from_coco(people)
+        people[np.isnan(people[..., 0])] = np.nan
+    if people.shape[-2] != SHELF14.n_joints:
+        raise DatasetError(path, "people", "14 or 17 joints", people.shape[-2])
+    return frames, people
+
+
+def _of_npz(path: Path, cameras: Sequence[str]) -> tuple[Index, Array]:
+    content = load_npz(path)
+    people, frames = content["people"].array(), content["frames"].frames()
+    if people.ndim != 5 or people.shape[-1] not in (2, 3) or people.shape[1] != len(cameras):
+        expected = f"pixels (frames, {len(cameras)} views, people, joints, 2 or 3)"
+        raise content["people"].error(expected, f"shape {people.shape}")
+    if len(frames) != len(people):
+        raise content["frames"].error(f"{len(people)} numbers", len(frames))
+    return frames, people
+
+
+def _of_pickle(path: Path, cameras: Sequence[str]) -> tuple[Index, Array]:
+    content = load_pickle(path)
+    found: dict[tuple[int, int], list[Array]] = {}
+    for key, entries in content.table().items():
+        place = re.fullmatch(r"(\d+)_(\d+)", str(key))
+        if place is None:
+            raise DatasetError(path, f"{key!r}", "keys CAMERA_FRAME, such as '0_300'", "this key")
+        if place[1] in cameras:
+            where = int(place[2]), cameras.index(place[1])
+            found[where] = [entry["pred"].numbers(COCO17.n_joints, 3) for entry in entries.entries()]
+    if not found:
+        raise content.error(f"entries of the cameras {', '.join(cameras)}", "none")
+    frames = np.array(sorted({frame for frame, _ in found}), dtype=np.int64)
+    most = max(map(len, found.values()))
+    people = np.full((len(frames), len(cameras), most, COCO17.n_joints, 3), np.nan)
+    for (frame, view), poses in found.items():
+        for k, pose in enumerate(poses):
+            people[np.searchsorted(frames, frame), view, k] = pose
+    return frames, people
+
+
+def read_actors(path: Path, n_joints: int) -> Actors:
+    """Return the actors' frames and joints."""
+    require("scipy.io", str(path), "evaluation")
+    content = load_mat(path, "a complete MATLAB file before version 7.3")
+    if "actor3D" not in content:
+        there = ", ".join(key for key in content if not key.startswith("__")) or "nothing"
+        raise DatasetError(path, "actor3D", "cells of actors", f"only {there}")
+    actors = _cells(content["actor3D"])
+    while len(actors) == 1 and _cells(actors[0]) and _cells(_cells(actors[0])[0]):
+        actors = _cells(actors[0])  # the cell of actors may lie in cells of its own
+    if not actors:
+        raise DatasetError(path, "actor3D", "cells of actors", "none")
+    lengths = {len(_cells(actor)) for actor in actors}
+    if len(lengths) > 1:
+        raise DatasetError(path, "actor3D", "as many frames for every actor", sorted(lengths))
+    return [_actor(path, f"actor3D{{{k + 1}}}", _cells(actor), n_joints) for k, actor in enumerate(actors)]
+
+
+def _cells(value: Any) -> list[Any]:
+    is_cell = isinstance(value, np.ndarray) and value.dtype == object
+    return list(value.ravel()) if is_cell else []
+
+
+def _actor(path: Path, field: str, cells: Sequence[Any], n_joints: int) -> tuple[Index, Array]:
+    frames, poses = [], []
+    for k, value in enumerate(cells):
+        pose = np.asarray(value)
+        while pose.dtype == object and pose.size == 1:
+            pose = np.asarray(pose.ravel()[0])
+        if pose.size < 3:  # not labelled: an empty matrix, or a single zero
+            continue
+        if pose.shape != (n_joints, 3) or pose.dtype.kind not in "fiu":
+            expected = f"joints ({n_joints}, 3), metres"
+            raise DatasetError(path, f"{field}{{{k + 1}}}", expected, f"shape {pose.shape}")
+        frames.append(k)
+        with np.errstate(over="ignore"):  # refused with the take
+            poses.append(_MM_PER_M * pose.astype(np.float64))
+    joints = np.stack(poses) if poses else np.empty((0, n_joints, 3))
+    return np.array(frames, dtype=np.int64), joints
