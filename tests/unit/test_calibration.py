@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import skelsplat as sk
-from skelsplat.cameras import matrix_from_vector, vector_from_matrix
+from skelsplat.cameras import matrix_from_vector
 from skelsplat.io import read_calibration, write_calibration
 
 CAMERA = """[{key}]
@@ -51,24 +51,6 @@ def test_every_number_of_a_camera_is_read(write):
     np.testing.assert_allclose(left.R, turn, atol=1e-15)
 
 
-def test_cameras_stay_in_the_order_of_the_file(write):
-    assert read_calibration(write(VALID), unit="m").names == ("left", "right")
-
-
-def test_a_table_without_a_name_is_named_by_its_key(write):
-    assert read_calibration(write(VALID.replace('name = "left"\n', "")), unit="m").names == ("cam_b", "right")
-
-
-def test_tables_that_are_no_cameras_are_passed_over(write):
-    extra = "[capture_volume]\nrotation = [1, 2]\n[charuco]\nsize = [3, 4]\n"
-    assert len(read_calibration(write(VALID + extra), unit="m")) == 2
-
-
-def test_integers_and_image_size_are_accepted(write):
-    text = VALID.replace("size = [1088.0, 1920.0]", "image_size = [1088, 1920]")
-    assert read_calibration(write(text), unit="m")[0].size == (1088, 1920)
-
-
 @pytest.mark.parametrize("count", [4, 5, 8, 12, 14])
 def test_every_opencv_count_of_coefficients_is_read(write, count):
     coefficients = [0.001 * (i + 1) for i in range(count)]
@@ -92,10 +74,6 @@ def test_a_camera_without_distortions_has_none_and_is_warned_of(write):
         assert read_calibration(write(text), unit="m")[0].distortion is None
 
 
-def test_a_byte_order_mark_is_no_part_of_the_text(write):
-    assert len(read_calibration(write(b"\xef\xbb\xbf" + VALID.encode()), unit="m")) == 2
-
-
 # One key of the second camera replaced (or the text as a whole), with what the message must say.
 LAST = VALID.rindex("[cam_a]")
 
@@ -109,17 +87,11 @@ MATRIX = "matrix = [[1681.25, 0.0, 532.5], [0.0, 1681.0, 948.25], [0.0, 0.0, 1.0
 MALFORMED = {
     "bad TOML": (VALID[:200], r"TOML: expected valid TOML, got .*end of document"),
     "no matrix": (_broken(MATRIX + "\n", ""), r"cam_a\.matrix: expected 3×3 numbers, got nothing"),
-    "no rotation": (_broken("rotation = [0.0, 0.0, 0.0]\n", ""), r"cam_a\.rotation: .*got nothing"),
-    "no size": (_broken("size = [1088.0, 1920.0]\n", ""), r"cam_a\.size: .*got nothing"),
     "matrix 2×3": (
         _broken(", [0.0, 0.0, 1.0]]", "]"),
         r"cam_a\.matrix: expected 3×3 numbers, got 2×3 numbers",
     ),
-    "ragged matrix": (_broken("532.5]", "]"), r"cam_a\.matrix: expected 3×3 numbers, got lists of different"),
-    "text": (_broken("translation = [2.5", 'translation = ["x"'), r"cam_a\.translation: expected 3 numbers"),
-    "truth value": (_broken("translation = [2.5", "translation = [true"), r"cam_a\.translation: .*True"),
     "NaN": (_broken("1681.25", "nan"), r"cam_a\.matrix: expected finite numbers, got .*nan"),
-    "infinity": (_broken("translation = [2.5", "translation = [inf"), r"cam_a\.translation: expected finite"),
     "negative focal length": (
         _broken("1681.25", "-1681.25"),
         r"Calib.*: K of camera '.*': expected .*, got .*-1681",
@@ -129,30 +101,16 @@ MALFORMED = {
         _broken("-2e-05]", "-2e-05, 0.1]").replace("fisheye = false", "fisheye = true"),
         r"cam_a\.distortions: expected 4 fisheye coefficients, got 5 of them",
     ),
-    "fisheye a number": (
-        _broken("fisheye = false", "fisheye = 1"),
-        r"cam_a\.fisheye: expected true or false",
-    ),
     "half a pixel": (_broken("1088.0", "1088.5"), r"cam_a\.size: expected a positive whole width"),
-    "no width": (_broken("1088.0", "0"), r"cam_a\.size: expected a positive whole width"),
     "a name twice": (
         _broken('"right"', '"left"'),
         r"name: expected a different name .* 2 cameras named 'left'",
-    ),
-    "no camera": (
-        "[metadata]\nadjusted = false\n",
-        r"cameras: expected at least one camera table .*metadata",
     ),
     "not a calibration": (
         "hello, world",
         r"content: expected a calibration in a known format \(4d-association, anipose, caliscope, ",
     ),
     "UTF-16": ("[cam]".encode("utf-16"), r"file: expected text in UTF-8, got text in UTF-16: save it as"),
-    "Latin-1": (b"[cam\xe9]", r"file: expected text in UTF-8, got byte 0xe9 at 4, which is not$"),
-    "an image": (
-        b"\x89PNG\r\n\x1a\n\0\0",
-        r"expected a text file, got one that is binary \(byte 0x89 at 0\)",
-    ),
     "zeros": (bytes(20), r"file: expected a text file, got one that is binary \(byte 0x00 at 0\)"),
 }
 
@@ -165,13 +123,6 @@ def test_a_malformed_file_is_named_with_its_field(write, case):
         read_calibration(path, unit="m")
     assert str(caught.value).startswith(f"{path}: ")
     assert "\n" not in str(caught.value)
-
-
-def test_a_missing_file(tmp_path):
-    with pytest.raises(
-        sk.DatasetError, match=r"none\.toml: file: expected a readable file, got no such file"
-    ):
-        read_calibration(tmp_path / "none.toml", unit="m")
 
 
 def test_the_unit_must_be_given_and_the_likely_one_is_named(write):
@@ -208,56 +159,12 @@ def test_the_unit_that_alone_gives_a_usual_distance_is_likely(write, metres, fil
         read_calibration(_scaled(write(""), rig, metres / spread * file_unit))
 
 
-def test_a_rig_on_a_table_or_under_a_microscope_is_neither_refused_nor_doubted(write):
-    rig = read_calibration(write(VALID), unit="m")
-    spread = np.linalg.norm(rig[0].centre - rig[1].centre)
-    for millimetres, focal in ((300, 1.0), (1300, 1.0), (20, 60.0), (2, 60.0)):
-        path = _scaled(write(""), rig, millimetres / spread, focal)
-        assert read_calibration(path, unit="mm").unit == "mm"  # warnings are errors in the tests
-    assert read_calibration(path, unit="mm")[0].K[0, 0] > 1e5
-    with pytest.raises(sk.InvalidInputError, match=r'that is 2 mm in "mm", 20 mm in "cm" or 2 m in "m"$'):
-        read_calibration(path)
-
-
-@pytest.mark.parametrize(
-    ("metres", "hint"), [(0.9, r'that is 0\.9 m in "mm" or 9 m in "cm"$'), (5.4, 'so "mm" is likely$')]
-)
-def test_a_table_in_millimetres_read_as_metres_has_no_wrong_hint(write, metres, hint):
-    rig = read_calibration(write(VALID), unit="m")
-    spread = np.linalg.norm(rig[0].centre - rig[1].centre)
-    path = _scaled(write(""), rig, 1000.0 * metres / spread)
-    with pytest.warns(
-        UserWarning, match=rf"if it is m, the cameras are {1000 * metres:.0f} m apart; .*{hint}"
-    ):
-        read_calibration(path, unit="m")
-
-
-def test_an_unknown_unit(write):
-    with pytest.raises(sk.InvalidInputError, match="unit: expected one of mm, cm, m, got 'inch'"):
-        read_calibration(write(VALID), unit="inch")
-
-
-def test_metres_read_as_millimetres_are_warned_about(write):
-    with pytest.warns(
-        UserWarning, match=r'unit: if it is mm, the cameras are [4-9]\.\d+ mm apart; .*"m" is likely'
-    ):
-        rig = read_calibration(write(VALID), unit="mm")
-    assert rig.unit == "mm"
-
-
 def test_millimetres_read_as_metres_are_warned_about(write):
     text = VALID.replace("[-2.0, 0.5, 3.0]", "[-2000, 500, 3000]").replace(
         "[2.5, 0.5, 3.0]", "[2500, 500, 3000]"
     )
     with pytest.warns(UserWarning, match=r'are \d{4} m apart; .*"mm" is likely'):
         read_calibration(write(text), unit="m")
-
-
-def test_an_unknown_format(write):
-    with pytest.raises(
-        sk.InvalidInputError, match=r"format: expected one of 4d-association, .*, voxelpose, got 'qca'"
-    ):
-        read_calibration(write(VALID), unit="m", format="qca")
 
 
 def test_writing_and_reading_gives_the_same_rig(write, tmp_path):
@@ -274,34 +181,12 @@ def test_writing_and_reading_gives_the_same_rig(write, tmp_path):
         np.testing.assert_allclose(a.R, b.R, rtol=0, atol=2e-15)
 
 
-@pytest.mark.parametrize("angle", [0.0, 1e-12, 1e-6, 1.0, np.pi - 1e-9, np.pi, np.pi + 1e-3, 6.0])
-@pytest.mark.parametrize("axis", [(1, 0, 0), (0, -1, 0), (0, 0, 1), (2, -1, 3), (-1, -1, -1)])
-def test_rotation_vectors_and_matrices_are_inverse(angle, axis):
-    vector = angle * np.array(axis) / np.linalg.norm(axis)
-    rotation = matrix_from_vector(vector)
-    # sums of a dozen products of numbers up to 6 and 6² carry at most some tens of ulp
-    np.testing.assert_allclose(rotation @ rotation.T, np.eye(3), atol=2e-14)
-    back = vector_from_matrix(rotation)
-    np.testing.assert_allclose(matrix_from_vector(back), rotation, atol=2e-14)
-    assert np.linalg.norm(back) <= np.pi * (1 + 1e-15)
-
-
 def test_a_file_that_this_package_wrote_states_its_unit(write, tmp_path):
     path = tmp_path / "copy.toml"
     write_calibration(path, read_calibration(write(VALID), unit="m"))
     assert read_calibration(path).unit == "m"
     with pytest.raises(sk.InvalidInputError, match=r'unit: expected none or "m", the unit of .*, got \'mm\''):
         read_calibration(path, unit="mm")
-
-
-def test_a_file_states_that_cameras_were_adjusted_only_where_it_is_known(write, tmp_path):
-    """Anipose does not adjust cameras again whose file has ``adjusted = true``."""
-    path, rig = tmp_path / "copy.toml", read_calibration(write(VALID), unit="m")
-    write_calibration(path, rig)
-    assert path.read_text().endswith('\n[metadata]\nunit = "m"\n')
-    write_calibration(path, rig, adjusted=True)
-    assert path.read_text().endswith('\n[metadata]\nadjusted = true\nunit = "m"\n')
-    assert read_calibration(path).names == rig.names
 
 
 @pytest.mark.parametrize("decimals", [3, 6])
@@ -321,11 +206,3 @@ def test_rotation_vectors_agree_with_opencv():
     for vector in np.random.default_rng(0).normal(scale=1.5, size=(20, 3)):
         # both evaluate the same closed form in double precision
         np.testing.assert_allclose(matrix_from_vector(vector), cv2.Rodrigues(vector)[0], atol=1e-14)
-
-
-def test_a_calibration_cannot_be_written_into_a_file(write, tmp_path):
-    rig = read_calibration(write(VALID), unit="m")
-    with pytest.raises(
-        sk.DatasetError, match=r"output: expected a path that can be written, got not a directory"
-    ):
-        write_calibration(tmp_path / "Calib.toml" / "copy.toml", rig)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
 
 import numpy as np
@@ -14,7 +13,6 @@ from pose_sample import JOINTS, assert_equal, sample
 from skelsplat import synthetic
 from skelsplat.findings import collected_warnings
 from skelsplat.io import (
-    read_csv,
     read_json,
     read_npz,
     read_trc,
@@ -22,9 +20,8 @@ from skelsplat.io import (
     write_csv,
     write_json,
     write_npz,
-    write_trc,
 )
-from skelsplat.io.poses import convert_poses, is_pose_file
+from skelsplat.io.poses import convert_poses
 
 
 def test_between_formats_that_hold_everything(tmp_path):
@@ -78,28 +75,6 @@ def test_velocities_are_those_at_the_new_frame_rate(tmp_path):
     np.testing.assert_array_equal(found.velocity_uncertainty, squares / 4)
 
 
-def test_what_does_not_fit_into_the_target_names_the_source(tmp_path):
-    write_npz(tmp_path / "a.npz", replace(sample(), joint_names=("a", "b\tc", "d")))
-    result = invoke("convert", tmp_path / "a.npz", tmp_path / "a.trc", "--fps", 50)
-    assert_fails(result, 1, "a.npz: joint_names: expected names without tabs and line breaks, got 'b\\tc'")
-    assert not (tmp_path / "a.trc").exists()
-
-
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ({"joint_names": ("a", "b", "a")}, "joint_names: expected different names, got 'a' twice"),
-        ({"joint_names": ("a", "b", "c" * 256)}, "joint_names: expected names of at most 255 bytes"),
-        ({"frames": np.array([1, 1, 2, 3])}, "frames: expected whole numbers that ascend"),
-        ({"frame_rate": 1e9}, r"frame_rate: expected a number from 1e-3 to 1e6, got 1e\+09"),
-    ],
-)
-def test_an_npz_that_could_not_be_read_is_not_written(tmp_path, change, message):
-    with pytest.raises(sk.DatasetError, match=rf"a\.npz: {message}"):
-        write_npz(tmp_path / "a.npz", replace(sample(), **change))
-    assert not any(tmp_path.iterdir())
-
-
 def test_a_frame_rate_that_the_source_does_not_state_is_asked_for(tmp_path):
     write_csv(tmp_path / "a.csv", replace(sample(), frame_rate=None))
     with pytest.raises(
@@ -108,16 +83,6 @@ def test_a_frame_rate_that_the_source_does_not_state_is_asked_for(tmp_path):
         convert_poses(tmp_path / "a.csv", tmp_path / "b.trc")
     convert_poses(tmp_path / "a.csv", tmp_path / "b.trc", fps=50.0)
     assert read_trc(tmp_path / "b.trc").joint_names == JOINTS
-
-
-def test_a_wrong_frame_rate_is_that_of_the_option(tmp_path):
-    write_npz(tmp_path / "a.npz", sample())
-    result = invoke("convert", tmp_path / "a.npz", tmp_path / "b.json", "--fps", -5)
-    assert_fails(result, 2, "--fps: expected a positive number, got -5")
-    for rate in ("1e308", "1e-9"):
-        result = invoke("convert", tmp_path / "a.npz", tmp_path / "b.trc", "--fps", rate)
-        assert_fails(result, 2, "--fps: expected a number from 0.001 to 1e+06, got 1e")
-    assert [path.name for path in tmp_path.iterdir()] == ["a.npz"]
 
 
 def test_what_cannot_be_converted(tmp_path):
@@ -131,38 +96,6 @@ def test_what_cannot_be_converted(tmp_path):
     with pytest.raises(sk.DatasetError, match=r"b\.npz: file: expected a readable npz file"):
         convert_poses(tmp_path / "b.npz", tmp_path / "b.json")
     assert [path.name for path in tmp_path.iterdir()] == ["a.npz"]
-
-
-def test_pose_files_are_told_from_others_of_the_same_extension(tmp_path):
-    data = replace(sample(), frame_rate=50.0)
-    for write, name in (
-        (write_npz, "a.npz"),
-        (write_csv, "a.csv"),
-        (write_json, "a.json"),
-        (write_trc, "a.trc"),
-    ):
-        write(tmp_path / name, data)
-        assert is_pose_file(tmp_path / name)
-    np.savez(tmp_path / "b.npz", detections=np.zeros(3))
-    (tmp_path / "b.json").write_text(json.dumps({"cameras": []}))
-    (tmp_path / "b.csv").write_text("camera,frame,x\n")
-    (tmp_path / "c.npz").write_text("no archive")
-    for name in ("b.npz", "b.json", "b.csv", "c.npz", "none.trc", "."):
-        assert not is_pose_file(tmp_path / name)
-
-
-@pytest.mark.parametrize("kept", [0, 300])
-def test_a_damaged_npz_is_named(tmp_path, kept):
-    write_npz(tmp_path / "whole.npz", sample())
-    (tmp_path / "c.npz").write_bytes((tmp_path / "whole.npz").read_bytes()[:kept])
-    assert_fails(invoke("convert", tmp_path / "c.npz", tmp_path / "o.json"), 1, "c.npz", "npz")
-    assert not (tmp_path / "o.json").exists()
-
-
-def test_another_kind_of_file_is_no_npz_and_nobody_is_told_to_trust_it(tmp_path):
-    write_csv(tmp_path / "a.csv", sample())
-    with pytest.raises(sk.DatasetError, match=r"file: expected an npz file, got another kind of file, or"):
-        read_npz(tmp_path / "a.csv")
 
 
 def test_a_calibration_is_not_written_over_itself(tmp_path):
@@ -185,34 +118,6 @@ def test_the_folder_of_a_run_stands_for_its_poses(tmp_path, options):
     write_npz(tmp_path / "a.npz", replace(sample(), frame_rate=50.0))
     assert invoke("convert", tmp_path / "a.npz", tmp_path / "a.trc", *options).exit_code == 0
     np.testing.assert_array_equal(read_trc(tmp_path / "walk.trc").pose, read_trc(tmp_path / "a.trc").pose)
-
-
-@pytest.mark.parametrize("options", [("--y-up",), ("--fps", "60"), ("--unit", "m"), ()])
-def test_an_input_of_no_kind_is_one_line_whatever_the_options(tmp_path, options):
-    (tmp_path / "empty").mkdir()
-    (tmp_path / "hello.txt").write_text("hello")
-    for name in ("empty", "hello.txt"):
-        result = invoke("convert", tmp_path / name, tmp_path / "x.trc", *options)
-        assert_fails(result, 1, f"{name}: content: expected a calibration", "the folder of a run")
-
-
-@pytest.mark.parametrize("options", [("--y-up",), ("--marker-names", "pose2sim")])
-def test_an_option_without_a_place_in_the_output_is_bad_usage(tmp_path, options):
-    write_npz(tmp_path / "a.npz", sample())
-    result = invoke("convert", tmp_path / "a.npz", tmp_path / "a.csv", *options)
-    assert_fails(result, 2, f"{options[0]}: expected a ", "got .csv", "see skelsplat convert --help")
-    assert not (tmp_path / "a.csv").exists()
-
-
-def test_a_frame_rate_is_in_the_times_of_a_csv(tmp_path):
-    write_npz(tmp_path / "a.npz", replace(sample(), frame_rate=None))
-    (tmp_path / "run.toml").write_text("fps = 59.94\n")
-    run = ["convert", "--config", tmp_path / "run.toml"]
-    assert invoke(*run, tmp_path / "a.npz", tmp_path / "a.csv").exit_code == 0
-    assert invoke("convert", tmp_path / "a.csv", tmp_path / "b.trc").exit_code == 0
-    assert invoke("convert", tmp_path / "b.trc", tmp_path / "b.csv").exit_code == 0
-    rates = [read(tmp_path / name).frame_rate for read, name in ((read_csv, "a.csv"), (read_trc, "b.trc"))]
-    assert [*rates, read_csv(tmp_path / "b.csv").frame_rate] == [59.94] * 3
 
 
 def test_axes_that_are_turned_once_more_are_a_warning(tmp_path):

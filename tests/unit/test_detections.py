@@ -2,10 +2,6 @@
 
 from __future__ import annotations
 
-import re
-import subprocess
-import sys
-
 import numpy as np
 import pytest
 
@@ -14,8 +10,7 @@ from detection_cases import CASES
 from detection_files import Take
 from skelsplat import synthetic
 from skelsplat.association import choose_person
-from skelsplat.io import detections, read_detections
-from skelsplat.io.detections import FORMATS
+from skelsplat.io import read_detections
 
 T = 4
 MISSING = (1, -1, 5)  # frame, camera, joint
@@ -98,10 +93,6 @@ def test_every_format_is_found_and_read_to_the_same_arrays(tmp_path, people, pla
     np.testing.assert_array_equal(named.people, expected)
 
 
-def test_every_format_has_a_case():
-    assert {case.format for case in CASES.values()} == set(FORMATS)
-
-
 @pytest.mark.parametrize("name", MULTI)
 def test_another_person_in_view_does_not_confuse_the_main_one(tmp_path, people, place, rig, name):
     case = CASES[name]
@@ -150,36 +141,12 @@ def test_offsets_are_for_cameras_and_numbers(tmp_path, people, place, rig):
         read_detections(path, rig, layout="h36m17", offsets={rig.names[0]: 10})
 
 
-def test_cameras_are_named_as_loosely_as_their_files(tmp_path, people, place, rig):
-    path, _ = written(CASES["openpose"], tmp_path, people, place, rig)
-    first, *others = rig.names
-    loose = first.upper().replace("CAM", "CAM_0")
-    exact = read_detections(path, rig, layout="h36m17", offsets={first: 1})
-    found = read_detections(path, rig, layout="h36m17", offsets={loose: 1})
-    np.testing.assert_array_equal(found.people, exact.people)
-    left = read_detections(path, rig, layout="h36m17", without=[loose])
-    assert left.camera_names == tuple(others)
-    assert left.labels == tuple(others)
-    with pytest.raises(sk.InvalidInputError, match=r"without: expected a camera, one of .*, got 'door'"):
-        read_detections(path, rig, layout="h36m17", without=["door"])
-    with pytest.raises(sk.InvalidInputError, match=f"offsets: expected {first} once"):
-        read_detections(path, rig, layout="h36m17", offsets={first: 1, loose: 2})
-
-
 @pytest.mark.parametrize("name", ["alphapose", "coco", "csv", "sleap_csv", "caliscope"])
 def test_a_frame_without_people_is_not_listed_and_not_an_error(tmp_path, people, place, rig, name):
     people = people.copy()
     people[2, 1] = np.nan
     path, expected = written(CASES[name], tmp_path, people, place, rig)
     np.testing.assert_array_equal(read(CASES[name], path, rig).people, expected)
-
-
-def test_cameras_whose_frames_never_meet(tmp_path, people, place, rig):
-    path, _ = written(CASES["coco"], tmp_path, people, place, rig)
-    text = (path / f"{rig.names[2]}.json").read_text()
-    (path / f"{rig.names[2]}.json").write_text(re.sub(r'"image_id": ', '"image_id": 9', text))
-    with pytest.raises(sk.DatasetError, match=r"frames: expected frames that all files have, got .*95 to 98"):
-        read_detections(path, rig, layout="h36m17")
 
 
 @pytest.mark.parametrize(("above", "below"), [(1.7, -0.2), (25.0, 0.0)])
@@ -200,30 +167,3 @@ def test_parts_of_the_image_for_pixels(tmp_path, people, place, rig, name):
     message = r"expected pixels of the original image, got numbers from .* parts of the image's size"
     with pytest.raises(sk.DatasetError, match=message):
         read(case, path, rig)
-
-
-def test_no_package_is_imported_before_it_is_needed():
-    code = "import sys, skelsplat.io; print(*sys.modules)"
-    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert not {"pandas", "tables", "h5py", "cv2"} & set(run.stdout.split())
-
-
-@pytest.mark.parametrize(
-    ("name", "package"), [("sleap", "h5py"), ("deeplabcut", "pandas"), ("deeplabcut", "tables")]
-)
-def test_a_missing_package_is_named_with_its_command(
-    tmp_path, people, place, rig, monkeypatch, name, package
-):
-    path, _ = written(CASES[name], tmp_path, people, place, rig)
-    monkeypatch.setitem(sys.modules, package, None)
-    message = rf"expected the package {package} to be installed.*pip install 'skelsplat\[formats\]'"
-    with pytest.raises(sk.SkelSplatError, match=message) as caught:
-        read(CASES[name], path, rig)
-    assert isinstance(caught.value, ImportError)
-    assert "\n" not in str(caught.value)
-
-
-def test_openpose_is_read_by_the_same_reader(monkeypatch, rig):
-    monkeypatch.setattr(detections, "read_detections", lambda *a, **k: (a, k))
-    given = {"layout": "coco17", "frames": "union", "allow_missing": True}
-    assert detections.read_openpose("x", rig, **given) == (("x", rig), {"format": "openpose", **given})

@@ -47,13 +47,6 @@ def test_two_nodes_and_tracks_of_sleap_are_read_in_its_usual_order(tmp_path):
     np.testing.assert_array_equal(found.people[..., :2], people[..., :2])
 
 
-@pytest.mark.parametrize("names", [["cam_2", "cam_1"], ["port_2", "port_1"], ["2", "1"]])
-def test_caliscopes_numbers_are_those_of_its_cameras(tmp_path, names):
-    people = anybody()
-    found = read_detections(write_case(tmp_path, "caliscope_ports", people=people), names, layout="h36m17")
-    np.testing.assert_array_equal(found.people[:, ::-1, 0, :, :2], people[:, :, 0, :, :2])
-
-
 def test_an_old_caliscope_tracker_has_mediapipes_joints_by_name(tmp_path):
     path = write_case(tmp_path, "caliscope_ports", people=anybody())
     path = path.rename(tmp_path / "xy_POSE.csv")
@@ -100,34 +93,3 @@ def test_the_skeleton_of_a_deeplabcut_project(tmp_path, multi, parts, skeleton):
     path = tmp_path / "config.yaml"
     path.write_text(CONFIG.format(multi=multi, parts=parts, skeleton=skeleton))
     assert read_skeleton(path) == (("nose", "left ear", "tail"), ((0, 1), (0, 2)))
-
-
-def test_pairs_of_the_template_that_a_project_kept_are_no_edges(tmp_path):
-    path = tmp_path / "config.yaml"
-    kept = "- - nose\n  - tail\n- - objectA\n  - bodypart3"
-    path.write_text(CONFIG.format(multi="", parts="\n- nose\n- tail", skeleton=kept))
-    assert read_skeleton(path) == (("nose", "tail"), ((0, 1),))
-
-
-def test_a_skeleton_that_is_none(tmp_path):
-    path = tmp_path / "config.yaml"
-    path.write_text(CONFIG.format(multi="", parts="\n- nose", skeleton="- [nose, tail, ear]"))
-    with pytest.raises(
-        sk.DatasetError, match=r"skeleton: expected pairs of parts, got \['nose', 'tail', 'ear'\]"
-    ):
-        read_skeleton(path)
-    path.write_text("a: 1")
-    with pytest.raises(sk.DatasetError, match=r"bodyparts: expected a list of different names, .*got none"):
-        read_skeleton(path)
-    path = write_case(tmp_path / "o", "openpose", people=anybody())
-    with pytest.raises(
-        sk.DatasetError, match=r"joint names: expected .*names, got openpose, where they have numbers"
-    ):
-        read_skeleton(path)
-    (tmp_path / "s").mkdir()
-    broken = Broken(tmp_path / "s", "sleap")
-    broken.h5(lambda file: file["edge_inds"].__setitem__((0, 0), 99))
-    with pytest.raises(
-        sk.DatasetError, match=r"edge_inds: expected pairs of places from 0 to 16, got \[\[99"
-    ):
-        read_skeleton(broken.file)

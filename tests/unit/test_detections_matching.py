@@ -12,11 +12,11 @@ import numpy as np
 import pytest
 
 import skelsplat as sk
-from broken_detections import NAMES, K, T, anybody, first_joints, write_case
+from broken_detections import NAMES, anybody, first_joints, write_case
 from detection_cases import CASES
 from detection_files import Take
 from skelsplat.io import read_detections
-from skelsplat.io.detections._match import Candidates, match_by_name, match_by_order
+from skelsplat.io.detections._match import Candidates, match_by_name
 
 H36M, COCO = sk.layouts.H36M17, sk.layouts.COCO17
 MAIN = anybody()
@@ -41,12 +41,6 @@ def test_two_formats_in_one_folder_are_not_chosen_between(tmp_path):
     np.testing.assert_array_equal(first_joints(found), X)
 
 
-def test_nothing_known(tmp_path):
-    (tmp_path / "notes.json").write_text('{"note": 1}')
-    with pytest.raises(sk.DatasetError, match=r"content: expected detections in a known format \(openpose, "):
-        read_detections(tmp_path, NAMES, layout=H36M)
-
-
 @pytest.mark.parametrize(("people", "place"), [((), ""), (("person_2", "person_10"), "person_2/")])
 def test_the_folder_of_a_run_is_no_folder_of_detections(tmp_path, people, place):
     for folder in ("", *people):
@@ -58,43 +52,6 @@ def test_the_folder_of_a_run_is_no_folder_of_detections(tmp_path, people, place)
     message = f"the folder of a run, whose detections are .*/{place}detections.npz"
     with pytest.raises(sk.DatasetError, match=message):
         read_detections(tmp_path, NAMES, layout=H36M)
-
-
-@pytest.mark.parametrize("given", [None, "mmpose"])
-def test_a_path_that_is_not_there(tmp_path, given):
-    with pytest.raises(
-        sk.DatasetError, match="nowhere: folder: expected a readable folder, got no such file"
-    ):
-        read_detections(tmp_path / "nowhere", NAMES, layout=H36M, format=given)
-
-
-def test_an_unknown_format(tmp_path):
-    with pytest.raises(sk.InvalidInputError, match=r"format: expected one of openpose, .*, got 'yolo'"):
-        read_detections(tmp_path, NAMES, layout=H36M, format="yolo")
-
-
-@pytest.mark.parametrize("name", ["coco", "sleap"])
-def test_the_file_of_one_camera_for_the_folder(tmp_path, name):
-    write(tmp_path, name)
-    path = next(tmp_path.glob("*camA*"))
-    with pytest.raises(
-        sk.DatasetError, match=r"path: expected a folder \(\w+ has files per camera\), got a file"
-    ):
-        read_detections(path, NAMES, layout=H36M)
-
-
-def test_the_folder_for_the_file_of_all_cameras(tmp_path):
-    write(tmp_path, "freemocap", joints=COCO.joints)
-    with pytest.raises(
-        sk.DatasetError, match=r"path: expected the freemocap file of all cameras itself, got medi"
-    ):
-        read_detections(tmp_path, NAMES, layout=COCO)
-
-
-def test_another_tools_file_with_a_name_that_says_so(tmp_path):
-    path = write(tmp_path, "openpose")
-    with pytest.raises(sk.DatasetError, match=r"annots: expected a list of people, got nothing"):
-        read_detections(path, NAMES, layout=H36M, format="easymocap")
 
 
 # Cameras.
@@ -130,23 +87,6 @@ def test_words_around_names_are_allowed_on_both_sides(cameras, labels, kind):
     assert match_by_name(candidates, cameras, allow_missing=False) == dict(zip(cameras, labels, strict=True))
 
 
-@pytest.mark.parametrize(
-    ("cameras", "labels"),
-    [
-        (("int_cam01_img", "int_cam02_img"), ("take_1", "take_2")),  # a number alone is no name
-        (("cam1_left", "cam1_right"), ("cam1", "cam2")),  # cam1 fits both
-        (("cam_1", "cam_2", "cam_3"), ("cam_1", "cam_2", "cam")),
-        (("cam_1", "cam_2"), ("cam_1_old", "cam_1_new")),
-    ],
-)
-def test_words_around_names_that_fit_more_than_one_or_none_are_an_error(cameras, labels):
-    candidates = Candidates(Path("pose"), "folder", {label: label for label in labels})
-    with pytest.raises(
-        sk.DatasetError, match=r"or state their order: --order sorted, or --order and the fol"
-    ):
-        match_by_name(candidates, cameras, allow_missing=False)
-
-
 def test_a_name_that_fits_two_files(tmp_path):
     write(tmp_path, "coco", names=["take_1_cam_1", "take_1_cam_2"])
     message = (
@@ -154,36 +94,6 @@ def test_a_name_that_fits_two_files(tmp_path):
     )
     with pytest.raises(sk.DatasetError, match=message):
         read_detections(tmp_path, ["1", "2"], layout=H36M)
-
-
-def test_a_file_that_fits_two_cameras(tmp_path):
-    write(tmp_path, "coco", names=["top_left"], people=MAIN[:, :1])
-    with pytest.raises(
-        sk.DatasetError, match=r"files: expected one file per camera, got top_left.json for top, left"
-    ):
-        read_detections(tmp_path, ["top", "left"], layout=H36M)
-
-
-def test_a_file_of_no_camera(tmp_path):
-    write(tmp_path, "coco", names=["camA", "camB"])
-    with pytest.raises(sk.DatasetError, match=r"files: expected a camera in the calibration for every file"):
-        read_detections(tmp_path, ["camA"], layout=H36M)
-    (tmp_path / "camB.json").write_text('{"not": "detections"}')
-    assert read_detections(tmp_path, ["camA"], layout=H36M).people.shape[1] == 1
-
-
-def test_the_advice_names_a_camera_of_the_calibration(tmp_path):
-    write(tmp_path, "deeplabcut_csv")
-    message = r"name each file like its camera, for example left\.csv for the camera left, or state"
-    with pytest.raises(sk.DatasetError, match=message):
-        read_detections(tmp_path, ["left", "top", "right"], layout=H36M)
-
-
-def test_one_camera_left_out_needs_no_list(tmp_path):
-    write(tmp_path, "deeplabcut_csv")
-    found = read_detections(tmp_path, NAMES, layout=H36M, without=NAMES[0])
-    assert found.camera_names == tuple(NAMES[1:])
-    assert repr(found).startswith(f"DetectionSet(camera_names={tuple(NAMES[1:])}, layout='h36m17', format=")
 
 
 def test_a_camera_without_a_file_may_be_allowed(tmp_path):
@@ -212,28 +122,6 @@ def test_a_stated_order_comes_before_names(tmp_path, name, order):
     np.testing.assert_array_equal(first_joints(found), X[::-1])
 
 
-@pytest.mark.parametrize("kind", ["folder", "file"])
-def test_an_order_means_what_is_called_exactly_so_first(kind):
-    """A dot begins the suffix of a file, but nothing in the name of a folder."""
-    labels = ["cam", "cam.1", "cam.2"]
-    candidates = Candidates(Path("pose"), kind, {label: label for label in labels})
-    assert list(match_by_order(candidates, ["a", "b", "c"], labels[::-1]).values()) == labels[::-1]
-
-
-def test_a_folder_has_no_suffix_to_leave_out():
-    candidates = Candidates(Path("pose"), "folder", {"cam1.csv": "cam1.csv", "cam2.csv": "cam2.csv"})
-    with pytest.raises(sk.DatasetError, match=r"the folder 'cam1' that order names, got cam1.csv"):
-        match_by_order(candidates, NAMES, ["cam1", "cam2"])
-
-
-def test_an_order_is_written_as_loosely_as_names():
-    labels = ["cam01_json", "cam02_json"]
-    candidates = Candidates(Path("pose"), "folder", {label: label for label in labels})
-    assert list(match_by_order(candidates, NAMES, ["cam_02", "Cam1"]).values()) == labels[::-1]
-    with pytest.raises(sk.InvalidInputError, match="got cam1, cam_01, of which two mean the same"):
-        match_by_order(candidates, NAMES, ["cam1", "cam_01"])
-
-
 @pytest.mark.parametrize("name", ["deeplabcut", "deeplabcut_csv"])
 def test_an_order_may_name_the_cameras_part_of_a_file(tmp_path, name):
     """``camA`` of ``camADLC_resnet50_…``."""
@@ -242,13 +130,6 @@ def test_an_order_may_name_the_cameras_part_of_a_file(tmp_path, name):
     write(tmp_path, name)
     found = read_detections(tmp_path, ["left", "right"], layout=H36M, order=["camB", "camA"])
     np.testing.assert_array_equal(first_joints(found), X[::-1])
-
-
-def test_files_of_another_format_are_shown(tmp_path):
-    write(tmp_path, "deeplabcut_csv")
-    expected = r"files: expected files of deeplabcut \(\.h5\), got camADLC_.*\.csv, camBDLC_.*\.csv$"
-    with pytest.raises(sk.DatasetError, match=expected):
-        read_detections(tmp_path, NAMES, layout=H36M, format="deeplabcut")
 
 
 def test_sorted_is_natural_and_needs_no_names_of_cameras(tmp_path):
@@ -279,27 +160,6 @@ def test_an_order_that_does_not_fit(tmp_path, order, error, message):
     write(tmp_path, "coco")
     with pytest.raises(error, match=message):
         read_detections(tmp_path, NAMES, layout=H36M, order=order)
-
-
-def test_sorted_with_another_number_of_files(tmp_path):
-    write(tmp_path, "coco")
-    with pytest.raises(
-        sk.DatasetError,
-        match=r"files: expected 3 files for the cameras .*got 2 \(camA.json, camB.json\); --without leaves",
-    ):
-        read_detections(tmp_path, [*NAMES, "camC"], layout=H36M, order="sorted")
-    with pytest.raises(sk.DatasetError, match=r"got 2 \(camA.json, camB.json\)$"):  # too many files
-        read_detections(tmp_path, ["camA"], layout=H36M, order="sorted")
-
-
-def test_cameras_to_leave_out_are_named_only_where_two_remain(tmp_path):
-    write(tmp_path, "coco", names=["camA"])
-    with pytest.raises(sk.DatasetError, match="none for camB") as one_remains:
-        read_detections(tmp_path, NAMES, layout=H36M)
-    assert "--without" not in str(one_remains.value)
-    write(tmp_path, "coco")
-    with pytest.raises(sk.DatasetError, match=r"none for camC; .*--without camC"):
-        read_detections(tmp_path, [*NAMES, "camC"], layout=H36M)
 
 
 @pytest.mark.parametrize("name", ["freemocap", "npz"])
@@ -340,20 +200,6 @@ def test_a_sequence_is_named_if_there_are_several(tmp_path):
         read_detections(path, NAMES, sequence="S1/Walking", **options)
 
 
-@pytest.mark.parametrize(
-    ("case", "expected"),
-    [
-        ("openpose", "none for the format openpose, whose files have one sequence"),
-        ("csv", "none for the format csv, whose files have one sequence"),
-        ("videopose3d_custom", "none for the videos in .*data_2d_custom_walk.npz"),
-    ],
-)
-def test_a_sequence_is_refused_where_there_is_only_one(tmp_path, case, expected):
-    path = write(tmp_path, case)
-    with pytest.raises(sk.InvalidInputError, match=f"^sequence: expected {expected}, got 'S9/Walking'"):
-        read_detections(path, NAMES, layout=H36M, sequence="S9/Walking")
-
-
 # What newer and older versions of the tools write.
 
 
@@ -370,21 +216,6 @@ def test_sleap_states_its_axes(tmp_path):
     np.testing.assert_array_equal(read_detections(tmp_path, NAMES, layout=H36M).people, MAIN)
 
 
-def test_a_point_of_sleap_that_was_placed_by_hand_is_sure(tmp_path):
-    people = MAIN.copy()
-    people[0, 0, 0, 0, 2] = np.nan
-    write(tmp_path, "sleap", people=people)
-    np.testing.assert_array_equal(read_detections(tmp_path, NAMES, layout=H36M).people[0, 0, 0, 0, 2], 1.0)
-
-
-def test_older_easymocap_writes_the_bare_list(tmp_path):
-    write(tmp_path, "easymocap")
-    for path in tmp_path.rglob("*.json"):
-        people = json.loads(path.read_text())["annots"]
-        path.write_text(json.dumps([{"id": 0, "bbox": [], "keypoints2d": p["keypoints"]} for p in people]))
-    np.testing.assert_array_equal(read_detections(tmp_path / "annots", NAMES, layout=H36M).people, MAIN)
-
-
 def test_one_person_without_an_axis_of_people(tmp_path):
     write(tmp_path, "metrabs_ragged")
     for m, name in enumerate(NAMES):
@@ -394,13 +225,6 @@ def test_one_person_without_an_axis_of_people(tmp_path):
     np.savez(tmp_path / "all.npz", detections=MAIN[:, :, 0], camera_names=NAMES)
     both = read_detections(tmp_path / "all.npz", NAMES, layout=H36M)
     np.testing.assert_array_equal(both.people, MAIN[:, :, :1])
-
-
-def test_nobody_in_any_frame_of_rtmlib(tmp_path):
-    write(tmp_path, "rtmlib_frames", people=np.full_like(MAIN, np.nan))
-    found = read_detections(tmp_path, NAMES, layout=H36M)
-    assert found.people.shape == (T, 2, 1, K, 3)
-    assert np.isnan(found.people).all()
 
 
 def test_deeplabcut_without_likelihood_is_sure(tmp_path):
@@ -425,15 +249,6 @@ def test_filtered_results_beside_the_others_are_chosen_by_order(tmp_path):
         read_detections(tmp_path, NAMES, layout=H36M, order=["camB", "camA"])
     order = [name.replace(".h5", "_filtered") for name in files]
     np.testing.assert_array_equal(first_joints(read_detections(tmp_path, NAMES, layout=H36M, order=order)), X)
-
-
-def test_videos_are_told_from_files_that_are_unknown(tmp_path):
-    (tmp_path / "camA").mkdir()
-    (tmp_path / "camA" / "walk.MOV").touch()
-    (tmp_path / "camA.mp4").touch()
-    for path in (tmp_path, tmp_path / "camA", tmp_path / "camA.mp4"):
-        with pytest.raises(sk.DatasetError, match="got videos; run skelsplat detect or another detector"):
-            read_detections(path, NAMES, layout=H36M)
 
 
 @pytest.mark.parametrize("name", ["csv", "deeplabcut_csv"])

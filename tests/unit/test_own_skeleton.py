@@ -14,8 +14,6 @@ from skelsplat import synthetic
 from skelsplat.cli.table import print_run, wide_console
 from skelsplat.io import read_detections, read_layout, read_run, read_trc, write_calibration
 from skelsplat.run import Job, Run, run
-from skelsplat.run.check import check_cameras
-from skelsplat.run.figures import _caption
 from skelsplat.run.overlay import OverlayJob, write_overlay
 from skelsplat.run.plots import read_source, write_plots
 from skelsplat.viz.overlay import Shown
@@ -58,11 +56,6 @@ def test_the_folder_of_the_run_knows_the_layout(recorded):
     assert "scatter alone, without a bias of the detector" in page
 
 
-def test_error_bars_without_a_bias_of_the_detector_are_called_the_scatter(recorded, capsys):
-    print_run(wide_console(), recorded[1])
-    assert "This is the scatter\nalone; it includes no bias" in capsys.readouterr().out
-
-
 def test_a_length_that_the_recording_contradicts_is_named(recorded):
     folder, _, _ = recorded
     lengths = [(("nose", "neck"), 40.0, 1.0), (("left_knee", "left_foot"), 9.9, 1.0)]  # 16.5 and 9.9 mm
@@ -72,15 +65,6 @@ def test_a_length_that_the_recording_contradicts_is_named(recorded):
     (wrong,) = (finding for finding in found.findings if finding.kind == "given_lengths_differ")
     assert wrong.subject.joints == ("nose", "neck")
     assert wrong.numbers["measured_mm"][0] == pytest.approx(16.5, abs=3.0)
-
-
-def test_a_later_run_with_a_built_in_layout_removes_the_file(recorded, tmp_path):
-    folder, _, _ = recorded
-    shutil.copytree(folder / "out", tmp_path / "out")
-    given = {"layout": "mouse22", "unit": "mm", "html": False, "write": ()}
-    run(Job(folder / "rig.toml", folder / "dlc", output=tmp_path / "out", **given))
-    assert not (tmp_path / "out" / "layout.toml").exists()
-    assert read_run(tmp_path / "out").layout == mouse.LAYOUT
 
 
 def test_pictures_and_overlays_need_no_file_again(recorded):
@@ -96,14 +80,6 @@ def test_pictures_and_overlays_need_no_file_again(recorded):
     )
     (written,) = write_overlay(job)
     assert (list(written.cameras), written.frames) == (["camA"], STEPS)
-
-
-def test_cameras_are_checked_with_the_layout_file(recorded):
-    folder, _, _ = recorded
-    found = check_cameras(
-        folder / "rig.toml", folder / "dlc", layout=str(folder / "elsewhere.toml"), read={"unit": "mm"}
-    )
-    assert found.report.ok, found.report.findings
 
 
 def test_a_mouse_is_tracked_with_the_layout_file(recorded):
@@ -178,12 +154,6 @@ def test_lengths_of_a_fly_have_two_digits(fly, capsys):
         assert not re.search(r"\b0\.0 mm|\b0 mm|\b0\.0 \(0\.0\)", text)
     assert re.search(r"\bright_\w+ +0\.00\d\d +0\.00\d\d +0\.00\d\d ", printed)
     assert re.search(r"0\.00\d\d \(0\.00\d\d\)", page)  # a row of the table of joints
-
-
-def test_the_title_of_a_picture_of_a_fly_has_its_lengths(fly):
-    found = fly[1]
-    words = _caption(3, found.inputs, found.outcome, found.statistics)
-    assert re.search(r"median joint 0\.00\d\d mm .* \(all frames: 0\.00\d\d mm\)", words)
 
 
 def test_a_trc_of_a_fly_has_steps_far_below_its_error_bars(fly):

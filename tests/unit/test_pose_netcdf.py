@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import sys
 from dataclasses import replace
 
 import numpy as np
@@ -12,7 +11,6 @@ import pytest
 import skelsplat as sk
 from pose_sample import FILLED, JOINTS, MISSING, N, T, sample
 from skelsplat.io import PoseData, read_netcdf, to_xarray, write_netcdf, write_people, write_pose
-from skelsplat.io.poses._xarray import room_for
 
 
 @pytest.fixture
@@ -54,15 +52,6 @@ def test_confidence_is_the_mean_weight_and_0_without_a_sound_position(xarray):  
     assert [confidence[place] for place in (*MISSING, FILLED)] == [0.0, 0.0, 0.0]
     bare = PoseData(data.pose, JOINTS, data.frames, "mm")
     assert np.isnan(to_xarray(bare).confidence).all()
-
-
-def test_an_unknown_frame_rate_gives_time_in_frames(xarray):  # noqa: ARG001
-    dataset = to_xarray(replace(sample(), frame_rate=None), individual="Ada")
-    assert dataset.time.values.tolist() == [0, 1, 3, 4]
-    assert dataset.frame.values.tolist() == [10, 11, 13, 14]
-    assert dataset.time_unit == "frames"
-    assert "fps" not in dataset.attrs
-    assert dataset.individuals.values.tolist() == ["Ada"]
 
 
 @pytest.mark.parametrize("singular", [False, True])
@@ -114,11 +103,6 @@ MALFORMED_NETCDF = {
         lambda ds: ds.rename(keypoints="joint"),
         "position: expected dimensions time, space, keypoints, individuals, got",
     ),
-    "two of them": (
-        lambda ds: ds.isel(individuals=[0, 0]),
-        "individuals: expected one individual, got 2",
-    ),
-    "flat": (lambda ds: ds.isel(space=[0, 1]), "space: expected x, y, z, got x, y"),
     "no unit": (lambda ds: ds.assign_attrs(unit="px"), "unit: expected the attribute mm, cm or m, got 'px'"),
 }
 
@@ -129,21 +113,6 @@ def test_a_netcdf_of_something_else(xarray, tmp_path, case):  # noqa: ARG001
     change(to_xarray(sample())).to_netcdf(tmp_path / "pose.nc", engine="h5netcdf")
     with pytest.raises(sk.DatasetError, match=rf"pose\.nc: {message}"):
         read_netcdf(tmp_path / "pose.nc")
-
-
-def test_a_netcdf_that_is_none(xarray, tmp_path):  # noqa: ARG001
-    (tmp_path / "pose.nc").write_text("hello " * 50)
-    for name, expected in (("pose.nc", "a complete NetCDF file"), ("none.nc", "a readable file")):
-        with pytest.raises(sk.DatasetError, match=rf"{name}: file: expected {expected}, got") as caught:
-            read_netcdf(tmp_path / name)
-        assert "\n" not in str(caught.value)
-
-
-@pytest.mark.parametrize("package", ["xarray", "h5netcdf", "h5py"])
-def test_netcdf_without_a_package(tmp_path, monkeypatch, package):
-    monkeypatch.setitem(sys.modules, package, None)
-    with pytest.raises(sk.MissingPackageError, match=rf"{package} .*pip install 'skelsplat\[formats\]'"):
-        write_netcdf(tmp_path / "pose.nc", sample())
 
 
 def test_an_interrupted_write_leaves_the_older_file(xarray, tmp_path, monkeypatch):
@@ -177,9 +146,3 @@ def test_a_full_disk_is_an_error_before_hdf5_meets_it(xarray, tmp_path, people):
         resource.setrlimit(resource.RLIMIT_FSIZE, before)
     assert path.read_text() == "old"
     assert list(tmp_path.iterdir()) == [path]
-
-
-def test_the_room_that_is_reserved_is_enough(xarray, tmp_path):  # noqa: ARG001  skips
-    data = sample()
-    write_netcdf(tmp_path / "pose.nc", data)
-    assert (tmp_path / "pose.nc").stat().st_size <= room_for(to_xarray(data), T)
