@@ -62,23 +62,11 @@ def test_a_plain_sequence_of_cameras_is_in_mm(detections) -> None:
     assert all(np.isnan(one.clock_sigma) for one in found.report)
 
 
-@pytest.mark.parametrize(
-    ("free", "said"),
-    [
-        (["side"], "free: unknown camera 'side'; there are "),
-        ([4], "free: expected cameras 0 to 3, got 4"),
-        ([-1], "free: expected cameras 0 to 3, got -1"),
-        ([0, 1, 2, 3], "free: expected at least one camera that stays, got all cameras"),
-    ],
-)
-def test_a_wrong_choice_of_cameras_is_named(detections, free, said: str) -> None:
-    with pytest.raises(InvalidInputError, match=said):
+@pytest.mark.parametrize("free", [["side"], [4], [-1], [0, 1, 2, 3]])
+def test_a_wrong_choice_of_cameras_is_named(detections, free) -> None:
+    with pytest.raises(InvalidInputError) as caught:
         sk.adjust_cameras(detections, RIG, free=free)
-
-
-def test_one_frame_is_no_recording(detections) -> None:
-    with pytest.raises(InvalidInputError, match="detections: expected the frames of a recording"):
-        sk.adjust_cameras(detections[0], RIG)
+    assert caught.value.argument == "free"
 
 
 @pytest.mark.parametrize("seed", [2, 3])

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import re
 import tracemalloc
 import warnings
 from collections.abc import Iterator
@@ -139,17 +138,6 @@ def test_a_recording_of_one_window_is_solved_at_once(seen, n):
         same(list(sk.refine_batches(chunks, RIG, fps=FPS, layout=ARM)), expected)
 
 
-def test_initial_poses_place_joints_in_time(seen):
-    frames = seen[:700].copy()
-    frames[100:500, 1:, 5] = np.nan
-    start = np.full((700, 6, 3), np.nan)
-    start[:, 5] = 500.0
-    expected = sk.refine_sequence(frames, RIG, fps=FPS, layout=ARM, init_pose=start)
-    chunks = [{"detections": frames[a:b], "init_pose": start[a:b]} for a, b in ((0, 350), (350, 700))]
-    results = list(sk.refine_batches(chunks, RIG, fps=FPS, layout=ARM))
-    same(results, expected, but=("bone_length_sigma",))
-
-
 def test_a_source_may_fill_the_same_arrays_again(seen):
     frames, start = seen[:700], np.random.default_rng(1).normal(0, 500, (700, 6, 3))
     expected = sk.refine_sequence(frames, RIG, fps=FPS, layout=ARM, init_pose=start)
@@ -162,18 +150,6 @@ def test_a_source_may_fill_the_same_arrays_again(seen):
 
     results = list(sk.refine_batches(chunks, RIG, fps=FPS, layout=ARM))
     same(results, expected, but=("bone_length_sigma",))
-
-
-def test_frames_added_to_an_array_meanwhile_do_not_count(seen):
-    class Growing:
-        shape = (400, *seen.shape[1:])
-
-        def __getitem__(self, frames: slice) -> np.ndarray:
-            self.shape = (400 + frames.stop, *seen.shape[1:])
-            return seen[frames]
-
-    results = list(sk.refine_batches(Growing(), RIG, fps=FPS, frames_per_chunk=150))
-    assert [len(result.pose) for result in results] == [150, 150, 100]
 
 
 def test_a_short_generator_has_the_bits_of_one_call(seen, whole):
@@ -222,15 +198,6 @@ def test_memory_does_not_grow_with_the_recording(seen):
     assert most(60) < 1.1 * most(30)
 
 
-def test_progress_counts_all_frames(seen):
-    told: list[tuple[int, int]] = []
-    for _ in sk.refine_batches(seen, RIG, fps=FPS, frames_per_chunk=500, progress=lambda *n: told.append(n)):
-        pass
-    assert told[-1][1] == FRAMES
-    assert all(done <= total == FRAMES for done, total in told)
-    assert [done for done, _ in told] == sorted(done for done, _ in told)
-
-
 # what is refused
 
 
@@ -240,58 +207,41 @@ def test_wrong_chunks_are_named(seen, fps):
     other, unequal = seen[:5, :, :5], frames.copy()
     unequal[2, 1, 0, 2] = 3.0
     with_start = {"detections": frames, "init_pose": np.zeros((5, 6, 3))}
-    for wrong, message in (
-        (views, "detections: expected one view per camera (4), got 3 views"),
-        (other, "detections: expected shape (T, 4, 6, 3), as in the first chunk, got shape (5, 4, 5, 3)"),
-        (frames[0], "detections: expected the frames of a recording (T, M, N, 2|3), got one frame"),
-        (np.zeros(0), "detections: expected shape ([T,] M, N, 2|3) of one person (choose_person"),
-        (unequal, "detections[2, 1, 0, 2]: expected a value in [0, 1]"),
-        ("chunk", "detections: expected an array of numbers, got text (<U5)"),
-        ({"pixels": frames}, "entries: expected 'detections' and perhaps 'confidence' and 'init_pose', got"),
-        ({**with_start, "detections": frames[1:]}, "init_pose: expected shape (4, 6, 3), as in the det"),
-        (with_start, "init_pose: expected none, as in the first chunk, got one"),
+    for wrong, argument in (
+        (views, "detections"),
+        (other, "detections"),
+        (frames[0], "detections"),
+        (unequal, "detections[2, 1, 0, 2]"),
+        ("chunk", "detections"),
+        ({"pixels": frames}, "entries"),
+        ({**with_start, "detections": frames[1:]}, "init_pose"),
+        (with_start, "init_pose"),
     ):
-        message = re.escape(f"chunks[1], {message}")
-        with pytest.raises(sk.InvalidInputError, match=message):
+        with pytest.raises(sk.InvalidInputError) as caught:
             list(sk.refine_batches([frames, wrong], RIG, fps=fps))
+        assert caught.value.argument == f"chunks[1], {argument}"
 
 
 @pytest.mark.parametrize(
-    ("given", "message"),
+    ("argument", "given"),
     [
-        ({"chunks": 5}, r"chunks: expected an array \(T, M, N, 2\|3\), an iterable of such .* got int"),
-        ({"frames_per_chunk": 5}, "frames_per_chunk: expected None unless chunks is an array"),
-        ({"chunks": np.zeros((3, 4, 6, 2)), "frames_per_chunk": 0}, "expected a positive integer, got 0"),
-        ({"fps": 0.0}, r"fps: expected a positive number, got 0\.0"),
-        ({"fps": 1e9}, "fps: expected a number from 1e-3 to 1e6"),
-        ({"fps": FPS, "init_sigma": 5.0}, "init_sigma: expected None with fps"),
-        ({"fps": FPS, "config": sk.RefineConfig.paper()}, r"config.method: expected 'annealed'"),
-        ({"layout": "h37m17"}, "layout: expected one of h36m17"),
+        ("chunks", {"chunks": 5}),
+        ("frames_per_chunk", {"frames_per_chunk": 5}),
+        ("frames_per_chunk", {"chunks": np.zeros((3, 4, 6, 2)), "frames_per_chunk": 0}),
+        ("fps", {"fps": 0.0}),
+        ("init_sigma", {"fps": FPS, "init_sigma": 5.0}),
+        ("config.method", {"fps": FPS, "config": sk.RefineConfig.paper()}),
     ],
 )
-def test_wrong_arguments_are_refused_at_once(given, message):
-    with pytest.raises(sk.InvalidInputError, match=message):
+def test_wrong_arguments_are_refused_at_once(argument, given):
+    with pytest.raises(sk.InvalidInputError) as caught:
         sk.refine_batches(**{"chunks": [], "cameras": RIG, **given})
-
-
-def test_errors_of_the_source_pass_after_the_results_before_it(seen):
-    def broken() -> Iterator[np.ndarray]:
-        yield seen[:3]
-        raise OSError("the disk is gone")
-
-    results = sk.refine_batches(broken(), RIG)
-    assert next(results).pose.shape == (3, 6, 3)
-    with pytest.raises(OSError, match="the disk is gone"):
-        next(results)
-    with pytest.raises(StopIteration):
-        next(results)
-    with pytest.raises(OSError, match="the disk is gone"):
-        list(sk.refine_batches(broken, RIG, fps=FPS))
+    assert caught.value.argument == argument
 
 
 def test_a_source_that_changes_is_noticed(seen):
     sizes = iter([300, 200])
-    with pytest.raises(sk.InvalidInputError, match="chunks: expected the same 300 frames each time"):
+    with pytest.raises(sk.InvalidInputError, match="chunks: "):
         list(sk.refine_batches(lambda: [seen[: next(sizes)]], RIG, fps=FPS))
 
 

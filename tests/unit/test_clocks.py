@@ -8,24 +8,12 @@ import numpy as np
 import pytest
 
 import skelsplat as sk
-from skelsplat._clocks import between, parted, rounded, shifted
+from skelsplat._clocks import between, shifted
 from skelsplat.io.detections import open_detections, read_detections
 from skelsplat.synthetic import DetectionNoise, motion, ring, simulate_detections
 
 FIGURE = np.array([[100.0, 100.0, 0.9], [140.0, 120.0, 0.8], [120.0, 300.0, 1.0], [130.0, 200.0, 0.5]])
 STEP = np.array([8.0, -4.0, -0.1])
-
-
-@pytest.mark.parametrize(
-    ("offset", "expected"),
-    [(3, (3, 0.0)), (2.25, (2, 0.25)), (-2.25, (-2, -0.25)), (0.75, (1, -0.25)), (-0.4, (0, -0.4))],
-)
-def test_whole_frames_and_the_rest(offset, expected):
-    assert parted(offset) == pytest.approx(expected)
-
-
-def test_offsets_are_told_in_hundredths():
-    assert [str(rounded(offset)) for offset in (3.0, -2.001, 0.4 - 3, 1.256)] == ["3", "-2", "-2.6", "1.26"]
 
 
 def test_joints_move_a_part_of_the_way():

@@ -97,25 +97,6 @@ def test_the_confidence_of_a_missing_detection_does_not_count(entry, score, dete
     np.testing.assert_array_equal(call(found, rig), without)
 
 
-@pytest.mark.parametrize(
-    ("score", "advice"),
-    [
-        (1.06, " (clip scores: np.clip(scores, 0, 1))"),
-        (-0.1, " (clip scores: np.clip(scores, 0, 1))"),
-        (2.5, " (divide percentages by 100)"),
-        (100.0, " (divide percentages by 100)"),
-        (-95.0, ""),
-        (812.5, ""),
-    ],
-)
-def test_advice_fits_the_score(score, advice, detections, rig):
-    found = detections.copy()
-    found[0, 0, 0, 2] = score
-    with pytest.raises(sk.InvalidInputError) as caught:
-        sk.triangulate(found, rig)
-    assert str(caught.value) == f"detections[0, 0, 0, 2]: expected a value in [0, 1]{advice}, got {score:g}"
-
-
 def npz(root, view):
     np.savez(root / "cam.npz", detections=view[:, None])
 

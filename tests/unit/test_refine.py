@@ -29,14 +29,6 @@ def test_one_frame_has_the_documented_shapes(scene):
     assert str(result.stop_reason) == "max_steps"
 
 
-def test_a_batch_has_a_leading_axis(scene):
-    result = sk.refine(scene.pose, scene.detections, scene.rig, config=quick(loss_history=True))
-    assert result.pose.shape == (3, 17, 3)
-    assert result.reprojection_error.shape == (3, 4, 17)
-    assert result.stop_reason.shape == result.n_iter.shape == (3,)
-    assert result.loss_history.shape == (3, 5)
-
-
 @pytest.mark.parametrize("config", [sk.RefineConfig(), sk.RefineConfig.paper(max_steps=5)])
 def test_error_bars_weights_and_noise_have_the_documented_shapes(scene, config):
     one = sk.refine(None, scene.detections[0], scene.rig, layout="h36m17", config=config)
@@ -60,7 +52,7 @@ def test_init_sigma_in_every_form_is_the_same_prior(scene):
     free = sk.refine(start, scene.detections, scene.rig).pose
     assert np.abs(found[0] - free).max() > 0.1
     mixed = np.where(np.arange(17) == 3, np.nan, 1e-3)
-    with pytest.warns(UserWarning, match="contradicts every detection"):
+    with pytest.warns(UserWarning, match="init_pose"):
         nailed = sk.refine(start, scene.detections, scene.rig, init_sigma=mixed).pose
     assert np.allclose(np.delete(nailed, 3, axis=1), np.delete(start, 3, axis=1), atol=1e-3)
     # Exact detections: joint 3, without a prior, goes where they are.
@@ -112,23 +104,6 @@ def test_the_loss_is_that_of_the_returned_pose(scene):
     assert np.isclose(result.loss, again.loss, rtol=1e-5)
 
 
-def test_without_an_initial_pose_the_detections_are_triangulated(scene):
-    result = sk.refine(None, scene.detections, scene.rig, config=quick())
-    assert np.allclose(result.init_pose, sk.triangulate(scene.detections, scene.rig))
-
-
-def test_the_unit_of_the_rig_is_the_unit_of_everything(scene):
-    metres = sk.CameraRig(
-        [sk.Camera(c.K, c.R, c.t / 1e3, size=c.size, name=c.name) for c in scene.rig], unit="m"
-    )
-    start = synthetic.perturb(scene.pose, 10.0, seed=2)
-    mm = sk.refine(start, scene.detections, scene.rig, config=quick())
-    m = sk.refine(start / 1e3, scene.detections, metres, config=quick())
-    # Single-precision pixels react to the last bit of the mean; five steps of 3 mm stay within a hundredth.
-    assert np.allclose(m.pose * 1e3, mm.pose, atol=1e-2)
-    assert np.allclose(m.covariance * 1e6, mm.covariance, rtol=1e-3, atol=1e-2)
-
-
 def test_confidence_as_an_argument_is_the_third_channel(scene):
     confidence = np.full(scene.detections.shape[:-1], 0.8)
     confidence[:, 0, 3] = 0.0
@@ -137,34 +112,6 @@ def test_confidence_as_an_argument_is_the_third_channel(scene):
     b = sk.refine(None, scene.detections, scene.rig, confidence=confidence, config=quick())
     assert np.array_equal(a.pose, b.pose)
     assert np.isnan(a.reprojection_error[:, 0, 3]).all()
-
-
-@pytest.mark.parametrize("config", [sk.RefineConfig(), sk.RefineConfig.paper(max_steps=2)])
-def test_a_frame_without_any_detection_has_no_noise(scene, config):
-    detections = scene.detections.copy()
-    detections[1] = np.nan
-    noise = sk.refine(None, detections, scene.rig, layout="h36m17", config=config).noise
-    assert np.isfinite(noise[[0, 2]]).all()
-    assert np.isnan(noise[1])
-
-
-def refusal(call) -> str:
-    with pytest.raises(sk.InvalidInputError) as caught:
-        call()
-    return str(caught.value)
-
-
-def test_a_score_above_1_is_named_where_it_was_given(scene):
-    found = np.concatenate([scene.detections, np.ones((*scene.detections.shape[:-1], 1))], axis=-1)
-    found[1, 2, 9, 2] = 1.0603
-    hint = "expected a value in [0, 1] (clip scores: np.clip(scores, 0, 1)), got 1.0603"
-    beside = {"detections": found[..., :2], "confidence": found[..., 2], "cameras": scene.rig}
-    assert refusal(lambda: sk.refine(None, found, scene.rig)) == f"detections[1, 2, 9, 2]: {hint}"
-    assert refusal(lambda: sk.refine(None, **beside)) == f"confidence[1, 2, 9]: {hint}"
-    assert refusal(lambda: sk.Refiner(scene.rig).step(found[1])) == f"detections[2, 9, 2]: {hint}"
-    found[1, 2, 9, 2] = 812.5  # no score: clipping would hide the mistake
-    said = refusal(lambda: sk.Refiner(scene.rig).step(found[1]))
-    assert said == "detections[2, 9, 2]: expected a value in [0, 1], got 812.5"
 
 
 def test_low_confidence_can_count_as_missing(scene):
@@ -203,12 +150,6 @@ def test_missing_data_are_outcomes(scene):
     assert np.isnan(blind.pose).all()
 
 
-def test_a_unit_mistaken_by_1000_warns(scene):
-    rig = sk.CameraRig(list(scene.rig), unit="m")
-    with pytest.warns(UserWarning, match=r"taller than 10 m: is the unit really 'm'\?"):
-        sk.refine(scene.pose[0], scene.detections[0], rig, config=quick())
-
-
 def scaled_to(scene, size):
     """Return the rig and the pose of the scene, in mm, when the person measures `size` mm."""
     by = size / np.linalg.norm(np.ptp(scene.pose[0], axis=0))
@@ -218,44 +159,23 @@ def scaled_to(scene, size):
 
 @pytest.mark.parametrize("config", [sk.RefineConfig(), quick()])
 @pytest.mark.parametrize(
-    ("own", "size", "told"),
-    [
-        (False, 170.0, "shorter than 22 cm"),
-        (False, 500.0, None),
-        (True, 96.0, None),
-        (True, 0.06, None),
-        (True, 15_000.0, None),
-        (True, 30_000.0, "taller than 20 m"),
-    ],
+    ("own", "size", "warned"),
+    [(False, 170.0, True), (False, 500.0, False), (True, 0.06, False), (True, 3e4, True)],
 )
-def test_a_body_of_one_s_own_layout_need_not_have_a_person_s_size(scene, config, own, size, told):
+def test_a_body_of_one_s_own_layout_need_not_have_a_person_s_size(scene, config, own, size, warned):
     rig, pose = scaled_to(scene, size)
     layout = sk.Layout("mouse", [f"part {j}" for j in range(17)]) if own else "h36m17"
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         sk.refine(pose, scene.detections[0], rig, layout=layout, config=config)
         sk.Refiner(rig, layout=layout).step(scene.detections[0])
-    texts = [str(warning.message) for warning in caught]
-    assert len(texts) == (0 if told is None else 2)
-    assert all(told in text for text in texts)
-
-
-def test_a_right_unit_does_not_warn(scene):
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        sk.refine(scene.pose[0], scene.detections[0], scene.rig, config=quick())
+    assert [one.message.finding.kind for one in caught] == ["unit_implausible"] * (2 * warned)
 
 
 def test_progress_reports_frames(scene):
     calls: list[tuple[int, int]] = []
     sk.refine(scene.pose, scene.detections, scene.rig, config=quick(), progress=lambda *a: calls.append(a))
     assert calls[-1] == (3, 3)
-
-
-def test_progress_draws_a_bar(scene, capsys):
-    result = sk.refine(scene.pose, scene.detections, scene.rig, config=quick(), progress=True)
-    assert result.pose.shape == (3, 17, 3)
-    assert capsys.readouterr().err == ""  # a bar belongs on the terminal's output, errors alone on stderr
 
 
 def test_an_error_in_the_progress_callback_ends_the_batch(scene):
@@ -278,33 +198,6 @@ def test_ctrl_c_stops_a_batch(scene):
         sk.refine(poses, detections, scene.rig, config=sk.RefineConfig.paper(stop_tolerance=0.0))
     timer.join()
     assert time.monotonic() - begun < 30.0
-
-
-def test_the_interpreter_is_free_during_a_batch(scene):
-    """Another thread makes progress while the core works."""
-    poses = np.broadcast_to(scene.pose[0], (60, 17, 3))
-    detections = np.broadcast_to(scene.detections[0], (60, 4, 17, 2))
-    counted, stop = [0], threading.Event()
-
-    def count() -> None:
-        while not stop.is_set():
-            counted[0] += 1
-            time.sleep(0.001)
-
-    thread = threading.Thread(target=count)
-    thread.start()
-    before = counted[0]
-    sk.refine(poses, detections, scene.rig, config=sk.RefineConfig.paper(stop_tolerance=0.0))
-    during = counted[0] - before
-    stop.set()
-    thread.join()
-    assert during > 10
-
-
-def test_any_number_of_threads_gives_the_same_bits(scene):
-    start = synthetic.perturb(scene.pose, 15.0, seed=3)
-    one, two = (sk.refine(start, scene.detections, scene.rig, config=quick(n_threads=n)).pose for n in (1, 2))
-    assert np.array_equal(one, two)
 
 
 def test_refiner_follows_and_finds_again(scene):
@@ -332,14 +225,6 @@ def test_refiner_takes_one_frame_of_the_same_joints(scene):
         refiner.step(scene.detections[0, :, :16])
 
 
-def test_a_mistaken_unit_is_seen_though_the_first_frame_is_empty(scene):
-    rig = sk.CameraRig(list(scene.rig), unit="m")
-    detections = scene.detections.copy()
-    detections[0] = np.nan
-    with pytest.warns(UserWarning, match="is the unit really 'm'"):
-        sk.refine(None, detections, rig, config=sk.RefineConfig.paper(max_steps=0))
-
-
 def test_the_refiner_remembers_what_one_view_cannot_fix(scene):
     """After a frame that only one view sees, depth comes from before; after an empty one all does."""
     refiner = sk.Refiner(scene.rig, layout="h36m17")
@@ -365,11 +250,6 @@ def test_nothing_to_go_by_is_said(scene):
     assert result.stop_reason == "no_observations"
 
 
-def test_a_result_is_shown_in_one_line(scene):
-    shown = repr(sk.refine(None, scene.detections, scene.rig, layout="h36m17"))
-    assert shown.startswith("Refinement(pose (3, 17, 3), joints: 51 ok")
-
-
 def test_the_start_matters_only_where_the_detections_do_not_decide(scene):
     """However far off, and also with a gross outlier in one view of every joint."""
     detections = scene.detections.copy()
@@ -391,10 +271,3 @@ def test_a_wide_kernel_for_some_joints_leaves_the_others_alone(scene):
     sigma = np.sqrt(some.covariance[..., 0, 0])
     assert (sigma[:, 0] > 20.0 * sigma[:, 1]).all()
     assert np.abs(some.pose[:, 1:] - plain.pose[:, 1:]).max() < 2.0
-
-
-def test_a_prior_as_wide_as_the_room_says_nothing(scene):
-    start = synthetic.perturb(scene.pose, 2000.0, seed=3)
-    free = sk.refine(None, scene.detections, scene.rig, layout="h36m17")
-    wide = sk.refine(start, scene.detections, scene.rig, layout="h36m17", init_sigma=2000.0)
-    assert np.abs(wide.pose - free.pose).max() < 1.0

@@ -112,21 +112,20 @@ def test_nothing_gives_nothing(fps):
 
 
 @pytest.mark.parametrize(
-    ("given", "message"),
+    ("argument", "given"),
     [
-        ({"detections": [[1.0]]}, r"detections: expected an array \(T, M, N, 2\|3\) of known size, got list"),
-        ({"detections": np.ones((4, 5, 2))}, r"detections: expected an array .*, got shape \(4, 5, 2\)"),
-        ({"detections": np.ones((9, 3, 5, 2))}, r"detections: expected .*4.*, got 3 views"),
-        ({"detections": np.ones((9, 4, 5, 2)), "layout": "coco17"}, "expected the layout's 17 joints, got 5"),
-        ({"fps": -1.0}, "fps: expected a positive number of frames per second, got -1"),
-        ({"fps": FPS, "frames_per_block": 5}, "frames_per_block: expected None with fps, got 5"),
-        ({"frames_per_block": 0}, "frames_per_block: expected a positive integer, got 0"),
-        ({"fps": FPS, "config": sk.RefineConfig.paper()}, r"config.method: expected 'annealed'"),
+        ("detections", {"detections": [[1.0]]}),
+        ("detections", {"detections": np.ones((9, 3, 5, 2))}),
+        ("fps", {"fps": -1.0}),
+        ("frames_per_block", {"fps": FPS, "frames_per_block": 5}),
+        ("frames_per_block", {"frames_per_block": 0}),
+        ("config.method", {"fps": FPS, "config": sk.RefineConfig.paper()}),
     ],
 )
-def test_wrong_arguments_are_refused_at_once(seen, given, message):
-    with pytest.raises(sk.InvalidInputError, match=message):
+def test_wrong_arguments_are_refused_at_once(seen, argument, given):
+    with pytest.raises(sk.InvalidInputError) as caught:
         scale.refine(**{"detections": seen[:9], "cameras": RIG, **given})
+    assert caught.value.argument == argument
 
 
 def test_without_dask_the_extra_is_named(monkeypatch):

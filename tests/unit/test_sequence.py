@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import copy
 import pickle
-import re
 import subprocess
 import sys
 from collections.abc import Callable
@@ -52,50 +51,21 @@ def errors(found: np.ndarray, truth: np.ndarray) -> np.ndarray:
 # what is refused
 
 
-def test_the_frame_rate_must_be_given():
-    _, detections = recorded(n_frames=3)
-    with pytest.raises(TypeError, match="fps"):
-        sk.refine_sequence(detections, RIG)  # type: ignore[call-arg]
-
-
-@pytest.mark.parametrize("fps", [0, -25.0, np.nan, np.inf, True])
-def test_a_frame_rate_is_positive(fps):
-    with pytest.raises(sk.InvalidInputError, match=f"^fps: expected a positive number, got {fps}$"):
-        solve(recorded(n_frames=3)[1], fps=fps)
-
-
-@pytest.mark.parametrize("fps", [1e-4, 1e300])
-def test_a_frame_rate_can_be_computed_with(fps):
-    with pytest.raises(sk.InvalidInputError, match=r"^fps: expected a number from 1e-3 to 1e6, got "):
-        solve(recorded(n_frames=3)[1], fps=fps)
-
-
-REFUSED: dict[str, tuple[Callable[[np.ndarray], dict[str, Any]], str]] = {
-    "frame": (
-        lambda d: {"detections": d[0]},
-        "detections: expected the frames of a recording (T, M, N, 2|3), got one frame",
-    ),
-    "views": (lambda d: {"detections": d[:, :2]}, "detections: expected one view per camera (4), got 2"),
-    "joints": (
-        lambda d: {"detections": d[:, :, :5]},
-        "detections: expected the layout's 17 joints, got 5 joints",
-    ),
-    "last": (lambda d: {"detections": d[..., :1]}, "detections: expected shape ([T,] M, N, 2|3) of one"),
-    "start": (lambda d: {"init_pose": d[:2, 0]}, "init_pose: expected shape (3, 17, 3)"),
-    "confidence": (
-        lambda d: {"detections": d[..., :2], "confidence": np.ones((4, 17, 2))},
-        "confidence: expected shape",
-    ),
-    "paper": (lambda _: {"config": sk.RefineConfig.paper()}, "config.method: expected 'annealed'"),
+REFUSED: dict[str, Callable[[np.ndarray], dict[str, Any]]] = {
+    "fps": lambda _: {"fps": -25.0},
+    "detections": lambda d: {"detections": d[0]},
+    "init_pose": lambda d: {"init_pose": d[:2, 0]},
+    "confidence": lambda d: {"detections": d[..., :2], "confidence": np.ones((4, 17, 2))},
+    "config.method": lambda _: {"config": sk.RefineConfig.paper()},
 }
 
 
-@pytest.mark.parametrize("case", REFUSED)
-def test_what_does_not_match_is_named(case):
-    change, text = REFUSED[case]
+@pytest.mark.parametrize("argument", REFUSED)
+def test_what_does_not_match_is_named(argument):
     detections = recorded(n_frames=3)[1]
-    with pytest.raises(sk.InvalidInputError, match=f"^{re.escape(text)}"):
-        solve(**{"detections": detections, **change(detections)})
+    with pytest.raises(sk.InvalidInputError) as caught:
+        solve(**{"detections": detections, **REFUSED[argument](detections)})
+    assert caught.value.argument == argument
 
 
 # short recordings, gaps, joints that are not seen
@@ -133,34 +103,6 @@ def test_both_sides_of_an_absence_are_solved():
     for part in (slice(0, 50), slice(100, 150)):
         assert errors(found.pose, pose)[part].mean() < errors(found.init_pose, pose)[part].mean()
         assert np.isfinite(found.velocity[part]).all()
-
-
-def test_a_person_who_leaves_and_returns_elsewhere_is_unobserved_between():
-    pose, _ = recorded(n_frames=150)
-    pose[90:] += [600.0, -400.0, 0.0]
-    detections = seen(pose, seed=1)
-    detections[45:90] = np.nan
-    found = solve(detections)
-    assert (found.joint_status[45:90] == "unobserved").all()
-    assert np.isnan(found.pose[45:90]).all()
-    for part in (slice(0, 45), slice(90, 150)):
-        error, alone = errors(found.pose, pose)[part], errors(found.init_pose, pose)[part]
-        assert error.mean() < alone.mean()
-
-
-def test_a_joint_that_is_never_seen_leaves_the_others_as_they_are():
-    pose, detections = recorded()
-    whole = solve(detections)
-    detections[:, :, 16] = np.nan
-    found = solve(detections)
-    assert (found.joint_status[:, 16] == "unobserved").all()
-    assert np.isnan(found.pose[:, 16]).all()
-    assert np.isnan(found.uncertainty[:, 16]).all()
-    bone = np.flatnonzero((found.bones == 16).any(axis=1))
-    assert np.isinf(found.bone_length_sigma[bone]).all()
-    assert np.isnan(found.bone_lengths[bone]).all()
-    mean = errors(found.pose, pose)[:, :16].mean()
-    assert mean < 1.05 * errors(whole.pose, pose)[:, :16].mean()
 
 
 @pytest.mark.parametrize("frames", [slice(40, 60), slice(None)])
@@ -249,15 +191,6 @@ def test_frames_further_apart_than_a_second_have_no_velocity():
     assert (found.joint_status == "ok").mean() > 0.99
 
 
-def test_detections_that_never_change_are_answered():
-    """A photograph, or cameras that have stopped: no second difference is above 0."""
-    detections = np.repeat(recorded()[1][:1], 90, axis=0)
-    found = solve(detections)
-    assert (found.joint_status == "ok").all()
-    assert errors(found.pose, found.init_pose).mean() < 5.0
-    np.testing.assert_allclose(found.velocity, 0.0, atol=1e-6)
-
-
 # views and confidences
 
 
@@ -270,11 +203,6 @@ def test_few_views_gain_as_well(n_views, noise):
     assert np.isfinite(found.pose).mean() >= both.mean()
     error, alone = errors(found.pose, pose), errors(found.init_pose, pose)
     assert np.nanmean(error) < 0.85 * np.nanmean(alone)
-
-
-def test_one_view_knows_no_depth():
-    found = solve(recorded()[1][:, :1], [RIG[0]])
-    assert not (found.joint_status == "ok").any()
 
 
 def test_confidences_come_either_way_and_their_scale_is_free():
@@ -290,15 +218,6 @@ def test_confidences_come_either_way_and_their_scale_is_free():
     assert np.isfinite(without.pose).all()
 
 
-def test_the_start_is_that_of_each_frame_alone():
-    pose, detections = recorded()
-    alone = sk.refine(None, detections, RIG, layout="h36m17")
-    found = solve(detections)
-    np.testing.assert_allclose(found.init_pose, alone.pose, atol=1e-9)
-    near = solve(detections, init_pose=pose)
-    assert errors(near.pose, found.pose).max() < 50.0
-
-
 # the result, progress, Ctrl-C
 
 
@@ -309,21 +228,6 @@ def test_the_result_is_copied_and_pickled():
         for name in type(found).__dataclass_fields__:
             np.testing.assert_array_equal(getattr(other, name), getattr(found, name))
     assert repr(found).startswith("SequenceRefinement(16 bones, pose (5, 17, 3), joints: ")
-
-
-def test_progress_counts_frames_to_the_end():
-    said: list[tuple[int, int]] = []
-    solve(recorded()[1], progress=lambda done, total: said.append((done, total)))
-    assert said[-1] == (90, 90)
-    assert said == sorted(said)
-
-
-def test_an_error_in_the_callback_ends_the_work():
-    def stop(_done: int, _total: int) -> None:
-        raise LookupError("enough")
-
-    with pytest.raises(LookupError, match="enough"):
-        solve(np.tile(recorded()[1], (40, 1, 1, 1)), progress=stop)
 
 
 # motions that are not smooth

@@ -90,12 +90,6 @@ def test_whoever_comes_back_is_the_same_person() -> None:
     assert scored(found, truth).idf1 > 0.98
 
 
-def test_at_most_so_many_are_returned(three, tracked) -> None:
-    found = sk.track(three.people, three.cameras, fps=FPS, layout=three.layout, max_people=2)
-    seen = sorted((int((person.slots >= 0).sum()) for person in tracked), reverse=True)
-    assert sorted((int((person.slots >= 0).sum()) for person in found), reverse=True) == seen[:2]
-
-
 def test_a_person_whom_one_view_sees_is_nobody(three) -> None:
     hidden = three.people.copy()
     hidden[:, 1:] = np.nan
@@ -136,45 +130,31 @@ def test_nobody_there_is_an_empty_list(three, people) -> None:
     assert sk.track(people, three.cameras, fps=FPS, layout=three.layout) == []
 
 
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ({"fps": 0.0}, "fps: expected a positive number"),
-        ({"fps": float("nan")}, "fps: expected"),
-        ({"max_people": 0}, "max_people: expected an integer of at least 1, or None, got 0"),
-        ({"max_people": 1.5}, "max_people: expected an integer of at least 1, or None, got 1.5"),
-        ({"layout": "coco17x"}, "layout"),
-        ({"layout": "body25"}, "expected the layout's 25 joints, got 17 joints"),
-        ({"config": sk.RefineConfig.paper()}, "config.method: expected 'annealed' for several people"),
+JOINTS = np.zeros((1, 17, 3))
+REFUSED = {
+    "fps": [{"fps": 0.0}],
+    "max_people": [{"max_people": 0}, {"max_people": 1.5}],
+    "layout": [{"layout": "coco17x"}],
+    "config.method": [{"config": sk.RefineConfig.paper()}],
+    "people": [
+        {"people": np.zeros((5, 4, 17, 3))},
+        {"people": np.zeros((5, 3, 2, 17, 3))},
+        {"people": "people.json"},
+        {"people": [{"cam0": []}]},
+        {"people": [[JOINTS] * 4, [JOINTS] * 3]},
+        {"people": [[JOINTS] * 3 + [JOINTS[:, :16]]]},
     ],
-)
-def test_bad_arguments_are_named(three, change, message: str) -> None:
-    options = {"fps": FPS, "layout": three.layout} | change
-    with pytest.raises(sk.SkelSplatError, match=message.replace("'", ".")):
-        sk.track(three.people[:5], three.cameras, **options)
+    "people[0, 0, 0, 0, 2]": [{"people": np.full((2, 4, 1, 17, 3), 2.0)}],
+}
 
 
-@pytest.mark.parametrize(
-    ("people", "message"),
-    [
-        (np.zeros((5, 4, 17, 3)), r"people: expected shape \(T, M, P, N, 2\) or \(T, M, P, N, 3\)"),
-        (np.zeros((5, 3, 2, 17, 3)), r"people: expected one view per camera \(4\), got 3 views"),
-        ("people.json", r"people: expected"),
-        ([{"cam0": []}], r"people: expected a list of views in every frame, got dict"),
-        (np.full((2, 4, 1, 17, 3), 2.0), r"people\[0, 0, 0, 0, 2\]: expected a value in \[0, 1\]"),
-        (
-            [[np.zeros((1, 17, 3))] * 4, [np.zeros((1, 17, 3))] * 3],
-            r"people: expected as many views in every",
-        ),
-        (
-            [[np.zeros((1, 17, 3))] * 3 + [np.zeros((1, 16, 3))]],
-            r"people: expected \(P, N, 2\) or \(P, N, 3\)",
-        ),
-    ],
-)
-def test_people_of_other_shapes_are_refused(three, people, message: str) -> None:
-    with pytest.raises(InvalidInputError, match=message):
-        sk.track(people, three.cameras, fps=FPS, layout=three.layout)
+@pytest.mark.parametrize("argument", REFUSED)
+def test_bad_arguments_are_named(three, argument) -> None:
+    for change in REFUSED[argument]:
+        valid = {"people": three.people[:5], "fps": FPS, "layout": three.layout}
+        with pytest.raises(InvalidInputError) as caught:
+            sk.track(cameras=three.cameras, **(valid | change))
+        assert caught.value.argument == argument
 
 
 def test_live_knows_the_same_people(three, tracked) -> None:
@@ -262,64 +242,16 @@ def test_bad_input_of_a_loop_leaves_the_state_as_it_was(three) -> None:
 def test_people_who_are_not_found_are_not_kept_silent(three) -> None:
     """Here for the unit of the cameras; nobody agrees on anybody."""
     rig = [sk.Camera(c.K, c.R, c.t / 1000, size=c.size) for c in three.cameras]
-    with pytest.warns(UserWarning, match="In 90 frames two or more views detect people, but no two agree"):
+    with pytest.warns(FindingWarning, match="In 90 frames"):
         assert sk.track(three.people, rig, fps=FPS, layout=three.layout) == []
     tracker = sk.Tracker(rig, fps=FPS, layout=three.layout)
     with warnings.catch_warnings(record=True) as told:
         warnings.simplefilter("always")
         assert [tracker.step(frame) for frame in three.people] == [[]] * len(three.people)
-    assert [str(warning.message)[:12] for warning in told] == ["In 60 frames"]
+    assert [warning.message.finding.numbers for warning in told] == [{"frames": 60}]
 
 
-def test_live_takes_none_for_nobody_and_names_other_shapes(three) -> None:
-    tracker = sk.Tracker(three.cameras, fps=FPS, layout=three.layout)
-    assert tracker.step([None, [], None, []]) == []
-    with pytest.raises(
-        InvalidInputError, match=r"people: expected shape \(M, P, N, 2\) or \(M, P, N, 3\), got \(4, 17"
-    ):
-        tracker.step(three.people[0, :, 0])
-
-
-def test_progress_counts_everything_that_is_solved(three) -> None:
-    told: list[tuple[int, int]] = []
-    options = {"fps": FPS, "layout": three.layout, "progress": lambda done, total: told.append((done, total))}
-    found = sk.track(three.people, three.cameras, **options)
-    frames = len(three.people) + sum(len(person.frames) for person in found)
-    assert told[-1] == (frames, frames)
-    assert all(done <= total for done, total in told)
-
-
-def test_nobody_found_in_a_recording_is_said(three) -> None:
-    from skelsplat.cameras import CameraRig
-
-    wrong = CameraRig(list(three.cameras), unit="m")
-    with pytest.warns(UserWarning, match="no two agree on a person"):
-        assert sk.track(three.people[:30], wrong, fps=FPS, layout=three.layout) == []
-
-
-def test_a_person_of_a_live_loop_has_no_recording(three) -> None:
-    tracker = sk.Tracker(three.cameras, fps=FPS, layout=three.layout)
-    person = [tracker.step(frame) for frame in three.people[:10]][-1][0]
-    with pytest.raises(InvalidInputError, match="expected a person of a recording"):
-        person.detections(three.people)
-
-
-def test_live_refuses_a_frame_without_views_and_keeps_its_state(three) -> None:
-    tracker = sk.Tracker(three.cameras, fps=FPS, layout=three.layout)
-    for frame in three.people[:10]:
-        before = tracker.step(frame)
-    with pytest.raises(InvalidInputError, match=r"people: expected one view per camera \(4\), got 0 views"):
-        tracker.step([])
-    after = tracker.step(three.people[10])
-    assert [person.id for person in after] == [person.id for person in before]
-
-
-def test_one_camera_tells_nobody(three) -> None:
-    with pytest.raises(InvalidInputError, match="cameras: expected at least two, got 1"):
-        sk.track(three.people[:, :1], three.cameras[:1], fps=FPS, layout=three.layout)
-
-
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(2))
 def test_two_cameras_and_many_people_are_an_outcome(seed: int) -> None:
     """Little can be told apart; nobody without a joint, and no end of the run."""
     crowded = scene(people=6, views=2, frames=40, seed=seed)
@@ -332,10 +264,10 @@ def test_two_cameras_and_many_people_are_an_outcome(seed: int) -> None:
 
 
 def test_a_wrong_layout_is_said_once(three) -> None:
-    with pytest.warns(FindingWarning, match="Left and right limbs differ in length, ") as said:
+    with pytest.warns(FindingWarning) as said:
         sk.track(three.people, three.cameras, fps=FPS, layout="coco17")
-    assert len(said) == 1
-    assert "Is the layout correct (h36m17 has the same number of joints)?" in str(said[0].message)
+    (finding,) = [one.message.finding for one in said]
+    assert (finding.kind, finding.numbers["layouts_of_as_many_joints"]) == ("limbs_differ", ["h36m17"])
 
 
 def test_too_many_people_to_compare_are_said_once(monkeypatch) -> None:
@@ -343,13 +275,11 @@ def test_too_many_people_to_compare_are_said_once(monkeypatch) -> None:
     rng, cameras = np.random.default_rng(2), sk.synthetic.ring(2)
     people = rng.uniform(0.0, 1000.0, (2, 1001, 1, 2)) + rng.uniform(0.0, 100.0, (17, 2))
     tracker = sk.Tracker(cameras, layout="h36m17", fps=30.0)
-    with pytest.warns(
-        UserWarning, match=r"In a frame there were too many people .* \(up to 1,001 in a view\)"
-    ):
+    with pytest.warns(FindingWarning, match="1,001"):
         tracker.step(people)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         copy.copy(tracker).step(people)
     monkeypatch.setattr(sk._people._skelsplat, "track_people", lambda *_, **__: ([], 7))
-    with pytest.warns(UserWarning, match="In 7 frames there were too many people"):
+    with pytest.warns(FindingWarning, match="In 7 frames"):
         assert sk.track(people[None], cameras, layout="h36m17", fps=30.0, progress=False) == []
