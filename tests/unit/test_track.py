@@ -90,6 +90,12 @@ def test_whoever_comes_back_is_the_same_person() -> None:
     assert scored(found, truth).idf1 > 0.98
 
 
+def test_at_most_so_many_are_returned(three, tracked) -> None:
+    found = sk.track(three.people, three.cameras, fps=FPS, layout=three.layout, max_people=2)
+    seen = sorted((int((person.slots >= 0).sum()) for person in tracked), reverse=True)
+    assert sorted((int((person.slots >= 0).sum()) for person in found), reverse=True) == seen[:2]
+
+
 def test_a_person_whom_one_view_sees_is_nobody(three) -> None:
     hidden = three.people.copy()
     hidden[:, 1:] = np.nan
