@@ -11,49 +11,36 @@ time; that of "choose" and "refine" is the least of three.
 
 from __future__ import annotations
 
-import argparse
-import time
 import warnings
-from collections.abc import Callable
 from itertools import product
 
-import _one_core  # noqa: F401  before numpy
-import common
+import lab
 import numpy as np
+from lab import ONE_THREAD, Table, cpu_ms
 
 import skelsplat as sk
 from skelsplat import synthetic
 from skelsplat._people import padded
 from skelsplat.association import choose_person
 
-CONFIG = sk.RefineConfig(n_threads=1)
 LAYOUT, NOISE = sk.layouts.H36M17, synthetic.DetectionNoise.recording(30.0)
 SCENES = list(product((1, 2, 3, 6), (4, 6, 8)))  # people, views
 CROWDS = list(product(("hall", "strangers", "copies"), ((40, 4), (60, 4), (40, 8), (60, 8))))
+REPEATS = 3
 
 
-def milliseconds(work: Callable[[], object], times: int = 3) -> float:
-    """CPU time of a call, the least of some."""
-
-    def once() -> float:
-        begin = time.process_time()
-        work()
-        return 1e3 * (time.process_time() - begin)
-
-    return min(once() for _ in range(times))
-
-
-def compared(people: int, views: int, frames: int) -> list[float]:
+def compared(people: int, views: int, frames: int) -> dict[str, float]:
     """Return the times per frame of a choice, a sequence and single frames."""
     scene = synthetic.simulate_scene(people, synthetic.ring(views, radius_mm=4500.0), n_frames=frames, seed=1)
     everyone, cameras = np.asarray(padded(scene.people)), scene.cameras
     chosen, _ = choose_person(everyone, cameras, layout=LAYOUT)
-    works = (
-        lambda: choose_person(everyone, cameras, layout=LAYOUT),
-        lambda: sk.refine_sequence(chosen, cameras, fps=scene.fps, layout=LAYOUT, config=CONFIG),
-        lambda: sk.refine(None, chosen, cameras, layout=LAYOUT, config=CONFIG),
-    )
-    return [milliseconds(work) / frames for work in works]
+    given = {"layout": LAYOUT, "config": ONE_THREAD}
+    works = {
+        "choose ms": lambda: choose_person(everyone, cameras, layout=LAYOUT),
+        "refine_sequence ms": lambda: sk.refine_sequence(chosen, cameras, fps=scene.fps, **given),
+        "refine ms": lambda: sk.refine(None, chosen, cameras, **given),
+    }
+    return {name: cpu_ms(work, REPEATS) / frames for name, work in works.items()}
 
 
 def crowd(kind: str, people: int, views: int, frames: int) -> tuple[np.ndarray, sk.CameraRig]:
@@ -72,35 +59,26 @@ def crowd(kind: str, people: int, views: int, frames: int) -> tuple[np.ndarray, 
     return np.stack([seen() for _ in range(people)], axis=2), cameras
 
 
-def crowded(kind: str, people: int, views: int, frames: int) -> list[float]:
+def crowded(kind: str, people: int, views: int, frames: int) -> dict[str, float]:
     """Return the times per frame of a choice, and of live steps on average and at most."""
     everyone, cameras = crowd(kind, people, views, frames)
-    tracker = sk.Tracker(cameras, layout=LAYOUT, fps=30.0, config=CONFIG)
+    tracker = sk.Tracker(cameras, layout=LAYOUT, fps=30.0, config=ONE_THREAD)
     few = everyone[:2]
-    choose = milliseconds(lambda: choose_person(few, cameras, layout=LAYOUT)) / len(few)
-    live = [milliseconds(lambda frame=frame: tracker.step(frame), 1) for frame in everyone]
-    return [choose, float(np.mean(live)), max(live)]
+    choose = cpu_ms(lambda: choose_person(few, cameras, layout=LAYOUT), REPEATS) / len(few)
+    live = [cpu_ms(lambda frame=frame: tracker.step(frame)) for frame in everyone]
+    return {"choose ms": choose, "live ms": float(np.mean(live)), "live at most ms": max(live)}
 
 
-def main() -> None:
-    """Print one of the tables."""
-    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    parser.add_argument("--frames", type=int, default=100, help="of a scene (100)")
-    parser.add_argument("--crowds", action="store_true", help="40 to 60 people in every image instead")
-    parser.add_argument("--markdown", action="store_true", help="print Markdown")
-    chosen = parser.parse_args()
+def choice(*, frames: int = 100, crowds: bool = False) -> Table:
+    """Measure scenes of so many frames; `crowds`: of 40 to 60 people in every image."""
     warnings.simplefilter("ignore")  # too many people to compare: that is what is measured
-    if chosen.crowds:
-        columns = ["crowd", "people, views", "choose ms", "live ms", "live at most ms"]
-        rows = [
-            [kind, f"{size[0]}, {size[1]}", *(f"{ms:.0f}" for ms in crowded(kind, *size, chosen.frames))]
-            for kind, size in CROWDS
-        ]
-    else:
-        columns = ["people, views", "choose ms", "refine_sequence ms", "refine ms"]
-        rows = [[f"{p}, {v}", *(f"{ms:.2f}" for ms in compared(p, v, chosen.frames))] for p, v in SCENES]
-    common.show("the choice of a person, simulated, one thread", columns, rows, markdown=chosen.markdown)
+    title = "the choice of a person, simulated, one thread"
+    if crowds:
+        rows = {f"{kind}, {p}, {v}": crowded(kind, p, v, frames) for kind, (p, v) in CROWDS}
+        return Table.of(title, "crowd, people, views", rows, digits=0)
+    rows = {f"{p}, {v}": compared(p, v, frames) for p, v in SCENES}
+    return Table.of(title, "people, views", rows, digits=2)
 
 
 if __name__ == "__main__":
-    main()
+    lab.main(__doc__, choice)

@@ -8,27 +8,26 @@ column "timed on" has their number). Accuracy counts the joints that at least tw
 every method; "missing" is the share of these without a position. ``paper`` and its closed form start from DLT
 weighted by confidence.
 
-The second table compares methods that smooth single frames with solving all frames together, on the simulated
-recordings of ``sequences.py``: errors of their detections last, and there are no confidences. The speed lines
-of ``speed.py`` follow.
+The second table compares methods that smooth single frames with solving all frames together, on `--takes`
+simulated recordings of ``sequences.py``, the middle `--frames` of each: errors of their detections last, and
+there are no confidences. The speed lines of ``speed.py`` follow.
 """
 
 from __future__ import annotations
 
-import argparse
+import contextlib
 import time
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
 
-import _one_core  # noqa: F401  before numpy
-import common
+import lab
 import numpy as np
 import over_time
 import recordings
 import sequences
-import speed
-from opencv_dlt import opencv_dlt
-from scipy_cauchy import scipy_cauchy
+from lab import ONE_THREAD, Table, brief
+from peers import opencv_dlt, scipy_cauchy
+from scenarios import Scene, simulated
+from speed import speed
 
 import skelsplat as sk
 from skelsplat.evaluation import baselines
@@ -44,44 +43,25 @@ _RECORDED = {
     "anipose-tuned": "the same, tuned here",
     "sequence": "SkelSplat, solved over time",
 }
-_CONDITIONS = {"occluded2": "occluded 2", "occluded3": "occluded 3"}  # of recordings, by --noise; else good
-
+_NOISES = {"occluded2": "occluded 2", "occluded3": "occluded 3"}
+_DEFAULT = "SkelSplat, default"
+# Side of the crop in whose pixels Iskakov's threshold is.
+_CROP_PX = 384.0
 # A run that takes longer is timed on fewer poses.
 _LONGEST_RUN_S = 1.0
 
 
-def brief(number: float) -> str:
-    """Write a positive number with at least two significant digits and no exponent above 1e-4."""
-    return f"{number:.0f}" if number >= 100 else f"{number:.2g}"
-
-
-@dataclass(frozen=True)
-class Row:
-    """The results of one method: lengths in mm, share from 0 to 1."""
-
-    name: str
-    ms_per_pose: float
-    mean: float
-    median: float
-    p90: float
-    missing: float
-    timed_on: int
-
-    def cells(self, default_ms: float) -> list[str]:
-        """Return the row as text, its time also as a multiple of the default's."""
-        return [
-            self.name,
-            brief(self.ms_per_pose),
-            brief(self.ms_per_pose / default_ms),
-            *(f"{value:.1f}" for value in (self.mean, self.median, self.p90)),
-            f"{100 * self.missing:.1f}",
-            str(self.timed_on),
-        ]
-
-
-def others(scene: common.Scene, crop_scale: np.ndarray) -> dict[str, Method]:
-    """Return the other methods: name → poses of some frames."""
+def methods(scene: Scene) -> dict[str, Method]:
+    """Return all methods, poses of some frames by name; the default last."""
     rig, found = scene.rig, scene.detections
+    pixels = sk.project(scene.truth, rig).swapaxes(0, 1)
+    crop_scale = np.ptp(pixels, axis=2).max(axis=-1) / _CROP_PX
+
+    def from_dlt(frames: slice, **fields: object) -> np.ndarray:
+        start = sk.triangulate(found[frames], rig, method="dlt")
+        config = sk.RefineConfig.paper(n_threads=1, **fields)
+        return sk.refine(start, found[frames], rig, layout="h36m17", config=config).pose
+
     return {
         "DLT, NumPy": lambda f: baselines.dlt(found[f], rig),
         "DLT with confidence, NumPy": lambda f: baselines.dlt(found[f], rig, confidence=True),
@@ -93,38 +73,18 @@ def others(scene: common.Scene, crop_scale: np.ndarray) -> dict[str, Method]:
         "Cauchy loss, SciPy": lambda f: scipy_cauchy(found[f], rig),
         "Cauchy loss, NumPy, all joints at once": lambda f: baselines.cauchy(found[f], rig),
         **anipose(scene),
-    }
-
-
-def ours(scene: common.Scene) -> dict[str, Method]:
-    """Return the SkelSplat methods: ``paper`` and its closed form from weighted DLT, then the default."""
-
-    def from_dlt(frames: slice, **fields: object) -> np.ndarray:
-        found = scene.detections[frames]
-        start = sk.triangulate(found, scene.rig, method="dlt")
-        config = sk.RefineConfig.paper(n_threads=1, **fields)
-        return sk.refine(start, found, scene.rig, layout="h36m17", config=config).pose
-
-    default = sk.RefineConfig(n_threads=1)
-    return {
         "SkelSplat, paper": from_dlt,
         "SkelSplat, closed form, Adam": lambda f: from_dlt(f, renderer="closed_form"),
-        "SkelSplat, default": lambda f: (
-            sk.refine(None, scene.detections[f], scene.rig, layout="h36m17", config=default).pose
-        ),
+        _DEFAULT: lambda f: sk.refine(None, found[f], rig, layout="h36m17", config=ONE_THREAD).pose,
     }
 
 
-def anipose(scene: common.Scene) -> dict[str, Method]:
+def anipose(scene: Scene) -> dict[str, Method]:
     """Return aniposelib's methods, if it is installed."""
     try:
-        import cv2
-        from aniposelib.cameras import Camera, CameraGroup
+        group = over_time.anipose_group(scene.rig)
     except ImportError:
         return {}
-    group = CameraGroup(
-        [Camera(matrix=c.K, rvec=cv2.Rodrigues(c.R)[0].ravel(), tvec=c.t, size=c.size) for c in scene.rig]
-    )
 
     def run(call: Callable[..., np.ndarray], frames: slice) -> np.ndarray:
         found = scene.detections[frames, ..., :2]
@@ -137,13 +97,7 @@ def anipose(scene: common.Scene) -> dict[str, Method]:
     }
 
 
-def crop_scales(scene: common.Scene) -> np.ndarray:
-    """Return pixels of the image per pixel of a 384 px crop around the true person, (T, M)."""
-    pixels = sk.project(scene.truth, scene.rig).swapaxes(0, 1)
-    return np.ptp(pixels, axis=2).max(axis=-1) / 384.0
-
-
-def measure(name: str, method: Method, scene: common.Scene, repeat: int) -> Row:
+def measured(method: Method, scene: Scene, repeat: int) -> dict[str, float]:
     """Run one method on every pose for its accuracy, then repeatedly for its time."""
     method(slice(0, 1))  # imports and compiles what it needs
     begun = time.perf_counter()
@@ -151,95 +105,80 @@ def measure(name: str, method: Method, scene: common.Scene, repeat: int) -> Row:
     every = int(np.ceil((time.perf_counter() - begun) / _LONGEST_RUN_S))
     timed = slice(None, None, every)
     timed_on = len(scene.truth[timed])
-    best = common.seconds(lambda: method(timed), repeat)
+    best = lab.seconds(lambda: method(timed), repeat)
     judged = (scene.detections[..., 2] > 0).sum(axis=1) >= 2
     errors = sk.metrics.mpjpe(points, scene.truth, reduce="none")[judged]
     missing = np.isnan(errors)
     found = errors[~missing]
-    return Row(
-        name,
-        1e3 * best / timed_on,
-        float(found.mean()),
-        float(np.median(found)),
-        float(np.percentile(found, 90)),
-        float(missing.mean()),
-        timed_on,
-    )
+    return {
+        "ms/pose": 1e3 * best / timed_on,
+        "mean mm": float(found.mean()),
+        "median": float(np.median(found)),
+        "p90": float(np.percentile(found, 90)),
+        "missing %": 100 * float(missing.mean()),
+        "timed on": timed_on,
+    }
 
 
-def compared(scene: common.Scene, repeat: int) -> tuple[list[Row], list[str]]:
-    """Measure every method; return the rows, SkelSplat's default last, and notes on unavailable methods."""
-    rows, notes = [], []
-    for name, method in {**others(scene, crop_scales(scene)), **ours(scene)}.items():
+def singles(scene: Scene, noise: str, repeat: int) -> Table:
+    """Compare methods frame by frame."""
+    rows, notes = {}, []
+    for name, method in methods(scene).items():
         try:
-            rows.append(measure(name, method, scene, repeat))
+            rows[name] = measured(method, scene, repeat)
         except ImportError as error:
             notes.append(f"{name}: left out, {error}")
-    return rows, notes
+    default_ms = rows[_DEFAULT]["ms/pose"]
+    cells = {}
+    for name, row in rows.items():
+        ms = row.pop("ms/pose")
+        cells[name] = {"ms/pose": brief(ms), "× default": brief(ms / default_ms), **row}
+        cells[name] |= {key: f"{row[key]:.1f}" for key in ("mean mm", "median", "p90", "missing %")}
+    title = f"{len(scene.truth)} poses, 17 joints, simulated detections '{noise}', one core"
+    return Table.of(title, "method", cells, notes)
 
 
-def show_recordings(options: argparse.Namespace) -> list[str]:
-    """Print the table of recordings; return notes on unavailable methods."""
-    condition = _CONDITIONS.get(options.noise, "good")
-    takes = [
-        sequences.without_confidence(take)
-        for take in recordings.takes(
-            condition, count=options.takes, seed=options.seed, most_frames=options.frames
-        )
+def in_time(condition: str, takes: int, frames: int, seed: int) -> Table:
+    """Compare methods on recordings."""
+    found = [
+        recordings.unsure(take)
+        for take in recordings.takes(condition, count=takes, seed=seed, most_frames=frames)
     ]
-    absent = {name: over_time.absent(name) for name in _RECORDED}
-    results = sequences.measured(takes, [name for name, reason in absent.items() if reason is None])
-    rows = []
-    for name, errors in results.items():
-        found = errors.whole()
-        lengths = [f"{found[key]:.1f}" for key in ("mean_mm", "median_mm", "p95_mm", "acceleration_m_s2")]
-        rows.append([_RECORDED[name], brief(found["ms_per_frame"]), *lengths])
-    n_frames = sum(len(take.scene.truth) for take in takes)
-    common.show(
-        f"{len(takes)} recordings, {n_frames} frames at 30 Hz, simulated detections '{condition}', one core",
-        ["method", "ms/frame", "mean mm", "median", "p95", "acc m/s²"],
-        rows,
-        markdown=options.markdown,
+    absent = {name: reason for name in _RECORDED if (reason := over_time.absent(name))}
+    rows = {}
+    for name, errors in sequences.measured(found, [name for name in _RECORDED if name not in absent]).items():
+        row = errors.row()
+        lengths = {key: row[key] for key in ("mean mm", "median", "p95", "acc m/s²")}
+        rows[_RECORDED[name]] = {"ms/frame": brief(row["ms/frame"] or 0.0), **lengths}
+    n_frames = sum(len(take.scene.truth) for take in found)
+    title = (
+        f"{len(found)} recordings, {n_frames} frames at 30 Hz, simulated detections '{condition}', one core"
     )
-    return [f"{_RECORDED[name]}: left out, {reason}" for name, reason in absent.items() if reason is not None]
+    notes = [f"{_RECORDED[name]}: left out, {reason}" for name, reason in absent.items()]
+    return Table.of(title, "method", rows, notes, digits=1)
 
 
-def only_one_core() -> None:
-    """Restrict OpenCV to one core too: it ignores the variables used by NumPy."""
-    try:
+def compare(
+    *,
+    poses: int = 300,
+    noise: str = "good",
+    takes: int = 4,
+    frames: int = 100,
+    seed: int = 0,
+    repeat: int = 5,
+    batch: int = 1000,
+) -> Iterator[Table]:
+    """Compare methods on poses and on recordings, and measure the speed."""
+    with contextlib.suppress(ImportError):
         import cv2
-    except ImportError:
-        return
-    cv2.setNumThreads(1)
 
-
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    parser.add_argument("--poses", type=int, default=300, help="poses compared (300)")
-    parser.add_argument("--noise", choices=common.NOISE, default="good", help="simulated detections (good)")
-    parser.add_argument("--takes", type=int, default=4, help="recordings compared, 0: none (4)")
-    parser.add_argument("--frames", type=int, default=100, help="the middle F frames of longer takes (100)")
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--repeat", type=int, default=5, help="runs of which the best time counts (5)")
-    parser.add_argument("--batch", type=int, default=1000, help="poses of the speed lines (1000)")
-    parser.add_argument("--markdown", action="store_true", help="print Markdown")
-    options = parser.parse_args()
-    only_one_core()
-    scene = common.simulated(options.poses, noise=common.NOISE[options.noise], seed=options.seed)
-    rows, notes = compared(scene, options.repeat)
-    common.show(
-        f"{len(scene.truth)} poses, 17 joints, simulated detections '{options.noise}', one core",
-        ["method", "ms/pose", "× default", "mean mm", "median", "p90", "missing %", "timed on"],
-        [row.cells(rows[-1].ms_per_pose) for row in rows],
-        markdown=options.markdown,
-    )
-    if options.takes > 0:
-        notes += show_recordings(options)
-    for note in notes:
-        print(note)
-    speed.show(options.batch, options.repeat, markdown=options.markdown)
-    print(common.circumstances())
+        cv2.setNumThreads(1)  # it ignores the variables used by NumPy
+    condition = _NOISES.get(noise, noise)
+    yield singles(simulated(poses, noise=condition, seed=seed), noise, repeat)
+    if takes > 0:
+        yield in_time(condition if condition in recordings.CONDITIONS else "good", takes, frames, seed)
+    yield speed(batch=batch, repeat=repeat)
 
 
 if __name__ == "__main__":
-    main()
+    lab.main(__doc__, compare)

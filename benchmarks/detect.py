@@ -11,11 +11,12 @@ frames. It is a distance between detectors, which place joints differently, and 
 
 from __future__ import annotations
 
-import sys
 import tempfile
 from pathlib import Path
 
+import lab
 import numpy as np
+from lab import Table
 
 from skelsplat.io import sample
 from skelsplat.run import Job, run
@@ -30,21 +31,23 @@ def solved(calibration: Path, detections: Path, layout: str | None) -> dict[str,
     return dict(zip(poses.joint_names, poses.pose.swapaxes(0, 1), strict=True))
 
 
-def main(folder: Path) -> None:
+def detect(folder: Path) -> Table:
+    """Compare the detections in a folder with OpenPose's."""
     with tempfile.TemporaryDirectory() as temporary:
         paths = sample.extract(Path(temporary))
         reference = solved(paths.calibration, paths.detections, sample.LAYOUT)
         other = solved(paths.calibration, folder, None)
-    print("| joint | left | right |\n|---|---:|---:|")
-    for joint in JOINTS:
-        if f"left_{joint}" not in other:  # COCO has no heels
-            continue
-        apart = [
-            np.linalg.norm(reference[f"{side}_{joint}"] - other[f"{side}_{joint}"], axis=1)
+    rows = {
+        joint: {
+            side: float(np.nanmedian(np.linalg.norm(reference[name] - other[name], axis=1)))
             for side in ("left", "right")
-        ]
-        print(f"| {joint} | " + " | ".join(f"{np.nanmedian(one):.0f}" for one in apart) + " |")
+            for name in [f"{side}_{joint}"]
+        }
+        for joint in JOINTS
+        if f"left_{joint}" in other  # COCO has no heels
+    }
+    return Table.of("distance of the joints of two detectors, mm", "joint", rows, digits=0)
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]))
+    lab.main(__doc__, detect)

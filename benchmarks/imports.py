@@ -3,17 +3,18 @@
     python benchmarks/imports.py [--repeat 9] [--markdown]
 
 Measured with `-X importtime`, as the sum of the self times of all modules. The figure is the median over
-several interpreters, after one that fills the file cache. Exit status 1 if it is above 150 ms.
+several interpreters, after one that fills the file cache.
 """
 
 from __future__ import annotations
 
-import argparse
 import statistics
 import subprocess
 import sys
 
-import common
+import lab
+from lab import Table
+from speed import wanted
 
 LIMIT_MS = 150.0
 _BASE, _PACKAGE = "import numpy, cv2", "import skelsplat"
@@ -22,47 +23,40 @@ _MOST = 5
 
 def own_times_ms(program: str) -> dict[str, float]:
     """Return the self time of each module, in ms, in a fresh interpreter."""
-    run = subprocess.run(
-        [sys.executable, "-X", "importtime", "-c", program], check=True, capture_output=True, text=True
-    )
+    command = [sys.executable, "-X", "importtime", "-c", program]
+    said = subprocess.run(command, check=True, capture_output=True, text=True).stderr
     times = {}
-    for line in run.stderr.splitlines():
+    for line in said.splitlines():
         taken, _, rest = line.removeprefix("import time:").partition("|")
         if taken.strip().isdigit():  # not the heading
             times[rest.partition("|")[2].strip()] = int(taken) / 1000.0
     return times
 
 
-def added_ms() -> tuple[float, dict[str, float]]:
-    """Return the time added by the package in one interpreter, in ms, in total and by module."""
+def added_ms() -> dict[str, float]:
+    """Return the time added by the package in one interpreter, in ms, by module."""
     base = own_times_ms(_BASE)
     both = own_times_ms(f"{_BASE}\n{_PACKAGE}")
-    added = {name: taken for name, taken in both.items() if name not in base}
-    return sum(added.values()), added
+    return {name: taken for name, taken in both.items() if name not in base}
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    parser.add_argument("--repeat", type=int, default=9, help="interpreters of each kind (9)")
-    parser.add_argument("--markdown", action="store_true", help="print Markdown")
-    options = parser.parse_args()
+def imports(*, repeat: int = 9) -> Table:
+    """Measure so many interpreters of each kind."""
     added_ms()
-    runs = [added_ms() for _ in range(max(1, options.repeat))]
-    totals = [total for total, _ in runs]
-    median = statistics.median(totals)
-    modules = {name: statistics.median(run.get(name, 0.0) for _, run in runs) for name in runs[0][1]}
+    runs = [added_ms() for _ in range(max(1, repeat))]
+    totals = [sum(run.values()) for run in runs]
+    modules = {name: statistics.median(run.get(name, 0.0) for run in runs) for name in runs[0]}
     slowest = sorted(modules, key=lambda name: -modules[name])[:_MOST]
-    rows = [
-        ["import skelsplat, after NumPy and OpenCV, median", f"{median:.1f}", f"≤ {LIMIT_MS:g}"],
-        ["the same, fastest and slowest", f"{min(totals):.1f} to {max(totals):.1f}", ""],
-        *([f"of it {name}", f"{modules[name]:.1f}", ""] for name in slowest),
-    ]
-    title = f"Time of imports in ms, {len(runs)} interpreters"
-    common.show(title, ["what", "measured", "wanted"], rows, markdown=options.markdown)
-    print(common.circumstances())
-    if median > LIMIT_MS:
-        sys.exit(f"the median of {median:.1f} ms is above {LIMIT_MS:g} ms")
+    rows = {
+        "import skelsplat, after NumPy and OpenCV, median": (
+            f"{statistics.median(totals):.1f}",
+            f"≤ {LIMIT_MS:g}",
+        ),
+        "the same, fastest and slowest": (f"{min(totals):.1f} to {max(totals):.1f}", ""),
+        **{f"of it {name}": (f"{modules[name]:.1f}", "") for name in slowest},
+    }
+    return wanted(f"Time of imports in ms, {len(runs)} interpreters", rows)
 
 
 if __name__ == "__main__":
-    main()
+    lab.main(__doc__, imports)

@@ -11,20 +11,21 @@ the calibration as it is; in the second cam_03 is rotated to where the other cam
 
 from __future__ import annotations
 
-import argparse
 import tempfile
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
-import _one_core  # noqa: F401  before numpy
-import common
+import lab
 import numpy as np
 import over_time
+from lab import Table
 from recordings import Take
 from scenarios import FloatArray, Scene
 
 import skelsplat as sk
 from skelsplat.association import choose_person
+from skelsplat.cameras import altered, matrix_from_vector
 from skelsplat.io import read_calibration, read_openpose, sample
 
 METHODS = ("frames", "butterworth", "sequence")
@@ -43,11 +44,11 @@ def recording() -> Scene:
     return Scene(unknown, detections, rig, sample.LAYOUT, "real detections: OpenPose, Pose2Sim's demo")
 
 
-def without(scene: Scene, view: int) -> Scene:
-    """Return the scene of the other cameras."""
+def without(scene: Scene, view: int) -> Take:
+    """Return the recording of the other cameras."""
     others = [i for i in range(len(scene.rig)) if i != view]
     rig = sk.CameraRig([scene.rig[i] for i in others], unit=scene.rig.unit)
-    return replace(scene, rig=rig, detections=scene.detections[:, others])
+    return Take("", replace(scene, rig=rig, detections=scene.detections[:, others]), sample.FRAME_RATE_HZ)
 
 
 def seen_by(scene: Scene, view: int) -> FloatArray:
@@ -56,63 +57,55 @@ def seen_by(scene: Scene, view: int) -> FloatArray:
     return np.where(detections[..., 2:] > 0, detections[..., :2], np.nan)
 
 
-def rotated(scene: Scene, view: int) -> Scene:
-    """Rotate a camera about its centre until its detections fit the poses from the other cameras."""
+def rotated(scene: Scene, view: int) -> tuple[Scene, float]:
+    """Rotate a camera about its centre until its detections fit the poses from the others; also return °."""
     from scipy.optimize import least_squares
-    from scipy.spatial.transform import Rotation
 
     camera, seen = scene.rig[view], seen_by(scene, view)
-    pose = over_time.frames(Take("", without(scene, view), sample.FRAME_RATE_HZ)).pose
+    pose = over_time.frames(without(scene, view)).pose
     known = np.isfinite(seen).all(axis=-1) & np.isfinite(pose).all(axis=-1)
 
     def turned(vector: FloatArray) -> sk.Camera:
-        turn = Rotation.from_rotvec(vector).as_matrix()
-        return sk.Camera(
-            camera.K,
-            turn @ camera.R,
-            turn @ camera.t,
-            size=camera.size,
-            distortion=camera.distortion,
-            name=camera.name,
-        )
+        turn = matrix_from_vector(vector)
+        return altered(camera, R=turn @ camera.R, t=turn @ camera.t)
 
     def residuals(vector: FloatArray) -> FloatArray:
         return (sk.project(pose[known], [turned(vector)])[0] - seen[known]).ravel()
 
     vector = least_squares(residuals, np.zeros(3), loss="cauchy", f_scale=_SOFT_PX).x
     cameras = [turned(vector) if i == view else other for i, other in enumerate(scene.rig)]
-    print(f"{camera.name} rotated by {np.degrees(np.linalg.norm(vector)):.2f}°")
-    return replace(scene, rig=sk.CameraRig(cameras, unit=scene.rig.unit))
+    rig = sk.CameraRig(cameras, unit=scene.rig.unit)
+    return replace(scene, rig=rig), float(np.degrees(np.linalg.norm(vector)))
 
 
-def rows(scene: Scene) -> list[list[str]]:
-    """Return a row per camera and method."""
-    out = []
+def predicted(scene: Scene, what: str) -> Table:
+    """Return the table of a row per camera and method."""
+    rows = {}
     for view, camera in enumerate(scene.rig):
-        take = Take("", without(scene, view), sample.FRAME_RATE_HZ)
-        predicted = {name: sk.project(over_time.METHODS[name](take).pose, [camera])[0] for name in METHODS}
-        seen = seen_by(scene, view)
-        errors = {name: np.linalg.norm(pixels - seen, axis=-1) for name, pixels in predicted.items()}
+        take, seen = without(scene, view), seen_by(scene, view)
+        pixels = {name: sk.project(over_time.METHODS[name](take).pose, [camera])[0] for name in METHODS}
+        errors = {name: np.linalg.norm(found - seen, axis=-1) for name, found in pixels.items()}
         by_all = np.isfinite(list(errors.values())).all(axis=0)
-        for name, pixels in predicted.items():
+        for name, found in pixels.items():
             error = errors[name][by_all]
-            second = np.linalg.norm(np.diff(pixels, n=2, axis=0), axis=-1)
-            figures = (error.mean(), *np.percentile(error, (50, 90)), np.nanmedian(second))
-            out.append([f"{camera.name}, {name}", *(f"{x:.1f}" for x in figures), str(by_all.sum())])
-    return out
+            second = np.linalg.norm(np.diff(found, n=2, axis=0), axis=-1)
+            rows[f"{camera.name}, {name}"] = {
+                "mean px": float(error.mean()),
+                "median": float(np.median(error)),
+                "90 %": float(np.percentile(error, 90)),
+                "acc": float(np.nanmedian(second)),
+                "detections": int(by_all.sum()),
+            }
+    return Table.of(f"{scene.source}; {what}", "predicted from the others", rows)
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    parser.add_argument("--markdown", action="store_true", help="print Markdown tables")
-    markdown = parser.parse_args().markdown
-    columns = ["predicted from the others", "mean px", "median", "90 %", "acc", "detections"]
+def leave_one_out() -> Iterator[Table]:
+    """Predict every camera, before and after one is rotated."""
     scene = recording()
-    common.show(f"{scene.source}; calibration as it is", columns, rows(scene), markdown=markdown)
-    scene = rotated(scene, scene.rig.names.index("cam_03"))
-    common.show(f"{scene.source}; cam_03 rotated", columns, rows(scene), markdown=markdown)
-    print(common.circumstances())
+    yield predicted(scene, "calibration as it is")
+    scene, degrees = rotated(scene, scene.rig.names.index("cam_03"))
+    yield predicted(scene, f"cam_03 rotated by {degrees:.2f}°")
 
 
 if __name__ == "__main__":
-    main()
+    lab.main(__doc__, leave_one_out)

@@ -11,7 +11,6 @@ it includes both pipes and the JSON handling of both processes.
 
 from __future__ import annotations
 
-import argparse
 import json
 import os
 import subprocess
@@ -19,11 +18,14 @@ import sys
 import tempfile
 import threading
 import time
+from dataclasses import replace
 from pathlib import Path
 
-import _one_core  # noqa: F401  before numpy
-import common
+import lab
 import numpy as np
+from lab import Table
+from scenarios import simulated
+from speed import wanted
 
 import skelsplat as sk
 from skelsplat import synthetic
@@ -35,16 +37,7 @@ _WARM_UP = 50
 
 
 class Live:
-    """Start the process on one core, ready to answer.
-
-    Parameters
-    ----------
-    calibration : path
-    core : int or None
-        The core it is bound to; None where the system does not support this.
-    options : str
-        Further options.
-    """
+    """The process, ready to answer, on one core where the system can bind it."""
 
     def __init__(self, calibration: Path, core: int | None, *options: str) -> None:
         command = [sys.executable, "-m", "skelsplat", "live", str(calibration)]
@@ -61,10 +54,7 @@ class Live:
     def times(self, lines: list[bytes], rate: float | None) -> tuple[np.ndarray, np.ndarray]:
         """Write the lines, ``rate`` per second or as fast as possible.
 
-        Returns
-        -------
-        sent, answered : (T,)
-            Times at which each was written and its answer read, s; without the warm-up.
+        Returns when each was written and its answer read (T,), s; without the warm-up.
         """
         sent, answered = np.empty(len(lines)), np.empty(len(lines))
 
@@ -113,19 +103,20 @@ def to_lines(detections: np.ndarray) -> list[bytes]:
     return [(json.dumps({"frame": t, "detections": frame}) + "\n").encode() for t, frame in enumerate(frames)]
 
 
-def simulated(lines: int, people: int, views: int, rate: float) -> tuple[sk.CameraRig, np.ndarray, list[str]]:
+def inputs(lines: int, people: int, views: int, rate: float) -> tuple[sk.CameraRig, np.ndarray, list[str]]:
     """Return cameras, detections, and the options of the process."""
     if people == 0:
         rig = synthetic.human36m_like() if views == 4 else synthetic.ring(views, radius_mm=4500.0)
-        return rig, common.simulated(lines, rig=rig).detections, []
+        return rig, simulated(lines, cameras=rig).detections, []
     rig = synthetic.ring(views, radius_mm=4500.0)
     scene = synthetic.simulate_scene(people, rig, n_frames=lines, fps=rate, seed=0)
     return rig, scene.people, ["--people", "all", "--fps", f"{rate:g}"]
 
 
-def measure(poses: int, people: int, views: int, rate: float) -> tuple[list[list[str]], str]:
-    """Run both; return the rows (what, measured, wanted), and the process's own statistics of the second."""
-    rig, detections, options = simulated(poses + _WARM_UP, people, views, rate)
+def live(*, poses: int = 5000, people: int = 0, views: int = 0, rate: float = 0.0) -> Table:
+    """Send lines as fast as possible, then at a rate (1000 per second; of several people 200)."""
+    views, rate = views or (8 if people else 4), rate or (200.0 if people else 1000.0)
+    rig, detections, options = inputs(poses + _WARM_UP, people, views, rate)
     lines = to_lines(detections)
     cores = sorted(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else []
     core = cores[-1] if len(cores) > 1 else None
@@ -140,43 +131,27 @@ def measure(poses: int, people: int, views: int, rate: float) -> tuple[list[list
         fast = Live(calibration, core, *options)
         _, answered = fast.times(lines, None)
         fast.end()
-        cpu_ms = 1000.0 * (cpu_seconds() - empty - (empty - begun)) / len(lines)
+        own_ms = 1000.0 * (cpu_seconds() - empty - (empty - begun)) / len(lines)
         paced = Live(calibration, core, *options)
         sent, received = paced.times(lines, rate)
         said = paced.end()
     latency = 1000.0 * (received - sent)
-    most = (len(answered) - 1) / (answered[-1] - answered[0])
-    kept = (len(received) - 1) / (received[-1] - received[0])
-    rows = [
-        ["as fast as it takes them, lines per second", f"{most:.0f}", "≥ 200" if people else "≥ 1000"],
-        ["CPU time per line, without start-up", f"{cpu_ms:.2f} ms", f"≤ {1000 / rate:g} ms"],
-        [f"at {rate:g} per second, lines per second", f"{kept:.0f}", f"{rate:g}"],
-        *(
-            [f"latency through both pipes, {share:g}%", f"{np.percentile(latency, share):.2f} ms", ""]
+    most, kept = ((len(times) - 1) / (times[-1] - times[0]) for times in (answered, received))
+    in_time = 100 * np.mean(latency <= 1000 / rate)
+    rows = {
+        "as fast as it takes them, lines per second": (f"{most:.0f}", "≥ 200" if people else "≥ 1000"),
+        "CPU time per line, without start-up": (f"{own_ms:.2f} ms", f"≤ {1000 / rate:g} ms"),
+        f"at {rate:g} per second, lines per second": (f"{kept:.0f}", f"{rate:g}"),
+        **{
+            f"latency through both pipes, {share:g}%": (f"{np.percentile(latency, share):.2f} ms", "")
             for share in _PERCENTILES
-        ),
-        [f"answered within {1000 / rate:g} ms", f"{100 * np.mean(latency <= 1000 / rate):.1f} %", ""],
-    ]
-    return rows, said
-
-
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    parser.add_argument("--poses", type=int, default=5000, help="lines of each run (5000)")
-    parser.add_argument("--people", type=int, default=0, help="several people (one, without --people)")
-    parser.add_argument("--views", type=int, help="cameras (4; with --people 8)")
-    parser.add_argument("--rate", type=float, help="lines per second of the second run (1000; people: 200)")
-    parser.add_argument("--markdown", action="store_true", help="print Markdown")
-    options = parser.parse_args()
-    people = options.people
-    views, rate = options.views or (8 if people else 4), options.rate or (200.0 if people else 1000.0)
-    rows, said = measure(options.poses, people, views, rate)
+        },
+        f"answered within {1000 / rate:g} ms": (f"{in_time:.1f} %", ""),
+    }
     kind = f"{people} people, simulated scene" if people else "simulated detections 'good'"
-    title = f"skelsplat live, {views} views, 17 joints, {kind}, one core"
-    common.show(title, ["what", "measured", "wanted"], rows, markdown=options.markdown)
-    print(f"second run, as reported by the process: {said}")
-    print(common.circumstances())
+    table = wanted(f"skelsplat live, {views} views, 17 joints, {kind}, one core", rows)
+    return replace(table, notes=(f"second run, as reported by the process: {said}",))
 
 
 if __name__ == "__main__":
-    main()
+    lab.main(__doc__, live)

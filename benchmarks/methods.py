@@ -4,18 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from itertools import combinations
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 from scenarios import FloatArray, Scene
 
 import skelsplat as sk
 from skelsplat import synthetic
+from skelsplat.evaluation import baselines
 
 Fields = Mapping[str, Any]
-T = TypeVar("T")
+Method = Callable[[Scene], FloatArray]
 
-# Scale of the Cauchy loss, px.
+# Scale of the Cauchy loss, px: about twice the detector's jitter.
 CAUCHY_SCALE_PX = 5.0
 # Side of the crop, px: Iskakov's threshold is in its pixels.
 CROP_PX = 384.0
@@ -23,26 +24,15 @@ CROP_PX = 384.0
 BOX_MARGIN = 1.1
 
 
-class UnavailableError(Exception):
-    """A method not available in this version of the package."""
-
-
-def available(columns: Mapping[str, Callable[[], T]]) -> tuple[dict[str, T], list[str]]:
-    """Call every entry; return the results, and a note on those not available in this version."""
-    out: dict[str, T] = {}
-    absent: dict[str, list[str]] = {}
-    for name, call in columns.items():
-        try:
-            out[name] = call()
-        except (UnavailableError, ImportError, AttributeError, TypeError) as reason:
-            absent.setdefault(str(reason), []).append(name)
-    return out, [f"without {', '.join(names)}: {reason}" for reason, names in absent.items()]
-
-
 def dlt(scene: Scene, *, weighted: bool = False) -> FloatArray:
     """DLT, with or without the confidences as weights."""
     detections = scene.detections if weighted else scene.detections[..., :2]
     return sk.triangulate(detections, scene.rig, method="dlt")
+
+
+def dlt_weighted(scene: Scene) -> FloatArray:
+    """DLT with the confidences as weights."""
+    return dlt(scene, weighted=True)
 
 
 def oracle_views(scene: Scene) -> FloatArray:
@@ -59,50 +49,31 @@ def oracle_views(scene: Scene) -> FloatArray:
     return best
 
 
-def core_ransac(scene: Scene) -> FloatArray:
-    try:
-        return sk.triangulate(scene.detections, scene.rig, method="ransac")
-    except sk.InvalidInputError as error:
-        if "method" not in str(error):
-            raise
-        raise UnavailableError(str(error)) from error
-
-
 def ransac_iskakov(scene: Scene) -> FloatArray:
     """Run Iskakov's with its threshold in the pixels of a 384 px crop of the person, as published."""
-    from skelsplat.evaluation import baselines
-
-    return baselines.ransac_iskakov(scene.detections, scene.rig, crop_scale=_box_px(scene) / CROP_PX)
-
-
-def _box_px(scene: Scene) -> FloatArray:
-    """Side of the square box around the detections of each view, (T, M) px; a crop's if there are none."""
     pixels = np.where(scene.detected[..., None], scene.detections[..., :2], np.nan)
-    low = np.fmin.reduce(pixels, axis=2)
-    high = np.fmax.reduce(pixels, axis=2)
+    low, high = np.fmin.reduce(pixels, axis=2), np.fmax.reduce(pixels, axis=2)
     side = BOX_MARGIN * (high - low).max(axis=-1)
-    return np.where(side > 0, side, CROP_PX)
-
-
-def ransac_adafuse(scene: Scene) -> FloatArray:
-    from skelsplat.evaluation import baselines
-
-    return baselines.ransac_adafuse(scene.detections, scene.rig)
+    scale = np.where(side > 0, side, CROP_PX) / CROP_PX
+    return baselines.ransac_iskakov(scene.detections, scene.rig, crop_scale=scale)
 
 
 def cauchy(scene: Scene) -> FloatArray:
     """Minimise the Cauchy loss of the reprojection errors from DLT."""
-    from skelsplat.evaluation import baselines
-
     return baselines.cauchy(scene.detections, scene.rig, f_scale=CAUCHY_SCALE_PX)
 
 
-RANSACS: dict[str, Callable[[Scene], FloatArray]] = {
-    "AdaFuse": ransac_adafuse,
-    "RANSAC": core_ransac,
+RANSACS: dict[str, Method] = {
+    "AdaFuse": lambda scene: baselines.ransac_adafuse(scene.detections, scene.rig),
+    "RANSAC": lambda scene: sk.triangulate(scene.detections, scene.rig, method="ransac"),
 }
-# With the non-linear refinement of Iskakov et al.
+# With the non-linear refinement of Iskakov et al., which takes longest.
 ALL_RANSACS = {"Iskakov": ransac_iskakov, **RANSACS}
+
+
+def triangulations(*, fast: bool = False) -> dict[str, Method]:
+    """Return the methods that only triangulate."""
+    return {"DLT": dlt, "DLT conf.": dlt_weighted, **(RANSACS if fast else ALL_RANSACS)}
 
 
 def paper(scene: Scene, start: FloatArray | None = None, **fields: Any) -> sk.Refinement:
@@ -120,11 +91,10 @@ def default(
     fields: Fields | None = None,
 ) -> sk.Refinement:
     """Run ``RefineConfig()`` with `fields` changed."""
-    if sk.RefineConfig() == sk.RefineConfig.paper():
-        raise UnavailableError("RefineConfig() is still RefineConfig.paper()")
     config = sk.RefineConfig(**(fields or {}))
-    prior = {} if init_sigma is None else {"init_sigma": init_sigma}
-    return sk.refine(start, scene.detections, scene.rig, layout=scene.layout, config=config, **prior)
+    return sk.refine(
+        start, scene.detections, scene.rig, layout=scene.layout, config=config, init_sigma=init_sigma
+    )
 
 
 def monocular_start(scene: Scene, error_mm: float, seed: int) -> FloatArray:
@@ -137,12 +107,19 @@ def monocular_start(scene: Scene, error_mm: float, seed: int) -> FloatArray:
     return start
 
 
-def per_axis_sigma(start: FloatArray, truth: FloatArray) -> float:
-    """Root mean square error per axis, mm."""
-    return float(np.sqrt(np.nanmean((start - truth) ** 2)))
+def mpjpe(pose: FloatArray, scene: Scene) -> float:
+    """MPJPE in mm over the joints that at least two views detect."""
+    return float(sk.metrics.mpjpe(pose, scene.judged))
 
 
-def covariance(start: FloatArray, truth: FloatArray) -> FloatArray:
-    """Mean square error of every joint, (N, 3, 3) mm²; about zero, as for an unbiased initial pose."""
-    error = start - truth
-    return np.einsum("tni,tnj->nij", error, error) / len(error)
+def missing(columns: Mapping[str, FloatArray], scene: Scene, where: str) -> list[str]:
+    """Note for each column the share of evaluated joints without a position, if any."""
+    shares = {name: float(sk.metrics.missing_rate(pose, scene.judged)) for name, pose in columns.items()}
+    return [
+        f"{where}: {name} leaves {100 * s:.2f} % of the joints out" for name, s in shares.items() if s > 0
+    ]
+
+
+def coverage(result_pose: FloatArray, covariance: FloatArray, truth: FloatArray) -> FloatArray:
+    """Share of joints within 1, 2 and 3 standard deviations, %; ideal are 19.9, 73.9 and 97.1."""
+    return np.asarray(100 * sk.metrics.sigma_coverage(result_pose, covariance, truth))

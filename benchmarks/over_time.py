@@ -8,6 +8,7 @@ import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
+from typing import Any
 
 import numpy as np
 from recordings import Take
@@ -15,7 +16,7 @@ from scenarios import FloatArray
 
 import skelsplat as sk
 from skelsplat import temporal
-from skelsplat.evaluation import over_time
+from skelsplat.evaluation.methods import butterworth as filtered
 
 # Spectral density of the white acceleration of the Kalman smoother, mm²/s³, by the class of a joint: the
 # lowest geometric mean of the errors in the four conditions at 30 Hz of 1e5, 3e5, 1e6, …, 1e8.
@@ -30,6 +31,16 @@ class Solved:
 
     pose: FloatArray
     covariance: FloatArray | None = None
+
+
+def anipose_group(rig: sk.CameraRig) -> Any:
+    """Return the cameras as aniposelib's; raises `ImportError` without it."""
+    import cv2
+    from aniposelib.cameras import Camera, CameraGroup
+
+    return CameraGroup(
+        [Camera(matrix=c.K, rvec=cv2.Rodrigues(c.R)[0].ravel(), tvec=c.t, size=c.size) for c in rig]
+    )
 
 
 Method = Callable[[Take], Solved]
@@ -75,7 +86,7 @@ def refiner(take: Take, *, fps: bool = False, lag: int = 0) -> Solved:
 
 def butterworth(take: Take, *, bones: str = "population") -> Solved:
     """Frame by frame, gaps filled linearly, then a zero-lag Butterworth filter of 6 Hz."""
-    return Solved(over_time.butterworth(frames(take, bones=bones).pose, take.fps))
+    return Solved(filtered(frames(take, bones=bones).pose, take.fps))
 
 
 def kalman(take: Take) -> Solved:
@@ -122,13 +133,8 @@ def anipose(take: Take, *, ransac: bool = False, **tuned: float) -> Solved:
 
     All bones of the layout are constrained; all else is at its defaults but for what is `tuned`.
     """
-    import cv2
-    from aniposelib.cameras import Camera, CameraGroup
-
     scene = take.scene
-    group = CameraGroup(
-        [Camera(matrix=c.K, rvec=cv2.Rodrigues(c.R)[0].ravel(), tvec=c.t, size=c.size) for c in scene.rig]
-    )
+    group = anipose_group(scene.rig)
     points = np.ascontiguousarray(np.moveaxis(scene.detections, 1, 0))
     limbs = [list(limb) for limb in sk.layouts.get(scene.layout).limbs]
     with contextlib.redirect_stdout(io.StringIO()), warnings.catch_warnings():
@@ -166,11 +172,9 @@ METHODS: dict[str, Method] = {
 
 def absent(name: str) -> str | None:
     """Return why a method is not available here, or None."""
-    if name == "sequence" and not hasattr(sk, "refine_sequence"):
-        return "this version of skelsplat has no refine_sequence"
     if name.startswith("anipose"):
         try:
             import aniposelib  # noqa: F401
         except ImportError as error:
-            return f"{error}; install with pip install aniposelib"
+            return f"without {name}: {error}; install with pip install aniposelib"
     return None

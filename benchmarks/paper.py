@@ -2,31 +2,29 @@
 
     python benchmarks/paper.py
 
-Simulated detections in a Human3.6M-like room. Prints one table with machine and date. Times are the median of
-repeated calls of ``skelsplat.refine`` from Python, everything included; memory is the increase of
-the peak resident size during one refinement, measured in a fresh process.
+Simulated detections in a Human3.6M-like room. Times are the median of repeated calls of ``skelsplat.refine``
+from Python, everything included; memory is the increase of the peak resident size during one refinement,
+measured in a fresh process.
 """
 
 from __future__ import annotations
 
-import datetime
-import platform
 import statistics
 import subprocess
 import sys
-import time
-from collections.abc import Callable
-from pathlib import Path
+from functools import partial
 
+import lab
 import numpy as np
-from common import cpu
-from rich.console import Console
-from rich.table import Table
+from lab import Table
+from speed import wanted
 
 import skelsplat as sk
 from skelsplat import synthetic
+from skelsplat.cameras import altered
 
 REPEATS = 15
+BATCH = 16
 
 
 def scene(size: int, frames: int) -> tuple[sk.CameraRig, np.ndarray, np.ndarray]:
@@ -35,104 +33,58 @@ def scene(size: int, frames: int) -> tuple[sk.CameraRig, np.ndarray, np.ndarray]
     for camera in synthetic.human36m_like():
         K = camera.K
         K[:2, 2] = (size - 1) / 2
-        cameras.append(sk.Camera(K, camera.R, camera.t, size=(size, size), name=camera.name))
+        cameras.append(altered(camera, K=K, size=(size, size)))
     rig = sk.CameraRig(cameras)
     pose = synthetic.motion("walk", frames, seed=0)
-    rng = np.random.default_rng(0)
     detections = sk.project(pose, rig).swapaxes(0, 1)
-    detections = detections + rng.normal(0, 3.0, detections.shape)
+    detections = detections + np.random.default_rng(0).normal(0, 3.0, detections.shape)
     return rig, synthetic.perturb(pose, 20.0, seed=1), detections
 
 
-def milliseconds(call: Callable[[], object], per: int = 1) -> float:
-    """Return the median time of ``call`` over ``REPEATS`` runs, divided by ``per``."""
-    times = []
+def refined(size: int, frames: int, **fields: object) -> partial[sk.Refinement]:
+    """Return the refinement of so many frames as a call, without early stopping unless it is given."""
+    rig, start, detections = scene(size, frames)
+    config = sk.RefineConfig.paper(**{"stop_tolerance": 0.0, "n_threads": 1, **fields})
+    if frames == 1:
+        start, detections = start[0], detections[0]
+    return partial(sk.refine, start, detections, rig, layout="h36m17", config=config)
+
+
+def median_ms(call: partial[sk.Refinement], per: int = 1) -> str:
+    """Return the median time of a call over `REPEATS` runs, divided by ``per``."""
     call()
-    for _ in range(REPEATS):
-        begun = time.perf_counter()
-        call()
-        times.append(time.perf_counter() - begun)
-    return statistics.median(times) * 1e3 / per
+    return f"{statistics.median(lab.seconds(call, 1) for _ in range(REPEATS)) * 1e3 / per:.1f} ms"
 
 
-def peak_mib() -> float:
-    """Return this process's peak resident size in MiB (Linux)."""
-    status = Path("/proc/self/status").read_text(encoding="ascii")
-    line = next(line for line in status.splitlines() if line.startswith("VmHWM"))
-    return int(line.split()[1]) / 1024
+def grown_mib() -> float:
+    """Return the increase of the peak during one refinement, in MiB."""
+    refined(1000, 2, max_steps=0)()
+    before = lab.peak_mib()
+    refined(1000, 1)()
+    return lab.peak_mib() - before
 
 
-def memory_of_one_refinement() -> None:
-    """Print the increase of the peak during one refinement, in MiB."""
-    rig, start, detections = scene(1000, 2)
-    sk.refine(start[1], detections[1], rig, layout="h36m17", config=sk.RefineConfig.paper(max_steps=0))
-    before = peak_mib()
-    sk.refine(start[0], detections[0], rig, layout="h36m17", config=all_steps(n_threads=1))
-    print(peak_mib() - before)
-
-
-def all_steps(**fields: object) -> sk.RefineConfig:
-    """Return the settings of `paper` without early stopping."""
-    return sk.RefineConfig.paper(stop_tolerance=0.0, **fields)
-
-
-def rows() -> list[tuple[str, str, str]]:
-    """Measure everything: (what, measured, wanted)."""
-    out = []
-    for size in (1000, 4000):
-        rig, start, detections = scene(size, 1)
-        one = milliseconds(
-            lambda rig=rig, start=start, detections=detections: sk.refine(
-                start[0], detections[0], rig, layout="h36m17", config=all_steps(n_threads=1)
-            )
-        )
-        wanted = "≤ 30 ms" if size == 1000 else "as 1000 px"
-        out.append((f"one pose, {size} × {size} px, 125 steps, 1 core", f"{one:.1f} ms", wanted))
-    rig, start, detections = scene(1000, 16)
-    for threads in (1, 2):
-        batch = milliseconds(
-            lambda threads=threads: sk.refine(
-                start, detections, rig, layout="h36m17", config=all_steps(n_threads=threads)
-            ),
-            per=16,
-        )
-        name = "1 core" if threads == 1 else f"{threads} cores"
-        out.append((f"batch of 16, 125 steps, {name}, per pose", f"{batch:.1f} ms", ""))
-    stopping = milliseconds(
-        lambda: sk.refine(start, detections, rig, layout="h36m17", config=sk.RefineConfig.paper(n_threads=1)),
-        per=16,
-    )
-    out.append(("batch of 16, early stopping, 1 core, per pose", f"{stopping:.1f} ms", ""))
-    closed = milliseconds(
-        lambda: sk.refine(
-            start,
-            detections,
-            rig,
-            layout="h36m17",
-            config=all_steps(n_threads=1, renderer="closed_form"),
-        ),
-        per=16,
-    )
-    out.append(("the same with renderer='closed_form', 125 steps", f"{closed:.1f} ms", ""))
-    grown = subprocess.run(
-        [sys.executable, __file__, "--memory"], check=True, capture_output=True, text=True
-    ).stdout
-    out.append(("peak memory of one refinement", f"{float(grown):.1f} MiB", "< 20 MB"))
-    return out
-
-
-def main() -> None:
-    table = Table(title="RefineConfig.paper(): 17 joints, 4 views (the paper reports about 3 s on a GPU)")
-    for column in ("what", "measured", "wanted"):
-        table.add_column(column, justify="left" if column == "what" else "right")
-    for row in rows():
-        table.add_row(*row)
-    console = Console(width=100)
-    console.print(table)
-    console.print(
-        f"{datetime.date.today()} · {cpu()} · Python {platform.python_version()} · {sk.__version__}"
-    )
+def paper() -> Table:
+    """Measure everything."""
+    usual = sk.RefineConfig.paper().stop_tolerance
+    batch = partial(refined, 1000, BATCH)
+    name = f"batch of {BATCH}"
+    rows = {
+        "one pose, 1000 × 1000 px, 125 steps, 1 core": (median_ms(refined(1000, 1)), "≤ 30 ms"),
+        "one pose, 4000 × 4000 px, 125 steps, 1 core": (median_ms(refined(4000, 1)), "as 1000 px"),
+        f"{name}, 125 steps, 1 core, per pose": (median_ms(batch(), BATCH), ""),
+        f"{name}, 125 steps, 2 cores, per pose": (median_ms(batch(n_threads=2), BATCH), ""),
+        f"{name}, early stopping, 1 core, per pose": (median_ms(batch(stop_tolerance=usual), BATCH), ""),
+        "closed form, 125 steps, per pose": (median_ms(batch(renderer="closed_form"), BATCH), ""),
+    }
+    command = [sys.executable, __file__, "--memory"]
+    grown = subprocess.run(command, check=True, capture_output=True, text=True).stdout
+    rows["peak memory of one refinement"] = (f"{float(grown):.1f} MiB", "< 20 MB")
+    return wanted("RefineConfig.paper(): 17 joints, 4 views (the paper reports about 3 s on a GPU)", rows)
 
 
 if __name__ == "__main__":
-    memory_of_one_refinement() if "--memory" in sys.argv else main()
+    if "--memory" in sys.argv:
+        print(grown_mib())
+    else:
+        lab.main(__doc__, paper)

@@ -3,11 +3,12 @@
     python benchmarks/people.py [--people 3 4] [--views 4 5] [--scenes 5] [--meetings cross leave]
 
 Simulated scenes (`skelsplat.synthetic.simulate_scene`): detections of two people as one, of one as two, of
-nobody, and people behind each other. Every combination of people, views and meetings is a condition; "all"
-takes turns, and in "cmu" people of the CMU motion capture pass each other (0.3 m or more) in the middle of
-the room, for as long as the longest take. Methods: `track` is `skelsplat.track`; `affinity` is
-`skelsplat.evaluation.baselines.affinity`; `oracle` solves every person from the detections that show them
-mostly. `skelsplat synth people` and `skelsplat evaluate` give the same figures.
+nobody, and people behind each other. Every combination of people (2 to 6), views (3 to 8) and meetings is a
+condition; "all" takes turns, and in "cmu" people of the CMU motion capture pass each other (0.3 m or more) in
+the middle of the room, for as long as the longest take. Rigs: mixed, level or dome; crowding: none, usual or
+heavy; `--occluded` views have an occluder over each person. Methods: those of `skelsplat.evaluation.people`;
+`oracle` solves every person from the detections that show them mostly. `skelsplat synth people` and
+`skelsplat evaluate` give the same figures.
 
 precision, recall: of people found within `--gate` mm, in frames in which at least two views detect them.
 clean: scenes without an identity switch; swap: those in which one identity follows two people for longer than
@@ -18,68 +19,36 @@ ms: per frame, one core.
 
 from __future__ import annotations
 
-import argparse
-import json
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from itertools import product
 
-import _one_core  # noqa: F401  before numpy
-import common
+import lab
 import numpy as np
 import recordings as motion_capture
+from lab import ONE_THREAD, Table
 from scenarios import FloatArray
 
 import skelsplat as sk
 from skelsplat import synthetic
 from skelsplat.datasets import PeopleTake
-from skelsplat.evaluation import people
+from skelsplat.evaluation.people import METHODS
 from skelsplat.evaluation.people_scores import Tally
 from skelsplat.evaluation.protocols import H36M_PARTS
 from skelsplat.synthetic import Crowding, DetectionNoise, Scene
 from skelsplat.synthetic.people_sets import RADIUS_MM, mixed_heights
 
-CONFIG = sk.RefineConfig(n_threads=1)
 CROWDING = {"none": Crowding.none(), "usual": Crowding(), "heavy": Crowding.heavy()}
 SIZE_IN_ROOM = 1147.0 / 5300.0  # px/mm, for which `DetectionNoise.recording_occluded` is made
 # Of the CMU takes: their length, how near people come, and how many arrangements are tried.
 MIN_FRAMES, MAX_FRAMES = 75, 350
 NEAREST_MM, DRAWS = 300.0, 200
-COLUMNS = [
-    "",
-    "prec. %",
-    "rec. %",
-    "PCP %",
-    "IDF1 %",
-    "clean %",
-    "swap %",
-    "IDS",
-    "frag",
-    "mean mm",
-    "Δ %",
-    "ms",
-]
-
-
-def level(n_views: int) -> sk.CameraRig:
-    """All cameras at one height, among people's shoulders."""
-    return synthetic.ring(n_views, radius_mm=RADIUS_MM, height_mm=1500.0)
-
-
-def dome(n_views: int) -> sk.CameraRig:
-    """Cameras of a dome, as in CMU Panoptic."""
-    return synthetic.dome(n_views, radius_mm=RADIUS_MM)
-
-
-RIGS: dict[str, Callable[[int], sk.CameraRig]] = {"level": level, "mixed": mixed_heights, "dome": dome}
-
-
-def take(scene: Scene) -> PeopleTake:
-    """Return a scene as the methods take it."""
-    names = tuple(map(str, range(len(scene.truth))))
-    frames = np.arange(len(scene.people))
-    return PeopleTake(
-        "scene", scene.cameras, frames, scene.people, scene.truth, names, scene.slots(), scene.fps
-    )
+# All cameras at one height, among people's shoulders; at several; and in a dome, as in CMU Panoptic.
+RIGS: dict[str, Callable[[int], sk.CameraRig]] = {
+    "level": lambda views: synthetic.ring(views, radius_mm=RADIUS_MM, height_mm=1500.0),
+    "mixed": mixed_heights,
+    "dome": lambda views: synthetic.dome(views, radius_mm=RADIUS_MM),
+}
 
 
 def captured(people: int, rng: np.random.Generator) -> list[FloatArray]:
@@ -109,127 +78,85 @@ def captured(people: int, rng: np.random.Generator) -> list[FloatArray]:
     return best
 
 
-def scenes(people: int, views: int, meeting: str, chosen: argparse.Namespace) -> list[Scene]:
-    """Simulate the scenes of a condition."""
-    kinds = (
-        [kind for kind in synthetic.meeting_names if kind != "apart"]
-        if meeting in ("all", "cmu")
-        else [meeting]
-    )
-    rig, occluded = RIGS[chosen.rig](views), None
-    if chosen.occluded:
-        usual = DetectionNoise.recording_occluded(chosen.occluded, frame_rate=chosen.fps)
-        occluded = usual.scaled(float(np.median([c.K[0, 0] for c in rig])) / RADIUS_MM / SIZE_IN_ROOM)
-    return [
-        synthetic.simulate_scene(
-            captured(people, np.random.default_rng([chosen.seed, k])) if meeting == "cmu" else people,
-            rig,
-            n_frames=round(chosen.seconds * chosen.fps),
-            fps=chosen.fps,
-            meetings=kinds,
-            bystander=chosen.bystander,
-            noise=occluded,
-            crowding=CROWDING[chosen.crowding],
-            seed=chosen.seed + k,
-        )
-        for k in range(chosen.scenes)
-    ]
+def measured(scene: Scene, key: str, method: str, tally: Tally, gate_mm: float) -> None:
+    """Run a method on a scene, and score it."""
+    n_people, n_frames = scene.truth.shape[:2]
+    names, frames = tuple(map(str, range(n_people))), np.arange(n_frames)
+    slots = scene.slots()
+    given = PeopleTake("scene", scene.cameras, frames, scene.people, scene.truth, names, slots, scene.fps)
+    begun = time.perf_counter()
+    tracks = METHODS[method](given, scene.layout, ONE_THREAD)
+    taken, optional = time.perf_counter() - begun, scene.optional()
+    tally.add(key, tracks, scene.truth, optional, taken, fps=scene.fps, gate_mm=gate_mm, parts=H36M_PARTS)
 
 
-def measured(recordings: list[Scene], names: list[str], gate_mm: float) -> dict[str, Tally]:
-    """Run every method on every scene."""
-    out: dict[str, Tally] = {}
-    for name in names:
-        out[name] = Tally()
-        for k, scene in enumerate(recordings):
-            given = take(scene)
-            begun = time.perf_counter()
-            tracks = people.get(name).run(given, scene.layout, CONFIG)
-            seconds = time.perf_counter() - begun
-            optional = scene.optional()
-            out[name].add(
-                str(k),
-                tracks,
-                scene.truth,
-                optional,
-                seconds,
-                fps=scene.fps,
-                gate_mm=gate_mm,
-                parts=H36M_PARTS,
-            )
-    return out
-
-
-def options() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    kinds = (*synthetic.meeting_names, "all", "cmu")
-    parser.add_argument("--people", type=int, nargs="+", default=[3], metavar="Q", help="2 to 6 (3)")
-    parser.add_argument("--views", type=int, nargs="+", default=[4], metavar="M", help="3 to 8 (4)")
-    parser.add_argument("--meetings", nargs="+", choices=kinds, default=["all"], help=f"{kinds} (all)")
-    parser.add_argument("--scenes", type=int, default=5, metavar="K", help="per condition (5)")
-    parser.add_argument("--seconds", type=float, default=10.0, help="length of a scene (10)")
-    parser.add_argument("--fps", type=float, default=30.0, help="frames per second (30)")
-    parser.add_argument("--rig", choices=RIGS, default="mixed", help="mixed (default), level or dome")
-    parser.add_argument("--crowding", choices=CROWDING, default="usual", help="what goes wrong (usual)")
-    parser.add_argument("--bystander", action="store_true", help="add a person whom two cameras see")
-    parser.add_argument(
-        "--occluded", type=int, metavar="N", help="views with an occluder over each person (0)"
-    )
-    parser.add_argument(
-        "--methods", nargs="+", choices=people.names, default=people.names, help=f"{people.names}"
-    )
-    parser.add_argument("--gate", type=float, default=500.0, metavar="MM", help="of a match (500)")
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--markdown", action="store_true", help="print Markdown")
-    parser.add_argument("--json", action="store_true", help="print JSON only")
-    return parser.parse_args()
-
-
-def cells(figures: dict[str, float], scenes: int) -> list[str]:
+def row(figures: dict[str, float], scenes: int) -> dict[str, float | str]:
     """Return a row of the table; switches and fragmentations per scene."""
-    shares = [f"{100 * figures[key]:.1f}" for key in ("precision", "recall", "pcp", "idf1")]
-    shares += [f"{100 * figures[key]:.0f}" for key in ("scenes_clean", "scenes_swapped")]
-    counts = [f"{figures[key] / scenes:.1f}" for key in ("identity_switches", "fragmentations")]
     percent = round(100 * figures["change"], 1) + 0.0  # never −0.0
     change = "–" if np.isnan(percent) else f"{percent:+.{1 if abs(percent) < 100 else 0}f}"
-    return [*shares, *counts, f"{figures['mean_mm']:.1f}", change, f"{figures['ms_per_frame']:.2g}"]
+    heads = {"prec. %": "precision", "rec. %": "recall", "PCP %": "pcp", "IDF1 %": "idf1"}
+    heads |= {"clean %": "scenes_clean", "swap %": "scenes_swapped"}
+    counts = {"IDS": "identity_switches", "frag": "fragmentations"}
+    return {
+        **{head: 100 * figures[key] for head, key in heads.items()},
+        **{head: figures[key] / scenes for head, key in counts.items()},
+        "mean mm": figures["mean_mm"],
+        "Δ %": change,
+        "ms": figures["ms_per_frame"],
+    }
 
 
-def unclean(tallies: dict[str, Tally], first: int) -> list[str]:
-    """Return a line per method on the seeds of the scenes with identity switches."""
-    lines = []
-    for name, tally in tallies.items():
-        seeds = [str(first + int(k)) for k, one in tally.scenes.items() if one.scores.identity_switches]
-        if seeds:
-            lines.append(f"{name}: identity switches in the scenes of seed {', '.join(seeds)}")
-    return lines
-
-
-def main() -> None:
-    chosen = options()
-    report = {}
-    for n_people in chosen.people:
-        for views in chosen.views:
-            for meeting in chosen.meetings:
-                name = f"{n_people} people, {views} views, {meeting}"
-                tallies = measured(scenes(n_people, views, meeting, chosen), chosen.methods, chosen.gate)
-                reference = tallies.get("oracle")
-                report[name] = {
-                    method: tally.figures(None if method == "oracle" else reference)
-                    for method, tally in tallies.items()
-                }
-                if not chosen.json:
-                    rows = [
-                        [method, *cells(figures, chosen.scenes)] for method, figures in report[name].items()
-                    ]
-                    title = f"{name}: {chosen.scenes} scenes, cameras {chosen.rig}, simulated"
-                    common.show(title, COLUMNS, rows, markdown=chosen.markdown)
-                    print("\n".join([*unclean(tallies, chosen.seed), ""]))
-    if chosen.json:
-        print(json.dumps({"circumstances": common.circumstances(), "conditions": report}, indent=2))
-        return
-    print(common.circumstances())
+def people(
+    *,
+    people: tuple[int, ...] = (3,),
+    views: tuple[int, ...] = (4,),
+    meetings: tuple[str, ...] = ("all",),
+    scenes: int = 5,
+    seconds: float = 10.0,
+    fps: float = 30.0,
+    rig: str = "mixed",
+    crowding: str = "usual",
+    bystander: bool = False,
+    occluded: int = 0,
+    methods: tuple[str, ...] = tuple(METHODS),
+    gate: float = 500.0,
+    seed: int = 0,
+) -> Iterator[Table]:
+    """Simulate scenes, and compare methods."""
+    for n_people, n_views, meeting in product(people, views, meetings):
+        kinds = [meeting]
+        if meeting in ("all", "cmu"):
+            kinds = [kind for kind in synthetic.meeting_names if kind != "apart"]
+        cameras, noise = RIGS[rig](n_views), None
+        if occluded:
+            usual = DetectionNoise.recording_occluded(occluded, frame_rate=fps)
+            noise = usual.scaled(float(np.median([c.K[0, 0] for c in cameras])) / RADIUS_MM / SIZE_IN_ROOM)
+        tallies = {method: Tally() for method in methods}
+        for k in range(scenes):
+            moving = captured(n_people, np.random.default_rng([seed, k])) if meeting == "cmu" else n_people
+            scene = synthetic.simulate_scene(
+                moving,
+                cameras,
+                n_frames=round(seconds * fps),
+                fps=fps,
+                meetings=kinds,
+                bystander=bystander,
+                noise=noise,
+                crowding=CROWDING[crowding],
+                seed=seed + k,
+            )
+            for method, tally in tallies.items():
+                measured(scene, str(seed + k), method, tally, gate)
+        rows, notes = {}, []
+        for method, tally in tallies.items():
+            reference = None if method == "oracle" else tallies.get("oracle")
+            rows[method] = row(tally.figures(reference), scenes)
+            seeds = [key for key, one in tally.scenes.items() if one.scores.identity_switches]
+            if seeds:
+                notes.append(f"{method}: identity switches in the scenes of seed {', '.join(seeds)}")
+        title = f"{n_people} people, {n_views} views, {meeting}: {scenes} scenes, cameras {rig}, simulated"
+        yield Table.of(title, "method", rows, notes)
 
 
 if __name__ == "__main__":
-    main()
+    lab.main(__doc__, people)

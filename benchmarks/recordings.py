@@ -41,6 +41,13 @@ class Take:
     fps: float
 
 
+def unsure(take: Take) -> Take:
+    """Return the take with confidence 1 for everything that is detected."""
+    detections = take.scene.detections.copy()
+    detections[..., 2] = np.where(take.scene.detected, 1.0, 0.0)
+    return replace(take, scene=replace(take.scene, detections=detections))
+
+
 def noise(condition: str, n_views: int, fps: float) -> DetectionNoise:
     """Return the detector of a condition; of fewer views than it occludes, it occludes all but one."""
     usual = DetectionNoise.recording(frame_rate=fps)

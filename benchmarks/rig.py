@@ -21,63 +21,39 @@ bar. CPU s: one core.
 
 from __future__ import annotations
 
-import argparse
-import json
 import tempfile
 import time
 from collections import Counter
+from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
+from typing import Any
 
-import _one_core  # noqa: F401  before numpy
-import common
+import lab
 import numpy as np
 import recordings
+from lab import ONE_THREAD, Table
 from scenarios import FloatArray
 
 import skelsplat as sk
 from skelsplat import synthetic
 from skelsplat.cameras import altered, matrix_from_vector
-from skelsplat.io import sample
+from skelsplat.io import sample as demo
 from skelsplat.run.adjust import adjust_cameras as adjust_files
 
 FPS, FRAMES, LONGEST = 30.0, 300, 40
 # Takes below this one were looked at when the thresholds of the method were chosen.
 FIRST = 1000
-CONFIG = sk.RefineConfig(n_threads=1)
 FAULTS = (
-    "sound",
-    "sound, clocks",
-    "turn 0.2",
-    "turn 1",
-    "turn 3",
-    "turn 10",
-    "move 5",
-    "move 20",
-    "move 100",
-    "move 500",
-    "focal 0.02",
-    "clock 0.3",
-    "clock 3",
-    "clock 20",
-    "clocks 10",
-    "turn 3, another late 3",
+    *("sound", "sound, clocks", "turn 0.2", "turn 1", "turn 3", "turn 10", "move 5", "move 20", "move 100"),
+    *("move 500", "focal 0.02", "clock 0.3", "clock 3", "clock 20", "clocks 10", "turn 3, another late 3"),
 )
+OUTCOMES = ("set right", "beyond", "doubt", "within", "missed", "wrong")
 # What rounding leaves: degrees, mm, share, frames.
 NOTHING = np.array([1e-4, 1e-3, 1e-9, 1e-9])
-COLUMNS = [
-    "",
-    "set right %",
-    "beyond %",
-    "doubt %",
-    "within %",
-    "missed %",
-    "wrong %",
-    "left",
-    "error bar",
-    "CPU s",
-]
+Verdict = tuple[str, float, float]
+"""What became of a case, what is left of its fault, and the error bar; NaN if it is not set right."""
 
 
 @dataclass(frozen=True)
@@ -89,11 +65,6 @@ class Case:
     late: FloatArray
     faulty: set[int]
     detections: FloatArray
-
-
-def rig(views: int) -> list[sk.Camera]:
-    """Cameras of a room."""
-    return list(synthetic.human36m_like() if views == 4 else synthetic.ring(views, radius_mm=4500.0))
 
 
 def spoilt(camera: sk.Camera, kind: str, size: float, rng: np.random.Generator) -> sk.Camera:
@@ -110,7 +81,7 @@ def spoilt(camera: sk.Camera, kind: str, size: float, rng: np.random.Generator) 
     return altered(camera, R=R, t=-R @ centre)
 
 
-def case(views: int, kind: str, size: float, condition: str, seed: int, *, another: float = 0.0) -> Case:
+def case(views: int, kind: str, size: float, condition: str, seed: int, another: float = 0.0) -> Case:
     """Draw a motion, the faults and the detections; `another` camera may be late by so many frames."""
     rng = np.random.default_rng(seed)
     motions = recordings.motions()
@@ -119,7 +90,7 @@ def case(views: int, kind: str, size: float, condition: str, seed: int, *, anoth
     start = rng.integers(max(1, len(motion) - FRAMES))
     poses = motion[start : start + FRAMES]
     poses = poses - np.append(np.nanmean(poses[..., :2], axis=(0, 1)), 0.0)
-    true = rig(views)
+    true = list(synthetic.human36m_like() if views == 4 else synthetic.ring(views, radius_mm=4500.0))
     number = 0 if kind == "sound" else 2 if views >= 5 and rng.random() < 0.5 else 1
     faulty = {int(i) for i in rng.permutation(views)[:number]}
     late = np.array(
@@ -138,9 +109,8 @@ def case(views: int, kind: str, size: float, condition: str, seed: int, *, anoth
             synthetic.simulate_detections(at(poses, -late[i]), [true[i]], noise=noise, seed=1000 * seed + i)
             for i in range(views)
         ]
-        detections = np.concatenate(seen, axis=1)
-    else:
-        detections = synthetic.simulate_detections(poses, true, noise=noise, seed=seed)
+        return Case(true, given, late, faulty, np.concatenate(seen, axis=1))
+    detections = synthetic.simulate_detections(poses, true, noise=noise, seed=seed)
     return Case(true, given, late, faulty, detections)
 
 
@@ -161,42 +131,19 @@ def errors(true: sk.Camera, camera: sk.Camera, late: float) -> FloatArray:
     return np.array([degrees, mm, focal, abs(late)])
 
 
-def verdict(one: Case, found: sk.RigAdjustment) -> tuple[str, float, float]:
-    """Return what became of a case, what is left of the fault, and its error bar; NaN if not set right."""
-    if len(one.faulty) == len(one.true):
-        return verdict_of_clocks(one, found)
-    changed = {i for i, r in enumerate(found.report) if r.status in ("adjusted", "late")}
-    doubtful = {i for i, r in enumerate(found.report) if r.status == "doubtful"}
-    if changed - one.faulty:
-        return "wrong", np.nan, np.nan
-    if doubtful and one.faulty & doubtful:
-        return "doubt", np.nan, np.nan
-    if one.faulty - changed:
-        return ("wrong" if doubtful else "within" if within(one, found) else "missed"), np.nan, np.nan
-    if doubtful:
-        return "doubt", np.nan, np.nan
-    outcome, left, bar = "set right", 0.0, 0.0
-    for i in one.faulty:
-        before = errors(one.true[i], one.given[i], one.late[i])
-        after = errors(one.true[i], found.cameras[i], one.late[i] - found.report[i].clock)
-        bars = error_bars(found.report[i])
-        if (after > np.maximum(before / 10, 2 * bars) + NOTHING).any():
-            outcome = "beyond"
-        part = int(np.argmax(before > NOTHING))
-        left, bar = max(left, float(after[part])), max(bar, float(bars[part]))
-    return outcome, left, bar
+def error_bars(one: sk.CameraAdjustment) -> FloatArray:
+    """Return the error bars in the order of `errors`; 0 for what was not looked at."""
+    return np.nan_to_num([one.turn_sigma, one.shift_sigma, one.focal_sigma, one.clock_sigma], nan=0.0)
 
 
-def verdict_of_clocks(one: Case, found: sk.RigAdjustment) -> tuple[str, float, float]:
-    """Return what became of clocks of which none need be right: what they share does not count."""
-    off = one.late - [camera.clock for camera in found.report]
-    left = float(np.abs(off - np.median(off)).max())
-    bar = float(np.nanmax([camera.clock_sigma for camera in found.report], initial=0.0))
-    if found.of("adjusted"):
-        return "wrong", np.nan, np.nan
-    if found.of("doubtful"):
-        return "doubt", np.nan, np.nan
-    return "set right" if left <= max(float(np.ptp(one.late)) / 10, 2 * bar) else "beyond", left, bar
+def left_of(one: Case, found: sk.RigAdjustment, i: int) -> Verdict:
+    """Return what became of a faulty camera that is adjusted."""
+    before = errors(one.true[i], one.given[i], one.late[i])
+    after = errors(one.true[i], found.cameras[i], one.late[i] - found.report[i].clock)
+    bars = error_bars(found.report[i])
+    beyond = (after > np.maximum(before / 10, 2 * bars) + NOTHING).any()
+    part = int(np.argmax(before > NOTHING))
+    return "beyond" if beyond else "set right", float(after[part]), float(bars[part])
 
 
 def within(one: Case, found: sk.RigAdjustment) -> bool:
@@ -206,55 +153,84 @@ def within(one: Case, found: sk.RigAdjustment) -> bool:
     return all((faults[i] <= 2 * error_bars(found.report[i]) + NOTHING).all() for i in left)
 
 
-def error_bars(one: sk.CameraAdjustment) -> FloatArray:
-    """Return the error bars in the order of `errors`; 0 for what was not looked at."""
-    return np.nan_to_num([one.turn_sigma, one.shift_sigma, one.focal_sigma, one.clock_sigma], nan=0.0)
+def verdict(one: Case, found: sk.RigAdjustment) -> Verdict:
+    """Return what became of a case."""
+    changed = {i for i, r in enumerate(found.report) if r.status in ("adjusted", "late")}
+    doubtful = {i for i, r in enumerate(found.report) if r.status == "doubtful"}
+    outcome = None
+    if not one.faulty:
+        quiet = all(camera.status == "sound" for camera in found.report)
+        outcome = "set right" if quiet else "doubt" if doubtful else "wrong"
+    elif len(one.faulty) == len(one.true):
+        return verdict_of_clocks(one, found)
+    elif changed - one.faulty:
+        outcome = "wrong"
+    elif doubtful and one.faulty & doubtful:
+        outcome = "doubt"
+    elif one.faulty - changed:
+        outcome = "wrong" if doubtful else "within" if within(one, found) else "missed"
+    elif doubtful:
+        outcome = "doubt"
+    if outcome is not None:
+        return outcome, np.nan, np.nan
+    each = [left_of(one, found, i) for i in one.faulty]
+    worst = "beyond" if "beyond" in {name for name, *_ in each} else "set right"
+    return worst, max(left for _, left, _ in each), max(bar for *_, bar in each)
 
 
-def row(name: str, views: int, takes: int, condition: str) -> list[object]:
+def verdict_of_clocks(one: Case, found: sk.RigAdjustment) -> Verdict:
+    """Return what became of clocks of which none need be right: what they share does not count."""
+    off = one.late - [camera.clock for camera in found.report]
+    left = float(np.abs(off - np.median(off)).max())
+    bar = float(np.nanmax([camera.clock_sigma for camera in found.report], initial=0.0))
+    if found.of("adjusted") or found.of("doubtful"):
+        return "wrong" if found.of("adjusted") else "doubt", np.nan, np.nan
+    return "set right" if left <= max(float(np.ptp(one.late)) / 10, 2 * bar) else "beyond", left, bar
+
+
+def summary(verdicts: list[Verdict], outcomes: tuple[str, ...] = OUTCOMES) -> dict[str, Any]:
+    """Return the shares of the outcomes, and the medians of what is left and of its error bar."""
+    counts = Counter(name for name, *_ in verdicts)
+    row: dict[str, Any] = {f"{name} %": f"{100 * counts[name] / len(verdicts):.3g}" for name in outcomes}
+    for k, head in ((1, "left"), (2, "error bar")):
+        values = np.array([one[k] for one in verdicts])
+        row[head] = f"{np.nanmedian(values):.3g}" if np.isfinite(values).any() else "–"
+    return row
+
+
+def measured(name: str, views: int, takes: int, condition: str) -> dict[str, Any]:
     """Measure one fault in one rig."""
     fault, _, another = name.partition(", another late ")
     kind, size = ("sound", "0") if name.startswith("sound") else fault.split()
-    counts: Counter[str] = Counter()
-    left, bars, seconds = [], [], []
+    verdicts, begun = [], 0.0
     for seed in range(FIRST, FIRST + takes):
-        one = case(views, kind, float(size), condition, seed, another=float(another or 0))
-        begun = time.process_time()
+        one = case(views, kind, float(size), condition, seed, float(another or 0))
+        before = time.process_time()
         found = sk.adjust_cameras(
-            one.detections, one.given, focal=kind == "focal", clock="clock" in name, config=CONFIG
+            one.detections, one.given, focal=kind == "focal", clock="clock" in name, config=ONE_THREAD
         )
-        seconds.append(time.process_time() - begun)
-        if kind == "sound":
-            quiet = all(r.status == "sound" for r in found.report)
-            doubt = any(r.status == "doubtful" for r in found.report)
-            counts["set right" if quiet else "doubt" if doubt else "wrong"] += 1
-            continue
-        outcome, rest, bar = verdict(one, found)
-        counts[outcome] += 1
-        left.append(rest)
-        bars.append(bar)
-    share = [
-        100 * counts[key] / takes for key in ("set right", "beyond", "doubt", "within", "missed", "wrong")
-    ]
-    middle = [
-        float(np.nanmedian(x)) if np.isfinite(x).any() else np.nan for x in (np.array(left), np.array(bars))
-    ]
-    return [name, *share, *middle, float(np.mean(seconds))]
+        begun += time.process_time() - before
+        verdicts.append(verdict(one, found))
+    return summary(verdicts) | {"CPU s": f"{begun / takes:.3g}"}
 
 
-def lost(takes: int) -> list[list[str]]:
+def lost_clocks(takes: int) -> Table:
     """Return what half a frame costs: mean error of a walk of 20 s, one camera of four late, mm."""
-    rows = []
+    rows = {}
     for fps, late in ((15, 0.25), (15, 0.5), (30, 0.25), (30, 0.5), (60, 0.5)):
-        errors = np.array([lost_in(fps, late, seed) for seed in range(FIRST, FIRST + takes)])
-        synchronised, wrong, measured, clock = errors.mean(axis=0)
-        cells = [f"{synchronised:.2f}"]
-        cells += [f"{error:.2f} (+{100 * (error / synchronised - 1):.1f} %)" for error in (wrong, measured)]
-        rows.append([f"{fps}", f"{late}", *cells, f"{clock:.2f} ± {errors[:, 3].std():.2f}"])
-    return rows
+        found = np.array([_lost_in(fps, late, seed) for seed in range(FIRST, FIRST + takes)])
+        synchronised, wrong, right, clock = found.mean(axis=0)
+        worse = {"as recorded, mm": wrong, "set right, mm": right}
+        rows[f"{fps}, {late}"] = {
+            "synchronised, mm": f"{synchronised:.2f}",
+            **{k: f"{v:.2f} (+{100 * (v / synchronised - 1):.1f} %)" for k, v in worse.items()},
+            "clock": f"{clock:.2f} ± {found[:, 3].std():.2f}",
+        }
+    title = f"walk of 20 s, one of four cameras late, {takes} takes, simulated"
+    return Table.of(title, "frames per s, late by frames", rows)
 
 
-def lost_in(fps: int, late: float, seed: int) -> tuple[float, float, float, float]:
+def _lost_in(fps: int, late: float, seed: int) -> tuple[float, float, float, float]:
     """Return the error of a walk: synchronised, with a camera `late`, with the clock measured; and that."""
     fine = synthetic.motion("walk", (20 * fps + 2) * 4, fps=4 * fps, seed=seed)
     cameras, noise = synthetic.ring(4), synthetic.DetectionNoise.recording(fps)
@@ -262,16 +238,16 @@ def lost_in(fps: int, late: float, seed: int) -> tuple[float, float, float, floa
     sound = synthetic.simulate_detections(truth, cameras, noise=noise, seed=seed)
     seen = sound.copy()
     seen[:, 1] = synthetic.simulate_detections(own, cameras, noise=noise, seed=seed)[:, 1]
-    found = sk.adjust_cameras(seen, cameras, clock=True, config=CONFIG)
+    found = sk.adjust_cameras(seen, cameras, clock=True, config=ONE_THREAD)
 
     def error(detections: FloatArray) -> float:
-        pose = sk.refine_sequence(detections, cameras, fps=fps, layout="h36m17", config=CONFIG).pose
+        pose = sk.refine_sequence(detections, cameras, fps=fps, layout="h36m17", config=ONE_THREAD).pose
         return float(np.nanmean(np.linalg.norm(pose - truth, axis=-1)))
 
     return error(sound), error(seen), error(found.synchronised(seen)), found.report[1].clock
 
 
-def clocks_of_the_sample() -> list[list[str]]:
+def clocks_of_the_demo() -> Table:
     """Return what is found where cameras of the demo's recording are read late; its cam_03 is turned."""
     names, rng = ("cam_01", "cam_02", "cam_03", "cam_04"), np.random.default_rng(FIRST)
     cases = {
@@ -280,102 +256,64 @@ def clocks_of_the_sample() -> list[list[str]]:
     }
     drawn = rng.integers(-10, 10, (8, len(names)), endpoint=True)
     cases["all by up to 10"] = [dict(zip(names, map(int, one), strict=True)) for one in drawn]
-    rows = []
+    rows = {}
     with tempfile.TemporaryDirectory() as folder:
-        paths = sample.extract(Path(folder))
+        paths = demo.extract(Path(folder))
+        given = {"read": {"unit": demo.UNIT}, "layout": demo.LAYOUT}
         for name, several in cases.items():
             counts, most = Counter[str](), 0.0
             for offsets in several:
-                found = adjust_files(
-                    paths.calibration,
-                    paths.detections,
-                    read={"unit": sample.UNIT},
-                    layout=sample.LAYOUT,
-                    offsets=offsets,
-                ).adjustment
+                found = adjust_files(paths.calibration, paths.detections, offsets=offsets, **given).adjustment
                 off = np.array([one.clock - offsets.get(one.name, 0) for one in found.report])
                 off -= np.median(off)  # clocks are known up to one that all share
                 right = [one.name for one in found.of("adjusted")] == ["cam_03"] and not off.round().any()
                 counts["right" if right else "doubt" if found.of("doubtful") else "wrong"] += 1
                 most = max(most, float(np.abs(off).max()) if right else 0.0)
-            rows.append([name, *(f"{counts[key]}" for key in ("right", "doubt", "wrong")), f"{most:.2f}"])
-    return rows
+            rows[name] = {key: counts[key] for key in ("right", "doubt", "wrong")}
+            rows[name]["off by at most"] = f"{most:.2f}"
+    title = "four cameras, of which cam_03 is turned: real detections, eight cases each"
+    return Table.of(title, "cameras read early or late", rows)
 
 
-def speed() -> list[list[str]]:
+def times() -> Table:
     """Return how long a walk of 1,000 frames takes, four cameras, of which one is turned and late."""
-    cameras = synthetic.ring(4)
-    noise = synthetic.DetectionNoise.recording(int(FPS))
+    cameras, noise = synthetic.ring(4), synthetic.DetectionNoise.recording(int(FPS))
     pose = synthetic.motion("walk", 1000, fps=FPS, seed=FIRST)
     seen = synthetic.simulate_detections(pose, cameras, noise=noise, seed=FIRST)
     seen[3:, 2] = seen[:-3, 2].copy()
-    turn = matrix_from_vector(np.radians([0.0, 2.0, 0.0]))
-    turned = [
-        altered(one, R=turn @ one.R, t=turn @ one.t) if k == 1 else one for k, one in enumerate(cameras)
-    ]
-    rows = []
+    turn, given = matrix_from_vector(np.radians([0.0, 2.0, 0.0])), list(cameras)
+    given[1] = altered(given[1], R=turn @ given[1].R, t=turn @ given[1].t)
+    rows = {}
     for what in ({}, {"clock": True}, {"focal": True, "clock": True}):
         begun, cpu = time.perf_counter(), time.process_time()
-        sk.adjust_cameras(seen, sk.CameraRig(turned, unit=cameras.unit), config=CONFIG, **what)
-        now = (time.perf_counter() - begun, time.process_time() - cpu)
-        rows.append([", ".join(("turn", "movement", *what)), *(f"{one:.2f}" for one in now)])
-    return rows
+        sk.adjust_cameras(seen, sk.CameraRig(given, unit=cameras.unit), config=ONE_THREAD, **what)
+        taken = {"s": time.perf_counter() - begun, "CPU s": time.process_time() - cpu}
+        rows[", ".join(("turn", "movement", *what))] = taken
+    return Table.of("1,000 frames, four cameras, one thread", "adjusted", rows, digits=2)
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--views", type=int, nargs="+", default=[3, 4, 5, 8])
-    parser.add_argument("--faults", nargs="+", default=list(FAULTS))
-    parser.add_argument("--takes", type=int, default=20)
-    parser.add_argument("--condition", choices=recordings.CONDITIONS, default="good")
-    parser.add_argument("--lost", action="store_true")
-    parser.add_argument("--sample", action="store_true")
-    parser.add_argument("--speed", action="store_true")
-    parser.add_argument("--json", action="store_true")
-    parser.add_argument("--markdown", action="store_true")
-    given = parser.parse_args()
-    if given.speed:
-        title = "1,000 frames, four cameras, one thread"
-        common.show(title, ["adjusted", "s", "CPU s"], speed(), markdown=given.markdown)
-        print(common.circumstances())
-        return
-    if given.sample:
-        columns = ["cameras read early or late", "right", "doubt", "wrong", "off by at most"]
-        title = "four cameras, of which cam_03 is turned: real detections, eight cases each"
-        common.show(title, columns, clocks_of_the_sample(), markdown=given.markdown)
-        print(common.circumstances())
-        return
-    if given.lost:
-        columns = [
-            "frames per s",
-            "late, frames",
-            "synchronised, mm",
-            "as recorded, mm",
-            "set right, mm",
-            "clock",
-        ]
-        title = f"walk of 20 s, one of four cameras late, {given.takes} takes, simulated"
-        common.show(title, columns, lost(given.takes), markdown=given.markdown)
-        print(common.circumstances())
-        return
-    report: dict[str, list[list[object]]] = {}
-    for views in given.views:
-        report[str(views)] = [row(fault, views, given.takes, given.condition) for fault in given.faults]
-        if not given.json:
-            title = f"{views} views, {given.takes} takes, {given.condition}, simulated"
-            rows = [[str(one[0]), *(f"{value:.3g}" for value in one[1:])] for one in report[str(views)]]
-            common.show(title, COLUMNS, rows, markdown=given.markdown)
-    if given.json:
-        print(
-            json.dumps(
-                {"circumstances": common.circumstances(), "columns": COLUMNS, "views": report}, indent=2
-            )
-        )
-        return
-    print(common.circumstances())
+def rig(
+    *,
+    views: tuple[int, ...] = (3, 4, 5, 8),
+    faults: tuple[str, ...] = FAULTS,
+    takes: int = 20,
+    condition: str = "good",
+    lost: bool = False,
+    sample: bool = False,
+    speed: bool = False,
+) -> Iterator[Table]:
+    """Measure faults in rigs, or what the last three name."""
+    if speed:
+        yield times()
+    elif sample:
+        yield clocks_of_the_demo()
+    elif lost:
+        yield lost_clocks(takes)
+    else:
+        for n_views in views:
+            rows = {fault: measured(fault, n_views, takes, condition) for fault in faults}
+            yield Table.of(f"{n_views} views, {takes} takes, {condition}, simulated", "fault", rows)
 
 
 if __name__ == "__main__":
-    main()
+    lab.main(__doc__, rig)

@@ -15,14 +15,12 @@ changed. left, error bar: medians, degrees, mm or frames.
 
 from __future__ import annotations
 
-import argparse
-from collections import Counter
+from typing import Any
 
-import _one_core  # noqa: F401  before numpy
-import common
+import lab
 import numpy as np
-from rig import NOTHING, Case, error_bars, errors, spoilt, within
-from scenarios import FloatArray
+from lab import Table
+from rig import Case, Verdict, left_of, spoilt, summary, within
 
 import skelsplat as sk
 from skelsplat import synthetic
@@ -34,42 +32,39 @@ from skelsplat.synthetic.people_sets import mixed_heights
 
 FAULTS = ("sound", "turn 0.5", "turn 1", "turn 3", "turn 10", "move 20", "move 100", "move 500", "clock 3")
 OUTCOMES = ("set right", "beyond", "doubt", "within", "missed", "refused", "wrong")
-COLUMNS = ["", "by", *(f"{one} %" for one in OUTCOMES), "left", "error bar"]
 FRAMES, FPS, FIRST = 200, 30.0, 1000
 
 
-def outcome(
-    given: sk.CameraRig, people: FloatArray, layout: sk.Layout, true: sk.CameraRig, faulty: int, late: float
-) -> tuple[str, float, float]:
-    """Return what became of a rig, what is left of its fault, and the error bar; NaN if not set right."""
-    found = adjusted(Scene(given, people, np.arange(len(people)), layout, ReadAs()))
+def verdict(one: Case, unit: str, layout: sk.Layout) -> Verdict:
+    """Return what became of a rig."""
+    people = one.detections
+    rig = sk.CameraRig(one.given, unit)
+    found = adjusted(Scene(rig, people, np.arange(len(people)), layout, ReadAs()))
     if isinstance(found, Finding):
         return "refused", np.nan, np.nan
-    changed = {i for i, one in enumerate(found.report) if one.status in ("adjusted", "late")}
-    if changed - {faulty}:
-        return "wrong", np.nan, np.nan
-    if faulty < 0:
-        quiet = all(one.status == "sound" for one in found.report)
-        return "set right" if quiet else "doubt", np.nan, np.nan
-    if not changed:
-        clocks = np.where(np.arange(len(true)) == faulty, late, 0.0)
-        case = Case(list(true), list(given), clocks, {faulty}, people)
-        quiet = "within" if within(case, found) else "missed"
-        return quiet if found.report[faulty].status == "sound" else "doubt", np.nan, np.nan
-    if found.of("doubtful"):
-        return "doubt", np.nan, np.nan
-    report = found.report[faulty]
-    before = errors(true[faulty], given[faulty], late)
-    after, bars = errors(true[faulty], found.cameras[faulty], late - report.clock), error_bars(report)
-    part = int(np.argmax(before > NOTHING))
-    beyond = (after > np.maximum(before / 10, 2 * bars) + NOTHING).any()
-    return "beyond" if beyond else "set right", float(after[part]), float(bars[part])
+    changed = {i for i, camera in enumerate(found.report) if camera.status in ("adjusted", "late")}
+    outcome = None
+    if changed - one.faulty:
+        outcome = "wrong"
+    elif not one.faulty:
+        quiet = all(camera.status == "sound" for camera in found.report)
+        outcome = "set right" if quiet else "doubt"
+    elif not changed:
+        (faulty,) = one.faulty
+        quiet = "within" if within(one, found) else "missed"
+        outcome = quiet if found.report[faulty].status == "sound" else "doubt"
+    elif found.of("doubtful"):
+        outcome = "doubt"
+    if outcome is not None:
+        return outcome, np.nan, np.nan
+    (faulty,) = one.faulty
+    return left_of(one, found, faulty)
 
 
-def rows(fault: str, people: int, views: int, takes: int) -> list[list[str]]:
+def measured(fault: str, people: int, views: int, takes: int) -> dict[str, dict[str, Any]]:
     """Measure one fault, by one person and by everybody."""
     kind, size = ("sound", 0.0) if fault == "sound" else (fault.split()[0], float(fault.split()[1]))
-    found: dict[str, list[tuple[str, float, float]]] = {"one": [], "all": []}
+    found: dict[str, list[Verdict]] = {"one": [], "all": []}
     for seed in range(FIRST, FIRST + takes):
         rng = np.random.default_rng(seed)
         meetings = ["cross", "circle", "apart"]
@@ -82,37 +77,24 @@ def rows(fault: str, people: int, views: int, takes: int) -> list[list[str]]:
             spoilt(one, kind, size, rng) if i == faulty and kind in ("turn", "move") else one
             for i, one in enumerate(true)
         ]
+        late = np.zeros(views)
         if kind == "clock":
             seen[int(size) :, faulty] = scene.people[: -int(size), faulty]
-        late = size if kind == "clock" else 0.0
-        cameras = sk.CameraRig(given, scene.cameras.unit)
-        one = choose_person(seen, cameras, layout=scene.layout)[0][:, :, None]
+            late[faulty] = size
+        unit, faults = scene.cameras.unit, {faulty} - {-1}
+        one = choose_person(seen, sk.CameraRig(given, unit), layout=scene.layout)[0][:, :, None]
         for name, who in (("one", one), ("all", seen)):
-            found[name].append(outcome(cameras, who, scene.layout, scene.cameras, faulty, late))
-    out = []
-    for name, all_of in found.items():
-        counts = Counter(one[0] for one in all_of)
-        middle = [np.array([one[k] for one in all_of]) for k in (1, 2)]
-        cells = [f"{np.nanmedian(x):.2g}" if np.isfinite(x).any() else "–" for x in middle]
-        out.append([fault, name, *(f"{100 * counts[key] / takes:.0f}" for key in OUTCOMES), *cells])
-    return out
+            found[name].append(verdict(Case(true, given, late, faults, who), unit, scene.layout))
+    return {f"{fault}, by {name}": summary(verdicts, OUTCOMES) for name, verdicts in found.items()}
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--people", type=int, default=3)
-    parser.add_argument("--views", type=int, default=4)
-    parser.add_argument("--faults", nargs="+", default=list(FAULTS))
-    parser.add_argument("--takes", type=int, default=20)
-    parser.add_argument("--markdown", action="store_true")
-    given = parser.parse_args()
-    table = [row for fault in given.faults for row in rows(fault, given.people, given.views, given.takes)]
-    title = f"{given.people} people, {given.views} views, {given.takes} takes, simulated"
-    common.show(title, COLUMNS, table, markdown=given.markdown)
-    print(common.circumstances())
+def rig_people(
+    *, people: int = 3, views: int = 4, faults: tuple[str, ...] = FAULTS, takes: int = 20
+) -> Table:
+    """Measure faults."""
+    rows = {k: row for fault in faults for k, row in measured(fault, people, views, takes).items()}
+    return Table.of(f"{people} people, {views} views, {takes} takes, simulated", "fault", rows)
 
 
 if __name__ == "__main__":
-    main()
+    lab.main(__doc__, rig_people)

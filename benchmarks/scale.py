@@ -11,7 +11,6 @@ little, but they share caches and clock rates. Memory is the largest resident se
 
 from __future__ import annotations
 
-import argparse
 import contextlib
 import functools
 import json
@@ -23,16 +22,15 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from unittest import mock
 
-import _one_core  # noqa: F401  before numpy
-import common
+import lab
 import numpy as np
+from lab import ONE_THREAD, Table, cpu_ms
 
 import skelsplat as sk
 from skelsplat import synthetic
 from skelsplat.io import write_calibration
 from skelsplat.run import Job, _run, figures, folder, run
 
-ONE = sk.RefineConfig(n_threads=1)
 FPS = 100.0
 FRAMES = 2000
 PEOPLE_FRAMES = 1000
@@ -54,7 +52,6 @@ STAGES = {
     "html": (folder, "write_html"),
     "poses": (folder, "write_folder"),
 }
-Rows = list[list[str]]
 
 
 def recorded(frames: int = FRAMES, views: int = 4, bodies: int = 1) -> tuple[sk.CameraRig, np.ndarray]:
@@ -65,36 +62,26 @@ def recorded(frames: int = FRAMES, views: int = 4, bodies: int = 1) -> tuple[sk.
     return rig, np.concatenate(seen, axis=2)
 
 
-def cpu_s(call: Callable[[], object], repeat: int) -> float:
-    """Return the least CPU time of some runs."""
-    times = []
-    for _ in range(repeat):
-        begin = time.process_time()
-        call()
-        times.append(time.process_time() - begin)
-    return min(times)
-
-
 def alone_us(frames: int, views: int, bodies: int, repeat: int) -> float:
     """CPU time per frame of ``refine``, µs."""
     rig, seen = recorded(frames, views, bodies)
     layout = "h36m17" if bodies == 1 else None
-    return 1e6 * cpu_s(lambda: sk.refine(None, seen, rig, layout=layout, config=ONE), repeat) / frames
+    return 1e3 * cpu_ms(lambda: sk.refine(None, seen, rig, layout=layout, config=ONE_THREAD), repeat) / frames
 
 
 def in_time_us(frames: int, views: int, bodies: int, repeat: int) -> float:
     """CPU time per frame of ``refine_sequence``, µs."""
     rig, seen = recorded(frames, views, bodies)
-    given = {"fps": FPS, "layout": "h36m17" if bodies == 1 else None, "config": ONE}
-    return 1e6 * cpu_s(lambda: sk.refine_sequence(seen, rig, **given), repeat) / frames
+    given = {"fps": FPS, "layout": "h36m17" if bodies == 1 else None, "config": ONE_THREAD}
+    return 1e3 * cpu_ms(lambda: sk.refine_sequence(seen, rig, **given), repeat) / frames
 
 
 def people_us(people: int, views: int, repeat: int) -> float:
     """CPU time per frame of ``track``, which finds out who is who and solves everybody in time, µs."""
     rig = synthetic.ring(views, radius_mm=4500.0)
     scene = synthetic.simulate_scene(people, rig, n_frames=PEOPLE_FRAMES, fps=FPS, seed=1)
-    given = {"fps": FPS, "layout": scene.layout, "config": ONE}
-    return 1e6 * cpu_s(lambda: sk.track(scene.people, scene.cameras, **given), repeat) / PEOPLE_FRAMES
+    given = {"fps": FPS, "layout": scene.layout, "config": ONE_THREAD}
+    return 1e3 * cpu_ms(lambda: sk.track(scene.people, scene.cameras, **given), repeat) / PEOPLE_FRAMES
 
 
 def live_us(repeat: int) -> float:
@@ -102,26 +89,21 @@ def live_us(repeat: int) -> float:
     rig, seen = recorded()
 
     def loop() -> None:
-        refiner = sk.Refiner(rig, layout="h36m17", fps=FPS, config=ONE)
+        refiner = sk.Refiner(rig, layout="h36m17", fps=FPS, config=ONE_THREAD)
         for frame in seen:
             refiner.step(frame)
 
-    return 1e6 * cpu_s(loop, repeat) / len(seen)
+    return 1e3 * cpu_ms(loop, repeat) / len(seen)
 
 
 def chunks_us(frames: int, repeat: int) -> float:
     """CPU time per frame of ``refine_batches`` with ``fps``, µs."""
     rig, many = recorded(frames)
-    given = {"fps": FPS, "layout": "h36m17", "config": ONE, "frames_per_chunk": 1000}
-
-    def loop() -> None:
-        for _ in sk.refine_batches(many, rig, **given):
-            pass
-
-    return 1e6 * cpu_s(loop, repeat) / len(many)
+    given = {"fps": FPS, "layout": "h36m17", "config": ONE_THREAD, "frames_per_chunk": 1000}
+    return 1e3 * cpu_ms(lambda: list(sk.refine_batches(many, rig, **given)), repeat) / len(many)
 
 
-def speed(repeat: int) -> Iterator[tuple[str, list[str], Rows]]:
+def speed(repeat: int) -> Iterator[Table]:
     """Measure what a pose costs, and how many a core solves."""
     costs = {
         "frame by frame, `refine`": alone_us(FRAMES, 4, 1, repeat),
@@ -131,20 +113,28 @@ def speed(repeat: int) -> Iterator[tuple[str, list[str], Rows]]:
         "live, `Refiner(fps=…).step`": live_us(repeat),
         "4 people, `track`, per person": people_us(4, 4, repeat) / 4,
     }
-    rows = [[name, f"{us:.0f}", f"{1e6 / us:,.0f}"] for name, us in costs.items()]
-    yield "17 joints, 4 views", ["", "µs per pose", "poses per second and core"], rows
+    rows = {
+        name: {"µs per pose": f"{us:.0f}", "poses per second and core": f"{1e6 / us:,.0f}"}
+        for name, us in costs.items()
+    }
+    yield Table.of("17 joints, 4 views", "way", rows)
 
 
-def growth(repeat: int) -> Iterator[tuple[str, list[str], Rows]]:
+def growth(repeat: int) -> Iterator[Table]:
     """How the time per frame grows with frames, views, joints and people."""
     for what, costs in measured_growth(repeat).items():
-        columns = [what, "µs per frame alone", "times the first", "µs per frame in time", "times the first"]
-        rows = []
+        rows, first = {}, next(iter(costs.values()))
         for size, pair in costs.items():
-            first = next(iter(costs.values()))
-            cells = [[f"{us:.0f}", f"{us / of_first:.2f}"] for us, of_first in zip(pair, first, strict=True)]
-            rows.append([f"{size:,}", *(cells[0] if what != "people" else ["–", "–"]), *cells[-1]])
-        yield f"growth with {what}", columns, rows
+            ways = ("alone", "in time") if len(pair) == 2 else ("in time",)
+            rows[f"{size:,}"] = {
+                head: cell
+                for way, us, at_first in zip(ways, pair, first, strict=True)
+                for head, cell in (
+                    (f"µs per frame {way}", f"{us:.0f}"),
+                    (f"{way}, times the first", f"{us / at_first:.2f}"),
+                )
+            }
+        yield Table.of(f"growth with {what}", what, rows)
 
 
 @functools.cache
@@ -163,7 +153,7 @@ def measured_growth(repeat: int) -> dict[str, dict[int, tuple[float, ...]]]:
     return out | {"people": {size: (people_us(size, 4, repeat),) for size in SIZES["people"]}}
 
 
-def day(repeat: int) -> Iterator[tuple[str, list[str], Rows]]:
+def day(repeat: int) -> Iterator[Table]:
     """Compute what a day of 8 cameras at 100 Hz with 4 people costs, from one minute's share of it."""
     us = people_us(4, 8, repeat)
     hours = us * DAY_FRAMES / 3.6e9
@@ -172,42 +162,43 @@ def day(repeat: int) -> Iterator[tuple[str, list[str], Rows]]:
     names = [name for name in result.__dataclass_fields__ if name not in ("joint_bias", "loss_history")]
     size = sum(getattr(result, name).nbytes for name in names if getattr(result, name).shape[:1] == (100,))
     poses = 4 * DAY_FRAMES
-    rows = [
-        ["frames", f"{DAY_FRAMES:,.0f}"],
-        ["poses", f"{poses:,.0f}"],
-        ["measured: µs per frame of 4 people in 8 views, `track`", f"{us:.0f}"],
-        ["core hours", f"{hours:.1f}"],
-        ["cores to keep up with the recording", f"{hours / 24:.2f}"],
-        ["detections in, float32", f"{8 * 17 * 3 * 4 * poses / 1e9:.0f} GB"],
-        ["poses out, float32", f"{17 * 3 * 4 * poses / 1e9:.0f} GB"],
-        ["all fields out", f"{size / 100 * poses / 1e9:.0f} GB"],
-    ]
-    yield "a day, computed from measured seconds", ["", ""], rows
+    figures = {
+        "frames": f"{DAY_FRAMES:,.0f}",
+        "poses": f"{poses:,.0f}",
+        "measured: µs per frame of 4 people in 8 views, `track`": f"{us:.0f}",
+        "core hours": f"{hours:.1f}",
+        "cores to keep up with the recording": f"{hours / 24:.2f}",
+        "detections in, float32": f"{8 * 17 * 3 * 4 * poses / 1e9:.0f} GB",
+        "poses out, float32": f"{17 * 3 * 4 * poses / 1e9:.0f} GB",
+        "all fields out": f"{size / 100 * poses / 1e9:.0f} GB",
+    }
+    rows = {name: {"figure": text} for name, text in figures.items()}
+    yield Table.of("a day, computed from measured seconds", "what", rows)
 
 
-def stages(repeat: int) -> Iterator[tuple[str, list[str], Rows]]:
+def stages(repeat: int) -> Iterator[Table]:
     """CPU time per frame of the stages of ``skelsplat refine --fps``, by the kind of files."""
     rig, seen = recorded()
-    columns = ["files", *(f"{name} µs" for name in STAGES), "solving, share"]
-    rows = []
+    rows = {}
     with tempfile.TemporaryDirectory() as place:
         write_calibration(Path(place) / "cameras.json", rig)
         for kind, write in {"one npz": one_npz, "OpenPose, a file per frame": openpose}.items():
-            detections = write(Path(place) / kind.split(",")[0], rig, seen)
             job = Job(
                 Path(place) / "cameras.json",
-                detections,
+                write(Path(place) / kind.split(",")[0], rig, seen),
                 layout="h36m17",
                 fps=FPS,
-                config=ONE,
+                config=ONE_THREAD,
                 output=Path(place) / "out",
                 write=("npz", "csv", "trc"),
             )
             best = [min(times) for times in zip(*(timed(job) for _ in range(repeat)), strict=True)]
             best[-1] -= sum(best[-3:-1])
-            per_frame = [1e6 * cost / len(seen) for cost in best]
-            rows.append([kind, *(f"{us:.0f}" for us in per_frame), f"{best[1] / sum(best):.0%}"])
-    yield f"stages of a run of {len(seen)} frames", columns, rows
+            rows[kind] = {
+                f"{name} µs": f"{1e6 * s / len(seen):.0f}" for name, s in zip(STAGES, best, strict=True)
+            }
+            rows[kind]["solving, share"] = f"{best[1] / sum(best):.0%}"
+    yield Table.of(f"stages of a run of {len(seen)} frames", "files", rows)
 
 
 def timed(job: Job) -> list[float]:
@@ -249,26 +240,26 @@ def openpose(path: Path, rig: sk.CameraRig, seen: np.ndarray) -> Path:
     return path
 
 
-def memory(repeat: int) -> Iterator[tuple[str, list[str], Rows]]:
+def memory(repeat: int) -> Iterator[Table]:
     """Largest resident set of a process by frames: all at once, and in chunks."""
     del repeat
-    rows = []
+    ways = {"whole": "`refine_sequence`, MB", "chunks": "`refine_batches`, chunks of 4000"}
+    ways["generator"] = "of a generator"
+    rows = {}
     for frames in (10_000, 40_000, 160_000):
-        cells = [f"{child_mb(way, frames):.0f}" for way in ("whole", "chunks", "generator")]
-        rows.append([f"{frames:,}", *cells])
-    rows.append(["1,000,000", "–", f"{child_mb('chunks', 1_000_000):.0f}", "–"])
-    columns = ["frames", "`refine_sequence`, MB", "`refine_batches`, chunks of 4000", "of a generator"]
-    yield "memory", columns, rows
+        rows[f"{frames:,}"] = {head: child_mib(way, frames) for way, head in ways.items()}
+    rows["1,000,000"] = {ways["chunks"]: child_mib("chunks", 1_000_000)}
+    yield Table.of("memory", "frames", rows, digits=0)
 
 
-def child_mb(way: str, frames: int) -> float:
-    """Return the largest resident set of a process that refines so many frames, MB."""
+def child_mib(way: str, frames: int) -> float:
+    """Return the largest resident set of a process that refines so many frames, MiB."""
     command = [sys.executable, __file__, "child", way, str(frames)]
     return float(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
 
 
 def child(way: str, frames: int) -> None:
-    """Refine frames, and print the largest resident set in MB."""
+    """Refine frames, and print the largest resident set in MiB."""
     rig, seen = recorded(1000)
     given = {"fps": FPS, "layout": "h36m17"}
 
@@ -281,12 +272,10 @@ def child(way: str, frames: int) -> None:
     else:
         for _ in sk.refine_batches(chunks if way == "chunks" else chunks(), rig, **given):
             pass
-    # not the resource usage, which begins with that of the parent
-    status = Path("/proc/self/status").read_text(encoding="ascii").splitlines()
-    print(next(int(line.split()[1]) for line in status if line.startswith("VmHWM")) / 1024)
+    print(lab.peak_mib())
 
 
-def picture(repeat: int) -> Iterator[tuple[str, list[str], Rows]]:
+def picture(repeat: int) -> Iterator[Table]:
     """Draw the growth into docs/figures/scaling.png."""
     import matplotlib as mpl
 
@@ -313,25 +302,19 @@ def picture(repeat: int) -> Iterator[tuple[str, list[str], Rows]]:
     yield from ()
 
 
-TABLES = {table.__name__: table for table in (speed, growth, day, stages, memory)}
+TABLES = {table.__name__: table for table in (speed, growth, day, stages, memory, picture)}
 
 
-def main() -> None:
-    """Print the tables."""
-    if sys.argv[1:2] == ["child"]:
-        child(sys.argv[2], int(sys.argv[3]))
-        return
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    parser.add_argument("tables", nargs="*", default=list(TABLES), help=", ".join([*TABLES, "picture"]))
-    parser.add_argument("--repeat", type=int, default=5, help="runs, of which the best counts (5)")
-    parser.add_argument("--markdown", action="store_true", help="print Markdown")
-    chosen = parser.parse_args()
-    print(common.circumstances(), end="\n\n")
-    for name in chosen.tables:
-        for title, columns, rows in {**TABLES, "picture": picture}[name](chosen.repeat):
-            common.show(title, columns, rows, markdown=chosen.markdown)
-            sys.stdout.flush()
+def scale(
+    tables: tuple[str, ...] = ("speed", "growth", "day", "stages", "memory"), *, repeat: int = 5
+) -> Iterator[Table]:
+    """Measure each table; of so many runs the best counts."""
+    for name in tables:
+        yield from TABLES[name](repeat)
 
 
 if __name__ == "__main__":
-    main()
+    if sys.argv[1:2] == ["child"]:
+        child(sys.argv[2], int(sys.argv[3]))
+    else:
+        lab.main(__doc__, scale)

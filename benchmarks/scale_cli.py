@@ -3,26 +3,25 @@
     python benchmarks/scale_cli.py [--frames 100000] [--format npz] [--folder DIR] [--options "--no-html"]
 
 Simulated: one person walks, sits and waves by turns, 17 joints in 4 views at 50 Hz, detections `good`. The
-recording is written piece by piece, then refined in a process of its own, of which the peak of the resident
-memory is stated. A million frames need 25 GB on the disk of DIR.
+recording is written piece by piece (npz, csv, openpose or sleap), removed again, and refined in a process of
+its own, of which the peak of the resident memory is stated. A million frames need 25 GB on the disk of DIR.
 """
 
 from __future__ import annotations
 
-import argparse
 import json
 import resource
 import shlex
-import shutil
 import subprocess
 import sys
 import tempfile
-import time
 import zipfile
 from collections.abc import Iterator
 from pathlib import Path
 
+import lab
 import numpy as np
+from lab import Table
 
 import skelsplat as sk
 from skelsplat import synthetic
@@ -34,11 +33,10 @@ _PIECE = 4000
 
 def pieces(frames: int, rig: sk.CameraRig) -> Iterator[np.ndarray]:
     """Yield the detections (≤ 4000, M, 17, 3) of a recording: each motion there and back."""
-    names, done = synthetic.motion_names, 0
+    names, done, noise = synthetic.motion_names, 0, synthetic.DetectionNoise.good()
     for k in range(-(-frames // _PIECE)):
         there = synthetic.motion(names[k % len(names)], _PIECE // 2, seed=k)
         poses = np.concatenate([there, there[::-1]])[: frames - done]
-        noise = synthetic.DetectionNoise.good()
         yield synthetic.simulate_detections(poses, rig, noise=noise, layout=LAYOUT, seed=k)
         done += len(poses)
 
@@ -114,41 +112,29 @@ def write_sleap(folder: Path, frames: int, rig: sk.CameraRig) -> Path:
 WRITERS = {"npz": write_npz, "csv": write_csv, "openpose": write_openpose, "sleap": write_sleap}
 
 
-def measure(folder: Path, frames: int, kind: str, options: list[str]) -> dict[str, float]:
-    """Write a recording, refine it, and return peak memory in MB and times in s."""
+def scale_cli(
+    *, frames: int = 100_000, format: str = "npz", folder: Path | None = None, options: str = ""
+) -> Table:
+    """Write a recording, refine it, and measure peak memory in MB and times in s."""
     rig = synthetic.human36m_like()
-    write_calibration(folder / "cameras.json", rig)
-    source, out = WRITERS[kind](folder, frames, rig), folder / "out"
-    command = [sys.executable, "-m", "skelsplat", "refine", str(folder / "cameras.json"), str(source)]
-    command += ["-o", str(out), "--layout", LAYOUT, "--fps", str(FPS), "--quiet", *options]
-    begun = time.perf_counter()
-    subprocess.run(command, check=True)
-    seconds = time.perf_counter() - begun
-    used = resource.getrusage(resource.RUSAGE_CHILDREN)
-    sizes = {path.name: round(path.stat().st_size / 1e6) for path in sorted(out.iterdir())}
-    return {
-        "frames": frames,
-        "peak_mb": round(used.ru_maxrss / 1024),
-        "wall_s": round(seconds),
-        "cpu_s": round(used.ru_utime + used.ru_stime),
-        "us_per_frame": round(1e6 * seconds / frames),
-        "files_mb": sizes,
+    with tempfile.TemporaryDirectory(prefix="skelsplat-scale-", dir=folder) as temporary:
+        top = Path(temporary)
+        write_calibration(top / "cameras.json", rig)
+        source, out = WRITERS[format](top, frames, rig), top / "out"
+        command = [sys.executable, "-m", "skelsplat", "refine", str(top / "cameras.json"), str(source)]
+        command += ["-o", str(out), "--layout", LAYOUT, "--fps", str(FPS), "--quiet", *shlex.split(options)]
+        seconds = lab.seconds(lambda: subprocess.run(command, check=True), 1)
+        used = resource.getrusage(resource.RUSAGE_CHILDREN)
+        sizes = {path.name: path.stat().st_size / 1e6 for path in sorted(out.iterdir())}
+    row = {
+        "peak MB": used.ru_maxrss / 1024,
+        "wall s": seconds,
+        "CPU s": used.ru_utime + used.ru_stime,
+        "µs per frame": 1e6 * seconds / frames,
     }
-
-
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    parser.add_argument("--frames", type=int, default=100_000)
-    parser.add_argument("--format", choices=WRITERS, default="npz")
-    parser.add_argument("--folder", type=Path, help="where the files are written; they are removed again")
-    parser.add_argument("--options", default="", help="further options of skelsplat refine")
-    given = parser.parse_args()
-    folder = Path(tempfile.mkdtemp(prefix="skelsplat-scale-", dir=given.folder))
-    try:
-        print(json.dumps(measure(folder, given.frames, given.format, shlex.split(given.options))))
-    finally:
-        shutil.rmtree(folder)
+    files = "files, MB: " + ", ".join(f"{name} {size:.0f}" for name, size in sizes.items())
+    return Table.of(f"skelsplat refine, {format}", "frames", {f"{frames:,}": row}, [files], digits=0)
 
 
 if __name__ == "__main__":
-    main()
+    lab.main(__doc__, scale_cli)

@@ -49,22 +49,10 @@ _ROOM_RADIUS_MM = 5300.0
 
 @dataclass(frozen=True)
 class Scene:
-    """The input of a method, and the ground truth.
+    """The input of a method, and the ground truth, in the rig's unit, mm."""
 
-    Attributes
-    ----------
-    truth : (T, N, 3)
-        True joints in the rig's unit, mm; NaN where there is none.
-    detections : (T, M, N, 3)
-        Pixels and confidence; missing = NaN or confidence 0.
-    rig : CameraRig of M cameras
-    layout : str
-    source : str
-        Description of the poses and detections.
-    """
-
-    truth: FloatArray
-    detections: FloatArray
+    truth: FloatArray  # (T, N, 3); NaN where there is none
+    detections: FloatArray  # (T, M, N, 3): pixels and confidence; missing = NaN or confidence 0
     rig: sk.CameraRig
     layout: str
     source: str
@@ -129,6 +117,20 @@ def _synthetic_poses(n: int, seed: int) -> FloatArray:
         synthetic.motion(name, 4 * each, seed=seed + k)[::4] for k, name in enumerate(synthetic.motion_names)
     ]
     return np.concatenate(takes)[:n]
+
+
+def simulated(
+    poses: int,
+    *,
+    cameras: sk.CameraRig | None = None,
+    noise: str | DetectionNoise = "good",
+    seed: int = 0,
+) -> Scene:
+    """Simulate the six motions in equal shares, seen by ``cameras`` (default Human3.6M-like)."""
+    cameras = synthetic.human36m_like() if cameras is None else cameras
+    truth, model = _synthetic_poses(poses, seed), NOISES[noise] if isinstance(noise, str) else noise
+    seen = synthetic.simulate_detections(truth, cameras, noise=model, layout="h36m17", seed=seed)
+    return Scene(truth, seen, cameras, "h36m17", "synthetic motions, simulated detections")
 
 
 def rig(kind: str, n_views: int) -> sk.CameraRig:

@@ -3,8 +3,10 @@
     python benchmarks/sequences.py [--takes 12] [--views 4] [--fps 30] [--conditions good heavy] [--joints]
 
 Motions of the CMU motion capture in a Human3.6M-like room; the detections are simulated, with errors that
-last (`skelsplat.synthetic.memory`), and all methods get the same. Without `--confidence` the methods get no
-confidences: simulated ones know too well what is hidden.
+last (`skelsplat.synthetic.memory`), and all methods get the same. `--takes` is a spread sample of 92 takes
+(all), `--names` are these, such as 05_17, and `--frames` the middle part of longer ones. Conditions: good,
+occluded 2, occluded 3, heavy, swaps. Without `--confidence` the methods get no confidences: simulated ones
+know too well what is hidden.
 
 mean, median, p95: distance to the truth, mm, of the joints that at least two views detect; `answered` is the
 share of these with a position. acc: mean length of the error's second difference times fps², m/s². 1 σ, 2 σ,
@@ -15,48 +17,37 @@ the ends and middles of the limbs and the trunk, and of the joints that truly mo
 
 from __future__ import annotations
 
-import argparse
-import json
 import time
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 
-import _one_core  # noqa: F401  before numpy
-import common
+import lab
 import numpy as np
 import over_time
 import recordings
+from lab import Table
 from numpy.typing import NDArray
 from recordings import Take
 from scenarios import FloatArray
 
-from skelsplat.evaluation.over_time import CUTOFF_HZ, cutoff
+from skelsplat.evaluation.methods import CUTOFF_HZ, cutoff
 
 Masks = list[NDArray[np.bool_]]
 # The joints of a take that belong to the extremes: this share of all joints and frames.
 EXTREME = 0.01
+# Without the slow methods, and the oracle, which is none.
+USUAL = tuple(name for name in over_time.METHODS if not name.startswith(("anipose-", "oracle")))
 
 
 @dataclass
 class Errors:
-    """What a method did wrong in all takes of a condition, joint by joint.
+    """What a method did wrong in all takes of a condition, joint by joint."""
 
-    Attributes
-    ----------
-    distance : list of (T, N) mm
-        NaN where the joint is not judged or not answered.
-    acceleration : list of (T - 2, N) m/s²
-    mahalanobis : list of (T, N)
-        Only of methods with error bars.
-    asked, answered : int
-        Numbers of judged joints, and of these with a position.
-    seconds : float
-    """
-
-    distance: list[FloatArray] = field(default_factory=list)
-    acceleration: list[FloatArray] = field(default_factory=list)
-    mahalanobis: list[FloatArray] = field(default_factory=list)
-    asked: int = 0
-    answered: int = 0
+    distance: list[FloatArray] = field(default_factory=list)  # (T, N) mm; NaN if not judged or answered
+    acceleration: list[FloatArray] = field(default_factory=list)  # (T - 2, N) m/s²
+    mahalanobis: list[FloatArray] = field(default_factory=list)  # (T, N), only of methods with error bars
+    asked: int = 0  # judged joints
+    answered: int = 0  # of these with a position
     seconds: float = 0.0
 
     def add(self, take: Take, solved: over_time.Solved, seconds: float) -> None:
@@ -76,43 +67,36 @@ class Errors:
         self.answered += int(np.isfinite(error[..., 0]).sum())
         self.seconds += seconds
 
-    def summary(self, masks: Masks | None = None) -> dict[str, float | None]:
-        """Return the figures of the joints under masks (T, N), one per take; None where there are none."""
-        if masks is None:
-            masks = [np.ones(part.shape, dtype=bool) for part in self.distance]
-        distance = np.concatenate([part[mask] for part, mask in zip(self.distance, masks, strict=True)])
-        acceleration = np.concatenate(
-            [part[mask[1:-1]] for part, mask in zip(self.acceleration, masks, strict=True)]
-        )
-        figures: dict[str, float | None] = {
-            "mean_mm": float(np.nanmean(distance)),
-            "median_mm": float(np.nanmedian(distance)),
-            "p95_mm": float(np.nanpercentile(distance, 95)),
-            "acceleration_m_s2": float(np.nanmean(acceleration)),
+    def row(self, masks: Masks | None = None) -> dict[str, float | None]:
+        """Return the figures of the joints under masks (T, N), one per take; without any, of all."""
+        of = [np.ones(part.shape, dtype=bool) for part in self.distance] if masks is None else masks
+        distance = np.concatenate([part[mask] for part, mask in zip(self.distance, of, strict=True)])
+        second = [part[mask[1:-1]] for part, mask in zip(self.acceleration, of, strict=True)]
+        row: dict[str, float | None] = {
+            "mean mm": float(np.nanmean(distance)),
+            "median": float(np.nanmedian(distance)),
+            "p95": float(np.nanpercentile(distance, 95)),
+            "acc m/s²": float(np.nanmean(np.concatenate(second))),
         }
-        bars = [part[mask] for part, mask in zip(self.mahalanobis, masks, strict=False)]
+        bars = [part[mask] for part, mask in zip(self.mahalanobis, of, strict=False)]
         inside = np.concatenate(bars) if bars else np.array([])
         inside = inside[np.isfinite(inside)]
         for sigmas in (1, 2, 3):
-            figures[f"within_{sigmas}_sigma"] = float(np.mean(inside <= sigmas)) if len(inside) else None
-        return figures
-
-    def whole(self) -> dict[str, float | None]:
-        """Return the figures of all joints, the share answered and the time."""
-        n_frames = sum(len(part) for part in self.distance)
-        return {
-            **self.summary(),
-            "answered": self.answered / self.asked,
-            "ms_per_frame": 1000.0 * self.seconds / n_frames,
-        }
+            row[f"{sigmas} σ %"] = 100 * float(np.mean(inside <= sigmas)) if len(inside) else None
+        if masks is None:
+            row["answered %"] = 100 * self.answered / self.asked
+            row["ms/frame"] = 1000.0 * self.seconds / sum(len(part) for part in self.distance)
+        return row
 
 
 def measured(takes: list[Take], names: list[str]) -> dict[str, Errors]:
     """Run every method on every take; a first run of a few frames compiles and imports what it needs."""
     out = {}
+    first = takes[0].scene
+    few = replace(takes[0], scene=replace(first, truth=first.truth[:20], detections=first.detections[:20]))
     for name in names:
         method, errors = over_time.METHODS[name], Errors()
-        method(shortened(takes[0], 20))
+        method(few)
         for take in takes:
             begun = time.perf_counter()
             solved = method(take)
@@ -121,29 +105,12 @@ def measured(takes: list[Take], names: list[str]) -> dict[str, Errors]:
     return out
 
 
-def shortened(take: Take, n_frames: int) -> Take:
-    """Return the first frames of a take."""
-    scene = take.scene
-    return replace(
-        take, scene=replace(scene, truth=scene.truth[:n_frames], detections=scene.detections[:n_frames])
-    )
-
-
-def without_confidence(take: Take) -> Take:
-    """Return the take with confidence 1 for everything that is detected."""
-    detections = take.scene.detections.copy()
-    detections[..., 2] = np.where(take.scene.detected, 1.0, 0.0)
-    return replace(take, scene=replace(take.scene, detections=detections))
-
-
 def parts(takes: list[Take]) -> dict[str, Masks]:
     """Return the joints of each class, and those of the largest true speeds and accelerations, as masks."""
     shapes = [take.scene.truth.shape[:2] for take in takes]
     masks = {}
     for name, joints in over_time.joint_classes("h36m17").items():
-        masks[name] = [np.zeros(shape, dtype=bool) for shape in shapes]
-        for mask in masks[name]:
-            mask[:, joints] = True
+        masks[name] = [np.broadcast_to(np.isin(np.arange(shape[1]), joints), shape) for shape in shapes]
     for order, name in ((1, "fastest"), (2, "hardest")):
         motion = [
             np.pad(np.linalg.norm(np.diff(t.scene.truth, n=order, axis=0), axis=-1), ((1, order - 1), (0, 0)))
@@ -156,110 +123,54 @@ def parts(takes: list[Take]) -> dict[str, Masks]:
 
 def setbacks(results: dict[str, Errors], takes: list[Take]) -> list[str]:
     """Return a line per method on the takes in which it is worse than frame by frame, by its mean error."""
-    if "frames" not in results:
+    means = {name: np.array([np.nanmean(part) for part in found.distance]) for name, found in results.items()}
+    if "frames" not in means:
         return []
-    means = {
-        name: np.array([np.nanmean(part) for part in errors.distance]) for name, errors in results.items()
-    }
-    lines = []
-    for name in results:
-        if name == "frames":
-            continue
-        ratio = means[name] / means["frames"]
+    reference, lines = means.pop("frames"), []
+    for name, mean in means.items():
+        ratio = mean / reference
         worst = int(ratio.argmax())
         change = f"at worst {100 * (ratio[worst] - 1):+.0f} % ({takes[worst].name})"
         lines.append(f"{name}: worse than frames in {(ratio > 1).sum()} of {len(takes)} takes, {change}")
     return lines
 
 
-def cells(figures: dict[str, float | None]) -> list[str]:
-    """Return a row of the table: lengths and accelerations, coverages in per cent, share answered, time."""
-    row = [f"{figures[key]:.1f}" for key in ("mean_mm", "median_mm", "p95_mm", "acceleration_m_s2")]
-    shares = [figures[f"within_{sigmas}_sigma"] for sigmas in (1, 2, 3)]
-    row += ["–" if share is None else f"{100 * share:.1f}" for share in shares]
-    if "answered" in figures:
-        answered = figures["answered"]
-        assert answered is not None
-        row += [f"{100 * answered:.1f}", f"{figures['ms_per_frame']:.2g}"]
-    return row
-
-
-def options() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    known = recordings.CONDITIONS
-    parser.add_argument("--takes", type=int, metavar="K", help="a spread sample of the 92 takes (all)")
-    parser.add_argument("--names", nargs="+", metavar="TAKE", help="these takes, such as 05_17, instead")
-    parser.add_argument("--frames", type=int, metavar="F", help="the middle F frames of longer takes (all)")
-    parser.add_argument("--views", type=int, default=4, choices=(2, 3, 4, 8), help="cameras (4)")
-    parser.add_argument("--fps", type=int, default=30, choices=(10, 15, 30), help="frames per second (30)")
-    parser.add_argument("--conditions", nargs="+", choices=known, default=known[:4], help=f"{known[:4]}")
-    methods = list(over_time.METHODS)
-    usual = [name for name in methods if not name.startswith(("anipose-", "oracle"))]  # slow, and no method
-    parser.add_argument("--methods", nargs="+", choices=methods, default=usual, help=f"{methods}")
-    parser.add_argument("--confidence", action="store_true", help="let the methods use the confidences")
-    parser.add_argument("--joints", action="store_true", help="also a table per class of joints")
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--markdown", action="store_true", help="print Markdown")
-    parser.add_argument("--json", action="store_true", help="print JSON only")
-    return parser.parse_args()
-
-
-def show(condition: str, results: dict[str, Errors], takes: list[Take], chosen: argparse.Namespace) -> None:
-    """Print the tables of one condition."""
-    n_frames = sum(len(take.scene.truth) for take in takes)
-    columns = ["mean mm", "median", "p95", "acc m/s²", "1 σ %", "2 σ %", "3 σ %"]
-    title = f"{condition}: {chosen.views} views, {chosen.fps} Hz, {n_frames} frames, simulated detections"
-    rows = [[name, *cells(errors.whole())] for name, errors in results.items()]
-    common.show(title, ["", *columns, "answered %", "ms/frame"], rows, markdown=chosen.markdown)
-    print("\n".join([*setbacks(results, takes), ""]))
-    if chosen.joints:
-        rows = [
-            [f"{name}, {part}", *cells(errors.summary(masks))]
-            for part, masks in parts(takes).items()
-            for name, errors in results.items()
-        ]
-        common.show(f"{condition}, by joints", ["", *columns], rows, markdown=chosen.markdown)
-
-
-def main() -> None:
-    chosen = options()
-    notes = {name: over_time.absent(name) for name in chosen.methods}
-    names = [name for name, reason in notes.items() if reason is None]
-    report, worse = {}, {}
-    for condition in chosen.conditions:
-        takes = recordings.takes(
-            condition,
-            count=chosen.takes,
-            names=chosen.names,
-            n_views=chosen.views,
-            fps=chosen.fps,
-            seed=chosen.seed,
-            most_frames=chosen.frames,
+def sequences(
+    *,
+    takes: int | None = None,
+    names: tuple[str, ...] | None = None,
+    frames: int | None = None,
+    views: int = 4,
+    fps: int = 30,
+    conditions: tuple[str, ...] = recordings.CONDITIONS[:4],
+    methods: tuple[str, ...] = USUAL,
+    confidence: bool = False,
+    joints: bool = False,
+    seed: int = 0,
+) -> Iterator[Table | str]:
+    """Compare methods on recordings."""
+    absent = {name: reason for name in methods if (reason := over_time.absent(name))}
+    for condition in conditions:
+        found = recordings.takes(
+            condition, count=takes, names=names, n_views=views, fps=fps, seed=seed, most_frames=frames
         )
-        results = measured(takes if chosen.confidence else [without_confidence(t) for t in takes], names)
-        report[condition] = {
-            name: {
-                **errors.whole(),
-                "joints": {part: errors.summary(masks) for part, masks in parts(takes).items()},
+        given = found if confidence else [recordings.unsure(take) for take in found]
+        results = measured(given, [name for name in methods if name not in absent])
+        n_frames = sum(len(take.scene.truth) for take in found)
+        title = f"{condition}: {views} views, {fps} Hz, {n_frames} frames, simulated detections"
+        rows = {name: errors.row() for name, errors in results.items()}
+        yield Table.of(title, "method", rows, setbacks(results, given))
+        if joints:
+            by_part = {
+                f"{name}, {part}": errors.row(masks)
+                for part, masks in parts(given).items()
+                for name, errors in results.items()
             }
-            for name, errors in results.items()
-        }
-        worse[condition] = setbacks(results, takes)
-        if not chosen.json:
-            show(condition, results, takes, chosen)
-    absent = [f"without {name}: {reason}" for name, reason in notes.items() if reason is not None]
-    if cutoff(chosen.fps) < CUTOFF_HZ:
-        absent.append(f"Butterworth filter at {cutoff(chosen.fps):g} Hz: 6 Hz needs more frames")
-    if chosen.json:
-        machine = common.circumstances()
-        print(
-            json.dumps(
-                {"circumstances": machine, "notes": absent, "conditions": report, "setbacks": worse}, indent=2
-            )
-        )
-        return
-    print("\n".join([*absent, common.circumstances()]))
+            yield Table.of(f"{condition}, by joints", "method, joints", by_part)
+    yield from absent.values()
+    if cutoff(fps) < CUTOFF_HZ:
+        yield f"Butterworth filter at {cutoff(fps):g} Hz: 6 Hz needs more frames"
 
 
 if __name__ == "__main__":
-    main()
+    lab.main(__doc__, sequences)

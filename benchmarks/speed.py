@@ -8,13 +8,12 @@ Single poses: median of many calls from Python, one core.
 
 from __future__ import annotations
 
-import argparse
 import statistics
-import time
 from collections.abc import Callable, Iterable
 
-import _one_core  # noqa: F401  before numpy
-import common
+import lab
+from lab import ONE_THREAD, Table
+from scenarios import NOISES, Scene, simulated
 
 import skelsplat as sk
 from skelsplat import synthetic
@@ -26,65 +25,51 @@ _SINGLE_POSES = 300
 _WARM_UP = 10
 
 
-def batch_s(scene: common.Scene, threads: int, repeat: int) -> float:
+def batch_s(scene: Scene, threads: int, repeat: int) -> float:
     """Return the best time of refining all poses of a scene in one call, s."""
     config = sk.RefineConfig(n_threads=threads)
-    return common.seconds(
+    return lab.seconds(
         lambda: sk.refine(None, scene.detections, scene.rig, layout="h36m17", config=config), repeat
     )
 
 
 def median_us(call: Callable[[object], object], items: Iterable[object]) -> float:
     """Return the median time of ``call`` over the items after the first few, µs."""
-    times = []
-    for item in items:
-        begun = time.perf_counter()
-        call(item)
-        times.append(time.perf_counter() - begun)
+    times = [lab.seconds(lambda item=item: call(item), 1) for item in items]
     return 1e6 * statistics.median(times[_WARM_UP:] or times)
 
 
-def lines(batch: int, repeat: int) -> list[list[str]]:
-    """Measure everything: what, measured, wanted."""
-    room = common.simulated(batch)
+def speed(*, batch: int = 1000, repeat: int = 5) -> Table:
+    """Measure batches of so many poses, and single ones."""
+    room = simulated(batch)
     one, two = (batch_s(room, threads, repeat) for threads in (1, 2))
-    dome = {
-        views: batch_s(common.simulated(-(-batch // _DOME_SHARE), rig=synthetic.dome(views)), 1, repeat)
-        for views in (4, 31)
-    }
+    poses = -(-batch // _DOME_SHARE)
+    dome = {m: batch_s(simulated(poses, cameras=synthetic.dome(m)), 1, repeat) for m in (4, 31)}
     rig = room.rig
     walk = synthetic.motion("walk", min(batch, _SINGLE_POSES), seed=0)
-    frames = synthetic.simulate_detections(walk, rig, noise=common.NOISE["good"], seed=0)
-    config = sk.RefineConfig(n_threads=1)
-    refiner = sk.Refiner(rig, layout="h36m17", config=config)
-    single = median_us(lambda d: sk.refine(None, d, rig, layout="h36m17", config=config), frames)
-    step = median_us(refiner.step, frames)
-    live = median_us(sk.Refiner(rig, layout="h36m17", fps=30, config=config).step, frames)
-    return [
-        [f"batch of {batch}, 4 views, 1 core, per pose", f"{1e6 * one / batch:.1f} µs", "≤ 50 µs"],
-        ["the same on 2 cores, times the throughput", f"{one / two:.2f}", "≥ 1.8"],
-        ["31 views of a dome, times the time of 4", f"{dome[31] / dome[4]:.2f}", "≤ 9"],
-        ["one pose, sk.refine from Python", f"{single:.0f} µs", "≤ 150 µs"],
-        ["next frame, sk.Refiner.step from Python", f"{step:.0f} µs", "≤ 80 µs"],
-        ["the same with fps: the past predicts", f"{live:.0f} µs", "≤ 120 µs"],
-    ]
+    frames = synthetic.simulate_detections(walk, rig, noise=NOISES["good"], seed=0)
+    given = {"layout": "h36m17", "config": ONE_THREAD}
+    single = median_us(lambda seen: sk.refine(None, seen, rig, **given), frames)
+    step, live = (median_us(sk.Refiner(rig, fps=fps, **given).step, frames) for fps in (None, 30))
+    rows = {
+        f"batch of {batch}, 4 views, 1 core, per pose": (f"{1e6 * one / batch:.1f} µs", "≤ 50 µs"),
+        "the same on 2 cores, times the throughput": (f"{one / two:.2f}", "≥ 1.8"),
+        "31 views of a dome, times the time of 4": (f"{dome[31] / dome[4]:.2f}", "≤ 9"),
+        "one pose, sk.refine from Python": (f"{single:.0f} µs", "≤ 150 µs"),
+        "next frame, sk.Refiner.step from Python": (f"{step:.0f} µs", "≤ 80 µs"),
+        "the same with fps: the past predicts": (f"{live:.0f} µs", "≤ 120 µs"),
+    }
+    return wanted("Default settings, 17 joints, simulated detections 'good'", rows)
 
 
-def show(batch: int, repeat: int, *, markdown: bool) -> None:
-    """Measure and print the table."""
-    title = "Default settings, 17 joints, simulated detections 'good'"
-    common.show(title, ["what", "measured", "wanted"], lines(batch, repeat), markdown=markdown)
-
-
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    parser.add_argument("--batch", type=int, default=1000, help="poses of a batch (1000)")
-    parser.add_argument("--repeat", type=int, default=5, help="runs of which the best time counts (5)")
-    parser.add_argument("--markdown", action="store_true", help="print Markdown")
-    options = parser.parse_args()
-    show(options.batch, options.repeat, markdown=options.markdown)
-    print(common.circumstances())
+def wanted(title: str, rows: dict[str, tuple[str, str]]) -> Table:
+    """Return the table of figures and their targets."""
+    return Table.of(
+        title,
+        "what",
+        {name: dict(zip(("measured", "wanted"), row, strict=True)) for name, row in rows.items()},
+    )
 
 
 if __name__ == "__main__":
-    main()
+    lab.main(__doc__, speed)

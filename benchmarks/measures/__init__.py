@@ -1,1 +1,1 @@
-"""One measurement per file; `accuracy.py` runs them."""
+"""What `accuracy.py` measures."""

@@ -1,60 +1,59 @@
-"""Errors on MVOR: real detections of partly occluded people, three views."""
+"""MVOR, an operating room: real detections of partly occluded people, three views."""
 
 from __future__ import annotations
 
-from typing import Any
+from collections import Counter
 
 import numpy as np
-import report
+from lab import Table, about
 from methods import (
-    ALL_RANSACS,
     CAUCHY_SCALE_PX,
-    RANSACS,
     Fields,
-    available,
     cauchy,
     default,
     dlt,
+    missing,
     oracle_views,
     paper,
+    triangulations,
 )
-from scenarios import FloatArray, Scene
+from numpy.typing import NDArray
+from scenarios import FloatArray, Scene, Stills, mvor_stills
 from scenarios import mvor as mvor_scene
 
 import skelsplat as sk
+from skelsplat.evaluation.baselines import affinity
 
 GROSS_MM = 150.0
+GATE_MM = 500.0  # mean joint distance of an estimate from the person it is matched to
+NEAR_PX = 5.0  # joints of a detection may lie so far outside the box of its person
+INSIDE = 0.7  # share of a detection's joints that lie in the box of its person
+DETECTORS = ("openpose", "openpose_ms", "rtpose")
+
+Everybody = list[list[tuple[FloatArray, NDArray[np.int64] | None]]]
+"""Per frame the poses (17, 3) of people, and which detection of each view (3,) they are made of."""
 
 
-def mvor(*, detector: str = "openpose", fast: bool = False, fields: Fields | None = None) -> dict[str, Any]:
+def mvor(*, detector: str = "openpose", fast: bool = False, fields: Fields | None = None) -> Table:
     """Mean, median, 90th percentile and share of gross errors; `fast` omits methods that take seconds."""
     here = mvor_scene(detector)
-    columns: dict[str, Any] = {
-        "DLT": lambda: dlt(here),
-        "DLT conf.": lambda: dlt(here, weighted=True),
-        **{
-            name: lambda method=method: method(here)
-            for name, method in (RANSACS if fast else ALL_RANSACS).items()
-        },
-    }
+    found = {name: method(here) for name, method in triangulations(fast=fast).items()}
     if not fast:
-        columns["Cauchy"] = lambda: cauchy(here)
+        found["Cauchy"] = cauchy(here)
         for start, weighted in (("DLT", False), ("DLT conf.", True)):
             begin = dlt(here, weighted=weighted)
-            columns[f"paper, from {start}"] = lambda begin=begin: paper(here, begin).pose
-            columns[f"closed form, Adam, from {start}"] = lambda begin=begin: (
-                paper(here, begin, renderer="closed_form").pose
-            )
-    columns["default"] = lambda: default(here, fields=fields).pose
-    columns["oracle: DLT of the best views"] = lambda: oracle_views(here)
-    found, notes = available(columns)
-    rows = {name: _row(pose, here) for name, pose in found.items()}
-    notes += report.missing(found, here, "MVOR")
-    notes.append(f"Cauchy loss with a scale of {CAUCHY_SCALE_PX:g} px; labels are good to about ±50 mm")
+            found[f"paper, from {start}"] = paper(here, begin).pose
+            found[f"closed form, Adam, from {start}"] = paper(here, begin, renderer="closed_form").pose
+    found["default"] = default(here, fields=fields).pose
+    found["oracle: DLT of the best views"] = oracle_views(here)
     joints = int(np.isfinite(here.judged).all(axis=-1).sum())
-    return report.figures(
-        "MVOR, mm", "method", rows, notes, people=len(here.truth), joints=joints, source=here.source
-    )
+    notes = [
+        *missing(found, here, "MVOR"),
+        f"Cauchy loss with a scale of {CAUCHY_SCALE_PX:g} px; labels are good to about ±50 mm",
+        about(people=len(here.truth), joints=joints, source=here.source),
+    ]
+    rows = {name: _errors(pose, here) for name, pose in found.items()}
+    return Table.of("MVOR, mm", "method", rows, notes)
 
 
 def _gross(each: FloatArray) -> float:
@@ -63,7 +62,7 @@ def _gross(each: FloatArray) -> float:
     return float(100 * (known > GROSS_MM).mean())
 
 
-def _row(pose: FloatArray, here: Scene) -> dict[str, float]:
+def _errors(pose: FloatArray, here: Scene) -> dict[str, float]:
     each = sk.metrics.mpjpe(pose, here.judged, reduce="none")
     known = each[np.isfinite(each)]
     hip = np.array(["hip" in joint for joint in sk.layouts.get(here.layout).joints])
@@ -78,3 +77,120 @@ def _row(pose: FloatArray, here: Scene) -> dict[str, float]:
         "mean, 3 views": float(by_three.mean()),
         "median, 3 views": float(np.median(by_three)),
     }
+
+
+def mvor_people(*, fields: Fields | None = None) -> Table:
+    """Measure how many people are found on MVOR, still by still, and their errors with and without an oracle.
+
+    Precision counts who is near a labelled person. People without a label in space may still have boxes in
+    the images: "confirmed" also counts those of whom two views' detections lie in the boxes of one person;
+    "mixed" have detections of two people, and the rest has fewer than two detections in any box.
+    """
+    config = sk.RefineConfig(**(fields or {}))
+    rows, people = {}, {}
+    for detector in DETECTORS:
+        stills = mvor_stills(detector)
+        people[detector] = int(((stills.match >= 0).sum(axis=-1) >= 2).sum())
+        known = _oracle(stills, config)
+        rows[f"{detector}, track"] = _scores(stills, _tracked(stills, config), known)
+        found: Everybody = [
+            [(pose, None) for pose in frame] for frame in affinity.found(stills.people, stills.cameras)
+        ]
+        rows[f"{detector}, affinity"] = _scores(stills, found, known)
+    counted = ", ".join(f"{name} {n}" for name, n in people.items())
+    notes = [
+        f"recall: of labelled people whom two views detect ({counted}), within {GATE_MM:g} mm",
+        "mm: joints that two views detect of people found; oracle: the same joints, solved from the "
+        "detections that are theirs; labels are good to about ±50 mm",
+        about(stills=387, views=3),
+    ]
+    return Table.of("MVOR, several people", "detector, method", rows, notes)
+
+
+def _oracle(stills: Stills, config: sk.RefineConfig) -> FloatArray:
+    """Poses (7, F, 17, 3) of labelled people from their own detections: joints that two views detect."""
+    seen = (stills.match >= 0).sum(axis=-1) >= 2
+    frame, person = np.nonzero(seen)
+    chosen = stills.match[frame, person]
+    detections = stills.people[frame[:, None], np.arange(3), np.maximum(chosen, 0)]
+    detections[chosen < 0] = np.nan
+    out = np.full((*seen.shape, 17, 3), np.nan)
+    pose = sk.refine(None, detections, stills.cameras, layout="coco17", config=config).pose
+    pose[(detections[..., 2] > 0).sum(axis=1) < 2] = np.nan
+    out[seen] = pose
+    return out.swapaxes(0, 1)
+
+
+def _tracked(stills: Stills, config: sk.RefineConfig) -> Everybody:
+    """Run `sk.track` on every frame by itself."""
+    frames = [
+        sk.track(frame[None], stills.cameras, fps=1.0, layout="coco17", config=config)
+        for frame in stills.people
+    ]
+    return [[(one.refinement.pose[0], one.slots[0]) for one in frame] for frame in frames]
+
+
+def _scores(stills: Stills, found: Everybody, known: FloatArray) -> dict[str, float | int | None]:
+    tracks = [(k, [f], pose[None]) for f, frame in enumerate(found) for k, (pose, _) in enumerate(frame)]
+    truth = stills.truth.swapaxes(0, 1)
+    every = sk.metrics.track_scores(tracks, truth, gate_mm=GATE_MM)
+    optional = ((stills.match >= 0).sum(axis=-1) < 2).T
+    judged = sk.metrics.track_scores(tracks, truth, optional=optional, gate_mm=GATE_MM)
+    person, frame = np.nonzero((judged.matched >= 0) & ~optional)
+    own = np.array([found[f][k][0] for f, k in zip(frame, judged.matched[person, frame], strict=True)])
+    error, least = (
+        np.linalg.norm(pose - truth[person, frame], axis=-1) for pose in (own, known[person, frame])
+    )
+    both = np.isfinite(error) & np.isfinite(least)
+    kinds = _kinds(stills, found, every.matched)
+    total = sum(map(len, found))
+    confirmed = kinds["labelled"] + kinds["confirmed"]
+    return {
+        "people": total,
+        "recall %": 100 * judged.recall,
+        "precision %": 100 * every.precision,
+        "confirmed %": 100 * confirmed / total if kinds["confirmed"] else None,
+        "mixed %": 100 * kinds["mixed"] / total if kinds["confirmed"] else None,
+        "mean mm": float(error[both].mean()),
+        "oracle": float(least[both].mean()),
+        "median": float(np.median(error[both])),
+        "oracle ": float(np.median(least[both])),
+    }
+
+
+def _kinds(stills: Stills, found: Everybody, matched: NDArray[np.int64]) -> Counter[str]:
+    """Count the estimates that are near a labelled person, and of the others what their detections show."""
+    out: Counter[str] = Counter()
+    for f, frame in enumerate(found):
+        near = set(matched[:, f].tolist())
+        for k, (_, slots) in enumerate(frame):
+            if k in near:
+                out["labelled"] += 1
+            elif slots is not None:
+                whose = [_boxed(stills, f, view, slot) for view, slot in enumerate(slots) if slot >= 0]
+                counts = Counter(one for one in whose if one is not None).most_common()
+                twice = bool(counts) and counts[0][1] >= 2
+                out["confirmed" if twice else "mixed" if len(counts) > 1 else "open"] += 1
+    return out
+
+
+def _boxed(stills: Stills, frame: int, view: int, slot: int) -> int | None:
+    """Return the labelled person whose box contains most of a detection's joints; of several, the best."""
+    matched = np.flatnonzero(stills.match[frame, :, view] == slot)
+    if len(matched):
+        return int(matched[0])
+    joints = stills.people[frame, view, slot]
+    pixels = joints[joints[:, 2] > 0, :2]
+    low, high = stills.boxes[frame, view, :, None, :2], stills.boxes[frame, view, :, None, 2:]
+    inside = ((pixels >= low - NEAR_PX) & (pixels <= high + NEAR_PX)).all(axis=-1).mean(axis=-1)
+    extent = np.concatenate([pixels.min(axis=0), pixels.max(axis=0)])
+    fit = np.where(inside >= INSIDE, _overlap(stills.boxes[frame, view], extent), -1.0)
+    return int(fit.argmax()) if fit.max() > 0 else None
+
+
+def _overlap(boxes: FloatArray, box: FloatArray) -> FloatArray:
+    """Return intersection over union of boxes (G, 4) with one; 0 where there is none."""
+    sides = np.minimum(boxes[:, 2:], box[2:]) - np.maximum(boxes[:, :2], box[:2])
+    common = np.nan_to_num(np.maximum(sides, 0.0)).prod(axis=-1)
+    union = (boxes[:, 2:] - boxes[:, :2]).prod(axis=-1) + (box[2:] - box[:2]).prod() - common
+    return np.nan_to_num(common / union)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import scipy.linalg
 from numpy.typing import NDArray
-from opencv_dlt import opencv_dlt
+from peers import opencv_dlt
 
 import skelsplat as sk
 from skelsplat.evaluation import baselines

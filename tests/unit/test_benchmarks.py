@@ -1,50 +1,188 @@
-"""The benchmarks without a test of their own run; what they measure is not judged here."""
+"""The measuring programs run, on few poses; what they measure is judged where it is a claim."""
 
 from __future__ import annotations
 
+import inspect
+import json
 import subprocess
 import sys
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
+import accuracy
+import lab
+import numpy as np
 import pytest
+import recordings
+import scenarios
 
+from skelsplat import metrics, synthetic
+from skelsplat.evaluation.baselines import affinity
+from skelsplat.evaluation.tables import Table
 from sweeps import swept
 
 BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
+MEASURES = {measure.__name__: measure for measure in accuracy.MEASURES}
+FEW = 12
+ON_MVOR = pytest.mark.skipif(not scenarios.MVOR.is_file(), reason="needs ../shared/data/mvor")
+
+
+def run(name: str, *arguments: object, before: str = "") -> list[dict[str, dict[str, Any]]]:
+    """Run a program, and return its tables: cells by row and column."""
+    program = f"import runpy, sys; {before}sys.path.insert(0, {str(BENCHMARKS)!r}); "
+    program += f"runpy.run_path({str(BENCHMARKS / f'{name}.py')!r}, run_name='__main__')"
+    command = [sys.executable, "-c", program, *map(str, arguments), "--json"]
+    found = json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
+    assert "skelsplat" in found["circumstances"]
+    return [cells(table) for table in found["tables"]]
+
+
+def cells(table: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
+    heads = [column["header"] for column in table["columns"]]
+    return {row["name"]: dict(zip(heads, row["cells"], strict=True)) for row in table["rows"]}
+
+
+def measured(name: str, **options: Any) -> dict[str, dict[str, Any]]:
+    """Measure with those of the options that there are, and print at most 110 characters wide."""
+    known = inspect.signature(MEASURES[name]).parameters
+    table = MEASURES[name](**{option: value for option, value in options.items() if option in known})
+    assert isinstance(table, Table)
+    heads = [column.header for column in table.columns]
+    return {row.name: dict(zip(heads, row.cells, strict=True)) for row in table.rows}
+
+
+@pytest.mark.parametrize(
+    "name", ["angles", "table", "start", "bones", "coverage", "swaps", "useless", "sweep", "views"]
+)
+def test_every_measure_gives_a_table(name: str) -> None:
+    assert measured(name, poses=FEW, fast=True)
+
+
+def test_a_program_has_the_options_of_its_signature(capsys, monkeypatch) -> None:
+    monkeypatch.setattr(
+        sys, "argv", ["accuracy.py", "start", "--poses", "3", "--fast", "--set", "sigma_mm=25"]
+    )
+    lab.main(None, *accuracy.MEASURES)
+    lines = capsys.readouterr().out.splitlines()
+    assert max(map(len, lines)) <= 110
+    assert any("poses 3" in line for line in lines)
+    assert lines[-1] == "python accuracy.py start --poses 3 --fast --set sigma_mm=25"
+    texts = ["a=1", "b=0.5", "c=true", "d=none", "e=adam"]
+    assert dict(map(lab.parsed, texts)) == {"a": 1, "b": 0.5, "c": True, "d": None, "e": "adam"}
+
+
+@ON_MVOR
+def test_coverage_on_real_labels_counts_their_errors() -> None:
+    counted, exact = (measured("coverage_real", poses=FEW, label_sigma_mm=sigma) for sigma in (30.0, 0.0))
+    everywhere, alone = counted["MVOR, all"], exact["MVOR, all"]
+    for k in (1, 2, 3):
+        assert everywhere[f"error bar {k} σ"] > everywhere[f"scatter {k} σ"] > alone[f"scatter {k} σ"]
+
+
+@ON_MVOR
+def test_people_are_found_on_mvor() -> None:
+    rows = measured("mvor_people")
+    for detector in ("openpose", "openpose_ms", "rtpose"):
+        row = rows[f"{detector}, track"]
+        assert row["recall %"] > 94
+        assert row["precision %"] > 72
+        assert row["confirmed %"] > 82
+        assert row["mixed %"] < 8
+        assert row["mean mm"] < 1.05 * row["oracle"]
+
+
+def test_lower_frame_rates_show_the_same_motion_and_the_person_stays_in_view() -> None:
+    whole, third = (recordings.takes("good", count=3, fps=fps, seed=2) for fps in (30, 10))
+    for one, other in zip(whole, third, strict=True):
+        assert one.name == other.name
+        assert len(other.scene.truth) == -(-len(one.scene.truth) // 3)
+        assert one.scene.detected.mean() > 0.9
+        assert np.ptp(one.scene.truth[..., 2]) < 3000.0
+
+
+def test_breaks_of_the_capture_are_cut_out() -> None:
+    time = np.arange(100)[:, None, None] / 30.0
+    take = np.tile(1000.0 * time, (1, 17, 3))
+    take[0] += 500.0
+    take[40, 3] += 400.0
+    # The second differences that are too large hold frames 0 to 2 and 38 to 42.
+    np.testing.assert_array_equal(recordings.unbroken(take), take[43:])
+
+
+def test_recordings_are_compared() -> None:
+    longest = max(recordings.motions().items(), key=lambda take: len(take[1]))[0]
+    small = ["--names", longest, "--frames", "45", "--views", "3", "--fps", "15", "--joints"]
+    chosen = ["--methods", "frames", "butterworth", "kalman", "--conditions", "good"]
+    good, by_joints = run("sequences", *small, *chosen)
+    assert 5.0 < good["kalman"]["mean mm"] < good["frames"]["mean mm"] + 5.0 < 40.0
+    assert good["butterworth"]["acc m/s²"] < good["frames"]["acc m/s²"]
+    assert good["butterworth"]["1 σ %"] is None
+    for part in ("ends", "middle", "trunk", "fastest 1 %", "hardest 1 %"):
+        assert f"kalman, {part}" in by_joints
+
+
+def test_every_camera_of_the_sample_is_predicted_from_the_others() -> None:
+    _, corrected = run("leave_one_out")
+    assert len(corrected) == 12
+    for view in range(1, 5):
+        rows = [corrected[f"cam_0{view}, {name}"] for name in ("sequence", "frames")]
+        in_time, alone = (np.round([row["median"], row["90 %"]], 1) for row in rows)
+        assert (in_time <= alone).all()
+        assert (alone < [20.0, 40.0]).all()
+
+
+def test_people_are_compared() -> None:
+    small = ["--scenes", 1, "--seconds", 3, "--people", 2, "--views", 3, "--meetings", "cross"]
+    (found,) = run("people", *small, "--methods", "oracle", "affinity")
+    assert found["oracle"]["prec. %"] == found["oracle"]["rec. %"] == 100
+    assert found["affinity"]["rec. %"] > 80
+    assert found["oracle"]["mean mm"] < found["affinity"]["mean mm"]
+    (times,) = run("people_speed", "--frames", 12)
+    assert list(times) == ["1, 4", "3, 4", "4, 5", "6, 8"]
+
+
+def test_affinity_is_exact_on_exact_detections_and_finds_nobody_in_one_view() -> None:
+    rig, exact = synthetic.ring(4, radius_mm=4500.0), synthetic.DetectionNoise(sigma_px=0.0)
+    crowding = synthetic.Crowding.none()
+    scene = synthetic.simulate_scene(3, rig, n_frames=160, noise=exact, crowding=crowding, seed=2)
+    tracks = affinity.track(scene.people, scene.cameras, fps=scene.fps)
+    scores = metrics.track_scores(tracks, scene.truth, optional=scene.optional())
+    assert (scores.precision, scores.recall, scores.idf1, scores.identity_switches) == (1, 1, 1, 0)
+    assert scores.mpjpe_mm < 1e-3
+    alone = scene.people.copy()
+    alone[:, 1:] = np.nan
+    assert affinity.track(alone, rig, fps=30.0) == []
 
 
 @pytest.mark.parametrize("peers", ["sys.modules['aniposelib'] = None; ", swept("")])
 def test_the_comparison_runs(peers: str) -> None:
     """Without aniposelib, whose compilation takes longest, and with what is installed."""
-    small = ["--poses", "2", "--batch", "2", "--repeat", "1", "--takes", "1", "--frames", "30", "--markdown"]
-    program = f"import runpy, sys; {peers}sys.path.insert(0, {str(BENCHMARKS)!r}); runpy.run_path("
-    program += f"{str(BENCHMARKS / 'compare.py')!r}, run_name='__main__')"
-    command = [sys.executable, "-c", program, *small]
-    lines = subprocess.run(command, check=True, capture_output=True, text=True).stdout.splitlines()
-    rows = [line.split("|")[1].strip() for line in lines if line.startswith("|")]
-    single = ("DLT, NumPy", "RANSAC of Iskakov et al.", "Cauchy loss, SciPy", "SkelSplat, default")
-    in_time = ("+ Butterworth filter, 6 Hz", "+ Kalman smoother per joint", "SkelSplat, solved over time")
-    for name in (*single, *in_time):
-        assert name in rows
-    assert "nan" not in "\n".join(lines)
-    assert not [line for line in lines if "left out" in line and "aniposelib" not in line]
+    small = ["--poses", 2, "--batch", 2, "--repeat", 1, "--takes", 1, "--frames", 30]
+    single, in_time, speed = run("compare", *small, before=peers)
+    for name in ("DLT, NumPy", "RANSAC of Iskakov et al.", "Cauchy loss, SciPy", "SkelSplat, default"):
+        assert float(single[name]["mean mm"]) > 0
+    for name in ("+ Butterworth filter, 6 Hz", "+ Kalman smoother per joint", "SkelSplat, solved over time"):
+        assert in_time[name]["mean mm"] > 0
+    assert len(speed) == 6
 
 
 @pytest.mark.parametrize("people", [["--people", "2", "--views", "3"], swept([])])
 def test_the_live_benchmark_runs(people: list[str]) -> None:
-    small = ["--poses", "20", "--rate", "200", "--markdown", *people]
-    command = [sys.executable, str(BENCHMARKS / "live.py"), *small]
-    lines = subprocess.run(command, check=True, capture_output=True, text=True).stdout.splitlines()
-    rows = [line.split("|")[1].strip() for line in lines if line.startswith("|")]
-    assert "latency through both pipes, 99%" in rows
-    assert any("lines solved 70, malformed 0" in line for line in lines)
+    (found,) = run("live", "--poses", 20, "--rate", 200, *people)
+    assert "latency through both pipes, 99%" in found
 
 
-def test_the_benchmark_of_imports_runs() -> None:
-    command = [sys.executable, str(BENCHMARKS / "imports.py"), "--repeat", "1", "--markdown"]
-    run = subprocess.run(command, check=False, capture_output=True, text=True)
-    rows = [line.split("|")[1].strip() for line in run.stdout.splitlines() if line.startswith("|")]
-    assert "import skelsplat, after NumPy and OpenCV, median" in rows
-    assert any(row.startswith("of it skelsplat") for row in rows)
-    # a machine under load may be slower than the limit
-    assert run.returncode == 0 or "is above 150 ms" in run.stderr
+@pytest.mark.sweep
+@pytest.mark.parametrize(
+    ("name", "options"),
+    [
+        ("imports", ["--repeat", 1]),
+        ("choice", ["--frames", 5]),
+        ("rig", ["--takes", 1, "--views", 3, "--faults", "turn 3", "clocks 10"]),
+        ("rig_people", ["--takes", 1, "--faults", "turn 3"]),
+        ("scale_cli", ["--frames", 100]),
+    ],
+)
+def test_the_other_programs_run(name: str, options: list[object]) -> None:
+    assert all(run(name, *options))

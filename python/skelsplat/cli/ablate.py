@@ -17,11 +17,12 @@ from rich.text import Text
 from skelsplat import datasets
 from skelsplat.cli import options
 from skelsplat.cli.datasets import LENSES, InitSigma, Lens, Settings, reader_options
+from skelsplat.cli.evaluate import print_experiment
 from skelsplat.cli.findings import telling
 from skelsplat.cli.output import described, print_json
-from skelsplat.cli.table import in_parts, new_table, print_parts, print_table, wide_console
+from skelsplat.cli.table import new_table, print_table, wide_console
 from skelsplat.evaluation import ablations
-from skelsplat.evaluation.ablations import Choices, OnDisk, Simulated, Source
+from skelsplat.evaluation.ablations import Choices, OnDisk, Source
 from skelsplat.evaluation.methods import DEFAULT_INIT_SIGMA_MM
 from skelsplat.findings import Finding
 from skelsplat.run.folder import output_folder
@@ -31,7 +32,6 @@ _data, _method, _output = (
 )
 # Beyond so many settings they become rows.
 _MOST_COLUMNS = 6
-_STYLES = {"measured": "bold", "paper": "dim", "theory": "dim"}
 
 EPILOG = (
     "Without --data the data are simulated, which every table says; they are made in memory from the seed."
@@ -104,61 +104,38 @@ def ablate(
     )
     place = contextlib.nullcontext() if out is None else output_folder(out)
     with place, described("reading", shown=not quiet, time=TimeElapsedColumn()) as progress:
-        source: Source
-        if data is None:
-            if detections or setting:
-                raise typer.BadParameter(
-                    "expected a data set for --detections and --set, got none", param_hint="--data"
-                )
-            source = Simulated(choices, progress)
-        else:
+        on_disk = None
+        if data is not None:
             dataset = options.one_of("--data", data[0], datasets.names())
             settings = reader_options(setting or (), dataset)
-            source = OnDisk(choices, dataset, data[1], detections or (), settings, progress)
-        record = ablations.run(name, source, command=shlex.join(["skelsplat", *sys.argv[1:]]))
-    files = [] if out is None else ablations.write(out, record)
-    if files and files[-1].suffix != ".png":
+            on_disk = OnDisk(dataset, data[1], tuple(detections or ()), settings)
+        elif detections or setting:
+            expected = "expected a data set for --detections and --set, got none"
+            raise typer.BadParameter(expected, param_hint="--data")
+        command = shlex.join(["skelsplat", *sys.argv[1:]])
+        record = ablations.run(name, Source(choices, on_disk, progress), command=command)
+    report = record.report()
+    files = [] if out is None else report.write(out, name, f"{name}.png")
+    if files and not files[-1].endswith(".png"):
         telling(quiet=quiet)(Finding("no_figures", "note"))
     if as_json:
-        print_json(ablations.as_dict(record))
+        print_json(dict(report.values))
     elif not quiet:
         console = wide_console()
         _print_record(console, record)
         if files:
-            console.print(f"{out}: {', '.join(file.name for file in files)}")
+            console.print(f"{out}: {', '.join(files)}")
 
 
 def _print_record(console: Console, record: ablations.Record) -> None:
-    """Print tables, each with its source under it, claims and notes."""
+    """Print tables, each with its source under it, claims and notes.
+
+    The rows of a table are methods; or its columns, if there are too many settings for the width.
+    """
     for table in record.outcome.tables:
-        _print_figures(console, table)
+        print_experiment(console, table.turned() if len(table.columns) > _MOST_COLUMNS else table)
         console.print(record.line, style="yellow" if record.simulated else "")
         console.print()
-    _print_claims(console, record)
-    for note in (*record.notes, *record.sources):
-        console.print(f"· {note}", style="dim")
-
-
-def _print_figures(console: Console, table: ablations.Table) -> None:
-    """Print a table whose rows are methods; or its columns, if there are too many settings for the width."""
-    lines = [[ablations.cell(value, table.digits) for value in row.values] for row in table.rows]
-    styles = [_STYLES[row.origin] for row in table.rows]
-    heads, names = list(table.columns), [row.name for row in table.rows]
-    turned = len(heads) > _MOST_COLUMNS
-    if turned:
-        heads, names = [name.replace(", ", ",\n") for name in names], heads
-        lines = [list(line) for line in zip(*lines, strict=True)]
-
-    shown = new_table(f"{table.title} ({table.unit})", table.corner, heads)
-    for column, style in zip(shown.columns[1:], styles if turned else (), strict=False):
-        column.style = style
-    for k, (name, line) in enumerate(zip(names, lines, strict=True)):
-        shown.add_row(name, *line, style=None if turned else styles[k])
-    print_parts(console, len(heads), partial(in_parts, shown, 1))
-
-
-def _print_claims(console: Console, record: ablations.Record) -> None:
-    """Print what became of the paper's claims."""
     shown = new_table("Claims of the paper", "claim")
     shown.columns[0].overflow = "fold"
     for column in ("reported", "here", ""):
@@ -167,3 +144,5 @@ def _print_claims(console: Console, record: ablations.Record) -> None:
         outcome = Text(claim.verdict, "green" if claim.reproduced else "red")
         shown.add_row(claim.claim, claim.paper, claim.measured, outcome)
     print_table(console, shown)
+    for note in record.notes:
+        console.print(f"· {note}", style="dim")

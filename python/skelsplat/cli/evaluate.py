@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
@@ -24,8 +23,8 @@ from skelsplat.cli.output import described, print_json
 from skelsplat.cli.table import new_table, print_parts, wide_console
 from skelsplat.datasets import Dataset
 from skelsplat.datasets._registry import detections_option, options_of
-from skelsplat.evaluation import export, methods, people, people_tables, protocols, report, runs, tables
-from skelsplat.evaluation.protocols import Protocol
+from skelsplat.evaluation import methods, people, protocols, single
+from skelsplat.evaluation.report import Report
 from skelsplat.evaluation.tables import Table
 from skelsplat.exceptions import InvalidInputError
 from skelsplat.findings import Finding, collected_warnings
@@ -168,30 +167,62 @@ def evaluate(
         rules = protocols.get(data.name).with_options(n_views=views, every=every, counting=counting)
         folder = Path("skelsplat-evaluation") / data.name if out is None else out
         with output_folder(folder), described("evaluating", shown=not quiet) as bar:
-            run = _people if _of_people(names, data, start, counting) else _alone
-            result = run(data, names, chosen, rules, folder, partial(_heard, bar))
-    if "bars.png" not in result.files and run is _alone:
+
+            def hear(name: str, take: str, done: int, total: int) -> None:
+                bar(f"{name}, {take}", done, total)
+
+            found: people.PeopleEvaluation | single.Evaluation
+            if _of_people(names, data, start, counting):
+                picked = [] if names == ["all"] else names
+                found = people.evaluate(data, picked, chosen, protocol=rules, report=hear)
+            else:
+                kept = folder / "runs"
+                found = single.evaluate(data, names, chosen, protocol=rules, folder=kept, report=hear)
+            report = found.report()
+            files = report.write(folder)
+    shown = report.tables if per_joint else report.tables[: report.shown]
+    print_report(report, shown, f"{folder}/", files, quiet=quiet, as_json=as_json)
+
+
+def print_report(
+    report: Report, shown: Sequence[Table], place: str, files: Sequence[str], *, quiet: bool, as_json: bool
+) -> None:
+    """Print tables, what the columns of the first mean, and which files were written; or JSON."""
+    if files and report.draw is not None and not files[-1].endswith(".png"):
         telling(quiet=quiet)(Finding("no_figures", "note"))
     if as_json:
-        print_json(result.values)
+        print_json(dict(report.values))
     elif not quiet:
         console = wide_console()
-        _print_tables(console, [*result.tables, *result.per_joint] if per_joint else result.tables)
-        console.print(f"Wrote to {folder}/: {', '.join(result.files)}")
+        for table in shown:
+            print_experiment(console, table)
+        for note in shown[0].notes:
+            console.print(note, style="dim")
+        console.print(f"Wrote to {place}: {', '.join(files)}")
 
 
-@dataclass(frozen=True)
-class _Result:
-    """What is printed of an evaluation."""
-
-    files: list[str]
-    values: dict[str, Any]  # as JSON
-    tables: list[Table]  # the notes of the first come last
-    per_joint: list[Table]
+def print_experiment(console: Console, table: Table) -> None:
+    """Print a table in parts that fit, its best figures in bold, and reported ones apart."""
+    for one in table.by_figures():
+        print_parts(console, len(one.columns), partial(_parts, one))
 
 
-def _heard(bar: Callable[[str, int, int], object], method: str, take: str, done: int, total: int) -> None:
-    bar(f"{method}, {take}", done, total)
+def _parts(table: Table, size: int) -> list[Drawn]:
+    return list(map(_drawn, table.split(size)))
+
+
+def _drawn(table: Table) -> Drawn:
+    drawn = new_table(table.heading or None, table.first, [column.header for column in table.columns])
+    reported = False
+    for row in table.rows:
+        if row.origin != "measured" and not reported:
+            reported = True
+            drawn.add_section()
+            drawn.add_row(Text("reported:", style="dim"))
+        styles = ["bold" if table.is_best(row, k) else "" for k in range(len(table.columns))]
+        cells = [Text(table.text(row, k), style) for k, style in enumerate(styles)]
+        drawn.add_row(Text(escaped(row.label)), *cells, style="italic" if reported else "")
+    return drawn
 
 
 def _of_people(names: Sequence[str], data: Dataset, start: str | None, counting: str) -> bool:
@@ -205,38 +236,6 @@ def _of_people(names: Sequence[str], data: Dataset, start: str | None, counting:
     if several and (start is not None or counting != "all"):
         raise InvalidInputError("--start, --counting: expected with methods of one person only")
     return several
-
-
-def _people(
-    data: Dataset,
-    names: Sequence[str],
-    chosen: methods.Options,
-    rules: Protocol,
-    folder: Path,
-    hear: runs.Report,
-) -> _Result:
-    picked = [] if list(names) == ["all"] else names
-    found = people.evaluate(data, picked, chosen, protocol=rules, report=hear)
-    overall, *others = people_tables.all_tables(found)
-    written = people_tables.write(folder, found)
-    return _Result(written, people_tables.as_dict(found), [overall, others[0]], others[1:])
-
-
-def _alone(
-    data: Dataset,
-    names: Sequence[str],
-    chosen: methods.Options,
-    rules: Protocol,
-    folder: Path,
-    hear: runs.Report,
-) -> _Result:
-    found = report.evaluate(data, names, chosen, protocol=rules, folder=folder / "runs", report=hear)
-    shown = [tables.overall(found)]
-    if len(found.headers) > 1:
-        shown.append(tables.actions(found))
-        if rules.parts:
-            shown.append(tables.actions(found, "pcp"))
-    return _Result(export.write(folder, found), export.as_dict(found), shown, [tables.joints(found)])
 
 
 def _method_names(given: Sequence[str] | None) -> list[str]:
@@ -258,29 +257,3 @@ def _reader_options(
     if views is not None and "views" in known and dataset != "synthetic":  # there the protocol chooses
         found.setdefault("views", views)
     return found
-
-
-def _print_tables(console: Console, shown: Sequence[Table]) -> None:
-    """Print tables, then what the columns of the first mean."""
-    for table in (part for whole in shown for part in whole.by_figures()):
-        print_parts(console, len(table.columns), partial(_parts, table))
-    for note in shown[0].notes:
-        console.print(note, style="dim")
-
-
-def _parts(table: Table, size: int) -> list[Drawn]:
-    return [_drawn(part) for part in table.split(size)]
-
-
-def _drawn(table: Table) -> Drawn:
-    drawn = new_table(table.title or None, table.first, [column.header for column in table.columns])
-    reported = False
-    for row in table.rows:
-        if row.reported and not reported:
-            drawn.add_section()
-            drawn.add_row(Text("reported:", style="dim"))
-        reported = row.reported
-        styles = ["bold" if table.is_best(row, k) else "" for k in range(len(table.columns))]
-        cells = [Text(table.text(row, k), style) for k, style in enumerate(styles)]
-        drawn.add_row(Text(escaped(row.name)), *cells, style="italic" if reported else "")
-    return drawn

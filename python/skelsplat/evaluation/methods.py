@@ -14,18 +14,19 @@ import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
 from skelsplat import temporal
-from skelsplat._arrays import Array, positive
+from skelsplat._arrays import Array, Index, positive
 from skelsplat._refine import Progress, Refinement, refine
 from skelsplat._sequence import refine_sequence
 from skelsplat._skelsplat import Layout, RefineConfig, fuse_monocular, triangulate
 from skelsplat.cameras import CameraRig, without_distortion
 from skelsplat.datasets import Take
-from skelsplat.evaluation import baselines, over_time
+from skelsplat.evaluation import baselines
 from skelsplat.exceptions import DatasetError, one_of
 
 Settings = Mapping[str, Any]
@@ -142,17 +143,14 @@ def crop_scale(take: Take) -> Array:
     return np.where(known, sides / _CROP_PX, 1.0)
 
 
-def _by(run: Callable[[Array, CameraRig, Settings], Array]) -> Run:
-    """Return `run`, of detections, cameras and settings, as a method without layout and progress."""
-    return lambda take, _layout, settings, _progress: run(_detections(take), take.rig, settings)
+def _by(run: Callable[[Take, Settings], Array]) -> Run:
+    """Return `run`, of a take and settings, as a method without layout and progress."""
+    return lambda take, _layout, settings, _progress: run(take, settings)
 
 
-_DLT = _by(lambda seen, rig, given: baselines.dlt(seen, rig, confidence=given.get("confidence", False)))
-
-
-def _iskakov(take: Take, _: Layout, settings: Settings, __: Progress | None) -> Array:
-    scale = crop_scale(take)
-    return baselines.ransac_iskakov(_detections(take), take.rig, crop_scale=scale, seed=settings["seed"])
+_DLT = _by(
+    lambda take, given: baselines.dlt(_detections(take), take.rig, confidence=given.get("confidence", False))
+)
 
 
 def _fusion(take: Take, *_: object) -> Array:
@@ -163,6 +161,11 @@ def _fusion(take: Take, *_: object) -> Array:
 def _detections(take: Take) -> Array:
     assert take.detections is not None  # likewise
     return take.detections
+
+
+def _fps(take: Take) -> float:
+    assert take.fps is not None  # likewise
+    return take.fps
 
 
 def _refine(take: Take, layout: Layout, settings: Settings, progress: Progress | None) -> Array:
@@ -179,19 +182,50 @@ def _start(take: Take, settings: Settings) -> Array | None:
     return None if settings["start"] == "none" else starting_poses(take, settings["start"])
 
 
+# Methods over time work at the rate of a recording and never across a gap in its frames.
+
+CUTOFF_HZ = 6.0
+"""Of the Butterworth filter, or `_OF_NYQUIST` of half the frame rate if that is less."""
+
+_OF_NYQUIST = 0.8
+
+GAP_S = 0.5
+"""Longest gap of a joint that a straight line fills before the Butterworth filter."""
+
+DENSITY_MM2_S3 = 1e6
+"""Spectral density of the white acceleration of the Kalman smoother: on simulated recordings at 30 Hz, the
+lowest errors of arms and legs of 1e5, 3e5, 1e6, …, 1e8."""
+
+
+def stretches(frames: Index) -> list[slice]:
+    """Cut frames (T,) into runs of consecutive numbers."""
+    starts = [0, *(np.flatnonzero(np.diff(frames) != 1) + 1).tolist(), len(frames)]
+    return [slice(a, b) for a, b in pairwise(starts) if a < b]
+
+
+def cutoff(fps: float, wanted: float = CUTOFF_HZ) -> float:
+    """Return the cutoff of the Butterworth filter, Hz: as wanted, but below half the frame rate."""
+    return min(wanted, _OF_NYQUIST * fps / 2.0)
+
+
+def butterworth(pose: Array, fps: float, cutoff_hz: float = CUTOFF_HZ, gap_s: float = GAP_S) -> Array:
+    """Fill short gaps of joints, then run the zero-lag filter, on poses (T, N, 3) of consecutive frames."""
+    filled, _ = temporal.fill_gaps(pose, max(1, round(gap_s * fps)), method="linear")
+    return temporal.butterworth(filled, fps, cutoff(fps, cutoff_hz))[0]
+
+
 def _then(smooth: Callable[[Refinement, Take, Settings, slice], Array]) -> Run:
     """Return `annealed` on single frames, then `smooth` on each stretch of consecutive ones."""
 
     def run(take: Take, layout: Layout, settings: Settings, progress: Progress | None) -> Array:
         alone = _refinement(take, layout, settings, progress)
-        parts = [smooth(alone, take, settings, part) for part in over_time.stretches(take.frames)]
-        return np.concatenate(parts)
+        return np.concatenate([smooth(alone, take, settings, part) for part in stretches(take.frames)])
 
     return run
 
 
 def _butterworth(alone: Refinement, take: Take, settings: Settings, part: slice) -> Array:
-    return over_time.butterworth(alone.pose[part], _fps(take), settings["cutoff_hz"], settings["gap_s"])
+    return butterworth(alone.pose[part], _fps(take), settings["cutoff_hz"], settings["gap_s"])
 
 
 def _kalman(alone: Refinement, take: Take, settings: Settings, part: slice) -> Array:
@@ -210,12 +244,7 @@ def _in_time(take: Take, layout: Layout, settings: Settings, progress: Progress 
             _detections(part), part.rig, fps=_fps(part), layout=layout, init_pose=start, config=config
         ).pose
 
-    return np.concatenate([solved(take.select(part)) for part in over_time.stretches(take.frames)])
-
-
-def _fps(take: Take) -> float:
-    assert take.fps is not None  # Method.check has seen to it
-    return take.fps
+    return np.concatenate([solved(take.select(part)) for part in stretches(take.frames)])
 
 
 def starting_poses(take: Take, start: str) -> Array:
@@ -275,20 +304,31 @@ _ALL = (
         _DLT,
         lambda options: {**_lens(options), "confidence": True},
     ),
-    Method("ransac-iskakov", "RANSAC of Iskakov et al., with its Huber refinement", _iskakov, _drawn),
     Method(
-        "ransac-adafuse",
-        "RANSAC that AdaFuse is compared with",
-        _by(lambda seen, rig, given: baselines.ransac_adafuse(seen, rig, seed=given["seed"])),
+        "ransac-iskakov",
+        "RANSAC of Iskakov et al., with its Huber refinement",
+        _by(
+            lambda take, given: baselines.ransac_iskakov(
+                _detections(take), take.rig, crop_scale=crop_scale(take), seed=given["seed"]
+            )
+        ),
         _drawn,
     ),
     Method(
-        "ransac", "RANSAC of this package", _by(lambda seen, rig, _: triangulate(seen, rig, method="ransac"))
+        "ransac-adafuse",
+        "RANSAC that AdaFuse is compared with",
+        _by(lambda take, given: baselines.ransac_adafuse(_detections(take), take.rig, seed=given["seed"])),
+        _drawn,
+    ),
+    Method(
+        "ransac",
+        "RANSAC of this package",
+        _by(lambda take, _: triangulate(_detections(take), take.rig, method="ransac")),
     ),
     Method(
         "cauchy",
         "DLT, then the Cauchy loss of the reprojection residuals",
-        _by(lambda seen, rig, _: baselines.cauchy(seen, rig)),
+        _by(lambda take, _: baselines.cauchy(_detections(take), take.rig)),
     ),
     Method("fusion", "multi-view fusion of monocular 3D poses", _fusion, needs=("detections", "monocular")),
     Method("annealed", "default: closed form, annealed Gauss–Newton", _refine, _annealed),
@@ -296,7 +336,7 @@ _ALL = (
         "annealed-butterworth",
         "annealed, then a zero-lag Butterworth filter of 6 Hz",
         _then(_butterworth),
-        lambda options: {**_annealed(options), "cutoff_hz": over_time.CUTOFF_HZ, "gap_s": over_time.GAP_S},
+        lambda options: {**_annealed(options), "cutoff_hz": CUTOFF_HZ, "gap_s": GAP_S},
         over_time=True,
         package="scipy",
     ),
@@ -304,7 +344,7 @@ _ALL = (
         "annealed-kalman",
         "annealed, then a Kalman smoother per joint",
         _then(_kalman),
-        lambda options: {**_annealed(options), "density_mm2_s3": over_time.DENSITY_MM2_S3},
+        lambda options: {**_annealed(options), "density_mm2_s3": DENSITY_MM2_S3},
         over_time=True,
     ),
     Method("over-time", "all frames of a recording in one solve", _in_time, _annealed, over_time=True),

@@ -117,6 +117,7 @@ class Tally:
                 if n:
                     row = np.array([n, hit.sum(), one.scores.error_mm[q, hit].sum(), n * pcp[q]])
                     totals.setdefault(name, []).append(row)
+        sums = {name: np.sum(rows, axis=0).tolist() for name, rows in totals.items()}
         return {
             name: {
                 "person_frames": n,
@@ -124,9 +125,7 @@ class Tally:
                 "mean_mm": share(error, hits),
                 "pcp": parts / n,
             }
-            for name, (n, hits, error, parts) in (
-                (name, np.sum(rows, axis=0).tolist()) for name, rows in totals.items()
-            )
+            for name, (n, hits, error, parts) in sums.items()
         }
 
     def _change(self, reference: Tally, keys: Sequence[str]) -> float:

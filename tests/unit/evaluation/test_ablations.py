@@ -18,7 +18,7 @@ from skelsplat.cli import app
 from skelsplat.datasets import Dataset
 from skelsplat.datasets.synthetic import write_simulated
 from skelsplat.evaluation import ablations, protocols
-from skelsplat.evaluation.ablations import Choices, Simulated, Source, _source
+from skelsplat.evaluation.ablations import Choices, Source, _source
 from skelsplat.evaluation.ablations._sample import Errors, difference, errors_of, sample
 from skelsplat.evaluation.reported import reported
 from writers import human36m as human36m_files
@@ -59,8 +59,8 @@ def human36m(detector: str = "good") -> Dataset:
 
 def whole(lines: list[str], table: dict[str, Any]) -> bool:
     """Whether each name of a row stands on one line with figures, and no word in the heads is broken."""
-    names = [", ".join(part for part in (row["method"], row["data"]) if part) for row in table["rows"]]
-    first, heads = names, table["columns"]
+    names = [", ".join(part for part in (row["name"], row["data"]) if part) for row in table["rows"]]
+    first, heads = names, [column["header"] for column in table["columns"]]
     if len(heads) > 6:  # then the rows of the record are columns
         first, heads = heads, names
     words = {word for line in lines for word in line.split()}
@@ -112,9 +112,9 @@ def test_every_ablation_runs_prints_the_papers_row_and_writes_its_files(name: st
     label = ablations.get(name).labels[0]
     published = {v for row in reported(label) for v in row.values if v is not None}
     rows = [row for table in written["tables"] for row in table["rows"]]
-    shown = {v for row in rows if row["origin"] == "paper" for v in row["values"]}
+    shown = {v for row in rows if row["origin"] == "reported" for v in row["cells"]}
     assert len(published & shown) >= min(3, len(published))
-    assert any(row["origin"] == "measured" and row["values"][0] for row in rows)
+    assert any(row["origin"] == "measured" and row["cells"][0] for row in rows)
 
 
 def test_csv_holds_every_figure_with_all_digits(tmp_path: Path) -> None:
@@ -124,8 +124,10 @@ def test_csv_holds_every_figure_with_all_digits(tmp_path: Path) -> None:
     table = json.loads((tmp_path / "noise.json").read_text(encoding="utf-8"))["tables"][0]
     by_row = {(r["method"], r["data"], r["column"]): r["value"] for r in rows}
     for row in table["rows"]:
-        for column, value in zip(table["columns"], row["values"], strict=True):
-            assert by_row[row["method"], row["data"], column] == ("" if value is None else repr(value))
+        for column, value in zip(table["columns"], row["cells"], strict=True):
+            assert by_row[row["name"], row["data"], column["header"]] == (
+                "" if value is None else repr(value)
+            )
 
 
 def test_a_folder_that_cannot_be_written_is_refused_before_the_work(tmp_path, monkeypatch):
@@ -138,8 +140,8 @@ def test_a_folder_that_cannot_be_written_is_refused_before_the_work(tmp_path, mo
 
 def test_same_seed_gives_the_same_figures_and_another_does_not() -> None:
     def figures(seed: int) -> list[tuple[float | None, ...]]:
-        record = ablations.run("noise", Simulated(Choices(poses=2, seed=seed)))
-        return [row.values for row in record.outcome.tables[0].rows]
+        record = ablations.run("noise", Source(Choices(poses=2, seed=seed)))
+        return [row.cells for row in record.outcome.tables[0].rows]
 
     assert figures(1) == figures(1)
     assert figures(1)[0] != figures(2)[0]
@@ -169,11 +171,11 @@ def test_without_monocular_poses_the_start_is_dlt_and_says_so(monkeypatch: pytes
         return dataset
 
     monkeypatch.setattr(_source, "simulated", bare)
-    source = Simulated(Choices(poses=2))
+    source = Source(Choices(poses=2))
     ablations.run("accumulation", source)
     assert any("no monocular poses" in note for note in source.notes)
     with pytest.raises(sk.InvalidInputError, match="start: expected monocular poses"):
-        ablations.run("accumulation", Simulated(Choices(poses=2, start="fusion")))
+        ablations.run("accumulation", Source(Choices(poses=2, start="fusion")))
 
 
 @pytest.mark.parametrize(
@@ -250,4 +252,4 @@ def test_a_dome_on_disk_is_taken_with_all_its_cameras(tmp_path: Path) -> None:
     panoptic_files.write(tmp_path / "set", n_frames=3)
     run("views", "--data", "panoptic", tmp_path / "set", "--poses", 2, "-o", tmp_path / "out")
     table = json.loads((tmp_path / "out" / "views.json").read_text(encoding="utf-8"))["tables"][0]
-    assert all(value is not None for row in table["rows"] for value in row["values"])
+    assert all(value is not None for row in table["rows"] for value in row["cells"])

@@ -15,7 +15,7 @@ from typer.testing import CliRunner
 from skelsplat import layouts, synthetic
 from skelsplat.cli import app
 from skelsplat.datasets.synthetic import write_simulated
-from skelsplat.evaluation.report import Published
+from skelsplat.evaluation.published import Published
 from skelsplat.evaluation.reported import reported
 from sweeps import swept
 

@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 
 from skelsplat import datasets
 from skelsplat.cli import app
-from skelsplat.evaluation import methods, protocols, report
+from skelsplat.evaluation import methods, protocols, single
 from writers import human36m, occlusion_person, panoptic, shelf_campus
 
 # With noise of 1.5 px or less on the detections, no triangulation is further off.
@@ -87,7 +87,7 @@ def test_the_rate_of_a_data_set_decides_whether_methods_over_time_run(case: str,
     data = datasets.read(name, tmp_path)
     assert {take.fps for take in data} == {RATES[case]}
     cases = protocols.get(name).cases(data)
-    picked = {method.name for method in report.select([], cases, methods.Options())}
+    picked = {method.name for method in single.select([], cases, methods.Options())}
     consecutive = all((np.diff(take.frames) == 1).any() for take in data)
     assert (
         ("over-time" in picked) == ("annealed-kalman" in picked) == (RATES[case] is not None and consecutive)

@@ -20,7 +20,7 @@ from skelsplat import synthetic
 from skelsplat.cli import app
 from skelsplat.datasets import Dataset
 from skelsplat.datasets.synthetic import write_simulated
-from skelsplat.evaluation import export, methods, protocols, report, runs
+from skelsplat.evaluation import methods, protocols, runs, single
 from sweeps import swept
 
 DATA = takes.simulated(3)
@@ -202,13 +202,13 @@ def test_two_takes_whose_names_look_alike_are_kept_apart(tmp_path: Path) -> None
 def test_what_is_lacking_is_known_before_any_work(tmp_path: Path) -> None:
     lacking = replace(DATA, takes=(DATA.takes[0], replace(DATA.takes[1], monocular=None)))
     with pytest.raises(Exception, match="S11/Walking: monocular: expected monocular 3D poses"):
-        report.evaluate(lacking, ["dlt", "fusion"], folder=tmp_path)
+        single.evaluate(lacking, ["dlt", "fusion"], folder=tmp_path)
     assert files(tmp_path) == []
 
 
 def test_progress_counts_poses_of_all_methods(tmp_path: Path) -> None:
     heard = []
-    report.evaluate(DATA, ["dlt", "ransac"], folder=tmp_path, report=lambda *call: heard.append(call))
+    single.evaluate(DATA, ["dlt", "ransac"], folder=tmp_path, report=lambda *call: heard.append(call))
     assert heard[0] == ("dlt", "S9/Directions 1", 0, 12)
     assert heard[-1] == ("ransac", "S11/Walking", 12, 12)
     assert [call[2] for call in heard] == sorted(call[2] for call in heard)
@@ -264,8 +264,8 @@ def test_a_stopped_evaluation_goes_on(
 
 
 def test_the_times_of_a_resumed_evaluation_are_those_of_the_first(tmp_path: Path) -> None:
-    first, again = (report.evaluate(DATA, ["dlt", "annealed"], folder=tmp_path) for _ in range(2))
-    assert export.to_csv(first) == export.to_csv(again)
+    first, again = (single.evaluate(DATA, ["dlt", "annealed"], folder=tmp_path) for _ in range(2))
+    assert first.report().csv() == again.report().csv()
 
 
 def test_over_time_all_frames_are_solved_and_those_that_count_are_kept(tmp_path: Path) -> None:

@@ -12,7 +12,7 @@ import pytest
 import skelsplat as sk
 import takes
 from skelsplat.datasets import Dataset
-from skelsplat.evaluation import export, methods, protocols, report, tables
+from skelsplat.evaluation import methods, protocols, single
 from skelsplat.evaluation.tables import Column, Row, Table
 
 OVER_TIME = ["annealed-butterworth", "annealed-kalman", "over-time"]
@@ -21,8 +21,8 @@ DATA = takes.simulated(4, keys=("S9/Walking", "S9/Greeting", "S11/Directions 1")
 
 
 @pytest.fixture(scope="module")
-def evaluation() -> report.Evaluation:
-    return report.evaluate(DATA, NAMES)
+def evaluation() -> single.Evaluation:
+    return single.evaluate(DATA, NAMES)
 
 
 def by_hand() -> Table:
@@ -31,7 +31,7 @@ def by_hand() -> Table:
         Row("a", (1.04, 3.0, "x|y")),
         Row("b", (1.01, None, "z")),
         Row("c", (2.0, 1.0, "z")),
-        Row("d", (0.1, None, None), reported=True),
+        Row("d", (0.1, None, None), "reported"),
     )
     return Table("Title", "method", columns, rows, ("A note.",))
 
@@ -69,22 +69,22 @@ def test_reported_rows_that_lack_figures_become_a_table_of_their_own() -> None:
     assert reported.by_figures() == [reported]
 
 
-def test_the_overall_table_has_what_was_measured_and_what_was_reported(evaluation: report.Evaluation) -> None:
-    table = tables.overall(evaluation)
-    assert [row.name for row in table.rows if not row.reported] == NAMES
+def test_the_overall_table_has_what_was_measured_and_what_was_reported(evaluation: single.Evaluation) -> None:
+    table = single.overall(evaluation)
+    assert [row.name for row in table.rows if row.origin == "measured"] == NAMES
     assert [column.header for column in table.columns] == [
         *("abs", "95 % CI", "rel", "PA", "median", "PCK 50", "PCK 100", "PCK 150", "missing", "ms/pose")
     ]
     dlt = evaluation.scores[0]
     assert table.rows[0].cells[0] == dlt.absolute.mean
     assert table.rows[0].cells[1] == f"{dlt.absolute.low:.1f}–{dlt.absolute.high:.1f}"
-    reported = {row.name: row.cells[0] for row in table.rows if row.reported}
+    reported = {row.name: row.cells[0] for row in table.rows if row.origin != "measured"}
     assert reported["SkelSplat (metrabs)"] == 26.7
     assert reported["Iskakov et al. - Vol"] == 17.7
 
 
-def test_the_notes_say_that_the_data_are_simulated(evaluation: report.Evaluation) -> None:
-    text = "\n".join(tables.overall(evaluation).notes)
+def test_the_notes_say_that_the_data_are_simulated(evaluation: single.Evaluation) -> None:
+    text = "\n".join(single.overall(evaluation).notes)
     assert "Data: simulated for tests; no image was seen." in text
     assert "not measured here, on the real data set" in text
     assert "Poses: 8 absolute, 12 relative (the published evaluation has 2107 and 2181)." in text
@@ -93,12 +93,12 @@ def test_the_notes_say_that_the_data_are_simulated(evaluation: report.Evaluation
 
 
 def test_the_lens_that_is_ignored_is_said_to_be() -> None:
-    found = report.evaluate(DATA, ["dlt"], methods.Options(undistort=False))
-    assert any("ignored, as the paper does" in note for note in tables.notes(found))
+    found = single.evaluate(DATA, ["dlt"], methods.Options(undistort=False))
+    assert any("ignored, as the paper does" in note for note in single.notes(found))
 
 
-def test_actions_are_in_the_paper_s_order_beside_its_rows(evaluation: report.Evaluation) -> None:
-    table = tables.actions(evaluation)
+def test_actions_are_in_the_paper_s_order_beside_its_rows(evaluation: single.Evaluation) -> None:
+    table = single.actions(evaluation)
     assert [column.header for column in table.columns] == ["Dir.", "Greet", "Walk", "Avg"]
     dlt = evaluation.scores[0]
     assert table.rows[0].cells[0] == dlt.columns["Directions"].absolute
@@ -106,13 +106,13 @@ def test_actions_are_in_the_paper_s_order_beside_its_rows(evaluation: report.Eva
     assert table.text(table.rows[0], 1) == "–"  # S9 Greeting does not count here
     metrabs = next(row for row in table.rows if row.name == "SkelSplat (metrabs)")
     assert metrabs.cells == (24.4, 25.0, 28.1, 26.7)
-    relative = tables.actions(evaluation, "relative")
-    assert not any(row.reported for row in relative.rows)
+    relative = single.actions(evaluation, "relative")
+    assert not any(row.origin != "measured" for row in relative.rows)
     assert relative.rows[0].cells[1] == dlt.columns["Greeting"].relative
 
 
-def test_joints_are_rows(evaluation: report.Evaluation) -> None:
-    table = tables.joints(evaluation)
+def test_joints_are_rows(evaluation: single.Evaluation) -> None:
+    table = single.joints(evaluation)
     assert [row.name for row in table.rows] == list(sk.layouts.H36M17.joints)
     assert [column.header for column in table.columns] == NAMES
 
@@ -140,12 +140,12 @@ def test_the_published_figures_are_those_of_the_same_setting(name, n_views, row,
         for r in data.recordings[:2]
     )
     rules = protocols.get(name).with_options(n_views=n_views)
-    found = report.evaluate(Dataset(name, data.layout, made), ["dlt"], protocol=rules)
-    reported = {r.name: r.cells[0] for r in tables.overall(found).rows if r.reported}
+    found = single.evaluate(Dataset(name, data.layout, made), ["dlt"], protocol=rules)
+    reported = {r.name: r.cells[0] for r in single.overall(found).rows if r.origin != "measured"}
     assert reported[row] == value
 
 
-def shelf() -> report.Evaluation:
+def shelf() -> single.Evaluation:
     made = tuple(
         takes.hand_made(f"S0/actor{k}", frames=range(300, 303), n_joints=14, action=f"actor{k}")
         for k in range(2)
@@ -159,26 +159,26 @@ def shelf() -> report.Evaluation:
         )
         for take in made
     )
-    return report.evaluate(Dataset("shelf", sk.layouts.SHELF14, seen), ["dlt", "ransac"])
+    return single.evaluate(Dataset("shelf", sk.layouts.SHELF14, seen), ["dlt", "ransac"])
 
 
 def test_shelf_has_pcp_per_actor() -> None:
     found = shelf()
-    table = tables.overall(found)
+    table = single.overall(found)
     headers = [column.header for column in table.columns]
     assert "PCP" in headers
     assert table.rows[0].cells[headers.index("PCP")] == 100 * found.scores[0].pcp
     mvpose = table.rows[-1]
     assert (mvpose.name, mvpose.cells[0], mvpose.cells[headers.index("PCP")]) == ("MVPose", 55.3, 95.82)
-    actors = tables.actions(found, "pcp")
+    actors = single.actions(found, "pcp")
     assert [column.header for column in actors.columns] == ["Actor 0", "Actor 1", "Avg"]
     assert actors.title.endswith("PCP, %, per actor")
-    line = export.to_csv(found).splitlines()[-1].split(",")
-    assert dict(zip(export.CSV_FIELDS, line, strict=True))["pcp"] == "0.9582"
+    line = found.report().csv().splitlines()[-1].split(",")
+    assert dict(zip(single.CSV_FIELDS, line, strict=True))["pcp"] == "0.9582"
 
 
-def test_csv_has_a_line_per_method_and_group(evaluation: report.Evaluation) -> None:
-    lines = list(csv.DictReader(io.StringIO(export.to_csv(evaluation))))
+def test_csv_has_a_line_per_method_and_group(evaluation: single.Evaluation) -> None:
+    lines = list(csv.DictReader(io.StringIO(evaluation.report().csv())))
     own = [line for line in lines if line["reported"] == "0"]
     assert len(own) == 3 * (1 + 3 + 17)
     dlt = own[0]
@@ -193,11 +193,11 @@ def test_csv_has_a_line_per_method_and_group(evaluation: report.Evaluation) -> N
     }
 
 
-def test_json_has_settings_and_no_nan(evaluation: report.Evaluation) -> None:
+def test_json_has_settings_and_no_nan(evaluation: single.Evaluation) -> None:
     def refuse(constant: str) -> None:
         raise AssertionError(constant)
 
-    content = json.loads(export.to_json(evaluation), parse_constant=refuse)
+    content = json.loads(evaluation.report().json(), parse_constant=refuse)
     assert content["dataset"]["simulated"] is True
     assert content["protocol"]["undistort"] is True
     assert content["settings"]["annealed"]["config"]["method"] == "annealed"
@@ -206,8 +206,8 @@ def test_json_has_settings_and_no_nan(evaluation: report.Evaluation) -> None:
     assert content["reported"]["label"] == "tab:h36m"
 
 
-def test_markdown_has_every_table(evaluation: report.Evaluation) -> None:
-    text = export.markdown(evaluation)
+def test_markdown_has_every_table(evaluation: single.Evaluation) -> None:
+    text = evaluation.report().markdown()
     for title in ("Absolute MPJPE, mm, per action", "Root-relative MPJPE, mm, per joint", "PA-MPJPE"):
         assert title in text
     assert "| *SkelSplat (resnet152)* | 20.3 |" in text
@@ -215,26 +215,26 @@ def test_markdown_has_every_table(evaluation: report.Evaluation) -> None:
 
 def test_without_names_everything_runs_that_the_data_allow(monkeypatch: pytest.MonkeyPatch) -> None:
     blind = replace(DATA, takes=tuple(replace(take, monocular=None) for take in DATA))
-    found = [s.method for s in report.evaluate(blind).scores]
+    found = [s.method for s in single.evaluate(blind).scores]
     lacking = {"fusion", "annealed-prior", "paper", *OVER_TIME}
     assert found == [name for name in methods.names if name not in lacking]
     recording, rules = takes.recording(), protocols.get(DATA.name)
-    assert set(OVER_TIME) < {s.method for s in report.evaluate(recording).scores}
-    monkeypatch.setattr(report, "find_spec", lambda name: None if name == "scipy" else name)
-    without = {method.name for method in report.select([], rules.cases(recording), methods.Options())}
+    assert set(OVER_TIME) < {s.method for s in single.evaluate(recording).scores}
+    monkeypatch.setattr(single, "find_spec", lambda name: None if name == "scipy" else name)
+    without = {method.name for method in single.select([], rules.cases(recording), methods.Options())}
     assert without & set(OVER_TIME) == {"annealed-kalman", "over-time"}
     monkeypatch.undo()
-    with_paper = report.select(["all"], [], methods.Options())
+    with_paper = single.select(["all"], [], methods.Options())
     assert [method.name for method in with_paper] == list(methods.names)
-    alone = {method.name for method in report.select(["all"], rules.cases(DATA), methods.Options())}
+    alone = {method.name for method in single.select(["all"], rules.cases(DATA), methods.Options())}
     assert alone == set(methods.names) - set(OVER_TIME)
     with pytest.raises(sk.InvalidInputError, match="methods: expected takes with detections"):
-        report.evaluate(replace(blind, takes=tuple(replace(t, detections=None) for t in blind)))
+        single.evaluate(replace(blind, takes=tuple(replace(t, detections=None) for t in blind)))
 
 
 def test_the_paper_s_presets_start_by_fusion_where_the_paper_does_and_the_data_can() -> None:
-    found = report.evaluate(DATA, ["paper-closed-form"])
+    found = single.evaluate(DATA, ["paper-closed-form"])
     assert found.settings["paper-closed-form"]["start"] == "fusion"
     blind = replace(DATA, takes=tuple(replace(take, monocular=None) for take in DATA))
-    found = report.evaluate(blind, ["paper-closed-form"])
+    found = single.evaluate(blind, ["paper-closed-form"])
     assert found.settings["paper-closed-form"]["start"] == "dlt"

@@ -4,26 +4,12 @@ Every setting of an ablation is measured on the same poses with the same detecti
 differences between settings are paired.
 
 >>> from skelsplat.evaluation import ablations
->>> record = ablations.run("noise", ablations.Simulated(ablations.Choices(poses=50)))      # doctest: +SKIP
+>>> record = ablations.run("noise", ablations.Source(ablations.Choices(poses=50)))         # doctest: +SKIP
 >>> [(claim.claim, claim.verdict) for claim in record.outcome.claims]                      # doctest: +SKIP
 """
 
-from skelsplat.evaluation.ablations._source import Choices, OnDisk, Simulated, Source
-from skelsplat.evaluation.ablations._sweep import Table
+from skelsplat.evaluation.ablations._record import Record, run
+from skelsplat.evaluation.ablations._source import Choices, OnDisk, Source
 from skelsplat.evaluation.ablations._table import get, names
-from skelsplat.evaluation.ablations._write import Record, as_dict, cell, run, write
 
-__all__ = [
-    "Choices",
-    "OnDisk",
-    "Record",
-    "Simulated",
-    "Source",
-    "Table",
-    "as_dict",
-    "cell",
-    "get",
-    "names",
-    "run",
-    "write",
-]
+__all__ = ["Choices", "OnDisk", "Record", "Source", "get", "names", "run"]

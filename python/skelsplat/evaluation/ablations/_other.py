@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -12,16 +13,9 @@ from skelsplat import Refinement, metrics
 from skelsplat._arrays import Array
 from skelsplat.evaluation.ablations._sample import Errors, Sample, Start, difference, errors_of
 from skelsplat.evaluation.ablations._source import ANNEALED, PAPER, Source
-from skelsplat.evaluation.ablations._sweep import (
-    IN_THE_TEXT,
-    Claim,
-    Outcome,
-    Row,
-    Table,
-    quote,
-    reported_rows,
-)
+from skelsplat.evaluation.ablations._sweep import IN_THE_TEXT, Claim, Outcome, quote, reported_rows
 from skelsplat.evaluation.reported import reported
+from skelsplat.evaluation.tables import Column, Row, Table
 
 INITIALISATION, COVERAGE = "tab:abl-initial-guess", "text:coverage"
 _STARTS: dict[Start, str] = {"dlt": "Triangulation", "fusion": "3D fusion"}
@@ -41,15 +35,16 @@ def initialisation(source: Source) -> Outcome:
         found = {kind: _started(source, sample, kind) for kind in kinds}
         for kind, by in found.items():
             cells = tuple(by[column].mpjpe if column in by else None for column in _COLUMNS)
-            rows.append(Row(_STARTS[kind], sample.name, cells))
+            rows.append(Row(_STARTS[kind], cells, data=sample.name))
         claims += [_improves(sample.name, kind, by) for kind, by in found.items()]
         if "fusion" in found:
             claims += [_little_influence(sample.name, method, found) for method in (PAPER, ANNEALED)]
     for row in reported(INITIALISATION):
         start = _STARTS["dlt" if row.setting["init"] == "dlt" else "fusion"]
         cells = (row.value("guess"), row.value("skelsplat"), None, None)
-        rows.append(Row(f"{start} (reported)", f"{row.detector}", cells, "paper"))
-    table = Table("Start and detections, MPJPE", "start, detections", _COLUMNS, tuple(rows))
+        rows.append(Row(f"{start} (reported)", cells, "reported", f"{row.detector}"))
+    columns = tuple(map(Column, _COLUMNS))
+    table = Table("Start and detections, MPJPE", "start, detections", columns, tuple(rows), unit="mm")
     prior = (
         f"As a prior the fused poses enter with {source.choices.init_sigma_mm:g} mm per axis; "
         "a triangulation of the same detections must not be one."
@@ -113,10 +108,10 @@ def coverage(source: Source) -> Outcome:
     theirs = reported_rows(COVERAGE, [f"{k}" for k in _SIGMAS])
     for sample in source.samples("plain", "occ-3"):
         shares = _covered(source, sample)
-        rows += [Row(name, sample.name, _percents(share)) for name, share in shares.items()]
+        rows += [Row(name, _percents(share), data=sample.name) for name, share in shares.items()]
         tables.append(_by_joint(sample, shares))
         if _PLAIN not in shares:
-            figures = [value for value in theirs[0].values if value is not None]
+            figures = [value for value in theirs[0].cells if isinstance(value, float)]
             text = f"The truth of 57, 92, 98 % lies within 1, 2, 3 σ of the splat (to {_NEAR:g} points)"
             quoted = quote(COVERAGE, [f"{k}" for k in _SIGMAS])
             claims.append(Claim(text, quoted, *_near(sample, _SPLAT, shares, figures)))
@@ -124,15 +119,14 @@ def coverage(source: Source) -> Outcome:
         text = f"`uncertainty` covers as a Gaussian would (within {_NEAR:g} points)"
         quoted = f"not the paper's claim; a Gaussian {_list(_IDEAL)} %"
         claims.append(Claim(text, quoted, *_near(sample, _POSTERIOR, shares, _IDEAL), ours=True))
-    columns = tuple(f"{k} σ" for k in _SIGMAS)
-    all_rows = (*rows, *theirs, Row("Gaussian in 3D", "", _IDEAL, "theory"))
+    columns = tuple(Column(f"{k} σ") for k in _SIGMAS)
+    all_rows = (*rows, *theirs, Row("Gaussian in 3D", _IDEAL, "theory"))
     notes = (
         "The paper's figures per joint are charts without numbers. On occluded data its preset enlarges the "
         "covariance of elbows, wrists and ankles; without factor they are as large as the others.",
     )
-    return Outcome(
-        (Table("Truth within k σ", "covariance", columns, all_rows, "%"), *tables), tuple(claims), notes
-    )
+    table = Table("Truth within k σ", "covariance", columns, all_rows, unit="%")
+    return Outcome((table, *tables), tuple(claims), notes)
 
 
 def _covered(source: Source, sample: Sample) -> Shares:
@@ -163,12 +157,12 @@ def _percents(shares: Array) -> tuple[float, ...]:
 def _by_joint(sample: Sample, shares: Shares) -> Table:
     kinds = {"splat": shares.get(_PLAIN, shares[_SPLAT]), "uncert.": shares[_POSTERIOR]}
     rows = tuple(
-        Row(joint, "", tuple(p for share in kinds.values() for p in _percents(share[:, :, j])))
+        Row(joint, tuple(p for share in kinds.values() for p in _percents(share[:, :, j])))
         for j, joint in enumerate(sample.layout.joints)
     )
-    columns = tuple(f"{kind} {k} σ" for kind in kinds for k in _SIGMAS)
+    columns = tuple(Column(f"{kind} {k} σ") for kind in kinds for k in _SIGMAS)
     title = f"Truth within k σ by joint, {sample.name}{', without factor' * (_PLAIN in shares)}"
-    return Table(title, "joint", columns, rows, "%", chart=False)
+    return Table(title, "joint", columns, rows, unit="%", chart=False)
 
 
 def _near(sample: Sample, kind: str, shares: Shares, expected: Sequence[float]) -> tuple[str, bool]:
@@ -214,10 +208,10 @@ def time_of_tiers(source: Source, samples: Sequence[Sample]) -> Outcome:
                 source.refined, method, few, starts, "time", symmetry_tier=tier, n_threads=1, **fields
             )
             ms[method].append(1e3 * min(_seconds(once) for _ in range(_REPEATS)))
-    timed = [Row(method, samples[0].name, tuple(each)) for method, each in ms.items()]
+    timed = [Row(method, tuple(each), data=samples[0].name) for method, each in ms.items()]
     for row in reported_rows(SECONDS, [f"{tier}" for tier in range(4)]):
-        values = tuple(None if value is None else 1e3 * value for value in row.values)
-        timed.append(Row(row.method, row.data, values, "paper"))
+        values = tuple(1e3 * value if isinstance(value, float) else None for value in row.cells)
+        timed.append(replace(row, cells=values))
     ratio = ms[PAPER][3] / ms[PAPER][1]
     claim = Claim(
         f"Symm-3 costs clearly more time than Symm-1 (at least {100 * (_COSTLY - 1):.0f} %)",
@@ -225,7 +219,8 @@ def time_of_tiers(source: Source, samples: Sequence[Sample]) -> Outcome:
         f"{PAPER}: {ms[PAPER][1]:.4f}, {ms[PAPER][3]:.4f} ms ({100 * (ratio - 1):+.1f} %)",
         ratio >= _COSTLY,
     )
-    table = Table("Time per iteration", "tier", TIERS, tuple(timed), "ms", 4, chart=False)
+    columns = tuple(Column(tier, 4) for tier in TIERS)
+    table = Table("Time per iteration", "tier", columns, tuple(timed), unit="ms", chart=False)
     note = f"Times: CPU time on one thread, best of {_REPEATS}, {_TIMED} poses; the paper's on a GPU."
     return Outcome((table,), (claim,), (note,))
 

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
@@ -18,7 +17,7 @@ from skelsplat.datasets._registry import detections_option, options_of
 from skelsplat.evaluation import protocols
 from skelsplat.evaluation.ablations._sample import Errors, Sample, Start, errors_of, sample
 from skelsplat.evaluation.methods import DEFAULT_INIT_SIGMA_MM, refined
-from skelsplat.evaluation.report import occlusion_of
+from skelsplat.evaluation.published import occlusion_of
 from skelsplat.exceptions import InvalidInputError
 from skelsplat.synthetic import simulate_set
 
@@ -57,28 +56,71 @@ class Choices:
         positive("init_sigma_mm", self.init_sigma_mm)
 
 
-class Source(ABC):
-    """Samples for the experiments, and the two methods; `progress` hears what is being measured."""
+@dataclass(frozen=True, slots=True)
+class OnDisk:
+    """A data set of the registry, taken whatever an ablation asks for."""
 
-    simulated: bool
+    # name, root, options: As in `skelsplat.datasets.read`.
+    name: str
+    root: Path
+    # One sample for each; a folder's path: detections outside the root. Empty: the reader's own choice.
+    detectors: tuple[str, ...] = ()
+    options: Mapping[str, Any] = field(default_factory=dict)
 
-    def __init__(self, choices: Choices, progress: Progress | None = None) -> None:
+
+class Source:
+    """Samples for the experiments, and the two methods; `progress` hears what is being measured.
+
+    Without a data set `on_disk` samples are simulated in memory from the seed; no camera saw what is in them.
+    """
+
+    def __init__(
+        self, choices: Choices, on_disk: OnDisk | None = None, progress: Progress | None = None
+    ) -> None:
         self.choices = choices
+        self.simulated = on_disk is None or on_disk.name == "synthetic"
         self.notes: list[str] = []
+        self._on_disk = on_disk
         self._progress = progress
         self._counts: dict[str, str] = {}
+        self._sources: dict[str, None] = {}  # in the order in which they were read
 
-    @abstractmethod
     def line(self) -> str:
         """Return what goes under every table: what the data are, simulated or not, and how many poses."""
+        if self._on_disk is None:
+            sources = (
+                f"poses, cameras, 2D detections and monocular poses are synthetic (seed {self.choices.seed})"
+            )
+        else:
+            sources = "; ".join(self._sources)
+        warning = "SIMULATED data, not the paper's: " if self.simulated else ""
+        return f"{warning}{sources}. {'; '.join(self._counts.values())}."
 
-    @abstractmethod
     def samples(self, *kinds: Kind) -> list[Sample]:
         """Return poses of each kind: like Human3.6M's, or in a dome of cameras.
 
         ``"noisy"`` has the detections of another detector, ``"occ-2"`` and ``"occ-3"`` so many of four views
         occluded. A data set on disk is what it is, whatever kind is asked for.
         """
+        if self._on_disk is None:
+            return [self._simulated(*_SETS[kind]) for kind in kinds]
+        detectors = self._on_disk.detectors or (None,)
+        return [self._read(self._on_disk, detector, "dome" in kinds) for detector in detectors]
+
+    def _simulated(self, name: str, key: str, detector: str) -> Sample:
+        dataset = simulated(name, detector, self.choices.seed)
+        return self._sample(dataset, f"{name}, {detector}", key)
+
+    def _read(self, data: OnDisk, detector: str | None, all_views: bool) -> Sample:
+        options, known = dict(data.options), options_of(data.name)
+        if detector is not None:
+            options |= detections_option(data.name, detector)
+        if all_views and data.name in protocols.names and "views" in known:
+            options.setdefault("views", max(protocols.get(data.name).view_sets, default=None))
+        dataset = datasets.read(data.name, data.root, **options)
+        self._sources[dataset.source] = None
+        label = f"{dataset.name}, {dataset.detector}" if dataset.detector else dataset.name
+        return self._sample(dataset, label, all_views=all_views)
 
     def _sample(self, dataset: Dataset, name: str, key: str = "", *, all_views: bool = True) -> Sample:
         """Take the poses that were chosen, and remember how many."""
@@ -92,9 +134,6 @@ class Source(ABC):
         count = f"{made.n_poses} of {made.n_available}" if some else f"all {made.n_available}"
         self._counts[name] = f"{name}: {count} poses"
         return made
-
-    def _counted(self) -> str:
-        return "; ".join(self._counts.values())
 
     def note(self, text: str) -> None:
         """Keep a sentence for under the tables."""
@@ -154,25 +193,6 @@ class Source(ABC):
         return errors_of(sample, [result.pose for result in results], steps)
 
 
-class Simulated(Source):
-    """Simulated data sets, made in memory from the seed; nothing in them was seen by a camera."""
-
-    simulated = True
-
-    def samples(self, *kinds: Kind) -> list[Sample]:
-        return [self._made(*_SETS[kind]) for kind in kinds]
-
-    def line(self) -> str:
-        return (
-            "SIMULATED data, not the paper's: poses, cameras, 2D detections and monocular poses are "
-            f"synthetic (seed {self.choices.seed}). {self._counted()}."
-        )
-
-    def _made(self, name: str, key: str, detector: str) -> Sample:
-        dataset = simulated(name, detector, self.choices.seed)
-        return self._sample(dataset, f"{name}, {detector}", key)
-
-
 def simulated(name: str, detector: str, seed: int) -> Dataset:
     """Return a set of `skelsplat.synthetic.simulate_set` with the detections of one of its detectors."""
     made = simulate_set(name, seed=seed)
@@ -188,50 +208,3 @@ def simulated(name: str, detector: str, seed: int) -> Dataset:
     return Dataset(
         name, made.layout, takes, detector, f"simulated {name}, seed {seed}, {detector} detections"
     )
-
-
-class OnDisk(Source):
-    """A data set of the registry, whatever the ablation asks for.
-
-    Parameters
-    ----------
-    name, root, options
-        As in `skelsplat.datasets.read`.
-    detectors : sequence of str
-        One sample for each; a folder's path is taken for detections outside the root. Empty: the reader's
-        own choice.
-    """
-
-    def __init__(
-        self,
-        choices: Choices,
-        name: str,
-        root: Path,
-        detectors: Sequence[str] = (),
-        options: Mapping[str, Any] | None = None,
-        progress: Progress | None = None,
-    ) -> None:
-        super().__init__(choices, progress)
-        self.simulated = name == "synthetic"
-        self._name, self._root = name, root
-        self._detectors, self._options = tuple(detectors) or (None,), dict(options or {})
-        self._sources: list[str] = []
-
-    def samples(self, *kinds: Kind) -> list[Sample]:
-        return [self._read(detector, all_views="dome" in kinds) for detector in self._detectors]
-
-    def line(self) -> str:
-        warning = "SIMULATED data, not the paper's: " if self.simulated else ""
-        return f"{warning}{'; '.join(self._sources)}. {self._counted()}."
-
-    def _read(self, detector: str | None, *, all_views: bool) -> Sample:
-        options, known = dict(self._options), options_of(self._name)
-        if detector is not None:
-            options |= detections_option(self._name, detector)
-        if all_views and self._name in protocols.names and "views" in known:
-            options.setdefault("views", max(protocols.get(self._name).view_sets, default=None))
-        dataset = datasets.read(self._name, self._root, **options)
-        if dataset.source not in self._sources:
-            self._sources.append(dataset.source)
-        label = f"{dataset.name}, {dataset.detector}" if dataset.detector else dataset.name
-        return self._sample(dataset, label, all_views=all_views)

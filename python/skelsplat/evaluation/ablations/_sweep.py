@@ -1,50 +1,19 @@
-"""What an ablation is and gives, and the common kind: one setting, varied on the same poses.
-
-Tables have the published rows next to the measured ones; claims are checked on the measured figures.
-"""
+"""What an ablation is and gives, and the common kind: one setting, varied on the same poses."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
 from skelsplat._arrays import Array
 from skelsplat.evaluation.ablations._sample import Errors, Sample, difference, errors_of
 from skelsplat.evaluation.ablations._source import PAPER, Kind, Source
 from skelsplat.evaluation.reported import ReportedRow, reported
+from skelsplat.evaluation.tables import Column, Row, Table
 from skelsplat.exceptions import InvalidInputError
 
 REPORTED = "SkelSplat (reported)"
-
-
-@dataclass(frozen=True, slots=True)
-class Row:
-    """A row of a table."""
-
-    # method, data: What was run, or who reports it; on what.
-    method: str
-    data: str
-    values: tuple[float | None, ...]  # one per column; None where there is none
-    origin: Literal["measured", "paper", "theory"] = "measured"
-
-    @property
-    def name(self) -> str:
-        """Method and data."""
-        return ", ".join(part for part in (self.method, self.data) if part)
-
-
-@dataclass(frozen=True, slots=True)
-class Table:
-    """Figures of one unit."""
-
-    title: str
-    corner: str  # what the columns are
-    columns: tuple[str, ...]
-    rows: tuple[Row, ...]
-    unit: str = "mm"  # ``"mm"``, ``"%"``, ``"ms"``, …
-    digits: int = 1  # after the point, when shown
-    chart: bool = True  # whether it belongs into the chart
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,15 +57,11 @@ class Ablation:
 
 def reported_rows(label: str, keys: Sequence[str]) -> tuple[Row, ...]:
     """Return the paper's rows with the columns `keys`; None in columns that the paper does not have."""
-    return tuple(
-        Row(
-            REPORTED,
-            ", ".join(_marks(row)),
-            tuple(row.value(k) if k in row.keys else None for k in keys),
-            "paper",
-        )
+    rows = {
+        ", ".join(_marks(row)): tuple(row.value(k) if k in row.keys else None for k in keys)
         for row in reported(label).select("SkelSplat")
-    )
+    }
+    return tuple(Row(REPORTED, values, "reported", data) for data, values in rows.items())
 
 
 def quote(label: str, keys: Sequence[str], **setting: str) -> str:
@@ -219,13 +184,14 @@ class Sweep:
         """Measure every value on every sample, and check the claims."""
         samples = source.samples(*self.kinds)
         found = [(sample, self._measured(source, sample)) for sample in samples]
-        columns = tuple(self.values.values())
+        columns = tuple(Column(header) for header in self.values.values())
         theirs = reported_rows(self.label, [key(value) for value in self.values])
         rows = [row for each in found for row in self._rows(*each, lambda errors: errors.mpjpe)]
-        tables = [Table(self.title, self.corner, columns, (*rows, *theirs))]
+        tables = [Table(self.title, self.corner, columns, (*rows, *theirs), unit="mm")]
         if self.steps:
             taken = tuple(row for each in found for row in self._rows(*each, lambda errors: errors.steps))
-            tables.append(Table(self.steps, self.corner, columns, taken, "steps", 0, chart=False))
+            whole = tuple(Column(header, 0) for header in self.values.values())
+            tables.append(Table(self.steps, self.corner, whole, taken, unit="steps", chart=False))
         claims = [
             check.claim(self.label, self.values, sample, errors[check.row])
             for sample, errors in found
@@ -260,6 +226,6 @@ class Sweep:
         self, sample: Sample, found: Mapping[str, Mapping[Any, Errors]], figure: Callable[[Errors], float]
     ) -> list[Row]:
         return [
-            Row(name, sample.name, tuple(figure(by[v]) if v in by else None for v in self.values))
+            Row(name, tuple(figure(by[v]) if v in by else None for v in self.values), data=sample.name)
             for name, by in found.items()
         ]
