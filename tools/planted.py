@@ -458,7 +458,7 @@ SILENT = (
     Fault(
         "reset does nothing for several people",
         "lost state",
-        "        if line.reset:\n            self._tracker.reset()\n",
+        "        if line.reset:\n            tracker.reset()\n",
         "",
         (UNIT + "test_live_people.py",),
     ),

@@ -96,26 +96,6 @@ def test_a_fault_is_found_in_its_stretch(tmp_path: Path, change: object, words: 
         list(opened.stretches(10))
 
 
-@pytest.mark.usefixtures("everything_is_big")
-def test_an_array_cut_short_is_named(tmp_path: Path) -> None:
-    path = tmp_path / "all.npz"
-    write(path, detections())
-    rows = _rows.NpzRows(path, "detections")
-    rows.shape = (30, *rows.shape[1:])
-    with pytest.raises(DatasetError, match=r"detections: expected .* bytes .*got fewer, cut short"):
-        rows.read(20, 30)
-
-
-def test_rows_in_a_file_are_those_appended(tmp_path: Path) -> None:
-    values = np.arange(60.0).reshape(10, 2, 3)
-    rows = _rows.RowFile(tmp_path / "rows", (2, 3), np.float64)
-    rows.append(values[:4])
-    np.testing.assert_array_equal(rows.read(1, 3), values[1:3])
-    rows.append(values[4:])
-    assert rows.shape == values.shape
-    np.testing.assert_array_equal(rows.read(0, 10), values)
-
-
 def write_csv(path: Path, seen: np.ndarray, order: str) -> Path:
     """Write detections with two people, frame by frame, camera by camera, or in no order."""
     steps, _, people, joints, _ = seen.shape
@@ -162,16 +142,4 @@ def test_a_fault_of_a_csv_is_named_with_its_line(tmp_path: Path, old: str, new: 
     path = write_csv(tmp_path / "all.csv", np.nan_to_num(detections(), nan=1.0), "by frame")
     path.write_text(path.read_text().replace(old, new))
     with pytest.raises(DatasetError, match=words):
-        list(open_detections(path, CAMERAS, layout="h36m17").stretches(4))
-
-
-@pytest.mark.usefixtures("everything_is_big")
-def test_a_byte_of_a_csv_that_is_no_text_is_named_with_its_place(tmp_path: Path) -> None:
-    path = write_csv(tmp_path / "all.csv", np.nan_to_num(detections(), nan=1.0), "by frame")
-    content = path.read_bytes()
-    at = content.index(b"\n30,cam_a,0,5,") + len(b"\n30,cam_a,0,5,")
-    path.write_bytes(content[:at] + b"\xe9" + content[at:])
-    with pytest.raises(
-        DatasetError, match=f"file: expected text in UTF-8, got byte 0xe9 at {at}, which is not"
-    ):
         list(open_detections(path, CAMERAS, layout="h36m17").stretches(4))

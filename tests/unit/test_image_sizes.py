@@ -4,23 +4,19 @@ from __future__ import annotations
 
 import json
 import shutil
-from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 import detection_files
 import skelsplat as sk
-from command_line import READ, assert_fails, invoke, read_report
+from command_line import READ, invoke, read_report
 from skelsplat import synthetic
-from skelsplat.findings import FindingWarning
-from skelsplat.io import read_calibration, read_npz, read_openpose
+from skelsplat.io import read_npz
 from skelsplat.io.detections import open_detections
 from skelsplat.io.detections._record import read_record, write_record
 from skelsplat.run import Job, run_batch
-from skelsplat.run.image_sizes import in_calibrated_pixels, resizing
-from skelsplat.run.read import open_files
+from skelsplat.run.image_sizes import resizing
 
 KINDS = {"detections_resized", "image_sizes_differ"}
 JOINTS = sk.layouts.H36M17.joints
@@ -113,24 +109,11 @@ def test_detect_writes_and_reads_this_form(detected):
     assert json.loads((folder / "pose" / "detect.json").read_text()) == json.loads(before)
 
 
-def test_a_size_that_is_none_is_named_with_the_file_as_it_was_given(detected, monkeypatch):
-    folder = detected({"cam1": [500]})
-    monkeypatch.chdir(folder)
-    result = invoke("refine", "Calib.toml", "pose", *READ, "-o", "out")
-    words = "detect.json: videos.cam1.size: expected 2 numbers, got 1 number"
-    assert_fails(result, 1, f"error: {Path('pose') / words}")
-
-
 def test_the_same_size_changes_nothing(detected):
     folder = detected()
     findings, poses, _ = refined(folder)
     assert findings == []
     assert_same_bits(poses, refined(folder, "openpose")[1])
-
-
-def test_a_padded_size_changes_nothing(detected):
-    folder = detected({"cam1": [992, 1000]})
-    assert refined(folder)[0] == []
 
 
 def test_half_the_size_is_resized_and_said(detected):
@@ -152,13 +135,6 @@ def test_half_the_size_is_resized_and_said(detected):
     assert f"! {half['text'][:70]}" in " ".join(result.stdout.split())
 
 
-def test_cameras_of_the_same_sizes_are_one_finding(detected):
-    folder = detected({"cam2": [500, 500], "cam3": [500, 500]}, {"cam2": 2, "cam3": 2})
-    ((finding,), _, _) = refined(folder)
-    assert finding["subject"]["cameras"] == ["cam2", "cam3"]
-    assert finding["text"].startswith("Detections of cam2 and cam3 come from images of 500×500 px, but their")
-
-
 @pytest.mark.parametrize(
     ("size", "words"),
     [
@@ -176,11 +152,6 @@ def test_another_shape_is_said_and_left_as_it_is(detected, size, words):
     assert words in finding["text"]
     assert finding["text"].endswith(f"probably wrong. To correct this, {ADVICE}.")
     assert_same_bits(poses, refined(folder, "openpose")[1])
-
-
-def test_a_camera_left_out_is_not_judged(detected):
-    folder = detected({"cam2": [500, 500]})
-    assert refined(folder, "pose", "--without", "cam2")[0] == []
 
 
 def test_check_and_adjust_and_people_and_batches_say_it_too(detected):
@@ -207,66 +178,6 @@ def refined_people(folder):
     return findings, out, result
 
 
-@pytest.mark.parametrize(
-    ("size", "words"),
-    [
-        ([640, 480], None),  # the size of a crop is in no file: any that fits within
-        ([388, 441], None),  # also of the shape of what is left of the image
-        ([792, 890], None),
-        (
-            [1000, 1002],
-            "1000×1002 px, but its calibration is for a crop of at most 776×882, which has another",
-        ),
-    ],
-)
-def test_of_a_cropped_camera_only_the_largest_size_is_known(detected, size, words):
-    folder = detected({"cam1": size})
-    calibration = folder / "Calib.toml"
-    text = calibration.read_text()
-    calibration.write_text(text.replace("fisheye", "offset = [224, 120]\nfisheye", 1))
-    with pytest.warns(FindingWarning) as caught:
-        opened = open_files(Job(calibration, folder / "pose", unit="mm", layout="h36m17"))
-    told = [one.message.finding for one in caught]
-    assert [one.kind for one in told] == ["crop_applied"] + ["image_sizes_differ"] * (words is not None)
-    assert words is None or words in told[1].text
-    assert not opened.detections.factors
-
-
-def test_what_is_said_of_a_calibration_is_said_before_its_error(detected):
-    folder = detected()
-    calibration = folder / "Calib.toml"
-    calibration.write_text(calibration.read_text().replace("fisheye", "offset = [224, 120]\nfisheye", 1))
-    with (
-        pytest.warns(FindingWarning, match="are cropped"),
-        pytest.raises(sk.InvalidInputError, match=r"^unit: expected"),
-    ):
-        open_files(Job(calibration, folder / "pose", unit="cm"))
-
-
-def test_joints_at_the_origin_stay_missing_in_both_ways_to_read(detected):
-    folder = detected({"cam2": [500, 500]}, {"cam2": 2})
-    for path in sorted((folder / "pose" / "cam2").iterdir()):
-        document = json.loads(path.read_text())
-        document["people"][0]["pose_keypoints_2d"][:2] = [0.0, 0.0]  # as YOLO writes it, with a confidence
-        path.write_text(json.dumps(document))
-    rig = read_calibration(folder / "Calib.toml", unit="mm")
-    found = open_detections(folder / "pose", rig, layout="h36m17")
-    with pytest.warns(FindingWarning, match="multiplied by 2"):
-        found = in_calibrated_pixels(found, rig)
-    people = found.read().people
-    np.testing.assert_array_equal(np.concatenate(list(found.stretches(2))), people)
-    assert np.isnan(people[:, 1, :, 0]).all()
-    expected = read_openpose(folder / "openpose", rig, layout="h36m17").people
-    np.testing.assert_allclose(people[..., 1:, :], expected[..., 1:, :], rtol=1e-9)
-
-
-@pytest.mark.parametrize("size", [[0, 0], [500, -500], [0.5, 500], [500]])
-def test_a_size_that_is_none_is_refused(detected, size):
-    folder = detected({"cam2": size})
-    result = invoke("refine", folder / "Calib.toml", folder / "pose", *READ, "-o", folder / "out")
-    assert_fails(result, 1, "detect.json: videos.cam2.size: expected ")
-
-
 def test_other_formats_that_state_a_size(tmp_path):
     rig = synthetic.ring(2)
     people = np.full((3, 2, 1, 17, 3), 9.0)
@@ -284,9 +195,3 @@ def test_other_formats_that_state_a_size(tmp_path):
     metadata["video_metadata"][rig.names[0]] = {"w": 960, "h": 540}
     np.savez_compressed(path, positions_2d=table, metadata=metadata)
     assert open_detections(path, rig).sizes == {rig.names[0]: (960, 540)}
-
-
-def test_detections_that_state_no_size_are_left_as_they_are(recording):
-    folder, rig, _ = recording
-    found = open_detections(folder / "openpose", rig, layout="h36m17")
-    assert (found.sizes, replace(found, factors={})) == ({}, in_calibrated_pixels(found, rig))

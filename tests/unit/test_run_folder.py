@@ -40,20 +40,6 @@ def test_the_numbers_of_the_frames_are_kept(recording, arguments):
     assert read_run(folder / "out").poses.frames.tolist() == [0, 1, 3, 4]
 
 
-@pytest.mark.parametrize("name", ["pose.npz", "cameras.json", "detections.npz", "report.json"])
-def test_a_missing_file_is_named(run_folder, name):
-    (run_folder / name).unlink()
-    with pytest.raises(sk.DatasetError, match=name.replace(".", r"\.")):
-        read_run(run_folder)
-
-
-def test_a_folder_that_is_no_run_is_said_to_be_none(tmp_path):
-    with pytest.raises(sk.DatasetError, match="the folder of a run of skelsplat refine, got a folder"):
-        read_run(tmp_path)
-    with pytest.raises(sk.DatasetError, match="no such folder"):
-        read_run(tmp_path / "nowhere")
-
-
 @pytest.mark.parametrize(
     ("change", "field"),
     [
@@ -71,12 +57,6 @@ def test_a_report_of_another_kind_is_refused(run_folder, change, field):
     change(report)
     (run_folder / "report.json").write_text(json.dumps(report))
     with pytest.raises(sk.DatasetError, match=rf"report\.json: {field}: expected"):
-        read_run(run_folder)
-
-
-def test_a_report_that_is_no_json_is_refused(run_folder):
-    (run_folder / "report.json").write_text("{")
-    with pytest.raises(sk.DatasetError, match=r"report\.json: JSON: expected a complete JSON document"):
         read_run(run_folder)
 
 

@@ -13,7 +13,6 @@ import numpy as np
 import pytest
 
 import skelsplat as sk
-from command_line import assert_fails, invoke
 from skelsplat._lock import locked
 from skelsplat.io import read_run
 from skelsplat.io._run_files import REPORT
@@ -134,16 +133,6 @@ def test_the_next_run_removes_the_parts_that_a_killed_one_left(runs):
     assert not list(folder.glob(".*"))
 
 
-def test_a_file_system_without_locks_is_written_to(tmp_path, monkeypatch):
-    def unsupported(*_):
-        raise OSError(95, "Operation not supported")
-
-    monkeypatch.setattr("fcntl.flock", unsupported)
-    with locked(tmp_path):
-        pass
-    assert not list(tmp_path.iterdir())
-
-
 def test_a_run_that_is_refused_leaves_the_folder_as_it_is(runs, tmp_path):
     folder, run = runs["A"]
     before = {path.name: path.read_bytes() for path in folder.iterdir()}
@@ -158,23 +147,6 @@ def test_a_run_that_is_refused_leaves_the_folder_as_it_is(runs, tmp_path):
     assert {path.name: path.read_bytes() for path in folder.iterdir()} == before
     run.write(tmp_path / "again")  # the same run is the same bytes
     assert {path.name: path.read_bytes() for path in (tmp_path / "again").iterdir()} == before
-
-
-@pytest.mark.parametrize("name", MARKED)
-def test_a_file_of_another_run_is_named_with_the_report(runs, name):
-    (first, _), (second, _) = runs.values()
-    shutil.copy(second / name, first / name)
-    with pytest.raises(sk.DatasetError) as raised:
-        read_run(first)
-    ids = [json.loads((folder / REPORT).read_text())["run"] for folder in (first, second)]
-    assert ids[0] != ids[1]
-    assert str(raised.value) == (
-        f"{first / name}: run: expected {ids[0]}, as in {first / REPORT}, got {ids[1]}: "
-        "files of two runs are mixed, run it again"
-    )
-    converted = invoke("convert", first, first.parent / "m.csv")
-    assert_fails(converted, 1, str(raised.value))
-    assert not (first.parent / "m.csv").exists()
 
 
 def without_marks(folder):
@@ -202,22 +174,6 @@ def test_the_runs_of_earlier_versions_are_read_and_told_from_later_ones(runs):
         read_run(first)
 
 
-def test_the_person_of_another_run_is_named(runs, tmp_path):
-    (_, one), (_, two) = runs.values()
-    people = [{"id": 0, "folder": "person_0"}]
-    report = {"versions": one.report["versions"], "settings": {}, "findings": [], "people": people}
-    report["folders"] = ["person_0"]
-    for name, run in (("X", one), ("Y", two)):
-        PeopleRun({0: run}, (), report).write(tmp_path / name, html=False)
-    assert PeopleRun.open(tmp_path / "X").people[0].report["note"] == "A"
-    shutil.rmtree(tmp_path / "X" / "person_0")
-    shutil.copytree(tmp_path / "Y" / "person_0", tmp_path / "X" / "person_0")
-    expected = r"X/person_0/report\.json: run: expected \w{16}_person_0, as in .*X/report\.json, got \w{16}_"
-    for read in (PeopleRun.open, lambda folder: Scene.read(folder, FrameRange())):
-        with pytest.raises(sk.DatasetError, match=expected):
-            read(tmp_path / "X")
-
-
 @pytest.mark.parametrize("what", ["folder", "file"])
 def test_two_people_of_one_run_are_not_mixed(runs, tmp_path, what):
     (_, one), (_, two) = runs.values()
@@ -236,15 +192,3 @@ def test_two_people_of_one_run_are_not_mixed(runs, tmp_path, what):
     for read in (PeopleRun.open, lambda folder: Scene.read(folder, FrameRange())):
         with pytest.raises(sk.DatasetError, match=expected):
             read(tmp_path)
-
-
-@pytest.mark.skipif(not hasattr(os, "O_NOFOLLOW"), reason="systems on which links are not followed")
-def test_a_lock_is_not_written_through_a_link(tmp_path):
-    (tmp_path / "other").write_text("kept")
-    (tmp_path / ".skelsplat.lock").symlink_to("other")
-    with (
-        pytest.raises(sk.DatasetError, match=r"output: expected a folder that can be written"),
-        locked(tmp_path),
-    ):
-        pass
-    assert (tmp_path / "other").read_text() == "kept"
