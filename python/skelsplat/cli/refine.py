@@ -15,7 +15,7 @@ from skelsplat.cli.output import Terminal, described, print_json
 from skelsplat.cli.people_table import print_people
 from skelsplat.cli.table import print_files, print_run
 from skelsplat.findings import Finding
-from skelsplat.run import Job, PeopleRun, Run, run, run_long, run_people
+from skelsplat.run import Job, PeopleRun, Run, run, run_people
 
 EPILOG = (
     "Results in FOLDER: pose.npz, pose.csv and pose.trc (or the formats of --write), report.json, "
@@ -65,9 +65,7 @@ def run_and_print(job: Job, *, quiet: bool, as_json: bool) -> None:
             "tell": tell_now,
             "on_file": lambda name: show(f"writing {name}", None, None),
         }
-        found: Run | PeopleRun | None = run_long(job, **given)
-        if found is None:
-            found = run(job, **given) if job.people is None else run_people(job, **given)
+        found: Run | PeopleRun = run(job, **given) if job.people is None else run_people(job, **given)
     errors = [finding for finding in found.findings if finding.severity == "error"]
     if as_json or quiet:
         for finding in found.findings:

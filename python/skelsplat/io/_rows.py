@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, Any, Protocol
+from typing import IO, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -23,21 +23,12 @@ BIG = 32 * 2**20
 _PIECE = 2**22  # bytes
 
 
-class Rows(Protocol):
-    """Rows along the first axis of an array."""
-
-    shape: tuple[int, ...]
-
-    def read(self, first: int, end: int) -> npt.NDArray[Any]:
-        """Return the rows from ``first`` to before ``end``."""
-
-
 class RowFile:
     """Rows in a file of one's own: appended, then read anywhere."""
 
     def __init__(self, path: Path, shape: tuple[int, ...], dtype: npt.DTypeLike) -> None:
-        self.path, self.dtype, self._row = path, np.dtype(dtype), shape
-        self._bytes = self.dtype.itemsize * math.prod(shape)
+        self.path, self._stored, self._row = path, np.dtype(dtype), shape
+        self._bytes = self._stored.itemsize * math.prod(shape)
         self._width = 0
         path.write_bytes(b"")
 
@@ -45,28 +36,29 @@ class RowFile:
     def shape(self) -> tuple[int, ...]:
         return (self.path.stat().st_size // self._bytes if self._bytes else 0, *self._row)
 
+    @property
+    def dtype(self) -> np.dtype[Any]:
+        """The type that NumPy would give all rows: of text, the width of the widest appended."""
+        return np.dtype(f"U{max(1, self._width)}") if self._stored.kind == "U" else self._stored
+
     def append(self, rows: npt.NDArray[Any]) -> None:
         """Write rows (t, …) after those that are there."""
-        if self.dtype.kind == "U":
+        if self._stored.kind == "U":
             self._width = max(self._width, rows.dtype.itemsize // 4)
         with self.path.open("ab") as stream:
-            stream.write(np.ascontiguousarray(rows, dtype=self.dtype).data.cast("B"))
-
-    def pieces(self) -> Iterator[npt.NDArray[Any]]:
-        """Yield all rows, a piece at a time; text no wider than it was."""
-        steps, each = self.shape[0], max(1, _PIECE // max(1, self._bytes))
-        dtype = self.narrow()
-        for first in range(0, steps, each):
-            yield self.read(first, min(first + each, steps)).astype(dtype, copy=False)
-
-    def narrow(self) -> np.dtype[Any]:
-        """Return the type that NumPy would give all rows: of text, the width of the widest appended."""
-        return np.dtype(f"U{max(1, self._width)}") if self.dtype.kind == "U" else self.dtype
+            stream.write(np.ascontiguousarray(rows, dtype=self._stored).data.cast("B"))
 
     def read(self, first: int, end: int) -> npt.NDArray[Any]:
+        """Return the rows from ``first`` to before ``end``."""
         count = (end - first) * math.prod(self._row)
-        flat = np.fromfile(self.path, self.dtype, count, offset=first * self._bytes)
+        flat = np.fromfile(self.path, self._stored, count, offset=first * self._bytes)
         return flat.reshape(end - first, *self._row)
+
+    def pieces(self) -> Iterator[npt.NDArray[Any]]:
+        """Yield all rows, a piece at a time."""
+        steps, each = self.shape[0], max(1, _PIECE // max(1, self._bytes))
+        for first in range(0, steps, each):
+            yield self.read(first, min(first + each, steps)).astype(self.dtype, copy=False)
 
 
 class NpzRows:
@@ -97,6 +89,7 @@ class NpzRows:
         return plain and self._bytes > 0 and self.size <= held
 
     def read(self, first: int, end: int) -> npt.NDArray[Any]:
+        """Return the rows from ``first`` to before ``end``."""
         if first < self._at:
             self._open()
         left = (first - self._at) * self._bytes
@@ -128,7 +121,16 @@ def npz_rows(path: Path, name: str, count: int, own: slice) -> npt.NDArray[Any]:
         return rows.read(own.start, own.stop) if rows.shape[0] == count else rows.read(0, rows.shape[0])
 
 
-def write_npz(stream: IO[bytes], arrays: Mapping[str, npt.NDArray[Any] | Made]) -> None:
+@dataclass(frozen=True)
+class Made:
+    """An array that is made in pieces along its first axis."""
+
+    shape: tuple[int, ...]
+    dtype: np.dtype[Any]
+    pieces: Callable[[], Iterator[npt.NDArray[Any]]]
+
+
+def write_npz(stream: IO[bytes], arrays: Mapping[str, npt.NDArray[Any] | RowFile | Made]) -> None:
     """Write a compressed npz file as NumPy's `savez_compressed`; some of its arrays are made in pieces."""
     # level 1: of random digits hardly larger than the usual 6, and three times as fast
     with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
@@ -142,17 +144,3 @@ def write_npz(stream: IO[bytes], arrays: Mapping[str, npt.NDArray[Any] | Made]) 
                 np.lib.format.write_array_header_1_0(member, header)
                 for piece in array.pieces():
                     member.write(piece.tobytes())
-
-
-@dataclass(frozen=True)
-class Made:
-    """An array that is made in pieces along its first axis."""
-
-    shape: tuple[int, ...]
-    dtype: np.dtype[Any]
-    pieces: Callable[[], Iterator[npt.NDArray[Any]]]
-
-    @classmethod
-    def of(cls, rows: RowFile) -> Made:
-        """Return the array of a file."""
-        return cls(rows.shape, rows.narrow(), rows.pieces)

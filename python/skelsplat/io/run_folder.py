@@ -27,7 +27,7 @@ from skelsplat._atomic import atomic_write, atomic_write_text
 from skelsplat.exceptions import DatasetError
 from skelsplat.io._fields import Field
 from skelsplat.io._files import FRAME_LIMIT, load_json
-from skelsplat.io._rows import Made, RowFile, write_npz
+from skelsplat.io._rows import RowFile, write_npz
 from skelsplat.io._run_files import (
     CAMERAS,
     DETECTIONS,
@@ -113,11 +113,11 @@ def write_run_inputs(
     }
     rate = np.array(np.nan if frame_rate is None else frame_rate)
     with atomic_write(folder / DETECTIONS) as stream:
+        arrays: dict[str, Any] = {"detections": detections, "frames": frames, "frame_rate": rate, **names}
         if isinstance(detections, RowFile):
-            arrays: dict[str, Any] = {"detections": Made.of(detections), "frames": frames, "frame_rate": rate}
-            write_npz(stream, {**arrays, **names})
+            write_npz(stream, arrays)
         else:
-            np.savez_compressed(stream, detections=detections, frames=frames, frame_rate=rate, **names)
+            np.savez_compressed(stream, **arrays)
     return [CAMERAS, DETECTIONS, *([LAYOUT] if own else [])]
 
 

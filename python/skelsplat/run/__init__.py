@@ -3,12 +3,11 @@
 It raises and returns, and never prints.
 """
 
-from skelsplat.run._run import Run, run
+from skelsplat.run._run import PeopleRun, Run
 from skelsplat.run.batch import Batch, Recording, run_batch
+from skelsplat.run.engine import run, run_people
 from skelsplat.run.job import IncompleteJobError, Job
-from skelsplat.run.long import run_long
 from skelsplat.run.over_time import Butterworth, OneEuro
-from skelsplat.run.several import PeopleRun, run_people
 
 __all__ = [
     "Batch",
@@ -21,6 +20,5 @@ __all__ = [
     "Run",
     "run",
     "run_batch",
-    "run_long",
     "run_people",
 ]

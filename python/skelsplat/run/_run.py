@@ -1,8 +1,9 @@
-"""One run: read, refine, count, find; and what it can write."""
+"""A run, of one person or of several: results, statistics, findings, report; and what it can write."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from collections import Counter
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,35 +14,37 @@ from skelsplat._arrays import Array, Index, numbers
 from skelsplat._atomic import atomic_write_text
 from skelsplat._json import to_text
 from skelsplat.exceptions import DatasetError, InvalidInputError
-from skelsplat.findings import Finding, collected_warnings, warn
+from skelsplat.findings import Finding
 from skelsplat.io import PoseData
+from skelsplat.io._files import load_json
 from skelsplat.io._rows import RowFile
-from skelsplat.io._run_files import REPORT
+from skelsplat.io._run_files import REPORT, check_finished, check_people, folders_of_run
 from skelsplat.io.poses._parts import PoseParts
 from skelsplat.io.run_folder import read_run
 from skelsplat.run import folder as folders
 from skelsplat.run.angles import angles_of
-from skelsplat.run.findings import find_findings, joint_frames
+from skelsplat.run.findings import find_findings
 from skelsplat.run.frames import FrameFacts, Usual, find_in_frames
 from skelsplat.run.html import notebook_view, show_page, write_html
-from skelsplat.run.over_time import apply_over_time, try_over_time
+from skelsplat.run.joints import joint_frames
+from skelsplat.run.over_time import apply_over_time
 from skelsplat.run.read import Inputs
 from skelsplat.run.report import build_report
-from skelsplat.run.solve import GIVEN_START, Outcome, poses_of, refine_inputs
+from skelsplat.run.solve import GIVEN_START, Outcome, poses_of
 from skelsplat.run.summary import Statistics, summarise
-from skelsplat.run.tracked import read_inputs
 
 if TYPE_CHECKING:
     import os
-    from collections.abc import Callable, Iterable, Sequence
+    from collections.abc import Iterable, Mapping, Sequence
 
     import numpy.typing as npt
 
     from skelsplat.io.run_folder import RunFolder
     from skelsplat.run.job import Job
-    from skelsplat.run.solve import Progress
+    from skelsplat.run.parts import Gathered
 
 _ORDER = ("error", "warning", "note")
+_MOST_SINGLE = 50_000  # findings on single frames of a long recording that are named
 
 
 @dataclass(frozen=True)
@@ -245,69 +248,69 @@ class Run:
         return notebook_view(self)
 
 
-def run(
-    job: Job,
-    *,
-    progress: Progress | None = None,
-    tell: Callable[[Finding], None] | None = None,
-    on_file: Callable[[str], None] | None = None,
-) -> Run:
-    """Do one job: read, refine, check, and write the results if the job names a folder.
+@dataclass(frozen=True, repr=False)
+class PeopleRun:
+    """The runs of all people of a recording.
 
-    Parameters
+    `skelsplat.run.run_people` makes one from files, and `open` from the folder of an earlier one.
+
+    Attributes
     ----------
-    job : Job
-    progress : callable, optional
-        Called with (frames done, frames in all).
-    tell : callable, optional
-        Called with each finding on the input, before the poses are known.
-    on_file : callable, optional
-        Called with the name of each large file of the results before it is written.
-
-    Returns
-    -------
-    Run
-
-    Raises
-    ------
-    SkelSplatError
-        If an input is missing, malformed or does not fit, results would be written over the input, or a
-        result cannot be written.
+    people : dict of int to Run
+        By identity, in the order of appearance. The ``frames`` of a run are those from the first to the last
+        in which two views see the person.
+    findings : tuple of Finding
+        What concerns everybody, errors first; those on one person are in their `Run`.
+    report : dict
+        What ``report.json`` holds; ``people`` has an entry per person, with the name of their ``folder``.
     """
-    if job.people is not None:
-        expected = "None (skelsplat.run.run_people refines several)"
-        raise InvalidInputError(f"people: expected {expected}, got {job.people!r}")
-    if job.output is None:
-        return _run(job, progress, tell)
-    output, writing = Path(job.output), folders.Writing.of(job)
-    folders.keep_input(job)
-    folders.check_places(output, writing.names(job.settings.method))
-    writing.check()
-    with folders.run_folder(output):
-        found = _run(job, progress, tell)
-        return folders.write_folder(found, output, writing, on_file=on_file)
 
+    people: Mapping[int, Run]
+    findings: tuple[Finding, ...]
+    report: dict[str, Any]
 
-def _run(job: Job, progress: Progress | None, tell: Callable[[Finding], None] | None) -> Run:
-    with collected_warnings(tell) as notes:
-        try_over_time(job)
-        inputs = read_inputs(job, progress, lambda found: check_output(job, found))
-        warn_of_output(job, inputs)
-        outcome = refine_inputs(inputs, job, progress)
-    return summed_up(inputs, outcome, job, notes)
+    @property
+    def frames(self) -> Index:
+        """The numbers of the frames in which somebody is there."""
+        return np.unique(np.concatenate([run.frames for run in self.people.values()]))
 
+    @classmethod
+    def open(cls, folder: str | os.PathLike[str]) -> PeopleRun:
+        """Read the folder that ``skelsplat refine --people`` wrote.
 
-def check_output(job: Job, inputs: Inputs) -> None:
-    """Check, once the frames of the input are known, that the results can be written."""
-    if job.output is not None:
-        folders.keep_input(job, inputs.sources)
-        folders.Writing.of(job).check(inputs)
+        Raises
+        ------
+        DatasetError
+            If it is none, or a file is missing or malformed.
+        """
+        path = Path(folder)
+        names = folders_of_run(path)
+        if not names:
+            raise DatasetError(path, REPORT, "the report of a run of several people", "none")
+        report = load_json(path / REPORT, "the report of a run")
+        check_finished(path / REPORT, report)
+        check_people(path / REPORT)
+        runs = [Run.open(path / name) for name in names]
+        found = tuple(Finding.from_dict(entry) for entry in report["findings"])
+        pairs = zip(report["people"], runs, strict=True)
+        return cls({entry["id"]: run for entry, run in pairs}, found, report)
 
+    def write(
+        self, folder: str | os.PathLike[str], formats: Sequence[str] = ("npz", "csv", "trc"), **options: Any
+    ) -> list[str]:
+        """Write everything, as ``skelsplat refine --people`` does; return the names of files and folders.
 
-def warn_of_output(job: Job, inputs: Inputs) -> None:
-    """Warn of notes on how the results are written."""
-    for note in folders.Writing.of(job).notes(inputs) if job.output is not None else ():
-        warn(note)
+        ``options`` are those of `Run.write`.
+        """
+        kinds = tuple(dict.fromkeys(["npz", *formats]))
+        with folders.run_folder(Path(folder)):
+            report = folders.write_everybody(self, Path(folder), folders.Writing(kinds, **options)).report
+        return [*report["files"], *report["folders"], REPORT]
+
+    def __repr__(self) -> str:
+        people = "1 person" if len(self.people) == 1 else f"{len(self.people)} people"
+        found = len(self.findings) + sum(len(run.findings) for run in self.people.values())
+        return f"PeopleRun({people}, {len(self.frames)} frames, {found} finding{'s' * (found != 1)})"
 
 
 def in_order(findings: Iterable[Finding]) -> tuple[Finding, ...]:
@@ -315,35 +318,43 @@ def in_order(findings: Iterable[Finding]) -> tuple[Finding, ...]:
     return tuple(sorted(findings, key=lambda finding: _ORDER.index(finding.severity)))
 
 
-def summed_up(inputs: Inputs, outcome: Outcome, job: Job | None = None, notes: Sequence[Finding] = ()) -> Run:
-    """Return the run with its statistics, findings and report; ``notes`` are earlier findings."""
+def summed_up(
+    inputs: Inputs,
+    outcome: Outcome,
+    job: Job | None = None,
+    notes: Sequence[Finding] = (),
+    gathered: Gathered | None = None,
+) -> Run:
+    """Return the run with its statistics, findings and report; ``notes`` are earlier findings.
+
+    Of a recording in parts the inputs and the outcome are of the frames drawn, ``gathered`` is of all.
+    """
     statistics = summarise(inputs, outcome)
     poses, over_time = apply_over_time(poses_of(inputs, outcome.result), job)
     statistics = statistics.without_bars(poses.joint_status == "filled")
-    frames = joint_frames(inputs, outcome, poses.joint_status)
-    swapped = [one.subject for one in notes if one.numbers.get("fault") == "sides_swapped"]  # named already
-    found = find_findings(inputs, outcome, statistics, frames)
-    found = [*notes, *(one for one in found if one.kind != "camera_mirrored" or one.subject not in swapped)]
     facts = FrameFacts.of(inputs, outcome, statistics, poses.joint_status)
-    in_frames, _ = find_in_frames([facts], Usual.of(facts), inputs.layout.joints, inputs.rig.names)
-    return reported(
-        Run(poses, in_order(found), tuple(in_frames), {}, statistics, inputs, outcome), job, over_time
-    )
-
-
-def reported(run: Run, job: Job | None, over_time: dict[str, Any], left_out: int = 0) -> Run:
-    """Return the run with its report; ``over_time`` is that of `apply_over_time`.
-
-    Of a long recording so many findings on single frames are ``left_out``.
-    """
+    if gathered is None:
+        frames, counts, most = joint_frames(inputs, outcome, poses.joint_status), Counter[Any](), None
+    else:
+        frames, counts, most = gathered.named, gathered.frames_in_all, _MOST_SINGLE
+        statistics = gathered.counted(statistics)
+    swapped = [one.subject for one in notes if one.numbers.get("fault") == "sides_swapped"]  # named already
+    found = find_findings(inputs, outcome, statistics, frames, counts)
+    found = [*notes, *(one for one in found if one.kind != "camera_mirrored" or one.subject not in swapped)]
+    every = [facts] if gathered is None else gathered.facts()
+    usual = Usual.of(facts, statistics, [facts] if gathered is None else gathered.facts())
+    names = inputs.layout.joints, inputs.rig.names
+    in_frames, left_out = find_in_frames(every, usual, *names, most=most)
     remarks = {
-        "findings": [finding.to_dict() for finding in run.findings],
-        "frame_findings": [finding.to_dict() for finding in run.frame_findings],
+        "findings": [finding.to_dict() for finding in in_order(found)],
+        "frame_findings": [finding.to_dict() for finding in in_frames],
         **({"frame_findings_left_out": left_out} if left_out else {}),
         "over_time": over_time,
         "files": [],
     }
-    return replace(run, report=build_report(run.inputs, run.outcome, run.statistics, job, remarks))
+    report = build_report(inputs, outcome, statistics, job, remarks)
+    whole = None if gathered is None else Whole(gathered.poses, gathered.detections)
+    return Run(poses, in_order(found), tuple(in_frames), report, statistics, inputs, outcome, whole)
 
 
 def _opened(found: RunFolder) -> Run:

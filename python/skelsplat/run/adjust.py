@@ -131,7 +131,7 @@ def adjust_cameras(
     return AdjustedCameras(whole, result, (*kept, *findings_of(result, rig.mm_per_unit, scene.read_as)))
 
 
-def read_adjusted(job: Job) -> tuple[Array, Inputs]:
+def read_adjusted(opened: Opened, job: Job) -> tuple[Array, Inputs]:
     """Read everybody, and adjust the cameras by those the views agree on if the job asks for it.
 
     Raises
@@ -144,7 +144,7 @@ def read_adjusted(job: Job) -> tuple[Array, Inputs]:
     FindingWarning
         Of what was adjusted, and of what was not.
     """
-    people, whole = read_everybody(job)
+    people, whole = read_everybody(opened, job)
     if not job.adjust_cameras:
         return people, whole
     scene = Scene(whole.rig, people, whole.frames, whole.layout, whole.read_as)

@@ -28,13 +28,11 @@ from skelsplat.io._files import VIDEO_SUFFIXES, listed, load_json
 from skelsplat.io._run_files import MARKED, REPORT, check_one_run, check_people, files_of_run, folders_of_run
 from skelsplat.io.calibration import find_format
 from skelsplat.io.calibration._json import to_json
-from skelsplat.run._run import run
+from skelsplat.run.engine import run, run_people
 from skelsplat.run.folder import keep_inputs, output_folder
 from skelsplat.run.job import Job
-from skelsplat.run.long import run_long
 from skelsplat.run.read import read_rig
 from skelsplat.run.report import versions
-from skelsplat.run.several import run_people
 
 TABLE, RECORD = "batch.csv", "batch.json"
 DONE, UNCHANGED, FAILED = "done", "unchanged", "failed"
@@ -365,8 +363,7 @@ def _on_threads(job: Job, count: int) -> Job:
 def attempt(job: Job) -> str:
     """Do a job, and return why it failed, or ""."""
     try:
-        if run_long(job) is None:
-            (run if job.people is None else run_people)(job)
+        (run if job.people is None else run_people)(job)
     except (SkelSplatError, OSError) as error:
         return " ".join(str(error).split())
     except Exception as error:  # a defect, of which the other recordings know nothing

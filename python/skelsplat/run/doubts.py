@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-import skelsplat as sk
 from skelsplat._arrays import Index
+from skelsplat._words import length, listed, percent
 from skelsplat.findings import Finding, Remedy, Subject
 from skelsplat.layouts import mirror_images
+from skelsplat.run.joints import layouts_alike
 
 if TYPE_CHECKING:
     from skelsplat.run.read import Inputs
@@ -39,25 +40,42 @@ def find_doubts(people: Sequence[Inputs], of: Inputs) -> Iterator[Finding]:
     seen = np.isfinite(of.detections[..., 0]).any(axis=-1)
     views = seen.sum(axis=1)
     if len(of.rig) >= _CONFIRMED and np.median(views) < _CONFIRMED:
-        counts = seen.sum(axis=0)
-        named = np.flatnonzero(counts)
-        subject = Subject(cameras=tuple(of.rig.names[i] for i in named))
-        numbers = {
-            "person": int(of.person),
-            "frames_seen": counts[named].tolist(),
-            "frames": len(views),
-            "views": float(np.median(views)),
+        counts = {
+            name: int(count) for name, count in zip(of.rig.names, seen.sum(axis=0), strict=True) if count
         }
-        yield Finding("person_of_few_views", "warning", subject, numbers)
+        cameras = listed([f"{name} in {count:,}" for name, count in counts.items()])
+        yield Finding(
+            "person_of_few_views",
+            "warning",
+            Subject(cameras=tuple(counts)),
+            {
+                "person": int(of.person),
+                "frames_seen": list(counts.values()),
+                "frames": len(views),
+                "views": float(np.median(views)),
+            },
+            sentence=f"Mostly two views or fewer see this person ({cameras} of {len(views):,} frames), so no "
+            "third view confirms the pose.",
+        )
     still = moved_mm(of)
     if still < _STILL_MM and lasts(of) >= _STILL_S and any(moved_mm(one) >= _STILL_MM for one in people):
-        numbers = {"person": int(of.person), "moved_mm": still, "seconds": lasts(of)}
-        yield Finding("person_still", "warning", numbers=numbers)
+        yield Finding(
+            "person_still",
+            "warning",
+            numbers={"person": int(of.person), "moved_mm": still, "seconds": lasts(of)},
+            sentence=f"This person hardly moves: positions vary by {still:.0f} mm in {lasts(of):.0f} s. A "
+            "poster, a dummy, or somebody who keeps still?",
+        )
     away = {one.person: reflection_mm(one, of) for one in people if is_nearer(one, of)}
     same = min(away, key=lambda who: away[who], default=None)
     if same is not None and away[same] < _SAME_MM:
-        numbers = {"person": int(of.person), "of": int(same), "apart_mm": away[same]}
-        yield Finding("person_mirrored", "warning", numbers=numbers)
+        yield Finding(
+            "person_mirrored",
+            "warning",
+            numbers={"person": int(of.person), "of": int(same), "apart_mm": away[same]},
+            sentence=f"This person is the mirror image of person {same}, within {away[same]:.0f} mm: a "
+            "reflection in a mirror or a window?",
+        )
     yield from find_return(people, of)
 
 
@@ -67,13 +85,15 @@ def find_return(people: Sequence[Inputs], of: Inputs) -> Iterator[Finding]:
     if not gone:
         return
     last = min(gone, key=lambda one: bones_differ(one, of))
-    numbers = {
-        "person": int(of.person),
-        "before": int(last.person),
-        "last": int(last.frames[-1]),
-        "percent": 100.0 * bones_differ(last, of),
-    }
-    yield Finding("person_back", "note", numbers=numbers)
+    before, frame, percents = int(last.person), int(last.frames[-1]), 100.0 * bones_differ(last, of)
+    yield Finding(
+        "person_back",
+        "note",
+        numbers={"person": int(of.person), "before": before, "last": frame, "percent": percents},
+        sentence=f"This may be person {before} again, who was last seen in frame {frame}: their bones differ "
+        f"by {percents:.0f} %. Whoever is away for longer than five seconds, or cannot have got there, gets "
+        "a new number.",
+    )
 
 
 def bones_differ(one: Inputs, other: Inputs) -> float:
@@ -145,13 +165,25 @@ def find_left_out(
         return
     shares = left / np.maximum(detected.sum(axis=0), 1)
     named = np.flatnonzero(shares >= _LEFT_OUT)
-    same = [name for name in sk.layouts.names if sk.layouts.get(name).n_joints == of.layout.n_joints]
+    alike, share = layouts_alike(of.layout), float(left.sum() / everybody)
     finer = [Remedy("sigma_mm", f"{size_mm * _SIGMA_PER_SIZE:.1g}")] if size_mm < _SMALL * sigma_mm else []
-    numbers = {
-        "size_mm": size_mm,
-        "left_out_share": float(left.sum() / everybody),
-        "shares": shares[named].tolist(),
-        "layouts_of_as_many_joints": [name for name in same if name != of.layout.name],
-    }
-    subject = Subject(cameras=tuple(of.rig.names[i] for i in named))
-    yield Finding("people_left_out", "warning", subject, numbers, (*finer, Remedy("layout", None)))
+    small = f"small bodies merged into one (those found are {length(size_mm, 0)} mm long), " if finer else ""
+    cameras = ", ".join(f"{of.rig.names[i]} {percent(shares[i])}" for i in named)
+    layout = (
+        f"a wrong layout ({' or '.join(alike)} has the same number of joints)" if alike else "a wrong layout"
+    )
+    yield Finding(
+        "people_left_out",
+        "warning",
+        Subject(cameras=tuple(of.rig.names[i] for i in named)),
+        {
+            "size_mm": size_mm,
+            "left_out_share": share,
+            "shares": shares[named].tolist(),
+            "layouts_of_as_many_joints": alike,
+        },
+        (*finer, Remedy("layout", None)),
+        sentence=f"{percent(share)} of the people detected are none of those found ({cameras}): {small}"
+        f"people whom one view sees, false detections, {layout}, or cameras that do not fit. Check "
+        "the cameras.",
+    )

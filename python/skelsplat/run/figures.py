@@ -10,7 +10,7 @@ import skelsplat as sk
 from skelsplat import viz
 from skelsplat._arrays import Array
 from skelsplat._words import ordinal
-from skelsplat.run._run import Run
+from skelsplat.run._run import PeopleRun, Run
 from skelsplat.run.read import Inputs
 from skelsplat.run.solve import Outcome
 from skelsplat.run.summary import Statistics, finite_median, frame_medians
@@ -55,6 +55,49 @@ def write_figures(run: Run, folder: Path) -> list[str]:
         viz.write_heatmaps(folder / "heatmaps.png", rows, skeleton=skeleton, caption=caption)
         names.append("heatmaps.png")
     return names
+
+
+def write_people_figure(run: PeopleRun, path: Path) -> None:
+    """Draw the paths from above, who is there when, and everybody in one frame."""
+    cameras, source = next(iter(run.people.values())).cameras, run.report["input"]["detections"]
+    title = count_of(run) if source is None else f"{Path(source).name}: {count_of(run)}"
+    data = viz.PeopleData(
+        people=tracks_of(run),
+        camera_names=cameras.names,
+        centres=np.array([camera.centre for camera in cameras]) * cameras.mm_per_unit,
+        up=world_up(cameras),
+        skeleton=skeleton_of(next(iter(run.people.values())).layout),
+        title=title,
+    )
+    viz.write_people(path, data)
+
+
+def count_of(run: PeopleRun) -> str:
+    """Return how many people there are, in words."""
+    return "1 person" if len(run.people) == 1 else f"{len(run.people)} people"
+
+
+def tracks_of(run: PeopleRun) -> list[viz.PersonTrack]:
+    """Return everybody as arrays in mm."""
+    return [_track(f"person {identity}", one) for identity, one in run.people.items()]
+
+
+def _track(name: str, run: Run) -> viz.PersonTrack:
+    mm, found, statistics = run.cameras.mm_per_unit, run.outcome.sequence, run.statistics
+    used = np.isfinite(statistics.error_after)
+    with np.errstate(invalid="ignore"):
+        rejected = statistics.rejected.sum(axis=(1, 2)) / used.sum(axis=(1, 2))
+    return viz.PersonTrack(
+        name=name,
+        frames=run.frames,
+        start=(run.outcome.start if found is None else np.asarray(found.init_pose)) * mm,
+        refined=run.poses.pose * mm,
+        error_bar=run.poses.error_bar * mm**2,
+        status=run.poses.joint_status,
+        seen=np.any(used & ~statistics.rejected, axis=2),
+        error_px=frame_medians(statistics.error_after),
+        rejected=rejected,
+    )
 
 
 def skeleton_of(layout: sk.Layout) -> viz.Skeleton:

@@ -9,20 +9,19 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 import skelsplat as sk
-from skelsplat._arrays import Array, Mask
+from skelsplat._arrays import Array
+from skelsplat._words import length, listed, percent
 from skelsplat.findings import Finding, Remedy, Subject
 from skelsplat.rig_check._check import find_swapped, same_detections
-from skelsplat.run.displaced import displaced_cameras, find_apart, find_displaced, shift_of
+from skelsplat.run.displaced import displaced_cameras, find_apart, find_displaced, shift_of, to_one_side
+from skelsplat.run.joints import MOSTLY, JointFrames, find_joints, find_statuses, layouts_alike, some
 from skelsplat.run.people import are_mixed, find_people
 from skelsplat.run.read import Inputs
 from skelsplat.run.solve import Outcome, frame_by_frame
 from skelsplat.run.summary import Group, Statistics, finite_median, summarise
 
-# Most: at least this share.
-_MOSTLY = 0.5
 # Under normal noise hardly a detection is rejected (k < 1/4 at σ = 2 s has probability 4⁻⁸), and a detector's
 # outliers are a few per cent. A camera is unusual with this share and this multiple of the other cameras'
 # median,
@@ -43,13 +42,13 @@ _FURTHER_OF_TWO, _CONFIRMED = 1.25, 3
 _SOME, _ALSO_UNFIT = 0.1, 0.25
 # About half the arms and legs, which are half of a layout's joints or more.
 _MIRRORED_SHARE = 0.25
+# So many of a camera's detections are swapped if all are that have a side.
+_ALL_SIDES = 0.6
 # Longer side over shorter side that no person's arms or legs have.
 _LIMB_RATIO = 1.5
 # A given length contradicts the recording beyond this many of its standard deviations and this share.
 _GIVEN_SIGMAS, _GIVEN_SHARE = 3.0, 0.05
 _USUAL_SIGMA_MM = 20.0  # of given lengths without standard deviations
-# A joint's scatter over the typical joint's.
-_BAR_RATIO = 2.0
 
 
 def find_findings(
@@ -80,8 +79,8 @@ def find_findings(
         *{finding.subject: finding for finding in swapped}.values(),  # the latter of two on a camera
         *_limbs(inputs, alone),
         *_given_lengths(inputs, alone),
-        *_joints(counted, statistics),
-        *_statuses(inputs, outcome, frames, counts),
+        *find_joints(counted, statistics),
+        *find_statuses(inputs, outcome, frames, counts),
     ]
 
 
@@ -96,15 +95,40 @@ def find_whole(
     total = statistics.total
     if total.used == 0:
         nobody = total.left_out == total.not_chosen == 0
-        numbers = {"nobody": nobody, "min_confidence": least}
-        yield Finding("nothing_used", "error", Subject(cameras=apart), numbers)
+        why = "are they in pixels of these cameras' images (not 0 to 1), x before y?"
+        if apart:
+            only = f"only {listed(apart)} {'has' if len(apart) == 1 else 'have'} detections of people"
+            why = f"{only}, and two cameras must detect them in the same frame."
+        elif nobody:
+            why = "nobody is detected with enough confidence."
+        elif least:
+            why = f"no joint has a confidence of {least:g} in two views."
+        yield Finding(
+            "nothing_used",
+            "error",
+            Subject(cameras=apart),
+            {"nobody": nobody, "min_confidence": least},
+            sentence=f"No detection could be used: {why}",
+        )
     elif total.rejected_share >= _WHOLE_SHARE or min(total.rejected_share, _rest(statistics)) >= _REST_SHARE:
-        remedy = (Remedy("person", "consistent"),) if mixed else ()
-        numbers = {"rejected_share": total.rejected_share}
-        yield Finding("many_rejected", "warning", numbers=numbers, remedy=remedy)
+        first = "that all views show the same person, then " if mixed else ""
+        yield Finding(
+            "many_rejected",
+            "warning",
+            numbers={"rejected_share": total.rejected_share},
+            remedy=(Remedy("person", "consistent"),) if mixed else (),
+            sentence=f"{percent(total.rejected_share)} of all detections are rejected: check {first}that "
+            "calibration, cameras and detections belong together, and check timing, unit and layout.",
+        )
     elif total.after_px > max(_further(statistics) * total.before_px, total.before_px + _FURTHER_PX):
-        numbers = {"before_px": total.before_px, "after_px": total.after_px}
-        yield Finding("further_than_start", "warning", numbers=numbers)
+        before, after = total.before_px, total.after_px
+        yield Finding(
+            "further_than_start",
+            "warning",
+            numbers={"before_px": before, "after_px": after},
+            sentence="The refined pose lies further from the detections than its start (median "
+            f"{before:.1f} to {after:.1f} px): check the layout, the unit and the calibration.",
+        )
 
 
 def _further(statistics: Statistics) -> float:
@@ -120,15 +144,22 @@ def _in_time(statistics: Statistics, alone: Statistics) -> Iterator[Finding]:
     before, after = alone.total.after_px, statistics.total.after_px
     allowed = _FURTHER_OVER_TIME * np.sqrt(2 * views / (2 * views - 3)) * before
     if after > max(allowed, before + _FURTHER_PX):
-        numbers = {"before_px": before, "after_px": after}
-        yield Finding("further_over_time", "warning", numbers=numbers, remedy=(Remedy("frame_by_frame"),))
+        yield Finding(
+            "further_over_time",
+            "warning",
+            numbers={"before_px": before, "after_px": after},
+            remedy=(Remedy("frame_by_frame"),),
+            sentence="Solved over time, the pose lies much further from the detections than frame by frame "
+            f"(median {before:.1f} to {after:.1f} px): check that the frames are in order and the frame rate "
+            "is theirs, or solve each frame alone.",
+        )
 
 
 def _rest(statistics: Statistics) -> float:
     """Return the share of rejected detections, without the cameras and joints that have their own finding."""
     bad = _bad_cameras(statistics.cameras)
     cameras = [group not in bad for group in statistics.cameras]
-    joints = [group.rejected_share < _MOSTLY for group in statistics.joints]
+    joints = [group.rejected_share < MOSTLY for group in statistics.joints]
     part = np.s_[:, np.flatnonzero(cameras)[:, None], np.flatnonzero(joints)]
     used = np.isfinite(statistics.error_after[part]).sum()
     return float(statistics.rejected[part].sum() / max(1, used))
@@ -143,7 +174,7 @@ def unfit_cameras(inputs: Inputs) -> dict[int, tuple[int, int]]:
     people = inputs.unmatched | np.isfinite(inputs.detections[..., 0]).any(axis=2)
     count, seen = inputs.unmatched.sum(axis=0), people.sum(axis=0)
     shares = np.where(count >= _SOME * len(people), count / np.maximum(seen, 1), 0.0)
-    least = _ALSO_UNFIT if (shares >= _MOSTLY).any() else _MOSTLY
+    least = _ALSO_UNFIT if (shares >= MOSTLY).any() else MOSTLY
     return {int(i): (int(count[i]), int(seen[i])) for i in np.flatnonzero(shares >= least)}
 
 
@@ -153,10 +184,18 @@ def find_unfit(names: Sequence[str], unfit: Mapping[int, tuple[int, int]]) -> It
         return
     cameras = tuple(names[i] for i in unfit)
     counts, seen = map(list, zip(*unfit.values(), strict=True))
-    numbers = {"frames_without_match": counts, "frames_detected": seen}
+    frames = listed([f"{count:,} of {of:,}" for count, of in zip(counts, seen, strict=True)])
     enough = len(names) - len(cameras) >= 2
-    remedy = tuple(Remedy("without", name) for name in cameras) if enough else ()
-    yield Finding("no_match", "warning", Subject(cameras=cameras), numbers, remedy)
+    yield Finding(
+        "no_match",
+        "warning",
+        Subject(cameras=cameras),
+        {"frames_without_match": counts, "frames_detected": seen},
+        tuple(Remedy("without", name) for name in cameras) if enough else (),
+        sentence=f"In {listed(cameras)}, no person detected matches the other cameras, in {frames} of the "
+        f"frames in which {'it' if len(cameras) == 1 else 'they'} and others detect a person: exchanged "
+        "cameras, a wrong calibration, unsynchronised video, or other people? Check the cameras.",
+    )
 
 
 def with_lasting(rig: sk.CameraRig, alone: Statistics, statistics: Statistics) -> Statistics:
@@ -203,7 +242,7 @@ def find_cameras(
     """
     bad = _bad_cameras(statistics.cameras)
     good = [group for group in statistics.cameras if group.used and group not in bad]
-    common = {
+    common: dict[str, Any] = {
         "others_rejected_share": sum(group.rejected for group in good) / max(1, sum(g.used for g in good)),
         "compared_with": [] if len(bad) == 1 else [group.name for group in good],
     }
@@ -211,13 +250,30 @@ def find_cameras(
     for group in statistics.cameras:
         subject, without = Subject(cameras=(group.name,)), (Remedy("without", group.name),)
         if statistics.total.used and not group.used and group.name not in unfit and not followed:
-            remedy = (Remedy("person", None), *(without if enough else ()))
-            yield Finding("camera_unused", "warning", subject, remedy=remedy)
+            yield Finding(
+                "camera_unused",
+                "warning",
+                subject,
+                remedy=(Remedy("person", None), *(without if enough else ())),
+                sentence=f"{group.name} has no usable detections. Either the person is not in view, or its "
+                "detections do not agree with the other views.",
+            )
         elif group in bad:
             own = {"rejected_share": group.rejected_share, "mean_weight": group.mean_weight}
-            numbers = {**own, **common, **sides.get(group.name, {})}
-            remedy = without if enough and group.name not in unfit else ()
-            yield Finding("camera_disagrees", "warning", subject, numbers, remedy)
+            side, theirs = sides.get(group.name, {}), ", ".join(common["compared_with"])
+            shifted = f"Its detections are shifted by {to_one_side(side)}. " if side else ""
+            yield Finding(
+                "camera_disagrees",
+                "warning",
+                subject,
+                {**own, **common, **side},
+                without if enough and group.name not in unfit else (),
+                sentence=f"{group.name} disagrees with the other cameras: {percent(group.rejected_share)} of "
+                f"its detections are rejected, {percent(common['others_rejected_share'])} of "
+                f"{f'those of {theirs}' if theirs else 'theirs'}, and its mean weight is "
+                f"{group.mean_weight:.2f}. {shifted}The pose follows the others: check this camera's "
+                "calibration and timing, and whether anything blocks its view.",
+            )
 
 
 def _bad_cameras(cameras: Sequence[Group]) -> list[Group]:
@@ -238,8 +294,16 @@ def _bad_cameras(cameras: Sequence[Group]) -> list[Group]:
 def _mirrored(statistics: Statistics) -> Iterator[Finding]:
     for group in statistics.cameras:
         if group.used and group.swapped >= _MIRRORED_SHARE * group.used:
-            numbers = {"swapped_share": group.swapped / group.used}
-            yield Finding("camera_mirrored", "warning", Subject(cameras=(group.name,)), numbers)
+            share = group.swapped / group.used
+            mirrored = "Is the image mirrored?" if share >= _ALL_SIDES else ""
+            yield Finding(
+                "camera_mirrored",
+                "warning",
+                Subject(cameras=(group.name,)),
+                {"swapped_share": share},
+                sentence=f"{group.name}: left and right are swapped in {percent(share)} of its detections. "
+                f"{mirrored or 'Does the detector confuse the sides in this view?'}",
+            )
 
 
 def _limbs(inputs: Inputs, outcome: Outcome) -> Iterator[Finding]:
@@ -252,14 +316,17 @@ def _limbs(inputs: Inputs, outcome: Outcome) -> Iterator[Finding]:
     if ratios and max(ratios) > _LIMB_RATIO:
         worst = int(np.argmax(ratios))
         limbs = [[joints[a], joints[b]] for a, b in pairs[worst]]
-        alike = [name for name in sk.layouts.names if sk.layouts.get(name).n_joints == layout.n_joints]
-        numbers = {
-            "limbs": limbs,
-            "lengths_mm": list(lengths[worst]),
-            "layouts_of_as_many_joints": [name for name in alike if name != layout.name],
-        }
-        named = tuple(dict.fromkeys(joint for limb in limbs for joint in limb))
-        yield Finding("limbs_differ", "warning", Subject(joints=named), numbers, (Remedy("layout", None),))
+        alike, sizes = layouts_alike(layout), zip(limbs, lengths[worst], strict=True)
+        hint = f" ({' and '.join(alike)} has the same number of joints)" if alike else ""
+        words = " and ".join(f"{a} to {b} {length(size, 0, 10.0)} mm" for (a, b), size in sizes)
+        yield Finding(
+            "limbs_differ",
+            "warning",
+            Subject(joints=tuple(dict.fromkeys(joint for limb in limbs for joint in limb))),
+            {"limbs": limbs, "lengths_mm": list(lengths[worst]), "layouts_of_as_many_joints": alike},
+            (Remedy("layout", None),),
+            sentence=f"Left and right limbs differ in length, {words}. Is the layout correct{hint}?",
+        )
 
 
 def _lengths_mm(inputs: Inputs, outcome: Outcome, limbs: Sequence[tuple[int, int]]) -> list[float]:
@@ -279,9 +346,18 @@ def _given_lengths(inputs: Inputs, alone: Outcome) -> Iterator[Finding]:
     if len(wrong):
         named = [[joints[j] for j in limbs[b]] for b in wrong]
         given, found = lengths[wrong].tolist(), measured[wrong].tolist()
-        numbers = {"limbs": named, "given_mm": given, "measured_mm": found}
-        subject = Subject(joints=tuple(dict.fromkeys(joint for limb in named for joint in limb)))
-        yield Finding("given_lengths_differ", "warning", subject, numbers)
+        sizes = [
+            f"{a} to {b} {length(one, 0, 10.0)} mm, measured {length(seen, 0, 10.0)} mm"
+            for (a, b), one, seen in zip(named, given, found, strict=True)
+        ]
+        yield Finding(
+            "given_lengths_differ",
+            "warning",
+            Subject(joints=tuple(dict.fromkeys(joint for limb in named for joint in limb))),
+            {"limbs": named, "given_mm": given, "measured_mm": found},
+            sentence="Given bone lengths contradict the recording, which follows them if it is short: "
+            f"{some(sizes)}.",
+        )
 
 
 def _lengths_given(layout: sk.Layout, config: sk.RefineConfig) -> tuple[Array, Array]:
@@ -294,70 +370,6 @@ def _lengths_given(layout: sk.Layout, config: sk.RefineConfig) -> tuple[Array, A
         return lengths, sigmas
     if config.bone_lengths_mm is not None:
         return np.asarray(config.bone_lengths_mm), np.asarray(config.bone_sigmas_mm or sigmas)
-    for ends, length, sigma in layout.lengths:
-        lengths[layout.limbs.index(ends)], sigmas[layout.limbs.index(ends)] = length, sigma
+    for ends, given, sigma in layout.lengths:
+        lengths[layout.limbs.index(ends)], sigmas[layout.limbs.index(ends)] = given, sigma
     return lengths, sigmas
-
-
-def _joints(alone: Statistics, statistics: Statistics) -> Iterator[Finding]:
-    rejected = tuple(group.name for group in alone.joints if group.rejected_share >= _MOSTLY)
-    if 0 < len(rejected) <= _MOSTLY * len(alone.joints):  # of more, the whole recording is in doubt
-        yield Finding("joints_rejected", "warning", Subject(joints=rejected))
-    typical = finite_median(statistics.scatter_mm)
-    scatter = [finite_median(joint) for joint in statistics.scatter_mm.T]
-    wide = [j for j, own in enumerate(scatter) if own > _BAR_RATIO * typical]
-    if wide:
-        named = Subject(joints=tuple(statistics.joints[j].name for j in wide))
-        numbers = {"median_scatter_mm": typical, "scatter_mm": [scatter[j] for j in wide]}
-        yield Finding("joints_uncertain", "warning", named, numbers)
-
-
-# Frames by joint, of a kind of finding on statuses, those filled over time apart.
-JointFrames = dict[tuple[str, bool], dict[int, list[int]]]
-
-
-def joint_frames(inputs: Inputs, outcome: Outcome, written: npt.NDArray[np.str_]) -> JointFrames:
-    """Return the frames in which joints are weak or unobserved, by their place in the layout.
-
-    ``written`` (T, N) is the status of the poses written, where joints may be filled over time.
-    """
-    status, filled = np.asarray(outcome.result.joint_status), written == "filled"
-    placed = np.isfinite(outcome.result.pose).all(axis=-1)
-    asked = np.array([joint not in inputs.lacking for joint in inputs.layout.joints])
-    found: JointFrames = {}
-    for kind, where in (
-        ("weak_joints", (status == "weak") & placed),
-        ("joints_without_position", (status == "weak") & ~placed),
-        ("unobserved_joints", status == "unobserved"),
-    ):
-        for left, done in ((where & asked & ~filled, False), (where & asked & filled, True)):
-            for j in np.flatnonzero(left.any(axis=0)).tolist():
-                found.setdefault((kind, done), {})[j] = inputs.frames[left[:, j]].tolist()
-    return found
-
-
-def _statuses(
-    inputs: Inputs, outcome: Outcome, found: JointFrames, counts: Mapping[Any, int]
-) -> Iterator[Finding]:
-    """Yield findings on weak and unobserved joints with their frames, those not filled first.
-
-    ``counts`` are of the frames by kind, filled or not, and joint, where ``found`` names the first ones only.
-    What lies between frames in which the joint is known can be filled.
-    """
-    joints, placed = inputs.layout.joints, np.isfinite(np.asarray(outcome.result.pose)).all(axis=-1)
-    weak = np.asarray(outcome.result.joint_status) == "weak"
-    gaps = Remedy("fill_gaps", None)
-    remedies = {"weak_joints": (gaps, Remedy("fill_weak")), "joints_without_position": (gaps,)}
-    for kind in ("weak_joints", "joints_without_position", "unobserved_joints"):
-        for done in (False, True):
-            by_joint = dict(sorted(found.get((kind, done), {}).items()))
-            if by_joint:
-                known: Mask = placed & ~(weak & (kind == "weak_joints"))
-                there = {j: inputs.frames[known[:, j]] for j in by_joint if known[:, j].any()}
-                inside = any(a[0] < t < a[-1] for j, a in there.items() for t in by_joint[j])
-                remedy = remedies.get(kind, ()) if inside and not done else ()
-                named = Subject(joints=tuple(joints[j] for j in by_joint))
-                numbers: dict[str, Any] = {"frames": list(by_joint.values()), "filled": done}
-                if counts:
-                    numbers["frames_in_all"] = [counts[kind, done, j] for j in by_joint]
-                yield Finding(kind, "warning", named, numbers, remedy)

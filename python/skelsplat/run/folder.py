@@ -7,6 +7,7 @@ import hashlib
 import shutil
 import tempfile
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,10 +16,11 @@ from skelsplat import layouts
 from skelsplat._atomic import atomic_write_text, opening, remove_left
 from skelsplat._json import to_text
 from skelsplat._lock import locked
-from skelsplat._optional import can_draw
+from skelsplat._optional import can_draw, pip_line
+from skelsplat._words import listed
 from skelsplat.exceptions import DatasetError, InvalidInputError
-from skelsplat.findings import Finding, Subject
-from skelsplat.io import write_pose
+from skelsplat.findings import Finding, Remedy, Subject
+from skelsplat.io import write_people, write_pose
 from skelsplat.io._files import load_json
 from skelsplat.io._run_files import (
     CAMERAS,
@@ -32,6 +34,7 @@ from skelsplat.io._run_files import (
     folders_of_run,
     is_person,
     is_run,
+    of_person,
 )
 from skelsplat.io.detections import FORMATS
 from skelsplat.io.poses import PEOPLE_FORMATS, POSE_FORMATS, check_pose_format
@@ -40,7 +43,7 @@ from skelsplat.io.poses._pose_data import MARKER_NAMES
 from skelsplat.io.run_folder import write_run_inputs
 from skelsplat.run.angles import FILES as ANGLE_FILES
 from skelsplat.run.angles import check_angles, describe, write_angles
-from skelsplat.run.html import write_html
+from skelsplat.run.html import write_html, write_people_html
 from skelsplat.run.vertical import vertical_known
 
 if TYPE_CHECKING:
@@ -48,7 +51,7 @@ if TYPE_CHECKING:
 
     import numpy.typing as npt
 
-    from skelsplat.run._run import Run
+    from skelsplat.run._run import PeopleRun, Run
     from skelsplat.run.job import Job
     from skelsplat.run.read import Inputs
 
@@ -99,6 +102,17 @@ class Writing:
             wanted |= {PAGE} if self.html else set()
         return [name for name in _POSSIBLE if name in wanted]
 
+    @property
+    def poses_together(self) -> list[str]:
+        """The files that hold everybody's poses, if several people are refined."""
+        return [f"people.{kind}" for kind in self.formats if kind in PEOPLE_FORMATS]
+
+    @property
+    def together(self) -> list[str]:
+        """The files that hold or show everybody."""
+        shown = [_PICTURES[0], *([PAGE] if self.html else [])] if can_draw() else []
+        return [*self.poses_together, *shown]
+
     def check(self, inputs: Inputs | None = None) -> None:
         """Apply `skelsplat.io.poses.check_pose_format` to each format, and `check_angles`."""
         for kind in self.formats:
@@ -111,16 +125,35 @@ class Writing:
     def notes(self, inputs: Inputs) -> list[Finding]:
         """Return findings on the files: options without effect, assumed times, no vertical, no pictures."""
         timed = tuple(f"pose.{kind}" for kind in self.formats if kind in _WITH_MARKERS)
-        given = {"--y-up": self.y_up, "--marker-names": self.marker_names != MARKER_NAMES[0]}
+        given = {"y_up": self.y_up, "marker_names": self.marker_names != MARKER_NAMES[0]}
         unused = [option for option, value in given.items() if value and not timed]
-        found = [Finding("option_unused", "note", numbers={"option": option}) for option in unused]
+        found = [
+            Finding(
+                "option_unused",
+                "note",
+                numbers={"option": option},
+                sentence=f"{option} has no effect: it applies to pose.trc and pose.c3d; neither is written.",
+            )
+            for option in unused
+        ]
         if self.angles:
             timed = (*timed, ANGLE_FILES[-1])
-            found += [] if vertical_known(inputs.rig) else [Finding("vertical_unknown", "note")]
+        if self.angles and not vertical_known(inputs.rig):
+            words = "The cameras do not show which axis of the world is vertical: angles of trunk and pelvis "
+            words += "are left out."
+            found.append(Finding("vertical_unknown", "note", sentence=words))
         if timed and inputs.fps is None:
-            found.append(Finding("times_assumed", "warning", Subject(files=timed), {"fps": _ASSUMED_FPS}))
+            words = (
+                f"The frame rate is unknown: the times in {listed(timed)} assume {_ASSUMED_FPS:g} frames per "
+            )
+            words += "second."
+            numbers, remedy = {"fps": _ASSUMED_FPS}, (Remedy("fps", None),)
+            found.append(
+                Finding("times_assumed", "warning", Subject(files=timed), numbers, remedy, sentence=words)
+            )
         if not can_draw():
-            found.append(Finding("no_pictures", "note"))
+            words = f"report.html and figures need skelsplat[viz]: {pip_line('viz')}"
+            found.append(Finding("no_pictures", "note", sentence=words))
         return found
 
 
@@ -191,6 +224,38 @@ def write_folder(
     return run
 
 
+def write_everybody(
+    run: PeopleRun, folder: Path, writing: Writing, on_file: OnFile | None = None
+) -> PeopleRun:
+    """Write the folders of all people, then the files of everybody, the report last; return the run."""
+    on_file = on_file or nothing
+    names = "".join(name_of(one) for one in run.people.values())
+    name = hashlib.sha256(names.encode()).hexdigest()[:16]
+    run = replace(run, report={**run.report, RUN: name, "files": writing.together})
+    begin_writing(folder, run.report)
+    people = {}
+    for own, (identity, one) in zip(run.report["folders"], run.people.items(), strict=True):
+        told = partial(_tell_of, on_file, own)
+        with run_folder(folder / own):
+            people[identity] = write_folder(one, folder / own, writing, of_person(name, own), told)
+    for together in writing.poses_together:
+        on_file(together)
+        write_people(folder / together, {identity: one.poses for identity, one in run.people.items()})
+    if can_draw():
+        from skelsplat.run.figures import write_people_figure  # matplotlib takes long to load
+
+        on_file(_PICTURES[0])
+        write_people_figure(run, folder / _PICTURES[0])
+    if PAGE in run.report["files"]:
+        write_people_html(run, folder / PAGE)
+    atomic_write_text(folder / REPORT, to_text(run.report))
+    return replace(run, people=people)
+
+
+def _tell_of(on_file: OnFile, folder: str, name: str) -> None:
+    on_file(f"{folder}/{name}")
+
+
 def keep_input(job: Job, sources: Sequence[Path] = ()) -> None:
     """Refuse a folder for the results in which they would overwrite the input, or be mixed with it.
 
@@ -244,8 +309,11 @@ def _in_the_way(path: Path) -> InvalidInputError:
     return InvalidInputError(f"output: expected {expected}, got the one of {path}")
 
 
-def check_places(folder: Path, names: Sequence[str]) -> None:
-    """Raise `DatasetError` if a folder has the name of a result."""
+def check_places(folder: Path, names: Sequence[str], *, several: bool = False) -> None:
+    """Raise `DatasetError` if a folder has the name of a result, or a file that of a person's folder."""
+    for path in folder.glob("person_*") if several else ():
+        if is_person(path.name) and not path.is_dir():
+            raise DatasetError(path, "output", "a folder, or nothing, with the name of a person's", "a file")
     for path in (folder / name for name in (*names, LAYOUT, REPORT)):
         if path.is_dir():
             raise DatasetError(path, "output", "a file, or nothing, with the name of a result", "a folder")
@@ -294,6 +362,14 @@ def left_of_earlier(folder: Path) -> list[str]:
     people = sorted(path.name for path in folder.glob("person_*") if is_person(path.name))
     names = [f"{place}{name}" for place in ("", *(f"{one}/" for one in people)) for name in _OF_OTHERS]
     return [f"{name}/" for name in names if any((folder / name).glob("*"))]
+
+
+@contextlib.contextmanager
+def scratch(folder: Path) -> Iterator[Path]:
+    """Make a folder for the parts of a long recording, removed afterwards."""
+    room = opening(folder, "a folder with room for the parts of the recording", "output")
+    with room, tempfile.TemporaryDirectory(prefix=SCRATCH, dir=folder) as place:
+        yield Path(place)
 
 
 @contextlib.contextmanager

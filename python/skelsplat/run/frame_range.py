@@ -7,10 +7,11 @@ from dataclasses import dataclass
 
 from skelsplat._arrays import Index
 from skelsplat.exceptions import InvalidInputError
-from skelsplat.findings import Finding, warn
+from skelsplat.findings import Finding, Remedy, warn
 
 MANY = 50_000
 """Frames of a run from which a range of them is read without the others."""
+_RANGE = (Remedy("range", None),)
 
 
 @dataclass(frozen=True)
@@ -46,7 +47,8 @@ class FrameRange:
         first, last = self.within(frames)
         count = int(((frames >= first) & (frames <= last)).sum())
         if count > MANY:
-            warn(Finding("many_frames", "note", numbers={"frames": count}))
+            words = f"{count:,} frames are read and drawn at once; a range of them reads fewer."
+            warn(Finding("many_frames", "note", numbers={"frames": count}, remedy=_RANGE, sentence=words))
         return first, last
 
     def within(self, frames: Index) -> tuple[int, int]:

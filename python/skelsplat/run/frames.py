@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import groupby
 from typing import Any
@@ -11,8 +11,9 @@ import numpy as np
 import numpy.typing as npt
 
 from skelsplat._arrays import Array, Index, Mask
-from skelsplat._sentences.run import named
+from skelsplat._words import length
 from skelsplat.findings import Finding, Subject
+from skelsplat.run.joints import MOST_NAMES
 from skelsplat.run.read import Inputs
 from skelsplat.run.solve import Outcome
 from skelsplat.run.summary import Statistics, finite_median, frame_medians
@@ -26,12 +27,24 @@ _RATIO = 3.0
 _SHARE, _HIGH_SHARE = 0.1, 1 / 3
 # of a joint's scatter also this multiple of the median of all.
 _BAR_RATIO = 2.0
-# Kinds of one origin in their order; of the same kind, that of the first frame comes first.
-_KINDS = (
-    *("frame_empty", "frame_diverged", "frame_max_steps"),
-    *("frame_unobserved", "frame_inferred", "frame_weak", "frame_filled"),
-)
-_RANKS = {kind: rank for rank, kind in enumerate(_KINDS)}
+# In words, by kind, with the joints or cameras concerned; of one origin in this order, and of the same kind
+# that of the first frame comes first.
+_WORDS: dict[str, Callable[[str, Mapping[str, Any]], str]] = {
+    "frame_empty": lambda _, __: "no detection could be used",
+    "frame_diverged": lambda _, __: "diverged",
+    "frame_max_steps": lambda _, __: "stopped at the step limit",
+    "frame_unobserved": lambda names, _: f"unobserved: {names}",
+    "frame_inferred": lambda names, _: f"inferred: {names}",
+    "frame_weak": lambda names, _: f"weak: {names}",
+    "frame_filled": lambda names, _: f"filled over time: {names}",
+    "frame_swapped": lambda names, _: f"left–right swap in {names}",
+    "frame_rejected": lambda _, n: f"{max(n['percent']):.0f}% of the detections rejected",
+    "frame_error": lambda _, n: f"median reprojection error {max(n['median_px']):.1f} px",
+    "frame_scatter": lambda names, n: (
+        f"scatter far above normal: {names}, {length(max(n['scatter_mm']), 0)} mm"
+    ),
+}
+_RANKS = {kind: rank for rank, kind in enumerate(_WORDS)}
 # A stop reason that most frames share is not a finding on one of them.
 _MOSTLY = 0.5
 
@@ -78,16 +91,17 @@ class Usual:
     at_step_limit: bool  # most frames reach it
 
     @classmethod
-    def of(cls, facts: FrameFacts) -> Usual:
-        """Return what is usual in these frames."""
+    def of(cls, facts: FrameFacts, statistics: Statistics, every: Iterable[FrameFacts]) -> Usual:
+        """Return what is usual in these frames; ``every`` and the counts are of the whole recording."""
         there = facts.used > 0
         scatter = np.array([finite_median(joint) for joint in facts.scatter_mm.T])
+        stops = statistics.stop_reasons
         return cls(
             float(np.median(_share(facts)[there])) if there.any() else 0.0,
             finite_median(facts.error_px),
             np.maximum(_RATIO * scatter, _BAR_RATIO * finite_median(facts.scatter_mm)),
-            np.asarray((facts.status == "unobserved").all(axis=0)),
-            bool((facts.stops == "max_steps").mean() > _MOSTLY),
+            np.logical_and.reduce([(part.status == "unobserved").all(axis=0) for part in every]),
+            stops.get("max_steps", 0) > _MOSTLY * sum(stops.values()),
         )
 
 
@@ -132,7 +146,18 @@ def find_in_frames(
 def _finding(kind: str, subject: Subject, cases: Sequence[tuple[int, dict[str, Any]]]) -> Finding:
     first = cases[0][1].items()
     numbers = {name: value if name == "of" else [own[name] for _, own in cases] for name, value in first}
-    return Finding(kind, "note", replace(subject, frames=tuple(frame for frame, _ in cases)), numbers)
+    subject = replace(subject, frames=tuple(frame for frame, _ in cases))
+    return Finding(kind, "note", subject, numbers, sentence=_words(kind, subject, numbers))
+
+
+def _words(kind: str, subject: Subject, numbers: Mapping[str, Any]) -> str:
+    return _WORDS[kind](named(subject, numbers), numbers)
+
+
+def named(subject: Subject, numbers: Mapping[str, Any]) -> str:
+    """Return the joints or cameras of a frame's finding; of many, their number."""
+    names = subject.joints or subject.cameras
+    return ", ".join(names) if len(names) <= MOST_NAMES else f"{len(names)} of {numbers['of']}"
 
 
 def problems_of(findings: Sequence[Finding]) -> list[Finding]:
@@ -153,7 +178,9 @@ def rows_of(findings: Sequence[Finding], frames: Sequence[int]) -> list[tuple[in
 
     def key(place: tuple[int, tuple[int, int]]) -> Any:
         count, (k, frame) = place
-        return k - count, [(finding.kind, named(finding)) for finding, _ in by_frame[frame]]
+        return k - count, [
+            (finding.kind, named(finding.subject, finding.numbers)) for finding, _ in by_frame[frame]
+        ]
 
     rows = []
     for _, places in groupby(enumerate(there), key):
@@ -170,7 +197,7 @@ def _in_frames(places: Sequence[tuple[Finding, int]]) -> str:
         name: [finding.numbers[name][k] for finding, k in places] if isinstance(values, list) else values
         for name, values in first.numbers.items()
     }
-    return replace(first, numbers=numbers).text
+    return _words(first.kind, first.subject, numbers)
 
 
 def _stops(facts: FrameFacts, usual: Usual) -> Iterator[Case]:

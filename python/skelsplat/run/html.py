@@ -1,21 +1,24 @@
-"""``report.html``: a run as arrays and plain values for the page of `skelsplat.viz`."""
+"""``report.html``, and what notebooks show: a run, or those of several people, as arrays and plain values."""
 
 from __future__ import annotations
 
 import base64
 import html
 import importlib
+import json
 import sys
 import tempfile
 import webbrowser
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 import skelsplat as sk
+from skelsplat._arrays import Array, Index
 from skelsplat._optional import can_draw
-from skelsplat._words import number
+from skelsplat._words import decimals, length, number
 from skelsplat.run.angles import angles_of, by_title
 from skelsplat.run.frames import problems_of, rows_of
 from skelsplat.run.report import MEANINGS, solved_in_words, thinned_in_words
@@ -23,11 +26,12 @@ from skelsplat.run.summary import DOWN_WEIGHTED, error_maps, finite_median, fram
 from skelsplat.run.vertical import world_up
 
 if TYPE_CHECKING:
-    from skelsplat.run._run import Run
-    from skelsplat.run.read import Inputs
-    from skelsplat.run.summary import Group, Statistics
+    from skelsplat import viz
+    from skelsplat.findings import Finding, Remedy
+    from skelsplat.run._run import PeopleRun, Run
+    from skelsplat.run.summary import Group
     from skelsplat.viz import report as page
-
+    from skelsplat.viz.report._html import Sentence
 
 _SHARED = (
     ("median [px]", "median reprojection error, start → refined"),
@@ -49,12 +53,12 @@ _ANGLES = (
 _BIASED = (
     "Error bar: one standard deviation per axis against an anatomical joint. It contains the scatter, what "
     "another recording of the same pose by the same detector would give, and how far detectors place joints "
-    "from anatomical ones in all views and frames (--joint-bias-mm)."
+    "from anatomical ones in all views and frames (setting joint_bias_mm)."
 )
 _UNBIASED = (
     "Error bar: one standard deviation per axis. It is the scatter, what another recording of the same pose "
     "by the same detector would give; how far the detector places joints from anatomical ones is not "
-    "included (--joint-bias-mm states it)."
+    "included (joint_bias_mm states it)."
 )
 _OF_JOINTS = (
     ("views used", "views with a detection that is used and not rejected: median over the frames (lowest)"),
@@ -65,6 +69,36 @@ _OF_JOINTS = (
     ),
     ("moved [mm]", "median distance of the refined joint from its start"),
 )
+_OF_PEOPLE = (
+    ("person", ""),
+    ("frames", "from the first to the last in which two views see the person"),
+    ("seen", "frames in which a view sees the person"),
+    ("views", "median number of views that see the person"),
+    ("median error [px]", "median reprojection error, start → refined"),
+    ("rejected", "part of the detections used that hardly affects the pose"),
+    ("error bar [mm]", "median against an anatomical joint, one standard deviation per axis"),
+    (
+        "limbs",
+        "range of the lengths of arms and legs frame by frame, 5th to 95th percentile, as a part of the "
+        "length; large if two people are mixed",
+    ),
+    ("problems", "frames with weak, missing or unusual joints"),
+    ("warnings", "on this person, listed below"),
+)
+_NOTES_ON_PEOPLE = (
+    "A person is found once two views agree on them. Identities are numbers in the order of appearance; the "
+    "page of each person, linked in the table, has their cameras, joints and curves.",
+    "A camera sees a person where it has a detection of them that is used and not rejected. The distance to "
+    "the nearest other person is between the medians of their joints.",
+    "The floor grid lies at the lowest joint of the people whom three views or more see, or of those with "
+    "the most views.",
+)
+_WHY_RISEN = (
+    "start → refined; it rises because the start follows wrong detections and noise as far as it can, which "
+    "the refined pose does not"
+)
+# Views that place a person surely; two agree on whatever lies where their rays meet.
+_CONFIRMED = 3
 
 
 def write_html(run: Run, path: Path) -> None:
@@ -72,36 +106,87 @@ def write_html(run: Run, path: Path) -> None:
     from skelsplat.viz import report as page  # matplotlib takes long to load, and --help does without
 
     inputs, statistics = run.inputs, run.statistics
-    source = run.report["input"]["detections"]
     weights = np.where(np.isfinite(statistics.error_after), run.result.view_weights, np.nan)
     errors_px, rejected = error_maps(statistics.error_after, weights)
+    person = str(run.report["input"]["person"])
+    cells = [("camera", ""), *_SHARED], [_cells(one) for one in statistics.cameras], _cells(statistics.total)
     data = page.ReportData(
-        title="SkelSplat" if source is None else f"SkelSplat: {Path(source).name}{_of_whom(run)}",
+        title=_title(run.report, f"person {person}" if person.isdecimal() else ""),
         facts=facts_of(run.report),
-        warnings=[finding.text for finding in run.findings if finding.severity != "note"],
+        warnings=_sentences(run.findings),
         notes=_notes(run),
         numbers=key_numbers(run),
+        problems=rows_of(problems_of(run.frame_findings), inputs.frames.tolist()),
         sequence=_sequence(run),
         shapes=camera_shapes(inputs.rig),
-        cameras=page.Table(
-            [("camera", ""), *_SHARED],
-            [_cells(group) for group in statistics.cameras],
-            _cells(statistics.total),
-        ),
-        joints=_joint_table(inputs, statistics),
+        tables=[page.Table("Cameras", *cells), _joint_table(run)],
+        lines=[*_lines(run), *_angle_lines(run)],
         errors_px=errors_px[:-1, :-1],
         rejected=rejected[:-1, :-1],
-        lines=[*_lines(run), *_angle_lines(run)],
-        problems=rows_of(problems_of(run.frame_findings), inputs.frames.tolist()),
         bones=_bones(run),
     )
     page.write_report(path, data)
 
 
-def _of_whom(run: Run) -> str:
-    """Return the number of the person for the title, if one of several was chosen by number."""
-    person = run.report["input"]["person"]
-    return f", person {person}" if str(person).isdecimal() else ""
+def write_people_html(run: PeopleRun, path: Path) -> None:
+    """Write the page of several people as one file; it links to those of single people."""
+    from skelsplat.run.figures import count_of, tracks_of  # as in write_html
+    from skelsplat.viz import report as page
+    from skelsplat.viz.people import all_frames, spread_out, with_gaps
+
+    runs, tracks = list(run.people.values()), tracks_of(run)
+    first, most = runs[0], run.report["input"]["people"]
+    frames = with_gaps(all_frames(tracks))
+    rows = [
+        (low, high, f"{track.name}: {words}")
+        for track, one in zip(tracks, runs, strict=True)
+        for low, high, words in rows_of(problems_of(one.frame_findings), one.frames.tolist())
+    ]
+    data = page.ReportData(
+        title=_title(run.report, count_of(run)),
+        facts=[
+            *facts_of({**first.report, "input": {**first.report["input"], **run.report["input"]}}),
+            *([] if most == "all" else [("people at most", str(most))]),
+        ],
+        warnings=_sentences(run.findings),
+        notes=[
+            *filter(None, [run.report["note"]]),
+            *(finding.text for finding in run.findings if finding.severity == "note"),
+            *_NOTES_ON_PEOPLE[:2],
+            *of_the_view(first.poses.frame_rate),
+            *_NOTES_ON_PEOPLE[2:],
+        ],
+        numbers=_numbers_of_people(run),
+        problems=sorted(rows, key=lambda row: row[:2]),
+        sequence=_everybody(tracks, frames, first),
+        shapes=camera_shapes(first.cameras),
+        tables=[_people_table(run), _bone_table(runs, [track.name for track in tracks])],
+        lines=_lines_of_people(tracks, frames),
+        findings=[_sentences(one.findings, notes=True) for one in runs],
+        views=[spread_out(frames, track.frames, track.views, -1) for track in tracks],
+    )
+    page.write_report(path, data)
+
+
+def _title(report: dict[str, Any], of_whom: str) -> str:
+    source = report["input"]["detections"]
+    named = ", ".join(filter(None, ["" if source is None else Path(source).name, of_whom]))
+    return f"SkelSplat: {named}" if named else "SkelSplat"
+
+
+def _sentences(findings: Sequence[Finding], *, notes: bool = False) -> list[Sentence]:
+    """Return findings with what helps: settings, and commands in their text."""
+    return [
+        (one.text, [*filter(None, [one.numbers.get("check")]), *map(setting_of, one.remedy)])
+        for one in findings
+        if notes or one.severity != "note"
+    ]
+
+
+def setting_of(remedy: Remedy) -> str:
+    """Return a remedy as in a config file: ``without = "cam_03"``; an ellipsis where the user chooses."""
+    value = "…" if remedy.value is None else json.dumps(remedy.value, ensure_ascii=False)
+    return f"{remedy.setting} = {value}"
 
 
 def show_page(run: Run) -> None:
@@ -179,34 +264,62 @@ def facts_of(report: dict[str, Any]) -> list[tuple[str, str]]:
 
 def key_numbers(run: Run) -> list[tuple[str, str, str]]:
     """Return the key numbers: name, value and remark."""
-    statistics = run.statistics
-    total = statistics.total
-    frames = {frame for finding in problems_of(run.frame_findings) for frame in finding.subject.frames}
+    statistics, frames = run.statistics, _problem_frames(run)
+    error, rejected, bar = _numbers_of([run])
     digits = statistics.decimals
     scatter = f"against anatomical joints; scatter {number(finite_median(statistics.scatter_mm), digits)} mm"
+    noise = f"{number(statistics.noise_mm, digits)} mm across the ray, estimated"
     return [
-        (
-            "median reprojection error",
-            f"{number(total.before_px)} → {number(total.after_px)} px",
-            "start → refined",
-        ),
-        ("detections rejected", part_of(total.rejected, total.used), f"of {total.used:,} used"),
-        (
-            "noise of the detections",
-            f"{number(statistics.noise_px)} px",
-            f"{number(statistics.noise_mm, digits)} mm across the ray, estimated",
-        ),
-        (
-            "median error bar",
-            f"{number(finite_median(statistics.error_bar_mm), digits)} mm",
-            scatter if is_biased(run.result) else "scatter alone, without a bias of the detector",
-        ),
+        error,
+        rejected,
+        ("noise of the detections", f"{number(statistics.noise_px)} px", noise),
+        (*bar[:2], scatter if is_biased(run.result) else bar[2]),
         (
             "frames with a problem",
             f"{len(frames):,} of {run.inputs.n_frames:,}",
             "weak, missing or unusual joints",
         ),
     ]
+
+
+def _numbers_of_people(run: PeopleRun) -> list[tuple[str, str, str]]:
+    cameras = run.report["detections"]["cameras"]
+    assigned, detected = (sum(camera[name] for camera in cameras) for name in ("assigned", "detected"))
+    remark = f"of {detected:,} in all views, to the people above"
+    return [
+        ("people", str(len(run.people)), f"in {len(run.frames):,} frames"),
+        ("detected people assigned", part_of(assigned, detected), remark),
+        *_numbers_of(list(run.people.values())),
+    ]
+
+
+def _numbers_of(runs: Sequence[Run]) -> list[tuple[str, str, str]]:
+    """Return the errors, the rejected detections and the error bars of all runs together."""
+    groups = [one.statistics.total for one in runs]
+    used, rejected = sum(group.used for group in groups), sum(group.rejected for group in groups)
+    before, after = groups[0].before_px, groups[0].after_px
+    if len(runs) > 1:
+        names = ("error_before", "error_after")
+        before, after = (
+            finite_median(np.concatenate([getattr(one.statistics, name).ravel() for one in runs]))
+            for name in names
+        )
+    bars = np.concatenate([one.statistics.error_bar_mm.ravel() for one in runs])
+    biased = any(is_biased(one.result) for one in runs)
+    against = "against anatomical joints" if biased else "scatter alone, without a bias of the detector"
+    return [
+        (
+            "median reprojection error",
+            f"{number(before)} → {number(after)} px",
+            _WHY_RISEN if round(after, 1) > round(before, 1) else "start → refined",
+        ),
+        ("detections rejected", part_of(rejected, used), f"of {used:,} used"),
+        ("median error bar", f"{length(finite_median(bars))} mm", against),
+    ]
+
+
+def _problem_frames(run: Run) -> set[int]:
+    return {frame for finding in problems_of(run.frame_findings) for frame in finding.subject.frames}
 
 
 def _notes(run: Run) -> list[str]:
@@ -267,27 +380,79 @@ def _bones(run: Run) -> list[tuple[int, int, float, float]]:
     return [(a, b, float(length), float(sigma)) for (a, b), length, sigma in sizes]
 
 
-def _lines(run: Run) -> list[page.TimeLine]:
-    from skelsplat.viz.report import TimeLine  # as in write_html
+def _everybody(tracks: Sequence[viz.PersonTrack], frames: Index, first: Run) -> page.Sequence3D:
+    """Return all people in ``frames`` as one sequence, whose joints are those of one after the other."""
+    from skelsplat.run.figures import skeleton_of  # as in write_html
+    from skelsplat.viz.people import spread_out
+    from skelsplat.viz.report import Sequence3D
+
+    def together(name: str, empty: object) -> Any:
+        values = [spread_out(frames, one.frames, getattr(one, name), empty) for one in tracks]
+        return np.concatenate(values, axis=1)
+
+    seen = [float(np.median(one.views)) if len(one.views) else 0.0 for one in tracks]
+    return Sequence3D(
+        start=together("start", np.nan),
+        refined=together("refined", np.nan),
+        error_bar=together("error_bar", np.nan),
+        status=together("status", "unobserved"),
+        frames=frames,
+        frame_rate=first.poses.frame_rate,
+        joint_names=[f"{one.name}, {joint}" for one in tracks for joint in first.layout.joints],
+        skeleton=skeleton_of(first.layout),
+        up=world_up(first.cameras),
+        start_name=first.outcome.start_name if first.outcome.sequence is None else "frame by frame",
+        people=[one.name for one in tracks],
+        on_floor=[place for place, own in enumerate(seen) if own >= min(_CONFIRMED, max(seen))],
+    )
+
+
+def _lines(run: Run) -> list[page.TimeLines]:
+    from skelsplat.viz.report import TimeLines  # as in write_html
 
     result, statistics = run.result, run.statistics
     used = np.isfinite(statistics.error_after)
     swapped = (used & np.asarray(result.swapped)).sum(axis=(1, 2))
     bars = np.fmax.reduce(statistics.error_bar_mm, axis=1)
     noise = np.asarray(result.noise) * run.cameras.mm_per_unit
+    before, after = (frame_medians(one) for one in (statistics.error_before, statistics.error_after))
+
+    def alone(title: str, unit: str, values: Array, *, peaks: bool = True) -> TimeLines:
+        return TimeLines(title, unit, [("", "left", values)], peaks=peaks)
+
+    both = [(run.outcome.start_name, "start", before), ("", "left", after)]
     return [
-        TimeLine(
-            "Median reprojection error",
-            "px",
-            frame_medians(statistics.error_after),
-            beside=frame_medians(statistics.error_before),
-            beside_name=run.outcome.start_name,
-        ),
-        TimeLine("Estimated noise of the detections", "mm", noise),
-        TimeLine("Detections rejected", "", statistics.rejected.sum(axis=(1, 2)).astype(float), peaks=True),
-        TimeLine("Left–right swaps", "", swapped.astype(float), peaks=True),
-        TimeLine("Largest error bar", "mm", bars, peaks=True),
+        TimeLines("Median reprojection error", "px", both),
+        alone("Estimated noise of the detections", "mm", noise, peaks=False),
+        alone("Detections rejected", "", statistics.rejected.sum(axis=(1, 2)).astype(float)),
+        alone("Left–right swaps", "", swapped.astype(float)),
+        alone("Largest error bar", "mm", bars),
     ]
+
+
+def _lines_of_people(tracks: Sequence[viz.PersonTrack], frames: Index) -> list[page.TimeLines]:
+    """Return the curves of everybody: errors, rejected detections, distance to the nearest person."""
+    from skelsplat.viz.people import spread_out  # as in write_html
+    from skelsplat.viz.report import TimeLines, person_class
+
+    def curves(values: Sequence[Array]) -> list[tuple[str, str, Array]]:
+        pairs = enumerate(zip(tracks, values, strict=True))
+        return [(one.name, person_class(place), own) for place, (one, own) in pairs]
+
+    def spread(values: Sequence[Array]) -> list[Array]:
+        return [spread_out(frames, one.frames, own, np.nan) for one, own in zip(tracks, values, strict=True)]
+
+    errors, rejected = ([getattr(one, name) for one in tracks] for name in ("error_px", "rejected"))
+    middles = np.stack(spread([one.middle for one in tracks]))
+    lines = [
+        TimeLines("Median reprojection error", "px", curves(spread(errors))),
+        TimeLines("Detections rejected", "%", curves(spread([100 * one for one in rejected])), peaks=True),
+    ]
+    if len(tracks) > 1:
+        others = [np.delete(middles, place, axis=0) - own for place, own in enumerate(middles)]
+        nearest = [np.fmin.reduce(np.linalg.norm(one, axis=-1), axis=0) / 1000.0 for one in others]
+        lines.append(TimeLines("Distance to the nearest other person", "m", curves(nearest)))
+    return lines
 
 
 def _angle_lines(run: Run) -> list[page.TimeLines]:
@@ -308,11 +473,12 @@ def _angle_lines(run: Run) -> list[page.TimeLines]:
     ]
 
 
-def _joint_table(inputs: Inputs, statistics: Statistics) -> page.Table:
+def _joint_table(run: Run) -> page.Table:
     """Return a row per joint."""
     from skelsplat.viz.report import Table  # as in write_html
 
-    rows, digits = [], statistics.decimals
+    statistics, rows = run.statistics, []
+    digits = statistics.decimals
     for j, group in enumerate(statistics.joints):
         views = statistics.views_used[:, j]
         bar, scatter = (finite_median(mm[:, j]) for mm in (statistics.error_bar_mm, statistics.scatter_mm))
@@ -323,8 +489,8 @@ def _joint_table(inputs: Inputs, statistics: Statistics) -> page.Table:
         ]
         rows.append([*_cells(group), *own])
     (views_used, meaning), *others = _OF_JOINTS
-    views_used = f"{views_used}, of {len(inputs.rig)}"
-    return Table([("joint", ""), *_SHARED, (views_used, meaning), *others], rows)
+    views_used = f"{views_used}, of {len(run.cameras)}"
+    return Table("Joints", [("joint", ""), *_SHARED, (views_used, meaning), *others], rows)
 
 
 def _cells(group: Group) -> list[str]:
@@ -346,3 +512,50 @@ def _cells(group: Group) -> list[str]:
 def part_of(count: int, of: int) -> str:
     """Return a part as a percentage, a dash if it is a part of nothing."""
     return f"{100 * count / of:.1f}%" if of else "–"
+
+
+def _people_table(run: PeopleRun) -> page.Table:
+    """Return a row per person, linked to their page."""
+    from skelsplat.viz.report import Table, person_class  # as in write_html
+
+    rows, entries = [], run.report["people"]
+    for entry, one in zip(entries, run.people.values(), strict=True):
+        total, limbs = one.statistics.total, entry["limb_range"]
+        rows.append(
+            [
+                f"person {entry['id']}",
+                f"{entry['frames']:,}, {entry['first_frame']} to {entry['last_frame']}",
+                f"{sum(last - first + 1 for first, last in entry['seen']):,}",
+                f"{entry['views_median']:g}",
+                f"{number(total.before_px)} → {number(total.after_px)}",
+                part_of(total.rejected, total.used),
+                length(finite_median(one.statistics.error_bar_mm)),
+                "–" if limbs is None or not np.isfinite(limbs) else f"{100 * limbs:.0f}%",
+                f"{len(_problem_frames(one)):,}",
+                str(len(one.findings)),
+            ]
+        )
+    pages = [f"{entry['folder']}/report.html" for entry in entries]
+    marks = [(person_class(place), address) for place, address in enumerate(pages)]
+    return Table("People", _OF_PEOPLE, rows, marks=marks)
+
+
+def _bone_table(runs: Sequence[Run], names: Sequence[str]) -> page.Table:
+    """Return the lengths of bones over all frames; no rows if the poses were not solved over time."""
+    from skelsplat.viz.report import Table  # as in write_html
+
+    lengths: list[dict[str, str]] = []
+    for one in runs:
+        joints = [name.replace("_", " ") for name in one.layout.joints]
+        sizes = ((f"{joints[a]} – {joints[b]}", np.array(size)) for a, b, *size in _bones(one))
+        lengths.append({bone: _length(size) for bone, size in sizes})
+    every = dict.fromkeys(bone for own in lengths for bone in own)
+    rows = [[bone, *(own.get(bone, "–") for own in lengths)] for bone in every]
+    columns = [("bone", ""), *((name, "") for name in names)]
+    known = [row for row in rows if set(row[1:]) != {"–"}]
+    return Table("Bone lengths [mm]", columns, known, hint="Over all frames, ± standard error.")
+
+
+def _length(size: Array) -> str:
+    digits = decimals(size[0], 0, 10.0)
+    return " ± ".join(number(mm, digits) for mm in size) if np.isfinite(size).all() else "–"

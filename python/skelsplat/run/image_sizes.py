@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Collection
 from dataclasses import replace
 from fractions import Fraction
+from typing import Any
 
 import numpy as np
 
 import skelsplat as sk
 from skelsplat._arrays import Array
+from skelsplat._words import listed
 from skelsplat.findings import Finding, Subject, warn
 from skelsplat.io.detections import Opened
 
@@ -17,6 +19,7 @@ Size = tuple[int, int]
 
 _SAME_SHAPE = 0.005  # of the ratio of width to height
 _PADDING_PX = 16  # codecs fill up to blocks of 16
+_SAME_IMAGES = "run the detector on images like those of the calibration, or calibrate with images like these"
 
 
 def resizing(old: Size, new: Size) -> Array | None:
@@ -60,9 +63,29 @@ def in_calibrated_pixels(found: Opened, rig: sk.CameraRig, cropped: Collection[s
         if factor is not None and (factor != 1.0).any():
             factors[name] = factor
     for (size, whole, is_crop), names in differing.items():
-        numbers = {"size": list(size), "size_of_camera": list(whole), "cropped": is_crop}
-        kind, factor = "image_sizes_differ", factors.get(names[0])
-        if factor is not None:
-            kind, numbers = "detections_resized", {**numbers, "factor": float(factor.mean())}
-        warn(Finding(kind, "warning", Subject(cameras=tuple(names)), numbers))
+        numbers: dict[str, Any] = {"size": list(size), "size_of_camera": list(whole), "cropped": is_crop}
+        own, crop = "its" if len(names) == 1 else "their", "a crop of at most " * is_crop
+        images = f"Detections of {listed(names)} come from images of {size[0]}×{size[1]} px, but {own} "
+        images += f"calibration is for {crop}{whole[0]}×{whole[1]}"
+        if names[0] in factors:
+            scale = float(factors[names[0]].mean())
+            finding = Finding(
+                "detections_resized",
+                "warning",
+                Subject(cameras=tuple(names)),
+                {**numbers, "factor": scale},
+                sentence=f"{images}: assuming copies in another size, they are multiplied by {scale:.4g}. "
+                f"If the images are cropped instead, {_SAME_IMAGES}.",
+            )
+        else:
+            turned = "width and height exchanged (is a phone's video turned?)"
+            finding = Finding(
+                "image_sizes_differ",
+                "warning",
+                Subject(cameras=tuple(names)),
+                numbers,
+                sentence=f"{images}, {turned if size == whole[::-1] else 'which has another shape'}: they "
+                f"are used as they are, and poses are probably wrong. To correct this, {_SAME_IMAGES}.",
+            )
+        warn(finding)
     return replace(found, factors=factors)

@@ -175,7 +175,7 @@ class Job:
         if self.people is not None:
             for option, unset in (("person", "consistent"), ("init", None)):
                 if getattr(self, option) != unset:
-                    together = "cannot be combined with --people (in Python people=), which refines everybody"
+                    together = "cannot be combined with people, which refines everybody"
                     raise InvalidInputError(f"{option}: {together}")
 
     def _check_start(self) -> None:
@@ -218,17 +218,17 @@ class Job:
 
     @property
     def at_once(self) -> tuple[str, ...]:
-        """The options that need all frames of a recording at once, however long it is."""
+        """The fields that need all frames of a recording at once, however long it is."""
         needed = {
-            "--paper": self.settings.method == "paper",
-            "--people": self.people is not None,
-            "--person": self.person != "consistent",
-            "--init": self.init is not None,
-            "--adjust-cameras": self.adjust_cameras,
-            "--fill-gaps": self.fill_gaps,
-            "--filter": self.filter is not None,
-            "--angles": self.angles,
-            "--write c3d": "c3d" in self.write,
+            "method": self.settings.method == "paper",
+            "people": self.people is not None,
+            "person": self.person != "consistent",
+            "init": self.init is not None,
+            "adjust_cameras": self.adjust_cameras,
+            "fill_gaps": self.fill_gaps,
+            "filter": self.filter is not None,
+            "angles": self.angles,
+            "write": "c3d" in self.write,
         }
         return tuple(option for option, given in needed.items() if given)
 

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from skelsplat._arrays import Array, Index, Mask, medians
+from skelsplat._words import decimals, length, listed, number, percent
 from skelsplat.association import body_sizes
 from skelsplat.findings import Finding, Remedy, Subject
+from skelsplat.run.joints import frames_in_words
 from skelsplat.run.person import MIXED, Crowd
 from skelsplat.run.read import Inputs
 from skelsplat.run.solve import Outcome
@@ -29,6 +32,8 @@ _OFF = 4.0
 # A body that is elsewhere in the next frame by this part of its size, and faster than anybody runs, mm/s, is
 # another one; it takes so many joints to say where it is.
 _JUMP, _FASTEST_MM_S, _LEAST_JOINTS = 0.5, 12_000.0, 4
+# Findings that a camera does not fit the others.
+_DOUBTS = ("camera_disagrees", "camera_displaced")
 # Fewer frames are no distribution of lengths.
 _LEAST_FRAMES = 10
 
@@ -55,27 +60,50 @@ def are_mixed(inputs: Inputs) -> bool:
 def _mixed(person: str, crowd: Crowd) -> Finding:
     share = float(crowd.mixed.mean())
     if share >= MIXED:  # hardly a step is left to judge
-        numbers = {"person": person, "different_people_share": share}
+        numbers: dict[str, Any] = {"person": person, "different_people_share": share}
+        fault = f"the views show different people in {percent(share)} of the frames"
     else:
         numbers = {"person": person, "changes": crowd.changed, "steps": crowd.compared}
-    return Finding("people_mixed", "warning", numbers=numbers, remedy=_CONSISTENT)
+        steps = f"{crowd.changed:,} of {crowd.compared:,} steps from frame to frame"
+        fault = f"it changes to another person in {steps}"
+    entry = f"The order of people in a file is arbitrary: entry {person} is"
+    why = "The largest in each image is" if person == "largest" else entry
+    return Finding(
+        "people_mixed",
+        "warning",
+        numbers=numbers,
+        remedy=_CONSISTENT,
+        sentence=f"Following person {person} mixes people: {fault}. {why} not always the same person; the "
+        "person the views agree on is, and with the frame rate so is this choice.",
+    )
 
 
 def _others(inputs: Inputs, crowd: Crowd, *, mixed: bool) -> Finding:
-    numbers = {
-        "person": inputs.person,
-        "people": max(2, crowd.visible),
-        "share_of_frames": float(crowd.together.mean()),
-        "mixed": mixed,
-        "rate_known": inputs.fps is not None,
-        "followed": None if mixed else _place(inputs),
-    }
-    remedy = (*(_CONSISTENT if mixed else ()), Remedy("people", "all"))
-    return Finding("people_visible", "warning", numbers=numbers, remedy=remedy)
+    people, share = max(2, crowd.visible), float(crowd.together.mean())
+    known, place = inputs.fps is not None, None if mixed else _place(inputs)
+    where = f" (the one at {place[0]} in frame {place[1]})" if place else ""
+    check = "" if mixed else f" Check that the right one is followed{where}: a number, the size, the motion "
+    check += "" if mixed else "or a place chooses another."
+    rate = "" if known else " To refine everybody, the frame rate must be known."
+    return Finding(
+        "people_visible",
+        "warning",
+        numbers={
+            "person": inputs.person,
+            "people": people,
+            "share_of_frames": share,
+            "mixed": mixed,
+            "rate_known": known,
+            "followed": place,
+        },
+        remedy=(*(_CONSISTENT if mixed else ()), Remedy("people", "all")),
+        sentence=f"{people} people are visible in about the same number of views in {percent(share)} of the "
+        f"frames.{check}{rate}",
+    )
 
 
 def _place(inputs: Inputs) -> list[str | int] | None:
-    """Return where the person is first seen: a point as ``--person`` takes it, and the frame's number."""
+    """Return where the person is first seen: a point as ``person`` takes it, and the frame's number."""
     there = np.argwhere(np.isfinite(inputs.detections[..., 0]).any(axis=2))
     if not len(there):
         return None
@@ -100,9 +128,18 @@ def find_jumps(inputs: Inputs, outcome: Outcome) -> Iterator[Finding]:
     jumps = np.flatnonzero((steps > allowed) & (np.diff(inputs.frames) == 1))
     if len(jumps):
         longest = float(steps[jumps].max() * inputs.rig.mm_per_unit)
-        numbers = {"jumps": len(jumps), "longest_mm": longest, "person": inputs.person}
-        where = Subject(frames=tuple(inputs.frames[jumps + 1].tolist()))
-        yield Finding("person_jumps", "warning", where, numbers)
+        frames = inputs.frames[jumps + 1].tolist()
+        times = "once" if len(jumps) == 1 else f"{len(jumps):,} times"
+        far = f"{longest / 1000:.1f} m" if longest >= 100 else f"{length(longest, 0, 10.0)} mm"
+        yield Finding(
+            "person_jumps",
+            "warning",
+            Subject(frames=tuple(frames)),
+            {"jumps": len(jumps), "longest_mm": longest, "person": inputs.person},
+            sentence=f"The person jumps {times} from one frame to the next, by up to {far} "
+            f"({frames_in_words(frames)}): the detections change to another person, or frames are missing "
+            "or out of order.",
+        )
 
 
 def _spread(inputs: Inputs, outcome: Outcome) -> LimbSpread:
@@ -119,13 +156,71 @@ def find_lengths(inputs: Inputs, spread: LimbSpread) -> Iterator[Finding]:
         return
     worst = int(np.argmax(spread.relative))
     a, b = (inputs.layout.joints[joint] for joint in spread.limbs[worst])
+    low, high = (float(size[worst] * inputs.rig.mm_per_unit) for size in (spread.low, spread.high))
+    relative, off, mixed = float(spread.relative[worst]), float(spread.off), are_mixed(inputs)
+    digits = decimals(high, 0, 10.0)
+    cause = "Either the views show different people, or most views are wrong about these joints"
+    yield Finding(
+        "limb_lengths_vary",
+        "warning",
+        Subject(joints=(a, b)),
+        {"relative_range": relative, "range_mm": [low, high], "off_share": off},
+        _CONSISTENT if mixed else (),
+        sentence=f"Limb lengths vary by up to {percent(relative)} over the recording, which is impossible "
+        f"for one body. {a} to {b} is {number(low, digits)} to {number(high, digits)} mm long (5th to 95th "
+        f"percentile), and {percent(off)} of the lengths of arms and legs deviate by more than scatter "
+        f"explains. {'The detections probably mix people' if mixed else cause}.",
+    )
+
+
+def find_over_people(people: Mapping[int, Sequence[Finding]], cameras: Sequence[str]) -> Iterator[Finding]:
+    """Yield one finding on the rig if cameras do not fit the others for some of several people.
+
+    One rig is judged by everybody it sees: ``people`` are the findings on each.
+    """
+    named: dict[int, list[str]] = {}
+    suspects: dict[int, set[str]] = {}
+    commands = []
+    for identity, findings in people.items():
+        found = [one for one in findings if one.kind in _DOUBTS and one.severity != "note"]
+        if found:
+            named[identity] = [one.subject.cameras[0] for one in found]
+            rivals = (other for one in found for other in one.numbers.get("also_displaced", ()))
+            may = {other["camera"] for other in rivals if other["may_be_the_cause"]}
+            suspects[identity] = may | set(named[identity])
+            commands.append(found[0].numbers.get("check"))
+    if not named or len(people) < 2:
+        return
+    blamed = {name: [who for who, own in named.items() if name in own] for name in cameras}
+    blamed = {name: who for name, who in blamed.items() if who}
+    common = [name for name in cameras if all(name in own for own in suspects.values())]
+    contradict = max(map(len, blamed.values())) < len(named)
     numbers = {
-        "relative_range": float(spread.relative[worst]),
-        "range_mm": [float(size[worst] * inputs.rig.mm_per_unit) for size in (spread.low, spread.high)],
-        "off_share": float(spread.off),
+        "people": len(people),
+        "named": list(blamed.values()),
+        "contradict": contradict,
+        "may_be_the_cause": common,
+        **({"check": commands[0]} if commands[0] else {}),
     }
-    remedy = _CONSISTENT if are_mixed(inputs) else ()
-    yield Finding("limb_lengths_vary", "warning", Subject(joints=(a, b)), numbers, remedy)
+    remove = len(common) == 1 and len(cameras) > 2 and not contradict
+    whose = listed([f"{name} for {len(who)} ({_numbers(who)})" for name, who in blamed.items()])
+    said = "A wrong calibration shows for every person in the camera's view, an obstructed view does not."
+    if contradict:
+        cause = f"; {listed(common, 'or')} may be the cause for all of them" if common else ""
+        said = f"The people contradict each other about which is wrong{cause}."
+    look = f" {commands[0]} looks for the cause." if commands[0] else ""
+    yield Finding(
+        "cameras_over_people",
+        "warning",
+        Subject(cameras=tuple(blamed)),
+        numbers,
+        (Remedy("without", common[0]),) if remove else (),
+        sentence=f"Cameras that disagree with the others, over {len(people)} people: {whose}. {said}{look}",
+    )
+
+
+def _numbers(people: Sequence[int]) -> str:
+    return f"person {people[0]}" if len(people) == 1 else f"people {listed([str(who) for who in people])}"
 
 
 @dataclass(frozen=True)

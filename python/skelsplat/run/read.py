@@ -15,7 +15,7 @@ from skelsplat._budget import afford
 from skelsplat._words import listed
 from skelsplat.cameras import MM_PER_UNIT
 from skelsplat.exceptions import DatasetError, InvalidInputError, SkelSplatError
-from skelsplat.findings import Finding, collected_warnings, warn
+from skelsplat.findings import Finding, Remedy, collected_warnings, warn
 from skelsplat.io import PoseData, read_npz
 from skelsplat.io.calibration import find_format, read_calibration
 from skelsplat.io.detections import Opened as Detections
@@ -123,9 +123,20 @@ class Opened:
             fps_source=stated,
         )
 
+    def nobody(self, job: Job) -> Inputs:
+        """Return the inputs of all frames with nobody detected."""
+        shape = (len(self.detections.frames), len(self.rig), self.detections.skeleton.n_joints, 3)
+        return self.inputs(job, np.broadcast_to(np.nan, shape), np.zeros(shape[:2], dtype=np.bool_))
+
 
 def open_files(job: Job) -> Opened:
-    """Read the cameras that a job names and open the detections; errors as of `read_everybody`."""
+    """Read the cameras that a job names and open the detections.
+
+    Raises
+    ------
+    DatasetError, InvalidInputError
+        If a file is missing or malformed, or files and options do not fit each other; the message names it.
+    """
     reading = ("calibration_format", "unit", "camera_type", "subject", "size", "binning")
     given = ("layout", "format", "frames", "offsets", "order", "mapping", "sequence")
     return open_recording(
@@ -167,29 +178,28 @@ def open_recording(
     return Opened(every, rig, in_calibrated_pixels(found, every, cropped), _rate(found, detections, rig, fps))
 
 
-def read_everybody(job: Job) -> tuple[Array, Inputs]:
-    """Read what ``job`` names: the detections of everybody (T, M, P, N, 3), and inputs with nobody chosen.
-
-    Raises
-    ------
-    DatasetError, InvalidInputError
-        If a file is missing or malformed, or files and options do not fit each other; the message names it.
-    """
-    opened = open_files(job)
+def read_everybody(opened: Opened, job: Job) -> tuple[Array, Inputs]:
+    """Return the detections of everybody (T, M, P, N, 3), and inputs with nobody chosen."""
     if opened.size > LONG and job.at_once:
         _say_at_once(opened, job)
-    people = opened.detections.read().people
-    steps, views, _, joints, _ = people.shape
-    nobody = np.full((steps, views, joints, 3), np.nan)
-    return people, opened.inputs(job, nobody, np.zeros((steps, views), dtype=np.bool_))
+    return opened.detections.read().people, opened.nobody(job)
 
 
 def _say_at_once(opened: Opened, job: Job) -> None:
     """Say which options need a long recording at once; refuse it if it does not fit into memory."""
     need, told = _AT_ONCE * opened.size, listed(job.at_once)
     afford(Path(job.detections), told, need)
-    numbers = {"options": list(job.at_once), "frames": len(opened.detections.frames), "gigabytes": need / 1e9}
-    warn(Finding("done_at_once", "note", numbers=numbers))
+    options, frames, one = list(job.at_once), len(opened.detections.frames), len(job.at_once) == 1
+    warn(
+        Finding(
+            "done_at_once",
+            "note",
+            numbers={"options": options, "frames": frames, "gigabytes": need / 1e9},
+            sentence=f"{listed(options)} {'needs' if one else 'need'} all {frames:,} frames at once, at "
+            f"least {need / 1e9:.1f} GB of memory; without {'it' if one else 'them'} they are "
+            "refined in parts.",
+        )
+    )
 
 
 def read_rig(path: Path, *, calibration_format: str | None = None, **given: Any) -> sk.CameraRig:
@@ -234,7 +244,17 @@ def _rate(found: Detections, folder: Path, rig: sk.CameraRig, fps: float | None)
     rate = one_rate(rates)
     if rates and rate is None:
         each = ", ".join(f"{name} {round(one, 3):g}" for name, one in rates.items())
-        warn(Finding("frame_rates_differ", "warning", numbers={"stated_by": stated, "each": each}))
+        warn(
+            Finding(
+                "frame_rates_differ",
+                "warning",
+                numbers={"stated_by": stated, "each": each},
+                remedy=(Remedy("fps", None),),
+                sentence=f"The {stated} state different frame rates ({each}), so frames of the same number, "
+                "which are compared, are not of the same instant. To correct this, convert the videos to one "
+                "rate and run the detector again; if the stated rates are wrong, state the right one.",
+            )
+        )
     return (fps, "") if fps is not None else (rate, "" if rate is None else stated)
 
 

@@ -16,13 +16,13 @@ from skelsplat._arrays import Array, Index
 from skelsplat._people import Person
 from skelsplat._sequence import frames_of
 from skelsplat.exceptions import DatasetError, InvalidInputError
-from skelsplat.findings import Finding, collected_warnings, warn
+from skelsplat.findings import Finding, Remedy, collected_warnings, warn
 from skelsplat.io.detections import camera_called
 from skelsplat.run.adjust import read_adjusted
 from skelsplat.run.doubts import find_doubts, find_left_out
 from skelsplat.run.job import Job
 from skelsplat.run.person import MOVES_MOST, count_people, look_around, pick_places, point_of, seen_apart
-from skelsplat.run.read import Inputs
+from skelsplat.run.read import Inputs, Opened
 from skelsplat.run.solve import Progress, even_clock, is_sparse, spread
 
 # Settings of the paper's method that following people over time understands as well.
@@ -53,9 +53,9 @@ class Everybody:
 
 
 def read_inputs(
-    job: Job, progress: Progress | None = None, check: Callable[[Inputs], None] | None = None
+    opened: Opened, job: Job, progress: Progress | None, check: Callable[[Inputs], None]
 ) -> Inputs:
-    """Read what ``job`` names and follow one person through it.
+    """Read the detections and follow one person through them.
 
     A number, and the largest, is an identity where the frame rate is known; otherwise each file's own.
     ``check`` is called as soon as the frames of the result are known, before the person if possible.
@@ -65,19 +65,27 @@ def read_inputs(
     DatasetError, InvalidInputError
         As `read_adjusted`; if nobody is found, or not the person asked for.
     """
-    people, whole = read_adjusted(job)
+    people, whole = read_adjusted(opened, job)
     person = str(job.person)
     by_place, alone = person == "largest" or person.isdecimal(), people.shape[2] == 1
     if person != "consistent" and not (by_place and (alone or whole.fps is None)):
         found = choose(follow_everybody(people, whole, job, progress), person)
-        if check is not None:
-            check(found)
+        check(found)
         return found
-    if check is not None:
-        check(whole)
+    check(whole)
     index, unmatched = pick_places(people, whole.rig, person, whole.layout)
     if person.isdecimal() and not alone:
-        warn(Finding("person_by_place", "warning", numbers={"person": person}))
+        warn(
+            Finding(
+                "person_by_place",
+                "warning",
+                numbers={"person": person},
+                remedy=(Remedy("fps", None),),
+                sentence=f"Person {person} is entry {person} of each file, as the frame rate is unknown. The "
+                "order of people in a file is arbitrary, so this need not be one person; with the frame rate "
+                "it is.",
+            )
+        )
     return replace(
         whole,
         detections=association.take_people(people, index),
@@ -143,7 +151,7 @@ def _halves(progress: Progress, steps: int, done: int, total: int) -> None:
 
 def check_times(whole: Inputs, job: Job) -> None:
     """Raise an error if people cannot be followed: no frame rate, or the files lack most frames."""
-    why = f"--people {job.people}" if job.people is not None else f"--person {job.person}"
+    why = f"people={job.people}" if job.people is not None else f"person={job.person}"
     if whole.fps is None:
         expected = f"the frame rate, which following people over time needs ({why})"
         raise InvalidInputError(f"fps: expected {expected}, got none: neither the files nor videos state it")
@@ -208,8 +216,17 @@ def choose(everybody: Everybody, person: str) -> Inputs:
         chosen = _at(people, *point)
     else:
         chosen = max(people, key=_moved if person == MOVES_MOST else _size)
-    numbers = {"person": person, "identity": int(chosen.person), "people": len(people)}
-    warn(Finding("person_followed", "note", numbers=numbers))
+    count, identity = len(people), int(chosen.person)
+    which = f"person {identity} of {count} people, numbered from 0 in the order of appearance"
+    warn(
+        Finding(
+            "person_followed",
+            "note",
+            numbers={"person": person, "identity": identity, "people": count},
+            remedy=(Remedy("people", "all"),) if count > 1 else (),
+            sentence=f"Followed ({person}): {which if count > 1 else 'the only person found'}.",
+        )
+    )
     return replace(chosen, doubts=(*everybody.whole.doubts, *chosen.doubts))
 
 

@@ -11,7 +11,6 @@ require("matplotlib", "figures", "viz")  # before the modules below import it
 
 from skelsplat.viz import report
 from skelsplat.viz._cameras import CameraPanel
-from skelsplat.viz._people import PersonTrack
 from skelsplat.viz._skeleton import Skeleton, body_axes
 from skelsplat.viz._style import person_colour, write_pages
 from skelsplat.viz._time import TimeAxis
@@ -21,7 +20,7 @@ from skelsplat.viz.charts import BarData, Line, Panel, write_bars, write_panels
 from skelsplat.viz.error_map import ErrorMapData, draw_error_map
 from skelsplat.viz.heatmaps import HeatmapRow, write_heatmaps
 from skelsplat.viz.overview import OverviewData, write_overview
-from skelsplat.viz.people import PeopleData, write_people
+from skelsplat.viz.people import PeopleData, PersonTrack, write_people
 from skelsplat.viz.trajectories import TrajectoryData, draw_trajectories
 from skelsplat.viz.weights import WeightData, write_weights
 

@@ -5,18 +5,19 @@ from __future__ import annotations
 import os
 import textwrap
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.patheffects import withStroke
 from matplotlib.ticker import MaxNLocator
 
-from skelsplat._arrays import Array, ArrayFields
+from skelsplat._arrays import Array, ArrayFields, Index, Mask, medians
 from skelsplat.viz import _style
-from skelsplat.viz._people import PersonTrack, all_frames, spread_out, thinned
 from skelsplat.viz._skeleton import Skeleton, draw_limbs
 from skelsplat.viz._time import TimeAxis, draw_series
 from skelsplat.viz.report._scene import reach, upright
@@ -35,6 +36,35 @@ _BAR = 0.76  # height of a bar in its row
 # Frames and directions that are tried for the view from the side.
 _MOST_TRIED, _DIRECTIONS = 400, 24
 _MOST_FRAMES = 4000  # of a longer recording, one frame in k is drawn
+
+
+@dataclass(frozen=True)
+class PersonTrack(ArrayFields):
+    """One of several people, in the frames (F,) in which they are followed."""
+
+    name: str  # how the person is called, such as "person 0"
+    frames: Index  # (F,) ascending frame numbers
+    # (F, N, 3) joint positions before and after the refinement, in mm; NaN where unknown
+    start: Array
+    refined: Array
+    error_bar: Array  # (F, N, 3, 3) covariances of the refined joints, in mm²; NaN where unknown
+    status: npt.NDArray[np.str_]  # (F, N) joints whose status is not ``"ok"`` are drawn hollow
+    seen: Mask  # (F, M) cameras with a detection of the person that is used and not rejected
+    # (F,) median reprojection error in px, and part of the detections used that is rejected; NaN without any
+    error_px: Array
+    rejected: Array
+
+    @property
+    def views(self) -> Index:
+        """How many cameras see the person, (F,)."""
+        return np.asarray(self.seen.sum(axis=1), dtype=np.int64)
+
+    @property
+    def middle(self) -> Array:
+        """Median of the joints, (F, 3): of those that are ``"ok"`` if there are any; NaN without joints."""
+        ok = self.status == "ok"
+        sure = np.where((ok | ~ok.any(axis=1, keepdims=True))[..., None], self.refined, np.nan)
+        return medians(np.moveaxis(sure, 1, -1))
 
 
 @dataclass(frozen=True)
@@ -213,3 +243,38 @@ def _finish(axes: Axes) -> None:
     axes.grid(color="0.92", linewidth=0.8)
     axes.set_axisbelow(True)
     _style.tidy(axes)
+
+
+def all_frames(people: Sequence[PersonTrack]) -> Index:
+    """Return the numbers of the frames in which anybody is followed, ascending."""
+    return np.unique(np.concatenate([np.empty(0, dtype=np.int64), *(person.frames for person in people)]))
+
+
+def spread_out(frames: Index, own: Index, values: npt.NDArray[Any], empty: object) -> npt.NDArray[Any]:
+    """Return ``values`` (F, …) of the frames ``own`` in the frames ``frames`` (T,), ``empty`` in others."""
+    whole = np.full((len(frames), *values.shape[1:]), empty, dtype=values.dtype)
+    kept = np.isin(own, frames)
+    whole[np.searchsorted(frames, own[kept])] = values[kept]
+    return whole
+
+
+def thinned(people: Sequence[PersonTrack], most: int) -> list[PersonTrack]:
+    """Return people in some ``most`` of all frames, evenly chosen; nobody is lost."""
+    frames = all_frames(people)
+    if len(frames) <= most:
+        return list(people)
+    some, kept = frames[:: -(-len(frames) // most)], []
+    for person in people:
+        rows = np.isin(person.frames, some)
+        rows[:1] |= not rows.any()
+        arrays = {field.name: getattr(person, field.name)[rows] for field in fields(person)[1:]}
+        kept.append(replace(person, **arrays))
+    return kept
+
+
+def with_gaps(frames: Index) -> Index:
+    """Return frame numbers with the first and the last one of every gap among them, where nobody is there."""
+    steps = np.diff(frames)
+    usual = int(np.median(steps)) if len(steps) else 1
+    ends = np.flatnonzero(steps > 1.5 * usual)
+    return np.unique(np.concatenate([frames, frames[ends] + usual, frames[ends + 1] - usual]))

@@ -43,7 +43,7 @@ def write_npz(path: str | os.PathLike[str], data: Poses, *, run: str | None = No
     arrays: dict[str, Any] = {key: np.asarray(getattr(head, key)) for key in _KEYS}
     arrays["frames"] = frames
     if isinstance(data, PoseParts):
-        arrays |= {key: Made.of(rows) for key, rows in data.rows.items()}
+        arrays |= data.rows
     if isinstance(data, PoseParts) and "uncertainty" in data.rows:
         shape, bars = data.rows["uncertainty"].shape, lambda: (part.error_bar for part in data)
         arrays["error_bar"] = Made(shape, np.dtype(np.float64), bars)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, fields, replace
+from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,62 +16,49 @@ from skelsplat.io.poses._pose_data import ARRAYS, PoseData
 _TEXT = np.dtype("U16")  # room for every status and stop reason
 
 
-@dataclass(frozen=True)
 class PoseParts:
-    """The poses of T frames, of which a few at a time are in memory: iterating yields them as `PoseData`.
+    """The poses of T frames in a folder, of which a few are in memory: iterating yields them as `PoseData`.
 
     Attributes
     ----------
     head : PoseData
-        What is not by frame: names, unit, frame rate, bones; it has no frames.
+        What is not by frame, of the last part: names, unit, frame rate, bones; it has no frames.
     frames : (T,) int
-        As of `PoseData`.
+        As of `PoseData`, those that are not appended yet as well.
     rows : dict of RowFile
         By name of the array of `PoseData`, those that the poses have.
-    size : int
-        Frames that are in memory at a time.
     """
 
     head: PoseData
-    frames: Index
-    rows: Mapping[str, RowFile]
-    size: int
+
+    def __init__(self, folder: Path, frames: Index, size: int) -> None:
+        self.frames, self.rows = frames, dict[str, RowFile]()
+        self._folder, self._size = folder, size
 
     @property
     def frame_rate(self) -> float | None:
         """As of `PoseData`."""
         return self.head.frame_rate
 
-    def __iter__(self) -> Iterator[PoseData]:
-        names = {entry.name for entry in fields(PoseData)} - {"frames", *ARRAYS}
-        fixed: dict[str, Any] = {name: getattr(self.head, name) for name in names}
-        for first in range(0, len(self.frames), self.size):
-            end = min(first + self.size, len(self.frames))
-            arrays: dict[str, Any] = {name: rows.read(first, end) for name, rows in self.rows.items()}
-            yield PoseData(**fixed, **arrays, frames=self.frames[first:end])
-
-
-class PoseStore:
-    """Collects poses part by part in the files of a folder."""
-
-    def __init__(self, folder: Path) -> None:
-        self._folder, self._rows = folder, dict[str, RowFile]()
-
     def append(self, data: PoseData) -> None:
         """Add further frames."""
+        nobody: dict[str, Any] = {"frames": data.frames[:0]}
         for name, (_, kind) in ARRAYS.items():
             array = getattr(data, name)
             if len(array) != len(data.frames):
                 continue
-            if name not in self._rows:
+            if name not in self.rows:
                 dtype = _TEXT if kind is np.str_ else np.dtype(kind)
-                self._rows[name] = RowFile(self._folder / name, array.shape[1:], dtype)
-            self._rows[name].append(array)
+                self.rows[name] = RowFile(self._folder / name, array.shape[1:], dtype)
+            self.rows[name].append(array)
+            nobody[name] = array[:0]
+        self.head = replace(data, **nobody)
 
-    def parts(self, head: PoseData, frames: Index, size: int) -> PoseParts:
-        """Return everything that was added, with what ``head``, any part, says of the whole."""
-        nobody: dict[str, Any] = {name: getattr(head, name)[:0] for name in (*self._rows, "frames")}
-        return PoseParts(replace(head, **nobody), frames, self._rows, size)
+    def __iter__(self) -> Iterator[PoseData]:
+        for first in range(0, len(self.frames), self._size):
+            end = min(first + self._size, len(self.frames))
+            arrays: dict[str, Any] = {name: rows.read(first, end) for name, rows in self.rows.items()}
+            yield replace(self.head, **arrays, frames=self.frames[first:end])
 
 
 Poses = PoseData | PoseParts
@@ -79,6 +66,5 @@ Poses = PoseData | PoseParts
 
 def parts_of(data: Poses) -> tuple[PoseData, Index, Iterator[PoseData]]:
     """Return what is said of the whole, the frames, and the parts: of poses in memory a single one."""
-    if isinstance(data, PoseData):
-        return data, data.frames, iter([data])
-    return data.head, data.frames, iter(data)
+    head = data if isinstance(data, PoseData) else data.head
+    return head, data.frames, iter([data] if isinstance(data, PoseData) else data)

@@ -1,42 +1,102 @@
-"""The page of one person's run."""
+"""A run as one HTML page, of one person or of several."""
 
 from __future__ import annotations
 
+import base64
+import hashlib
+import json
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from html import escape
+from importlib.resources import files
 from pathlib import Path
+from string import Template
+from typing import Any
 
-from skelsplat._arrays import Array
+import numpy as np
+
+from skelsplat._arrays import Array, ArrayFields, Index
 from skelsplat._atomic import atomic_write_text
+from skelsplat._json import plain
+from skelsplat._optional import require
 from skelsplat.viz import _style
-from skelsplat.viz.report import _parts
-from skelsplat.viz.report._parts import PageData, Table, TimeLine, TimeLines
-from skelsplat.viz.report._scene import CameraShapes, Sequence3D, as_text, frames_to_show, pack_scene
+from skelsplat.viz._skeleton import not_ok_in_words
+from skelsplat.viz.report import _html
+from skelsplat.viz.report._html import Problem, Sentence, Table
+from skelsplat.viz.report._scene import (
+    CameraShapes,
+    Sequence3D,
+    as_text,
+    frames_to_show,
+    pack_scene,
+    person_class,
+    thin_line,
+)
+from skelsplat.viz.trajectories import limits
 
-# One program in several files, in this order.
+# One program in several files, in this order; the second are for one person.
 _PROGRAMS = ("decode.js", "body.js", "view.js", "charts.js", "heat.js", "panels.js", "player.js")
-
-
-_ALONE_CHOICE = '<label><input type="radio" name="pose" value="alone"> frame by frame</label>'
-_SIDES_KEY = " ".join(f'<span class="{side}">{side}</span>' for side in _style.SIDES)
-_FOLLOW = '<label><input type="checkbox" id="follow"> follow</label>'
+_OF_ONE = ("heat.js", "panels.js")
+_ZOOM = "Click to go to a frame, drag to zoom, double-click to zoom out."
 
 
 @dataclass(frozen=True)
-class ReportData(PageData):
-    """A whole report."""
+class TimeLines(ArrayFields):
+    """Curves over the frames: per person or side of the body, or one, and what it is compared with."""
 
+    # what the values are
+    title: str
+    unit: str
+    # name, name of the colour in the style ("start": grey, for what it is compared with), values (T,), NaN
+    # where there is none
+    curves: Sequence[tuple[str, str, Array]]
+    peaks: bool = False  # of a sequence that is thinned out, keep the largest value between two frames shown
+    sigmas: Sequence[Array] = ()  # of each curve the standard deviations (T,), as a band; NaN where unknown
+
+    def packed(self, places: Index) -> dict[str, Any]:
+        """Return the curves at ``places`` for the page."""
+        curves = [
+            {
+                "name": name,
+                "colour": colour,
+                "values": as_text(thin_line(values, places, peaks=self.peaks), "<f4"),
+            }
+            for name, colour, values in self.curves
+        ]
+        packed: dict[str, Any] = {"title": self.title, "unit": self.unit, "curves": curves}
+        if self.sigmas:
+            values, sigmas = (
+                np.stack([one[places] for one in each]) for each in ([c[2] for c in self.curves], self.sigmas)
+            )
+            for curve, sigma in zip(curves, sigmas, strict=True):
+                curve["sigma"] = as_text(sigma, "<f4")
+            low, high = limits(values, sigmas / 2, np.full(values.shape, np.nan))  # which are of two σ
+            packed["range"] = [min(low, 0.0), max(high, 0.0)]
+        return packed
+
+
+@dataclass(frozen=True)
+class ReportData(ArrayFields):
+    """A whole report; T frames are those of ``sequence``, of several people those of all."""
+
+    title: str  # what was refined
+    facts: Sequence[tuple[str, str]]  # (name, value) pairs for the line below it
+    warnings: Sequence[Sentence]  # of several people on everybody; empty without any
+    notes: Sequence[Sentence | str]  # on how to read the numbers and on what was done to the poses
+    numbers: Sequence[tuple[str, str, str]]  # (label, text, remark) of the numbers worth a glance
+    problems: Sequence[Problem]  # stretches of frames that have the same problem
     sequence: Sequence3D
     shapes: CameraShapes
-    cameras: Table
-    joints: Table
-    # (M, N) by camera and joint: median error in px, and the part of the detections that is rejected;
-    # NaN where a camera has no detection of a joint that is used
-    errors_px: Array
-    rejected: Array
-    lines: Sequence[TimeLine | TimeLines]
+    tables: Sequence[Table]
+    lines: Sequence[TimeLines]
+    # of several people: the sentences on each, and (T,) how many cameras see them, −1 where nobody is there
+    findings: Sequence[Sequence[Sentence]] = ()
+    views: Sequence[Index] = ()
+    # of one person: (M, N) by camera and joint the median error in px, and the part of the detections that is
+    # rejected; NaN where a camera has no detection of a joint that is used
+    errors_px: Array | None = None
+    rejected: Array | None = None
     # (joint, joint, length, standard error) of the bones of a solution over time, in mm; NaN where unknown
     bones: Sequence[tuple[int, int, float, float]] = ()
 
@@ -54,53 +114,185 @@ def write_report(path: str | os.PathLike[str], data: ReportData) -> Path:
 
 def build_page(data: ReportData) -> str:
     """Return the page's text."""
-    sequence = data.sequence
-    places, every = frames_to_show(sequence.frames, len(sequence.joint_names), data.wanted)
-    bones = [{"ends": [a, b], "length_mm": length, "sigma_mm": sigma} for a, b, length, sigma in data.bones]
-    content = {
+    plotly_js = require("plotly.offline", "report.html", "viz").get_plotlyjs()  # slow, and only needed here
+    sequence, several = data.sequence, bool(data.sequence.people)
+    wanted = [number for first, last, _ in data.problems for number in (first, last)]
+    places, every = frames_to_show(sequence.frames, len(sequence.joint_names), wanted)
+    names = [name for name in _PROGRAMS if not several or name not in _OF_ONE]
+    program = "\n".join(resource(name) for name in names)
+    loud = data.warnings or any(data.findings)
+    return Template(resource("page.html")).substitute(
+        policy=_policy([plotly_js, program]),
+        style=resource("style.css"),
+        plotly=plotly_js,
+        program=program,
+        data=_json({**_content(data, places), "problems": [list(row) for row in data.problems]}),
+        title=escape(data.title),
+        facts=_html.facts(data.facts),
+        warnings=_warnings(data),
+        warnings_kind="loud" if loud else "quiet",
+        numbers=_html.tiles(data.numbers),
+        **_player(sequence),
+        sections=_sections(data),
+        problems=_html.problem_rows(data.problems),
+        notes=_html.bullets([*data.notes, *_thinned(len(sequence.frames), len(places), every)]),
+    )
+
+
+def resource(name: str) -> str:
+    """Return the text of a file of this folder."""
+    return (files("skelsplat.viz.report") / name).read_text(encoding="utf-8")
+
+
+def _content(data: ReportData, places: Index) -> dict[str, Any]:
+    """Return the page's data but for the problems."""
+    sequence, names = data.sequence, list(data.shapes.names)
+    content: dict[str, Any] = {
         "scene": pack_scene(sequence, data.shapes, places),
-        "heat": {
-            "cameras": list(data.shapes.names),
-            "joints": list(sequence.joint_names),
-            "errors": as_text(data.errors_px, "<f4"),
-            "rejected": as_text(data.rejected, "<f4"),
-        },
-        "lines": [_parts.packed_line(line, places) for line in data.lines],
-        "bones": None if sequence.alone is None else bones,
-        "colours": {"left": _style.LEFT, "right": _style.RIGHT},
+        "lines": [line.packed(places) for line in data.lines],
+        "bones": None,
     }
-    thinned = _parts.thinned(len(sequence.frames), len(places), every)
-    return _parts.assemble(
-        _PROGRAMS,
-        content,
-        data,
-        thinned,
-        warnings=_parts.bullets(data.warnings) or "<p>None. Frames with a problem are listed below.</p>",
-        warnings_kind="loud" if data.warnings else "quiet",
-        player=_player(sequence),
-        sections=_parts.fill(
-            "person.html",
-            cameras=_parts.table(data.cameras),
-            joints=_parts.table(data.joints),
-            meanings=_parts.meanings(data.joints),
-            refined=sequence.refined_name,
-            grey=escape(sequence.grey),
-            in_time="" if sequence.alone is None else _parts.resource("in_time.html"),
-        ),
+    if data.errors_px is not None and data.rejected is not None:
+        cells = {"errors": as_text(data.errors_px, "<f4"), "rejected": as_text(data.rejected, "<f4")}
+        content["heat"] = {"cameras": names, "joints": list(sequence.joint_names), **cells}
+    if sequence.alone is not None:
+        bones = data.bones
+        content["bones"] = [{"ends": [a, b], "length_mm": mm, "sigma_mm": sigma} for a, b, mm, sigma in bones]
+    if data.views:
+        people = [
+            {"name": name, "colour": person_class(place), "views": as_text(views[places], "<i2")}
+            for place, (name, views) in enumerate(zip(sequence.people, data.views, strict=True))
+        ]
+        content["bars"] = {"views": len(names), "people": people}
+    return content
+
+
+def _json(content: dict[str, Any]) -> str:
+    """Return JSON that cannot end its element: ``<``, ``>`` and ``&`` are escaped."""
+    text = json.dumps(plain(content), ensure_ascii=True, allow_nan=False, separators=(",", ":"))
+    return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
+
+
+def _policy(programs: list[str]) -> str:
+    """Return a Content-Security-Policy that allows these programs and no connection of any kind.
+
+    plotly.js sets styles of its own, and saves pictures by way of data and blob addresses.
+    """
+    hashes = " ".join(
+        f"'sha256-{base64.b64encode(hashlib.sha256(text.encode('utf-8')).digest()).decode()}'"
+        for text in programs
+    )
+    return (
+        f"default-src 'none'; script-src {hashes}; style-src 'unsafe-inline'; img-src data: blob:; "
+        "base-uri 'none'; form-action 'none'"
     )
 
 
-def _player(sequence: Sequence3D) -> str:
-    return _parts.fill(
-        "player.html",
-        start=escape(sequence.start_name),
-        refined=sequence.refined_name,
-        grey=escape(sequence.grey),
-        alone="" if sequence.alone is None else _ALONE_CHOICE,
-        ellipsoids="checked",
-        follow=_FOLLOW,
-        whom="person",
-        groups=_SIDES_KEY,
-        walked='<span class="walked">path on the floor</span>',
-        hollow=_parts.hollow_key(sequence.status),
+def _thinned(count: int, shown: int, every: int) -> list[str]:
+    """Return a sentence on which of ``count`` frames are shown, if not all."""
+    if shown == count:
+        return []
+    return [
+        f"Of {count:,} frames, the 3D view and the curves show {shown:,}: one in {every}, and frames with a "
+        "problem. Curves of counts and of largest values keep the highest value between two of them. "
+        "Tables and the heat map cover all frames."
+    ]
+
+
+def _warnings(data: ReportData) -> str:
+    """Return the sentences on everything, and links to those on each person."""
+    named = list(zip(data.sequence.people, data.findings, strict=True))
+    links = ", ".join(
+        f'<a href="#on-{place}">{escape(name)}</a> ({len(sentences)})'
+        for place, (name, sentences) in enumerate(named)
+        if sentences
     )
+    quiet = ", ".join(escape(name) for name, sentences in named if not sentences)
+    parts = [
+        _html.bullets(data.warnings),
+        f"<p>On {links}: see below.</p>" if links else "",
+        f"<p>None on {quiet}.</p>" if quiet else "",
+    ]
+    none = "<p>None. Frames with a problem are listed below.</p>"
+    return "\n".join(part for part in parts if part) or none
+
+
+def _player(sequence: Sequence3D) -> dict[str, str]:
+    """Return the choices and the key of the 3D view."""
+    grey, several = escape(sequence.grey), bool(sequence.people)
+    alone = '<label><input type="radio" name="pose" value="alone"> frame by frame</label>'
+    follow = '<label><input type="checkbox" id="follow"> follow</label>'
+    groups = [f'<span class="{side}">{side}</span>' for side in _style.SIDES]
+    if several:
+        options = [f'<option value="{k}">{escape(name)}</option>' for k, name in enumerate(sequence.people)]
+        nobody = '<option value="">nobody</option>'
+        follow = f'<label>follow <select id="follow">{nobody}{"".join(options)}</select></label>'
+        groups = [_named(name, place) for place, name in enumerate(sequence.people)]
+    hollow = not_ok_in_words(sequence.status[np.isfinite(sequence.refined).all(axis=-1)])
+    return {
+        "start": escape(sequence.start_name),
+        "refined": sequence.refined_name,
+        "grey": grey,
+        "alone": "" if sequence.alone is None else alone,
+        "ellipsoids": "" if several else "checked",
+        "follow": follow,
+        "whom": "people" if several else "person",
+        "groups": " ".join(groups),
+        "walked": "" if several else '<span class="walked">path on the floor</span>',
+        "hollow": f'<span class="hollow">{escape(hollow)}</span>' if hollow else "",
+    }
+
+
+def _named(name: str, place: int) -> str:
+    return f'<span class="person {person_class(place)}">{escape(name)}</span>'
+
+
+def _sections(data: ReportData) -> str:
+    """Return what lies between the 3D view and the frames with a problem."""
+    sequence, parts = data.sequence, [_html.table(one) for one in data.tables if one.rows]
+    findings = [
+        f'<h3 id="on-{place}">{_named(name, place)}</h3>\n{_html.bullets(sentences)}'
+        for place, (name, sentences) in enumerate(zip(sequence.people, data.findings, strict=True))
+        if sentences
+    ]
+    if findings:
+        title = "Warnings on each person"
+        parts.append(_html.section("findings-title", title, "\n".join(findings), kind="findings"))
+    if data.errors_px is not None:
+        parts.append(_html.section("by-both", "Cameras and joints", _HEAT))
+    bars = (
+        f"Bars: in full colour where all {len(data.shapes.names)} cameras see the person, faint where none."
+    )
+    parts.append(_html.section("over-time", "Over time", _LINES, f"{bars} {_ZOOM}" if data.views else _ZOOM))
+    if not sequence.people:
+        hint = f"Colour: {sequence.refined_name}, with a band of ±2 standard deviations; grey: "
+        hint += f"{escape(sequence.grey)}. Click to go to a frame."
+        parts.append(_html.section("trajectory-title", "Trajectory", _TRAJECTORY, hint))
+    if sequence.alone is not None:
+        hint = "Thin: frame by frame; thick: over time; band: length for all frames ± its standard error."
+        parts.append(
+            _html.section("bones-title", "Bone lengths [mm]", _drawn("bones", "Lengths of the bones"), hint)
+        )
+        parts.append(_html.section("speeds-title", "Speeds [m/s]", _drawn("speeds", "Speeds of the joints")))
+    return "\n".join(parts)
+
+
+def _drawn(name: str, what: str) -> str:
+    return f'<div id="{name}" role="img" aria-label="{what} over the frames"></div>'
+
+
+_LINES = f"""<div class="charts">
+{_drawn("lines", "Curves")}
+<div id="cursor" hidden></div>
+</div>"""
+_TRAJECTORY = f"""<div class="choices">
+<label>Joint <select id="trajectory-joint"></select></label>
+</div>
+{_drawn("trajectory", "Position of a joint")}"""
+_HEAT = """<div class="choices">
+<fieldset><legend>Shown</legend>
+<label><input type="radio" name="heat" value="errors" checked> median reprojection error</label>
+<label><input type="radio" name="heat" value="rejected"> detections rejected</label>
+</fieldset>
+</div>
+<div id="heat" role="img" aria-label="Heat map of cameras and joints"></div>"""

@@ -1,0 +1,238 @@
+"""A long recording in parts: the person followed, the frames solved, and what all parts add up to."""
+
+from __future__ import annotations
+
+import time
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass, field, replace
+from itertools import chain, pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import skelsplat as sk
+from skelsplat import association
+from skelsplat._arrays import Array, Index
+from skelsplat._people import most_people
+from skelsplat._sequence import frames_of, joined
+from skelsplat.findings import warn
+from skelsplat.io._rows import RowFile
+from skelsplat.io.poses._parts import PoseParts
+from skelsplat.run.frames import FrameFacts
+from skelsplat.run.job import Job
+from skelsplat.run.joints import JointFrames, joint_frames
+from skelsplat.run.person import look_around, pick_consistent, sampled, seen_apart
+from skelsplat.run.read import Inputs, Opened, Thinned
+from skelsplat.run.solve import Outcome, Progress, even_clock, poses_of, why_alone
+from skelsplat.run.summary import Statistics, summarise
+
+# Detections in memory at a time, but 600 frames or more: 100 MB with their results.
+_PER_PART, _LEAST_FRAMES = 400_000, 600
+# Frames on either side of a part among which the person is chosen as well: in those before, only the one
+# followed there is left.
+_BESIDE = 300
+# Frames that medians, findings, figures and the page are from, at least half of these.
+DRAWN = 10_000
+# Frames of each joint that a finding names.
+MOST_NAMED = 10_000
+
+
+def in_parts(
+    opened: Opened, job: Job, folder: Path, progress: Progress | None
+) -> tuple[Inputs, Outcome, Gathered]:
+    """Refine the person the views agree on; return every so many-th frame, and what is known of all."""
+    size = max(_LEAST_FRAMES, _PER_PART // (len(opened.rig) * opened.detections.skeleton.n_joints))
+    if progress is not None:
+        progress(0, len(opened.detections.frames))
+    whole, detections, unmatched = follow(opened, job, folder, size, _half(progress, 0))
+    gathered = Gathered(whole, detections, PoseParts(folder, whole.frames, size), folder)
+    seconds, begin = 0.0, time.perf_counter()
+    for own, result in _solved(whole, detections, job, size, _half(progress, 1)):
+        seconds += time.perf_counter() - begin
+        part = replace(
+            whole,
+            detections=detections.read(own.start, own.stop),
+            unmatched=unmatched.read(own.start, own.stop),
+            frames=whole.frames[own],
+        )
+        gathered.add(own, part, Outcome.of(result, job.settings, part))
+        begin = time.perf_counter()
+    inputs, outcome = gathered.drawn()
+    return inputs, replace(outcome, seconds=seconds, alone=why_alone(whole, job)), gathered
+
+
+def _half(progress: Progress | None, done: int) -> Progress | None:
+    """Return the progress of one of two passes, ``done`` of which are over: a frame counts half in each."""
+    if progress is None:
+        return None
+    return lambda frames, total: progress((done * total + frames) // 2, total)
+
+
+def follow(
+    opened: Opened, job: Job, folder: Path, size: int, progress: Progress | None = None
+) -> tuple[Inputs, RowFile, RowFile]:
+    """Follow the person the views agree on, so many frames at a time.
+
+    Returns the inputs of all frames without their detections, then the person's detections (T, M, N, 3) and
+    where nobody matches (T, M).
+    """
+    rig, layout, steps = opened.rig, opened.detections.skeleton, len(opened.detections.frames)
+    shape = (len(rig), layout.n_joints, 3)
+    detections = RowFile(folder / "detections", shape, np.float64)
+    unmatched = RowFile(folder / "unmatched", shape[:1], np.bool_)
+    sample, seen, chosen = sampled(steps), list[Array](), list[Index]()
+    nobody = np.empty((0, shape[0], 1, *shape[1:]))
+    before, done, uncompared, most = nobody, 0, 0, 0
+    for part, after in pairwise(chain(opened.detections.stretches(size), [nobody])):
+        people = _joined([before, part, after[:_BESIDE]])
+        own = slice(len(before), len(before) + len(part))
+        places, without, not_all = pick_consistent(people, rig, layout)
+        index, cut = places[own], int(not_all[own].sum())
+        if cut:
+            uncompared, most = uncompared + cut, max(most, most_people(part))
+        taken = association.take_people(part, index)
+        detections.append(taken)
+        unmatched.append(without[own])
+        here = sample[(sample >= done) & (sample < done + len(part))] - done
+        seen.append(part[here])
+        chosen.append(index[here])
+        before, done = taken[-_BESIDE:, :, None], done + len(part)
+        if progress is not None:
+            progress(done, steps)
+    if uncompared:
+        warn(association.uncompared(uncompared, most))
+    some = _joined(seen)
+    crowd = look_around(some, np.concatenate(chosen), rig, "consistent", layout, sample)
+    return replace(opened.nobody(job), crowd=crowd, apart=seen_apart(some, rig.names)), detections, unmatched
+
+
+def _joined(parts: list[Array]) -> Array:
+    """Join people (t, M, P, N, 3), padded with NaN to the largest P."""
+    most = max(part.shape[2] for part in parts)
+    padded = (((0, 0), (0, 0), (0, most - part.shape[2]), (0, 0), (0, 0)) for part in parts)
+    pairs = zip(parts, padded, strict=True)
+    return np.concatenate([np.pad(part, by, constant_values=np.nan) for part, by in pairs])
+
+
+class _OnClock:
+    """Detections (T, M, N, 3) on an even clock, NaN in missing frames, read where they are sliced."""
+
+    def __init__(self, rows: RowFile, places: Index) -> None:
+        self._rows, self._places = rows, places
+        self.shape = (int(places[-1]) + 1, *rows.shape[1:])
+
+    def __len__(self) -> int:
+        return self.shape[0]
+
+    def __getitem__(self, frames: slice) -> Array:
+        first, end, _ = frames.indices(len(self))
+        there = slice(*np.searchsorted(self._places, [first, end]).tolist())
+        found = np.full((end - first, *self.shape[1:]), np.nan)
+        found[self._places[there] - first] = self._rows.read(there.start, there.stop)
+        return found
+
+
+def _solved(
+    whole: Inputs, detections: RowFile, job: Job, size: int, progress: Progress | None
+) -> Iterator[tuple[slice, sk.Refinement]]:
+    """Refine all frames, so many at a time: yield the places of frames, and their result."""
+    steps = len(whole.frames)
+    places, rate = (np.arange(steps), None) if why_alone(whole, job) else even_clock(whole)
+    clock = _OnClock(detections, places)
+
+    def told(done: int, _: int) -> None:
+        if progress is not None:
+            progress(done * steps // len(clock), steps)
+
+    results = sk.refine_batches(
+        clock,
+        whole.rig,
+        fps=rate,
+        layout=whole.layout,
+        config=job.settings,
+        frames_per_chunk=size,
+        progress=False if progress is None else told,
+    )
+    first = 0
+    for result in results:
+        end = first + len(result.pose)
+        own = slice(*np.searchsorted(places, [first, end]).tolist())
+        yield own, frames_of(result, places[own] - first)
+        first = end
+
+
+@dataclass
+class Gathered:
+    """What is known of all frames once the parts were added, in order.
+
+    The counts of the parts, the frames in which joints are weak or missing, and in files the poses and
+    what single frames are judged from; the results themselves of every so many-th frame alone.
+    """
+
+    whole: Inputs  # without detections
+    detections: RowFile
+    poses: PoseParts
+    folder: Path
+    named: JointFrames = field(default_factory=dict)
+    named_count: Counter[Any] = field(default_factory=Counter)
+    _counts: list[Statistics] = field(default_factory=list)
+    _drawn: list[tuple[Inputs, Outcome]] = field(default_factory=list)
+    _facts: list[Path] = field(default_factory=list)
+
+    @property
+    def every(self) -> int:
+        """One in so many frames is drawn."""
+        return -(-len(self.whole.frames) // DRAWN)
+
+    def add(self, place: slice, inputs: Inputs, outcome: Outcome) -> None:
+        """Add the frames of a part."""
+        statistics, poses = summarise(inputs, outcome), poses_of(inputs, outcome.result)
+        self.poses.append(poses)
+        self._counts.append(statistics.counts())
+        path = self.folder / f"facts_{len(self._facts)}.npz"
+        np.savez(path, **asdict(FrameFacts.of(inputs, outcome, statistics, poses.joint_status)))
+        self._facts.append(path)
+        for key, by_joint in joint_frames(inputs, outcome, poses.joint_status).items():
+            for joint, frames in by_joint.items():
+                named = self.named.setdefault(key, {}).setdefault(joint, [])
+                named += frames[: MOST_NAMED - len(named)]
+                self.named_count[(*key, joint)] += len(frames)
+        rows = np.arange(-place.start % self.every, place.stop - place.start, self.every)
+        if len(rows):
+            some = {name: getattr(inputs, name)[rows] for name in ("detections", "unmatched", "frames")}
+            result = frames_of(outcome.result, rows)
+            drawn = replace(outcome, result=result, start=outcome.start[rows])
+            self._drawn.append((replace(inputs, **some), drawn))
+
+    def drawn(self) -> tuple[Inputs, Outcome]:
+        """Return the frames drawn of all parts, one after the other."""
+        inputs, outcomes = zip(*self._drawn, strict=True)
+        frames = self.whole.frames
+        names = ("detections", "unmatched", "frames")
+        arrays: dict[str, Any] = {
+            name: np.concatenate([getattr(one, name) for one in inputs]) for name in names
+        }
+        thinned = Thinned(len(frames), int(frames[0]), int(frames[-1]), self.every)
+        result = joined([one.result for one in outcomes])
+        start = np.concatenate([one.start for one in outcomes])
+        return replace(self.whole, **arrays, thinned=thinned), replace(
+            outcomes[0], result=result, start=start
+        )
+
+    def counted(self, statistics: Statistics) -> Statistics:
+        """Return the statistics of the frames drawn with the counts of all."""
+        return statistics.with_counts_of(self._counts)
+
+    @property
+    def frames_in_all(self) -> Counter[Any]:
+        """How many frames `named` would hold; nothing if it has them all."""
+        held = sum(len(frames) for one in self.named.values() for frames in one.values())
+        return Counter() if held == self.named_count.total() else self.named_count
+
+    def facts(self) -> Iterator[FrameFacts]:
+        """Yield what single frames are judged from, part by part."""
+        for path in self._facts:
+            with np.load(path) as arrays:
+                yield FrameFacts(**arrays)
