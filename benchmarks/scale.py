@@ -29,7 +29,7 @@ from lab import ONE_THREAD, Table, cpu_ms
 import skelsplat as sk
 from skelsplat import synthetic
 from skelsplat.io import write_calibration
-from skelsplat.run import Job, _run, figures, folder, run
+from skelsplat.run import Job, engine, figures, folder, run
 
 FPS = 100.0
 FRAMES = 2000
@@ -45,9 +45,9 @@ SIZES = {
 }
 # What `skelsplat.run.run` calls, by stage; what is left of the last is writing poses and the report.
 STAGES = {
-    "reading": (_run, "read_inputs"),
-    "solving": (_run, "refine_inputs"),
-    "judging": (_run, "summed_up"),
+    "reading": (engine, "read_inputs"),
+    "solving": (engine, "refine_inputs"),
+    "judging": (engine, "summed_up"),
     "pictures": (figures, "write_figures"),
     "html": (folder, "write_html"),
     "poses": (folder, "write_folder"),

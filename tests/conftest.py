@@ -19,7 +19,7 @@ from matplotlib.figure import Figure
 
 import scenes
 from reference import total
-from skelsplat.run import Run, figures, people_page
+from skelsplat.run import Run, figures
 
 
 @pytest.fixture(autouse=True, scope="session")
@@ -42,7 +42,7 @@ def pytest_runtest_protocol(item: pytest.Item) -> Generator[None, object, object
             patch.setattr(Figure, "savefig", _unpainted)
         if not painted and not item.get_closest_marker("drawn"):
             patch.setattr(figures, "write_figures", _undrawn)
-            patch.setattr(people_page, "write_people_figure", lambda _, path: _unpainted(None, path))
+            patch.setattr(figures, "write_people_figure", lambda _, path: _unpainted(None, path))
         return (yield)
 
 

@@ -6,7 +6,9 @@ import numpy as np
 
 from report_page import shapes
 from skelsplat import viz
+from skelsplat.run.html import everybody, lines_of_people
 from skelsplat.viz import report
+from skelsplat.viz.people import all_frames, spread_out, with_gaps
 
 SKELETON = viz.Skeleton(limbs=((0, 1), (0, 2)), left_right=((1, 2),))
 BODY = np.array([[0.0, 0.0, 900.0], [0.0, 150.0, 450.0], [0.0, -150.0, 450.0]])
@@ -55,32 +57,25 @@ def crowd(count=3):
     return [person(f"person {k}", spans[k % 3], (800.0 * k, 0.0)) for k in range(count)]
 
 
-def people_report(people=None, names=CAMERAS, **changes):
+def people_report(people=None, names=CAMERAS, joints=("hip", "left_knee", "right_knee"), **changes):
     """Build the page of several people."""
     people = crowd() if people is None else people
     rows = [[one.name, "2.0"] for one in people]
+    marks = [(report.person_class(place), f"person_{place}/report.html") for place in range(len(people))]
+    frames = with_gaps(all_frames(people))
+    given = {"frame_rate": 50.0, "start_name": "frame by frame", "up": np.array([0.0, 0.0, 1.0])}
     content = {
         "title": "SkelSplat: three people",
         "facts": [("calibration", "rig.toml")],
-        "warnings": ["door disagrees with the other cameras."],
+        "warnings": [("door disagrees with the other cameras.", ['without = "door"'])],
         "notes": ["Simulated."],
         "numbers": [("people", str(len(people)), "two views agree on them")],
-        "people": people,
-        "findings": [["The left leg varies."] if place == 1 else [] for place in range(len(people))],
-        "table": report.Table(
-            [("person", ""), ("error [px]", "median")],
-            rows,
-            marks=[
-                (report.person_class(place), f"person_{place}/report.html") for place in range(len(people))
-            ],
-        ),
-        "bones": report.Table([("bone", ""), *((one.name, "") for one in people)], [["hip – knee", *"123"]]),
-        "joint_names": ("hip", "left_knee", "right_knee"),
-        "skeleton": SKELETON,
-        "shapes": shapes(names),
-        "up": np.array([0.0, 0.0, 1.0]),
-        "frame_rate": 50.0,
-        "start_name": "frame by frame",
         "problems": [(110, 112, "person 1: weak left_knee")],
+        "sequence": everybody(people, frames, joint_names=joints, skeleton=SKELETON, **given),
+        "shapes": shapes(names),
+        "tables": [report.Table("People", [("person", ""), ("error [px]", "median")], rows, marks=marks)],
+        "lines": lines_of_people(people, frames),
+        "findings": [[("The left leg varies.", [])] if place == 1 else [] for place in range(len(people))],
+        "views": [spread_out(frames, one.frames, one.views, -1) for one in people],
     }
-    return report.PeopleReportData(**{**content, **changes})
+    return report.ReportData(**{**content, **changes})

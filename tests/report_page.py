@@ -67,6 +67,7 @@ def report_data(walk=None, names=("door", "window"), **changes):
     walk = sequence() if walk is None else walk
     frames, joints = walk.refined.shape[:2]
     table = report.Table(
+        "Cameras",
         columns=[("name", ""), ("error", "median & so on")],
         rows=[[name, "2.0"] for name in names],
         total=["all", "2.0"],
@@ -76,18 +77,17 @@ def report_data(walk=None, names=("door", "window"), **changes):
     content = {
         "title": "SkelSplat: walk",
         "facts": [("calibration", "rig.toml")],
-        "warnings": ["door disagrees with the other cameras."],
+        "warnings": [("door disagrees with the other cameras.", ['without = "door"'])],
         "notes": ["Simulated."],
         "numbers": [("error", "2.0 px", "before → refined")],
         "sequence": walk,
         "shapes": shapes(names),
-        "cameras": table,
-        "joints": table,
+        "tables": [table],
         "errors_px": np.full((len(names), joints), 2.0),
         "rejected": np.full((len(names), joints), 0.1),
         "lines": [
-            report.TimeLine("Error", "px", curve, beside=curve + 1.0, beside_name="before"),
-            report.TimeLine("Rejected", "", curve, peaks=True),
+            report.TimeLines("Error", "px", [("before", "start", curve + 1.0), ("", "left", curve)]),
+            report.TimeLines("Rejected", "", [("", "left", curve)], peaks=True),
         ],
         "problems": [(number, number, "weak: left_knee")],
     }

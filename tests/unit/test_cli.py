@@ -5,7 +5,6 @@ from __future__ import annotations
 import html
 import json
 import os
-import re
 import subprocess
 import sys
 
@@ -17,7 +16,7 @@ from command_line import FAST, READ, RESULTS, assert_fails, invoke, read_report,
 from skelsplat import synthetic
 from skelsplat.association import take_people
 from skelsplat.io import PoseData, read_npz, read_run, read_trc, write_npz, write_pose
-from skelsplat.run import _run, solve
+from skelsplat.run import engine, solve
 from skelsplat.run import folder as run_folder
 from skelsplat.run.person import pick_places
 
@@ -62,7 +61,7 @@ def test_paper_runs_the_papers_preset_and_draws_heat_maps(recording, arguments):
     assert settings["method"] == "annealed"
     result = invoke(*arguments, *READ, *FAST, "--paper", "--fps", 50)
     assert result.exit_code == 0, result.output
-    assert "Solved frame by frame, as always with --paper." in result.stdout
+    assert "Solved frame by frame, as always with the method paper." in result.stdout
     assert {path.name for path in (folder / "out").iterdir()} == RESULTS | {"heatmaps.png"}
     report = json.loads((folder / "out" / "report.json").read_text())
     assert report["settings"]["method"] == "paper"
@@ -100,12 +99,10 @@ def test_json_goes_to_stdout_and_quiet_prints_nothing(recording, arguments):
     assert (quiet.exit_code, quiet.output) == (0, "")
 
 
-def test_an_unknown_frame_rate_is_a_warning(recording, arguments):
-    folder, _, _ = recording
+def test_an_unknown_frame_rate_is_a_warning(arguments):
     result = invoke(*arguments, *READ, "--max-steps", 1, "-q")
     assert result.exit_code == 0
-    assert result.stderr.startswith("warning: --fps is not given: ")
-    assert "--fps" in texts(read_report(folder / "out"), "warning")[0]
+    assert result.stderr.startswith("warning: The frame rate is unknown: ")
 
 
 def test_an_initial_pose_is_read_in_its_own_unit(recording, arguments):
@@ -232,7 +229,7 @@ def test_an_output_folder_below_a_file_is_status_1_before_the_work(
 ):
     folder, _, _ = recording
     (folder / "file").write_text("")
-    monkeypatch.setattr(_run, "read_inputs", lambda *_: pytest.fail("the input was read"))
+    monkeypatch.setattr(engine, "open_files", lambda *_: pytest.fail("the input was read"))
     bad = folder / "file" / "out"
     args = [*arguments, *READ, "-o", bad] if command == "refine" else ["demo", "-o", bad]
     assert_fails(invoke(*args), 1, str(bad), "output", "expected a folder that can be written")
@@ -297,7 +294,7 @@ def test_ctrl_c_after_the_last_file_says_that_they_are_complete(arguments, monke
 
 
 def test_a_defect_keeps_its_traceback(arguments, monkeypatch):
-    monkeypatch.setattr(_run, "read_inputs", lambda *_: 1 / 0)
+    monkeypatch.setattr(engine, "open_files", lambda *_: 1 / 0)
     assert isinstance(invoke(*arguments, *READ).exception, ZeroDivisionError)
 
 
@@ -372,11 +369,11 @@ def test_demo_refines_the_sample(tmp_path):
     # one camera is turned by less than the noise: hardly rejected, but all of its detections lie to one side
     (doubt,) = (doubt for doubt in texts(report) if "calibration" in doubt)
     assert doubt.startswith(
-        "cam_03's calibration or timing looks wrong: its detections are shifted by 18 px "
+        "cam_03's calibration or timing looks wrong: cam_03's detections are shifted by 18 px "
     )
     assert f"! {doubt}" in " ".join(result.stdout.split())
     page = (tmp_path / "demo" / "report.html").read_text(encoding="utf-8")
-    assert html.escape(doubt) in re.sub(r'<span class="option">(.*?)</span>', r"\1", page)
+    assert html.escape(doubt) in page
     lines = result.stdout.splitlines()
     assert all(len(line) <= 80 for line in lines if not line.startswith(("Wrote to", "/")))
 

@@ -12,7 +12,7 @@ import pytest
 from command_line import FAST, READ, RESULTS, assert_fails, invoke
 from skelsplat.io import read_openpose
 from skelsplat.io._run_files import files_of_run, is_run
-from skelsplat.run import _run
+from skelsplat.run import engine
 from skelsplat.run import folder as run_folder
 
 
@@ -150,7 +150,7 @@ def test_a_file_that_a_stopped_run_meant_to_write_over_is_not_taken_for_its_own(
 def test_a_folder_in_the_place_of_a_result_is_known_before_the_work(recording, arguments, monkeypatch):
     out = recording[0] / "out"
     (out / "pose.csv").mkdir(parents=True)
-    monkeypatch.setattr(_run, "refine_inputs", lambda *_, **__: pytest.fail("it refined"))
+    monkeypatch.setattr(engine, "refine_inputs", lambda *_, **__: pytest.fail("it refined"))
     expected = "pose.csv: output: expected a file, or nothing, with the name of a result, got a folder"
     assert_fails(invoke(*arguments, *READ, *FAST), 1, expected)
     assert [path.name for path in out.iterdir()] == ["pose.csv"]

@@ -10,9 +10,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from report_page import NASTY, data_of, numbers, report_data, sequence, shapes, text_of
-from skelsplat.viz import report
-from skelsplat.viz.report._scene import MISSING, MOST_POSITIONS, frames_to_show, thin_line, upright
+from colour_vision import DEFICIENCIES, closest
+from people_page import crowd, people_report, person
+from report_page import NASTY, data_of, numbers, report_data, sequence, text_of
+from skelsplat.viz import _style, report
+from skelsplat.viz.people import with_gaps
+from skelsplat.viz.report._scene import MISSING, MOST_POSITIONS, upright
 
 
 @pytest.fixture
@@ -34,10 +37,6 @@ def test_positions_and_ellipsoids_come_back_to_the_stated_accuracy(written):
     np.testing.assert_array_equal(numbers(packed["frames"], "<f8"), walk.frames)
 
 
-def test_left_is_blue_and_right_is_vermilion(written):
-    assert data_of(written())["colours"] == {"left": "#0072b2", "right": "#d55e00"}
-
-
 def test_frame_numbers_may_be_time_stamps(written):
     stamps = 1_636_212_345_678 + 33 * np.arange(40)
     packed = data_of(written(report_data(replace(sequence(), frames=stamps), problems=[])))["scene"]
@@ -46,18 +45,17 @@ def test_frame_numbers_may_be_time_stamps(written):
 
 def test_names_from_files_are_escaped_in_markup_and_in_data(written):
     walk = sequence(joint_names=(NASTY, "left_knee", "right_knee"), start_name=NASTY)
-    table = report.Table([(NASTY, NASTY)], [[NASTY]])
+    table = report.Table(NASTY, [(NASTY, NASTY)], [[NASTY]], marks=[(NASTY, NASTY)])
     data = report_data(
         walk,
         names=(NASTY, "window"),
         title=NASTY,
         facts=[(NASTY, NASTY)],
-        warnings=[NASTY],
+        warnings=[(NASTY, [NASTY, "x = '<b>'"])],
         notes=[NASTY],
         numbers=[(NASTY, NASTY, NASTY)],
-        cameras=table,
-        joints=table,
-        lines=[report.TimeLine(NASTY, NASTY, np.zeros(40))],
+        tables=[table],
+        lines=[report.TimeLines(NASTY, NASTY, [(NASTY, "left", np.zeros(40))])],
         problems=[(101, 103, NASTY)],
     )
     text = written(data)
@@ -95,7 +93,7 @@ def test_a_long_sequence_is_thinned_out_and_says_so(written):
     rejected[12_345] = 7.0
     data = report_data(
         walk,
-        lines=[report.TimeLine("Rejected", "", rejected, peaks=True)],
+        lines=[report.TimeLines("Rejected", "", [("", "left", rejected)], peaks=True)],
         problems=[(1101, 1101, "weak"), (15_003, 15_009, "weak")],
     )
     text = written(data)
@@ -106,15 +104,6 @@ def test_a_long_sequence_is_thinned_out_and_says_so(written):
     assert numbers(packed["lines"][0]["curves"][0]["values"], "<f4").max() == 7.0
     assert f"Of 20,000 frames, the 3D view and the curves show {len(shown):,}: " in text
     assert len(text.encode()) < 8e6
-
-
-def test_no_more_frames_are_kept_than_asked_for_when_all_have_a_problem():
-    frames = np.arange(50_000)
-    places, every = frames_to_show(frames, 25, frames.tolist())
-    assert len(places) <= MOST_POSITIONS // 25
-    assert every > 1
-    line = np.where(frames == 49_999, 5.0, np.nan)
-    assert np.nanmax(thin_line(line, places, peaks=True)) == 5.0
 
 
 @pytest.mark.parametrize("frames", [1, 3])
@@ -129,7 +118,7 @@ def test_a_sequence_without_a_single_joint_has_a_page(written, frames):
         frame_rate=None,
     )
     unknown = {"errors_px": np.full((2, 3), np.nan), "rejected": np.full((2, 3), np.nan)}
-    lines = [report.TimeLine("Error", "px", np.full(frames, np.nan), peaks=True)]
+    lines = [report.TimeLines("Error", "px", [("", "left", np.full(frames, np.nan))], peaks=True)]
     text = written(report_data(walk, **unknown, lines=lines, problems=[], warnings=[]))
     packed = data_of(text)["scene"]
     assert set(numbers(packed["refined"])) == set(numbers(packed["spread"]["numbers"])) == {MISSING}
@@ -157,17 +146,113 @@ def test_the_vertical_becomes_z_by_a_rotation_of_named_axes(axis, sign):
     assert sorted(name[-1] for name in names) == ["x", "y", "z"]
 
 
-def test_cameras_are_drawn_in_proportion_to_the_room(written):
-    near = shapes(("door", "window"))
-    sizes = []
-    for scale in (1.0, 2.0):
-        wide = report.CameraShapes(near.names, near.centres * scale, near.corners)
-        camera = data_of(written(report_data(shapes=wide)))["scene"]["cameras"][0]
-        sizes.append(np.linalg.norm(np.array(camera["corners"][0]) - camera["centre"]))
-    assert 1.2 < sizes[1] / sizes[0] < 2.5
+# Several people
 
 
-def test_no_line_ends_within_an_option(written):
-    text = written(report_data(warnings=["with --fps HZ, --fill-gaps N and --without cam-1; not pre--fps"]))
-    options = re.findall(r'<span class="option">(.*?)</span>', text)
-    assert options == ["--fps HZ", "--fill-gaps N", "--without"]
+def test_everybody_is_in_the_scene_where_they_are_there(written):
+    people = crowd()
+    packed = data_of(written(people_report(people)))["scene"]
+    frames = numbers(packed["frames"], "<f8")
+    np.testing.assert_array_equal(frames, np.arange(100, 140))
+    grid = packed["grid"]
+    coded = numbers(packed["refined"]).reshape(40, 3, 3, 3)  # frames, people, joints, axes
+    found = np.array(grid["origin"]) + grid["step_mm"] * coded
+    for place, one in enumerate(people):
+        there = np.isin(frames, one.frames)
+        assert (coded[~there, place] == MISSING).all()
+        np.testing.assert_allclose(found[there, place], one.refined, atol=0.51 * grid["step_mm"])
+
+
+def test_limbs_and_joints_have_the_colour_of_their_person(written):
+    packed = data_of(written(people_report()))["scene"]
+    assert packed["groups"] == ["person-0", "person-1", "person-2"]
+    assert packed["sides"] == [0] * 3 + [1] * 3 + [2] * 3
+    assert packed["limbs"] == [[3 * k + a, 3 * k + b, k] for k in range(3) for a, b in ((0, 1), (0, 2))]
+    assert [(one["from"], one["to"]) for one in packed["people"]] == [(0, 3), (3, 6), (6, 9)]
+    assert packed["joints"][4] == "person 1, left_knee"
+
+
+def test_the_style_has_the_colours_of_the_pictures(written):
+    text = written(people_report())
+    for place, colour in enumerate(_style.PEOPLE):
+        assert re.findall(rf"--person-{place}: (#\w+);", text)[0] == colour
+
+
+def test_colours_of_people_differ_for_everyone_on_dark_paper_too(written):
+    text = written(people_report())
+    dark = [re.findall(rf"--person-{place}: (#\w+);", text)[1] for place in range(len(_style.PEOPLE))]
+    for seen in DEFICIENCIES.values():
+        assert closest(dark, seen) > 15
+
+
+def test_the_bars_count_the_views_of_each_frame(written):
+    seen = np.ones((40, 2), dtype=bool)
+    seen[5:9, 0], seen[7, 1] = False, False
+    late = person("person 1", range(110, 150))
+    bars = data_of(written(people_report([person(seen=seen), late])))["bars"]
+    assert bars["views"] == 2
+    first, second = (numbers(one["views"]).tolist() for one in bars["people"])
+    assert first == [2] * 5 + [1, 1, 0, 1] + [2] * 31 + [-1] * 10
+    assert second == [-1] * 10 + [2] * 40
+
+
+def test_curves_have_a_value_per_person(written):
+    lines = data_of(written(people_report()))["lines"]
+    assert [line["title"] for line in lines][:2] == ["Median reprojection error", "Detections rejected"]
+    for line in lines:
+        assert [curve["colour"] for curve in line["curves"]] == ["person-0", "person-1", "person-2"]
+    rejected = numbers(lines[1]["curves"][1]["values"], "<f4")
+    np.testing.assert_allclose(rejected[10:], 10.0)
+    assert np.isnan(rejected[:10]).all()
+    apart = numbers(lines[2]["curves"][0]["values"], "<f4")
+    np.testing.assert_allclose(apart[0], 1.6, atol=1e-6)  # only the third is there, 1600 mm away
+    assert not any(
+        "Distance" in line["title"] for line in data_of(written(people_report([person()])))["lines"]
+    )
+
+
+def test_findings_stand_with_their_person(written):
+    text = re.sub(r"<style>.*?</style>|<script.*?</script>", "", written(people_report()), flags=re.S)
+    warnings = re.search(r'<section class="loud".*?</section>', text, re.S)[0]
+    assert (
+        "<li>door disagrees with the other cameras. Setting: <code>without = &quot;door&quot;</code></li>"
+        in warnings
+    )
+    assert '<p>On <a href="#on-1">person 1</a> (1): see below.</p>' in warnings
+    assert "<p>None on person 0, person 2.</p>" in warnings
+    own = re.search(r'<section aria-labelledby="findings-title".*?</section>', text, re.S)[0]
+    assert re.findall(r'<h3 id="(on-\d)">', own) == ["on-1"]
+    assert own.index('<span class="person person-1">person 1</span>') < own.index("The left leg varies.")
+    assert '<th scope="row" class="person-1"><a href="person_1/report.html">person 1</a></th>' in text
+    quiet = written(people_report(warnings=[], findings=[[], [], []]))
+    assert '<section class="quiet"' in quiet
+    assert "findings-title" not in quiet
+
+
+def test_the_ends_of_gaps_are_frames_in_which_nobody_is_there(written):
+    assert with_gaps(np.array([3, 4, 5, 9, 10])).tolist() == [3, 4, 5, 6, 8, 9, 10]
+    assert with_gaps(np.array([0, 10, 20, 40])).tolist() == [0, 10, 20, 30, 40]
+    assert with_gaps(np.array([7])).tolist() == [7]
+    page = data_of(written(people_report([person(frames=[0, 1, 2, 50, 51])])))
+    assert numbers(page["bars"]["people"][0]["views"]).tolist() == [2, 2, 2, -1, -1, 2, 2]
+
+
+def test_a_person_far_from_the_others_is_drawn(written):
+    people = [person(), person("person 1", range(100, 101), at=(9000.0, 0.0))]  # in one frame of 40
+    packed = data_of(written(people_report(people)))["scene"]
+    coded = numbers(packed["refined"]).reshape(40, 2, 3, 3)
+    assert (coded[0, 1] != MISSING).all()
+    assert packed["reach"][1][0] == pytest.approx(9000.0)
+
+
+def test_the_floor_is_that_of_people_whom_three_views_see_or_the_most(written):
+    def floor(*views):
+        people = [
+            person(refined=person().refined - [0, 0, 300 * k], seen=np.arange(4) < np.full((40, 1), count))
+            for k, count in enumerate(views)
+        ]
+        return data_of(written(people_report(people)))["scene"]["floor_mm"]
+
+    assert floor(4, 3, 2) == pytest.approx(150.0)
+    assert floor(2, 1) == pytest.approx(450.0)
+    assert floor(0, 0) == pytest.approx(150.0)

@@ -12,7 +12,7 @@ import pytest
 import skelsplat as sk
 from skelsplat import synthetic
 from skelsplat.io import PoseData, write_pose
-from skelsplat.io.poses._parts import PoseParts, PoseStore
+from skelsplat.io.poses._parts import PoseParts
 from skelsplat.io.poses._pose_data import ARRAYS
 
 
@@ -34,11 +34,10 @@ def poses() -> PoseData:
 
 def in_parts(poses: PoseData, folder: Path, size: int) -> PoseParts:
     folder.mkdir()
-    store, steps = PoseStore(folder), len(poses.frames)
-    for first in range(0, steps, 9):
-        here = slice(first, first + 9)
-        store.append(part_of(poses, here))
-    return store.parts(part_of(poses, slice(0, 2)), poses.frames, size)
+    parts = PoseParts(folder, poses.frames, size)
+    for first in range(0, len(poses.frames), 9):
+        parts.append(part_of(poses, slice(first, first + 9)))
+    return parts
 
 
 def part_of(poses: PoseData, here: slice) -> PoseData:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections import Counter
 from types import SimpleNamespace
 
 import numpy as np
@@ -38,8 +39,12 @@ def found():
         )
         result = SimpleNamespace(stop_reason=parts["stop_reason"], swapped=parts["swapped"])
         outcome = SimpleNamespace(result=result)
-        facts = FrameFacts.of(inputs, outcome, SimpleNamespace(**parts), parts["status"])
-        findings, _ = find_in_frames([facts], Usual.of(facts), layout.joints, inputs.rig.names)
+        stops = dict(Counter(parts["stop_reason"].tolist()))
+        statistics = SimpleNamespace(stop_reasons=stops, **parts)
+        facts = FrameFacts.of(inputs, outcome, statistics, parts["status"])
+        findings, _ = find_in_frames(
+            [facts], Usual.of(facts, statistics, [facts]), layout.joints, inputs.rig.names
+        )
         words = {}
         for finding in findings:
             for frame in finding.subject.frames:
@@ -66,26 +71,6 @@ def found():
 def test_what_stands_out_of_a_recording_is_named(found, part, index, value, words):
     assert found() == {}
     assert found(**{part: (index, value)}) == {53: [words]}
-
-
-@pytest.mark.parametrize(
-    ("part", "index", "value"),
-    [
-        ("status", (slice(None), 1), "unobserved"),
-        ("stop_reason", slice(None), "max_steps"),
-        ("error_after", slice(None), 50.0),
-        ("scatter_mm", (slice(None), 2), 100.0),
-        ("rejected", (slice(None), 0), True),
-        ("rejected", (3, 0, 0), True),
-    ],
-)
-def test_what_holds_throughout_and_single_rejections_are_no_problem_of_a_frame(found, part, index, value):
-    assert found(**{part: (index, value)}) == {}
-
-
-def test_many_names_are_counted():
-    many = Finding("frame_weak", "note", Subject(joints=tuple("abcdefghi"), frames=(3,)), {"of": 9})
-    assert many.text == "weak: 9 of 9"
 
 
 def test_a_third_rejected_is_a_problem_even_if_it_is_usual(found):

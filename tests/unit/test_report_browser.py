@@ -75,8 +75,7 @@ def opened(browser, tmp_path_factory):
 
 
 def _open(browser, path, data, fragment):
-    several = isinstance(data, report.PeopleReportData)
-    (report.write_people_report if several else report.write_report)(path, data)
+    report.write_report(path, data)
     page, complaints = browser.new_page(viewport={"width": 1000, "height": 800}), []
     page.set_default_timeout(PATIENCE_MS)
     page.context.set_offline(True)

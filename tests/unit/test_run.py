@@ -250,7 +250,7 @@ def test_an_option_that_lacks_another_says_which(job):
 
 
 def test_a_filter_is_tried_before_anything_is_read(job, monkeypatch):
-    monkeypatch.setattr("skelsplat.run._run.read_inputs", lambda *_: pytest.fail("it read"))
+    monkeypatch.setattr("skelsplat.run.engine.open_files", lambda *_: pytest.fail("it read"))
     with pytest.raises(sk.InvalidInputError, match=r"filter: cutoff.* got 30"):
         run(job(filter=Butterworth(30.0)))
 

@@ -15,7 +15,9 @@ from overlay_case import write_video
 from skelsplat import synthetic
 from skelsplat.io import PoseData, read_detections, read_json, read_npz, write_json, write_npz
 from skelsplat.run import Job, Run, run, solve
+from skelsplat.run.read import open_files
 from skelsplat.run.report import solved_in_words
+from skelsplat.run.tracked import read_inputs
 
 LAYOUT, FPS = "h36m17", 50.0
 
@@ -79,9 +81,12 @@ def test_bones_are_named_where_the_layout_has_some():
     ("options", "sentence"),
     [
         (["--fps", 50], "Solved over time at 50 frames per second: constant bone lengths, smooth motion."),
-        (["--fps", 50, "--frame-by-frame"], "Solved frame by frame (--frame-by-frame)."),
-        ([], "Solved frame by frame: the frame rate is unknown. --fps HZ solves over time."),
-        (["--fps", 50, "--paper", "--max-steps", 1], "Solved frame by frame, as always with --paper."),
+        (["--fps", 50, "--frame-by-frame"], "Solved frame by frame, as asked."),
+        ([], "Solved frame by frame, as the frame rate (fps) is unknown."),
+        (
+            ["--fps", 50, "--paper", "--max-steps", 1],
+            "Solved frame by frame, as always with the method paper.",
+        ),
     ],
 )
 def test_the_console_states_how_the_frames_were_solved(arguments, options, sentence):
@@ -120,9 +125,7 @@ def inputs_of(job, frames):
 
 
 def solve_inputs(job):
-    from skelsplat.run.tracked import read_inputs
-
-    return read_inputs(job)
+    return read_inputs(open_files(job), job, None, lambda _: None)
 
 
 def test_missing_frames_are_solved_and_left_out_again(job):

@@ -16,9 +16,8 @@ from skelsplat.association import take_people
 from skelsplat.findings import Finding, FindingWarning
 from skelsplat.io import _rows, read_run, write_calibration
 from skelsplat.io.poses._pose_data import ARRAYS
-from skelsplat.run import Job, folder, frame_range, read, run, run_batch, run_long, run_people
+from skelsplat.run import Job, Run, _run, folder, frame_range, parts, read, run, run_batch, run_people
 from skelsplat.run.frame_range import FrameRange
-from skelsplat.run.long import _follow, _gather, _run
 from skelsplat.run.person import pick_places
 from skelsplat.run.plots import read_source
 from skelsplat.run.report import thinned_in_words
@@ -48,8 +47,7 @@ def everything_is_long(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(_rows, "BIG", 1)
     monkeypatch.setattr(folder, "can_draw", lambda: False)
     monkeypatch.setattr(read, "LONG", 0)
-    for name, value in {"_LEAST_BYTES": 0, "_PER_PART": 1}.items():
-        monkeypatch.setattr(_run, name, value)
+    monkeypatch.setattr(parts, "_PER_PART", 1)
 
 
 def job(files: Path, out: Path, **options: object) -> Job:
@@ -57,10 +55,11 @@ def job(files: Path, out: Path, **options: object) -> Job:
     return Job(files / "cameras.json", files / "detections.npz", output=out, **given)  # type: ignore[arg-type]
 
 
-def long(job: Job) -> sk.run.Run:
-    found = run_long(job)
-    assert found is not None
-    return found
+def at_once(job: Job, monkeypatch: pytest.MonkeyPatch) -> Run:
+    """Do a job as if its recording were short."""
+    with monkeypatch.context() as patch:
+        patch.setattr(read, "LONG", 10**9)
+        return run(job)
 
 
 def test_one_of_several_people_is_followed_from_part_to_part(tmp_path: Path) -> None:
@@ -68,12 +67,13 @@ def test_one_of_several_people_is_followed_from_part_to_part(tmp_path: Path) -> 
     scene = synthetic.simulate_scene(3, rig, n_frames=300, fps=10, seed=2)
     write_calibration(tmp_path / "cameras.json", rig)
     np.savez(tmp_path / "detections.npz", detections=scene.people, camera_names=np.array(rig.names))
-    opened = read.open_files(job(tmp_path, tmp_path, layout=scene.layout))
+    given = job(tmp_path, tmp_path, layout=scene.layout)
+    opened = read.open_files(given)
     people = opened.detections.read().people
     index, unmatched = pick_places(people, rig, "consistent", opened.detections.skeleton)
-    found = _follow.follow(opened, tmp_path, 100)
-    np.testing.assert_array_equal(found.detections.read(0, 300), take_people(people, index))
-    np.testing.assert_array_equal(found.unmatched.read(0, 300), unmatched)
+    _, followed, without = parts.follow(opened, given, tmp_path, 100)
+    np.testing.assert_array_equal(followed.read(0, 300), take_people(people, index))
+    np.testing.assert_array_equal(without.read(0, 300), unmatched)
 
 
 def test_of_too_many_people_to_compare_all_frames_count_once(
@@ -87,14 +87,16 @@ def test_of_too_many_people_to_compare_all_frames_count_once(
 
     monkeypatch.setattr(association, "people_chosen", cut)
     with pytest.warns(FindingWarning, match=r"In 1,270 frames .* \(up to 1 in a view\)") as told:
-        _follow.follow(read.open_files(job(files, tmp_path)), tmp_path, 400)
+        parts.follow(read.open_files(job(files, tmp_path)), job(files, tmp_path), tmp_path, 400)
     assert len(told) == 1
 
 
 @pytest.mark.parametrize("options", [{}, {"frame_by_frame": True}], ids=["over time", "frame by frame"])
-def test_files_are_those_of_the_whole(files: Path, tmp_path: Path, options: dict[str, object]) -> None:
-    whole = run(job(files, tmp_path / "whole", **options))
-    found = long(job(files, tmp_path / "parts", **options))
+def test_files_are_those_of_the_whole(
+    files: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, options: dict[str, object]
+) -> None:
+    whole = at_once(job(files, tmp_path / "whole", **options), monkeypatch)
+    found = run(job(files, tmp_path / "parts", **options))
     trc = [(tmp_path / one / "pose.trc").read_bytes() for one in ("parts", "whole")]
     assert trc[0] == trc[1]
     for name in ("pose.npz", "detections.npz"):
@@ -117,12 +119,12 @@ def test_files_are_those_of_the_whole(files: Path, tmp_path: Path, options: dict
 def test_counts_are_of_all_frames_and_medians_of_those_drawn(
     files: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    whole = run(job(files, tmp_path / "whole", frame_by_frame=True, write=()))
+    whole = at_once(job(files, tmp_path / "whole", frame_by_frame=True, write=()), monkeypatch)
     monkeypatch.setattr(folder, "can_draw", lambda: True)
-    monkeypatch.setattr(_gather, "DRAWN", 150)
-    monkeypatch.setattr(_gather, "MOST_NAMED", 5)
-    monkeypatch.setattr(_gather, "MOST_SINGLE", 7)
-    found = long(job(files, tmp_path / "parts", frame_by_frame=True, write=()))
+    monkeypatch.setattr(parts, "DRAWN", 150)
+    monkeypatch.setattr(parts, "MOST_NAMED", 5)
+    monkeypatch.setattr(_run, "_MOST_SINGLE", 7)
+    found = run(job(files, tmp_path / "parts", frame_by_frame=True, write=()))
     assert found.report["input"]["thinned"]["every"] == 9
     assert found.frames.tolist() == whole.frames[::9].tolist()
     for group, same in zip(found.statistics.cameras, whole.statistics.cameras, strict=True):
@@ -145,9 +147,9 @@ def test_memory_hardly_grows_with_the_recording(
     files: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(_rows, "_PIECE", 2**17)
-    monkeypatch.setattr(_gather, "DRAWN", 100)
-    monkeypatch.setattr(_gather, "MOST_NAMED", 10)
-    monkeypatch.setattr(_gather, "MOST_SINGLE", 10)
+    monkeypatch.setattr(parts, "DRAWN", 100)
+    monkeypatch.setattr(parts, "MOST_NAMED", 10)
+    monkeypatch.setattr(_run, "_MOST_SINGLE", 10)
     with np.load(files / "detections.npz") as every:
         seen, names = every["detections"][:600], every["camera_names"]
     write_calibration(tmp_path / "cameras.json", synthetic.human36m_like())
@@ -155,7 +157,7 @@ def test_memory_hardly_grows_with_the_recording(
     for times in (2, 6):
         np.savez(tmp_path / "detections.npz", detections=np.tile(seen, (times, 1, 1, 1)), camera_names=names)
         tracemalloc.start()
-        long(job(tmp_path, tmp_path / "out", frame_by_frame=True, write=("npz",)))
+        run(job(tmp_path, tmp_path / "out", frame_by_frame=True, write=("npz",)))
         peaks.append(tracemalloc.get_traced_memory()[1])
         tracemalloc.stop()
     assert peaks[1] - peaks[0] < 500 * 4 * len(seen)  # bytes per frame; at once it is some 20,000
@@ -177,10 +179,7 @@ def test_memory_hardly_grows_with_the_recording(
 def test_what_needs_all_frames_is_not_done_in_parts(
     files: Path, tmp_path: Path, options: dict[str, object]
 ) -> None:
-    given = job(files, tmp_path / "out", **options)
-    assert len(given.at_once) == 1
-    assert run_long(given) is None
-    assert not (tmp_path / "out").exists()
+    assert len(job(files, tmp_path / "out", **options).at_once) == 1
 
 
 def test_an_option_that_needs_all_frames_is_named_before_the_work(
@@ -189,13 +188,10 @@ def test_an_option_that_needs_all_frames_is_named_before_the_work(
     given, told = job(files, tmp_path / "out", fill_gaps=5, filter="butterworth:3"), list[Finding]()
     found = run(given, tell=told.append)
     assert told[0] == next(one for one in found.findings if one.kind == "done_at_once")
-    assert told[0].text == (
-        "--fill-gaps and --filter need all 1,270 frames at once, at least 0.0 GB of memory; without them "
-        "they are refined in parts."
-    )
+    assert told[0].numbers["options"] == ["fill_gaps", "filter"]
     monkeypatch.setattr(read, "_AT_ONCE", 10**4)
     monkeypatch.setattr(_budget, "_available", lambda: 10**8)
-    fits = r"npz: --people: expected what fits into memory \(100.0 MB are available\), got .* 863.6 MB"
+    fits = r"npz: people: expected what fits into memory \(100.0 MB are available\), got .* 863.6 MB"
     with pytest.raises(sk.DatasetError, match=fits):
         run_people(job(files, tmp_path / "none", people="all"))
     assert not (tmp_path / "none").exists()
@@ -224,7 +220,7 @@ def test_of_a_long_run_a_range_is_read(files: Path, tmp_path: Path, monkeypatch:
     for name in ARRAYS:
         np.testing.assert_array_equal(getattr(part.poses, name), getattr(whole.poses, name)[own])
     np.testing.assert_array_equal(part.detections, whole.detections[own])
-    with pytest.warns(FindingWarning, match="1,270 frames are read and drawn at once: --range A-B reads"):
+    with pytest.warns(FindingWarning, match="1,270 frames are read and drawn at once"):
         read_source(out)
     again = read_source(out, range=range)
     assert (again.zero, again.title) == (few.zero, few.title)
@@ -235,7 +231,7 @@ def test_of_a_long_run_a_range_is_read(files: Path, tmp_path: Path, monkeypatch:
 def test_an_interrupted_run_leaves_nothing(
     files: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(_run, "_LEAST_FRAMES", 400)
+    monkeypatch.setattr(parts, "_LEAST_FRAMES", 400)
     told: list[int] = []
 
     def interrupt(done: int, of: int) -> None:
@@ -244,17 +240,9 @@ def test_an_interrupted_run_leaves_nothing(
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        run_long(job(files, tmp_path / "out"), progress=interrupt)
+        run(job(files, tmp_path / "out"), progress=interrupt)
     assert told[:5] == [0, 200, 400, 600, 635], "reading and following 1270 frames is half of the work"
     assert 635 < told[-1] <= 1270
-    assert not (tmp_path / "out").exists()
-
-
-def test_a_short_recording_is_not_done_in_parts(
-    files: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(read, "LONG", STEPS * 4 * 17)
-    assert run_long(job(files, tmp_path / "out")) is None
     assert not (tmp_path / "out").exists()
 
 
@@ -264,11 +252,5 @@ def test_a_full_disk_is_one_line(files: Path, tmp_path: Path, monkeypatch: pytes
 
     monkeypatch.setattr(_rows.RowFile, "append", full)
     with pytest.raises(sk.DatasetError, match=r"out: output: expected a folder with room .* no space left"):
-        run_long(job(files, tmp_path / "out"))
-    assert not (tmp_path / "out").exists()
-
-
-def test_a_failure_leaves_no_files_of_parts(files: Path, tmp_path: Path) -> None:
-    with pytest.raises(sk.DatasetError, match="joint"):
-        run_long(job(files, tmp_path / "out", layout="body25b"))
+        run(job(files, tmp_path / "out"))
     assert not (tmp_path / "out").exists()

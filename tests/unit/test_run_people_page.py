@@ -11,7 +11,7 @@ import pytest
 from skelsplat import synthetic
 from skelsplat.io import write_calibration
 from skelsplat.run import Job, PeopleRun, run_people
-from skelsplat.run.people_page import tracks_of
+from skelsplat.run.figures import tracks_of
 from two_people import LAYOUT, crossing, seen, shuffled
 
 pytestmark = pytest.mark.drawn
@@ -47,7 +47,7 @@ def rows(text, section):
 
 
 def test_the_table_has_a_row_per_person_with_a_link_to_their_page(folder, text):
-    first, second = rows(text, "by-person")
+    first, second = rows(text, "table-people")
     assert first[:4] == ['<a href="person_0/report.html">person 0</a>', "40, 0 to 39", "40", "4"]
     assert second[0] == '<a href="person_1/report.html">person 1</a>'
     for link in re.findall(r'<a href="(person_\d/.*?)"', text):
@@ -60,11 +60,11 @@ def test_the_page_counts_as_the_report_does(folder, text):
     assert f"of {detected:,} in all views, to the people above" in text
     assert "<h1>SkelSplat: take.npz, 2 people</h1>" in text
     errors = [f"→ {entry['median_error_px']:.1f}" for entry in report["people"]]
-    assert [row[4].split(" → ")[1] for row in rows(text, "by-person")] == [error[2:] for error in errors]
+    assert [row[4].split(" → ")[1] for row in rows(text, "table-people")] == [error[2:] for error in errors]
 
 
 def test_bones_have_a_column_per_person(text):
-    found = rows(text, "bones-title")
+    found = rows(text, "table-bone-lengths-mm")
     assert {len(row) for row in found} == {3}
     shin = next(row for row in found if row[0] == "left knee – left ankle")
     assert all(re.fullmatch(r"\d{3} ± \d+", cell) for cell in shin[1:])

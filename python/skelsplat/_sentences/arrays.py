@@ -5,13 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING
 
-from skelsplat._words import listed
-
 if TYPE_CHECKING:
     from skelsplat.findings import Finding
-
-
-_SAME_IMAGES = "run the detector on images like those of the calibration, or calibrate with images like these"
 
 
 def _unit_implausible(finding: Finding) -> str:
@@ -35,42 +30,8 @@ def _trc_rate(finding: Finding) -> str:
     )
 
 
-def _of_images(finding: Finding) -> str:
-    """Return from which images detections come, and for which the calibration is."""
-    cameras, n = finding.subject.cameras, finding.numbers
-    (width, height), (wide, high) = n["size"], n["size_of_camera"]
-    come = f"Detections of {listed(cameras)} come from images of {width}×{height} px"
-    own = "its" if len(cameras) == 1 else "their"
-    return f"{come}, but {own} calibration is for {'a crop of at most ' * n['cropped']}{wide}×{high}"
-
-
-def _resized(finding: Finding) -> str:
-    return (
-        f"{_of_images(finding)}: assuming copies in another size, they are multiplied by "
-        f"{finding.numbers['factor']:.4g}. If the images are cropped instead, {_SAME_IMAGES}."
-    )
-
-
-def _sizes_differ(finding: Finding) -> str:
-    exchanged = finding.numbers["size"] == finding.numbers["size_of_camera"][::-1]
-    how = (
-        "width and height exchanged (is a phone's video turned?)" if exchanged else "which has another shape"
-    )
-    return (
-        f"{_of_images(finding)}, {how}: they are used as they are, and poses are probably wrong. To correct "
-        f"this, {_SAME_IMAGES}."
-    )
-
-
 SENTENCES: Mapping[str, str | Callable[[Finding], str]] = {
     "unit_implausible": _unit_implausible,
-    "detections_resized": _resized,
-    "image_sizes_differ": _sizes_differ,
-    "frame_rates_differ": (
-        "The {stated_by} state different frame rates ({each}), so frames of the same number, which are "
-        "compared, are not of the same instant. To correct this, convert the videos to one rate and run the "
-        "detector again; if the stated rates are wrong, state the right one with --fps of refine."
-    ),
     "lens_assumed": "{files}: no distortions for {cameras}: assumed to have no lens distortion.",
     "view_rotated": (
         "{files}: viewrotation: images of {cameras} were rotated for display; the calibration is for images "

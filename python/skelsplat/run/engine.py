@@ -137,20 +137,26 @@ def _refined(
         opened = open_files(job)
         if scratch is not None and opened.size > read.LONG and not job.at_once:
             _check_output(job, opened.nobody(job))
+            _note_output(job, opened.nobody(job))
             inputs, outcome, gathered = in_parts(opened, job, scratch(), progress)
         else:
             inputs = read_inputs(opened, job, progress, lambda found: _check_output(job, found))
+            _note_output(job, inputs)
             outcome = refine_inputs(inputs, job, progress)
     return summed_up(inputs, outcome, job, notes, gathered)
 
 
 def _check_output(job: Job, inputs: Inputs) -> None:
-    """Check, once the frames of the input are known, that the results can be written, and warn of how."""
+    """Check, once the frames of the input are known, that the results can be written."""
     if job.output is not None:
         folders.keep_input(job, inputs.sources)
         _writing(job).check(inputs)
-        for note in _writing(job).notes(inputs):
-            warn(note)
+
+
+def _note_output(job: Job, inputs: Inputs) -> None:
+    """Warn of notes on how the results are written."""
+    for note in _writing(job).notes(inputs) if job.output is not None else ():
+        warn(note)
 
 
 def _everybody(job: Job, progress: Progress | None, tell: Tell | None) -> PeopleRun:
@@ -159,6 +165,7 @@ def _everybody(job: Job, progress: Progress | None, tell: Tell | None) -> People
         people, whole = read_adjusted(open_files(job), job)
         check_times(whole, job)
         _check_output(job, whole)
+        _note_output(job, whole)
         everybody = follow_everybody(people, whole, job, progress)
         outcomes = [refine_inputs(inputs, job) for inputs in everybody.people]
     pairs = zip(everybody.people, outcomes, strict=True)

@@ -130,7 +130,7 @@ def write_html(run: Run, path: Path) -> None:
 
 def write_people_html(run: PeopleRun, path: Path) -> None:
     """Write the page of several people as one file; it links to those of single people."""
-    from skelsplat.run.figures import count_of, tracks_of  # as in write_html
+    from skelsplat.run.figures import count_of, skeleton_of, tracks_of  # as in write_html
     from skelsplat.viz import report as page
     from skelsplat.viz.people import all_frames, spread_out, with_gaps
 
@@ -158,10 +158,18 @@ def write_people_html(run: PeopleRun, path: Path) -> None:
         ],
         numbers=_numbers_of_people(run),
         problems=sorted(rows, key=lambda row: row[:2]),
-        sequence=_everybody(tracks, frames, first),
+        sequence=everybody(
+            tracks,
+            frames,
+            joint_names=first.layout.joints,
+            skeleton=skeleton_of(first.layout),
+            up=world_up(first.cameras),
+            frame_rate=first.poses.frame_rate,
+            start_name=first.outcome.start_name if first.outcome.sequence is None else "frame by frame",
+        ),
         shapes=camera_shapes(first.cameras),
         tables=[_people_table(run), _bone_table(runs, [track.name for track in tracks])],
-        lines=_lines_of_people(tracks, frames),
+        lines=lines_of_people(tracks, frames),
         findings=[_sentences(one.findings, notes=True) for one in runs],
         views=[spread_out(frames, track.frames, track.views, -1) for track in tracks],
     )
@@ -380,10 +388,14 @@ def _bones(run: Run) -> list[tuple[int, int, float, float]]:
     return [(a, b, float(length), float(sigma)) for (a, b), length, sigma in sizes]
 
 
-def _everybody(tracks: Sequence[viz.PersonTrack], frames: Index, first: Run) -> page.Sequence3D:
-    """Return all people in ``frames`` as one sequence, whose joints are those of one after the other."""
-    from skelsplat.run.figures import skeleton_of  # as in write_html
-    from skelsplat.viz.people import spread_out
+def everybody(
+    tracks: Sequence[viz.PersonTrack], frames: Index, *, joint_names: Sequence[str], **given: Any
+) -> page.Sequence3D:
+    """Return all people in ``frames`` as one sequence, whose joints are those of one after the other.
+
+    ``joint_names`` are those of one person; ``given`` are further fields of the sequence.
+    """
+    from skelsplat.viz.people import spread_out  # as in write_html
     from skelsplat.viz.report import Sequence3D
 
     def together(name: str, empty: object) -> Any:
@@ -397,13 +409,10 @@ def _everybody(tracks: Sequence[viz.PersonTrack], frames: Index, first: Run) -> 
         error_bar=together("error_bar", np.nan),
         status=together("status", "unobserved"),
         frames=frames,
-        frame_rate=first.poses.frame_rate,
-        joint_names=[f"{one.name}, {joint}" for one in tracks for joint in first.layout.joints],
-        skeleton=skeleton_of(first.layout),
-        up=world_up(first.cameras),
-        start_name=first.outcome.start_name if first.outcome.sequence is None else "frame by frame",
+        joint_names=[f"{one.name}, {joint}" for one in tracks for joint in joint_names],
         people=[one.name for one in tracks],
         on_floor=[place for place, own in enumerate(seen) if own >= min(_CONFIRMED, max(seen))],
+        **given,
     )
 
 
@@ -430,7 +439,7 @@ def _lines(run: Run) -> list[page.TimeLines]:
     ]
 
 
-def _lines_of_people(tracks: Sequence[viz.PersonTrack], frames: Index) -> list[page.TimeLines]:
+def lines_of_people(tracks: Sequence[viz.PersonTrack], frames: Index) -> list[page.TimeLines]:
     """Return the curves of everybody: errors, rejected detections, distance to the nearest person."""
     from skelsplat.viz.people import spread_out  # as in write_html
     from skelsplat.viz.report import TimeLines, person_class

@@ -15,7 +15,7 @@ import numpy as np
 import skelsplat as sk
 from skelsplat import association
 from skelsplat._arrays import Array, Index
-from skelsplat._people import most_people
+from skelsplat._people import most_people, people_uncompared
 from skelsplat._sequence import frames_of, joined
 from skelsplat.findings import warn
 from skelsplat.io._rows import RowFile
@@ -102,7 +102,7 @@ def follow(
         if progress is not None:
             progress(done, steps)
     if uncompared:
-        warn(association.uncompared(uncompared, most))
+        warn(people_uncompared(uncompared, most))
     some = _joined(seen)
     crowd = look_around(some, np.concatenate(chosen), rig, "consistent", layout, sample)
     return replace(opened.nobody(job), crowd=crowd, apart=seen_apart(some, rig.names)), detections, unmatched
