@@ -310,16 +310,16 @@ FRONT = (
     Fault(
         "the HTML report contains no curves",
         "HTML without data",
-        '"lines": [_parts.packed_line(line, places) for line in data.lines],',
+        '"lines": [line.packed(places) for line in data.lines],',
         '"lines": [],',
         (UNIT + "test_html_report.py", UNIT + "test_report_browser.py"),
     ),
     Fault(
         "the colours of left and right are swapped in the report",
         "swapped colours",
-        '"colours": {"left": _style.LEFT, "right": _style.RIGHT},',
-        '"colours": {"left": _style.RIGHT, "right": _style.LEFT},',
-        (UNIT + "test_html_report.py", UNIT + "test_report_browser.py"),
+        "_SIDES = {_style.LEFT: 0, _style.RIGHT: 1, _style.MIDDLE: 2}",
+        "_SIDES = {_style.LEFT: 1, _style.RIGHT: 0, _style.MIDDLE: 2}",
+        (UNIT + "test_report_browser.py",),
     ),
 )
 

@@ -369,7 +369,7 @@ def test_demo_refines_the_sample(tmp_path):
     # one camera is turned by less than the noise: hardly rejected, but all of its detections lie to one side
     (doubt,) = (doubt for doubt in texts(report) if "calibration" in doubt)
     assert doubt.startswith(
-        "cam_03's calibration or timing looks wrong: cam_03's detections are shifted by 18 px "
+        "cam_03's calibration or timing looks wrong: its detections are shifted by 18 px "
     )
     assert f"! {doubt}" in " ".join(result.stdout.split())
     page = (tmp_path / "demo" / "report.html").read_text(encoding="utf-8")
