@@ -8,7 +8,7 @@ is missing, leave the input as it is, and never carry anything across missing po
 are not to be believed (the status ``weak`` of a refinement): a filter leaves them as they are, and they do
 not pull on those around them. The one-euro filter starts anew after them; the Butterworth filter goes on over
 them on a straight line, however many there are. Cubic splines and the Butterworth filter need SciPy:
-``pip install 'skelsplat[temporal]'``.
+``pip install 'skelsplat[temporal]'``. A bad argument is an `InvalidInputError` that names it.
 """
 
 from __future__ import annotations
@@ -63,8 +63,6 @@ def fill_gaps(
 
     Raises
     ------
-    InvalidInputError
-        If a shape does not fit, ``max_gap`` is below 1 or ``method`` is unknown.
     MissingPackageError
         If SciPy is not installed (cubic).
     """
@@ -120,8 +118,6 @@ def butterworth(
 
     Raises
     ------
-    InvalidInputError
-        If a shape does not fit, ``order`` is another number, or ``cutoff`` is not below half the frame rate.
     MissingPackageError
         If SciPy is not installed.
     """
@@ -181,11 +177,6 @@ def one_euro(
         Ascending frame numbers; 0, 1, … if left out.
     weak : (T, N) bool, optional
         Positions not to be believed: as a gap for the filter, but left as they are.
-
-    Raises
-    ------
-    InvalidInputError
-        If a shape does not fit, a frequency is not positive or ``beta`` is negative.
     """
     positions, numbers = _checked(pose, frames)
     _arrays.positive("frame_rate", frame_rate)
@@ -248,11 +239,6 @@ def kalman(
         In every frame; NaN for a joint that is never measured.
     covariance : (T, N, 3, 3)
         Of the posterior.
-
-    Raises
-    ------
-    InvalidInputError
-        If a shape does not fit, or a number is not positive.
     """
     positions, numbers = _checked(pose, frames)
     _arrays.positive("frame_rate", frame_rate)

@@ -19,7 +19,7 @@ def nearest(people):
 
 
 @pytest.mark.parametrize("kind", synthetic.meeting_names)
-@pytest.mark.parametrize("count", [1, 2, 5])
+@pytest.mark.parametrize("count", [1, 5])
 def test_people_stay_in_the_room_on_the_floor_and_walk_at_a_human_pace(kind, count):
     people = synthetic.crowd(count, 300, fps=FPS, meetings=[kind], seed=count)
     assert people.shape == (count, 300, 17, 3)
@@ -32,14 +32,14 @@ def test_people_stay_in_the_room_on_the_floor_and_walk_at_a_human_pace(kind, cou
     assert np.isnan(people).any() == (kind == "leave" and count > 1)
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 def test_people_who_cross_pass_at_arms_length(seed):
     gap, frame = nearest(synthetic.crowd(2, 150, fps=FPS, meetings=["cross"], seed=seed))
     assert 295.0 < gap < 610.0
     assert frame == pytest.approx(2.5 * FPS, abs=2)
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 def test_hands_meet_and_people_go_back(seed):
     people = synthetic.crowd(2, 151, fps=FPS, meetings=["handover"], seed=seed)
     assert 990.0 < nearest(people)[0] < 1160.0
@@ -84,14 +84,15 @@ def test_bones_keep_their_length():
 
 
 @pytest.mark.parametrize(
-    ("arguments", "message"),
+    ("arguments", "argument"),
     [
-        ({"n_people": 0}, "n_people, n_frames: expected at least 1 and 2, got 0 and 60"),
-        ({"meetings": []}, "meetings: expected at least one, got none"),
-        ({"meetings": ["dance"]}, "meetings: expected one of .*cross.*, got 'dance'"),
-        ({"fps": 0.0}, "fps: expected a positive number, got 0.0"),
+        ({"n_people": 0}, "n_people, n_frames"),
+        ({"meetings": []}, "meetings"),
+        ({"meetings": ["dance"]}, "meetings"),
+        ({"fps": 0.0}, "fps"),
     ],
 )
-def test_what_makes_no_crowd_is_refused(arguments, message):
-    with pytest.raises(InvalidInputError, match=message):
+def test_what_makes_no_crowd_is_refused(arguments, argument):
+    with pytest.raises(InvalidInputError) as caught:
         synthetic.crowd(**{"n_people": 2, "n_frames": 60, **arguments})
+    assert caught.value.argument == argument

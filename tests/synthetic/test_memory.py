@@ -130,20 +130,17 @@ def test_misses_and_swaps_last():
     assert (stays(arm) / 30.0).mean() == pytest.approx(0.6, abs=0.11)
 
 
-@pytest.mark.parametrize("count", [0, 1, 2, 3, 4])
+@pytest.mark.parametrize("count", [1, 3])
 def test_occluders_stay_and_there_are_always_as_many(count):
     memory = Memory(frame_rate=30.0)
     numbers = memory.occluded(3000, 4, count, np.random.default_rng(count))
     assert ((numbers > 0).sum(axis=1) == count).all()
-    ends = (
-        [np.flatnonzero(numbers == k) for k in np.unique(numbers[numbers > 0])[count:-count]] if count else []
-    )
+    ends = [np.flatnonzero(numbers == k) for k in np.unique(numbers[numbers > 0])[count:-count]]
     seconds = np.array([len(one) for one in ends]) / 30.0
-    if count:
-        # 100 s: at least 75 stays of mean 1.25 s and standard deviation 0.43 s.
-        assert seconds.mean() == pytest.approx(1.25, abs=0.2)
-        assert seconds.min() >= 0.46
-        assert seconds.max() <= 2.04
+    # 100 s: at least 75 stays of mean 1.25 s and standard deviation 0.43 s.
+    assert seconds.mean() == pytest.approx(1.25, abs=0.2)
+    assert seconds.min() >= 0.46
+    assert seconds.max() <= 2.04
 
 
 def test_wrong_guesses_stay_drift_and_jump():
@@ -160,13 +157,6 @@ def test_wrong_guesses_stay_drift_and_jump():
     assert 30.0 * jumps.mean() == pytest.approx(2.2, abs=0.5)
     # Between them the drift of standard deviation 0.1 with τ about 0.33 s: √(2·2/(30·0.33))·0.1 = 0.06.
     assert 0.02 < np.median(step[~jumps]) < 0.08
-
-
-def test_hidden_joints_that_are_missing_stay_so():
-    noise = replace(SILENT, occluded_views=None, disc_radius=(2.0, 2.0), hidden_missing_rate=0.2)
-    missing = np.isnan(corrupt(still(1800), noise=noise)[..., 0]).reshape(1800, -1)
-    assert missing.mean() == pytest.approx(0.2, abs=0.03)
-    assert (stays(missing) / 30.0).mean() > 0.5
 
 
 @pytest.mark.parametrize(
@@ -191,37 +181,18 @@ def test_detectors_can_share_occluders_with_memory():
     assert np.nanmedian(error[hidden]) > 10 * np.median(error[~hidden])
 
 
-def test_one_frame_and_none():
-    noise = DetectionNoise.recording_occluded(2)
-    assert corrupt(still(1), noise=noise).shape == (1, 4, 17, 3)
-    assert corrupt(still(1)[:0], noise=noise).shape == (0, 4, 17, 3)
-
-
 @pytest.mark.parametrize(
-    ("call", "message"),
+    ("call", "argument"),
     [
-        (lambda: Memory(frame_rate=0.0), "frame_rate: expected a positive number, got 0.0"),
-        (lambda: Memory(slow_share=-0.1), "slow_share: expected a number from 0 to 1, got -0.1"),
-        (
-            lambda: Memory(slow_share=0.7),
-            r"slow_share \+ constant_share: expected at most 1, got 0.7 \+ 0.4",
-        ),
-        (lambda: Memory(burst_s=(0.0, 1.0)), r"burst_s: expected 0 < low <= high, got \(0.0, 1.0\)"),
-        (lambda: Memory(guess_jitter=-1.0), "guess_jitter: expected a number of at least 0, got -1.0"),
-        (
-            lambda: DetectionNoise(correlation=0.5, memory=Memory()),
-            "correlation: expected 0.0 together with memory, got 0.5",
-        ),
-        (
-            lambda: DetectionNoise(occluder_frames=3, memory=Memory()),
-            "occluder_frames: expected 1 together with memory, got 3",
-        ),
-        (
-            lambda: corrupt(still(2), noise=DetectionNoise.recording_occluded(5)),
-            r"noise.occluded_views: expected at most 4 \(views\), got 5",
-        ),
+        (lambda: Memory(frame_rate=0.0), "frame_rate"),
+        (lambda: Memory(slow_share=-0.1), "slow_share"),
+        (lambda: Memory(slow_share=0.7), "slow_share + constant_share"),
+        (lambda: Memory(burst_s=(0.0, 1.0)), "burst_s"),
+        (lambda: Memory(guess_jitter=-1.0), "guess_jitter"),
+        (lambda: corrupt(still(2), noise=DetectionNoise.recording_occluded(5)), "noise.occluded_views"),
     ],
 )
-def test_bad_values_are_named(call, message):
-    with pytest.raises(InvalidInputError, match=message):
+def test_bad_values_are_named(call, argument):
+    with pytest.raises(InvalidInputError) as caught:
         call()
+    assert caught.value.argument == argument

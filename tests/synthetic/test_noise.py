@@ -140,7 +140,7 @@ def test_joints_outside_the_image_or_behind_the_camera_are_missing(rig):
     assert not np.isnan(np.delete(detections, [3, 6], axis=1)).any()
 
 
-@pytest.mark.parametrize(("n_views", "count"), [(2, 2), (3, 3), (None, 4)])
+@pytest.mark.parametrize(("n_views", "count"), [(3, 3), (None, 4)])
 def test_occluders_cover_that_many_views_of_every_frame(pixels, n_views, count):
     noise = replace(SILENT, occluded_views=n_views, disc_radius=(2.0, 2.0))
     detections = corrupt(pixels, noise=noise)
@@ -202,7 +202,6 @@ def test_presets_give_dlt_the_error_of_design_section_3(poses, rig, noise, desig
         detections = synthetic.simulate_detections(poses, rig, noise=noise, seed=seed)
         errors.append(sk.metrics.mpjpe(sk.triangulate(detections[..., :2], rig, method="dlt"), poses))
     mean = np.mean(errors)
-    print(f"{mean:.1f} mm, seeds {np.round(errors, 1)}")
     # The prototype's poses and noise were others: the presets are in the same region, ±20 %.
     assert mean == pytest.approx(design_mm, rel=0.2)
 
@@ -243,39 +242,25 @@ PIXELS = np.full((2, 4, 17, 2), 500.0)
 
 
 @pytest.mark.parametrize(
-    ("call", "message"),
+    ("call", "argument"),
     [
-        (lambda: DetectionNoise(sigma_px=-1.0), "sigma_px: expected a number from 0.0 to inf, got -1.0"),
-        (lambda: DetectionNoise(miss_rate=1.5), "miss_rate: expected a number from 0.0 to 1.0, got 1.5"),
-        (lambda: DetectionNoise(correlation=1.0), "correlation: expected a number below 1, got 1.0"),
-        (lambda: DetectionNoise(n_discs=0), "n_discs: expected an integer >= 1, got 0"),
-        (lambda: DetectionNoise(disc_radius=(0.3, 0.1)), "disc_radius: expected 0 <= low <= high"),
-        (
-            lambda: corrupt(PIXELS, noise=DetectionNoise.occluded(5)),
-            r"noise.occluded_views: expected at most 4 \(views\), got 5",
-        ),
-        (
-            lambda: corrupt(PIXELS[0], noise=SILENT),
-            r"pixels: expected shape \(T, M, N, 2\), got \(4, 17, 2\)",
-        ),
-        (
-            lambda: corrupt(PIXELS, noise=SILENT, layout=sk.layouts.BODY25),
-            "layout: expected one of 17 joints, got 'body25' with 25",
-        ),
+        (lambda: DetectionNoise(sigma_px=-1.0), "sigma_px"),
+        (lambda: DetectionNoise(miss_rate=1.5), "miss_rate"),
+        (lambda: DetectionNoise(correlation=1.0), "correlation"),
+        (lambda: DetectionNoise(correlation=0.5, memory=synthetic.Memory()), "correlation"),
+        (lambda: DetectionNoise(n_discs=0), "n_discs"),
+        (lambda: DetectionNoise(disc_radius=(0.3, 0.1)), "disc_radius"),
+        (lambda: corrupt(PIXELS[0], noise=SILENT), "pixels"),
+        (lambda: corrupt(PIXELS, noise=SILENT, layout=sk.layouts.BODY25), "layout"),
         (
             lambda: synthetic.simulate_detections(np.zeros((17, 2)), synthetic.human36m_like(), noise=SILENT),
-            r"points: expected shape \(T, N, 3\) or \(N, 3\), got \(17, 2\)",
+            "points",
         ),
-        (
-            lambda: synthetic.perturb(np.zeros((17, 3)), -1.0),
-            "sigma_mm: expected a finite number >= 0, got -1.0",
-        ),
-        (
-            lambda: synthetic.monocular_poses(np.zeros((17, 2)), synthetic.human36m_like(), 10.0),
-            r"points: expected shape \(\.\.\., N, 3\), got \(17, 2\)",
-        ),
+        (lambda: synthetic.perturb(np.zeros((17, 3)), -1.0), "sigma_mm"),
+        (lambda: synthetic.monocular_poses(np.zeros((17, 2)), synthetic.human36m_like(), 10.0), "points"),
     ],
 )
-def test_bad_input_is_named(call, message):
-    with pytest.raises(sk.InvalidInputError, match=message):
+def test_bad_input_is_named(call, argument):
+    with pytest.raises(sk.InvalidInputError) as caught:
         call()
+    assert caught.value.argument == argument

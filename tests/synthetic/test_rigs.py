@@ -43,15 +43,9 @@ def test_images_are_upright_and_centred_on_the_target(views):
         assert above[0] == pytest.approx(there[0], abs=1e-9)
 
 
-def test_look_at_puts_the_world_s_right_on_the_image_s_right():
-    R, t = synthetic.look_at((0, -5, 0), (0, 0, 0))
-    np.testing.assert_allclose(R @ (1, 0, 0) + t, (1, 0, 5), atol=1e-12)
-    np.testing.assert_allclose(R @ (0, 0, 1) + t, (0, -1, 5), atol=1e-12)
-
-
 @pytest.mark.parametrize("eye", [(0, 0, 0), (0, 0, 5)], ids=["on the target", "above the target"])
 def test_look_at_without_an_upright_image_is_refused(eye):
-    with pytest.raises(sk.DegenerateGeometryError, match=r"look_at: expected a viewing direction .* got \["):
+    with pytest.raises(sk.DegenerateGeometryError):
         synthetic.look_at(eye, (0, 0, 0))
 
 
@@ -122,14 +116,15 @@ def test_distortion_bends_the_images_and_is_undone():
 
 
 @pytest.mark.parametrize(
-    ("call", "message"),
+    ("call", "argument"),
     [
-        (lambda: synthetic.dome(32), "n_views: expected 1 to 31, got 32"),
-        (lambda: synthetic.table(0), "n_views: expected 1 to 16, got 0"),
-        (lambda: synthetic.stereo(baseline_mm=0), "baseline_mm: expected a finite number > 0, got 0"),
-        (lambda: synthetic.dome(radius_mm=float("nan")), "radius_mm: expected a finite number > 0, got nan"),
+        (lambda: synthetic.dome(32), "n_views"),
+        (lambda: synthetic.table(0), "n_views"),
+        (lambda: synthetic.stereo(baseline_mm=0), "baseline_mm"),
+        (lambda: synthetic.dome(radius_mm=float("nan")), "radius_mm"),
     ],
 )
-def test_bad_input_is_named(call, message):
-    with pytest.raises(sk.InvalidInputError, match=message):
+def test_bad_input_is_named(call, argument):
+    with pytest.raises(sk.InvalidInputError) as caught:
         call()
+    assert caught.value.argument == argument

@@ -181,23 +181,26 @@ def test_the_default_detector_errs_in_proportion_to_the_size_of_people():
 
 
 @pytest.mark.parametrize(
-    ("change", "message"),
+    ("change", "argument"),
     [
-        ({"hidden_missing": 0.7, "hidden_taken": 0.4}, "hidden_missing \\+ hidden_taken: expected at most 1"),
-        ({"miss_rate": 1.2}, "miss_rate: expected a number from 0 to 1, got 1.2"),
-        ({"ghosts": -1.0}, "ghosts: expected a number 0 or more, got -1.0"),
-        ({"split_s": (0.5, 0.1)}, "split_s: expected 0 < low <= high"),
+        ({"hidden_missing": 0.7, "hidden_taken": 0.4}, "hidden_missing + hidden_taken"),
+        ({"miss_rate": 1.2}, "miss_rate"),
+        ({"ghosts": -1.0}, "ghosts"),
+        ({"split_s": (0.5, 0.1)}, "split_s"),
     ],
 )
-def test_impossible_crowding_is_refused(change, message):
-    with pytest.raises(InvalidInputError, match=message):
+def test_impossible_crowding_is_refused(change, argument):
+    with pytest.raises(InvalidInputError) as caught:
         Crowding(**change)
+    assert caught.value.argument == argument
 
 
-def test_what_makes_no_scene_is_refused():
-    with pytest.raises(InvalidInputError, match=r"people: expected poses \(T, 17, 3\) of one T, got \["):
-        scene([np.zeros((5, 17, 3)), np.zeros((6, 17, 3))])
-    with pytest.raises(InvalidInputError, match="people: expected poses"):
-        scene([])
-    with pytest.raises(InvalidInputError, match="cameras: expected a rig in mm, got one in m"):
+@pytest.mark.parametrize("people", [[], [np.zeros((5, 17, 3)), np.zeros((6, 17, 3))]], ids=len)
+def test_people_who_make_no_scene_are_refused(people):
+    with pytest.raises(InvalidInputError, match="people: "):
+        scene(people)
+
+
+def test_a_rig_in_metres_is_refused():
+    with pytest.raises(InvalidInputError, match="cameras: "):
         synthetic.simulate_scene(2, sk.CameraRig(list(RIG), "m"))

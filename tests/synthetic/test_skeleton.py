@@ -7,7 +7,7 @@ import skelsplat as sk
 from skelsplat import synthetic
 from skelsplat.synthetic import skeleton
 
-SEEDS = range(6)
+SEEDS = range(3)
 # 8 s: longer than one round of any motion.
 FRAMES = 400
 J = {name: k for k, name in enumerate(skeleton.JOINT_NAMES)}
@@ -102,27 +102,22 @@ def test_random_angles_keep_bone_lengths_and_scale_scales_them():
 
 
 @pytest.mark.parametrize(
-    ("call", "message"),
+    ("call", "argument"),
     [
-        (
-            lambda: skeleton.forward_kinematics({"knee_flexion_l": -5.0}),
-            r"angles\['knee_flexion_l'\]: expected 0.0 to 150.0 degrees, got -5.0",
-        ),
-        (lambda: skeleton.forward_kinematics({"tail": 0.0}), "angles: expected names among .*, got 'tail'"),
-        (lambda: skeleton.forward_kinematics({"lean": np.nan}), r"angles\['lean'\]: expected .*, got nan"),
-        (lambda: skeleton.forward_kinematics({}, scale=0), "scale: expected a finite number > 0, got 0"),
-        (
-            lambda: synthetic.in_layout(np.zeros((3, 3)), sk.layouts.H36M17),
-            r"points: expected shape \(\.\.\., 17, 3\)",
-        ),
-        (lambda: synthetic.motion("fly", 3), "name: expected one of walk, .*, got 'fly'"),
-        (lambda: synthetic.motion("walk", 0), "n_frames: expected at least 1, got 0"),
-        (lambda: synthetic.motion("walk", 3, fps=0), "fps: expected a finite number > 0, got 0"),
+        (lambda: skeleton.forward_kinematics({"knee_flexion_l": -5.0}), "angles['knee_flexion_l']"),
+        (lambda: skeleton.forward_kinematics({"tail": 0.0}), "angles"),
+        (lambda: skeleton.forward_kinematics({"lean": np.nan}), "angles['lean']"),
+        (lambda: skeleton.forward_kinematics({}, scale=0), "scale"),
+        (lambda: synthetic.in_layout(np.zeros((3, 3)), sk.layouts.H36M17), "points"),
+        (lambda: synthetic.motion("fly", 3), "name"),
+        (lambda: synthetic.motion("walk", 0), "n_frames"),
+        (lambda: synthetic.motion("walk", 3, fps=0), "fps"),
     ],
 )
-def test_bad_input_is_named(call, message):
-    with pytest.raises(sk.InvalidInputError, match=message):
+def test_bad_input_is_named(call, argument):
+    with pytest.raises(sk.InvalidInputError) as caught:
         call()
+    assert caught.value.argument == argument
 
 
 @pytest.mark.parametrize("seed", SEEDS)

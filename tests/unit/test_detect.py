@@ -83,16 +83,6 @@ def test_openpose_files_that_state_their_layout_and_rate(videos, tmp_path):
     assert np.isnan(found.people[:, :, :, 3]).all()
 
 
-def test_a_stated_layout_takes_its_joints_by_name_or_is_refused(videos, tmp_path):
-    detect(videos, tmp_path / "pose", Counting())
-    found = read_detections(tmp_path / "pose", CAMERAS, layout="coco17")
-    assert found.people.shape[3] == 17
-    with pytest.raises(
-        sk.DatasetError, match="expected a name for every joint of h36m17, got none for pelvis"
-    ):
-        read_detections(tmp_path / "pose", CAMERAS, layout="h36m17")
-
-
 @pytest.mark.parametrize("follows", [False, True])
 def test_what_is_there_after_an_interruption_is_not_detected_again(videos, tmp_path, follows):
     with pytest.raises(KeyboardInterrupt):
@@ -116,12 +106,9 @@ def test_ranges_add_up(videos, tmp_path):
     detect(videos / "cam1.mp4", tmp_path / "pose", first, last=1)
     detect([videos / "cam1.mp4", videos / "cam2.mp4"], tmp_path / "pose", rest, first=1, last=3)
     assert (first.seen, rest.seen) == ([0, 1], [2, 3, 1, 2, 3])
-    with pytest.raises(
-        sk.InvalidInputError, match=r"range: expected some of the frames 0 to 5 of .*, got 9-12"
-    ):
+    with pytest.raises(sk.InvalidInputError) as caught:
         detect(videos, tmp_path / "pose", Counting(), first=9, last=12)
-    with pytest.raises(sk.InvalidInputError, match=r", got 9-$"):
-        detect(videos, tmp_path / "pose", Counting(), first=9)
+    assert caught.value.argument == "range"
 
 
 def test_images_keep_their_numbers(tmp_path):
@@ -134,22 +121,21 @@ def test_images_keep_their_numbers(tmp_path):
 def test_other_detections_are_neither_mixed_nor_lost(videos, tmp_path):
     pose = tmp_path / "pose"
     detect(videos, pose, Counting())
-    with pytest.raises(
-        sk.InvalidInputError, match=r"output: expected a folder of the same detector .*counting, 2"
-    ):
-        detect(videos, pose, Counting(version="2"))
-    with pytest.raises(sk.InvalidInputError, match="or --overwrite for all its cameras"):
-        detect(videos / "cam1.mp4", pose, Counting(version="2"), overwrite=True)
-    write_video(tmp_path / "other" / "cam1.mp4", count=FRAMES + 1)  # recorded once more
-    with pytest.raises(sk.InvalidInputError, match=r"expected cam1.mp4 of 320×240, \d+ bytes for cam1 again"):
-        detect(tmp_path / "other", pose, Counting())
     before = contents(pose)
+
+    def refused(source, **options):
+        with pytest.raises(sk.InvalidInputError) as caught:
+            detect(source, pose, **options)
+        assert caught.value.argument == "output"
+        return str(caught.value)
+
+    refused(videos, detector=Counting(version="2"))
+    refused(videos / "cam1.mp4", detector=Counting(version="2"), overwrite=True)  # cam2's would be mixed
+    write_video(tmp_path / "other" / "cam1.mp4", count=FRAMES + 1)  # recorded once more
+    refused(tmp_path / "other", detector=Counting())
     own = pose / "cam1_json" / "mine.json"
     own.write_text("{}")
-    with pytest.raises(
-        sk.InvalidInputError, match=r"without JSON files of another program; .* with mine.json"
-    ):
-        detect(videos, pose, Counting(version="2"), overwrite=True)
+    assert "mine.json" in refused(videos, detector=Counting(version="2"), overwrite=True)
     own.unlink()
     assert contents(pose) == before
     again = Counting(version="2")
@@ -171,7 +157,7 @@ def test_files_of_another_program_are_left_alone(videos, tmp_path):
     (folder / "cam1_000000000000.json").write_text("{}")
     (tmp_path / "pose" / "detect.json").write_text("{}")
     for overwrite in (False, True):
-        with pytest.raises(sk.InvalidInputError, match="JSON files of another program"):
+        with pytest.raises(sk.InvalidInputError, match="output: "):
             detect(videos, tmp_path / "pose", Counting(), overwrite=overwrite)
     assert contents(folder) == {"cam1_000000000000.json": b"{}"}
 
@@ -179,19 +165,20 @@ def test_files_of_another_program_are_left_alone(videos, tmp_path):
 def test_videos_that_differ_and_a_camera_without_anybody(tmp_path):
     write_video(tmp_path / "videos" / "a.mp4", count=1)
     write_video(tmp_path / "videos" / "b.mp4", count=2, rate=30.0)
-    with pytest.warns(UserWarning) as found:  # noqa: PT030  the texts are below
+    with pytest.warns(UserWarning) as found:  # noqa: PT030  the kinds are below
         detect(tmp_path / "videos", tmp_path / "pose", Counting())
-    texts = [str(one.message) for one in found]
-    assert texts[0] == "a: no person detected in any frame (1 in all)."
-    assert "different numbers of frames (a 1, b 2)" in texts[1]
-    assert "different frame rates (a 25, b 30)" in texts[2]
+    assert [one.message.finding.kind for one in found] == [
+        "nobody_detected",
+        "videos_differ_in_length",
+        "frame_rates_differ",
+    ]
 
 
 def test_videos_need_different_names(tmp_path, videos):
     write_video(tmp_path / "more" / "cam1.mp4")
-    with pytest.raises(sk.InvalidInputError, match="videos: expected videos with different names"):
+    with pytest.raises(sk.InvalidInputError, match="videos: "):
         detect([videos, tmp_path / "more"], tmp_path / "pose", Counting())
-    with pytest.raises(sk.DatasetError, match=r"expected videos \(.mp4, "):
+    with pytest.raises(sk.DatasetError, match="videos"):
         detect(tmp_path, tmp_path / "pose", Counting())
 
 
@@ -209,7 +196,7 @@ def turned(path, degrees):
 
 def test_a_turned_video_is_detected_upright_and_said(videos, tmp_path):
     turned(videos / "cam1.mp4", 90)
-    with pytest.warns(UserWarning, match=r"cam1.mp4: frames are turned by \d+° as the video's metadata say"):
+    with pytest.warns(UserWarning, match=r"cam1.mp4"):
         (one,) = detect(videos / "cam1.mp4", tmp_path / "pose", Counting())
     assert one.size == SIZE[::-1]
     assert one.rotation in (90, 270)
@@ -263,8 +250,7 @@ def test_a_mediapipe_without_its_model_is_refused(mediapipe, videos, tmp_path):
     del mediapipe.solutions
     mediapipe.__version__ = "0.10.33"
     result = invoke("detect", videos, "-o", tmp_path / "pose")
-    alone = "pip install 'skelsplat[mediapipe]' in an environment of its own, as it needs NumPy 1"
-    assert_fails(result, 1, f"got version 0.10.33; run: {alone}")
+    assert_fails(result, 1, "0.10.33", "pip install 'skelsplat[mediapipe]'")
 
 
 def test_a_model_that_cannot_be_downloaded(mediapipe):
@@ -272,8 +258,7 @@ def test_a_model_that_cannot_be_downloaded(mediapipe):
         raise OSError("no network")
 
     mediapipe.solutions.pose.Pose = fails
-    message = r"load 'lite' \(it downloads this model .*\), got no network"
-    with MediaPipe("lite").open() as find, pytest.raises(sk.SkelSplatError, match=message):
+    with MediaPipe("lite").open() as find, pytest.raises(sk.SkelSplatError, match=r"model: .*no network"):
         find(np.zeros((240, 320, 3), dtype=np.uint8))
 
 
@@ -283,12 +268,12 @@ def test_a_model_that_cannot_be_downloaded(mediapipe):
 @pytest.mark.parametrize(
     ("arguments", "status", "words"),
     [
-        (["--backend", "openpose"], 2, "--backend: expected one of mediapipe, rtmlib, got 'openpose'"),
-        (["--model", "body"], 2, "--model: expected one of lite, full, heavy, got 'body'"),
-        (["--device", "cuda"], 2, "--device: does not apply to mediapipe, only to rtmlib"),
-        (["--backend", "rtmlib", "--mode", "fast"], 2, "--mode: expected one of balanced"),
-        (["--backend", "rtmlib", "--pose-model", "no.onnx"], 1, "no.onnx: model: expected an ONNX file"),
-        (["--range", "x"], 2, "--range: expected A-B"),
+        (["--backend", "openpose"], 2, "--backend"),
+        (["--model", "body"], 2, "--model"),
+        (["--device", "cuda"], 2, "--device"),
+        (["--backend", "rtmlib", "--mode", "fast"], 2, "--mode"),
+        (["--backend", "rtmlib", "--pose-model", "no.onnx"], 1, "no.onnx"),
+        (["--range", "x"], 2, "--range"),
     ],
 )
 def test_wrong_options(videos, tmp_path, arguments, status, words):
@@ -299,7 +284,7 @@ def test_wrong_options(videos, tmp_path, arguments, status, words):
 def test_a_missing_package_and_its_extra(monkeypatch, tmp_path, name):
     monkeypatch.setitem(sys.modules, name, None)
     result = invoke("detect", tmp_path / "no videos", "-o", tmp_path / "pose", "--backend", name)
-    assert_fails(result, 1, f"the package {name} to be installed", f"pip install 'skelsplat[{name}]'")
+    assert_fails(result, 1, f"pip install 'skelsplat[{name}]'")
     assert not (tmp_path / "pose").exists()
 
 
@@ -307,10 +292,8 @@ def test_a_missing_package_and_its_extra(monkeypatch, tmp_path, name):
 def test_what_it_prints(videos, tmp_path):
     pose = tmp_path / "pose"
     result = invoke("detect", videos / "cam1.mp4", "-o", pose)
-    assert result.stdout == (
-        f"{pose}/cam1_json: 6 frames (cam1.mp4, 320×240, 25 Hz)\n"
-        f"Wrote to {pose}/, with the layout mediapipe33. Next: skelsplat refine CALIBRATION {pose} -o out\n"
-    )
+    assert f"{pose}/cam1_json: 6 frames (cam1.mp4, 320×240, 25 Hz)" in result.stdout
+    assert "mediapipe33" in result.stdout
     result = invoke("detect", videos / "cam1.mp4", "-o", pose)
     assert "6 frames, 0 of them new" in result.stdout
     assert invoke("detect", videos / "cam1.mp4", "-o", pose, "-q").output == ""

@@ -169,34 +169,26 @@ GT = np.zeros((2, 4, 3))
 
 
 @pytest.mark.parametrize(
-    ("call", "message"),
+    ("call", "argument"),
     [
-        (lambda: metrics.mpjpe(GT[..., :2], GT), r"pred: expected shape \(\.\.\., N, 3\), got \(2, 4, 2\)"),
-        (lambda: metrics.mpjpe(GT[:1], GT), r"pred: expected the shape of gt \(2, 4, 3\), got \(1, 4, 3\)"),
-        (lambda: metrics.mpjpe("no", GT), "pred: expected an array of numbers"),
-        (lambda: metrics.mpjpe(GT + np.inf, GT), "pred: expected finite numbers or NaN, got infinity"),
-        (lambda: metrics.mpjpe(GT, GT, reduce="sum"), "reduce: expected one of mean, .*, got 'sum'"),
-        (
-            lambda: metrics.root_relative_mpjpe(GT, GT, root=4),
-            "root: expected joint indices from 0 to 3, got 4",
-        ),
-        (lambda: metrics.root_relative_mpjpe(GT, GT, root=()), r"root: expected a joint index .* got \(\)"),
-        (
-            lambda: metrics.pck(GT, GT, threshold_mm=-1.0),
-            "threshold_mm: expected a finite number >= 0, got -1.0",
-        ),
-        (lambda: metrics.auc(GT, GT, thresholds_mm=[]), r"thresholds_mm: expected a sequence .* got \[\]"),
-        (lambda: metrics.pcp(GT, GT, []), "limbs: expected at least one pair of joints, got none"),
-        (lambda: metrics.pcp(GT, GT, [(0, 9)]), r"limbs\[0\]: expected joint indices from 0 to 3, got 9"),
-        (lambda: metrics.pcp(GT, GT, [(0, 1, 2)]), r"limbs\[0\]: expected two endpoints, got \(0, 1, 2\)"),
-        (lambda: metrics.pcp(GT, GT, [(0, 1)], alpha=-1), "alpha: expected a finite number >= 0, got -1"),
-        (lambda: metrics.sigma_coverage(GT, GT, GT), r"covariance: expected shape \(2, 4, 3, 3\), got"),
-        (
-            lambda: metrics.sigma_coverage(GT, np.zeros((2, 4, 3, 3)), GT),
-            r"covariance\[0, 0\]: expected a symmetric positive definite matrix",
-        ),
+        (lambda: metrics.mpjpe(GT[..., :2], GT), "pred"),
+        (lambda: metrics.mpjpe(GT[:1], GT), "pred"),
+        (lambda: metrics.mpjpe("no", GT), "pred"),
+        (lambda: metrics.mpjpe(GT + np.inf, GT), "pred"),
+        (lambda: metrics.mpjpe(GT, GT, reduce="sum"), "reduce"),
+        (lambda: metrics.root_relative_mpjpe(GT, GT, root=4), "root"),
+        (lambda: metrics.root_relative_mpjpe(GT, GT, root=()), "root"),
+        (lambda: metrics.pck(GT, GT, threshold_mm=-1.0), "threshold_mm"),
+        (lambda: metrics.auc(GT, GT, thresholds_mm=[]), "thresholds_mm"),
+        (lambda: metrics.pcp(GT, GT, []), "limbs"),
+        (lambda: metrics.pcp(GT, GT, [(0, 9)]), "limbs[0]"),
+        (lambda: metrics.pcp(GT, GT, [(0, 1, 2)]), "limbs[0]"),
+        (lambda: metrics.pcp(GT, GT, [(0, 1)], alpha=-1), "alpha"),
+        (lambda: metrics.sigma_coverage(GT, GT, GT), "covariance"),
+        (lambda: metrics.sigma_coverage(GT, np.zeros((2, 4, 3, 3)), GT), "covariance[0, 0]"),
     ],
 )
-def test_bad_input_is_named(call, message):
-    with pytest.raises(InvalidInputError, match=message):
+def test_bad_input_is_named(call, argument):
+    with pytest.raises(InvalidInputError) as caught:
         call()
+    assert caught.value.argument == argument

@@ -63,14 +63,6 @@ def test_more_than_what_is_missing_can_be_replaced():
     assert np.flatnonzero(filled[:, 0]).tolist() == [1]
 
 
-def test_a_joint_that_is_half_there_is_missing():
-    pose = one_joint([0.0, 1.0, 2.0])
-    pose[1, 0, 2] = NAN
-    filled_pose, filled = temporal.fill_gaps(pose, 1, method="linear")
-    assert filled[:, 0].tolist() == [False, True, False]
-    assert filled_pose[1, 0].tolist() == [1.0, 2.0, -1.0]
-
-
 def test_nothing_known_and_nothing_missing():
     for pose in (np.full((5, 2, 3), NAN), np.ones((5, 2, 3)), np.empty((0, 2, 3))):
         filled_pose, filled = temporal.fill_gaps(pose, 3)
@@ -89,8 +81,8 @@ def amplitude(signal, frequency):
     return 2.0 * abs(np.mean(signal[middle] * wave))
 
 
-@pytest.mark.parametrize("order", [2, 4, 8])
-@pytest.mark.parametrize("cutoff", [2.0, 6.0, 20.0])
+@pytest.mark.parametrize("order", [2, 8])
+@pytest.mark.parametrize("cutoff", [2.0, 20.0])
 def test_the_cutoff_is_where_both_passes_together_leave_half_the_power(order, cutoff):
     times = np.arange(2000) / RATE
     pose = one_joint(np.sin(2 * math.pi * cutoff * times))
@@ -130,7 +122,7 @@ def test_filters_do_not_cross_gaps():
     assert np.isnan(euro[25, 0]).all()
 
 
-@pytest.mark.parametrize(("order", "shortest"), [(2, 7), (4, 10), (6, 13), (8, 16)])
+@pytest.mark.parametrize(("order", "shortest"), [(2, 7), (8, 16)])
 def test_a_run_that_is_too_short_is_left_and_counted(order, shortest):
     pose = np.random.default_rng(1).normal(size=(shortest, 1, 3))
     smooth, left = temporal.butterworth(pose, RATE, 6.0, order=order)
@@ -306,75 +298,33 @@ def test_every_joint_has_its_density_and_one_that_is_never_measured_stays_missin
 
 
 POSE = np.zeros((3, 1, 3))
-BAD = {
-    "shape": (
-        lambda: temporal.fill_gaps(np.zeros((3, 3)), 1),
-        r"pose: expected shape \(T, N, 3\), got \(3, 3\)",
-    ),
-    "frames": (
-        lambda: temporal.one_euro(POSE, 1.0, min_cutoff=1, beta=0, frames=[1, 2]),
-        r"frames: expected shape \(3,\), got \(2,\)",
-    ),
-    "order of frames": (
-        lambda: temporal.butterworth(POSE, RATE, frames=[1, 3, 2]),
-        "frames: expected ascending numbers",
-    ),
-    "max_gap": (
-        lambda: temporal.fill_gaps(POSE, 0),
-        "max_gap: expected at least 1 frame, got 0",
-    ),
-    "method": (
-        lambda: temporal.fill_gaps(POSE, 1, method="quintic"),
-        "method: expected one of cubic, linear, got 'quintic'",
-    ),
-    "gaps": (
-        lambda: temporal.fill_gaps(POSE, 1, gaps=[True]),
-        r"gaps: expected shape \(3, 1\), got \(1,\)",
-    ),
-    "cutoff": (
-        lambda: temporal.butterworth(POSE, RATE, 50.0),
-        "cutoff: expected a frequency above 0 and below half the frame rate, 50 Hz, got 50",
-    ),
-    "a cutoff that is none": (
-        lambda: temporal.butterworth(POSE, RATE, NAN),
-        "cutoff: expected a frequency above 0 and below half the frame rate, 50 Hz, got nan",
-    ),
-    "order": (
-        lambda: temporal.butterworth(POSE, RATE, order=3),
-        "order: expected 2, 4, 6 or 8",
-    ),
-    "rate": (
-        lambda: temporal.butterworth(POSE, -1.0),
-        "frame_rate: expected a positive number",
-    ),
-    "min_cutoff": (
-        lambda: temporal.one_euro(POSE, RATE, min_cutoff=0.0, beta=0.0),
-        "min_cutoff: expected a positive number, got 0.0",
-    ),
-    "beta": (
-        lambda: temporal.one_euro(POSE, RATE, min_cutoff=1.0, beta=-1.0),
-        "beta: expected a number of at least 0, got -1.0",
-    ),
-    "covariance": (
-        lambda: temporal.kalman(POSE, RATE, np.ones((3, 1, 3)), 1.0),
-        r"covariance: expected shape \(3, 1, 3, 3\), got \(3, 1, 3\)",
-    ),
-    "density": (
-        lambda: temporal.kalman(POSE, RATE, np.ones((3, 1, 3, 3)), [1.0, 2.0]),
-        r"density: expected a number or shape \(1,\), got \(2,\)",
-    ),
-    "a density that is none": (
-        lambda: temporal.kalman(POSE, RATE, np.ones((3, 1, 3, 3)), 0.0),
-        r"density: expected a positive number, got 0\.0",
-    ),
-}
+ONES = np.ones((3, 1, 3, 3))
 
 
-@pytest.mark.parametrize("case", BAD)
-def test_bad_input(case):
-    call, message = BAD[case]
-    with pytest.raises(sk.InvalidInputError, match=message):
+@pytest.mark.parametrize(
+    ("call", "argument"),
+    [
+        (lambda: temporal.fill_gaps(np.zeros((3, 3)), 1), "pose"),
+        (lambda: temporal.one_euro(POSE, 1.0, min_cutoff=1, beta=0, frames=[1, 2]), "frames"),
+        (lambda: temporal.butterworth(POSE, RATE, frames=[1, 3, 2]), "frames"),
+        (lambda: temporal.fill_gaps(POSE, 0), "max_gap"),
+        (lambda: temporal.fill_gaps(POSE, 1, method="quintic"), "method"),
+        (lambda: temporal.fill_gaps(POSE, 1, gaps=[True]), "gaps"),
+        (lambda: temporal.butterworth(POSE, RATE, 50.0), "cutoff"),
+        (lambda: temporal.butterworth(POSE, RATE, NAN), "cutoff"),
+        (lambda: temporal.butterworth(POSE, RATE, order=3), "order"),
+        (lambda: temporal.butterworth(POSE, -1.0), "frame_rate"),
+        (lambda: temporal.one_euro(POSE, RATE, min_cutoff=0.0, beta=0.0), "min_cutoff"),
+        (lambda: temporal.one_euro(POSE, RATE, min_cutoff=1.0, beta=-1.0), "beta"),
+        (lambda: temporal.kalman(POSE, RATE, ONES[0], 1.0), "covariance"),
+        (lambda: temporal.kalman(POSE, RATE, ONES, [1.0, 2.0]), "density"),
+        (lambda: temporal.kalman(POSE, RATE, ONES, 0.0), "density"),
+    ],
+)
+def test_bad_input_is_named(call, argument):
+    with pytest.raises(sk.InvalidInputError) as caught:
         call()
+    assert caught.value.argument == argument
 
 
 def test_scipy_is_asked_for_only_where_it_is_needed(monkeypatch):

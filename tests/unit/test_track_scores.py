@@ -119,24 +119,25 @@ def test_pieces_of_an_identity_belong_together(truth):
 
 
 @pytest.mark.parametrize(
-    ("tracks", "message"),
+    ("tracks", "argument"),
     [
-        ([(-1, [0], standing(0, 1))], "tracks: expected identities >= 0, got -1"),
-        ([(0, [6], standing(0, 1))], r"tracks\[0\]: expected frames from 0 to 5, got 6"),
-        ([(0, [0, 1], standing(0, 1))], r"expected pose of shape \(F, 3, 3\) for F frames, got \(1, 3, 3\)"),
-        ([(0, [1, 1], standing(0, 2))], "expected identity 0 once in a frame, got it twice"),
-        ([(0, [1], standing(0, 1)), (0, [1], standing(9, 1))], r"tracks\[1\]: expected identity 0 once"),
+        ([(-1, [0], standing(0, 1))], "tracks"),
+        ([(0, [6], standing(0, 1))], "tracks[0]"),
+        ([(0, [0, 1], standing(0, 1))], "tracks[0]"),
+        ([(0, [1, 1], standing(0, 2))], "tracks[0]"),
+        ([(0, [1], standing(0, 1)), (0, [1], standing(9, 1))], "tracks[1]"),
     ],
 )
-def test_tracks_that_do_not_fit_are_refused(truth, tracks, message):
-    with pytest.raises(InvalidInputError, match=message):
+def test_tracks_that_do_not_fit_are_refused(truth, tracks, argument):
+    with pytest.raises(InvalidInputError) as caught:
         metrics.track_scores(tracks, truth)
+    assert caught.value.argument == argument
 
 
 def test_a_truth_that_does_not_fit_is_refused(truth):
-    with pytest.raises(InvalidInputError, match=r"truth: expected shape \(Q, T, N, 3\), got \(6, 3, 3\)"):
+    with pytest.raises(InvalidInputError, match="truth: "):
         metrics.track_scores([], truth[0])
-    with pytest.raises(InvalidInputError, match=r"optional: expected shape \(2, 6\), got \(6,\)"):
+    with pytest.raises(InvalidInputError, match="optional: "):
         metrics.track_scores([], truth, optional=np.zeros(T))
 
 
@@ -158,5 +159,5 @@ def test_the_most_pairs_within_the_gate_are_made_at_the_least_cost(shape):
 
 def test_without_scipy_the_message_says_what_to_install(truth, monkeypatch):
     monkeypatch.setitem(sys.modules, "scipy.optimize", None)
-    with pytest.raises(MissingPackageError, match=r"scores of tracked people: .*skelsplat\[evaluation\]"):
+    with pytest.raises(MissingPackageError, match=r"skelsplat\[evaluation\]"):
         metrics.track_scores([(0, [0], standing(0, 1))], truth)

@@ -26,19 +26,6 @@ SENTENCES: Mapping[str, str | Callable[[Finding], str]] = {
     "layout_of_file": _layout_of_file,
     "video_one_frame_late": "{files}: frames 0 to {last}, and the run has 1 to {last_of_run} of {cameras}: "
     "if its detector counts from 1, all is drawn one frame late; --first-frame 1 corrects that.",
-    "nobody_detected": "{cameras}: no person detected in any frame ({frames} in all).",
-    "videos_differ_in_length": (
-        "The videos have different numbers of frames ({each}): if they begin at the same instant, refine "
-        "needs --frames intersection."
-    ),
-    "videos_differ_in_rate": (
-        "The videos have different frame rates ({each}): frames of the same number, which refine "
-        "compares, are then not of the same instant."
-    ),
-    "video_turned": (
-        "{files}: frames are turned by {degrees}° as the video's metadata say; the calibration must "
-        "be of frames turned in the same way."
-    ),
     "video_padded": "{files}: {size[0]}×{size[1]}, but the camera {cameras} has "
     "{size_of_camera[0]}×{size_of_camera[1]}: drawn without scaling.",
     "video_rate_assumed": "--fps is not given, and neither the images nor the run state it: assuming {fps:g} "

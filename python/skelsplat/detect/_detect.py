@@ -175,13 +175,32 @@ def _compare(written: Sequence[Detected]) -> None:
     """Warn of cameras without anybody, and of videos that differ in length or rate."""
     for one in written:
         if one.rotation:
-            warn(Finding("video_turned", "note", Subject(files=(str(one.video),)), {"degrees": one.rotation}))
+            turned = (
+                f"{one.video}: frames are turned by {one.rotation}° as the video's metadata say; the "
+                "calibration must be of frames turned in the same way."
+            )
+            about = Subject(files=(str(one.video),))
+            warn(Finding("video_turned", "note", about, {"degrees": one.rotation}, sentence=turned))
         if one.new and one.empty == one.new:
-            warn(Finding("nobody_detected", "warning", Subject(cameras=(one.camera,)), {"frames": one.new}))
-    for kind, values in (
-        ("videos_differ_in_length", [one.frames for one in written]),
-        ("videos_differ_in_rate", [round(one.frame_rate or 0.0, 2) for one in written]),
-    ):
-        if len(set(values)) > 1:
-            each = ", ".join(f"{one.camera} {value:g}" for one, value in zip(written, values, strict=True))
-            warn(Finding(kind, "warning", numbers={"each": each}))
+            nobody = f"{one.camera}: no person detected in any frame ({one.new} in all)."
+            about = Subject(cameras=(one.camera,))
+            warn(Finding("nobody_detected", "warning", about, {"frames": one.new}, sentence=nobody))
+    if each := _different(written, [one.frames for one in written]):
+        lengths = (
+            f"The videos have different numbers of frames ({each}): if they begin at the same instant, "
+            "refine only the frames that all of them have."
+        )
+        warn(Finding("videos_differ_in_length", "warning", numbers={"each": each}, sentence=lengths))
+    if each := _different(written, [round(one.frame_rate or 0.0, 2) for one in written]):
+        rates = (
+            f"The videos have different frame rates ({each}): frames of the same number, which are compared, "
+            "are then not of the same instant."
+        )
+        warn(Finding("frame_rates_differ", "warning", numbers={"each": each}, sentence=rates))
+
+
+def _different(written: Sequence[Detected], values: Sequence[float]) -> str:
+    """Return every camera's value if they differ, else nothing."""
+    if len(set(values)) < 2:
+        return ""
+    return ", ".join(f"{one.camera} {value:g}" for one, value in zip(written, values, strict=True))

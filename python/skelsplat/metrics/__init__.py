@@ -1,6 +1,8 @@
 """Evaluation metrics for 3D poses, and for several tracked people (`track_scores`).
 
-Arrays are ``(…, N, 3)`` with any number of leading axes (frames, people); lengths are mm.
+Predicted and true joints, ``pred`` and ``gt``, are ``(…, N, 3)`` with any number of leading axes (frames,
+people); lengths are mm. Shapes that differ, and other bad arguments, are an `InvalidInputError` that names
+the argument.
 
 Missing values follow one rule:
 

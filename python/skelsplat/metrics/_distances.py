@@ -17,19 +17,7 @@ def mpjpe(pred: ArrayLike, gt: ArrayLike, *, reduce: Literal["mean"] = "mean") -
 @overload
 def mpjpe(pred: ArrayLike, gt: ArrayLike, *, reduce: PartialReduce) -> Array: ...
 def mpjpe(pred: ArrayLike, gt: ArrayLike, *, reduce: Reduce = "mean") -> float | Array:
-    """Mean per-joint position error in absolute coordinates, mm (paper, section 4).
-
-    Parameters
-    ----------
-    pred, gt : (…, N, 3) mm
-        Predicted and true joints; NaN = missing (left out, see `skelsplat.metrics`).
-    reduce : "mean", "per_joint", "per_pose" or "none"
-
-    Raises
-    ------
-    InvalidInputError
-        If the shapes differ or are not (…, N, 3).
-    """
+    """Mean per-joint position error in absolute coordinates, mm (paper, section 4)."""
     return result(joint_errors(*as_pair(pred, gt)), reduce)
 
 
@@ -51,16 +39,8 @@ def root_relative_mpjpe(
 
     Parameters
     ----------
-    pred, gt : (…, N, 3) mm
-        Predicted and true joints; NaN = missing.
     root : int or sequence of int
         The root joint, or the joints whose mean is the root (``layout.root``).
-    reduce : "mean", "per_joint", "per_pose" or "none"
-
-    Raises
-    ------
-    InvalidInputError
-        If the shapes do not match or `root` is not among the joints.
     """
     predicted, truth = as_pair(pred, gt)
     predicted = predicted - centre(predicted, root, "root")[..., None, :]
@@ -78,17 +58,6 @@ def pa_mpjpe(pred: ArrayLike, gt: ArrayLike, *, reduce: Reduce = "mean") -> floa
     The alignment is the similarity (rotation, translation, one scale; no reflection) with the least squared
     distance over the joints present in both poses; a pose with fewer than three of them has no alignment and
     counts as missing.
-
-    Parameters
-    ----------
-    pred, gt : (…, N, 3) mm
-        Predicted and true joints; NaN = missing.
-    reduce : "mean", "per_joint", "per_pose" or "none"
-
-    Raises
-    ------
-    InvalidInputError
-        If the shapes differ or are not (…, N, 3).
     """
     predicted, truth = as_pair(pred, gt)
     return result(joint_errors(_aligned(predicted, truth), truth), reduce)
@@ -125,17 +94,6 @@ def missing_rate(pred: ArrayLike, gt: ArrayLike, *, reduce: Reduce = "mean") -> 
     """Share of the joints with ground truth that have no prediction, 0 to 1.
 
     The companion of the distances, which leave missing joints out.
-
-    Parameters
-    ----------
-    pred, gt : (…, N, 3) mm
-        Predicted and true joints; NaN = missing.
-    reduce : "mean", "per_joint", "per_pose" or "none"
-
-    Raises
-    ------
-    InvalidInputError
-        If the shapes differ or are not (…, N, 3).
     """
     predicted, truth = as_pair(pred, gt)
     missing = np.where(present(truth), np.where(present(predicted), 0.0, 1.0), np.nan)

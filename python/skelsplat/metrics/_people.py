@@ -103,8 +103,6 @@ def track_scores(
 
     Raises
     ------
-    InvalidInputError
-        If shapes do not match, a frame is outside the truth, or an identity is twice in a frame.
     MissingPackageError
         Without SciPy.
     """

@@ -44,16 +44,8 @@ def pck(
 
     Parameters
     ----------
-    pred, gt : (…, N, 3) mm
-        Predicted and true joints; NaN = missing.
     threshold_mm : float
         Largest distance of a correct joint, mm.
-    reduce : "mean", "per_joint", "per_pose" or "none"
-
-    Raises
-    ------
-    InvalidInputError
-        If the shapes do not match or the threshold is negative or not finite.
     """
     predicted, truth = as_pair(pred, gt)
     if not (np.isfinite(threshold_mm) and threshold_mm >= 0):
@@ -81,16 +73,8 @@ def auc(
 
     Parameters
     ----------
-    pred, gt : (…, N, 3) mm
-        Predicted and true joints; NaN = missing (wrong at every threshold).
     thresholds_mm : sequence of float, optional
         The thresholds, mm.
-    reduce : "mean", "per_joint", "per_pose" or "none"
-
-    Raises
-    ------
-    InvalidInputError
-        If the shapes do not match or a threshold is negative or not finite.
     """
     thresholds = (
         np.arange(0.0, 151.0, 5.0) if thresholds_mm is None else numbers(thresholds_mm, "thresholds_mm")
@@ -133,18 +117,11 @@ def pcp(
 
     Parameters
     ----------
-    pred, gt : (…, N, 3) mm
-        Predicted and true joints; NaN = missing.
     limbs : sequence of (a, b)
         Endpoints, each a joint or the joints whose mean it is, as in ``((2, 3), 12)`` for hip centre to head.
     alpha : float
         Allowed error as a share of the limb's length; 0.5 on Shelf and Campus.
     reduce : "mean", "per_joint" (here: per limb), "per_pose" or "none"
-
-    Raises
-    ------
-    InvalidInputError
-        If the shapes do not match, a limb names a joint that is not there, or `alpha` is negative.
     """
     predicted, truth = as_pair(pred, gt)
     if not (np.isfinite(alpha) and alpha >= 0):
@@ -178,22 +155,14 @@ def sigma_coverage(
 
     Parameters
     ----------
-    pred, gt : (…, N, 3) mm
-        Predicted and true joints; NaN = missing.
     covariance : (…, N, 3, 3) mm²
         Symmetric positive definite; NaN = missing.
     sigmas : sequence of float
         The k, S of them.
-    reduce : "mean", "per_joint", "per_pose" or "none"
 
     Returns
     -------
     (S,), (S, N), (S, …) or (S, …, N), as `reduce` says.
-
-    Raises
-    ------
-    InvalidInputError
-        If the shapes do not match or a covariance is not symmetric positive definite.
     """
     predicted, truth = as_pair(pred, gt)
     distance = _mahalanobis(predicted - truth, numbers(covariance, "covariance"))

@@ -1,5 +1,7 @@
 """Simulated rigs, bodies, motions and detections with known truth; everything is seeded.
 
+A bad argument is an `InvalidInputError` that names it.
+
 >>> from skelsplat import synthetic
 >>> synthetic.motion("walk", n_frames=10, seed=1).shape
 (10, 17, 3)

@@ -7,7 +7,7 @@ lasts for a while.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from itertools import permutations
 
 import numpy as np
@@ -15,7 +15,7 @@ import numpy as np
 from skelsplat._arrays import Array, Index, Mask, corners
 from skelsplat._skelsplat import Layout
 from skelsplat.exceptions import InvalidInputError
-from skelsplat.synthetic.memory import Memory, Range
+from skelsplat.synthetic.memory import Memory, Range, check_range, check_spans
 
 Draw = np.random.Generator
 Instances = list[tuple[Array, Index]]
@@ -53,11 +53,6 @@ class Crowding:
         Share of the time in which a view has a brief false detection.
     miss_s, merge_s, split_s, ghost_s : (float, float)
         Durations; `ghost_s` is of the brief ones.
-
-    Raises
-    ------
-    InvalidInputError
-        If a value is out of its range.
     """
 
     hidden_missing: float = 0.4
@@ -73,14 +68,10 @@ class Crowding:
     ghost_s: Range = (0.05, 0.4)
 
     def __post_init__(self) -> None:
-        for entry in fields(self):
-            value = getattr(self, entry.name)
-            if entry.name.endswith("_s"):
-                if not 0.0 < value[0] <= value[1] < np.inf:
-                    raise InvalidInputError(f"{entry.name}: expected 0 < low <= high, got {value!r}")
-            elif not 0.0 <= value <= (np.inf if entry.name == "ghosts" else 1.0):
-                most = "0 or more" if entry.name == "ghosts" else "from 0 to 1"
-                raise InvalidInputError(f"{entry.name}: expected a number {most}, got {value!r}")
+        check_range(self, 0.0, 1.0, "hidden_missing", "hidden_taken", "miss_rate", "merge_rate", "split_rate")
+        check_range(self, 0.0, 1.0, "ghost_rate")
+        check_range(self, 0.0, np.inf, "ghosts")
+        check_spans(self, "miss_s", "merge_s", "split_s", "ghost_s")
         if self.hidden_missing + self.hidden_taken > 1.0:
             shares = f"{self.hidden_missing!r} + {self.hidden_taken!r}"
             raise InvalidInputError(f"hidden_missing + hidden_taken: expected at most 1, got {shares}")

@@ -74,11 +74,6 @@ def crowd(
     Returns
     -------
     (Q, T, 17, 3) mm, Human3.6M-17, z up, floor at z = 0; NaN where a person is not in the room.
-
-    Raises
-    ------
-    InvalidInputError
-        If a meeting is unknown or a number is too small.
     """
     if n_people < 1 or n_frames < 2:
         raise InvalidInputError(

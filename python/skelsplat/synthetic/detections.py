@@ -66,11 +66,6 @@ def simulate_detections(
     -------
     (T, M, N, 3) or (M, N, 3)
         Pixel u, v and confidence in [0, 1]; missing = NaN, NaN, 0.
-
-    Raises
-    ------
-    InvalidInputError
-        If shapes, layout and noise do not fit each other.
     """
     world = numbers(points, "points")
     if world.ndim not in (2, 3) or world.shape[-1] != 3:
@@ -110,12 +105,6 @@ def corrupt(
     Returns
     -------
     (T, M, N, 3) px, px, confidence.
-
-    Raises
-    ------
-    InvalidInputError
-        If the shape is another, the layout has another number of joints, or more views are to be occluded
-        than there are.
     """
     true = projections(pixels)
     n_frames, n_views, n_joints = true.shape[:3]

@@ -20,6 +20,22 @@ Numbers = NDArray[np.int64]
 Range = tuple[float, float]
 
 
+def check_range(settings: object, low: float, high: float, *names: str) -> None:
+    """Raise `InvalidInputError` unless these settings are finite numbers from `low` to `high`."""
+    for name in names:
+        value = getattr(settings, name)
+        if not (np.isfinite(value) and low <= value <= high):
+            raise InvalidInputError(f"{name}: expected a number from {low} to {high}, got {value!r}")
+
+
+def check_spans(settings: object, *names: str) -> None:
+    """Raise `InvalidInputError` unless these settings are a shortest and a longest duration."""
+    for name in names:
+        low, high = getattr(settings, name)
+        if not 0.0 < low <= high < np.inf:
+            raise InvalidInputError(f"{name}: expected 0 < low <= high, got {(low, high)!r}")
+
+
 @dataclass(frozen=True, kw_only=True)
 class Memory:
     """How long errors last; ranges are uniform, in seconds.
@@ -43,11 +59,6 @@ class Memory:
         How long the wrong guess of a hidden joint stays at its place in the disc before it jumps.
     guess_jitter : float
         White jitter of a wrong guess, as a multiple of `sigma_px`.
-
-    Raises
-    ------
-    InvalidInputError
-        If a value is out of its range.
     """
 
     frame_rate: float = 30.0
@@ -62,20 +73,12 @@ class Memory:
 
     def __post_init__(self) -> None:
         positive("frame_rate", self.frame_rate)
-        for name in ("slow_share", "constant_share"):
-            if not 0.0 <= getattr(self, name) <= 1.0:
-                raise InvalidInputError(f"{name}: expected a number from 0 to 1, got {getattr(self, name)!r}")
+        check_range(self, 0.0, 1.0, "slow_share", "constant_share")
+        check_range(self, 0.0, np.inf, "guess_jitter")
+        check_spans(self, "slow_s", "burst_s", "swap_s", "occluder_s", "guess_s")
         if self.slow_share + self.constant_share > 1.0:
             shares = f"{self.slow_share!r} + {self.constant_share!r}"
             raise InvalidInputError(f"slow_share + constant_share: expected at most 1, got {shares}")
-        for name in ("slow_s", "burst_s", "swap_s", "occluder_s", "guess_s"):
-            low, high = getattr(self, name)
-            if not 0.0 < low <= high < np.inf:
-                raise InvalidInputError(f"{name}: expected 0 < low <= high, got {(low, high)!r}")
-        if not (np.isfinite(self.guess_jitter) and self.guess_jitter >= 0):
-            raise InvalidInputError(
-                f"guess_jitter: expected a number of at least 0, got {self.guess_jitter!r}"
-            )
 
     def jitter(self, shape: tuple[int, int, int], rng: np.random.Generator) -> Array:
         """Draw noise of unit variance (T, N, 2): a white, a slow and a constant part."""

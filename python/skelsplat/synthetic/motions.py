@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from skelsplat._arrays import Array, generator
+from skelsplat._arrays import Array, generator, positive
 from skelsplat.exceptions import InvalidInputError, one_of
 from skelsplat.synthetic.skeleton import ANKLE_HEIGHT_MM, JOINT_NAMES, LIMITS_DEG, forward_kinematics
 
@@ -292,17 +292,11 @@ def motion(
     Returns
     -------
     (T, 17, 3) mm, Human3.6M-17, z up, floor at z = 0, within 2 m of the origin (times `scale`).
-
-    Raises
-    ------
-    InvalidInputError
-        If the name is unknown, or a number is not positive.
     """
     one_of("name", name, _MOTIONS)
     if n_frames < 1:
         raise InvalidInputError(f"n_frames: expected at least 1, got {n_frames!r}")
-    if not (np.isfinite(fps) and fps > 0):
-        raise InvalidInputError(f"fps: expected a finite number > 0, got {fps!r}")
+    positive("fps", fps)
     rng = generator(seed)
     seconds = rng.uniform(0.0, 8.0) + np.arange(n_frames) / fps
     place = scale * rng.uniform(-500.0, 500.0, size=2)

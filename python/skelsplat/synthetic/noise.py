@@ -24,7 +24,7 @@ the time, and durations are in seconds, whatever the frame rate:
 - An occluder stays for a while, then moves to another place or another view. The wrong guess of a hidden
   joint keeps its place in the disc, so it moves with the body, drifts a little, and jumps now and then.
 
-Without it every frame is drawn by itself (except for `correlation` and `occluder_frames`). Whoever compares
+Without it every frame is drawn by itself (except for `correlation` and `occluder_frames`). A comparison of
 methods that smooth needs the memory: white noise flatters them.
 
 Confidence is about 0.9 for a visible joint, 0.6 for an outlier, 0.4 for a hidden one, 0 for a missing one.
@@ -60,7 +60,7 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 
 from skelsplat.exceptions import InvalidInputError
-from skelsplat.synthetic.memory import Memory
+from skelsplat.synthetic.memory import Memory, check_range
 
 SIZE_IN_ROOM = 1147.0 / 5300.0
 """Size of people in the images for which the presets are made: focal length, px, over distance, mm."""
@@ -97,11 +97,6 @@ class DetectionNoise:
         For how many frames an occluder stays.
     memory : Memory or None
         How long errors last; None = every frame by itself.
-
-    Raises
-    ------
-    InvalidInputError
-        If a value is out of its range, or `correlation` or `occluder_frames` is given together with `memory`.
     """
 
     sigma_px: float = 4.0
@@ -120,29 +115,18 @@ class DetectionNoise:
     memory: Memory | None = None
 
     def __post_init__(self) -> None:
-        for name in ("sigma_px", "outlier_px"):
-            self._require(name, 0.0, np.inf)
-        rates = [entry.name for entry in fields(self) if entry.name.endswith("_rate")]
-        for name in ("correlation", *rates):
-            self._require(name, 0.0, 1.0)
-        if self.correlation == 1.0:
-            raise InvalidInputError("correlation: expected a number below 1, got 1.0")
-        for name, least in (("occluded_views", 0), ("n_discs", 1), ("occluder_frames", 1)):
-            value = getattr(self, name)
-            if value is not None and value < least:
-                raise InvalidInputError(f"{name}: expected an integer >= {least}, got {value!r}")
+        check_range(self, 0.0, np.inf, "sigma_px", "outlier_px")
+        check_range(self, 0.0, 1.0, *(entry.name for entry in fields(self) if entry.name.endswith("_rate")))
+        check_range(self, 0.0, np.nextafter(1.0, 0.0), "correlation")
+        check_range(self, 1, np.inf, "n_discs", "occluder_frames")
+        if self.occluded_views is not None:
+            check_range(self, 0, np.inf, "occluded_views")
         low, high = self.disc_radius
         if not 0.0 <= low <= high < np.inf:
             raise InvalidInputError(f"disc_radius: expected 0 <= low <= high, got {self.disc_radius!r}")
-        if self.memory is not None:
-            for name, usual in (("correlation", 0.0), ("occluder_frames", 1)):
-                if (value := getattr(self, name)) != usual:
-                    raise InvalidInputError(f"{name}: expected {usual} together with memory, got {value!r}")
-
-    def _require(self, name: str, low: float, high: float) -> None:
-        value = getattr(self, name)
-        if not (np.isfinite(value) and low <= value <= high):
-            raise InvalidInputError(f"{name}: expected a number from {low} to {high}, got {value!r}")
+        for name, usual in (("correlation", 0.0), ("occluder_frames", 1)):
+            if self.memory is not None and (value := getattr(self, name)) != usual:
+                raise InvalidInputError(f"{name}: expected {usual} together with memory, got {value!r}")
 
     def scaled(self, factor: float) -> DetectionNoise:
         """Return the same detector for people who are `factor` times as large in the images."""

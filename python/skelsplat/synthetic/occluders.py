@@ -50,11 +50,6 @@ def draw_occluders(
     noise : DetectionNoise
         Of which `occluded_views`, `n_discs`, `disc_radius`, `occluder_frames` and `memory` are used.
     seed : int or numpy Generator
-
-    Raises
-    ------
-    InvalidInputError
-        If the shape is another or more views are to be occluded than there are.
     """
     true = projections(pixels)
     first, *streams = streams_of(seed, true.shape[1])

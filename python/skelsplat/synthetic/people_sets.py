@@ -101,11 +101,6 @@ def simulate_people_set(
         Of each scene.
     seed : int
         Scene k of seed S is that of ``simulate_scene(…, seed=1000 * S + k)``.
-
-    Raises
-    ------
-    InvalidInputError
-        If a number is out of its range.
     """
     limits = {"people": (people, 2, 6), "views": (views, 3, 8), "scenes": (scenes, 1, _MOST_SCENES)}
     for name, (value, least, most) in limits.items():

@@ -35,11 +35,6 @@ def perturb(points: ArrayLike, sigma_mm: float, *, seed: int | np.random.Generat
     points : (…, N, 3) mm
     sigma_mm : float
     seed : int or numpy Generator
-
-    Raises
-    ------
-    InvalidInputError
-        If the shape is another or `sigma_mm` is negative.
     """
     array = _checked(points, sigma_mm)
     return array + sigma_mm * generator(seed).standard_normal(array.shape)
@@ -72,11 +67,6 @@ def monocular_poses(
     Returns
     -------
     (T, M, N, 3) or (M, N, 3) in the rig's unit.
-
-    Raises
-    ------
-    InvalidInputError
-        If the shape is another or `sigma_mm` is negative.
     """
     array = _checked(points, sigma_mm)
     if array.ndim > 3:

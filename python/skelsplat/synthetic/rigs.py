@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from skelsplat._arrays import Array, numbers
+from skelsplat._arrays import Array, numbers, positive
 from skelsplat._skelsplat import Camera
 from skelsplat.cameras import CameraRig
 from skelsplat.exceptions import DegenerateGeometryError, InvalidInputError
@@ -30,8 +30,6 @@ def look_at(eye: ArrayLike, target: ArrayLike, up: ArrayLike = (0.0, 0.0, 1.0)) 
 
     Raises
     ------
-    InvalidInputError
-        If one is not three finite numbers.
     DegenerateGeometryError
         If `eye` equals `target`, or the axis is parallel to `up`.
     """
@@ -75,10 +73,10 @@ def _check_count(n_views: int, most: int) -> None:
         raise InvalidInputError(f"n_views: expected 1 to {most}, got {n_views!r}")
 
 
-def _check_positive(**lengths: float) -> None:
-    for name, value in lengths.items():
-        if not (np.isfinite(value) and value > 0):
-            raise InvalidInputError(f"{name}: expected a finite number > 0, got {value!r}")
+def _ring(n_views: int, radius_mm: float, height_mm: float, turned: float = 0.0) -> list[tuple[float, ...]]:
+    """Return places on a level circle, evenly spaced; the first is `turned` by this part of the spacing."""
+    angles = 2 * np.pi * (np.arange(n_views) + turned) / n_views
+    return [(radius_mm * np.cos(angle), radius_mm * np.sin(angle), height_mm) for angle in angles]
 
 
 def human36m_like(*, distortion: bool = False) -> CameraRig:
@@ -117,14 +115,9 @@ def dome(n_views: int = 31, *, radius_mm: float = 2800.0) -> CameraRig:
     """Up to 31 cameras on a dome round the centre, as in CMU Panoptic: 1920×1080 px, focal length 1400 px.
 
     Camera k is the same for every `n_views` > k.
-
-    Raises
-    ------
-    InvalidInputError
-        If `n_views` is not in 1 to 31 or the radius is not positive.
     """
     _check_count(n_views, 31)
-    _check_positive(radius_mm=radius_mm)
+    positive("radius_mm", radius_mm)
     cameras = []
     for k in range(n_views):
         azimuth = k * _GOLDEN_ANGLE
@@ -141,14 +134,9 @@ def dome(n_views: int = 31, *, radius_mm: float = 2800.0) -> CameraRig:
 
 
 def stereo(*, baseline_mm: float = 600.0, distance_mm: float = 3500.0) -> CameraRig:
-    """Two cameras side by side, turned toward a person `distance_mm` away: 1280×720 px, focal length 1000 px.
-
-    Raises
-    ------
-    InvalidInputError
-        If a length is not positive.
-    """
-    _check_positive(baseline_mm=baseline_mm, distance_mm=distance_mm)
+    """Two cameras side by side, turned to a person `distance_mm` away: 1280×720 px, focal length 1000 px."""
+    positive("baseline_mm", baseline_mm)
+    positive("distance_mm", distance_mm)
     x, y, z = _BODY_CENTRE
     # Facing along +y, the world's x axis points right in the image.
     return CameraRig(
@@ -163,36 +151,22 @@ def table(n_views: int = 4, *, radius_mm: float = 600.0) -> CameraRig:
     """Return a ring of up to 16 cameras that look down at the origin from `radius_mm`, for hand-size objects.
 
     640×480 px, focal length 600 px, 35° above the horizon.
-
-    Raises
-    ------
-    InvalidInputError
-        If `n_views` is not in 1 to 16 or the radius is not positive.
     """
     _check_count(n_views, 16)
-    _check_positive(radius_mm=radius_mm)
+    positive("radius_mm", radius_mm)
     elevation = np.deg2rad(35.0)
-    cameras = []
-    for k in range(n_views):
-        azimuth = 2 * np.pi * (k + 0.5) / n_views
-        level = radius_mm * np.cos(elevation)
-        eye = (level * np.cos(azimuth), level * np.sin(azimuth), radius_mm * np.sin(elevation))
-        cameras.append(_camera(f"cam{k + 1}", eye, (0.0, 0.0, 0.0), 600.0, (640, 480)))
-    return CameraRig(cameras)
+    eyes = _ring(n_views, radius_mm * np.cos(elevation), radius_mm * np.sin(elevation), 0.5)
+    return CameraRig(
+        [_camera(f"cam{k}", eye, (0.0, 0.0, 0.0), 600.0, (640, 480)) for k, eye in enumerate(eyes, start=1)]
+    )
 
 
 def ring(n_views: int = 8, *, radius_mm: float = 3500.0, height_mm: float = 1500.0) -> CameraRig:
-    """Up to 32 cameras evenly spaced on a circle round a room, as in Occlusion-Person: 1280×720 px.
-
-    Raises
-    ------
-    InvalidInputError
-        If `n_views` is not in 1 to 32 or a length is not positive.
-    """
+    """Up to 32 cameras evenly spaced on a circle round a room, as in Occlusion-Person: 1280×720 px."""
     _check_count(n_views, 32)
-    _check_positive(radius_mm=radius_mm, height_mm=height_mm)
-    angles = 2 * np.pi * np.arange(n_views) / n_views
-    eyes = [(radius_mm * np.cos(angle), radius_mm * np.sin(angle), height_mm) for angle in angles]
+    positive("radius_mm", radius_mm)
+    positive("height_mm", height_mm)
+    eyes = _ring(n_views, radius_mm, height_mm)
     return CameraRig(
         [_camera(f"cam{k}", eye, _BODY_CENTRE, 640.0, (1280, 720)) for k, eye in enumerate(eyes)]
     )

@@ -105,11 +105,6 @@ def simulate_scene(
         One with limbs, that the simulated body has, or that of your poses.
     seed : int
         Same seed, same scene. The people depend neither on noise nor on crowding.
-
-    Raises
-    ------
-    InvalidInputError
-        If cameras, poses, layout and noise do not fit each other.
     """
     rig = cameras if isinstance(cameras, CameraRig) else CameraRig(list(cameras))
     if mm_per_unit(rig) != 1.0:

@@ -205,11 +205,6 @@ def simulate_set(name: str, *, poses: int | None = None, seed: int = 0) -> Recor
         Number of poses over all takes, at least one per take; each set has its own default.
     seed : int
         Same name, number and seed, same data.
-
-    Raises
-    ------
-    InvalidInputError
-        If the name is unknown, the seed negative or there are fewer poses than takes.
     """
     one_of("name", name, _SETS)
     if seed < 0:

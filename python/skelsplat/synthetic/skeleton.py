@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from skelsplat import layouts
-from skelsplat._arrays import Array, numbers
+from skelsplat._arrays import Array, numbers, positive
 from skelsplat._skelsplat import Layout
 from skelsplat.exceptions import InvalidInputError
 
@@ -179,14 +179,8 @@ def forward_kinematics(
     Returns
     -------
     (T, 17, 3) mm, Human3.6M-17.
-
-    Raises
-    ------
-    InvalidInputError
-        If an angle is unknown or outside its limits, or `scale` is not positive.
     """
-    if not (np.isfinite(scale) and scale > 0):
-        raise InvalidInputError(f"scale: expected a finite number > 0, got {scale!r}")
+    positive("scale", scale)
     heading = _per_frame(numbers(heading_deg, "heading_deg"), (n_frames,), "heading_deg")
     rotations = _segment_rotations(_checked(angles, n_frames), heading)
     pose = np.empty((n_frames, N_JOINTS, 3))
@@ -209,11 +203,6 @@ def in_layout(points: ArrayLike, layout: Layout) -> Array:
     Returns
     -------
     (…, N, 3) in the unit of `points`.
-
-    Raises
-    ------
-    InvalidInputError
-        If the shape is another or the body has not a joint of that name.
     """
     array = numbers(points, "points")
     if array.ndim < 2 or array.shape[-2:] != (N_JOINTS, 3):
