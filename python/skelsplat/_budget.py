@@ -17,7 +17,6 @@ import sys
 import zipfile
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from itertools import chain
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -36,16 +35,14 @@ MOST_CAMERAS = 4096
 """Cameras of a calibration, or what may belong to one in a file or folder: a dome has 521."""
 MOST_DEPTH = 64
 """Lists within lists: a pose in JSON has 6."""
-_MOST_PARTS = 32  # of a dotted key; the time for one grows with their square
+_PART = r"""(?:"(?:[^"\\\n]|\\.){0,99}"|'[^'\n]{0,99}'|(?<![\w-])[\w-]+)\s*\.\s*"""
+_DOTTED = re.compile(f"(?:{_PART}){{33}}")  # a key of many parts, of which the time grows with their square
 # what is unpacked may be this, and this many times the size of the file: a recording in which hardly anything
 # is detected is packed to a fiftieth, zeros to a thousandth
 _ALWAYS, _RATIO = 2**27, 100
 _UNCHECKED = 2**26  # bytes that need no look at the memory
 _SPARSE = 2**30  # files from this size on must be stored to a hundredth
-_LEAVES = 10**5  # values of a pickle beyond its bytes
 _CHUNK = 2**20
-# the end of a zip file, at most so long; bytes of the list of its members, and where their number is
-_END, _LONGEST_END, _MOST_LISTED, _LISTED_AT = b"PK\5\6", 2**16 + 22, 2**18, 12
 _KINDS = {stat.S_IFIFO: "a named pipe", stat.S_IFSOCK: "a socket", stat.S_IFCHR: "a device"}
 _GROUP_LIMITS = ("/sys/fs/cgroup/memory.max", "/sys/fs/cgroup/memory/memory.limit_in_bytes")
 
@@ -98,18 +95,11 @@ def check_ratio(path: Path, field: str, need: int, held: int) -> None:
 
 
 def zipped(path: Path, stream: BinaryIO) -> zipfile.ZipFile:
-    """Return the zip file of a stream, unless the list of its members or what they unpack to is too long."""
-    size = os.fstat(stream.fileno()).st_size
-    stream.seek(max(size - _LONGEST_END, 0))
-    rest = stream.read(_LONGEST_END)
-    at = rest.rfind(_END) + _LISTED_AT
-    listed = int.from_bytes(rest[at : at + 4], "little") if at >= _LISTED_AT else 0
-    if listed > _MOST_LISTED:
-        expected = f"a list of its members of at most {amount(_MOST_LISTED)}"
-        raise DatasetError(path, "file", expected, amount(listed))
+    """Return the zip file of a stream, unless what its members unpack to is too much."""
     if (wrong := damaged_zip(stream)) is not None:
         raise DatasetError(path, "file", "a complete npz file", wrong)
     archive = zipfile.ZipFile(stream)
+    size = os.fstat(stream.fileno()).st_size
     check_ratio(path, "file", sum(info.file_size for info in archive.infolist()), size)
     return archive
 
@@ -227,34 +217,14 @@ def parse_toml(path: Path, text: str) -> dict[str, Any]:
     else:
         import tomli as tomllib
     check_document(path, text)
-    for line in text.splitlines():
-        if line.count(".") >= _MOST_PARTS and _longest_key(line) > _MOST_PARTS:
-            raise DatasetError(path, "TOML", f"keys of at most {_MOST_PARTS} parts", f"{line.strip()[:40]}…")
+    if _DOTTED.search(text):
+        raise DatasetError(path, "TOML", "keys of at most 32 parts", "more")
     try:
         document = tomllib.loads(text)
     except (ValueError, RecursionError) as error:  # a number of thousands of digits is no TOMLDecodeError
         raise DatasetError(path, "TOML", "valid TOML", str(error).partition(";")[0]) from error
-    check_tree(path, "TOML", document, len(text))
+    check_depth(path, "TOML", document)
     return document
-
-
-def _longest_key(line: str) -> int:
-    """Return the most parts that something between commas, brackets and strings has, of a line of TOML."""
-    longest, parts, quote, escaped = 1, 1, "", False
-    for char in line:
-        if quote:
-            quote = quote if char != quote or escaped else ""
-            escaped = char == "\\" and quote == '"' and not escaped
-        elif char in "\"'":
-            quote = char
-        elif char == "#":
-            break
-        elif char in ",=[]{}":
-            parts = 1
-        elif char == ".":
-            parts += 1
-            longest = max(longest, parts)
-    return longest
 
 
 def read_toml(path: Path) -> dict[str, Any]:
@@ -262,32 +232,18 @@ def read_toml(path: Path) -> dict[str, Any]:
     return parse_toml(path, read_text(path))
 
 
-def check_tree(path: Path, field: str, value: Any, held: int) -> None:
-    """Raise `DatasetError` if lists and tables nest too deeply, or have more values than `held` bytes hold.
-
-    A pickle can name a list again and again, so that a few bytes are 2^30 values for whoever goes through.
-    """
-    left, level = held + _LEAVES, [value]
+def check_depth(path: Path, field: str, document: Any) -> None:
+    """Raise `DatasetError` if the lists and tables, or the elements, of a document nest too deeply."""
+    level = [document]
     for _ in range(MOST_DEPTH + 1):
-        inner: list[Any] = []
-        for one in level:
-            if isinstance(one, dict):
-                entries: Any = chain(one.keys(), one.values())
-            elif isinstance(one, list | tuple | set | frozenset):
-                entries = one
-            elif isinstance(one, np.ndarray) and one.dtype == object:
-                entries = one.flat
-            else:
-                continue
-            left -= len(one) if not isinstance(one, np.ndarray) else one.size
-            if left < 0:
-                expected = f"at most {held + _LEAVES:,} values in {amount(held)}"
-                raise DatasetError(path, field, expected, "more, by naming the same ones again")
-            inner += [entry for entry in entries if not isinstance(entry, str | bytes | int | float)]
-        if not inner:
-            return
-        level = inner
-    raise DatasetError(path, field, f"lists and tables nested at most {MOST_DEPTH} deep", "deeper ones")
+        level = [
+            inner
+            for one in level
+            if hasattr(one, "__len__") and not isinstance(one, str)
+            for inner in (one.values() if isinstance(one, dict) else one)
+        ]
+    if level:
+        raise DatasetError(path, field, f"parts nested at most {MOST_DEPTH} deep", "deeper ones")
 
 
 @contextmanager

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import importlib.util
+import sys
 from typing import TYPE_CHECKING
 
 from skelsplat.exceptions import MissingPackageError
@@ -23,6 +24,14 @@ def pip_line(extra: str) -> str:
 def can_draw() -> bool:
     """Tell whether the packages of the extra ``viz`` are installed, without importing them."""
     return all(importlib.util.find_spec(name) is not None for name in DRAWING)
+
+
+def check_installed(module: str, purpose: str) -> None:
+    """Raise as `require` does if a module is not installed, without importing it."""
+    package = module.partition(".")[0]
+    if package not in sys.modules and importlib.util.find_spec(package) is not None:
+        return
+    require(module, purpose)
 
 
 def require(module: str, purpose: str, extra: str = "formats") -> ModuleType:

@@ -80,168 +80,87 @@ LENS = "{}: !!opencv-matrix\n   rows: 1\n   cols: 4\n   dt: d\n   data: [ {} ]\n
 # format: one thing broken, and what the message must say after the file's name
 MALFORMED = {
     "caliscope": {
-        "misspelt lens": (
-            lambda p: _edit(p, "distortions = ", "distorsions = "),
-            r"cameras\.0\.distortions: expected lens coefficients, zeros for no lens, got none",
-        ),
-        "no size": (
-            lambda p: _edit(p, "size = ", "sizes = "),
-            r"cameras\.0\.size: expected 2 numbers, got noth",
-        ),
-        "uncalibrated": (
-            lambda p: _edit(p, "rotation = [[", "extra = [["),
-            r"cameras\.0\.rotation: expected a camera that is calibrated with the others, or ignore",
-        ),
-        "short matrix": (lambda p: _edit(p, ", [0.0, 0.0, 1.0]]", "]"), r"cameras\.0\.matrix: expected 3×3"),
+        "misspelt lens": (lambda p: _edit(p, "distortions = ", "distorsions = "), r"cameras\.0\.distortions"),
+        "no size": (lambda p: _edit(p, "size = ", "sizes = "), r"cameras\.0\.size"),
+        "uncalibrated": (lambda p: _edit(p, "rotation = [[", "extra = [["), r"cameras\.0\.rotation"),
+        "short matrix": (lambda p: _edit(p, ", [0.0, 0.0, 1.0]]", "]"), r"cameras\.0\.matrix"),
         "a number of 400 digits": (
             lambda p: _edit(p, "translation = [", "translation = [1" + 400 * "0" + ", 1, 2]\nold = ["),
-            r"cameras\.0\.translation: expected finite numbers, got \[1000",
+            r"cameras\.0\.translation",
         ),
         "a size of 400 digits": (
             lambda p: _edit(p, "size = [", "size = [1" + 400 * "0" + ", 5]\nold = ["),
-            r"cameras\.0\.size: expected finite numbers",
+            r"cameras\.0\.size",
         ),
         "all ignored": (
             lambda p: (p.write_text(p.read_text().replace("ignore = false", "ignore = true")), p)[1],
-            r"cameras: expected a camera without ignore = true, got none",
+            "cameras",
         ),
         "stretched rotation": (
             lambda p: _edit(p, "rotation = [[", "rotation = [[9, 0, 0], [0, 1, 0], [0, 0, 1]]\nold = [["),
-            r"R of camera 'cam_0': expected an orthonormal matrix",
+            "R of camera 'cam_0'",
         ),
     },
     "voxelpose": {
-        "no centre": (
-            lambda p: _json_edit(p, lambda d: d[N].pop("T")),
-            rf"{N}\.T: expected 3 numbers, got nothing",
-        ),
-        "two radial coefficients": (
-            lambda p: _json_edit(p, lambda d: d[N]["k"].pop()),
-            rf"{N}\.k: expected 3 numbers, got 2 numbers",
-        ),
-        "no lens": (
-            lambda p: _json_edit(p, lambda d: d[N].pop("p")),
-            rf"{N}\.p: expected 2 numbers, got nothing",
-        ),
-        "a focal length in words": (
-            lambda p: _json_edit(p, lambda d: d[N].update(fx="1000")),
-            rf"{N}\.fx: expected a finite number, got '1000'",
-        ),
-        "a list": (
-            lambda p: (p.write_text("[1, 2]"), p)[1],
-            r"document: expected a table of cameras with R, T, fx",
-        ),
-        "a note between the cameras": (
-            lambda p: _json_edit(p, lambda d: d.update(note="Shelf")),
-            r"note: expected a table of fields, got 'Shelf'",
-        ),
+        "no centre": (lambda p: _json_edit(p, lambda d: d[N].pop("T")), rf"{N}\.T"),
+        "two radial coefficients": (lambda p: _json_edit(p, lambda d: d[N]["k"].pop()), rf"{N}\.k"),
+        "no lens": (lambda p: _json_edit(p, lambda d: d[N].pop("p")), rf"{N}\.p"),
+        "a focal length in words": (lambda p: _json_edit(p, lambda d: d[N].update(fx="1000")), rf"{N}\.fx"),
+        "a list": (lambda p: (p.write_text("[1, 2]"), p)[1], "document"),
+        "a note between the cameras": (lambda p: _json_edit(p, lambda d: d.update(note="Shelf")), "note"),
     },
     "4d-association": {
-        "eleven numbers": (
-            lambda p: _json_edit(p, lambda d: d[N]["RT"].pop()),
-            rf"{N}\.RT: expected 12 numbers, got 11 numbers",
-        ),
-        "no size": (
-            lambda p: _json_edit(p, lambda d: d[N].pop("imgSize")),
-            rf"{N}\.imgSize: expected 2 numbers, got nothing",
-        ),
+        "eleven numbers": (lambda p: _json_edit(p, lambda d: d[N]["RT"].pop()), rf"{N}\.RT"),
+        "no size": (lambda p: _json_edit(p, lambda d: d[N].pop("imgSize")), rf"{N}\.imgSize"),
         "four numbers for a rotation": (
             lambda p: _json_edit(p, lambda d: d[NAMES[1]].update(R=[1, 0, 0, 0])),
-            rf"{NAMES[1]}\.R: expected 3 numbers, got 4 numbers",
+            rf"{NAMES[1]}\.R",
         ),
-        "no translation": (
-            lambda p: _json_edit(p, lambda d: d[NAMES[1]].pop("T")),
-            rf"{NAMES[1]}\.T: expected 3 numbers, got nothing",
-        ),
+        "no translation": (lambda p: _json_edit(p, lambda d: d[NAMES[1]].pop("T")), rf"{NAMES[1]}\.T"),
         "three coefficients": (
             lambda p: _json_edit(p, lambda d: d[N].update(distCoeff=[0.1, 0.0, 0.0])),
-            rf"{N}\.distCoeff: expected 4 or 5 .*got 3 of them",
+            rf"{N}\.distCoeff",
         ),
     },
     "opencap": {
         "intrinsics alone": (
             lambda p: _pickle_edit(p, rotation=None),
-            rf"{N}.cameraIntrinsicsExtrinsics\.pickle: document: expected rotation and tr.*intrinsics alone",
+            rf"{N}.cameraIntrinsicsExtrinsics\.pickle: document",
         ),
-        "no translation": (
-            lambda p: _pickle_edit(p, translation=None),
-            r"translation: expected 3 numbers, got nothing",
-        ),
-        "half a pixel": (
-            lambda p: _pickle_edit(p, imageSize=np.array([[720.5], [1280.0]])),
-            r"imageSize: expected a positive whole width and height",
-        ),
-        "NaN": (
-            lambda p: _pickle_edit(p, intrinsicMat=np.full((3, 3), np.nan)),
-            r"intrinsicMat: expected finite numbers",
-        ),
-        "a class": (
-            lambda p: _pickle_edit(p, distortion=Path("lens")),
-            r"pickle: expected NumPy arrays, numbers and builtin .*got the class or function pathlib",
-        ),
-        "cut": (
-            lambda p: (_pickle(p).write_bytes(_pickle(p).read_bytes()[:90]), p)[1],
-            r"pickle: expected a complete pickle, got",
-        ),
-        "a list": (
-            lambda p: (_pickle(p).write_bytes(pickle.dumps([1.0])), p)[1],
-            r"document: expected a table of fields, got \[1\.0\]",
-        ),
+        "no translation": (lambda p: _pickle_edit(p, translation=None), "translation"),
+        "half a pixel": (lambda p: _pickle_edit(p, imageSize=np.array([[720.5], [1280.0]])), "imageSize"),
+        "NaN": (lambda p: _pickle_edit(p, intrinsicMat=np.full((3, 3), np.nan)), "intrinsicMat"),
+        "a class": (lambda p: _pickle_edit(p, distortion=Path("lens")), "pickle"),
+        "cut": (lambda p: (_pickle(p).write_bytes(_pickle(p).read_bytes()[:90]), p)[1], "pickle"),
+        "a list": (lambda p: (_pickle(p).write_bytes(pickle.dumps([1.0])), p)[1], "document"),
     },
     "dannce": {
-        "no rotation": (
-            lambda p: _mat_edit(p, r=None),
-            r"params\[1\]\.r: expected 3×3 numbers, got nothing",
-        ),
+        "no rotation": (lambda p: _mat_edit(p, r=None), r"params\[1\]\.r"),
         "one radial coefficient": (
             lambda p: _mat_edit(p, RDistort=np.array([[0.1]])),
-            r"params\[1\]\.RDistort: expected 2 or 3 numbers, got 1 of them",
+            r"params\[1\]\.RDistort",
         ),
-        "a text for a matrix": (
-            lambda p: _mat_edit(p, K="K"),
-            r"params\[1\]\.K: expected 3×3 numbers, got 'K'",
-        ),
-        "fewer names than cameras": (
-            lambda p: _mat_edit(p, camnames=["a", "b", "c"]),
-            r"camnames: expected 4 names, one per camera, got 3",
-        ),
-        "no cameras": (
-            lambda p: (scipy.io.savemat(p, {"com": 1.0}), p)[1],
-            r"params: expected a cell of cameras with K, r, t, RDistort and TDistort, got nothing",
-        ),
-        "no MAT-file": (
-            lambda p: (p.write_bytes(b"MATLAB 7.3 MAT-file" + bytes(600)), p)[1],
-            r"file: expected a MAT-file of version 5 to 7 \(in MATLAB: save with '-v7'\)",
-        ),
+        "a text for a matrix": (lambda p: _mat_edit(p, K="K"), r"params\[1\]\.K"),
+        "fewer names than cameras": (lambda p: _mat_edit(p, camnames=["a", "b", "c"]), "camnames"),
+        "no cameras": (lambda p: (scipy.io.savemat(p, {"com": 1.0}), p)[1], "params"),
+        "no MAT-file": (lambda p: (p.write_bytes(b"MATLAB 7.3 MAT-file" + bytes(600)), p)[1], "file"),
     },
     "easymocap": {
-        "misspelt lens": (
-            lambda p: _pair(p, "intri.yml", f"dist_{N}:", f"dost_{N}:"),
-            rf"dist_{N}: expected lens coefficients",
-        ),
+        "misspelt lens": (lambda p: _pair(p, "intri.yml", f"dist_{N}:", f"dost_{N}:"), f"dist_{N}"),
         "two lenses": (
             lambda p: _pair(p, "intri.yml", f"H_{N}:", LENS.format(f"D_{N}", "0.1, 0, 0, 0") + f"H_{N}:"),
-            rf"intri\.yml: D_{N}: expected the coefficients of dist_{N}, got others$",
+            rf"intri\.yml: D_{N}",
         ),
-        "no partner": (
-            lambda p: ((p / "extri.yml").unlink(), p)[1],
-            r"extri\.yml: file: expected a readable",
-        ),
-        "no K": (
-            lambda p: _pair(p, "intri.yml", f"K_{N}:", "Q:"),
-            rf"intri\.yml: K_{N}: expected 3×3 numbers, got no",
-        ),
-        "no T": (
-            lambda p: _pair(p, "extri.yml", f"T_{N}:", "Q:"),
-            rf"extri\.yml: T_{N}: expected 3 numbers, got nothing",
-        ),
+        "no partner": (lambda p: ((p / "extri.yml").unlink(), p)[1], r"extri\.yml: file"),
+        "no K": (lambda p: _pair(p, "intri.yml", f"K_{N}:", "Q:"), rf"intri\.yml: K_{N}"),
+        "no T": (lambda p: _pair(p, "extri.yml", f"T_{N}:", "Q:"), rf"extri\.yml: T_{N}"),
         "short matrix": (
             lambda p: _pair(p, "extri.yml", "rows: 3\n   cols: 1", "rows: 4\n   cols: 1"),
-            rf"extri\.yml: R_{N}: expected 4×1 numbers in a closed list, got 3 numbers",
+            rf"extri\.yml: R_{N}",
         ),
         "cut": (
             lambda p: ((p / "extri.yml").write_text((p / "extri.yml").read_text()[:-20]), p)[1],
-            r"extri\.yml: T_60457274: expected 3×1 numbers in a closed list",
+            r"extri\.yml: T_60457274",
         ),
         "two rotations": (
             lambda p: (
@@ -255,261 +174,165 @@ MALFORMED = {
                 )
                 and p
             ),
-            rf"extri\.yml: Rot_{N}: expected the rotation of R_{N}, got another",
+            rf"extri\.yml: Rot_{N}",
         ),
-        "not a number": (
-            lambda p: _pair(p, "intri.yml", "data: [ 1140", "data: [ f"),
-            rf"intri\.yml: K_{N}: expected a matrix of numbers",
-        ),
-        "half a size": (
-            lambda p: _pair(p, "intri.yml", f"H_{N}", "h"),
-            rf"intri\.yml: H_{N}: expected a finite number, got noth",
-        ),
+        "not a number": (lambda p: _pair(p, "intri.yml", "data: [ 1140", "data: [ f"), rf"intri\.yml: K_{N}"),
+        "half a size": (lambda p: _pair(p, "intri.yml", f"H_{N}", "h"), rf"intri\.yml: H_{N}"),
         "no key": (
             lambda p: _pair(p, "intri.yml", f"K_{N}: !!opencv-matrix", "something"),
-            r"intri\.yml: line 8: expected key: value",
+            r"intri\.yml: line 8",
         ),
     },
     "openpose": {
-        "not closed": (
-            lambda p: _pair(p, f"{N}.xml", "</opencv_storage>", ""),
-            rf"{N}\.xml: XML: expected a well-formed",
-        ),
+        "not closed": (lambda p: _pair(p, f"{N}.xml", "</opencv_storage>", ""), rf"{N}\.xml: XML"),
         "other root": (
             lambda p: _pair(
                 _pair(p, f"{N}.xml", "<opencv_storage>", "<a>"), f"{N}.xml", "</opencv_storage>", "</a>"
             ),
-            rf"{N}\.xml: root: expected <opencv_storage>.*got <a>",
+            rf"{N}\.xml: root",
         ),
         "fewer than no rows": (
             lambda p: _pair(p, f"{N}.xml", "<rows>8</rows>\n  <cols>1", "<rows>-8</rows>\n  <cols>-1"),
-            rf"{N}\.xml: Distortion: expected -8×-1 numbers, got 8 numbers",
+            rf"{N}\.xml: Distortion",
         ),
         "no pose": (
             lambda p: (
                 (p / f"{N}.xml").write_text((p / f"{N}.xml").read_text().replace("CameraMatrix", "Other")),
                 p,
             )[1],
-            rf"{N}\.xml: CameraMatrix: expected 3×4 numbers, got nothing",
+            rf"{N}\.xml: CameraMatrix",
         ),
-        "short": (
-            lambda p: _pair(p, f"{N}.xml", "<rows>8", "<rows>9"),
-            rf"{N}\.xml: Distortion: expected 9×1 numbers, got 8",
-        ),
+        "short": (lambda p: _pair(p, f"{N}.xml", "<rows>8", "<rows>9"), rf"{N}\.xml: Distortion"),
     },
     "panoptic": {
-        "cut": (
-            lambda p: (p.write_text(p.read_text()[:500]), p)[1],
-            r"JSON: expected a complete JSON document, got .* at line 1",
-        ),
-        "no R": (
-            lambda p: _json_edit(p, lambda d: d["cameras"][1].pop("R")),
-            r"cameras\[1\]\.R: expected 3×3 numbers, got noth",
-        ),
+        "cut": (lambda p: (p.write_text(p.read_text()[:500]), p)[1], "JSON"),
+        "no R": (lambda p: _json_edit(p, lambda d: d["cameras"][1].pop("R")), r"cameras\[1\]\.R"),
         "a number of 400 digits": (
             lambda p: _json_edit(p, lambda d: d["cameras"][1].update(t=[10**400, 1, 2])),
-            r"cameras\[1\]\.t: expected finite numbers, got \[inf, 1, 2\]",
+            r"cameras\[1\]\.t",
         ),
-        "no hd": (
-            lambda p: _json_edit(p, lambda d: [c.update(type="vga") for c in d["cameras"]]),
-            r"type: expected cameras of type hd, got types vga",
-        ),
+        "no hd": (lambda p: _json_edit(p, lambda d: [c.update(type="vga") for c in d["cameras"]]), "type"),
         "mirrored": (
             lambda p: _json_edit(
                 p, lambda d: d["cameras"][1].update(R=(-np.array(d["cameras"][1]["R"])).tolist())
             ),
-            r"R of camera '5413\d+': expected a rotation \(determinant \+1\), got a reflection",
+            r"R of camera '5413\d+'",
         ),
-        "twice": (
-            lambda p: _json_edit(p, lambda d: d["cameras"][2].update(name=N)),
-            r"name: expected a different name",
-        ),
+        "twice": (lambda p: _json_edit(p, lambda d: d["cameras"][2].update(name=N)), "name"),
         "text": (
             lambda p: _json_edit(p, lambda d: d["cameras"][1].update(t=["a", 1, 2])),
-            r"cameras\[1\]\.t: expected 3 numb",
+            r"cameras\[1\]\.t",
         ),
     },
     "human36m": {
-        "no camera": (
-            lambda p: _json_edit(p, lambda d: d["intrinsics"].pop(N)),
-            rf"intrinsics\.{N}: expected a table of f",
-        ),
+        "no camera": (lambda p: _json_edit(p, lambda d: d["intrinsics"].pop(N)), rf"intrinsics\.{N}"),
         "no matrix": (
             lambda p: _json_edit(p, lambda d: d["intrinsics"][N].pop("calibration_matrix")),
-            rf"intrinsics\.{N}\.calibration_matrix: expected 3×3",
+            rf"intrinsics\.{N}\.calibration_matrix",
         ),
         "no lens": (
             lambda p: _json_edit(p, lambda d: d["intrinsics"][N].pop("distortion")),
-            rf"intrinsics\.{N}\.distortion: expected lens coefficients, zeros for no lens, got none",
+            rf"intrinsics\.{N}\.distortion",
         ),
         "short t": (
             lambda p: _json_edit(p, lambda d: d["extrinsics"]["S9"][N]["t"].pop()),
-            rf"extrinsics\.S9\.{N}\.t: expected 3",
+            rf"extrinsics\.S9\.{N}\.t",
         ),
-        "cut": (
-            lambda p: (p.write_text(p.read_text()[:-9]), p)[1],
-            r"JSON: expected a complete JSON document",
-        ),
+        "cut": (lambda p: (p.write_text(p.read_text()[:-9]), p)[1], "JSON"),
     },
     "qualisys": {
-        "not closed": (
-            lambda p: _edit(p, "</calibration>", ""),
-            r"XML: expected a well-formed XML document, got",
-        ),
-        "no focal length": (
-            lambda p: _edit(p, "focalLengthU", "f"),
-            rf"camera {N}\.intrinsic\.focalLengthU: expected an attr",
-        ),
-        "no number": (
-            lambda p: _edit(p, 'r11="', 'r11="x'),
-            rf"camera {N}\.transform\.r11: expected a finite number, got 'x",
-        ),
-        "no view": (
-            lambda p: _edit(p, "<fov_video", "<fov"),
-            rf"camera {N}\.fov_video: expected an element <fov_video>, got no",
-        ),
-        "odd view": (
-            lambda p: _edit(p, 'right="999"', 'right="-5"'),
-            rf"camera {N}\.fov_video: expected .* whole pixels, got -4 by",
-        ),
-        "skew": (
-            lambda p: _edit(p, 'skew="0.0', 'skew="2.0'),
-            rf"camera {N}\.intrinsic\.skew: expected 0 \(skew is not supp",
-        ),
-        "no rotation": (
-            lambda p: _edit(p, 'r11="', 'r11="5" old="'),
-            rf"R of camera '{N}': expected an orthonormal matrix",
-        ),
+        "not closed": (lambda p: _edit(p, "</calibration>", ""), "XML"),
+        "no focal length": (lambda p: _edit(p, "focalLengthU", "f"), rf"camera {N}\.intrinsic\.focalLengthU"),
+        "no number": (lambda p: _edit(p, 'r11="', 'r11="x'), rf"camera {N}\.transform\.r11"),
+        "no view": (lambda p: _edit(p, "<fov_video", "<fov"), rf"camera {N}\.fov_video"),
+        "odd view": (lambda p: _edit(p, 'right="999"', 'right="-5"'), rf"camera {N}\.fov_video"),
+        "skew": (lambda p: _edit(p, 'skew="0.0', 'skew="2.0'), rf"camera {N}\.intrinsic\.skew"),
+        "no rotation": (lambda p: _edit(p, 'r11="', 'r11="5" old="'), f"R of camera '{N}'"),
     },
     "theia": {
         "not active": (
             lambda p: (p.write_text(p.read_text().replace('active="1"', 'active="0"')), p)[1],
-            r"cameras: expected at least one active <camera> in <calibration>, got none",
+            "cameras",
         ),
-        "no transform": (
-            lambda p: _edit(p, "<transform", "<transformation"),
-            rf"camera {N}\.transform: expected an element <transform>",
-        ),
+        "no transform": (lambda p: _edit(p, "<transform", "<transformation"), rf"camera {N}\.transform"),
         "no lens": (
             lambda p: _edit(p, "tangentalDistortion1", "tangentialDistortion1"),
-            rf"camera {N}\.intrinsic\.tangentalDistortion1: expected an attribute",
+            rf"camera {N}\.intrinsic\.tangentalDistortion1",
         ),
         "half a pixel": (
             lambda p: _edit(p, 'sensorMaxU="1000"', 'sensorMaxU="1000.5"'),
-            rf"camera {N}\.intrinsic\.sensorMaxU: expected a positive whole width and height, got 1000\.5",
+            rf"camera {N}\.intrinsic\.sensorMaxU",
         ),
-        "skew": (
-            lambda p: _edit(p, 'skew="0"', 'skew="2"'),
-            rf"camera {N}\.intrinsic\.skew: expected 0",
-        ),
+        "skew": (lambda p: _edit(p, 'skew="0"', 'skew="2"'), rf"camera {N}\.intrinsic\.skew"),
     },
     "vicon": {
-        "no video": (
-            lambda p: (p.write_text(p.read_text().replace("VueVIDEO", "Vue")), p)[1],
-            r"TYPE: expected a camera whose TYPE has \"video\" in it .*got types Vero_MX, Vue",
-        ),
-        "no frame": (
-            lambda p: _edit(p, "<KeyFrame ", "<Frame "),
-            rf"Camera {N}\.KeyFrames\.KeyFrame: expected an element",
-        ),
+        "no video": (lambda p: (p.write_text(p.read_text().replace("VueVIDEO", "Vue")), p)[1], "TYPE"),
+        "no frame": (lambda p: _edit(p, "<KeyFrame ", "<Frame "), rf"Camera {N}\.KeyFrames\.KeyFrame"),
         "three numbers": (
             lambda p: _edit(p, 'ORIENTATION="', 'ORIENTATION="1 '),
-            rf"Camera {N}\.ORIENTATION: expected 4 finite",
+            rf"Camera {N}\.ORIENTATION",
         ),
         "no unit": (
             lambda p: _edit(p, 'ORIENTATION="', 'ORIENTATION="1 1 1 1" OLD="'),
-            rf"Camera {N}\.ORIENTATION: expected a quaternion of norm 1",
+            rf"Camera {N}\.ORIENTATION",
         ),
-        "lens": (
-            lambda p: _edit(p, ' 0 0 0"', ' -0.3 0.1 0"'),
-            rf"Camera {N}\.VICON_RADIAL2: expected coefficients in 1/px²",
-        ),
-        "short lens": (
-            lambda p: _edit(p, ' 0 0 0"', ' 0 0"'),
-            rf"Camera {N}\.VICON_RADIAL2: expected a name, then cx cy k1",
-        ),
+        "lens": (lambda p: _edit(p, ' 0 0 0"', ' -0.3 0.1 0"'), rf"Camera {N}\.VICON_RADIAL2"),
+        "short lens": (lambda p: _edit(p, ' 0 0 0"', ' 0 0"'), rf"Camera {N}\.VICON_RADIAL2"),
         "misspelt lens": (
             lambda p: _edit(p, "VICON_RADIAL2", "VICON_RADIAL3"),
-            rf"Camera {N}\.VICON_RADIAL2: expected lens coefficients, here or in VICON_RADIAL, .*got none$",
+            rf"Camera {N}\.VICON_RADIAL2",
         ),
-        "size": (
-            lambda p: _edit(p, '"1000 1002"', '"1000 0"'),
-            rf"Camera {N}\.SENSOR_SIZE: expected a positive whole",
-        ),
-        "skew": (
-            lambda p: _edit(p, 'SKEW="0"', 'SKEW="0.1"'),
-            rf"Camera {N}\.SKEW: expected 0",
-        ),
+        "size": (lambda p: _edit(p, '"1000 1002"', '"1000 0"'), rf"Camera {N}\.SENSOR_SIZE"),
+        "skew": (lambda p: _edit(p, 'SKEW="0"', 'SKEW="0.1"'), rf"Camera {N}\.SKEW"),
     },
     "json": {
-        "version": (lambda p: _json_edit(p, lambda d: d.update(version=2)), r"version: expected 1, got 2"),
-        "unit": (
-            lambda p: _json_edit(p, lambda d: d.update(unit="inch")),
-            r"unit: expected \"mm\", \"cm\" or \"m\", got 'inch'",
-        ),
-        "no cameras": (
-            lambda p: _json_edit(p, lambda d: d.update(cameras=[])),
-            r"cameras: expected a list of at least one camera, got an empty list$",
-        ),
+        "version": (lambda p: _json_edit(p, lambda d: d.update(version=2)), "version"),
+        "unit": (lambda p: _json_edit(p, lambda d: d.update(unit="inch")), "unit"),
+        "no cameras": (lambda p: _json_edit(p, lambda d: d.update(cameras=[])), "cameras"),
         "one camera for the list": (
             lambda p: _json_edit(p, lambda d: d.update(cameras=d["cameras"][0])),
-            r"cameras: expected a list of at least one camera, got dict$",
+            "cameras",
         ),
         "a name for a camera": (
             lambda p: _json_edit(p, lambda d: d["cameras"].__setitem__(1, "cam")),
-            r"cameras\[1\]: expected a table of fields, got .cam.$",
+            r"cameras\[1\]",
         ),
-        "no K": (
-            lambda p: _json_edit(p, lambda d: d["cameras"][0].pop("K")),
-            r"cameras\[0\]\.K: expected 3×3 numbers, got no",
-        ),
+        "no K": (lambda p: _json_edit(p, lambda d: d["cameras"][0].pop("K")), r"cameras\[0\]\.K"),
         "a number of 5000 digits": (
             lambda p: _edit(p, '"t": [', '"t": [' + 5000 * "9" + ', 1, 2], "old": ['),
-            r"cameras\[0\]\.t: expected finite numbers, got \[inf, 1, 2",
+            r"cameras\[0\]\.t",
         ),
         "a size beyond all images": (
             lambda p: _json_edit(p, lambda d: d["cameras"][0].update(size=[10**30, 5])),
-            r"cameras\[0\]\.size: expected a positive whole width",
+            r"cameras\[0\]\.size",
         ),
         "three coefficients": (
             lambda p: _json_edit(p, lambda d: d["cameras"][0].update(distortion=[1, 2, 3])),
-            r"cameras\[0\]\.distortion: expected 4 or 5 .*got 3 of them",
+            r"cameras\[0\]\.distortion",
         ),
     },
     "npz": {
-        "no names": (
-            lambda p: _npz_edit(p, names=None),
-            r"names: expected the arrays K, R, t, size, names, unit, got no nam",
-        ),
+        "no names": (lambda p: _npz_edit(p, names=None), "names"),
         "no camera": (
             lambda p: _npz_edit(
                 p, **{name: values[:0] for name, values in np.load(p).items() if values.ndim}
             ),
-            r"cameras: expected at least one camera, got none",
+            "cameras",
         ),
         "names in no encoding": (
             lambda p: _npz_edit(p, names=np.array([b"a", b"\xff\xfe", b"c", b"d"])),
-            r"names\[1\]: expected a name in UTF-8, got b'\\xff\\xfe'$",
+            r"names\[1\]",
         ),
-        "shape": (lambda p: _npz_edit(p, t=np.zeros((4, 2))), r"t: expected shape \(4, 3\), got \(4, 2\)"),
-        "unit": (lambda p: _npz_edit(p, unit="inch"), r"unit: expected \"mm\", \"cm\" or \"m\", got 'inch'"),
-        "NaN": (lambda p: _npz_edit(p, K=np.full((4, 3, 3), np.nan)), r"\[0\]\.K: expected finite numbers"),
+        "shape": (lambda p: _npz_edit(p, t=np.zeros((4, 2))), "t"),
+        "unit": (lambda p: _npz_edit(p, unit="inch"), "unit"),
+        "NaN": (lambda p: _npz_edit(p, K=np.full((4, 3, 3), np.nan)), r"\[0\]\.K"),
         "hole": (
             lambda p: _npz_edit(p, distortion=np.tile([0.1, np.nan, 0.1, 0.1, 0.1], (4, 1))),
-            r"distortion\[0\]: expected coefficients first, then NaN",
+            r"distortion\[0\]",
         ),
-        "pickled": (
-            lambda p: _npz_edit(p, K=np.array([None] * 4, dtype=object)),
-            r"K: expected numbers or texts, got the type object",
-        ),
-        "unknown compression": (
-            _compressed_otherwise,
-            r"\w+: expected an array packed by deflate or not at all, got another packing",
-        ),
-        "no zip": (
-            lambda p: (p.write_bytes(b"PK\x03\x04 no"), p)[1],
-            r"file: expected an npz archive of plain arrays",
-        ),
+        "pickled": (lambda p: _npz_edit(p, K=np.array([None] * 4, dtype=object)), "K"),
+        "unknown compression": (_compressed_otherwise, r"\w+"),
+        "no zip": (lambda p: (p.write_bytes(b"PK\x03\x04 no"), p)[1], "file"),
     },
 }
 CASES = [(name, case) for name, cases in MALFORMED.items() for case in cases]
@@ -518,9 +341,9 @@ CASES = [(name, case) for name, cases in MALFORMED.items() for case in cases]
 @pytest.mark.parametrize(("name", "case"), CASES, ids=[f"{name}: {case}" for name, case in CASES])
 def test_a_malformed_file_is_named_with_its_field(tmp_path, views, name, case):
     write, options, *_ = FORMATS_WRITTEN.get(name, (files.vicon, {}))
-    change, message = MALFORMED[name][case]
+    change, field = MALFORMED[name][case]
     path = change(write(tmp_path, views))
-    with pytest.raises(sk.DatasetError, match=message) as caught:
+    with pytest.raises(sk.DatasetError, match=f"{field}: expected") as caught:
         read_calibration(path, format=name, **options)
     assert str(caught.value).startswith(str(path))
     assert "\n" not in str(caught.value)

@@ -44,104 +44,62 @@ def _long_name(broken):
     broken.file.write_bytes(content)
 
 
-NPZ_CUT = (Broken.cut, r"file: expected a complete npz file, got ")
+NPZ_CUT = (Broken.cut, "file")
 MALFORMED = {
     "rtmlib_frames": {
         "cut": NPZ_CUT,
-        "no scores": (
-            lambda b: b.npz(scores=None),
-            r"scores: expected an array under this key, got keys keyp",
-        ),
-        "no people axis": (
-            lambda b: b.npz(keypoints=b.array("keypoints")[0]),
-            r"keypoints: expected shape \(P, K, 2\), got \(17, 2\)",
-        ),
-        "scores of others": (
-            lambda b: b.npz(scores=b.array("scores")[:, :-1]),
-            r"scores: expected shape \(2, 17\) like the keypoints, got \(2, 16\)",
-        ),
-        "text": (lambda b: b.npz(scores=np.full((2, K), "a")), r"scores: expected an array of numbers, got"),
-        "infinite": (
-            lambda b: b.npz(keypoints=np.full((2, K, 2), np.inf)),
-            r"keypoints: expected pixels, NaN for missing, got an infinite number",
-        ),
+        "no scores": (lambda b: b.npz(scores=None), "scores"),
+        "no people axis": (lambda b: b.npz(keypoints=b.array("keypoints")[0]), "keypoints"),
+        "scores of others": (lambda b: b.npz(scores=b.array("scores")[:, :-1]), "scores"),
+        "text": (lambda b: b.npz(scores=np.full((2, K), "a")), "scores"),
+        "infinite": (lambda b: b.npz(keypoints=np.full((2, K, 2), np.inf)), "keypoints"),
     },
     "rtmlib_pairs": {
-        "cut": (Broken.cut, r"array: expected an array in npy format, got |cut short"),
-        "no scores": (lambda b: b.file.unlink(), r"file: expected a readable npy file, got no such file"),
-        "no npy": (lambda b: b.file.write_text("1 2 3"), r"array: expected an array in npy format"),
+        "cut": (Broken.cut, "array"),
+        "no scores": (lambda b: b.file.unlink(), "file"),
+        "no npy": (lambda b: b.file.write_text("1 2 3"), "array"),
         "open bracket": (
             lambda b: b.file.write_bytes(b.file.read_bytes().replace(b"), }", b", } ", 1)),
-            r"array: expected an array in npy format",
+            "array",
         ),
     },
     "rtmlib_cameras": {
-        "frames": (
-            lambda b: b.npz(frames=np.array([2, 1, 0])),
-            r"frames: expected 3 whole numbers that ascend",
-        ),
+        "frames": (lambda b: b.npz(frames=np.array([2, 1, 0])), "frames"),
         "one frame's": (
             lambda b: b.npz(keypoints=b.array("keypoints")[0], scores=b.array("scores")[0]),
-            r"keypoints: expected shape \(T, P, K, 2\), got \(2, 17, 2\)",
+            "keypoints",
         ),
         "cut": NPZ_CUT,
     },
     "metrabs": {
         "cut": NPZ_CUT,
-        "no poses2d": (
-            lambda b: b.npz(poses2d=None),
-            r"poses2d: expected an array under this key, got keys frames, poses3d",
-        ),
-        "3D": (
-            lambda b: b.npz(poses2d=np.ones((T, K, 3))),
-            r"poses2d: expected pixels of shape \(T, K, 2\) or \(T, P, K, 2\), got \(3, 17, 3\)",
-        ),
-        "names": (lambda b: b.npz(joint_names=["a", "b"]), r"joint_names: expected 17 names, got"),
-        "frames": (lambda b: b.npz(frames=np.arange(4)), r"frames: expected 3 whole numbers that ascend"),
+        "no poses2d": (lambda b: b.npz(poses2d=None), "poses2d"),
+        "3D": (lambda b: b.npz(poses2d=np.ones((T, K, 3))), "poses2d"),
+        "names": (lambda b: b.npz(joint_names=["a", "b"]), "joint_names"),
+        "frames": (lambda b: b.npz(frames=np.arange(4)), "frames"),
     },
     "metrabs_ragged": {
         "one frame's joints": (
             lambda b: b.npz(poses2d=_ragged((2, 17, 2), (1, 16, 2), (2, 17, 2))),
-            r"poses2d\[1\]: expected shape \(P, 17, 2\) like the other frames, got \(1, 16, 2\)",
+            r"poses2d\[1\]",
         ),
-        "code": (
-            lambda b: b.npz(poses2d=np.array([Bomb()], dtype=object)),
-            r"poses2d: expected NumPy arrays, numbers and builtin containers only, got .*print",
-        ),
+        "code": (lambda b: b.npz(poses2d=np.array([Bomb()], dtype=object)), "poses2d"),
         "cut": NPZ_CUT,
     },
     "deeplabcut": {
-        "cut": (
-            lambda b: b.file.write_bytes(b.file.read_bytes()[:9000]),
-            r"file: expected a complete HDF5 file of pandas",
-        ),
-        "no HDF5": (lambda b: b.file.write_text("x" * 99), r"file: expected a complete HDF5 file of pandas"),
-        "an attribute": (_long_name, r"file: expected a complete HDF5 file of pandas, got .*attributes"),
-        "key": (
-            lambda b: b.dlc(lambda table: table[table.columns[0]].rename("x")),
-            r"key: expected one table in the file \(df_with_missing or tracks\), got keys df_with_missing",
-        ),
-        "keys": (
-            lambda b: b.dlc(lambda table: table, "df_with_missing", "tracks"),
-            r"key: expected one table in the file .*, got tables df_with_missing, tracks",
-        ),
-        "levels": (
-            lambda b: b.dlc(renamed),
-            r"header: expected scorer/bodyparts/coords or .*, got scorer/parts/coords",
-        ),
-        "no x": (lambda b: b.dlc(without_x), r"nose\.x: expected a column, got none"),
+        "cut": (lambda b: b.file.write_bytes(b.file.read_bytes()[:9000]), "file"),
+        "no HDF5": (lambda b: b.file.write_text("x" * 99), "file"),
+        "an attribute": (_long_name, "file"),
+        "key": (lambda b: b.dlc(lambda table: table[table.columns[0]].rename("x")), "key"),
+        "keys": (lambda b: b.dlc(lambda table: table, "df_with_missing", "tracks"), "key"),
+        "levels": (lambda b: b.dlc(renamed), "header"),
+        "no x": (lambda b: b.dlc(without_x), r"nose\.x"),
         "likelihood": (
             lambda b: b.dlc(above_one),
-            r"likelihood\[0, \d+\]: .*confidence in \[0, 1\], got 1\.5",
+            r"likelihood\[0, \d+\]",
         ),
-        "labels": (
-            lambda b: b.dlc(lambda table: table.set_index([["a", "b", "c"]])),
-            r"index: expected frame numbers \(results of a video\), got \['a'\]",
-        ),
-        "coords": (
-            lambda b: b.dlc(lambda table: table.rename(columns={"likelihood": "z"})),
-            r"coords: expected x, y, likelihood \(pixels\), got 'z'",
-        ),
+        "labels": (lambda b: b.dlc(lambda table: table.set_index([["a", "b", "c"]])), "index"),
+        "coords": (lambda b: b.dlc(lambda table: table.rename(columns={"likelihood": "z"})), "coords"),
     },
     "deeplabcut_multi": {
         "other parts": (
@@ -150,99 +108,57 @@ MALFORMED = {
                     columns=[c for c in table.columns if c[1:3] == ("individual2", "nose")]
                 )
             ),
-            r"bodyparts: expected the same parts for every individual \(individual1, individual2\), got nose",
+            "bodyparts",
         ),
-        "levels": (lambda b: b.dlc(renamed), r"header: .*got scorer/individuals/parts/coords"),
-        "frames": (
-            lambda b: b.dlc(lambda table: table.set_index(np.array([2, 1, 0]))),
-            r"index: expected frame numbers that ascend",
-        ),
+        "levels": (lambda b: b.dlc(renamed), "header"),
+        "frames": (lambda b: b.dlc(lambda table: table.set_index(np.array([2, 1, 0]))), "index"),
     },
     "sleap": {
-        "cut": (
-            lambda b: b.file.write_bytes(b.file.read_bytes()[:3000]),
-            r"file: expected a complete HDF5 file, got ",
-        ),
-        "no tracks": (
-            lambda b: b.h5(lambda file: file.__delitem__("tracks")),
-            r"tracks: expected a dataset under this key, got keys edge_inds, .*track_occupancy",
-        ),
-        "axes": (
-            lambda b: b.h5(replaced("tracks", lambda old: np.moveaxis(old, 1, 3))),
-            r"tracks: expected shape \(2, 2, 17, frames\), got \(2, 17, 3, 2\)",
-        ),
+        "cut": (lambda b: b.file.write_bytes(b.file.read_bytes()[:3000]), "file"),
+        "no tracks": (lambda b: b.h5(lambda file: file.__delitem__("tracks")), "tracks"),
+        "axes": (lambda b: b.h5(replaced("tracks", lambda old: np.moveaxis(old, 1, 3))), "tracks"),
         "scores of others": (
             lambda b: b.h5(replaced("point_scores", lambda old: old[:, :-1])),
-            r"point_scores: expected shape \(2, 17, 3\) like the tracks, got \(2, 16, 3\)",
+            "point_scores",
         ),
-        "dims": (
-            lambda b: b.h5(attr("tracks", "dims", '["frame", "x"]')),
-            r"tracks\.dims: expected an order of track, xy, node, frame",
-        ),
-        "a wrong bit": (
-            lambda b: b.file.write_bytes(b.file.read_bytes().replace(b"SNOD", b"SNOE")),
-            r"file: expected a complete HDF5 file, got ",
-        ),
+        "dims": (lambda b: b.h5(attr("tracks", "dims", '["frame", "x"]')), r"tracks\.dims"),
+        "a wrong bit": (lambda b: b.file.write_bytes(b.file.read_bytes().replace(b"SNOD", b"SNOE")), "file"),
         "names twice": (
             lambda b: b.h5(replaced("node_names", lambda old: np.repeat(old[:1], 17))),
-            r"node_names: expected different names, got 'pelvis' twice",
+            "node_names",
         ),
     },
     "freemocap": {
-        "cut": (Broken.cut, r"array: expected \d+ bytes .*, cut short"),
-        "shape": (
-            lambda b: np.save(b.file, np.zeros((2, 3, 553))),
-            r"array: expected shape \(cameras, frames, points, 2\), got \(2, 3, 553\)",
-        ),
-        "points": (
-            lambda b: np.save(b.file, np.zeros((2, 3, 40, 2))),
-            r"array: expected one of 33, 75, 543, 553 points of MediaPipe, got 40",
-        ),
-        "cameras": (
-            lambda b: np.save(b.file, np.zeros((3, 3, 33, 2))),
-            r"views: expected 2 views for the cameras camA, camB, got 3 \(0, 1, 2\)",
-        ),
-        "code": (
-            lambda b: np.save(b.file, np.array([Bomb()], dtype=object)),
-            r"array: expected NumPy arrays, numbers and builtin containers only, got .*print",
-        ),
+        "cut": (Broken.cut, "array"),
+        "shape": (lambda b: np.save(b.file, np.zeros((2, 3, 553))), "array"),
+        "points": (lambda b: np.save(b.file, np.zeros((2, 3, 40, 2))), "array"),
+        "cameras": (lambda b: np.save(b.file, np.zeros((3, 3, 33, 2))), "views"),
+        "code": (lambda b: np.save(b.file, np.array([Bomb()], dtype=object)), "array"),
     },
     "videopose3d": {
         "cut": NPZ_CUT,
-        "no positions": (
-            lambda b: b.npz(positions_2d=None),
-            r"positions_2d: expected an array under this key",
-        ),
-        "no table": (
-            lambda b: b.npz(positions_2d=np.zeros(3)),
-            r"positions_2d: expected a table of sequences, got ndarray",
-        ),
+        "no positions": (lambda b: b.npz(positions_2d=None), "positions_2d"),
+        "no table": (lambda b: b.npz(positions_2d=np.zeros(3)), "positions_2d"),
         "no list": (
             lambda b: b.npz(positions_2d={"S9": {"Directions 1": {}}}),
-            r"positions_2d\.S9/Directions 1: expected a list of one array per camera, got dict",
+            r"positions_2d\.S9/Directions 1",
         ),
         "joints": (
             lambda b: b.npz(positions_2d=videopose3d_table(np.full((T, 2, 1, 16, 3), 9.0))),
-            r"positions_2d\.S9/Directions 1\[0\]: expected 17 joints \(metadata.layout_name\), got 16",
+            r"positions_2d\.S9/Directions 1\[0\]",
         ),
-        "code": (lambda b: b.npz(positions_2d=Bomb()), r"positions_2d: expected NumPy arrays, .*got .*print"),
+        "code": (lambda b: b.npz(positions_2d=Bomb()), "positions_2d"),
     },
     "npz": {
         "cut": NPZ_CUT,
-        "no detections": (lambda b: b.npz(detections=None), r"detections: expected an array under this key"),
-        "shape": (
-            lambda b: b.npz(detections=np.zeros((T, 2, 3))),
-            r"detections: expected shape \(T, M, P, K, 2 or 3\), P may be left out, got \(3, 2, 3\)",
-        ),
-        "cameras": (lambda b: b.npz(camera_names=["camA"]), r"camera_names: expected 2 names, got"),
+        "no detections": (lambda b: b.npz(detections=None), "detections"),
+        "shape": (lambda b: b.npz(detections=np.zeros((T, 2, 3))), "detections"),
+        "cameras": (lambda b: b.npz(camera_names=["camA"]), "camera_names"),
         "confidence": (
             lambda b: b.npz(detections=b.array("detections") * 2.0),
-            r"detections\[0, 0, 0, \d+\]: expected a confidence in \[0, 1\], got 1\.",
+            r"detections\[0, 0, 0, \d+\]",
         ),
-        "confidence twice": (
-            lambda b: b.npz(confidence=np.ones((T, 2, 2, K))),
-            r"confidence: expected .*pixels alone in detections, got",
-        ),
+        "confidence twice": (lambda b: b.npz(confidence=np.ones((T, 2, 2, K))), "confidence"),
     },
 }
 

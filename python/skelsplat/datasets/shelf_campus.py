@@ -33,7 +33,7 @@ from skelsplat.datasets._detections import Wanted, detections_of, detector_name,
 from skelsplat.datasets._files import Survey, build_rig, camera_at_centre, load_json, load_npz, load_pickle
 from skelsplat.datasets._model import Dataset, PeopleTake, Take, nearest_slots
 from skelsplat.exceptions import DatasetError
-from skelsplat.io._mat import load_mat
+from skelsplat.io._guarded import load_mat
 from skelsplat.layouts import COCO17, SHELF14
 
 Actors = Sequence[tuple[Index, Array]]

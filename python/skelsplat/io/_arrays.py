@@ -1,35 +1,30 @@
-"""Arrays from npy, npz and HDF5 files, checked with the package's errors.
-
-What is pickled goes through the restricted unpickler, or is refused.
-"""
+"""Arrays from npy and npz files, checked with the package's errors; `_guarded` reads those of objects."""
 
 from __future__ import annotations
 
+import math
 import mmap
 import os
-import sys
 import zipfile
 from collections import Counter
-from collections.abc import Collection, Iterator
-from contextlib import ExitStack, contextmanager, suppress
+from collections.abc import Collection
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import IO, Any, BinaryIO
 
 import numpy as np
 
 from skelsplat._arrays import Array, Index
-from skelsplat._budget import MOST_NAME, afford, check_ratio, damaged_zip, opened, zipped
-from skelsplat._optional import require
+from skelsplat._budget import MOST_NAME, afford, opened, zipped
 from skelsplat.exceptions import DatasetError
 from skelsplat.io._files import frame_number, parsing
-from skelsplat.io._unpickle import npy_header, read_array
+from skelsplat.io._guarded import read_guarded
 
-_MOST_ITEMS = 10_000  # of an HDF5 file; a recording has twenty
+_MOST_LENGTH = 10**12  # of an axis, also of an array without any number
 FRAME_RATES = (1e-3, 1e6)
 """Frames per second, the lowest and the highest, that files state."""
 HDF5 = b"\x89HDF\r\n\x1a\n"
-_HEAP = b"GCOL\1\0\0\0"  # the beginning of a heap of texts and other values of any length
 
 
 @dataclass(frozen=True)
@@ -108,56 +103,85 @@ def as_numbers(path: Path, field: str, value: object) -> Array:
 
 
 def load_npz(path: Path, keys: Collection[str]) -> Arrays:
-    """Return those arrays of an npz file that are among `keys`."""
+    """Return those arrays of an npz file that are among `keys`; those of objects are read by `_guarded`."""
     with opened(path, "a readable npz file") as stream, parsing(path, "a complete npz file"):
-        return Arrays(path, _members(path, stream, keys, pickled=True))
+        found, objects = _members(path, stream, keys)
+    for name in objects:
+        found |= read_guarded("npy", path, "a complete pickle", field=name, names=[name])
+    return Arrays(path, found)
 
 
-def _readable(array: Any, path: Path, name: str) -> Any:
-    """Return an array, or raise `DatasetError` for text with numbers that are no characters."""
-    if isinstance(array, np.ndarray) and array.dtype.kind == "U":
-        codes = np.frombuffer(array.tobytes(), dtype=f"{array.dtype.byteorder}u4")
-        if (codes > sys.maxunicode).any():
-            raise DatasetError(path, name, "text", f"a character of number {codes.max()}")
+def load_plain_npz(path: Path, kind: str, keys: Collection[str] | None = None) -> dict[str, Any]:
+    """Return all arrays of an npz file by name, or those among `keys`; one of objects is refused.
+
+    `kind` names it in messages.
+    """
+    with opened(path, "a readable npz file") as stream, parsing(path, kind):
+        found, objects = _members(path, stream, keys)
+    if objects:
+        raise DatasetError(path, objects[0], "numbers or texts", "an array of objects")
+    return found
+
+
+def load_npy(path: Path) -> Any:
+    """Return the array of an npy file; one of objects is read by `_guarded`."""
+    with opened(path, "a readable npy file") as stream:
+        array = _array(stream, path, "array", os.fstat(stream.fileno()).st_size)
+    if array is None:
+        return read_guarded("npy", path, "a complete pickle", field="array", names=())
     return array
 
 
-def _members(path: Path, stream: BinaryIO, keys: Collection[str] | None, *, pickled: bool) -> dict[str, Any]:
-    """Return the arrays among `keys`, or all, that an npz file holds."""
-    found = {}
+def _members(path: Path, stream: BinaryIO, keys: Collection[str] | None) -> tuple[dict[str, Any], list[str]]:
+    """Return the arrays among `keys`, or all, that an npz file holds, and the names of those of objects."""
+    found, objects = {}, []
     with zipped(path, stream) as archive:
         infos = {info.filename.removesuffix(".npy"): info for info in _infos(archive)}
         wanted = {name: info for name, info in infos.items() if keys is None or name in keys}
         afford(path, "file", sum(info.file_size for info in wanted.values()))
         for name, info in wanted.items():
-            if info.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
-                raise DatasetError(path, name, "an array packed by deflate or not at all", "another packing")
             with archive.open(info) as member:
-                array = read_array(member, path, name, info.file_size, pickled=pickled)
-                found[name] = _readable(array, path, name)
-    return found
+                array = _array(member, path, name, info.file_size)
+            if array is None:
+                objects.append(name)
+            else:
+                found[name] = array
+    return found, objects
+
+
+def npy_header(stream: IO[bytes]) -> tuple[tuple[int, ...], bool, np.dtype[Any]]:
+    """Return shape, order (Fortran's or not) and dtype of an array in NumPy's npy format.
+
+    Of another or a damaged file, whose header is evaluated as Python, this can raise nearly anything.
+    """
+    version = np.lib.format.read_magic(stream)
+    readers = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
+    if version not in readers:
+        raise ValueError(f"version {version} of the npy format")
+    return readers[version](stream)
+
+
+def _array(stream: IO[bytes], path: Path, name: str, held: int) -> Any:
+    """Return an array in NumPy's npy format of `held` bytes; None for one of objects."""
+    try:
+        shape, _, dtype = npy_header(stream)
+        count = math.prod(shape)
+        if dtype.hasobject:
+            return None
+        if max((0, *shape)) <= _MOST_LENGTH and 0 <= count * max(1, dtype.itemsize) <= held:
+            stream.seek(0)
+            array = np.lib.format.read_array(stream, allow_pickle=False)
+            if dtype.kind == "U":
+                array.tolist()  # numbers that are no characters
+            return array
+    except Exception as error:
+        raise DatasetError(path, name, "a complete array in npy format", error) from error
+    expected = f"{count * dtype.itemsize} bytes (shape {shape}, {dtype})"
+    raise DatasetError(path, name, expected, f"{held}, cut short")
 
 
 def _infos(archive: zipfile.ZipFile) -> list[zipfile.ZipInfo]:
     return [info for info in archive.infolist() if info.filename.endswith(".npy")]
-
-
-def load_plain_npz(path: Path, kind: str, keys: Collection[str] | None = None) -> dict[str, Any]:
-    """Return all arrays of an npz file by name, or those among `keys`; nothing in it is unpickled.
-
-    `kind` names it in messages.
-    """
-    with opened(path, "a readable npz file") as stream, parsing(path, kind):
-        if (wrong := damaged_zip(stream)) is not None:
-            raise DatasetError(path, "file", kind, wrong)
-        return _members(path, stream, keys, pickled=False)
-
-
-def load_npy(path: Path) -> Any:
-    """Return the array of an npy file, with the errors of `load_npz`."""
-    with opened(path, "a readable npy file") as stream:
-        size = os.fstat(stream.fileno()).st_size
-        return read_array(stream, path, "array", size)
 
 
 def npz_keys(path: Path) -> frozenset[str]:
@@ -178,73 +202,10 @@ def npy_shape(path: Path) -> tuple[int, ...]:
         return ()
 
 
-@contextmanager
-def hdf5(path: Path, purpose: str, expected: str = "a complete HDF5 file") -> Iterator[Any]:
-    """Open an HDF5 file of no more than its bytes can hold, and of nothing in other files.
-
-    Another file, and any error within the block, is a `DatasetError` that says what was `expected`.
-    """
-    h5py = require("h5py", purpose)
-    if has_endless_heap(path):
-        raise DatasetError(path, "file", expected, "a damaged heap")
-    with parsing(path, expected), h5py.File(path, "r") as file:
-        sizes: list[int] = []
-        links: list[str] = []
-
-        def look(name: str, item: Any) -> None:
-            sizes.append(int(item.nbytes) if isinstance(item, h5py.Dataset) else 0)
-            if isinstance(item, h5py.Dataset) and (item.is_virtual or item.external):
-                raise DatasetError(path, name, "data in this file", "those of another file")
-            check_ratio(path, name, sum(sizes), path.stat().st_size)
-
-        def refuse(name: str, link: Any) -> DatasetError | None:
-            links.append(name)
-            if len(links) > _MOST_ITEMS:
-                return DatasetError(path, "file", f"at most {_MOST_ITEMS} groups and datasets", "more")
-            if isinstance(link, h5py.ExternalLink):
-                return DatasetError(path, name, "data in this file", "a link to another")
-            return None
-
-        error = file.visititems_links(refuse)
-        if error is not None:
-            raise error
-        file.visititems(look)
-        afford(path, "file", max(sizes, default=0))
-        yield file
-
-
 def hdf5_mentions(path: Path, *names: bytes) -> bool:
     """Whether a file is HDF5 and holds all of `names` as plain text; needs no package that reads HDF5."""
-    with _content(path) as content:
-        return content is not None and all(content.find(name) >= 0 for name in names)
-
-
-def has_endless_heap(path: Path) -> bool:
-    """Whether HDF5 would never end to read a heap of this file: one of its entries has no length.
-
-    Each is a number, 0 for free space, and after it the length (at 8) of what follows, or of all free space.
-    """
-    with _content(path) as content:
-        start = -1 if content is None else content.find(_HEAP)
-        while content is not None and start >= 0:
-            at, end = start + 16, start + int.from_bytes(content[start + 8 : start + 16], "little")
-            while at + 16 <= min(end, len(content)):
-                free = content[at : at + 2] == b"\0\0"
-                length = int.from_bytes(content[at + 8 : at + 16], "little")
-                if length == 0 if free else length > end - at:
-                    return True
-                at += length if free else 16 + (length + 7) // 8 * 8
-            start = content.find(_HEAP, start + 1)
+    with suppress(DatasetError, ValueError), opened(path) as stream:
+        if stream.read(len(HDF5)) == HDF5:
+            with mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as content:
+                return all(content.find(name) >= 0 for name in names)
     return False
-
-
-@contextmanager
-def _content(path: Path) -> Iterator[mmap.mmap | None]:
-    """Give the bytes of an HDF5 file; None for another file, and for one that cannot be read."""
-    with ExitStack() as stack:
-        content = None
-        with suppress(DatasetError, ValueError):
-            stream = stack.enter_context(opened(path))
-            if stream.read(len(HDF5)) == HDF5:
-                content = stack.enter_context(mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ))
-        yield content

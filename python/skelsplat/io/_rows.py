@@ -15,8 +15,8 @@ import numpy.typing as npt
 
 from skelsplat._budget import opened, zipped
 from skelsplat.exceptions import DatasetError
+from skelsplat.io._arrays import npy_header
 from skelsplat.io._files import parsing
-from skelsplat.io._unpickle import npy_header
 
 BIG = 32 * 2**20
 """Bytes from which a file is read in stretches where its format allows that."""

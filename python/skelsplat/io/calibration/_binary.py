@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import re
 from collections.abc import Mapping
 from pathlib import Path
@@ -11,12 +10,10 @@ from typing import Any
 import numpy as np
 
 from skelsplat._arrays import Array
-from skelsplat._budget import read_bytes
 from skelsplat.exceptions import DatasetError, MissingPackageError
 from skelsplat.io._fields import Field
 from skelsplat.io._files import natural
-from skelsplat.io._mat import load_mat
-from skelsplat.io._unpickle import unpickle
+from skelsplat.io._guarded import load_mat, unpickle
 from skelsplat.io.calibration._format import Parsed, RawCamera, Source, lens_of, noted, size_of
 
 _OPENCAP = "cameraIntrinsicsExtrinsics"
@@ -72,7 +69,7 @@ def parse_opencap(source: Source) -> Parsed:
 
 
 def _opencap_entry(path: Path) -> Field:
-    return Field(path, "", _plain(unpickle(io.BytesIO(read_bytes(path)), path)))
+    return Field(path, "", _plain(unpickle(path)))
 
 
 def _opencap_camera(name: str, entry: Field) -> RawCamera:

@@ -15,7 +15,7 @@ import numpy as np
 
 from skelsplat._arrays import Array
 from skelsplat._atomic import opening
-from skelsplat._budget import MOST_DEPTH, check_document, parse_toml, read_text
+from skelsplat._budget import check_depth, check_document, parse_toml, read_text
 from skelsplat.cameras import matrix_from_vector
 from skelsplat.exceptions import DatasetError
 from skelsplat.findings import Finding, Subject
@@ -120,11 +120,7 @@ class Source:
             root = ET.fromstring(self.text)
         except ET.ParseError as error:
             raise DatasetError(self.path, "XML", "a well-formed XML document", str(error)) from error
-        level = [root]
-        for _ in range(MOST_DEPTH):
-            level = [inner for node in level for inner in node]
-        if level:
-            raise DatasetError(self.path, "XML", f"elements nested at most {MOST_DEPTH} deep", "deeper ones")
+        check_depth(self.path, "XML", root)
         return root
 
     @cached_property

@@ -6,15 +6,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import chain, islice, pairwise
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from skelsplat._arrays import Array
-from skelsplat._optional import require
 from skelsplat.exceptions import DatasetError
-from skelsplat.io._arrays import hdf5, hdf5_mentions
-from skelsplat.io._files import csv_header, csv_lines, frame_number, parsing
+from skelsplat.io._arrays import hdf5_mentions
+from skelsplat.io._files import csv_header, csv_lines, frame_number
+from skelsplat.io._guarded import read_guarded
 from skelsplat.io.detections._csv import frame_in, number_in
 from skelsplat.io.detections._format import View, array_view, joints_of
 
@@ -35,39 +34,13 @@ def read_dlc(path: Path) -> View:
 
     A table with columns (scorer, [individuals,] bodyparts, coords), coords x, y in pixels and likelihood; the
     index is the frame number. Parts are matched to joints by name. The table is the only one in the file,
-    under any key: ``df_with_missing``, or ``tracks`` for stitched tracks. It needs pandas and PyTables, which
-    can run what a malicious file holds: open files of people you trust (the csv has the same numbers and no
-    such risk).
+    under any key: ``df_with_missing``, or ``tracks`` for stitched tracks. It needs pandas and PyTables.
     """
-    frame = _load(path)
-    if not hasattr(frame, "columns") or not hasattr(frame.columns, "levels"):
-        raise DatasetError(path, "header", "a table with several levels of columns", type(frame).__name__)
-    if frame.index.nlevels != 1 or frame.index.dtype.kind not in "iu":
-        raise DatasetError(path, "index", "frame numbers (results of a video)", str(frame.index[:1].tolist()))
-    columns = [tuple(str(part) for part in column) for column in frame.columns]
-    if not all(dtype.kind in "fiu" for dtype in frame.dtypes):
-        raise DatasetError(path, "values", "numbers", "columns of another kind")
-    _check_levels(path, tuple(str(name) for name in frame.columns.names))
-    frames = [frame_number(path, "index", int(number)) for number in frame.index]
-    return _Table(path, columns, frames, np.asarray(frame.to_numpy(dtype=np.float64))).view()
-
-
-def _load(path: Path) -> Any:
-    """Return the table; its file is closed again."""
-    pandas = require("pandas", f"{path}: DeepLabCut's h5")
-    require("tables", f"{path}: DeepLabCut's h5")
     expected = "a complete HDF5 file of pandas"
-    with hdf5(path, f"{path}: DeepLabCut's h5", expected) as file:
-        list(file.attrs)  # those that are damaged end the process in PyTables
-        file.visititems(lambda _, item: list(item.attrs) and None)
-    with parsing(path, expected), pandas.HDFStore(path, mode="r") as store:
-        keys = [key.strip("/") for key in store.keys()]  # noqa: SIM118 - a store, not a dict
-        tables = [key for key in keys if str(store.get_storer(key).pandas_type).startswith("frame")]
-        table = store[tables[0]] if len(tables) == 1 else None
-    if table is None:
-        actual = f"tables {', '.join(tables)}" if tables else f"keys {', '.join(keys) or 'none'}"
-        raise DatasetError(path, "key", "one table in the file (df_with_missing or tracks)", actual)
-    return table
+    found = read_guarded("table", path, expected)
+    _check_levels(path, found["levels"])
+    frames = [frame_number(path, "index", number) for number in found["index"]]
+    return _Table(path, found["columns"], frames, found["values"]).view()
 
 
 def read_dlc_csv(path: Path) -> View:

@@ -11,10 +11,10 @@ import numpy as np
 
 from skelsplat._budget import check_document, read_text
 from skelsplat.exceptions import DatasetError
-from skelsplat.io._arrays import array_names, as_numbers, hdf5
+from skelsplat.io._arrays import array_names, as_numbers
 from skelsplat.io.detections._format import DetectionFormat, View
 from skelsplat.io.detections._registry import find_format, first_file
-from skelsplat.io.detections._sleap import is_sleap
+from skelsplat.io.detections._sleap import is_sleap, sleap_file
 
 _YAML = (".yaml", ".yml")
 # single- and multi-animal projects; the latter writes "MULTI!" under the former
@@ -69,9 +69,8 @@ def _first_view(path: Path, form: DetectionFormat) -> View:
 
 
 def _sleap(path: Path) -> Skeleton:
-    with hdf5(path, f"{path}: SLEAP's h5") as file:
-        names = np.asarray(file["node_names"][()])
-        edges = np.asarray(file["edge_inds"][()] if "edge_inds" in file else [])
+    arrays = sleap_file(path)["arrays"]
+    names, edges = np.asarray(arrays.get("node_names", [])), np.asarray(arrays.get("edge_inds", []))
     known = array_names(path, "node_names", names, names.size)
     places = as_numbers(path, "edge_inds", edges) if edges.size else np.empty((0, 2))
     if places.ndim != 2 or places.shape[1] != 2 or not np.isin(places, range(len(known))).all():

@@ -12,8 +12,9 @@ import numpy as np
 
 from skelsplat._arrays import Array
 from skelsplat.exceptions import DatasetError
-from skelsplat.io._arrays import array_names, as_numbers, hdf5, hdf5_mentions
+from skelsplat.io._arrays import array_names, as_numbers, hdf5_mentions
 from skelsplat.io._files import csv_header, csv_lines
+from skelsplat.io._guarded import read_guarded
 from skelsplat.io.detections._csv import frame_in, number_in
 from skelsplat.io.detections._format import Person, View, array_view, joints_of, list_view
 
@@ -32,37 +33,46 @@ def read_sleap(path: Path) -> View:
     of a confidence map: above 1 it counts as 1; a point without one was placed by hand and counts as 1, as do
     all in files without scores. Nodes are matched to joints by name. Needs h5py.
     """
-    with hdf5(path, f"{path}: SLEAP's h5") as file:
-        names = np.asarray(_dataset(path, file, _NAMES)[()])
-        order = _axes(path, file, len(names))
-        pixels = as_numbers(path, _TRACKS, file[_TRACKS][()])
-        sure = as_numbers(path, _SCORES, _dataset(path, file, _SCORES)[()]) if _SCORES in file else None
+    file = sleap_file(path)
+    names = np.asarray(_dataset(path, file, _NAMES))
+    order = _axes(path, file, len(names))
+    pixels = as_numbers(path, _TRACKS, file["arrays"][_TRACKS])
+    sure = as_numbers(path, _SCORES, file["arrays"][_SCORES]) if _SCORES in file["arrays"] else None
     xy = np.transpose(pixels, [order.index(axis) for axis in ("frame", "track", "node", "xy")])
     confidence = None if sure is None else _scores(path, sure, order, xy.shape[:3])
     known = array_names(path, _NAMES, names, xy.shape[2])
     return array_view(path, _TRACKS, joints_of(path, _TRACKS, xy, confidence, clip=True), names=known)
 
 
-def _dataset(path: Path, file: Any, key: str) -> Any:
-    if key not in file or not hasattr(file[key], "shape"):
-        raise DatasetError(path, key, "a dataset under this key", f"keys {', '.join(file) or 'none'}")
-    return file[key]
+def sleap_file(path: Path) -> dict[str, Any]:
+    """Return ``arrays``, ``attributes`` and ``keys`` of an analysis file."""
+    names = [_TRACKS, _SCORES, _NAMES, "track_names", "edge_inds"]
+    expected = "a complete HDF5 file"
+    found: dict[str, Any] = read_guarded("hdf5", path, expected, names=names)
+    return found
 
 
-def _axes(path: Path, file: Any, nodes: int) -> tuple[str, ...]:
+def _dataset(path: Path, file: dict[str, Any], key: str) -> Any:
+    if key not in file["arrays"]:
+        there = ", ".join(file["keys"]) or "none"
+        raise DatasetError(path, key, "a dataset under this key", f"keys {there}")
+    return file["arrays"][key]
+
+
+def _axes(path: Path, file: dict[str, Any], nodes: int) -> tuple[str, ...]:
     """Return the names of the axes of `tracks`: as stated, else the usual ones, unless only others fit."""
-    tracks = _dataset(path, file, _TRACKS)
-    stated = tracks.attrs.get("dims")
-    unturned = file.attrs.get("transpose") is not None and not file.attrs["transpose"]
-    usual = [_UNTURNED] if unturned else [_AXES, _UNTURNED]
+    shape = np.shape(_dataset(path, file, _TRACKS))
+    stated = file["attributes"][_TRACKS].get("dims")
+    turned = file["attributes"][""].get("transpose")
+    usual = [_UNTURNED] if turned is not None and not turned else [_AXES, _UNTURNED]
     orders = usual if stated is None else [_stated(path, stated)]
-    named = len(file["track_names"]) if "track_names" in file else 0
+    named = len(file["arrays"].get("track_names", ()))
     sizes = {"xy": 2, "node": nodes, **({"track": named} if named else {})}
     for order in orders:
-        if len(tracks.shape) == len(order) and sizes.items() <= set(zip(order, tracks.shape, strict=True)):
+        if len(shape) == len(order) and sizes.items() <= set(zip(order, shape, strict=True)):
             return order
     expected = f"shape ({', '.join(str(sizes.get(axis, f'{axis}s')) for axis in orders[0])})"
-    raise DatasetError(path, _TRACKS, expected, tracks.shape)
+    raise DatasetError(path, _TRACKS, expected, shape)
 
 
 def _stated(path: Path, stated: Any) -> tuple[str, ...]:

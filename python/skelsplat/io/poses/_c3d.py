@@ -2,15 +2,8 @@
 
 from __future__ import annotations
 
-import json
-import math
 import os
-import struct
-import subprocess
-import sys
-import tempfile
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -19,11 +12,10 @@ import numpy as np
 import skelsplat as sk
 from skelsplat._arrays import Array, Index
 from skelsplat._atomic import atomic_path
-from skelsplat._budget import read_bytes
 from skelsplat._optional import require
 from skelsplat.cameras import MM_PER_UNIT
 from skelsplat.exceptions import DatasetError, InvalidInputError
-from skelsplat.io._files import parsing
+from skelsplat.io._guarded import read_guarded
 from skelsplat.io.poses._pose_data import Y_UP, PoseData, checked, known_frame_rate
 from skelsplat.io.poses._pose_data import marker_names as named
 
@@ -39,15 +31,6 @@ _FAR = 1e7
 _MOST = float(np.finfo(np.float32).max)  # of a coordinate
 _MISSING, _INTERPOLATED = -1.0, 0.0
 _GROUP = "SKELSPLAT"
-_CHILD = Path(__file__).with_name("_c3d_child.py")
-_COMPLETE = "a complete C3D file"
-# What reading may take: of sound files, 13 bytes of memory and 0.1 µs were measured per byte.
-_MEMORY, _SECONDS = (256_000_000, 64), (10, 1_000_000)
-_BLOCK = 512
-_KEY = 0x50
-# Intel, DEC, MIPS: the order of the bytes of an integer, and which byte of a float has the sign
-_PROCESSORS = {84: ("<", 3), 85: ("<", 1), 86: (">", 0)}
-_TYPES = {-1: 1, 1: 1, 2: 2, 4: 4}  # of a parameter: bytes per value
 
 
 def write_c3d(
@@ -186,19 +169,19 @@ def read_c3d(path: str | os.PathLike[str]) -> PoseData:
     """
     source = Path(path)
     found = _read(source)
-    point, own, points = found.parameters["POINT"], found.parameters["SKELSPLAT"], found.points
-    steps = found.last_frame - found.first_frame + 1
+    point, own, points = found["parameters"]["POINT"], found["parameters"]["SKELSPLAT"], found["points"]
+    steps = found["last_frame"] - found["first_frame"] + 1
     if points.shape[2] != steps:
         raise DatasetError(source, "frames", f"{steps} as the header states", points.shape[2])
     if not points.shape[1]:
         raise DatasetError(source, "points", "at least one", "none")
-    missing = found.residuals[0] < 0.0
+    missing = found["residuals"][0] < 0.0
     pose = np.moveaxis(np.where(missing, np.nan, points[:3]), (0, 1, 2), (2, 1, 0))
     shift = _shift(source, own.get("FRAME_SHIFT", [0.0]))
     return PoseData(
         pose=np.ascontiguousarray(pose),
         joint_names=_labels(source, point, points.shape[1]),
-        frames=np.arange(steps, dtype=np.int64) + found.first_frame + 1 - shift,
+        frames=np.arange(steps, dtype=np.int64) + found["first_frame"] + 1 - shift,
         unit=_unit(source, point),
         frame_rate=_rate(source, point),
         processing=tuple(own.get("PROCESSING", ())),
@@ -207,62 +190,15 @@ def read_c3d(path: str | os.PathLike[str]) -> PoseData:
 
 def c3d_is_y_up(path: str | os.PathLike[str]) -> bool:
     """Tell whether a C3D file states, in ``POINT:Y_SCREEN``, that its y axis points up the screen."""
-    point = _read(Path(path)).parameters["POINT"]
+    point = _read(Path(path))["parameters"]["POINT"]
     return [axis.strip() for axis in point.get("Y_SCREEN", ())] == ["+Y"]
 
 
-@dataclass(frozen=True)
-class _Read:
-    """What ezc3d finds in a file: points (4, N, T), residuals (1, N, T), parameters by group and name."""
-
-    points: Array
-    residuals: Array
-    parameters: dict[str, dict[str, list[Any]]]
-    first_frame: int
-    last_frame: int
-
-
-def _read(source: Path) -> _Read:
-    """Read a file in a process of its own: of damaged files, some end ezc3d, or fill the memory."""
-    require("ezc3d", "C3D files")
-    with parsing(source, _COMPLETE):
-        content = read_bytes(source)
-        _check_structure(source, content)
-    memory, seconds = _MEMORY[0] + _MEMORY[1] * len(content), _SECONDS[0] + len(content) // _SECONDS[1]
-    with tempfile.TemporaryDirectory() as place:
-        target = Path(place, "read.npz")
-        ended = _child(str(source.absolute()), str(target), memory, seconds)
-        if ended or not target.is_file():
-            got = f"one that ends its reader ({ended or 'nothing read'})"
-            raise DatasetError(source, "file", _COMPLETE, got)
-        with np.load(target, allow_pickle=False) as arrays:
-            about = json.loads(arrays["about"].tobytes())
-            if "error" in about:
-                raise DatasetError(source, "file", _COMPLETE, about["error"])
-            return _Read(arrays["points"], arrays["residuals"], **about)
-
-
-def _child(source: str, target: str, memory: int, seconds: int) -> str:
-    """Run `_c3d_child` within limits; return how it ended, "" if well."""
-    paths = [path for path in sys.path if path]
-    call = [sys.executable, "-I", str(_CHILD), source, target, str(memory), str(seconds), *paths]
-    try:
-        done = subprocess.run(
-            call,
-            stdin=subprocess.DEVNULL,
-            capture_output=True,
-            check=False,
-            timeout=10 * seconds,  # on a busy machine
-            env={**os.environ, "OPENBLAS_NUM_THREADS": "1"},
-        )
-    except subprocess.TimeoutExpired:
-        return f"after {10 * seconds} s"
-    return ended_with(done.returncode)
-
-
-def ended_with(status: int) -> str:
-    """Return how a process ended, "" if well."""
-    return f"signal {-status}" if status < 0 else f"status {status}" if status else ""
+def _read(path: Path) -> dict[str, Any]:
+    """Return points (4, N, T), residuals (1, N, T), parameters by group and name, first and last frame."""
+    expected = "a complete C3D file"
+    found: dict[str, Any] = read_guarded("c3d", path, expected)
+    return found
 
 
 def _labels(path: Path, point: dict[str, list[Any]], count: int) -> tuple[str, ...]:
@@ -293,70 +229,3 @@ def _rate(path: Path, point: dict[str, list[Any]]) -> float:
     if not (np.isfinite(rate) and rate > 0.0):
         raise DatasetError(path, "POINT:RATE", "frames per second, a positive number", rate)
     return rate
-
-
-def _check_structure(path: Path, content: bytes) -> None:
-    """Raise `DatasetError` unless header, parameters and data of a C3D file lie within ``content``.
-
-    A damaged file can send ezc3d into an endless loop or out of its memory, so every length and offset is
-    followed here first. The format: a header and parameter entries in blocks of 512 bytes, and the points
-    after them (https://www.c3d.org/docs/C3D_User_Guide.pdf).
-    """
-    if len(content) < 2 * _BLOCK or content[1] != _KEY or content[0] < 2:
-        raise DatasetError(path, "file", "a C3D file (its second byte is 80)", "something else")
-    start = _BLOCK * (content[0] - 1)
-    if start + 4 > len(content):
-        raise _cut(path, "parameters", start, content)
-    if content[start + 3] not in _PROCESSORS:
-        raise DatasetError(path, "processor type", "84, 85 or 86", content[start + 3])
-    order, sign = _PROCESSORS[content[start + 3]]
-    _check_parameters(path, content, start + 4, order)
-    _check_data(path, content, order, negative_scale=bool(content[12 + sign] & 0x80))
-
-
-def _cut(path: Path, what: str, end: int, content: bytes) -> DatasetError:
-    return DatasetError(path, what, f"them to end at byte {end}", f"a file of {len(content)} bytes")
-
-
-def _check_parameters(path: Path, content: bytes, at: int, order: str) -> None:
-    """Walk from entry to entry: length of the name, number, name, offset of the next, and what it holds."""
-    while True:
-        if at + 2 > len(content):
-            raise _cut(path, "parameters", at + 2, content)
-        name_length, number = struct.unpack_from("bb", content, at)
-        if name_length == 0:
-            return
-        at += 2 + abs(name_length)
-        if at + 2 > len(content):
-            raise _cut(path, "parameters", at + 2, content)
-        (offset,) = struct.unpack_from(f"{order}h", content, at)
-        end = at + offset if offset else len(content)
-        if not at + 2 < end <= len(content):
-            raise _cut(path, "parameters", end, content)
-        if number > 0:
-            _check_value(path, content[at + 2 : end])
-        if offset == 0:
-            return
-        at = end
-
-
-def _check_value(path: Path, entry: bytes) -> None:
-    kind, dimensions = struct.unpack_from("bB", entry.ljust(2, b"\0"))
-    sizes = entry[2 : 2 + dimensions]
-    if kind not in _TYPES or dimensions > 7 or len(sizes) != dimensions:
-        raise DatasetError(path, "parameters", "types and sizes of the format", "another entry")
-    end = 2 + dimensions + _TYPES[kind] * math.prod(sizes)
-    if end >= len(entry):
-        raise DatasetError(path, "parameters", f"an entry of more than {end} bytes", f"{len(entry)} bytes")
-
-
-def _check_data(path: Path, content: bytes, order: str, *, negative_scale: bool) -> None:
-    """Compare the length of the file with the frames that the header counts."""
-    points, analog, first, last = struct.unpack_from(f"{order}4H", content, 2)
-    (start,) = struct.unpack_from(f"{order}H", content, 16)
-    if start < 2 or last < first:
-        raise DatasetError(path, "header", "data after the parameters and ascending frames", "others")
-    size = 4 if negative_scale else 2  # floats, else 16-bit integers
-    end = _BLOCK * (start - 1) + (last - first + 1) * size * (4 * points + analog)
-    if last < MAX_FRAMES and end > len(content):  # longer recordings count their frames elsewhere
-        raise _cut(path, "frames", end, content)

@@ -14,8 +14,7 @@ from skelsplat._atomic import atomic_path, make_room
 from skelsplat._optional import require
 from skelsplat.cameras import MM_PER_UNIT
 from skelsplat.exceptions import DatasetError, InvalidInputError
-from skelsplat.io._arrays import hdf5
-from skelsplat.io._files import parsing
+from skelsplat.io._guarded import read_guarded
 from skelsplat.io.poses._parts import Poses, parts_of
 from skelsplat.io.poses._pose_data import PoseData, checked, over_views
 
@@ -187,52 +186,56 @@ def read_netcdf(path: str | os.PathLike[str]) -> PoseData:
     DatasetError
         If the file cannot be read, is no such dataset or does not state its unit.
     """
-    source, xarray = Path(path), check_packages()
-    with hdf5(source, "NetCDF files", "a complete NetCDF file"):
-        pass
-    with parsing(source, "a complete NetCDF file"), xarray.open_dataset(source, engine="h5netcdf") as opened:
-        return _from_dataset(source, opened.load())
+    source = Path(path)
+    found = read_guarded("netcdf", source, "a complete NetCDF file")
+    return _from_dataset(source, found["attributes"], found["variables"])
 
 
-def _from_dataset(path: Path, dataset: xr.Dataset) -> PoseData:
-    if "position" not in dataset:
-        raise DatasetError(path, "position", "this variable", ", ".join(map(str, dataset)) or "none")
-    position = dataset["position"]
-    dims = next((names for names in (_PLURAL, _SINGULAR) if set(names) == set(position.dims)), None)
+def _from_dataset(path: Path, attributes: dict[str, Any], variables: dict[str, Any]) -> PoseData:
+    if "position" not in variables:
+        raise DatasetError(path, "position", "this variable", ", ".join(variables) or "none")
+    given, position = variables["position"]
+    dims = next((names for names in (_PLURAL, _SINGULAR) if set(names) == set(given)), None)
     if dims is None:
-        expected = f"dimensions {', '.join(_PLURAL)}"
-        raise DatasetError(path, "position", expected, ", ".join(map(str, position.dims)))
+        raise DatasetError(path, "position", f"dimensions {', '.join(_PLURAL)}", ", ".join(given))
     time, space, keypoints, individuals = dims
-    if [str(axis) for axis in position[space].values] != ["x", "y", "z"]:
-        raise DatasetError(path, space, "x, y, z", ", ".join(map(str, position[space].values)))
-    if position.sizes[individuals] != 1:
-        raise DatasetError(path, individuals, "one individual", position.sizes[individuals])
-    unit = dataset.attrs.get("unit")
+    names = {axis: [str(name) for name in variables.get(axis, ((), ()))[1]] for axis in (space, keypoints)}
+    if names[space] != ["x", "y", "z"]:
+        raise DatasetError(path, space, "x, y, z", ", ".join(names[space]))
+    count = position.shape[given.index(individuals)]
+    if count != 1:
+        raise DatasetError(path, individuals, "one individual", count)
+    unit, rate = attributes.get("unit"), attributes.get("fps")
     if unit not in MM_PER_UNIT:
         raise DatasetError(path, "unit", "the attribute mm, cm or m", repr(unit))
-    arrays: dict[str, Any] = {}
-    if "uncertainty" in dataset:
-        axes = (time, keypoints, space, f"{space}_2", individuals)
-        arrays["uncertainty"] = dataset["uncertainty"].transpose(*axes).values[..., 0]
-    if "joint_bias" in dataset:
-        bias = dataset["joint_bias"].transpose(time, keypoints, individuals)
-        arrays["joint_bias"] = bias.values[..., 0]
-    if "status" in dataset:
-        status = dataset["status"].where(
-            position.notnull().all(space) | (dataset["status"] == "weak"), "unobserved"
-        )
-        arrays["joint_status"] = status.transpose(time, keypoints, individuals).values[..., 0].astype(np.str_)
-    rate = dataset.attrs.get("fps")
-    frames = dataset["frame"].values if "frame" in dataset else np.arange(position.sizes[time])
+    wanted = {
+        "pose": ("position", (time, keypoints, space)),
+        "uncertainty": ("uncertainty", (time, keypoints, space, f"{space}_2")),
+        "joint_bias": ("joint_bias", (time, keypoints)),
+        "joint_status": ("status", (time, keypoints)),
+    }
     try:
+        arrays = {
+            name: _of_one(variables[key], (*axes, individuals))
+            for name, (key, axes) in wanted.items()
+            if key in variables
+        }
+        if "joint_status" in arrays:
+            known = np.isfinite(arrays["pose"]).all(axis=-1) | (arrays["joint_status"] == "weak")
+            arrays["joint_status"] = np.where(known, arrays["joint_status"], "unobserved").astype(np.str_)
         return PoseData(
-            pose=np.asarray(position.transpose(time, keypoints, space, individuals).values[..., 0], float),
-            joint_names=tuple(map(str, position[keypoints].values)),
-            frames=frames,
+            joint_names=tuple(names[keypoints]),
+            frames=variables["frame"][1] if "frame" in variables else np.arange(len(arrays["pose"])),
             unit=str(unit),
             frame_rate=None if rate is None else float(rate),
-            processing=tuple(str(dataset.attrs.get("processing", "")).splitlines()),
+            processing=tuple(str(attributes.get("processing", "")).splitlines()),
             **arrays,
         )
     except (InvalidInputError, ValueError, TypeError) as error:
         raise DatasetError(path, "variables", "arrays that fit each other", str(error)) from error
+
+
+def _of_one(variable: tuple[list[str], Any], axes: tuple[str, ...]) -> Any:
+    """Return the values of the only individual, whose axis comes last, over the axes before it."""
+    given, values = variable
+    return np.ascontiguousarray(np.transpose(values, [given.index(axis) for axis in axes])[..., 0])
