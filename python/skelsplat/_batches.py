@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterator
-from functools import partial
+from collections.abc import Iterator
 from itertools import chain, count, takewhile
 
 import numpy as np
@@ -13,16 +12,7 @@ from numpy.typing import ArrayLike
 from skelsplat import _skelsplat
 from skelsplat._arrays import Array, positive
 from skelsplat._chunks import CheckedChunk, Chunks, Source, sample_of, source_of
-from skelsplat._refine import (
-    Cameras,
-    Progress,
-    Refinement,
-    refinement_fields,
-    reporter,
-    warn_before_the_work,
-    warn_of_prior,
-    warn_of_unit,
-)
+from skelsplat._refine import Cameras, Judge, Progress, Refinement, refined, refinement_fields, reporter
 from skelsplat._sequence import SequenceRefinement, frames_of, joined
 from skelsplat._skelsplat import Layout, RefineConfig
 from skelsplat.exceptions import InvalidInputError
@@ -45,10 +35,9 @@ def refine_batches(
     """Refine a recording of any length chunk after chunk, in memory that does not grow with it.
 
     Without ``fps`` the frames are refined as by `refine`, with ``fps`` in time, as by `refine_sequence`. The
-    k-th result is that of the k-th chunk, with the same bits as these frames have in one call with the whole
-    recording. There are two exceptions, both with ``fps``: ``bone_length_sigma`` is that of the part solved
-    with the chunk, and of an iterator that can be gone through only once, such as a generator, only the
-    beginning is there to learn from (docs/howto/large-recordings.md has the differences).
+    k-th result is that of the k-th chunk, with the bits of one call with the whole
+    recording. Exceptions, both with ``fps``: ``bone_length_sigma`` is that of the part solved with the chunk,
+    and of a generator, which can be gone through only once, only the beginning is there to learn from.
 
     Parameters
     ----------
@@ -62,8 +51,8 @@ def refine_batches(
           ``init_pose``, as `refine` takes them. T may differ, also be 0.
 
         With ``fps`` an iterable or function is gone through three times: to count the frames, for a sample
-        to learn from, and to solve. A generator is not: what is learnt comes from its first two minutes (at
-        least 1800 frames).
+        to learn from, and to solve; of a generator only the first two minutes are learnt from (at least 1800
+        frames).
     cameras, layout, config
         As in `refine`.
     fps : float, optional
@@ -79,9 +68,8 @@ def refine_batches(
     Returns
     -------
     iterator of Refinement
-        Of `SequenceRefinement` with ``fps``. Chunks are read when results are asked for. In time the result
-        of a chunk is there when the window that holds its last frame is solved: up to 44 s later in the
-        recording.
+        Of `SequenceRefinement` with ``fps``. Chunks are read when results are asked for, in time up to 44 s
+        of the recording ahead.
 
     Raises
     ------
@@ -103,41 +91,35 @@ def refine_batches(
     """
     prepared = _skelsplat.Refiner(cameras, layout=layout, config=config)
     source = source_of(chunks, len(cameras), frames_per_chunk)
-    warn = partial(warn_of_unit, cameras=cameras, layout=layout)
+    judge = Judge(cameras, layout, config)
     if fps is None:
-        by_pixels = config is not None and config.method == "paper" and config.renderer == "raster"
-        before = partial(warn_before_the_work, cameras=cameras, layout=layout) if by_pixels else None
-        return _alone(prepared, source, init_sigma, before, warn, progress)
+        return _alone(prepared, source, judge, init_sigma, progress)
     positive("fps", fps)
     if init_sigma is not None:
         raise InvalidInputError("init_sigma: expected None with fps, got a standard deviation")
     prepared.refine_sequence(None, np.empty((0, len(cameras), 1, 2)), float(fps))  # rejects what it must
-    return _in_time(_Solver(prepared, float(fps)), source, warn, progress)
+    return _in_time(_Solver(prepared, float(fps)), source, judge, progress)
 
 
 def _alone(
     prepared: _skelsplat.Refiner,
     source: Source,
+    judge: Judge,
     init_sigma: ArrayLike | None,
-    before: Callable[[ArrayLike | None, ArrayLike], None] | None,
-    after: Callable[[Array], None],
     progress: bool | Progress,
 ) -> Iterator[Refinement]:
     done, total = 0, source.n_frames or 0
     with reporter(progress) as report:
         for chunk in source:
-            if before is not None and done == 0:
-                before(chunk.init_pose, chunk.detections)
-            out = prepared.refine(
-                chunk.init_pose, chunk.detections, init_sigma=init_sigma, progress=_after(report, done, total)
+            yield refined(
+                prepared,
+                chunk.init_pose,
+                chunk.detections,
+                None if done else judge,
+                init_sigma=init_sigma,
+                progress=_after(report, done, total),
             )
-            result = Refinement(**refinement_fields(out))
-            if before is None and done == 0:
-                after(result.pose)
-            if init_sigma is not None and done == 0:
-                warn_of_prior(result)
             done += len(chunk)
-            yield result
 
 
 def _after(report: Progress | None, done: int, total: int) -> Progress | None:
@@ -148,7 +130,7 @@ def _after(report: Progress | None, done: int, total: int) -> Progress | None:
 
 
 def _in_time(
-    solver: _Solver, source: Source, warn: Callable[[Array], None], progress: bool | Progress
+    solver: _Solver, source: Source, judge: Judge, progress: bool | Progress
 ) -> Iterator[SequenceRefinement]:
     chunks, ends, done = iter(source), deque[int](), 0
     early = solver.prepare(source, chunks)
@@ -160,7 +142,7 @@ def _in_time(
             begin = solver.end
             solver.solve(_after(report, begin, solver.n_frames or 0), last=chunk is None)
             if begin == 0 < solver.end:
-                warn(solver.solved[0].pose)
+                judge.unit(solver.solved[0].pose)
             while ends and ends[0] <= solver.end:
                 yield solver.frames(done, ends[0])
                 done = ends.popleft()

@@ -7,17 +7,17 @@ from dataclasses import dataclass, field
 from typing import Any, NoReturn
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from skelsplat import _skelsplat
-from skelsplat._arrays import numbers, positive
+from skelsplat._arrays import Array, Index, numbers, positive
 from skelsplat._refine import (
     Cameras,
+    Judge,
     Progress,
     Refinement,
     refinement_fields,
     reporter,
-    warn_of_unit,
 )
 from skelsplat._sequence import SequenceRefinement
 from skelsplat._skelsplat import Layout, RefineConfig
@@ -60,17 +60,17 @@ class Person:
     """
 
     id: int
-    frames: NDArray[np.int64]
-    slots: NDArray[np.int64]
-    more_slots: NDArray[np.int64] = field(repr=False)
+    frames: Index
+    slots: Index
+    more_slots: Index = field(repr=False)
     refinement: Refinement
 
-    def detections(self, people: People) -> NDArray[np.float64]:
+    def detections(self, people: People) -> Array:
         """Return this person's detections (F, M, N, 2|3) among the ``people`` given to ``track``."""
         array = np.asarray(padded(people), dtype=np.float64)[self.frames]
         if not len(self.frames):
             raise InvalidInputError("detections: expected a person of a recording, got one of Tracker.step")
-        own, more = (_taken(array, slots) for slots in (self.slots, self.more_slots))
+        own, more = (take_people(array, slots) for slots in (self.slots, self.more_slots))
         missing = ~np.isfinite(own[..., :2]).all(axis=-1) | (own[..., 2:] == 0.0).any(axis=-1)
         return np.where(missing[..., None], more, own)
 
@@ -91,11 +91,10 @@ def track(
 ) -> list[Person]:
     """Find out who is who across views and over time, and refine everybody as ``refine_sequence`` does.
 
-    Nobody has to say how many people there are or which detection belongs to whom: the order of the people in
-    a view means nothing. A person appears once two views agree on them, for at least 0.2 s, and remains
-    while one view sees them, for up to three seconds. Detections of somebody whom only one view sees are left
-    out, as are false ones that no second view confirms. Whoever is away for longer than five seconds comes
-    back as another person. docs/method.md has the mathematics.
+    The order of the people in a view means nothing. A person appears once two views agree on them, for at
+    least 0.2 s, and remains while one view sees them, for up to three seconds. Detections that no second view
+    confirms are left out. Whoever is away for longer than five seconds comes back as another person.
+    docs/method.md has the mathematics.
 
     Parameters
     ----------
@@ -127,8 +126,8 @@ def track(
     -----
     UserWarning
         As ``refine``; if two views or more detect people in half of the frames, or for two seconds, and
-        nobody is found; if there are too many people for all of them to be compared in a frame, so that
-        some may be left out; or if left and right limbs differ in length as with a wrong layout.
+        nobody is found; if too many people are in a frame to compare all; or if left and right limbs differ
+        in length as with a wrong layout.
     """
     positive("fps", fps)
     prepared = _skelsplat.Refiner(cameras, layout=layout, config=config)
@@ -137,9 +136,10 @@ def track(
         found, cut = _skelsplat.track_people(
             prepared, layout, frames, float(fps), max_people=_count(max_people), progress=report
         )
-    everybody = [_person(out) for out in found]
+    everybody = [_person(out, out.pop("first"), SequenceRefinement) for out in found]
+    judge = Judge(cameras, layout)
     for person in everybody:
-        warn_of_unit(person.refinement.pose, cameras, layout)
+        judge.unit(person.refinement.pose)
     in_vain = 0 if everybody else _frames_of_two_views(frames)
     if in_vain >= max(3.0, min(_IN_VAIN_S * fps, 0.5 * len(np.asarray(frames)))):
         warn(nobody_found(in_vain))
@@ -240,17 +240,17 @@ def _frames_of_two_views(people: ArrayLike) -> int:
     return int((there.any(axis=(2, 3)).sum(axis=1) >= 2).sum())
 
 
-def _taken(people: NDArray[np.float64], slots: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Return the detections (F, M, N, D) in these slots (F, M) of ``people`` (F, M, P, N, D)."""
-    taken = np.take_along_axis(people, np.maximum(slots, 0)[:, :, None, None, None], axis=2)[:, :, 0]
-    return np.where((slots >= 0)[..., None, None], taken, np.nan)
+def take_people(people: Array, index: Index) -> Array:
+    """Return the detections (T, M, N, D) at the places (T, M) of ``people`` (T, M, P, N, D); NaN for -1."""
+    taken = np.take_along_axis(people, np.maximum(index, 0)[:, :, None, None, None], axis=2)[:, :, 0]
+    return np.where((index >= 0)[..., None, None], taken, np.nan)
 
 
-def _person(out: dict[str, Any]) -> Person:
-    number, first = out.pop("id"), out.pop("first")
-    slots, more = out.pop("slots"), out.pop("more_slots")
-    frames = np.arange(first, first + len(slots))
-    return Person(number, frames, slots, more, SequenceRefinement(**refinement_fields(out)))
+def _person(out: dict[str, Any], first: int | None, kind: type[Refinement]) -> Person:
+    """Return a person of a recording from its ``first`` frame on, or of a live loop."""
+    number, slots, more = out.pop("id"), out.pop("slots"), out.pop("more_slots")
+    frames = np.empty(0, dtype=np.int64) if first is None else np.arange(first, first + len(slots))
+    return Person(number, frames, slots, more, kind(**refinement_fields(out)))
 
 
 def _count(most: int | None) -> int | None:
@@ -380,7 +380,7 @@ class Tracker:
         -----
         UserWarning
             Once, if views detect people for two seconds and nobody is found; and if there are too many
-            people for all of them to be compared, so that some may be left out.
+            people to compare all.
         """
         one = [people] if isinstance(people, Sequence) else numbers(people, "people")[None]
         frame = _frames(one, self._cameras)
@@ -396,7 +396,7 @@ class Tracker:
         if not self._cut and self._compiled.cut():
             self._cut = True
             warn(people_uncompared(1, most_people(frame)))
-        return [_seen(out) for out in found]
+        return [_person(out, None, Refinement) for out in found]
 
     def reset(self) -> None:
         """Forget everybody; identities are not used again."""
@@ -414,8 +414,3 @@ class Tracker:
 
     def __reduce__(self) -> NoReturn:
         raise TypeError("cannot pickle a Tracker: make it in the process that uses it")
-
-
-def _seen(out: dict[str, Any]) -> Person:
-    number, slots, more = out.pop("id"), out.pop("slots"), out.pop("more_slots")
-    return Person(number, np.empty(0, dtype=np.int64), slots, more, Refinement(**refinement_fields(out)))

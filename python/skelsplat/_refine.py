@@ -43,41 +43,38 @@ class Refinement:
         Splat covariance Σ, unit²: the kernel at the end for ``annealed``. It is not an error bar.
     uncertainty : (…, N, 3, 3) float64
         Posterior covariance of the position, unit²: the scatter, what another recording of the same pose by
-        the same detector would give. From the detections that are believed, a prior and equal limbs; along a
-        ray that nothing crosses it is as wide as the body. NaN where nothing is known.
+        the same detector would give. Along a ray that nothing crosses it is as wide as the body.
     joint_bias : (…, N) float64
-        Standard deviation per axis, in the cameras' unit, of the detector's joints from anatomical ones: the
-        same in all views and frames, so that no residual shows it. From ``config.joint_bias_mm``.
+        Standard deviation per axis of the detector's joints from anatomical ones: the same in all views and
+        frames, so that no residual shows it. From ``config.joint_bias_mm``.
     error_bar : (…, N, 3, 3) float64
         ``uncertainty + joint_bias² I``, unit²: the covariance of the distance from an anatomical joint.
     view_weights : (…, M, N) float64
-        k in [0, 1], how far each detection is believed: 1 at the joint, ¼ at 2.4 σ from it; NaN without a
+        k in [0, 1], how much each detection is trusted: 1 at the joint, ¼ at 2.4 σ from it; NaN without a
         detection. ``config.view_weights`` and the confidence come on top.
     swapped : (…, M, N) bool
         Detections that were used with left and right exchanged.
     noise : (…) float64
-        Standard deviation of the believed detections' noise across the ray, per axis, in the cameras' unit:
-        estimated, or ``config.detection_sigma_px``; NaN for a frame without any detection.
+        Standard deviation of the trusted detections' noise across the ray, per axis, in the cameras' unit:
+        estimated, or ``config.detection_sigma_px``.
     reprojection_error : (…, M, N) float64
         Distance between detection and reprojection, pixels of the original image; NaN without a detection.
     joint_status : (…, N) str
-        ``"ok"``; ``"weak"``: the position is not determined. Fewer than two views agree on it (the splat
-        meets its detection; ``annealed``: k ≥ ¼), or these are so close together that a point at infinity
-        fits as well, or as many views agree on another place (``uncertainty`` then covers both);
-        ``"inferred"``: the length of a bone or, with ``Refiner(fps=…)``, the frames before determine it,
-        not two views of its own frame;
-        ``"unobserved"``: no usable detection, the joint keeps its initial position.
+        ``"ok"``; ``"weak"``: fewer than two views agree on the position, or they are so close together that
+        a point at infinity fits as well, or as many agree on another place (``uncertainty`` then covers
+        both); ``"inferred"``: the length of a bone or, with ``Refiner(fps=…)``, the frames before determine
+        it, not two views of its own frame; ``"unobserved"``: no usable detection, the joint keeps its
+        initial position.
     loss, loss_render, loss_symmetry : (…) float64
         L_opt, L_render and the unweighted L_sym (mm²) of the returned pose over all views. For ``annealed``
         ``loss`` and ``loss_render`` are Σ c (2σ²/ŝ²)(1 − k) over the detections, in units of the noise.
     n_iter : (…) int64
-        Optimisation steps taken.
     stop_reason : (…) str
         ``"converged"``, ``"max_steps"``, ``"no_observations"`` or ``"diverged"``.
     init_pose : (…, N, 3) float64
         The pose it started from.
     loss_history : (…, steps) float64
-        L_opt of every step, NaN after a frame's last; zero steps unless ``config.loss_history``, and for
+        L_opt of every step, NaN after a frame's last; without steps unless ``config.loss_history``, and for
         ``annealed``.
     """
 
@@ -159,13 +156,11 @@ def refine(
         Instead of a third channel. It weighs the detections; the paper's method uses it for triangulation and
         to tell what is missing.
     init_sigma : float, (N,), (N, 3, 3) or (T, N, 3, 3), optional
-        How good an ``init_pose`` is that does *not* come from these detections (monocular, the last frame, a
-        body model): its standard deviation per axis in the cameras' unit, one for all joints or one each, or
-        a covariance (unit²) per joint, for all frames or for each. It then counts as a measurement like the
-        detections. Without it ``init_pose`` only places joints that fewer than two views see; a pose
-        triangulated from the same detections must not have one, it would count them twice. It is a Gaussian
-        and not robust: a start that is many of its standard deviations off outvotes the detections (a warning
-        says so). A joint whose ``init_pose`` or covariance is NaN has no prior. ``annealed`` only.
+        Standard deviation per axis, in the cameras' unit, or covariance (unit²) per joint of an ``init_pose``
+        that does *not* come from these detections (monocular, the last frame, a body model), which then
+        counts as a measurement. Without it ``init_pose`` only places joints that fewer than two views see. It
+        is a Gaussian and not robust: a start that is many of its standard deviations off outvotes the
+        detections. A joint whose ``init_pose`` or covariance is NaN has no prior. ``annealed`` only.
     config : RefineConfig, optional
         Settings; default ``RefineConfig()``.
     progress : bool or callable
@@ -184,23 +179,76 @@ def refine(
     Warns
     -----
     UserWarning
-        If the skeleton is taller than 10 m or shorter than 22 cm in the stated unit. With a layout that is
-        not human, which may be an animal's or a hand's, if it is taller than 20 m; without a layout, taller
-        than 10 m, or shorter than 10 cm before cameras that are less than 5 cm apart.
+        If the skeleton is taller than 10 m or shorter than 22 cm in the stated unit (with a layout that is
+        not human, taller than 20 m; without one, shorter than 10 cm before cameras less than 5 cm apart).
     """
     prepared = _skelsplat.Refiner(cameras, layout=layout, config=config)
-    by_pixels = config is not None and config.method == "paper" and config.renderer == "raster"
-    if by_pixels:
-        warn_before_the_work(init_pose, detections, cameras, layout)
     with reporter(progress) as report:
-        out = prepared.refine(
-            init_pose, detections, confidence=confidence, init_sigma=init_sigma, progress=report
+        return refined(
+            prepared,
+            init_pose,
+            detections,
+            Judge(cameras, layout, config),
+            init_sigma=init_sigma,
+            confidence=confidence,
+            progress=report,
         )
-    if not by_pixels:
-        warn_of_unit(out["pose"], cameras, layout)
+
+
+@dataclass(frozen=True)
+class Judge:
+    """Warns of poses that make no sense: of their size, and of a start that outvotes the detections."""
+
+    cameras: Cameras
+    layout: str | Layout | None
+    config: RefineConfig | None = None
+
+    def before(self, init_pose: ArrayLike | None, detections: ArrayLike) -> None:
+        """Judge the start: in a wrong unit splats of pixels can cover whole images and take minutes."""
+        try:
+            if init_pose is not None:
+                poses = numbers(init_pose, "init_pose")
+            else:
+                frames = numbers(detections, "detections")
+                some = frames[:: max(1, len(frames) // _FRAMES_TO_JUDGE)] if frames.ndim == 4 else frames
+                poses = _skelsplat.triangulate(some, self.cameras, method="dlt")
+        except (TypeError, ValueError):
+            return  # the core names what is wrong with it
+        if poses.ndim in (2, 3) and poses.shape[-1] == 3 and poses.size:
+            self.unit(poses)
+
+    def unit(self, poses: NDArray[np.float64]) -> None:
+        """Judge the size of the body in poses (…, N, 3)."""
+        some = poses[:: max(1, len(poses) // _FRAMES_TO_JUDGE)] if poses.ndim == 3 else poses[None]
+        found = _skelsplat.implausible_extent(some, self.cameras, layout=self.layout)
+        if found is not None:
+            extent, unit = found["extent"], found["unit"]
+            size = f"{extent:.6f}" if extent < 0.01 else f"{extent:.2f}"
+            beyond = f"{'taller' if found['taller'] else 'shorter'} than {metric(found['limit_mm'])}"
+            sentence = f"The skeleton measures {size} {unit} and is {beyond}: is the unit really '{unit}'?"
+            warn(Finding("unit_implausible", numbers=found, sentence=sentence))
+
+
+def refined(
+    prepared: _skelsplat.Refiner,
+    init_pose: ArrayLike | None,
+    detections: ArrayLike,
+    judge: Judge | None,
+    *,
+    init_sigma: ArrayLike | None = None,
+    **given: Any,
+) -> Refinement:
+    """Refine frames, each by itself; without a judge nothing is warned of."""
+    config = None if judge is None else judge.config
+    by_pixels = config is not None and config.method == "paper" and config.renderer == "raster"
+    if judge is not None and by_pixels:
+        judge.before(init_pose, detections)
+    out = prepared.refine(init_pose, detections, init_sigma=init_sigma, **given)
+    if judge is not None and not by_pixels:
+        judge.unit(out["pose"])
     result = Refinement(**refinement_fields(out))
-    if init_sigma is not None:
-        warn_of_prior(result)
+    if judge is not None and init_sigma is not None:
+        _warn_of_prior(result)
     return result
 
 
@@ -213,37 +261,7 @@ def refinement_fields(out: dict[str, Any]) -> dict[str, Any]:
     return {**out, **words, "joint_bias": bias}
 
 
-def warn_before_the_work(
-    init_pose: ArrayLike | None, detections: ArrayLike, cameras: Cameras, layout: str | Layout | None
-) -> None:
-    """Judge the start: in a wrong unit splats of pixels can cover whole images and take minutes."""
-    try:
-        if init_pose is not None:
-            poses = numbers(init_pose, "init_pose")
-        else:
-            frames = numbers(detections, "detections")
-            some = frames[:: max(1, len(frames) // _FRAMES_TO_JUDGE)] if frames.ndim == 4 else frames
-            poses = _skelsplat.triangulate(some, cameras, method="dlt")
-    except (TypeError, ValueError):
-        return  # the core names what is wrong with it
-    if poses.ndim in (2, 3) and poses.shape[-1] == 3 and poses.size:
-        warn_of_unit(poses, cameras, layout, depth=4)
-
-
-def warn_of_unit(
-    poses: NDArray[np.float64], cameras: Cameras, layout: str | Layout | None, *, depth: int = 3
-) -> None:
-    some = poses[:: max(1, len(poses) // _FRAMES_TO_JUDGE)] if poses.ndim == 3 else poses[None]
-    found = _skelsplat.implausible_extent(some, cameras, layout=layout)
-    if found is not None:
-        extent, unit = found["extent"], found["unit"]
-        size = f"{extent:.6f}" if extent < 0.01 else f"{extent:.2f}"
-        beyond = f"{'taller' if found['taller'] else 'shorter'} than {metric(found['limit_mm'])}"
-        sentence = f"The skeleton measures {size} {unit} and is {beyond}: is the unit really '{unit}'?"
-        warn(Finding("unit_implausible", numbers=found, sentence=sentence), depth + 1)
-
-
-def warn_of_prior(result: Refinement) -> None:
+def _warn_of_prior(result: Refinement) -> None:
     """Warn of a start that is trusted more than it deserves: it can outvote all detections."""
     seen = result.joint_status != "unobserved"
     rejected = np.nanmax(result.view_weights, axis=-2, initial=-1.0) < _skelsplat.REJECTED_WEIGHT
@@ -252,17 +270,14 @@ def warn_of_prior(result: Refinement) -> None:
         percent = 100 * share
         sentence = f"init_pose with init_sigma contradicts every detection of {percent:.0f} % of the joints: "
         sentence += "is it of another person or frame, or is init_sigma (in the cameras' unit) too small?"
-        warn(Finding("start_contradicts", numbers={"percent": percent}, sentence=sentence), 4)
+        warn(Finding("start_contradicts", numbers={"percent": percent}, sentence=sentence))
 
 
 @contextmanager
 def reporter(progress: bool | Progress) -> Iterator[Progress | None]:
     """Yield the callable that the core reports to: None, the user's own, or a progress bar."""
-    if progress is False:
-        yield None
-        return
-    if callable(progress):
-        yield progress
+    if progress is not True:
+        yield progress or None
         return
     from rich.progress import Progress as Bar
 
@@ -302,41 +317,37 @@ def loss_and_gradient(
     InvalidInputError
         Shapes that do not fit, a zero quaternion, only one of the two targets.
     """
-    return LossAndGradient(
-        **_skelsplat.loss_and_gradient(
-            means,
-            log_scales,
-            quaternions,
-            detections,
-            cameras,
-            layout=layout,
-            config=config,
-            target_means=target_means,
-            target_covariances=target_covariances,
-        )
+    found = _skelsplat.loss_and_gradient(
+        means,
+        log_scales,
+        quaternions,
+        detections,
+        cameras,
+        layout=layout,
+        config=config,
+        target_means=target_means,
+        target_covariances=target_covariances,
     )
+    return LossAndGradient(**found)
 
 
 class Refiner:
     """Refine frame after frame as they arrive: a live loop with any detector.
 
-    ``examples/live_loop.py`` is a whole one in twenty lines; ``skelsplat live`` is the same for programs in
-    other languages. ``config=sk.RefineConfig(n_threads=1)`` keeps to one core.
+    ``skelsplat live`` is the same for programs in other languages.
 
     Parameters
     ----------
     cameras, layout, config
         As in ``refine``, for every frame.
     fps : float, optional
-        Frames per second, all of which are given to ``step``: the past then predicts. Each joint moves on at
-        its velocity, and the prediction weighs as much as its covariance allows, so that noise is averaged.
-        Where it contradicts a position on which two views agree, it does not count: a jump is followed at
-        once. The limbs of the layout keep the lengths they are seen to have. ``annealed`` only.
+        Frames per second, all of which are given to ``step``: the past then predicts, weighted by its
+        covariance, and limbs keep their lengths. Where two views agree on another position the prediction
+        does not count: a jump is followed at once. ``annealed`` only.
     lag : int
-        With ``fps``: return the pose of the frame that lies this many frames before the last one. It is
-        solved together with the frames before and after it, much like in ``refine_sequence``, and better than
-        without a lag. The first ``lag`` steps return a pose of NaN; as many steps without any detection (NaN)
-        at the end return the last poses. A step takes one to a few milliseconds.
+        With ``fps``: return the pose of the frame that lies this many frames before the last one, solved
+        together with the frames before and after it, much like in ``refine_sequence``. The first ``lag``
+        steps return a pose of NaN; as many steps without any detection (NaN) at the end return the last.
 
     Examples
     --------
@@ -406,15 +417,15 @@ class Refiner:
     ) -> Refinement:
         """Refine one frame ``(M, N, 2|3)``; in a list of views, None is a camera without detections.
 
-        With the default the detections of this frame decide wherever two views see a joint, however far the
-        person moved; the last pose gives the depth of a joint that one view sees and the place of one that
-        none sees (status ``"weak"`` and ``"unobserved"``). With ``paper`` joints without a reliable position
-        are triangulated again, and so is the whole pose if most joints no longer meet their detections.
+        The detections of this frame decide wherever two views see a joint, however far the person moved; the
+        last pose gives the depth of a joint that one view sees and the place of one that none sees
+        (``"weak"`` and ``"unobserved"``). With ``paper`` joints without a reliable position are triangulated
+        again, and so is the whole pose if most joints no longer meet their detections.
 
-        With ``fps`` the depth of a joint that one view sees comes from the prediction and from its bones, and
-        a joint that none sees is bridged for up to half a second: status ``"inferred"``, or ``"weak"`` where
-        the error bar is wide. Then it is ``"unobserved"`` and keeps the position at which it was last seen.
-        ``init_pose`` is the pose of the frame alone. Do not leave out frames without detections.
+        With ``fps`` prediction and bones give the depth of a joint that one view sees, and a joint that none
+        sees is bridged for up to half a second: ``"inferred"``, or ``"weak"`` where the error bar is wide,
+        then ``"unobserved"``. ``init_pose`` is the pose of the frame alone. Do not leave out frames without
+        detections.
 
         Raises
         ------
@@ -428,7 +439,7 @@ class Refiner:
             out, past = self._live.step(frame, confidence=scores), None
         result = Refinement(**refinement_fields(out))
         if not self._begun:
-            warn_of_unit(result.pose, self._cameras, self._layout)
+            Judge(self._cameras, self._layout).unit(result.pose)
         self._last, self._joints = past, result.pose.shape[-2]
         self._begun = not self._lag or self._begun or bool(np.isfinite(result.pose).any())
         return result

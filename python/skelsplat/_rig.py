@@ -22,10 +22,9 @@ from skelsplat.exceptions import InvalidInputError
 class CameraAdjustment:
     """What became of one camera.
 
-    Error bars (``…_sigma``) are root-mean-square lengths of the error. They come from leaving out one joint
-    after the other, as a detector's errors last. Those of a camera that stays say how far off it may still
-    be: √(θ² + σ²), if a change θ ± σ fits best but cannot be told from chance. NaN for what was not looked
-    at.
+    Error bars (``…_sigma``) are root-mean-square lengths of the error, from leaving out one joint after the
+    other, as a detector's errors last. Those of a camera that stays say how far off it may still be:
+    √(θ² + σ²), if a change θ ± σ fits best but cannot be told from chance. NaN for what was not looked at.
 
     Attributes
     ----------
@@ -45,7 +44,7 @@ class CameraAdjustment:
         Factor of the focal lengths.
     clock : float
         Frames by which the camera's count is ahead: its frame t + ``clock`` shows what the others show in
-        frame t. ``skelsplat refine --offset NAME=-clock`` corrects it.
+        frame t.
     turn_sigma, shift_sigma, focal_sigma, clock_sigma : float
         Error bars: degrees, the unit of the cameras, relative, frames.
     before, after : float

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from skelsplat import _skelsplat
 from skelsplat._arrays import Index, positive
-from skelsplat._refine import Cameras, Progress, Refinement, refinement_fields, reporter, warn_of_unit
+from skelsplat._refine import Cameras, Judge, Progress, Refinement, refinement_fields, reporter
 from skelsplat._skelsplat import Layout, RefineConfig
 
 # Fields that all frames share.
@@ -107,7 +107,7 @@ def refine_sequence(
         out: dict[str, Any] = prepared.refine_sequence(
             init_pose, detections, float(fps), confidence=confidence, progress=report
         )
-    warn_of_unit(out["pose"], cameras, layout)
+    Judge(cameras, layout).unit(out["pose"])
     return SequenceRefinement(**refinement_fields(out))
 
 

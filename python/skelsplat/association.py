@@ -1,9 +1,7 @@
 """Which person in each view is the one to follow: chosen by agreement between the views.
 
 Two people in two views are a hypothesis: triangulated, projected into every view and compared with everybody
-who stands there. The right pair explains people in many views; a pair of two different people, or of a
-bystander whom few cameras see, does not. The hypotheses of consecutive frames are then linked so that one
-person is followed.
+there. The hypotheses of consecutive frames are then linked so that one person is followed.
 """
 
 from __future__ import annotations
@@ -16,12 +14,22 @@ import numpy.typing as npt
 
 import skelsplat as sk
 from skelsplat._arrays import Array, Index, Mask, corners, medians, numbers
-from skelsplat._people import most_people, people_uncompared
+from skelsplat._people import most_people, people_uncompared, take_people
 from skelsplat._skelsplat import check_people, people_chosen
 from skelsplat.cameras import mm_per_unit
 from skelsplat.exceptions import InvalidInputError
 from skelsplat.findings import warn
 from skelsplat.layouts import mirror_images
+
+__all__ = [
+    "body_sizes",
+    "choose_person",
+    "chosen_places",
+    "extents",
+    "separate_people",
+    "take_people",
+    "with_confidences",
+]
 
 # hypotheses of a frame that stay in the running when frames are linked
 _KEPT = 8
@@ -45,10 +53,8 @@ def choose_person(
     """Follow one person through all views and frames.
 
     In every frame the hypothesis that explains people in the most views is best, then the one with the
-    smaller median reprojection error, then the larger person. A view is explained by the person with the
-    smallest median reprojection error, if that is below the gate. Over the frames, going over to someone else
-    more than 1 m away costs as much as two unexplained views, so that a person stays chosen when another is
-    briefly seen better.
+    smaller median reprojection error, then the larger person. Going over to someone else more than 1 m away
+    costs as much as two unexplained views, so that a person stays chosen when another is briefly seen better.
 
     Parameters
     ----------
@@ -80,8 +86,7 @@ def choose_person(
     Warns
     -----
     UserWarning
-        If there are too many people for all of them to be compared: the search of a frame ends after a fixed
-        amount of work, and those that agree best have been compared by then.
+        If there are too many people to compare all: the search of a frame ends after a fixed amount of work.
     """
     everyone = _check(people, cameras)
     options: dict[str, Any] = {"layout": layout, "min_confidence": min_confidence, "min_joints": min_joints}
@@ -100,10 +105,7 @@ def chosen_places(
     min_joints: int,
     gate: float = 0.03,
 ) -> tuple[Index, Mask]:
-    """Return the places (T, M) of `choose_person`, and in which frames (T,) not all were compared.
-
-    The people are checked already, and nothing is warned of.
-    """
+    """Return the places (T, M) of `choose_person`, and the frames (T,) in which not all were compared."""
     joints = everyone.shape[3]
     index, cut = people_chosen(
         cameras,
@@ -132,9 +134,8 @@ def separate_people(
 ) -> tuple[Index, Array]:
     """Tell apart the people on whom two views or more agree, the one whom `choose_person` takes first.
 
-    Everybody else is chosen in the same way among the detections that are left, without another warning of
-    too many people. A body detected twice is one person: who is nearer to an earlier one than a quarter of
-    that body's size is left out.
+    Everybody else is chosen in the same way among the detections that are left. A body detected twice is one
+    person: who is nearer to an earlier one than a quarter of that body's size is left out.
 
     Parameters
     ----------
@@ -175,12 +176,6 @@ def separate_people(
     return np.stack(found), np.stack(poses)
 
 
-def take_people(people: Array, index: Index) -> Array:
-    """Return the detections (T, M, K, 3) at the places (T, M) of ``people`` (T, M, P, K, 3); NaN for -1."""
-    taken = np.take_along_axis(people, np.maximum(index, 0)[:, :, None, None, None], axis=2)[:, :, 0]
-    return np.where((index >= 0)[..., None, None], taken, np.nan)
-
-
 def _triangulated(people: Array, index: Index, cameras: sk.CameraRig | Sequence[sk.Camera]) -> Array:
     return np.asarray(sk.triangulate(take_people(people, index), cameras, method="dlt"))
 
@@ -198,13 +193,7 @@ def body_sizes(pose: npt.ArrayLike) -> Array:
 
 
 def extents(people: npt.ArrayLike) -> Array:
-    """Return the diagonal in px of everybody's bounding box; 0 for nobody.
-
-    Parameters
-    ----------
-    people : (..., K, 2|3)
-        Pixels; NaN where missing.
-    """
+    """Return the diagonals (…,) px of the boxes around people (…, K, 2|3); 0 for nobody."""
     box = _box(numbers(people, "people")[..., :2])
     return np.hypot(box[..., 0], box[..., 1])
 

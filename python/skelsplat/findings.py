@@ -128,26 +128,22 @@ class FindingWarning(UserWarning):
         self.finding = finding
 
 
-def warn(finding: Finding, depth: int = 3) -> None:
-    """Warn of a finding: of the line that called the caller, or further up."""
-    warnings.warn(FindingWarning(finding), stacklevel=depth)
-
-
-def warn_of_clipped(argument: str, highest: float) -> None:
-    """Warn that confidences of an argument, slightly above 1, count as 1: as of the line outside the package.
-
-    The text is the same each time, so that Python shows it once per line. The compiled core calls this.
-    """
-    finding = Finding(
-        "confidence_clipped",
-        "note",
-        numbers={"argument": argument, "highest": highest},
-        sentence=f"{argument}: confidences slightly above 1, up to {highest}, count as 1.",
-    )
+def warn(finding: Finding) -> None:
+    """Warn of a finding, as of the line outside the package."""
     frame, depth = inspect.currentframe(), 1
     while frame is not None and frame.f_globals.get("__name__", "").partition(".")[0] == __package__:
         frame, depth = frame.f_back, depth + 1
     warnings.warn(FindingWarning(finding), stacklevel=depth)
+
+
+def warn_of_clipped(argument: str, highest: float) -> None:
+    """Warn that confidences of an argument, slightly above 1, count as 1. The compiled core calls this.
+
+    The text is the same each time, so that Python shows it once per line.
+    """
+    numbers = {"argument": argument, "highest": highest}
+    sentence = f"{argument}: confidences slightly above 1, up to {highest}, count as 1."
+    warn(Finding("confidence_clipped", "note", numbers=numbers, sentence=sentence))
 
 
 def remark(text: str) -> Finding:

@@ -176,7 +176,7 @@ def test_doubtful_cameras_are_named_with_what_helps():
     assert (doubt.kind, doubt.severity, doubt.remedy) == (
         "cameras_doubtful",
         "warning",
-        (Remedy("move", None),),
+        (Remedy("move", "NAME"),),
     )
     assert doubt.subject.cameras == ("cam1", "cam3")
     assert doubt.text.startswith(
@@ -218,7 +218,7 @@ def test_what_the_recording_does_not_show_is_not_recommended():
 def test_a_clock_that_may_be_off_is_for_the_recording():
     clock = {"clock": 1.9, "clock_sigma": 0.1, "status": "doubtful"}
     (doubt,) = found(reported(name="cam1", status="doubtful", **TURN), reported(name="cam2", **clock))
-    assert doubt.remedy == (Remedy("move", None), Remedy("offset", "cam2=1"))
+    assert doubt.remedy == (Remedy("move", "NAME"), Remedy("offset", "cam2=1"))
     (doubt,) = found(*(reported(name=name, **clock) for name in ("cam1", "cam2")))
     assert doubt.remedy == (Remedy("offset", "cam1=-2"), Remedy("offset", "cam2=1"))
 
@@ -230,7 +230,7 @@ def test_parts_of_a_frame_and_cameras_that_see_too_little():
     assert (clock.kind, clock.remedy) == ("frame_offset", (Remedy("offset", "cam2=5.4"),))
     assert (about.kind, about.subject.cameras) == ("camera_unseen", ("cam4",))
     (two,) = found(reported(name="cam1", status="unseen"), unseen)
-    assert (two.kind, two.remedy) == ("cameras_doubtful", (Remedy("move", None),))
+    assert (two.kind, two.remedy) == ("cameras_doubtful", (Remedy("move", "NAME"),))
     (little,) = found(reported(name="cam1", status="adjusted", clock=0.3, clock_sigma=0.05))
     assert little.remedy == (Remedy("offset", "cam1=-0.3"),)
     assert found(reported(name="cam1", status="adjusted", clock=0.1, clock_sigma=0.05)) == []

@@ -36,7 +36,8 @@ def print_finding(console: Console, finding: Finding, of: str = "", *, own_line:
     """
     mark = "" if finding.severity == "note" else "! "
     options = _lacking(finding)
-    end = " Correct it in refine with:" if own_line and options else _advice(options)
+    command = "adjust-cameras" if any(one.setting == "move" for one in finding.remedy) else "refine"
+    end = f" Correct it in {command} with:" if own_line and options else _advice(options)
     print_text(console, f"{mark}{of}{finding.text}{end}", _pasted(finding))
     if own_line and options:
         say(f"  {' '.join(options)}")

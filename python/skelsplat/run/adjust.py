@@ -259,7 +259,7 @@ def findings_of(found: sk.RigAdjustment, mm_per_unit: float, read_as: ReadAs) ->
             "cameras_doubtful",
             "warning",
             Subject(cameras=found.cameras.names),
-            remedy=(Remedy("move", None),),
+            remedy=(Remedy("move", "NAME"),),
             sentence="Two cameras do not tell which of them was turned or moved, so neither was adjusted. "
             "Add a third camera, or name the one that was moved.",
         )
@@ -331,7 +331,7 @@ def _doubtful(suspected: list[dict[str, Any]], besides: list[str]) -> Finding:
         sentence += "adjusted. If you know, name the one that was moved, or correct the clock of the one "
         sentence += "that is late. Otherwise, a recording with three or more other cameras, or in which the "
         sentence += "person walks through more of the room, can tell."
-        remedy = [Remedy("move", None)] if len(late) < len(ways) else []
+        remedy = [Remedy("move", "NAME")] if len(late) < len(ways) else []
         remedy += [Remedy("offset", f"{one['camera']}={one['offset']}") for one in late]
     numbers = {"suspected": suspected, "besides": besides}
     return Finding("cameras_doubtful", "warning", Subject(cameras=names), numbers, tuple(remedy), sentence)
