@@ -123,8 +123,8 @@ CORE = (
     Fault(
         "a batch on several threads returns its frames in reverse order",
         "threads",
-        "frames.par_iter().zip(parts).map(|job| one(job, false)).collect();",
-        "frames.par_iter().rev().zip(parts).map(|job| one(job, false)).collect();",
+        "frames.par_iter().zip(parts).map(|job| refine_into(job, false)).collect();",
+        "frames.par_iter().rev().zip(parts).map(|job| refine_into(job, false)).collect();",
         ("cargo --test determinism",),
     ),
     Fault(

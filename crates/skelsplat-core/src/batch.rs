@@ -75,7 +75,7 @@ pub fn refine_batch(
     let mut out = Refinements::room(frames, refiner)?;
     let mut rest = out.part();
     let parts: Vec<Part<'_>> = frames.iter().map(|_| rest.take(1)).collect();
-    let one = |(frame, mut part): (&Frame, Part<'_>), parallel: bool| {
+    let refine_into = |(frame, mut part): (&Frame, Part<'_>), parallel: bool| {
         progress.check()?;
         let done = refiner.refine_under(frame, Control { parallel, cancel: &progress.cancel });
         progress.done.fetch_add(1, Ordering::Relaxed);
@@ -83,7 +83,7 @@ pub fn refine_batch(
         Ok(())
     };
     let serial = |parts: Vec<Part<'_>>, parallel| {
-        frames.iter().zip(parts).try_for_each(|job| one(job, parallel))
+        frames.iter().zip(parts).try_for_each(|job| refine_into(job, parallel))
     };
     let config = refiner.config();
     match frames {
@@ -96,7 +96,7 @@ pub fn refine_batch(
             threads::install(n_threads, |parallel| match parallel {
                 true => {
                     let out: Vec<_> =
-                        frames.par_iter().zip(parts).map(|job| one(job, false)).collect();
+                        frames.par_iter().zip(parts).map(|job| refine_into(job, false)).collect();
                     out.into_iter().collect()
                 }
                 false => serial(parts, false),

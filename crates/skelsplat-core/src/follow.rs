@@ -1,4 +1,4 @@
-//! Frame-by-frame refinement: the start of each frame, and the state kept for the next.
+//! Frame-by-frame refinement: each frame starts from the poses of the previous ones.
 
 use nalgebra::Vector3;
 
@@ -7,106 +7,71 @@ use crate::detections::Detections;
 use crate::error::{Error, Result};
 use crate::outcome::JointStatus;
 use crate::refine::{Frame, Method, Refinement, Refiner};
-use crate::sequence::Live;
 
 /// Upper limit of a joint's movement between frames, mm: 7.5 m/s at 25 frames per second.
 const LEAP_MM: f64 = 300.0;
 
-/// Refines frame by frame, each from the poses of the previous frames.
+/// Refines the frame after those with the last known positions `past` `(N)`, in the unit of the
+/// cameras, NaN where unknown (`None`: from the detections only). Also returns the past of the next
+/// frame.
 ///
 /// With `annealed` the detections determine every joint that two views see; the past provides the
 /// depth of a joint that one view sees and the position of one that no view sees, and breaks ties.
 /// With `paper`, joints without a reliable position are triangulated again, and so is the whole
-/// pose if most joints no longer match their detections. At a known frame rate
-/// ([`Follower::at_rate`]) the past predicts as well ([`Live`]).
-#[derive(Debug, Clone)]
-pub struct Follower<'a> {
-    refiner: &'a Refiner,
+/// pose if most joints no longer match their detections. At a known frame rate, [`crate::Live`]
+/// predicts as well.
+///
+/// # Errors
+/// As [`refine_batch`], and [`Error::InvalidInput`] if the number of joints differs from the past.
+pub fn follow(
+    refiner: &Refiner,
     past: Option<Vec<Vector3<f64>>>,
-    live: Option<Live>,
+    detections: Detections,
+    progress: &Progress,
+) -> Result<(Refinement, Vec<Vector3<f64>>)> {
+    let n = detections.n_joints();
+    if let Some(past) = past.as_ref().filter(|past| past.len() != n) {
+        let expected =
+            format!("{} joints, as in the previous frames (or call reset() first)", past.len());
+        return Err(Error::invalid("detections", expected, n.to_string()));
+    }
+    let by_paper = matches!(refiner.config().method, Method::Paper(_));
+    let mut frame = Frame { init_pose: past, past: true, ..detections.into() };
+    let refine = |frame: &Frame| -> Result<Refinement> {
+        Ok(refine_batch(refiner, std::slice::from_ref(frame), progress)?.frame(0))
+    };
+    let mut refined = refine(&frame)?;
+    let past = frame.init_pose.take();
+    if past.is_some() && by_paper && is_lost(&refined) {
+        refined = refine(&frame)?;
+    }
+    let next = match by_paper {
+        true => reliable(&refined),
+        false => remembered(&refined, past.as_deref(), refiner.unit().millimetres()),
+    };
+    Ok((refined, next))
 }
 
-impl<'a> Follower<'a> {
-    /// Starts from the last known positions `(N)` in the unit of the cameras, NaN where unknown;
-    /// `None`: from the detections only.
-    #[must_use]
-    pub fn new(refiner: &'a Refiner, past: Option<Vec<Vector3<f64>>>) -> Self {
-        Self { refiner, past, live: None }
-    }
+/// A joint without a position.
+const MISSING: Vector3<f64> = Vector3::new(f64::NAN, f64::NAN, f64::NAN);
 
-    /// Starts without a past, of frames that come `fps` times per second: the past predicts. The
-    /// answer is the frame `lag` frames before the last.
-    ///
-    /// # Errors
-    /// As [`Live::new`].
-    pub fn at_rate(refiner: &'a Refiner, fps: f64, lag: usize) -> Result<Self> {
-        Ok(Self { refiner, past: None, live: Some(Live::new(refiner, fps, lag)?) })
-    }
+/// The start of the next frame for `paper`: reliable positions.
+fn reliable(refined: &Refinement) -> Vec<Vector3<f64>> {
+    let joints = refined.pose.iter().zip(&refined.joint_status);
+    joints.map(|(x, status)| if *status == JointStatus::Ok { *x } else { MISSING }).collect()
+}
 
-    /// The last known positions `(N)`; `None` at a known frame rate.
-    #[must_use]
-    pub fn past(&self) -> Option<&[Vector3<f64>]> {
-        self.past.as_deref()
-    }
-
-    /// Discards the past: the next frame starts from its detections only.
-    pub fn reset(&mut self) {
-        self.past = None;
-        self.live.iter_mut().for_each(Live::reset);
-    }
-
-    /// Refines the next frame.
-    ///
-    /// # Errors
-    /// As [`refine_batch`], and [`Error::InvalidInput`] if the number of joints differs from the
-    /// previous frames.
-    pub fn step(&mut self, detections: Detections, progress: &Progress) -> Result<Refinement> {
-        if let Some(live) = &mut self.live {
-            return live.step(self.refiner, detections, progress);
-        }
-        let n = detections.n_joints();
-        if let Some(past) = self.past.as_ref().filter(|past| past.len() != n) {
-            let expected =
-                format!("{} joints, as in the previous frames (or call reset() first)", past.len());
-            return Err(Error::invalid("detections", expected, n.to_string()));
-        }
-        let mut frame = Frame { init_pose: self.past.clone(), past: true, ..detections.into() };
-        let mut refined = self.one(&frame, progress)?;
-        if self.past.is_some() && self.by_paper() && is_lost(&refined) {
-            frame.init_pose = None;
-            refined = self.one(&frame, progress)?;
-        }
-        self.past = Some(self.remembered(&refined));
-        Ok(refined)
-    }
-
-    fn one(&self, frame: &Frame, progress: &Progress) -> Result<Refinement> {
-        Ok(refine_batch(self.refiner, std::slice::from_ref(frame), progress)?.frame(0))
-    }
-
-    fn by_paper(&self) -> bool {
-        matches!(self.refiner.config().method, Method::Paper(_))
-    }
-
-    /// The start of the next frame: for `paper` only reliable positions, else all known ones.
-    ///
-    /// `annealed` starts from least squares, so a past position matters only where it is the only
-    /// one or where views tie. A weak joint that has jumped may have followed the wrong views: its
-    /// past position is kept.
-    fn remembered(&self, refined: &Refinement) -> Vec<Vector3<f64>> {
-        let missing = Vector3::repeat(f64::NAN);
-        let mm = self.refiner.unit().millimetres();
-        let one = |(j, (pose, status)): (usize, (&Vector3<f64>, &JointStatus))| {
-            if self.by_paper() {
-                return if *status == JointStatus::Ok { *pose } else { missing };
-            }
-            let before = self.past.as_ref().map_or(missing, |past| past[j]);
-            let leapt = (pose - before).norm() * mm > LEAP_MM;
-            let known = pose.iter().all(|v| v.is_finite());
-            if known && !(leapt && *status == JointStatus::Weak) { *pose } else { before }
-        };
-        refined.pose.iter().zip(&refined.joint_status).enumerate().map(one).collect()
-    }
+/// The start of the next frame for `annealed`, whose start is least squares, so that a past
+/// position matters only where it is the only one or where views tie: all known positions. A weak
+/// joint that has jumped may have followed the wrong views: its past position is kept.
+fn remembered(refined: &Refinement, past: Option<&[Vector3<f64>]>, mm: f64) -> Vec<Vector3<f64>> {
+    let joint = |(j, (x, status)): (usize, (&Vector3<f64>, &JointStatus))| {
+        let before = past.map_or(MISSING, |past| past[j]);
+        let leapt = (x - before).norm() * mm > LEAP_MM;
+        let known = x.iter().all(|v| v.is_finite());
+        if known && !(leapt && *status == JointStatus::Weak) { *x } else { before }
+    };
+    refined.pose.iter().zip(&refined.joint_status).enumerate().map(joint).collect()
 }
 
 /// Whether most detected joints do not match their detections.

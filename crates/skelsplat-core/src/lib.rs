@@ -74,7 +74,9 @@ mod error;
 mod follow;
 mod gaussian;
 mod layout;
+mod matrix3;
 mod memory;
+mod names;
 mod outcome;
 mod overlap;
 mod paper;
@@ -84,7 +86,7 @@ mod refine;
 mod rig;
 mod sequence;
 mod settings;
-mod symmetric;
+mod statistics;
 mod symmetry;
 #[cfg(feature = "testing")]
 pub mod testing;
@@ -95,23 +97,20 @@ mod unit;
 
 pub use annealed::{AnnealedSettings, Bones};
 pub use batch::{Progress, refine_batch};
-pub use camera::{BrownConrady, Camera, Distortion, Fisheye, Undistorted};
+pub use camera::{Camera, Distortion, Undistorted};
 pub use detections::Detections;
 pub use error::{Error, Result};
-pub use follow::Follower;
-pub use gaussian::{Gaussian, GaussianGradient};
+pub use follow::follow;
 pub use layout::{KnownLength, Layout, LayoutSpec, SymmetricPair};
 pub use nalgebra;
-pub use outcome::{JointStatus, Loss, StopReason};
-pub use paper::{Encoding, LossAndGradient, PaperSettings, PositionLearningRate, Renderer};
-pub use people::{Everybody, Person, Seen, Tracker, track};
-pub use refine::{
-    Control, Frame, JointBias, Method, RefineConfig, Refinement, Refinements, Refiner,
-};
+pub use outcome::{JointStatus, StopReason};
+pub use paper::PaperSettings;
+pub use people::{Person, TrackedPerson, Tracker, track};
+pub use refine::{Frame, JointBias, Method, RefineConfig, Refinement, Refinements, Refiner};
 pub use rig::{Adjustable, CameraAdjustment, CameraStatus, RigAdjustment, adjust_cameras};
 pub use sequence::{Known, Live, Sequence, learn_sequence, refine_sequence, refine_windows};
-pub use settings::{Domain, Kind, Setting, Value};
-pub use triangulate::{Triangulated, fuse_monocular};
+pub use settings::Value;
+pub use triangulate::fuse_monocular;
 pub use triangulation::{TriangulationMethod, triangulate};
 pub use unit::Unit;
 
@@ -147,6 +146,7 @@ parts! {
     refine: "Settings, the refiner and its result.",
     rig: "Cameras set right.",
     sequence: "A recording as a whole.",
+    settings: "The definition of settings.",
     symmetry: "The limb-symmetry loss.",
     triangulate: "Algebraic triangulation.",
     unit: "Units of length.",

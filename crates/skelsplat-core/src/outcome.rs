@@ -3,6 +3,8 @@
 
 use nalgebra::{Matrix3, Vector3};
 
+use crate::names::named;
+
 /// Why the iteration ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
@@ -17,18 +19,12 @@ pub enum StopReason {
     Diverged,
 }
 
-impl StopReason {
-    /// The name used in Python and in files.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Converged => "converged",
-            Self::MaxSteps => "max_steps",
-            Self::NoObservations => "no_observations",
-            Self::Diverged => "diverged",
-        }
-    }
-}
+named!(StopReason {
+    Converged: "converged",
+    MaxSteps: "max_steps",
+    NoObservations: "no_observations",
+    Diverged: "diverged",
+});
 
 /// Reliability of a joint's position.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -45,18 +41,7 @@ pub enum JointStatus {
     Inferred,
 }
 
-impl JointStatus {
-    /// The name used in Python and in files.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Ok => "ok",
-            Self::Weak => "weak",
-            Self::Unobserved => "unobserved",
-            Self::Inferred => "inferred",
-        }
-    }
-}
+named!(JointStatus { Ok: "ok", Weak: "weak", Unobserved: "unobserved", Inferred: "inferred" });
 
 /// The loss and its terms.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]

@@ -135,9 +135,10 @@ impl Kind {
     }
 }
 
-/// Largest number of any setting, and smallest of a positive one: squares and products of a few of
-/// them stay well within the range of a double.
+/// Largest number of any setting: squares and products of a few of them stay well within the range
+/// of a double.
 const MOST: f64 = 1e9;
+/// Smallest positive number of a setting.
 const LEAST: f64 = 1e-15;
 
 impl Setting {

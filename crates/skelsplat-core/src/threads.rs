@@ -18,9 +18,10 @@ struct Kept {
 /// Locked only to read or replace the value, never while a pool is built or used.
 static POOL: Mutex<Option<Kept>> = Mutex::new(None);
 
-/// How often and for how long the lock is tried. It is held for nanoseconds: if it stays locked,
-/// another thread held it at the moment of a fork, and no thread is left to release it.
+/// How often the lock is tried. It is held for nanoseconds: if it stays locked, another thread held
+/// it at the moment of a fork, and no thread is left to release it.
 const TRIES: usize = 200;
+/// Time between two tries.
 const PAUSE: Duration = Duration::from_millis(1);
 
 /// Runs `work(true)` in a pool of `n_threads` (`None`: the process's pool, one thread per core), or
@@ -84,8 +85,8 @@ mod tests {
     /// A single test, because the slot is global to the process.
     #[test]
     fn the_pool_belongs_to_the_process() {
-        let (one, two) = (pool().unwrap(), pool().unwrap());
-        assert!(Arc::ptr_eq(&one, &two));
+        let (first, two) = (pool().unwrap(), pool().unwrap());
+        assert!(Arc::ptr_eq(&first, &two));
         assert!(install(None, |parallel| parallel && rayon::current_thread_index().is_some()));
 
         // The state in a child after a fork: a pool of another process, without its threads. It

@@ -4,6 +4,7 @@ use crate::annealed::robust;
 use crate::camera::Camera;
 use crate::detections::Detections;
 use crate::error::{Error, Result};
+use crate::names::{by_name, named};
 use crate::triangulate::{Triangulated, dlt, ransac};
 use crate::unit::Unit;
 
@@ -19,22 +20,15 @@ pub enum TriangulationMethod {
     Robust,
 }
 
-impl TriangulationMethod {
-    /// Every method with its name.
-    const ALL: [(&'static str, Self); 3] =
-        [("robust", Self::Robust), ("dlt", Self::Dlt), ("ransac", Self::Ransac)];
+named!(TriangulationMethod { Robust: "robust", Dlt: "dlt", Ransac: "ransac" });
 
+impl TriangulationMethod {
     /// A method by its name.
     ///
     /// # Errors
     /// [`Error::UnknownName`] listing the known names.
     pub fn by_name(name: &str) -> Result<Self> {
-        let found = Self::ALL.iter().find(|(known, _)| *known == name);
-        found.map(|(_, method)| *method).ok_or_else(|| Error::UnknownName {
-            argument: "method",
-            name: name.to_owned(),
-            known: Self::ALL.iter().map(|(known, _)| (*known).to_owned()).collect(),
-        })
+        by_name("method", name, Self::ALL)
     }
 }
 

@@ -3,8 +3,10 @@
 use nalgebra::Vector3;
 
 use crate::camera::Camera;
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::layout::Layout;
+use crate::names::{by_name, named};
+use crate::statistics::median;
 
 /// Unit of camera translations and 3D points.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -18,32 +20,15 @@ pub enum Unit {
     Metre,
 }
 
+named!(Unit { Millimetre: "mm", Centimetre: "cm", Metre: "m" });
+
 impl Unit {
     /// The unit called `"mm"`, `"cm"` or `"m"`.
     ///
     /// # Errors
     /// [`Error::UnknownName`] for any other name.
     pub fn by_name(name: &str) -> Result<Self> {
-        match name {
-            "mm" => Ok(Self::Millimetre),
-            "cm" => Ok(Self::Centimetre),
-            "m" => Ok(Self::Metre),
-            _ => Err(Error::UnknownName {
-                argument: "unit",
-                name: name.to_owned(),
-                known: ["mm", "cm", "m"].map(str::to_owned).to_vec(),
-            }),
-        }
-    }
-
-    /// `"mm"`, `"cm"` or `"m"`.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Millimetre => "mm",
-            Self::Centimetre => "cm",
-            Self::Metre => "m",
-        }
+        by_name("unit", name, Self::ALL)
     }
 
     /// Millimetres per unit.
@@ -66,9 +51,9 @@ const UNKNOWN: [f64; 2] = [100.0, 10_000.0];
 /// The largest extent of a body with a layout that is not human, mm: three times a giraffe. It may
 /// be as small as it likes.
 const ANYTHING: [f64; 2] = [0.0, 20_000.0];
-/// Cameras closer together than this, mm, are so in a wrong unit only, unless they look through
-/// lenses with a focal length of more than so many images' widths: microscopes.
+/// Cameras closer together than this, mm, are so in a wrong unit only, unless they are microscopes.
 const CROWDED_MM: f64 = 50.0;
+/// A microscope's focal length is more than so many images' widths.
 const NARROW: f64 = 4.0;
 
 /// A skeleton of implausible size.
@@ -95,12 +80,10 @@ pub fn implausible_extent(
     unit: Unit,
     layout: Option<&Layout>,
 ) -> Option<Implausible> {
-    let mut extents: Vec<f64> = poses.iter().filter_map(|pose| extent(pose)).collect();
-    if extents.is_empty() {
+    let extent = median(poses.iter().filter_map(|pose| extent(pose)));
+    if extent.is_nan() {
         return None;
     }
-    extents.sort_by(f64::total_cmp);
-    let extent = extents[extents.len() / 2];
     let mm = extent * unit.millimetres();
     let [low, high] = match layout {
         None if is_crowded(cameras, unit) => UNKNOWN,

@@ -2,7 +2,10 @@
 //! joint.
 
 use skelsplat_core::nalgebra::Matrix3;
-use skelsplat_core::testing::scenes::{Noise, exact_detections, noisy_detections, room, standing};
+use skelsplat_core::testing::refused;
+use skelsplat_core::testing::scenes::{
+    Noise, exact_detections, h36m, noisy_detections, refiner, room, standing,
+};
 use skelsplat_core::{
     Camera, Error, Frame, JointBias, Layout, LayoutSpec, RefineConfig, Refinement, Refiner, Unit,
     Value, refine_sequence,
@@ -23,10 +26,6 @@ fn refined(unit: Unit, layout: Option<&Layout>, config: RefineConfig) -> Result<
     let detections = frame(&room(4), 1);
     let cameras: Vec<Camera> = room(4).into_iter().map(|c| c.with_length_scale(scale)).collect();
     Refiner::new(&cameras, unit, layout, config)?.refine(&detections)
-}
-
-fn h36m() -> Layout {
-    Layout::by_name("h36m17").unwrap()
 }
 
 /// Of every joint, what the diagonal of the error bar has beyond that of the scatter, as a standard
@@ -69,21 +68,15 @@ fn built_in_layouts_have_published_figures_and_others_none() {
     let layout = h36m();
     let found = refined(Unit::Millimetre, Some(&layout), RefineConfig::default()).unwrap();
     let expected = [
-        ("left_wrist", 14.434),
-        ("right_ankle", 14.434),
-        ("left_shoulder", 14.434),
-        ("neck", 14.434),
-        ("right_elbow", 17.321),
-        ("nose", 17.321),
-        ("head", 17.321),
-        ("spine", 17.321),
-        ("left_hip", 28.868),
-        ("right_knee", 28.868),
-        ("pelvis", 28.868),
+        (14.434, "left_wrist right_ankle left_shoulder neck"),
+        (17.321, "right_elbow nose head spine"),
+        (28.868, "left_hip right_knee pelvis"),
     ];
-    for (name, sigma) in expected {
-        let j = layout.joints.iter().position(|joint| joint == name).unwrap();
-        assert!((found.joint_bias[j] - sigma).abs() < 1e-3, "{name}: {}", found.joint_bias[j]);
+    for (sigma, names) in expected {
+        for name in names.split(' ') {
+            let j = layout.joints.iter().position(|joint| joint == name).unwrap();
+            assert!((found.joint_bias[j] - sigma).abs() < 1e-3, "{name}: {}", found.joint_bias[j]);
+        }
     }
     let own =
         Layout::new(LayoutSpec { name: "mine".to_owned(), human: false, ..(*layout).clone() })
@@ -108,9 +101,7 @@ fn built_in_layouts_have_published_figures_and_others_none() {
 fn it_is_divided_by_neither_views_nor_frames() {
     for (views, frames) in [(2, 4), (8, 4), (4, 60)] {
         let cameras = room(views);
-        let refiner =
-            Refiner::new(&cameras, Unit::Millimetre, Some(&h36m()), with(JointBias::All(25.0)))
-                .unwrap();
+        let refiner = refiner(&cameras, with(JointBias::All(25.0)));
         let recording: Vec<Frame> = (0..frames).map(|k| frame(&cameras, k)).collect();
         let found = refine_sequence(&refiner, &recording, 30.0, &Default::default()).unwrap();
         for frame in found.frames.iter() {
@@ -121,23 +112,15 @@ fn it_is_divided_by_neither_views_nor_frames() {
 
 #[test]
 fn wrong_values_are_refused_by_name() {
-    let refused =
-        |bias| refined(Unit::Millimetre, Some(&h36m()), with(bias)).unwrap_err().to_string();
-    let not_negative = "expected a finite number that is not negative";
-    assert_eq!(
-        refused(JointBias::All(-1.0)),
-        format!("config.joint_bias_mm: {not_negative}, got -1")
-    );
-    assert_eq!(
-        refused(JointBias::All(f64::NAN)),
-        format!("config.joint_bias_mm: {not_negative}, got NaN")
-    );
     let one = JointBias::Each([vec![1.0; 16], vec![-2.0]].concat());
-    assert_eq!(refused(one), format!("config.joint_bias_mm[16]: {not_negative}, got -2"));
-    assert_eq!(
-        refused(JointBias::Each(vec![1.0; 16])),
-        "config.joint_bias_mm: expected 17 joints, as in the detections, got 16 joints"
-    );
+    for (bias, field) in [
+        (JointBias::All(-1.0), "config.joint_bias_mm"),
+        (JointBias::All(f64::NAN), "config.joint_bias_mm"),
+        (one, "config.joint_bias_mm[16]"),
+        (JointBias::Each(vec![1.0; 16]), "config.joint_bias_mm"),
+    ] {
+        assert_eq!(refused(refined(Unit::Millimetre, Some(&h36m()), with(bias))), field);
+    }
 }
 
 #[test]
@@ -148,9 +131,5 @@ fn it_is_a_setting_like_any_other() {
         config.set("joint_bias_mm", &value).unwrap();
         assert_eq!(config.get("joint_bias_mm").unwrap(), value);
     }
-    let error = config.set("joint_bias_mm", &Value::Switch(true)).unwrap_err().to_string();
-    assert_eq!(
-        error,
-        "config.joint_bias_mm: expected a number, a sequence of numbers, or None, got True"
-    );
+    assert!(config.set("joint_bias_mm", &Value::Switch(true)).is_err());
 }

@@ -3,8 +3,8 @@
 use nalgebra::Vector3;
 use skelsplat_core::study::people::choice::{Choices, Linking, MOST_WORK, Rules, choices, choose};
 use skelsplat_core::study::people::{Associator, Crowd};
-use skelsplat_core::testing::scenes::{Noise, noisy_detections, room, standing};
-use skelsplat_core::{Camera, Detections, Layout, Progress, RefineConfig, Refiner, Unit};
+use skelsplat_core::testing::scenes::{Noise, h36m, noisy_detections, refiner, room, standing};
+use skelsplat_core::{Camera, Detections, Progress, RefineConfig};
 
 fn rules(cameras: &[Camera], most_work: usize) -> Rules {
     Rules {
@@ -107,10 +107,8 @@ fn the_path_stays_with_one_person_and_over_frames_without_any() {
 #[test]
 fn frames_with_too_many_people_to_follow_are_counted() {
     let cameras = room(2);
-    let layout = Layout::by_name("h36m17").unwrap();
-    let refiner =
-        Refiner::new(&cameras, Unit::Millimetre, Some(&layout), RefineConfig::default()).unwrap();
-    let mut associator = Associator::new(&refiner, &layout, 30.0);
+    let refiner = refiner(&cameras, RefineConfig::default());
+    let mut associator = Associator::new(&refiner, &h36m(), 30.0);
     // A million pairs are compared, of a thousand figures in each view.
     for (n, cut) in [(1001, 1), (20, 1)] {
         let people = crowd(n, 9000.0, &cameras);

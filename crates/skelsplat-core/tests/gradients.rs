@@ -7,15 +7,16 @@
 //! 1e-5 that rounding (ulp·L/h) leaves.
 
 use nalgebra::{Matrix2, Matrix3, Vector2, Vector3, Vector4};
+use skelsplat_core::study::gaussian::Gaussian;
+use skelsplat_core::study::paper::{Encoding, Renderer};
 use skelsplat_core::study::projection::View;
+use skelsplat_core::study::refine::Control;
 use skelsplat_core::study::symmetry::symmetry;
 use skelsplat_core::testing::differences::{central_differences, relative_error};
 use skelsplat_core::testing::scenes::{
-    Noise, look_at, noisy_detections, perturbed, room, standing,
+    Noise, h36m, look_at, noisy_detections, perturbed, refiner, room, standing,
 };
-use skelsplat_core::{
-    Control, Encoding, Gaussian, Layout, PaperSettings, RefineConfig, Refiner, Renderer, Unit,
-};
+use skelsplat_core::{PaperSettings, RefineConfig};
 
 fn tilted(mean: Vector3<f64>) -> Gaussian {
     Gaussian {
@@ -75,7 +76,7 @@ fn projection_in_mean_and_covariance() {
 
 #[test]
 fn symmetry_in_the_means() {
-    let pairs: Vec<_> = Layout::by_name("h36m17").unwrap().symmetric_pairs(3).collect();
+    let pairs: Vec<_> = h36m().symmetric_pairs(3).collect();
     assert_eq!(pairs.len(), 6);
     let pose = perturbed(&standing(), 30.0, &mut Noise::new(3));
     let mut analytic = vec![0.0; 3 * pose.len()];
@@ -97,7 +98,6 @@ fn symmetry_in_the_means() {
 #[test]
 fn total_loss_in_every_parameter() {
     let cameras = room(4);
-    let layout = Layout::by_name("h36m17").unwrap();
     let mut noise = Noise::new(11);
     let detections = noisy_detections(&standing(), &cameras, 2.0, &mut noise);
     let gaussians: Vec<Gaussian> =
@@ -115,16 +115,10 @@ fn total_loss_in_every_parameter() {
     ] {
         let paper = PaperSettings { renderer, encoding, ..PaperSettings::default() };
         let config = RefineConfig { symmetry_tier: tier, ..RefineConfig::from(paper) };
-        let refiner = Refiner::new(&cameras, Unit::Millimetre, Some(&layout), config).unwrap();
+        let refiner = refiner(&cameras, config);
         let of = |gaussians: &[Gaussian]| {
-            refiner
-                .loss_and_gradient(
-                    gaussians,
-                    &detections,
-                    Some(targets.clone()),
-                    Control::default(),
-                )
-                .unwrap()
+            let (targets, control) = (Some(targets.clone()), Control::default());
+            refiner.loss_and_gradient(gaussians, &detections, targets, control).unwrap()
         };
         let gradient = of(&gaussians).gradient;
         // One joint of the trunk and one of each side is enough: the others run through the same

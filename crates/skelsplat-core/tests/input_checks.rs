@@ -1,73 +1,36 @@
-//! One valid call, one thing broken at a time: the type of the error and its text.
+//! One valid call, one thing broken at a time: the argument or field that the error names.
 
-use skelsplat_core::testing::scenes::{exact_detections, room, standing};
+use skelsplat_core::study::paper::{Encoding, PositionLearningRate, Renderer};
+use skelsplat_core::testing::refused;
+use skelsplat_core::testing::scenes::{exact_detections, refiner, room, standing};
 use skelsplat_core::{
-    Detections, Encoding, Error, Frame, Layout, Method, PaperSettings, PositionLearningRate,
-    RefineConfig, Refiner, Renderer, Unit, Value,
+    Detections, Error, Frame, Method, PaperSettings, RefineConfig, Refiner, Unit, Value,
 };
 
 fn valid_frame() -> Frame {
-    Frame {
-        detections: exact_detections(&standing(), &room(4)),
-        init_pose: Some(standing()),
-        init_covariance: None,
-        past: false,
-    }
-}
-
-fn refine(frame: &Frame) -> Result<(), Error> {
-    let layout = Layout::by_name("h36m17")?;
-    let config = RefineConfig::from(PaperSettings { max_steps: 1, ..PaperSettings::default() });
-    let refiner = Refiner::new(&room(4), Unit::Millimetre, Some(&layout), config)?;
-    refiner.refine(frame).map(|_| ())
-}
-
-fn text(error: Result<(), Error>) -> String {
-    let error = error.expect_err("the input is broken");
-    assert!(matches!(error, Error::InvalidInput { .. }), "{error:?}");
-    error.to_string()
+    Frame { init_pose: Some(standing()), ..exact_detections(&standing(), &room(4)).into() }
 }
 
 #[test]
-fn the_valid_call_passes() {
+fn frames_that_do_not_fit_are_refused() {
+    let short = RefineConfig::from(PaperSettings { max_steps: 1, ..PaperSettings::default() });
+    let refine = |frame: &Frame| refiner(&room(4), short.clone()).refine(frame);
     refine(&valid_frame()).unwrap();
+    let three_views =
+        Frame { detections: exact_detections(&standing(), &room(3)), ..valid_frame() };
+    let few_joints = Frame::from(exact_detections(&standing()[..15], &room(4)));
+    let few_starts = Frame { init_pose: Some(standing()[..16].to_vec()), ..valid_frame() };
+    assert_eq!(refused(refine(&three_views)), "detections");
+    assert_eq!(refused(refine(&few_joints)), "detections");
+    assert_eq!(refused(refine(&few_starts)), "init_pose");
+    let no_cameras = Refiner::new(&[], Unit::Millimetre, None, RefineConfig::paper());
+    assert_eq!(refused(no_cameras), "cameras");
 }
 
 #[test]
-fn wrong_number_of_views() {
-    let frame = Frame { detections: exact_detections(&standing(), &room(3)), ..valid_frame() };
-    assert_eq!(text(refine(&frame)), "detections: expected one view per camera (4), got 3 views");
-}
-
-#[test]
-fn a_layout_of_another_number_of_joints() {
-    let pose = &standing()[..15];
-    let frame = Frame {
-        detections: exact_detections(pose, &room(4)),
-        init_pose: None,
-        init_covariance: None,
-        past: false,
-    };
-    assert_eq!(text(refine(&frame)), "detections: expected the layout's 17 joints, got 15 joints");
-}
-
-#[test]
-fn an_initial_pose_of_another_number_of_joints() {
-    let frame = Frame { init_pose: Some(standing()[..16].to_vec()), ..valid_frame() };
-    assert_eq!(
-        text(refine(&frame)),
-        "init_pose: expected 17 joints, as in the detections, got 16 joints"
-    );
-}
-
-#[test]
-fn a_confidence_outside_its_range() {
-    let error = Detections::new(1, 2, &[0.0; 4], Some(&[0.5, 1.5])).map(|_| ());
-    assert_eq!(text(error), "confidence[0, 1]: expected a value in [0, 1], got 1.5");
-}
-
-#[test]
-fn the_confidence_of_a_missing_detection_does_not_count() {
+fn a_confidence_counts_only_where_there_is_a_detection() {
+    let error = Detections::new(1, 2, &[0.0; 4], Some(&[0.5, 1.5]));
+    assert_eq!(refused(error), "confidence[0, 1]");
     let nan = f64::NAN;
     let pixels = [5.0, 5.0, nan, 5.0, 5.0, nan];
     let found = Detections::new(1, 3, &pixels, Some(&[0.5, -1.0, 95.0])).unwrap();
@@ -75,55 +38,28 @@ fn the_confidence_of_a_missing_detection_does_not_count() {
 }
 
 #[test]
-fn no_cameras() {
-    let error = Refiner::new(&[], Unit::Millimetre, None, RefineConfig::paper()).map(|_| ());
-    assert_eq!(text(error), "cameras: expected at least one camera, got none");
-}
-
-#[test]
 fn every_setting_outside_its_domain() {
     type Break = fn(&mut RefineConfig, &mut PaperSettings);
     let broken: [(Break, &str); 13] = [
-        (
-            |_, p| (p.renderer, p.encoding) = (Renderer::ClosedForm, Encoding::Single),
-            "config.encoding: expected 'one_hot' with renderer 'closed_form', got single",
-        ),
-        (|_, p| p.sigma_mm = -1.0, "config.sigma_mm: expected a positive finite number, got -1"),
-        (
-            |_, p| p.sigma_mm = f64::NAN,
-            "config.sigma_mm: expected a positive finite number, got NaN",
-        ),
-        (
-            |c, _| c.occlusion_sigma_mm = Some(0.0),
-            "config.occlusion_sigma_mm: expected a positive finite number, got 0",
-        ),
-        (
-            |_, p| p.position_lr_mm = PositionLearningRate::Millimetres(-3.0),
-            "config.position_lr_mm: expected a finite number that is not negative, got -3",
-        ),
-        (
-            |c, _| c.symmetry_tier = 4,
-            "config.symmetry_tier: expected a whole number from 0 to 3, got 4",
-        ),
-        (
-            |_, p| p.symmetry_weight = -1e-5,
-            "config.symmetry_weight: expected a finite number that is not negative, got -0.00001",
-        ),
-        (|_, p| p.views_per_step = Some(0), "config.views_per_step: expected at least 1, got 0"),
-        (|_, p| p.stop_window = Some(0), "config.stop_window: expected at least 1, got 0"),
-        (|c, _| c.n_threads = Some(0), "config.n_threads: expected at least 1, got 0"),
-        (
-            |c, _| c.min_confidence = 1.5,
-            "config.min_confidence: expected a value in [0, 1], got 1.5",
-        ),
-        (|_, p| p.adam_betas = [0.9, 1.0], "config.adam_betas: expected values in [0, 1), got 1"),
-        (|_, p| p.resolution = 0.0, "config.resolution: expected a positive finite number, got 0"),
+        (|_, p| (p.renderer, p.encoding) = (Renderer::ClosedForm, Encoding::Single), "encoding"),
+        (|_, p| p.sigma_mm = -1.0, "sigma_mm"),
+        (|_, p| p.sigma_mm = f64::NAN, "sigma_mm"),
+        (|c, _| c.occlusion_sigma_mm = Some(0.0), "occlusion_sigma_mm"),
+        (|_, p| p.position_lr_mm = PositionLearningRate::Millimetres(-3.0), "position_lr_mm"),
+        (|c, _| c.symmetry_tier = 4, "symmetry_tier"),
+        (|_, p| p.symmetry_weight = -1e-5, "symmetry_weight"),
+        (|_, p| p.views_per_step = Some(0), "views_per_step"),
+        (|_, p| p.stop_window = Some(0), "stop_window"),
+        (|c, _| c.n_threads = Some(0), "n_threads"),
+        (|c, _| c.min_confidence = 1.5, "min_confidence"),
+        (|_, p| p.adam_betas = [0.9, 1.0], "adam_betas"),
+        (|_, p| p.resolution = 0.0, "resolution"),
     ];
-    for (break_one, expected) in broken {
+    for (break_one, field) in broken {
         let (mut config, mut paper) = (RefineConfig::default(), PaperSettings::default());
         break_one(&mut config, &mut paper);
         let config = RefineConfig { method: Method::Paper(paper), ..config };
-        assert_eq!(text(config.validate()), expected);
+        assert_eq!(refused(config.validate()), format!("config.{field}"));
     }
 }
 
@@ -142,34 +78,22 @@ fn settings_by_name_are_those_of_the_table() {
     }
 }
 
+/// The message leads to the other method, or to the name of today.
 #[test]
 fn a_setting_of_the_other_method_is_refused() {
-    let set = |mut config: RefineConfig, name: &str| text(config.set(name, &Value::Number(1.0)));
-    assert_eq!(
-        set(RefineConfig::default(), "position_lr_mm"),
-        "config.position_lr_mm: expected a setting of the method 'annealed', got a setting of 'paper' (use \
-         RefineConfig.paper)"
-    );
-    assert_eq!(
-        set(RefineConfig::paper(), "sigma_start_mm"),
-        "config.sigma_start_mm: expected a setting of the method 'paper', got a setting of 'annealed' (use \
-         RefineConfig)"
-    );
-    assert_eq!(
-        set(RefineConfig::default(), "sigma"),
-        "config.sigma: expected the name 'sigma_mm', which includes the unit, got 'sigma'"
-    );
-    assert_eq!(
-        set(RefineConfig::default(), "optimizer"),
-        "config.optimizer: expected RefineConfig() for 'annealed' or RefineConfig.paper() for 'paper', got 1"
-    );
-    let unknown = RefineConfig::default().get("pace").unwrap_err().to_string();
-    assert!(
-        unknown.starts_with("config: unknown name 'pace', expected one of sigma_mm, max_steps")
-    );
-    let mut config = RefineConfig::default();
-    assert_eq!(
-        text(config.set("find_swaps", &Value::Number(2.0))),
-        "config.find_swaps: expected True or False, got 2"
-    );
+    let number = Value::Number(1.0);
+    for (mut config, name, hint) in [
+        (RefineConfig::default(), "position_lr_mm", "RefineConfig.paper"),
+        (RefineConfig::paper(), "sigma_start_mm", "RefineConfig"),
+        (RefineConfig::default(), "sigma", "sigma_mm"),
+        (RefineConfig::default(), "optimizer", "RefineConfig.paper()"),
+        (RefineConfig::default(), "find_swaps", "True or False"),
+    ] {
+        let result = config.set(name, &number);
+        let text = result.clone().unwrap_err().to_string();
+        assert_eq!(refused(result), format!("config.{name}"));
+        assert!(text.contains(hint), "{text}");
+    }
+    let unknown = RefineConfig::default().get("pace").unwrap_err();
+    assert!(matches!(unknown, Error::UnknownName { argument: "config", .. }));
 }

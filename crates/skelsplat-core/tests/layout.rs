@@ -2,6 +2,7 @@
 
 use std::collections::HashSet;
 
+use skelsplat_core::testing::refused;
 use skelsplat_core::{Error, KnownLength, Layout, LayoutSpec, SymmetricPair};
 
 fn all() -> impl Iterator<Item = Layout> {
@@ -51,33 +52,22 @@ fn sizes() {
 /// A few indices of each published order, chosen where orders are easily confused.
 #[test]
 fn joint_orders() {
-    let expected: [(&str, &[(usize, &str)]); 9] = [
-        (
-            "h36m17",
-            &[(1, "right_hip"), (4, "left_hip"), (8, "neck"), (10, "head"), (16, "right_wrist")],
-        ),
-        ("coco17", &[(0, "nose"), (5, "left_shoulder"), (10, "right_wrist"), (16, "right_ankle")]),
-        ("panoptic19", &[(2, "pelvis"), (5, "left_wrist"), (14, "right_ankle"), (17, "right_eye")]),
-        ("occlusion_person15", &[(3, "right_ankle"), (7, "spine"), (11, "left_wrist")]),
-        ("body25", &[(4, "right_wrist"), (8, "pelvis"), (15, "right_eye"), (24, "right_heel")]),
-        ("body25b", &[(9, "left_wrist"), (17, "neck"), (18, "head"), (21, "left_heel")]),
-        ("halpe26", &[(17, "head"), (18, "neck"), (19, "pelvis"), (21, "right_big_toe")]),
-        ("shelf14", &[(0, "right_ankle"), (6, "right_wrist"), (11, "left_wrist"), (13, "head")]),
-        (
-            "mediapipe33",
-            &[
-                (4, "right_eye_inner"),
-                (9, "left_mouth"),
-                (17, "left_pinky"),
-                (22, "right_thumb"),
-                (32, "right_foot_index"),
-            ],
-        ),
+    let expected = [
+        ("h36m17", "1 right_hip 4 left_hip 8 neck 10 head 16 right_wrist"),
+        ("coco17", "0 nose 5 left_shoulder 10 right_wrist 16 right_ankle"),
+        ("panoptic19", "2 pelvis 5 left_wrist 14 right_ankle 17 right_eye"),
+        ("occlusion_person15", "3 right_ankle 7 spine 11 left_wrist"),
+        ("body25", "4 right_wrist 8 pelvis 15 right_eye 24 right_heel"),
+        ("body25b", "9 left_wrist 17 neck 18 head 21 left_heel"),
+        ("halpe26", "17 head 18 neck 19 pelvis 21 right_big_toe"),
+        ("shelf14", "0 right_ankle 6 right_wrist 11 left_wrist 13 head"),
+        ("mediapipe33", "4 right_eye_inner 9 left_mouth 17 left_pinky 22 right_thumb"),
     ];
     for (name, joints) in expected {
         let layout = Layout::by_name(name).unwrap();
-        for (i, joint) in joints {
-            assert_eq!(layout.joints[*i], *joint, "{name}");
+        let words: Vec<&str> = joints.split(' ').collect();
+        for pair in words.chunks(2) {
+            assert_eq!(layout.joints[pair[0].parse::<usize>().unwrap()], pair[1], "{name}");
         }
     }
 }
@@ -155,11 +145,6 @@ fn names_are_found_in_any_case() {
     assert_eq!(Layout::by_name("OCCLUSION_PERSON15").unwrap().name, "occlusion_person15");
     let error = Layout::by_name("coco").unwrap_err();
     assert!(matches!(error, Error::UnknownName { argument: "layout", .. }));
-    assert_eq!(
-        error.to_string(),
-        "layout: unknown name 'coco', expected one of h36m17, coco17, panoptic19, \
-         occlusion_person15, body25, body25b, halpe26, shelf14, mediapipe33"
-    );
 }
 
 /// Two arms, valid.
@@ -190,34 +175,23 @@ fn a_layout_of_ones_own() {
 fn broken_layouts_are_refused() {
     type Break = fn(&mut LayoutSpec);
     let cases: [(Break, &str); 13] = [
-        (|s| s.joints.clear(), "joints: expected at least one joint, got none"),
-        (|s| s.joints[2].clear(), "joints[2]: expected a non-empty name, got an empty one"),
-        (
-            |s| s.joints[3] = "neck".into(),
-            "joints[3]: expected a name not used before, got 'neck' repeated",
-        ),
-        (|s| s.limbs[1][0] = 5, "limbs: expected joint indices below 5, got 5"),
-        (|s| s.root.push(9), "root: expected joint indices below 5, got 9"),
-        (|s| s.limbs.push([3, 3]), "limbs: expected two different joints, got [3, 3]"),
-        (|s| s.symmetric[0].tier = 4, "symmetric: expected tiers 1, 2 or 3, got tier 4"),
-        (|s| s.symmetric[0].right = [2, 2], "symmetric: expected two different joints, got [2, 2]"),
-        (
-            |s| s.left_right.push([0, 1]),
-            "left_right: expected each joint in one pair, got joint 1 repeated in pair 2",
-        ),
-        (|s| s.lengths[0].limb = 4, "lengths: expected limb indices below 4, got 4"),
-        (
-            |s| s.lengths.push(s.lengths[0]),
-            "lengths: expected one length for each limb, got two for left_hand–left_tip",
-        ),
-        (|s| s.lengths[0].mean_mm = 0.0, "lengths: expected a positive length in mm, got 0"),
-        (|s| s.lengths[0].sigma_mm = f64::NAN, "lengths: expected a positive sigma in mm, got NaN"),
+        (|s| s.joints.clear(), "joints"),
+        (|s| s.joints[2].clear(), "joints[2]"),
+        (|s| s.joints[3] = "neck".into(), "joints[3]"),
+        (|s| s.limbs[1][0] = 5, "limbs"),
+        (|s| s.root.push(9), "root"),
+        (|s| s.limbs.push([3, 3]), "limbs"),
+        (|s| s.symmetric[0].tier = 4, "symmetric"),
+        (|s| s.symmetric[0].right = [2, 2], "symmetric"),
+        (|s| s.left_right.push([0, 1]), "left_right"),
+        (|s| s.lengths[0].limb = 4, "lengths"),
+        (|s| s.lengths.push(s.lengths[0]), "lengths"),
+        (|s| s.lengths[0].mean_mm = 0.0, "lengths"),
+        (|s| s.lengths[0].sigma_mm = f64::NAN, "lengths"),
     ];
-    for (break_it, message) in cases {
+    for (break_it, field) in cases {
         let mut spec = arms();
         break_it(&mut spec);
-        let error = Layout::new(spec).unwrap_err();
-        assert!(matches!(error, Error::InvalidInput { .. }), "{error:?}");
-        assert_eq!(error.to_string(), message);
+        assert_eq!(refused(Layout::new(spec)), field);
     }
 }

@@ -57,7 +57,11 @@ fn a_covariance_without_an_inverse_has_no_overlap() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { failure_persistence: None, rng_seed: RngSeed::Fixed(7), ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig {
+        failure_persistence: None,
+        rng_seed: RngSeed::Fixed(7),
+        ..ProptestConfig::default()
+    })]
 
     /// Central differences with h = 1e-4 of lengths of some px: O(h²) and ulp/h both leave 1e-8 of
     /// the energy.

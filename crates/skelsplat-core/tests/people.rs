@@ -1,21 +1,10 @@
 //! Several people: who is who across views and over time.
 
 use nalgebra::Vector3;
-use skelsplat_core::testing::scenes::{Noise, noisy_detections, room, standing};
-use skelsplat_core::{
-    Camera, Detections, Layout, Person, Progress, RefineConfig, Refiner, Tracker, Unit, track,
-};
+use skelsplat_core::testing::scenes::{Noise, h36m, noisy_detections, refiner, room, standing};
+use skelsplat_core::{Camera, Detections, Person, Progress, RefineConfig, Tracker, track};
 
 const FPS: f64 = 30.0;
-
-fn layout() -> Layout {
-    Layout::by_name("h36m17").unwrap()
-}
-
-fn refiner(cameras: &[Camera], n_threads: Option<usize>) -> Refiner {
-    let config = RefineConfig { n_threads, ..RefineConfig::default() };
-    Refiner::new(cameras, Unit::Millimetre, Some(&layout()), config).unwrap()
-}
 
 /// Person `q` of three in frame `t`, of three statures: the first two pass each other at half a
 /// metre, the third stands.
@@ -58,8 +47,8 @@ fn error(pose: &[Vector3<f64>], truth: &[Vector3<f64>]) -> f64 {
 fn found(n_threads: Option<usize>, max_people: Option<usize>) -> Vec<Person> {
     let cameras = room(4);
     let people = recording(&cameras, 81);
-    let refiner = refiner(&cameras, n_threads);
-    track(&refiner, &layout(), &people, FPS, max_people, &Progress::default()).unwrap().people
+    let refiner = refiner(&cameras, RefineConfig { n_threads, ..RefineConfig::default() });
+    track(&refiner, &h36m(), &people, FPS, max_people, &Progress::default()).unwrap().people
 }
 
 #[test]
@@ -96,18 +85,18 @@ fn the_same_bits_on_any_number_of_threads() {
 fn at_most_so_many_people_and_never_none() {
     assert_eq!(found(None, Some(2)).len(), 2);
     let cameras = room(4);
-    let refiner = refiner(&cameras, None);
-    let none = track(&refiner, &layout(), &[], FPS, Some(0), &Progress::default());
+    let refiner = refiner(&cameras, RefineConfig::default());
+    let none = track(&refiner, &h36m(), &[], FPS, Some(0), &Progress::default());
     assert!(none.unwrap_err().to_string().starts_with("max_people: expected at least 1"));
-    let empty = track(&refiner, &layout(), &[], FPS, None, &Progress::default());
+    let empty = track(&refiner, &h36m(), &[], FPS, None, &Progress::default());
     assert_eq!(empty.unwrap().people, []);
 }
 
 #[test]
 fn live_follows_the_same_people() {
     let cameras = room(4);
-    let refiner = refiner(&cameras, None);
-    let mut tracker = Tracker::new(&refiner, &layout(), FPS, None).unwrap();
+    let refiner = refiner(&cameras, RefineConfig::default());
+    let mut tracker = Tracker::new(&refiner, &h36m(), FPS, None).unwrap();
     let mut who = [None; 3];
     for (t, slots) in recording(&cameras, 81).iter().enumerate() {
         let seen = tracker.step(&refiner, slots, &Progress::default()).unwrap();

@@ -1,18 +1,20 @@
 //! The complete method on scenes with known ground truth.
 
 use nalgebra::{Vector2, Vector3};
+use skelsplat_core::study::paper::PositionLearningRate;
 use skelsplat_core::testing::scenes::{
-    Noise, exact_detections, noisy_detections, perturbed, room, standing,
+    Noise, exact_detections, noisy_detections, perturbed, refiner, room, standing, without,
 };
 use skelsplat_core::{
-    Camera, Detections, Frame, JointStatus, Layout, PaperSettings, PositionLearningRate,
-    RefineConfig, Refinement, Refiner, StopReason, Unit,
+    Camera, Detections, Frame, JointStatus, PaperSettings, RefineConfig, Refinement, StopReason,
 };
 
-fn refine(cameras: &[Camera], unit: Unit, frame: &Frame, config: RefineConfig) -> Refinement {
-    let layout = Layout::by_name("h36m17").unwrap();
-    let refiner = Refiner::new(cameras, unit, Some(&layout), config).unwrap();
-    refiner.refine(frame).unwrap()
+fn refine(cameras: &[Camera], frame: &Frame, config: impl Into<RefineConfig>) -> Refinement {
+    refiner(cameras, config).refine(frame).unwrap()
+}
+
+fn by_paper(cameras: &[Camera], frame: &Frame) -> Refinement {
+    refine(cameras, frame, RefineConfig::paper())
 }
 
 fn mean_error(a: &[Vector3<f64>], b: &[Vector3<f64>]) -> f64 {
@@ -24,31 +26,13 @@ fn start(noise_mm: f64, seed: u64) -> Vec<Vector3<f64>> {
     perturbed(&standing(), noise_mm, &mut Noise::new(seed))
 }
 
-/// `detections` without joint `j` in the views from `from` on.
-fn without(detections: &Detections, j: usize, from: usize) -> Detections {
-    let (m, n) = (detections.n_views(), detections.n_joints());
-    let mut pixels = Vec::new();
-    for i in 0..m {
-        for k in 0..n {
-            let seen = detections.get(i, k).filter(|_| k != j || i < from);
-            pixels.extend(seen.map_or([f64::NAN; 2], |(p, _)| [p.x, p.y]));
-        }
-    }
-    Detections::new(m, n, &pixels, None).unwrap()
-}
-
 #[test]
 fn exact_detections_recover_the_pose_from_20_mm_of_noise() {
     let cameras = room(4);
     let detections = exact_detections(&standing(), &cameras);
     for seed in 0..5 {
-        let frame = Frame {
-            detections: detections.clone(),
-            init_pose: Some(start(20.0, seed)),
-            init_covariance: None,
-            past: false,
-        };
-        let out = refine(&cameras, Unit::Millimetre, &frame, RefineConfig::paper());
+        let frame = Frame { init_pose: Some(start(20.0, seed)), ..detections.clone().into() };
+        let out = by_paper(&cameras, &frame);
         let before = mean_error(&out.init_pose, &standing());
         assert!(before > 20.0, "the start is not noisy: {before}");
         let after = mean_error(&out.pose, &standing());
@@ -57,50 +41,17 @@ fn exact_detections_recover_the_pose_from_20_mm_of_noise() {
     }
 }
 
-/// The same scene in metres gives the same pose: all lengths are scaled by powers that rounding
-/// hardly feels.
-#[test]
-fn the_unit_changes_nothing() {
-    let cameras = room(4);
-    let metres: Vec<Camera> = cameras.iter().map(|c| c.clone().with_length_scale(1e-3)).collect();
-    let detections = exact_detections(&standing(), &cameras);
-    let config = RefineConfig::from(PaperSettings { max_steps: 20, ..PaperSettings::default() });
-    let in_mm = Frame {
-        detections: detections.clone(),
-        init_pose: Some(start(20.0, 1)),
-        init_covariance: None,
-        past: false,
-    };
-    let in_m = Frame {
-        detections,
-        init_pose: in_mm.init_pose.as_ref().map(|p| p.iter().map(|x| x * 1e-3).collect()),
-        init_covariance: None,
-        past: false,
-    };
-    let a = refine(&cameras, Unit::Millimetre, &in_mm, config.clone());
-    let b = refine(&metres, Unit::Metre, &in_m, config);
-    let b_mm: Vec<Vector3<f64>> = b.pose.iter().map(|p| p * 1e3).collect();
-    assert!(mean_error(&a.pose, &b_mm) < 1e-3);
-    assert!((a.covariance[5] - b.covariance[5] * 1e6).amax() < 1e-2);
-}
-
 #[test]
 fn a_joint_that_no_view_sees_keeps_its_start_and_is_unobserved() {
     let cameras = room(4);
-    let detections = without(&exact_detections(&standing(), &cameras), 13, 0);
-    let frame =
-        Frame { detections, init_pose: Some(start(10.0, 4)), init_covariance: None, past: false };
-    let out = refine(&cameras, Unit::Millimetre, &frame, RefineConfig::paper());
+    let detections = without(&exact_detections(&standing(), &cameras), |_, j| j == 13);
+    let frame = Frame { init_pose: Some(start(10.0, 4)), ..detections.into() };
+    let out = by_paper(&cameras, &frame);
     assert_eq!(out.joint_status[13], JointStatus::Unobserved);
     assert!((out.pose[13] - out.init_pose[13]).norm() < 1e-9);
     assert!(out.reprojection_error.iter().skip(13).step_by(17).all(|e| e.is_nan()));
-}
-
-#[test]
-fn a_joint_that_no_view_sees_and_that_has_no_start_is_nan() {
-    let cameras = room(4);
-    let detections = without(&exact_detections(&standing(), &cameras), 13, 0);
-    let out = refine(&cameras, Unit::Millimetre, &Frame::from(detections), RefineConfig::paper());
+    // Without a start it is nowhere.
+    let out = by_paper(&cameras, &Frame { init_pose: None, ..frame });
     assert_eq!(out.joint_status[13], JointStatus::Unobserved);
     assert!(out.pose[13].x.is_nan() && out.covariance[13][(0, 0)].is_nan());
     let rest = |p: &[Vector3<f64>]| [&p[..13], &p[14..]].concat();
@@ -110,12 +61,11 @@ fn a_joint_that_no_view_sees_and_that_has_no_start_is_nan() {
 #[test]
 fn a_joint_that_one_view_sees_is_weak_but_agrees_with_that_view() {
     let cameras = room(4);
-    let detections = without(&exact_detections(&standing(), &cameras), 13, 1);
-    let frame =
-        Frame { detections, init_pose: Some(start(10.0, 5)), init_covariance: None, past: false };
+    let detections = without(&exact_detections(&standing(), &cameras), |i, j| j == 13 && i > 0);
+    let frame = Frame { init_pose: Some(start(10.0, 5)), ..detections.into() };
     let config =
         RefineConfig::from(PaperSettings { stop_tolerance: 0.0, ..PaperSettings::default() });
-    let out = refine(&cameras, Unit::Millimetre, &frame, config);
+    let out = refine(&cameras, &frame, config);
     assert_eq!(out.joint_status[13], JointStatus::Weak);
     // An initial error of 10 mm is about 2 px here; one view suffices to remove the visible part.
     assert!(out.reprojection_error[13] < 0.5, "{}", out.reprojection_error[13]);
@@ -125,9 +75,8 @@ fn a_joint_that_one_view_sees_is_weak_but_agrees_with_that_view() {
 fn a_frame_without_detections_keeps_its_start() {
     let cameras = room(4);
     let detections = Detections::new(4, 17, &[f64::NAN; 4 * 17 * 2], None).unwrap();
-    let frame =
-        Frame { detections, init_pose: Some(start(10.0, 6)), init_covariance: None, past: false };
-    let out = refine(&cameras, Unit::Millimetre, &frame, RefineConfig::paper());
+    let frame = Frame { init_pose: Some(start(10.0, 6)), ..detections.into() };
+    let out = by_paper(&cameras, &frame);
     assert_eq!((out.stop_reason, out.n_iter), (StopReason::NoObservations, 0));
     assert_eq!(out.pose, out.init_pose);
     assert!(out.joint_status.iter().all(|s| *s == JointStatus::Unobserved));
@@ -144,13 +93,8 @@ fn joints_behind_every_camera_or_outside_every_image_are_outcomes() {
     for (j, place) in [(4, outside), (9, behind)] {
         let mut init = standing();
         init[j] = place;
-        let frame = Frame {
-            detections: detections.clone(),
-            init_pose: Some(init),
-            init_covariance: None,
-            past: false,
-        };
-        let out = refine(&cameras, Unit::Millimetre, &frame, RefineConfig::paper());
+        let frame = Frame { init_pose: Some(init), ..detections.clone().into() };
+        let out = by_paper(&cameras, &frame);
         assert_ne!(out.joint_status[j], JointStatus::Ok);
         assert!(out.pose.iter().flat_map(|p| p.iter()).all(|v| v.is_finite()));
     }
@@ -162,8 +106,8 @@ fn nan_joints_of_the_start_are_triangulated() {
     let detections = exact_detections(&standing(), &cameras);
     let mut init = standing();
     init[2] = Vector3::repeat(f64::NAN);
-    let frame = Frame { detections, init_pose: Some(init), init_covariance: None, past: false };
-    let out = refine(&cameras, Unit::Millimetre, &frame, RefineConfig::paper());
+    let frame = Frame { init_pose: Some(init), ..detections.into() };
+    let out = by_paper(&cameras, &frame);
     assert!((out.init_pose[2] - standing()[2]).norm() < 1e-6);
 }
 
@@ -171,17 +115,15 @@ fn nan_joints_of_the_start_are_triangulated() {
 fn a_lower_resolution_still_recovers_the_pose() {
     let cameras = room(4);
     let detections = exact_detections(&standing(), &cameras);
-    let frame =
-        Frame { detections, init_pose: Some(start(10.0, 8)), init_covariance: None, past: false };
+    let frame = Frame { init_pose: Some(start(10.0, 8)), ..detections.into() };
     let config = RefineConfig::from(PaperSettings { resolution: 0.5, ..PaperSettings::default() });
-    let out = refine(&cameras, Unit::Millimetre, &frame, config);
+    let out = refine(&cameras, &frame, config);
     // A shift of half a pixel at 4.6 mm per pixel would show as more than 2 mm.
     assert!(mean_error(&out.pose, &standing()) < 1.0);
 }
 
-/// A learning rate that makes the parameters overflow ends with the last finite state. A joint that
-/// another wrong detection pulls aside comes back past the place nearest to the camera on such a
-/// ray.
+/// A joint that another wrong detection pulls aside comes back past the place nearest to the camera
+/// on such a ray.
 #[test]
 fn a_detection_far_outside_its_image_is_no_barrier() {
     let cameras = room(6);
@@ -193,7 +135,7 @@ fn a_detection_far_outside_its_image_is_no_barrier() {
             true if view == other => Some(Vector2::new(far, p.y)),
             _ => Some(p),
         });
-        refine(&cameras, Unit::Millimetre, &Frame::from(detections), RefineConfig::default())
+        refine(&cameras, &Frame::from(detections), RefineConfig::default())
     };
     for j in 0..17 {
         for (off, other) in [(0, 1), (0, 2), (1, 4), (2, 3)] {
@@ -209,12 +151,12 @@ fn a_detection_far_outside_its_image_is_no_barrier() {
     }
 }
 
+/// A learning rate that makes the parameters overflow ends with the last finite state.
 #[test]
 fn divergence_is_an_outcome_with_finite_numbers() {
     let cameras = room(4);
     let detections = exact_detections(&standing(), &cameras);
-    let frame =
-        Frame { detections, init_pose: Some(start(10.0, 9)), init_covariance: None, past: false };
+    let frame = Frame { init_pose: Some(start(10.0, 9)), ..detections.into() };
     for config in [
         RefineConfig::from(PaperSettings { log_scale_lr: 400.0, ..PaperSettings::default() }),
         RefineConfig::from(PaperSettings {
@@ -223,7 +165,7 @@ fn divergence_is_an_outcome_with_finite_numbers() {
             ..PaperSettings::default()
         }),
     ] {
-        let out = refine(&cameras, Unit::Millimetre, &frame, config);
+        let out = refine(&cameras, &frame, config);
         assert_eq!(out.stop_reason, StopReason::Diverged);
         assert!(out.pose.iter().flat_map(|p| p.iter()).all(|v| v.is_finite()));
         assert!(out.loss.total.is_finite());

@@ -3,9 +3,9 @@
 use nalgebra::{Matrix3, Vector3};
 use skelsplat_core::JointStatus;
 use skelsplat_core::study::annealed::{Alone, Ray, Rays};
-use skelsplat_core::study::sequence::agility::Agility;
-use skelsplat_core::study::sequence::noise::Noise as Shown;
-use skelsplat_core::study::sequence::solver::{Common, Run};
+use skelsplat_core::study::sequence::noise::DetectionNoise;
+use skelsplat_core::study::sequence::process_noise::ProcessNoise;
+use skelsplat_core::study::sequence::solver::{Common, WindowSolver};
 use skelsplat_core::study::sequence::tracks::Tracks;
 use skelsplat_core::testing::scenes::Noise;
 
@@ -39,22 +39,22 @@ fn frame(views: usize, wrong: f64, noise: &mut Noise) -> Alone {
 }
 
 /// What 600 frames show, at the true position.
-fn shown(views: usize, wrong: f64) -> Shown {
+fn shown(views: usize, wrong: f64) -> DetectionNoise {
     let mut noise = Noise::new(3);
     let frames: Vec<Alone> = (0..600).map(|_| frame(views, wrong, &mut noise)).collect();
     let tracks = Tracks::new(&[&frames], 30, SIGMA);
     let common = Common {
         fps: 30.0,
-        agility: vec![Agility::steady(1e4)],
+        process_noise: vec![ProcessNoise::steady(1e4)],
         weight: 1.0,
         variance: vec![ERROR * ERROR],
         sigma: vec![SIGMA],
         reach: 400.0,
         ..Common::default()
     };
-    let mut run = Run::new(&tracks, &common, Some(vec![Vector3::zeros(); frames.len()]));
+    let mut run = WindowSolver::new(&tracks, &common, Some(vec![Vector3::zeros(); frames.len()]));
     run.linearise(1.0);
-    Shown::of(&run, &tracks, &common)
+    DetectionNoise::of(&run, &tracks, &common)
 }
 
 #[test]

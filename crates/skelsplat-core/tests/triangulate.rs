@@ -1,19 +1,15 @@
 //! Triangulation and fusion: exact recovery, weights, degenerate geometry.
 
-use nalgebra::{DMatrix, Matrix3, Vector2, Vector3};
+use nalgebra::{DMatrix, Vector2, Vector3};
 use skelsplat_core::study::triangulate::{dlt, fuse_monocular};
+use skelsplat_core::testing::refused;
+use skelsplat_core::testing::scenes::look_at;
 use skelsplat_core::{
     Camera, Detections, Distortion, Error, TriangulationMethod as Method, Unit, triangulate,
 };
 
-/// A camera at `centre` (mm) looking at `target`.
 fn looking(centre: Vector3<f64>, target: Vector3<f64>) -> Camera {
-    let forward = (target - centre).normalize();
-    let right = forward.cross(&Vector3::z()).normalize();
-    let down = forward.cross(&right);
-    let r = Matrix3::from_rows(&[right.transpose(), down.transpose(), forward.transpose()]);
-    let k = Matrix3::new(1145.0, 0.0, 512.5, 0.0, 1143.0, 515.0, 0.0, 0.0, 1.0);
-    Camera::new(&k, &r, &-(r * centre), [1000, 1000]).unwrap()
+    look_at(centre, target, 1145.0, [1000, 1000])
 }
 
 /// Four cameras in the corners of a room, 4 to 6 m from the subject.
@@ -80,9 +76,7 @@ fn the_lens_is_undone_first() {
     let lens = Distortion::brown_conrady(&[-0.2, 0.08, 1e-3, -2e-3, -0.01]).unwrap();
     let cameras: Vec<_> = room().into_iter().map(|c| c.with_distortion(lens.clone())).collect();
     let detections = detect(&cameras, &joints());
-    let found =
-        triangulate(&detections, &cameras, Unit::Millimetre, Method::by_name("dlt").unwrap())
-            .unwrap();
+    let found = triangulate(&detections, &cameras, Unit::Millimetre, Method::Dlt).unwrap();
     assert_eq!(found.rejected, [false; 12]);
     let ignored = dlt(&detections, &cameras);
     for ((x, without), truth) in found.points.iter().zip(&ignored).zip(joints()) {
@@ -159,17 +153,11 @@ fn a_detection_weighs_its_confidence() {
     // more as the view also loses its part in holding the point.
     assert!(error(0.1) < 0.03 * error(1.0), "{} {}", error(0.1), error(1.0));
     assert!(error(0.0) < 1e-9);
-}
-
-#[test]
-fn only_the_ratio_of_confidences_matters() {
-    let (cameras, points) = (room(), joints());
-    let pixels = seen(&cameras, &points, jitter);
+    // Only their ratio matters.
     let with = |c: f64| {
         let detections = Detections::new(4, 3, &pixels, Some(&[c; 12])).unwrap();
         dlt(&detections, &cameras)
     };
-    assert_eq!(with(1.0), with(0.25));
     assert_eq!(with(1.0), with(1e-29));
     assert!(is_nan(&with(1e-31)[0]), "a confidence below 1e-30 is none");
 }
@@ -225,15 +213,10 @@ fn no_views_and_no_joints_are_answered() {
 fn wrong_counts_and_names_are_refused() {
     let cameras = room();
     let detections = detect(&cameras, &joints());
-    let error = triangulate(&detections, &cameras[..3], Unit::Millimetre, Method::Dlt).unwrap_err();
-    assert!(matches!(error, Error::InvalidInput { .. }));
-    assert_eq!(error.to_string(), "cameras: expected one camera for each of the 4 views, got 3");
+    let three = triangulate(&detections, &cameras[..3], Unit::Millimetre, Method::Dlt);
+    assert_eq!(refused(three), "cameras");
     let error = Method::by_name("DLT2").unwrap_err();
     assert!(matches!(error, Error::UnknownName { argument: "method", .. }));
-    assert_eq!(
-        error.to_string(),
-        "method: unknown name 'DLT2', expected one of robust, dlt, ransac"
-    );
 }
 
 #[test]

@@ -5,7 +5,8 @@ use pyo3::prelude::*;
 use pyo3::types::{PyCFunction, PyDict, PyString, PyTuple};
 use pyo3::{Borrowed, IntoPyObjectExt};
 use skelsplat_core::study::refine::config::OCCLUSION_FACTOR;
-use skelsplat_core::{Error, Kind, Method, RefineConfig as Core, Setting as Line, Value};
+use skelsplat_core::study::settings::{Kind, Setting as Line};
+use skelsplat_core::{Error, Method, RefineConfig as Core, Value};
 
 use crate::args::{Array, Rebuilt, object, rebuilt, repr, type_name};
 use crate::errors::{Failure, Result, in_words, refuse};

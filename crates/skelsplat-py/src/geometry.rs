@@ -2,10 +2,9 @@
 
 use nalgebra::Vector3;
 use pyo3::prelude::*;
-use skelsplat_core::Camera;
-use skelsplat_core::Detections;
 use skelsplat_core::study::memory;
-use skelsplat_core::{self as core, Triangulated, TriangulationMethod};
+use skelsplat_core::study::triangulate::Triangulated;
+use skelsplat_core::{self as core, Camera, Detections, TriangulationMethod};
 
 use crate::args::{Confidence, Monocular, Out, Points};
 use crate::camera::Cameras;
@@ -55,7 +54,7 @@ pub(crate) fn in_every_view<V: Send + 'static, T: Send + 'static, const K: usize
 
 /// Triangulated points, and the rejected detections if requested.
 #[derive(IntoPyObject)]
-pub(crate) enum Found {
+pub(crate) enum TriangulatedArrays {
     Points(Out<f64>),
     Both(Out<f64>, Out<bool>),
 }
@@ -104,7 +103,7 @@ pub(crate) fn triangulate(
     method: &str,
     confidence: Option<Confidence>,
     return_rejected: bool,
-) -> Result<Found> {
+) -> Result<TriangulatedArrays> {
     let method = TriangulationMethod::by_name(method)?;
     let frames = detections.with(confidence)?;
     frames.expect_views(cameras.cameras.len())?;
@@ -118,7 +117,11 @@ pub(crate) fn triangulate(
         found.into_iter().map(|t| (t.points, t.rejected)).unzip();
     let points = Out::points(&points.concat(), frames.shape(&[frames.n_joints, 3]));
     let rejected = frames.out(rejected.concat(), &[frames.n_views, frames.n_joints]);
-    Ok(if return_rejected { Found::Both(points, rejected) } else { Found::Points(points) })
+    Ok(if return_rejected {
+        TriangulatedArrays::Both(points, rejected)
+    } else {
+        TriangulatedArrays::Points(points)
+    })
 }
 
 /// Fuse monocular 3D poses ([T,] V, N, 3) in world coordinates into one pose ([T,] N, 3).

@@ -55,9 +55,6 @@ mod _skelsplat {
         m.add("LAYOUT_NAMES", skelsplat_core::Layout::NAMES.to_vec())?;
         m.add("HIGHEST_CONFIDENCE", crate::detections::HIGHEST_CONFIDENCE)?;
         m.add("REJECTED_WEIGHT", skelsplat_core::study::annealed::consensus::REJECTED)?;
-        m.add(
-            "JOINT_STATUS",
-            crate::refine::JOINT_STATUS.map(skelsplat_core::JointStatus::name).to_vec(),
-        )
+        m.add("JOINT_STATUS", skelsplat_core::JointStatus::NAMES)
     }
 }

@@ -5,14 +5,13 @@ use std::sync::{Arc, Mutex, PoisonError};
 use pyo3::Borrowed;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use skelsplat_core::study::people::births::Judge;
 use skelsplat_core::study::people::choice::{
     Choice, Choices, Chosen, Linking, MOST_WORK, Rules, choices, choose,
 };
-use skelsplat_core::study::people::known::Known;
+use skelsplat_core::study::people::known::BodyModel;
 use skelsplat_core::study::people::score::{at_body, of_pair};
-use skelsplat_core::study::people::{Crowd, Figure};
-use skelsplat_core::{Detections, Everybody, Person, Progress, Tracker, track};
+use skelsplat_core::study::people::{Crowd, Everybody, Figure};
+use skelsplat_core::{Detections, Person, Progress, Tracker, track};
 
 use crate::args::{Array, Out, Poses, place};
 use crate::camera::Cameras;
@@ -210,7 +209,7 @@ pub(crate) fn people_scores(
 ) -> Result<(Out<f64>, Out<f64>, f64)> {
     let [_, m, p, _] = people.shape;
     let (crowd, layout) = (Crowd::new(&refiner.0, &people.only()?)?, layout.0);
-    let (known, pose) = (Known::new(&refiner.0, &layout), pose.0.points());
+    let (known, pose) = (BodyModel::new(&refiner.0, &layout), pose.0.points());
     let figures: Vec<(usize, &Figure)> = crowd
         .views
         .iter()
@@ -225,7 +224,7 @@ pub(crate) fn people_scores(
     let pairs = figures.iter().flat_map(|a| figures.iter().map(|b| pair(a, b)));
     let pairs = pairs.collect();
     let free = crowd.views.iter().map(|view| vec![true; view.len()]).collect();
-    let support = Judge { known: &known }.support(&crowd, &free, &pose);
+    let support = known.support(&crowd, &free, &pose);
     Ok((Out(bodies, vec![m, p]), Out(pairs, vec![m, p, m, p]), support))
 }
 
@@ -266,7 +265,7 @@ impl PyTracker {
             let mut tracker = tracker.lock().unwrap_or_else(PoisonError::into_inner);
             tracker.step(&refiner, &slots, progress)
         })?;
-        let one = |seen: skelsplat_core::Seen| {
+        let one = |seen: skelsplat_core::TrackedPerson| {
             let frame = Frames::one(m, n);
             let out = results(py, &frame, seen.refinement.into())?;
             let slots = |part: usize| -> Vec<i64> {

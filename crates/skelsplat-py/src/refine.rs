@@ -7,11 +7,12 @@ use nalgebra::{Matrix3, Vector3};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use skelsplat_core::study::gaussian::is_symmetric;
+use skelsplat_core::study::outcome::Loss;
 use skelsplat_core::study::sequence::{Window, sample, window_size, windows};
 use skelsplat_core::study::unit::implausible_extent as core_extent;
 use skelsplat_core::{
-    Follower, Frame, JointStatus, Known, Live, Loss, Method, Progress, Refinements, Refiner,
-    Sequence, learn_sequence, refine_batch, refine_sequence, refine_windows,
+    Frame, Known, Live, Method, Progress, Refinements, Refiner, Sequence, follow, learn_sequence,
+    refine_batch, refine_sequence, refine_windows,
 };
 
 use crate::args::{Array, Confidence, InitPose, InitSigma, Out, Poses, place};
@@ -21,10 +22,6 @@ use crate::detections::Frames;
 use crate::errors::{Result, refuse};
 use crate::layout::Layout;
 use crate::watch;
-
-/// Statuses in the order of the codes returned by `refine`.
-pub(crate) const JOINT_STATUS: [JointStatus; 4] =
-    [JointStatus::Ok, JointStatus::Weak, JointStatus::Unobserved, JointStatus::Inferred];
 
 /// Smallest standard deviation of an initial pose: the inverse of its square is well within the
 /// range of a double.
@@ -171,9 +168,7 @@ impl PyRefiner {
         let given = frames.only()?;
         let (past, refiner) = (past.map(|past| past.0.points()), Arc::clone(&self.0));
         let (done, past) = watch::run(py, self.is_short(&frames), move |progress| {
-            let mut follower = Follower::new(&refiner, past);
-            let done = follower.step(given, progress)?;
-            Ok((done, follower.past().unwrap_or_default().to_vec()))
+            follow(&refiner, past, given, progress)
         })?;
         let past = Out::points(&past, vec![frames.n_joints, 3]);
         Ok((results(py, &frames, done.into())?, past))

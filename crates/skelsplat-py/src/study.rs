@@ -8,13 +8,15 @@ use pyo3::types::PyDict;
 use skelsplat_core::Result as CoreResult;
 use skelsplat_core::study::annealed::{Rays, proportions};
 use skelsplat_core::study::bones::{Bone, Length};
-use skelsplat_core::study::gaussian::check_covariances;
-use skelsplat_core::study::paper::render::{self as core, Images, Seen};
+use skelsplat_core::study::gaussian::{Gaussian, GaussianGradient, check_covariances};
+use skelsplat_core::study::paper::Encoding;
+use skelsplat_core::study::paper::render::{self as core, DepthSplat, Images};
 use skelsplat_core::study::projection::View;
+use skelsplat_core::study::refine::Control;
 use skelsplat_core::study::rig::Placed;
 use skelsplat_core::study::rig::adjust::equations as rig_step;
 use skelsplat_core::study::sequence::{equations, solver::Common};
-use skelsplat_core::{Control, Encoding, Frame, Gaussian, GaussianGradient, PaperSettings};
+use skelsplat_core::{Frame, PaperSettings};
 
 use crate::args::{
     Array, Covariances, InitPose, Keypoints, LogScales, Means, Out, Poses, Quaternions,
@@ -93,7 +95,7 @@ fn images(
     shapes: Shapes,
     camera: &Camera,
     encoding: Encoding,
-    draw: impl FnOnce(&[Seen], [u32; 2], &AtomicBool) -> CoreResult<Images> + Send + 'static,
+    draw: impl FnOnce(&[DepthSplat], [u32; 2], &AtomicBool) -> CoreResult<Images> + Send + 'static,
 ) -> Result<Out<f32>> {
     let view = View::new(&camera.0);
     // At this size even splats that cover the whole image are rendered within a tenth of a second.
@@ -238,16 +240,16 @@ pub(crate) fn sequence_equations(
             .iter()
             .map(|[mean, sigma]| Length { mean: *mean, sigma: *sigma })
             .collect(),
-        agility: Vec::new(),
+        process_noise: Vec::new(),
         weight: 1.0,
         variance: joints.iter().map(|j| j[0]).collect(),
         sigma: joints.iter().map(|j| j[1]).collect(),
         reach: 1.0,
     };
-    let (hessian, pulls, agility) = equations(&refiner, &frames, points, common, 1.0)?;
+    let (hessian, pulls, process_noise) = equations(&refiner, &frames, points, common, 1.0)?;
     let gradient: Vec<Vector3<f64>> = pulls.iter().map(|pull| -pull).collect();
     let hessian = Out(hessian, vec![3 * n * t, 3 * n * t]);
-    Ok((hessian, Out::points(&gradient, vec![n, t, 3]), Out(agility, vec![n, t])))
+    Ok((hessian, Out::points(&gradient, vec![n, t, 3]), Out(process_noise, vec![n, t])))
 }
 
 /// Return S (8 M, 8 M), s (8 M,) and the cost of the equations of ``adjust_cameras``, joints
@@ -303,6 +305,7 @@ pub(crate) fn most_likely_places(
     }
     let rays = Rays::new(&detections, &cameras.cameras, &[]);
     let (rays, bones, points, sigma) = (&rays, &bones, &points, &sigma);
-    let search = proportions::Search { rays, bones, points, doubtful, placed, sigma, variance };
+    let search =
+        proportions::PlaceSearch { rays, bones, points, doubtful, placed, sigma, variance };
     Ok(Out::points(&proportions::most_likely(&search), vec![n, 3]))
 }

@@ -12,7 +12,7 @@
 use nalgebra::{Matrix3, Vector3};
 
 use crate::bones::Pull;
-use crate::symmetric::Symmetric;
+use crate::matrix3::Symmetric;
 
 /// A scalar residual r of four joints.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -232,13 +232,9 @@ const ILL_CONDITIONED: f64 = 1e-9;
 #[inline]
 fn inverse_of(m: &Matrix3<f64>) -> Matrix3<f64> {
     let symmetric = Symmetric::of(m);
-    let cofactors = symmetric.cofactors();
-    let (determinant, scale) = (symmetric.determinant(&cofactors), symmetric.scale());
-    let well_conditioned = determinant > ILL_CONDITIONED * scale * scale * scale;
-    if !well_conditioned {
-        return carefully_inverted(m);
-    }
-    cofactors.scaled(1.0 / determinant).matrix()
+    let scale = symmetric.scale();
+    let least = ILL_CONDITIONED * scale * scale * scale;
+    symmetric.inverse_above(least).unwrap_or_else(|| carefully_inverted(m))
 }
 
 #[cold]

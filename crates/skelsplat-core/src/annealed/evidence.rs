@@ -24,8 +24,9 @@ use super::rays::{Ray, Rays};
 use super::solver::{Annealing, Prior, Solution};
 use nalgebra::{Matrix3, Vector3};
 
-/// Rounds of expectation and maximisation for ε; it starts at one detection in ten.
+/// Rounds of expectation and maximisation for ε.
 const ROUNDS: usize = 3;
+/// ε at first: one detection in ten is wrong.
 const FIRST_SHARE: f64 = 0.1;
 /// Least S in multiples of the noise.
 const LEAST_REACH: f64 = 2.5;

@@ -21,7 +21,7 @@ use nalgebra::{Matrix3, Vector3};
 
 /// One frame, before sides are assigned; lengths are mm.
 #[derive(Debug, Clone)]
-pub struct Frame<'a> {
+pub struct AnnealedFrame<'a> {
     /// The cameras.
     pub cameras: &'a [Camera],
     /// Detections as ideal pixels.
@@ -67,7 +67,7 @@ pub struct Alone {
 }
 
 /// A solution for one assignment of left and right.
-struct Found {
+struct Attempt {
     rays: Rays,
     init: Vec<Vector3<f64>>,
     solution: Solution,
@@ -79,7 +79,7 @@ struct Found {
 /// A pose with priors, and the noise used to find it.
 struct Informed<'a> {
     given: Given<'a>,
-    found: Found,
+    found: Attempt,
 }
 
 /// Maximum rounds of the search for swaps.
@@ -90,7 +90,7 @@ const SWAP_GAIN: f64 = 1.0;
 /// Log-odds that a swap has to reach where the noise is large: there are a few dozen candidates.
 const SWAP_EVIDENCE: f64 = 10.0;
 
-impl Found {
+impl Attempt {
     /// Whether a joint with a position in `other` has none here.
     fn loses_against(&self, other: &Self) -> bool {
         let (here, there) = (&self.solution.points, &other.solution.points);
@@ -128,7 +128,7 @@ impl Found {
     }
 }
 
-impl Frame<'_> {
+impl AnnealedFrame<'_> {
     /// The pose of the frame.
     #[must_use]
     pub fn solve(&self) -> Annealed {
@@ -212,14 +212,14 @@ impl Frame<'_> {
         if likely(&wide) > likely(&narrow) { wide } else { narrow }
     }
 
-    fn find(&self, rays: Rays, given: &Given<'_>) -> Found {
+    fn find(&self, rays: Rays, given: &Given<'_>) -> Attempt {
         let Start { init, points, sigma, widening } = start(self.before.as_ref(), &rays, given);
         let problem = self.problem(&rays, given, widening, &[]);
         let solution = solve(&problem, &points, &sigma);
         let (solution, bones) =
             with_bones(&problem, self.expected, &solution, self.before.is_none())
                 .unwrap_or((solution, Vec::new()));
-        Found { rays, init, solution, widening, bones }
+        Attempt { rays, init, solution, widening, bones }
     }
 
     fn problem<'b>(
@@ -233,8 +233,8 @@ impl Frame<'_> {
         Problem { rays, pairs: self.pairs, bones, priors: *priors, annealing, widening }
     }
 
-    fn outcome(&self, given: &Given<'_>, found: Found, used_for: Vec<usize>) -> Annealed {
-        let Found { rays, init, mut solution, widening, bones } = found;
+    fn outcome(&self, given: &Given<'_>, found: Attempt, used_for: Vec<usize>) -> Annealed {
+        let Attempt { rays, init, mut solution, widening, bones } = found;
         let problem = self.problem(&rays, given, widening, &bones);
         let bars = error_bars(&problem, &mut solution);
         let loss = loss(&problem, &solution);

@@ -11,16 +11,21 @@ use super::rays::{Ray, Rays, nearest_with_spread};
 use super::solver::{Annealing, Problem, Solution, Widening, solve};
 use crate::camera::Camera;
 use crate::detections::Detections;
+use crate::statistics::median;
 use crate::triangulate::Triangulated;
 
 /// Number of views by which the agreeing ones have to outnumber the others to be a majority.
 const MAJORITY: f64 = 0.25;
 /// Agreement by which a pair's point has to exceed the annealed one's, in detections of the joint's
-/// mean weight: with three views, of which any two outvote the third by chance, and with more.
-const MARGIN: [f64; 2] = [0.75, 0.5];
-/// Maximum distance of a wrong detection, in multiples of the widest kernel: where no joint is seen
-/// by three views, so that it is impossible to tell which detection is wrong, and otherwise.
-const ANYWHERE: [f64; 2] = [1.5, 1.0];
+/// mean weight.
+const MARGIN: f64 = 0.5;
+/// The same with three views, of which any two outvote the third by chance.
+const MARGIN_OF_THREE: f64 = 0.75;
+/// Largest distance of a wrong detection, in multiples of the widest kernel.
+const ANYWHERE: f64 = 1.0;
+/// The same where no joint is seen by three views, so that it is impossible to tell which detection
+/// is wrong.
+const ANYWHERE_OF_PAIRS: f64 = 1.5;
 /// cos 15°.
 const NARROW: f64 = 0.966;
 /// Rays this far from parallel, 15° for two, determine a depth whatever the noise.
@@ -99,27 +104,23 @@ pub fn locate(rays: &Rays, annealing: &Annealing) -> Located {
 /// their rays, which for normal noise is 0.6745 · √2 σ. Two views of the same person do, whatever
 /// the others show.
 fn views_agree(rays: &Rays, sigma: f64) -> bool {
-    let mut distances = Vec::with_capacity(rays.n_joints());
     let m = rays.n_views();
     (0..m).flat_map(|a| (a + 1..m).map(move |b| (a, b))).any(|(a, b)| {
-        distances.clear();
-        for j in 0..rays.n_joints() {
+        let distance = |j: usize| {
             let (a, b) = (&rays.of_joint(j)[a], &rays.of_joint(j)[b]);
-            if a.is_there() && b.is_there() && have_parallax(a, b) {
-                let normal = a.direction.cross(&b.direction);
-                distances.push((b.centre - a.centre).dot(&normal).abs() / normal.norm());
-            }
-        }
-        distances.sort_by(f64::total_cmp);
-        let enough = distances.len() >= LEAST_COMMON;
-        enough && distances[distances.len() / 2] < 0.6745 * 2.0_f64.sqrt() * sigma
+            let normal = a.direction.cross(&b.direction);
+            (a.is_there() && b.is_there() && have_parallax(a, b))
+                .then(|| (b.centre - a.centre).dot(&normal).abs() / normal.norm())
+        };
+        let distances: Vec<f64> = (0..rays.n_joints()).filter_map(distance).collect();
+        distances.len() >= LEAST_COMMON && median(distances) < 0.6745 * 2.0_f64.sqrt() * sigma
     })
 }
 
 /// Assumed maximum distance of wrong detections of a frame, mm.
 #[must_use]
 pub fn anywhere(rays: &Rays, annealing: &Annealing) -> f64 {
-    annealing.start * ANYWHERE[usize::from(can_outvote(rays))]
+    annealing.start * if can_outvote(rays) { ANYWHERE } else { ANYWHERE_OF_PAIRS }
 }
 
 /// Whether three views see any joint, so that two of them can outvote the third.
@@ -206,7 +207,7 @@ fn reconsider(rays: &Rays, solution: &mut Solution) -> bool {
         }
         let mean = of_joint.iter().map(|ray| ray.weight).sum::<f64>() / views;
         let sigma = solution.sigma[j];
-        let margin = if views < 4.0 { MARGIN[0] } else { MARGIN[1] };
+        let margin = if views < 4.0 { MARGIN_OF_THREE } else { MARGIN };
         let enough = agreement(of_joint, &solution.points[j], sigma) + margin * mean;
         if let Some((x, _)) =
             best_pair(of_joint, &solution.points[j], sigma).filter(|(_, agreed)| *agreed > enough)

@@ -31,7 +31,7 @@ pub mod solver;
 pub mod starts;
 pub mod swaps;
 
-pub use frame::{Alone, Annealed, Frame};
+pub use frame::{Alone, Annealed, AnnealedFrame};
 pub use locate::robust;
 pub use noise::NoiseModel;
 pub use rays::{Offset, Ray, Rays};

@@ -31,8 +31,9 @@ pub(super) struct Scale {
     pub(super) refuted: bool,
 }
 
-/// Weight of the prior, in residuals; and where the frame has more noise than it expects.
+/// Weight of the prior, in residuals.
 const PRIOR_DOF: f64 = 6.0;
+/// The same where the frame has more noise than the prior expects.
 const REFUTED_DOF: f64 = 3.0;
 /// The shrinkage by the kernel is corrected up to this factor of the variance.
 const MOST_UNSHRUNK: f64 = 4.0;

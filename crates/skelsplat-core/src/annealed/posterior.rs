@@ -15,6 +15,7 @@ use super::depth::is_fixed;
 use super::proportions::other_place;
 use super::rays::{Ray, Rays};
 use super::solver::{Problem, Solution};
+use crate::matrix3::symmetrised;
 use crate::outcome::{ErrorBars, JointStatus};
 
 /// Weight of the frame's noise for one joint, in degrees of freedom (measured, docs/decisions.md).
@@ -58,7 +59,7 @@ pub fn error_bars(problem: &Problem<'_>, solution: &mut Solution) -> ErrorBars {
             status[j] = JointStatus::Weak;
         }
     }
-    let spread = Body::of(&solution.points, &deep).map_or(0.0, |b| b.square_spread.sqrt());
+    let spread = BodyExtent::of(&solution.points, &deep).map_or(0.0, |b| b.square_spread.sqrt());
     let by_bones = |j: &usize| problem.bones.iter().any(|b| b.joints.contains(j));
     let lacks_views = |j: &usize| k(*j).iter().filter(|k| **k >= REJECTED).count() < 2;
     for j in (0..n).filter(|j| by_bones(j) && lacks_views(j) && status[*j] == JointStatus::Weak) {
@@ -117,7 +118,8 @@ fn posterior(
 ) -> Vec<Matrix3<f64>> {
     let shared = solution.variance;
     let least = LEAST_SPREAD * solution.noise;
-    let body = Body::of(&solution.points, deep).filter(|body| body.square_spread > least * least);
+    let body =
+        BodyExtent::of(&solution.points, deep).filter(|body| body.square_spread > least * least);
     for (j, x) in solution.points.iter().enumerate() {
         let residuals = &solution.residuals[j];
         let variance = problem.widening.noise_share * (SHARED_DOF * shared + residuals.squares)
@@ -160,19 +162,18 @@ fn positive(m: Matrix3<f64>) -> Matrix3<f64> {
     let mut eigen = m.symmetric_eigen();
     let least = f64::EPSILON * eigen.eigenvalues.max();
     eigen.eigenvalues.apply(|v| *v = v.max(4.0 * least));
-    let m = eigen.recompose();
-    0.5 * (m + m.transpose())
+    symmetrised(&eigen.recompose())
 }
 
 /// Position and extent of a body.
 #[derive(Clone, Copy)]
-pub(crate) struct Body {
+pub(crate) struct BodyExtent {
     middle: Vector3<f64>,
     /// s², mm².
     square_spread: f64,
 }
 
-impl Body {
+impl BodyExtent {
     /// From the joints with a known depth, if there are at least three, else from all that have a
     /// position.
     fn of(points: &[Vector3<f64>], deep: &[bool]) -> Option<Self> {
@@ -199,7 +200,7 @@ impl Body {
 }
 
 /// ρ² of a joint at `x`, at the distance `nearest` from the nearest camera.
-fn square_reach(body: Option<Body>, x: &Vector3<f64>, nearest: f64) -> f64 {
+fn square_reach(body: Option<BodyExtent>, x: &Vector3<f64>, nearest: f64) -> f64 {
     let (spread, off) = body
         .map_or((f64::INFINITY, 0.0), |body| (body.square_spread.sqrt(), (x - body.middle).norm()));
     let beyond = (off - BODY * spread).max(0.0);

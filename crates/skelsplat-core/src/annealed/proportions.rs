@@ -18,9 +18,10 @@ use crate::bones::{Bone, Length, Pull};
 
 /// Views that have to agree on a joint for it not to need its bones.
 const ENOUGH: usize = 3;
-/// Least number of joints on which two views agree, for a stature and for given lengths: others
-/// have nothing to hold on to.
+/// Least number of joints on which two views agree, for a stature: others have nothing to hold on
+/// to.
 const LEAST_ANCHORS: usize = 3;
+/// The same for given lengths.
 const LEAST_GIVEN: usize = 1;
 /// Kernel of the joints that do, in the search from wide kernels, mm.
 const WIDE: f64 = 160.0;
@@ -110,7 +111,7 @@ fn searched(
     let variance = here.variance;
     let sigma = &problem.annealing.end;
     let Problem { rays, bones, .. } = *problem;
-    let search = Search { rays, bones, points, doubtful, placed, sigma, variance };
+    let search = PlaceSearch { rays, bones, points, doubtful, placed, sigma, variance };
     let guess = most_likely(&search);
     let is_doubtful = |j: &usize| search.doubtful[*j];
     let near = |j: usize, x: &Vector3<f64>| (guess[j] - x).norm() <= SAME * narrow[j];
@@ -131,7 +132,7 @@ fn searched(
 
 /// What the search for the most likely combination of places starts from.
 #[derive(Debug)]
-pub struct Search<'a> {
+pub struct PlaceSearch<'a> {
     /// The detections.
     pub rays: &'a Rays,
     /// Bones of known length.
@@ -160,7 +161,7 @@ struct Place {
 /// the best combination follows from the leaves to the root (dynamic programming); bones that close
 /// a circle are left out.
 #[must_use]
-pub fn most_likely(search: &Search<'_>) -> Vec<Vector3<f64>> {
+pub fn most_likely(search: &PlaceSearch<'_>) -> Vec<Vector3<f64>> {
     let points = search.points;
     let mut places: Vec<Vec<Place>> = Vec::with_capacity(points.len());
     for (j, x) in points.iter().enumerate() {
@@ -205,7 +206,7 @@ pub fn most_likely(search: &Search<'_>) -> Vec<Vector3<f64>> {
     (0..points.len()).map(at).collect()
 }
 
-fn hypotheses(search: &Search<'_>, j: usize, found: &mut Vec<Vector3<f64>>) {
+fn hypotheses(search: &PlaceSearch<'_>, j: usize, found: &mut Vec<Vector3<f64>>) {
     let (rays, sigma) = (search.rays.of_joint(j), search.sigma[j]);
     for (k, first) in rays.iter().enumerate().filter(|(_, ray)| ray.is_there()) {
         let others = rays[k + 1..].iter().filter(|ray| ray.is_there());

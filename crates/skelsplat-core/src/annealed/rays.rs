@@ -17,7 +17,7 @@ use nalgebra::{Matrix3, Vector3};
 
 use crate::camera::Camera;
 use crate::detections::Detections;
-use crate::symmetric::Symmetric;
+use crate::matrix3::Symmetric;
 
 /// One detection as a ray from its camera.
 #[derive(Debug, Clone, Copy, PartialEq)]

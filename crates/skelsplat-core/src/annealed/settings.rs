@@ -2,6 +2,7 @@
 
 use super::noise::NoiseModel;
 use super::solver::Annealing;
+use crate::names::named;
 use crate::settings::{Domain, Kind, Parameter, Value, settings};
 
 settings! {
@@ -50,26 +51,7 @@ pub enum Bones {
     Free,
 }
 
-impl Bones {
-    /// `"population"` or `"free"`.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Population => "population",
-            Self::Free => "free",
-        }
-    }
-}
-
-impl Parameter for Bones {
-    const KIND: Kind = Kind::Name(&["population", "free"]);
-    fn to_value(&self) -> Value {
-        Value::Name(self.name())
-    }
-    fn of_value(value: &Value) -> Option<Self> {
-        [Self::Population, Self::Free].into_iter().find(|bones| *value == bones.to_value())
-    }
-}
+named!(setting Bones { Population: "population", Free: "free" });
 
 impl AnnealedSettings {
     /// The annealing schedule of one frame: final kernel widths `sigmas` `(N)`, mm; standard

@@ -6,7 +6,7 @@ use super::equations::{Coupling, NormalEquations};
 use super::noise::{NoiseModel, Residuals, Scale, pixel_size};
 use super::rays::{Ray, Rays};
 use crate::bones::{Bone, Pull};
-use crate::symmetric::Symmetric;
+use crate::matrix3::Symmetric;
 use crate::symmetry::LimbPair;
 
 /// A Gaussian prior of one joint.
@@ -198,7 +198,7 @@ struct JointState {
 }
 
 /// State of a run.
-struct Run<'a> {
+struct Solver<'a> {
     problem: &'a Problem<'a>,
     joints: Vec<JointState>,
     variance: f64,
@@ -213,7 +213,7 @@ struct Run<'a> {
 /// matters where the detections determine a joint.
 #[must_use]
 pub fn solve(problem: &Problem<'_>, start: &[Vector3<f64>], sigma: &[f64]) -> Solution {
-    let mut run = Run::new(problem, start, sigma);
+    let mut run = Solver::new(problem, start, sigma);
     let annealing = problem.annealing;
     let (mut n_iter, mut converged) = (0, false);
     while n_iter < annealing.max_steps && !converged {
@@ -237,7 +237,7 @@ pub fn solve(problem: &Problem<'_>, start: &[Vector3<f64>], sigma: &[f64]) -> So
     }
 }
 
-impl<'a> Run<'a> {
+impl<'a> Solver<'a> {
     fn new(problem: &'a Problem<'a>, points: &[Vector3<f64>], sigma: &[f64]) -> Self {
         let mut joints: Vec<JointState> =
             (0..points.len()).map(|j| joint(problem, j, points[j], sigma[j])).collect();

@@ -234,14 +234,14 @@ impl Judge<'_> {
         let least = UNDECIDED * self.unit;
         let exchanged = |i: &usize| ways[*i].exchanged - ways[*i].own > least;
         let own = |i: &usize| ways[*i].own - ways[*i].exchanged > least;
-        let one: Vec<usize> = (0..ways.len()).filter(exchanged).collect();
+        let swapped: Vec<usize> = (0..ways.len()).filter(exchanged).collect();
         let other: Vec<usize> = (0..ways.len()).filter(own).collect();
         let across = at.iter().map(|[l, r]| l - r).find(|v| v.x.is_finite()).unwrap_or_default();
         let tie_goes_to_other = across.dot(sideways) < 0.0;
-        if one.len() > other.len() || (one.len() == other.len() && tie_goes_to_other) {
+        if swapped.len() > other.len() || (swapped.len() == other.len() && tie_goes_to_other) {
             return other;
         }
-        one
+        swapped
     }
 }
 

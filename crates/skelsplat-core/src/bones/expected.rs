@@ -5,6 +5,7 @@ use super::population::{Proportion, STATURE, proportions};
 use super::{Bone, Length};
 use crate::error::{Error, Result};
 use crate::layout::Layout;
+use crate::statistics::weighted_median;
 
 /// Least standard deviation of a bone's length in the population, mm, and that of a given length by
 /// default: detectors, tables and rulers mean different points.
@@ -102,19 +103,14 @@ impl Proportion {
 /// a weighted median, since some bones may be wrong.
 #[must_use]
 pub fn stature(bones: impl Iterator<Item = Shown>) -> [f64; 2] {
-    let one = |Shown { proportion: p, length, variance }: Shown| {
+    let weighed = |Shown { proportion: p, length, variance }: Shown| {
         let s = length / p.ratio;
         let variance = (variance + LEAST_SPREAD * LEAST_SPREAD) / (p.ratio * p.ratio);
         (s, 1.0 / (variance + (p.spread * s).powi(2)))
     };
-    let mut all: Vec<(f64, f64)> = bones.map(one).collect();
+    let mut all: Vec<(f64, f64)> = bones.map(weighed).collect();
     all.push((STATURE[0], STATURE[1].powi(-2)));
-    all.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let middle = weighted_median(&mut all, |shown| *shown);
     let total: f64 = all.iter().map(|(_, w)| w).sum();
-    let mut sum = 0.0;
-    let middle = all.iter().find(|(_, w)| {
-        sum += w;
-        sum >= 0.5 * total
-    });
-    [middle.map_or(STATURE[0], |(s, _)| *s), (1.5 / total).sqrt()]
+    [if middle.is_nan() { STATURE[0] } else { middle }, (1.5 / total).sqrt()]
 }

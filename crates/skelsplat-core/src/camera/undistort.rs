@@ -9,6 +9,7 @@ use super::fold::invert_rising;
 const TOLERANCE_PX: f64 = 1e-9;
 /// Newton stops here; far below the tolerance, above the rounding of a coordinate of 10⁴ px.
 const STOP_PX: f64 = 1e-11;
+/// Most steps of Newton's method.
 const MAX_STEPS: usize = 50;
 /// Shortest fraction of a Newton step that is tried.
 const SHORTEST: f64 = 1e-6;

@@ -1,6 +1,8 @@
 //! The assignment of joints to channels (paper §3 "Joint encoding and rendering", Tab. "encoding").
 
-use crate::error::{Error, Result};
+use crate::error::Result;
+use crate::names::{by_name, named};
+use crate::settings::{Kind, Parameter, Value};
 
 /// Joint encoding c_j.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -16,32 +18,15 @@ pub enum Encoding {
     Single,
 }
 
+named!(setting Encoding { OneHot: "one_hot", Rgb: "rgb", Single: "single" });
+
 impl Encoding {
     /// The encoding called `"one_hot"`, `"rgb"` or `"single"`.
     ///
     /// # Errors
     /// [`Error::UnknownName`] for any other name.
     pub fn by_name(name: &str) -> Result<Self> {
-        match name {
-            "one_hot" => Ok(Self::OneHot),
-            "rgb" => Ok(Self::Rgb),
-            "single" => Ok(Self::Single),
-            _ => Err(Error::UnknownName {
-                argument: "encoding",
-                name: name.to_owned(),
-                known: ["one_hot", "rgb", "single"].map(str::to_owned).to_vec(),
-            }),
-        }
-    }
-
-    /// `"one_hot"`, `"rgb"` or `"single"`.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::OneHot => "one_hot",
-            Self::Rgb => "rgb",
-            Self::Single => "single",
-        }
+        by_name("encoding", name, Self::ALL)
     }
 
     /// Number of channels for `n_joints` joints.

@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use nalgebra::{Matrix3, Vector3};
 
 use super::objective::{Objective, Targets};
-use super::optimise::{Run, optimise};
+use super::optimise::{Optimised, optimise};
 use super::rows::Pixel;
 use super::settings::{PaperSettings, PositionLearningRate};
 use crate::camera::Camera;
@@ -26,7 +26,7 @@ pub type Shapes = Vec<(Vector3<f64>, Matrix3<f64>)>;
 
 /// One frame, in mm.
 #[derive(Debug, Clone, Copy)]
-pub struct Frame<'a> {
+pub struct PaperFrame<'a> {
     /// The cameras at full resolution.
     pub cameras: &'a [Camera],
     /// The cameras at the rendering resolution.
@@ -52,7 +52,7 @@ pub struct LossAndGradient {
     pub gradient: Vec<GaussianGradient>,
 }
 
-impl Frame<'_> {
+impl PaperFrame<'_> {
     /// The pose of the frame, starting from the known joints of `init`, with splats of standard
     /// deviation `sigmas` `(N)`.
     ///
@@ -70,7 +70,7 @@ impl Frame<'_> {
             let position_lr = position_lr(self.settings, self.cameras);
             optimise(&mut gaussians, &mut objective, self.settings, position_lr, self.cancel)?
         } else {
-            Run { n_iter: 0, stop_reason: StopReason::NoObservations, history: Vec::new() }
+            Optimised { n_iter: 0, stop_reason: StopReason::NoObservations, history: Vec::new() }
         };
         let loss = objective.evaluate(&gaussians, &vec![true; self.views.len()]);
         self.check_cancelled()?;

@@ -22,6 +22,6 @@ pub mod splat;
 pub mod stopping;
 
 pub use encoding::Encoding;
-pub use frame::{Frame, LossAndGradient, Shapes};
+pub use frame::{LossAndGradient, PaperFrame, Shapes};
 pub use objective::{Objective, Targets};
 pub use settings::{PaperSettings, PositionLearningRate, Renderer};

@@ -297,7 +297,7 @@ impl<'a, P: Pixel> Objective<'a, P> {
         let (views, n, covariances, dilation) =
             (self.views, self.n_joints, &self.covariances, self.dilation);
         let cancel = self.cancel;
-        let one = |(k, channel): (usize, &mut Channel<P>)| {
+        let forward = |(k, channel): (usize, &mut Channel<P>)| {
             if active[k / n] && !cancel.load(Ordering::Relaxed) {
                 channel.forward(
                     &views[k / n],
@@ -308,9 +308,9 @@ impl<'a, P: Pixel> Objective<'a, P> {
             }
         };
         if self.parallel {
-            self.channels.par_iter_mut().enumerate().for_each(one);
+            self.channels.par_iter_mut().enumerate().for_each(forward);
         } else {
-            self.channels.iter_mut().enumerate().for_each(one);
+            self.channels.iter_mut().enumerate().for_each(forward);
         }
     }
 

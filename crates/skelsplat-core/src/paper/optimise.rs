@@ -15,7 +15,7 @@ use crate::outcome::{Loss, StopReason};
 
 /// The outcome of an optimisation.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Run {
+pub struct Optimised {
     /// Steps taken.
     pub n_iter: usize,
     /// Why the optimisation ended.
@@ -35,7 +35,7 @@ pub fn optimise<P: Pixel>(
     settings: &PaperSettings,
     position_lr: f64,
     cancel: &AtomicBool,
-) -> Result<Run> {
+) -> Result<Optimised> {
     let n_views = objective.n_views();
     let per_step = settings.views_per_step.unwrap_or(n_views);
     let decay = decay(settings, position_lr);
@@ -44,7 +44,7 @@ pub fn optimise<P: Pixel>(
     let mut stopping = WindowMinimum::new(window, settings.stop_tolerance);
     let mut active = vec![true; n_views];
     let mut last = gaussians.to_vec();
-    let mut run = Run { n_iter: 0, stop_reason: StopReason::MaxSteps, history: Vec::new() };
+    let mut run = Optimised { n_iter: 0, stop_reason: StopReason::MaxSteps, history: Vec::new() };
 
     for step in 0..settings.max_steps {
         views_in_turn(step, per_step, &mut active);

@@ -66,30 +66,34 @@ impl Images {
 }
 
 /// A splat with its depth, `None` if the Gaussian is not in front of the camera.
-pub type Seen = Option<(Splat, f64)>;
+pub type DepthSplat = Option<(Splat, f64)>;
 
 /// Splats in `view` of Gaussians `(mean, covariance)`, the projected variances enlarged by
 /// `dilation`.
 #[must_use]
-pub fn splats(view: &View, shapes: &[(Vector3<f64>, Matrix3<f64>)], dilation: f64) -> Vec<Seen> {
-    let one = |(mean, covariance): &(Vector3<f64>, Matrix3<f64>)| {
+pub fn splats(
+    view: &View,
+    shapes: &[(Vector3<f64>, Matrix3<f64>)],
+    dilation: f64,
+) -> Vec<DepthSplat> {
+    let splat = |(mean, covariance): &(Vector3<f64>, Matrix3<f64>)| {
         let p = view.project(mean, covariance, dilation)?;
         Some((Splat::new(p.mean, &p.covariance, view.size)?, p.in_camera.z))
     };
-    shapes.iter().map(one).collect()
+    shapes.iter().map(splat).collect()
 }
 
 /// The shapes of `splats` at `detections`, `None` where one is missing.
 #[must_use]
 pub fn heats(
-    splats: &[Seen],
+    splats: &[DepthSplat],
     detections: &[Option<Vector2<f64>>],
     size: [u32; 2],
 ) -> Vec<Option<Splat>> {
-    let one = |(seen, detection): (&Seen, &Option<Vector2<f64>>)| {
+    let heat = |(seen, detection): (&DepthSplat, &Option<Vector2<f64>>)| {
         Splat::new((*detection)?, &seen.as_ref()?.0.conic.try_inverse()?, size)
     };
-    splats.iter().zip(detections).map(one).collect()
+    splats.iter().zip(detections).map(heat).collect()
 }
 
 /// Renders `splats` (one per joint with its depth, `None` if it is not in front of the camera).
@@ -97,7 +101,7 @@ pub fn heats(
 /// # Errors
 /// [`Error::OutOfMemory`] before rendering, [`Error::Cancelled`] once `cancel` is set.
 pub fn render(
-    splats: &[Seen],
+    splats: &[DepthSplat],
     encoding: Encoding,
     size: [u32; 2],
     cancel: &AtomicBool,
@@ -165,7 +169,7 @@ fn unless_cancelled(images: Images, cancel: &AtomicBool) -> Result<Images> {
 }
 
 /// The splats without missing ones, by depth; at equal depth the lower joint counts as nearer.
-fn nearest_first(splats: &[Seen]) -> Vec<Splat> {
+fn nearest_first(splats: &[DepthSplat]) -> Vec<Splat> {
     let mut order: Vec<(Splat, f64)> = splats.iter().flatten().copied().collect();
     order.sort_by(|a, b| a.1.total_cmp(&b.1));
     order.into_iter().map(|(splat, _)| splat).collect()

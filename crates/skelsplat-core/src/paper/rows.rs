@@ -121,7 +121,7 @@ pub struct RowTable<P: Pixel> {
 
 /// The recurrence at one group of a row.
 #[derive(Clone, Copy)]
-struct Run<P: Pixel> {
+struct Recurrence<P: Pixel> {
     group: P::Group,
     ratio: P::Group,
 }
@@ -159,23 +159,23 @@ impl<P: Pixel> RowTable<P> {
     }
 
     #[inline]
-    fn next(&self, run: &Run<P>, k: usize, d: f64, floor: f64) -> Run<P> {
+    fn next(&self, run: &Recurrence<P>, k: usize, d: f64, floor: f64) -> Recurrence<P> {
         if (k + 1).is_multiple_of(RESTART) {
             #[allow(clippy::cast_precision_loss, reason = "pixel counts are far below 2^52")]
             return self.start(d + ((k + 1) * LANES) as f64, floor);
         }
-        Run { group: run.group * run.ratio, ratio: run.ratio * self.ratio_step }
+        Recurrence { group: run.group * run.ratio, ratio: run.ratio * self.ratio_step }
     }
 
     #[inline]
-    fn start(&self, d: f64, floor: f64) -> Run<P> {
+    fn start(&self, d: f64, floor: f64) -> Recurrence<P> {
         let base = (-0.5 * (self.a * d * d + floor)).exp();
         let step = (-self.a * d).exp();
         let (two, four) = (step * step, step.powi(4));
         let low = [base, base * step, base * two, base * two * step];
         let powers: [f64; LANES] =
             std::array::from_fn(|l| if l < 4 { low[l] } else { low[l - 4] * four });
-        Run {
+        Recurrence {
             group: P::Group::new(powers.map(P::of)) * self.lane,
             ratio: self.ratio * P::Group::splat(P::of(four * four)),
         }

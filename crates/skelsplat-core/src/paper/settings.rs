@@ -2,6 +2,7 @@
 
 use super::encoding::Encoding;
 use crate::error::{Error, Result};
+use crate::names::named;
 use crate::settings::{Domain, Kind, Parameter, Value, settings};
 
 /// The paper's log-scale of 3 (mm): σ₀ = e³ ≈ 20.09 mm.
@@ -79,16 +80,7 @@ pub enum Renderer {
     ClosedForm,
 }
 
-impl Renderer {
-    /// `"raster"` or `"closed_form"`.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Raster => "raster",
-            Self::ClosedForm => "closed_form",
-        }
-    }
-}
+named!(setting Renderer { Raster: "raster", ClosedForm: "closed_form" });
 
 /// The position's initial learning rate, per step.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -99,29 +91,8 @@ pub enum PositionLearningRate {
     CameraExtent,
 }
 
+/// The name of the released formula for the learning rate.
 const CAMERA_EXTENT: &str = "camera_extent";
-
-impl Parameter for Renderer {
-    const KIND: Kind = Kind::Name(&["raster", "closed_form"]);
-    fn to_value(&self) -> Value {
-        Value::Name(self.name())
-    }
-    fn of_value(value: &Value) -> Option<Self> {
-        let mut all = [Self::Raster, Self::ClosedForm].into_iter();
-        all.find(|renderer| *value == renderer.to_value())
-    }
-}
-
-impl Parameter for Encoding {
-    const KIND: Kind = Kind::Name(&["one_hot", "rgb", "single"]);
-    fn to_value(&self) -> Value {
-        Value::Name(self.name())
-    }
-    fn of_value(value: &Value) -> Option<Self> {
-        let mut all = [Self::OneHot, Self::Rgb, Self::Single].into_iter();
-        all.find(|encoding| *value == encoding.to_value())
-    }
-}
 
 impl Parameter for PositionLearningRate {
     const KIND: Kind = Kind::NumberOrName(CAMERA_EXTENT);

@@ -5,7 +5,7 @@ use nalgebra::Vector3;
 use super::births::Free;
 use super::body::Claims;
 use super::crowd::Crowd;
-use super::known::Known;
+use super::known::BodyModel;
 use super::score::at_body;
 
 /// Score from which a figure at a body that has one already is the same person again.
@@ -21,7 +21,7 @@ pub(super) fn absorb(
     pose: &[Vector3<f64>],
     claims: &mut Claims,
     free: &mut Free,
-    known: &Known,
+    known: &BodyModel,
 ) {
     for (i, claim) in claims.iter_mut().enumerate() {
         let Some(first) = claim[0] else { continue };

@@ -4,7 +4,7 @@ use nalgebra::Vector3;
 
 use super::body::{Claims, placed};
 use super::crowd::{Crowd, Figure};
-use super::known::Known;
+use super::known::BodyModel;
 use super::score::{at_body, meet, of_pair};
 use crate::annealed::rays::Ray;
 use crate::bones::population::{Proportion, STATURE};
@@ -19,9 +19,9 @@ pub const FITS: f64 = 0.35;
 const COMMON: usize = 4;
 /// Number of proposals that are judged.
 const PROPOSALS: usize = 200;
-/// Work on a frame: pairs of figures that are compared, and figures that are compared with
-/// proposals.
+/// Most pairs of figures that are compared in a frame.
 const MOST_PAIRS: usize = 1_000_000;
+/// Most figures that are compared with proposals in a frame.
 const MOST_SCORES: usize = 1_000_000;
 /// Support lost by each view that should see a body and does not.
 const UNSEEN: f64 = 0.3;
@@ -29,17 +29,10 @@ const UNSEEN: f64 = 0.3;
 const SUPPORT: f64 = 0.75;
 /// Share of a body's joints inside an image that ought to be detected.
 const INSIDE: f64 = 0.7;
-/// Standard deviation of a bone's length from the population's proportions, and least share of
-/// bones that match.
+/// Standard deviation of a bone's length from the population's proportions, relative.
 const PROPORTION: f64 = 0.3;
+/// Least share of bones that match.
 const LEAST_BONES: f64 = 0.35;
-
-/// What proposals are judged by.
-#[derive(Debug)]
-pub struct Judge<'a> {
-    /// Cameras, layout and kernel.
-    pub known: &'a Known,
-}
 
 /// A body that views agree on.
 #[derive(Debug, Clone)]
@@ -55,7 +48,7 @@ pub struct Newcomer {
 /// Which figures are free, by view and slot.
 pub type Free = Vec<Vec<bool>>;
 
-struct Proposal {
+struct BodyProposal {
     pair: [(usize, usize); 2],
     pose: Vec<Vector3<f64>>,
     support: f64,
@@ -64,12 +57,12 @@ struct Proposal {
 }
 
 /// The proposal of the largest support.
-fn best(proposals: &[Proposal]) -> Option<usize> {
+fn best(proposals: &[BodyProposal]) -> Option<usize> {
     let all = proposals.iter().enumerate();
     all.reduce(|a, b| if b.1.support > a.1.support { b } else { a }).map(|(at, _)| at)
 }
 
-impl Judge<'_> {
+impl BodyModel {
     /// Newcomers among the free figures, which they take; those of the largest support first. And
     /// whether there was too much to compare for all of it to be compared.
     pub fn newcomers(&self, crowd: &Crowd, free: &mut Free) -> (Vec<Newcomer>, bool) {
@@ -106,8 +99,8 @@ impl Judge<'_> {
 
     /// Pairs of figures with their bodies, those that agree best; and whether figures were left
     /// out.
-    fn proposals(&self, crowd: &Crowd, free: &Free) -> (Vec<Proposal>, bool) {
-        let sigma = KERNEL * self.known.sigma;
+    fn proposals(&self, crowd: &Crowd, free: &Free) -> (Vec<BodyProposal>, bool) {
+        let sigma = KERNEL * self.sigma;
         let least = COMMON.min(crowd.n_joints);
         let n = crowd.views.len();
         let most = (MOST_PAIRS / (n * n.saturating_sub(1) / 2).max(1)).isqrt();
@@ -141,7 +134,7 @@ impl Judge<'_> {
             let [a, b] = pair.map(|(i, slot)| &crowd.views[i][slot]);
             let pose = met(a, b);
             let support = self.support(crowd, free, &pose);
-            Proposal { pair, pose, support, judged: 0 }
+            BodyProposal { pair, pose, support, judged: 0 }
         };
         (pairs.into_iter().map(propose).collect(), cut)
     }
@@ -150,11 +143,11 @@ impl Judge<'_> {
     /// it is.
     #[must_use]
     pub fn support(&self, crowd: &Crowd, free: &Free, pose: &[Vector3<f64>]) -> f64 {
-        let sigma = KERNEL * self.known.sigma;
+        let sigma = KERNEL * self.sigma;
         let view = |(i, figures): (usize, &Vec<Figure>)| {
             let (mut best, mut taken) = (0.0, 0.0);
             for (slot, figure) in figures.iter().enumerate().filter(|(_, f)| f.joints > 0) {
-                let score = at_body(figure, pose, sigma, &self.known.mirror);
+                let score = at_body(figure, pose, sigma, &self.mirror);
                 let kind = if free[i][slot] { &mut best } else { &mut taken };
                 *kind = f64::max(*kind, score);
             }
@@ -171,7 +164,7 @@ impl Judge<'_> {
 
     /// Whether camera `i` has most of a body inside its image.
     fn sees(&self, i: usize, pose: &[Vector3<f64>]) -> bool {
-        let camera = &self.known.cameras[i];
+        let camera = &self.cameras[i];
         let [width, height] = camera.size().map(f64::from);
         let inside = |x: &&Vector3<f64>| {
             camera
@@ -187,13 +180,8 @@ impl Judge<'_> {
     /// them best; 1 if none is known.
     fn human(&self, pose: &[Vector3<f64>]) -> f64 {
         let stature = |p: &Proportion| (pose[p.joints[0]] - pose[p.joints[1]]).norm() / p.ratio;
-        let known: Vec<f64> = self
-            .known
-            .proportions
-            .iter()
-            .map(stature)
-            .filter(|s| s.is_finite() && *s > 0.0)
-            .collect();
+        let known: Vec<f64> =
+            self.proportions.iter().map(stature).filter(|s| s.is_finite() && *s > 0.0).collect();
         if known.len() < 3 {
             return 1.0;
         }
@@ -208,8 +196,8 @@ impl Judge<'_> {
 
     /// A proposal with the figures of all views that fit it, placed by all of them; `None` if less
     /// than two remain or no support.
-    fn grown(&self, crowd: &Crowd, free: &Free, proposal: &Proposal) -> Option<Newcomer> {
-        let sigma = KERNEL * self.known.sigma;
+    fn grown(&self, crowd: &Crowd, free: &Free, proposal: &BodyProposal) -> Option<Newcomer> {
+        let sigma = KERNEL * self.sigma;
         let mut pose = proposal.pose.clone();
         let mut claims: Claims = Vec::new();
         for _ in 0..2 {
@@ -234,7 +222,7 @@ impl Judge<'_> {
         pose: &[Vector3<f64>],
         sigma: f64,
     ) -> Option<usize> {
-        let score = |slot: usize| at_body(&figures[slot], pose, sigma, &self.known.mirror);
+        let score = |slot: usize| at_body(&figures[slot], pose, sigma, &self.mirror);
         let usable = (0..figures.len()).filter(|slot| free[*slot] && figures[*slot].joints > 0);
         let scored = usable.map(|slot| (score(slot), slot)).filter(|(s, _)| *s >= FITS);
         scored.reduce(|a, b| if b.0 > a.0 { b } else { a }).map(|(_, slot)| slot)

@@ -6,6 +6,7 @@ use super::crowd::{Crowd, Figure};
 use super::score::at_body;
 use crate::annealed::rays::{Ray, nearest_with_spread};
 use crate::detections::Detections;
+use crate::statistics::median;
 
 /// Kernels under which a joint settles, in multiples of σ.
 const SETTLE: [f64; 3] = [1.5, 0.75, 0.5];
@@ -14,11 +15,13 @@ const SETTLE: [f64; 3] = [1.5, 0.75, 0.5];
 const SPREAD: f64 = 0.04;
 /// Weight of the expected place, as a share of that of all rays.
 const PRIOR: f64 = 0.01;
-/// Least weight of two rays that meet, and of a ray that fits.
+/// Least weight k of each of two rays that meet.
 const MEETS: f64 = 0.1;
+/// Least weight k of a ray that fits.
 const FIT: f64 = 0.3;
-/// Time over which a velocity is averaged, and that in which it fades when nothing is seen, s.
+/// Time over which a velocity is averaged, s.
 const SMOOTH: f64 = 0.1;
+/// Time in which a velocity fades when nothing is seen, s.
 const FADE: f64 = 0.25;
 /// Fastest motion of a joint, mm/s.
 const FASTEST: f64 = 10_000.0;
@@ -180,9 +183,9 @@ impl Body {
             .map(|(x, y)| y - x)
             .filter(|step| !step.x.is_nan())
             .collect();
-        let common = median_of(&steps).unwrap_or_else(Vector3::zeros);
+        let common = median_of(&steps);
         let share = (dt / SMOOTH).min(1.0);
-        let shared = median_of(&self.velocity).unwrap_or_else(Vector3::zeros);
+        let shared = median_of(&self.velocity);
         for ((x, v), y) in self.pose.iter_mut().zip(&mut self.velocity).zip(found) {
             if y.x.is_nan() {
                 // Without news the joint follows the body.
@@ -223,7 +226,7 @@ impl Body {
             .filter(|offset| offset.weight(sigma) > 0.1)
             .map(|offset| -offset.across)
             .collect();
-        let step = median_of(&across).unwrap_or_else(Vector3::zeros);
+        let step = median_of(&across);
         let share = (dt / SMOOTH).min(1.0);
         self.velocity.iter_mut().for_each(|v| *v += step / dt * share);
         (self.alone, self.missed) = (self.alone + 1, 0);
@@ -256,8 +259,7 @@ impl Body {
     #[must_use]
     pub fn differs(&self, other: &Self) -> f64 {
         let both = self.lengths.iter().zip(&other.lengths).filter(|(a, b)| a.1 > 0 && b.1 > 0);
-        let mut ratios: Vec<f64> = both.map(|(a, b)| (a.0 / b.0).ln().abs()).collect();
-        median(&mut ratios).unwrap_or(0.0)
+        median(both.map(|(a, b)| (a.0 / b.0).ln().abs())).max(0.0)
     }
 
     /// Scores of the figures of a view under a kernel of `sigma`.
@@ -272,22 +274,14 @@ impl Body {
 #[must_use]
 pub fn apart(a: &[Vector3<f64>], b: &[Vector3<f64>]) -> f64 {
     let between = a.iter().zip(b).map(|(x, y)| (x - y).norm());
-    let mut known: Vec<f64> = between.filter(|d| d.is_finite()).collect();
+    let known: Vec<f64> = between.filter(|d| d.is_finite()).collect();
     let least = 3.min(a.len());
-    if known.len() < least { f64::INFINITY } else { median(&mut known).unwrap_or(f64::INFINITY) }
+    if known.len() < least { f64::INFINITY } else { median(known).min(f64::INFINITY) }
 }
 
-/// The median; `None` of nothing.
-pub(super) fn median(values: &mut [f64]) -> Option<f64> {
-    let at = values.len() / 2;
-    (!values.is_empty()).then(|| *values.select_nth_unstable_by(at, f64::total_cmp).1)
-}
-
-/// Coordinate-wise median of those that are known.
-fn median_of(values: &[Vector3<f64>]) -> Option<Vector3<f64>> {
-    let axis = |k: usize| {
-        let mut all: Vec<f64> = values.iter().map(|v| v[k]).filter(|v| v.is_finite()).collect();
-        median(&mut all)
-    };
-    Some(Vector3::new(axis(0)?, axis(1)?, axis(2)?))
+/// Coordinate-wise median of those that are known; zero of nothing.
+fn median_of(values: &[Vector3<f64>]) -> Vector3<f64> {
+    let axis = |k: usize| median(values.iter().map(|v| v[k]).filter(|v| v.is_finite()));
+    let middle = Vector3::from_fn(|k, _| axis(k));
+    if middle.iter().any(|v| v.is_nan()) { Vector3::zeros() } else { middle }
 }

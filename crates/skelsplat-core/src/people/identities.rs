@@ -6,33 +6,36 @@
 
 use std::ops::Range;
 
-use super::body::{apart, median};
-use super::known::Known;
+use super::body::apart;
+use super::known::BodyModel;
 use super::tracks::Track;
+use crate::statistics::median;
 
-/// Share of their common frames in which two people are in one place, if they are one; and the
-/// distance, in kernels.
+/// Share of their common frames in which two people are in one place, if they are one.
 const DOUBLE: f64 = 0.5;
+/// Distance, in kernels, within which two people are in one place.
 const SAME: f64 = 1.5;
-/// Distance, in kernels, within which two people meet, and the time between two meetings that are
-/// one, s.
+/// Distance, in kernels, within which two people meet.
 const MEET: f64 = 8.0;
+/// Time between two meetings that are one, s.
 const PAUSE: f64 = 0.5;
-/// Time before and after a meeting from which bones are measured, s: at most, and at least.
+/// Longest time before and after a meeting from which bones are measured, s.
 const AROUND: f64 = 5.0;
+/// Shortest time from which they are measured, s.
 const LEAST: f64 = 0.4;
-/// Standard deviation of a measured bone, relative to its length, and the evidence for an exchange,
-/// in log-likelihood.
+/// Standard deviation of a measured bone, relative to its length.
 const SPREAD: f64 = 0.03;
+/// Evidence for an exchange, in log-likelihood: a chance of one in four hundred.
 const EVIDENCE: f64 = 6.0;
-/// Longest absence, and longest time for which both can be there while one takes over from the
-/// other, s.
+/// Longest absence, s.
 const ABSENCE: f64 = 5.0;
+/// Longest time for which both can be there while one takes over from the other, s.
 const OVERLAP: f64 = 0.5;
-/// How far somebody can have moved while absent: in kernels, and mm/s; in how many frames at either
-/// end it is looked for.
+/// How far somebody can have moved at once, in kernels.
 const STEP: f64 = 5.0;
+/// How far somebody can have moved while absent, mm/s.
 const SPEED: f64 = 2500.0;
+/// Frames at either end in which somebody who was absent is looked for.
 const ENDS: usize = 10;
 /// Largest median difference of the bones of one person, relative to their length.
 const DIFFERENCE: f64 = 0.08;
@@ -41,7 +44,7 @@ const SAMPLES: usize = 60;
 
 /// Removes people who are others, exchanges those who went on as each other, and joins the parts of
 /// one.
-pub(super) fn settle(tracks: &mut Vec<Track>, known: &Known, fps: f64) {
+pub(super) fn settle(tracks: &mut Vec<Track>, known: &BodyModel, fps: f64) {
     drop_doubles(tracks, known);
     for a in 0..tracks.len() {
         for b in a + 1..tracks.len() {
@@ -55,7 +58,7 @@ pub(super) fn settle(tracks: &mut Vec<Track>, known: &Known, fps: f64) {
 }
 
 /// Of two in one place, the one with fewer figures goes.
-fn drop_doubles(tracks: &mut Vec<Track>, known: &Known) {
+fn drop_doubles(tracks: &mut Vec<Track>, known: &BodyModel) {
     let near = SAME * known.sigma;
     let is_double = |a: &Track, b: &Track| {
         let common = both(a, b);
@@ -86,7 +89,7 @@ fn distance(a: &Track, b: &Track, t: usize) -> f64 {
 }
 
 /// The frames from which on two people went on as each other.
-fn exchanges([a, b]: [&Track; 2], known: &Known, fps: f64) -> Vec<usize> {
+fn exchanges([a, b]: [&Track; 2], known: &BodyModel, fps: f64) -> Vec<usize> {
     let frames = |seconds: f64| (seconds * fps).round() as usize;
     let (around, least) = (frames(AROUND), frames(LEAST).max(3));
     let meetings = meetings(a, b, MEET * known.sigma, frames(PAUSE));
@@ -151,13 +154,13 @@ fn exchange(a: &mut Track, b: &mut Track, t: usize) {
 }
 
 /// Median length of each limb in some of the frames, mm; NaN where unknown.
-fn lengths(track: &Track, frames: &Range<usize>, known: &Known) -> Vec<f64> {
+fn lengths(track: &Track, frames: &Range<usize>, known: &BodyModel) -> Vec<f64> {
     let step = frames.len().div_ceil(SAMPLES).max(1);
     let poses: Vec<_> = frames.clone().step_by(step).filter_map(|t| track.pose(t)).collect();
     let length = |[i, j]: &[usize; 2]| {
         let all = poses.iter().map(|pose| (pose[*i] - pose[*j]).norm());
-        let mut all: Vec<f64> = all.filter(|l| l.is_finite() && *l > 0.0).collect();
-        if all.len() < 3 { f64::NAN } else { median(&mut all).unwrap_or(f64::NAN) }
+        let all: Vec<f64> = all.filter(|l| l.is_finite() && *l > 0.0).collect();
+        if all.len() < 3 { f64::NAN } else { median(all) }
     };
     known.limbs.iter().map(length).collect()
 }
@@ -170,7 +173,7 @@ fn misfit(a: &[f64], b: &[f64]) -> f64 {
 }
 
 /// Joins tracks that begin to those that ended nearby, the pairs most like one person first.
-fn join(tracks: &mut Vec<Track>, known: &Known, fps: f64) {
+fn join(tracks: &mut Vec<Track>, known: &BodyModel, fps: f64) {
     let bones = |track: &Track| lengths(track, &(track.first..track.end()), known);
     let mut all: Vec<Option<(Track, Vec<f64>)>> =
         tracks.drain(..).map(|track| (bones(&track), track)).map(|(b, t)| Some((t, b))).collect();
@@ -200,7 +203,7 @@ fn join(tracks: &mut Vec<Track>, known: &Known, fps: f64) {
 fn parted(
     (lost, a): &(Track, Vec<f64>),
     (new, b): &(Track, Vec<f64>),
-    known: &Known,
+    known: &BodyModel,
     fps: f64,
 ) -> Option<f64> {
     let gap = (new.first as f64 - lost.end() as f64) / fps;
@@ -214,11 +217,11 @@ fn parted(
     let near = |a: &Vec<_>| starts().map(|b| apart(a, b)).fold(f64::INFINITY, f64::min);
     let far = ends.map(near).fold(f64::INFINITY, f64::min) / reach;
     let ratios = a.iter().zip(b).map(|(x, y)| (x / y).ln().abs());
-    let mut ratios: Vec<f64> = ratios.filter(|r| r.is_finite()).collect();
+    let ratios: Vec<f64> = ratios.filter(|r| r.is_finite()).collect();
     // Whoever was not seen long enough to be measured can only be known by the place.
     if ratios.len() < known.limbs.len().min(3) && gap > OVERLAP {
         return None;
     }
-    let differs = median(&mut ratios).unwrap_or(0.5 * DIFFERENCE) / DIFFERENCE;
+    let differs = if ratios.is_empty() { 0.5 * DIFFERENCE } else { median(ratios) } / DIFFERENCE;
     (far < 1.0 && differs < 1.0).then_some(far + differs)
 }

@@ -11,7 +11,7 @@ const KERNEL: f64 = 3.0;
 
 /// What bodies have in common.
 #[derive(Debug, Clone)]
-pub struct Known {
+pub struct BodyModel {
     /// In mm.
     pub cameras: Vec<Camera>,
     /// Joints at both ends of every bone.
@@ -24,7 +24,7 @@ pub struct Known {
     pub sigma: f64,
 }
 
-impl Known {
+impl BodyModel {
     /// As the refiner has it.
     #[must_use]
     pub fn new(refiner: &Refiner, layout: &Layout) -> Self {

@@ -39,4 +39,4 @@ mod tracks;
 pub use associate::{Associator, Sighting};
 pub use crowd::{Crowd, Figure};
 pub use recording::{Everybody, Person, track};
-pub use tracker::{Seen, Tracker};
+pub use tracker::{TrackedPerson, Tracker};

@@ -13,7 +13,7 @@ use super::births::{FITS, Free};
 use super::body::{Claims, claimed};
 use super::crowd::Crowd;
 use super::identities;
-use super::known::Known;
+use super::known::BodyModel;
 use super::score::{assign, at_body};
 use super::tracks::Track;
 use crate::batch::Progress;
@@ -26,8 +26,9 @@ use crate::threads;
 
 /// Frames whose rays are in memory together.
 const CHUNK: usize = 256;
-/// Time for which two views must see a person, s, and the most frames.
+/// Time for which two views must see a person, s.
 const LEAST_TIME: f64 = 0.2;
+/// The most frames that this may be.
 const MOST_FRAMES: usize = 12;
 /// Time on either side over which a path is averaged before the second look, s.
 const SMOOTH: f64 = 0.1;
@@ -77,22 +78,22 @@ pub fn track(
     }
     crate::sequence::check(refiner, fps, "'annealed' for several people")?;
     threads::install(refiner.config().n_threads, |_| {
-        let known = Known::new(refiner, layout);
-        let recording = Recording { refiner, layout, people, fps, known, progress };
+        let known = BodyModel::new(refiner, layout);
+        let recording = CrowdRecording { refiner, layout, people, fps, known, progress };
         recording.solve(max_people)
     })
 }
 
-struct Recording<'a> {
+struct CrowdRecording<'a> {
     refiner: &'a Refiner,
     layout: &'a Layout,
     people: &'a [Vec<Detections>],
     fps: f64,
-    known: Known,
+    known: BodyModel,
     progress: &'a Progress,
 }
 
-impl Recording<'_> {
+impl CrowdRecording<'_> {
     fn solve(&self, max_people: Option<usize>) -> Result<Everybody> {
         let (mut tracks, cut) = self.tracks()?;
         identities::settle(&mut tracks, &self.known, self.fps);
@@ -163,13 +164,13 @@ impl Recording<'_> {
         for chunk in self.chunks() {
             let crowds = self.crowds(chunk.clone())?;
             let frames: Vec<(usize, Crowd)> = chunk.zip(crowds).collect();
-            let one = |(t, crowd): &(usize, Crowd)| {
+            let assign_frame = |(t, crowd): &(usize, Crowd)| {
                 let (there, poses): (Vec<usize>, Vec<&[Vector3<f64>]>) =
                     (0..tracks.len()).filter_map(|q| Some((q, tracks[q].pose(*t)?))).unzip();
                 let claims = self.assigned(crowd, &poses);
                 there.into_iter().zip(claims).collect::<Vec<_>>()
             };
-            let assigned: Vec<Vec<(usize, Claims)>> = frames.par_iter().map(one).collect();
+            let assigned: Vec<Vec<(usize, Claims)>> = frames.par_iter().map(assign_frame).collect();
             for (q, claims) in assigned.into_iter().flatten() {
                 out[q].claims.push(claims);
             }
@@ -182,7 +183,7 @@ impl Recording<'_> {
 
     /// The figures of people at known places.
     fn assigned(&self, crowd: &Crowd, there: &[&[Vector3<f64>]]) -> Vec<Claims> {
-        let Known { sigma, mirror, .. } = &self.known;
+        let BodyModel { sigma, mirror, .. } = &self.known;
         let mut claims = vec![vec![[None, None]; crowd.views.len()]; there.len()];
         let mut free: Free =
             crowd.views.iter().map(|view| view.iter().map(|f| f.joints > 0).collect()).collect();

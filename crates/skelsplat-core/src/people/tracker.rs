@@ -13,7 +13,7 @@ use crate::sequence::Live;
 
 /// A person in one frame.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Seen {
+pub struct TrackedPerson {
     /// Identity, counted from 0 in the order in which people became known.
     pub id: usize,
     /// By view, the slot of the person's figure and of another part of it.
@@ -80,7 +80,7 @@ impl Tracker {
     /// that has left these does not return.
     #[must_use]
     pub fn ids(&self) -> Vec<usize> {
-        let mut ids: Vec<usize> = self.followed.iter().filter_map(|one| one.id).collect();
+        let mut ids: Vec<usize> = self.followed.iter().filter_map(|person| person.id).collect();
         ids.sort_unstable();
         ids
     }
@@ -102,41 +102,45 @@ impl Tracker {
         refiner: &Refiner,
         slots: &[Detections],
         progress: &Progress,
-    ) -> Result<Vec<Seen>> {
+    ) -> Result<Vec<TrackedPerson>> {
         progress.check()?;
         let crowd = Crowd::new(refiner, slots)?;
         let sightings = self.associator.step(&crowd);
-        self.followed.retain(|one| self.associator.follows(one.body));
+        self.followed.retain(|person| self.associator.follows(person.body));
         for sighting in &sightings {
             self.follow(refiner, sighting)?;
         }
         let n_views = crowd.views.len();
         let nobody: Claims = vec![[None, None]; n_views];
         let mut seen = Vec::new();
-        for one in &mut self.followed {
-            let claims = sightings.iter().find(|s| s.id == one.body).map_or(&nobody, |s| &s.claims);
+        for person in &mut self.followed {
+            let claims =
+                sightings.iter().find(|s| s.id == person.body).map_or(&nobody, |s| &s.claims);
             let detections = claimed(slots, claims, self.n_joints);
-            let refinement = one.live.step(refiner, detections, progress)?;
+            let refinement = person.live.step(refiner, detections, progress)?;
             // Beyond what is bridged there is nobody to tell of, though the identity is kept.
             let there = refinement.joint_status.iter().any(|s| *s != JointStatus::Unobserved);
-            if let Some(id) = one.id.filter(|_| there) {
-                seen.push(Seen { id, claims: claims.clone(), refinement });
+            if let Some(id) = person.id.filter(|_| there) {
+                seen.push(TrackedPerson { id, claims: claims.clone(), refinement });
             }
         }
-        seen.sort_by_key(|one| one.id);
+        seen.sort_by_key(|person| person.id);
         Ok(seen)
     }
 
     /// Follows whoever is seen for the first time, and numbers whoever is known now.
     fn follow(&mut self, refiner: &Refiner, sighting: &Sighting) -> Result<()> {
-        if !self.followed.iter().any(|one| one.body == sighting.id) {
+        if !self.followed.iter().any(|person| person.body == sighting.id) {
             let live = Live::new(refiner, self.fps, 0)?;
             self.followed.push(Followed { body: sighting.id, id: None, live });
         }
-        let known = self.followed.iter().filter(|one| one.id.is_some()).count();
-        let one = self.followed.iter_mut().find(|one| one.body == sighting.id && one.id.is_none());
-        if let Some(one) = one.filter(|_| sighting.known && known < self.max_people) {
-            one.id = Some(self.next);
+        let known = self.followed.iter().filter(|person| person.id.is_some()).count();
+        let person = self
+            .followed
+            .iter_mut()
+            .find(|person| person.body == sighting.id && person.id.is_none());
+        if let Some(person) = person.filter(|_| sighting.known && known < self.max_people) {
+            person.id = Some(self.next);
             self.next += 1;
         }
         Ok(())

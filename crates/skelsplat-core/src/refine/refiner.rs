@@ -360,7 +360,11 @@ impl Refiner {
         (0..n_joints).map(sigma).collect()
     }
 
-    fn annealed<'a>(&'a self, used: &'a Detections, before: Option<Before>) -> annealed::Frame<'a> {
+    fn annealed<'a>(
+        &'a self,
+        used: &'a Detections,
+        before: Option<Before>,
+    ) -> annealed::AnnealedFrame<'a> {
         let sigmas = self.sigmas(used.n_joints());
         let (symmetry, noise) = (self.config.symmetry_sigma_mm, self.config.detection_sigma_px);
         let (annealing, weights) = match &self.config.method {
@@ -371,7 +375,7 @@ impl Refiner {
                 (AnnealedSettings::default().annealing(sigmas, symmetry, noise), None)
             }
         };
-        annealed::Frame {
+        annealed::AnnealedFrame {
             cameras: &self.cameras,
             detections: used,
             view_weights: weights.unwrap_or_default(),
@@ -383,8 +387,8 @@ impl Refiner {
         }
     }
 
-    fn paper<'a>(&'a self, used: &'a Detections, control: Control<'a>) -> paper::Frame<'a> {
-        paper::Frame {
+    fn paper<'a>(&'a self, used: &'a Detections, control: Control<'a>) -> paper::PaperFrame<'a> {
+        paper::PaperFrame {
             cameras: &self.cameras,
             views: &self.views,
             detections: used,
@@ -440,11 +444,11 @@ impl Refiner {
     fn reprojection_error(&self, detections: &Detections, outcome: &Outcome) -> Vec<f64> {
         let n = outcome.points.len();
         let project = if self.config.undistort { Camera::project } else { Camera::project_ideal };
-        let one = |(k, joint): (usize, &usize)| {
+        let distance = |(k, joint): (usize, &usize)| {
             let (pixel, _) = detections.get(k / n, k % n)?;
             Some((project(&self.cameras[k / n], &outcome.points[*joint])? - pixel).norm())
         };
-        outcome.used_for.iter().enumerate().map(|k| one(k).unwrap_or(f64::NAN)).collect()
+        outcome.used_for.iter().enumerate().map(|k| distance(k).unwrap_or(f64::NAN)).collect()
     }
 }
 

@@ -5,35 +5,41 @@ use std::cell::LazyCell;
 use nalgebra::Vector3;
 
 use super::bundle::{Bundle, unknowns};
-use super::evidence::{Bars, bars, excess, is_worse, surety, total};
+use super::evidence::{Bars, bars, excess, is_worse, total, wald};
 use super::placed::{Change, Freedom, Placed, rebuilt};
 use super::reduced::Reduced;
 use super::report::{CameraAdjustment, CameraStatus, RigAdjustment};
-use super::scene::{Motion, Scene, median};
-use super::search::{CONFIRMED, Explanation, Fault, Found, Scope, Supposed, both};
+use super::scene::{JointMotion, Scene};
+use super::search::{CONFIRMED_WALD, Explanation, Fault, Scope, SearchResult, Supposed, both};
 use crate::batch::Progress;
 use crate::camera::{Camera, Distortion};
 use crate::detections::Detections;
 use crate::error::{Error, Result};
 use crate::refine::RefineConfig;
+use crate::statistics::median;
 use crate::threads;
 use crate::unit::Unit;
 
-/// Frames on which cameras are adjusted, on which faults are searched, and on which the result is
-/// judged: at most.
+/// Most frames on which cameras are adjusted.
 const FITTED: usize = 1000;
+/// Most frames on which faults are searched.
 const SEARCHED: usize = 120;
+/// Most frames on which the result is judged.
 const JUDGED: usize = 200;
-/// The recording is divided into so many parts at most, of which every fifth is left out; fewer
-/// frames are all used.
+/// Most parts into which a recording is divided.
 const PARTS: usize = 50;
-const LEFT_OUT: [usize; 2] = [2, 5];
+/// Of so many parts one is left out.
+const EVERY: usize = 5;
+/// Which of them.
+const LEFT_OUT: usize = 2;
+/// Fewer frames are all used.
 const LEAST_DIVIDED: usize = 10;
 /// A change explains its camera where the distance of its detections in frames that were left out
-/// is at most this multiple of the median of the other cameras', or this part of the one before and
-/// of the image's diagonal: what poor detections are off.
+/// is at most this multiple of the median of the other cameras'.
 const ALIKE: f64 = 2.0;
+/// It also does where the distance is at most this part of the one before.
 const NEARER: f64 = 0.85;
+/// Part of the image's diagonal that poor detections are off.
 const POOR: f64 = 0.012;
 /// Clocks explain these frames better from this many standard errors over joints on.
 const BETTER: f64 = 0.5;
@@ -70,7 +76,7 @@ pub fn adjust_cameras(
     check(cameras, frames, what)?;
     threads::install(config.n_threads, |_| {
         let used: Vec<Detections> =
-            frames.iter().map(|one| one.above(config.min_confidence)).collect();
+            frames.iter().map(|frame| frame.above(config.min_confidence)).collect();
         let mm = |camera: &Camera| {
             let camera = camera.clone().with_length_scale(unit.millimetres());
             let ideal = !config.undistort;
@@ -81,7 +87,7 @@ pub fn adjust_cameras(
         let (fitted, judged) = divided(frames.len());
         let plain = Scene::new(&used);
         let looked: Vec<usize> = fitted.iter().chain(&judged).copied().collect();
-        let motion = Motion::of(plain, &looked, &given);
+        let motion = JointMotion::of(plain, &looked, &given);
         let task = Task { scene: plain.moving(&motion), given: &given, what, fitted, judged };
         let (found, bars) = task.solve(progress)?;
         task.report(&found, &bars, cameras, unit)
@@ -125,7 +131,7 @@ impl Task<'_> {
     }
 
     /// The cameras, and the error bars of each.
-    fn solve(&self, progress: &Progress) -> Result<(Found, Vec<Bars>)> {
+    fn solve(&self, progress: &Progress) -> Result<(SearchResult, Vec<Bars>)> {
         let some = spread(&self.fitted, SEARCHED);
         let scope = self.scope(&some);
         let mut found = match &self.what.free {
@@ -165,8 +171,8 @@ impl Task<'_> {
         let keeps_better_time = LazyCell::new(|| self.keeps_better_time(rig));
         let holds = |(i, freedom): (usize, &Freedom)| {
             let change = Change::between(&self.given[i], &rig.cameras[i]);
-            let sure = surety(&rig.judged, &free, i, *freedom, &change);
-            let others = (0..after.len()).filter(|k| *k != i).map(|k| after[k]).collect();
+            let sure = wald(&rig.judged, &free, i, *freedom, &change);
+            let others = (0..after.len()).filter(|k| *k != i).map(|k| after[k]);
             let size = self.given[i].camera.size().map(f64::from);
             let poor = POOR * size[0].hypot(size[1]);
             let unexplained =
@@ -175,7 +181,7 @@ impl Task<'_> {
                 true => after[i] > before[i] || total(&after) > total(&before),
                 false => !*keeps_better_time,
             };
-            sure > CONFIRMED && !unexplained && !worse
+            sure > CONFIRMED_WALD && !unexplained && !worse
         };
         rig.freedom.iter().enumerate().filter(|(_, freedom)| freedom.any()).all(holds)
     }
@@ -189,26 +195,26 @@ impl Task<'_> {
     }
 
     /// Takes all changes back: their cameras are doubtful.
-    fn doubt(&self, found: &mut Found, searched: &[Freedom], bars: &[Bars]) {
+    fn doubt(&self, found: &mut SearchResult, searched: &[Freedom], bars: &[Bars]) {
         let m = self.given.len();
         let sound = Explanation::start(self.given.to_vec(), vec![Freedom::default(); m]);
         let changed = std::mem::replace(&mut found.rig, sound);
-        for (view, freedom) in searched.iter().enumerate().filter(|(_, one)| one.any()) {
+        for (view, freedom) in searched.iter().enumerate().filter(|(_, freedom)| freedom.any()) {
             let fault = if freedom.turn { Fault::Place } else { Fault::Clock };
             let (rig, own) = (changed.clone(), bars[view]);
-            found.rivals.push(Supposed { view, fault, rig, bars: own, surety: 0.0 });
+            found.rivals.push(Supposed { view, fault, rig, bars: own, wald: 0.0 });
         }
     }
 
     /// The cameras that are known to be wrong, placed by the others one after the other.
-    fn free(&self, scope: &Scope<'_>, free: &[usize]) -> Found {
+    fn free(&self, scope: &Scope<'_>, free: &[usize]) -> SearchResult {
         let m = self.given.len();
         let Adjustable { focal, clock, .. } = *self.what;
         let mut rig = Explanation::start(self.given.to_vec(), vec![Freedom::default(); m]);
         let mut trusted: Vec<bool> = (0..m).map(|i| !free.contains(&i)).collect();
         for &i in free {
             let kind = Freedom { focal, clock, ..Freedom::PLACE };
-            let used = if trusted.iter().filter(|one| **one).count() < 2 {
+            let used = if trusted.iter().filter(|is_trusted| **is_trusted).count() < 2 {
                 vec![true; m]
             } else {
                 trusted.clone()
@@ -222,7 +228,7 @@ impl Task<'_> {
             }
         }
         let bars = vec![Bars::UNKNOWN; m];
-        Found { rig, rivals: Vec::new(), besides: Vec::new(), bars }
+        SearchResult { rig, rivals: Vec::new(), besides: Vec::new(), bars }
     }
 
     /// Adjusts on all frames. The error bars are those with every part of a change free, also where
@@ -236,7 +242,7 @@ impl Task<'_> {
         let freedom: Vec<Freedom> = rig.freedom.iter().map(full).collect();
         let mut rig = self.settle(scope, rig.cameras, freedom.clone());
         let free = unknowns(&freedom);
-        for (i, _) in freedom.iter().enumerate().filter(|(_, one)| one.any()) {
+        for (i, _) in freedom.iter().enumerate().filter(|(_, freedom)| freedom.any()) {
             all[i] = bars(&rig.judged.steady, &free, i);
         }
         for i in 0..freedom.len() {
@@ -293,7 +299,7 @@ impl Task<'_> {
 
     fn report(
         &self,
-        found: &Found,
+        found: &SearchResult,
         bars: &[Bars],
         cameras: &[Camera],
         unit: Unit,
@@ -301,7 +307,7 @@ impl Task<'_> {
         let before = self.left_out(self.given);
         let after = self.left_out(&found.rig.cameras);
         let mm = unit.millimetres();
-        let one = |i: usize| {
+        let of_camera = |i: usize| {
             let (change, bars, status) = self.verdict(found, bars, i);
             CameraAdjustment {
                 status,
@@ -311,7 +317,7 @@ impl Task<'_> {
                 after: after[i],
             }
         };
-        let report: Vec<CameraAdjustment> = (0..cameras.len()).map(one).collect();
+        let report: Vec<CameraAdjustment> = (0..cameras.len()).map(of_camera).collect();
         let returned = |(i, camera): (usize, &Camera)| -> Result<Camera> {
             let new = &found.rig.cameras[i].camera;
             let freedom = found.rig.freedom[i];
@@ -326,10 +332,15 @@ impl Task<'_> {
         Ok(RigAdjustment { cameras: cameras?, report, frames })
     }
 
-    fn verdict(&self, found: &Found, bars: &[Bars], i: usize) -> (Change, Bars, CameraStatus) {
+    fn verdict(
+        &self,
+        found: &SearchResult,
+        bars: &[Bars],
+        i: usize,
+    ) -> (Change, Bars, CameraStatus) {
         let now = |rig: &Explanation| Change::between(&self.given[i], &rig.cameras[i]);
-        if let Some(one) = found.rivals.iter().find(|one| one.view == i) {
-            return (now(&one.rig), one.bars, CameraStatus::Doubtful);
+        if let Some(rival) = found.rivals.iter().find(|rival| rival.view == i) {
+            return (now(&rival.rig), rival.bars, CameraStatus::Doubtful);
         }
         let change = now(&found.rig);
         let freedom = found.rig.freedom[i];
@@ -354,13 +365,13 @@ impl Task<'_> {
     /// frames that were left out.
     fn left_out(&self, cameras: &[Placed]) -> Vec<f64> {
         let m = cameras.len();
-        let one = |i: usize| {
+        let of_view = |i: usize| {
             let others: Vec<bool> = (0..m).map(|k| k != i || m == 2).collect();
             let points = self.scene.points(&self.judged, cameras, &others);
             let off = self.scene.distances(&self.judged, &points, i, &cameras[i]);
-            median(off.iter().map(|(px, _)| *px).collect())
+            median(off.iter().map(|(px, _)| *px))
         };
-        (0..m).map(one).collect()
+        (0..m).map(of_view).collect()
     }
 }
 
@@ -375,14 +386,14 @@ pub fn equations(
     points: Vec<Vector3<f64>>,
     sigma: f64,
 ) -> Result<Reduced> {
-    let all: Vec<Camera> = cameras.iter().map(|one| one.camera.clone()).collect();
+    let all: Vec<Camera> = cameras.iter().map(|placed| placed.camera.clone()).collect();
     check(&all, frames, &Adjustable::default())?;
     let scene = Scene::new(frames);
     if points.len() != frames.len() * scene.n_joints() {
         let expected = format!("{} x {} points", frames.len(), scene.n_joints());
         return Err(Error::invalid("points", expected, points.len().to_string()));
     }
-    let motion = Motion::known(scene.n_joints(), points.clone());
+    let motion = JointMotion::known(scene.n_joints(), points.clone());
     let numbers: Vec<usize> = (0..frames.len()).collect();
     let free = Freedom { focal: true, clock: true, ..Freedom::PLACE };
     let freedom = vec![free; cameras.len()];
@@ -405,9 +416,8 @@ fn divided(n: usize) -> (Vec<usize>, Vec<usize>) {
         return ((0..n).collect(), Vec::new());
     }
     let parts = PARTS.min(n);
-    let [left, every] = LEFT_OUT;
     let (judged, fitted): (Vec<usize>, Vec<usize>) =
-        (0..n).partition(|t| (t * parts / n) % every == left);
+        (0..n).partition(|t| (t * parts / n) % EVERY == LEFT_OUT);
     (spread(&fitted, FITTED), spread(&judged, JUDGED))
 }
 

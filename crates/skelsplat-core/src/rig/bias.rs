@@ -19,7 +19,7 @@ const PRIOR: f64 = 1.0;
 
 /// Offset of the detections of joint j in view i, mm, at j * views + i.
 #[derive(Debug, Clone)]
-pub struct Offsets {
+pub struct LastingErrors {
     views: usize,
     values: Vec<Vector2<f64>>,
 }
@@ -33,7 +33,7 @@ pub(super) struct Follow {
     slope: DMatrix<f64>,
 }
 
-impl Offsets {
+impl LastingErrors {
     /// None yet.
     #[must_use]
     pub fn new(views: usize, n_joints: usize) -> Self {
@@ -58,8 +58,8 @@ impl Offsets {
 
     /// Step of the offsets of every joint when the cameras step by `delta`.
     pub(super) fn steps(&self, follow: &[Follow], delta: &DVector<f64>) -> Vec<Vector2<f64>> {
-        let of = |one: &Follow| -&one.pull - &one.slope * delta;
-        let all: Vec<f64> = follow.iter().flat_map(|one| of(one).data.as_vec().clone()).collect();
+        let of = |own: &Follow| -&own.pull - &own.slope * delta;
+        let all: Vec<f64> = follow.iter().flat_map(|own| of(own).data.as_vec().clone()).collect();
         all.chunks(2).map(|b| Vector2::new(b[0], b[1])).collect()
     }
 
@@ -70,11 +70,11 @@ impl Offsets {
     /// Eliminates the offsets, the last unknowns, from cells `[chunk][part * N + j]`.
     pub(super) fn eliminated(&self, cells: &mut [Vec<Reduced>]) -> Vec<Follow> {
         let n = self.values.len() / self.views;
-        let one = |j: usize| {
+        let of_joint = |j: usize| {
             let own = cells.iter().flat_map(|chunk| chunk.iter().skip(j).step_by(n));
             self.follow(j, &Reduced::sum(own))
         };
-        let follow: Vec<Follow> = (0..n).map(one).collect();
+        let follow: Vec<Follow> = (0..n).map(of_joint).collect();
         for (k, cell) in cells.iter_mut().flat_map(|chunk| chunk.iter_mut().enumerate()) {
             without(cell, &follow[k % n].slope);
         }

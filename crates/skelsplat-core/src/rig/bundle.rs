@@ -17,7 +17,7 @@
 use nalgebra::{DMatrix, DVector, Matrix3, RowVector3, SMatrix, Vector2, Vector3};
 use rayon::prelude::*;
 
-use super::bias::{Follow, Offsets};
+use super::bias::{Follow, LastingErrors};
 use super::placed::{Change, Freedom, PARAMETERS, Placed, Residual, Step};
 use super::reduced::{Judged, Reduced, jackknife, lasting, summed};
 use super::scene::Scene;
@@ -27,8 +27,10 @@ use crate::error::Result;
 const CHUNK: usize = 16;
 /// Width of the final kernel in multiples of the noise.
 pub const PER_NOISE: f64 = 2.5;
-/// Numbers of clusters: at least, and at most where there are many joints.
-const CLUSTERS: [usize; 2] = [12, 32];
+/// Least number of clusters.
+const LEAST_CLUSTERS: usize = 12;
+/// Most clusters where there are many joints.
+const MOST_CLUSTERS: usize = 32;
 /// Information on a joint that holds what no ray does, relative to a detection's.
 const LOOSE: f64 = 1e-5;
 /// Most widths above the final one, each half of the one before if so many suffice.
@@ -40,9 +42,14 @@ const LEAST_CURVED: f64 = 0.1;
 /// Converged when no camera turns, rad, moves, relative to its distance, or changes otherwise by
 /// more.
 const STILL: f64 = 3e-6;
-/// Standard deviations of the prior: turn, rad, shift, relative to the distance of the joints,
-/// logarithm of the focal length, clock, frames.
-const PRIOR: [f64; 4] = [0.35, 0.25, 0.1, 30.0];
+/// Standard deviation of the prior of a turn, rad.
+const PRIOR_TURN: f64 = 0.35;
+/// That of a shift, relative to the distance of the joints.
+const PRIOR_SHIFT: f64 = 0.25;
+/// That of the logarithm of the focal length.
+const PRIOR_ZOOM: f64 = 0.1;
+/// That of a clock, frames.
+const PRIOR_CLOCK: f64 = 30.0;
 
 /// Cameras and joints that are adjusted together.
 #[derive(Debug, Clone)]
@@ -62,7 +69,7 @@ pub struct Bundle<'a> {
     /// Whether the joints are left where they are.
     pub fixed: bool,
     /// Errors of detections that last; `None`: they are noise as the others.
-    pub offsets: Option<Offsets>,
+    pub offsets: Option<LastingErrors>,
 }
 
 /// One detection of a joint.
@@ -161,14 +168,14 @@ impl Bundle<'_> {
     fn reach(&self) -> Vec<f64> {
         let known = || self.points.iter().filter(|x| x.x.is_finite());
         let middle = known().sum::<Vector3<f64>>() / known().count().max(1) as f64;
-        self.given.iter().map(|one| (one.camera.centre() - middle).norm().max(1.0)).collect()
+        self.given.iter().map(|placed| (placed.camera.centre() - middle).norm().max(1.0)).collect()
     }
 
     /// Precision of the prior of every unknown.
     fn prior(&self, sigma: f64, reach: &[f64]) -> Vec<f64> {
         let noise = sigma / PER_NOISE;
-        let one = |(i, k): (usize, usize)| (noise / prior_sigma(k, reach[i])).powi(2);
-        unknowns(&self.freedom).into_iter().map(one).collect()
+        let precision = |(i, k): (usize, usize)| (noise / prior_sigma(k, reach[i])).powi(2);
+        unknowns(&self.freedom).into_iter().map(precision).collect()
     }
 
     /// The equations of every cluster: a joint, or where there are few joints a joint in a part of
@@ -182,8 +189,7 @@ impl Bundle<'_> {
     fn cells(&self, sigma: f64) -> Cells {
         let n = self.scene.n_joints();
         let (columns, q) = self.columns();
-        let [least, most] = CLUSTERS;
-        let parts = least.div_ceil(n).min(self.frames.len()).max(1);
+        let parts = LEAST_CLUSTERS.div_ceil(n).min(self.frames.len()).max(1);
         let cell = |t: usize, j: usize| j + n * (t * parts / self.frames.len());
         let sum_of = |first: usize| {
             let mut out = vec![Reduced::nothing(q); n * parts];
@@ -204,11 +210,11 @@ impl Bundle<'_> {
         let (mut cells, moves): (Vec<Vec<Reduced>>, Vec<Moves>) =
             starts.into_par_iter().map(sum_of).unzip();
         let follow = self.offsets.as_ref().map_or_else(Vec::new, |all| all.eliminated(&mut cells));
-        let joints = n.min(most);
+        let joints = n.min(MOST_CLUSTERS);
         let merged = |all: Vec<Reduced>| {
             let mut out = vec![Reduced::nothing(all[0].gradient.len()); joints * parts];
-            for (k, one) in all.iter().enumerate() {
-                out[k % n % joints + joints * (k / n)].add(one);
+            for (k, cell) in all.iter().enumerate() {
+                out[k % n % joints + joints * (k / n)].add(cell);
             }
             out
         };
@@ -344,11 +350,11 @@ impl Bundle<'_> {
     pub fn judge(&self, sigma: f64) -> Judged {
         let Cells { equations: cells, .. } = self.cells(sigma);
         let clusters = summed(&cells);
-        let costs: Vec<f64> = clusters.iter().map(|one| one.cost).collect();
+        let costs: Vec<f64> = clusters.iter().map(|cluster| cluster.cost).collect();
         let prior = self.prior(sigma, &self.reach());
         let q = prior.len();
         let mut whole = DMatrix::from_diagonal(&DVector::from_vec(prior.clone()));
-        clusters.iter().for_each(|one| whole += &one.matrix);
+        clusters.iter().for_each(|cluster| whole += &cluster.matrix);
         let of_joints = jackknife(&whole, &clusters);
         let (Some(of_joints), Some(inverse)) = (of_joints, whole.clone().try_inverse()) else {
             return Judged::unknown(costs, q);
@@ -392,9 +398,9 @@ fn information(terms: &[Term]) -> Option<(Matrix3<f64>, Vector3<f64>)> {
 /// Standard deviation of the prior of a parameter of a camera at this distance.
 fn prior_sigma(k: usize, reach: f64) -> f64 {
     match k {
-        0..3 => PRIOR[0],
-        3..6 => PRIOR[1] * reach,
-        6 => PRIOR[2],
-        _ => PRIOR[3],
+        0..3 => PRIOR_TURN,
+        3..6 => PRIOR_SHIFT * reach,
+        6 => PRIOR_ZOOM,
+        _ => PRIOR_CLOCK,
     }
 }

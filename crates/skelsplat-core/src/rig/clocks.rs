@@ -6,24 +6,25 @@
 
 use nalgebra::Vector3;
 
-use super::bias::Offsets;
+use super::bias::LastingErrors;
 use super::bundle::{Bundle, unknowns};
-use super::evidence::surety;
+use super::evidence::wald;
 use super::placed::{Change, Freedom, Placed};
-use super::scene::median;
-use super::search::{CONFIRMED, Explanation, LEAST, SURE, Scope};
+use super::search::{CONFIRMED_WALD, Explanation, FAULT_WALD, LEAST, Scope};
+use crate::statistics::median;
 
-/// Frames by which clocks may differ: at most, and at most this part of the recording; and the
-/// least recording.
-const LATEST: isize = 30;
+/// Most frames by which clocks may differ.
+const MOST_OFFSET: isize = 30;
+/// They differ by at most this part of the recording.
 const PART: usize = 3;
+/// The least recording that tells clocks, frames.
 const LEAST_FRAMES: usize = 12;
 
 impl Scope<'_> {
     /// Whether a clock is still off now that other faults are corrected; if not, it is as given
     /// again.
     pub fn keeps(&self, rig: &mut Explanation, view: usize) -> bool {
-        let keeps = self.lateness(rig, view) > CONFIRMED && self.is_within(rig, view);
+        let keeps = self.clock_wald(rig, view) > CONFIRMED_WALD && self.is_within(rig, view);
         if !keeps {
             *rig = self.without_clocks(rig, |i| i == view);
         }
@@ -42,43 +43,54 @@ impl Scope<'_> {
     }
 
     /// Whether a clock is sure also in a rig in which that of another camera is free.
-    pub fn stays_late(&self, rig: &Explanation, view: usize, other: usize, sigma: f64) -> bool {
+    pub fn clock_stays_off(
+        &self,
+        rig: &Explanation,
+        view: usize,
+        other: usize,
+        sigma: f64,
+    ) -> bool {
         let mut freedom = rig.freedom.clone();
         freedom[other].clock = true;
         let rig = self.explain(rig.cameras.clone(), freedom, sigma, 1.0);
-        self.lateness(&rig, view) > SURE
+        self.clock_wald(&rig, view) > FAULT_WALD
     }
 
     /// Whether a clock is off by no more than it may be: where places are wrong, some clock far
     /// away seems to fit.
     pub fn is_within(&self, rig: &Explanation, view: usize) -> bool {
-        (rig.cameras[view].clock - self.given[view].clock).abs() <= self.latest() as f64 + 1.0
+        (rig.cameras[view].clock - self.given[view].clock).abs() <= self.most_offset() as f64 + 1.0
     }
 
-    /// How sure it is that a clock is off: see [`surety`].
-    pub fn lateness(&self, rig: &Explanation, view: usize) -> f64 {
+    /// The Wald statistic of a clock's offset: see [`wald`].
+    pub fn clock_wald(&self, rig: &Explanation, view: usize) -> f64 {
         let change = Change::between(&self.given[view], &rig.cameras[view]);
-        surety(&rig.judged, &unknowns(&rig.freedom), view, Freedom::CLOCK, &change)
+        wald(&rig.judged, &unknowns(&rig.freedom), view, Freedom::CLOCK, &change)
     }
 
     /// The most frames by which a clock may be off.
-    pub fn latest(&self) -> isize {
+    pub fn most_offset(&self) -> isize {
         let n = self.scene.n_frames();
-        if n < LEAST_FRAMES { 0 } else { LATEST.min((n / PART) as isize) }
+        if n < LEAST_FRAMES { 0 } else { MOST_OFFSET.min((n / PART) as isize) }
     }
 
     /// The whole number of frames by which a camera's clock fits best; `None` if only a part of a
     /// frame is left, which is not asked for, or nothing fits.
-    pub fn late(&self, camera: &Placed, view: usize, points: &[Vector3<f64>]) -> Option<f64> {
+    pub fn clock_offset(
+        &self,
+        camera: &Placed,
+        view: usize,
+        points: &[Vector3<f64>],
+    ) -> Option<f64> {
         let now = camera.clock.round();
         let count = self.scene.distances(self.frames, points, view, camera).len();
         let off = |shift: isize| {
             let tried = Placed { clock: now + shift as f64, ..camera.clone() };
             let sights = self.scene.distances(self.frames, points, view, &tried);
             let enough = 2 * sights.len() >= count && sights.len() >= LEAST;
-            enough.then(|| median(sights.iter().map(|(px, mm)| px * mm).collect()))
+            enough.then(|| median(sights.iter().map(|(px, mm)| px * mm)))
         };
-        let most = self.latest();
+        let most = self.most_offset();
         let tried = (-most..=most).filter_map(|shift| Some((shift, off(shift)?)));
         let (best, _) = tried.min_by(|a, b| a.1.total_cmp(&b.1).then(a.0.abs().cmp(&b.0.abs())))?;
         (best != 0 || self.clock).then_some(now + best as f64)
@@ -86,10 +98,10 @@ impl Scope<'_> {
 
     /// What tells clocks alone: errors of detections that last are unknown, and places stay.
     pub fn timing<'a>(&self, bundle: Bundle<'a>) -> Bundle<'a> {
-        let clock = |one: &Freedom| Freedom { clock: one.clock, ..Freedom::default() };
+        let clock = |freedom: &Freedom| Freedom { clock: freedom.clock, ..Freedom::default() };
         Bundle {
             freedom: bundle.freedom.iter().map(clock).collect(),
-            offsets: Some(Offsets::new(self.given.len(), self.scene.n_joints())),
+            offsets: Some(LastingErrors::new(self.given.len(), self.scene.n_joints())),
             ..bundle
         }
     }
@@ -99,8 +111,8 @@ impl Scope<'_> {
     pub fn moving(&self, before: &[Placed], after: &[Placed], sigma: f64) -> [Vec<f64>; 2] {
         let last = self.scene.n_frames() as f64 - 1.0;
         let inside =
-            |t: usize, one: &Placed| (0.0..=last).contains(&(t as f64 + one.clock.round()));
-        let there = |t: &usize| after.iter().chain(before).all(|one| inside(*t, one));
+            |t: usize, camera: &Placed| (0.0..=last).contains(&(t as f64 + camera.clock.round()));
+        let there = |t: &usize| after.iter().chain(before).all(|camera| inside(*t, camera));
         let frames: Vec<usize> = self.frames.iter().copied().filter(there).collect();
         let scope = Scope { frames: &frames, ..*self };
         [before, after].map(|cameras| {
@@ -108,7 +120,7 @@ impl Scope<'_> {
             let still = vec![Freedom::default(); cameras.len()];
             let mut bundle = scope.timing(scope.bundle(cameras.to_vec(), still, points));
             bundle.solve(sigma, sigma);
-            bundle.clusters(sigma).iter().map(|one| one.cost).collect()
+            bundle.clusters(sigma).iter().map(|cluster| cluster.cost).collect()
         })
     }
 }

@@ -52,9 +52,9 @@ pub fn bars(covariance: &DMatrix<f64>, unknowns: &[(usize, usize)], view: usize)
     Bars { turn: of(0..3), shift: of(3..6), zoom: of(6..7), clock: of(7..8) }
 }
 
-/// How sure a change of what is free in one camera is: √(θᵀC⁻¹θ/p), of p parameters and with the
+/// The Wald statistic of a change of what is free in one camera: √(θᵀC⁻¹θ/p), of p parameters and with the
 /// covariance from G clusters widened as in Hotelling's test, (G−p)/(G−1).
-pub fn surety(
+pub fn wald(
     judged: &Judged,
     unknowns: &[(usize, usize)],
     view: usize,
@@ -63,7 +63,7 @@ pub fn surety(
 ) -> f64 {
     let clusters = judged.costs.len();
     let own: Vec<usize> = of.columns().collect();
-    let place = |k: &usize| unknowns.iter().position(|one| *one == (view, *k));
+    let place = |k: &usize| unknowns.iter().position(|unknown| *unknown == (view, *k));
     let Some(rows) = own.iter().map(place).collect::<Option<Vec<usize>>>() else { return 0.0 };
     let (p, g) = (rows.len(), clusters as f64);
     let part = DMatrix::from_fn(p, p, |a, b| judged.covariance[(rows[a], rows[b])]);

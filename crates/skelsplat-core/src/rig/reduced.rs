@@ -8,9 +8,9 @@
 
 use nalgebra::{DMatrix, DVector};
 
-/// The recording is divided into this many parts, at least and at most; their errors count as
-/// independent.
+/// Fewer parts of a recording say nothing about errors that joints have in common for a while.
 const LEAST_PARTS: usize = 5;
+/// Most parts into which a recording is divided; their errors count as independent.
 const MOST_PARTS: usize = 12;
 
 /// The equations of the cameras from a part of the detections, joints eliminated.
@@ -41,7 +41,7 @@ impl Reduced {
     pub fn sum<'a>(clusters: impl IntoIterator<Item = &'a Self>) -> Self {
         let mut all = clusters.into_iter();
         let Some(mut sum) = all.next().cloned() else { return Self::nothing(0) };
-        all.for_each(|one| sum.add(one));
+        all.for_each(|cluster| sum.add(cluster));
         sum
     }
 
@@ -79,7 +79,7 @@ impl Judged {
     pub(super) fn timed(self, clocks: Self, is_clock: &[bool]) -> Self {
         let q = is_clock.len();
         let place: Vec<usize> = (0..q)
-            .map(|k| is_clock[..k].iter().filter(|one| **one == is_clock[k]).count())
+            .map(|k| is_clock[..k].iter().filter(|other| **other == is_clock[k]).count())
             .collect();
         let joined = |places: &DMatrix<f64>, times: &DMatrix<f64>| {
             DMatrix::from_fn(q, q, |a, b| match (is_clock[a], is_clock[b]) {
@@ -109,9 +109,10 @@ pub(super) fn jackknife<'a>(
     whole: &DMatrix<f64>,
     clusters: impl IntoIterator<Item = &'a Reduced>,
 ) -> Option<DMatrix<f64>> {
-    let there = clusters.into_iter().filter(|one| one.matrix.trace() > 0.0);
-    let moved: Option<Vec<DVector<f64>>> =
-        there.map(|one| Some((whole - &one.matrix).cholesky()?.solve(&one.gradient))).collect();
+    let there = clusters.into_iter().filter(|cluster| cluster.matrix.trace() > 0.0);
+    let moved: Option<Vec<DVector<f64>>> = there
+        .map(|cluster| Some((whole - &cluster.matrix).cholesky()?.solve(&cluster.gradient)))
+        .collect();
     let moved = moved.filter(|all| all.len() > 1)?;
     let (q, g) = (whole.nrows(), moved.len() as f64);
     let scatter = moved.iter().fold(DMatrix::zeros(q, q), |sum, d| sum + d * d.transpose());

@@ -3,6 +3,7 @@
 use super::evidence::Bars;
 use super::placed::Change;
 use crate::camera::Camera;
+use crate::names::named;
 
 /// What became of a camera.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -20,19 +21,13 @@ pub enum CameraStatus {
     Unseen,
 }
 
-impl CameraStatus {
-    /// One word.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Sound => "sound",
-            Self::Adjusted => "adjusted",
-            Self::Late => "late",
-            Self::Doubtful => "doubtful",
-            Self::Unseen => "unseen",
-        }
-    }
-}
+named!(CameraStatus {
+    Sound: "sound",
+    Adjusted: "adjusted",
+    Late: "late",
+    Doubtful: "doubtful",
+    Unseen: "unseen",
+});
 
 /// What is said of one camera.
 #[derive(Debug, Clone, PartialEq)]

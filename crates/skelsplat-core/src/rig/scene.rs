@@ -10,16 +10,16 @@ use crate::detections::Detections;
 
 /// Frames on either side from which the movement of a joint is measured: more average the swing of
 /// a foot at 15 frames per second away, fewer the noise too little. Twice and four times as many
-/// where people move so slowly that of the changes of the movement more than this part would be
-/// noise.
+/// where people move slowly.
 const REACH: [usize; 3] = [2, 4, 8];
+/// They move slowly where more than this part of the changes of the movement would be noise.
 const NOISY: f64 = 0.05;
 
 /// The frames of a recording, in order.
 #[derive(Debug, Clone, Copy)]
 pub struct Scene<'a> {
     frames: &'a [Detections],
-    motion: Option<&'a Motion>,
+    motion: Option<&'a JointMotion>,
 }
 
 /// Where the joints are in some frames, and how they move there, as all cameras together see it.
@@ -28,7 +28,7 @@ pub struct Scene<'a> {
 /// to be off by less than it is: of two noisy quantities, the slope of one over the other is too
 /// small.
 #[derive(Debug, Clone)]
-pub struct Motion {
+pub struct JointMotion {
     n_joints: usize,
     /// Frames on either side from which the movement is measured.
     reach: usize,
@@ -41,7 +41,7 @@ pub struct Motion {
     movements: Vec<Option<(Vector3<f64>, f64)>>,
 }
 
-impl Motion {
+impl JointMotion {
     /// At these frames.
     #[must_use]
     pub fn of(scene: Scene<'_>, frames: &[usize], cameras: &[Placed]) -> Self {
@@ -116,10 +116,12 @@ impl Motion {
         let (mut noise, mut changes) = (0.0, 0.0);
         for j in 0..self.n_joints {
             let all = frames.iter().filter_map(|t| self.movement(*t, j));
-            let all: Vec<(Vector3<f64>, f64)> = all.filter(|one| one.1.is_finite()).collect();
-            let mean = all.iter().map(|one| one.0).sum::<Vector3<f64>>() / all.len() as f64;
-            noise += all.iter().map(|one| one.1).sum::<f64>();
-            changes += all.iter().map(|one| (one.0 - mean).norm_squared()).sum::<f64>();
+            let all: Vec<(Vector3<f64>, f64)> =
+                all.filter(|movement| movement.1.is_finite()).collect();
+            let mean =
+                all.iter().map(|movement| movement.0).sum::<Vector3<f64>>() / all.len() as f64;
+            noise += all.iter().map(|movement| movement.1).sum::<f64>();
+            changes += all.iter().map(|movement| (movement.0 - mean).norm_squared()).sum::<f64>();
         }
         if changes > 0.0 { noise / changes } else { 0.0 }
     }
@@ -144,7 +146,7 @@ impl<'a> Scene<'a> {
 
     /// With the movement of the joints.
     #[must_use]
-    pub fn moving(self, motion: &'a Motion) -> Self {
+    pub fn moving(self, motion: &'a JointMotion) -> Self {
         Self { motion: Some(motion), ..self }
     }
 
@@ -168,13 +170,20 @@ impl<'a> Scene<'a> {
     /// to fit better than the true one. The movement v is given where it is needed or the camera's
     /// clock may be `moving`.
     #[must_use]
-    pub fn sight(&self, t: usize, i: usize, j: usize, one: &Placed, moving: bool) -> Option<Sight> {
-        let whole = one.clock.round();
+    pub fn sight(
+        &self,
+        t: usize,
+        i: usize,
+        j: usize,
+        placed: &Placed,
+        moving: bool,
+    ) -> Option<Sight> {
+        let whole = placed.clock.round();
         let k = t.checked_add_signed(whole as isize)?;
         let (pixel, confidence) = self.frames.get(k)?.get(i, j)?;
-        let motion = self.motion.filter(|_| moving || one.clock != whole);
-        let speed = motion.map_or_else(Vector2::zeros, |motion| motion.speed(t, j, &one.camera));
-        Some(Sight { pixel: pixel + speed * (one.clock - whole), speed, confidence })
+        let motion = self.motion.filter(|_| moving || placed.clock != whole);
+        let speed = motion.map_or_else(Vector2::zeros, |motion| motion.speed(t, j, &placed.camera));
+        Some(Sight { pixel: pixel + speed * (placed.clock - whole), speed, confidence })
     }
 
     /// Joints `(frames, N)` placed by the views that are `used`, mm; NaN where unknown.
@@ -182,7 +191,7 @@ impl<'a> Scene<'a> {
     pub fn points(&self, frames: &[usize], cameras: &[Placed], used: &[bool]) -> Vec<Vector3<f64>> {
         let views: Vec<usize> = (0..cameras.len()).filter(|i| used[*i]).collect();
         let there: Vec<Camera> = views.iter().map(|i| cameras[*i].camera.clone()).collect();
-        let one = |t: &usize| {
+        let at_frame = |t: &usize| {
             let get = |v: usize, j: usize| {
                 let sight = self.sight(*t, views[v], j, &cameras[views[v]], false)?;
                 Some((sight.pixel, sight.confidence))
@@ -190,7 +199,7 @@ impl<'a> Scene<'a> {
             let seen = Detections::gathered(views.len(), self.n_joints(), get);
             robust(&seen.undistorted(&there), &there).points
         };
-        let placed: Vec<Vec<Vector3<f64>>> = frames.par_iter().map(one).collect();
+        let placed: Vec<Vec<Vector3<f64>>> = frames.par_iter().map(at_frame).collect();
         placed.into_iter().flatten().collect()
     }
 
@@ -205,20 +214,11 @@ impl<'a> Scene<'a> {
         camera: &Placed,
     ) -> Vec<(f64, f64)> {
         let n = self.n_joints();
-        let one = |(k, x): (usize, &Vector3<f64>)| {
+        let distance = |(k, x): (usize, &Vector3<f64>)| {
             let sight = self.sight(frames[k / n], i, k % n, camera, false)?;
             let residual = camera.residual(x, &sight)?;
             Some((residual.value.norm(), residual.pixel))
         };
-        points.iter().enumerate().filter(|(_, x)| x.x.is_finite()).filter_map(one).collect()
+        points.iter().enumerate().filter(|(_, x)| x.x.is_finite()).filter_map(distance).collect()
     }
-}
-
-/// The median; NaN of nothing.
-pub(super) fn median(mut values: Vec<f64>) -> f64 {
-    if values.is_empty() {
-        return f64::NAN;
-    }
-    let middle = values.len() / 2;
-    *values.select_nth_unstable_by(middle, f64::total_cmp).1
 }

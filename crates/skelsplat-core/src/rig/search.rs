@@ -11,12 +11,13 @@
 use nalgebra::Vector3;
 
 use super::bundle::{Bundle, PER_NOISE, unknowns};
-use super::evidence::{Bars, bars, is_worse, surety, total};
+use super::evidence::{Bars, bars, is_worse, total, wald};
 use super::placed::{CLOCK, Change, Freedom, Placed};
 use super::reduced::Judged;
-use super::scene::{Scene, median};
+use super::scene::Scene;
 use crate::batch::Progress;
 use crate::error::Result;
+use crate::statistics::median;
 
 /// Fewer detections do not place a camera.
 pub(super) const LEAST: usize = 20;
@@ -24,15 +25,20 @@ pub(super) const LEAST: usize = 20;
 const RAYLEIGH: f64 = 1.177_41;
 /// Least noise, pixels.
 const LEAST_PX: f64 = 0.05;
-/// A change is a fault from this [`surety`] on.
-pub(super) const SURE: f64 = 3.5;
-/// A change that was found is confirmed from this surety on where more is known.
-pub const CONFIRMED: f64 = 2.0;
-/// The least that a fault explains, relative to the mean cost of a view, and what is enough from
-/// the surety [`CLEAR`] on: of the place, and of the clock, which is one number.
-const GAIN: [f64; 2] = [0.2, 0.05];
-const GAIN_CLOCK: [f64; 2] = [0.02, 0.01];
-const CLEAR: f64 = 6.0;
+/// A change is a fault from this Wald statistic ([`wald`]) on.
+pub(super) const FAULT_WALD: f64 = 3.5;
+/// A change that was found is confirmed from this Wald statistic on where more is known.
+pub const CONFIRMED_WALD: f64 = 2.0;
+/// The least that a fault of a place explains, relative to the mean cost of a view.
+const GAIN: f64 = 0.2;
+/// What is enough from the Wald statistic [`CLEAR_WALD`] on.
+const CLEAR_GAIN: f64 = 0.05;
+/// The same of a clock, which is one number.
+const GAIN_CLOCK: f64 = 0.02;
+/// The same of a clock from [`CLEAR_WALD`] on.
+const CLEAR_GAIN_CLOCK: f64 = 0.01;
+/// The Wald statistic from which a change is clear.
+const CLEAR_WALD: f64 = 6.0;
 
 /// What a search may suppose.
 #[derive(Debug, Clone, Copy)]
@@ -86,13 +92,13 @@ pub struct Supposed {
     pub rig: Explanation,
     /// Error bars of the camera.
     pub bars: Bars,
-    /// How sure its change is: see [`surety`].
-    pub surety: f64,
+    /// The Wald statistic of its change: see [`wald`].
+    pub wald: f64,
 }
 
 /// What a search found.
 #[derive(Debug, Clone)]
-pub struct Found {
+pub struct SearchResult {
     /// The rig with every fault corrected that could be told.
     pub rig: Explanation,
     /// Faults of which one is there that could not be told from each other; empty where there is no
@@ -125,14 +131,14 @@ impl Scope<'_> {
     ///
     /// # Errors
     /// [`crate::Error::Cancelled`].
-    pub fn search(&self, progress: &Progress) -> Result<Found> {
+    pub fn search(&self, progress: &Progress) -> Result<SearchResult> {
         let m = self.given.len();
         let start = Explanation::start(self.given.to_vec(), vec![Freedom::default(); m]);
         let bars = vec![Bars::UNKNOWN; m];
-        let mut found = Found { rig: start, rivals: Vec::new(), besides: Vec::new(), bars };
+        let mut found = SearchResult { rig: start, rivals: Vec::new(), besides: Vec::new(), bars };
         let mut rounds = self.rounds(&mut found.rig, progress)?;
-        let placed = found.rig.freedom.iter().any(|one| one.turn || one.focal);
-        if placed && found.rig.freedom.iter().any(|one| one.clock) {
+        let placed = found.rig.freedom.iter().any(|freedom| freedom.turn || freedom.focal);
+        if placed && found.rig.freedom.iter().any(|freedom| freedom.clock) {
             (found.rig, rounds) = self.timed_again(found.rig, rounds, progress)?;
         }
         rounds.retain(|(_, best)| !best[0].is_clock() || self.keeps(&mut found.rig, best[0].view));
@@ -140,11 +146,12 @@ impl Scope<'_> {
         let (corrected, sigma) = (found.rig.freedom.clone(), self.sigma(&found.rig.cameras));
         for (_, best) in &mut rounds {
             let first = best[0].clone();
-            let told = |one: &Supposed| {
-                covers(corrected[one.view], one.fault)
-                    || first.is_clock() && self.stays_late(&found.rig, first.view, one.view, sigma)
+            let told = |supposed: &Supposed| {
+                covers(corrected[supposed.view], supposed.fault)
+                    || first.is_clock()
+                        && self.clock_stays_off(&found.rig, first.view, supposed.view, sigma)
             };
-            best.retain(|one| one.view == first.view || !told(one));
+            best.retain(|supposed| supposed.view == first.view || !told(supposed));
         }
         if let Some(k) = rounds.iter().position(|(_, best)| best.len() > 1) {
             (found.rig, found.rivals) = rounds.swap_remove(k);
@@ -194,7 +201,7 @@ impl Scope<'_> {
                 progress.check()?;
                 faults.extend(self.suppose(rig, view, fault, sigma));
             }
-            faults.retain(|one| self.is_fault(rig, one, sigma));
+            faults.retain(|supposed| self.is_fault(rig, supposed, sigma));
             if !faults.is_empty() {
                 return Ok(self.told_apart(faults, sigma));
             }
@@ -216,11 +223,11 @@ impl Scope<'_> {
             if rig.freedom[view].any() || !needed {
                 continue;
             }
-            let Some(one) = self.suppose(&still, view, fault, sigma) else { continue };
-            let change = Change::between(&self.given[view], &one.rig.cameras[view]);
-            learn(&mut bars[view], fault, &one.bars.besides(&change));
-            if full && !one.is_clock() && self.is_fault(&still, &one, sigma) {
-                more.push(one);
+            let Some(supposed) = self.suppose(&still, view, fault, sigma) else { continue };
+            let change = Change::between(&self.given[view], &supposed.rig.cameras[view]);
+            learn(&mut bars[view], fault, &supposed.bars.besides(&change));
+            if full && !supposed.is_clock() && self.is_fault(&still, &supposed, sigma) {
+                more.push(supposed);
             }
         }
         Ok((bars, self.told_apart(more, sigma)))
@@ -229,26 +236,28 @@ impl Scope<'_> {
     /// The strongest fault, and those of other cameras that explain as much.
     fn told_apart(&self, faults: Vec<Supposed>, sigma: f64) -> Vec<Supposed> {
         let Some(best) = strongest(&faults).cloned() else { return faults };
-        let is_rival =
-            |one: &Supposed| best.view != one.view && !self.explains_less(one, &best, sigma);
+        let is_rival = |supposed: &Supposed| {
+            best.view != supposed.view && !self.explains_less(supposed, &best, sigma)
+        };
         let rivals: Vec<Supposed> = faults.into_iter().filter(is_rival).collect();
         std::iter::once(best).chain(rivals).collect()
     }
 
     /// Whether joints agree that one fault explains less than another. Clocks compare in all
     /// frames, without the errors that last.
-    fn explains_less(&self, one: &Supposed, other: &Supposed, sigma: f64) -> bool {
-        if !one.is_clock() {
-            return is_worse(&one.rig.judged.costs, &other.rig.judged.costs);
+    fn explains_less(&self, supposed: &Supposed, other: &Supposed, sigma: f64) -> bool {
+        if !supposed.is_clock() {
+            return is_worse(&supposed.rig.judged.costs, &other.rig.judged.costs);
         }
         let scope = Scope { frames: self.all, ..*self };
-        let [own, others] = scope.moving(&one.rig.cameras, &other.rig.cameras, sigma);
-        is_worse(&own, &others) || scope.stays_late(&other.rig, other.view, one.view, sigma)
+        let [own, others] = scope.moving(&supposed.rig.cameras, &other.rig.cameras, sigma);
+        is_worse(&own, &others)
+            || scope.clock_stays_off(&other.rig, other.view, supposed.view, sigma)
     }
 
     /// Whether the place of another camera may be corrected: a majority stays.
     fn may_place(&self, rig: &Explanation) -> bool {
-        let corrected = rig.freedom.iter().filter(|one| one.turn || one.focal).count();
+        let corrected = rig.freedom.iter().filter(|freedom| freedom.turn || freedom.focal).count();
         2 * (corrected + 1) < rig.freedom.len()
     }
 
@@ -256,7 +265,7 @@ impl Scope<'_> {
     fn candidates(&self, rig: &Explanation) -> Vec<(usize, Fault)> {
         let m = self.given.len();
         let place = self.may_place(rig);
-        let clock = rig.freedom.iter().filter(|one| one.clock).count() + 1 < m;
+        let clock = rig.freedom.iter().filter(|freedom| freedom.clock).count() + 1 < m;
         let mut out = Vec::new();
         for (i, freedom) in rig.freedom.iter().enumerate() {
             if m > 2 && (place || freedom.focal) && !freedom.turn {
@@ -264,7 +273,7 @@ impl Scope<'_> {
                 out.extend(self.focal.then_some((i, Fault::Zoom)));
             }
             // Of two clocks, only the difference can be told.
-            if (clock || m == 2 && i == 1) && !freedom.clock && self.latest() > 0 {
+            if (clock || m == 2 && i == 1) && !freedom.clock && self.most_offset() > 0 {
                 out.push((i, Fault::Clock));
             }
         }
@@ -278,8 +287,8 @@ impl Scope<'_> {
         let sights: Vec<(f64, f64)> = all
             .flat_map(|(i, camera)| self.scene.distances(self.frames, &points, i, camera))
             .collect();
-        let noise = median(sights.iter().map(|(px, mm)| px * mm).collect()) / RAYLEIGH;
-        let least = LEAST_PX * median(sights.iter().map(|(_, mm)| *mm).collect());
+        let noise = median(sights.iter().map(|(px, mm)| px * mm)) / RAYLEIGH;
+        let least = LEAST_PX * median(sights.iter().map(|(_, mm)| *mm));
         PER_NOISE * if noise > least { noise } else { least.max(f64::MIN_POSITIVE) }
     }
 
@@ -294,13 +303,13 @@ impl Scope<'_> {
         let points = self.scene.points(self.frames, &cameras, &vec![true; cameras.len()]);
         let mut bundle = self.bundle(cameras, freedom.clone(), points);
         bundle.solve(wider * sigma, sigma);
-        if !freedom.iter().any(|one| one.clock) {
+        if !freedom.iter().any(|freedom| freedom.clock) {
             let judged = bundle.judge(sigma);
             return Explanation { cameras: bundle.cameras, freedom, judged };
         }
         let mut clocks = self.timing(bundle.clone());
         clocks.solve(sigma, sigma);
-        bundle.freedom.iter_mut().for_each(|one| one.clock = false);
+        bundle.freedom.iter_mut().for_each(|freedom| freedom.clock = false);
         bundle.cameras = clocks.cameras.clone();
         bundle.solve(sigma, sigma);
         let is_clock: Vec<bool> = unknowns(&freedom).iter().map(|(_, k)| *k == CLOCK).collect();
@@ -351,8 +360,8 @@ impl Scope<'_> {
         let unknowns = unknowns(&explained.freedom);
         let bars = bars(&explained.judged.steady, &unknowns, view);
         let change = Change::between(&rig.cameras[view], &explained.cameras[view]);
-        let surety = surety(&explained.judged, &unknowns, view, kind, &change);
-        Some(Supposed { view, fault, rig: explained, bars, surety })
+        let wald = wald(&explained.judged, &unknowns, view, kind, &change);
+        Some(Supposed { view, fault, rig: explained, bars, wald })
     }
 
     /// One camera placed by joints that the others place.
@@ -366,13 +375,13 @@ impl Scope<'_> {
     ) -> Option<Placed> {
         let mut camera = rig.cameras[view].clone();
         if kind.clock {
-            camera.clock = self.late(&camera, view, points)?;
+            camera.clock = self.clock_offset(&camera, view, points)?;
         }
         let off = self.scene.distances(self.frames, points, view, &camera);
         if off.len() < LEAST {
             return None;
         }
-        let start = median(off.iter().map(|(px, mm)| px * mm).collect());
+        let start = median(off.iter().map(|(px, mm)| px * mm));
         let mut cameras = rig.cameras.clone();
         cameras[view] = camera;
         let mut freedom = vec![Freedom::default(); cameras.len()];
@@ -385,7 +394,7 @@ impl Scope<'_> {
 
     /// Whether a change is more than chance.
     fn is_fault(&self, rig: &Explanation, supposed: &Supposed, sigma: f64) -> bool {
-        if supposed.surety <= SURE {
+        if supposed.wald <= FAULT_WALD {
             return false;
         }
         let judged = &supposed.rig.judged;
@@ -393,20 +402,20 @@ impl Scope<'_> {
             Fault::Clock => {
                 let costs = self.moving(&rig.cameras, &supposed.rig.cameras, sigma);
                 let [before, after] = costs.map(|all| total(&all));
-                (before, after, GAIN_CLOCK)
+                (before, after, [GAIN_CLOCK, CLEAR_GAIN_CLOCK])
             }
-            _ => (total(&rig.judged.costs), total(&judged.costs), GAIN),
+            _ => (total(&rig.judged.costs), total(&judged.costs), [GAIN, CLEAR_GAIN]),
         };
         let gained = self.given.len() as f64 * (before - after) / before;
-        gained >= gain[usize::from(supposed.surety > CLEAR)]
+        gained >= gain[usize::from(supposed.wald > CLEAR_WALD)]
     }
 }
 
 /// The fault that explains most, of clocks or of places.
 fn strongest(faults: &[Supposed]) -> Option<&Supposed> {
-    let cost = |one: &Supposed| {
-        let judged = &one.rig.judged;
-        total(if one.is_clock() { &judged.moving } else { &judged.costs })
+    let cost = |supposed: &Supposed| {
+        let judged = &supposed.rig.judged;
+        total(if supposed.is_clock() { &judged.moving } else { &judged.costs })
     };
     faults.iter().min_by(|a, b| cost(a).total_cmp(&cost(b)))
 }

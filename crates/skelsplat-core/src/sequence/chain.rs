@@ -15,7 +15,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::small::{inverse, product, times, transposed_times};
+use crate::matrix3::{inverse, product, symmetrised, times, transposed_times};
 
 /// The system of one joint: blocks, couplings and, after [`Chain::factorise`], its factors.
 #[derive(Debug, Clone, Default)]
@@ -142,18 +142,18 @@ impl Chain {
         for t in (0..n).rev() {
             let mut band = Band { own: self.inverse[t], next: zero, after: zero };
             if t + 1 < n {
-                let (one, p) = (bands[t + 1], self.lower[t + 1].transpose());
-                band.next = -product(&p, &one.own);
-                band.after = -product(&p, &one.next);
+                let (ahead, p) = (bands[t + 1], self.lower[t + 1].transpose());
+                band.next = -product(&p, &ahead.own);
+                band.after = -product(&p, &ahead.next);
                 if t + 2 < n {
                     let q = self.inverse[t] * self.second[t + 2];
-                    band.next -= product(&q, &one.next.transpose());
+                    band.next -= product(&q, &ahead.next.transpose());
                     band.after -= product(&q, &bands[t + 2].own);
                     band.own -= product(&q, &band.after.transpose());
                 }
                 band.own -= product(&p, &band.next.transpose());
             }
-            band.own = 0.5 * (band.own + band.own.transpose());
+            band.own = symmetrised(&band.own);
             bands[t] = band;
         }
         bands

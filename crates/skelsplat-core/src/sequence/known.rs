@@ -1,9 +1,9 @@
 //! What a sample of a recording shows about all of it: the same for every window.
 
-use super::agility::Agility;
 use super::noise::Memory;
+use super::process_noise::ProcessNoise;
+use super::serialise::Serialiser;
 use super::solver::Common;
-use super::tape::Tape;
 use crate::bones::Length;
 use crate::error::{Error, Result};
 use crate::refine::Refiner;
@@ -34,9 +34,9 @@ impl Known {
     /// It as numbers, for [`Self::restored`].
     #[must_use]
     pub fn numbers(&self) -> Vec<f64> {
-        let mut tape = Tape::empty();
-        self.clone().exchange(&mut tape);
-        tape.numbers()
+        let mut serialiser = Serialiser::empty();
+        self.clone().serialise(&mut serialiser);
+        serialiser.numbers()
     }
 
     /// What [`Self::numbers`] returned, learnt with the same refiner.
@@ -44,17 +44,17 @@ impl Known {
     /// # Errors
     /// [`Error::InvalidInput`] if it is not that.
     pub fn restored(refiner: &Refiner, numbers: Vec<f64>) -> Result<Self> {
-        let (n, mut tape) = (numbers.len(), Tape::of(numbers));
+        let (n, mut serialiser) = (numbers.len(), Serialiser::of(numbers));
         let blank = || Common { bones: refiner.bones().to_vec(), ..Common::default() };
         let memory = Memory { constant: 0.0, rest: Vec::new() };
         let learnt = Learnt { common: blank(), memory, share: 0.0 };
         let mut known = Self { first: blank(), learnt };
-        known.exchange(&mut tape);
+        known.serialise(&mut serialiser);
         let whole = |c: &Common| {
-            let of_joints = [c.agility.len(), c.variance.len(), c.sigma.len()];
+            let of_joints = [c.process_noise.len(), c.variance.len(), c.sigma.len()];
             c.lengths.len() == c.bones.len() && of_joints == [known.n_joints(); 3]
         };
-        match tape.is_read() && whole(&known.first) && whole(&known.learnt.common) {
+        match serialiser.is_read() && whole(&known.first) && whole(&known.learnt.common) {
             true => Ok(known),
             false => {
                 let expected = "what was learnt with the same cameras, layout and settings";
@@ -68,25 +68,35 @@ impl Known {
         self.first.sigma.len()
     }
 
-    fn exchange(&mut self, tape: &mut Tape) {
-        self.first.exchange(tape);
-        self.learnt.common.exchange(tape);
-        tape.number(&mut self.learnt.share);
-        tape.number(&mut self.learnt.memory.constant);
-        tape.list(&mut self.learnt.memory.rest, 0.0, |v, tape| tape.number(v));
+    fn serialise(&mut self, serialiser: &mut Serialiser) {
+        self.first.serialise(serialiser);
+        self.learnt.common.serialise(serialiser);
+        serialiser.number(&mut self.learnt.share);
+        serialiser.number(&mut self.learnt.memory.constant);
+        serialiser.list(&mut self.learnt.memory.rest, 0.0, |v, serialiser| serialiser.number(v));
     }
 }
 
 impl Common {
     /// All but the bones.
-    fn exchange(&mut self, tape: &mut Tape) {
-        [&mut self.fps, &mut self.weight, &mut self.reach].into_iter().for_each(|v| tape.number(v));
-        tape.list(&mut self.lengths, Length { mean: 0.0, sigma: 0.0 }, |length, tape| {
-            tape.number(&mut length.mean);
-            tape.number(&mut length.sigma);
-        });
-        tape.list(&mut self.agility, Agility::steady(0.0), Agility::exchange);
-        tape.list(&mut self.variance, 0.0, |v, tape| tape.number(v));
-        tape.list(&mut self.sigma, 0.0, |v, tape| tape.number(v));
+    fn serialise(&mut self, serialiser: &mut Serialiser) {
+        [&mut self.fps, &mut self.weight, &mut self.reach]
+            .into_iter()
+            .for_each(|v| serialiser.number(v));
+        serialiser.list(
+            &mut self.lengths,
+            Length { mean: 0.0, sigma: 0.0 },
+            |length, serialiser| {
+                serialiser.number(&mut length.mean);
+                serialiser.number(&mut length.sigma);
+            },
+        );
+        serialiser.list(
+            &mut self.process_noise,
+            ProcessNoise::steady(0.0),
+            ProcessNoise::serialise,
+        );
+        serialiser.list(&mut self.variance, 0.0, |v, serialiser| serialiser.number(v));
+        serialiser.list(&mut self.sigma, 0.0, |v, serialiser| serialiser.number(v));
     }
 }

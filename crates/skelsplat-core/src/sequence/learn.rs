@@ -6,11 +6,13 @@ use super::tracks::Tracks;
 use crate::bones::Length;
 use crate::bones::expected::{Expected, Shown, stature};
 use crate::bones::population::Proportion;
+use crate::statistics::weighted_median;
 
 /// Frames needed for an estimate.
 const LEAST: usize = 12;
-/// Least standard deviation of a bone's length, mm and share of its length.
+/// Least standard deviation of a bone's length, mm.
 pub(super) const LEAST_SPREAD: f64 = 6.0;
+/// The same as a share of its length.
 pub(super) const LEAST_SHARE: f64 = 0.02;
 /// Share of a length's variance in one frame that all frames have in common.
 const LASTING: f64 = 0.5;
@@ -30,7 +32,7 @@ pub fn lengths(
     bones: &[[usize; 2]],
     expected: &Expected,
 ) -> Vec<Length> {
-    let measured: Vec<Option<Measured>> =
+    let measured: Vec<Option<MeasuredLength>> =
         bones.iter().map(|bone| measure(tracks, points, *bone)).collect();
     let of = |joints: [usize; 2]| bones.iter().position(|b| *b == joints).and_then(|b| measured[b]);
     let shown = |p: &Proportion| {
@@ -48,7 +50,7 @@ pub fn lengths(
 
 /// What the frames show of a bone.
 #[derive(Debug, Clone, Copy)]
-struct Measured {
+struct MeasuredLength {
     /// The length and its spread over the frames.
     length: Length,
     /// Variance of the mean length, mm²: most errors last.
@@ -59,7 +61,7 @@ struct Measured {
 
 /// A measured length with a prior, by their precisions. Of two lengths that contradict each other,
 /// the frames' one counts if they see the bone well.
-fn combined(measured: Option<Measured>, prior: Option<Length>) -> Length {
+fn combined(measured: Option<MeasuredLength>, prior: Option<Length>) -> Length {
     let (m, prior) = match (measured, prior) {
         (None, None) => return Length { mean: 0.0, sigma: f64::INFINITY },
         (None, Some(prior)) => return prior,
@@ -85,7 +87,13 @@ struct InFrame {
     variance: f64,
 }
 
-fn measure(tracks: &Tracks, points: &[Vector3<f64>], [a, b]: [usize; 2]) -> Option<Measured> {
+impl InFrame {
+    fn weighted(&self) -> (f64, f64) {
+        (self.length, self.weight)
+    }
+}
+
+fn measure(tracks: &Tracks, points: &[Vector3<f64>], [a, b]: [usize; 2]) -> Option<MeasuredLength> {
     let at = |t: usize| (a * tracks.frames + t, b * tracks.frames + t);
     let is_sure = |t: &usize| tracks.sure[at(*t).0] && tracks.sure[at(*t).1];
     let in_frame = |t: usize| {
@@ -104,25 +112,14 @@ fn measure(tracks: &Tracks, points: &[Vector3<f64>], [a, b]: [usize; 2]) -> Opti
     if seen.is_empty() {
         return None;
     }
-    let mean = weighted_median(&mut seen);
+    let mean = weighted_median(&mut seen, InFrame::weighted);
     let mut off: Vec<InFrame> =
         seen.iter().map(|s| InFrame { length: (s.length - mean).abs(), ..*s }).collect();
-    let scatter = 1.4826 * weighted_median(&mut off);
+    let scatter = 1.4826 * weighted_median(&mut off, InFrame::weighted);
     let total: f64 = seen.iter().map(|s| s.weight).sum();
     let noise = seen.iter().map(|s| s.weight * s.variance).sum::<f64>() / total;
     let own = (scatter * scatter - noise).max(0.0).sqrt();
     let length = Length { mean, sigma: own.max(LEAST_SPREAD).max(LEAST_SHARE * mean) };
     let variance = if well { LASTING * noise } else { noise + scatter * scatter };
-    Some(Measured { length, variance, well })
-}
-
-fn weighted_median(seen: &mut [InFrame]) -> f64 {
-    seen.sort_by(|a, b| a.length.total_cmp(&b.length));
-    let half = 0.5 * seen.iter().map(|s| s.weight).sum::<f64>();
-    let mut sum = 0.0;
-    let above = |s: &&InFrame| {
-        sum += s.weight;
-        sum >= half
-    };
-    seen.iter().find(above).map_or(f64::NAN, |s| s.length)
+    Some(MeasuredLength { length, variance, well })
 }

@@ -21,7 +21,6 @@
 //! number of threads, nor on whether all windows are solved by one call ([`refine_sequence`]) or by
 //! several ([`learn_sequence`], [`refine_windows`]).
 
-pub mod agility;
 pub mod chain;
 mod known;
 pub mod learn;
@@ -29,12 +28,12 @@ pub mod live;
 pub mod noise;
 mod outcome;
 pub mod posterior;
+pub mod process_noise;
 mod recording;
-mod small;
+mod serialise;
 pub mod solver;
 mod swaps;
 pub mod system;
-mod tape;
 pub mod tracks;
 mod windows;
 

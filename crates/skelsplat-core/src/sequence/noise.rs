@@ -2,28 +2,33 @@
 
 use std::f64::consts::FRAC_PI_2;
 
-use super::small::{frames_in, median};
-use super::solver::{Common, Run};
+use super::solver::{Common, WindowSolver};
 use super::tracks::Tracks;
+use super::windows::frames_in;
 use crate::annealed::consensus::REJECTED;
+use crate::statistics::median;
 
 /// Weight of the recording's noise for one joint, in degrees of freedom.
 const SHARED_DOF: f64 = 50.0;
-/// Times, s, up to which errors have a memory, and from which those that remain count as constant.
-const MEMORY: [f64; 2] = [0.7, 0.6];
+/// Time up to which errors have a memory, s.
+const MEMORY: f64 = 0.7;
+/// Time from which errors that remain count as constant, s.
+const LATE: f64 = 0.6;
 /// Shortest recording, s, that shows how long its errors last.
 const LEAST_SECONDS: f64 = 3.0;
-/// Where it does not: the constant share, the slow share of the rest and its time constant, s, as
-/// measured on real recordings.
+/// The constant share where the recording does not show it, as measured on real recordings.
 const USUAL_CONSTANT: f64 = 0.4;
+/// The slow share of the rest, as measured on real recordings.
 const USUAL_SLOW: f64 = 0.42;
+/// Its time constant, s, as measured on real recordings.
 const USUAL_SECONDS: f64 = 0.35;
 /// Least sum of weights of a frame that shows the noise: two views.
 const LEAST_SUPPORT: f64 = 1.6;
 /// Largest constant share.
 const MOST_CONSTANT: f64 = 0.8;
-/// Distances, in widths of the kernel and one apart, between which detections are wrong.
-const WRONG: [f64; 2] = [3.0, 4.0];
+/// Squares of the distances, in widths of the kernel and one apart, between which detections are
+/// wrong.
+const WRONG: std::ops::Range<f64> = 9.0..16.0;
 /// Share of the residuals' variance that is noise, where nothing shows it.
 pub(super) const USUAL_SHARE: f64 = 0.93;
 /// Least share that a recording shows.
@@ -40,7 +45,7 @@ pub struct Memory {
 
 /// What the residuals at the solution tell about the detections.
 #[derive(Debug, Clone)]
-pub struct Noise {
+pub struct DetectionNoise {
     /// Variance of a detection of weight 1 of every joint, mm².
     pub variance: Vec<f64>,
     /// How long the errors last.
@@ -50,7 +55,7 @@ pub struct Noise {
     pub share: f64,
 }
 
-impl Noise {
+impl DetectionNoise {
     /// From the residuals of `run`.
     ///
     /// Residuals have 2 Σ k degrees of freedom less those that the position takes up: 3 of errors
@@ -62,7 +67,7 @@ impl Noise {
     /// distance add n ∫ k dr = n √(π/2) to Σ k, and as much times w² to Σ k |e|²; without them the
     /// variance is smaller.
     #[must_use]
-    pub fn of(run: &Run<'_>, tracks: &Tracks, common: &Common) -> Self {
+    pub fn of(run: &WindowSolver<'_>, tracks: &Tracks, common: &Common) -> Self {
         let sums: Vec<Sums> =
             (0..tracks.joints).map(|j| Sums::of(run, tracks, common, j)).collect();
         let all = sums.iter().fold(Sums::default(), Sums::plus);
@@ -74,7 +79,7 @@ impl Noise {
         };
         let (of_lasting, of_white) = (scale(3.0 * all.frames), scale(all.taken));
         let growth = lasting * of_lasting + (1.0 - lasting) * of_white;
-        let before = median(common.variance.clone());
+        let before = median(common.variance.iter().copied());
         let shared = (growth * all.squares + SHARED_DOF * before) / (all.freedom + SHARED_DOF);
         let own = |(sums, sigma): (&Sums, &f64)| {
             let shrunk =
@@ -104,7 +109,7 @@ struct Sums {
 }
 
 impl Sums {
-    fn of(run: &Run<'_>, tracks: &Tracks, common: &Common, j: usize) -> Self {
+    fn of(run: &WindowSolver<'_>, tracks: &Tracks, common: &Common, j: usize) -> Self {
         let bands = run.bands(j);
         let mut sums = Self::default();
         for (t, band) in bands.iter().enumerate() {
@@ -118,7 +123,7 @@ impl Sums {
                 support += kept;
                 let square = offset.across.norm_squared();
                 squares += ray.weight * kept * square;
-                if (WRONG[0] * WRONG[0]..WRONG[1] * WRONG[1]).contains(&(square / width)) {
+                if WRONG.contains(&(square / width)) {
                     wrong[0] += FRAC_PI_2.sqrt() * ray.weight * width;
                     wrong[1] += FRAC_PI_2.sqrt() * 2.0;
                 }
@@ -160,7 +165,7 @@ impl Memory {
     /// The memory of errors of which nothing is known.
     #[must_use]
     pub fn usual(fps: f64) -> Self {
-        let longest = frames_in(MEMORY[0], fps);
+        let longest = frames_in(MEMORY, fps);
         let after = |lag: usize| USUAL_SLOW * (-(lag as f64) / (USUAL_SECONDS * fps)).exp();
         Self { constant: USUAL_CONSTANT, rest: (1..=longest).map(after).collect() }
     }
@@ -185,8 +190,8 @@ struct Correlation {
 }
 
 impl Correlation {
-    fn of(run: &Run<'_>, tracks: &Tracks, common: &Common) -> Self {
-        let longest = frames_in(MEMORY[0], common.fps);
+    fn of(run: &WindowSolver<'_>, tracks: &Tracks, common: &Common) -> Self {
+        let longest = frames_in(MEMORY, common.fps);
         let stride = (longest / 12).max(1);
         let lags: Vec<usize> = (0..=longest).filter(|h| *h < 8 || h % stride == 0).collect();
         if (tracks.frames as f64) < LEAST_SECONDS * common.fps {
@@ -222,7 +227,7 @@ impl Correlation {
     /// The memory of the errors; their correlation is that of the residuals times `scale`. At the
     /// longest lags it is the constant share c, and (ρ − c)/(1 − c) is that of the rest.
     fn memory(&self, fps: f64, scale: f64) -> Memory {
-        let late = frames_in(MEMORY[1], fps);
+        let late = frames_in(LATE, fps);
         let last: Vec<f64> = self
             .lags
             .iter()

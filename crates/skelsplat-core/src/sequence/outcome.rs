@@ -5,21 +5,22 @@ use nalgebra::{Matrix3, Vector3};
 
 use super::known::Learnt;
 use super::posterior::Posterior;
-use super::small::{frames_in, median};
-use super::solver::{Common, Run};
+use super::solver::{Common, WindowSolver};
 use super::tracks::{BRIDGE, Tracks};
+use super::windows::frames_in;
 use crate::annealed::Alone;
 use crate::annealed::consensus::REJECTED;
 use crate::annealed::depth::determine;
 use crate::annealed::rays::Ray;
 use crate::outcome::{ErrorBars, JointStatus, Loss, Outcome, Splats, StopReason};
+use crate::statistics::median;
 
 /// Largest standard deviation of an inferred joint, as a share of the body's spread.
 pub(super) const INFERRED: f64 = 0.25;
 
 /// A solved window.
-pub(super) struct State<'a> {
-    run: &'a Run<'a>,
+pub(super) struct SolvedWindow<'a> {
+    run: &'a WindowSolver<'a>,
     tracks: &'a Tracks,
     learnt: &'a Learnt,
     posterior: &'a Posterior,
@@ -33,7 +34,7 @@ pub(super) struct State<'a> {
 }
 
 /// A joint of a frame.
-struct Joint {
+struct SolvedJoint {
     at: Vector3<f64>,
     covariance: Matrix3<f64>,
     /// k of every view; NaN where missing.
@@ -42,10 +43,10 @@ struct Joint {
     loss: f64,
 }
 
-impl<'a> State<'a> {
+impl<'a> SolvedWindow<'a> {
     /// The window along the path of `run`.
     pub(super) fn of(
-        run: &'a Run<'a>,
+        run: &'a WindowSolver<'a>,
         tracks: &'a Tracks,
         learnt: &'a Learnt,
         posterior: &'a Posterior,
@@ -72,7 +73,8 @@ impl<'a> State<'a> {
         used_for: Vec<usize>,
         n_iter: usize,
     ) -> (Outcome, ErrorBars) {
-        let joints: Vec<Joint> = (0..alone.points.len()).map(|j| self.joint(j, t, alone)).collect();
+        let joints: Vec<SolvedJoint> =
+            (0..alone.points.len()).map(|j| self.joint(j, t, alone)).collect();
         let status: Vec<JointStatus> = joints.iter().map(|joint| joint.status).collect();
         let observed = status.iter().any(|s| *s != JointStatus::Unobserved);
         let outcome = Outcome {
@@ -86,7 +88,7 @@ impl<'a> State<'a> {
             n_iter,
             stop_reason: if observed { StopReason::Converged } else { StopReason::NoObservations },
         };
-        let variance = median(self.learnt.common.variance.clone());
+        let variance = median(self.learnt.common.variance.iter().copied());
         let bars = ErrorBars {
             covariances: joints.iter().map(|joint| joint.covariance).collect(),
             believed: joints.iter().flat_map(|joint| joint.believed.iter().copied()).collect(),
@@ -96,7 +98,7 @@ impl<'a> State<'a> {
         (outcome, bars)
     }
 
-    fn joint(&self, j: usize, t: usize, alone: &Alone) -> Joint {
+    fn joint(&self, j: usize, t: usize, alone: &Alone) -> SolvedJoint {
         let k = j * self.tracks.frames + t;
         let common = &self.learnt.common;
         let rays = self.tracks.rays(j, t);
@@ -122,7 +124,7 @@ impl<'a> State<'a> {
         let scale = 2.0 * common.sigma[j].powi(2) / common.variance[j];
         let terms = rays.iter().zip(&believed).filter(|(ray, k)| ray.is_there() && k.is_finite());
         let loss = terms.map(|(ray, k)| ray.weight * scale * (1.0 - k)).sum();
-        Joint { at, covariance, believed, status, loss }
+        SolvedJoint { at, covariance, believed, status, loss }
     }
 
     /// What a joint's covariance in its frame alone adds where no frame around shows it to enough
@@ -137,7 +139,7 @@ impl<'a> State<'a> {
         if shown || !spread[(0, 0)].is_finite() { Matrix3::zeros() } else { spread }
     }
 
-    fn loss(&self, joints: &[Joint]) -> Loss {
+    fn loss(&self, joints: &[SolvedJoint]) -> Loss {
         let render = joints.iter().map(|joint| joint.loss).sum();
         Loss { total: render, render, symmetry: 0.0 }
     }
@@ -173,7 +175,7 @@ fn deep(fixed: &[Option<bool>], frames: usize, around: usize) -> Vec<bool> {
     let balance = |fixed: &Option<bool>| fixed.map_or(0, |is| if is { 1 } else { -1 });
     let of_joint = |own: &[Option<bool>]| {
         let mut sums = vec![0_i64];
-        own.iter().for_each(|one| sums.push(sums[sums.len() - 1] + balance(one)));
+        own.iter().for_each(|fixed| sums.push(sums[sums.len() - 1] + balance(fixed)));
         (0..frames)
             .map(move |t| sums[(t + around + 1).min(frames)] >= sums[t.saturating_sub(around)])
     };
@@ -183,7 +185,7 @@ fn deep(fixed: &[Option<bool>], frames: usize, around: usize) -> Vec<bool> {
 /// Standard errors of the bones' lengths, mm: those of a typical frame, since most of an error
 /// lasts.
 pub(super) fn errors(
-    run: &Run<'_>,
+    run: &WindowSolver<'_>,
     found: &Posterior,
     tracks: &Tracks,
     common: &Common,

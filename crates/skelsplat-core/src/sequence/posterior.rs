@@ -22,9 +22,10 @@ use nalgebra::{Matrix3, Vector3};
 
 use super::chain::Band;
 use super::known::Learnt;
-use super::small::{frames_in, inverse, times};
-use super::solver::{Common, Run};
+use super::solver::{Common, WindowSolver};
 use super::tracks::Tracks;
+use super::windows::frames_in;
+use crate::matrix3::{inverse, times};
 
 /// Half of the time over which the information of a joint's detections is averaged, s.
 const AROUND: f64 = 0.5;
@@ -44,7 +45,7 @@ pub struct Posterior {
 
 /// The posterior at the solution.
 #[must_use]
-pub fn posterior(run: &Run<'_>, tracks: &Tracks, learnt: &Learnt) -> Posterior {
+pub fn posterior(run: &WindowSolver<'_>, tracks: &Tracks, learnt: &Learnt) -> Posterior {
     let Learnt { common, memory, share } = learnt;
     let (n, t) = (tracks.joints, tracks.frames);
     let unknown = Matrix3::repeat(f64::NAN);
@@ -72,7 +73,12 @@ pub fn posterior(run: &Run<'_>, tracks: &Tracks, learnt: &Learnt) -> Posterior {
 }
 
 /// c D̄⁻¹ of joint `j` in every frame.
-fn lasting(run: &Run<'_>, tracks: &Tracks, learnt: &Learnt, j: usize) -> Vec<Matrix3<f64>> {
+fn lasting(
+    run: &WindowSolver<'_>,
+    tracks: &Tracks,
+    learnt: &Learnt,
+    j: usize,
+) -> Vec<Matrix3<f64>> {
     let Learnt { common, memory, share } = learnt;
     let (t, own) = (tracks.frames, j * tracks.frames);
     let around = frames_in(AROUND, common.fps);
@@ -97,7 +103,7 @@ fn lasting(run: &Run<'_>, tracks: &Tracks, learnt: &Learnt, j: usize) -> Vec<Mat
 impl Posterior {
     fn velocities(
         &mut self,
-        run: &Run<'_>,
+        run: &WindowSolver<'_>,
         tracks: &Tracks,
         common: &Common,
         bands: &[Band],
@@ -124,7 +130,13 @@ impl Posterior {
 }
 
 /// Passes the bones' messages of frame `k` and adds what they tell.
-fn join(run: &Run<'_>, tracks: &Tracks, common: &Common, k: usize, spread: &mut [Matrix3<f64>]) {
+fn join(
+    run: &WindowSolver<'_>,
+    tracks: &Tracks,
+    common: &Common,
+    k: usize,
+    spread: &mut [Matrix3<f64>],
+) {
     let t = tracks.frames;
     let alone: Vec<Matrix3<f64>> =
         (0..tracks.joints).map(|j| inverse(&spread[j * t + k])).collect();
@@ -166,7 +178,7 @@ fn join(run: &Run<'_>, tracks: &Tracks, common: &Common, k: usize, spread: &mut 
 /// its length comes the second moment of |e|²/2l, with the errors e across the bone of those of its
 /// ends that two views see; where one does, the bone decides.
 fn variance(
-    run: &Run<'_>,
+    run: &WindowSolver<'_>,
     tracks: &Tracks,
     common: &Common,
     [b, k]: [usize; 2],

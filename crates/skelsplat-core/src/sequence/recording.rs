@@ -6,30 +6,31 @@ use std::ops::RangeInclusive;
 use nalgebra::Vector3;
 use rayon::prelude::*;
 
-use super::agility;
 use super::known::{Known, Learnt};
 use super::learn;
-use super::noise::Noise;
-use super::outcome::{State, errors};
+use super::noise::DetectionNoise;
+use super::outcome::{SolvedWindow, errors};
 use super::posterior::{Posterior, posterior};
-use super::small::{frames_in, median};
-use super::solver::{ANNEAL, Common, Run, SETTLE};
-use super::swaps::{self, Swap};
+use super::process_noise;
+use super::solver::{ANNEAL, Common, SETTLE, WindowSolver};
+use super::swaps::{self, FrameSwap};
 use super::tracks::{BRIDGE, Tracks};
-use super::windows::{Window, sample, window_size, windows};
+use super::windows::{Window, frames_in, sample, window_size, windows};
 use crate::annealed::Alone;
-use crate::annealed::posterior::Body;
+use crate::annealed::posterior::BodyExtent;
 use crate::batch::Progress;
 use crate::bones::Length;
 use crate::error::{Error, Result};
 use crate::refine::results::{Part, first, numbers, put, size};
 use crate::refine::{Frame, Method, Refinements, Refiner};
+use crate::statistics::median;
 use crate::threads;
 
 /// Frames per second that can be computed with.
 const RATES: RangeInclusive<f64> = 1e-3..=1e6;
-/// Least spread of a body in multiples of the noise, and the spread where nothing is known, mm.
+/// Least spread of a body in multiples of the noise.
 pub(super) const LEAST_SPREAD: f64 = 2.0;
+/// The spread where nothing is known, mm.
 pub(super) const USUAL_SPREAD: f64 = 500.0;
 
 /// A bone that is never seen.
@@ -174,7 +175,7 @@ struct Recording<'a> {
 /// Tracks with their sides corrected, and the path found in them.
 struct Path {
     tracks: Tracks,
-    swapped: Vec<Swap>,
+    swapped: Vec<FrameSwap>,
     points: Vec<Vector3<f64>>,
     steps: usize,
 }
@@ -216,22 +217,22 @@ impl Recording<'_> {
     /// window.
     fn lengths(&self, errors: &[Vec<f64>], learnt: &Learnt) -> Vec<Length> {
         let mm = self.refiner.unit().millimetres();
-        let one = |(b, length): (usize, &Length)| {
+        let with_error = |(b, length): (usize, &Length)| {
             let finite = errors.iter().map(|of_window| of_window[b]).filter(|e| e.is_finite());
-            match median(finite.collect()) {
+            match median(finite) {
                 error if error.is_finite() => Length { mean: length.mean / mm, sigma: error / mm },
                 _ => UNKNOWN,
             }
         };
-        learnt.common.lengths.iter().enumerate().map(one).collect()
+        learnt.common.lengths.iter().enumerate().map(with_error).collect()
     }
 
     fn alone(&self, frames: &[Frame]) -> Result<Vec<Alone>> {
-        let one = |frame: &Frame| {
+        let solve = |frame: &Frame| {
             self.progress.check()?;
             self.refiner.alone(frame)
         };
-        frames.par_iter().map(one).collect()
+        frames.par_iter().map(solve).collect()
     }
 
     fn tracks(&self, stretches: &[&[Alone]], sigma: f64) -> Tracks {
@@ -246,11 +247,11 @@ impl Recording<'_> {
     /// theirs with the knowledge before it: where two paths are as good, they take the same.
     fn learn(&self, sample: &[Vec<Alone>]) -> Result<(Known, Path)> {
         let all = || sample.iter().flatten();
-        let noise = median(all().map(|f| f.noise).filter(|n| n.is_finite()).collect());
+        let noise = median(all().map(|f| f.noise).filter(|n| n.is_finite()));
         let noise = if noise.is_finite() { noise } else { 1.0 };
         let weights = all().filter(|f| f.noise.is_finite()).map(|f| f.rays.mean_weight());
-        let weight = Some(median(weights.collect())).filter(|w| w.is_finite()).unwrap_or(1.0);
-        let spread = median(all().filter_map(|f| Body::spread(&f.points)).collect());
+        let weight = Some(median(weights)).filter(|w| w.is_finite()).unwrap_or(1.0);
+        let spread = median(all().filter_map(|f| BodyExtent::spread(&f.points)));
         let sigma = self.refiner.final_kernels(sample[0][0].points.len(), noise);
         let stretches: Vec<&[Alone]> = sample.iter().map(Vec::as_slice).collect();
         let tracks = self.tracks(&stretches, sigma[0]);
@@ -259,7 +260,7 @@ impl Recording<'_> {
         let mut common = Common {
             fps: self.fps,
             lengths: learn::lengths(&tracks, &tracks.alone, &bones, expected),
-            agility: agility::learn(&tracks, self.fps, &variance),
+            process_noise: process_noise::learn(&tracks, self.fps, &variance),
             bones,
             weight,
             variance: vec![noise * noise * weight; tracks.joints],
@@ -269,10 +270,12 @@ impl Recording<'_> {
         let mut path = self.path(tracks, &common)?;
         let first = common.clone();
         common.lengths = learn::lengths(&path.tracks, &path.points, &common.bones, expected);
-        let mut run = Run::new(&path.tracks, &common, Some(std::mem::take(&mut path.points)));
+        let mut run =
+            WindowSolver::new(&path.tracks, &common, Some(std::mem::take(&mut path.points)));
         run.anneal(SETTLE, &self.check())?;
         run.linearise(1.0);
-        let Noise { variance, memory, share } = Noise::of(&run, &path.tracks, &common);
+        let DetectionNoise { variance, memory, share } =
+            DetectionNoise::of(&run, &path.tracks, &common);
         let given = self.refiner.config().detection_sigma_px.is_some();
         let variance = if given { common.variance.clone() } else { variance };
         path.steps += run.n_iter;
@@ -288,8 +291,9 @@ impl Recording<'_> {
         let mut swapped = swaps::exchanged(&tracks, chains, common);
         swaps::exchange(&mut tracks, chains, &swapped);
         tracks.find_cuts(common.fps, &common.usual());
-        tracks.agility = agility::local(&tracks, common.fps, &common.bones, &common.agility);
-        let mut run = Run::new(&tracks, common, None);
+        tracks.process_noise =
+            process_noise::local(&tracks, common.fps, &common.bones, &common.process_noise);
+        let mut run = WindowSolver::new(&tracks, common, None);
         run.anneal(ANNEAL, &self.check())?;
         let (points, steps) = (run.points, run.n_iter);
         let found = swaps::find(&tracks, chains, &points, common);
@@ -327,13 +331,13 @@ impl Recording<'_> {
                 exchange(&mut used[swap.frame][of_view.clone()], *pair);
             }
         }
-        let mut run = Run::new(&tracks, &learnt.common, Some(points));
+        let mut run = WindowSolver::new(&tracks, &learnt.common, Some(points));
         run.anneal(SETTLE, &self.check())?;
         run.linearise(1.0);
         let found = posterior(&run, &tracks, learnt);
         let errors = errors(&run, &found, &tracks, &learnt.common);
         let steps = steps + run.n_iter;
-        let state = State::of(&run, &tracks, learnt, &found);
+        let state = SolvedWindow::of(&run, &tracks, learnt, &found);
         let mm = self.refiner.unit().millimetres();
         for (own, t) in window.own.clone().enumerate() {
             let k = t - window.all.start;
@@ -400,12 +404,12 @@ fn exchange(used: &mut [usize], [l, r]: [usize; 2]) {
     }
 }
 
-/// H, minus the gradient, and the agility of a step.
+/// H, minus the gradient, and the process noise of a step.
 pub type Equations = (Vec<f64>, Vec<Vector3<f64>>, Vec<f64>);
 
 /// The equations of one step at `points` `(N, T)` under kernels `wider` than the final ones: H,
-/// row-major, and minus the gradient `(N, T)`, joint after joint, and the agility `(N, T)`.
-/// `common` is used with the bones of the refiner and the agility of the frames.
+/// row-major, and minus the gradient `(N, T)`, joint after joint, and the process noise `(N, T)`.
+/// `common` is used with the bones of the refiner and the process noise of the frames.
 ///
 /// # Errors
 /// [`Error::InvalidInput`] if a frame does not match the refiner.
@@ -419,9 +423,10 @@ pub fn equations(
     let alone: Result<Vec<Alone>> = frames.iter().map(|frame| refiner.alone(frame)).collect();
     let mut tracks = Tracks::new(&[&alone?], frames_in(BRIDGE, common.fps), common.sigma[0]);
     common.bones = refiner.bones().to_vec();
-    common.agility = agility::learn(&tracks, common.fps, &common.variance);
-    tracks.agility = agility::local(&tracks, common.fps, &common.bones, &common.agility);
-    let mut run = Run::new(&tracks, &common, Some(points));
+    common.process_noise = process_noise::learn(&tracks, common.fps, &common.variance);
+    tracks.process_noise =
+        process_noise::local(&tracks, common.fps, &common.bones, &common.process_noise);
+    let mut run = WindowSolver::new(&tracks, &common, Some(points));
     run.linearise(wider);
-    Ok((run.system.dense(), run.system.pulls, tracks.agility))
+    Ok((run.system.dense(), run.system.pulls, tracks.process_noise))
 }

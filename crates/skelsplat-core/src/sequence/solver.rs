@@ -2,14 +2,14 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::agility::Agility;
 use super::chain::{Band, Chain, second_difference};
-use super::small::{frames_in, inverse, times};
+use super::process_noise::ProcessNoise;
 use super::system::System;
 use super::tracks::Tracks;
+use super::windows::frames_in;
 use crate::bones::{Length, Pull};
 use crate::error::Result;
-use crate::symmetric::Symmetric;
+use crate::matrix3::{Symmetric, inverse, times};
 
 /// What is common to all frames of a recording; lengths are mm, times s.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -20,8 +20,8 @@ pub struct Common {
     pub bones: Vec<[usize; 2]>,
     /// Their lengths.
     pub lengths: Vec<Length>,
-    /// How agile each joint is.
-    pub agility: Vec<Agility>,
+    /// The process noise of each joint.
+    pub process_noise: Vec<ProcessNoise>,
     /// Mean weight of the detections.
     pub weight: f64,
     /// Variance of a detection of weight 1 of each joint, mm².
@@ -34,9 +34,9 @@ pub struct Common {
 }
 
 impl Common {
-    /// How agile each joint usually is, mm²/s³.
+    /// The usual process noise of each joint, mm²/s³.
     pub(super) fn usual(&self) -> Vec<f64> {
-        self.agility.iter().map(|agility| agility.usual).collect()
+        self.process_noise.iter().map(|process_noise| process_noise.usual).collect()
     }
 }
 
@@ -49,8 +49,9 @@ pub const ANNEAL: &Schedule = &[(8.0, 1), (4.0, 1), (2.0, 1), (1.0, 3)];
 /// Under the final kernels only.
 pub const SETTLE: &Schedule = &[(1.0, 6)];
 
-/// Rounds of conjugate gradients per step, and their relative accuracy.
+/// Rounds of conjugate gradients per step.
 const ROUNDS: usize = 8;
+/// Their relative accuracy.
 const ACCURACY: f64 = 0.05;
 /// Reach of the kernel of accelerations, in standard deviations.
 const MOTION_REACH: f64 = 4.0;
@@ -65,18 +66,20 @@ const LONGEST: f64 = 300.0;
 /// Steps that are shorter than this share of the noise, root mean square, end the work under a
 /// kernel.
 const SMALL: f64 = 0.01;
-/// Rounds of the smoothing from which the annealing starts, and squares of the reach of its kernel,
-/// in standard deviations, for positions on which three views agree and for others.
+/// Rounds of the smoothing from which the annealing starts.
 const SMOOTHING: usize = 5;
-const SMOOTHING_REACH: [f64; 2] = [9.0, 400.0];
+/// Reach of its kernel, in standard deviations.
+const UNSURE_REACH: f64 = 3.0;
+/// The same for positions on which three views agree.
+const SURE_REACH: f64 = 20.0;
 
 /// The state of a run over one stretch.
-pub struct Run<'a> {
+pub struct WindowSolver<'a> {
     tracks: &'a Tracks,
     common: &'a Common,
     /// Positions `(N, T)`; zero where inactive.
     pub points: Vec<Vector3<f64>>,
-    /// The system, filled by [`Run::linearise`].
+    /// The system, filled by [`WindowSolver::linearise`].
     pub system: System,
     /// Steps taken.
     pub n_iter: usize,
@@ -85,7 +88,7 @@ pub struct Run<'a> {
     sums: Vec<f64>,
 }
 
-impl<'a> Run<'a> {
+impl<'a> WindowSolver<'a> {
     /// A run that starts at `points` `(N, T)`, or at the smoothed positions of the frames alone.
     #[must_use]
     pub fn new(tracks: &'a Tracks, common: &'a Common, points: Option<Vec<Vector3<f64>>>) -> Self {
@@ -221,7 +224,7 @@ impl<'a> Run<'a> {
         let (x, active) = (&self.points[of.clone()], &self.tracks.active[of.clone()]);
         let n = x.len();
         let dt = 1.0 / self.common.fps;
-        let local = self.tracks.agility.get(of.clone());
+        let local = self.tracks.process_noise.get(of.clone());
         let h = frames_in(MOTION_SPAN, self.common.fps);
         let usual = |q: f64, h: usize| {
             3.0 * q * (h as f64 * dt).powi(3) * if h > 1 { 2.0 / 3.0 } else { 1.0 }
@@ -235,7 +238,7 @@ impl<'a> Run<'a> {
             }
             let wide = t >= h && t + h < n && active[t - h] && active[t + h] && joined(h);
             let h = if wide { h } else { 1 };
-            let q = local.map_or(self.common.agility[j].usual, |local| local[t]);
+            let q = local.map_or(self.common.process_noise[j].usual, |local| local[t]);
             let d = x[t - h] - 2.0 * x[t] + x[t + h];
             let kept = 1.0 / (1.0 + d.norm_squared() / (usual(q, h) * reach * reach));
             w[t] = kept / (q * dt.powi(3));
@@ -298,7 +301,8 @@ impl<'a> Run<'a> {
                 }
                 let off = alone[t] - x[t];
                 let square = off.dot(&(precision[t] * off));
-                precision[t] / (1.0 + square / SMOOTHING_REACH[usize::from(sure[t])])
+                let reach = if sure[t] { SURE_REACH } else { UNSURE_REACH };
+                precision[t] / (1.0 + square / (reach * reach))
             };
             let blocks: Vec<Matrix3<f64>> = (0..x.len()).map(block).collect();
             let pull =

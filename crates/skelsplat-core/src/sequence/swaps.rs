@@ -7,52 +7,52 @@
 //! wrong half. Then the chain jumps to the other side and back, and the sides are those with which
 //! it goes on as it was.
 
-use super::small::frames_in;
 use super::solver::Common;
 use super::tracks::Tracks;
+use super::windows::frames_in;
 use crate::annealed::swaps::Chain;
 use nalgebra::Vector3;
 
-/// Detections of mean weight by which a swap explains more: in the frame, and in the mean over the
-/// frames around it.
+/// Detections of mean weight by which a swap explains more in its frame.
 const OWN_GAIN: f64 = 0.5;
+/// The same in the mean over the frames around it.
 const MEAN_GAIN: f64 = 1.0;
 /// Half of the time over which the gain is averaged, s.
 const AROUND: f64 = 0.05;
 
 /// A chain of joints swapped in a view of a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Swap {
+pub(super) struct FrameSwap {
     pub(super) frame: usize,
     pub(super) view: usize,
     pub(super) chain: usize,
 }
 
-/// Cost of a jump of a chain to the other side, and of a view whose sides are exchanged, per
-/// second.
+/// Cost of a jump of a chain to the other side.
 const JUMP: f64 = 10.0;
+/// Cost of a view whose sides are exchanged, per second.
 const EXCHANGED: f64 = 7.5;
-/// Views that agree on the sides, from so many on, are not outvoted by how the chain went on,
-/// unless more than this part of them denies it.
+/// Views that agree on the sides, from so many on, are not outvoted by how the chain went on.
 const AGREED: f64 = 2.2;
+/// They are if more than this part of them denies it.
 const DENIED: f64 = 0.2;
 /// Longest gap, s, over which a chain goes on as it was.
 const GAP: f64 = 0.3;
 
 /// The swaps in all views of the frames that have exchanged the sides of a chain wrongly.
-pub(super) fn exchanged(tracks: &Tracks, chains: &[Chain], common: &Common) -> Vec<Swap> {
+pub(super) fn exchanged(tracks: &Tracks, chains: &[Chain], common: &Common) -> Vec<FrameSwap> {
     let mut found = Vec::new();
     for (chain, pairs) in chains.iter().enumerate() {
         let sides = sides(tracks, pairs, common);
         for frame in (0..tracks.frames).filter(|t| sides[*t]) {
-            found.extend((0..tracks.views).map(|view| Swap { frame, view, chain }));
+            found.extend((0..tracks.views).map(|view| FrameSwap { frame, view, chain }));
         }
     }
     found
 }
 
 /// Exchanges all that the frames of these swaps in all views have of both sides.
-pub(super) fn exchange(tracks: &mut Tracks, chains: &[Chain], swaps: &[Swap]) {
+pub(super) fn exchange(tracks: &mut Tracks, chains: &[Chain], swaps: &[FrameSwap]) {
     for swap in swaps.iter().filter(|swap| swap.view == 0) {
         chains[swap.chain].iter().for_each(|[l, r]| tracks.exchange(swap.frame, *l, *r));
     }
@@ -143,7 +143,7 @@ pub(super) fn find(
     chains: &[Chain],
     points: &[Vector3<f64>],
     common: &Common,
-) -> Vec<Swap> {
+) -> Vec<FrameSwap> {
     let unit = common.weight;
     let around = frames_in(AROUND, common.fps);
     let mut found = Vec::new();
@@ -158,7 +158,7 @@ pub(super) fn find(
                 let near =
                     &gains[frame.saturating_sub(around)..(frame + around + 1).min(gains.len())];
                 if near.iter().sum::<f64>() >= MEAN_GAIN * unit * near.len() as f64 && *own > 0.0 {
-                    found.push(Swap { frame, view, chain });
+                    found.push(FrameSwap { frame, view, chain });
                 }
             }
         }

@@ -9,8 +9,8 @@
 use nalgebra::{Matrix3, Vector3};
 
 use super::chain::{Chain, second_difference};
-use super::small::times;
 use crate::bones::Pull;
+use crate::matrix3::times;
 
 /// The step's system; buffers are reused.
 #[derive(Debug, Clone)]

@@ -2,10 +2,10 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::small::median;
 use crate::annealed::Alone;
 use crate::annealed::consensus::REJECTED;
 use crate::annealed::rays::Ray;
+use crate::statistics::median;
 
 /// Longest gap over which a joint is bridged, s.
 pub(super) const BRIDGE: f64 = 1.0;
@@ -17,8 +17,9 @@ const JUMP: f64 = 2.0;
 /// Multiple of its square that a frame beside a cut does not reach: it departs from a velocity that
 /// is measured across the cut.
 const BESIDE: f64 = 2.0;
-/// Least number of joints that show it, and their least share of those that are estimated.
+/// Least number of joints that show a cut.
 const LEAST_JOINTS: usize = 3;
+/// Their least share of those that are estimated.
 const LEAST_SHARE: f64 = 0.5;
 
 /// Rays and positions of T frames; `(N, T)` means joint after joint, each over all frames.
@@ -50,7 +51,7 @@ pub struct Tracks {
     cuts: Vec<usize>,
     /// Spectral density q of the acceleration `(N, T)`, mm²/s³; empty where it is the usual one at
     /// all times.
-    pub agility: Vec<f64>,
+    pub process_noise: Vec<f64>,
 }
 
 impl Tracks {
@@ -77,7 +78,7 @@ impl Tracks {
             held: vec![0.0; n * t * m],
             turned: vec![false; n * t * m],
             cuts: vec![0; t],
-            agility: Vec::new(),
+            process_noise: Vec::new(),
         };
         let mut begin = 0;
         for stretch in stretches {

@@ -2,10 +2,9 @@
 
 use std::ops::Range;
 
-use super::small::frames_in;
-
-/// Overlap of windows on either side, s, and the least number of frames.
+/// Overlap of windows on either side, s.
 const OVERLAP: f64 = 2.0;
+/// Least overlap, frames.
 const LEAST_OVERLAP: usize = 30;
 /// Length of a window, in overlaps, without them.
 const WINDOW: usize = 20;
@@ -54,4 +53,10 @@ pub fn sample(windows: &[Window]) -> Vec<Range<usize>> {
         }
     }
     out
+}
+
+/// Number of frames in `seconds`, at least one.
+#[must_use]
+pub(super) fn frames_in(seconds: f64, fps: f64) -> usize {
+    ((seconds * fps).round() as usize).max(1)
 }

@@ -1,9 +1,12 @@
 //! A Human3.6M-like room, a standing skeleton in it, and reproducible noise.
 
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::{Matrix3, Vector2, Vector3};
 
 use crate::camera::Camera;
 use crate::detections::Detections;
+use crate::layout::Layout;
+use crate::refine::{RefineConfig, Refiner};
+use crate::unit::Unit;
 
 /// Uniform and normal numbers from a linear congruential generator (Knuth's MMIX constants): enough
 /// for tests, the same on every machine.
@@ -118,4 +121,49 @@ pub fn noisy_detections(
 #[must_use]
 pub fn perturbed(pose: &[Vector3<f64>], sigma: f64, noise: &mut Noise) -> Vec<Vector3<f64>> {
     pose.iter().map(|p| p + noise.vector(sigma)).collect()
+}
+
+/// The layout of [`standing`].
+///
+/// # Panics
+/// Never: it is built in.
+#[must_use]
+pub fn h36m() -> Layout {
+    Layout::by_name("h36m17").expect("built in")
+}
+
+/// A refiner of poses like [`standing`].
+///
+/// # Panics
+/// If the settings are wrong.
+#[must_use]
+pub fn refiner(cameras: &[Camera], config: impl Into<RefineConfig>) -> Refiner {
+    let layout = h36m();
+    Refiner::new(cameras, Unit::Millimetre, Some(&layout), config.into()).expect("valid settings")
+}
+
+/// `detections` moved, dropped (`None`) or with another confidence by `f(view, joint, pixel)`.
+///
+/// # Panics
+/// If a confidence is wrong.
+#[must_use]
+pub fn changed(
+    detections: &Detections,
+    f: impl Fn(usize, usize, Vector2<f64>) -> Option<(Vector2<f64>, f64)>,
+) -> Detections {
+    let (m, n) = (detections.n_views(), detections.n_joints());
+    let (mut pixels, mut confidence) = (Vec::new(), Vec::new());
+    for (i, j) in (0..m).flat_map(|i| (0..n).map(move |j| (i, j))) {
+        let found = detections.get(i, j).and_then(|(p, _)| f(i, j, p));
+        let (p, c) = found.unwrap_or((Vector2::repeat(f64::NAN), 1.0));
+        pixels.extend([p.x, p.y]);
+        confidence.push(c);
+    }
+    Detections::new(m, n, &pixels, Some(&confidence)).expect("shapes match")
+}
+
+/// `detections` without those for which `missing(view, joint)` holds.
+#[must_use]
+pub fn without(detections: &Detections, missing: impl Fn(usize, usize) -> bool) -> Detections {
+    changed(detections, |i, j, p| (!missing(i, j)).then_some((p, 1.0)))
 }

@@ -10,7 +10,7 @@ use nalgebra::Vector3;
 pub use dlt::dlt;
 pub use fusion::fuse_monocular;
 pub use ransac::ransac;
-pub(crate) use two_views::{Seen, TwoViews};
+pub(crate) use two_views::{FourJoints, TwoViews};
 
 /// Triangulated joints, and the rejected detections.
 #[derive(Debug, Clone, PartialEq)]

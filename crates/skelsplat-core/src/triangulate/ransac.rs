@@ -37,7 +37,7 @@ pub fn ransac(detections: &Detections, cameras: &[Camera]) -> Triangulated {
         .map(|joint| {
             views.clear();
             views.extend((0..m).filter(|&i| detections.get(i, joint).is_some()));
-            let seen = Seen { cameras, detections, joint, views: &views };
+            let seen = JointViews { cameras, detections, joint, views: &views };
             let Some((point, hypothesis)) = seen.consensus() else {
                 return point(detections, cameras, joint, |_| true);
             };
@@ -51,14 +51,14 @@ pub fn ransac(detections: &Detections, cameras: &[Camera]) -> Triangulated {
 }
 
 /// One joint and the views that detect it.
-struct Seen<'a> {
+struct JointViews<'a> {
     cameras: &'a [Camera],
     detections: &'a Detections,
     joint: usize,
     views: &'a [usize],
 }
 
-impl Seen<'_> {
+impl JointViews<'_> {
     /// The point over the inliers of the best hypothesis, and that hypothesis.
     fn consensus(&self) -> Option<(Vector3<f64>, Vector3<f64>)> {
         let mut best: Option<(Vector3<f64>, usize, f64)> = None;

@@ -31,6 +31,10 @@ fn the_limit_of_two_rays_follows_the_formula() {
         let [a, b] = pair(phi * limit);
         assert_eq!(have_parallax(&a, &b), fixed, "{phi}");
     }
+    // Opposite directions are the farthest apart that rays can be.
+    let facing = [-3000.0, 3000.0].map(|x| ray(Vector3::new(x, 0.0, 0.0), Vector3::zeros()));
+    assert!(may_be_fixed(&facing, &Vector3::zeros(), f64::INFINITY));
+    assert!(have_parallax(&facing[0], &facing[1]));
 }
 
 /// N rays in two bundles of equal size are as good as two of N/2 times the weight.
@@ -57,15 +61,6 @@ fn rays_that_miss_the_point_do_not_fix_it() {
     three[2].centre.z += 2000.0;
     assert!(!may_be_fixed(&three, &Vector3::zeros(), f64::INFINITY));
     assert!(may_be_fixed(&three, &Vector3::zeros(), 30.0));
-}
-
-/// Opposite directions are the farthest apart that rays can be.
-#[test]
-fn facing_cameras_fix_the_depth() {
-    let centres = [-3000.0, 3000.0].map(|x| Vector3::new(x, 0.0, 0.0));
-    let rays = centres.map(|c| ray(c, Vector3::zeros()));
-    assert!(may_be_fixed(&rays, &Vector3::zeros(), f64::INFINITY));
-    assert!(have_parallax(&rays[0], &rays[1]));
 }
 
 /// `n` cameras side by side, `apart` mm from each other, 3 m from a person.

@@ -6,9 +6,11 @@ mod evidence;
 mod knowledge;
 mod loss;
 mod outcomes;
+mod population;
 mod recovery;
 mod rivals;
 mod swaps;
+mod uncertainty;
 mod weights;
 
 use nalgebra::{DMatrix, DVector, Matrix3, Vector2, Vector3};
@@ -22,11 +24,12 @@ use skelsplat_core::study::projection::View;
 use skelsplat_core::study::symmetry::LimbPair;
 use skelsplat_core::testing::differences::{central_differences, relative_error};
 use skelsplat_core::testing::scenes::{
-    Noise, exact_detections, look_at, noisy_detections, perturbed, room, standing,
+    Noise, changed, exact_detections, h36m, look_at, noisy_detections, perturbed, refiner, room,
+    standing, without,
 };
 use skelsplat_core::{
-    AnnealedSettings, Bones, Camera, Detections, Frame, JointStatus, Layout, Progress,
-    RefineConfig, Refinement, Refiner, StopReason, Unit, refine_batch,
+    AnnealedSettings, Bones, Camera, Detections, Frame, JointStatus, RefineConfig, Refinement,
+    Refiner, StopReason, Unit,
 };
 
 const WRIST: usize = 13;
@@ -59,9 +62,7 @@ fn freely(settings: AnnealedSettings) -> RefineConfig {
 }
 
 fn refine(cameras: &[Camera], frame: &Frame, config: RefineConfig) -> Refinement {
-    let layout = Layout::by_name("h36m17").unwrap();
-    let refiner = Refiner::new(cameras, Unit::Millimetre, Some(&layout), config).unwrap();
-    refiner.refine(frame).unwrap()
+    refiner(cameras, config).refine(frame).unwrap()
 }
 
 fn from(detections: Detections, init_pose: Option<Vec<Vector3<f64>>>) -> Frame {
@@ -71,30 +72,6 @@ fn from(detections: Detections, init_pose: Option<Vec<Vector3<f64>>>) -> Frame {
 fn with_prior(detections: Detections, pose: Vec<Vector3<f64>>, sigma: f64) -> Frame {
     let covariance = Matrix3::from_diagonal_element(sigma * sigma);
     let n = pose.len();
-    Frame {
-        detections,
-        init_pose: Some(pose),
-        init_covariance: Some(vec![covariance; n]),
-        past: false,
-    }
-}
-
-/// `detections` moved, dropped (`None`) or with another confidence by `f(view, joint, pixel)`.
-fn changed(
-    detections: &Detections,
-    f: impl Fn(usize, usize, Vector2<f64>) -> Option<(Vector2<f64>, f64)>,
-) -> Detections {
-    let (m, n) = (detections.n_views(), detections.n_joints());
-    let (mut pixels, mut confidence) = (Vec::new(), Vec::new());
-    for (i, j) in (0..m).flat_map(|i| (0..n).map(move |j| (i, j))) {
-        let found = detections.get(i, j).and_then(|(p, _)| f(i, j, p));
-        let (p, c) = found.unwrap_or((Vector2::repeat(f64::NAN), 1.0));
-        pixels.extend([p.x, p.y]);
-        confidence.push(c);
-    }
-    Detections::new(m, n, &pixels, Some(&confidence)).unwrap()
-}
-
-fn without(detections: &Detections, missing: impl Fn(usize, usize) -> bool) -> Detections {
-    changed(detections, |i, j, p| (!missing(i, j)).then_some((p, 1.0)))
+    let init_covariance = Some(vec![covariance; n]);
+    Frame { init_pose: Some(pose), init_covariance, ..detections.into() }
 }

@@ -72,30 +72,3 @@ fn less_confident_views_do_not_tie() {
     assert_eq!(rivals(&rays, &here(), SIGMA, TIE), Vec::new());
     assert_eq!(rivals(&rays, &elsewhere(), SIGMA, TIE).len(), 1);
 }
-
-/// Positions in a chain, each nearer to the next than four kernels: the votes decide which of them
-/// represent the others.
-#[test]
-fn rivals_do_not_depend_on_the_order_of_views() {
-    let mut several = 0;
-    for seed in 0..200 {
-        let mut noise = Noise::new(seed);
-        let scattered = |noise: &mut Noise| elsewhere() + noise.vector(60.0);
-        let at: Vec<_> =
-            (0..8).map(|k| if k < 2 { here() } else { scattered(&mut noise) }).collect();
-        let rays = seeing(&at);
-        let expected = rivals(&rays, &here(), SIGMA, NEAR_TIE);
-        several += usize::from(expected.len() > 1);
-        for shift in [3, 5] {
-            let mut other = rays.clone();
-            other.rotate_left(shift);
-            other.swap(1, 6);
-            let found = rivals(&other, &here(), SIGMA, NEAR_TIE);
-            assert_eq!(found.len(), expected.len(), "seed {seed}");
-            for (a, b) in found.iter().zip(&expected) {
-                assert!((a.at - b.at).norm() < 1e-6 && (a.share - b.share).abs() < 1e-9);
-            }
-        }
-    }
-    assert!(several > 20, "{several}");
-}

@@ -5,7 +5,7 @@ use skelsplat_core::study::annealed::locate::locate;
 use skelsplat_core::study::annealed::swaps::{Chain, chains, find};
 
 fn h36m_chains() -> Vec<Chain> {
-    chains(&Layout::by_name("h36m17").unwrap())
+    chains(&h36m())
 }
 
 /// Three views, the first with its arms swapped; `empty[i]` views without a detection come before

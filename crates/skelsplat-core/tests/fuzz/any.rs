@@ -3,10 +3,9 @@
 use nalgebra::{SymmetricEigen, Vector3};
 use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
-use skelsplat_core::testing::scenes::{Noise, look_at, noisy_detections, standing};
+use skelsplat_core::testing::scenes::{Noise, look_at, noisy_detections, refiner, standing};
 use skelsplat_core::{
-    Camera, Detections, Distortion, JointStatus, Layout, RefineConfig, Refinement, Refiner,
-    StopReason, Unit,
+    Camera, Detections, Distortion, JointStatus, RefineConfig, Refinement, Refiner, StopReason,
 };
 
 /// So many cases of one seed; with `PROPTEST_CASES`, as many times more as that is above 16, of any
@@ -26,7 +25,8 @@ pub(crate) fn any_number() -> impl Strategy<Value = f64> {
         2 => -1.0..1.0_f64,
         1 => prop::num::f64::ANY,
         1 => prop::sample::select(vec![
-            0.0, -0.0, f64::NAN, f64::INFINITY, f64::NEG_INFINITY, f64::MAX, f64::MIN_POSITIVE, 5e-324, 1e30, -1e30, 1e12, 1e-12,
+            0.0, -0.0, f64::NAN, f64::INFINITY, f64::NEG_INFINITY, f64::MAX, f64::MIN_POSITIVE,
+            5e-324, 1e30, -1e30, 1e12, 1e-12,
         ]),
     ]
 }
@@ -65,7 +65,9 @@ fn tamed(mut c: Vec<f64>) -> Vec<f64> {
 pub(crate) fn cameras(n: std::ops::RangeInclusive<usize>) -> impl Strategy<Value = Vec<Camera>> {
     let at = prop_oneof![
         6 => prop::array::uniform3(-5000.0..5000.0_f64),
-        1 => prop::sample::select(vec![[3000.0, 0.0, 1000.0], [3000.0, 0.001, 1000.0], [0.0, 0.0, 4000.0]]),
+        1 => prop::sample::select(vec![
+            [3000.0, 0.0, 1000.0], [3000.0, 0.001, 1000.0], [0.0, 0.0, 4000.0],
+        ]),
     ];
     let towards = prop::array::uniform3(-400.0..400.0_f64);
     let focal = prop_oneof![6 => 300.0..3000.0_f64, 1 => 1e-3..1e7_f64];
@@ -80,7 +82,8 @@ pub(crate) fn cameras(n: std::ops::RangeInclusive<usize>) -> impl Strategy<Value
 
 /// Pixels and confidences `(M, N)` that [`Detections::new`] accepts.
 pub(crate) fn detections(m: usize, n: usize) -> impl Strategy<Value = Detections> {
-    let confidence = prop_oneof![4 => 0.0..=1.0_f64, 1 => prop::sample::select(vec![0.0, 1.0, f64::NAN, 5e-324])];
+    let extreme = prop::sample::select(vec![0.0, 1.0, f64::NAN, 5e-324]);
+    let confidence = prop_oneof![4 => 0.0..=1.0_f64, 1 => extreme];
     (prop::collection::vec(coordinate(), 2 * m * n), prop::collection::vec(confidence, m * n))
         .prop_map(move |(pixels, c)| Detections::new(m, n, &pixels, Some(&c)).unwrap())
 }
@@ -93,16 +96,24 @@ pub(crate) fn spoiled(
     wrong: &[(usize, f64)],
 ) -> Detections {
     let exact = noisy_detections(&standing(), cameras, sigma, &mut Noise::new(seed + 1));
-    let n = exact.n_joints();
-    let mut pixels: Vec<f64> = (0..cameras.len() * n)
-        .flat_map(|k| exact.get(k / n, k % n).map_or([f64::NAN; 2], |(p, _)| p.into()))
+    replaced(&exact, wrong.iter().copied())
+}
+
+/// `detections` with some coordinates, counted through all, replaced.
+pub(crate) fn replaced(
+    detections: &Detections,
+    wrong: impl Iterator<Item = (usize, f64)>,
+) -> Detections {
+    let (m, n) = (detections.n_views(), detections.n_joints());
+    let mut pixels: Vec<f64> = (0..m * n)
+        .flat_map(|k| detections.get(k / n, k % n).map_or([f64::NAN; 2], |(p, _)| p.into()))
         .map(|v| if v.abs() <= 1e30 { v } else { f64::NAN })
         .collect();
     for (k, value) in wrong {
         let k = k % pixels.len();
-        pixels[k] = *value;
+        pixels[k] = value;
     }
-    Detections::new(cameras.len(), n, &pixels, None).unwrap()
+    Detections::new(m, n, &pixels, None).unwrap()
 }
 
 /// Places of coordinates and what replaces them.
@@ -113,13 +124,22 @@ pub(crate) fn wrong(most: usize) -> impl Strategy<Value = Vec<(usize, f64)>> {
     )
 }
 
-pub(crate) fn layout() -> Layout {
-    Layout::by_name("h36m17").unwrap()
+pub(crate) fn threaded(cameras: &[Camera], n_threads: usize) -> Refiner {
+    refiner(cameras, RefineConfig { n_threads: Some(n_threads), ..RefineConfig::default() })
 }
 
-pub(crate) fn refiner(cameras: &[Camera], n_threads: Option<usize>) -> Refiner {
-    let config = RefineConfig { n_threads, ..RefineConfig::default() };
-    Refiner::new(cameras, Unit::Millimetre, Some(&layout()), config).unwrap()
+/// A sample of cases with their detections.
+pub(crate) type Recording = (Vec<Camera>, Vec<Detections>);
+
+/// Cameras anywhere, and any detections of a few frames.
+pub(crate) fn any_recording(
+    views: std::ops::RangeInclusive<usize>,
+    frames: std::ops::RangeInclusive<usize>,
+) -> impl Strategy<Value = Recording> {
+    cameras(views).prop_flat_map(move |c| {
+        let frames = prop::collection::vec(detections(c.len(), 17), frames.clone());
+        (Just(c), frames)
+    })
 }
 
 /// A joint that is sure is somewhere, with error bars that are positive definite, and where

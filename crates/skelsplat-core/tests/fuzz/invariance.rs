@@ -4,12 +4,12 @@
 use nalgebra::{Rotation3, Vector3};
 use proptest::prelude::*;
 use skelsplat_core::study::annealed::consensus::REJECTED;
-use skelsplat_core::testing::scenes::room;
+use skelsplat_core::testing::scenes::{h36m, room};
 use skelsplat_core::{
     Camera, Detections, Frame, JointStatus, Progress, Refinement, Refiner, Unit, refine_sequence,
 };
 
-use crate::any::{config, layout, refiner, spoiled, wrong};
+use crate::any::{config, spoiled, threaded, wrong};
 
 /// Positions of sure joints of two results differ by less, mm: rounding, as a consequence of other
 /// sums.
@@ -29,7 +29,7 @@ fn decided(views: u32, wrong: Vec<(usize, f64)>) -> (Vec<Camera>, Vec<(usize, f6
 }
 
 fn frame(cameras: &[Camera], seen: &Detections) -> Refinement {
-    refiner(cameras, Some(1)).refine(&Frame::from(seen.clone())).unwrap()
+    threaded(cameras, 1).refine(&Frame::from(seen.clone())).unwrap()
 }
 
 /// Whether at most one detection agrees with a joint, which its bones then place on that ray.
@@ -71,7 +71,8 @@ proptest! {
     #[test]
     fn the_worlds_frame_does_not_matter(
         views in 2..=6_u32, seed in any::<u32>(), sigma in 0.5..8.0_f64, wrong in wrong(12),
-        turn in prop::array::uniform3(-3.0..3.0_f64), shift in prop::array::uniform3(-5000.0..5000.0_f64),
+        turn in prop::array::uniform3(-3.0..3.0_f64),
+        shift in prop::array::uniform3(-5000.0..5000.0_f64),
     ) {
         let (cameras, wrong) = decided(views, wrong);
         let seen = spoiled(&cameras, u64::from(seed), sigma, &wrong);
@@ -86,15 +87,17 @@ proptest! {
 
     #[test]
     fn the_order_of_the_cameras_does_not_matter(
-        views in 2..=6_u32, seed in any::<u32>(), sigma in 0.5..8.0_f64, wrong in wrong(12), order in any::<prop::sample::Index>(),
+        views in 2..=6_u32, seed in any::<u32>(), sigma in 0.5..8.0_f64, wrong in wrong(12),
+        order in any::<prop::sample::Index>(),
     ) {
         let (cameras, wrong) = decided(views, wrong);
         let seen = spoiled(&cameras, u64::from(seed), sigma, &wrong);
         let (m, n) = (cameras.len(), seen.n_joints());
-        let order: Vec<usize> = (0..m).map(|i| (i * if m == 5 { 2 } else { m - 1 } + order.index(m)) % m).collect();
+        let stride = if m == 5 { 2 } else { m - 1 };
+        let order: Vec<usize> = (0..m).map(|i| (i * stride + order.index(m)) % m).collect();
         let others: Vec<Camera> = order.iter().map(|i| cameras[*i].clone()).collect();
-        let pixels: Vec<f64> = (0..m * n)
-            .flat_map(|k| seen.get(order[k / n], k % n).map_or([f64::NAN; 2], |(p, _)| p.into())).collect();
+        let pixel = |k| seen.get(order[k / n], k % n).map_or([f64::NAN; 2], |(p, _)| p.into());
+        let pixels: Vec<f64> = (0..m * n).flat_map(pixel).collect();
         let turned = Detections::new(m, n, &pixels, None).unwrap();
         same(&frame(&cameras, &seen), &frame(&others, &turned), |x| *x)?;
     }
@@ -103,20 +106,25 @@ proptest! {
     fn the_unit_does_not_matter(views in 2..=6_u32, seed in any::<u32>(), wrong in wrong(12)) {
         let (cameras, wrong) = decided(views, wrong);
         let seen = spoiled(&cameras, u64::from(seed), 3.0, &wrong);
-        let in_metres: Vec<Camera> = cameras.iter()
-            .map(|c| Camera::new(&c.k(), c.rotation(), &(c.translation() / 1000.0), c.size()).unwrap()).collect();
-        let config = refiner(&cameras, Some(1)).config().clone();
-        let metres = Refiner::new(&in_metres, Unit::Metre, Some(&layout()), config).unwrap();
+        let in_metres: Vec<Camera> =
+            cameras.iter().map(|c| c.clone().with_length_scale(1e-3)).collect();
+        let config = threaded(&cameras, 1).config().clone();
+        let metres = Refiner::new(&in_metres, Unit::Metre, Some(&h36m()), config).unwrap();
         let other = metres.refine(&Frame::from(seen.clone())).unwrap();
         same(&frame(&cameras, &seen), &other, |x| x * 1000.0)?;
     }
 
     #[test]
-    fn the_number_of_threads_does_not_matter(views in 2..=5_u32, seed in any::<u32>(), wrong in wrong(80)) {
+    fn the_number_of_threads_does_not_matter(
+        views in 2..=5_u32, seed in any::<u32>(), wrong in wrong(80),
+    ) {
         let cameras = room(views);
-        let frames: Vec<Frame> =
-            (0..8).map(|k| Frame::from(spoiled(&cameras, u64::from(seed) + k, 3.0, &wrong))).collect();
-        let solve = |threads| refine_sequence(&refiner(&cameras, Some(threads)), &frames, 30.0, &Progress::default()).unwrap();
+        let frame = |k: u64| spoiled(&cameras, u64::from(seed) + k, 3.0, &wrong).into();
+        let frames: Vec<Frame> = (0..8).map(frame).collect();
+        let solve = |threads| {
+            let refiner = threaded(&cameras, threads);
+            refine_sequence(&refiner, &frames, 30.0, &Progress::default()).unwrap()
+        };
         prop_assert_eq!(format!("{:?}", solve(1)), format!("{:?}", solve(3)));
     }
 }

@@ -3,10 +3,10 @@
 use nalgebra::Vector3;
 use proptest::prelude::*;
 use skelsplat_core::study::people::choice::{Linking, MOST_WORK, Rules, choices, choose};
-use skelsplat_core::testing::scenes::{Noise, noisy_detections, room, standing};
+use skelsplat_core::testing::scenes::{Noise, changed, h36m, noisy_detections, room, standing};
 use skelsplat_core::{Camera, Detections, Person, Progress, Tracker, track};
 
-use crate::any::{cameras, config, detections, layout, refiner, sound, wrong};
+use crate::any::{cameras, config, detections, replaced, sound, threaded, wrong};
 
 type Slots = Vec<Detections>;
 
@@ -17,23 +17,17 @@ fn recording() -> impl Strategy<Value = (Vec<Camera>, Vec<Slots>)> {
         let frame = prop::collection::vec(detections(c.len(), 17), 0..=3);
         (Just(c), prop::collection::vec(frame, 1..=4))
     });
-    let crowd = (
-        2..=4_u32,
-        1..=3_usize,
-        3..=6_usize,
-        any::<u32>(),
-        0.0..10.0_f64,
-        wrong(60),
-        0.0..1500.0_f64,
-    )
-        .prop_map(|(views, people, frames, seed, sigma, wrong, apart)| {
+    let crowd = (2..=4_u32, 1..=3_usize, 3..=6_usize, any::<u32>(), 0.0..10.0_f64, wrong(60));
+    let crowd = (crowd, 0.0..1500.0_f64).prop_map(
+        |((views, people, frames, seed, sigma, wrong), apart)| {
             let cameras = room(views);
             let mut noise = Noise::new(u64::from(seed) + 1);
             let frames = (0..frames)
                 .map(|t| slots(&cameras, people, t, apart, sigma, &mut noise, &wrong))
                 .collect();
             (cameras, frames)
-        });
+        },
+    );
     prop_oneof![1 => anything, 2 => crowd]
 }
 
@@ -53,21 +47,10 @@ fn slots(
             noisy_detections(&body, cameras, sigma, noise)
         })
         .collect();
-    let (m, n) = (cameras.len(), seen[0].n_joints());
     (0..people)
         .map(|p| {
-            let mut pixels: Vec<f64> = (0..m * n)
-                .flat_map(|k| {
-                    seen[(p + t + k / n) % people]
-                        .get(k / n, k % n)
-                        .map_or([f64::NAN; 2], |(p, _)| p.into())
-                })
-                .collect();
-            for (k, value) in wrong.iter().filter(|(k, _)| k % 7 == t) {
-                let k = k % pixels.len();
-                pixels[k] = *value;
-            }
-            Detections::new(m, n, &pixels, None).unwrap()
+            let exchanged = changed(&seen[0], |i, j, _| seen[(p + t + i) % people].get(i, j));
+            replaced(&exchanged, wrong.iter().copied().filter(|(k, _)| k % 7 == t))
         })
         .collect()
 }
@@ -86,13 +69,16 @@ proptest! {
     #![proptest_config(config(8))]
 
     #[test]
-    fn any_people_are_followed_soundly((cameras, people) in recording(), fps in prop::sample::select(vec![1e-3, 30.0, 1e4])) {
-        let refiner = refiner(&cameras, Some(1));
-        let found = track(&refiner, &layout(), &people, fps, None, &Progress::default());
+    fn any_people_are_followed_soundly(
+        (cameras, people) in recording(),
+        fps in prop::sample::select(vec![1e-3, 30.0, 1e4]),
+    ) {
+        let refiner = threaded(&cameras, 1);
+        let found = track(&refiner, &h36m(), &people, fps, None, &Progress::default());
         if let Ok(found) = &found {
             check(&found.people, people.len())?;
         }
-        let mut tracker = Tracker::new(&refiner, &layout(), fps, Some(2)).unwrap();
+        let mut tracker = Tracker::new(&refiner, &h36m(), fps, Some(2)).unwrap();
         for slots in &people {
             let seen = tracker.step(&refiner, slots, &Progress::default());
             if let Ok(seen) = seen {
@@ -103,17 +89,21 @@ proptest! {
             }
         }
         // On another number of threads the same bits.
-        let again = track(&crate::any::refiner(&cameras, Some(3)), &layout(), &people, fps, None, &Progress::default());
+        let refiner = threaded(&cameras, 3);
+        let again = track(&refiner, &h36m(), &people, fps, None, &Progress::default());
         prop_assert_eq!(format!("{found:?}"), format!("{again:?}"));
     }
 
     #[test]
-    fn any_person_chosen_is_there((cameras, people) in recording(), most_work in prop::sample::select(vec![0, 2_000, MOST_WORK])) {
+    fn any_person_chosen_is_there(
+        (cameras, people) in recording(),
+        most_work in prop::sample::select(vec![0, 2_000, MOST_WORK]),
+    ) {
         let rules = Rules {
             gates_px: vec![66.0; cameras.len()],
             min_confidence: 0.2,
             min_joints: 4,
-            mirror: (0..layout().n_joints()).collect(),
+            mirror: (0..h36m().n_joints()).collect(),
             most: 8,
             worse: 4.0,
             most_work,
@@ -124,10 +114,11 @@ proptest! {
             if let Some(slot) = slot {
                 let (t, view) = (k / cameras.len(), k % cameras.len());
                 let seen = |j| people[t][*slot].get(view, j).is_some();
-                prop_assert!((0..layout().n_joints()).filter(|j| seen(*j)).count() >= 4);
+                prop_assert!((0..h36m().n_joints()).filter(|j| seen(*j)).count() >= 4);
             }
         }
-        for choice in choices(&people, &cameras, &rules, &Progress::default()).unwrap().iter().flat_map(|f| &f.all) {
+        let frames = choices(&people, &cameras, &rules, &Progress::default()).unwrap();
+        for choice in frames.iter().flat_map(|frame| &frame.all) {
             prop_assert!(choice.cost.is_finite());
             prop_assert!(choice.slots.iter().flatten().count() >= 2);
         }

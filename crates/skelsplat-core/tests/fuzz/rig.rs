@@ -3,21 +3,12 @@
 use nalgebra::{Rotation3, Vector3};
 use proptest::prelude::*;
 use skelsplat_core::testing::scenes::{Noise, noisy_detections, room, standing};
-use skelsplat_core::{
-    Adjustable, Camera, Detections, Progress, RefineConfig, Unit, adjust_cameras,
-};
+use skelsplat_core::{Adjustable, Camera, Progress, RefineConfig, Unit, adjust_cameras};
 
-use crate::any::{cameras, config, detections, wrong};
-
-fn anything() -> impl Strategy<Value = (Vec<Camera>, Vec<Detections>)> {
-    cameras(2..=4).prop_flat_map(|c| {
-        let frames = prop::collection::vec(detections(c.len(), 17), 2..=6);
-        (Just(c), frames)
-    })
-}
+use crate::any::{Recording, any_recording, config, replaced, wrong};
 
 /// A person who moves, and one camera that was turned.
-fn knocked() -> impl Strategy<Value = (Vec<Camera>, Vec<Detections>)> {
+fn knocked() -> impl Strategy<Value = Recording> {
     let turn = prop::array::uniform3(-0.2..0.2_f64);
     (2..=4_u32, turn, 8..=16_usize, any::<u32>(), 0.0..6.0_f64, wrong(40)).prop_map(
         |(views, turn, frames, seed, sigma, wrong)| {
@@ -30,15 +21,7 @@ fn knocked() -> impl Strategy<Value = (Vec<Camera>, Vec<Detections>)> {
                 );
                 let body: Vec<_> = standing().into_iter().map(|x| to * x + at).collect();
                 let seen = noisy_detections(&body, &cameras, sigma, &mut noise);
-                let n = seen.n_joints();
-                let mut pixels: Vec<f64> = (0..cameras.len() * n)
-                    .flat_map(|k| seen.get(k / n, k % n).map_or([f64::NAN; 2], |(p, _)| p.into()))
-                    .collect();
-                for (k, value) in wrong.iter().filter(|(k, _)| k % frames == t) {
-                    let k = k % pixels.len();
-                    pixels[k] = *value;
-                }
-                Detections::new(cameras.len(), n, &pixels, None).unwrap()
+                replaced(&seen, wrong.iter().copied().filter(|(k, _)| k % frames == t))
             };
             let seen = (0..frames).map(frame).collect();
             let rotation = Rotation3::new(Vector3::from(turn)) * cameras[1].rotation();
@@ -59,15 +42,17 @@ proptest! {
 
     #[test]
     fn any_recording_leaves_sound_cameras(
-        (cameras, seen) in prop_oneof![anything(), knocked()], focal in any::<bool>(), clock in any::<bool>(),
+        (cameras, seen) in prop_oneof![any_recording(2..=4, 2..=6), knocked()],
+        focal in any::<bool>(),
+        clock in any::<bool>(),
     ) {
         let what = Adjustable { free: None, focal, clock };
-        let found = adjust_cameras(&cameras, Unit::Millimetre, &seen, &what, &RefineConfig::default(), &Progress::default());
+        let (config, progress) = (RefineConfig::default(), Progress::default());
+        let found = adjust_cameras(&cameras, Unit::Millimetre, &seen, &what, &config, &progress);
         if let Ok(found) = found {
-            for camera in &found.cameras {
-                // The same checks as for those of users.
-                prop_assert!(Camera::new(&camera.k(), camera.rotation(), camera.translation(), camera.size()).is_ok());
-            }
+            // The same checks as for those of users.
+            let made = |c: &Camera| Camera::new(&c.k(), c.rotation(), c.translation(), c.size());
+            prop_assert!(found.cameras.iter().all(|camera| made(camera).is_ok()));
             for one in &found.report {
                 prop_assert!((0..8).all(|k| one.change.parameter(k).is_finite()), "{one:?}");
             }

@@ -2,11 +2,9 @@
 
 use proptest::prelude::*;
 use skelsplat_core::study::sequence::refine_in_windows;
-use skelsplat_core::{
-    Camera, Detections, Follower, Frame, Live, Progress, Sequence, refine_sequence,
-};
+use skelsplat_core::{Frame, Live, Progress, Sequence, follow, refine_sequence};
 
-use crate::any::{cameras, config, detections, refiner, sound, spoiled, wrong};
+use crate::any::{Recording, any_recording, cameras, config, sound, spoiled, threaded, wrong};
 
 fn check(found: &Sequence) -> Result<(), TestCaseError> {
     for frame in found.frames.iter() {
@@ -18,46 +16,52 @@ fn check(found: &Sequence) -> Result<(), TestCaseError> {
 }
 
 /// One to six frames, of a person with wrong detections or of anything.
-fn recording() -> impl Strategy<Value = (Vec<Camera>, Vec<Detections>)> {
-    let anything = cameras(1..=4).prop_flat_map(|c| {
-        let frames = prop::collection::vec(detections(c.len(), 17), 1..=6);
-        (Just(c), frames)
-    });
+fn recording() -> impl Strategy<Value = Recording> {
     let person = (cameras(1..=5), any::<u32>(), 0.0..60.0_f64, wrong(60), 1..=6_u64).prop_map(
         |(c, seed, sigma, wrong, n)| {
             let frames = (0..n).map(|k| spoiled(&c, u64::from(seed) + k, sigma, &wrong)).collect();
             (c, frames)
         },
     );
-    prop_oneof![1 => anything, 2 => person]
+    prop_oneof![1 => any_recording(1..=4, 1..=6), 2 => person]
 }
 
 proptest! {
     #![proptest_config(config(12))]
 
     #[test]
-    fn any_recording_has_a_sound_path((cameras, seen) in recording(), fps in prop::sample::select(vec![1e-3, 1.0, 25.0, 1e4])) {
+    fn any_recording_has_a_sound_path(
+        (cameras, seen) in recording(),
+        fps in prop::sample::select(vec![1e-3, 1.0, 25.0, 1e4]),
+    ) {
         let frames: Vec<Frame> = seen.into_iter().map(Frame::from).collect();
-        let found = refine_sequence(&refiner(&cameras, Some(1)), &frames, fps, &Progress::default()).unwrap();
-        check(&found)?;
+        let refiner = threaded(&cameras, 1);
+        check(&refine_sequence(&refiner, &frames, fps, &Progress::default()).unwrap())?;
     }
 
     #[test]
-    fn windows_of_any_length_have_a_sound_path((cameras, seen) in recording(), length in 1..4_usize, overlap in 0..3_usize) {
+    fn windows_of_any_length_have_a_sound_path(
+        (cameras, seen) in recording(), length in 1..4_usize, overlap in 0..3_usize,
+    ) {
         let frames: Vec<Frame> = seen.into_iter().map(Frame::from).collect();
-        let found = refine_in_windows(&refiner(&cameras, Some(1)), &frames, 30.0, [length, overlap], &Progress::default());
-        check(&found.unwrap())?;
+        let (refiner, size) = (threaded(&cameras, 1), [length, overlap]);
+        check(&refine_in_windows(&refiner, &frames, 30.0, size, &Progress::default()).unwrap())?;
     }
 
     #[test]
-    fn any_loop_has_sound_poses((cameras, seen) in recording(), fps in prop::sample::select(vec![1e-3, 25.0, 1e4]), lag in 0..3_usize) {
-        let refiner = refiner(&cameras, Some(1));
+    fn any_loop_has_sound_poses(
+        (cameras, seen) in recording(),
+        fps in prop::sample::select(vec![1e-3, 25.0, 1e4]),
+        lag in 0..3_usize,
+    ) {
+        let refiner = threaded(&cameras, 1);
         let mut live = Live::new(&refiner, fps, lag).unwrap();
-        let mut follower = Follower::new(&refiner, None);
+        let mut past = None;
         for detections in seen {
             sound(&live.step(&refiner, detections.clone(), &Progress::default()).unwrap())?;
-            let found = follower.step(detections, &Progress::default()).unwrap();
+            let (found, next) = follow(&refiner, past, detections, &Progress::default()).unwrap();
             sound(&found)?;
+            past = Some(next);
         }
     }
 }

@@ -1,12 +1,15 @@
 //! The methods of one frame, with any detections of any cameras.
 
 use proptest::prelude::*;
+use skelsplat_core::testing::scenes::refiner;
 use skelsplat_core::{
     Detections, Frame, PaperSettings, Progress, RefineConfig, Refiner, TriangulationMethod, Unit,
     refine_batch, triangulate,
 };
 
-use crate::any::{cameras, config, coordinate, detections, layout, refiner, sound, spoiled, wrong};
+use crate::any::{
+    any_number, cameras, config, coordinate, detections, sound, spoiled, threaded, wrong,
+};
 
 proptest! {
     #![proptest_config(config(16))]
@@ -16,11 +19,11 @@ proptest! {
         let seen = detections(c.len(), 17);
         (Just(c), seen)
     })) {
-        let found = refiner(&cameras, Some(1)).refine(&Frame::from(seen.clone())).unwrap();
+        let found = threaded(&cameras, 1).refine(&Frame::from(seen.clone())).unwrap();
         sound(&found)?;
-        for method in [TriangulationMethod::Dlt, TriangulationMethod::Ransac, TriangulationMethod::Robust] {
-            let points = triangulate(&seen, &cameras, Unit::Millimetre, method).unwrap().points;
-            prop_assert!(points.iter().all(|x| x.iter().all(|v| !v.is_infinite())), "{method:?}");
+        for (name, method) in TriangulationMethod::ALL {
+            let points = triangulate(&seen, &cameras, Unit::Millimetre, *method).unwrap().points;
+            prop_assert!(points.iter().all(|x| x.iter().all(|v| !v.is_infinite())), "{name}");
         }
     }
 
@@ -29,15 +32,19 @@ proptest! {
         cameras in cameras(1..=6), seed in any::<u32>(), sigma in 0.0..30.0_f64, wrong in wrong(60),
     ) {
         let seen = spoiled(&cameras, u64::from(seed), sigma, &wrong);
-        let found = refiner(&cameras, Some(1)).refine(&Frame::from(seen.clone())).unwrap();
+        let found = threaded(&cameras, 1).refine(&Frame::from(seen.clone())).unwrap();
         sound(&found)?;
     }
 
     /// Few joints, of no layout, from any start.
     #[test]
     fn any_start_has_a_sound_end(
-        (cameras, seen) in cameras(2..=4).prop_flat_map(|c| { let seen = detections(c.len(), 3); (Just(c), seen) }),
-        start in prop::collection::vec(coordinate(), 9), unit in prop::sample::select(vec![Unit::Millimetre, Unit::Metre]),
+        (cameras, seen) in cameras(2..=4).prop_flat_map(|c| {
+            let seen = detections(c.len(), 3);
+            (Just(c), seen)
+        }),
+        start in prop::collection::vec(coordinate(), 9),
+        unit in prop::sample::select(vec![Unit::Millimetre, Unit::Metre]),
     ) {
         let init = start.chunks_exact(3).map(nalgebra::Vector3::from_column_slice).collect();
         let frame = Frame { init_pose: Some(init), ..Frame::from(seen) };
@@ -55,8 +62,7 @@ proptest! {
         let seen = spoiled(&cameras, u64::from(seed), sigma, &wrong);
         let settings = PaperSettings { max_steps: 5, resolution: 0.2, ..PaperSettings::default() };
         let config = RefineConfig { n_threads: Some(1), ..RefineConfig::from(settings) };
-        let refiner = Refiner::new(&cameras, Unit::Millimetre, Some(&layout()), config).unwrap();
-        if let Ok(found) = refiner.refine(&Frame::from(seen.clone())) {
+        if let Ok(found) = refiner(&cameras, config).refine(&Frame::from(seen.clone())) {
             sound(&found)?;
         }
     }
@@ -66,17 +72,21 @@ proptest! {
     fn batches_are_their_frames(
         cameras in cameras(2..=4), seed in any::<u32>(), wrong in wrong(40),
     ) {
-        let frames: Vec<Frame> = (0..3).map(|k| Frame::from(spoiled(&cameras, u64::from(seed) + k, 3.0, &wrong))).collect();
-        let found = refine_batch(&refiner(&cameras, Some(3)), &frames, &Progress::default()).unwrap();
+        let frame = |k: u64| spoiled(&cameras, u64::from(seed) + k, 3.0, &wrong).into();
+        let frames: Vec<Frame> = (0..3).map(frame).collect();
+        let found = refine_batch(&threaded(&cameras, 3), &frames, &Progress::default()).unwrap();
         for (frame, in_batch) in frames.iter().zip(found.iter()) {
-            let alone = refiner(&cameras, Some(1)).refine(frame).unwrap();
+            let alone = threaded(&cameras, 1).refine(frame).unwrap();
             // The debug text has every bit, and NaN equals NaN.
             prop_assert_eq!(format!("{alone:?}"), format!("{in_batch:?}"));
         }
     }
 
     #[test]
-    fn detections_are_refused_or_kept(pixels in prop::collection::vec(crate::any::any_number(), 12), c in prop::collection::vec(crate::any::any_number(), 6)) {
+    fn detections_are_refused_or_kept(
+        pixels in prop::collection::vec(any_number(), 12),
+        c in prop::collection::vec(any_number(), 6),
+    ) {
         if let Ok(found) = Detections::new(2, 3, &pixels, Some(&c)) {
             for (view, joint) in (0..2).flat_map(|i| (0..3).map(move |j| (i, j))) {
                 let kept = found.get(view, joint);

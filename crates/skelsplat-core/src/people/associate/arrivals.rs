@@ -2,24 +2,27 @@
 
 use super::claims::hand_back;
 use super::{Associator, DIFFERENCE, HOLD};
-use crate::people::births::{Free, Judge, Newcomer};
+use crate::people::births::{Free, Newcomer};
 use crate::people::body::{Body, Claims, apart, views};
 use crate::people::crowd::Crowd;
-use crate::people::known::Known;
+use crate::people::known::BodyModel;
 use crate::people::score::at_body;
 
 /// Support below which two views may have agreed by chance.
 const DOUBTFUL: f64 = 1.0;
-/// A body is taken for a newcomer that is nearer than this, in kernels, if the mean score of the
-/// body's own figures is lower.
+/// A body is taken for a newcomer that is nearer than this, in kernels, if its own figures fit it
+/// badly.
 const NEAR: f64 = 3.5;
+/// Mean score of the figures of a body below which they fit it badly.
 const MISFIT: f64 = 0.55;
 /// A newcomer this close to a body, in kernels, is the same person again.
 const SAME: f64 = 1.5;
 /// Time for which two bodies in one place are kept apart, s.
 const DOUBLE: f64 = 0.2;
-/// How far a lost body can have moved: mm, and mm/s.
-const REACH: [f64; 2] = [300.0, 2000.0];
+/// How far a lost body can have moved at once, mm.
+const REACH: f64 = 300.0;
+/// How far it can have moved besides, mm/s.
+const SPEED: f64 = 2000.0;
 
 impl Associator {
     /// Gives back the figures of bodies that only two views see, with little support, where there
@@ -27,7 +30,6 @@ impl Associator {
     /// pair.
     pub(super) fn released(
         &self,
-        judge: &Judge<'_>,
         crowd: &Crowd,
         claims: &mut [Claims],
         free: &mut Free,
@@ -43,7 +45,7 @@ impl Associator {
             for (i, claim) in claims.iter().enumerate() {
                 claim.iter().flatten().for_each(|slot| own[i][*slot] = true);
             }
-            if judge.support(crowd, &own, &body.pose) > DOUBTFUL {
+            if self.known.support(crowd, &own, &body.pose) > DOUBTFUL {
                 continue;
             }
             out.push((b, claims.clone()));
@@ -136,7 +138,7 @@ impl Associator {
 
     /// The nearest body next to the newcomer whose own figures fit it badly.
     fn misplaced(&self, crowd: &Crowd, claims: &[Claims], newcomer: &Newcomer) -> Option<usize> {
-        let Known { sigma, mirror, .. } = &self.known;
+        let BodyModel { sigma, mirror, .. } = &self.known;
         let fit = |(b, body): (usize, &Body)| {
             let own = claims[b].iter().enumerate().filter_map(|(i, claim)| Some((i, claim[0]?)));
             let scores =
@@ -165,7 +167,7 @@ impl Associator {
         let body = Body::new(0, newcomer.pose.clone(), &self.known.limbs);
         let cost = |(at, lost): (usize, &Body)| {
             let gap = self.dt * (lost.alone + 1) as f64;
-            let reach = REACH[0] + REACH[1] * gap;
+            let reach = REACH + SPEED * gap;
             let far = apart(&lost.pose, &body.pose) / reach;
             // Bones of a single frame are no measure of them: they only tell apart after a while.
             let differs = lost.differs(&body) / DIFFERENCE;

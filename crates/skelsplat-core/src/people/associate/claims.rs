@@ -6,11 +6,12 @@ use super::{Associator, DIFFERENCE};
 use crate::people::births::{FITS, Free};
 use crate::people::body::{Body, Claims, placed, views};
 use crate::people::crowd::Crowd;
-use crate::people::known::Known;
+use crate::people::known::BodyModel;
 use crate::people::score::{assign, at_body};
 
-/// Unexpected acceleration of a body, mm/s², and the largest factor by which it widens the kernel.
+/// Unexpected acceleration of a body, mm/s²: about that of gravity.
 const ACCELERATION: f64 = 10_000.0;
+/// Largest factor by which it widens the kernel.
 const WIDEST: f64 = 2.0;
 /// Time for which a body that no view sees claims figures, s.
 const RECENT: f64 = 0.3;
@@ -76,7 +77,7 @@ impl Associator {
             // What does not fit where the others are: unless nothing does.
             for (i, claim) in claims.iter_mut().enumerate() {
                 let fits = |slot: usize| {
-                    let Known { sigma, mirror, .. } = &self.known;
+                    let BodyModel { sigma, mirror, .. } = &self.known;
                     at_body(&crowd.views[i][slot], &pose, *sigma, mirror) >= FITS
                 };
                 if claim[0].is_some_and(|slot| !fits(slot)) {
@@ -140,10 +141,10 @@ impl Associator {
         free: &mut Free,
         found: &[Option<Vec<Vector3<f64>>>],
     ) {
-        let Known { sigma, mirror, limbs, .. } = &self.known;
+        let BodyModel { sigma, mirror, limbs, .. } = &self.known;
         for ((body, claims), found) in self.bodies.iter_mut().zip(claims).zip(found) {
-            let one = claims.iter().enumerate().find_map(|(i, claim)| Some((i, claim[0]?)));
-            match (found, one) {
+            let only = claims.iter().enumerate().find_map(|(i, claim)| Some((i, claim[0]?)));
+            match (found, only) {
                 (Some(pose), _) => body.update(pose, self.dt, limbs),
                 (None, Some((i, slot))) => {
                     // One view cannot be checked by another: the figure must have the body's shape.

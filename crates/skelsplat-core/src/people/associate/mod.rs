@@ -7,15 +7,16 @@ mod claims;
 use nalgebra::Vector3;
 
 use super::again::absorb;
-use super::births::{Free, Judge};
+use super::births::Free;
 use super::body::{Body, Claims};
 use super::crowd::Crowd;
-use super::known::Known;
+use super::known::BodyModel;
 use crate::layout::Layout;
 use crate::refine::Refiner;
 
-/// Time without any view after which a body is lost, and for which it then keeps its identity, s.
+/// Time without any view after which a body is lost, s.
 const HOLD: f64 = 1.0;
+/// Time for which it then keeps its identity, s.
 const KEEP: f64 = 5.0;
 /// Time for which one view alone keeps a body, s.
 const ALONE: f64 = 3.0;
@@ -42,7 +43,7 @@ pub struct Sighting {
 /// Bodies that are followed from frame to frame.
 #[derive(Debug, Clone)]
 pub struct Associator {
-    known: Known,
+    known: BodyModel,
     dt: f64,
     bodies: Vec<Body>,
     /// Bodies that are lost, with their identities.
@@ -59,7 +60,7 @@ impl Associator {
     #[must_use]
     pub fn new(refiner: &Refiner, layout: &Layout, fps: f64) -> Self {
         Self {
-            known: Known::new(refiner, layout),
+            known: BodyModel::new(refiner, layout),
             dt: 1.0 / fps,
             bodies: Vec::new(),
             lost: Vec::new(),
@@ -101,9 +102,8 @@ impl Associator {
         for (body, claims) in self.bodies.iter().zip(&mut claims) {
             absorb(crowd, &body.pose, claims, &mut free, &self.known);
         }
-        let judge = Judge { known: &self.known };
-        let doubtful = self.released(&judge, crowd, &mut claims, &mut free);
-        let (mut newcomers, mut cut) = judge.newcomers(crowd, &mut free);
+        let doubtful = self.released(crowd, &mut claims, &mut free);
+        let (mut newcomers, mut cut) = self.known.newcomers(crowd, &mut free);
         self.confirm(doubtful, &mut newcomers, &mut claims, &mut free);
         let room = MOST_BODIES - self.bodies.len();
         cut |= newcomers.len() > room;

@@ -8,7 +8,7 @@ use wide::f64x4;
 use super::rules::Rules;
 use crate::camera::{Camera, Undistorted};
 use crate::detections::Detections;
-use crate::triangulate::Seen;
+use crate::triangulate::FourJoints;
 
 /// Joints in a register.
 pub(super) const LANES: usize = 4;
@@ -18,7 +18,7 @@ const FIELDS: usize = 7;
 
 /// What a view detects in one slot.
 #[derive(Debug, Clone)]
-pub(super) struct Figure {
+pub(super) struct FigureBox {
     pub(super) view: usize,
     pub(super) slot: usize,
     /// Extent as a part of the image's diagonal.
@@ -31,7 +31,7 @@ pub(super) struct Figure {
 /// The figures of a frame, by view and slot.
 #[derive(Debug, Default)]
 pub(super) struct Figures {
-    pub(super) all: Vec<Figure>,
+    pub(super) all: Vec<FigureBox>,
     /// Where those of a view are.
     pub(super) views: Vec<Range<usize>>,
     /// Registers per figure and number.
@@ -113,11 +113,11 @@ impl Figures {
 
     /// Ideal pixels and confidences of a figure.
     #[inline]
-    pub(super) fn seen(&self, figure: usize) -> impl Iterator<Item = Seen> {
+    pub(super) fn seen(&self, figure: usize) -> impl Iterator<Item = FourJoints> {
         let start = figure * FIELDS * self.groups;
         let (x, rest) = self.numbers[start..start + 3 * self.groups].split_at(self.groups);
         let (y, confidence) = rest.split_at(self.groups);
-        (0..self.groups).map(move |g| Seen { x: x[g], y: y[g], confidence: confidence[g] })
+        (0..self.groups).map(move |g| FourJoints { x: x[g], y: y[g], confidence: confidence[g] })
     }
 }
 
@@ -134,7 +134,7 @@ impl Rules {
         view: usize,
         slot: usize,
         camera: &Camera,
-    ) -> Option<Figure> {
+    ) -> Option<FigureBox> {
         let (mut low, mut high) = (Vector2::repeat(f64::INFINITY), Vector2::repeat(-f64::INFINITY));
         let mut known = 0;
         for (pixel, _) in (0..given.n_joints()).filter_map(|j| self.used(given, view, j)) {
@@ -143,6 +143,6 @@ impl Rules {
         }
         let [width, height] = camera.size().map(f64::from);
         let share = (high - low).norm() / width.hypot(height);
-        (known >= self.min_joints.max(1)).then_some(Figure { view, slot, share, low, high })
+        (known >= self.min_joints.max(1)).then_some(FigureBox { view, slot, share, low, high })
     }
 }

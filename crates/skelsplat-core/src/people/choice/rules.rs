@@ -7,9 +7,11 @@ pub(super) const SIZE_COST: f64 = 1e-3;
 pub(super) const MISSED: f64 = 1.5;
 /// The usual [`Rules::most_work`]: a quarter of a second.
 pub const MOST_WORK: usize = 48_000_000;
-/// Work of a triangulation, a projection and a median, compared with that of a distance.
+/// Work of a triangulation, compared with that of a distance.
 pub(super) const TRIANGULATION: usize = 16;
+/// Work of a projection, compared with that of a distance.
 pub(super) const PROJECTION: usize = 4;
+/// Work of a median, compared with that of a distance.
 pub(super) const MEDIAN: usize = 8;
 
 /// What a choice depends on besides figures and cameras.

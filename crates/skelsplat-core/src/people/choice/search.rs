@@ -7,7 +7,7 @@ use wide::f64x4;
 use super::figures::{Figures, LANES};
 use super::kept::{Candidate, Kept};
 use super::rules::{MISSED, Rules, TRIANGULATION};
-use super::weigh::Body;
+use super::weigh::Hypothesis;
 use crate::batch::Progress;
 use crate::camera::Camera;
 use crate::detections::Detections;
@@ -52,15 +52,15 @@ pub fn choices(
     progress: &Progress,
 ) -> Result<Vec<Choices>> {
     let views = Views::new(cameras);
-    let one = |search: &mut Search, slots: &Vec<Detections>| {
+    let search_frame = |search: &mut FrameSearch, slots: &Vec<Detections>| {
         progress.check()?;
         Ok(search.frame(slots, &views, rules))
     };
     threads::install(None, |parallel| match parallel {
-        true => frames.par_iter().map_init(Search::default, one).collect(),
+        true => frames.par_iter().map_init(FrameSearch::default, search_frame).collect(),
         false => {
-            let mut search = Search::default();
-            frames.iter().map(|slots| one(&mut search, slots)).collect()
+            let mut search = FrameSearch::default();
+            frames.iter().map(|slots| search_frame(&mut search, slots)).collect()
         }
     })
 }
@@ -78,29 +78,29 @@ impl<'a> Views<'a> {
         Self { cameras, pairs: all.collect() }
     }
 
-    fn pair(&self, one: usize, other: usize) -> &TwoViews {
-        &self.pairs[one * self.cameras.len() + other]
+    fn pair(&self, first: usize, second: usize) -> &TwoViews {
+        &self.pairs[first * self.cameras.len() + second]
     }
 }
 
 /// The search in one frame; its memory serves the next.
 #[derive(Debug, Default)]
-struct Search {
+struct FrameSearch {
     figures: Figures,
-    body: Body,
-    proposals: Vec<Proposal>,
+    body: Hypothesis,
+    proposals: Vec<PairProposal>,
     lines: Vec<[f64x4; 4]>,
     kept: Kept,
 }
 
 /// Two figures, and by how much their rays miss each other.
 #[derive(Debug, Clone, Copy)]
-struct Proposal {
+struct PairProposal {
     apart2: f64,
     pair: [usize; 2],
 }
 
-impl Search {
+impl FrameSearch {
     fn frame(&mut self, slots: &[Detections], views: &Views<'_>, rules: &Rules) -> Choices {
         let n = views.cameras.len();
         let groups = slots.first().map_or(1, |given| given.n_joints().div_ceil(LANES)).max(1);
@@ -133,16 +133,16 @@ impl Search {
     fn propose(&mut self, views: &Views<'_>, rules: &Rules) {
         self.proposals.clear();
         self.body.work = 0;
-        for (k, one) in self.figures.all.iter().enumerate() {
-            for view in one.view + 1..views.cameras.len() {
-                let pair = views.pair(one.view, view);
+        for (k, first) in self.figures.all.iter().enumerate() {
+            for view in first.view + 1..views.cameras.len() {
+                let pair = views.pair(first.view, view);
                 self.lines.clear();
                 self.lines.extend(self.figures.seen(k).map(|seen| pair.lines(&seen)));
-                let limit = MISSED * rules.gates_px[one.view].max(rules.gates_px[view]);
+                let limit = MISSED * rules.gates_px[first.view].max(rules.gates_px[view]);
                 self.body.work += self.figures.views[view].len() * self.figures.groups;
                 for other in self.figures.views[view].clone() {
                     if let Some(apart2) = apart2(pair, &self.lines, &self.figures, other, limit) {
-                        self.proposals.push(Proposal { apart2, pair: [k, other] });
+                        self.proposals.push(PairProposal { apart2, pair: [k, other] });
                     }
                 }
             }
@@ -151,22 +151,23 @@ impl Search {
 
     /// Judges what two figures propose.
     fn weigh(&mut self, pair: [usize; 2], views: &Views<'_>, rules: &Rules) {
-        let [one, other] = pair.map(|k| self.figures.all[k].view);
+        let [first, second] = pair.map(|k| self.figures.all[k].view);
         self.body.joints.clear();
         let seen = self.figures.seen(pair[0]).zip(self.figures.seen(pair[1]));
-        self.body.joints.extend(seen.map(|(a, b)| views.pair(one, other).points(&a, &b)));
+        self.body.joints.extend(seen.map(|(a, b)| views.pair(first, second).points(&a, &b)));
         self.body.work += TRIANGULATION * self.figures.groups;
         let (figures, kept) = (&self.figures, &self.kept);
-        let cost = self.body.weighed(figures, views.cameras, rules, [one, other], kept);
+        let cost = self.body.weighed(figures, views.cameras, rules, [first, second], kept);
         if let Some(cost) = cost {
             self.kept.add(cost, pair, &self.body.figures);
         }
     }
 
     fn pose(&self, pair: [usize; 2], views: &Views<'_>, slots: &[Detections]) -> Vec<Vector3<f64>> {
-        let [one, other] = pair.map(|k| self.figures.all[k].view);
+        let [first, second] = pair.map(|k| self.figures.all[k].view);
         let seen = self.figures.seen(pair[0]).zip(self.figures.seen(pair[1]));
-        let groups = seen.map(|(a, b)| views.pair(one, other).points(&a, &b).map(f64x4::to_array));
+        let groups =
+            seen.map(|(a, b)| views.pair(first, second).points(&a, &b).map(f64x4::to_array));
         let n = slots.first().map_or(0, Detections::n_joints);
         let joints = groups.flat_map(|[x, y, z]| {
             (0..LANES).map(move |lane| Vector3::new(x[lane], y[lane], z[lane]))

@@ -7,12 +7,14 @@ use super::kept::Kept;
 use super::rules::{MEDIAN, PROJECTION, Rules, SIZE_COST};
 use crate::camera::{Camera, Distortion, NEAR};
 
+/// Farther than any joint.
 const FAR: f64x4 = f64x4::splat(f64::INFINITY);
+/// A joint that is not known.
 const MISSING: f64x4 = f64x4::splat(f64::NAN);
 
 /// A body, projected and compared; its memory serves all bodies of a frame.
 #[derive(Debug, Default)]
-pub(super) struct Body {
+pub(super) struct Hypothesis {
     /// Coordinates of its joints in the world; NaN where unknown.
     pub(super) joints: Vec<[f64x4; 3]>,
     /// The figure of each view, if it is explained.
@@ -36,7 +38,7 @@ struct Distances {
     gate: f64,
 }
 
-impl Body {
+impl Hypothesis {
     /// Explains every view by its nearest figure, those of `last` at the end; the cost. `None` if
     /// fewer than two views are explained, or if it is of no interest to those that are kept.
     pub(super) fn weighed(
@@ -74,7 +76,8 @@ impl Body {
         let size: f64 = self.figures.iter().flatten().map(|k| figures.all[*k].share).sum();
         let cost = unexplained + SIZE_COST * (1.0 - size / n as f64);
         let left = kept.cost(&self.figures) - cost;
-        if 2 * self.explained.iter().filter(|one| !self.is_below(one, left)).count() > n {
+        if 2 * self.explained.iter().filter(|distances| !self.is_below(distances, left)).count() > n
+        {
             return None;
         }
         let mut errors = std::mem::take(&mut self.errors);
@@ -212,7 +215,8 @@ impl Body {
         let n = last.div_ceil(2) as f64;
         let high = nth(all, n, distances.gate * distances.gate);
         // Of an even number, the other in the middle is the largest below, unless they are equal.
-        let is_other = last % 2 == 1 && count(all, |one| one.simd_lt(f64x4::splat(high))) == n;
+        let is_other =
+            last % 2 == 1 && count(all, |squares| squares.simd_lt(f64x4::splat(high))) == n;
         let low = if is_other { largest(all, high) } else { high };
         0.5 * (low.sqrt() + high.sqrt()) / distances.gate
     }
@@ -251,7 +255,7 @@ fn count(all: &[f64x4], is: impl Fn(&f64x4) -> f64x4) -> f64 {
 /// Bounds around it close in on where it would be if those between them were evenly spread: no
 /// branch depends on a single one.
 fn nth(all: &[f64x4], n: f64, limit: f64) -> f64 {
-    let below = |limit: f64| count(all, |one| one.simd_lt(f64x4::splat(limit)));
+    let below = |limit: f64| count(all, |squares| squares.simd_lt(f64x4::splat(limit)));
     let (mut low, mut high) = ((0.0, 0.0), (limit, below(limit)));
     while high.1 <= n {
         (low, high) = (high, (4.0 * high.0, below(4.0 * high.0)));
@@ -273,8 +277,8 @@ fn nth(all: &[f64x4], n: f64, limit: f64) -> f64 {
 fn largest(all: &[f64x4], limit: f64) -> f64 {
     let limit = f64x4::splat(limit);
     let mut largest = f64x4::ZERO;
-    for one in all {
-        largest = largest.fast_max(one.simd_lt(limit) & *one);
+    for group in all {
+        largest = largest.fast_max(group.simd_lt(limit) & *group);
     }
     -least(-largest)
 }

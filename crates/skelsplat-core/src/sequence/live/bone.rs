@@ -2,13 +2,14 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::super::tape::Tape;
+use super::super::serialise::Serialiser;
 use crate::bones::{Length, Pull};
+use crate::matrix3::times;
 use crate::sequence::learn::{LEAST_SHARE, LEAST_SPREAD};
-use crate::sequence::small::times;
 
-/// Frames over which a length is averaged at most, and the least number of frames that show one.
+/// Frames over which a length is averaged at most.
 const MOST: f64 = 1000.0;
+/// Least number of frames that show a length.
 const LEAST: f64 = 6.0;
 /// Largest deviation that counts, in multiples of the usual one.
 const REACH: f64 = 2.0;
@@ -22,7 +23,7 @@ pub(super) struct End {
 
 /// The length of a bone, from the frames that see both ends.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub(super) struct Bone {
+pub(super) struct RunningLength {
     /// mm.
     mean: f64,
     /// Mean square of the deviations, and their mean variance by the error bars, mm².
@@ -32,7 +33,7 @@ pub(super) struct Bone {
     count: f64,
 }
 
-impl Bone {
+impl RunningLength {
     pub(super) fn learn(&mut self, a: End, b: End) {
         let d = a.at - b.at;
         let (length, u) = (d.norm(), d.normalize());
@@ -60,9 +61,9 @@ impl Bone {
         (self.count >= LEAST).then_some(Length { mean: self.mean, sigma })
     }
 
-    pub(super) fn exchange(&mut self, tape: &mut Tape) {
+    pub(super) fn serialise(&mut self, serialiser: &mut Serialiser) {
         let numbers = [&mut self.mean, &mut self.square, &mut self.noise, &mut self.count];
-        numbers.into_iter().for_each(|v| tape.number(v));
+        numbers.into_iter().for_each(|v| serialiser.number(v));
     }
 }
 

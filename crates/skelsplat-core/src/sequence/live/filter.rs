@@ -14,16 +14,18 @@ use std::collections::VecDeque;
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::super::tape::Tape;
-use crate::sequence::agility::{LEAST_WHITE, SHARE, SPAN, USUAL_AGILITY, bounded, density};
-use crate::sequence::small::frames_in;
-use crate::sequence::small::{inverse, product, times};
+use super::super::serialise::Serialiser;
+use crate::matrix3::{inverse, product, symmetrised, times};
+use crate::sequence::process_noise::{
+    LEAST_WHITE, SHARE, SPAN, USUAL_PROCESS_NOISE, bounded, density,
+};
+use crate::sequence::windows::frames_in;
 
 /// Standard deviation of an unknown velocity, mm/s per axis.
 const ANY_SPEED: f64 = 1500.0;
-/// Time over which second differences are averaged, s, and the largest of them, in multiples of the
-/// mean.
+/// Time over which second differences are averaged, s.
 const LEARNING: f64 = 2.0;
+/// The largest of them, in multiples of the mean.
 const LARGEST: f64 = 6.0;
 /// Longest span, frames.
 const LONGEST: usize = 128;
@@ -32,7 +34,7 @@ const USUAL_FRAMES: f64 = 12.0;
 
 /// Position and velocity of a joint, mm and mm/s.
 #[derive(Debug, Clone, PartialEq, Default)]
-pub struct State {
+pub struct KalmanState {
     /// x.
     pub at: Vector3<f64>,
     /// v.
@@ -45,7 +47,7 @@ pub struct State {
     pub speed: Matrix3<f64>,
 }
 
-impl State {
+impl KalmanState {
     /// At rest, as far as is known.
     #[must_use]
     pub fn new(at: Vector3<f64>, position: Matrix3<f64>) -> Self {
@@ -59,10 +61,10 @@ impl State {
         let both = self.cross + self.cross.transpose();
         self.position += both * dt + self.speed * (dt * dt);
         self.cross += self.speed * dt;
-        let one = Matrix3::identity();
-        self.position += one * (q * dt.powi(3) / 3.0);
-        self.cross += one * (q * dt * dt / 2.0);
-        self.speed += one * (q * dt);
+        let identity = Matrix3::identity();
+        self.position += identity * (q * dt.powi(3) / 3.0);
+        self.cross += identity * (q * dt * dt / 2.0);
+        self.speed += identity * (q * dt);
     }
 
     /// Moves to `at` with the covariance `position`, which contain the prediction.
@@ -70,29 +72,24 @@ impl State {
         let gain = product(&self.cross.transpose(), &inverse(&self.position));
         self.velocity += times(&gain, &(at - self.at));
         let gained = product(&product(&gain, &(self.position - position)), &gain.transpose());
-        self.speed = symmetric(self.speed - gained);
+        self.speed = symmetrised(&(self.speed - gained));
         self.cross = product(&position, &gain.transpose());
         (self.at, self.position) = (at, position);
     }
 
-    pub(super) fn exchange(&mut self, tape: &mut Tape) {
-        tape.vector(&mut self.at);
-        tape.vector(&mut self.velocity);
-        tape.matrix(&mut self.position);
-        tape.matrix(&mut self.cross);
-        tape.matrix(&mut self.speed);
+    pub(super) fn serialise(&mut self, serialiser: &mut Serialiser) {
+        serialiser.vector(&mut self.at);
+        serialiser.vector(&mut self.velocity);
+        serialiser.matrix(&mut self.position);
+        serialiser.matrix(&mut self.cross);
+        serialiser.matrix(&mut self.speed);
     }
 }
 
-/// ½ (m + mᵀ).
-pub(super) fn symmetric(m: Matrix3<f64>) -> Matrix3<f64> {
-    (m + m.transpose()) * 0.5
-}
-
 /// How agile a joint is: running means of its second differences over 1, 2, 4, … frames, see
-/// [`crate::sequence::agility`].
+/// [`crate::sequence::process_noise`].
 #[derive(Debug, Clone, PartialEq, Default)]
-pub struct Motion {
+pub struct MotionStatistics {
     /// The last positions that a frame alone determined, NaN for other frames; the newest first.
     past: VecDeque<Vector3<f64>>,
     /// Mean square of the second difference per axis over each span, mm².
@@ -103,7 +100,7 @@ pub struct Motion {
     count: f64,
 }
 
-impl Motion {
+impl MotionStatistics {
     /// Takes in the position of a frame and its variance per axis; NaN if the frame does not
     /// determine it.
     pub fn learn(&mut self, at: Vector3<f64>, variance: f64, fps: f64) {
@@ -115,7 +112,8 @@ impl Motion {
         }
         if self.squares.is_empty() {
             self.variance = variance;
-            let usual = |h| 2.0 / 3.0 * USUAL_AGILITY * (h as f64 / fps).powi(3) + 6.0 * variance;
+            let usual =
+                |h| 2.0 / 3.0 * USUAL_PROCESS_NOISE * (h as f64 / fps).powi(3) + 6.0 * variance;
             self.squares = spans(longest).map(usual).collect();
             self.count = USUAL_FRAMES;
         }
@@ -135,8 +133,8 @@ impl Motion {
 
     /// The spectral density q of its acceleration, mm²/s³.
     #[must_use]
-    pub fn agility(&self, fps: f64) -> f64 {
-        let Some(first) = self.squares.first() else { return USUAL_AGILITY };
+    pub fn process_noise(&self, fps: f64) -> f64 {
+        let Some(first) = self.squares.first() else { return USUAL_PROCESS_NOISE };
         let white = (first / 6.0).clamp(LEAST_WHITE * self.variance, self.variance);
         let spans = spans(longest(fps)).zip(&self.squares);
         let q = density(spans.map(|(h, square)| (h, *square)), white, fps);
@@ -155,11 +153,11 @@ impl Motion {
         square * (frames / h).powi(3)
     }
 
-    pub(super) fn exchange(&mut self, tape: &mut Tape) {
-        tape.list(&mut self.past, Vector3::zeros(), |x, tape| tape.vector(x));
-        tape.list(&mut self.squares, 0.0, |x, tape| tape.number(x));
-        tape.number(&mut self.variance);
-        tape.number(&mut self.count);
+    pub(super) fn serialise(&mut self, serialiser: &mut Serialiser) {
+        serialiser.list(&mut self.past, Vector3::zeros(), |x, serialiser| serialiser.vector(x));
+        serialiser.list(&mut self.squares, 0.0, |x, serialiser| serialiser.number(x));
+        serialiser.number(&mut self.variance);
+        serialiser.number(&mut self.count);
     }
 }
 

@@ -2,15 +2,15 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::super::tape::Tape;
+use super::super::serialise::Serialiser;
 use super::bone::{End, Tie};
-use super::filter::{Motion, State, symmetric};
+use super::filter::{KalmanState, MotionStatistics};
 use crate::annealed::consensus::REJECTED;
 use crate::annealed::rays::Ray;
+use crate::matrix3::{inverse, product, symmetrised, times};
 use crate::outcome::JointStatus;
 use crate::sequence::noise::Memory;
 use crate::sequence::outcome::INFERRED;
-use crate::sequence::small::{inverse, product, times};
 
 /// δ² beyond which a position contradicts the prediction: five standard deviations.
 const GATE: f64 = 25.0;
@@ -20,31 +20,31 @@ const REACH: f64 = 3.0;
 const ASIDE: f64 = 3.0;
 /// Longest time over which a joint is bridged, s.
 const BRIDGE: f64 = 0.5;
-/// Steps for a joint with rays weighted by their distance from it, and for one that its views
-/// determine.
+/// Steps for a joint with rays weighted by their distance from it.
 pub(super) const STEPS: usize = 4;
+/// Steps for one that its views determine.
 const FEW_STEPS: usize = 2;
-/// Time over which the information of a frame is averaged, s, and the weights of a view's
-/// detections of a joint.
+/// Time over which the information of a frame is averaged, s.
 const AROUND: f64 = 0.5;
+/// Time over which the weights of a view's detections of a joint are averaged, s.
 const TRUST: f64 = 0.4;
 /// Least weight of all rays by which an error bar grows.
 const LEAST_WEIGHT: f64 = 0.25;
 
 /// What is known of a joint between frames.
 #[derive(Debug, Clone, PartialEq, Default)]
-pub(super) struct Joint {
+pub(super) struct LiveJoint {
     /// `None` before it is seen and after it has been lost.
-    state: Option<State>,
+    state: Option<KalmanState>,
     /// The state before a jump.
-    aside: Option<State>,
+    aside: Option<KalmanState>,
     /// Frames since the jump.
     since: f64,
     /// Time since a detection was believed, s.
     unseen: f64,
     /// The last position at which it was seen; NaN if never.
     last: Vector3<f64>,
-    motion: Motion,
+    motion: MotionStatistics,
     /// Mean of R⁻¹.
     information: Matrix3<f64>,
     /// C − S.
@@ -54,7 +54,7 @@ pub(super) struct Joint {
 }
 
 /// What a frame alone shows of a joint.
-pub(super) struct Seen<'a> {
+pub(super) struct Observation<'a> {
     pub(super) rays: &'a [Ray],
     pub(super) alone: Answer,
     /// Final kernel, mm.
@@ -80,7 +80,7 @@ impl Answer {
     }
 }
 
-impl Seen<'_> {
+impl Observation<'_> {
     fn there(&self) -> impl Iterator<Item = &Ray> + Clone {
         self.rays.iter().filter(|ray| ray.is_there())
     }
@@ -93,18 +93,18 @@ impl Seen<'_> {
     }
 }
 
-impl Joint {
+impl LiveJoint {
     pub(super) fn new(views: usize) -> Self {
         Self { last: Vector3::repeat(f64::NAN), trust: vec![1.0; views], ..Self::default() }
     }
 
     /// The spectral density of its acceleration, mm²/s³.
-    pub(super) fn agility(&self, fps: f64) -> f64 {
-        self.motion.agility(fps)
+    pub(super) fn process_noise(&self, fps: f64) -> f64 {
+        self.motion.process_noise(fps)
     }
 
     pub(super) fn predict(&mut self, fps: f64) {
-        let (dt, q) = (1.0 / fps, self.agility(fps));
+        let (dt, q) = (1.0 / fps, self.process_noise(fps));
         self.state.iter_mut().chain(&mut self.aside).for_each(|state| state.predict(dt, q));
         self.since += 1.0;
         if self.since > ASIDE {
@@ -120,7 +120,7 @@ impl Joint {
     /// The joint in the frame; `ties` are its bones to joints that are known already.
     pub(super) fn step(
         &mut self,
-        seen: &Seen<'_>,
+        seen: &Observation<'_>,
         ties: &[Tie],
         fps: f64,
         memory: &Memory,
@@ -146,16 +146,16 @@ impl Joint {
     }
 
     /// δ² of the frame's position from a prediction, with the error bar of the latter.
-    fn distance(&self, state: &State, alone: &Answer) -> f64 {
+    fn distance(&self, state: &KalmanState, alone: &Answer) -> f64 {
         let off = alone.at - state.at;
         let total = alone.covariance + state.position + self.excess;
         off.dot(&times(&inverse(&total), &off))
     }
 
     /// The state that a position continues, `None` after a jump.
-    fn gate(&mut self, state: Option<State>, alone: &Answer) -> Option<State> {
+    fn gate(&mut self, state: Option<KalmanState>, alone: &Answer) -> Option<KalmanState> {
         let kept = self.aside.take();
-        let fits = |state: &State| self.distance(state, alone) <= GATE;
+        let fits = |state: &KalmanState| self.distance(state, alone) <= GATE;
         let (state, aside) = match (state, kept) {
             (Some(state), aside) if fits(&state) => (Some(state), aside),
             (_, Some(aside)) if fits(&aside) => (Some(aside), None),
@@ -171,8 +171,8 @@ impl Joint {
     /// Where the views determine a position.
     fn follow(
         &mut self,
-        state: Option<State>,
-        seen: &Seen<'_>,
+        state: Option<KalmanState>,
+        seen: &Observation<'_>,
         ties: &[Tie],
         fps: f64,
         memory: &Memory,
@@ -186,7 +186,7 @@ impl Joint {
         self.information += (of_frame - self.information) * share;
         let Some(mut state) = state else {
             self.excess = Matrix3::zeros();
-            self.state = Some(State::new(alone.at, alone.covariance));
+            self.state = Some(KalmanState::new(alone.at, alone.covariance));
             return *alone;
         };
         state.position *= 1.0 + self.distance(&state, alone) / (REACH * REACH);
@@ -199,7 +199,7 @@ impl Joint {
                 information += block;
                 pull += b;
             });
-            spread = symmetric(inverse(&information));
+            spread = symmetrised(&inverse(&information));
             at += times(&spread, &pull);
         }
         state.update(at, spread);
@@ -213,7 +213,13 @@ impl Joint {
     }
 
     /// Where they do not.
-    fn bridge(&mut self, mut state: State, seen: &Seen<'_>, ties: &[Tie], fps: f64) -> Answer {
+    fn bridge(
+        &mut self,
+        mut state: KalmanState,
+        seen: &Observation<'_>,
+        ties: &[Tie],
+        fps: f64,
+    ) -> Answer {
         let prior = inverse(&state.position);
         let (mut at, mut spread) = (state.at, state.position);
         let there = || seen.rays.iter().zip(&self.trust).filter(|(ray, _)| ray.is_there());
@@ -229,7 +235,7 @@ impl Joint {
                 information += block;
                 pull += b;
             });
-            spread = symmetric(inverse(&information));
+            spread = symmetrised(&inverse(&information));
             at += times(&spread, &pull);
         }
         let (mut n, mut weight, mut agreeing) = (0.0, 0.0, 0);
@@ -255,15 +261,15 @@ impl Joint {
         Answer { at, covariance, status }
     }
 
-    pub(super) fn exchange(&mut self, tape: &mut Tape) {
-        tape.option(&mut self.state, State::exchange);
-        tape.option(&mut self.aside, State::exchange);
-        tape.number(&mut self.since);
-        tape.number(&mut self.unseen);
-        tape.vector(&mut self.last);
-        self.motion.exchange(tape);
-        tape.matrix(&mut self.information);
-        tape.matrix(&mut self.excess);
-        tape.list(&mut self.trust, 1.0, |k, tape| tape.number(k));
+    pub(super) fn serialise(&mut self, serialiser: &mut Serialiser) {
+        serialiser.option(&mut self.state, KalmanState::serialise);
+        serialiser.option(&mut self.aside, KalmanState::serialise);
+        serialiser.number(&mut self.since);
+        serialiser.number(&mut self.unseen);
+        serialiser.vector(&mut self.last);
+        self.motion.serialise(serialiser);
+        serialiser.matrix(&mut self.information);
+        serialiser.matrix(&mut self.excess);
+        serialiser.list(&mut self.trust, 1.0, |k, serialiser| serialiser.number(k));
     }
 }

@@ -28,17 +28,17 @@ pub mod filter;
 mod joint;
 mod window;
 
-use self::bone::{Bone, Tie};
-use self::joint::{Answer, Joint, STEPS, Seen};
-use self::window::Window;
-use super::agility::Agility;
+use self::bone::{RunningLength, Tie};
+use self::joint::{Answer, LiveJoint, Observation, STEPS};
+use self::window::LagWindow;
 use super::known::Learnt;
 use super::noise::{Memory, USUAL_SHARE};
+use super::process_noise::ProcessNoise;
 use super::recording::{LEAST_SPREAD, USUAL_SPREAD, check};
+use super::serialise::Serialiser;
 use super::solver::Common;
-use super::tape::Tape;
 use crate::annealed::Alone;
-use crate::annealed::posterior::Body;
+use crate::annealed::posterior::BodyExtent;
 use crate::batch::Progress;
 use crate::bones::Length;
 use crate::detections::Detections;
@@ -54,9 +54,9 @@ const AROUND: f64 = 0.5;
 pub struct Live {
     fps: f64,
     memory: Memory,
-    joints: Vec<Joint>,
+    joints: Vec<LiveJoint>,
     /// Lengths of the layout's limbs.
-    bones: Vec<Bone>,
+    bones: Vec<RunningLength>,
     /// Logarithm of the mean noise variance of a detection of weight 1, mm²; NaN before the first
     /// detection.
     noise: f64,
@@ -65,7 +65,7 @@ pub struct Live {
     /// Lengths of bones that the user gives, which count until frames have shown the bone.
     given: Vec<Option<Length>>,
     /// The last frames, where the answer lags behind.
-    window: Option<Window>,
+    window: Option<LagWindow>,
 }
 
 /// Every step solves all frames of the lag again, and beyond a second they hardly change.
@@ -87,7 +87,7 @@ impl Live {
                 lag.to_string(),
             ));
         }
-        let window = (lag > 0).then(|| Window::new(lag, fps));
+        let window = (lag > 0).then(|| LagWindow::new(lag, fps));
         Ok(Self {
             fps,
             memory: Memory::usual(fps),
@@ -105,7 +105,7 @@ impl Live {
         self.joints.clear();
         self.bones.clear();
         (self.noise, self.reach) = (f64::NAN, f64::NAN);
-        self.window.iter_mut().for_each(Window::clear);
+        self.window.iter_mut().for_each(LagWindow::clear);
     }
 
     /// The next frame; with a lag, the pose of the frame that lies so many before it, NaN if there
@@ -130,7 +130,7 @@ impl Live {
         }
         let mut frame = Frame { past: true, ..detections.into() };
         refiner.check(&frame)?;
-        self.joints.resize_with(n, || Joint::new(m));
+        self.joints.resize_with(n, || LiveJoint::new(m));
         self.joints.iter_mut().for_each(|joint| joint.predict(self.fps));
         let mm = refiner.unit().millimetres();
         frame.init_pose = Some(self.joints.iter().map(|joint| joint.expected() / mm).collect());
@@ -161,7 +161,7 @@ impl Live {
         };
         follow(&mut self.noise, (alone.noise.powi(2) * alone.rays.mean_weight()).ln());
         let least = LEAST_SPREAD * alone.noise;
-        let seen = Body::spread(&alone.points).filter(|s| *s > least).unwrap_or(f64::NAN);
+        let seen = BodyExtent::spread(&alone.points).filter(|s| *s > least).unwrap_or(f64::NAN);
         follow(&mut self.reach, seen);
     }
 
@@ -185,8 +185,8 @@ impl Live {
     fn answers(&mut self, refiner: &Refiner, alone: &Alone) -> Vec<Answer> {
         let n = alone.points.len();
         let (sigma, mean_weight) = (self.kernels(refiner, alone), alone.rays.mean_weight());
-        let seen: Vec<Seen<'_>> = (0..n)
-            .map(|j| Seen {
+        let seen: Vec<Observation<'_>> = (0..n)
+            .map(|j| Observation {
                 rays: alone.rays.of_joint(j),
                 alone: Answer {
                     at: alone.points[j],
@@ -200,8 +200,8 @@ impl Live {
             })
             .collect();
         let bones = refiner.bones();
-        self.bones.resize_with(bones.len(), Bone::default);
-        let is_sure: Vec<bool> = seen.iter().map(Seen::is_sure).collect();
+        self.bones.resize_with(bones.len(), RunningLength::default);
+        let is_sure: Vec<bool> = seen.iter().map(Observation::is_sure).collect();
         for (bone, [a, b]) in self.bones.iter_mut().zip(bones) {
             if is_sure[*a] && is_sure[*b] {
                 bone.learn(seen[*a].alone.end(), seen[*b].alone.end());
@@ -260,10 +260,10 @@ impl Live {
             fps: self.fps,
             bones: refiner.bones().to_vec(),
             lengths: self.lengths().map(|length| length.unwrap_or(unknown)).collect(),
-            agility: self
+            process_noise: self
                 .joints
                 .iter()
-                .map(|joint| Agility::steady(joint.agility(self.fps)))
+                .map(|joint| ProcessNoise::steady(joint.process_noise(self.fps)))
                 .collect(),
             weight: last.rays.mean_weight(),
             variance: vec![self.variance(); self.joints.len()],
@@ -312,9 +312,9 @@ impl Live {
     /// The state as numbers, for [`Self::restored`].
     #[must_use]
     pub fn numbers(&self) -> Vec<f64> {
-        let mut tape = Tape::empty();
-        self.clone().exchange(&mut tape);
-        tape.numbers()
+        let mut serialiser = Serialiser::empty();
+        self.clone().serialise(&mut serialiser);
+        serialiser.numbers()
     }
 
     /// The same with the state of [`Self::numbers`].
@@ -322,19 +322,19 @@ impl Live {
     /// # Errors
     /// [`Error::InvalidInput`] if it is not one.
     pub fn restored(mut self, numbers: Vec<f64>) -> Result<Self> {
-        let (n, mut tape) = (numbers.len(), Tape::of(numbers));
-        self.exchange(&mut tape);
-        match tape.is_read() {
+        let (n, mut serialiser) = (numbers.len(), Serialiser::of(numbers));
+        self.serialise(&mut serialiser);
+        match serialiser.is_read() {
             true => Ok(self),
             false => Err(Error::invalid("state", "what state() returned", format!("{n} numbers"))),
         }
     }
 
-    fn exchange(&mut self, tape: &mut Tape) {
-        tape.number(&mut self.noise);
-        tape.number(&mut self.reach);
-        tape.list(&mut self.bones, Bone::default(), Bone::exchange);
-        tape.list(&mut self.joints, Joint::new(0), Joint::exchange);
-        self.window.iter_mut().for_each(|window| window.exchange(tape));
+    fn serialise(&mut self, serialiser: &mut Serialiser) {
+        serialiser.number(&mut self.noise);
+        serialiser.number(&mut self.reach);
+        serialiser.list(&mut self.bones, RunningLength::default(), RunningLength::serialise);
+        serialiser.list(&mut self.joints, LiveJoint::new(0), LiveJoint::serialise);
+        self.window.iter_mut().for_each(|window| window.serialise(serialiser));
     }
 }

@@ -3,7 +3,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::super::tape::Tape;
+use super::super::serialise::Serialiser;
 use super::joint::Answer;
 use crate::annealed::Alone;
 use crate::annealed::rays::{Ray, Rays};
@@ -11,21 +11,22 @@ use crate::detections::Detections;
 use crate::outcome::{ErrorBars, JointStatus, Loss, Outcome, Splats, StopReason, as_given};
 use crate::refine::{Refinement, Refiner};
 use crate::sequence::known::Learnt;
-use crate::sequence::outcome::State;
+use crate::sequence::outcome::SolvedWindow;
 use crate::sequence::posterior::posterior;
-use crate::sequence::small::frames_in;
-use crate::sequence::solver::{Run, Schedule};
+use crate::sequence::solver::{Schedule, WindowSolver};
 use crate::sequence::tracks::{BRIDGE, Tracks};
+use crate::sequence::windows::frames_in;
 
-/// Time before the answered frame that is solved along, s, and the largest number of frames.
+/// Time before the answered frame that is solved along, s.
 const BEFORE: f64 = 1.0;
+/// Most frames that this may be.
 const MOST_BEFORE: usize = 120;
 /// Every frame starts where the frame before left it.
 const SETTLE: &Schedule = &[(1.0, 3)];
 
 /// The last frames.
 #[derive(Debug, Clone)]
-pub(super) struct Window {
+pub(super) struct LagWindow {
     lag: usize,
     longest: usize,
     /// The oldest first.
@@ -43,7 +44,7 @@ struct Rest {
     points: Vec<Vector3<f64>>,
 }
 
-impl Window {
+impl LagWindow {
     pub(super) fn new(lag: usize, fps: f64) -> Self {
         let longest = lag.saturating_add(frames_in(BEFORE, fps).min(MOST_BEFORE) + 1);
         Self { lag, longest, alone: Vec::new(), rest: Vec::new() }
@@ -82,14 +83,14 @@ impl Window {
         let at = |k: usize| self.rest[k % frames].points[k / frames];
         let known = |k: usize| if at(k).x.is_finite() { at(k) } else { Vector3::zeros() };
         let start = (0..n * frames).map(known).collect();
-        let mut run = Run::new(&tracks, common, Some(start));
+        let mut run = WindowSolver::new(&tracks, common, Some(start));
         let _ = run.anneal(SETTLE, &|| Ok(()));
         run.linearise(1.0);
         for (k, x) in run.points.iter().enumerate().filter(|(k, _)| tracks.active[*k]) {
             self.rest[k % frames].points[k / frames] = *x;
         }
         let found = posterior(&run, &tracks, learnt);
-        let state = State::of(&run, &tracks, learnt, &found);
+        let state = SolvedWindow::of(&run, &tracks, learnt, &found);
         let (alone, rest) = (&self.alone[t], &self.rest[t]);
         let filtered = Alone {
             points: rest.answers.iter().map(|answer| answer.at).collect(),
@@ -128,7 +129,7 @@ impl Window {
         refiner.result(&detections, outcome, &bars)
     }
 
-    pub(super) fn exchange(&mut self, tape: &mut Tape) {
+    pub(super) fn serialise(&mut self, serialiser: &mut Serialiser) {
         let empty = Alone {
             rays: Rays::of(Vec::new(), 1),
             used_for: Vec::new(),
@@ -137,45 +138,46 @@ impl Window {
             status: Vec::new(),
             noise: f64::NAN,
         };
-        tape.list(&mut self.alone, empty, exchange_alone);
+        serialiser.list(&mut self.alone, empty, serialise_alone);
         let rest =
             Rest { detections: Detections::default(), answers: Vec::new(), points: Vec::new() };
-        tape.list(&mut self.rest, rest, Rest::exchange);
+        serialiser.list(&mut self.rest, rest, Rest::serialise);
     }
 }
 
 impl Rest {
-    fn exchange(&mut self, tape: &mut Tape) {
-        tape.detections(&mut self.detections);
+    fn serialise(&mut self, serialiser: &mut Serialiser) {
+        serialiser.detections(&mut self.detections);
         let unknown = Answer {
             at: Vector3::zeros(),
             covariance: Matrix3::zeros(),
             status: JointStatus::Unobserved,
         };
-        tape.list(&mut self.answers, unknown, |answer, tape| {
-            tape.vector(&mut answer.at);
-            tape.matrix(&mut answer.covariance);
-            tape.status(&mut answer.status);
+        serialiser.list(&mut self.answers, unknown, |answer, serialiser| {
+            serialiser.vector(&mut answer.at);
+            serialiser.matrix(&mut answer.covariance);
+            serialiser.status(&mut answer.status);
         });
-        tape.list(&mut self.points, Vector3::zeros(), |x, tape| tape.vector(x));
+        serialiser.list(&mut self.points, Vector3::zeros(), |x, serialiser| serialiser.vector(x));
     }
 }
 
-fn exchange_alone(alone: &mut Alone, tape: &mut Tape) {
+fn serialise_alone(alone: &mut Alone, serialiser: &mut Serialiser) {
     let mut views = alone.rays.n_views();
-    tape.count(&mut views);
+    serialiser.count(&mut views);
     let joints = if alone.points.is_empty() { 0 } else { alone.rays.n_joints() };
     let mut rays: Vec<Ray> = (0..joints).flat_map(|j| alone.rays.of_joint(j)).copied().collect();
-    tape.list(&mut rays, Ray::NONE, |ray, tape| {
-        tape.vector(&mut ray.centre);
-        tape.vector(&mut ray.direction);
-        tape.number(&mut ray.weight);
-        tape.number(&mut ray.pixel);
+    serialiser.list(&mut rays, Ray::NONE, |ray, serialiser| {
+        serialiser.vector(&mut ray.centre);
+        serialiser.vector(&mut ray.direction);
+        serialiser.number(&mut ray.weight);
+        serialiser.number(&mut ray.pixel);
     });
     alone.rays = Rays::of(rays, views);
-    tape.list(&mut alone.used_for, 0, |j, tape| tape.count(j));
-    tape.list(&mut alone.points, Vector3::zeros(), |x, tape| tape.vector(x));
-    tape.list(&mut alone.spread, Matrix3::zeros(), |c, tape| tape.matrix(c));
-    tape.list(&mut alone.status, JointStatus::Unobserved, |s, tape| tape.status(s));
-    tape.number(&mut alone.noise);
+    serialiser.list(&mut alone.used_for, 0, |j, serialiser| serialiser.count(j));
+    serialiser.list(&mut alone.points, Vector3::zeros(), |x, serialiser| serialiser.vector(x));
+    serialiser.list(&mut alone.spread, Matrix3::zeros(), |c, serialiser| serialiser.matrix(c));
+    serialiser
+        .list(&mut alone.status, JointStatus::Unobserved, |s, serialiser| serialiser.status(s));
+    serialiser.number(&mut alone.noise);
 }

@@ -1,5 +1,5 @@
-//! Symmetric 3×3 matrices by their upper triangle, written out: sums over rays and small inverses
-//! are what most time goes into, and general matrices take several times as long.
+//! 3×3 matrices, written out: sums over rays, products and small inverses are what most time goes
+//! into, and the library's general ones, not inlined everywhere, take several times as long.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -93,4 +93,53 @@ impl Symmetric {
         let Self { xx, xy, xz, yy, yz, zz } = *self;
         Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz)
     }
+
+    /// A⁻¹ if |A| is above `least`.
+    #[inline(always)]
+    pub(crate) fn inverse_above(&self, least: f64) -> Option<Matrix3<f64>> {
+        let cofactors = self.cofactors();
+        let determinant = self.determinant(&cofactors);
+        (determinant > least).then(|| cofactors.scaled(1.0 / determinant).matrix())
+    }
+}
+
+/// The inverse of a symmetric positive definite matrix; zero where it has none, so that nothing
+/// moves.
+#[inline(always)]
+pub(crate) fn inverse(m: &Matrix3<f64>) -> Matrix3<f64> {
+    Symmetric::of(m).inverse_above(0.0).unwrap_or_else(Matrix3::zeros)
+}
+
+/// ½ (A + Aᵀ).
+pub(crate) fn symmetrised(m: &Matrix3<f64>) -> Matrix3<f64> {
+    (m + m.transpose()) * 0.5
+}
+
+/// A v.
+#[inline(always)]
+pub(crate) fn times(a: &Matrix3<f64>, v: &Vector3<f64>) -> Vector3<f64> {
+    Vector3::new(
+        a.m11 * v.x + a.m12 * v.y + a.m13 * v.z,
+        a.m21 * v.x + a.m22 * v.y + a.m23 * v.z,
+        a.m31 * v.x + a.m32 * v.y + a.m33 * v.z,
+    )
+}
+
+/// Aᵀ v.
+#[inline(always)]
+pub(crate) fn transposed_times(a: &Matrix3<f64>, v: &Vector3<f64>) -> Vector3<f64> {
+    Vector3::new(
+        a.m11 * v.x + a.m21 * v.y + a.m31 * v.z,
+        a.m12 * v.x + a.m22 * v.y + a.m32 * v.z,
+        a.m13 * v.x + a.m23 * v.y + a.m33 * v.z,
+    )
+}
+
+/// A B.
+#[inline(always)]
+pub(crate) fn product(a: &Matrix3<f64>, b: &Matrix3<f64>) -> Matrix3<f64> {
+    let column = |x: f64, y: f64, z: f64| times(a, &Vector3::new(x, y, z));
+    let (x, y, z) =
+        (column(b.m11, b.m21, b.m31), column(b.m12, b.m22, b.m32), column(b.m13, b.m23, b.m33));
+    Matrix3::new(x.x, y.x, z.x, x.y, y.y, z.y, x.z, y.z, z.z)
 }

@@ -1,11 +1,6 @@
 //! The posterior covariance against the scatter of simulated repetitions.
 
-use nalgebra::{Matrix3, Vector3};
-use skelsplat_core::study::annealed::Rays;
-use skelsplat_core::testing::scenes::{Noise, noisy_detections, perturbed, room, standing};
-use skelsplat_core::{
-    AnnealedSettings, Camera, Detections, Frame, RefineConfig, Refinement, Refiner, Unit,
-};
+use super::*;
 
 const REPETITIONS: usize = 600;
 
@@ -75,19 +70,15 @@ fn plain() -> RefineConfig {
 #[test]
 fn error_bars_are_what_repetitions_scatter() {
     for views in [3, 6] {
+        for px in [1.5, 3.0] {
+            let config = RefineConfig { detection_sigma_px: Some(px), ..plain() };
+            let known = repeated(&room(views), px, &config, None).ratio();
+            assert!((known - 1.0).abs() < 0.05, "{views} views, known {px} px: {known:.3}");
+        }
         let found = repeated(&room(views), 3.0, &plain(), None);
         assert!((found.ratio() - 1.0).abs() < 0.05, "{views} views: {:.3}", found.ratio());
         // Three coordinates, with a variance known to 10 %.
         assert!((found.shape() / 3.0 - 1.0).abs() < 0.10, "{views} views: {:.3}", found.shape());
-    }
-}
-
-#[test]
-fn error_bars_of_a_known_noise_are_what_repetitions_scatter() {
-    for (views, px) in [(3, 1.5), (6, 1.5), (3, 3.0), (6, 3.0)] {
-        let config = RefineConfig { detection_sigma_px: Some(px), ..plain() };
-        let found = repeated(&room(views), px, &config, None);
-        assert!((found.ratio() - 1.0).abs() < 0.05, "{views} views, {px} px: {:.3}", found.ratio());
     }
 }
 
@@ -128,40 +119,29 @@ fn error_bars_of_one_view_with_a_prior_are_what_repetitions_scatter() {
     assert!((found.shape() / 3.0 - 1.0).abs() < 0.25, "{:.3}", found.shape());
 }
 
-fn one(cameras: &[Camera], detections: Detections, config: RefineConfig) -> Refinement {
-    let frame =
-        Frame { detections, init_pose: Some(standing()), init_covariance: None, past: false };
-    let refiner = Refiner::new(cameras, Unit::Millimetre, None, config).unwrap();
+/// Refined from `init`, without a layout.
+fn refined(cameras: &[Camera], detections: Detections, init: Vec<Vector3<f64>>) -> Refinement {
+    let frame = Frame { init_pose: Some(init), ..detections.into() };
+    let refiner = Refiner::new(cameras, Unit::Millimetre, None, plain()).unwrap();
     refiner.refine(&frame).unwrap()
-}
-
-fn without(detections: &Detections, missing: impl Fn(usize, usize) -> bool) -> Detections {
-    let (m, n) = (detections.n_views(), detections.n_joints());
-    let all = (0..m).flat_map(|i| (0..n).map(move |j| (i, j)));
-    let pixel = |(i, j)| match detections.get(i, j).filter(|_| !missing(i, j)) {
-        Some((p, _)) => [p.x, p.y],
-        None => [f64::NAN; 2],
-    };
-    Detections::new(m, n, &all.flat_map(pixel).collect::<Vec<_>>(), None).unwrap()
 }
 
 /// Along the only ray of a joint the error bar is as long as the body, across it as short as for a
 /// detection.
 #[test]
 fn a_joint_with_one_view_is_uncertain_along_its_ray() {
-    const WRIST: usize = 13;
     let cameras = room(4);
     let detections = noisy_detections(&standing(), &cameras, 3.0, &mut Noise::new(1));
     let seen_once = without(&detections, |i, j| j == WRIST && i != 1);
     let ray = Rays::new(&seen_once, &cameras, &[]).of_joint(WRIST)[1];
-    let found = one(&cameras, seen_once, plain());
+    let found = refined(&cameras, seen_once, standing());
     let along = ray.direction.dot(&(found.uncertainty[WRIST] * ray.direction)).sqrt();
     let middle = standing().iter().sum::<Vector3<f64>>() / 17.0;
     let spread = standing().iter().map(|x| (x - middle).norm_squared()).sum::<f64>() / 17.0;
     assert!((along / spread.sqrt() - 1.0).abs() < 0.05, "{along} mm");
     let across = (found.uncertainty[WRIST].trace() - along * along) / 2.0;
     assert!(across.sqrt() < 30.0, "{} mm", across.sqrt());
-    let seen = one(&cameras, detections, plain());
+    let seen = refined(&cameras, detections, standing());
     assert!(seen.uncertainty[WRIST].trace().sqrt() < 0.1 * along);
 }
 
@@ -169,39 +149,20 @@ fn a_joint_with_one_view_is_uncertain_along_its_ray() {
 fn a_view_that_disagrees_widens_the_bar() {
     let cameras = room(4);
     let detections = noisy_detections(&standing(), &cameras, 1.0, &mut Noise::new(2));
-    let before = one(&cameras, detections.clone(), plain());
+    let before = refined(&cameras, detections.clone(), standing());
     // 40 mm: a weight of one half.
-    let pixels: Vec<f64> = (0..4)
-        .flat_map(|i| (0..17).map(move |j| (i, j)))
-        .flat_map(|(i, j)| {
-            let (p, _) = detections.get(i, j).unwrap();
-            if (i, j) == (0, 5) { [p.x + 6.0, p.y] } else { [p.x, p.y] }
-        })
-        .collect();
-    let after = one(&cameras, Detections::new(4, 17, &pixels, None).unwrap(), plain());
+    let moved = changed(&detections, |i, j, p| {
+        Some((if (i, j) == (0, 5) { p + 6.0 * Vector2::x() } else { p }, 1.0))
+    });
+    let after = refined(&cameras, moved, standing());
     let wider = |j: usize| (after.uncertainty[j].trace() / before.uncertainty[j].trace()).sqrt();
     assert!(wider(5) > 1.3 && wider(5) > 1.2 * wider(10), "{} {}", wider(5), wider(10));
-}
-
-#[test]
-fn a_covariance_is_symmetric_and_positive() {
-    let cameras = room(3);
-    let found = one(
-        &cameras,
-        noisy_detections(&standing(), &cameras, 20.0, &mut Noise::new(3)),
-        RefineConfig::default(),
-    );
-    for covariance in &found.uncertainty {
-        assert!((covariance - covariance.transpose()).amax() < 1e-9 * covariance.amax());
-        assert!(covariance.symmetric_eigenvalues().min() > 0.0);
-    }
 }
 
 /// A wrist that one view sees, placed by its start or a limb up to 3 m behind the body: the error
 /// bar reaches back to it.
 #[test]
 fn a_bar_along_a_ray_reaches_back_to_the_body() {
-    const WRIST: usize = 13;
     let cameras = room(4);
     let detections = noisy_detections(&standing(), &cameras, 3.0, &mut Noise::new(1));
     let seen_once = without(&detections, |i, j| j == WRIST && i != 1);
@@ -210,14 +171,7 @@ fn a_bar_along_a_ray_reaches_back_to_the_body() {
     for beyond in [0.0, 1500.0, 3000.0] {
         let mut init = standing();
         init[WRIST] += beyond * ray.direction;
-        let frame = Frame {
-            detections: seen_once.clone(),
-            init_pose: Some(init),
-            init_covariance: None,
-            past: false,
-        };
-        let refiner = Refiner::new(&cameras, Unit::Millimetre, None, plain()).unwrap();
-        let found = refiner.refine(&frame).unwrap();
+        let found = refined(&cameras, seen_once.clone(), init);
         assert!(((found.pose[WRIST] - truth).norm() - beyond).abs() < 50.0);
         let along = ray.direction.dot(&(found.uncertainty[WRIST] * ray.direction)).sqrt();
         let error = ray.direction.dot(&(found.pose[WRIST] - truth));
@@ -231,7 +185,6 @@ fn a_bar_along_a_ray_reaches_back_to_the_body() {
 /// The body consists of the joints with a known depth: one that is 3 m off does not enlarge it.
 #[test]
 fn a_joint_without_a_depth_is_no_part_of_the_body() {
-    const WRIST: usize = 13;
     const ANKLE: usize = 3;
     let cameras = room(4);
     let detections = noisy_detections(&standing(), &cameras, 3.0, &mut Noise::new(1));
@@ -240,14 +193,7 @@ fn a_joint_without_a_depth_is_no_part_of_the_body() {
     let along = |away: f64| {
         let mut init = standing();
         init[WRIST] += away * of_joint(WRIST).direction;
-        let frame = Frame {
-            detections: seen_once.clone(),
-            init_pose: Some(init),
-            init_covariance: None,
-            past: false,
-        };
-        let refiner = Refiner::new(&cameras, Unit::Millimetre, None, plain()).unwrap();
-        let found = refiner.refine(&frame).unwrap();
+        let found = refined(&cameras, seen_once.clone(), init);
         let d = of_joint(ANKLE).direction;
         d.dot(&(found.uncertainty[ANKLE] * d)).sqrt()
     };
@@ -281,6 +227,7 @@ fn covariances_are_positive_under_priors_of_any_condition() {
                 Refiner::new(&cameras, Unit::Millimetre, None, RefineConfig::default()).unwrap();
             let found = refiner.refine(&frame).unwrap();
             for covariance in &found.uncertainty {
+                assert!((covariance - covariance.transpose()).amax() < 1e-9 * covariance.amax());
                 assert!(covariance.symmetric_eigenvalues().min() > 0.0, "{n} views {variances:?}");
             }
         }

@@ -9,7 +9,7 @@ use crate::outcome::JointStatus;
 
 /// Numbers that are written, or read again in the same order.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Tape {
+pub(super) struct Serialiser {
     numbers: Vec<f64>,
     /// The next number to read; `None` while writing.
     next: Option<usize>,
@@ -47,7 +47,7 @@ macro_rules! list {
 list!(Vec);
 list!(VecDeque);
 
-impl Tape {
+impl Serialiser {
     pub(super) fn empty() -> Self {
         Self { numbers: Vec::new(), next: None, broken: false }
     }
@@ -95,12 +95,11 @@ impl Tape {
     }
 
     pub(super) fn status(&mut self, status: &mut JointStatus) {
-        let all =
-            [JointStatus::Ok, JointStatus::Weak, JointStatus::Unobserved, JointStatus::Inferred];
-        let mut code = all.iter().position(|s| s == status).unwrap_or(0);
+        let all = JointStatus::ALL;
+        let mut code = all.iter().position(|(_, known)| known == status).unwrap_or(0);
         self.count(&mut code);
         self.broken |= code >= all.len();
-        *status = all[code.min(all.len() - 1)];
+        *status = all[code.min(all.len() - 1)].1;
     }
 
     /// A frame's detections; the missing ones as NaN.
@@ -115,8 +114,8 @@ impl Tape {
         }
         self.count(&mut m);
         self.count(&mut n);
-        self.list(&mut pixels, 0.0, |v, tape| tape.number(v));
-        self.list(&mut scores, 0.0, |v, tape| tape.number(v));
+        self.list(&mut pixels, 0.0, |v, serialiser| serialiser.number(v));
+        self.list(&mut scores, 0.0, |v, serialiser| serialiser.number(v));
         match Detections::new(m, n, &pixels, Some(&scores)) {
             Ok(read) => *detections = read,
             Err(_) => self.broken = true,
@@ -128,7 +127,7 @@ impl Tape {
         &mut self,
         list: &mut impl List<T>,
         value: T,
-        mut one: impl FnMut(&mut T, &mut Self),
+        mut visit: impl FnMut(&mut T, &mut Self),
     ) {
         let mut n = list.length();
         self.count(&mut n);
@@ -137,21 +136,21 @@ impl Tape {
             return;
         }
         list.resized(n, value);
-        list.items().for_each(|item| one(item, self));
+        list.items().for_each(|item| visit(item, self));
     }
 
     /// Something or nothing.
     pub(super) fn option<T: Default>(
         &mut self,
         option: &mut Option<T>,
-        one: impl FnOnce(&mut T, &mut Self),
+        visit: impl FnOnce(&mut T, &mut Self),
     ) {
         let mut there = usize::from(option.is_some());
         self.count(&mut there);
         if there == 0 {
             *option = None;
         } else {
-            one(option.get_or_insert_default(), self);
+            visit(option.get_or_insert_default(), self);
         }
     }
 }

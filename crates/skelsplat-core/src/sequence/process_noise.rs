@@ -1,4 +1,4 @@
-//! How agile joints are: the spectral density q of their acceleration, in the whole recording and
+//! Process noise: the spectral density q of the joints' acceleration, in the whole recording and
 //! at every time.
 //!
 //! For white acceleration of density q the second difference over the time h has the variance ⅔ q
@@ -13,9 +13,10 @@
 
 use nalgebra::Vector3;
 
-use super::small::{frames_in, median};
-use super::tape::Tape;
+use super::serialise::Serialiser;
 use super::tracks::Tracks;
+use super::windows::frames_in;
+use crate::statistics::median;
 
 /// Longest time over which an acceleration is measured, s: half of the second difference's span.
 pub(super) const SPAN: f64 = 0.4;
@@ -25,31 +26,33 @@ const CLEAR: f64 = 2.0;
 const SOFT: f64 = 1.0;
 /// Least share of white noise in the variance of the detections.
 pub(super) const LEAST_WHITE: f64 = 0.1;
-/// Agility of joints of which too little is known, mm²/s³: 5 m/s² for a tenth of a second.
-pub(super) const USUAL_AGILITY: f64 = 2.5e6;
-/// Bounds of the cut-off frequency between motion and noise, Hz and as a share of the frame rate.
+/// Process noise of joints of which too little is known, mm²/s³: 5 m/s² for a tenth of a second.
+pub(super) const USUAL_PROCESS_NOISE: f64 = 2.5e6;
+/// Least cut-off frequency between motion and noise, Hz.
 const SLOWEST: f64 = 0.5;
+/// The largest, as a share of the frame rate.
 const FASTEST: f64 = 0.5;
-/// Share of the measured agility where views do not agree, at high rates: wrong detections last,
-/// and the more of them there are per second, the more they weigh against the motion
-/// (docs/decisions.md). Frames per second up to which it is all of it.
+/// Share of the measured process noise where views do not agree, at high rates: wrong detections
+/// last, and the more of them there are per second, the more they weigh against the motion
+/// (measured).
 pub(super) const SHARE: f64 = 0.5;
+/// Frames per second up to which it is all of it.
 const SLOW_RATE: f64 = 15.0;
 /// Least variance of second differences in multiples of the white noise: those of detections that
 /// never change are 0, and others are counted in multiples of them.
 const STILL: f64 = 1e-6;
 /// Second differences needed for an estimate.
 const LEAST: usize = 6;
-/// Half of the time in which second differences show the agility at a time, s.
+/// Half of the time in which second differences show the process noise at a time, s.
 const AROUND: f64 = 0.3;
-/// Second differences as which the recording's agility counts: this many, and those of this time,
-/// s, since at high rates they overlap.
+/// Second differences as which the recording's process noise counts.
 const PRIOR: f64 = 6.0;
+/// They are at least those of this time, s, since at high rates they overlap.
 const PRIOR_TIME: f64 = 0.2;
 
-/// How agile a joint is in a recording.
+/// The process noise of a joint in a recording.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Agility {
+pub struct ProcessNoise {
     /// q for the solver, mm²/s³.
     pub usual: f64,
     /// Variances of the detections and of the white part of the positions' errors, mm².
@@ -60,42 +63,42 @@ pub struct Agility {
     squares: Vec<f64>,
 }
 
-impl Agility {
+impl ProcessNoise {
     /// q at all times.
     #[must_use]
     pub fn steady(q: f64) -> Self {
         Self { usual: q, variance: 1.0, white: 1.0, squares: Vec::new() }
     }
 
-    /// Writes it to a tape, or reads it.
-    pub(super) fn exchange(&mut self, tape: &mut Tape) {
+    /// Writes or reads it.
+    pub(super) fn serialise(&mut self, serialiser: &mut Serialiser) {
         let numbers = [&mut self.usual, &mut self.variance, &mut self.white];
-        numbers.into_iter().for_each(|v| tape.number(v));
-        tape.list(&mut self.squares, 0.0, |v, tape| tape.number(v));
+        numbers.into_iter().for_each(|v| serialiser.number(v));
+        serialiser.list(&mut self.squares, 0.0, |v, serialiser| serialiser.number(v));
     }
 }
 
-/// The agility of every joint for data of these variances, mm².
+/// The process noise of every joint for data of these variances, mm².
 #[must_use]
-pub fn learn(tracks: &Tracks, fps: f64, variance: &[f64]) -> Vec<Agility> {
-    let own: Vec<Measured> =
-        (0..tracks.joints).map(|j| Measured::of(tracks, fps, j, variance[j])).collect();
+pub fn learn(tracks: &Tracks, fps: f64, variance: &[f64]) -> Vec<ProcessNoise> {
+    let own: Vec<MeasuredMotion> =
+        (0..tracks.joints).map(|j| MeasuredMotion::of(tracks, fps, j, variance[j])).collect();
     let known = own.iter().map(|m| m.q).filter(|q| q.is_finite());
-    let shared = median(known.collect()).max(USUAL_AGILITY);
-    let of_joint = |(measured, variance): (Measured, &f64)| {
-        let Measured { q, white, mut squares } = measured;
+    let shared = median(known).max(USUAL_PROCESS_NOISE);
+    let of_joint = |(measured, variance): (MeasuredMotion, &f64)| {
+        let MeasuredMotion { q, white, mut squares } = measured;
         let q = if q.is_finite() { q } else { shared };
         squares.iter_mut().for_each(|square| *square = square.max(STILL * white));
         for h in squares.len() + 1..=frames_in(SPAN, fps) {
             squares.push(2.0 / 3.0 * q * (h as f64 / fps).powi(3) + 6.0 * white);
         }
         let usual = bounded(share(fps) * q, white, *variance, fps);
-        Agility { usual, variance: *variance, white, squares }
+        ProcessNoise { usual, variance: *variance, white, squares }
     };
     own.into_iter().zip(variance).map(of_joint).collect()
 }
 
-/// Share of the measured agility where views do not agree.
+/// Share of the measured process noise where views do not agree.
 fn share(fps: f64) -> f64 {
     (SLOW_RATE / fps).clamp(SHARE, 1.0)
 }
@@ -136,7 +139,7 @@ fn unclear(square: f64, white: f64) -> f64 {
 }
 
 /// What the positions of a joint show.
-struct Measured {
+struct MeasuredMotion {
     /// NaN if too little is known.
     q: f64,
     /// Variance of the white noise, mm².
@@ -145,7 +148,7 @@ struct Measured {
     squares: Vec<f64>,
 }
 
-impl Measured {
+impl MeasuredMotion {
     fn of(tracks: &Tracks, fps: f64, j: usize, variance: f64) -> Self {
         let of = j * tracks.frames..(j + 1) * tracks.frames;
         let sure = tracks.alone[of.clone()].iter().zip(&tracks.sure[of]);
@@ -194,7 +197,7 @@ fn second_moment(
 /// that bones connect can be added. Only positions on which all of at least three views agree
 /// count, and only the same views in a second difference: others differ by their errors.
 #[must_use]
-pub fn local(tracks: &Tracks, fps: f64, bones: &[[usize; 2]], usual: &[Agility]) -> Vec<f64> {
+pub fn local(tracks: &Tracks, fps: f64, bones: &[[usize; 2]], usual: &[ProcessNoise]) -> Vec<f64> {
     let t = tracks.frames;
     let mut out: Vec<f64> = vec![0.0; tracks.joints * t];
     // What no shorter span has shown.

@@ -1,49 +1,15 @@
 //! Population bones in single frames.
 
-use nalgebra::Vector3;
+use super::*;
 use skelsplat_core::study::bones::population::proportions;
-use skelsplat_core::testing::scenes::{Noise, exact_detections, noisy_detections, room, standing};
-use skelsplat_core::{
-    AnnealedSettings, Bones, Camera, Detections, Frame, JointStatus, KnownLength, Layout,
-    LayoutSpec, RefineConfig, Refinement, Refiner, Unit,
-};
+use skelsplat_core::testing::refused;
+use skelsplat_core::{KnownLength, Layout, LayoutSpec};
 
-const WRIST: usize = 13;
 const ELBOW: usize = 12;
 
-fn refine(
-    cameras: &[Camera],
-    detections: &Detections,
-    bones: Bones,
-    layout: &Layout,
-) -> Refinement {
-    let config = RefineConfig::from(AnnealedSettings { bones, ..AnnealedSettings::default() });
-    let refiner = Refiner::new(cameras, Unit::Millimetre, Some(layout), config).unwrap();
-    refiner.refine(&Frame::from(detections.clone())).unwrap()
-}
-
-fn human() -> Layout {
-    Layout::by_name("h36m17").unwrap()
-}
-
-/// `detections` with those that `keep(view, joint)` does not keep moved by `shift` pixels, or
-/// removed.
-fn damaged(
-    detections: &Detections,
-    keep: impl Fn(usize, usize) -> bool,
-    shift: Option<[f64; 2]>,
-) -> Detections {
-    let (m, n) = (detections.n_views(), detections.n_joints());
-    let mut pixels = Vec::new();
-    for (i, j) in (0..m).flat_map(|i| (0..n).map(move |j| (i, j))) {
-        let (p, _) = detections.get(i, j).unwrap();
-        pixels.extend(match (keep(i, j), shift) {
-            (true, _) => [p.x, p.y],
-            (false, Some([u, v])) => [p.x + u, p.y + v],
-            (false, None) => [f64::NAN; 2],
-        });
-    }
-    Detections::new(m, n, &pixels, None).unwrap()
+fn with_bones(cameras: &[Camera], detections: &Detections, bones: Bones) -> Refinement {
+    let settings = AnnealedSettings { bones, ..AnnealedSettings::default() };
+    refine(cameras, &detections.clone().into(), settings.into())
 }
 
 #[test]
@@ -71,9 +37,9 @@ fn a_joint_that_one_view_sees_lies_on_its_ray_at_the_end_of_its_bone() {
     let cameras = room(4);
     let truth = standing();
     for view in 0..4 {
-        let seen =
-            damaged(&exact_detections(&truth, &cameras), |i, j| j != WRIST || i == view, None);
-        let found = refine(&cameras, &seen, Bones::Population, &human());
+        let exact = exact_detections(&truth, &cameras);
+        let seen = without(&exact, |i, j| j == WRIST && i != view);
+        let found = with_bones(&cameras, &seen, Bones::Population);
         let at = found.pose[WRIST];
         let pixel = cameras[view].project(&at).unwrap();
         assert!((pixel - seen.get(view, WRIST).unwrap().0).norm() < 1.0);
@@ -84,7 +50,7 @@ fn a_joint_that_one_view_sees_lies_on_its_ray_at_the_end_of_its_bone() {
         let off: Vector3<f64> = truth[WRIST] - at;
         let square = off.dot(&(found.uncertainty[WRIST].try_inverse().unwrap() * off));
         assert!(square < 9.0, "view {view}: {} sigma", square.sqrt());
-        let alone = refine(&cameras, &seen, Bones::Free, &human());
+        let alone = with_bones(&cameras, &seen, Bones::Free);
         assert!(alone.pose[WRIST].x.is_nan());
         assert_eq!(alone.joint_status[WRIST], JointStatus::Weak);
     }
@@ -101,17 +67,12 @@ fn bones_decide_between_two_pairs_of_views() {
         let mut other = truth.clone();
         other[WRIST].z += 500.0;
         let wrong = exact_detections(&other, &cameras);
-        let pixels: Vec<f64> = (0..4)
-            .flat_map(|i| (0..17).map(move |j| (i, j)))
-            .flat_map(|(i, j)| {
-                let from = if j == WRIST && i > 1 { &wrong } else { &seen };
-                let p = from.get(i, j).unwrap().0;
-                [p.x, p.y]
-            })
-            .collect();
-        let seen = Detections::new(4, 17, &pixels, None).unwrap();
+        let seen = changed(&seen, |i, j, p| match j == WRIST && i > 1 {
+            true => wrong.get(i, j),
+            false => Some((p, 1.0)),
+        });
         let error = |bones| {
-            let found = refine(&cameras, &seen, bones, &human());
+            let found = with_bones(&cameras, &seen, bones);
             (found.pose[WRIST] - truth[WRIST]).norm()
         };
         with += error(Bones::Population) / 20.0;
@@ -126,8 +87,8 @@ fn where_three_views_agree_bones_change_nothing() {
     for _ in 0..20 {
         let seen = noisy_detections(&standing(), &cameras, 2.0, &mut noise);
         let (a, b) = (
-            refine(&cameras, &seen, Bones::Population, &human()),
-            refine(&cameras, &seen, Bones::Free, &human()),
+            with_bones(&cameras, &seen, Bones::Population),
+            with_bones(&cameras, &seen, Bones::Free),
         );
         assert_eq!(a.pose, b.pose);
         assert_eq!(a.uncertainty, b.uncertainty);
@@ -143,9 +104,12 @@ fn a_child_and_a_tall_person_are_not_pulled_to_the_average() {
         for k in 0..20 {
             let seen = noisy_detections(&truth, &cameras, 2.0, &mut noise);
             let hidden = [WRIST, ELBOW, 3, 6, 15][k % 5];
-            let seen = damaged(&seen, |i, j| j != hidden || i < 2, Some([60.0, -40.0]));
+            let off = Vector2::new(60.0, -40.0);
+            let seen = changed(&seen, |i, j, p| {
+                Some((if j == hidden && i > 1 { p + off } else { p }, 1.0))
+            });
             let error = |bones| {
-                let found = refine(&cameras, &seen, bones, &human());
+                let found = with_bones(&cameras, &seen, bones);
                 (found.pose[hidden] - truth[hidden]).norm()
             };
             with += error(Bones::Population);
@@ -156,7 +120,7 @@ fn a_child_and_a_tall_person_are_not_pulled_to_the_average() {
 }
 
 fn own() -> Layout {
-    Layout::new(LayoutSpec { name: "own".to_owned(), human: false, ..(*human()).clone() }).unwrap()
+    Layout::new(LayoutSpec { name: "own".to_owned(), human: false, ..(*h36m()).clone() }).unwrap()
 }
 
 fn with_lengths(lengths: &[f64], sigmas: Option<&[f64]>) -> RefineConfig {
@@ -174,7 +138,7 @@ fn true_lengths() -> Vec<f64> {
 #[test]
 fn given_lengths_place_the_joints_of_any_layout() {
     let (cameras, truth) = (room(4), standing());
-    let seen = damaged(&exact_detections(&truth, &cameras), |i, j| j != WRIST || i == 1, None);
+    let seen = without(&exact_detections(&truth, &cameras), |i, j| j == WRIST && i != 1);
     let solve = |config: RefineConfig| {
         let refiner = Refiner::new(&cameras, Unit::Millimetre, Some(&own()), config).unwrap();
         refiner.refine(&Frame::from(seen.clone())).unwrap()
@@ -182,7 +146,7 @@ fn given_lengths_place_the_joints_of_any_layout() {
     assert!(solve(RefineConfig::default()).pose[WRIST].x.is_nan());
     let lengths = true_lengths();
     let found = solve(with_lengths(&lengths, Some(&[5.0; 16])));
-    let [bone] = [[ELBOW, WRIST]].map(|b| own().limbs.iter().position(|l| *l == b).unwrap());
+    let bone = own().limbs.iter().position(|limb| *limb == [ELBOW, WRIST]).unwrap();
     let long = (found.pose[WRIST] - found.pose[ELBOW]).norm();
     assert!((long - lengths[bone]).abs() < 5.0, "{long} mm for {}", lengths[bone]);
     assert_ne!(found.joint_status[WRIST], JointStatus::Ok);
@@ -215,31 +179,25 @@ fn given_lengths_that_contradict_three_views_change_nothing() {
 
 #[test]
 fn wrong_lengths_are_named() {
-    let refused = |config: RefineConfig, layout: Option<&Layout>| {
-        Refiner::new(&room(2), Unit::Millimetre, layout, config).unwrap_err().to_string()
+    let refused = |config: RefineConfig, layout: Option<&Layout>, field: &str| {
+        assert_eq!(refused(Refiner::new(&room(2), Unit::Millimetre, layout, config)), field);
     };
-    let lengths = true_lengths();
+    let (lengths, own) = (true_lengths(), own());
     for (k, value) in [(3, -1.0), (4, f64::NAN), (5, 0.0), (6, f64::INFINITY)] {
         let mut wrong = lengths.clone();
         wrong[k] = value;
-        let text = refused(with_lengths(&wrong, None), Some(&own()));
-        assert!(text.starts_with(&format!("config.bone_lengths_mm[{k}]: expected a positive")));
-        let text = refused(with_lengths(&lengths, Some(&wrong)), Some(&own()));
-        assert!(text.starts_with(&format!("config.bone_sigmas_mm[{k}]: expected a positive")));
+        let field = format!("config.bone_lengths_mm[{k}]");
+        refused(with_lengths(&wrong, None), Some(&own), &field);
+        let field = format!("config.bone_sigmas_mm[{k}]");
+        refused(with_lengths(&lengths, Some(&wrong)), Some(&own), &field);
     }
-    let text = refused(with_lengths(&lengths[..3], None), Some(&own()));
-    let expected = "expected one value for each of the layout's 16 limbs, got 3";
-    assert_eq!(text, format!("config.bone_lengths_mm: {expected}"));
-    let text = refused(with_lengths(&lengths, Some(&lengths[..3])), Some(&own()));
-    assert_eq!(text, format!("config.bone_sigmas_mm: {expected}"));
-    let text = refused(with_lengths(&lengths, None), None);
-    assert_eq!(text, "config.bone_lengths_mm: expected a layout with limbs, got none");
+    refused(with_lengths(&lengths[..3], None), Some(&own), "config.bone_lengths_mm");
+    let few_sigmas = with_lengths(&lengths, Some(&lengths[..3]));
+    refused(few_sigmas, Some(&own), "config.bone_sigmas_mm");
+    refused(with_lengths(&lengths, None), None, "config.bone_lengths_mm");
     let sigmas =
         AnnealedSettings { bone_sigmas_mm: Some(lengths.clone()), ..AnnealedSettings::default() };
-    let text = refused(sigmas.clone().into(), Some(&own()));
-    assert_eq!(text, "config.bone_sigmas_mm: expected bone_lengths_mm as well, got None");
-    let free =
-        AnnealedSettings { bones: Bones::Free, bone_lengths_mm: Some(lengths), ..sigmas.clone() };
-    let text = refused(free.into(), Some(&own()));
-    assert_eq!(text, "config.bones: expected 'population' with given lengths, got 'free'");
+    refused(sigmas.clone().into(), Some(&own), "config.bone_sigmas_mm");
+    let free = AnnealedSettings { bones: Bones::Free, bone_lengths_mm: Some(lengths), ..sigmas };
+    refused(free.into(), Some(&own), "config.bones");
 }
