@@ -58,19 +58,21 @@ _Joint = int | str
 class Camera:
     """A calibrated camera: pinhole, lens and image size. Immutable.
 
-    World to camera is x_c = R x_w + t with x right, y down, z forward; integer pixel coordinates are at pixel
-    centres.
+    World to camera is x_c = R x_w + t with x right, y down, z forward; integer pixel coordinates
+    are at pixel centres.
 
     Parameters
     ----------
     K : (3, 3)
         [[fx, 0, cx], [0, fy, cy], [0, 0, 1]] in pixels.
     R : (3, 3)
-        Rotation world to camera. One that is orthonormal to 1e-3 will do: the nearest rotation is taken.
+        Rotation world to camera. One that is orthonormal to 1e-3 will do: the nearest rotation is
+        taken.
     t : (3,)
         Translation world to camera, in the unit of the rig.
     distortion : (4 | 5 | 8 | 12 | 14,), optional
-        OpenCV order k1, k2, p1, p2[, k3[, k4, k5, k6[, s1..s4[, tau_x, tau_y]]]]; 4 with ``fisheye``.
+        OpenCV order k1, k2, p1, p2[, k3[, k4, k5, k6[, s1..s4[, tau_x, tau_y]]]]; 4 with
+        ``fisheye``.
     fisheye : bool
         Whether the coefficients are the four of OpenCV's fisheye model.
     size : (width, height)
@@ -80,8 +82,8 @@ class Camera:
     Raises
     ------
     InvalidInputError
-        Wrong shape or number of coefficients, a value that is not finite or outside its range (see the page
-        Conventions), or an R that is not a rotation.
+        Wrong shape or number of coefficients, a value that is not finite or outside its range (see
+        the page Conventions), or an R that is not a rotation.
     """
 
     def __new__(
@@ -127,7 +129,7 @@ class Camera:
 
 @final
 class Layout:
-    """Joint names, limbs and symmetries of a skeleton. Immutable. Joints are given by index or by name.
+    """Joint names, limbs and symmetries of a skeleton. Immutable. Joints are indices or names.
 
     Parameters
     ----------
@@ -144,17 +146,17 @@ class Layout:
     root : sequence of joints
         Joints whose mean is the root.
     lengths : sequence of ((joint, joint), length_mm, sigma_mm)
-        Known lengths of limbs, in mm, and their standard deviations, which ``bone_lengths_mm`` of the
-        configuration replaces.
+        Known lengths of limbs, in mm, and their standard deviations, which ``bone_lengths_mm`` of
+        the configuration replaces.
     human : bool
-        This is a person's body, whose joints are named as in the built-in layouts: bones with known ends
-        have the proportions of the population, and joints the published errors of detectors.
+        This is a person's body, whose joints are named as in the built-in layouts: bones with known
+        ends have the proportions of the population, and joints the published errors of detectors.
 
     Raises
     ------
     InvalidInputError
-        An unknown joint name or index, a joint paired with itself, a tier other than 1, 2, 3, or a length
-        that is not positive or of no limb.
+        An unknown joint name or index, a joint paired with itself, a tier other than 1, 2, 3, or a
+        length that is not positive or of no limb.
     """
 
     def __new__(
@@ -244,11 +246,11 @@ class Setting:
 class RefineConfig:
     """Settings of ``refine``. Immutable.
 
-    ``RefineConfig(...)`` configures the default method, ``annealed``: splats that narrow to the noise of the
-    detections, from any initial pose. ``RefineConfig.paper(...)`` configures the published method, ``paper``:
-    rendered pixels and Adam. Every setting is a keyword; settings of the other method are rejected, and
-    settings not given keep their defaults. Lengths are in mm whatever the unit of the cameras; their names
-    end in ``_mm``.
+    ``RefineConfig(...)`` configures the default method, ``annealed``: splats that narrow to the noise
+    of the detections, from any initial pose. ``RefineConfig.paper(...)`` configures the published
+    method, ``paper``: rendered pixels and Adam. Every setting is a keyword; settings of the other
+    method are rejected, and settings not given keep their defaults. Lengths are in mm whatever the unit
+    of the cameras; their names end in ``_mm``.
 
     Parameters
     ----------
@@ -361,7 +363,8 @@ class RefineConfig:
     Raises
     ------
     InvalidInputError
-        An unknown setting, one of the other method, or a value outside its domain; the message names it.
+        An unknown setting, one of the other method, or a value outside its domain; the message names
+        it.
     """
 
     def __new__(cls, **fields: Any) -> RefineConfig: ...
@@ -458,8 +461,8 @@ class RefineConfig:
 def project(points: ArrayLike, cameras: _Cameras) -> NDArray[np.float64]:
     """Project world points (…, 3) to pixels (M, …, 2), lens distortion included; NaN behind a camera.
 
-    The view axis comes first: a sequence (T, N, 3) gives (M, T, N, 2), while ``refine`` takes (T, M, N, 2);
-    ``project(poses, cameras).swapaxes(0, 1)`` converts.
+    The view axis comes first: a sequence (T, N, 3) gives (M, T, N, 2), while ``refine`` takes (T,
+    M, N, 2); ``project(poses, cameras).swapaxes(0, 1)`` converts.
     """
 
 @overload
@@ -473,31 +476,32 @@ def triangulate(
 ) -> NDArray[np.float64]:
     """Triangulate detections ([T,] M, N, 2|3) to points ([T,] N, 3); NaN with fewer than two views.
 
-    ``"robust"``, the default, starts at the point nearest to all rays of a joint and narrows a Welsch kernel
-    to the frame's noise, so that wrong detections lose their influence. If the views that agree at the end
-    are not a majority, the points between pairs of rays are also tried, each scored by all views. A joint is
-    recovered with up to half of its views wrong if the wrong ones do not agree with each other, and with all
-    but two wrong if only those two agree. If only two views see a joint and they disagree, both are used.
-    Detections with a weight k < ¼ (more than 2.4 σ from the joint) are rejected.
+    ``"robust"``, the default, starts at the point nearest to all rays of a joint and narrows a
+    Welsch kernel to the frame's noise, so that wrong detections lose their influence. If the views
+    that agree at the end are not a majority, the points between pairs of rays are also tried, each
+    scored by all views. A joint is recovered with up to half of its views wrong if the wrong ones
+    do not agree with each other, and with all but two wrong if only those two agree. If only two
+    views see a joint and they disagree, both are used. Detections with a weight k < ¼ (more than
+    2.4 σ from the joint) are rejected.
 
-    ``"dlt"`` is confidence-weighted algebraic triangulation. ``"ransac"`` applies it to the largest set of
-    views that agree: of at most 10 pairs of views, the pair with most detections within 20 px of its
-    projected point defines the set; if no two views agree, all are used. Every method removes lens distortion
-    first.
+    ``"dlt"`` is confidence-weighted algebraic triangulation. ``"ransac"`` applies it to the largest
+    set of views that agree: of at most 10 pairs of views, the pair with most detections within 20
+    px of its projected point defines the set; if no two views agree, all are used. Every method
+    removes lens distortion first.
 
     Parameters
     ----------
     detections : ([T,] M, N, 2 | 3)
         Pixels and, in a third channel, confidences; NaN or a confidence of 0 where missing.
     cameras : CameraRig or sequence of Camera
-        The M cameras; points are in their unit. A plain sequence is in mm. The unit matters only for
-        ``"robust"``, which has a kernel width in mm.
+        The M cameras; points are in their unit. A plain sequence is in mm. The unit matters only
+        for ``"robust"``, which has a kernel width in mm.
     method : {"robust", "dlt", "ransac"}
     confidence : ([T,] M, N), optional
         Confidences, if detections have no third channel.
     return_rejected : bool
-        Also return which detections were rejected, ([T,] M, N) bool. ``"dlt"`` rejects none; missing
-        detections do not count as rejected.
+        Also return which detections were rejected, ([T,] M, N) bool. ``"dlt"`` rejects none;
+        missing detections do not count as rejected.
 
     Raises
     ------
@@ -526,14 +530,14 @@ def triangulate(
 def fuse_monocular(poses: ArrayLike, detections: ArrayLike, cameras: _Cameras) -> NDArray[np.float64]:
     """Fuse monocular 3D poses ([T,] V, N, 3) in world coordinates into one pose ([T,] N, 3).
 
-    X_j = Σ_i w_ij X_ij with w_ij ∝ 1 / (mean reprojection error of X_ij over the views that detect j). A pose
-    that is NaN at a joint is ignored there.
+    X_j = Σ_i w_ij X_ij with w_ij ∝ 1 / (mean reprojection error of X_ij over the views that detect
+    j). A pose that is NaN at a joint is ignored there.
     """
 
 def project_gaussians(
     means: ArrayLike, covariances: ArrayLike, cameras: _Cameras
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Project Gaussians (N, 3), (N, 3, 3) to means (M, N, 2) and covariances (M, N, 2, 2), ideal pixels.
+    """Project Gaussians (N, 3), (N, 3, 3) to ideal pixels: means (M, N, 2), covariances (M, N, 2, 2).
 
     Σ² = J W Σ Wᵀ Jᵀ + h·I (paper §3, supplement A); NaN behind a camera.
     """
@@ -571,9 +575,7 @@ def loss_and_gradient(
     config: RefineConfig | None = None,
     target_means: ArrayLike | None = None,
     target_covariances: ArrayLike | None = None,
-) -> dict[str, Any]:
-    """Return the fields of ``skelsplat.LossAndGradient``."""
-
+) -> dict[str, Any]: ...
 def most_likely_places(
     pose: ArrayLike,
     detections: ArrayLike,
@@ -584,13 +586,7 @@ def most_likely_places(
     placed: Sequence[bool],
     sigma: Sequence[float],
     variance: float,
-) -> NDArray[np.float64]:
-    """Return the most likely places (N, 3), mm, of a pose's joints, of which doubtful ones need their bones.
-
-    ``bones``: joints, mean and σ of each; ``placed``: joints that two views agree on; ``sigma``: final kernel
-    of every joint; ``variance``: ŝ² (mm²). Detections are ideal pixels.
-    """
-
+) -> NDArray[np.float64]: ...
 def sequence_equations(
     poses: ArrayLike,
     detections: ArrayLike,
@@ -601,23 +597,10 @@ def sequence_equations(
     joints: Sequence[Sequence[float]],
     layout: str | Layout | None = None,
     config: RefineConfig | None = None,
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Return H (3NT, 3NT), gradient (N, T, 3) and density of the acceleration (N, T) of a step in time.
-
-    It is that of ``refine_sequence`` at ``poses`` (T, N, 3). ``lengths``: mean and σ of every limb, mm;
-    ``joints``: variance of a detection (mm²) and kernel (mm) of every joint. Densities are mm²/s³.
-    """
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]: ...
 
 @final
 class Refiner:
-    """Cameras, layout and settings, prepared for any number of frames.
-
-    Raises
-    ------
-    InvalidInputError
-        No camera, an unknown layout, or settings that do not match the cameras.
-    """
-
     def __new__(
         cls, cameras: _Cameras, *, layout: str | Layout | None = None, config: RefineConfig | None = None
     ) -> Refiner: ...
@@ -629,9 +612,7 @@ class Refiner:
         confidence: ArrayLike | None = None,
         init_sigma: ArrayLike | None = None,
         progress: Callable[[int, int], Any] | None = None,
-    ) -> dict[str, Any]:
-        """Return the fields of ``skelsplat.Refinement``; ``joint_status`` as codes into ``JOINT_STATUS``."""
-
+    ) -> dict[str, Any]: ...
     def refine_sequence(
         self,
         init_pose: ArrayLike | None,
@@ -640,14 +621,10 @@ class Refiner:
         *,
         confidence: ArrayLike | None = None,
         progress: Callable[[int, int], Any] | None = None,
-    ) -> dict[str, Any]:
-        """Return the fields of ``skelsplat.SequenceRefinement``; the status as codes."""
-
+    ) -> dict[str, Any]: ...
     def learn_sequence(
         self, init_pose: ArrayLike | None, detections: ArrayLike, fps: float, stretches: Sequence[int]
-    ) -> NDArray[np.float64]:
-        """Return what a sample shows about its recording, as numbers; ``stretches``: lengths of its parts."""
-
+    ) -> NDArray[np.float64]: ...
     def refine_windows(
         self,
         init_pose: ArrayLike | None,
@@ -656,63 +633,30 @@ class Refiner:
         windows: Sequence[Sequence[int]],
         *,
         progress: Callable[[int, int], Any] | None = None,
-    ) -> dict[str, Any]:
-        """Return the fields of ``skelsplat.SequenceRefinement`` of some windows, as ``sequence_windows``."""
-
+    ) -> dict[str, Any]: ...
     def follow(
         self, past: ArrayLike | None, detections: ArrayLike, *, confidence: ArrayLike | None = None
-    ) -> tuple[dict[str, Any], NDArray[np.float64]]:
-        """Return the fields of the frame that follows ``past`` (N, 3), and the past of the next frame."""
+    ) -> tuple[dict[str, Any], NDArray[np.float64]]: ...
 
 @final
 class Live:
-    """The frames of a live loop at a known rate, with the state between them.
-
-    Raises
-    ------
-    InvalidInputError
-        ``fps`` is not positive, the method is ``paper``, or ``state`` is not what ``state()`` returned.
-    """
-
     def __new__(
         cls, refiner: Refiner, fps: float, *, lag: int = 0, state: NDArray[np.float64] | None = None
     ) -> Live: ...
-    def step(self, detections: ArrayLike, *, confidence: ArrayLike | None = None) -> dict[str, Any]:
-        """Return the fields of ``skelsplat.Refinement``; ``joint_status`` as codes."""
-
-    def reset(self) -> None:
-        """Forget all frames."""
-
-    def state(self) -> NDArray[np.float64]:
-        """Return the state as numbers."""
+    def step(self, detections: ArrayLike, *, confidence: ArrayLike | None = None) -> dict[str, Any]: ...
+    def reset(self) -> None: ...
+    def state(self) -> NDArray[np.float64]: ...
 
 @final
 class Tracker:
-    """The people of a live loop, with the state between frames.
-
-    Raises
-    ------
-    InvalidInputError
-        ``fps`` is not positive, or the method is ``paper``.
-    """
-
     def __new__(
         cls, refiner: Refiner, layout: str | Layout, fps: float, *, max_people: int | None = None
     ) -> Tracker: ...
-    def step(self, people: ArrayLike) -> list[dict[str, Any]]:
-        """Return the fields of everybody in the next frame; ``people`` is (1, M, P, N, 2|3)."""
-
-    def reset(self) -> None:
-        """Forget everybody; identities are not used again."""
-
-    def ids(self) -> list[int]:
-        """Identities of everybody who is followed, also of those out of sight."""
-
-    def cut(self) -> int:
-        """In how many frames so far there were too many people for all to be compared, or followed."""
-
-    def copy(self) -> Tracker:
-        """Return another tracker in the same state."""
+    def step(self, people: ArrayLike) -> list[dict[str, Any]]: ...
+    def reset(self) -> None: ...
+    def ids(self) -> list[int]: ...
+    def cut(self) -> int: ...
+    def copy(self) -> Tracker: ...
 
 def people_choices(
     cameras: _Cameras,
@@ -724,13 +668,7 @@ def people_choices(
     mirror: Sequence[int],
     most: int,
     worse: float,
-) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]:
-    """Return ways to choose one person in each frame: frame (C,), slots (C, M), cost (C,), pose (C, N, 3).
-
-    Of each frame the ``most`` cheapest, none by more than ``worse`` than the first; -1 is no slot.
-    ``gates_px`` is per view the largest median distance, ``mirror`` (N,) every joint's mirror image.
-    """
-
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]: ...
 def people_chosen(
     cameras: _Cameras,
     people: ArrayLike,
@@ -743,20 +681,10 @@ def people_chosen(
     worse: float,
     switch_cost: float,
     switch_step: float,
-) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
-    """Return the slots (T, M) of one person, -1 for none, and the frames (T,) with too much to compare.
-
-    As for `people_choices`; going over to someone else, ``switch_step`` away or more, costs ``switch_cost``.
-    """
-
+) -> tuple[NDArray[np.int64], NDArray[np.bool_]]: ...
 def people_scores(
     refiner: Refiner, layout: str | Layout, people: ArrayLike, pose: ArrayLike
-) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
-    """Return scores of the figures of a frame: at a body (M, P), of pairs (M, P, M, P), support of the body.
-
-    ``people`` is (1, M, P, N, 2|3), ``pose`` (N, 3) in mm. Scores of pairs of one view are 0.
-    """
-
+) -> tuple[NDArray[np.float64], NDArray[np.float64], float]: ...
 def track_people(
     refiner: Refiner,
     layout: str | Layout,
@@ -765,21 +693,10 @@ def track_people(
     *,
     max_people: int | None = None,
     progress: Callable[[int, int], object] | None = None,
-) -> tuple[list[dict[str, Any]], int]:
-    """Return the fields of every ``skelsplat.Person``, and in how many frames there were too many people.
-
-    Too many to compare or to follow. The refinement of each is as in ``Refiner.refine_sequence``.
-    """
-
+) -> tuple[list[dict[str, Any]], int]: ...
 def rig_equations(
     points: ArrayLike, detections: ArrayLike, cameras: _Cameras, *, clocks: Sequence[float], sigma: float
-) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
-    """Return S (8 M, 8 M), s (8 M,) and the cost of the equations of ``adjust_cameras``, joints eliminated.
-
-    ``points`` (T, N, 3), mm, under kernels of ``sigma`` mm; ``clocks`` of the cameras, in frames. Every
-    camera has turn, shift, logarithm of the focal length and clock, in this order.
-    """
-
+) -> tuple[NDArray[np.float64], NDArray[np.float64], float]: ...
 def adjust_cameras(
     detections: ArrayLike,
     cameras: _Cameras,
@@ -789,31 +706,13 @@ def adjust_cameras(
     focal: bool = False,
     clock: bool = False,
     config: RefineConfig | None = None,
-) -> tuple[list[Camera], dict[str, Any]]:
-    """Return adjusted cameras and the fields of every ``skelsplat.CameraAdjustment``; radians."""
-
-def sequence_windows(n_frames: int, fps: float) -> tuple[list[list[int]], list[list[int]]]:
-    """Return the windows (W, 4) of a recording and the frames (S, 2) from which is learnt.
-
-    A window: where the frames it looks at begin, where its own begin and end, and where the former end.
-    """
-
-def sequence_window_size(fps: float) -> list[int]:
-    """Return the largest number of frames of a window, and how many it looks at on either side."""
-
+) -> tuple[list[Camera], dict[str, Any]]: ...
+def sequence_windows(n_frames: int, fps: float) -> tuple[list[list[int]], list[list[int]]]: ...
+def sequence_window_size(fps: float) -> list[int]: ...
 def checked_detections(
     detections: ArrayLike, confidence: ArrayLike | None, n_views: int
-) -> NDArray[np.float64]:
-    """Return detections (T, M, N, 2|3) as float64, checked, with confidences slightly above 1 clipped."""
-
+) -> NDArray[np.float64]: ...
 def implausible_extent(
     poses: ArrayLike, cameras: _Cameras, *, layout: str | Layout | None = None
-) -> dict[str, Any] | None:
-    """Return the facts for a warning if the skeletons (T, N, 3) are larger than 10 m or smaller than 22 cm.
-
-    Without a layout the lower limit is 10 cm, if the cameras are less than 5 cm apart; a layout that is not
-    human has none, and its upper limit is 20 m. None if the size is plausible.
-    """
-
-def check_people(people: ArrayLike) -> None:
-    """Reject confidences outside [0, 1] in the argument ``people`` (T, M, P, N, 2|3)."""
+) -> dict[str, Any] | None: ...
+def check_people(people: ArrayLike) -> None: ...

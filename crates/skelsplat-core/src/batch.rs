@@ -19,14 +19,12 @@ pub struct Progress {
 
 impl Progress {
     /// Number of finished frames.
-    #[must_use]
     pub fn done(&self) -> usize {
         self.done.load(Ordering::Relaxed)
     }
 
     /// Number of frames found to be necessary beyond those given: several people are solved one by
     /// one.
-    #[must_use]
     pub fn expected(&self) -> usize {
         self.expected.load(Ordering::Relaxed)
     }
@@ -55,7 +53,6 @@ impl Progress {
     }
 
     /// The cancel flag.
-    #[must_use]
     pub fn cancelled(&self) -> &AtomicBool {
         &self.cancel
     }

@@ -14,7 +14,6 @@ pub const FARTHEST: f64 = 1e30;
 const LEAST_CONFIDENCE: f64 = 1e-30;
 
 /// Index of the first value outside ±[`FARTHEST`]; NaN is none.
-#[must_use]
 pub fn too_far(values: &[f64]) -> Option<usize> {
     // No branch per value: refining a frame takes only microseconds.
     if !values.iter().fold(false, |far, v| far | (v.abs() > FARTHEST)) {
@@ -96,30 +95,21 @@ impl Detections {
     }
 
     /// Number of views `M`.
-    #[must_use]
     pub fn n_views(&self) -> usize {
         self.n_views
     }
 
     /// Number of joints `N`.
-    #[must_use]
     pub fn n_joints(&self) -> usize {
         self.n_joints
     }
 
     /// The detection of joint `j` in view `i` as (pixel, confidence), or `None` where it is
     /// missing.
-    #[must_use]
     pub fn get(&self, view: usize, joint: usize) -> Option<(Vector2<f64>, f64)> {
         let k = view * self.n_joints + joint;
         let (p, c) = (self.points[k], self.confidence[k]);
         (p.x.is_finite() && p.y.is_finite() && c > 0.0).then_some((p, c))
-    }
-
-    /// In how many views joint `j` is detected.
-    #[must_use]
-    pub fn views_of(&self, joint: usize) -> usize {
-        (0..self.n_views).filter(|&i| self.get(i, joint).is_some()).count()
     }
 
     /// The same detections with lens distortion removed: ideal pixels of the same K.
@@ -145,7 +135,6 @@ impl Detections {
     }
 
     /// Applies `f(view, pixel)` to every detection; `None` makes it missing.
-    #[must_use]
     pub fn map(&self, f: impl Fn(usize, Vector2<f64>) -> Option<Vector2<f64>>) -> Self {
         let mut out = self.clone();
         for view in 0..self.n_views {

@@ -50,7 +50,6 @@ impl GaussianGradient {
 
 impl Gaussian {
     /// An isotropic Gaussian of standard deviation `sigma` at `mean`.
-    #[must_use]
     pub fn isotropic(mean: Vector3<f64>, sigma: f64) -> Self {
         Self {
             mean,
@@ -84,26 +83,22 @@ impl Gaussian {
     }
 
     /// Whether the mean, the variances and the orientation are finite.
-    #[must_use]
     pub fn is_finite(&self) -> bool {
         let parameters = self.mean.iter().chain(self.quaternion.iter());
         parameters.chain(self.variances().iter()).all(|v| v.is_finite())
     }
 
     /// Variances along the principal axes, exp(2 s).
-    #[must_use]
     pub fn variances(&self) -> Vector3<f64> {
         self.log_scales.map(|s| (2.0 * s).exp())
     }
 
     /// R, the principal axes as columns.
-    #[must_use]
     pub fn rotation(&self) -> Matrix3<f64> {
         rotation(&self.quaternion.normalize())
     }
 
     /// Σ = R S Sᵀ Rᵀ.
-    #[must_use]
     pub fn covariance(&self) -> Matrix3<f64> {
         let r = self.rotation();
         r * Matrix3::from_diagonal(&self.variances()) * r.transpose()
@@ -113,7 +108,6 @@ impl Gaussian {
     /// (symmetric, every entry counted).
     ///
     /// With dL = ⟨G, dΣ⟩ and V = S²: ∂L/∂s_k = 2 V_k (Rᵀ G R)_kk and ∂L/∂R = 2 G R V.
-    #[must_use]
     pub fn covariance_backward(&self, d_cov: &Matrix3<f64>) -> (Vector3<f64>, Vector4<f64>) {
         let norm = self.quaternion.norm();
         let unit = self.quaternion / norm;
@@ -127,7 +121,6 @@ impl Gaussian {
 }
 
 /// Whether a matrix is symmetric up to rounding.
-#[must_use]
 pub fn is_symmetric(matrix: &Matrix3<f64>) -> bool {
     (matrix - matrix.transpose()).amax() <= ASYMMETRY * matrix.amax()
 }

@@ -96,13 +96,11 @@ impl Layout {
     }
 
     /// Whether this is a person's body ([`LayoutSpec::human`]).
-    #[must_use]
     pub fn is_human(&self) -> bool {
         self.human
     }
 
     /// Number of joints `N`.
-    #[must_use]
     pub fn n_joints(&self) -> usize {
         self.joints.len()
     }

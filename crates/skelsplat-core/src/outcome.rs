@@ -100,7 +100,6 @@ pub struct ErrorBars {
 }
 
 /// The identity: every detection `(M, N)` used for its own joint.
-#[must_use]
 pub fn as_given(n_views: usize, n_joints: usize) -> Vec<usize> {
     (0..n_views * n_joints).map(|k| k % n_joints).collect()
 }

@@ -45,13 +45,11 @@ pub struct Overlap {
 
 impl PlaneGaussian {
     /// ∫R², pixels: the loss of a channel without a render.
-    #[must_use]
     pub fn energy(&self) -> f64 {
         PI * self.covariance.determinant().max(0.0).sqrt()
     }
 
     /// Compares `self`, the render, with `target`; `None` if a covariance has no inverse.
-    #[must_use]
     pub fn overlap(&self, target: &Self) -> Option<Overlap> {
         let total = self.covariance + target.covariance;
         let (inverse, total_inverse) = (self.covariance.try_inverse()?, total.try_inverse()?);

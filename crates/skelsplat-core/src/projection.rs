@@ -50,7 +50,6 @@ fn clamp_tangent(tangent: f64, low: f64, high: f64) -> (f64, bool) {
 
 impl View {
     /// The pinhole part of `camera`.
-    #[must_use]
     pub fn new(camera: &Camera) -> Self {
         let [fx, fy] = camera.focal();
         let [cx, cy] = camera.principal_point();
@@ -70,7 +69,6 @@ impl View {
 
     /// Projects the Gaussian (`mean`, `covariance`) with `dilation` = h in pixels²; `None` if its
     /// mean lies at or behind [`NEAR`].
-    #[must_use]
     pub fn project(
         &self,
         mean: &Vector3<f64>,
@@ -97,7 +95,6 @@ impl View {
     ///
     /// Σ² = T Σ Tᵀ + hI gives ∂L/∂Σ = Tᵀ G T and ∂L/∂T = 2 G T Σ, hence ∂L/∂J = 2 G T Σ Wᵀ; the
     /// mean enters both through m and through J.
-    #[must_use]
     pub fn backward(
         &self,
         projected: &Projected,

@@ -112,7 +112,6 @@ pub struct Setting {
 
 impl Kind {
     /// The expected values, for messages.
-    #[must_use]
     pub fn expected(self) -> String {
         let quoted = |names: &[&str]| -> Vec<String> {
             names.iter().map(|name| format!("'{name}'")).collect()

@@ -32,7 +32,6 @@ impl Unit {
     }
 
     /// Millimetres per unit.
-    #[must_use]
     pub fn millimetres(self) -> f64 {
         match self {
             Self::Millimetre => 1.0,
@@ -73,7 +72,6 @@ pub struct Implausible {
 /// Without a layout the lower limit is 10 cm, and holds only if the cameras, in `unit` too, are
 /// closer together than cameras with ordinary lenses can be. A layout that is not human has no
 /// lower limit: its upper one is 20 m.
-#[must_use]
 pub fn implausible_extent(
     poses: &[Vec<Vector3<f64>>],
     cameras: &[Camera],

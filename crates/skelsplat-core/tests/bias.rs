@@ -8,7 +8,7 @@ use skelsplat_core::testing::scenes::{
 };
 use skelsplat_core::{
     Camera, Error, Frame, JointBias, Layout, LayoutSpec, RefineConfig, Refinement, Refiner, Unit,
-    Value, refine_sequence,
+    refine_sequence,
 };
 
 const PX: f64 = 3.0;
@@ -52,14 +52,6 @@ fn the_bias_is_added_in_the_unit_of_the_cameras_and_changes_nothing_else() {
             assert_eq!(found.pose, plain.pose);
         }
     }
-}
-
-#[test]
-fn every_joint_has_its_own() {
-    let each: Vec<f64> = (0..17).map(f64::from).collect();
-    let found =
-        refined(Unit::Millimetre, Some(&h36m()), with(JointBias::Each(each.clone()))).unwrap();
-    assert!(added(&found).iter().zip(&each).all(|(a, b)| (a - b).abs() < 1e-6));
 }
 
 /// 25 mm in no known direction are 14.4 mm per axis, 30 and 50 mm are 17.3 and 28.9 mm.
@@ -121,15 +113,4 @@ fn wrong_values_are_refused_by_name() {
     ] {
         assert_eq!(refused(refined(Unit::Millimetre, Some(&h36m()), with(bias))), field);
     }
-}
-
-#[test]
-fn it_is_a_setting_like_any_other() {
-    let mut config = RefineConfig::paper();
-    assert_eq!(config.get("joint_bias_mm").unwrap(), Value::Nothing);
-    for value in [Value::Number(12.0), Value::Numbers(vec![1.0, 2.0]), Value::Nothing] {
-        config.set("joint_bias_mm", &value).unwrap();
-        assert_eq!(config.get("joint_bias_mm").unwrap(), value);
-    }
-    assert!(config.set("joint_bias_mm", &Value::Switch(true)).is_err());
 }

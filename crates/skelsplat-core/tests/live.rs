@@ -115,29 +115,6 @@ fn noise_is_averaged_and_a_lag_averages_more() {
 }
 
 #[test]
-fn a_jump_is_followed_at_once_also_by_two_views() {
-    let cameras = room(4);
-    let refiner = refiner(&cameras, RefineConfig::default());
-    let jumped = |t: usize| -> Vec<Vector3<f64>> {
-        walking(t).iter().map(|p| p + Vector3::new(-300.0, 700.0, 150.0)).collect()
-    };
-    for hidden in [0, 2] {
-        let mut live = at_rate(&refiner, 0);
-        steps(&mut live, &refiner, &recording(30, &cameras, 2));
-        let mut noise = Noise::new(9);
-        for t in 30..40 {
-            let all = seen(&jumped(t), &cameras, &mut noise);
-            let shown = without(&all, |view, _| view < hidden);
-            let found = &steps(&mut live, &refiner, std::slice::from_ref(&shown))[0];
-            let alone = refiner.refine(&shown.into()).unwrap();
-            let (in_time, alone) = (error(found, &jumped(t)), error(&alone, &jumped(t)));
-            assert!(in_time < 1.1 * alone + 1.0, "{t}: {in_time} {alone}");
-            assert!(found.joint_status.iter().all(|s| *s == JointStatus::Ok));
-        }
-    }
-}
-
-#[test]
 fn half_a_second_is_bridged_with_honest_bars_and_no_more() {
     let cameras = room(4);
     let refiner = refiner(&cameras, RefineConfig::default());
@@ -161,23 +138,6 @@ fn half_a_second_is_bridged_with_honest_bars_and_no_more() {
     assert_eq!(lost.joint_status[13], JointStatus::Unobserved);
     assert_eq!(lost.pose[13], found[39].pose[13]);
     assert!(lost.uncertainty[13].trace().is_nan());
-}
-
-#[test]
-fn one_view_takes_its_depth_from_the_prediction() {
-    let cameras = room(4);
-    let refiner = refiner(&cameras, RefineConfig::default());
-    let mut live = at_rate(&refiner, 0);
-    let frames: Vec<Detections> = recording(40, &cameras, 4)
-        .iter()
-        .enumerate()
-        .map(|(t, d)| without(d, |view, joint| t >= 30 && joint == 13 && view > 0))
-        .collect();
-    for (t, found) in steps(&mut live, &refiner, &frames).iter().enumerate().skip(30) {
-        let off = found.pose[13] - walking(t)[13];
-        assert_eq!(found.joint_status[13], JointStatus::Inferred);
-        assert!(off.norm() < 60.0, "{t}: {off}");
-    }
 }
 
 #[test]

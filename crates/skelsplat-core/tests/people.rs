@@ -82,17 +82,6 @@ fn the_same_bits_on_any_number_of_threads() {
 }
 
 #[test]
-fn at_most_so_many_people_and_never_none() {
-    assert_eq!(found(None, Some(2)).len(), 2);
-    let cameras = room(4);
-    let refiner = refiner(&cameras, RefineConfig::default());
-    let none = track(&refiner, &h36m(), &[], FPS, Some(0), &Progress::default());
-    assert!(none.unwrap_err().to_string().starts_with("max_people: expected at least 1"));
-    let empty = track(&refiner, &h36m(), &[], FPS, None, &Progress::default());
-    assert_eq!(empty.unwrap().people, []);
-}
-
-#[test]
 fn live_follows_the_same_people() {
     let cameras = room(4);
     let refiner = refiner(&cameras, RefineConfig::default());

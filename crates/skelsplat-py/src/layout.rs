@@ -9,8 +9,7 @@ use skelsplat_core::{KnownLength, Layout as Core, LayoutSpec, SymmetricPair};
 use crate::args::{JointNames, Name, Rebuilt, Tier, object, rebuilt, repr, type_name};
 use crate::errors::{Failure, Result, in_words};
 
-/// Joint names, limbs and symmetries of a skeleton. Immutable. Joints are given by index or by
-/// name.
+/// Joint names, limbs and symmetries of a skeleton. Immutable. Joints are indices or names.
 ///
 /// Parameters
 /// ----------

@@ -1,6 +1,6 @@
 //! `track` and `Tracker`: several people.
 
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex};
 
 use pyo3::Borrowed;
 use pyo3::prelude::*;
@@ -262,8 +262,7 @@ impl PyTracker {
         let slots = people.only()?;
         let (refiner, tracker) = (Arc::clone(&self.refiner.0), Arc::clone(&self.tracker));
         let found = watch::run(py, true, move |progress| {
-            let mut tracker = tracker.lock().unwrap_or_else(PoisonError::into_inner);
-            tracker.step(&refiner, &slots, progress)
+            watch::locked(&tracker).step(&refiner, &slots, progress)
         })?;
         let one = |seen: skelsplat_core::TrackedPerson| {
             let frame = Frames::one(m, n);
@@ -282,22 +281,22 @@ impl PyTracker {
 
     /// Forget everybody; identities are not used again.
     fn reset(&self) {
-        self.tracker.lock().unwrap_or_else(PoisonError::into_inner).reset();
+        watch::locked(&self.tracker).reset();
     }
 
     /// Identities of everybody who is followed, also of those out of sight.
     fn ids(&self) -> Vec<usize> {
-        self.tracker.lock().unwrap_or_else(PoisonError::into_inner).ids()
+        watch::locked(&self.tracker).ids()
     }
 
     /// In how many frames so far there were too many people for all to be compared, or followed.
     fn cut(&self) -> usize {
-        self.tracker.lock().unwrap_or_else(PoisonError::into_inner).cut()
+        watch::locked(&self.tracker).cut()
     }
 
     /// Return another tracker in the same state.
     fn copy(&self) -> Self {
-        let tracker = self.tracker.lock().unwrap_or_else(PoisonError::into_inner).clone();
+        let tracker = watch::locked(&self.tracker).clone();
         Self {
             refiner: self.refiner.clone(),
             tracker: Arc::new(Mutex::new(tracker)),

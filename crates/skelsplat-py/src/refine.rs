@@ -1,7 +1,7 @@
 //! `refine`, for one frame or many.
 
 use std::iter::repeat;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex};
 
 use nalgebra::{Matrix3, Vector3};
 use pyo3::prelude::*;
@@ -212,22 +212,20 @@ impl PyLive {
         let given = frames.only()?;
         let (refiner, live) = (Arc::clone(&self.refiner.0), Arc::clone(&self.live));
         let done = watch::run(py, self.refiner.is_short(&frames), move |progress| {
-            let mut live = live.lock().unwrap_or_else(PoisonError::into_inner);
-            live.step(&refiner, given, progress)
+            watch::locked(&live).step(&refiner, given, progress)
         })?;
         results(py, &frames, done.into())
     }
 
     /// Forget all frames.
     fn reset(&self) {
-        self.live.lock().unwrap_or_else(PoisonError::into_inner).reset();
+        watch::locked(&self.live).reset();
     }
 
     /// Return the state as numbers.
     fn state(&self, py: Python<'_>) -> Out<f64> {
         let live = Arc::clone(&self.live);
-        let numbers =
-            py.detach(move || live.lock().unwrap_or_else(PoisonError::into_inner).numbers());
+        let numbers = py.detach(move || watch::locked(&live).numbers());
         let n = numbers.len();
         Out(numbers, vec![n])
     }

@@ -62,8 +62,7 @@ fn gaussians(means: &Array, scales: Array, turns: Array) -> Result<Vec<Gaussian>
     Ok(gaussians)
 }
 
-/// Project Gaussians (N, 3), (N, 3, 3) to means (M, N, 2) and covariances (M, N, 2, 2), ideal
-/// pixels.
+/// Project Gaussians (N, 3), (N, 3, 3) to ideal pixels: means (M, N, 2), covariances (M, N, 2, 2).
 ///
 /// Σ² = J W Σ Wᵀ Jᵀ + h·I (paper §3, supplement A); NaN behind a camera.
 #[pyfunction]

@@ -2,8 +2,8 @@
 //! checks for signals.
 
 use std::panic::resume_unwind;
-use std::sync::Arc;
 use std::sync::mpsc::{RecvTimeoutError, channel};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::Builder;
 use std::time::Duration;
 
@@ -20,6 +20,11 @@ const POLL: Duration = Duration::from_millis(50);
 /// Views squared times joints, over all frames, up to which triangulation takes at most about 5 ms,
 /// also in the worst case of scoring pairs of views.
 const SHORT_VIEWS: usize = 50_000;
+
+/// Locks a state, also after a panic of a holder.
+pub(crate) fn locked<T>(state: &Mutex<T>) -> MutexGuard<'_, T> {
+    state.lock().unwrap_or_else(PoisonError::into_inner)
+}
 
 /// Whether `frames` frames are triangulated within a few milliseconds.
 pub(crate) fn is_short(frames: usize, n_views: usize, n_joints: usize) -> bool {

@@ -22,7 +22,6 @@ pub const NEAR_TIE: f64 = 0.9;
 const APART: f64 = 4.0;
 
 /// Σ c k of the rays at `x`, under a kernel of standard deviation `sigma`.
-#[must_use]
 pub fn agreement(rays: &[Ray], x: &Vector3<f64>, sigma: f64) -> f64 {
     let there = rays.iter().filter(|ray| ray.is_there());
     there.map(|ray| ray.weight * ray.offset(x).weight(sigma)).sum()
@@ -35,7 +34,6 @@ pub fn agreement(rays: &[Ray], x: &Vector3<f64>, sigma: f64) -> f64 {
 /// search ends once three agree: linear in the number of views as long as a fixed share of them is
 /// correct, and independent of the order of the views. All pairs are examined only where no three
 /// agree.
-#[must_use]
 pub fn best_pair(rays: &[Ray], from: &Vector3<f64>, sigma: f64) -> Option<(Vector3<f64>, f64)> {
     let enough = ENOUGH * rays.iter().map(|ray| ray.weight).fold(0.0, f64::max);
     let mut there: Vec<(f64, &Ray)> = rays
@@ -72,7 +70,6 @@ pub struct Rival {
 /// Positions on which rays, at least one of them rejected at `x`, agree as well as the others do at
 /// `x`: if two views see one position and two see another, it is undecided which is correct.
 /// `slack` is the tolerated difference, see [`TIE`].
-#[must_use]
 pub fn rivals(rays: &[Ray], x: &Vector3<f64>, sigma: f64, slack: f64) -> Vec<Rival> {
     let against = |ray: &Ray| ray.offset(x).weight(sigma) < REJECTED;
     let there = || rays.iter().filter(|ray| ray.is_there());

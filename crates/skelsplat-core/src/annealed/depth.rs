@@ -44,7 +44,6 @@ fn over_infinity(rays: &[Ray], x: &Vector3<f64>, variance: f64, k: impl Fn(usize
 /// Whether the rays that agree on `x` under a kernel of standard deviation `sigma` (infinite: all
 /// rays) determine its depth, assuming the usual detection noise. If not, the joint gets no
 /// position.
-#[must_use]
 pub fn may_be_fixed(rays: &[Ray], x: &Vector3<f64>, sigma: f64) -> bool {
     let k = |ray: &Ray| if sigma.is_finite() { ray.offset(x).weight(sigma) } else { 1.0 };
     over_infinity(rays, x, USUAL_PX * USUAL_PX, |i| k(&rays[i]) / rays[i].weight) >= DISTINCT
@@ -52,7 +51,6 @@ pub fn may_be_fixed(rays: &[Ray], x: &Vector3<f64>, sigma: f64) -> bool {
 
 /// Whether the rays of joint `j`, with weights `k`, determine its depth at the solution, given the
 /// frame's noise.
-#[must_use]
 pub fn is_fixed(rays: &[Ray], j: usize, solution: &Solution, k: &[f64]) -> bool {
     let least = USUAL_PX * USUAL_PX * solution.variance / (solution.noise * solution.noise);
     let variance = (solution.variance / (solution.pixel * solution.pixel)).max(least);
@@ -62,7 +60,6 @@ pub fn is_fixed(rays: &[Ray], j: usize, solution: &Solution, k: &[f64]) -> bool 
 /// Whether rays with weights `k` determine the depth of `x`; `variance` is that of a detection of
 /// weight 1, px², and `weight` the mean weight of a detection. The noise is taken to be at least
 /// the usual one.
-#[must_use]
 pub fn determine(
     rays: &[Ray],
     x: &Vector3<f64>,
@@ -74,7 +71,6 @@ pub fn determine(
 }
 
 /// Whether two rays are far enough from parallel to determine the depth of their meeting point.
-#[must_use]
 pub fn have_parallax(a: &Ray, b: &Ray) -> bool {
     let noise = USUAL_PX * (a.pixel + b.pixel) / 2.0;
     (a.direction - b.direction).norm_squared() >= 2.0 * DISTINCT * noise * noise

@@ -29,7 +29,6 @@ pub struct Coupling {
 
 impl Coupling {
     /// The residual of a bone between two joints.
-    #[must_use]
     pub fn of_bone([a, b]: [usize; 2], pull: &Pull) -> Self {
         let none = Vector3::zeros();
         let residual = if pull.stiffness > 0.0 { pull.slope / pull.stiffness } else { 0.0 };
@@ -42,13 +41,11 @@ impl Coupling {
     }
 
     /// ∇rᵀ y, for a vector y of every joint.
-    #[must_use]
     fn along(&self, y: &[Vector3<f64>]) -> f64 {
         self.ends().map(|(j, g)| g.dot(&y[j])).sum()
     }
 
     /// Whether it is that of a bone.
-    #[must_use]
     pub fn is_bone(&self) -> bool {
         self.gradient[2] == Vector3::zeros()
     }
@@ -79,7 +76,6 @@ pub struct NormalEquations {
 
 impl NormalEquations {
     /// Empty equations for `n` joints.
-    #[must_use]
     pub fn new(n: usize) -> Self {
         Self {
             blocks: vec![Matrix3::zeros(); n],
@@ -136,7 +132,6 @@ impl NormalEquations {
     }
 
     /// H as a dense `(3N, 3N)` row-major matrix, without damping, for study and tests.
-    #[must_use]
     pub fn dense(&self) -> Vec<f64> {
         let n = 3 * self.blocks.len();
         let mut h = vec![0.0; n * n];
@@ -179,7 +174,6 @@ impl NormalEquations {
     /// The block of (H + μI)⁻¹ that belongs to joint `j`, for the `mu` of the last
     /// [`Self::factorise`]: with Y the joint's rows of D⁻¹ G and Q = Uᵀ U it is D_j⁻¹ − Wᵀ W, W =
     /// U⁻ᵀ Yᵀ.
-    #[must_use]
     pub fn covariance(&mut self, j: usize) -> Matrix3<f64> {
         let of_joint = |(c, moves): (&Coupling, &[Vector3<f64>; 4])| -> Vector3<f64> {
             c.ends().zip(moves).filter(|((k, _), _)| *k == j).map(|(_, y)| *y).sum()

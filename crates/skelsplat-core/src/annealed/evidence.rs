@@ -138,7 +138,6 @@ pub struct Evidence {
 }
 
 /// The evidence of the frame, and of its `priors`, for `solution`; `widest` is W, mm.
-#[must_use]
 pub fn evidence(
     rays: &Rays,
     solution: &Solution,

@@ -130,7 +130,6 @@ impl Attempt {
 
 impl AnnealedFrame<'_> {
     /// The pose of the frame.
-    #[must_use]
     pub fn solve(&self) -> Annealed {
         let rays = Rays::new(self.detections, self.cameras, self.view_weights);
         let Informed { given, mut found } = match self.before.as_ref().and_then(Before::priors) {
@@ -163,7 +162,6 @@ impl AnnealedFrame<'_> {
     }
 
     /// The posterior at `points`, found by another method.
-    #[must_use]
     pub fn error_bars(&self, points: &[Vector3<f64>]) -> ErrorBars {
         let rays = Rays::new(self.detections, self.cameras, self.view_weights);
         let annealing = Annealing { max_steps: 0, ..self.annealing.clone() };

@@ -46,7 +46,6 @@ const LEAST_FREEDOM: f64 = 6.0;
 /// between two rays are also scored ([`best_pair`]). The cost is linear in the number of views as
 /// long as a fixed share of them is correct. Where the noise is too large for the final kernel,
 /// wider ones are tried ([`evidence`]).
-#[must_use]
 pub fn robust(detections: &Detections, cameras: &[Camera]) -> Triangulated {
     let rays = Rays::new(detections, cameras, &[]);
     let solution = locate(&rays, &Annealing::of_joints(detections.n_joints())).solution;
@@ -75,7 +74,6 @@ pub struct Located {
 /// underestimates it. Where the estimate requires a wider one, the frame is solved again under
 /// kernels that follow the noise; that solution is used if it makes the detections more likely
 /// ([`evidence`]).
-#[must_use]
 pub fn locate(rays: &Rays, annealing: &Annealing) -> Located {
     if !annealing.per_noise.is_finite() {
         return located(rays, annealing, Widening::NONE);
@@ -118,7 +116,6 @@ fn views_agree(rays: &Rays, sigma: f64) -> bool {
 }
 
 /// Assumed maximum distance of wrong detections of a frame, mm.
-#[must_use]
 pub fn anywhere(rays: &Rays, annealing: &Annealing) -> f64 {
     annealing.start * if can_outvote(rays) { ANYWHERE } else { ANYWHERE_OF_PAIRS }
 }
@@ -178,7 +175,6 @@ fn is_narrow(rays: &[Ray]) -> bool {
 /// The point nearest to all rays of joint `j`. If a detection that is far off puts it behind every
 /// camera or leaves it without a depth, the point between two rays on which most agree. NaN if the
 /// rays do not determine it or its depth.
-#[must_use]
 pub fn nearest_to_all(rays: &Rays, j: usize) -> Vector3<f64> {
     let of_joint = rays.of_joint(j);
     let nan = Vector3::repeat(f64::NAN);

@@ -34,7 +34,6 @@ const INFERRED: f64 = 0.25;
 const LEAST_JOINTS: usize = 3;
 
 /// Posterior, weights of the detections and status of every joint at the solution.
-#[must_use]
 pub fn error_bars(problem: &Problem<'_>, solution: &mut Solution) -> ErrorBars {
     let rays = problem.rays;
     let (m, n) = (rays.n_views(), rays.n_joints());

@@ -60,7 +60,6 @@ impl Votes {
 
 /// A better solution of `problem` with the bones that its `solution` needs, and these bones; `None`
 /// if it needs none. Without `search` it is the nearest one.
-#[must_use]
 pub fn with_bones(
     problem: &Problem<'_>,
     expected: &Expected,
@@ -160,7 +159,6 @@ struct Place {
 /// where one meets the sphere around the other end of a bone, and where it is. On a tree of bones,
 /// the best combination follows from the leaves to the root (dynamic programming); bones that close
 /// a circle are left out.
-#[must_use]
 pub fn most_likely(search: &PlaceSearch<'_>) -> Vec<Vector3<f64>> {
     let points = search.points;
     let mut places: Vec<Vec<Place>> = Vec::with_capacity(points.len());
@@ -326,7 +324,6 @@ fn objective(problem: &Problem<'_>, solution: &Solution, variance: f64) -> f64 {
 
 /// The other place on the ray of joint `j`, which only this ray determines: its bone has the same
 /// length there. With the share of the probability of both that it has.
-#[must_use]
 pub fn other_place(problem: &Problem<'_>, solution: &Solution, j: usize) -> Option<Rival> {
     let x = &solution.points[j];
     let rays = problem.rays.of_joint(j).iter().filter(|ray| ray.is_there());

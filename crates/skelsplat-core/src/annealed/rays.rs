@@ -51,14 +51,12 @@ impl Ray {
     };
 
     /// Whether there is a detection.
-    #[must_use]
     pub fn is_there(&self) -> bool {
         self.weight > 0.0
     }
 
     /// Position of `x` relative to the ray.
     #[inline]
-    #[must_use]
     pub fn offset(&self, x: &Vector3<f64>) -> Offset {
         let from = x - self.centre;
         let range = self.direction.dot(&from);
@@ -67,7 +65,6 @@ impl Ray {
 
     /// I − d dᵀ, the information of the detection about the joint.
     #[inline]
-    #[must_use]
     pub fn information(&self) -> Matrix3<f64> {
         Matrix3::identity() - self.direction * self.direction.transpose()
     }
@@ -76,7 +73,6 @@ impl Ray {
 impl Offset {
     /// k = exp(−|e|²/4σ²), 0 behind the camera.
     #[inline]
-    #[must_use]
     pub fn weight(&self, sigma: f64) -> f64 {
         if self.range <= 0.0 {
             return 0.0;
@@ -94,7 +90,6 @@ pub struct Rays {
 
 impl Rays {
     /// From ideal pixels. View i has the weight `view_weights[i]` (empty: 1).
-    #[must_use]
     pub fn new(detections: &Detections, cameras: &[Camera], view_weights: &[f64]) -> Self {
         let (m, n) = (cameras.len(), detections.n_joints());
         let mut rays = vec![Ray::NONE; m * n];
@@ -119,31 +114,26 @@ impl Rays {
     }
 
     /// From rays `(N, M)`.
-    #[must_use]
     pub fn of(rays: Vec<Ray>, n_views: usize) -> Self {
         Self { n_views, rays }
     }
 
     /// Number of views M.
-    #[must_use]
     pub fn n_views(&self) -> usize {
         self.n_views
     }
 
     /// Number of joints N.
-    #[must_use]
     pub fn n_joints(&self) -> usize {
         self.rays.len() / self.n_views
     }
 
     /// The rays of joint `j`, one per view.
-    #[must_use]
     pub fn of_joint(&self, j: usize) -> &[Ray] {
         &self.rays[j * self.n_views..(j + 1) * self.n_views]
     }
 
     /// Mean weight of the detections; 1 if there are none.
-    #[must_use]
     pub fn mean_weight(&self) -> f64 {
         let there = || self.rays.iter().filter(|ray| ray.is_there()).map(|ray| ray.weight);
         let n = there().count();
@@ -163,14 +153,12 @@ const RANK: f64 = 1e-8;
 const WELL_CONDITIONED: f64 = 1e-4;
 
 /// The point with the least Σ w |e|², or `None` if the rays do not determine it.
-#[must_use]
 pub fn nearest_point(rays: &[Ray], weight: impl Fn(usize, &Ray) -> f64) -> Option<Vector3<f64>> {
     nearest_with_spread(rays, weight).map(|(x, _)| x)
 }
 
 /// The point nearest to two rays, or `None` if they are parallel: the middle of their common
 /// perpendicular.
-#[must_use]
 pub fn midpoint(a: &Ray, b: &Ray) -> Option<Vector3<f64>> {
     let mut sums = Meeting::default();
     sums.add(a, 1.0);

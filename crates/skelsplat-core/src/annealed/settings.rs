@@ -57,7 +57,6 @@ impl AnnealedSettings {
     /// The annealing schedule of one frame: final kernel widths `sigmas` `(N)`, mm; standard
     /// deviation `symmetry_sigma` of the length difference between symmetric limbs, mm; detection
     /// noise `detection_sigma`, pixels (`None`: estimated).
-    #[must_use]
     pub fn annealing(
         &self,
         sigmas: Vec<f64>,
@@ -80,7 +79,6 @@ impl AnnealedSettings {
 
 impl Annealing {
     /// The defaults for `n` joints.
-    #[must_use]
     pub fn of_joints(n: usize) -> Self {
         AnnealedSettings::default().annealing(vec![Self::END; n], Self::SYMMETRY_SIGMA, None)
     }

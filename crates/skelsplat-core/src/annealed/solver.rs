@@ -211,7 +211,6 @@ struct Solver<'a> {
 /// Solves `problem` from `start`, in which joints may be NaN and then stay NaN. `sigma` is the
 /// initial kernel; infinite means plain least squares first, after which the start no longer
 /// matters where the detections determine a joint.
-#[must_use]
 pub fn solve(problem: &Problem<'_>, start: &[Vector3<f64>], sigma: &[f64]) -> Solution {
     let mut run = Solver::new(problem, start, sigma);
     let annealing = problem.annealing;

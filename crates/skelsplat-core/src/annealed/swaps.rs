@@ -35,7 +35,6 @@ pub type Chain = Vec<[usize; 2]>;
 
 /// The left–right pairs of a layout, grouped by its limbs. Limbs that connect two groups (shoulder
 /// to hip) are ignored.
-#[must_use]
 pub fn chains(layout: &Layout) -> Vec<Chain> {
     let pairs = &layout.left_right;
     let of_joint = |j: usize| pairs.iter().position(|pair| pair[0] == j);
@@ -96,7 +95,6 @@ struct Judge<'a> {
 }
 
 /// The chains that are swapped, with their views; `end` are the configured final kernels `(N)`.
-#[must_use]
 pub fn find(rays: &Rays, chains: &[Chain], solution: &Solution, end: &[f64]) -> Vec<Swap> {
     let sigma = solution.sigma.iter().zip(end).map(|(sigma, end)| sigma.min(*end)).collect();
     let judge = Judge { rays, sigma, unit: rays.mean_weight() };

@@ -75,7 +75,6 @@ impl Expected {
     }
 
     /// The given length of a bone between these joints.
-    #[must_use]
     pub fn given(&self, joints: [usize; 2]) -> Option<Length> {
         self.given.iter().find(|bone| bone.joints == joints).map(|bone| bone.length)
     }
@@ -89,7 +88,6 @@ impl Expected {
 
 impl Proportion {
     /// l and σ of the bone at this stature and its standard error, mm.
-    #[must_use]
     pub fn at(&self, [stature, error]: [f64; 2]) -> Length {
         let mean = self.ratio * stature;
         let square = (self.spread * mean).powi(2)
@@ -101,7 +99,6 @@ impl Proportion {
 
 /// The stature that these bones show, with the population's as a prior, and its standard error, mm:
 /// a weighted median, since some bones may be wrong.
-#[must_use]
 pub fn stature(bones: impl Iterator<Item = Shown>) -> [f64; 2] {
     let weighed = |Shown { proportion: p, length, variance }: Shown| {
         let s = length / p.ratio;

@@ -65,7 +65,6 @@ impl Pull {
 
     /// The term of a bone from `b` to `a`.
     #[inline]
-    #[must_use]
     pub fn new(a: &Vector3<f64>, b: &Vector3<f64>, length: Length) -> Self {
         let d = a - b;
         let long = d.norm();
@@ -87,21 +86,18 @@ impl Pull {
 
     /// ∂E/∂x_a = −∂E/∂x_b.
     #[inline]
-    #[must_use]
     pub fn gradient(&self) -> Vector3<f64> {
         self.along * self.slope
     }
 
     /// H times a vector.
     #[inline]
-    #[must_use]
     pub fn times(&self, v: &Vector3<f64>) -> Vector3<f64> {
         self.along * ((self.stiffness - self.bend) * self.along.dot(v)) + v * self.bend
     }
 
     /// H.
     #[inline]
-    #[must_use]
     pub fn block(&self) -> Matrix3<f64> {
         self.along * (self.along * (self.stiffness - self.bend)).transpose()
             + Matrix3::from_diagonal_element(self.bend)

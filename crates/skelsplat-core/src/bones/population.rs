@@ -51,7 +51,6 @@ const TABLE: [(&str, &str, f64, f64); 19] = [
 ];
 
 /// The bones of a human layout that the table knows; none for other layouts.
-#[must_use]
 pub fn proportions(layout: &Layout) -> Vec<Proportion> {
     if !layout.is_human() {
         return Vec::new();

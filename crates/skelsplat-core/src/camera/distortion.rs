@@ -50,7 +50,6 @@ impl Distortion {
     }
 
     /// The coefficients as given, in `OpenCV`'s order; empty for a pinhole.
-    #[must_use]
     pub fn coefficients(&self) -> Vec<f64> {
         match self {
             Self::None => Vec::new(),
@@ -61,7 +60,6 @@ impl Distortion {
 
     /// Whether the lens has no effect. A fisheye always has one: with zero coefficients it is
     /// equidistant.
-    #[must_use]
     pub fn is_none(&self) -> bool {
         match self {
             Self::None => true,
@@ -71,13 +69,11 @@ impl Distortion {
     }
 
     /// Whether this is the fisheye model.
-    #[must_use]
     pub fn is_fisheye(&self) -> bool {
         matches!(self, Self::Fisheye(_))
     }
 
     /// Distorted normalised coordinates of ideal ones.
-    #[must_use]
     pub fn distort(&self, x: &Vector2<f64>) -> Vector2<f64> {
         match self {
             Self::None => *x,
@@ -87,7 +83,6 @@ impl Distortion {
     }
 
     /// [`Distortion::distort`] with its 2×2 Jacobian.
-    #[must_use]
     pub fn distort_with_jacobian(&self, x: &Vector2<f64>) -> (Vector2<f64>, Matrix2<f64>) {
         match self {
             Self::None => (*x, Matrix2::identity()),

@@ -27,7 +27,6 @@ impl Fisheye {
     }
 
     /// k1..k4.
-    #[must_use]
     pub fn coefficients(&self) -> [f64; 4] {
         self.k
     }

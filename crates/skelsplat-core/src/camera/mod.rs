@@ -83,68 +83,57 @@ impl Camera {
     }
 
     /// The name, if any.
-    #[must_use]
     pub fn name(&self) -> Option<&str> {
         self.name.as_deref()
     }
 
     /// Intrinsic matrix K, in pixels.
-    #[must_use]
     pub fn k(&self) -> Matrix3<f64> {
         let (f, c) = (&self.focal, &self.principal);
         Matrix3::new(f.x, 0.0, c.x, 0.0, f.y, c.y, 0.0, 0.0, 1.0)
     }
 
     /// Rotation R of world to camera.
-    #[must_use]
     pub fn rotation(&self) -> &Matrix3<f64> {
         &self.rotation
     }
 
     /// Translation t of world to camera, in the caller's unit of length.
-    #[must_use]
     pub fn translation(&self) -> &Vector3<f64> {
         &self.translation
     }
 
     /// Image size (width, height) in pixels.
-    #[must_use]
     pub fn size(&self) -> [u32; 2] {
         self.size
     }
 
     /// Focal lengths `[fx, fy]` in pixels.
-    #[must_use]
     pub fn focal(&self) -> [f64; 2] {
         self.focal.into()
     }
 
     /// Principal point `[cx, cy]` in pixels.
-    #[must_use]
     pub fn principal_point(&self) -> [f64; 2] {
         self.principal.into()
     }
 
     /// The lens.
-    #[must_use]
     pub fn distortion(&self) -> &Distortion {
         &self.distortion
     }
 
     /// The camera centre in the world: −Rᵀt.
-    #[must_use]
     pub fn centre(&self) -> Vector3<f64> {
         -self.rotation.tr_mul(&self.translation)
     }
 
     /// A world point in the camera frame: R x + t.
-    #[must_use]
     pub fn to_camera(&self, x: &Vector3<f64>) -> Vector3<f64> {
         self.rotation * x + self.translation
     }
 
     /// The 3×4 projection matrix K [R | t] of the ideal camera.
-    #[must_use]
     pub fn projection_matrix(&self) -> Matrix3x4<f64> {
         let mut rt = Matrix3x4::zeros();
         rt.fixed_view_mut::<3, 3>(0, 0).copy_from(&self.rotation);
@@ -153,7 +142,6 @@ impl Camera {
     }
 
     /// The ideal pixel of a world point, or `None` at or behind [`NEAR`].
-    #[must_use]
     pub fn project_ideal(&self, x: &Vector3<f64>) -> Option<Vector2<f64>> {
         self.normalised(x).map(|n| self.to_pixel(&n))
     }
@@ -162,13 +150,11 @@ impl Camera {
     ///
     /// Like `OpenCV`, evaluates the model's formula unchanged, even for points so far outside the
     /// image that a fitted polynomial folds back.
-    #[must_use]
     pub fn project(&self, x: &Vector3<f64>) -> Option<Vector2<f64>> {
         self.normalised(x).map(|n| self.to_pixel(&self.distortion.distort(&n)))
     }
 
     /// [`Camera::project`] with its Jacobian d pixel / d world point (2×3).
-    #[must_use]
     pub fn project_with_jacobian(
         &self,
         x: &Vector3<f64>,
@@ -186,7 +172,6 @@ impl Camera {
     }
 
     /// The distorted pixel of an ideal one.
-    #[must_use]
     pub fn distort(&self, ideal: &Vector2<f64>) -> Vector2<f64> {
         if self.distortion.is_none() {
             return *ideal;
@@ -196,7 +181,6 @@ impl Camera {
 
     /// The ideal pixel (of the same K) of a distorted one: the inverse of [`Camera::distort`],
     /// solved to 1e-9 px in the distorted image.
-    #[must_use]
     pub fn undistort(&self, pixel: Vector2<f64>) -> Undistorted {
         if !(pixel.x.is_finite() && pixel.y.is_finite()) {
             return Undistorted::OutOfRange;

@@ -33,7 +33,6 @@ fn flat(g: &GaussianGradient) -> [f64; PARAMETERS] {
 
 impl Adam {
     /// The initial state for `n` Gaussians.
-    #[must_use]
     pub fn new(n: usize, betas: [f64; 2], epsilon: f64) -> Self {
         Self { betas, epsilon, step: 0, moments: vec![[[0.0; 2]; PARAMETERS]; n] }
     }

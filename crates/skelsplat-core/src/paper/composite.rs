@@ -49,7 +49,6 @@ impl Canvas {
     }
 
     /// All values, row by row.
-    #[must_use]
     pub fn values(&self) -> &[f64] {
         &self.values
     }
@@ -89,7 +88,6 @@ fn hull<'a>(splats: impl Iterator<Item = &'a Splat>) -> (Span, Span) {
 }
 
 /// Bytes of the buffers for the shared channel of `splats`.
-#[must_use]
 pub fn bytes<'a>(splats: impl Iterator<Item = &'a Splat>) -> u128 {
     let (rows, columns) = hull(splats);
     (CANVASES * size_of::<f64>()) as u128 * rows.len() as u128 * columns.len() as u128
@@ -121,7 +119,6 @@ fn each_row(
 
 impl Composite {
     /// Sets the pseudo ground truth from the detections' heat maps: their sum, scaled to peak 1.
-    #[must_use]
     pub fn new(heats: &[Splat], cancel: &AtomicBool) -> Self {
         let mut out = Self::default();
         let (rows, columns) = hull(heats.iter());
@@ -139,14 +136,7 @@ impl Composite {
         out
     }
 
-    /// The pseudo ground truth.
-    #[must_use]
-    pub fn pseudo(&self) -> &Canvas {
-        &self.pseudo
-    }
-
     /// Only the pseudo ground truth, without the buffers.
-    #[must_use]
     pub fn into_pseudo(self) -> Canvas {
         self.pseudo
     }
@@ -224,7 +214,6 @@ impl Composite {
     }
 
     /// The composite of `splats`, nearest first, on the window that holds them.
-    #[must_use]
     pub fn render(splats: &[Splat], cancel: &AtomicBool) -> Canvas {
         let mut out = Self::default();
         out.forward(splats, cancel);

@@ -30,7 +30,6 @@ impl Encoding {
     }
 
     /// Number of channels for `n_joints` joints.
-    #[must_use]
     pub fn channels(self, n_joints: usize) -> usize {
         match self {
             Self::OneHot => n_joints,

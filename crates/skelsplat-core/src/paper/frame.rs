@@ -92,9 +92,6 @@ impl PaperFrame<'_> {
 
     /// Loss over all views and its gradient for any Gaussians `(N)`, in doubles; `shapes` determine
     /// the pseudo ground truth.
-    ///
-    /// # Errors
-    /// As [`Self::solve`].
     pub fn loss_and_gradient(
         &self,
         gaussians: &[Gaussian],

@@ -48,7 +48,6 @@ impl Moments {
     }
 
     /// Gradient of `scale` · Σ(R−P)² with respect to the splat's mean and covariance.
-    #[must_use]
     pub fn backward(&self, conic: &Matrix2<f64>, scale: f64) -> (Vector2<f64>, Matrix2<f64>) {
         let d_mean = conic * self.first * (2.0 * scale);
         let d_cov = conic * self.second * conic * scale;
@@ -77,7 +76,6 @@ impl<P: Pixel> Lanes<P> {
 
 /// Compares the render of `splat` with `heat`. `line` is scratch for one row of the pseudo ground
 /// truth.
-#[must_use]
 pub fn channel<P: Pixel>(splat: &Splat, heat: &HeatMap<P>, line: &mut Vec<P>) -> ChannelSums {
     let table = RowTable::new(splat.conic[(0, 0)]);
     let (mut lanes, mut total) = (Lanes::<P>::zero(), [0.0; 6]);

@@ -246,20 +246,17 @@ impl<'a, P: Pixel> Objective<'a, P> {
     }
 
     /// Number of views M.
-    #[must_use]
     pub fn n_views(&self) -> usize {
         self.views.len()
     }
 
     /// Number of views with pseudo ground truth for joint `j`.
-    #[must_use]
     pub fn usable_views(&self, j: usize) -> usize {
         self.of_joint(j).filter(|c| !c.is_missing()).count()
     }
 
     /// Number of views in which the splat of joint `j` overlapped its pseudo ground truth at the
     /// last evaluation.
-    #[must_use]
     pub fn meeting_views(&self, j: usize) -> usize {
         let meets = |c: &&Channel<P>| match (&c.detection, &c.splat) {
             (Some(detection), Some(splat)) => detection.overlaps(splat),
@@ -273,7 +270,6 @@ impl<'a, P: Pixel> Objective<'a, P> {
     }
 
     /// The gradient of the last evaluation, `(N)`.
-    #[must_use]
     pub fn gradient(&self) -> &[GaussianGradient] {
         &self.gradient
     }

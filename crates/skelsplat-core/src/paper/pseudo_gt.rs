@@ -29,7 +29,6 @@ fn pixels(span: Span) -> u32 {
 
 impl<P> HeatMap<P> {
     /// Bytes of the window of `splat`.
-    #[must_use]
     pub fn bytes(splat: &Splat) -> u128 {
         let width = splat.columns.len() as u128 + 2 * u128::from(MARGIN.unsigned_abs());
         (width * size_of::<P>() as u128 + size_of::<Span>() as u128) * splat.rows.len() as u128
@@ -38,7 +37,6 @@ impl<P> HeatMap<P> {
 
 impl<P: Pixel> HeatMap<P> {
     /// The heat map of `splat`, with the detection as its mean.
-    #[must_use]
     pub fn new(splat: &Splat) -> Self {
         let (rows, inner) = (splat.rows, splat.columns);
         let columns = Span { start: inner.start - MARGIN, end: inner.end + MARGIN };
@@ -69,13 +67,11 @@ impl<P: Pixel> HeatMap<P> {
     }
 
     /// The non-zero pixels of row `v`.
-    #[must_use]
     pub fn span(&self, v: i32) -> Span {
         self.spans.get(self.index(v)).copied().unwrap_or_default()
     }
 
     /// Row `v` over the pixels of `span` inside the window, with the offset of the first in `span`.
-    #[must_use]
     pub fn line(&self, v: i32, span: Span) -> (usize, &[P]) {
         let shared = span.intersection(self.span(v));
         if shared.is_empty() {
@@ -89,7 +85,6 @@ impl<P: Pixel> HeatMap<P> {
     /// The pixels of `span` in row `v`, up to whole groups of [`LANES`], if the window holds them
     /// all. What lies beyond the span is unspecified.
     #[inline]
-    #[must_use]
     pub fn groups(&self, v: i32, span: Span) -> Option<&[P]> {
         let inside = self.rows.start <= v
             && v < self.rows.end
@@ -103,7 +98,6 @@ impl<P: Pixel> HeatMap<P> {
 
     /// Number of pixels that the heat map has in `span` of row `v`.
     #[inline]
-    #[must_use]
     pub fn shared(&self, v: i32, span: Span) -> u32 {
         pixels(span.intersection(self.span(v)))
     }

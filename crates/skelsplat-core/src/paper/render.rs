@@ -70,7 +70,6 @@ pub type DepthSplat = Option<(Splat, f64)>;
 
 /// Splats in `view` of Gaussians `(mean, covariance)`, the projected variances enlarged by
 /// `dilation`.
-#[must_use]
 pub fn splats(
     view: &View,
     shapes: &[(Vector3<f64>, Matrix3<f64>)],
@@ -84,7 +83,6 @@ pub fn splats(
 }
 
 /// The shapes of `splats` at `detections`, `None` where one is missing.
-#[must_use]
 pub fn heats(
     splats: &[DepthSplat],
     detections: &[Option<Vector2<f64>>],
@@ -116,9 +114,6 @@ pub fn render(
 }
 
 /// Renders the pseudo ground truth of `heats` (one per joint, `None` where missing).
-///
-/// # Errors
-/// As [`render`].
 pub fn pseudo_ground_truth(
     heats: &[Option<Splat>],
     encoding: Encoding,

@@ -102,7 +102,6 @@ const WIDTH: f64 = 8.0;
 
 /// 0, 1, …, 7 in the lanes of a group.
 #[inline]
-#[must_use]
 pub fn lane_numbers<P: Pixel>() -> P::Group {
     P::Group::new(LANE_NUMBERS.map(P::of))
 }
@@ -128,7 +127,6 @@ struct Recurrence<P: Pixel> {
 
 impl<P: Pixel> RowTable<P> {
     /// The table of a row's curvature `a` (pixels⁻²).
-    #[must_use]
     pub fn new(a: f64) -> Self {
         let group =
             |f: fn(f64) -> f64| P::Group::new(LANE_NUMBERS.map(|l| P::of((-a * f(l)).exp())));

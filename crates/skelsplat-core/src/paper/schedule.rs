@@ -13,7 +13,6 @@ pub struct ExponentialDecay {
 
 impl ExponentialDecay {
     /// Learning rate of step `t`.
-    #[must_use]
     pub fn at(&self, t: usize) -> f64 {
         #[allow(clippy::cast_precision_loss, reason = "step counts are far below 2^52")]
         let t = t as f64;

@@ -21,13 +21,11 @@ pub struct Span {
 
 impl Span {
     /// Number of pixels.
-    #[must_use]
     pub fn len(self) -> usize {
         usize::try_from(self.end - self.start).unwrap_or(0)
     }
 
     /// Whether it is empty.
-    #[must_use]
     pub fn is_empty(self) -> bool {
         self.end <= self.start
     }
@@ -99,7 +97,6 @@ fn pixels_within(centre: f64, half: f64, limit: f64) -> Span {
 impl Splat {
     /// The splat of `mean` and `covariance` (pixels², positive definite) in an image of `size` =
     /// (width, height); `None` if the covariance has no inverse.
-    #[must_use]
     pub fn new(mean: Vector2<f64>, covariance: &Matrix2<f64>, size: [u32; 2]) -> Option<Self> {
         let conic = covariance.try_inverse()?;
         let (a, b, c) = (conic[(0, 0)], conic[(0, 1)], conic[(1, 1)]);
@@ -118,7 +115,6 @@ impl Splat {
 
     /// Row `v` of the splat; its span is empty where the ellipse misses every pixel centre of the
     /// row.
-    #[must_use]
     pub fn row(&self, v: i32) -> Row {
         let y = f64::from(v) - self.mean.y;
         let centre = self.slope * y;
@@ -143,7 +139,6 @@ impl Splat {
 
 impl Splat {
     /// Whether any pixel belongs to both splats.
-    #[must_use]
     pub fn overlaps(&self, other: &Self) -> bool {
         let rows = self.rows.intersection(other.rows);
         (rows.start..rows.end).any(|v| !self.row(v).span.intersection(other.row(v).span).is_empty())

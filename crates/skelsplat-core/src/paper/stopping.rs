@@ -13,7 +13,6 @@ pub struct WindowMinimum {
 
 impl WindowMinimum {
     /// Windows of `window` ≥ 1 steps.
-    #[must_use]
     pub fn new(window: usize, tolerance: f64) -> Self {
         Self { window: window.max(1), tolerance, count: 0, current: f64::INFINITY, previous: None }
     }

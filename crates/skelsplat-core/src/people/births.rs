@@ -141,7 +141,6 @@ impl BodyModel {
 
     /// Scores of all views at a body, less a penalty for those that should see it, times how human
     /// it is.
-    #[must_use]
     pub fn support(&self, crowd: &Crowd, free: &Free, pose: &[Vector3<f64>]) -> f64 {
         let sigma = KERNEL * self.sigma;
         let view = |(i, figures): (usize, &Vec<Figure>)| {

@@ -32,7 +32,6 @@ const LEAST_SHARE: f64 = 0.02;
 pub type Claims = Vec<[Option<usize>; 2]>;
 
 /// The detections in the `slots` of a frame that one body has claimed.
-#[must_use]
 pub fn claimed(slots: &[Detections], claims: &Claims, n_joints: usize) -> Detections {
     let from =
         |i: usize, j: usize| claims[i].iter().flatten().find_map(|slot| slots[*slot].get(i, j));
@@ -40,13 +39,11 @@ pub fn claimed(slots: &[Detections], claims: &Claims, n_joints: usize) -> Detect
 }
 
 /// Number of views that see a body.
-#[must_use]
 pub fn views(claims: &Claims) -> usize {
     claims.iter().filter(|claim| claim[0].is_some()).count()
 }
 
 /// Joints from the figures of one body: those with a place of their own.
-#[must_use]
 pub fn placed(
     crowd: &Crowd,
     claims: &Claims,
@@ -152,7 +149,6 @@ pub struct Body {
 
 impl Body {
     /// Appears at `pose`.
-    #[must_use]
     pub fn new(id: usize, pose: Vec<Vector3<f64>>, limbs: &[[usize; 2]]) -> Self {
         let mut body = Self {
             id,
@@ -215,7 +211,6 @@ impl Body {
     }
 
     /// Follows the one view that sees it, across its rays: the joints there.
-    #[must_use]
     pub fn follow(&mut self, figure: &Figure, dt: f64, sigma: f64) -> Vec<Vector3<f64>> {
         let across: Vec<Vector3<f64>> = figure
             .rays
@@ -256,14 +251,12 @@ impl Body {
 
     /// Median difference of the lengths of bones, relative to the length; 0 if they have none in
     /// common.
-    #[must_use]
     pub fn differs(&self, other: &Self) -> f64 {
         let both = self.lengths.iter().zip(&other.lengths).filter(|(a, b)| a.1 > 0 && b.1 > 0);
         median(both.map(|(a, b)| (a.0 / b.0).ln().abs())).max(0.0)
     }
 
     /// Scores of the figures of a view under a kernel of `sigma`.
-    #[must_use]
     pub fn scores(&self, figures: &[Figure], sigma: f64, mirror: &[usize]) -> Vec<f64> {
         figures.iter().map(|figure| at_body(figure, &self.pose, sigma, mirror)).collect()
     }
@@ -271,7 +264,6 @@ impl Body {
 
 /// Median distance of the joints that two poses have in common, mm; infinite if those are fewer
 /// than three.
-#[must_use]
 pub fn apart(a: &[Vector3<f64>], b: &[Vector3<f64>]) -> f64 {
     let between = a.iter().zip(b).map(|(x, y)| (x - y).norm());
     let known: Vec<f64> = between.filter(|d| d.is_finite()).collect();

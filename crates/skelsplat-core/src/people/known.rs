@@ -26,7 +26,6 @@ pub struct BodyModel {
 
 impl BodyModel {
     /// As the refiner has it.
-    #[must_use]
     pub fn new(refiner: &Refiner, layout: &Layout) -> Self {
         Self {
             cameras: refiner.cameras().to_vec(),

@@ -18,7 +18,6 @@ const SCALE: f64 = 1e9;
 
 /// The score of a figure at a body `(N)`, NaN where unknown, under kernels of width `sigma`; the
 /// better one of its two sides, where `mirror` has the mirror image of each joint.
-#[must_use]
 pub fn at_body(figure: &Figure, body: &[Vector3<f64>], sigma: f64, mirror: &[usize]) -> f64 {
     let farthest = FARTHEST * sigma * sigma;
     let score = |side: &dyn Fn(usize) -> usize| {
@@ -47,7 +46,6 @@ pub fn at_body(figure: &Figure, body: &[Vector3<f64>], sigma: f64, mirror: &[usi
 /// The place where two rays meet, halfway between them, and their distance there; `None` if they
 /// are parallel or one would meet the other behind its camera.
 #[inline]
-#[must_use]
 pub fn meet(a: &Ray, b: &Ray) -> Option<(Vector3<f64>, f64)> {
     let normal = a.direction.cross(&b.direction);
     let sin2 = normal.norm_squared();
@@ -65,7 +63,6 @@ pub fn meet(a: &Ray, b: &Ray) -> Option<(Vector3<f64>, f64)> {
 }
 
 /// The score of two figures of different views, and the number of joints whose rays meet.
-#[must_use]
 pub fn of_pair(a: &Figure, b: &Figure, sigma: f64) -> (f64, usize) {
     let (mut fits, mut all, mut common) = (0.0, DOUBT * a.confidence * b.confidence, 0);
     for (p, q) in a.rays.iter().zip(&b.rays) {
@@ -83,7 +80,6 @@ pub fn of_pair(a: &Figure, b: &Figure, sigma: f64) -> (f64, usize) {
 
 /// The assignment with the largest sum of scores above `least`: the column of each row, each at
 /// most once.
-#[must_use]
 pub fn assign(scores: &[Vec<f64>], least: f64) -> Vec<Option<usize>> {
     let (rows, columns) = (scores.len(), scores.first().map_or(0, Vec::len));
     let gain = |r: usize, c: usize| ((scores[r][c] - least).max(0.0) * SCALE) as i64;

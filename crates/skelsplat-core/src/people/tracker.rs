@@ -78,7 +78,6 @@ impl Tracker {
 
     /// Identities of everybody who is known and followed, also of those out of sight: an identity
     /// that has left these does not return.
-    #[must_use]
     pub fn ids(&self) -> Vec<usize> {
         let mut ids: Vec<usize> = self.followed.iter().filter_map(|person| person.id).collect();
         ids.sort_unstable();
@@ -87,7 +86,6 @@ impl Tracker {
 
     /// In how many frames so far there were too many people for all of them to be compared, or
     /// followed.
-    #[must_use]
     pub fn cut(&self) -> usize {
         self.associator.cut()
     }

@@ -17,13 +17,11 @@ pub(super) struct Track {
 
 impl Track {
     /// Nothing yet, from frame `first`.
-    #[must_use]
     pub(super) fn new(first: usize) -> Self {
         Self { first, claims: Vec::new(), poses: Vec::new() }
     }
 
     /// The frame after the last.
-    #[must_use]
     pub(super) fn end(&self) -> usize {
         self.first + self.claims.len()
     }
@@ -48,14 +46,12 @@ impl Track {
     }
 
     /// Joints in frame `t`.
-    #[must_use]
     pub(super) fn pose(&self, t: usize) -> Option<&[Vector3<f64>]> {
         let k = t.checked_sub(self.first)?;
         self.poses.get(k).filter(|pose| !pose.is_empty()).map(Vec::as_slice)
     }
 
     /// Number of figures.
-    #[must_use]
     pub(super) fn figures(&self) -> usize {
         self.claims.iter().flatten().filter(|claim| claim[0].is_some()).count()
     }

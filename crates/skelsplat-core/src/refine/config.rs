@@ -85,7 +85,6 @@ impl Method {
     }
 
     /// `"annealed"` or `"paper"`.
-    #[must_use]
     pub fn name(&self) -> &'static str {
         match self {
             Self::Annealed(_) => "annealed",
@@ -94,7 +93,6 @@ impl Method {
     }
 
     /// The table of the method's own settings.
-    #[must_use]
     pub fn settings(&self) -> &'static [Setting] {
         match self {
             Self::Annealed(_) => AnnealedSettings::SETTINGS,
@@ -156,7 +154,6 @@ const RENAMED: [(&str, &str); 8] = [
 
 impl RefineConfig {
     /// The published method.
-    #[must_use]
     pub fn paper() -> Self {
         PaperSettings::default().into()
     }
@@ -233,7 +230,6 @@ impl RefineConfig {
     }
 
     /// `sigma_mm` of the method.
-    #[must_use]
     pub fn sigma_mm(&self) -> f64 {
         match &self.method {
             Method::Annealed(settings) => settings.sigma_mm,
@@ -248,7 +244,6 @@ impl RefineConfig {
     }
 
     /// Whether the method renders pixels, which threads can share.
-    #[must_use]
     pub fn draws_pixels(&self) -> bool {
         matches!(&self.method, Method::Paper(settings) if settings.renderer == Renderer::Raster)
     }

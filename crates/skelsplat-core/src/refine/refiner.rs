@@ -139,13 +139,11 @@ impl Refiner {
     }
 
     /// The settings.
-    #[must_use]
     pub fn config(&self) -> &RefineConfig {
         &self.config
     }
 
     /// The unit of the cameras and of all poses.
-    #[must_use]
     pub fn unit(&self) -> Unit {
         self.unit
     }

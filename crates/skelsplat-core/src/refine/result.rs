@@ -48,7 +48,6 @@ pub struct Refinement {
 impl Refinement {
     /// Covariance of the distance from an anatomical joint `(N)`, unit²: `uncertainty` +
     /// `joint_bias`² I. NaN where unobserved.
-    #[must_use]
     pub fn error_bar(&self) -> Vec<Matrix3<f64>> {
         let bar = |(scatter, bias): (&Matrix3<f64>, &f64)| {
             scatter + Matrix3::from_diagonal_element(bias * bias)

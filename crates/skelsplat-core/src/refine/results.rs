@@ -128,13 +128,11 @@ impl Refinements {
     }
 
     /// Number of frames T.
-    #[must_use]
     pub fn len(&self) -> usize {
         self.frames
     }
 
     /// Whether there is no frame.
-    #[must_use]
     pub fn is_empty(&self) -> bool {
         self.frames == 0
     }
@@ -143,7 +141,6 @@ impl Refinements {
     ///
     /// # Panics
     /// If there are not so many.
-    #[must_use]
     pub fn frame(&self, t: usize) -> Refinement {
         let (n, mn) = (self.joints, self.views * self.joints);
         Refinement {

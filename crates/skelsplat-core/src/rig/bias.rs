@@ -35,13 +35,11 @@ pub(super) struct Follow {
 
 impl LastingErrors {
     /// None yet.
-    #[must_use]
     pub fn new(views: usize, n_joints: usize) -> Self {
         Self { views, values: vec![Vector2::zeros(); views * n_joints] }
     }
 
     /// The offset of joint `j` in view `i`, mm.
-    #[must_use]
     pub fn at(&self, i: usize, j: usize) -> Vector2<f64> {
         self.values[j * self.views + i]
     }

@@ -180,7 +180,6 @@ impl Bundle<'_> {
 
     /// The equations of every cluster: a joint, or where there are few joints a joint in a part of
     /// the recording.
-    #[must_use]
     pub fn clusters(&self, sigma: f64) -> Vec<Reduced> {
         summed(&self.cells(sigma).equations)
     }
@@ -346,7 +345,6 @@ impl Bundle<'_> {
     /// ten clusters single elements of J are uncertain by a third, but not its size relative to
     /// S⁻¹, φ = tr(S J)/q: error bars are those of φ S⁻¹/κ², where κ S has the curvature of the
     /// kernel itself.
-    #[must_use]
     pub fn judge(&self, sigma: f64) -> Judged {
         let Cells { equations: cells, .. } = self.cells(sigma);
         let clusters = summed(&cells);
@@ -376,7 +374,6 @@ impl Bundle<'_> {
 }
 
 /// Camera and parameter of every unknown.
-#[must_use]
 pub fn unknowns(freedom: &[Freedom]) -> Vec<(usize, usize)> {
     let all = freedom.iter().enumerate();
     all.flat_map(|(i, freedom)| freedom.columns().map(move |k| (i, k))).collect()

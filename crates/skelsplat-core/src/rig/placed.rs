@@ -59,7 +59,6 @@ impl Freedom {
     }
 
     /// Whether anything may change.
-    #[must_use]
     pub fn any(self) -> bool {
         self.turn || self.shift || self.focal || self.clock
     }
@@ -103,7 +102,6 @@ impl Placed {
     ///
     /// With p = R x + t and δp = ω × p − R δc, and A = ∂u/∂x = J R: ∂u/∂ω = −A Rᵀ\[p\]ₓ, ∂u/∂c =
     /// −A, ∂u/∂(ln f) = u − c₀. A later clock takes the detection from a later frame, ∂r/∂τ = −v.
-    #[must_use]
     pub fn residual(&self, x: &Vector3<f64>, sight: &Sight) -> Option<Residual> {
         let (pixel, by_point) = self.camera.project_with_jacobian(x)?;
         let (rotation, p) = (self.camera.rotation(), self.camera.to_camera(x));
@@ -178,7 +176,6 @@ pub struct Change {
 
 impl Change {
     /// From `old` to `new`.
-    #[must_use]
     pub fn between(old: &Placed, new: &Placed) -> Self {
         let turn = new.camera.rotation() * old.camera.rotation().transpose();
         // By the quaternion: the cosine of a small angle has no digits of it.
@@ -193,7 +190,6 @@ impl Change {
     }
 
     /// A parameter in the order of [`Step`].
-    #[must_use]
     pub fn parameter(&self, k: usize) -> f64 {
         match k {
             0..3 => self.turn[k],

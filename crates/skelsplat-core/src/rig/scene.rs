@@ -43,7 +43,6 @@ pub struct JointMotion {
 
 impl JointMotion {
     /// At these frames.
-    #[must_use]
     pub fn of(scene: Scene<'_>, frames: &[usize], cameras: &[Placed]) -> Self {
         let [least, middle, most] = REACH;
         let mut motion = Self::within(scene, frames, cameras, least);
@@ -67,7 +66,6 @@ impl JointMotion {
     }
 
     /// Of joints `(T, N)` that are known in every frame, mm.
-    #[must_use]
     pub fn known(n_joints: usize, points: Vec<Vector3<f64>>) -> Self {
         let (reach, movements) = (REACH[0], Vec::new());
         let places = (0..points.len() / n_joints).map(Some).collect();
@@ -139,7 +137,6 @@ impl JointMotion {
 impl<'a> Scene<'a> {
     /// At least one frame; all have the same numbers of views and joints. How the joints move is
     /// not known.
-    #[must_use]
     pub fn new(frames: &'a [Detections]) -> Self {
         Self { frames, motion: None }
     }
@@ -151,13 +148,11 @@ impl<'a> Scene<'a> {
     }
 
     /// Number of joints.
-    #[must_use]
     pub fn n_joints(&self) -> usize {
         self.frames[0].n_joints()
     }
 
     /// Number of frames.
-    #[must_use]
     pub fn n_frames(&self) -> usize {
         self.frames.len()
     }
@@ -169,7 +164,6 @@ impl<'a> Scene<'a> {
     /// v: between two frames the noise would be averaged, and a clock half a frame off would seem
     /// to fit better than the true one. The movement v is given where it is needed or the camera's
     /// clock may be `moving`.
-    #[must_use]
     pub fn sight(
         &self,
         t: usize,
@@ -187,7 +181,6 @@ impl<'a> Scene<'a> {
     }
 
     /// Joints `(frames, N)` placed by the views that are `used`, mm; NaN where unknown.
-    #[must_use]
     pub fn points(&self, frames: &[usize], cameras: &[Placed], used: &[bool]) -> Vec<Vector3<f64>> {
         let views: Vec<usize> = (0..cameras.len()).filter(|i| used[*i]).collect();
         let there: Vec<Camera> = views.iter().map(|i| cameras[*i].camera.clone()).collect();
@@ -205,7 +198,6 @@ impl<'a> Scene<'a> {
 
     /// Distances of the detections of view `i` from points `(frames, N)`, px, and what a pixel is
     /// there, mm.
-    #[must_use]
     pub fn distances(
         &self,
         frames: &[usize],

@@ -51,7 +51,6 @@ impl Band {
 /// What second differences of weights `w` (one per frame, at its centre) add to the diagonal at
 /// `t`.
 #[inline]
-#[must_use]
 pub fn stiffness(w: &[f64], t: usize) -> f64 {
     let of = |t: usize| w.get(t).copied().unwrap_or(0.0);
     4.0 * of(t) + of(t + 1) + if t > 0 { of(t - 1) } else { 0.0 }
@@ -59,7 +58,6 @@ pub fn stiffness(w: &[f64], t: usize) -> f64 {
 
 /// The second difference of `x` at `t`.
 #[inline]
-#[must_use]
 pub fn second_difference(x: &[Vector3<f64>], t: usize) -> Vector3<f64> {
     x[t - 1] - 2.0 * x[t] + x[t + 1]
 }
@@ -134,7 +132,6 @@ impl Chain {
     }
 
     /// The band of the inverse of the factorised system.
-    #[must_use]
     pub fn selected_inverse(&self) -> Vec<Band> {
         let n = self.inverse.len();
         let zero = Matrix3::zeros();

@@ -32,7 +32,6 @@ pub struct Learnt {
 
 impl Known {
     /// It as numbers, for [`Self::restored`].
-    #[must_use]
     pub fn numbers(&self) -> Vec<f64> {
         let mut serialiser = Serialiser::empty();
         self.clone().serialise(&mut serialiser);

@@ -25,7 +25,6 @@ const CONTRADICTS: f64 = 3.0;
 
 /// The length of every bone at `points` `(N, T)`: what the frames show, with what is expected as
 /// its prior. σ is infinite for a bone that no frame shows and of which nothing is known.
-#[must_use]
 pub fn lengths(
     tracks: &Tracks,
     points: &[Vector3<f64>],

@@ -66,7 +66,6 @@ impl DetectionNoise {
     /// outside the kernel k = exp(−r²/2w²), w² = 2 σ², there is nothing else. n of them per w of
     /// distance add n ∫ k dr = n √(π/2) to Σ k, and as much times w² to Σ k |e|²; without them the
     /// variance is smaller.
-    #[must_use]
     pub fn of(run: &WindowSolver<'_>, tracks: &Tracks, common: &Common) -> Self {
         let sums: Vec<Sums> =
             (0..tracks.joints).map(|j| Sums::of(run, tracks, common, j)).collect();
@@ -163,7 +162,6 @@ impl Sums {
 
 impl Memory {
     /// The memory of errors of which nothing is known.
-    #[must_use]
     pub fn usual(fps: f64) -> Self {
         let longest = frames_in(MEMORY, fps);
         let after = |lag: usize| USUAL_SLOW * (-(lag as f64) / (USUAL_SECONDS * fps)).exp();
@@ -173,7 +171,6 @@ impl Memory {
     /// The number of frames among `n` that make up an independent detection, apart from the
     /// constant share: the mean of `n` errors has the variance of one times (1 + 2 Σ_h (1 − h/n)
     /// ρ_h)/n.
-    #[must_use]
     pub fn frames(&self, n: f64) -> f64 {
         let lags = self.rest.iter().enumerate().map(|(k, rho)| ((k + 1) as f64, rho));
         1.0 + 2.0

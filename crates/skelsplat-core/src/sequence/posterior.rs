@@ -44,7 +44,6 @@ pub struct Posterior {
 }
 
 /// The posterior at the solution.
-#[must_use]
 pub fn posterior(run: &WindowSolver<'_>, tracks: &Tracks, learnt: &Learnt) -> Posterior {
     let Learnt { common, memory, share } = learnt;
     let (n, t) = (tracks.joints, tracks.frames);

@@ -65,7 +65,6 @@ pub struct ProcessNoise {
 
 impl ProcessNoise {
     /// q at all times.
-    #[must_use]
     pub fn steady(q: f64) -> Self {
         Self { usual: q, variance: 1.0, white: 1.0, squares: Vec::new() }
     }
@@ -79,7 +78,6 @@ impl ProcessNoise {
 }
 
 /// The process noise of every joint for data of these variances, mm².
-#[must_use]
 pub fn learn(tracks: &Tracks, fps: f64, variance: &[f64]) -> Vec<ProcessNoise> {
     let own: Vec<MeasuredMotion> =
         (0..tracks.joints).map(|j| MeasuredMotion::of(tracks, fps, j, variance[j])).collect();
@@ -196,7 +194,6 @@ fn second_moment(
 /// The second differences around count in multiples of the recording's, so that those of joints
 /// that bones connect can be added. Only positions on which all of at least three views agree
 /// count, and only the same views in a second difference: others differ by their errors.
-#[must_use]
 pub fn local(tracks: &Tracks, fps: f64, bones: &[[usize; 2]], usual: &[ProcessNoise]) -> Vec<f64> {
     let t = tracks.frames;
     let mut out: Vec<f64> = vec![0.0; tracks.joints * t];

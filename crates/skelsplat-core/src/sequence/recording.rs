@@ -68,9 +68,6 @@ pub fn refine_sequence(
 
 /// [`refine_sequence`] in windows of at most this length, which overlap by so many frames on either
 /// side.
-///
-/// # Errors
-/// As [`refine_sequence`].
 pub fn refine_in_windows(
     refiner: &Refiner,
     frames: &[Frame],

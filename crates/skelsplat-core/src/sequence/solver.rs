@@ -90,7 +90,6 @@ pub struct WindowSolver<'a> {
 
 impl<'a> WindowSolver<'a> {
     /// A run that starts at `points` `(N, T)`, or at the smoothed positions of the frames alone.
-    #[must_use]
     pub fn new(tracks: &'a Tracks, common: &'a Common, points: Option<Vec<Vector3<f64>>>) -> Self {
         let system = System::new(tracks.frames, tracks.joints, &common.bones);
         let smooth = points.is_none();
@@ -136,7 +135,6 @@ impl<'a> WindowSolver<'a> {
 
     /// The selected inverse of joint `j`'s chain; a joint lies within `reach` (see [`Common`]) of
     /// the body's centre.
-    #[must_use]
     pub fn bands(&self, j: usize) -> Vec<Band> {
         let of = self.system.of(j);
         let blocks = &self.system.blocks[of.clone()];

@@ -39,7 +39,6 @@ pub struct System {
 
 impl System {
     /// An empty system.
-    #[must_use]
     pub fn new(frames: usize, joints: usize, bones: &[[usize; 2]]) -> Self {
         let zero = || vec![Vector3::zeros(); frames * joints];
         Self {
@@ -60,7 +59,6 @@ impl System {
     }
 
     /// Joint `j`'s part of a vector.
-    #[must_use]
     pub fn of(&self, j: usize) -> std::ops::Range<usize> {
         j * self.frames..(j + 1) * self.frames
     }
@@ -164,7 +162,6 @@ impl System {
     }
 
     /// H without damping as a dense row-major matrix, for study and tests.
-    #[must_use]
     pub fn dense(&self) -> Vec<f64> {
         let n = self.pulls.len();
         let mut out = vec![0.0; 9 * n * n];

@@ -60,7 +60,6 @@ impl Tracks {
     ///
     /// A joint is estimated between frames that give it a position, over gaps of at most `longest`
     /// frames. `sigma` is the kernel under which views agree.
-    #[must_use]
     pub fn new(stretches: &[&[Alone]], longest: usize, sigma: f64) -> Self {
         let first = &stretches[0][0];
         let (n, m) = (first.points.len(), first.rays.n_views());
@@ -184,7 +183,6 @@ impl Tracks {
 
     /// Whether there is a cut between frames `a` < `b`.
     #[inline]
-    #[must_use]
     pub fn is_cut(&self, a: usize, b: usize) -> bool {
         self.cuts[b] > self.cuts[a]
     }
@@ -195,7 +193,6 @@ impl Tracks {
 
     /// The rays of joint `j` in frame `t`, one per view.
     #[inline]
-    #[must_use]
     pub fn rays(&self, j: usize, t: usize) -> &[Ray] {
         let k = (j * self.frames + t) * self.views;
         &self.rays[k..k + self.views]
@@ -203,20 +200,17 @@ impl Tracks {
 
     /// The least weights of these rays.
     #[inline]
-    #[must_use]
     pub fn held(&self, j: usize, t: usize) -> &[f64] {
         let k = (j * self.frames + t) * self.views;
         &self.held[k..k + self.views]
     }
 
     /// Whether any view detects joint `j` in frame `t`.
-    #[must_use]
     pub fn is_seen(&self, j: usize, t: usize) -> bool {
         self.rays(j, t).iter().any(Ray::is_there)
     }
 
     /// Whether frame `t` alone has exchanged the sides of these pairs of joints in view `i`.
-    #[must_use]
     pub fn is_turned(&self, t: usize, pairs: &[[usize; 2]], i: usize) -> bool {
         pairs.iter().any(|[j, _]| self.turned[self.at(*j, t) * self.views + i])
     }

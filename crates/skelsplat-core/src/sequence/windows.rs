@@ -21,14 +21,12 @@ pub struct Window {
 }
 
 /// The largest number of frames of a window at this rate, and how many it looks at on either side.
-#[must_use]
 pub fn window_size(fps: f64) -> [usize; 2] {
     let overlap = frames_in(OVERLAP, fps).max(LEAST_OVERLAP);
     [WINDOW.saturating_mul(overlap), overlap]
 }
 
 /// Windows over `n` frames of at most `length`, that overlap by `overlap` on either side.
-#[must_use]
 pub fn windows(n: usize, [length, overlap]: [usize; 2]) -> Vec<Window> {
     let count = n.div_ceil(length);
     let cut = |k: usize| k * n / count;
@@ -41,7 +39,6 @@ pub fn windows(n: usize, [length, overlap]: [usize; 2]) -> Vec<Window> {
 }
 
 /// The frames of at most `SAMPLE` windows, evenly spread; those that overlap in one.
-#[must_use]
 pub fn sample(windows: &[Window]) -> Vec<Range<usize>> {
     let n = windows.len().min(SAMPLE);
     let mut out: Vec<Range<usize>> = Vec::new();
@@ -56,7 +53,6 @@ pub fn sample(windows: &[Window]) -> Vec<Range<usize>> {
 }
 
 /// Number of frames in `seconds`, at least one.
-#[must_use]
 pub(super) fn frames_in(seconds: f64, fps: f64) -> usize {
     ((seconds * fps).round() as usize).max(1)
 }

@@ -16,7 +16,6 @@ pub fn central_differences(x: &[f64], h: f64, mut f: impl FnMut(&[f64]) -> f64) 
 }
 
 /// Largest |a − b| relative to the largest |b|.
-#[must_use]
 pub fn relative_error(a: &[f64], b: &[f64]) -> f64 {
     let scale = b.iter().fold(f64::MIN_POSITIVE, |m, v| m.max(v.abs()));
     a.iter().zip(b).fold(0.0, |m: f64, (a, b)| m.max((a - b).abs())) / scale

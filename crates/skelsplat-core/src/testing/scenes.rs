@@ -15,7 +15,6 @@ pub struct Noise(u64);
 
 impl Noise {
     /// A generator with this seed.
-    #[must_use]
     pub fn new(seed: u64) -> Self {
         Self(seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) | 1)
     }
@@ -43,7 +42,6 @@ impl Noise {
 ///
 /// # Panics
 /// If the camera would look straight up or down.
-#[must_use]
 pub fn look_at(centre: Vector3<f64>, target: Vector3<f64>, focal: f64, size: [u32; 2]) -> Camera {
     let forward = (target - centre).normalize();
     let right = forward.cross(&Vector3::z()).normalize();
@@ -55,7 +53,6 @@ pub fn look_at(centre: Vector3<f64>, target: Vector3<f64>, focal: f64, size: [u3
 }
 
 /// `n` cameras of 1000 × 1000 px around a room, 5.3 m from its centre and 1.5 m high, mm.
-#[must_use]
 pub fn room(n: u32) -> Vec<Camera> {
     let place = |i: u32| {
         let angle = std::f64::consts::TAU * (f64::from(i) + 0.5) / f64::from(n);
@@ -66,7 +63,6 @@ pub fn room(n: u32) -> Vec<Camera> {
 }
 
 /// A standing person in the Human3.6M-17 layout, mm, z up.
-#[must_use]
 pub fn standing() -> Vec<Vector3<f64>> {
     let joints: [[f64; 3]; 17] = [
         [0.0, 0.0, 950.0],
@@ -91,7 +87,6 @@ pub fn standing() -> Vec<Vector3<f64>> {
 }
 
 /// Exact detections of `pose`; missing where a camera does not see a joint.
-#[must_use]
 pub fn exact_detections(pose: &[Vector3<f64>], cameras: &[Camera]) -> Detections {
     noisy_detections(pose, cameras, 0.0, &mut Noise::new(0))
 }
@@ -100,7 +95,6 @@ pub fn exact_detections(pose: &[Vector3<f64>], cameras: &[Camera]) -> Detections
 ///
 /// # Panics
 /// Never: the arrays have the shape required by [`Detections::new`].
-#[must_use]
 pub fn noisy_detections(
     pose: &[Vector3<f64>],
     cameras: &[Camera],
@@ -118,7 +112,6 @@ pub fn noisy_detections(
 }
 
 /// `pose` with independent noise of `sigma` mm per axis.
-#[must_use]
 pub fn perturbed(pose: &[Vector3<f64>], sigma: f64, noise: &mut Noise) -> Vec<Vector3<f64>> {
     pose.iter().map(|p| p + noise.vector(sigma)).collect()
 }
@@ -127,7 +120,6 @@ pub fn perturbed(pose: &[Vector3<f64>], sigma: f64, noise: &mut Noise) -> Vec<Ve
 ///
 /// # Panics
 /// Never: it is built in.
-#[must_use]
 pub fn h36m() -> Layout {
     Layout::by_name("h36m17").expect("built in")
 }
@@ -136,7 +128,6 @@ pub fn h36m() -> Layout {
 ///
 /// # Panics
 /// If the settings are wrong.
-#[must_use]
 pub fn refiner(cameras: &[Camera], config: impl Into<RefineConfig>) -> Refiner {
     let layout = h36m();
     Refiner::new(cameras, Unit::Millimetre, Some(&layout), config.into()).expect("valid settings")
@@ -146,7 +137,6 @@ pub fn refiner(cameras: &[Camera], config: impl Into<RefineConfig>) -> Refiner {
 ///
 /// # Panics
 /// If a confidence is wrong.
-#[must_use]
 pub fn changed(
     detections: &Detections,
     f: impl Fn(usize, usize, Vector2<f64>) -> Option<(Vector2<f64>, f64)>,
@@ -163,7 +153,6 @@ pub fn changed(
 }
 
 /// `detections` without those for which `missing(view, joint)` holds.
-#[must_use]
 pub fn without(detections: &Detections, missing: impl Fn(usize, usize) -> bool) -> Detections {
     changed(detections, |i, j, p| (!missing(i, j)).then_some((p, 1.0)))
 }

@@ -24,7 +24,6 @@ pub(super) const AT_INFINITY: f64 = 1e-9;
 ///
 /// NaN where fewer than two views detect the joint, where the rays are parallel or coincide,
 /// and where the point lies behind every camera that detects it.
-#[must_use]
 pub fn dlt(detections: &Detections, cameras: &[Camera]) -> Vec<Vector3<f64>> {
     (0..detections.n_joints()).map(|j| point(detections, cameras, j, |_| true)).collect()
 }

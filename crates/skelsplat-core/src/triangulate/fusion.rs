@@ -21,7 +21,6 @@ pub const MIN_ERROR_PX: f64 = 1e-3;
 /// # Panics
 /// If a pose has another number of joints than the detections, or the detections another number of
 /// views than there are cameras.
-#[must_use]
 pub fn fuse_monocular(
     poses: &[Vec<Vector3<f64>>],
     detections: &Detections,

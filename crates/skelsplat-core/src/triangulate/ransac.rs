@@ -28,7 +28,6 @@ pub const INLIER_PX: f64 = 20.0;
 /// rejected. NaN as there.
 ///
 /// `detections` are ideal pixels.
-#[must_use]
 pub fn ransac(detections: &Detections, cameras: &[Camera]) -> Triangulated {
     let (m, n) = (detections.n_views(), detections.n_joints());
     let mut rejected = vec![false; m * n];

@@ -57,7 +57,6 @@ pub struct Associator {
 
 impl Associator {
     /// Nobody is known yet, of frames at this rate.
-    #[must_use]
     pub fn new(refiner: &Refiner, layout: &Layout, fps: f64) -> Self {
         Self {
             known: BodyModel::new(refiner, layout),
@@ -79,13 +78,11 @@ impl Associator {
 
     /// Whether a body is still followed, seen or not; one that was lost keeps its identity for a
     /// while.
-    #[must_use]
     pub fn follows(&self, id: usize) -> bool {
         self.bodies.iter().chain(&self.lost).any(|body| body.id == id)
     }
 
     /// In how many frames there were too many people for all of them to be compared, or followed.
-    #[must_use]
     pub fn cut(&self) -> usize {
         self.cut
     }

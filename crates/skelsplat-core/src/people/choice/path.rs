@@ -33,9 +33,6 @@ pub struct Chosen {
 }
 
 /// The cheapest sequence in all of one choice per frame, by dynamic programming.
-///
-/// # Errors
-/// As [`choices`].
 pub fn choose(
     frames: &[Vec<Detections>],
     cameras: &[Camera],

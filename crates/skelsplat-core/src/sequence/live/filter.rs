@@ -49,7 +49,6 @@ pub struct KalmanState {
 
 impl KalmanState {
     /// At rest, as far as is known.
-    #[must_use]
     pub fn new(at: Vector3<f64>, position: Matrix3<f64>) -> Self {
         let speed = Matrix3::from_diagonal_element(ANY_SPEED * ANY_SPEED);
         Self { at, position, speed, ..Self::default() }
@@ -132,7 +131,6 @@ impl MotionStatistics {
     }
 
     /// The spectral density q of its acceleration, mm²/s³.
-    #[must_use]
     pub fn process_noise(&self, fps: f64) -> f64 {
         let Some(first) = self.squares.first() else { return USUAL_PROCESS_NOISE };
         let white = (first / 6.0).clamp(LEAST_WHITE * self.variance, self.variance);
@@ -144,7 +142,6 @@ impl MotionStatistics {
     /// Variance per axis by which the joint leaves a straight path within so many frames, mm²: that
     /// of the second differences over the time, of which the longer ones are extrapolated with its
     /// third power. A swinging arm leaves it by more than white acceleration does.
-    #[must_use]
     pub fn leaves(&self, frames: f64) -> f64 {
         let longest = 1 << self.squares.len().saturating_sub(1);
         let at = spans(longest).position(|h| h as f64 >= frames);

@@ -310,7 +310,6 @@ impl Live {
     }
 
     /// The state as numbers, for [`Self::restored`].
-    #[must_use]
     pub fn numbers(&self) -> Vec<f64> {
         let mut serialiser = Serialiser::empty();
         self.clone().serialise(&mut serialiser);
