@@ -9,8 +9,8 @@ from import_circles import circles, python_graph, rust_graph
 # What each layer of the core may import besides what stands before it in this list.
 LAYERS = [
     {"error"},
-    {"memory", "camera", "layout", "settings", "threads"},
-    {"detections", "unit", "gaussian", "overlap", "projection", "symmetric", "symmetry", "outcome", "bones"},
+    {"memory", "camera", "layout", "settings", "threads", "matrix3", "names", "statistics"},
+    {"detections", "unit", "gaussian", "overlap", "projection", "symmetry", "outcome", "bones"},
     {"triangulate"},
     {"annealed", "paper"},
     {"refine", "triangulation"},

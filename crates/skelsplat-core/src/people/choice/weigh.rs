@@ -76,8 +76,7 @@ impl Hypothesis {
         let size: f64 = self.figures.iter().flatten().map(|k| figures.all[*k].share).sum();
         let cost = unexplained + SIZE_COST * (1.0 - size / n as f64);
         let left = kept.cost(&self.figures) - cost;
-        if 2 * self.explained.iter().filter(|distances| !self.is_below(distances, left)).count() > n
-        {
+        if 2 * self.explained.iter().filter(|far| !self.is_below(far, left)).count() > n {
             return None;
         }
         let mut errors = std::mem::take(&mut self.errors);

@@ -195,10 +195,7 @@ impl LiveJoint {
         for _ in 0..FEW_STEPS {
             let mut information = prior + of_frame;
             let mut pull = times(&prior, &(state.at - at)) + times(&of_frame, &(alone.at - at));
-            ties.iter().map(|tie| tie.pull(&at)).for_each(|(block, b)| {
-                information += block;
-                pull += b;
-            });
+            add_ties(ties, &at, &mut information, &mut pull);
             spread = symmetrised(&inverse(&information));
             at += times(&spread, &pull);
         }
@@ -231,10 +228,7 @@ impl LiveJoint {
                 information += ray.information() * w;
                 pull -= offset.across * w;
             }
-            ties.iter().map(|tie| tie.pull(&at)).for_each(|(block, b)| {
-                information += block;
-                pull += b;
-            });
+            add_ties(ties, &at, &mut information, &mut pull);
             spread = symmetrised(&inverse(&information));
             at += times(&spread, &pull);
         }
@@ -271,5 +265,18 @@ impl LiveJoint {
         serialiser.matrix(&mut self.information);
         serialiser.matrix(&mut self.excess);
         serialiser.list(&mut self.trust, 1.0, |k, serialiser| serialiser.number(k));
+    }
+}
+
+/// Adds what bones to known joints say of a joint at `at`.
+fn add_ties(
+    ties: &[Tie],
+    at: &Vector3<f64>,
+    information: &mut Matrix3<f64>,
+    pull: &mut Vector3<f64>,
+) {
+    for (block, b) in ties.iter().map(|tie| tie.pull(at)) {
+        *information += block;
+        *pull += b;
     }
 }
