@@ -9,14 +9,10 @@ from __future__ import annotations
 
 import lab
 from measures.bars import angles, coverage, coverage_real, gaussian
-from measures.bones import bones, schedule
-from measures.errors import start, swaps, sweep, table, useless, views
+from measures.errors import bones, swaps, table
 from measures.operating_room import mvor, mvor_people
 
-MEASURES = (
-    *(angles, table, start, bones, coverage, coverage_real, gaussian),
-    *(mvor, mvor_people, swaps, useless, sweep, views, schedule),
-)
+MEASURES = (table, bones, swaps, gaussian, coverage, coverage_real, angles, mvor, mvor_people)
 
 if __name__ == "__main__":
     lab.main(__doc__, *MEASURES)

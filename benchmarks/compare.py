@@ -1,48 +1,31 @@
 """Time per pose and accuracy of SkelSplat and other triangulations, on the same simulated detections.
 
-    python benchmarks/compare.py [--poses 300] [--noise good|noisy|occluded2|occluded3] [--takes 4]
+    python benchmarks/compare.py [--poses 300] [--noise good|noisy|occluded2|occluded3]
 
 Six simulated motions seen by four cameras in a Human3.6M-like room. Everything runs on one core. The
 accuracy is over all poses; the time is the best of repeated runs, for slow methods on every k-th pose (the
 column "timed on" has their number). Accuracy counts the joints that at least two views see, the same for
 every method; "missing" is the share of these without a position. ``paper`` and its closed form start from DLT
 weighted by confidence.
-
-The second table compares methods that smooth single frames with solving all frames together, on `--takes`
-simulated recordings of ``sequences.py``, the middle `--frames` of each: errors of their detections last, and
-there are no confidences. The speed lines of ``speed.py`` follow.
 """
 
 from __future__ import annotations
 
 import contextlib
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 
 import lab
 import numpy as np
-import over_time
-import recordings
-import sequences
 from lab import ONE_THREAD, Table, brief
 from peers import opencv_dlt, scipy_cauchy
 from scenarios import Scene, simulated
-from speed import speed
 
 import skelsplat as sk
 from skelsplat.evaluation import baselines
 
 Method = Callable[[slice], np.ndarray]
 
-# Methods on recordings and their names in the table.
-_RECORDED = {
-    "frames": "SkelSplat, frame by frame",
-    "butterworth": "+ Butterworth filter, 6 Hz",
-    "kalman": "+ Kalman smoother per joint",
-    "anipose": "triangulate_optim, aniposelib",
-    "anipose-tuned": "the same, tuned here",
-    "sequence": "SkelSplat, solved over time",
-}
 _NOISES = {"occluded2": "occluded 2", "occluded3": "occluded 3"}
 _DEFAULT = "SkelSplat, default"
 # Side of the crop in whose pixels Iskakov's threshold is.
@@ -72,28 +55,9 @@ def methods(scene: Scene) -> dict[str, Method]:
         ),
         "Cauchy loss, SciPy": lambda f: scipy_cauchy(found[f], rig),
         "Cauchy loss, NumPy, all joints at once": lambda f: baselines.cauchy(found[f], rig),
-        **anipose(scene),
         "SkelSplat, paper": from_dlt,
         "SkelSplat, closed form, Adam": lambda f: from_dlt(f, renderer="closed_form"),
         _DEFAULT: lambda f: sk.refine(None, found[f], rig, layout="h36m17", config=ONE_THREAD).pose,
-    }
-
-
-def anipose(scene: Scene) -> dict[str, Method]:
-    """Return aniposelib's methods, if it is installed."""
-    try:
-        group = over_time.anipose_group(scene.rig)
-    except ImportError:
-        return {}
-
-    def run(call: Callable[..., np.ndarray], frames: slice) -> np.ndarray:
-        found = scene.detections[frames, ..., :2]
-        points = np.ascontiguousarray(np.moveaxis(found, 1, 0)).reshape(len(scene.rig), -1, 2)
-        return np.asarray(call(points)).reshape(len(found), -1, 3)
-
-    return {
-        "DLT, aniposelib": lambda f: run(group.triangulate, f),
-        "RANSAC, aniposelib": lambda f: run(lambda p: group.triangulate_ransac(p)[0], f),
     }
 
 
@@ -120,8 +84,13 @@ def measured(method: Method, scene: Scene, repeat: int) -> dict[str, float]:
     }
 
 
-def singles(scene: Scene, noise: str, repeat: int) -> Table:
-    """Compare methods frame by frame."""
+def compare(*, poses: int = 300, noise: str = "good", seed: int = 0, repeat: int = 5) -> Table:
+    """Compare methods on poses."""
+    with contextlib.suppress(ImportError):
+        import cv2
+
+        cv2.setNumThreads(1)  # it ignores the variables used by NumPy
+    scene = simulated(poses, noise=_NOISES.get(noise, noise), seed=seed)
     rows, notes = {}, []
     for name, method in methods(scene).items():
         try:
@@ -136,48 +105,6 @@ def singles(scene: Scene, noise: str, repeat: int) -> Table:
         cells[name] |= {key: f"{row[key]:.1f}" for key in ("mean mm", "median", "p90", "missing %")}
     title = f"{len(scene.truth)} poses, 17 joints, simulated detections '{noise}', one core"
     return Table.of(title, "method", cells, notes)
-
-
-def in_time(condition: str, takes: int, frames: int, seed: int) -> Table:
-    """Compare methods on recordings."""
-    found = [
-        recordings.unsure(take)
-        for take in recordings.takes(condition, count=takes, seed=seed, most_frames=frames)
-    ]
-    absent = {name: reason for name in _RECORDED if (reason := over_time.absent(name))}
-    rows = {}
-    for name, errors in sequences.measured(found, [name for name in _RECORDED if name not in absent]).items():
-        row = errors.row()
-        lengths = {key: row[key] for key in ("mean mm", "median", "p95", "acc m/s²")}
-        rows[_RECORDED[name]] = {"ms/frame": brief(row["ms/frame"] or 0.0), **lengths}
-    n_frames = sum(len(take.scene.truth) for take in found)
-    title = (
-        f"{len(found)} recordings, {n_frames} frames at 30 Hz, simulated detections '{condition}', one core"
-    )
-    notes = [f"{_RECORDED[name]}: left out, {reason}" for name, reason in absent.items()]
-    return Table.of(title, "method", rows, notes, digits=1)
-
-
-def compare(
-    *,
-    poses: int = 300,
-    noise: str = "good",
-    takes: int = 4,
-    frames: int = 100,
-    seed: int = 0,
-    repeat: int = 5,
-    batch: int = 1000,
-) -> Iterator[Table]:
-    """Compare methods on poses and on recordings, and measure the speed."""
-    with contextlib.suppress(ImportError):
-        import cv2
-
-        cv2.setNumThreads(1)  # it ignores the variables used by NumPy
-    condition = _NOISES.get(noise, noise)
-    yield singles(simulated(poses, noise=condition, seed=seed), noise, repeat)
-    if takes > 0:
-        yield in_time(condition if condition in recordings.CONDITIONS else "good", takes, frames, seed)
-    yield speed(batch=batch, repeat=repeat)
 
 
 if __name__ == "__main__":

@@ -3,7 +3,6 @@
     python benchmarks/rig.py [--views 3 4] [--faults "turn 1" sound] [--takes 20] [--condition good]
     python benchmarks/rig.py --lost                      what a clock costs that is off by parts of a frame
     python benchmarks/rig.py --sample                    clocks in the recording of the demo
-    python benchmarks/rig.py --speed                     how long 1,000 frames of four cameras take
 
 Simulated: CMU motions of ten seconds at 30 Hz (without the data: the package's synthetic motions), detections
 with memory (`recordings.noise`), and one camera, in half of the takes two of five or more, that was turned or
@@ -275,23 +274,6 @@ def clocks_of_the_demo() -> Table:
     return Table.of(title, "cameras read early or late", rows)
 
 
-def times() -> Table:
-    """Return how long a walk of 1,000 frames takes, four cameras, of which one is turned and late."""
-    cameras, noise = synthetic.ring(4), synthetic.DetectionNoise.recording(int(FPS))
-    pose = synthetic.motion("walk", 1000, fps=FPS, seed=FIRST)
-    seen = synthetic.simulate_detections(pose, cameras, noise=noise, seed=FIRST)
-    seen[3:, 2] = seen[:-3, 2].copy()
-    turn, given = matrix_from_vector(np.radians([0.0, 2.0, 0.0])), list(cameras)
-    given[1] = altered(given[1], R=turn @ given[1].R, t=turn @ given[1].t)
-    rows = {}
-    for what in ({}, {"clock": True}, {"focal": True, "clock": True}):
-        begun, cpu = time.perf_counter(), time.process_time()
-        sk.adjust_cameras(seen, sk.CameraRig(given, unit=cameras.unit), config=ONE_THREAD, **what)
-        taken = {"s": time.perf_counter() - begun, "CPU s": time.process_time() - cpu}
-        rows[", ".join(("turn", "movement", *what))] = taken
-    return Table.of("1,000 frames, four cameras, one thread", "adjusted", rows, digits=2)
-
-
 def rig(
     *,
     views: tuple[int, ...] = (3, 4, 5, 8),
@@ -300,12 +282,9 @@ def rig(
     condition: str = "good",
     lost: bool = False,
     sample: bool = False,
-    speed: bool = False,
 ) -> Iterator[Table]:
-    """Measure faults in rigs, or what the last three name."""
-    if speed:
-        yield times()
-    elif sample:
+    """Measure faults in rigs, or what the last two name."""
+    if sample:
         yield clocks_of_the_demo()
     elif lost:
         yield lost_clocks(takes)

@@ -1,7 +1,7 @@
-"""What poses cost: per core, by frames, views, people and joints, where the time goes, and memory.
+"""What poses cost: per core, by frames, views, people and joints, and memory.
 
     python benchmarks/scale.py                           all tables, about ten minutes
-    python benchmarks/scale.py speed growth --markdown   some of them: speed, growth, day, stages, memory
+    python benchmarks/scale.py speed growth --markdown   some of them: speed, growth, memory
     python benchmarks/scale.py growth picture            draws the growth too: docs/figures/scaling.png
 
 Simulated recordings (`synthetic.motion`, errors that last), seen by a ring of cameras, 17 joints in 4 views
@@ -11,16 +11,11 @@ little, but they share caches and clock rates. Memory is the largest resident se
 
 from __future__ import annotations
 
-import contextlib
 import functools
-import json
 import subprocess
 import sys
-import tempfile
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
-from unittest import mock
 
 import lab
 import numpy as np
@@ -28,8 +23,6 @@ from lab import ONE_THREAD, Table, cpu_ms
 
 import skelsplat as sk
 from skelsplat import synthetic
-from skelsplat.io import write_calibration
-from skelsplat.run import Job, engine, figures, folder, run
 
 FPS = 100.0
 FRAMES = 2000
@@ -42,15 +35,6 @@ SIZES = {
     "views": (2, 4, 8, 16, 31),
     "joints": (17, 34, 68, 136),
     "people": (1, 2, 4, 6),
-}
-# What `skelsplat.run.run` calls, by stage; what is left of the last is writing poses and the report.
-STAGES = {
-    "reading": (engine, "read_inputs"),
-    "solving": (engine, "refine_inputs"),
-    "judging": (engine, "summed_up"),
-    "pictures": (figures, "write_figures"),
-    "html": (folder, "write_html"),
-    "poses": (folder, "write_folder"),
 }
 
 
@@ -117,7 +101,9 @@ def speed(repeat: int) -> Iterator[Table]:
         name: {"µs per pose": f"{us:.0f}", "poses per second and core": f"{1e6 / us:,.0f}"}
         for name, us in costs.items()
     }
-    yield Table.of("17 joints, 4 views", "way", rows)
+    hours = people_us(4, 8, repeat) * DAY_FRAMES / 3.6e9
+    note = f"a day of 8 cameras at {FPS:g} Hz with 4 people, `track`: {hours:.1f} core hours"
+    yield Table.of("17 joints, 4 views", "way", rows, [note])
 
 
 def growth(repeat: int) -> Iterator[Table]:
@@ -151,93 +137,6 @@ def measured_growth(repeat: int) -> dict[str, dict[int, tuple[float, ...]]]:
         for what, measure in sizes.items()
     }
     return out | {"people": {size: (people_us(size, 4, repeat),) for size in SIZES["people"]}}
-
-
-def day(repeat: int) -> Iterator[Table]:
-    """Compute what a day of 8 cameras at 100 Hz with 4 people costs, from one minute's share of it."""
-    us = people_us(4, 8, repeat)
-    hours = us * DAY_FRAMES / 3.6e9
-    rig, seen = recorded(100, 8)
-    result = sk.refine_sequence(seen, rig, fps=FPS, layout="h36m17")
-    names = [name for name in result.__dataclass_fields__ if name not in ("joint_bias", "loss_history")]
-    size = sum(getattr(result, name).nbytes for name in names if getattr(result, name).shape[:1] == (100,))
-    poses = 4 * DAY_FRAMES
-    figures = {
-        "frames": f"{DAY_FRAMES:,.0f}",
-        "poses": f"{poses:,.0f}",
-        "measured: µs per frame of 4 people in 8 views, `track`": f"{us:.0f}",
-        "core hours": f"{hours:.1f}",
-        "cores to keep up with the recording": f"{hours / 24:.2f}",
-        "detections in, float32": f"{8 * 17 * 3 * 4 * poses / 1e9:.0f} GB",
-        "poses out, float32": f"{17 * 3 * 4 * poses / 1e9:.0f} GB",
-        "all fields out": f"{size / 100 * poses / 1e9:.0f} GB",
-    }
-    rows = {name: {"figure": text} for name, text in figures.items()}
-    yield Table.of("a day, computed from measured seconds", "what", rows)
-
-
-def stages(repeat: int) -> Iterator[Table]:
-    """CPU time per frame of the stages of ``skelsplat refine --fps``, by the kind of files."""
-    rig, seen = recorded()
-    rows = {}
-    with tempfile.TemporaryDirectory() as place:
-        write_calibration(Path(place) / "cameras.json", rig)
-        for kind, write in {"one npz": one_npz, "OpenPose, a file per frame": openpose}.items():
-            job = Job(
-                Path(place) / "cameras.json",
-                write(Path(place) / kind.split(",")[0], rig, seen),
-                layout="h36m17",
-                fps=FPS,
-                config=ONE_THREAD,
-                output=Path(place) / "out",
-                write=("npz", "csv", "trc"),
-            )
-            best = [min(times) for times in zip(*(timed(job) for _ in range(repeat)), strict=True)]
-            best[-1] -= sum(best[-3:-1])
-            rows[kind] = {
-                f"{name} µs": f"{1e6 * s / len(seen):.0f}" for name, s in zip(STAGES, best, strict=True)
-            }
-            rows[kind]["solving, share"] = f"{best[1] / sum(best):.0%}"
-    yield Table.of(f"stages of a run of {len(seen)} frames", "files", rows)
-
-
-def timed(job: Job) -> list[float]:
-    """Return the CPU time of every stage of a job."""
-    times = dict.fromkeys(STAGES, 0.0)
-
-    def of(stage: str, call: Callable[..., object]) -> Callable[..., object]:
-        def measured(*args: object, **given: object) -> object:
-            begin = time.process_time()
-            try:
-                return call(*args, **given)
-            finally:
-                times[stage] += time.process_time() - begin
-
-        return measured
-
-    with contextlib.ExitStack() as stack:
-        for stage, (module, name) in STAGES.items():
-            stack.enter_context(mock.patch.object(module, name, of(stage, getattr(module, name))))
-        run(job)
-    return list(times.values())
-
-
-def one_npz(path: Path, rig: sk.CameraRig, seen: np.ndarray) -> Path:
-    """Write detections of one person as one array."""
-    path.mkdir()
-    np.savez(path / "own.npz", detections=seen[:, :, None], camera_names=rig.names)
-    return path / "own.npz"
-
-
-def openpose(path: Path, rig: sk.CameraRig, seen: np.ndarray) -> Path:
-    """Write detections of one person as OpenPose does: a folder per camera, a JSON file per frame."""
-    for name, frames in zip(rig.names, seen.transpose(1, 0, 2, 3), strict=True):
-        (path / name).mkdir(parents=True)
-        for t, points in enumerate(np.nan_to_num(frames)):
-            person = {"pose_keypoints_2d": points.round(3).ravel().tolist()}
-            text = json.dumps({"version": 1.3, "people": [person]})
-            (path / name / f"{name}_{t:012d}_keypoints.json").write_text(text, encoding="utf-8")
-    return path
 
 
 def memory(repeat: int) -> Iterator[Table]:
@@ -302,12 +201,10 @@ def picture(repeat: int) -> Iterator[Table]:
     yield from ()
 
 
-TABLES = {table.__name__: table for table in (speed, growth, day, stages, memory, picture)}
+TABLES = {table.__name__: table for table in (speed, growth, memory, picture)}
 
 
-def scale(
-    tables: tuple[str, ...] = ("speed", "growth", "day", "stages", "memory"), *, repeat: int = 5
-) -> Iterator[Table]:
+def scale(tables: tuple[str, ...] = ("speed", "growth", "memory"), *, repeat: int = 5) -> Iterator[Table]:
     """Measure each table; of so many runs the best counts."""
     for name in tables:
         yield from TABLES[name](repeat)

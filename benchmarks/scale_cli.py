@@ -1,15 +1,14 @@
 """Memory and time of ``skelsplat refine`` on long recordings.
 
-    python benchmarks/scale_cli.py [--frames 100000] [--format npz] [--folder DIR] [--options "--no-html"]
+    python benchmarks/scale_cli.py [--frames 100000] [--folder DIR] [--options "--no-html"]
 
 Simulated: one person walks, sits and waves by turns, 17 joints in 4 views at 50 Hz, detections `good`. The
-recording is written piece by piece (npz, csv, openpose or sleap), removed again, and refined in a process of
-its own, of which the peak of the resident memory is stated. A million frames need 25 GB on the disk of DIR.
+recording is written piece by piece as npz, removed again, and refined in a process of its own, of which the
+peak of the resident memory is stated. A million frames need 25 GB on the disk of DIR.
 """
 
 from __future__ import annotations
 
-import json
 import resource
 import shlex
 import subprocess
@@ -58,69 +57,13 @@ def write_npz(folder: Path, frames: int, rig: sk.CameraRig) -> Path:
     return path
 
 
-def write_csv(folder: Path, frames: int, rig: sk.CameraRig) -> Path:
-    """Write one csv file of all cameras, frame by frame."""
-    path, joints = folder / "detections.csv", sk.layouts.get(LAYOUT).joints
-    frame = 0
-    with path.open("w") as stream:
-        stream.write("frame,camera,joint,x,y,confidence\n")
-        for piece in pieces(frames, rig):
-            for views in piece.tolist():
-                for name, view in zip(rig.names, views, strict=True):
-                    for joint, (x, y, sure) in zip(joints, view, strict=True):
-                        place = ",," if x != x else f"{x:.2f},{y:.2f},{sure:.3f}"
-                        stream.write(f"{frame},{name},{joint},{place}\n")
-                frame += 1
-    return path
-
-
-def write_openpose(folder: Path, frames: int, rig: sk.CameraRig) -> Path:
-    """Write a folder per camera with a JSON file per frame."""
-    top, frame = folder / "openpose", 0
-    for name in rig.names:
-        (top / name).mkdir(parents=True)
-    for piece in pieces(frames, rig):
-        for views in np.nan_to_num(piece):
-            for name, view in zip(rig.names, views, strict=True):
-                people = [{"pose_keypoints_2d": np.round(view, 3).ravel().tolist()}]
-                (top / name / f"{frame:07d}_keypoints.json").write_text(json.dumps({"people": people}))
-            frame += 1
-    return top
-
-
-def write_sleap(folder: Path, frames: int, rig: sk.CameraRig) -> Path:
-    """Write an analysis file of SLEAP per camera."""
-    import h5py
-
-    top, joints = folder / "sleap", sk.layouts.get(LAYOUT).joints
-    top.mkdir()
-    files = [h5py.File(top / f"{name}.h5", "w") for name in rig.names]
-    for file in files:
-        shape = (1, 2, len(joints), frames)
-        file.create_dataset("tracks", shape, "f8", chunks=(1, 2, len(joints), 1024), compression="gzip")
-        file["node_names"] = [joint.encode() for joint in joints]
-    done = 0
-    for piece in pieces(frames, rig):
-        for m, file in enumerate(files):
-            file["tracks"][0, :, :, done : done + len(piece)] = piece[:, m, :, :2].transpose(2, 1, 0)
-        done += len(piece)
-    for file in files:
-        file.close()
-    return top
-
-
-WRITERS = {"npz": write_npz, "csv": write_csv, "openpose": write_openpose, "sleap": write_sleap}
-
-
-def scale_cli(
-    *, frames: int = 100_000, format: str = "npz", folder: Path | None = None, options: str = ""
-) -> Table:
+def scale_cli(*, frames: int = 100_000, folder: Path | None = None, options: str = "") -> Table:
     """Write a recording, refine it, and measure peak memory in MB and times in s."""
     rig = synthetic.human36m_like()
     with tempfile.TemporaryDirectory(prefix="skelsplat-scale-", dir=folder) as temporary:
         top = Path(temporary)
         write_calibration(top / "cameras.json", rig)
-        source, out = WRITERS[format](top, frames, rig), top / "out"
+        source, out = write_npz(top, frames, rig), top / "out"
         command = [sys.executable, "-m", "skelsplat", "refine", str(top / "cameras.json"), str(source)]
         command += ["-o", str(out), "--layout", LAYOUT, "--fps", str(FPS), "--quiet", *shlex.split(options)]
         seconds = lab.seconds(lambda: subprocess.run(command, check=True), 1)
@@ -133,7 +76,7 @@ def scale_cli(
         "µs per frame": 1e6 * seconds / frames,
     }
     files = "files, MB: " + ", ".join(f"{name} {size:.0f}" for name, size in sizes.items())
-    return Table.of(f"skelsplat refine, {format}", "frames", {f"{frames:,}": row}, [files], digits=0)
+    return Table.of("skelsplat refine", "frames", {f"{frames:,}": row}, [files], digits=0)
 
 
 if __name__ == "__main__":

@@ -35,8 +35,8 @@ from skelsplat.evaluation.methods import CUTOFF_HZ, cutoff
 Masks = list[NDArray[np.bool_]]
 # The joints of a take that belong to the extremes: this share of all joints and frames.
 EXTREME = 0.01
-# Without the slow methods, and the oracle, which is none.
-USUAL = tuple(name for name in over_time.METHODS if not name.startswith(("anipose-", "oracle")))
+# Without the slow methods.
+USUAL = tuple(name for name in over_time.METHODS if not name.startswith("anipose-"))
 
 
 @dataclass

@@ -1,4 +1,4 @@
-"""Errors of the methods: by noise, start, number of views, swaps, a useless camera and stated sigma."""
+"""Errors of the methods by noise, with left–right swaps, and with and without the population's bones."""
 
 from __future__ import annotations
 
@@ -18,24 +18,23 @@ from methods import (
     paper,
     triangulations,
 )
-from scenarios import NOISES, FloatArray, Scene, louder, rig, scene
+from recordings import noise as recorded
+from scenarios import NOISES, FloatArray, Scene, scene
 
 import skelsplat as sk
 from skelsplat import synthetic
 
 # MPJPE of the fused monocular start.
 START_MM = 40.0
-LEVELS_MM = (0, 10, 20, 40, 60, 80, 100, 200, 400)
-VIEWS = (2, 3, 4, 5, 8, 16, 31)
 SWAPPED = replace(NOISES["good"], limb_swap_rate=0.05, view_swap_rate=0.02)
-RATIOS = (0.25, 0.35, 0.5, 0.7, 1.0, 1.4, 2.0, 2.8, 4.0)
-STARTS_MM = (25.0, 60.0)
-FACTORS = (1, 2)
-OFFSET_PX = np.array([60.0, -80.0])
-# A useless detector has the confidences of a good one.
-CONFIDENCE = 0.9
-# Jitter of a useless detector, px.
-JITTER_PX = 2.3
+
+# Occluded as in recordings.
+CONDITIONS = ("good", "occluded 2", "occluded 3", "heavy")
+# Bodies: factor on the whole body, and on forearms and shanks.
+BODIES = {"0.9 m": (0.51, 1.0), "2.1 m": (1.2, 1.0), "long limbs": (1.0, 1.1)}
+LIMBS = ((12, 13), (15, 16), (5, 6), (2, 3))
+# Knees, ankles, elbows and wrists that are left to one view.
+SINGLE = [3, 6, 12, 13, 15, 16]
 
 
 def table(
@@ -74,46 +73,6 @@ def table(
     return Table.of("MPJPE, mm (joints that at least two views detect)", "detections", rows, notes)
 
 
-def start(
-    *, poses: int = 300, seed: int = 0, noise: str = "good", fast: bool = False, fields: Fields | None = None
-) -> Table:
-    """MPJPE in mm from DLT plus Gaussian noise per axis; `fast` omits the paper's method."""
-    here = scene(noise, poses, seed)
-    triangulated = dlt(here)
-    rows: dict[str, dict[str, float]] = {}
-    notes = []
-    for level in LEVELS_MM:
-        first = synthetic.perturb(triangulated, level, seed=seed + 1)
-        found = {"start": first}
-        if not fast:
-            found["paper"] = paper(here, first).pose
-        found["default"] = default(here, first, fields=fields).pose
-        notes += missing(found, here, f"{level} mm")
-        for name, pose in found.items():
-            rows.setdefault(name, {})[f"{level}"] = mpjpe(pose, here)
-    title = f"MPJPE, mm, by noise on the start, mm per axis; detections: {noise}"
-    return Table.of(title, "method", rows, [*notes, about(poses=poses, seed=seed, source=here.source)])
-
-
-def views(*, poses: int = 300, seed: int = 0, kind: str = "room", fields: Fields | None = None) -> Table:
-    """MPJPE in mm for 2 to 31 views; `kind` of rig: room, dome, table (to 16) or stereo (2)."""
-    counts = [m for m in VIEWS if m <= {"stereo": 2, "table": 16}.get(kind, 31)]
-    rows: dict[str, dict[str, float]] = {}
-    notes = []
-    for name, noise in NOISES.items():
-        for n_views in counts:
-            if n_views < (noise.occluded_views or 0):
-                continue
-            here = scene(noise, poses, seed, kind=kind, n_views=n_views)
-            found = {column: method(here) for column, method in {"DLT": dlt, **RANSACS}.items()}
-            found["default"] = default(here, fields=fields).pose
-            notes += missing(found, here, f"{name}, {n_views} views")
-            for method, pose in found.items():
-                rows.setdefault(f"{name}, {method}", {})[f"{n_views}"] = mpjpe(pose, here)
-    notes.append(about(poses=poses, seed=seed, source=here.source))
-    return Table.of("MPJPE, mm, by the number of views", "detections, method", rows, notes)
-
-
 def swaps(*, poses: int = 300, seed: int = 0, fields: Fields | None = None) -> Table:
     """MPJPE in mm at all joints and at those swapped in some view; swaps reported, correct and false.
 
@@ -149,66 +108,81 @@ def swaps(*, poses: int = 300, seed: int = 0, fields: Fields | None = None) -> T
     return Table.of("Swaps of left and right, MPJPE in mm", "detections, method", rows, notes)
 
 
-def useless(*, poses: int = 300, seed: int = 0, fast: bool = False, fields: Fields | None = None) -> Table:
-    """Effect of a fifth camera with only wrong detections on the result of four good ones, mm."""
-    four = scene("good", poses, seed)
-    methods = triangulations(fast=fast)
-    if not fast:
-        methods["paper"] = lambda s: paper(s).pose
-    methods["default"] = lambda s: default(s, fields=fields).pose
-    before = {name: method(four) for name, method in methods.items()}
-    rng = np.random.default_rng(seed + 1)
-    camera = list(rig("room", 5))[4]
-    true = sk.project(four.truth, [camera])[0]
-    noisy = true + rng.normal(0.0, JITTER_PX, true.shape)
-    wrong = {
-        "uniform": rng.uniform(0.0, camera.size, size=true.shape),
-        "offset 100 px": noisy + OFFSET_PX,
-        "another pose": np.roll(noisy, 1, axis=0),
-    }
-    rows = {}
-    for kind, pixels in wrong.items():
-        fifth = np.concatenate([pixels, np.full((*pixels.shape[:-1], 1), CONFIDENCE)], axis=-1)
-        detections = np.concatenate([four.detections, fifth[:, None]], axis=1)
-        five = replace(four, detections=detections, rig=rig("room", 5))
-        for name, pose in before.items():
-            after = methods[name](five)
-            moved = np.linalg.norm(after - pose, axis=-1)
-            rows[f"{name}: {kind}"] = {
-                "change, median": float(np.nanmedian(moved)),
-                "mean": float(np.nanmean(moved)),
-                "95 %": float(np.nanpercentile(moved, 95)),
-                "MPJPE, 4 views": mpjpe(pose, four),
-                "MPJPE, 5 views": mpjpe(after, four),
-            }
-    notes = [about(poses=poses, seed=seed, source=four.source)]
-    return Table.of("A fifth view that is all wrong, mm", "method: detections of the fifth view", rows, notes)
+def bones(*, poses: int = 300, seed: int = 0, fields: Fields | None = None) -> Table:
+    """Mean error in mm, bones free and with those of the population, and 1, 2, 3 σ coverage with them."""
+    rows: dict[str, dict[str, Any]] = {}
+    clean = scene("good", poses, seed)
+
+    def compared(here: Scene) -> dict[str, Any]:
+        free = default(here, fields={**(fields or {}), "bones": "free"})
+        population = default(here, fields=fields)
+        both = {"free": mpjpe(free.pose, here), "population": mpjpe(population.pose, here)}
+        return both | _covered(population.pose, population.uncertainty, here.judged)
+
+    for condition in CONDITIONS:
+        rows[condition] = compared(_seen(clean, _detector(condition), seed))
+    for name, (size, limbs) in BODIES.items():
+        for condition in ("good", "occluded 3"):
+            body = replace(clean, truth=_shaped(clean.truth, size, limbs))
+            rows[f"{name}, {condition}"] = compared(_seen(body, _detector(condition), seed))
+    good = _seen(clean, NOISES["good"], seed)
+    for views in ((0, 2), (0, 1)):
+        cameras = sk.CameraRig([good.rig[i] for i in views], unit=good.rig.unit)
+        rows[f"good, views {views}"] = compared(
+            replace(good, rig=cameras, detections=good.detections[:, list(views)])
+        )
+    single, at = _one_view(good, seed)
+    result = default(single, fields=fields)
+    error = np.linalg.norm(result.pose[at] - single.truth[at], axis=-1)
+    for status in ("inferred", "weak"):
+        of = result.joint_status[at] == status
+        mean = float(error[of].mean()) if of.any() else None
+        inside = _covered(result.pose[at][of], result.uncertainty[at][of], single.truth[at][of])
+        rows[f"one view: {status}, {of.sum()}"] = {"free": None, "population": mean, **inside}
+    notes = [
+        "one view: a wrist, elbow or ankle that one of four views detects; without bones it has no position",
+        about(poses=poses, source=clean.source),
+    ]
+    return Table.of("Bones, mean error in mm", "detections", rows, notes)
 
 
-def sweep(*, poses: int = 300, seed: int = 0, noise: str = "good", fields: Fields | None = None) -> Table:
-    """MPJPE in mm by stated over true standard deviation per axis of independent Gaussian starts.
-
-    ``best`` is the ratio with the smallest error, from a parabola through its neighbours in the logarithm.
-    """
-    rows = {}
-    for factor in FACTORS:
-        here = scene(louder(NOISES[noise], factor), poses, seed)
-        for level in STARTS_MM:
-            first = synthetic.perturb(here.truth, level, seed=seed + 1)
-            errors = {
-                f"{ratio:g}": mpjpe(default(here, first, init_sigma=ratio * level, fields=fields).pose, here)
-                for ratio in RATIOS
-            }
-            where = f"{NOISES[noise].sigma_px * factor:.1f} px, start {level:.0f} mm"
-            rows[where] = {**errors, "best": _least(np.array(list(errors.values())))}
-    title = f"MPJPE, mm, by init_sigma / true sigma; detections: {noise}"
-    return Table.of(title, "jitter, start", rows, [about(poses=poses, seed=seed, source=here.source)])
+def _detector(condition: str) -> synthetic.DetectionNoise:
+    """Return the detector of a recording, every frame by itself."""
+    return replace(recorded(condition, 4, 30.0), memory=None)
 
 
-def _least(errors: np.ndarray) -> float:
-    """Ratio at which the error is least."""
-    k = int(np.clip(errors.argmin(), 1, len(errors) - 2))
-    if errors.argmin() != k:
-        return float(RATIOS[errors.argmin()])
-    a, b, _ = np.polyfit(np.log(RATIOS[k - 1 : k + 2]), errors[k - 1 : k + 2], 2)
-    return float(np.exp(-b / (2 * a)))
+def _seen(here: Scene, detector: synthetic.DetectionNoise, seed: int) -> Scene:
+    found = synthetic.simulate_detections(here.truth, here.rig, noise=detector, layout=here.layout, seed=seed)
+    found[..., 2] = np.where(np.isfinite(found[..., 0]), 1.0, 0.0)
+    return replace(here, detections=found)
+
+
+def _shaped(truth: FloatArray, size: float, limbs: float) -> FloatArray:
+    """Return the bodies scaled, with forearms and shanks longer by a factor."""
+    out = truth * size
+    for middle, end in LIMBS:
+        out[:, end] = out[:, middle] + limbs * (out[:, end] - out[:, middle])
+    return out
+
+
+def _one_view(here: Scene, seed: int) -> tuple[Scene, tuple[Any, Any]]:
+    """Leave one joint of every frame to one view; return the scene and (frames, joints)."""
+    rng = np.random.default_rng(seed)
+    frames = np.arange(len(here.truth))
+    joints = rng.choice(SINGLE, size=len(frames))
+    view = rng.integers(len(here.rig), size=len(frames))
+    detections = here.detections.copy()
+    kept = detections[frames, view, joints].copy()
+    detections[frames, :, joints] = np.nan
+    detections[frames, view, joints] = kept
+    return replace(here, detections=detections), (frames, joints)
+
+
+def _covered(pose: FloatArray, uncertainty: FloatArray, truth: FloatArray) -> dict[str, float | None]:
+    """Share of errors within 1, 2 and 3 σ, %."""
+    off = truth - pose
+    known = np.isfinite(off).all(axis=-1) & np.isfinite(uncertainty).all(axis=(-2, -1))
+    if not known.any():
+        return {f"{k} σ %": None for k in (1, 2, 3)}
+    square = np.einsum("ni,nij,nj->n", off[known], np.linalg.inv(uncertainty[known]), off[known])
+    return {f"{k} σ %": float(100 * (square < k * k).mean()) for k in (1, 2, 3)}
