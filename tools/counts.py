@@ -1,159 +1,90 @@
-"""The size of the code by folder, its long functions, and how deep a call goes, for docs/decisions.md.
+"""The size of every part, functions that are too long, and lines that are too wide.
 
-    python tools/counts.py [--markdown]
+    python tools/counts.py
 
-Lines are those of ``wc -l``. The length of a function excludes its docstring; above `LONGEST` lines it needs
-a reason, a comment ``# long: …`` right above it. Functions in the tests at the end of a Rust file are not
-counted. `ROOMS` is checked against the source: every function must exist and call the next one.
+Lines are those of ``wc -l``, words those of ``wc -w``. The length of a function excludes its docstring; above
+`LONGEST` lines it needs a reason, a comment ``# long: …`` right above it. Tests at the end of a Rust file are
+not measured. A line is too wide if it has more columns than the formatter allows, be it code or a comment;
+tables and addresses may be wider.
 """
 
 from __future__ import annotations
 
-import argparse
 import ast
 import re
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
-from itertools import pairwise
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 
 from import_circles import circles, python_graph, rust_graph
 
 ROOT = Path(__file__).parents[1]
-PACKAGE = ROOT / "python" / "skelsplat"
-CORE = ROOT / "crates" / "skelsplat-core"
-BINDING = ROOT / "crates" / "skelsplat-py" / "src"
+# Part → files, of which lines are counted; of the last two words.
+PARTS: dict[str, tuple[str, ...]] = {
+    "package": ("python/skelsplat/**/*.py",),
+    "cli": ("python/skelsplat/cli/*.py",),
+    "core": ("crates/skelsplat-core/src/**/*.rs",),
+    "binding": ("crates/skelsplat-py/src/**/*.rs",),
+    "Rust tests": ("crates/*/tests/**/*.rs",),
+    "Python tests": ("tests/**/*.py",),
+    "benchmarks and tools": ("benchmarks/**/*.py", "tools/**/*.py"),
+    "docs, words": ("docs/**/*.md", "docs/**/*.rst"),
+    "README, words": ("README.md",),
+}
 LONGEST = 45
-
-MOST_ROOMS = 9
+WIDEST = {".py": 110, ".rs": 100}
 
 _RUST_FUNCTION = re.compile(r"^[ \t]*(?:pub(?:\([^)]*\))? )?(?:const )?fn (\w+)", re.MULTILINE)
+# Not counted in the width of a line: remarks for tools at its end, tables, addresses, single strings.
+_REMARK = re.compile(r"\s+# (?:type: ignore|noqa).*$")
+_MAY_BE_WIDE = re.compile(r"https?://|^\s*(?://[/!]?|#)?\s*\|.*\|$|^\s*[a-z]*\"[^\"]*\",?$")
+
+Spans = Iterator[tuple[str, int, int]]
+"""Of functions: name, first line, length."""
 
 
-@dataclass(frozen=True)
-class Folder:
-    """A row of the table: files, lines and the longest file."""
-
-    name: str
-    files: int
-    lines: int
-    longest: str
+def files(*patterns: str) -> list[Path]:
+    """Return the files of some patterns, without what is built."""
+    found = {path for pattern in patterns for path in ROOT.glob(pattern)}
+    return sorted(path for path in found if not {"target", "_build", "generated"} & set(path.parts))
 
 
-@dataclass(frozen=True)
-class Function:
-    """A function longer than `LONGEST` lines."""
-
-    where: str
-    lines: int
-    reason: str | None
-
-
-@dataclass(frozen=True)
-class Room:
-    """A function that a call passes through; `closure` is a parameter with code of the calling function."""
-
-    file: str
-    name: str
-    closure: str = ""
-
-    def bodies(self) -> list[str]:
-        """Return the code of the file's functions of this name, without comments, strings and docstrings."""
-        text = (ROOT / self.file).read_text(encoding="utf-8")
-        if self.file.endswith(".rs"):
-            lines = _blanked(text).splitlines()
-            found = [part for part in _rust_functions(text) if part[0] == self.name]
-            return ["\n".join(lines[first : first + length - 1]) for _, first, length in found]
-        nodes = [node for node in ast.walk(ast.parse(text)) if isinstance(node, ast.FunctionDef)]
-        found_here = [node for node in nodes if node.name == self.name]
-        return ["\n".join(map(ast.unparse, _without_docstring(node))) for node in found_here]
+def sizes() -> dict[str, int]:
+    """Return the lines or words of every part."""
+    return {
+        name: sum(_words(path) if name.endswith("words") else _lines(path) for path in files(*patterns))
+        for name, patterns in PARTS.items()
+    }
 
 
-_CORE = "crates/skelsplat-core/src"
-# One pose with default settings, from `sk.refine` to the loop over the rays of a joint.
-ROOMS = (
-    Room("python/skelsplat/_refine.py", "refine"),
-    Room("crates/skelsplat-py/src/refine.rs", "refine"),
-    Room("crates/skelsplat-py/src/watch.rs", "run", closure="work"),
-    Room(f"{_CORE}/batch.rs", "refine_batch"),
-    Room(f"{_CORE}/refine/refiner.rs", "refine_under"),
-    Room(f"{_CORE}/annealed/frame.rs", "solve"),
-    Room(f"{_CORE}/annealed/frame.rs", "find"),
-    Room(f"{_CORE}/annealed/solver.rs", "solve"),
-    Room(f"{_CORE}/annealed/solver.rs", "linearise"),
-)
-
-
-def broken_rooms(rooms: tuple[Room, ...] = ROOMS) -> list[str]:
-    """Return what is wrong with a list of rooms: functions that do not exist, calls that are not made."""
-    broken = [f"{room.file}: no function {room.name}" for room in rooms if not room.bodies()]
-    calls = []
-    for place, (room, following) in enumerate(pairwise(rooms)):
-        calls.append((rooms[place - 1] if room.closure else room, following.name))
-        calls += [(room, room.closure)] if room.closure else []
-    for caller, called in calls:
-        if not any(re.search(rf"\b{called}\(", body) for body in caller.bodies()):
-            broken.append(f"{caller.file}: {caller.name} does not call {called}")
-    return broken
-
-
-def _without_docstring(node: ast.FunctionDef) -> list[ast.stmt]:
-    return node.body[ast.get_docstring(node) is not None :]
-
-
-def lines_of(path: Path) -> int:
-    """Return the number of lines as ``wc -l`` counts them."""
+def _lines(path: Path) -> int:
     return path.read_bytes().count(b"\n")
 
 
-def folder(name: str, paths: list[Path]) -> Folder:
-    """Return the row for some files."""
-    longest = max(paths, key=lines_of)
-    return Folder(name, len(paths), sum(map(lines_of, paths)), f"{longest.name} {lines_of(longest)}")
+def _words(path: Path) -> int:
+    return len(path.read_text(encoding="utf-8").split())
 
 
-def folders() -> list[Folder]:
-    """Return the rows for the package, its folders, the core, the binding and the tests."""
-    python = sorted(PACKAGE.rglob("*.py"))
-    rows = [folder("package", python)]
-    for inner in sorted(path for path in PACKAGE.iterdir() if list(path.rglob("*.py"))):
-        rows.append(folder(f"package: {inner.name}", [path for path in python if inner in path.parents]))
-    rows.append(folder("package: other modules", sorted(PACKAGE.glob("*.py"))))
-    rust = {"core": CORE / "src", "core: tests": CORE / "tests", "binding": BINDING}
-    rows += [folder(name, sorted(path.rglob("*.rs"))) for name, path in rust.items()]
-    rows.append(folder("binding: stub", [PACKAGE / "_skelsplat.pyi"]))
-    return [*rows, folder("tests", sorted((ROOT / "tests").rglob("*.py")))]
+def _code() -> list[Path]:
+    """Return the sources that people own: not the tests."""
+    return files(*PARTS["package"], *PARTS["core"], *PARTS["binding"])
 
 
-def binding_ratio() -> float:
-    """Return the lines of the binding, without its stub, divided by those of the core."""
-    return lines_in(BINDING) / lines_in(CORE / "src")
+def long_functions() -> dict[str, str | None]:
+    """Return the functions above `LONGEST` lines, and the reason that stands above each."""
+    found = {}
+    for path in _code():
+        text = path.read_text(encoding="utf-8")
+        spans: Callable[[str], Spans] = python_functions if path.suffix == ".py" else rust_functions
+        for name, first, length in spans(text):
+            if length > LONGEST:
+                found[f"{path.relative_to(ROOT)}:{first} {name}, {length}"] = _reason(
+                    text.splitlines(), first
+                )
+    return found
 
 
-def lines_in(path: Path) -> int:
-    """Return the number of lines of Rust in a folder."""
-    return sum(map(lines_of, path.rglob("*.rs")))
-
-
-def long_functions() -> list[Function]:
-    """Return the functions of package, core and binding above `LONGEST` lines, the longest first."""
-    found: list[Function] = []
-    searched: list[tuple[Path, str, Callable[[str], Iterator[tuple[str, int, int]]]]] = [
-        (PACKAGE, "*.py", _python_functions),
-        (CORE / "src", "*.rs", _rust_functions),
-        (BINDING, "*.rs", _rust_functions),
-    ]
-    for root, pattern, functions in searched:
-        for path in sorted(root.rglob(pattern)):
-            text = path.read_text(encoding="utf-8")
-            for name, first, length in functions(text):
-                if length > LONGEST:
-                    where = f"{path.relative_to(ROOT)}:{first} {name}"
-                    found.append(Function(where, length, _reason(text.splitlines(), first)))
-    return sorted(found, key=lambda function: -function.lines)
-
-
-def _python_functions(text: str) -> Iterator[tuple[str, int, int]]:
+def python_functions(text: str) -> Spans:
+    """Yield the functions of a Python file; lengths are without docstrings."""
     for node in ast.walk(ast.parse(text)):
         if isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef)):
             first = node.body[0]
@@ -163,30 +94,16 @@ def _python_functions(text: str) -> Iterator[tuple[str, int, int]]:
             yield node.name, begin, (node.end_lineno or 0) - node.lineno + 1 - docstring
 
 
-def _rust_functions(text: str) -> Iterator[tuple[str, int, int]]:
-    code = _blanked(text.partition("#[cfg(test)]\nmod ")[0])
-    for match in _RUST_FUNCTION.finditer(code):
-        end = _closing(code, match.end())
-        first = code.count("\n", 0, match.start()) + 1
-        yield match[1], first, code.count("\n", match.start(), end) + 1
-
-
-def _blanked(code: str) -> str:
-    """Return Rust with comments, strings and brace characters blanked; line numbers stay the same."""
-    quiet = r'//[^\n]*|"(?:\\.|[^"\\])*"|\'[{}]\''
-    return re.sub(quiet, lambda match: re.sub(r"[^\n]", " ", match[0]), code)
-
-
-def _closing(code: str, begin: int) -> int:
-    """Return the position of the brace that closes a function's body, or of the ; if it has none."""
-    depth = 0
-    for at in range(begin, len(code)):
-        if code[at] == ";" and depth == 0:
-            return at
-        depth += (code[at] in "{([") - (code[at] in "})]")
-        if code[at] == "}" and depth == 0:
-            return at
-    return len(code)
+def rust_functions(text: str) -> Spans:
+    """Yield the functions of a Rust file: up to the brace of the same indentation, as rustfmt has it."""
+    lines = text.partition("#[cfg(test)]\nmod ")[0].splitlines()
+    for first, line in enumerate(lines):
+        if match := _RUST_FUNCTION.match(line):
+            indent = line[: len(line) - len(line.lstrip())]
+            ends = (k for k in range(first, len(lines)) if lines[k] == f"{indent}}}")
+            one_line = line.rstrip().endswith(("}", ";"))
+            last = first if one_line else next(ends, first)
+            yield match[1], first + 1, last - first + 1
 
 
 def _reason(lines: list[str], first: int) -> str | None:
@@ -199,38 +116,31 @@ def _reason(lines: list[str], first: int) -> str | None:
     return None
 
 
+def wide_lines(paths: Iterable[Path] = ()) -> list[str]:
+    """Return the places of lines that are too wide, of all sources and tests or of some."""
+    every = files("**/*.py", "crates/**/*.rs")
+    return [
+        f"{path.relative_to(ROOT)}:{number}"
+        for path in paths or every
+        for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1)
+        if len(_REMARK.sub("", line)) > WIDEST[path.suffix] and not _MAY_BE_WIDE.search(line)
+    ]
+
+
 def main() -> None:
     """Print everything."""
-    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0] if __doc__ else None)
-    parser.add_argument("--markdown", action="store_true", help="tables for a document")
-    mark = parser.parse_args().markdown
-    rows = folders()
-    if mark:
-        print("| folder | files | lines | longest file |\n|---|---|---|---|")
-    for row in rows:
-        cells = (row.name, f"{row.files:,}", f"{row.lines:,}", row.longest)
-        print(
-            f"| {' | '.join(cells)} |" if mark else f"{cells[0]:28} {cells[1]:>6} {cells[2]:>8}  {cells[3]}"
-        )
-    print()
-    functions = long_functions()
-    dash = "* " if mark else ""
-    print(f"{dash}binding / core: {binding_ratio():.3f}")
-    met = [*circles(rust_graph()), *circles(python_graph())]
-    print(f"{dash}import circles: {len(met)}")
-    print(f"{dash}functions from sk.refine to the loop over the rays: {len(ROOMS)} (at most {MOST_ROOMS})")
-    for room in ROOMS:
-        print(f"{'  * ' if mark else '  '}{room.file}: {room.name}")
-    for line in broken_rooms():
-        print(f"{'  * ' if mark else '  '}wrong: {line}")
-    without = [function for function in functions if function.reason is None]
+    for name, size in sizes().items():
+        print(f"{name:22} {size:>8,}")
+    functions, wide = long_functions(), wide_lines()
+    print(f"{'import circles':22} {len([*circles(rust_graph()), *circles(python_graph())]):>8}")
     print(
-        f"{dash}functions above {LONGEST} lines: {len(functions)}, of which without a reason: {len(without)}"
+        f"{'functions too long':22} {len(functions):>8}, {[*functions.values()].count(None)} without a reason"
     )
-    for function in functions:
-        print(
-            f"{'  * ' if mark else '  '}{function.where}: {function.lines}, {function.reason or 'no reason'}"
-        )
+    for function, reason in functions.items():
+        print(f"  {function}: {reason or 'no reason'}")
+    print(f"{'lines too wide':22} {len(wide):>8}")
+    for place in wide:
+        print(f"  {place}")
 
 
 if __name__ == "__main__":

@@ -32,7 +32,8 @@ ABLATIONS = (
     *("symmetry", "resolution", "covariance", "coverage"),
 )
 VOLATILE = re.compile(
-    r"seconds|timing|settings|_s$|_ms$|ms/pose|per_pose|per_second|threads|version|created|command|folder|path|time$|sha|digest|files$",
+    r"seconds|timing|settings|_s$|_ms$|ms/pose|per_(pose|frame|second)|threads|version|created|command"
+    r"|folder|path|time$|sha|digest|files$",
     re.I,
 )
 PAGES = {".png", ".html", ".log", ".md", ".toml", ".state"}

@@ -267,7 +267,7 @@ ANALYSIS = (
         "wrong statistics",
         "means = (times @ total[used]) / (times @ number[used])",
         "means = (times @ (total[used] / number[used])) / n",
-        (UNIT + "evaluation/test_bootstrap.py",),
+        (UNIT + "evaluation/test_scores.py",),
     ),
     Fault(
         "Human3.6M is evaluated on every 32nd frame instead of every 64th",

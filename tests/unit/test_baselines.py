@@ -2,12 +2,8 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
-
 import numpy as np
 import pytest
-import scipy.linalg
 from numpy.typing import NDArray
 from peers import opencv_dlt
 
@@ -79,12 +75,6 @@ def test_exact_detections_give_the_truth_through_a_lens(name: str, unit: str, tr
 
 
 @pytest.mark.parametrize("name", ALL)
-def test_one_frame_is_a_batch_of_one(name: str, rig: sk.CameraRig, truth: Array) -> None:
-    detections = noisy(truth, rig)[:1]
-    np.testing.assert_array_equal(ALL[name](detections[0], rig), ALL[name](detections, rig)[0])
-
-
-@pytest.mark.parametrize("name", ALL)
 def test_missing_detections_take_no_part(name: str, rig: sk.CameraRig, truth: Array) -> None:
     detections = np.concatenate([noisy(truth, rig), np.ones((3, 4, 17, 1))], axis=-1)
     detections[0, 1:, 2] = np.nan  # one view left
@@ -99,20 +89,6 @@ def test_missing_detections_take_no_part(name: str, rig: sk.CameraRig, truth: Ar
     np.testing.assert_allclose(found[1, 3], of_two, atol=20.0)
 
 
-def test_dlt_is_the_last_singular_vector(rig: sk.CameraRig, truth: Array) -> None:
-    detections = noisy(truth, rig)
-    centres = np.array([camera.centre for camera in rig])
-    frame = np.eye(4)
-    frame[:3, 3] = centres.mean(axis=0)
-    frame[:3, :3] *= np.sqrt(np.mean(np.sum((centres - frame[:3, 3]) ** 2, axis=1)))
-    rows = []
-    for camera, (u, v) in zip(rig, detections[0, :, 5], strict=True):
-        P = camera.K @ np.column_stack([camera.R, camera.t]) @ frame
-        rows += [u * P[2] - P[0], v * P[2] - P[1]]
-    X = frame @ scipy.linalg.svd(np.array(rows))[2][-1]
-    np.testing.assert_allclose(baselines.dlt(detections, rig)[0, 5], X[:3] / X[3], atol=1e-6)
-
-
 @pytest.mark.parametrize("weighted", [False, True])
 def test_dlt_is_the_one_of_the_core(weighted: bool, truth: Array) -> None:
     rig = sk.synthetic.human36m_like(distortion=True)
@@ -125,21 +101,6 @@ def test_dlt_is_the_one_of_the_core(weighted: bool, truth: Array) -> None:
     all_views = np.isfinite(detections).all(axis=(1, 3))
     assert np.count_nonzero(all_views) > 40
     np.testing.assert_allclose(found[all_views], expected[all_views], atol=1e-5)
-
-
-def test_opencv_takes_the_first_two_views_that_see_the_joint(rig: sk.CameraRig, truth: Array) -> None:
-    detections = noisy(truth, rig)
-    detections[:, 0, 4] = np.nan
-    found = opencv_dlt(detections, rig)
-    for joint, views in ((4, (1, 2)), (5, (0, 1))):
-        rows = []
-        for view in views:
-            u, v = detections[0, view, joint]
-            P = rig[view].K @ np.column_stack([rig[view].R, rig[view].t])
-            rows += [u * P[2] - P[0], v * P[2] - P[1]]
-        X = scipy.linalg.svd(np.array(rows))[2][-1]
-        # Without a frame of the rig's size σ₁/σ₃ is near 1e6, and OpenCV need not take the same route.
-        np.testing.assert_allclose(found[0, joint], X[:3] / X[3], atol=1e-3)
 
 
 @pytest.mark.parametrize("ransac", [baselines.ransac_iskakov, baselines.ransac_adafuse])
@@ -192,13 +153,6 @@ def test_where_no_two_views_agree(rig: sk.CameraRig, truth: Array) -> None:
     assert drawn.min() > 5, drawn  # one pair in three: mean 17, standard deviation 3.4
 
 
-def test_two_views_are_always_a_set_for_iskakov(rig: sk.CameraRig, truth: Array) -> None:
-    detections = without(without(pixels(truth, rig), 0), 1)
-    detections[:, 2] += (0.0, 400.0)
-    found = baselines.ransac_iskakov(detections, rig, direct_optimization=False)
-    np.testing.assert_array_equal(found, baselines.dlt(detections, rig))
-
-
 def test_the_huber_step_pulls_toward_the_views_that_agree(rig: sk.CameraRig, truth: Array) -> None:
     detections = pixels(truth, rig)
     detections[:, 3] += (20.0, 20.0)  # ½ · 28.3 px: within the threshold
@@ -219,45 +173,16 @@ def test_cauchy_hardly_heeds_an_outlier(rig: sk.CameraRig, truth: Array) -> None
     assert robust_mm < linear_mm / 50
 
 
-@pytest.mark.parametrize("ransac", [baselines.ransac_iskakov, baselines.ransac_adafuse])
-def test_a_seed_says_which_pairs_are_drawn(ransac, rig: sk.CameraRig, truth: Array) -> None:
-    noise = sk.synthetic.DetectionNoise.occluded(3, hard=True)
-    detections = sk.synthetic.simulate_detections(truth, rig, noise=noise, seed=3)
-    first, again, other = (ransac(detections, rig, n_iters=1, seed=seed) for seed in (0, 0, 1))
-    np.testing.assert_array_equal(first, again)
-    assert not np.array_equal(first, other, equal_nan=True)
-
-
 @pytest.mark.parametrize(
-    ("call", "message"),
+    ("call", "argument"),
     [
-        (lambda d, c: baselines.dlt(d[0, 0], c), "detections: expected shape (T, M, N, 2|3)"),
-        (lambda d, c: baselines.dlt(d[:, :3], c), "detections: expected M = 4 views, one per camera, got 3"),
-        (lambda _, c: baselines.cauchy("here", c), "detections: expected an array of numbers"),
-        (lambda d, c: baselines.cauchy(d, c, f_scale=0), "f_scale: expected a positive number, got 0"),
-        (lambda d, c: baselines.ransac_adafuse(d, c, epsilon=-1), "epsilon: expected a positive number"),
-        (lambda d, c: baselines.ransac_iskakov(d, c, n_iters=0), "n_iters: expected a positive integer"),
-        (
-            lambda d, c: baselines.ransac_iskakov(d, c, crop_scale=[1, 1]),
-            "crop_scale: expected a number or shape (3, 4), got (2,)",
-        ),
-        (
-            lambda d, c: baselines.ransac_iskakov(d, c, crop_scale=0.0),
-            "crop_scale: expected finite numbers > 0",
-        ),
-        (
-            lambda d, c: baselines.dlt(np.concatenate([d, d[..., :1]], axis=-1), c),
-            "detections: expected confidences in [0, 1], got",
-        ),
+        (lambda d, c: baselines.dlt(d[:, :3], c), "detections"),
+        (lambda d, c: baselines.dlt(np.concatenate([d, d[..., :1]], axis=-1), c), "detections"),
+        (lambda d, c: baselines.cauchy(d, c, f_scale=0), "f_scale"),
+        (lambda d, c: baselines.ransac_iskakov(d, c, n_iters=0), "n_iters"),
+        (lambda d, c: baselines.ransac_iskakov(d, c, crop_scale=[1, 1]), "crop_scale"),
     ],
 )
-def test_wrong_arguments_are_named(call, message: str, rig: sk.CameraRig, truth: Array) -> None:
-    with pytest.raises(sk.InvalidInputError) as caught:
+def test_wrong_arguments_are_named(call, argument: str, rig: sk.CameraRig, truth: Array) -> None:
+    with pytest.raises(sk.InvalidInputError, match=f"^{argument}: "):
         call(pixels(truth, rig), rig)
-    assert message in str(caught.value)
-
-
-def test_importing_needs_neither_scipy_nor_opencv() -> None:
-    code = "import sys, skelsplat.evaluation.baselines; print({'scipy', 'cv2'} & set(sys.modules))"
-    done = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
-    assert done.stdout.strip() == "set()"

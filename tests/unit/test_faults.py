@@ -20,11 +20,6 @@ def test_every_fault_has_its_place() -> None:
         assert path.suffix in (".py", ".rs", ".js")
 
 
-def test_faults_are_forty_and_told_apart() -> None:
-    assert len(FAULTS) >= 40
-    assert len({fault.name for fault in FAULTS}) == len(FAULTS)
-
-
 def test_every_finder_exists() -> None:
     for finder in {finder for fault in FAULTS for finder in fault.finders}:
         *_, name = finder.split()
@@ -44,16 +39,3 @@ def test_a_fault_is_planted_once(tmp_path: Path) -> None:
     (folder / "a.py").write_text("y = 2\ny = 2\n", encoding="utf-8")
     with pytest.raises(SystemExit, match=r"got it in python/skelsplat/inner/a.py \(2\)"):
         faults.place_of(fault, tmp_path)
-
-
-@pytest.mark.parametrize(
-    ("said", "test"),
-    [
-        ("E  x\nFAILED tests/unit/test_a.py::test_b[1] - assert\n", "tests/unit/test_a.py::test_b[1]"),
-        ("ERROR tests/unit/test_a.py\n", "tests/unit/test_a.py"),
-        ("---- one::two stdout ----\n", "one::two"),
-        ("error: no\nnothing\n", "nothing"),
-    ],
-)
-def test_the_first_failure_is_named(said: str, test: str) -> None:
-    assert faults._first_failure(said) == test

@@ -102,36 +102,6 @@ def test_slopes_are_central_differences(by_view: bool) -> None:
     np.testing.assert_allclose(whole.slopes(X), differences, atol=1e-8)
 
 
-def test_huber_sees_half_the_distance_in_the_crop() -> None:
-    joints = scene(sk.synthetic.DetectionNoise(sigma_px=4.0))
-    truth = sk.synthetic.motion("reach", 12, seed=2).reshape(-1, 3)
-    away = np.linalg.norm(_observations.reproject(truth, joints.projections) - joints.pixels, axis=-1)
-    seen = np.linalg.norm(problem(joints, "huber").residuals(truth), axis=-1)
-    np.testing.assert_allclose(seen, np.where(joints.seen, away / (2 * CROP_SCALE), 0.0))
-
-
-@pytest.mark.parametrize(
-    ("s", "expected"),
-    [(0.25, (0.25, 1.0, 1.0)), (4.0, (3.0, 0.5, 0.0))],
-)
-def test_huber_worked_by_hand(s: float, expected: tuple[float, float, float]) -> None:
-    assert [float(v) for v in _minimise.huber(np.float64(s))] == list(expected)
-
-
-def test_cauchy_worked_by_hand() -> None:
-    value, slope, along = (float(v) for v in _minimise.cauchy_loss(2.0)(np.float64(12.0)))
-    assert (value, slope, along) == (pytest.approx(4 * np.log(4)), 0.25, 0.0)
-
-
-def test_a_start_that_is_missing_stays_missing() -> None:
-    joints = scene(sk.synthetic.DetectionNoise(sigma_px=4.0))
-    start = _observations.solve(joints, joints.seen.astype(float))
-    start[3] = np.nan
-    found = _minimise.minimise(start, problem(joints, "huber"), _minimise.huber)
-    assert np.isnan(found[3]).all()
-    assert np.isfinite(np.delete(found, 3, axis=0)).all()
-
-
 def test_a_minimum_at_infinity_is_not_taken() -> None:
     """Two rays that meet nowhere in front of the cameras: F falls on the way out, and the start is kept."""
     rig = sk.synthetic.stereo(baseline_mm=200.0)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import json
 from functools import cache
 from pathlib import Path
@@ -19,7 +18,7 @@ from skelsplat.datasets import Dataset
 from skelsplat.datasets.synthetic import write_simulated
 from skelsplat.evaluation import ablations, protocols
 from skelsplat.evaluation.ablations import Choices, Source, _source
-from skelsplat.evaluation.ablations._sample import Errors, difference, errors_of, sample
+from skelsplat.evaluation.ablations._sample import Errors, difference, sample
 from skelsplat.evaluation.reported import reported
 from writers import human36m as human36m_files
 from writers import panoptic as panoptic_files
@@ -29,7 +28,6 @@ FEW, STEPS = 60, 4
 
 
 make = cache(lambda name, seed: synthetic.simulate_set(name, poses=FEW, seed=seed))
-RECORDS: dict[str, ablations.Record] = {}
 
 
 @pytest.fixture(autouse=True)
@@ -57,49 +55,10 @@ def human36m(detector: str = "good") -> Dataset:
     return _source.simulated("human36m-like", detector, seed=0)
 
 
-def whole(lines: list[str], table: dict[str, Any]) -> bool:
-    """Whether each name of a row stands on one line with figures, and no word in the heads is broken."""
-    names = [", ".join(part for part in (row["name"], row["data"]) if part) for row in table["rows"]]
-    first, heads = names, [column["header"] for column in table["columns"]]
-    if len(heads) > 6:  # then the rows of the record are columns
-        first, heads = heads, names
-    words = {word for line in lines for word in line.split()}
-    return all(any(line.startswith(f" {name} ") for line in lines) for name in first) and all(
-        word in words for head in heads for word in head.split()
-    )
-
-
-@pytest.fixture
-def measured_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Measure each ablation once: what is printed and written depends on its record alone."""
-    measure = ablations.run
-
-    def found(name: str, *given: Any, **more: Any) -> ablations.Record:
-        if name not in RECORDS:
-            RECORDS[name] = measure(name, *given, **more)
-        return RECORDS[name]
-
-    monkeypatch.setattr(ablations, "run", found)
-
-
-@pytest.mark.usefixtures("measured_once")
-@pytest.mark.parametrize("name", ablations.names)
-def test_no_table_of_an_ablation_is_wider_than_the_console_or_breaks_a_name(
-    name: str, tmp_path: Path
-) -> None:
-    for columns in (80, 160, None):
-        output = run(name, "--poses", 2, "-o", tmp_path, columns=columns).splitlines()
-        lines = [line for line in output if str(tmp_path) not in line]  # a path is not broken
-        written = json.loads((tmp_path / f"{name}.json").read_text(encoding="utf-8"))
-        assert max(map(len, lines)) <= min(columns or 100, 100)
-        assert all(whole(lines, table) for table in written["tables"])
-        assert not any("tab:" in line or "text:" in line for line in lines)
-
-
-@pytest.mark.usefixtures("measured_once")
 @pytest.mark.parametrize("name", ablations.names)
 def test_every_ablation_runs_prints_the_papers_row_and_writes_its_files(name: str, tmp_path: Path) -> None:
     output = run(name, "--poses", 2, "-o", tmp_path)
+    assert max(map(len, output.splitlines()[:-1])) <= 100  # the last has a path
     written = json.loads((tmp_path / f"{name}.json").read_text(encoding="utf-8"))
     assert {path.name for path in tmp_path.iterdir()} == {
         f"{name}.{suffix}" for suffix in ("md", "csv", "json", "png")
@@ -115,27 +74,6 @@ def test_every_ablation_runs_prints_the_papers_row_and_writes_its_files(name: st
     shown = {v for row in rows if row["origin"] == "reported" for v in row["cells"]}
     assert len(published & shown) >= min(3, len(published))
     assert any(row["origin"] == "measured" and row["cells"][0] for row in rows)
-
-
-def test_csv_holds_every_figure_with_all_digits(tmp_path: Path) -> None:
-    run("noise", "--poses", 2, "-o", tmp_path, "-q")
-    with (tmp_path / "noise.csv").open(encoding="utf-8", newline="") as stream:
-        rows = list(csv.DictReader(stream))
-    table = json.loads((tmp_path / "noise.json").read_text(encoding="utf-8"))["tables"][0]
-    by_row = {(r["method"], r["data"], r["column"]): r["value"] for r in rows}
-    for row in table["rows"]:
-        for column, value in zip(table["columns"], row["cells"], strict=True):
-            assert by_row[row["name"], row["data"], column["header"]] == (
-                "" if value is None else repr(value)
-            )
-
-
-def test_a_folder_that_cannot_be_written_is_refused_before_the_work(tmp_path, monkeypatch):
-    (tmp_path / "file").write_text("")
-    monkeypatch.setattr(ablations, "run", lambda *_, **__: pytest.fail("it worked"))
-    result = CliRunner().invoke(app, ["ablate", "noise", "-o", str(tmp_path / "file" / "out")])
-    assert result.exit_code == 1
-    assert "output: expected a folder that can be written" in result.stderr
 
 
 def test_same_seed_gives_the_same_figures_and_another_does_not() -> None:
@@ -178,33 +116,6 @@ def test_without_monocular_poses_the_start_is_dlt_and_says_so(monkeypatch: pytes
         ablations.run("accumulation", Source(Choices(poses=2, start="fusion")))
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (["nothing"], "NAME: expected one of encoding, accumulation"),
-        (["noise", "--poses", "2", "--full"], "--poses: expected either a number of poses or --full"),
-        (
-            ["noise", "--init-sigma-mm", "0"],
-            "--init-sigma-mm: expected a positive number, got 0",
-        ),
-        (["noise", "--protocol", "mine"], "--protocol: expected one of undistorted, as-paper, got 'mine'"),
-        (
-            ["noise", "--detections", "cpn"],
-            "--data: expected a data set for --detections and --set, got none",
-        ),
-        (
-            ["noise", "--data", "synthetic", ".", "--set", "views"],
-            "--set: expected KEY=VALUE with a KEY among detector, views, got 'views'",
-        ),
-    ],
-)
-def test_bad_usage_is_said_in_one_line(arguments: list[str], message: str) -> None:
-    result = CliRunner().invoke(app, ["ablate", *arguments])
-    assert result.exit_code == 2
-    assert result.stderr.startswith(f"error: {message}")
-    assert result.stderr.count("\n") == 1
-
-
 def test_a_sample_is_spread_over_the_takes_and_leaves_out_excluded_ones() -> None:
     dataset, protocol = human36m(), protocols.get("human36m")
     all_of_it = sample(dataset, protocol, None, name="x", key="human36m", undistort=True)
@@ -215,14 +126,6 @@ def test_a_sample_is_spread_over_the_takes_and_leaves_out_excluded_ones() -> Non
     assert len(np.unique(np.concatenate([group.take for group in some.groups]))) == 10
     assert all(camera.distortion is None for group in some.groups for camera in group.poses.rig)
     assert some.first_views(2).groups[0].poses.detections.shape[1] == 2
-
-
-def test_errors_are_in_mm_and_leave_out_what_is_missing() -> None:
-    part = sample(human36m(), protocols.get("human36m"), 4, name="x", key="human36m", undistort=True)
-    moved = [group.poses.truth + np.array([3.0, 0.0, 4.0]) for group in part.groups]
-    assert errors_of(part, moved).mpjpe == pytest.approx(5.0)
-    moved[0][0, 0] = np.nan
-    assert errors_of(part, moved).mpjpe == pytest.approx(5.0)
 
 
 def test_the_standard_error_takes_poses_of_a_take_as_dependent() -> None:
@@ -253,3 +156,18 @@ def test_a_dome_on_disk_is_taken_with_all_its_cameras(tmp_path: Path) -> None:
     run("views", "--data", "panoptic", tmp_path / "set", "--poses", 2, "-o", tmp_path / "out")
     table = json.loads((tmp_path / "out" / "views.json").read_text(encoding="utf-8"))["tables"][0]
     assert all(value is not None for row in table["rows"] for value in row["cells"])
+
+
+@pytest.mark.parametrize(
+    ("arguments", "named"),
+    [
+        (["nothing"], "NAME"),
+        (["noise", "--poses", "2", "--full"], "--poses"),
+        (["noise", "--detections", "cpn"], "--data"),
+    ],
+)
+def test_bad_usage_is_said_in_one_line(arguments: list[str], named: str) -> None:
+    result = CliRunner().invoke(app, ["ablate", *arguments])
+    assert result.exit_code == 2
+    assert result.stderr.startswith(f"error: {named}: ")
+    assert result.stderr.count("\n") == 1

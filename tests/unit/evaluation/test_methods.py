@@ -95,13 +95,6 @@ def test_methods_over_time_never_cross_a_gap(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", OVER_TIME)
-def test_methods_over_time_work_in_metres(name: str) -> None:
-    cameras = [sk.Camera(c.K, c.R, c.t / 1000, size=c.size) for c in RECORDING.rig]
-    metres = replace(RECORDING, rig=sk.CameraRig(cameras, unit="m"), truth=RECORDING.truth / 1000)
-    np.testing.assert_allclose(1000 * solved(name, take=metres), solved(name, take=RECORDING), atol=0.01)
-
-
-@pytest.mark.parametrize("name", OVER_TIME)
 def test_methods_over_time_ask_for_the_rate_and_consecutive_frames(name: str) -> None:
     message = rf"fps: expected the frame rate \(--fps\), for the method {name}, got none"
     with pytest.raises(sk.DatasetError, match=message):
@@ -113,24 +106,12 @@ def test_methods_over_time_ask_for_the_rate_and_consecutive_frames(name: str) ->
         takes.recording().with_fps(0.0)
 
 
-def test_only_the_raster_preset_renders_pixels() -> None:
-    assert [name for name in methods.names if methods.get(name).by_pixels] == ["paper"]
-    settings = methods.get("paper").settings(methods.Options())
-    assert settings["config"]["renderer"] == "raster"
-
-
 @pytest.mark.parametrize("name", [name for name in ALONE if name != "paper"])
 def test_as_paper_ignores_the_lens(name: str) -> None:
     bare = replace(TAKE, rig=without_lens(TAKE.rig))
     found = solved(name, methods.Options(undistort=False))
     np.testing.assert_array_equal(found, solved(name, take=bare))
     assert not np.array_equal(found, solved(name))
-
-
-def test_as_paper_is_refining_without_undistortion() -> None:
-    config = sk.RefineConfig(undistort=False)
-    found = solved("annealed", methods.Options(undistort=False))
-    np.testing.assert_allclose(found, refined(None, config), atol=1e-9)
 
 
 @pytest.mark.parametrize("name", ["annealed", "paper-closed-form"])
@@ -186,16 +167,3 @@ def test_without_boxes_the_threshold_is_in_pixels_of_the_image() -> None:
 def test_what_a_take_lacks_is_named(name: str, options, lost: str, message: str) -> None:
     with pytest.raises(sk.DatasetError, match=message):
         solved(name, methods.Options(**options), replace(TAKE, **{lost: None}))
-
-
-@pytest.mark.parametrize(
-    ("call", "message"),
-    [
-        (lambda: methods.get("magic"), "methods: expected one of dlt, .*, got 'magic'"),
-        (lambda: methods.Options(start="here"), "start: expected one of dlt, fusion, none, got 'here'"),
-        (lambda: methods.Options(init_sigma_mm=0.0), r"init_sigma_mm: expected a positive number, got 0\.0"),
-    ],
-)
-def test_wrong_choices_are_named(call, message: str) -> None:
-    with pytest.raises(sk.InvalidInputError, match=message):
-        call()

@@ -100,16 +100,6 @@ def test_an_exchange_is_a_swap_and_confused_frames_are_not_compared():
     assert brief.figures()["scenes_swapped"] == 0
 
 
-def test_a_scene_without_tracks_has_scores():
-    tally = Tally()
-    tally.add("scene", [], poses(), np.zeros((2, 40), dtype=bool), 0.0, fps=30.0)
-    figures = tally.figures()
-    assert (figures["recall"], figures["identity_switches"]) == (0, 0)
-    assert np.isnan(figures["precision"])
-    assert np.isnan(figures["mean_mm"])
-    assert tally.people()["0"]["recall"] == 0
-
-
 def test_a_gap_cuts_a_scene_and_the_protocol_says_what_counts(data):
     keep = np.ones(60, dtype=bool)
     keep[20:25] = False
@@ -124,16 +114,6 @@ def test_a_gap_cuts_a_scene_and_the_protocol_says_what_counts(data):
     assert found.figures("oracle")["person_frames"] == 2 * 3 * 15
     with pytest.raises(DatasetError, match="frames: expected frames for the protocol people, got none"):
         people.cases(cut, replace(rules, ranges=((900, 901),)))
-
-
-def test_tables_have_every_method_and_person(found):
-    overall, pcp, error, recall = found.report().tables
-    assert [row.name for row in overall.rows] == ["track", "affinity", "oracle"]
-    assert "4 views, 2 scenes" in overall.title
-    for table in (pcp, error, recall):
-        assert [column.header for column in table.columns] == ["person0", "person1", "person2", "all"]
-    assert "oracle" in " ".join(overall.notes)
-    assert "identity switches" in " ".join(overall.notes)
 
 
 def test_people_are_told_apart_or_given_but_not_both(root, tmp_path):
@@ -192,22 +172,3 @@ def test_shelf_and_campus_without_oracle_association(tmp_path, name, form):
     assert "| Actor 0 | Actor 1 | Actor 2 | all |" in text
     assert "| *MVPose* |" in text
     assert "whoever finds them loses precision" in text
-
-
-def test_a_file_of_everybody_is_given_on_the_command_line(tmp_path):
-    shelf_campus.write(tmp_path / "data", "shelf", n_frames=310)
-    shelf_campus.write_everybody(tmp_path / "other", "shelf", n_frames=10)
-    path = tmp_path / "other" / "2d_hrnet" / "S0" / "people.npz"
-    (tmp_path / "other" / "actorsGT.mat").replace(tmp_path / "data" / "actorsGT.mat")
-    command = ["evaluate", "shelf", str(tmp_path / "data"), "--detections", str(path), "-m", "track"]
-    result = CliRunner().invoke(app, [*command, "-o", str(tmp_path / "out"), "--json"])
-    assert result.exit_code == 0, result.output
-    (scene,) = json.loads(result.stdout)["scenes"]
-    assert (scene["frames"], scene["views"]) == (10, 5)
-
-
-def test_detections_per_actor_have_nobody_to_tell_apart(tmp_path):
-    shelf_campus.write(tmp_path, "shelf", n_frames=303)
-    result = CliRunner().invoke(app, ["evaluate", "shelf", str(tmp_path), "-m", "track"])
-    assert result.exit_code != 0
-    assert "people: expected detections of everybody in view" in " ".join(result.output.split())

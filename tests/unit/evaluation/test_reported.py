@@ -67,24 +67,11 @@ def test_values_are_the_published_ones(
     assert row.value(key) == value
 
 
-def test_rows_say_whether_they_were_trained_with_3d_truth() -> None:
-    table = reported("tab:h36m")
-    assert len(table.rows) == 17
-    assert sum(row.truth_3d is True for row in table) == 9
-    assert "ICCV 2019" in table.select("Iskakov et al. - Vol")[0].citation
-
-
 def test_unknown_label_and_column_are_named() -> None:
     with pytest.raises(sk.InvalidInputError, match=r"label: expected one of tab:abl-accumulation.*'tab:x'"):
         reported("tab:x")
     with pytest.raises(sk.InvalidInputError, match=r"key: expected one of 4, 5.*'9'"):
         reported("tab:abl-views").rows[0].value("9")
-
-
-def test_rows_are_selected_by_method_and_detector() -> None:
-    assert len(reported("tab:h36m").select("SkelSplat")) == 3
-    assert len(reported("tab:h36m").select("SkelSplat", detector="cpn")) == 1
-    assert reported("tab:h36m").select("nobody") == ()
 
 
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
@@ -105,7 +92,3 @@ def test_files_are_whole(path: Path) -> None:
         assert row["truth_3d"] in (True, False, None)
         assert all(isinstance(row.get(name), str | None) for name in ("detector", "training"))
         assert all(isinstance(value, str) for value in row.get("setting", {}).values())
-
-
-def test_labels_are_different() -> None:
-    assert len(labels()) == len(FILES)

@@ -70,12 +70,6 @@ def test_other_settings_are_computed_and_kept_apart(tmp_path: Path) -> None:
     assert solve(tmp_path).runs == solve(tmp_path, options=options).runs == 0
 
 
-def test_another_detector_is_kept_apart(tmp_path: Path) -> None:
-    solve(tmp_path, detector="one")
-    assert solve(tmp_path, detector="other").runs == 2
-    assert solve(tmp_path, detector="one").runs == 0
-
-
 def changed_detection(take):
     detections = take.detections.copy()
     detections[0, 0, 0, 0] += 1e-9
@@ -92,57 +86,6 @@ def test_other_data_are_computed_anew(tmp_path: Path, change: Callable) -> None:
     other = replace(DATA, takes=(change(DATA.takes[0]), DATA.takes[1]))
     assert solve(tmp_path, other).runs == 1
     assert solve(tmp_path, other).runs == 0
-
-
-def truncate(path: Path) -> None:
-    path.write_bytes(path.read_bytes()[:-100])
-
-
-def empty(path: Path) -> None:
-    path.write_bytes(b"")
-
-
-def turn_a_bit(path: Path) -> None:
-    content = bytearray(path.read_bytes())
-    content[300] ^= 1  # in the first array: the poses
-    path.write_bytes(bytes(content))
-
-
-def leave_out(name: str) -> Callable[[Path], None]:
-    def change(path: Path) -> None:
-        with np.load(path) as content:
-            rest = {key: content[key] for key in content.files if key != name}
-        np.savez(path, **rest)
-
-    return change
-
-
-def fewer_frames(path: Path) -> None:
-    with np.load(path) as content:
-        rest = {key: content[key] for key in content.files}
-    rest["pose"] = rest["pose"][1:]
-    np.savez(path, **rest)
-
-
-def pickled(path: Path) -> None:
-    with np.load(path) as content:
-        rest = {key: content[key] for key in content.files}
-    rest["pose"] = np.array([rest["pose"], None], dtype=object)[:1]
-    np.savez(path, **rest)
-
-
-BROKEN = [
-    *(truncate, empty, turn_a_bit, fewer_frames, pickled),
-    *(leave_out(name) for name in ("pose", "seconds", "settings", "data")),
-]
-
-
-@pytest.mark.parametrize("damage", BROKEN)
-def test_a_broken_result_is_never_read(tmp_path: Path, damage: Callable[[Path], None]) -> None:
-    solve(tmp_path)
-    damage(files(tmp_path)[0])
-    assert solve(tmp_path).runs == 1
-    assert solve(tmp_path).runs == 0
 
 
 def damages(content: bytes, count: int) -> Iterator[bytes]:
@@ -176,19 +119,6 @@ def test_no_damage_is_read_back(tmp_path: Path, count: int) -> None:
 
     assert all(loaded(damaged) is None for damaged in damages(content, count) if damaged != content)
     assert loaded(content) is not None
-
-
-def test_a_result_can_be_looked_at(tmp_path: Path) -> None:
-    solve(tmp_path)
-    with np.load(files(tmp_path)[0]) as found:
-        assert found["pose"].shape[1:] == (17, 3)
-
-
-def test_a_temporary_file_is_no_result(tmp_path: Path) -> None:
-    solve(tmp_path)
-    whole = files(tmp_path)[0]
-    whole.rename(whole.with_name(f".{whole.name}.0123456789ab.tmp"))
-    assert solve(tmp_path).runs == 1
 
 
 def test_two_takes_whose_names_look_alike_are_kept_apart(tmp_path: Path) -> None:
@@ -261,11 +191,6 @@ def test_a_stopped_evaluation_goes_on(
     assert table(small_set, tmp_path) == undisturbed
     assert all(path.stat().st_mtime_ns == when for path, when in before.items())
     assert len(files(tmp_path)) == 240
-
-
-def test_the_times_of_a_resumed_evaluation_are_those_of_the_first(tmp_path: Path) -> None:
-    first, again = (single.evaluate(DATA, ["dlt", "annealed"], folder=tmp_path) for _ in range(2))
-    assert first.report().csv() == again.report().csv()
 
 
 def test_over_time_all_frames_are_solved_and_those_that_count_are_kept(tmp_path: Path) -> None:
