@@ -12,7 +12,7 @@ from rich.table import Table
 
 from skelsplat._words import number, with_bar
 from skelsplat.cli import options
-from skelsplat.cli.command import Option, in_panel, takes
+from skelsplat.cli.command import rows, takes
 from skelsplat.cli.findings import print_finding, telling
 from skelsplat.cli.output import Terminal, print_json, say
 from skelsplat.cli.table import in_parts, new_table, print_parts
@@ -39,27 +39,27 @@ OPTIONS = (
     options.DETECTIONS,
     *options.CALIBRATION,
     *options.RECORDING,
-    options.output(
-        "Calibration file to write: .toml (Anipose), .json or .npz. Nothing is written if no camera was "
-        "adjusted.",
-        "FILE",
+    *rows(
+        "Output",
+        """
+        -o, --output FILE  Calibration file to write: .toml (Anipose), .json or .npz. Nothing is written if no
+            camera was adjusted. [required]
+        """,
+        output=Path,
     ),
-    *in_panel(
+    *rows(
         "Adjust",
-        Option(
-            "free",
-            "CAMERA",
-            "A camera that was moved. Repeatable; only these are adjusted, instead of those found to be "
-            "wrong.",
-            flags=("--move",),
-            many=True,
-        ),
-        options.flag("focal", "Also adjust focal lengths, if zoom or focus may have changed."),
-        options.flag(
-            "clock", "Also measure clocks to parts of a frame. Offsets of whole frames are found in any case."
-        ),
+        """
+        --move CAMERA  A camera that was moved. Repeatable; only these are adjusted, instead of those found to
+            be wrong.
+        --focal  Also adjust focal lengths, if zoom or focus may have changed.
+        --clock  Also measure clocks to parts of a frame. Offsets of whole frames are found in any case.
+        """,
+        move={"name": "free", "many": True},
     ),
-    *in_panel("Output", options.flag("force", "Replace FILE if it exists."), options.QUIET, options.AS_JSON),
+    *rows("Output", "--force  Replace FILE if it exists."),
+    options.QUIET,
+    options.AS_JSON,
 )
 
 

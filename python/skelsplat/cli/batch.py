@@ -16,7 +16,7 @@ from skelsplat._budget import read_toml
 from skelsplat._words import number
 from skelsplat.cli import options
 from skelsplat.cli._app import FAILED
-from skelsplat.cli.command import Application, Option, in_panel, takes
+from skelsplat.cli.command import Application, rows, takes
 from skelsplat.cli.config import MisfitError, entries_of, options_in, unknown
 from skelsplat.cli.output import Terminal, counting, print_json, print_message
 from skelsplat.cli.table import new_table, print_table
@@ -41,29 +41,16 @@ COMMON = (
 _USUAL = ("pose", "pose-sync", "pose-associated", "openpose", "detections", "pose-2d")
 
 OPTIONS = (
-    options.path(
-        "sessions",
-        "SESSIONS",
-        "TOML file with the recordings, or the folder of a Pose2Sim project.",
-    ),
+    *rows("", "SESSIONS  TOML file with the recordings, or the folder of a Pose2Sim project.", sessions=Path),
     *options.JOB[2:],
-    *in_panel(
+    *rows(
         "Computation",
-        Option(
-            "jobs",
-            "N",
-            "Recordings refined at the same time, each in a process of its own.",
-            int,
-            shown="one per core",
-            limits={"min": 1},
-        ),
+        "--jobs N  Recordings refined at the same time, each in a process of its own. [one per core]",
+        jobs={"kind": int, "limits": {"min": 1}},
     ),
-    *in_panel(
-        "Output",
-        options.flag("overwrite", "Also refine recordings that have not changed."),
-        options.QUIET,
-        options.AS_JSON,
-    ),
+    *rows("Output", "--overwrite  Also refine recordings that have not changed."),
+    options.QUIET,
+    options.AS_JSON,
 )
 
 _program = Application(add_completion=False)

@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from importlib import import_module
 from pathlib import Path
+from textwrap import dedent
 from typing import Annotated, Any, ClassVar
 
 import typer
@@ -132,22 +133,20 @@ def _with_options(function: Callable[..., Any], extra: dict[str, Any]) -> Callab
 
 @dataclass(frozen=True)
 class Option:
-    """A row of a table of options: what typer's parameter is made from, and what the package gets.
+    """An option or argument: what typer's parameter is made from, and what the package gets; see `rows`.
 
     Attributes
     ----------
     name : str
-        The parameter, and its keyword in the package; the option is ``--name`` unless `flags` say otherwise.
-        A flag ``no_name`` is the opposite of the keyword ``name``.
-    metavar, help, panel : str
+        The parameter, and its keyword in the package. A flag ``no_name`` is the opposite of ``name``.
+    flags : tuple of str
+        How it is typed; empty for an argument.
+    metavar, help, panel, shown : str
+        For the help; ``shown`` is the default in words.
     kind : type
         Of the value; bool: a flag. With `many` the option is repeatable.
-    shown : str
-        The default in words, for the help.
     default
         None: there is none, and the package is not given the keyword; `REQUIRED`.
-    argument : bool
-        Whether it is an argument and no option.
     read : callable, optional
         Takes the option and its value, and returns what the package gets.
     marks : tuple
@@ -157,15 +156,14 @@ class Option:
     """
 
     name: str
+    flags: tuple[str, ...]
     metavar: str
     help: str
-    kind: Any = str
-    flags: tuple[str, ...] = ()
-    many: bool = False
-    shown: str = ""
-    default: Any = None
-    argument: bool = False
     panel: str = ""
+    shown: str = ""
+    kind: Any = str
+    many: bool = False
+    default: Any = None
     read: Callable[[str, Any], Any] | None = None
     marks: tuple[Any, ...] = ()
     limits: Mapping[str, float] = field(default_factory=dict)
@@ -173,9 +171,7 @@ class Option:
     @property
     def flag(self) -> str:
         """The option as it is typed."""
-        return next(
-            (name for name in self.flags if name.startswith("--")), f"--{self.name.replace('_', '-')}"
-        )
+        return next((name for name in self.flags if name.startswith("--")), self.metavar)
 
     @property
     def info(self) -> Any:
@@ -183,11 +179,11 @@ class Option:
         about: dict[str, Any] = {"metavar": self.metavar, "help": self.help, **self.limits}
         if self.kind is Path:
             about["readable"] = False
-        if self.argument:
+        if not self.flags:
             return typer.Argument(show_default=False, **about)
         if self.shown:
             about["show_default"] = self.shown
-        return typer.Option(*(self.flags or (self.flag,)), rich_help_panel=self.panel or None, **about)
+        return typer.Option(*self.flags, rich_help_panel=self.panel or None, **about)
 
     @property
     def parameter(self) -> inspect.Parameter:
@@ -210,9 +206,44 @@ class Option:
         return self.name, value if self.read is None or value is None else self.read(self.flag, value)
 
 
-def in_panel(name: str, *rows: Option) -> tuple[Option, ...]:
-    """Return options with the panel of the help in which they are."""
-    return tuple(replace(row, panel=name) for row in rows)
+def rows(panel: str, text: str, **more: Any) -> tuple[Option, ...]:
+    """Return the options and arguments of a text that is written like the panel of a help.
+
+    An entry is ``-o, --output FOLDER  What it is for. [default]``, with two spaces before the help, whose
+    further lines are indented. One without a metavar is a flag, one without a dash an argument. The default
+    is in words, or ``[= value]``, ``[required]``, ``[optional]`` of an argument.
+
+    Parameters
+    ----------
+    panel : str
+    text : str
+    **more
+        By option: the type of its value, a function for `Option.read`, or fields of `Option`.
+    """
+    return tuple(_row(panel, entry, more) for entry in re.split(r"\n(?=\S)", dedent(text).strip()))
+
+
+def _row(panel: str, entry: str, more: dict[str, Any]) -> Option:
+    head, _, words = entry.partition("  ")
+    found = re.fullmatch(r"(.*?)(?: \[(= )?([^]]*)\])?", " ".join(words.split()))
+    assert found is not None
+    parts = [part.strip(",") for part in head.split()]
+    flags = tuple(part for part in parts if part.startswith("-"))
+    metavar = " ".join(part for part in parts if not part.startswith("-"))
+    name = next((flag for flag in flags if flag.startswith("--")), head).lstrip("-").replace("-", "_")
+    made = Option(name.lower(), flags, metavar, found[1], panel)
+    if not metavar:
+        made = replace(made, kind=bool, default=False)
+    if found[2]:
+        made = replace(made, default=found[3])
+    elif found[3] == "required" or (not flags and found[3] != "optional"):
+        made = replace(made, default=REQUIRED)
+    elif flags and found[3]:
+        made = replace(made, shown=found[3])
+    given = more.get(made.name, {})
+    if isinstance(given, type):
+        given = {"kind": given}
+    return replace(made, **(given if isinstance(given, dict) else {"read": given}))
 
 
 def takes(*rows: Option) -> Callable[[Callable[..., Any]], Callable[..., Any]]:

@@ -9,7 +9,7 @@ from typing import Any
 import typer
 
 from skelsplat.cli import options
-from skelsplat.cli.command import Option, in_panel, takes
+from skelsplat.cli.command import rows, takes
 from skelsplat.cli.findings import telling
 from skelsplat.cli.output import print_json, say
 from skelsplat.exceptions import DatasetError, InvalidInputError
@@ -39,33 +39,31 @@ _KINDS = {
 }
 
 OPTIONS = (
-    options.path("source", "INPUT", "File or folder."),
-    options.path("target", "OUTPUT", "File; its suffix is the format."),
+    *rows(
+        "",
+        "INPUT  File or folder.\nOUTPUT  File; its suffix is the format.",
+        input={"name": "source", "kind": Path},
+        output={"name": "target", "kind": Path},
+    ),
     *(
-        replace(row, name="format") if row.name == "calibration_format" else row
+        replace(row, name="format", flags=("--format",)) if row.name == "calibration_format" else row
         for row in options.CALIBRATION
     ),
-    *in_panel(
+    *rows(
         "Output",
-        Option(
-            "to_unit",
-            "mm|cm|m",
-            "Length unit to write. Pose2Sim takes m, FreeMoCap mm.",
-            shown="that of the input",
-            read=lambda option, unit: options.one_of(option, unit, ("mm", "cm", "m")),
-        ),
-        Option("fps", "RATE", "Poses: frames per second.", float),
-        options.flag("y_up", "Poses: write a world with z up as y up."),
-        Option(
-            "marker_names",
-            "STYLE",
-            "Poses in .trc and .c3d: skelsplat, or pose2sim for RHip instead of right_hip.",
-        ),
-        options.flag("singular", "Poses in .nc: name the dimensions as movement 0.17 does."),
-        options.flag("force", "Replace OUTPUT if it exists."),
-        options.QUIET,
-        options.AS_JSON,
+        """
+        --to-unit mm|cm|m  Length unit to write. Pose2Sim takes m, FreeMoCap mm. [that of the input]
+        --fps RATE  Poses: frames per second.
+        --y-up  Poses: write a world with z up as y up.
+        --marker-names STYLE  Poses in .trc and .c3d: skelsplat, or pose2sim for RHip instead of right_hip.
+        --singular  Poses in .nc: name the dimensions as movement 0.17 does.
+        --force  Replace OUTPUT if it exists.
+        """,
+        to_unit=lambda option, unit: options.one_of(option, unit, ("mm", "cm", "m")),
+        fps=float,
     ),
+    options.QUIET,
+    options.AS_JSON,
 )
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from skelsplat.cli import options
-from skelsplat.cli.command import in_panel, takes
+from skelsplat.cli.command import rows, takes
 from skelsplat.cli.refine import run_and_print
 from skelsplat.io import sample
 from skelsplat.run import Job
@@ -22,12 +22,14 @@ _NOTE = "The sample has no ground truth: these errors measure agreement with the
 
 
 @takes(
-    options.output(
-        "Folder for the results.", default=None, shown=f"{_FOLDER}, with --people {_FOLDER_OF_PEOPLE}"
+    *rows(
+        "Output",
+        f"-o, --output FOLDER  Folder for the results. [{_FOLDER}, with --people {_FOLDER_OF_PEOPLE}]",
+        output=Path,
     ),
-    *in_panel("Method", options.PAPER),
-    *in_panel("Input", options.flag("people", "Refine the recording of two people and a bystander.")),
-    *in_panel("Over time", options.FRAME_BY_FRAME),
+    options.PAPER,
+    *rows("Input", "--people  Refine the recording of two people and a bystander."),
+    options.FRAME_BY_FRAME,
     options.THREADS,
     options.QUIET,
     options.AS_JSON,

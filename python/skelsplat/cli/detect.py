@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import shlex
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import typer
 
 from skelsplat.cli import options
-from skelsplat.cli.command import Option, in_panel, takes
+from skelsplat.cli.command import rows, takes
 from skelsplat.cli.findings import telling
 from skelsplat.cli.output import counting, print_json, say
 from skelsplat.detect import Detected, Detector, MediaPipe, RTMLib
@@ -24,44 +23,44 @@ EPILOG = (
     "downloads its networks when they are first used; pip install 'skelsplat\\[rtmlib]'."
 )
 OPTIONS = (
-    options.path(
-        "videos",
-        "VIDEOS",
-        "Folder with one video or one folder of images per camera, or these themselves. Their names are "
-        "those of the cameras.",
-        many=True,
+    *rows(
+        "",
+        """
+        VIDEOS  Folder with one video or one folder of images per camera, or these themselves. Their names are
+            those of the cameras.
+        """,
+        videos={"kind": Path, "many": True},
     ),
-    *in_panel(
+    *rows(
         "Input",
-        replace(options.RANGE, help="Frames to detect, from 0; A- and -B are open ranges."),
+        "--range A-B  Frames to detect, from 0; A- and -B are open ranges. [all]",
+        range=options.frame_range,
     ),
-    *in_panel(
+    *rows(
         "Detector",
-        Option(
-            "backend",
-            "NAME",
-            "mediapipe or rtmlib.",
-            default="mediapipe",
-            read=lambda option, name: options.one_of(option, name, ("mediapipe", "rtmlib")),
-        ),
-        Option(
-            "model",
-            "NAME",
-            "Of mediapipe: full, lite or heavy. Of rtmlib: body-feet, body or whole-body.",
-            shown="full; body-feet",
-        ),
-        Option("mode", "NAME", "rtmlib: balanced, lightweight or performance.", shown="balanced"),
-        Option("det_model", "FILE", "rtmlib: ONNX file that finds people (YOLOX).", Path),
-        Option("pose_model", "FILE", "rtmlib: ONNX file that finds joints (RTMPose).", Path),
-        Option("device", "NAME", "rtmlib: cpu or cuda.", shown="cpu"),
+        """
+        --backend NAME  mediapipe or rtmlib. [= mediapipe]
+        --model NAME  Of mediapipe: full, lite or heavy. Of rtmlib: body-feet, body or whole-body.
+            [full; body-feet]
+        --mode NAME  rtmlib: balanced, lightweight or performance. [balanced]
+        --det-model FILE  rtmlib: ONNX file that finds people (YOLOX).
+        --pose-model FILE  rtmlib: ONNX file that finds joints (RTMPose).
+        --device NAME  rtmlib: cpu or cuda. [cpu]
+        """,
+        backend=lambda option, name: options.one_of(option, name, ("mediapipe", "rtmlib")),
+        det_model=Path,
+        pose_model=Path,
     ),
-    options.output("Folder to write.", default=Path("pose")),
-    *in_panel(
+    *rows(
         "Output",
-        options.flag("overwrite", "Replace detections that this command wrote before."),
-        options.QUIET,
-        options.AS_JSON,
+        """
+        -o, --output FOLDER  Folder to write. [= pose]
+        --overwrite  Replace detections that this command wrote before.
+        """,
+        output=Path,
     ),
+    options.QUIET,
+    options.AS_JSON,
 )
 
 

@@ -12,7 +12,7 @@ from rich.text import Text
 import skelsplat as sk
 from skelsplat._escape import escaped
 from skelsplat.cli import options
-from skelsplat.cli.command import takes
+from skelsplat.cli.command import rows, takes
 from skelsplat.cli.findings import tell
 from skelsplat.cli.output import Terminal, print_json, say
 from skelsplat.cli.table import new_table, print_table
@@ -27,16 +27,15 @@ EPILOG = (
 
 
 @takes(
-    options.path(
-        "name",
-        "NAME",
-        "A built-in layout, a layout file (.toml), or a file with a skeleton: SLEAP's h5, DeepLabCut's h5, "
-        "csv or config.yaml. Without it, all built-in layouts are listed.",
-        kind=str,
-        default=None,
+    *rows(
+        "",
+        """
+        NAME  A built-in layout, a layout file (.toml), or a file with a skeleton: SLEAP's h5, DeepLabCut's
+            h5, csv or config.yaml. Without it, all built-in layouts are listed. [optional]
+        --toml  Print the layout as a layout file.
+        --quiet, -q  Only the names of layouts or joints, a line each.
+        """,
     ),
-    options.flag("toml", "Print the layout as a layout file."),
-    options.flag("quiet", "Only the names of layouts or joints, a line each.", "-q"),
     options.AS_JSON,
 )
 def layouts(name: str | None = None, *, toml: bool, quiet: bool, as_json: bool) -> None:

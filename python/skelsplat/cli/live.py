@@ -14,7 +14,7 @@ import typer
 
 from skelsplat.cli import options
 from skelsplat.cli._app import FAILED, INTERRUPTED
-from skelsplat.cli.command import Option, in_panel, takes
+from skelsplat.cli.command import rows, takes
 from skelsplat.cli.findings import telling
 from skelsplat.cli.output import say
 from skelsplat.exceptions import DatasetError
@@ -30,38 +30,25 @@ _MOST_LINE = 2**24  # bytes: eight cameras with hundreds of people need less
 OPTIONS = (
     options.CALIBRATION_FILE,
     *options.CALIBRATION,
-    *in_panel(
-        "Input",
-        replace(
-            options.LAYOUT,
-            help="Joint layout of the detections: a name (skelsplat layouts lists them) or a layout file "
-            "(.toml). Required.",
-            shown="",
-        ),
+    replace(
+        options.LAYOUT,
+        help="Joint layout of the detections: a name (skelsplat layouts lists them) or a layout file "
+        "(.toml). Required.",
+        shown="",
     ),
     *options.OF_LIVE,
-    *in_panel(
+    *rows(
         "Over time",
-        Option(
-            "fps",
-            "HZ",
-            "Frames per second, one line each, also where nothing is detected: the past then predicts.",
-            float,
-            shown="every frame by itself",
-            read=options.positive,
-        ),
-        Option(
-            "lag",
-            "FRAMES",
-            "Answer so many frames later, from the frames before and after. Requires --fps.",
-            int,
-            default=0,
-            limits={"min": 0},
-        ),
-        replace(
-            options.PEOPLE,
-            help="Follow everybody, or at most N people, and find out who is who. Requires --fps.",
-        ),
+        """
+        --fps HZ  Frames per second, one line each, also where nothing is detected: the past then predicts.
+            [every frame by itself]
+        --lag FRAMES  Answer so many frames later, from the frames before and after. Requires --fps. [= 0]
+        --people all|N  Follow everybody, or at most N people, and find out who is who. Requires --fps.
+            [one person]
+        """,
+        fps={"kind": float, "read": options.positive},
+        lag={"kind": int, "default": 0, "limits": {"min": 0}},
+        people=options.all_or_number,
     ),
     options.QUIET,
 )

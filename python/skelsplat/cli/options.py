@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from dataclasses import fields
+from dataclasses import fields, replace
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
@@ -12,7 +12,7 @@ from typing import Annotated, Any
 import typer
 
 from skelsplat import RefineConfig
-from skelsplat.cli.command import REQUIRED, Option, in_panel
+from skelsplat.cli.command import Option, rows
 from skelsplat.cli.config import NAME_OR_PATH
 from skelsplat.io.calibration import FORMATS as CALIBRATION_FORMATS
 from skelsplat.io.detections import FORMATS
@@ -46,7 +46,7 @@ def positive(option: str, value: float) -> float:
     raise typer.BadParameter(f"expected a positive number, got {value:g}", param_hint=option)
 
 
-def _all_or_number(option: str, value: str) -> str | int:
+def all_or_number(option: str, value: str) -> str | int:
     """Return ``"all"``, or how many people to follow."""
     if value.lower() == "all":
         return "all"
@@ -97,25 +97,9 @@ def distinct(_option: str, names: list[str]) -> tuple[str, ...]:
     return tuple(dict.fromkeys(names))
 
 
-def _order(_option: str, text: str) -> str | tuple[str, ...]:
+def order(_option: str, text: str) -> str | tuple[str, ...]:
+    """Return the source of each camera, or ``"sorted"``."""
     return text if text == "sorted" else tuple(part.strip() for part in text.split(","))
-
-
-def flag(name: str, help: str, *short: str) -> Option:
-    """Return a row for a flag."""
-    long = f"--{name.replace('_', '-')}"
-    return Option(name, "", help, bool, flags=(long, *short), default=False)
-
-
-def path(name: str, metavar: str, help: str, **more: Any) -> Option:
-    """Return a row for an argument that is a path."""
-    return Option(name, metavar, help, argument=True, **{"kind": Path, "default": REQUIRED, **more})
-
-
-def output(help: str, metavar: str = "FOLDER", **more: Any) -> Option:
-    """Return the row for ``--output``."""
-    flags = ("-o", "--output")
-    return Option("output", metavar, help, Path, flags=flags, panel="Output", **{"default": REQUIRED, **more})
 
 
 _METHODS = tuple(
@@ -124,7 +108,7 @@ _METHODS = tuple(
 
 
 def _setting(name: str, metavar: str, shown: str = "", *, methods: Any = _METHODS, **more: Any) -> Option:
-    """Return the row for a setting of the methods, in the core's words, with options instead of settings."""
+    """Return the option of a setting of the methods, in the core's words."""
     tables = [table[name] for table in methods if name in table]
     sentences = [
         re.sub(r"`(\w+)`", lambda found: "--" + found[1].replace("_", "-"), setting.sentence)
@@ -134,180 +118,113 @@ def _setting(name: str, metavar: str, shown: str = "", *, methods: Any = _METHOD
     words = " With --paper: ".join([texts[0], *(text[0].lower() + text[1:] for text in texts[1:])])
     if not shown:
         shown = ", with --paper ".join(dict.fromkeys(f"{setting.default:.4g}" for setting in tables))
-    return Option(name, metavar, words, **{"kind": float, "shown": shown, **more})
+    flags = (f"--{name.replace('_', '-')}",)
+    return Option(name, flags, metavar, words, **{"panel": "Method", "kind": float, "shown": shown, **more})
 
 
-CALIBRATION_FILE = path(
-    "calibration", "CALIBRATION", "Calibration file or its folder. convert --help lists the formats."
+CALIBRATION_FILE, DETECTIONS = rows(
+    "",
+    """
+    CALIBRATION  Calibration file or its folder. convert --help lists the formats.
+    DETECTIONS  Folder or file of 2D detections. A folder has one folder or file per camera, named like the
+        camera.
+    """,
+    calibration=Path,
+    detections=Path,
 )
-DETECTIONS = path(
-    "detections",
-    "DETECTIONS",
-    "Folder or file of 2D detections. A folder has one folder or file per camera, named like the camera.",
-)
-
-CALIBRATION = in_panel(
+CALIBRATION = rows(
     "Calibration",
-    Option(
-        "unit",
-        "mm|cm|m",
-        "Length unit of the calibration. Needed if the format does not state it: Anipose TOML, OpenCV YAML, "
-        "4D association.",
-    ),
-    Option(
-        "calibration_format",
-        "NAME",
-        f"Format of the calibration: {', '.join(sorted(CALIBRATION_FORMATS))}.",
-        shown="found from the content",
-    ),
-    Option(
-        "camera_type",
-        "TYPE",
-        "Which cameras of the file: hd, vga, … (Panoptic), video cameras (Qualisys, Vicon), or all.",
-    ),
-    Option("subject", "S1", "Human3.6M: the subject with these cameras."),
-    Option(
-        "size",
-        "WxH",
-        "Image size, if the files do not state it: OpenPose, some OpenCV YAML, VoxelPose, DANNCE.",
-        read=_width_and_height,
-    ),
-    Option("binning", "N", "Qualisys: sensor pixels per pixel of the video.", float),
+    f"""
+    --unit mm|cm|m  Length unit of the calibration. Needed if the format does not state it: Anipose TOML,
+        OpenCV YAML, 4D association.
+    --calibration-format NAME  Format of the calibration: {", ".join(sorted(CALIBRATION_FORMATS))}.
+        [found from the content]
+    --camera-type TYPE  Which cameras of the file: hd, vga, … (Panoptic), video cameras (Qualisys, Vicon), or
+        all.
+    --subject S1  Human3.6M: the subject with these cameras.
+    --size WxH  Image size, if the files do not state it: OpenPose, some OpenCV YAML, VoxelPose, DANNCE.
+    --binning N  Qualisys: sensor pixels per pixel of the video.
+    """,
+    size=_width_and_height,
+    binning=float,
 )
+(LAYOUT,) = rows(
+    "Input",
+    """
+    --layout NAME  Joint layout, such as body25b. A name (skelsplat layouts lists them), a layout file
+        (.toml), or file: the joints as the detections name them. [found from the joint names in the files]
+    """,
+    layout={"marks": (NAME_OR_PATH,)},
+)
+_PERSON, PEOPLE, _JUDGED_BY = rows(
+    "Input",
+    """
+    --person WHO  Person to follow. consistent: the person the views agree on. The others are followed over
+        time as by --people, and one is chosen: N, the identity, from 0 in the order of appearance; largest;
+        moves-most; CAMERA:X,Y, whoever is at that pixel when the camera first sees somebody. If the frame
+        rate is unknown, N is entry N of each file, and largest the largest in each image: not always the
+        same person. [= consistent]
+    --people all|N  Refine several people. Each has a folder, person_0, person_1, …: all of them, or the N
+        whom the views see most. The frame rate must be known. [one person]
+    --person WHO  By whom the cameras are judged. everybody: all on whom three views agree; consistent: only
+        the person on whom they agree best; largest: the largest in each image; N: entry N of each file,
+        from 0. [= everybody]
+    """,
+    people=all_or_number,
+)
+_READING = rows(
+    "Input",
+    f"""
+    --frames MODE  What to do if cameras have different frames. strict: stop (except for formats that list
+        only people: alphapose, coco, csv); intersection: keep the common frames; union: keep all. [= strict]
+    --format NAME  Format of the detections: {", ".join(FORMATS)}. [found from the files]
+    --offset CAMERA=FRAMES  Frames to add to a camera's numbers. 3 if it started 3 frames late; also 3.4.
+        Repeatable.
+    --order A,B,…  Folder, file or index in the file of each camera, in the calibration's order; or sorted.
+        [by name]
+    --without CAMERA  Leave a camera out. Repeatable; the camera need not have detections.
+    --map JOINT=NAME  What a joint of the layout is in the files: a name, an index from 0, or none.
+        Repeatable.
+    --sequence NAME  Sequence of a file that has several, such as "S9/Directions 1".
+    """,
+    frames=lambda option, value: one_of(option, value, FRAME_MODES),
+    format=lambda _option, value: value.lower(),
+    offset={"name": "offsets", "many": True, "read": _offsets},
+    order=order,
+    without={"many": True, "read": distinct},
+    map={"name": "mapping", "many": True, "read": _mapping},
+)
+RECORDING = (LAYOUT, _JUDGED_BY, replace(_READING[0], default="union"), *_READING[1:])
+"""The options of check-cameras and adjust-cameras for reading detections."""
 
-LAYOUT = Option(
-    "layout",
-    "NAME",
-    "Joint layout, such as body25b. A name (skelsplat layouts lists them), a layout file (.toml), or file: "
-    "the joints as the detections name them.",
-    shown="found from the joint names in the files",
-    marks=(NAME_OR_PATH,),
+MIN_CONFIDENCE = _setting("min_confidence", "C", panel="Input", limits={"min": 0, "max": 1})
+NO_UNDISTORT, _ADJUST, _INIT, _INIT_SIGMA = rows(
+    "Input",
+    """
+    --no-undistort  Ignore lens distortion.
+    --adjust-cameras  First adjust the cameras that were turned or moved since the calibration. Everybody the
+        views agree on shows which; cameras.json has them. skelsplat adjust-cameras writes a calibration.
+    --init POSE.npz  Pose file to start from. [triangulation]
+    --init-sigma-mm MM  Standard deviation of --init per axis, in mm. With it, an --init that is independent
+        of the detections (monocular, body model) counts as an observation. Not with --paper.
+    """,
+    init=Path,
+    init_sigma_mm=float,
 )
-ORDER = Option(
-    "order",
-    "A,B,…",
-    "Folder, file or index in the file of each camera, in the calibration's order; or sorted.",
-    shown="by name",
-    read=_order,
-)
-
-
-def _reading(person: Option, frames: str) -> tuple[Option, ...]:
-    """Return the rows for reading detections of a person, or of ``person`` and ``people``."""
-    return in_panel(
-        "Input",
-        LAYOUT,
-        person,
-        Option(
-            "frames",
-            "MODE",
-            "What to do if cameras have different frames. strict: stop (except for formats that list only "
-            "people: alphapose, coco, csv); intersection: keep the common frames; union: keep all.",
-            default=frames,
-            read=lambda option, value: one_of(option, value, FRAME_MODES),
-        ),
-        Option(
-            "format",
-            "NAME",
-            f"Format of the detections: {', '.join(FORMATS)}.",
-            shown="found from the files",
-            read=lambda _option, value: value.lower(),
-        ),
-        Option(
-            "offsets",
-            "CAMERA=FRAMES",
-            "Frames to add to a camera's numbers. 3 if it started 3 frames late; also 3.4. Repeatable.",
-            flags=("--offset",),
-            many=True,
-            read=_offsets,
-        ),
-        ORDER,
-        Option(
-            "without",
-            "CAMERA",
-            "Leave a camera out. Repeatable; the camera need not have detections.",
-            many=True,
-            read=distinct,
-        ),
-        Option(
-            "mapping",
-            "JOINT=NAME",
-            "What a joint of the layout is in the files: a name, an index from 0, or none. Repeatable.",
-            flags=("--map",),
-            many=True,
-            read=_mapping,
-        ),
-        Option("sequence", "NAME", 'Sequence of a file that has several, such as "S9/Directions 1".'),
-    )
-
-
-RECORDING = _reading(
-    Option(
-        "person",
-        "WHO",
-        "By whom the cameras are judged. everybody: all on whom three views agree; consistent: only the "
-        "person on whom they agree best; largest: the largest in each image; N: entry N of each file, "
-        "from 0.",
-        default="everybody",
-    ),
-    frames="union",
-)
-
-MIN_CONFIDENCE = _setting("min_confidence", "C", limits={"min": 0, "max": 1})
-NO_UNDISTORT = flag("no_undistort", "Ignore lens distortion.")
-_PERSON = Option(
-    "person",
-    "WHO",
-    "Person to follow. consistent: the person the views agree on. The others are followed over time as by "
-    "--people, and one is chosen: N, the identity, from 0 in the order of appearance; largest; moves-most; "
-    "CAMERA:X,Y, whoever is at that pixel when the camera first sees somebody. If the frame rate is unknown, "
-    "N is entry N of each file, and largest the largest in each image: not always the same person.",
-    default="consistent",
-)
-PEOPLE = Option(
-    "people",
-    "all|N",
-    "Refine several people. Each has a folder, person_0, person_1, …: all of them, or the N whom the views "
-    "see most. The frame rate must be known.",
-    shown="one person",
-    panel="Input",
-    read=_all_or_number,
-)
-_INPUT = (
-    *_reading(_PERSON, frames="strict"),
-    *in_panel(
-        "Input",
-        Option("init", "POSE.npz", "Pose file to start from.", Path, shown="triangulation"),
-        Option(
-            "init_sigma_mm",
-            "MM",
-            "Standard deviation of --init per axis, in mm. With it, an --init that is independent of the "
-            "detections (monocular, body model) counts as an observation. Not with --paper.",
-            float,
-        ),
-        MIN_CONFIDENCE,
-        NO_UNDISTORT,
-        flag(
-            "adjust_cameras",
-            "First adjust the cameras that were turned or moved since the calibration. Everybody the views "
-            "agree on shows which; cameras.json has them. skelsplat adjust-cameras writes a calibration.",
-        ),
-    ),
-)
-
-PAPER = flag(
-    "paper",
-    "Use the published method. It renders pixels and optimises with Adam; the default, annealed, is more "
-    "robust.",
-)
-NO_SWAPS = flag("no_swaps", "Do not correct left–right swaps.")
-FREE_BONES = flag("free_bones", "Do not use the proportions of people for joints that few views see.")
-JOINT_BIAS = _setting("joint_bias_mm", "MM", "by the layout", limits={"min": 0})
-THREADS = _setting(
-    "n_threads", "1..1024", "all cores", kind=int, flags=("--threads",), limits={"min": 1}, panel="Method"
-)
-_METHOD = in_panel(
+PAPER, NO_SWAPS, FREE_BONES = rows(
     "Method",
+    """
+    --paper  Use the published method. It renders pixels and optimises with Adam; the default, annealed, is
+        more robust.
+    --no-swaps  Do not correct left–right swaps.
+    --free-bones  Do not use the proportions of people for joints that few views see.
+    """,
+)
+JOINT_BIAS = _setting("joint_bias_mm", "MM", "by the layout", limits={"min": 0})
+THREADS = replace(
+    _setting("n_threads", "1..1024", "all cores", kind=int, limits={"min": 1}), flags=("--threads",)
+)
+_METHOD = (
     PAPER,
     NO_SWAPS,
     FREE_BONES,
@@ -319,103 +236,70 @@ _METHOD = in_panel(
     THREADS,
 )
 OF_LIVE = (
-    *in_panel("Input", MIN_CONFIDENCE, NO_UNDISTORT),
-    *in_panel("Method", NO_SWAPS, FREE_BONES, _setting("sigma_mm", "MM", methods=_METHODS[:1]), JOINT_BIAS),
+    MIN_CONFIDENCE,
+    NO_UNDISTORT,
+    NO_SWAPS,
+    FREE_BONES,
+    _setting("sigma_mm", "MM", methods=_METHODS[:1]),
+    JOINT_BIAS,
 )
 """The settings of `skelsplat live`."""
 
-FRAME_BY_FRAME = flag(
-    "frame_by_frame", "Solve each frame alone, even if the frame rate is known. --paper always does."
-)
-_TIME = in_panel(
+_TIME = rows(
     "Over time",
-    Option(
-        "fps",
-        "HZ",
-        "Frame rate. If it is known, the recording is solved over time: bones keep their length and joints "
-        "move smoothly.",
-        float,
-        shown="as files or videos state it",
-    ),
-    FRAME_BY_FRAME,
-    Option(
-        "fill_gaps",
-        "N",
-        "Fill gaps of at most N frames. The results mark these joints as filled.",
-        int,
-        shown="none",
-        limits={"min": 1},
-    ),
-    Option("fill_method", "cubic|linear", "Fill with cubic splines, or straight lines.", shown="cubic"),
-    flag("fill_weak", "Also treat weak joints as gaps."),
-    Option(
-        "filter",
-        "FILTER",
-        "Smooth over time. butterworth[:HZ[:ORDER]] runs both ways and has no lag; one-euro[:HZ[:BETA]] is "
-        "causal, BETA in Hz per mm/s. Weak joints stay as they are and do not affect others. Requires --fps.",
-        shown="none",
-    ),
+    """
+    --fps HZ  Frame rate. If it is known, the recording is solved over time: bones keep their length and
+        joints move smoothly. [as files or videos state it]
+    --frame-by-frame  Solve each frame alone, even if the frame rate is known. --paper always does.
+    --fill-gaps N  Fill gaps of at most N frames. The results mark these joints as filled. [none]
+    --fill-method cubic|linear  Fill with cubic splines, or straight lines. [cubic]
+    --fill-weak  Also treat weak joints as gaps.
+    --filter FILTER  Smooth over time. butterworth[:HZ[:ORDER]] runs both ways and has no lag;
+        one-euro[:HZ[:BETA]] is causal, BETA in Hz per mm/s. Weak joints stay as they are and do not affect
+        others. Requires --fps. [none]
+    """,
+    fps=float,
+    fill_gaps={"kind": int, "limits": {"min": 1}},
 )
-
-_OUTPUT = in_panel(
+FRAME_BY_FRAME = _TIME[1]
+OUTPUT, *_WRITTEN = rows(
     "Output",
-    output("Folder for the results."),
-    Option(
-        "write",
-        "FORMATS",
-        "Pose files: csv, trc, c3d, json, nc. pose.npz is always written; nc is for xarray and movement.",
-        default="csv,trc",
-        read=partial(some_of, tuple(POSE_FORMATS)),
-    ),
-    flag("y_up", "Write TRC and C3D with y up. OpenSim expects it; the calibration must have z up."),
-    Option(
-        "marker_names",
-        "STYLE",
-        "Joint names in TRC and C3D files: skelsplat (right_hip), or pose2sim (RHip), for its OpenSim "
-        "models.",
-        default="skelsplat",
-    ),
-    flag(
-        "angles", "Write joint angles. angles.csv and angles.npz have error bars, angles.mot is for OpenSim."
-    ),
-    flag("no_html", "Do not write report.html. It takes 5 MB or more."),
+    """
+    -o, --output FOLDER  Folder for the results. [required]
+    --write FORMATS  Pose files: csv, trc, c3d, json, nc. pose.npz is always written; nc is for xarray and
+        movement. [= csv,trc]
+    --y-up  Write TRC and C3D with y up. OpenSim expects it; the calibration must have z up.
+    --marker-names STYLE  Joint names in TRC and C3D files: skelsplat (right_hip), or pose2sim (RHip), for
+        its OpenSim models. [= skelsplat]
+    --angles  Write joint angles. angles.csv and angles.npz have error bars, angles.mot is for OpenSim.
+    --no-html  Do not write report.html. It takes 5 MB or more.
+    """,
+    output=Path,
+    write=partial(some_of, tuple(POSE_FORMATS)),
 )
 JOB = (
-    CALIBRATION_FILE,
-    DETECTIONS,
-    *CALIBRATION,
-    *_INPUT[:2],
-    PEOPLE,
-    *_INPUT[2:],
-    *_METHOD,
-    *_TIME,
-    *_OUTPUT,
+    *(CALIBRATION_FILE, DETECTIONS, *CALIBRATION),
+    *(LAYOUT, _PERSON, PEOPLE, *_READING, _INIT, _INIT_SIGMA, MIN_CONFIDENCE, NO_UNDISTORT, _ADJUST),
+    *(*_METHOD, *_TIME, OUTPUT, *_WRITTEN),
 )
 """The options of a job, by the names of the fields of `skelsplat.run.Job` and of its settings."""
 
-QUIET, AS_JSON = in_panel(
+QUIET, AS_JSON = rows(
     "Output",
-    flag("quiet", "Print only warnings and errors.", "-q"),
-    Option(
-        "as_json",
-        "",
-        "Print the result as JSON. Nothing else is printed on stdout.",
-        bool,
-        flags=("--json",),
-        default=False,
-    ),
+    """
+    --quiet, -q  Print only warnings and errors.
+    --json  Print the result as JSON. Nothing else is printed on stdout.
+    """,
+    json={"name": "as_json"},
 )
 Quiet = Annotated[bool, QUIET.info]
 AsJson = Annotated[bool, AS_JSON.info]
 Threads = Annotated[int | None, THREADS.info]
-RANGE = Option(
-    "range",
-    "A-B",
-    "Frames to draw, by the run's frame numbers; A- and -B are open ranges; A is one frame.",
-    shown="all",
-    panel="Drawing",
-    read=lambda _option, text: FrameRange.parse(text),
-)
+
+
+def frame_range(_option: str, text: str) -> FrameRange:
+    """Return the frames that ``--range`` names."""
+    return FrameRange.parse(text)
 
 
 def job_of(**given: Any) -> Job:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +10,7 @@ import typer
 import skelsplat as sk
 from skelsplat._opencv import opencv
 from skelsplat.cli import options
-from skelsplat.cli.command import Option, in_panel, takes
+from skelsplat.cli.command import rows, takes
 from skelsplat.cli.findings import telling
 from skelsplat.cli.output import counting, print_json, say
 from skelsplat.findings import collected_warnings
@@ -22,72 +21,58 @@ EPILOG = (
     "-i cam01.mp4 -c:v libx264 web.mp4 converts them. Needs pip install 'skelsplat\\[video]'."
 )
 OPTIONS = (
-    options.path("run", "RUN", "Output folder of refine or demo."),
-    options.path(
-        "videos",
-        "VIDEOS",
-        "Folder with one video or one folder of images per camera, named like the camera; or one of them. "
-        "Without any: --plain.",
-        default=None,
+    *rows(
+        "",
+        """
+        RUN  Output folder of refine or demo.
+        VIDEOS  Folder with one video or one folder of images per camera, named like the camera; or one of
+            them. Without any: --plain. [optional]
+        """,
+        run=Path,
+        videos=Path,
     ),
-    *in_panel(
+    *rows(
         "Input",
-        options.flag("plain", "Draw on plain frames of the cameras' size, without videos."),
-        Option(
-            "cameras",
-            "NAME",
-            "Camera to draw. Repeatable.",
-            flags=("--camera",),
-            many=True,
-            shown="all",
-            read=options.distinct,
-        ),
-        replace(options.ORDER, help="Video or folder of each camera, in the calibration's order, or sorted."),
-        Option(
-            "first_frame",
-            "N",
-            "Number of a video's first frame in the files of the detections. Images are numbered by the last "
-            "integer in their names.",
-            int,
-            shown="0",
-        ),
+        """
+        --plain  Draw on plain frames of the cameras' size, without videos.
+        --camera NAME  Camera to draw. Repeatable. [all]
+        --order A,B,…  Video or folder of each camera, in the calibration's order, or sorted. [by name]
+        --first-frame N  Number of a video's first frame in the files of the detections. Images are numbered
+            by the last integer in their names. [0]
+        """,
+        camera={"name": "cameras", "many": True, "read": options.distinct},
+        order=options.order,
+        first_frame=int,
     ),
-    *in_panel(
+    *rows(
         "Drawing",
-        options.RANGE,
-        options.flag("no_detections", "Leave out the detections."),
-        options.flag("no_ellipses", "Leave out the error ellipses."),
-        options.flag("no_pose", "Leave out the skeleton."),
-        options.flag("before", "Draw the start of the refinement as well."),
-        options.flag(
-            "no_legend", "Leave out legend, camera name and frame number; the image keeps its size."
-        ),
-        options.flag("crop", "Crop to the person."),
-        Option(
-            "scale",
-            "S",
-            "Scale of the output, such as 0.5.",
-            float,
-            shown="1; --grid fits a screen",
-            read=options.positive,
-        ),
+        """
+        --range A-B  Frames to draw, by the run's frame numbers; A- and -B are open ranges; A is one frame.
+            [all]
+        --no-detections  Leave out the detections.
+        --no-ellipses  Leave out the error ellipses.
+        --no-pose  Leave out the skeleton.
+        --before  Draw the start of the refinement as well.
+        --no-legend  Leave out legend, camera name and frame number; the image keeps its size.
+        --crop  Crop to the person.
+        --scale S  Scale of the output, such as 0.5. [1; --grid fits a screen]
+        """,
+        range=options.frame_range,
+        scale={"kind": float, "read": options.positive},
     ),
-    options.output("Folder for the results.", default=None, shown="RUN/overlay"),
-    *in_panel(
+    *rows(
         "Output",
-        Option(
-            "fps",
-            "HZ",
-            "Frame rate of the output.",
-            float,
-            shown="that of the video, otherwise of the run",
-            read=options.positive,
-        ),
-        options.flag("png", "Write a folder of PNG files instead of a video."),
-        options.flag("grid", "Write all cameras side by side into grid.mp4."),
-        options.QUIET,
-        options.AS_JSON,
+        """
+        -o, --output FOLDER  Folder for the results. [RUN/overlay]
+        --fps HZ  Frame rate of the output. [that of the video, otherwise of the run]
+        --png  Write a folder of PNG files instead of a video.
+        --grid  Write all cameras side by side into grid.mp4.
+        """,
+        output=Path,
+        fps={"kind": float, "read": options.positive},
     ),
+    options.QUIET,
+    options.AS_JSON,
 )
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from skelsplat.cli import options
-from skelsplat.cli.command import Option, in_panel, takes
+from skelsplat.cli.command import rows, takes
 from skelsplat.cli.config import NAME_OR_PATH
 from skelsplat.cli.findings import telling
 from skelsplat.cli.output import Terminal, counting, print_json, print_message
@@ -25,46 +25,33 @@ EPILOG = (
 )
 
 OPTIONS = (
-    options.path("run", "RUN", "Output folder of refine or demo, or a pose file."),
-    *in_panel(
+    *rows("", "RUN  Output folder of refine or demo, or a pose file.", run=Path),
+    *rows(
         "Drawing",
-        Option(
-            "only",
-            "FIGURES",
-            "Figures to draw: some of trajectories, bones, errors, angles.",
-            shown="trajectories,bones,errors; angles too of a run with --angles",
-            read=partial(options.some_of, PICTURES),
-        ),
-        Option(
-            "joints",
-            "A,B,…",
-            "Joints for the trajectories, or all.",
-            shown="wrists and ankles, or the first four",
-        ),
-        options.RANGE,
-        Option(
-            "layout",
-            "NAME",
-            "Joint layout, for limbs and sides: a name, or a layout file (.toml).",
-            shown="that of the run, or found from the joints' names",
-            marks=(NAME_OR_PATH,),
-        ),
+        """
+        --only FIGURES  Figures to draw: some of trajectories, bones, errors, angles.
+            [trajectories,bones,errors; angles too of a run with --angles]
+        --joints A,B,…  Joints for the trajectories, or all. [wrists and ankles, or the first four]
+        --range A-B  Frames to draw, by the run's frame numbers; A- and -B are open ranges; A is one frame.
+            [all]
+        --layout NAME  Joint layout, for limbs and sides: a name, or a layout file (.toml).
+            [that of the run, or found from the joints' names]
+        """,
+        only=partial(options.some_of, PICTURES),
+        range=options.frame_range,
+        layout={"marks": (NAME_OR_PATH,)},
     ),
-    options.output(
-        "Folder for the figures.", default=None, shown="RUN/plots; of a file, plots/FILE next to it"
-    ),
-    *in_panel(
+    *rows(
         "Output",
-        Option(
-            "format",
-            "FORMATS",
-            "png, pdf or png,pdf.",
-            default="png",
-            read=partial(options.some_of, ("png", "pdf")),
-        ),
-        options.QUIET,
-        options.AS_JSON,
+        """
+        -o, --output FOLDER  Folder for the figures. [RUN/plots; of a file, plots/FILE next to it]
+        --format FORMATS  png, pdf or png,pdf. [= png]
+        """,
+        output=Path,
+        format=partial(options.some_of, ("png", "pdf")),
     ),
+    options.QUIET,
+    options.AS_JSON,
 )
 
 
