@@ -14,15 +14,15 @@ import typer
 from rich.console import Console
 from rich.table import Column, Table
 
-from command_line import assert_fails, invoke
-from skelsplat import datasets, synthetic
+from command_line import invoke
+from skelsplat import synthetic
 from skelsplat._json import plain
 from skelsplat.cli import app, refine
 from skelsplat.cli.findings import tell, telling
 from skelsplat.cli.output import print_message
 from skelsplat.cli.table import print_table
 from skelsplat.datasets.synthetic import write_simulated
-from skelsplat.findings import Finding, warn
+from skelsplat.findings import Finding
 from sweeps import swept
 
 
@@ -122,12 +122,6 @@ def test_json_is_a_document_and_quiet_is_silence(cases, name):
     assert all(line.startswith("warning: ") for line in quiet.stderr.splitlines())
 
 
-def test_the_list_of_data_sets():
-    entries = json.loads(invoke("datasets", "list", "--json").stdout)
-    assert [entry["name"] for entry in entries] == list(datasets.names())
-    assert invoke("datasets", "list", "-q").stdout.split() == list(datasets.names())
-
-
 def test_a_conversion_says_what_was_written(recording, finished_run):
     folder, rig, _ = recording
     result = invoke("convert", folder / "Calib.toml", folder / "rig.npz", "--to-unit", "m", "--json")
@@ -140,18 +134,6 @@ def test_a_conversion_says_what_was_written(recording, finished_run):
     document = json.loads(result.stdout)
     assert (document["kind"], document["format"], document["frames"]) == ("pose file", "npz", 5)
     assert document["frame_rate_hz"] == 50.0
-
-
-def test_a_quiet_check_of_data_tells_faults(tmp_path):
-    result = invoke("datasets", "check", "synthetic", tmp_path, "-q")
-    assert result.exit_code == 1
-    assert "missing" in result.stdout
-
-
-def test_names_and_numbers_of_synth_are_usage(tmp_path):
-    parts = ["NAME: expected one of human36m-like", "'mars'", "synth --help"]
-    assert_fails(invoke("synth", "mars", tmp_path / "x"), 2, *parts)
-    assert_fails(invoke("synth", "dome", tmp_path / "x", "--poses", 1), 2, "--poses: expected at least 12")
 
 
 def test_a_number_that_is_none_is_null():
@@ -173,14 +155,6 @@ def through_a_pipe(*args, **variables):
 @pytest.mark.parametrize("args", [["refine", "--help"], COLOURED, swept(["--help"])])
 def test_no_colour_without_a_terminal(args):
     assert b"\x1b" not in through_a_pipe(*args, TERM="xterm-256color", COLORTERM="truecolor").stdout
-
-
-def test_no_progress_bar_without_a_terminal(recording):
-    folder, _, _ = recording
-    arguments = ["refine", folder / "Calib.toml", folder / "openpose", "--layout", "h36m17", "--fps", 50]
-    run = through_a_pipe(*arguments, "-o", folder / "out", TERM="xterm-256color")
-    assert run.stderr == b""
-    assert b"\x1b" not in run.stdout
 
 
 def test_the_bar_names_the_file_that_is_written(recording, monkeypatch):
@@ -251,13 +225,6 @@ def test_a_table_keeps_names_and_words_whole_on_a_narrow_console(width):
     assert console.width == width
 
 
-def test_a_title_has_the_width_of_the_console():
-    table = Table("a", title="a title that is wider than the table")
-    console = Console(file=StringIO(), width=80)
-    print_table(console, table)
-    assert console.file.getvalue().startswith("a title that is wider than the table\n")
-
-
 def test_warnings_are_wrapped_on_a_terminal_alone(monkeypatch, capsys):
     words = "word " * 30
     print_message(f"warning: {words.strip()}")
@@ -272,19 +239,12 @@ def test_warnings_are_wrapped_on_a_terminal_alone(monkeypatch, capsys):
 
 def test_a_finding_begins_with_its_severity(capsys):
     for severity in ("error", "warning", "note"):
-        finding = Finding("remark", severity, numbers={"text": "words"})
+        finding = Finding("remark", severity, sentence="words")
         tell(finding)
         telling(quiet=True)(finding)
     tell(finding, "person 1: ")
     said = ["error: words"] * 2 + ["warning: words"] * 2 + ["note: words", "note: person 1: words"]
     assert capsys.readouterr().err.splitlines() == said
-
-
-@pytest.mark.filterwarnings("always")
-def test_a_finding_that_no_command_collects_begins_with_its_severity(monkeypatch):
-    finding = Finding("remark", "note", numbers={"text": "words"})
-    monkeypatch.setattr("skelsplat.cli.layouts._list", lambda **_: warn(finding))
-    assert invoke("layouts").stderr == "note: words\n"
 
 
 def test_errors_are_wrapped_as_warnings_are(monkeypatch, capsys):

@@ -5,15 +5,12 @@ from __future__ import annotations
 import copy
 import math
 import pickle
-import re
 
 import numpy as np
 import pytest
-from typer.main import get_command
 
 import skelsplat as sk
-from command_line import invoke
-from skelsplat.cli import app
+from command_line import assert_fails, invoke
 
 
 def test_paper_holds_the_papers_values():
@@ -37,30 +34,24 @@ def test_the_default_is_annealed():
     ("make", "other"), [(sk.RefineConfig, "position_lr_mm"), (sk.RefineConfig.paper, "sigma_start_mm")]
 )
 def test_a_setting_of_the_other_method_is_refused(make, other):
-    text = rf"config.{other}: expected a setting of the method .*, got a setting of .* \(use RefineConfig"
-    with pytest.raises(sk.InvalidInputError, match=text):
+    with pytest.raises(sk.InvalidInputError) as caught:
         make(**{other: 1.0})
+    assert caught.value.argument == f"config.{other}"
     assert not hasattr(make(), other)
-    with pytest.raises(AttributeError, match=text):
-        getattr(make(), other)
 
 
-def test_old_names_name_the_new_ones():
-    with pytest.raises(sk.InvalidInputError, match=r"config.sigma: expected the name 'sigma_mm'"):
-        sk.RefineConfig(sigma=30.0)
-    with pytest.raises(
-        sk.InvalidInputError, match=r"expected RefineConfig\(\) .* or RefineConfig.paper\(\) .*, got 'adam'$"
-    ):
-        sk.RefineConfig(optimizer="adam")
+@pytest.mark.parametrize("given", [{"sigma": 30.0}, {"optimizer": "adam"}, {"method": "adam"}])
+def test_unknown_settings_and_methods_are_refused(given):
+    with pytest.raises(sk.InvalidInputError) as caught:
+        sk.RefineConfig(**given)
+    assert next(iter(given)) in caught.value.argument
 
 
 def test_the_method_is_a_keyword_that_does_not_change():
     assert sk.RefineConfig(method="paper") == sk.RefineConfig.paper()
-    assert sk.RefineConfig.paper(method="paper") == sk.RefineConfig.paper()
-    with pytest.raises(sk.InvalidInputError, match=r"config.method: expected 'annealed', got 'paper'"):
+    with pytest.raises(sk.InvalidInputError) as caught:
         sk.RefineConfig().replace(method="paper")
-    with pytest.raises(sk.InvalidInputError, match=r"method: unknown name 'adam', expected one of annealed"):
-        sk.RefineConfig(method="adam")
+    assert caught.value.argument == "config.method"
 
 
 @pytest.mark.parametrize("method", ["annealed", "paper"])
@@ -96,13 +87,6 @@ def test_fields_are_kept_and_replaced():
     assert "sigma_mm=30.0" in repr(config)
     with pytest.raises(AttributeError):
         config.sigma_mm = 1.0
-
-
-def test_the_camera_extent_is_3_mm_on_a_human36m_like_rig():
-    rig = sk.synthetic.human36m_like()
-    centres = np.array([c.centre for c in rig])
-    reach = np.linalg.norm(centres - centres.mean(axis=0), axis=1).max()
-    assert 2.5 < 5e-4 * 1.1 * reach < 3.5
 
 
 @pytest.mark.parametrize("name", sk.layouts.names)
@@ -154,40 +138,7 @@ def test_cameras_are_values():
     assert np.allclose(half_px, (full_px + 0.5) * 0.5 - 0.5)
 
 
-def test_rigs_are_sequences():
-    rig = sk.synthetic.human36m_like()
-    assert len(rig) == len(list(rig)) == 4
-    assert rig[rig.names[2]] == rig[2]
-    assert rig[1:3].names == rig.names[1:3]
-    assert rig.mm_per_unit == 1.0
-    assert rig == sk.CameraRig(list(rig))
-
-
 @pytest.mark.parametrize("command", [["demo"], ["refine", "c.toml", "d"]])
-@pytest.mark.parametrize(("threads", "got"), [(1025, "at most 1024, got 1025"), (10**20, ".* got 10{20}")])
-def test_the_number_of_threads_has_a_bound(command, threads, got, tmp_path):
-    result = invoke(*command, "--threads", threads, "-o", tmp_path / "out")
-    assert result.exit_code == 2
-    assert re.match(rf"error: --threads: expected {got}", result.stderr)
+def test_the_number_of_threads_has_a_bound(command, tmp_path):
+    assert_fails(invoke(*command, "--threads", 1025, "-o", tmp_path / "out"), 2, "error: --threads: ")
     assert list(tmp_path.iterdir()) == []
-
-
-@pytest.mark.parametrize(
-    ("option", "name"),
-    [
-        ("--sigma-mm", "sigma_mm"),
-        ("--occlusion-sigma-mm", "occlusion_sigma_mm"),
-        ("--symmetry-tier", "symmetry_tier"),
-        ("--max-steps", "max_steps"),
-        ("--min-confidence", "min_confidence"),
-        ("--threads", "n_threads"),
-    ],
-)
-def test_the_command_line_describes_settings_as_the_table_does(option, name):
-    (parameter,) = [found for found in get_command(app).commands["refine"].params if option in found.opts]
-    for method in ("annealed", "paper"):
-        (line,) = [line for line in sk.RefineConfig.settings(method) if line.name == name]
-        words = re.sub(r"`(\w+)`", lambda found: "--" + found[1].replace("_", "-"), line.sentence)
-        assert words.partition("; None:")[0].rstrip(".").lower() in parameter.help.lower()
-        if line.default is not None:
-            assert f"{line.default:.4g}" in parameter.show_default

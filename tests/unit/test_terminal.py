@@ -14,8 +14,8 @@ from typer.testing import CliRunner
 
 import skelsplat as sk
 from command_line import invoke
-from skelsplat import synthetic, viz
-from skelsplat._escape import CONTROL, escaped
+from skelsplat import synthetic
+from skelsplat._escape import CONTROL
 from skelsplat._json import to_text
 from skelsplat.cameras import altered
 from skelsplat.cli import app, output
@@ -104,22 +104,6 @@ def test_no_command_obeys_names(given, name):
     shown(result, status=result.exit_code)
 
 
-def test_a_layout_printed_as_toml_is_the_same_layout(given, tmp_path):
-    (tmp_path / "again.toml").write_text(shown(invoke("layouts", given[0] / "own.toml", "--toml")))
-    assert sk.layouts.read(tmp_path / "again.toml").joints == tuple(JOINTS)
-
-
-def test_a_batch_names_its_recordings(given, tmp_path):
-    top, _ = given
-    table = (
-        '[[session]]\nname = "a\\u001b[31m[red]s[/red]"\ncalibration = "rig.json"\ndetections = "none.npz"\n'
-    )
-    (top / "sessions.toml").write_text(table)
-    for option in ((), ("-q",)):
-        result = invoke("batch", top / "sessions.toml", "-o", tmp_path / NAMED, *option)
-        shown(result, r"a\x1b[31m[red]s[/red]: ", r"\x1b[31m[blue]\u202et", status=1)
-
-
 def test_live_names_cameras_and_what_is_wrong(given):
     top, _ = given
     line = json.dumps({"frame": "\x9b[31m", "detections": {"\x1b[31m\x9bx": []}}, ensure_ascii=False)
@@ -178,12 +162,6 @@ def test_errors_and_warnings_of_the_library_are_one_line_of_text():
     assert finding.text == str(FindingWarning(finding)) == r"of \x1b]0;t\x07"
 
 
-def test_cameras_and_layouts_are_shown_as_one_line(given):
-    camera, layout = sk.io.read_calibration(given[0] / "rig.json")[0], sk.layouts.read(given[0] / "own.toml")
-    assert repr(camera).startswith(r"Camera('\x1b]0;x\x07[red]x[/red]', 1000x")
-    assert repr(layout) == r"Layout('lay\x1bout', 6 joints)"
-
-
 def test_json_keeps_the_names_and_obeys_none():
     names = [*CAMERAS, *JOINTS, "caf\u00e9 \U0001f600", "\udcff"]
     text = to_text({name: name for name in names})
@@ -192,25 +170,11 @@ def test_json_keeps_the_names_and_obeys_none():
     assert json.loads(text) == {name: name for name in names}
 
 
-def test_text_without_control_characters_is_left_alone():
-    for text in ("cam_01 µ→±", "日本 \U0001f3a5", "می\u200cخواهم", "C:\\new\\table", "[red]x[/red]"):
-        assert escaped(text) == text
-    assert escaped("\udcff\x00\x85") == r"\udcff\x00\x85"
-
-
 @pytest.mark.filterwarnings("always")
 def test_a_warning_of_a_library_is_one_line(monkeypatch):
     said = warnings.warn
     monkeypatch.setattr("skelsplat.cli.layouts._list", lambda **_: said("a\n\x1b[31mb", stacklevel=1))
     assert invoke("layouts").stderr == "warning: a \\x1b[31mb\n"
-
-
-@pytest.mark.painted
-def test_figures_show_names_as_they_are(tmp_path):
-    names = {"camera_names": ("$\\frac$", "$a_$"), "joint_names": ("$\\b$", "b", "c")}
-    data = viz.WeightData(weights=np.ones((2, 2, 3)), frames=np.arange(2), rejected_below=0.25, **names)
-    viz.write_weights(tmp_path / "weights.png", data)
-    assert (tmp_path / "weights.png").stat().st_size > 5000
 
 
 def test_commands_print_through_what_escapes():

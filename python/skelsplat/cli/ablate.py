@@ -5,9 +5,8 @@ from __future__ import annotations
 import contextlib
 import shlex
 import sys
-from functools import partial
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Any
 
 import typer
 from rich.console import Console
@@ -16,20 +15,17 @@ from rich.text import Text
 
 from skelsplat import datasets
 from skelsplat.cli import options
-from skelsplat.cli.datasets import LENSES, InitSigma, Lens, Settings, reader_options
+from skelsplat.cli.datasets import INIT_SIGMA, LENS, SETTINGS, reader_options
 from skelsplat.cli.evaluate import print_experiment
 from skelsplat.cli.findings import telling
 from skelsplat.cli.output import described, print_json
+from skelsplat.cli.rows import rows, takes
 from skelsplat.cli.table import new_table, print_table, wide_console
 from skelsplat.evaluation import ablations
 from skelsplat.evaluation.ablations import Choices, OnDisk, Source
-from skelsplat.evaluation.methods import DEFAULT_INIT_SIGMA_MM
 from skelsplat.findings import Finding
 from skelsplat.run.folder import output_folder
 
-_data, _method, _output = (
-    partial(typer.Option, rich_help_panel=panel) for panel in ("Data", "Method", "Output")
-)
 # Beyond so many settings they become rows.
 _MOST_COLUMNS = 6
 
@@ -37,46 +33,59 @@ EPILOG = (
     "Without --data the data are simulated, which every table says; they are made in memory from the seed."
 )
 
-Name = Annotated[str, typer.Argument(metavar="NAME", help=f"{', '.join(ablations.names)}.")]
-Data = Annotated[tuple[str, Path] | None, _data(metavar="DATASET FOLDER", help="A data set on disk.")]
-Detections = Annotated[
-    list[str] | None, _data(metavar="DETECTOR", help="Detections of the data set; may be repeated.")
-]
-Poses = Annotated[
-    int | None,
-    _data(
-        min=1,
-        metavar="N",
-        help="Poses of each data set, evenly from its takes.",
-        show_default="so many that it ends within about a minute",
+OPTIONS = (
+    *rows("", f"NAME  {', '.join(ablations.names)}."),
+    *rows(
+        "Data",
+        """
+        --data DATASET FOLDER  A data set on disk.
+        --detections DETECTOR  Detections of the data set; may be repeated.
+        """,
+        data={"kind": tuple[str, Path]},
+        detections={"many": True},
     ),
-]
-Full = Annotated[bool, _data("--full", metavar="", help="All poses.")]
-Seed = Annotated[int, _data(min=0, metavar="S", help="Seed of all random numbers.")]
-Start = Annotated[
-    Literal["paper", "dlt", "fusion"], _method(help="Initial poses; paper: as in the paper's experiment.")
-]
-Out = Annotated[
-    Path | None,
-    _output("-o", "--output", metavar="FOLDER", help="Write NAME.md, .csv, .json and .png into this folder."),
-]
+    SETTINGS,
+    *rows(
+        "Data",
+        """
+        --poses N  Poses of each data set, evenly from its takes. [so many that it ends within about a minute]
+        --full  All poses.
+        --seed S  Seed of all random numbers. [= 0]
+        """,
+        poses={"kind": int, "limits": {"min": 1}},
+        seed={"kind": int, "default": 0, "limits": {"min": 0}},
+    ),
+    LENS,
+    *rows(
+        "Method",
+        "--start paper|dlt|fusion  Initial poses; paper: as in the paper's experiment. [= paper]",
+        start=lambda option, name: options.one_of(option, name, ("paper", "dlt", "fusion")),
+    ),
+    INIT_SIGMA,
+    *rows(
+        "Output", "-o, --output FOLDER  Write NAME.md, .csv, .json and .png into this folder.", output=Path
+    ),
+    options.QUIET,
+    options.AS_JSON,
+)
 
 
-# long: a parameter per option
+@takes(*OPTIONS)
 def ablate(
-    name: Name,
-    data: Data = None,
-    detections: Detections = None,
-    setting: Settings = None,
-    poses: Poses = None,
-    full: Full = False,
-    seed: Seed = 0,
-    start: Start = "paper",
-    init_sigma_mm: InitSigma = DEFAULT_INIT_SIGMA_MM,
-    protocol: Lens = "undistorted",
-    out: Out = None,
-    quiet: options.Quiet = False,
-    as_json: options.AsJson = False,
+    *,
+    name: str,
+    data: tuple[str, Path] | None = None,
+    detections: list[str],
+    set: list[str],
+    poses: int | None = None,
+    full: bool,
+    seed: int,
+    protocol: bool,
+    start: Any,
+    init_sigma_mm: float,
+    output: Path | None = None,
+    quiet: bool,
+    as_json: bool,
 ) -> None:
     """Repeat an ablation of the paper and print its tables with the paper's rows.
 
@@ -100,22 +109,22 @@ def ablate(
         seed=seed,
         start=start,
         init_sigma_mm=init_sigma_mm,
-        undistort=LENSES[options.one_of("--protocol", protocol, tuple(LENSES))],
+        undistort=protocol,
     )
-    place = contextlib.nullcontext() if out is None else output_folder(out)
+    place = contextlib.nullcontext() if output is None else output_folder(output)
     with place, described("reading", shown=not quiet, time=TimeElapsedColumn()) as progress:
         on_disk = None
         if data is not None:
             dataset = options.one_of("--data", data[0], datasets.names())
-            settings = reader_options(setting or (), dataset)
-            on_disk = OnDisk(dataset, data[1], tuple(detections or ()), settings)
-        elif detections or setting:
+            settings = reader_options(set, dataset)
+            on_disk = OnDisk(dataset, data[1], tuple(detections), settings)
+        elif detections or set:
             expected = "expected a data set for --detections and --set, got none"
             raise typer.BadParameter(expected, param_hint="--data")
         command = shlex.join(["skelsplat", *sys.argv[1:]])
         record = ablations.run(name, Source(choices, on_disk, progress), command=command)
     report = record.report()
-    files = [] if out is None else report.write(out, name, f"{name}.png")
+    files = [] if output is None else report.write(output, name, f"{name}.png")
     if files and not files[-1].endswith(".png"):
         telling(quiet=quiet)(Finding("no_figures", "note"))
     if as_json:
@@ -124,7 +133,7 @@ def ablate(
         console = wide_console()
         _print_record(console, record)
         if files:
-            console.print(f"{out}: {', '.join(files)}")
+            console.print(f"{output}: {', '.join(files)}")
 
 
 def _print_record(console: Console, record: ablations.Record) -> None:

@@ -12,9 +12,9 @@ from rich.table import Table
 
 from skelsplat._words import number, with_bar
 from skelsplat.cli import options
-from skelsplat.cli.command import rows, takes
 from skelsplat.cli.findings import print_finding, telling
 from skelsplat.cli.output import Terminal, print_json, say
+from skelsplat.cli.rows import rows, takes
 from skelsplat.cli.table import in_parts, new_table, print_parts
 from skelsplat.exceptions import DatasetError
 from skelsplat.io import write_calibration

@@ -16,9 +16,10 @@ from skelsplat._budget import read_toml
 from skelsplat._words import number
 from skelsplat.cli import options
 from skelsplat.cli._app import FAILED
-from skelsplat.cli.command import Application, rows, takes
+from skelsplat.cli.command import Application
 from skelsplat.cli.config import MisfitError, entries_of, options_in, unknown
 from skelsplat.cli.output import Terminal, counting, print_json, print_message
+from skelsplat.cli.rows import rows, takes
 from skelsplat.cli.table import new_table, print_table
 from skelsplat.exceptions import DatasetError
 from skelsplat.run import Batch, Job, run_batch

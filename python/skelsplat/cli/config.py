@@ -7,20 +7,16 @@ for every command that has the option; those in a table with a command's name, s
 
 from __future__ import annotations
 
-import inspect
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from difflib import get_close_matches
 from pathlib import Path
-from types import UnionType
-from typing import Annotated, Any, Literal, Union, get_args, get_origin
+from typing import Annotated, Any, get_args
 
 import typer
 
+from skelsplat.cli.rows import NAME_OR_PATH, Option
 from skelsplat.exceptions import DatasetError
 
-NAME_OR_PATH = "name or path"
-"""Marks a text option in its `Annotated`: a name, or a path where a file of that name exists."""
 _KEYS = "skelsplat.config.keys"
 _HELP = (
     "Read options and arguments from a file. Its lines are OPTION = VALUE, of a flag FLAG = true; paths are "
@@ -28,9 +24,14 @@ _HELP = (
 )
 # Metavars of options that take several names with commas between them.
 _WITH_COMMAS = ("A,B,…", "FORMATS", "FIGURES")
-_WORDS = {bool: "true or false", int: "a whole number", float: "a number", Path: "a path, as text"}
+_WORDS = {
+    bool: "true or false",
+    int: "a whole number",
+    float: "a number",
+    Path: "a path, as text",
+    str: "text",
+}
 _MOST_CHARACTERS = 40
-_NOT_IN_A_FILE = ("config", "help", "help_all", "version")
 
 
 def origin(context: Any, label: str) -> str:
@@ -67,7 +68,7 @@ def _load(context: typer.Context, path: Path | None) -> None:
         for key, value in _chosen(document, context):
             entry = entries.get(_normal(key.rpartition(".")[2]))
             if entry is not None:
-                found[entry.parameter] = (key, _value(key, entry, value, path.parent))
+                found[entry.name] = (key, _value(key, entry, value, path.parent))
     except MisfitError as misfit:
         raise typer.BadParameter(str(DatasetError(path, *misfit.args)), param_hint="--config") from misfit
     context.default_map = {name: value for name, (_, value) in found.items()}
@@ -91,43 +92,21 @@ class MisfitError(Exception):
     """A key of the file, what is expected there, and what the file has."""
 
 
-@dataclass(frozen=True)
-class Entry:
-    """An option or argument: the parameter, its type, metavar, and what else its `Annotated` holds."""
-
-    parameter: str
-    kind: Any
-    metavar: str
-    marks: tuple[Any, ...]
-
-    @property
-    def pairs(self) -> bool:
-        """Whether it is repeatable and of the form A=B."""
-        return get_origin(self.kind) is list and "=" in self.metavar
-
-
-def entries_of(command: Any) -> dict[str, Entry]:
+def entries_of(command: Any) -> dict[str, Option]:
     """Return the options by long name and the arguments by metavar; of a group, those of all commands."""
     commands: Mapping[str, Any] = getattr(command, "commands", {})
     if commands:
-        return {key: entry for part in commands.values() for key, entry in entries_of(part).items()}
-    signature = inspect.signature(command.callback, eval_str=True).parameters
-    entries = {}
-    for param in command.params:
-        if param.name not in _NOT_IN_A_FILE:
-            annotation = signature[param.name].annotation
-            kind, *marks = get_args(annotation) if get_origin(annotation) is Annotated else (annotation,)
-            if get_origin(kind) in (Union, UnionType):
-                kind = next(part for part in get_args(kind) if part is not type(None))
-            entry = Entry(param.name, kind, param.metavar or "", tuple(marks))
-            keys = [option[2:] for option in param.opts if option.startswith("--")]
-            keys = [entry.metavar or param.name] if param.param_type_name == "argument" else keys
-            entries.update({key.lower(): entry for key in keys})
-    return entries
+        return {key: row for part in commands.values() for key, row in entries_of(part).items()}
+    rows: tuple[Option, ...] = getattr(command.callback, "rows", ())
+    return {
+        key.lower(): row
+        for row in rows
+        for key in [flag[2:] for flag in row.flags if flag[:2] == "--"] or [row.metavar]
+    }
 
 
 def options_in(
-    table: Mapping[str, Any], known: Mapping[str, Entry], folder: Path, prefix: str
+    table: Mapping[str, Any], known: Mapping[str, Option], folder: Path, prefix: str
 ) -> dict[str, Any]:
     """Return the options that a table of a file holds, by parameter; paths are relative to ``folder``.
 
@@ -141,9 +120,9 @@ def options_in(
         entry = known.get(_normal(key))
         if entry is None:
             raise unknown(prefix + key, "an option or argument of refine", list(known))
-        if entry.parameter in found:
+        if entry.name in found:
             raise MisfitError(prefix + key, "each option once", "it twice, with - and with _")
-        found[entry.parameter] = _value(prefix + key, entry, value, folder)
+        found[entry.name] = _value(prefix + key, entry, value, folder)
     return found
 
 
@@ -185,37 +164,28 @@ def _chosen(document: dict[str, Any], context: typer.Context) -> Iterator[tuple[
             table, prefix = tables.get(name, {}), f"{prefix}{name}."
 
 
-def _value(key: str, entry: Entry, value: Any, folder: Path) -> Any:
+def _value(key: str, entry: Option, value: Any, folder: Path) -> Any:
     """Return a value as the command line would give it."""
-    form, kinds = get_origin(entry.kind), get_args(entry.kind)
-    if entry.pairs and isinstance(value, dict):
+    pairs = entry.many and "=" in entry.metavar
+    if pairs and isinstance(value, dict):
         return [f"{left}={_right(f'{key}.{left}', right)}" for left, right in value.items()]
-    if form is list:
+    kinds, values = get_args(entry.kind) or (entry.kind,), [value]
+    expected = " and ".join(_WORDS[kind] for kind in kinds)
+    if entry.many or len(kinds) > 1:
         values = value if isinstance(value, list) else [value]
-        kinds = kinds * len(values)
-        expected = f"a list of {'A=B texts, or a table' if entry.pairs else _word(kinds[0])}"
-    elif form is tuple:
-        values = value if isinstance(value, list) else []
-        expected = f"a list of {' and '.join(map(_word, kinds))}"
-    else:
-        texts = isinstance(value, list) and bool(value) and all(isinstance(part, str) for part in value)
-        values = [",".join(value) if texts and entry.metavar in _WITH_COMMAS else value]
-        kinds, expected = (entry.kind,), _word(entry.kind)
+        kinds = kinds * len(values) if entry.many else kinds
+        expected = f"a list of {'A=B texts, or a table' if pairs else expected}"
+    elif isinstance(value, list) and value and entry.metavar in _WITH_COMMAS:
+        values = [",".join(value)] if all(isinstance(part, str) for part in value) else [value]
     converted = [_scalar(kind, part, entry, folder) for kind, part in zip(kinds, values, strict=False)]
     if None in converted or len(kinds) != len(values):
         raise MisfitError(key, expected, _shown(value))
-    return converted if form in (list, tuple) else converted[0]
+    return converted if entry.many or len(kinds) > 1 else converted[0]
 
 
-def _word(kind: Any) -> str:
-    return _WORDS.get(kind, "text")
-
-
-def _scalar(kind: Any, value: Any, entry: Entry, folder: Path) -> Any:
+def _scalar(kind: Any, value: Any, entry: Option, folder: Path) -> Any:
     """Return one value in the type of its parameter; None if it has another."""
-    fits = {bool: bool, int: int, float: int | float, Path: str}.get(kind, str | int)
-    if kind not in _WORDS and kind is not str and get_origin(kind) is not Literal:
-        raise TypeError(f"no TOML value is known for a parameter of type {kind}")
+    fits = {bool: bool, int: int, float: int | float, Path: str, str: str | int}[kind]
     if not isinstance(value, fits) or isinstance(value, bool) != (kind is bool):
         return None
     if kind is float:

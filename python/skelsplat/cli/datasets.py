@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import typer
 from rich.console import Console
@@ -16,9 +16,11 @@ from skelsplat._escape import escaped
 from skelsplat.cli import options
 from skelsplat.cli.command import Application
 from skelsplat.cli.output import Terminal, print_json, say
+from skelsplat.cli.rows import rows, takes
 from skelsplat.cli.table import new_table, print_table
 from skelsplat.datasets import Dataset, Report
 from skelsplat.datasets import _registry as registry
+from skelsplat.evaluation.methods import DEFAULT_INIT_SIGMA_MM
 from skelsplat.exceptions import InvalidInputError
 from skelsplat.findings import Finding
 
@@ -32,49 +34,25 @@ app = Application(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 
-Name = Annotated[str, typer.Argument(metavar="NAME", help=", ".join(datasets.names()) + ".")]
-Root = Annotated[Path, typer.Argument(readable=False, metavar="ROOT", help="Folder of the data set.")]
-Format = Annotated[
-    str | None, typer.Option(metavar="NAME", help="Layout on disk.", show_default="as the files say")
-]
-Detector = Annotated[
-    str | None,
-    typer.Option(metavar="NAME", help="Which detections, such as metrabs, cpn.", show_default="those there"),
-]
-Detections = Annotated[
-    Path | None, typer.Option(metavar="PATH", help="Detections that are kept apart from the data.")
-]
-Settings = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--set",
-        metavar="KEY=VALUE",
-        help="An option of the data set's reader: format=karfly, subjects=S9,S11. Repeatable.",
-        rich_help_panel="Data",
-    ),
-]
 LENSES = {"undistorted": True, "as-paper": False}
-Lens = Annotated[
-    str,
-    typer.Option(
-        "--protocol",
-        metavar="|".join(LENSES),
-        help="Remove lens distortion from detections, or ignore it as published evaluations do.",
-        rich_help_panel="Data",
+SETTINGS, LENS, INIT_SIGMA = (
+    *rows(
+        "Data",
+        f"""
+        --set KEY=VALUE  An option of the data set's reader: format=karfly, subjects=S9,S11. Repeatable.
+        --protocol {"|".join(LENSES)}  Remove lens distortion from detections, or ignore it as published
+            evaluations do. [= undistorted]
+        """,
+        set={"many": True},
+        protocol=lambda option, name: LENSES[options.one_of(option, name, tuple(LENSES))],
     ),
-]
-InitSigma = Annotated[
-    float,
-    typer.Option(
-        metavar="MM",
-        help="Standard deviation per axis of fused poses where they are a prior.",
-        rich_help_panel="Method",
+    *rows(
+        "Method",
+        "--init-sigma-mm MM  Standard deviation per axis of fused poses where they are a prior.",
+        init_sigma_mm={"kind": float, "default": DEFAULT_INIT_SIGMA_MM},
     ),
-]
-_NamesOnly = Annotated[
-    bool,
-    typer.Option("--quiet", "-q", metavar="", help="Only the names, a line each.", rich_help_panel="Output"),
-]
+)
+"""Options of evaluate and ablate, the first of `check` too."""
 
 
 @app.callback()
@@ -84,7 +62,8 @@ def _root(context: typer.Context) -> None:
 
 
 @app.command("list")
-def list_(quiet: _NamesOnly = False, as_json: options.AsJson = False) -> None:
+@takes(*rows("Output", "--quiet, -q  Only the names, a line each."), options.AS_JSON)
+def list_(*, quiet: bool, as_json: bool) -> None:
     """List the data sets that can be read.
 
     [bold]Examples[/bold]
@@ -110,16 +89,25 @@ def list_(quiet: _NamesOnly = False, as_json: options.AsJson = False) -> None:
 
 
 @app.command("check")
-def check(
-    name: Name,
-    root: Root,
-    format: Format = None,
-    detector: Detector = None,
-    detections: Detections = None,
-    setting: Settings = None,
-    quiet: options.Quiet = False,
-    as_json: options.AsJson = False,
-) -> None:
+@takes(
+    *rows(
+        "",
+        f"""
+        NAME  {", ".join(datasets.names())}.
+        ROOT  Folder of the data set.
+        --format NAME  Layout on disk. [as the files say]
+        --detector NAME  Which detections, such as metrabs, cpn. [those there]
+        --detections PATH  Detections that are kept apart from the data.
+        """,
+        name=lambda _option, name: options.one_of("NAME", name, datasets.names()),
+        root=Path,
+        detections=Path,
+    ),
+    SETTINGS,
+    options.QUIET,
+    options.AS_JSON,
+)
+def check(*, name: str, root: Path, set: list[str], quiet: bool, as_json: bool, **chosen: Any) -> None:
     """Check a data set: what it contains, what is missing, and whether units, joints and cameras are right.
 
     The ground truth is projected onto the detections of up to 24 frames of
@@ -135,10 +123,7 @@ def check(
 
     skelsplat datasets check human36m labels.npy --set subjects=S9,S11
     """
-    options.one_of("NAME", name, datasets.names())
-    given = {"format": format, "detector": detector, "detections": detections}
-    chosen = {key: value for key, value in given.items() if value is not None}
-    chosen.update(reader_options(setting or (), name))
+    chosen.update(reader_options(set, name))
     try:
         report = datasets.check(name, root, **chosen)
     except InvalidInputError as error:

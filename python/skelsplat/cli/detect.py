@@ -9,9 +9,9 @@ from typing import Any
 import typer
 
 from skelsplat.cli import options
-from skelsplat.cli.command import rows, takes
 from skelsplat.cli.findings import telling
 from skelsplat.cli.output import counting, print_json, say
+from skelsplat.cli.rows import rows, takes
 from skelsplat.detect import Detected, Detector, MediaPipe, RTMLib
 from skelsplat.detect import detect as run_detector
 from skelsplat.findings import collected_warnings

@@ -5,21 +5,19 @@ from __future__ import annotations
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
-import typer
 from rich.console import Console
 from rich.table import Table as Drawn
 from rich.text import Text
 
 from skelsplat import datasets
-from skelsplat._arrays import positive
 from skelsplat._escape import escaped
 from skelsplat.cli import options
-from skelsplat.cli.config import NAME_OR_PATH
-from skelsplat.cli.datasets import LENSES, InitSigma, Lens, Settings, reader_options
+from skelsplat.cli.datasets import INIT_SIGMA, LENS, SETTINGS, reader_options
 from skelsplat.cli.findings import tell, telling
 from skelsplat.cli.output import described, print_json
+from skelsplat.cli.rows import NAME_OR_PATH, rows, takes
 from skelsplat.cli.table import new_table, print_parts, wide_console
 from skelsplat.datasets import Dataset
 from skelsplat.datasets._registry import detections_option, options_of
@@ -35,99 +33,89 @@ EPILOG = (
     "poses of every take under FOLDER/runs, from where a stopped evaluation goes on. Exit status: 0 ok, "
     "1 failed, 2 bad usage, 130 interrupted."
 )
-_data, _method, _output = (
-    partial(typer.Option, rich_help_panel=panel) for panel in ("Data", "Method", "Output")
+OPTIONS = (
+    *rows("", f"DATASET  {', '.join(datasets.names())}.\nROOT  Its folder.", root=Path),
+    *rows(
+        "Method",
+        f"""
+        --methods, -m NAMES  Comma between them, or repeated: {", ".join(methods.names)}; or all. Where
+            nothing says who is who: {", ".join(people.names)}.
+            [all that the data allow but paper; with several people, the last three]
+        """,
+        methods={"name": "names", "many": True, "read": lambda _option, given: _method_names(given)},
+    ),
+    *rows(
+        "Data",
+        """
+        --detections WHICH  Name of a detector that the data set has, or a folder or file of detections.
+            [the reader's choice]
+        """,
+        detections={"marks": (NAME_OR_PATH,)},
+    ),
+    LENS,
+    *rows(
+        "Data",
+        """
+        --views M  Number of views, where the protocol has a choice: panoptic 4 to 8, occlusion-person 4 or 8.
+            [the protocol's]
+        --every K  One frame in K of each take. [the protocol's]
+        --fps HZ  Frames per second, for annealed-butterworth, annealed-kalman and over-time. [the data set's]
+        --counting all|adafuse  adafuse counts only joints that at least two views see unoccluded. [= all]
+        """,
+        views={"kind": int, "limits": {"min": 2}},
+        every={"kind": int, "limits": {"min": 1}},
+        fps={"kind": float, "read": options.positive},
+        counting=lambda option, name: options.one_of(option, name, ("all", "adafuse")),
+    ),
+    SETTINGS,
+    *rows(
+        "Method",
+        """
+        --start dlt|fusion|none  Where annealed, paper-closed-form and paper start.
+            [none; the paper's for the last two]
+        """,
+    ),
+    INIT_SIGMA,
+    *rows(
+        "Method",
+        "--seed S  Seed of the pairs that RANSAC draws.",
+        seed={"kind": int, "default": 0, "limits": {"min": 0}},
+    ),
+    options.THREADS,
+    *rows(
+        "Output",
+        """
+        -o, --output FOLDER  Folder for results. [skelsplat-evaluation/NAME]
+        --per-joint  Print the table of joints too.
+        """,
+        output=Path,
+    ),
+    options.QUIET,
+    options.AS_JSON,
 )
 
-Name = Annotated[str, typer.Argument(metavar="DATASET", help=", ".join(datasets.names()) + ".")]
-Root = Annotated[Path, typer.Argument(readable=False, metavar="ROOT", help="Its folder.")]
-Detections = Annotated[
-    str | None,
-    NAME_OR_PATH,
-    _data(
-        metavar="WHICH",
-        help="Name of a detector that the data set has, or a folder or file of detections.",
-        show_default="the reader's choice",
-    ),
-]
-Views = Annotated[
-    int | None,
-    _data(
-        min=2,
-        metavar="M",
-        help="Number of views, where the protocol has a choice: panoptic 4 to 8, occlusion-person 4 or 8.",
-        show_default="the protocol's",
-    ),
-]
-Every = Annotated[
-    int | None, _data(min=1, metavar="K", help="One frame in K of each take.", show_default="the protocol's")
-]
-Fps = Annotated[
-    float | None,
-    _data(
-        metavar="HZ",
-        help="Frames per second, for annealed-butterworth, annealed-kalman and over-time.",
-        show_default="the data set's",
-    ),
-]
-Counting = Annotated[
-    str,
-    _data(metavar="all|adafuse", help="adafuse counts only joints that at least two views see unoccluded."),
-]
-MethodNames = Annotated[
-    list[str] | None,
-    _method(
-        "--methods",
-        "-m",
-        metavar="NAMES",
-        help=f"Comma between them, or repeated: {', '.join(methods.names)}; or all. Where nothing says who "
-        f"is who: {', '.join(people.names)}.",
-        show_default="all that the data allow but paper; with several people, the last three",
-    ),
-]
-Start = Annotated[
-    str | None,
-    _method(
-        metavar="dlt|fusion|none",
-        help="Where annealed, paper-closed-form and paper start.",
-        show_default="none; the paper's for the last two",
-    ),
-]
-Seed = Annotated[int, _method(min=0, metavar="S", help="Seed of the pairs that RANSAC draws.")]
-Out = Annotated[
-    Path | None,
-    _output(
-        "-o",
-        "--output",
-        metavar="FOLDER",
-        help="Folder for results.",
-        show_default="skelsplat-evaluation/NAME",
-    ),
-]
-PerJoint = Annotated[bool, _output("--per-joint", metavar="", help="Print the table of joints too.")]
 
-
-# long: a parameter per option
+@takes(*OPTIONS)
 def evaluate(
-    dataset: Name,
-    root: Root,
     *,
-    method: MethodNames = None,
-    detections: Detections = None,
-    lens: Lens = "undistorted",
-    views: Views = None,
-    every: Every = None,
-    fps: Fps = None,
-    counting: Counting = "all",
-    setting: Settings = None,
-    start: Start = None,
-    init_sigma_mm: InitSigma = methods.DEFAULT_INIT_SIGMA_MM,
-    seed: Seed = 0,
-    threads: options.Threads = None,
-    out: Out = None,
-    per_joint: PerJoint = False,
-    quiet: options.Quiet = False,
-    as_json: options.AsJson = False,
+    dataset: str,
+    root: Path,
+    names: list[str],
+    detections: str | None = None,
+    protocol: bool,
+    views: int | None = None,
+    every: int | None = None,
+    fps: float | None = None,
+    counting: str,
+    set: list[str],
+    start: str | None = None,
+    init_sigma_mm: float,
+    seed: int,
+    n_threads: int | None = None,
+    output: Path | None = None,
+    per_joint: bool,
+    quiet: bool,
+    as_json: bool,
 ) -> None:
     """Run methods on a data set with ground truth and print their errors with published ones.
 
@@ -146,26 +134,22 @@ def evaluate(
 
     skelsplat evaluate synthetic data/people -m track,affinity,oracle
     """
-    names = _method_names(method)
     chosen = methods.Options(
-        undistort=LENSES[options.one_of("--protocol", lens, tuple(LENSES))],
+        undistort=protocol,
         start=start,
         init_sigma_mm=init_sigma_mm,
         seed=seed,
-        n_threads=threads,
+        n_threads=n_threads,
     )
-    if fps is not None:
-        positive("fps", fps)
     options.one_of("DATASET", dataset, datasets.names())
-    options.one_of("--counting", counting, ("all", "adafuse"))
     with collected_warnings(telling(quiet=quiet)):
-        data = datasets.read(dataset, root, **_reader_options(dataset, detections, views, setting or []))
+        data = datasets.read(dataset, root, **_reader_options(dataset, detections, views, set))
         for finding in datasets.verify(data):
             tell(finding, f"{', '.join(finding.subject.files)}: ")
         if fps is not None:
             data = data.with_fps(fps)
         rules = protocols.get(data.name).with_options(n_views=views, every=every, counting=counting)
-        folder = Path("skelsplat-evaluation") / data.name if out is None else out
+        folder = Path("skelsplat-evaluation") / data.name if output is None else output
         with output_folder(folder), described("evaluating", shown=not quiet) as bar:
 
             def hear(name: str, take: str, done: int, total: int) -> None:

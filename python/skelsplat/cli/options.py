@@ -7,13 +7,12 @@ from collections.abc import Iterator
 from dataclasses import fields, replace
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import typer
 
 from skelsplat import RefineConfig
-from skelsplat.cli.command import Option, rows
-from skelsplat.cli.config import NAME_OR_PATH
+from skelsplat.cli.rows import NAME_OR_PATH, Option, rows
 from skelsplat.io.calibration import FORMATS as CALIBRATION_FORMATS
 from skelsplat.io.detections import FORMATS
 from skelsplat.io.poses import POSE_FORMATS
@@ -292,9 +291,6 @@ QUIET, AS_JSON = rows(
     """,
     json={"name": "as_json"},
 )
-Quiet = Annotated[bool, QUIET.info]
-AsJson = Annotated[bool, AS_JSON.info]
-Threads = Annotated[int | None, THREADS.info]
 
 
 def frame_range(_option: str, text: str) -> FrameRange:

@@ -10,9 +10,9 @@ import typer
 import skelsplat as sk
 from skelsplat._opencv import opencv
 from skelsplat.cli import options
-from skelsplat.cli.command import rows, takes
 from skelsplat.cli.findings import telling
 from skelsplat.cli.output import counting, print_json, say
+from skelsplat.cli.rows import rows, takes
 from skelsplat.findings import collected_warnings
 from skelsplat.run.frame_range import FrameRange
 

@@ -7,10 +7,9 @@ from pathlib import Path
 from typing import Any
 
 from skelsplat.cli import options
-from skelsplat.cli.command import rows, takes
-from skelsplat.cli.config import NAME_OR_PATH
 from skelsplat.cli.findings import telling
 from skelsplat.cli.output import Terminal, counting, print_json, print_message
+from skelsplat.cli.rows import NAME_OR_PATH, rows, takes
 from skelsplat.findings import collected_warnings
 from skelsplat.run.angles import FILES as ANGLE_FILES
 from skelsplat.run.frame_range import FrameRange

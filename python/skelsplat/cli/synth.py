@@ -3,59 +3,64 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
-
-import typer
+from typing import Any
 
 from skelsplat import synthetic
 from skelsplat.cli import options
 from skelsplat.cli.output import print_json, say
+from skelsplat.cli.rows import rows, takes
 from skelsplat.datasets.synthetic import write_simulated
 from skelsplat.synthetic.people_sets import PEOPLE_SET
-from skelsplat.synthetic.sets import RecordingSet
 
 NAMES = (*synthetic.set_names, PEOPLE_SET)
-_OF_PEOPLE = f"Options of {PEOPLE_SET}"
 _DEFAULTS = {"people": 3, "views": 4, "scenes": 5, "frames": 300}
 
-Name = Annotated[str, typer.Argument(metavar="NAME", help=", ".join(NAMES) + ".")]
-Root = Annotated[Path, typer.Argument(metavar="FOLDER", help="Folder to create; must not exist or be empty.")]
-Poses = Annotated[
-    int | None,
-    typer.Option(min=1, metavar="N", help="Poses over all takes.", show_default="that of the data set"),
-]
-Seed = Annotated[int, typer.Option(min=0, metavar="S", help="Same seed, same files.")]
-OpenPose = Annotated[
-    bool, typer.Option("--openpose", metavar="", help="Also write OpenPose JSON: many small files.")
-]
-Force = Annotated[bool, typer.Option("--force", metavar="", help="Replace an existing simulated data set.")]
+OPTIONS = (
+    *rows(
+        "",
+        f"""
+        NAME  {", ".join(NAMES)}.
+        FOLDER  Folder to create; must not exist or be empty.
+        --poses N  Poses over all takes. [that of the data set]
+        --seed S  Same seed, same files. [= 0]
+        --openpose  Also write OpenPose JSON: many small files.
+        --force  Replace an existing simulated data set.
+        """,
+        name=lambda _option, name: options.one_of("NAME", name, NAMES),
+        folder=Path,
+        poses={"kind": int, "limits": {"min": 1}},
+        seed={"kind": int, "default": 0, "limits": {"min": 0}},
+    ),
+    *rows(
+        f"Options of {PEOPLE_SET}",
+        "".join(
+            f"--{name} {metavar}  {words} [{_DEFAULTS[name]}]\n"
+            for name, metavar, words in (
+                ("people", "Q", "People, 2 to 6."),
+                ("views", "M", "Cameras, 3 to 8."),
+                ("scenes", "K", "Number of scenes."),
+                ("frames", "F", "Frames of each scene, at 30 Hz."),
+            )
+        ),
+        **dict.fromkeys(_DEFAULTS, int),
+    ),
+    options.QUIET,
+    options.AS_JSON,
+)
 
 
-def _option(name: str, metavar: str, words: str) -> Any:
-    """Return an option of the set of several people."""
-    default = str(_DEFAULTS[name])
-    return typer.Option(metavar=metavar, help=words, show_default=default, rich_help_panel=_OF_PEOPLE)
-
-
-People = Annotated[int | None, _option("people", "Q", "People, 2 to 6.")]
-Views = Annotated[int | None, _option("views", "M", "Cameras, 3 to 8.")]
-Scenes = Annotated[int | None, _option("scenes", "K", "Number of scenes.")]
-Frames = Annotated[int | None, _option("frames", "F", "Frames of each scene, at 30 Hz.")]
-
-
+@takes(*OPTIONS)
 def synth(
-    name: Name,
-    root: Root,
-    poses: Poses = None,
-    seed: Seed = 0,
-    people: People = None,
-    views: Views = None,
-    scenes: Scenes = None,
-    frames: Frames = None,
-    openpose: OpenPose = False,
-    force: Force = False,
-    quiet: options.Quiet = False,
-    as_json: options.AsJson = False,
+    *,
+    name: str,
+    folder: Path,
+    seed: int,
+    poses: int | None = None,
+    openpose: bool,
+    force: bool,
+    quiet: bool,
+    as_json: bool,
+    **of_people: int,
 ) -> None:
     """Write a simulated data set: known poses, simulated detections of two detectors.
 
@@ -71,26 +76,23 @@ def synth(
 
     skelsplat synth people data/people --people 4 --views 5 --scenes 10
     """
-    options.one_of("NAME", name, NAMES)
-    given = {"people": people, "views": views, "scenes": scenes, "frames": frames}
-    made = {key: value for key, value in given.items() if value is not None}
     if name == PEOPLE_SET and poses is not None:
         message = f"does not apply to {PEOPLE_SET}; the length of its scenes is given with --frames"
         raise typer.BadParameter(message, param_hint="--poses")
-    for key in made if name != PEOPLE_SET else ():
+    for key in of_people if name != PEOPLE_SET else ():
         raise typer.BadParameter(f"does not apply to {name}, only to {PEOPLE_SET}", param_hint=f"--{key}")
     if name == PEOPLE_SET:
-        data: RecordingSet[Any] = synthetic.simulate_people_set(**{**_DEFAULTS, **made}, seed=seed)
+        data: RecordingSet[Any] = synthetic.simulate_people_set(**{**_DEFAULTS, **of_people}, seed=seed)
         number = data.parameters["scenes"]
         length = f"{number} scene{'s' * (number != 1)} of {data.parameters['frames']} frames"
         what = f"{data.parameters['people']} people, {data.parameters['views']} views, {length}"
     else:
         data = synthetic.simulate_set(name, poses=poses, seed=seed)
         what = f"{data.parameters['poses']} poses in {len(data.recordings)} takes"
-    write_simulated(root, data, openpose=openpose, force=force)
+    write_simulated(folder, data, openpose=openpose, force=force)
     if as_json:
         about = {"name": name, "takes": len(data.recordings), "parameters": data.parameters}
-        print_json({"folder": str(root), **about})
+        print_json({"folder": str(folder), **about})
     elif not quiet:
         detectors = " and ".join(data.parameters["detectors"])
-        say(f"{root}: {name} (simulated), {what}, detectors {detectors}, seed {seed}")
+        say(f"{folder}: {name} (simulated), {what}, detectors {detectors}, seed {seed}")

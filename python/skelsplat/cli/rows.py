@@ -1,0 +1,158 @@
+"""Options and arguments of commands, written as the help shows them; of each, typer's parameter is made."""
+
+from __future__ import annotations
+
+import functools
+import inspect
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from textwrap import dedent
+from typing import Annotated, Any
+
+import typer
+
+REQUIRED: Any = object()
+"""The default of an option that must be given."""
+NAME_OR_PATH = "name or path"
+"""Marks a text: a name, or a path where a file of that name exists."""
+
+
+@dataclass(frozen=True)
+class Option:
+    """An option or argument: what typer's parameter is made from, and what the package gets; see `rows`.
+
+    Attributes
+    ----------
+    name : str
+        The parameter, and its keyword in the package. A flag ``no_name`` is the opposite of ``name``.
+    flags : tuple of str
+        How it is typed; empty for an argument.
+    metavar, help, panel, shown : str
+        For the help; ``shown`` is the default in words.
+    kind : type
+        Of the value; bool: a flag. With `many` the option is repeatable.
+    default
+        None: there is none, and the package is not given the keyword; `REQUIRED`.
+    read : callable, optional
+        Takes the option and its value, and returns what the package gets.
+    marks : tuple
+        `NAME_OR_PATH`.
+    limits : dict
+        ``min`` and ``max``.
+    """
+
+    name: str
+    flags: tuple[str, ...]
+    metavar: str
+    help: str
+    panel: str = ""
+    shown: str = ""
+    kind: Any = str
+    many: bool = False
+    default: Any = None
+    read: Callable[[str, Any], Any] | None = None
+    marks: tuple[Any, ...] = ()
+    limits: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def flag(self) -> str:
+        """The option as it is typed."""
+        return next((name for name in self.flags if name.startswith("--")), self.metavar)
+
+    @property
+    def info(self) -> Any:
+        """Typer's option or argument."""
+        about: dict[str, Any] = {"metavar": self.metavar, "help": self.help, **self.limits}
+        if self.kind is Path:
+            about["readable"] = False
+        if not self.flags:
+            return typer.Argument(show_default=False, **about)
+        if self.shown:
+            about["show_default"] = self.shown
+        return typer.Option(*self.flags, rich_help_panel=self.panel or None, **about)
+
+    @property
+    def parameter(self) -> inspect.Parameter:
+        """The parameter from which typer makes the option or argument."""
+        kind = list[self.kind] if self.many else self.kind  # type: ignore[name-defined]
+        kind = kind | None if self.default is None else kind
+        return inspect.Parameter(
+            self.name,
+            inspect.Parameter.KEYWORD_ONLY,
+            default=inspect.Parameter.empty if self.default is REQUIRED else self.default,
+            annotation=Annotated[kind, self.info],
+        )
+
+    def given(self, value: Any) -> tuple[str, Any]:
+        """Return the keyword of the package, and its value."""
+        if self.kind is bool and self.name.startswith("no_"):
+            return self.name[3:], not value
+        if self.many:
+            value = list(value or ())
+        return self.name, value if self.read is None or value is None else self.read(self.flag, value)
+
+
+def rows(panel: str, text: str, **more: Any) -> tuple[Option, ...]:
+    """Return the options and arguments of a text that is written like the panel of a help.
+
+    An entry is ``-o, --output FOLDER  What it is for. [default]``, with two spaces before the help, whose
+    further lines are indented. One without a metavar is a flag, one without a dash an argument. The default
+    is in words, or ``[= value]``, ``[required]``, ``[optional]`` of an argument.
+
+    Parameters
+    ----------
+    panel : str
+    text : str
+    **more
+        By option: the type of its value, a function for `Option.read`, or fields of `Option`.
+    """
+    return tuple(_row(panel, entry, more) for entry in re.split(r"\n(?=\S)", dedent(text).strip()))
+
+
+def _row(panel: str, entry: str, more: dict[str, Any]) -> Option:
+    head, _, words = entry.partition("  ")
+    found = re.fullmatch(r"(.*?)(?: \[(= )?([^]]*)\])?", " ".join(words.split()))
+    assert found is not None
+    parts = [part.strip(",") for part in head.split()]
+    flags = tuple(part for part in parts if part.startswith("-"))
+    metavar = " ".join(part for part in parts if not part.startswith("-"))
+    name = next((flag for flag in flags if flag.startswith("--")), head).lstrip("-").replace("-", "_")
+    made = Option(name.lower(), flags, metavar, found[1], panel)
+    if not metavar:
+        made = replace(made, kind=bool, default=False)
+    if found[2]:
+        made = replace(made, default=found[3])
+    elif found[3] == "required" or (not flags and found[3] != "optional"):
+        made = replace(made, default=REQUIRED)
+    elif flags and found[3]:
+        made = replace(made, shown=found[3])
+    given = more.get(made.name, {})
+    if isinstance(given, type):
+        given = {"kind": given}
+    return replace(made, **(given if isinstance(given, dict) else {"read": given}))
+
+
+def takes(*rows: Option) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """Give a function, which takes them as keywords, the options and arguments of a table.
+
+    The function gets what is given, or has a default. A parameter ``context`` of its own is typer's.
+    """
+
+    def decorate(function: Callable[..., Any]) -> Callable[..., Any]:
+        @functools.wraps(function)
+        def command(**given: Any) -> Any:
+            pairs = dict(row.given(given.pop(row.name)) for row in rows)
+            return function(**given, **{name: value for name, value in pairs.items() if value is not None})
+
+        own = [
+            parameter
+            for parameter in inspect.signature(function, eval_str=True).parameters.values()
+            if parameter.annotation is typer.Context
+        ]
+        command.rows = rows  # type: ignore[attr-defined]
+        command.__signature__ = inspect.Signature([*own, *(row.parameter for row in rows)])  # type: ignore[attr-defined]
+        return command
+
+    return decorate
