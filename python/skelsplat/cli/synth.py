@@ -5,12 +5,15 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import typer
+
 from skelsplat import synthetic
 from skelsplat.cli import options
 from skelsplat.cli.output import print_json, say
 from skelsplat.cli.rows import rows, takes
 from skelsplat.datasets.synthetic import write_simulated
 from skelsplat.synthetic.people_sets import PEOPLE_SET
+from skelsplat.synthetic.sets import RecordingSet
 
 NAMES = (*synthetic.set_names, PEOPLE_SET)
 _DEFAULTS = {"people": 3, "views": 4, "scenes": 5, "frames": 300}
