@@ -1,14 +1,15 @@
 """Poses over time: gaps filled and noise filtered, on request and never by default.
 
 ``refine`` treats every frame by itself. What is done here uses the frames around it, so it belongs behind the
-refinement, and whoever writes the result says so in it. All functions take poses (T, N, 3) with NaN for what
-is missing, leave the input as it is, and never carry anything across missing positions that they do not fill
-(the Kalman smoother fills all of them).
-``frames`` are the numbers of the frames; a gap in the numbers is a gap in time. ``weak`` marks positions that
-are not to be believed (the status ``weak`` of a refinement): a filter leaves them as they are, and they do
-not pull on those around them. The one-euro filter starts anew after them; the Butterworth filter goes on over
-them on a straight line, however many there are. Cubic splines and the Butterworth filter need SciPy:
-``pip install 'skelsplat[temporal]'``. A bad argument is an `InvalidInputError` that names it.
+refinement, and whoever writes the result says so in it. All functions take a ``pose`` (T, N, 3) with NaN for
+what is missing, leave it as it is, and never carry anything across missing positions that they do not fill
+(the Kalman smoother fills all of them). ``frame_rate`` is in frames per second; ``frames`` (T,) are the
+ascending numbers of the frames, by default 0, 1, …; a gap in the numbers is a gap in time. ``weak`` (T, N)
+marks positions that are not to be believed (the status ``weak`` of a refinement): a filter leaves them as
+they are, and they do not pull on those around them. The one-euro filter starts anew after them; the
+Butterworth filter goes on over them on a straight line, however many there are. Cubic splines and the
+Butterworth filter need SciPy: ``pip install 'skelsplat[temporal]'``. A bad argument is an `InvalidInputError`
+that names it.
 """
 
 from __future__ import annotations
@@ -44,14 +45,10 @@ def fill_gaps(
 
     Parameters
     ----------
-    pose : (T, N, 3)
-        Positions; NaN where missing.
     max_gap : int
         Longest gap that is filled, in frames.
     method : {"cubic", "linear"}
         A cubic spline through all frames in which the joint is known, or straight lines.
-    frames : (T,) int, optional
-        Ascending frame numbers; 0, 1, … if left out.
     gaps : (T, N) bool, optional
         What to replace, if that is more than what is missing. A gap that is too long keeps what it had.
 
@@ -95,16 +92,10 @@ def butterworth(
 
     Parameters
     ----------
-    pose : (T, N, 3)
-        Positions; NaN where missing.
-    frame_rate : float
-        Frames per second.
     cutoff : float
         Hz; the amplitude at this frequency is 1/√2 (−3 dB) after both passes.
     order : int
         Of both passes together: 2, 4, 6 or 8.
-    frames : (T,) int, optional
-        Ascending frame numbers; 0, 1, … if left out.
     weak : (T, N) bool, optional
         Positions not to be believed. Between others a straight line stands in for them in the filter, over a
         stretch of any length.
@@ -164,17 +155,13 @@ def one_euro(
     Parameters
     ----------
     pose : (T, N, 3)
-        Positions; NaN where missing. After a gap the filter starts anew.
-    frame_rate : float
-        Frames per second.
+        After a gap the filter starts anew.
     min_cutoff : float
         Cutoff at rest, Hz.
     beta : float
         By how much the cutoff grows with the speed, Hz per unit of ``pose`` per second.
     speed_cutoff : float
         Cutoff of the low-pass on the speed, Hz.
-    frames : (T,) int, optional
-        Ascending frame numbers; 0, 1, … if left out.
     weak : (T, N) bool, optional
         Positions not to be believed: as a gap for the filter, but left as they are.
     """
@@ -220,18 +207,12 @@ def kalman(
 
     Parameters
     ----------
-    pose : (T, N, 3)
-        Positions; NaN where missing.
-    frame_rate : float
-        Frames per second.
     covariance : (T, N, 3, 3)
         Of the errors of ``pose``, such as ``uncertainty`` of a refinement, in its unit squared. A position
         without a finite one is no measurement.
     density : float or (N,)
         Spectral density of the acceleration, in the unit of ``pose`` squared per s³. For people, 1e6 mm²/s³
         is a good start: within a second the velocity changes by about 1 m/s per axis.
-    frames : (T,) int, optional
-        Ascending frame numbers; 0, 1, … if left out.
 
     Returns
     -------

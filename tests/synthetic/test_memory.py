@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 import skelsplat as sk
-from skelsplat import synthetic
 from skelsplat.exceptions import InvalidInputError
 from skelsplat.synthetic import DetectionNoise, Memory
 from skelsplat.synthetic.detections import corrupt
@@ -79,16 +78,6 @@ def test_the_autocorrelation_depends_on_the_time_and_not_on_the_frame_rate(frame
     assert between == pytest.approx(mean_correlation(steps / frame_rate), abs=0.012)
 
 
-def test_every_view_has_jitter_of_its_own():
-    pixels = still(300, 8)
-    error = corrupt(pixels, noise=DetectionNoise(sigma_px=3.0, memory=Memory()))[..., :2] - pixels
-    # 272 series whose constant part has variance 0.4·9: 4·9·0.4·√(2/272) = 1.24.
-    assert (error**2).mean() == pytest.approx(9.0, abs=1.3)
-    views = np.corrcoef(error.mean(axis=0).reshape(8, -1)) - np.eye(8)
-    # 28 correlations of 34 numbers.
-    assert np.abs(views).mean() < 0.25
-
-
 @pytest.mark.parametrize("frame_rate", RATES)
 def test_outliers_come_in_bursts_with_one_offset(frame_rate):
     noise = at_rate(replace(SILENT, outlier_rate=0.05), frame_rate)
@@ -107,14 +96,6 @@ def test_outliers_come_in_bursts_with_one_offset(frame_rate):
     moved = np.linalg.norm(np.diff(flat, axis=0), axis=-1)[inside]
     assert np.mean(moved > 1e-9) < 0.01
     assert np.linalg.norm(flat, axis=-1)[off].mean() == pytest.approx(noise.outlier_px, rel=0.15)
-
-
-def test_a_recording_may_begin_and_end_inside_an_episode():
-    noise = replace(SILENT, outlier_rate=0.3)
-    pixels = still(30, 200)
-    off = np.abs(corrupt(pixels, noise=noise)[..., :2] - pixels).max(axis=-1).reshape(30, -1) > 1e-9
-    # 3 400 series: 4·√(0.21/3400) = 0.031 in every frame.
-    assert np.abs(off.mean(axis=1) - 0.3).max() < 0.031
 
 
 def test_misses_and_swaps_last():
@@ -157,28 +138,6 @@ def test_wrong_guesses_stay_drift_and_jump():
     assert 30.0 * jumps.mean() == pytest.approx(2.2, abs=0.5)
     # Between them the drift of standard deviation 0.1 with τ about 0.33 s: √(2·2/(30·0.33))·0.1 = 0.06.
     assert 0.02 < np.median(step[~jumps]) < 0.08
-
-
-@pytest.mark.parametrize(
-    "noise", [DetectionNoise.recording(), DetectionNoise.recording_occluded(3, heavy=True, frame_rate=15.0)]
-)
-def test_the_seed_decides(noise):
-    pixels = still(60)
-    first = corrupt(pixels, noise=noise, layout=LAYOUT, seed=5)
-    np.testing.assert_array_equal(first, corrupt(pixels, noise=noise, layout=LAYOUT, seed=5))
-    other = corrupt(pixels, noise=noise, layout=LAYOUT, seed=6)
-    assert (np.abs(first - other)[..., 0] > 0).mean() > 0.9
-
-
-def test_detectors_can_share_occluders_with_memory():
-    noise = DetectionNoise.recording_occluded(2)
-    pixels = still(90)
-    occluders = synthetic.draw_occluders(pixels, noise=noise, seed=1)
-    assert (occluders.views.sum(axis=1) == 2).all()
-    hidden = occluders.hidden(pixels)
-    seen = corrupt(pixels, noise=replace(noise, outlier_rate=0.0), seed=2, occluders=occluders)
-    error = np.linalg.norm(seen[..., :2] - pixels, axis=-1)
-    assert np.nanmedian(error[hidden]) > 10 * np.median(error[~hidden])
 
 
 @pytest.mark.parametrize(

@@ -141,16 +141,6 @@ def test_false_detections_stay_or_are_gone_at_once():
     assert (brief.owner[there(brief).any(axis=-1)] < 0).mean() == pytest.approx(0.1 / 3.1, rel=0.6)
 
 
-def test_bodies_are_cut_at_the_border_of_the_image():
-    near = synthetic.ring(4, radius_mm=2800.0)
-    found = synthetic.simulate_scene(2, near, n_frames=150, noise=EXACT, crowding=NONE, seed=0)
-    part = np.isfinite(found.detections()[..., 0]).sum(axis=-1)
-    assert ((part > 0) & (part < 17)).mean() > 0.05
-    u, v = found.people[..., 0], found.people[..., 1]
-    assert -0.5 <= np.nanmin(u) <= np.nanmax(u) < 1279.5
-    assert -0.5 <= np.nanmin(v) <= np.nanmax(v) < 719.5
-
-
 def test_a_bystander_is_seen_by_two_cameras():
     found = scene(2, bystander=True)
     assert len(found.truth) == 3
@@ -166,12 +156,6 @@ def test_ones_own_poses_keep_their_place_and_absences():
     assert (found.slots()[1, 10:20] == -1).all()
     assert found.optional()[1, 10:20].all()
     assert not found.optional()[0].any()
-
-
-def test_another_layout():
-    found = scene(2, layout="coco17", noise=None, crowding=Crowding.heavy())
-    assert found.layout.name == "coco17"
-    assert np.nanmedian(errors(found)) < 4.0
 
 
 def test_the_default_detector_errs_in_proportion_to_the_size_of_people():

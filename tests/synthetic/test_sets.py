@@ -97,21 +97,6 @@ def test_fusion_of_the_monocular_poses_errs_forty_millimetres(plain):
     assert 37.0 < error.mean() < 43.0, f"with sigma {MONOCULAR_SIGMA_MM} mm"
 
 
-def test_the_good_detector_is_better(plain):
-    good, noisy = (
-        errors(plain, lambda r, rig, name=name: sk.triangulate(r.detections[name], rig, method="dlt")).mean()
-        for name in ("good", "noisy")
-    )
-    assert good < noisy
-
-
-def test_boxes_hold_the_joints(plain):
-    r = plain.recordings[0]
-    pixels = np.moveaxis(np.asarray(sk.project(r.truth, plain.rigs["room"])), 0, 1)
-    assert (pixels >= r.boxes[..., None, :2]).all()
-    assert (pixels <= r.boxes[..., None, 2:]).all()
-
-
 def test_the_dome_has_panoptics_cameras_and_joints():
     data = synthetic.simulate_set("dome", poses=24)
     assert data.rigs["dome"].names == tuple(f"00_{k:02d}" for k in (1, 2, 10, 13, 3, 23, 19, 30))

@@ -178,48 +178,6 @@ def test_sit_and_crouch_lower_the_pelvis_between_standing_still(name, least_drop
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-def test_a_sitter_has_level_thighs_and_an_upright_trunk(seed):
-    pose = clip("sit", seed)
-    low = pose[pose[:, 0, 2].argmin()]
-    thigh = low[J["left_knee"]] - low[J["left_hip"]]
-    trunk = low[J["neck"]] - low[0]
-    assert abs(thigh[2]) < 0.25 * np.linalg.norm(thigh)
-    assert trunk[2] > 0.9 * np.linalg.norm(trunk)
-
-
-@pytest.mark.parametrize("seed", SEEDS)
-def test_reach_stretches_an_arm_forward_and_takes_it_back(seed):
-    pose = clip("reach", seed)
-    facing = heading(pose)
-    out = []
-    for wrist in (J["left_wrist"], J["right_wrist"]):
-        offset = pose[:, wrist] - pose[:, 0]
-        out.append(offset[:, 0] * np.cos(facing) + offset[:, 1] * np.sin(facing))
-    farthest = np.array(out)
-    active = int(np.ptp(farthest, axis=1).argmax())
-    assert farthest[active].max() > 450
-    assert farthest[active].min() < 250
-    assert np.ptp(farthest[1 - active]) < 300
-
-
-@pytest.mark.parametrize("seed", SEEDS)
-def test_wave_holds_one_wrist_above_its_shoulder_and_swings_it(seed):
-    pose = clip("wave", seed)
-    above = {
-        side: pose[:, J[f"{side}_wrist"], 2] > pose[:, J[f"{side}_shoulder"], 2] for side in ("left", "right")
-    }
-    side = max(above, key=lambda s: above[s].mean())
-    other = "left" if side == "right" else "right"
-    assert above[side].mean() > 0.4
-    assert not above[other].any()
-    swing = (pose[:, J[f"{side}_wrist"]] - pose[:, J[f"{side}_elbow"]])[above[side]]
-    facing = heading(pose)[above[side]]
-    along = swing[:, 0] * np.cos(facing) + swing[:, 1] * np.sin(facing)
-    # 2.5 s of a raised hand at 1.2 Hz or more: at least 4 changes of direction.
-    assert (np.diff(np.sign(np.diff(along))) != 0).sum() >= 4
-
-
-@pytest.mark.parametrize("seed", SEEDS)
 def test_turn_changes_the_heading_by_90_to_180_degrees_on_the_spot(seed):
     pose = clip("turn", seed)
     turned = np.rad2deg(np.ptp(heading(pose)))

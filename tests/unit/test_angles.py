@@ -397,8 +397,3 @@ def test_a_layout_without_angles_is_refused(name: str) -> None:
     pose = np.zeros((sk.layouts.get(name).n_joints, 3))
     with pytest.raises(sk.InvalidInputError, match="layout: "):
         sk.joint_angles(pose, layout=name)
-
-
-def test_an_unknown_angle_is_refused() -> None:
-    with pytest.raises(sk.InvalidInputError, match="name: "):
-        angles(standing())["knee"]

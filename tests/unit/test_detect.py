@@ -144,13 +144,6 @@ def test_other_detections_are_neither_mixed_nor_lost(videos, tmp_path):
     assert len(contents(pose)) == 7
 
 
-def test_a_detector_that_failed_at_once_leaves_the_folder_free(videos, tmp_path):
-    with pytest.raises(KeyboardInterrupt):
-        detect(videos, tmp_path / "pose", Counting(stop_after=0))
-    detect(videos, tmp_path / "pose", Counting(version="2"), first=1, last=1)
-    assert len(contents(tmp_path / "pose")) == 3
-
-
 def test_files_of_another_program_are_left_alone(videos, tmp_path):
     folder = tmp_path / "pose" / "cam1_json"
     folder.mkdir(parents=True)

@@ -137,12 +137,6 @@ def test_a_path_with_rtmo_in_it_is_no_one_stage_network(rtmlib, files):
     assert _rtmlib._loaded(RTMLib("body", **files)).joints == 17
 
 
-def test_whole_bodies_have_their_layout(videos, tmp_path):
-    detect(videos, tmp_path / "pose", RTMLib("whole-body"), last=1)
-    found = read_detections(tmp_path / "pose", CAMERAS)
-    assert (found.layout, found.people.shape[3]) == ("wholebody133", 133)
-
-
 def test_networks_that_cannot_be_loaded(rtmlib, videos, tmp_path):
     def fails(**_):
         raise OSError("<urlopen error [Errno -3]>")

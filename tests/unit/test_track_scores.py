@@ -113,11 +113,6 @@ def test_nobody_anywhere_is_nan(truth):
     assert np.isnan([scores.recall, scores.mota]).all()
 
 
-def test_pieces_of_an_identity_belong_together(truth):
-    pieces = [(0, [0, 1, 2], truth[0, :3]), (0, [3, 4, 5], truth[0, 3:])]
-    assert metrics.track_scores(pieces, truth[:1]).idf1 == 1
-
-
 @pytest.mark.parametrize(
     ("tracks", "argument"),
     [
@@ -132,13 +127,6 @@ def test_tracks_that_do_not_fit_are_refused(truth, tracks, argument):
     with pytest.raises(InvalidInputError) as caught:
         metrics.track_scores(tracks, truth)
     assert caught.value.argument == argument
-
-
-def test_a_truth_that_does_not_fit_is_refused(truth):
-    with pytest.raises(InvalidInputError, match="truth: "):
-        metrics.track_scores([], truth[0])
-    with pytest.raises(InvalidInputError, match="optional: "):
-        metrics.track_scores([], truth, optional=np.zeros(T))
 
 
 @pytest.mark.parametrize("shape", [(1, 1), (3, 3), (4, 7), (7, 4), (6, 1), (0, 3)])

@@ -60,16 +60,8 @@ def read(
 
     Parameters
     ----------
-    root : Path
-    survey : Survey
-    detector : str or None
-        Name of the detector, as in ``2d_DETECTOR``; chosen as for Human3.6M when left out.
-    detections : Path or None
-        A folder of detections outside the root, in place of ``2d_DETECTOR/S0``.
     views : int or sequence of int
         8, 4 (cameras 1, 3, 5, 7), or numbers of cameras.
-    format : {"adafuse", "skelsplat"} or None
-        None looks.
     split : str
         Of the pickle: ``"validation"`` or ``"train"``.
     step : int

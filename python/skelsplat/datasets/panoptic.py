@@ -65,23 +65,15 @@ def read(
 
     Parameters
     ----------
-    root : Path
-    survey : Survey
-    detector : str or None
-        Name of the detector, as in ``2d_DETECTOR``; chosen as for Human3.6M when left out.
-    detections : Path or None
-        A folder of detections outside the root.
     views : int or sequence of int
         The first so many of `CAMERAS`, or numbers of HD cameras.
     sequences : sequence of str
     format : {"toolbox", "skelsplat"} or None
-        Where the truth is; None looks.
+        Where the truth is.
     truth_unit : {"cm", "mm", "m"}
         Unit of the truth in format ``"skelsplat"``; that of the toolbox is always cm.
     person : int or None
         Id of the body to take where there are several.
-    monocular : str or None
-        The folder in ``initial_guess`` with world poses, mm, a row per row of the detections.
     """
     chosen = _cameras(views)
     one_of("format", format, (None, *_TRUTHS))

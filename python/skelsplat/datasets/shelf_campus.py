@@ -63,18 +63,7 @@ def _read(
     detector: str | None = None,
     detections: Path | str | None = None,
 ) -> Dataset:
-    """Read the data set.
-
-    Parameters
-    ----------
-    scene : Scene
-    root : Path
-    survey : Survey
-    detector : str or None
-        Name of the detector, as in ``2d_DETECTOR``; chosen as for Human3.6M when left out.
-    detections : Path or None
-        A folder of detections outside the root, in place of ``2d_DETECTOR/S0``, or a file of everybody.
-    """
+    """Read the data set; `detections` may also be a file of everybody."""
     file, inside = f"calibration_{scene.name}.json", root / scene.name.capitalize()
     places = [root / file, inside / file, root / "cameras" / file]
     calibration = survey.find(places, f"calibration of {scene.name}")

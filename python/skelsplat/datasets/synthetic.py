@@ -46,8 +46,6 @@ def read(root: Path, survey: Survey, *, detector: str = "good", views: Views = N
 
     Parameters
     ----------
-    root : Path
-    survey : Survey
     detector : str
         One of the index's detectors: ``"good"``, ``"noisy"``.
     views : int, sequence of int or str, or None

@@ -140,6 +140,12 @@ def fewer_detections(recording):
         take.pixels = take.pixels[:, :, :16]
 
 
+def translated(record):
+    """Write the translation in place of the camera's centre."""
+    camera = record["camera"]
+    return {"camera": {**camera, "T": -camera["R"] @ camera["T"]}}
+
+
 def kept(_):
     """Leave the files as they are."""
 
@@ -226,9 +232,7 @@ CASES = {
         (PERSONS, content(UNREAL, lambda rs: rs[1].update(joints_gt=rs[1]["joints_gt"] + 50)),
          UNREAL, "[0].joints_gt"),
         (PERSONS, content(UNREAL, each(lambda r: {"joints_gt": r["joints_gt"] / 1000})), UNREAL, "truth"),
-        (PERSONS,
-         content(UNREAL, lambda rs: [r["camera"].update(T=-r["camera"]["R"] @ r["camera"]["T"]) for r in rs] and None),
-         UNREAL, "camera"),
+        (PERSONS, content(UNREAL, each(translated)), UNREAL, "camera"),
         (PERSONS, content(UNREAL, lambda rs: rs[0].update(scale=Fraction(1, 2))), UNREAL, None),
         (PERSONS, cut(UNREAL), UNREAL, None),
         (PERSONS, removed(UNREAL), UNREAL, "file"),

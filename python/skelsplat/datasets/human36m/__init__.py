@@ -69,21 +69,10 @@ def read(
     ----------
     root : Path
         The folder, or the file of a format that is one file.
-    survey : Survey
-    format : str, optional
-        One of `FORMATS`; found from the files when left out.
     subjects : sequence of str or None
         Default: the two that the method is tested on. None reads all.
-    detector : str, optional
-        Which of the detections that are there: ``"metrabs"``, ``"cpn"``, ``"resnet152"``, … Default: metrabs,
-        resnet152, cpn, resnet50 or another, the first that is there.
-    detections : path, optional
-        Detections that are kept apart from the data: a folder ``<subject>/<activity>[/<camera>]/poses.npz``
-        (or ``.json``), an npz or a JSON file. Takes without any there are left out.
     cameras : path, optional
         ``camera-parameters.json``, if it lies elsewhere.
-    monocular : str, optional
-        Format ``skelsplat``: the folder in ``initial_guess`` with 3D poses of monocular estimators.
     """
     options = Options(subjects, detector, detections, cameras, monocular)
     return _read("human36m", "Human3.6M", *_find_format(root, format), options, survey)
@@ -109,11 +98,8 @@ def read_occluded(
     ----------
     root : Path
         The folder of the variant, or the folder that holds those of the variants.
-    survey : Survey
     variant : {"2", "3", "3-hard"}, optional
         Needed if `root` holds several.
-    subjects, detector, detections, cameras, monocular
-        As for `read`.
     """
     folder, found = _locate(root, variant)
     options = Options(subjects, detector, detections, cameras, monocular)
