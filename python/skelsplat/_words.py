@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
-from typing import Any
+from collections.abc import Sequence
 
 
 def listed(words: Sequence[str], last: str = "and") -> str:
@@ -63,8 +62,3 @@ def ordinal(number: int) -> str:
 def percent(share: float) -> str:
     """Return a share of 0 to 1 as a percentage without decimals."""
     return f"{100 * share:.0f}%"
-
-
-def options(remedies: Iterable[Any]) -> str:
-    """Return remedies as they are pasted into a shell."""
-    return " ".join(remedy.text for remedy in remedies)

@@ -10,7 +10,6 @@ from __future__ import annotations
 import contextlib
 import inspect
 import os
-import shlex
 import threading
 import warnings
 from collections.abc import Callable, Iterator, Mapping
@@ -56,12 +55,6 @@ class Remedy:
 
     setting: str
     value: Any = True
-
-    @property
-    def text(self) -> str:
-        """The option as it is pasted into a shell: ``--without cam_03``."""
-        flag = "--" + self.setting.replace("_", "-")
-        return flag if self.value is None or self.value is True else f"{flag} {shlex.quote(str(self.value))}"
 
 
 @dataclass(frozen=True)

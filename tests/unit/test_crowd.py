@@ -56,7 +56,7 @@ def test_too_many_people_to_compare_are_said_once_with_their_number(people, monk
             FindingWarning, match=r"In 5 frames .* \(up to 2 in a view\); .*\(--without\)"
         ) as told:
             assert crowd_of(people, RIG, person).visible == 2
-        assert [remedy.text for one in told for remedy in one.message.finding.remedy] == ["--without"]
+        assert [remedy.setting for one in told for remedy in one.message.finding.remedy] == ["without"]
 
 
 def test_nobody_is_one_person_without_a_place():

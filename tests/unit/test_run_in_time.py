@@ -260,7 +260,7 @@ def test_poses_in_time_that_leave_the_detections_are_a_finding():
     (finding,) = Run.from_arrays(away, rig, detections, LAYOUT, fps=FPS).findings
     assert (finding.kind, finding.severity) == ("further_over_time", "warning")
     assert "check that the frames are in order" in finding.text
-    assert [remedy.text for remedy in finding.remedy] == ["--frame-by-frame"]
+    assert [remedy.setting for remedy in finding.remedy] == ["frame_by_frame"]
 
 
 def test_frames_out_of_order_are_no_worse_than_alone():
