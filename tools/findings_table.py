@@ -42,16 +42,24 @@ def texts(node: ast.expr | None, names: dict[str, list[ast.expr]], depth: int = 
     return ["…"]
 
 
-def assigned(function: ast.AST) -> dict[str, list[ast.expr]]:
-    """Return the values that the names of a function may have; what is added belongs to the value before."""
+def assigned(function: ast.AST, call: ast.AST) -> dict[str, list[ast.expr]]:
+    """Return the values that the names of a function may have in a call.
+
+    From the last one back to one that is not set under a condition; what is added belongs to the one before.
+    """
+    around = [node for node in ast.walk(function) if isinstance(node, ast.stmt) and call in ast.walk(node)]
+    indent = max(node.col_offset for node in around)
     names: dict[str, list[ast.expr]] = {}
     statements = (node for node in ast.walk(function) if isinstance(node, ast.Assign | ast.AugAssign))
     for node in sorted(statements, key=lambda one: one.lineno):
         target = node.targets[0] if isinstance(node, ast.Assign) else node.target
-        if isinstance(target, ast.Name) and isinstance(node, ast.Assign):
-            names.setdefault(target.id, []).append(node.value)
-        elif isinstance(target, ast.Name) and names.get(target.id):
-            names[target.id].append(ast.BinOp(names[target.id].pop(), ast.Add(), node.value))
+        if not isinstance(target, ast.Name) or node.lineno >= call.lineno:
+            continue
+        values = names.setdefault(target.id, [])
+        if isinstance(node, ast.AugAssign) and values:
+            values.append(ast.BinOp(values.pop(), ast.Add(), node.value))
+        elif isinstance(node, ast.Assign):
+            values[:] = [*(values if node.col_offset > indent else []), node.value]
     return names
 
 
@@ -65,8 +73,8 @@ def findings_of(path: Path) -> Iterator[Found]:
     tree = ast.parse(path.read_text(encoding="utf-8"))
     functions = [node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)]
     for function in functions:
-        names = assigned(function)
         for call in (node for node in ast.walk(function) if is_finding(node)):
+            names = assigned(function, call)
             given = dict(zip(FIELDS, call.args, strict=False))
             given |= {one.arg: one.value for one in call.keywords}
             severities = texts(given["severity"], names) if "severity" in given else ["warning"]
