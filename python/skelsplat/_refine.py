@@ -226,7 +226,7 @@ class Judge:
             size = f"{extent:.6f}" if extent < 0.01 else f"{extent:.2f}"
             beyond = f"{'taller' if found['taller'] else 'shorter'} than {metric(found['limit_mm'])}"
             sentence = f"The skeleton measures {size} {unit} and is {beyond}: is the unit really '{unit}'?"
-            warn(Finding("unit_implausible", numbers=found, sentence=sentence))
+            warn(Finding("unit_wrong", numbers=found, sentence=sentence))
 
 
 def refined(

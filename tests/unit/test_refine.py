@@ -169,7 +169,7 @@ def test_a_body_of_one_s_own_layout_need_not_have_a_person_s_size(scene, config,
         warnings.simplefilter("always")
         sk.refine(pose, scene.detections[0], rig, layout=layout, config=config)
         sk.Refiner(rig, layout=layout).step(scene.detections[0])
-    assert [one.message.finding.kind for one in caught] == ["unit_implausible"] * (2 * warned)
+    assert [one.message.finding.kind for one in caught] == ["unit_wrong"] * (2 * warned)
 
 
 def test_progress_reports_frames(scene):

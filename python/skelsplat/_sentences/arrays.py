@@ -9,7 +9,7 @@ if TYPE_CHECKING:
     from skelsplat.findings import Finding
 
 
-def _unit_implausible(finding: Finding) -> str:
+def _unit_wrong(finding: Finding) -> str:
     numbers = finding.numbers
     metres = numbers["metres"]
     far = f"{1e3 * metres:.3g} mm" if metres < 1 else f"{metres:.{0 if metres >= 100 else 2}f} m"
@@ -31,7 +31,7 @@ def _trc_rate(finding: Finding) -> str:
 
 
 SENTENCES: Mapping[str, str | Callable[[Finding], str]] = {
-    "unit_implausible": _unit_implausible,
+    "unit_wrong": _unit_wrong,
     "lens_assumed": "{files}: no distortions for {cameras}: assumed to have no lens distortion.",
     "view_rotated": (
         "{files}: viewrotation: images of {cameras} were rotated for display; the calibration is for images "

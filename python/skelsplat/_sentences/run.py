@@ -33,6 +33,4 @@ SENTENCES: Mapping[str, str | Callable[[Finding], str]] = {
     "video_frames_missing": "{files}: {missing} of the frames {first} to {last} of the run cannot be read or "
     "are not in it; {drawn} were drawn.",
     "no_figures": f"Figures need skelsplat[viz]: {pip_line('viz')}",
-    "person_of_files": "--person {person} is entry {person} of each file. The order of people in a file is "
-    "arbitrary, so this need not be one person: without --person, everybody counts.",
 }

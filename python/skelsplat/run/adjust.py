@@ -127,7 +127,7 @@ def adjust_cameras(
     cameras = dict(zip(rig.names, result.cameras, strict=True))
     whole = sk.CameraRig([cameras.get(n, one) for n, one in zip(every.names, every, strict=True)], every.unit)
     # the person's size says more
-    kept = [one for one in warnings if one.kind not in ("unit_wrong", "unit_implausible")]
+    kept = [one for one in warnings if one.kind != "unit_wrong"]
     return AdjustedCameras(whole, result, (*kept, *findings_of(result, rig.mm_per_unit, scene.read_as)))
 
 
@@ -181,7 +181,7 @@ def read_scene(
     if person.isdecimal() and people.shape[2] > 1:
         warn(
             Finding(
-                "person_of_files",
+                "person_by_place",
                 "note",
                 numbers={"person": person},
                 sentence=f"Person {person} is entry {person} of each file. The order of people in a file is "

@@ -85,7 +85,7 @@ def check_cameras(
                     report = _synchronised(report, late, look({**scene.read_as.offsets, **offsets})[-1])
     # detections judge the unit better than cameras
     measured = any(one.kind == "unit_wrong" for one in report.findings)
-    kept = [one for one in warnings if not (measured and one.kind in ("unit_wrong", "unit_implausible"))]
+    kept = [one for one in warnings if not (measured and one.kind == "unit_wrong")]
     return CameraCheck(rig, found, replace(report, findings=(*kept, *report.findings)))
 
 

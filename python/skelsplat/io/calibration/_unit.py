@@ -38,7 +38,7 @@ def check_unit(path: Path, rig: Sequence[sk.Camera], unit: str | None, *, stated
     if spread > 0.0 and not least <= metres <= _PLAUSIBLE_M[1]:
         numbers = {"metres": metres, "unit": unit, "spread": spread, "hint": _hint(spread, narrow)}
         subject = Subject(files=(str(path),))
-        warnings.warn(FindingWarning(Finding("unit_implausible", "warning", subject, numbers)), stacklevel=3)
+        warnings.warn(FindingWarning(Finding("unit_wrong", "warning", subject, numbers)), stacklevel=3)
     return unit
 
 
