@@ -52,9 +52,7 @@ def test_too_many_people_to_compare_are_said_once_with_their_number(people, monk
 
     monkeypatch.setattr(association, "people_chosen", cut)
     for person in ("consistent", "largest"):
-        with pytest.warns(
-            FindingWarning, match=r"In 5 frames .* \(up to 2 in a view\); .*\(--without\)"
-        ) as told:
+        with pytest.warns(FindingWarning, match="In 5 frames") as told:
             assert crowd_of(people, RIG, person).visible == 2
         assert [remedy.setting for one in told for remedy in one.message.finding.remedy] == ["without"]
 
