@@ -213,7 +213,7 @@ def test_show_in_a_notebook_displays_the_page_below_the_cell(monkeypatch):
     monkeypatch.setitem(sys.modules, "IPython.display", SimpleNamespace(display=shown.append, HTML=str))
     monkeypatch.setattr("webbrowser.open", lambda _: pytest.fail("it opened a browser"))
     found.show()
-    assert shown[0].startswith('<iframe srcdoc="&lt;!doctype html&gt;')
+    assert shown[0].startswith('<div><iframe srcdoc="&lt;!doctype html&gt;')
 
 
 @pytest.mark.parametrize(

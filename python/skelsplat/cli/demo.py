@@ -30,6 +30,7 @@ _NOTE = "The sample has no ground truth: these errors measure agreement with the
     options.PAPER,
     *rows("Input", "--people  Refine the recording of two people and a bystander."),
     options.FRAME_BY_FRAME,
+    *rows("Cameras", "--no-adjust  Use the cameras as calibrated: one was turned since."),
     options.THREADS,
     options.QUIET,
     options.AS_JSON,
@@ -39,6 +40,7 @@ def demo(
     output: Path | None = None,
     people: bool,
     frame_by_frame: bool,
+    adjust: bool,
     quiet: bool,
     as_json: bool,
     **settings: Any,
@@ -51,11 +53,16 @@ def demo(
     overview.png and weights.png, with --paper also heatmaps.png; with --people,
     a folder of them per person, and a page and a picture of everybody.
 
+    One camera was turned after the calibration: its place is adjusted first, by the
+    detections (with --people the recording does not tell which camera it is).
+
     [bold]Examples[/bold]
 
     skelsplat demo
 
     skelsplat demo --people
+
+    skelsplat demo --no-adjust
 
     skelsplat demo --paper -o /tmp/demo-paper
 
@@ -74,6 +81,7 @@ def demo(
         frame_by_frame=frame_by_frame,
         config=config,
         people="all" if people else None,
+        adjust_cameras=adjust and not people,
         output=output,
         note=f"{_NOTE} {_OF_PEOPLE}" if people else _NOTE,
     )

@@ -11,9 +11,8 @@ from skelsplat.cli import options
 from skelsplat.cli._app import FAILED
 from skelsplat.cli.findings import tell, telling
 from skelsplat.cli.output import Terminal, described, print_json
-from skelsplat.cli.people_table import print_people
 from skelsplat.cli.rows import takes
-from skelsplat.cli.table import print_files, print_run
+from skelsplat.cli.table import print_files, print_people, print_run
 from skelsplat.findings import Finding
 from skelsplat.run import Job, PeopleRun, Run, run, run_people
 

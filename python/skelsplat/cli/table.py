@@ -17,13 +17,13 @@ from rich.text import Text
 
 import skelsplat as sk
 from skelsplat._escape import escaped
-from skelsplat._words import number
+from skelsplat._words import length, number
 from skelsplat.cli.findings import print_findings
 from skelsplat.cli.output import Terminal
 from skelsplat.findings import Finding
-from skelsplat.run import Run
+from skelsplat.run import PeopleRun, Run
 from skelsplat.run.folder import left_of_earlier
-from skelsplat.run.report import solved_in_words, thinned_in_words
+from skelsplat.run.report import ADJUSTED, adjusted_rows, solved_in_words, thinned_in_words
 from skelsplat.run.solve import default_threads
 from skelsplat.run.summary import Group, Statistics, finite_max, finite_median, is_biased
 
@@ -35,6 +35,13 @@ _REASONS = {
     "no_observations": "without detections",
     "diverged": "diverged",
 }
+
+
+_LEGEND_OF_PEOPLE = (
+    "seen: frames in which a view sees the person; views: median per frame; error: median reprojection "
+    "error; bar: median error bar, one standard deviation per axis; limbs: range of the lengths of arms and "
+    "legs frame by frame, 5th to 95th percentile"
+)
 
 
 def wide_console() -> Console:
@@ -118,6 +125,7 @@ def _least_width(console: Console, table: Table) -> int:
 
 def print_run(console: Console, run: Run, told: Collection[Finding] = ()) -> None:
     """Print the table of cameras, the lines on the run, the least certain joints, warnings not ``told``."""
+    print_adjusted(console, run.report)
     print_table(console, _cameras(run))
     console.print(_legend(run.statistics), style="dim")
     console.print()
@@ -129,6 +137,16 @@ def print_run(console: Console, run: Run, told: Collection[Finding] = ()) -> Non
     print_paragraphs(console, [note] if note else [])
     print_findings(console, [one for one in run.findings if one.severity == "warning" and one not in told])
     print_paragraphs(console, [*_nothing_filled(run.report["over_time"]["gaps"]), *run.poses.processing])
+
+
+def print_adjusted(console: Console, report: dict[str, Any]) -> None:
+    """Print what became of the cameras, if they were adjusted."""
+    rows, heads = adjusted_rows(report), [head.replace(" [", "\n[") for head, _ in ADJUSTED[1:]]
+    if rows:
+        table = new_table("Cameras, before → after they were adjusted", "camera", heads)
+        for row in rows:
+            table.add_row(*row)
+        print_table(console, table)
 
 
 def print_paragraphs(console: Console, texts: Sequence[str]) -> None:
@@ -238,3 +256,49 @@ def _joints(run: Run) -> Table:
         sizes = (number(size, statistics.decimals) for size in (bars[j], largest, scatter))
         table.add_row(f" {group.name}", *sizes, *map(str, counts))
     return table
+
+
+def print_people(console: Console, run: PeopleRun, told: Collection[Finding] = ()) -> None:
+    """Print the table of people, the warnings on everybody not ``told``, and the findings on each person."""
+    print_adjusted(console, run.report)
+    print_table(console, _people(run))
+    console.print(_LEGEND_OF_PEOPLE, style="dim")
+    console.print()
+    note = run.report["note"]
+    print_paragraphs(console, [note] if note else [])
+    print_findings(console, [one for one in run.findings if one.severity == "warning" and one not in told])
+    for identity, person in run.people.items():
+        own = [one for one in person.findings if one.severity != "note"]
+        print_findings(console, own, f"person {identity}: ")
+
+
+def _people(run: PeopleRun) -> Table:
+    cameras = len(next(iter(run.people.values())).cameras)
+    columns = ["frames", "seen", f"views\nof {cameras}", "error\n[px]", "bar\n[mm]", "rejected", "limbs"]
+    title = "1 person" if len(run.people) == 1 else f"{len(run.people)} people"
+    table = new_table(title, "person", columns)
+    for entry in run.report["people"]:
+        table.add_row(*_person_cells(entry))
+    return table
+
+
+def _person_cells(entry: dict[str, Any]) -> list[str]:
+    seen = sum(last - first + 1 for first, last in entry["seen"])
+    return [
+        str(entry["id"]),
+        f"{entry['first_frame']}–{entry['last_frame']}",
+        str(seen),
+        f"{entry['views_median']:g}",
+        number(_known(entry["median_error_px"])),
+        length(_known(entry["error_bar_median_mm"])),
+        _percent(entry["rejected_share"]),
+        _percent(entry["limb_range"]),
+    ]
+
+
+def _known(value: float | None) -> float:
+    return float("nan") if value is None else value
+
+
+def _percent(share: float | None) -> str:
+    return "–" if share is None else f"{100 * share:.0f}%"

@@ -154,7 +154,8 @@ def read_adjusted(opened: Opened, job: Job) -> tuple[Array, Inputs]:
         return people, whole
     for finding in findings_of(result, whole.rig.mm_per_unit, scene.read_as):
         warn(finding)
-    return people, replace(whole, rig=result.cameras)
+    each = tuple(numbers_of(one, whole.rig.mm_per_unit) for one in result.report)
+    return people, replace(whole, rig=result.cameras, adjusted=each)
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,7 @@ from skelsplat._optional import can_draw
 from skelsplat._words import decimals, length, number
 from skelsplat.run.angles import angles_of, by_title
 from skelsplat.run.frames import problems_of, rows_of
-from skelsplat.run.report import MEANINGS, solved_in_words, thinned_in_words
+from skelsplat.run.report import ADJUSTED, MEANINGS, adjusted_rows, solved_in_words, thinned_in_words
 from skelsplat.run.summary import DOWN_WEIGHTED, error_maps, finite_median, frame_medians, is_biased
 from skelsplat.run.vertical import world_up
 
@@ -119,7 +119,7 @@ def write_html(run: Run, path: Path) -> None:
         problems=rows_of(problems_of(run.frame_findings), inputs.frames.tolist()),
         sequence=_sequence(run),
         shapes=camera_shapes(inputs.rig),
-        tables=[page.Table("Cameras", *cells), _joint_table(run)],
+        tables=[_adjusted_table(run.report), page.Table("Cameras", *cells), _joint_table(run)],
         lines=[*_lines(run), *_angle_lines(run)],
         errors_px=errors_px[:-1, :-1],
         rejected=rejected[:-1, :-1],
@@ -168,7 +168,11 @@ def write_people_html(run: PeopleRun, path: Path) -> None:
             start_name=first.outcome.start_name if first.outcome.sequence is None else "frame by frame",
         ),
         shapes=camera_shapes(first.cameras),
-        tables=[_people_table(run), _bone_table(runs, [track.name for track in tracks])],
+        tables=[
+            _people_table(run),
+            _adjusted_table(run.report),
+            _bone_table(runs, [track.name for track in tracks]),
+        ],
         lines=lines_of_people(tracks, frames),
         findings=[_sentences(one.findings, notes=True) for one in runs],
         views=[spread_out(frames, track.frames, track.views, -1) for track in tracks],
@@ -206,7 +210,8 @@ def show_page(run: Run) -> None:
         webbrowser.open(path.as_uri())
         return
     page = html.escape(path.read_text(encoding="utf-8"))
-    frame = f'<iframe srcdoc="{page}" width="100%" height="800" frameborder="0"></iframe>'
+    # in an element: IPython warns of HTML that is a frame
+    frame = f'<div><iframe srcdoc="{page}" width="100%" height="800" frameborder="0"></iframe></div>'
     notebook = importlib.import_module("IPython.display")
     notebook.display(notebook.HTML(frame))
 
@@ -353,8 +358,8 @@ def of_the_view(rate: float | None) -> list[str]:
     speed = "" if rate is not None else " The frame rate is unknown: speed 1 × plays 30 frames per second."
     return [
         "The 3D view is in metres, in the axes of the calibration; ellipsoids are drawn at two standard "
-        "deviations, cut off 0.3 m from the joint, and joints that are weak, inferred, filled or "
-        f"unobserved are hollow.{speed}"
+        "deviations, cut off 0.3 m from the joint (of smaller bodies in proportion), and joints that are "
+        f"weak, inferred, filled or unobserved are hollow.{speed}"
     ]
 
 
@@ -480,6 +485,12 @@ def _angle_lines(run: Run) -> list[page.TimeLines]:
         )
         for title, sides in by_title(found.names).items()
     ]
+
+
+def _adjusted_table(report: dict[str, Any]) -> page.Table:
+    from skelsplat.viz.report import Table  # as in write_html
+
+    return Table("Cameras before and after they were adjusted", ADJUSTED, adjusted_rows(report))
 
 
 def _joint_table(run: Run) -> page.Table:

@@ -12,7 +12,7 @@ import numpy as np
 import skelsplat as sk
 from skelsplat._arrays import Index
 from skelsplat._json import plain
-from skelsplat._words import ordinal
+from skelsplat._words import number, ordinal, with_bar
 from skelsplat.run.job import Job
 from skelsplat.run.people import limb_spread
 from skelsplat.run.read import Inputs
@@ -91,6 +91,7 @@ def build_report(
             "threads": default_threads(outcome.config),
         },
         "note": None if job is None else job.note or None,
+        **({"cameras_adjusted": list(inputs.adjusted)} if inputs.adjusted else {}),
         **remarks,
     }
     cleaned: dict[str, Any] = plain(report)
@@ -136,6 +137,36 @@ def solved_in_words(report: dict[str, Any]) -> list[str]:
         what = "1 joint position is" if count == 1 else f"{count:,} joint positions are"
         found.append(f"{what} inferred from {'bones and ' * bones}neighbouring frames.")
     return found
+
+
+ADJUSTED = (
+    ("camera", ""),
+    ("status", "what became of it"),
+    ("turned by [°]", "± its error bar"),
+    ("moved by [mm]", "± its error bar"),
+    (
+        "error [px]",
+        "median distance from where the other cameras place the joints, before → after, in other frames",
+    ),
+)
+
+
+def adjusted_rows(report: dict[str, Any]) -> list[list[str]]:
+    """Return what became of each camera, in the columns `ADJUSTED`; no rows if none was to be adjusted."""
+
+    def known(value: float | None) -> float:
+        return float("nan") if value is None else value
+
+    return [
+        [
+            one["camera"],
+            one["status"],
+            with_bar(known(one["degrees"]), one["degrees_sigma"]),
+            with_bar(known(one["mm"]), one["mm_sigma"]),
+            f"{number(known(one['before_px']))} → {number(known(one['after_px']))}",
+        ]
+        for one in report.get("cameras_adjusted", ())
+    ]
 
 
 def thinned_in_words(inputs: Inputs) -> list[str]:
@@ -224,9 +255,10 @@ def build_people_report(
     everybody: Everybody, runs: Mapping[int, Run], findings: Sequence[Finding], job: Job
 ) -> dict[str, Any]:
     """Return the report as JSON values; ``findings`` are those on everybody."""
+    whole = everybody.whole
     report = {
         "versions": versions(),
-        "input": {**input_of(everybody.whole, job), "person": None, "people": job.people},
+        "input": {**input_of(whole, job), "person": None, "people": job.people},
         "settings": next(iter(runs.values())).outcome.config.to_dict(),
         "people": [_entry(identity, run) for identity, run in runs.items()],
         "detections": {
@@ -234,7 +266,7 @@ def build_people_report(
             "cameras": [
                 {"name": name, "detected": int(detected), "assigned": int(assigned)}
                 for name, detected, assigned in zip(
-                    everybody.whole.rig.names,
+                    whole.rig.names,
                     everybody.detected.sum(axis=0),
                     everybody.assigned.sum(axis=0),
                     strict=True,
@@ -243,6 +275,7 @@ def build_people_report(
         },
         "findings": [finding.to_dict() for finding in findings],
         "note": job.note or None,
+        **({"cameras_adjusted": list(whole.adjusted)} if whole.adjusted else {}),
         "files": [],
         "folders": [folder_of(identity) for identity in runs],
     }

@@ -154,12 +154,14 @@ def upright(up: Array) -> tuple[Array, list[str]]:
 def reach(places: Array, margin: float) -> tuple[Array, Array]:
     """Return the corners (D,) of the box of places (…, D); 1 m about 0 without any.
 
-    Places beyond the percentiles `_MOST` may be stray, and do not widen it by more than the margin.
+    Places beyond the percentiles `_MOST` may be stray, and do not widen it by more than the margin, nor by
+    more than its own half size.
     """
     known = places[np.isfinite(places).all(axis=-1)]
     if not len(known):
         return np.full(places.shape[-1], -500.0), np.full(places.shape[-1], 500.0)
     low, high = np.percentile(known, _MOST, axis=0)
+    margin = min(margin, float((high - low).max()) / 2)
     return np.maximum(known.min(axis=0), low - margin), np.minimum(known.max(axis=0), high + margin)
 
 

@@ -3,7 +3,7 @@
 
 const GROUPS = scene.groups; // of limbs and joints that share a colour: left, right and middle, or people
 const SIGMAS = 2;
-const MOST_M = 0.3; // from a joint to where its ellipsoid is cut off: that of an undetermined one would fill the scene
+const MOST_M = 0.3; // of a person, from a joint to where its ellipsoid is cut off: that of an undetermined one would fill the scene
 const SPHERE = sphere();
 
 function coordinates() {
@@ -42,7 +42,7 @@ function labels(pose, t) {
   scene.people.forEach((person, k) => {
     const top = known(pose, t, person).sort((a, b) => b[2] - a[2])[0];
     if (!person.name || !top) return;
-    push(points, [top[0], top[1], top[2] + 0.12]);
+    push(points, [top[0], top[1], top[2] + 0.12 * SPACE.scale]);
     points.texts.push(escaped(person.name));
     points.colours.push(colourOfGroup[k]);
   });
@@ -70,7 +70,7 @@ function tell(t, j) {
   const bar = errorBar(t, j);
   const width = bar === null ? "no error bar" : `error bar ${millimetres(bar)} mm`;
   const cut = bar !== null && surface(spread(t, j)).some(([, share]) => share < 1);
-  const note = cut ? `<br>ellipsoid cut off at ${1000 * MOST_M} mm` : "";
+  const note = cut ? `<br>ellipsoid cut off at ${millimetres(MOST_M * SPACE.scale)} mm` : "";
   return `${escaped(scene.joints[j])}<br>${width}, ${statusOf(t, j)}${note}`;
 }
 
@@ -105,7 +105,7 @@ function surface(root) {
   const [xx, xy, xz, yy, yz, zz] = root.map((value) => SIGMAS * value);
   return SPHERE.corners.map(([x, y, z]) => {
     const corner = [xx * x + xy * y + xz * z, xy * x + yy * y + yz * z, xz * x + yz * y + zz * z];
-    const share = Math.min(1, MOST_M / Math.hypot(...corner));
+    const share = Math.min(1, (MOST_M * SPACE.scale) / Math.hypot(...corner));
     return [corner.map((value) => share * value), share];
   });
 }

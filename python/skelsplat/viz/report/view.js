@@ -104,6 +104,8 @@ function pyramid(camera) {
   return [[a, b, c, d, a], [a, centre, b], [c, centre, d], [a, above, b]];
 }
 
+const PERSON = 1.5; // m; around what is smaller, such as an animal, everything is nearer in proportion
+
 // The space: the person's way (reach) and all cameras, with room for a start that lies outside.
 const SPACE = space();
 
@@ -112,18 +114,19 @@ function space() {
   const points = scene.cameras.flatMap((camera) => [camera.centre, ...camera.corners]);
   const low = [0, 1, 2].map((axis) => Math.min(reach[0][axis], ...points.map((p) => p[axis] / 1000)));
   const high = [0, 1, 2].map((axis) => Math.max(reach[1][axis], ...points.map((p) => p[axis] / 1000)));
-  return { low: low.map((value) => value - 1.6), high: high.map((value) => value + 1.6), reach };
+  const size = Math.max(...[0, 1, 2].map((axis) => reach[1][axis] - reach[0][axis]));
+  return { low: low.map((value) => value - 1.6), high: high.map((value) => value + 1.6), reach, scale: Math.min(1, size / PERSON) };
 }
 
-// The squares of the floor, at the height of the feet: half a metre or more beyond the person's way.
+// The squares of the floor, at the height of the feet: of a person half a metre or more beyond their way.
 const FLOOR = squares();
 
 function squares() {
   const [low, high] = SPACE.reach;
-  const extent = Math.max(high[0] - low[0], high[1] - low[1]) + 2;
-  const cell = [0.1, 0.25, 0.5, 1, 2, 5, 10, 50, 100].find((size) => extent / size <= 12) ?? extent / 12;
-  const from = [0, 1].map((axis) => Math.floor((low[axis] - 0.6) / cell));
-  const to = [0, 1].map((axis) => Math.ceil((high[axis] + 0.6) / cell));
+  const extent = Math.max(high[0] - low[0], high[1] - low[1]) + 2 * SPACE.scale;
+  const cell = [0.01, 0.02, 0.05, 0.1, 0.25, 0.5, 1, 2, 5, 10, 50, 100].find((size) => extent / size <= 12) ?? extent / 12;
+  const from = [0, 1].map((axis) => Math.floor((low[axis] - 0.6 * SPACE.scale) / cell));
+  const to = [0, 1].map((axis) => Math.ceil((high[axis] + 0.6 * SPACE.scale) / cell));
   return { cell, from, to, height: scene.floor_mm / 1000 };
 }
 
@@ -138,7 +141,7 @@ function floor() {
   const axes = coordinates();
   const texts = [];
   scene.axes.forEach((name, axis) => {
-    const tip = corner.map((value, k) => value + (k === axis ? 0.5 : 0));
+    const tip = corner.map((value, k) => value + (k === axis ? 0.5 * SPACE.scale : 0));
     [corner, tip, null].forEach((point) => push(axes, point));
     texts.push("", name, "");
   });
@@ -183,7 +186,7 @@ function inView(point) {
 
 const HALF_ANGLE = Math.tan(Math.PI / 8); // Plotly sees 45° from top to bottom
 const EDGE = { across: 60, up: 40 }; // px that stay free on each side, for the cameras' names
-const LEAST_DISTANCE = 1.6; // m
+const LEAST_DISTANCE = 1.6 * SPACE.scale; // m
 
 // From here the view is opened, and turned by these degrees if names of people would cover those of cameras.
 const TOWARDS = unit([-0.62, -0.72, 0.32]);
