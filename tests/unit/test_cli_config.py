@@ -12,9 +12,9 @@ from typer.testing import CliRunner
 from command_line import assert_fails, invoke
 from skelsplat.cli import app, datasets, refine
 from skelsplat.cli._app import OneLineErrors
-from skelsplat.cli.command import Application
+from skelsplat.cli.command import Command, takes
 from skelsplat.cli.config import entries_of
-from skelsplat.cli.rows import NAME_OR_PATH, rows, takes
+from skelsplat.cli.rows import NAME_OR_PATH, rows
 
 BASE = """
 calibration = "Calib.toml"
@@ -156,10 +156,10 @@ def test_repeatable_options_are_lists_or_tables(folder, text, monkeypatch):
 
 
 SEEN = {}
-PROGRAM = Application(cls=OneLineErrors)
+PROGRAM = typer.Typer(cls=OneLineErrors)
 
 
-@PROGRAM.command("every-kind")
+@PROGRAM.command("every-kind", cls=Command)
 @takes(
     *rows(
         "",
@@ -182,7 +182,8 @@ def every_kind(**given) -> None:
     SEEN.update(given)
 
 
-@PROGRAM.command("other")
+@PROGRAM.command("other", cls=Command)
+@takes()
 def other() -> None:
     """Do nothing: a program of one command has no names of commands."""
 

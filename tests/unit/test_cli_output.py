@@ -161,11 +161,11 @@ def test_the_bar_names_the_file_that_is_written(recording, monkeypatch):
     shown = []
 
     @contextlib.contextmanager
-    def described(*told, **options):
-        shown.append((*told, options["unit"], options["shown"]))
+    def progress(unit, **options):
+        shown.append((options["first"], unit, options["shown"]))
         yield lambda *told: shown.append(told)
 
-    monkeypatch.setattr("skelsplat.cli.refine.described", described)
+    monkeypatch.setattr("skelsplat.cli.refine.progress", progress)
     folder, _, _ = recording
     arguments = ["refine", folder / "Calib.toml", folder / "openpose", "--layout", "h36m17", "--fps", 50]
     assert invoke(*arguments, "-o", folder / "out", "--write", "csv").exit_code == 0

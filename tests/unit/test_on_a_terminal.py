@@ -68,13 +68,13 @@ def shown(written):
 
 
 BAR = """
-from skelsplat.cli.output import described, counting, print_message
-with described("refining", shown=True) as show:
+from skelsplat.cli.output import progress, print_message
+with progress("poses", first="refining", shown=True) as show:
     show("refining", 1, 3)
     print_message("warning: " + 20 * "word ")
     show("refining", 2, 3)
     print_message("warning: last")
-with counting("frames", shown=True) as count:
+with progress("frames", shown=True) as count:
     count("cam1", 1, 2)
     count("cam2", 1, 2)
     print_message("warning: /" + 30 * "path/")
@@ -93,7 +93,7 @@ def test_a_run_says_each_warning_once_and_leaves_no_bar(recording, arguments):
     for path in (folder / "openpose" / rig.names[0]).iterdir():
         path.write_text('{"people": []}')
     lines = on_terminal("-m", "skelsplat", *arguments, *READ, "--no-html", "--write", "trc")
-    assert lines[0].startswith("warning: --fps is not given: ")
+    assert lines[0].startswith("warning: The frame rate is unknown: ")
     assert not [line for line in lines if "━" in line or line.startswith("refining")]
     text = " ".join(lines)
     warnings = texts(read_report(folder / "out"), "warning")

@@ -11,7 +11,7 @@ from typing import Annotated, Any, NoReturn
 import typer
 
 import skelsplat as sk
-from skelsplat.cli.command import Application, Group, LazyGroup
+from skelsplat.cli.command import Group, LazyGroup
 from skelsplat.cli.config import origin
 
 FAILED, BAD_USAGE, INTERRUPTED = 1, 2, 130
@@ -145,7 +145,7 @@ class _Program(OneLineErrors, LazyGroup):
     texts = COMMANDS
 
 
-app = Application(
+app = typer.Typer(
     name="skelsplat",
     cls=_Program,
     help="Multi-view 3D human pose from 2D keypoints, by differentiable Gaussian splatting.",

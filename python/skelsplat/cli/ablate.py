@@ -15,11 +15,12 @@ from rich.text import Text
 
 from skelsplat import datasets
 from skelsplat.cli import options
+from skelsplat.cli.command import takes
 from skelsplat.cli.datasets import INIT_SIGMA, LENS, SETTINGS, reader_options
 from skelsplat.cli.evaluate import print_experiment
 from skelsplat.cli.findings import telling
-from skelsplat.cli.output import described, print_json
-from skelsplat.cli.rows import rows, takes
+from skelsplat.cli.output import print_json, progress
+from skelsplat.cli.rows import rows
 from skelsplat.cli.table import new_table, print_table, wide_console
 from skelsplat.evaluation import ablations
 from skelsplat.evaluation.ablations import Choices, OnDisk, Source
@@ -112,7 +113,7 @@ def ablate(
         undistort=protocol,
     )
     place = contextlib.nullcontext() if output is None else output_folder(output)
-    with place, described("reading", shown=not quiet, time=TimeElapsedColumn()) as progress:
+    with place, progress("poses", first="reading", shown=not quiet, time=TimeElapsedColumn()) as show:
         on_disk = None
         if data is not None:
             dataset = options.one_of("--data", data[0], datasets.names())
@@ -122,7 +123,7 @@ def ablate(
             expected = "expected a data set for --detections and --set, got none"
             raise typer.BadParameter(expected, param_hint="--data")
         command = shlex.join(["skelsplat", *sys.argv[1:]])
-        record = ablations.run(name, Source(choices, on_disk, progress), command=command)
+        record = ablations.run(name, Source(choices, on_disk, show), command=command)
     report = record.report()
     files = [] if output is None else report.write(output, name, f"{name}.png")
     if files and not files[-1].endswith(".png"):

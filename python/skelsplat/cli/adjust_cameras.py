@@ -12,9 +12,10 @@ from rich.table import Table
 
 from skelsplat._words import number, with_bar
 from skelsplat.cli import options
+from skelsplat.cli.command import takes
 from skelsplat.cli.findings import print_finding, telling
 from skelsplat.cli.output import Terminal, print_json, say
-from skelsplat.cli.rows import rows, takes
+from skelsplat.cli.rows import rows
 from skelsplat.cli.table import in_parts, new_table, print_parts
 from skelsplat.exceptions import DatasetError
 from skelsplat.io import write_calibration
@@ -63,7 +64,7 @@ OPTIONS = (
 )
 
 
-@takes(*OPTIONS)
+@takes(*OPTIONS, common=COMMON)
 def adjust_cameras(
     calibration: Path,
     detections: Path,

@@ -16,10 +16,10 @@ from skelsplat._budget import read_toml
 from skelsplat._words import number
 from skelsplat.cli import options
 from skelsplat.cli._app import FAILED
-from skelsplat.cli.command import Application
+from skelsplat.cli.command import Command, takes
 from skelsplat.cli.config import MisfitError, entries_of, options_in, unknown
-from skelsplat.cli.output import Terminal, counting, print_json, print_message
-from skelsplat.cli.rows import rows, takes
+from skelsplat.cli.output import Terminal, print_json, print_message, progress
+from skelsplat.cli.rows import rows
 from skelsplat.cli.table import new_table, print_table
 from skelsplat.exceptions import DatasetError
 from skelsplat.run import Batch, Job, run_batch
@@ -54,12 +54,12 @@ OPTIONS = (
     options.AS_JSON,
 )
 
-_program = Application(add_completion=False)
-_program.command("refine")(takes(*options.JOB)(options.job_of))
+_program = typer.Typer(add_completion=False)
+_program.command("refine", cls=Command)(takes(*options.JOB)(options.job_of))
 _refine: Any = typer.main.get_command(_program)
 
 
-@takes(*OPTIONS)
+@takes(*OPTIONS, common=COMMON)
 def batch(
     context: typer.Context,
     sessions: Path,
@@ -94,7 +94,7 @@ def batch(
         name: _job(sessions, name, {**usual, **values, **stated})
         for name, values in (_of_project if sessions.is_dir() else _of_file)(sessions)
     }
-    with counting("recordings", shown=not quiet) as count:
+    with progress("recordings", shown=not quiet) as count:
         found = run_batch(
             wanted,
             output,

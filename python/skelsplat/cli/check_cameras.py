@@ -15,9 +15,10 @@ from rich.table import Table
 import skelsplat as sk
 from skelsplat._words import number
 from skelsplat.cli import options
+from skelsplat.cli.command import takes
 from skelsplat.cli.findings import print_finding
 from skelsplat.cli.output import Terminal, print_json, print_text, say
-from skelsplat.cli.rows import Option, takes
+from skelsplat.cli.rows import Option
 from skelsplat.cli.table import new_table, print_table
 from skelsplat.io import DetectionSet
 from skelsplat.rig_check import RigReport
@@ -48,7 +49,7 @@ _LEGEND = (
 )
 
 
-@takes(*OPTIONS)
+@takes(*OPTIONS, common=COMMON)
 def check_cameras(
     context: typer.Context,
     calibration: Path,

@@ -14,6 +14,7 @@ import typer
 from typer.core import TyperCommand, TyperGroup
 
 from skelsplat.cli.config import Config
+from skelsplat.cli.rows import Option
 from skelsplat.exceptions import InvalidInputError
 
 _ALL = "skelsplat.help.all"
@@ -36,8 +37,8 @@ class Group(_FlagHelp, TyperGroup):
 class LazyGroup(Group):
     """A group whose commands are imported when they are needed.
 
-    The command ``a-b`` is the function ``a_b`` of `skelsplat.cli.a_b`, with that module's ``EPILOG`` and
-    ``COMMON``, if any; of a group, the module has the `Application` ``app``. `texts` has the names, with the
+    The command ``a-b`` is the function ``a_b`` of `skelsplat.cli.a_b`, with that module's ``EPILOG``,
+    if any; of a group, the module has the application ``app``. `texts` has the names, with the
     lines that the help of this group shows.
     """
 
@@ -79,51 +80,9 @@ def _load(name: str) -> Any:
     module = import_module(f"skelsplat.cli.{attribute}")
     if hasattr(module, "app"):
         return typer.main.get_group(module.app)
-    alone = Application(add_completion=False, rich_markup_mode="rich")
-    epilog, common = getattr(module, "EPILOG", None), getattr(module, "COMMON", ())
-    alone.command(name, epilog=epilog, common=common)(getattr(module, attribute))
+    alone = typer.Typer(add_completion=False, rich_markup_mode="rich")
+    alone.command(name, cls=Command, epilog=getattr(module, "EPILOG", None))(getattr(module, attribute))
     return typer.main.get_command(alone)
-
-
-class Application(typer.Typer):
-    """A typer application with commands of type `Command`; use it as `typer.Typer`."""
-
-    def __init__(self, *, cls: type[Group] = Group, **given: Any) -> None:
-        super().__init__(cls=cls, **given)
-
-    def command(
-        self, name: str | None = None, *, common: Sequence[str] = (), **given: Any
-    ) -> Callable[[Any], Any]:
-        """Register a command, as `typer.Typer.command` does.
-
-        With ``common``, the parameters that most people use, ``--help`` shows these alone, and ``--help-all``
-        the rest as well.
-        """
-        kind = type("Command", (Command,), {"common": (*common, "config", "help_all", "help")})
-        register = super().command(name, **{"cls": kind if common else Command, **given})
-
-        def decorate(function: Callable[..., Any]) -> Callable[..., Any]:
-            extra = {"config": Config, "help_all": _HelpAll} if common else {"config": Config}
-            register(_with_options(function, extra))
-            return function
-
-        return decorate
-
-
-def _with_options(function: Callable[..., Any], extra: dict[str, Any]) -> Callable[..., Any]:
-    """Return ``function`` with more options, which are not passed on to it."""
-
-    @functools.wraps(function)
-    def command(**given: Any) -> Any:
-        return function(**{name: value for name, value in given.items() if name not in extra})
-
-    signature = inspect.signature(function, eval_str=True)
-    options = [
-        inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=None, annotation=annotation)
-        for name, annotation in extra.items()
-    ]
-    command.__signature__ = signature.replace(parameters=[*signature.parameters.values(), *options])  # type: ignore[attr-defined]
-    return command
 
 
 def _show_all(context: typer.Context, value: bool | None) -> None:
@@ -139,29 +98,50 @@ _HelpAll = Annotated[
 ]
 
 
-def _takes_value(param: Any) -> bool:
-    return param.param_type_name == "option" and not (param.is_flag or param.count)
+def takes(*rows: Option, common: Sequence[str] = ()) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """Give a function, which takes them as keywords, the options and arguments of a table, and ``--config``.
+
+    The function gets what is given, or has a default. A parameter ``context`` of its own is typer's. With
+    ``common``, the parameters that most people use, ``--help`` shows these alone, ``--help-all`` the others.
+    """
+    extra = {"config": Config, "help_all": _HelpAll} if common else {"config": Config}
+
+    def decorate(function: Callable[..., Any]) -> Callable[..., Any]:
+        @functools.wraps(function)
+        def command(**given: Any) -> Any:
+            pairs = [row.given(given.pop(row.name)) for row in rows]
+            own = {name: value for name, value in given.items() if name not in extra}
+            return function(**own, **{name: value for name, value in pairs if value is not None})
+
+        parameters = inspect.signature(function, eval_str=True).parameters.values()
+        own = [parameter for parameter in parameters if parameter.annotation is typer.Context]
+        added = [
+            inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=None, annotation=annotation)
+            for name, annotation in extra.items()
+        ]
+        every = [*own, *(row.parameter for row in rows), *added]
+        shown = (*common, *extra, "help") if common else ()
+        vars(command).update(rows=rows, common=shown, __signature__=inspect.Signature(every))
+        return command
+
+    return decorate
 
 
 class Command(_FlagHelp, TyperCommand):
-    """A command in which ``--no-NAME`` cancels ``--NAME``, and ``--NAME`` cancels ``--no-NAME``.
-
-    `common` are the parameters that ``--help`` shows, in short; all of them, if it is empty.
-    """
-
-    common: tuple[str, ...] = ()
+    """A command in which ``--no-NAME`` cancels ``--NAME``, and ``--NAME`` cancels ``--no-NAME``."""
 
     def format_help(self, ctx: Any, formatter: Any) -> None:
         """Write help: the first sentences of the common options in one panel, or all of all options."""
         for param in self.params:
             if param.nargs == -1:  # typer shows <list[Path]>
                 param.display_type = lambda _: "<path>"  # type: ignore[attr-defined]
-        short = bool(self.common) and not ctx.meta.get(_ALL)
+        common = getattr(self.callback, "common", ())
+        short = bool(common) and not ctx.meta.get(_ALL)
         changed = {param: dict(vars(param)) for param in self.params if short}
         for param in changed:
             param.show_default = False  # type: ignore[attr-defined]
             param.rich_help_panel = None  # type: ignore[attr-defined]
-            param.hidden = param.param_type_name == "option" and param.name not in self.common  # type: ignore[attr-defined]
+            param.hidden = param.param_type_name == "option" and param.name not in common  # type: ignore[attr-defined]
             param.help = re.split(r"(?<=[.]) ", getattr(param, "help", None) or "")[0]  # type: ignore[attr-defined]
         try:
             super().format_help(ctx, formatter)
@@ -171,17 +151,18 @@ class Command(_FlagHelp, TyperCommand):
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Read the arguments; an option in the place of another one's value is an error of usage."""
-        counts = {
-            option: param.nargs for param in self.params for option in param.opts if _takes_value(param)
+        words = [*itertools.takewhile(lambda word: word != "--", args), ""]
+        valued = {
+            option
+            for param in self.params
+            if param.param_type_name == "option" and not (param.is_flag or param.count)
+            for option in param.opts
         }
-        rest = iter(args)
-        for word in itertools.takewhile(lambda word: word != "--", rest):
-            values = list(itertools.islice(rest, counts.get(word, 0)))
-            if word == "--output=" or (word in ("-o", "--output") and "" in values):  # not the current folder
+        for word, value in itertools.pairwise(words):
+            if word == "--output=" or (word in ("-o", "--output") and not value):  # not the current folder
                 raise typer.BadParameter("expected a path, got an empty text", ctx=ctx, param_hint="--output")
-            for value in values:
-                if value.startswith("--"):
-                    raise typer.BadParameter(f"expected a value, got {value}", ctx=ctx, param_hint=word)
+            if word in valued and value.startswith("--"):
+                raise typer.BadParameter(f"expected a value, got {value}", ctx=ctx, param_hint=word)
         read: list[str] = super().parse_args(ctx, args)
         return read
 

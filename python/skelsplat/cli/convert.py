@@ -9,9 +9,10 @@ from typing import Any
 import typer
 
 from skelsplat.cli import options
+from skelsplat.cli.command import takes
 from skelsplat.cli.findings import telling
 from skelsplat.cli.output import print_json, say
-from skelsplat.cli.rows import rows, takes
+from skelsplat.cli.rows import rows
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.findings import collected_warnings
 from skelsplat.io import convert_unit, write_calibration

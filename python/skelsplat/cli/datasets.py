@@ -14,9 +14,9 @@ from rich.text import Text
 from skelsplat import datasets
 from skelsplat._escape import escaped
 from skelsplat.cli import options
-from skelsplat.cli.command import Application
+from skelsplat.cli.command import Command, Group, takes
 from skelsplat.cli.output import Terminal, print_json, say
-from skelsplat.cli.rows import rows, takes
+from skelsplat.cli.rows import rows
 from skelsplat.cli.table import new_table, print_table
 from skelsplat.datasets import Dataset, Report
 from skelsplat.datasets import _registry as registry
@@ -26,7 +26,8 @@ from skelsplat.findings import Finding
 
 _MOST_FILES = 12
 
-app = Application(
+app = typer.Typer(
+    cls=Group,
     help="Data sets with ground truth: list them, check one on disk.\n\n[bold]Examples[/bold]\n\n"
     "skelsplat datasets list\n\nskelsplat datasets check human36m data/human36m",
     invoke_without_command=True,
@@ -61,7 +62,7 @@ def _root(context: typer.Context) -> None:
         typer.echo(context.get_help())
 
 
-@app.command("list")
+@app.command("list", cls=Command)
 @takes(*rows("Output", "--quiet, -q  Only the names, a line each."), options.AS_JSON)
 def list_(*, quiet: bool, as_json: bool) -> None:
     """List the data sets that can be read.
@@ -88,7 +89,7 @@ def list_(*, quiet: bool, as_json: bool) -> None:
         _print_list(Terminal(), entries)
 
 
-@app.command("check")
+@app.command("check", cls=Command)
 @takes(
     *rows(
         "",

@@ -6,8 +6,9 @@ from pathlib import Path
 from typing import Any
 
 from skelsplat.cli import options
+from skelsplat.cli.command import takes
 from skelsplat.cli.refine import run_and_print
-from skelsplat.cli.rows import rows, takes
+from skelsplat.cli.rows import rows
 from skelsplat.io import sample
 from skelsplat.run import Job
 from skelsplat.run.folder import run_folder

@@ -9,9 +9,10 @@ from typing import Any
 import typer
 
 from skelsplat.cli import options
+from skelsplat.cli.command import takes
 from skelsplat.cli.findings import telling
-from skelsplat.cli.output import counting, print_json, say
-from skelsplat.cli.rows import rows, takes
+from skelsplat.cli.output import print_json, progress, say
+from skelsplat.cli.rows import rows
 from skelsplat.detect import Detected, Detector, MediaPipe, RTMLib
 from skelsplat.detect import detect as run_detector
 from skelsplat.findings import collected_warnings
@@ -93,7 +94,7 @@ def detect(
     """
     detector = _detector(backend, of_detector)
     frames = range or FrameRange()
-    with collected_warnings(telling(quiet=quiet)) as found, counting("frames", shown=not quiet) as progress:
+    with collected_warnings(telling(quiet=quiet)) as found, progress("frames", shown=not quiet) as count:
         written = run_detector(
             videos,
             output,
@@ -101,7 +102,7 @@ def detect(
             first=frames.first,
             last=frames.last,
             overwrite=overwrite,
-            progress=progress,
+            progress=count,
         )
     if as_json:
         print_json(

@@ -14,10 +14,11 @@ from rich.text import Text
 from skelsplat import datasets
 from skelsplat._escape import escaped
 from skelsplat.cli import options
+from skelsplat.cli.command import takes
 from skelsplat.cli.datasets import INIT_SIGMA, LENS, SETTINGS, reader_options
 from skelsplat.cli.findings import tell, telling
-from skelsplat.cli.output import described, print_json
-from skelsplat.cli.rows import NAME_OR_PATH, rows, takes
+from skelsplat.cli.output import print_json, progress
+from skelsplat.cli.rows import NAME_OR_PATH, rows
 from skelsplat.cli.table import new_table, print_parts, wide_console
 from skelsplat.datasets import Dataset
 from skelsplat.datasets._registry import detections_option, options_of
@@ -150,7 +151,7 @@ def evaluate(
             data = data.with_fps(fps)
         rules = protocols.get(data.name).with_options(n_views=views, every=every, counting=counting)
         folder = Path("skelsplat-evaluation") / data.name if output is None else output
-        with output_folder(folder), described("evaluating", shown=not quiet) as bar:
+        with output_folder(folder), progress("poses", first="evaluating", shown=not quiet) as bar:
 
             def hear(name: str, take: str, done: int, total: int) -> None:
                 bar(f"{name}, {take}", done, total)

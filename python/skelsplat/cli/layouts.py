@@ -12,9 +12,10 @@ from rich.text import Text
 import skelsplat as sk
 from skelsplat._escape import escaped
 from skelsplat.cli import options
+from skelsplat.cli.command import takes
 from skelsplat.cli.findings import tell
 from skelsplat.cli.output import Terminal, print_json, say
-from skelsplat.cli.rows import rows, takes
+from skelsplat.cli.rows import rows
 from skelsplat.cli.table import new_table, print_table
 from skelsplat.exceptions import InvalidInputError
 from skelsplat.findings import collected_warnings

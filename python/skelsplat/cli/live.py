@@ -14,9 +14,10 @@ import typer
 
 from skelsplat.cli import options
 from skelsplat.cli._app import FAILED, INTERRUPTED
+from skelsplat.cli.command import takes
 from skelsplat.cli.findings import telling
 from skelsplat.cli.output import say
-from skelsplat.cli.rows import rows, takes
+from skelsplat.cli.rows import rows
 from skelsplat.exceptions import DatasetError
 from skelsplat.findings import collected_warnings
 from skelsplat.io import read_layout

@@ -74,9 +74,16 @@ def print_text(console: Console, text: str, whole: Sequence[str] = ()) -> None:
 
 
 @contextlib.contextmanager
-def bar_of(unit: str, *, shown: bool, time: ProgressColumn | None = None) -> Iterator[Progress]:
-    """Yield a bar that counts `unit`, with a description; nothing is drawn where stderr is no terminal."""
+def progress(
+    unit: str, *, shown: bool, first: str | None = None, time: ProgressColumn | None = None
+) -> Iterator[Callable[[str, int | None, int | None], None]]:
+    """Yield a function of (name, done, total) that draws a bar of a unit for each name.
+
+    With ``first``, the first name, there is one bar, with the last name before it; None leaves a number as it
+    is. Nothing is drawn where stderr is no terminal.
+    """
     console = Terminal(stderr=True)
+    tasks: dict[str, TaskID] = {}
     with Progress(
         TextColumn("{task.description}", markup=False),
         BarColumn(),
@@ -87,37 +94,17 @@ def bar_of(unit: str, *, shown: bool, time: ProgressColumn | None = None) -> Ite
         transient=True,
         disable=not (shown and console.is_terminal),
     ) as bar:
+
+        def update(name: str, done: int | None, total: int | None) -> None:
+            key = name if first is None else first
+            if key not in tasks:
+                tasks[key] = bar.add_task(escaped(name), total=total)
+            bar.update(tasks[key], description=escaped(name), completed=done, total=total)
+
+        if first is not None:
+            update(first, None, None)
         _drawn_on.append(console)
         try:
-            yield bar
+            yield update
         finally:
             _drawn_on.remove(console)
-
-
-@contextlib.contextmanager
-def described(
-    first: str, *, shown: bool, unit: str = "poses", time: ProgressColumn | None = None
-) -> Iterator[Callable[[str, int | None, int | None], None]]:
-    """Yield a function of (text, done, total) that draws one bar of a unit, with that text before it.
-
-    Numbers that are None stay as they are.
-    """
-    with bar_of(unit, shown=shown, time=time) as bar:
-        task = bar.add_task(first, total=None)
-        yield lambda text, done, total: bar.update(
-            task, description=escaped(text), completed=done, total=total
-        )
-
-
-@contextlib.contextmanager
-def counting(unit: str, *, shown: bool) -> Iterator[Callable[[str, int, int], None]]:
-    """Yield a function of (name, done, total) that draws a bar for each name."""
-    with bar_of(unit, shown=shown) as bar:
-        tasks: dict[str, TaskID] = {}
-
-        def update(name: str, done: int, total: int) -> None:
-            if name not in tasks:
-                tasks[name] = bar.add_task(escaped(name), total=total)
-            bar.update(tasks[name], completed=done, total=total)
-
-        yield update

@@ -10,9 +10,10 @@ import typer
 import skelsplat as sk
 from skelsplat._opencv import opencv
 from skelsplat.cli import options
+from skelsplat.cli.command import takes
 from skelsplat.cli.findings import telling
-from skelsplat.cli.output import counting, print_json, say
-from skelsplat.cli.rows import rows, takes
+from skelsplat.cli.output import print_json, progress, say
+from skelsplat.cli.rows import rows
 from skelsplat.findings import collected_warnings
 from skelsplat.run.frame_range import FrameRange
 
@@ -124,8 +125,8 @@ def overlay(
         frames=range or FrameRange(),
         **drawing,
     )
-    with collected_warnings(telling(quiet=quiet)) as found, counting("frames", shown=not quiet) as progress:
-        written = write_overlay(job, progress)
+    with collected_warnings(telling(quiet=quiet)) as found, progress("frames", shown=not quiet) as count:
+        written = write_overlay(job, count)
     if as_json:
         files, findings = ([one.to_dict() for one in several] for several in (written, found))
         print_json(

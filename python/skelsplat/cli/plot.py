@@ -7,9 +7,10 @@ from pathlib import Path
 from typing import Any
 
 from skelsplat.cli import options
+from skelsplat.cli.command import takes
 from skelsplat.cli.findings import telling
-from skelsplat.cli.output import Terminal, counting, print_json, print_message
-from skelsplat.cli.rows import NAME_OR_PATH, rows, takes
+from skelsplat.cli.output import Terminal, print_json, print_message, progress
+from skelsplat.cli.rows import NAME_OR_PATH, rows
 from skelsplat.findings import collected_warnings
 from skelsplat.run.angles import FILES as ANGLE_FILES
 from skelsplat.run.frame_range import FrameRange
@@ -89,8 +90,8 @@ def plot(
     with collected_warnings(telling(quiet=quiet)):
         source = read_source(run, layout=layout, range=range or FrameRange(), joints=joints)
     folder = output or (run.parent / "plots" / run.name if run.is_file() else run / "plots")
-    with counting("figures", shown=not quiet) as progress:
-        drawn = write_plots(source, folder, only=only or usual, formats=format, progress=progress)
+    with progress("figures", shown=not quiet) as count:
+        drawn = write_plots(source, folder, only=only or usual, formats=format, progress=count)
     for picture in drawn:
         if not picture.files and (quiet or as_json):
             print_message(f"warning: {picture.name} left out: {picture.sentence}")

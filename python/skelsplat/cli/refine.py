@@ -9,9 +9,9 @@ import typer
 
 from skelsplat.cli import options
 from skelsplat.cli._app import FAILED
+from skelsplat.cli.command import takes
 from skelsplat.cli.findings import tell, telling
-from skelsplat.cli.output import Terminal, described, print_json
-from skelsplat.cli.rows import takes
+from skelsplat.cli.output import Terminal, print_json, progress
 from skelsplat.cli.table import print_files, print_people, print_run
 from skelsplat.findings import Finding
 from skelsplat.run import Job, PeopleRun, Run, run, run_people
@@ -33,7 +33,7 @@ COMMON = (
 )
 
 
-@takes(*options.JOB, options.QUIET, options.AS_JSON)
+@takes(*options.JOB, options.QUIET, options.AS_JSON, common=COMMON)
 def refine(*, quiet: bool, as_json: bool, **given: Any) -> None:
     """Refine the 3D pose of one person, or of several, from 2D detections.
 
@@ -58,7 +58,7 @@ def run_and_print(job: Job, *, quiet: bool, as_json: bool) -> None:
         printed.append(finding)
         print_finding(finding)
 
-    with described("refining", shown=not quiet, unit="frames") as show:
+    with progress("frames", first="refining", shown=not quiet) as show:
         given: dict[str, Any] = {
             "progress": lambda done, total: show("refining", done, total),
             "tell": tell_now,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 import inspect
 import re
 from collections.abc import Callable, Mapping
@@ -132,27 +131,3 @@ def _row(panel: str, entry: str, more: dict[str, Any]) -> Option:
     if isinstance(given, type):
         given = {"kind": given}
     return replace(made, **(given if isinstance(given, dict) else {"read": given}))
-
-
-def takes(*rows: Option) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
-    """Give a function, which takes them as keywords, the options and arguments of a table.
-
-    The function gets what is given, or has a default. A parameter ``context`` of its own is typer's.
-    """
-
-    def decorate(function: Callable[..., Any]) -> Callable[..., Any]:
-        @functools.wraps(function)
-        def command(**given: Any) -> Any:
-            pairs = dict(row.given(given.pop(row.name)) for row in rows)
-            return function(**given, **{name: value for name, value in pairs.items() if value is not None})
-
-        own = [
-            parameter
-            for parameter in inspect.signature(function, eval_str=True).parameters.values()
-            if parameter.annotation is typer.Context
-        ]
-        command.rows = rows  # type: ignore[attr-defined]
-        command.__signature__ = inspect.Signature([*own, *(row.parameter for row in rows)])  # type: ignore[attr-defined]
-        return command
-
-    return decorate

@@ -9,8 +9,9 @@ import typer
 
 from skelsplat import synthetic
 from skelsplat.cli import options
+from skelsplat.cli.command import takes
 from skelsplat.cli.output import print_json, say
-from skelsplat.cli.rows import rows, takes
+from skelsplat.cli.rows import rows
 from skelsplat.datasets.synthetic import write_simulated
 from skelsplat.synthetic.people_sets import PEOPLE_SET
 from skelsplat.synthetic.sets import RecordingSet
