@@ -115,46 +115,37 @@ def view_distances(item: Sample) -> Array:
     return medians(np.moveaxis(apart, 0, -1).reshape(*apart.shape[1:3], -1))
 
 
-@dataclass
-class LensFit:
-    """Least squares of the share s in residual = s · (other lens − given lens), summed over samples.
+def _lens_sums(item: Sample, view: int, other: Callable[[Camera], Camera]) -> Array:
+    """Return sums for the least squares of the share s in residual = s · (other lens − given lens).
 
+    They are step², step · residual, residual² and their number, over joints of a view that are no outliers.
     s is 0 if the given lens is right and 1 if the other one is.
     """
+    changed = seen(item.truth, CameraRig([other(item.take.rig[view])], item.take.rig.unit))[:, 0]
+    step = changed - item.projected[:, view]
+    residual = item.pixels[:, view] - item.projected[:, view]
+    length = np.linalg.norm(residual, axis=-1)
+    if not median(length) <= _LENS_PX:
+        return np.zeros(4)
+    near = (length <= 3.0 * median(length) + 1e-9) & np.isfinite(step).all(axis=-1)
+    parts = step[near] ** 2, step[near] * residual[near], residual[near] ** 2
+    return np.array([*(part.sum() for part in parts), 2.0 * near.sum()])
 
-    own: float = 0.0
-    product: float = 0.0
-    residual: float = 0.0
-    count: int = 0
 
-    def add(self, item: Sample, view: int, other: Callable[[Camera], Camera]) -> None:
-        """Add one view of a sample."""
-        camera = other(item.take.rig[view])
-        changed = seen(item.truth, CameraRig([camera], item.take.rig.unit))[:, 0]
-        step = changed - item.projected[:, view]
-        residual = item.pixels[:, view] - item.projected[:, view]
-        length = np.linalg.norm(residual, axis=-1)
-        if not median(length) <= _LENS_PX:
-            return
-        near = length <= 3.0 * median(length) + 1e-9  # outliers say nothing about the lens
-        near &= np.isfinite(step).all(axis=-1)
-        self.own += float((step[near] ** 2).sum())
-        self.product += float((step[near] * residual[near]).sum())
-        self.residual += float((residual[near] ** 2).sum())
-        self.count += 2 * int(near.sum())
+def _misfit(sums: Array) -> float:
+    """Return the sum of squared residuals of the other lens."""
+    own, product, residual, _ = sums
+    return float(residual - 2.0 * product + own)
 
-    @property
-    def misfit(self) -> float:
-        """Sum of squared residuals of the other lens."""
-        return self.residual - 2.0 * self.product + self.own
 
-    def other_is_right(self) -> bool:
-        """Whether s is nearer to 1 than to 0, by four standard errors of it."""
-        if self.count < 8 or self.own <= 1e-12:
-            return False
-        share = self.product / self.own
-        rest = max(self.residual - share * self.product, 0.0)
-        return share - 4.0 * float(np.sqrt(rest / self.count / self.own)) > 0.5
+def _other_is_right(sums: Array) -> bool:
+    """Whether s is nearer to 1 than to 0, by four standard errors of it."""
+    own, product, residual, count = sums
+    if count < 8 or own <= 1e-12:
+        return False
+    share = product / own
+    rest = max(residual - share * product, 0.0)
+    return bool(share - 4.0 * np.sqrt(rest / count / own) > 0.5)
 
 
 def with_exchanged_tangential(camera: Camera) -> Camera:
@@ -178,12 +169,8 @@ def verify(dataset: Dataset, samples: list[Sample] | None = None) -> tuple[Findi
     exchanged = merged(finding for item in samples for finding in _sides(item, dataset.layout))
     wrong = {key for finding in exchanged for key in finding.subject.takes}
     clean = [item for item in samples if item.take.key not in wrong]
-    rest = [
-        *_joint_order(clean, dataset.layout),
-        *merged(finding for item in clean for finding in _views(item, dataset.layout)),
-        *_lenses(clean),
-    ]
-    return (*exchanged, *rest)
+    views = merged(finding for item in clean for finding in _views(item, dataset.layout))
+    return (*exchanged, *_joint_order(clean, dataset.layout), *views, *_lenses(clean))
 
 
 def raise_errors(dataset: Dataset) -> None:
@@ -373,16 +360,16 @@ _LENSES: dict[str, tuple[Callable[[Camera], Camera], str]] = {
 
 def _lenses(samples: list[Sample]) -> Iterator[Finding]:
     """Find cameras that fit better with p1 and p2 exchanged, or without distortion."""
-    fits: dict[str, dict[str, LensFit]] = {}
+    fits: dict[str, dict[str, Array]] = {}
     for item in samples:
         for view, (name, camera) in enumerate(zip(item.take.rig.names, item.take.rig, strict=True)):
             if camera.distortion is not None and not camera.fisheye:
-                own = fits.setdefault(name, {lens: LensFit() for lens in _LENSES})
+                own = fits.setdefault(name, {lens: np.zeros(4) for lens in _LENSES})
                 for lens, (other, _) in _LENSES.items():
-                    own[lens].add(item, view, other)
-    best = {name: min(own, key=lambda lens: own[lens].misfit) for name, own in fits.items()}
+                    own[lens] += _lens_sums(item, view, other)
+    best = {name: min(own, key=lambda lens: _misfit(own[lens])) for name, own in fits.items()}
     for lens, (_, words) in _LENSES.items():
-        wrong = [name for name, own in fits.items() if best[name] == lens and own[lens].other_is_right()]
+        wrong = [name for name, own in fits.items() if best[name] == lens and _other_is_right(own[lens])]
         if wrong:
             yield Finding(
                 "dataset_lens",

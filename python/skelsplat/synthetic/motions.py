@@ -78,6 +78,11 @@ def _add(angles: dict[str, Array], name: str, value: Array) -> None:
         angles[f"{name}_{side}"] = angles[f"{name}_{side}"] + value
 
 
+def _towards(angles: dict[str, Array], name: str, value: Array | float, share: Array | float) -> None:
+    """Move an angle by a share of the way to a value, in place."""
+    angles[name] = np.asarray((1.0 - share) * angles.get(name, 0.0) + share * value)
+
+
 def _walk(seconds: Array, rng: np.random.Generator) -> _Script:
     """Walk round a circle of 1.0 to 1.5 m at the speed that the stride gives."""
     angles = _stand(seconds, rng)
@@ -105,7 +110,7 @@ def _stride(
         walking[f"hip_abduction_{side}"] = np.zeros_like(phase)
         walking[f"shoulder_flexion_{side}"] = 2.0 - arm_swing * np.cos(leg)
     for name, value in walking.items():
-        angles[name] = (1.0 - share) * angles.get(name, 0.0) + share * value
+        _towards(angles, name, value, share)
 
 
 def _sit(seconds: Array, rng: np.random.Generator) -> _Script:
@@ -147,8 +152,8 @@ def _reach(seconds: Array, rng: np.random.Generator) -> _Script:
     # Each stretch has its own height, chosen while the arm is down.
     heights = rng.uniform(60.0, 120.0, size=64)
     height = heights[(seconds // sum(cycle)).astype(int) % len(heights)]
-    angles[f"shoulder_flexion_{side}"] = angles[f"shoulder_flexion_{side}"] * (1.0 - out) + out * height
-    angles[f"elbow_flexion_{side}"] = angles[f"elbow_flexion_{side}"] * (1.0 - out) + out * 8.0
+    _towards(angles, f"shoulder_flexion_{side}", height, out)
+    _towards(angles, f"elbow_flexion_{side}", 8.0, out)
     angles["spine_flexion"] = angles["spine_flexion"] + out * rng.uniform(10.0, 30.0)
     angles["spine_rotation"] = turn * out * rng.uniform(5.0, 25.0)
     return _Script(angles, _heading(seconds, rng))
@@ -167,8 +172,7 @@ def _wave(seconds: Array, rng: np.random.Generator) -> _Script:
         "elbow_flexion": rng.uniform(55.0, 80.0),
     }
     for name, value in raised.items():
-        rest = angles.get(f"{name}_{side}", np.zeros_like(seconds))
-        angles[f"{name}_{side}"] = rest * (1.0 - up) + value * up
+        _towards(angles, f"{name}_{side}", value, up)
     return _Script(angles, _heading(seconds, rng))
 
 
