@@ -244,7 +244,7 @@ def test_warnings_are_told_and_reported(recording, arguments):
     result = invoke(*arguments, *READ, "--sigma-mm", "0.02", "--max-steps", 1, "-q")
     assert result.exit_code == 0, result.output
     findings = read_report(folder / "out")["findings"]
-    assert {"unit_implausible", "frame_rate_unknown"} & {finding["kind"] for finding in findings}
+    assert {"unit_wrong", "times_assumed"} & {finding["kind"] for finding in findings}
     told = [finding["text"] for finding in findings if finding["severity"] == "warning"]
     for text, line in zip(told, result.stderr.splitlines(), strict=True):
         assert line.startswith(f"warning: {text}")

@@ -24,7 +24,7 @@ from skelsplat.cli.rows import rows
 from skelsplat.cli.table import new_table, print_table, wide_console
 from skelsplat.evaluation import ablations
 from skelsplat.evaluation.ablations import Choices, OnDisk, Source
-from skelsplat.findings import Finding
+from skelsplat.findings import no_pictures
 from skelsplat.run.folder import output_folder
 
 # Beyond so many settings they become rows.
@@ -127,7 +127,7 @@ def ablate(
     report = record.report()
     files = [] if output is None else report.write(output, name, f"{name}.png")
     if files and not files[-1].endswith(".png"):
-        telling(quiet=quiet)(Finding("no_figures", "note"))
+        telling(quiet=quiet)(no_pictures("Figures"))
     if as_json:
         print_json(dict(report.values))
     elif not quiet:

@@ -26,7 +26,7 @@ from skelsplat.evaluation import methods, people, protocols, single
 from skelsplat.evaluation.report import Report
 from skelsplat.evaluation.tables import Table
 from skelsplat.exceptions import InvalidInputError
-from skelsplat.findings import Finding, collected_warnings
+from skelsplat.findings import collected_warnings, no_pictures
 from skelsplat.run.folder import output_folder
 
 EPILOG = (
@@ -174,7 +174,7 @@ def print_report(
 ) -> None:
     """Print tables, what the columns of the first mean, and which files were written; or JSON."""
     if files and report.draw is not None and not files[-1].endswith(".png"):
-        telling(quiet=quiet)(Finding("no_figures", "note"))
+        telling(quiet=quiet)(no_pictures("Figures"))
     if as_json:
         print_json(dict(report.values))
     elif not quiet:

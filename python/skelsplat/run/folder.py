@@ -16,10 +16,10 @@ from skelsplat import layouts
 from skelsplat._atomic import atomic_write_text, opening, remove_left
 from skelsplat._json import to_text
 from skelsplat._lock import locked
-from skelsplat._optional import can_draw, pip_line
+from skelsplat._optional import can_draw
 from skelsplat._words import listed
 from skelsplat.exceptions import DatasetError, InvalidInputError
-from skelsplat.findings import Finding, Remedy, Subject
+from skelsplat.findings import Finding, Remedy, Subject, no_pictures
 from skelsplat.io import write_people, write_pose
 from skelsplat.io._files import load_json
 from skelsplat.io._run_files import (
@@ -152,8 +152,7 @@ class Writing:
                 Finding("times_assumed", "warning", Subject(files=timed), numbers, remedy, sentence=words)
             )
         if not can_draw():
-            words = f"report.html and figures need skelsplat[viz]: {pip_line('viz')}"
-            found.append(Finding("no_pictures", "note", sentence=words))
+            found.append(no_pictures("report.html and figures"))
         return found
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from skelsplat._arrays import Array, Index
 from skelsplat._opencv import opencv
 from skelsplat.exceptions import DatasetError, InvalidInputError
-from skelsplat.findings import Finding, Subject, warn
+from skelsplat.findings import Finding, Remedy, Subject, warn
 from skelsplat.io.detections import cameras_called
 from skelsplat.io.video import FrameSource, Image, PlainFrames, Size, find_videos, open_source
 from skelsplat.run.frame_range import FrameRange
@@ -183,7 +183,17 @@ def _open(job: OverlayJob, scene: Scene, index: int, source: FrameSource, span: 
     if job.first_frame is None and _counted_from_one(view):
         subject = Subject(cameras=(name,), files=(str(source.path),))
         numbers = {"last": source.last, "last_of_run": source.last + 1}
-        warn(Finding("video_one_frame_late", "warning", subject, numbers))
+        warn(
+            Finding(
+                "video_one_frame_late",
+                "warning",
+                subject,
+                numbers,
+                (Remedy("first_frame", 1),),
+                sentence=f"{source.path}: frames 0 to {source.last}, and the run has 1 to {source.last + 1} "
+                f"of {name}: if its detector counts from 1, all is drawn one frame late.",
+            )
+        )
     return view
 
 
@@ -199,7 +209,9 @@ def _fit_size(path: Path, name: str, size: Size, expected: Size) -> Array:
         raise DatasetError(path, "size", wanted, f"{width}×{height}")
     if size != expected and (fit == 1.0).all():
         numbers = {"size": [width, height], "size_of_camera": [wide, high]}
-        warn(Finding("video_padded", "note", Subject(cameras=(name,), files=(str(path),)), numbers))
+        sentence = f"{path}: {width}×{height}, but the camera {name} has {wide}×{high}: drawn without "
+        subject = Subject(cameras=(name,), files=(str(path),))
+        warn(Finding("video_padded", "note", subject, numbers, sentence=sentence))
     return fit
 
 

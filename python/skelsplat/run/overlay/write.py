@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from skelsplat.exceptions import DatasetError
-from skelsplat.findings import Finding, Subject, warn
+from skelsplat.findings import Finding, Remedy, Subject, warn
 from skelsplat.io.video import Image, Size, open_sink
 from skelsplat.run.folder import output_folder
 from skelsplat.run.overlay.scene import Scene
@@ -157,7 +157,10 @@ def _rate(job: OverlayJob, views: Sequence[View]) -> float:
     known = [job.fps, *(view.source.rate for view in views), views[0].scene.frame_rate]
     found = next((rate for rate in known if rate is not None), None)
     if found is None and not job.png:
-        warn(Finding("video_rate_assumed", "note", numbers={"fps": _ASSUMED_FPS}))
+        sentence = "Neither the images nor the run state the frame rate: assuming "
+        sentence += f"{_ASSUMED_FPS:g} frames per second."
+        remedy, numbers = (Remedy("fps", None),), {"fps": _ASSUMED_FPS}
+        warn(Finding("times_assumed", "note", numbers=numbers, remedy=remedy, sentence=sentence))
     return _ASSUMED_FPS if found is None else found
 
 
@@ -166,4 +169,6 @@ def _warn_of_missing(view: View, span: Span, count: int) -> None:
     if count < asked:
         subject = Subject(cameras=(view.name,), files=(str(view.source.path),))
         numbers = {"first": span[0], "last": span[1], "missing": asked - count, "drawn": count}
-        warn(Finding("video_frames_missing", "warning", subject, numbers))
+        sentence = f"{view.source.path}: {asked - count} of the frames {span[0]} to {span[1]} of the run "
+        sentence += f"cannot be read or are not in it; {count} were drawn."
+        warn(Finding("video_frames_missing", "warning", subject, numbers, sentence=sentence))
