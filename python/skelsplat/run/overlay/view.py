@@ -210,6 +210,7 @@ def _fit_size(path: Path, name: str, size: Size, expected: Size) -> Array:
     if size != expected and (fit == 1.0).all():
         numbers = {"size": [width, height], "size_of_camera": [wide, high]}
         sentence = f"{path}: {width}×{height}, but the camera {name} has {wide}×{high}: drawn without "
+        sentence += "scaling."
         subject = Subject(cameras=(name,), files=(str(path),))
         warn(Finding("video_padded", "note", subject, numbers, sentence=sentence))
     return fit
