@@ -147,7 +147,7 @@ publish-check:
 	cargo publish --dry-run --locked --allow-dirty --package skelsplat-core
 
 bench: $(STAMPS)/dev
-	$(BIN)/python benchmarks/paper.py
+	$(BIN)/python benchmarks/speed.py paper
 
 clean:
 	rm -rf $(VENV) $(VENV)-lowest $(STAMPS) dist target site skelsplat-demo skelsplat-demo-people

@@ -3,6 +3,7 @@
     python benchmarks/scale.py                           all tables, about ten minutes
     python benchmarks/scale.py speed growth --markdown   some of them: speed, growth, memory
     python benchmarks/scale.py growth picture            draws the growth too: docs/figures/scaling.png
+    python benchmarks/scale.py refine --frames 1000000   memory and time of `skelsplat refine`
 
 Simulated recordings (`synthetic.motion`, errors that last), seen by a ring of cameras, 17 joints in 4 views
 where nothing else is said. CPU time of one thread, the best of several runs: other programs disturb it
@@ -12,8 +13,11 @@ little, but they share caches and clock rates. Memory is the largest resident se
 from __future__ import annotations
 
 import functools
+import resource
 import subprocess
 import sys
+import tempfile
+import zipfile
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -23,9 +27,11 @@ from lab import ONE_THREAD, Table, cpu_ms
 
 import skelsplat as sk
 from skelsplat import synthetic
+from skelsplat.io import write_calibration
 
 FPS = 100.0
 FRAMES = 2000
+PIECE = 4000
 PEOPLE_FRAMES = 1000
 DAY_FRAMES = 24 * 3600 * FPS
 FIGURE = Path(__file__).parents[1] / "docs" / "figures" / "scaling.png"
@@ -174,6 +180,59 @@ def child(way: str, frames: int) -> None:
     print(lab.peak_mib())
 
 
+def refine(repeat: int, frames: int = 100_000) -> Iterator[Table]:
+    """Peak memory and times of ``skelsplat refine``: one person walks, sits and waves by turns.
+
+    A million frames need 25 GB in the folder of temporary files (``TMPDIR``).
+    """
+    del repeat
+    rig = synthetic.human36m_like()
+    with tempfile.TemporaryDirectory(prefix="skelsplat-scale-") as temporary:
+        top = Path(temporary)
+        write_calibration(top / "cameras.json", rig)
+        source, out = written(top, frames, rig), top / "out"
+        command = [sys.executable, "-m", "skelsplat", "refine", str(top / "cameras.json"), str(source)]
+        command += ["-o", str(out), "--layout", "h36m17", "--fps", f"{FPS:g}", "--quiet"]
+        seconds = lab.seconds(lambda: subprocess.run(command, check=True), 1)
+        used = resource.getrusage(resource.RUSAGE_CHILDREN)
+        sizes = {path.name: path.stat().st_size / 1e6 for path in sorted(out.iterdir())}
+    row = {
+        "peak MB": used.ru_maxrss / 1024,
+        "wall s": seconds,
+        "CPU s": used.ru_utime + used.ru_stime,
+        "µs per frame": 1e6 * seconds / frames,
+    }
+    files = "files, MB: " + ", ".join(f"{name} {size:.0f}" for name, size in sizes.items())
+    yield Table.of("skelsplat refine", "frames", {f"{frames:,}": row}, [files], digits=0)
+
+
+def pieces(frames: int, rig: sk.CameraRig) -> Iterator[np.ndarray]:
+    """Yield the detections (≤ 4000, M, 17, 3) of a recording: each motion there and back."""
+    names, done, noise = synthetic.motion_names, 0, synthetic.DetectionNoise.good()
+    for k in range(-(-frames // PIECE)):
+        there = synthetic.motion(names[k % len(names)], PIECE // 2, seed=k)
+        poses = np.concatenate([there, there[::-1]])[: frames - done]
+        yield synthetic.simulate_detections(poses, rig, noise=noise, layout="h36m17", seed=k)
+        done += len(poses)
+
+
+def written(folder: Path, frames: int, rig: sk.CameraRig) -> Path:
+    """Write a recording piece by piece, one npz file of all cameras."""
+    path, layout = folder / "detections.npz", sk.layouts.get("h36m17")
+    shape = (frames, len(rig), layout.n_joints, 3)
+    with zipfile.ZipFile(path, "w") as archive:
+        with archive.open("detections.npy", "w", force_zip64=True) as stream:
+            header = {"descr": "<f8", "fortran_order": False, "shape": shape}
+            np.lib.format.write_array_header_2_0(stream, header)
+            for piece in pieces(frames, rig):
+                stream.write(np.ascontiguousarray(piece, dtype="<f8").tobytes())
+        small = {"camera_names": rig.names, "joint_names": layout.joints, "frame_rate": FPS}
+        for name, value in small.items():
+            with archive.open(f"{name}.npy", "w") as stream:
+                np.lib.format.write_array(stream, np.asarray(value))
+    return path
+
+
 def picture(repeat: int) -> Iterator[Table]:
     """Draw the growth into docs/figures/scaling.png."""
     import matplotlib as mpl
@@ -201,13 +260,15 @@ def picture(repeat: int) -> Iterator[Table]:
     yield from ()
 
 
-TABLES = {table.__name__: table for table in (speed, growth, memory, picture)}
+TABLES = {table.__name__: table for table in (speed, growth, memory, refine, picture)}
 
 
-def scale(tables: tuple[str, ...] = ("speed", "growth", "memory"), *, repeat: int = 5) -> Iterator[Table]:
-    """Measure each table; of so many runs the best counts."""
+def scale(
+    tables: tuple[str, ...] = ("speed", "growth", "memory"), *, repeat: int = 5, frames: int = 100_000
+) -> Iterator[Table]:
+    """Measure each table; of so many runs the best counts. `frames` are those of `refine`."""
     for name in tables:
-        yield from TABLES[name](repeat)
+        yield from refine(repeat, frames) if name == "refine" else TABLES[name](repeat)
 
 
 if __name__ == "__main__":

@@ -132,7 +132,7 @@ def test_people_are_compared() -> None:
     assert found["oracle"]["prec. %"] == found["oracle"]["rec. %"] == 100
     assert found["affinity"]["rec. %"] > 80
     assert found["oracle"]["mean mm"] < found["affinity"]["mean mm"]
-    (times,) = run("people_speed", "--frames", 12)
+    (times,) = run("people_speed", "track", "--frames", 12)
     assert list(times) == ["1, 4", "3, 4", "4, 5", "6, 8"]
 
 
@@ -153,7 +153,7 @@ def test_the_comparison_runs() -> None:
     (found,) = run("compare", "--poses", 2, "--repeat", 1)
     for name in ("DLT, NumPy", "RANSAC of Iskakov et al.", "Cauchy loss, SciPy", "SkelSplat, default"):
         assert float(found[name]["mean mm"]) > 0
-    (times,) = run("speed", "--batch", 2, "--repeat", 1)
+    (times,) = run("speed", "default", "--batch", 2, "--repeat", 1)
     assert len(times) == 6
 
 
@@ -167,11 +167,11 @@ def test_the_live_benchmark_runs(people: list[str]) -> None:
 @pytest.mark.parametrize(
     ("name", "options"),
     [
-        ("imports", ["--repeat", 1]),
-        ("choice", ["--frames", 5]),
+        ("speed", ["imports", "--repeat", 1]),
+        ("people_speed", ["choice", "--frames", 5]),
         ("rig", ["--takes", 1, "--views", 3, "--faults", "turn 3", "clocks 10"]),
         ("rig_people", ["--takes", 1, "--faults", "turn 3"]),
-        ("scale_cli", ["--frames", 100]),
+        ("scale", ["refine", "--frames", 100]),
     ],
 )
 def test_the_other_programs_run(name: str, options: list[object]) -> None:

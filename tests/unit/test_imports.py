@@ -133,7 +133,7 @@ def imported_by(statement: str) -> set[str]:
 
 
 def test_the_package_brings_only_numpy_and_what_it_computes_with() -> None:
-    # what it takes is measured by benchmarks/imports.py
+    # what it takes is measured by benchmarks/speed.py imports
     # (old NumPy brings json itself)
     names = imported_by("import numpy, skelsplat") - imported_by("import numpy")
     assert {"skelsplat", "skelsplat._skelsplat"} <= names
