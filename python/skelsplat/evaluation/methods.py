@@ -41,7 +41,7 @@ Human3.6M (tab:abl-initial-guess), over 1.596, the mean length of a standard nor
 _FIELDS = {
     "detections": "2D detections",
     "monocular": "monocular 3D poses",
-    "fps": "the frame rate (--fps)",
+    "fps": "the frame rate",
     "frames": "consecutive numbers",
 }
 

@@ -14,7 +14,7 @@ from skelsplat.evaluation.scores import mean_interval
 from skelsplat.metrics._people import share
 
 Tracks = Sequence[tuple[int, Index, Array]]
-"""Of each person found: identity, frames (F,), poses (F, N, 3) mm. An identity may come in pieces."""
+"""Identity, frames (F,), poses (F, N, 3) mm of each person found. An identity may come in pieces."""
 
 SWAP_S = 0.5
 """An identity that follows two people for longer than this each is a swap."""

@@ -25,6 +25,7 @@ from skelsplat.datasets.human36m._common import ALIASES
 from skelsplat.exceptions import DatasetError, InvalidInputError, one_of
 
 Endpoint = int | tuple[int, ...]
+Parts = tuple[tuple[Endpoint, Endpoint], ...]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -68,7 +69,7 @@ class Protocol:
     # Of several people: count only those whom so many views detect; 0: everybody with a truth.
     least_views: int = 0
     # Limbs of the PCP; empty: the protocol has none.
-    parts: tuple[tuple[Endpoint, Endpoint], ...] = ()
+    parts: Parts = ()
     root: tuple[int, ...] | None = None  # joints whose mean is the root; None: the layout's
     # Poses of the published evaluation: absolute, root-relative.
     expected_poses: tuple[int, int] | None = None
@@ -79,18 +80,10 @@ class Protocol:
     def with_options(
         self, *, n_views: int | None = None, every: int | None = None, counting: str = "all"
     ) -> Protocol:
-        """Return the protocol with what a user may choose.
+        """Return the protocol with a number of views, one frame in so many, and which joints are counted.
 
-        Parameters
-        ----------
-        n_views : int or None
-            Number of views; None keeps the protocol's.
-        every : int or None
-            One frame in so many; None keeps the protocol's.
-        counting : {"all", "adafuse"}
-            ``"adafuse"`` counts joints that at least two views see unoccluded.
-
-        Raises `InvalidInputError` if the protocol has no such choice.
+        None keeps the protocol's; ``"adafuse"`` counts joints that at least two views see unoccluded. Raises
+        `InvalidInputError` if the protocol has no such choice.
         """
         one_of("counting", counting, ("all", "adafuse"))
         if every is not None and every < 1:
@@ -203,31 +196,17 @@ DAMAGED = frozenset(
 )
 
 # Limbs of the Shelf and Campus layout: nine pairs, and hip centre to bottom of the head.
-SHELF_PARTS: tuple[tuple[Endpoint, Endpoint], ...] = (
-    (0, 1),
-    (1, 2),
-    (3, 4),
-    (4, 5),
-    (6, 7),
-    (7, 8),
-    (9, 10),
-    (10, 11),
-    (12, 13),
-    ((2, 3), 12),
+SHELF_PARTS: Parts = (
+    *((0, 1), (1, 2), (3, 4), (4, 5)),  # legs
+    *((6, 7), (7, 8), (9, 10), (10, 11)),  # arms
+    *((12, 13), ((2, 3), 12)),  # head and trunk
 )
 
 # Limbs of `h36m17` in the same order of body parts.
-H36M_PARTS: tuple[tuple[Endpoint, Endpoint], ...] = (
-    (3, 2),
-    (2, 1),
-    (4, 5),
-    (5, 6),
-    (16, 15),
-    (15, 14),
-    (11, 12),
-    (12, 13),
-    (8, 10),
-    ((1, 4), 8),
+H36M_PARTS: Parts = (
+    *((3, 2), (2, 1), (4, 5), (5, 6)),
+    *((16, 15), (15, 14), (11, 12), (12, 13)),
+    *((8, 10), ((1, 4), 8)),
 )
 
 

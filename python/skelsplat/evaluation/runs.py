@@ -1,7 +1,6 @@
 """Running methods on cases, with the poses of every take kept on disk so that a stopped run goes on.
 
-A take's result is written to a temporary file that then takes its name, with its checksum at the end. It is
-read back only if that is right and it belongs to the same settings and data; else it is computed again.
+A result is read back only if its checksum is right and it belongs to the same settings and data.
 """
 
 from __future__ import annotations

@@ -20,6 +20,7 @@ from skelsplat.exceptions import DatasetError, InvalidInputError
 
 PCK_MM = (50, 100, 150)
 RESAMPLES = 2000
+_KINDS = ("absolute", "relative", "procrustes")
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,28 +45,23 @@ class Group:
 
 @dataclass(frozen=True, slots=True)
 class Scores:
-    """What is said about one method."""
+    """Figures of one method."""
 
     method: str
-    #: absolute_poses, poses: Poses whose absolute error counts, and all.
-    absolute_poses: int
-    poses: int
-    #: absolute, relative, procrustes: MPJPE, mm, over all joints of all poses. Joints without a position are
-    #: left out: see `missing`.
+    absolute_poses: int  #: poses whose absolute error counts
+    poses: int  #: all poses
+    #: absolute, relative, procrustes: MPJPE, mm, over all joints with a position; the others are `missing`.
     absolute: Estimate
     relative: Estimate
     procrustes: Estimate
     median: float  #: of the absolute joint errors, mm
-    #: mapping of threshold in mm to share: Joints of the absolute error's poses that are at most so far off;
-    #: a missing one is wrong.
-    pck: Mapping[int, float]
+    pck: Mapping[int, float]  #: by threshold, mm: share of the joints at most so far off; missing are not
     pcp: float  #: share of correct parts; NaN if the protocol has none
     missing: float  #: share of the joints that the method leaves without a position
     acceleration: float  #: error of it, m/s², where frames are consecutive and their rate is known; else NaN
     ms_per_pose: float  #: wall time of the method alone
-    #: columns, joints: By column of the protocol and by joint of the layout.
-    columns: Mapping[str, Group]
-    joints: Mapping[str, Group]
+    columns: Mapping[str, Group]  #: by column of the protocol
+    joints: Mapping[str, Group]  #: by joint of the layout
 
 
 FIGURES: Mapping[str, Callable[[Scores], float]] = {
@@ -119,9 +115,7 @@ def score(
         method=method,
         absolute_poses=sum(len(case.take) for case in cases if case.absolute),
         poses=poses,
-        absolute=_estimate([e.absolute for e in errors]),
-        relative=_estimate([e.relative for e in errors]),
-        procrustes=_estimate([e.procrustes for e in errors]),
+        **{kind: _estimate([getattr(e, kind) for e in errors]) for kind in _KINDS},
         median=_mean([e.absolute for e in errors], np.median),
         pck={limit: _mean([e.pck[limit] for e in errors]) for limit in PCK_MM},
         pcp=_mean([np.array([g.pcp for g in columns.values()])]) if protocol.mean_of_columns else every.pcp,
@@ -137,7 +131,7 @@ def _errors(case: Case, pose: Array, layout: Layout, protocol: Protocol) -> _Err
     take = case.take
     truth, found = take.truth * take.rig.mm_per_unit, pose * take.rig.mm_per_unit
     root = layout.root if protocol.root is None else protocol.root
-    counts = _counted(take.key, take.visible, truth.shape[:2], protocol.min_visible_views)
+    counts = _counted(take, protocol.min_visible_views)
 
     def absolute(values: Array) -> Array:
         return np.where(counts & case.absolute, values, np.nan)
@@ -167,13 +161,13 @@ def _acceleration(take: Take, error: Array) -> Array:
     return out
 
 
-def _counted(key: str, visible: Mask | None, shape: tuple[int, ...], least: int) -> Mask:
+def _counted(take: Take, least: int) -> Mask:
     """Whether each joint (T, N) counts: at least `least` views see it unoccluded."""
     if least == 0:
-        return np.ones(shape, dtype=np.bool_)
-    if visible is None:
-        raise DatasetError(key, "visible", "which joints are occluded, to count those seen", "nothing")
-    return np.asarray(visible.sum(axis=1) >= least)
+        return np.ones(take.truth.shape[:2], dtype=np.bool_)
+    if take.visible is None:
+        raise DatasetError(take.key, "visible", "which joints are occluded, to count those seen", "nothing")
+    return np.asarray(take.visible.sum(axis=1) >= least)
 
 
 def _group(errors: Sequence[_Errors], joint: int | None = None) -> Group:
@@ -181,17 +175,14 @@ def _group(errors: Sequence[_Errors], joint: int | None = None) -> Group:
     pick = slice(None) if joint is None else slice(joint, joint + 1)
     return Group(
         poses=sum(len(e.relative) for e in errors),
-        absolute=_mean([e.absolute[:, pick] for e in errors]),
-        relative=_mean([e.relative[:, pick] for e in errors]),
-        procrustes=_mean([e.procrustes[:, pick] for e in errors]),
+        **{kind: _mean([getattr(e, kind)[:, pick] for e in errors]) for kind in _KINDS},
         pcp=_mean([e.parts for e in errors]) if joint is None else float("nan"),
     )
 
 
 def _estimate(values: Sequence[Array]) -> Estimate:
     sums = [float(np.nansum(v)) for v in values]
-    counts = [np.count_nonzero(~np.isnan(v)) for v in values]
-    return Estimate(_mean(values), *mean_interval(sums, counts))
+    return Estimate(_mean(values), *mean_interval(sums, [np.count_nonzero(~np.isnan(v)) for v in values]))
 
 
 def _mean(values: Sequence[Array], mean: Callable[[Array], np.floating[Any]] = np.mean) -> float:
@@ -206,35 +197,18 @@ def mean_interval(
 ) -> tuple[float, float]:
     """Return the percentile interval of Σ sums / Σ counts when whole takes are drawn with replacement.
 
-    This is the bootstrap over takes: frames of one take are alike, takes are not.
-
-    Parameters
-    ----------
-    sums, counts : (S,)
-        Of each take: the sum of what is averaged, and of how many numbers. Takes that count nothing are left
-        out.
-    level : float
-        Share of the resampled means inside the interval.
-    resamples : int
-    seed : int
-
-    Returns
-    -------
-    (low, high), both NaN with fewer than two takes.
-
-    Raises `InvalidInputError` for shapes that differ, a level not between 0 and 1, or no resamples.
+    This is the bootstrap over takes: frames of one take are alike, takes are not. `sums` and `counts` (S,)
+    are of each take the sum of what is averaged and its count; takes that count nothing are left out.
+    `level` is the share of the resampled means inside the interval. It is NaN with fewer than two takes.
+    Raises `InvalidInputError` for shapes that differ.
     """
     total, number = numbers(sums, "sums"), numbers(counts, "counts")
     if total.ndim != 1 or total.shape != number.shape:
         raise InvalidInputError(f"counts: expected shape {total.shape} (S,) as sums, got {number.shape}")
-    if not 0.0 < level < 1.0:
-        raise InvalidInputError(f"level: expected a number between 0 and 1, got {level!r}")
-    if resamples < 1:
-        raise InvalidInputError(f"resamples: expected an integer >= 1, got {resamples!r}")
     used = number > 0
-    if np.count_nonzero(used) < 2:
-        return float("nan"), float("nan")
     n = np.count_nonzero(used)
+    if n < 2:
+        return float("nan"), float("nan")
     times = generator(seed).multinomial(n, np.full(n, 1.0 / n), size=resamples)
     means = (times @ total[used]) / (times @ number[used])
     low, high = np.quantile(means, [(1.0 - level) / 2.0, (1.0 + level) / 2.0])

@@ -98,7 +98,7 @@ def test_without_a_rate_they_are_left_out_and_asking_names_the_option(
     recording: Path, tmp_path: Path
 ) -> None:
     error = run("synthetic", recording, "-o", tmp_path, "-m", "over-time", status=1).stderr
-    assert "fps: expected the frame rate (--fps), for the method over-time, got none" in error
+    assert "fps: expected the frame rate, for the method over-time" in error
     assert error.count("\n") == 1
     index = json.loads((recording / "dataset.json").read_text(encoding="utf-8"))
     for fps in (None, 1.5625):

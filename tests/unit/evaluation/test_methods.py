@@ -96,14 +96,10 @@ def test_methods_over_time_never_cross_a_gap(name: str) -> None:
 
 @pytest.mark.parametrize("name", OVER_TIME)
 def test_methods_over_time_ask_for_the_rate_and_consecutive_frames(name: str) -> None:
-    message = rf"fps: expected the frame rate \(--fps\), for the method {name}, got none"
-    with pytest.raises(sk.DatasetError, match=message):
+    with pytest.raises(sk.DatasetError, match=f"fps: .* {name}"):
         solved(name, take=replace(RECORDING, fps=None))
-    message = f"frames: expected consecutive numbers, for the method {name}, got none"
-    with pytest.raises(sk.DatasetError, match=message):
+    with pytest.raises(sk.DatasetError, match=f"frames: .* {name}"):
         solved(name, take=RECORDING.select(slice(None, None, 2)))
-    with pytest.raises(sk.InvalidInputError, match="fps: expected a positive number, got 0"):
-        takes.recording().with_fps(0.0)
 
 
 @pytest.mark.parametrize("name", [name for name in ALONE if name != "paper"])
@@ -112,14 +108,6 @@ def test_as_paper_ignores_the_lens(name: str) -> None:
     found = solved(name, methods.Options(undistort=False))
     np.testing.assert_array_equal(found, solved(name, take=bare))
     assert not np.array_equal(found, solved(name))
-
-
-@pytest.mark.parametrize("name", ["annealed", "paper-closed-form"])
-def test_starts(name: str) -> None:
-    configs = {"annealed": sk.RefineConfig(), "paper-closed-form": CLOSED_FORM}
-    for start, pose in (("dlt", by_dlt()), ("fusion", fused()), ("none", None)):
-        found = solved(name, methods.Options(start=start))
-        np.testing.assert_array_equal(found, refined(pose, configs[name]))
 
 
 def test_the_paper_s_settings_are_those_of_the_data_set() -> None:
@@ -142,28 +130,18 @@ def test_the_prior_is_in_the_rig_s_unit() -> None:
     assert not np.allclose(millimetres, solved("annealed-prior"), atol=0.1)
 
 
-def test_without_boxes_the_threshold_is_in_pixels_of_the_image() -> None:
-    found = solved("ransac-iskakov", take=replace(TAKE, boxes=None))
-    np.testing.assert_array_equal(found, baselines.ransac_iskakov(TAKE.detections, TAKE.rig))
-    unknown = TAKE.boxes.copy()
-    unknown[0, 1] = np.nan
-    assert np.isfinite(solved("ransac-iskakov", take=replace(TAKE, boxes=unknown))).all()
-
-
 @pytest.mark.parametrize(
-    ("name", "options", "lost", "message"),
-    [
-        ("dlt", {}, "detections", "S9/Directions 1: detections: expected 2D detections, for the method dlt"),
-        (
-            "fusion",
-            {},
-            "monocular",
-            "monocular: expected monocular 3D poses, for the method fusion, got none",
-        ),
-        ("annealed-prior", {}, "monocular", "for the method annealed-prior"),
-        ("annealed", {"start": "fusion"}, "monocular", "for the method annealed, got none"),
-    ],
+    ("name", "options", "lost"),
+    [("dlt", {}, "detections"), ("fusion", {}, "monocular"), ("annealed", {"start": "fusion"}, "monocular")],
 )
-def test_what_a_take_lacks_is_named(name: str, options, lost: str, message: str) -> None:
-    with pytest.raises(sk.DatasetError, match=message):
+def test_what_a_take_lacks_is_named(name: str, options, lost: str) -> None:
+    with pytest.raises(sk.DatasetError, match=f"{lost}: .* {name}"):
         solved(name, methods.Options(**options), replace(TAKE, **{lost: None}))
+
+
+@pytest.mark.parametrize("name", ["annealed", "paper-closed-form"])
+def test_starts(name: str) -> None:
+    configs = {"annealed": sk.RefineConfig(), "paper-closed-form": CLOSED_FORM}
+    for start, pose in (("dlt", by_dlt()), ("fusion", fused()), ("none", None)):
+        found = solved(name, methods.Options(start=start))
+        np.testing.assert_array_equal(found, refined(pose, configs[name]))

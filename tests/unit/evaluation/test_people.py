@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from skelsplat import DatasetError, InvalidInputError, datasets, metrics, synthetic
+from skelsplat import DatasetError, datasets, metrics, synthetic
 from skelsplat.cli import app
 from skelsplat.datasets.synthetic import write_simulated
 from skelsplat.evaluation import people, protocols
@@ -141,15 +141,6 @@ def test_people_are_told_apart_or_given_but_not_both(root, tmp_path):
     assert both.exit_code != 0
     assert "--methods: expected either track, affinity, oracle or methods of one person" in both.output
     assert "expected with methods of one person only" in run("--start", "dlt").output
-
-
-def test_data_of_one_person_have_nobody_to_tell_apart(tmp_path):
-    write_simulated(tmp_path / "data", synthetic.simulate_set("human36m-like", poses=60))
-    data = datasets.read("synthetic", tmp_path / "data")
-    with pytest.raises(DatasetError, match="people: expected detections of everybody in view"):
-        people.evaluate(data)
-    with pytest.raises(InvalidInputError, match="methods: expected one of track, affinity, oracle"):
-        people.evaluate(data, ["dlt"])
 
 
 @pytest.mark.parametrize(("name", "form"), diagonal(["shelf", "campus"], ["npz", "pickle"]))

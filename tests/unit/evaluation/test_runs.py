@@ -121,21 +121,6 @@ def test_no_damage_is_read_back(tmp_path: Path, count: int) -> None:
     assert loaded(content) is not None
 
 
-def test_two_takes_whose_names_look_alike_are_kept_apart(tmp_path: Path) -> None:
-    """Both names have the same letters and digits."""
-    data = takes.simulated(3, keys=("S9/Eating 1", "S9/Eating-1"))
-    data = replace(data, takes=tuple(replace(take, action="Eating") for take in data))
-    assert solve(tmp_path, data).runs == 2
-    assert len(files(tmp_path)) == 2
-
-
-def test_what_is_lacking_is_known_before_any_work(tmp_path: Path) -> None:
-    lacking = replace(DATA, takes=(DATA.takes[0], replace(DATA.takes[1], monocular=None)))
-    with pytest.raises(Exception, match="S11/Walking: monocular: expected monocular 3D poses"):
-        single.evaluate(lacking, ["dlt", "fusion"], folder=tmp_path)
-    assert files(tmp_path) == []
-
-
 def test_progress_counts_poses_of_all_methods(tmp_path: Path) -> None:
     heard = []
     single.evaluate(DATA, ["dlt", "ransac"], folder=tmp_path, report=lambda *call: heard.append(call))

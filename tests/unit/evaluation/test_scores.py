@@ -66,14 +66,6 @@ def test_damaged_takes_count_for_the_relative_error_only() -> None:
     assert s.joints["right_wrist"].absolute == pytest.approx(0.0)
 
 
-def test_the_root_is_joint_0() -> None:
-    pelvis = np.zeros((17, 3))
-    pelvis[0] = along_x(34)
-    s = scored(PROTOCOL, [takes.hand_made("S9/Eating")], [pelvis])
-    assert s.absolute.mean == pytest.approx(34 / 17)
-    assert s.relative.mean == pytest.approx(34 * 16 / 17)
-
-
 @pytest.mark.parametrize("unit", ["mm", "cm", "m"])
 def test_everything_is_in_millimetres(unit: str) -> None:
     rig = sk.CameraRig(list(sk.synthetic.human36m_like()), unit=unit)

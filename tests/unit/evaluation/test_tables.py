@@ -48,14 +48,6 @@ def test_markdown_of_a_table() -> None:
     )
 
 
-def test_a_part_of_a_table_has_the_rows_that_say_something() -> None:
-    first, second = by_hand().split(2)
-    assert [row.name for row in first.rows] == ["a", "b", "c", "d"]
-    assert [row.name for row in second.rows] == ["a", "b", "c"]
-    assert (first.title, second.title) == ("Title", "")
-    assert (first.notes, second.notes) == ((), ("A note.",))
-
-
 def test_reported_rows_that_lack_figures_become_a_table_of_their_own() -> None:
     measured, reported = by_hand().by_figures()
     assert [row.name for row in measured.rows] == ["a", "b", "c"]
@@ -165,22 +157,6 @@ def test_shelf_has_pcp_per_actor() -> None:
     assert dict(zip(single.CSV_FIELDS, line, strict=True))["pcp"] == "0.9582"
 
 
-def test_csv_has_a_line_per_method_and_group(evaluation: single.Evaluation) -> None:
-    lines = list(csv.DictReader(io.StringIO(evaluation.report().csv())))
-    own = [line for line in lines if line["reported"] == "0"]
-    assert len(own) == 3 * (1 + 3 + 17)
-    dlt = own[0]
-    assert (dlt["method"], dlt["group"], dlt["poses"]) == ("dlt", "all", "12")
-    assert float(dlt["absolute_mm"]) == pytest.approx(evaluation.scores[0].absolute.mean, rel=1e-5)
-    assert dlt["pcp"] == ""
-    greeting = next(line for line in own if line["name"] == "Greeting")
-    assert (greeting["absolute_mm"], greeting["group"], greeting["poses"]) == ("", "action", "4")
-    reported = [line for line in lines if line["reported"] == "1" and line["method"] == "SkelSplat (cpn)"]
-    assert {line["name"]: line["absolute_mm"] for line in reported} == {
-        **{"": "26.2", "Directions": "25.7", "Greeting": "24.6", "Walking": "28.4"}
-    }
-
-
 def test_without_names_everything_runs_that_the_data_allow(monkeypatch: pytest.MonkeyPatch) -> None:
     blind = replace(DATA, takes=tuple(replace(take, monocular=None) for take in DATA))
     found = [s.method for s in single.evaluate(blind).scores]
@@ -198,3 +174,19 @@ def test_without_names_everything_runs_that_the_data_allow(monkeypatch: pytest.M
     assert alone == set(methods.names) - set(OVER_TIME)
     with pytest.raises(sk.InvalidInputError, match="methods: expected takes with detections"):
         single.evaluate(replace(blind, takes=tuple(replace(t, detections=None) for t in blind)))
+
+
+def test_csv_has_a_line_per_method_and_group(evaluation: single.Evaluation) -> None:
+    lines = list(csv.DictReader(io.StringIO(evaluation.report().csv())))
+    own = [line for line in lines if line["reported"] == "0"]
+    assert len(own) == 3 * (1 + 3 + 17)
+    dlt = own[0]
+    assert (dlt["method"], dlt["group"], dlt["poses"]) == ("dlt", "all", "12")
+    assert float(dlt["absolute_mm"]) == pytest.approx(evaluation.scores[0].absolute.mean, rel=1e-5)
+    assert dlt["pcp"] == ""
+    greeting = next(line for line in own if line["name"] == "Greeting")
+    assert (greeting["absolute_mm"], greeting["group"], greeting["poses"]) == ("", "action", "4")
+    reported = [line for line in lines if line["reported"] == "1" and line["method"] == "SkelSplat (cpn)"]
+    assert {line["name"]: line["absolute_mm"] for line in reported} == {
+        **{"": "26.2", "Directions": "25.7", "Greeting": "24.6", "Walking": "28.4"}
+    }

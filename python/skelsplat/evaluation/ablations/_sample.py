@@ -151,10 +151,9 @@ class Errors:
     def poses(self) -> Array:
         """Mean error (P,) of each pose, mm."""
         known = np.isfinite(self.joints)
-        count = known.sum(axis=1)
         total = np.where(known, self.joints, 0.0).sum(axis=1)
-        mean: Array = np.divide(total, count, out=np.full(len(total), np.nan), where=count > 0)
-        return mean
+        with np.errstate(invalid="ignore"):
+            return np.asarray(total / known.sum(axis=1))
 
 
 def errors_of(sample: Sample, poses: Sequence[Array], steps: float = float("nan")) -> Errors:
