@@ -182,10 +182,10 @@ def raise_errors(dataset: Dataset) -> None:
 
 
 def merged(findings: Iterable[Finding]) -> tuple[Finding, ...]:
-    """Join findings of the same kind and cameras: the numbers of the first, the takes of all."""
-    found: dict[tuple[str, tuple[str, ...]], Finding] = {}
+    """Join findings of one kind and the same cameras: the numbers of the first, the takes of all."""
+    found: dict[tuple[str, ...], Finding] = {}
     for finding in findings:
-        key = finding.kind, finding.subject.cameras
+        key = finding.kind, *finding.subject.cameras, *finding.numbers
         first = found.setdefault(key, finding)
         if first is not finding:
             takes = first.subject.takes + finding.subject.takes
@@ -234,7 +234,7 @@ def _unit(item: Sample, layout: Layout) -> Iterator[Finding]:
         numbers = {"size": size, "unit": unit, **({"likely_unit": likely[0]} if likely else {})}
         advice = f" (plausible in {likely[0]})" if likely else ""
         yield Finding(
-            "dataset_truth_unit",
+            "unit_wrong",
             "error",
             _of(take, ["truth"]),
             numbers,
@@ -242,7 +242,7 @@ def _unit(item: Sample, layout: Layout) -> Iterator[Finding]:
         )
     elif (factor := _camera_factor(item)) is not None:
         yield Finding(
-            "dataset_camera_unit",
+            "unit_wrong",
             "error",
             _of(take, ["cameras"]),
             {"unit": unit, "factor": factor},
@@ -278,7 +278,7 @@ def _sides(item: Sample, layout: Layout) -> Iterator[Finding]:
     given, exchanged = sides(item, layout)
     if _clearly_less(exchanged, given):
         yield Finding(
-            "dataset_sides",
+            "sides_swapped",
             "error",
             _of(item.take, _DETECTIONS),
             {"given_px": given, "exchanged_px": exchanged},
@@ -325,7 +325,7 @@ def _views(item: Sample, layout: Layout) -> Iterator[Finding]:
         subject, far = _of(item.take, _DETECTIONS, [names[view]]), float(row[view])
         if _clearly_less(row[best], row[view]):
             yield Finding(
-                "dataset_view_of_another_camera",
+                "cameras_exchanged",
                 "warning",
                 subject,
                 {"given_px": far, "other_px": float(row[best]), "other": names[best]},
@@ -334,7 +334,7 @@ def _views(item: Sample, layout: Layout) -> Iterator[Finding]:
             )
         elif _clearly_less(exchanged, given):
             yield Finding(
-                "dataset_view_sides",
+                "sides_swapped",
                 "warning",
                 subject,
                 {"given_px": given, "exchanged_px": exchanged},
@@ -343,7 +343,7 @@ def _views(item: Sample, layout: Layout) -> Iterator[Finding]:
             )
         elif quarters[view] > max(_LARGE_PX, 3.0 * np.nan_to_num(others)):
             yield Finding(
-                "dataset_view_far",
+                "camera_disagrees",
                 "warning",
                 subject,
                 {"given_px": far, "quarter_px": float(quarters[view])},

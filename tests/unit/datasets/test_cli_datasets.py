@@ -86,7 +86,7 @@ def test_exchanged_sides_are_status_1(tmp_path):
     assert result.exit_code == 1
     assert "✗ left and right" in plain(result)
     report = json.loads(invoke("check", "human36m", tmp_path, "--json").stdout)
-    assert [finding["kind"] for finding in report["findings"]] == ["dataset_sides"]
+    assert [finding["kind"] for finding in report["findings"]] == ["sides_swapped"]
 
 
 def test_warnings_are_printed_and_are_status_0(tmp_path):

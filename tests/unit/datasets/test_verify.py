@@ -79,7 +79,7 @@ def test_the_unit_of_the_truth_is_named(factor, unit, detections):
         data = changed(data, detections=lambda _: None)
     (finding,) = verify(data)
     assert finding.severity == "error"
-    assert finding.kind == "dataset_truth_unit"
+    assert finding.kind == "unit_wrong"
     assert finding.numbers["likely_unit"] == unit
     assert finding.subject.takes == ("S9/0", "S9/1", "S9/2")
 
@@ -88,7 +88,7 @@ def test_the_unit_of_the_truth_is_named(factor, unit, detections):
 def test_the_unit_of_the_cameras_is_named(factor):
     data = with_cameras(dataset(DetectionNoise.good()), lambda c: camera(c, t=factor * c.t))
     (finding,) = verify(data)
-    assert (finding.kind, finding.severity) == ("dataset_camera_unit", "error")
+    assert (finding.kind, finding.severity) == ("unit_wrong", "error")
     assert finding.numbers["factor"] == pytest.approx(1 / factor)
 
 
@@ -100,7 +100,7 @@ def test_exchanged_sides_of_one_take():
     takes = list(data.takes)
     takes[1] = replace(takes[1], detections=takes[1].detections[:, :, order])
     (finding,) = verify(replace(data, takes=tuple(takes)))
-    assert (finding.kind, finding.severity) == ("dataset_sides", "error")
+    assert (finding.kind, finding.severity) == ("sides_swapped", "error")
     assert finding.subject.takes == ("S9/1",)
 
 
@@ -116,7 +116,7 @@ def test_exchanged_sides_of_one_view():
         return detections
 
     (finding,) = verify(changed(data, detections=one_view))
-    assert (finding.kind, finding.severity) == ("dataset_view_sides", "warning")
+    assert (finding.kind, finding.severity) == ("sides_swapped", "warning")
     assert finding.subject.cameras == ("58860488",)
 
 
@@ -134,7 +134,7 @@ def test_another_joint_order():
 
 def test_cameras_in_another_order():
     data = changed(dataset(DetectionNoise.good()), detections=lambda take: take.detections[:, [1, 0, 2, 3]])
-    first, second = [f for f in verify(data) if f.kind == "dataset_view_of_another_camera"]
+    first, second = [f for f in verify(data) if f.kind == "cameras_exchanged"]
     assert (first.subject.cameras, first.numbers["other"]) == (("54138969",), "55011271")
     assert (second.subject.cameras, second.numbers["other"]) == (("55011271",), "54138969")
     assert first.severity == "warning"
@@ -147,7 +147,7 @@ def test_a_view_that_is_far_off():
         return detections
 
     (finding,) = verify(changed(dataset(DetectionNoise.good()), detections=one_view))
-    assert (finding.kind, finding.subject.cameras) == ("dataset_view_far", ("55011271",))
+    assert (finding.kind, finding.subject.cameras) == ("camera_disagrees", ("55011271",))
     assert finding.numbers["quarter_px"] == pytest.approx(60 * np.sqrt(2), rel=0.06)
 
 
@@ -180,4 +180,4 @@ def test_rigs_in_other_units():
 
     assert verify(changed(data, rig=in_metres, truth=lambda take: take.truth / 1000)) == ()
     (finding,) = verify(changed(data, rig=in_metres))
-    assert finding.kind == "dataset_truth_unit"
+    assert finding.kind == "unit_wrong"
