@@ -50,11 +50,11 @@ class _Dtype:
             return base.newbyteorder(order) if order in ("<", ">") else base
         formats = [fields[name][0].made() for name in names]
         offsets = [fields[name][1] for name in names]
-        parts = {"names": list(names), "formats": formats, "offsets": offsets, "itemsize": base.itemsize}
+        parts: Any = {"names": list(names), "formats": formats, "offsets": offsets, "itemsize": base.itemsize}
         return np.dtype(parts)
 
 
-class _Array(np.ndarray):  # type: ignore[type-arg]
+class _Array(np.ndarray[Any, Any]):
     """An array whose type is made from its parts."""
 
     def __setstate__(self, state: Any) -> None:
