@@ -33,7 +33,7 @@ from random import Random
 
 import skelsplat
 
-AREAS = ("readers", "arrays", "commands")
+AREAS = ("readers", "arrays")
 _PACKAGE = Path(skelsplat.__file__).parent
 SECONDS = 20.0  # of the processor for one case; six times as long for one that waits
 MEMORY = 2 * 2**30  # bytes of addresses beyond those of the process before

@@ -17,14 +17,12 @@ import numpy as np
 
 import calibration_files
 import skelsplat as sk
-import takes
 from detection_cases import CASES
 from detection_files import Take
 from fuzz import mutate
 from pose_sample import sample
 from skelsplat import datasets, layouts, synthetic
 from skelsplat.datasets.synthetic import write_simulated
-from skelsplat.evaluation import methods, runs
 from skelsplat.io import (
     read_calibration,
     read_detections,
@@ -44,7 +42,7 @@ T, RIG = 3, synthetic.human36m_like()
 POSE = synthetic.motion("walk", T, seed=3)
 SEEN = synthetic.simulate_detections(POSE, RIG, noise=synthetic.DetectionNoise(), seed=1)
 # arguments that the files leave open, of which an error may speak
-ASKED = (
+ASKED = [
     "layout",
     "unit",
     "size",
@@ -56,22 +54,13 @@ ASKED = (
     "fps",
     "name",
     "mapping",
-)
+]
 
 
-def _calibration(name: str) -> Callable[[Path], Reader]:
+def _calibration(write: Callable[..., Path], options: Mapping[str, Any]) -> Callable[[Path], Reader]:
     def prepare(folder: Path) -> Reader:
-        write, options, *_ = calibration_files.FORMATS_WRITTEN[name]
         path = write(folder, calibration_files.reference(calibration_files.NAMES))
         return lambda root: read_calibration(root / path.relative_to(folder), **options)
-
-    return prepare
-
-
-def _other_calibration(write: Callable[..., Path], **options: Any) -> Callable[[Path], Reader]:
-    def prepare(folder: Path) -> Reader:
-        path = write(folder, calibration_files.reference(calibration_files.NAMES)).name
-        return lambda root: read_calibration(root / path, **options)
 
     return prepare
 
@@ -88,16 +77,13 @@ def _detections(name: str, frames: str) -> Callable[[Path], Reader]:
     return prepare
 
 
-def _named_by_the_file(folder: Path) -> Reader:
-    take = Take(SEEN[:, :, None], list(RIG.names), list(layouts.H36M17.joints), 5)
-    path = CASES["deeplabcut_csv"].write(folder, take).relative_to(folder)
-    return lambda root: (read_detections(root / path, RIG, layout="file"), read_skeleton(root / path))
+def _skeleton(name: str) -> Callable[[Path], Reader]:
+    def prepare(folder: Path) -> Reader:
+        take = Take(SEEN[:, :, None], list(RIG.names), list(layouts.H36M17.joints), 5)
+        path = CASES[name].write(folder, take).relative_to(folder)
+        return lambda root: (read_detections(root / path, RIG, layout="file"), read_skeleton(root / path))
 
-
-def _skeleton(folder: Path) -> Reader:
-    take = Take(SEEN[:, :, None], list(RIG.names), list(layouts.H36M17.joints), 5)
-    path = CASES["sleap"].write(folder, take).relative_to(folder)
-    return lambda root: read_skeleton(root / path)
+    return prepare
 
 
 def _project(folder: Path) -> Reader:
@@ -157,20 +143,6 @@ def _human36m(layout: str) -> Callable[[Path], object]:
     return write
 
 
-def _cache(folder: Path) -> Reader:
-    """Results of `skelsplat.evaluation`: as they were written, or computed again."""
-    take, method = takes.simulated(3).takes[0], methods.get("dlt")
-    pose = np.where(np.isfinite(take.truth), take.truth, 0.0)
-    runs.Store(folder, {}).save(method, {}, take, "data", methods.Solution(pose, 1.5))
-
-    def read(root: Path) -> object:
-        found = runs.Store(root, {}).load(method, {}, take, "data")
-        assert found is None or (np.array_equal(found.pose, pose) and found.seconds == 1.5), "another result"
-        return found
-
-    return read
-
-
 def _lines(folder: Path) -> Reader:
     with (folder / "lines.jsonl").open("w") as stream:
         for t, frame in enumerate(SEEN):
@@ -210,20 +182,22 @@ def _fail(what: str) -> None:
 
 
 SAMPLES: dict[str, Callable[[Path], Reader]] = {
-    **{f"calibration {name}": _calibration(name) for name in calibration_files.FORMATS_WRITTEN},
-    "calibration pyxy3d": _other_calibration(calibration_files.pyxy3d),
-    "calibration vicon": _other_calibration(calibration_files.vicon),
+    **{
+        f"calibration {name}": _calibration(*one[:2])
+        for name, one in calibration_files.FORMATS_WRITTEN.items()
+    },
+    "calibration pyxy3d": _calibration(calibration_files.pyxy3d, {}),
+    "calibration vicon": _calibration(calibration_files.vicon, {}),
     **{
         f"detections {name}": _detections(name, ("strict", "union", "intersection")[i % 3])
         for i, name in enumerate(CASES)
     },
-    "detections named by the file": _named_by_the_file,
-    "skeleton": _skeleton,
+    "skeleton": _skeleton("sleap"),
+    "skeleton of a csv": _skeleton("deeplabcut_csv"),
     "skeleton of a project": _project,
     **{f"pose {kind}": _pose(kind) for kind in POSE_FORMATS},
     "layout": _layout,
     "run": _run,
-    "cache": _cache,
     "live": _lines,
     "data authors": _data("human36m", _human36m("skelsplat")),
     "data karfly": _data("human36m", _human36m("karfly"), detections="2d_cpn"),
@@ -277,16 +251,10 @@ def tried(folder: Path, read: Reader) -> str:
     except sk.DatasetError as error:
         return one_line(error, holds=str(folder))
     except sk.InvalidInputError as error:
-        assert_asked(error.argument)
-        return one_line(error)
+        return one_line(error, starts_with=error.argument if error.argument in ASKED else "another argument")
     for where, array in numbers(result):
         assert not np.isinf(array).any(), f"infinite: {where}"
     return "read"
-
-
-def assert_asked(argument: str) -> None:
-    """Raise unless an argument is one that files leave open."""
-    assert argument in ASKED, f"an error of {argument}"
 
 
 def one_line(error: Exception, *, holds: str = "", starts_with: str = "") -> str:
