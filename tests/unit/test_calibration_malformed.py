@@ -252,7 +252,7 @@ MALFORMED = {
     "theia": {
         "not active": (
             lambda p: (p.write_text(p.read_text().replace('active="1"', 'active="0"')), p)[1],
-            "cameras",
+            "active",
         ),
         "no transform": (lambda p: _edit(p, "<transform", "<transformation"), rf"camera {N}\.transform"),
         "no lens": (

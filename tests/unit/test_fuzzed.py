@@ -23,7 +23,7 @@ from skelsplat.datasets.synthetic import write_simulated
 from skelsplat.evaluation import baselines
 from skelsplat.io import read_calibration, read_pose, write_pose
 from skelsplat.io._arrays import as_numbers as of_file
-from skelsplat.io.calibration._vicon import _is_plausible
+from skelsplat.io.calibration._xml import _is_plausible
 from skelsplat.io.poses._xarray import to_xarray
 from skelsplat.run import Job
 from takes import hand_made

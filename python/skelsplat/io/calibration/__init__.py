@@ -1,7 +1,7 @@
 """Camera calibrations: one reader for all formats, found by content or by name.
 
-A format is a `CalibrationFormat` in `FORMATS`: a test on a file or folder, and a parser to `RawCamera`.
-Names, units, image sizes and the building of cameras are the same for all and live here.
+A format is a `CalibrationFormat` in ``FORMATS`` of its module: a test on a file or folder, and a parser to
+`RawCamera`. Names, units, image sizes and the building of cameras are the same for all and live here.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from skelsplat.cameras import MM_PER_UNIT, altered
 from skelsplat.exceptions import DatasetError, InvalidInputError, one_of
 from skelsplat.findings import FindingWarning
 from skelsplat.io._files import of_file
-from skelsplat.io.calibration import _binary, _json, _opencv, _tables, _toml, _vicon, _xml
+from skelsplat.io.calibration import _binary, _json, _opencv, _toml, _xml
 from skelsplat.io.calibration._format import CalibrationFormat, RawCamera, Source
 from skelsplat.io.calibration._unit import check_unit
 
@@ -30,24 +30,7 @@ __all__ = ["FORMATS", "convert_unit", "find_format", "read_calibration", "write_
 
 # in the order in which they are tried: Anipose's TOML is what no other format claims
 FORMATS: dict[str, CalibrationFormat] = {
-    known.name: known
-    for known in (
-        CalibrationFormat("npz", _json.is_npz, _json.parse_npz),
-        CalibrationFormat("json", _json.is_json, _json.parse_json),
-        CalibrationFormat("human36m", _json.is_human36m, _json.parse_human36m, ("subject", "size")),
-        CalibrationFormat("voxelpose", _tables.is_voxelpose, _tables.parse_voxelpose, ("size",)),
-        CalibrationFormat("4d-association", _tables.is_association, _tables.parse_association),
-        CalibrationFormat("panoptic", _json.is_panoptic, _json.parse_panoptic, ("camera_type",)),
-        CalibrationFormat("theia", _xml.is_theia, _xml.parse_theia),
-        CalibrationFormat("qualisys", _xml.is_qualisys, _xml.parse_qualisys, ("camera_type", "binning")),
-        CalibrationFormat("vicon", _vicon.is_vicon, _vicon.parse_vicon, ("camera_type",)),
-        CalibrationFormat("openpose", _opencv.is_openpose, _opencv.parse_openpose, ("size",)),
-        CalibrationFormat("easymocap", _opencv.is_easymocap, _opencv.parse_easymocap, ("size",)),
-        CalibrationFormat("opencap", _binary.is_opencap, _binary.parse_opencap),
-        CalibrationFormat("dannce", _binary.is_dannce, _binary.parse_dannce, ("size",)),
-        CalibrationFormat("caliscope", _toml.is_caliscope, _toml.parse_caliscope),
-        CalibrationFormat("anipose", _toml.is_anipose, _toml.parse_anipose),
-    )
+    known.name: known for module in (_json, _xml, _opencv, _binary, _toml) for known in module.FORMATS
 }
 _WRITTEN = {".toml": "anipose", ".json": "json", ".npz": "npz"}
 # of files that may be calibrations in a folder, and how many are looked at
@@ -76,25 +59,8 @@ def read_calibration(
         ``anipose`` (unless this package wrote the file) and ``easymocap``. For the others it may be left out;
         one that contradicts the format is an error.
     format : str, optional
-        Found from the content when left out. A key of `FORMATS`:
-
-        ====================  =========================================================== =========
-        ``"anipose"``         TOML of Anipose, Pose2Sim, FreeMoCap and Caliscope's export asked for
-        ``"caliscope"``       Caliscope's ``camera_array.toml``, older ``config.toml``    m
-        ``"easymocap"``       OpenCV YAML pair intri.yml, extri.yml: folder, or one file  asked for
-        ``"openpose"``        folder of OpenPose XML files, one per camera                m
-        ``"panoptic"``        CMU Panoptic JSON                                           cm
-        ``"human36m"``        Human3.6M ``camera-parameters.json``                        mm
-        ``"voxelpose"``       VoxelPose's and MMPose's JSON of Shelf and Campus           mm
-        ``"4d-association"``  4D association's JSON                                       asked for
-        ``"opencap"``         OpenCap session, or folder of its pickles                   mm
-        ``"dannce"``          MAT-file of DANNCE and Label3D, or folder of one per camera mm
-        ``"qualisys"``        Qualisys ``.qca.txt``                                       mm
-        ``"theia"``           Theia3D's, XML like Qualisys'                               mm
-        ``"vicon"``           Vicon ``.xcp``                                              mm
-        ``"json"``            this package's JSON                                         in it
-        ``"npz"``             NumPy arrays K, R, t, size, names, unit                     in it
-        ====================  =========================================================== =========
+        Found from the content when left out. A key of `FORMATS`, whose ``about`` and ``unit`` say what
+        writes it and in which unit.
     camera_type : str, optional
         Which cameras of a file with several kinds: for Panoptic ``"hd"`` (default), ``"vga"``, …; for
         Qualisys and Vicon the video cameras (default); ``"all"``.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,16 @@ from skelsplat.exceptions import DatasetError, MissingPackageError
 from skelsplat.io._fields import Field
 from skelsplat.io._files import natural
 from skelsplat.io._guarded import load_mat, unpickle
-from skelsplat.io.calibration._format import Parsed, RawCamera, Source, lens_of, noted, size_of
+from skelsplat.io.calibration._format import (
+    GOOD_FIT_PX,
+    CalibrationFormat,
+    Parsed,
+    RawCamera,
+    Source,
+    approximated,
+    camera_of,
+    size_of,
+)
 
 _OPENCAP = "cameraIntrinsicsExtrinsics"
 _PICKLES = (".pickle", ".pkl")
@@ -77,19 +87,11 @@ def _opencap_camera(name: str, entry: Field) -> RawCamera:
         expected = f"rotation and translation, which OpenCap writes to {_OPENCAP}.pickle"
         raise entry.error(expected, "intrinsics alone")
     height, width = size_of(entry["imageSize"])
-    return RawCamera(
-        name=name,
-        K=entry["intrinsicMat"].numbers((3, 3)),
-        R=entry["rotation"].numbers((3, 3)),
-        t=entry["translation"].numbers((3,)),
-        distortion=lens_of(entry["distortion"]),
-        size=(width, height),
-    )
+    camera = camera_of(entry, name, K="intrinsicMat", R="rotation", t="translation", lens="distortion")
+    return replace(camera, size=(width, height))
 
 
 _PARAMS = re.compile(r"_?params$")
-# a lens that is followed this well is lost in any detector's noise
-_GOOD_FIT_PX = 0.1
 
 
 def _mat_files(source: Source) -> list[Path]:
@@ -139,9 +141,10 @@ def parse_dannce(source: Source) -> Parsed:
             raise document["camnames"].error(f"{len(params)} names, one per camera", f"{len(names)}")
         entries += zip(names or [f"Camera{i + 1}" for i in range(len(params))], params, strict=True)
     read = [_dannce_camera(name, entry.table()) for name, entry in entries]
-    skewed = [camera.name for camera, error in read if error > _GOOD_FIT_PX]
+    skewed = [camera.name for camera, error in read if error > GOOD_FIT_PX]
     worst = max((error for _, error in read), default=0.0)
-    found = [noted("skew_approximated", source.path, *skewed, error_px=worst)] if skewed else []
+    how = "skew is not supported; the cameras turned by half of it agree"
+    found = [approximated(source.path, skewed, worst, how)] if skewed else []
     return Parsed([camera for camera, _ in read], "mm", found)
 
 
@@ -192,3 +195,9 @@ def _without_skew(K: Array) -> tuple[Array, Array, float]:
     plain = np.array([[fx, 0.0, K[0, 2]], [0.0, fy, K[1, 2]], [0.0, 0.0, 1.0]])
     edge = np.array([cx / fx, cy / fy])
     return plain, turn, float(np.abs((K - plain @ turn)[:2, :2] @ edge).max())
+
+
+FORMATS = (
+    CalibrationFormat("opencap", "OpenCap's session or pickles", "mm", is_opencap, parse_opencap),
+    CalibrationFormat("dannce", "DANNCE's and Label3D's MAT-files", "mm", is_dannce, parse_dannce, ("size",)),
+)

@@ -25,6 +25,8 @@ from skelsplat.io._files import load_json
 PINHOLE_COUNTS = (4, 5, 8, 12, 14)
 _FISHEYE_COUNT = 4
 _MOST_PIXELS = 2**31 - 1
+GOOD_FIT_PX = 0.1
+"""A lens that is followed this well is lost in any detector's noise."""
 _MOST_RADIANS = 4 * np.pi  # optimisers pass a turn, but not two
 _BINARY = (".npz", ".npy", ".pickle", ".pkl", ".h5", ".mat")
 
@@ -51,20 +53,37 @@ class Parsed:
     findings: Sequence[Finding] = ()
 
 
-def noted(kind: str, path: Path, *cameras: str, **numbers: float) -> Finding:
-    """Return a note on cameras of a file."""
-    return Finding(kind, "note", Subject(cameras=cameras, files=(str(path),)), numbers)
+def cameras_of(path: Path, names: Sequence[str]) -> Subject:
+    """Return cameras of a file, as what a finding concerns."""
+    return Subject(cameras=tuple(names), files=(str(path),))
+
+
+def approximated(path: Path, names: Sequence[str], error_px: float, how: str) -> Finding:
+    """Return the note that lenses or skew of cameras are followed with an error, largest in the corners."""
+    words = f"{path}: {', '.join(names)}: {how} to {error_px:.2g} px at worst."
+    return Finding(
+        "lens_approximated", "note", cameras_of(path, names), {"error_px": error_px}, sentence=words
+    )
+
+
+def lens_assumed(path: Path, names: Sequence[str]) -> Finding:
+    """Return the note that a file has no lens coefficients for some cameras."""
+    words = f"{path}: no distortions for {', '.join(names)}: assumed to have no lens distortion."
+    return Finding("lens_assumed", "note", cameras_of(path, names), sentence=words)
 
 
 @dataclass(frozen=True)
 class CalibrationFormat:
-    """A registered format: `matches` looks at a source, `parse` turns it into at least one camera.
+    """A format: `matches` looks at a source, `parse` turns it into at least one camera.
 
-    `options` names the arguments of `read_calibration` that the format takes; any other that is given is
-    refused. `parse` gets them by name, but for `size`, which is the same for all formats.
+    `about` says what writes it, `unit` the unit of its lengths, "" if the file does not say it. `options`
+    names the arguments of `read_calibration` that it takes; any other that is given is refused. `parse` gets
+    them by name, but for `size`, which is the same for all formats.
     """
 
     name: str
+    about: str
+    unit: str
     matches: Callable[[Source], bool]
     parse: Callable[..., Parsed]
     options: tuple[str, ...] = ()
@@ -136,15 +155,25 @@ def _is_toml_header(start: str) -> bool:
     return line.startswith("[") and line.endswith("]") and inside[:1].isalpha()
 
 
-def camera_of(entry: Field, *, distortion: str, size: str, fisheye: bool = False) -> RawCamera:
-    """Return the camera of an entry with ``name``, ``K``, ``R``, ``t``, and these names for the rest."""
+def camera_of(
+    entry: Field,
+    name: str | None = None,
+    *,
+    K: str = "K",
+    R: str | Array = "R",
+    t: str = "t",
+    lens: str | None = None,
+    size: str | None = None,
+    fisheye: bool = False,
+) -> RawCamera:
+    """Return the camera of an entry, under these names; a rotation may be given as a matrix."""
     return RawCamera(
-        name=entry["name"].text(),
-        K=entry["K"].numbers((3, 3)),
-        R=entry["R"].numbers((3, 3)),
-        t=entry["t"].numbers((3,)),
-        distortion=lens_of(entry[distortion], fisheye=fisheye),
-        size=size_of(entry[size]),
+        name=entry["name"].text() if name is None else name,
+        K=entry[K].numbers((3, 3)),
+        R=entry[R].numbers((3, 3)) if isinstance(R, str) else R,
+        t=entry[t].numbers((3,)),
+        distortion=None if lens is None else lens_of(entry[lens], fisheye=fisheye),
+        size=None if size is None else size_of(entry[size]),
         fisheye=fisheye,
     )
 

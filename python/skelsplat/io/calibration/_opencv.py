@@ -21,6 +21,7 @@ from skelsplat.io._fields import Field
 from skelsplat.io._files import natural, whole_number
 from skelsplat.io.calibration._format import (
     PINHOLE_COUNTS,
+    CalibrationFormat,
     Parsed,
     RawCamera,
     Source,
@@ -257,3 +258,10 @@ def _size(intri: Field, name: str) -> tuple[int, int] | None:
     if size is None:
         raise fields[0].error("a positive whole width and height", f"{width:g} and {height:g}")
     return size
+
+
+_PAIR_OF_FILES = "OpenCV's YAML pair intri.yml and extri.yml of EasyMocap"
+FORMATS = (
+    CalibrationFormat("openpose", "OpenPose's folder of XML", "m", is_openpose, parse_openpose, ("size",)),
+    CalibrationFormat("easymocap", _PAIR_OF_FILES, "", is_easymocap, parse_easymocap, ("size",)),
+)

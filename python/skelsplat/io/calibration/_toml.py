@@ -24,6 +24,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -32,16 +33,18 @@ from skelsplat._arrays import Array
 from skelsplat._budget import read_toml
 from skelsplat.cameras import vector_from_matrix
 from skelsplat.exceptions import DatasetError
+from skelsplat.findings import Finding
 from skelsplat.io._fields import Field
 from skelsplat.io.calibration._format import (
+    CalibrationFormat,
     Parsed,
     RawCamera,
     Source,
-    lens_of,
-    noted,
+    camera_of,
+    cameras_of,
+    lens_assumed,
     rotation_matrix,
     rotation_of,
-    size_of,
     whole_size,
 )
 
@@ -81,11 +84,12 @@ def parse_anipose(source: Source) -> Parsed:
     bare = [str(one.value.get("name", one.place)) for one in cameras if one.value.keys().isdisjoint(_LENS)]
     unit = document["metadata"]["unit"].value
     known = unit if unit in ("mm", "cm", "m") else None
-    found = [noted("lens_assumed", source.path, *bare)] if bare else []
+    found = [lens_assumed(source.path, bare)] if bare else []
     read = [_anipose_camera(one) for one in cameras]
     offsets, file = _offsets(source, cameras)
     if offsets:
-        found.append(noted("crop_applied", file, *offsets))
+        words = f"{file}: offset: {', '.join(offsets)}: detections are taken to be in pixels of the crop."
+        found.append(Finding("crop_applied", "note", cameras_of(file, list(offsets)), sentence=words))
     return Parsed([_cropped(file, camera, offsets.get(camera.name)) for camera in read], known, found)
 
 
@@ -145,15 +149,8 @@ def _anipose_camera(entry: Field) -> RawCamera:
     fisheye = entry["fisheye"].flag()
     lens = next((name for name in _LENS if name in entry), None)
     size = "size" if "size" in entry or "image_size" not in entry else "image_size"
-    return RawCamera(
-        name=entry["name"].text() if "name" in entry else entry.place,
-        K=entry["matrix"].numbers((3, 3)),
-        R=rotation_matrix(entry["rotation"]),
-        t=entry["translation"].numbers((3,)),
-        distortion=None if lens is None else lens_of(entry[lens], fisheye=fisheye),
-        size=size_of(entry[size]),
-        fisheye=fisheye,
-    )
+    name, turn = entry["name"].text() if "name" in entry else entry.place, rotation_matrix(entry["rotation"])
+    return camera_of(entry, name, K="matrix", R=turn, t="translation", lens=lens, size=size, fisheye=fisheye)
 
 
 def is_caliscope(source: Source) -> bool:
@@ -190,15 +187,9 @@ def _caliscope_camera(entry: Field) -> RawCamera:
         raise rotation.error(expected, "no rotation and translation")
     fisheye = entry["fisheye"].flag()
     number = "port" if "port" in entry and "cam_id" not in entry else "cam_id"
-    return RawCamera(
-        name=f"{'port' if number == 'port' else 'cam'}_{entry[number].text()}",  # as its videos are called
-        K=entry["matrix"].numbers((3, 3)),
-        R=rotation_of(rotation),
-        t=translation.numbers((3,)),
-        distortion=lens_of(entry["distortions"], fisheye=fisheye),
-        size=size_of(entry["size"]),
-        fisheye=fisheye,
-    )
+    name = f"{'port' if number == 'port' else 'cam'}_{entry[number].text()}"  # as its videos are called
+    rest: dict[str, Any] = {"lens": "distortions", "size": "size", "fisheye": fisheye}
+    return camera_of(entry, name, K="matrix", R=rotation_of(rotation), t="translation", **rest)
 
 
 def to_toml(rig: sk.CameraRig, note: str | None = None, *, adjusted: bool = False) -> str:
@@ -226,3 +217,10 @@ def _table(key: str, camera: sk.Camera) -> str:
         "fisheye": str(bool(camera.fisheye)).lower(),
     }
     return "".join([f"[{key}]\n", *(f"{name} = {value}\n" for name, value in entries.items())])
+
+
+_ANIPOSE_FILES = "TOML of Anipose, Pose2Sim, FreeMoCap and Caliscope's export"
+FORMATS = (
+    CalibrationFormat("caliscope", "Caliscope's camera_array.toml", "m", is_caliscope, parse_caliscope),
+    CalibrationFormat("anipose", _ANIPOSE_FILES, "", is_anipose, parse_anipose),
+)

@@ -37,8 +37,10 @@ def check_unit(path: Path, rig: Sequence[sk.Camera], unit: str | None, *, stated
     least = _SMALLEST_M if narrow else _PLAUSIBLE_M[0]
     if spread > 0.0 and not least <= metres <= _PLAUSIBLE_M[1]:
         numbers = {"metres": metres, "unit": unit, "spread": spread, "hint": _hint(spread, narrow)}
+        words = f"{path}: unit: if it is {unit}, the cameras are {_length(metres)} apart; {numbers['hint']}"
         subject = Subject(files=(str(path),))
-        warnings.warn(FindingWarning(Finding("unit_wrong", "warning", subject, numbers)), stacklevel=3)
+        finding = Finding("unit_wrong", "warning", subject, numbers, sentence=words)
+        warnings.warn(FindingWarning(finding), stacklevel=3)
     return unit
 
 
