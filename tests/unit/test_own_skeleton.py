@@ -114,7 +114,7 @@ def test_the_skeleton_of_the_files_is_taken_as_it_is(recorded, tmp_path):
     given = {"layout": "file", "unit": "mm", "html": False, "write": ()}
     found = run(Job(folder / "rig.toml", folder / "dlc", output=tmp_path / "out", **given))
     (note,) = (finding for finding in found.findings if finding.kind == "layout_of_file")
-    assert "22 joints, no limbs, 8 left–right pairs by name (left_ear_tip–right_ear_tip" in note.text
+    assert "22 joints, 0 limbs, 8 left–right pairs by name (left_ear_tip–right_ear_tip" in note.text
     assert found.layout.name == "dlc"
     assert np.linalg.norm(found.poses.pose - truth, axis=-1).mean() < 1.2
     assert read_run(tmp_path / "out").layout == found.layout

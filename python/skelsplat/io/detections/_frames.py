@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import functools
 import re
-import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -126,9 +125,9 @@ def _alone(label: str, frames: Mapping[str, Index]) -> bool:
 
 
 def _after(offsets: Mapping[str, float]) -> str:
-    """Return a clause: the offsets, as options write them; "" without any."""
-    given = [f"--offset {name}={frames}" for name, frames in offsets.items() if frames]
-    return f" after the offsets ({' '.join(given)})" if given else ""
+    """Return a clause: the offsets; "" without any."""
+    given = [f"{name}: {frames}" for name, frames in offsets.items() if frames]
+    return f" after the offsets ({', '.join(given)})" if given else ""
 
 
 def _between(frames: Mapping[str, Index]) -> Mapping[str, Index]:
@@ -140,16 +139,11 @@ def _between(frames: Mapping[str, Index]) -> Mapping[str, Index]:
 
 
 def _difference(frames: Mapping[str, Index], *, ranges: bool = False) -> str:
-    late = "--offset is for cameras that started late (check-cameras measures it); "
-    advice = (
-        "--frames intersection reads the frames that all have, --frames union every frame "
-        '(in Python frames="intersection", frames="union")'
-    )
     first = np.setdiff1d(_union(frames), _intersection(frames))[0]
-    if len({len(own) for own in frames.values()}) > 1:
-        return f"{_counts(frames, ranges=ranges)}; {'' if ranges else late}{advice}"
     without = ", ".join(name for name, own in frames.items() if first not in own)
-    return f"equal counts but no frame {first} in {without}; {advice}"
+    uneven = len({len(own) for own in frames.values()}) > 1
+    there = _counts(frames, ranges=ranges) if uneven else f"equal counts but no frame {first} in {without}"
+    return f'{there}; frames="intersection" reads those that all have, frames="union" every frame'
 
 
 def _shifted(frames: Mapping[str, Index]) -> str:
@@ -158,9 +152,8 @@ def _shifted(frames: Mapping[str, Index]) -> str:
         return ""
     begins = [int(own[0]) for own in frames.values()]
     most = max(sorted(set(begins)), key=begins.count)
-    pairs = [(name, most - first) for name, first in zip(frames, begins, strict=True) if first != most]
-    options = " ".join(f"--offset {shlex.quote(name)}={frames}" for name, frames in pairs)
-    return f"; if all begin at the same instant, {options} numbers them alike (in Python offsets=)"
+    offsets = {name: most - first for name, first in zip(frames, begins, strict=True) if first != most}
+    return f"; if all begin at the same instant, offsets={offsets} numbers them alike"
 
 
 def _counts(frames: Mapping[str, Index], *, ranges: bool = False) -> str:

@@ -23,16 +23,9 @@ _WORDS = re.compile(r"[A-Z]+(?![^\W\d_A-Z])|[A-Z]?[^\W\d_A-Z]+|\d+")
 _SIDES = {"l": "left", "r": "right"}
 _SHOWN, _TOGETHER = 40, 4
 UNKNOWN = "no known layout"
-CUSTOM = (
-    "; choose a known one with --layout and assign its joints with --map JOINT=NAME (in Python layout= and "
-    "mapping=), where NAME is a name, an index from 0, or none, or describe these joints in a layout file "
-    "(skelsplat layouts --help; in Python skelsplat.Layout)"
-)
+CUSTOM = "; choose a known layout= and assign its joints with mapping=, or describe these in a layout file"
 # to a layout of one's own, for files whose joints have no names
-_PART = (
-    "; to use a part of them, state --map JOINT=INDEX for every joint of {layout}, counted from 0 (in Python "
-    "mapping=)"
-)
+_PART = "; to use a part of them, state the place of every joint of {layout} with mapping="
 
 
 def known_layouts() -> list[sk.Layout]:
@@ -84,7 +77,7 @@ def places_of(view: View, layout: sk.Layout, mapping: Mapping[str, Joint]) -> Pl
             raise _wrong(view, f"one name for {joint}", names)
     missing = [joint for joint, fitting in named.items() if not fitting]
     if missing:
-        advice = f'mapping={{"{missing[0]}": …}} (--map {missing[0]}=…) assigns it; none if the files lack it'
+        advice = f'mapping={{"{missing[0]}": …}} assigns it; None if the files lack it'
         actual = f"none for {', '.join(missing)} among {listed(view.joints, _SHOWN)}; {advice}"
         raise _wrong(view, f"a name for every joint of {layout.name}", actual)
     places = [
@@ -100,7 +93,7 @@ def _each_once(places: Places, view: View, layout: sk.Layout) -> Places:
         joints = [joint for joint, its in zip(layout.joints, places, strict=True) if its == place]
         if place is not None and len(joints) > 1:
             point = repr(names[place]) if place < len(names) else f"index {place}"
-            actual = f"{point} for {listed(joints, _TOGETHER)} (none, in Python None, if the files lack one)"
+            actual = f"{point} for {listed(joints, _TOGETHER)} (None if the files lack one)"
             raise InvalidInputError(f"mapping: expected a different point for each joint, got {actual}")
     return places
 
@@ -115,7 +108,7 @@ def _without_names(view: View, layout: sk.Layout, mapping: Mapping[str, Joint]) 
         raise _wrong(view, f"the name {names[0]!r} (mapping)", "no names, only places")
     missing = [joint for joint in layout.joints if joint not in mapping]
     if missing:
-        expected = f"--map (in Python mapping=) for every joint of {layout.name}, as the file has no names"
+        expected = f"mapping= for every joint of {layout.name}, as the file has no names"
         raise _wrong(view, expected, f"none for {', '.join(missing)}")
     return tuple(_mapped(view, joint, mapping[joint]) for joint in layout.joints)
 

@@ -20,7 +20,7 @@ from skelsplat.io.detections._record import with_record
 
 # more than any map's peak: a pixel in the place of a score
 _NO_SCORE = 100.0
-_NO_FILES = "; if this camera has no detections, leave it out with --without CAMERA (in Python without=)"
+_NO_FILES = "; without= leaves out a camera that has no detections"
 
 
 def _document(path: Path, document: str) -> Field:

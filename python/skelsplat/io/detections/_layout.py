@@ -26,9 +26,10 @@ OF_FILE = "file"
 """In the place of a layout's name: the joints of the detections, as their files name them."""
 
 _SHOWN = 40
+_MOST_PAIRS = 6  # that a sentence lists
 # Numbers of points that only one detector's layout has among those that are published.
 _COUNTED = (21, 33, 133, 136)
-_AS_NAMED = "; --layout file takes the joints as they are named"
+_AS_NAMED = '; layout="file" takes the joints as they are named'
 
 
 def check_layout(layout: str | os.PathLike[str] | sk.Layout) -> None:
@@ -84,7 +85,9 @@ def _of_skeleton(names: Sequence[str], edges: Sequence[tuple[int, int]], path: P
         raise of_file(path, error) from error
     pairs = [f"{names[left]}–{names[right]}" for left, right in layout.left_right]
     numbers = {"joints": len(names), "limbs": len(edges), "pairs": pairs}
-    warn(Finding("layout_of_file", "note", Subject(files=(str(path),)), numbers))
+    named = f"{len(pairs)} left–right pairs by name ({listed(pairs, _MOST_PAIRS) or 'none'})"
+    words = f"The layout is that of {path}: {len(names)} joints, {len(edges)} limbs, {named}."
+    warn(Finding("layout_of_file", "note", Subject(files=(str(path),)), numbers, sentence=words))
     return layout
 
 

@@ -19,7 +19,7 @@ _WORDS = re.compile(r"\d+|[^\W\d_]+")
 _CAPITAL = re.compile(r"(?<=[a-z])(?=[A-Z])")  # where camA is two words
 _ADVICE = (
     "name each {kind} like its camera, for example {first}{tail} for the camera {first}, "
-    "or state their order: --order sorted, or --order and the {kind} of each camera (in Python order=)"
+    'or state their order: order="sorted", or order= with the {kind} of each camera'
 )
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import shlex
 from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -68,7 +67,7 @@ Order = str | Sequence[str]
 # what may belong to the cameras, and how one of them is opened by its label
 Offer = tuple[Candidates, Callable[[str], View]]
 
-_SOME_LEFT_OUT = "--without leaves out cameras (in Python without=)"
+_SOME_LEFT_OUT = "without= leaves out cameras"
 
 
 def find_format(path: Path, name: str | None) -> DetectionFormat:
@@ -88,7 +87,7 @@ def find_format(path: Path, name: str | None) -> DetectionFormat:
         raise DatasetError(path, "content", expected, _told(path))
     if len(found) > 1:
         actual = ", ".join(f"{form} ({found[form].name})" for form in FORMATS if form in found)
-        raise DatasetError(path, "content", "one format, or its name (format=, --format)", actual)
+        raise DatasetError(path, "content", "one format, or its name (format=)", actual)
     return FORMATS[next(iter(found))]
 
 
@@ -207,8 +206,7 @@ class Matching:
     def _leave_out(self, missing: Sequence[str]) -> str:
         if len(set(self.names) - set(missing) - set(self.left_out)) < 2:
             return ""  # two must remain
-        options = " ".join(f"--without {shlex.quote(name)}" for name in missing)
-        return f"or leave out what was not recorded with {options} (in Python without=)"
+        return f"or leave out what was not recorded: without={list(missing)}"
 
 
 def open_sources(path: Path, form: DetectionFormat, matching: Matching, sequence: str | None) -> Sources:
@@ -231,7 +229,7 @@ def _of_recording(path: Path, form: DetectionFormat, sequence: str | None, *, or
     recording = form.recording(path, sequence)
     if not recording.named and not ordered:
         places = ", ".join(recording.views)
-        expected = 'the order of its views (order= or --order: "sorted", or the place of each camera)'
+        expected = 'the order of its views (order=: "sorted", or the place of each camera)'
         raise DatasetError(path, "cameras", expected, f"none; it has no names, only views {places}")
     return Candidates(path, "view", {label: label for label in recording.views}), recording.views.__getitem__
 

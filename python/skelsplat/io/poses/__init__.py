@@ -184,7 +184,7 @@ def convert_poses(
         write_pose(target, data, **given)
     except InvalidInputError as error:
         if data.frame_rate is None and error.argument == "frame_rate":
-            expected = f"one for a .{kind} file (--fps)"
+            expected = f"one for a .{kind} file (fps=)"
             raise DatasetError(source, "frame rate", expected, "none in the file") from error
         if error.argument in _OF_DATA:
             raise of_file(source, error) from error
@@ -208,6 +208,8 @@ def _warn_if_turned(source: Path) -> None:
     """Warn if the axes of a motion-capture file may have been turned before, or were."""
     kind = pose_format(source)
     if kind == "trc" or (kind == "c3d" and c3d_is_y_up(source)):
-        finding = "axes_unknown" if kind == "trc" else "axes_turned"
-        doubt = Finding(finding, "warning", Subject(files=(str(source),)))
+        unknown = "a TRC file does not state which axis is up; if y is up in it already, y_up turns it again"
+        up = "y is up in it already (POINT:Y_SCREEN), so y_up turns its axes once more"
+        words = f"{source}: {unknown if kind == 'trc' else up}."
+        doubt = Finding("axes_turned", "warning", Subject(files=(str(source),)), sentence=words)
         warnings.warn(FindingWarning(doubt), stacklevel=3)

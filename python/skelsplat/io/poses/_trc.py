@@ -172,7 +172,8 @@ def _check_count(path: Path, stated: str, rows: int) -> None:
     difference = frame_number(path, "line 3 NumFrames", stated) - rows
     if difference:
         numbers = {"stated": rows + difference, "rows": rows}
-        warn(Finding("trc_frames", "warning", Subject(files=(str(path),)), numbers))
+        words = f"{path}: the header (line 3) states {rows + difference} frames; {rows} follow and are read."
+        warn(Finding("trc_frames", "warning", Subject(files=(str(path),)), numbers, sentence=words))
 
 
 def _rate(path: Path, stated: str, frames: Index, body: Sequence[str]) -> float | None:
@@ -192,7 +193,10 @@ def _rate(path: Path, stated: str, frames: Index, body: Sequence[str]) -> float 
     found = _rate_of(frames, times)
     if not unknown and (found is None or not _contradict(rate, frames, times)):
         return rate
-    warn(Finding("trc_rate", "warning", Subject(files=(str(path),)), {"stated": rate, "frame_rate": found}))
+    given = f"it is {found:g} by those of the rows, which decide" if found else "the rows give none either"
+    words = f"{path}: the header (line 3) states {rate:g} frames per second; {given}."
+    numbers = {"stated": rate, "frame_rate": found}
+    warn(Finding("trc_rate", "warning", Subject(files=(str(path),)), numbers, sentence=words))
     return found
 
 

@@ -32,7 +32,7 @@ __all__ = [
     "videos_of",
 ]
 
-_CHOOSE = "or draw only the cameras that have one with --camera CAMERA, repeatable (in Python chosen=)"
+_CHOOSE = "or draw only the cameras that have one (chosen=)"
 
 
 def find_videos(
@@ -117,6 +117,6 @@ def _camera_of(root: Path, kind: str, names: Sequence[str], wanted: Sequence[str
     try:
         labels = match_by_name(one, names, allow_missing=True)
     except DatasetError as error:
-        expected = f"--camera to say which of {', '.join(wanted)} this {kind} is of"
+        expected = f"the chosen one of {', '.join(wanted)} this {kind} is of"
         raise DatasetError(root, f"{kind}", expected, "none, and its name does not say") from error
     return next(name for name, label in labels.items() if label is not None)
