@@ -16,7 +16,6 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any, Literal
 
-from skelsplat import _sentences
 from skelsplat._escape import escaped
 from skelsplat._optional import pip_line
 
@@ -89,7 +88,7 @@ class Finding:
     @property
     def text(self) -> str:
         """The sentence as it may be printed: control characters of names from files are escaped."""
-        return escaped(self.sentence or _sentences.sentence(self))
+        return escaped(self.sentence)
 
     def __str__(self) -> str:
         return self.text

@@ -23,7 +23,7 @@ LAYERS = (
     {"_sequence", "_angles", "_rig"},
     {"_refine", "metrics"},
     {"cameras", "layouts"},
-    {"findings", "_sentences"},  # a finding has its sentence, which is made from its numbers
+    {"findings"},
     {"_chunks", "_clocks"},
     {"_skelsplat"},
     {"_lock"},
@@ -33,7 +33,6 @@ LAYERS = (
     {"exceptions", "_json", "_words"},
     {"_escape"},
 )
-PAIR = {"findings", "_sentences"}
 # Part → what it must not import either, though it is below it.
 FORBIDDEN = {
     "run": ("datasets",),
@@ -45,7 +44,6 @@ FORBIDDEN = {
     "association": ("_refine",),
     "temporal": ("_refine", "metrics", "cameras", "layouts", "_skelsplat"),
     "findings": ("_skelsplat",),
-    "_sentences": ("_skelsplat",),
 }
 
 
@@ -77,8 +75,6 @@ def test_every_part_has_its_layer() -> None:
 def test_imports_point_one_way(part: str) -> None:
     level = next(k for k, layer in enumerate(LAYERS) if part in layer)
     not_below = set().union(*LAYERS[: level + 1]) - {part}
-    if part in PAIR:
-        not_below -= PAIR
     for path in files(part):
         assert not imported(path) & {*not_below, *FORBIDDEN.get(part, ())}, path.relative_to(PACKAGE)
 
