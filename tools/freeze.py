@@ -32,7 +32,7 @@ ABLATIONS = (
     *("symmetry", "resolution", "covariance", "coverage"),
 )
 VOLATILE = re.compile(
-    r"seconds|timing|settings|_s$|_ms$|ms/pose|per_(pose|frame|second)|threads|version|created|command"
+    r"^run$|seconds|timing|settings|_s$|_ms$|ms/pose|per_(pose|frame|second)|threads|version|created|command"
     r"|folder|path|time$|sha|digest|files$",
     re.I,
 )
