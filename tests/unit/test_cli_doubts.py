@@ -45,15 +45,6 @@ def test_bad_cameras_do_not_hide_each_other(rejected, named):
     assert [doubt.split()[0] for doubt in doubts(*rejected)] == named
 
 
-def test_a_doubted_camera_is_compared_with_those_that_are_not():
-    first, second = doubts(30, 390, 260, 100)
-    assert first.startswith("cam_02 disagrees with the other cameras: 39% of its detections are rejected, ")
-    assert "6% of those of cam_01, cam_04, and its mean weight is 0.50." in first
-    assert second.startswith("cam_03 disagrees")
-    (alone,) = doubts(30, 30, 240)
-    assert "24% of its detections are rejected, 3% of theirs, and its mean weight is 0.50. The" in alone
-
-
 def whole(rejected, *, mixed=False):
     """Return the doubts of all detections (100, M, N) of which these are rejected."""
     count = rejected.shape[0]
@@ -133,20 +124,6 @@ def unfit_text(names, unfit):
     return finding.text
 
 
-def test_cameras_in_which_unmatched_are_named_together():
-    names = synthetic.human36m_like().names
-    doubt = unfit_text(names, {0: (71, 100), 1: (81, 90)})
-    assert doubt.startswith(
-        "In cam1 and cam2, no person detected matches the other cameras, in 71 of 100 and 81 of 90 of the "
-        "frames in which they and others detect a person: exchanged cameras, "
-    )
-    three = unfit_text(names, {0: (7, 10), 1: (8, 10), 3: (9, 10)})
-    assert three.startswith("In cam1, cam2 and cam4, no person detected")
-    one = unfit_text(names, {2: (6, 1200)})
-    assert "in 6 of 1,200 of the frames in which it and others detect a person: " in one
-    assert not list(find_unfit(names, {}))
-
-
 def test_a_camera_that_alone_sees_somebody_contradicts_nobody():
     rig = synthetic.human36m_like()
     pose = synthetic.motion("walk", FRAMES, seed=1)
@@ -158,14 +135,6 @@ def test_a_camera_that_alone_sees_somebody_contradicts_nobody():
     seen[5:10, 1] = [0.0, 1000.0, 0.0] + [1.0, -1.0, 1.0] * seen[5:10, 0]  # upside down: of no such body
     _, unmatched = pick_places(seen[:, :, None], rig, "consistent")
     assert unmatched.sum(axis=0).tolist() == [5, 5, 0, 0]
-
-
-def test_what_has_been_said_of_a_camera_is_not_said_again():
-    cameras = [group("a", 0, used=0), group("b", 600), group("c", 0), group("d", 0)]
-    statistics = SimpleNamespace(cameras=cameras, total=group("all", 600))
-    (finding,) = find_cameras(statistics, {"a", "b"})
-    assert finding.text.startswith("b disagrees")
-    assert finding.remedy == ()
 
 
 def simulated(noise):

@@ -3,15 +3,11 @@
 from __future__ import annotations
 
 import json
-import os
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from command_line import FAST, READ, RESULTS, assert_fails, invoke
-from skelsplat.io import read_openpose
-from skelsplat.io._run_files import files_of_run, is_run
 from skelsplat.run import engine
 from skelsplat.run import folder as run_folder
 
@@ -99,22 +95,6 @@ def test_results_do_not_get_in_the_way_of_the_detections(recording):
         assert invoke(*refine, "-o", folder / "openpose" / "out", "--order", "sorted").exit_code == 0
 
 
-def test_one_file_in_each_cameras_folder_is_never_written_over(recording):
-    """Its name may be that of a result."""
-    folder, rig, _ = recording
-    people = read_openpose(folder / "openpose", rig, layout="h36m17").people
-    for i, name in enumerate(rig.names):
-        (folder / "cams" / name).mkdir(parents=True)
-        np.savez(folder / "cams" / name / "detections.npz", detections=people[:, i, 0])
-    refine = ["refine", folder / "Calib.toml", folder / "cams", *READ, *FAST, "--no-html"]
-    own = folder / "cams" / rig.names[0]
-    before = (own / "detections.npz").read_bytes()
-    assert_fails(invoke(*refine, "-o", own), 2, "--output: ", f"got the one of {own / 'detections.npz'}")
-    assert [path.name for path in own.iterdir()] == ["detections.npz"]
-    assert (own / "detections.npz").read_bytes() == before
-    assert invoke(*refine, "-o", folder / "cams" / "out").exit_code == 0
-
-
 def test_a_stop_in_the_midst_of_clearing_forgets_no_file(recording, arguments, monkeypatch):
     out = recording[0] / "out"
     assert invoke(*arguments, *READ, *FAST, "--no-html").exit_code == 0
@@ -128,23 +108,6 @@ def test_a_stop_in_the_midst_of_clearing_forgets_no_file(recording, arguments, m
     assert (out / "pose.trc").exists()
     assert invoke(*arguments, *READ, *FAST, "--no-html", "--write", "json").exit_code == 0
     assert not (out / "pose.trc").exists()
-
-
-def test_a_file_that_a_stopped_run_meant_to_write_over_is_not_taken_for_its_own(
-    recording, arguments, monkeypatch
-):
-    out = recording[0] / "out"
-    out.mkdir()
-    (out / "pose.trc").write_text("mine")
-
-    def interrupted(*_args, **_kwargs):
-        raise KeyboardInterrupt
-
-    with monkeypatch.context() as patched:
-        patched.setattr(run_folder, "write_poses", interrupted)
-        assert invoke(*arguments, *READ, *FAST, "--write", "trc").exit_code == 130
-    assert invoke(*arguments, *READ, *FAST, "--write", "csv").exit_code == 0
-    assert (out / "pose.trc").read_text() == "mine"
 
 
 def test_a_folder_in_the_place_of_a_result_is_known_before_the_work(recording, arguments, monkeypatch):
@@ -166,26 +129,3 @@ def test_input_behind_a_link_is_input(recording):
     result = invoke("refine", folder / "Calib.toml", folder / "openpose", "-o", out, *READ, *FAST)
     assert_fails(result, 2, "--output: ", "Calib.toml")
     assert (out / "cameras.json").read_bytes() == before
-
-
-@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="there are no named pipes here")
-def test_a_pipe_is_no_report(tmp_path):
-    os.mkfifo(tmp_path / "report.json")
-    assert not is_run(tmp_path)
-    assert files_of_run(tmp_path) is None
-
-
-def test_pictures_of_an_earlier_run_are_said_to_be_that(recording, arguments):
-    folder, _, _ = recording
-    out = folder / "out"
-    assert "earlier run" not in invoke(*arguments, *READ, *FAST).stdout
-    for name in ("plots", "overlay"):
-        (out / name).mkdir()
-    assert "earlier run" not in invoke(*arguments, *READ, *FAST).stdout  # they are empty
-    (out / "overlay" / "cam1.mp4").write_text("")
-    assert invoke(*arguments, *READ, *FAST).stdout.endswith("\n! overlay/ is from an earlier run\n")
-    (out / "plots" / "bones.png").write_text("")
-    said = invoke(*arguments, *READ, *FAST).stdout
-    assert said.endswith("\n! plots/ and overlay/ are from an earlier run\n")
-    assert "earlier run" not in invoke(*arguments, *READ, *FAST, "--json").output
-    assert invoke(*arguments, *READ, *FAST, "--quiet").output == ""

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from skelsplat import association, synthetic
-from skelsplat.association import body_sizes, separate_people, take_people
+from skelsplat.association import separate_people, take_people
 from skelsplat.findings import FindingWarning
 from skelsplat.run.people import limb_spread
-from skelsplat.run.person import sampled, visible_alike
+from skelsplat.run.person import sampled
 from two_people import FRAMES, LAYOUT, crossing, crowd_of, seen, shuffled
 
 RIG = synthetic.human36m_like()
@@ -57,17 +57,6 @@ def test_too_many_people_to_compare_are_said_once_with_their_number(people, monk
         assert [remedy.setting for one in told for remedy in one.message.finding.remedy] == ["without"]
 
 
-def test_nobody_is_one_person_without_a_place():
-    index, pose = separate_people(np.full((3, 4, 2, 17, 3), np.nan), RIG)
-    np.testing.assert_array_equal(index, np.full((1, 3, 4), -1))
-    assert np.isnan(pose).all()
-
-
-def test_body_sizes_are_diagonals():
-    pose = np.array([[[0.0, 0.0, 0.0], [3.0, 4.0, 12.0], [np.nan] * 3], [[np.nan] * 3] * 3])
-    np.testing.assert_array_equal(body_sizes(pose), [13.0, 0.0])
-
-
 @pytest.mark.parametrize("frames", [1, 2, 200, 201, 5000])
 def test_a_long_recording_is_sampled_in_pairs_of_neighbours(frames):
     steps = sampled(frames)
@@ -76,13 +65,6 @@ def test_a_long_recording_is_sampled_in_pairs_of_neighbours(frames):
     assert steps[-1] == frames - 1
     if frames > 200:
         assert (np.diff(steps) == 1).sum() >= 99
-
-
-def test_who_is_seen_by_three_quarters_of_the_views_is_as_visible():
-    found = np.full((3, 1, 4), -1)
-    found[0], found[1, 0, :3], found[2, 0, :2] = 0, 1, 2
-    assert visible_alike(found)[:, 0].tolist() == [True, True, False]
-    assert not visible_alike(np.full((1, 5, 4), -1)).any()
 
 
 def test_slots_in_a_fixed_order_mix_nobody(people):
@@ -101,14 +83,6 @@ def test_frames_with_views_of_different_people_are_found(people):
     np.testing.assert_array_equal(crowd_of(exchanged, RIG, "consistent").mixed, False)
 
 
-def test_two_views_of_different_people_are_found():
-    rig = synthetic.stereo()
-    people = seen(crossing(), rig)
-    assert not crowd_of(people, rig, "0").mixes
-    people[4:8, 1] = people[4:8, 1, ::-1]
-    np.testing.assert_array_equal(np.flatnonzero(crowd_of(people, rig, "0").mixed), range(4, 8))
-
-
 def test_a_change_to_the_other_person_is_found_and_not_the_meeting_of_the_two(people):
     changed = people.copy()
     changed[-4:] = people[-4:, :, ::-1]  # all views alike, where the two are apart again
@@ -116,13 +90,6 @@ def test_a_change_to_the_other_person_is_found_and_not_the_meeting_of_the_two(pe
     assert (crowd.changed, crowd.compared) == (1, FRAMES - 1)
     assert not crowd.mixed.any()
     assert crowd.mixes
-
-
-def test_one_person_is_no_crowd(people):
-    assert crowd_of(people[:, :, :1], RIG, "0") is None
-    passing = people.copy()
-    passing[2:, :, 1] = np.nan
-    assert crowd_of(passing, RIG, "0") is None  # two frames with somebody else
 
 
 def test_a_bystander_in_two_of_four_views_is_not_as_visible(people):
@@ -164,16 +131,3 @@ def test_error_bars_count_along_the_limb():
         uncertainty = np.zeros((20, 2, 3, 3))
         uncertainty[..., axis, axis] = 30.0**2
         assert limb_spread(pose, uncertainty, known, [(0, 1)]).off == off
-
-
-def test_the_spread_is_that_of_the_percentiles():
-    spread = spread_of(np.linspace(300.0, 500.0, 21))
-    np.testing.assert_allclose(spread.median, [400.0, 400.0])
-    np.testing.assert_allclose(spread.relative, [180.0 / 400.0, 0.0])
-    np.testing.assert_array_equal(spread.limbs, LIMBS)
-
-
-def test_limbs_of_few_frames_do_not_count():
-    spread = spread_of([400.0] * 8 + [9000.0])
-    assert len(spread.limbs) == 0
-    assert spread.off == 0.0

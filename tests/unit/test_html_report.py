@@ -5,7 +5,6 @@ from __future__ import annotations
 import base64
 import hashlib
 import re
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -35,12 +34,6 @@ def test_positions_and_ellipsoids_come_back_to_the_stated_accuracy(written):
     roots = packed["spread"]["step_mm"] * numbers(packed["spread"]["numbers"]).reshape(40, 3, 6)
     np.testing.assert_allclose(roots, np.broadcast_to([20.0, 0, 0, 20, 0, 20], roots.shape), atol=0.01)
     np.testing.assert_array_equal(numbers(packed["frames"], "<f8"), walk.frames)
-
-
-def test_frame_numbers_may_be_time_stamps(written):
-    stamps = 1_636_212_345_678 + 33 * np.arange(40)
-    packed = data_of(written(report_data(replace(sequence(), frames=stamps), problems=[])))["scene"]
-    np.testing.assert_array_equal(numbers(packed["frames"], "<f8"), stamps)
 
 
 def test_names_from_files_are_escaped_in_markup_and_in_data(written):
@@ -125,15 +118,6 @@ def test_a_sequence_without_a_single_joint_has_a_page(written, frames):
     assert "<p>None.</p>" in text
 
 
-def test_a_joint_far_away_does_not_coarsen_the_others(written):
-    walk = sequence(200)
-    refined = walk.refined.copy()
-    refined[7, 1] = 1e6
-    packed = data_of(written(report_data(sequence(200, refined=refined))))["scene"]
-    assert packed["grid"]["step_mm"] < 0.2
-    assert (numbers(packed["refined"]).reshape(200, 3, 3)[7, 1] == MISSING).all()
-
-
 @pytest.mark.parametrize("axis", [0, 1, 2])
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_the_vertical_becomes_z_by_a_rotation_of_named_axes(axis, sign):
@@ -163,37 +147,11 @@ def test_everybody_is_in_the_scene_where_they_are_there(written):
         np.testing.assert_allclose(found[there, place], one.refined, atol=0.51 * grid["step_mm"])
 
 
-def test_limbs_and_joints_have_the_colour_of_their_person(written):
-    packed = data_of(written(people_report()))["scene"]
-    assert packed["groups"] == ["person-0", "person-1", "person-2"]
-    assert packed["sides"] == [0] * 3 + [1] * 3 + [2] * 3
-    assert packed["limbs"] == [[3 * k + a, 3 * k + b, k] for k in range(3) for a, b in ((0, 1), (0, 2))]
-    assert [(one["from"], one["to"]) for one in packed["people"]] == [(0, 3), (3, 6), (6, 9)]
-    assert packed["joints"][4] == "person 1, left_knee"
-
-
-def test_the_style_has_the_colours_of_the_pictures(written):
-    text = written(people_report())
-    for place, colour in enumerate(_style.PEOPLE):
-        assert re.findall(rf"--person-{place}: (#\w+);", text)[0] == colour
-
-
 def test_colours_of_people_differ_for_everyone_on_dark_paper_too(written):
     text = written(people_report())
     dark = [re.findall(rf"--person-{place}: (#\w+);", text)[1] for place in range(len(_style.PEOPLE))]
     for seen in DEFICIENCIES.values():
         assert closest(dark, seen) > 15
-
-
-def test_the_bars_count_the_views_of_each_frame(written):
-    seen = np.ones((40, 2), dtype=bool)
-    seen[5:9, 0], seen[7, 1] = False, False
-    late = person("person 1", range(110, 150))
-    bars = data_of(written(people_report([person(seen=seen), late])))["bars"]
-    assert bars["views"] == 2
-    first, second = (numbers(one["views"]).tolist() for one in bars["people"])
-    assert first == [2] * 5 + [1, 1, 0, 1] + [2] * 31 + [-1] * 10
-    assert second == [-1] * 10 + [2] * 40
 
 
 def test_curves_have_a_value_per_person(written):
@@ -235,14 +193,6 @@ def test_the_ends_of_gaps_are_frames_in_which_nobody_is_there(written):
     assert with_gaps(np.array([7])).tolist() == [7]
     page = data_of(written(people_report([person(frames=[0, 1, 2, 50, 51])])))
     assert numbers(page["bars"]["people"][0]["views"]).tolist() == [2, 2, 2, -1, -1, 2, 2]
-
-
-def test_a_person_far_from_the_others_is_drawn(written):
-    people = [person(), person("person 1", range(100, 101), at=(9000.0, 0.0))]  # in one frame of 40
-    packed = data_of(written(people_report(people)))["scene"]
-    coded = numbers(packed["refined"]).reshape(40, 2, 3, 3)
-    assert (coded[0, 1] != MISSING).all()
-    assert packed["reach"][1][0] == pytest.approx(9000.0)
 
 
 def test_the_floor_is_that_of_people_whom_three_views_see_or_the_most(written):

@@ -143,16 +143,6 @@ def test_the_skeleton_is_drawn_in_the_colours_of_its_sides(visit):
     assert near(image, COLOURS.right) > 100
 
 
-@pytest.mark.parametrize(("side", "other", "hidden"), [("left", "right", 2), swept("right", "left", 1)])
-def test_each_side_has_its_own_colour(visit, side, other, hidden):
-    walk = sequence()
-    refined, status = walk.refined.copy(), walk.status.copy()
-    refined[:, hidden], status[:, hidden] = np.nan, "unobserved"
-    image = picture(visit(lambda: report_data(replace(walk, refined=refined, status=status))))
-    assert near(image, getattr(COLOURS, side)) > 100
-    assert near(image, getattr(COLOURS, other)) < 10
-
-
 def test_play_goes_on_from_frame_to_frame_and_stops_at_the_end(visit):
     page = visit()
     assert frame_of(page) == 100
@@ -222,14 +212,6 @@ def test_a_link_leads_to_its_frame(visit):
     wait(page, "document.getElementById('frame').value === '120'")
 
 
-def test_a_number_that_is_no_frame_gives_way_to_the_one_that_is_shown(visit):
-    page = visit()
-    for typed, shown in (("5000", "139"), ("-3", "100"), ("120.4", "120")):
-        page.fill("#frame", typed)
-        page.press("#frame", "Enter")
-        wait(page, f"document.getElementById('frame').value === '{shown}'")
-
-
 def test_the_view_turns_follows_and_shows_all_cameras(visit):
     page = visit()
     eye = "Object.values(liveCamera().eye).map((value) => value.toFixed(6)).join()"
@@ -290,14 +272,6 @@ def test_the_view_of_all_cameras_holds_them_and_is_filled(visit, make):
     assert np.ptp(places, axis=0).max() > 1.3  # of 2 from edge to edge, less the room for the names
 
 
-def test_no_button_uploads_the_recording(visit):
-    page = visit()
-    titles = page.eval_on_selector_all(".modebar-btn", "all => all.map(one => one.dataset.title || '')")
-    assert len(titles) > 2
-    assert not [title for title in titles if "share" in title.lower() or "cloud" in title.lower()]
-    assert page.evaluate("document.getElementById('view')._context.plotlyServerURL") == ""
-
-
 def test_the_heat_map_switches_and_a_curve_leads_to_its_frame(visit):
     page = visit()
     assert page.evaluate("heatMap.data[0].z[0][0]") == 2.0
@@ -309,34 +283,6 @@ def test_the_heat_map_switches_and_a_curve_leads_to_its_frame(visit):
     page.mouse.click(box["x"] + box["width"] / 2, box["y"] + 60)
     wait(page, "document.getElementById('frame').value !== '100'")
     assert abs(frame_of(page) - 120) <= 2
-
-
-@pytest.mark.parametrize("make", [report_data, people_report])
-def test_the_mark_of_the_frame_strikes_no_title(visit, make):
-    page = visit(make)
-    page.evaluate("show(3)")
-    wait(page, "!player.busy && player.wanted === null && !charts.cursor.hidden")
-    titles = page.locator("#lines .annotation")
-    looks = []
-    for opacity in (1, 0):
-        page.evaluate(f"charts.cursor.style.opacity = {opacity}")
-        looks.append([titles.nth(k).screenshot() for k in range(titles.count())])
-    page.evaluate("charts.cursor.style.opacity = 1")
-    assert len(looks[0]) > 1
-    assert looks[0] == looks[1]
-    image = imread(io.BytesIO(page.locator(".charts").first.screenshot()))[..., :3]
-    assert near(image, "#b3006b") > 100
-
-
-@pytest.mark.parametrize("frames", [1, swept(3)])
-def test_a_sequence_without_a_single_joint_opens(visit, frames):
-    nothing = np.full((frames, 3, 3), np.nan)
-    walk = sequence(frames, refined=nothing, start=nothing, error_bar=np.full((frames, 3, 3, 3), np.nan))
-    page = visit(lambda: report_data(walk, problems=[]))
-    page.check("input[name=pose][value=both]")
-    page.evaluate(f"show({frames - 1})")
-    picture(page)
-    assert frame_of(page) == 99 + frames
 
 
 def test_names_from_files_are_shown_as_they_are(visit):

@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,7 +11,7 @@ import skelsplat as sk
 from skelsplat import synthetic
 from skelsplat.io import write_calibration
 from skelsplat.layouts import mirror_images
-from skelsplat.run import Butterworth, IncompleteJobError, Job, Run, run
+from skelsplat.run import Butterworth, Job, Run, run
 
 LAYOUT = "h36m17"
 
@@ -101,15 +98,6 @@ def test_a_run_of_the_papers_method_is_opened_with_its_settings(job, tmp_path):
     assert Run.open(tmp_path / "out").outcome.config == config
 
 
-@pytest.mark.parametrize("change", [{"findings": None}, {"timing": {}}, {"start": 1, "findings": [{}]}])
-def test_a_report_of_another_version_is_named(run_folder, change):
-    path = run_folder / "report.json"
-    report = {**json.loads(path.read_text()), **change}
-    path.write_text(json.dumps(report))
-    with pytest.raises(sk.DatasetError, match=r"report\.json: content: expected the report of a run of this"):
-        Run.open(run_folder)
-
-
 @pytest.mark.drawn
 def test_a_result_made_of_arrays_has_findings_report_and_figures(tmp_path, capfd):
     pixels, rig = scene()
@@ -143,25 +131,6 @@ def test_a_view_whose_sides_are_swapped_is_named_once(share, kind):
     assert (finding.kind, finding.subject.cameras) == (kind, (rig.names[1],))
     swapped = "30% of its frames" if share < 1 else "7"
     assert f": left and right are swapped in {swapped}" in finding.text
-
-
-def test_one_pose_is_a_run_of_one_frame(tmp_path):
-    pixels, rig = scene()
-    init = synthetic.motion("walk", 6, seed=3)[0]
-    result = sk.refine(init, pixels[0], rig, layout=LAYOUT)
-    found = Run.from_arrays(result, list(rig), pixels[0], sk.layouts.get(LAYOUT), init_pose=init)
-    assert found.poses.pose.shape == (1, 17, 3)
-    np.testing.assert_array_equal(found.outcome.start[0], init)
-    assert found.report["start"] == "initial pose"
-    found.write(tmp_path / "out")
-    assert Run.open(tmp_path / "out").outcome.start_name == "initial pose"
-
-
-def test_detections_of_another_shape_than_the_result_are_refused():
-    pixels, rig = scene()
-    result = sk.refine(None, pixels, rig, layout=LAYOUT)
-    with pytest.raises(sk.InvalidInputError, match=r"detections: expected \(6, 4, 17\) pixels .* got \(5, "):
-        Run.from_arrays(result, rig, pixels[:5], LAYOUT)
 
 
 @pytest.mark.parametrize(
@@ -204,18 +173,6 @@ def test_show_opens_the_page(monkeypatch):
     assert opened[0].endswith("/report.html")
 
 
-def test_show_in_a_notebook_displays_the_page_below_the_cell(monkeypatch):
-    pixels, rig = scene()
-    found = Run.from_arrays(sk.refine(None, pixels, rig, layout=LAYOUT), rig, pixels, LAYOUT)
-    shown = []
-    kernel = SimpleNamespace(get_ipython=lambda: SimpleNamespace(kernel=object()))
-    monkeypatch.setitem(sys.modules, "IPython", kernel)
-    monkeypatch.setitem(sys.modules, "IPython.display", SimpleNamespace(display=shown.append, HTML=str))
-    monkeypatch.setattr("webbrowser.open", lambda _: pytest.fail("it opened a browser"))
-    found.show()
-    assert shown[0].startswith('<div><iframe srcdoc="&lt;!doctype html&gt;')
-
-
 @pytest.mark.parametrize(
     ("options", "message"),
     [
@@ -241,12 +198,6 @@ def test_show_in_a_notebook_displays_the_page_below_the_cell(monkeypatch):
 def test_an_option_that_is_wrong_is_named(job, options, message):
     with pytest.raises(sk.InvalidInputError, match=f"^{message}"):
         job(**options)
-
-
-def test_an_option_that_lacks_another_says_which(job):
-    with pytest.raises(IncompleteJobError) as raised:
-        job(fill_method="linear")
-    assert (raised.value.option, raised.value.requires) == ("fill_method", "fill_gaps")
 
 
 def test_a_filter_is_tried_before_anything_is_read(job, monkeypatch):
@@ -276,13 +227,3 @@ def test_results_never_replace_the_input(recording, job):
         sk.InvalidInputError, match="output: expected a folder in which no input is overwritten"
     ):
         run(job(output=folder / "openpose"))
-
-
-def test_the_library_knows_no_command_line():
-    program = (
-        "import sys, skelsplat.run\n"
-        "print(*(name for name in ('typer', 'click', 'rich', 'matplotlib', 'skelsplat.cli') "
-        "if name in sys.modules))"
-    )
-    done = subprocess.run([sys.executable, "-c", program], check=True, capture_output=True, text=True)
-    assert done.stdout.split() == []

@@ -10,13 +10,12 @@ import numpy as np
 import pytest
 
 import skelsplat as sk
-from command_line import READ, assert_fails, invoke, read_report
+from command_line import READ, invoke, read_report
 from overlay_case import write_video
 from skelsplat import synthetic
-from skelsplat.io import PoseData, read_detections, read_json, read_npz, write_json, write_npz
+from skelsplat.io import PoseData, read_detections, read_json, read_npz, write_npz
 from skelsplat.run import Job, Run, run, solve
 from skelsplat.run.read import open_files
-from skelsplat.run.report import solved_in_words
 from skelsplat.run.tracked import read_inputs
 
 LAYOUT, FPS = "h36m17", 50.0
@@ -67,56 +66,12 @@ def test_frame_by_frame_is_as_without_a_rate(job):
         assert not len(found.poses.velocity)
 
 
-def test_bones_are_named_where_the_layout_has_some():
-    rig, layout = synthetic.human36m_like(), sk.Layout("points", sk.layouts.H36M17.joints)
-    seen = sk.project(synthetic.motion("walk", 8, seed=3), rig).swapaxes(0, 1)
-    for one in (layout, sk.layouts.H36M17):
-        result = sk.refine_sequence(seen, rig, fps=50, layout=one)
-        first, *_ = solved_in_words(Run.from_arrays(result, rig, seen, one, fps=50.0).report)
-        bones = "" if one is layout else "constant bone lengths, "
-        assert first == f"Solved over time at 50 frames per second: {bones}smooth motion."
-
-
-@pytest.mark.parametrize(
-    ("options", "sentence"),
-    [
-        (["--fps", 50], "Solved over time at 50 frames per second: constant bone lengths, smooth motion."),
-        (["--fps", 50, "--frame-by-frame"], "Solved frame by frame, as asked."),
-        ([], "Solved frame by frame, as the frame rate (fps) is unknown."),
-        (
-            ["--fps", 50, "--paper", "--max-steps", 1],
-            "Solved frame by frame, as always with the method paper.",
-        ),
-    ],
-)
-def test_the_console_states_how_the_frames_were_solved(arguments, options, sentence):
-    result = invoke(*arguments, *READ, *options, "--no-html")
-    assert result.exit_code == 0, result.output
-    assert [line for line in result.stdout.splitlines() if line.startswith("Solved")] == [sentence]
-
-
 def test_an_independent_start_is_for_single_frames(recording, job):
     folder, _, pose = recording
     write_npz(folder / "start.npz", PoseData(pose, sk.layouts.H36M17.joints, np.arange(len(pose)), "mm"))
     found = run(job(init=folder / "start.npz", init_sigma_mm=20.0))
     assert found.report["solution"] == {"method": "frame by frame", "reason": "prior"}
     assert run(job(init=folder / "start.npz")).outcome.sequence is not None
-
-
-def test_of_one_frame_there_is_no_motion(recording, job):
-    folder, _, _ = recording
-    for path in folder.glob("openpose/*/*[1-4]_keypoints.json"):
-        path.unlink()
-    found = run(job())
-    assert found.frames.tolist() == [0]
-    assert found.report["solution"] == {"method": "frame by frame", "reason": "one frame"}
-
-
-@pytest.mark.parametrize("value", [0.0, -25.0, float("nan"), float("inf")])
-def test_a_frame_rate_is_positive(job, arguments, value):
-    with pytest.raises(sk.InvalidInputError, match="fps: expected a positive number, got"):
-        job(fps=value)
-    assert_fails(invoke(*arguments, *READ, f"--fps={value}"), 2, "--fps: expected a positive number, got")
 
 
 def inputs_of(job, frames):
@@ -137,13 +92,6 @@ def test_missing_frames_are_solved_and_left_out_again(job):
     np.testing.assert_array_equal(found.pose, expected.pose[[0, 1, 4, 5, 6]])
     np.testing.assert_array_equal(found.velocity, expected.velocity[[0, 1, 4, 5, 6]])
     np.testing.assert_array_equal(found.bone_lengths, expected.bone_lengths)
-
-
-def test_every_tenth_frame_is_a_slower_clock(job):
-    inputs = inputs_of(job(), 1000 + 10 * np.arange(5))
-    found = solve.refine_inputs(inputs, job()).sequence
-    expected = sk.refine_sequence(inputs.detections, inputs.rig, fps=FPS / 10, layout=LAYOUT)
-    np.testing.assert_array_equal(found.pose, expected.pose)
 
 
 def test_a_long_break_costs_no_more_than_a_short_one(job):
@@ -213,17 +161,6 @@ def test_files_hold_velocities_and_bones_in_their_unit(job, tmp_path):
     assert opened.statistics.total.after_px == pytest.approx(found.statistics.total.after_px)
 
 
-def test_an_unseen_bone_has_no_length_in_a_file(job, tmp_path):
-    poses = run(job()).poses
-    lengths, sigma = poses.bone_lengths.copy(), poses.bone_length_sigma.copy()
-    lengths[0], sigma[0] = np.nan, np.inf
-    write_json(tmp_path / "p.json", replace(poses, bone_lengths=lengths, bone_length_sigma=sigma))
-    read = read_json(tmp_path / "p.json")
-    assert np.isnan([read.bone_lengths[0], read.bone_length_sigma[0]]).all()
-    with pytest.raises(sk.InvalidInputError, match=r"bone_lengths: expected shape \(16,\), got \(3,\)"):
-        replace(poses, bone_lengths=lengths[:3])
-
-
 def test_an_inferred_joint_is_marked_everywhere(gap, arguments):
     result = invoke(*arguments, *READ, "--fps", 50)
     assert result.exit_code == 0, result.output
@@ -246,13 +183,6 @@ def test_an_inferred_joint_is_marked_everywhere(gap, arguments):
     assert f"<dd>0 of {len({frame for frame, _ in rows})}</dd>" in page
 
 
-def test_a_filter_runs_on_top(job):
-    plain, filtered = run(job()), run(job(filter="one-euro:2:0.01"))
-    np.testing.assert_array_equal(filtered.result.pose, plain.poses.pose)
-    assert not np.array_equal(filtered.poses.pose, plain.poses.pose)
-    assert filtered.poses.processing[0].startswith("Low-pass: one-euro filter")
-
-
 def test_poses_in_time_that_leave_the_detections_are_a_finding():
     _, detections, rig = walk()
     result = sk.refine_sequence(detections, rig, fps=FPS, layout=LAYOUT)
@@ -268,15 +198,6 @@ def test_frames_out_of_order_are_no_worse_than_alone():
     order = np.random.default_rng(0).permutation(len(pose))
     result = sk.refine_sequence(detections[order], rig, fps=FPS, layout=LAYOUT)
     assert sk.metrics.mpjpe(result.pose, pose[order]) <= sk.metrics.mpjpe(result.init_pose, pose[order])
-
-
-@pytest.mark.parametrize("views", [2, 3, 4])
-def test_smooth_poses_are_no_finding_however_few_views_there_are(views):
-    pose, detections, rig = walk(views=views)
-    result = sk.refine_sequence(detections, rig, fps=FPS, layout=LAYOUT)
-    found = Run.from_arrays(result, rig, detections, LAYOUT, fps=FPS)
-    assert [finding.kind for finding in found.findings] == []
-    assert sk.metrics.mpjpe(result.pose, pose) < 0.5 * sk.metrics.mpjpe(result.init_pose, pose)
 
 
 @pytest.mark.parametrize("place", ["openpose", "videos"])

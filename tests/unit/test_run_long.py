@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import skelsplat as sk
-from skelsplat import _budget, association, synthetic
+from skelsplat import _budget, synthetic
 from skelsplat.association import take_people
 from skelsplat.findings import Finding, FindingWarning
 from skelsplat.io import _rows, read_run, write_calibration
@@ -74,21 +74,6 @@ def test_one_of_several_people_is_followed_from_part_to_part(tmp_path: Path) -> 
     _, followed, without = parts.follow(opened, given, tmp_path, 100)
     np.testing.assert_array_equal(followed.read(0, 300), take_people(people, index))
     np.testing.assert_array_equal(without.read(0, 300), unmatched)
-
-
-def test_of_too_many_people_to_compare_all_frames_count_once(
-    files: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    bounded = association.people_chosen
-
-    def cut(*given: object, **options: object) -> object:
-        index, none = bounded(*given, **options)
-        return index, ~none
-
-    monkeypatch.setattr(association, "people_chosen", cut)
-    with pytest.warns(FindingWarning, match=r"In 1,270 frames .* \(up to 1 in a view\)") as told:
-        parts.follow(read.open_files(job(files, tmp_path)), job(files, tmp_path), tmp_path, 400)
-    assert len(told) == 1
 
 
 @pytest.mark.parametrize("options", [{}, {"frame_by_frame": True}], ids=["over time", "frame by frame"])
@@ -243,14 +228,4 @@ def test_an_interrupted_run_leaves_nothing(
         run(job(files, tmp_path / "out"), progress=interrupt)
     assert told[:5] == [0, 200, 400, 600, 635], "reading and following 1270 frames is half of the work"
     assert 635 < told[-1] <= 1270
-    assert not (tmp_path / "out").exists()
-
-
-def test_a_full_disk_is_one_line(files: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def full(*_: object) -> None:
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr(_rows.RowFile, "append", full)
-    with pytest.raises(sk.DatasetError, match=r"out: output: expected a folder with room .* no space left"):
-        run(job(files, tmp_path / "out"))
     assert not (tmp_path / "out").exists()

@@ -6,7 +6,6 @@ import csv
 import html
 import json
 import re
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -16,8 +15,7 @@ from command_line import READ, RESULTS, assert_fails, invoke, read_report
 from detection_cases import CASES
 from detection_files import Take
 from skelsplat import synthetic
-from skelsplat.findings import Finding
-from skelsplat.io import read_csv, read_json, read_netcdf, read_npz, write_calibration, write_people
+from skelsplat.io import read_csv, read_json, read_netcdf, write_calibration, write_people
 from skelsplat.run import Job, PeopleRun, Run, run, run_people
 from sweeps import swept
 from two_people import LAYOUT, crossing, seen, shuffled
@@ -69,38 +67,6 @@ def command(recording, out):
     return ["refine", recording / "Calib.toml", recording / "openpose", "-o", out, *READ, "--fps", FPS]
 
 
-def test_following_is_half_of_the_progress(recording, monkeypatch):
-    def track(*_, progress, **__):
-        for told in (
-            (0, 40),
-            (20, 40),
-            (40, 40),
-            (40, 120),
-            (80, 120),
-            (120, 120),
-        ):  # the core adds to the total
-            progress(*told)
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(sk, "track", track)
-    done = []
-    with pytest.raises(KeyboardInterrupt):
-        run_people(job(recording), progress=lambda *told: done.append(told))
-    assert done == [(0, 40), (10, 40), (20, 40), (20, 40), (30, 40), (40, 40)]
-
-
-def test_progress_has_one_total_and_names_the_files(recording, tmp_path, monkeypatch):
-    for module in ("folder",):
-        monkeypatch.setattr(f"skelsplat.run.{module}.can_draw", lambda: False)
-    done, names = list[tuple[int, int]](), list[str]()
-    given = {"progress": lambda *told: done.append(told), "on_file": names.append}
-    run_people(job(recording, output=tmp_path / "out", write=("csv",)), **given)
-    assert {total for _, total in done} == {FRAMES}
-    assert done[-1] == (FRAMES, FRAMES)
-    own = ["pose.npz", "pose.csv", "detections.npz"]
-    assert names == [*(f"person_{k}/{name}" for k in (0, 1) for name in own), "people.csv"]
-
-
 def test_everybody_has_joint_angles(found, tmp_path, monkeypatch):
     for module in ("folder",):
         monkeypatch.setattr(f"skelsplat.run.{module}.can_draw", lambda: False)  # pictures take longer
@@ -131,13 +97,6 @@ def test_everybody_is_refined_as_alone(people, found):
         np.testing.assert_array_equal(alone.detections, person.detections(people))
         np.testing.assert_array_equal(alone.frames, person.frames)
     assert repr(found) == f"PeopleRun(2 people, {FRAMES} frames, 0 findings)"
-
-
-def test_the_findings_on_each_person_are_counted(found):
-    doubt = Finding("remark", "note", numbers={"text": "a doubt"})
-    people = {identity: replace(one, findings=(doubt,)) for identity, one in found.people.items()}
-    assert repr(PeopleRun(people, (doubt,), found.report)).endswith(", 3 findings)")
-    assert repr(PeopleRun(found.people, (doubt,), found.report)).endswith(", 1 finding)")
 
 
 def test_each_folder_is_that_of_a_run(folder, found):
@@ -228,53 +187,6 @@ def test_of_a_run_of_several_one_is_converted_or_plotted(folder, tmp_path):
     assert invoke("convert", folder / "person_1", tmp_path / "walk.trc").exit_code == 0
 
 
-def test_the_folder_of_everybody_is_no_run_of_one(folder):
-    with pytest.raises(sk.DatasetError, match=r"the folder of one person, got .*\(person_0, person_1\)"):
-        Run.open(folder)
-
-
-@pytest.mark.parametrize("case", [name for name, case in CASES.items() if case.people])
-def test_people_come_from_all_formats(people, found, case, tmp_path):
-    tolerance = 1e-3 if CASES[case].confidence else 30.0
-    given = {"order": CASES[case].order} if CASES[case].order else {}
-    write_calibration(tmp_path / "Calib.toml", RIG)
-    (tmp_path / case).mkdir()
-    path = CASES[case].write(tmp_path / case, Take(people, list(RIG.names), list(LAYOUT.joints)))
-    several = run_people(job(tmp_path, path, **given))
-    assert list(several.people) == [0, 1]
-    for one, other in zip(several.people.values(), found.people.values(), strict=True):
-        np.testing.assert_allclose(one.poses.pose, other.poses.pose, atol=tolerance)
-
-
-def test_findings_on_each_person_are_warnings_where_no_table_is_printed(tmp_path):
-    people = seen(crossing(FRAMES), RIG)
-    people[:, 2:, 1] = np.nan
-    result = invoke(*command(written(tmp_path, people), tmp_path / "out"), "--people", "all", "--quiet")
-    assert result.stdout == ""
-    lines = result.stderr.splitlines()
-    assert any(
-        line.startswith("warning: person 1: Mostly two views or fewer see this person") for line in lines
-    )
-    found = [finding for one in read_report(tmp_path / "out")["people"] for finding in one["findings"]]
-    assert len(lines) == len(found)
-
-
-@pytest.mark.parametrize("named", [(0,), (0, 1)])
-def test_a_camera_is_doubted_if_it_disagrees_about_most(named, tmp_path):
-    """One person may be hidden in a view; a wrong camera disagrees about everybody."""
-    people = seen(crossing(FRAMES), RIG)
-    for person in named:
-        people[:, 1, person, ::3, 0] += 90.0
-    several = run_people(job(written(tmp_path, people)))
-    found = [one for run in several.people.values() for one in run.findings if one.kind == "camera_disagrees"]
-    assert {one.subject.cameras for one in found} == {("cam2",)}
-    assert [one.severity for one in found] == (["note"] if len(named) == 1 else ["warning"] * 2)
-    written_so = [one for entry in several.report["people"] for one in entry["findings"]]
-    assert [one["severity"] for one in written_so if one["kind"] == "camera_disagrees"] == [
-        one.severity for one in found
-    ]
-
-
 @pytest.mark.parametrize("views", [(1, 2), swept((1, 1))])
 def test_one_sentence_on_the_rig_sums_up_all_people(views, tmp_path):
     people = seen(crossing(FRAMES), RIG)
@@ -298,10 +210,6 @@ def test_one_sentence_on_the_rig_sums_up_all_people(views, tmp_path):
     assert invoke(*command[1:]).exit_code in (0, 1)  # 1: faults found
 
 
-def test_so_many_people_are_refined(recording):
-    assert len(run_people(job(recording, people=1)).people) == 1
-
-
 def test_a_later_run_removes_what_an_earlier_one_wrote(recording, tmp_path):
     out = tmp_path / "out"
     several = run_people(job(recording))
@@ -318,17 +226,6 @@ def test_a_later_run_removes_what_an_earlier_one_wrote(recording, tmp_path):
     several.write(out, (), html=False)
     names = {"person_0", "person_1", "person_7", "overview.png", "report.json"}
     assert {path.name for path in out.iterdir()} == names
-
-
-def test_the_stored_input_of_a_person_is_not_replaced(folder, tmp_path):
-    stored = [folder / "person_1" / name for name in ("cameras.json", "detections.npz")]
-    arguments = ["refine", *stored, *READ, "--fps", FPS, "--no-html"]
-    result = invoke(*arguments, "-o", folder)
-    assert_fails(result, 2, "--output: expected a folder in which no input is overwritten", "cameras.json")
-    result = invoke(*arguments, "-o", tmp_path)
-    assert result.exit_code == 0, result.output
-    again, before = (read_npz(one / "pose.npz").pose for one in (tmp_path, folder / "person_1"))
-    np.testing.assert_array_equal(again, before)
 
 
 def test_a_run_that_stops_half_way_says_so(recording, tmp_path, monkeypatch):
@@ -357,19 +254,6 @@ def test_the_table_fits_eighty_columns(recording, tmp_path):
     assert any(line.split()[:4] == ["0", "0–39", "40", "4"] for line in lines)
     text = " ".join(result.stdout.split())
     assert text.endswith(f"Wrote to {tmp_path}/: people.csv, overview.png, person_0, person_1, report.json")
-
-
-def test_pictures_of_an_earlier_run_are_named(recording, tmp_path):
-    (tmp_path / "person_1" / "plots").mkdir(parents=True)
-    (tmp_path / "person_1" / "plots" / "bones.png").write_bytes(b"")
-    result = invoke(*command(recording, tmp_path), "--people", "all", "--no-html", "--write", "csv")
-    assert result.stdout.splitlines()[-1] == "! person_1/plots/ is from an earlier run"
-
-
-def test_the_report_is_printed(recording, tmp_path):
-    result = invoke(*command(recording, tmp_path), "--people", "1", "--no-html", "--json")
-    assert [entry["id"] for entry in json.loads(result.stdout)["people"]] == [0]
-    assert read_npz(tmp_path / "person_0" / "pose.npz").pose.shape == (FRAMES, 17, 3)
 
 
 @pytest.mark.parametrize(
@@ -404,16 +288,6 @@ def test_one_person_is_the_same_as_among_all(recording, found):
     np.testing.assert_array_equal(one.poses.pose, found.people[1].poses.pose)
     np.testing.assert_array_equal(one.poses.uncertainty, found.people[1].poses.uncertainty)
     assert one.report["input"]["person"] == "1"
-
-
-def test_files_of_one_person_need_no_choice(tmp_path):
-    """An entry of each file, where there is only one, is taken as it is, bit for bit, at any frame rate."""
-    written(tmp_path, seen(crossing(FRAMES)[:1], RIG))
-    first, largest = (run(job(tmp_path, people=None, person=who)) for who in ("0", "largest"))
-    again = sk.refine_sequence(first.detections, first.cameras, fps=FPS, layout=LAYOUT)
-    np.testing.assert_array_equal(first.poses.pose, again.pose)
-    np.testing.assert_array_equal(largest.poses.pose, again.pose)
-    assert first.findings == ()
 
 
 @pytest.mark.parametrize(
