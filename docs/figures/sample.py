@@ -9,16 +9,30 @@ from __future__ import annotations
 import subprocess
 import sys
 import tempfile
+from itertools import pairwise
 from pathlib import Path
 
+import numpy as np
 from PIL import Image
 
 NAME = "skelsplat-demo"  # the folder of the run, which a picture names
 PEOPLE = "several-people"
 COLOURS = 256
-# The two views of the body in the overview: below its title (one or two lines), right and bottom in parts.
-TITLE_PX = 64
-POSE = (0.67, 0.565)
+# The two views of the body: right and bottom in parts of the overview, and white around them, px.
+POSE = (0.67, 0.575)
+INK = 200  # darker is drawn
+MARGIN_PX = 12
+
+
+def body_of(overview: Image.Image) -> Image.Image:
+    """Return the two views of the body, without the overview's title."""
+    width, height = overview.size
+    views = overview.crop((0, 0, round(POSE[0] * width), round(POSE[1] * height)))
+    ink = np.asarray(views.convert("L")) < INK
+    rows = np.flatnonzero(ink.any(axis=1))
+    top = next(int(row) for last, row in pairwise(rows) if row - last > MARGIN_PX)  # below the title
+    columns = np.flatnonzero(ink[top:].any(axis=0))
+    return views.crop((0, top - MARGIN_PX, columns[-1] + MARGIN_PX, rows[-1] + MARGIN_PX))
 
 
 def main(folder: Path) -> None:
@@ -36,15 +50,13 @@ def main(folder: Path) -> None:
             Image.open(Path(made) / picture).convert("RGB")
             for picture in (*pictures, f"{PEOPLE}/overview.png")
         )
-    width, height = overview.size
-    box = (0, TITLE_PX, round(POSE[0] * width), round(POSE[1] * height))
     for name, picture in (
         ("overview", overview),
         ("weights", weights),
         ("trajectories", paths),
         ("angles", angles),
         ("several-people", people),
-        ("pose", overview.crop(box)),
+        ("pose", body_of(overview)),
     ):
         picture.quantize(COLOURS).save(folder / f"{name}.png", optimize=True)
 
