@@ -23,6 +23,7 @@ from skelsplat.layouts import mirror_images
 
 __all__ = [
     "body_sizes",
+    "checked_people",
     "choose_person",
     "chosen_places",
     "extents",
@@ -81,14 +82,14 @@ def choose_person(
     Raises
     ------
     InvalidInputError
-        If the shapes do not fit, a confidence is outside [0, 1], or there are fewer than two cameras.
+        If shapes do not fit, a confidence is outside [0, 1], or there are fewer than two cameras.
 
     Warns
     -----
     UserWarning
         If there are too many people to compare all: the search of a frame ends after a fixed amount of work.
     """
-    everyone = _check(people, cameras)
+    everyone = checked_people(people, cameras)
     options: dict[str, Any] = {"layout": layout, "min_confidence": min_confidence, "min_joints": min_joints}
     index, cut = chosen_places(everyone, cameras, gate=gate, **options)
     if cut.any():
@@ -158,7 +159,7 @@ def separate_people(
     InvalidInputError
         As `choose_person`.
     """
-    everyone = _check(people, cameras)
+    everyone = checked_people(people, cameras)
     options: dict[str, Any] = {"layout": layout, "min_confidence": min_confidence, "min_joints": min_joints}
     index = choose_person(everyone, cameras, **options)[1] if first is None else first
     rest, found, poses = everyone.copy(), [index], [_triangulated(everyone, index, cameras)]
@@ -204,14 +205,22 @@ def _box(points: Array) -> Array:
     return np.where(low <= high, high - low, 0.0)
 
 
-def _check(people: npt.ArrayLike, cameras: Sequence[sk.Camera]) -> Array:
+def checked_people(
+    people: npt.ArrayLike, cameras: Sequence[sk.Camera], values: tuple[int, ...] = (3,)
+) -> Array:
+    """Return people (T, M, P, K, 2 | 3) of two cameras or more, or raise `InvalidInputError`."""
     array = numbers(people, "people")
     if len(cameras) < 2:
         raise InvalidInputError(f"cameras: expected at least two, got {len(cameras)}")
-    if array.ndim != 5 or array.shape[1] != len(cameras) or array.shape[4] != 3 or 0 in array.shape[2:4]:
+    if (
+        array.ndim != 5
+        or array.shape[1] != len(cameras)
+        or array.shape[4] not in values
+        or 0 in array.shape[2:4]
+    ):
         expected = f"shape (T, {len(cameras)}, P, K, 3) for {len(cameras)} cameras"
         raise InvalidInputError(f"people: expected {expected}, got {array.shape}")
-    return with_confidences(array)
+    return with_confidences(array) if array.shape[4] == 3 else array
 
 
 def with_confidences(people: Array) -> Array:

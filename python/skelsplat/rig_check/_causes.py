@@ -19,7 +19,7 @@ from skelsplat._words import capitalised, listed, percent, px
 from skelsplat.cameras import altered, matrix_from_vector
 from skelsplat.findings import Finding, Subject
 from skelsplat.layouts import mirror_images
-from skelsplat.rig_check._scene import Scene
+from skelsplat.rig_check._scene import POOR, Scene
 from skelsplat.rig_check._whole import CHANGES, Change, resizer
 
 # A cause must make the cameras agree better by this much, over all and for the camera itself, and by more
@@ -31,8 +31,6 @@ _LEAST_PX = 1.0
 _HALF_BETTER = 0.9
 # Two cameras agree better by chance more easily.
 _TWO_BETTER = 0.4
-# Set right, a camera is off by no more than poor detections are: 17 px of 1000 by 1000.
-_GOOD = 0.012
 # Of two causes that explain as much the simpler one is named.
 _AS_GOOD = 1.1
 # Frames of the camera's count that are tried, at most this part of the recording; a few frames do not tell.
@@ -263,7 +261,7 @@ def _explains(scene: Scene, cause: Cause) -> bool:
     before, after = scene.left_out[cause.view], median(cause.scene.residuals_of(cause.view))
     after *= max(1.0, 1.0 / cause.change.get("factor", 1.0))  # smaller images make smaller errors
     better = _ALL_BETTER if scene.views > 2 else _TWO_BETTER
-    good = _GOOD * np.hypot(*scene.cameras[cause.view].size)
+    good = POOR * np.hypot(*scene.cameras[cause.view].size)
     if cause.kind == "sides_swapped":
         good = max(good, _MUCH_BETTER * before)
     halves = zip(scene.left_out_halves(cause.view), cause.scene.left_out_halves(cause.view), strict=True)

@@ -12,7 +12,7 @@ import numpy.typing as npt
 import skelsplat as sk
 from skelsplat._arrays import Array, Index, median, numbers, whole_numbers
 from skelsplat._words import listed, percent
-from skelsplat.association import with_confidences
+from skelsplat.association import checked_people
 from skelsplat.exceptions import InvalidInputError
 from skelsplat.findings import Finding, Subject
 from skelsplat.rig_check._causes import explain, once, once_corrected
@@ -27,8 +27,6 @@ from skelsplat.rig_check._whole import check_unit, correct_files, find_conventio
 _REJECTED = 1 / 3
 _RATIO = 3.0
 _LEAST_FRAMES = 5
-# Two cameras that miss each other by this share of a diagonal.
-_APART = 0.012
 # A camera that was knocked turns and moves by less than this; one set up again is further off.
 _FAR_DEG = 2.5
 _FAR_MM = 150.0
@@ -54,27 +52,22 @@ def check_rig(
 ) -> RigReport:
     """Look for what is wrong with a calibration, alone or with a recording.
 
-    Without detections: lenses, cameras in one place, cameras that look away. With detections of a person
-    also the convention of the poses (camera → world? OpenGL's axes?), the unit (is the body as large as a
-    person; with a layout of one's own, at most 20 m?), detections of other images than the
-    calibration's (resized, turned, mirrored), exchanged cameras (every pair is tried), frame offsets between
-    cameras, left and right swapped in a view (always, or in a tenth of its frames), and cameras that were
-    turned or moved; half of the cameras or more mean another recording. A cause is named when with it
-    corrected all cameras agree clearly better by leave-one-out reprojection; what is left over is named as a
-    camera that disagrees. It takes three cameras to tell which one is wrong, and where half of them are wrong
-    it is impossible to tell which half.
+    Without detections: lenses, cameras in one place, cameras that look away. With detections also the
+    convention of the poses, the unit, images other than the calibration's, exchanged cameras, frame offsets,
+    left and right swapped in a view, and cameras that were turned or moved; half of the cameras or more mean
+    another recording. A cause is named when with it corrected all cameras agree clearly better by
+    leave-one-out reprojection; what is left over is named as a camera that disagrees. It takes three cameras
+    to tell which one is wrong.
 
     Parameters
     ----------
     rig : CameraRig
     people : (T, M, P, N, 3) or (T, M, N, 2 | 3), optional
-        Detections, pixels and confidence; NaN where nobody or nothing is. Of several people, all count on
-        whom three views agree.
+        Detections, NaN where nobody or nothing is. Of several people, all count on whom three views agree.
     frames : (T,) int, optional
         Frame numbers, ascending; 0, 1, … when left out.
     layout : str or Layout, optional
-        Tells left from right, which may be swapped in a view. Give an animal one
-        of its own: without a layout, or with a built-in one, it has to be of a person's size.
+        Tells left from right. Give an animal one of its own: otherwise it has to be of a person's size.
     min_confidence : float
         Detections below it are not used.
     read_as : ReadAs, optional
@@ -84,8 +77,6 @@ def check_rig(
     Returns
     -------
     RigReport
-        `findings` (`skelsplat.findings.Finding`, with remedies for exchanged cameras and frame offsets) and a
-        row of numbers for every camera.
 
     Raises
     ------
@@ -153,13 +144,10 @@ def _in_likely_unit(
 
 def _checked(people: npt.ArrayLike, rig: sk.CameraRig) -> Array:
     array = numbers(people, "people")
-    array = array[:, :, None] if array.ndim == 4 else array
-    if len(rig) < 2:
-        raise InvalidInputError(f"cameras: expected at least two with detections, got {len(rig)}")
-    if array.ndim != 5 or array.shape[1] != len(rig) or array.shape[4] not in (2, 3) or 0 in array.shape:
-        expected = f"shape (T, {len(rig)}, P, N, 3) for {len(rig)} cameras"
-        raise InvalidInputError(f"people: expected {expected}, got {array.shape}")
-    return with_confidences(array) if array.shape[4] == 3 else array
+    array = checked_people(array[:, :, None] if array.ndim == 4 else array, rig, values=(2, 3))
+    if 0 in array.shape:
+        raise InvalidInputError(f"people: expected frames and people, got shape {array.shape}")
+    return array
 
 
 def _numbers(frames: npt.ArrayLike | None, count: int) -> Index:
@@ -274,8 +262,7 @@ def _left_over(scene: Scene, result: sk.Refinement, earlier: list[Finding]) -> l
 
 def _two(scene: Scene, names: list[str]) -> list[Finding]:
     error = median(np.array([row.dlt_px for row in rows_of(scene, scene)]))
-    limit = _APART * float(np.mean([np.hypot(*camera.size) for camera in scene.cameras])) / 2
-    if not error > limit or len(scene.judged) < _LEAST_FRAMES:
+    if not error > scene.gross_px / 2 or len(scene.judged) < _LEAST_FRAMES:
         return []
     sentence = (
         f"{listed(names)} disagree: every 3D point is at least {error:.1f} px from their detections. With "

@@ -34,10 +34,8 @@ class CameraRow:
         Detections of the person.
     dlt_px, robust_px : float
         Median reprojection error of plain triangulation and of the robust solver from all cameras.
-    weight : float
-        Mean weight of its detections in the robust solver, 0 to 1.
-    rejected : float
-        Share of its detections that the robust solver rejects.
+    weight, rejected : float
+        Mean weight of its detections in the robust solver, 0 to 1, and the share that is rejected.
     left_out_px : float
         Median distance from where the *other* cameras place the joints; NaN with two cameras.
     best_offset : int

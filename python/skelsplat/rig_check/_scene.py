@@ -17,9 +17,9 @@ from skelsplat.cameras import altered
 _FRAMES = 120
 # frames on which whole rigs are compared
 _FEW_FRAMES = 30
-# Cameras that miss each other's joints by more than this share of the diagonal (20 px at 1700 px) are worth
-# a search.
-_GROSS = 0.012
+# Share of the diagonal (20 px of 1200 by 1200) that poor detections are off; cameras that miss each other by
+# more are worth a search.
+POOR = 0.012
 
 
 @dataclass(frozen=True)
@@ -118,7 +118,7 @@ class Scene:
     @property
     def gross_px(self) -> float:
         """The mean disagreement in px from which a search is worth it: more than that of poor detections."""
-        return _GROSS * float(np.mean([np.hypot(*camera.size) for camera in self.cameras]))
+        return POOR * float(np.mean([np.hypot(*camera.size) for camera in self.cameras]))
 
     @property
     def is_gross(self) -> bool:
