@@ -183,7 +183,7 @@ def test_bones_need_a_layout(tmp_path):
     result = invoke("plot", path, "--json")
     assert result.exit_code == 0
     report = json.loads(result.stdout)
-    assert "--layout" in report["left_out"]["bones"]
+    assert "name the layout" in report["left_out"]["bones"]
     assert report["bones"] is None
     assert "warning: bones left out" in result.stderr
     assert len(numbers(path, "--layout", "H36M17", "--only", "bones")["bones"]) == len(LAYOUT.limbs)

@@ -175,5 +175,5 @@ def test_joints_of_other_names_have_no_angles_until_a_layout_names_them(with_ang
 
     write_npz(tmp_path / "other.npz", other)
     result = invoke("plot", tmp_path / "other.npz", "--only", "angles")
-    assert_fails(result, 1, "angles: the joints match no layout that has any (--layout names the layout)")
+    assert_fails(result, 1, "angles: the joints match no layout that has any (name the layout)")
     assert invoke("plot", tmp_path / "other.npz", "--only", "angles", "--layout", "h36m17").exit_code == 0

@@ -333,7 +333,9 @@ def _check_free(root: Path, *, force: bool) -> None:
     if not any(root.iterdir()):
         return
     if not force:
-        raise DatasetError(root, "output", "no folder or an empty one (--force replaces)", "files in it")
+        raise DatasetError(
+            root, "output", "no folder or an empty one (force replaces a simulated set)", "files in it"
+        )
     try:
         known = load_json(root / INDEX)["format"].content == FORMAT
     except DatasetError:

@@ -108,7 +108,7 @@ def _check_detector(folder: Path, there: Record, wanted: Record) -> None:
     if (there.detector, there.layout) != (wanted.detector, wanted.layout):
         before, now = (", ".join(one.detector.values()) for one in (there, wanted))
         same = f"a folder of the same detector ({folder} has {before})"
-        raise InvalidInputError(f"output: expected {same}, or --overwrite for all its cameras, got {now}")
+        raise InvalidInputError(f"output: expected {same}, or overwrite for all its cameras, got {now}")
 
 
 def _check_video(camera: str, there: Video, video: Video) -> None:
@@ -117,7 +117,7 @@ def _check_video(camera: str, there: Video, video: Video) -> None:
         before, now = (
             f"{one.name} of {one.size[0]}×{one.size[1]}, {one.length} bytes" for one in (there, video)
         )
-        raise InvalidInputError(f"output: expected {before} for {camera} again, or --overwrite, got {now}")
+        raise InvalidInputError(f"output: expected {before} for {camera} again, or overwrite, got {now}")
 
 
 def _check_foreign(folder: Path, ours: Mapping[int, Path]) -> None:

@@ -121,8 +121,7 @@ def _loaded(detector: RTMLib) -> Any:
     files = {"det": detector.det_model, "pose": detector.pose_model}
     given = {name: str(path) for name, path in files.items() if path is not None}
     expected = (
-        "rtmlib: expected rtmlib to download and load its networks, or their files (--det-model, "
-        "--pose-model; in Python det_model, pose_model)"
+        "rtmlib: expected rtmlib to download and load its networks, or their files (det_model, pose_model)"
     )
     with _failing(expected), contextlib.redirect_stdout(io.StringIO()):  # it prints what it loads
         kind = getattr(module, name)

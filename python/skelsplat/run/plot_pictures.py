@@ -35,7 +35,7 @@ _PALE = (
 )
 _EQUAL = (
     "The refinement kept {which} nearly equal on the left and right, so their difference means nothing; "
-    "to study it, refine with --symmetry-tier 0."
+    "to study it, refine with symmetry_tier 0."
 )
 _IN_TIME = "Solved over time, where bones keep their length: how they vary frame by frame is in report.html."
 _KEPT_EQUAL = {1: "lower arms and legs", 2: "arms and legs", 3: "arms, legs and trunk"}  # by the tier
@@ -82,7 +82,7 @@ def trajectories(source: Source) -> Picture:
 def bones(source: Source) -> Picture:
     """Draw the lengths of all limbs over time."""
     if not source.limbs:
-        why = "the joints match no built-in layout, so the limbs are unknown (--layout names the layout)"
+        why = "the joints match no built-in layout, so the limbs are unknown (name the layout)"
         return [], why, None
     poses, time = source.poses, viz.TimeAxis(source.poses.frames, source.poses.frame_rate, source.zero)
     panels = _limb_lengths(poses, source.limbs, source.left_right)
@@ -125,7 +125,7 @@ def angles(source: Source) -> Picture:
     """Draw all joint angles over time."""
     poses, joints = source.poses, source.named or source.poses.joint_names
     if not angle_names(joints, leaning=source.up is not None):
-        return [], "the joints match no layout that has any (--layout names the layout)", None
+        return [], "the joints match no layout that has any (name the layout)", None
     found = angles_of_poses(poses, source.up, joints)
     columns = list(zip(found.degrees.T, found.sigma.T, strict=True))
     panels = [

@@ -116,7 +116,7 @@ def test_a_folder_with_files_is_not_touched(tmp_path, made):
 
 def test_a_simulated_set_is_replaced_only_when_asked(root):
     other = synthetic.simulate_set("dome", poses=12)
-    with pytest.raises(DatasetError, match="--force replaces"):
+    with pytest.raises(DatasetError, match="force replaces"):
         write_simulated(root, other)
     write_simulated(root, other, force=True)
     assert datasets.read("synthetic", root).name == "dome"
