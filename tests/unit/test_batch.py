@@ -100,19 +100,6 @@ def test_one_that_fails_stops_no_other_and_is_tried_again(jobs, tmp_path):
     assert statuses(run_batch(jobs, tmp_path / "results")) == ["failed", "unchanged", "unchanged"]
 
 
-def test_results_of_an_earlier_run_are_not_those_of_one_that_fails(jobs, tmp_path):
-    out = tmp_path / "results"
-    run_batch(jobs, out)
-    (failed,) = run_batch({**jobs, "two": replace(jobs["two"], detections=tmp_path / "none")}, out).failed
-    assert failed.error.endswith(f"; {out / 'two'} has the results of an earlier run")
-    with (out / "batch.csv").open(newline="") as stream:
-        rows = list(csv.DictReader(stream))
-    assert [row["output"] for row in rows] == [str(out / "one"), ""]
-    entries = json.loads((out / "batch.json").read_text())["recordings"]
-    assert [entry["output"] for entry in entries] == [str(out / "one"), None]
-    assert (out / "two" / "report.json").is_file()
-
-
 def test_a_second_batch_in_the_same_folder_is_refused_and_a_recording_in_use_fails(jobs, tmp_path):
     out = tmp_path / "results"
     with output_folder(out), locked(out, ".skelsplat-batch.lock"):

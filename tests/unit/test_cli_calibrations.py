@@ -10,10 +10,8 @@ import pytest
 import calibration_files as files
 import skelsplat as sk
 from command_line import assert_fails, invoke
-from detection_cases import CASES
-from detection_files import Take
 from skelsplat import synthetic
-from skelsplat.io import read_npz, write_calibration
+from skelsplat.io import read_npz
 
 NAMES = ["54138969", "55011271", "58860488", "60457274"]
 T = 3
@@ -96,48 +94,3 @@ def test_what_is_missing_or_wrong_is_status_2_and_names_the_option(
     rest = [tmp_path / "none", "-o", tmp_path / "out"] if command == "refine" else []
     result = invoke(command, written(tmp_path, views, write), *rest, *layout, *options)
     assert_fails(result, 2, f"error: {option}: ", f"{command} --help")
-
-
-@pytest.fixture(scope="module")
-def room(tmp_path_factory):
-    """Write a calibration, and a walk of 30 frames with one camera three frames late, by several tools."""
-    folder = tmp_path_factory.mktemp("room")
-    rig = synthetic.human36m_like()
-    noise = synthetic.DetectionNoise.good()
-    found = synthetic.simulate_detections(synthetic.motion("walk", 40, seed=1), rig, noise=noise, seed=3)
-    late = found[5:35].copy()
-    late[:, 2] = found[2:32, 2]
-    write_calibration(folder / "rig.npz", rig)
-    take = Take(late[:, :, None], list(rig.names), list(sk.layouts.H36M17.joints))
-    for name in ("coco", "deeplabcut_csv", "npz"):
-        (folder / name).mkdir()
-        CASES[name].write(folder / name, take)
-    return folder
-
-
-def check(room, name, *options):
-    path = room / name
-    files_in = sorted(path.iterdir())
-    return invoke("check-cameras", room / "rig.npz", files_in[0] if name == "npz" else path, *options)
-
-
-@pytest.mark.parametrize("name", ["coco", "deeplabcut_csv", "npz"])
-def test_check_cameras_reads_the_detections_of_every_tool(room, name):
-    result = check(room, name, *LAYOUT)
-    assert result.exit_code == 1, result.output
-    assert "! cam3's frame numbers are 3 too high" in " ".join(result.stdout.split())
-    assert "  --offset cam3=-3" in result.stdout.splitlines()
-
-
-def test_the_offset_to_give_is_beside_the_one_given(room):
-    said = check(room, "coco", *LAYOUT, "--offset", "cam3=-1").stdout
-    assert "! cam3's frame numbers are 2 too high" in " ".join(said.split())
-    assert "  --offset cam3=-3" in said.splitlines()
-    assert check(room, "coco", *LAYOUT, "--offset", "cam3=-3").exit_code == 0
-
-
-@pytest.mark.parametrize(
-    "option", [("--format", "yolo"), ("--offset", "cam9=1"), ("--map", "tail=x"), ("--order", "a,b")]
-)
-def test_check_cameras_refuses_options_of_detections(room, option):
-    assert_fails(check(room, "coco", *LAYOUT, *option), 2, f"error: {option[0]}: ")

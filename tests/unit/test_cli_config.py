@@ -68,20 +68,10 @@ def test_the_command_line_counts_more(folder):
 
 @pytest.mark.parametrize(
     ("flags", "quiet"),
-    [
-        (["--no-quiet"], False),
-        (["--no-quiet", "-q"], True),
-        (["--quiet", "--no-quiet"], False),
-        ([], True),
-    ],
+    [(["--no-quiet"], False), (["--no-quiet", "-q"], True), (["--quiet", "--no-quiet"], False)],
 )
 def test_the_last_word_on_a_flag_counts(folder, flags, quiet):
     assert (configured(folder, REFINE, *flags).stdout == "") is quiet
-
-
-def test_a_flag_is_taken_back_without_a_file_too_and_only_before_the_arguments_end(arguments):
-    assert invoke(*arguments, "--layout", "h36m17", "-q", "--no-paper", "--fps", 50).exit_code == 0
-    assert_fails(invoke("synth", "--", "dome", "--no-force", "x"), 2, "unexpected extra argument")
 
 
 def test_relative_paths_begin_at_the_files_folder(folder, monkeypatch):
@@ -208,13 +198,6 @@ def test_every_kind_of_value(tmp_path, folders, expected):
     } == SEEN
 
 
-def test_a_list_of_texts_stands_for_a_list_with_commas(folder):
-    result = configured(folder, REFINE + 'write = ["trc", "json"]\n')
-    assert (result.exit_code, result.output) == (0, "")
-    assert {"pose.npz", "pose.trc", "pose.json"} <= {path.name for path in (folder / "out").iterdir()}
-    assert not (folder / "out" / "pose.csv").exists()
-
-
 @pytest.mark.parametrize(
     ("text", "parts"),
     [
@@ -259,12 +242,6 @@ def test_the_table_of_a_command_is_judged_when_that_command_runs(folder):
 )
 def test_a_value_that_the_command_refuses_names_file_and_key(folder, text, parts):
     assert_fails(configured(folder, text, "-o", folder / "x"), 2, *parts)
-
-
-def test_an_argument_that_is_refused_names_the_file(tmp_path):
-    (tmp_path / "run.toml").write_text('name = "mars"\nfolder = "x"\n')
-    result = invoke("synth", "--config", tmp_path / "run.toml")
-    assert_fails(result, 2, "NAME: expected one of human36m-like", f"{tmp_path / 'run.toml'}: name;")
 
 
 @pytest.mark.parametrize("content", [None, b"fps = ", b"fps = 3\nfps = 4\n", b"\xff\xfe"])

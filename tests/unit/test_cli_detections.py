@@ -105,6 +105,7 @@ def test_sorted_order_of_views_without_names(recording, take, expected):
     np.testing.assert_array_equal(read_npz(folder / "out" / "pose.npz").pose, expected)
 
 
+@pytest.mark.parametrize("command", ["refine", "check-cameras"])
 @pytest.mark.parametrize(
     ("option", "values"),
     [
@@ -118,10 +119,12 @@ def test_sorted_order_of_views_without_names(recording, take, expected):
         ("--order", ["a,b"]),
     ],
 )
-def test_options_that_are_no_options_or_do_not_fit_the_files(recording, option, values):
+def test_options_that_do_not_fit_the_files(recording, command, option, values):
     folder, _, _ = recording
     given = [word for value in values for word in (option, value)]
-    assert_fails(refine(folder, folder / "openpose", *given), 2, f"error: {option}: ")
+    out = ["-o", folder / "out"] if command == "refine" else []
+    result = invoke(command, folder / "Calib.toml", folder / "openpose", *OPTIONS[:4], *out, *given)
+    assert_fails(result, 2, f"error: {option}: ")
 
 
 def test_a_missing_package_is_one_line(recording, take, monkeypatch):

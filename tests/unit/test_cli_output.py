@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import json
 import os
 import subprocess
@@ -157,24 +156,6 @@ def test_no_colour_without_a_terminal(args):
     assert b"\x1b" not in through_a_pipe(*args, TERM="xterm-256color", COLORTERM="truecolor").stdout
 
 
-def test_the_bar_names_the_file_that_is_written(recording, monkeypatch):
-    shown = []
-
-    @contextlib.contextmanager
-    def progress(unit, **options):
-        shown.append((options["first"], unit, options["shown"]))
-        yield lambda *told: shown.append(told)
-
-    monkeypatch.setattr("skelsplat.cli.refine.progress", progress)
-    folder, _, _ = recording
-    arguments = ["refine", folder / "Calib.toml", folder / "openpose", "--layout", "h36m17", "--fps", 50]
-    assert invoke(*arguments, "-o", folder / "out", "--write", "csv").exit_code == 0
-    assert shown[0] == ("refining", "frames", True)
-    assert ("refining", 5, 5) in shown
-    names = ("pose.npz", "pose.csv", "detections.npz", "overview.png", "report.html")
-    assert shown[-5:] == [(f"writing {name}", None, None) for name in names]
-
-
 @pytest.mark.skipif(os.name != "posix", reason="terminals of POSIX")
 @pytest.mark.parametrize(("variables", "colours"), [({}, True), ({"NO_COLOR": "1"}, False)])
 def test_a_terminal_has_colours_unless_they_are_unwanted(variables, colours):
@@ -245,20 +226,3 @@ def test_a_finding_begins_with_its_severity(capsys):
     tell(finding, "person 1: ")
     said = ["error: words"] * 2 + ["warning: words"] * 2 + ["note: words", "note: person 1: words"]
     assert capsys.readouterr().err.splitlines() == said
-
-
-def test_errors_are_wrapped_as_warnings_are(monkeypatch, capsys):
-    monkeypatch.setenv("COLUMNS", "60")
-    arguments = ["refine", "missing.toml", "missing", "--fps", "no-number-but-words"]
-    assert _fails(arguments, capsys).count("\n") == 1
-    monkeypatch.setenv("FORCE_COLOR", "1")
-    message = _fails(arguments, capsys)
-    assert message.startswith("error: --fps: ")
-    assert message.count("\n") > 1
-    assert max(map(len, message.splitlines())) <= 60
-
-
-def _fails(arguments, capsys):
-    with pytest.raises(SystemExit):
-        app(arguments)
-    return capsys.readouterr().err

@@ -95,21 +95,9 @@ def test_what_is_missing_may_be_null_or_nan_or_of_no_confidence(tmp_path, detect
     assert all(pose == poses[0] for pose in poses)
 
 
-def test_a_score_above_1_counts_as_1(tmp_path, detections):
-    peak, sure = detections[0].copy(), detections[0].copy()
-    peak[0, 0, 2], sure[0, 0, 2] = 1.02, 1.0
-    poses = [records(run(tmp_path, line(0, found)))[0]["pose"] for found in (peak, sure)]
-    assert poses[0] == poses[1]
-    pixel = detections[0].copy()
-    pixel[0, 0, 2] = 812.5
-    result = run(tmp_path, line(0, pixel))
-    assert "line 1: skipped: detections[0][0][2]: expected a value in [0, 1], got 812.5" in result.stderr
-
-
 def test_points_without_confidence_and_names_of_any_kind(tmp_path, rig, detections):
     names = [None, "a", 2.5, {"clip": 1}]
-    lines = [line(name, detections[0][..., :2]) for name in names]
-    answers = records(run(tmp_path, *lines))
+    answers = records(run(tmp_path, *[line(name, detections[0][..., :2]) for name in names]))
     assert [answer["frame"] for answer in answers] == names
     first = sk.Refiner(rig, layout="h36m17").step(detections[0][..., :2])
     np.testing.assert_array_equal(answers[0]["pose"], first.pose)
@@ -230,15 +218,6 @@ def test_any_depth_of_nesting_is_answered(tmp_path, detections, depth):
 )
 def test_bad_options(tmp_path, rig, extra, option):  # noqa: ARG001  the file is written
     assert_fails(invoke("live", tmp_path / "Calib.toml", *extra), 2, f"error: {option}: ")
-
-
-def test_at_a_known_rate_the_past_predicts(tmp_path, rig, detections):
-    lines = [line(t, found) for t, found in enumerate(detections)]
-    answers = records(run(tmp_path, *lines, options=("-q", "--fps", "25")))
-    live = sk.Refiner(rig, layout="h36m17", fps=25)
-    expected = [live.step(found) for found in detections]
-    assert [answer["pose"] for answer in answers] == [result.pose.tolist() for result in expected]
-    assert answers[3]["joint_status"][5] == "inferred"
 
 
 def test_with_a_lag_every_line_is_answered_once(tmp_path, detections):

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
 
 import numpy as np
 import pytest
@@ -220,52 +218,7 @@ def test_whatever_is_sent_is_answered(calibration, scene, names):
     assert min(answered[True] + answered[False]) > 50
 
 
-def test_nobody_found_is_not_kept_silent(tmp_path, calibration, scene):
-    """Here for the unit; the answers are empty lists of people."""
-    text = calibration.read_text()
-    (tmp_path / "Calib.toml").write_text(text[: text.index("[metadata]")])
-    arguments = ["live", str(tmp_path / "Calib.toml"), *OPTIONS, "--quiet", "--unit", "m"]
-    lines = lines_of(scene) * 3
-    result = CliRunner().invoke(app, arguments, input="\n".join(lines) + "\n")
-    assert [json.loads(text)["people"] for text in result.stdout.splitlines()] == [[]] * len(lines)
-    assert "warning: In 60 frames two or more views detect people, but no two agree" in result.stderr
-
-
-def test_fifty_ghosts_per_view_are_unassigned(calibration, scene, names):
-    rng = np.random.default_rng(0)
-    t, m, _, n, _ = scene.people[:15].shape
-    ghosts = rng.uniform(0.0, 1000.0, (t, m, 50, 1, 2)) + rng.normal(0.0, 80.0, (t, m, 50, n, 2))
-    ghosts = np.concatenate([ghosts, np.full((t, m, 50, n, 1), 0.5)], axis=-1)
-    crowd = np.concatenate([ghosts, scene.people[:15]], axis=2)
-    answers = run(calibration, *(line(k, views_of(frame)) for k, frame in enumerate(crowd)))
-    assert ids(answers[-1]) == [0, 1]
-    assert all(len(answers[-1]["unassigned"][name]) > 40 for name in names)
-
-
 def test_at_most_n(calibration, scene):
     answers = run(calibration, *lines_of(scene), options=("-q", "--people", "1"))
     assert ids(answers[-1]) == [0]
     assert answers[-1]["unassigned"]
-
-
-def test_a_client_that_waits_for_every_answer_never_hangs(calibration, scene):
-    """As a process: one line is written only once the line before is answered."""
-    command = [sys.executable, "-m", "skelsplat", "live", str(calibration), *OPTIONS]
-    pipe = subprocess.PIPE
-    wrong = ["{", "", "null", "[[", '{"frame": 1}', "[]", "1", '"a"']
-    lines = [text for pair in zip(lines_of(scene)[:8], wrong, strict=True) for text in pair]
-    with subprocess.Popen(command, stdin=pipe, stdout=pipe, stderr=pipe, text=True) as process:
-        for number, text in enumerate(lines, start=1):
-            process.stdin.write(text + "\n")
-            process.stdin.flush()
-            answer = json.loads(process.stdout.readline())
-            assert answer.get("line", number) == number
-            assert ("error" in answer) == (number % 2 == 0)
-        process.stdin.close()
-        assert process.wait() == 0
-        said = process.stderr.read().splitlines()
-    assert said[0] == (
-        f"ready: 4 cameras ({', '.join(RING.names)}), 17 joints (h36m17), in mm, all people at 30 Hz"
-    )
-    assert said[-1].startswith("lines solved 8, malformed 8; ")
-    assert len(said) == 10

@@ -3,14 +3,10 @@
 from __future__ import annotations
 
 import json
-import re
-import warnings
 from io import StringIO
-from pathlib import Path
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
 import skelsplat as sk
 from command_line import invoke
@@ -18,7 +14,7 @@ from skelsplat import synthetic
 from skelsplat._escape import CONTROL
 from skelsplat._json import to_text
 from skelsplat.cameras import altered
-from skelsplat.cli import app, output
+from skelsplat.cli import output
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.findings import FindingWarning, remark
 from skelsplat.io import write_calibration
@@ -104,15 +100,6 @@ def test_no_command_obeys_names(given, name):
     shown(result, status=result.exit_code)
 
 
-def test_live_names_cameras_and_what_is_wrong(given):
-    top, _ = given
-    line = json.dumps({"frame": "\x9b[31m", "detections": {"\x1b[31m\x9bx": []}}, ensure_ascii=False)
-    command = ["live", str(top / "rig.json"), "--layout", str(top / "own.toml")]
-    shown(
-        CliRunner().invoke(app, command, input=line + "\n"), *ESCAPED, r"lay\x1bout", r'"\u001b[31m\u009bx"'
-    )
-
-
 @pytest.mark.parametrize(
     ("arguments", "parts"),
     [
@@ -168,23 +155,3 @@ def test_json_keeps_the_names_and_obeys_none():
     assert set(CONTROL.findall(text)) == {"\n"}
     assert "caf\u00e9 \U0001f600" in text
     assert json.loads(text) == {name: name for name in names}
-
-
-@pytest.mark.filterwarnings("always")
-def test_a_warning_of_a_library_is_one_line(monkeypatch):
-    said = warnings.warn
-    monkeypatch.setattr("skelsplat.cli.layouts._list", lambda **_: said("a\n\x1b[31mb", stacklevel=1))
-    assert invoke("layouts").stderr == "warning: a \\x1b[31mb\n"
-
-
-def test_commands_print_through_what_escapes():
-    printing = {
-        (path.name, found)
-        for path in Path(output.__file__).parent.glob("*.py")
-        for found in re.findall(r"\bConsole\(|typer\.echo\(|(?<!\.)\bprint\(", path.read_text())
-    }
-    assert printing == {
-        ("output.py", "typer.echo("),
-        *((name, "typer.echo(") for name in ("_app.py", "command.py", "datasets.py")),  # help, the version
-        ("layouts.py", "typer.echo("),  # TOML, which escapes
-    }

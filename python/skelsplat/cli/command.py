@@ -154,7 +154,7 @@ class Command(_FlagHelp, TyperCommand):
         words = [*itertools.takewhile(lambda word: word != "--", args), ""]
         valued = {
             option
-            for param in self.params
+            for param in list[Any](self.params)
             if param.param_type_name == "option" and not (param.is_flag or param.count)
             for option in param.opts
         }
