@@ -17,7 +17,7 @@ from skelsplat._words import number
 from skelsplat.cli import options
 from skelsplat.cli._app import FAILED
 from skelsplat.cli.command import Command, takes
-from skelsplat.cli.config import MisfitError, entries_of, options_in, unknown
+from skelsplat.cli.config import MisfitError, entries_of, options_in, source_of, unknown
 from skelsplat.cli.output import Terminal, print_json, print_message, progress
 from skelsplat.cli.rows import rows
 from skelsplat.cli.table import new_table, print_table
@@ -87,8 +87,7 @@ def batch(
     ways: dict[str, dict[str, Any]] = {"COMMANDLINE": {}, "DEFAULT_MAP": {}, "DEFAULT": {}}
     for row in options.JOB[2:]:
         if row.name != "output":
-            way = getattr(context.get_parameter_source(row.name), "name", "DEFAULT")
-            ways[way][row.name] = context.params[row.name]
+            ways[source_of(context, row.name)][row.name] = context.params[row.name]
     usual, stated = ways["DEFAULT_MAP"], ways["COMMANDLINE"]
     wanted = {
         name: _job(sessions, name, {**usual, **values, **stated})
@@ -135,10 +134,10 @@ def _sessions(document: dict[str, Any], folder: Path) -> Iterator[tuple[str, dic
     tables, shared = document.get("session", []), document.get("defaults", {})
     if not isinstance(shared, dict):
         raise MisfitError("defaults", "a table [defaults] of options", "something else")
-    listed = isinstance(tables, list) and all(isinstance(table, dict) for table in tables)
-    if not tables or not listed:
-        got = "something else" if tables else "none"
-        raise MisfitError("session", "a table [[session]] per recording", got)
+    if not isinstance(tables, list) or not all(isinstance(table, dict) for table in tables or [None]):
+        raise MisfitError(
+            "session", "a table [[session]] per recording", "something else" if tables else "none"
+        )
     defaults, names = options_in(shared, known, folder, "defaults."), set()
     for place, table in enumerate(tables, 1):
         prefix, options_of = f"session {place}.", {k: v for k, v in table.items() if k != "name"}
@@ -147,7 +146,9 @@ def _sessions(document: dict[str, Any], folder: Path) -> Iterator[tuple[str, dic
             if argument not in values:
                 expected = f"a path in [[session]] {place} or in [defaults]"
                 raise MisfitError(prefix + argument, expected, "none")
-        name = _name(table.get("name", _named_by(values["detections"], folder)), prefix)
+        name = table.get("name", _named_by(values["detections"], folder))
+        if not isinstance(name, str) or not name or Path(name).is_absolute() or ".." in Path(name).parts:
+            raise MisfitError(f"{prefix}name", "text that can be the name of a folder", repr(name))
         if name in names:
             raise MisfitError(f"{prefix}name", "a name of its own for each session", f"{name} twice")
         names.add(name)
@@ -161,12 +162,6 @@ def _named_by(detections: Path, folder: Path) -> str:
     if len(parts) > 1 and parts[-1].lower() in _USUAL:
         parts.pop()
     return "/".join(parts)
-
-
-def _name(name: Any, prefix: str) -> str:
-    if not isinstance(name, str) or not name or Path(name).is_absolute() or ".." in Path(name).parts:
-        raise MisfitError(f"{prefix}name", "text that can be the name of a folder", repr(name))
-    return name
 
 
 def _job(sessions: Path, name: str, values: Mapping[str, Any]) -> Job:
@@ -200,12 +195,9 @@ def _print(console: Console, found: Batch, folder: Path) -> None:
     print_table(console, table)
     console.print()
     count = {status: sum(one.status == status for one in found.recordings) for status in (DONE, UNCHANGED)}
-    said = [f"{count[DONE]} refined"]
-    if count[UNCHANGED]:
-        said.append(f"{count[UNCHANGED]} unchanged (--overwrite refines them again)")
-    if found.failed:
-        said.append(f"{len(found.failed)} failed")
+    unchanged = f", {count[UNCHANGED]} unchanged (--overwrite refines them again)" if count[UNCHANGED] else ""
+    failed = f", {len(found.failed)} failed" if found.failed else ""
     total = len(found.recordings)
-    console.print(f"{total} recording{'s' * (total != 1)}: {', '.join(said)}.")
+    console.print(f"{total} recording{'s' * (total != 1)}: {count[DONE]} refined{unchanged}{failed}.")
     folders = ", and a folder per refined recording" if any(count.values()) else ""
     console.print(f"Wrote to {folder}/: {TABLE}, {RECORD}{folders}")

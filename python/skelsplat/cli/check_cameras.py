@@ -16,9 +16,9 @@ import skelsplat as sk
 from skelsplat._words import number
 from skelsplat.cli import options
 from skelsplat.cli.command import takes
+from skelsplat.cli.config import source_of
 from skelsplat.cli.findings import print_finding
 from skelsplat.cli.output import Terminal, print_json, print_text, say
-from skelsplat.cli.rows import Option
 from skelsplat.cli.table import new_table, print_table
 from skelsplat.io import DetectionSet
 from skelsplat.rig_check import RigReport
@@ -97,14 +97,10 @@ def check_cameras(
         raise typer.Exit(1)
 
 
-def _source(context: typer.Context, row: Option) -> str:
-    return getattr(context.get_parameter_source(row.name), "name", "DEFAULT")
-
-
 def _refuse(context: typer.Context) -> None:
     """Refuse options for reading detections, where there are none; a file's may be for another command."""
     for row in options.RECORDING:
-        if row.name != "without" and _source(context, row) == "COMMANDLINE":
+        if row.name != "without" and source_of(context, row.name) == "COMMANDLINE":
             raise typer.BadParameter("requires DETECTIONS", param_hint=row.flag)
 
 
@@ -112,7 +108,7 @@ def _given(context: typer.Context) -> Iterator[tuple[str, str]]:
     """Yield the options for reading a recording that were given, in any way, to be given again."""
     for row in (*options.CALIBRATION, *options.RECORDING):
         value = context.params[row.name]
-        if value and _source(context, row) != "DEFAULT":
+        if value and source_of(context, row.name) != "DEFAULT":
             for one in value if row.many else [value]:
                 yield row.flag, str(one)
 

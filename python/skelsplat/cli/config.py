@@ -46,14 +46,14 @@ def origin(context: Any, label: str) -> str:
     """
     path, keys = context.meta.get(_KEYS, (None, {})) if context is not None else (None, {})
     for param in context.command.params if path is not None else ():
-        if label in (*param.opts, param.metavar) and from_file(context, param.name):
+        if label in (*param.opts, param.metavar) and source_of(context, param.name) == "DEFAULT_MAP":
             return f"{path}: {keys[param.name]}"
     return ""
 
 
-def from_file(context: typer.Context, name: str) -> bool:
-    """Whether a parameter's value comes from a configuration file."""
-    return getattr(context.get_parameter_source(name), "name", "") == "DEFAULT_MAP"
+def source_of(context: typer.Context, name: str) -> str:
+    """Return where a value is from: ``"COMMANDLINE"``, ``"DEFAULT_MAP"`` (a file) or ``"DEFAULT"``."""
+    return getattr(context.get_parameter_source(name), "name", "DEFAULT")
 
 
 def _load(context: typer.Context, path: Path | None) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import asdict
 from typing import Any
 
 import typer
@@ -148,17 +149,10 @@ def _ends(names: Sequence[str], ends: Sequence[int]) -> str:
 
 
 def _document(layout: sk.Layout, about: sk.layouts.About) -> dict[str, Any]:
+    plain = ("name", "human", "joints", "limbs", "left_right", "occlusion_prone", "root")
     return {
-        "name": layout.name,
-        "about": about.about,
-        "detectors": about.detectors,
-        "source": about.source,
-        "human": layout.human,
-        "joints": layout.joints,
-        "limbs": layout.limbs,
-        "left_right": layout.left_right,
+        **{name: getattr(layout, name) for name in plain},
+        **asdict(about),
         "symmetric": [{"tier": tier, "left": left, "right": right} for tier, left, right in layout.symmetric],
         "bones": [{"joints": ends, "length_mm": mm, "sigma_mm": sigma} for ends, mm, sigma in layout.lengths],
-        "occlusion_prone": layout.occlusion_prone,
-        "root": layout.root,
     }
