@@ -128,7 +128,7 @@ def takes(
 
     Of long ones the middle `most_frames` frames. A take has the same heading and detections in every sample.
     """
-    cameras = rig("room", n_views)
+    cameras = rig(n_views)
     detector = noise(condition, n_views, fps)
     out = []
     everything = motions()

@@ -41,8 +41,6 @@ _CMU_JOINTS = [
 _NOSE = 9
 _NOSE_OFFSET_MM = (60.0, 0.0, -20.0)
 _SCATTER_MM = 500.0
-# Scales a person of 1.8 m to an object of 180 mm, the size of a hand in the images of `synthetic.table`.
-_TABLE_SCALE = 0.1
 # Distance of the human36m_like cameras from the centre of the room.
 _ROOM_RADIUS_MM = 5300.0
 
@@ -133,42 +131,21 @@ def simulated(
     return Scene(truth, seen, cameras, "h36m17", "synthetic motions, simulated detections")
 
 
-def rig(kind: str, n_views: int) -> sk.CameraRig:
-    """Return a rig of `n_views` cameras.
-
-    "room" is `human36m_like` or the first of it, and beyond four cameras those and more on a dome of the same
-    distance; "dome", "table" and "stereo" are the package's.
-    """
-    if kind == "room":
-        more = synthetic.dome(n_views - 4, radius_mm=_ROOM_RADIUS_MM) if n_views > 4 else ()
-        return sk.CameraRig([*list(synthetic.human36m_like())[:n_views], *more], unit="mm")
-    if kind == "stereo":
-        return synthetic.stereo()
-    return {"dome": synthetic.dome, "table": synthetic.table}[kind](n_views)
+def rig(n_views: int) -> sk.CameraRig:
+    """Return the cameras of a room, beyond four those and more on a dome of the same distance."""
+    more = synthetic.dome(n_views - 4, radius_mm=_ROOM_RADIUS_MM) if n_views > 4 else ()
+    return sk.CameraRig([*list(synthetic.human36m_like())[:n_views], *more], unit="mm")
 
 
-def scene(
-    noise: str | DetectionNoise,
-    poses: int,
-    seed: int,
-    *,
-    kind: str = "room",
-    n_views: int = 4,
-    n_seeds: int = 1,
-) -> Scene:
+def scene(noise: str | DetectionNoise, poses: int, seed: int, *, n_views: int = 4, n_seeds: int = 1) -> Scene:
     """Simulate detections of `poses` poses in total, drawn with the seeds `seed`, `seed` + 1, …."""
-    cameras = rig(kind, n_views)
-    model = NOISES[noise] if isinstance(noise, str) else noise
-    truths, detections = [], []
-    for k in range(n_seeds):
-        truth = cmu_poses(-(-poses // n_seeds), seed + k)
-        if kind == "table":
-            truth = _TABLE_SCALE * (truth - truth.mean(axis=(0, 1)))
-        truths.append(truth)
-        detections.append(
-            synthetic.simulate_detections(truth, cameras, noise=model, layout="h36m17", seed=seed + k)
-        )
-    source = f"{pose_source()}, {kind} rig, simulated detections"
+    cameras, model = rig(n_views), NOISES[noise] if isinstance(noise, str) else noise
+    truths = [cmu_poses(-(-poses // n_seeds), seed + k) for k in range(n_seeds)]
+    detections = [
+        synthetic.simulate_detections(truth, cameras, noise=model, layout="h36m17", seed=seed + k)
+        for k, truth in enumerate(truths)
+    ]
+    source = f"{pose_source()}, room rig, simulated detections"
     return Scene(np.concatenate(truths), np.concatenate(detections), cameras, "h36m17", source)
 
 

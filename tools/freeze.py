@@ -38,17 +38,14 @@ VOLATILE = re.compile(
 )
 PAGES = {".png", ".html", ".log", ".md", ".toml", ".state"}
 
-ALONE = "--frame-by-frame"
-
-# One version's runs: name → (arguments of `python -m skelsplat`, …); {inputs} and {out} are folders, {alone}
-# is `--frame-by-frame`, or nothing for a version that solves frame by frame without it.
+# One version's runs: name → (arguments of `python -m skelsplat`, …); {inputs} and {out} are folders.
 RUNS: dict[str, list[str]] = {
-    "demo": ["demo {alone} -o {out}/run"],
+    "demo": ["demo --frame-by-frame -o {out}/run"],
     "demo-in-time": ["demo -o {out}/run"],
     "demo-paper": ["demo --paper -o {out}/run"],
     "own-openpose": [
         "refine {inputs}/demo/calibration.toml {inputs}/demo/detections -o {out}/run --unit m "
-        "--layout body25b --fps 60 {alone} --fill-gaps 10 --fill-weak --filter butterworth:6 "
+        "--layout body25b --fps 60 --frame-by-frame --fill-gaps 10 --fill-weak --filter butterworth:6 "
         "--write csv,trc,c3d,json,nc --without cam_02 --no-html",
         "convert {out}/run {out}/poses.c3d --fps 60 --y-up",
         "check-cameras {inputs}/demo/calibration.toml {inputs}/demo/detections --unit m --layout body25b "
@@ -56,8 +53,8 @@ RUNS: dict[str, list[str]] = {
     ],
     "own-deeplabcut": [
         "refine {inputs}/dlc/calibration.toml {inputs}/dlc/detections -o {out}/run --unit cm "
-        "--layout coco17 --min-confidence 0.2 --sigma-mm 40 --symmetry-tier 3 --fps 30 {alone} --y-up "
-        "--no-html",
+        "--layout coco17 --min-confidence 0.2 --sigma-mm 40 --symmetry-tier 3 --fps 30 --frame-by-frame "
+        "--y-up --no-html",
         "refine {inputs}/dlc/calibration.toml {inputs}/dlc/detections -o {out}/paper --unit cm "
         "--layout coco17 --paper --max-steps 40 --no-html",
         "check-cameras {inputs}/dlc/calibration.toml {inputs}/dlc/detections --unit cm "
@@ -120,7 +117,7 @@ def make(out: Path, python: str, inputs: Path, only: list[str]) -> int:
     """Run every command of every set with one version, and keep its exit status; 1 if `arrays` failed."""
     if not inputs.exists():
         write_inputs(inputs)
-    failed, alone = 0, _alone(python)
+    failed = 0
     for name in only:
         folder = out / name
         folder.mkdir(parents=True, exist_ok=True)
@@ -129,19 +126,12 @@ def make(out: Path, python: str, inputs: Path, only: list[str]) -> int:
             continue
         for place, text in enumerate(RUNS[name]):
             folders = {"inputs": inputs.resolve(), "out": folder.resolve()}
-            words = [word.format(**folders) for word in text.replace("{alone}", alone).split()]
+            words = [word.format(**folders) for word in text.split()]
             words, stdin = (words[:-2], words[-1]) if "<" in words else (words, os.devnull)
             status = _run([python, "-m", "skelsplat", *words], folder / f"stdout{place}.json", stdin)
             (folder / f"exit{place}.json").write_text(f'{{"status": {status}}}\n')
             print(f"{name}: exit {status}: skelsplat {text}", flush=True)
     return failed
-
-
-def _alone(python: str) -> str:
-    """Return the option that makes a version solve frame by frame; "" if it has none."""
-    command = [python, "-m", "skelsplat", "refine", "--help-all"]
-    shown = subprocess.run(command, capture_output=True, text=True, check=True).stdout
-    return ALONE if ALONE in shown else ""
 
 
 def _run(command: list[str], stdout: Path, stdin: str = os.devnull) -> int:

@@ -1,7 +1,5 @@
 """Modules that import each other in a circle, in the core crate and in the Python package.
 
-    python tools/import_circles.py      # prints every circle; status 1 if there are any
-
 A module is a file. An import is followed through re-exports (``pub use``, the names of an ``__init__.py``) to
 the file that defines the name; the re-export itself does not count, nor do imports seen only by tests or type
 checkers, or made inside functions.
@@ -11,7 +9,6 @@ from __future__ import annotations
 
 import ast
 import re
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -170,20 +167,3 @@ def _source(node: ast.ImportFrom, name: Name, path: Path) -> Name:
         return tuple((node.module or "").split("."))
     package = name if path.name == "__init__.py" else name[:-1]
     return (*package[: len(package) - node.level + 1], *filter(None, (node.module or "").split(".")))
-
-
-def main() -> int:
-    """Print the circles of both."""
-    found = 0
-    for graph, joint in ((rust_graph(), "::"), (python_graph(), ".")):
-        for circle in circles(graph):
-            found += 1
-            print("circle: " + ", ".join(joint.join(name) or "lib" for name in circle))
-            for name in circle:
-                to = sorted(joint.join(other) for other in graph[name] & set(circle))
-                print(f"  {joint.join(name) or 'lib'} -> {', '.join(to)}")
-    return int(found > 0)
-
-
-if __name__ == "__main__":
-    sys.exit(main())

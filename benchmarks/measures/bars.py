@@ -40,9 +40,7 @@ ANGLES = {
 }
 
 
-def coverage(
-    *, poses: int = 300, seed: int = 0, fast: bool = False, fields: Fields | None = None, kind: str = "room"
-) -> Table:
+def coverage(*, poses: int = 300, seed: int = 0, fast: bool = False, fields: Fields | None = None) -> Table:
     """Coverage in percent at 1, 2, 3 σ, and rank correlation of predicted and true error.
 
     For four views the paper's splat covariance is added for `paper`, unless `fast`.
@@ -51,7 +49,7 @@ def coverage(
     for name in ("good", "occluded 2"):
         for n_views in VIEWS:
             for factor in FACTORS:
-                here = scene(louder(NOISES[name], factor), poses, seed, kind=kind, n_views=n_views)
+                here = scene(louder(NOISES[name], factor), poses, seed, n_views=n_views)
                 where = f"{name}, {n_views}v, {NOISES[name].sigma_px * factor:.1f}px"
                 result = default(here, fields=fields)
                 rows[where] = _row(result.pose, result.uncertainty, here)
@@ -182,7 +180,7 @@ def gaussian(*, poses: int = 200, seed: int = 0, fields: Fields | None = None) -
 
 def noisy_scene(sigma_px: float, poses: int, seed: int, n_views: int) -> Scene:
     """Project poses and add independent normal noise on both axes; every confidence is 1."""
-    cameras, truth = rig("room", n_views), cmu_poses(poses, seed)
+    cameras, truth = rig(n_views), cmu_poses(poses, seed)
     pixels = np.moveaxis(sk.project(truth, cameras), 0, 1)
     pixels += sigma_px * np.random.default_rng(seed).standard_normal(pixels.shape)
     detections = np.concatenate([pixels, np.ones((*pixels.shape[:-1], 1))], axis=-1)

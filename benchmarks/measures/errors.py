@@ -44,13 +44,12 @@ def table(
     n_seeds: int = 3,
     fast: bool = False,
     fields: Fields | None = None,
-    kind: str = "room",
     n_views: int = 4,
 ) -> Table:
     """MPJPE in mm of all methods; `fast` omits the paper's and RANSAC Iskakov."""
     rows, notes = {}, []
     for name, noise in NOISES.items():
-        here = scene(noise, poses, seed, kind=kind, n_views=n_views, n_seeds=n_seeds)
+        here = scene(noise, poses, seed, n_views=n_views, n_seeds=n_seeds)
         start = monocular_start(here, START_MM, seed)
         error = start - here.truth
         sigma = float(np.sqrt(np.nanmean(error**2)))
