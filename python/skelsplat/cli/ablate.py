@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import shlex
 import sys
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -17,14 +18,12 @@ from skelsplat import datasets
 from skelsplat.cli import options
 from skelsplat.cli.command import takes
 from skelsplat.cli.datasets import INIT_SIGMA, LENS, SETTINGS, reader_options
-from skelsplat.cli.evaluate import print_experiment
-from skelsplat.cli.findings import telling
-from skelsplat.cli.output import print_json, progress
+from skelsplat.cli.evaluate import print_experiment, print_report
+from skelsplat.cli.output import progress
 from skelsplat.cli.rows import rows
-from skelsplat.cli.table import new_table, print_table, wide_console
+from skelsplat.cli.table import new_table, print_table
 from skelsplat.evaluation import ablations
 from skelsplat.evaluation.ablations import Choices, OnDisk, Source
-from skelsplat.findings import no_pictures
 from skelsplat.run.folder import output_folder
 
 # Beyond so many settings they become rows.
@@ -80,13 +79,11 @@ def ablate(
     set: list[str],
     poses: int | None = None,
     full: bool,
-    seed: int,
     protocol: bool,
-    start: Any,
-    init_sigma_mm: float,
     output: Path | None = None,
     quiet: bool,
     as_json: bool,
+    **given: Any,
 ) -> None:
     """Repeat an ablation of the paper and print its tables with the paper's rows.
 
@@ -105,39 +102,24 @@ def ablate(
     if full and poses is not None:
         raise typer.BadParameter("expected either a number of poses or --full", param_hint="--poses")
     ablation = ablations.get(options.one_of("NAME", name, ablations.names))
-    choices = Choices(
-        poses=None if full else poses or ablation.poses,
-        seed=seed,
-        start=start,
-        init_sigma_mm=init_sigma_mm,
-        undistort=protocol,
-    )
+    choices = Choices(None if full else poses or ablation.poses, undistort=protocol, **given)
+    on_disk = None
+    if data is not None:
+        dataset = options.one_of("--data", data[0], datasets.names())
+        on_disk = OnDisk(dataset, data[1], tuple(detections), reader_options(set, dataset))
+    elif detections or set:
+        expected = "expected a data set for --detections and --set, got none"
+        raise typer.BadParameter(expected, param_hint="--data")
     place = contextlib.nullcontext() if output is None else output_folder(output)
-    with place, progress("poses", first="reading", shown=not quiet, time=TimeElapsedColumn()) as show:
-        on_disk = None
-        if data is not None:
-            dataset = options.one_of("--data", data[0], datasets.names())
-            settings = reader_options(set, dataset)
-            on_disk = OnDisk(dataset, data[1], tuple(detections), settings)
-        elif detections or set:
-            expected = "expected a data set for --detections and --set, got none"
-            raise typer.BadParameter(expected, param_hint="--data")
+    with place, progress("poses", first="reading", shown=not quiet, time=TimeElapsedColumn()) as bar:
         command = shlex.join(["skelsplat", *sys.argv[1:]])
-        record = ablations.run(name, Source(choices, on_disk, show), command=command)
+        record = ablations.run(name, Source(choices, on_disk, bar), command=command)
     report = record.report()
     files = [] if output is None else report.write(output, name, f"{name}.png")
-    if files and not files[-1].endswith(".png"):
-        telling(quiet=quiet)(no_pictures("Figures"))
-    if as_json:
-        print_json(dict(report.values))
-    elif not quiet:
-        console = wide_console()
-        _print_record(console, record)
-        if files:
-            console.print(f"{output}: {', '.join(files)}")
+    print_report(report, partial(_print_record, record), output, files, quiet=quiet, as_json=as_json)
 
 
-def _print_record(console: Console, record: ablations.Record) -> None:
+def _print_record(record: ablations.Record, console: Console) -> None:
     """Print tables, each with its source under it, claims and notes.
 
     The rows of a table are methods; or its columns, if there are too many settings for the width.

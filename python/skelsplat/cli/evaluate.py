@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -23,6 +23,7 @@ from skelsplat.cli.table import new_table, print_parts, wide_console
 from skelsplat.datasets import Dataset
 from skelsplat.datasets._registry import detections_option, options_of
 from skelsplat.evaluation import methods, people, protocols, single
+from skelsplat.evaluation.protocols import Protocol
 from skelsplat.evaluation.report import Report
 from skelsplat.evaluation.tables import Table
 from skelsplat.exceptions import InvalidInputError
@@ -104,19 +105,13 @@ def evaluate(
     names: list[str],
     detections: str | None = None,
     protocol: bool,
-    views: int | None = None,
-    every: int | None = None,
     fps: float | None = None,
-    counting: str,
     set: list[str],
-    start: str | None = None,
-    init_sigma_mm: float,
-    seed: int,
-    n_threads: int | None = None,
     output: Path | None = None,
     per_joint: bool,
     quiet: bool,
     as_json: bool,
+    **given: Any,
 ) -> None:
     """Run methods on a data set with ground truth and print their errors with published ones.
 
@@ -135,13 +130,9 @@ def evaluate(
 
     skelsplat evaluate synthetic data/people -m track,affinity,oracle
     """
-    chosen = methods.Options(
-        undistort=protocol,
-        start=start,
-        init_sigma_mm=init_sigma_mm,
-        seed=seed,
-        n_threads=n_threads,
-    )
+    views = given.pop("views", None)
+    counted = {"every": given.pop("every", None), "counting": given.pop("counting")}
+    chosen = methods.Options(undistort=protocol, **given)
     options.one_of("DATASET", dataset, datasets.names())
     with collected_warnings(telling(quiet=quiet)):
         data = datasets.read(dataset, root, **_reader_options(dataset, detections, views, set))
@@ -149,41 +140,61 @@ def evaluate(
             tell(finding, f"{', '.join(finding.subject.files)}: ")
         if fps is not None:
             data = data.with_fps(fps)
-        rules = protocols.get(data.name).with_options(n_views=views, every=every, counting=counting)
+        rules = protocols.get(data.name).with_options(n_views=views, **counted)
         folder = Path("skelsplat-evaluation") / data.name if output is None else output
         with output_folder(folder), progress("poses", first="evaluating", shown=not quiet) as bar:
-
-            def hear(name: str, take: str, done: int, total: int) -> None:
-                bar(f"{name}, {take}", done, total)
-
-            found: people.PeopleEvaluation | single.Evaluation
-            if _of_people(names, data, start, counting):
-                picked = [] if names == ["all"] else names
-                found = people.evaluate(data, picked, chosen, protocol=rules, report=hear)
-            else:
-                kept = folder / "runs"
-                found = single.evaluate(data, names, chosen, protocol=rules, folder=kept, report=hear)
-            report = found.report()
+            several = _of_people(names, data, chosen.start, counted["counting"])
+            report = _evaluated(data, names, chosen, rules, None if several else folder / "runs", bar)
             files = report.write(folder)
     shown = report.tables if per_joint else report.tables[: report.shown]
-    print_report(report, shown, f"{folder}/", files, quiet=quiet, as_json=as_json)
+
+    def show(console: Console) -> None:
+        for table in shown:
+            print_experiment(console, table)
+        for note in shown[0].notes:
+            console.print(note, style="dim")
+
+    print_report(report, show, folder, files, quiet=quiet, as_json=as_json)
+
+
+def _evaluated(
+    data: Dataset,
+    names: Sequence[str],
+    chosen: methods.Options,
+    rules: Protocol,
+    runs: Path | None,
+    bar: Callable[[str, int, int], object],
+) -> Report:
+    """Run methods of one person, whose poses are kept in a folder, or, without one, of several people."""
+
+    def hear(name: str, take: str, done: int, total: int) -> None:
+        bar(f"{name}, {take}", done, total)
+
+    if runs is None:
+        picked = [] if list(names) == ["all"] else names
+        return people.evaluate(data, picked, chosen, protocol=rules, report=hear).report()
+    return single.evaluate(data, names, chosen, protocol=rules, folder=runs, report=hear).report()
 
 
 def print_report(
-    report: Report, shown: Sequence[Table], place: str, files: Sequence[str], *, quiet: bool, as_json: bool
+    report: Report,
+    show: Callable[[Console], None],
+    folder: Path | None,
+    files: Sequence[str],
+    *,
+    quiet: bool,
+    as_json: bool,
 ) -> None:
-    """Print tables, what the columns of the first mean, and which files were written; or JSON."""
+    """Print what ``show`` prints, and which files were written; or JSON."""
     if files and report.draw is not None and not files[-1].endswith(".png"):
         telling(quiet=quiet)(no_pictures("Figures"))
     if as_json:
         print_json(dict(report.values))
     elif not quiet:
         console = wide_console()
-        for table in shown:
-            print_experiment(console, table)
-        for note in shown[0].notes:
-            console.print(note, style="dim")
-        console.print(f"Wrote to {place}: {', '.join(files)}")
+        show(console)
+        if files:
+            console.print(f"Wrote to {folder}/: {', '.join(files)}")
 
 
 def print_experiment(console: Console, table: Table) -> None:
