@@ -19,14 +19,12 @@ from skelsplat.io import convert_unit, write_calibration
 from skelsplat.io._files import listed
 from skelsplat.io._kinds import seems
 from skelsplat.io._run_files import POSES, check_run, folders_of_run
-from skelsplat.io.calibration import find_format, read_calibration
+from skelsplat.io.calibration import FORMATS, find_format, read_calibration
 from skelsplat.io.poses import POSE_FORMATS, convert_poses, is_pose_file, pose_format
 
 EPILOG = (
-    "Calibrations are read from TOML (Anipose, Pose2Sim, FreeMoCap, Caliscope), OpenCV and EasyMocap YAML "
-    "pairs, OpenPose XML folders, Panoptic JSON, Human3.6M JSON, Qualisys .qca.txt, Vicon .xcp, npz and "
-    "JSON, and written as .toml (Anipose), .json or .npz. Poses are read and written as .npz, .csv, .trc, "
-    ".c3d, .json and .nc."
+    f"Calibrations are read from {'; '.join(known.about for known in FORMATS.values())}; they are written as "
+    f".toml (Anipose), .json or .npz. Poses are read and written as .{', .'.join(POSE_FORMATS)}."
 )
 _READ = frozenset({"unit", "format", "camera_type", "subject", "size", "binning"})
 _MOST_NAMES = 8

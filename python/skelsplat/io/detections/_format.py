@@ -66,6 +66,7 @@ class DetectionFormat:
     """A registered format; of `file`, `folder` and `recording` there are those in which it comes."""
 
     name: str
+    about: str  # what writes it
     suffixes: tuple[str, ...]
     # says from a look at a file's beginning whether it is of this format; never raises
     matches: Callable[[Path], bool]

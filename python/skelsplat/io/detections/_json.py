@@ -14,7 +14,7 @@ from skelsplat.exceptions import DatasetError
 from skelsplat.io._fields import Field
 from skelsplat.io._files import frame_number, head, load_json
 from skelsplat.io.calibration._format import whole_size
-from skelsplat.io.detections._format import Person, View, joints_of, list_view
+from skelsplat.io.detections._format import DetectionFormat, Person, View, joints_of, list_view
 from skelsplat.io.detections._frames import frame_files
 from skelsplat.io.detections._record import with_record
 
@@ -274,3 +274,15 @@ def is_mmpose(path: Path) -> bool:
     start = head(path)
     bare = start.startswith("[") and '"frame_id"' in start and '"instances"' in start
     return '"instance_info"' in start or '"keypoint_id2name"' in start or bare
+
+
+# what tools add to the camera's name in that of a file
+_ADDED = r"[-_ ]*alphapose[-_ ]results"
+_JSON = (".json",)
+FORMATS = (
+    DetectionFormat("openpose", "OpenPose, skelsplat detect", _JSON, is_openpose, folder=read_openpose),
+    DetectionFormat("mmpose", "MMPose 1.x", _JSON, is_mmpose, read_mmpose),
+    DetectionFormat("alphapose", "AlphaPose", _JSON, is_alphapose, read_alphapose, added=_ADDED),
+    DetectionFormat("coco", "COCO keypoint results", _JSON, is_coco, read_coco),
+    DetectionFormat("easymocap", "EasyMocap's annotations", _JSON, is_easymocap, folder=read_easymocap),
+)

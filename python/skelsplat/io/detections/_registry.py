@@ -14,46 +14,14 @@ from skelsplat._budget import opened
 from skelsplat.exceptions import DatasetError, InvalidInputError, one_of
 from skelsplat.io._files import VIDEO_SUFFIXES, head, listed
 from skelsplat.io._run_files import DETECTIONS, folders_of_run, is_run
-from skelsplat.io.detections import _arrays, _caliscope, _csv, _deeplabcut, _json, _npz, _sleap
+from skelsplat.io.detections import _animals, _arrays, _csv, _json
 from skelsplat.io.detections._format import DetectionFormat, View
 from skelsplat.io.detections._frames import Sources
 from skelsplat.io.detections._match import Candidates, match_by_name, match_by_order
 
-# what tools add to the camera's name in that of a file; DeepLabCut also the name of the network
-_ALPHAPOSE = r"[-_ ]*alphapose[-_ ]results"
-_DLC = r"(?s)DLC_.*"
-_SLEAP = r"\.(analysis|predictions|slp)\b"
 # in the order in which a message lists them
 FORMATS: dict[str, DetectionFormat] = {
-    form.name: form
-    for form in (
-        DetectionFormat("openpose", (".json",), _json.is_openpose, folder=_json.read_openpose),
-        DetectionFormat("mmpose", (".json",), _json.is_mmpose, _json.read_mmpose),
-        DetectionFormat("alphapose", (".json",), _json.is_alphapose, _json.read_alphapose, added=_ALPHAPOSE),
-        DetectionFormat("coco", (".json",), _json.is_coco, _json.read_coco),
-        DetectionFormat(
-            "rtmlib", (".npz", ".npy"), _arrays.is_rtmlib, _arrays.read_rtmlib, _arrays.read_rtmlib_folder
-        ),
-        DetectionFormat("metrabs", (".npz",), _arrays.is_metrabs, _arrays.read_metrabs),
-        DetectionFormat("deeplabcut", (".h5",), _deeplabcut.is_dlc, _deeplabcut.read_dlc, added=_DLC),
-        DetectionFormat(
-            "deeplabcut_csv", (".csv",), _deeplabcut.is_dlc_csv, _deeplabcut.read_dlc_csv, added=_DLC
-        ),
-        DetectionFormat("sleap", (".h5", ".hdf5"), _sleap.is_sleap, _sleap.read_sleap, added=_SLEAP),
-        DetectionFormat("sleap_csv", (".csv",), _sleap.is_sleap_csv, _sleap.read_sleap_csv, added=_SLEAP),
-        DetectionFormat("caliscope", (".csv",), _caliscope.is_caliscope, recording=_caliscope.read_caliscope),
-        DetectionFormat("freemocap", (".npy",), _arrays.is_freemocap, recording=_arrays.read_freemocap),
-        DetectionFormat("easymocap", (".json",), _json.is_easymocap, folder=_json.read_easymocap),
-        DetectionFormat(
-            "videopose3d",
-            (".npz",),
-            _arrays.is_videopose3d,
-            recording=_arrays.read_videopose3d,
-            sequences=True,
-        ),
-        DetectionFormat("npz", (".npz",), _npz.is_npz, _npz.read_npz, recording=_npz.read_npz_recording),
-        DetectionFormat("csv", (".csv",), _csv.is_csv, _csv.read_csv, recording=_csv.read_csv_recording),
-    )
+    form.name: form for module in (_json, _arrays, _animals, _csv) for form in module.FORMATS
 }
 # files looked at per folder: enough for every camera of a dome, and never a folder of a million images
 _MOST = 64

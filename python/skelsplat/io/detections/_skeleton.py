@@ -12,9 +12,9 @@ import numpy as np
 from skelsplat._budget import check_document, read_text
 from skelsplat.exceptions import DatasetError
 from skelsplat.io._arrays import array_names, as_numbers
+from skelsplat.io.detections._animals import is_sleap, sleap_file
 from skelsplat.io.detections._format import DetectionFormat, View
 from skelsplat.io.detections._registry import find_format, first_file
-from skelsplat.io.detections._sleap import is_sleap, sleap_file
 
 _YAML = (".yaml", ".yml")
 # single- and multi-animal projects; the latter writes "MULTI!" under the former
