@@ -177,18 +177,6 @@ def test_a_file_that_this_package_wrote_states_its_unit(write, tmp_path):
         read_calibration(path, unit="mm")
 
 
-@pytest.mark.parametrize("decimals", [3, 6])
-def test_a_rotation_of_few_decimals_becomes_the_nearest(decimals):
-    exact = matrix_from_vector(np.array([0.3, -1.2, 0.7]))
-    rounded = exact.round(decimals)
-    camera = sk.Camera([[900, 0, 320], [0, 900, 240], [0, 0, 1]], rounded, [0, 0, 3], size=(640, 480))
-    left, _, right = np.linalg.svd(rounded)
-    np.testing.assert_allclose(camera.R, left @ right, atol=1e-14)
-    np.testing.assert_allclose(camera.R @ camera.R.T, np.eye(3), atol=1e-14)
-    whole = sk.Camera([[900, 0, 320], [0, 900, 240], [0, 0, 1]], exact, [0, 0, 3], size=(640, 480))
-    np.testing.assert_array_equal(whole.R, exact)
-
-
 def test_rotation_vectors_agree_with_opencv():
     cv2 = pytest.importorskip("cv2")
     for vector in np.random.default_rng(0).normal(scale=1.5, size=(20, 3)):

@@ -48,12 +48,6 @@ def test_c3d_takes_the_same_names(tmp_path):
     assert set(labels) - FACE == POSE2SIM["halpe26"]
 
 
-def test_names_of_ones_own_keep_their_letters(tmp_path):
-    data = PoseData(np.zeros((1, 3, 3)), ("left", "tailBase", "right_ear_tip"), np.arange(1), "m")
-    write_trc(tmp_path / "a.trc", data, frame_rate=1, marker_names="pose2sim")
-    assert read_trc(tmp_path / "a.trc").joint_names == ("Left", "TailBase", "REarTip")
-
-
 @pytest.mark.parametrize("write", [write_trc, write_c3d])
 def test_an_unknown_style_is_refused(tmp_path, write):
     with pytest.raises(sk.InvalidInputError, match="marker_names: expected one of skelsplat, pose2sim, got"):
@@ -78,7 +72,3 @@ def test_refine_and_convert_take_the_option(recording, arguments, tmp_path):
     write_csv(tmp_path / "c.csv", poses("coco17"))
     result = invoke("convert", tmp_path / "c.csv", tmp_path / "d.npz", *style)
     assert_fails(result, 2, "--marker-names", ".npz")
-
-
-def test_an_unknown_style_is_bad_usage(arguments):
-    assert_fails(invoke(*arguments, *READ, "--marker-names", "osim"), 2, "--marker-names", "'osim'")

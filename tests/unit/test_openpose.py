@@ -192,13 +192,6 @@ def test_a_frame_twice(root):
 # Layouts.
 
 
-def test_the_layout_must_be_given(root):
-    with pytest.raises(
-        sk.InvalidInputError, match=r"layout: .* got none; .*17 joints per person: h36m17 or coco17"
-    ):
-        read_openpose(root, CAMERAS)
-
-
 # Files.
 
 

@@ -35,17 +35,8 @@ def test_four_cameras_in_a_room(rig):
     assert np.linalg.norm(centres[:, None] - centres, axis=-1).max() < 10.0
 
 
-def test_one_hundred_frames_of_body_25b(found):
-    assert found.people.shape[0::3] == (100, 25)
-    np.testing.assert_array_equal(found.frames, np.arange(100))
-
-
 def test_a_bystander_stands_in_two_views(found):
     np.testing.assert_array_equal(np.median(found.people_per_frame, axis=0), [2, 2, 1, 1])
-
-
-def test_the_first_number_is_the_recordings(found):
-    np.testing.assert_array_equal(found.people[0, 0, 0, 0], [505.232, 431.63, 0.664216])
 
 
 def test_the_licence_is_unpacked_with_it(paths):
@@ -76,10 +67,6 @@ def test_the_third_camera_disagrees(found, rig, preset):
     assert rejected.argmax() == 2
     assert rejected[2] > 0.5 * rejected.sum()
     assert np.nanmean(result.view_weights, axis=(0, 2)).argmin() == 2
-
-
-def test_unpacking_again_is_harmless(paths):
-    assert sample.extract(paths.calibration.parent) == paths
 
 
 def test_unpacking_into_a_file(tmp_path):

@@ -64,14 +64,6 @@ def test_npz_returns_every_field(data, tmp_path):
     assert_equal(read_npz(tmp_path / "pose.npz"), data)
 
 
-def test_npz_states_the_version_and_needs_no_pickle(data, tmp_path):
-    write_npz(tmp_path / "pose.npz", data)
-    with np.load(tmp_path / "pose.npz", allow_pickle=False) as archive:
-        assert str(archive["version"]) == sk.__version__
-        assert str(archive["unit"]) == "mm"
-        assert archive["joint_names"].tolist() == ["nose", "head top, upper"]
-
-
 def test_npz_has_error_bars_and_weights_under_their_names(data, tmp_path):
     write_npz(tmp_path / "pose.npz", data)
     with np.load(tmp_path / "pose.npz", allow_pickle=False) as archive:
@@ -126,15 +118,6 @@ def test_csv_has_a_row_for_every_frame_and_joint(data, tmp_path):
     assert len(rows) == T * N
     assert [float(rows[5][axis]) for axis in "xyz"] == data.pose[2, 1].tolist()
     assert {row["unit"] for row in rows} == {"mm"}
-
-
-def test_csv_counts_views_and_averages_over_them(data, tmp_path):
-    write_csv(tmp_path / "pose.csv", data)
-    rows = rows_of(tmp_path / "pose.csv")
-    assert rows[0]["n_views"] == "1"
-    assert float(rows[0]["reprojection_error_px"]) == data.reprojection_error[0, 0, 0]
-    assert rows[2]["n_views"] == "2"
-    assert float(rows[2]["reprojection_error_px"]) == np.mean(data.reprojection_error[1, :, 0])
 
 
 def test_csv_has_standard_deviations_per_axis_and_counts_rejected_views(data, tmp_path):

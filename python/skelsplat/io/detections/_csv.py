@@ -1,6 +1,6 @@
 """Csv files with a line per joint: Caliscope's tracked points, and detections of one's own.
 
-The latter have a header line with the columns ``frame``, ``joint``, ``x`` and ``y``, in any order, and perhaps
+The latter have a header line with the columns ``frame``, ``joint``, ``x``, ``y``, in any order, and perhaps
 ``confidence`` (else 1), ``person`` (a number or name; else there is one) and ``camera`` (else one file per
 camera, named like it). ``joint`` is a name, or in every line the place in the layout, from 0. A joint with an
 empty ``x``, ``y`` or ``confidence`` is missing, like one whose line is not there.
