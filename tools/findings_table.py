@@ -68,6 +68,18 @@ def is_finding(node: ast.AST) -> bool:
     return isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "Finding"
 
 
+def kinds_of(tree: ast.Module) -> Iterator[tuple[str, str]]:
+    """Yield the keys of a module's tables of words by kind, and their words."""
+    tables = [node.value for node in tree.body if isinstance(node, ast.AnnAssign | ast.Assign)]
+    for table in (one for one in tables if isinstance(one, ast.Dict)):
+        for key, value in zip(table.keys, table.values, strict=True):
+            words = value.body if isinstance(value, ast.Lambda) else value
+            parts = words.elts if isinstance(words, ast.Tuple) else [words]
+            shown = [part for one in parts for part in texts(one, {}) if part != "…"]
+            if isinstance(key, ast.Constant) and shown:
+                yield key.value, ": ".join(filter(None, shown))
+
+
 def findings_of(path: Path) -> Iterator[Found]:
     """Yield kind, severity and sentence of every finding that a file makes."""
     tree = ast.parse(path.read_text(encoding="utf-8"))
@@ -78,8 +90,11 @@ def findings_of(path: Path) -> Iterator[Found]:
             given = dict(zip(FIELDS, call.args, strict=False))
             given |= {one.arg: one.value for one in call.keywords}
             severities = texts(given["severity"], names) if "severity" in given else ["warning"]
+            severity = "/".join(one for one in SEVERITIES if one in severities)
             for kind in texts(given["kind"], names):
-                severity = "/".join(one for one in SEVERITIES if one in severities)
+                if kind == "…":  # a key of a table
+                    yield from ((key, severity, words) for key, words in kinds_of(tree))
+                    continue
                 for sentence in texts(given.get("sentence"), names):
                     yield kind, severity, sentence
 
