@@ -15,6 +15,7 @@ import numpy as np
 
 import skelsplat as sk
 from skelsplat import synthetic
+from writers.people import image_record
 
 CAMERAS = ("54138969", "55011271", "58860488", "60457274")
 FRAMES = 6
@@ -226,37 +227,12 @@ def adafuse_records(recording: Recording, *, in_world: bool = False) -> list[dic
     """Return the records of AdaFuse's pickle."""
     records = []
     for take in recording.takes:
+        who = int(take.subject[1:]), ACTION_NUMBERS[take.action], take.number + 1
         for t, frame in enumerate(take.frames):
             for v, camera in enumerate(recording.rigs[take.subject]):
-                k1, k2, p1, p2, k3 = lens(camera)
-                low, high = take.pixels[t, v].min(axis=0), take.pixels[t, v].max(axis=0)
-                records.append(
-                    {
-                        "image": f"s_{take.subject[1:]}_{v}_{frame:06d}.jpg",
-                        "joints_2d": take.pixels[t, v],
-                        "joints_3d": take.truth[t] if in_world else take.truth[t] @ camera.R.T + camera.t,
-                        "joints_vis": np.ones((take.truth.shape[1], 3)),
-                        "video_id": 0,
-                        "image_id": int(frame) + 1,
-                        "subject": int(take.subject[1:]),
-                        "action": ACTION_NUMBERS[take.action],
-                        "subaction": take.number + 1,
-                        "camera_id": v,
-                        "camera": {
-                            "R": camera.R,
-                            "T": camera.centre[:, None],
-                            "fx": np.array([camera.K[0, 0]]),
-                            "fy": np.array([camera.K[1, 1]]),
-                            "cx": np.array([camera.K[0, 2]]),
-                            "cy": np.array([camera.K[1, 2]]),
-                            "k": np.array([[k1], [k2], [k3]]),
-                            "p": np.array([[p1], [p2]]),
-                        },
-                        "center": (low + high) / 2,
-                        "scale": (high - low) / 200,
-                        "box": np.concatenate([low, high]),
-                    }
-                )
+                joints = take.truth[t] if in_world else take.truth[t] @ camera.R.T + camera.t
+                record = image_record(camera, take.pixels[t, v], who, int(frame) + 1, v)
+                records.append({**record, "joints_3d": joints})
     return records
 
 

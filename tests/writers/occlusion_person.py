@@ -12,7 +12,7 @@ import numpy as np
 
 import skelsplat as sk
 from skelsplat import synthetic
-from writers.people import FloatArray, Person, at_centre, person
+from writers.people import FloatArray, Person, at_centre, image_record, person
 
 LAYOUT = sk.layouts.OCCLUSION_PERSON15
 
@@ -75,36 +75,13 @@ def _records(scenes: list[Person], visible: np.ndarray) -> list[dict[str, Any]]:
     records, row = [], 0
     for k, scene in enumerate(scenes):
         exact = np.moveaxis(np.asarray(sk.project(scene.truth, scene.rig)), 0, 1)
-        for t in range(len(scene.truth)):
+        for t, truth in enumerate(scene.truth):
             for m, camera in enumerate(scene.rig):
-                records.append(_record(scene, k, t, m, camera, exact[t, m], visible[row, m]))
+                record = image_record(camera, exact[t, m], (k, 1, 1), t, m)
+                flags = np.repeat(visible[row, m][:, None], 2, axis=1).astype(np.float64)
+                records.append({**record, "joints_gt": truth, "joints_vis_2d": flags})
             row += 1
     return records
-
-
-def _record(
-    scene: Person, k: int, t: int, m: int, camera: sk.Camera, pixels: FloatArray, visible: np.ndarray
-) -> dict[str, Any]:
-    low, high = pixels.min(axis=0), pixels.max(axis=0)
-    return {
-        "image": f"s_{k:02d}_act_01_subact_01_ca_{m:02d}/{t:06d}.jpg",
-        "joints_2d": pixels,
-        "joints_3d": scene.truth[t] @ camera.R.T + camera.t,
-        "joints_gt": scene.truth[t],
-        "joints_vis": np.ones((15, 3)),
-        "joints_vis_2d": np.repeat(visible[:, None], 2, axis=1).astype(np.float64),
-        "center": (low + high) / 2,
-        "scale": np.repeat((high - low).max() / 200.0, 2),
-        "box": np.concatenate([low, high]),
-        "video_id": k,
-        "image_id": t,
-        "subject": k,
-        "action": 1,
-        "subaction": 1,
-        "camera_id": m,
-        "camera": at_centre(camera, arrays=True),
-        "source": "unrealcv",
-    }
 
 
 def _write_authors(root: Path, activity: str, scenes: list[Person]) -> None:

@@ -36,15 +36,9 @@ def person(
     return Person(layout, rig, truth, detections)
 
 
-def joined(distortion: FloatArray | None) -> tuple[list[float], list[float]]:
-    """Split k1, k2, p1, p2, k3 into k (3) and p (2), as AdaFuse and VoxelPose have them."""
-    k1, k2, p1, p2, k3 = [0.0] * 5 if distortion is None else distortion.tolist()
-    return [k1, k2, k3], [p1, p2]
-
-
 def at_centre(camera: sk.Camera, *, arrays: bool = False) -> dict[str, object]:
-    """Return the table R, T, fx, fy, cx, cy, k, p with x_cam = R (X − T)."""
-    k, p = joined(camera.distortion)
+    """Return the table R, T, fx, fy, cx, cy, k, p of AdaFuse and VoxelPose, with x_cam = R (X − T)."""
+    k1, k2, p1, p2, k3 = [0.0] * 5 if camera.distortion is None else camera.distortion.tolist()
     table: dict[str, object] = {
         "R": camera.R,
         "T": camera.centre.reshape(3, 1),
@@ -52,7 +46,26 @@ def at_centre(camera: sk.Camera, *, arrays: bool = False) -> dict[str, object]:
         "fy": camera.K[1, 1],
         "cx": camera.K[0, 2],
         "cy": camera.K[1, 2],
-        "k": np.array(k).reshape(3, 1),
-        "p": np.array(p).reshape(2, 1),
+        "k": np.array([[k1], [k2], [k3]]),
+        "p": np.array([[p1], [p2]]),
     }
     return table if arrays else {key: np.asarray(value).tolist() for key, value in table.items()}
+
+
+def image_record(
+    camera: sk.Camera, pixels: FloatArray, who: tuple[int, int, int], frame: int, view: int
+) -> dict[str, object]:
+    """Return the record of an image in AdaFuse's pickles but for 3D joints; `who` is subject and actions."""
+    low, high = pixels.min(axis=0), pixels.max(axis=0)
+    return {
+        **dict(zip(("subject", "action", "subaction"), who, strict=True)),
+        "image_id": frame,
+        "camera_id": view,
+        "video_id": 0,
+        "camera": at_centre(camera, arrays=True),
+        "joints_2d": pixels,
+        "joints_vis": np.ones((len(pixels), 3)),
+        "center": (low + high) / 2,
+        "scale": np.repeat((high - low).max() / 200.0, 2),
+        "box": np.concatenate([low, high]),
+    }
