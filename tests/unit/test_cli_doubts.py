@@ -152,11 +152,3 @@ def unfit_of(rig, people):
 @pytest.mark.parametrize("hidden", [1, 2, 3])
 def test_occluded_views_fit(hidden):
     assert unfit_of(*simulated(synthetic.DetectionNoise.occluded(hidden))) == {}
-
-
-def test_in_exchanged_cameras_unmatched():
-    rig, people = simulated(synthetic.DetectionNoise.good())
-    assert set(unfit_of(rig, people[:, [1, 0, 2, 3]])) == {0, 1}
-    nobody = people.copy()
-    nobody[:, :2] = np.nan  # cameras that see nobody are not counted
-    assert unfit_of(rig, nobody) == {}

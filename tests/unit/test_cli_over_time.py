@@ -17,15 +17,6 @@ from skelsplat.run import engine
 FPS = ["--fps", "50", "--frame-by-frame", "-q"]
 
 
-def test_nothing_is_filled_or_filtered_by_default(gap, arguments):
-    assert invoke(*arguments, *READ, *FPS).exit_code == 0
-    written = read_npz(gap / "out" / "pose.npz")
-    assert np.isnan(written.pose[2, 16]).all()
-    assert (written.joint_status[2, 16], written.processing, written.frame_rate) == ("unobserved", (), 50.0)
-    report = json.loads((gap / "out" / "report.json").read_text())
-    assert report["over_time"] == {"gaps": None, "filter": None, "processing": []}
-
-
 def test_a_gap_is_filled_and_marked(gap, arguments):
     assert invoke(*arguments, *READ, *FPS).exit_code == 0
     plain = read_npz(gap / "out" / "pose.npz")
@@ -77,18 +68,6 @@ def test_the_filter_is_that_of_temporal_in_mm_and_is_stated_in_every_format_with
     }
 
 
-def test_runs_too_short_for_butterworth_are_said_to_be_left(gap, arguments):
-    assert invoke(*arguments, *READ, *FPS, "--filter", "butterworth:6:4").exit_code == 0
-    report = json.loads((gap / "out" / "report.json").read_text())["over_time"]
-    # five frames are fewer than ten
-    settings = {"name": "butterworth", "cutoff_hz": 6.0, "order": 4}
-    assert report["filter"] == {**settings, "left_as_they_are": 84, "weak_left": 0}
-    assert (
-        "order 4, −3 dB at 6 Hz, zero-lag (forward and backward); 84 joint positions"
-        in report["processing"][0]
-    )
-
-
 def with_a_weak_joint(recording):
     """Let two views see the right wrist in frame 2, and contradict each other."""
     folder, rig, _ = recording
@@ -114,15 +93,6 @@ def test_a_filter_leaves_weak_joints_and_keeps_them_from_the_others(recording, a
     np.testing.assert_array_equal(smooth.pose, expected)
     np.testing.assert_array_equal(smooth.pose[weak], plain.pose[weak])
     assert "; 1 weak joint position is unchanged and does not influence other frames." in smooth.processing[0]
-
-
-def test_a_joint_that_a_filter_leaves_is_counted_once(recording, arguments):
-    with_a_weak_joint(recording)
-    assert invoke(*arguments, *READ, *FPS, "--filter", "butterworth:6:4").exit_code == 0
-    report = json.loads((recording[0] / "out" / "report.json").read_text())["over_time"]
-    # the run of five frames is too short for all of 5·17, one of which is weak besides
-    assert (report["filter"]["left_as_they_are"], report["filter"]["weak_left"]) == (84, 1)
-    assert "; 84 joint positions" in report["processing"][0]
 
 
 def test_weak_joints_are_filled_when_asked(recording, arguments):
@@ -157,17 +127,6 @@ def test_write_names_the_formats(recording, arguments):
     assert "pose.csv, pose.json" in " ".join(result.stdout.split())
 
 
-def test_options_of_marker_files_are_noted_where_there_is_none(arguments):
-    always = [*arguments, *READ, *FPS[:-1], "--y-up", "--marker-names", "pose2sim"]
-    said = invoke(*always, "--write", "csv").stderr.splitlines()
-    assert [line.partition(" has no effect: it applies to pose.trc and pose.c3d")[0] for line in said] == [
-        "note: y_up",
-        "note: marker_names",
-    ]
-    assert invoke(*always, "--write", "csv", "-q").output == ""
-    assert invoke(*always, "--write", "trc").stderr == ""
-
-
 def test_an_unknown_frame_rate_is_a_warning_of_the_files_that_need_one(recording, arguments):
     pytest.importorskip("ezc3d", reason="ezc3d is not installed")
     folder, _, _ = recording
@@ -187,31 +146,6 @@ def test_y_up_turns_c3d_as_well(recording, arguments):
     pose = read_npz(folder / "out" / "pose.npz").pose
     turned = read_c3d(folder / "out" / "pose.c3d").pose
     np.testing.assert_array_equal(turned, pose[..., [1, 2, 0]].astype(np.float32))
-
-
-@pytest.mark.parametrize(
-    ("extra", "parts"),
-    [
-        (["--write", "bvh"], ["--write", "npz, csv, trc, c3d, json, nc", "'bvh'"]),
-        (["--write", ""], ["--write", "''"]),
-        (["--filter", "butterworth"], ["--filter", "requires --fps"]),
-        (["--fps", "50", "--filter", "kalman"], ["--filter", "butterworth[:HZ[:ORDER]]", "'kalman'"]),
-        (["--fps", "50", "--filter", "butterworth:fast"], ["--filter", "numbers", "'butterworth:fast'"]),
-        (["--fps", "50", "--filter", "butterworth:6:4.5"], ["--filter", "numbers"]),
-        (["--fps", "50", "--filter", "butterworth:6:4:1"], ["--filter", "butterworth[:HZ[:ORDER]]"]),
-        (["--fps", "50", "--filter", "butterworth:25"], ["--filter", "cutoff", "25 Hz, got 25"]),
-        (["--fps", "50", "--filter", "butterworth:6:3"], ["--filter", "order", "got 3"]),
-        (["--fps", "50", "--filter", "one-euro:-1"], ["--filter", "min_cutoff", "positive", "-1"]),
-        (["--fill-gaps", "0"], ["--fill-gaps"]),
-        (["--fill-gaps", "2", "--fill-method", "spline"], ["--fill-method", "cubic, linear", "'spline'"]),
-        (["--fill-weak"], ["--fill-weak", "requires --fill-gaps"]),
-        (["--fill-method", "linear"], ["--fill-method", "requires --fill-gaps"]),
-    ],
-)
-def test_bad_usage_is_status_2(recording, arguments, extra, parts):
-    folder, _, _ = recording
-    assert_fails(invoke(*arguments, *READ, *extra), 2, *parts, "see", "--help")
-    assert not (folder / "out").exists()
 
 
 @pytest.mark.parametrize(

@@ -73,30 +73,3 @@ def test_gaps_are_filled_at_it_and_have_no_error_bar(one_view, arguments):
         in text
     )
     assert read_npz(one_view / "pose.npz").joint_status[2, 16] == "filled"
-
-
-def test_a_filled_joint_does_not_count_among_the_error_bars(recording, arguments):
-    """Two views contradict each other in frame 2; what stands there instead has no error bar."""
-    folder, rig, _ = recording
-    for i, name in enumerate(rig.names):
-        path = folder / "openpose" / name / "000002_keypoints.json"
-        document = json.loads(path.read_text())
-        joint = document["people"][0]["pose_keypoints_2d"]
-        joint[48:51] = [joint[48], joint[49] + 300.0 * i, 0.9] if i < 2 else [0.0, 0.0, 0.0]
-        path.write_text(json.dumps(document))
-
-    def largest():
-        report = json.loads((folder / "out" / "report.json").read_text())
-        return report["reprojection_error"]["joints"][16]["error_bar_max_mm"]
-
-    assert invoke(*arguments, *READ, *FPS).exit_code == 0
-    before = largest()
-    assert invoke(*arguments, *READ, *FPS, "--fill-gaps", 1, "--fill-weak").exit_code == 0
-    assert largest() < 0.5 * before
-
-
-def test_that_there_was_nothing_to_fill_is_said_but_not_written(recording, arguments):
-    result = invoke(*arguments, *READ, *FPS, "--fill-gaps", 3)
-    assert "No gaps were filled: none of at most 3 frames lies between known positions." in result.stdout
-    assert read_npz(recording[0] / "out" / "pose.npz").processing == ()
-    assert "No gap" not in invoke(*arguments, *READ, *FPS).stdout

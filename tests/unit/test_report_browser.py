@@ -194,10 +194,6 @@ def test_the_ellipsoid_of_an_undetermined_joint_is_cut_off_and_says_so(visit):
     assert "cut off" not in page.evaluate("tell(0, 0)")
 
 
-def test_frame_numbers_may_be_time_stamps(visit):
-    assert frame_of(visit(odd, STAMP)) == STAMPS[7]
-
-
 def test_a_link_leads_to_its_frame(visit):
     page = visit(fragment="#frame=117")
     assert frame_of(page) == 117
@@ -395,17 +391,6 @@ def test_people_have_their_colours_and_names_in_the_view(visit):
     assert page.evaluate("labels(scene.refined, 30).texts") == ["person 0", "person 1"]
     page.check("#ellipsoids")
     wait(page, "view.div.data[MOVING.indexOf('ellipsoids')].visible === true")
-
-
-def test_the_view_follows_the_person_chosen(visit):
-    page = visit(people_report, "#frame=130")
-    page.select_option("#follow", "1")
-    wait(page, "!player.busy && player.wanted === null")
-    centre = page.evaluate("liveCamera().center")
-    expected = page.evaluate("inView(middle(scene.refined, 30, scene.people[1]))")
-    np.testing.assert_allclose([centre[axis] for axis in "xyz"], expected, atol=1e-6)
-    page.select_option("#follow", "")
-    assert page.evaluate("view.follow ?? null") is None
 
 
 def test_a_bar_is_as_long_as_the_person_is_there(visit):

@@ -32,14 +32,6 @@ def test_the_stored_input_can_be_refined_again(run_folder, tmp_path):
     np.testing.assert_array_equal(read_run(tmp_path / "again").poses.pose, read_run(run_folder).poses.pose)
 
 
-def test_the_numbers_of_the_frames_are_kept(recording, arguments):
-    folder, rig, _ = recording
-    for name in rig.names:
-        (folder / "openpose" / name / "000002_keypoints.json").unlink()
-    assert invoke(*arguments, *READ, "--fps", 50).exit_code == 0
-    assert read_run(folder / "out").poses.frames.tolist() == [0, 1, 3, 4]
-
-
 @pytest.mark.parametrize(
     ("change", "field"),
     [

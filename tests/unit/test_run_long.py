@@ -16,7 +16,7 @@ from skelsplat.association import take_people
 from skelsplat.findings import Finding, FindingWarning
 from skelsplat.io import _rows, read_run, write_calibration
 from skelsplat.io.poses._pose_data import ARRAYS
-from skelsplat.run import Job, Run, _run, folder, frame_range, parts, read, run, run_batch, run_people
+from skelsplat.run import Job, Run, _run, folder, frame_range, parts, read, run, run_people
 from skelsplat.run.frame_range import FrameRange
 from skelsplat.run.person import pick_places
 from skelsplat.run.plots import read_source
@@ -180,15 +180,6 @@ def test_an_option_that_needs_all_frames_is_named_before_the_work(
     with pytest.raises(sk.DatasetError, match=fits):
         run_people(job(files, tmp_path / "none", people="all"))
     assert not (tmp_path / "none").exists()
-
-
-def test_a_batch_does_long_recordings_in_parts(files: Path, tmp_path: Path) -> None:
-    left = tmp_path / "one" / ".skelsplat-long-x"  # of a run that was killed
-    left.mkdir(parents=True)
-    (left / "pose").write_bytes(b"some")
-    run_batch({"one": job(files, tmp_path / "one", write=())}, tmp_path)
-    assert '"thinned"' in (tmp_path / "one" / "report.json").read_text()
-    assert not list((tmp_path / "one").glob(".skelsplat-*"))
 
 
 def test_of_a_long_run_a_range_is_read(files: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

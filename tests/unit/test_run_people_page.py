@@ -63,13 +63,6 @@ def test_the_page_counts_as_the_report_does(folder, text):
     assert [row[4].split(" → ")[1] for row in rows(text, "table-people")] == [error[2:] for error in errors]
 
 
-def test_bones_have_a_column_per_person(text):
-    found = rows(text, "table-bone-lengths-mm")
-    assert {len(row) for row in found} == {3}
-    shin = next(row for row in found if row[0] == "left knee – left ankle")
-    assert all(re.fullmatch(r"\d{3} ± \d+", cell) for cell in shin[1:])
-
-
 def test_tracks_are_in_mm_and_know_who_sees_whom(folder):
     found = PeopleRun.open(folder)
     for track, one in zip(tracks_of(found), found.people.values(), strict=True):
