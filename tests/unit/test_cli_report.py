@@ -93,7 +93,7 @@ def test_a_rejected_detection_is_counted_per_camera_and_per_joint(recording, arg
     assert errors["joints"][16]["poor"] == errors["cameras"][0]["poor"] == 1
     assert errors["cameras"][0]["mean_weight"] < errors["cameras"][1]["mean_weight"]
     first = next(line.split() for line in result.stdout.splitlines() if line.split()[:1] == ["cam1"])
-    assert first[9] == "1"
+    assert first[9] == "1.2%"
     written = read_npz(folder / "out" / "pose.npz")
     assert np.argwhere(written.view_weights < sk.REJECTED_WEIGHT).tolist() == [[2, 0, 16]]
     with (folder / "out" / "pose.csv").open(newline="") as stream:

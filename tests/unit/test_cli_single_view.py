@@ -38,7 +38,7 @@ def test_it_is_said_to_have_none(one_view, arguments):
     assert ": right_wrist (frame 2)." in text
     assert "Weak joints (fewer" not in text
     assert "left as it is" not in text  # of the filter: there is nothing to leave
-    assert "; left out: too little confidence, or the joint has no position" in text
+    assert "left out: detections below the minimum confidence, or of a joint without a position" in text
     data = read_npz(one_view / "pose.npz")
     assert data.joint_status[2, 16] == "weak"
     assert np.isnan(data.pose[2, 16]).all()

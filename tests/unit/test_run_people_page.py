@@ -48,7 +48,7 @@ def rows(text, section):
 
 def test_the_table_has_a_row_per_person_with_a_link_to_their_page(folder, text):
     first, second = rows(text, "table-people")
-    assert first[:4] == ['<a href="person_0/report.html">person 0</a>', "40, 0 to 39", "40", "4"]
+    assert first[:4] == ['<a href="person_0/report.html">person 0</a>', "0–39", "40", "4"]
     assert second[0] == '<a href="person_1/report.html">person 1</a>'
     for link in re.findall(r'<a href="(person_\d/.*?)"', text):
         assert (folder / link).is_file()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Collection, Iterator, Sequence
 from copy import copy
+from dataclasses import replace
 from pathlib import Path
 from textwrap import wrap
 from typing import Any
@@ -15,33 +16,30 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-import skelsplat as sk
 from skelsplat._escape import escaped
-from skelsplat._words import length, number
+from skelsplat._words import number
 from skelsplat.cli.findings import print_findings
 from skelsplat.cli.output import Terminal
 from skelsplat.findings import Finding
-from skelsplat.run import PeopleRun, Run
+from skelsplat.run import PeopleRun, Run, tables
 from skelsplat.run.folder import left_of_earlier
-from skelsplat.run.report import ADJUSTED, adjusted_rows, solved_in_words, thinned_in_words
+from skelsplat.run.report import solved_in_words, thinned_in_words
 from skelsplat.run.solve import default_threads
-from skelsplat.run.summary import Group, Statistics, finite_max, finite_median, is_biased
+from skelsplat.run.summary import finite_median, is_biased
 
 _WIDEST = 100  # columns of tables with more than fits 80
 _MOST_JOINTS = 5
+# heads of the columns that fit
+_ADJUSTED = ("status", "turned by [°]", "moved by [mm]", "error [px]")
+_CAMERAS = ("median [px]", "90th percentile [px]", "used", "missing", "rejected", "weight")
+_JOINTS = ("median [px]", "missing", "rejected", "error bar [mm]", "moved [mm]")
+_PEOPLE = ("frames", "seen", "views", "error [px]", "rejected", "error bar [mm]", "limbs")
 _REASONS = {
     "converged": "converged",
     "max_steps": "at the step limit",
     "no_observations": "without detections",
     "diverged": "diverged",
 }
-
-
-_LEGEND_OF_PEOPLE = (
-    "seen: frames in which a view sees the person; views: median per frame; error: median reprojection "
-    "error; bar: median error bar, one standard deviation per axis; limbs: range of the lengths of arms and "
-    "legs frame by frame, 5th to 95th percentile"
-)
 
 
 def wide_console() -> Console:
@@ -125,28 +123,50 @@ def _least_width(console: Console, table: Table) -> int:
 
 def print_run(console: Console, run: Run, told: Collection[Finding] = ()) -> None:
     """Print the table of cameras, the lines on the run, the least certain joints, warnings not ``told``."""
-    print_adjusted(console, run.report)
-    print_table(console, _cameras(run))
-    console.print(_legend(run.statistics), style="dim")
-    console.print()
+    left_out = ["left out"] if run.statistics.total.left_out else []
+    print_rows(console, tables.of_adjusted(run.report), _ADJUSTED)
+    print_rows(console, tables.of_cameras(run), [*_CAMERAS, *left_out], explained=[*_CAMERAS[3:], *left_out])
     for line in _lines(run):
         console.print(line)
-    print_table(console, _joints(run))
-    console.print()
+    joints = replace(tables.of_joints(run), title="Joints with the largest error bars")
+    print_rows(console, joints, _JOINTS, explained=_JOINTS[-2:], some=_least_certain(run))
     note = run.report["note"]
     print_paragraphs(console, [note] if note else [])
     print_findings(console, [one for one in run.findings if one.severity == "warning" and one not in told])
     print_paragraphs(console, [*_nothing_filled(run.report["over_time"]["gaps"]), *run.poses.processing])
 
 
-def print_adjusted(console: Console, report: dict[str, Any]) -> None:
-    """Print what became of the cameras, if they were adjusted."""
-    rows, heads = adjusted_rows(report), [head.replace(" [", "\n[") for head, _ in ADJUSTED[1:]]
-    if rows:
-        table = new_table("Cameras, before → after they were adjusted", "camera", heads)
-        for row in rows:
-            table.add_row(*row)
-        print_table(console, table)
+def print_rows(
+    console: Console,
+    rows: tables.Rows,
+    heads: Collection[str],
+    *,
+    explained: Collection[str] = (),
+    some: Sequence[int] | None = None,
+) -> None:
+    """Print the columns with these heads of a table, if it has rows, then what ``explained`` ones mean.
+
+    ``some`` are the places of the rows to print; None: all.
+    """
+    if not rows.rows:
+        return
+    shown = [k for k, (head, _) in enumerate(rows.columns) if head in heads]
+    columns = [rows.columns[k] for k in shown]
+    table = new_table(rows.title, rows.columns[0][0], [head.replace(" [", "\n[") for head, _ in columns])
+    chosen = [*rows.rows] if some is None else [rows.rows[k] for k in some]
+    for row in chosen:
+        table.add_row(row[0], *(row[k] for k in shown), end_section=row is chosen[-1])
+    if rows.total:
+        table.add_row(rows.total[0], *(rows.total[k] for k in shown), style="bold")
+    for column in table.columns:
+        column.no_wrap = True
+    print_table(console, table)
+    words = "; ".join(
+        f"{head.partition(' [')[0]}: {meaning}" for head, meaning in columns if head in explained
+    )
+    if words:
+        console.print(words, style="dim")
+        console.print()
 
 
 def print_paragraphs(console: Console, texts: Sequence[str]) -> None:
@@ -170,34 +190,6 @@ def print_files(console: Console, folder: Path, names: Sequence[str]) -> None:
     folders = left_of_earlier(folder)
     if folders:
         console.print(f"! {' and '.join(folders)} {'is' if len(folders) == 1 else 'are'} from an earlier run")
-
-
-def _cameras(run: Run) -> Table:
-    statistics = run.statistics
-    left_out = statistics.total.left_out > 0
-    columns = ["median", "90th percentile", "used", "missing", "rejected", "weight"]
-    title = f"Reprojection error [px], {run.outcome.start_name} → refined, and detections"
-    table = new_table(title, "camera", [*columns, "left\nout"] if left_out else columns)
-    for group in statistics.cameras:
-        table.add_row(*_cells(group, left_out), end_section=group is statistics.cameras[-1])
-    table.add_row(*_cells(statistics.total, left_out), style="bold")
-    return table
-
-
-def _cells(group: Group, left_out: bool) -> list[str]:
-    median = f"{number(group.before_px)} → {number(group.after_px)}"
-    p90 = f"{number(group.p90_before_px)} → {number(group.p90_after_px)}"
-    cells = [group.name, median, p90]
-    cells += [str(group.used), str(group.missing), str(group.rejected), number(group.mean_weight, 2)]
-    return [*cells, str(group.left_out)] if left_out else cells
-
-
-def _legend(statistics: Statistics) -> str:
-    left_out = "; left out: too little confidence, or the joint has no position"
-    return (
-        "missing: no detection of the person followed; weight: how much the detections are trusted, 0 to 1; "
-        f"rejected: weight below {sk.REJECTED_WEIGHT:g}{left_out if statistics.total.left_out else ''}"
-    )
 
 
 def _lines(run: Run) -> Iterator[str]:
@@ -237,68 +229,23 @@ def _lines(run: Run) -> Iterator[str]:
             ". This is the scatter alone; it includes no bias of the detector (--joint-bias-mm states one)."
         )
     yield from wrap(f"Error bars, one standard deviation per axis: median {bar} mm{rest}", 80)
-    yield "The largest [mm]:"
 
 
-def _joints(run: Run) -> Table:
+def _least_certain(run: Run) -> list[int]:
     """Return the joints with the largest median error bars, without those that the files lack."""
-    statistics, lacking = run.statistics, run.inputs.lacking
-    bars = np.array([finite_median(bar) for bar in statistics.error_bar_mm.T])
-    table = Table(box=None, padding=(0, 2, 0, 0), header_style="dim")
-    table.add_column(" joint")
-    for name in ("median", "largest", "scatter", "missing", "rejected", "of"):
-        table.add_column(name, justify="right")
+    bars = np.array([finite_median(bar) for bar in run.statistics.error_bar_mm.T])
     order = np.argsort(np.where(np.isfinite(bars), -bars, -np.inf), kind="stable")
-    for j in [j for j in order if statistics.joints[j].name not in lacking][:_MOST_JOINTS]:
-        group, largest = statistics.joints[j], finite_max(statistics.error_bar_mm[:, j])
-        scatter = finite_median(statistics.scatter_mm[:, j])
-        counts = (group.missing, group.rejected, group.used + group.missing + group.left_out)
-        sizes = (number(size, statistics.decimals) for size in (bars[j], largest, scatter))
-        table.add_row(f" {group.name}", *sizes, *map(str, counts))
-    return table
+    names, lacking = run.layout.joints, run.inputs.lacking
+    return [int(j) for j in order if names[j] not in lacking][:_MOST_JOINTS]
 
 
 def print_people(console: Console, run: PeopleRun, told: Collection[Finding] = ()) -> None:
     """Print the table of people, the warnings on everybody not ``told``, and the findings on each person."""
-    print_adjusted(console, run.report)
-    print_table(console, _people(run))
-    console.print(_LEGEND_OF_PEOPLE, style="dim")
-    console.print()
+    print_rows(console, tables.of_adjusted(run.report), _ADJUSTED)
+    print_rows(console, tables.of_people(run), _PEOPLE, explained=_PEOPLE[1:])
     note = run.report["note"]
     print_paragraphs(console, [note] if note else [])
     print_findings(console, [one for one in run.findings if one.severity == "warning" and one not in told])
     for identity, person in run.people.items():
         own = [one for one in person.findings if one.severity != "note"]
         print_findings(console, own, f"person {identity}: ")
-
-
-def _people(run: PeopleRun) -> Table:
-    cameras = len(next(iter(run.people.values())).cameras)
-    columns = ["frames", "seen", f"views\nof {cameras}", "error\n[px]", "bar\n[mm]", "rejected", "limbs"]
-    title = "1 person" if len(run.people) == 1 else f"{len(run.people)} people"
-    table = new_table(title, "person", columns)
-    for entry in run.report["people"]:
-        table.add_row(*_person_cells(entry))
-    return table
-
-
-def _person_cells(entry: dict[str, Any]) -> list[str]:
-    seen = sum(last - first + 1 for first, last in entry["seen"])
-    return [
-        str(entry["id"]),
-        f"{entry['first_frame']}–{entry['last_frame']}",
-        str(seen),
-        f"{entry['views_median']:g}",
-        number(_known(entry["median_error_px"])),
-        length(_known(entry["error_bar_median_mm"])),
-        _percent(entry["rejected_share"]),
-        _percent(entry["limb_range"]),
-    ]
-
-
-def _known(value: float | None) -> float:
-    return float("nan") if value is None else value
-
-
-def _percent(share: float | None) -> str:
-    return "–" if share is None else f"{100 * share:.0f}%"

@@ -18,10 +18,11 @@ import numpy as np
 import skelsplat as sk
 from skelsplat._arrays import Array, Index
 from skelsplat._optional import can_draw
-from skelsplat._words import decimals, length, number
+from skelsplat._words import length, number
+from skelsplat.run import tables
 from skelsplat.run.angles import angles_of, by_title
 from skelsplat.run.frames import problems_of, rows_of
-from skelsplat.run.report import ADJUSTED, MEANINGS, adjusted_rows, solved_in_words, thinned_in_words
+from skelsplat.run.report import solved_in_words, thinned_in_words
 from skelsplat.run.summary import DOWN_WEIGHTED, error_maps, finite_median, frame_medians, is_biased
 from skelsplat.run.vertical import world_up
 
@@ -29,22 +30,10 @@ if TYPE_CHECKING:
     from skelsplat import viz
     from skelsplat.findings import Finding, Remedy
     from skelsplat.run._run import PeopleRun, Run
-    from skelsplat.run.summary import Group
     from skelsplat.viz import report as page
     from skelsplat.viz.report._html import Sentence
 
-_SHARED = (
-    ("median [px]", "median reprojection error, start → refined"),
-    ("90th percentile [px]", "of the reprojection error, start → refined"),
-    ("used", "detections used"),
-    ("missing", "no detection of the followed person"),
-    ("not chosen", "of the missing: no person detected in this view matches the other cameras"),
-    ("left out", "detections below the minimum confidence, or of a joint without a position"),
-    ("down-weighted", f"detections used with a weight below {DOWN_WEIGHTED:g}, including the rejected ones"),
-    ("rejected", f"detections used with a weight below {sk.REJECTED_WEIGHT:g}, which hardly affect the pose"),
-    ("weight", MEANINGS["mean_weight"]),
-    ("swapped", MEANINGS["swapped"]),
-)
+
 _ANGLES = (
     "Joint angles have the colours of the sides of the body in the 3D view; their bands are error bars, one "
     "standard deviation. All are 0 in upright standing with the arms hanging; the guide on joint angles has "
@@ -59,31 +48,6 @@ _UNBIASED = (
     "Error bar: one standard deviation per axis. It is the scatter, what another recording of the same pose "
     "by the same detector would give; how far the detector places joints from anatomical ones is not "
     "included (joint_bias_mm states it)."
-)
-_OF_JOINTS = (
-    ("views used", "views with a detection that is used and not rejected: median over the frames (lowest)"),
-    (
-        "error bar [mm]",
-        "standard deviation per axis against an anatomical joint, median over the frames "
-        "(in brackets the scatter, a part of it)",
-    ),
-    ("moved [mm]", "median distance of the refined joint from its start"),
-)
-_OF_PEOPLE = (
-    ("person", ""),
-    ("frames", "from the first to the last in which two views see the person"),
-    ("seen", "frames in which a view sees the person"),
-    ("views", "median number of views that see the person"),
-    ("median error [px]", "median reprojection error, start → refined"),
-    ("rejected", "part of the detections used that hardly affects the pose"),
-    ("error bar [mm]", "median against an anatomical joint, one standard deviation per axis"),
-    (
-        "limbs",
-        "range of the lengths of arms and legs frame by frame, 5th to 95th percentile, as a part of the "
-        "length; large if two people are mixed",
-    ),
-    ("problems", "frames with weak, missing or unusual joints"),
-    ("warnings", "on this person, listed below"),
 )
 _NOTES_ON_PEOPLE = (
     "A person is found once two views agree on them. Identities are numbers in the order of appearance; the "
@@ -109,7 +73,6 @@ def write_html(run: Run, path: Path) -> None:
     weights = np.where(np.isfinite(statistics.error_after), run.result.view_weights, np.nan)
     errors_px, rejected = error_maps(statistics.error_after, weights)
     person = str(run.report["input"]["person"])
-    cells = [("camera", ""), *_SHARED], [_cells(one) for one in statistics.cameras], _cells(statistics.total)
     data = page.ReportData(
         title=_title(run.report, f"person {person}" if person.isdecimal() else ""),
         facts=facts_of(run.report),
@@ -119,11 +82,11 @@ def write_html(run: Run, path: Path) -> None:
         problems=rows_of(problems_of(run.frame_findings), inputs.frames.tolist()),
         sequence=_sequence(run),
         shapes=camera_shapes(inputs.rig),
-        tables=[_adjusted_table(run.report), page.Table("Cameras", *cells), _joint_table(run)],
+        tables=_shown(tables.of_adjusted(run.report), tables.of_cameras(run), tables.of_joints(run)),
         lines=[*_lines(run), *_angle_lines(run)],
         errors_px=errors_px[:-1, :-1],
         rejected=rejected[:-1, :-1],
-        bones=_bones(run),
+        bones=tables.bones_of(run),
     )
     page.write_report(path, data)
 
@@ -137,6 +100,8 @@ def write_people_html(run: PeopleRun, path: Path) -> None:
     runs, tracks = list(run.people.values()), tracks_of(run)
     first, most = runs[0], run.report["input"]["people"]
     frames = with_gaps(all_frames(tracks))
+    pages = [f"{entry['folder']}/report.html" for entry in run.report["people"]]
+    marks = [(page.person_class(place), address) for place, address in enumerate(pages)]
     rows = [
         (low, high, f"{track.name}: {words}")
         for track, one in zip(tracks, runs, strict=True)
@@ -169,15 +134,20 @@ def write_people_html(run: PeopleRun, path: Path) -> None:
         ),
         shapes=camera_shapes(first.cameras),
         tables=[
-            _people_table(run),
-            _adjusted_table(run.report),
-            _bone_table(runs, [track.name for track in tracks]),
+            page.Table(**vars(tables.of_people(run)), marks=marks),
+            *_shown(tables.of_adjusted(run.report), tables.of_bones(run)),
         ],
         lines=lines_of_people(tracks, frames),
         findings=[_sentences(one.findings, notes=True) for one in runs],
         views=[spread_out(frames, track.frames, track.views, -1) for track in tracks],
     )
     page.write_report(path, data)
+
+
+def _shown(*rows: tables.Rows) -> list[page.Table]:
+    from skelsplat.viz.report import Table  # as in write_html
+
+    return [Table(**vars(one)) for one in rows]
 
 
 def _title(report: dict[str, Any], of_whom: str) -> str:
@@ -277,7 +247,7 @@ def facts_of(report: dict[str, Any]) -> list[tuple[str, str]]:
 
 def key_numbers(run: Run) -> list[tuple[str, str, str]]:
     """Return the key numbers: name, value and remark."""
-    statistics, frames = run.statistics, _problem_frames(run)
+    statistics = run.statistics
     error, rejected, bar = _numbers_of([run])
     digits = statistics.decimals
     scatter = f"against anatomical joints; scatter {number(finite_median(statistics.scatter_mm), digits)} mm"
@@ -289,7 +259,7 @@ def key_numbers(run: Run) -> list[tuple[str, str, str]]:
         (*bar[:2], scatter if is_biased(run.result) else bar[2]),
         (
             "frames with a problem",
-            f"{len(frames):,} of {run.inputs.n_frames:,}",
+            f"{tables.problem_frames(run):,} of {run.inputs.n_frames:,}",
             "weak, missing or unusual joints",
         ),
     ]
@@ -301,7 +271,7 @@ def _numbers_of_people(run: PeopleRun) -> list[tuple[str, str, str]]:
     remark = f"of {detected:,} in all views, to the people above"
     return [
         ("people", str(len(run.people)), f"in {len(run.frames):,} frames"),
-        ("detected people assigned", part_of(assigned, detected), remark),
+        ("detected people assigned", tables.part_of(assigned, detected), remark),
         *_numbers_of(list(run.people.values())),
     ]
 
@@ -326,13 +296,9 @@ def _numbers_of(runs: Sequence[Run]) -> list[tuple[str, str, str]]:
             f"{number(before)} → {number(after)} px",
             _WHY_RISEN if round(after, 1) > round(before, 1) else "start → refined",
         ),
-        ("detections rejected", part_of(rejected, used), f"of {used:,} used"),
+        ("detections rejected", tables.part_of(rejected, used), f"of {used:,} used"),
         ("median error bar", f"{length(finite_median(bars))} mm", against),
     ]
-
-
-def _problem_frames(run: Run) -> set[int]:
-    return {frame for finding in problems_of(run.frame_findings) for frame in finding.subject.frames}
 
 
 def _notes(run: Run) -> list[str]:
@@ -382,15 +348,6 @@ def _sequence(run: Run) -> page.Sequence3D:
         alone=None if found is None else np.asarray(found.init_pose) * mm,
         speed=None if found is None else np.linalg.norm(found.velocity, axis=-1) * mm,
     )
-
-
-def _bones(run: Run) -> list[tuple[int, int, float, float]]:
-    """Return the bones of a solution over time with their lengths and standard errors in mm."""
-    found, mm = run.outcome.sequence, run.cameras.mm_per_unit
-    if found is None:
-        return []
-    sizes = zip(found.bones.tolist(), found.bone_lengths * mm, found.bone_length_sigma * mm, strict=True)
-    return [(a, b, float(length), float(sigma)) for (a, b), length, sigma in sizes]
 
 
 def everybody(
@@ -485,97 +442,3 @@ def _angle_lines(run: Run) -> list[page.TimeLines]:
         )
         for title, sides in by_title(found.names).items()
     ]
-
-
-def _adjusted_table(report: dict[str, Any]) -> page.Table:
-    from skelsplat.viz.report import Table  # as in write_html
-
-    return Table("Cameras before and after they were adjusted", ADJUSTED, adjusted_rows(report))
-
-
-def _joint_table(run: Run) -> page.Table:
-    """Return a row per joint."""
-    from skelsplat.viz.report import Table  # as in write_html
-
-    statistics, rows = run.statistics, []
-    digits = statistics.decimals
-    for j, group in enumerate(statistics.joints):
-        views = statistics.views_used[:, j]
-        bar, scatter = (finite_median(mm[:, j]) for mm in (statistics.error_bar_mm, statistics.scatter_mm))
-        own = [
-            f"{np.median(views):g} ({views.min()})",
-            f"{number(bar, digits)} ({number(scatter, digits)})",
-            number(finite_median(statistics.moved_mm[:, j]), digits),
-        ]
-        rows.append([*_cells(group), *own])
-    (views_used, meaning), *others = _OF_JOINTS
-    views_used = f"{views_used}, of {len(run.cameras)}"
-    return Table("Joints", [("joint", ""), *_SHARED, (views_used, meaning), *others], rows)
-
-
-def _cells(group: Group) -> list[str]:
-    return [
-        group.name,
-        f"{number(group.before_px)} → {number(group.after_px)}",
-        f"{number(group.p90_before_px)} → {number(group.p90_after_px)}",
-        f"{group.used:,}",
-        f"{group.missing:,}",
-        f"{group.not_chosen:,}",
-        f"{group.left_out:,}",
-        part_of(group.down_weighted, group.used),
-        part_of(group.rejected, group.used),
-        number(group.mean_weight, 2),
-        f"{group.swapped:,}",
-    ]
-
-
-def part_of(count: int, of: int) -> str:
-    """Return a part as a percentage, a dash if it is a part of nothing."""
-    return f"{100 * count / of:.1f}%" if of else "–"
-
-
-def _people_table(run: PeopleRun) -> page.Table:
-    """Return a row per person, linked to their page."""
-    from skelsplat.viz.report import Table, person_class  # as in write_html
-
-    rows, entries = [], run.report["people"]
-    for entry, one in zip(entries, run.people.values(), strict=True):
-        total, limbs = one.statistics.total, entry["limb_range"]
-        rows.append(
-            [
-                f"person {entry['id']}",
-                f"{entry['frames']:,}, {entry['first_frame']} to {entry['last_frame']}",
-                f"{sum(last - first + 1 for first, last in entry['seen']):,}",
-                f"{entry['views_median']:g}",
-                f"{number(total.before_px)} → {number(total.after_px)}",
-                part_of(total.rejected, total.used),
-                length(finite_median(one.statistics.error_bar_mm)),
-                "–" if limbs is None or not np.isfinite(limbs) else f"{100 * limbs:.0f}%",
-                f"{len(_problem_frames(one)):,}",
-                str(len(one.findings)),
-            ]
-        )
-    pages = [f"{entry['folder']}/report.html" for entry in entries]
-    marks = [(person_class(place), address) for place, address in enumerate(pages)]
-    return Table("People", _OF_PEOPLE, rows, marks=marks)
-
-
-def _bone_table(runs: Sequence[Run], names: Sequence[str]) -> page.Table:
-    """Return the lengths of bones over all frames; no rows if the poses were not solved over time."""
-    from skelsplat.viz.report import Table  # as in write_html
-
-    lengths: list[dict[str, str]] = []
-    for one in runs:
-        joints = [name.replace("_", " ") for name in one.layout.joints]
-        sizes = ((f"{joints[a]} – {joints[b]}", np.array(size)) for a, b, *size in _bones(one))
-        lengths.append({bone: _length(size) for bone, size in sizes})
-    every = dict.fromkeys(bone for own in lengths for bone in own)
-    rows = [[bone, *(own.get(bone, "–") for own in lengths)] for bone in every]
-    columns = [("bone", ""), *((name, "") for name in names)]
-    known = [row for row in rows if set(row[1:]) != {"–"}]
-    return Table("Bone lengths [mm]", columns, known, hint="Over all frames, ± standard error.")
-
-
-def _length(size: Array) -> str:
-    digits = decimals(size[0], 0, 10.0)
-    return " ± ".join(number(mm, digits) for mm in size) if np.isfinite(size).all() else "–"

@@ -12,7 +12,7 @@ import numpy as np
 import skelsplat as sk
 from skelsplat._arrays import Index
 from skelsplat._json import plain
-from skelsplat._words import number, ordinal, with_bar
+from skelsplat._words import ordinal
 from skelsplat.run.job import Job
 from skelsplat.run.people import limb_spread
 from skelsplat.run.read import Inputs
@@ -137,36 +137,6 @@ def solved_in_words(report: dict[str, Any]) -> list[str]:
         what = "1 joint position is" if count == 1 else f"{count:,} joint positions are"
         found.append(f"{what} inferred from {'bones and ' * bones}neighbouring frames.")
     return found
-
-
-ADJUSTED = (
-    ("camera", ""),
-    ("status", "what became of it"),
-    ("turned by [°]", "± its error bar"),
-    ("moved by [mm]", "± its error bar"),
-    (
-        "error [px]",
-        "median distance from where the other cameras place the joints, before → after, in other frames",
-    ),
-)
-
-
-def adjusted_rows(report: dict[str, Any]) -> list[list[str]]:
-    """Return what became of each camera, in the columns `ADJUSTED`; no rows if none was to be adjusted."""
-
-    def known(value: float | None) -> float:
-        return float("nan") if value is None else value
-
-    return [
-        [
-            one["camera"],
-            one["status"],
-            with_bar(known(one["degrees"]), one["degrees_sigma"]),
-            with_bar(known(one["mm"]), one["mm_sigma"]),
-            f"{number(known(one['before_px']))} → {number(known(one['after_px']))}",
-        ]
-        for one in report.get("cameras_adjusted", ())
-    ]
 
 
 def thinned_in_words(inputs: Inputs) -> list[str]:
