@@ -493,8 +493,8 @@ SILENT = (
     Fault(
         "the first frames of every part of a long recording are drawn",
         "wrong sample",
-        "np.arange(-part.start % self._every, part.stop - part.start, self._every)",
-        "np.arange(0, part.stop - part.start, self._every)",
+        "np.arange(-place.start % self.every, place.stop - place.start, self.every)",
+        "np.arange(0, place.stop - place.start, self.every)",
         (UNIT + "test_run_long.py",),
     ),
     Fault(

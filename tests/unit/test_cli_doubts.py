@@ -10,7 +10,7 @@ import pytest
 import skelsplat as sk
 from skelsplat import synthetic
 from skelsplat.association import take_people
-from skelsplat.run.findings import find_cameras, find_unfit, find_whole, unfit_cameras
+from skelsplat.run.findings import find_cameras, find_whole, unfit_cameras
 from skelsplat.run.person import pick_places
 from skelsplat.run.summary import Group
 
@@ -117,11 +117,6 @@ def test_cameras_in_which_unmatched_are_found(frames, named):
     inputs = views(**frames)
     found = unfit_cameras(inputs)
     assert {inputs.rig.names[i]: frames for i, frames in found.items()} == named
-
-
-def unfit_text(names, unfit):
-    (finding,) = find_unfit(names, unfit)
-    return finding.text
 
 
 def test_a_camera_that_alone_sees_somebody_contradicts_nobody():

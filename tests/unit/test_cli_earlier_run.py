@@ -3,12 +3,8 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
-
-import pytest
 
 from command_line import FAST, READ, RESULTS, assert_fails, invoke
-from skelsplat.run import engine
 from skelsplat.run import folder as run_folder
 
 
@@ -93,39 +89,3 @@ def test_results_do_not_get_in_the_way_of_the_detections(recording):
         assert not (folder / "openpose" / rig.names[1] / "out").exists()
     for _ in range(2):  # a folder of results beneath is none of a camera
         assert invoke(*refine, "-o", folder / "openpose" / "out", "--order", "sorted").exit_code == 0
-
-
-def test_a_stop_in_the_midst_of_clearing_forgets_no_file(recording, arguments, monkeypatch):
-    out = recording[0] / "out"
-    assert invoke(*arguments, *READ, *FAST, "--no-html").exit_code == 0
-
-    def interrupted(*_args, **_kwargs):
-        raise KeyboardInterrupt
-
-    with monkeypatch.context() as patched:
-        patched.setattr(Path, "unlink", interrupted)
-        assert invoke(*arguments, *READ, *FAST, "--no-html", "--write", "json").exit_code == 130
-    assert (out / "pose.trc").exists()
-    assert invoke(*arguments, *READ, *FAST, "--no-html", "--write", "json").exit_code == 0
-    assert not (out / "pose.trc").exists()
-
-
-def test_a_folder_in_the_place_of_a_result_is_known_before_the_work(recording, arguments, monkeypatch):
-    out = recording[0] / "out"
-    (out / "pose.csv").mkdir(parents=True)
-    monkeypatch.setattr(engine, "refine_inputs", lambda *_, **__: pytest.fail("it refined"))
-    expected = "pose.csv: output: expected a file, or nothing, with the name of a result, got a folder"
-    assert_fails(invoke(*arguments, *READ, *FAST), 1, expected)
-    assert [path.name for path in out.iterdir()] == ["pose.csv"]
-
-
-def test_input_behind_a_link_is_input(recording):
-    folder, _, _ = recording
-    out = folder / "out"
-    out.mkdir()
-    (folder / "Calib.toml").rename(out / "cameras.json")
-    (folder / "Calib.toml").symlink_to(out / "cameras.json")
-    before = (out / "cameras.json").read_bytes()
-    result = invoke("refine", folder / "Calib.toml", folder / "openpose", "-o", out, *READ, *FAST)
-    assert_fails(result, 2, "--output: ", "Calib.toml")
-    assert (out / "cameras.json").read_bytes() == before

@@ -30,14 +30,6 @@ def test_people_are_told_apart(people):
         np.testing.assert_array_equal(take_people(mixed, found), own)
 
 
-def test_the_first_person_may_be_given_and_the_number_limited(people):
-    second = np.ones((FRAMES, 4), dtype=np.int64)
-    index, _ = separate_people(people, RIG, first=second)
-    np.testing.assert_array_equal(index, [second, 0 * second])
-    index, _ = separate_people(people, RIG, first=second, most=1)
-    np.testing.assert_array_equal(index, [second])
-
-
 def test_a_body_detected_twice_is_one_person(people):
     twice = np.stack([people[:, :, 0], people[:, :, 0] + [3.0, -2.0, 0.0]], axis=2)
     index, _ = separate_people(twice, RIG)
@@ -90,14 +82,6 @@ def test_a_change_to_the_other_person_is_found_and_not_the_meeting_of_the_two(pe
     assert (crowd.changed, crowd.compared) == (1, FRAMES - 1)
     assert not crowd.mixed.any()
     assert crowd.mixes
-
-
-def test_a_bystander_in_two_of_four_views_is_not_as_visible(people):
-    people = people.copy()
-    people[:, 2:, 1] = np.nan
-    crowd = crowd_of(people, RIG, "consistent")
-    assert crowd.visible == 1
-    assert not crowd.together.any()
 
 
 LIMBS = [(0, 1), (1, 2)]

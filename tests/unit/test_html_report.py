@@ -71,15 +71,6 @@ def test_the_policy_allows_the_programs_of_the_page_and_no_connection(written):
     assert not re.search(r"\son\w+=|\bsrc=|<link|@import|url\(", page)
 
 
-def test_a_thousand_frames_of_four_cameras_are_below_eight_megabytes(written):
-    noise = np.random.default_rng(0).normal(0.0, 50.0, (1000, 25, 3))
-    walk = sequence(1000, 25)
-    moved = sequence(1000, 25, refined=walk.refined + noise, start=walk.start - noise)
-    text = written(report_data(moved, names=("a", "b", "c", "d")))
-    assert data_of(text)["scene"]["count"] == 1000
-    assert len(text.encode()) < 6.5e6
-
-
 def test_a_long_sequence_is_thinned_out_and_says_so(written):
     walk = sequence(20_000, 25)
     rejected = np.zeros(20_000)
@@ -193,16 +184,3 @@ def test_the_ends_of_gaps_are_frames_in_which_nobody_is_there(written):
     assert with_gaps(np.array([7])).tolist() == [7]
     page = data_of(written(people_report([person(frames=[0, 1, 2, 50, 51])])))
     assert numbers(page["bars"]["people"][0]["views"]).tolist() == [2, 2, 2, -1, -1, 2, 2]
-
-
-def test_the_floor_is_that_of_people_whom_three_views_see_or_the_most(written):
-    def floor(*views):
-        people = [
-            person(refined=person().refined - [0, 0, 300 * k], seen=np.arange(4) < np.full((40, 1), count))
-            for k, count in enumerate(views)
-        ]
-        return data_of(written(people_report(people)))["scene"]["floor_mm"]
-
-    assert floor(4, 3, 2) == pytest.approx(150.0)
-    assert floor(2, 1) == pytest.approx(450.0)
-    assert floor(0, 0) == pytest.approx(150.0)

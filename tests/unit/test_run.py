@@ -11,7 +11,7 @@ import skelsplat as sk
 from skelsplat import synthetic
 from skelsplat.io import write_calibration
 from skelsplat.layouts import mirror_images
-from skelsplat.run import Butterworth, Job, Run, run
+from skelsplat.run import Job, Run, run
 
 LAYOUT = "h36m17"
 
@@ -89,13 +89,6 @@ def test_an_opened_run_is_the_run_that_was_written(job, tmp_path):
     assert again.statistics.total == found.statistics.total
     again.write_html(tmp_path / "again.html")
     assert "SkelSplat: openpose" in (tmp_path / "again.html").read_text(encoding="utf-8")
-
-
-def test_a_run_of_the_papers_method_is_opened_with_its_settings(job, tmp_path):
-    config = sk.RefineConfig.paper(max_steps=5)
-    run(job(config=config, output=tmp_path / "out", html=False))
-    assert (tmp_path / "out" / "heatmaps.png").exists()
-    assert Run.open(tmp_path / "out").outcome.config == config
 
 
 @pytest.mark.drawn
@@ -200,12 +193,6 @@ def test_an_option_that_is_wrong_is_named(job, options, message):
         job(**options)
 
 
-def test_a_filter_is_tried_before_anything_is_read(job, monkeypatch):
-    monkeypatch.setattr("skelsplat.run.engine.open_files", lambda *_: pytest.fail("it read"))
-    with pytest.raises(sk.InvalidInputError, match=r"filter: cutoff.* got 30"):
-        run(job(filter=Butterworth(30.0)))
-
-
 def test_frames_that_a_file_cannot_hold_are_refused_before_the_person_is_chosen(
     recording, monkeypatch, tmp_path
 ):
@@ -219,11 +206,3 @@ def test_frames_that_a_file_cannot_hold_are_refused_before_the_person_is_chosen(
     monkeypatch.setattr("skelsplat.run.tracked.pick_places", lambda *_: pytest.fail("it chose"))
     with pytest.raises(sk.InvalidInputError, match=r"frame numbers: expected 1 to 65535 .*, got 65536"):
         run(Job(tmp_path / "Calib.toml", tmp_path / "d.npz", **given))
-
-
-def test_results_never_replace_the_input(recording, job):
-    folder, _, _ = recording
-    with pytest.raises(
-        sk.InvalidInputError, match="output: expected a folder in which no input is overwritten"
-    ):
-        run(job(output=folder / "openpose"))

@@ -56,16 +56,6 @@ def test_a_known_frame_rate_solves_in_time(job):
     assert bone["sigma_mm"] == expected.bone_length_sigma[0]
 
 
-def test_frame_by_frame_is_as_without_a_rate(job):
-    asked, unknown = run(job(frame_by_frame=True)), run(job(fps=None))
-    expected = sk.refine(None, asked.detections, asked.cameras, layout=LAYOUT).pose
-    for found, reason in ((asked, "asked"), (unknown, "no rate")):
-        np.testing.assert_array_equal(found.poses.pose, expected)
-        assert found.outcome.sequence is None
-        assert found.report["solution"] == {"method": "frame by frame", "reason": reason}
-        assert not len(found.poses.velocity)
-
-
 def test_an_independent_start_is_for_single_frames(recording, job):
     folder, _, pose = recording
     write_npz(folder / "start.npz", PoseData(pose, sk.layouts.H36M17.joints, np.arange(len(pose)), "mm"))
@@ -94,23 +84,6 @@ def test_missing_frames_are_solved_and_left_out_again(job):
     np.testing.assert_array_equal(found.bone_lengths, expected.bone_lengths)
 
 
-def test_a_long_break_costs_no_more_than_a_short_one(job):
-    stamps = [0, 1, 2, 10**12, 10**12 + 1]
-    found, near = (inputs_of(job(), frames) for frames in (stamps, [0, 1, 2, 102, 103]))
-    assert solve.why_alone(found, job()) == solve.SPARSE
-    rates = [replace(inputs, fps=2.0) for inputs in (found, near)]
-    poses = [solve.refine_inputs(inputs, job()).result.pose for inputs in rates]
-    np.testing.assert_array_equal(*poses)
-
-
-def test_progress_counts_the_frames_of_the_files(job):
-    seen = []
-    inputs = inputs_of(job(), [0, 1, 4, 5, 6])
-    solve.refine_inputs(inputs, job(), lambda done, total: seen.append((done, total)))
-    assert (seen[0], seen[-1]) == ((0, 5), (5, 5))
-    assert {total for _, total in seen} == {5}
-
-
 def test_the_files_of_a_run_state_their_rate(recording, job, tmp_path):
     folder, rig, _ = recording
     first = run(job(output=tmp_path / "out", html=False))
@@ -123,22 +96,6 @@ def test_the_files_of_a_run_state_their_rate(recording, job, tmp_path):
     assert other.report["solution"]["fps"] == 25
     init = run(job(fps=None, init=tmp_path / "out" / "pose.npz"))
     assert init.report["solution"]["fps"] == FPS
-
-
-@pytest.mark.parametrize(
-    ("rate", "got"),
-    [
-        (np.zeros(2), r"float64 of shape \(2,\)"),
-        (np.array(-3.0), "a number from 1e-3 to 1e6, got -3"),
-        (np.array(1e9), "a number from 1e-3 to 1e6, got 1e.09"),
-    ],
-)
-def test_a_rate_in_a_file_is_one_positive_number(recording, tmp_path, rate, got):
-    _, rig, _ = recording
-    path = tmp_path / "seen.npz"
-    np.savez(path, detections=np.ones((3, len(rig), 17, 2)), camera_names=rig.names, frame_rate=rate)
-    with pytest.raises(sk.DatasetError, match=rf"seen\.npz: frame_rate: expected .*{got}"):
-        read_detections(path, rig, layout=LAYOUT)
 
 
 def test_files_hold_velocities_and_bones_in_their_unit(job, tmp_path):
@@ -191,13 +148,6 @@ def test_poses_in_time_that_leave_the_detections_are_a_finding():
     assert (finding.kind, finding.severity) == ("further_over_time", "warning")
     assert "check that the frames are in order" in finding.text
     assert [remedy.setting for remedy in finding.remedy] == ["frame_by_frame"]
-
-
-def test_frames_out_of_order_are_no_worse_than_alone():
-    pose, detections, rig = walk()
-    order = np.random.default_rng(0).permutation(len(pose))
-    result = sk.refine_sequence(detections[order], rig, fps=FPS, layout=LAYOUT)
-    assert sk.metrics.mpjpe(result.pose, pose[order]) <= sk.metrics.mpjpe(result.init_pose, pose[order])
 
 
 @pytest.mark.parametrize("place", ["openpose", "videos"])

@@ -15,7 +15,7 @@ from command_line import READ, RESULTS, assert_fails, invoke, read_report
 from detection_cases import CASES
 from detection_files import Take
 from skelsplat import synthetic
-from skelsplat.io import read_csv, read_json, read_netcdf, write_calibration, write_people
+from skelsplat.io import write_calibration, write_people
 from skelsplat.run import Job, PeopleRun, Run, run, run_people
 from sweeps import swept
 from two_people import LAYOUT, crossing, seen, shuffled
@@ -171,15 +171,6 @@ def test_individuals_of_movement_are_over_all_frames(found, tmp_path):
         assert dataset.attrs["fps"] == FPS
 
 
-@pytest.mark.parametrize(("name", "read"), [("csv", read_csv), ("json", read_json), ("nc", read_netcdf)])
-def test_a_file_of_several_people_is_not_one_person(folder, name, read, tmp_path):
-    said = rf"people\.{name}: .*expected (the poses of one person|one individual)"
-    with pytest.raises(sk.DatasetError, match=said):
-        read(folder / f"people.{name}")
-    result = invoke("convert", folder / f"people.{name}", tmp_path / "walk.trc")
-    assert_fails(result, 1, "one person" if name != "nc" else "one individual")
-
-
 def test_of_a_run_of_several_one_is_converted_or_plotted(folder, tmp_path):
     parts = "one person", "(person_0, person_1)", f"for example {folder / 'person_0'}"
     assert_fails(invoke("convert", folder, tmp_path / "walk.trc"), 1, *parts)
@@ -245,17 +236,6 @@ def test_a_run_that_stops_half_way_says_so(recording, tmp_path, monkeypatch):
         PeopleRun.open(tmp_path)
 
 
-def test_the_table_fits_eighty_columns(recording, tmp_path):
-    result = invoke(*command(recording, tmp_path), "--people", "all", "--no-html", "--write", "csv")
-    assert result.exit_code == 0, result.output
-    lines = result.stdout.splitlines()
-    assert lines[0] == "2 people"
-    assert max(map(len, lines)) <= 80
-    assert any(line.split()[:4] == ["0", "0–39", "40", "4"] for line in lines)
-    text = " ".join(result.stdout.split())
-    assert text.endswith(f"Wrote to {tmp_path}/: people.csv, overview.png, person_0, person_1, report.json")
-
-
 @pytest.mark.parametrize(
     ("options", "parts"),
     [
@@ -288,15 +268,3 @@ def test_one_person_is_the_same_as_among_all(recording, found):
     np.testing.assert_array_equal(one.poses.pose, found.people[1].poses.pose)
     np.testing.assert_array_equal(one.poses.uncertainty, found.people[1].poses.uncertainty)
     assert one.report["input"]["person"] == "1"
-
-
-@pytest.mark.parametrize(
-    "options",
-    [{"frame_by_frame": True}, {"config": sk.RefineConfig.paper(max_steps=3)}, {"filter": "one-euro"}],
-)
-def test_everybody_is_refined_as_asked(recording, options):
-    several = run_people(job(recording, **options))
-    solution = "over time" if "filter" in options else "frame by frame"
-    for one in several.people.values():
-        assert one.report["solution"]["method"] == solution
-        assert bool(one.poses.processing) == ("filter" in options)

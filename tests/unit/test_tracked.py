@@ -11,7 +11,6 @@ from skelsplat.findings import FindingWarning
 from skelsplat.layouts import mirror_images
 from skelsplat.run import Job
 from skelsplat.run.read import Inputs
-from skelsplat.run.report import spans
 from skelsplat.run.tracked import choose, follow_everybody
 from two_people import LAYOUT, crossing, seen, shuffled
 
@@ -138,16 +137,6 @@ def test_nobody_found_is_an_error_that_says_what_is_there(views, said):
     people[:, views:] = np.nan
     with pytest.raises(sk.DatasetError, match=f"pose: people: expected somebody on whom two views .*{said}"):
         several_of(people)
-
-
-def test_frames_that_are_missing_stay_missing(people):
-    there = np.r_[0:15, 22:FRAMES]
-    found = follow(people[there], there)
-    for one in found.people:
-        np.testing.assert_array_equal(one.frames, there)
-        assert one.solved.pose.shape == (len(there), 17, 3)
-    report = spans(there)
-    assert report == [[0, 14], [22, FRAMES - 1]]
 
 
 def test_whoever_comes_back_after_long_may_be_the_same(people):
