@@ -186,13 +186,11 @@ class Command(_FlagHelp, TyperCommand):
         try:
             return super().invoke(ctx)
         except InvalidInputError as error:
-            from skelsplat.run.job import IncompleteJobError
-
-            option, message = self._option(error.argument.removeprefix("config.")), error.reason
+            option = self._option(error.argument.removeprefix("config."))
             if option is None:
                 raise
-            if isinstance(error, IncompleteJobError):
-                message = f"requires {self._option(error.requires)}"
+            needed = getattr(error, "requires", None)  # of an option without which this one has no effect
+            message = error.reason if needed is None else f"requires {self._option(needed)}"
             raise typer.BadParameter(message, ctx=ctx, param_hint=option) from error
 
     def _option(self, argument: str) -> str | None:

@@ -24,13 +24,6 @@ _HELP = (
 )
 # Metavars of options that take several names with commas between them.
 _WITH_COMMAS = ("A,B,…", "FORMATS", "FIGURES")
-_WORDS = {
-    bool: "true or false",
-    int: "a whole number",
-    float: "a number",
-    Path: "a path, as text",
-    str: "text",
-}
 _MOST_CHARACTERS = 40
 
 
@@ -164,48 +157,44 @@ def _chosen(document: dict[str, Any], context: typer.Context) -> Iterator[tuple[
             table, prefix = tables.get(name, {}), f"{prefix}{name}."
 
 
-def _value(key: str, entry: Option, value: Any, folder: Path) -> Any:
-    """Return a value as the command line would give it."""
-    pairs = entry.many and "=" in entry.metavar
+def _value(key: str, row: Option, value: Any, folder: Path) -> Any:
+    """Return a value as the command line would give it: a flag, or texts, which click checks."""
+    pairs = row.many and "=" in row.metavar
+    if row.kind is bool:
+        if not isinstance(value, bool):
+            raise MisfitError(key, "true or false", _shown(value))
+        return value
     if pairs and isinstance(value, dict):
         return [f"{left}={_right(f'{key}.{left}', right)}" for left, right in value.items()]
-    kinds, values = get_args(entry.kind) or (entry.kind,), [value]
-    expected = " and ".join(_WORDS[kind] for kind in kinds)
-    if entry.many or len(kinds) > 1:
-        values = value if isinstance(value, list) else [value]
-        kinds = kinds * len(values) if entry.many else kinds
-        expected = f"a list of {'A=B texts, or a table' if pairs else expected}"
-    elif isinstance(value, list) and value and entry.metavar in _WITH_COMMAS:
-        values = [",".join(value)] if all(isinstance(part, str) for part in value) else [value]
-    converted = [_scalar(kind, part, entry, folder) for kind, part in zip(kinds, values, strict=False)]
-    if None in converted or len(kinds) != len(values):
+    kinds = get_args(row.kind) or (row.kind,)
+    several = row.many or len(kinds) > 1
+    commas = row.metavar in _WITH_COMMAS
+    values = value if isinstance(value, list) and (several or commas) else [value]
+    if (len(kinds) not in (1, len(values))) or (commas and not values):
+        raise MisfitError(key, f"{len(kinds)} values", _shown(value))
+    expected = "A=B texts, or a table" if pairs else "text or a number"
+    texts = [_text(key, part, expected) for part in values]
+    for place, text in enumerate(texts):
+        kind = kinds[place % len(kinds)]
+        if kind is Path and not text:  # it would be the folder
+            raise MisfitError(key, "a path", "an empty text")
+        if kind is Path or (NAME_OR_PATH in row.marks and (folder / text).exists()):
+            texts[place] = str(folder / text)
+    return texts if several else ",".join(texts)
+
+
+def _text(key: str, value: Any, expected: str = "text or a number") -> str:
+    if isinstance(value, bool) or not isinstance(value, str | int | float):
         raise MisfitError(key, expected, _shown(value))
-    return converted if entry.many or len(kinds) > 1 else converted[0]
-
-
-def _scalar(kind: Any, value: Any, entry: Option, folder: Path) -> Any:
-    """Return one value in the type of its parameter; None if it has another."""
-    fits = {bool: bool, int: int, float: int | float, Path: str, str: str | int}[kind]
-    if not isinstance(value, fits) or isinstance(value, bool) != (kind is bool):
-        return None
-    if kind is float:
-        try:
-            return float(value)
-        except OverflowError:  # TOML's whole numbers have no limit
-            return None
-    if kind is Path or (NAME_OR_PATH in entry.marks and (folder / str(value)).exists()):
-        return str(folder / str(value)) if value else None  # an empty path would be the folder
-    return value if kind in (bool, int) else str(value)
+    return str(value)
 
 
 def _right(key: str, value: Any) -> str:
     """Return the B of an A=B; of a list the values with commas, after a single one too."""
-    if isinstance(value, list) and value:
-        texts = [_right(key, part) for part in value]
-        return f"{texts[0]}," if len(texts) == 1 else ",".join(texts)
-    if isinstance(value, str | int | float) and not isinstance(value, bool):
-        return str(value)
-    raise MisfitError(key, "text or a number", _shown(value))
+    if not isinstance(value, list) or not value:
+        return _text(key, value)
+    texts = [_text(key, part) for part in value]
+    return f"{texts[0]}," if len(texts) == 1 else ",".join(texts)
 
 
 def _shown(value: Any) -> str:
