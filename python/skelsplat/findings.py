@@ -83,7 +83,7 @@ class Finding:
     subject: Subject = field(default_factory=Subject)
     numbers: Mapping[str, Any] = field(default_factory=dict)
     remedy: tuple[Remedy, ...] = ()
-    sentence: str = field(default="", compare=False)
+    sentence: str = field(kw_only=True, compare=False)
 
     @property
     def text(self) -> str:
@@ -110,7 +110,8 @@ class Finding:
         """Return the finding from which `to_dict` made ``entry``."""
         subject = Subject(**{name: tuple(values) for name, values in entry["subject"].items()})
         remedy = tuple(Remedy(**one) for one in entry["remedy"])
-        return cls(entry["kind"], entry["severity"], subject, entry["numbers"], remedy, entry["text"])
+        facts = (entry["kind"], entry["severity"], subject, entry["numbers"], remedy)
+        return cls(*facts, sentence=entry["text"])
 
 
 class FindingWarning(UserWarning):

@@ -125,7 +125,7 @@ def test_a_finding_keeps_its_command_and_its_options_whole():
     console = Console(file=StringIO(), width=50)
     remedy = (Remedy("without", "the camera"), Remedy("frame_by_frame"))
     sentence = f"Something is wrong with the camera. {LONG} looks for the cause."
-    finding = Finding("remark", "warning", Subject(), {"check": LONG}, remedy, sentence)
+    finding = Finding("remark", "warning", Subject(), {"check": LONG}, remedy, sentence=sentence)
     print_finding(console, finding, of="person 1: ")
     assert console.file.getvalue().splitlines() == [
         "! person 1: Something is wrong with the camera.",

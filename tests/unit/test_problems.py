@@ -101,9 +101,13 @@ def test_a_recording_without_detections_names_every_frame(found):
 def test_frames_that_follow_each_other_with_the_same_reasons_are_one_row():
     frames = (51, 52, 54)
     findings = [
-        Finding("frame_diverged", "note", Subject(frames=(59,))),
-        Finding("frame_weak", "note", Subject(joints=("knee",), frames=frames), {"of": 3}),
-        Finding("frame_rejected", "note", Subject(frames=frames), {"percent": [35.0, 50.0, 40.0]}),
+        Finding("frame_diverged", "note", Subject(frames=(59,)), sentence="diverged"),
+        Finding(
+            "frame_weak", "note", Subject(joints=("knee",), frames=frames), {"of": 3}, sentence="weak: knee"
+        ),
+        Finding(
+            "frame_rejected", "note", Subject(frames=frames), {"percent": [35.0, 50.0, 40.0]}, sentence="50%"
+        ),
     ]
     assert rows_of(findings, range(50, 70)) == [
         (51, 52, "weak: knee; 50% of the detections rejected"),

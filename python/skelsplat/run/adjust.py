@@ -335,7 +335,9 @@ def _doubtful(suspected: list[dict[str, Any]], besides: list[str]) -> Finding:
         remedy = [Remedy("move", "NAME")] if len(late) < len(ways) else []
         remedy += [Remedy("offset", f"{one['camera']}={one['offset']}") for one in late]
     numbers = {"suspected": suspected, "besides": besides}
-    return Finding("cameras_doubtful", "warning", Subject(cameras=names), numbers, tuple(remedy), sentence)
+    return Finding(
+        "cameras_doubtful", "warning", Subject(cameras=names), numbers, tuple(remedy), sentence=sentence
+    )
 
 
 def _changes(numbers: Mapping[str, Any]) -> list[str]:
