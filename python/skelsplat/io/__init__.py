@@ -1,7 +1,8 @@
 """Files in and out: calibrations, 2D detections, poses, runs, and the sample that ships with the package.
 
 Readers raise `skelsplat.DatasetError` with the file and the field; writers replace a file whole or leave it
-alone.
+alone, with `skelsplat.DatasetError` if the path cannot be written, and `skelsplat.InvalidInputError` with the
+argument for what a format cannot hold. A package that a format needs is a `skelsplat.MissingPackageError`.
 """
 
 from skelsplat.io.calibration import convert_unit, read_calibration, write_calibration

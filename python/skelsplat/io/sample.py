@@ -35,11 +35,6 @@ def extract(folder: str | os.PathLike[str], *, people: bool = False) -> SamplePa
 
     ``Calib.toml``, ``openpose/camNN_json/*.json`` and the licence of the recording; files of these names are
     overwritten.
-
-    Raises
-    ------
-    DatasetError
-        If the folder cannot be written.
     """
     target = Path(folder)
     archive = resources.files("skelsplat.data").joinpath(f"pose2sim_{'people' if people else 'demo'}.zip")

@@ -84,13 +84,6 @@ def get(name: str | os.PathLike[str] | Layout) -> Layout:
     ----------
     name : str, path or Layout
         A name in lower or upper case, or a path that ends in ``.toml``. A layout is returned as it is.
-
-    Raises
-    ------
-    InvalidInputError
-        If there is none of that name; the message lists all names.
-    DatasetError
-        If the file cannot be read; the message names it and the field.
     """
     if isinstance(name, Layout):
         return name
@@ -106,13 +99,7 @@ def get(name: str | os.PathLike[str] | Layout) -> Layout:
 
 
 def read(path: str | os.PathLike[str]) -> Layout:
-    """Read a layout file.
-
-    Raises
-    ------
-    DatasetError
-        If it is missing or malformed, or has the name of a built-in layout with other contents.
-    """
+    """Read a layout file."""
     layout, _ = read_file(Path(path))
     if layout.name in names and layout != _built_in(layout.name):
         expected = "a name of its own, as the contents are not those of the built-in layout"
@@ -146,11 +133,6 @@ def from_names(name: str, joints: Sequence[str], limbs: Sequence[tuple[int, int]
     joints : sequence of str
         As `mirrored_names` reads their sides.
     limbs : sequence of (int, int), optional
-
-    Raises
-    ------
-    InvalidInputError
-        As `skelsplat.Layout`.
     """
     return of_names(name, joints, limbs=limbs)
 
@@ -161,13 +143,7 @@ def is_built_in(layout: Layout) -> bool:
 
 
 def about(name: str | os.PathLike[str] | Layout) -> About:
-    """Return what a built-in layout or a layout file says it is for.
-
-    Raises
-    ------
-    InvalidInputError, DatasetError
-        As `get`.
-    """
+    """Return what a built-in layout or a layout file says it is for."""
     if isinstance(name, Layout):
         return _about(name.name) if is_built_in(name) else About()
     layout = get(name)

@@ -33,13 +33,6 @@ def read_skeleton(path: str | os.PathLike[str]) -> Skeleton:
 
     SLEAP's analysis h5 has names and edges; DeepLabCut's h5 and csv, and other formats in which joints have
     names, only these; DeepLabCut's project file ``config.yaml`` has both.
-
-    Raises
-    ------
-    DatasetError
-        If it cannot be read, or its joints have no names.
-    MissingPackageError
-        If the format needs a package that is not installed.
     """
     file = Path(path)
     if file.suffix.lower() in _YAML:

@@ -102,15 +102,6 @@ def write_pose(path: str | os.PathLike[str], data: Poses, **options: object) -> 
         ``marker_names`` (trc, c3d: ``"pose2sim"`` for ``RHip`` instead of ``right_hip``),
         ``unit`` (trc: ``"m"``, the default, or ``"mm"``), ``individual`` and ``singular`` (nc),
         ``run`` (npz); see the writer of each format. None stands for the default.
-
-    Raises
-    ------
-    InvalidInputError
-        If the extension is unknown, an option is not one of the format's, or the data lack what it needs.
-    MissingPackageError
-        If the format needs a package that is not installed.
-    DatasetError
-        If the path cannot be written.
     """
     kind = pose_format(path)
     given = {name: value for name, value in options.items() if value is not None}
@@ -123,17 +114,7 @@ def write_pose(path: str | os.PathLike[str], data: Poses, **options: object) -> 
 
 
 def read_pose(path: str | os.PathLike[str]) -> PoseData:
-    """Read poses from a file in the format that its extension names: npz, csv, trc, c3d, json or nc.
-
-    Raises
-    ------
-    InvalidInputError
-        If the extension is unknown.
-    MissingPackageError
-        If the format needs a package that is not installed.
-    DatasetError
-        If the file cannot be read or does not follow its format.
-    """
+    """Read poses from a file in the format that its extension names: npz, csv, trc, c3d, json or nc."""
     return POSE_FORMATS[pose_format(path)].read(path)
 
 
@@ -156,15 +137,6 @@ def convert_poses(
     velocities with it. `y_up` writes a world with z up as y up and `marker_names` names the joints in a
     style of `MARKER_NAMES` (TRC, C3D); `singular` names the dimensions of a NetCDF file as movement does from
     version 0.17 on.
-
-    Raises
-    ------
-    InvalidInputError
-        If an extension is unknown, an option is not one of the target's format, or the frame rate is missing.
-    MissingPackageError
-        If a format needs a package that is not installed.
-    DatasetError
-        If a file cannot be read or written, or both are the same.
     """
     source, target = Path(source), Path(target)
     kind = pose_format(target)

@@ -60,17 +60,6 @@ def write_c3d(
         Write a world with z up as y up, (x, y, z) → (y, z, x), and say so in ``POINT:Y_SCREEN``.
     marker_names : "skelsplat" or "pose2sim"
         What the joints are called, as in `write_trc`.
-
-    Raises
-    ------
-    InvalidInputError
-        If no frame rate is known, `marker_names` is unknown, a name is empty or longer than 127 bytes, or
-        there are no frames, or more than 65535 from the first to the last, or the poses are further than
-        10 km from the origin, where the numbers of a C3D file are no longer exact to a millimetre.
-    MissingPackageError
-        If ezc3d is not installed.
-    DatasetError
-        If the path cannot be written.
     """
     ezc3d = require("ezc3d", "C3D files")
     labels = named(data.joint_names, marker_names)
@@ -158,14 +147,6 @@ def read_c3d(path: str | os.PathLike[str]) -> PoseData:
 
     A point with a negative residual is missing. The other residuals are not read: what they mean differs
     between writers.
-
-    Raises
-    ------
-    MissingPackageError
-        If ezc3d is not installed.
-    DatasetError
-        If the file cannot be read, does not state its unit, frame rate or a label for every point, or is cut
-        short.
     """
     source = Path(path)
     found = _read(source)

@@ -5,9 +5,10 @@ from __future__ import annotations
 import csv
 import math
 import os
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -42,11 +43,6 @@ def write_csv(path: str | os.PathLike[str], data: Poses) -> None:
     digits, ``n_views`` counts the views whose detection of the joint was used (none if it has
     no position), ``n_rejected`` those of them whose weight is below `skelsplat.REJECTED_WEIGHT`, and
     ``reprojection_error_px`` is the mean over all of them. A value that does not exist is an empty field.
-
-    Raises
-    ------
-    DatasetError
-        If the path cannot be written.
     """
     _, frames, parts = parts_of(data)
     start = int(frames[0]) if frames.size else 0
@@ -115,12 +111,6 @@ def read_csv(path: str | os.PathLike[str]) -> PoseData:
     The file has no correlations between axes: ``uncertainty`` is diagonal, and ``joint_bias`` is what the
     error bars have beyond it. It does not say which view had
     which error either, so that ``n_views``, ``n_rejected`` and ``reprojection_error_px`` are not read.
-
-    Raises
-    ------
-    DatasetError
-        If the file cannot be read, lacks a column, names different units or joints or a joint twice, has
-        frames that do not ascend, or a field that is no number; names the line.
     """
     source = Path(path)
     lines = csv_lines(source)
@@ -133,36 +123,83 @@ def read_csv(path: str | os.PathLike[str]) -> PoseData:
     twice = [name for name in COLUMNS if columns.count(name) > 1]
     if twice:
         raise DatasetError(source, "line 1", f"one column {twice[0]}", columns.count(twice[0]))
-    rows = [_parsed(source, k, columns, line) for k, line in enumerate(lines, start=2) if line]
-    return _assemble(source, rows)
+    rows = [(number, line) for number, line in enumerate(lines, start=2) if line]
+    if not rows:
+        raise DatasetError(source, "rows", "at least one", "none")
+    cells = {name: [line[k].strip() for _, line in rows] for k, name in enumerate(columns)}
+    return _Table(source, [number for number, _ in rows], cells).poses()
 
 
-class _Row(NamedTuple):
-    line: int
-    frame: int
-    time: str
-    joint: str
-    position: tuple[float, ...]
-    bar: tuple[float, ...]
-    scatter: tuple[float, ...]
-    unit: str
-    status: str
+@dataclass(frozen=True)
+class _Table:
+    """The fields of a file by column, and the number of each line."""
 
+    path: Path
+    lines: list[int]
+    cells: dict[str, list[str]]
 
-def _parsed(path: Path, line: int, columns: Sequence[str], values: Sequence[str]) -> _Row:
-    fields = {name: value.strip() for name, value in zip(columns, values, strict=True)}
-    try:
-        frame = int(fields["frame"])
-        position, bar, scatter = (
-            tuple(float(fields.get(axis) or "nan") for axis in axes) for axes in (_AXES, _BARS, _SCATTER)
+    def error(self, row: int, expected: str, actual: str, column: str = "") -> DatasetError:
+        place = f"line {self.lines[row]}" + (f", {column}" if column else "")
+        return DatasetError(self.path, place, expected, actual)
+
+    def numbers(self, column: str, kind: Callable[[str], Any] = float) -> list[Any]:
+        """Return the numbers of a column, NaN for an empty field; all of them if it is not there."""
+        values = []
+        for row, text in enumerate(self.cells.get(column, [""] * len(self.lines))):
+            try:
+                values.append(kind(text or "nan"))
+            except ValueError as error:
+                raise self.error(row, "a number", repr(text), column) from error
+        return values
+
+    def joints(self, frames: Index) -> tuple[str, ...]:
+        """Return the joints, which are in the same order in every frame; check that frames ascend."""
+        names, units = np.array(self.cells["joint"]), self.cells["unit"]
+        count = int((frames != frames[0]).argmax()) or len(frames)
+        joints = names[:count].tolist()
+        for row in range(count):
+            if joints.index(joints[row]) < row:
+                raise self.error(row, "every joint once in a frame", f"{joints[row]} again")
+        first = np.arange(len(frames)) // count * count
+        beside = (names != np.array(joints)[np.arange(len(frames)) - first]) | (frames != frames[first])
+        back = np.flatnonzero(np.diff(frames[::count], prepend=frames[0] - 1) < 1) * count
+        for row in [*np.flatnonzero(beside)[:1], *back[:1]]:
+            expected = f"frame {frames[first[row]]}, joint {joints[row % count]}, in ascending frames"
+            raise self.error(row, expected, f"frame {frames[row]}, joint {names[row]}")
+        for row, unit in enumerate(units):
+            if unit != units[0] or unit not in MM_PER_UNIT:
+                raise self.error(row, "the unit mm, cm or m, one for all", repr(unit))
+        if len(frames) % count:
+            raise self.error(len(frames) - 1, f"{count} joints in every frame", f"{len(frames) % count}")
+        return tuple(joints)
+
+    def poses(self) -> PoseData:
+        whole = zip(self.lines, self.numbers("frame", int), strict=True)
+        every = np.array([frame_number(self.path, f"line {line}, frame", one) for line, one in whole])
+        joints = self.joints(every)
+        shape = (len(every) // len(joints), len(joints))
+        pose, bars, scatter = (
+            np.array([self.numbers(column) for column in columns]).T.reshape(*shape, 3)
+            for columns in (_AXES, _BARS, _SCATTER)
         )
-    except ValueError as error:
-        wrong = str(error).partition(": ")[2]  # of both, what is no number comes last
-        column = next((f", {name}" for name, value in fields.items() if repr(value) == wrong), "")
-        raise DatasetError(path, f"line {line}{column}", "a number", wrong or error) from error
-    frame_number(path, f"line {line}, frame", frame)
-    place = (line, frame, fields.get("time", ""), fields["joint"])
-    return _Row(*place, position, bar, scatter, fields["unit"], fields.get("status", ""))
+        wide = (np.abs((bars, scatter)) > _WIDEST).any(axis=(0, 3)).ravel()
+        if wide.any():
+            expected = f"standard deviations of at most {_WIDEST:g}"
+            raise self.error(int(wide.argmax()), expected, "a larger one")
+        arrays: dict[str, Any] = {}
+        if np.isfinite(scatter).any():
+            known = np.isfinite(scatter).all(axis=-1)[..., None, None]
+            arrays["uncertainty"] = np.where(known, np.eye(3) * scatter[..., None, :] ** 2, np.nan)
+        if np.isfinite(bars).any():
+            beyond = medians(np.moveaxis(bars**2 - scatter**2, 1, 0).reshape(len(joints), -1))
+            arrays["joint_bias"] = np.broadcast_to(np.sqrt(np.fmax(beyond, 0.0)), shape)
+        if any(self.cells.get("status", ())):
+            arrays["joint_status"] = np.array(self.cells["status"]).reshape(shape)
+        frames = every[:: len(joints)]
+        rate = _rate(frames, self.cells.get("time", [""] * len(every))[:: len(joints)])
+        unit = self.cells["unit"][0]
+        pose = np.ascontiguousarray(pose)
+        return PoseData(pose, joints, frames, unit, frame_rate=rate, **arrays)
 
 
 def _rate(frames: Index, texts: Sequence[str]) -> float | None:
@@ -184,60 +221,3 @@ def _rate(frames: Index, texts: Sequence[str]) -> float | None:
     both = [(most, pair) for most in slacks for pair in zip(rates, errors, strict=True)]
     low, high = FRAME_RATES
     return next((rate for most, (rate, error) in both if error <= most and low <= rate <= high), None)
-
-
-def _joints(path: Path, rows: Sequence[_Row]) -> tuple[str, ...]:
-    """Return the joints, which are in the same order in every frame; check that frames ascend."""
-    of_first = [row for row in rows if row.frame == rows[0].frame]
-    joints = tuple(row.joint for row in of_first)
-    first_line = {row.joint: row.line for row in reversed(of_first)}
-    again = next((row for row in of_first if row.line != first_line[row.joint]), None)
-    if again is not None:
-        got = f"frame {again.frame}, joint {again.joint} again"
-        raise DatasetError(path, f"line {again.line}", "every joint once in a frame", got)
-    for k, row in enumerate(rows):
-        first = rows[k - k % len(joints)]
-        if row.unit != rows[0].unit or row.unit not in MM_PER_UNIT:
-            raise DatasetError(path, f"line {row.line}", "the unit mm, cm or m, one for all", repr(row.unit))
-        if row.joint != joints[k % len(joints)] or row.frame != first.frame:
-            expected = f"frame {first.frame}, joint {joints[k % len(joints)]}"
-            raise DatasetError(path, f"line {row.line}", expected, f"frame {row.frame}, joint {row.joint}")
-        if row is first and k and row.frame <= rows[k - 1].frame:
-            expected, got = (f"frame {rows[k - 1].frame + 1} or later", f"frame {row.frame}")
-            raise DatasetError(path, f"line {row.line}", expected, got)
-    return joints
-
-
-def _assemble(path: Path, rows: Sequence[_Row]) -> PoseData:
-    """Put the rows, frame by frame with the same joints in the same order, into arrays."""
-    if not rows:
-        raise DatasetError(path, "rows", "at least one", "none")
-    joints = _joints(path, rows)
-    steps, rest = divmod(len(rows), len(joints))
-    if rest:
-        raise DatasetError(path, f"line {rows[-1].line}", f"{len(joints)} joints in every frame", rest)
-    both = ([row.bar for row in rows], [row.scatter for row in rows])
-    bars, scatter = (np.array(values).reshape(steps, len(joints), 3) for values in both)
-    wide = (np.abs((bars, scatter)) > _WIDEST).any(axis=(0, 3)).ravel()
-    if wide.any():
-        line = rows[int(wide.argmax())].line
-        expected = f"standard deviations of at most {_WIDEST:g}"
-        raise DatasetError(path, f"line {line}", expected, "a larger one")
-    frames = np.array([row.frame for row in rows[:: len(joints)]], dtype=np.int64)
-    arrays: dict[str, Any] = {}
-    if np.isfinite(scatter).any():
-        known = np.isfinite(scatter).all(axis=-1)[..., None, None]
-        arrays["uncertainty"] = np.where(known, np.eye(3) * scatter[..., None, :] ** 2, np.nan)
-    if np.isfinite(bars).any():
-        beyond = medians(np.moveaxis(bars**2 - scatter**2, 1, 0).reshape(len(joints), -1))
-        arrays["joint_bias"] = np.broadcast_to(np.sqrt(np.fmax(beyond, 0.0)), bars.shape[:2])
-    if any(row.status for row in rows):
-        arrays["joint_status"] = np.array([row.status for row in rows]).reshape(steps, len(joints))
-    return PoseData(
-        pose=np.array([row.position for row in rows]).reshape(steps, len(joints), 3),
-        joint_names=joints,
-        frames=frames,
-        unit=rows[0].unit,
-        frame_rate=_rate(frames, [row.time for row in rows[:: len(joints)]]),
-        **arrays,
-    )

@@ -51,11 +51,6 @@ def write_json(path: str | os.PathLike[str], data: Poses) -> None:
 
     What does not exist is null: a number, or a whole joint in ``pose`` and the covariances. NaN, which is no
     JSON, does not occur.
-
-    Raises
-    ------
-    DatasetError
-        If the path cannot be written.
     """
     with atomic_write(path) as stream:
         for text in _texts(data, {"format": FORMAT, "version": VERSION, "written_by": _writer()}):
@@ -132,14 +127,7 @@ def is_json_poses(text: str) -> bool:
 
 @checked
 def read_json(path: str | os.PathLike[str]) -> PoseData:
-    """Read a file of `write_json`, or one with its keys; ``frames`` needs ``frame`` and ``pose`` only.
-
-    Raises
-    ------
-    DatasetError
-        If the file cannot be read, is no JSON, lacks a key, or a value has another type or number of entries
-        than it should; names the place, such as ``frames[3].pose[7]``.
-    """
+    """Read a file of `write_json`, or one with its keys; ``frames`` needs ``frame`` and ``pose`` only."""
     source = Path(path)
     document = Field(source, "", load_json(source, "an object with poses"))
     whole = isinstance(document.value, dict)

@@ -32,12 +32,6 @@ def write_npz(path: str | os.PathLike[str], data: Poses, *, run: str | None = No
     ``version``, the version of this package. Tuples of names are string arrays, ``unit`` is a string and
     ``frame_rate`` a number of shape (), NaN if unknown. ``run``, if given, names the run whose folder the
     file is a part of. No key needs pickle to be read.
-
-    Raises
-    ------
-    DatasetError
-        If the path cannot be written, or the data are none that are read again: a name that is there twice or
-        longer than 255 bytes, frames that do not ascend, a frame rate beyond 1e-3 to 1e6.
     """
     head, frames, _ = parts_of(data)
     arrays: dict[str, Any] = {key: np.asarray(getattr(head, key)) for key in _KEYS}
@@ -69,13 +63,7 @@ def write_npz(path: str | os.PathLike[str], data: Poses, *, run: str | None = No
 
 @checked
 def read_npz(path: str | os.PathLike[str]) -> PoseData:
-    """Read a file of `write_npz`; of its keys, pose, joint_names, frames and unit have to be there.
-
-    Raises
-    ------
-    DatasetError
-        If the file cannot be read, lacks a key, or its arrays do not fit each other.
-    """
+    """Read a file of `write_npz`; of its keys, pose, joint_names, frames and unit have to be there."""
     return _pose_data(Path(path), load_plain_npz(Path(path), _KIND))
 
 

@@ -61,14 +61,6 @@ def write_trc(
         Write a world with z up as y up, (x, y, z) → (y, z, x). The default keeps the axes of the calibration.
     marker_names : "skelsplat" or "pose2sim"
         What the joints are called: ``right_hip``, or ``RHip`` as Pose2Sim and its OpenSim models know it.
-
-    Raises
-    ------
-    InvalidInputError
-        If `unit`, `frame_rate` or `marker_names` is not valid, no frame rate is known, or a joint's name
-        cannot stand in a line of tab-separated fields.
-    DatasetError
-        If the path cannot be written.
     """
     if unit not in _DECIMALS:
         raise InvalidInputError(f'unit: expected "m" or "mm" in a TRC file, got {unit!r}')
@@ -136,11 +128,6 @@ def read_trc(path: str | os.PathLike[str]) -> PoseData:
     The blank sixth line may be missing, and empty fields and "nan" are NaN. ``frames`` are the file's own row
     numbers, ``frame_rate`` is its DataRate. Slips of the header are warned of, and the rows decide: another
     number of frames than there are, a DataRate of 0 or NaN, and one that the rows' times contradict.
-
-    Raises
-    ------
-    DatasetError
-        If the file cannot be read or does not follow the format; names the line.
     """
     source = Path(path)
     lines = read_text(source).splitlines()

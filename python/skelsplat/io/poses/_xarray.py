@@ -61,11 +61,6 @@ def to_xarray(
         Name the dimensions ``keypoint`` and ``individual``, as movement does from version 0.17 on.
     first : int
         The frame at which time begins; the first of `data` if left out.
-
-    Raises
-    ------
-    MissingPackageError
-        If xarray is not installed.
     """
     xarray = require("xarray", "xarray datasets")
     time, space, keypoints, individuals = dims = _SINGULAR if singular else _PLURAL
@@ -122,15 +117,7 @@ def write_netcdf(
     individual: str = "id_0",
     singular: bool = False,
 ) -> None:
-    """Write the dataset of `to_xarray` as NetCDF 4, which movement and xarray open.
-
-    Raises
-    ------
-    MissingPackageError
-        If xarray, h5netcdf or h5py is not installed.
-    DatasetError
-        If the path cannot be written.
-    """
+    """Write the dataset of `to_xarray` as NetCDF 4, which movement and xarray open."""
     check_packages()
     _, frames, parts = parts_of(data)
     given: dict[str, Any] = {"frame_rate": frame_rate, "individual": individual, "singular": singular}
@@ -178,13 +165,6 @@ def read_netcdf(path: str | os.PathLike[str]) -> PoseData:
     """Read a ``poses`` dataset of one individual in three dimensions, with either naming of the dimensions.
 
     A joint without a position is ``unobserved`` unless it is ``weak``: movement removes positions alone.
-
-    Raises
-    ------
-    MissingPackageError
-        If xarray, h5netcdf or h5py is not installed.
-    DatasetError
-        If the file cannot be read, is no such dataset or does not state its unit.
     """
     source = Path(path)
     found = read_guarded("netcdf", source, "a complete NetCDF file")
