@@ -41,7 +41,8 @@ SHELF14 = Layout.by_name("shelf14")
 MEDIAPIPE33 = Layout.by_name("mediapipe33")
 
 _FOLDER = Path(__file__).with_name("data")
-_IN_FILES = ("wholebody133", "halpe136", "hand21", "mouse22", "fly38")
+_ABOUT = _FOLDER / f"about{SUFFIX}"  # of the compiled ones
+_IN_FILES = sorted(path.stem for path in _FOLDER.glob(f"*{SUFFIX}") if path != _ABOUT)
 
 #: Names of the built-in layouts, as `get` and every argument ``layout`` take them.
 names: tuple[str, ...] = (*LAYOUT_NAMES, *_IN_FILES)
@@ -160,4 +161,4 @@ def _about(name: str) -> About:
     """Return what is known of a built-in layout; of those in the core, from a file of all."""
     if name in _IN_FILES:
         return read_file(_FOLDER / f"{name}{SUFFIX}")[1]
-    return about_of(read_toml(_FOLDER / f"about{SUFFIX}").get(name, {}))
+    return about_of(read_toml(_ABOUT).get(name, {}))
