@@ -87,7 +87,6 @@ class Method:
     """A method of the registry."""
 
     name: str
-    about: str
     run: Run  #: take, layout, settings and progress to poses (T, N, 3)
     #: `Options` to everything that the poses depend on, as JSON values; ``"undistort"`` is among them.
     settings: Callable[[Options], dict[str, Any]] = _lens
@@ -100,10 +99,7 @@ class Method:
     def solve(
         self, take: Take, layout: Layout, settings: Settings, progress: Progress | None = None
     ) -> Solution:
-        """Run the method on a take and time it.
-
-        Raises `DatasetError` if the take lacks what the method needs.
-        """
+        """Run the method on a take and time it; raises as `check` does."""
         self.check(take, settings)
         seen = take if settings["undistort"] else replace(take, rig=without_lens(take.rig))
         begun = time.perf_counter()
@@ -148,9 +144,16 @@ def _by(run: Callable[[Take, Settings], Array]) -> Run:
     return lambda take, _layout, settings, _progress: run(take, settings)
 
 
-_DLT = _by(
-    lambda take, given: baselines.dlt(_detections(take), take.rig, confidence=given.get("confidence", False))
-)
+_DLT = _by(lambda take, given: baselines.dlt(_detections(take), take.rig, confidence="confidence" in given))
+
+
+def _iskakov(take: Take, settings: Settings) -> Array:
+    scale = crop_scale(take)
+    return baselines.ransac_iskakov(_detections(take), take.rig, crop_scale=scale, seed=settings["seed"])
+
+
+def _adafuse(take: Take, settings: Settings) -> Array:
+    return baselines.ransac_adafuse(_detections(take), take.rig, seed=settings["seed"])
 
 
 def _fusion(take: Take, *_: object) -> Array:
@@ -248,7 +251,7 @@ def _in_time(take: Take, layout: Layout, settings: Settings, progress: Progress 
 
 
 def starting_poses(take: Take, start: str) -> Array:
-    """Return initial poses (T, N, 3): the paper's triangulation, without confidences, or ``"fusion"``."""
+    """Return initial poses: the paper's triangulation, without confidences, or ``"fusion"``."""
     if start == "dlt":
         return triangulate(_detections(take)[..., :2], take.rig, method="dlt")
     return _fusion(take)
@@ -274,6 +277,10 @@ def refined(
     )
 
 
+def _with(settings: Callable[[Options], dict[str, Any]], **more: Any) -> Callable[[Options], dict[str, Any]]:
+    return lambda options: {**settings(options), **more}
+
+
 def _drawn(options: Options) -> dict[str, Any]:
     return {**_lens(options), "seed": options.seed}
 
@@ -297,65 +304,31 @@ def _paper(options: Options, **fields: Any) -> dict[str, Any]:
 
 
 _ALL = (
-    Method("dlt", "algebraic triangulation, unweighted", _DLT),
-    Method(
-        "dlt-confidence",
-        "algebraic triangulation, rows weighted by confidence",
-        _DLT,
-        lambda options: {**_lens(options), "confidence": True},
-    ),
-    Method(
-        "ransac-iskakov",
-        "RANSAC of Iskakov et al., with its Huber refinement",
-        _by(
-            lambda take, given: baselines.ransac_iskakov(
-                _detections(take), take.rig, crop_scale=crop_scale(take), seed=given["seed"]
-            )
-        ),
-        _drawn,
-    ),
-    Method(
-        "ransac-adafuse",
-        "RANSAC that AdaFuse is compared with",
-        _by(lambda take, given: baselines.ransac_adafuse(_detections(take), take.rig, seed=given["seed"])),
-        _drawn,
-    ),
-    Method(
-        "ransac",
-        "RANSAC of this package",
-        _by(lambda take, _: triangulate(_detections(take), take.rig, method="ransac")),
-    ),
-    Method(
-        "cauchy",
-        "DLT, then the Cauchy loss of the reprojection residuals",
-        _by(lambda take, _: baselines.cauchy(_detections(take), take.rig)),
-    ),
-    Method("fusion", "multi-view fusion of monocular 3D poses", _fusion, needs=("detections", "monocular")),
-    Method("annealed", "default: closed form, annealed Gauss–Newton", _refine, _annealed),
-    Method(
+    Method("dlt", _DLT),  # algebraic triangulation, unweighted
+    Method("dlt-confidence", _DLT, _with(_lens, confidence=True)),  # rows weighted by confidence
+    Method("ransac-iskakov", _by(_iskakov), _drawn),  # of Iskakov et al., with its Huber refinement
+    Method("ransac-adafuse", _by(_adafuse), _drawn),  # that AdaFuse is compared with
+    Method("ransac", _by(lambda take, _: triangulate(_detections(take), take.rig, method="ransac"))),
+    Method("cauchy", _by(lambda take, _: baselines.cauchy(_detections(take), take.rig))),
+    Method("fusion", _fusion, needs=("detections", "monocular")),  # of monocular poses
+    Method("annealed", _refine, _annealed),  # the default
+    Method(  # then a zero-lag Butterworth filter
         "annealed-butterworth",
-        "annealed, then a zero-lag Butterworth filter of 6 Hz",
         _then(_butterworth),
-        lambda options: {**_annealed(options), "cutoff_hz": CUTOFF_HZ, "gap_s": GAP_S},
+        _with(_annealed, cutoff_hz=CUTOFF_HZ, gap_s=GAP_S),
         over_time=True,
         package="scipy",
     ),
-    Method(
+    Method(  # then a Kalman smoother per joint
         "annealed-kalman",
-        "annealed, then a Kalman smoother per joint",
         _then(_kalman),
-        lambda options: {**_annealed(options), "density_mm2_s3": DENSITY_MM2_S3},
+        _with(_annealed, density_mm2_s3=DENSITY_MM2_S3),
         over_time=True,
     ),
-    Method("over-time", "all frames of a recording in one solve", _in_time, _annealed, over_time=True),
-    Method("annealed-prior", "annealed with the fused monocular poses as a Gaussian prior", _refine, _prior),
-    Method(
-        "paper-closed-form",
-        "the paper's settings with the closed-form loss",
-        _refine,
-        partial(_paper, renderer="closed_form"),
-    ),
-    Method("paper", "the paper's settings: raster, Adam", _refine, _paper, by_pixels=True),
+    Method("over-time", _in_time, _annealed, over_time=True),  # all frames of a recording in one solve
+    Method("annealed-prior", _refine, _prior),  # with the fused monocular poses as a Gaussian prior
+    Method("paper-closed-form", _refine, partial(_paper, renderer="closed_form")),
+    Method("paper", _refine, _paper, by_pixels=True),  # raster, Adam
 )
 _BY_NAME = {method.name: method for method in _ALL}
 
@@ -363,9 +336,6 @@ names: tuple[str, ...] = tuple(_BY_NAME)
 
 
 def get(name: str) -> Method:
-    """Return a method of the registry.
-
-    Raises `InvalidInputError` if there is none of that name; the message lists all.
-    """
+    """Return a method of the registry; raises `InvalidInputError` if there is none of that name."""
     one_of("methods", name, names)
     return _BY_NAME[name]
