@@ -109,14 +109,11 @@ def _tables() -> Mapping[str, ReportedTable]:
 
 
 def _table(content: dict[str, Any], references: Mapping[str, str]) -> ReportedTable:
-    keys = tuple(content["keys"])
-    rows = tuple(_row(row, keys, references) for row in content["rows"])
-    texts: dict[str, Any] = {name: tuple(content[name]) for name in ("columns", "notes")}
-    return ReportedTable(**{**content, **texts, "keys": keys, "rows": rows})
-
-
-def _row(row: dict[str, Any], keys: tuple[str, ...], references: Mapping[str, str]) -> ReportedRow:
-    values = tuple(None if value is None else float(value) for value in row["values"])
-    optional: dict[str, Any] = {name: row.get(name) for name in ("detector", "training", "truth_3d")}
-    own: dict[str, Any] = {"citation": references[row["citation"]], "setting": row.get("setting", {})}
-    return ReportedRow(row["method"], keys=keys, values=values, **own, **optional)
+    lists = {name: tuple(content[name]) for name in ("columns", "keys", "notes")}
+    rows = []
+    for row in content["rows"]:
+        values = tuple(None if value is None else float(value) for value in row["values"])
+        optional = {"detector": None, "training": None, "truth_3d": None, "setting": {}}
+        own = {"citation": references[row["citation"]], "keys": lists["keys"], "values": values}
+        rows.append(ReportedRow(**{**optional, **row, **own}))
+    return ReportedTable(**{**content, **lists, "rows": tuple(rows)})
