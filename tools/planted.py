@@ -451,7 +451,7 @@ SILENT = (
     Fault(
         "a batch skips a recording whose detections changed",
         "stale result",
-        "            found.update(_content(path))\n",
+        "            found.update(str(text).encode())\n",
         "            pass\n",
         (UNIT + "test_batch.py",),
     ),

@@ -84,20 +84,20 @@ class Recording:
         row |= {"output": None if self.error else str(self.output), "error": self.error or None}
         if not self.report:
             return [row]
-        rate, shared = self.report["input"]["frame_rate_hz"], self.report["findings"]
-        row["frame_rate_hz"] = rate
-        if "people" not in self.report:
+        given, people = self.report["input"], self.report.get("people")
+        if people is None:
             total = self.report["reprojection_error"]["all"]
             numbers = {"median_error_px": total["after_px"], "rejected_share": total["rejected_share"]}
-            return [{**row, "frames": self.report["input"]["frames"], **numbers, **_summed_up(shared)}]
+            people = [{"id": None, "frames": given["frames"], "findings": [], **numbers}]
         return [
             {
                 **row,
+                "frame_rate_hz": given["frame_rate_hz"],
                 "person": person["id"],
                 **{name: person[name] for name in ("frames", "median_error_px", "rejected_share")},
-                **_summed_up([*shared, *person["findings"]]),
+                **_summed_up([*self.report["findings"], *person["findings"]]),
             }
-            for person in self.report["people"]
+            for person in people
         ]
 
 
@@ -195,14 +195,17 @@ def run_batch(
             for name, job in jobs.items()
             if name in earlier and _complete(Path(str(job.output)), earlier[name])
         }
-        _write(top, jobs, found, keys, earlier)
-        tell = progress or (lambda _done, _total: None)
-        tell(len(found), len(jobs))
+
+        def keep() -> None:
+            _write(top, jobs, found, keys, earlier)
+            if progress is not None:
+                progress(len(found), len(jobs))
+
+        keep()
         try:
             for name, error in _refined({n: job for n, job in jobs.items() if n not in found}, processes):
                 found[name] = _read(name, jobs[name], DONE, error)
-                _write(top, jobs, found, keys, earlier)
-                tell(len(found), len(jobs))
+                keep()
         except KeyboardInterrupt as stop:
             done = f"{len(found)} of {len(jobs)} recordings are done"
             raise KeyboardInterrupt(f"{done}: run it again for the others") from stop
@@ -242,7 +245,9 @@ def key_of(job: Job) -> str:
         inside = sorted(path for path in place.rglob("*") if path.is_file()) if place.is_dir() else [place]
         for path in (path for path in inside if path.is_file()):
             found.update(f"{path.relative_to(place.parent)}\0".encode())
-            found.update(_content(path))
+            video, status = path.suffix.lower() in VIDEO_SUFFIXES, path.stat()
+            text = f"{status.st_size} {status.st_mtime_ns}" if video else _sha256(path)
+            found.update(str(text).encode())
     return found.hexdigest()
 
 
@@ -260,13 +265,6 @@ def _cameras(job: Job) -> str:
 def _text(value: object) -> str:
     """Return a path, or what a layout or a filter consists of, as text."""
     return os.fspath(value) if isinstance(value, os.PathLike) else pickle.dumps(value).hex()
-
-
-def _content(path: Path) -> bytes:
-    if path.suffix.lower() in VIDEO_SUFFIXES:
-        status = path.stat()
-        return f"{status.st_size} {status.st_mtime_ns}".encode()
-    return bytes.fromhex(_sha256(path) or "")
 
 
 def _earlier(path: Path, keys: Mapping[str, str]) -> dict[str, dict[str, Any]]:
@@ -345,19 +343,17 @@ def _refined(jobs: Mapping[str, Job], processes: int) -> Iterator[tuple[str, str
     processes = min(processes, len(jobs))
     threads = max(1, (os.cpu_count() or 1) // processes)
     with ThreadPoolExecutor(processes) as pool:
-        waiting = {pool.submit(_in_a_process, _on_threads(job, threads)): name for name, job in jobs.items()}
+        waiting = {}
+        for name, job in jobs.items():
+            count = job.settings.n_threads or threads  # the results are the same
+            job = replace(job, config=job.settings.replace(n_threads=count))
+            waiting[pool.submit(_in_a_process, job)] = name
         try:
             for future in as_completed(waiting):
                 yield waiting[future], future.result()
         except BaseException:
             pool.shutdown(wait=False, cancel_futures=True)
             raise
-
-
-def _on_threads(job: Job, count: int) -> Job:
-    """Return the job on so many threads, unless it states a number; the results are the same."""
-    settings = job.settings
-    return job if settings.n_threads else replace(job, config=settings.replace(n_threads=count))
 
 
 def attempt(job: Job) -> str:

@@ -1,4 +1,7 @@
-"""A line of the input: one frame's detections, as nested lists or by the names of the cameras."""
+"""A line of the input: one frame's detections, as nested lists or by the names of the cameras.
+
+Every function raises `MalformedLineError`, which names the place in the line, if what it reads is malformed.
+"""
 
 from __future__ import annotations
 
@@ -62,13 +65,7 @@ class View(NamedTuple):
 
 
 def parsed(text: bytes) -> Line:
-    """Return what a line holds.
-
-    Raises
-    ------
-    MalformedLineError
-        If it is no JSON, or has no detections.
-    """
+    """Return what a line holds."""
     record = _record(text)
     line = Line(record.get("frame"), record.get("detections"), record.get("reset", False))
     if not isinstance(line.name, int | str | None):
@@ -97,13 +94,7 @@ def _record(text: bytes) -> dict[str, Any]:
 
 
 def by_camera(value: Any, cameras: Sequence[str]) -> list[View]:
-    """Return the views in the order of the cameras, given in that order or by name.
-
-    Raises
-    ------
-    MalformedLineError
-        If there is not one for each, or a name is unknown.
-    """
+    """Return the views in the order of the cameras, given in that order or by name."""
     if isinstance(value, dict):
         for name in value:
             if name not in cameras:
@@ -116,31 +107,19 @@ def by_camera(value: Any, cameras: Sequence[str]) -> list[View]:
 
 
 def one_person(views: Sequence[View], joints: int) -> Array:
-    """Return the detections (M, N, 2|3) of one person, NaN where missing.
-
-    Raises
-    ------
-    MalformedLineError
-        As `_points`; with people in place of joints, it names the option for several.
-    """
+    """Return the detections (M, N, 2|3) of one person, NaN where missing."""
     try:
         return _points(views, joints)
     except MalformedLineError:
         for value, place in views:
             if isinstance(value, list) and any(map(_is_person, value)) and not any(map(_is_point, value)):
-                expected = "the joints of one person (several: use --people)"
+                expected = "the joints of one person (people follows several)"
                 raise MalformedLineError(f"{place}: expected {expected}, got {len(value)} people") from None
         raise
 
 
 def several_people(views: Sequence[View], joints: int) -> Array:
-    """Return the people (M, P, N, 2|3) of a line, NaN where a camera has fewer than P.
-
-    Raises
-    ------
-    MalformedLineError
-        As `_points`; if a view is no list.
-    """
+    """Return the people (M, P, N, 2|3) of a line, NaN where a camera has fewer than P."""
     people = [_people_of(view) for view in views]
     found = _points([person for view in people for person in view], joints)
     counts = [len(view) for view in people]
@@ -179,21 +158,7 @@ def _is_nothing(entry: Any) -> bool:
 
 
 def _points(people: Sequence[View], joints: int) -> Array:
-    """Return the detections (K, N, 2|3) of K people, NaN where missing.
-
-    Parameters
-    ----------
-    people
-        Each person's joints, or null.
-    joints : int
-        N.
-
-    Raises
-    ------
-    MalformedLineError
-        If a person has another number of joints, a joint is neither numbers nor null, or a number is out of
-        range.
-    """
+    """Return the detections (K, N, 2|3) of K people, NaN where missing."""
     array = _at_once([person.value for person in people], joints)
     if array is None:
         nested = [_one_by_one(person, joints) for person in people]
@@ -243,13 +208,7 @@ def _one_by_one(person: View, joints: int) -> list[list[float]]:
 
 
 def _listed(value: Any, count: int, place: str, what: str) -> Sequence[Any]:
-    """Return ``value`` if it is a list of ``count`` entries.
-
-    Raises
-    ------
-    MalformedLineError
-        If it is not.
-    """
+    """Return ``value`` if it is a list of ``count`` entries."""
     if not isinstance(value, list) or len(value) != count:
         got = len(value) if isinstance(value, list) else shown(value)
         if type(value) in (int, float):
