@@ -4,7 +4,7 @@
 use nalgebra::Vector3;
 
 use super::depth::have_parallax;
-use super::rays::{Ray, midpoint, nearest_point};
+use super::rays::{Ray, midpoint, nearest_point, there};
 
 /// Weight k below which a detection is rejected: |e| above 2.4 σ.
 pub const REJECTED: f64 = 0.25;
@@ -23,8 +23,7 @@ const APART: f64 = 4.0;
 
 /// Σ c k of the rays at `x`, under a kernel of standard deviation `sigma`.
 pub fn agreement(rays: &[Ray], x: &Vector3<f64>, sigma: f64) -> f64 {
-    let there = rays.iter().filter(|ray| ray.is_there());
-    there.map(|ray| ray.weight * ray.offset(x).weight(sigma)).sum()
+    there(rays).map(|ray| ray.weight * ray.offset(x).weight(sigma)).sum()
 }
 
 /// The point between two rays on which the rays agree most, with its [`agreement`]; `None` if no
@@ -36,15 +35,12 @@ pub fn agreement(rays: &[Ray], x: &Vector3<f64>, sigma: f64) -> f64 {
 /// agree.
 pub fn best_pair(rays: &[Ray], from: &Vector3<f64>, sigma: f64) -> Option<(Vector3<f64>, f64)> {
     let enough = ENOUGH * rays.iter().map(|ray| ray.weight).fold(0.0, f64::max);
-    let mut there: Vec<(f64, &Ray)> = rays
-        .iter()
-        .filter(|ray| ray.is_there())
-        .map(|ray| (ray.offset(from).across.norm_squared(), ray))
-        .collect();
-    there.sort_by(|a, b| b.0.total_cmp(&a.0));
+    let off = |ray: &Ray| ray.offset(from).across.norm_squared();
+    let mut farthest: Vec<(f64, &Ray)> = there(rays).map(|ray| (off(ray), ray)).collect();
+    farthest.sort_by(|a, b| b.0.total_cmp(&a.0));
     let mut best: Option<(Vector3<f64>, f64)> = None;
-    for (a, (_, first)) in there.iter().enumerate() {
-        for (_, second) in &there[a + 1..] {
+    for (a, (_, first)) in farthest.iter().enumerate() {
+        for (_, second) in &farthest[a + 1..] {
             let Some(x) = meeting_point(first, second, sigma) else { continue };
             let agreed = agreement(rays, &x, sigma);
             if best.is_none_or(|(_, most)| agreed > most) {
@@ -72,9 +68,8 @@ pub struct Rival {
 /// `slack` is the tolerated difference, see [`TIE`].
 pub fn rivals(rays: &[Ray], x: &Vector3<f64>, sigma: f64, slack: f64) -> Vec<Rival> {
     let against = |ray: &Ray| ray.offset(x).weight(sigma) < REJECTED;
-    let there = || rays.iter().filter(|ray| ray.is_there());
     let (mut n, mut sum, mut rejected, mut most) = (0.0, 0.0, 0.0, 0.0_f64);
-    for ray in there() {
+    for ray in there(rays) {
         (n, sum, most) = (n + 1.0, sum + ray.weight, most.max(ray.weight));
         rejected += if against(ray) { ray.weight } else { 0.0 };
     }
@@ -89,7 +84,7 @@ pub fn rivals(rays: &[Ray], x: &Vector3<f64>, sigma: f64, slack: f64) -> Vec<Riv
     }
     let mut places: Vec<Rival> = Vec::new();
     for (a, first) in rays.iter().enumerate().filter(|(_, ray)| ray.is_there()) {
-        for second in rays[a + 1..].iter().filter(|ray| ray.is_there()) {
+        for second in there(&rays[a + 1..]) {
             if !against(first) && !against(second) {
                 continue;
             }

@@ -7,7 +7,7 @@ use super::locate::{anywhere, locate};
 use super::noise::NoiseModel;
 use super::posterior::error_bars;
 use super::proportions::with_bones;
-use super::rays::Rays;
+use super::rays::{Rays, there};
 use super::solver::{Annealing, Prior, Problem, Solution, Widening, solve};
 use super::starts::{Before, Given, Start, start};
 use super::swaps::{self, Chain, Swap};
@@ -264,7 +264,7 @@ fn loss(problem: &Problem<'_>, solution: &Solution) -> Loss {
     let mut render = 0.0;
     for (j, x) in solution.points.iter().enumerate().filter(|(_, x)| x.x.is_finite()) {
         let scale = 2.0 * solution.sigma[j].powi(2) / solution.variance;
-        for ray in problem.rays.of_joint(j).iter().filter(|ray| ray.is_there()) {
+        for ray in there(problem.rays.of_joint(j)) {
             render += ray.weight * scale * (1.0 - ray.offset(x).weight(solution.sigma[j]));
         }
     }

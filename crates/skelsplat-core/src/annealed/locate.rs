@@ -7,7 +7,7 @@ use super::consensus::{REJECTED, agreement, best_pair};
 use super::depth::{have_parallax, may_be_fixed};
 use super::evidence::evidence;
 use super::noise::NoiseModel;
-use super::rays::{Ray, Rays, nearest_with_spread};
+use super::rays::{Ray, Rays, nearest_with_spread, there};
 use super::solver::{Annealing, Problem, Solution, Widening, solve};
 use crate::camera::Camera;
 use crate::detections::Detections;
@@ -122,7 +122,7 @@ pub fn anywhere(rays: &Rays, annealing: &Annealing) -> f64 {
 
 /// Whether three views see any joint, so that two of them can outvote the third.
 fn can_outvote(rays: &Rays) -> bool {
-    let views = |j: usize| rays.of_joint(j).iter().filter(|ray| ray.is_there()).count();
+    let views = |j: usize| there(rays.of_joint(j)).count();
     (0..rays.n_joints()).any(|j| views(j) > 2)
 }
 
@@ -167,9 +167,9 @@ fn under(rays: &Rays, annealing: &Annealing, widening: Widening) -> Solution {
 
 /// Whether all rays are within 15° of the first.
 fn is_narrow(rays: &[Ray]) -> bool {
-    let mut there = rays.iter().filter(|ray| ray.is_there());
-    let first = there.next().map_or_else(Vector3::zeros, |ray| ray.direction);
-    there.all(|ray| ray.direction.dot(&first) > NARROW)
+    let mut rays = there(rays);
+    let first = rays.next().map_or_else(Vector3::zeros, |ray| ray.direction);
+    rays.all(|ray| ray.direction.dot(&first) > NARROW)
 }
 
 /// The point nearest to all rays of joint `j`. If a detection that is far off puts it behind every
@@ -183,7 +183,7 @@ pub fn nearest_to_all(rays: &Rays, j: usize) -> Vector3<f64> {
     if in_front && (spread > WIDE || may_be_fixed(of_joint, &x, f64::INFINITY)) {
         return x;
     }
-    if of_joint.iter().filter(|ray| ray.is_there()).count() < 3 {
+    if there(of_joint).count() < 3 {
         return nan;
     }
     let pair = best_pair(of_joint, &x, Annealing::END).map(|(x, _)| x);
@@ -196,7 +196,7 @@ fn reconsider(rays: &Rays, solution: &mut Solution) -> bool {
     let mut moved = false;
     for j in 0..rays.n_joints() {
         let of_joint = rays.of_joint(j);
-        let views = of_joint.iter().filter(|ray| ray.is_there()).count() as f64;
+        let views = there(of_joint).count() as f64;
         let support = solution.residuals[j].support;
         if views < 3.0 || support >= 0.5 * views + MAJORITY {
             continue;

@@ -6,7 +6,7 @@
 //! 2s²(1+s²/c²)⁻² of k|e|² and (1+s²/c²)⁻¹ of k. A scaled inverse χ² prior stabilises the estimate
 //! where few detections remain.
 
-use super::rays::Rays;
+use super::rays::{Rays, there};
 use nalgebra::Vector3;
 
 /// Prior knowledge of the noise.
@@ -42,7 +42,7 @@ const MOST_UNSHRUNK: f64 = 4.0;
 pub(super) fn pixel_size(rays: &Rays, points: impl Iterator<Item = Vector3<f64>>) -> Option<f64> {
     let (mut sum, mut n) = (0.0, 0.0);
     for (j, x) in points.enumerate().filter(|(_, x)| x.x.is_finite()) {
-        for ray in rays.of_joint(j).iter().filter(|ray| ray.is_there()) {
+        for ray in there(rays.of_joint(j)) {
             let range = ray.offset(&x).range;
             if range > 0.0 {
                 sum += range * ray.pixel;

@@ -95,15 +95,11 @@ fn widest(covariance: &Matrix3<f64>) -> f64 {
 
 /// k of every ray `(N, M)` at the solution; NaN where missing.
 fn believed(rays: &Rays, solution: &Solution) -> Vec<f64> {
-    let mut out = Vec::with_capacity(rays.n_joints() * rays.n_views());
-    for (j, x) in solution.points.iter().enumerate() {
-        let k = |ray: &Ray| match ray.is_there() {
-            true => ray.offset(x).weight(solution.sigma[j]),
-            false => f64::NAN,
-        };
-        out.extend(rays.of_joint(j).iter().map(k));
-    }
-    out
+    let of_joint = |(j, x)| {
+        let sigma = solution.sigma[j];
+        rays.of_joint(j).iter().map(move |ray| ray.trust(x, sigma).unwrap_or(f64::NAN))
+    };
+    solution.points.iter().enumerate().flat_map(of_joint).collect()
 }
 
 /// Posterior covariances `(N)` in mm²; NaN for an unobserved joint. `deep[j]`: whether the rays of

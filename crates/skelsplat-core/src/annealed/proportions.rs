@@ -10,11 +10,11 @@
 use nalgebra::Vector3;
 
 use super::consensus::{REJECTED, Rival, meeting_point, settled};
-use super::rays::{Ray, Rays};
+use super::rays::{Ray, Rays, there};
 use super::solver::{Problem, Solution, solve};
 use crate::bones::expected::{Expected, Shown, stature};
 use crate::bones::population::Proportion;
-use crate::bones::{Bone, Length, Pull};
+use crate::bones::{Bone, Length, Pull, other_end};
 
 /// Views that have to agree on a joint for it not to need its bones.
 const ENOUGH: usize = 3;
@@ -39,7 +39,7 @@ struct Votes {
 impl Votes {
     fn of(rays: &Rays, solution: &Solution) -> Self {
         let count = |j: usize, counts: &dyn Fn(&Ray) -> bool| {
-            rays.of_joint(j).iter().filter(|ray| ray.is_there() && counts(ray)).count()
+            there(rays.of_joint(j)).filter(|ray| counts(ray)).count()
         };
         let agree = |j: usize| {
             let (x, sigma) = (&solution.points[j], solution.sigma[j]);
@@ -207,16 +207,13 @@ pub fn most_likely(search: &PlaceSearch<'_>) -> Vec<Vector3<f64>> {
 fn hypotheses(search: &PlaceSearch<'_>, j: usize, found: &mut Vec<Vector3<f64>>) {
     let (rays, sigma) = (search.rays.of_joint(j), search.sigma[j]);
     for (k, first) in rays.iter().enumerate().filter(|(_, ray)| ray.is_there()) {
-        let others = rays[k + 1..].iter().filter(|ray| ray.is_there());
-        let meetings = others.filter_map(|second| meeting_point(first, second, sigma));
+        let meetings =
+            there(&rays[k + 1..]).filter_map(|second| meeting_point(first, second, sigma));
         found.extend(meetings.map(|x| settled(rays, x, sigma)));
         for bone in search.bones {
-            let [a, b] = bone.joints;
-            let other = if a == j { b } else { a };
-            if (a != j && b != j) || !search.placed[other] {
-                continue;
+            if let Some(other) = other_end(bone.joints, j).filter(|end| search.placed[*end]) {
+                found.extend(meetings_with_sphere(first, &search.points[other], bone.length.mean));
             }
-            found.extend(meetings_with_sphere(first, &search.points[other], bone.length.mean));
         }
     }
 }
@@ -233,9 +230,7 @@ fn tree(bones: &[Bone], joints: usize) -> Vec<(usize, usize, Length)> {
         let mut ends = vec![root];
         while let Some(parent) = ends.pop() {
             for bone in bones {
-                let [a, b] = bone.joints;
-                let child = if a == parent { b } else { a };
-                if (a == parent || b == parent) && !reached[child] {
+                if let Some(child) = other_end(bone.joints, parent).filter(|end| !reached[*end]) {
                     reached[child] = true;
                     order.push((child, parent, bone.length));
                     ends.push(child);
@@ -265,7 +260,7 @@ fn cost_of_rays(rays: &[Ray], x: &Vector3<f64>, sigma: f64, variance: f64) -> f6
     let cost = |ray: &Ray| {
         ray.weight * 2.0 * sigma * sigma * (1.0 - ray.offset(x).weight(sigma)) / variance
     };
-    rays.iter().filter(|ray| ray.is_there()).map(cost).sum()
+    there(rays).map(cost).sum()
 }
 
 /// The stature that the well-seen bones show, and its standard error.
@@ -326,8 +321,7 @@ fn objective(problem: &Problem<'_>, solution: &Solution, variance: f64) -> f64 {
 /// length there. With the share of the probability of both that it has.
 pub fn other_place(problem: &Problem<'_>, solution: &Solution, j: usize) -> Option<Rival> {
     let x = &solution.points[j];
-    let rays = problem.rays.of_joint(j).iter().filter(|ray| ray.is_there());
-    let ray = rays.min_by(|a, b| {
+    let ray = there(problem.rays.of_joint(j)).min_by(|a, b| {
         let apart = |ray: &Ray| ray.offset(x).across.norm_squared();
         apart(a).total_cmp(&apart(b))
     })?;

@@ -63,6 +63,12 @@ impl Ray {
         Offset { across: from - self.direction * range, range }
     }
 
+    /// k at `x`; `None` where the detection is missing.
+    #[inline]
+    pub fn trust(&self, x: &Vector3<f64>, sigma: f64) -> Option<f64> {
+        self.is_there().then(|| self.offset(x).weight(sigma))
+    }
+
     /// I − d dᵀ, the information of the detection about the joint.
     #[inline]
     pub fn information(&self) -> Matrix3<f64> {
@@ -79,6 +85,11 @@ impl Offset {
         }
         (-0.25 * self.across.norm_squared() / (sigma * sigma)).exp()
     }
+}
+
+/// The rays without missing detections.
+pub fn there(rays: &[Ray]) -> impl Iterator<Item = &Ray> + Clone {
+    rays.iter().filter(|ray| ray.is_there())
 }
 
 /// The rays of one frame, the views of each joint contiguous.
@@ -135,9 +146,9 @@ impl Rays {
 
     /// Mean weight of the detections; 1 if there are none.
     pub fn mean_weight(&self) -> f64 {
-        let there = || self.rays.iter().filter(|ray| ray.is_there()).map(|ray| ray.weight);
-        let n = there().count();
-        if n == 0 { 1.0 } else { there().sum::<f64>() / n as f64 }
+        let weights = || there(&self.rays).map(|ray| ray.weight);
+        let n = weights().count();
+        if n == 0 { 1.0 } else { weights().sum::<f64>() / n as f64 }
     }
 
     /// Swaps the detections of joints `a` and `b` in view `i`.

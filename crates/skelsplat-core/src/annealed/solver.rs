@@ -4,7 +4,7 @@ use nalgebra::{Matrix3, Vector3};
 
 use super::equations::{Coupling, NormalEquations};
 use super::noise::{NoiseModel, Residuals, Scale, pixel_size};
-use super::rays::{Ray, Rays};
+use super::rays::{Ray, Rays, there};
 use crate::bones::{Bone, Pull};
 use crate::matrix3::Symmetric;
 use crate::symmetry::LimbPair;
@@ -268,7 +268,7 @@ impl<'a> Solver<'a> {
             let x = joint.at;
             let mut sums = Sums::default();
             if joint.active {
-                for ray in self.problem.rays.of_joint(j).iter().filter(|ray| ray.is_there()) {
+                for ray in there(self.problem.rays.of_joint(j)) {
                     sums.add(ray, &x, joint.sigma);
                 }
             }
@@ -408,8 +408,8 @@ impl<'a> Solver<'a> {
     /// Distance of each joint's farthest ray.
     fn measure(&mut self) {
         for (j, joint) in self.joints.iter_mut().enumerate() {
-            let rays = self.problem.rays.of_joint(j).iter().filter(|ray| ray.is_there());
-            let squares = rays.map(|ray| ray.offset(&joint.at).across.norm_squared());
+            let squares = there(self.problem.rays.of_joint(j))
+                .map(|ray| ray.offset(&joint.at).across.norm_squared());
             joint.farthest = squares.fold(0.0, f64::max).sqrt();
         }
     }

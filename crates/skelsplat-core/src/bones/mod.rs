@@ -29,6 +29,15 @@ pub struct Length {
     pub sigma: f64,
 }
 
+/// The joint at the other end of a bone of joint `j`; `None` if it is no bone of this joint.
+pub fn other_end([a, b]: [usize; 2], j: usize) -> Option<usize> {
+    match j {
+        j if j == a => Some(b),
+        j if j == b => Some(a),
+        _ => None,
+    }
+}
+
 /// A bone with its expected length.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Bone {

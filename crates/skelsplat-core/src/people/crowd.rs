@@ -1,6 +1,6 @@
 //! One frame's people as rays.
 
-use crate::annealed::rays::Ray;
+use crate::annealed::rays::{Ray, there};
 use crate::detections::Detections;
 use crate::error::{Error, Result};
 use crate::refine::Refiner;
@@ -27,7 +27,7 @@ pub struct Crowd {
 
 impl Figure {
     fn new(rays: Vec<Ray>) -> Self {
-        let joints = rays.iter().filter(|ray| ray.is_there()).count();
+        let joints = there(&rays).count();
         let weight: f64 = rays.iter().map(|ray| ray.weight).sum();
         Self { rays, joints, confidence: weight / joints.max(1) as f64 }
     }

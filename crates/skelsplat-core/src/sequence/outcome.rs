@@ -7,11 +7,11 @@ use super::known::Learnt;
 use super::posterior::Posterior;
 use super::solver::{Common, WindowSolver};
 use super::tracks::{BRIDGE, Tracks};
-use super::windows::frames_in;
+use super::windows::{around, frames_in};
 use crate::annealed::Alone;
 use crate::annealed::consensus::REJECTED;
 use crate::annealed::depth::determine;
-use crate::annealed::rays::Ray;
+use crate::annealed::rays::{Ray, there};
 use crate::outcome::{ErrorBars, JointStatus, Loss, Outcome, Splats, StopReason};
 use crate::statistics::median;
 
@@ -131,10 +131,9 @@ impl<'a> SolvedWindow<'a> {
     /// views: its bone then allows two places on the ray, and all frames may have taken the wrong
     /// one.
     fn undecided(&self, j: usize, t: usize, alone: &Alone) -> Matrix3<f64> {
-        let around = frames_in(BRIDGE, self.learnt.common.fps);
-        let (first, last) = (t.saturating_sub(around), (t + around + 1).min(self.tracks.frames));
+        let near = around(t, frames_in(BRIDGE, self.learnt.common.fps), self.tracks.frames);
         let of_joint = j * self.tracks.frames..(j + 1) * self.tracks.frames;
-        let shown = self.tracks.sure[of_joint][first..last].iter().any(|sure| *sure);
+        let shown = self.tracks.sure[of_joint][near].iter().any(|sure| *sure);
         let spread = alone.spread[j];
         if shown || !spread[(0, 0)].is_finite() { Matrix3::zeros() } else { spread }
     }
@@ -147,7 +146,7 @@ impl<'a> SolvedWindow<'a> {
 
 /// k of every view at a position; NaN where missing.
 fn believed(rays: &[Ray], at: &Vector3<f64>, sigma: f64) -> impl Iterator<Item = f64> {
-    rays.iter().map(move |ray| if ray.is_there() { ray.offset(at).weight(sigma) } else { f64::NAN })
+    rays.iter().map(move |ray| ray.trust(at, sigma).unwrap_or(f64::NAN))
 }
 
 /// Whether the views that agree on joint `j` fix its depth; `None` where fewer than two agree.
@@ -161,23 +160,22 @@ fn fixed(
     if believed.iter().filter(|k| **k >= REJECTED).count() < 2 {
         return None;
     }
-    let there = rays.iter().filter(|ray| ray.is_there());
-    let ranges = there.map(|ray| ray.offset(at).range.abs() * ray.pixel);
+    let ranges = there(rays).map(|ray| ray.offset(at).range.abs() * ray.pixel);
     let pixel = ranges.clone().sum::<f64>() / ranges.count() as f64;
     let variance = common.variance[j] / (pixel * pixel);
     Some(determine(rays, at, variance, common.weight, |i| believed[i]))
 }
 
-/// Whether the frames around show the depth of each joint `(N, T)`: of those up to `around` frames
+/// Whether the frames around show the depth of each joint `(N, T)`: of those up to `reach` frames
 /// away in which two views agree, at least half fix it. Where fewer do, the cameras are so close
 /// together that only errors which bring the joint nearer fix it.
-fn deep(fixed: &[Option<bool>], frames: usize, around: usize) -> Vec<bool> {
+fn deep(fixed: &[Option<bool>], frames: usize, reach: usize) -> Vec<bool> {
     let balance = |fixed: &Option<bool>| fixed.map_or(0, |is| if is { 1 } else { -1 });
     let of_joint = |own: &[Option<bool>]| {
         let mut sums = vec![0_i64];
         own.iter().for_each(|fixed| sums.push(sums[sums.len() - 1] + balance(fixed)));
-        (0..frames)
-            .map(move |t| sums[(t + around + 1).min(frames)] >= sums[t.saturating_sub(around)])
+        let near = move |t| around(t, reach, frames);
+        (0..frames).map(move |t| sums[near(t).end] >= sums[near(t).start])
     };
     fixed.chunks(frames.max(1)).flat_map(of_joint).collect()
 }

@@ -24,7 +24,7 @@ use super::chain::Band;
 use super::known::Learnt;
 use super::solver::{Common, WindowSolver};
 use super::tracks::Tracks;
-use super::windows::frames_in;
+use super::windows::{around, frames_in};
 use crate::matrix3::{inverse, times};
 
 /// Half of the time over which the information of a joint's detections is averaged, s.
@@ -80,8 +80,8 @@ fn lasting(
 ) -> Vec<Matrix3<f64>> {
     let Learnt { common, memory, share } = learnt;
     let (t, own) = (tracks.frames, j * tracks.frames);
-    let around = frames_in(AROUND, common.fps);
-    let reach = Matrix3::from_diagonal_element(common.reach.powi(-2));
+    let reach = frames_in(AROUND, common.fps);
+    let body = Matrix3::from_diagonal_element(common.reach.powi(-2));
     let mut sums = vec![(Matrix3::zeros(), 0.0)];
     for k in 0..t {
         let (mut sum, mut n): (Matrix3<f64>, f64) = sums[k];
@@ -92,9 +92,10 @@ fn lasting(
         sums.push((sum, n));
     }
     let of_frame = |k: usize| {
-        let (first, last) = (&sums[k.saturating_sub(around)], &sums[(k + around + 1).min(t)]);
+        let near = around(k, reach, t);
+        let (first, last) = (&sums[near.start], &sums[near.end]);
         let mean = (last.0 - first.0) / (last.1 - first.1).max(1.0);
-        inverse(&(mean + reach)) * (share * memory.constant)
+        inverse(&(mean + body)) * (share * memory.constant)
     };
     (0..t).map(of_frame).collect()
 }

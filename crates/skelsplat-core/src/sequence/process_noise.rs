@@ -15,7 +15,8 @@ use nalgebra::Vector3;
 
 use super::serialise::Serialiser;
 use super::tracks::Tracks;
-use super::windows::frames_in;
+use super::windows::{around, frames_in};
+use crate::bones::other_end;
 use crate::statistics::median;
 
 /// Longest time over which an acceleration is measured, s: half of the second difference's span.
@@ -201,7 +202,7 @@ pub fn local(tracks: &Tracks, fps: f64, bones: &[[usize; 2]], usual: &[ProcessNo
     let mut open: Vec<f64> = vec![1.0; out.len()];
     let near: Vec<Vec<usize>> = (0..tracks.joints).map(|j| connected(bones, j)).collect();
     let views: Vec<Vec<u64>> = (0..tracks.joints).map(|j| agreeing(tracks, j)).collect();
-    let around = frames_in(AROUND, fps);
+    let reach = frames_in(AROUND, fps);
     let mut shares: Vec<f64> = Vec::new();
     let spans = frames_in(SPAN, fps);
     let prior = PRIOR.max(PRIOR_TIME * fps);
@@ -209,8 +210,8 @@ pub fn local(tracks: &Tracks, fps: f64, bones: &[[usize; 2]], usual: &[ProcessNo
         let of_joint = |j: usize| ratios(tracks, &views[j], j, h, usual[j].squares[h - 1]);
         let sums: Vec<Vec<[f64; 2]>> = (0..tracks.joints).map(of_joint).collect();
         let within = |i: usize, k: usize| {
-            let (first, last) =
-                (sums[i][k.saturating_sub(around)], sums[i][(k + around + 1).min(t)]);
+            let near = around(k, reach, t);
+            let (first, last) = (sums[i][near.start], sums[i][near.end]);
             [last[0] - first[0], last[1] - first[1]]
         };
         if h == 1 {
@@ -240,12 +241,7 @@ pub fn local(tracks: &Tracks, fps: f64, bones: &[[usize; 2]], usual: &[ProcessNo
 
 /// Joint `j` and those that bones connect to it.
 fn connected(bones: &[[usize; 2]], j: usize) -> Vec<usize> {
-    let others = bones.iter().filter_map(|[a, b]| match j {
-        j if j == *a => Some(*b),
-        j if j == *b => Some(*a),
-        _ => None,
-    });
-    std::iter::once(j).chain(others).collect()
+    std::iter::once(j).chain(bones.iter().filter_map(|bone| other_end(*bone, j))).collect()
 }
 
 /// The views of joint `j` in every frame, as bits, if all of at least three agree closely; else 0.

@@ -19,7 +19,7 @@ use super::windows::{Window, frames_in, sample, window_size, windows};
 use crate::annealed::Alone;
 use crate::annealed::posterior::BodyExtent;
 use crate::batch::Progress;
-use crate::bones::Length;
+use crate::bones::{Length, other_end};
 use crate::error::{Error, Result};
 use crate::refine::results::{Part, first, numbers, put, size};
 use crate::refine::{Frame, Method, Refinements, Refiner};
@@ -325,7 +325,9 @@ impl Recording<'_> {
         for swap in &swapped {
             let of_view = swap.view * tracks.joints..(swap.view + 1) * tracks.joints;
             for pair in &self.refiner.chains()[swap.chain] {
-                exchange(&mut used[swap.frame][of_view.clone()], *pair);
+                for joint in &mut used[swap.frame][of_view.clone()] {
+                    *joint = other_end(*pair, *joint).unwrap_or(*joint);
+                }
             }
         }
         let mut run = WindowSolver::new(&tracks, &learnt.common, Some(points));
@@ -387,17 +389,6 @@ impl Sequence {
             velocity_covariance: first(&mut covariance, 9 * n * window.own.len()),
         };
         windows.iter().map(place).collect()
-    }
-}
-
-/// Gives the detections of one view that were used for `l` to `r`, and the other way round.
-fn exchange(used: &mut [usize], [l, r]: [usize; 2]) {
-    for joint in used {
-        *joint = match *joint {
-            j if j == l => r,
-            j if j == r => l,
-            j => j,
-        };
     }
 }
 

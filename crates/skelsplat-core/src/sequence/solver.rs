@@ -6,7 +6,7 @@ use super::chain::{Band, Chain, second_difference};
 use super::process_noise::ProcessNoise;
 use super::system::System;
 use super::tracks::Tracks;
-use super::windows::frames_in;
+use super::windows::{around, frames_in};
 use crate::bones::{Length, Pull};
 use crate::error::Result;
 use crate::matrix3::{Symmetric, inverse, times};
@@ -165,7 +165,7 @@ impl<'a> WindowSolver<'a> {
         let precision = 1.0 / self.common.variance[j];
         self.weigh(j, sigma);
         let (views, of) = (self.tracks.views, self.system.of(j));
-        let around = frames_in(TRUST_SPAN, self.common.fps);
+        let reach = frames_in(TRUST_SPAN, self.common.fps);
         let system = &mut self.system;
         let own = system.blocks[of.clone()].iter_mut().zip(&mut system.pulls[of.clone()]);
         for (t, (block, pull)) in own.enumerate() {
@@ -174,13 +174,13 @@ impl<'a> WindowSolver<'a> {
                 continue;
             }
             let x = &self.points[of.start + t];
-            let (first, last) =
-                (t.saturating_sub(around), (t + around + 1).min(self.tracks.frames));
+            let near = around(t, reach, self.tracks.frames);
             let (mut weight, mut outer) = (0.0, Symmetric::default());
             let rays = self.tracks.rays(j, t).iter().zip(self.tracks.held(j, t)).enumerate();
             for (i, (ray, held)) in rays.filter(|(_, (ray, _))| ray.is_there()) {
-                let sum =
-                    |k: usize| self.sums[last * 2 * views + k] - self.sums[first * 2 * views + k];
+                let sum = |k: usize| {
+                    self.sums[near.end * 2 * views + k] - self.sums[near.start * 2 * views + k]
+                };
                 let mean = (sum(2 * i) / sum(2 * i + 1)).max(*held);
                 let w = ray.weight * self.kept[t * views + i] * mean * precision;
                 outer.add_outer(w, &ray.direction);

@@ -9,7 +9,7 @@
 
 use super::solver::Common;
 use super::tracks::Tracks;
-use super::windows::frames_in;
+use super::windows::{around, frames_in};
 use crate::annealed::swaps::Chain;
 use nalgebra::Vector3;
 
@@ -105,7 +105,7 @@ fn against(tracks: &Tracks, pairs: &Chain, common: &Common, t: usize) -> [f64; 2
             let k = |ray_of: usize, x_of: usize| {
                 let ray = &tracks.rays(ray_of, t)[i];
                 let x = &tracks.alone[x_of * tracks.frames + t];
-                if ray.is_there() { ray.offset(x).weight(common.sigma[x_of]) } else { 0.0 }
+                ray.trust(x, common.sigma[x_of]).unwrap_or(0.0)
             };
             let (own, other) = (k(*l, *l) + k(*r, *r), k(*l, *r) + k(*r, *l));
             let against = if turned { [own, other] } else { [other, own] };
@@ -145,7 +145,7 @@ pub(super) fn find(
     common: &Common,
 ) -> Vec<FrameSwap> {
     let unit = common.weight;
-    let around = frames_in(AROUND, common.fps);
+    let reach = frames_in(AROUND, common.fps);
     let mut found = Vec::new();
     for (chain, pairs) in chains.iter().enumerate() {
         for view in 0..tracks.views {
@@ -155,8 +155,7 @@ pub(super) fn find(
                 })
                 .collect();
             for (frame, own) in gains.iter().enumerate().filter(|(_, g)| **g >= OWN_GAIN * unit) {
-                let near =
-                    &gains[frame.saturating_sub(around)..(frame + around + 1).min(gains.len())];
+                let near = &gains[around(frame, reach, gains.len())];
                 if near.iter().sum::<f64>() >= MEAN_GAIN * unit * near.len() as f64 && *own > 0.0 {
                     found.push(FrameSwap { frame, view, chain });
                 }
@@ -181,12 +180,7 @@ fn gain(
     }
     let agrees = |ray_of: usize, x_of: usize| {
         let ray = &tracks.rays(ray_of, t)[view];
-        let k = if ray.is_there() {
-            ray.offset(&points[at(x_of)]).weight(common.sigma[x_of])
-        } else {
-            0.0
-        };
-        ray.weight * k
+        ray.weight * ray.trust(&points[at(x_of)], common.sigma[x_of]).unwrap_or(0.0)
     };
     agrees(l, r) + agrees(r, l) - agrees(l, l) - agrees(r, r)
 }

@@ -4,7 +4,7 @@ use nalgebra::{Matrix3, Vector3};
 
 use crate::annealed::Alone;
 use crate::annealed::consensus::REJECTED;
-use crate::annealed::rays::Ray;
+use crate::annealed::rays::{Ray, there};
 use crate::statistics::median;
 
 /// Longest gap over which a joint is bridged, s.
@@ -118,8 +118,8 @@ impl Tracks {
         let m = self.views;
         for (k, x) in self.alone.iter().enumerate().filter(|(_, x)| x.x.is_finite()) {
             let rays = &self.rays[k * m..(k + 1) * m];
-            let weight = |ray: &Ray| if ray.is_there() { ray.offset(x).weight(sigma) } else { 0.0 };
-            let n = rays.iter().filter(|ray| ray.is_there()).count();
+            let weight = |ray: &Ray| ray.trust(x, sigma).unwrap_or(0.0);
+            let n = there(rays).count();
             let agree = rays.iter().filter(|ray| weight(ray) >= REJECTED).count();
             self.sure[k] = agree >= 3 || (n == 2 && agree == 2);
             let close = rays.iter().filter(|ray| weight(ray) >= CLOSE).count();

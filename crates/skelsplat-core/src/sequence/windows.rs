@@ -52,6 +52,11 @@ pub fn sample(windows: &[Window]) -> Vec<Range<usize>> {
     out
 }
 
+/// Frames up to `reach` away from `t`, of `n`.
+pub(super) fn around(t: usize, reach: usize, n: usize) -> Range<usize> {
+    t.saturating_sub(reach)..(t + reach + 1).min(n)
+}
+
 /// Number of frames in `seconds`, at least one.
 pub(super) fn frames_in(seconds: f64, fps: f64) -> usize {
     ((seconds * fps).round() as usize).max(1)

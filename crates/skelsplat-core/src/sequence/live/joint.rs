@@ -6,7 +6,7 @@ use super::super::serialise::Serialiser;
 use super::bone::{End, Tie};
 use super::filter::{KalmanState, MotionStatistics};
 use crate::annealed::consensus::REJECTED;
-use crate::annealed::rays::Ray;
+use crate::annealed::rays::{Ray, there};
 use crate::matrix3::{inverse, product, symmetrised, times};
 use crate::outcome::JointStatus;
 use crate::sequence::noise::Memory;
@@ -81,15 +81,11 @@ impl Answer {
 }
 
 impl Observation<'_> {
-    fn there(&self) -> impl Iterator<Item = &Ray> + Clone {
-        self.rays.iter().filter(|ray| ray.is_there())
-    }
-
     /// Whether three views, or both of two, agree on the position.
     pub(super) fn is_sure(&self) -> bool {
         let near = |ray: &&Ray| ray.offset(&self.alone.at).weight(self.sigma) >= REJECTED;
-        let agree = self.there().filter(near).count();
-        self.alone.status == JointStatus::Ok && (agree > 2 || self.there().count() == 2)
+        let agree = there(self.rays).filter(near).count();
+        self.alone.status == JointStatus::Ok && (agree > 2 || there(self.rays).count() == 2)
     }
 }
 
@@ -219,10 +215,10 @@ impl LiveJoint {
     ) -> Answer {
         let prior = inverse(&state.position);
         let (mut at, mut spread) = (state.at, state.position);
-        let there = || seen.rays.iter().zip(&self.trust).filter(|(ray, _)| ray.is_there());
+        let trusted = || seen.rays.iter().zip(&self.trust).filter(|(ray, _)| ray.is_there());
         for _ in 0..STEPS {
             let (mut information, mut pull) = (prior, times(&prior, &(state.at - at)));
-            for (ray, trust) in there() {
+            for (ray, trust) in trusted() {
                 let offset = ray.offset(&at);
                 let w = ray.weight * offset.weight(seen.sigma) * trust / seen.variance;
                 information += ray.information() * w;
@@ -233,7 +229,7 @@ impl LiveJoint {
             at += times(&spread, &pull);
         }
         let (mut n, mut weight, mut agreeing) = (0.0, 0.0, 0);
-        for k in seen.there().map(|ray| ray.offset(&at).weight(seen.sigma)) {
+        for k in there(seen.rays).map(|ray| ray.offset(&at).weight(seen.sigma)) {
             (n, weight) = (n + 1.0, weight + k);
             agreeing += usize::from(k >= REJECTED);
         }

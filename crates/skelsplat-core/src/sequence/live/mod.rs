@@ -40,7 +40,7 @@ use super::solver::Common;
 use crate::annealed::Alone;
 use crate::annealed::posterior::BodyExtent;
 use crate::batch::Progress;
-use crate::bones::Length;
+use crate::bones::{Length, other_end};
 use crate::detections::Detections;
 use crate::error::{Error, Result};
 use crate::outcome::{ErrorBars, JointStatus, Loss, Outcome, Splats, StopReason};
@@ -234,13 +234,8 @@ impl Live {
         answers: &[Option<Answer>],
         bones: &[[usize; 2]],
     ) -> impl Iterator<Item = Tie> {
-        let tie = move |(length, [a, b]): (Option<Length>, &[usize; 2])| {
-            let other = match j {
-                j if j == *a => *b,
-                j if j == *b => *a,
-                _ => return None,
-            };
-            let to = answers[other]?.end();
+        let tie = move |(length, bone): (Option<Length>, &[usize; 2])| {
+            let to = answers[other_end(*bone, j)?]?.end();
             let length = length?;
             let known = to.at.x.is_finite() && to.covariance.trace().is_finite();
             known.then_some(Tie { to, length })
@@ -285,8 +280,7 @@ impl Live {
         for (j, answer) in answers.iter().enumerate() {
             let scale = 2.0 * sigma[j].powi(2) / self.variance();
             for ray in alone.rays.of_joint(j) {
-                let there = ray.is_there();
-                let k = if there { ray.offset(&answer.at).weight(sigma[j]) } else { f64::NAN };
+                let k = ray.trust(&answer.at, sigma[j]).unwrap_or(f64::NAN);
                 believed.push(k);
                 render += if k.is_finite() { ray.weight * scale * (1.0 - k) } else { 0.0 };
             }
