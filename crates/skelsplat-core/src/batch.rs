@@ -4,7 +4,7 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
 use rayon::prelude::*;
 
-use crate::error::{Error, Result};
+use crate::error::{Result, unless_cancelled};
 use crate::refine::results::Part;
 use crate::refine::{Control, Frame, Refinements, Refiner};
 use crate::threads;
@@ -47,9 +47,9 @@ impl Progress {
     /// Checks whether to continue.
     ///
     /// # Errors
-    /// [`Error::Cancelled`] once the batch is cancelled.
+    /// [`crate::Error::Cancelled`] once the batch is cancelled.
     pub fn check(&self) -> Result<()> {
-        if self.cancel.load(Ordering::Relaxed) { Err(Error::Cancelled) } else { Ok(()) }
+        unless_cancelled(&self.cancel)
     }
 
     /// The cancel flag.
@@ -62,8 +62,8 @@ impl Progress {
 /// over the threads.
 ///
 /// # Errors
-/// The error of the first frame with an error, [`Error::InvalidInput`] if frames differ in the
-/// number of joints, or [`Error::Cancelled`].
+/// The error of the first frame with an error, [`crate::Error::InvalidInput`] if frames differ in
+/// the number of joints, or [`crate::Error::Cancelled`].
 pub fn refine_batch(
     refiner: &Refiner,
     frames: &[Frame],

@@ -1,5 +1,7 @@
 //! Errors, with the same messages in Rust and Python.
 
+use std::sync::atomic::{AtomicBool, Ordering};
+
 /// Result of a fallible core function.
 pub type Result<T> = std::result::Result<T, Error>;
 
@@ -38,6 +40,14 @@ pub enum Error {
     /// The caller cancelled the work.
     #[error("cancelled by the caller")]
     Cancelled,
+}
+
+/// Ends work whose `flag` is set.
+///
+/// # Errors
+/// [`Error::Cancelled`].
+pub(crate) fn unless_cancelled(flag: &AtomicBool) -> Result<()> {
+    if flag.load(Ordering::Relaxed) { Err(Error::Cancelled) } else { Ok(()) }
 }
 
 impl Error {

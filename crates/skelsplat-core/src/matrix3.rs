@@ -128,11 +128,7 @@ pub(crate) fn times(a: &Matrix3<f64>, v: &Vector3<f64>) -> Vector3<f64> {
 /// Aᵀ v.
 #[inline(always)]
 pub(crate) fn transposed_times(a: &Matrix3<f64>, v: &Vector3<f64>) -> Vector3<f64> {
-    Vector3::new(
-        a.m11 * v.x + a.m21 * v.y + a.m31 * v.z,
-        a.m12 * v.x + a.m22 * v.y + a.m32 * v.z,
-        a.m13 * v.x + a.m23 * v.y + a.m33 * v.z,
-    )
+    times(&a.transpose(), v)
 }
 
 /// A B.

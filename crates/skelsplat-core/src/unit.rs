@@ -26,7 +26,7 @@ impl Unit {
     /// The unit called `"mm"`, `"cm"` or `"m"`.
     ///
     /// # Errors
-    /// [`Error::UnknownName`] for any other name.
+    /// [`crate::Error::UnknownName`] for any other name.
     pub fn by_name(name: &str) -> Result<Self> {
         by_name("unit", name, Self::ALL)
     }
@@ -139,73 +139,53 @@ mod tests {
         vec![vec![Vector3::zeros(), Vector3::new(0.0, 0.0, height)]]
     }
 
-    #[test]
-    fn a_person_in_the_right_unit_raises_no_doubt() {
-        assert_eq!(
-            implausible_extent(&person(1700.0), &pair(3000.0, 1e3), Unit::Millimetre, None),
-            None
-        );
-        assert_eq!(implausible_extent(&person(1.7), &pair(3.0, 1e3), Unit::Metre, None), None);
+    /// The limit that a body of this size violates, mm; cameras are so far apart, in the same unit.
+    fn limit(size: f64, apart: f64, unit: Unit, layout: Option<&Layout>) -> Option<f64> {
+        let found = implausible_extent(&person(size), &pair(apart, 1e3), unit, layout)?;
+        assert_eq!((found.extent, found.taller), (size, found.limit_mm > 1e3));
+        Some(found.limit_mm)
     }
 
     #[test]
-    fn a_unit_mistaken_by_1000_is_noticed() {
-        let tall = implausible_extent(&person(1700.0), &pair(3000.0, 1e3), Unit::Metre, None);
-        let expected = Implausible { extent: 1700.0, taller: true, limit_mm: 10_000.0 };
-        assert_eq!(tall, Some(expected));
-        let short = implausible_extent(&person(1.7), &pair(3.0, 1e3), Unit::Millimetre, None);
-        let expected = Implausible { extent: 1.7, taller: false, limit_mm: 100.0 };
-        assert_eq!(short, Some(expected));
-    }
-
-    #[test]
-    fn a_body_of_one_s_own_layout_may_be_of_any_size_that_bodies_have() {
+    fn a_unit_mistaken_by_1000_or_10_is_noticed() {
+        let human = Layout::by_name("coco17").unwrap();
         let spec = LayoutSpec {
             name: "mouse".to_owned(),
             joints: vec!["snout".to_owned(), "tail".to_owned()],
             ..LayoutSpec::default()
         };
         let mouse = Layout::new(spec).unwrap();
-        let found =
-            |size, unit| implausible_extent(&person(size), &pair(size, 1e3), unit, Some(&mouse));
-        assert_eq!(found(95.6, Unit::Millimetre), None);
-        assert_eq!(found(18.0, Unit::Metre), None);
-        let tall = found(95.6, Unit::Metre).unwrap();
-        assert!(tall.taller && tall.limit_mm == 20_000.0, "{tall:?}");
-        assert_eq!(found(0.0956, Unit::Millimetre), None);
-        let human = Layout::by_name("coco17").unwrap();
-        // An adult of 1.7 m in centimetres that are taken for millimetres.
-        let found = |size, layout| {
-            implausible_extent(&person(size), &pair(300.0, 1e3), Unit::Millimetre, layout)
-        };
-        let short = found(170.0, Some(&human)).unwrap();
-        assert!(!short.taller && short.limit_mm == 220.0, "{short:?}");
-        assert_eq!(found(170.0, None), None);
-    }
-
-    #[test]
-    fn small_joints_of_no_layout_are_in_doubt_only_where_cameras_are_too_close_together() {
-        let found = |size, apart, focal, unit| {
-            implausible_extent(&person(size), &pair(apart, focal), unit, None).is_some()
-        };
-        for (size, apart, focal) in [(96.0, 1300.0, 1e3), (2.5, 300.0, 1e3), (0.06, 20.0, 1e5)] {
-            assert!(!found(size, apart, focal, Unit::Millimetre), "{size} mm, {apart} mm apart");
-            assert!(!found(size / 1e3, apart / 1e3, focal, Unit::Metre));
+        let (mm, metre) = (Unit::Millimetre, Unit::Metre);
+        for (size, apart, unit, layout, expected) in [
+            (1700.0, 3000.0, mm, None, None),
+            (1.7, 3.0, metre, None, None),
+            (1700.0, 3000.0, metre, None, Some(10_000.0)),
+            (1.7, 3.0, mm, None, Some(100.0)),
+            (1.7, 4.0, Unit::Centimetre, None, Some(100.0)),
+            // An adult in centimetres that are taken for millimetres.
+            (170.0, 300.0, mm, Some(&human), Some(220.0)),
+            (170.0, 300.0, mm, None, None),
+            // A body of a layout that is not human.
+            (95.6, 95.6, mm, Some(&mouse), None),
+            (0.0956, 0.0956, mm, Some(&mouse), None),
+            (18.0, 18.0, metre, Some(&mouse), None),
+            (95.6, 95.6, metre, Some(&mouse), Some(20_000.0)),
+            // Small joints of no layout, seen by cameras that are not too close together.
+            (96.0, 1300.0, mm, None, None),
+            (0.096, 1.3, metre, None, None),
+            (2.5, 300.0, mm, None, None),
+        ] {
+            assert_eq!(limit(size, apart, unit, layout), expected, "{size} {unit:?}");
         }
-        // A person in a room in metres that are taken for millimetres or centimetres, and a single
-        // camera.
-        assert!(found(1.7, 4.0, 1e3, Unit::Millimetre));
-        assert!(found(1.7, 4.0, 1e3, Unit::Centimetre));
-        assert!(
-            implausible_extent(&person(1.7), &pair(1.0, 1e3)[..1], Unit::Millimetre, None)
-                .is_none()
-        );
     }
 
     #[test]
-    fn an_incomplete_skeleton_is_not_judged() {
-        let pose =
-            vec![vec![Vector3::zeros(), Vector3::repeat(f64::NAN), Vector3::repeat(f64::NAN)]];
-        assert_eq!(implausible_extent(&pose, &pair(4.0, 1e3), Unit::Millimetre, None), None);
+    fn a_microscope_a_single_camera_and_an_incomplete_skeleton_are_not_judged() {
+        let mm = Unit::Millimetre;
+        assert_eq!(implausible_extent(&person(0.06), &pair(20.0, 1e5), mm, None), None);
+        assert_eq!(implausible_extent(&person(1.7), &pair(1.0, 1e3)[..1], mm, None), None);
+        let nan = Vector3::repeat(f64::NAN);
+        let pose = vec![vec![Vector3::zeros(), nan, nan]];
+        assert_eq!(implausible_extent(&pose, &pair(4.0, 1e3), mm, None), None);
     }
 }

@@ -60,6 +60,11 @@ fn adjusted(given: &[Camera], frames: &[Detections], what: &Adjustable) -> RigAd
     adjust_cameras(given, Unit::Millimetre, frames, what, &config, &Progress::default()).unwrap()
 }
 
+/// What may be adjusted, clocks too.
+fn with_clocks() -> Adjustable {
+    Adjustable { clock: true, ..Adjustable::default() }
+}
+
 fn status(found: &RigAdjustment) -> Vec<CameraStatus> {
     found.report.iter().map(|one| one.status).collect()
 }
@@ -162,9 +167,9 @@ fn a_sound_rig_stays() {
 #[test]
 fn faults_too_small_to_be_told_are_within_the_error_bars() {
     let truth = room(4);
-    let asked = Adjustable { clock: true, ..Adjustable::default() };
     for late in [0.06, 0.12, 0.18] {
-        let found = adjusted(&truth, &recording(&truth, &[0.0, 0.0, 0.0, late], 6.0), &asked);
+        let found =
+            adjusted(&truth, &recording(&truth, &[0.0, 0.0, 0.0, late], 6.0), &with_clocks());
         assert_eq!(status(&found), [CameraStatus::Sound; 4]);
         let bar = found.report[3].bars.clock;
         assert!(late < 2.0 * bar && bar < 0.2, "{late} {bar}");
@@ -176,12 +181,9 @@ fn a_late_camera_is_told_from_one_that_was_moved() {
     let truth = room(4);
     let frames = recording(&truth, &[0.0, 3.4, 0.0, 0.0], 2.0);
     let found = adjusted(&truth, &frames, &Adjustable::default());
-    assert_eq!(found.report[1].status, CameraStatus::Late);
-    assert_eq!(found.cameras, truth);
-    let asked = Adjustable { clock: true, ..Adjustable::default() };
-    let found = adjusted(&truth, &frames, &asked);
-    assert_eq!(found.report[1].status, CameraStatus::Late);
-    assert_eq!(found.cameras, truth);
+    assert_eq!((found.report[1].status, &found.cameras), (CameraStatus::Late, &truth));
+    let found = adjusted(&truth, &frames, &with_clocks());
+    assert_eq!((found.report[1].status, &found.cameras), (CameraStatus::Late, &truth));
     let off = (found.report[1].change.clock - 3.4).abs();
     assert!(off < 0.1 && off < 2.0 * found.report[1].bars.clock + 0.05, "{off}");
     assert_eq!(found.report[1].change.turn, Vector3::zeros());
@@ -262,22 +264,19 @@ fn lengths_are_in_the_unit_of_the_cameras_and_threads_do_not_matter() {
 fn arguments_are_checked() {
     let cameras = room(3);
     let frames = recording(&cameras, &[0.0; 3], 1.0);
+    let progress = Progress::default();
     let call = |cameras: &[Camera], frames: &[Detections], free: Option<Vec<usize>>| {
         let what = Adjustable { free, ..Adjustable::default() };
         let config = RefineConfig::default();
-        adjust_cameras(cameras, Unit::Millimetre, frames, &what, &config, &Progress::default())
+        adjust_cameras(cameras, Unit::Millimetre, frames, &what, &config, &progress)
     };
     assert_eq!(refused(call(&cameras[..1], &frames, None)), "cameras");
     assert_eq!(refused(call(&cameras, &[], None)), "detections");
     assert_eq!(refused(call(&cameras[..2], &frames, None)), "detections");
     assert_eq!(refused(call(&cameras, &frames, Some(vec![3]))), "free");
     assert_eq!(refused(call(&cameras, &frames, Some(vec![0, 1, 2]))), "free");
-    let progress = Progress::default();
     progress.cancel();
-    let config = RefineConfig::default();
-    let what = Adjustable::default();
-    let stopped = adjust_cameras(&cameras, Unit::Millimetre, &frames, &what, &config, &progress);
-    assert_eq!(stopped.unwrap_err(), Error::Cancelled);
+    assert_eq!(call(&cameras, &frames, None).unwrap_err(), Error::Cancelled);
 }
 
 #[test]
@@ -306,8 +305,7 @@ fn errors_that_last_are_no_clock_and_hide_none() {
         };
         let late_by = [0.0, 0.0, late, 0.0];
         let frames = seen(&cameras, &late_by, line, |k| offsets[k] + 2.0 * noise.normal());
-        let what = Adjustable { clock: true, ..Adjustable::default() };
-        let found = adjusted(&cameras, &frames, &what);
+        let found = adjusted(&cameras, &frames, &with_clocks());
         for (i, one) in found.report.iter().enumerate() {
             let wrong = i == 2 && late > 0.0;
             let expected = if wrong { CameraStatus::Late } else { CameraStatus::Sound };

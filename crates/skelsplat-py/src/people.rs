@@ -46,6 +46,11 @@ impl<'py> FromPyObject<'_, 'py> for People {
     }
 }
 
+/// Slots as numbers; −1 for none.
+fn numbers(slots: impl IntoIterator<Item = Option<usize>>) -> Vec<i64> {
+    slots.into_iter().map(|slot| slot.map_or(-1, |s| s as i64)).collect()
+}
+
 impl People {
     /// The slots of every frame: P times one figure per view (M, N).
     fn slots(&self) -> Result<Vec<Vec<Detections>>> {
@@ -103,11 +108,8 @@ pub(crate) fn track_people<'py>(
         let out = over_time(py, &frames, person.sequence)?;
         out.set_item("id", person.id)?;
         out.set_item("first", person.frames.start)?;
-        let numbers = |slots: &[Option<usize>]| -> Vec<i64> {
-            slots.iter().map(|slot| slot.map_or(-1, |s| s as i64)).collect()
-        };
-        out.set_item("slots", frames.out(numbers(&person.slots), &[m]))?;
-        out.set_item("more_slots", frames.out(numbers(&person.more), &[m]))?;
+        out.set_item("slots", frames.out(numbers(person.slots), &[m]))?;
+        out.set_item("more_slots", frames.out(numbers(person.more), &[m]))?;
         Ok(out)
     };
     Ok((found.people.into_iter().map(one).collect::<Result<_>>()?, found.cut))
@@ -148,8 +150,7 @@ pub(crate) fn people_choices(
     let of = |(t, frame): (usize, &Choices)| vec![t as i64; frame.all.len()];
     let step: Vec<i64> = found.iter().enumerate().flat_map(of).collect();
     let all: Vec<Choice> = found.into_iter().flat_map(|frame| frame.all).collect();
-    let slot = |slot: &Option<usize>| slot.map_or(-1, |s| s as i64);
-    let chosen = all.iter().flat_map(|one| one.slots.iter().map(slot)).collect();
+    let chosen = numbers(all.iter().flat_map(|one| one.slots.iter().copied()));
     let costs = all.iter().map(|one| one.cost).collect();
     let poses: Vec<_> = all.iter().flat_map(|one| one.pose.iter().copied()).collect();
     let count = step.len();
@@ -192,8 +193,7 @@ pub(crate) fn people_chosen(
     let linking = Linking { cost: switch_cost, step: switch_step };
     let work = move |progress: &Progress| choose(&slots, &cameras, &rules, linking, progress);
     let found: Chosen = watch::run(py, false, work)?;
-    let slots = found.slots.iter().map(|slot| slot.map_or(-1, |s| s as i64)).collect();
-    Ok((Out(slots, vec![t, m]), Out(found.cut, vec![t])))
+    Ok((Out(numbers(found.slots), vec![t, m]), Out(found.cut, vec![t])))
 }
 
 /// Return scores of the figures of a frame: at a body (M, P), of pairs (M, P, M, P), support of the
@@ -267,10 +267,7 @@ impl PyTracker {
         let one = |seen: skelsplat_core::TrackedPerson| {
             let frame = Frames::one(m, n);
             let out = results(py, &frame, seen.refinement.into())?;
-            let slots = |part: usize| -> Vec<i64> {
-                let number = |claim: &[Option<usize>; 2]| claim[part].map_or(-1, |s| s as i64);
-                seen.claims.iter().map(number).collect()
-            };
+            let slots = |part: usize| numbers(seen.claims.iter().map(|claim| claim[part]));
             out.set_item("id", seen.id)?;
             out.set_item("slots", Out(slots(0), vec![m]))?;
             out.set_item("more_slots", Out(slots(1), vec![m]))?;

@@ -24,7 +24,7 @@ impl Encoding {
     /// The encoding called `"one_hot"`, `"rgb"` or `"single"`.
     ///
     /// # Errors
-    /// [`Error::UnknownName`] for any other name.
+    /// [`crate::Error::UnknownName`] for any other name.
     pub fn by_name(name: &str) -> Result<Self> {
         by_name("encoding", name, Self::ALL)
     }

@@ -1,7 +1,7 @@
 //! The published method for one frame: Gaussians start at the initial pose and are optimised by
 //! Adam.
 
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::AtomicBool;
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -11,7 +11,7 @@ use super::rows::Pixel;
 use super::settings::{PaperSettings, PositionLearningRate};
 use crate::camera::Camera;
 use crate::detections::Detections;
-use crate::error::{Error, Result};
+use crate::error::{Result, unless_cancelled};
 use crate::gaussian::{Gaussian, GaussianGradient};
 use crate::outcome::{JointStatus, Loss, Outcome, Splats, StopReason, as_given};
 use crate::projection::View;
@@ -57,8 +57,8 @@ impl PaperFrame<'_> {
     /// deviation `sigmas` `(N)`.
     ///
     /// # Errors
-    /// [`Error::OutOfMemory`] if the windows are too large, [`Error::Cancelled`] once `cancel` is
-    /// set.
+    /// [`crate::Error::OutOfMemory`] if the windows are too large, [`crate::Error::Cancelled`] once
+    /// `cancel` is set.
     pub fn solve(&self, init: Option<&[Option<Vector3<f64>>]>, sigmas: &[f64]) -> Result<Outcome> {
         let init = self.initial_pose(init);
         let round = |(mean, sigma): (&Vector3<f64>, &f64)| Gaussian::isotropic(*mean, *sigma);
@@ -73,7 +73,7 @@ impl PaperFrame<'_> {
             Optimised { n_iter: 0, stop_reason: StopReason::NoObservations, history: Vec::new() }
         };
         let loss = objective.evaluate(&gaussians, &vec![true; self.views.len()]);
-        self.check_cancelled()?;
+        unless_cancelled(self.cancel)?;
         let covariance = |g: &Gaussian| {
             if g.mean.x.is_nan() { Matrix3::repeat(f64::NAN) } else { g.covariance() }
         };
@@ -99,7 +99,7 @@ impl PaperFrame<'_> {
     ) -> Result<LossAndGradient> {
         let mut objective = self.objective::<f64>(shapes)?;
         let loss = objective.evaluate(gaussians, &vec![true; self.views.len()]);
-        self.check_cancelled()?;
+        unless_cancelled(self.cancel)?;
         Ok(LossAndGradient { loss, gradient: objective.gradient().to_vec() })
     }
 
@@ -134,10 +134,6 @@ impl PaperFrame<'_> {
     fn at_resolution(&self) -> Detections {
         let s = self.settings.resolution;
         self.detections.map(|_, p| Some(p.map(|u| (u + 0.5) * s - 0.5)))
-    }
-
-    fn check_cancelled(&self) -> Result<()> {
-        if self.cancel.load(Ordering::Relaxed) { Err(Error::Cancelled) } else { Ok(()) }
     }
 }
 

@@ -18,7 +18,7 @@ use super::rows::Pixel;
 use super::settings::Renderer;
 use super::splat::{CUT, Splat};
 use crate::detections::Detections;
-use crate::error::{Error, Result};
+use crate::error::{Result, unless_cancelled};
 use crate::gaussian::{Gaussian, GaussianGradient};
 use crate::memory;
 use crate::outcome::Loss;
@@ -190,7 +190,8 @@ impl<'a, P: Pixel> Objective<'a, P> {
     /// current pool to work on this pose.
     ///
     /// # Errors
-    /// [`Error::OutOfMemory`] before building it, [`Error::Cancelled`] once `cancel` is set.
+    /// [`crate::Error::OutOfMemory`] before building it, [`crate::Error::Cancelled`] once `cancel`
+    /// is set.
     pub fn new(
         views: &'a [View],
         targets: &Targets<'_>,
@@ -201,12 +202,7 @@ impl<'a, P: Pixel> Objective<'a, P> {
         let found: Vec<_> =
             (0..views.len() * n).map(|k| detection(&views[k / n], targets, k / n, k % n)).collect();
         check_memory::<P>(&found, n, targets, parallel)?;
-        let channel = |found| {
-            if cancel.load(Ordering::Relaxed) {
-                return Err(Error::Cancelled);
-            }
-            Ok(Channel::new(found, targets))
-        };
+        let channel = |found| unless_cancelled(cancel).map(|()| Channel::new(found, targets));
         let channels: Vec<Channel<P>> = found.into_iter().map(channel).collect::<Result<_>>()?;
         let composite = |view: &[Channel<P>]| {
             let heats: Vec<Splat> = view.iter().filter_map(|c| c.detection).collect();

@@ -1,7 +1,7 @@
 //! The paper's optimisation: Adam on the rendering loss, gradients accumulated over views (paper §3
 //! "Optimization").
 
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::AtomicBool;
 
 use super::adam::{Adam, LearningRates};
 use super::objective::Objective;
@@ -9,7 +9,7 @@ use super::rows::Pixel;
 use super::schedule::{ExponentialDecay, views_in_turn};
 use super::settings::PaperSettings;
 use super::stopping::WindowMinimum;
-use crate::error::{Error, Result};
+use crate::error::{Result, unless_cancelled};
 use crate::gaussian::Gaussian;
 use crate::outcome::{Loss, StopReason};
 
@@ -28,7 +28,7 @@ pub struct Optimised {
 /// step.
 ///
 /// # Errors
-/// [`Error::Cancelled`] once `cancel`, the flag of the objective, is set.
+/// [`crate::Error::Cancelled`] once `cancel`, the flag of the objective, is set.
 pub fn optimise<P: Pixel>(
     gaussians: &mut [Gaussian],
     objective: &mut Objective<'_, P>,
@@ -49,9 +49,7 @@ pub fn optimise<P: Pixel>(
     for step in 0..settings.max_steps {
         views_in_turn(step, per_step, &mut active);
         let loss = objective.evaluate(gaussians, &active);
-        if cancel.load(Ordering::Relaxed) {
-            return Err(Error::Cancelled);
-        }
+        unless_cancelled(cancel)?;
         let mut diverged = !loss.total.is_finite();
         if !diverged {
             last.copy_from_slice(gaussians);

@@ -9,7 +9,7 @@ use super::encoding::Encoding;
 use super::pseudo_gt::fill;
 use super::rows::RowTable;
 use super::splat::{ALPHA_MAX, Splat};
-use crate::error::{Error, Result};
+use crate::error::{Result, unless_cancelled};
 use crate::memory;
 use crate::projection::View;
 
@@ -97,7 +97,8 @@ pub fn heats(
 /// Renders `splats` (one per joint with its depth, `None` if it is not in front of the camera).
 ///
 /// # Errors
-/// [`Error::OutOfMemory`] before rendering, [`Error::Cancelled`] once `cancel` is set.
+/// [`crate::Error::OutOfMemory`] before rendering, [`crate::Error::Cancelled`] once `cancel` is
+/// set.
 pub fn render(
     splats: &[DepthSplat],
     encoding: Encoding,
@@ -141,7 +142,7 @@ fn apart(
             images.paste_splat(j, &splat, limit, cancel);
         }
     }
-    unless_cancelled(images, cancel)
+    unless_cancelled(cancel).map(|()| images)
 }
 
 /// The shared canvas of the splats, on every channel.
@@ -156,11 +157,7 @@ fn shared(
     let mut images = Images::new(channels, size, composite::bytes(splats.iter()))?;
     let canvas = draw(splats, cancel);
     (0..channels).for_each(|channel| images.paste(channel, &canvas));
-    unless_cancelled(images, cancel)
-}
-
-fn unless_cancelled(images: Images, cancel: &AtomicBool) -> Result<Images> {
-    if cancel.load(Ordering::Relaxed) { Err(Error::Cancelled) } else { Ok(images) }
+    unless_cancelled(cancel).map(|()| images)
 }
 
 /// The splats without missing ones, by depth; at equal depth the lower joint counts as nearer.

@@ -1,12 +1,12 @@
 //! `refine` for one frame: from detections in pixels to a pose in the unit of the cameras.
 
 use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
 
 use nalgebra::{Matrix3, Vector3};
 
 use super::bias::JointBias;
 use super::config::{Method, RefineConfig};
+use super::frame::{Control, Frame};
 use super::result::Refinement;
 use crate::annealed::rays::Rays;
 use crate::annealed::swaps::{Chain, chains};
@@ -23,47 +23,6 @@ use crate::projection::View;
 use crate::symmetry::LimbPair;
 use crate::threads;
 use crate::unit::Unit;
-
-/// One frame: detections, and an initial pose `(N)` in the unit of the cameras (`None`:
-/// triangulated; a NaN joint is triangulated too).
-#[derive(Debug, Clone)]
-pub struct Frame {
-    /// Detection of each joint in each view.
-    pub detections: Detections,
-    /// Initial pose.
-    pub init_pose: Option<Vec<Vector3<f64>>>,
-    /// Covariance `(N)`, unit², of an initial pose that is independent of these detections: the
-    /// pose is then used as a prior, not only as a starting point.
-    pub init_covariance: Option<Vec<Matrix3<f64>>>,
-    /// Whether the initial pose is that of the previous frame: it then decides between positions
-    /// with equal votes.
-    pub past: bool,
-}
-
-impl From<Detections> for Frame {
-    /// A frame without an initial pose.
-    fn from(detections: Detections) -> Self {
-        Self { detections, init_pose: None, init_covariance: None, past: false }
-    }
-}
-
-/// How a call runs: on this thread or with those of the pool, and what can cancel it.
-#[derive(Debug, Clone, Copy)]
-pub struct Control<'a> {
-    /// Whether the windows of a pose are distributed over threads; the result is the same.
-    pub parallel: bool,
-    /// Once set, the call ends with [`Error::Cancelled`].
-    pub cancel: &'a AtomicBool,
-}
-
-static NEVER: AtomicBool = AtomicBool::new(false);
-
-impl Default for Control<'_> {
-    /// On this thread, without cancellation.
-    fn default() -> Self {
-        Self { parallel: false, cancel: &NEVER }
-    }
-}
 
 /// Cameras, layout and settings prepared once for any number of frames. Everything inside is in mm.
 #[derive(Debug, Clone)]

@@ -6,7 +6,8 @@ use std::sync::Arc;
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::refiner::{Frame, Refiner};
+use super::frame::Frame;
+use super::refiner::Refiner;
 use super::result::Refinement;
 use crate::error::{Error, Result};
 use crate::outcome::{JointStatus, Loss, StopReason};

@@ -131,9 +131,9 @@ impl Tracks {
     }
 
     /// Looks for cuts: frames between which the body jumps, in the median of the joints whose
-    /// positions are sure. Wrong positions are those of single joints. `usual` is how agile each
-    /// joint usually is, mm²/s³. Frames that are further apart than a gap that is bridged are all
-    /// cut from each other.
+    /// positions are sure. Wrong positions are those of single joints. `usual` is each joint's
+    /// usual process noise, mm²/s³. Frames that are further apart than a gap that is bridged are
+    /// all cut from each other.
     pub fn find_cuts(&mut self, fps: f64, usual: &[f64]) {
         let apart = fps * BRIDGE < 1.0;
         let jumps: Vec<f64> = (0..self.frames).map(|t| self.jumps(t, fps, usual)).collect();

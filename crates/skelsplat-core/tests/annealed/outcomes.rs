@@ -1,4 +1,4 @@
-//! Missing data, statuses and reasons to stop.
+//! Missing data, statuses and reasons to stop; of `paper` too where it is the same.
 
 use super::*;
 
@@ -7,12 +7,13 @@ fn a_joint_that_no_view_sees_keeps_its_start() {
     let cameras = room(4);
     let detections = without(&exact_detections(&standing(), &cameras), |_, j| j == WRIST);
     let start = perturbed(&standing(), 100.0, &mut Noise::new(1));
-    for config in [RefineConfig::default(), free()] {
+    for config in [RefineConfig::default(), free(), RefineConfig::paper()] {
         let out = refine(&cameras, &from(detections.clone(), Some(start.clone())), config.clone());
         assert_eq!(out.joint_status[WRIST], JointStatus::Unobserved);
-        assert_eq!(out.pose[WRIST], start[WRIST]);
+        assert!((out.pose[WRIST] - start[WRIST]).norm() < 1e-9);
         assert!(out.uncertainty[WRIST].iter().all(|v| v.is_nan()));
         assert!(out.view_weights.iter().skip(WRIST).step_by(17).all(|k| k.is_nan()));
+        assert!(out.reprojection_error.iter().skip(WRIST).step_by(17).all(|e| e.is_nan()));
         let out = refine(&cameras, &from(detections.clone(), None), config);
         assert_eq!(out.joint_status[WRIST], JointStatus::Unobserved);
         assert!(out.pose[WRIST].iter().all(|v| v.is_nan()));
@@ -43,14 +44,17 @@ fn a_frame_without_detections_has_no_observations() {
     let cameras = room(4);
     let nothing = Detections::new(4, 17, &[f64::NAN; 4 * 17 * 2], None).unwrap();
     let start = perturbed(&standing(), 10.0, &mut Noise::new(6));
-    let out =
-        refine(&cameras, &from(nothing.clone(), Some(start.clone())), RefineConfig::default());
-    assert_eq!(out.stop_reason, StopReason::NoObservations);
-    assert_eq!(out.pose, start);
-    assert!(out.joint_status.iter().all(|s| *s == JointStatus::Unobserved));
-    let out = refine(&cameras, &from(nothing, None), RefineConfig::default());
-    assert_eq!(out.stop_reason, StopReason::NoObservations);
-    assert!(out.pose.iter().all(|x| x.x.is_nan()));
+    for config in [RefineConfig::default(), RefineConfig::paper()] {
+        let frame = from(nothing.clone(), Some(start.clone()));
+        let out = refine(&cameras, &frame, config.clone());
+        assert_eq!(out.stop_reason, StopReason::NoObservations);
+        assert_eq!(out.pose, out.init_pose);
+        assert!(largest(&out.pose, &start) < 1e-9);
+        assert!(out.joint_status.iter().all(|s| *s == JointStatus::Unobserved));
+        let out = refine(&cameras, &from(nothing.clone(), None), config);
+        assert_eq!(out.stop_reason, StopReason::NoObservations);
+        assert!(out.pose.iter().all(|x| x.x.is_nan()));
+    }
 }
 
 #[test]

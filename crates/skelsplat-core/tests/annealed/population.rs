@@ -25,10 +25,7 @@ fn every_human_layout_has_the_long_bones_and_others_have_none() {
             let bone = bones.iter().find(|bone| ends.iter().all(|j| bone.joints.contains(j)));
             assert!((bone.unwrap().ratio - ratio).abs() < 1e-12, "{name}");
         }
-        let own =
-            Layout::new(LayoutSpec { name: "own".to_owned(), human: false, ..(*layout).clone() })
-                .unwrap();
-        assert!(proportions(&own).is_empty());
+        assert!(proportions(&own(&layout)).is_empty());
     }
 }
 
@@ -119,8 +116,16 @@ fn a_child_and_a_tall_person_are_not_pulled_to_the_average() {
     }
 }
 
-fn own() -> Layout {
-    Layout::new(LayoutSpec { name: "own".to_owned(), human: false, ..(*h36m()).clone() }).unwrap()
+/// The joints of a layout that is not known to be human.
+fn own(layout: &Layout) -> Layout {
+    let spec = LayoutSpec { name: "own".to_owned(), human: false, ..(**layout).clone() };
+    Layout::new(spec).unwrap()
+}
+
+/// Positions in this layout.
+fn solved(layout: &Layout, seen: &Detections, config: RefineConfig) -> Refinement {
+    let refiner = Refiner::new(&room(4), Unit::Millimetre, Some(layout), config).unwrap();
+    refiner.refine(&Frame::from(seen.clone())).unwrap()
 }
 
 fn with_lengths(lengths: &[f64], sigmas: Option<&[f64]>) -> RefineConfig {
@@ -132,21 +137,18 @@ fn with_lengths(lengths: &[f64], sigmas: Option<&[f64]>) -> RefineConfig {
 
 fn true_lengths() -> Vec<f64> {
     let truth = standing();
-    own().limbs.iter().map(|[a, b]| (truth[*a] - truth[*b]).norm()).collect()
+    h36m().limbs.iter().map(|[a, b]| (truth[*a] - truth[*b]).norm()).collect()
 }
 
 #[test]
 fn given_lengths_place_the_joints_of_any_layout() {
     let (cameras, truth) = (room(4), standing());
     let seen = without(&exact_detections(&truth, &cameras), |i, j| j == WRIST && i != 1);
-    let solve = |config: RefineConfig| {
-        let refiner = Refiner::new(&cameras, Unit::Millimetre, Some(&own()), config).unwrap();
-        refiner.refine(&Frame::from(seen.clone())).unwrap()
-    };
+    let solve = |config: RefineConfig| solved(&own(&h36m()), &seen, config);
     assert!(solve(RefineConfig::default()).pose[WRIST].x.is_nan());
     let lengths = true_lengths();
     let found = solve(with_lengths(&lengths, Some(&[5.0; 16])));
-    let bone = own().limbs.iter().position(|limb| *limb == [ELBOW, WRIST]).unwrap();
+    let bone = h36m().limbs.iter().position(|limb| *limb == [ELBOW, WRIST]).unwrap();
     let long = (found.pose[WRIST] - found.pose[ELBOW]).norm();
     assert!((long - lengths[bone]).abs() < 5.0, "{long} mm for {}", lengths[bone]);
     assert_ne!(found.joint_status[WRIST], JointStatus::Ok);
@@ -154,11 +156,8 @@ fn given_lengths_place_the_joints_of_any_layout() {
     let length =
         |(limb, mean_mm): (usize, &f64)| KnownLength { limb, mean_mm: *mean_mm, sigma_mm: 5.0 };
     let known: Vec<KnownLength> = lengths.iter().enumerate().map(length).collect();
-    let layout = Layout::new(LayoutSpec { lengths: known, ..(*own()).clone() }).unwrap();
-    let of_layout = |config: RefineConfig| {
-        let refiner = Refiner::new(&cameras, Unit::Millimetre, Some(&layout), config).unwrap();
-        refiner.refine(&Frame::from(seen.clone())).unwrap().pose
-    };
+    let layout = Layout::new(LayoutSpec { lengths: known, ..(*own(&h36m())).clone() }).unwrap();
+    let of_layout = |config: RefineConfig| solved(&layout, &seen, config).pose;
     assert_eq!(of_layout(RefineConfig::default()), found.pose);
     assert!(of_layout(with_lengths(&lengths, Some(&[1e4; 16])))[WRIST].x.is_nan());
     // A σ of the length's size: nothing is known.
@@ -170,10 +169,7 @@ fn given_lengths_that_contradict_three_views_change_nothing() {
     let (cameras, mut noise) = (room(4), Noise::new(9));
     let wrong: Vec<f64> = true_lengths().iter().map(|l| 1.4 * l).collect();
     let seen = noisy_detections(&standing(), &cameras, 2.0, &mut noise);
-    let solve = |config: RefineConfig| {
-        let refiner = Refiner::new(&cameras, Unit::Millimetre, Some(&own()), config).unwrap();
-        refiner.refine(&Frame::from(seen.clone())).unwrap().pose
-    };
+    let solve = |config: RefineConfig| solved(&own(&h36m()), &seen, config).pose;
     assert_eq!(solve(with_lengths(&wrong, None)), solve(RefineConfig::default()));
 }
 
@@ -182,7 +178,7 @@ fn wrong_lengths_are_named() {
     let refused = |config: RefineConfig, layout: Option<&Layout>, field: &str| {
         assert_eq!(refused(Refiner::new(&room(2), Unit::Millimetre, layout, config)), field);
     };
-    let (lengths, own) = (true_lengths(), own());
+    let (lengths, own) = (true_lengths(), own(&h36m()));
     for (k, value) in [(3, -1.0), (4, f64::NAN), (5, 0.0), (6, f64::INFINITY)] {
         let mut wrong = lengths.clone();
         wrong[k] = value;

@@ -26,11 +26,9 @@ fn repeated(cameras: &[Camera], px: f64, config: &RefineConfig, prior: Option<f6
     for seed in 0..REPETITIONS {
         let mut noise = Noise::new(seed as u64);
         let detections = noisy_detections(&standing(), cameras, px, &mut noise);
-        let frame = Frame {
-            detections,
-            init_pose: prior.map(|sigma| perturbed(&standing(), sigma, &mut noise)),
-            init_covariance: prior.map(|s| vec![Matrix3::from_diagonal_element(s * s); n]),
-            past: false,
+        let frame = match prior {
+            Some(s) => with_prior(detections, perturbed(&standing(), s, &mut noise), s),
+            None => detections.into(),
         };
         let found = refiner.refine(&frame).unwrap();
         out.noise += found.noise * share;
@@ -126,22 +124,37 @@ fn refined(cameras: &[Camera], detections: Detections, init: Vec<Vector3<f64>>) 
     refiner.refine(&frame).unwrap()
 }
 
+/// Noisy detections in four views of which only the second sees `joints`.
+fn seen_once(cameras: &[Camera], joints: &[usize]) -> Detections {
+    let detections = noisy_detections(&standing(), cameras, 3.0, &mut Noise::new(1));
+    without(&detections, |i, j| joints.contains(&j) && i != 1)
+}
+
+/// Direction of the second view's ray to joint `j`.
+fn direction(seen: &Detections, cameras: &[Camera], j: usize) -> Vector3<f64> {
+    Rays::new(seen, cameras, &[]).of_joint(j)[1].direction
+}
+
+/// Standard deviation of joint `j` along `d`.
+fn along(found: &Refinement, j: usize, d: &Vector3<f64>) -> f64 {
+    d.dot(&(found.uncertainty[j] * d)).sqrt()
+}
+
 /// Along the only ray of a joint the error bar is as long as the body, across it as short as for a
 /// detection.
 #[test]
 fn a_joint_with_one_view_is_uncertain_along_its_ray() {
     let cameras = room(4);
-    let detections = noisy_detections(&standing(), &cameras, 3.0, &mut Noise::new(1));
-    let seen_once = without(&detections, |i, j| j == WRIST && i != 1);
-    let ray = Rays::new(&seen_once, &cameras, &[]).of_joint(WRIST)[1];
-    let found = refined(&cameras, seen_once, standing());
-    let along = ray.direction.dot(&(found.uncertainty[WRIST] * ray.direction)).sqrt();
+    let seen = seen_once(&cameras, &[WRIST]);
+    let ray = direction(&seen, &cameras, WRIST);
+    let found = refined(&cameras, seen, standing());
+    let along = along(&found, WRIST, &ray);
     let middle = standing().iter().sum::<Vector3<f64>>() / 17.0;
     let spread = standing().iter().map(|x| (x - middle).norm_squared()).sum::<f64>() / 17.0;
     assert!((along / spread.sqrt() - 1.0).abs() < 0.05, "{along} mm");
     let across = (found.uncertainty[WRIST].trace() - along * along) / 2.0;
     assert!(across.sqrt() < 30.0, "{} mm", across.sqrt());
-    let seen = refined(&cameras, detections, standing());
+    let seen = refined(&cameras, seen_once(&cameras, &[]), standing());
     assert!(seen.uncertainty[WRIST].trace().sqrt() < 0.1 * along);
 }
 
@@ -164,17 +177,16 @@ fn a_view_that_disagrees_widens_the_bar() {
 #[test]
 fn a_bar_along_a_ray_reaches_back_to_the_body() {
     let cameras = room(4);
-    let detections = noisy_detections(&standing(), &cameras, 3.0, &mut Noise::new(1));
-    let seen_once = without(&detections, |i, j| j == WRIST && i != 1);
-    let ray = Rays::new(&seen_once, &cameras, &[]).of_joint(WRIST)[1];
+    let seen = seen_once(&cameras, &[WRIST]);
+    let ray = direction(&seen, &cameras, WRIST);
     let truth = standing()[WRIST];
     for beyond in [0.0, 1500.0, 3000.0] {
         let mut init = standing();
-        init[WRIST] += beyond * ray.direction;
-        let found = refined(&cameras, seen_once.clone(), init);
+        init[WRIST] += beyond * ray;
+        let found = refined(&cameras, seen.clone(), init);
         assert!(((found.pose[WRIST] - truth).norm() - beyond).abs() < 50.0);
-        let along = ray.direction.dot(&(found.uncertainty[WRIST] * ray.direction)).sqrt();
-        let error = ray.direction.dot(&(found.pose[WRIST] - truth));
+        let along = along(&found, WRIST, &ray);
+        let error = ray.dot(&(found.pose[WRIST] - truth));
         // With a spread s and b beyond 2 s of the middle, where the truth is: (2 s + b)² ≤ 5 (s² +
         // b²).
         assert!(error.abs() < 3.0 * along, "{error} mm off, bar {along} mm");
@@ -187,15 +199,12 @@ fn a_bar_along_a_ray_reaches_back_to_the_body() {
 fn a_joint_without_a_depth_is_no_part_of_the_body() {
     const ANKLE: usize = 3;
     let cameras = room(4);
-    let detections = noisy_detections(&standing(), &cameras, 3.0, &mut Noise::new(1));
-    let seen_once = without(&detections, |i, j| (j == WRIST || j == ANKLE) && i != 1);
-    let of_joint = |j: usize| Rays::new(&seen_once, &cameras, &[]).of_joint(j)[1];
+    let seen = seen_once(&cameras, &[WRIST, ANKLE]);
+    let [ray, d] = [WRIST, ANKLE].map(|j| direction(&seen, &cameras, j));
     let along = |away: f64| {
         let mut init = standing();
-        init[WRIST] += away * of_joint(WRIST).direction;
-        let found = refined(&cameras, seen_once.clone(), init);
-        let d = of_joint(ANKLE).direction;
-        d.dot(&(found.uncertainty[ANKLE] * d)).sqrt()
+        init[WRIST] += away * ray;
+        along(&refined(&cameras, seen.clone(), init), ANKLE, &d)
     };
     assert!((along(3000.0) / along(0.0) - 1.0).abs() < 1e-3);
 }
@@ -217,12 +226,8 @@ fn covariances_are_positive_under_priors_of_any_condition() {
                 0.5 * (c + c.transpose())
             };
             let covariances: Vec<Matrix3<f64>> = (0..17).map(|_| prior()).collect();
-            let frame = Frame {
-                detections,
-                init_pose: Some(standing()),
-                init_covariance: Some(covariances),
-                past: false,
-            };
+            let frame =
+                Frame { init_covariance: Some(covariances), ..from(detections, Some(standing())) };
             let refiner =
                 Refiner::new(&cameras, Unit::Millimetre, None, RefineConfig::default()).unwrap();
             let found = refiner.refine(&frame).unwrap();

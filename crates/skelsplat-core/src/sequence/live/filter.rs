@@ -1,4 +1,4 @@
-//! The causal estimate of one joint: a constant-velocity Kalman state, and how agile the joint is.
+//! The causal estimate of one joint: a constant-velocity Kalman state, and its process noise.
 //!
 //! Position x and velocity v have the covariance blocks P_xx, P_xv and P_vv. White acceleration of
 //! the spectral density q adds q dt³/3, q dt²/2 and q dt to them over dt. A frame that moves the
@@ -85,8 +85,8 @@ impl KalmanState {
     }
 }
 
-/// How agile a joint is: running means of its second differences over 1, 2, 4, … frames, see
-/// [`crate::sequence::process_noise`].
+/// What shows a joint's process noise: running means of its second differences over 1, 2, 4, …
+/// frames, see [`crate::sequence::process_noise`].
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct MotionStatistics {
     /// The last positions that a frame alone determined, NaN for other frames; the newest first.

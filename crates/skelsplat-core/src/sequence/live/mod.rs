@@ -1,6 +1,6 @@
 //! Frame by frame as they arrive: the past predicts, the detections decide.
 //!
-//! Every joint has a [`filter::State`], moved on to the next frame. The frame is solved alone
+//! Every joint has a [`filter::KalmanState`], moved on to the next frame. The frame is solved alone
 //! first. Where its views determine a position y with the covariance R, it is compared with the
 //! prediction x of covariance P by the Mahalanobis distance δ of the two,
 //!
