@@ -43,9 +43,7 @@ pub enum Error {
 }
 
 /// Ends work whose `flag` is set.
-///
-/// # Errors
-/// [`Error::Cancelled`].
+/// Errors: [`Error::Cancelled`].
 pub(crate) fn unless_cancelled(flag: &AtomicBool) -> Result<()> {
     if flag.load(Ordering::Relaxed) { Err(Error::Cancelled) } else { Ok(()) }
 }

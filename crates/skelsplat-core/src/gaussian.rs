@@ -60,9 +60,7 @@ impl Gaussian {
 
     /// Rejects scales and orientations that cannot be computed with; missing values (NaN) are
     /// allowed.
-    ///
-    /// # Errors
-    /// [`Error::InvalidInput`] naming the first wrong entry.
+    /// Errors: [`Error::InvalidInput`] naming the first wrong entry.
     pub fn check(gaussians: &[Self]) -> Result<()> {
         let is_far = |s: &f64| s.is_finite() && s.abs() > FARTHEST_LOG_SCALE;
         for (j, gaussian) in gaussians.iter().enumerate() {
@@ -126,9 +124,8 @@ pub fn is_symmetric(matrix: &Matrix3<f64>) -> bool {
 }
 
 /// Rejects matrices that are not covariances, as `name[j]`; missing values (NaN) are allowed.
-///
-/// # Errors
-/// [`Error::InvalidInput`] for the first matrix that is asymmetric or has a negative variance.
+/// Errors: [`Error::InvalidInput`] for the first matrix that is asymmetric or has a negative
+/// variance.
 pub fn check_covariances(name: &str, covariances: &[Matrix3<f64>]) -> Result<()> {
     for (j, c) in covariances.iter().enumerate() {
         if c.iter().any(|v| !v.is_finite()) {

@@ -14,9 +14,7 @@ const GROUP_LIMITS: [&str; 2] =
     ["/sys/fs/cgroup/memory.max", "/sys/fs/cgroup/memory/memory.limit_in_bytes"];
 
 /// Rejects `bytes` that are not available; `what` names in the message what needs them.
-///
-/// # Errors
-/// [`Error::OutOfMemory`].
+/// Errors: [`Error::OutOfMemory`].
 pub fn check(bytes: u128, what: impl FnOnce() -> String) -> Result<()> {
     if bytes <= SMALL {
         return Ok(());

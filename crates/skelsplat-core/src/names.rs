@@ -36,9 +36,7 @@ macro_rules! named {
 pub(crate) use named;
 
 /// The variant of this name, for the argument `argument`.
-///
-/// # Errors
-/// [`Error::UnknownName`] listing the known names.
+/// Errors: [`Error::UnknownName`] listing the known names.
 pub(crate) fn by_name<T: Copy>(
     argument: &'static str,
     name: &str,

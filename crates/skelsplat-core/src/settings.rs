@@ -142,9 +142,7 @@ const LEAST: f64 = 1e-15;
 
 impl Setting {
     /// Whether `value` lies in the domain.
-    ///
-    /// # Errors
-    /// [`Error::InvalidInput`] naming the setting and, for a sequence, the index.
+    /// Errors: [`Error::InvalidInput`] naming the setting and, for a sequence, the index.
     pub fn check(&self, value: &Value) -> Result<()> {
         let field = format!("config.{}", self.name);
         match value {

@@ -4,10 +4,10 @@
 use skelsplat_core::nalgebra::Matrix3;
 use skelsplat_core::testing::refused;
 use skelsplat_core::testing::scenes::{
-    Noise, exact_detections, h36m, noisy_detections, refiner, room, standing,
+    Noise, exact_detections, h36m, noisy_detections, not_human, refiner, room, standing,
 };
 use skelsplat_core::{
-    Camera, Error, Frame, JointBias, Layout, LayoutSpec, RefineConfig, Refinement, Refiner, Unit,
+    Camera, Error, Frame, JointBias, Layout, RefineConfig, Refinement, Refiner, Unit,
     refine_sequence,
 };
 
@@ -70,10 +70,7 @@ fn built_in_layouts_have_published_figures_and_others_none() {
             assert!((found.joint_bias[j] - sigma).abs() < 1e-3, "{name}: {}", found.joint_bias[j]);
         }
     }
-    let own =
-        Layout::new(LayoutSpec { name: "mine".to_owned(), human: false, ..(*layout).clone() })
-            .unwrap();
-    for layout in [None, Some(&own)] {
+    for layout in [None, Some(&not_human(&layout))] {
         let found = refined(Unit::Millimetre, layout, RefineConfig::default()).unwrap();
         assert_eq!(*found.joint_bias, [0.0; 17]);
         assert_eq!(found.error_bar(), found.uncertainty);

@@ -4,7 +4,7 @@ use nalgebra::{Matrix3, Matrix6, Vector3, Vector6};
 use skelsplat_core::study::sequence::live::filter::KalmanState;
 use skelsplat_core::testing::refused;
 use skelsplat_core::testing::scenes::{
-    Noise, exact_detections, noisy_detections, refiner, room, standing, without,
+    Noise, exact_detections, mean_error, noisy_detections, refiner, room, standing, without,
 };
 use skelsplat_core::{
     Camera, Detections, JointStatus, Live, Progress, RefineConfig, Refinement, Refiner, Unit,
@@ -38,11 +38,6 @@ fn at_rate(refiner: &Refiner, lag: usize) -> Live {
 fn recording(n: usize, cameras: &[Camera], seed: u64) -> Vec<Detections> {
     let mut noise = Noise::new(seed);
     (0..n).map(|t| seen(&walking(t), cameras, &mut noise)).collect()
-}
-
-fn error(found: &Refinement, truth: &[Vector3<f64>]) -> f64 {
-    let far = found.pose.iter().zip(truth).map(|(a, b)| (a - b).norm());
-    far.sum::<f64>() / truth.len() as f64
 }
 
 /// The debug text has every bit, and NaN equals NaN.
@@ -98,7 +93,8 @@ fn noise_is_averaged_and_a_lag_averages_more() {
     let refiner = refiner(&cameras, RefineConfig::default());
     let frames = recording(60, &cameras, 1);
     let mean = |found: &[Refinement], lag: usize| {
-        let own = found.iter().enumerate().skip(20).map(|(t, r)| error(r, &walking(t - lag)));
+        let own =
+            found.iter().enumerate().skip(20).map(|(t, r)| mean_error(&r.pose, &walking(t - lag)));
         own.sum::<f64>() / (found.len() - 20) as f64
     };
     let alone = mean(

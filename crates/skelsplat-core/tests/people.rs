@@ -1,7 +1,9 @@
 //! Several people: who is who across views and over time.
 
 use nalgebra::Vector3;
-use skelsplat_core::testing::scenes::{Noise, h36m, noisy_detections, refiner, room, standing};
+use skelsplat_core::testing::scenes::{
+    Noise, h36m, mean_error, noisy_detections, refiner, room, standing,
+};
 use skelsplat_core::{Camera, Detections, Person, Progress, RefineConfig, Tracker, track};
 
 const FPS: f64 = 30.0;
@@ -40,10 +42,6 @@ fn recording(cameras: &[Camera], frames: usize) -> Vec<Vec<Detections>> {
     (0..frames).map(|t| slots(t, cameras, &mut noise)).collect()
 }
 
-fn error(pose: &[Vector3<f64>], truth: &[Vector3<f64>]) -> f64 {
-    pose.iter().zip(truth).map(|(a, b)| (a - b).norm()).sum::<f64>() / truth.len() as f64
-}
-
 fn found(n_threads: Option<usize>, max_people: Option<usize>) -> Vec<Person> {
     let cameras = room(4);
     let people = recording(&cameras, 81);
@@ -60,13 +58,13 @@ fn people_who_pass_each_other_stay_who_they_are() {
         let pose = |t: usize| person.sequence.frames.frame(t).pose;
         let near = |t: usize| {
             (0..3).min_by(|a, b| {
-                error(&pose(t), &body(*a, t)).total_cmp(&error(&pose(t), &body(*b, t)))
+                mean_error(&pose(t), &body(*a, t)).total_cmp(&mean_error(&pose(t), &body(*b, t)))
             })
         };
         let first = near(0).unwrap();
         for t in 0..81 {
             assert_eq!(near(t), Some(first), "person {} in frame {t}", person.id);
-            assert!(error(&pose(t), &body(first, t)) < 12.0);
+            assert!(mean_error(&pose(t), &body(first, t)) < 12.0);
         }
         for (k, slot) in person.slots.iter().enumerate() {
             assert_eq!(*slot, Some((first + k / 4 + k % 4) % 3), "frame {}, view {}", k / 4, k % 4);
@@ -93,7 +91,7 @@ fn live_follows_the_same_people() {
         assert_eq!(seen.len(), if t < 2 { 0 } else { 3 }, "frame {t}");
         for one in seen {
             let q = (0..3)
-                .find(|q| error(&one.refinement.pose, &body(*q, t)) < 30.0)
+                .find(|q| mean_error(&one.refinement.pose, &body(*q, t)) < 30.0)
                 .unwrap_or_else(|| panic!("person {} in frame {t} is nobody", one.id));
             assert_eq!(*who[one.id].get_or_insert(q), q, "frame {t}");
         }

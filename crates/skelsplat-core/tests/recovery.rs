@@ -3,7 +3,8 @@
 use nalgebra::{Vector2, Vector3};
 use skelsplat_core::study::paper::PositionLearningRate;
 use skelsplat_core::testing::scenes::{
-    Noise, exact_detections, noisy_detections, perturbed, refiner, room, standing, without,
+    Noise, exact_detections, mean_error, noisy_detections, perturbed, refiner, room, standing,
+    without,
 };
 use skelsplat_core::{
     Camera, Frame, JointStatus, PaperSettings, RefineConfig, Refinement, StopReason,
@@ -15,11 +16,6 @@ fn refine(cameras: &[Camera], frame: &Frame, config: impl Into<RefineConfig>) ->
 
 fn by_paper(cameras: &[Camera], frame: &Frame) -> Refinement {
     refine(cameras, frame, RefineConfig::paper())
-}
-
-fn mean_error(a: &[Vector3<f64>], b: &[Vector3<f64>]) -> f64 {
-    let n = f64::from(u32::try_from(a.len()).unwrap());
-    a.iter().zip(b).map(|(a, b)| (a - b).norm()).sum::<f64>() / n
 }
 
 fn start(noise_mm: f64, seed: u64) -> Vec<Vector3<f64>> {

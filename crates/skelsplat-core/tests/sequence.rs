@@ -4,11 +4,11 @@ use nalgebra::Vector3;
 use skelsplat_core::study::sequence::{Window, refine_in_windows, sample, window_size, windows};
 use skelsplat_core::testing::refused;
 use skelsplat_core::testing::scenes::{
-    Noise, h36m, noisy_detections, refiner, room, standing, without,
+    Noise, h36m, mean_error, noisy_detections, not_human, refiner, room, standing, without,
 };
 use skelsplat_core::{
-    AnnealedSettings, Detections, Frame, JointStatus, Known, Layout, LayoutSpec, Live, Progress,
-    RefineConfig, Refiner, Sequence, Unit, learn_sequence, refine_sequence, refine_windows,
+    AnnealedSettings, Detections, Frame, JointStatus, Known, Live, Progress, RefineConfig, Refiner,
+    Sequence, Unit, learn_sequence, refine_sequence, refine_windows,
 };
 
 /// A person who sways and turns, seen by four cameras with noise.
@@ -31,28 +31,22 @@ fn solved(detections: &[Detections], config: RefineConfig) -> Sequence {
     refine_sequence(&refiner(&room(4), config), &frames, 30.0, &Progress::default()).unwrap()
 }
 
-fn mean_error_of(pose: &[Vector3<f64>], truth: &[Vector3<f64>]) -> f64 {
-    pose.iter().zip(truth).map(|(a, b)| (a - b).norm()).sum::<f64>() / pose.len() as f64
-}
-
 /// The points of arrays `(…, 3)`.
 fn points(numbers: &[f64]) -> impl Iterator<Item = Vector3<f64>> {
     numbers.chunks_exact(3).map(Vector3::from_column_slice)
 }
 
 /// Mean error of poses `(T, N, 3)`.
-fn mean_error(poses: &[f64], truth: &[Vec<Vector3<f64>>]) -> f64 {
-    let pairs = points(poses).zip(truth.iter().flatten());
-    let errors: Vec<f64> = pairs.map(|(a, b)| (a - b).norm()).collect();
-    errors.iter().sum::<f64>() / errors.len() as f64
+fn mean_error_of(poses: &[f64], truth: &[Vec<Vector3<f64>>]) -> f64 {
+    mean_error(&points(poses).collect::<Vec<_>>(), &truth.concat())
 }
 
 #[test]
 fn a_sequence_is_more_accurate_than_its_frames_alone() {
     let (truth, detections) = recording(120, 4.0, 5);
     let found = solved(&detections, RefineConfig::default());
-    let alone = mean_error(&found.frames.init_pose, &truth);
-    assert!(mean_error(&found.frames.pose, &truth) < 0.6 * alone);
+    let alone = mean_error_of(&found.frames.init_pose, &truth);
+    assert!(mean_error_of(&found.frames.pose, &truth) < 0.6 * alone);
     for ([a, b], length) in found.bones.iter().zip(&found.lengths) {
         let true_length = (truth[0][*a] - truth[0][*b]).norm();
         assert!((length.mean - true_length).abs() < 5.0 * length.sigma + 2.0);
@@ -103,7 +97,7 @@ fn a_cut_does_not_blur() {
     let seen: Vec<Detections> =
         truth.iter().map(|p| noisy_detections(p, &cameras, 3.0, &mut noise)).collect();
     let found = solved(&seen, RefineConfig::default());
-    let error = |t: usize| mean_error_of(&found.frames.frame(t).pose, &truth[t]);
+    let error = |t: usize| mean_error(&found.frames.frame(t).pose, &truth[t]);
     let mean = |frames: std::ops::Range<usize>| {
         let n = frames.len() as f64;
         frames.map(error).sum::<f64>() / n
@@ -123,8 +117,7 @@ fn given_lengths_hold_where_no_frame_shows_the_bone_and_yield_where_frames_contr
     for frame in &mut detections {
         *frame = without(frame, |i, j| j == end && i > 0);
     }
-    let own = LayoutSpec { name: "own".to_owned(), human: false, ..(*h36m()).clone() };
-    let own = Layout::new(own).unwrap();
+    let own = not_human(&h36m());
     let length = |[a, b]: &[usize; 2]| (truth[0][*a] - truth[0][*b]).norm();
     let mut lengths: Vec<f64> = own.limbs.iter().map(length).collect();
     lengths[1] += 150.0;
@@ -156,7 +149,7 @@ fn nothing_and_one_frame_are_answered_and_a_wrong_rate_is_named() {
     assert!(solved(&[], RefineConfig::default()).frames.is_empty());
     let (truth, detections) = recording(1, 2.0, 8);
     let one = solved(&detections, RefineConfig::default());
-    assert!(mean_error(&one.frames.pose, &truth) < 20.0);
+    assert!(mean_error_of(&one.frames.pose, &truth) < 20.0);
     assert!(one.velocity.iter().all(|v| v.is_nan()));
     let refiner = Refiner::new(&room(4), Unit::Millimetre, None, RefineConfig::default()).unwrap();
     for fps in [0.0, -5.0, f64::NAN, f64::INFINITY, 1e-4, 1e300] {
@@ -254,6 +247,6 @@ fn one_second_of_a_motion_is_not_smoothed_away() {
         truth.iter().map(|p| noisy_detections(p, &cameras, 4.0, &mut noise).into()).collect();
     let found = refine_sequence(&refiner, &frames, 15.0, &Progress::default()).unwrap();
     let (in_time, alone) =
-        (mean_error(&found.frames.pose, &truth), mean_error(&found.frames.init_pose, &truth));
+        (mean_error_of(&found.frames.pose, &truth), mean_error_of(&found.frames.init_pose, &truth));
     assert!(in_time < alone, "{in_time} solved over time, {alone} alone");
 }

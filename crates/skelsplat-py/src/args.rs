@@ -26,7 +26,7 @@ pub(crate) struct Array {
 pub(crate) fn shown(shape: &[usize]) -> String {
     let items: Vec<String> = shape.iter().map(ToString::to_string).collect();
     match items.as_slice() {
-        [one] => format!("({one},)"),
+        [length] => format!("({length},)"),
         _ => format!("({})", items.join(", ")),
     }
 }

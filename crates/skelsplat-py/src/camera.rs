@@ -73,12 +73,12 @@ impl<'py> FromPyObject<'_, 'py> for Cameras {
         };
         let words = || Error::invalid("cameras", expected, type_name(&value));
         let items = value.try_iter().map_err(|e| in_words(value.py(), e, words))?;
-        let one = |(i, item): (usize, PyResult<_>)| {
+        let read = |(i, item): (usize, PyResult<_>)| {
             let item = item?;
             object(&format!("cameras[{i}]"), &item, "a Camera")
                 .map(|camera: &Camera| camera.0.clone())
         };
-        let cameras: Vec<Core> = items.enumerate().map(one).collect::<Result<_>>()?;
+        let cameras: Vec<Core> = items.enumerate().map(read).collect::<Result<_>>()?;
         if cameras.is_empty() {
             return refuse("cameras", expected, "none");
         }

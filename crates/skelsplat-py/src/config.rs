@@ -93,7 +93,7 @@ impl RefineConfig {
     fn settings(py: Python<'_>, method: &str) -> Result<Vec<Setting>> {
         let config = Core { method: Method::by_name(method)?, ..Core::default() };
         let own = config.method.settings().len();
-        let one = |(k, line): (usize, &'static Line)| {
+        let setting = |(k, line): (usize, &'static Line)| {
             let value = config.get(line.name)?;
             Ok(Setting {
                 name: line.name,
@@ -104,7 +104,7 @@ impl RefineConfig {
                 method: if k < own { config.method.name() } else { "both" },
             })
         };
-        config.settings().enumerate().map(one).collect()
+        config.settings().enumerate().map(setting).collect()
     }
 
     /// Name of the method, ``"annealed"`` or ``"paper"``.
@@ -119,10 +119,10 @@ impl RefineConfig {
     }
 
     fn __repr__(&self, py: Python<'_>) -> PyResult<String> {
-        let one = |(name, value): (Bound<'_, PyAny>, Bound<'_, PyAny>)| {
+        let assignment = |(name, value): (Bound<'_, PyAny>, Bound<'_, PyAny>)| {
             Ok(format!("{name}={}", value.repr()?))
         };
-        let all: PyResult<Vec<String>> = self.to_dict(py)?.iter().map(one).collect();
+        let all: PyResult<Vec<String>> = self.to_dict(py)?.iter().map(assignment).collect();
         Ok(format!("RefineConfig({})", all?.join(", ")))
     }
 }
@@ -312,8 +312,8 @@ fn documentation(py: Python<'_>) -> Result<String> {
     };
     let (annealed, paper) = (Core::default(), Core::paper());
     let table = |config: &Core, lines: &[Line]| -> Result<String> {
-        let one = |line: &Line| entry(line, Some(config.get(line.name)?.to_string()));
-        lines.iter().map(one).collect()
+        let row = |line: &Line| entry(line, Some(config.get(line.name)?.to_string()));
+        lines.iter().map(row).collect()
     };
     Ok([
         SUMMARY.to_owned(),

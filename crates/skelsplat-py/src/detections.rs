@@ -55,7 +55,7 @@ impl Frames {
     }
 
     /// The shape of a frame by itself, without detections.
-    pub(crate) fn one(n_views: usize, n_joints: usize) -> Self {
+    pub(crate) fn single(n_views: usize, n_joints: usize) -> Self {
         Self { batch: false, ..Self::of(1, n_views, n_joints) }
     }
 
@@ -80,12 +80,12 @@ impl Frames {
     /// The frames as core types.
     pub(crate) fn detections(&self) -> Result<Vec<Detections>> {
         let (m, n) = (self.n_views, self.n_joints);
-        let one = |t| {
+        let frame = |t| {
             let at = t * m * n..(t + 1) * m * n;
             let scores = (!self.scores.is_empty()).then(|| &self.scores[at.clone()]);
             Ok(Detections::new(m, n, &self.pixels[2 * at.start..2 * at.end], scores)?)
         };
-        (0..self.count).map(one).collect()
+        (0..self.count).map(frame).collect()
     }
 
     /// The frames as core types; their sizes stay.

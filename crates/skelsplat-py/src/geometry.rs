@@ -24,8 +24,8 @@ pub(crate) fn project(py: Python<'_>, points: Points, cameras: Cameras) -> Resul
     let Points(array) = points;
     let lead = &array.shape[..array.shape.len() - 1];
     let shape = [&[cameras.cameras.len()], lead, &[2]].concat();
-    let one = |c: &Camera, p: &Vector3<f64>| c.project(p).map_or([f64::NAN; 2], Into::into);
-    let pixels = in_every_view(py, cameras.cameras, array.points(), one)?;
+    let project = |c: &Camera, p: &Vector3<f64>| c.project(p).map_or([f64::NAN; 2], Into::into);
+    let pixels = in_every_view(py, cameras.cameras, array.points(), project)?;
     Ok(Out(pixels.into_flattened(), shape))
 }
 
@@ -110,8 +110,9 @@ pub(crate) fn triangulate(
     let (given, Cameras { cameras, unit }) = (frames.detections()?, cameras);
     let short = watch::is_short(given.len(), frames.n_views, frames.n_joints);
     let found: Vec<Triangulated> = watch::run(py, short, move |progress| {
-        let one = |d| progress.check().and_then(|()| core::triangulate(d, &cameras, unit, method));
-        given.iter().map(one).collect()
+        let solve =
+            |d| progress.check().and_then(|()| core::triangulate(d, &cameras, unit, method));
+        given.iter().map(solve).collect()
     })?;
     let (points, rejected): (Vec<_>, Vec<_>) =
         found.into_iter().map(|t| (t.points, t.rejected)).unzip();
@@ -144,12 +145,12 @@ pub(crate) fn fuse_monocular(
     let (points, given) = (array.points(), frames.detections()?);
     let short = points.len().saturating_mul(cameras.len()) <= SHORT_PROJECTIONS;
     let fused: Vec<Vec<Vector3<f64>>> = watch::run(py, short, move |progress| {
-        let one = |(d, poses): (&Detections, &[Vector3<f64>])| {
+        let fuse = |(d, poses): (&Detections, &[Vector3<f64>])| {
             progress.check()?;
             let poses: Vec<Vec<Vector3<f64>>> = poses.chunks(n).map(<[_]>::to_vec).collect();
             Ok(core::fuse_monocular(&poses, &d.undistorted(&cameras), &cameras))
         };
-        given.iter().zip(points.chunks((points.len() / t.max(1)).max(1))).map(one).collect()
+        given.iter().zip(points.chunks((points.len() / t.max(1)).max(1))).map(fuse).collect()
     })?;
     Ok(Out::points(&fused.concat(), frames.shape(&[n, 3])))
 }

@@ -68,17 +68,17 @@ struct Reader<'a> {
 }
 
 impl Reader<'_> {
-    /// Applies `one` to each item; empty if the argument is not given.
+    /// Applies `read` to each item; empty if the argument is not given.
     fn each<T>(
         &self,
         value: Given<'_>,
         expected: &str,
-        one: impl Fn(&Bound<'_, PyAny>) -> Result<T>,
+        read: impl Fn(&Bound<'_, PyAny>) -> Result<T>,
     ) -> Result<Vec<T>> {
         let Some(value) = value.filter(|v| !v.is_none()) else { return Ok(Vec::new()) };
         let wrong = || Error::invalid(self.argument, expected, type_name(value));
         let items = value.try_iter().map_err(|e| in_words(value.py(), e, wrong))?;
-        items.map(|item| one(&item?)).collect()
+        items.map(|item| read(&item?)).collect()
     }
 
     fn joint(&self, value: &Bound<'_, PyAny>) -> Result<usize> {

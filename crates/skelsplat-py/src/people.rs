@@ -103,7 +103,7 @@ pub(crate) fn track_people<'py>(
     let work =
         move |progress: &Progress| track(&refiner, &layout, &slots, fps, max_people, progress);
     let found: Everybody = watch::watched(py, total, progress.as_ref(), work)?;
-    let one = |person: Person| {
+    let output = |person: Person| {
         let frames = Frames::of(person.frames.len(), m, n);
         let out = over_time(py, &frames, person.sequence)?;
         out.set_item("id", person.id)?;
@@ -112,7 +112,7 @@ pub(crate) fn track_people<'py>(
         out.set_item("more_slots", frames.out(numbers(person.more), &[m]))?;
         Ok(out)
     };
-    Ok((found.people.into_iter().map(one).collect::<Result<_>>()?, found.cut))
+    Ok((found.people.into_iter().map(output).collect::<Result<_>>()?, found.cut))
 }
 
 /// Frames (C,), slots (C, M), costs (C,) and poses (C, N, 3).
@@ -150,9 +150,9 @@ pub(crate) fn people_choices(
     let of = |(t, frame): (usize, &Choices)| vec![t as i64; frame.all.len()];
     let step: Vec<i64> = found.iter().enumerate().flat_map(of).collect();
     let all: Vec<Choice> = found.into_iter().flat_map(|frame| frame.all).collect();
-    let chosen = numbers(all.iter().flat_map(|one| one.slots.iter().copied()));
-    let costs = all.iter().map(|one| one.cost).collect();
-    let poses: Vec<_> = all.iter().flat_map(|one| one.pose.iter().copied()).collect();
+    let chosen = numbers(all.iter().flat_map(|choice| choice.slots.iter().copied()));
+    let costs = all.iter().map(|choice| choice.cost).collect();
+    let poses: Vec<_> = all.iter().flat_map(|choice| choice.pose.iter().copied()).collect();
     let count = step.len();
     let (step, chosen) = (Out(step, vec![count]), Out(chosen, vec![count, m]));
     Ok((step, chosen, Out(costs, vec![count]), Out::points(&poses, vec![count, n, 3])))
@@ -264,8 +264,8 @@ impl PyTracker {
         let found = watch::run(py, true, move |progress| {
             watch::locked(&tracker).step(&refiner, &slots, progress)
         })?;
-        let one = |seen: skelsplat_core::TrackedPerson| {
-            let frame = Frames::one(m, n);
+        let output = |seen: skelsplat_core::TrackedPerson| {
+            let frame = Frames::single(m, n);
             let out = results(py, &frame, seen.refinement.into())?;
             let slots = |part: usize| numbers(seen.claims.iter().map(|claim| claim[part]));
             out.set_item("id", seen.id)?;
@@ -273,7 +273,7 @@ impl PyTracker {
             out.set_item("more_slots", Out(slots(1), vec![m]))?;
             Ok(out)
         };
-        found.into_iter().map(one).collect()
+        found.into_iter().map(output).collect()
     }
 
     /// Forget everybody; identities are not used again.

@@ -41,17 +41,18 @@ pub(crate) fn adjust_cameras<'py>(
         Out::points(&done.report.iter().map(get).collect::<Vec<_>>(), vec![m, 3])
     };
     let out = PyDict::new(py);
-    out.set_item("status", done.report.iter().map(|one| one.status.name()).collect::<Vec<_>>())?;
-    out.set_item("turn", vectors(|one| one.change.turn))?;
-    out.set_item("shift", vectors(|one| one.change.shift))?;
-    out.set_item("zoom", each(|one| one.change.zoom))?;
-    out.set_item("clock", each(|one| one.change.clock))?;
-    out.set_item("turn_sigma", each(|one| one.bars.turn))?;
-    out.set_item("shift_sigma", each(|one| one.bars.shift))?;
-    out.set_item("zoom_sigma", each(|one| one.bars.zoom))?;
-    out.set_item("clock_sigma", each(|one| one.bars.clock))?;
-    out.set_item("before", each(|one| one.before))?;
-    out.set_item("after", each(|one| one.after))?;
+    let status: Vec<_> = done.report.iter().map(|camera| camera.status.name()).collect();
+    out.set_item("status", status)?;
+    out.set_item("turn", vectors(|camera| camera.change.turn))?;
+    out.set_item("shift", vectors(|camera| camera.change.shift))?;
+    out.set_item("zoom", each(|camera| camera.change.zoom))?;
+    out.set_item("clock", each(|camera| camera.change.clock))?;
+    out.set_item("turn_sigma", each(|camera| camera.bars.turn))?;
+    out.set_item("shift_sigma", each(|camera| camera.bars.shift))?;
+    out.set_item("zoom_sigma", each(|camera| camera.bars.zoom))?;
+    out.set_item("clock_sigma", each(|camera| camera.bars.clock))?;
+    out.set_item("before", each(|camera| camera.before))?;
+    out.set_item("after", each(|camera| camera.after))?;
     out.set_item("frames", done.frames)?;
     Ok((done.cameras.into_iter().map(Camera).collect(), out))
 }

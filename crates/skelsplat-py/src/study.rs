@@ -74,7 +74,7 @@ pub(crate) fn project_gaussians(
 ) -> Result<(Out<f64>, Out<f64>)> {
     let shapes = shapes(&means.0, covariances.0)?;
     let (m, n, dilation) = (cameras.cameras.len(), shapes.len(), PaperSettings::default().dilation);
-    let one = move |view: &View, (mean, covariance): &(Vector3<f64>, Matrix3<f64>)| {
+    let projected = move |view: &View, (mean, covariance): &(Vector3<f64>, Matrix3<f64>)| {
         let p = view.project(mean, covariance, dilation);
         p.map_or([f64::NAN; 6], |p| {
             let (u, s) = (p.mean, p.covariance);
@@ -82,7 +82,7 @@ pub(crate) fn project_gaussians(
         })
     };
     let views = cameras.cameras.iter().map(View::new).collect();
-    let found = in_every_view(py, views, shapes, one)?;
+    let found = in_every_view(py, views, shapes, projected)?;
     let pixels = found.iter().flat_map(|p| [p[0], p[1]]).collect();
     let spreads = found.iter().flat_map(|p| [p[2], p[3], p[4], p[5]]).collect();
     Ok((Out(pixels, vec![m, n, 2]), Out(spreads, vec![m, n, 2, 2])))

@@ -35,9 +35,7 @@ impl Expected {
     /// The population's proportions for a human `layout`, replaced where the user gives `lengths`
     /// of the layout's limbs, mm, with standard deviations `sigmas`, or else the layout knows them.
     /// A length with a σ of its own size or more is unknown.
-    ///
-    /// # Errors
-    /// [`Error::InvalidInput`] if there is not one length, and one σ, for each limb.
+    /// Errors: [`Error::InvalidInput`] if there is not one length, and one σ, for each limb.
     pub fn new(
         layout: Option<&Layout>,
         lengths: Option<&[f64]>,

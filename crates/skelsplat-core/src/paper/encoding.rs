@@ -22,9 +22,7 @@ named!(setting Encoding { OneHot: "one_hot", Rgb: "rgb", Single: "single" });
 
 impl Encoding {
     /// The encoding called `"one_hot"`, `"rgb"` or `"single"`.
-    ///
-    /// # Errors
-    /// [`crate::Error::UnknownName`] for any other name.
+    /// Errors: [`crate::Error::UnknownName`] for any other name.
     pub fn by_name(name: &str) -> Result<Self> {
         by_name("encoding", name, Self::ALL)
     }

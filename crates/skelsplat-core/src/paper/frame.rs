@@ -54,11 +54,8 @@ pub struct LossAndGradient {
 
 impl PaperFrame<'_> {
     /// The pose of the frame, starting from the known joints of `init`, with splats of standard
-    /// deviation `sigmas` `(N)`.
-    ///
-    /// # Errors
-    /// [`crate::Error::OutOfMemory`] if the windows are too large, [`crate::Error::Cancelled`] once
-    /// `cancel` is set.
+    /// deviation `sigmas` `(N)`. Errors: [`crate::Error::OutOfMemory`] if the windows are too
+    /// large, [`crate::Error::Cancelled`] once `cancel` is set.
     pub fn solve(&self, init: Option<&[Option<Vector3<f64>>]>, sigmas: &[f64]) -> Result<Outcome> {
         let init = self.initial_pose(init);
         let round = |(mean, sigma): (&Vector3<f64>, &f64)| Gaussian::isotropic(*mean, *sigma);

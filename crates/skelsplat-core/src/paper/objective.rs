@@ -187,11 +187,8 @@ impl ChannelLoss {
 
 impl<'a, P: Pixel> Objective<'a, P> {
     /// Builds the pseudo ground truth of `targets` in `views`. `parallel` allows the threads of the
-    /// current pool to work on this pose.
-    ///
-    /// # Errors
-    /// [`crate::Error::OutOfMemory`] before building it, [`crate::Error::Cancelled`] once `cancel`
-    /// is set.
+    /// current pool to work on this pose. Errors: [`crate::Error::OutOfMemory`] before building it,
+    /// [`crate::Error::Cancelled`] once `cancel` is set.
     pub fn new(
         views: &'a [View],
         targets: &Targets<'_>,

@@ -26,9 +26,7 @@ pub struct Optimised {
 
 /// Moves `gaussians` to a minimum of `objective` over `n_views` views; `position_lr` in mm per
 /// step.
-///
-/// # Errors
-/// [`crate::Error::Cancelled`] once `cancel`, the flag of the objective, is set.
+/// Errors: [`crate::Error::Cancelled`] once `cancel`, the flag of the objective, is set.
 pub fn optimise<P: Pixel>(
     gaussians: &mut [Gaussian],
     objective: &mut Objective<'_, P>,

@@ -95,10 +95,8 @@ pub fn heats(
 }
 
 /// Renders `splats` (one per joint with its depth, `None` if it is not in front of the camera).
-///
-/// # Errors
-/// [`crate::Error::OutOfMemory`] before rendering, [`crate::Error::Cancelled`] once `cancel` is
-/// set.
+/// Errors: [`crate::Error::OutOfMemory`] before rendering, [`crate::Error::Cancelled`] once
+/// `cancel` is set.
 pub fn render(
     splats: &[DepthSplat],
     encoding: Encoding,

@@ -35,9 +35,7 @@ impl Figure {
 
 impl Crowd {
     /// The rays of one frame's `slots`, each with one figure per view.
-    ///
-    /// # Errors
-    /// [`Error::InvalidInput`] if views or joints do not match the refiner's or each other.
+    /// Errors: [`Error::InvalidInput`] if views or joints do not match the refiner's or each other.
     pub fn new(refiner: &Refiner, slots: &[Detections]) -> Result<Self> {
         let n_joints = slots.first().map_or(0, Detections::n_joints);
         let mut views = vec![Vec::with_capacity(slots.len()); refiner.cameras().len()];

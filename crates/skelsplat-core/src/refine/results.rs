@@ -120,9 +120,7 @@ columns! {
 
 impl Refinements {
     /// Room for the results of `refiner` for these frames.
-    ///
-    /// # Errors
-    /// [`Error::InvalidInput`] if they differ in the number of views or joints.
+    /// Errors: [`Error::InvalidInput`] if they differ in the number of views or joints.
     pub(crate) fn room(frames: &[Frame], refiner: &Refiner) -> Result<Self> {
         let (m, n) = size(frames)?;
         Ok(Self::blank(frames.len(), m, n, refiner.joint_bias(n)))
@@ -180,9 +178,7 @@ impl From<Refinement> for Refinements {
 }
 
 /// Numbers of views and joints of these frames; zeros without any.
-///
-/// # Errors
-/// [`Error::InvalidInput`] if they differ.
+/// Errors: [`Error::InvalidInput`] if they differ.
 pub(crate) fn size<'a>(frames: impl IntoIterator<Item = &'a Frame>) -> Result<(usize, usize)> {
     let of = |frame: &Frame| (frame.detections.n_views(), frame.detections.n_joints());
     let mut sizes = frames.into_iter().map(of);

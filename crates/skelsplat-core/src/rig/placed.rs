@@ -118,9 +118,7 @@ impl Placed {
     }
 
     /// The camera after a step.
-    ///
-    /// # Errors
-    /// [`crate::Error::InvalidInput`] if it is no camera any more.
+    /// Errors: [`crate::Error::InvalidInput`] if it is no camera any more.
     pub fn stepped(&self, step: &Step) -> Result<Self> {
         if step.iter().all(|d| *d == 0.0) {
             return Ok(self.clone());

@@ -128,9 +128,7 @@ impl Explanation {
 
 impl Scope<'_> {
     /// Corrects at most as many cameras as leave a majority that is sound.
-    ///
-    /// # Errors
-    /// [`crate::Error::Cancelled`].
+    /// Errors: [`crate::Error::Cancelled`].
     pub fn search(&self, progress: &Progress) -> Result<SearchResult> {
         let m = self.given.len();
         let start = Explanation::start(self.given.to_vec(), vec![Freedom::default(); m]);

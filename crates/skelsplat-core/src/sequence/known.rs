@@ -39,9 +39,7 @@ impl Known {
     }
 
     /// What [`Self::numbers`] returned, learnt with the same refiner.
-    ///
-    /// # Errors
-    /// [`Error::InvalidInput`] if it is not that.
+    /// Errors: [`Error::InvalidInput`] if it is not that.
     pub fn restored(refiner: &Refiner, numbers: Vec<f64>) -> Result<Self> {
         let (n, mut serialiser) = (numbers.len(), Serialiser::of(numbers));
         let blank = || Common { bones: refiner.bones().to_vec(), ..Common::default() };

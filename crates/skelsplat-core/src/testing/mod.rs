@@ -6,9 +6,6 @@ pub mod scenes;
 use crate::error::{Error, Result};
 
 /// The argument that the error of invalid input names.
-///
-/// # Panics
-/// If there is none.
 pub fn refused<T: std::fmt::Debug>(result: Result<T>) -> String {
     match result.expect_err("the input is broken") {
         Error::InvalidInput { argument, .. } => argument,

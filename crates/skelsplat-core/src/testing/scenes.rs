@@ -4,7 +4,7 @@ use nalgebra::{Matrix3, Vector2, Vector3};
 
 use crate::camera::Camera;
 use crate::detections::Detections;
-use crate::layout::Layout;
+use crate::layout::{Layout, LayoutSpec};
 use crate::refine::{RefineConfig, Refiner};
 use crate::unit::Unit;
 
@@ -39,9 +39,6 @@ impl Noise {
 }
 
 /// A camera at `centre` that looks at `target`, upright in a world whose z points up.
-///
-/// # Panics
-/// If the camera would look straight up or down.
 pub fn look_at(centre: Vector3<f64>, target: Vector3<f64>, focal: f64, size: [u32; 2]) -> Camera {
     let forward = (target - centre).normalize();
     let right = forward.cross(&Vector3::z()).normalize();
@@ -92,9 +89,6 @@ pub fn exact_detections(pose: &[Vector3<f64>], cameras: &[Camera]) -> Detections
 }
 
 /// Detections of `pose` with Gaussian noise of `sigma` pixels.
-///
-/// # Panics
-/// Never: the arrays have the shape required by [`Detections::new`].
 pub fn noisy_detections(
     pose: &[Vector3<f64>],
     cameras: &[Camera],
@@ -116,27 +110,29 @@ pub fn perturbed(pose: &[Vector3<f64>], sigma: f64, noise: &mut Noise) -> Vec<Ve
     pose.iter().map(|p| p + noise.vector(sigma)).collect()
 }
 
+/// Mean distance of two poses' joints, mm.
+pub fn mean_error(pose: &[Vector3<f64>], truth: &[Vector3<f64>]) -> f64 {
+    pose.iter().zip(truth).map(|(a, b)| (a - b).norm()).sum::<f64>() / pose.len() as f64
+}
+
 /// The layout of [`standing`].
-///
-/// # Panics
-/// Never: it is built in.
 pub fn h36m() -> Layout {
     Layout::by_name("h36m17").expect("built in")
 }
 
+/// The joints of a layout that is not known to be human.
+pub fn not_human(layout: &Layout) -> Layout {
+    let spec = LayoutSpec { name: "own".to_owned(), human: false, ..(**layout).clone() };
+    Layout::new(spec).expect("valid joints")
+}
+
 /// A refiner of poses like [`standing`].
-///
-/// # Panics
-/// If the settings are wrong.
 pub fn refiner(cameras: &[Camera], config: impl Into<RefineConfig>) -> Refiner {
     let layout = h36m();
     Refiner::new(cameras, Unit::Millimetre, Some(&layout), config.into()).expect("valid settings")
 }
 
 /// `detections` moved, dropped (`None`) or with another confidence by `f(view, joint, pixel)`.
-///
-/// # Panics
-/// If a confidence is wrong.
 pub fn changed(
     detections: &Detections,
     f: impl Fn(usize, usize, Vector2<f64>) -> Option<(Vector2<f64>, f64)>,

@@ -3,6 +3,7 @@
 use super::*;
 use skelsplat_core::study::bones::population::proportions;
 use skelsplat_core::testing::refused;
+use skelsplat_core::testing::scenes::not_human;
 use skelsplat_core::{KnownLength, Layout, LayoutSpec};
 
 const ELBOW: usize = 12;
@@ -25,7 +26,7 @@ fn every_human_layout_has_the_long_bones_and_others_have_none() {
             let bone = bones.iter().find(|bone| ends.iter().all(|j| bone.joints.contains(j)));
             assert!((bone.unwrap().ratio - ratio).abs() < 1e-12, "{name}");
         }
-        assert!(proportions(&own(&layout)).is_empty());
+        assert!(proportions(&not_human(&layout)).is_empty());
     }
 }
 
@@ -116,12 +117,6 @@ fn a_child_and_a_tall_person_are_not_pulled_to_the_average() {
     }
 }
 
-/// The joints of a layout that is not known to be human.
-fn own(layout: &Layout) -> Layout {
-    let spec = LayoutSpec { name: "own".to_owned(), human: false, ..(**layout).clone() };
-    Layout::new(spec).unwrap()
-}
-
 /// Positions in this layout.
 fn solved(layout: &Layout, seen: &Detections, config: RefineConfig) -> Refinement {
     let refiner = Refiner::new(&room(4), Unit::Millimetre, Some(layout), config).unwrap();
@@ -144,7 +139,7 @@ fn true_lengths() -> Vec<f64> {
 fn given_lengths_place_the_joints_of_any_layout() {
     let (cameras, truth) = (room(4), standing());
     let seen = without(&exact_detections(&truth, &cameras), |i, j| j == WRIST && i != 1);
-    let solve = |config: RefineConfig| solved(&own(&h36m()), &seen, config);
+    let solve = |config: RefineConfig| solved(&not_human(&h36m()), &seen, config);
     assert!(solve(RefineConfig::default()).pose[WRIST].x.is_nan());
     let lengths = true_lengths();
     let found = solve(with_lengths(&lengths, Some(&[5.0; 16])));
@@ -156,7 +151,8 @@ fn given_lengths_place_the_joints_of_any_layout() {
     let length =
         |(limb, mean_mm): (usize, &f64)| KnownLength { limb, mean_mm: *mean_mm, sigma_mm: 5.0 };
     let known: Vec<KnownLength> = lengths.iter().enumerate().map(length).collect();
-    let layout = Layout::new(LayoutSpec { lengths: known, ..(*own(&h36m())).clone() }).unwrap();
+    let layout =
+        Layout::new(LayoutSpec { lengths: known, ..(*not_human(&h36m())).clone() }).unwrap();
     let of_layout = |config: RefineConfig| solved(&layout, &seen, config).pose;
     assert_eq!(of_layout(RefineConfig::default()), found.pose);
     assert!(of_layout(with_lengths(&lengths, Some(&[1e4; 16])))[WRIST].x.is_nan());
@@ -169,7 +165,7 @@ fn given_lengths_that_contradict_three_views_change_nothing() {
     let (cameras, mut noise) = (room(4), Noise::new(9));
     let wrong: Vec<f64> = true_lengths().iter().map(|l| 1.4 * l).collect();
     let seen = noisy_detections(&standing(), &cameras, 2.0, &mut noise);
-    let solve = |config: RefineConfig| solved(&own(&h36m()), &seen, config).pose;
+    let solve = |config: RefineConfig| solved(&not_human(&h36m()), &seen, config).pose;
     assert_eq!(solve(with_lengths(&wrong, None)), solve(RefineConfig::default()));
 }
 
@@ -178,7 +174,7 @@ fn wrong_lengths_are_named() {
     let refused = |config: RefineConfig, layout: Option<&Layout>, field: &str| {
         assert_eq!(refused(Refiner::new(&room(2), Unit::Millimetre, layout, config)), field);
     };
-    let (lengths, own) = (true_lengths(), own(&h36m()));
+    let (lengths, own) = (true_lengths(), not_human(&h36m()));
     for (k, value) in [(3, -1.0), (4, f64::NAN), (5, 0.0), (6, f64::INFINITY)] {
         let mut wrong = lengths.clone();
         wrong[k] = value;

@@ -3,8 +3,7 @@
 use proptest::prelude::*;
 use skelsplat_core::testing::scenes::refiner;
 use skelsplat_core::{
-    Detections, Frame, PaperSettings, Progress, RefineConfig, Refiner, TriangulationMethod, Unit,
-    refine_batch, triangulate,
+    Detections, Frame, PaperSettings, RefineConfig, Refiner, TriangulationMethod, Unit, triangulate,
 };
 
 use crate::any::{
@@ -64,21 +63,6 @@ proptest! {
         let config = RefineConfig { n_threads: Some(1), ..RefineConfig::from(settings) };
         if let Ok(found) = refiner(&cameras, config).refine(&Frame::from(seen.clone())) {
             sound(&found)?;
-        }
-    }
-
-    /// One that is accepted in a batch is what it is alone.
-    #[test]
-    fn batches_are_their_frames(
-        cameras in cameras(2..=4), seed in any::<u32>(), wrong in wrong(40),
-    ) {
-        let frame = |k: u64| spoiled(&cameras, u64::from(seed) + k, 3.0, &wrong).into();
-        let frames: Vec<Frame> = (0..3).map(frame).collect();
-        let found = refine_batch(&threaded(&cameras, 3), &frames, &Progress::default()).unwrap();
-        for (frame, in_batch) in frames.iter().zip(found.iter()) {
-            let alone = threaded(&cameras, 1).refine(frame).unwrap();
-            // The debug text has every bit, and NaN equals NaN.
-            prop_assert_eq!(format!("{alone:?}"), format!("{in_batch:?}"));
         }
     }
 

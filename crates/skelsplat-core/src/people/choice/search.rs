@@ -42,9 +42,7 @@ pub struct Choices {
 /// The choices of every frame.
 ///
 /// `frames` have P slots of one figure per view `(M, N)`, empty ones without detections.
-///
-/// # Errors
-/// [`crate::Error::Cancelled`].
+/// Errors: [`crate::Error::Cancelled`].
 pub fn choices(
     frames: &[Vec<Detections>],
     cameras: &[Camera],
