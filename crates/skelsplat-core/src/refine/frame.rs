@@ -1,0 +1,48 @@
+//! What a call refines, and how it runs.
+
+use std::sync::atomic::AtomicBool;
+
+use nalgebra::{Matrix3, Vector3};
+
+use crate::detections::Detections;
+
+/// One frame: detections, and an initial pose `(N)` in the unit of the cameras (`None`:
+/// triangulated; a NaN joint is triangulated too).
+#[derive(Debug, Clone)]
+pub struct Frame {
+    /// Detection of each joint in each view.
+    pub detections: Detections,
+    /// Initial pose.
+    pub init_pose: Option<Vec<Vector3<f64>>>,
+    /// Covariance `(N)`, unit², of an initial pose that is independent of these detections: the
+    /// pose is then used as a prior, not only as a starting point.
+    pub init_covariance: Option<Vec<Matrix3<f64>>>,
+    /// Whether the initial pose is that of the previous frame: it then decides between positions
+    /// with equal votes.
+    pub past: bool,
+}
+
+impl From<Detections> for Frame {
+    /// A frame without an initial pose.
+    fn from(detections: Detections) -> Self {
+        Self { detections, init_pose: None, init_covariance: None, past: false }
+    }
+}
+
+/// How a call runs: on this thread or with those of the pool, and what can cancel it.
+#[derive(Debug, Clone, Copy)]
+pub struct Control<'a> {
+    /// Whether the windows of a pose are distributed over threads; the result is the same.
+    pub parallel: bool,
+    /// Once set, the call ends with [`crate::Error::Cancelled`].
+    pub cancel: &'a AtomicBool,
+}
+
+static NEVER: AtomicBool = AtomicBool::new(false);
+
+impl Default for Control<'_> {
+    /// On this thread, without cancellation.
+    fn default() -> Self {
+        Self { parallel: false, cancel: &NEVER }
+    }
+}
