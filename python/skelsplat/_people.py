@@ -174,19 +174,30 @@ def people_uncompared(frames: int, most: int) -> Finding:
     )
 
 
-def limbs_differ(layout: Layout, limbs: Sequence[tuple[int, int]], lengths_mm: Sequence[float]) -> Finding:
-    """Return the finding that the left and right of a pair of ``limbs`` differ in length."""
-    named = [[layout.joints[joint] for joint in limb] for limb in limbs]
-    others = [name for name in _skelsplat.LAYOUT_NAMES if Layout.by_name(name).n_joints == layout.n_joints]
-    others = [name for name in others if name != layout.name]
+def layouts_alike(layout: Layout) -> list[str]:
+    """Return the other built-in layouts of as many joints."""
+    alike = [name for name in _skelsplat.LAYOUT_NAMES if Layout.by_name(name).n_joints == layout.n_joints]
+    return [name for name in alike if name != layout.name]
+
+
+def limbs_differ(layout: Layout, lengths_mm: Array) -> Finding | None:
+    """Return a finding on the symmetric pair of limbs (pairs, 2) that differs most, if implausibly."""
+    shorter = lengths_mm.min(axis=1, initial=np.inf)
+    known = shorter > 0
+    ratios = np.divide(lengths_mm.max(axis=1, initial=0.0), shorter, out=np.zeros(len(known)), where=known)
+    if not ratios.size or ratios.max() <= _LIMB_RATIO:
+        return None
+    worst = int(ratios.argmax())
+    limbs = [[layout.joints[joint] for joint in limb] for limb in layout.symmetric_pairs(2)[worst]]
+    lengths, others = lengths_mm[worst].tolist(), layouts_alike(layout)
     sizes = " and ".join(
-        f"{a} to {b} {length(size, 0, 10.0)} mm" for (a, b), size in zip(named, lengths_mm, strict=True)
+        f"{a} to {b} {length(size, 0, 10.0)} mm" for (a, b), size in zip(limbs, lengths, strict=True)
     )
     hint = f" ({' and '.join(others)} has the same number of joints)" if others else ""
     return Finding(
         "limbs_differ",
-        subject=Subject(joints=tuple(dict.fromkeys(joint for limb in named for joint in limb))),
-        numbers={"limbs": named, "lengths_mm": list(lengths_mm), "layouts_of_as_many_joints": others},
+        subject=Subject(joints=tuple(dict.fromkeys(joint for limb in limbs for joint in limb))),
+        numbers={"limbs": limbs, "lengths_mm": lengths, "layouts_of_as_many_joints": others},
         remedy=(Remedy("layout", None),),
         sentence=f"Left and right limbs differ in length, {sizes}. Is the layout correct{hint}?",
     )
@@ -208,12 +219,7 @@ def _unequal_limbs(everybody: Sequence[Person], cameras: Cameras, layout: str | 
     )
     if not sizes.size:
         return None
-    typical = np.median(sizes, axis=0) * mm_per_unit(cameras)
-    ratios = np.nan_to_num(typical.max(axis=1) / typical.min(axis=1))
-    worst = int(ratios.argmax())
-    if ratios[worst] <= _LIMB_RATIO:
-        return None
-    return limbs_differ(layout, pairs[worst], typical[worst].tolist())
+    return limbs_differ(layout, np.median(sizes, axis=0) * mm_per_unit(cameras))
 
 
 def _frames(people: People, cameras: Cameras) -> ArrayLike:

@@ -228,7 +228,7 @@ def test_parts_of_a_frame_and_cameras_that_see_too_little():
     unseen = reported(name="cam4", status="unseen", before=np.nan, after=np.nan)
     clock, about = found(late, unseen, reported(name="cam1", status="sound"))
     assert (clock.kind, clock.remedy) == ("frame_offset", (Remedy("offset", "cam2=5.4"),))
-    assert (about.kind, about.subject.cameras) == ("camera_unseen", ("cam4",))
+    assert (about.kind, about.subject.cameras) == ("camera_unused", ("cam4",))
     (two,) = found(reported(name="cam1", status="unseen"), unseen)
     assert (two.kind, two.remedy) == ("cameras_doubtful", (Remedy("move", "NAME"),))
     (little,) = found(reported(name="cam1", status="adjusted", clock=0.3, clock_sigma=0.05))
@@ -308,7 +308,7 @@ def test_sides_that_are_named_as_another_fault_are_not_named_again(room, tmp_pat
     for adjust in (True, False):
         job = Job(room / "Calib.toml", tmp_path / "pose", layout="h36m17", fps=50, adjust_cameras=adjust)
         (said,) = [one for one in run(job).findings if "left and right are swapped" in one.text]
-        assert said.kind == ("cameras_not_adjusted" if adjust else "camera_mirrored")
+        assert said.kind == ("cameras_not_adjusted" if adjust else "sides_swapped")
 
 
 @pytest.mark.parametrize(

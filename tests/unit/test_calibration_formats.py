@@ -237,7 +237,7 @@ def test_a_turned_view_is_a_warning(tmp_path, views):
         UserWarning, match=r"viewrotation: images of 54138969, .* were rotated for display"
     ) as caught:
         read_calibration(path)
-    assert caught[0].message.finding.kind == "view_rotated"
+    assert caught[0].message.finding.kind == "calibration_read_as"
     assert caught[0].message.finding.subject.cameras[0] == "54138969"
 
 

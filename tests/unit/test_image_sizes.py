@@ -18,7 +18,7 @@ from skelsplat.io.detections._record import read_record, write_record
 from skelsplat.run import Job, run_batch
 from skelsplat.run.image_sizes import resizing
 
-KINDS = {"detections_resized", "image_sizes_differ"}
+KINDS = {"image_sizes_differ"}
 JOINTS = sk.layouts.H36M17.joints
 ADVICE = "run the detector on images like those of the calibration, or calibrate with images like these"
 
@@ -159,14 +159,14 @@ def test_check_and_adjust_and_people_and_batches_say_it_too(detected):
     files = [folder / "Calib.toml", folder / "pose", *READ]
     result = invoke("check-cameras", *files, "--json")
     assert (result.exit_code, json.loads(result.stdout)["ok"]) == (1, False)
-    assert [one["kind"] for one in json.loads(result.stdout)["findings"]] == ["detections_resized"]
+    assert [one["kind"] for one in json.loads(result.stdout)["findings"]] == ["image_sizes_differ"]
     result = invoke("adjust-cameras", *files, "-o", folder / "fixed.toml", "--json")
-    assert "detections_resized" in [one["kind"] for one in json.loads(result.stdout)["findings"]]
+    assert "image_sizes_differ" in [one["kind"] for one in json.loads(result.stdout)["findings"]]
     findings, _, _ = refined_people(folder)
-    assert [one["kind"] for one in findings] == ["detections_resized"]
+    assert [one["kind"] for one in findings] == ["image_sizes_differ"]
     job = Job(*files[:2], unit="mm", layout="h36m17", write=(), html=False)
     (row,) = run_batch({"walk": job}, folder / "results").rows()
-    assert (row["status"], row["findings"]) == ("done", "detections resized (cam2)")
+    assert (row["status"], row["findings"]) == ("done", "image sizes differ (cam2)")
 
 
 def refined_people(folder):

@@ -110,7 +110,7 @@ def test_a_result_made_of_arrays_has_findings_report_and_figures(tmp_path, capfd
     assert capfd.readouterr() == ("", "")
 
 
-@pytest.mark.parametrize(("share", "kind"), [(0.3, "sides_swapped"), (1.0, "camera_mirrored")])
+@pytest.mark.parametrize(("share", "kind"), [(0.3, "sides_swapped"), (1.0, "sides_swapped")])
 def test_a_view_whose_sides_are_swapped_is_named_once(share, kind):
     rig, layout = synthetic.human36m_like(), sk.layouts.get(LAYOUT)
     found = synthetic.simulate_detections(

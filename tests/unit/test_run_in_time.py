@@ -145,7 +145,7 @@ def test_poses_in_time_that_leave_the_detections_are_a_finding():
     result = sk.refine_sequence(detections, rig, fps=FPS, layout=LAYOUT)
     away = replace(result, reprojection_error=3 * result.reprojection_error)
     (finding,) = Run.from_arrays(away, rig, detections, LAYOUT, fps=FPS).findings
-    assert (finding.kind, finding.severity) == ("further_over_time", "warning")
+    assert (finding.kind, finding.severity) == ("pose_far_off", "warning")
     assert "check that the frames are in order" in finding.text
     assert [remedy.setting for remedy in finding.remedy] == ["frame_by_frame"]
 

@@ -340,7 +340,7 @@ def summed_up(
         statistics = gathered.counted(statistics)
     swapped = [one.subject for one in notes if one.numbers.get("fault") == "sides_swapped"]  # named already
     found = find_findings(inputs, outcome, statistics, frames, counts)
-    found = [*notes, *(one for one in found if one.kind != "camera_mirrored" or one.subject not in swapped)]
+    found = [*notes, *(one for one in found if one.kind != "sides_swapped" or one.subject not in swapped)]
     every = [facts] if gathered is None else gathered.facts()
     usual = Usual.of(facts, statistics, [facts] if gathered is None else gathered.facts())
     names = inputs.layout.joints, inputs.rig.names

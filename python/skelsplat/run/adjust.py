@@ -248,7 +248,7 @@ def findings_of(found: sk.RigAdjustment, mm_per_unit: float, read_as: ReadAs) ->
                 f"{one.name} sees too few of the joints that other cameras see, so it was not judged and "
             )
             unseen += "not adjusted."
-            yield Finding("camera_unseen", "warning", subject, sentence=unseen)
+            yield Finding("camera_unused", "warning", subject, sentence=unseen)
     doubtful = [*found.of("doubtful"), *(one for one in found.of("late") if not _clock_known(one))]
     if doubtful:
         suspected = [{**numbers_of(one, mm_per_unit), "offset": _offset(one, read_as)} for one in doubtful]
@@ -268,7 +268,7 @@ def findings_of(found: sk.RigAdjustment, mm_per_unit: float, read_as: ReadAs) ->
         cameras = len(found.of("sound"))
         sentence = f"No camera was adjusted: this recording shows no fault in the {cameras} cameras that "
         sentence += "could be judged."
-        yield Finding("cameras_sound", "note", numbers={"cameras": cameras}, sentence=sentence)
+        yield Finding("cameras_not_adjusted", "note", numbers={"cameras": cameras}, sentence=sentence)
 
 
 def _offset(camera: sk.CameraAdjustment, read_as: ReadAs) -> float:

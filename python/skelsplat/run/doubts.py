@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from skelsplat._arrays import Index
+from skelsplat._people import layouts_alike
 from skelsplat._words import length, listed, percent
 from skelsplat.findings import Finding, Remedy, Subject
 from skelsplat.layouts import mirror_images
-from skelsplat.run.joints import layouts_alike
 
 if TYPE_CHECKING:
     from skelsplat.run.read import Inputs

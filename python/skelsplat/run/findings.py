@@ -12,11 +12,12 @@ import numpy as np
 
 import skelsplat as sk
 from skelsplat._arrays import Array
+from skelsplat._people import limbs_differ
 from skelsplat._words import length, listed, percent
 from skelsplat.findings import Finding, Remedy, Subject
 from skelsplat.rig_check._check import find_swapped, same_detections
 from skelsplat.run.displaced import displaced_cameras, find_apart, find_displaced, shift_of, to_one_side
-from skelsplat.run.joints import MOSTLY, JointFrames, find_joints, find_statuses, layouts_alike, some
+from skelsplat.run.joints import MOSTLY, JointFrames, find_joints, find_statuses, some
 from skelsplat.run.people import are_mixed, find_people
 from skelsplat.run.read import Inputs
 from skelsplat.run.solve import Outcome, frame_by_frame
@@ -123,7 +124,7 @@ def find_whole(
     elif total.after_px > max(_further(statistics) * total.before_px, total.before_px + _FURTHER_PX):
         before, after = total.before_px, total.after_px
         yield Finding(
-            "further_than_start",
+            "pose_far_off",
             "warning",
             numbers={"before_px": before, "after_px": after},
             sentence="The refined pose lies further from the detections than its start (median "
@@ -145,7 +146,7 @@ def _in_time(statistics: Statistics, alone: Statistics) -> Iterator[Finding]:
     allowed = _FURTHER_OVER_TIME * np.sqrt(2 * views / (2 * views - 3)) * before
     if after > max(allowed, before + _FURTHER_PX):
         yield Finding(
-            "further_over_time",
+            "pose_far_off",
             "warning",
             numbers={"before_px": before, "after_px": after},
             remedy=(Remedy("frame_by_frame"),),
@@ -297,7 +298,7 @@ def _mirrored(statistics: Statistics) -> Iterator[Finding]:
             share = group.swapped / group.used
             mirrored = "Is the image mirrored?" if share >= _ALL_SIDES else ""
             yield Finding(
-                "camera_mirrored",
+                "sides_swapped",
                 "warning",
                 Subject(cameras=(group.name,)),
                 {"swapped_share": share},
@@ -308,25 +309,11 @@ def _mirrored(statistics: Statistics) -> Iterator[Finding]:
 
 def _limbs(inputs: Inputs, outcome: Outcome) -> Iterator[Finding]:
     """Yield a finding on the limbs that differ most between left and right, if implausibly."""
-    layout, joints = inputs.layout, inputs.layout.joints
-    pairs = layout.symmetric_pairs(2)
-    measured = [_lengths_mm(inputs, outcome, side) for side in zip(*pairs, strict=True)]
-    lengths = list(zip(*measured, strict=True))
-    ratios = [max(pair) / min(pair) if min(pair) > 0 else 0.0 for pair in lengths]
-    if ratios and max(ratios) > _LIMB_RATIO:
-        worst = int(np.argmax(ratios))
-        limbs = [[joints[a], joints[b]] for a, b in pairs[worst]]
-        alike, sizes = layouts_alike(layout), zip(limbs, lengths[worst], strict=True)
-        hint = f" ({' and '.join(alike)} has the same number of joints)" if alike else ""
-        words = " and ".join(f"{a} to {b} {length(size, 0, 10.0)} mm" for (a, b), size in sizes)
-        yield Finding(
-            "limbs_differ",
-            "warning",
-            Subject(joints=tuple(dict.fromkeys(joint for limb in limbs for joint in limb))),
-            {"limbs": limbs, "lengths_mm": list(lengths[worst]), "layouts_of_as_many_joints": alike},
-            (Remedy("layout", None),),
-            sentence=f"Left and right limbs differ in length, {words}. Is the layout correct{hint}?",
-        )
+    sides = zip(*inputs.layout.symmetric_pairs(2), strict=True)
+    measured = np.array([_lengths_mm(inputs, outcome, side) for side in sides])
+    found = limbs_differ(inputs.layout, measured.T) if measured.size else None
+    if found is not None:
+        yield found
 
 
 def _lengths_mm(inputs: Inputs, outcome: Outcome, limbs: Sequence[tuple[int, int]]) -> list[float]:

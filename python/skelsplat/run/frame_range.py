@@ -48,7 +48,7 @@ class FrameRange:
         count = int(((frames >= first) & (frames <= last)).sum())
         if count > MANY:
             words = f"{count:,} frames are read and drawn at once; a range of them reads fewer."
-            warn(Finding("many_frames", "note", numbers={"frames": count}, remedy=_RANGE, sentence=words))
+            warn(Finding("done_at_once", "note", numbers={"frames": count}, remedy=_RANGE, sentence=words))
         return first, last
 
     def within(self, frames: Index) -> tuple[int, int]:

@@ -70,7 +70,7 @@ def in_calibrated_pixels(found: Opened, rig: sk.CameraRig, cropped: Collection[s
         if names[0] in factors:
             scale = float(factors[names[0]].mean())
             finding = Finding(
-                "detections_resized",
+                "image_sizes_differ",
                 "warning",
                 Subject(cameras=tuple(names)),
                 {**numbers, "factor": scale},

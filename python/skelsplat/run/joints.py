@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-import skelsplat as sk
 from skelsplat._arrays import Mask
 from skelsplat._words import decimals, length, number
 from skelsplat.findings import Finding, Remedy, Subject
@@ -38,18 +37,12 @@ def frames_in_words(numbers: Sequence[int], count: int | None = None) -> str:
     return f"frame{'s' * (len(numbers) > 1)} {', '.join(map(str, numbers))}"
 
 
-def layouts_alike(layout: sk.Layout) -> list[str]:
-    """Return the names of other layouts with as many joints."""
-    alike = [name for name in sk.layouts.names if sk.layouts.get(name).n_joints == layout.n_joints]
-    return [name for name in alike if name != layout.name]
-
-
 def find_joints(alone: Statistics, statistics: Statistics) -> Iterator[Finding]:
     """Yield findings on joints that most views reject, frame by frame, and on uncertain ones."""
     rejected = tuple(group.name for group in alone.joints if group.rejected_share >= MOSTLY)
     if 0 < len(rejected) <= MOSTLY * len(alone.joints):  # of more, the whole recording is in doubt
         yield Finding(
-            "joints_rejected",
+            "many_rejected",
             "warning",
             Subject(joints=rejected),
             sentence=f"Most detections are rejected for {some(rejected)}.",

@@ -61,9 +61,7 @@ def cameras_of(path: Path, names: Sequence[str]) -> Subject:
 def approximated(path: Path, names: Sequence[str], error_px: float, how: str) -> Finding:
     """Return the note that lenses or skew of cameras are followed with an error, largest in the corners."""
     words = f"{path}: {', '.join(names)}: {how} to {error_px:.2g} px at worst."
-    return Finding(
-        "lens_approximated", "note", cameras_of(path, names), {"error_px": error_px}, sentence=words
-    )
+    return Finding("lens_assumed", "note", cameras_of(path, names), {"error_px": error_px}, sentence=words)
 
 
 def lens_assumed(path: Path, names: Sequence[str]) -> Finding:

@@ -102,7 +102,7 @@ def parse_qualisys(source: Source, camera_type: str | None, binning: float | Non
     pairs = zip(read, cameras, strict=True)
     if names := [camera.name for camera, entry in pairs if _parts_of_pixel(entry) == 1.0]:
         words = f"{source.path}: focal length and centre of {', '.join(names)} are read as px, not 1/64 px."
-        found.append(Finding("focal_in_pixels", "note", cameras_of(source.path, names), sentence=words))
+        found.append(Finding("calibration_read_as", "note", cameras_of(source.path, names), sentence=words))
     return Parsed(read, "mm", found)
 
 
@@ -130,7 +130,7 @@ def _chosen(
         f"{source.path}: viewrotation: images of {', '.join(turned)} were rotated for display; detections "
         "must come from images as the sensor records them."
     )
-    return cameras, [Finding("view_rotated", "note", cameras_of(source.path, turned), sentence=words)]
+    return cameras, [Finding("calibration_read_as", "note", cameras_of(source.path, turned), sentence=words)]
 
 
 def _is_wanted(node: ET.Element, camera_type: str | None) -> bool:

@@ -160,7 +160,7 @@ def _check_count(path: Path, stated: str, rows: int) -> None:
     if difference:
         numbers = {"stated": rows + difference, "rows": rows}
         words = f"{path}: the header (line 3) states {rows + difference} frames; {rows} follow and are read."
-        warn(Finding("trc_frames", "warning", Subject(files=(str(path),)), numbers, sentence=words))
+        warn(Finding("header_contradicts", "warning", Subject(files=(str(path),)), numbers, sentence=words))
 
 
 def _rate(path: Path, stated: str, frames: Index, body: Sequence[str]) -> float | None:
@@ -183,7 +183,7 @@ def _rate(path: Path, stated: str, frames: Index, body: Sequence[str]) -> float 
     given = f"it is {found:g} by those of the rows, which decide" if found else "the rows give none either"
     words = f"{path}: the header (line 3) states {rate:g} frames per second; {given}."
     numbers = {"stated": rate, "frame_rate": found}
-    warn(Finding("trc_rate", "warning", Subject(files=(str(path),)), numbers, sentence=words))
+    warn(Finding("header_contradicts", "warning", Subject(files=(str(path),)), numbers, sentence=words))
     return found
 
 
