@@ -6,7 +6,6 @@ import os
 import re
 import subprocess
 import sys
-from functools import partial
 from io import StringIO
 from types import SimpleNamespace
 
@@ -17,7 +16,7 @@ from command_line import READ, read_report, texts
 from skelsplat.cli.adjust_cameras import _table
 from skelsplat.cli.findings import print_finding
 from skelsplat.cli.output import print_text
-from skelsplat.cli.table import in_parts, print_parts
+from skelsplat.cli.table import print_parts
 from skelsplat.findings import Finding, Remedy, Subject
 
 LONG = "skelsplat check-cameras 'my cameras.toml' out/person_1/detections.npz --unit mm --layout h36m17 -o x"
@@ -144,7 +143,7 @@ def test_adjusted_cameras_fit_the_terminal_with_all_columns(width, parts):
     cameras = SimpleNamespace(adjustment=adjustment, cameras=SimpleNamespace(mm_per_unit=1.0))
     table = _table(cameras, focal=True, clock=True)
     console = Console(file=StringIO(), width=width)
-    print_parts(console, 6, partial(in_parts, table, 2))
+    print_parts(console, table, names=2)
     text = console.file.getvalue()
     assert max(len(line.rstrip()) for line in text.splitlines()) <= width
     assert (text.count("cam_03  adjusted"), text.count("Cameras estimated")) == (parts, 1)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +15,7 @@ from skelsplat.cli.command import takes
 from skelsplat.cli.findings import print_finding, telling
 from skelsplat.cli.output import Terminal, print_json, say
 from skelsplat.cli.rows import rows
-from skelsplat.cli.table import in_parts, new_table, print_parts
+from skelsplat.cli.table import new_table, print_parts
 from skelsplat.exceptions import DatasetError
 from skelsplat.io import write_calibration
 from skelsplat.run.adjust import AdjustedCameras, numbers_of
@@ -118,8 +117,7 @@ def _check_output(output: Path, source: Path, *, force: bool) -> None:
 
 def _print(found: AdjustedCameras, output: Path, *, focal: bool, clock: bool) -> None:
     console = Terminal()
-    table = _table(found, focal=focal, clock=clock)
-    print_parts(console, len(table.columns) - 2, partial(in_parts, table, 2))
+    print_parts(console, _table(found, focal=focal, clock=clock), names=2)
     console.print(_LEGEND, style="dim")
     console.print()
     for finding in found.findings:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -200,11 +199,7 @@ def print_report(
 def print_experiment(console: Console, table: Table) -> None:
     """Print a table in parts that fit, its best figures in bold, and reported ones apart."""
     for one in table.by_figures():
-        print_parts(console, len(one.columns), partial(_parts, one))
-
-
-def _parts(table: Table, size: int) -> list[Drawn]:
-    return list(map(_drawn, table.split(size)))
+        print_parts(console, _drawn(one))
 
 
 def _drawn(table: Table) -> Drawn:

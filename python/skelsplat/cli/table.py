@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from copy import copy
 from dataclasses import replace
 from pathlib import Path
@@ -73,29 +73,25 @@ def print_table(console: Console, table: Table) -> None:
     console.width = own
 
 
-def print_parts(console: Console, columns: int, split: Callable[[int], list[Table]]) -> None:
-    """Print a table of so many columns in the fewest parts that fit, each with all of the names.
-
-    ``split`` returns the tables of at most so many columns each.
-    """
+def print_parts(console: Console, table: Table, names: int = 1) -> None:
+    """Print a table in the fewest parts that fit, each with its first columns, so many ``names``."""
+    others = len(table.columns) - names
     parts: list[Table] = []
-    for count in range(1, columns + 1):
-        parts = split(-(-columns // count))
+    for count in range(1, others + 1):
+        most = -(-others // count)
+        parts = [_part(table, names, first, most) for first in range(names, len(table.columns), most)]
         if all(_least_width(console, part) <= console.width for part in parts):
             break
     for part in parts:
         print_table(console, part)
 
 
-def in_parts(table: Table, names: int, most: int) -> list[Table]:
-    """Cut a table into parts of its first columns, so many ``names``, and at most so many others."""
-    parts = []
-    for first in range(names, len(table.columns), most):
-        part = copy(table)
-        part.columns = [copy(one) for one in table.columns[:names] + table.columns[first : first + most]]
-        part.title = table.title if first == names else None
-        parts.append(part)
-    return parts
+def _part(table: Table, names: int, first: int, most: int) -> Table:
+    """Return the names of a table, and at most so many of the columns from the ``first``."""
+    part = copy(table)
+    part.columns = [copy(one) for one in table.columns[:names] + table.columns[first : first + most]]
+    part.title = table.title if first == names else None
+    return part
 
 
 def _least_width(console: Console, table: Table) -> int:

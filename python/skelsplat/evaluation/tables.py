@@ -93,18 +93,6 @@ class Table:
         winner = pick(numbers, key=lambda pair: pair[1])[0]
         return self.text(row, k) == self.text(winner, k)
 
-    def split(self, columns_per_part: int) -> list[Table]:
-        """Cut into tables of so many columns; rows with nothing to say in a part are left out of it.
-
-        Notes stay with the last part.
-        """
-        columns = range(len(self.columns))
-        starts = columns[::columns_per_part]
-        return [
-            self._part(columns[k : k + columns_per_part], self.rows, k == starts[0], k == starts[-1])
-            for k in starts
-        ]
-
     def by_figures(self) -> list[Table]:
         """Return the table; if nothing is reported in some columns, the reported rows as a second one.
 
