@@ -17,16 +17,14 @@ from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.findings import Finding
 from skelsplat.io import PoseData
 from skelsplat.io._files import load_json
-from skelsplat.io._rows import RowFile
 from skelsplat.io._run_files import REPORT, check_finished, check_people, folders_of_run
-from skelsplat.io.poses._parts import PoseParts
 from skelsplat.io.run_folder import read_run
 from skelsplat.run import folder as folders
 from skelsplat.run.angles import angles_of
 from skelsplat.run.findings import find_findings
 from skelsplat.run.frames import FrameFacts, Usual, find_in_frames
-from skelsplat.run.html import notebook_view, show_page, write_html
 from skelsplat.run.joints import joint_frames
+from skelsplat.run.notebook import notebook_view, show_page
 from skelsplat.run.over_time import apply_over_time
 from skelsplat.run.read import Inputs
 from skelsplat.run.report import build_report
@@ -45,14 +43,6 @@ if TYPE_CHECKING:
 
 _ORDER = ("error", "warning", "note")
 _MOST_SINGLE = 50_000  # findings on single frames of a long recording that are named
-
-
-@dataclass(frozen=True)
-class Whole:
-    """A long recording as it is written, in files while the run lasts."""
-
-    poses: PoseParts
-    detections: RowFile  # (T, M, N, 3)
 
 
 @dataclass(frozen=True, repr=False)
@@ -78,8 +68,8 @@ class Run:
         What the run started from.
     outcome : Outcome
         What the refinement returned, and what it is compared with.
-    whole : Whole or None
-        All frames of a long recording while it is written (`run_long`): the other attributes are a sample.
+    whole : Gathered or None
+        All frames of a long recording while it is written (`run`): the other attributes are a sample.
     """
 
     poses: PoseData
@@ -89,7 +79,7 @@ class Run:
     statistics: Statistics
     inputs: Inputs
     outcome: Outcome
-    whole: Whole | None = None
+    whole: Gathered | None = None
 
     @property
     def result(self) -> sk.Refinement:
@@ -190,6 +180,8 @@ class Run:
 
     def write_html(self, path: str | os.PathLike[str]) -> None:
         """Write a page with all numbers, the findings and the sequence in 3D; it opens offline."""
+        from skelsplat.run.html import write_html  # matplotlib takes long to load
+
         write_html(self, Path(path))
 
     def write_figures(self, folder: str | os.PathLike[str]) -> list[str]:
@@ -353,8 +345,7 @@ def summed_up(
         "files": [],
     }
     report = build_report(inputs, outcome, statistics, job, remarks)
-    whole = None if gathered is None else Whole(gathered.poses, gathered.detections)
-    return Run(poses, in_order(found), tuple(in_frames), report, statistics, inputs, outcome, whole)
+    return Run(poses, in_order(found), tuple(in_frames), report, statistics, inputs, outcome, gathered)
 
 
 def _opened(found: RunFolder) -> Run:

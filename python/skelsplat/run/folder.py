@@ -43,7 +43,6 @@ from skelsplat.io.poses._pose_data import MARKER_NAMES
 from skelsplat.io.run_folder import write_run_inputs
 from skelsplat.run.angles import FILES as ANGLE_FILES
 from skelsplat.run.angles import check_angles, describe, write_angles
-from skelsplat.run.html import write_html, write_people_html
 from skelsplat.run.vertical import vertical_known
 
 if TYPE_CHECKING:
@@ -217,6 +216,8 @@ def write_folder(
         on_file(_PICTURES[0])
         write_figures(run, folder)
     if PAGE in run.report["files"]:
+        from skelsplat.run.html import write_html
+
         on_file(PAGE)
         write_html(run, folder / PAGE)
     atomic_write_text(folder / REPORT, to_text(run.report))  # last: the run is whole
@@ -246,6 +247,8 @@ def write_everybody(
         on_file(_PICTURES[0])
         write_people_figure(run, folder / _PICTURES[0])
     if PAGE in run.report["files"]:
+        from skelsplat.run.html import write_people_html
+
         write_people_html(run, folder / PAGE)
     atomic_write_text(folder / REPORT, to_text(run.report))
     return replace(run, people=people)

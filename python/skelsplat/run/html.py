@@ -1,14 +1,8 @@
-"""``report.html``, and what notebooks show: a run, or those of several people, as arrays and plain values."""
+"""``report.html``: a run, or those of several people, as arrays and plain values."""
 
 from __future__ import annotations
 
-import base64
-import html
-import importlib
 import json
-import sys
-import tempfile
-import webbrowser
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,23 +10,22 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 import skelsplat as sk
+from skelsplat import viz
 from skelsplat._arrays import Array, Index
-from skelsplat._optional import can_draw
-from skelsplat._words import length, number
 from skelsplat.run import tables
 from skelsplat.run.angles import angles_of, by_title
+from skelsplat.run.figures import count_of, skeleton_of, tracks_of
 from skelsplat.run.frames import problems_of, rows_of
 from skelsplat.run.report import solved_in_words, thinned_in_words
-from skelsplat.run.summary import DOWN_WEIGHTED, error_maps, finite_median, frame_medians, is_biased
+from skelsplat.run.summary import DOWN_WEIGHTED, error_maps, frame_medians, is_biased
 from skelsplat.run.vertical import world_up
+from skelsplat.viz import report as page
+from skelsplat.viz.people import all_frames, spread_out, with_gaps
 
 if TYPE_CHECKING:
-    from skelsplat import viz
     from skelsplat.findings import Finding, Remedy
     from skelsplat.run._run import PeopleRun, Run
-    from skelsplat.viz import report as page
     from skelsplat.viz.report._html import Sentence
-
 
 _ANGLES = (
     "Joint angles have the colours of the sides of the body in the 3D view; their bands are error bars, one "
@@ -57,28 +50,22 @@ _NOTES_ON_PEOPLE = (
     "The floor grid lies at the lowest joint of the people whom three views or more see, or of those with "
     "the most views.",
 )
-_WHY_RISEN = (
-    "start → refined; it rises because the start follows wrong detections and noise as far as it can, which "
-    "the refined pose does not"
-)
 # Views that place a person surely; two agree on whatever lies where their rays meet.
 _CONFIRMED = 3
 
 
 def write_html(run: Run, path: Path) -> None:
     """Write the page as one file, which needs no other."""
-    from skelsplat.viz import report as page  # matplotlib takes long to load, and --help does without
-
     inputs, statistics = run.inputs, run.statistics
     weights = np.where(np.isfinite(statistics.error_after), run.result.view_weights, np.nan)
     errors_px, rejected = error_maps(statistics.error_after, weights)
     person = str(run.report["input"]["person"])
     data = page.ReportData(
         title=_title(run.report, f"person {person}" if person.isdecimal() else ""),
-        facts=facts_of(run.report),
+        facts=tables.facts_of(run.report),
         warnings=_sentences(run.findings),
         notes=_notes(run),
-        numbers=key_numbers(run),
+        numbers=tables.key_numbers(run),
         problems=rows_of(problems_of(run.frame_findings), inputs.frames.tolist()),
         sequence=_sequence(run),
         shapes=camera_shapes(inputs.rig),
@@ -93,36 +80,21 @@ def write_html(run: Run, path: Path) -> None:
 
 def write_people_html(run: PeopleRun, path: Path) -> None:
     """Write the page of several people as one file; it links to those of single people."""
-    from skelsplat.run.figures import count_of, skeleton_of, tracks_of  # as in write_html
-    from skelsplat.viz import report as page
-    from skelsplat.viz.people import all_frames, spread_out, with_gaps
-
     runs, tracks = list(run.people.values()), tracks_of(run)
     first, most = runs[0], run.report["input"]["people"]
     frames = with_gaps(all_frames(tracks))
     pages = [f"{entry['folder']}/report.html" for entry in run.report["people"]]
     marks = [(page.person_class(place), address) for place, address in enumerate(pages)]
-    rows = [
-        (low, high, f"{track.name}: {words}")
-        for track, one in zip(tracks, runs, strict=True)
-        for low, high, words in rows_of(problems_of(one.frame_findings), one.frames.tolist())
-    ]
     data = page.ReportData(
         title=_title(run.report, count_of(run)),
         facts=[
-            *facts_of({**first.report, "input": {**first.report["input"], **run.report["input"]}}),
+            *tables.facts_of({**first.report, "input": {**first.report["input"], **run.report["input"]}}),
             *([] if most == "all" else [("people at most", str(most))]),
         ],
         warnings=_sentences(run.findings),
-        notes=[
-            *filter(None, [run.report["note"]]),
-            *(finding.text for finding in run.findings if finding.severity == "note"),
-            *_NOTES_ON_PEOPLE[:2],
-            *of_the_view(first.poses.frame_rate),
-            *_NOTES_ON_PEOPLE[2:],
-        ],
-        numbers=_numbers_of_people(run),
-        problems=sorted(rows, key=lambda row: row[:2]),
+        notes=_notes_on_people(run),
+        numbers=tables.numbers_of_people(run),
+        problems=_problems_of(run),
         sequence=everybody(
             tracks,
             frames,
@@ -144,10 +116,28 @@ def write_people_html(run: PeopleRun, path: Path) -> None:
     page.write_report(path, data)
 
 
-def _shown(*rows: tables.Rows) -> list[page.Table]:
-    from skelsplat.viz.report import Table  # as in write_html
+def _problems_of(run: PeopleRun) -> list[tuple[int, int, str]]:
+    rows = [
+        (first, last, f"person {identity}: {words}")
+        for identity, one in run.people.items()
+        for first, last, words in rows_of(problems_of(one.frame_findings), one.frames.tolist())
+    ]
+    return sorted(rows, key=lambda row: row[:2])
 
-    return [Table(**vars(one)) for one in rows]
+
+def _notes_on_people(run: PeopleRun) -> list[str]:
+    first, note = next(iter(run.people.values())), run.report["note"]
+    return [
+        *([note] if note else []),
+        *(finding.text for finding in run.findings if finding.severity == "note"),
+        *_NOTES_ON_PEOPLE[:2],
+        *of_the_view(first.poses.frame_rate),
+        *_NOTES_ON_PEOPLE[2:],
+    ]
+
+
+def _shown(*rows: tables.Rows) -> list[page.Table]:
+    return [page.Table(**vars(one)) for one in rows]
 
 
 def _title(report: dict[str, Any], of_whom: str) -> str:
@@ -171,49 +161,8 @@ def setting_of(remedy: Remedy) -> str:
     return f"{remedy.setting} = {value}"
 
 
-def show_page(run: Run) -> None:
-    """Show the page below a notebook's cell, or in the browser."""
-    path = Path(tempfile.mkdtemp(prefix="skelsplat-")) / "report.html"
-    write_html(run, path)
-    shell = sys.modules.get("IPython")
-    if shell is None or getattr(shell.get_ipython(), "kernel", None) is None:
-        webbrowser.open(path.as_uri())
-        return
-    page = html.escape(path.read_text(encoding="utf-8"))
-    # in an element: IPython warns of HTML that is a frame
-    frame = f'<div><iframe srcdoc="{page}" width="100%" height="800" frameborder="0"></iframe></div>'
-    notebook = importlib.import_module("IPython.display")
-    notebook.display(notebook.HTML(frame))
-
-
-def notebook_view(run: Run) -> str:
-    """Return facts, numbers, findings and the overview as HTML, for the output of a notebook's cell."""
-    remarked = [(name, f"{value} ({remark})") for name, value, remark in key_numbers(run)]
-    rows = [*facts_of(run.report), *remarked]
-    cells = "".join(
-        f"<tr><th>{html.escape(name)}</th><td>{html.escape(value)}</td></tr>" for name, value in rows
-    )
-    found = "".join(
-        f"<li>{html.escape(finding.severity)}: {html.escape(finding.text)}</li>" for finding in run.findings
-    )
-    listed = f"<ul>{found}</ul>" if found else "<p>No findings.</p>"
-    return f"<table>{cells}</table>{listed}{_picture(run) if can_draw() else ''}"
-
-
-def _picture(run: Run) -> str:
-    """Return the overview as an element of HTML."""
-    from skelsplat.run.figures import write_figures  # as in write_html
-
-    with tempfile.TemporaryDirectory() as folder:
-        write_figures(run, Path(folder))
-        picture = base64.b64encode((Path(folder) / "overview.png").read_bytes()).decode()
-    return f'<img alt="overview" style="max-width: 100%" src="data:image/png;base64,{picture}">'
-
-
 def camera_shapes(rig: sk.CameraRig) -> page.CameraShapes:
     """Return the positions of the cameras and the rays to the corners of their images, in mm."""
-    from skelsplat.viz import report as page  # as in write_html
-
     corners = []
     for camera in rig:
         width, height = camera.size
@@ -224,81 +173,6 @@ def camera_shapes(rig: sk.CameraRig) -> page.CameraShapes:
         corners.append(rays @ np.asarray(camera.R))
     centres = np.array([camera.centre for camera in rig]) * rig.mm_per_unit
     return page.CameraShapes(rig.names, centres, np.array(corners))
-
-
-def facts_of(report: dict[str, Any]) -> list[tuple[str, str]]:
-    """Return what was read and how, as (name, value)."""
-    source, errors = report["input"], report["reprojection_error"]
-    first, last, rate = source["first_frame"], source["last_frame"], source["frame_rate_hz"]
-    span = f"{source['frames']:,}, {first} to {last}" if source["frames"] > 1 else f"1, frame {first}"
-    detections = f"{source['detections']} ({source['format']})"
-    files = [("calibration", f"{source['calibration']}"), ("detections", detections)]
-    return [
-        *(files if source["calibration"] is not None else []),
-        ("layout", f"{source['layout']}, {len(errors['joints'])} joints"),
-        ("cameras", str(len(errors["cameras"]))),
-        ("frames", span),
-        ("frame rate", "unknown" if rate is None else f"{rate:g} per second"),
-        ("method", f"{report['settings']['method']}, {report['solution']['method']}"),
-        ("unit of the calibration", source["unit"]),
-        ("skelsplat", report["versions"]["skelsplat"]),
-    ]
-
-
-def key_numbers(run: Run) -> list[tuple[str, str, str]]:
-    """Return the key numbers: name, value and remark."""
-    statistics = run.statistics
-    error, rejected, bar = _numbers_of([run])
-    digits = statistics.decimals
-    scatter = f"against anatomical joints; scatter {number(finite_median(statistics.scatter_mm), digits)} mm"
-    noise = f"{number(statistics.noise_mm, digits)} mm across the ray, estimated"
-    return [
-        error,
-        rejected,
-        ("noise of the detections", f"{number(statistics.noise_px)} px", noise),
-        (*bar[:2], scatter if is_biased(run.result) else bar[2]),
-        (
-            "frames with a problem",
-            f"{tables.problem_frames(run):,} of {run.inputs.n_frames:,}",
-            "weak, missing or unusual joints",
-        ),
-    ]
-
-
-def _numbers_of_people(run: PeopleRun) -> list[tuple[str, str, str]]:
-    cameras = run.report["detections"]["cameras"]
-    assigned, detected = (sum(camera[name] for camera in cameras) for name in ("assigned", "detected"))
-    remark = f"of {detected:,} in all views, to the people above"
-    return [
-        ("people", str(len(run.people)), f"in {len(run.frames):,} frames"),
-        ("detected people assigned", tables.part_of(assigned, detected), remark),
-        *_numbers_of(list(run.people.values())),
-    ]
-
-
-def _numbers_of(runs: Sequence[Run]) -> list[tuple[str, str, str]]:
-    """Return the errors, the rejected detections and the error bars of all runs together."""
-    groups = [one.statistics.total for one in runs]
-    used, rejected = sum(group.used for group in groups), sum(group.rejected for group in groups)
-    before, after = groups[0].before_px, groups[0].after_px
-    if len(runs) > 1:
-        names = ("error_before", "error_after")
-        before, after = (
-            finite_median(np.concatenate([getattr(one.statistics, name).ravel() for one in runs]))
-            for name in names
-        )
-    bars = np.concatenate([one.statistics.error_bar_mm.ravel() for one in runs])
-    biased = any(is_biased(one.result) for one in runs)
-    against = "against anatomical joints" if biased else "scatter alone, without a bias of the detector"
-    return [
-        (
-            "median reprojection error",
-            f"{number(before)} → {number(after)} px",
-            _WHY_RISEN if round(after, 1) > round(before, 1) else "start → refined",
-        ),
-        ("detections rejected", tables.part_of(rejected, used), f"of {used:,} used"),
-        ("median error bar", f"{length(finite_median(bars))} mm", against),
-    ]
 
 
 def _notes(run: Run) -> list[str]:
@@ -330,11 +204,8 @@ def of_the_view(rate: float | None) -> list[str]:
 
 
 def _sequence(run: Run) -> page.Sequence3D:
-    from skelsplat.run.figures import skeleton_of  # as in write_html
-    from skelsplat.viz.report import Sequence3D
-
     mm, poses, found = run.cameras.mm_per_unit, run.poses, run.outcome.sequence
-    return Sequence3D(
+    return page.Sequence3D(
         start=run.outcome.start * mm,
         refined=poses.pose * mm,
         error_bar=poses.error_bar * mm**2,
@@ -357,15 +228,13 @@ def everybody(
 
     ``joint_names`` are those of one person; ``given`` are further fields of the sequence.
     """
-    from skelsplat.viz.people import spread_out  # as in write_html
-    from skelsplat.viz.report import Sequence3D
 
     def together(name: str, empty: object) -> Any:
         values = [spread_out(frames, one.frames, getattr(one, name), empty) for one in tracks]
         return np.concatenate(values, axis=1)
 
     seen = [float(np.median(one.views)) if len(one.views) else 0.0 for one in tracks]
-    return Sequence3D(
+    return page.Sequence3D(
         start=together("start", np.nan),
         refined=together("refined", np.nan),
         error_bar=together("error_bar", np.nan),
@@ -379,8 +248,6 @@ def everybody(
 
 
 def _lines(run: Run) -> list[page.TimeLines]:
-    from skelsplat.viz.report import TimeLines  # as in write_html
-
     result, statistics = run.result, run.statistics
     used = np.isfinite(statistics.error_after)
     swapped = (used & np.asarray(result.swapped)).sum(axis=(1, 2))
@@ -388,12 +255,12 @@ def _lines(run: Run) -> list[page.TimeLines]:
     noise = np.asarray(result.noise) * run.cameras.mm_per_unit
     before, after = (frame_medians(one) for one in (statistics.error_before, statistics.error_after))
 
-    def alone(title: str, unit: str, values: Array, *, peaks: bool = True) -> TimeLines:
-        return TimeLines(title, unit, [("", "left", values)], peaks=peaks)
+    def alone(title: str, unit: str, values: Array, *, peaks: bool = True) -> page.TimeLines:
+        return page.TimeLines(title, unit, [("", "left", values)], peaks=peaks)
 
     both = [(run.outcome.start_name, "start", before), ("", "left", after)]
     return [
-        TimeLines("Median reprojection error", "px", both),
+        page.TimeLines("Median reprojection error", "px", both),
         alone("Estimated noise of the detections", "mm", noise, peaks=False),
         alone("Detections rejected", "", statistics.rejected.sum(axis=(1, 2)).astype(float)),
         alone("Left–right swaps", "", swapped.astype(float)),
@@ -403,12 +270,10 @@ def _lines(run: Run) -> list[page.TimeLines]:
 
 def lines_of_people(tracks: Sequence[viz.PersonTrack], frames: Index) -> list[page.TimeLines]:
     """Return the curves of everybody: errors, rejected detections, distance to the nearest person."""
-    from skelsplat.viz.people import spread_out  # as in write_html
-    from skelsplat.viz.report import TimeLines, person_class
 
     def curves(values: Sequence[Array]) -> list[tuple[str, str, Array]]:
         pairs = enumerate(zip(tracks, values, strict=True))
-        return [(one.name, person_class(place), own) for place, (one, own) in pairs]
+        return [(one.name, page.person_class(place), own) for place, (one, own) in pairs]
 
     def spread(values: Sequence[Array]) -> list[Array]:
         return [spread_out(frames, one.frames, own, np.nan) for one, own in zip(tracks, values, strict=True)]
@@ -416,25 +281,25 @@ def lines_of_people(tracks: Sequence[viz.PersonTrack], frames: Index) -> list[pa
     errors, rejected = ([getattr(one, name) for one in tracks] for name in ("error_px", "rejected"))
     middles = np.stack(spread([one.middle for one in tracks]))
     lines = [
-        TimeLines("Median reprojection error", "px", curves(spread(errors))),
-        TimeLines("Detections rejected", "%", curves(spread([100 * one for one in rejected])), peaks=True),
+        page.TimeLines("Median reprojection error", "px", curves(spread(errors))),
+        page.TimeLines(
+            "Detections rejected", "%", curves(spread([100 * one for one in rejected])), peaks=True
+        ),
     ]
     if len(tracks) > 1:
         others = [np.delete(middles, place, axis=0) - own for place, own in enumerate(middles)]
         nearest = [np.fmin.reduce(np.linalg.norm(one, axis=-1), axis=0) / 1000.0 for one in others]
-        lines.append(TimeLines("Distance to the nearest other person", "m", curves(nearest)))
+        lines.append(page.TimeLines("Distance to the nearest other person", "m", curves(nearest)))
     return lines
 
 
 def _angle_lines(run: Run) -> list[page.TimeLines]:
     """Return the joint angles, left and right together, if they are among the results."""
-    from skelsplat.viz.report import TimeLines  # as in write_html
-
     if "joint_angles" not in run.report:
         return []
     found = angles_of(run)
     return [
-        TimeLines(
+        page.TimeLines(
             title,
             "°",
             [(side, side or "middle", found.degrees[:, k]) for side, k in sides],

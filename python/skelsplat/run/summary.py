@@ -63,6 +63,31 @@ class Group:
         """Part of the used detections that is down-weighted; 0 without any."""
         return self.down_weighted / self.used if self.used else 0.0
 
+    @classmethod
+    def of(cls, name: str, part: Mapping[str, npt.NDArray[Any]]) -> Group:
+        """Count detections by what `summarise` knows of each: (T, M, N), or a part of them."""
+        used = np.isfinite(part["after"])
+        missing = ~part["there"] & ~used
+        both = used & np.isfinite(part["before"])
+        before, after = part["before"][both], part["after"][both]
+        weights = part["weight"][np.isfinite(part["weight"])]
+        return cls(
+            name=name,
+            before_px=finite_median(before),
+            after_px=finite_median(after),
+            p90_before_px=_percentile(before, 90),
+            p90_after_px=_percentile(after, 90),
+            used=int(used.sum()),
+            left_out=int((part["there"] & ~used).sum()),
+            missing=int(missing.sum()),
+            not_chosen=int((missing & part["unmatched"]).sum()),
+            down_weighted=int((weights < DOWN_WEIGHTED).sum()),
+            rejected=int((weights < sk.REJECTED_WEIGHT).sum()),
+            swapped=int(part["swapped"].sum()),
+            mean_weight=float(weights.mean()) if weights.size else float("nan"),
+            poor=int(part["poor"].sum()),
+        )
+
     def with_counts_of(self, parts: Sequence[Group]) -> Group:
         """Return the same with the counts and the mean weight of all parts of the recording."""
         sums: dict[str, Any] = {name: sum(getattr(part, name) for part in parts) for name in _COUNTS}
@@ -190,7 +215,7 @@ def summarise(inputs: Inputs, outcome: Outcome) -> Statistics:
     }
 
     def group(name: str, part: Any) -> Group:
-        return _group(name, **{key: values[part] for key, values in every.items()})
+        return Group.of(name, {key: values[part] for key, values in every.items()})
 
     residual = np.where(used[..., None], _residuals(inputs, outcome), np.nan)
     rejected = every["weight"] < sk.REJECTED_WEIGHT
@@ -277,41 +302,6 @@ def _pixel_sizes(inputs: Inputs, outcome: Outcome) -> Array:
     count = seen.sum(axis=(1, 2))
     mean: Array = np.divide(total, count, out=np.full(len(pose), np.nan), where=count > 0)
     return mean
-
-
-def _group(
-    name: str,
-    *,
-    before: Array,
-    after: Array,
-    there: Mask,
-    unmatched: Mask,
-    weight: Array,
-    swapped: Mask,
-    poor: Mask,
-) -> Group:
-    """Count the detections of (T, M, N) or a part of it."""
-    used = np.isfinite(after)
-    missing = ~there & ~used
-    both = used & np.isfinite(before)
-    before, after = before[both], after[both]
-    weights = weight[np.isfinite(weight)]
-    return Group(
-        name=name,
-        before_px=finite_median(before),
-        after_px=finite_median(after),
-        p90_before_px=_percentile(before, 90),
-        p90_after_px=_percentile(after, 90),
-        used=int(used.sum()),
-        left_out=int((there & ~used).sum()),
-        missing=int(missing.sum()),
-        not_chosen=int((missing & unmatched).sum()),
-        down_weighted=int((weights < DOWN_WEIGHTED).sum()),
-        rejected=int((weights < sk.REJECTED_WEIGHT).sum()),
-        swapped=int(swapped.sum()),
-        mean_weight=float(weights.mean()) if weights.size else float("nan"),
-        poor=int(poor.sum()),
-    )
 
 
 def _percentile(values: Array, share: float) -> float:

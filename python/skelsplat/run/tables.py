@@ -1,4 +1,4 @@
-"""The tables of a run, as the page and the console show them."""
+"""The tables and key numbers of a run, as pages, notebooks and the console show them."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import skelsplat as sk
 from skelsplat._words import decimals, length, number, with_bar
 from skelsplat.run.frames import problems_of
 from skelsplat.run.report import MEANINGS
-from skelsplat.run.summary import DOWN_WEIGHTED, Group, finite_median
+from skelsplat.run.summary import DOWN_WEIGHTED, Group, finite_median, is_biased
 
 if TYPE_CHECKING:
     from skelsplat.run._run import PeopleRun, Run
@@ -29,6 +29,10 @@ class Rows:
     hint: str = ""
 
 
+_WHY_RISEN = (
+    "start → refined; it rises because the start follows wrong detections and noise as far as it can, which "
+    "the refined pose does not"
+)
 # Head, meaning and cell of each column.
 _Columns = Sequence[tuple[str, str, Callable[[Any], str]]]
 _OF_GROUPS: _Columns = (
@@ -188,6 +192,82 @@ def bones_of(run: Run) -> list[tuple[int, int, float, float]]:
         return []
     sizes = zip(found.bones.tolist(), found.bone_lengths * mm, found.bone_length_sigma * mm, strict=True)
     return [(a, b, float(length), float(sigma)) for (a, b), length, sigma in sizes]
+
+
+def facts_of(report: dict[str, Any]) -> list[tuple[str, str]]:
+    """Return what was read and how, as (name, value)."""
+    source, errors = report["input"], report["reprojection_error"]
+    first, last, rate = source["first_frame"], source["last_frame"], source["frame_rate_hz"]
+    span = f"{source['frames']:,}, {first} to {last}" if source["frames"] > 1 else f"1, frame {first}"
+    detections = f"{source['detections']} ({source['format']})"
+    files = [("calibration", f"{source['calibration']}"), ("detections", detections)]
+    return [
+        *(files if source["calibration"] is not None else []),
+        ("layout", f"{source['layout']}, {len(errors['joints'])} joints"),
+        ("cameras", str(len(errors["cameras"]))),
+        ("frames", span),
+        ("frame rate", "unknown" if rate is None else f"{rate:g} per second"),
+        ("method", f"{report['settings']['method']}, {report['solution']['method']}"),
+        ("unit of the calibration", source["unit"]),
+        ("skelsplat", report["versions"]["skelsplat"]),
+    ]
+
+
+def key_numbers(run: Run) -> list[tuple[str, str, str]]:
+    """Return the key numbers: name, value and remark."""
+    statistics = run.statistics
+    error, rejected, bar = _numbers_of([run])
+    digits = statistics.decimals
+    scatter = f"against anatomical joints; scatter {number(finite_median(statistics.scatter_mm), digits)} mm"
+    noise = f"{number(statistics.noise_mm, digits)} mm across the ray, estimated"
+    return [
+        error,
+        rejected,
+        ("noise of the detections", f"{number(statistics.noise_px)} px", noise),
+        (*bar[:2], scatter if is_biased(run.result) else bar[2]),
+        (
+            "frames with a problem",
+            f"{problem_frames(run):,} of {run.inputs.n_frames:,}",
+            "weak, missing or unusual joints",
+        ),
+    ]
+
+
+def numbers_of_people(run: PeopleRun) -> list[tuple[str, str, str]]:
+    """Return the key numbers of several people."""
+    cameras = run.report["detections"]["cameras"]
+    assigned, detected = (sum(camera[name] for camera in cameras) for name in ("assigned", "detected"))
+    remark = f"of {detected:,} in all views, to the people above"
+    return [
+        ("people", str(len(run.people)), f"in {len(run.frames):,} frames"),
+        ("detected people assigned", part_of(assigned, detected), remark),
+        *_numbers_of(list(run.people.values())),
+    ]
+
+
+def _numbers_of(runs: Sequence[Run]) -> list[tuple[str, str, str]]:
+    """Return the errors, the rejected detections and the error bars of all runs together."""
+    groups = [one.statistics.total for one in runs]
+    used, rejected = sum(group.used for group in groups), sum(group.rejected for group in groups)
+    before, after = groups[0].before_px, groups[0].after_px
+    if len(runs) > 1:
+        names = ("error_before", "error_after")
+        before, after = (
+            finite_median(np.concatenate([getattr(one.statistics, name).ravel() for one in runs]))
+            for name in names
+        )
+    bars = np.concatenate([one.statistics.error_bar_mm.ravel() for one in runs])
+    biased = any(is_biased(one.result) for one in runs)
+    against = "against anatomical joints" if biased else "scatter alone, without a bias of the detector"
+    return [
+        (
+            "median reprojection error",
+            f"{number(before)} → {number(after)} px",
+            _WHY_RISEN if round(after, 1) > round(before, 1) else "start → refined",
+        ),
+        ("detections rejected", part_of(rejected, used), f"of {used:,} used"),
+        ("median error bar", f"{length(finite_median(bars))} mm", against),
+    ]
 
 
 def problem_frames(run: Run) -> int:

@@ -165,17 +165,13 @@ def check_times(whole: Inputs, job: Job) -> None:
 def _nobody(job: Job, whole: Inputs, detected: Index) -> DatasetError:
     seen = (detected > 0).sum(axis=0)
     counts = ", ".join(f"{name} {count:,}" for name, count in zip(whole.rig.names, seen, strict=True))
-    expected = "somebody on whom two views agree"
+    advice = "no two views detect anybody in the same frame"
     if ((detected > 0).sum(axis=1) >= 2).any():
-        advice = (
-            "exchanged cameras, a wrong unit, layout or calibration, or unsynchronised videos? "
-            "skelsplat check-cameras looks for the cause"
-        )
-    else:
-        advice = "no two views detect anybody in the same frame"
+        advice = "exchanged cameras, a wrong unit, layout or calibration, or unsynchronised videos? "
+        advice += "skelsplat check-cameras looks for the cause"
     got = f"nobody, though people are detected ({counts} of {len(detected):,} frames): {advice}"
     got = got if seen.any() else "no detections of people"
-    return DatasetError(Path(job.detections), "people", expected, got)
+    return DatasetError(Path(job.detections), "people", "somebody on whom two views agree", got)
 
 
 def _inputs(person: Person, seen: Array, whole: Inputs, places: Index, seconds: float) -> Inputs:

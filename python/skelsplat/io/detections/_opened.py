@@ -127,14 +127,10 @@ class Opened:
 
     def _read(self) -> DetectionSet:
         read: dict[str, list[list[Array]]] = {name: [] for name in self.views.views}
-        readers = self._readers()
-        for first in range(0, len(self.frames), _STRETCH):
-            for name, people in read.items():  # of a file of all cameras each part is read once
-                people += readers[name].read(self.frames[first : first + _STRETCH])
-        for name, people in read.items():
-            pixels = _Pixels(self.views.views[name])
-            pixels.add(people)
-            pixels.check()
+        for _, part in self._parts(_STRETCH):  # of a file of all cameras each part is read once
+            for name, people in part.items():
+                read[name] += people
+        for people in read.values():
             _forget_zeros([person for one in people for person in one])
         return DetectionSet(
             people=self._resized(self._stack(read, len(self.frames))),
@@ -154,22 +150,26 @@ class Opened:
 
         A joint at exactly (0, 0) is missing, even if it is the only one of its camera.
         """
-        whole = [_Pixels(view) for view in self.views.views.values()]
-        readers = self._readers()
-        for first in range(0, len(self.frames), size):
-            numbers = self.frames[first : first + size]
-            read = {name: reader.read(numbers) for name, reader in readers.items()}
-            for pixels, people in zip(whole, read.values(), strict=True):
-                pixels.add(people)
-            stacked = self._stack(read, len(numbers))
+        for steps, part in self._parts(size):
+            stacked = self._stack(part, steps)
             stacked[(stacked[..., :2] == 0.0).all(axis=-1)] = np.nan
             yield self._resized(stacked)
-        for pixels in whole:
-            pixels.check()
 
-    def _readers(self) -> dict[str, _Reader]:
-        views = self.views.views.items()
-        return {name: _Reader(view, self.skeleton, self.joints, self.shifts[name]) for name, view in views}
+    def _parts(self, size: int) -> Iterator[tuple[int, dict[str, list[list[Array]]]]]:
+        """Yield the number of frames of a part, and their people by camera; at the end raise if no pixels."""
+        views = self.views.views
+        whole = {name: _Pixels(view) for name, view in views.items()}
+        readers = {
+            name: _Reader(view, self.skeleton, self.joints, self.shifts[name]) for name, view in views.items()
+        }
+        for first in range(0, len(self.frames), size):
+            numbers = self.frames[first : first + size]
+            part = {name: reader.read(numbers) for name, reader in readers.items()}
+            for name, people in part.items():
+                whole[name].add(people)
+            yield len(numbers), part
+        for pixels in whole.values():
+            pixels.check()
 
     def _stack(self, read: Mapping[str, Sequence[Sequence[Array]]], steps: int) -> Array:
         """Join the views to (T, M, P, N, 3), padded with NaN."""

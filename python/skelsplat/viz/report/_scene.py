@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from skelsplat._arrays import Array, ArrayFields, Index
+from skelsplat._arrays import Array, ArrayFields, Index, Mask
 from skelsplat.viz import _style
 from skelsplat.viz._skeleton import Skeleton
 
@@ -241,16 +241,18 @@ def pack_spreads(covariances: Array) -> dict[str, Any]:
     widths = np.sqrt(np.clip(values, 0.0, _WIDEST_MM**2))
     roots = (vectors * widths[..., None, :]) @ np.swapaxes(vectors, -2, -1)
     six = roots[..., [0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2]]
-    step = max(float(np.abs(six).max(initial=0.0)), 1.0) / _LARGEST
-    numbers = np.where(known[..., None], np.rint(six / step), MISSING)
-    return {"step_mm": step, "numbers": as_text(numbers, "<i2")}
+    return _packed(six, known[..., None], "step_mm")
 
 
 def pack_speeds(speeds: Array) -> dict[str, Any]:
     """Return speeds (T, N) in mm/s as whole numbers."""
-    known = np.isfinite(speeds)
-    step = max(float(np.max(speeds, where=known, initial=0.0)), 1.0) / _LARGEST
-    return {"step_mm_s": step, "numbers": as_text(np.where(known, np.rint(speeds / step), MISSING), "<i2")}
+    return _packed(speeds, np.isfinite(speeds), "step_mm_s")
+
+
+def _packed(values: Array, known: Mask, unit: str) -> dict[str, Any]:
+    """Return numbers as multiples of a step, which is called ``unit``; `MISSING` where they are not known."""
+    step = max(float(np.abs(values).max(initial=0.0, where=known)), 1.0) / _LARGEST
+    return {unit: step, "numbers": as_text(np.where(known, np.rint(values / step), MISSING), "<i2")}
 
 
 def pack_labels(labels: npt.NDArray[np.str_]) -> dict[str, Any]:
