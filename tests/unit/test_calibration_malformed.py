@@ -84,14 +84,6 @@ MALFORMED = {
         "no size": (lambda p: _edit(p, "size = ", "sizes = "), r"cameras\.0\.size"),
         "uncalibrated": (lambda p: _edit(p, "rotation = [[", "extra = [["), r"cameras\.0\.rotation"),
         "short matrix": (lambda p: _edit(p, ", [0.0, 0.0, 1.0]]", "]"), r"cameras\.0\.matrix"),
-        "a number of 400 digits": (
-            lambda p: _edit(p, "translation = [", "translation = [1" + 400 * "0" + ", 1, 2]\nold = ["),
-            r"cameras\.0\.translation",
-        ),
-        "a size of 400 digits": (
-            lambda p: _edit(p, "size = [", "size = [1" + 400 * "0" + ", 5]\nold = ["),
-            r"cameras\.0\.size",
-        ),
         "all ignored": (
             lambda p: (p.write_text(p.read_text().replace("ignore = false", "ignore = true")), p)[1],
             "cameras",
@@ -105,17 +97,11 @@ MALFORMED = {
         "no centre": (lambda p: _json_edit(p, lambda d: d[N].pop("T")), rf"{N}\.T"),
         "two radial coefficients": (lambda p: _json_edit(p, lambda d: d[N]["k"].pop()), rf"{N}\.k"),
         "no lens": (lambda p: _json_edit(p, lambda d: d[N].pop("p")), rf"{N}\.p"),
-        "a focal length in words": (lambda p: _json_edit(p, lambda d: d[N].update(fx="1000")), rf"{N}\.fx"),
-        "a list": (lambda p: (p.write_text("[1, 2]"), p)[1], "document"),
         "a note between the cameras": (lambda p: _json_edit(p, lambda d: d.update(note="Shelf")), "note"),
     },
     "4d-association": {
         "eleven numbers": (lambda p: _json_edit(p, lambda d: d[N]["RT"].pop()), rf"{N}\.RT"),
         "no size": (lambda p: _json_edit(p, lambda d: d[N].pop("imgSize")), rf"{N}\.imgSize"),
-        "four numbers for a rotation": (
-            lambda p: _json_edit(p, lambda d: d[NAMES[1]].update(R=[1, 0, 0, 0])),
-            rf"{NAMES[1]}\.R",
-        ),
         "no translation": (lambda p: _json_edit(p, lambda d: d[NAMES[1]].pop("T")), rf"{NAMES[1]}\.T"),
         "three coefficients": (
             lambda p: _json_edit(p, lambda d: d[N].update(distCoeff=[0.1, 0.0, 0.0])),
@@ -129,7 +115,6 @@ MALFORMED = {
         ),
         "no translation": (lambda p: _pickle_edit(p, translation=None), "translation"),
         "half a pixel": (lambda p: _pickle_edit(p, imageSize=np.array([[720.5], [1280.0]])), "imageSize"),
-        "NaN": (lambda p: _pickle_edit(p, intrinsicMat=np.full((3, 3), np.nan)), "intrinsicMat"),
         "a class": (lambda p: _pickle_edit(p, distortion=Path("lens")), "pickle"),
         "cut": (lambda p: (_pickle(p).write_bytes(_pickle(p).read_bytes()[:90]), p)[1], "pickle"),
         "a list": (lambda p: (_pickle(p).write_bytes(pickle.dumps([1.0])), p)[1], "document"),
@@ -140,7 +125,6 @@ MALFORMED = {
             lambda p: _mat_edit(p, RDistort=np.array([[0.1]])),
             r"params\[1\]\.RDistort",
         ),
-        "a text for a matrix": (lambda p: _mat_edit(p, K="K"), r"params\[1\]\.K"),
         "fewer names than cameras": (lambda p: _mat_edit(p, camnames=["a", "b", "c"]), "camnames"),
         "no cameras": (lambda p: (scipy.io.savemat(p, {"com": 1.0}), p)[1], "params"),
         "no MAT-file": (lambda p: (p.write_bytes(b"MATLAB 7.3 MAT-file" + bytes(600)), p)[1], "file"),
@@ -152,15 +136,10 @@ MALFORMED = {
             rf"intri\.yml: D_{N}",
         ),
         "no partner": (lambda p: ((p / "extri.yml").unlink(), p)[1], r"extri\.yml: file"),
-        "no K": (lambda p: _pair(p, "intri.yml", f"K_{N}:", "Q:"), rf"intri\.yml: K_{N}"),
         "no T": (lambda p: _pair(p, "extri.yml", f"T_{N}:", "Q:"), rf"extri\.yml: T_{N}"),
         "short matrix": (
             lambda p: _pair(p, "extri.yml", "rows: 3\n   cols: 1", "rows: 4\n   cols: 1"),
             rf"extri\.yml: R_{N}",
-        ),
-        "cut": (
-            lambda p: ((p / "extri.yml").write_text((p / "extri.yml").read_text()[:-20]), p)[1],
-            r"extri\.yml: T_60457274",
         ),
         "two rotations": (
             lambda p: (
@@ -176,8 +155,6 @@ MALFORMED = {
             ),
             rf"extri\.yml: Rot_{N}",
         ),
-        "not a number": (lambda p: _pair(p, "intri.yml", "data: [ 1140", "data: [ f"), rf"intri\.yml: K_{N}"),
-        "half a size": (lambda p: _pair(p, "intri.yml", f"H_{N}", "h"), rf"intri\.yml: H_{N}"),
         "no key": (
             lambda p: _pair(p, "intri.yml", f"K_{N}: !!opencv-matrix", "something"),
             r"intri\.yml: line 8",
@@ -191,26 +168,11 @@ MALFORMED = {
             ),
             rf"{N}\.xml: root",
         ),
-        "fewer than no rows": (
-            lambda p: _pair(p, f"{N}.xml", "<rows>8</rows>\n  <cols>1", "<rows>-8</rows>\n  <cols>-1"),
-            rf"{N}\.xml: Distortion",
-        ),
-        "no pose": (
-            lambda p: (
-                (p / f"{N}.xml").write_text((p / f"{N}.xml").read_text().replace("CameraMatrix", "Other")),
-                p,
-            )[1],
-            rf"{N}\.xml: CameraMatrix",
-        ),
         "short": (lambda p: _pair(p, f"{N}.xml", "<rows>8", "<rows>9"), rf"{N}\.xml: Distortion"),
     },
     "panoptic": {
         "cut": (lambda p: (p.write_text(p.read_text()[:500]), p)[1], "JSON"),
         "no R": (lambda p: _json_edit(p, lambda d: d["cameras"][1].pop("R")), r"cameras\[1\]\.R"),
-        "a number of 400 digits": (
-            lambda p: _json_edit(p, lambda d: d["cameras"][1].update(t=[10**400, 1, 2])),
-            r"cameras\[1\]\.t",
-        ),
         "no hd": (lambda p: _json_edit(p, lambda d: [c.update(type="vga") for c in d["cameras"]]), "type"),
         "mirrored": (
             lambda p: _json_edit(
@@ -218,32 +180,18 @@ MALFORMED = {
             ),
             r"R of camera '5413\d+'",
         ),
-        "twice": (lambda p: _json_edit(p, lambda d: d["cameras"][2].update(name=N)), "name"),
-        "text": (
-            lambda p: _json_edit(p, lambda d: d["cameras"][1].update(t=["a", 1, 2])),
-            r"cameras\[1\]\.t",
-        ),
     },
     "human36m": {
         "no camera": (lambda p: _json_edit(p, lambda d: d["intrinsics"].pop(N)), rf"intrinsics\.{N}"),
-        "no matrix": (
-            lambda p: _json_edit(p, lambda d: d["intrinsics"][N].pop("calibration_matrix")),
-            rf"intrinsics\.{N}\.calibration_matrix",
-        ),
         "no lens": (
             lambda p: _json_edit(p, lambda d: d["intrinsics"][N].pop("distortion")),
             rf"intrinsics\.{N}\.distortion",
-        ),
-        "short t": (
-            lambda p: _json_edit(p, lambda d: d["extrinsics"]["S9"][N]["t"].pop()),
-            rf"extrinsics\.S9\.{N}\.t",
         ),
         "cut": (lambda p: (p.write_text(p.read_text()[:-9]), p)[1], "JSON"),
     },
     "qualisys": {
         "not closed": (lambda p: _edit(p, "</calibration>", ""), "XML"),
         "no focal length": (lambda p: _edit(p, "focalLengthU", "f"), rf"camera {N}\.intrinsic\.focalLengthU"),
-        "no number": (lambda p: _edit(p, 'r11="', 'r11="x'), rf"camera {N}\.transform\.r11"),
         "no view": (lambda p: _edit(p, "<fov_video", "<fov"), rf"camera {N}\.fov_video"),
         "odd view": (lambda p: _edit(p, 'right="999"', 'right="-5"'), rf"camera {N}\.fov_video"),
         "skew": (lambda p: _edit(p, 'skew="0.0', 'skew="2.0'), rf"camera {N}\.intrinsic\.skew"),
@@ -255,10 +203,6 @@ MALFORMED = {
             "active",
         ),
         "no transform": (lambda p: _edit(p, "<transform", "<transformation"), rf"camera {N}\.transform"),
-        "no lens": (
-            lambda p: _edit(p, "tangentalDistortion1", "tangentialDistortion1"),
-            rf"camera {N}\.intrinsic\.tangentalDistortion1",
-        ),
         "half a pixel": (
             lambda p: _edit(p, 'sensorMaxU="1000"', 'sensorMaxU="1000.5"'),
             rf"camera {N}\.intrinsic\.sensorMaxU",
@@ -268,10 +212,6 @@ MALFORMED = {
     "vicon": {
         "no video": (lambda p: (p.write_text(p.read_text().replace("VueVIDEO", "Vue")), p)[1], "TYPE"),
         "no frame": (lambda p: _edit(p, "<KeyFrame ", "<Frame "), rf"Camera {N}\.KeyFrames\.KeyFrame"),
-        "three numbers": (
-            lambda p: _edit(p, 'ORIENTATION="', 'ORIENTATION="1 '),
-            rf"Camera {N}\.ORIENTATION",
-        ),
         "no unit": (
             lambda p: _edit(p, 'ORIENTATION="', 'ORIENTATION="1 1 1 1" OLD="'),
             rf"Camera {N}\.ORIENTATION",
@@ -282,7 +222,6 @@ MALFORMED = {
             lambda p: _edit(p, "VICON_RADIAL2", "VICON_RADIAL3"),
             rf"Camera {N}\.VICON_RADIAL2",
         ),
-        "size": (lambda p: _edit(p, '"1000 1002"', '"1000 0"'), rf"Camera {N}\.SENSOR_SIZE"),
         "skew": (lambda p: _edit(p, 'SKEW="0"', 'SKEW="0.1"'), rf"Camera {N}\.SKEW"),
     },
     "json": {
@@ -293,37 +232,14 @@ MALFORMED = {
             lambda p: _json_edit(p, lambda d: d.update(cameras=d["cameras"][0])),
             "cameras",
         ),
-        "a name for a camera": (
-            lambda p: _json_edit(p, lambda d: d["cameras"].__setitem__(1, "cam")),
-            r"cameras\[1\]",
-        ),
         "no K": (lambda p: _json_edit(p, lambda d: d["cameras"][0].pop("K")), r"cameras\[0\]\.K"),
-        "a number of 5000 digits": (
-            lambda p: _edit(p, '"t": [', '"t": [' + 5000 * "9" + ', 1, 2], "old": ['),
-            r"cameras\[0\]\.t",
-        ),
-        "a size beyond all images": (
-            lambda p: _json_edit(p, lambda d: d["cameras"][0].update(size=[10**30, 5])),
-            r"cameras\[0\]\.size",
-        ),
-        "three coefficients": (
-            lambda p: _json_edit(p, lambda d: d["cameras"][0].update(distortion=[1, 2, 3])),
-            r"cameras\[0\]\.distortion",
-        ),
     },
     "npz": {
         "no names": (lambda p: _npz_edit(p, names=None), "names"),
-        "no camera": (
-            lambda p: _npz_edit(
-                p, **{name: values[:0] for name, values in np.load(p).items() if values.ndim}
-            ),
-            "cameras",
-        ),
         "names in no encoding": (
             lambda p: _npz_edit(p, names=np.array([b"a", b"\xff\xfe", b"c", b"d"])),
             r"names\[1\]",
         ),
-        "shape": (lambda p: _npz_edit(p, t=np.zeros((4, 2))), "t"),
         "unit": (lambda p: _npz_edit(p, unit="inch"), "unit"),
         "NaN": (lambda p: _npz_edit(p, K=np.full((4, 3, 3), np.nan)), r"\[0\]\.K"),
         "hole": (

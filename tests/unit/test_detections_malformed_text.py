@@ -42,16 +42,7 @@ MALFORMED = {
     "easymocap": {
         "cut": JSON_CUT,
         "no annots": (lambda b: b.json(without("annots")), "annots"),
-        "annots no list": (lambda b: b.json(lambda d: d.update(annots={})), "annots"),
         "no keypoints": (lambda b: b.json(drop(first, "keypoints")), r"annots\[0\]\.keypoints"),
-        "two numbers": (
-            lambda b: b.json(put(first, "keypoints", [[1.0, 2.0]])),
-            r"annots\[0\]\.keypoints\[0\]",
-        ),
-        "text": (
-            lambda b: b.json(put(first, "keypoints", [[1.0, "2", 0.5]])),
-            r"annots\[0\]\.keypoints\[0\]\[1\]",
-        ),
         "confidence": (
             lambda b: b.json(put(first, "keypoints", [[1.0, 2.0, 50.0]] * K)),
             r"annots\[0\]\.keypoints\[0\]",
@@ -63,7 +54,6 @@ MALFORMED = {
     },
     "mmpose": {
         "cut": JSON_CUT,
-        "no instance_info": (lambda b: b.json(without("instance_info")), "instance_info"),
         "no frame_id": (
             lambda b: b.json(lambda d: d["instance_info"][1].pop("frame_id") and None),
             r"instance_info\[1\]\.frame_id",
@@ -73,10 +63,6 @@ MALFORMED = {
             r"instance_info\[1\]\.frame_id",
         ),
         "scores too few": (lambda b: b.json(put(first, "keypoint_scores", [0.5] * 16)), "keypoint_scores"),
-        "three numbers": (
-            lambda b: b.json(put(first, "keypoints", [[1.0, 2.0, 3.0]] * K)),
-            r"instances\[0\]\.keypoints\[0\]",
-        ),
         "names of another layout": (
             lambda b: b.json(
                 lambda d: d["meta_info"].update(
@@ -85,10 +71,6 @@ MALFORMED = {
             ),
             "joint names",
         ),
-        "names with a gap": (
-            lambda b: b.json(lambda d: d["meta_info"]["keypoint_id2name"].pop("4") and None),
-            r"meta_info\.keypoint_id2name",
-        ),
     },
     "alphapose": {
         "cut": JSON_CUT,
@@ -96,15 +78,6 @@ MALFORMED = {
         "empty": (lambda b: b.file.write_text("[]"), "document"),
         "no image": (lambda b: b.json(drop(entry, "image_id")), r"\[0\]\.image_id"),
         "no number": (lambda b: b.json(put(entry, "image_id", "a.jpg")), r"\[0\]\.image_id"),
-        "20 digits": (
-            lambda b: b.json(put(entry, "image_id", "20251121123456789012.jpg")),
-            r"\[0\]\.image_id",
-        ),
-        "one number too few": (
-            lambda b: b.json(lambda d: d[0]["keypoints"].pop() and None),
-            r"\[0\]\.keypoints",
-        ),
-        "joints": (lambda b: b.json(put(entry, "keypoints", [1.0] * 78)), r"\[0\]\.keypoints"),
     },
     "coco": {
         "cut": JSON_CUT,
@@ -118,29 +91,16 @@ MALFORMED = {
             lambda b: b.json(put(entry, "image_id", 20251121123456789012)),
             r"\[0\]\.image_id",
         ),
-        "a number of 400 digits": (
-            lambda b: b.json(lambda d: d[0]["keypoints"].__setitem__(4, 10**400)),
-            r"\[0\]\.keypoints\[4\]",
-        ),
-        "null": (
-            lambda b: b.json(lambda d: d[0]["keypoints"].__setitem__(4, None)),
-            r"\[0\]\.keypoints\[4\]",
-        ),
     },
     "deeplabcut_csv": {
         "open quote": (
             lambda b: b.file.write_text(b.file.read_text().rstrip("\n") + ',"' + "1,2\n" * 60_000),
             "line 6",
         ),
-        "a field without end": (
-            lambda b: b.file.write_text(b.file.read_text().rstrip("\n") + 140_000 * "9"),
-            "line 6",
-        ),
         "cut": (lambda b: b.file.write_text(b.file.read_text()[:-200]), "line 6"),
         "header": (lambda b: b.text("bodyparts", "parts"), "header"),
         "text": (lambda b: b.text("\n0,", "\n0,a"), "line 4"),
         "labels": (lambda b: b.text("\n0,", "\nimg0.png,"), "line 4"),
-        "frame of 20 digits": (lambda b: b.text("\n0,", f"\n{10**19},"), "line 4"),
         "no frames": (
             lambda b: b.file.write_text("".join(b.file.read_text().splitlines(keepends=True)[:3])),
             "index",
@@ -177,23 +137,8 @@ MALFORMED = {
     "csv": {
         "two people": (lambda b: b.text(",person,", ",who,"), "line 19, joint"),
         "open quote": (lambda b: b.text("pelvis,", '"pelvis,'), "line 2"),
-        "a quote that another one closes": (
-            lambda b: (b.text("spine,", '"spine,'), b.text("nose,", '"nose",')),
-            "line 9",
-        ),
-        "a quote in the last line": (
-            lambda b: b.file.write_text(b.file.read_text().rstrip("\n") + '\ncamA,"'),
-            "line 206",
-        ),
-        "text behind a quote": (lambda b: b.text("pelvis,", '"pelvis" ,'), "line 2"),
         "header": (lambda b: b.text("joint", "part"), "line 1"),
         "a column twice": (lambda b: b.text("joint,x", "x,x"), "line 1"),
-        "another column twice": (
-            lambda b: b.file.write_text(
-                "\n".join(f"{line},a,a" for line in b.file.read_text().splitlines()) + "\n"
-            ),
-            "line 1",
-        ),
         "one field": (
             lambda b: b.file.write_text(f"{b.file.read_text()}end"),
             r"line \d+",
@@ -205,7 +150,6 @@ MALFORMED = {
             "line 206, joint",
         ),
         "frame": (lambda b: b.text("camA,0,", "camA,0.5,"), "line 2, frame"),
-        "frame of 5000 digits": (lambda b: b.text("camA,0,", f"camA,{5000 * '9'},"), "line 2, frame"),
         "places and names": (lambda b: b.text("pelvis", "0"), "joint"),
     },
 }

@@ -88,7 +88,6 @@ POINTS = np.random.default_rng(0).normal(size=(5, 3)) * 100
 WIDE = np.tile(np.eye(3) * 400.0, (5, 1, 1))
 PIXELS = sk.project(POINTS, [camera()])[0]
 TURNS = np.tile([1.0, 0, 0, 0], (5, 1))
-FAR = [0] * 4 + [1e308]
 
 
 def far(values: np.ndarray, number: float = 1e308) -> np.ndarray:
