@@ -81,7 +81,7 @@ def test_check_cameras_leaves_out_a_camera_that_was_not_recorded(recording):
     folder, _, _ = recording
     shutil.rmtree(folder / "openpose" / OUT)
     check = ["check-cameras", folder / "Calib.toml", folder / "openpose", "--layout", "h36m17"]
-    assert_fails(invoke(*check), 1, f"none for {OUT}", f"without=['{OUT}']")
+    assert_fails(invoke(*check), 1, f"none for {OUT}", "without=")
     assert_fails(invoke(*check, "--without", "door"), 2, "--without: expected a camera, one of cam1")
     result = invoke(*check, "--without", "cam_03", "--json")
     assert result.exit_code == 0, result.output

@@ -147,7 +147,7 @@ def test_a_single_video_is_that_of_its_name_or_of_the_chosen_camera(case, videos
     assert overlay(case, videos / "cam02.mp4").exit_code == 0
     assert [path.name for path in (tmp_path / "out").iterdir()] == ["cam_02.mp4"]
     other = write_video(tmp_path / "film.mp4")
-    assert_fails(overlay(case, other), 1, "film.mp4: file: expected --camera to say which of cam_01, cam_02")
+    assert_fails(overlay(case, other), 1, "film.mp4: file: expected the chosen one of cam_01, cam_02")
     assert overlay(case, other, "--camera", "cam_01").exit_code == 0
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import unicodedata
 from collections import Counter
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path, PurePath
 
@@ -79,7 +79,7 @@ def match_by_name(
     *,
     allow_missing: bool,
     optional: Collection[str] = (),
-    otherwise: Callable[[Sequence[str]], str] | None = None,
+    otherwise: str = "",
 ) -> dict[str, str | None]:
     """Assign a label to every camera name, in the order of `names`.
 
@@ -89,8 +89,8 @@ def match_by_name(
     (``take2_cam01_results`` and ``cam_01``), if that is so for one text alone. Last, either may have words
     around what names the camera (``int_cam01_img`` and ``cam01_json``, ``A`` and ``vid_camA``), if each fits
     nothing else. The match must be one to one; a camera without a label gets None if `allow_missing` or it is
-    `optional`, and a label without a camera must be idle. `otherwise` says, from the cameras that lack a
-    label, what else may be done, if anything.
+    `optional`, and a label without a camera must be idle. `otherwise` says what else may be done
+    where some lack a label.
     """
     kind, texts = candidates.kind, candidates.texts
     tail = PurePath(next(iter(texts), "")).suffix if kind == "file" else ""
@@ -112,8 +112,7 @@ def match_by_name(
     needed = [name for name in missing if not (allow_missing or name in optional)]
     if needed or len(missing) == len(names):
         expected = f"a {kind} for every camera ({kind}s: {', '.join(texts)})"
-        remedy = otherwise(needed) if otherwise is not None and len(missing) < len(names) else ""
-        advice += f"; {remedy}" if remedy else ""
+        advice += f"; {otherwise}" if otherwise and len(missing) < len(names) else ""
         raise candidates.error(expected, f"none for {', '.join(needed or missing)}; {advice}")
     return found
 

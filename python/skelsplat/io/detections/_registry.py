@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass
-from functools import partial
 from itertools import chain, islice
 from pathlib import Path
 
@@ -34,8 +33,6 @@ _ENTRIES = 10_000
 Order = str | Sequence[str]
 # what may belong to the cameras, and how one of them is opened by its label
 Offer = tuple[Candidates, Callable[[str], View]]
-
-_SOME_LEFT_OUT = "without= leaves out cameras"
 
 
 def find_format(path: Path, name: str | None) -> DetectionFormat:
@@ -164,17 +161,13 @@ class Matching:
 
     def match(self, candidates: Candidates) -> dict[str, str | None]:
         """Return the label of every camera that is not left out."""
+        names, left_out, advice = self.names, self.left_out, "without= leaves out cameras"
         if self.order is not None:
-            by_order = partial(match_by_order, left_out=self.left_out, otherwise=_SOME_LEFT_OUT)
-            return by_order(candidates, self.names, self.order)
-        by_name = partial(match_by_name, allow_missing=self.allow_missing, optional=self.left_out)
-        found = by_name(candidates, self.names, otherwise=self._leave_out)
-        return {name: label for name, label in found.items() if name not in self.left_out}
-
-    def _leave_out(self, missing: Sequence[str]) -> str:
-        if len(set(self.names) - set(missing) - set(self.left_out)) < 2:
-            return ""  # two must remain
-        return f"or leave out what was not recorded: without={list(missing)}"
+            return match_by_order(candidates, names, self.order, left_out=left_out, otherwise=advice)
+        found = match_by_name(
+            candidates, names, allow_missing=self.allow_missing, optional=left_out, otherwise=advice
+        )
+        return {name: label for name, label in found.items() if name not in left_out}
 
 
 def open_sources(path: Path, form: DetectionFormat, matching: Matching, sequence: str | None) -> Sources:

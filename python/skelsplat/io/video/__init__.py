@@ -52,7 +52,7 @@ def find_videos(
     path without videos and a wanted camera without one, or with more, are a `DatasetError`.
     """
     root = Path(path)
-    meant = cameras_called(chosen, names, "camera")
+    meant = cameras_called(chosen, names, "cameras")
     wanted = [name for name in names if not meant or name in meant]
     kind, found = _entries(root)
     if root in found.values():
@@ -62,7 +62,7 @@ def find_videos(
         labels: Mapping[str, str | None] = match_by_order(Candidates(root, kind, texts), wanted, order)
     else:
         every = Candidates(root, kind, texts, idle=texts.keys(), within=True)
-        labels = match_by_name(every, names, allow_missing=bool(chosen), otherwise=lambda _: _CHOOSE)
+        labels = match_by_name(every, names, allow_missing=bool(chosen), otherwise=_CHOOSE)
     missing = [name for name in wanted if labels[name] is None]
     if missing:
         expected = f"a {kind} for every chosen camera ({kind}s: {', '.join(found)})"

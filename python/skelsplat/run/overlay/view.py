@@ -155,7 +155,7 @@ def _plain_views(job: OverlayJob, scene: Scene, span: Span) -> list[View]:
     for name, given in (("order", job.order), ("first_frame", job.first_frame)):
         if given is not None:
             raise InvalidInputError(f"{name}: expected videos or images with it, got none")
-    chosen = cameras_called(job.cameras, list(scene.rig.names), "camera") or scene.rig.names
+    chosen = cameras_called(job.cameras, list(scene.rig.names), "cameras") or scene.rig.names
     views = []
     for index, name in enumerate(scene.rig.names):
         if name in chosen:
