@@ -133,11 +133,10 @@ def adjust_cameras(
 ) -> RigAdjustment:
     """Find the cameras that were turned or moved since the calibration, and set them right.
 
-    Bundle adjustment of cameras and joints together, with the robust kernel of ``refine``. A camera stays
-    exactly where it is unless the detections show that it is elsewhere; the sound ones, more than half, hold
-    the world's frame and scale. Clocks are measured first, by motion; all but one may be off, by up to 30
-    frames. Where the detections do not tell which of two cameras is wrong, nothing is changed, and both are
-    reported. docs/method.md has the mathematics.
+    Bundle adjustment of cameras and joints, with the robust kernel of ``refine``. A camera stays exactly
+    where it is unless the detections show that it is elsewhere; the sound ones, more than half, hold the
+    world's frame and scale. Clocks are measured first, by motion, up to 30 frames. Where the detections do
+    not tell which of two cameras is wrong, both are reported. docs/method.md has the mathematics.
 
     Parameters
     ----------

@@ -24,9 +24,8 @@ _Kind = TypeVar("_Kind", bound=Refinement)
 class SequenceRefinement(Refinement):
     """What ``refine_sequence`` returns: a `Refinement` of T frames, and what they show together.
 
-    Of the fields of `Refinement`, ``init_pose`` is the pose of each frame alone, as ``refine`` finds it,
-    ``noise`` is that of the whole recording, and ``joint_status`` has one more value: ``"inferred"``, a joint
-    that its bones and the frames around it determine, not two views of its own frame.
+    ``init_pose`` is the pose of each frame alone, ``noise`` that of the whole recording, and ``joint_status``
+    ``"inferred"`` for a joint that its bones and the frames around it determine.
 
     Attributes
     ----------
@@ -68,10 +67,9 @@ def refine_sequence(
     """Refine the frames of one motion together: bones keep their length, joints move smoothly.
 
     One robust solve has the terms of ``refine``, the length of every limb of the layout, and the acceleration
-    of every joint. It learns from the recording how long the bones are, how fast the joints move, and how
-    large and lasting the detector's errors are: nothing has to be set, and the body need not be human. Gaps
-    of up to a second are bridged. Where all of at least three views agree on a joint, the other frames never
-    outvote them. docs/method.md has the mathematics.
+    of every joint; lengths, speeds and the detector's errors are learnt from the recording. Gaps of up to a
+    second are bridged. Where all of at least three views agree on a joint, the other frames never outvote
+    them. docs/method.md has the mathematics.
 
     Parameters
     ----------

@@ -61,9 +61,8 @@ def refine(
 ) -> xr.Dataset:
     """Refine a recording as tasks of Dask, with the bits of `skelsplat.refine` or `refine_sequence`.
 
-    Nothing is computed before Dask is asked to, such as by ``compute``, ``to_zarr`` or ``to_netcdf`` of the
-    result. Each task runs on one thread and returns all fields of its frames: compute the fields together.
-    Several recordings are several calls, computed together by ``dask.compute``.
+    Nothing is computed before Dask is asked to, such as by ``compute`` or ``to_zarr`` of the result. Each
+    task runs on one thread and returns all fields of its frames: compute the fields together.
 
     Parameters
     ----------
@@ -73,9 +72,8 @@ def refine(
     cameras, layout, config
         As in `skelsplat.refine`; ``n_threads`` is 1 by default.
     fps : float, optional
-        Frames per second, of one motion in order. Tasks are then the windows of `refine_sequence`, of up to
-        40 s and at least 600 frames, after one that learns from a sample of them. None refines every frame by
-        itself.
+        Frames per second, of one motion in order. Tasks are then the windows of `refine_sequence`, after one
+        that learns from a sample of them. None refines every frame by itself.
     frames_per_block : int, optional
         Frames per task, without ``fps``: 10,000 by default.
 

@@ -136,13 +136,6 @@ def test_a_late_camera_beside_a_turned_one_is_found(room, tmp_path):
     assert errors[1] < 0.15 * errors[0]
 
 
-def test_a_rig_of_which_one_clock_is_off_is_not_written_anew(room, tmp_path):
-    out = tmp_path / "fixed.toml"
-    result = invoke("adjust-cameras", room / "Calib.toml", room / "late", "-o", out, "--clock", *LAYOUT)
-    assert " cam2 late " in " ".join(result.stdout.split())
-    assert not out.exists()
-
-
 def test_other_faults_come_first(room, tmp_path):
     out = tmp_path / "fixed.toml"
     result = invoke("adjust-cameras", room / "Calib.toml", room / "exchanged", "-o", out, *LAYOUT)

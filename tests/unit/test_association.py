@@ -94,13 +94,6 @@ def test_a_view_lost_for_one_frame_does_not_change_the_person(rig):
     np.testing.assert_array_equal(index, expected)
 
 
-def test_the_choice_does_not_depend_on_the_unit(rig):
-    people = crowd(seen(walk((-0.8, 0, 0)), rig, noise_px=4.0), seen(walk((0.8, 0.2, 0)), rig, noise_px=3.0))
-    millimetres = sk.CameraRig([sk.Camera(c.K, c.R, c.t * 1000, size=c.size) for c in rig], unit="mm")
-    np.testing.assert_array_equal(choose_person(people, rig)[1], choose_person(people, millimetres)[1])
-    np.testing.assert_array_equal(choose_person(people, list(millimetres))[1], choose_person(people, rig)[1])
-
-
 def test_joints_of_low_confidence_do_not_take_part_but_are_returned(rig):
     person = seen(walk((0, 0, 0)), rig)
     person[:, 1, :8, :2] += 400.0  # two thirds of the joints, so that the median would go with them
