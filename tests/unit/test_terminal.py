@@ -69,7 +69,7 @@ ESCAPED = [r"\x1b]0;x\x07[red]x[/red]", r"a\x9b2Jb", r"c\nerror: none", r"\u202e
 
 def test_a_run_prints_names_as_they_are(given):
     text = shown(given[1], *ESCAPED, r"\x1b[31mhead", "[bold]d[/bold]", r"o\x1b[31m[blue]\u202et/out/")
-    assert not [line for line in text.splitlines() if line.startswith("error")]
+    assert not [line for line in text.splitlines() if line.startswith("error: ")]
 
 
 COMMANDS = {
