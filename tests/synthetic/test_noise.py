@@ -75,15 +75,6 @@ def test_jitter_has_the_stated_size_and_is_larger_at_wrists(pixels):
     assert scaled[:, :, LAYOUT.joints.index("nose")].std() < 2.5
 
 
-def test_correlated_jitter_keeps_its_size(pixels):
-    error = corrupt(pixels, noise=DetectionNoise(sigma_px=3.0, correlation=0.8))[..., :2] - pixels
-    lag = (error[1:] * error[:-1]).mean() / error.var()
-    # 136 series of 300 frames; with ρ = 0.8 each has about 300·(1−ρ)/(1+ρ) = 33 independent values.
-    # Variance: relative 4·√(2/(136·33)) = 0.085; correlation: below that.
-    assert error.var() == pytest.approx(9.0, rel=0.085)
-    assert lag == pytest.approx(0.8, abs=0.03)
-
-
 def test_outliers_are_as_frequent_and_as_far_as_stated(pixels):
     detections = corrupt(pixels, noise=replace(SILENT, outlier_rate=0.1, outlier_px=40.0))
     distance = offsets(detections, pixels)
@@ -160,23 +151,6 @@ def test_hidden_joints_lie_together_and_are_reported_inside_the_disc(pixels):
         # True and reported places are in one disc: no two farther apart than its diameter.
         assert spread <= 2 * 0.2 * size[frame, view] + 1e-9
     assert detections[..., 2][hidden].mean() < 0.5
-
-
-def test_hidden_joints_may_be_missing_or_drawn_to_another_joint(pixels):
-    covered = replace(SILENT, occluded_views=None, disc_radius=(2.0, 2.0))
-    gone = corrupt(pixels, noise=replace(covered, hidden_missing_rate=1.0))
-    assert np.isnan(gone[..., :2]).all()
-    drawn = corrupt(pixels, noise=replace(covered, hidden_drawn_rate=1.0))
-    nearest = np.linalg.norm(drawn[..., None, :2] - pixels[:, :, None], axis=-1).min(axis=-1)
-    assert nearest.max() == 0.0
-
-
-def test_an_occluder_stays_for_its_frames():
-    still = np.broadcast_to(np.random.default_rng(0).uniform(100, 900, (1, 4, 17, 2)), (60, 4, 17, 2))
-    noise = replace(SILENT, occluded_views=2, disc_radius=(0.2, 0.2), occluder_frames=20)
-    hidden = (offsets(corrupt(still, noise=noise), still) > 0).reshape(3, 20, -1)
-    assert (hidden == hidden[:, :1]).all()
-    assert (hidden[0, 0] != hidden[1, 0]).any()
 
 
 @pytest.mark.parametrize(

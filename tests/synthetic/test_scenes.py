@@ -102,14 +102,6 @@ def test_hidden_joints_are_missing_taken_or_guessed():
     assert 5.0 < np.nanmean(errors(guessed)[errors(guessed) > 1e-6]) < 50.0
 
 
-def test_people_are_overlooked_for_a_while():
-    found = scene(n_frames=600, crowding=only(hidden_missing=1.0, miss_rate=0.2))
-    missed = (found.slots() < 0) & (scene(n_frames=600).slots() >= 0)
-    assert 0.1 < missed.mean() < 0.3
-    begins = (missed & ~np.roll(missed, 1, axis=1)).sum()
-    assert missed.sum() / begins == pytest.approx(0.35 * 30.0, rel=0.3)
-
-
 def test_two_people_become_one_detection_with_joints_of_both():
     found = scene(crowding=only(hidden_missing=1.0, merge_rate=1.0, merge_s=(1.0, 1.0)))
     owners = [set(np.unique(own[own >= 0]).tolist()) for own in found.joint_owner.reshape(-1, 17)]
@@ -139,13 +131,6 @@ def test_false_detections_stay_or_are_gone_at_once():
     assert len(np.unique(np.round(edges[np.isfinite(edges)] / 20.0))) < 12
     brief = scene(n_frames=600, crowding=only(hidden_missing=1.0, ghost_rate=0.1))
     assert (brief.owner[there(brief).any(axis=-1)] < 0).mean() == pytest.approx(0.1 / 3.1, rel=0.6)
-
-
-def test_a_bystander_is_seen_by_two_cameras():
-    found = scene(2, bystander=True)
-    assert len(found.truth) == 3
-    np.testing.assert_array_equal(np.sort((found.slots()[2] >= 0).mean(axis=0) > 0.1), [0, 0, 1, 1])
-    np.testing.assert_array_equal(found.truth[:2], scene(2).truth)
 
 
 def test_ones_own_poses_keep_their_place_and_absences():

@@ -43,13 +43,6 @@ def test_the_same_seed_gives_the_same_data_and_another_one_other():
         assert not np.array_equal(a.truth, c.truth)
 
 
-@pytest.mark.parametrize("poses", [60, 1000])
-def test_the_number_of_poses_can_be_chosen(poses):
-    data = synthetic.simulate_set("human36m-like", poses=poses)
-    assert sum(len(r.frames) for r in data.recordings) == poses
-    assert min(len(r.frames) for r in data.recordings) >= 1
-
-
 @pytest.mark.parametrize(
     ("name", "options", "argument"),
     [
@@ -124,13 +117,6 @@ def test_other_layouts_of_the_body_keep_its_joints_and_have_a_symmetric_head():
     np.testing.assert_allclose(np.linalg.norm(left - right, axis=-1), 64.0)
     toward = body[:, source.index("left_shoulder")] - body[:, source.index("right_shoulder")]
     assert (((left - right) * toward).sum(axis=-1) > 0).all()
-
-
-def test_a_layout_with_other_joints_is_refused():
-    with pytest.raises(sk.InvalidInputError, match="layout: "):
-        synthetic.in_layout(np.zeros((17, 3)), sk.layouts.BODY25)
-    with pytest.raises(sk.InvalidInputError, match="points: "):
-        synthetic.in_layout(np.zeros((19, 3)), sk.layouts.PANOPTIC19)
 
 
 def test_given_occluders_leave_the_rest_of_the_noise_as_it_is():

@@ -60,16 +60,6 @@ def test_a_run_gives_three_figures_in_its_folder(run_folder):
         assert f"{name}.png" in result.stdout
 
 
-def test_figures_of_a_file_replace_neither_those_of_its_run_nor_of_another_file(run_folder):
-    for path in (run_folder, run_folder / "pose.csv", run_folder / "pose.npz"):
-        result = invoke("plot", path, "--only", "bones")
-        assert result.exit_code == 0, result.output
-        kept = run_folder / "plots" / (path.name if path.is_file() else "") / "bones.png"
-        kept.rename(kept.with_name("kept.png"))
-    assert len([*(run_folder / "plots").rglob("kept.png")]) == 3
-    assert not [*(run_folder / "plots").rglob("bones.png")]
-
-
 def test_bone_lengths_are_those_of_numpy(run_folder):
     poses = read_npz(run_folder / "pose.npz")
     bones = numbers(run_folder, "--only", "bones")["bones"]
@@ -187,14 +177,6 @@ def test_bones_need_a_layout(tmp_path):
     assert report["bones"] is None
     assert "warning: bones left out" in result.stderr
     assert len(numbers(path, "--layout", "H36M17", "--only", "bones")["bones"]) == len(LAYOUT.limbs)
-
-
-def test_a_layout_of_some_of_the_joints_is_found_by_name(tmp_path):
-    data = h36m(joint_names=tuple(reversed(LAYOUT.joints)))
-    (bone, *_) = numbers(written(tmp_path / "p.npz", data), "--layout", "h36m17", "--only", "bones")["bones"]
-    assert bone["median_mm"] == pytest.approx(
-        100.0 * abs(np.subtract(*[LAYOUT.joints.index(name) for name in ("pelvis", "spine")]))
-    )
 
 
 @pytest.mark.parametrize("steps", [1, 4])

@@ -17,7 +17,7 @@ import pytest
 
 import skelsplat as sk
 from command_line import assert_fails, invoke
-from overlay_case import FRAMES, SIZE, level, need_opencv, write_images, write_video
+from overlay_case import FRAMES, SIZE, level, need_opencv, write_video
 
 need_opencv()
 
@@ -101,23 +101,6 @@ def test_what_is_there_after_an_interruption_is_not_detected_again(videos, tmp_p
     assert nothing.seen == []
 
 
-def test_ranges_add_up(videos, tmp_path):
-    first, rest = Counting(), Counting()
-    detect(videos / "cam1.mp4", tmp_path / "pose", first, last=1)
-    detect([videos / "cam1.mp4", videos / "cam2.mp4"], tmp_path / "pose", rest, first=1, last=3)
-    assert (first.seen, rest.seen) == ([0, 1], [2, 3, 1, 2, 3])
-    with pytest.raises(sk.InvalidInputError) as caught:
-        detect(videos, tmp_path / "pose", Counting(), first=9, last=12)
-    assert caught.value.argument == "range"
-
-
-def test_images_keep_their_numbers(tmp_path):
-    write_images(tmp_path / "images" / "left", first=7, numbers=range(7, 10))
-    (one,) = detect(tmp_path / "images" / "left", tmp_path / "pose", Counting())
-    assert (one.camera, one.frames, one.frame_rate) == ("left", 3, None)
-    assert sorted(path.name for path in one.folder.iterdir())[0] == "left_000000000007.json"
-
-
 def test_other_detections_are_neither_mixed_nor_lost(videos, tmp_path):
     pose = tmp_path / "pose"
     detect(videos, pose, Counting())
@@ -144,17 +127,6 @@ def test_other_detections_are_neither_mixed_nor_lost(videos, tmp_path):
     assert len(contents(pose)) == 7
 
 
-def test_files_of_another_program_are_left_alone(videos, tmp_path):
-    folder = tmp_path / "pose" / "cam1_json"
-    folder.mkdir(parents=True)
-    (folder / "cam1_000000000000.json").write_text("{}")
-    (tmp_path / "pose" / "detect.json").write_text("{}")
-    for overwrite in (False, True):
-        with pytest.raises(sk.InvalidInputError, match="output: "):
-            detect(videos, tmp_path / "pose", Counting(), overwrite=overwrite)
-    assert contents(folder) == {"cam1_000000000000.json": b"{}"}
-
-
 def test_videos_that_differ_and_a_camera_without_anybody(tmp_path):
     write_video(tmp_path / "videos" / "a.mp4", count=1)
     write_video(tmp_path / "videos" / "b.mp4", count=2, rate=30.0)
@@ -165,14 +137,6 @@ def test_videos_that_differ_and_a_camera_without_anybody(tmp_path):
         "videos_differ_in_length",
         "frame_rates_differ",
     ]
-
-
-def test_videos_need_different_names(tmp_path, videos):
-    write_video(tmp_path / "more" / "cam1.mp4")
-    with pytest.raises(sk.InvalidInputError, match="videos: "):
-        detect([videos, tmp_path / "more"], tmp_path / "pose", Counting())
-    with pytest.raises(sk.DatasetError, match="videos"):
-        detect(tmp_path, tmp_path / "pose", Counting())
 
 
 def turned(path, degrees):
@@ -237,22 +201,6 @@ def test_mediapipes_landmarks_in_pixels():
     assert Pose.made == [{"static_image_mode": False, "model_complexity": 2, "smooth_landmarks": False}]
     assert MediaPipe().settings == {"backend": "mediapipe", "version": "0.10.21", "model": "full"}
     assert sk.layouts.get(MediaPipe().layout).n_joints == 33
-
-
-def test_a_mediapipe_without_its_model_is_refused(mediapipe, videos, tmp_path):
-    del mediapipe.solutions
-    mediapipe.__version__ = "0.10.33"
-    result = invoke("detect", videos, "-o", tmp_path / "pose")
-    assert_fails(result, 1, "0.10.33", "pip install 'skelsplat[mediapipe]'")
-
-
-def test_a_model_that_cannot_be_downloaded(mediapipe):
-    def fails(**_):
-        raise OSError("no network")
-
-    mediapipe.solutions.pose.Pose = fails
-    with MediaPipe("lite").open() as find, pytest.raises(sk.SkelSplatError, match=r"model: .*no network"):
-        find(np.zeros((240, 320, 3), dtype=np.uint8))
 
 
 # The command

@@ -13,12 +13,12 @@ import numpy as np
 import pytest
 
 import skelsplat as sk
-from command_line import assert_fails, invoke
+from command_line import invoke
 from overlay_case import FRAMES, level, need_opencv, write_video
 
 need_opencv()
 
-from skelsplat.detect import RTMLib, _rtmlib, detect  # noqa: E402  after the check
+from skelsplat.detect import RTMLib, _rtmlib  # noqa: E402  after the check
 from skelsplat.io import read_detections  # noqa: E402
 
 CAMERAS = ("cam1", "cam2")
@@ -127,26 +127,6 @@ def test_networks_from_files_have_the_files_input_size_and_rtmlibs_own_threshold
     assert _rtmlib._loaded(RTMLib(model="body")).det_model.model_input_size == "rtmlib's"
 
 
-def test_a_path_with_rtmo_in_it_is_no_one_stage_network(rtmlib, files):
-    def body(**options):  # rtmlib: `if pose is not None and 'rtmo' in pose`, then RTMO is downloaded
-        assert "rtmo" not in options.get("pose", "")
-
-    assert "rtmo" in str(files["pose_model"])
-    rtmlib.Body = body
-    rtmlib.BodyWithFeet = type("BodyWithFeet", (Solution,), {"joints": 17})
-    assert _rtmlib._loaded(RTMLib("body", **files)).joints == 17
-
-
-def test_networks_that_cannot_be_loaded(rtmlib, videos, tmp_path):
-    def fails(**_):
-        raise OSError("<urlopen error [Errno -3]>")
-
-    rtmlib.Body = fails
-    options = ["--backend", "rtmlib", "--model", "body", "--mode", "performance"]
-    result = invoke("detect", videos, "-o", tmp_path / "pose", *options)
-    assert_fails(result, 1, "rtmlib", "urlopen")
-
-
 # Networks from files. Refused is what real ones gave: tracebacks, or thousands of people.
 
 
@@ -206,13 +186,6 @@ def test_other_detectors_are_refused(files, outputs):
     assert caught.value.argument == "det_model"
 
 
-def test_rtmdet_is_refused_by_its_weights(files, videos, tmp_path):
-    files["det_model"].write_bytes(b"\x08\x06bbox_head.rtm_cls.0.weight\x12")
-    options = ["--backend", "rtmlib", "--det-model", files["det_model"]]
-    result = invoke("detect", videos, "-o", tmp_path / "pose", *options)
-    assert_fails(result, 2, "--det-model", "RTMDet", "yolox.onnx")
-
-
 @pytest.mark.parametrize(
     "outputs",
     [
@@ -242,12 +215,3 @@ def test_what_onnxruntime_raises_is_one_line(files):
     with pytest.raises(sk.SkelSplatError, match=r"^det_model: .*INVALID_ARGUMENT") as found:
         network.inference(np.zeros((4, 4, 3)))
     assert "\n" not in str(found.value)
-
-
-def test_another_network_in_a_file_of_the_same_name_is_another_detector(files, videos, tmp_path):
-    detector = RTMLib("body-feet", **files)
-    assert detector.settings["pose_model"] == "rtmpose.onnx 5fca7d15"
-    detect(videos, tmp_path / "pose", detector, last=1)
-    files["pose_model"].write_text("trained for longer")
-    with pytest.raises(sk.InvalidInputError, match="output: "):
-        detect(videos, tmp_path / "pose", detector, last=1)

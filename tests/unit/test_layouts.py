@@ -12,9 +12,9 @@ import pytest
 import skelsplat as sk
 from broken_detections import anybody, write_case
 from command_line import assert_fails, invoke
-from detection_files import Take, openpose, sleap
+from detection_files import Take, sleap
 from skelsplat import layouts, synthetic
-from skelsplat.io import read_detections, read_layout
+from skelsplat.io import read_layout
 from skelsplat.layouts import mirrored_names
 
 H36M = layouts.H36M17
@@ -85,27 +85,6 @@ def test_orders_are_the_published_ones(name, published, pairs, human):
     assert len(layout.left_right) == pairs
     assert layout.human is human
     assert len({frozenset(limb) for limb in layout.limbs}) == len(layout.limbs)
-
-
-@pytest.mark.parametrize(("whole", "body"), [("wholebody133", layouts.COCO17), ("halpe136", layouts.HALPE26)])
-def test_the_body_of_a_whole_person_is_solved_as_it_is_alone(whole, body, walk):
-    """Bones of people place a wrist that one view sees; without them it has no depth."""
-    rig, _, detections = walk
-    place = {name: k for k, name in enumerate(H36M.joints)}
-    seen = np.full((1, len(rig), layouts.get(whole).n_joints, 2), np.nan)
-    for k, name in enumerate(body.joints):
-        if name in place:
-            seen[:, :, k] = detections[:1, :, place[name]]
-    wrist = body.joints.index("left_wrist")
-    seen[:, 1:, wrist] = np.nan
-    there = seen[:, :, : body.n_joints]
-    alone = sk.refine(None, there, rig, layout=body).pose
-    assert np.isfinite(alone[0, wrist]).all()
-    np.testing.assert_allclose(
-        sk.refine(None, seen, rig, layout=whole).pose[:, : body.n_joints], alone, atol=1e-3
-    )
-    own = sk.Layout("own", body.joints, limbs=body.limbs)
-    assert np.isnan(sk.refine(None, there, rig, layout=own).pose[0, wrist]).all()
 
 
 MOUSE = """
@@ -210,14 +189,6 @@ def test_an_unknown_layout_is_an_error_with_the_nearest_name(tmp_path):
 )
 def test_sides_are_read_from_names_where_they_are_unambiguous(joints, pairs):
     assert mirrored_names(joints) == pairs
-
-
-@pytest.mark.parametrize("name", ["hand21", "mediapipe33", "wholebody133", "halpe136"])
-def test_a_number_of_joints_that_one_detector_alone_has_tells_the_layout(tmp_path, name):
-    people = np.full((2, 2, 1, layouts.get(name).n_joints, 3), 0.5)
-    openpose(tmp_path, Take(people * [100, 100, 1], ["a", "b"], None))
-    found = read_detections(tmp_path, ["a", "b"])
-    assert (found.layout, found.skeleton) == (name, layouts.get(name))
 
 
 def test_a_project_of_deeplabcut_is_a_layout(tmp_path):

@@ -119,15 +119,6 @@ def test_frame_numbers_offsets_and_the_first_frame(tmp_path):
         assert level(image_of(tmp_path / "out", 1, number)) == number - 102
 
 
-def test_images_are_numbered_by_their_names(tmp_path):
-    case = write_run(tmp_path / "run", frames=np.arange(102, 108), offsets={"cam_02": 2})
-    write_images(tmp_path / "images" / "cam01", range(100, 108), first=100)
-    write_images(tmp_path / "images" / "cam02", range(100, 106), first=100)
-    overlay(case, tmp_path / "images", tmp_path / "out", "--png", *BARE)
-    assert level(image_of(tmp_path / "out", 0, 107)) == 7
-    assert level(image_of(tmp_path / "out", 1, 107)) == 5
-
-
 @pytest.mark.parametrize(("frames", "expected"), [("2-3", [2, 3]), ("-1", [0, 1]), ("3-99", [3, 4, 5])])
 def test_some_frames(case, images, tmp_path, frames, expected):
     args = ("--png", "--camera", "cam_01", f"--range={frames}", *BARE)
@@ -164,15 +155,6 @@ def test_the_grid_holds_all_cameras_and_says_where_an_image_is_missing(case, tmp
     assert document["files"][0]["cameras"] == {"cam_01": 6, "cam_02": 4}
     assert [finding["kind"] for finding in document["findings"]] == ["video_frames_missing"]
     assert "2 of the frames 0 to 5" in document["findings"][0]["text"]
-    assert (document["files"][0]["height"], document["files"][0]["width"]) == frames[0].shape[:2]
-
-
-@pytest.mark.parametrize("scale", ["1", "0.303"])
-def test_the_size_that_is_said_is_the_one_that_is_written(case, images, tmp_path, scale):
-    """MPEG-4 has even sizes alone."""
-    args = ("--no-legend", "--json", "--scale", scale, "--fps", 10)
-    document = json.loads(overlay(case, images, tmp_path / "out", *args).stdout)
-    frames, _ = read_video(tmp_path / "out" / "cam_01.mp4")
     assert (document["files"][0]["height"], document["files"][0]["width"]) == frames[0].shape[:2]
 
 

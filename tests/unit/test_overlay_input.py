@@ -134,23 +134,6 @@ def test_images_that_cannot_be_read_are_left_out(case, tmp_path):
     assert_fails(overlay(case, tmp_path / "images"), 1, "cam01: images: expected", "6 that it cannot")
 
 
-def test_images_of_different_sizes(case, tmp_path):
-    for name in ("cam01", "cam02"):
-        write_images(tmp_path / "images" / name)
-    write_images(tmp_path / "images" / "cam02", [3], size=(100, 80))
-    result = overlay(case, tmp_path / "images", "--fps", 5, "--quiet")
-    assert_fails(result, 1, "take2_003.png: frame 3: expected 320×240 like the others, got 100×80")
-    assert [path.name for path in (case.folder.parent / "out").iterdir()] == ["cam_01.mp4"]
-
-
-def test_a_single_video_is_that_of_its_name_or_of_the_chosen_camera(case, videos, tmp_path):
-    assert overlay(case, videos / "cam02.mp4").exit_code == 0
-    assert [path.name for path in (tmp_path / "out").iterdir()] == ["cam_02.mp4"]
-    other = write_video(tmp_path / "film.mp4")
-    assert_fails(overlay(case, other), 1, "film.mp4: file: expected the chosen one of cam_01, cam_02")
-    assert overlay(case, other, "--camera", "cam_01").exit_code == 0
-
-
 def test_cameras_with_odd_names_have_files_of_their_own():
     from skelsplat.run.overlay.write import _file_names
 
@@ -172,13 +155,6 @@ def test_a_result_never_replaces_a_video_that_is_read(case, tmp_path):
     result = invoke("overlay", case.folder, tmp_path / "videos", "-o", tmp_path / "videos")
     assert_fails(result, 1, "--output: expected a folder in which no result replaces a video that is read")
     assert (tmp_path / "videos" / "cam_01.mp4").read_bytes() == before
-
-
-@pytest.mark.parametrize(
-    ("option", "value"), [("--range", "5-2"), ("--range", "100-"), ("--scale", "1e308"), ("--fps", "-1")]
-)
-def test_a_wrong_option_is_named(case, videos, option, value):
-    assert_fails(overlay(case, videos, option, value), 2, option)
 
 
 def test_a_stop_leaves_finished_videos_and_no_half_one(case, videos, tmp_path, monkeypatch):

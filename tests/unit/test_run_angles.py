@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 import skelsplat as sk
-from command_line import READ, RESULTS, assert_fails, invoke, read_report, texts
+from command_line import READ, RESULTS, invoke, read_report
 from report_page import data_of, numbers
-from skelsplat.io import read_npz, write_npz
+from skelsplat.io import read_npz
 from skelsplat.run import Run
 from skelsplat.run.angles import FILES, check_angles, mot_text
 from skelsplat.run.folder import Writing
@@ -125,16 +125,6 @@ def test_cameras_without_a_vertical_leave_out_trunk_and_pelvis(finished_run, tmp
         assert np.isnan(stored["up"]).all()
 
 
-@pytest.mark.usefixtures("no_pictures")
-def test_times_are_assumed_without_a_frame_rate(recording, arguments):
-    result = invoke(*arguments, *READ, "--write", "npz", "--no-html", "--angles")
-    assert result.exit_code == 0, result.output
-    warnings = texts(read_report(recording[0] / "out"), "warning")
-    assert any("the times in angles.mot assume 30 frames per second" in warning for warning in warnings)
-    rows = csv.DictReader((recording[0] / "out" / "angles.csv").read_text().splitlines())
-    assert {row["time"] for row in rows} == {""}
-
-
 def test_a_layout_without_angles_is_refused_before_the_work():
     with pytest.raises(sk.InvalidInputError, match=r"angles: expected a layout with names.*, got hand21"):
         check_angles(sk.layouts.get("hand21"))
@@ -160,20 +150,3 @@ def test_angles_are_drawn_with_their_bands(with_angles, tmp_path, figures):
     ]
     assert len(figures[0].axes[2].collections) == 4  # two bands a side
     assert (tmp_path / "angles.png").is_file()
-
-
-def test_a_file_of_poses_has_no_vertical(with_angles, tmp_path, figures):
-    result = invoke("plot", with_angles / "pose.trc", "--only", "angles", "-o", tmp_path)
-    assert result.stdout.startswith("angles: 12 joint angles over time; no error bands")
-    assert "Trunk inclination" not in [axes.texts[0].get_text() for axes in figures[0].axes]
-    assert any("vertical is not known" in text.get_text() for text in figures[0].texts)
-
-
-def test_joints_of_other_names_have_no_angles_until_a_layout_names_them(with_angles, tmp_path):
-    poses = read_npz(with_angles / "pose.npz")
-    other = replace(poses, joint_names=tuple(f"joint{k}" for k in range(17)))
-
-    write_npz(tmp_path / "other.npz", other)
-    result = invoke("plot", tmp_path / "other.npz", "--only", "angles")
-    assert_fails(result, 1, "angles: the joints match no layout that has any (name the layout)")
-    assert invoke("plot", tmp_path / "other.npz", "--only", "angles", "--layout", "h36m17").exit_code == 0

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import sys
 
 import numpy as np
 import pytest
@@ -300,14 +299,3 @@ def test_bad_input_is_named(call, argument):
     with pytest.raises(sk.InvalidInputError) as caught:
         call()
     assert caught.value.argument == argument
-
-
-def test_scipy_is_asked_for_only_where_it_is_needed(monkeypatch):
-    for module in ("scipy", "scipy.signal", "scipy.interpolate"):
-        monkeypatch.setitem(sys.modules, module, None)
-    pose = one_joint([0.0, NAN, 2.0])
-    temporal.fill_gaps(pose, 1, method="linear")
-    temporal.one_euro(pose, RATE, min_cutoff=1.0, beta=0.0)
-    for call in (lambda: temporal.fill_gaps(pose, 1), lambda: temporal.butterworth(pose, RATE)):
-        with pytest.raises(sk.MissingPackageError, match=r"pip install 'skelsplat\[temporal\]'"):
-            call()

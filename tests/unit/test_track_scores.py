@@ -95,24 +95,6 @@ def test_optional_people_and_the_estimates_on_them_do_not_count(truth):
     assert (scores.recall, scores.precision, scores.mota) == (1, 1, 1)
 
 
-def test_joints_that_one_side_lacks_do_not_count(truth):
-    pose = truth[0] + [0.0, 12.0, 0.0]
-    pose[:, 2] = np.nan
-    truth[0, :, 0] = np.nan
-    scores = metrics.track_scores([(0, np.arange(T), pose)], truth[:1])
-    assert scores.mpjpe_mm == pytest.approx(12.0)
-
-
-def test_nobody_anywhere_is_nan(truth):
-    scores = metrics.track_scores([], truth)
-    assert scores.recall == 0
-    assert scores.idf1 == 0
-    assert np.isnan([scores.precision, scores.mpjpe_mm]).all()
-    scores = metrics.track_scores([(2, [0], truth[0, :1])], np.full_like(truth, np.nan))
-    assert scores.precision == 0
-    assert np.isnan([scores.recall, scores.mota]).all()
-
-
 @pytest.mark.parametrize(
     ("tracks", "argument"),
     [

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import json
-import sys
 
 import numpy as np
 import pytest
 
 import skelsplat as sk
-from skelsplat import MissingPackageError, datasets
+from skelsplat import datasets
 from skelsplat.datasets.shelf_campus import from_coco
 from writers import occlusion_person, panoptic, shelf_campus
 
@@ -178,21 +177,3 @@ def test_everybody_comes_back_and_the_nearest_detection_is_the_actors(tmp_path, 
     ]
     assert max(np.nanmedian(one) for one in off) < 6.0
     assert datasets.check(name, tmp_path).ok
-
-
-def test_a_file_of_everybody_can_be_given(tmp_path):
-    shelf_campus.write(tmp_path, "shelf")
-    shelf_campus.write_everybody(tmp_path / "other", "shelf", form="pickle", n_frames=5)
-    path = tmp_path / "other" / "pred_shelf_maskrcnn_hrnet_coco.pkl"
-    (scene,) = datasets.read("shelf", tmp_path, detections=path).scenes
-    assert scene.files["detections"] == path
-    path.rename(tmp_path / path.name)
-    assert datasets.read("shelf", tmp_path).scenes == (), "detections per actor are preferred"
-    assert datasets.read("shelf", tmp_path, detector="maskrcnn_hrnet").scenes
-
-
-def test_without_scipy_the_error_says_what_to_install(tmp_path, monkeypatch):
-    shelf_campus.write(tmp_path, "shelf")
-    monkeypatch.setitem(sys.modules, "scipy.io", None)
-    with pytest.raises(MissingPackageError, match=r"pip install 'skelsplat\[evaluation\]'"):
-        datasets.read("shelf", tmp_path)

@@ -11,7 +11,7 @@ import pytest
 from scipy.io import savemat
 
 import skelsplat as sk
-from skelsplat import DatasetError, InvalidInputError, datasets
+from skelsplat import DatasetError, datasets
 from writers import human36m, occlusion_person, panoptic, shelf_campus
 
 SEQUENCE = panoptic.SEQUENCES[0]
@@ -307,26 +307,6 @@ def test_a_forbidden_class_does_not_run(tmp_path, layout):
             "human36m", tmp_path, **({"detections": tmp_path / "2d_cpn"} if layout == "karfly" else {})
         )
     assert not (tmp_path / "made").exists()
-
-
-@pytest.mark.parametrize(
-    ("name", "options", "argument"),
-    [
-        ("human36m", {"detecter": "cpn"}, "detecter"),
-        ("human36m", {"format": "coco"}, "format"),
-        ("human36m", {"subjects": "S9"}, "subjects"),
-        ("human36m-occ", {"variant": "4"}, "variant"),
-        ("human37m", {}, "name"),
-        ("occlusion-person", {"step": 0}, "step"),
-        ("occlusion-person", {"views": 5}, "views"),
-        ("panoptic", {"views": 9}, "views"),
-        ("panoptic", {"truth_unit": "inch"}, "truth_unit"),
-    ],
-)
-def test_options_that_do_not_exist(tmp_path, name, options, argument):
-    with pytest.raises(InvalidInputError) as caught:
-        datasets.read(name, tmp_path, **options)
-    assert caught.value.argument == argument
 
 
 def test_no_root_no_format_two_formats_and_no_subject(tmp_path):

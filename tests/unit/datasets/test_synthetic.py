@@ -10,7 +10,6 @@ import pytest
 import skelsplat as sk
 from command_line import assert_fails, invoke
 from skelsplat import DatasetError, datasets, io, synthetic
-from skelsplat.datasets import synthetic as on_disk
 from skelsplat.datasets._model import nearest_slots
 from skelsplat.datasets.synthetic import write_simulated
 from sweeps import diagonal
@@ -112,25 +111,6 @@ def test_a_folder_with_files_is_not_touched(tmp_path, made):
         with pytest.raises(DatasetError, match=rf"data: output: expected {expected}"):
             write_simulated(root, made, force=force)
     assert [path.name for path in tmp_path.rglob("*")] == ["data", "thesis.tex"]
-
-
-def test_a_simulated_set_is_replaced_only_when_asked(root):
-    other = synthetic.simulate_set("dome", poses=12)
-    with pytest.raises(DatasetError, match="force replaces"):
-        write_simulated(root, other)
-    write_simulated(root, other, force=True)
-    assert datasets.read("synthetic", root).name == "dome"
-    assert [path.name for path in root.parent.iterdir()] == ["data"]
-
-
-def test_a_write_that_is_interrupted_leaves_nothing(tmp_path, made, monkeypatch):
-    def interrupted(*_):
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(on_disk, "_index_of", interrupted)
-    with pytest.raises(KeyboardInterrupt):
-        write_simulated(tmp_path / "data", made)
-    assert list(tmp_path.iterdir()) == []
 
 
 def test_an_empty_folder_lacks_the_index(tmp_path):
@@ -269,15 +249,6 @@ def test_a_file_of_people_that_does_not_fit_is_refused(people):
         refused(people, path.name, next(iter(changes)))
     path.unlink()
     assert datasets.check("synthetic", people).survey.missing == [(path, "detections")]
-
-
-@pytest.mark.parametrize(
-    "numbers", [{"people": 1}, {"views": 9}, {"scenes": 0}, {"frames": 1}, {"seed": -1}], ids=str
-)
-def test_numbers_out_of_range_are_refused(numbers):
-    with pytest.raises(sk.InvalidInputError) as caught:
-        synthetic.simulate_people_set(**numbers)
-    assert caught.value.argument == next(iter(numbers))
 
 
 def test_the_command(tmp_path):
