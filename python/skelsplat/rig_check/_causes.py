@@ -171,7 +171,12 @@ def _named(scene: Scene, cause: Cause, numbers: dict[str, Any], better: str, riv
             numbers,
             sentence=f"{name}'s images are {numbers['images']} ({better}).{rivals}",
         )
-    old, shift_px = scene.cameras[cause.view], ""
+    return _moved(scene, cause, numbers, better, rivals)
+
+
+def _moved(scene: Scene, cause: Cause, numbers: dict[str, Any], better: str, rivals: str) -> Finding:
+    """Return the finding on a camera that was turned or moved, with its sentence."""
+    name, old, shift_px = scene.names[cause.view], scene.cameras[cause.view], ""
     axis = turn_between(old, cause.scene.cameras[cause.view])
     if cause.kind == "rotated" and abs(axis[2]) < _ROLL * np.linalg.norm(axis):
         numbers["same_as_shift_px"] = float(np.hypot(axis[1], axis[0]) * np.asarray(old.K)[0, 0])
@@ -180,7 +185,7 @@ def _named(scene: Scene, cause: Cause, numbers: dict[str, Any], better: str, riv
     return Finding(
         "camera_moved",
         "error",
-        subject,
+        Subject(cameras=(name,)),
         numbers,
         sentence=f"{name}'s calibration looks wrong: {_motion(numbers, 'the camera')} restores agreement "
         f"({better}). The camera was moved after calibration, or the calibration belongs to another camera "

@@ -52,8 +52,8 @@ pub fn bars(covariance: &DMatrix<f64>, unknowns: &[(usize, usize)], view: usize)
     Bars { turn: of(0..3), shift: of(3..6), zoom: of(6..7), clock: of(7..8) }
 }
 
-/// The Wald statistic of a change of what is free in one camera: √(θᵀC⁻¹θ/p), of p parameters and with the
-/// covariance from G clusters widened as in Hotelling's test, (G−p)/(G−1).
+/// The Wald statistic of a change of what is free in one camera: √(θᵀC⁻¹θ/p), of p parameters and
+/// with the covariance from G clusters widened as in Hotelling's test, (G−p)/(G−1).
 pub fn wald(
     judged: &Judged,
     unknowns: &[(usize, usize)],

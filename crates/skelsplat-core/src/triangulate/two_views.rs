@@ -139,8 +139,8 @@ fn add_view(
 #[inline]
 fn smallest(square: &[f64x4; 10], determinant: f64x4) -> (f64x4, [f64x4; 3]) {
     let &[a, b, c, d, e, f, g, h, i, j] = square;
-    // Minors of the first two rows and of the last quadratic; the last of the former is the first of the
-    // latter.
+    // Minors of the first two rows and of the last quadratic; the last of the former is the first
+    // of the latter.
     let (m01, m02, m03) = (a * e - b * b, a * f - c * b, a * g - d * b);
     let (m12, m13, m23) = (b * f - c * e, b * g - d * e, c * g - d * f);
     let (n02, n03, n12) = (c * i - h * d, c * j - i * d, f * i - h * g);

@@ -113,7 +113,7 @@ def _table(content: dict[str, Any], references: Mapping[str, str]) -> ReportedTa
     rows = []
     for row in content["rows"]:
         values = tuple(None if value is None else float(value) for value in row["values"])
-        optional = {"detector": None, "training": None, "truth_3d": None, "setting": {}}
+        optional: dict[str, Any] = {"detector": None, "training": None, "truth_3d": None, "setting": {}}
         own = {"citation": references[row["citation"]], "keys": lists["keys"], "values": values}
         rows.append(ReportedRow(**{**optional, **row, **own}))
     return ReportedTable(**{**content, **lists, "rows": tuple(rows)})
