@@ -38,11 +38,12 @@ VOLATILE = re.compile(
 )
 PAGES = {".png", ".html", ".log", ".md", ".toml", ".state"}
 
-# One version's runs: name → (arguments of `python -m skelsplat`, …); {inputs} and {out} are folders.
+# One version's runs: name → (arguments of `python -m skelsplat`, …); {inputs} and {out} are folders,
+# {as_given} keeps a demo that can adjust its cameras from doing so.
 RUNS: dict[str, list[str]] = {
-    "demo": ["demo --frame-by-frame -o {out}/run"],
-    "demo-in-time": ["demo -o {out}/run"],
-    "demo-paper": ["demo --paper -o {out}/run"],
+    "demo": ["demo{as_given} --frame-by-frame -o {out}/run"],
+    "demo-in-time": ["demo{as_given} -o {out}/run"],
+    "demo-paper": ["demo{as_given} --paper -o {out}/run"],
     "own-openpose": [
         "refine {inputs}/demo/calibration.toml {inputs}/demo/detections -o {out}/run --unit m "
         "--layout body25b --fps 60 --frame-by-frame --fill-gaps 10 --fill-weak --filter butterworth:6 "
@@ -118,6 +119,10 @@ def make(out: Path, python: str, inputs: Path, only: list[str]) -> int:
     if not inputs.exists():
         write_inputs(inputs)
     failed = 0
+    shown = subprocess.run(
+        [python, "-m", "skelsplat", "demo", "--help"], capture_output=True, text=True, check=True
+    )
+    as_given = " --no-adjust" if "--no-adjust" in shown.stdout else ""
     for name in only:
         folder = out / name
         folder.mkdir(parents=True, exist_ok=True)
@@ -126,7 +131,7 @@ def make(out: Path, python: str, inputs: Path, only: list[str]) -> int:
             continue
         for place, text in enumerate(RUNS[name]):
             folders = {"inputs": inputs.resolve(), "out": folder.resolve()}
-            words = [word.format(**folders) for word in text.split()]
+            words = [word.format(**folders) for word in text.replace("{as_given}", as_given).split()]
             words, stdin = (words[:-2], words[-1]) if "<" in words else (words, os.devnull)
             status = _run([python, "-m", "skelsplat", *words], folder / f"stdout{place}.json", stdin)
             (folder / f"exit{place}.json").write_text(f'{{"status": {status}}}\n')
