@@ -43,9 +43,11 @@ Spans = Iterator[tuple[str, int, int]]
 
 
 def files(*patterns: str) -> list[Path]:
-    """Return the files of some patterns, without what is built."""
-    found = {path for pattern in patterns for path in ROOT.glob(pattern)}
-    return sorted(path for path in found if not {"target", "_build", "generated"} & set(path.parts))
+    """Return the files of some patterns, without what is built or installed."""
+    found = {path.relative_to(ROOT) for pattern in patterns for path in ROOT.glob(pattern)}
+    built = {"target", "site", "generated"}
+    own = (path for path in found if not built & set(path.parts) and not path.parts[0].startswith("."))
+    return sorted(ROOT / path for path in own)
 
 
 def sizes() -> dict[str, int]:

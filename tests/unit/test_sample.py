@@ -92,7 +92,6 @@ def test_the_demo_of_several_people(tmp_path, monkeypatch):
     assert not list((tmp_path / "skelsplat-demo").iterdir())
     tmp_path = tmp_path / "skelsplat-demo-people"
     assert result.exit_code == 0, result.output
-    assert result.stdout.startswith("3 people\n")
     long = [line for line in result.stdout.splitlines() if len(line) > 80]
     assert all(line.startswith("skelsplat check-cameras ") for line in long)  # a command is one line, to copy
     assert "was added to this recording by calculation" in " ".join(result.stdout.split())

@@ -5,13 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from matplotlib.image import imread
-from skelsplat.viz._people import all_frames, spread_out, thinned
 
 from colour_vision import DEFICIENCIES, closest
 from people_page import CAMERAS, SKELETON, crowd, nobody, person
 from skelsplat import viz
 from skelsplat.viz import _style
-from skelsplat.viz.people import _widest_gaps
+from skelsplat.viz.people import _widest_gaps, all_frames, spread_out, thinned
 
 UP = np.array([0.0, 0.0, 1.0])
 
