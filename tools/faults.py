@@ -38,8 +38,18 @@ QUICK_BUILD = {
     "CARGO_PROFILE_RELEASE_CODEGEN_UNITS": "16",
     "CARGO_PROFILE_RELEASE_DEBUG": "false",
 }
+BUILD = [
+    "cargo",
+    "build",
+    "--release",
+    "--quiet",
+    "-p",
+    "skelsplat-py",
+    "--features",
+    "pyo3/extension-module",
+]
 PYTEST = [sys.executable, "-m", "pytest", "-q", "-x", "--no-header", "-p", "no:cacheprovider"]
-ALL_CORES = ["--numprocesses", "auto", "--maxprocesses", "8", "--dist", "worksteal"]
+WHOLE_SUITE = [*PYTEST, "--numprocesses", "auto", "--maxprocesses", "8", "--dist", "worksteal"]
 CARGO_TEST = ["cargo", "test", "--quiet", "-p", "skelsplat-core"]
 
 
@@ -54,21 +64,21 @@ class Outcome:
 
 def place_of(fault: Fault, root: Path) -> Path:
     """Return the file that contains the fault's text."""
-    texts = {path: _text(path) for pattern in SOURCES for path in sorted(root.glob(pattern))}
-    found = [(path, text.count(fault.old)) for path, text in texts.items() if fault.old in text]
-    if sum(count for _, count in found) != 1:
-        places = ", ".join(f"{path.relative_to(root)} ({count})" for path, count in found) or "nowhere"
-        raise SystemExit(f"{fault.name}: expected its text in one place, got it in {places}")
-    return found[0][0]
+    texts = {
+        path: _text(path, path.stat().st_mtime_ns) for each in SOURCES for path in sorted(root.glob(each))
+    }
+    found = {path: text.count(fault.old) for path, text in texts.items() if fault.old in text}
+    if sum(found.values()) != 1:
+        places = [f"{path.relative_to(root)} ({count})" for path, count in found.items()]
+        raise SystemExit(
+            f"{fault.name}: expected its text in one place, got it in {', '.join(places) or 'nowhere'}"
+        )
+    return next(iter(found))
 
 
 @lru_cache(maxsize=1000)
-def _text_at(path: Path, _changed: int) -> str:
+def _text(path: Path, _changed: int) -> str:
     return path.read_text(encoding="utf-8")
-
-
-def _text(path: Path) -> str:
-    return _text_at(path, path.stat().st_mtime_ns)
 
 
 def plant(fault: Fault, root: Path) -> Path:
@@ -84,21 +94,18 @@ class Copy:
     def __init__(self, folder: Path) -> None:
         """Copy the files tracked by git and build the module."""
         self.root = folder / "tree"
-        if self.root.exists():
-            shutil.rmtree(self.root)
+        shutil.rmtree(self.root, ignore_errors=True)
         self.root.mkdir(parents=True)
-        archive = subprocess.Popen(["git", "archive", "HEAD"], cwd=ROOT, stdout=subprocess.PIPE)
-        subprocess.run(["tar", "x"], cwd=self.root, stdin=archive.stdout, check=True)
-        archive.wait()
+        archive = subprocess.run(["git", "archive", "HEAD"], cwd=ROOT, capture_output=True, check=True)
+        subprocess.run(["tar", "x"], cwd=self.root, input=archive.stdout, check=True)
         shared = ROOT.parent / "shared"  # data that tests/real looks for beside a checkout
         if shared.exists() and not (folder / "shared").exists():
             (folder / "shared").symlink_to(shared.resolve())
-        package = self.root / "python"
         self.environment = {
             **os.environ,
             **QUICK_BUILD,
             "CARGO_TARGET_DIR": str(folder / "target"),
-            "PYTHONPATH": str(package),
+            "PYTHONPATH": str(self.root / "python"),
             "PYTHONDONTWRITEBYTECODE": "1",
         }
         self.build()
@@ -113,47 +120,48 @@ class Copy:
 
     def build(self) -> None:
         """Build the compiled module and put it into the package."""
-        package = ["-p", "skelsplat-py", "--features", "pyo3/extension-module"]
-        built, said = self.run(["cargo", "build", "--release", "--quiet", *package])
+        built, said = self.run(BUILD)
         if not built:
             raise SystemExit(f"the module does not build:\n{said}")
-        library = Path(self.environment["CARGO_TARGET_DIR"]) / "release" / "lib_skelsplat.so"
-        (self.root / MODULE).unlink(missing_ok=True)  # it may be in use
-        shutil.copyfile(library, self.root / MODULE)
+        self.install((Path(self.environment["CARGO_TARGET_DIR"]) / "release/lib_skelsplat.so").read_bytes())
+
+    def install(self, module: bytes) -> None:
+        """Put a compiled module into the package; that of before may be in use."""
+        (self.root / MODULE).unlink(missing_ok=True)
+        (self.root / MODULE).write_bytes(module)
 
     def find(self, fault: Fault) -> Outcome:
         """Plant a fault, run the tests, and remove the fault."""
         path = place_of(fault, self.root)
         text = path.read_text(encoding="utf-8")
         plant(fault, self.root)
-        rust = path.suffix == ".rs"
-        to_build = rust
+        rust = to_build = path.suffix == ".rs"
         try:
-            for suite, commands in self._suites(fault, rust=rust):
-                for command in commands:
-                    if to_build and command[0] != "cargo":
-                        self.build()
-                        to_build = False
-                    fine, said = self.run(command)
-                    if not fine:
-                        return Outcome(fault.name, suite, _first_failure(said))
+            for suite, command in suites(fault, rust=rust):
+                if to_build and command[0] != "cargo":
+                    self.build()
+                    to_build = False
+                fine, said = self.run(command)
+                if not fine:
+                    return Outcome(fault.name, suite, _first_failure(said))
             return Outcome(fault.name, "none", "")
         finally:
             path.write_text(text, encoding="utf-8")
             if rust:
-                (self.root / MODULE).unlink()
-                (self.root / MODULE).write_bytes(self.sound)
+                self.install(self.sound)
 
-    @staticmethod
-    def _suites(fault: Fault, *, rust: bool) -> list[tuple[str, list[list[str]]]]:
-        own = [name for name in fault.finders if name.startswith("cargo ")]
-        files = [name for name in fault.finders if name not in own]
-        first = [[*CARGO_TEST, *name.split()[1:]] for name in own]
-        first += [[*PYTEST, *files]] if files else []
-        whole = [[*PYTEST, *ALL_CORES]]
-        if rust:
-            whole.insert(0, CARGO_TEST)
-        return [("expected", first), ("short", whole), ("long", [[*PYTEST, *ALL_CORES, "-m", "sweep"]])]
+
+def suites(fault: Fault, *, rust: bool) -> list[tuple[str, list[str]]]:
+    """Return the commands that may find a fault, in order, and the suite of each."""
+    own = [name for name in fault.finders if name.startswith("cargo ")]
+    files = [name for name in fault.finders if name not in own]
+    return [
+        *(("expected", [*CARGO_TEST, *name.split()[1:]]) for name in own),
+        *([("expected", [*PYTEST, *files])] if files else []),
+        *([("short", CARGO_TEST)] if rust else []),
+        ("short", WHOLE_SUITE),
+        ("long", [*WHOLE_SUITE, "-m", "sweep"]),
+    ]
 
 
 def _first_failure(said: str) -> str:
@@ -167,8 +175,7 @@ def _first_failure(said: str) -> str:
 def run(folder: Path, names: list[str]) -> None:
     """Run the tests on every fault; without `names`, skip those with a result in `folder`."""
     folder.mkdir(parents=True, exist_ok=True)
-    results = folder / "found.jsonl"
-    known = {outcome.fault for outcome in read(results)} if not names else set()
+    known = () if names else read(folder)
     wanted = [fault for fault in FAULTS if (fault.name in names or not names) and fault.name not in known]
     for fault in wanted:
         place_of(fault, ROOT)
@@ -176,20 +183,21 @@ def run(folder: Path, names: list[str]) -> None:
     for fault in wanted:
         outcome = copy.find(fault)
         print(f"{fault.name}: {outcome.suite} {outcome.test}", flush=True)
-        with results.open("a", encoding="utf-8") as stream:
+        with (folder / "found.jsonl").open("a", encoding="utf-8") as stream:
             stream.write(json.dumps(asdict(outcome)) + "\n")
 
 
-def read(path: Path) -> list[Outcome]:
+def read(folder: Path) -> dict[str, Outcome]:
     """Return the last outcome of every fault."""
+    path = folder / "found.jsonl"
     lines = path.read_text(encoding="utf-8").splitlines() if path.exists() else []
     outcomes = [Outcome(**json.loads(line)) for line in lines]
-    return list({outcome.fault: outcome for outcome in outcomes}.values())
+    return {outcome.fault: outcome for outcome in outcomes}
 
 
 def table(folder: Path) -> str:
     """Return the results as a table, in the order of the faults."""
-    found = {outcome.fault: outcome for outcome in read(folder / "found.jsonl")}
+    found = read(folder)
     rows = ["| fault | kind | found by |", "|---|---|---|"]
     for fault in FAULTS:
         outcome = found[fault.name]
@@ -201,25 +209,19 @@ def table(folder: Path) -> str:
 
 def main() -> None:
     """Run the command line."""
-    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0] if __doc__ else None)
-    commands = parser.add_subparsers(dest="command", required=True)
-    commands.add_parser("check", help="check that the text of every fault occurs exactly once")
-    commands.add_parser("plant").add_argument("name")
-    running = commands.add_parser("run")
-    running.add_argument("folder", type=Path)
-    running.add_argument("names", nargs="*")
-    commands.add_parser("table").add_argument("folder", type=Path)
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser.add_argument("command", choices=("check", "plant", "run", "table"))
+    parser.add_argument("words", nargs="*", metavar="FOLDER or NAME")
     given = parser.parse_args()
-    by_name = {fault.name: fault for fault in FAULTS}
     if given.command == "check":
         for fault in FAULTS:
             place_of(fault, ROOT)
     elif given.command == "plant":
-        print(plant(by_name[given.name], ROOT))
+        print(plant(next(fault for fault in FAULTS if fault.name == given.words[0]), ROOT))
     elif given.command == "run":
-        run(given.folder, given.names)
+        run(Path(given.words[0]), given.words[1:])
     else:
-        print(table(given.folder))
+        print(table(Path(given.words[0])))
 
 
 if __name__ == "__main__":
