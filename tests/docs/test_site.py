@@ -25,7 +25,6 @@ MODULES = (
     "skelsplat.detect",
     "skelsplat.layouts",
     "skelsplat.metrics",
-    "skelsplat.scale",
     "skelsplat.synthetic",
     "skelsplat.rig_check",
     "skelsplat.datasets",

@@ -18,7 +18,7 @@ LAYERS = (
     {"detect"},
     {"datasets"},  # writes the sets that `synthetic` makes
     {"io", "viz", "rig_check", "synthetic"},
-    {"association", "temporal", "scale"},
+    {"association", "temporal"},
     {"_people", "_batches"},
     {"_sequence", "_angles", "_rig"},
     {"_refine", "metrics"},
