@@ -147,12 +147,12 @@ tests/unit/test_calibration_formats.py, tests/unit/test_calibration.py
 
 # Files of poses.
 a file is written in place, so that an interruption leaves half of it | half-written file
-tests/unit/test_writers.py, tests/unit/test_pose_files.py
+tests/unit/test_pose_files.py
 -with atomic_path(path, ".tmp", durable=durable) as temporary, temporary.open("wb") as stream:
 +with Path(path).open("wb") as stream:
 
 y-up rotates the axes in the wrong direction | axis of a marker file
-tests/unit/test_pose_c3d.py, tests/unit/test_writers.py
+tests/unit/test_pose_c3d.py, tests/unit/test_pose_trc.py
 -Y_UP = [1, 2, 0]
 +Y_UP = [2, 0, 1]
 
@@ -167,12 +167,12 @@ tests/unit/test_pose_c3d.py
 += int(data.frames[0]) + shift
 
 TRC rows are numbered from zero | off by one
-tests/unit/test_writers.py, tests/unit/test_trc_readers.py
+tests/unit/test_pose_trc.py
 -[str(step + 1), f"{step / rate:.6f}", *fields, ""]
 +[str(step), f"{step / rate:.6f}", *fields, ""]
 
 CSV contains variances instead of standard deviations | covariance not scaled
-tests/unit/test_pose_files.py, tests/unit/test_writers.py
+tests/unit/test_pose_files.py
 -deviations = np.sqrt(np.concatenate([np
 +deviations = np.array(np.concatenate([np
 
@@ -334,7 +334,7 @@ tests/unit/test_cli.py
 +data.pose * 1.0
 
 y up is a reflection | wrong axes
-tests/unit/test_writers.py, tests/unit/test_pose_c3d.py
+tests/unit/test_pose_trc.py, tests/unit/test_pose_c3d.py
 -Y_UP = [1, 2, 0]
 +Y_UP = [0, 2, 1]
 

@@ -90,9 +90,7 @@ def test_complex_numbers_of_data_sets_are_no_coordinates(tmp_path):
 def test_error_bars_of_which_the_square_is_no_number_name_the_line(tmp_path):
     columns = "frame,joint,x,y,z,error_bar_x,error_bar_y,error_bar_z,unit"
     (tmp_path / "p.csv").write_text(f"{columns}\n0,a,1,2,3,1,1,1,mm\n0,b,1,2,3,1,1e200,1,mm\n")
-    with pytest.raises(
-        sk.DatasetError, match=r"line 3: expected standard deviations of at most 1e\+100, got "
-    ):
+    with pytest.raises(sk.DatasetError, match=r"p\.csv: line 3, standard deviation: "):
         read_pose(tmp_path / "p.csv")
 
 

@@ -12,8 +12,7 @@ import pytest
 import skelsplat as sk
 from skelsplat import synthetic
 from skelsplat.io import PoseData, write_pose
-from skelsplat.io.poses._parts import PoseParts
-from skelsplat.io.poses._pose_data import ARRAYS
+from skelsplat.io.poses._pose_data import ARRAYS, PoseParts
 
 
 @pytest.fixture(scope="module")

@@ -38,8 +38,7 @@ from skelsplat.io._run_files import (
 )
 from skelsplat.io.detections import FORMATS
 from skelsplat.io.poses import PEOPLE_FORMATS, POSE_FORMATS, check_pose_format
-from skelsplat.io.poses._parts import Poses
-from skelsplat.io.poses._pose_data import MARKER_NAMES
+from skelsplat.io.poses._pose_data import MARKER_NAMES, Poses, parts_of
 from skelsplat.io.run_folder import write_run_inputs
 from skelsplat.run.angles import FILES as ANGLE_FILES
 from skelsplat.run.angles import check_angles, describe, write_angles
@@ -163,7 +162,7 @@ def write_poses(
     folder: Path, data: Poses, writing: Writing, run: str | None = None, on_file: OnFile = nothing
 ) -> list[str]:
     """Write the pose files; return their names. ``run`` is that of whose folder they are a part."""
-    rate = data.frame_rate or _ASSUMED_FPS
+    rate = parts_of(data)[0].frame_rate or _ASSUMED_FPS
     given = {"frame_rate": rate, "y_up": writing.y_up, "marker_names": writing.marker_names}
     for kind in writing.formats:
         options = given if kind in _WITH_MARKERS else {"run": run} if kind == "npz" else {}

@@ -24,10 +24,9 @@ from skelsplat.io.poses._c3d import c3d_is_y_up, check_c3d, check_c3d_place, rea
 from skelsplat.io.poses._csv import read_csv, write_csv
 from skelsplat.io.poses._json import is_json_poses, read_json, write_json
 from skelsplat.io.poses._npz import read_npz, write_npz
-from skelsplat.io.poses._parts import Poses
 from skelsplat.io.poses._people import PEOPLE_FORMATS as PEOPLE_FORMATS
 from skelsplat.io.poses._people import write_people as write_people
-from skelsplat.io.poses._pose_data import PoseData
+from skelsplat.io.poses._pose_data import PoseData, Poses
 from skelsplat.io.poses._trc import check_trc_names, read_trc, write_trc
 from skelsplat.io.poses._xarray import read_netcdf, write_netcdf
 
@@ -52,10 +51,6 @@ POSE_FORMATS: dict[str, PoseFormat] = {
         read_netcdf, write_netcdf, ("frame_rate", "individual", "singular"), ("xarray", "h5netcdf", "h5py")
     ),
 }
-_CSV_START = tuple(  # that with a person is refused by its reader, with a reason
-    f"{person}frame,{time}joint," for person in ("", "person,") for time in ("", "time,")
-)
-_OF_DATA = ("joint_names", "frame numbers", "pose")  # arguments of writers that are no options
 _OWN_UNIT = ("trc", "c3d")  # these formats do not take any unit
 
 
@@ -98,10 +93,9 @@ def write_pose(path: str | os.PathLike[str], data: Poses, **options: object) -> 
         Ends in ``.npz``, ``.csv``, ``.trc``, ``.c3d``, ``.json`` or ``.nc``.
     data : PoseData
     **options
-        ``frame_rate`` (trc, c3d, nc: instead of that of ``data``), ``y_up`` (trc, c3d: write z up as y up),
-        ``marker_names`` (trc, c3d: ``"pose2sim"`` for ``RHip`` instead of ``right_hip``),
-        ``unit`` (trc: ``"m"``, the default, or ``"mm"``), ``individual`` and ``singular`` (nc),
-        ``run`` (npz); see the writer of each format. None stands for the default.
+        ``frame_rate``, ``y_up``, ``marker_names`` (trc, c3d), ``unit`` (trc), ``frame_rate``,
+        ``individual``, ``singular`` (nc), ``run`` (npz), as the writer of each format takes them; None stands
+        for the default.
     """
     kind = pose_format(path)
     given = {name: value for name, value in options.items() if value is not None}
@@ -130,37 +124,28 @@ def convert_poses(
 ) -> PoseData:
     """Read the poses in ``source``, write them to ``target``, and return them.
 
-    The extensions name the formats. A format keeps what it can hold: npz and json everything; csv positions,
-    standard deviations, times and status; trc and c3d positions; nc positions, uncertainty and status.
-
-    `fps` and `unit` are by default those of the source, but the unit is m in TRC and mm in C3D; `fps` changes
-    velocities with it. `y_up` writes a world with z up as y up and `marker_names` names the joints in a
-    style of `MARKER_NAMES` (TRC, C3D); `singular` names the dimensions of a NetCDF file as movement does from
-    version 0.17 on.
+    The extensions name the formats; a format keeps what it can hold. `fps` and `unit` are by default those of
+    the source, but the unit is m in TRC and mm in C3D; `fps` changes velocities with it. `y_up`,
+    `marker_names` (TRC, C3D) and `singular` (NetCDF) are those of the writers.
     """
     source, target = Path(source), Path(target)
     kind = pose_format(target)
     if target.resolve() == source.resolve():
         raise DatasetError(target, "target", "another file than the source", "the same")
     data = read_pose(source)
-    data = data if fps is None else data.at_rate(fps)
-    given: dict[str, object] = {"y_up": y_up or None, "marker_names": marker_names}
-    given["singular"] = singular or None
-    if kind in _OWN_UNIT:
-        given["unit"] = unit
-    elif unit is not None:
-        data = data.in_unit(unit)
+    if fps is not None:
+        data = data.at_rate(fps)
+    if unit is not None and kind not in _OWN_UNIT:
+        data, unit = data.in_unit(unit), None
     if y_up:
         _warn_if_turned(source)
+    given = {"y_up": y_up or None, "marker_names": marker_names, "singular": singular or None, "unit": unit}
     try:
         write_pose(target, data, **given)
     except InvalidInputError as error:
-        if data.frame_rate is None and error.argument == "frame_rate":
-            expected = f"one for a .{kind} file (fps=)"
-            raise DatasetError(source, "frame rate", expected, "none in the file") from error
-        if error.argument in _OF_DATA:
-            raise of_file(source, error) from error
-        raise
+        if error.argument in given:
+            raise
+        raise of_file(source, error) from error
     return data
 
 
@@ -173,15 +158,19 @@ def is_pose_file(path: Path) -> bool:
         return {"pose", "joint_names", "unit"} <= npz_keys(path)
     if kind == "json":
         return is_json_poses(head(path))
-    return kind != "csv" or head(path).startswith(_CSV_START)
+    # one with a person is refused by its reader, with a reason
+    starts = ("frame,joint,", "frame,time,joint,", "person,frame,joint,", "person,frame,time,joint,")
+    return kind != "csv" or head(path).startswith(starts)
 
 
 def _warn_if_turned(source: Path) -> None:
-    """Warn if the axes of a motion-capture file may have been turned before, or were."""
+    """Warn if the axes of a motion-capture file were turned before, or may have been."""
     kind = pose_format(source)
+    words = {
+        "trc": "a TRC file does not state which axis is up; if y is up in it already, y_up turns it again",
+        "c3d": "y is up in it already (POINT:Y_SCREEN), so y_up turns its axes once more",
+    }
     if kind == "trc" or (kind == "c3d" and c3d_is_y_up(source)):
-        unknown = "a TRC file does not state which axis is up; if y is up in it already, y_up turns it again"
-        up = "y is up in it already (POINT:Y_SCREEN), so y_up turns its axes once more"
-        words = f"{source}: {unknown if kind == 'trc' else up}."
-        doubt = Finding("axes_turned", "warning", Subject(files=(str(source),)), sentence=words)
+        sentence = f"{source}: {words[kind]}."
+        doubt = Finding("axes_turned", "warning", Subject(files=(str(source),)), sentence=sentence)
         warnings.warn(FindingWarning(doubt), stacklevel=3)

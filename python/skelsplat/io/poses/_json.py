@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import math
 import os
-import sys
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -14,14 +13,12 @@ import numpy as np
 import numpy.typing as npt
 
 import skelsplat as sk
-from skelsplat._arrays import Mask
 from skelsplat._atomic import atomic_write
 from skelsplat._budget import check_ratio
-from skelsplat.exceptions import DatasetError, InvalidInputError
+from skelsplat.exceptions import DatasetError
 from skelsplat.io._fields import Field
-from skelsplat.io._files import FRAME_LIMIT, load_json, of_file
-from skelsplat.io.poses._parts import Poses, parts_of
-from skelsplat.io.poses._pose_data import ARRAYS, BONES, PoseData, checked, shape_of
+from skelsplat.io._files import load_json
+from skelsplat.io.poses._pose_data import ARRAYS, BONES, PoseData, Poses, checked, parts_of, shape_of
 
 FORMAT, PEOPLE, VERSION = "skelsplat-poses", "skelsplat-people", 1
 _BY_JOINT = (
@@ -30,12 +27,11 @@ _BY_JOINT = (
 )
 # what an entry of an array may be in JSON, and how messages call it
 _KINDS: dict[Any, tuple[tuple[type, ...], str]] = {
-    np.float64: ((int, float), "number or null"),
-    np.int64: ((int,), "whole number"),
-    np.str_: ((str,), "string"),
+    np.float64: ((int, float), "a number or null"),
+    np.int64: ((int,), "a whole number"),
+    np.str_: ((str,), "a string"),
     np.bool_: ((bool,), "true or false"),
 }
-_LIMITS: dict[Any, float] = {np.float64: sys.float_info.max, np.int64: FRAME_LIMIT}
 
 
 def write_json(path: str | os.PathLike[str], data: Poses) -> None:
@@ -46,11 +42,9 @@ def write_json(path: str | os.PathLike[str], data: Poses) -> None:
     list of objects; of a recording solved over time also ``bones`` (B × 2 joint indices, from 0),
     ``bone_lengths`` and ``bone_length_sigma``. Each of the frames has ``frame``, the number of the frame,
     ``pose``, N times [x, y, z] in ``unit``, and of the other arrays of `PoseData` those that the data have,
-    under their names and without their first axis: ``uncertainty`` (the scatter) and ``error_bar`` (not read)
-    N times 3 × 3, ``joint_status`` N, ``view_weights`` M times N, ``noise`` one number, and so on.
+    under their names and without their first axis; also ``error_bar``, which is not read.
 
-    What does not exist is null: a number, or a whole joint in ``pose`` and the covariances. NaN, which is no
-    JSON, does not occur.
+    What does not exist is null: a number, or a whole joint in ``pose`` and the covariances.
     """
     with atomic_write(path) as stream:
         for text in _texts(data, {"format": FORMAT, "version": VERSION, "written_by": _writer()}):
@@ -107,16 +101,14 @@ def to_json(array: Any, *, by_joint: bool = False) -> Any:
     With ``by_joint`` an entry along the first axis that has no number at all is one null.
     """
     values = np.asarray(array)
-    if values.dtype.kind != "f":
-        return values.tolist()
-    finite: Mask = np.isfinite(values)
+    finite = np.isfinite(values) if values.dtype.kind == "f" else np.ones(values.shape, dtype=np.bool_)
     if finite.all():
         return values.tolist()
     plain: Any = np.where(finite, values.astype(object), np.array(None)).tolist()
     if not by_joint:
         return plain
-    known = np.asarray(finite.reshape(len(values), -1).any(axis=1))
-    return [joint if there else None for joint, there in zip(plain, known.tolist(), strict=True)]
+    known = np.asarray(finite.reshape(len(values), -1).any(axis=1)).tolist()
+    return [joint if there else None for joint, there in zip(plain, known, strict=True)]
 
 
 def is_json_poses(text: str) -> bool:
@@ -130,39 +122,27 @@ def read_json(path: str | os.PathLike[str]) -> PoseData:
     """Read a file of `write_json`, or one with its keys; ``frames`` needs ``frame`` and ``pose`` only."""
     source = Path(path)
     document = Field(source, "", load_json(source, "an object with poses"))
-    whole = isinstance(document.value, dict)
     if document["format"].value == PEOPLE:
         raise DatasetError(source, "format", "the poses of one person (person_0/pose.json)", "several people")
-    if document["format"].value != FORMAT:
-        got = document["format"].shown if whole else document.shown
-        raise DatasetError(source, "format", f'an object with "format": "{FORMAT}"', got)
-    if document["version"].value != VERSION:
-        raise document["version"].error(VERSION, document["version"].shown)
-    joints = tuple(document["joint_names"].names())
-    further = (document["camera_names"], document["processing"])
-    cameras, processing = (() if field.is_missing else tuple(field.names()) for field in further)
+    for key, expected in {"format": FORMAT, "version": VERSION}.items():
+        if document[key].value != expected:
+            raise document[key].error(repr(expected), document[key].shown)
+    names: dict[str, Any] = {"joint_names": tuple(document["joint_names"].names())}
+    for key in ("camera_names", "processing"):
+        names[key] = () if document[key].is_missing else tuple(document[key].names())
     frames = document["frames"].entries("a list of objects")
-    if not all(isinstance(frame.value, dict) for frame in frames):
-        raise document["frames"].error("a list of objects", "list")
+    sizes = {"M": len(names["camera_names"]), "N": len(names["joint_names"])}
     arrays: dict[str, Any] = {"frames": _array(frames, "frame", (), np.int64)}
-    for name, (_, kind) in ARRAYS.items():
+    for name, (axes, kind) in ARRAYS.items():
         if name == "pose" or (frames and name in frames[0]):
-            arrays[name] = _array(frames, name, shape_of(name, 1, len(cameras), len(joints))[1:], kind)
+            arrays[name] = _array(frames, name, shape_of(axes.removeprefix("T"), sizes), kind)
     if not document["bones"].is_missing:
-        count = len(document["bones"].entries("a list of pairs"))
+        sizes["B"] = len(document["bones"].entries("a list of pairs"))
         for name, (axes, kind) in BONES.items():
-            arrays[name] = _array([document], name, (count, 2) if axes == "B 2" else (count,), kind)[0]
-    unit, rate = document["unit"], document["frame_rate"]
-    if not isinstance(unit.value, str):
-        raise unit.error("mm, cm or m", unit.shown)
-    known = None if rate.is_missing else rate.value
-    if known is not None and (isinstance(known, bool) or not isinstance(known, int | float)):
-        raise rate.error("a number or null", rate.shown)
-    arrays |= {"joint_names": joints, "camera_names": cameras, "processing": processing}
-    try:
-        return PoseData(unit=unit.value, frame_rate=known, **arrays)
-    except InvalidInputError as error:
-        raise of_file(source, error) from error
+            arrays[name] = _array([document], name, shape_of(axes, sizes), kind)[0]
+    rate = document["frame_rate"]
+    known = None if rate.is_missing or rate.value is None else rate.number()
+    return PoseData(unit=document["unit"].text(), frame_rate=known, **names, **arrays)
 
 
 def _array(frames: Sequence[Field], name: str, shape: tuple[int, ...], kind: Any) -> npt.NDArray[Any]:
@@ -170,10 +150,12 @@ def _array(frames: Sequence[Field], name: str, shape: tuple[int, ...], kind: Any
     for frame in frames[:1]:  # a null stands for all numbers of a frame
         check_ratio(frame.path, name, 8 * len(frames) * math.prod(shape), frame.path.stat().st_size)
     for frame in frames:
-        if name not in frame:
-            raise frame.error(f'the key "{name}"', ", ".join(frame.value) or "no keys")
-        _flatten(frame.path, f"{frame.place}.{name}", frame.value[name], shape, kind, flat)
-    return np.array(flat, dtype=kind).reshape(len(frames), *shape)
+        value = frame.member(name, f"{name} of the frame").value
+        _flatten(frame.path, f"{frame.place}.{name}", value, shape, kind, flat)
+    try:
+        return np.array(flat, dtype=kind).reshape(len(frames), *shape)
+    except OverflowError as error:
+        raise frames[0][name].error("numbers of at most 64 bits", "a larger one") from error
 
 
 def _flatten(path: Path, place: str, value: Any, shape: tuple[int, ...], kind: Any, flat: list[Any]) -> None:
@@ -188,8 +170,6 @@ def _flatten(path: Path, place: str, value: Any, shape: tuple[int, ...], kind: A
         for i, entry in enumerate(value):
             _flatten(path, f"{place}[{i}]", entry, shape[1:], kind, flat)
     elif not isinstance(value, types) or (isinstance(value, bool) and kind is not np.bool_):
-        raise DatasetError(path, place, f"a {called}", repr(value))
-    elif isinstance(value, int | float) and abs(value) > _LIMITS.get(kind, math.inf):
-        raise DatasetError(path, place, f"a {called} of at most 64 bits", repr(value)[:40])
+        raise DatasetError(path, place, called, repr(value)[:60])
     else:
         flat.append(value)

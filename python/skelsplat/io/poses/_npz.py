@@ -11,12 +11,10 @@ import numpy as np
 
 import skelsplat as sk
 from skelsplat._atomic import atomic_write
-from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.io._arrays import Arrays, array_names, frame_numbers, load_plain_npz, npz_keys
 from skelsplat.io._rows import Made, npz_rows
 from skelsplat.io._rows import write_npz as write_pieces
-from skelsplat.io.poses._parts import PoseParts, Poses, parts_of
-from skelsplat.io.poses._pose_data import ARRAYS, PoseData, checked
+from skelsplat.io.poses._pose_data import ARRAYS, PoseData, PoseParts, Poses, checked, parts_of
 
 _KEYS = tuple(entry.name for entry in fields(PoseData))
 _NAMES = ("joint_names", "camera_names", "processing")
@@ -25,24 +23,22 @@ _REQUIRED = ("pose", "joint_names", "frames", "unit")
 
 
 def write_npz(path: str | os.PathLike[str], data: Poses, *, run: str | None = None) -> None:
-    """Write all of `data` as a compressed npz file.
+    """Write all of `data` as a compressed npz file, of which no key needs pickle.
 
-    Keys: every attribute of `PoseData` under its name, with the shape and unit that are described there, with
-    ``uncertainty`` (the scatter) also ``error_bar``, which contains ``joint_bias`` and is not read, and
-    ``version``, the version of this package. Tuples of names are string arrays, ``unit`` is a string and
-    ``frame_rate`` a number of shape (), NaN if unknown. ``run``, if given, names the run whose folder the
-    file is a part of. No key needs pickle to be read.
+    Keys: the attributes of `PoseData` under their names; ``error_bar``, which is not read; ``version``, that
+    of this package. Tuples of names are string arrays, ``frame_rate`` is a number of shape (), NaN if
+    unknown. ``run``, if given, names the run whose folder the file is a part of.
     """
     head, frames, _ = parts_of(data)
     arrays: dict[str, Any] = {key: np.asarray(getattr(head, key)) for key in _KEYS}
     arrays["frames"] = frames
+    if head.uncertainty.size:
+        arrays["error_bar"] = head.error_bar
     if isinstance(data, PoseParts):
         arrays |= data.rows
-    if isinstance(data, PoseParts) and "uncertainty" in data.rows:
-        shape, bars = data.rows["uncertainty"].shape, lambda: (part.error_bar for part in data)
-        arrays["error_bar"] = Made(shape, np.dtype(np.float64), bars)
-    elif head.uncertainty.size:
-        arrays["error_bar"] = head.error_bar
+        if "uncertainty" in data.rows:
+            shape, bars = data.rows["uncertainty"].shape, lambda: (part.error_bar for part in data)
+            arrays["error_bar"] = Made(shape, np.dtype(np.float64), bars)
     for key in _NAMES:
         arrays[key] = np.array(getattr(head, key), dtype=np.str_)
     arrays["frame_rate"] = np.array(np.nan if head.frame_rate is None else head.frame_rate)
@@ -85,14 +81,11 @@ def _pose_data(source: Path, found: dict[str, Any]) -> PoseData:
     read = Arrays(source, found)
     for key in _REQUIRED:
         read.take(key)
-    arrays = {key: read.found[key] for key in _KEYS if key in read.found}
+    arrays = {key: found[key] for key in _KEYS if key in found}
     (arrays["unit"],) = array_names(source, "unit", np.atleast_1d(arrays["unit"]), 1)
     for key in _NAMES:
         if key in arrays:
             texts = np.atleast_1d(arrays[key])
             arrays[key] = array_names(source, key, texts, texts.size, unique=key != "processing")
     arrays["frame_rate"] = read.rate()
-    try:
-        return PoseData(**arrays)
-    except InvalidInputError as error:
-        raise DatasetError(source, "arrays", "arrays that fit each other", str(error)) from error
+    return PoseData(**arrays)

@@ -39,8 +39,6 @@ def write_people(path: str | os.PathLike[str], people: Mapping[int, PoseData]) -
         If the extension is another, or there is nobody.
     MissingPackageError
         If the format needs a package that is not installed.
-    DatasetError
-        If the path cannot be written.
     """
     kind = os.fspath(path).rpartition(".")[2].lower()
     if kind not in PEOPLE_FORMATS:
@@ -60,8 +58,7 @@ def _write_csv(path: str | os.PathLike[str], people: Mapping[int, PoseData]) -> 
 def _write_netcdf(path: str | os.PathLike[str], people: Mapping[int, PoseData]) -> None:
     xarray = check_packages()
     frames = np.unique(np.concatenate([data.frames for data in people.values()]))
-    named = {f"person_{identity}": _on_frames(data, frames) for identity, data in people.items()}
-    each = [to_xarray(data, individual=name) for name, data in named.items()]
+    each = [to_xarray(_on_frames(data, frames), individual=f"person_{k}") for k, data in people.items()]
     dataset = xarray.concat(each, dim="individuals", data_vars="minimal", coords="minimal", join="exact")
     with atomic_path(path) as temporary:
         make_room(temporary, room_for(dataset, len(frames)))
@@ -76,9 +73,8 @@ def _on_frames(data: PoseData, frames: Index) -> PoseData:
         own = getattr(data, name)
         if len(own) == len(data.frames):
             empty = {np.float64: np.nan, np.str_: "unobserved"}.get(kind, 0)
-            whole[name] = np.full(
-                (len(frames), *own.shape[1:]), empty, dtype=own.dtype if kind is not np.str_ else "U10"
-            )
+            dtype = "U10" if kind is np.str_ else own.dtype
+            whole[name] = np.full((len(frames), *own.shape[1:]), empty, dtype)
             whole[name][places] = own
     return replace(data, **whole)
 

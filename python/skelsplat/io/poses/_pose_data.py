@@ -1,4 +1,4 @@
-"""What the pose writers write: a refined sequence with the names and numbers that give it meaning.
+"""What the pose writers write: refined poses with names and units, in memory or part by part.
 
 And what marker files (TRC, C3D) have in common: names of the joints, axes, a frame rate.
 """
@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import functools
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -22,7 +22,8 @@ from skelsplat._skelsplat import JOINT_STATUS
 from skelsplat.cameras import MM_PER_UNIT
 from skelsplat.exceptions import DatasetError, InvalidInputError, one_of
 from skelsplat.io._arrays import FRAME_RATES
-from skelsplat.io._files import of_file
+from skelsplat.io._files import FRAME_LIMIT, of_file
+from skelsplat.io._rows import RowFile
 from skelsplat.layouts import BODY25
 
 # the axes of every array (T frames, M cameras, N joints) and the type of its entries
@@ -57,6 +58,14 @@ Y_UP = [1, 2, 0]
 _SIDES = {"left": "L", "right": "R"}
 _STATUSES = (*JOINT_STATUS, "filled")
 _WITH_POSITION = ("ok", "inferred", "filled")  # statuses
+_TEXT = np.dtype("U16")  # of `PoseParts`: room for every status and stop reason
+_ALL: dict[str, tuple[str, type[np.generic]]] = {**ARRAYS, **BONES, "frames": ("T", np.int64)}
+_READ: dict[type[np.generic], Callable[[Any, str], npt.NDArray[Any]]] = {
+    np.float64: numbers,
+    np.int64: whole_numbers,
+    np.bool_: flags,
+    np.str_: lambda value, _: np.asarray(value, dtype=np.str_),
+}
 
 
 @dataclass(frozen=True)
@@ -74,45 +83,15 @@ class PoseData:
         Frame numbers of the source.
     unit : "mm", "cm" or "m"
     camera_names : tuple of str, M
-    init_pose : (T, N, 3)
-        The poses that the refinement started from, in `unit`; solved over time, those of each frame alone.
-    covariance : (T, N, 3, 3)
-        Splat covariances, in `unit` squared: the shape of the splats, no error bars.
-    uncertainty : (T, N, 3, 3)
-        Posterior covariances of the joints, in `unit` squared: the scatter, what another recording of the
-        same poses by the same detector would give; NaN where nothing is known.
-    joint_bias : (T, N)
-        Standard deviation per axis of the detector's joints from anatomical ones, in `unit`: the same in all
-        frames.
-    error_bar : (T, N, 3, 3)
-        ``uncertainty + joint_bias² I``, the covariances of the distances from anatomical joints; derived.
-        Without ``joint_bias`` it is the ``uncertainty``.
-    view_weights : (T, M, N)
-        How far each detection is believed, in [0, 1]; NaN where there is no detection. Below
-        `skelsplat.REJECTED_WEIGHT` it counts as rejected.
-    swapped : (T, M, N) bool
-        The detection was taken for the joint on the other side of the body.
-    noise : (T,)
-        Standard deviation of the detections' noise across the ray, in `unit`.
-    reprojection_error : (T, M, N)
-        Pixels of the original images; NaN where there is no detection.
+    init_pose, covariance, uncertainty, joint_bias, error_bar, noise
+        As of `skelsplat.Refinement`, in `unit` or `unit` squared. ``error_bar`` is derived: without
+        ``joint_bias`` it is the ``uncertainty``.
+    view_weights, swapped, reprojection_error, loss, n_iter, stop_reason
+        As of `skelsplat.Refinement`.
     joint_status : (T, N) str
-        "ok", "weak" or "unobserved" as in `skelsplat.Refinement`, "inferred" as in
-        `skelsplat.SequenceRefinement`; "filled": interpolated over a gap in time.
-    loss : (T,)
-    n_iter : (T,) int
-    stop_reason : (T,) str
-    velocity : (T, N, 3)
-        Velocities of the joints, in `unit` per second. These and what follows are those of a recording
-        solved over time (`skelsplat.refine_sequence`), and empty for one frame by frame.
-    velocity_uncertainty : (T, N, 3, 3)
-        Their posterior covariances.
-    bones : (B, 2) int
-        The joints at both ends of each bone.
-    bone_lengths : (B,)
-        Their lengths, one for the whole sequence, in `unit`; NaN for a bone that is never seen.
-    bone_length_sigma : (B,)
-        Standard errors of the lengths, in `unit`; infinite for a bone that is never seen.
+        As of `skelsplat.Refinement`, or "filled": interpolated over a gap in time.
+    velocity, velocity_uncertainty, bones, bone_lengths, bone_length_sigma
+        As of `skelsplat.SequenceRefinement`; empty for poses refined frame by frame.
     frame_rate : float or None
         Frames per second; None if unknown.
     processing : tuple of str
@@ -156,26 +135,37 @@ class PoseData:
         return f"PoseData({size}, {len(self.camera_names)} cameras, unit {self.unit!r})"
 
     def __post_init__(self) -> None:
-        self._read_arrays()
-        self._check_names()
+        for name, (_, kind) in _ALL.items():
+            object.__setattr__(self, name, _READ[kind](getattr(self, name), name))
+        for name in ("joint_names", "camera_names", "processing"):
+            for text in getattr(self, name):
+                # \0 ends a text in npz, C3D and NetCDF
+                if (
+                    not isinstance(text, str)
+                    or "\0" in text
+                    or text.encode(errors="replace").decode() != text
+                ):
+                    raise InvalidInputError(
+                        f"{name}: expected texts in Unicode without \\0, got {text!r:.60}"
+                    )
         one_of("unit", self.unit, MM_PER_UNIT)
-        if self.pose.ndim != 3 or self.pose.shape[2] != 3:
-            raise InvalidInputError(f"pose: expected shape (T, N, 3), got {self.pose.shape}")
         if self.frame_rate is not None:
             positive("frame_rate", self.frame_rate)
-        steps, joints, _ = self.pose.shape
-        shapes: dict[str, tuple[int, ...]] = {"joint_names": (joints,), "frames": (steps,)}
-        for name in ARRAYS:
-            if np.shape(getattr(self, name))[:1] != (0,):
-                shapes[name] = shape_of(name, steps, len(self.camera_names), joints)
-        shapes |= {"bones": (len(self.bones), 2)}
-        shapes |= {name: (len(self.bones),) for name in BONES if name != "bones"}
-        for name, shape in shapes.items():
-            actual = np.shape(getattr(self, name))
-            if actual != shape:
-                raise InvalidInputError(f"{name}: expected shape {shape}, got {actual}")
+        self._check_shapes()
         if len(self.joint_status):
             self._check_statuses()
+
+    def _check_shapes(self) -> None:
+        if self.pose.ndim != 3 or self.pose.shape[2] != 3:
+            raise InvalidInputError(f"pose: expected shape (T, N, 3), got {self.pose.shape}")
+        steps, joints, _ = self.pose.shape
+        if len(self.joint_names) != joints:
+            raise InvalidInputError(f"joint_names: expected {joints}, got {len(self.joint_names)}")
+        sizes = {"T": steps, "M": len(self.camera_names), "N": joints, "B": len(self.bones)}
+        for name, (axes, _) in _ALL.items():
+            actual, expected = getattr(self, name).shape, shape_of(axes, sizes)
+            if actual != expected and not (name in ARRAYS and actual[:1] == (0,)):
+                raise InvalidInputError(f"{name}: expected shape {expected}, got {actual}")
 
     def _check_statuses(self) -> None:
         unknown = ~np.isin(self.joint_status, (*_STATUSES, ""))
@@ -186,21 +176,6 @@ class PoseData:
             placeless = f"unobserved or weak in {where}, which has no position"
             expected = known if unknown[t, j] else placeless
             raise InvalidInputError(f"joint_status: expected {expected}, got {self.joint_status[t][j]}")
-
-    def _check_names(self) -> None:
-        for field_name in ("joint_names", "camera_names", "processing"):
-            for name in getattr(self, field_name):
-                if not isinstance(name, str) or name != name.encode(errors="replace").decode():
-                    raise InvalidInputError(f"{field_name}: expected texts in Unicode, got {name!r:.60}")
-                if "\0" in name:  # which ends a text in npz, C3D and NetCDF
-                    raise InvalidInputError(f"{field_name}: expected texts without \\0, got {name!r:.60}")
-
-    def _read_arrays(self) -> None:
-        """Take arrays of any kind: NaN for what is masked."""
-        read = {np.float64: numbers, np.int64: whole_numbers, np.bool_: flags}
-        for name, (_, kind) in {**ARRAYS, **BONES, "frames": ("T", np.int64)}.items():
-            if kind in read:
-                object.__setattr__(self, name, read[kind](getattr(self, name), name))
 
     @classmethod
     def from_refinement(
@@ -214,10 +189,8 @@ class PoseData:
         frame_rate: float | None = None,
     ) -> PoseData:
         """Collect the result of a refinement over T frames with its names; arrays are not copied."""
-        held = (name for name in (*ARRAYS, *BONES) if hasattr(refinement, name))
+        held = [name for name in (*ARRAYS, *BONES) if hasattr(refinement, name)]
         arrays: dict[str, Any] = {name: getattr(refinement, name) for name in held}
-        for name in ("joint_status", "stop_reason"):
-            arrays[name] = np.asarray(arrays[name], dtype=np.str_)
         return cls(
             joint_names=tuple(joint_names),
             frames=whole_numbers(frames, "frames"),
@@ -243,21 +216,69 @@ class PoseData:
 
     def at_rate(self, frame_rate: float) -> PoseData:
         """Return the same poses at another frame rate; velocities, if there are any, change with it."""
-        data = replace(self, frame_rate=frame_rate)
+        positive("frame_rate", frame_rate)
         low, high = FRAME_RATES
         if not low <= frame_rate <= high:
-            raise InvalidInputError(
-                f"frame_rate: expected a number from {low:g} to {high:g}, got {frame_rate:g}"
-            )
+            raise InvalidInputError(f"frame_rate: expected {low:g} to {high:g}, got {frame_rate:g}")
         factor = frame_rate / (self.frame_rate or frame_rate)
         squares = self.velocity_uncertainty * (factor * factor)
-        return replace(data, velocity=self.velocity * factor, velocity_uncertainty=squares)
+        velocity = self.velocity * factor
+        return replace(self, frame_rate=frame_rate, velocity=velocity, velocity_uncertainty=squares)
+
+
+class PoseParts:
+    """Poses too long for the memory, in a folder; iterating yields them as `PoseData` of ``size`` frames.
+
+    Attributes
+    ----------
+    head : PoseData
+        What is not by frame, of the last part: names, unit, frame rate, bones; it has no frames.
+    frames : (T,) int
+        As of `PoseData`, those that are not appended yet as well.
+    rows : dict of RowFile
+        By name of the array of `PoseData`, those that the poses have.
+    """
+
+    head: PoseData
+
+    def __init__(self, folder: Path, frames: Index, size: int) -> None:
+        self.frames, self.rows = frames, dict[str, RowFile]()
+        self._folder, self._size = folder, size
+
+    def append(self, data: PoseData) -> None:
+        """Add further frames."""
+        nothing: dict[str, Any] = {"frames": data.frames[:0]}
+        for name, (_, kind) in ARRAYS.items():
+            array = getattr(data, name)
+            if len(array) != len(data.frames):
+                continue
+            if name not in self.rows:
+                dtype = _TEXT if kind is np.str_ else np.dtype(kind)
+                self.rows[name] = RowFile(self._folder / name, array.shape[1:], dtype)
+            self.rows[name].append(array)
+            nothing[name] = array[:0]
+        self.head = replace(data, **nothing)
+
+    def __iter__(self) -> Iterator[PoseData]:
+        for first in range(0, len(self.frames), self._size):
+            end = min(first + self._size, len(self.frames))
+            arrays: dict[str, Any] = {name: rows.read(first, end) for name, rows in self.rows.items()}
+            yield replace(self.head, **arrays, frames=self.frames[first:end])
+
+
+Poses = PoseData | PoseParts
+
+
+def parts_of(data: Poses) -> tuple[PoseData, Index, Iterator[PoseData]]:
+    """Return what holds for all frames, the frames, and the parts: of poses in memory a single one."""
+    head = data if isinstance(data, PoseData) else data.head
+    return head, data.frames, iter([data] if isinstance(data, PoseData) else data)
 
 
 def checked(
     read: Callable[[str | os.PathLike[str]], PoseData],
 ) -> Callable[[str | os.PathLike[str]], PoseData]:
-    """Give a reader of poses what all have in common: lengths are finite or missing, and fit into memory."""
+    """Give a reader of poses what all share: errors name the file, numbers can be computed with."""
 
     @functools.wraps(read)
     def reader(path: str | os.PathLike[str]) -> PoseData:
@@ -267,17 +288,17 @@ def checked(
                 data = read(path)
             except InvalidInputError as error:
                 raise of_file(source, error) from error
-        for name, (_, kind) in {**ARRAYS, **BONES}.items():
-            if kind is np.float64 and name != "bone_length_sigma" and np.isinf(getattr(data, name)).any():
-                raise DatasetError(
-                    source, name, "finite numbers, none for what is missing", "an infinite one"
-                )
-        for name in (*_LENGTHS, *_SQUARES):
-            power = 2 if name in _SQUARES else 1
-            largest = np.nanmax(np.abs(getattr(data, name)), initial=0.0)
-            most = (FARTHEST * 1e3 / MM_PER_UNIT[data.unit]) ** power
-            if most < largest < np.inf:
-                raise DatasetError(source, name, f"numbers within ±{most:g}", f"{largest:g}")
+        if (np.abs(data.frames) >= FRAME_LIMIT).any():
+            raise DatasetError(source, "frames", "numbers below 2^62", "a larger one")
+        most = FARTHEST * 1e3 / MM_PER_UNIT[data.unit]
+        for name, (_, kind) in _ALL.items():
+            values = getattr(data, name)
+            if name == "bone_length_sigma":  # infinite for a bone that is never seen
+                values = values[np.isfinite(values)]
+            limit = most**2 if name in _SQUARES else most
+            if kind is np.float64 and np.nanmax(np.abs(values), initial=0.0) > limit:
+                expected = f"finite numbers within ±{limit:g}, none for what is missing"
+                raise DatasetError(source, name, expected, "a larger one")
         return data
 
     return reader
@@ -292,18 +313,16 @@ def over_views(values: Array) -> tuple[Index, Array]:
     return count, mean
 
 
-def shape_of(name: str, steps: int, views: int, joints: int) -> tuple[int, ...]:
-    """Return the shape of an array of `ARRAYS`."""
-    sizes = {"T": steps, "M": views, "N": joints}
-    return tuple(sizes[axis] if axis in sizes else int(axis) for axis in ARRAYS[name][0].split())
+def shape_of(axes: str, sizes: Mapping[str, int]) -> tuple[int, ...]:
+    """Return the shape with the axes of `ARRAYS` or `BONES`, such as ``"T N 3"``."""
+    return tuple(sizes[axis] if axis in sizes else int(axis) for axis in axes.split())
 
 
 def known_frame_rate(data: PoseData, given: float | None, kind: str) -> float:
     """Return the frame rate that is given, or else that of the data; a file of this ``kind`` states one."""
     rate = given if given is not None else data.frame_rate
     if rate is None:
-        expected = f"one for a {kind} file (the poses state none)"
-        raise InvalidInputError(f"frame_rate: expected {expected}, got none")
+        raise InvalidInputError(f"frame_rate: expected one for a {kind} file, got none")
     positive("frame_rate", rate)
     return rate
 
@@ -311,8 +330,8 @@ def known_frame_rate(data: PoseData, given: float | None, kind: str) -> float:
 def marker_names(joint_names: tuple[str, ...], convention: str) -> tuple[str, ...]:
     """Return the joints' names in a convention of `MARKER_NAMES`.
 
-    The programs that read TRC and C3D go by names: Pose2Sim's filters, marker augmentation and OpenSim models
-    know ``RHip``, ``LBigToe``. Its root is ``CHip`` in BODY_25 and ``Hip`` in HALPE_26.
+    Pose2Sim's filters, marker augmentation and OpenSim models know ``RHip``, ``LBigToe``. Its root is
+    ``CHip`` in BODY_25 and ``Hip`` in HALPE_26.
     """
     one_of("marker_names", convention, MARKER_NAMES)
     if convention == "skelsplat":

@@ -13,17 +13,16 @@ from skelsplat._arrays import Array
 from skelsplat._atomic import atomic_path, make_room
 from skelsplat._optional import require
 from skelsplat.cameras import MM_PER_UNIT
-from skelsplat.exceptions import DatasetError, InvalidInputError
+from skelsplat.exceptions import DatasetError
 from skelsplat.io._guarded import read_guarded
-from skelsplat.io.poses._parts import Poses, parts_of
-from skelsplat.io.poses._pose_data import PoseData, checked, over_views
+from skelsplat.io.poses._pose_data import PoseData, Poses, checked, over_views, parts_of
 
 if TYPE_CHECKING:
     import xarray as xr
 
 _PLURAL = ("time", "space", "keypoints", "individuals")
-_ROOM, _TEXT = 2**17, 64  # bytes of a file for its structure, and for a text and where it is
 _SINGULAR = ("time", "space", "keypoint", "individual")
+_ROOM, _TEXT = 2**17, 64  # bytes of a file for its structure, and for a text and where it is
 
 
 def to_xarray(
@@ -45,10 +44,10 @@ def to_xarray(
     status         (time, keypoints, individuals)                 ok, inferred, weak, unobserved, filled
     ============== ============================================== ======================================
 
-    ``confidence`` is the mean weight of the joint's detections, how far they are believed. It is 0 for a
-    joint that is not ``ok``, and NaN if the data have no weights. ``time`` is in seconds from the first frame
-    if the frame rate is known, else in frames; the coordinate ``frame`` has the frames' own numbers.
-    Attributes: ``fps`` (if known), ``time_unit``, ``source_software``, ``ds_type``, ``unit``, ``processing``.
+    ``confidence`` is the mean weight of the joint's detections, 0 for a joint that is not ``ok``, and NaN if
+    the data have no weights. ``time`` is in seconds from the first frame if the frame rate is known, else in
+    frames; the coordinate ``frame`` has the frames' own numbers. Attributes: ``fps`` (if known),
+    ``time_unit``, ``source_software``, ``ds_type``, ``unit``, ``processing``.
 
     Parameters
     ----------
@@ -67,17 +66,11 @@ def to_xarray(
     rate = frame_rate if frame_rate is not None else data.frame_rate
     begin = first if first is not None else data.frames[0] if len(data.frames) else 0
     steps = data.frames - begin
+    by_joint = (time, keypoints, individuals)
     variables: dict[str, Any] = {
         "position": (dims, data.pose.transpose(0, 2, 1)[..., None]),
-        "confidence": ((time, keypoints, individuals), _confidence(data)[..., None]),
+        "confidence": (by_joint, _confidence(data)[..., None]),
     }
-    if data.uncertainty.size:
-        axes = (time, space, f"{space}_2", keypoints, individuals)
-        for name in ("uncertainty", "error_bar"):
-            variables[name] = (axes, getattr(data, name).transpose(0, 2, 3, 1)[..., None])
-    for name, values in (("joint_bias", data.joint_bias), ("status", data.joint_status)):
-        if values.size:
-            variables[name] = ((time, keypoints, individuals), values[..., None])
     coordinates: dict[str, Any] = {
         time: steps if rate is None else steps / rate,
         space: ["x", "y", "z"],
@@ -87,6 +80,12 @@ def to_xarray(
     }
     if data.uncertainty.size:
         coordinates[f"{space}_2"] = ["x", "y", "z"]
+        axes = (time, space, f"{space}_2", keypoints, individuals)
+        for name in ("uncertainty", "error_bar"):
+            variables[name] = (axes, getattr(data, name).transpose(0, 2, 3, 1)[..., None])
+    for name, values in (("joint_bias", data.joint_bias), ("status", data.joint_status)):
+        if values.size:
+            variables[name] = (by_joint, values[..., None])
     attributes: dict[str, str | float] = {
         "source_software": f"SkelSplat {sk.__version__}",
         "ds_type": "poses",
@@ -168,26 +167,23 @@ def read_netcdf(path: str | os.PathLike[str]) -> PoseData:
     """
     source = Path(path)
     found = read_guarded("netcdf", source, "a complete NetCDF file")
-    return _from_dataset(source, found["attributes"], found["variables"])
-
-
-def _from_dataset(path: Path, attributes: dict[str, Any], variables: dict[str, Any]) -> PoseData:
+    attributes, variables = found["attributes"], found["variables"]
     if "position" not in variables:
-        raise DatasetError(path, "position", "this variable", ", ".join(variables) or "none")
+        raise DatasetError(source, "position", "this variable", ", ".join(variables) or "none")
     given, position = variables["position"]
     dims = next((names for names in (_PLURAL, _SINGULAR) if set(names) == set(given)), None)
     if dims is None:
-        raise DatasetError(path, "position", f"dimensions {', '.join(_PLURAL)}", ", ".join(given))
+        raise DatasetError(source, "position", f"dimensions {', '.join(_PLURAL)}", ", ".join(given))
     time, space, keypoints, individuals = dims
     names = {axis: [str(name) for name in variables.get(axis, ((), ()))[1]] for axis in (space, keypoints)}
-    if names[space] != ["x", "y", "z"]:
-        raise DatasetError(path, space, "x, y, z", ", ".join(names[space]))
-    count = position.shape[given.index(individuals)]
-    if count != 1:
-        raise DatasetError(path, individuals, "one individual", count)
-    unit, rate = attributes.get("unit"), attributes.get("fps")
-    if unit not in MM_PER_UNIT:
-        raise DatasetError(path, "unit", "the attribute mm, cm or m", repr(unit))
+    count, unit = position.shape[given.index(individuals)], attributes.get("unit")
+    for field, expected, fits, got in (
+        (space, "x, y, z", names[space] == ["x", "y", "z"], ", ".join(names[space])),
+        (individuals, "one individual", count == 1, count),
+        ("unit", "the attribute mm, cm or m", unit in MM_PER_UNIT, repr(unit)),
+    ):
+        if not fits:
+            raise DatasetError(source, field, expected, got)
     wanted = {
         "pose": ("position", (time, keypoints, space)),
         "uncertainty": ("uncertainty", (time, keypoints, space, f"{space}_2")),
@@ -202,17 +198,17 @@ def _from_dataset(path: Path, attributes: dict[str, Any], variables: dict[str, A
         }
         if "joint_status" in arrays:
             known = np.isfinite(arrays["pose"]).all(axis=-1) | (arrays["joint_status"] == "weak")
-            arrays["joint_status"] = np.where(known, arrays["joint_status"], "unobserved").astype(np.str_)
+            arrays["joint_status"] = np.where(known, arrays["joint_status"], "unobserved")
         return PoseData(
             joint_names=tuple(names[keypoints]),
             frames=variables["frame"][1] if "frame" in variables else np.arange(len(arrays["pose"])),
             unit=str(unit),
-            frame_rate=None if rate is None else float(rate),
+            frame_rate=float(attributes["fps"]) if "fps" in attributes else None,
             processing=tuple(str(attributes.get("processing", "")).splitlines()),
             **arrays,
         )
-    except (InvalidInputError, ValueError, TypeError) as error:
-        raise DatasetError(path, "variables", "arrays that fit each other", str(error)) from error
+    except (ValueError, TypeError) as error:
+        raise DatasetError(source, "variables", "arrays that fit each other", str(error)) from error
 
 
 def _of_one(variable: tuple[list[str], Any], axes: tuple[str, ...]) -> Any:

@@ -1,0 +1,190 @@
+"""TRC files: what is written, what other programs read and write, headers that contradict the rows."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import skelsplat as sk
+from pose_sample import JOINTS, assert_equal, sample
+from skelsplat.findings import FindingWarning
+from skelsplat.io import PoseData, read_trc, write_trc
+
+# half a unit of the last digit: micrometres
+DIGIT = 5.0001e-7
+
+
+@pytest.fixture
+def path(tmp_path):
+    write_trc(tmp_path / "pose.trc", sample())
+    return tmp_path / "pose.trc"
+
+
+def test_opensim_reads_missing_markers_as_nan(path):
+    """Its two readers of this format: of tables, which counts fields, and of marker data."""
+    opensim = pytest.importorskip("opensim", reason="opensim is not installed (a wheel of 70 MB)")
+    opensim.Logger.setLevelString("off")
+    metres = sample().pose / 1000.0
+    table = opensim.TimeSeriesTableVec3(str(path))
+    assert table.getColumnLabels() == JOINTS
+    assert table.getTableMetaDataString("Units") == "m"
+    rows = [table.getRowAtIndex(t) for t in range(table.getNumRows())]
+    read = [[[row[j][axis] for axis in range(3)] for j in range(row.ncol())] for row in rows]
+    np.testing.assert_allclose(read, metres, atol=DIGIT)
+    np.testing.assert_allclose(table.getIndependentColumn(), np.array([0, 1, 3, 4]) / 59.94, atol=DIGIT)
+    markers = opensim.MarkerData(str(path))
+    frames = [markers.getFrame(t) for t in range(markers.getNumFrames())]
+    read = [[[frame.getMarker(j)[axis] for axis in range(3)] for j in range(3)] for frame in frames]
+    np.testing.assert_allclose(read, metres, atol=DIGIT)
+
+
+def test_pandas_reads_it_as_pose2sim_does(path):
+    pandas = pytest.importorskip("pandas", reason="pandas is not installed")
+    table = pandas.read_csv(path, sep="\t", skiprows=4)
+    named = table.loc[:, ~table.columns.str.startswith("Unnamed")]
+    assert list(named.columns) == [f"{axis}{n}" for n in (1, 2, 3) for axis in "XYZ"]
+    assert table.iloc[:, 0].tolist() == [1, 2, 4, 5]
+    np.testing.assert_allclose(named.to_numpy().reshape(4, 3, 3), sample().pose / 1000.0, atol=DIGIT)
+
+
+def test_trc_data_reader_reads_header_and_whole_rows(path):
+    """It splits lines at white space, so of rows with a missing marker it can only count the fields."""
+    trc = pytest.importorskip("trc", reason="trc-data-reader is not installed")
+    data = trc.TRCData()
+    data.load(str(path))
+    assert data["Markers"] == list(JOINTS)
+    header = ("DataRate", "CameraRate", "NumFrames", "NumMarkers", "Units", "OrigDataStartFrame")
+    assert [data[key] for key in header] == [59.94, 59.94, 4, 3, "m", 1]
+    assert data["Frame#"] == [1, 2, 4, 5]
+    for row, t in ((1, 0), (5, 3)):
+        time, points = data[row]
+        assert time == pytest.approx((row - 1) / 59.94, abs=DIGIT)
+        np.testing.assert_allclose(points, sample().pose[t] / 1000.0, atol=DIGIT)
+
+
+def test_the_lines(tmp_path):
+    small = PoseData(
+        np.array([[[1.0, 2.0, 3.0], [np.nan] * 3], [[-4.0, 5.5, 6.25], [7.0, 8.0, 9.0]]]),
+        ("nose", "head"),
+        np.array([7, 9]),
+        "mm",
+    )
+    write_trc(tmp_path / "pose.trc", small, frame_rate=60.0, unit="mm")
+    assert (tmp_path / "pose.trc").read_text().split("\n") == [
+        "PathFileType\t4\t(X/Y/Z)\tpose.trc",
+        "DataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\tOrigDataRate\tOrigDataStartFrame\tOrigNumFrames",
+        "60\t60\t2\t2\tmm\t60\t1\t2",
+        "Frame#\tTime\tnose\t\t\thead\t\t\t",
+        "\t\tX1\tY1\tZ1\tX2\tY2\tZ2\t",
+        "",
+        "1\t0.000000\t1.000\t2.000\t3.000\t\t\t\t",
+        "3\t0.033333\t-4.000\t5.500\t6.250\t7.000\t8.000\t9.000\t",
+        "",
+    ]
+
+
+@pytest.mark.parametrize(("unit", "factor", "digit"), [("mm", 1.0, 1e-3), ("m", 1e-3, 1e-6)])
+def test_written_and_read(tmp_path, unit, factor, digit):
+    write_trc(tmp_path / "pose.trc", sample(), unit=unit)
+    back = read_trc(tmp_path / "pose.trc")
+    assert (back.unit, back.joint_names, back.frame_rate) == (unit, JOINTS, 59.94)
+    np.testing.assert_allclose(back.pose, sample().pose * factor, rtol=1e-15, atol=0.5001 * digit)
+    write_trc(tmp_path / "pose.trc", sample(), unit=unit, y_up=True)
+    turned = read_trc(tmp_path / "pose.trc").pose[..., [2, 0, 1]]
+    np.testing.assert_array_equal(turned, back.pose)
+
+
+def test_a_small_body_has_finer_steps(tmp_path):
+    write_trc(tmp_path / "pose.trc", replace(sample(), pose=sample().pose * 1e-4), unit="mm")
+    back = read_trc(tmp_path / "pose.trc")
+    # a body of less than 1 mm has two decimals more
+    np.testing.assert_allclose(back.pose, sample().pose * 1e-4, atol=0.5001e-5)
+
+
+@pytest.mark.parametrize("change", ["no blank line", "nan", "no tab at the end", "windows"])
+def test_files_of_other_writers(path, change):
+    expected = read_trc(path)
+    lines = path.read_text().split("\n")
+    if change == "no blank line":
+        del lines[5]
+    elif change == "nan":
+        lines[7] = lines[7].replace("\t\t\t\t", "\tnan\tnan\tnan\t")
+    elif change == "no tab at the end":
+        lines[3:10] = [line.removesuffix("\t") for line in lines[3:10]]
+    path.write_bytes(("\r\n" if change == "windows" else "\n").join(lines).encode())
+    assert_equal(read_trc(path), expected)
+
+
+def warned(path):
+    """Read a file of which one thing is warned of; return the poses and the numbers of the finding."""
+    with pytest.warns(FindingWarning) as told:
+        found = read_trc(path)
+    assert [one.message.finding.kind for one in told] == ["header_contradicts"]
+    return found, told[0].message.finding.numbers
+
+
+@pytest.mark.parametrize("stated", ["2", "5.0", "0"])
+def test_a_header_that_miscounts_the_frames(path, stated):
+    expected = read_trc(path)
+    path.write_text(path.read_text().replace("\t4\t3\tm", f"\t{stated}\t3\tm"))
+    found, numbers = warned(path)
+    assert_equal(found, expected)
+    assert numbers == {"stated": float(stated), "rows": 4}
+
+
+def with_times(path, times, stated):
+    """Write a row for each of the times, with a header that states a rate."""
+    poses = np.repeat(sample().pose[:1], len(times), axis=0)
+    write_trc(path, PoseData(poses, JOINTS, np.arange(len(times)), "mm"), frame_rate=50.0)
+    lines = path.read_text().replace("\n50\t50\t", f"\n{stated}\t{stated}\t").split("\n")
+    rows = [line.split("\t") for line in lines[6:-1]]
+    rows = ["\t".join([row[0], time, *row[2:]]) for row, time in zip(rows, times, strict=True)]
+    path.write_text("\n".join([*lines[:6], *rows, ""]))
+    return path
+
+
+@pytest.mark.parametrize(
+    ("stated", "times", "rate"),
+    [
+        ("0.00", "0 0.02 0.04", 50.0),
+        ("nan", "x 0.02 0.04", None),
+        ("0", "0 0 1", None),
+    ],
+)
+def test_without_a_frame_rate_it_is_that_of_the_times(tmp_path, stated, times, rate):
+    found, _ = warned(with_times(tmp_path / "pose.trc", times.split(), stated))
+    assert found.frame_rate == rate
+
+
+@pytest.mark.parametrize(
+    ("stated", "rate", "decimals"), [("30.00", 60.0, 3), ("60", 59.94, 6), ("120", 60.0, 2)]
+)
+def test_times_that_contradict_the_frame_rate_decide(tmp_path, stated, rate, decimals):
+    times = [f"{t / rate:.{decimals}f}".rstrip("0") for t in range(600)]
+    found, _ = warned(with_times(tmp_path / "pose.trc", times, stated))
+    # the last time is rounded by up to half a digit
+    assert found.frame_rate == pytest.approx(rate, abs=rate * 0.5 * 10.0**-decimals / (599 / rate) + 1e-3)
+
+
+def test_times_with_a_jump_do_not_contradict_the_frame_rate(tmp_path):
+    times = [f"{t / 50 + (t > 4):.3f}" for t in range(10)]
+    assert read_trc(with_times(tmp_path / "pose.trc", times, "50")).frame_rate == 50.0
+
+
+MALFORMED = {
+    "not a trc": (lambda _: ["hello"], "header"),
+    "inches": (lambda lines: [line.replace("\tm\t", "\tinch\t") for line in lines], "line 3 Units"),
+    "no frame rate": (lambda lines: [line.replace("59.94", "x", 1) for line in lines], "line 3 DataRate"),
+    "a row cut short": (lambda lines: [*lines[:6], lines[6][:30]], "line 7"),
+    "text": (lambda lines: [*lines[:6], lines[6].replace("1\t0.0", "one\t0.0")], "line 7"),
+}
+
+
+@pytest.mark.parametrize("case", MALFORMED)
+def test_a_malformed_file(path, case):
+    change, place = MALFORMED[case]
+    path.write_text("\n".join(change(path.read_text().split("\n"))))
+    with pytest.raises(sk.DatasetError, match=rf"pose\.trc: {place}"):
+        read_trc(path)
