@@ -27,7 +27,8 @@ from skelsplat import synthetic
 from skelsplat.association import choose_person
 from skelsplat.findings import Finding
 from skelsplat.rig_check import ReadAs
-from skelsplat.run.adjust import Scene, adjusted
+from skelsplat.run.adjust import adjusted
+from skelsplat.run.by_everybody import Scene
 from skelsplat.synthetic.people_sets import mixed_heights
 
 FAULTS = ("sound", "turn 0.5", "turn 1", "turn 3", "turn 10", "move 20", "move 100", "move 500", "clock 3")

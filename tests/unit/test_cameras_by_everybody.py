@@ -11,9 +11,9 @@ from skelsplat.association import choose_person
 from skelsplat.cameras import altered, matrix_from_vector
 from skelsplat.exceptions import InvalidInputError
 from skelsplat.rig_check import ReadAs, check_rig
-from skelsplat.rig_check._people import everybody, one_after_another, scene_of_everybody
-from skelsplat.rig_check._scene import in_mm
-from skelsplat.run.adjust import Scene, adjusted
+from skelsplat.rig_check._scene import everybody, in_mm, one_after_another, scene_of_everybody
+from skelsplat.run.adjust import adjusted
+from skelsplat.run.by_everybody import Scene
 from skelsplat.run.person import check_slot
 from skelsplat.synthetic.people_sets import mixed_heights
 
@@ -99,16 +99,16 @@ def test_whom_only_two_views_see_does_not_count():
     rig = synthetic.human36m_like()
     people = two_who_disagree(rig)
     people[:, :2, 1] = np.nan
-    (only,) = everybody(in_mm(rig), people, LAYOUT)
+    (only,) = everybody(in_mm(rig), people, LAYOUT)[0]
     np.testing.assert_array_equal(only, people[:, :, 0])
     people[: T - 11] = np.nan
-    assert len(everybody(in_mm(rig), people, LAYOUT)) == 1
+    assert len(everybody(in_mm(rig), people, LAYOUT)[0]) == 1
 
 
 def test_between_people_no_clock_compares_one_with_another():
     rig = synthetic.human36m_like()
     people = two_who_disagree(rig)
-    everyone = everybody(in_mm(rig), people, LAYOUT)
+    everyone, _ = everybody(in_mm(rig), people, LAYOUT)
     scene = scene_of_everybody(in_mm(rig), people, 2 * np.arange(T), LAYOUT)
     assert len(scene.frames) == 2 * T
     assert scene.frames[T] - scene.frames[T - 1] > 30

@@ -20,7 +20,6 @@ from skelsplat.cli.config import source_of
 from skelsplat.cli.findings import print_finding
 from skelsplat.cli.output import Terminal, print_json, print_text, say
 from skelsplat.cli.table import new_table, print_table
-from skelsplat.io import DetectionSet
 from skelsplat.rig_check import RigReport
 from skelsplat.run.check import CameraCheck
 from skelsplat.run.check import check_cameras as check
@@ -122,13 +121,12 @@ def _print(found: CameraCheck, *, quiet: bool) -> None:
     for finding in (one for one in report.findings if not (quiet and one.severity == "note")):
         print_finding(console, finding, own_line=True)
     if report.ok and not quiet:
-        print_text(console, _nothing(found.rig, found.detections))
+        print_text(console, _nothing(found.rig, found.frames))
 
 
-def _nothing(rig: sk.CameraRig, found: DetectionSet | None) -> str:
+def _nothing(rig: sk.CameraRig, frames: int | None) -> str:
     """Return the sentence for a check without findings."""
-    if found is not None:
-        frames = len(found.frames)
+    if frames is not None:
         return f"No fault found: {len(rig)} cameras, {rig.unit}, {frames} frames of detections."
     return (
         f"No fault found in the file itself: {len(rig)} cameras, {rig.unit}. Whether it fits a recording "

@@ -8,19 +8,19 @@ that is wrong spoils what the others are compared with, too.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 import skelsplat as sk
 from skelsplat._arrays import Array, Index, median, medians
-from skelsplat._words import capitalised, listed, percent, px
+from skelsplat._words import capitalised, percent, px
 from skelsplat.cameras import altered, matrix_from_vector
 from skelsplat.findings import Finding, Subject
 from skelsplat.layouts import mirror_images
 from skelsplat.rig_check._scene import POOR, Scene
-from skelsplat.rig_check._whole import CHANGES, Change, resizer
+from skelsplat.rig_check._whole import CHANGES, resizer
 
 # A cause must make the cameras agree better by this much, over all and for the camera itself, and by more
 # than detectors' noise.
@@ -41,14 +41,10 @@ _LEAST_SPAN = 12
 _MUCH_BETTER = 0.35
 # What explains nearly as much is named with it.
 _NEARLY_AS_GOOD = 1.2
-# Frames that fit a camera this much worse than the best do so nearly as well.
-_FITS = 1.05
 # What fewer frames show may be chance.
 _FEW = 12
 # Left and right are swapped in this share of a camera's frames or more.
 _MIRRORED_SHARE = 1 / 4
-# a turn about the optical axis is no shift of the picture
-_ROLL = 0.25
 # Steps of a resection, and the least number of points for one.
 _ROUNDS = 30
 _LEAST = 20
@@ -63,7 +59,7 @@ class Cause:
     kind: str  # one of `_ORDER`
     view: int
     scene: Scene
-    change: Mapping[str, Any] = field(default_factory=dict)
+    change: Mapping[str, Any]
 
 
 def explain(
@@ -77,8 +73,9 @@ def explain(
     mirror = mirror_images(layout.n_joints, pairs) if layout is not None and pairs else None
     findings: list[Finding] = []
     for _ in range(scene.views):
-        known = np.isfinite(scene.disagreement)
-        causes = [cause for cause in _causes(scene, mirror) if _explains(scene, cause)] if known else []
+        if not np.isfinite(scene.disagreement):
+            break
+        causes = [cause for cause in _causes(scene, mirror) if _explains(scene, cause)]
         if not causes:
             break
         cause = _simplest_of_the_best(causes)
@@ -87,110 +84,52 @@ def explain(
     return findings, scene
 
 
-def once_corrected(findings: Sequence[Finding], camera: str) -> dict[str, list[str]]:
-    """Return what has to be corrected for a number of the camera to hold, as an entry of its finding.
-
-    None without findings; an empty list for all of them, where they are not of other cameras alone.
-    """
-    if not findings:
-        return {}
-    names = list(dict.fromkeys(name for finding in findings for name in finding.subject.cameras))
-    if camera in names or not all(finding.subject.cameras for finding in findings):
-        return {"once_corrected": []}
-    return {"once_corrected": names}
-
-
-def once(numbers: Mapping[str, Any]) -> str:
+def once(findings: Sequence[Finding]) -> str:
     """Return the clause that a number before it holds only if earlier findings are corrected."""
-    names = numbers.get("once_corrected")
-    if names is None:
-        return ""
-    return (
-        f" once {listed(names)} {'is' if len(names) == 1 else 'are'} corrected"
-        if names
-        else " once the above is corrected"
-    )
+    return " once the above is corrected" if findings else ""
 
 
 def _finding(scene: Scene, cause: Cause, earlier: Sequence[Finding], rivals: Sequence[Cause]) -> Finding:
     """Return the finding of a cause in a scene in which `earlier` ones are corrected."""
-    view, after = cause.view, cause.scene
-    name = scene.names[view]
+    name, subject = scene.names[cause.view], Subject((scene.names[cause.view],))
     numbers: dict[str, Any] = {
         **cause.change,
-        "before_px": float(scene.left_out[view]),
-        "after_px": float(after.left_out[view]),
-        "mean_px": after.disagreement,
-        **once_corrected(earlier, name),
+        "before_px": float(scene.left_out[cause.view]),
+        "after_px": float(cause.scene.left_out[cause.view]),
+        "mean_px": cause.scene.disagreement,
     }
     if rivals:
         numbers["rivals"] = [
-            {"camera": scene.names[one.view], "kind": one.kind, "mean_px": one.scene.disagreement}
-            | dict(one.change)
+            {
+                "camera": scene.names[one.view],
+                "kind": one.kind,
+                "mean_px": one.scene.disagreement,
+                **one.change,
+            }
             for one in rivals
         ]
     if len(scene.judged) < _FEW:
         numbers["few_frames"] = len(scene.judged)
-    first = once(numbers)
-    better = f"error {px(numbers['before_px'])}{first}, {px(numbers['after_px'])} after "
-    better += f"{'this' if first else 'the'} correction"
-    return _named(scene, cause, numbers, better, _rivalled(numbers))
-
-
-def _named(scene: Scene, cause: Cause, numbers: dict[str, Any], better: str, rivals: str) -> Finding:
-    """Return the finding with its sentence: what is wrong, how much ``better`` it gets, and ``rivals``."""
-    name = scene.names[cause.view]
-    subject = Subject(cameras=(name,))
+    better = f"error {px(numbers['before_px'])}{once(earlier)}, {px(numbers['after_px'])} after the "
+    better += "correction"
+    also = _rivalled(numbers)
     if cause.kind == "frame_offset":
-        fitting, shift = _fitting_shifts(scene, cause), numbers["frames"]
-        least, most = sorted(map(abs, fitting))
-        also = f" ({least} to {most} fit almost as well)" if least < most else ""
-        return Finding(
-            "frame_offset",
-            "error",
-            subject,
-            {**numbers, "frames_nearly_as_good": fitting},
-            sentence=f"{name}'s frame numbers are {abs(shift)} too {'high' if shift > 0 else 'low'}{also}: "
-            f"its frame f{shift:+d} is frame f of the others ({better}).{rivals}",
-        )
+        frames = numbers["frames"]
+        sentence = f"{name}'s frame numbers are {abs(frames)} too {'high' if frames > 0 else 'low'}: its "
+        sentence += f"frame f{frames:+d} is frame f of the others ({better}).{also}"
+        return Finding("frame_offset", "error", subject, numbers, sentence=sentence)
     if cause.kind == "sides_swapped":
-        return Finding(
-            "sides_swapped",
-            "error",
-            subject,
-            numbers,
-            sentence=f"{name}: left and right are swapped in {percent(numbers['share_of_frames'])} of its "
-            f"frames ({better}). Were its images mirrored for the detector, or its joints named from the "
-            f"viewer's side?{rivals}",
-        )
+        sentence = f"{name}: left and right are swapped in {percent(numbers['share_of_frames'])} of its "
+        sentence += f"frames ({better}). Were its images mirrored for the detector, or its joints named from "
+        sentence += f"the viewer's side?{also}"
+        return Finding("sides_swapped", "error", subject, numbers, sentence=sentence)
     if "images" in numbers:
-        return Finding(
-            "images_changed",
-            "error",
-            subject,
-            numbers,
-            sentence=f"{name}'s images are {numbers['images']} ({better}).{rivals}",
-        )
-    return _moved(scene, cause, numbers, better, rivals)
-
-
-def _moved(scene: Scene, cause: Cause, numbers: dict[str, Any], better: str, rivals: str) -> Finding:
-    """Return the finding on a camera that was turned or moved, with its sentence."""
-    name, old, shift_px = scene.names[cause.view], scene.cameras[cause.view], ""
-    axis = turn_between(old, cause.scene.cameras[cause.view])
-    if cause.kind == "rotated" and abs(axis[2]) < _ROLL * np.linalg.norm(axis):
-        numbers["same_as_shift_px"] = float(np.hypot(axis[1], axis[0]) * np.asarray(old.K)[0, 0])
-        shift_px = f" An image shifted by {numbers['same_as_shift_px']:.0f} px (a crop, a principal point) "
-        shift_px += "would look the same."
-    return Finding(
-        "camera_moved",
-        "error",
-        Subject(cameras=(name,)),
-        numbers,
-        sentence=f"{name}'s calibration looks wrong: {_motion(numbers, 'the camera')} restores agreement "
-        f"({better}). The camera was moved after calibration, or the calibration belongs to another camera "
-        f"or another image.{shift_px}{rivals}",
-    )
+        sentence = f"{name}'s images are {numbers['images']} ({better}).{also}"
+        return Finding("images_changed", "error", subject, numbers, sentence=sentence)
+    sentence = f"{name}'s calibration looks wrong: {_motion(numbers, 'the camera')} restores agreement "
+    sentence += f"({better}). The camera was moved after calibration, its images were cropped, or the "
+    sentence += f"calibration belongs to another camera.{also}"
+    return Finding("camera_moved", "error", subject, numbers, sentence=sentence)
 
 
 def _rivalled(numbers: Mapping[str, Any]) -> str:
@@ -199,12 +138,10 @@ def _rivalled(numbers: Mapping[str, Any]) -> str:
     if rivals:
         ways = capitalised(" or ".join(map(_briefly, rivals)))
         means = " or ".join(f"{rival['mean_px']:.1f}" for rival in rivals)
-        best = min(round(rival["mean_px"], 1) for rival in rivals)
-        well = f"{'almost ' * (best > round(numbers['mean_px'], 1))}as well"
-        text = f" {ways} explains it {well} (mean error {means} px instead of {numbers['mean_px']:.1f} px)."
+        text = f" {ways} explains it almost as well (mean error {means} px instead of "
+        text += f"{numbers['mean_px']:.1f} px)."
     if "few_frames" in numbers:
-        frames = numbers["few_frames"]
-        text += f" Based on only {frames} frame{'s' * (frames != 1)}; provide more."
+        text += f" Based on few frames ({numbers['few_frames']}); provide more."
     return text
 
 
@@ -221,27 +158,8 @@ def _briefly(numbers: Mapping[str, Any]) -> str:
 
 
 def _motion(numbers: Mapping[str, Any], what: str) -> str:
-    turned, moved = f"{numbers['degrees']:.1f}°", f"{numbers['mm']:.0f} mm"
-    if moved == "0 mm":
-        return f"rotating {what} by {'less than 0.1°' if turned == '0.0°' else turned}"
-    if turned == "0.0°":
-        return f"moving {what} by {moved}"
-    return f"rotating {what} by {turned} and moving it by {moved}"
-
-
-def _fitting_shifts(scene: Scene, cause: Cause) -> list[int]:
-    """Return the first and last frame offset about that of a cause which fit nearly as well."""
-    corrected, view = cause.scene, cause.view
-    points, best, before = corrected.points_without(view), corrected.shifts[view], scene.shifts[view]
-    limit = _FITS * corrected.error(view, points)
-
-    def end(step: int) -> int:
-        shift = best
-        while shift + step != before and corrected.error(view, points, shift + step) <= limit:
-            shift += step
-        return shift - before
-
-    return [end(-1), end(1)]
+    moved = f" and moving it by {numbers['mm']:.0f} mm" if numbers["mm"] else ""
+    return f"rotating {what} by {numbers['degrees']:.1f}°{moved}"
 
 
 def _simplest_of_the_best(causes: Sequence[Cause]) -> Cause:
@@ -263,19 +181,21 @@ def _rivals(chosen: Cause, causes: Sequence[Cause]) -> list[Cause]:
 
 
 def _explains(scene: Scene, cause: Cause) -> bool:
-    before, after = scene.left_out[cause.view], median(cause.scene.residuals_of(cause.view))
+    view, frames = cause.view, len(scene.judged)
+    old, new = scene.residuals(view), cause.scene.residuals(view)
+    before, after = scene.left_out[view], median(new)
     after *= max(1.0, 1.0 / cause.change.get("factor", 1.0))  # smaller images make smaller errors
     better = _ALL_BETTER if scene.views > 2 else _TWO_BETTER
-    good = POOR * np.hypot(*scene.cameras[cause.view].size)
+    good = POOR * np.hypot(*scene.cameras[view].size)
     if cause.kind == "sides_swapped":
         good = max(good, _MUCH_BETTER * before)
-    halves = zip(scene.left_out_halves(cause.view), cause.scene.left_out_halves(cause.view), strict=True)
+    halves = (slice(0, (frames + 1) // 2), slice((frames + 1) // 2, frames))
     return bool(
         after <= _ITSELF_BETTER * before
         and before - after >= _LEAST_PX
         and after <= good
         # NaN, a half in which the camera sees nothing, does not count
-        and all(not new > _HALF_BETTER * old for old, new in halves)
+        and all(not median(new[half]) > _HALF_BETTER * median(old[half]) for half in halves)
         and cause.scene.disagreement <= better * scene.disagreement  # last, as it takes longest
     )
 
@@ -286,30 +206,36 @@ def _causes(scene: Scene, mirror: Index | None) -> Iterator[Cause]:
         yield from _between_two(scene, mirror)
         return
     for view in range(scene.views):
-        points = scene.points_without(view)
-        shift = best_shift(scene, view, points)
+        points, old = scene.points_without(view), scene.cameras[view]
+        shift = _best_shift(scene, view, points)
         if shift != scene.shifts[view]:
-            yield _counted(scene, scene.with_shift(view, shift), view)
-        factor = _size_factor(scene, view, points)
-        if factor is not None:
-            images = f"of another size (detections fit if multiplied by {factor:.3g})"
-            change = {"images": images, "factor": factor}
-            yield Cause("size", view, _with_change(scene, view, resizer(factor)), change)
-        for images, undo in CHANGES.items():
-            yield Cause("images", view, _with_change(scene, view, undo), {"images": images})
+            yield _counted(scene, scene.changed(view, shift=shift), view)
         if mirror is not None:
             yield from _swapped(scene, view, points, mirror)
-            # the detector takes the left hand of a mirrored person for the right one
-            swapped = scene.with_detections(view, scene.detections[:, view, mirror])
-            upright = _with_change(swapped, view, CHANGES["mirrored"])
-            yield Cause("images", view, upright, {"images": "mirrored"})
+        yield from _of_images(scene, view, points, mirror)
         for kind, move in (("rotated", False), ("moved", True)):
-            camera = resect(scene, view, points, move=move)
+            camera = _resect(scene, view, points, move=move)
             if camera is not None:
-                old = scene.cameras[view]
                 distance = float(np.linalg.norm(np.asarray(old.centre) - np.asarray(camera.centre)))
-                change = {"degrees": angle_between(old, camera), "mm": distance if move else 0.0}
-                yield Cause(kind, view, scene.with_camera(view, camera), change)
+                cosine = (np.trace(np.asarray(old.R).T @ np.asarray(camera.R)) - 1.0) / 2.0
+                degrees = float(np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))))
+                change = {"degrees": degrees, "mm": distance if move else 0.0}
+                yield Cause(kind, view, scene.changed(view, camera=camera), change)
+
+
+def _of_images(scene: Scene, view: int, points: Array, mirror: Index | None) -> Iterator[Cause]:
+    """Yield images other than the calibration's: of another size, turned or mirrored."""
+    seen, size = scene.detections[:, view], scene.cameras[view].size
+    factor = _size_factor(scene, view, points)
+    if factor is not None:
+        words = f"of another size (detections fit if multiplied by {factor:.3g})"
+        resized = scene.changed(view, seen=resizer(factor)(seen, size))
+        yield Cause("size", view, resized, {"images": words, "factor": factor})
+    for words, undo in CHANGES.items():
+        yield Cause("images", view, scene.changed(view, seen=undo(seen, size)), {"images": words})
+    if mirror is not None:  # the detector takes the left hand of a mirrored person for the right one
+        upright = scene.changed(view, seen=CHANGES["mirrored"](seen[:, mirror], size))
+        yield Cause("images", view, upright, {"images": "mirrored"})
 
 
 def _counted(scene: Scene, other: Scene, view: int) -> Cause:
@@ -319,8 +245,8 @@ def _counted(scene: Scene, other: Scene, view: int) -> Cause:
 
 def _swapped(scene: Scene, view: int, points: Array, mirror: Index) -> Iterator[Cause]:
     """Left and right swapped in the frames in which the camera fits the points better that way."""
-    sides = mirror != np.arange(len(mirror))
-    exchanged = scene.with_detections(view, scene.detections[:, view, mirror])
+    sides, seen = mirror != np.arange(len(mirror)), scene.detections[:, view]
+    exchanged = scene.changed(view, seen=seen[:, mirror])
     as_given, otherwise = (medians(one.distances(view, points)[:, sides]) for one in (scene, exchanged))
     known = np.isfinite(as_given) & np.isfinite(otherwise)
     share = float((otherwise < as_given)[known].mean()) if known.any() else 0.0
@@ -330,22 +256,18 @@ def _swapped(scene: Scene, view: int, points: Array, mirror: Index) -> Iterator[
     judged = scene.frames[scene.judged][known] + scene.shifts[view]
     middle = (judged[1:] + judged[:-1]) / 2
     swapped = (otherwise < as_given)[known][np.searchsorted(middle, scene.frames)]
-    found = np.where(swapped[:, None, None], exchanged.detections[:, view], scene.detections[:, view])
-    yield Cause("sides_swapped", view, scene.with_detections(view, found), {"share_of_frames": share})
-
-
-def _with_change(scene: Scene, view: int, change: Change) -> Scene:
-    return scene.with_detections(view, change(scene.detections[:, view], scene.cameras[view].size))
+    found = np.where(swapped[:, None, None], seen[:, mirror], seen)
+    yield Cause("sides_swapped", view, scene.changed(view, seen=found), {"share_of_frames": share})
 
 
 def _between_two(scene: Scene, mirror: Index | None) -> Iterator[Cause]:
     """Another frame count of the second of two cameras, or sides swapped in either; two tell nothing else."""
-    tried = (scene.with_shift(1, shift) for shift in _shifts(scene, 1))
+    tried = (scene.changed(1, shift=shift) for shift in _shifts(scene, 1))
     best = min(tried, key=lambda other: other.disagreement, default=scene)
     if best.shifts != scene.shifts:
         yield _counted(scene, best, 1)
     for view in range(2) if mirror is not None else ():
-        swapped = scene.with_detections(view, scene.detections[:, view, mirror])
+        swapped = scene.changed(view, seen=scene.detections[:, view, mirror])
         yield Cause("sides_swapped", view, swapped, {"share_of_frames": 1.0})
 
 
@@ -356,10 +278,11 @@ def _shifts(scene: Scene, view: int) -> list[int]:
     return sorted(range(own - most, own + most + 1), key=lambda shift: (abs(shift - own), shift))
 
 
-def best_shift(scene: Scene, view: int, points: Array) -> int:
+def _best_shift(scene: Scene, view: int, points: Array) -> int:
     """Return the shift of a camera's frames at which its detections fit the points best."""
-    enough = 0.5 * np.isfinite(scene.distances(view, points)).sum()
-    best, least = scene.shifts[view], scene.error(view, points)
+    given = scene.distances(view, points)
+    enough = 0.5 * np.isfinite(given).sum()
+    best, least = scene.shifts[view], median(given)
     for shift in _shifts(scene, view):
         distances = scene.distances(view, points, shift)
         known = distances[np.isfinite(distances)]
@@ -380,17 +303,15 @@ def _size_factor(scene: Scene, view: int, points: Array) -> float | None:
     return factor if factor > 0 and abs(np.log(factor)) > 0.05 else None
 
 
-def resect(scene: Scene, view: int, points: Array, *, move: bool) -> sk.Camera | None:
+def _resect(scene: Scene, view: int, points: Array, *, move: bool) -> sk.Camera | None:
     """Return the camera turned about its centre, and with `move` also moved, to fit its detections.
 
     Gauss–Newton on ideal pixels under a Welsch kernel whose width follows the residuals, so that wrong
     detections do not count. `points` (J, N, 3) are mm. None if too few points are seen, or they lie behind.
     """
-    camera = scene.cameras[view]
-    seen = scene.seen(view)
+    camera, seen = scene.cameras[view], scene.seen(view)
     known = np.isfinite(seen).all(axis=-1) & np.isfinite(points).all(axis=-1)
-    world = points[known]
-    pixels = np.asarray(camera.undistort(seen[known]))
+    world, pixels = points[known], np.asarray(camera.undistort(seen[known]))
     inside = np.isfinite(pixels).all(axis=-1)
     world, pixels = world[inside], pixels[inside]
     R, t = np.asarray(camera.R), np.asarray(camera.t)
@@ -430,15 +351,3 @@ def _step(here: Array, pixels: Array, K: Array, *, move: bool) -> Array:
 def _per_point(entries: list[list[Array]]) -> Array:
     """Matrices (n, …) of entries (n,)."""
     return np.ascontiguousarray(np.moveaxis(np.array(entries), -1, 0))
-
-
-def turn_between(one: sk.Camera, other: sk.Camera) -> Array:
-    """Small rotation from one camera's orientation to another's about the camera's x, y, z axes, radians."""
-    turn = np.asarray(other.R) @ np.asarray(one.R).T
-    return 0.5 * np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])
-
-
-def angle_between(one: sk.Camera, other: sk.Camera) -> float:
-    """Angle of the rotation from one camera's orientation to another's, degrees."""
-    cosine = (np.trace(np.asarray(one.R).T @ np.asarray(other.R)) - 1.0) / 2.0
-    return float(np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))))

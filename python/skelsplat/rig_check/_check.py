@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from hashlib import sha256
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -15,11 +14,10 @@ from skelsplat._words import listed, percent
 from skelsplat.association import checked_people
 from skelsplat.exceptions import InvalidInputError
 from skelsplat.findings import Finding, Subject
-from skelsplat.rig_check._causes import explain, once, once_corrected
+from skelsplat.rig_check._causes import explain, once
 from skelsplat.rig_check._geometry import check_geometry
-from skelsplat.rig_check._people import follow_person, scene_of_everybody
 from skelsplat.rig_check._report import ReadAs, RigReport, rows_of, solved, with_remedies
-from skelsplat.rig_check._scene import Scene, in_mm
+from skelsplat.rig_check._scene import Scene, follow_person, in_mm, scene_of_everybody
 from skelsplat.rig_check._whole import check_unit, correct_files, find_convention
 
 # A camera whose detections are rejected this often, and this many times as often as the others', in so many
@@ -47,7 +45,6 @@ def check_rig(
     *,
     frames: npt.ArrayLike | None = None,
     layout: str | sk.Layout | None = None,
-    min_confidence: float = _MIN_CONFIDENCE,
     read_as: ReadAs | None = None,
 ) -> RigReport:
     """Look for what is wrong with a calibration, alone or with a recording.
@@ -63,20 +60,15 @@ def check_rig(
     ----------
     rig : CameraRig
     people : (T, M, P, N, 3) or (T, M, N, 2 | 3), optional
-        Detections, NaN where nobody or nothing is. Of several people, all count on whom three views agree.
+        Detections, NaN where nobody or nothing is; those of a confidence below 0.3 are not used. Of several
+        people, all count on whom three views agree.
     frames : (T,) int, optional
         Frame numbers, ascending; 0, 1, … when left out.
     layout : str or Layout, optional
         Tells left from right. Give an animal one of its own: otherwise it has to be of a person's size.
-    min_confidence : float
-        Detections below it are not used.
     read_as : ReadAs, optional
         How the detections were read from files, for the remedies; by default from files of the cameras' names
         without offsets.
-
-    Returns
-    -------
-    RigReport
 
     Raises
     ------
@@ -84,39 +76,36 @@ def check_rig(
         If shapes or the layout do not fit, a confidence lies outside [0, 1], or there are fewer than two
         cameras with detections.
     """
-    findings = check_geometry(in_mm(rig))
+    findings = check_geometry(rig)
     if people is None:
         return RigReport(tuple(findings))
     everyone = _checked(people, rig)
-    numbers = _numbers(frames, len(everyone))
+    counts = _numbers(frames, len(everyone))
     shape = sk.layouts.get(layout) if isinstance(layout, str) else layout
     if shape is not None and shape.n_joints != everyone.shape[3]:
         raise InvalidInputError(f"layout: expected one of {everyone.shape[3]} joints, got {shape.n_joints}")
     if everyone.shape[-1] == 3:
-        everyone = np.where(everyone[..., 2:] >= min_confidence, everyone, np.nan)
+        everyone = np.where(everyone[..., 2:] >= _MIN_CONFIDENCE, everyone, np.nan)
     findings += _images(rig, everyone)
     same = same_detections(rig.names, everyone)
     if same:  # what the cameras' places would explain is chance then
         return RigReport((*same, *findings))
-    report = _with_detections(rig, everyone, numbers, shape, findings)
-    return with_remedies(report, ReadAs() if read_as is None else read_as)
+    return with_remedies(_with_detections(rig, everyone, counts, shape, findings), read_as or ReadAs())
 
 
 def _with_detections(
     rig: sk.CameraRig, people: Array, frames: Index, layout: sk.Layout | None, findings: list[Finding]
 ) -> RigReport:
     convention, rig = find_convention(rig, people, layout)
-    unit, cameras, given = _in_likely_unit(rig, people, layout)
-    if not np.isfinite(given).any():
-        nobody = "There are no detections to check the cameras with."
-        return RigReport((*findings, Finding("nobody_detected", "error", sentence=nobody)))
-    as_given = scene_of_everybody(cameras, people, frames, layout)
-    files = correct_files(cameras, people, layout)
-    earlier = list(files.findings)
-    scene = as_given
+    unit, cameras, person = _in_likely_unit(rig, in_mm(rig), people, layout)
+    if not np.isfinite(person).any():
+        sentence = "There are no detections to check the cameras with."
+        return RigReport((*findings, Finding("nobody_detected", "error", sentence=sentence)))
+    as_given = scene = scene_of_everybody(cameras, people, frames, layout)
+    earlier, right = correct_files(cameras, people, layout)
     if earlier:
-        unit, cameras, _ = _in_likely_unit(rig, files.people, layout, cameras)
-        scene = scene_of_everybody(cameras, files.people, frames, layout)
+        unit, cameras, _ = _in_likely_unit(rig, cameras, right, layout)
+        scene = scene_of_everybody(cameras, right, frames, layout)
     if any(finding.kind == "images_changed" for finding in earlier):
         findings = [finding for finding in findings if finding.kind != "detections_outside"]
     causes, corrected = explain(scene, earlier, layout)
@@ -133,13 +122,12 @@ def _with_detections(
 
 
 def _in_likely_unit(
-    rig: sk.CameraRig, people: Array, layout: sk.Layout | None, cameras: Sequence[sk.Camera] = ()
+    rig: sk.CameraRig, cameras: Sequence[sk.Camera], people: Array, layout: sk.Layout | None
 ) -> tuple[Finding | None, tuple[sk.Camera, ...], Array]:
     """Return the finding on the unit, the cameras in mm by the likely one, and the person it is judged by."""
-    person = follow_person(cameras or in_mm(rig), people, layout)[..., :2]
+    person = follow_person(cameras, people, layout)[..., :2]
     unit, likely = check_unit(rig, person, layout)
-    cameras = in_mm(sk.CameraRig(list(rig), unit=likely))
-    return unit, cameras, person
+    return unit, in_mm(sk.CameraRig(list(rig), unit=likely)), person
 
 
 def _checked(people: npt.ArrayLike, rig: sk.CameraRig) -> Array:
@@ -157,28 +145,21 @@ def _numbers(frames: npt.ArrayLike | None, count: int) -> Index:
     return counts
 
 
-def _images(rig: sk.CameraRig, people: Array) -> list[Finding]:
-    """Cameras with detections outside their images, or with none at all."""
-    findings = []
-    for i, (name, camera) in enumerate(zip(rig.names, rig, strict=True)):
-        subject, (width, height) = Subject(cameras=(name,)), camera.size
+def _images(rig: sk.CameraRig, people: Array) -> Iterator[Finding]:
+    """Find cameras with detections outside their images, or with none at all."""
+    for i, name in enumerate(rig.names):
+        subject, (width, height) = Subject((name,)), rig[i].size
         seen = people[:, i, ..., :2]
         seen = seen[np.isfinite(seen).all(axis=-1)]
         if not len(seen):
-            blind = Finding("nobody_detected", subject=subject, sentence=f"{name} has no detections.")
-            findings.append(blind)
+            yield Finding("nobody_detected", subject=subject, sentence=f"{name} has no detections.")
             continue
         outside = float(((seen < -0.5) | (seen > [width - 0.5, height - 0.5])).any(axis=-1).mean())
         if outside > _OUTSIDE:
-            numbers = {"outside": outside, "width": width, "height": height}
-            sentence = (
-                f"{name}: {outside:.0%} of the detections lie outside its image of {width} by {height} "
-            )
-            sentence += "px. Are they from images of this size, not rotated, x before y?"
-            findings.append(
-                Finding("detections_outside", subject=subject, numbers=numbers, sentence=sentence)
-            )
-    return findings
+            share = {"outside": outside, "width": width, "height": height}
+            sentence = f"{name}: {outside:.0%} of the detections lie outside its image of {width} by "
+            sentence += f"{height} px. Are they from images of this size, not rotated, x before y?"
+            yield Finding("detections_outside", subject=subject, numbers=share, sentence=sentence)
 
 
 def same_detections(names: Sequence[str], people: Array) -> list[Finding]:
@@ -187,17 +168,12 @@ def same_detections(names: Sequence[str], people: Array) -> list[Finding]:
     for name, view in zip(names, np.moveaxis(people[..., :2], 1, 0), strict=True):
         if np.isfinite(view).sum() >= _COPIED:
             alike.setdefault(sha256(view.tobytes()).digest(), []).append(name)
-    found = [tuple(cameras) for cameras in alike.values() if len(cameras) > 1]
-    return [
-        Finding(
-            "detections_same",
-            "error",
-            Subject(cameras=cameras),
-            sentence=f"{', '.join(cameras)} have the same detections to the last digit, so they are those of "
-            "one camera. Was a folder or a file copied or linked?",
-        )
-        for cameras in found
-    ]
+    found = []
+    for cameras in (tuple(cameras) for cameras in alike.values() if len(cameras) > 1):
+        sentence = f"{', '.join(cameras)} have the same detections to the last digit, so they are those of "
+        sentence += "one camera. Was a folder or a file copied or linked?"
+        found.append(Finding("detections_same", "error", Subject(cameras), sentence=sentence))
+    return found
 
 
 def find_swapped(names: Sequence[str], result: sk.Refinement, layout: sk.Layout | None) -> list[Finding]:
@@ -213,63 +189,47 @@ def find_swapped(names: Sequence[str], result: sk.Refinement, layout: sk.Layout 
     used = np.isfinite(weights).sum(axis=2)
     swapped = (np.asarray(result.swapped)[..., sides] & (weights >= sk.REJECTED_WEIGHT)).sum(axis=2)
     frames = ((used > 0) & (2 * swapped >= used)).sum(axis=0).tolist()
-    return [
-        Finding(
-            "sides_swapped",
-            "warning",
-            Subject(cameras=(name,)),
-            {"share_of_frames": count / of},
-            sentence=f"{name}: left and right are swapped in {count / of:.0%} of its frames, compared with "
-            "the other cameras. Refining swaps these detections back. Does the detector confuse the sides "
-            "here?",
-        )
-        for name, count, of in zip(names, frames, (used > 0).sum(axis=0).tolist(), strict=True)
-        if count >= max(_SWAPPED_FRAMES, _SWAPPED_SHARE * of)
-    ]
+    found = []
+    for name, count, of in zip(names, frames, (used > 0).sum(axis=0).tolist(), strict=True):
+        if count >= max(_SWAPPED_FRAMES, _SWAPPED_SHARE * of):
+            sentence = f"{name}: left and right are swapped in {count / of:.0%} of its frames, compared with "
+            sentence += "the other cameras. Refining swaps these detections back. Does the detector confuse "
+            sentence += "the sides here?"
+            share = {"share_of_frames": count / of}
+            found.append(Finding("sides_swapped", "warning", Subject((name,)), share, sentence=sentence))
+    return found
 
 
-def _left_over(scene: Scene, result: sk.Refinement, earlier: list[Finding]) -> list[Finding]:
-    """Cameras that still disagree when everything that was found is corrected."""
-    names = scene.names
+def _left_over(scene: Scene, result: sk.Refinement, earlier: list[Finding]) -> Iterator[Finding]:
+    """Name cameras that still disagree when everything that was found is corrected."""
     if scene.views == 2:
-        return _two(scene, names)
+        yield from _two(scene)
+        return
     weights = [view[np.isfinite(view)] for view in np.moveaxis(np.asarray(result.view_weights), 1, 0)]
     shares = np.array([(view < sk.REJECTED_WEIGHT).mean() if view.size else np.nan for view in weights])
-    findings = []
-    for i, name in enumerate(names):
-        rejected = np.delete(shares, i)
-        usual = float(np.mean(rejected[np.isfinite(rejected)])) if np.isfinite(rejected).any() else 1.0
+    for i, name in enumerate(scene.names):
+        others = np.delete(shares, i)
+        usual = float(np.mean(others[np.isfinite(others)])) if np.isfinite(others).any() else 1.0
         frames = np.isfinite(scene.seen(i)).any(axis=(1, 2)).sum()
         if frames >= _LEAST_FRAMES and shares[i] >= max(_REJECTED, _RATIO * usual):
-            error = float(scene.left_out[i])
-            numbers: dict[str, Any] = {"rejected": float(shares[i]), "others": usual, "px": error}
-            numbers |= once_corrected(earlier, name)
-            findings.append(
-                Finding(
-                    "camera_disagrees",
-                    subject=Subject(cameras=(name,)),
-                    numbers=numbers,
-                    sentence=f"{name} disagrees with the other cameras, and no tested cause explains it: "
-                    f"{percent(shares[i])} of its detections are rejected, {percent(usual)} of theirs, and "
-                    f"they lie {error:.0f} px from where the others place them{once(numbers)}. Rotating or "
-                    "moving it does not restore agreement. Check that its file belongs to this recording, "
-                    "shows the same person and stays synchronised, and that lens and focal length are those "
-                    "calibrated.",
-                )
-            )
-    return findings
+            rejected, error = float(shares[i]), float(scene.left_out[i])
+            numbers = {"rejected": rejected, "others": usual, "px": error}
+            sentence = f"{name} disagrees with the other cameras, and no tested cause explains it: "
+            sentence += f"{percent(rejected)} of its detections are rejected, {percent(usual)} of theirs, "
+            sentence += f"and they lie {error:.0f} px from where the others place them{once(earlier)}. Check "
+            sentence += "that its file belongs to this recording, shows the same person and stays "
+            sentence += "synchronised, and that lens and focal length are those calibrated."
+            yield Finding("camera_disagrees", subject=Subject((name,)), numbers=numbers, sentence=sentence)
 
 
-def _two(scene: Scene, names: list[str]) -> list[Finding]:
-    error = median(np.array([row.dlt_px for row in rows_of(scene, scene)]))
-    if not error > scene.gross_px / 2 or len(scene.judged) < _LEAST_FRAMES:
-        return []
-    sentence = (
-        f"{listed(names)} disagree: every 3D point is at least {error:.1f} px from their detections. With "
-    )
-    sentence += "two cameras, it is impossible to tell which is wrong, and whether calibration or timing is."
-    subject = Subject(cameras=tuple(names))
-    return [Finding("camera_disagrees", subject=subject, numbers={"px": error}, sentence=sentence)]
+def _two(scene: Scene) -> Iterator[Finding]:
+    error = median(scene.left_out)
+    if error > scene.gross_px / 2 and len(scene.judged) >= _LEAST_FRAMES:
+        sentence = f"{listed(scene.names)} disagree: every 3D point is at least {error:.1f} px from their "
+        sentence += "detections. With two cameras, it is impossible to tell which is wrong, and whether "
+        sentence += "calibration or timing is."
+        subject = Subject(tuple(scene.names))
+        yield Finding("camera_disagrees", subject=subject, numbers={"px": error}, sentence=sentence)
 
 
 def _check_recording(causes: Sequence[Finding], corrected: Scene) -> Finding | None:
@@ -278,27 +238,21 @@ def _check_recording(causes: Sequence[Finding], corrected: Scene) -> Finding | N
     Counted are cameras that only agree when far turned or moved, and those that agree with nothing even in
     the scene in which all that was found is corrected.
     """
+    names = corrected.names
     if corrected.views < 3 or len(corrected.judged) < _LEAST_FRAMES:
         return None
-    names = corrected.names
-    moved = {name for finding in causes if _is_far(finding) for name in finding.subject.cameras}
+    far = [
+        one
+        for one in causes
+        if one.kind == "camera_moved" and (one.numbers["degrees"] >= _FAR_DEG or one.numbers["mm"] >= _FAR_MM)
+    ]
+    moved = {name for one in far for name in one.subject.cameras}
     limits = _FAR_OFF * np.array([np.hypot(*camera.size) for camera in corrected.cameras])
-    lost = {name for name, far in zip(names, corrected.left_out > limits, strict=True) if far}
-    wrong = tuple(name for name in names if name in moved | lost)
+    lost = corrected.left_out > limits
+    wrong = tuple(name for name, off in zip(names, lost, strict=True) if off or name in moved)
     if 2 * len(wrong) < len(names):
         return None
-    return Finding(
-        "recording_other",
-        "error",
-        Subject(cameras=wrong),
-        {"of": len(names)},
-        sentence="Calibration and detections probably do not belong together (another recording, another "
-        f"rig, or cameras that were moved): {len(wrong)} of {len(names)} cameras ({', '.join(wrong)}) are "
-        "not where the calibration places them. It is impossible to tell which cameras are right.",
-    )
-
-
-def _is_far(finding: Finding) -> bool:
-    if finding.kind != "camera_moved":
-        return False
-    return bool(finding.numbers["degrees"] >= _FAR_DEG or finding.numbers["mm"] >= _FAR_MM)
+    sentence = "Calibration and detections probably do not belong together (another recording, another rig, "
+    sentence += f"or cameras that were moved): {len(wrong)} of {len(names)} cameras ({', '.join(wrong)}) are "
+    sentence += "not where the calibration places them. It is impossible to tell which cameras are right."
+    return Finding("recording_other", "error", Subject(wrong), {"of": len(names)}, sentence=sentence)

@@ -25,7 +25,7 @@ _OF_FILES_IF_ERRORS = ("sides_swapped", "nobody_detected")
 
 @dataclass(frozen=True)
 class CameraRow:
-    """Agreement of one camera with the others, as the files have it. Pixels of the original image.
+    """Agreement of one camera with the others, as the files have it: medians, pixels of the original image.
 
     Attributes
     ----------
@@ -33,16 +33,16 @@ class CameraRow:
     used : int
         Detections of the person.
     dlt_px, robust_px : float
-        Median reprojection error of plain triangulation and of the robust solver from all cameras.
+        Reprojection error of plain triangulation and of the robust solver from all cameras.
     weight, rejected : float
         Mean weight of its detections in the robust solver, 0 to 1, and the share that is rejected.
     left_out_px : float
-        Median distance from where the *other* cameras place the joints; NaN with two cameras.
+        Distance from where the *other* cameras place the joints; NaN with two cameras.
     best_offset : int
         By how many frames the camera's numbers are too high: its frame f + best_offset is frame f of the
         others. 0 without a finding of such an offset.
     best_offset_px : float
-        The median distance from where the others place the joints when all that was found is corrected.
+        The same distance when all that was found is corrected.
     offset_option : float or None
         Value of the setting ``offsets`` that corrects it, with that with which the detections were read; None
         without a finding.
@@ -58,6 +58,30 @@ class CameraRow:
     best_offset: int
     best_offset_px: float
     offset_option: float | None = None
+
+
+@dataclass(frozen=True)
+class ReadAs:
+    """How the detections were read from files, which their remedies depend on.
+
+    Attributes
+    ----------
+    labels : tuple of str or None
+        The folder, file or place in the file of each camera, as the setting ``order`` takes it.
+    offsets : mapping of str to float
+        By camera, frames that were added to its numbers.
+    uneven : bool
+        Cameras have different frames in the files.
+    """
+
+    labels: tuple[str | None, ...] = ()
+    offsets: Mapping[str, float] = field(default_factory=dict)
+    uneven: bool = False
+
+    def offset_remedy(self, camera: str, offset: float) -> tuple[Remedy, ...]:
+        """Return what corrects the clock of a camera: its offset, and the frames that all then have."""
+        frames = (Remedy("frames", "intersection"),) if self.uneven else ()
+        return (Remedy("offset", f"{camera}={offset}"), *frames)
 
 
 @dataclass(frozen=True)
@@ -100,90 +124,61 @@ def rows_of(scene: Scene, corrected: Scene) -> list[CameraRow]:
     detections, rig, result = scene.judged_detections, list(scene.cameras), solved(scene)
     plain = np.asarray(sk.triangulate(detections, rig, method="dlt"))
     rows = []
-    for i, camera in enumerate(rig):
+    for i, name in enumerate(scene.names):
         there = np.isfinite(detections[:, i, :, 0])
         weight = result.view_weights[:, i][there]
         weight = weight[np.isfinite(weight)]
-        rows.append(
-            CameraRow(
-                name=str(camera.name),
-                used=int(there.sum()),
-                dlt_px=median(scene.distances(i, plain)),
-                robust_px=median(np.asarray(result.reprojection_error)[:, i]),
-                weight=float(weight.mean()) if weight.size else float("nan"),
-                rejected=float((weight < sk.REJECTED_WEIGHT).mean()) if weight.size else float("nan"),
-                left_out_px=float(scene.left_out[i]) if scene.views > 2 else float("nan"),
-                best_offset=corrected.shifts[i],
-                best_offset_px=float(corrected.left_out[i]),
-            )
+        row = CameraRow(
+            name=name,
+            used=int(there.sum()),
+            dlt_px=median(scene.distances(i, plain)),
+            robust_px=median(np.asarray(result.reprojection_error)[:, i]),
+            weight=float(weight.mean()) if weight.size else float("nan"),
+            rejected=float((weight < sk.REJECTED_WEIGHT).mean()) if weight.size else float("nan"),
+            left_out_px=float(scene.left_out[i]) if scene.views > 2 else float("nan"),
+            best_offset=corrected.shifts[i],
+            best_offset_px=float(corrected.left_out[i]),
         )
+        rows.append(row)
     return rows
-
-
-@dataclass(frozen=True)
-class ReadAs:
-    """How the detections were read from files, which their remedies depend on.
-
-    Attributes
-    ----------
-    labels : tuple of str or None
-        The folder, file or place in the file of each camera, as the setting ``order`` takes it.
-    offsets : mapping of str to float
-        By camera, frames that were added to its numbers.
-    uneven : bool
-        Cameras have different frames in the files.
-    """
-
-    labels: tuple[str | None, ...] = ()
-    offsets: Mapping[str, float] = field(default_factory=dict)
-    uneven: bool = False
 
 
 def with_remedies(report: RigReport, read_as: ReadAs) -> RigReport:
     """Return the report with remedies for exchanged and misplaced cameras and frame offsets."""
-    owners: Mapping[str, str] = {}
-    for finding in report.findings:
-        if finding.kind == "cameras_exchanged":
-            owners = finding.numbers["folders"]
-
-    def given(camera: str) -> float:
-        """Return the offset with which the detections that belong to a camera were read."""
-        return read_as.offsets.get(owners.get(camera, camera), 0)
-
-    rows = tuple(
-        replace(row, offset_option=rounded(given(row.name) - row.best_offset) if row.best_offset else None)
-        for row in report.cameras
-    )
-    options = {row.name: row.offset_option for row in rows if row.offset_option is not None}
+    exchanged = [one.numbers["folders"] for one in report.findings if one.kind == "cameras_exchanged"]
+    owners: Mapping[str, str] = exchanged[-1] if exchanged else {}
+    # the offsets with which the detections that belong to a camera were read
+    given = {row.name: read_as.offsets.get(owners.get(row.name, row.name), 0) for row in report.cameras}
+    options = {
+        row.name: rounded(given[row.name] - row.best_offset) for row in report.cameras if row.best_offset
+    }
     findings = []
     for finding in report.findings:
-        remedy: list[Remedy] = []
+        remedy: tuple[Remedy, ...] = ()
         if finding.kind == "cameras_exchanged":
-            moved = {name: rounded(given(name)) for name in finding.subject.cameras if name not in options}
-            remedy = _order(finding, rows, read_as, moved)
+            names = finding.subject.cameras
+            moved = {name: rounded(given[name]) for name in names if name not in options}
+            remedy = _order(list(owners.values()), list(owners), read_as, moved)
         elif finding.kind == "frame_offset":
             (name,) = finding.subject.cameras
-            remedy = [Remedy("offset", f"{name}={options[name]}")]
-            remedy += [Remedy("frames", "intersection")] if read_as.uneven else []
+            remedy = read_as.offset_remedy(name, options[name])
         elif finding.kind == "camera_moved" and report.misplaced:
-            remedy = [Remedy("adjust_cameras")]
-        findings.append(replace(finding, remedy=tuple(remedy)))
-    return replace(report, findings=tuple(findings), cameras=rows)
+            remedy = (Remedy("adjust_cameras"),)
+        findings.append(replace(finding, remedy=remedy))
+    rows = (replace(row, offset_option=options.get(row.name)) for row in report.cameras)
+    return RigReport(tuple(findings), tuple(rows))
 
 
 def _order(
-    finding: Finding, rows: tuple[CameraRow, ...], read_as: ReadAs, moved: Mapping[str, float]
-) -> list[Remedy]:
+    owners: list[str], cameras: list[str], read_as: ReadAs, moved: Mapping[str, float]
+) -> tuple[Remedy, ...]:
     """Return the order of the labels that belong to the cameras, and the offsets that move with them."""
     if not read_as.labels:
-        return []
-    label = dict(zip((row.name for row in rows), read_as.labels, strict=True))
-    labels = [label[owner] or "" for owner in finding.numbers["folders"].values()]
+        return ()
+    label = dict(zip(cameras, read_as.labels, strict=True))
+    labels = [label[owner] or "" for owner in owners]
     if any(text != text.strip() or not text or "," in text for text in labels):
-        return []  # the option has no way to write it
-    offsets = [
-        Remedy("offset", f"{name}={frames}")
-        for name, frames in moved.items()
-        if frames != read_as.offsets.get(name, 0)
-    ]
-    return [Remedy("order", ",".join(labels)), *offsets]
+        return ()  # the option has no way to write it
+    changed = {name: frames for name, frames in moved.items() if frames != read_as.offsets.get(name, 0)}
+    offsets = (Remedy("offset", f"{name}={frames}") for name, frames in changed.items())
+    return (Remedy("order", ",".join(labels)), *offsets)

@@ -1,16 +1,16 @@
-"""Cameras and the detections of the person by whom they are judged, and how well the cameras agree."""
+"""Cameras, the people by whose detections they are judged, and how well the cameras agree."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
 import skelsplat as sk
 from skelsplat._arrays import Array, Index, median
+from skelsplat.association import choose_person, extents, separate_people, take_people
 from skelsplat.cameras import altered
 
 # frames that are judged, spread over the recording; more tell nothing new
@@ -20,6 +20,14 @@ _FEW_FRAMES = 30
 # Share of the diagonal (20 px of 1200 by 1200) that poor detections are off; cameras that miss each other by
 # more are worth a search.
 POOR = 0.012
+# A camera in which the chosen person is found in fewer frames is judged by whoever is there.
+_LOST = 0.2
+# Two cameras do not tell which of them is wrong, and whom only two see may be a chance meeting of rays.
+_THREE = 3
+# Someone seen in fewer frames tells nothing.
+_LEAST_FRAMES = 12
+# Empty frames between people: more than clocks are compared by.
+_GAP = 40
 
 
 @dataclass(frozen=True)
@@ -35,6 +43,11 @@ class Scene:
     def views(self) -> int:
         """Number of cameras M."""
         return len(self.cameras)
+
+    @property
+    def names(self) -> list[str]:
+        """Names of the cameras."""
+        return [str(camera.name) for camera in self.cameras]
 
     @cached_property
     def judged(self) -> Index:
@@ -61,51 +74,33 @@ class Scene:
     def points_without(self, view: int) -> Array:
         """Triangulate the judged frames robustly without one camera, (J, N, 3) mm; NaN where unknown."""
         if view not in self._points:
-            self._points[view] = self._triangulated_without(view)
+            others = [i for i in range(self.views) if i != view]
+            cameras = [self.cameras[i] for i in others]
+            self._points[view] = np.asarray(sk.triangulate(self.judged_detections[:, others], cameras))
         return self._points[view]
 
-    def _triangulated_without(self, view: int) -> Array:
-        others = [i for i in range(self.views) if i != view]
-        cameras = [self.cameras[i] for i in others]
-        return np.asarray(sk.triangulate(self.judged_detections[:, others], cameras))
-
     @cached_property
-    def residuals(self) -> Array:
-        """Distances in px of each camera's detections from where the others place the joints, (M, J, N).
+    def _between(self) -> Array:
+        """Points between all cameras, by plain triangulation, (J, N, 3) mm."""
+        return np.asarray(sk.triangulate(self.judged_detections, self.cameras, method="dlt"))
+
+    def residuals(self, view: int) -> Array:
+        """Distances in px of a camera's detections from where the others place the joints, (J, N).
 
         One other camera does not say where a joint is: two are compared with the points between them.
         """
-        if self.views == 2:
-            points = np.asarray(sk.triangulate(self.judged_detections, self.cameras, method="dlt"))
-            return np.stack([self.distances(view, points) for view in range(2)])
-        return np.stack([self.residuals_of(view) for view in range(self.views)])
-
-    def residuals_of(self, view: int) -> Array:
-        """Return one camera's `residuals` (J, N), without computing those of the others."""
-        return self.residuals[view] if self.views == 2 else self.distances(view, self.points_without(view))
+        return self.distances(view, self._between if self.views == 2 else self.points_without(view))
 
     @cached_property
     def left_out(self) -> Array:
         """Medians of `residuals`, (M,) px."""
-        return np.array([median(distances) for distances in self.residuals])
-
-    def left_out_halves(self, view: int) -> tuple[float, float]:
-        """Medians of one camera's `residuals` in the first and the second half of the recording, px."""
-        middle, own = (len(self.judged) + 1) // 2, self.residuals_of(view)
-        return median(own[:middle]), median(own[middle:])
+        return np.array([median(self.residuals(view)) for view in range(self.views)])
 
     @cached_property
     def disagreement(self) -> float:
-        """Mean of `left_out` over the cameras that have anything in common with the others, px.
-
-        Infinite if none has.
-        """
+        """Mean of `left_out` over the cameras that have anything in common with others, px, or ∞."""
         known = self.left_out[np.isfinite(self.left_out)]
         return float(known.mean()) if known.size else float("inf")
-
-    def error(self, view: int, points: Array, shift: int | None = None) -> float:
-        """Median distance of a camera's detections from projected points, px; NaN without any in common."""
-        return median(self.distances(view, points, shift))
 
     def distances(self, view: int, points: Array, shift: int | None = None) -> Array:
         """Distances (J, N) of a camera's detections from projected points (J, N, 3), px."""
@@ -125,43 +120,33 @@ class Scene:
         """Whether the cameras disagree by more than poor detections do."""
         return bool(self.disagreement > self.gross_px)
 
-    @property
-    def names(self) -> list[str]:
-        """Names of the cameras."""
-        return named(self.cameras)
-
-    def with_camera(self, view: int, camera: sk.Camera) -> Scene:
-        """Return the scene with one camera exchanged for another calibration of it."""
-        cameras = list(self.cameras)
-        cameras[view] = camera
-        return self._changed(view, cameras=tuple(cameras))
-
-    def with_detections(self, view: int, detections: Array) -> Scene:
-        """Return the scene with one camera's detections (T, N, 2) exchanged."""
-        changed = self.detections.copy()
-        changed[:, view] = detections
-        return self._changed(view, detections=changed)
-
-    def with_shift(self, view: int, shift: int) -> Scene:
-        """Return the scene with one camera's frames counted differently."""
-        shifts = list(self.shifts)
-        shifts[view] = shift
-        return self._changed(view, shifts=tuple(shifts))
-
-    def _changed(self, view: int, **changes: Any) -> Scene:
-        """Return the scene with a change of one camera, without which the points stay what they are."""
-        scene = replace(self, **changes)
-        if view in self._points:
+    def changed(
+        self,
+        view: int,
+        *,
+        camera: sk.Camera | None = None,
+        seen: Array | None = None,
+        shift: int | None = None,
+    ) -> Scene:
+        """Return the scene with one camera, its detections (T, N, 2) or its count of frames exchanged."""
+        cameras, detections, shifts = list(self.cameras), self.detections, list(self.shifts)
+        if camera is not None:
+            cameras[view] = camera
+        if seen is not None:
+            detections = detections.copy()
+            detections[:, view] = seen
+        if shift is not None:
+            shifts[view] = shift
+        scene = Scene(tuple(cameras), detections, self.frames, tuple(shifts))
+        if view in self._points:  # without this camera the points stay what they are
             scene._points[view] = self._points[view]
         return scene
 
 
 def in_mm(rig: sk.CameraRig) -> tuple[sk.Camera, ...]:
     """Cameras of a rig with lengths in mm, and with names."""
-    return tuple(
-        altered(camera, t=np.asarray(camera.t) * rig.mm_per_unit, name=name)
-        for camera, name in zip(rig, rig.names, strict=True)
-    )
+    named = zip(rig, rig.names, strict=True)
+    return tuple(altered(one, t=np.asarray(one.t) * rig.mm_per_unit, name=name) for one, name in named)
 
 
 def scene_of(cameras: Sequence[sk.Camera], detections: Array, frames: Index) -> Scene:
@@ -169,11 +154,76 @@ def scene_of(cameras: Sequence[sk.Camera], detections: Array, frames: Index) -> 
     return Scene(tuple(cameras), detections, frames, (0,) * len(cameras))
 
 
-def named(cameras: Sequence[sk.Camera]) -> list[str]:
-    """Names of cameras; their number where one has none."""
-    return [camera.name if camera.name is not None else str(i) for i, camera in enumerate(cameras)]
-
-
 def some_frames(count: int, most: int = _FEW_FRAMES) -> Index:
     """Places of a few frames, spread over the recording."""
     return np.unique(np.linspace(0, count - 1, min(most, count)).round().astype(np.int64))
+
+
+def judge(cameras: Sequence[sk.Camera], people: Array, layout: sk.Layout | None) -> Scene:
+    """Return the scene of the person that is followed."""
+    return scene_of(cameras, follow_person(cameras, people, layout)[..., :2], np.arange(len(people)))
+
+
+def follow_person(cameras: Sequence[sk.Camera], people: Array, layout: sk.Layout | None) -> Array:
+    """Return one person's detections (T, M, N, 2 | 3), also in a view that no other view agrees with.
+
+    A camera in which the person is almost never found, although people are there, may be wrong; the largest
+    person of each of its images then stands in.
+    """
+    if people.shape[2] == 1 or len(cameras) < 2:
+        return people[:, :, 0]
+    chosen, index = choose_person(people, cameras, layout=layout)
+    largest = take_people(people, extents(people).argmax(axis=2))
+    return np.where(_is_lost(people, index)[None, :, None, None], largest, chosen)
+
+
+def _is_lost(people: Array, index: Index) -> Array:
+    """Return the cameras (M,) that see people, but hardly ever this one."""
+    there = np.isfinite(people[..., 0]).any(axis=(2, 3))
+    lost: Array = (index >= 0).sum(axis=0) / np.maximum(there.sum(axis=0), 1) < _LOST
+    return lost
+
+
+def several(cameras: Sequence[sk.Camera], people: Array) -> bool:
+    """Whether there are several people (T, M, P, N, 2 | 3) to be told apart, by more than two cameras."""
+    return people.shape[2] > 1 and len(cameras) >= _THREE
+
+
+def everybody(
+    cameras: Sequence[sk.Camera], people: Array, layout: sk.Layout | None
+) -> tuple[tuple[Array, ...], bool]:
+    """Return the detections (T, M, N, 2 | 3) of everybody the views agree on, of `choose_person`'s first.
+
+    The others count in frames in which three views or more see them. Also whether a camera sees people, but
+    hardly ever the first of them.
+    """
+    index, _ = separate_people(people, cameras, layout=layout)
+    sure = np.where((index >= 0).sum(axis=2, keepdims=True) >= _THREE, index, -1)
+    often = [one for one in sure[1:] if (one >= 0).any(axis=1).sum() >= _LEAST_FRAMES]
+    found = tuple(take_people(people, one) for one in (index[0], *often))
+    return found, bool(_is_lost(people, index[0]).any())
+
+
+def followed(cameras: Sequence[sk.Camera], people: Array, layout: sk.Layout | None) -> tuple[Array, ...]:
+    """Return `everybody`; only `follow_person` if a camera, maybe a wrong one, hardly sees the first."""
+    if several(cameras, people):
+        found, lost = everybody(cameras, people, layout)
+        if not lost:
+            return found
+    return (follow_person(cameras, people, layout),)
+
+
+def one_after_another(everyone: Sequence[Array]) -> Array:
+    """Return the detections of several people as those of one recording, with empty frames between."""
+    none = np.full((_GAP, *everyone[0].shape[1:]), np.nan)
+    return np.concatenate([part for one in everyone for part in (none, one)][1:])
+
+
+def scene_of_everybody(
+    cameras: Sequence[sk.Camera], people: Array, frames: Index, layout: sk.Layout | None
+) -> Scene:
+    """Return the scene of everybody who is `followed`, one after another."""
+    everyone = followed(cameras, people, layout)
+    span = int(frames[-1] - frames[0]) + _GAP
+    numbers = np.concatenate([frames + k * span for k in range(len(everyone))])
+    return scene_of(cameras, np.concatenate(everyone)[..., :2], numbers)

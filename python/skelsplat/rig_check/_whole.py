@@ -15,22 +15,21 @@ Images other than the calibration's are resized, turned, mirrored, or have x and
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import combinations, permutations
+from typing import Any
 
 import numpy as np
 
 import skelsplat as sk
 from skelsplat._arrays import Array, median
 from skelsplat._skelsplat import implausible_extent
-from skelsplat._words import capitalised, listed, metric, px
+from skelsplat._words import capitalised, metric, px
 from skelsplat.cameras import MM_PER_UNIT, altered
 from skelsplat.findings import Finding, Subject
-from skelsplat.rig_check._people import judge
-from skelsplat.rig_check._scene import Scene, in_mm, named, some_frames
+from skelsplat.rig_check._scene import Scene, in_mm, judge, some_frames
 
 Change = Callable[[Array, tuple[int, int]], Array]
-Pose = tuple[Array, Array]
 
 # What is right leaves less than this part of the disagreement.
 _BETTER = 0.35
@@ -55,19 +54,14 @@ _TYPICAL_MM = 1300.0
 _SHARE = 80.0
 _LEAST_JOINTS = 8
 
-
-def _inverse(R: Array, t: Array) -> Pose:
-    return R.T, -R.T @ t
-
-
-def _axes(R: Array, t: Array) -> Pose:
-    return _AXES @ R, _AXES @ t
-
-
-_CONVENTIONS: dict[str, Callable[[Array, Array], Pose]] = {
-    "camera → world instead of world → camera": _inverse,
-    "with y up and z backward (OpenGL, Blender) instead of y down and z forward": _axes,
-    "camera → world with y up and z backward (OpenGL, Blender)": lambda R, t: _axes(*_inverse(R, t)),
+_CONVENTIONS: dict[str, Callable[[Array, Array], tuple[Array, Array]]] = {
+    "camera → world instead of world → camera": lambda R, t: (R.T, -R.T @ t),
+    "with y up and z backward (OpenGL, Blender) instead of y down and z forward": (
+        lambda R, t: (_AXES @ R, _AXES @ t)
+    ),
+    "camera → world with y up and z backward (OpenGL, Blender)": (
+        lambda R, t: (_AXES @ R.T, _AXES @ (-R.T @ t))
+    ),
 }
 
 
@@ -83,25 +77,20 @@ def find_convention(
     before = judge(in_mm(rig), some, layout)
     if not before.is_gross:
         return None, rig
-    rigs = {words: _changed(rig, change) for words, change in _CONVENTIONS.items()}
-    tried = {words: judge(in_mm(other), some, layout) for words, other in rigs.items()}
-    words = min(tried, key=lambda name: tried[name].disagreement)
-    given, after = before.disagreement, tried[words].disagreement
-    if tried[words].is_gross or not after <= _BETTER * given:
+    tried = []
+    for words, change in _CONVENTIONS.items():
+        poses = [change(np.asarray(camera.R), np.asarray(camera.t)) for camera in rig]
+        made = [altered(camera, R=R, t=t) for camera, (R, t) in zip(rig, poses, strict=True)]
+        other = sk.CameraRig(made, unit=rig.unit)
+        tried.append((judge(in_mm(other), some, layout), words, other))
+    right, words, other = min(tried, key=lambda one: one[0].disagreement)
+    given, after = before.disagreement, right.disagreement
+    if right.is_gross or not after <= _BETTER * given:
         return None, rig
-    return Finding(
-        "pose_convention",
-        "error",
-        numbers={"convention": words, "before_px": given, "after_px": after},
-        sentence=f"The poses of all cameras appear to be {words}: read that way, the cameras agree to "
-        f"{after:.1f} px instead of {given:.0f} px. Convert the calibration before using it.",
-    ), rigs[words]
-
-
-def _changed(rig: sk.CameraRig, change: Callable[[Array, Array], Pose]) -> sk.CameraRig:
-    poses = [change(np.asarray(camera.R), np.asarray(camera.t)) for camera in rig]
-    made = [altered(camera, R=R, t=t) for camera, (R, t) in zip(rig, poses, strict=True)]
-    return sk.CameraRig(made, unit=rig.unit)
+    sentence = f"The poses of all cameras appear to be {words}: read that way, the cameras agree to "
+    sentence += f"{after:.1f} px instead of {given:.0f} px. Convert the calibration before using it."
+    numbers = {"convention": words, "before_px": given, "after_px": after}
+    return Finding("pose_convention", "error", numbers=numbers, sentence=sentence), other
 
 
 def check_unit(rig: sk.CameraRig, detections: Array, layout: sk.Layout | None) -> tuple[Finding | None, str]:
@@ -153,6 +142,11 @@ def _arranged(axes: tuple[int, int], flipped: tuple[bool, bool]) -> Change:
     return change
 
 
+def resizer(factor: float) -> Change:
+    """Return the change that undoes resizing by 1 / factor; integers are pixel centres."""
+    return lambda points, size: (points + 0.5) * factor - 0.5  # noqa: ARG005
+
+
 # what the images are → how the detections become those of the calibration's images
 CHANGES: dict[str, Change] = {
     "upside down": _arranged((0, 1), (True, True)),
@@ -160,81 +154,64 @@ CHANGES: dict[str, Change] = {
     "turned clockwise by a quarter": _arranged((1, 0), (False, True)),
     "turned anticlockwise by a quarter": _arranged((1, 0), (True, False)),
 }
-_FOR_ALL: dict[str, Change] = {
-    **CHANGES,
-    "given with y before x": _arranged((1, 0), (False, False)),
-    "given as parts of the image's width and height": lambda points, size: points * np.array(size) - 0.5,
+# the same of all cameras, with the factor on lengths
+_FOR_ALL: dict[str, tuple[Change, float]] = {
+    **{words: (change, 1.0) for words, change in CHANGES.items()},
+    "given with y before x": (_arranged((1, 0), (False, False)), 1.0),
+    "given as parts of the image's width and height": (
+        lambda points, size: points * np.array(size) - 0.5,
+        1.0,
+    ),
+    **{f"of images {1 / factor:.3g} times as large": (resizer(factor), factor) for factor in _FACTORS},
 }
 
 
-def resizer(factor: float) -> Change:
-    """Return the change that undoes resizing by 1 / factor."""
-    # integers are pixel centres
-    return lambda points, size: (points + 0.5) * factor - 0.5  # noqa: ARG005
-
-
-@dataclass(frozen=True)
-class Files:
-    """What was found, the people (T, M, P, N, 2) with it corrected, and how far the cameras are off then.
-
-    The error is in pixels of the detections as they were given: small images make small errors. It is
-    infinite where nothing is compared with it.
-    """
-
-    findings: tuple[Finding, ...]
-    people: Array
-    error_px: float = float("inf")
-
-
-def correct_files(cameras: Sequence[sk.Camera], people: Array, layout: sk.Layout | None) -> Files:
-    """Find other images and exchanged cameras, and correct what leaves less disagreement.
+def correct_files(
+    cameras: Sequence[sk.Camera], people: Array, layout: sk.Layout | None
+) -> tuple[list[Finding], Array]:
+    """Find other images and exchanged cameras, and return people (T, M, P, N, 2) with them corrected.
 
     Exchanged cameras may agree better by chance if the images are taken to be of another size, and in a
     symmetric rig they look nearly like turned or mirrored images. So an exchange alone is tried next to the
-    images, and what fits nearly as well is mentioned. Not so with more cameras than all orders are tried of:
-    the exchange of two of them looks like nothing else.
+    images, images are taken where both leave as much, and what fits nearly as well is mentioned. Not so with
+    more cameras than all orders are tried of: the exchange of two of them looks like nothing else.
     """
     images, upright, factor = _find_images(cameras, people, layout)
-    exchange, order = _find_exchange(cameras, upright, layout)
-    findings = tuple(finding for finding in (images, exchange) if finding is not None)
-    corrected = upright[:, list(order)]
+    exchange, corrected = _find_exchange(cameras, upright, layout)
+    findings = [finding for finding in (images, exchange) if finding is not None]
     if images is None or len(cameras) > _ALL_ORDERS:
-        return Files(findings, corrected)
-    exchange, order = _find_exchange(cameras, people, layout)
-    if exchange is None:
-        return Files(findings, corrected)
+        return findings, corrected
+    alone, exchanged = _find_exchange(cameras, people, layout)
+    if alone is None:
+        return findings, corrected
+    # in pixels of the detections as they were given: small images make small errors
     error = judge(cameras, corrected[some_frames(len(people))], layout).disagreement / factor
-    alone = Files((exchange,), people[:, list(order)], exchange.numbers["after_px"])
-    return _better(Files(findings, corrected, error), alone)
+    ways = [(error, findings, corrected), (float(alone.numbers["after_px"]), [alone], exchanged)]
+    if error > _SAME * ways[1][0]:
+        ways.reverse()
+    (least, found, right), (other, rival, _) = ways
+    if other < _CLEAR * least:
+        found = [_mentioning(found[0], [finding.numbers for finding in rival]), *found[1:]]
+    return found, right
 
 
-def _better(images: Files, exchange: Files) -> Files:
-    """Return what leaves less, images where both leave as much; the other is mentioned if it is near."""
-    pair = (images, exchange) if images.error_px <= _SAME * exchange.error_px else (exchange, images)
-    best, rival = pair
-    if rival.error_px >= _CLEAR * best.error_px:
-        return best
-    first, *rest = best.findings
-    shown = ("images", "folders")
-    other = [{key: one.numbers[key] for key in shown if key in one.numbers} for one in rival.findings]
-    numbers = {**first.numbers, "rivals": [*first.numbers.get("rivals", []), other]}
-    sentence = first.sentence + _almost(" and ".join(map(_explanation, other)))
-    return replace(best, findings=(replace(first, numbers=numbers, sentence=sentence), *rest))
+def _mentioning(finding: Finding, rival: Sequence[Mapping[str, Any]]) -> Finding:
+    """Return a finding that says what would explain the disagreement almost as well."""
+    other = [{key: one[key] for key in ("images", "folders") if key in one} for one in rival]
+    numbers = {**finding.numbers, "rivals": [*finding.numbers.get("rivals", ()), other]}
+    words = " and ".join(map(_explanation, other))
+    sentence = f"{finding.sentence} Almost as good an explanation: {words}."
+    return replace(finding, numbers=numbers, sentence=sentence)
 
 
-def _almost(other: str) -> str:
-    return f" Almost as good an explanation: {other}."
-
-
-def _explanation(numbers: Mapping[str, Mapping[str, str]]) -> str:
+def _explanation(numbers: Mapping[str, Any]) -> str:
     """Return a clause on all cameras: other images, or folders that are exchanged."""
     if "images" in numbers:
         return f"the detections of all cameras are {numbers['images']}"
-    moved = {name: owner for name, owner in numbers["folders"].items() if owner != name}
-    if len(moved) == 2:
-        return f"the detections of {listed(list(moved))} are exchanged (or their calibrations are)"
-    each = ", ".join(f"those of {owner} belong to {name}" for name, owner in moved.items())
-    return f"the detections of {len(moved)} cameras are exchanged (or their calibrations are): {each}"
+    each = [
+        f"those of {owner} belong to {name}" for name, owner in numbers["folders"].items() if owner != name
+    ]
+    return f"the detections (or calibrations) of cameras are exchanged: {', '.join(each)}"
 
 
 def _find_images(
@@ -248,24 +225,19 @@ def _find_images(
     before = judge(cameras, some, layout)
     if not before.is_gross:
         return None, people, 1.0
-
-    def disagreement(tried: tuple[str, Change, float]) -> float:
-        """Return it in pixels of the detections as they are: small images make small errors."""
-        return judge(cameras, _applied(some, cameras, tried[1]), layout).disagreement / tried[2]
-
-    tries = [(words, change, 1.0) for words, change in _FOR_ALL.items()]
-    tries += [(f"of images {1 / factor:.3g} times as large", resizer(factor), factor) for factor in _FACTORS]
-    images, change, factor = best = min(tries, key=disagreement)
-    after = disagreement(best)
-    if not after < _BETTER * before.disagreement:
+    tried = {
+        words: judge(cameras, _applied(some, cameras, change), layout).disagreement / factor
+        for words, (change, factor) in _FOR_ALL.items()
+    }
+    words = min(tried, key=lambda name: tried[name])
+    given, after = before.disagreement, tried[words]
+    if not after < _BETTER * given:
         return None, people, 1.0
-    finding = Finding(
-        "images_changed",
-        "error",
-        numbers={"images": images, "before_px": before.disagreement, "after_px": after},
-        sentence=f"The detections of all cameras are {images} "
-        f"(error {px(before.disagreement, 0)}, {px(after)} after the correction).",
-    )
+    numbers = {"images": words, "before_px": given, "after_px": after}
+    error = f"error {px(given, 0)}, {px(after)} after the correction"
+    sentence = f"The detections of all cameras are {words} ({error})."
+    change, factor = _FOR_ALL[words]
+    finding = Finding("images_changed", "error", numbers=numbers, sentence=sentence)
     return finding, _applied(people, cameras, change), factor
 
 
@@ -278,45 +250,48 @@ def _applied(people: Array, cameras: Sequence[sk.Camera], change: Change) -> Arr
 
 def _find_exchange(
     cameras: Sequence[sk.Camera], people: Array, layout: sk.Layout | None
-) -> tuple[Finding | None, tuple[int, ...]]:
+) -> tuple[Finding | None, Array]:
     """Find out which folder of detections belongs to which camera, if not its own.
 
-    Returns the finding (None: they are in order) and the order: camera i has the detections order[i].
+    Returns the finding (None: they are in order), and the people in the order of the cameras.
     """
     some = people[some_frames(len(people))]
-    given = tuple(range(len(cameras)))
     before = judge(cameras, some, layout)
     if not before.is_gross:
-        return None, given
-
+        return None, people
     suspects = np.flatnonzero(~(before.left_out <= before.gross_px)).tolist()
     orders = list(_orders(suspects, len(cameras)))
-    tried = [judge(cameras, some[:, list(order)], layout) for order in orders]
-    least = min((scene.disagreement for scene in tried), default=float("inf"))
+    tried = {order: judge(cameras, some[:, list(order)], layout) for order in orders}
+    least = min((scene.disagreement for scene in tried.values()), default=float("inf"))
 
-    def rank(k: int) -> tuple[bool, int, float]:
+    def rank(order: tuple[int, ...]) -> tuple[bool, int, float]:
         """Orders that leave the same are told apart by how many cameras they exchange."""
-        moved = sum(i != folder for i, folder in enumerate(orders[k]))
-        same = tried[k].disagreement <= _SAME * least
-        return (not same, moved if same else 0, tried[k].disagreement)
+        same = tried[order].disagreement <= _SAME * least
+        return (not same, len(_exchanged(order)) if same else 0, tried[order].disagreement)
 
-    ranked = sorted(range(len(tried)), key=rank)
-    if not ranked or not _is_right(before, tried[ranked[0]], orders[ranked[0]]):
-        return None, given
-    best, after = orders[ranked[0]], tried[ranked[0]].disagreement
-    names = named(cameras)
-    # by camera, the one whose folder has its detections
-    found = {"folders": {names[i]: names[folder] for i, folder in enumerate(best)}}
-    numbers = {**found, "before_px": before.disagreement, "after_px": after}
-    error = f"error {px(before.disagreement, 0)}, {px(after)} after the correction"
-    sentence = f"{capitalised(_explanation(found))} ({error})."
-    rivals = [orders[k] for k in ranked[1:] if tried[k].disagreement < _CLEAR * after]
+    ranked = sorted(orders, key=rank)
+    if not ranked or not _is_right(before, tried[ranked[0]], ranked[0]):
+        return None, people
+    best, given, after = ranked[0], before.disagreement, tried[ranked[0]].disagreement
+    names = before.names
+
+    def folders(order: tuple[int, ...]) -> dict[str, Any]:
+        """Return, by camera, the one whose folder has its detections."""
+        return {"folders": {names[i]: names[folder] for i, folder in enumerate(order)}}
+
+    numbers = {**folders(best), "before_px": given, "after_px": after}
+    error = f"error {px(given, 0)}, {px(after)} after the correction"
+    sentence = f"{capitalised(_explanation(numbers))} ({error})."
+    subject = Subject(tuple(names[i] for i in _exchanged(best)))
+    finding = Finding("cameras_exchanged", "error", subject, numbers, sentence=sentence)
+    rivals = [order for order in ranked[1:] if tried[order].disagreement < _CLEAR * after]
     if rivals:
-        other = {"folders": {names[i]: names[folder] for i, folder in enumerate(rivals[0])}}
-        numbers["rivals"] = [[other]]
-        sentence += _almost(_explanation(other))
-    moved = tuple(names[i] for i, folder in enumerate(best) if folder != i)
-    return Finding("cameras_exchanged", "error", Subject(cameras=moved), numbers, sentence=sentence), best
+        finding = _mentioning(finding, [folders(rivals[0])])
+    return finding, people[:, list(best)]
+
+
+def _exchanged(order: tuple[int, ...]) -> list[int]:
+    return [i for i, folder in enumerate(order) if folder != i]
 
 
 def _is_right(before: Scene, after: Scene, order: tuple[int, ...]) -> bool:
@@ -324,7 +299,7 @@ def _is_right(before: Scene, after: Scene, order: tuple[int, ...]) -> bool:
 
     In a symmetric rig, cameras exchanged in turn agree as well as before, but for one that sees strangers.
     """
-    moved = [i for i, folder in enumerate(order) if folder != i]
+    moved = _exchanged(order)
     old, new = before.left_out[moved], after.left_out[moved]
     if after.disagreement < _BETTER * before.disagreement:
         return not (new >= _RATHER * old).any()  # NaN, a camera that saw nobody, does not count

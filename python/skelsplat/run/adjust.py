@@ -10,23 +10,19 @@ from typing import Any
 import numpy as np
 
 import skelsplat as sk
-from skelsplat._arrays import Array, Index
+from skelsplat._arrays import Array
 from skelsplat._clocks import parted, rounded
 from skelsplat._words import listed, px, with_bar
 from skelsplat.association import take_people
 from skelsplat.exceptions import DatasetError
 from skelsplat.findings import Finding, Remedy, Subject, collected_warnings, warn
-from skelsplat.io import DetectionSet
 from skelsplat.io.detections import cameras_called
-from skelsplat.rig_check import ReadAs, RigReport, check_rig
-from skelsplat.run.by_everybody import adjust_by_everybody
+from skelsplat.rig_check import ReadAs
+from skelsplat.run.by_everybody import Scene
 from skelsplat.run.job import Job
 from skelsplat.run.person import EVERYBODY, check_slot, pick_places
 from skelsplat.run.read import Inputs, Opened, named_offsets, open_recording, read_everybody
-from skelsplat.run.solve import spread
 
-# Frames are put at even times, missing ones between them, unless so many times as many are missing.
-_MOST_EMPTY = 8
 # Multiples of its error bar from which a clock is off.
 _SHOWN = 4.0
 # A change below this part of its error bar is none.
@@ -54,12 +50,7 @@ class AdjustedCameras:
     @property
     def adjusted(self) -> tuple[str, ...]:
         """The cameras that differ from the calibration; a clock is no part of it."""
-        return tuple(one.name for one in self.adjustment.report if is_changed(one))
-
-
-def is_changed(camera: sk.CameraAdjustment) -> bool:
-    """Whether a camera was turned or moved, or its focal length changed."""
-    return camera.status == "adjusted" and _is_placed(camera)
+        return tuple(one.name for one in self.adjustment.of("adjusted") if _is_placed(one))
 
 
 def _is_placed(camera: sk.CameraAdjustment) -> bool:
@@ -88,10 +79,6 @@ def adjust_cameras(
     free, focal, clock
         As of `skelsplat.adjust_cameras`; in names, case and separators may differ.
 
-    Returns
-    -------
-    AdjustedCameras
-
     Raises
     ------
     DatasetError, InvalidInputError
@@ -104,25 +91,19 @@ def adjust_cameras(
         every, rig = opened.every, opened.rig
         chosen = cameras_called(free, rig.names, "free")
         if 2 * len(chosen) >= len(rig) > 2:
-            warn(
-                Finding(
-                    "cameras_trusted",
-                    "warning",
-                    Subject(cameras=chosen),
-                    {"moved": len(chosen), "of": len(rig)},
-                    sentence=f"{len(chosen)} of {len(rig)} cameras are named as moved. The others are taken "
-                    "as right: unless they are more than half of all, the recording hardly shows if one is "
-                    "wrong.",
-                )
-            )
-        _, scene = read_scene(opened, person, given.get("offsets"))
+            sentence = f"{len(chosen)} of {len(rig)} cameras are named as moved. The others are taken as "
+            sentence += "right: unless they are more than half of all, the recording hardly shows if one is "
+            sentence += "wrong."
+            numbers = {"moved": len(chosen), "of": len(rig)}
+            warn(Finding("cameras_trusted", "warning", Subject(chosen), numbers, sentence=sentence))
+        scene = read_scene(opened, person, given.get("offsets"))
         result = adjusted(scene, free=chosen or None, focal=focal, clock=clock)
     if isinstance(result, Finding):
         if result.numbers["fault"] == "nobody_detected":
             raise DatasetError(detections, "detections", "some to adjust the cameras by", "none")
-        expected = "no fault besides turned or moved cameras"
         settings = ", ".join(f"{one.setting}={one.value}" for one in result.remedy)
         corrects = f" Corrected by the setting {settings}." if settings else ""
+        expected = "no fault besides turned or moved cameras"
         raise DatasetError(detections, "cameras", expected, f"another one: {result.numbers['why']}{corrects}")
     cameras = dict(zip(rig.names, result.cameras, strict=True))
     whole = sk.CameraRig([cameras.get(n, one) for n, one in zip(every.names, every, strict=True)], every.unit)
@@ -134,65 +115,33 @@ def adjust_cameras(
 def read_adjusted(opened: Opened, job: Job) -> tuple[Array, Inputs]:
     """Read everybody, and adjust the cameras by those the views agree on if the job asks for it.
 
-    Raises
-    ------
-    DatasetError, InvalidInputError
-        As `skelsplat.run.read.read_everybody`.
-
-    Warns
-    -----
-    FindingWarning
-        Of what was adjusted, and of what was not.
+    Warns of what was adjusted, and of what was not. Raises as `skelsplat.run.read.read_everybody`.
     """
     people, whole = read_everybody(opened, job)
     if not job.adjust_cameras:
         return people, whole
-    scene = Scene(whole.rig, people, whole.frames, whole.layout, whole.read_as)
-    result = adjusted(scene)
+    result = adjusted(Scene(whole.rig, people, whole.frames, whole.layout, whole.read_as))
     if isinstance(result, Finding):
         warn(result)
         return people, whole
-    for finding in findings_of(result, whole.rig.mm_per_unit, scene.read_as):
+    for finding in findings_of(result, whole.rig.mm_per_unit, whole.read_as):
         warn(finding)
     each = tuple(numbers_of(one, whole.rig.mm_per_unit) for one in result.report)
     return people, replace(whole, rig=result.cameras, adjusted=each)
 
 
-@dataclass(frozen=True)
-class Scene:
-    """A rig, and the people (T, M, P, N, 3) that it sees in frames (T,)."""
-
-    rig: sk.CameraRig
-    people: Array
-    frames: Index
-    layout: sk.Layout
-    read_as: ReadAs
-
-    def check(self) -> RigReport:
-        """Find what is wrong with the cameras."""
-        return check_rig(self.rig, self.people, frames=self.frames, layout=self.layout, read_as=self.read_as)
-
-
-def read_scene(
-    opened: Opened, person: str, offsets: Mapping[str, float] | None
-) -> tuple[DetectionSet, Scene]:
+def read_scene(opened: Opened, person: str, offsets: Mapping[str, float] | None) -> Scene:
     """Read the detections of everybody, or of one ``person`` as of `skelsplat.run.check.check_cameras`."""
-    rig, found = opened.rig, opened.detections.read()
+    found = opened.detections.read()
     people, layout = found.people, found.skeleton
     if person.isdecimal() and people.shape[2] > 1:
-        warn(
-            Finding(
-                "person_by_place",
-                "note",
-                numbers={"person": person},
-                sentence=f"Person {person} is entry {person} of each file. The order of people in a file is "
-                "arbitrary, so this need not be one person: without a choice, everybody counts.",
-            )
-        )
+        sentence = f"Person {person} is entry {person} of each file. The order of people in a file is "
+        sentence += "arbitrary, so this need not be one person: without a choice, everybody counts."
+        warn(Finding("person_by_place", "note", numbers={"person": person}, sentence=sentence))
     if person != EVERYBODY:
-        people = take_people(people, pick_places(people, rig, person, layout)[0])[:, :, None]
+        people = take_people(people, pick_places(people, opened.rig, person, layout)[0])[:, :, None]
     read_as = ReadAs(found.labels, named_offsets(opened.every, offsets or {}), found.uneven)
-    return found, Scene(rig, people, found.frames, layout, read_as)
+    return Scene(opened.rig, people, found.frames, layout, read_as)
 
 
 def adjusted(
@@ -203,52 +152,25 @@ def adjusted(
         # where the user knows who is wrong, and where a focal length may be
         if (free and fault.kind == "recording_other") or (focal and "factor" in fault.numbers):
             continue
-        return Finding(
-            "cameras_not_adjusted",
-            "warning",
-            fault.subject,
-            {"fault": fault.kind, "why": fault.text},
-            fault.remedy,
-            sentence=f"No camera was adjusted, because another fault has to be corrected first. {fault.text}",
-        )
-    return settled(scene, free=free, focal=focal, clock=clock)
-
-
-def settled(
-    scene: Scene, *, free: Sequence[str] | None = None, focal: bool = False, clock: bool = False
-) -> sk.RigAdjustment:
-    """Adjust cameras that disagree for no other reason. Clocks are in frames of the files."""
-    steps = scene.frames - scene.frames[0]
-    step = int(np.gcd.reduce(steps)) or 1
-    places = steps // step
-    people = scene.people
-    if places[-1] < _MOST_EMPTY * len(places):
-        people = spread(people, places)
-
-    def solve(person: Array) -> sk.RigAdjustment:
-        return sk.adjust_cameras(person, scene.rig, free=free, focal=focal, clock=clock)
-
-    found = adjust_by_everybody(scene.rig, people, scene.layout, solve)
-    report = tuple(
-        replace(one, clock=one.clock * step, clock_sigma=one.clock_sigma * step) for one in found.report
-    )
-    return replace(found, report=report)
+        numbers = {"fault": fault.kind, "why": fault.text}
+        sentence = f"No camera was adjusted, because another fault has to be corrected first. {fault.text}"
+        given = (fault.subject, numbers, fault.remedy)
+        return Finding("cameras_not_adjusted", "warning", *given, sentence=sentence)
+    return scene.adjust(free=free, focal=focal, clock=clock)
 
 
 def findings_of(found: sk.RigAdjustment, mm_per_unit: float, read_as: ReadAs) -> Iterator[Finding]:
     """Yield what was adjusted, and what is to be done about the other cameras."""
     for one in found.report:
-        subject, numbers = Subject(cameras=(one.name,)), numbers_of(one, mm_per_unit)
-        if is_changed(one):
-            yield _adjusted(subject, {**numbers, "left_out_frames": found.judged})
+        numbers = numbers_of(one, mm_per_unit)
+        if one.status == "adjusted" and _is_placed(one):
+            yield _adjusted({**numbers, "left_out_frames": found.judged})
         if one.status in ("late", "adjusted") and _clock_known(one):
-            yield _late(subject, numbers, _offset(one, read_as), read_as)
+            yield _late(numbers, _offset(one, read_as), read_as)
         if one.status == "unseen" and len(found.report) > 2:
-            unseen = (
-                f"{one.name} sees too few of the joints that other cameras see, so it was not judged and "
-            )
-            unseen += "not adjusted."
-            yield Finding("camera_unused", "warning", subject, sentence=unseen)
+            sentence = f"{one.name} was not judged and not adjusted: it sees too few of the joints that "
+            sentence += "others see."
+            yield Finding("camera_unused", "warning", Subject((one.name,)), sentence=sentence)
     doubtful = [*found.of("doubtful"), *(one for one in found.of("late") if not _clock_known(one))]
     if doubtful:
         suspected = [{**numbers_of(one, mm_per_unit), "offset": _offset(one, read_as)} for one in doubtful]
@@ -256,98 +178,87 @@ def findings_of(found: sk.RigAdjustment, mm_per_unit: float, read_as: ReadAs) ->
         placed = all(map(_is_placed, doubtful)) and 2 * (len(changed) + 1) >= len(found.report)
         yield _doubtful(suspected, changed if placed else [])  # a majority of places stays
     if len(found.report) == 2 and found.of("unseen"):
-        yield Finding(
-            "cameras_doubtful",
-            "warning",
-            Subject(cameras=found.cameras.names),
-            remedy=(Remedy("move", "NAME"),),
-            sentence="Two cameras do not tell which of them was turned or moved, so neither was adjusted. "
-            "Add a third camera, or name the one that was moved.",
-        )
-    if found.of("sound") and not found.of("adjusted", "late", "doubtful"):
-        cameras = len(found.of("sound"))
-        sentence = f"No camera was adjusted: this recording shows no fault in the {cameras} cameras that "
-        sentence += "could be judged."
-        yield Finding("cameras_not_adjusted", "note", numbers={"cameras": cameras}, sentence=sentence)
+        sentence = "Two cameras do not tell which of them was turned or moved, so neither was adjusted. Add "
+        sentence += "a third camera, or name the one that was moved."
+        subject, remedy = Subject(found.cameras.names), (Remedy("move", "NAME"),)
+        yield Finding("cameras_doubtful", "warning", subject, remedy=remedy, sentence=sentence)
+    sound = len(found.of("sound"))
+    if sound and not found.of("adjusted", "late", "doubtful"):
+        sentence = f"No camera was adjusted: this recording shows no fault in the {sound} cameras that could "
+        sentence += "be judged."
+        yield Finding("cameras_not_adjusted", "note", numbers={"cameras": sound}, sentence=sentence)
 
 
 def _offset(camera: sk.CameraAdjustment, read_as: ReadAs) -> float:
-    """Return the offset, in frames of the files, that sets a clock right."""
-    return rounded(read_as.offsets.get(camera.name, 0) - _shown_clock(camera))
+    """Return the offset, in frames of the files, that sets a clock right.
+
+    In whole frames, unless the clock is shown to be off by parts of one.
+    """
+    whole, rest = parted(camera.clock)
+    shown = np.isfinite(camera.clock_sigma) and abs(rest) > _SHOWN * camera.clock_sigma
+    return rounded(read_as.offsets.get(camera.name, 0) - (camera.clock if shown else whole))
 
 
-def _adjusted(subject: Subject, numbers: dict[str, Any]) -> Finding:
+def _adjusted(numbers: dict[str, Any]) -> Finding:
     """Return the finding on a camera that was adjusted."""
-    before, after, error = numbers["before_px"], numbers["after_px"], ""
+    name, before, after, error = numbers["camera"], numbers["before_px"], numbers["after_px"], ""
     known = before is not None and after is not None
-    worse = known and after > before
     if known:
         error = f" (error {px(before)}, {px(after)} afterwards, in {numbers['left_out_frames']} other frames)"
-    changes = _changes({**numbers, "clock_frames": 0.0})  # which is no part of a calibration
+    worse = known and after > before
+    changes = listed(_changes(numbers) or ["by next to nothing"])
     fails = " In frames that were not used, it does not hold: do not use these cameras." if worse else ""
-    return Finding(
-        "camera_adjusted",
-        "warning" if worse else "note",
-        subject,
-        numbers,
-        sentence=f"{numbers['camera']} was adjusted: "
-        f"{listed(changes or ['by next to nothing'])}{error}.{fails}",
-    )
+    sentence = f"{name} was adjusted: {changes}{error}.{fails}"
+    subject = Subject((name,))
+    return Finding("camera_adjusted", "warning" if worse else "note", subject, numbers, sentence=sentence)
 
 
-def _late(subject: Subject, numbers: dict[str, Any], offset: float, read_as: ReadAs) -> Finding:
+def _late(numbers: dict[str, Any], offset: float, read_as: ReadAs) -> Finding:
     """Return the finding on a camera whose clock is off."""
     name, frames, sigma = numbers["camera"], numbers["clock_frames"], numbers["clock_sigma_frames"]
     size = f"{abs(frames):.0f}" if sigma is None else with_bar(abs(frames), sigma)
-    remedy = [Remedy("offset", f"{name}={offset}")]
-    remedy += [Remedy("frames", "intersection")] if read_as.uneven else []
-    return Finding(
-        "frame_offset",
-        "warning",
-        subject,
-        numbers,
-        tuple(remedy),
-        sentence=f"{name}'s frame numbers are {size} too {'high' if frames > 0 else 'low'}; a calibration "
-        "has no clock, so the offset has to be given with each recording.",
-    )
+    sentence = f"{name}'s frame numbers are {size} too {'high' if frames > 0 else 'low'}; a calibration has "
+    sentence += "no clock, so the offset has to be given with each recording."
+    given = (Subject((name,)), numbers, read_as.offset_remedy(name, offset))
+    return Finding("frame_offset", "warning", *given, sentence=sentence)
 
 
 def _doubtful(suspected: list[dict[str, Any]], besides: list[str]) -> Finding:
     """Return the finding on cameras of which one is wrong, perhaps ``besides`` some that were adjusted."""
-    names = tuple(one["camera"] for one in suspected)
-    ways = [f"{one['camera']} ({listed(_changes(one) or ['no single change'])})" for one in suspected]
-    late = [one for one in suspected if not _changes({**one, "clock_frames": 0.0})]
+    late = [one for one in suspected if not _changes(one)]
+    ways = []
+    for one in suspected:
+        clock = one["clock_frames"]
+        off = [] if _is_nothing(clock, None) else [f"frame numbers off by {with_bar(clock, None, '+')}"]
+        ways.append(f"{one['camera']} ({listed([*_changes(one), *off] or ['no single change'])})")
     remedy: list[Remedy] = []
     if besides:
         remedy = [Remedy("move", name) for name in (*besides, "NAME")]
         sentence = f"Another camera is wrong as well, most likely {listed(ways, 'or')}. It was not adjusted: "
-        sentence += (
-            "more than half of the cameras have to stay. If you know which were moved, name all of them."
-        )
+        sentence += "more than half of the cameras have to stay. If you know which were moved, name all of "
+        sentence += "them."
     elif len(ways) == 1:
         sentence = f"{ways[0]} disagrees with the other cameras, and this recording does not tell how it is "
         sentence += "wrong: it was not adjusted. The person has to walk through more of the room."
     else:
         sentence = f"{listed(ways, 'or')} is wrong, and this recording does not tell which: none of them was "
-        sentence += "adjusted. If you know, name the one that was moved, or correct the clock of the one "
-        sentence += "that is late. Otherwise, a recording with three or more other cameras, or in which the "
-        sentence += "person walks through more of the room, can tell."
+        sentence += "adjusted. If you know, name the one that was moved, or correct the clock of the late "
+        sentence += "one. Otherwise record with more cameras, or a person who walks through more of the "
+        sentence += "room."
         remedy = [Remedy("move", "NAME")] if len(late) < len(ways) else []
         remedy += [Remedy("offset", f"{one['camera']}={one['offset']}") for one in late]
+    subject = Subject(tuple(one["camera"] for one in suspected))
     numbers = {"suspected": suspected, "besides": besides}
-    return Finding(
-        "cameras_doubtful", "warning", Subject(cameras=names), numbers, tuple(remedy), sentence=sentence
-    )
+    return Finding("cameras_doubtful", "warning", subject, numbers, tuple(remedy), sentence=sentence)
 
 
 def _changes(numbers: Mapping[str, Any]) -> list[str]:
-    """Return what was changed about a camera, or is suspected, with error bars where they are known."""
+    """Return what was changed about a camera's place and lens, or is suspected, with error bars if known."""
     focal_sigma = None if numbers["focal_sigma"] is None else 100 * numbers["focal_sigma"]
     changes = (
         ("turned by", numbers["degrees"], numbers["degrees_sigma"], "°", ""),
         ("moved by", numbers["mm"], numbers["mm_sigma"], " mm", ""),
         ("focal length changed by", 100 * (numbers["focal"] - 1), focal_sigma, " %", "+"),
-        ("frame numbers off by", numbers["clock_frames"], None, "", "+"),
     )
     return [
         f"{words} {with_bar(value, sigma, sign)}{unit}"
@@ -367,13 +278,6 @@ def _clock_known(camera: sk.CameraAdjustment) -> bool:
     if not np.isfinite(camera.clock_sigma):
         return round(camera.clock) != 0
     return abs(camera.clock) > _SHOWN * camera.clock_sigma
-
-
-def _shown_clock(camera: sk.CameraAdjustment) -> float:
-    """Return by how much a clock is off: in whole frames, unless it is shown that it is off by parts."""
-    whole, rest = parted(camera.clock)
-    shown = np.isfinite(camera.clock_sigma) and abs(rest) > _SHOWN * camera.clock_sigma
-    return camera.clock if shown else whole
 
 
 def numbers_of(camera: sk.CameraAdjustment, mm_per_unit: float) -> dict[str, Any]:

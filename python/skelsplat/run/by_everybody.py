@@ -2,55 +2,78 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 import skelsplat as sk
-from skelsplat._arrays import Array
+from skelsplat._arrays import Array, Index
 from skelsplat.cameras import altered, matrix_from_vector
-from skelsplat.rig_check._people import everybody, followed, one_after_another, several
-from skelsplat.rig_check._scene import in_mm
+from skelsplat.rig_check import ReadAs, RigReport, check_rig
+from skelsplat.rig_check._scene import everybody, followed, in_mm, one_after_another, several
+from skelsplat.run.solve import spread
 
+# Frames are put at even times, missing ones between them, unless so many times as many are missing.
+_MOST_EMPTY = 8
 # How often people are told apart anew with other cameras.
 _ROUNDS = 3
 # A camera set right sees this part of the people that it should see, or more, relative to the other cameras.
 _SEES = 0.5
 
-Solve = Callable[[Array], sk.RigAdjustment]
+
+@dataclass(frozen=True)
+class Scene:
+    """A rig, and the people (T, M, P, N, 3) that it sees in frames (T,)."""
+
+    rig: sk.CameraRig
+    people: Array
+    frames: Index
+    layout: sk.Layout
+    read_as: ReadAs
+
+    def check(self) -> RigReport:
+        """Find what is wrong with the cameras."""
+        return check_rig(self.rig, self.people, frames=self.frames, layout=self.layout, read_as=self.read_as)
+
+    def adjust(self, **given: Any) -> sk.RigAdjustment:
+        """Adjust cameras that disagree for no other reason than their places and clocks.
+
+        A camera that is far off sees strangers in people's places. Once it is known where it may be, people
+        are told apart anew, and the cameras are adjusted by them. A camera that does not see them then is
+        doubtful if it was changed, and otherwise not judged: ``"unseen"``. Clocks are in frames of the files;
+        ``given`` are arguments of `skelsplat.adjust_cameras`.
+        """
+        steps = self.frames - self.frames[0]
+        step = int(np.gcd.reduce(steps)) or 1
+        people, places = self.people, steps // step
+        if places[-1] < _MOST_EMPTY * len(places):
+            people = spread(people, places)
+        found = _by_everybody(self.rig, people, self.layout, given)
+        report = (
+            replace(one, clock=one.clock * step, clock_sigma=one.clock_sigma * step) for one in found.report
+        )
+        return replace(found, report=tuple(report))
 
 
-def adjust_by_everybody(
-    rig: sk.CameraRig, people: Array, layout: sk.Layout, solve: Solve
+def _by_everybody(
+    rig: sk.CameraRig, people: Array, layout: sk.Layout, given: dict[str, Any]
 ) -> sk.RigAdjustment:
-    """Adjust cameras by everybody on whom the views agree.
-
-    A camera that is far off sees strangers in people's places. Once it is known where it may be, people are
-    told apart anew, and the cameras are adjusted by them. A camera that does not see them then is doubtful
-    if it was changed, and otherwise not judged: ``"unseen"``.
-
-    Parameters
-    ----------
-    rig : CameraRig
-    people : (T, M, P, N, 3)
-        In frames at even times.
-    layout : Layout
-    solve : callable
-        Adjusts the cameras by the detections (T', M, N, 3) of a recording of one person.
-    """
     everyone = followed(in_mm(rig), people, layout)
-    found = solve(one_after_another(everyone))
+    found = sk.adjust_cameras(one_after_another(everyone), rig, **given)
     if not several(rig, people):
         return found
     for _ in range(_ROUNDS):
         supposed = _supposed(rig, found)
         if supposed is None:
             break
-        before, everyone = everyone, _told_apart(supposed, _clocks(found), people, layout)
-        if _same(everyone, before):
+        clocks = [round(one.clock) for one in found.report]  # frames ahead, shown or suspected
+        right, _ = everybody(in_mm(supposed), _moved(people, clocks), layout)
+        before, everyone = everyone, tuple(_moved(one, [-clock for clock in clocks]) for one in right)
+        if len(everyone) == len(before) and all(map(_same, everyone, before)):
             break
-        found = solve(one_after_another(everyone))
+        found = sk.adjust_cameras(one_after_another(everyone), rig, **given)
     return _confirmed(rig, found, _part_seen(people, everyone))
 
 
@@ -70,19 +93,6 @@ def _supposed(rig: sk.CameraRig, found: sk.RigAdjustment) -> sk.CameraRig | None
     return sk.CameraRig(cameras, rig.unit)
 
 
-def _clocks(found: sk.RigAdjustment) -> list[int]:
-    """Return by how many whole frames the count of every camera is ahead, shown or suspected."""
-    return [round(one.clock) for one in found.report]
-
-
-def _told_apart(
-    rig: sk.CameraRig, clocks: Sequence[int], people: Array, layout: sk.Layout
-) -> tuple[Array, ...]:
-    """Return the detections of `everybody` as the cameras counted them, told apart with clocks set right."""
-    right = everybody(in_mm(rig), _moved(people, clocks), layout)
-    return tuple(_moved(one, [-clock for clock in clocks]) for one in right)
-
-
 def _moved(seen: Array, clocks: Sequence[int]) -> Array:
     """Return what every camera (T, M, …) sees so many frames later; NaN beyond the ends."""
     out, count = np.full(seen.shape, np.nan), len(seen)
@@ -90,6 +100,10 @@ def _moved(seen: Array, clocks: Sequence[int]) -> Array:
         first, last = max(0, -clock), min(count, count - clock)
         out[first:last, i] = seen[first + clock : last + clock, i]
     return out
+
+
+def _same(one: Array, other: Array) -> bool:
+    return np.array_equal(one, other, equal_nan=True)
 
 
 def _part_seen(people: Array, everyone: Sequence[Array]) -> Array:
@@ -114,10 +128,3 @@ def _confirmed(rig: sk.CameraRig, found: sk.RigAdjustment, seen: Array) -> sk.Ri
         elif one.status == "sound":
             report[i] = replace(one, status="unseen")
     return replace(found, cameras=sk.CameraRig(cameras, rig.unit), report=tuple(report))
-
-
-def _same(some: Sequence[Array], others: Sequence[Array]) -> bool:
-    """Whether the detections are those of the same people."""
-    return len(some) == len(others) and all(
-        np.array_equal(a, b, equal_nan=True) for a, b in zip(some, others, strict=True)
-    )

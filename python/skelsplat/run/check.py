@@ -10,19 +10,19 @@ from typing import Any
 import skelsplat as sk
 from skelsplat._clocks import rounded
 from skelsplat.findings import Finding, collected_warnings
-from skelsplat.io import DetectionSet
-from skelsplat.rig_check import CameraRow, RigReport, check_rig
-from skelsplat.run.adjust import Scene, findings_of, read_scene, settled
+from skelsplat.rig_check import RigReport, check_rig
+from skelsplat.run.adjust import findings_of, read_scene
+from skelsplat.run.by_everybody import Scene
 from skelsplat.run.person import check_slot
 from skelsplat.run.read import leave_out, open_recording, read_rig
 
 
 @dataclass(frozen=True)
 class CameraCheck:
-    """Cameras, the detections that they were compared with (None: the calibration alone), and the report."""
+    """Cameras, the number of frames that they were compared by (None: without detections), and the report."""
 
     rig: sk.CameraRig
-    detections: DetectionSet | None
+    frames: int | None
     report: RigReport
 
 
@@ -39,12 +39,10 @@ def check_cameras(
 
     Parameters
     ----------
-    calibration, detections
+    calibration, detections, without
         As of `skelsplat.run.Job`; without detections only the calibration itself is checked.
     read
         The arguments of `skelsplat.run.read.read_rig`.
-    without
-        As of `skelsplat.run.Job`.
     person
         ``"everybody"``: all on whom three views agree; ``"consistent"``: only the person on whom the views
         agree best; ``"largest"``: the largest in each image; a number: the one at that index in each file,
@@ -63,30 +61,31 @@ def check_cameras(
         If a file is missing or malformed, or files and options do not fit each other; the message names it.
     """
     check_slot(person)
+
     with collected_warnings() as warnings:
         if detections is None:
-            rig, found = leave_out(read_rig(calibration, **(read or {})), tuple(without)), None
+            rig, frames = leave_out(read_rig(calibration, **(read or {})), tuple(without)), None
             report = check_rig(rig)
         else:
 
-            def look(offsets: Mapping[str, float]) -> tuple[DetectionSet, Scene, RigReport]:
+            def look(offsets: Mapping[str, float]) -> tuple[Scene, RigReport]:
                 given["offsets"] = offsets
                 opened = open_recording(calibration, detections, read=read or {}, without=without, **given)
-                found, scene = read_scene(opened, person, offsets)
-                return found, scene, scene.check()
+                scene = read_scene(opened, person, offsets)
+                return scene, scene.check()
 
-            found, scene, report = look(given.get("offsets") or {})
-            rig, late = scene.rig, _late(scene, report)
+            scene, report = look(given.get("offsets") or {})
+            rig, frames, late = scene.rig, len(scene.frames), _late(scene, report)
             if late:
-                offsets = {name: _option(one) for name, one in late.items()}
+                offsets = {**scene.read_as.offsets, **{name: _option(one) for name, one in late.items()}}
                 if given.get("frames") in (None, "strict"):
                     given["frames"] = "union"
                 with collected_warnings():  # which were given
-                    report = _synchronised(report, late, look({**scene.read_as.offsets, **offsets})[-1])
+                    report = _synchronised(report, late, look(offsets)[1])
     # detections judge the unit better than cameras
     measured = any(one.kind == "unit_wrong" for one in report.findings)
     kept = [one for one in warnings if not (measured and one.kind == "unit_wrong")]
-    return CameraCheck(rig, found, replace(report, findings=(*kept, *report.findings)))
+    return CameraCheck(rig, frames, replace(report, findings=(*kept, *report.findings)))
 
 
 def _late(scene: Scene, report: RigReport) -> dict[str, Finding]:
@@ -94,8 +93,8 @@ def _late(scene: Scene, report: RigReport) -> dict[str, Finding]:
     clocks = [finding for finding in report.findings if finding.kind == "frame_offset"]
     if len(scene.rig) < 3 or report.before_places:
         return {}
-    findings = findings_of(settled(scene), scene.rig.mm_per_unit, scene.read_as)
-    late = {name: one for one in findings if one.kind == "frame_offset" for name in one.subject.cameras}
+    findings = findings_of(scene.adjust(), scene.rig.mm_per_unit, scene.read_as)
+    late = {one.subject.cameras[0]: one for one in findings if one.kind == "frame_offset"}
     if len(clocks) == 1:  # it is right unless its camera is measured otherwise
         measured = [one.remedy[0] for one in late.values()]
         if tuple(late) != clocks[0].subject.cameras or clocks[0].remedy[0] in measured:
@@ -111,13 +110,11 @@ def _option(late: Finding) -> float:
 def _synchronised(report: RigReport, late: Mapping[str, Finding], right: RigReport) -> RigReport:
     """Return the cameras as they were read, with late ones, and what is wrong once those are right."""
     after = {row.name: row.best_offset_px for row in right.cameras}
-
-    def corrected(row: CameraRow) -> CameraRow:
-        if row.name not in late:
-            return row
-        one, px = late[row.name], after[row.name]
-        frames = round(one.numbers["clock_frames"])
-        return replace(row, best_offset=frames, best_offset_px=px, offset_option=rounded(_option(one)))
-
-    rows = tuple(corrected(row) for row in report.cameras)
-    return RigReport((*late.values(), *right.findings), rows)
+    rows = []
+    for row in report.cameras:
+        one = late.get(row.name)
+        if one is not None:
+            frames, option = round(one.numbers["clock_frames"]), rounded(_option(one))
+            row = replace(row, best_offset=frames, best_offset_px=after[row.name], offset_option=option)
+        rows.append(row)
+    return RigReport((*late.values(), *right.findings), tuple(rows))
