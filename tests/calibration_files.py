@@ -77,42 +77,32 @@ def anipose(folder: Path, views, scale=1e-3):
     return path
 
 
-def caliscope(folder: Path, views):
+def caliscope(folder: Path, views, older=False):
     """Write matrix rotations for even cameras, as older versions do, and one ignored camera."""
-    text = ""
+    text, table = "", "cam_" if older else "cameras."
     for i, v in enumerate(views):
         rotation = v.R if i % 2 == 0 else Rotation.from_matrix(v.R).as_rotvec()
         text += (
-            f"[cameras.{i}]\ncam_id = {i}\nrotation_count = {-i}\nerror = 0.19\nexposure = -7.0\n"
+            f"[{table}{i}]\ncam_id = {i}\nrotation_count = {-i}\nerror = 0.19\nexposure = -7.0\n"
             f"grid_count = 24\nignore = false\nsize = {list(v.size)}\nmatrix = {v.K.tolist()}\n"
             f"distortions = {v.distortion.tolist()}\ntranslation = {(v.t / 1000).tolist()}\n"
             f"rotation = {rotation.tolist()}\nverified_resolutions = [[640, 480]]\n\n"
         )
-    text += "[cameras.9]\ncam_id = 9\nignore = true\nsize = [640, 480]\nfisheye = false\n"
-    path = folder / "camera_array.toml"
+    text += f"[{table}9]\ncam_id = 9\nignore = true\nsize = [640, 480]\nfisheye = false\n"
+    path = folder / ("config.toml" if older else "camera_array.toml")
     path.write_text(text)
     return path
 
 
 def pyxy3d(folder: Path, views):
-    """Write Caliscope's older ``config.toml``, vectors and matrices, cameras not used, pairs and settings."""
-    text = "CreationDate = 2023-05-06T11:12:27.631355\nfps_sync_stream_processing = 24\n\n"
-    for i, v in enumerate(views):
-        rotation = v.R if i % 2 == 0 else Rotation.from_matrix(v.R).as_rotvec()
-        text += (
-            f"[cam_{i}]\ncam_id ={i}\nsize = [ {v.size[0]}, {v.size[1]},]\nrotation_count = {-i}\n"
-            f"error = 0.19\nmatrix = {v.K.tolist()}\ndistortions = {v.distortion.tolist()}\n"
-            f"translation = {(v.t / 1000).tolist()}\nrotation = {rotation.tolist()}\nexposure = -7.0\n"
-            "grid_count = 24\nignore = false\nverified_resolutions = [ [ 640, 480,], [ 1280, 720,],]\n\n"
-        )
-    text += (
-        "[cam_9]\ncam_id =9\nsize = [ 1280, 720,]\nrotation_count = 0\nignore = true\n\n"
+    """Write Caliscope's older ``config.toml``, which has settings and pairs of cameras besides."""
+    path = caliscope(folder, views, older=True)
+    path.write_text(
+        f"CreationDate = 2023-05-06T11:12:27.631355\nfps_sync_stream_processing = 24\n\n{path.read_text()}"
         '[capture_volume]\nstage = 2\norigin_sync_index = 77\n\n[charuco]\ncolumns = 4\nunits = "inch"\n\n'
         "[stereo_0_1]\nRMSE = 3.2\nrotation = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]\n"
         "translation = [[3.07], [-0.17], [2.39]]\n"
     )
-    path = folder / "config.toml"
-    path.write_text(text)
     return path
 
 

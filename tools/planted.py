@@ -142,8 +142,8 @@ tests/unit/test_detections.py, tests/unit/test_detections_matching.py
 
 Panoptic's centimetres are read as millimetres | wrong unit
 tests/unit/test_calibration_formats.py, tests/unit/test_calibration.py
--for entry in chosen], "cm")
-+for entry in chosen], "mm")
+-for entry in chosen], "cm"
++for entry in chosen], "mm"
 
 # Files of poses.
 a file is written in place, so that an interruption leaves half of it | half-written file

@@ -47,6 +47,14 @@ def one_of(argument: str, value: object, choices: Iterable[object]) -> None:
         raise InvalidInputError(f"{argument}: expected one of {listed}, got {value!r}")
 
 
+def did_you_mean(name: str, known: Iterable[str]) -> str:
+    """Return "; did you mean …?" with the closest of the known names, empty if none is close."""
+    from difflib import get_close_matches
+
+    close = get_close_matches(name, known, n=1)
+    return f"; did you mean {close[0]}?" if close else ""
+
+
 class DegenerateGeometryError(SkelSplatError):
     """Each argument is valid alone, but together they have no geometric answer."""
 
@@ -79,6 +87,12 @@ class DatasetError(SkelSplatError):
         self.field = field
         self.expected = str(expected)
         self.actual = str(actual)
+
+    @classmethod
+    def of_argument(cls, path: str | Path, error: InvalidInputError) -> DatasetError:
+        """Return the error for a file whose content was refused as an argument."""
+        expected, _, actual = error.reason.removeprefix("expected ").partition(", got ")
+        return cls(path, error.argument, expected, actual)
 
     def __str__(self) -> str:
         message = f"{self.path}: {self.field}: expected {self.expected}, got {self.actual}"

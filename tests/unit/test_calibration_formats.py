@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
+import scipy.io
 
 import calibration_files as files
 import skelsplat as sk
 from calibration_files import FORMATS_WRITTEN, FULL, NAMES
-from skelsplat.io import read_calibration, sample, write_calibration
-from skelsplat.io.calibration import _xml, find_format
+from skelsplat.cameras import without_distortion
+from skelsplat.io import read_calibration, sample
+from skelsplat.io.calibration import find_format
 
 MM = {"mm": 1.0, "cm": 10.0, "m": 1000.0}
 
@@ -42,42 +45,31 @@ def test_an_older_file_of_caliscope_has_matrices_pairs_of_cameras_and_cameras_le
     rig = read_calibration(path)
     assert (rig.names, rig.unit) == (("cam_0", "cam_1", "cam_2", "cam_3"), "m")
     np.testing.assert_allclose(sk.project(files.points() / 1000, rig), files.projected(views), atol=FULL)
-    path.write_text(path.read_text().replace("cam_id =", "port = "))
+    path.write_text(path.read_text().replace("cam_id =", "port ="))
     assert read_calibration(path).names[0] == "port_0"
 
 
-@pytest.mark.parametrize("place", ["calibration", "project", "none", "other name"])
-def test_the_offset_of_aniposes_cropped_videos_is_taken_off_the_centre(tmp_path, views, place):
-    """Anipose adds it to the detections of the crop before it triangulates."""
+@pytest.mark.parametrize("name", ["calibration.toml", "Calib.toml"])
+def test_the_offset_of_aniposes_cropped_videos_is_taken_off_the_centre(tmp_path, views, name):
+    """Anipose adds it to the detections of the crop before it triangulates; others have no such project."""
     folder = tmp_path / "project" / "session" / "calibration"
     folder.mkdir(parents=True)
-    path = files.anipose(folder, views).rename(folder / "calibration.toml")
-    table = f'[cameras.{NAMES[1]}]\noffset = [224, 120]\nprefix = "x"\n'
+    path = files.anipose(folder, views).rename(folder / name)
     project = tmp_path / "project" / "config.toml"
-    if place == "calibration":
-        path.write_text(
-            path.read_text()
-            .replace("fisheye", "offset = [224, 120]\nfisheye", 2)
-            .replace("offset = [224, 120]\nfisheye", "fisheye", 1)
-        )
-    elif place != "none":
-        project.write_text(f'model_folder = "a"\n[triangulation]\noptim = true\n{table}')
+    project.write_text(f'model_folder = "a"\n[cameras.{NAMES[1]}]\noffset = [224, 120]\nprefix = "x"\n')
     (tmp_path / "project" / "session" / "config.toml").write_text("[cameras.other]\noffset = [1, 1]\n")
     (folder / "config.toml").write_text("[broken")
-    if place == "other name":
-        path = path.rename(folder / "Calib.toml")
-    if place in ("none", "other name"):
+    if name == "Calib.toml":
         assert read_calibration(path, unit="m")[1].size == views[1].size
         return
     with pytest.warns(UserWarning, match=f"offset: {NAMES[1]}") as caught:
         rig = read_calibration(path, unit="m")
     assert caught[0].message.finding.kind == "crop_applied"
-    assert str(caught[0].message).startswith(str(project if place == "project" else path))
+    assert str(caught[0].message).startswith(str(project))
     expected = files.projected(views)
     expected[1] -= [224, 120]
     np.testing.assert_allclose(sk.project(files.points() / 1000, rig), expected, atol=FULL)
-    assert rig[1].size == (1000 - 224, 1000 - 120)
-    assert rig[0].size == views[0].size
+    assert (rig[0].size, rig[1].size) == (views[0].size, (1000 - 224, 1000 - 120))
 
 
 def test_the_rig_of_shelf_is_the_same_in_voxelposes_and_4d_associations_files(tmp_path):
@@ -99,38 +91,42 @@ def test_the_rig_of_shelf_is_the_same_in_voxelposes_and_4d_associations_files(tm
     np.testing.assert_allclose(sk.project(points, one), sk.project(points / 1000, other), atol=2e-3)
 
 
-@pytest.mark.parametrize("form", ["session", "Videos", "folders", "files", "one file"])
+@pytest.mark.parametrize("form", ["session", "Videos", "files", "one file"])
 def test_opencap_by_session_by_folder_and_by_file(tmp_path, views, form):
     folder = files.opencap(tmp_path, views) / "Videos"
-    if form == "folders":
-        folder = folder.rename(tmp_path / "calibration")
     if form in ("files", "one file"):
         for path in sorted(folder.glob("*/*.pickle")):
             path.rename(tmp_path / f"{path.parent.name}.pickle")
         (folder / "mappingCamDevice.pickle").unlink()
-    path = {"session": tmp_path, "files": tmp_path, "one file": tmp_path / f"{NAMES[2]}.pickle"}.get(
-        form, folder
+    rig = read_calibration(
+        {"Videos": folder, "one file": tmp_path / f"{NAMES[2]}.pickle"}.get(form, tmp_path)
     )
-    rig = read_calibration(path)
     assert rig.names == ((NAMES[2],) if form == "one file" else tuple(NAMES))
     np.testing.assert_array_equal(rig[NAMES[2]].K, views[2].K)
 
 
 @pytest.mark.parametrize("named", [True, False])
 def test_dannce_by_files_of_single_cameras_and_without_names(tmp_path, views, named):
-    import scipy.io
-
     if named:
         for v in views:
             scipy.io.savemat(tmp_path / f"{v.name}_params.mat", files.matlab_camera(v))
-        rig = read_calibration(tmp_path, size=(1000, 1000))
-        assert rig.names == tuple(NAMES)
     else:
-        params = files.cell([files.matlab_camera(v) for v in views])
-        scipy.io.savemat(tmp_path / "dannce.mat", {"params": params})
-        rig = read_calibration(tmp_path / "dannce.mat", size=(1000, 1000))
-        assert rig.names == ("Camera1", "Camera2", "Camera3", "Camera4")
+        scipy.io.savemat(tmp_path / "x.mat", {"params": files.cell([files.matlab_camera(v) for v in views])})
+    rig = read_calibration(tmp_path if named else tmp_path / "x.mat", size=(1000, 1000))
+    assert rig.names == (tuple(NAMES) if named else ("Camera1", "Camera2", "Camera3", "Camera4"))
     np.testing.assert_allclose(sk.project(files.points(), rig), files.projected(views), atol=FULL)
+
+
+def test_skew_is_followed_by_half_turning_the_camera(tmp_path, views):
+    path = files.dannce(tmp_path, views, skew=2.0)
+    with pytest.warns(UserWarning, match="skew is not supported") as caught:
+        rig = read_calibration(path, size=(1000, 1000))
+    skewed = [
+        replace(v, K=v.K + 2.0 * np.eye(3, k=1) * [[1], [0], [0]], distortion=np.zeros(5)) for v in views
+    ]
+    plain = [without_distortion(camera) for camera in rig]
+    error = np.abs(sk.project(files.points(), plain) - files.projected(skewed)).max()
+    assert 0.1 < error < caught[0].message.finding.numbers["error_px"]
 
 
 @pytest.mark.parametrize("radial", ["4e-8 0 0", "-6e-8 3e-14 -1e-21"])
@@ -152,19 +148,15 @@ def test_vicons_lens_maps_measured_pixels_to_ideal_ones_about_its_own_centre(tmp
 
 
 def test_vicons_older_lens_has_two_coefficients_about_the_principal_point(tmp_path):
-    views = files.reference(NAMES, distortion=False)
-    path = files.vicon(tmp_path, views)
-    text = path.read_text()
-    for v in views:
-        old = f'VICON_RADIAL2="Vicon3Parameter {v.K[0, 2] + 4} {v.K[1, 2] - 3} 0 0 0"'
-        text = text.replace(old, 'VICON_RADIAL="4e-8 1e-15"')
-    path.write_text(text)
-    camera = read_calibration(path)[0]
-    v = views[0]
-    aspect = v.K[0, 0] / v.K[1, 1]
+    (view,) = files.reference(NAMES[:1], distortion=False)
+    path = files.vicon(tmp_path, [view])
+    old = f'VICON_RADIAL2="Vicon3Parameter {view.K[0, 2] + 4} {view.K[1, 2] - 3} 0 0 0"'
+    path.write_text(path.read_text().replace(old, 'VICON_RADIAL="4e-8 1e-15"'))
     measured = np.array([[100.0, 100.0], [900.0, 300.0]])
-    ideal = _xml.ideal_pixels(measured, v.K[:2, 2], np.array([4e-8, 1e-15]), aspect)
-    np.testing.assert_allclose(camera.undistort(measured), ideal, atol=0.1)
+    offset = (measured - view.K[:2, 2]) * [1, view.K[0, 0] / view.K[1, 1]]
+    r2 = (offset**2).sum(axis=1, keepdims=True)
+    ideal = (measured - view.K[:2, 2]) * (1 + 4e-8 * r2 + 1e-15 * r2**2) + view.K[:2, 2]
+    np.testing.assert_allclose(read_calibration(path)[0].undistort(measured), ideal, atol=0.1)
 
 
 # Camera 1 of Pose2Sim's demo (BSD-3-Clause): the .qca.txt from which its Calib.toml, our sample, was made.
@@ -221,21 +213,15 @@ def test_theia_states_its_sensors_in_either_of_two_ways(tmp_path, views):
     rig = read_calibration(files.theia(tmp_path, views))
     assert read_calibration(files.theia(tmp_path, views, dimensions=True)) == rig
     path = tmp_path / "calibration.txt"
-    path.write_text(path.read_text().replace('viewrotation="0"', 'viewrotation="270"', 1))
-    with pytest.warns(UserWarning, match="viewrotation: images of 54138969 were rotated for display"):
-        assert read_calibration(path) == rig
     # Qualisys' own file without fields of view has sensors in 1/64 px
     path.write_text(path.read_text().replace('sensorDimU="', 'sensorDimU="64'))
-    with pytest.raises(sk.DatasetError, match=r"camera 54138969\.fov_video"):
-        read_calibration(path)
+    assert find_format(path) == "qualisys"
 
 
 def test_a_turned_view_is_a_warning(tmp_path, views):
     path = files.qualisys(tmp_path, views)
     path.write_text(path.read_text().replace('viewrotation="0"><fov', 'viewrotation="90"><fov'))
-    with pytest.warns(
-        UserWarning, match=r"viewrotation: images of 54138969, .* were rotated for display"
-    ) as caught:
+    with pytest.warns(UserWarning, match="viewrotation: images of 54138969, ") as caught:
         read_calibration(path)
     assert caught[0].message.finding.kind == "calibration_read_as"
     assert caught[0].message.finding.subject.cameras[0] == "54138969"
@@ -251,8 +237,9 @@ def test_human36m_subjects(tmp_path, views):
             read_calibration(path, subject=subject)
 
 
-@pytest.mark.parametrize("header", ["%YAML:1.0", "%YAML 1.2"])
-@pytest.mark.parametrize("given", ["", "intri.yml", "extri.yml"])
+@pytest.mark.parametrize(
+    ("given", "header"), [("", "%YAML 1.2"), ("intri.yml", "%YAML:1.0"), ("extri.yml", "")]
+)
 def test_easymocap_by_folder_or_by_either_file(tmp_path, views, given, header):
     folder = files.easymocap(tmp_path, views, header)
     rig = read_calibration(folder / given, unit="m")
@@ -285,64 +272,10 @@ def test_easymocap_as_its_own_program_writes_it(tmp_path):
 
 
 def test_openpose_files_are_in_natural_order_and_one_file_is_a_camera(tmp_path, views):
-    renamed = [
-        files.View(n, v.K, v.R, v.t, v.size, v.distortion)
-        for n, v in zip(["10", "2", "1", "x"], views, strict=True)
-    ]
-    files.openpose(tmp_path, renamed)
+    files.openpose(
+        tmp_path, [replace(v, name=name) for v, name in zip(views, ["10", "2", "1", "x"], strict=True)]
+    )
     assert read_calibration(tmp_path, size=(1000, 1000)).names == ("1", "2", "10", "x")
     assert read_calibration(tmp_path / "2.xml", size=(1000, 1000)).names == ("2",)
-
-
-@pytest.mark.parametrize("name", ["openpose", "easymocap"])
-def test_a_size_that_no_file_states_is_asked_for(tmp_path, views, name):
-    path = (
-        files.openpose(tmp_path, views)
-        if name == "openpose"
-        else files.easymocap(tmp_path, views, with_size=False)
-    )
-    unit = {"unit": "m"} if name == "easymocap" else {}
     with pytest.raises(sk.InvalidInputError, match="size"):
-        read_calibration(path, **unit)
-
-
-def test_a_format_that_states_its_unit_is_still_doubted(tmp_path, views):
-    path = files.human36m(
-        tmp_path, [files.View(v.name, v.K, v.R, v.t / 1e4, v.size, v.distortion) for v in views]
-    )
-    document = json.loads(path.read_text())
-    del document["extrinsics"]["S1"]
-    path.write_text(json.dumps(document))
-    with pytest.warns(UserWarning, match="if it is mm, the cameras are 0.8 mm apart; .*likely"):
-        read_calibration(path)
-
-
-@pytest.mark.parametrize("suffix", [".json", ".npz", ".toml"])
-def test_writing_and_reading_gives_the_same_rig(tmp_path, suffix):
-    K = [[900.5, 0, 320], [0, 901, 240], [0, 0, 1]]
-    turn = files.reference("ab")[1].R
-    cameras = [
-        sk.Camera(K, turn, [0.1, 0.2, 3], size=(640, 480), name="α", distortion=[0.1, 0, 0, 0]),
-        sk.Camera(
-            K, np.eye(3), [1 / 3, 0, 3], size=(641, 480), name="b", distortion=[0.1, 0.2, 0, 0, 3e-4, 1, 2, 3]
-        ),
-        sk.Camera(
-            K, np.eye(3), [0, 0, 3], size=(640, 480), name="c", distortion=[0.1, 0.2, 0, 0.5], fisheye=True
-        ),
-        sk.Camera(K, np.eye(3), [2, 0, 3], size=(640, 480), name="d"),
-    ]
-    rig = sk.CameraRig(cameras if suffix != ".toml" else cameras[1:3], unit="m")
-    write_calibration(tmp_path / f"rig{suffix}", rig)
-    assert read_calibration(tmp_path / f"rig{suffix}") == rig
-
-
-def test_what_is_no_calibration(tmp_path):
-    (tmp_path / "a.json").write_text('{"people": []}')
-    (tmp_path / "b.xml").write_text("<html/>")
-    (tmp_path / "c.txt").write_text("hello")
-    np.savez(tmp_path / "d.npz", pose=np.zeros(3))
-    (tmp_path / "e").mkdir()
-    for name in ("a.json", "b.xml", "c.txt", "d.npz", "e"):
-        assert find_format(tmp_path / name) is None
-        with pytest.raises(sk.DatasetError, match=f"{name}: content"):
-            read_calibration(tmp_path / name)
+        read_calibration(tmp_path)

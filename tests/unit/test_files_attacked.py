@@ -10,11 +10,10 @@ import pytest
 
 import skelsplat as sk
 from broken_detections import Broken, anybody, write_case
-from calibration_files import anipose, caliscope, own_npz, reference, voxelpose
 from detection_cases import CASES
 from detection_files import Take, openpose
 from skelsplat.exceptions import DatasetError
-from skelsplat.io import read_calibration, read_detections
+from skelsplat.io import read_detections
 
 CAMERAS = ["camA", "camB"]
 JOINTS = sk.layouts.H36M17.joints
@@ -145,10 +144,6 @@ def test_a_key_that_is_twice_in_an_object(tmp_path):
     path = tmp_path / "camB" / "000001_keypoints.json"
     path.write_text(path.read_text().rstrip()[:-1] + ', "people": []}')
     assert refused(tmp_path).endswith("JSON: expected every key once in an object, got 'people' twice")
-    path = voxelpose(tmp_path, reference(["a", "b"]))
-    path.write_text(path.read_text().replace('"b":', '"a":'))
-    with pytest.raises(DatasetError, match="every key once in an object, got 'a' twice"):
-        read_calibration(path, size=(1000, 1000))
 
 
 def test_files_of_macos_beside_each(tmp_path):
@@ -174,43 +169,6 @@ def test_joints_in_any_script(tmp_path):
     assert "none for fte" in refused(tmp_path, layout=sk.Layout("own", ["fte"]))
 
 
-@pytest.mark.parametrize("writer", [anipose, caliscope])
-def test_rotation_vectors_in_degrees(tmp_path, writer):
-    path = writer(tmp_path, reference(["a", "b"]))
-    text = path.read_text().splitlines()
-    turned = ["rotation = [0.0, 90.0, 0.0]" if line.startswith("rotation =") else line for line in text]
-    path.write_text("\n".join(turned))
-    with pytest.raises(DatasetError, match=r"radians, of a length of at most 12.6, got \[0.0, 90.0, 0.0\]"):
-        read_calibration(path, unit="m")
-
-
-@pytest.mark.parametrize("name", ['""', '" "', "[1, 2]"])
-def test_cameras_of_toml_without_a_name(tmp_path, name):
-    path = anipose(tmp_path, reference(["a", "b"]))
-    path.write_text(path.read_text().replace('"a"', name))
-    with pytest.raises(DatasetError, match="name"):
-        read_calibration(path, unit="m")
-
-
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [
-        ({"fisheye": np.array(["false", "false"])}, "fisheye: expected true or false for every camera"),
-        ({"fisheye": np.array([np.nan, 0.0])}, "fisheye: expected true or false for every camera"),
-        ({"distortion": np.full((2, 5), np.inf)}, "distortion: expected finite numbers"),
-        ({"distCoef": np.zeros((2, 5))}, "distCoef: expected lens coefficients under the name distortion"),
-    ],
-)
-def test_lenses_of_npz_are_never_left_out(tmp_path, changes, message):
-    path = own_npz(tmp_path, reference(["a", "b"]))
-    with np.load(path) as archive:
-        arrays = dict(archive)
-    arrays.pop("distortion")
-    np.savez(path, **{**arrays, **changes})
-    with pytest.raises(DatasetError, match=message):
-        read_calibration(path)
-
-
 @pytest.mark.parametrize(
     ("name", "is_what"),
     [
@@ -232,30 +190,3 @@ def test_what_is_no_detections_is_named(finished_run, tmp_path, name, is_what):
         assert refused(path, format="npz").endswith(f"expected a complete npz file, got {is_what}")
         path.rename(tmp_path / "camA.npz")
         assert refused(tmp_path).endswith(f"got none that is recognised: camA.npz is {is_what}")
-
-
-@pytest.mark.parametrize(
-    ("name", "is_what"),
-    [
-        ("out/pose.npz", "poses"),
-        ("out/pose.csv", "poses"),
-        ("out/detections.npz", "detections (npz)"),
-        ("openpose", "detections (openpose)"),
-        ("openpose/*/000000_keypoints.json", "detections (openpose)"),
-    ],
-)
-def test_what_is_no_calibration_is_named(finished_run, name, is_what):
-    path = next(finished_run.parent.glob(name))
-    with pytest.raises(DatasetError) as found:
-        read_calibration(path)
-    assert str(found.value).endswith(f"voxelpose), got {is_what}")
-
-
-def test_what_is_damaged_or_missing_is_no_calibration(tmp_path):
-    for name in ("x.npz", "x.h5", "x.npy"):
-        with pytest.raises(DatasetError, match=f"{name}: file"):
-            read_calibration(tmp_path / name)
-        for content in (b"hello", b""):
-            (tmp_path / name).write_bytes(content)
-            with pytest.raises(DatasetError, match=f"{name}: content"):
-                read_calibration(tmp_path / name)

@@ -26,7 +26,7 @@ LAYERS = (
     {"findings"},
     {"_chunks", "_clocks"},
     {"_skelsplat"},
-    {"_lock"},
+    {"_lock", "_fields"},
     {"_budget"},
     {"_arrays", "_atomic", "_opencv"},
     {"_optional"},

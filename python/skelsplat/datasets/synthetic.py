@@ -14,6 +14,7 @@ import numpy as np
 from skelsplat import io
 from skelsplat._arrays import Array, Index, Mask, largest_slots
 from skelsplat._atomic import opening
+from skelsplat._fields import Field
 from skelsplat._skelsplat import Layout
 from skelsplat.cameras import CameraRig
 from skelsplat.datasets._files import (
@@ -27,8 +28,8 @@ from skelsplat.datasets._files import (
 )
 from skelsplat.datasets._model import Dataset, PeopleTake, Take
 from skelsplat.exceptions import DatasetError, InvalidInputError
-from skelsplat.io._fields import Field
 from skelsplat.io.calibration._json import to_entry
+from skelsplat.layouts import named
 
 if TYPE_CHECKING:
     from skelsplat.synthetic.sets import RecordingSet
@@ -55,7 +56,7 @@ def read(root: Path, survey: Survey, *, detector: str = "good", views: Views = N
     for key, known in (("format", FORMAT), ("format_version", FORMAT_VERSION)):
         if index[key].value != known:
             raise index[key].error(known, index[key].shown)
-    layout = index["layout"].layout()
+    layout = named(index["layout"])
     joints = index["joints"].names()
     if joints != list(layout.joints):
         raise index["joints"].error(f"those of {layout.name}", ", ".join(joints))

@@ -10,11 +10,11 @@ from pathlib import Path
 from typing import Any
 
 import skelsplat as sk
+from skelsplat._fields import FRAME_LIMIT
 from skelsplat.detect._detector import Detector
 from skelsplat.detect._results import Results
 from skelsplat.exceptions import InvalidInputError
 from skelsplat.findings import Finding, Subject, warn
-from skelsplat.io._files import FRAME_LIMIT
 from skelsplat.io.detections._record import Record
 from skelsplat.io.video import FrameSource, open_source, videos_of
 

@@ -13,10 +13,9 @@ from pathlib import Path
 from typing import Any
 
 from skelsplat._budget import MOST_COLUMNS, check_json, opened, read_lines, read_text
-from skelsplat.exceptions import DatasetError, InvalidInputError
+from skelsplat._fields import FRAME_LIMIT
+from skelsplat.exceptions import DatasetError
 
-# frame numbers and offsets are below it, so that their sum fits into 64 bits
-FRAME_LIMIT = 2**62
 _HEAD = 65_536  # bytes
 _SURROGATE = re.compile(r"\\u[dD][89a-fA-F]")
 _FIELDS = "comma-separated fields, every quote closed"
@@ -35,12 +34,6 @@ def parsing(path: Path, expected: str) -> Iterator[None]:
     except Exception as error:
         reason = str(error).strip().splitlines() or [type(error).__name__]
         raise DatasetError(path, "file", expected, reason[-1]) from error
-
-
-def of_file(path: Path, error: InvalidInputError) -> DatasetError:
-    """Return the error for a file whose content was refused as an argument."""
-    expected, _, actual = error.reason.removeprefix("expected ").partition(", got ")
-    return DatasetError(path, error.argument, expected, actual)
 
 
 def head(path: Path) -> str:

@@ -8,8 +8,6 @@ from skelsplat._budget import MOST_DOCUMENT, damaged_zip, opened
 from skelsplat.exceptions import DatasetError
 from skelsplat.io._arrays import HDF5
 from skelsplat.io.calibration import find_format
-from skelsplat.io.calibration._format import Source
-from skelsplat.io.calibration._toml import has_cameras
 from skelsplat.io.detections._registry import recognised
 from skelsplat.io.poses import is_pose_file
 
@@ -27,13 +25,11 @@ def seems(path: Path) -> str | None:
             return f"detections ({', '.join(found)})"
         unclear = path.suffix == ".mat" or (path.is_file() and path.stat().st_size > MOST_DOCUMENT)
         form = None if unclear else find_format(path)
-        if form is None or (form == "anipose" and not has_cameras(Source(path))):
-            return None
     except DatasetError as error:
         return f"invalid JSON: {error.actual}" if error.field == "JSON" else None
     except OSError:
         return None
-    return f"a calibration ({form})"
+    return None if form is None else f"a calibration ({form})"
 
 
 def damage(path: Path) -> str | None:

@@ -24,9 +24,9 @@ import numpy as np
 import skelsplat as sk
 from skelsplat._arrays import Array, Index
 from skelsplat._atomic import atomic_write, atomic_write_text
+from skelsplat._fields import FRAME_LIMIT, Field
 from skelsplat.exceptions import DatasetError
-from skelsplat.io._fields import Field
-from skelsplat.io._files import FRAME_LIMIT, load_json
+from skelsplat.io._files import load_json
 from skelsplat.io._rows import RowFile, write_npz
 from skelsplat.io._run_files import (
     CAMERAS,
@@ -147,7 +147,7 @@ def read_run(
     own = folder / LAYOUT
     needed = (folder / name for name in MARKED if name != LAYOUT or own.is_file())
     check_one_run(folder / REPORT, needed)
-    layout = sk.layouts.read(own) if own.is_file() else report["input"]["layout"].layout()
+    layout = sk.layouts.read(own) if own.is_file() else sk.layouts.named(report["input"]["layout"])
     rig = read_calibration(folder / CAMERAS)
     opened = open_detections(folder / DETECTIONS, list(rig.names), layout=layout, format="npz")
     every = opened.frames

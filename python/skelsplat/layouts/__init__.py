@@ -8,7 +8,7 @@ file in TOML (`read`, `write`). The built-in ones that are not compiled are such
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from functools import cache
 from pathlib import Path
 
@@ -17,15 +17,15 @@ import numpy.typing as npt
 
 from skelsplat._atomic import atomic_write_text
 from skelsplat._budget import read_toml
+from skelsplat._fields import Field
 from skelsplat._skelsplat import LAYOUT_NAMES, Layout
-from skelsplat.exceptions import DatasetError, InvalidInputError
+from skelsplat.exceptions import DatasetError, InvalidInputError, did_you_mean
 from skelsplat.layouts._files import (
     SUFFIX,
     About,
     about_of,
-    hint_at,
+    from_names,
     mirrored_names,
-    of_names,
     read_file,
     to_toml,
 )
@@ -63,6 +63,7 @@ __all__ = [
     "get",
     "is_built_in",
     "mirrored_names",
+    "named",
     "names",
     "read",
     "to_toml",
@@ -96,7 +97,7 @@ def get(name: str | os.PathLike[str] | Layout) -> Layout:
     if Path(text).suffix.lower() == SUFFIX:
         return read(text)
     expected = f"one of {', '.join(names)}, or a layout file ({SUFFIX})"
-    raise InvalidInputError(f"layout: expected {expected}, got {text!r}{hint_at(text.lower(), names)}")
+    raise InvalidInputError(f"layout: expected {expected}, got {text!r}{did_you_mean(text.lower(), names)}")
 
 
 def read(path: str | os.PathLike[str]) -> Layout:
@@ -125,17 +126,12 @@ def write(path: str | os.PathLike[str], layout: Layout | str, *, about: About | 
     atomic_write_text(path, to_toml(layout, about))
 
 
-def from_names(name: str, joints: Sequence[str], limbs: Sequence[tuple[int, int]] = ()) -> Layout:
-    """Return a layout whose mirror images and symmetric limbs are those that the joints' names state.
-
-    Parameters
-    ----------
-    name : str
-    joints : sequence of str
-        As `mirrored_names` reads their sides.
-    limbs : sequence of (int, int), optional
-    """
-    return of_names(name, joints, limbs=limbs)
+def named(field: Field) -> Layout:
+    """Return the layout that a value in a file names, or raise `DatasetError`."""
+    try:
+        return get(field.value)
+    except InvalidInputError as error:
+        raise field.error(f"one of {', '.join(names)}", field.shown) from error
 
 
 def is_built_in(layout: Layout) -> bool:
@@ -161,4 +157,4 @@ def _about(name: str) -> About:
     """Return what is known of a built-in layout; of those in the core, from a file of all."""
     if name in _IN_FILES:
         return read_file(_FOLDER / f"{name}{SUFFIX}")[1]
-    return about_of(read_toml(_ABOUT).get(name, {}))
+    return about_of(Field(_ABOUT, "", read_toml(_ABOUT))[name])

@@ -18,18 +18,19 @@ source
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
 from skelsplat._budget import read_toml
 from skelsplat._escape import CONTROL
+from skelsplat._fields import Field
 from skelsplat._skelsplat import Layout
 from skelsplat.exceptions import DatasetError, InvalidInputError
 
 SUFFIX = ".toml"
-_WIDTH = 100
+_IN_A_LINE = 6
 # Standard deviation of a bone's length if the file has none: a tenth of it, at most that of `RefineConfig`.
 _SIGMA, _MOST_SIGMA_MM = 0.1, 20.0
 
@@ -56,93 +57,73 @@ class About:
 
 
 _WORDS = tuple(field.name for field in fields(About))
-_PARTS = ("joints", "limbs", "left_right", "symmetric", "bones", "occlusion_prone", "root")
-_KEYS = ("name", *_WORDS, "human", *_PARTS)
+_LISTS = ("limbs", "left_right", "occlusion_prone", "root")
+_KEYS = ("name", *_WORDS, "human", "joints", *_LISTS, "symmetric", "bones")
 
 
-def hint_at(name: str, known: Sequence[str]) -> str:
-    """Return "; did you mean …?" with the closest of the known names, empty if none is close."""
-    from difflib import get_close_matches
-
-    close = get_close_matches(name, known, n=1)
-    return f"; did you mean {close[0]}?" if close else ""
-
-
-def about_of(document: Mapping[str, Any]) -> About:
+def about_of(document: Field) -> About:
     """Return what a document says in words."""
-    return About(**{key: str(document.get(key, "")) for key in _WORDS})
+    return About(**{key: document[key].text() for key in _WORDS if key in document})
 
 
 def read_file(path: Path) -> tuple[Layout, About]:
     """Return the layout of a file and what the file says of it, or raise `DatasetError`."""
-    document = read_toml(path)
-    for key in document:
-        if key not in _KEYS:
-            actual = f"an unknown key{hint_at(key, _KEYS)}"
-            raise DatasetError(path, key, f"one of {', '.join(_KEYS)}", actual)
-    for key, kind, expected in (
-        *((key, str, "text") for key in ("name", *_WORDS)),
-        ("human", bool, "true or false"),
-        *((key, list, "a list") for key in _PARTS),
-    ):
-        if not isinstance(document.get(key, kind()), kind):
-            raise DatasetError(path, key, expected, repr(document[key])[:60])
-    if "joints" not in document:
-        raise DatasetError(path, "joints", "the names of the joints", "nothing (the key is missing)")
-    try:
-        return _layout(path, document), about_of(document)
-    except InvalidInputError as error:
-        expected, _, actual = error.reason.removeprefix("expected ").rpartition(", got ")
-        raise DatasetError(path, error.argument.replace("lengths", "bones"), expected, actual) from error
-
-
-def _layout(path: Path, document: Mapping[str, Any]) -> Layout:
-    keys = ("limbs", "left_right", "occlusion_prone", "root", "human")
-    given = {key: document[key] for key in keys if key in document}
+    document = Field(path, "", read_toml(path)).table(_KEYS)
+    given: dict[str, Any] = {key: _values(document[key]) for key in _LISTS if key in document}
     if "symmetric" in document:
-        tables = enumerate(document["symmetric"])
-        given["symmetric"] = [
-            tuple(_entry(path, f"symmetric[{k}]", table, tier=None, left=None, right=None))
-            for k, table in tables
-        ]
-    lengths = (_bone(path, f"bones[{k}]", table) for k, table in enumerate(document.get("bones", ())))
-    given["lengths"] = [bone for bone in lengths if bone is not None]
-    return of_names(document.get("name") or path.stem, document["joints"], **given)
+        given["symmetric"] = [_symmetric(entry) for entry in document["symmetric"].entries()]
+    bones = document["bones"].entries() if "bones" in document else []
+    given["lengths"] = [bone for bone in map(_bone, bones) if bone is not None]
+    name = document["name"].text() if "name" in document else path.stem
+    joints, human = document["joints"].names(), document["human"].flag()
+    try:
+        return from_names(name, joints, human=human, **given), about_of(document)
+    except InvalidInputError as error:
+        named = error.of_argument(error.argument.replace("lengths", "bones"))
+        raise DatasetError.of_argument(path, named) from error
 
 
-def of_names(name: str, joints: Sequence[str], **given: Any) -> Layout:
-    """Return a layout; the pairs and symmetric limbs that are not given are those of the names."""
+def _values(field: Field) -> list[Any]:
+    return [entry.value for entry in field.entries()]
+
+
+def _symmetric(entry: Field) -> tuple[int, list[Any], list[Any]]:
+    """Return the tier of two limbs and the limbs."""
+    entry.table(("tier", "left", "right"))
+    return entry["tier"].index(), _values(entry["left"]), _values(entry["right"])
+
+
+def _bone(entry: Field) -> tuple[list[Any], float, float] | None:
+    """Return the joints, length and its sigma of a bone; None without a length."""
+    entry.table(("joints", "length_mm", "sigma_mm"))
+    ends = _values(entry["joints"])
+    if "length_mm" not in entry:
+        return None
+    length = entry["length_mm"].number()
+    return (
+        ends,
+        length,
+        entry["sigma_mm"].number() if "sigma_mm" in entry else min(_SIGMA * length, _MOST_SIGMA_MM),
+    )
+
+
+def from_names(name: str, joints: Sequence[str], limbs: Sequence[Sequence[Any]] = (), **given: Any) -> Layout:
+    """Return a layout whose mirror images and symmetric limbs are those that the joints' names state.
+
+    Parameters
+    ----------
+    name : str
+    joints : sequence of str
+        As `mirrored_names` reads their sides.
+    limbs : sequence of (int, int), optional
+    **given
+        Other arguments of `Layout`; a ``left_right`` or ``symmetric`` among them is left as it is.
+    """
     if "left_right" not in given:
         given["left_right"] = mirrored_names(Layout(name, joints).joints)
     if "symmetric" not in given:
-        given["symmetric"] = _mirrored_limbs(Layout(name, joints, **given))
-    return Layout(name, joints, **given)
-
-
-def _bone(path: Path, place: str, table: Any) -> tuple[Any, float, float] | None:
-    """Return the joints, length and its sigma of a bone; None without a length."""
-    ends, length, sigma = _entry(path, place, table, joints=None, length_mm=0.0, sigma_mm=0.0)
-    for key, value in (("length_mm", length), ("sigma_mm", sigma)):
-        if isinstance(value, bool) or not isinstance(value, int | float):
-            raise DatasetError(path, f"{place}.{key}", "a number of mm", repr(value)[:60])
-        if key in table and value == 0:
-            raise DatasetError(path, f"{place}.{key}", "a positive number of mm", value)
-    if not length and not sigma:
-        return None
-    return ends, length, sigma or min(_SIGMA * length, _MOST_SIGMA_MM)
-
-
-def _entry(path: Path, place: str, table: Any, **keys: Any) -> Iterator[Any]:
-    """Yield the values under these keys of a table; a key without a default must be there."""
-    if not isinstance(table, dict):
-        raise DatasetError(path, place, f"a table of {', '.join(keys)}", repr(table)[:60])
-    for key in table:
-        if key not in keys:
-            raise DatasetError(path, f"{place}.{key}", f"one of {', '.join(keys)}", "an unknown key")
-    for key, default in keys.items():
-        if default is None and key not in table:
-            raise DatasetError(path, f"{place}.{key}", "a value", "nothing (the key is missing)")
-        yield table.get(key, default)
+        given["symmetric"] = _mirrored_limbs(Layout(name, joints, limbs=limbs, **given))
+    return Layout(name, joints, limbs=limbs, **given)
 
 
 def mirrored_names(joints: Sequence[str]) -> tuple[Pair, ...]:
@@ -200,17 +181,20 @@ def to_toml(layout: Layout, about: About | None = None) -> str:
         return f"[{', '.join(_quoted(names[k]) for k in ends)}]"
 
     words = {key: getattr(about or About(), key) for key in _WORDS}
-    lines = [f"name = {_quoted(layout.name)}"]
-    lines += [f"{key} = {_quoted(text)}" for key, text in words.items() if text]
-    lines += ["human = true"] if layout.human else []
-    lines += ["", *_list("joints", [_quoted(name) for name in names])]
-    lines += _list("limbs", [pair(limb) for limb in layout.limbs])
-    lines += _list("left_right", [pair(both) for both in layout.left_right])
     tiers = [(tier, pair(left), pair(right)) for tier, left, right in layout.symmetric]
-    lines += _list("symmetric", [f"{{ tier = {t}, left = {a}, right = {b} }}" for t, a, b in tiers])
+    lines = [
+        f"name = {_quoted(layout.name)}",
+        *(f"{key} = {_quoted(text)}" for key, text in words.items() if text),
+        *(["human = true"] if layout.human else []),
+        "",
+        _list("joints", [_quoted(name) for name in names]),
+        _list("limbs", [pair(limb) for limb in layout.limbs]),
+        _list("left_right", [pair(both) for both in layout.left_right]),
+        _list("symmetric", [f"{{ tier = {t}, left = {a}, right = {b} }}" for t, a, b in tiers]),
+    ]
     for key in ("occlusion_prone", "root"):
         places = getattr(layout, key)
-        lines += _list(key, [_quoted(names[k]) for k in places]) if places else []
+        lines += [_list(key, [_quoted(names[k]) for k in places])] if places else []
     for ends, length, sigma in layout.lengths:
         lines += ["", "[[bones]]", f"joints = {pair(ends)}", f"length_mm = {length}", f"sigma_mm = {sigma}"]
     return "\n".join(lines) + "\n"
@@ -221,17 +205,8 @@ def _quoted(text: str) -> str:
     return '"' + CONTROL.sub(lambda found: f"\\u{ord(found[0]):04x}", escaped) + '"'
 
 
-def _list(key: str, items: Sequence[str]) -> Iterator[str]:
-    """Yield the lines of ``key = [...]``, on one line if they fit."""
-    whole = f"{key} = [{', '.join(items)}]"
-    if len(whole) <= _WIDTH:
-        yield whole
-        return
-    yield f"{key} = ["
-    line = ""
-    for item in items:
-        if line and len(line) + len(item) + 2 > _WIDTH:
-            yield line
-            line = ""
-        line = f"{line} {item}," if line else f"    {item},"
-    yield from (line, "]")
+def _list(key: str, items: Sequence[str]) -> str:
+    if len(items) <= _IN_A_LINE:
+        return f"{key} = [{', '.join(items)}]"
+    rows = [", ".join(items[k : k + _IN_A_LINE]) for k in range(0, len(items), _IN_A_LINE)]
+    return "\n".join([f"{key} = [", *(f"    {row}," for row in rows), "]"])

@@ -22,7 +22,6 @@ from skelsplat.datasets._model import Take
 from skelsplat.datasets._verify import body_size, is_human
 from skelsplat.datasets.human36m._common import CAMERAS, NUMBERED, SIZES, SUBJECTS, Options
 from skelsplat.exceptions import DatasetError, InvalidInputError
-from skelsplat.io._files import of_file
 from skelsplat.layouts import H36M17
 
 NAME = "adafuse"
@@ -121,7 +120,7 @@ def _world(given: Value, pixels: Array, rig: CameraRig) -> Array:
     try:
         in_camera, in_world = (_misfit(some, pixels, rig) for some in (moved, poses))
     except InvalidInputError as error:  # numbers that nothing is projected from
-        raise of_file(given.path, error) from error
+        raise DatasetError.of_argument(given.path, error) from error
     chosen = poses if in_world < in_camera else moved
     apart = float(np.abs(chosen - chosen[:, :1]).max())
     if not apart <= _AGREE_MM and is_human(body_size(poses)):  # else it is the unit, and verified later

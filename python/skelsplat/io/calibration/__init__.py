@@ -7,26 +7,26 @@ A format is a `CalibrationFormat` in ``FORMATS`` of its module: a test on a file
 from __future__ import annotations
 
 import os
-import warnings
-from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
 import skelsplat as sk
 from skelsplat._atomic import atomic_write, atomic_write_text
 from skelsplat._budget import MOST_CAMERAS, MOST_NAME, opened, within_memory
+from skelsplat._words import metric
 from skelsplat.cameras import MM_PER_UNIT, altered
 from skelsplat.exceptions import DatasetError, InvalidInputError, one_of
-from skelsplat.findings import FindingWarning
-from skelsplat.io._files import of_file
+from skelsplat.findings import Finding, Subject, warn
 from skelsplat.io.calibration import _binary, _json, _opencv, _toml, _xml
 from skelsplat.io.calibration._format import CalibrationFormat, RawCamera, Source
-from skelsplat.io.calibration._unit import check_unit
 
 __all__ = ["FORMATS", "convert_unit", "find_format", "read_calibration", "write_calibration"]
+
+Size: TypeAlias = tuple[int, int]
 
 # in the order in which they are tried: Anipose's TOML is what no other format claims
 FORMATS: dict[str, CalibrationFormat] = {
@@ -36,6 +36,9 @@ _WRITTEN = {".toml": "anipose", ".json": "json", ".npz": "npz"}
 # of files that may be calibrations in a folder, and how many are looked at
 _SUFFIXES = (".toml", ".json", ".xml", ".txt", ".xcp", ".yml", ".yaml", ".npz", ".mat", ".pickle", ".pkl")
 _MOST_FILES = 50
+# how far apart cameras are, from a macro rig on a table to a stadium: outside it the unit is wrong rather
+# than the rig unusual; and on a table or in a room: a unit that alone puts them so far apart is likely
+_PLAUSIBLE_MM, _USUAL_MM = (50.0, 100_000.0), (100.0, 15_000.0)
 
 
 def read_calibration(
@@ -45,7 +48,7 @@ def read_calibration(
     format: str | None = None,
     camera_type: str | None = None,
     subject: str | None = None,
-    size: tuple[int, int] | Mapping[str, tuple[int, int]] | None = None,
+    size: Size | Mapping[str, Size] | None = None,
     binning: float | None = None,
 ) -> sk.CameraRig:
     """Read a calibration into a rig, cameras in the order of the file.
@@ -56,8 +59,8 @@ def read_calibration(
         The calibration file, the folder where a format is one, or a folder with one calibration.
     unit : "mm", "cm" or "m"
         The length unit of the file's translations. It must be given for the formats that do not say it:
-        ``anipose`` (unless this package wrote the file) and ``easymocap``. For the others it may be left out;
-        one that contradicts the format is an error.
+        ``anipose`` (unless this package wrote the file), ``easymocap`` and ``4d-association``. For the others
+        it may be left out; one that contradicts the format is an error.
     format : str, optional
         Found from the content when left out. A key of `FORMATS`, whose ``about`` and ``unit`` say what
         writes it and in which unit.
@@ -92,20 +95,38 @@ def read_calibration(
         TOML has no lens coefficients; if a Qualisys camera's view was turned; if Vicon's lens model could not
         be followed to 0.1 px.
     """
-    with within_memory(Path(path)):
-        source, chosen = _find(Source(path), format)
-    options = {"camera_type": camera_type, "subject": subject, "size": size, "binning": binning}
-    _check_options(chosen, options)
     # a number beyond all others is refused with its camera
-    with within_memory(source.path), np.errstate(over="ignore", invalid="ignore"):
-        parsed = chosen.parse(source, **{name: options[name] for name in chosen.options if name != "size"})
-    _check_amount(source.path, parsed.cameras)
-    for finding in parsed.findings:
-        warnings.warn(FindingWarning(finding), stacklevel=2)
-    _check_names(source.path, parsed.cameras)
-    cameras = [_build(source.path, camera, _size(source.path, camera, size)) for camera in parsed.cameras]
-    known_unit = check_unit(source.path, cameras, unit, stated=parsed.unit)
-    return sk.CameraRig(cameras, unit=known_unit)
+    with within_memory(Path(path)), np.errstate(over="ignore", invalid="ignore"):
+        source, chosen = _find(Source(path), format)
+        options = {"camera_type": camera_type, "subject": subject, "size": size, "binning": binning}
+        _check_options(chosen, options)
+        parsed, stated = chosen.parse(
+            source, **{key: options[key] for key in chosen.options if key != "size"}
+        )
+    if not 0 < len(parsed) <= MOST_CAMERAS:
+        raise DatasetError(source.path, "cameras", f"1 to {MOST_CAMERAS} cameras", f"{len(parsed)}")
+    for raw in parsed:
+        if not raw.name.strip() or len(raw.name) > MOST_NAME:
+            raise DatasetError(source.path, "name", f"names of 1 to {MOST_NAME} characters", raw.name[:40])
+    sizes = [_size(source.path, raw, size) for raw in parsed]
+    try:
+        rig = sk.CameraRig(
+            [
+                sk.Camera(
+                    raw.K,
+                    raw.R,
+                    raw.t,
+                    distortion=raw.distortion,
+                    fisheye=raw.fisheye,
+                    size=wh,
+                    name=raw.name,
+                )
+                for raw, wh in zip(parsed, sizes, strict=True)
+            ]
+        )
+    except InvalidInputError as error:
+        raise DatasetError.of_argument(source.path, error) from error
+    return sk.CameraRig(list(rig), unit=_checked_unit(source.path, rig, unit, stated))
 
 
 def find_format(path: str | os.PathLike[str]) -> str | None:
@@ -118,14 +139,9 @@ def find_format(path: str | os.PathLike[str]) -> str | None:
     return None if found is None else found[1].name
 
 
-def _recognised(source: Source) -> str | None:
-    return next((known.name for known in FORMATS.values() if known.matches(source)), None)
-
-
 def _find(source: Source, name: str | None) -> tuple[Source, CalibrationFormat]:
     """Return the calibration, in a folder or not, and its format."""
-    known = sorted(FORMATS)
-    one_of("format", name, (None, *known))
+    one_of("format", name, (None, *sorted(FORMATS)))
     found = _found(source, name)
     if found is None:
         from skelsplat.io._kinds import seems  # which imports this module
@@ -133,42 +149,36 @@ def _find(source: Source, name: str | None) -> tuple[Source, CalibrationFormat]:
         if not source.is_folder:
             with opened(source.path):  # of a binary one nothing was read yet
                 pass
-        unknown = "a folder without one" if source.is_folder else "something else"
-        actual = seems(source.path) or unknown
-        expected = f"a calibration in a known format ({', '.join(known)})"
+        actual = seems(source.path) or ("a folder without one" if source.is_folder else "something else")
+        expected = f"a calibration in a known format ({', '.join(sorted(FORMATS))})"
         raise DatasetError(source.path, "content", expected, actual)
     return found
 
 
 def _found(source: Source, name: str | None) -> tuple[Source, CalibrationFormat] | None:
-    """Return a source in a format, or the only file of a folder that is one; a named format is believed."""
-    form = _recognised(source) if name is None or source.is_folder else None
-    inside = _among(source, name) if form is None else {}
-    if len(inside) > 1:
-        names = ", ".join(one.path.name for one in inside)
-        raise DatasetError(source.path, "content", "a folder with one calibration, or the file itself", names)
-    if inside:
-        return next(iter(inside.items()))
-    return None if name is form is None else (source, FORMATS[name or form or ""])
+    """Return a source in a format, or the only file of a folder that is one; a named format is believed.
 
-
-def _among(source: Source, name: str | None) -> dict[Source, CalibrationFormat]:
-    """Return the calibrations among a folder's files, of this format if one is named.
-
-    A broken file is passed over; so is a folder with so many files that they are detections.
+    In a folder a broken file is passed over; so is a folder with so many files that they are detections.
     """
-    files = [path for path in source.files if path.suffix.lower() in _SUFFIXES]
-    found = {}
-    for one in map(Source, files if len(files) <= _MOST_FILES else []):
-        try:
-            form = _recognised(one)
-            if form == "anipose" and not _toml.has_cameras(one):
-                continue
-        except DatasetError:
-            continue
-        if form is not None and name in (None, form):
-            found[one] = FORMATS[form]
-    return found
+    named = None if name is None else (source, FORMATS[name])
+    form = _recognised(source) if named is None or source.is_folder else None
+    if form is not None:
+        return named or (source, form)
+    files = [Source(path) for path in source.files if path.suffix.lower() in _SUFFIXES]
+    inside = []
+    for file in files if len(files) <= _MOST_FILES else []:
+        with suppress(DatasetError):
+            form = _recognised(file)
+            if form is not None and name in (None, form.name):
+                inside.append((file, form))
+    if len(inside) > 1:
+        names = ", ".join(file.path.name for file, _ in inside)
+        raise DatasetError(source.path, "content", "a folder with one calibration, or the file itself", names)
+    return inside[0] if inside else named
+
+
+def _recognised(source: Source) -> CalibrationFormat | None:
+    return next((known for known in FORMATS.values() if known.matches(source)), None)
 
 
 def _check_options(chosen: CalibrationFormat, options: Mapping[str, Any]) -> None:
@@ -180,52 +190,46 @@ def _check_options(chosen: CalibrationFormat, options: Mapping[str, Any]) -> Non
         raise InvalidInputError(f"binning: expected a number of at least 1, got {binning!r}")
 
 
-def _check_names(path: Path, cameras: Sequence[RawCamera]) -> None:
-    name, count = Counter(camera.name for camera in cameras).most_common(1)[0]
-    if count > 1:
-        actual = f"{count} cameras named {name!r}"
-        raise DatasetError(path, "name", "a different name for every camera", actual)
-    blank = [camera.name for camera in cameras if not camera.name.strip()]
-    if blank:
-        raise DatasetError(path, "name", "a name for every camera", repr(blank[0]))
-
-
-def _check_amount(path: Path, cameras: Sequence[RawCamera]) -> None:
-    if not cameras:
-        raise DatasetError(path, "cameras", "at least one camera", "none")
-    longest = max(len(camera.name) for camera in cameras)
-    if longest > MOST_NAME or len(cameras) > MOST_CAMERAS:
-        actual = f"{len(cameras)} cameras with names of at most {longest} characters"
-        expected = f"at most {MOST_CAMERAS} cameras with names of at most {MOST_NAME} characters"
-        raise DatasetError(path, "cameras", expected, actual)
-
-
-def _size(
-    path: Path, camera: RawCamera, given: tuple[int, int] | Mapping[str, tuple[int, int]] | None
-) -> tuple[int, int]:
+def _size(path: Path, camera: RawCamera, given: Size | Mapping[str, Size] | None) -> Size:
+    """Return the size of a camera's images, which is in the file or else given."""
     if isinstance(given, Mapping):
         given = given.get(camera.name)
-    if camera.size is None:
-        if given is None:
-            expected = f"the images' (width, height) for camera {camera.name!r}"
-            raise InvalidInputError(
-                f"size: expected {expected}, because {path} does not contain it, got none"
-            )
-        return given
-    if given is not None and tuple(given) != camera.size:
-        width, height = camera.size
-        expected = f"none or ({width}, {height}), the size of camera {camera.name!r} in {path}"
+    if camera.size is None and given is None:
+        expected = f"the images' (width, height) for camera {camera.name!r}"
+        raise InvalidInputError(f"size: expected {expected}, because {path} does not contain it, got none")
+    if given is not None and camera.size not in (None, tuple(given)):
+        expected = f"none or {camera.size}, the size of camera {camera.name!r} in {path}"
         raise InvalidInputError(f"size: expected {expected}, got {tuple(given)}")
-    return camera.size
+    return camera.size or given  # type: ignore[return-value]
 
 
-def _build(path: Path, raw: RawCamera, size: tuple[int, int]) -> sk.Camera:
-    try:
-        return sk.Camera(
-            raw.K, raw.R, raw.t, distortion=raw.distortion, fisheye=raw.fisheye, size=size, name=raw.name
-        )
-    except InvalidInputError as error:
-        raise of_file(path, error) from error
+def _checked_unit(path: Path, rig: sk.CameraRig, unit: str | None, stated: str | None) -> str:
+    """Return the unit, given or `stated` by the file; warn if the cameras' spread makes it implausible."""
+    centres = np.stack([camera.centre for camera in rig])
+    spread = max(float(np.linalg.norm(centre - centres, axis=-1).max()) for centre in centres)
+    if stated is not None and unit not in (None, stated):
+        raise InvalidInputError(f'unit: expected none or "{stated}", the unit of {path}, got {unit!r}')
+    unit = stated or unit
+    if unit is None:
+        raise InvalidInputError(f'unit: expected "mm", "cm" or "m" for {path}, got none; {_hint(spread)}')
+    one_of("unit", unit, MM_PER_UNIT)
+    mm = spread * MM_PER_UNIT[unit]
+    if spread > 0.0 and not _PLAUSIBLE_MM[0] <= mm <= _PLAUSIBLE_MM[1]:
+        numbers = {"metres": mm / 1000.0, "unit": unit, "spread": spread, "hint": _hint(spread)}
+        words = f"{path}: unit: if it is {unit}, the cameras are {metric(mm)} apart; {numbers['hint']}"
+        warn(Finding("unit_wrong", "warning", Subject(files=(str(path),)), numbers, sentence=words))
+    return unit
+
+
+def _hint(spread: float) -> str:
+    """Return which unit is likely, if only one is, and what each would mean."""
+    if spread == 0.0:
+        return "one camera gives no hint of it"
+    mm = {name: spread * factor for name, factor in MM_PER_UNIT.items()}
+    usual = [name for name in mm if _USUAL_MM[0] <= mm[name] <= _USUAL_MM[1]]
+    meanings = " or ".join(f'{metric(mm[name])} in "{name}"' for name in usual or mm)
+    so = f'so "{usual[0]}" is likely' if len(usual) == 1 else f"that is {meanings}"
+    return f"the largest distance between cameras is {spread:.4g} in the file, {so}"
 
 
 def convert_unit(rig: sk.CameraRig, unit: str) -> sk.CameraRig:
@@ -238,8 +242,7 @@ def convert_unit(rig: sk.CameraRig, unit: str) -> sk.CameraRig:
     """
     one_of("unit", unit, MM_PER_UNIT)
     factor = rig.mm_per_unit / MM_PER_UNIT[unit]
-    cameras = [altered(camera, t=np.asarray(camera.t) * factor) for camera in rig]
-    return sk.CameraRig(cameras, unit=unit)
+    return sk.CameraRig([altered(camera, t=np.asarray(camera.t) * factor) for camera in rig], unit=unit)
 
 
 def write_calibration(
@@ -285,8 +288,8 @@ def write_calibration(
         expected = f"one of {', '.join(_WRITTEN.values())}, or a path in {', '.join(_WRITTEN)}"
         raise InvalidInputError(f"format: expected {expected}, got {format or suffix or 'no suffix'!r}")
     if chosen == "npz":
+        noted: dict[str, Any] = {} if note is None else {"note": np.array(note)}
         with atomic_write(path) as stream:
-            noted: dict[str, Any] = {} if note is None else {"note": np.array(note)}
             np.savez(stream, **_json.to_arrays(rig), **noted)
     else:
         text = _json.to_json(rig, note) if chosen == "json" else _toml.to_toml(rig, note, adjusted=adjusted)

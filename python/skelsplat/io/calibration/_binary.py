@@ -4,39 +4,28 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from skelsplat._arrays import Array
+from skelsplat._fields import Field
 from skelsplat.exceptions import DatasetError, MissingPackageError
-from skelsplat.io._fields import Field
 from skelsplat.io._files import natural
 from skelsplat.io._guarded import load_mat, unpickle
 from skelsplat.io.calibration._format import (
-    GOOD_FIT_PX,
     CalibrationFormat,
     Parsed,
     RawCamera,
     Source,
-    approximated,
     camera_of,
-    size_of,
+    matrix_of,
+    warn_of_fit,
 )
 
 _OPENCAP = "cameraIntrinsicsExtrinsics"
 _PICKLES = (".pickle", ".pkl")
-
-
-def _plain(value: Any) -> Any:
-    """Return arrays, also those in tables and lists, as lists of numbers."""
-    if isinstance(value, np.ndarray | np.generic):
-        return _plain(value.tolist())
-    if isinstance(value, Mapping):
-        return {str(key): _plain(one) for key, one in value.items()}
-    return [_plain(one) for one in value] if isinstance(value, list | tuple) else value
 
 
 def _opencap_files(source: Source) -> dict[str, Path]:
@@ -45,21 +34,20 @@ def _opencap_files(source: Source) -> dict[str, Path]:
         name = source.path.stem if source.path.stem != _OPENCAP else source.path.absolute().parent.name
         return {name: source.path} if source.suffix in _PICKLES else {}
     for pattern in (f"*/{_OPENCAP}.pickle", f"Videos/*/{_OPENCAP}.pickle"):
-        if found := sorted(source.path.glob(pattern), key=lambda path: natural(path.parent.name)):
-            return {path.parent.name: path for path in found}
-    own = [path for path in source.files if path.suffix.lower() in _PICKLES]
-    return {path.stem: path for path in sorted(own, key=lambda path: natural(path.stem))}
+        if found := {path.parent.name: path for path in source.path.glob(pattern)}:
+            break
+    else:
+        found = {path.stem: path for path in source.files if path.suffix.lower() in _PICKLES}
+    return {name: found[name] for name in sorted(found, key=natural)}
 
 
 def is_opencap(source: Source) -> bool:
     """Whether a pickle, or the first of a folder's, has OpenCap's camera matrix."""
     path = next(iter(_opencap_files(source).values()), None)
-    if path is None:
-        return False
     try:
-        return "intrinsicMat" in _opencap_entry(path)
+        return path is not None and "intrinsicMat" in _opencap_entry(path)
     except DatasetError:
-        if source.is_folder and not path.stem.startswith(_OPENCAP):  # somebody else's
+        if source.is_folder:  # somebody else's
             return False
         raise
 
@@ -73,9 +61,7 @@ def parse_opencap(source: Source) -> Parsed:
     pickle is run.
     """
     files = _opencap_files(source)
-    if not files:
-        raise DatasetError(source.path, "files", f"{_OPENCAP}.pickle in a folder per camera", "none")
-    return Parsed([_opencap_camera(name, _opencap_entry(path)) for name, path in files.items()], "mm")
+    return [_opencap_camera(name, _opencap_entry(path)) for name, path in files.items()], "mm"
 
 
 def _opencap_entry(path: Path) -> Field:
@@ -83,15 +69,15 @@ def _opencap_entry(path: Path) -> Field:
 
 
 def _opencap_camera(name: str, entry: Field) -> RawCamera:
-    if "rotation" not in entry.table() and "intrinsicMat" in entry:
-        expected = f"rotation and translation, which OpenCap writes to {_OPENCAP}.pickle"
-        raise entry.error(expected, "intrinsics alone")
-    height, width = size_of(entry["imageSize"])
-    camera = camera_of(entry, name, K="intrinsicMat", R="rotation", t="translation", lens="distortion")
-    return replace(camera, size=(width, height))
+    height, width = entry["imageSize"].size()
+    table = {**entry.table().value, "size": [width, height]}
+    entry = Field(entry.path, "", table)
+    K, R, t = "intrinsicMat", "rotation", "translation"
+    return camera_of(entry, name, K=K, R=R, t=t, lens="distortion", size="size")
 
 
 _PARAMS = re.compile(r"_?params$")
+_VARIABLES = ("params", "camnames", "K", "R", "r", "t", "RDistort", "TDistort")
 
 
 def _mat_files(source: Source) -> list[Path]:
@@ -103,17 +89,12 @@ def _mat_files(source: Source) -> list[Path]:
 
 
 def is_dannce(source: Source) -> bool:
-    """Whether a source is a MAT-file with cameras, or a folder with those of single cameras."""
-    return any(_may_have_cameras(path) for path in _mat_files(source)[:1])
-
-
-def _may_have_cameras(path: Path) -> bool:
-    """Whether a MAT-file has the cameras' variables, or cannot be looked into, of which the parser tells."""
+    """Whether a MAT-file, or the first of a folder's, has cameras; one that cannot be read: parsing tells."""
     try:
-        names = _mat(path).keys()
+        variables = [_mat(path).value for path in _mat_files(source)[:1]]
     except (DatasetError, MissingPackageError):
         return True
-    return "params" in names or names >= {"K", "t"}
+    return any("params" in names or names.keys() >= {"K", "t"} for names in variables)
 
 
 def parse_dannce(source: Source) -> Parsed:
@@ -126,60 +107,56 @@ def parse_dannce(source: Source) -> Parsed:
     point is moved by one. Skew, which MATLAB may estimate, is followed by half turning the camera; the
     remaining error is reported. The image size is not in the files.
     """
-    files = _mat_files(source)
-    if not files:
-        raise DatasetError(source.path, "files", "a MAT-file with params, or CAMERA_params.mat", "none")
     entries: list[tuple[str, Field]] = []
-    for path in files:
-        document = Field(path, "", _mat(path))
+    for path in _mat_files(source):
+        document = _mat(path)
         if "params" not in document and "K" in document:
             entries.append((_PARAMS.sub("", path.stem) or path.stem, document))
             continue
         params = document["params"].entries("a cell of cameras with K, r, t, RDistort and TDistort")
-        names = document["camnames"].names() if "camnames" in document else []
-        if names and len(names) != len(params):
+        names = [f"Camera{i + 1}" for i in range(len(params))]
+        if "camnames" in document:
+            names = document["camnames"].names()
+        if len(names) != len(params):
             raise document["camnames"].error(f"{len(params)} names, one per camera", f"{len(names)}")
-        entries += zip(names or [f"Camera{i + 1}" for i in range(len(params))], params, strict=True)
-    read = [_dannce_camera(name, entry.table()) for name, entry in entries]
-    skewed = [camera.name for camera, error in read if error > GOOD_FIT_PX]
-    worst = max((error for _, error in read), default=0.0)
-    how = "skew is not supported; the cameras turned by half of it agree"
-    found = [approximated(source.path, skewed, worst, how)] if skewed else []
-    return Parsed([camera for camera, _ in read], "mm", found)
+        entries += zip(names, params, strict=True)
+    errors: dict[str, float] = {}
+    cameras = [_dannce_camera(name, entry, errors) for name, entry in entries]
+    warn_of_fit(source.path, errors, "skew is not supported; the cameras turned by half of it agree")
+    return cameras, "mm"
 
 
-def _mat(path: Path) -> dict[str, Any]:
-    """Return the variables of a MAT-file; a cell or a structure of one element is a list, too."""
-    names = ["params", "camnames", *"KRrt", "RDistort", "TDistort"]
-    table = load_mat(path, "a MAT-file of version 5 to 7 (in MATLAB: save with '-v7')", names)
-    return {key: _cells(value) for key, value in table.items()}
+def _mat(path: Path) -> Field:
+    """Return the variables of a MAT-file as values of JSON; a cell of one element is a list."""
+    found = load_mat(path, "a MAT-file of version 5 to 7 (in MATLAB: save with '-v7')", _VARIABLES)
+    return Field(path, "", _plain(found))
 
 
-def _cells(value: Any) -> Any:
-    """Return MATLAB's cells as lists, structures as tables, texts as texts and matrices as nested lists."""
+def _plain(value: Any) -> Any:
+    """Return arrays as lists, MATLAB's structures as tables and its texts as texts, wherever they are."""
+    if isinstance(value, Mapping):
+        return {str(key): _plain(one) for key, one in value.items()}
+    if isinstance(value, np.ndarray) and (value.dtype.kind in "OU" or value.dtype.names):
+        parts = [one.strip() if isinstance(one, str) else _plain(one) for one in value.ravel()]
+        return parts[0] if len(parts) == 1 and value.dtype.kind != "O" else parts
     if isinstance(value, np.void) and value.dtype.names:
-        return {name: _cells(value[name]) for name in value.dtype.names}
-    if not isinstance(value, np.ndarray):
-        return _plain(value)
-    if value.dtype.kind == "U":
-        return str(value.ravel()[0]) if value.size == 1 else [str(one).strip() for one in value.ravel()]
-    if value.dtype.names:
-        parts = [_cells(one) for one in value.ravel()]
-        return parts[0] if len(parts) == 1 else parts
-    return [_cells(one) for one in value.ravel()] if value.dtype == object else value.tolist()
+        return {name: _plain(value[name]) for name in value.dtype.names}
+    if isinstance(value, np.ndarray | np.generic):
+        return value.tolist()
+    return [_plain(one) for one in value] if isinstance(value, list | tuple) else value
 
 
-def _dannce_camera(name: str, entry: Field) -> tuple[RawCamera, float]:
-    """Return a camera and the largest error of what stands for its skew, px."""
-    K = entry["K"].numbers((3, 3)).T.copy()
+def _dannce_camera(name: str, entry: Field, errors: dict[str, float]) -> RawCamera:
+    """Return a camera; the largest error of what stands for its skew, px, is added to `errors`."""
+    K = entry.table()["K"].numbers((3, 3)).T.copy()
     K[:2, 2] -= 1.0
     rotation = entry["r" if "r" in entry or "R" not in entry else "R"].numbers((3, 3)).T
     radial, (p1, p2) = entry["RDistort"].numbers(None), entry["TDistort"].numbers((2,))
     if radial.size not in (2, 3):
         raise entry["RDistort"].error("2 or 3 numbers", f"{radial.size} of them")
     lens = np.array([radial[0], radial[1], p1, p2, *radial[2:]])
-    K, turn, error = _without_skew(K)
-    return RawCamera(name, K, turn @ rotation, turn @ entry["t"].numbers((3,)), lens, None), error
+    K, turn, errors[name] = _without_skew(K)
+    return RawCamera(name, K, turn @ rotation, turn @ entry["t"].numbers((3,)), lens)
 
 
 def _without_skew(K: Array) -> tuple[Array, Array, float]:
@@ -192,7 +169,7 @@ def _without_skew(K: Array) -> tuple[Array, Array, float]:
     sine = -skew / (fx + fy)
     cosine = np.sqrt(1.0 - sine**2)
     turn = np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
-    plain = np.array([[fx, 0.0, K[0, 2]], [0.0, fy, K[1, 2]], [0.0, 0.0, 1.0]])
+    plain = matrix_of(fx, fy, K[0, 2], K[1, 2])
     edge = np.array([cx / fx, cy / fy])
     return plain, turn, float(np.abs((K - plain @ turn)[:2, :2] @ edge).max())
 

@@ -9,24 +9,22 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TypeAlias
 
 import numpy as np
 
 from skelsplat._arrays import Array
 from skelsplat._atomic import opening
-from skelsplat._budget import check_depth, check_document, parse_toml, read_text
+from skelsplat._budget import check_document, parse_toml, read_text
+from skelsplat._fields import Field
 from skelsplat.cameras import matrix_from_vector
 from skelsplat.exceptions import DatasetError
-from skelsplat.findings import Finding, Subject
-from skelsplat.io._fields import Field
+from skelsplat.findings import Finding, Subject, warn
 from skelsplat.io._files import load_json
 
-PINHOLE_COUNTS = (4, 5, 8, 12, 14)
+_PINHOLE_COUNTS = (4, 5, 8, 12, 14)
 _FISHEYE_COUNT = 4
-_MOST_PIXELS = 2**31 - 1
-GOOD_FIT_PX = 0.1
-"""A lens that is followed this well is lost in any detector's noise."""
+_GOOD_FIT_PX = 0.1  # a lens that is followed this well is lost in any detector's noise
 _MOST_RADIANS = 4 * np.pi  # optimisers pass a turn, but not two
 _BINARY = (".npz", ".npy", ".pickle", ".pkl", ".h5", ".mat")
 
@@ -39,40 +37,18 @@ class RawCamera:
     K: Array  # (3, 3) pixels
     R: Array  # (3, 3) world → camera, to the digits of the file
     t: Array  # (3,) world → camera
-    distortion: Array | None  # (n,) in OpenCV's order
-    size: tuple[int, int] | None  # width and height in pixels; None if the format has no place for it
+    distortion: Array | None = None  # (n,) in OpenCV's order
+    size: tuple[int, int] | None = None  # width and height in pixels; None if the format has no place for it
     fisheye: bool = False
 
 
-@dataclass(frozen=True)
-class Parsed:
-    """The cameras of a file, their unit (mm, cm or m) if format or file says it, and what to warn of."""
-
-    cameras: Sequence[RawCamera]
-    unit: str | None = None
-    findings: Sequence[Finding] = ()
-
-
-def cameras_of(path: Path, names: Sequence[str]) -> Subject:
-    """Return cameras of a file, as what a finding concerns."""
-    return Subject(cameras=tuple(names), files=(str(path),))
-
-
-def approximated(path: Path, names: Sequence[str], error_px: float, how: str) -> Finding:
-    """Return the note that lenses or skew of cameras are followed with an error, largest in the corners."""
-    words = f"{path}: {', '.join(names)}: {how} to {error_px:.2g} px at worst."
-    return Finding("lens_assumed", "note", cameras_of(path, names), {"error_px": error_px}, sentence=words)
-
-
-def lens_assumed(path: Path, names: Sequence[str]) -> Finding:
-    """Return the note that a file has no lens coefficients for some cameras."""
-    words = f"{path}: no distortions for {', '.join(names)}: assumed to have no lens distortion."
-    return Finding("lens_assumed", "note", cameras_of(path, names), sentence=words)
+Parsed: TypeAlias = tuple[Sequence[RawCamera], str | None]
+"""The cameras of a file, and their unit (mm, cm or m) if format or file says it."""
 
 
 @dataclass(frozen=True)
 class CalibrationFormat:
-    """A format: `matches` looks at a source, `parse` turns it into at least one camera.
+    """A format: `matches` looks at a source, `parse` turns it into cameras and warns of what it assumes.
 
     `about` says what writes it, `unit` the unit of its lengths, "" if the file does not say it. `options`
     names the arguments of `read_calibration` that it takes; any other that is given is refused. `parse` gets
@@ -93,11 +69,7 @@ class Source:
     def __init__(self, path: str | os.PathLike[str]) -> None:
         self.path = Path(path)
         self.is_folder = self.path.is_dir()
-
-    @property
-    def suffix(self) -> str:
-        """The last suffix in lower case, such as ``".json"``."""
-        return self.path.suffix.lower()
+        self.suffix = self.path.suffix.lower()
 
     @cached_property
     def files(self) -> list[Path]:
@@ -119,11 +91,9 @@ class Source:
 
     @cached_property
     def json(self) -> Field:
-        """The JSON document; None as its value if the text does not begin like one."""
-        begins = self.start.startswith(("{", "[")) and self.suffix != ".toml"
-        if not begins or _is_toml_header(self.start):
-            return Field(self.path, "", None)
-        return Field(self.path, "", load_json(self.path, "a calibration", self.text))
+        """The JSON object; None as its value if the text does not begin like one."""
+        begins = self.start.startswith("{") and self.suffix != ".toml"
+        return Field(self.path, "", load_json(self.path, "a calibration", self.text) if begins else None)
 
     @cached_property
     def xml(self) -> ET.Element | None:
@@ -134,23 +104,14 @@ class Source:
         if "<!DOCTYPE" in self.text:  # an entity can stand for gigabytes
             raise DatasetError(self.path, "XML", "a document without a DOCTYPE", "one with it")
         try:
-            root = ET.fromstring(self.text)
+            return ET.fromstring(self.text)
         except ET.ParseError as error:
             raise DatasetError(self.path, "XML", "a well-formed XML document", str(error)) from error
-        check_depth(self.path, "XML", root)
-        return root
 
     @cached_property
-    def toml(self) -> dict[str, Any]:
+    def toml(self) -> Field:
         """The TOML document, or `DatasetError`."""
-        return parse_toml(self.path, self.text)
-
-
-def _is_toml_header(start: str) -> bool:
-    """Whether a text that begins with ``[`` begins with a table's name, not with a list's first value."""
-    line = start.partition("\n")[0].partition("#")[0].strip()
-    inside = line.removeprefix("[").removesuffix("]").strip()
-    return line.startswith("[") and line.endswith("]") and inside[:1].isalpha()
+        return Field(self.path, "", parse_toml(self.path, self.text))
 
 
 def camera_of(
@@ -171,7 +132,7 @@ def camera_of(
         R=entry[R].numbers((3, 3)) if isinstance(R, str) else R,
         t=entry[t].numbers((3,)),
         distortion=None if lens is None else lens_of(entry[lens], fisheye=fisheye),
-        size=None if size is None else size_of(entry[size]),
+        size=None if size is None else entry[size].size(),
         fisheye=fisheye,
     )
 
@@ -186,24 +147,26 @@ def lens_of(field: Field, *, fisheye: bool = False) -> Array | None:
     # FreeMoCap pads the four fisheye coefficients with a zero
     if fisheye and values.size == _FISHEYE_COUNT + 1 and values[-1] == 0.0:
         values = values[:_FISHEYE_COUNT]
-    counts = (_FISHEYE_COUNT,) if fisheye else PINHOLE_COUNTS
+    counts = (_FISHEYE_COUNT,) if fisheye else _PINHOLE_COUNTS
     if values.size not in counts:
         expected = f"{' or '.join(map(str, counts))} {'fisheye' if fisheye else 'lens'} coefficients"
         raise field.error(expected, f"{values.size} of them")
     return values
 
 
+def matrix_of(fx: float, fy: float, cx: float, cy: float) -> Array:
+    """Return K (3, 3) of focal lengths and principal point, pixels."""
+    return np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
+
+
 def rotation_of(field: Field) -> Array:
-    """Return the rotation that a field holds as a matrix or as a vector (Rodrigues, radians)."""
+    """Return the rotation that a field holds as a matrix, by rows, or as a vector (Rodrigues, radians)."""
     value = field.value
     rows = value if isinstance(value, list) and len(value) > 1 else []
-    if len(rows) == 9 or any(isinstance(row, list) and len(row) > 1 for row in rows):
+    if len(rows) == 9:
+        return field.numbers((9,)).reshape(3, 3)
+    if any(isinstance(row, list) and len(row) > 1 for row in rows):
         return field.numbers((3, 3))
-    return rotation_matrix(field)
-
-
-def rotation_matrix(field: Field) -> Array:
-    """Return the rotation that a field holds as a vector, radians."""
     vector = field.numbers((3,))
     if math.hypot(*vector) > _MOST_RADIANS:
         expected = f"a rotation vector in radians, of a length of at most {_MOST_RADIANS:.3g}"
@@ -211,16 +174,22 @@ def rotation_matrix(field: Field) -> Array:
     return matrix_from_vector(vector)
 
 
-def size_of(field: Field) -> tuple[int, int]:
-    """Return a positive whole width and height."""
-    size = whole_size(*field.numbers((2,)))
-    if size is None:
-        raise field.error("a positive whole width and height in pixels", field.shown)
-    return size
+def cameras_of(path: Path, names: Sequence[str]) -> Subject:
+    """Return cameras of a file, as what a finding concerns."""
+    return Subject(cameras=tuple(names), files=(str(path),))
 
 
-def whole_size(width: float, height: float) -> tuple[int, int] | None:
-    """Return a width and height that are positive, whole and those of some image; else None."""
-    if not all(1 <= length <= _MOST_PIXELS and float(length).is_integer() for length in (width, height)):
-        return None
-    return int(width), int(height)
+def warn_of_no_lens(path: Path, names: Sequence[str]) -> None:
+    """Warn that a file has no lens coefficients for these cameras, if there are any."""
+    words = f"{path}: no distortions for {', '.join(names)}: assumed to have no lens distortion."
+    if names:
+        warn(Finding("lens_assumed", "note", cameras_of(path, names), sentence=words))
+
+
+def warn_of_fit(path: Path, errors: dict[str, float], how: str) -> None:
+    """Warn that lenses or skew of cameras are followed with errors in px, largest in the corners."""
+    names = [name for name, error in errors.items() if error > _GOOD_FIT_PX]
+    worst = max(errors.values(), default=0.0)
+    words = f"{path}: {', '.join(names)}: {how} to {worst:.2g} px at worst."
+    if names:
+        warn(Finding("lens_assumed", "note", cameras_of(path, names), {"error_px": worst}, sentence=words))

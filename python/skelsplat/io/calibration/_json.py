@@ -16,33 +16,31 @@ R and t are world → camera, x_c = R x_w + t, K and size are pixels, distortion
 from __future__ import annotations
 
 import json
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 import skelsplat as sk
-from skelsplat._arrays import Array
+from skelsplat._fields import Field
+from skelsplat.cameras import MM_PER_UNIT
 from skelsplat.exceptions import DatasetError, InvalidInputError
-from skelsplat.io._arrays import load_plain_npz, npz_keys
-from skelsplat.io._fields import Field
+from skelsplat.io._arrays import as_numbers, load_plain_npz, npz_keys
 from skelsplat.io.calibration._format import (
     CalibrationFormat,
     Parsed,
     RawCamera,
     Source,
     camera_of,
-    lens_assumed,
     lens_of,
+    matrix_of,
     rotation_of,
-    size_of,
+    warn_of_no_lens,
 )
 
 _MARK = "skelsplat-calibration"
 _VERSION = 1
-_NPZ_KIND = "an npz archive of plain arrays"
-_NPZ_SHAPES = {"K": (3, 3), "R": (3, 3), "t": (3,), "size": (2,)}
-_NPZ_REQUIRED = (*_NPZ_SHAPES, "names", "unit")
+_NPZ_SHAPES: dict[str, tuple[int, ...]] = {"K": (3, 3), "R": (3, 3), "t": (3,), "size": (2,), "fisheye": ()}
+_NPZ_REQUIRED = ("K", "R", "t", "size", "names", "unit")
 
 
 def is_json(source: Source) -> bool:
@@ -53,24 +51,21 @@ def is_json(source: Source) -> bool:
 def parse_json(source: Source) -> Parsed:
     """Return the cameras of this package's JSON."""
     document = source.json
-    for key, known, shown in (("format", _MARK, f'"{_MARK}"'), ("version", _VERSION, str(_VERSION))):
+    for key, known in (("format", _MARK), ("version", _VERSION)):
         if document[key].value != known:
-            raise document[key].error(shown, document[key].shown)
-    unit = _checked_unit(document["unit"])
-    cameras = document["cameras"].entries("a list of at least one camera")
-    if not cameras:
-        raise document["cameras"].error("a list of at least one camera", "an empty list")
-    return Parsed([_camera(camera.table()) for camera in cameras], unit)
+            raise document[key].error(known, document[key].shown)
+    return [_own(camera) for camera in document["cameras"].entries("a list of cameras")], _unit(document)
 
 
-def _camera(entry: Field) -> RawCamera:
+def _own(entry: Field) -> RawCamera:
     return camera_of(entry, lens="distortion", size="size", fisheye=entry["fisheye"].flag())
 
 
-def _checked_unit(unit: Field) -> str:
-    if unit.value not in ("mm", "cm", "m"):
-        raise unit.error('"mm", "cm" or "m"', unit.shown)
-    return str(unit.value)
+def _unit(document: Field) -> str:
+    unit = document["unit"].text()
+    if unit not in MM_PER_UNIT:
+        raise document["unit"].error("mm, cm or m", unit)
+    return unit
 
 
 def to_json(rig: sk.CameraRig, note: str | None = None) -> str:
@@ -95,62 +90,37 @@ def to_entry(camera: sk.Camera) -> dict[str, Any]:
 
 def is_npz(source: Source) -> bool:
     """Whether a file is an npz with the matrices of cameras."""
-    if source.suffix != ".npz" or source.is_folder:
-        return False
-    return {"K", "R", "t"} <= npz_keys(source.path)
+    return source.suffix == ".npz" and not source.is_folder and npz_keys(source.path) >= {"K", "R", "t"}
 
 
 def parse_npz(source: Source) -> Parsed:
     """Return the cameras of this package's npz."""
-    path, arrays = source.path, load_plain_npz(source.path, _NPZ_KIND)
-    missing = [name for name in _NPZ_REQUIRED if name not in arrays]
-    if missing:
-        expected = f"the arrays {', '.join(_NPZ_REQUIRED)}"
-        raise DatasetError(path, missing[0], expected, f"no {', '.join(missing)}")
-    unit = _checked_unit(Field(path, "unit", str(arrays["unit"])))
-    names = np.atleast_1d(arrays["names"])
-    for name, shape in {**_NPZ_SHAPES, "fisheye": ()}.items():
-        if name in arrays and arrays[name].shape != (len(names), *shape):
-            raise DatasetError(path, name, f"shape {(len(names), *shape)}", arrays[name].shape)
+    path, arrays = source.path, load_plain_npz(source.path, "an npz archive of plain arrays")
+    for name in _NPZ_REQUIRED:
+        if name not in arrays:
+            raise DatasetError(path, name, f"the arrays {', '.join(_NPZ_REQUIRED)}", f"no {name}")
+    names = np.atleast_1d(arrays["names"]).tolist()
+    shapes = {name: (len(names), *shape) for name, shape in _NPZ_SHAPES.items() if name in arrays}
+    for name, shape in shapes.items():
+        if arrays[name].shape != shape:
+            raise DatasetError(path, name, f"shape {shape}", arrays[name].shape)
     odd = sorted(name for name in arrays if name != "distortion" and name.lower().startswith("dist"))
     if odd and "distortion" not in arrays:  # it would pass for cameras without lenses
         raise DatasetError(path, odd[0], "lens coefficients under the name distortion", odd[0])
-    lenses = arrays.get("distortion", np.full((len(names), 4), np.nan))
+    lenses = as_numbers(path, "distortion", arrays.get("distortion", np.full((len(names), 4), np.nan)))
     if lenses.ndim != 2 or len(lenses) != len(names):
         raise DatasetError(path, "distortion", f"shape ({len(names)}, n)", lenses.shape)
-    fisheye = arrays.get("fisheye", np.zeros(len(names), dtype=bool))
-    if fisheye.dtype.kind not in "biu" or not np.isin(fisheye, (0, 1)).all():
-        raise DatasetError(path, "fisheye", "true or false for every camera", str(fisheye.tolist())[:40])
+    counts = (~np.isnan(lenses)).sum(axis=1)
     rows = [
         {
-            "name": _name(path, i, names[i]),
-            "fisheye": bool(fisheye[i]),
-            "distortion": _unpadded(path, i, lenses[i]),
-            **{name: arrays[name][i].tolist() for name in _NPZ_SHAPES},
+            "name": str(names[i]),
+            "distortion": lenses[i, : counts[i]].tolist() if counts[i] else None,
+            **{name: arrays[name][i].tolist() for name in shapes},
         }
         for i in range(len(names))
     ]
-    return Parsed([_camera(Field(path, f"[{i}]", row)) for i, row in enumerate(rows)], unit)
-
-
-def _name(path: Path, index: int, value: object) -> str:
-    """Return a camera's name, which may be of bytes."""
-    if not isinstance(value, bytes):
-        return str(value)
-    try:
-        return value.decode()
-    except UnicodeDecodeError:
-        raise DatasetError(path, f"names[{index}]", "a name in UTF-8", repr(bytes(value))) from None
-
-
-def _unpadded(path: Path, index: int, row: Array) -> list[float] | None:
-    known = ~np.isnan(row)
-    if not known.any():
-        return None
-    if not known[: known.sum()].all():
-        raise DatasetError(path, f"distortion[{index}]", "coefficients first, then NaN", row)
-    values: list[float] = row[known].tolist()
-    return values
+    document = Field(path, "", {"unit": str(arrays["unit"])})
+    return [_own(Field(path, f"[{i}]", row)) for i, row in enumerate(rows)], _unit(document)
 
 
 def to_arrays(rig: sk.CameraRig) -> dict[str, Any]:
@@ -171,32 +141,27 @@ def to_arrays(rig: sk.CameraRig) -> dict[str, Any]:
     }
 
 
-_DEFAULT_TYPE = "hd"
-
-
 def is_panoptic(source: Source) -> bool:
     """Whether a document has a list of cameras with Panoptic's name for the lens."""
     cameras = source.json["cameras"].value
-    if not isinstance(cameras, list) or "format" in source.json:
-        return False
-    return any(isinstance(camera, dict) and "distCoef" in camera for camera in cameras)
+    listed = isinstance(cameras, list) and "format" not in source.json
+    return listed and any(isinstance(camera, dict) and "distCoef" in camera for camera in cameras)
 
 
 def parse_panoptic(source: Source, camera_type: str | None) -> Parsed:
     """Return the cameras of the type that is asked for, of CMU Panoptic's ``calibration_SEQUENCE.json``.
 
     Centimetres, world → camera, y down in the world. ``cameras`` is a list of ``name`` (``"00_03"``),
-    ``type`` (``hd``, ``vga``, ``kinect-color``, …), ``resolution`` (width, height), ``K`` 3×3, ``distCoef``
-    (k1, k2, p1, p2, k3), ``R`` 3×3 and ``t`` 3×1.
+    ``type`` (``hd``, the default, ``vga``, ``kinect-color``, …), ``resolution`` (width, height), ``K`` 3×3,
+    ``distCoef`` (k1, k2, p1, p2, k3), ``R`` 3×3 and ``t`` 3×1.
     """
-    wanted = camera_type or _DEFAULT_TYPE
-    cameras = [camera.table() for camera in source.json["cameras"].entries("a list of cameras")]
+    wanted = camera_type or "hd"
+    cameras = source.json["cameras"].entries("a list of cameras")
     chosen = [camera for camera in cameras if wanted == "all" or camera["type"].text() == wanted]
     if not chosen:
-        types = sorted({str(camera.value.get("type")) for camera in cameras})
-        actual = f"types {', '.join(types) or 'none'}"
-        raise DatasetError(source.path, "type", f"cameras of type {wanted}", actual)
-    return Parsed([camera_of(entry, lens="distCoef", size="resolution") for entry in chosen], "cm")
+        types = sorted({camera["type"].text() for camera in cameras})
+        raise DatasetError(source.path, "type", f"cameras of type {wanted}", f"types {', '.join(types)}")
+    return [camera_of(entry, lens="distCoef", size="resolution") for entry in chosen], "cm"
 
 
 # (width, height) of the videos
@@ -217,44 +182,29 @@ def parse_human36m(source: Source, subject: str | None) -> Parsed:
     """Return the cameras of a subject of Human3.6M's ``camera-parameters.json``; mm, world → camera.
 
     ``intrinsics`` has per camera ``calibration_matrix`` 3×3 and ``distortion`` (k1, k2, p1, p2, k3);
-    ``extrinsics`` has per subject and camera ``R`` 3×3 and ``t`` 3×1. The image sizes are those of the data
-    set: two cameras have 1002 lines, two 1000.
+    ``extrinsics`` has per subject and camera ``R`` 3×3 and ``t`` 3×1. Cameras were moved between subjects, so
+    of several one must be named. The image sizes are those of the data set: two cameras have 1002 lines, two
+    1000.
     """
-    document = source.json
-    if not isinstance(document.value, dict):
-        raise document.error("intrinsics and extrinsics per camera", type(document.value).__name__)
-    intrinsics, extrinsics = document["intrinsics"].table(), document["extrinsics"].table()
-    poses = extrinsics[_subject(extrinsics, subject)].table()
-    if not poses.value:
-        raise poses.error("a camera", "none")
-    cameras = [_human36m_camera(intrinsics[name].table(), poses[name].table(), name) for name in poses.value]
-    return Parsed(cameras, "mm")
-
-
-def _subject(extrinsics: Field, subject: str | None) -> str:
-    """Return whose extrinsics: cameras were moved between subjects, so of several one must be named."""
-    known = list(extrinsics.value)
-    if subject is None and len(known) == 1:
-        return str(known[0])
-    if subject not in known:
-        got = "none" if subject is None else repr(subject)
-        expected = f"one of {', '.join(known)} for {extrinsics.path}"
-        raise InvalidInputError(f"subject: expected {expected}, got {got}")
-    return str(subject)
-
-
-def _human36m_camera(intrinsics: Field, pose: Field, name: str) -> RawCamera:
-    return RawCamera(
-        name=name,
-        K=intrinsics["calibration_matrix"].numbers((3, 3)),
-        R=pose["R"].numbers((3, 3)),
-        t=pose["t"].numbers((3,)),
-        distortion=lens_of(intrinsics["distortion"]),
-        size=_SIZES.get(name),
-    )
-
-
-_VOXELPOSE = {"R", "T", "fx", "fy", "cx", "cy"}
+    intrinsics, extrinsics = (source.json[key].table() for key in ("intrinsics", "extrinsics"))
+    subjects = list(extrinsics.value)
+    chosen = subjects[0] if subject is None and len(subjects) == 1 else str(subject)
+    if chosen not in subjects:
+        expected = f"one of {', '.join(subjects)} for {source.path}"
+        raise InvalidInputError(f"subject: expected {expected}, got {chosen}")
+    poses = extrinsics[chosen].table()
+    cameras = [
+        RawCamera(
+            name=name,
+            K=intrinsics[name]["calibration_matrix"].numbers((3, 3)),
+            R=poses[name]["R"].numbers((3, 3)),
+            t=poses[name]["t"].numbers((3,)),
+            distortion=lens_of(intrinsics[name]["distortion"]),
+            size=_SIZES.get(name),
+        )
+        for name in poses.value
+    ]
+    return cameras, "mm"
 
 
 def _cameras(source: Source, *keys: set[str]) -> list[Field]:
@@ -267,7 +217,7 @@ def _cameras(source: Source, *keys: set[str]) -> list[Field]:
 
 def is_voxelpose(source: Source) -> bool:
     """Whether a document is a table of cameras with a focal length."""
-    return bool(_cameras(source, _VOXELPOSE))
+    return bool(_cameras(source, {"R", "T", "fx", "fy", "cx", "cy"}))
 
 
 def parse_voxelpose(source: Source) -> Parsed:
@@ -276,24 +226,15 @@ def parse_voxelpose(source: Source) -> Parsed:
     ``{"0": {R, T, fx, fy, cx, cy, k, p}, …}``: ``T`` (3×1) is the centre of the camera, x_c = R (x − T);
     ``k`` has OpenCV's k1, k2, k3 and ``p`` its p1, p2. The image size is not in the file.
     """
-    entries = _cameras(source, _VOXELPOSE)
-    if not entries:
-        raise source.json.error("a table of cameras with R, T, fx, fy, cx, cy, k and p", "none")
-    return Parsed([_voxelpose_camera(entry.table()) for entry in entries], "mm")
+    return [_voxelpose_camera(entry.table()) for entry in _cameras(source, {"fx"})], "mm"
 
 
 def _voxelpose_camera(entry: Field) -> RawCamera:
-    fx, fy, cx, cy = (entry[name].number() for name in ("fx", "fy", "cx", "cy"))
+    K = matrix_of(*(entry[name].number() for name in ("fx", "fy", "cx", "cy")))
     rotation = entry["R"].numbers((3, 3))
     (k1, k2, k3), (p1, p2) = entry["k"].numbers((3,)), entry["p"].numbers((2,))
-    return RawCamera(
-        name=entry.place,
-        K=np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]]),
-        R=rotation,
-        t=-rotation @ entry["T"].numbers((3,)),
-        distortion=np.array([k1, k2, p1, p2, k3]),
-        size=None,
-    )
+    lens = np.array([k1, k2, p1, p2, k3])
+    return RawCamera(entry.place, K, rotation, -rotation @ entry["T"].numbers((3,)), lens)
 
 
 def is_association(source: Source) -> bool:
@@ -309,29 +250,22 @@ def parse_association(source: Source) -> Parsed:
     is no lens. ``rectifyAlpha`` belongs to images that the program undistorts and is passed over.
     """
     entries = _cameras(source, {"K"})
-    if not entries:
-        raise source.json.error("a table of cameras with K, RT and imgSize", "none")
-    bare = [entry.place for entry in entries if "distCoeff" not in entry.table()]
-    found = [lens_assumed(source.path, bare)] if bare else []
-    return Parsed([_association_camera(entry) for entry in entries], None, found)
+    warn_of_no_lens(source.path, [entry.place for entry in entries if "distCoeff" not in entry.table()])
+    return [_association_camera(entry) for entry in entries], None
 
 
 def _association_camera(entry: Field) -> RawCamera:
     if "RT" in entry:
         pose = entry["RT"].numbers((12,)).reshape(3, 4)
-        rotation, translation = pose[:, :3], pose[:, 3]
     else:
-        flat = entry["R"]
-        whole = isinstance(flat.value, list) and len(flat.value) == 9
-        rotation = flat.numbers((9,)).reshape(3, 3) if whole else rotation_of(flat)
-        translation = entry["T"].numbers((3,))
+        pose = np.column_stack([rotation_of(entry["R"]), entry["T"].numbers((3,))])
     return RawCamera(
         name=entry.place,
         K=entry["K"].numbers((9,)).reshape(3, 3),
-        R=rotation,
-        t=translation,
+        R=pose[:, :3],
+        t=pose[:, 3],
         distortion=lens_of(entry["distCoeff"]) if "distCoeff" in entry else None,
-        size=size_of(entry["imgSize"]),
+        size=entry["imgSize"].size(),
     )
 
 

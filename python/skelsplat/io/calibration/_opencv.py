@@ -8,102 +8,82 @@ the top level; of XML the matrices.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from skelsplat._arrays import Array
 from skelsplat._budget import check_document, read_text
+from skelsplat._fields import Field, whole_size
 from skelsplat.exceptions import DatasetError
-from skelsplat.io._fields import Field
 from skelsplat.io._files import natural, whole_number
 from skelsplat.io.calibration._format import (
-    PINHOLE_COUNTS,
     CalibrationFormat,
     Parsed,
     RawCamera,
     Source,
     lens_of,
     rotation_of,
-    whole_size,
 )
 
+_PASSED_OVER = re.compile(r"%YAML.*|#.*|---|\.\.\.|")
+_KEY = re.compile(r"([^\s#%:-][^:]*):(?:\s+(.*))?")
 _MATRIX = "!!opencv-matrix"
 
 
 def _parse_opencv_yaml(path: Path, text: str) -> dict[str, Any]:
     """Return the top-level entries: matrices and lists as nested lists, numbers, texts."""
-    entries: dict[str, Any] = {}
-    for key, line, value, block in _blocks(path, text):
-        if key in entries:
-            raise DatasetError(path, f"{key} (line {line})", "a key once", "the same key again")
-        if value.startswith(_MATRIX):
-            entries[key] = _matrix(path, key, _parts(" ".join(block)), closed=True)
-        elif value.startswith("["):
-            inside = " ".join([value, *block]).strip("[] ")
-            entries[key] = [_scalar(part.strip()) for part in inside.split(",") if part.strip()]
-        elif value:
-            entries[key] = _scalar(value)
-        else:
-            entries[key] = [_scalar(item.removeprefix("-").strip()) for item in block]
-    return entries
-
-
-def _parts(text: str) -> dict[str, str]:
-    """Return the values of ``name: value`` pairs, of which one is a list in brackets."""
-    before, bracket, rest = text.partition("[")
-    data, end, after = rest.partition("]")
-    words = f"{before} {after}".replace(":", " : ").split()
-    triples = zip(words, words[1:], words[2:], strict=False)
-    parts = {name: value for name, colon, value in triples if colon == ":"}
-    return {**parts, "data": f"[{data}{end}"} if bracket else parts
-
-
-def _blocks(path: Path, text: str) -> Iterator[tuple[str, int, str, list[str]]]:
-    """Yield key, line number, what stands behind the key, and the stripped indented lines below it."""
-    current: tuple[str, int, str, list[str]] | None = None
+    blocks: dict[str, list[str]] = {}  # by key, what stands behind it and the lines below
+    key = None
     for number, line in enumerate(text.splitlines(), start=1):
         stripped = line.strip()
-        if not stripped or stripped.startswith(("%YAML", "#")) or stripped in ("---", "..."):
+        if _PASSED_OVER.fullmatch(stripped):
             continue
         indented = line[:1].isspace() or stripped.startswith("- ")
-        name, colon, value = stripped.partition(":")
-        is_key = name[:1] not in "#%-" and bool(colon) and not value[:1].strip()
-        if is_key and not indented:
-            if current is not None:
-                yield current
-            current = (name.strip().strip("\"'"), number, value.strip(), [])
-        elif indented and current is not None:
-            current[3].append(stripped)
+        found = None if indented else _KEY.fullmatch(stripped)
+        if found:
+            key = found[1].strip().strip("\"'")
+            if key in blocks:
+                raise DatasetError(path, f"{key} (line {number})", "a key once", "the same key again")
+            blocks[key] = [found[2] or ""]
+        elif indented and key is not None:
+            blocks[key].append(stripped)
         else:
             raise DatasetError(path, f"line {number}", "key: value", repr(stripped[:60]))
-    if current is not None:
-        yield current
+    return {key: _value(path, key, first, " ".join(rest)) for key, (first, *rest) in blocks.items()}
 
 
-def _matrix(path: Path, key: str, parts: Mapping[str, str], *, closed: bool = False) -> list[list[float]]:
-    """Return rows × columns of a matrix, whose data, if `closed`, must end in a bracket."""
-    missing = [name for name in ("rows", "cols", "data") if not parts.get(name)]
-    if missing:
-        raise DatasetError(path, key, "a matrix with rows, cols and data", f"no {', '.join(missing)}")
-    data = parts["data"]
+def _value(path: Path, key: str, first: str, rest: str) -> Any:
+    """Return what stands behind a key and, if it goes on, in the lines below."""
+    if first.startswith(_MATRIX):
+        parts = dict(re.findall(r"\b(rows|cols): *(\d+)", rest))
+        data = re.search(r"\bdata: *\[([^\]]*)\]", rest)
+        return _matrix(path, key, {**parts, "data": data[1].replace(",", " ")} if data else parts)
+    if first.startswith("["):
+        return [_scalar(one.strip()) for one in f"{first} {rest}".strip("[] ").split(",") if one.strip()]
+    return (
+        _scalar(first) if first else [_scalar(one.strip()) for one in f" {rest}".split(" - ") if one.strip()]
+    )
+
+
+def _matrix(path: Path, key: str, parts: Mapping[str, str]) -> list[list[float]]:
+    """Return the rows of a matrix."""
+    for name in ("rows", "cols", "data"):
+        if not parts.get(name):
+            raise DatasetError(path, key, "a matrix with rows, cols and data", f"no {name}")
     try:
-        shape = int(parts["rows"]), int(parts["cols"])
-        values = [float(part) for part in data.strip("[]").replace(",", " ").split()]
+        rows, cols = int(parts["rows"]), int(parts["cols"])
+        values = [float(word) for word in parts["data"].split()]
     except ValueError as error:
         raise DatasetError(path, key, "a matrix of numbers", error) from error
-    if (closed and not data.endswith("]")) or min(shape) < 0 or len(values) != shape[0] * shape[1]:
-        expected = f"{shape[0]}×{shape[1]} numbers{' in a closed list' if closed else ''}"
-        raise DatasetError(path, key, expected, f"{len(values)} numbers")
-    return np.reshape(values, shape).tolist()
+    if min(rows, cols) < 1 or len(values) != rows * cols:
+        raise DatasetError(path, key, f"{rows}×{cols} numbers", f"{len(values)} numbers")
+    return [values[start : start + cols] for start in range(0, len(values), cols)]
 
 
 def _scalar(text: str) -> Any:
     """Return a number or a text; a quoted number stays a text, and so does one with leading zeros."""
     if text[:1] in "\"'":
-        return text[1:-1] if text[-1:] == text[:1] and len(text) > 1 else text
+        return text.strip("\"'")
     if re.fullmatch(r"[-+]?(0|[1-9]\d*)", text):
         return whole_number(text)
     if re.fullmatch(r"[-+]?(\d+(\.\d*)?|\.\d+)([eE][-+]?\d+)?", text) and not text.isdigit():
@@ -128,10 +108,9 @@ def parse_openpose(source: Source) -> Parsed:
     The camera's name is that of its file. The image size is not in the files.
     """
     files = [f for f in source.files if f.suffix.lower() == ".xml"] if source.is_folder else [source.path]
-    if not files:
-        raise DatasetError(source.path, "files", "one XML file per camera", "none")
-    files = sorted(files, key=lambda file: natural(file.stem))
-    return Parsed([_openpose_camera(Source(file)) for file in files], "m")
+    return [
+        _openpose_camera(Source(file)) for file in sorted(files, key=lambda file: natural(file.stem))
+    ], "m"
 
 
 def _openpose_camera(source: Source) -> RawCamera:
@@ -140,73 +119,47 @@ def _openpose_camera(source: Source) -> RawCamera:
         actual = "no XML" if root is None else f"<{root.tag}>"
         raise DatasetError(source.path, "root", f"<{_ROOT}>, as OpenCV writes it", actual)
     parts = {node.tag: {child.tag: child.text or "" for child in node} for node in root if len(node)}
-    matrices = {key: _matrix(source.path, key, part) for key, part in parts.items()}
-    entry = Field(source.path, "", matrices)
+    entry = Field(source.path, "", {key: _matrix(source.path, key, part) for key, part in parts.items()})
     pose = entry["CameraMatrix"].numbers((3, 4))
-    return RawCamera(
-        name=source.path.stem,
-        K=entry["Intrinsics"].numbers((3, 3)),
-        R=pose[:, :3],
-        t=pose[:, 3],
-        distortion=lens_of(entry["Distortion"]),
-        size=None,
-    )
+    K, lens = entry["Intrinsics"].numbers((3, 3)), lens_of(entry["Distortion"])
+    return RawCamera(source.path.stem, K, pose[:, :3], pose[:, 3], lens)
 
 
 _PAIR = ("intri", "extri")
-_SUFFIXES = (".yml", ".yaml")
-# R_ and Rot_ are written with six decimals, and so may be one of dist_ and D_
-_SAME_ROTATION = 1e-4
-_SAME_LENS = 1e-6
 
 
 def is_easymocap(source: Source) -> bool:
     """Whether a folder has either file, or a file has the header or a matrix of OpenCV's YAML."""
     if source.is_folder:
-        return any(_in_folder(source, part) is not None for part in _PAIR)
+        return any(_in_folder(source, part).is_file() for part in _PAIR)
     return source.start.startswith("%YAML") or _MATRIX in source.text
 
 
-def _in_folder(source: Source, part: str) -> Path | None:
-    return next((f for f in source.files if f.stem == part and f.suffix.lower() in _SUFFIXES), None)
+def _in_folder(source: Source, part: str) -> Path:
+    """Return the place of one of the pair."""
+    found = (file for file in source.files if file.name.lower() in (f"{part}.yml", f"{part}.yaml"))
+    return next(found, source.path / f"{part}.yml")
 
 
 def parse_easymocap(source: Source) -> Parsed:
     """Return the cameras that EasyMocap's pair of files has, ``intri.yml`` and ``extri.yml``.
 
-    ``names`` lists the cameras. ``intri.yml`` has ``K_NAME`` 3×3, ``dist_NAME``, ``D_NAME`` or both, and
-    often ``H_NAME`` and ``W_NAME``, the image's height and width; ``extri.yml`` has ``R_NAME`` (Rodrigues
-    vector), ``Rot_NAME`` 3×3 or both, and ``T_NAME``, world → camera. Given is the folder or either file; one
-    file that holds everything will do as well. The length unit is that of the board that was calibrated with.
+    ``names`` lists the cameras. ``intri.yml`` has ``K_NAME`` 3×3, ``dist_NAME`` or ``D_NAME``, and often
+    ``H_NAME`` and ``W_NAME``, the image's height and width; ``extri.yml`` has ``Rot_NAME`` 3×3 or ``R_NAME``
+    (Rodrigues vector), and ``T_NAME``, world → camera. Given is the folder or either file; a file of another
+    name holds everything. The length unit is that of the board that was calibrated with.
     """
-    intri, extri = _files(source)
+    path = source.path
+    if source.is_folder:
+        pair = [_in_folder(source, part) for part in _PAIR]
+    else:
+        own = next((part for part in _PAIR if part in path.name), None)
+        pair = [path.with_name(path.name.replace(own, part)) if own else path for part in _PAIR]
+    intri, extri = map(_entries, pair)
     listed = intri.value.get("names", [])
     names = [str(name) for name in (listed if isinstance(listed, list) else [listed])]
     names = names or [key.removeprefix("K_") for key in intri.value if key.startswith("K_")]
-    if not names:
-        raise intri["names"].error("the names of the cameras", "none")
-    return Parsed([_easymocap_camera(intri, extri, name) for name in names])
-
-
-def _files(source: Source) -> tuple[Field, Field]:
-    """Return intrinsics and extrinsics; the same file twice if it holds both."""
-    if source.is_folder:
-        for part in _PAIR:
-            twins = [f.name for f in source.files if f.stem == part and f.suffix.lower() in _SUFFIXES]
-            if len(twins) > 1:
-                raise DatasetError(source.path, "files", f"one {part}.yml", ", ".join(twins))
-        intri, extri = (_in_folder(source, part) or source.path / f"{part}.yml" for part in _PAIR)
-        return _entries(intri), _entries(extri)
-    given = _entries(source.path)
-    has = [any(key.startswith(prefix) for key in given.value) for prefix in ("K_", "T_")]
-    if all(has):
-        return given, given
-    here, there = _PAIR if has[0] else _PAIR[::-1]
-    if not any(has) or here not in source.path.name:
-        expected = "K_NAME (intri.yml) or R_NAME and T_NAME (extri.yml) for each camera"
-        raise DatasetError(source.path, "keys", expected, ", ".join(given.value) or "none")
-    other = _entries(source.path.with_name(source.path.name.replace(here, there)))
-    return (given, other) if has[0] else (other, given)
+    return [_easymocap_camera(intri, extri, name) for name in names], None
 
 
 def _entries(path: Path) -> Field:
@@ -216,48 +169,21 @@ def _entries(path: Path) -> Field:
 
 
 def _easymocap_camera(intri: Field, extri: Field, name: str) -> RawCamera:
+    lens = f"D_{name}" if f"D_{name}" in intri and f"dist_{name}" not in intri else f"dist_{name}"
+    turn = f"Rot_{name}" if f"Rot_{name}" in extri else f"R_{name}"
+    size = None
+    if f"W_{name}" in intri or f"H_{name}" in intri:
+        size = whole_size(intri[f"W_{name}"].number(), intri[f"H_{name}"].number())
+        if size is None:
+            raise intri[f"W_{name}"].error("a positive whole width and height", "others")
     return RawCamera(
         name=name,
         K=intri[f"K_{name}"].numbers((3, 3)),
-        R=_rotation(extri, name),
+        R=rotation_of(extri[turn]),
         t=extri[f"T_{name}"].numbers((3,)),
-        distortion=_lens(intri, name),
-        size=_size(intri, name),
+        distortion=lens_of(intri[lens]),
+        size=size,
     )
-
-
-def _lens(intri: Field, name: str) -> Array | None:
-    """Return lens coefficients from ``dist_``, else ``D_``; both must say the same."""
-    fields = [intri[f"dist_{name}"], intri[f"D_{name}"]]
-    there = [field for field in fields if not field.is_missing] or fields[:1]
-    found = [lens_of(field) for field in there]
-    longest = max(PINHOLE_COUNTS)  # coefficients that are left out are 0
-    padded = [np.zeros(longest) if k is None else np.pad(k, (0, longest - k.size)) for k in found]
-    if np.abs(padded[-1] - padded[0]).max() > _SAME_LENS:
-        raise there[1].error(f"the coefficients of {there[0].place}", "others")
-    return found[0]
-
-
-def _rotation(extri: Field, name: str) -> Array:
-    """Return the rotation from ``Rot_``, else ``R_`` (vector or matrix); both must say the same."""
-    vector, matrix = extri[f"R_{name}"], extri[f"Rot_{name}"]
-    found = [] if matrix.is_missing else [matrix.numbers((3, 3))]
-    if not vector.is_missing or not found:
-        found.append(rotation_of(vector))
-    if np.abs(found[-1] - found[0]).max() > _SAME_ROTATION:
-        raise matrix.error(f"the rotation of {vector.place}", "another rotation")
-    return found[0]
-
-
-def _size(intri: Field, name: str) -> tuple[int, int] | None:
-    fields = intri[f"W_{name}"], intri[f"H_{name}"]
-    if all(field.is_missing for field in fields):
-        return None
-    width, height = (field.number() for field in fields)
-    size = whole_size(width, height)
-    if size is None:
-        raise fields[0].error("a positive whole width and height", f"{width:g} and {height:g}")
-    return size
 
 
 _PAIR_OF_FILES = "OpenCV's YAML pair intri.yml and extri.yml of EasyMocap"

@@ -20,21 +20,20 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 import skelsplat as sk
 from skelsplat._arrays import Array
 from skelsplat._budget import read_toml
-from skelsplat.cameras import vector_from_matrix
+from skelsplat._fields import Field, whole_size
+from skelsplat.cameras import MM_PER_UNIT, vector_from_matrix
 from skelsplat.exceptions import DatasetError
-from skelsplat.findings import Finding
-from skelsplat.io._fields import Field
+from skelsplat.findings import Finding, warn
 from skelsplat.io.calibration._format import (
     CalibrationFormat,
     Parsed,
@@ -42,154 +41,131 @@ from skelsplat.io.calibration._format import (
     Source,
     camera_of,
     cameras_of,
-    lens_assumed,
-    rotation_matrix,
     rotation_of,
-    whole_size,
+    warn_of_no_lens,
 )
 
 _REQUIRED = ("matrix", "rotation", "translation")
 _LENS = ("distortion", "distortions")
 _NOT_CAMERAS = re.compile(r"metadata|capture_volume|charuco|checkerboard|stereo_.*")
+_TOML_LINE = re.compile(r"^[ \t]*(\[[^\[\]\n]+\][ \t]*(#.*)?$|[\w.\"-]+[ \t]*=)", re.MULTILINE)
 # of Anipose; `config.toml` is in the project's folder, some levels above the calibration
 _ANIPOSE, _PROJECT, _LEVELS = "calibration.toml", "config.toml", 4
 
 
-def _looks_like_toml(text: str) -> bool:
+def _is_toml(source: Source) -> bool:
     """Whether the text has a TOML table header or an assignment at the start of a line."""
-    return re.search(r"^[ \t]*(\[[^\[\]\n]+\][ \t]*(#.*)?$|[\w.\"-]+[ \t]*=)", text, re.MULTILINE) is not None
+    other = source.suffix == ".json" or source.start.startswith(("<", "{", "%YAML"))
+    return not other and _TOML_LINE.search(source.text) is not None
 
 
 def is_anipose(source: Source) -> bool:
-    """Whether a source may be of the Anipose family: TOML that no other format claims."""
-    return not source.start.startswith(("<", "{", "%YAML")) and _looks_like_toml(source.text)
+    """Whether TOML that no other format claims has a camera."""
+    return _is_toml(source) and bool(_anipose(source))
 
 
-def has_cameras(source: Source) -> bool:
-    """Whether TOML has a camera: much other TOML is of no known format, either."""
-    return bool(_cameras(source))
-
-
-def _cameras(source: Source) -> list[Field]:
-    document = Field(source.path, "", source.toml)
-    return [document[key] for key in source.toml if _is_camera(document[key])]
+def _anipose(source: Source) -> list[Field]:
+    """Return the tables of cameras: those with one of the required keys; without another it is an error."""
+    entries = [source.toml[key] for key in source.toml.value if not _NOT_CAMERAS.fullmatch(key)]
+    return [entry for entry in entries if any(name in entry for name in _REQUIRED)]
 
 
 def parse_anipose(source: Source) -> Parsed:
     """Return the cameras of a file of the Anipose family, in its order."""
-    document, cameras = Field(source.path, "", source.toml), _cameras(source)
-    if not cameras:
-        expected = "at least one camera table with matrix, rotation and translation"
-        raise DatasetError(source.path, "cameras", expected, f"tables {', '.join(source.toml) or 'none'}")
-    bare = [str(one.value.get("name", one.place)) for one in cameras if one.value.keys().isdisjoint(_LENS)]
-    unit = document["metadata"]["unit"].value
-    known = unit if unit in ("mm", "cm", "m") else None
-    found = [lens_assumed(source.path, bare)] if bare else []
-    read = [_anipose_camera(one) for one in cameras]
-    offsets, file = _offsets(source, cameras)
+    entries = _anipose(source)
+    named = {entry.place: entry["name"].text() if "name" in entry else entry.place for entry in entries}
+    bare = [named[entry.place] for entry in entries if entry.value.keys().isdisjoint(_LENS)]
+    warn_of_no_lens(source.path, bare)
+    unit = source.toml["metadata"]["unit"].value
+    offsets = _offsets(source.path, list(named.values()))
     if offsets:
-        words = f"{file}: offset: {', '.join(offsets)}: detections are taken to be in pixels of the crop."
-        found.append(Finding("crop_applied", "note", cameras_of(file, list(offsets)), sentence=words))
-    return Parsed([_cropped(file, camera, offsets.get(camera.name)) for camera in read], known, found)
+        file, names = next(iter(offsets.values())).path, list(offsets)
+        words = f"{file}: offset: {', '.join(names)}: detections are taken to be in pixels of the crop."
+        warn(Finding("crop_applied", "note", cameras_of(file, names), sentence=words))
+    cameras = [_anipose_camera(entry, named[entry.place]) for entry in entries]
+    cropped = [_cropped(one, offsets[one.name]) if one.name in offsets else one for one in cameras]
+    return cropped, unit if unit in MM_PER_UNIT else None
 
 
-def _is_camera(entry: Field) -> bool:
-    """Whether a top-level entry is a camera.
-
-    One of the three required keys is enough: a camera that lacks another is an error, not a table to skip.
-    """
-    return not _NOT_CAMERAS.fullmatch(entry.place) and any(name in entry for name in _REQUIRED)
-
-
-def _offsets(source: Source, cameras: Sequence[Field]) -> tuple[dict[str, Array], Path]:
-    """Return the offsets of crops by camera, and the file that has them: this one, or Anipose's project's."""
-    named = {str(one.value.get("name", one.place)): one for one in cameras}
-    for document in _with_offsets(source):
-        table = document["cameras"]
-        fields = [(name, one["offset"], table[name]["offset"]) for name, one in named.items()]
-        given = {name: beside if own.is_missing else own for name, own, beside in fields}
-        corners = {name: _corner(field) for name, field in given.items() if not field.is_missing}
-        if corners:
-            return {name: corner for name, corner in corners.items() if corner.any()}, document.path
-    return {}, source.path
-
-
-def _with_offsets(source: Source) -> Iterator[Field]:
-    """Yield the calibration, and what may be Anipose's configuration in its folder and above."""
-    yield Field(source.path, "", source.toml)
-    for folder in source.path.absolute().parents[:_LEVELS] if source.path.name == _ANIPOSE else []:
-        path = folder / _PROJECT
-        if path.is_file():
-            with suppress(DatasetError):  # somebody else's
-                yield Field(path, "", read_toml(path))
-
-
-def _corner(field: Field) -> Array:
-    """Return the first two numbers of an offset, as Anipose does: some give the other corner as well."""
-    offset = field.numbers(None)
-    if offset.size not in (2, 4):
-        raise field.error("x and y of the crop's upper left corner", f"{offset.size} numbers")
-    return offset[:2]
-
-
-def _cropped(file: Path, camera: RawCamera, offset: Array | None) -> RawCamera:
-    """Return the camera of the part of its image that begins at an offset and reaches at most to its end."""
-    if offset is None or camera.size is None:
-        return camera
-    size = whole_size(*(np.array(camera.size) - offset))
-    if size is None or (offset < 0).any():
-        expected = f"whole pixels within {camera.size[0]}×{camera.size[1]}"
-        raise DatasetError(file, f"offset of {camera.name}", expected, offset.tolist())
-    K = camera.K.copy()
-    K[:2, 2] -= offset
-    return replace(camera, K=K, size=size)
-
-
-def _anipose_camera(entry: Field) -> RawCamera:
-    fisheye = entry["fisheye"].flag()
-    lens = next((name for name in _LENS if name in entry), None)
-    size = "size" if "size" in entry or "image_size" not in entry else "image_size"
-    name, turn = entry["name"].text() if "name" in entry else entry.place, rotation_matrix(entry["rotation"])
+def _anipose_camera(entry: Field, name: str) -> RawCamera:
+    lens = next((key for key in _LENS if key in entry), None)
+    size = "image_size" if "image_size" in entry and "size" not in entry else "size"
+    turn, fisheye = rotation_of(entry["rotation"]), entry["fisheye"].flag()
     return camera_of(entry, name, K="matrix", R=turn, t="translation", lens=lens, size=size, fisheye=fisheye)
+
+
+def _offsets(path: Path, names: Sequence[str]) -> dict[str, Field]:
+    """Return by camera the offsets, other than 0, that the project around Anipose's calibration states."""
+    for folder in path.absolute().parents[:_LEVELS] if path.name == _ANIPOSE else []:
+        cameras = Field(folder / _PROJECT, "", None)
+        with suppress(DatasetError):  # there is no such file, or somebody else's
+            cameras = replace(cameras, value=read_toml(cameras.path))["cameras"]
+        given = {name: cameras[name]["offset"] for name in names if "offset" in cameras[name]}
+        if given:
+            return {name: offset for name, offset in given.items() if _corner(offset).any()}
+    return {}
+
+
+def _corner(offset: Field) -> Array:
+    """Return the first two numbers, as Anipose does: some give the other corner as well."""
+    numbers = offset.numbers(None)
+    if numbers.size not in (2, 4):
+        raise offset.error("x and y of the crop's upper left corner", f"{numbers.size} numbers")
+    return numbers[:2]
+
+
+def _cropped(camera: RawCamera, offset: Field) -> RawCamera:
+    """Return the camera of the part of its image that begins at an offset and reaches at most to its end."""
+    whole, corner = camera.size or (0, 0), _corner(offset)
+    size = whole_size(*(np.array(whole) - corner))
+    if size is None or (corner < 0).any():
+        raise offset.error(f"whole pixels within {whole[0]}×{whole[1]}", corner.tolist())
+    K = camera.K.copy()
+    K[:2, 2] -= corner
+    return replace(camera, K=K, size=size)
 
 
 def is_caliscope(source: Source) -> bool:
     """Whether a source is TOML with Caliscope's tables."""
     shown = "cameras." in source.text or "rotation_count" in source.text
-    return shown and _looks_like_toml(source.text) and bool(_caliscope(source))
+    return shown and _is_toml(source) and bool(_caliscope(source))
 
 
 def _caliscope(source: Source) -> list[Field]:
     """Return the tables of cameras, if they are numbered: those of ``cameras``, in older files ``cam_N``."""
-    document = Field(source.path, "", source.toml)
-    cameras = document["cameras"] if isinstance(document["cameras"].value, dict) else document
-    tables = [cameras[name] for name in cameras.value if cameras is not document or name.startswith("cam_")]
-    numbered = [table for table in tables if not {"cam_id", "port"}.isdisjoint(table.table().value)]
+    within = source.toml["cameras"]
+    if isinstance(within.value, dict):
+        tables = [within[name] for name in within.value]
+    else:
+        tables = [source.toml[name] for name in source.toml.value if name.startswith("cam_")]
+    numbered = any("cam_id" in table or "port" in table for table in tables)
     return tables if numbered else []
 
 
 def parse_caliscope(source: Source) -> Parsed:
     """Return the cameras of Caliscope's own file that are not ignored."""
-    entries = _caliscope(source)
-    if not entries:
-        actual = f"tables {', '.join(source.toml) or 'none'}"
-        raise DatasetError(source.path, "cameras", "tables [cameras.N], or [cam_N]", actual)
-    wanted = [entry for entry in entries if not entry.table()["ignore"].flag()]
-    if not wanted:
-        raise DatasetError(source.path, "cameras", "a camera without ignore = true", "none")
-    return Parsed([_caliscope_camera(entry) for entry in wanted], "m")
+    entries = [entry.table() for entry in _caliscope(source)]
+    wanted = [entry for entry in entries if not entry["ignore"].flag()]
+    return [_caliscope_camera(entry) for entry in wanted], "m"
 
 
 def _caliscope_camera(entry: Field) -> RawCamera:
-    rotation, translation = entry["rotation"], entry["translation"]
-    if any(field.is_missing or field.value in (None, "null") for field in (rotation, translation)):
+    rotation, fisheye = entry["rotation"], entry["fisheye"].flag()
+    if rotation.is_missing or rotation.value in (None, "null"):
         expected = "a camera that is calibrated with the others, or ignore = true"
         raise rotation.error(expected, "no rotation and translation")
-    fisheye = entry["fisheye"].flag()
-    number = "port" if "port" in entry and "cam_id" not in entry else "cam_id"
-    name = f"{'port' if number == 'port' else 'cam'}_{entry[number].text()}"  # as its videos are called
-    rest: dict[str, Any] = {"lens": "distortions", "size": "size", "fisheye": fisheye}
-    return camera_of(entry, name, K="matrix", R=rotation_of(rotation), t="translation", **rest)
+    # as its videos are called
+    name = f"port_{entry['port'].text()}" if "cam_id" not in entry else f"cam_{entry['cam_id'].text()}"
+    return camera_of(
+        entry,
+        name,
+        K="matrix",
+        R=rotation_of(rotation),
+        t="translation",
+        lens="distortions",
+        size="size",
+        fisheye=fisheye,
+    )
 
 
 def to_toml(rig: sk.CameraRig, note: str | None = None, *, adjusted: bool = False) -> str:
@@ -206,15 +182,14 @@ def to_toml(rig: sk.CameraRig, note: str | None = None, *, adjusted: bool = Fals
 
 def _table(key: str, camera: sk.Camera) -> str:
     distortion = [] if camera.distortion is None else np.asarray(camera.distortion).tolist()
-    width, height = camera.size
     entries = {
         "name": json.dumps(camera.name or key, ensure_ascii=False),
-        "size": f"[{width}, {height}]",
-        "matrix": repr(np.asarray(camera.K).tolist()),
-        "distortions": repr(distortion or [0.0] * 4),
-        "rotation": repr(vector_from_matrix(np.asarray(camera.R)).tolist()),
-        "translation": repr(np.asarray(camera.t).tolist()),
-        "fisheye": str(bool(camera.fisheye)).lower(),
+        "size": list(camera.size),
+        "matrix": camera.K.tolist(),
+        "distortions": distortion or [0.0] * 4,
+        "rotation": vector_from_matrix(np.asarray(camera.R)).tolist(),
+        "translation": camera.t.tolist(),
+        "fisheye": str(camera.fisheye).lower(),
     }
     return "".join([f"[{key}]\n", *(f"{name} = {value}\n" for name, value in entries.items())])
 

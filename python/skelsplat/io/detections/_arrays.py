@@ -13,10 +13,10 @@ import numpy as np
 from skelsplat import layouts
 from skelsplat._arrays import Array
 from skelsplat._budget import check_ratio
+from skelsplat._fields import whole_size
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.io._arrays import Arrays, as_numbers, load_npy, load_npz, npy_shape, npz_keys
 from skelsplat.io._rows import NpzRows, big_array
-from skelsplat.io.calibration._format import whole_size
 from skelsplat.io.detections._format import (
     DetectionFormat,
     Person,

@@ -14,8 +14,9 @@ import numpy as np
 
 from skelsplat._arrays import Index
 from skelsplat._clocks import parted
+from skelsplat._fields import FRAME_LIMIT
 from skelsplat.exceptions import DatasetError, InvalidInputError
-from skelsplat.io._files import FRAME_LIMIT, frame_number, natural
+from skelsplat.io._files import frame_number, natural
 from skelsplat.io.detections._format import View
 from skelsplat.io.detections._match import camera_called
 

@@ -10,10 +10,9 @@ from pathlib import Path
 
 import numpy as np
 
+from skelsplat._fields import Field, whole_size
 from skelsplat.exceptions import DatasetError
-from skelsplat.io._fields import Field
 from skelsplat.io._files import frame_number, head, load_json
-from skelsplat.io.calibration._format import whole_size
 from skelsplat.io.detections._format import DetectionFormat, Person, View, joints_of, list_view
 from skelsplat.io.detections._frames import frame_files
 from skelsplat.io.detections._record import with_record

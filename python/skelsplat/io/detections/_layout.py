@@ -7,9 +7,9 @@ from collections.abc import Collection, Sequence
 from pathlib import Path
 
 import skelsplat as sk
-from skelsplat.exceptions import InvalidInputError
+from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.findings import Finding, Subject, warn
-from skelsplat.io._files import listed, of_file
+from skelsplat.io._files import listed
 from skelsplat.io.detections._format import View
 from skelsplat.io.detections._joints import (
     CUSTOM,
@@ -82,7 +82,7 @@ def _of_skeleton(names: Sequence[str], edges: Sequence[tuple[int, int]], path: P
         name = f"{name}_file" if name in sk.layouts.names else name
         layout = sk.layouts.from_names(name, names, edges)
     except InvalidInputError as error:
-        raise of_file(path, error) from error
+        raise DatasetError.of_argument(path, error) from error
     pairs = [f"{names[left]}–{names[right]}" for left, right in layout.left_right]
     numbers = {"joints": len(names), "limbs": len(edges), "pairs": pairs}
     named = f"{len(pairs)} left–right pairs by name ({listed(pairs, _MOST_PAIRS) or 'none'})"

@@ -8,9 +8,8 @@ from pathlib import Path
 
 from skelsplat import _json
 from skelsplat._atomic import atomic_write_text
-from skelsplat.io._fields import Field
+from skelsplat._fields import Field
 from skelsplat.io._files import load_json
-from skelsplat.io.calibration._format import size_of
 from skelsplat.io.detections._format import View
 
 _NAME = "detect.json"
@@ -64,7 +63,7 @@ def _video(entry: Field) -> Video:
     rate, length, count = (entry[key] for key in ("frame_rate", "bytes", "frames"))
     known = None if rate.value is None else rate.number()
     length_and_count = (None if one.value is None else one.index() for one in (length, count))
-    return Video(entry["video"].text(), size_of(entry["size"]), known, *length_and_count)
+    return Video(entry["video"].text(), entry["size"].size(), known, *length_and_count)
 
 
 def write_record(folder: Path, record: Record) -> None:

@@ -19,7 +19,7 @@ from skelsplat.cameras import CameraRig, mm_per_unit
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.findings import Finding, FindingWarning, Subject
 from skelsplat.io._arrays import npz_keys
-from skelsplat.io._files import head, of_file
+from skelsplat.io._files import head
 from skelsplat.io.poses._c3d import c3d_is_y_up, check_c3d, check_c3d_place, read_c3d, write_c3d
 from skelsplat.io.poses._csv import read_csv, write_csv
 from skelsplat.io.poses._json import is_json_poses, read_json, write_json
@@ -145,7 +145,7 @@ def convert_poses(
     except InvalidInputError as error:
         if error.argument in given:
             raise
-        raise of_file(source, error) from error
+        raise DatasetError.of_argument(source, error) from error
     return data
 
 

@@ -15,8 +15,8 @@ import numpy.typing as npt
 import skelsplat as sk
 from skelsplat._atomic import atomic_write
 from skelsplat._budget import check_ratio
+from skelsplat._fields import Field
 from skelsplat.exceptions import DatasetError
-from skelsplat.io._fields import Field
 from skelsplat.io._files import load_json
 from skelsplat.io.poses._pose_data import ARRAYS, BONES, PoseData, Poses, checked, parts_of, shape_of
 

@@ -18,11 +18,11 @@ import numpy.typing as npt
 import skelsplat as sk
 from skelsplat._arrays import FARTHEST, Array, Index, Mask, flags, numbers, positive, whole_numbers
 from skelsplat._budget import within_memory
+from skelsplat._fields import FRAME_LIMIT
 from skelsplat._skelsplat import JOINT_STATUS
 from skelsplat.cameras import MM_PER_UNIT
 from skelsplat.exceptions import DatasetError, InvalidInputError, one_of
 from skelsplat.io._arrays import FRAME_RATES
-from skelsplat.io._files import FRAME_LIMIT, of_file
 from skelsplat.io._rows import RowFile
 from skelsplat.layouts import BODY25
 
@@ -287,7 +287,7 @@ def checked(
             try:
                 data = read(path)
             except InvalidInputError as error:
-                raise of_file(source, error) from error
+                raise DatasetError.of_argument(source, error) from error
         if (np.abs(data.frames) >= FRAME_LIMIT).any():
             raise DatasetError(source, "frames", "numbers below 2^62", "a larger one")
         most = FARTHEST * 1e3 / MM_PER_UNIT[data.unit]

@@ -4,18 +4,19 @@ from __future__ import annotations
 
 import math
 import sys
+from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from skelsplat import layouts
 from skelsplat._arrays import Array
-from skelsplat._skelsplat import Layout
-from skelsplat.exceptions import DatasetError, InvalidInputError
-from skelsplat.io._files import frame_number
+from skelsplat.exceptions import DatasetError, did_you_mean
 
+FRAME_LIMIT = 2**62
+"""Frame numbers and offsets are below it, so that their sum fits into 64 bits."""
+_MOST_PIXELS = 2**31 - 1
 _ABSENT = object()
 _MISSING = "nothing (the key is missing)"
 
@@ -63,15 +64,19 @@ class Field:
             raise self[key].error(expected, _MISSING)
         return self[key]
 
-    def entries(self, expected: str) -> list[Field]:
+    def entries(self, expected: str = "a list") -> list[Field]:
         """Return the entries of a list."""
         values = self._list(expected)
         return [Field(self.path, f"{self.place}[{i}]", value) for i, value in enumerate(values)]
 
-    def table(self) -> Field:
-        """Return this field if it holds a table (an object)."""
+    def table(self, keys: Collection[str] = ()) -> Field:
+        """Return this field if it holds a table (an object), of no other keys than these if there are any."""
         if not isinstance(self.value, dict):
             raise self.error("a table of fields", self.shown)
+        for key in self.value if keys else ():
+            if key not in keys:
+                actual = f"an unknown key{did_you_mean(key, keys)}"
+                raise self[key].error(f"one of {', '.join(keys)}", actual)
         return self
 
     def text(self) -> str:
@@ -79,13 +84,6 @@ class Field:
         if isinstance(self.value, bool) or not isinstance(self.value, str | int) or self.value == "":
             raise self.error("a text", self.shown)
         return str(self.value)
-
-    def layout(self) -> Layout:
-        """Return the joint layout of this name."""
-        try:
-            return layouts.get(self.value)
-        except (InvalidInputError, TypeError) as error:
-            raise self.error(f"one of {', '.join(layouts.names)}", self.shown) from error
 
     def flag(self) -> bool:
         """Return true or false; false if the key is missing."""
@@ -102,8 +100,17 @@ class Field:
     def index(self) -> int:
         """Return a frame number that is not negative."""
         if isinstance(self.value, bool) or not isinstance(self.value, int) or self.value < 0:
-            raise self.error("a whole number from 0", repr(self.value)[:40])
-        return frame_number(self.path, self.place, self.value)
+            raise self.error("a whole number from 0", self.shown)
+        if self.value >= FRAME_LIMIT:
+            raise self.error("a frame number below 2^62", self.shown)
+        return self.value
+
+    def size(self) -> tuple[int, int]:
+        """Return a positive whole width and height."""
+        size = whole_size(*self.numbers((2,)))
+        if size is None:
+            raise self.error("a positive whole width and height in pixels", self.shown)
+        return size
 
     def numbers(self, shape: tuple[int, ...] | None) -> Array:
         """Return finite numbers of this shape, or a list of any length for None.
@@ -115,15 +122,12 @@ class Field:
             raise self.error(expected, self.shown)
         try:
             array = np.asarray(self.value, dtype=np.float64)
-        except ValueError:
-            raise self.error(expected, "lists of different lengths") from None
-        except OverflowError:  # TOML's whole numbers have no limit
-            raise self.error("finite numbers", self.shown) from None
+        except (ValueError, OverflowError):  # rows of different lengths; TOML's whole numbers have no limit
+            raise self.error(expected, self.shown) from None
         if (shape is None or len(shape) == 1) and array.ndim == 2 and 1 in array.shape:
             array = array.ravel()
         if array.ndim != 1 if shape is None else array.shape != shape:
-            there = "×".join(map(str, array.shape)) or "1"
-            raise self.error(expected, f"{there} number{'s' * (there != '1')}")
+            raise self.error(expected, f"{'×'.join(map(str, array.shape)) or 'one'} of them")
         if not np.isfinite(array).all():
             raise self.error("finite numbers", self.shown)
         return array
@@ -156,6 +160,13 @@ class Field:
         if not isinstance(self.value, list):
             raise self.error(expected, _MISSING if self.is_missing else type(self.value).__name__)
         return self.value
+
+
+def whole_size(width: float, height: float) -> tuple[int, int] | None:
+    """Return a width and height that are positive, whole and those of some image; else None."""
+    if not all(1 <= length <= _MOST_PIXELS and float(length).is_integer() for length in (width, height)):
+        return None
+    return int(width), int(height)
 
 
 def _is_number(value: object) -> bool:
