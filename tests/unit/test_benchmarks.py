@@ -129,9 +129,9 @@ def test_every_camera_of_the_sample_is_predicted_from_the_others() -> None:
 def test_people_are_compared() -> None:
     small = ["--scenes", 1, "--seconds", 3, "--people", 2, "--views", 3, "--meetings", "cross"]
     (found,) = run("people", *small, "--methods", "oracle", "affinity")
-    assert found["oracle"]["prec. %"] == found["oracle"]["rec. %"] == 100
-    assert found["affinity"]["rec. %"] > 80
-    assert found["oracle"]["mean mm"] < found["affinity"]["mean mm"]
+    assert found["oracle"]["prec."] == found["oracle"]["rec."] == 100
+    assert found["affinity"]["rec."] > 80
+    assert found["oracle"]["MPJPE"] < found["affinity"]["MPJPE"]
     (times,) = run("people_speed", "track", "--frames", 12)
     assert list(times) == ["1, 4", "3, 4", "4, 5", "6, 8"]
 

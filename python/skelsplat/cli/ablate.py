@@ -23,7 +23,7 @@ from skelsplat.cli.output import progress
 from skelsplat.cli.rows import rows
 from skelsplat.cli.table import new_table, print_table
 from skelsplat.evaluation import ablations
-from skelsplat.evaluation.ablations import Choices, OnDisk, Source
+from skelsplat.evaluation.ablations import Source
 from skelsplat.run.folder import output_folder
 
 # Beyond so many settings they become rows.
@@ -102,18 +102,18 @@ def ablate(
     if full and poses is not None:
         raise typer.BadParameter("expected either a number of poses or --full", param_hint="--poses")
     ablation = ablations.get(options.one_of("NAME", name, ablations.names))
-    choices = Choices(None if full else poses or ablation.poses, undistort=protocol, **given)
-    on_disk = None
+    choices = {"poses": None if full else poses or ablation.poses, "undistort": protocol, **given}
     if data is not None:
         dataset = options.one_of("--data", data[0], datasets.names())
-        on_disk = OnDisk(dataset, data[1], tuple(detections), reader_options(set, dataset))
+        choices |= {"dataset": dataset, "root": data[1], "detectors": detections}
+        choices["options"] = reader_options(set, dataset)
     elif detections or set:
         expected = "expected a data set for --detections and --set, got none"
         raise typer.BadParameter(expected, param_hint="--data")
     place = contextlib.nullcontext() if output is None else output_folder(output)
     with place, progress("poses", first="reading", shown=not quiet, time=TimeElapsedColumn()) as bar:
         command = shlex.join(["skelsplat", *sys.argv[1:]])
-        record = ablations.run(name, Source(choices, on_disk, bar), command=command)
+        record = ablation.run(Source(progress=bar, **choices), command=command)
     report = record.report()
     files = [] if output is None else report.write(output, name, f"{name}.png")
     print_report(report, partial(_print_record, record), output, files, quiet=quiet, as_json=as_json)
@@ -126,15 +126,14 @@ def _print_record(record: ablations.Record, console: Console) -> None:
     """
     for table in record.outcome.tables:
         print_experiment(console, table.turned() if len(table.columns) > _MOST_COLUMNS else table)
-        console.print(record.line, style="yellow" if record.simulated else "")
+        console.print(record.source.line(), style="yellow" if record.source.simulated else "")
         console.print()
     shown = new_table("Claims of the paper", "claim")
     shown.columns[0].overflow = "fold"
-    for column in ("reported", "here", ""):
-        shown.add_column(column, no_wrap=not column)
+    shown.add_column("method, data")
+    shown.add_column("", no_wrap=True)
     for claim in record.outcome.claims:
-        outcome = Text(claim.verdict, "green" if claim.reproduced else "red")
-        shown.add_row(claim.claim, claim.paper, claim.measured, outcome)
+        shown.add_row(claim.claim, claim.data, Text(claim.verdict, "green" if claim.reproduced else "red"))
     print_table(console, shown)
-    for note in record.notes:
+    for note in record.outcome.notes:
         console.print(f"· {note}", style="dim")

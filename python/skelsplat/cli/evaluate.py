@@ -23,8 +23,7 @@ from skelsplat.datasets import Dataset
 from skelsplat.datasets._registry import detections_option, options_of
 from skelsplat.evaluation import methods, people, protocols, single
 from skelsplat.evaluation.protocols import Protocol
-from skelsplat.evaluation.report import Report
-from skelsplat.evaluation.tables import Table
+from skelsplat.evaluation.tables import Report, Table
 from skelsplat.exceptions import InvalidInputError
 from skelsplat.findings import collected_warnings, no_pictures
 from skelsplat.run.folder import output_folder
@@ -61,21 +60,12 @@ OPTIONS = (
             [the protocol's]
         --every K  One frame in K of each take. [the protocol's]
         --fps HZ  Frames per second, for annealed-butterworth, annealed-kalman and over-time. [the data set's]
-        --counting all|adafuse  adafuse counts only joints that at least two views see unoccluded. [= all]
         """,
         views={"kind": int, "limits": {"min": 2}},
         every={"kind": int, "limits": {"min": 1}},
         fps={"kind": float, "read": options.positive},
-        counting=lambda option, name: options.one_of(option, name, ("all", "adafuse")),
     ),
     SETTINGS,
-    *rows(
-        "Method",
-        """
-        --start dlt|fusion|none  Where annealed, paper-closed-form and paper start.
-            [none; the paper's for the last two]
-        """,
-    ),
     INIT_SIGMA,
     *rows(
         "Method",
@@ -130,7 +120,7 @@ def evaluate(
     skelsplat evaluate synthetic data/people -m track,affinity,oracle
     """
     views = given.pop("views", None)
-    counted = {"every": given.pop("every", None), "counting": given.pop("counting")}
+    every = given.pop("every", None)
     chosen = methods.Options(undistort=protocol, **given)
     options.one_of("DATASET", dataset, datasets.names())
     with collected_warnings(telling(quiet=quiet)):
@@ -139,10 +129,10 @@ def evaluate(
             tell(finding, f"{', '.join(finding.subject.files)}: ")
         if fps is not None:
             data = data.with_fps(fps)
-        rules = protocols.get(data.name).with_options(n_views=views, **counted)
+        rules = protocols.get(data.name).with_options(n_views=views, every=every)
         folder = Path("skelsplat-evaluation") / data.name if output is None else output
         with output_folder(folder), progress("poses", first="evaluating", shown=not quiet) as bar:
-            several = _of_people(names, data, chosen.start, counted["counting"])
+            several = _of_people(names, data)
             report = _evaluated(data, names, chosen, rules, None if several else folder / "runs", bar)
             files = report.write(folder)
     shown = report.tables if per_joint else report.tables[: report.shown]
@@ -216,17 +206,14 @@ def _drawn(table: Table) -> Drawn:
     return drawn
 
 
-def _of_people(names: Sequence[str], data: Dataset, start: str | None, counting: str) -> bool:
-    """Whether the methods are those of several people; refuse them with others, or what does not apply."""
+def _of_people(names: Sequence[str], data: Dataset) -> bool:
+    """Whether the methods are those of several people; refuse them with others."""
     whole = list(names) in ([], ["all"])
     kinds = {name in people.names for name in names} if not whole else {bool(data.scenes)}
     if len(kinds) > 1:
         expected = f"either {', '.join(people.names)} or methods of one person"
         raise InvalidInputError(f"--methods: expected {expected}, got {', '.join(names)}")
-    several = kinds.pop()
-    if several and (start is not None or counting != "all"):
-        raise InvalidInputError("--start, --counting: expected with methods of one person only")
-    return several
+    return kinds.pop()
 
 
 def _method_names(given: Sequence[str] | None) -> list[str]:

@@ -15,7 +15,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import pairwise
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -30,13 +30,23 @@ from skelsplat.evaluation import baselines
 from skelsplat.exceptions import DatasetError, one_of
 
 Settings = Mapping[str, Any]
-Run = Callable[[Take, Layout, Settings, Progress | None], Array]
-
-STARTS = ("dlt", "fusion", "none")
+Start = Literal["dlt", "fusion", "none"]
+"""Initial poses: DLT without confidences, fused monocular poses, or the solver's own triangulation."""
 
 DEFAULT_INIT_SIGMA_MM = 25.0
 """Standard deviation per axis of a fused start: 40.2 mm, the mean error that the paper reports of it on
 Human3.6M (tab:abl-initial-guess), over 1.596, the mean length of a standard normal vector in space."""
+
+# Of the Butterworth filter, Hz, but at most this share of half the frame rate; and the longest gap of a joint
+# that a straight line fills before it, s.
+CUTOFF_HZ, _OF_NYQUIST, GAP_S = 6.0, 0.8, 0.5
+
+DENSITY_MM2_S3 = 1e6
+"""Spectral density of the white acceleration of the Kalman smoother: on simulated recordings at 30 Hz, the
+lowest errors of arms and legs of 1e5, 3e5, 1e6, …, 1e8."""
+
+# Side of the crops in whose pixels the thresholds of Iskakov et al. are.
+_CROP_PX = 384.0
 
 _FIELDS = {
     "detections": "2D detections",
@@ -50,23 +60,15 @@ _FIELDS = {
 class Options:
     """What applies to all methods of a run."""
 
-    #: Remove lens distortion from the detections; False: detections are used with K alone.
-    undistort: bool = True
-    #: {"dlt", "fusion", "none"} or None: Where `annealed` (also over time), `paper` and `paper-closed-form`
-    #: start; ``"none"``: with the solver's own triangulation. None: ``"none"``, but for the paper's two
-    #: `paper_start`.
-    start: str | None = None
-    paper_start: str = "dlt"  #: {"dlt", "fusion", "none"}: Where the paper starts on this data set
+    undistort: bool = True  #: remove lens distortion from the detections; False: use them with K alone
+    paper_start: Start = "dlt"  #: where the paper starts on this data set
     #: What the paper changes in its settings on this data set: fields of `RefineConfig.paper`.
     paper_fields: Settings = field(default_factory=dict)
-    #: Standard deviation per axis of the fused start, for `annealed-prior`.
-    init_sigma_mm: float = DEFAULT_INIT_SIGMA_MM
+    init_sigma_mm: float = DEFAULT_INIT_SIGMA_MM  #: per axis of the fused start, for `annealed-prior`
     seed: int = 0  #: of the pairs that RANSAC draws
     n_threads: int | None = None  #: of the compiled solver; None: all cores
 
     def __post_init__(self) -> None:
-        one_of("start", self.start, (None, *STARTS))
-        one_of("paper_start", self.paper_start, STARTS)
         positive("init_sigma_mm", self.init_sigma_mm)
 
 
@@ -78,8 +80,34 @@ class Solution:
     seconds: float
 
 
-def _lens(options: Options) -> dict[str, Any]:
-    return {"undistort": options.undistort}
+@dataclass(frozen=True, slots=True)
+class Task:
+    """What a method gets; the take has all that it needs."""
+
+    take: Take
+    layout: Layout
+    settings: Settings
+    progress: Progress | None = None
+
+    @property
+    def seen(self) -> tuple[Array, CameraRig]:
+        """Detections and cameras."""
+        return _there(self.take.detections), self.take.rig
+
+    def start(self) -> Array | None:
+        """Return the initial poses of the settings."""
+        start = self.settings["start"]
+        return None if start == "none" else starting_poses(self.take, start)
+
+    def refined(self) -> Refinement:
+        """Start as the settings say, and refine with their configuration."""
+        config, sigma = RefineConfig(**self.settings["config"]), self.settings.get("init_sigma_mm")
+        return refined(self.take, self.layout, self.start(), config, sigma, self.progress)
+
+
+def _there(value: Array | None) -> Array:
+    assert value is not None  # Method.check has seen to it
+    return value
 
 
 @dataclass(frozen=True)
@@ -87,14 +115,17 @@ class Method:
     """A method of the registry."""
 
     name: str
-    run: Run  #: take, layout, settings and progress to poses (T, N, 3)
-    #: `Options` to everything that the poses depend on, as JSON values; ``"undistort"`` is among them.
-    settings: Callable[[Options], dict[str, Any]] = _lens
-    #: Fields of `Take`; a start by fusion needs ``"monocular"`` as well.
-    needs: tuple[str, ...] = ("detections",)
+    run: Callable[[Task], Array]  #: to poses (T, N, 3)
+    #: `Options` to what the poses depend on besides ``"undistort"``, as JSON values.
+    own: Callable[[Options], dict[str, Any]] = lambda _: {}
+    needs: tuple[str, ...] = ("detections",)  #: fields of `Take`; a start by fusion needs another
     by_pixels: bool = False  #: renders pixels and takes far longer than all others
     over_time: bool = False  #: needs the frames around each, so all of a recording, and their rate
     package: str = "numpy"  #: that it imports
+
+    def settings(self, options: Options) -> dict[str, Any]:
+        """Return everything that the poses depend on, as JSON values."""
+        return {"undistort": options.undistort, **self.own(options)}
 
     def solve(
         self, take: Take, layout: Layout, settings: Settings, progress: Progress | None = None
@@ -103,7 +134,7 @@ class Method:
         self.check(take, settings)
         seen = take if settings["undistort"] else replace(take, rig=without_lens(take.rig))
         begun = time.perf_counter()
-        pose = self.run(seen, layout, settings, progress)
+        pose = self.run(Task(seen, layout, settings, progress))
         return Solution(pose, time.perf_counter() - begun)
 
     def lacks(self, take: Take, settings: Settings) -> str | None:
@@ -126,135 +157,11 @@ def without_lens(rig: CameraRig) -> CameraRig:
     return CameraRig([without_distortion(camera) for camera in rig], rig.unit)
 
 
-# Side of the crops in whose pixels the thresholds of Iskakov et al. are.
-_CROP_PX = 384.0
-
-
-def crop_scale(take: Take) -> Array:
-    """Pixels of the image per pixel of a 384 px crop of the person's square box, (T, M); 1 without a box."""
-    if take.boxes is None:
-        return np.ones((len(take), len(take.rig)))
-    sides = (take.boxes[..., 2:] - take.boxes[..., :2]).max(axis=-1)
-    known = np.isfinite(sides) & (sides > 0)
-    return np.where(known, sides / _CROP_PX, 1.0)
-
-
-def _by(run: Callable[[Take, Settings], Array]) -> Run:
-    """Return `run`, of a take and settings, as a method without layout and progress."""
-    return lambda take, _layout, settings, _progress: run(take, settings)
-
-
-_DLT = _by(lambda take, given: baselines.dlt(_detections(take), take.rig, confidence="confidence" in given))
-
-
-def _iskakov(take: Take, settings: Settings) -> Array:
-    scale = crop_scale(take)
-    return baselines.ransac_iskakov(_detections(take), take.rig, crop_scale=scale, seed=settings["seed"])
-
-
-def _adafuse(take: Take, settings: Settings) -> Array:
-    return baselines.ransac_adafuse(_detections(take), take.rig, seed=settings["seed"])
-
-
-def _fusion(take: Take, *_: object) -> Array:
-    assert take.monocular is not None  # Method.check has seen to it
-    return fuse_monocular(take.monocular, _detections(take), take.rig)
-
-
-def _detections(take: Take) -> Array:
-    assert take.detections is not None  # likewise
-    return take.detections
-
-
-def _fps(take: Take) -> float:
-    assert take.fps is not None  # likewise
-    return take.fps
-
-
-def _refine(take: Take, layout: Layout, settings: Settings, progress: Progress | None) -> Array:
-    return _refinement(take, layout, settings, progress).pose
-
-
-def _refinement(take: Take, layout: Layout, settings: Settings, progress: Progress | None) -> Refinement:
-    """Start as the settings say, and refine with their configuration."""
-    start, config = _start(take, settings), RefineConfig(**settings["config"])
-    return refined(take, layout, start, config, settings.get("init_sigma_mm"), progress)
-
-
-def _start(take: Take, settings: Settings) -> Array | None:
-    return None if settings["start"] == "none" else starting_poses(take, settings["start"])
-
-
-# Methods over time work at the rate of a recording and never across a gap in its frames.
-
-CUTOFF_HZ = 6.0
-"""Of the Butterworth filter, or `_OF_NYQUIST` of half the frame rate if that is less."""
-
-_OF_NYQUIST = 0.8
-
-GAP_S = 0.5
-"""Longest gap of a joint that a straight line fills before the Butterworth filter."""
-
-DENSITY_MM2_S3 = 1e6
-"""Spectral density of the white acceleration of the Kalman smoother: on simulated recordings at 30 Hz, the
-lowest errors of arms and legs of 1e5, 3e5, 1e6, …, 1e8."""
-
-
-def stretches(frames: Index) -> list[slice]:
-    """Cut frames (T,) into runs of consecutive numbers."""
-    starts = [0, *(np.flatnonzero(np.diff(frames) != 1) + 1).tolist(), len(frames)]
-    return [slice(a, b) for a, b in pairwise(starts) if a < b]
-
-
-def cutoff(fps: float, wanted: float = CUTOFF_HZ) -> float:
-    """Return the cutoff of the Butterworth filter, Hz: as wanted, but below half the frame rate."""
-    return min(wanted, _OF_NYQUIST * fps / 2.0)
-
-
-def butterworth(pose: Array, fps: float, cutoff_hz: float = CUTOFF_HZ, gap_s: float = GAP_S) -> Array:
-    """Fill short gaps of joints, then run the zero-lag filter, on poses (T, N, 3) of consecutive frames."""
-    filled, _ = temporal.fill_gaps(pose, max(1, round(gap_s * fps)), method="linear")
-    return temporal.butterworth(filled, fps, cutoff(fps, cutoff_hz))[0]
-
-
-def _then(smooth: Callable[[Refinement, Take, Settings, slice], Array]) -> Run:
-    """Return `annealed` on single frames, then `smooth` on each stretch of consecutive ones."""
-
-    def run(take: Take, layout: Layout, settings: Settings, progress: Progress | None) -> Array:
-        alone = _refinement(take, layout, settings, progress)
-        return np.concatenate([smooth(alone, take, settings, part) for part in stretches(take.frames)])
-
-    return run
-
-
-def _butterworth(alone: Refinement, take: Take, settings: Settings, part: slice) -> Array:
-    return butterworth(alone.pose[part], _fps(take), settings["cutoff_hz"], settings["gap_s"])
-
-
-def _kalman(alone: Refinement, take: Take, settings: Settings, part: slice) -> Array:
-    density = settings["density_mm2_s3"] / take.rig.mm_per_unit**2
-    return temporal.kalman(alone.pose[part], _fps(take), alone.uncertainty[part], density)[0]
-
-
-def _in_time(take: Take, layout: Layout, settings: Settings, progress: Progress | None) -> Array:
-    """Solve each stretch of consecutive frames over time, and single ones by themselves."""
-
-    def solved(part: Take) -> Array:
-        if len(part) == 1:
-            return _refine(part, layout, settings, progress)
-        start, config = _start(part, settings), RefineConfig(**settings["config"])
-        return refine_sequence(
-            _detections(part), part.rig, fps=_fps(part), layout=layout, init_pose=start, config=config
-        ).pose
-
-    return np.concatenate([solved(take.select(part)) for part in stretches(take.frames)])
-
-
-def starting_poses(take: Take, start: str) -> Array:
-    """Return initial poses: the paper's triangulation, without confidences, or ``"fusion"``."""
+def starting_poses(take: Take, start: Literal["dlt", "fusion"]) -> Array:
+    """Return initial poses."""
     if start == "dlt":
-        return triangulate(_detections(take)[..., :2], take.rig, method="dlt")
-    return _fusion(take)
+        return triangulate(_there(take.detections)[..., :2], take.rig, method="dlt")
+    return fuse_monocular(_there(take.monocular), _there(take.detections), take.rig)
 
 
 def refined(
@@ -268,61 +175,123 @@ def refined(
     """Refine a take; `init_sigma_mm` makes the start a prior."""
     return refine(
         start,
-        _detections(take),
+        _there(take.detections),
         take.rig,
         layout=layout,
         init_sigma=None if init_sigma_mm is None else init_sigma_mm / take.rig.mm_per_unit,
         config=config,
-        progress=progress if progress is not None else False,
+        progress=progress or False,
     )
 
 
-def _with(settings: Callable[[Options], dict[str, Any]], **more: Any) -> Callable[[Options], dict[str, Any]]:
-    return lambda options: {**settings(options), **more}
+def _iskakov(task: Task) -> Array:
+    """Run it with pixels of a 384 px crop of the person's square box, where there is one."""
+    scale = np.ones((len(task.take), len(task.take.rig)))
+    if task.take.boxes is not None:
+        sides = (task.take.boxes[..., 2:] - task.take.boxes[..., :2]).max(axis=-1)
+        scale = np.where(np.isfinite(sides) & (sides > 0), sides / _CROP_PX, 1.0)
+    return baselines.ransac_iskakov(*task.seen, crop_scale=scale, seed=task.settings["seed"])
 
 
-def _drawn(options: Options) -> dict[str, Any]:
-    return {**_lens(options), "seed": options.seed}
+# Methods over time work at the rate of a recording and never across a gap in its frames.
 
 
-def _solver(options: Options, config: RefineConfig, start: str) -> dict[str, Any]:
-    fields = config.replace(n_threads=options.n_threads).to_dict()
-    return {**_lens(options), "start": start, "config": fields}
+def stretches(frames: Index) -> list[slice]:
+    """Cut frames (T,) into runs of consecutive numbers."""
+    starts = [0, *(np.flatnonzero(np.diff(frames) != 1) + 1).tolist(), len(frames)]
+    return [slice(a, b) for a, b in pairwise(starts) if a < b]
 
 
-def _annealed(options: Options) -> dict[str, Any]:
-    return _solver(options, RefineConfig(), options.start or "none")
+def cutoff(fps: float) -> float:
+    """Return the cutoff of the Butterworth filter, Hz."""
+    return min(CUTOFF_HZ, _OF_NYQUIST * fps / 2.0)
+
+
+def butterworth(pose: Array, fps: float) -> Array:
+    """Fill short gaps of joints, then run the zero-lag filter, on poses (T, N, 3) of consecutive frames."""
+    filled, _ = temporal.fill_gaps(pose, max(1, round(GAP_S * fps)), method="linear")
+    return temporal.butterworth(filled, fps, cutoff(fps))[0]
+
+
+def _smoothed(smooth: Callable[[Refinement, Take, slice], Array], task: Task) -> Array:
+    """Refine single frames, then smooth each stretch of consecutive ones."""
+    alone = task.refined()
+    return np.concatenate([smooth(alone, task.take, part) for part in stretches(task.take.frames)])
+
+
+def _butterworth(alone: Refinement, take: Take, part: slice) -> Array:
+    return butterworth(alone.pose[part], take.fps or 0.0)
+
+
+def _kalman(alone: Refinement, take: Take, part: slice) -> Array:
+    density = DENSITY_MM2_S3 / take.rig.mm_per_unit**2
+    return temporal.kalman(alone.pose[part], take.fps or 0.0, alone.uncertainty[part], density)[0]
+
+
+def _in_time(task: Task) -> Array:
+    """Solve each stretch of consecutive frames over time, and single ones by themselves."""
+    config, fps = RefineConfig(**task.settings["config"]), task.take.fps or 0.0
+    poses = []
+    for part in stretches(task.take.frames):
+        own = replace(task, take=task.take.select(part))
+        if len(own.take) == 1:
+            poses.append(own.refined().pose)
+        else:
+            found = refine_sequence(
+                *own.seen, fps=fps, layout=task.layout, init_pose=own.start(), config=config
+            )
+            poses.append(found.pose)
+    return np.concatenate(poses)
+
+
+def _solver(options: Options, config: RefineConfig, start: Start, **more: Any) -> dict[str, Any]:
+    return {"start": start, "config": config.replace(n_threads=options.n_threads).to_dict(), **more}
+
+
+def _annealed(options: Options, **more: Any) -> dict[str, Any]:
+    return _solver(options, RefineConfig(), "none", **more)
 
 
 def _prior(options: Options) -> dict[str, Any]:
-    return {**_solver(options, RefineConfig(), "fusion"), "init_sigma_mm": options.init_sigma_mm}
+    return _solver(options, RefineConfig(), "fusion", init_sigma_mm=options.init_sigma_mm)
 
 
 def _paper(options: Options, **fields: Any) -> dict[str, Any]:
-    config = RefineConfig.paper(**{**options.paper_fields, **fields})
-    return _solver(options, config, options.start or options.paper_start)
+    return _solver(options, RefineConfig.paper(**{**options.paper_fields, **fields}), options.paper_start)
+
+
+def _seed(options: Options) -> dict[str, Any]:
+    return {"seed": options.seed}
+
+
+def _refine(task: Task) -> Array:
+    return task.refined().pose
 
 
 _ALL = (
-    Method("dlt", _DLT),  # algebraic triangulation, unweighted
-    Method("dlt-confidence", _DLT, _with(_lens, confidence=True)),  # rows weighted by confidence
-    Method("ransac-iskakov", _by(_iskakov), _drawn),  # of Iskakov et al., with its Huber refinement
-    Method("ransac-adafuse", _by(_adafuse), _drawn),  # that AdaFuse is compared with
-    Method("ransac", _by(lambda take, _: triangulate(_detections(take), take.rig, method="ransac"))),
-    Method("cauchy", _by(lambda take, _: baselines.cauchy(_detections(take), take.rig))),
-    Method("fusion", _fusion, needs=("detections", "monocular")),  # of monocular poses
+    Method("dlt", lambda task: baselines.dlt(*task.seen)),  # algebraic triangulation, unweighted
+    Method("dlt-confidence", lambda task: baselines.dlt(*task.seen, confidence=True)),
+    Method("ransac-iskakov", _iskakov, _seed),  # of Iskakov et al., with its Huber refinement
+    Method(  # that AdaFuse is compared with
+        "ransac-adafuse", lambda t: baselines.ransac_adafuse(*t.seen, seed=t.settings["seed"]), _seed
+    ),
+    Method("ransac", lambda task: triangulate(*task.seen, method="ransac")),
+    Method("cauchy", lambda task: baselines.cauchy(*task.seen)),
+    Method(  # of monocular poses
+        "fusion", lambda task: starting_poses(task.take, "fusion"), needs=("detections", "monocular")
+    ),
     Method("annealed", _refine, _annealed),  # the default
     Method(  # then a zero-lag Butterworth filter
         "annealed-butterworth",
-        _then(_butterworth),
-        _with(_annealed, cutoff_hz=CUTOFF_HZ, gap_s=GAP_S),
+        partial(_smoothed, _butterworth),
+        partial(_annealed, cutoff_hz=CUTOFF_HZ, gap_s=GAP_S),
         over_time=True,
         package="scipy",
     ),
     Method(  # then a Kalman smoother per joint
         "annealed-kalman",
-        _then(_kalman),
-        _with(_annealed, density_mm2_s3=DENSITY_MM2_S3),
+        partial(_smoothed, _kalman),
+        partial(_annealed, density_mm2_s3=DENSITY_MM2_S3),
         over_time=True,
     ),
     Method("over-time", _in_time, _annealed, over_time=True),  # all frames of a recording in one solve

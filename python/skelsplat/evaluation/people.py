@@ -10,7 +10,6 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -24,10 +23,10 @@ from skelsplat.evaluation.baselines import affinity
 from skelsplat.evaluation.methods import Options, stretches, without_lens
 from skelsplat.evaluation.people_scores import Tally, Tracks
 from skelsplat.evaluation.protocols import Protocol
-from skelsplat.evaluation.published import Published, published
-from skelsplat.evaluation.report import Report, about_dataset, paragraphs, versions
+from skelsplat.evaluation.report import Evaluation, Figure, Figures
+from skelsplat.evaluation.reported import published
 from skelsplat.evaluation.runs import Report as Heard
-from skelsplat.evaluation.tables import Cell, Column, Row, Table, interval
+from skelsplat.evaluation.tables import Report, Table
 from skelsplat.exceptions import DatasetError, one_of
 from skelsplat.io import convert_unit
 
@@ -62,59 +61,64 @@ METHODS: Mapping[str, Callable[[PeopleTake, Layout, RefineConfig], Tracks]] = {
 
 names: tuple[str, ...] = tuple(METHODS)
 
-# Columns of the table of methods by figure, and by what the figure is multiplied.
-_COLUMNS: dict[str, tuple[Column, float]] = {
-    "precision": (Column("prec.", best="high"), 100),
-    "recall": (Column("rec.", best="high"), 100),
-    "mean_mm": (Column("MPJPE", best="low"), 1),
-    "interval": (Column("95 % CI"), 1),
-    "pcp": (Column("PCP", best="high"), 100),
-    "idf1": (Column("IDF1", best="high"), 100),
-    "identity_switches": (Column("IDS", 0), 1),
-    "fragmentations": (Column("frag", 0), 1),
-    "scenes_clean": (Column("clean", 0), 100),
-    "scenes_swapped": (Column("swap", 0), 100),
-    "change": (Column("vs. oracle"), 100),
-    "ms_per_frame": (Column("ms/frame", 2), 1),
+_COLUMNS = {
+    "precision": Figure("prec.", best="high", factor=100),
+    "recall": Figure("rec.", best="high", title="recall, %", factor=100),
+    "mean_mm": Figure("MPJPE", best="low", title="MPJPE, mm"),
+    "interval": Figure("95 % CI"),
+    "pcp": Figure("PCP", best="high", title="PCP, %", factor=100),
+    "idf1": Figure("IDF1", best="high", factor=100),
+    "identity_switches": Figure("IDS", 0),
+    "fragmentations": Figure("frag", 0),
+    "scenes_clean": Figure("clean", 0, factor=100),
+    "scenes_swapped": Figure("swap", 0, factor=100),
+    "change": Figure("vs. oracle", factor=100),
+    "ms_per_frame": Figure("ms/frame", 2),
 }
 CSV_FIELDS = ("method", "group", "name", *(key for key in _COLUMNS if key != "interval"), "person_frames")
 """Columns of the CSV: ``group`` is all, scene or person; shares are from 0 to 1; empty means no number."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class PeopleCase:
-    """Consecutive frames of a scene, and which of them count."""
-
-    scene: PeopleTake
-    judged: Mask  # (T,)
+PeopleCase = tuple[PeopleTake, Mask]
+"""Consecutive frames of a scene, and which of them (T,) count."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class PeopleEvaluation:
+class People(Evaluation):
     """What `evaluate` found."""
 
-    dataset: Dataset
-    protocol: Protocol
     cases: tuple[PeopleCase, ...]
-    settings: Mapping[str, Mapping[str, Any]]
-    tallies: Mapping[str, Tally]  #: by method, in the order asked for
-    published: Published | None
-
-    def figures(self, method: str, scene: str | None = None) -> dict[str, float]:
-        """Return the figures of a method, over all scenes or of one; the reference is `oracle`."""
-        reference = None if method == "oracle" else self.tallies.get("oracle")
-        return self.tallies[method].figures(reference, scene)
 
     def report(self) -> Report:
         """Return tables and figures; printed are that of methods and the first by person."""
         figures = ("pcp", "mean_mm", "recall") if self.protocol.parts else ("mean_mm", "recall")
+        scenes = [
+            {"key": scene.key, "frames": int(judged.sum()), "people": scene.names, "views": len(scene.rig)}
+            for scene, judged in self.cases
+        ]
         return Report(
             title=self.dataset.name,
-            tables=(overall(self), *(persons(self, figure) for figure in figures)),
+            tables=(self.methods_table(), *(self.by("person", key, "person", "all") for key in figures)),
             shown=2,
             fields=CSV_FIELDS,
-            rows=tuple({key: row[key] for key in CSV_FIELDS if key in row} for row in _lines(self)),
-            values=_values(self),
+            rows=self.lines,
+            values=self.values(protocol={"least_views": self.protocol.least_views}, scenes=scenes),
+        )
+
+    def methods_table(self) -> Table:
+        """One row per method, and under it what the columns mean."""
+        extra = "" if self.protocol.least_views else " Who finds people without a truth loses precision."
+        return self.overall(
+            "precision, recall, PCP and IDF1 in %, MPJPE in mm",
+            "Who is who is not given, except to oracle, which takes the detections that the ground truth "
+            "associates with each person.",
+            f"Protocol: {self.protocol.text} Estimates are assigned to people frame by frame, up to 500 mm "
+            f"of mean joint distance; MPJPE is of the assigned ones.{extra}",
+            "IDS, frag: identity switches and fragmentations (CLEAR MOT), in all scenes; clean: scenes "
+            "without a switch, %; swap: scenes in which one identity follows two people for half a second "
+            "each, %. vs. oracle: change of MPJPE, %, where both methods have a person and neither confuses "
+            "them. 95 % CI: of MPJPE, by bootstrap over scenes. Time: the method alone.",
+            "" if self.published is None else self.published.note(),
         )
 
 
@@ -132,7 +136,7 @@ def cases(dataset: Dataset, protocol: Protocol) -> tuple[PeopleCase, ...]:
         parts = [part for part in stretches(scene.frames) if keep[part].any()]
         for k, part in enumerate(parts):
             key = scene.key if len(parts) == 1 else f"{scene.key}, part {k + 1}"
-            found.append(PeopleCase(replace(scene.select(part), key=key), keep[part]))
+            found.append((replace(scene.select(part), key=key), keep[part]))
     if not found:
         raise DatasetError(dataset.name, "frames", f"frames for the protocol {protocol.name}", "none")
     return tuple(found)
@@ -145,20 +149,10 @@ def evaluate(
     *,
     protocol: Protocol | None = None,
     report: Heard | None = None,
-) -> PeopleEvaluation:
-    """Run methods on the scenes of a data set and score them.
+) -> People:
+    """Run methods, by default all, on the scenes of a data set and score them.
 
-    Parameters
-    ----------
-    dataset : Dataset
-    chosen : sequence of str
-        Of `names`; none: all.
-    options : Options, optional
-        `undistort` and `n_threads` apply.
-    protocol : Protocol, optional
-        Default: that of the data set's name.
-    report : callable, optional
-        Called with method, scene, frames done so far, and frames in all (of all methods).
+    Of the `options` `undistort` and `n_threads` apply; the default protocol is that of the data set's name.
 
     Raises `InvalidInputError` for an unknown method, `DatasetError` without detections of several people.
     """
@@ -168,133 +162,63 @@ def evaluate(
     for name in picked:
         one_of("methods", name, names)
     parts, config = cases(dataset, rules), RefineConfig(n_threads=options.n_threads)
-    total, done = len(picked) * sum(len(case.scene) for case in parts), 0
+    total, done = len(picked) * sum(len(scene) for scene, _ in parts), 0
     tallies = {name: Tally() for name in picked}
     for name in picked:
-        for case in parts:
+        for scene, judged in parts:
             if report is not None:
-                report(name, case.scene.key, done, total)
-            lens = case.scene.rig if options.undistort else without_lens(case.scene.rig)
-            seen = replace(case, scene=replace(case.scene, rig=lens))
-            _score(tallies[name], name, seen, dataset.layout, config, rules)
-            done += len(case.scene)
+                report(name, scene.key, done, total)
+            seen = scene if options.undistort else replace(scene, rig=without_lens(scene.rig))
+            _score(tallies[name], name, seen, judged, dataset.layout, config, rules)
+            done += len(scene)
+    views = sorted({len(scene.rig) for scene, _ in parts})
+    count = f"{len(parts)} scene{'s' * (len(parts) != 1)}"
     shared = {"undistort": options.undistort}
     solver = {**shared, "config": config.to_dict()}
-    return PeopleEvaluation(
+    return People(
         dataset=dataset,
         protocol=rules,
-        cases=parts,
         settings={name: shared if name == "affinity" else solver for name in picked},
-        tallies=tallies,
+        subject=f"{dataset.name} ({dataset.detector or 'no detections'}), "
+        f"{', '.join(map(str, views))} view{'s' * (views != [1])}, {count}",
+        lines=tuple(_lines(tallies)),
+        columns=_COLUMNS,
         published=published(dataset, rules),
+        cases=parts,
     )
 
 
 def _score(
-    tally: Tally, name: str, case: PeopleCase, layout: Layout, config: RefineConfig, rules: Protocol
+    tally: Tally,
+    name: str,
+    scene: PeopleTake,
+    judged: Mask,
+    layout: Layout,
+    config: RefineConfig,
+    rules: Protocol,
 ) -> None:
-    scene = case.scene
     begun = time.perf_counter()
     tracks = METHODS[name](scene, layout, config)
     seconds = time.perf_counter() - begun
-    place = np.where(case.judged, np.cumsum(case.judged) - 1, -1)  # among the frames that count
-    judged = [(who, place[frames], pose) for who, frames, pose in tracks]
+    place = np.where(judged, np.cumsum(judged) - 1, -1)  # among the frames that count
     tally.add(
         scene.key,
-        [(who, frames[frames >= 0], pose[frames >= 0]) for who, frames, pose in judged],
-        scene.rig.mm_per_unit * scene.truth[:, case.judged],
-        scene.optional(rules.least_views)[:, case.judged],
-        seconds * float(case.judged.mean()),
+        [(who, place[frames][judged[frames]], pose[judged[frames]]) for who, frames, pose in tracks],
+        scene.rig.mm_per_unit * scene.truth[:, judged],
+        scene.optional(rules.least_views)[:, judged],
+        seconds * float(judged.mean()),
         fps=scene.fps,
         names=scene.names,
         parts=rules.parts or None,
     )
 
 
-def overall(found: PeopleEvaluation) -> Table:
-    """One row per method."""
-    rows = []
-    for method in found.tallies:
-        figures = found.figures(method)
-        cells: dict[str, Cell] = {k: f * figures[k] for k, (_, f) in _COLUMNS.items() if k != "interval"}
-        cells["change"] = round(100 * figures["change"], 1) + 0.0  # never −0.0
-        cells["interval"] = interval(figures["mean_low_mm"], figures["mean_high_mm"])
-        rows.append(Row(method, tuple(cells[key] for key in _COLUMNS)))
-    if found.published is not None:
-        columns = {"mean_mm": found.published.absolute, "pcp": found.published.pcp}
-        rows += found.published.rows([columns.get(key) for key in _COLUMNS])
-    title = f"{_subject(found)}: precision, recall, PCP and IDF1 in %, MPJPE in mm"
-    return Table(title, "method", tuple(c for c, _ in _COLUMNS.values()), tuple(rows), notes(found))
-
-
-def persons(found: PeopleEvaluation, figure: str) -> Table:
-    """One row per method, one column per person, of PCP, recall (%) or mean error (mm)."""
-    column, factor = _COLUMNS[figure]
-    tables = {method: tally.people() for method, tally in found.tallies.items()}
-    people = list(dict.fromkeys(name for table in tables.values() for name in table))
-    headers = [found.protocol.columns.get(name, name) for name in people]
-    rows = []
-    for method, table in tables.items():
-        values = [factor * table[name][figure] if name in table else None for name in people]
-        rows.append(Row(method, (*values, factor * found.figures(method)[figure])))
-    title = f"{_subject(found)}: {column.header}, {'mm' if factor == 1 else '%'}, per person"
-    columns = tuple(Column(header, best=column.best) for header in (*headers, "all"))
-    return Table(title, "method", columns, tuple(rows))
-
-
-def notes(found: PeopleEvaluation) -> tuple[str, ...]:
-    """Return what goes under the first table: data, protocol, what the columns mean."""
-    least = found.protocol.least_views
-    several = (
-        "" if least else " People without a truth in a frame may be real; whoever finds them loses precision."
-    )
-    return paragraphs(
-        found.dataset,
-        "Who is who is not given, except to oracle, which takes the detections that the ground truth "
-        "associates with each person.",
-        f"Protocol: {found.protocol.text} Estimates are assigned to people frame by frame, up to 500 mm "
-        f"of mean joint distance; MPJPE is of the assigned ones.{several}",
-        "IDS, frag: identity switches and fragmentations (CLEAR MOT), in all scenes; clean: scenes without "
-        "a switch, %; swap: scenes in which one identity follows two people for half a second each, %. "
-        "vs. oracle: change of MPJPE, %, where both methods have a person and neither confuses them. "
-        "95 % CI: of MPJPE, by bootstrap over scenes. Time: the method alone.",
-        "" if found.published is None else found.published.note(),
-    )
-
-
-def _subject(found: PeopleEvaluation) -> str:
-    data, scenes = found.dataset, found.cases
-    views = sorted({len(case.scene.rig) for case in scenes})
-    each = f"{', '.join(map(str, views))} view{'s' * (views != [1])}"
-    count = f"{len(scenes)} scene{'s' * (len(scenes) != 1)}"
-    return f"{data.name} ({data.detector or 'no detections'}), {each}, {count}"
-
-
-def _lines(found: PeopleEvaluation) -> Iterator[dict[str, Any]]:
+def _lines(tallies: Mapping[str, Tally]) -> Iterator[Figures]:
     """Yield the figures of each method, over all and of each scene and person."""
-    for method, tally in found.tallies.items():
-        groups = {("all", ""): found.figures(method)}
-        groups |= {("scene", key): found.figures(method, key) for key in tally.scenes}
+    for method, tally in tallies.items():
+        reference = None if method == "oracle" else tallies.get("oracle")
+        groups = {("all", ""): tally.figures(reference)}
+        groups |= {("scene", key): tally.figures(reference, key) for key in tally.scenes}
         groups |= {("person", name): figures for name, figures in tally.people().items()}
         for (group, name), figures in groups.items():
             yield {"method": method, "group": group, "name": name, **figures}
-
-
-def _values(found: PeopleEvaluation) -> dict[str, Any]:
-    rules = found.protocol
-    return {
-        "versions": versions(),
-        "dataset": about_dataset(found.dataset),
-        "protocol": {"name": rules.name, "text": rules.text, "least_views": rules.least_views},
-        "settings": found.settings,
-        "scenes": [
-            {
-                "key": case.scene.key,
-                "frames": int(case.judged.sum()),
-                "people": list(case.scene.names),
-                "views": len(case.scene.rig),
-            }
-            for case in found.cases
-        ],
-        "figures": list(_lines(found)),
-    }

@@ -10,7 +10,9 @@ import numpy as np
 from skelsplat import metrics
 from skelsplat._arrays import Array, Index, Mask
 from skelsplat.evaluation.protocols import Endpoint
+from skelsplat.evaluation.report import Figures
 from skelsplat.evaluation.scores import mean_interval
+from skelsplat.evaluation.tables import interval
 from skelsplat.metrics._people import share
 
 Tracks = Sequence[tuple[int, Index, Array]]
@@ -22,18 +24,14 @@ SWAP_S = 0.5
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Scored:
-    """One scene: its scores, which person-frames count, and whom no identity was confused about."""
+    """One scene: its scores, which person-frames (Q, T) count, are found, and are not confused."""
 
     scores: metrics.TrackScores
-    counted: Mask  # (Q, T)
-    kept: Mask  # (Q, T): matched to the identity that is mostly this person's
+    counted: Mask
+    hits: Mask
+    kept: Mask  # matched to the identity that is mostly this person's
     swapped: bool
     names: tuple[str, ...]
-
-    @property
-    def hits(self) -> Mask:
-        """Person-frames that count and are found, (Q, T)."""
-        return np.asarray(self.counted & (self.scores.matched >= 0))
 
 
 @dataclass
@@ -53,12 +51,11 @@ class Tally:
         seconds: float,
         *,
         fps: float,
-        names: Sequence[str] | None = None,
+        names: tuple[str, ...],
         parts: Sequence[tuple[Endpoint, Endpoint]] | None = None,
-        gate_mm: float = 500.0,
     ) -> None:
         """Score the tracks of a scene, `key`, of Q people: truth (Q, T, N, 3) mm, optional (Q, T)."""
-        scores = metrics.track_scores(tracks, truth, optional=optional, gate_mm=gate_mm, limbs=parts)
+        scores = metrics.track_scores(tracks, truth, optional=optional, limbs=parts)
         found = sorted({name for name, _, _ in tracks})
         # How often each identity is each person.
         shares = np.array([(scores.matched == name).sum(axis=1) for name in found]).reshape(-1, len(truth))
@@ -68,14 +65,15 @@ class Tally:
         self.scenes[key] = _Scored(
             scores,
             counted,
+            np.asarray(counted & (scores.matched >= 0)),
             counted & (owner == np.arange(len(truth))[:, None]),
             bool(((shares > SWAP_S * fps).sum(axis=1) > 1).any()),
-            tuple(map(str, range(len(truth)))) if names is None else tuple(names),
+            names,
         )
         self.frames += truth.shape[1]
         self.seconds += seconds
 
-    def figures(self, reference: Tally | None = None, key: str | None = None) -> dict[str, float]:
+    def figures(self, reference: Tally | None = None, key: str | None = None) -> Figures:
         """Return the figures of a scene, or of all: person-frame by person-frame.
 
         ``change`` is that of the mean error against the `reference`, where both have a person whom neither
@@ -84,18 +82,19 @@ class Tally:
         every = list(self.scenes) if key is None else [key]
         scored = [self.scenes[key] for key in every]
         scores = [one.scores for one in scored]
-        hits = sum(int(one.hits.sum()) for one in scored)
-        n_truth, n_estimates = (sum(one.n_truth for one in scores), sum(one.n_estimates for one in scores))
+        counts = [int(one.hits.sum()) for one in scored]
         sums = [float(one.scores.error_mm[one.hits].sum()) for one in scored]
-        low, high = mean_interval(sums, [float(one.hits.sum()) for one in scored])
+        n_truth, hits = sum(one.n_truth for one in scores), sum(counts)
+        low, high = mean_interval(sums, counts)
         people = self.people(every)
         return {
             "person_frames": n_truth,
-            "precision": share(hits, n_estimates),
+            "precision": share(hits, sum(one.n_estimates for one in scores)),
             "recall": share(hits, n_truth),
             "mean_mm": share(sum(sums), hits),
             "mean_low_mm": low,
             "mean_high_mm": high,
+            "interval": interval(low, high),
             "pcp": float(np.mean([one["pcp"] for one in people.values()])) if people else float("nan"),
             "identity_switches": sum(one.identity_switches for one in scores),
             "fragmentations": sum(one.fragmentations for one in scores),
@@ -106,9 +105,9 @@ class Tally:
             "ms_per_frame": 1000.0 * self.seconds / self.frames if key is None else float("nan"),
         }
 
-    def people(self, keys: Sequence[str] | None = None) -> dict[str, dict[str, float]]:
+    def people(self, keys: Sequence[str] | None = None) -> dict[str, Figures]:
         """Return recall, mean error and PCP by the name of each person who counts."""
-        totals: dict[str, list[Array]] = {}
+        totals: dict[str, Array] = {}
         for key in self.scenes if keys is None else keys:
             one = self.scenes[key]
             pcp = np.full(len(one.names), np.nan) if one.scores.pcp is None else one.scores.pcp
@@ -116,8 +115,7 @@ class Tally:
                 n, hit = one.counted[q].sum(), one.hits[q]
                 if n:
                     row = np.array([n, hit.sum(), one.scores.error_mm[q, hit].sum(), n * pcp[q]])
-                    totals.setdefault(name, []).append(row)
-        sums = {name: np.sum(rows, axis=0).tolist() for name, rows in totals.items()}
+                    totals[name] = totals.get(name, 0.0) + row
         return {
             name: {
                 "person_frames": n,
@@ -125,7 +123,7 @@ class Tally:
                 "mean_mm": share(error, hits),
                 "pcp": parts / n,
             }
-            for name, (n, hits, error, parts) in sums.items()
+            for name, (n, hits, error, parts) in ((name, row.tolist()) for name, row in totals.items())
         }
 
     def _change(self, reference: Tally, keys: Sequence[str]) -> float:

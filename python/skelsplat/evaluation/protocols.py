@@ -13,8 +13,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from types import MappingProxyType
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,72 +48,62 @@ class Case:
 class Protocol:
     """Rules of one benchmark."""
 
-    # name, text: The text goes under every table.
     name: str
-    text: str
+    text: str  # goes under every table
     # Keys of the columns in order, and their headers; empty: the takes' own, in their order.
     columns: Mapping[str, str] = field(default_factory=dict)
     subjects: tuple[str, ...] = ()  # those evaluated; empty: all
     every: int = 1  # one frame in so many, counted in frame numbers from the take's first
-    # First and last frame numbers evaluated, both ends included; empty: all.
-    ranges: tuple[tuple[int, int], ...] = ()
-    # Keys of takes whose absolute error does not count.
-    excluded: frozenset[str] = frozenset()
+    ranges: tuple[tuple[int, int], ...] = ()  # first and last frame numbers evaluated; empty: all
+    excluded: frozenset[str] = frozenset()  # keys of takes whose absolute error does not count
     # Number of views to the numbers of the cameras; an empty tuple: all that there are.
     view_sets: Mapping[int, tuple[int, ...]] = field(default_factory=dict)
     n_views: int | None = None  # which of `view_sets`; None: all cameras
     all_views_detected: bool = False  # drop frames in which a view has no detection at all
-    mean_of_columns: bool = False  # rates (PCP) are averaged over the columns, not over all limbs
-    min_visible_views: int = 0  # count only joints that so many views see unoccluded; 0: all
+    mean_of_columns: bool = False  # PCP is averaged over the columns, not over all limbs
     # Of several people: count only those whom so many views detect; 0: everybody with a truth.
     least_views: int = 0
-    # Limbs of the PCP; empty: the protocol has none.
-    parts: Parts = ()
+    parts: Parts = ()  # limbs of the PCP; empty: the protocol has none
     root: tuple[int, ...] | None = None  # joints whose mean is the root; None: the layout's
     # Poses of the published evaluation: absolute, root-relative.
     expected_poses: tuple[int, int] | None = None
-    # What the paper changes in its own settings on this benchmark.
+    # What the paper changes in its own settings on this benchmark, and where it starts.
     paper_fields: Mapping[str, Any] = field(default_factory=dict)
-    paper_start: str = "dlt"  # "fusion" or "dlt": where the paper starts on this benchmark
+    paper_start: Literal["dlt", "fusion"] = "dlt"
 
-    def with_options(
-        self, *, n_views: int | None = None, every: int | None = None, counting: str = "all"
-    ) -> Protocol:
-        """Return the protocol with a number of views, one frame in so many, and which joints are counted.
+    def with_options(self, *, n_views: int | None = None, every: int | None = None) -> Protocol:
+        """Return the protocol with a number of views and one frame in so many; None keeps its own.
 
-        None keeps the protocol's; ``"adafuse"`` counts joints that at least two views see unoccluded. Raises
-        `InvalidInputError` if the protocol has no such choice.
+        Raises `InvalidInputError` if the protocol has no such choice.
         """
-        one_of("counting", counting, ("all", "adafuse"))
         if every is not None and every < 1:
             raise InvalidInputError(f"every: expected an integer >= 1, got {every}")
         if n_views is not None and n_views not in self.view_sets:
             choices = ", ".join(map(str, self.view_sets)) or "no number (all views are used)"
             raise InvalidInputError(f"views: expected one of {choices} for {self.name}, got {n_views}")
-        return replace(
-            self,
-            n_views=self.n_views if n_views is None else n_views,
-            every=self.every if every is None else every,
-            min_visible_views=2 if counting == "adafuse" else self.min_visible_views,
-        )
+        return replace(self, n_views=n_views or self.n_views, every=every or self.every)
 
     def cases(self, dataset: Dataset) -> tuple[Case, ...]:
         """Cut the data set to what counts, in the order of its takes.
 
         Raises `InvalidInputError` if nothing is left, or an action is none of the protocol's columns;
-        `DatasetError` if a camera is missing, or the occlusion that the counting needs.
+        `DatasetError` if a camera is missing.
         """
         cases = []
+        views = () if self.n_views is None else self.view_sets[self.n_views]
         for take in dataset:
             if self.subjects and take.subject not in self.subjects:
                 continue
-            whole = self._seen(take)
+            whole = _with_cameras(take, views) if views else take
             keep = self.counted(whole.frames)
-            if self.all_views_detected:
-                keep &= _has_every_view(whole)
+            if self.all_views_detected and whole.detections is not None:
+                found = np.isfinite(whole.detections[..., :2]).all(axis=-1) & (whole.detections[..., 2] > 0)
+                keep &= found.any(axis=-1).all(axis=-1)
             if keep.any():
-                column, absolute = self._column(take), take.key not in self.excluded
-                cases.append(Case(whole.select(keep), column, absolute, whole, keep))
+                column = ALIASES.get(take.action, take.action)
+                if self.columns:
+                    one_of(take.key, column, self.columns)
+                cases.append(Case(whole.select(keep), column, take.key not in self.excluded, whole, keep))
         if not cases:
             asked = f" of {', '.join(self.subjects)}" if self.subjects else ""
             raise InvalidInputError(
@@ -125,48 +114,23 @@ class Protocol:
     def headers(self, cases: Sequence[Case]) -> dict[str, str]:
         """Return the columns that occur, key to header, in the protocol's order."""
         there = dict.fromkeys(case.column for case in cases)
-        if not self.columns:
-            return {key: key for key in there}
-        return {key: header for key, header in self.columns.items() if key in there}
-
-    def _column(self, take: Take) -> str:
-        key = ALIASES.get(take.action, take.action)
-        if self.columns and key not in self.columns:
-            raise InvalidInputError(
-                f"{take.key}: expected an action among {', '.join(self.columns)}, got {key!r}"
-            )
-        return key
-
-    def _seen(self, take: Take) -> Take:
-        views = self.view_sets.get(self.n_views, ()) if self.n_views is not None else ()
-        return with_cameras(take, views) if views else take
+        return {key: self.columns.get(key, key) for key in self.columns or there if key in there}
 
     def counted(self, frames: NDArray[np.int64]) -> NDArray[np.bool_]:
-        """Return which of the frame numbers (T,) of a take are evaluated."""
-        keep = np.zeros(len(frames), dtype=np.bool_)
-        keep[_first_of_each(frames, self.every)] = True
+        """Return which of the frame numbers (T,) of a take are evaluated.
+
+        Of each `every` numbers it is the first that there is: of a whole take 0, every, 2·every and so on.
+        """
+        keep = np.full(len(frames), self.every == 1)
+        if len(frames):
+            keep[np.unique((frames - frames[0]) // self.every, return_index=True)[1]] = True
         if self.ranges:
             keep &= np.any([(frames >= a) & (frames <= b) for a, b in self.ranges], axis=0)
         return keep
 
 
-def _first_of_each(frames: NDArray[np.int64], every: int) -> NDArray[np.intp]:
-    """Find the first frame in each run of `every` frame numbers: of a whole take 0, every, 2·every and so on.
-
-    A take that was thinned out before keeps what lies nearest behind those numbers.
-    """
-    if len(frames) == 0 or every == 1:
-        return np.arange(len(frames))
-    return np.unique((frames - frames[0]) // every, return_index=True)[1]
-
-
-def with_cameras(take: Take, numbers: Sequence[int]) -> Take:
-    """Return the take as cameras with these numbers see it, in this order.
-
-    A camera's number is the one at the end of its name ("00_13" is 13).
-
-    Raises `DatasetError` if a number is missing or two cameras have it.
-    """
+def _with_cameras(take: Take, numbers: Sequence[int]) -> Take:
+    """Return the take as cameras with these numbers at the end of their names see it, in this order."""
     ends = [re.search(r"(\d+)$", name) for name in take.rig.names]
     own = [int(end[1]) if end else None for end in ends]
     for number in numbers:
@@ -176,14 +140,6 @@ def with_cameras(take: Take, numbers: Sequence[int]) -> Take:
     return take.with_views([own.index(number) for number in numbers])
 
 
-def _has_every_view(take: Take) -> NDArray[np.bool_]:
-    """Whether every view detects some joint, (T,); True where the take has no detections."""
-    if take.detections is None:
-        return np.ones(len(take), dtype=np.bool_)
-    seen = np.isfinite(take.detections[..., :2]).all(axis=-1) & (take.detections[..., 2] > 0)
-    return np.asarray(seen.any(axis=-1).all(axis=-1))
-
-
 # How the paper's table abbreviates the actions.
 _ABBREVIATIONS = (
     *("Dir.", "Disc.", "Eat", "Greet", "Phone", "Photo", "Pose", "Purch.", "Sit", "SitD.", "Smoke"),
@@ -191,38 +147,25 @@ _ABBREVIATIONS = (
 )
 
 # Damaged truth of S9, under the names of the original files and under those with a subaction behind a hyphen.
-DAMAGED = frozenset(
-    {"S9/SittingDown 1", "S9/Waiting 1", "S9/Greeting", "S9/SittingDown-2", "S9/Waiting-1", "S9/Greeting-2"}
-)
+_DAMAGED = ("SittingDown 1", "Waiting 1", "Greeting", "SittingDown-2", "Waiting-1", "Greeting-2")
 
 # Limbs of the Shelf and Campus layout: nine pairs, and hip centre to bottom of the head.
-SHELF_PARTS: Parts = (
+_SHELF_PARTS: Parts = (
     *((0, 1), (1, 2), (3, 4), (4, 5)),  # legs
     *((6, 7), (7, 8), (9, 10), (10, 11)),  # arms
     *((12, 13), ((2, 3), 12)),  # head and trunk
 )
 
 # Limbs of `h36m17` in the same order of body parts.
-H36M_PARTS: Parts = (
+_H36M_PARTS: Parts = (
     *((3, 2), (2, 1), (4, 5), (5, 6)),
     *((16, 15), (15, 14), (11, 12), (12, 13)),
     *((8, 10), ((1, 4), 8)),
 )
-
-
-def _multi_person(name: str, frames: str, ranges: tuple[tuple[int, int], ...]) -> Protocol:
-    return Protocol(
-        name=name,
-        text=(
-            f"{frames}, actors 0 to 2. PCP: a part is correct if the mean error of its two ends is at most "
-            "half its length; ten parts; the average is over actors."
-        ),
-        columns={f"actor{k}": f"Actor {k}" for k in range(3)},
-        ranges=ranges,
-        mean_of_columns=True,
-        parts=SHELF_PARTS,
-    )
-
+_PCP = (
+    "PCP: a part is correct if the mean error of its two ends is at most half its length; ten parts; the "
+    "average is over"
+)
 
 _HUMAN36M = Protocol(
     name="human36m",
@@ -234,10 +177,18 @@ _HUMAN36M = Protocol(
     columns=dict(zip(ACTIONS, _ABBREVIATIONS, strict=True)),
     subjects=("S9", "S11"),
     every=64,
-    excluded=DAMAGED,
+    excluded=frozenset(f"S9/{name}" for name in _DAMAGED),
     root=(0,),
     expected_poses=(2107, 2181),
     paper_start="fusion",
+)
+_SHELF = Protocol(
+    name="shelf",
+    text=f"Shelf: frames 300 to 600, actors 0 to 2. {_PCP} actors.",
+    columns={f"actor{k}": f"Actor {k}" for k in range(3)},
+    ranges=((300, 600),),
+    mean_of_columns=True,
+    parts=_SHELF_PARTS,
 )
 
 _ALL = (
@@ -264,33 +215,33 @@ _ALL = (
         text="Occlusion-Person: 8 cameras, or 4 (1, 3, 5, 7).",
         view_sets={4: occlusion_person.FOUR_CAMERAS, 8: ()},
     ),
-    _multi_person("shelf", "Shelf: frames 300 to 600", ((300, 600),)),
-    _multi_person("campus", "Campus: frames 350 to 470 and 650 to 750", ((350, 470), (650, 750))),
+    _SHELF,
+    replace(
+        _SHELF,
+        name="campus",
+        text=f"Campus: frames 350 to 470 and 650 to 750, actors 0 to 2. {_PCP} actors.",
+        ranges=((350, 470), (650, 750)),
+    ),
     Protocol(
         name="people",
         text=(
             "Simulated scenes of several people; a person counts in the frames in which at least two views "
-            "detect them. PCP: a part is correct if the mean error of its two ends is at most half its "
-            "length; ten parts; the average is over people."
+            f"detect them. {_PCP} people."
         ),
         mean_of_columns=True,
         least_views=2,
-        parts=H36M_PARTS,
+        parts=_H36M_PARTS,
     ),
 )
 _BY_NAME = {protocol.name: protocol for protocol in _ALL}
 
-SIMULATED: Mapping[str, str] = MappingProxyType(
-    {
-        "human36m-like": "human36m",
-        "human36m-like-occ-2": "human36m-occ",
-        "human36m-like-occ-3": "human36m-occ",
-        "human36m-like-occ-3-hard": "human36m-occ",
-        "dome": "panoptic",
-        "occlusion-person-like": "occlusion-person",
-        "people": "people",
-    }
-)
+SIMULATED = {
+    "human36m-like": "human36m",
+    **{f"human36m-like-occ-{variant}": "human36m-occ" for variant in ("2", "3", "3-hard")},
+    "dome": "panoptic",
+    "occlusion-person-like": "occlusion-person",
+    "people": "people",
+}
 """Simulated data sets, and whose protocol they follow."""
 
 names: tuple[str, ...] = tuple(_BY_NAME)

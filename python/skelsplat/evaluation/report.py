@@ -1,86 +1,112 @@
-"""What an experiment found, as files: Markdown, CSV, JSON and a chart."""
+"""What methods reach on a data set: lines of figures, and the tables and files that are made of them."""
 
 from __future__ import annotations
 
 import platform
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from skelsplat import _skelsplat
-from skelsplat._atomic import atomic_write_text
-from skelsplat._json import to_text
-from skelsplat._optional import can_draw
 from skelsplat.datasets import Dataset
-from skelsplat.evaluation.protocols import SIMULATED
-from skelsplat.evaluation.tables import Table, csv_text
+from skelsplat.evaluation.protocols import SIMULATED, Protocol
+from skelsplat.evaluation.reported import Published
+from skelsplat.evaluation.tables import Cell, Column, Row, Table
+
+Figures = dict[str, Any]
 
 
-@dataclass(frozen=True, kw_only=True)
-class Report:
-    """What is printed and written of an experiment."""
+@dataclass(frozen=True, slots=True)
+class Figure(Column):
+    """A figure as a column of the table of methods: its title elsewhere, and by what it is multiplied."""
 
-    title: str
-    tables: tuple[Table, ...]
-    shown: int = 1  #: how many of the tables are printed; the rest where details are asked for
-    fields: tuple[str, ...]  #: columns of the CSV
-    rows: tuple[Mapping[str, Any], ...]  #: lines of the CSV, by field
-    values: Mapping[str, Any]  #: everything, as values of JSON
-    text: str = ""  #: Markdown under the tables
-    draw: Callable[[Path], Path] | None = None  #: writes the chart
-
-    def markdown(self) -> str:
-        """Return all tables as Markdown."""
-        return f"# {self.title}\n\n" + "\n".join(table.markdown() for table in self.tables) + self.text
-
-    def csv(self) -> str:
-        """Return the figures line by line, with all digits that mean something."""
-        return csv_text(self.fields, self.rows)
-
-    def json(self) -> str:
-        """Return everything that is known; a number that does not exist is null."""
-        return to_text(dict(self.values))
-
-    def write(self, folder: Path, name: str = "report", chart: str = "bars.png") -> list[str]:
-        """Write ``NAME.md``, ``.csv``, ``.json`` and the chart into a folder, and return their names.
-
-        The chart needs the extra ``viz`` and is left out without it. Raises `DatasetError` if a file cannot
-        be written.
-        """
-        folder.mkdir(parents=True, exist_ok=True)
-        texts = {"md": self.markdown, "csv": self.csv, "json": self.json}
-        for suffix, text in texts.items():
-            atomic_write_text(folder / f"{name}.{suffix}", text())
-        files = [f"{name}.{suffix}" for suffix in texts]
-        return [*files, self.draw(folder / chart).name] if self.draw and can_draw() else files
+    title: str = ""
+    factor: float = 1.0
 
 
-def versions() -> dict[str, str]:
-    """Return the versions and the platform that results depend on."""
-    return {
-        "skelsplat": _skelsplat.__version__,
-        "python": platform.python_version(),
-        "numpy": np.__version__,
-        "platform": platform.platform(),
-    }
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Evaluation:
+    """Figures of some methods on a data set."""
 
+    dataset: Dataset
+    protocol: Protocol
+    settings: Mapping[str, Mapping[str, Any]]  #: what the poses of each method depend on
+    subject: str  #: the data in short, for titles
+    #: Figures by name of each ``method``, in the order asked for: of the ``group`` "all", and of every
+    #: ``name`` of others. Lengths are in mm, shares from 0 to 1, NaN means that nothing counts.
+    lines: tuple[Figures, ...]
+    columns: Mapping[str, Figure]  #: of the table of methods, by figure
+    published: Published | None  #: what others reported of this data set
 
-def about_dataset(data: Dataset) -> dict[str, Any]:
-    """Return what the data are."""
-    return {
-        "name": data.name,
-        "detector": data.detector,
-        "simulated": data.name in SIMULATED,
-        "source": data.source,
-        "notes": list(data.notes),
-        "layout": data.layout.name,
-    }
+    @property
+    def methods(self) -> tuple[str, ...]:
+        """The methods, in the order asked for."""
+        return tuple(dict.fromkeys(line["method"] for line in self.lines))
 
+    def figures(self, method: str, group: str = "all", name: str = "") -> Figures:
+        """Return the figures of a method, over everything or of a part; empty where it has none."""
+        wanted = (method, group, name)
+        return next((x for x in self.lines if (x["method"], x["group"], x["name"]) == wanted), {})
 
-def paragraphs(data: Dataset, *lines: str) -> tuple[str, ...]:
-    """Return what goes under the first table: the data and their notes, then these lines."""
-    own = [f"Data: {data.source or data.name}.", *(f"Note: {note}" for note in data.notes)]
-    return tuple(" ".join(line.split()) for line in (*own, *lines) if line)
+    def overall(self, title: str, *notes: str) -> Table:
+        """One row per method, and those reported; under it the data, their notes, and these."""
+        rows = []
+        for method in self.methods:
+            figures = self.figures(method)
+            rows.append(Row(method, tuple(self._cell(key, figures) for key in self.columns)))
+        if self.published is not None:
+            rows += self.published.rows([self._published(key) for key in self.columns])
+        data = self.dataset
+        own = [f"Data: {data.source or data.name}.", *(f"Note: {note}" for note in data.notes)]
+        lines = tuple(" ".join(line.split()) for line in (*own, *notes) if line)
+        return Table(f"{self.subject}: {title}", "method", tuple(self.columns.values()), tuple(rows), lines)
+
+    def by(self, group: str, key: str, what: str, whole: str | None = None) -> Table:
+        """One row per method, one column per name of a group, and one, headed `whole`, over all of them."""
+        figure = self.columns[key]
+        names = list(dict.fromkeys(line["name"] for line in self.lines if line["group"] == group))
+        rows = []
+        for method in self.methods:
+            parts = [self.figures(method, group, name) for name in names]
+            parts += [self.figures(method)] * (whole is not None)
+            rows.append(Row(method, tuple(self._cell(key, part) for part in parts)))
+        average, others = self._published(key), self.published
+        if others is not None and average is not None and set(names) <= set(others.table.keys):
+            rows += others.rows([*names, average])
+        heads = [self.protocol.columns.get(name, name) for name in names]
+        columns = [Column(head, best=figure.best) for head in (*heads, *([whole] if whole else []))]
+        title = f"{self.subject}: {figure.title}, per {what}"
+        return Table(title, "method", tuple(columns), tuple(rows))
+
+    def _cell(self, key: str, figures: Figures) -> Cell:
+        cell: Cell = figures.get(key)
+        return cell if cell is None or isinstance(cell, str) else self.columns[key].factor * cell
+
+    def _published(self, key: str) -> str | None:
+        """Return the published column of a figure."""
+        if self.published is None or key not in ("absolute_mm", "mean_mm", "pcp"):
+            return None
+        return self.published.pcp if key == "pcp" else self.published.absolute
+
+    def values(self, **more: Any) -> dict[str, Any]:
+        """Return everything as values of JSON, with what only one kind of evaluation has."""
+        data, protocol = self.dataset, self.protocol
+        about = {
+            "name": data.name,
+            "detector": data.detector,
+            "simulated": data.name in SIMULATED,
+            "source": data.source,
+            "notes": list(data.notes),
+            "layout": data.layout.name,
+        }
+        versions = {
+            "skelsplat": _skelsplat.__version__,
+            "python": platform.python_version(),
+            "numpy": np.__version__,
+            "platform": platform.platform(),
+        }
+        rules = {"name": protocol.name, "text": protocol.text, **more.pop("protocol")}
+        whole = {"versions": versions, "dataset": about, "protocol": rules, "settings": self.settings}
+        return {**whole, "figures": list(self.lines), **more}

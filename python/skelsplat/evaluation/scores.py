@@ -2,153 +2,87 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from functools import partial
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from skelsplat import metrics
-from skelsplat._arrays import Array, Mask, generator, numbers
+from skelsplat._arrays import Array, generator, numbers
 from skelsplat._skelsplat import Layout
 from skelsplat.datasets import Take
 from skelsplat.evaluation.methods import Solution
 from skelsplat.evaluation.protocols import Case, Protocol
-from skelsplat.exceptions import DatasetError, InvalidInputError
+from skelsplat.evaluation.report import Figures
+from skelsplat.evaluation.tables import interval
+from skelsplat.exceptions import InvalidInputError
 
 PCK_MM = (50, 100, 150)
+ERRORS = ("absolute_mm", "relative_mm", "procrustes_mm")
 RESAMPLES = 2000
-_KINDS = ("absolute", "relative", "procrustes")
-
-
-@dataclass(frozen=True, slots=True)
-class Estimate:
-    """A mean and its 95 % interval by bootstrap over takes; NaN where there is none."""
-
-    mean: float
-    low: float
-    high: float
-
-
-@dataclass(frozen=True, slots=True)
-class Group:
-    """Means over a column or a joint: mm, and PCP as a share; NaN where nothing counts."""
-
-    poses: int
-    absolute: float
-    relative: float
-    procrustes: float
-    pcp: float
-
-
-@dataclass(frozen=True, slots=True)
-class Scores:
-    """Figures of one method."""
-
-    method: str
-    absolute_poses: int  #: poses whose absolute error counts
-    poses: int  #: all poses
-    #: absolute, relative, procrustes: MPJPE, mm, over all joints with a position; the others are `missing`.
-    absolute: Estimate
-    relative: Estimate
-    procrustes: Estimate
-    median: float  #: of the absolute joint errors, mm
-    pck: Mapping[int, float]  #: by threshold, mm: share of the joints at most so far off; missing are not
-    pcp: float  #: share of correct parts; NaN if the protocol has none
-    missing: float  #: share of the joints that the method leaves without a position
-    acceleration: float  #: error of it, m/s², where frames are consecutive and their rate is known; else NaN
-    ms_per_pose: float  #: wall time of the method alone
-    columns: Mapping[str, Group]  #: by column of the protocol
-    joints: Mapping[str, Group]  #: by joint of the layout
-
-
-FIGURES: Mapping[str, Callable[[Scores], float]] = {
-    "poses": lambda s: s.poses,
-    "absolute_mm": lambda s: s.absolute.mean,
-    "absolute_low_mm": lambda s: s.absolute.low,
-    "absolute_high_mm": lambda s: s.absolute.high,
-    "relative_mm": lambda s: s.relative.mean,
-    "procrustes_mm": lambda s: s.procrustes.mean,
-    "median_mm": lambda s: s.median,
-    **{f"pck_{mm}": partial(lambda s, mm: s.pck[mm], mm=mm) for mm in PCK_MM},
-    "pcp": lambda s: s.pcp,
-    "missing": lambda s: s.missing,
-    "acceleration_m_s2": lambda s: s.acceleration,
-    "ms_per_pose": lambda s: s.ms_per_pose,
-}
-"""The figures that are written about a method, over all its poses; shares are from 0 to 1."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Errors:
-    """Of one case: (T, N), parts (T, L); NaN where something does not count."""
-
-    absolute: Array
-    relative: Array
-    procrustes: Array
-    missing: Array
-    acceleration: Array
-    pck: Mapping[int, Array]
-    parts: Array
 
 
 def score(
     method: str, cases: Sequence[Case], solutions: Sequence[Solution], layout: Layout, protocol: Protocol
-) -> Scores:
-    """Score the poses of one method, one solution per case.
+) -> list[Figures]:
+    """Return lines of figures of one method, with one solution per case: of all, by column and by joint.
 
-    Raises `DatasetError` if the protocol counts visible joints and a take does not say which are.
+    ``absolute_mm``, ``relative_mm``, ``procrustes_mm`` are the MPJPE over all joints with a position; the
+    share of others is ``missing``, and they are wrong in ``pck_…``. ``acceleration_m_s2`` is the error of
+    the acceleration where frames are consecutive and their rate is known.
     """
-    errors = [
-        _errors(case, solution.pose, layout, protocol)
-        for case, solution in zip(cases, solutions, strict=True)
-    ]
+    errors = [_errors(case, s.pose, layout, protocol) for case, s in zip(cases, solutions, strict=True)]
     poses = sum(len(case.take) for case in cases)
     columns = {
-        key: _group([e for e, case in zip(errors, cases, strict=True) if case.column == key])
+        key: _means([e for e, case in zip(errors, cases, strict=True) if case.column == key])
         for key in protocol.headers(cases)
     }
-    every = _group(errors)
-    return Scores(
-        method=method,
-        absolute_poses=sum(len(case.take) for case in cases if case.absolute),
-        poses=poses,
-        **{kind: _estimate([getattr(e, kind) for e in errors]) for kind in _KINDS},
-        median=_mean([e.absolute for e in errors], np.median),
-        pck={limit: _mean([e.pck[limit] for e in errors]) for limit in PCK_MM},
-        pcp=_mean([np.array([g.pcp for g in columns.values()])]) if protocol.mean_of_columns else every.pcp,
-        missing=_mean([e.missing for e in errors]),
-        acceleration=_mean([e.acceleration for e in errors]),
-        ms_per_pose=1e3 * sum(solution.seconds for solution in solutions) / poses,
-        columns=columns,
-        joints={name: _group(errors, joint=j) for j, name in enumerate(layout.joints)},
-    )
+    all_means = _means(errors)
+    absolute = [e["absolute_mm"] for e in errors]
+    whole: Figures = {
+        **all_means,
+        "absolute_poses": sum(len(case.take) for case in cases if case.absolute),
+        "median_mm": _mean(absolute, np.median),
+        "ms_per_pose": 1e3 * sum(solution.seconds for solution in solutions) / poses,
+    }
+    for kind in ERRORS:
+        low, high = _ends([e[kind] for e in errors])
+        whole |= {kind.replace("_mm", "_low_mm"): low, kind.replace("_mm", "_high_mm"): high}
+    whole["interval"] = interval(whole["absolute_low_mm"], whole["absolute_high_mm"])
+    for key in (*(f"pck_{mm}" for mm in PCK_MM), "missing", "acceleration_m_s2"):
+        whole[key] = _mean([e[key] for e in errors])
+    if protocol.mean_of_columns:
+        whole["pcp"] = _mean([np.array([means["pcp"] for means in columns.values()])])
+    joints = {name: _means(errors, joint=j) for j, name in enumerate(layout.joints)}
+    groups = (("all", {"": whole}), ("action", columns), ("joint", joints))
+    return [
+        {"method": method, "group": group, "name": name, **figures}
+        for group, named in groups
+        for name, figures in named.items()
+    ]
 
 
-def _errors(case: Case, pose: Array, layout: Layout, protocol: Protocol) -> _Errors:
+def _errors(case: Case, pose: Array, layout: Layout, protocol: Protocol) -> dict[str, Array]:
+    """Errors (T, N) of a case, and correct parts (T, L) as ``pcp``; NaN where something does not count."""
     take = case.take
     truth, found = take.truth * take.rig.mm_per_unit, pose * take.rig.mm_per_unit
     root = layout.root if protocol.root is None else protocol.root
-    counts = _counted(take, protocol.min_visible_views)
-
-    def absolute(values: Array) -> Array:
-        return np.where(counts & case.absolute, values, np.nan)
-
+    absolute = {
+        "absolute_mm": metrics.mpjpe(found, truth, reduce="none"),
+        "acceleration_m_s2": _acceleration(take, found - truth),
+        **{f"pck_{mm}": metrics.pck(found, truth, threshold_mm=mm, reduce="none") for mm in PCK_MM},
+    }
     parts = np.full((len(take), 1), np.nan)
     if protocol.parts:
         parts = metrics.pcp(found, truth, protocol.parts, reduce="none")
-    relative = metrics.root_relative_mpjpe(found, truth, root=root, reduce="none")
-    return _Errors(
-        absolute=absolute(metrics.mpjpe(found, truth, reduce="none")),
-        relative=np.where(counts, relative, np.nan),
-        procrustes=np.where(counts, metrics.pa_mpjpe(found, truth, reduce="none"), np.nan),
-        missing=np.where(counts, metrics.missing_rate(found, truth, reduce="none"), np.nan),
-        acceleration=absolute(_acceleration(take, found - truth)),
-        pck={mm: absolute(metrics.pck(found, truth, threshold_mm=mm, reduce="none")) for mm in PCK_MM},
-        parts=parts,
-    )
+    return {
+        **{key: np.where(case.absolute, values, np.nan) for key, values in absolute.items()},
+        "relative_mm": metrics.root_relative_mpjpe(found, truth, root=root, reduce="none"),
+        "procrustes_mm": metrics.pa_mpjpe(found, truth, reduce="none"),
+        "missing": np.asarray(metrics.missing_rate(found, truth, reduce="none")),
+        "pcp": parts,
+    }
 
 
 def _acceleration(take: Take, error: Array) -> Array:
@@ -161,28 +95,14 @@ def _acceleration(take: Take, error: Array) -> Array:
     return out
 
 
-def _counted(take: Take, least: int) -> Mask:
-    """Whether each joint (T, N) counts: at least `least` views see it unoccluded."""
-    if least == 0:
-        return np.ones(take.truth.shape[:2], dtype=np.bool_)
-    if take.visible is None:
-        raise DatasetError(take.key, "visible", "which joints are occluded, to count those seen", "nothing")
-    return np.asarray(take.visible.sum(axis=1) >= least)
-
-
-def _group(errors: Sequence[_Errors], joint: int | None = None) -> Group:
+def _means(errors: Sequence[dict[str, Array]], joint: int | None = None) -> Figures:
     """Means over some cases, of all joints or of one."""
     pick = slice(None) if joint is None else slice(joint, joint + 1)
-    return Group(
-        poses=sum(len(e.relative) for e in errors),
-        **{kind: _mean([getattr(e, kind)[:, pick] for e in errors]) for kind in _KINDS},
-        pcp=_mean([e.parts for e in errors]) if joint is None else float("nan"),
-    )
-
-
-def _estimate(values: Sequence[Array]) -> Estimate:
-    sums = [float(np.nansum(v)) for v in values]
-    return Estimate(_mean(values), *mean_interval(sums, [np.count_nonzero(~np.isnan(v)) for v in values]))
+    return {
+        "poses": sum(len(e["relative_mm"]) for e in errors),
+        **{kind: _mean([e[kind][:, pick] for e in errors]) for kind in ERRORS},
+        "pcp": _mean([e["pcp"] for e in errors]) if joint is None else float("nan"),
+    }
 
 
 def _mean(values: Sequence[Array], mean: Callable[[Array], np.floating[Any]] = np.mean) -> float:
@@ -190,6 +110,13 @@ def _mean(values: Sequence[Array], mean: Callable[[Array], np.floating[Any]] = n
     flat: Array = np.concatenate([np.zeros(0), *(np.ravel(v) for v in values)])
     finite = flat[~np.isnan(flat)]
     return float(mean(finite)) if finite.size else float("nan")
+
+
+def _ends(values: Sequence[Array]) -> tuple[float, float]:
+    """Interval of the mean of what is not NaN."""
+    return mean_interval(
+        [float(np.nansum(v)) for v in values], [np.count_nonzero(~np.isnan(v)) for v in values]
+    )
 
 
 def mean_interval(

@@ -1,13 +1,18 @@
-"""Tables of experiments: rows of measured and of reported figures, as text, Markdown and CSV."""
+"""Tables of experiments, as text and Markdown: rows of measured and of reported figures. Their reports."""
 
 from __future__ import annotations
 
 import csv
 import io
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any, Literal
+
+from skelsplat._atomic import atomic_write_text
+from skelsplat._json import to_text
+from skelsplat._optional import can_draw
 
 Cell = float | str | None
 Origin = Literal["measured", "reported", "theory"]
@@ -21,6 +26,17 @@ class Column:
     header: str
     digits: int | None = 1
     best: Literal["low", "high"] | None = None
+
+    def text(self, cell: Cell) -> str:
+        """Return a cell as it is printed."""
+        if isinstance(cell, str):
+            return cell
+        if cell is None or not math.isfinite(cell):
+            return MISSING
+        digits = self.digits
+        if digits is None:
+            digits = 0 if isinstance(cell, int) else 2 if abs(cell) < 1 else 1
+        return f"{round(cell, digits) + 0.0:.{digits}f}"  # never −0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,9 +58,8 @@ class Row:
 class Table:
     """What is printed and written."""
 
-    #: title, first: `first` heads the column of names.
     title: str
-    first: str
+    first: str  #: heads the column of names
     columns: tuple[Column, ...]
     rows: tuple[Row, ...]
     notes: tuple[str, ...] = ()  #: sentences under the table
@@ -57,7 +72,7 @@ class Table:
         title: str,
         first: str,
         rows: Mapping[str, Mapping[str, Cell]],
-        notes: Sequence[str] = (),
+        notes: Iterable[str] = (),
         digits: int | None = None,
     ) -> Table:
         """Return the table of cells by row and column; a row need not have every column."""
@@ -73,67 +88,48 @@ class Table:
 
     def text(self, row: Row, k: int) -> str:
         """Return the cell of a row in column `k` as it is printed."""
-        cell, digits = row.cells[k], self.columns[k].digits
-        if isinstance(cell, str):
-            return cell
-        if cell is None or not math.isfinite(cell):
-            return MISSING
-        if digits is None:
-            digits = 0 if isinstance(cell, int) else 2 if abs(cell) < 1 else 1
-        return f"{cell:.{digits}f}"
+        return self.columns[k].text(row.cells[k])
 
     def is_best(self, row: Row, k: int) -> bool:
         """Whether a measured row prints the best number of column `k`, if more than one is measured."""
-        best = self.columns[k].best
-        measured = [(r, r.cells[k]) for r in self.rows if r.origin == "measured"]
-        numbers = [(r, c) for r, c in measured if isinstance(c, float) and math.isfinite(c)]
-        if best is None or len(numbers) < 2 or row.origin != "measured":
+        measured = [other.cells[k] for other in self.rows if other.origin == "measured"]
+        numbers = [cell for cell in measured if isinstance(cell, float) and math.isfinite(cell)]
+        pick = {"low": min, "high": max}.get(self.columns[k].best or "")
+        if pick is None or len(numbers) < 2 or row.origin != "measured":
             return False
-        pick = min if best == "low" else max
-        winner = pick(numbers, key=lambda pair: pair[1])[0]
-        return self.text(row, k) == self.text(winner, k)
+        return self.text(row, k) == self.columns[k].text(pick(numbers))
 
     def by_figures(self) -> list[Table]:
         """Return the table; if nothing is reported in some columns, the reported rows as a second one.
 
-        That has only the columns in which something is reported. Notes stay with the last table.
+        That has only the columns in which something is reported, and the notes.
         """
-        columns = range(len(self.columns))
-        measured = [row for row in self.rows if row.origin == "measured"]
         reported = [row for row in self.rows if row.origin != "measured"]
-        known = [k for k in columns if any(row.cells[k] is not None for row in reported)]
-        if not reported or len(known) == len(columns):
+        known = [k for k in range(len(self.columns)) if any(row.cells[k] is not None for row in reported)]
+        if not reported or len(known) == len(self.columns):
             return [self]
-        return [self._part(columns, measured, True, False), self._part(known, reported, False, True)]
+        measured = tuple(row for row in self.rows if row.origin == "measured")
+        cut = [replace(row, cells=tuple(row.cells[k] for k in known)) for row in reported]
+        others = tuple(row for row in cut if set(row.cells) != {None})
+        columns = tuple(self.columns[k] for k in known)
+        return [replace(self, rows=measured, notes=()), replace(self, title="", columns=columns, rows=others)]
 
-    def _part(self, columns: Sequence[int], rows: Sequence[Row], is_first: bool, is_last: bool) -> Table:
-        """Return some columns; the first part has the title, the last one the notes."""
-        cut = [replace(row, cells=tuple(row.cells[k] for k in columns)) for row in rows]
-        return replace(
-            self,
-            title=self.title if is_first else "",
-            columns=tuple(self.columns[k] for k in columns),
-            rows=tuple(row for row in cut if row.origin == "measured" or set(row.cells) != {None}),
-            notes=self.notes if is_last else (),
-        )
-
-    def turned(self) -> Table:
+    def turned(self, first: str | None = None) -> Table:
         """Return the table with its columns as rows, all with the digits of the first."""
-        digits = self.columns[0].digits
-        columns = tuple(Column(row.label.replace(", ", ",\n"), digits) for row in self.rows)
+        columns = tuple(Column(row.label.replace(", ", ",\n"), self.columns[0].digits) for row in self.rows)
         rows = [Row(c.header, tuple(row.cells[k] for row in self.rows)) for k, c in enumerate(self.columns)]
-        return replace(self, columns=columns, rows=tuple(rows))
+        return replace(self, first=self.first if first is None else first, columns=columns, rows=tuple(rows))
 
     def markdown(self) -> str:
         """Return the table as Markdown, best numbers in bold, reported rows in italics."""
-        on_data = any(row.data for row in self.rows)
+        with_data = any(row.data for row in self.rows)
         rows = []
         for row in self.rows:
             texts = [self.text(row, k) for k in range(len(self.columns))]
             cells = [f"**{text}**" if self.is_best(row, k) else text for k, text in enumerate(texts)]
             name = row.name if row.origin == "measured" else f"*{row.name}*"
-            rows.append([name, *([row.data] if on_data else []), *cells])
-        header = [self.first, *(["data"] if on_data else []), *(column.header for column in self.columns)]
+            rows.append([name, *([row.data] * with_data), *cells])
+        header = [self.first, *(["data"] * with_data), *(column.header for column in self.columns)]
         title = [f"### {self.heading}"] if self.title else []
         return "\n\n".join([*title, grid(header, rows, numeric=len(self.columns)), *self.notes]) + "\n"
 
@@ -145,21 +141,52 @@ def grid(header: Sequence[str], rows: Iterable[Sequence[str]], *, numeric: int) 
     return "\n".join(f"| {' | '.join(line)} |" for line in lines)
 
 
-def csv_text(fields: Sequence[str], rows: Iterable[Mapping[str, Any]]) -> str:
-    """Return rows by field as a table with a header; empty where a row has no number."""
-    stream = io.StringIO(newline="")
-    writer = csv.DictWriter(stream, fields, restval="", lineterminator="\n")
-    writer.writeheader()
-    for row in rows:
-        known = {key: value for key, value in row.items() if not _is_missing(value)}
-        writer.writerow({key: f"{v:.6g}" if isinstance(v, float) else v for key, v in known.items()})
-    return stream.getvalue()
-
-
-def _is_missing(value: object) -> bool:
-    return value is None or (isinstance(value, float) and not math.isfinite(value))
-
-
 def interval(low: float, high: float) -> str:
     """Return an interval as it is printed."""
     return f"{low:.1f}–{high:.1f}" if math.isfinite(low) else MISSING
+
+
+@dataclass(frozen=True, kw_only=True)
+class Report:
+    """What is printed and written of an experiment."""
+
+    title: str
+    tables: tuple[Table, ...]
+    shown: int = 1  #: how many of the tables are printed; the rest where details are asked for
+    fields: tuple[str, ...]  #: columns of the CSV
+    rows: Sequence[Mapping[str, Any]]  #: lines of the CSV, by field
+    values: Mapping[str, Any]  #: everything, as values of JSON
+    text: str = ""  #: Markdown under the tables
+    draw: Callable[[Path], Path] | None = None  #: writes the chart
+
+    def markdown(self) -> str:
+        """Return all tables as Markdown."""
+        return f"# {self.title}\n\n" + "\n".join(table.markdown() for table in self.tables) + self.text
+
+    def csv(self) -> str:
+        """Return the figures line by line, with all digits that mean something; empty where there is none."""
+        stream = io.StringIO(newline="")
+        writer = csv.DictWriter(stream, self.fields, restval="", extrasaction="ignore", lineterminator="\n")
+        writer.writeheader()
+        for row in self.rows:
+            numbers = {key: f"{v:.6g}" for key, v in row.items() if isinstance(v, float) and math.isfinite(v)}
+            words = {key: v for key, v in row.items() if v is not None and not isinstance(v, float)}
+            writer.writerow(words | numbers)
+        return stream.getvalue()
+
+    def json(self) -> str:
+        """Return everything that is known; a number that does not exist is null."""
+        return to_text(dict(self.values))
+
+    def write(self, folder: Path, name: str = "report", chart: str = "bars.png") -> list[str]:
+        """Write ``NAME.md``, ``.csv``, ``.json`` and the chart into a folder, and return their names.
+
+        The chart needs the extra ``viz`` and is left out without it. Raises `DatasetError` if a file cannot
+        be written.
+        """
+        folder.mkdir(parents=True, exist_ok=True)
+        texts = {"md": self.markdown, "csv": self.csv, "json": self.json}
+        for suffix, text in texts.items():
+            atomic_write_text(folder / f"{name}.{suffix}", text())
+        files = [f"{name}.{suffix}" for suffix in texts]
+        return [*files, self.draw(folder / chart).name] if self.draw and can_draw() else files

@@ -68,7 +68,7 @@ def test_as_paper_is_another_run(room: Path, tmp_path: Path) -> None:
     errors = []
     for lens in ("undistorted", "as-paper", "undistorted"):
         result = run("synthetic", room, "-o", tmp_path, "-m", "dlt", "--protocol", lens, "--json")
-        errors.append(json.loads(result.stdout)["scores"][0]["absolute"]["mean"])
+        errors.append(json.loads(result.stdout)["figures"][0]["absolute_mm"])
     assert errors[0] == errors[2] != errors[1]
     assert len(list((tmp_path / "runs").iterdir())) == 2
 
@@ -105,7 +105,7 @@ def test_without_a_rate_they_are_left_out_and_asking_names_the_option(
         text = json.dumps(index if fps is None else {**index, "fps": fps})
         (recording / "dataset.json").write_text(text, encoding="utf-8")
         content = json.loads(run("synthetic", recording, "-o", tmp_path, "--json").stdout)
-        assert [s["method"] for s in content["scores"]].count("over-time") == (fps is not None)
+        assert ("over-time" in {s["method"] for s in content["figures"]}) == (fps is not None)
     (recording / "dataset.json").write_text(json.dumps(index), encoding="utf-8")
 
 

@@ -132,16 +132,12 @@ def test_the_prior_is_in_the_rig_s_unit() -> None:
 
 @pytest.mark.parametrize(
     ("name", "options", "lost"),
-    [("dlt", {}, "detections"), ("fusion", {}, "monocular"), ("annealed", {"start": "fusion"}, "monocular")],
+    [
+        ("dlt", {}, "detections"),
+        ("fusion", {}, "monocular"),
+        ("paper", {"paper_start": "fusion"}, "monocular"),
+    ],
 )
 def test_what_a_take_lacks_is_named(name: str, options, lost: str) -> None:
     with pytest.raises(sk.DatasetError, match=f"{lost}: .* {name}"):
         solved(name, methods.Options(**options), replace(TAKE, **{lost: None}))
-
-
-@pytest.mark.parametrize("name", ["annealed", "paper-closed-form"])
-def test_starts(name: str) -> None:
-    configs = {"annealed": sk.RefineConfig(), "paper-closed-form": CLOSED_FORM}
-    for start, pose in (("dlt", by_dlt()), ("fusion", fused()), ("none", None)):
-        found = solved(name, methods.Options(start=start))
-        np.testing.assert_array_equal(found, refined(pose, configs[name]))

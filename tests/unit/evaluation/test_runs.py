@@ -40,10 +40,10 @@ class Spy:
         self.method = replace(plain, run=run)
 
 
-def solve(folder: Path, data: Dataset = DATA, options: methods.Options | None = None, **source: str) -> Spy:
+def solve(folder: Path, data: Dataset = DATA, options: methods.Options | None = None) -> Spy:
     spy = Spy()
     cases = protocols.get("human36m").cases(data)
-    store = runs.Store(folder, {"dataset": data.name, **source})
+    store = runs.Store(folder, (data.name,))
     found = runs.run(cases, data.layout, [spy.method], options or methods.Options(), store=store)
     for case, solution in zip(cases, found["dlt"], strict=True):
         plain = methods.get("dlt")
@@ -108,14 +108,11 @@ def damages(content: bytes, count: int) -> Iterator[bytes]:
 def test_no_damage_is_read_back(tmp_path: Path, count: int) -> None:
     solve(tmp_path)
     path, (case, _) = files(tmp_path)[1], protocols.get("human36m").cases(DATA)
-    content, method = path.read_bytes(), methods.get("dlt")
-    store, settings = runs.Store(tmp_path, {"dataset": DATA.name}), method.settings(methods.Options())
-    data = runs.fingerprint(case.take)
-    assert path == store.path(method, settings, case.take)
+    content, data = path.read_bytes(), runs.fingerprint(case.take)
 
     def loaded(written: bytes) -> methods.Solution | None:
         path.write_bytes(written)
-        return store.load(method, settings, case.take, data)
+        return runs.load(path, data)
 
     assert all(loaded(damaged) is None for damaged in damages(content, count) if damaged != content)
     assert loaded(content) is not None
@@ -187,7 +184,7 @@ def test_over_time_all_frames_are_solved_and_those_that_count_are_kept(tmp_path:
     whole = method.solve(data.takes[0], data.layout, method.settings(options))
 
     def found(data: Dataset, rules: protocols.Protocol) -> np.ndarray:
-        store = runs.Store(tmp_path, {})
+        store = runs.Store(tmp_path, ())
         cases = rules.cases(data)
         return runs.run(cases, data.layout, [method], options, store=store)["over-time"][0].pose
 

@@ -12,7 +12,7 @@ import skelsplat as sk
 import takes
 from skelsplat.datasets import Dataset
 from skelsplat.evaluation import methods, protocols, single
-from skelsplat.evaluation.published import published
+from skelsplat.evaluation.reported import published
 from skelsplat.evaluation.tables import Column, Row, Table
 
 OVER_TIME = ["annealed-butterworth", "annealed-kalman", "over-time"]
@@ -21,7 +21,7 @@ DATA = takes.simulated(4, keys=("S9/Walking", "S9/Greeting", "S11/Directions 1")
 
 
 @pytest.fixture(scope="module")
-def evaluation() -> single.Evaluation:
+def evaluation() -> single.Single:
     return single.evaluate(DATA, NAMES)
 
 
@@ -61,32 +61,31 @@ def test_reported_rows_that_lack_figures_become_a_table_of_their_own() -> None:
     assert reported.by_figures() == [reported]
 
 
-def test_the_overall_table_has_what_was_measured_and_what_was_reported(evaluation: single.Evaluation) -> None:
-    table = single.overall(evaluation)
+def test_the_overall_table_has_what_was_measured_and_what_was_reported(evaluation: single.Single) -> None:
+    table = evaluation.methods_table()
     assert [row.name for row in table.rows if row.origin == "measured"] == NAMES
     assert [column.header for column in table.columns] == [
         *("abs", "95 % CI", "rel", "PA", "median", "PCK 50", "PCK 100", "PCK 150", "missing", "ms/pose")
     ]
-    dlt = evaluation.scores[0]
-    assert table.rows[0].cells[0] == dlt.absolute.mean
-    assert table.rows[0].cells[1] == f"{dlt.absolute.low:.1f}–{dlt.absolute.high:.1f}"
+    dlt = evaluation.figures("dlt")
+    assert table.rows[0].cells[0] == dlt["absolute_mm"]
+    assert table.rows[0].cells[1] == f"{dlt['absolute_low_mm']:.1f}–{dlt['absolute_high_mm']:.1f}"
     reported = {row.name: row.cells[0] for row in table.rows if row.origin != "measured"}
     assert reported["SkelSplat (metrabs)"] == 26.7
     assert reported["Iskakov et al. - Vol"] == 17.7
 
 
-def test_actions_are_in_the_paper_s_order_beside_its_rows(evaluation: single.Evaluation) -> None:
-    table = single.actions(evaluation)
+def test_actions_are_in_the_paper_s_order_beside_its_rows(evaluation: single.Single) -> None:
+    table = evaluation.report().tables[1]
     assert [column.header for column in table.columns] == ["Dir.", "Greet", "Walk", "Avg"]
-    dlt = evaluation.scores[0]
-    assert table.rows[0].cells[0] == dlt.columns["Directions"].absolute
-    assert table.rows[0].cells[3] == dlt.absolute.mean
+    assert table.rows[0].cells[0] == evaluation.figures("dlt", "action", "Directions")["absolute_mm"]
+    assert table.rows[0].cells[3] == evaluation.figures("dlt")["absolute_mm"]
     assert table.text(table.rows[0], 1) == "–"  # S9 Greeting does not count here
     metrabs = next(row for row in table.rows if row.name == "SkelSplat (metrabs)")
     assert metrabs.cells == (24.4, 25.0, 28.1, 26.7)
-    relative = single.actions(evaluation, "relative")
+    relative = evaluation.report().tables[2]
     assert not any(row.origin != "measured" for row in relative.rows)
-    assert relative.rows[0].cells[1] == dlt.columns["Greeting"].relative
+    assert relative.rows[0].cells[1] == evaluation.figures("dlt", "action", "Greeting")["relative_mm"]
 
 
 @pytest.mark.parametrize(
@@ -110,7 +109,7 @@ def test_the_published_figures_are_those_of_the_same_setting(name, n_views, row,
     assert {r.name: r.cells[0] for r in found.rows([found.absolute])}[row] == value
 
 
-def shelf() -> single.Evaluation:
+def shelf() -> single.Single:
     made = tuple(
         takes.hand_made(f"S0/actor{k}", frames=range(300, 303), n_joints=14, action=f"actor{k}")
         for k in range(2)
@@ -129,13 +128,13 @@ def shelf() -> single.Evaluation:
 
 def test_shelf_has_pcp_per_actor() -> None:
     found = shelf()
-    table = single.overall(found)
+    table = found.methods_table()
     headers = [column.header for column in table.columns]
     assert "PCP" in headers
-    assert table.rows[0].cells[headers.index("PCP")] == 100 * found.scores[0].pcp
+    assert table.rows[0].cells[headers.index("PCP")] == 100 * found.figures("dlt")["pcp"]
     mvpose = table.rows[-1]
     assert (mvpose.name, mvpose.cells[0], mvpose.cells[headers.index("PCP")]) == ("MVPose", 55.3, 95.82)
-    actors = single.actions(found, "pcp")
+    actors = found.report().tables[2]
     assert [column.header for column in actors.columns] == ["Actor 0", "Actor 1", "Avg"]
     assert actors.title.endswith("PCP, %, per actor")
     line = found.report().csv().splitlines()[-1].split(",")
@@ -144,11 +143,11 @@ def test_shelf_has_pcp_per_actor() -> None:
 
 def test_without_names_everything_runs_that_the_data_allow(monkeypatch: pytest.MonkeyPatch) -> None:
     blind = replace(DATA, takes=tuple(replace(take, monocular=None) for take in DATA))
-    found = [s.method for s in single.evaluate(blind).scores]
+    found = list(single.evaluate(blind).methods)
     lacking = {"fusion", "annealed-prior", "paper", *OVER_TIME}
     assert found == [name for name in methods.names if name not in lacking]
     recording, rules = takes.recording(), protocols.get(DATA.name)
-    assert set(OVER_TIME) < {s.method for s in single.evaluate(recording).scores}
+    assert set(OVER_TIME) < set(single.evaluate(recording).methods)
     monkeypatch.setattr(single, "find_spec", lambda name: None if name == "scipy" else name)
     without = {method.name for method in single.select([], rules.cases(recording), methods.Options())}
     assert without & set(OVER_TIME) == {"annealed-kalman", "over-time"}
@@ -161,13 +160,13 @@ def test_without_names_everything_runs_that_the_data_allow(monkeypatch: pytest.M
         single.evaluate(replace(blind, takes=tuple(replace(t, detections=None) for t in blind)))
 
 
-def test_csv_has_a_line_per_method_and_group(evaluation: single.Evaluation) -> None:
+def test_csv_has_a_line_per_method_and_group(evaluation: single.Single) -> None:
     lines = list(csv.DictReader(io.StringIO(evaluation.report().csv())))
     own = [line for line in lines if line["reported"] == "0"]
     assert len(own) == 3 * (1 + 3 + 17)
     dlt = own[0]
     assert (dlt["method"], dlt["group"], dlt["poses"]) == ("dlt", "all", "12")
-    assert float(dlt["absolute_mm"]) == pytest.approx(evaluation.scores[0].absolute.mean, rel=1e-5)
+    assert float(dlt["absolute_mm"]) == pytest.approx(evaluation.figures("dlt")["absolute_mm"], rel=1e-5)
     assert dlt["pcp"] == ""
     greeting = next(line for line in own if line["name"] == "Greeting")
     assert (greeting["absolute_mm"], greeting["group"], greeting["poses"]) == ("", "action", "4")

@@ -4,12 +4,12 @@ Every setting of an ablation is measured on the same poses with the same detecti
 differences between settings are paired.
 
 >>> from skelsplat.evaluation import ablations
->>> record = ablations.run("noise", ablations.Source(ablations.Choices(poses=50)))         # doctest: +SKIP
+>>> record = ablations.get("noise").run(ablations.Source(poses=50))                        # doctest: +SKIP
 >>> [(claim.claim, claim.verdict) for claim in record.outcome.claims]                      # doctest: +SKIP
 """
 
-from skelsplat.evaluation.ablations._record import Record, run
-from skelsplat.evaluation.ablations._source import Choices, OnDisk, Source
+from skelsplat.evaluation.ablations._source import Source
+from skelsplat.evaluation.ablations._sweep import Record
 from skelsplat.evaluation.ablations._table import get, names
 
-__all__ = ["Choices", "OnDisk", "Record", "Source", "get", "names", "run"]
+__all__ = ["Record", "Source", "get", "names"]

@@ -1,9 +1,9 @@
-"""Where the poses of an ablation come from, and the two methods that are run on them."""
+"""The poses on which settings are compared, where they come from, and the two methods run on them."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -11,19 +11,19 @@ import numpy as np
 
 import skelsplat as sk
 from skelsplat import datasets
-from skelsplat._arrays import Array, positive
+from skelsplat._arrays import Array, Index, positive
 from skelsplat.datasets import Dataset, Take
 from skelsplat.datasets._registry import detections_option, options_of
 from skelsplat.evaluation import protocols
-from skelsplat.evaluation.ablations._sample import Errors, Sample, Start, errors_of, sample
-from skelsplat.evaluation.methods import DEFAULT_INIT_SIGMA_MM, refined
-from skelsplat.evaluation.published import occlusion_of
+from skelsplat.evaluation.methods import DEFAULT_INIT_SIGMA_MM, refined, starting_poses, without_lens
+from skelsplat.evaluation.protocols import Protocol
+from skelsplat.evaluation.reported import occlusion_of
 from skelsplat.exceptions import InvalidInputError
 from skelsplat.synthetic import simulate_set
 
 PAPER, ANNEALED = "paper", "annealed"
-_START_WORDS = {"dlt": "by DLT without weights", "fusion": "by fusion of monocular poses"}
 
+Start = Literal["dlt", "fusion"]
 Kind = Literal["plain", "noisy", "occ-2", "occ-3", "dome"]
 
 # Simulated sets: name, name in the paper's rows, detector.
@@ -35,64 +35,205 @@ _SETS: dict[Kind, tuple[str, str, str]] = {
     "dome": ("dome", "panoptic", "good"),
 }
 
-Progress = Callable[[str, int, int], None]
-"""Called with what is being measured, poses done and poses in all."""
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Sample:
+    """Poses of one data set with the detections of one detector."""
+
+    name: str  # short, for rows of a table: ``"H36M, metrabs"``
+    dataset: str  # ``"human36m"``, ``"human36m-occ-2"``, …; tells which rows of the paper it belongs to
+    layout: sk.Layout
+    groups: tuple[Take, ...]  # poses that the same cameras see: frames of takes, one after the other
+    takes: tuple[Index, ...]  # of each group, which take each pose is from
+    n_available: int  # poses that the data set has
+    # What the paper changes in its settings on this data set.
+    paper_fields: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def n_poses(self) -> int:
+        """Number of poses."""
+        return sum(map(len, self.groups))
+
+    @property
+    def n_views(self) -> int:
+        """The least number of cameras of any rig."""
+        return min(len(group.rig) for group in self.groups)
+
+    @property
+    def has_monocular(self) -> bool:
+        """Whether all poses come with monocular estimates."""
+        return all(group.monocular is not None for group in self.groups)
+
+    def starts(self, kind: Start) -> list[Array]:
+        """Return the initial poses of every group."""
+        return [starting_poses(group, kind) for group in self.groups]
+
+    def first_views(self, count: int) -> Sample:
+        """Return the sample with the first `count` cameras of every rig, the only ones to estimate poses."""
+        return replace(self, groups=tuple(group.with_views(range(count)) for group in self.groups))
+
+    def head(self, poses: int) -> Sample:
+        """Return about `poses` poses, evenly from all takes."""
+        share = poses / max(self.n_poses, 1)
+        counts = [min(max(1, round(share * len(group))), len(group)) for group in self.groups]
+        kept = [_evenly(len(group), count) for group, count in zip(self.groups, counts, strict=True)]
+        groups = tuple(group.select(keep) for group, keep in zip(self.groups, kept, strict=True))
+        takes = tuple(take[keep] for take, keep in zip(self.takes, kept, strict=True))
+        return replace(self, groups=groups, takes=takes)
 
 
-@dataclass(frozen=True, slots=True)
-class Choices:
-    """What a user chooses for any ablation."""
+def sample(
+    dataset: Dataset, protocol: Protocol, poses: int | None, *, name: str, key: str, undistort: bool
+) -> Sample:
+    """Take `poses` poses of a data set (None: all), evenly over the takes that its protocol counts.
 
-    poses: int | None  # how many poses of each data set; None: all
+    `name` and `key` are `Sample.name` and `Sample.dataset`. Without `undistort` cameras lose their lens, so
+    that detections are used with K alone.
+    """
+    takes = [case.take for case in protocol.cases(dataset) if case.absolute]
+    total = sum(len(take) for take in takes)
+    if total == 0:
+        raise InvalidInputError(f"{dataset.name}: expected poses whose absolute error counts, got none")
+    chosen = np.arange(total) if poses is None or poses >= total else _evenly(total, poses)
+    parts: list[list[tuple[int, Take]]] = []  # of takes with the same cameras
+    first = 0
+    for number, take in enumerate(takes):
+        here = chosen[(chosen >= first) & (chosen < first + len(take))] - first
+        first += len(take)
+        if len(here) == 0:
+            continue
+        if take.detections is None:
+            raise InvalidInputError(f"{take.key}: expected detections, got a data set read without")
+        same = next((part for part in parts if part[0][1].rig == take.rig), None)
+        if same is None:
+            parts.append(same := [])
+        same.append((number, take.select(here)))
+    groups = [_joined([take for _, take in part]) for part in parts]
+    if not undistort:
+        groups = [replace(group, rig=without_lens(group.rig)) for group in groups]
+    numbers = (np.concatenate([np.full(len(take), number) for number, take in part]) for part in parts)
+    return Sample(name, key, dataset.layout, tuple(groups), tuple(numbers), total, protocol.paper_fields)
+
+
+def _evenly(total: int, count: int) -> Index:
+    return ((np.arange(count) + 0.5) * total / count).astype(np.int64)
+
+
+def _joined(takes: Sequence[Take]) -> Take:
+    """Return the frames of takes as one take."""
+    names = ("frames", "truth", "detections", "monocular")
+    values = {name: [getattr(take, name) for take in takes] for name in names}
+    known: dict[str, Any] = {
+        name: None if any(part is None for part in parts) else np.concatenate(parts)
+        for name, parts in values.items()
+    }
+    return Take(takes[0].key, takes[0].subject, takes[0].action, takes[0].rig, **known)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Errors:
+    """Joint errors of one setting."""
+
+    joints: Array  # (P, N) mm: NaN where there is no truth or no prediction
+    take: Index  # (P,): Which take each pose is from
+    steps: float = float("nan")  # mean number of optimisation steps; NaN if nothing was optimised
+
+    @property
+    def mpjpe(self) -> float:
+        """Mean over joints and poses, mm."""
+        return float(np.nanmean(self.joints))
+
+    @property
+    def poses(self) -> Array:
+        """Mean error (P,) of each pose, mm."""
+        known = np.isfinite(self.joints)
+        total = np.where(known, self.joints, 0.0).sum(axis=1)
+        with np.errstate(invalid="ignore"):
+            return np.asarray(total / known.sum(axis=1))
+
+    def above(self, other: Errors) -> float:
+        """Return by which share of the other's these errors are larger."""
+        return self.mpjpe / other.mpjpe - 1.0
+
+    def beats(self, *others: Errors) -> bool:
+        """Whether these errors are less than the others', by more than twice the standard error."""
+        return all(mean < -2.0 * error for mean, error in (difference(self, other) for other in others))
+
+
+def errors_of(sample: Sample, poses: Sequence[Array], steps: float = float("nan")) -> Errors:
+    """Return the errors of predicted `poses`, one array (P, N, 3) per group of the sample."""
+    joints = [
+        group.rig.mm_per_unit * np.linalg.norm(pose - group.truth, axis=-1)
+        for group, pose in zip(sample.groups, poses, strict=True)
+    ]
+    return Errors(np.concatenate(joints), np.concatenate(sample.takes), steps)
+
+
+def difference(a: Errors, b: Errors) -> tuple[float, float]:
+    """Return the mean of `a` − `b` over the same poses, and its standard error, mm.
+
+    The poses of a take count as dependent of one another.
+    """
+    each = a.poses - b.poses
+    known = np.isfinite(each)
+    each, take = each[known], a.take[known]
+    mean = float(each.mean())
+    _, index = np.unique(take, return_inverse=True)
+    sums = np.bincount(index, weights=each - mean)
+    clusters = len(sums)
+    if clusters < 2:
+        return mean, float("inf")
+    variance = clusters / (clusters - 1) * float((sums**2).sum()) / len(each) ** 2
+    return mean, float(np.sqrt(variance))
+
+
+@dataclass(kw_only=True, eq=False)
+class Source:
+    """Samples for the experiments, as a user chooses them, and the two methods.
+
+    Without a `dataset` samples are simulated in memory from the seed; no camera saw what is in them.
+    """
+
+    poses: int | None = None  # how many poses of each data set; None: all
     seed: int = 0  # of simulated data and of noise on the start
-    # {"paper", "dlt", "fusion"}: Initial poses; "paper": as in the paper's experiment, if the data have what
-    # it needs.
+    # Initial poses; "paper": as in the paper's experiment, if the data have what it needs.
     start: Literal["paper", "dlt", "fusion"] = "paper"
     # Standard deviation per axis of the fused start where it enters as a prior.
     init_sigma_mm: float = DEFAULT_INIT_SIGMA_MM
     undistort: bool = True  # whether to take lens distortion out; the paper does not
+    # A data set on disk, as in `skelsplat.datasets.read`, taken whatever an ablation asks for.
+    dataset: str | None = None
+    root: Path = Path()
+    # One sample for each; a folder's path: detections outside the root. Empty: the reader's own choice.
+    detectors: Sequence[str] = ()
+    options: Mapping[str, Any] = field(default_factory=dict)
+    # Called with what is being measured, poses done and poses in all.
+    progress: Callable[[str, int, int], None] | None = None
+    notes: list[str] = field(default_factory=list, init=False)
+    _counts: dict[str, str] = field(default_factory=dict, init=False)
+    _sources: dict[str, None] = field(
+        default_factory=dict, init=False
+    )  # in the order in which they were read
 
     def __post_init__(self) -> None:
         positive("init_sigma_mm", self.init_sigma_mm)
 
+    @property
+    def choices(self) -> dict[str, Any]:
+        """What was chosen for any data."""
+        names = ("poses", "seed", "start", "init_sigma_mm", "undistort")
+        return {name: getattr(self, name) for name in names}
 
-@dataclass(frozen=True, slots=True)
-class OnDisk:
-    """A data set of the registry, taken whatever an ablation asks for."""
-
-    # name, root, options: As in `skelsplat.datasets.read`.
-    name: str
-    root: Path
-    # One sample for each; a folder's path: detections outside the root. Empty: the reader's own choice.
-    detectors: tuple[str, ...] = ()
-    options: Mapping[str, Any] = field(default_factory=dict)
-
-
-class Source:
-    """Samples for the experiments, and the two methods; `progress` hears what is being measured.
-
-    Without a data set `on_disk` samples are simulated in memory from the seed; no camera saw what is in them.
-    """
-
-    def __init__(
-        self, choices: Choices, on_disk: OnDisk | None = None, progress: Progress | None = None
-    ) -> None:
-        self.choices = choices
-        self.simulated = on_disk is None or on_disk.name == "synthetic"
-        self.notes: list[str] = []
-        self._on_disk = on_disk
-        self._progress = progress
-        self._counts: dict[str, str] = {}
-        self._sources: dict[str, None] = {}  # in the order in which they were read
+    @property
+    def simulated(self) -> bool:
+        """Whether no camera saw what is in the samples."""
+        return self.dataset in (None, "synthetic")
 
     def line(self) -> str:
         """Return what goes under every table: what the data are, simulated or not, and how many poses."""
-        if self._on_disk is None:
-            sources = (
-                f"poses, cameras, 2D detections and monocular poses are synthetic (seed {self.choices.seed})"
-            )
-        else:
-            sources = "; ".join(self._sources)
+        sources = "; ".join(self._sources)
+        if self.dataset is None:
+            sources = f"poses, cameras, 2D detections and monocular poses are synthetic (seed {self.seed})"
         warning = "SIMULATED data, not the paper's: " if self.simulated else ""
         return f"{warning}{sources}. {'; '.join(self._counts.values())}."
 
@@ -102,34 +243,32 @@ class Source:
         ``"noisy"`` has the detections of another detector, ``"occ-2"`` and ``"occ-3"`` so many of four views
         occluded. A data set on disk is what it is, whatever kind is asked for.
         """
-        if self._on_disk is None:
-            return [self._simulated(*_SETS[kind]) for kind in kinds]
-        detectors = self._on_disk.detectors or (None,)
-        return [self._read(self._on_disk, detector, "dome" in kinds) for detector in detectors]
+        if self.dataset is not None:
+            return [self._read(self.dataset, one, "dome" in kinds) for one in self.detectors or (None,)]
+        return [
+            self._sample(simulated(name, detector, self.seed), f"{name}, {detector}", key)
+            for name, key, detector in (_SETS[kind] for kind in kinds)
+        ]
 
-    def _simulated(self, name: str, key: str, detector: str) -> Sample:
-        dataset = simulated(name, detector, self.choices.seed)
-        return self._sample(dataset, f"{name}, {detector}", key)
-
-    def _read(self, data: OnDisk, detector: str | None, all_views: bool) -> Sample:
-        options, known = dict(data.options), options_of(data.name)
+    def _read(self, name: str, detector: str | None, all_views: bool) -> Sample:
+        options = dict(self.options)
         if detector is not None:
-            options |= detections_option(data.name, detector)
-        if all_views and data.name in protocols.names and "views" in known:
-            options.setdefault("views", max(protocols.get(data.name).view_sets, default=None))
-        dataset = datasets.read(data.name, data.root, **options)
+            options |= detections_option(name, detector)
+        if all_views and name in protocols.names and "views" in options_of(name):
+            options.setdefault("views", max(protocols.get(name).view_sets, default=None))
+        dataset = datasets.read(name, self.root, **options)
         self._sources[dataset.source] = None
         label = f"{dataset.name}, {dataset.detector}" if dataset.detector else dataset.name
         return self._sample(dataset, label, all_views=all_views)
 
     def _sample(self, dataset: Dataset, name: str, key: str = "", *, all_views: bool = True) -> Sample:
         """Take the poses that were chosen, and remember how many."""
-        chosen, protocol = self.choices, protocols.get(dataset.name)
+        protocol = protocols.get(dataset.name)
         if all_views and protocol.view_sets:
             protocol = protocol.with_options(n_views=max(protocol.view_sets))
         variant = occlusion_of(dataset) if protocol.name == "human36m-occ" else None
         key = key or (f"{protocol.name}-{variant}" if variant else protocol.name)  # as in the paper's rows
-        made = sample(dataset, protocol, chosen.poses, name=name, key=key, undistort=chosen.undistort)
+        made = sample(dataset, protocol, self.poses, name=name, key=key, undistort=self.undistort)
         some = made.n_poses < made.n_available
         count = f"{made.n_poses} of {made.n_available}" if some else f"all {made.n_available}"
         self._counts[name] = f"{name}: {count} poses"
@@ -142,20 +281,13 @@ class Source:
 
     def start_kind(self, sample: Sample) -> Start:
         """Return how poses are initialised: as chosen, or by fusion as in the paper's experiment."""
-        if self.choices.start == "dlt":
-            return "dlt"
-        if sample.has_monocular:
-            return "fusion"
-        if self.choices.start == "fusion":
+        fused = sample.has_monocular and self.start != "dlt"
+        if self.start == "fusion" and not fused:
             raise InvalidInputError(f"start: expected monocular poses in {sample.name}, got none")
-        self.note(f"{sample.name}: no monocular poses, so DLT is refined instead of their fusion")
-        return "dlt"
-
-    def starts(self, sample: Sample) -> list[Array]:
-        """Return the initial poses of every group."""
-        kind = self.start_kind(sample)
-        self.note(f"{sample.name}: start {_START_WORDS[kind]}")
-        return sample.starts(kind)
+        if self.start == "paper" and not fused:
+            self.note(f"{sample.name}: no monocular poses, so DLT is refined instead of their fusion")
+        self.note(f"{sample.name}: start by {'fusion of monocular poses' if fused else 'unweighted DLT'}")
+        return "fusion" if fused else "dlt"
 
     def refined(
         self,
@@ -175,12 +307,11 @@ class Source:
         for group, start in zip(sample.groups, starts, strict=True):
 
             def heard(now: int, _: int, before: int = before) -> None:
-                if self._progress is not None:
-                    text = f"{sample.name}: {method}, {doing}"
-                    self._progress(text, before + now, sample.n_poses)
+                if self.progress is not None:
+                    self.progress(f"{sample.name}: {method}, {doing}", before + now, sample.n_poses)
 
             heard(0, len(group))
-            results.append(refined(group.poses, sample.layout, start, config, init_sigma_mm, heard))
+            results.append(refined(group, sample.layout, start, config, init_sigma_mm, heard))
             before += len(group)
         return results
 
@@ -205,6 +336,5 @@ def simulated(name: str, detector: str, seed: int) -> Dataset:
         )
         for recording in made.recordings
     )
-    return Dataset(
-        name, made.layout, takes, detector, f"simulated {name}, seed {seed}, {detector} detections"
-    )
+    source = f"simulated {name}, seed {seed}, {detector} detections"
+    return Dataset(name, made.layout, takes, detector, source)

@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, replace
+from functools import partial
+from pathlib import Path
 from typing import Any
 
 from skelsplat._arrays import Array
-from skelsplat.evaluation.ablations._sample import Errors, Sample, difference, errors_of
-from skelsplat.evaluation.ablations._source import PAPER, Kind, Source
-from skelsplat.evaluation.reported import ReportedRow, reported
-from skelsplat.evaluation.tables import Column, Row, Table
+from skelsplat._skelsplat import __version__
+from skelsplat.evaluation.ablations._source import PAPER, Errors, Kind, Sample, Source, errors_of
+from skelsplat.evaluation.reported import reported
+from skelsplat.evaluation.tables import Column, Report, Row, Table, grid
 from skelsplat.exceptions import InvalidInputError
 
 REPORTED = "SkelSplat (reported)"
+_CSV = ("table", "unit", "method", "data", "origin", "column", "value")
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,18 +24,15 @@ class Claim:
     """A statement of the paper, checked on the measured figures."""
 
     claim: str  # what the paper finds, in words
-    # paper, measured: The figures of both.
-    paper: str
-    measured: str
+    data: str  # the method and the data
     reproduced: bool  # whether the measured figures say the same
     ours: bool = False  # the claim is not the paper's but ours
 
     @property
     def verdict(self) -> str:
         """What became of it, in words."""
-        if self.ours:
-            return "holds" if self.reproduced else "does not hold"
-        return "reproduced" if self.reproduced else "not reproduced"
+        word = "holds" if self.ours else "reproduced"
+        return word if self.reproduced else "does not hold" if self.ours else "not reproduced"
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,36 +52,88 @@ class Ablation:
     title: str
     labels: tuple[str, ...]  # the paper's tables, as `skelsplat.evaluation.reported` calls them
     poses: int  # how many are taken unless told otherwise: so many that two cores are done within a minute
-    run: Callable[[Source], Outcome]  # measures everything on a source of poses
+    measure: Callable[[Source], Outcome]  # measures everything on a source of poses
+
+    def run(self, source: Source, *, command: str = "") -> Record:
+        """Measure; `command` is what the files say it is repeated with.
+
+        Raises `InvalidInputError` if the source lacks the poses that it needs.
+        """
+        found = self.measure(source)
+        tables = [reported(label) for label in self.labels]
+        published = (f"Paper: {note}" for table in tables for note in table.notes)
+        sources = (f"Reported: {table.title}; {table.source}" for table in tables)
+        notes = (*found.notes, *(f"{note}." for note in source.notes), *published, *sources)
+        return Record(self, replace(found, notes=notes), source, command)
+
+
+@dataclass(frozen=True, slots=True)
+class Record:
+    """Everything about one run."""
+
+    ablation: Ablation
+    outcome: Outcome
+    source: Source
+    command: str  # what makes it again
+
+    def report(self) -> Report:
+        """Return the tables, each with what the data are under it, and the claims."""
+        found, line = self.outcome, self.source.line()
+        tables = tuple(replace(table, notes=(line,)) for table in found.tables)
+        claims = [(c.claim, c.data, f"**{c.verdict}**") for c in found.claims]
+        text = grid(("claim", "method, data", ""), claims, numeric=0)
+        notes = [f"`{self.command}` (skelsplat {__version__})", *found.notes]
+        cells = (
+            (t.title, t.unit, r.name, r.data, r.origin, c.header, None if cell is None else repr(cell))
+            for t in tables
+            for r in t.rows
+            for c, cell in zip(t.columns, r.cells, strict=True)
+        )
+        return Report(
+            title=self.ablation.title,
+            tables=tables,
+            shown=len(tables),
+            fields=_CSV,
+            rows=[dict(zip(_CSV, one, strict=True)) for one in cells],
+            values={
+                "ablation": self.ablation.name,
+                "title": self.ablation.title,
+                "version": __version__,
+                "command": self.command,
+                "simulated": self.source.simulated,
+                "data": line,
+                "choices": self.source.choices,
+                "tables": [asdict(table) for table in found.tables],
+                "claims": [{**asdict(claim), "verdict": claim.verdict} for claim in found.claims],
+                "notes": found.notes,
+            },
+            text=f"\n### Claims\n\n{text}\n\n" + "".join(f"- {note}\n" for note in notes),
+            draw=partial(_draw, [table for table in tables if table.chart], line),
+        )
+
+
+def _draw(tables: Sequence[Table], caption: str, path: Path) -> Path:
+    from skelsplat import viz  # matplotlib takes long to load, and text does without
+
+    def line(row: Row) -> viz.Line:
+        values = [float("nan") if cell is None else float(cell) for cell in row.cells]
+        return viz.Line(row.label, values, row.origin != "measured")
+
+    def panel(table: Table) -> viz.Panel:
+        heads = tuple(column.header for column in table.columns)
+        return viz.Panel(table.title, table.first, table.unit, heads, list(map(line, table.rows)))
+
+    return viz.write_panels(path, list(map(panel, tables)), caption=caption)
 
 
 def reported_rows(label: str, keys: Sequence[str]) -> tuple[Row, ...]:
     """Return the paper's rows with the columns `keys`; None in columns that the paper does not have."""
-    rows = {
-        ", ".join(_marks(row)): tuple(row.value(k) if k in row.keys else None for k in keys)
-        for row in reported(label).select("SkelSplat")
-    }
-    return tuple(Row(REPORTED, values, "reported", data) for data, values in rows.items())
+    found = {}
+    for row in reported(label).select("SkelSplat"):
+        marks = [*row.setting.values(), *([row.detector] if row.detector else [])]
+        found[", ".join(marks)] = row.cells(keys)
+    return tuple(Row(REPORTED, values, "reported", data) for data, values in found.items())
 
-
-def quote(label: str, keys: Sequence[str], **setting: str) -> str:
-    """Return the figures of the paper's rows in one line: ``metrabs 29.4, 26.7; resnet152 21.9, 20.3 mm``."""
-    table = reported(label)
-    parts = []
-    for row in table.select("SkelSplat", **setting):
-        figures = ", ".join(f"{row.value(key):{'g' if table.unit == 's' else '.1f'}}" for key in keys)
-        parts.append(f"{' '.join(_marks(row, setting))} {figures}".strip())
-    return f"{'; '.join(parts)} {table.unit}" if parts else "no figures for these data"
-
-
-def _marks(row: ReportedRow, known: dict[str, str] | None = None) -> list[str]:
-    marks = [value for name, value in row.setting.items() if name not in (known or {})]
-    return [*marks, row.detector] if row.detector else marks
-
-
-IN_THE_TEXT = "stated in the text, without figures"
-MOST = "most"
-"""In a `Check`: the largest value that was measured."""
 
 Varied = Callable[[Any], tuple[Sample, list[Array]]]
 """A value of the setting → the poses and starts that it is measured on."""
@@ -100,55 +152,19 @@ class Line:
 
 @dataclass(frozen=True, slots=True)
 class Check:
-    """A claim about the errors of some values relative to those of others, in one row of the table.
-
-    Without limits each of `values` has to err less than each of `others`, by more than twice the standard
-    error of the paired difference.
-    """
+    """A claim about the errors in one row of the table, by value; it is left out if one was not measured."""
 
     text: str
-    # values, others: Values of the sweep; the claim is left out if one was not measured.
-    values: tuple[Any, ...]
-    others: tuple[Any, ...]
-    # low, high: Limits of the ratio of the errors.
-    low: float = 0.0
-    high: float = float("inf")
-    within_mm: float | None = None  # limit of the mean difference
+    holds: Callable[[Mapping[Any, Errors]], bool]
     row: str = PAPER
-    paper: str = ""  # what the paper says; "" quotes its figures
     ours: bool = False  # the claim is not the paper's
 
-    def claim(
-        self, label: str, headers: Mapping[Any, str], sample: Sample, found: Mapping[Any, Errors]
-    ) -> Claim | None:
-        """Check it on errors by value; `label` names the paper's table, `headers` the values."""
-        most = max(found, default=None) if MOST in self.values else None
-        values = tuple(most if value == MOST else value for value in self.values)
-        if not {*values, *self.others} <= set(found):
-            return None
-        pairs = [(a, b) for a in values for b in self.others]
-        if self.low > 0.0 or self.high < float("inf"):
-            ratios = [found[a].mpjpe / found[b].mpjpe for a, b in pairs]
-            holds = all(self.low <= ratio <= self.high for ratio in ratios)
-            changes = ", ".join(f"{100 * (ratio - 1):+.1f}" for ratio in ratios) + " %"
-        else:
-            apart = [difference(found[a], found[b]) for a, b in pairs]
-            limit = self.within_mm
-            holds = all(d.is_less if limit is None else abs(d.mean) <= limit for d in apart)
-            changes = ", ".join(
-                f"{headers[a]} − {headers[b]} {d}" for (a, b), d in zip(pairs, apart, strict=True)
-            )
-        shown = [value for value in found if value in (*values, *self.others)]
-        figures = ", ".join(f"{found[value].mpjpe:.1f}" for value in shown)
-        by_dataset = any("dataset" in row.setting for row in reported(label))
-        setting = {"dataset": sample.dataset} if by_dataset else {}
-        return Claim(
-            ", ".join([self.text.format(most), *setting.values()]),
-            self.paper or quote(label, [key(value) for value in shown], **setting),
-            f"{self.row}, {sample.name}: {figures} mm; {changes}",
-            holds,
-            self.ours,
-        )
+    def claim(self, sample: Sample, found: Mapping[Any, Errors]) -> list[Claim]:
+        """Check it on the errors by value."""
+        try:
+            return [Claim(self.text, f"{self.row}, {sample.name}", self.holds(found), self.ours)]
+        except KeyError:
+            return []
 
 
 def key(value: Any) -> str:
@@ -158,7 +174,7 @@ def key(value: Any) -> str:
 
 def as_in_the_paper(source: Source, sample: Sample) -> Varied:
     """Start where the paper does, at every value."""
-    starts = source.starts(sample)
+    starts = sample.starts(source.start_kind(sample))
     return lambda _: (sample, starts)
 
 
@@ -167,15 +183,14 @@ class Sweep:
     """A setting that is varied."""
 
     label: str  # the paper's table
-    # title, corner: Of our table, and what its columns are.
-    title: str
-    corner: str
+    title: str  # of our table
+    corner: str  # what its columns are
     values: Mapping[Any, str]  # values, which are also the columns of the paper's table (`key`), to headers
     lines: tuple[Line, ...]
     checks: tuple[Check, ...]
     kinds: tuple[Kind, ...] = ("plain",)  # what of the source is measured
     notes: tuple[str, ...] = ()
-    begin: Callable[[Source, Sample], Varied] = as_in_the_paper  # source and sample → `Varied`
+    begin: Callable[[Source, Sample], Varied] = as_in_the_paper
     up_to_views: bool = False  # values are numbers of views: those above the sample's are left out
     steps: str = ""  # title of a second table, with the steps taken; "" is none
     more: Callable[[Source, Sequence[Sample]], Outcome] | None = None  # what else is measured, on all samples
@@ -184,25 +199,20 @@ class Sweep:
         """Measure every value on every sample, and check the claims."""
         samples = source.samples(*self.kinds)
         found = [(sample, self._measured(source, sample)) for sample in samples]
-        columns = tuple(Column(header) for header in self.values.values())
         theirs = reported_rows(self.label, [key(value) for value in self.values])
-        rows = [row for each in found for row in self._rows(*each, lambda errors: errors.mpjpe)]
-        tables = [Table(self.title, self.corner, columns, (*rows, *theirs), unit="mm")]
+        rows = self._rows(found, lambda errors: errors.mpjpe)
+        tables = [Table(self.title, self.corner, self._columns(1), (*rows, *theirs), unit="mm")]
         if self.steps:
-            taken = tuple(row for each in found for row in self._rows(*each, lambda errors: errors.steps))
-            whole = tuple(Column(header, 0) for header in self.values.values())
-            tables.append(Table(self.steps, self.corner, whole, taken, unit="steps", chart=False))
+            taken = tuple(self._rows(found, lambda errors: errors.steps))
+            tables.append(Table(self.steps, self.corner, self._columns(0), taken, unit="steps", chart=False))
         claims = [
-            check.claim(self.label, self.values, sample, errors[check.row])
+            claim
             for sample, errors in found
             for check in self.checks
+            for claim in check.claim(sample, errors[check.row])
         ]
         more = Outcome((), ()) if self.more is None else self.more(source, samples)
-        return Outcome(
-            (*tables, *more.tables),
-            (*(claim for claim in claims if claim is not None), *more.claims),
-            (*self.notes, *more.notes),
-        )
+        return Outcome((*tables, *more.tables), (*claims, *more.claims), (*self.notes, *more.notes))
 
     def _measured(self, source: Source, sample: Sample) -> dict[str, dict[Any, Errors]]:
         """Return errors by row and value."""
@@ -222,10 +232,14 @@ class Sweep:
                     found[line.name][value] = source.errors(line.method, poses, starts, doing, **fields)
         return found
 
+    def _columns(self, digits: int) -> tuple[Column, ...]:
+        return tuple(Column(header, digits) for header in self.values.values())
+
     def _rows(
-        self, sample: Sample, found: Mapping[str, Mapping[Any, Errors]], figure: Callable[[Errors], float]
+        self, found: list[tuple[Sample, dict[str, dict[Any, Errors]]]], figure: Callable[[Errors], float]
     ) -> list[Row]:
         return [
             Row(name, tuple(figure(by[v]) if v in by else None for v in self.values), data=sample.name)
-            for name, by in found.items()
+            for sample, by_row in found
+            for name, by in by_row.items()
         ]

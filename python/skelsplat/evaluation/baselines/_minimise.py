@@ -60,14 +60,8 @@ def cauchy(detections: ArrayLike, cameras: Cameras, *, f_scale: float = 5.0) -> 
     """Triangulate by DLT, then minimise the Cauchy loss of the reprojection residuals.
 
     The minimum of ½ Σ f² ln(1 + r²/f²) over the 2·M residuals û − u, v̂ − v of a joint, as
-    ``scipy.optimize.least_squares(loss="cauchy")`` finds it, but for all joints at once.
-
-    Parameters
-    ----------
-    detections : (T, M, N, 2|3) or (M, N, 2|3) px
-    cameras : CameraRig or sequence of Camera
-    f_scale : float
-        f in px, beyond which a residual counts as an outlier; about twice the detector's jitter.
+    ``scipy.optimize.least_squares(loss="cauchy")`` finds it, but for all joints at once. ``f_scale`` is f in
+    px, beyond which a residual counts as an outlier; about twice the detector's jitter.
     """
     positive("f_scale", f_scale)
     joints = observe(detections, cameras)
@@ -106,9 +100,7 @@ class Reprojections:
 
     def _grouped(self, values: Array) -> Array:
         """(B, M, 2, …) → (B, M, 2, …) or (B, 2M, 1, …)."""
-        if self.by_view:
-            return values
-        return values.reshape(len(values), -1, 1, *values.shape[3:])
+        return values if self.by_view else values.reshape(len(values), -1, 1, *values.shape[3:])
 
 
 def minimise(start: Array, problem: Reprojections, loss: Loss) -> Array:
@@ -173,17 +165,13 @@ def _solved(matrices: Array, right: Array) -> Array:
     """Solve 3×3 systems (B, 3, 3) by cofactors; no step where a matrix is singular."""
     a, b, c = matrices[:, 0], matrices[:, 1], matrices[:, 2]
     cofactors = np.stack([_cross(b, c), _cross(c, a), _cross(a, b)], axis=-1)
-    determinant = np.sum(a * cofactors[..., 0], axis=-1)
+    determinant = np.sum(a * cofactors[..., 0], axis=-1)[:, None]
     solution = (cofactors @ right[..., None])[..., 0]
-    usable = determinant > 0
-    found: Array = np.divide(
-        solution, determinant[:, None], out=np.zeros_like(solution), where=usable[:, None]
-    )
-    return found
+    step = np.divide(solution, determinant, out=np.zeros_like(solution), where=determinant > 0)
+    return np.asarray(step)
 
 
 def _cross(a: Array, b: Array) -> Array:
     """Cross products (B, 3); `numpy.cross` takes longer than all else on few joints."""
     first, second = [1, 2, 0], [2, 0, 1]
-    product: Array = a[:, first] * b[:, second] - a[:, second] * b[:, first]
-    return product
+    return np.asarray(a[:, first] * b[:, second] - a[:, second] * b[:, first])

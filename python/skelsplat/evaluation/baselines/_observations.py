@@ -13,7 +13,6 @@ from skelsplat._skelsplat import Camera
 from skelsplat.cameras import CameraRig
 from skelsplat.exceptions import InvalidInputError
 
-IntArray = NDArray[np.intp]
 Cameras = CameraRig | Sequence[Camera]
 
 # Squares of pixels times lengths stay doubles in the normal equations; LAPACK may not return from infinities.
@@ -33,10 +32,9 @@ class Observations:
     @property
     def determined(self) -> Mask:
         """Whether at least two views see the joint, (B,)."""
-        enough: Mask = self.seen.sum(axis=1) >= 2
-        return enough
+        return np.asarray(self.seen.sum(axis=1) >= 2)
 
-    def take(self, joints: IntArray) -> Observations:
+    def take(self, joints: NDArray[np.intp]) -> Observations:
         """Return some of the joints; ``leading`` is then their number."""
         own = {name: getattr(self, name)[joints] for name in ("pixels", "seen", "confidence")}
         return replace(self, leading=(len(joints),), **own)
@@ -48,81 +46,51 @@ class Observations:
 
 def observe(detections: ArrayLike, cameras: Cameras) -> Observations:
     """Check the arguments of a baseline and remove lens distortion."""
-    found = _checked(detections, len(cameras))
-    single = found.ndim == 3
-    frames = found[None] if single else found
-    n_frames, n_views, n_joints, channels = frames.shape
+    found, n_views = numbers(detections, "detections"), len(cameras)
+    if found.ndim not in (3, 4) or found.shape[-1] not in (2, 3) or found.shape[-3] != n_views:
+        expected = f"shape (T, M, N, 2|3) or (M, N, 2|3) with M = {n_views}, one view per camera"
+        raise InvalidInputError(f"detections: expected {expected}, got {found.shape}")
+    frames = found.reshape(-1, *found.shape[-3:])
     ideal = np.stack([c.undistort(frames[:, i, :, :2]) for i, c in enumerate(cameras)], axis=2)
-    pixels = ideal.reshape(n_frames * n_joints, n_views, 2)
+    pixels = ideal.reshape(-1, n_views, 2)
+    if (np.abs(pixels[np.isfinite(pixels)]) > _FARTHEST).any():
+        raise InvalidInputError(f"detections: expected pixels up to ±{_FARTHEST:g}, got others")
     seen: Mask = np.asarray(np.isfinite(pixels).all(axis=-1))
     confidence = np.ones(seen.shape)
-    if channels == 3:
+    if found.shape[-1] == 3:
         confidence = np.swapaxes(frames[..., 2], 1, 2).reshape(seen.shape)
+        if ((confidence[seen] < 0) | (confidence[seen] > 1)).any():
+            raise InvalidInputError("detections: expected confidences in [0, 1], got others")
         seen &= confidence > 0
     return Observations(
         pixels=np.where(seen[..., None], pixels, 0.0),
         seen=seen,
         confidence=np.where(seen, confidence, 0.0),
         projections=np.stack([c.K @ np.column_stack([c.R, c.t]) for c in cameras]),
-        leading=(n_joints,) if single else (n_frames, n_joints),
+        leading=found.shape[:-3] + found.shape[-2:-1],
     )
-
-
-def _checked(detections: ArrayLike, n_views: int) -> Array:
-    """Return the detections as float64 of a shape and with confidences that make sense."""
-    found = numbers(detections, "detections")
-    if found.ndim not in (3, 4) or found.shape[-1] not in (2, 3):
-        raise InvalidInputError(
-            f"detections: expected shape (T, M, N, 2|3) or (M, N, 2|3), got {found.shape}"
-        )
-    if found.shape[-3] != n_views:
-        raise InvalidInputError(
-            f"detections: expected M = {n_views} views, one per camera, got {found.shape[-3]}"
-        )
-    far = np.abs(found[..., :2]) > _FARTHEST
-    if (far & np.isfinite(found[..., :2])).any():
-        expected = f"pixels from -{_FARTHEST:g} to {_FARTHEST:g}"
-        raise InvalidInputError(f"detections: expected {expected}, got {found[..., :2][far][0]:g}")
-    if found.shape[-1] == 3:
-        confidence = found[..., 2]
-        outside = confidence[np.isfinite(found[..., :2]).all(axis=-1) & ((confidence < 0) | (confidence > 1))]
-        if outside.size:
-            raise InvalidInputError(
-                f"detections: expected confidences in [0, 1], got {float(outside.flat[0])!r}"
-            )
-    return found
 
 
 def reproject(points: Array, projections: Array) -> Array:
     """Project points (B, 3) into every view: (B, M, 2) px; not finite on a camera's focal plane."""
     image = homogeneous(points, projections)
     with np.errstate(divide="ignore", invalid="ignore"):
-        pixels: Array = image[..., :2] / image[..., 2:]
-    return pixels
+        return np.asarray(image[..., :2] / image[..., 2:])
 
 
 def homogeneous(points: Array, projections: Array) -> Array:
     """Return P X of points (B, 3) in every view, (B, M, 3)."""
     rows = projections.reshape(-1, 4)
-    image: Array = (points @ rows[:, :3].T + rows[:, 3]).reshape(len(points), -1, 3)
-    return image
+    return np.asarray(points @ rows[:, :3].T + rows[:, 3]).reshape(len(points), -1, 3)
 
 
 def dlt(detections: ArrayLike, cameras: Cameras, *, confidence: bool = False) -> Array:
     """Triangulate every joint by the direct linear transform (Hartley & Zisserman, §12.2).
 
-    A view that sees the joint at (u, v) gives the rows u·P₃ − P₁ and v·P₃ − P₂ of A; the point is the
-    homogeneous vector of norm 1 with the least ‖A X‖. That norm depends on the world's origin and unit, so X
-    is sought in a frame with its origin at the mean camera centre and the cameras' RMS distance from it as
-    unit: then the answer on noisy pixels depends on neither. All T·N joints are solved in one call.
-
-    Parameters
-    ----------
-    detections : (T, M, N, 2|3) or (M, N, 2|3) px
-    cameras : CameraRig or sequence of Camera
-    confidence : bool
-        Multiply the rows by the confidence (algebraic triangulation with weights); False tells from it only
-        what is missing.
+    A view that sees the joint at (u, v) gives the rows u·P₃ − P₁ and v·P₃ − P₂ of A, with ``confidence``
+    multiplied by the detection's; the point is the homogeneous vector of norm 1 with the least ‖A X‖. That
+    norm depends on the world's origin and unit, so X is sought in a frame with its origin at the mean camera
+    centre and the cameras' RMS distance from it as unit.
     """
     joints = observe(detections, cameras)
     weights = joints.confidence if confidence else joints.seen.astype(np.float64)

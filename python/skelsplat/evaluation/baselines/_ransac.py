@@ -37,23 +37,11 @@ def ransac_iskakov(
 ) -> Array:
     """Triangulate by the RANSAC of "Learnable Triangulation of Human Pose" (Iskakov et al., ICCV 2019).
 
-    Parameters
-    ----------
-    detections : (T, M, N, 2|3) or (M, N, 2|3) px
-        Pixels of the images, not of crops.
-    cameras : CameraRig or sequence of Camera
-    epsilon : float
-        A view agrees if *half* its reprojection distance is below this. In crop pixels if ``crop_scale`` is
-        given; with its default in pixels of the image, so 15 means a distance of 30 px.
-    crop_scale : number or (T, M), for one frame (M,)
-        Pixels of the image per pixel of the crop: the side of the person's square box / 384 for published
-        numbers. Errors, and with them the Huber threshold of 1, are divided by it.
-    n_iters : int
-        Pairs drawn, with replacement.
-    direct_optimization : bool
-        After the DLT of the largest set, minimise the Huber loss of ½ · the distances in its views.
-    seed : int or numpy Generator
-        Same seed and same batch, same result.
+    A view agrees if *half* its reprojection distance is below ``epsilon``: in crop pixels if ``crop_scale``
+    is given, the pixels of the image per pixel of the crop (a number, (T, M), or (M,) for one frame; for
+    published numbers the side of the person's square box / 384), else in pixels of the image, so that 15
+    means a distance of 30 px. ``n_iters`` pairs are drawn, with replacement. After the DLT of the largest
+    set, ``direct_optimization`` minimises the Huber loss, of threshold 1, of ½ · the distances in its views.
     """
     positive("epsilon", epsilon)
     positive("n_iters", n_iters, "integer")
@@ -77,18 +65,8 @@ def ransac_adafuse(
 ) -> Array:
     """Triangulate by the RANSAC that AdaFuse (Zhang et al., IJCV 2021) is compared with.
 
-    The result is the unweighted DLT of the largest set, or of all views if fewer than two agree.
-
-    Parameters
-    ----------
-    detections : (T, M, N, 2|3) or (M, N, 2|3) px
-    cameras : CameraRig or sequence of Camera
-    epsilon : float
-        A view agrees if its reprojection distance is below this, px.
-    n_iters : int
-        Pairs drawn at most, with replacement; a joint is done once all its views agree.
-    seed : int or numpy Generator
-        Same seed and same batch, same result.
+    A view agrees if its reprojection distance is below ``epsilon``, px. At most ``n_iters`` pairs are drawn,
+    with replacement; the result is the DLT of the largest set, or of all views if fewer than two agree.
     """
     positive("epsilon", epsilon)
     positive("n_iters", n_iters, "integer")
@@ -140,14 +118,10 @@ def _distances(joints: Observations, points: Array) -> Array:
 
 def _per_joint(crop_scale: ArrayLike, joints: Observations) -> Array:
     """Spread ``crop_scale`` over the joints, (B, M)."""
-    scale = numbers(crop_scale, "crop_scale")
-    *frames, n_joints = joints.leading
-    n_views = joints.seen.shape[1]
-    if scale.ndim != 0 and scale.shape != (*frames, n_views):
-        raise InvalidInputError(
-            f"crop_scale: expected a number or shape {(*frames, n_views)}, got {scale.shape}"
-        )
-    if not (np.isfinite(scale).all() and (scale > 0).all()):
-        raise InvalidInputError("crop_scale: expected finite numbers > 0, got others")
-    per_frame = np.broadcast_to(scale, (*frames, n_views))[..., None, :]
-    return np.broadcast_to(per_frame, (*frames, n_joints, n_views)).reshape(-1, n_views)
+    scale, n_views = numbers(crop_scale, "crop_scale"), joints.seen.shape[1]
+    per_frame = (*joints.leading[:-1], n_views)
+    if scale.shape not in ((), per_frame) or not (np.isfinite(scale) & (scale > 0)).all():
+        expected = f"a finite number > 0 or an array {per_frame} of them"
+        raise InvalidInputError(f"crop_scale: expected {expected}, got shape {scale.shape}")
+    spread = np.broadcast_to(scale, per_frame)[..., None, :]
+    return np.broadcast_to(spread, (*joints.leading, n_views)).reshape(-1, n_views)

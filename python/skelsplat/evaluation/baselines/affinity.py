@@ -9,7 +9,6 @@ time, the nearest pose of the next frame continues a track.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -26,31 +25,16 @@ FORGOTTEN_S = 1.0  # a track that is not continued for so long ends
 SHORTEST_FRAMES = 5  # of a track
 
 
-@dataclass
-class Track:
-    """One person over time."""
-
-    identity: int
-    frames: list[int] = field(default_factory=list)
-    poses: list[Array] = field(default_factory=list)
+def track(people: Array, cameras: CameraRig, *, fps: float) -> list[tuple[int, Index, Array]]:
+    """Track everybody in detections (T, M, P, N, 3), cameras in mm: identity, frames, poses (F, N, 3)."""
+    return linked(found(people, cameras), fps)
 
 
-def track(
-    people: Array, cameras: CameraRig, *, fps: float, gate_mm: float = PAIR_GATE_MM
-) -> list[tuple[int, Index, Array]]:
-    """Track everybody in detections (T, M, P, N, 3), with cameras in mm.
-
-    Returns
-    -------
-    list of (identity, frames (F,), poses (F, N, 3) mm)
-    """
-    return linked(found(people, cameras, gate_mm), fps)
-
-
-def found(people: Array, cameras: CameraRig, gate_mm: float = PAIR_GATE_MM) -> list[Array]:
+def found(people: Array, cameras: CameraRig) -> list[Array]:
     """Return the poses (G, N, 3) mm of everybody in each frame by itself, in no order."""
     usable = np.where(people[..., 2:] >= MIN_CONFIDENCE, people, np.nan)
-    groups = [grouped(frame, gate_mm) for frame in rays(usable, cameras)]
+    centres = np.array([-camera.R.T @ camera.t for camera in cameras])
+    groups = [grouped(centres, frame) for frame in rays(usable, cameras)]
     views = np.arange(len(cameras))
     chosen = [
         np.where((places >= 0)[:, None, None], frame[views, places], np.nan)
@@ -62,32 +46,28 @@ def found(people: Array, cameras: CameraRig, gate_mm: float = PAIR_GATE_MM) -> l
     return np.split(poses, bounds)
 
 
-def rays(people: Array, cameras: CameraRig) -> list[tuple[Array, Array]]:
-    """Return per frame the centres (M, 3) of the views and the directions (M, P, N, 3) of the detections."""
+def rays(people: Array, cameras: CameraRig) -> Array:
+    """Return the directions (T, M, P, N, 3) of the detections."""
     directions = np.empty(people.shape)
-    centres = np.empty((len(cameras), 3))
     for m, camera in enumerate(cameras):
         pixels = camera.undistort(people[:, m, ..., :2])
         homogeneous = np.concatenate([pixels, np.ones((*pixels.shape[:-1], 1))], axis=-1)
         direction = homogeneous @ np.linalg.inv(camera.K).T @ camera.R
         directions[:, m] = direction / np.linalg.norm(direction, axis=-1, keepdims=True)
-        centres[m] = -camera.R.T @ camera.t
-    return [(centres, frame) for frame in directions]
+    return directions
 
 
-def grouped(frame: tuple[Array, Array], gate_mm: float) -> list[Index]:
-    """Return the groups of a frame, each as the place in P per view (M,), −1 = none."""
-    centres, directions = frame
-    n_views = len(centres)
+def grouped(centres: Array, directions: Array) -> list[Index]:
+    """Group rays from (M, 3) along (M, P, N, 3): of each group the place in P per view (M,), −1 = none."""
     view, place = np.nonzero(np.isfinite(directions[..., 0]).any(axis=-1))
     far = distances(centres[view], directions[view, place])
     far[view[:, None] == view] = np.inf
     group = {k: [k] for k in range(len(view))}
     of = list(range(len(view)))
-    a, b = np.nonzero(np.triu(far < gate_mm))
+    a, b = np.nonzero(np.triu(far < PAIR_GATE_MM))
     for k in np.argsort(far[a, b]):
         one, other = of[a[k]], of[b[k]]
-        if one == other or far[np.ix_(group[one], group[other])].mean() >= gate_mm:
+        if one == other or far[np.ix_(group[one], group[other])].mean() >= PAIR_GATE_MM:
             continue  # infinite where a view would be in the group twice
         for member in group[other]:
             of[member] = one
@@ -95,7 +75,7 @@ def grouped(frame: tuple[Array, Array], gate_mm: float) -> list[Index]:
     out = []
     for members in group.values():
         if len(members) >= 2:
-            places = np.full(n_views, -1)
+            places = np.full(len(centres), -1)
             places[view[members]] = place[members]
             out.append(places)
     return out
@@ -115,26 +95,27 @@ def distances(centres: Array, directions: Array) -> Array:
 
 def linked(frames: Sequence[Array], fps: float) -> list[tuple[int, Index, Array]]:
     """Continue tracks by the nearest poses (G, N, 3) of each frame, nearest pairs first."""
-    alive: list[Track] = []
-    ended: list[Track] = []
-    begun = 0
+    tracks: list[dict[int, Array]] = []  # of each its poses by frame
+    alive: list[int] = []
+    ended: list[int] = []
     for t, poses in enumerate(frames):
-        ended += [one for one in alive if t - one.frames[-1] > FORGOTTEN_S * fps]
-        alive = [one for one in alive if t - one.frames[-1] <= FORGOTTEN_S * fps]
-        gap = np.array([[moved(one.poses[-1], pose) for pose in poses] for one in alive])
-        free_tracks, free_poses = set(range(len(alive))), set(range(len(poses)))
+        lost = [one for one in alive if t - max(tracks[one]) > FORGOTTEN_S * fps]
+        ended += lost
+        alive = [one for one in alive if one not in lost]
+        last = [tracks[one][max(tracks[one])] for one in alive]
+        gap = np.array([[moved(before, pose) for pose in poses] for before in last])
+        free_tracks, free_poses = set(alive), set(range(len(poses)))
         for k in np.argsort(gap, axis=None):
-            a, b = divmod(int(k), len(poses))
-            if gap[a, b] < TRACK_GATE_MM and a in free_tracks and b in free_poses:
-                alive[a].frames.append(t)
-                alive[a].poses.append(poses[b])
-                free_tracks.discard(a)
+            place, b = divmod(int(k), len(poses))
+            if gap[place, b] < TRACK_GATE_MM and alive[place] in free_tracks and b in free_poses:
+                tracks[alive[place]][t] = poses[b]
+                free_tracks.discard(alive[place])
                 free_poses.discard(b)
         for b in sorted(free_poses):
-            alive.append(Track(begun, [t], [poses[b]]))
-            begun += 1
-    long = [one for one in ended + alive if len(one.frames) >= SHORTEST_FRAMES]
-    return [(one.identity, np.array(one.frames), np.array(one.poses)) for one in long]
+            alive.append(len(tracks))
+            tracks.append({t: poses[b]})
+    long = [one for one in ended + alive if len(tracks[one]) >= SHORTEST_FRAMES]
+    return [(one, np.array(list(tracks[one])), np.array(list(tracks[one].values()))) for one in long]
 
 
 def moved(before: Array, now: Array) -> float:

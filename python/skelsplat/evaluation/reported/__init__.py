@@ -11,18 +11,21 @@ computed by this package.
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping
+import re
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
 from typing import Any
 
+from skelsplat.datasets import Dataset
+from skelsplat.evaluation.protocols import Protocol
+from skelsplat.evaluation.tables import Row
 from skelsplat.exceptions import one_of
 
-__all__ = ["ReportedRow", "ReportedTable", "labels", "reported"]
+__all__ = ["Published", "ReportedRow", "ReportedTable", "labels", "published", "reported"]
 
 _FOLDER = Path(__file__).parent
-_REFERENCES = "references.json"
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,6 +43,11 @@ class ReportedRow:
     keys: tuple[str, ...]  #: names of the C columns, for `value`
     values: tuple[float | None, ...]  #: C numbers in the table's unit; None where the table has none
 
+    @property
+    def name(self) -> str:
+        """Method, with its detector."""
+        return self.method if self.detector is None else f"{self.method} ({self.detector})"
+
     def value(self, key: str) -> float | None:
         """Return the number in the column `key`; None if the table leaves it out.
 
@@ -47,6 +55,11 @@ class ReportedRow:
         """
         one_of("key", key, self.keys)
         return self.values[self.keys.index(key)]
+
+    def cells(self, keys: Sequence[str | None]) -> tuple[float | None, ...]:
+        """Return the numbers in some columns; None also in those that the table does not have."""
+        known = dict(zip(self.keys, self.values, strict=True))
+        return tuple(None if key is None else known.get(key) for key in keys)
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,9 +100,8 @@ def reported(label: str) -> ReportedTable:
 
     Raises `InvalidInputError` if there is none; the message lists them.
     """
-    tables = _tables()
-    one_of("label", label, tables)
-    return tables[label]
+    one_of("label", label, _tables())
+    return _tables()[label]
 
 
 def labels() -> tuple[str, ...]:
@@ -100,9 +112,10 @@ def labels() -> tuple[str, ...]:
 @cache
 def _tables() -> Mapping[str, ReportedTable]:
     """Read every table, by label; the test suite checks the files."""
-    paths = sorted(_FOLDER.glob("*.json"))
-    files = {path.name: json.loads(path.read_text(encoding="utf-8")) for path in paths}
-    references = files.pop(_REFERENCES)
+    files = {
+        path.name: json.loads(path.read_text(encoding="utf-8")) for path in sorted(_FOLDER.glob("*.json"))
+    }
+    references = files.pop("references.json")
     tables = [_table(content, references) for content in files.values()]
     tables.sort(key=lambda table: (not table.label.startswith(("tab:", "text:")), table.label))
     return {table.label: table for table in tables}
@@ -117,3 +130,42 @@ def _table(content: dict[str, Any], references: Mapping[str, str]) -> ReportedTa
         own = {"citation": references[row["citation"]], "keys": lists["keys"], "values": values}
         rows.append(ReportedRow(**{**optional, **row, **own}))
     return ReportedTable(**{**content, **lists, "rows": tuple(rows)})
+
+
+@dataclass(frozen=True, slots=True)
+class Published:
+    """The table that was published of a data set, and its columns that can be compared."""
+
+    table: ReportedTable
+    absolute: str  #: key of the column with the average absolute error, mm
+    pcp: str | None = None  #: of that with the PCP, %
+
+    def rows(self, keys: Sequence[str | None]) -> list[Row]:
+        """Return all rows with these of their columns; None is a column that the table does not have."""
+        return [Row(row.name, row.cells(keys), "reported") for row in self.table]
+
+    def note(self, real: str = "") -> str:
+        """Return what the rows are; `real` says of what they are, if not of the same data."""
+        notes = " ".join(self.table.notes)
+        return f"Reported (in italics), not measured here{real}: {self.table.source}. {notes}"
+
+
+def occlusion_of(dataset: Dataset) -> str | None:
+    """Return the variant of Human3.6M-Occ that a data set is; None if nothing says so."""
+    variant = re.search(r"occ-(2|3-hard|3)\b", f"{dataset.name} {dataset.source}".lower())
+    return variant[1] if variant else None
+
+
+def published(dataset: Dataset, protocol: Protocol) -> Published | None:
+    """Return the table that was published of this data set and number of views, if there is one."""
+    n_views = protocol.n_views or len((dataset.takes or dataset.scenes)[0].rig)
+    four, variant = n_views == 4, occlusion_of(dataset)
+    found = {
+        "human36m": ("tab:h36m", "average"),
+        "human36m-occ": ("tab:h36m-occ", variant) if variant else None,
+        "panoptic": ("tab:cmu", "average") if four else ("tab:abl-views", str(n_views)),
+        "occlusion-person": ("tab:occ-pers", str(n_views)),
+        "shelf": ("xrmocap:shelf", "mpjpe", "pcp"),
+        "campus": ("xrmocap:campus", "mpjpe", "pcp"),
+    }.get(protocol.name)
+    return Published(reported(found[0]), *found[1:]) if found else None
