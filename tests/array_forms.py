@@ -225,10 +225,6 @@ CALLS: dict[str, tuple[Any, dict[str, np.ndarray]]] = {
         lambda points: synthetic.simulate_detections(points, RIG, noise=synthetic.DetectionNoise()),
         {"points": POSES},
     ),
-    "draw_occluders": (
-        lambda pixels: synthetic.draw_occluders(pixels, noise=synthetic.DetectionNoise(occluded_views=2)),
-        {"pixels": PIXELS},
-    ),
     "perturb": (lambda points: synthetic.perturb(points, 5.0), {"points": POSES}),
     "monocular_poses": (lambda points: synthetic.monocular_poses(points, RIG, 5.0), {"points": POSES}),
     "in_layout": (lambda points: synthetic.in_layout(points, sk.layouts.COCO17), {"points": POSES}),

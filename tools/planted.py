@@ -365,7 +365,7 @@ tests/unit/test_detect.py
 
 truth in other units is not converted | wrong unit
 tests/unit/datasets/test_others.py
--MM_PER_UNIT[unit] * truth, given.path
+-MM_PER_UNIT[truth_unit] * truth, given.path
 +truth, given.path
 
 the first frames of every part of a long recording are drawn | wrong sample

@@ -119,7 +119,6 @@ RESULTS = {
     ),
     "PoseData": PoseData(POSES, sk.layouts.H36M17.joints, np.arange(len(POSES)), "mm"),
     "DetectionNoise": synthetic.DetectionNoise(sigma_px=2.0, limb_swap_rate=0.1),
-    "Occluders": synthetic.draw_occluders(SEEN[..., :2], noise=synthetic.DetectionNoise(), seed=0),
     "RigReport": check_rig(RIG),
 }
 

@@ -141,18 +141,13 @@ def write_skelsplat(root: Path, recording: Recording, *, detectors: tuple[str, .
         write_detections(root / f"2d_{detector}", recording)
 
 
-def write_detections(
-    root: Path, recording: Recording, *, json_files: bool = False, numbered: bool = False
-) -> None:
-    """Write ``<subject>/<activity>/<camera>/poses.npz`` (or ``.json``) with the key poses2d."""
+def write_detections(root: Path, recording: Recording, *, numbered: bool = False) -> None:
+    """Write ``<subject>/<activity>/<camera>/poses.npz`` with the key poses2d."""
     for take in recording.takes:
         for view, name in enumerate(CAMERAS):
             folder = root / take.subject / (take.numbered if numbered else take.name) / name
             folder.mkdir(parents=True)
-            if json_files:
-                (folder / "poses.json").write_text(json.dumps({"poses2d": take.pixels[:, view].tolist()}))
-            else:
-                np.savez(folder / "poses.npz", poses2d=take.pixels[:, view])
+            np.savez(folder / "poses.npz", poses2d=take.pixels[:, view])
 
 
 def karfly_labels(recording: Recording) -> dict[str, object]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import typer
 
@@ -86,7 +85,7 @@ def synth(
     for key in of_people if name != PEOPLE_SET else ():
         raise typer.BadParameter(f"does not apply to {name}, only to {PEOPLE_SET}", param_hint=f"--{key}")
     if name == PEOPLE_SET:
-        data: RecordingSet[Any] = synthetic.simulate_people_set(**{**_DEFAULTS, **of_people}, seed=seed)
+        data: RecordingSet = synthetic.simulate_people_set(**{**_DEFAULTS, **of_people}, seed=seed)
         number = data.parameters["scenes"]
         length = f"{number} scene{'s' * (number != 1)} of {data.parameters['frames']} frames"
         what = f"{data.parameters['people']} people, {data.parameters['views']} views, {length}"

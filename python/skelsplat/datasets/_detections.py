@@ -1,26 +1,24 @@
-"""Detections of any source as (T, M, N, 3), the files that hold them, and names of detectors.
+"""Poses that are kept apart from the truth, in the layout of the method's authors, and names of detectors.
 
-What is missing or does not fit is a `DatasetError` that names the file and the field.
-
-Detections and monocular poses that are kept apart from the truth are a folder
-``<subject>/<activity>[/<camera>]/poses.npz|json`` (the authors' layout), one npz (``positions_2d`` as in
-VideoPose3D, or an array per key ``"S9/Directions 1"``) or one JSON (``{"S9": {"Directions 1": [...]}}``).
+A folder ``…/<activity>`` has ``poses.npz`` with all views, or one folder per view with a ``poses.npz``; what
+counts is the number at the end of a folder's name. What is missing or does not fit is a `DatasetError` that
+names the file and the field.
 """
 
 from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from skelsplat._arrays import Array, Index
 from skelsplat._skelsplat import Layout
-from skelsplat.datasets._files import MissingFileError, Survey, Value, load_json, load_npz
+from skelsplat.datasets._files import Survey, Value, load_npz
+from skelsplat.datasets._model import Take
 from skelsplat.exceptions import DatasetError
 
 KEYS_2D = ("poses", "poses2d", "detections")
@@ -31,11 +29,7 @@ PREFERRED = ("metrabs", "resnet152", "cpn", "resnet50")
 """Which detector is read if the caller does not say: the first of these that is there, else by name."""
 
 _DETECTORS = {"cpn_ft_h36m_dbb": "cpn", "resnet_152": "resnet152", "resnet_50": "resnet50"}
-
-Places = Sequence[tuple[Path, Sequence[str]]]
-"""Folders in which files may be, and the names that these may have; the first with files counts."""
-Spellings = Sequence[Sequence[str]]
-"""For each view, the names that its folder may have."""
+_STEMS = ("poses",)
 
 
 @dataclass(frozen=True)
@@ -89,6 +83,90 @@ def detections_of(
     return None if name is None else survey.find([there[name] / "S0"], f"detections of {name}"), name
 
 
+def with_detections(
+    survey: Survey, take: Take, layout: Layout, folder: Path, stems: Sequence[str] = _STEMS
+) -> Take:
+    """Return the frames of a take that have detections in a folder, with these."""
+    wanted = Wanted(take.key, take.frames, take.rig.names, layout)
+    values, places, path = read_apart(survey, folder, wanted, stems)
+    return take.select(places).with_detections(values, path)
+
+
+def read_apart(
+    survey: Survey, folder: Path, wanted: Wanted, stems: Sequence[str] = _STEMS
+) -> tuple[Array, Index, Path]:
+    """Read the detections in a folder.
+
+    Returns them, (S, M, N, 3), their places in `wanted.frames` (S,), and the file or folder. A file with
+    ``frames`` may have only some of these; without, it must have as many.
+    """
+    paths = files_of_views(survey, folder, wanted.views, f"detections of {wanted.key}", stems)
+    if len(paths) == 1:
+        return (*_one_file(paths[0], wanted), paths[0])
+    files = zip(paths, wanted.views, strict=True)
+    parts = [_one_file(path, replace(wanted, views=(name,))) for path, name in files]
+    common = parts[0][1]
+    for _, own in parts[1:]:
+        common = np.intersect1d(common, own)
+    if not len(common):
+        raise DatasetError(paths[0], "frames", "frames that all views have", "none")
+    views = [values[np.searchsorted(own, common)] for values, own in parts]
+    return np.concatenate(views, axis=1), common, folder
+
+
+def files_of_views(
+    survey: Survey, folder: Path, views: Sequence[str], what: str, stems: Sequence[str] = _STEMS
+) -> list[Path]:
+    """Return the one file with all views, or the file of each view."""
+    together = poses_file(folder, stems)
+    if together is not None:
+        return [survey.found(together)]
+    inside = {_number(path.name): path for path in sorted(folder.glob("*")) if path.is_dir()}
+    folders = [inside.get(_number(name), folder / name) for name in views]
+    files = [poses_file(one, stems) for one in folders]
+    if not any(files):
+        raise survey.lacks([folder / f"{stems[0]}.npz"], what)
+    expected = zip(files, folders, views, strict=True)
+    return survey.find_all(
+        (path or one / f"{stems[0]}.npz", f"{what}, camera {name}") for path, one, name in expected
+    )
+
+
+def _number(name: str) -> int | None:
+    """Return the number at the end of a name: of ``00_03``, ``3``, ``cam3`` it is 3."""
+    digits = re.search(r"\d{1,18}$", name)
+    return None if digits is None else int(digits[0])
+
+
+def poses_file(folder: Path, stems: Sequence[str] = _STEMS) -> Path | None:
+    """Return the file of poses in a folder, if there is one; the first stem counts."""
+    return next((path for stem in stems if (path := folder / f"{stem}.npz").is_file()), None)
+
+
+def _one_file(path: Path, wanted: Wanted) -> tuple[Array, Index]:
+    """Return the detections of a file and their places in the take's frames."""
+    content = load_npz(path)
+    pixels = content.first(*KEYS_2D)
+    array = pixels.array()
+    if len(wanted.views) == 1 and array.ndim == 3:
+        array = array[:, None]
+    if "scores" in content and array.shape[-1:] == (2,):
+        scores = content["scores"].array()
+        if scores.size != math.prod(array.shape[:-1]):
+            raise content["scores"].error(f"shape {array.shape[:-1]}", scores.shape)
+        array = np.concatenate([array, scores.reshape(*array.shape[:-1], 1)], axis=-1)
+    pixels = replace(pixels, content=array)
+    if "frames" not in content:
+        return as_detections(pixels, wanted), np.arange(len(wanted.frames))
+    frames = content["frames"].frames()
+    detections = as_detections(pixels, replace(wanted, frames=frames))
+    common, places, mine = np.intersect1d(wanted.frames, frames, return_indices=True)
+    if not len(common):
+        span = f"some of the frames of {wanted.key} ({wanted.frames[:1]} to {wanted.frames[-1:]})"
+        raise DatasetError(path, "frames", span, f"{frames[:1]} to {frames[-1:]}")
+    return detections[mine], np.asarray(places, dtype=np.int64)
+
+
 def as_detections(pixels: Value, wanted: Wanted) -> Array:
     """Return (T, M, N, 3) from pixels with or without confidence; missing = NaN, NaN, 0.
 
@@ -114,185 +192,20 @@ def as_detections(pixels: Value, wanted: Wanted) -> Array:
     return out
 
 
-def poses_file(folder: Path, stems: Sequence[str] = ("poses",)) -> Path | None:
-    """Return the file of poses in a folder, npz or JSON, if there is one; the first stem counts."""
-    paths = [folder / f"{stem}{ending}" for stem in stems for ending in (".npz", ".json")]
-    return next((path for path in paths if path.is_file()), None)
-
-
-def load_poses(path: Path) -> Value:
-    """Return the table in an npz or JSON file."""
-    content = load_npz(path) if path.suffix == ".npz" else load_json(path)
-    content.table("a table of arrays")
-    return content
-
-
 def read_truth(
-    survey: Survey, folder: Path, n_joints: int, stems: Sequence[str]
+    survey: Survey, folder: Path, n_joints: int, stems: Sequence[str] = _STEMS
 ) -> tuple[Value, Array, Index | None]:
     """Return the joints (T, N, 3) of the file in a folder, as it has them and checked, and its ``frames``."""
     path = poses_file(folder, stems) or survey.find([folder / f"{stems[-1]}.npz"], "truth")
-    content = load_poses(survey.found(path))
+    content = load_npz(survey.found(path))
     truth = content.first(*KEYS_3D)
     return truth, truth.numbers("T", n_joints, 3), content["frames"].frames() if "frames" in content else None
 
 
-def files_of_views(survey: Survey, places: Places, spellings: Spellings, what: str) -> list[Path]:
-    """Return the one file with all views, or the file of each view."""
-    for folder, stems in places:
-        together = poses_file(folder, stems)
-        if together is not None:
-            return [survey.found(together)]
-        paths = [
-            next((path for name in names if (path := poses_file(folder / name, stems)) is not None), None)
-            for names in spellings
-        ]
-        if any(paths):
-            break
-    else:
-        folder, stems = places[0]
-        raise survey.lacks([folder / f"{stems[0]}.npz"], what)
-    errors: list[MissingFileError] = []
-    for path, names in zip(paths, spellings, strict=True):
-        if path is None:
-            errors.append(survey.lacks([folder / names[0] / f"{stems[0]}.npz"], f"{what}, camera {names[0]}"))
-    if errors:
-        raise errors[0]
-    return [survey.found(path) for path in paths if path is not None]
-
-
-def read_apart(
-    survey: Survey,
-    places: Places,
-    wanted: Wanted,
-    spellings: Spellings | None = None,
-    *,
-    by_frame: bool = True,
-) -> tuple[Array, Index, Path]:
-    """Read the detections of a take.
-
-    Parameters
-    ----------
-    survey : Survey
-    places : Places
-        ``STEM.npz`` or ``STEM.json`` with all views, or one folder per view with it.
-    wanted : Wanted
-        The take's frames, views and joints. A file without ``frames`` must have as many as these.
-    spellings : Spellings, optional
-        By default the names of the views.
-    by_frame : bool
-        Whether ``frames`` in a file counts, which may be some of the take's.
-
-    Returns
-    -------
-    detections (S, M, N, 3), places in `wanted.frames` (S,), file or folder
-    """
-    names = spellings or [[name] for name in wanted.views]
-    paths = files_of_views(survey, places, names, f"detections of {wanted.key}")
-    if len(paths) == 1:
-        return (*_one_file(paths[0], wanted, by_frame=by_frame), paths[0])
-    parts = [
-        _one_file(path, replace(wanted, views=(name,)), by_frame=by_frame)
-        for path, name in zip(paths, wanted.views, strict=True)
-    ]
-    common = parts[0][1]
-    for _, own in parts[1:]:
-        common = np.intersect1d(common, own)
-    if not len(common):
-        raise DatasetError(paths[0], "frames", "frames that all views have", "none")
-    views = [values[np.searchsorted(own, common)] for values, own in parts]
-    return np.concatenate(views, axis=1), common, paths[0].parent.parent
-
-
-def _one_file(path: Path, wanted: Wanted, *, by_frame: bool) -> tuple[Array, Index]:
-    """Return the detections of a file and their places in the take's frames."""
-    content = load_poses(path)
-    pixels = content.first(*KEYS_2D)
-    array = pixels.array()
-    if len(wanted.views) == 1 and array.ndim == 3:
-        array = array[:, None]
-    if "scores" in content and array.shape[-1:] == (2,):
-        scores = content["scores"].array()
-        if scores.size != math.prod(array.shape[:-1]):
-            raise content["scores"].error(f"shape {array.shape[:-1]}", scores.shape)
-        array = np.concatenate([array, scores.reshape(*array.shape[:-1], 1)], axis=-1)
-    pixels = replace(pixels, content=array)
-    if "frames" not in content or not by_frame:
-        return as_detections(pixels, wanted), np.arange(len(wanted.frames))
-    frames = content["frames"].frames()
-    detections = as_detections(pixels, replace(wanted, frames=frames))
-    common, places, mine = np.intersect1d(wanted.frames, frames, return_indices=True)
-    if not len(common):
-        span = f"some of the frames of {wanted.key} ({wanted.frames[:1]} to {wanted.frames[-1:]})"
-        raise DatasetError(path, "frames", span, f"{frames[:1]} to {frames[-1:]}")
-    return detections[mine], np.asarray(places, dtype=np.int64)
-
-
 def read_world(
-    survey: Survey, places: Places, shape: tuple[int, int], spellings: Spellings, what: str = "world poses"
+    survey: Survey, folder: Path, take: Take, n_frames: int, what: str, stems: Sequence[str] = _STEMS
 ) -> Array:
-    """Read world poses (T, V, N, 3): one per view, or one in all that is fused already (V = 1).
-
-    `shape` is (T, N).
-    """
-    paths = files_of_views(survey, places, spellings, what)
-    views = [load_poses(path).first(KEY_WORLD, *KEYS_3D).numbers(*shape, 3) for path in paths]
-    return np.stack(views, axis=1)
-
-
-class Separate:
-    """Detections that are kept apart from the truth, in a folder or a file.
-
-    `spelling` gives two names of the same activity the same text.
-    """
-
-    def __init__(self, path: Path, spelling: Callable[[str], str]) -> None:
-        self.path = path
-        self._spelling = spelling
-        self._takes = None if path.is_dir() else _takes_of(path)
-
-    def read(self, survey: Survey, subject: str, activity: str, wanted: Wanted) -> tuple[Array, Path] | None:
-        """Return the detections of a take and the file they are in, or None if it has none."""
-        same = self._spelling(activity)
-        if self._takes is not None:
-            named = ((name, at) for name, at in self._takes.get(subject, {}).items())
-            pixels = next((at for name, at in named if self._spelling(str(name)) == same), None)
-            return None if pixels is None else (as_detections(_stacked(pixels), wanted), self.path)
-        folder = self.path / subject
-        there = [path for path in sorted(folder.glob("*")) if path.is_dir()]
-        exact = [path for path in there if path.name == activity]
-        alike = [path for path in there if self._spelling(path.name) == same]
-        if not exact and not alike:
-            return None
-        place = (exact or alike)[0]
-        return read_apart(survey, [(place, ["poses"])], wanted, by_frame=False)[0], place
-
-
-def _takes_of(path: Path) -> dict[Any, dict[Any, Value]]:
-    """Return {subject: {activity: value}} of a file with all detections."""
-    if not path.is_file():
-        raise DatasetError(path, "detections", "a folder, an npz or a JSON file", "nothing in this place")
-    content = load_json(path) if path.suffix == ".json" else load_npz(path)
-    if path.suffix == ".json" or "positions_2d" in content:
-        subjects = content if path.suffix == ".json" else content["positions_2d"]
-        return {name: at.table("activities") for name, at in subjects.table("a table of subjects").items()}
-    found: dict[Any, dict[Any, Value]] = {}
-    for key, at in content.table().items():
-        subject, slash, activity = key.partition("/")
-        if slash:
-            found.setdefault(subject, {})[activity] = at
-    if not found:
-        raise content.error("positions_2d, or subject/activity", ", ".join(content.keys) or "none")
-    return found
-
-
-def _stacked(pixels: Value) -> Value:
-    """Return (T, M, N, 2 or 3) from that, or from a list of one array (T, N, 2 or 3) per view."""
-    views = pixels.content
-    if isinstance(views, np.ndarray) and views.dtype == object:
-        views = list(views)
-    if not (isinstance(views, list) and views and all(isinstance(view, np.ndarray) for view in views)):
-        return pixels
-    if len({view.shape for view in views}) > 1:
-        raise pixels.error("as many frames in every view", f"shapes {[view.shape for view in views]}")
-    return replace(pixels, content=np.stack(views, axis=1))
+    """Read world poses (T, V, N, 3): one per view, or one in all that is fused already (V = 1)."""
+    paths = files_of_views(survey, folder, take.rig.names, what, stems)
+    poses = (load_npz(path).first(KEY_WORLD, *KEYS_3D) for path in paths)
+    return np.stack([one.numbers(n_frames, take.truth.shape[1], 3) for one in poses], axis=1)

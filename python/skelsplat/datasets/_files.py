@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeVar
@@ -65,10 +66,16 @@ class Survey:
     def lacks(self, candidates: Sequence[Path], what: str) -> MissingFileError:
         """Note that a file is missing; return the error."""
         self.missing.append((candidates[0], what))
-        others = ", ".join(map(str, candidates[1:]))
-        return MissingFileError(
-            candidates[0], "file", what, f"nothing there{', nor at ' if others else ''}{others}"
-        )
+        others = "".join(f", nor at {path}" for path in candidates[1:])
+        return MissingFileError(candidates[0], "file", what, f"nothing there{others}")
+
+    def find_all(self, files: Iterable[tuple[Path, str]]) -> list[Path]:
+        """Return files that must all be there, given with what they hold; note all that are missing."""
+        expected = list(files)
+        errors = [self.lacks([path], what) for path, what in expected if not path.exists()]
+        if errors:
+            raise errors[0]
+        return [self.found(path) for path, _ in expected]
 
     def each(self, make: Callable[[Item], T], items: Iterable[Item]) -> Iterator[T]:
         """Yield what `make` makes of every item; unless `strict`, leave out those with a missing file."""
@@ -105,32 +112,27 @@ class Value:
 
     def __getitem__(self, key: Any) -> Value:
         """Return what is under a key, which must be there."""
-        inner = Value(self.path, f"{self.place}.{key}" if self.place else str(key), None)
-        if not isinstance(self.content, dict) and not self.keys:
-            raise self.error(f"a table with the key {key!r}", type(self.content).__name__)
+        place = f"{self.place}.{key}" if self.place else str(key)
         if key not in self.keys:
-            there = ", ".join(map(str, self.keys[:8])) or "nothing"
-            raise inner.error("a value under this key", f"none (there are {there})")
-        return Value(self.path, inner.place, self.content[key])
+            there = ", ".join(map(str, self.keys[:8])) or type(self.content).__name__
+            raise DatasetError(self.path, place, "a value under this key", f"none (there is {there})")
+        return Value(self.path, place, self.content[key])
 
     def first(self, *keys: str) -> Value:
         """Return the first of `keys` that is there."""
         return self[next((key for key in keys if key in self), keys[0])]
 
-    def table(self, expected: str = "a table") -> dict[Any, Value]:
+    def table(self) -> dict[Any, Value]:
         """Return the values of a dict."""
         if not isinstance(self.content, dict):
-            raise self.error(expected, type(self.content).__name__)
+            raise self.error("a table", type(self.content).__name__)
         return {key: self[key] for key in self.content}
 
-    def entries(self, expected: str = "a list") -> list[Value]:
+    def entries(self) -> list[Value]:
         """Return the entries of a list, tuple or array."""
-        given = self.content
-        if not isinstance(given, list | tuple | np.ndarray) or (
-            isinstance(given, np.ndarray) and not given.ndim
-        ):
-            raise self.error(expected, type(given).__name__)
-        return [Value(self.path, f"{self.place}[{k}]", entry) for k, entry in enumerate(given)]
+        if not isinstance(self.content, list | tuple | np.ndarray) or np.shape(self.content) == ():
+            raise self.error("a list", type(self.content).__name__)
+        return [Value(self.path, f"{self.place}[{k}]", entry) for k, entry in enumerate(self.content)]
 
     def texts(self) -> list[str]:
         """Return the entries of a list as texts."""
@@ -154,20 +156,11 @@ class Value:
             raise self.error("numbers in rows of the same length", error) from error
 
     def numbers(self, *shape: int | str) -> Array:
-        """Return the value as an array of float64 with the given shape.
-
-        `shape` has an integer where the length is fixed and a letter where it is free; the same letter means
-        the same length.
-        """
+        """Return the value as an array of float64 with this shape: a letter stands for any length."""
         array = self.array()
-        lengths: dict[str, int] = {}
-        fits = array.ndim == len(shape) and all(
-            (lengths.setdefault(want, got) if isinstance(want, str) else want) == got
-            for want, got in zip(shape, array.shape, strict=True)
-        )
-        if not fits:
-            expected = f"shape ({', '.join(map(str, shape))}{',' * (len(shape) == 1)})"
-            raise self.error(expected, array.shape)
+        given = zip(shape, array.shape, strict=False)
+        if array.ndim != len(shape) or any(isinstance(want, int) and want != got for want, got in given):
+            raise self.error(f"shape ({', '.join(map(str, shape))})", array.shape)
         return array
 
     def frames(self) -> Index:
@@ -178,11 +171,6 @@ class Value:
 def load_json(path: Path) -> Value:
     """Return the value in a JSON file."""
     return Value(path, "", parse_json_file(path, "values of moderate depth"))
-
-
-def load_pickle(path: Path) -> Value:
-    """Return the object in a pickle; only data, never code (`unpickle`)."""
-    return Value(path, "", unpickle(path))
 
 
 def load_npy(path: Path) -> Value:
@@ -204,13 +192,18 @@ def _content(array: Any) -> Any:
     return array.item() if array.dtype == object and array.ndim == 0 else array
 
 
+def load_pickle(path: Path) -> Value:
+    """Return the object in a pickle; only data, never code (`unpickle`)."""
+    return Value(path, "", unpickle(path))
+
+
 def images_of(path: Path) -> dict[tuple[int, int, int, int], dict[int, Value]]:
     """Return the records of a pickle of AdaFuse, one per image.
 
     They are grouped by subject, action, subaction and frame, and then by camera.
     """
     found: dict[tuple[int, int, int, int], dict[int, Value]] = {}
-    for record in load_pickle(path).entries("a list of records, one per image"):
+    for record in load_pickle(path).entries():
         subject, action, subaction = (record[key].whole() for key in ("subject", "action", "subaction"))
         views = found.setdefault((subject, action, subaction, record["image_id"].whole()), {})
         view = record["camera_id"].whole()
@@ -227,26 +220,24 @@ def stacked(rows: Sequence[Sequence[Value]], key: str, *shape: int) -> Array:
     return np.stack([[record[key].numbers(*shape) for record in row] for row in rows])
 
 
-def build_camera(
-    path: Path,
-    field: str,
-    *,
-    K: Array,
-    R: Array,
-    t: Array,
-    distortion: Array | None,
-    size: Sequence[int],
-    name: str,
-) -> Camera:
-    """Return a camera, or raise `DatasetError` with `field` if its values make none.
+def flags(rows: Sequence[Sequence[Value]], key: str, count: int) -> Array:
+    """Return the flags (T, M, count) of all records, which may be repeated along a last axis."""
 
-    A distortion that is all zeros is none.
-    """
-    lens = None if distortion is None or not np.any(distortion) else distortion
+    def of(value: Value) -> Array:
+        array = value.array()
+        first = array[:, 0] if array.ndim == 2 and array.size else array
+        return Value(value.path, value.place, first).numbers(count)
+
+    return np.stack([[of(record[key]) for record in row] for row in rows])
+
+
+@contextmanager
+def making(path: Path, field: str, what: str) -> Iterator[None]:
+    """Raise `DatasetError` for what is refused when values of a file become a camera, say."""
     try:
-        return Camera(K, R, t, distortion=lens, size=size, name=name)
+        yield
     except InvalidInputError as error:
-        raise DatasetError(path, field, "a camera", error) from error
+        raise DatasetError(path, field, what, error) from error
 
 
 def camera_at_centre(entry: Value, *, size: Sequence[int], name: str) -> Camera:
@@ -262,32 +253,38 @@ def camera_at_centre(entry: Value, *, size: Sequence[int], name: str) -> Camera:
         return given
 
     fx, fy, cx, cy = (values(key, 1)[0] for key in ("fx", "fy", "cx", "cy"))
-    R, distortion = values("R", 9).reshape(3, 3), None
+    R, lens = values("R", 9).reshape(3, 3), np.zeros(5)
     if "k" in entry or "p" in entry:
         k, p = values("k", 3), values("p", 2)
-        distortion = np.array([k[0], k[1], p[0], p[1], k[2]])
+        lens = np.array([k[0], k[1], p[0], p[1], k[2]])
     K = np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
-    t = -R @ values("T", 3)
-    return build_camera(entry.path, entry.place, K=K, R=R, t=t, distortion=distortion, size=size, name=name)
+    return build_camera(entry, K, R, -R @ values("T", 3), lens, size, name)
 
 
-def build_rig(path: Path, cameras: Sequence[Camera], unit: Any) -> CameraRig:
-    """Return the cameras as a rig, or raise `DatasetError`."""
-    try:
-        return CameraRig(cameras, unit)
-    except InvalidInputError as error:
-        raise DatasetError(path, "cameras", "a rig", error) from error
+def build_camera(
+    entry: Value, K: Array, R: Array, t: Array, distortion: Array, size: Sequence[int], name: str
+) -> Camera:
+    """Return the camera of `entry`; a distortion that is all zeros is none."""
+    with making(entry.path, entry.place, "a camera"):
+        lens = distortion if np.any(distortion) else None
+        return Camera(K, R, t, distortion=lens, size=size, name=name)
 
 
-def read_cameras(path: Path, format: str, names: Sequence[str], **options: Any) -> CameraRig:
-    """Read the cameras of these names, in this order.
+def build_rig(path: Path, cameras: Sequence[Camera]) -> CameraRig:
+    """Return cameras in mm as a rig."""
+    with making(path, "cameras", "a rig"):
+        return CameraRig(cameras, "mm")
+
+
+def read_cameras(path: Path, format: str, names: Sequence[str] | None = None, **options: Any) -> CameraRig:
+    """Read the cameras of these names, in this order; None is all.
 
     Doubts about the unit are not reported here: verification by reprojection has the numbers.
     """
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)
         rig = read_calibration(path, format=format, **options)
-    for name in names:
+    for name in names or ():
         if name not in rig.names:
             raise DatasetError(path, "cameras", f"camera {name}", f"only {', '.join(sorted(rig.names))}")
-    return CameraRig([rig[name] for name in names], rig.unit)
+    return rig if names is None else CameraRig([rig[name] for name in names], rig.unit)

@@ -8,18 +8,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from skelsplat._arrays import FARTHEST, Array, Index, Mask, at_slots, corners, positive
-from skelsplat._optional import require
-from skelsplat._skelsplat import Layout, project
+from skelsplat._arrays import FARTHEST, Array, Index, Mask, at_slots, positive
+from skelsplat._skelsplat import Layout
 from skelsplat.cameras import CameraRig
 from skelsplat.exceptions import DatasetError
-
-# A detection may be somebody's if its joints are this near to the projected ones on average, as a share of
-# the diagonal of the person's box in the view; and if they have so many joints in common.
-_NEAR, _FEWEST_JOINTS = 0.2, 4
-_FORBIDDEN_PX = 1e6  # more than any allowed pairs cost together
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -66,41 +59,33 @@ class Take:
     files: Mapping[str, Path] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        t, m, n = len(self.frames), len(self.rig), self.truth.shape[-2] if self.truth.ndim == 3 else -1
-        self._expect("truth", self.truth, (t, n, 3))
-        for name, shape in (("detections", (t, m, n, 3)), ("boxes", (t, m, 4)), ("visible", (t, m, n))):
-            value = getattr(self, name)
-            if value is not None:
-                self._expect(name, value, shape)
-        if self.monocular is not None:
-            self._expect("monocular", self.monocular, (t, self.monocular.shape[1], n, 3))
-
-    def _expect(self, name: str, value: NDArray[np.generic], shape: tuple[int, ...]) -> None:
-        if value.shape != shape:
-            raise DatasetError(self.key, name, f"shape {shape}", value.shape)
-        if value.dtype.kind == "f" and (np.abs(value) > FARTHEST).any():
-            expected = f"numbers within ±{FARTHEST:g}, NaN where missing"
-            far = value[np.abs(value) > FARTHEST][0]
-            known = [self.files[one] for one in (name, "truth", "detections") if one in self.files]
-            raise DatasetError(known[0] if known else self.key, name, expected, f"{far:g}")
+        t, m = len(self.frames), len(self.rig)
+        n = self.truth.shape[1] if self.truth.ndim == 3 else None
+        _check(
+            self,
+            truth=(t, n, 3),
+            detections=(t, m, n, 3),
+            monocular=(t, None, n, 3),
+            boxes=(t, m, 4),
+            visible=(t, m, n),
+        )
 
     def __len__(self) -> int:
         return len(self.frames)
 
     def select(self, keep: Mask | Index | slice) -> Take:
         """Return the take with only the frames `keep`."""
-        arrays = ("frames", "truth", "detections", "monocular", "boxes", "visible")
-        return replace(self, **self._cut(arrays, keep))
+        return self._cut(("frames", "truth", "detections", "monocular", "boxes", "visible"), keep)
 
-    def _cut(self, names: Sequence[str], *index: Any) -> dict[str, Any]:
+    def _cut(self, names: Sequence[str], *index: Any, **changes: Any) -> Take:
         values = {name: getattr(self, name) for name in names}
-        return {name: None if value is None else value[index] for name, value in values.items()}
+        cut = {name: None if value is None else value[index] for name, value in values.items()}
+        changes |= cut
+        return replace(self, **changes)
 
-    def with_detections(self, values: Array, path: Path, monocular: Array | None = None) -> Take:
-        """Return the take with detections (T, M, N, 3) from a file or folder, maybe with monocular poses."""
-        files = {**self.files, "detections": path}
-        own = self.monocular if monocular is None else monocular
-        return replace(self, detections=values, monocular=own, files=files)
+    def with_detections(self, values: Array, path: Path) -> Take:
+        """Return the take with detections (T, M, N, 3) from a file or folder."""
+        return replace(self, detections=values, files={**self.files, "detections": path})
 
     def with_views(self, places: Sequence[int]) -> Take:
         """Return the take with only the cameras at these places, in this order.
@@ -112,8 +97,7 @@ class Take:
             return self
         per_view = self.monocular is not None and self.monocular.shape[1] == len(self.rig)
         arrays = ("detections", "boxes", "visible", *(["monocular"] if per_view else []))
-        rig = CameraRig([self.rig[i] for i in chosen], self.rig.unit)
-        return replace(self, rig=rig, **self._cut(arrays, slice(None), chosen))
+        return self._cut(arrays, slice(None), chosen, rig=_some(self.rig, chosen))
 
     @property
     def detected(self) -> float | None:
@@ -170,11 +154,8 @@ class PeopleTake:
 
     def __post_init__(self) -> None:
         t, m, q = len(self.frames), len(self.rig), len(self.names)
-        most, n = self.people.shape[2:4] if self.people.ndim == 5 else (-1, -1)
-        expected = {"people": (t, m, most, n, 3), "truth": (q, t, n, 3), "slots": (q, t, m)}
-        for name, shape in expected.items():
-            if getattr(self, name).shape != shape:
-                raise DatasetError(self.key, name, f"shape {shape}", getattr(self, name).shape)
+        n = self.people.shape[3] if self.people.ndim == 5 else None
+        _check(self, people=(t, m, None, n, 3), truth=(q, t, n, 3), slots=(q, t, m))
 
     def __len__(self) -> int:
         return len(self.frames)
@@ -191,8 +172,7 @@ class PeopleTake:
 
     def with_views(self, places: Sequence[int]) -> PeopleTake:
         """Return the take with only the cameras at these places, in this order."""
-        chosen = list(places)
-        rig = CameraRig([self.rig[i] for i in chosen], self.rig.unit)
+        chosen, rig = list(places), _some(self.rig, places)
         return replace(self, rig=rig, people=self.people[:, chosen], slots=self.slots[..., chosen])
 
     def detections(self) -> Array:
@@ -217,6 +197,26 @@ class PeopleTake:
             take = (key, subject, name, self.rig, frames, truth[there], seen)
             takes.append(Take(*take, fps=self.fps, files=self.files))
         return tuple(takes)
+
+
+def _check(take: Take | PeopleTake, **shapes: tuple[int | None, ...]) -> None:
+    """Raise `DatasetError` for arrays of another shape (None = any length) or with numbers out of range."""
+    for name, shape in shapes.items():
+        value = getattr(take, name)
+        if value is None:
+            continue
+        file = next((take.files[one] for one in (name, "truth", "detections") if one in take.files), take.key)
+        given = zip(value.shape, shape, strict=False)
+        if value.ndim != len(shape) or any(want not in (got, None) for got, want in given):
+            expected = f"shape ({', '.join('any' if n is None else str(n) for n in shape)})"
+            raise DatasetError(file, name, expected, value.shape)
+        if value.dtype.kind == "f" and (np.abs(value) > FARTHEST).any():
+            expected = f"numbers within ±{FARTHEST:g}, NaN where missing"
+            raise DatasetError(file, name, expected, f"{value[np.abs(value) > FARTHEST][0]:g}")
+
+
+def _some(rig: CameraRig, places: Sequence[int]) -> CameraRig:
+    return CameraRig([rig[i] for i in places], rig.unit)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -269,27 +269,3 @@ class Dataset:
 
     def __len__(self) -> int:
         return len(self.takes)
-
-
-def nearest_slots(truth: Array, rig: CameraRig, people: Array) -> Index:
-    """Return which of the detections (T, M, P, N, 3) is nearest to each person's truth (Q, T, N, 3).
-
-    In each view the pairs of least total distance in pixels; a pair that is too far apart is none. Needs
-    SciPy. (Q, T, M), −1 = none.
-    """
-    assign = require("scipy.optimize", "oracle association", "evaluation").linear_sum_assignment
-    out = np.full((*truth.shape[:2], len(rig)), -1, dtype=np.int64)
-    projected = np.stack([np.asarray(project(one, rig)) for one in truth])  # (Q, M, T, N, 2)
-    low, high = corners(projected)
-    size = np.linalg.norm(high - low, axis=-1)
-    for view in range(len(rig)):
-        for t, found in enumerate(people[:, view, ..., :2]):
-            gap = np.linalg.norm(projected[:, view, t, None] - found, axis=-1)  # (Q, P, N)
-            common = np.isfinite(gap)
-            count = common.sum(axis=-1)
-            mean = np.where(common, gap, 0.0).sum(axis=-1) / np.maximum(count, 1)
-            allowed = (count >= _FEWEST_JOINTS) & (mean <= _NEAR * size[:, view, t, None])
-            person, slot = assign(np.where(allowed, mean, _FORBIDDEN_PX))
-            fits = allowed[person, slot]
-            out[person[fits], t, view] = slot[fits]
-    return out

@@ -9,8 +9,7 @@ Options of several readers:
 - ``detector``: whose detections to read, as in ``2d_DETECTOR``: ``"metrabs"``, ``"cpn"``, … By default the
   first that is there of metrabs, resnet152, cpn, resnet50 and others;
 - ``detections``: detections that are kept apart from the data, in place of those of a detector: a folder
-  ``<subject>/<activity>[/<camera>]/poses.npz`` (or ``.json``), for Human3.6M also an npz or a JSON file.
-  Takes without any there are left out;
+  ``<subject>/<activity>[/<camera>]/poses.npz``. Takes without any there are left out;
 - ``format``: the layout on disk; found from the files by default;
 - ``views``: how many cameras, or which; each reader says of which order;
 - ``monocular``: the folder in ``initial_guess`` with 3D poses of monocular estimators, mm.

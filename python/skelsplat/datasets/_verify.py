@@ -21,8 +21,6 @@ from skelsplat.findings import Finding, Subject
 
 _BODY_MM = (400.0, 3500.0)
 """Diagonal of the box round a person: from a child that crouches to a tall one with arms spread."""
-_NEAR_MM = 200.0
-"""A camera that is nearer to the body than this is inside of it."""
 _CLEAR_PX = 5.0
 """An explanation is better by at least this much, and halves the error: detectors err by a few pixels."""
 _LARGE_PX = 25.0
@@ -31,6 +29,7 @@ _FRAMES = 24
 _MOST_PAIRS = 3
 _LENS_PX = 15.0
 """Views farther off than this have another fault than the lens."""
+_DETECTIONS = ("detections", "truth")
 
 
 @dataclass(frozen=True)
@@ -39,21 +38,36 @@ class Sample:
 
     take: Take
     truth: Array  # (t, N, 3)
-    pixels: Array  # (t, M, N, 2): Detections; NaN where missing
-    projected: Array  # (t, M, N, 2): The truth in all views
+    pixels: Array  # (t, M, N, 2): detections; NaN where missing
+    projected: Array  # (t, M, N, 2): the truth in all views
 
     def error(self) -> float:
         """Median distance of truth and detections, px."""
-        return median(distance(self.projected, self.pixels))
+        return median(_distance(self.projected, self.pixels))
 
     def best_quarter(self, view: int) -> float:
         """How far the nearer quarter of a view's detections lies from the truth at most, px; NaN without any.
 
         Unlike the median it stays small where an occluder hides most of the person.
         """
-        values = distance(self.projected[:, view], self.pixels[:, view])
+        values = _distance(self.projected[:, view], self.pixels[:, view])
         finite = values[np.isfinite(values)]
         return float(np.quantile(finite, 0.25)) if finite.size else float("nan")
+
+    def sides(self, layout: Layout, view: int | slice = slice(None)) -> tuple[float, float]:
+        """Return the median error of paired joints as given, and with left and right exchanged."""
+        order = np.arange(layout.n_joints)
+        for left, right in layout.left_right:
+            order[[left, right]] = right, left
+        paired = order != np.arange(len(order))
+        projected, pixels = self.projected[:, view], self.pixels[:, view]
+        given = median(_distance(projected, pixels)[..., paired])
+        return given, median(_distance(projected[..., order, :], pixels)[..., paired])
+
+    def view_distances(self) -> Array:
+        """Median distance of each view's detections from the projection into each camera, (M, M)."""
+        apart = _distance(self.projected[:, None, :], self.pixels[:, :, None])  # (t, M, M, N)
+        return medians(np.moveaxis(apart, 0, -1).reshape(*apart.shape[1:3], -1))
 
 
 def sample(take: Take) -> Sample:
@@ -62,28 +76,21 @@ def sample(take: Take) -> Sample:
     truth = np.ascontiguousarray(take.truth[chosen])
     shape = (len(chosen), len(take.rig), truth.shape[1], 2)
     pixels = np.full(shape, np.nan) if take.detections is None else take.detections[chosen][..., :2]
-    return Sample(take, truth, pixels, seen(truth, take.rig))
+    return Sample(take, truth, pixels, _seen(truth, take.rig))
 
 
-def seen(truth: Array, rig: CameraRig) -> Array:
+def samples_of(dataset: Dataset) -> list[Sample]:
+    """Return a few frames of every take."""
+    return [sample(take) for take in dataset if len(take)]
+
+
+def _seen(truth: Array, rig: CameraRig) -> Array:
     """Project (t, N, 3) to (t, M, N, 2)."""
     return np.asarray(project(truth, rig), dtype=np.float64).swapaxes(0, 1)
 
 
-def distance(a: Array, b: Array) -> Array:
-    """Return ‖a − b‖ over the last axis."""
+def _distance(a: Array, b: Array) -> Array:
     return np.asarray(np.linalg.norm(a - b, axis=-1))
-
-
-def sides(item: Sample, layout: Layout, view: int | slice = slice(None)) -> tuple[float, float]:
-    """Return the median error of paired joints as given, and with left and right exchanged."""
-    order = np.arange(layout.n_joints)
-    for left, right in layout.left_right:
-        order[[left, right]] = right, left
-    paired = order != np.arange(len(order))
-    projected, pixels = item.projected[:, view], item.pixels[:, view]
-    given = median(distance(projected, pixels)[..., paired])
-    return given, median(distance(projected[..., order, :], pixels)[..., paired])
 
 
 @dataclass(frozen=True)
@@ -100,76 +107,27 @@ def view_errors(samples: list[Sample], layout: Layout) -> tuple[ViewError, ...]:
     """Return the errors of every camera, in the order of the first take that has it."""
     rows: dict[str, list[tuple[float, float, float]]] = {}
     for item in samples:
-        for view, (name, distances) in enumerate(zip(item.take.rig.names, view_distances(item), strict=True)):
+        for view, (name, distances) in enumerate(
+            zip(item.take.rig.names, item.view_distances(), strict=True)
+        ):
             others = np.delete(distances, view)
             nearest = float(np.min(others[np.isfinite(others)], initial=np.inf))
-            row = (float(distances[view]), sides(item, layout, slice(view, view + 1))[1], nearest)
+            row = (float(distances[view]), item.sides(layout, slice(view, view + 1))[1], nearest)
             rows.setdefault(name, []).append(row)
-    medians = {name: [median(column) for column in np.array(values).T] for name, values in rows.items()}
-    return tuple(ViewError(name, *values) for name, values in medians.items())
-
-
-def view_distances(item: Sample) -> Array:
-    """Return the median distance of each view's detections from the projection into each camera, (M, M)."""
-    apart = distance(item.projected[:, None, :], item.pixels[:, :, None])  # (t, M, M, N)
-    return medians(np.moveaxis(apart, 0, -1).reshape(*apart.shape[1:3], -1))
-
-
-def _lens_sums(item: Sample, view: int, other: Callable[[Camera], Camera]) -> Array:
-    """Return sums for the least squares of the share s in residual = s · (other lens − given lens).
-
-    They are step², step · residual, residual² and their number, over joints of a view that are no outliers.
-    s is 0 if the given lens is right and 1 if the other one is.
-    """
-    changed = seen(item.truth, CameraRig([other(item.take.rig[view])], item.take.rig.unit))[:, 0]
-    step = changed - item.projected[:, view]
-    residual = item.pixels[:, view] - item.projected[:, view]
-    length = np.linalg.norm(residual, axis=-1)
-    if not median(length) <= _LENS_PX:
-        return np.zeros(4)
-    near = (length <= 3.0 * median(length) + 1e-9) & np.isfinite(step).all(axis=-1)
-    parts = step[near] ** 2, step[near] * residual[near], residual[near] ** 2
-    return np.array([*(part.sum() for part in parts), 2.0 * near.sum()])
-
-
-def _misfit(sums: Array) -> float:
-    """Return the sum of squared residuals of the other lens."""
-    own, product, residual, _ = sums
-    return float(residual - 2.0 * product + own)
-
-
-def _other_is_right(sums: Array) -> bool:
-    """Whether s is nearer to 1 than to 0, by four standard errors of it."""
-    own, product, residual, count = sums
-    if count < 8 or own <= 1e-12:
-        return False
-    share = product / own
-    rest = max(residual - share * product, 0.0)
-    return bool(share - 4.0 * np.sqrt(rest / count / own) > 0.5)
-
-
-def with_exchanged_tangential(camera: Camera) -> Camera:
-    """Return the camera with p1 and p2 exchanged."""
-    coefficients = np.array(camera.distortion)
-    coefficients[[2, 3]] = coefficients[[3, 2]]
-    return altered(camera, distortion=coefficients)
-
-
-def samples_of(dataset: Dataset) -> list[Sample]:
-    """Return a few frames of every take."""
-    return [sample(take) for take in dataset if len(take)]
+    columns = {name: [median(column) for column in np.array(values).T] for name, values in rows.items()}
+    return tuple(ViewError(name, *values) for name, values in columns.items())
 
 
 def verify(dataset: Dataset, samples: list[Sample] | None = None) -> tuple[Finding, ...]:
     """Return what is wrong with a data set; errors, with which it cannot be used, come first."""
     samples = samples_of(dataset) if samples is None else samples
-    found = merged(finding for item in samples for finding in _unit(item, dataset.layout))
+    found = _merged(finding for item in samples for finding in _unit(item, dataset.layout))
     if found:  # a wrong unit makes everything else look wrong as well
         return found
-    exchanged = merged(finding for item in samples for finding in _sides(item, dataset.layout))
+    exchanged = _merged(finding for item in samples for finding in _exchanged(item, dataset.layout))
     wrong = {key for finding in exchanged for key in finding.subject.takes}
     clean = [item for item in samples if item.take.key not in wrong]
-    views = merged(finding for item in clean for finding in _views(item, dataset.layout))
+    views = _merged(finding for item in clean for finding in _views(item, dataset.layout))
     return (*exchanged, *_joint_order(clean, dataset.layout), *views, *_lenses(clean))
 
 
@@ -181,7 +139,7 @@ def raise_errors(dataset: Dataset) -> None:
             raise DatasetError(Path(finding.subject.files[0]), field, *rest.split(", got ", 1))
 
 
-def merged(findings: Iterable[Finding]) -> tuple[Finding, ...]:
+def _merged(findings: Iterable[Finding]) -> tuple[Finding, ...]:
     """Join findings of one kind and the same cameras: the numbers of the first, the takes of all."""
     found: dict[tuple[str, ...], Finding] = {}
     for finding in findings:
@@ -203,9 +161,6 @@ def _more(count: int) -> str:
     return f" and {count} more" if count > 0 else ""
 
 
-_DETECTIONS = ("detections", "truth")
-
-
 def _of(take: Take, files: Sequence[str], cameras: Iterable[str] = ()) -> Subject:
     """Return the subject of a finding in a take, in the first of its `files` that is known."""
     file = next((take.files[part] for part in files if part in take.files), take.key)
@@ -225,65 +180,58 @@ def is_human(size_mm: float) -> bool:
 
 
 def _unit(item: Sample, layout: Layout) -> Iterator[Finding]:
-    """Find bodies of no human size, and cameras inside the body or in the wrong scale."""
+    """Find bodies of no human size, and cameras in the wrong scale."""
     take, unit = item.take, item.take.rig.unit
-    scale = take.rig.mm_per_unit
     size = body_size(item.truth)
-    if layout.n_joints > 10 and not (np.isnan(size) or is_human(scale * size)):
+    if layout.n_joints > 10 and not (np.isnan(size) or is_human(take.rig.mm_per_unit * size)):
         likely = [name for name, mm in MM_PER_UNIT.items() if is_human(mm * size)][-1:]
         numbers = {"size": size, "unit": unit, **({"likely_unit": likely[0]} if likely else {})}
         advice = f" (plausible in {likely[0]})" if likely else ""
-        yield Finding(
-            "unit_wrong",
-            "error",
-            _of(take, ["truth"]),
-            numbers,
-            sentence=f"truth: expected joints in {unit}, got a body of {size:.3g} {unit}{advice}",
-        )
+        sentence = f"truth: expected joints in {unit}, got a body of {size:.3g} {unit}{advice}"
+        yield Finding("unit_wrong", "error", _of(take, ["truth"]), numbers, sentence=sentence)
     elif (factor := _camera_factor(item)) is not None:
+        sentence = (
+            f"cameras: expected translations in {unit}, got cameras that fit if their translations are "
+        )
         yield Finding(
             "unit_wrong",
             "error",
             _of(take, ["cameras"]),
             {"unit": unit, "factor": factor},
-            sentence=f"cameras: expected translations in {unit}, got cameras that fit if their translations "
-            f"are multiplied by {factor:g}",
+            sentence=f"{sentence}multiplied by {factor:g}",
         )
 
 
 def _camera_factor(item: Sample) -> float | None:
     """Return the power of ten that the cameras' translations lack, if one explains the detections."""
-    rig = item.take.rig
-    body = np.array([median(item.truth[..., axis]) for axis in range(3)])
-    nearest = min(float(np.linalg.norm(camera.centre - body)) for camera in rig) * rig.mm_per_unit
-    given = item.error()
-    if not (nearest < _NEAR_MM or given > _LARGE_PX or np.isnan(given)):
+    rig, given = item.take.rig, item.error()
+    if given <= _LARGE_PX or not np.isfinite(item.pixels).any():
         return None
     errors = {}
     for factor in (1000.0, 100.0, 10.0, 0.1, 0.01, 0.001):
         scaled = CameraRig([altered(camera, t=factor * camera.t) for camera in rig], rig.unit)
-        errors[factor] = replace(item, projected=seen(item.truth, scaled)).error()
-    best = min(errors, key=lambda factor: np.nan_to_num(errors[factor], nan=np.inf))
-    if errors[best] < (0.2 * given if np.isfinite(given) else _LARGE_PX):
-        return best
-    return 1000.0 if nearest < _NEAR_MM and np.isnan(given) else None
+        error = replace(item, projected=_seen(item.truth, scaled)).error()
+        errors[factor] = np.nan_to_num(error, nan=np.inf)
+    best = min(errors, key=errors.__getitem__)
+    return best if errors[best] < (0.2 * given if np.isfinite(given) else _LARGE_PX) else None
 
 
 def _clearly_less(better: float, given: float) -> bool:
     return better < 0.5 * given and given - better > _CLEAR_PX
 
 
-def _sides(item: Sample, layout: Layout) -> Iterator[Finding]:
-    """Find takes whose detections fit the truth with left and right exchanged."""
-    given, exchanged = sides(item, layout)
+def _exchanged(item: Sample, layout: Layout, view: int | None = None) -> Iterator[Finding]:
+    """Find detections, of a view or of all, that fit the truth with left and right exchanged."""
+    given, exchanged = item.sides(layout, slice(None) if view is None else view)
     if _clearly_less(exchanged, given):
+        cameras = [] if view is None else [item.take.rig.names[view]]
         yield Finding(
             "sides_swapped",
-            "error",
-            _of(item.take, _DETECTIONS),
+            "error" if view is None else "warning",
+            _of(item.take, _DETECTIONS, cameras),
             {"given_px": given, "exchanged_px": exchanged},
-            sentence="left and right: expected the same sides in the truth and the detections, got exchanged "
-            f"sides: {given:.1f} px from the truth as given, {exchanged:.1f} px exchanged",
+            sentence=f"{f'camera {cameras[0]}' if cameras else 'left and right'}: expected the same sides in "
+            f"the truth and the detections, got {given:.1f} px as given, {exchanged:.1f} px exchanged",
         )
 
 
@@ -291,13 +239,15 @@ def _joint_order(samples: list[Sample], layout: Layout) -> Iterator[Finding]:
     """Find joints of the truth that lie on another joint of the detections."""
     if not samples:
         return
-    each = [distance(s.projected[..., :, None, :], s.pixels[..., None, :, :]) for s in samples]
+    each = [_distance(s.projected[..., :, None, :], s.pixels[..., None, :, :]) for s in samples]
     flat = [np.moveaxis(apart.reshape(-1, *apart.shape[2:]), 0, -1) for apart in each]
     table = medians(np.stack([medians(apart) for apart in flat], axis=-1))  # projected, detected
-    names, pairs = layout.joints, []
-    for joint, row in enumerate(table):
-        if np.isfinite(row).all() and _clearly_less(row.min(), row[joint]):
-            pairs.append([names[joint], names[int(row.argmin())]])
+    names = layout.joints
+    pairs = [
+        [names[joint], names[int(row.argmin())]]
+        for joint, row in enumerate(table)
+        if np.isfinite(row).all() and _clearly_less(row.min(), row[joint])
+    ]
     if pairs:
         shown = ", ".join(f"{joint} lies on {other}" for joint, other in pairs[:_MOST_PAIRS])
         finding = Finding(
@@ -313,17 +263,14 @@ def _joint_order(samples: list[Sample], layout: Layout) -> Iterator[Finding]:
 
 def _views(item: Sample, layout: Layout) -> Iterator[Finding]:
     """Find views that fit another camera, have their sides exchanged, or fit much worse than the others."""
-    table = view_distances(item)
     names = item.take.rig.names
     quarters = np.array([item.best_quarter(view) for view in range(len(names))])
-    for view, row in enumerate(table):
+    for view, row in enumerate(item.view_distances()):
         if not np.isfinite(row[view]):
             continue
-        others = median(np.delete(quarters, view))
-        given, exchanged = sides(item, layout, view)
-        best = int(np.nanargmin(row))
-        subject, far = _of(item.take, _DETECTIONS, [names[view]]), float(row[view])
-        if _clearly_less(row[best], row[view]):
+        best, far, own = int(np.nanargmin(row)), float(row[view]), float(quarters[view])
+        subject = _of(item.take, _DETECTIONS, [names[view]])
+        if _clearly_less(row[best], far):
             yield Finding(
                 "cameras_exchanged",
                 "warning",
@@ -332,44 +279,44 @@ def _views(item: Sample, layout: Layout) -> Iterator[Finding]:
                 sentence=f"camera {names[view]}: expected detections of this camera, got {far:.1f} px from "
                 f"the truth, and {row[best]:.1f} px in camera {names[best]}",
             )
-        elif _clearly_less(exchanged, given):
-            yield Finding(
-                "sides_swapped",
-                "warning",
-                subject,
-                {"given_px": given, "exchanged_px": exchanged},
-                sentence=f"camera {names[view]}: expected left and right as in the other views, got "
-                f"{given:.1f} px as given, {exchanged:.1f} px with sides exchanged",
-            )
-        elif quarters[view] > max(_LARGE_PX, 3.0 * np.nan_to_num(others)):
+        elif exchanged := list(_exchanged(item, layout, view)):
+            yield from exchanged
+        elif own > max(_LARGE_PX, 3.0 * np.nan_to_num(median(np.delete(quarters, view)))):
             yield Finding(
                 "camera_disagrees",
                 "warning",
                 subject,
-                {"given_px": far, "quarter_px": float(quarters[view])},
+                {"given_px": far, "quarter_px": own},
                 sentence=f"camera {names[view]}: expected detections near the truth, got errors of up to "
-                f"{quarters[view]:.1f} px in the best quarter of them",
+                f"{own:.1f} px in the best quarter of them",
             )
 
 
+def _exchange_tangential(camera: Camera) -> Camera:
+    lens = np.array(camera.distortion)
+    lens[[2, 3]] = lens[[3, 2]]
+    return altered(camera, distortion=lens)
+
+
 _LENSES: dict[str, tuple[Callable[[Camera], Camera], str]] = {
-    "tangential": (with_exchanged_tangential, "p1 and p2 exchanged"),
+    "tangential": (_exchange_tangential, "p1 and p2 exchanged"),
     "none": (without_distortion, "detections without distortion (undistorted, or made with K alone)"),
 }
 
 
 def _lenses(samples: list[Sample]) -> Iterator[Finding]:
     """Find cameras that fit better with p1 and p2 exchanged, or without distortion."""
-    fits: dict[str, dict[str, Array]] = {}
+    sums: dict[str, Array] = {}  # of each camera, (lenses, 4)
     for item in samples:
-        for view, (name, camera) in enumerate(zip(item.take.rig.names, item.take.rig, strict=True)):
+        for view, camera in enumerate(item.take.rig):
             if camera.distortion is not None and not camera.fisheye:
-                own = fits.setdefault(name, {lens: np.zeros(4) for lens in _LENSES})
-                for lens, (other, _) in _LENSES.items():
-                    own[lens] += _lens_sums(item, view, other)
-    best = {name: min(own, key=lambda lens: _misfit(own[lens])) for name, own in fits.items()}
-    for lens, (_, words) in _LENSES.items():
-        wrong = [name for name, own in fits.items() if best[name] == lens and _other_is_right(own[lens])]
+                own = [_lens_sums(item, view, other(camera)) for other, _ in _LENSES.values()]
+                name = item.take.rig.names[view]
+                sums[name] = sums.get(name, 0.0) + np.array(own)
+    # The sum of squared residuals of the other lens.
+    best = {name: int(np.argmin(own[:, 2] - 2.0 * own[:, 1] + own[:, 0])) for name, own in sums.items()}
+    for k, (lens, (_, words)) in enumerate(_LENSES.items()):
+        wrong = [name for name, own in sums.items() if best[name] == k and _other_is_right(own[k])]
         if wrong:
             yield Finding(
                 "dataset_lens",
@@ -379,3 +326,29 @@ def _lenses(samples: list[Sample]) -> Iterator[Finding]:
                 sentence=f"distortion of {', '.join(wrong)}: expected the lens of the detections, "
                 f"got {words}",
             )
+
+
+def _lens_sums(item: Sample, view: int, other: Camera) -> Array:
+    """Return sums for the least squares of the share s in residual = s · (other lens − given lens).
+
+    They are step², step · residual, residual² and their number, over joints of a view that are no outliers.
+    s is 0 if the given lens is right and 1 if the other one is.
+    """
+    step = _seen(item.truth, CameraRig([other], item.take.rig.unit))[:, 0] - item.projected[:, view]
+    residual = item.pixels[:, view] - item.projected[:, view]
+    length = np.linalg.norm(residual, axis=-1)
+    if not median(length) <= _LENS_PX:
+        return np.zeros(4)
+    near = (length <= 3.0 * median(length) + 1e-9) & np.isfinite(step).all(axis=-1)
+    parts = step[near] ** 2, step[near] * residual[near], residual[near] ** 2
+    return np.array([*(part.sum() for part in parts), 2.0 * near.sum()])
+
+
+def _other_is_right(sums: Array) -> bool:
+    """Whether s is nearer to 1 than to 0, by four standard errors of it."""
+    own, product, residual, count = sums
+    if count < 8 or own <= 1e-12:
+        return False
+    share = product / own
+    rest = max(residual - share * product, 0.0)
+    return bool(share - 4.0 * np.sqrt(rest / count / own) > 0.5)

@@ -25,6 +25,7 @@ from skelsplat.datasets._files import (
     Value,
     build_rig,
     camera_at_centre,
+    flags,
     images_of,
     load_json,
     stacked,
@@ -73,12 +74,12 @@ def read(
     one_of("format", format, (None, "adafuse", "skelsplat"))
     survey.format = format or ("skelsplat" if (root / "3d_gt").is_dir() else "adafuse")
     if survey.format == "adafuse":
-        tables = {split: read_pickle(survey, root, split, chosen)}
+        tables = {split: _read_pickle(survey, root, split, chosen)}
     else:
         paths = sorted((root / "3d_gt" / "S0").glob("*/poses.npz"))
         if not paths:
             raise survey.lacks([root / "3d_gt" / "S0" / "ACTIVITY" / "poses.npz"], "truth")
-        tables = {path.parent.name: read_arrays(survey, root, path.parent, chosen) for path in paths}
+        tables = {path.parent.name: _read_arrays(survey, root, path.parent, chosen) for path in paths}
     folder, name = detections_of(survey, root, detector, detections, "resnet50")
     takes: list[Take] = []
     for activity, table in tables.items():
@@ -104,7 +105,7 @@ def _cameras(views: int | Sequence[int]) -> tuple[int, ...]:
 
 
 @dataclass(frozen=True)
-class Table:
+class _Table:
     """G frames in the order of the source, M chosen cameras."""
 
     path: Path
@@ -117,128 +118,100 @@ class Table:
     annotated: Array | None = None  # (G, M, N, 2) px: the truth in the images, as the source has it
 
 
-def read_pickle(survey: Survey, root: Path, split: str, views: Sequence[int]) -> Table:
+def _read_pickle(survey: Survey, root: Path, split: str, views: Sequence[int]) -> _Table:
     """Read AdaFuse's pickle: one record per image."""
     name = f"unrealcv_{split}.pkl"
     places = [root / "unrealcv" / "annot" / name, root / "annot" / name, root / name]
     path = survey.find(places, f"annotation of the split {split}")
     images = images_of(path)
-    there = set().union(*images.values())
-    for view in views:
-        if view not in there:
-            raise DatasetError(path, "camera_id", f"camera {view}", f"only {sorted(there)}")
     whole = {who: found for who, found in images.items() if all(view in found for view in views)}
+    if not whole:
+        there = sorted(set().union(*images.values()))
+        raise DatasetError(path, "camera_id", f"a frame in the cameras {list(views)}", f"cameras {there}")
     if len(whole) < len(images):
         survey.notes.append(f"{len(images) - len(whole)} frames left out, not in every camera")
-    if not whole:
-        raise DatasetError(path, "camera_id", "a frame that is in every camera", "none")
     rows = [[found[view] for view in views] for found in whole.values()]
     truth = stacked(rows, "joints_gt", N_JOINTS, 3)
     apart = np.ptp(truth, axis=1).reshape(len(rows), -1).max(axis=1) > 1.0
     if apart.any():
         first = rows[int(np.argmax(apart))][0]["joints_gt"]
         raise first.error("the same joints in every camera of a frame", "others")
-    centre = stacked(rows, "center", 2)
-    half = _PX_PER_SCALE / 2 * np.stack([[_scale(record["scale"]) for record in row] for row in rows])
-    return Table(
+    centre, half = stacked(rows, "center", 2), _PX_PER_SCALE / 2 * stacked(rows, "scale", 2)
+    return _Table(
         path,
         [f"S{who[0]}/action {who[1]} {who[2]}" for who in whole],
         np.array([who[3] for who in whole], dtype=np.int64),
         truth[:, 0],
         [[record["camera"] for record in row] for row in rows],
-        np.stack([[_flags(record["joints_vis_2d"]) for record in row] for row in rows]) > 0.5,
+        flags(rows, "joints_vis_2d", N_JOINTS) > 0.5,
         np.concatenate([centre - half, centre + half], axis=-1),
         stacked(rows, "joints_2d", N_JOINTS, 2),
     )
 
 
-def _scale(value: Value) -> Array:
-    """Return the scale (2,) of a box, which may be one number."""
-    array = value.array()
-    return np.repeat(array.ravel(), 2) if array.size == 1 else value.numbers(2)
-
-
-def _flags(value: Value) -> Array:
-    """Return flags (N,), which may be repeated along a last axis."""
-    array = value.array()
-    first = array[:, 0] if array.ndim == 2 and array.size else array
-    return Value(value.path, value.place, first).numbers(N_JOINTS)
-
-
-def read_arrays(survey: Survey, root: Path, folder: Path, views: Sequence[int]) -> Table:
+def _read_arrays(survey: Survey, root: Path, folder: Path, views: Sequence[int]) -> _Table:
     """Read one activity of the SkelSplat authors' layout: ``poses.npz`` and ``cameras.json`` by frame."""
     inside = root / "cameras"
     places = [inside / folder.name / "cameras.json", inside / "cameras.json", root / "cameras.json"]
     by_frame = load_json(survey.find(places, "cameras by frame"))
-    truth, joints, own = read_truth(survey, folder, N_JOINTS, ["poses"])
-    if not all(name.isdecimal() for name in by_frame.table("a table of frame numbers")):
+    truth, joints, own = read_truth(survey, folder, N_JOINTS)
+    if not all(name.isdecimal() for name in by_frame.table()):
         raise by_frame.error("a table of frame numbers", "other keys")
     numbered = {frame_number(by_frame.path, name, name): by_frame[name] for name in by_frame.keys}
-    frames = np.array(sorted(numbered), dtype=np.int64)
-    if own is not None:
-        unknown = np.setdiff1d(own, frames)
-        if len(unknown):
-            got = f"frame {unknown[0]}, which is not there"
-            raise DatasetError(truth.path, "frames", f"frames of {by_frame.path}", got)
-        frames = own
+    frames = np.array(sorted(numbered), dtype=np.int64) if own is None else own
+    if unknown := set(frames.tolist()) - set(numbered):
+        got = f"frame {min(unknown)}, which is not there"
+        raise DatasetError(truth.path, "frames", f"frames of {by_frame.path}", got)
     if len(frames) != len(joints):
         raise truth.error(f"{len(frames)} frames as in {by_frame.path}", len(joints))
     cameras = [[_camera(numbered[frame], view) for view in views] for frame in frames.tolist()]
-    return Table(truth.path, [f"S0/{folder.name}"] * len(frames), frames, joints, cameras)
+    return _Table(truth.path, [f"S0/{folder.name}"] * len(frames), frames, joints, cameras)
 
 
 def _camera(there: Value, view: int) -> Value:
-    """Return the table of a camera; cameras are in a list or by number."""
-    if isinstance(there.content, dict):
-        return there[str(view)]
-    cameras = there.entries(f"camera {view} (in a list of 8)")
+    """Return the table of a camera in the list of a frame."""
+    cameras = there.entries()
     if view >= len(cameras):
         raise there.error(f"camera {view} (in a list of 8)", len(cameras))
     return cameras[view]
 
 
-def _detections(survey: Survey, place: Path, table: Table, views: Sequence[int]) -> tuple[Array, Index, Path]:
+def _detections(
+    survey: Survey, place: Path, table: _Table, views: Sequence[int]
+) -> tuple[Array, Index, Path]:
     """Return detections (S, M, N, 3) of the chosen cameras, their rows in the table and their place."""
     together = poses_file(place) is not None
     cameras = tuple(str(view) for view in (range(N_CAMERAS) if together else views))
     rows = np.arange(len(table.frames), dtype=np.int64)
-    wanted = Wanted(place.name, rows, cameras, OCCLUSION_PERSON15)
-    spellings = [[name, f"cam{name}"] for name in cameras]
-    values, places, path = read_apart(survey, [(place, ["poses"])], wanted, spellings)
+    values, places, path = read_apart(survey, place, Wanted(place.name, rows, cameras, OCCLUSION_PERSON15))
     return (values[:, list(views)] if together else values), places, path
 
 
 def _takes(
-    table: Table, rows: Index, views: Sequence[int], detections: Array | None, source: Path | None
+    table: _Table, rows: Index, views: Sequence[int], detections: Array | None, source: Path | None
 ) -> list[Take]:
     """Group rows of the same activity and cameras into takes."""
     groups: dict[tuple[str, bytes], list[int]] = {}
     for place, row in enumerate(rows.tolist()):
-        same = b"".join(
-            entry[key].array().tobytes()
-            for entry in table.cameras[row]
-            for key in _CAMERA_KEYS
-            if key in entry
-        )
+        tables = table.cameras[row]
+        numbers = [entry[key].array() for entry in tables for key in _CAMERA_KEYS if key in entry]
+        same = b"".join(one.tobytes() for one in numbers)
         groups.setdefault((table.activities[row], same), []).append(place)
     counts: dict[str, int] = {}
     takes = []
     for (activity, _), places in groups.items():
         counts[activity] = counts.get(activity, 0) + 1
         mine = rows[places]
-        entries = table.cameras[mine[0]]
-        cameras = [
-            camera_at_centre(entry, size=SIZE, name=str(view))
-            for entry, view in zip(entries, views, strict=True)
-        ]
+        named = zip(table.cameras[mine[0]], views, strict=True)
+        cameras = [camera_at_centre(entry, size=SIZE, name=str(view)) for entry, view in named]
         subject, _, action = activity.partition("/")
-        files = {"truth": table.path, "cameras": entries[0].path}
+        files = {"truth": table.path, "cameras": table.cameras[mine[0]][0].path}
         takes.append(
             Take(
                 f"{activity}.{counts[activity]}",
                 subject,
                 action,
-                build_rig(entries[0].path, cameras, "mm"),
+                build_rig(files["cameras"], cameras),
                 table.frames[mine],
                 table.truth[mine],
                 None if detections is None else detections[places],
@@ -250,7 +223,7 @@ def _takes(
     return takes
 
 
-def _check_annotation(table: Table, rows: Index, views: Sequence[int], annotated: Array) -> None:
+def _check_annotation(table: _Table, rows: Index, views: Sequence[int], annotated: Array) -> None:
     """Refuse cameras, units or sides with which the truth does not meet its own projections."""
     inside = ((annotated >= 0) & (annotated < np.array(SIZE))).all(axis=-1, keepdims=True)
     pixels = np.concatenate([np.where(inside, annotated, np.nan), inside.astype(np.float64)], axis=-1)

@@ -6,29 +6,27 @@ points down, as in the source.
 - ``calibration_SEQ.json`` in ``SEQ/``, in ``cameras/`` or in the root itself;
 - truth ``SEQ/hdPose3d_stage1_coco19/body3DScene_%08d.json`` (format ``"toolbox"``) or
   ``3d_gt/S0/SEQ/poses_filtered_N.npz`` (format ``"skelsplat"``, N views);
-- detections ``2d_DETECTOR/S0/SEQ[/CAMERA]/poses_filtered_N.npz`` or ``poses.npz``, or ``SEQ[/CAMERA]`` in the
-  folder `detections`: ``poses2d`` (T, M, 19, 2 or 3), and with ``frames`` (T,) the frame numbers;
+- detections ``2d_DETECTOR/S0/SEQ[/CAMERA]/poses_filtered_N.npz`` or ``poses.npz``, or the same in the folder
+  `detections`: ``poses2d`` (T, M, 19, 2 or 3), and with ``frames`` (T,) the frame numbers;
 - monocular poses ``initial_guess/NAME/S0/SEQ[/CAMERA]/poses_filtered_N.npz`` or ``poses.npz``.
 """
 
 from __future__ import annotations
 
-import re
-from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from skelsplat._arrays import Array, Index, Mask
+from skelsplat._arrays import Array, Index
 from skelsplat.cameras import MM_PER_UNIT
 from skelsplat.datasets._detections import (
-    Wanted,
     detections_of,
     poses_file,
-    read_apart,
     read_truth,
     read_world,
+    with_detections,
 )
 from skelsplat.datasets._files import Survey, load_json, read_cameras
 from skelsplat.datasets._model import Dataset, Take
@@ -80,19 +78,28 @@ def read(
     one_of("truth_unit", truth_unit, MM_PER_UNIT)
     survey.format = format or ""
     source, name = detections_of(survey, root, detector, detections, "metrabs")
+    stems = (f"poses_filtered_{len(chosen)}", "poses")
 
     def take(sequence: str) -> Take:
-        path = survey.find(_calibrations(root, sequence), f"calibration of {sequence}")
-        rig = convert_unit(
-            read_cameras(path, "panoptic", [camera_name(n) for n in chosen], camera_type="hd"), "mm"
-        )
-        frames, truth, own = _truth(survey, root, sequence, (len(rig), format, truth_unit, person))
+        file = f"calibration_{sequence}.json"
+        places = [folder / file for folder in (root / sequence, root / "cameras", root)]
+        path = survey.find(places, f"calibration of {sequence}")
+        cameras = read_cameras(path, "panoptic", [f"00_{n:02d}" for n in chosen], camera_type="hd")
+        folder, bodies = root / "3d_gt" / "S0" / sequence, root / sequence / _TRUTHS["toolbox"]
+        if format == "toolbox" or (format is None and poses_file(folder, stems) is None):
+            own = survey.find([bodies], f"truth of {sequence}")
+            frames, truth = _read_bodies(own, person)
+        else:
+            given, truth, numbered = read_truth(survey, folder, PANOPTIC19.n_joints, stems)
+            frames = np.arange(len(truth)) if numbered is None else numbered
+            truth, own = MM_PER_UNIT[truth_unit] * truth, given.path
         files = {"cameras": path, "truth": own}
+        rig = convert_unit(cameras, "mm")
         one = Take(f"S0/{sequence}", "S0", sequence, rig, frames, truth, fps=_HD_FPS, files=files)
-        guess = None if monocular is None else root / "initial_guess" / monocular / "S0" / sequence
         if source is None:
             return one
-        return _with_detections(survey, one, source, guess, filtered=detections is None)
+        guess = None if monocular is None else root / "initial_guess" / monocular / "S0" / sequence
+        return _with_detections(survey, one, source / sequence, guess, stems)
 
     takes = tuple(survey.each(take, sequences))
     words = f"CMU Panoptic, HD cameras {', '.join(map(str, chosen))}, detections: {name or 'none'}"
@@ -100,110 +107,54 @@ def read(
 
 
 def _cameras(views: int | Sequence[int]) -> tuple[int, ...]:
-    if isinstance(views, int):
-        if not 1 <= views <= len(CAMERAS):
-            raise InvalidInputError(
-                f"views: expected 1 to {len(CAMERAS)}, or numbers of cameras, got {views}"
-            )
-        return CAMERAS[:views]
-    chosen = tuple(views)
-    if not chosen or len(set(chosen)) < len(chosen):
-        raise InvalidInputError(f"views: expected at least one camera and none twice, got {list(views)}")
+    chosen = CAMERAS[: max(views, 0)] if isinstance(views, int) else tuple(views)
+    if not chosen or len(set(chosen)) < len(chosen) or (isinstance(views, int) and views > len(CAMERAS)):
+        expected = f"1 to {len(CAMERAS)}, or different numbers of cameras"
+        raise InvalidInputError(f"views: expected {expected}, got {views!r}")
     return chosen
 
 
-def _calibrations(root: Path, sequence: str) -> list[Path]:
-    name = f"calibration_{sequence}.json"
-    return [root / sequence / name, root / "cameras" / name, root / name]
-
-
-def _truth(
-    survey: Survey, root: Path, sequence: str, options: tuple[int, str | None, str, int | None]
-) -> tuple[Index, Array, Path]:
-    """Frames (T,), joints (T, 19, 3) mm, and the file or folder they are from."""
-    n_views, format, unit, person = options
-    stems = [f"poses_filtered_{n_views}", "poses"]
-    folder, bodies = root / "3d_gt" / "S0" / sequence, root / sequence / _TRUTHS["toolbox"]
-    if format == "toolbox" or (format is None and poses_file(folder, stems) is None):
-        return (*read_bodies(truth_files(survey.find([bodies], f"truth of {sequence}")), person), bodies)
-    given, truth, frames = read_truth(survey, folder, PANOPTIC19.n_joints, stems)
-    return np.arange(len(truth)) if frames is None else frames, MM_PER_UNIT[unit] * truth, given.path
-
-
-def _with_detections(survey: Survey, take: Take, source: Path, guess: Path | None, *, filtered: bool) -> Take:
+def _with_detections(
+    survey: Survey, take: Take, folder: Path, guess: Path | None, stems: Sequence[str]
+) -> Take:
     """Return the frames of a take in which every view has a detection."""
-    stems = [f"poses_filtered_{len(take.rig)}", "poses"] if filtered else ["poses"]
-    wanted = Wanted(take.key, take.frames, take.rig.names, PANOPTIC19)
-    spellings = [_spellings(name) for name in take.rig.names]
-    places = [(source / take.action, stems), *([] if filtered else [(source, [take.action])])]
-    values, own, path = read_apart(survey, places, wanted, spellings)
-    everywhere: Mask = np.all(np.any(values[..., 2] > 0, axis=2), axis=1)
-    world = None
+    found = with_detections(survey, take, PANOPTIC19, folder, stems)
     if guess is not None:
-        world = read_world(survey, [(guess, stems)], (len(values), PANOPTIC19.n_joints), spellings)
-    found = take.select(own).with_detections(values, path, monocular=world).select(everywhere)
+        world = read_world(survey, guess, take, len(found), "world poses", stems)
+        found = replace(found, monocular=world)
+    detected = np.any(np.asarray(found.detections)[..., 2] > 0, axis=2)
+    found = found.select(np.all(detected, axis=1))
     if lost := len(take) - len(found):
         survey.notes.append(f"{take.key}: {lost} of {len(take)} frames left out, not detected in every view")
     return found
 
 
-def _spellings(name: str) -> list[str]:
-    """Names that the folder of a camera may have: 00_03, 3, 03, hd03, cam3."""
-    number = int(re.sub(r"^00_", "", name))
-    return [camera_name(number), f"{number}", f"{number:02d}", f"hd{number:02d}", f"cam{number}"]
-
-
-def camera_name(number: int) -> str:
-    """Return the name of an HD camera: panel 0, node `number`."""
-    return f"00_{number:02d}"
-
-
-def truth_files(folder: Path) -> dict[int, Path]:
-    """Return the file of each frame, ascending."""
-    files = {}
-    for path in sorted(folder.glob("body3DScene_*.json")):
-        number = path.stem.removeprefix("body3DScene_")
-        if not number.isdecimal():
-            raise DatasetError(path, "file name", "body3DScene_ and a frame number", path.name)
-        files[frame_number(path, "file name", number)] = path
-    if not files:
-        raise DatasetError(folder, "files", "body3DScene_%08d.json", "none")
-    return dict(sorted(files.items()))
-
-
-def read_bodies(files: Mapping[int, Path], person: int | None) -> tuple[Index, Array]:
+def _read_bodies(folder: Path, person: int | None) -> tuple[Index, Array]:
     """Return the frames (T,) with the person in them and the joints (T, 19, 3), mm; NaN where not measured.
 
     `person` None is the only body that there is.
     """
-    bodies = {frame: _bodies(path) for frame, path in files.items()}
-    seen = Counter(name for there in bodies.values() for name in there)
+    bodies: dict[int, dict[int, Array]] = {}
+    for path in sorted(folder.glob("body3DScene_*.json")):
+        number = path.stem.removeprefix("body3DScene_")
+        if not number.isdecimal():
+            raise DatasetError(path, "file name", "body3DScene_ and a frame number", path.name)
+        bodies[frame_number(path, "file name", number)] = _bodies(path)
+    seen = sorted({name for there in bodies.values() for name in there})
     if person is None and len(seen) > 1:
-        path = next(
-            files[frame] for frame, there in bodies.items() if set(there) != {next(iter(seen))} and there
-        )
-        raise DatasetError(
-            path, "bodies", "one person (choose one by id)", f"ids {', '.join(map(str, seen))}"
-        )
+        raise DatasetError(folder, "bodies", "one person (choose one by id)", f"ids {seen}")
     chosen = person if person is not None else next(iter(seen), -1)
-    frames = [frame for frame, there in bodies.items() if chosen in there]
+    frames = sorted(frame for frame, there in bodies.items() if chosen in there)
     if not frames:
-        path = next(iter(files.values()))
-        raise DatasetError(
-            path.parent, "bodies", f"person {chosen}", f"ids {', '.join(map(str, seen)) or 'none'}"
-        )
+        expected = "body3DScene_%08d.json" if person is None else f"person {person}"
+        raise DatasetError(folder, "bodies", expected, f"{len(bodies)} files, ids {seen}")
     return np.array(frames, dtype=np.int64), np.stack([bodies[frame][chosen] for frame in frames])
 
 
 def _bodies(path: Path) -> dict[int, Array]:
     found = {}
     for body in load_json(path)["bodies"].entries():
-        values = body["joints19"]
-        count = len(values.content) if isinstance(values.content, list) else 0
-        if count != 4 * PANOPTIC19.n_joints:
-            expected = f"4·{PANOPTIC19.n_joints} numbers (x, y, z, c of 19 joints)"
-            raise values.error(expected, f"{count} numbers")
-        joints = values.numbers(count).reshape(-1, 4)
+        joints = body["joints19"].numbers(4 * PANOPTIC19.n_joints).reshape(-1, 4)  # x, y, z, confidence
         measured = joints[:, 3:] > _LEAST_CONFIDENCE
         with np.errstate(over="ignore"):  # refused with the take
             found[body["id"].whole()] = np.where(measured, _MM * joints[:, :3], np.nan)

@@ -3,9 +3,9 @@
 - ``calibration_NAME.json`` as VoxelPose wrote it: {"0": {k, p, R, T, fx, fy, cx, cy}}, mm, x_cam = R (X − T);
 - truth ``actorsGT.mat``, key ``actor3D``: cells of actors, of frames, of (14, 3) **metres**, empty where an
   actor is not labelled;
-- detections ``2d_DETECTOR/S0/actorK[/CAMERA]/poses.npz`` or ``2d_DETECTOR/S0/actorK.npz``: which detection
-  belongs to which actor is decided before. With 17 joints they are COCO-17 and become the 14, neck and head
-  top interpolated from shoulders and ears;
+- detections ``2d_DETECTOR/S0/actorK[/CAMERA]/poses.npz``: which detection belongs to which actor is decided
+  before. With 17 joints they are COCO-17 and become the 14, neck and head top interpolated from shoulders and
+  ears;
 - or detections of everybody, in which nothing says who is who: ``2d_DETECTOR/S0/people.npz``, key ``people``
   (T, M, P, N, 2 or 3), NaN where there is nothing, and ``frames`` (T,), from 0; or
   ``pred_NAME_DETECTOR_coco.pkl`` as VoxelPose has it: {"CAMERA_FRAME": [{"pred": (17, 3)}, …]}.
@@ -25,13 +25,19 @@ from typing import Any
 
 import numpy as np
 
-from skelsplat._arrays import Array, Index
+from skelsplat._arrays import Array, Index, corners
 from skelsplat._optional import require
-from skelsplat._skelsplat import Layout
+from skelsplat._skelsplat import project
 from skelsplat.cameras import CameraRig
-from skelsplat.datasets._detections import Wanted, detections_of, detector_name, read_apart
+from skelsplat.datasets._detections import (
+    Wanted,
+    detections_of,
+    detector_name,
+    read_apart,
+    with_detections,
+)
 from skelsplat.datasets._files import Survey, build_rig, camera_at_centre, load_json, load_npz, load_pickle
-from skelsplat.datasets._model import Dataset, PeopleTake, Take, nearest_slots
+from skelsplat.datasets._model import Dataset, PeopleTake, Take
 from skelsplat.exceptions import DatasetError
 from skelsplat.io._guarded import load_mat
 from skelsplat.layouts import COCO17, SHELF14
@@ -42,6 +48,10 @@ Actors = Sequence[tuple[Index, Array]]
 _EVALUATED = 3  # the first actors
 _FPS = 25.0
 _MM_PER_M = 1000.0
+# A detection may be somebody's if its joints are this near to the projected ones on average, as a share of
+# the diagonal of the person's box in the view; and if they have so many joints in common.
+_NEAR, _FEWEST_JOINTS = 0.2, 4
+_FORBIDDEN_PX = 1e6  # more than any allowed pairs cost together
 _FROM_COCO = (16, 14, 12, 11, 13, 15, 10, 8, 6, 5, 7, 9)
 """The 12 limb joints of SHELF14 in COCO-17."""
 
@@ -77,8 +87,8 @@ def _read(
     if folder is None and scenes:
         takes = scenes[0].apart("S0")
     else:
-        numbered = [(k, *actor) for k, actor in enumerate(actors[:_EVALUATED]) if len(actor[0])]
-        takes = tuple(survey.each(lambda actor: _take(survey, rig, folder, files, *actor), numbered))
+        own = partial(_take, survey, rig, folder, files)
+        takes = tuple(survey.each(own, [(k, *actors[k]) for k in range(_EVALUATED) if len(actors[k][0])]))
     return Dataset(scene.name, SHELF14, takes, name, words, scenes=scenes)
 
 
@@ -108,14 +118,12 @@ def _detections(
 
 def _rig(scene: Scene, path: Path) -> CameraRig:
     content = load_json(path)
-    content.table("a table of cameras")
     names = [str(k) for k in range(scene.n_cameras)]
-    for name in names:
-        if name not in content:
-            there = ", ".join(sorted(content.keys)) or "none"
-            raise DatasetError(path, "cameras", f"camera {name}", f"only {there}")
-    cameras = [camera_at_centre(content[name], size=scene.size, name=name) for name in names]
-    return build_rig(path, cameras, "mm")
+    lost = [name for name in names if name not in content.table()]
+    if lost:
+        there = ", ".join(sorted(content.keys)) or "none"
+        raise DatasetError(path, "cameras", f"camera {lost[0]}", f"only {there}")
+    return build_rig(path, [camera_at_centre(content[name], size=scene.size, name=name) for name in names])
 
 
 def _take(
@@ -123,32 +131,29 @@ def _take(
     rig: CameraRig,
     folder: Path | None,
     files: Mapping[str, Path],
-    k: int,
-    frames: Index,
-    joints: Array,
+    actor: tuple[int, Index, Array],
 ) -> Take:
     """Return an actor's take, with the detections in a folder if there is one."""
+    k, frames, joints = actor
     name = f"actor{k}"
     take = Take(f"S0/{name}", "S0", name, rig, frames, joints, fps=_FPS, files=files)
     if folder is None:
         return take
-
-    def found_as(layout: Layout) -> tuple[Array, Index, Path]:
-        spellings = [[camera, f"cam{camera}", f"Camera{camera}"] for camera in rig.names]
-        wanted = Wanted(take.key, frames, rig.names, layout)
-        return read_apart(survey, [(folder / name, ["poses"]), (folder, [name])], wanted, spellings)
-
     try:
-        values, places, path = found_as(SHELF14)
+        return with_detections(survey, take, SHELF14, folder / name)
     except DatasetError as error:
         if f"{SHELF14.n_joints} joints" not in error.expected:
             raise
-        try:
-            values, places, path = found_as(COCO17)
-        except DatasetError:
-            raise error from None
-        values = from_coco(values)
-    return take.select(places).with_detections(values, path)
+        values, places, path = _coco(survey, take, folder / name, error)
+        return take.select(places).with_detections(from_coco(values), path)
+
+
+def _coco(survey: Survey, take: Take, folder: Path, error: DatasetError) -> tuple[Array, Index, Path]:
+    """Read detections of 17 joints, or raise the error that there are not the 14."""
+    try:
+        return read_apart(survey, folder, Wanted(take.key, take.frames, take.rig.names, COCO17))
+    except DatasetError:
+        raise error from None
 
 
 def from_coco(detections: Array) -> Array:
@@ -165,6 +170,30 @@ def from_coco(detections: Array) -> Array:
     head[..., 2] = confidence[..., None]
     head[np.isnan(head[..., 0])] = (np.nan, np.nan, 0.0)
     return np.concatenate([limbs, head], axis=-2)
+
+
+def nearest_slots(truth: Array, rig: CameraRig, people: Array) -> Index:
+    """Return which of the detections (T, M, P, N, 3) is nearest to each person's truth (Q, T, N, 3).
+
+    In each view the pairs of least total distance in pixels; a pair that is too far apart is none. Needs
+    SciPy. (Q, T, M), −1 = none.
+    """
+    assign = require("scipy.optimize", "oracle association", "evaluation").linear_sum_assignment
+    out = np.full((*truth.shape[:2], len(rig)), -1, dtype=np.int64)
+    projected = np.stack([np.asarray(project(one, rig)) for one in truth])  # (Q, M, T, N, 2)
+    low, high = corners(projected)
+    size = np.linalg.norm(high - low, axis=-1)
+    for view in range(len(rig)):
+        for t, found in enumerate(people[:, view, ..., :2]):
+            gap = np.linalg.norm(projected[:, view, t, None] - found, axis=-1)  # (Q, P, N)
+            common = np.isfinite(gap)
+            count = common.sum(axis=-1)
+            mean = np.where(common, gap, 0.0).sum(axis=-1) / np.maximum(count, 1)
+            allowed = (count >= _FEWEST_JOINTS) & (mean <= _NEAR * size[:, view, t, None])
+            person, slot = assign(np.where(allowed, mean, _FORBIDDEN_PX))
+            fits = allowed[person, slot]
+            out[person[fits], t, view] = slot[fits]
+    return out
 
 
 def _people(path: Path, rig: CameraRig, actors: Actors, files: Mapping[str, Path]) -> PeopleTake:

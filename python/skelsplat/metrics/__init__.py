@@ -18,9 +18,17 @@ Missing values follow one rule:
 nothing, giving ``(…, N)`` with NaN at excluded joints. For `pcp` the limbs take the joints' place.
 """
 
-from skelsplat.metrics._distances import missing_rate, mpjpe, pa_mpjpe, root_relative_mpjpe
+from skelsplat.metrics._joints import (
+    auc,
+    missing_rate,
+    mpjpe,
+    pa_mpjpe,
+    pck,
+    pcp,
+    root_relative_mpjpe,
+    sigma_coverage,
+)
 from skelsplat.metrics._people import TrackScores, track_scores
-from skelsplat.metrics._rates import auc, pck, pcp, sigma_coverage
 
 __all__ = [
     "TrackScores",

@@ -11,8 +11,7 @@ from numpy.typing import ArrayLike
 from skelsplat._arrays import Array, Index, Mask, flags, positive, whole_numbers
 from skelsplat._optional import require
 from skelsplat.exceptions import InvalidInputError
-from skelsplat.metrics._arrays import as_poses, present
-from skelsplat.metrics._rates import Endpoint, pcp
+from skelsplat.metrics._joints import Endpoint, as_poses, pcp, present
 
 Track = tuple[int, ArrayLike, ArrayLike]
 

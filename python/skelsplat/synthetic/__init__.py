@@ -13,7 +13,6 @@ from skelsplat.synthetic.detections import simulate_detections
 from skelsplat.synthetic.memory import Memory
 from skelsplat.synthetic.motions import motion, motion_names
 from skelsplat.synthetic.noise import DetectionNoise
-from skelsplat.synthetic.occluders import Occluders, draw_occluders
 from skelsplat.synthetic.people_sets import simulate_people_set
 from skelsplat.synthetic.poses import monocular_poses, perturb
 from skelsplat.synthetic.rigs import dome, human36m_like, look_at, ring, stereo, table
@@ -25,11 +24,9 @@ __all__ = [
     "Crowding",
     "DetectionNoise",
     "Memory",
-    "Occluders",
     "Scene",
     "crowd",
     "dome",
-    "draw_occluders",
     "forward_kinematics",
     "human36m_like",
     "in_layout",

@@ -14,14 +14,9 @@ from skelsplat.cameras import CameraRig
 from skelsplat.exceptions import InvalidInputError
 from skelsplat.synthetic.memory import Numbers
 from skelsplat.synthetic.noise import DetectionNoise
-from skelsplat.synthetic.occluders import (
-    Occluders,
-    covering_disc,
-    draw_discs,
-    occluded_views,
-    projections,
-    streams_of,
-)
+from skelsplat.synthetic.occluders import Occluders, covering_disc, draw_discs, occluded_views, streams_of
+
+Pairs = Sequence[tuple[int, int]]
 
 # Factor on the jitter by what a joint's name contains: small, fast and loosely dressed joints are harder.
 _JOINT_FACTORS = {
@@ -43,7 +38,6 @@ def simulate_detections(
     noise: DetectionNoise,
     layout: str | Layout | None = "h36m17",
     seed: int | np.random.Generator = 0,
-    occluders: Occluders | None = None,
 ) -> Array:
     """Simulate what a 2D keypoint detector reports for known 3D joints.
 
@@ -59,8 +53,6 @@ def simulate_detections(
     seed : int or numpy Generator
         Same seed, same detections. Views are independent of each other, and the same whatever cameras follow;
         only which views are occluded depends on M.
-    occluders : Occluders, optional
-        From `draw_occluders`, so that several detectors see the same ones; drawn from `noise` when left out.
 
     Returns
     -------
@@ -72,8 +64,10 @@ def simulate_detections(
         raise InvalidInputError(f"points: expected shape (T, N, 3) or (N, 3), got {world.shape}")
     frames = world if world.ndim == 3 else world[None]
     skeleton = layouts.get(layout) if isinstance(layout, str) else layout
-    pixels = true_pixels(frames, cameras)
-    out = corrupt(pixels, noise=noise, layout=skeleton, seed=seed, occluders=occluders)
+    if skeleton is not None and skeleton.n_joints != world.shape[-2]:
+        given = f"{skeleton.name!r} with {skeleton.n_joints}"
+        raise InvalidInputError(f"layout: expected one of {world.shape[-2]} joints, got {given}")
+    out = corrupt(true_pixels(frames, cameras), noise, skeleton, seed)
     return out if world.ndim == 3 else out[0]
 
 
@@ -86,41 +80,26 @@ def true_pixels(points: Array, cameras: CameraRig | Sequence[Camera]) -> Array:
 
 
 def corrupt(
-    pixels: ArrayLike,
-    *,
+    pixels: Array,
     noise: DetectionNoise,
     layout: Layout | None = None,
     seed: int | np.random.Generator = 0,
     occluders: Occluders | None = None,
 ) -> Array:
-    """Apply the noise model to true projections.
+    """Turn true projections (T, M, N, 2) px, NaN = not in the image, into detections (T, M, N, 3).
 
-    Parameters
-    ----------
-    pixels : (T, M, N, 2) px
-        True projections; NaN = not in the image.
-    noise, layout, seed, occluders
-        As in `simulate_detections`.
-
-    Returns
-    -------
-    (T, M, N, 3) px, px, confidence.
+    Without `occluders` their own are drawn.
     """
-    true = projections(pixels)
-    n_frames, n_views, n_joints = true.shape[:3]
-    if layout is not None and len(layout.joints) != n_joints:
-        raise InvalidInputError(
-            f"layout: expected one of {n_joints} joints, got {layout.name!r} with {len(layout.joints)}"
-        )
+    n_frames, n_views = pixels.shape[:2]
     first, *streams = streams_of(seed, n_views)
-    views = []
     if occluders is None:
         occluded, stays = occluded_views(n_frames, n_views, noise, first)
     else:
         occluded = occluders.views
+    views = []
     for i, stream in enumerate(streams):
         discs = stays[:, i] if occluders is None else (occluders.centres[:, i], occluders.radii[:, i])
-        views.append(_one_view(true[:, i], occluded[:, i], noise, layout, stream, discs))
+        views.append(_one_view(pixels[:, i], occluded[:, i], noise, layout, stream, discs))
     return np.stack(views, axis=1)
 
 
@@ -138,7 +117,8 @@ def _one_view(
     """
     shape = true.shape[:2]
     factors = np.ones(shape[1]) if layout is None else np.array([_joint_factor(j) for j in layout.joints])
-    pixels = true + noise.sigma_px * factors[:, None] * _jitter(true.shape, noise, rng)
+    unit = rng.standard_normal(true.shape) if noise.memory is None else noise.memory.jitter(true.shape, rng)
+    pixels = true + noise.sigma_px * factors[:, None] * unit
     confidence = rng.beta(18.0, 2.0, size=shape)
 
     outlier, offset = _outliers(shape, noise, rng)
@@ -151,7 +131,7 @@ def _one_view(
         every = _swapped(noise.view_swap_rate, shape[0], noise, rng)
         _swap(pixels, confidence, layout.left_right, every)
     if not isinstance(discs, tuple):
-        discs = draw_discs(true, noise.n_discs, noise.disc_radius, discs, rng)
+        discs = draw_discs(true, noise, discs, rng)
     hidden, guess = _hidden_guess(true, noise, rng, discs)
     hidden &= occluded[:, None]
     pixels = np.where(hidden[..., None], guess, pixels)
@@ -163,16 +143,9 @@ def _one_view(
     return np.concatenate([pixels, confidence[..., None]], axis=-1)
 
 
-def _jitter(shape: tuple[int, int, int], noise: DetectionNoise, rng: np.random.Generator) -> Array:
-    """Draw unit normal noise (T, N, 2): white, a stationary AR(1) in frames, or with the noise's memory."""
-    if noise.memory is not None:
-        return noise.memory.jitter(shape, rng)
-    unit = rng.standard_normal(shape)
-    if noise.correlation > 0:
-        fresh = np.sqrt(1.0 - noise.correlation**2)
-        for frame in range(1, shape[0]):
-            unit[frame] = noise.correlation * unit[frame - 1] + fresh * unit[frame]
-    return unit
+def _joint_factor(joint: str) -> float:
+    name = joint.lower()
+    return next((factor for factor, parts in _JOINT_FACTORS.items() if any(p in name for p in parts)), 1.0)
 
 
 def _outliers(shape: tuple[int, int], noise: DetectionNoise, rng: np.random.Generator) -> tuple[Mask, Array]:
@@ -195,16 +168,14 @@ def _directions(shape: tuple[int, ...], rng: np.random.Generator) -> Array:
     return np.stack([np.cos(angle), np.sin(angle)], axis=-1)
 
 
-def _swap(pixels: Array, confidence: Array, pairs: Sequence[tuple[int, int]], frames: Mask) -> None:
+def _swap(pixels: Array, confidence: Array, pairs: Pairs, frames: Mask) -> None:
     """Exchange left and right of `pairs` in the frames (T,) marked, in place."""
     for left, right in pairs:
         for array in (pixels, confidence):
             array[frames, left], array[frames, right] = array[frames, right], array[frames, left]
 
 
-def _one_sided_chains(
-    left_right: Sequence[tuple[int, int]], limbs: Sequence[tuple[int, int]]
-) -> list[list[tuple[int, int]]]:
+def _one_sided_chains(left_right: Pairs, limbs: Pairs) -> list[list[tuple[int, int]]]:
     """Left-right pairs grouped into chains: pairs whose left joints the skeleton connects, such as an arm."""
     group = {left: k for k, (left, _) in enumerate(left_right)}
     for a, b in limbs:
@@ -236,46 +207,31 @@ def _missing(hidden: Mask, noise: DetectionNoise, rng: np.random.Generator) -> M
     return np.asarray(np.where(hidden, behind, seen) > 0)
 
 
-def _joint_factor(joint: str) -> float:
-    name = joint.lower()
-    return next((factor for factor, parts in _JOINT_FACTORS.items() if any(p in name for p in parts)), 1.0)
-
-
 def _hidden_guess(
     true: Array, noise: DetectionNoise, rng: np.random.Generator, discs: tuple[Array, Array]
 ) -> tuple[Mask, Array]:
-    """Joints (T, N) that an occluder hides, and the pixels (T, N, 2) where a detector would report them."""
-    shape = true.shape[:2]
-    hidden, centre, radius = covering_disc(true, *discs)
-    place, joint, offset, drawn = _guesses(shape, noise, rng)
-    guess = centre + radius[..., None] * place
-    other = true[np.arange(shape[0])[:, None], joint]
-    drawn &= ~np.isnan(other).any(axis=-1)
-    guess = np.where(drawn[..., None], other + noise.sigma_px * offset, guess)
-    if noise.memory is not None:
-        guess += noise.memory.guess_jitter * noise.sigma_px * rng.standard_normal(true.shape)
-    return hidden, guess
+    """Joints (T, N) that an occluder hides, and the pixels (T, N, 2) where a detector would report them.
 
-
-def _guesses(
-    shape: tuple[int, int], noise: DetectionNoise, rng: np.random.Generator
-) -> tuple[Array, Numbers, Array, Mask]:
-    """Draw where hidden joints (T, N) are reported.
-
-    Returns places in the unit disc (T, N, 2), other joints (T, N) and offsets from these (T, N, 2), and
-    which of both it is: True = near the other joint.
+    That is somewhere in the disc or near another joint, for every joint anew or, with memory, for a while.
     """
-    memory = noise.memory
+    memory, shape = noise.memory, (true.shape[0], true.shape[1])
+    hidden, centre, radius = covering_disc(true, *discs)
+    held: Numbers = np.arange(shape[0] * shape[1]).reshape(shape)
     drawn_from: tuple[int, ...] = shape
     if memory is not None:
         held = memory.episodes(*shape, 1.0, memory.guess_s, rng)
         drawn_from = (int(held.max(initial=0)) + 1,)
     share = np.sqrt(rng.random(drawn_from))  # of the radius, for places uniform in the disc
-    place = share[..., None] * _directions(drawn_from, rng)
-    joint = rng.integers(shape[1], size=drawn_from)
-    offset = rng.standard_normal((*drawn_from, 2))
-    drawn = rng.random(drawn_from) < noise.hidden_drawn_rate
-    if memory is None:
-        return place, joint, offset, drawn
-    drift = _GUESS_DRIFT * memory.slow((*shape, 2), rng)
-    return place[held] + drift, joint[held], offset[held], drawn[held]
+    place = (share[..., None] * _directions(drawn_from, rng)).reshape(-1, 2)[held]
+    joint = rng.integers(shape[1], size=drawn_from).ravel()[held]
+    offset = rng.standard_normal((*drawn_from, 2)).reshape(-1, 2)[held]
+    near_joint = (rng.random(drawn_from) < noise.hidden_drawn_rate).ravel()[held]
+    if memory is not None:
+        place = place + _GUESS_DRIFT * memory.slow(true.shape, rng)
+    other = true[np.arange(shape[0])[:, None], joint]
+    near_joint &= ~np.isnan(other).any(axis=-1)
+    in_disc = centre + radius[..., None] * place
+    guess = np.where(near_joint[..., None], other + noise.sigma_px * offset, in_disc)
+    if memory is not None:
+        guess += memory.guess_jitter * noise.sigma_px * rng.standard_normal(true.shape)
+    return hidden, guess

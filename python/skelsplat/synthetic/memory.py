@@ -80,7 +80,7 @@ class Memory:
             shares = f"{self.slow_share!r} + {self.constant_share!r}"
             raise InvalidInputError(f"slow_share + constant_share: expected at most 1, got {shares}")
 
-    def jitter(self, shape: tuple[int, int, int], rng: np.random.Generator) -> Array:
+    def jitter(self, shape: tuple[int, ...], rng: np.random.Generator) -> Array:
         """Draw noise of unit variance (T, N, 2): a white, a slow and a constant part."""
         white = 1.0 - self.slow_share - self.constant_share
         noise: Array = np.sqrt(max(white, 0.0)) * rng.standard_normal(shape)
@@ -88,7 +88,7 @@ class Memory:
         noise += np.sqrt(self.constant_share) * rng.standard_normal(shape[1:])
         return noise
 
-    def slow(self, shape: tuple[int, int, int], rng: np.random.Generator) -> Array:
+    def slow(self, shape: tuple[int, ...], rng: np.random.Generator) -> Array:
         """Draw a stationary Ornstein-Uhlenbeck process of unit variance (T, N, 2)."""
         seconds = rng.uniform(*self.slow_s, size=(shape[1], 1))
         keep = np.exp(-1.0 / (self.frame_rate * seconds))

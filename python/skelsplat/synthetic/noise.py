@@ -4,28 +4,22 @@ Nothing here has seen an image. For every view on its own, a true projection (wi
 the camera has one) becomes a simulated detection in this order:
 
 1. *Jitter*: normal, standard deviation `sigma_px` × a factor of the joint (wrists and ankles more than
-   shoulders), optionally correlated from frame to frame.
+   shoulders).
 2. *Outliers*: with probability `outlier_rate` a joint moves by an exponentially distributed length of mean
    `outlier_px` in a random direction: the heavy tail, tens of px.
 3. *Left-right swaps*: of one limb's chain (`limb_swap_rate` per limb and frame) or of everything in the view
    (`view_swap_rate` per frame). The confidence does not know.
-4. *Occluders*: in `occluded_views` views, drawn anew for every `occluder_frames` frames, discs lie over the
-   body. A joint inside a disc is missing with probability `hidden_missing_rate`; else it is detected at a
-   wrong place: uniformly in the disc, or, with probability `hidden_drawn_rate`, near another joint.
+4. *Occluders*: in `occluded_views` views discs lie over the body. A joint inside a disc is missing with
+   probability `hidden_missing_rate`; else it is detected at a wrong place: uniformly in the disc, or, with
+   probability `hidden_drawn_rate`, near another joint.
 5. *Misses*: with probability `miss_rate` a joint is not detected. A joint outside the image never is.
 
-With `memory` (`skelsplat.synthetic.memory`) the errors last, as they do on recordings. Rates become shares of
-the time, and durations are in seconds, whatever the frame rate:
-
-- The jitter is the sum of a white part, a slow one (Ornstein-Uhlenbeck) and one that is constant within the
-  recording for each joint of a view.
-- Outliers and misses come in bursts, in which a joint of a view stays off by the same vector plus jitter, or
-  stays missing. Swaps last.
-- An occluder stays for a while, then moves to another place or another view. The wrong guess of a hidden
-  joint keeps its place in the disc, so it moves with the body, drifts a little, and jumps now and then.
-
-Without it every frame is drawn by itself (except for `correlation` and `occluder_frames`). A comparison of
-methods that smooth needs the memory: white noise flatters them.
+Without `memory` every frame is drawn by itself. With it (`skelsplat.synthetic.memory`) the errors last, as
+they do on recordings: rates become shares of the time, whatever the frame rate. The jitter is the sum of a
+white part, a slow one and one that is constant; outliers and misses come in bursts, in which a joint stays
+off by the same vector plus jitter, or stays missing; swaps last; an occluder stays for a while before it
+moves on, and the wrong guess of a hidden joint moves with the body, drifts a little, and jumps now and then.
+A comparison of methods that smooth needs the memory: white noise flatters them.
 
 Confidence is about 0.9 for a visible joint, 0.6 for an outlier, 0.4 for a hidden one, 0 for a missing one.
 
@@ -81,8 +75,6 @@ class DetectionNoise:
     ----------
     sigma_px : float
         Standard deviation per axis of the jitter of a joint with factor 1.
-    correlation : float
-        Correlation of the jitter from one frame to the next, 0 ≤ ρ < 1.
     outlier_rate, outlier_px : float
     limb_swap_rate, view_swap_rate : float
     miss_rate : float
@@ -93,14 +85,11 @@ class DetectionNoise:
     disc_radius : (float, float)
         Range of the radius as a share of the longer side of the box round the body.
     hidden_missing_rate, hidden_drawn_rate : float
-    occluder_frames : int
-        For how many frames an occluder stays.
     memory : Memory or None
         How long errors last; None = every frame by itself.
     """
 
     sigma_px: float = 4.0
-    correlation: float = 0.0
     outlier_rate: float = 0.0
     outlier_px: float = 40.0
     limb_swap_rate: float = 0.0
@@ -111,22 +100,17 @@ class DetectionNoise:
     disc_radius: tuple[float, float] = (0.1, 0.2)
     hidden_missing_rate: float = 0.0
     hidden_drawn_rate: float = 0.0
-    occluder_frames: int = 1
     memory: Memory | None = None
 
     def __post_init__(self) -> None:
         check_range(self, 0.0, np.inf, "sigma_px", "outlier_px")
         check_range(self, 0.0, 1.0, *(entry.name for entry in fields(self) if entry.name.endswith("_rate")))
-        check_range(self, 0.0, np.nextafter(1.0, 0.0), "correlation")
-        check_range(self, 1, np.inf, "n_discs", "occluder_frames")
+        check_range(self, 1, np.inf, "n_discs")
         if self.occluded_views is not None:
             check_range(self, 0, np.inf, "occluded_views")
         low, high = self.disc_radius
         if not 0.0 <= low <= high < np.inf:
             raise InvalidInputError(f"disc_radius: expected 0 <= low <= high, got {self.disc_radius!r}")
-        for name, usual in (("correlation", 0.0), ("occluder_frames", 1)):
-            if self.memory is not None and (value := getattr(self, name)) != usual:
-                raise InvalidInputError(f"{name}: expected {usual} together with memory, got {value!r}")
 
     def scaled(self, factor: float) -> DetectionNoise:
         """Return the same detector for people who are `factor` times as large in the images."""
@@ -159,10 +143,7 @@ class DetectionNoise:
     def recording_occluded(
         cls, n_views: int | None, *, heavy: bool = False, frame_rate: float = 30.0
     ) -> DetectionNoise:
-        """Simulate the detector of `recording` with an occluder in each of `n_views` views (None = all).
-
-        With `heavy` it is two larger ones, and a hidden joint is never missing: always a gross error.
-        """
+        """Simulate the detector of `recording` with occluders; `n_views` and `heavy` as in `occluded`."""
         return cls.recording(frame_rate)._behind(n_views, (0.13, 0.28), heavy=heavy)
 
     def _behind(self, n_views: int | None, radius: tuple[float, float], *, heavy: bool) -> DetectionNoise:

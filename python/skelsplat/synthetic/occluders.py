@@ -5,9 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from skelsplat._arrays import Array, Mask, corners, generator, numbers
+from skelsplat._arrays import Array, Mask, corners, generator
 from skelsplat.exceptions import InvalidInputError
 from skelsplat.synthetic.memory import Numbers
 from skelsplat.synthetic.noise import DetectionNoise
@@ -38,36 +37,13 @@ class Occluders:
         return np.asarray(np.stack(views, axis=1) & self.views[..., None])
 
 
-def draw_occluders(
-    pixels: ArrayLike, *, noise: DetectionNoise, seed: int | np.random.Generator = 0
-) -> Occluders:
-    """Draw the discs that `noise` describes over bodies with these projections.
-
-    Parameters
-    ----------
-    pixels : (T, M, N, 2) px
-        True projections; NaN = not in the image.
-    noise : DetectionNoise
-        Of which `occluded_views`, `n_discs`, `disc_radius`, `occluder_frames` and `memory` are used.
-    seed : int or numpy Generator
-    """
-    true = projections(pixels)
-    first, *streams = streams_of(seed, true.shape[1])
-    views, stays = occluded_views(true.shape[0], true.shape[1], noise, first)
-    discs = [
-        draw_discs(true[:, i], noise.n_discs, noise.disc_radius, stays[:, i], stream)
-        for i, stream in enumerate(streams)
-    ]
+def draw_occluders(pixels: Array, noise: DetectionNoise, seed: int | np.random.Generator) -> Occluders:
+    """Draw the discs that `noise` describes over bodies with true projections (T, M, N, 2)."""
+    first, *streams = streams_of(seed, pixels.shape[1])
+    views, stays = occluded_views(pixels.shape[0], pixels.shape[1], noise, first)
+    discs = [draw_discs(pixels[:, i], noise, stays[:, i], stream) for i, stream in enumerate(streams)]
     centres, radii = (np.stack(part, axis=1) for part in zip(*discs, strict=True))
     return Occluders(centres, radii, views)
-
-
-def projections(pixels: ArrayLike) -> Array:
-    """Return true projections as an array (T, M, N, 2), or raise `InvalidInputError`."""
-    true = numbers(pixels, "pixels")
-    if true.ndim != 4 or true.shape[-1] != 2:
-        raise InvalidInputError(f"pixels: expected shape (T, M, N, 2), got {true.shape}")
-    return true
 
 
 def streams_of(seed: int | np.random.Generator, n_views: int) -> list[np.random.Generator]:
@@ -87,23 +63,20 @@ def occluded_views(
         numbers = noise.memory.occluded(n_frames, n_views, count, rng)
         stays = [np.unique(one, return_inverse=True)[1] for one in numbers.T]
         return numbers > 0, np.stack(stays, axis=1)
-    block = np.arange(n_frames) // noise.occluder_frames
-    n_blocks = -(-n_frames // noise.occluder_frames)
-    rank = rng.random((n_blocks, n_views)).argsort(axis=1).argsort(axis=1)
-    return (rank < count)[block], np.repeat(block[:, None], n_views, axis=1)
+    rank = rng.random((n_frames, n_views)).argsort(axis=1).argsort(axis=1)
+    return rank < count, np.repeat(np.arange(n_frames)[:, None], n_views, axis=1)
 
 
 def draw_discs(
-    pixels: Array, n_discs: int, radius_range: tuple[float, float], stays: Numbers, rng: np.random.Generator
+    pixels: Array, noise: DetectionNoise, stays: Numbers, rng: np.random.Generator
 ) -> tuple[Array, Array]:
-    """Occluders over the body: centres (T, D, 2) px uniform in its box, radii (T, D) px.
+    """Occluders over the body in one view: centres (T, D, 2) px uniform in its box, radii (T, D) px.
 
-    Radii are uniform in `radius_range` × the box's longer side. Place and size relative to the box stay the
-    same in all frames with the same number in `stays` (T,).
+    Place and size relative to the box stay the same in all frames with the same number in `stays` (T,).
     """
     n_stays = int(stays.max(initial=-1)) + 1
-    where = rng.random((n_stays, n_discs, 2))[stays]
-    share = rng.uniform(*radius_range, size=(n_stays, n_discs))[stays]
+    where = rng.random((n_stays, noise.n_discs, 2))[stays]
+    share = rng.uniform(*noise.disc_radius, size=(n_stays, noise.n_discs))[stays]
     low, high = corners(pixels)
     low, high = (np.where(low <= high, end, 0.0) for end in (low, high))  # where no joint is seen
     size = high - low

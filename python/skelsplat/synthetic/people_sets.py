@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
-from typing import Any, ClassVar
+from dataclasses import asdict
+from functools import partial
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from skelsplat._arrays import Array, Index, Mask
+from skelsplat import layouts
 from skelsplat.cameras import CameraRig
 from skelsplat.exceptions import InvalidInputError
 from skelsplat.synthetic import rigs
 from skelsplat.synthetic.crowding import Crowding
 from skelsplat.synthetic.crowds import meeting_names
 from skelsplat.synthetic.scenes import Scene, simulate_scene
-from skelsplat.synthetic.sets import RecordingSet
+from skelsplat.synthetic.sets import Recording, RecordingSet
 
 PEOPLE_SET = "people"
 """Name of the set."""
@@ -28,58 +30,9 @@ CROWDED: Mapping[str, Crowding] = {"good": Crowding(), "noisy": Crowding.heavy()
 
 MEETINGS = tuple(name for name in meeting_names if name != "apart")
 
+_RIG = "ring"
 _FRAMES, _FPS = 300, 30.0
 _MOST_SCENES = 1000
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Meeting:
-    """A scene of several people as each detector sees it; all see the same people."""
-
-    key: str
-    scenes: Mapping[str, Scene]  # by detector
-
-    action: ClassVar[str] = "people"
-    rig_name: ClassVar[str] = "ring"
-
-    @property
-    def subject(self) -> str:
-        """The scene."""
-        return self.key
-
-    @property
-    def first(self) -> Scene:
-        """One of the scenes; people, cameras, layout and rate are those of all."""
-        return next(iter(self.scenes.values()))
-
-    @property
-    def frames(self) -> Index:
-        """Frame numbers (T,)."""
-        return np.arange(len(self.first.people))
-
-    @property
-    def about(self) -> dict[str, Any]:
-        """What the index of a written set says of the recording besides its key and cameras."""
-        return {"people": len(self.first.truth)}
-
-    def parts(self) -> dict[str, dict[str, Any]]:
-        """Return the arrays of each file, apart from the frames."""
-        found: dict[str, dict[str, Any]] = {
-            f"people_simulated_{detector}": {
-                "people": scene.people,
-                "owner": scene.owner.astype(np.int16),
-                "joint_owner": scene.joint_owner.astype(np.int16),
-            }
-            for detector, scene in self.scenes.items()
-        }
-        return {**found, "truth": {"poses": self.first.truth, "visible": self.first.visible}}
-
-    def people(self) -> dict[str, tuple[Array, Mask]]:
-        """Return each detector's people (T, M, P, N, 3), and which of them are there (T, M, P)."""
-        return {
-            detector: (scene.people, np.asarray(np.isfinite(scene.people[..., 0]).any(axis=-1)))
-            for detector, scene in self.scenes.items()
-        }
 
 
 def mixed_heights(n_views: int) -> CameraRig:
@@ -90,7 +43,7 @@ def mixed_heights(n_views: int) -> CameraRig:
 
 def simulate_people_set(
     people: int = 3, views: int = 4, scenes: int = 5, *, frames: int = _FRAMES, seed: int = 0
-) -> RecordingSet[Meeting]:
+) -> RecordingSet:
     """Simulate scenes of several people, as `simulate_scene` does, at 30 Hz.
 
     Parameters
@@ -111,19 +64,12 @@ def simulate_people_set(
             raise InvalidInputError(f"{name}: expected an integer >= {least}, got {value!r}")
     rig, made = mixed_heights(views), []
     for k in range(scenes):
-        each = {
-            detector: simulate_scene(
-                people,
-                rig,
-                n_frames=frames,
-                fps=_FPS,
-                meetings=MEETINGS,
-                crowding=crowding,
-                seed=_MOST_SCENES * seed + k,
-            )
+        scene_of = partial(simulate_scene, people, rig, n_frames=frames, fps=_FPS, meetings=MEETINGS)
+        seen = {
+            detector: scene_of(crowding=crowding, seed=_MOST_SCENES * seed + k)
             for detector, crowding in CROWDED.items()
         }
-        made.append(Meeting(f"scene{k}", each))
+        made.append(_recording(f"scene{k}", seen))
     parameters = {
         "seed": seed,
         "people": people,
@@ -133,5 +79,20 @@ def simulate_people_set(
         "meetings": list(MEETINGS),
         "detectors": {name: asdict(crowding) for name, crowding in CROWDED.items()},
     }
-    layout = made[0].first.layout
-    return RecordingSet(PEOPLE_SET, layout, {Meeting.rig_name: rig}, tuple(made), parameters, _FPS)
+    return RecordingSet(PEOPLE_SET, layouts.H36M17, {_RIG: rig}, tuple(made), parameters, _FPS)
+
+
+def _recording(key: str, seen: Mapping[str, Scene]) -> Recording:
+    """Return a scene as each detector sees it; people and cameras are those of all."""
+    first = next(iter(seen.values()))
+    arrays: dict[str, dict[str, NDArray[Any]]] = {
+        f"people_simulated_{detector}": {
+            "people": scene.people,
+            "owner": scene.owner.astype(np.int16),
+            "joint_owner": scene.joint_owner.astype(np.int16),
+        }
+        for detector, scene in seen.items()
+    }
+    arrays["truth"] = {"poses": first.truth, "visible": first.visible}
+    frames = np.arange(len(first.people))
+    return Recording(key, key, "people", _RIG, frames, arrays, people=len(first.truth))

@@ -164,10 +164,7 @@ def _detected(
     pixels = np.stack([true_pixels(one, rig) for one in truth])  # (Q, T, M, N, 2)
     pixels[np.broadcast_to(walls[:, None, :], pixels.shape[:3])] = np.nan
     alone = np.stack(
-        [
-            corrupt(one, noise=noise, layout=layout, seed=stream(seed, _DETECTORS, q))
-            for q, one in enumerate(pixels)
-        ]
+        [corrupt(one, noise, layout, stream(seed, _DETECTORS, q)) for q, one in enumerate(pixels)]
     )
     visible = np.isfinite(pixels[..., 0])
     memory = noise.memory or Memory(frame_rate=fps)

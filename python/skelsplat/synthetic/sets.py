@@ -8,15 +8,15 @@ results on simulated detections.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from functools import partial
-from typing import Any, Generic, TypeVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from skelsplat import layouts
-from skelsplat._arrays import Array, Mask, corners
+from skelsplat._arrays import Array, corners
 from skelsplat._skelsplat import Camera, Layout
 from skelsplat.cameras import CameraRig
 from skelsplat.exceptions import InvalidInputError, one_of
@@ -38,19 +38,16 @@ MONOCULAR_SIGMA_MM = 62.0
 """Error per axis of the simulated monocular poses; their fusion then errs 40 mm (mean per joint, 4 views)."""
 
 # What the random streams of a recording are for. Occluders and detectors do not change the poses.
-POSES, OCCLUDERS, MONOCULAR, DETECTORS = range(4)
+_POSES, _OCCLUDERS, _MONOCULAR, _FIRST_DETECTOR = range(4)
 # Boxes are drawn this much wider than the joints, as a share of their extent on each side.
 _BOX_MARGIN = 0.1
 
 _CAPTURE_HZ = 50.0
-_MOST_POSES = 10_000_000
 # Detectors, a good one and one that jitters more and misses joints, for a room like Human3.6M's. A detector
 # errs in proportion to the person's size in the image, so elsewhere its pixels are scaled.
 _DETECTORS = {"good": DetectionNoise.good(), "noisy": DetectionNoise.noisy()}
 _SIZE_IN_DOME = 1400.0 / 2800.0
 _SIZE_IN_RING = 640.0 / 3600.0
-
-R = TypeVar("R")
 
 # Subject → body size, as a factor on the 1.75 m adult.
 _SUBJECTS = {"S9": 1.02, "S11": 0.97}
@@ -87,7 +84,7 @@ _KNOWN = {
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Recording:
-    """One take of one person, T frames in M cameras, N joints.
+    """One take of T frames.
 
     Attributes
     ----------
@@ -96,15 +93,11 @@ class Recording:
     rig_name : str
         Of the rig in `RecordingSet.rigs`.
     frames : (T,) int64
-    truth : (T, N, 3) mm
-    boxes : (T, M, 4) px
-        Left, top, right, bottom; NaN where no joint is in the image.
-    detections : mapping of detector to (T, M, N, 3)
-        Pixels and confidence; missing = NaN, NaN, 0.
-    monocular : (T, M, N, 3) mm
-        World poses, one per view.
-    visible : (T, M, N) bool or None
-        Joints in the image that no occluder hides; None without occluders.
+    arrays : mapping of str to mapping of str to array
+        As `skelsplat synth` writes them and docs/synthetic-data.md describes them: the arrays of
+        ``"truth"``, ``"detections_simulated_good"``, … by their keys.
+    people : int or None
+        How many people meet in it, if it is not of one person.
     """
 
     key: str
@@ -112,36 +105,12 @@ class Recording:
     action: str
     rig_name: str
     frames: NDArray[np.int64]
-    truth: Array
-    boxes: Array
-    detections: Mapping[str, Array]
-    monocular: Array
-    visible: Mask | None = None
-
-    @property
-    def about(self) -> dict[str, Any]:
-        """What the index of a written set says of the recording besides its key and cameras."""
-        return {}
-
-    def parts(self) -> dict[str, dict[str, Any]]:
-        """Return the arrays of each file, apart from the frames."""
-        visible = {} if self.visible is None else {"visible": self.visible}
-        return {
-            "truth": {"poses": self.truth, "boxes": self.boxes, **visible},
-            "monocular_simulated": {"poses": self.monocular},
-            **{f"detections_simulated_{name}": {"detections": d} for name, d in self.detections.items()},
-        }
-
-    def people(self) -> dict[str, tuple[Array, Mask]]:
-        """Return each detector's people (T, M, 1, N, 3), and that they are there (T, M, 1)."""
-        return {
-            name: (d[:, :, None], np.ones((*d.shape[:2], 1), dtype=bool))
-            for name, d in self.detections.items()
-        }
+    arrays: Mapping[str, Mapping[str, NDArray[Any]]] = field(repr=False)
+    people: int | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class RecordingSet(Generic[R]):
+class RecordingSet:
     """Recordings that share a layout and detectors.
 
     Attributes
@@ -149,8 +118,7 @@ class RecordingSet(Generic[R]):
     name : str
     layout : Layout
     rigs : mapping of name to CameraRig
-    recordings : tuple
-        Each a `Recording`, or a `Meeting` of several people, which `skelsplat.datasets.synthetic` writes.
+    recordings : tuple of Recording
     parameters : mapping
         All that the data follow from, for people to read: seed, detectors, generator's version.
     fps : float or None
@@ -160,7 +128,7 @@ class RecordingSet(Generic[R]):
     name: str
     layout: Layout
     rigs: Mapping[str, CameraRig]
-    recordings: tuple[R, ...]
+    recordings: tuple[Recording, ...]
     parameters: Mapping[str, Any]
     fps: float | None = None
 
@@ -194,7 +162,7 @@ def _human_takes(subject: str) -> list[_Take]:
     ]
 
 
-def simulate_set(name: str, *, poses: int | None = None, seed: int = 0) -> RecordingSet[Recording]:
+def simulate_set(name: str, *, poses: int | None = None, seed: int = 0) -> RecordingSet:
     """Simulate a data set.
 
     Parameters
@@ -212,9 +180,7 @@ def simulate_set(name: str, *, poses: int | None = None, seed: int = 0) -> Recor
     return _SETS[name](name, poses, seed)
 
 
-def _human36m(
-    name: str, poses: int | None, seed: int, *, occluders: DetectionNoise
-) -> RecordingSet[Recording]:
+def _human36m(name: str, poses: int | None, seed: int, *, occluders: DetectionNoise) -> RecordingSet:
     """S9 and S11, fifteen actions twice each, four cameras with lens distortion, every 64th frame."""
     takes = [take for subject in _SUBJECTS for take in _human_takes(subject)]
     counts = _share(poses, [take.count for take in takes])
@@ -223,7 +189,7 @@ def _human36m(
     return _simulate(name, takes, room, layouts.H36M17, _detectors(SIZE_IN_ROOM, occluders), seed)
 
 
-def _dome(name: str, poses: int | None, seed: int) -> RecordingSet[Recording]:
+def _dome(name: str, poses: int | None, seed: int) -> RecordingSet:
     """Two sequences of one person each in the eight cameras of a dome that the experiments use."""
     # The first cameras of `rigs.dome` are spread out best; the names are those of Panoptic.
     spread = rigs.dome(len(PANOPTIC_CAMERAS))
@@ -231,26 +197,17 @@ def _dome(name: str, poses: int | None, seed: int) -> RecordingSet[Recording]:
         Camera(c.K, c.R, c.t, size=c.size, name=f"00_{number:02d}")
         for c, number in zip(spread, PANOPTIC_CAMERAS, strict=True)
     ]
-    parts = [(sequence, kind) for sequence in ("pose1", "pose2") for kind in motion_names]
+    parts = [(*part, kind) for part in (("pose1", 1.0), ("pose2", 0.95)) for kind in motion_names]
     takes = [
-        _Take(
-            f"{sequence}/{kind}",
-            "S0",
-            sequence,
-            kind,
-            "dome",
-            count,
-            32,
-            1.0 if sequence == "pose1" else 0.95,
-        )
-        for (sequence, kind), count in zip(parts, _share(poses, [100] * len(parts)), strict=True)
+        _Take(f"{sequence}/{kind}", "S0", sequence, kind, "dome", count, 32, scale)
+        for (sequence, scale, kind), count in zip(parts, _share(poses, [100] * len(parts)), strict=True)
     ]
     dome = {"dome": CameraRig(cameras)}
     detectors = _detectors(_SIZE_IN_DOME, DetectionNoise())
     return _simulate(name, takes, dome, layouts.PANOPTIC19, detectors, seed)
 
 
-def _occlusion_person(name: str, poses: int | None, seed: int) -> RecordingSet[Recording]:
+def _occlusion_person(name: str, poses: int | None, seed: int) -> RecordingSet:
     """Nine scenes with a ring of eight cameras each, large occluders in every view, no joint missing."""
     draw = stream(seed, 999)
     places = {f"scene{k}": rigs.ring(radius_mm=draw.uniform(3000.0, 4200.0)) for k in range(1, 10)}
@@ -279,7 +236,7 @@ def _simulate(
     layout: Layout,
     detectors: Mapping[str, DetectionNoise],
     seed: int,
-) -> RecordingSet[Recording]:
+) -> RecordingSet:
     recordings = tuple(
         _recording(take, places[take.rig], layout, detectors, (seed, index))
         for index, take in enumerate(takes)
@@ -304,33 +261,25 @@ def _recording(
 ) -> Recording:
     """Simulate what is recorded of a take. All detectors see the same occluders: those of the first one."""
     body = motion(
-        take.motion, take.count, fps=_CAPTURE_HZ / take.step, seed=stream(*seeds, POSES), scale=take.scale
+        take.motion, take.count, fps=_CAPTURE_HZ / take.step, seed=stream(*seeds, _POSES), scale=take.scale
     )
     truth = in_layout(body, layout)
     pixels = true_pixels(truth, rig)
     first = next(iter(detectors.values()))
-    occluders = draw_occluders(pixels, noise=first, seed=stream(*seeds, OCCLUDERS))
-    visible = np.isfinite(pixels).all(axis=-1) & ~occluders.hidden(pixels)
-    return Recording(
-        take.key,
-        take.subject,
-        take.action,
-        take.rig,
-        frames=take.step * np.arange(take.count, dtype=np.int64),
-        truth=truth,
-        boxes=boxes(pixels),
-        detections={
-            name: corrupt(
-                pixels, noise=noise, layout=layout, seed=stream(*seeds, DETECTORS + k), occluders=occluders
-            )
-            for k, (name, noise) in enumerate(detectors.items())
-        },
-        monocular=monocular_poses(truth, rig, MONOCULAR_SIGMA_MM, seed=stream(*seeds, MONOCULAR)),
-        visible=None if first.occluded_views == 0 else visible,
-    )
+    occluders = draw_occluders(pixels, first, stream(*seeds, _OCCLUDERS))
+    arrays: dict[str, dict[str, NDArray[Any]]] = {"truth": {"poses": truth, "boxes": _boxes(pixels)}}
+    if first.occluded_views != 0:
+        arrays["truth"]["visible"] = np.isfinite(pixels).all(axis=-1) & ~occluders.hidden(pixels)
+    poses = monocular_poses(truth, rig, MONOCULAR_SIGMA_MM, seed=stream(*seeds, _MONOCULAR))
+    arrays["monocular_simulated"] = {"poses": poses}
+    for k, (name, noise) in enumerate(detectors.items()):
+        found = corrupt(pixels, noise, layout, stream(*seeds, _FIRST_DETECTOR + k), occluders)
+        arrays[f"detections_simulated_{name}"] = {"detections": found}
+    frames = take.step * np.arange(take.count, dtype=np.int64)
+    return Recording(take.key, take.subject, take.action, take.rig, frames, arrays)
 
 
-def boxes(pixels: Array) -> Array:
+def _boxes(pixels: Array) -> Array:
     """Boxes (T, M, 4) round the joints (T, M, N, 2) in the image, with a margin."""
     low, high = corners(pixels)
     low, high = (np.where(low <= high, edge, np.nan) for edge in (low, high))
@@ -344,8 +293,6 @@ def _share(total: int | None, defaults: Sequence[int]) -> list[int]:
         return list(defaults)
     if total < len(defaults):
         raise InvalidInputError(f"poses: expected at least {len(defaults)} (one per take), got {total}")
-    if total > _MOST_POSES:
-        raise InvalidInputError(f"poses: expected at most {_MOST_POSES}, got more")
     exact = np.asarray(defaults) * (total - len(defaults)) / sum(defaults)
     counts = np.floor(exact).astype(int)
     largest = np.argsort(counts - exact, kind="stable")[: total - len(defaults) - counts.sum()]
@@ -353,7 +300,7 @@ def _share(total: int | None, defaults: Sequence[int]) -> list[int]:
     return [int(count) + 1 for count in counts]
 
 
-_SETS: dict[str, Callable[[str, int | None, int], RecordingSet[Recording]]] = {
+_SETS: dict[str, Callable[[str, int | None, int], RecordingSet]] = {
     "human36m-like": partial(_human36m, occluders=DetectionNoise()),
     "human36m-like-occ-2": partial(_human36m, occluders=DetectionNoise.occluded(2)),
     "human36m-like-occ-3": partial(_human36m, occluders=DetectionNoise.occluded(3)),

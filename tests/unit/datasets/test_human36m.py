@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import json
 import pickle
+import shutil
 
 import numpy as np
 import pytest
@@ -100,50 +100,16 @@ def test_boxes_are_left_top_right_bottom_and_zeros_are_a_missing_view(tmp_path, 
     assert np.isfinite(np.delete(boxes.reshape(-1, 4), 2, axis=0)).all()
 
 
-def test_the_order_of_learnable_triangulation_is_the_published_one():
-    """Joint k of h36m17 and place ORDER[k] of the file's order are the same of the 32."""
-    from skelsplat.datasets.human36m._karfly import ORDER
-    from skelsplat.datasets.human36m._videopose3d import JOINTS_OF_32
-
-    assert JOINTS_OF_32 == write.OF_32
-    own = [write.KARFLY_OF_32[place] for place in ORDER]
-    # The top of the head (15) and the nose (14) are the file's 9 and 16.
-    assert own == list(write.OF_32)
-
-
-@pytest.mark.parametrize("kind", ["json", "flat", "positions", "document"])
-def test_detections_kept_apart(tmp_path, recording, kind):
-    write.write_karfly(tmp_path, recording)
-    path = tmp_path / "resnet152"
-    if kind == "json":
-        write.write_detections(path, recording, json_files=True, numbered=True)
-    elif kind == "flat":
-        path = tmp_path / "resnet152.npz"
-        np.savez(path, **{f"{take.subject}/{take.numbered}": take.pixels for take in recording.takes})
-    else:
-        nested: dict = {}
-        for take in recording.takes:
-            pixels = take.pixels.tolist() if kind == "document" else [take.pixels[:, v] for v in range(4)]
-            nested.setdefault(take.subject, {})[take.numbered] = pixels
-        if kind == "document":
-            nested["S9"]["Directions-1"][0][0][0] = [None, None]
-            path = tmp_path / "resnet152.json"
-            path.write_text(json.dumps(nested))
-        else:
-            path = tmp_path / "resnet152.npz"
-            np.savez(path, positions_2d=np.array(nested, dtype=object))
-    dataset = datasets.read("human36m", tmp_path, detections=path)
+def test_detections_kept_apart(tmp_path, recording):
+    write.write_videopose3d(tmp_path, recording)
+    write.write_detections(tmp_path / "2d_resnet152", recording)  # where "Photo 1" is "TakingPhoto 1"
+    dataset = datasets.read("human36m", tmp_path, detections=tmp_path / "2d_resnet152")
     assert dataset.detector == "resnet152"
     for take, written in zip(dataset, recording.takes, strict=True):
-        there = np.isfinite(take.detections[..., 0])
-        assert (~there).sum() == (kind == "document" and take.key == "S9/Directions-1")
-        np.testing.assert_allclose(take.detections[there][:, :2], written.pixels[there], atol=1e-9)
-        np.testing.assert_array_equal(take.detections[..., 2], there.astype(float))
+        np.testing.assert_array_equal(take.detections[..., :2], written.pixels)
 
 
 def test_takes_that_the_detector_lacks_are_left_out_and_told(tmp_path, recording):
-    import shutil
-
     write.write_skelsplat(tmp_path, recording)
     shutil.rmtree(tmp_path / "2d_metrabs" / "S11" / "Directions")
     dataset = datasets.read("human36m", tmp_path)

@@ -16,13 +16,12 @@ Take keys are ``"S9/Directions 1"`` where a format keeps the names of the origin
 from __future__ import annotations
 
 import re
-from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
 
-from skelsplat.datasets._detections import Separate, choose_detector, detector_name
+from skelsplat.datasets._detections import choose_detector, detector_name
 from skelsplat.datasets._files import Survey
 from skelsplat.datasets._model import Dataset, Take
 from skelsplat.datasets.human36m import _adafuse, _authors, _karfly, _videopose3d
@@ -32,13 +31,8 @@ from skelsplat.datasets.human36m._common import (
     CAMERAS,
     FPS,
     SUBJECTS,
-    Adding,
     Options,
-    activity_of,
-    order,
-    spelling,
-    subject_order,
-    wanted,
+    take_order,
 )
 from skelsplat.exceptions import DatasetError, one_of
 from skelsplat.layouts import H36M17
@@ -111,41 +105,29 @@ def _read(dataset: str, origin: str, name: str, place: Path, options: Options, s
     """Read a data set that lies at `place` in the layout `name`, takes in the order of the tables."""
     module, survey.format = _LAYOUTS[name], name
     detector, add = _detections(module, place, options, survey)
-    takes, left_out = [], []
-    for take in survey.each(add, module.takes(place, options, survey)) if add else ():
-        takes += [take] if isinstance(take, Take) else []
-        left_out += [take] if isinstance(take, str) else []
-    if add is None:
-        takes = list(module.takes(place, options, survey))
+    takes: list[Take] = list(module.takes(place, options, survey))
+    if add is not None:
+        takes = list(survey.each(add, takes))
+        left_out = [take.key for take in takes if take.detections is None]
+        takes = [take for take in takes if take.detections is not None]
+        survey.notes += [f"left out, without detections: {', '.join(left_out)}"] if left_out else []
     if name == _authors.NAME and options.monocular is not None:
         takes = list(survey.each(_authors.with_monocular(survey, place, options.monocular), takes))
     if not takes:
         raise DatasetError(place, "takes", "at least one", "none")
-    twice = [key for key, count in Counter(take.key for take in takes).items() if count > 1]
-    if twice:
-        raise DatasetError(place, "takes", "each take once", f"{twice[0]} twice")
-    if left_out:
-        survey.notes.append(f"left out, without detections: {', '.join(left_out)}")
-    takes.sort(key=lambda take: (subject_order(take.subject), order(activity_of(take))))
     words = {None: "without detections", "gt": "detections are the projected truth (oracle)"}
     source = f"{origin}, {name} layout; {words.get(detector, f'detections of {detector}')}"
-    takes = [replace(take, fps=FPS) for take in takes]
+    takes = [replace(take, fps=FPS) for take in sorted(takes, key=take_order)]
     return Dataset(dataset, H36M17, tuple(takes), detector, source, tuple(survey.notes))
 
 
 def _detections(
     module: ModuleType, place: Path, options: Options, survey: Survey
-) -> tuple[str | None, Adding | None]:
-    """Return the detector, and what gives a take its detections; a take that has none becomes its key."""
+) -> tuple[str | None, Callable[[Take], Take] | None]:
+    """Return the detector, and what gives a take its detections if there are any for it."""
     if options.detections is not None:
-        path = Path(options.detections)
-        source = Separate(survey.find([path], "detections"), spelling)
-
-        def separate(take: Take) -> Take | str:
-            found = source.read(survey, take.subject, activity_of(take), wanted(take))
-            return take.key if found is None else take.with_detections(*found)
-
-        return detector_name(options.detector or path.stem), separate
+        path = survey.find([Path(options.detections)], "folder of detections")
+        return detector_name(options.detector or path.stem), _authors.adding(path, survey)
     if not hasattr(module, "detectors"):
         return module.DETECTOR, None
     there: dict[str, Path] = module.detectors(place)

@@ -13,15 +13,24 @@ from pathlib import Path
 
 import numpy as np
 
-from skelsplat._arrays import Array, Mask
+from skelsplat._arrays import Array
 from skelsplat._skelsplat import project
 from skelsplat.cameras import CameraRig
 from skelsplat.datasets._detections import Wanted, as_detections
-from skelsplat.datasets._files import Survey, Value, build_rig, camera_at_centre, images_of, stacked
+from skelsplat.datasets._files import (
+    Survey,
+    Value,
+    build_rig,
+    camera_at_centre,
+    flags,
+    images_of,
+    making,
+    stacked,
+)
 from skelsplat.datasets._model import Take
 from skelsplat.datasets._verify import body_size, is_human
 from skelsplat.datasets.human36m._common import CAMERAS, NUMBERED, SIZES, SUBJECTS, Options
-from skelsplat.exceptions import DatasetError, InvalidInputError
+from skelsplat.exceptions import DatasetError
 from skelsplat.layouts import H36M17
 
 NAME = "adafuse"
@@ -65,10 +74,6 @@ def takes(root: Path, options: Options, survey: Survey) -> Iterator[Take]:
 def _take(path: Path, subject: str, activity: str, frames: Frames, survey: Survey) -> Take:
     """Return a take; frames that not all views have are left out."""
     key = f"{subject}/{activity}"
-    views = {view for records in frames.values() for view in records}
-    for view, name in enumerate(CAMERAS):
-        if view not in views:
-            raise DatasetError(path, f"{key}, camera_id", f"records of camera {view} ({name})", "none")
     complete = sorted(frame for frame, records in frames.items() if len(records) == len(CAMERAS))
     if 2 * len(complete) < len(frames):
         got = f"{len(complete)} of {len(frames)} frames in all four"
@@ -80,11 +85,12 @@ def _take(path: Path, subject: str, activity: str, frames: Frames, survey: Surve
         camera_at_centre(record["camera"], size=SIZES[name], name=name)
         for name, record in zip(CAMERAS, rows[0], strict=True)
     ]
-    rig = build_rig(path, cameras, "mm")
+    rig, numbered = build_rig(path, cameras), np.array(complete, dtype=np.int64)
     given = Value(path, f"{key}, joints_3d", stacked(rows, "joints_3d", H36M17.n_joints, 3))
-    numbered = np.array(complete, dtype=np.int64)
-    detections = _detections(path, key, rows, Wanted(key, numbered, CAMERAS, H36M17))
-    boxed = all(np.shape(record.content.get("box")) == (4,) for row in rows for record in row)
+    pixels = stacked(rows, "joints_2d", H36M17.n_joints, 2)
+    seen = flags(rows, "joints_vis", H36M17.n_joints) > 0
+    value = Value(path, f"{key}, joints_2d", np.concatenate([pixels, seen[..., None]], axis=-1))
+    detections = as_detections(value, Wanted(key, numbered, CAMERAS, H36M17))
     return Take(
         key,
         subject,
@@ -93,23 +99,8 @@ def _take(path: Path, subject: str, activity: str, frames: Frames, survey: Surve
         numbered,
         _world(given, detections[..., :2], rig),
         detections=detections,
-        boxes=stacked(rows, "box", 4) if boxed else None,
+        boxes=stacked(rows, "box", 4),
         files={"truth": path, "detections": path, "cameras": path},
-    )
-
-
-def _detections(path: Path, key: str, rows: list[list[Value]], wanted: Wanted) -> Array:
-    pixels = stacked(rows, "joints_2d", H36M17.n_joints, 2)
-    seen: Array | Mask = np.ones(pixels.shape[:3])
-    if all("joints_vis" in record for row in rows for record in row):
-        marks = Value(
-            path, f"{key}, joints_vis", [[record.content["joints_vis"] for record in row] for row in rows]
-        )
-        flags = marks.array()
-        if flags.shape[:3] == seen.shape and flags.ndim in (3, 4):
-            seen = (flags if flags.ndim == 3 else flags[..., 0]) > 0
-    return as_detections(
-        Value(path, f"{key}, joints_2d", np.concatenate([pixels, seen[..., None]], axis=-1)), wanted
     )
 
 
@@ -117,10 +108,8 @@ def _world(given: Value, pixels: Array, rig: CameraRig) -> Array:
     """Return the poses (T, 17, 3) in the world from those in the records (T, M, 17, 3)."""
     poses: Array = given.content
     moved = np.stack([(poses[:, v] - c.t) @ c.R for v, c in enumerate(rig)], axis=1)
-    try:
+    with making(given.path, given.place, "poses that can be projected"):
         in_camera, in_world = (_misfit(some, pixels, rig) for some in (moved, poses))
-    except InvalidInputError as error:  # numbers that nothing is projected from
-        raise DatasetError.of_argument(given.path, error) from error
     chosen = poses if in_world < in_camera else moved
     apart = float(np.abs(chosen - chosen[:, :1]).max())
     if not apart <= _AGREE_MM and is_human(body_size(poses)):  # else it is the unit, and verified later

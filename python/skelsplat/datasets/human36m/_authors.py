@@ -3,7 +3,8 @@
 ``3d_gt/<subject>/<activity>/poses.npz``, ``2d_<detector>/<subject>/<activity>/<camera>/poses.npz``,
 ``initial_guess/<name>/<subject>/<activity>[/<camera>]/poses.npz`` and ``cameras/camera-parameters.json``.
 Poses are under the first key that is there of poses, poses2d (pixels) or poses, poses3d (world, mm).
-Activities have the names of the original files, such as "SittingDown 1".
+Activities have the names of the original files, such as "SittingDown 1". Detections of other layouts may be
+kept in the same way.
 """
 
 from __future__ import annotations
@@ -19,15 +20,14 @@ from skelsplat._arrays import Array
 from skelsplat.datasets._detections import (
     KEY_WORLD,
     detectors_of,
-    load_poses,
     poses_file,
-    read_apart,
     read_truth,
     read_world,
+    with_detections,
 )
-from skelsplat.datasets._files import Survey
+from skelsplat.datasets._files import Survey, load_npz
 from skelsplat.datasets._model import Take
-from skelsplat.datasets.human36m._common import Adding, Options, read_rig, take_of, wanted
+from skelsplat.datasets.human36m._common import Options, activity_of, read_rig, spelling, take_of
 from skelsplat.layouts import H36M17
 
 NAME = "skelsplat"
@@ -40,10 +40,8 @@ detectors = detectors_of
 
 def locate(root: Path) -> Path | None:
     """Return the folder with ``3d_gt``: the root, or the one folder in it that has it."""
-    if (root / _TRUTH).is_dir():
-        return root
-    inside = [path for path in _folders(root) if (path / _TRUTH).is_dir()]
-    return inside[0] if len(inside) == 1 else None
+    inside = [path for path in (root, *_folders(root)) if (path / _TRUTH).is_dir()]
+    return inside[0] if root in inside or len(inside) == 1 else None
 
 
 def takes(root: Path, options: Options, survey: Survey) -> Iterator[Take]:
@@ -54,7 +52,7 @@ def takes(root: Path, options: Options, survey: Survey) -> Iterator[Take]:
 
     def take(folder: Path) -> Take:
         subject = folder.parent.name
-        truth, joints, _ = read_truth(survey, folder, H36M17.n_joints, ["poses"])
+        truth, joints, _ = read_truth(survey, folder, H36M17.n_joints)
         files = {"truth": truth.path, "cameras": cameras}
         return take_of(subject, folder.name, rig_of(subject), joints, files)
 
@@ -65,15 +63,17 @@ def _folders(path: Path) -> list[Path]:
     return sorted(entry for entry in path.iterdir() if entry.is_dir()) if path.is_dir() else []
 
 
-def adding(place: Path, survey: Survey) -> Adding:
-    """Return what gives a take its detections in ``2d_<detector>``, and monocular poses beside them."""
+def adding(root: Path, survey: Survey) -> Callable[[Take], Take]:
+    """Return what gives a take its detections in ``<subject>/<activity>``, and poses beside them."""
 
-    def add(take: Take) -> Take | str:
-        folder = place / take.key
-        if not folder.is_dir():
-            return take.key
-        detections = read_apart(survey, [(folder, ["poses"])], wanted(take), by_frame=False)[0]
-        return take.with_detections(detections, folder, monocular=_beside(folder, take))
+    def add(take: Take) -> Take:
+        activity = activity_of(take)
+        alike = [one for one in _folders(root / take.subject) if spelling(one.name) == spelling(activity)]
+        if not alike:
+            return take
+        folder = min(alike, key=lambda one: one.name != activity)
+        found = with_detections(survey, take, H36M17, folder)
+        return replace(found, monocular=_beside(folder, found))
 
     return add
 
@@ -83,7 +83,7 @@ def _beside(folder: Path, take: Take) -> Array | None:
     views = []
     for name in take.rig.names:
         path = poses_file(folder / name)
-        if path is None or KEY_WORLD not in (content := load_poses(path)):
+        if path is None or KEY_WORLD not in (content := load_npz(path)):
             return None
         views.append(content[KEY_WORLD].numbers(len(take), H36M17.n_joints, 3))
     return np.stack(views, axis=1)
@@ -94,9 +94,7 @@ def with_monocular(survey: Survey, root: Path, name: str) -> Callable[[Take], Ta
 
     def add(take: Take) -> Take:
         folder = root / "initial_guess" / name / take.key
-        shape, views = (len(take), H36M17.n_joints), [[view] for view in take.rig.names]
-        what = f"poses {name!r} of {take.key}"
-        poses = read_world(survey, [(folder, ["poses"])], shape, views, what)
+        poses = read_world(survey, folder, take, len(take), f"poses {name!r} of {take.key}")
         return replace(take, monocular=poses, files={**take.files, "monocular": folder})
 
     return add

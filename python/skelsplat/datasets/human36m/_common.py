@@ -8,21 +8,18 @@ the detections.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TypeAlias
 
 import numpy as np
 
 from skelsplat._arrays import Array
 from skelsplat._budget import MOST_NAME
 from skelsplat.cameras import CameraRig
-from skelsplat.datasets._detections import Wanted
-from skelsplat.datasets._files import Survey, read_cameras
+from skelsplat.datasets._files import Survey, making, read_cameras
 from skelsplat.datasets._model import Take
 from skelsplat.exceptions import DatasetError, InvalidInputError
-from skelsplat.layouts import H36M17
 
 _NUMBER_IN_FILE_NAMES = {
     "Directions": 2,
@@ -63,9 +60,6 @@ FPS = 50.0
 
 FILE = "camera-parameters.json"
 
-Adding: TypeAlias = Callable[[Take], Take | str]
-"""Gives a take its detections; a take that has none becomes its key."""
-
 
 def action_of(activity: str) -> str:
     """Return the action of a take: ``"TakingPhoto 1"`` → ``"Photo"``."""
@@ -80,21 +74,15 @@ def spelling(activity: str) -> str:
     an action) stay different: they can mean different takes.
     """
     number = re.search(r"([\s_-]*)(\d+)$", activity.strip()[:MOST_NAME])
-    if number is None:
-        return action_of(activity).lower()
-    return f"{action_of(activity).lower()}{'-' if '-' in number[1] else ' '}{number[2]}"
+    ending = "" if number is None else f"{'-' if '-' in number[1] else ' '}{number[2]}"
+    return action_of(activity).lower() + ending
 
 
-def order(activity: str) -> tuple[int, str]:
-    """Sort key: actions in the tables' order, then by name."""
-    action = action_of(activity)
-    return ACTIONS.index(action) if action in ACTIONS else len(ACTIONS), spelling(activity)
-
-
-def subject_order(subject: str) -> tuple[int, str]:
-    """Sort key of ``"S9"`` before ``"S11"``."""
-    digits = re.sub(r"\D", "", subject)
-    return int(digits[:9] or 0), subject
+def take_order(take: Take) -> tuple[int, str, int, str]:
+    """Sort key: S9 before S11, then actions in the tables' order, then by name."""
+    digits = re.sub(r"\D", "", take.subject)
+    action = ACTIONS.index(take.action) if take.action in ACTIONS else len(ACTIONS)
+    return int(digits[:9] or 0), take.subject, action, spelling(activity_of(take))
 
 
 def activity_of(take: Take) -> str:
@@ -106,11 +94,6 @@ def take_of(subject: str, activity: str, rig: CameraRig, truth: Array, files: di
     """Return a take, frames numbered from 0; `files` says where its truth and its cameras are from."""
     frames = np.arange(len(truth))
     return Take(f"{subject}/{activity}", subject, action_of(activity), rig, frames, truth, files=files)
-
-
-def wanted(take: Take) -> Wanted:
-    """Return what detections of a take must fit."""
-    return Wanted(take.key, take.frames, take.rig.names, H36M17)
 
 
 @dataclass(frozen=True)
@@ -129,7 +112,7 @@ class Options:
 
     def chosen(self, path: Path, there: Iterable[str]) -> list[str]:
         """Return the subjects to read of those that are there."""
-        available = sorted(set(there), key=subject_order)
+        available = sorted(set(there))
         for subject in self.subjects or ():
             if subject not in available:
                 raise DatasetError(path, "subjects", subject, f"only {', '.join(available) or 'none'}")
@@ -137,8 +120,8 @@ class Options:
 
     def find_cameras(self, survey: Survey, root: Path) -> Path:
         """Return the file of the cameras."""
-        if self.cameras is not None:
-            given = Path(self.cameras)
+        given = None if self.cameras is None else Path(self.cameras)
+        if given is not None:
             return survey.find([given / FILE if given.is_dir() else given], "cameras")
         folders = (root / "cameras", root, root.parent / "cameras", root.parent)
         return survey.find([folder / FILE for folder in folders], "cameras")
@@ -146,7 +129,5 @@ class Options:
 
 def read_rig(path: Path, subject: str) -> CameraRig:
     """Return the four cameras of ``camera-parameters.json`` as they stood for a subject, mm."""
-    try:
+    with making(path, "extrinsics", f"the subject {subject}"):
         return read_cameras(path, "human36m", CAMERAS, subject=subject)
-    except InvalidInputError as error:
-        raise DatasetError(path, "extrinsics", f"the subject {subject}", error) from error

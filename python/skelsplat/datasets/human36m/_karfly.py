@@ -17,7 +17,6 @@ from skelsplat.cameras import CameraRig
 from skelsplat.datasets._files import Survey, Value, build_camera, build_rig, load_npy
 from skelsplat.datasets._model import Take
 from skelsplat.datasets.human36m._common import CAMERAS, SIZES, Options, action_of
-from skelsplat.exceptions import DatasetError
 from skelsplat.layouts import H36M17
 
 NAME = "karfly"
@@ -42,37 +41,28 @@ def takes(path: Path, options: Options, survey: Survey) -> Iterator[Take]:
     labels = load_npy(survey.found(path))
     subjects, actions = labels["subject_names"].texts(), labels["action_names"].texts()
     chosen = options.chosen(path, subjects)
-    table = labels["table"]
-    columns = {key: table[key] for key in ("subject_idx", "action_idx", "frame_idx")}
-    for column in columns.values():
+    table, views = labels["table"], _views(labels)
+    columns = [table[key] for key in ("subject_idx", "action_idx", "frame_idx")]
+    for column in columns:
         if column.content.dtype.kind not in "iu":
             raise column.error("whole numbers", column.content.dtype)
-    whose, what, when = (column.content for column in columns.values())
+    whose, what, when = (column.content for column in columns)
     keypoints = table["keypoints"].numbers("rows", H36M17.n_joints, 3)[:, list(ORDER)]
-    views = _views(labels)
-    boxes = _boxes(table, views)
+    boxes = _boxes(table["bbox_by_camera_tlbr"], views)
     for subject in chosen:
-        rig = _rig(labels, subjects.index(subject), views, subject)
+        rig = _rig(labels["cameras"], subjects.index(subject), views, subject)
         own = whose == subjects.index(subject)
         for index in np.unique(what[own]):
             if not 0 <= index < len(actions):
-                raise columns["action_idx"].error(f"less than {len(actions)} (action_names)", index)
-            activity = actions[index]
-            rows = np.flatnonzero(own & (what == index))
+                raise columns[1].error(f"less than {len(actions)} (action_names)", index)
+            activity, rows = actions[index], np.flatnonzero(own & (what == index))
             rows = rows[np.argsort(when[rows], kind="stable")]
             frames = when[rows].astype(np.int64)
             if (np.diff(frames) == 0).any():
-                raise columns["frame_idx"].error(f"each frame of {subject} {activity} once", "some twice")
-            yield Take(
-                f"{subject}/{activity}",
-                subject,
-                action_of(activity),
-                rig,
-                frames,
-                keypoints[rows],
-                boxes=None if boxes is None else boxes[rows],
-                files={"truth": path, "cameras": path},
-            )
+                raise columns[2].error(f"each frame of {subject} {activity} once", "some twice")
+            files = {"truth": path, "cameras": path}
+            take = (f"{subject}/{activity}", subject, action_of(activity), rig, frames, keypoints[rows])
+            yield Take(*take, boxes=boxes[rows], files=files)
 
 
 def _views(labels: Value) -> list[int]:
@@ -84,34 +74,25 @@ def _views(labels: Value) -> list[int]:
     return [names.index(name) for name in CAMERAS]
 
 
-def _rig(labels: Value, row: int, views: list[int], subject: str) -> CameraRig:
-    cameras = labels["cameras"]
+def _rig(cameras: Value, row: int, views: list[int], subject: str) -> CameraRig:
     shape = np.shape(cameras.content) if isinstance(cameras.content, np.ndarray) else ()
+    if len(shape) != 2 or row >= shape[0] or max(views) >= shape[1]:
+        raise cameras.error("an entry per subject and camera", f"shape {shape}")
     built = []
     for name, column in zip(CAMERAS, views, strict=True):
-        place = f"cameras[{subject}, {name}]"
-        if len(shape) != 2 or row >= shape[0] or column >= shape[1]:
-            raise DatasetError(labels.path, place, "an entry per subject and camera", f"shape {shape}")
-        entry = Value(labels.path, place, cameras.content[row, column])
+        entry = Value(cameras.path, f"cameras[{subject}, {name}]", cameras.content[row, column])
         K, R = (entry[key].numbers(3, 3) for key in ("K", "R"))
         t, lens = (_flat(entry[key]).numbers(count) for key, count in (("t", 3), ("dist", 5)))
-        camera = build_camera(labels.path, place, K=K, R=R, t=t, distortion=lens, size=SIZES[name], name=name)
-        built.append(camera)
-    return build_rig(labels.path, built, "mm")
+        built.append(build_camera(entry, K, R, t, lens, SIZES[name], name))
+    return build_rig(cameras.path, built)
 
 
 def _flat(value: Value) -> Value:
     return Value(value.path, value.place, value.array().ravel())
 
 
-def _boxes(table: Value, views: list[int]) -> Array | None:
+def _boxes(given: Value, views: list[int]) -> Array:
     """Return left, top, right, bottom from top, left, bottom, right; NaN where the view is missing."""
-    key = "bbox_by_camera_tlbr"
-    if key not in table:
-        return None
-    boxes = table[key].array()
-    if boxes.ndim != 3 or boxes.shape[2] < 4 or boxes.shape[1] <= max(views):
-        raise table[key].error("(rows, cameras, 4)", boxes.shape)
-    boxes = boxes[:, views][..., [1, 0, 3, 2]]
+    boxes = given.numbers("rows", len(views), 4)[:, views][..., [1, 0, 3, 2]]
     boxes[(boxes == 0.0).all(axis=-1)] = np.nan
     return boxes

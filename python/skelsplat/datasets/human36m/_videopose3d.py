@@ -8,26 +8,16 @@ cut off, as VideoPose3D does.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from skelsplat._arrays import Array
-from skelsplat.cameras import CameraRig
 from skelsplat.datasets._detections import Wanted, as_detections, detector_name
-from skelsplat.datasets._files import Survey, Value, load_npz
+from skelsplat.datasets._files import Survey, load_npz
 from skelsplat.datasets._model import Take
-from skelsplat.datasets.human36m._common import (
-    CAMERAS,
-    Adding,
-    Options,
-    activity_of,
-    read_rig,
-    take_of,
-    wanted,
-)
+from skelsplat.datasets.human36m._common import CAMERAS, Options, activity_of, read_rig, take_of
 from skelsplat.layouts import H36M17
 
 NAME = "videopose3d"
@@ -48,20 +38,17 @@ def takes(root: Path, options: Options, survey: Survey) -> Iterator[Take]:
     """Give the takes in the archives beneath `root`."""
     cameras = options.find_cameras(survey, root)
     path = survey.find([root / HAS], "truth")
+    files = {"truth": path, "cameras": cameras}
     positions = load_npz(path, ("positions_3d",))["positions_3d"].table()
     for subject in options.chosen(path, map(str, positions)):
         rig = read_rig(cameras, subject)
         for activity, value in positions[subject].table().items():
-            yield _take(subject, activity, value, rig, cameras)
-
-
-def _take(subject: str, activity: str, value: Value, rig: CameraRig, cameras: Path) -> Take:
-    truth = value.numbers("frames", "joints", 3)
-    if truth.shape[1] == 32:
-        truth = truth[:, list(JOINTS_OF_32)]
-    if truth.shape[1] != H36M17.n_joints:
-        raise value.error("32 joints, or 17 of h36m17", truth.shape[1])
-    return take_of(subject, activity, rig, _MM * truth, {"truth": value.path, "cameras": cameras})
+            truth = value.numbers("frames", "joints", 3)
+            if truth.shape[1] == 32:
+                truth = truth[:, list(JOINTS_OF_32)]
+            if truth.shape[1] != H36M17.n_joints:
+                raise value.error("32 joints, or 17 of h36m17", truth.shape[1])
+            yield take_of(subject, activity, rig, _MM * truth, files)
 
 
 def detectors(root: Path) -> dict[str, Path]:
@@ -69,29 +56,25 @@ def detectors(root: Path) -> dict[str, Path]:
     return {detector_name(path.stem): path for path in sorted(root.glob("data_2d_h36m_*.npz"))}
 
 
-def adding(path: Path, survey: Survey) -> Adding:
-    """Return what gives a take its detections in ``data_2d_h36m_<detector>.npz``."""
+def adding(path: Path, survey: Survey) -> Callable[[Take], Take]:
+    """Return what gives a take its detections in ``data_2d_h36m_<detector>.npz``, one array per camera."""
     positions = load_npz(survey.found(path), ("positions_2d",))["positions_2d"]
 
-    def add(take: Take) -> Take | str:
+    def add(take: Take) -> Take:
         views = positions[take.subject].table().get(activity_of(take))
-        return take.key if views is None else take.with_detections(_joined(views, wanted(take), survey), path)
+        if views is None:
+            return take
+        given, parts = views.entries(), []
+        if len(given) != len(CAMERAS):
+            raise views.error(f"{len(CAMERAS)} cameras ({', '.join(CAMERAS)})", len(given))
+        for name, view in zip(CAMERAS, given, strict=True):
+            at = replace(view, place=f"{views.place}, camera {name}")
+            pixels = at.numbers("frames", "joints", 2)
+            note = f"{path.name}: views cut where the truth ends"
+            if len(pixels) > len(take) and note not in survey.notes:
+                survey.notes.append(note)
+            one = replace(at, content=pixels[: len(take), None])
+            parts.append(as_detections(one, Wanted(take.key, take.frames, (name,), H36M17)))
+        return take.with_detections(np.concatenate(parts, axis=1), path)
 
     return add
-
-
-def _joined(views: Value, fits: Wanted, survey: Survey) -> Array:
-    """Return (T, M, N, 3) from one (T or more, N, 2) per camera."""
-    given = views.entries()
-    if len(given) != len(CAMERAS):
-        raise views.error(f"{len(CAMERAS)} cameras ({', '.join(CAMERAS)})", len(given))
-    parts = []
-    for name, view in zip(fits.views, given, strict=True):
-        at = replace(view, place=f"{views.place}, camera {name}")
-        pixels = at.numbers("frames", "joints", 2)
-        note = f"{view.path.name}: views cut where the truth ends"
-        if len(pixels) > len(fits.frames) and note not in survey.notes:
-            survey.notes.append(note)
-        one = replace(at, content=pixels[: len(fits.frames), None])
-        parts.append(as_detections(one, replace(fits, views=(name,))))
-    return np.concatenate(parts, axis=1)

@@ -14,6 +14,7 @@ from skelsplat import datasets
 from skelsplat._arrays import Array, Index, positive
 from skelsplat.datasets import Dataset, Take
 from skelsplat.datasets._registry import detections_option, options_of
+from skelsplat.datasets.synthetic import take_of
 from skelsplat.evaluation import protocols
 from skelsplat.evaluation.methods import DEFAULT_INIT_SIGMA_MM, refined, starting_poses, without_lens
 from skelsplat.evaluation.protocols import Protocol
@@ -327,14 +328,6 @@ class Source:
 def simulated(name: str, detector: str, seed: int) -> Dataset:
     """Return a set of `skelsplat.synthetic.simulate_set` with the detections of one of its detectors."""
     made = simulate_set(name, seed=seed)
-    same = ("key", "subject", "action", "frames", "truth", "monocular", "boxes", "visible")
-    takes = tuple(
-        Take(
-            rig=made.rigs[recording.rig_name],
-            detections=recording.detections[detector],
-            **{part: getattr(recording, part) for part in same},
-        )
-        for recording in made.recordings
-    )
+    takes = tuple(take_of(one, made.rigs[one.rig_name], detector) for one in made.recordings)
     source = f"simulated {name}, seed {seed}, {detector} detections"
     return Dataset(name, made.layout, takes, detector, source)
