@@ -9,30 +9,15 @@ from __future__ import annotations
 import subprocess
 import sys
 import tempfile
-from itertools import pairwise
 from pathlib import Path
 
-import numpy as np
 from PIL import Image
 
 NAME = "skelsplat-demo"  # the folder of the run, which a picture names
 PEOPLE = "several-people"
 COLOURS = 256
-# The two views of the body: right and bottom in parts of the overview, and white around them, px.
-POSE = (0.67, 0.575)
-INK = 200  # darker is drawn
-MARGIN_PX = 12
-
-
-def body_of(overview: Image.Image) -> Image.Image:
-    """Return the two views of the body, without the overview's title."""
-    width, height = overview.size
-    views = overview.crop((0, 0, round(POSE[0] * width), round(POSE[1] * height)))
-    ink = np.asarray(views.convert("L")) < INK
-    rows = np.flatnonzero(ink.any(axis=1))
-    top = next(int(row) for last, row in pairwise(rows) if row - last > MARGIN_PX)  # below the title
-    columns = np.flatnonzero(ink[top:].any(axis=0))
-    return views.crop((0, top - MARGIN_PX, columns[-1] + MARGIN_PX, rows[-1] + MARGIN_PX))
+# The two views of the body in parts of the overview: left, top, right, bottom.
+POSE = (0.0, 0.045, 0.65, 0.6)
 
 
 def main(folder: Path) -> None:
@@ -56,7 +41,10 @@ def main(folder: Path) -> None:
         ("trajectories", paths),
         ("angles", angles),
         ("several-people", people),
-        ("pose", body_of(overview)),
+        (
+            "pose",
+            overview.crop([round(part * size) for part, size in zip(POSE, 2 * overview.size, strict=True)]),
+        ),
     ):
         picture.quantize(COLOURS).save(folder / f"{name}.png", optimize=True)
 

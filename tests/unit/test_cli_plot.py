@@ -89,11 +89,11 @@ def test_bone_lengths_are_those_of_numpy(run_folder):
 def test_sides_are_left_out_of_names_where_these_differ_in_nothing_else(left, right, title):
     poses = PoseData(np.zeros((1, 3, 3)), ("Nose", left, right), np.arange(1), "mm")
     for limbs in ([(0, 1), (0, 2)], [(2, 0), (0, 1)]):
-        (panel,) = _limb_lengths(poses, tuple(limbs), ((1, 2),))
-        assert set(panel.title.split(" / ")[0].split(" – ")) == set(title.split(" / ")[0].split(" – "))
-        assert [bone.side for bone in panel.bones] == ["left", "right"]
-    (panel,) = _limb_lengths(poses, ((0, 1), (0, 2)), ((1, 2),))
-    assert panel.title == title
+        ((name, bones),) = _limb_lengths(poses, tuple(limbs), ((1, 2),))
+        assert set(name.split(" / ")[0].split(" – ")) == set(title.split(" / ")[0].split(" – "))
+        assert [bone.side for bone in bones] == ["left", "right"]
+    ((name, _),) = _limb_lengths(poses, ((0, 1), (0, 2)), ((1, 2),))
+    assert name == title
 
 
 def test_weak_and_filled_ends_do_not_count(tmp_path):

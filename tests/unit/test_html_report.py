@@ -13,8 +13,9 @@ from colour_vision import DEFICIENCIES, closest
 from people_page import crowd, people_report, person
 from report_page import NASTY, data_of, numbers, report_data, sequence, text_of
 from skelsplat.viz import _style, report
+from skelsplat.viz._body import upright
 from skelsplat.viz.people import with_gaps
-from skelsplat.viz.report._scene import MISSING, MOST_POSITIONS, upright
+from skelsplat.viz.report._scene import MISSING, MOST_POSITIONS
 
 
 @pytest.fixture

@@ -158,7 +158,6 @@ def _camera_panel(view: int, frame: int, inputs: Inputs, outcome: Outcome) -> vi
         covariances=np.asarray(covariances)[0],
         rejected=np.asarray(result.view_weights[frame, view] < sk.REJECTED_WEIGHT),
         swapped=np.asarray(result.swapped[frame, view]),
-        sees=bool(np.isfinite(result.reprojection_error[:, view]).any()),
     )
 
 

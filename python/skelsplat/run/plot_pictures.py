@@ -28,7 +28,7 @@ Picture = tuple[list["Figure"], str, Any]
 _UNSURE = ("weak", "inferred", "filled")
 # How names of joints state a side.
 _SIDES = (("left", "right"), ("Left", "Right"), ("LEFT", "RIGHT"), ("L", "R"), ("l", "r"))
-_SPREAD = "Median ± standard deviation over the frames (in brackets: relative to the median). Dashed: median."
+_SPREAD = "Median ± standard deviation over the frames (in brackets: relative to the median)."
 _PALE = (
     "Pale: frames in which an end is weak, inferred or filled; they are not counted, and may lie outside the "
     "panel."
@@ -39,32 +39,41 @@ _EQUAL = (
 )
 _IN_TIME = "Solved over time, where bones keep their length: how they vary frame by frame is in report.html."
 _KEPT_EQUAL = {1: "lower arms and legs", 2: "arms and legs", 3: "arms, legs and trunk"}  # by the tier
-_ANGLE_BANDS = (
-    "Bands: error bars of 1 and 2 σ; above a panel their median (1 σ). All angles are 0 in upright standing."
-)
+_ANGLE_BANDS = "Bands: error bars of 1 and 2 σ. All angles are 0 in upright standing."
 _NO_VERTICAL = "The vertical is not known: angles of trunk and pelvis are left out."
 _COUNTED = "All detections used are counted, including the rejected ones. Grey: no detection used."
 
 
 def trajectories(source: Source) -> Picture:
     """Draw the chosen joints over time."""
-    poses, time = source.poses, viz.TimeAxis(source.poses.frames, source.poses.frame_rate, source.zero)
-    shape = poses.pose.shape
+    poses, skeleton = source.poses, viz.Skeleton(source.limbs, source.left_right)
     variance = np.diagonal(poses.error_bar, axis1=-2, axis2=-1)
-    sigma = np.sqrt(np.maximum(variance, 0.0)) if len(variance) else np.full(shape, np.nan)
-    data = viz.TrajectoryData(
-        pose=poses.pose,
-        sigma=sigma,
-        start=poses.init_pose if len(poses.init_pose) else np.full(shape, np.nan),
-        status=poses.joint_status if len(poses.joint_status) else np.full(shape[:2], "", dtype="<U10"),
-        time=time,
-        joint_names=poses.joint_names,
-        joints=source.joints,
+    sigma = np.sqrt(np.maximum(variance, 0.0)) if len(variance) else np.full(poses.pose.shape, np.nan)
+    panels = [
+        viz.CurvePanel(
+            f"{poses.joint_names[joint].replace('_', ' ')}, {'xyz'[axis]}",
+            "mm",
+            [
+                viz.Curve(
+                    poses.pose[:, joint, axis],
+                    skeleton.side(joint),
+                    sigma=sigma[:, joint, axis],
+                    start=poses.init_pose[:, joint, axis] if len(poses.init_pose) else None,
+                    status=poses.joint_status[:, joint] if len(poses.joint_status) else None,
+                )
+            ],
+        )
+        for joint in source.joints
+        for axis in range(3)
+    ]
+    pages = viz.draw_curves(
+        panels,
+        _time(source),
+        columns=3,
         title=source.title,
         notes=poses.processing,
-        **({"start_name": "frame by frame"} if len(poses.velocity) else {}),
+        start_name="frame by frame" if len(poses.velocity) else "start of the refinement",
     )
-    pages = viz.draw_trajectories(data, skeleton=viz.Skeleton(source.limbs, source.left_right))
     known = np.asarray(np.isfinite(poses.pose).all(axis=-1))
     numbers = [
         {
@@ -84,10 +93,10 @@ def bones(source: Source) -> Picture:
     if not source.limbs:
         why = "the joints match no built-in layout, so the limbs are unknown (name the layout)"
         return [], why, None
-    poses, time = source.poses, viz.TimeAxis(source.poses.frames, source.poses.frame_rate, source.zero)
-    panels = _limb_lengths(poses, source.limbs, source.left_right)
-    limbs = [(panel.title, bone) for panel in panels for bone in panel.bones]
-    unsure = any((np.isfinite(bone.lengths) & ~bone.sure).any() for _, bone in limbs)
+    poses = source.poses
+    lengths = _limb_lengths(poses, source.limbs, source.left_right)
+    limbs = [(name, bone) for name, bones in lengths for bone in bones]
+    unsure = any(np.isfinite(bone.values).sum() > np.isfinite(bone.counted).sum() for _, bone in limbs)
     which = _KEPT_EQUAL.get(source.symmetry_tier)
     equal = [] if which is None else [_EQUAL.format(which=which)]
     in_time = [_IN_TIME] if len(poses.velocity) else []
@@ -98,11 +107,13 @@ def bones(source: Source) -> Picture:
             "side": bone.side or None,
             "median_mm": _number(bone.median),
             "sd_mm": _number(bone.deviation),
-            "frames_counted": int(bone.sure.sum()),
+            "frames_counted": int(np.isfinite(bone.counted).sum()),
         }
         for name, bone in limbs
     ]
-    return viz.draw_bones(panels, time, title=source.title, notes=notes), _about_bones(limbs), numbers
+    panels = [viz.bone_panel(name, bones) for name, bones in lengths]
+    pages = viz.draw_curves(panels, _time(source), title=source.title, notes=notes)
+    return pages, _about_bones(limbs), numbers
 
 
 def errors(source: Source) -> Picture:
@@ -129,7 +140,9 @@ def angles(source: Source) -> Picture:
     found = angles_of_poses(poses, source.up, joints)
     columns = list(zip(found.degrees.T, found.sigma.T, strict=True))
     panels = [
-        viz.AnglePanel(title, [viz.AngleCurve(side, *columns[k]) for side, k in sides])
+        viz.CurvePanel(
+            title, "degrees", [viz.Curve(columns[k][0], side, sigma=columns[k][1]) for side, k in sides]
+        )
         for title, sides in by_title(found.names).items()
     ]
     with_bars = bool(np.isfinite(found.sigma).any())
@@ -138,7 +151,6 @@ def angles(source: Source) -> Picture:
         *([_NO_VERTICAL] if source.up is None else []),
         *poses.processing,
     )
-    time = viz.TimeAxis(poses.frames, poses.frame_rate, source.zero)
     numbers = [
         {
             "angle": name,
@@ -149,7 +161,7 @@ def angles(source: Source) -> Picture:
         for name, (degrees, sigma) in zip(found.names, columns, strict=True)
     ]
     bars = "" if with_bars else "; no error bands, the file has no error bars"
-    pages = viz.draw_angles(panels, time, title=source.title, notes=notes)
+    pages = viz.draw_curves(panels, _time(source), title=source.title, notes=notes)
     return pages, f"{len(columns)} joint angles over time{bars}.", numbers
 
 
@@ -161,32 +173,36 @@ DRAW: dict[str, Callable[[Source], Picture]] = {
 }
 
 
-def _limb_lengths(poses: PoseData, limbs: Pairs, left_right: Pairs) -> list[viz.BonePanel]:
+def _time(source: Source) -> viz.TimeAxis:
+    return viz.TimeAxis(source.poses.frames, source.poses.frame_rate, source.zero)
+
+
+def _limb_lengths(poses: PoseData, limbs: Pairs, left_right: Pairs) -> list[tuple[str, list[viz.Curve]]]:
     """Return the limbs in the order of the layout; a left one and its mirror image come together."""
     mirror = {a: b for left, right in left_right for a, b in ((left, right), (right, left))}
     left_joints = {left for left, _ in left_right}
     rest = {frozenset(limb): limb for limb in limbs}
-    panels = []
+    lengths = []
     for limb in limbs:
         if rest.pop(frozenset(limb), None) is None:
             continue
         twin = mirror.get(limb[0], limb[0]), mirror.get(limb[1], limb[1])
         if rest.pop(frozenset(twin), None) is None:
-            panels.append(viz.BonePanel(_name_of(limb, poses.joint_names), [_bone(poses, limb, "")]))
+            lengths.append((_name_of(limb, poses.joint_names), [_bone(poses, limb, "")]))
             continue
         left, right = (limb, twin) if left_joints & set(limb) else (twin, limb)
         name = _name_of_both(left, right, poses.joint_names)
-        panels.append(viz.BonePanel(name, [_bone(poses, left, "left"), _bone(poses, right, "right")]))
-    return panels
+        lengths.append((name, [_bone(poses, left, "left"), _bone(poses, right, "right")]))
+    return lengths
 
 
-def _bone(poses: PoseData, limb: tuple[int, int], side: str) -> viz.Bone:
+def _bone(poses: PoseData, limb: tuple[int, int], side: str) -> viz.Curve:
     a, b = limb
     lengths = np.linalg.norm(poses.pose[:, a] - poses.pose[:, b], axis=-1)
     sure = np.isfinite(lengths)
     if len(poses.joint_status):
         sure &= ~np.isin(poses.joint_status[:, limb], _UNSURE).any(axis=1)
-    return viz.Bone(side, lengths, sure)
+    return viz.Curve(lengths, side, sure=sure)
 
 
 def _name_of(limb: tuple[int, int], names: Sequence[str]) -> str:
@@ -213,7 +229,7 @@ def _without_side(left: str, right: str) -> str | None:
     return None
 
 
-def _about_bones(limbs: Sequence[tuple[str, viz.Bone]]) -> str:
+def _about_bones(limbs: Sequence[tuple[str, viz.Curve]]) -> str:
     shares = {
         f"{name} ({bone.side})" if bone.side else name: 100 * bone.deviation / bone.median
         for name, bone in limbs

@@ -3,38 +3,60 @@
 from __future__ import annotations
 
 import os
-import textwrap
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
+from matplotlib.figure import SubFigure
 from matplotlib.patches import Patch
-from matplotlib.ticker import MultipleLocator
 
-from skelsplat._arrays import Array, ArrayFields
+from skelsplat._arrays import Array, ArrayFields, Mask, median
 from skelsplat.viz import _style
-from skelsplat.viz._cameras import NOT_SEEN, CameraPanel, choose_panels, draw_panels, panel_heights, space_of
-from skelsplat.viz._skeleton import SIGMAS, Skeleton, body_axes, draw_ellipses, draw_limbs, not_ok_in_words
+from skelsplat.viz._body import (
+    SIGMAS,
+    Skeleton,
+    aspect,
+    draw_ellipses,
+    draw_limbs,
+    draw_points,
+    not_ok_in_words,
+    person_window,
+    reach,
+    upright,
+)
 
-_BODY_IN = 9.0  # the body and the errors, with their legend
-_HEADER_IN = 0.75  # of the cameras: their heading and legend
-_ERRORS_LEFT_IN, _ERRORS_WIDTH_IN = 10.15, 3.57
-_CAPTION_LETTERS, _LINE_IN = 135, 0.25  # letters of a line, and its height
-# Of the two views: width and height for both, left edge, gap; margin and grid around a body, and its reach.
-_SPACE_IN = (8.1, 6.85)
-_LEFT_IN = 0.85
-_GAP_IN = 0.3
-_MARGIN_MM = 120.0
-_GRID_MM = 250.0
-_REACH_MM = 1400.0
-# Bodies below this size, such as mice and hands, have margin and grid in proportion.
-_SMALL_MM = 500.0
+_BODY_IN = 8.5  # height of the body and the errors
+_ACROSS, _MOST_PANELS = 4, 8  # cameras in a row, and in all
+_TALLEST_IN, _AROUND_IN = 4.0, 0.9  # of a camera
 _MOST_NUMBERS = 8  # cameras for which the numbers fit between the bars
+# Mean resultant length below which left-to-right directions do not agree on one heading:
+# the mean of directions spread evenly over 270 degrees has length 0.3.
+_STEADY_HEADING = 0.3
+
+
+@dataclass(frozen=True)
+class CameraPanel(ArrayFields):
+    """One camera in one frame; pixel coordinates are ideal ones, without lens distortion."""
+
+    name: str  # the camera's name
+    size: tuple[int, int]  # width and height of its image
+    # (N, 2) detected joints and the refined pose projected; NaN where there is none
+    detections: Array
+    reprojection: Array
+    covariances: Array  # (N, 2, 2) covariances of the projected joints, px²; NaN where unknown
+    # (N,) detections that hardly pull on the pose, and those taken for the other side of the body
+    rejected: Mask
+    swapped: Mask
+
+    @property
+    def window(self) -> tuple[tuple[int, int], tuple[int, int]]:
+        """The columns and rows to show."""
+        return person_window(np.concatenate([self.detections, self.reprojection]), self.size)
 
 
 @dataclass(frozen=True)
@@ -47,7 +69,7 @@ class OverviewData(ArrayFields):
     error_bar: Array  # (T, N, 3, 3) covariances of the refined joints, in mm²; NaN where unknown
     # (T, N) ``"ok"``, ``"inferred"``, ``"weak"`` or ``"unobserved"``; those not ``"ok"`` are drawn hollow
     status: npt.NDArray[np.str_]
-    up: Array  # (3,) the vertical of the world, of unit length
+    up: Array  # (3,) the vertical: an axis of the world or its opposite
     frame: int  # index of the frame that is drawn
     start: str  # what the pose before is, for the legend
     # (T, M, N) reprojection errors in px; NaN where there is no detection
@@ -62,50 +84,41 @@ class OverviewData(ArrayFields):
     up_known: bool = True
 
 
+@_style.drawn_for(_style.SCREEN)
 def write_overview(path: str | os.PathLike[str], data: OverviewData, *, skeleton: Skeleton) -> Path:
     """Draw the overview and write it to ``path``."""
-    panels = choose_panels(data.panels)
-    heights = panel_heights(panels)
-    below = space_of(heights) + _HEADER_IN if panels else 0.0
-    caption = textwrap.wrap(data.caption, _CAPTION_LETTERS)
-    figure = _style.new_figure(_BODY_IN + _LINE_IN * (len(caption) - 1) + below)
-    _draw_body(figure, data, skeleton, below + 1.26)
-    box = _style.box(figure, _ERRORS_LEFT_IN, below + 5.04, _ERRORS_WIDTH_IN, 3.06)
-    _draw_cameras(figure.add_axes(box), data.error_before, data.error_after, data.camera_names)
-    box = _style.box(figure, _ERRORS_LEFT_IN, below + 1.26, _ERRORS_WIDTH_IN, 2.7)
-    _draw_distribution(figure.add_axes(box), data.error_before, data.error_after, data.start)
-    _style.heading(figure, figure.get_figheight() - 0.25, "\n".join(caption))
-    _legend(figure, 0.7, below + 0.48, _body_entries(data, skeleton))
-    if panels:
-        draw_panels(figure, panels, heights, skeleton, 0.1)
-        shown = (
-            f"{len(panels)} of {len(data.panels)} cameras" if len(panels) < len(data.panels) else "Cameras"
-        )
-        _style.heading(figure, below - 0.08, f"{shown}, same frame, cropped to the pose")
-        _legend(figure, 0.2, below - 0.3, _panel_entries(panels))
+    by_rejected = np.argsort([-panel.rejected.sum() for panel in data.panels], kind="stable")
+    panels = [data.panels[k] for k in sorted(by_rejected[:_MOST_PANELS])]
+    width = _style.SCREEN_IN / _ACROSS - _AROUND_IN
+    tall = min(width * max((aspect(panel.window) for panel in panels), default=0.0), _TALLEST_IN)
+    rows = -(-len(panels) // _ACROSS)
+    heights = [_BODY_IN, *([rows * (tall + _AROUND_IN) + 0.7] if panels else [])]
+    figure = _style.new_figure(_style.SCREEN_IN, sum(heights))
+    body, *below = figure.subfigures(len(heights), 1, height_ratios=heights, squeeze=False)[:, 0]
+    _style.head(body, data.caption, _body_legend(data, skeleton))
+    _draw_body(body, data, skeleton)
+    for cameras in below:
+        some = f"{len(panels)} of {len(data.panels)} cameras" if len(panels) < len(data.panels) else "Cameras"
+        _style.head(cameras, f"{some}, same frame, cropped to the pose", _panel_legend(panels))
+        for k, panel in enumerate(panels, 1):
+            _draw_panel(cameras.add_subplot(rows, _ACROSS, k), panel, skeleton)
     return _style.save_png(figure, path)
 
 
-def _legend(figure: Figure, left: float, top: float, entries: Sequence[Artist]) -> None:
-    _style.legend(figure, left, top, entries, _style.SCREEN.label_pt, columnspacing=1.4)
-
-
-def _body_entries(body: OverviewData, skeleton: Skeleton) -> list[Artist]:
-    """Return the legend of the two views."""
-    entries: list[Artist] = [_style.entry(_style.BEFORE, body.start, linestyle="--", marker="x")]
-    for side, colour in _style.SIDES.items() if skeleton.left_right else (("", _style.MIDDLE),):
+def _body_legend(data: OverviewData, skeleton: Skeleton) -> list[Artist]:
+    entries: list[Artist] = [_style.entry(_style.BEFORE, data.start, linestyle="--", marker="x")]
+    for side, colour in _style.SIDES.items() if skeleton.left_right else [("", _style.MIDDLE)]:
         label = f"refined, {side}" if side else "refined"
         entries.append(_style.entry(colour, label, linestyle="-", linewidth=2.0, marker="o"))
-    drawn = body.status[body.frame][np.isfinite(body.after[body.frame]).all(axis=1)]
+    drawn = data.status[data.frame][np.isfinite(data.after[data.frame]).all(axis=1)]
     if (drawn != "ok").any():
-        label = not_ok_in_words(drawn)
-        entries.append(_style.entry(_style.MIDDLE, label, marker="o", markerfacecolor="white"))
-    entries.append(Patch(color=_style.MIDDLE, alpha=0.28, label=f"error ellipsoid, {SIGMAS:g} σ"))
-    return entries
+        entries.append(
+            _style.entry(_style.MIDDLE, not_ok_in_words(drawn), marker="o", markerfacecolor="white")
+        )
+    return [*entries, Patch(color=_style.MIDDLE, alpha=0.28, label=f"error ellipsoid, {SIGMAS:g} σ")]
 
 
-def _panel_entries(panels: Sequence[CameraPanel]) -> list[Artist]:
-    """Return the legend of the cameras."""
+def _panel_legend(panels: Sequence[CameraPanel]) -> list[Artist]:
     white = {"marker": "o", "linestyle": "-", "markerfacecolor": "white", "markeredgewidth": 1.5}
     entries: list[Artist] = [
         _style.entry(_style.DETECTION, "detection", marker="x", markersize=7, markeredgewidth=1.6),
@@ -114,150 +127,136 @@ def _panel_entries(panels: Sequence[CameraPanel]) -> list[Artist]:
     if any(panel.swapped.any() for panel in panels):
         diamond = {"marker": "D", "markerfacecolor": "none", "markersize": 8}
         entries.append(_style.entry(_style.SWAPPED, "left and right exchanged", **diamond))
-    entries.append(_style.entry(_style.MIDDLE, "refined pose, projected", linewidth=1.4))
-    return entries
+    return [*entries, _style.entry(_style.MIDDLE, "refined pose, projected", linewidth=1.4)]
 
 
-def _draw_body(figure: Figure, body: OverviewData, skeleton: Skeleton, bottom_in: float) -> None:
-    """Draw the two views side by side in one scale, as large as the space allows, from ``bottom_in`` up."""
-    views = _views(body, skeleton)
-    flat = [
-        [_flatten(pose[body.frame], body, right) for pose in (body.before, body.after)] for right, *_ in views
-    ]
-    limits = [_limits(np.concatenate(pair)) for pair in flat]
-    low = min(limit[1][0] for limit in limits)
-    high = max(limit[1][1] for limit in limits)
-    widths = [limit[0][1] - limit[0][0] for limit in limits]
-    inches_per_mm = min(_SPACE_IN[0] / sum(widths), _SPACE_IN[1] / (high - low))
-    start = _LEFT_IN
-    for (right, title, label), points, limit, width in zip(views, flat, limits, widths, strict=True):
-        size = (width * inches_per_mm, (high - low) * inches_per_mm)
-        axes = figure.add_axes(_style.box(figure, start, bottom_in, *size))
-        plane = np.stack([right, body.up])
-        covariances = plane @ body.error_bar[body.frame] @ plane.T
-        _draw_view(axes, points, covariances, body.status[body.frame], skeleton)
-        axes.set(xlim=limit[0], ylim=(low, high), xlabel=label, title=title)
-        axes.xaxis.set_major_locator(MultipleLocator(_grid(max(*widths, high - low))))
-        axes.yaxis.set_major_locator(MultipleLocator(_grid(max(*widths, high - low))))
-        if points is flat[0]:
-            axes.set_ylabel("height [mm]" if body.up_known else f"{_axis_name(body.up)} [mm]")
-        else:
-            axes.tick_params(labelleft=False)
-        _style.tidy(axes)
-        start += size[0] + _GAP_IN
-
-
-def _views(body: OverviewData, skeleton: Skeleton) -> list[tuple[Array, str, str]]:
-    """Return of each view the axis to the right of the page (3,), the title and the label below."""
-    pairs = skeleton.left_right if body.up_known else ()
-    left, forward, known = body_axes(body.after, pairs, body.up, frame=body.frame)
-    if known:
-        return [
-            (left, "front view", "to the body's left [mm]"),
-            (forward, "side view (from the right)", "to the body's front [mm]"),
+def _draw_body(figure: SubFigure, data: OverviewData, skeleton: Skeleton) -> None:
+    """Draw the two views in one scale, and the errors beside them."""
+    turn, names = upright(data.up)
+    before, after = data.before[data.frame] @ turn.T, data.after[data.frame] @ turn.T
+    middle = np.nan_to_num([median(after[:, 0]), median(after[:, 1]), 0.0])
+    before, after = before - middle, after - middle
+    bars = turn @ data.error_bar[data.frame] @ turn.T
+    pairs = skeleton.left_right if data.up_known else ()
+    left, known = heading(data.after @ turn.T, pairs, data.frame)
+    views = (left, np.array([left[1], -left[0]]))  # to the body's left and front
+    planes = [np.array([[*across, 0.0], [0.0, 0.0, 1.0]]) for across in views]
+    limits = [reach(after @ plane.T, 1000.0) for plane in planes]
+    margin = 0.07 * max(float((high - low).max()) for low, high in limits) or 1.0
+    wide = [high[0] - low[0] + 2 * margin for low, high in limits]
+    grid = figure.add_gridspec(2, 3, width_ratios=[2.2 * one / sum(wide) for one in wide] + [1.0])
+    words = (
+        [
+            ("front view", "to the body's left [mm]"),
+            ("side view (from the right)", "to the body's front [mm]"),
         ]
-    return [(left, "view 1", "widest direction [mm]"), (forward, "view 2", "across it [mm]")]
+        if known
+        else [("view 1", "widest direction [mm]"), ("view 2", "across it [mm]")]
+    )
+    for k, (plane, (low, high), (title, label)) in enumerate(zip(planes, limits, words, strict=True)):
+        axes = figure.add_subplot(grid[:, k])
+        _draw_view(axes, (before @ plane.T, after @ plane.T), plane @ bars @ plane.T, data, skeleton)
+        span = (low[0] - margin, high[0] + margin), (low[1] - margin, high[1] + margin)
+        axes.set(xlim=span[0], ylim=span[1], xlabel=label, title=title, aspect="equal")
+        axes.tick_params(labelleft=not k)
+        axes.set_ylabel("" if k else "height [mm]" if data.up_known else f"{names[2]} [mm]")
+    _draw_cameras(figure.add_subplot(grid[0, 2]), data)
+    _draw_distribution(figure.add_subplot(grid[1, 2]), data)
 
 
-def _axis_name(direction: Array) -> str:
-    """Return the name of the world's axis nearest to a direction, with a minus for its opposite."""
-    axis = int(np.argmax(np.abs(direction)))
-    return ("−" if direction[axis] < 0 else "") + "xyz"[axis]
+def heading(poses: Array, left_right: Sequence[tuple[int, int]], frame: int) -> tuple[Array, bool]:
+    """Return the direction (2,) to the body's left, across the vertical z, and if it is known.
+
+    It is the mean of the left-minus-right directions of all pairs in a frame of ``poses`` (T, N, 3), or in
+    all frames where these cancel or are unknown; without pairs, where the joints spread most.
+    """
+    pairs = np.asarray(left_right, dtype=int).reshape(-1, 2)
+    for some in (poses[frame : frame + 1], poses):
+        across = (some[:, pairs[:, 0]] - some[:, pairs[:, 1]])[..., :2].reshape(-1, 2)
+        length = np.linalg.norm(across, axis=1)
+        seen = length > 0  # False for NaN
+        mean = (across[seen] / length[seen, None]).sum(axis=0) / max(seen.sum(), 1)
+        if np.linalg.norm(mean) >= _STEADY_HEADING:
+            return mean / np.linalg.norm(mean), True
+    flat = poses[frame][np.isfinite(poses[frame]).all(axis=1), :2]
+    return np.linalg.svd(flat - flat.mean(axis=0) if len(flat) else np.zeros((1, 2)))[2][0], False
 
 
 def _draw_view(
-    axes: Axes, points: list[Array], covariances: Array, status: npt.NDArray[np.str_], skeleton: Skeleton
+    axes: Axes, poses: tuple[Array, Array], bars: Array, data: OverviewData, skeleton: Skeleton
 ) -> None:
     """Draw the pose before and after, each (N, 2), into one view."""
-    before, after = points
-    dashes = (0, (4, 2))
-    draw_limbs(axes, before, skeleton, color=_style.BEFORE, linewidth=1.6, linestyle=dashes, zorder=1)
-    axes.scatter(before[:, 0], before[:, 1], s=34, marker="x", color=_style.BEFORE, linewidths=1.6, zorder=2)
+    before, after = poses
+    grey: dict[str, Any] = {"color": _style.BEFORE, "zorder": 1}
+    draw_limbs(axes, before, skeleton, linewidth=1.6, linestyle=(0, (4, 2)), **grey)
+    draw_points(axes, before, s=34, marker="x", linewidths=1.6, **grey)
     draw_limbs(axes, after, skeleton, linewidth=2.0, alpha=0.9, zorder=3)
     colours = [skeleton.colour(joint) for joint in range(len(after))]
-    faces = [colour if state == "ok" else "white" for colour, state in zip(colours, status, strict=True)]
-    axes.scatter(after[:, 0], after[:, 1], s=30, facecolors=faces, edgecolors=colours, zorder=4)
-    draw_ellipses(axes, after, covariances, colours)
-    axes.grid(color="0.9", linewidth=0.8)
-    axes.set_axisbelow(True)
+    faces = np.where(data.status[data.frame] == "ok", colours, "white").tolist()
+    draw_points(axes, after, s=30, facecolors=faces, edgecolors=colours, zorder=4)
+    draw_ellipses(axes, after, bars, colours)
+    axes.grid()
 
 
-def _flatten(pose: Array, body: OverviewData, right: Array) -> Array:
-    """Return (N, 2): distance to the view's right from the refined pose's middle, and world height."""
-    across = body.after[body.frame] @ right
-    middle = np.median(across[np.isfinite(across)]) if np.isfinite(across).any() else 0.0
-    return np.stack([pose @ right - middle, pose @ body.up], axis=1)
-
-
-def _limits(points: Array) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Return the range of (N, 2) points across and in height, with a margin; 1 m about 0 if none is known.
-
-    Joints further from the median than a body reaches do not widen it: their limbs run out of the picture.
-    """
-    known = points[np.isfinite(points).all(axis=1)]
-    if not len(known):
-        return (-500.0, 500.0), (-500.0, 500.0)
-    middle = np.median(known, axis=0)
-    near = np.clip(known, middle - _REACH_MM, middle + _REACH_MM)
-    size = float((near.max(axis=0) - near.min(axis=0)).max())
-    margin = _MARGIN_MM * min(1.0, max(size, 1.0) / _SMALL_MM)
-    low, high = near.min(axis=0) - margin, near.max(axis=0) + margin
-    return (float(low[0]), float(high[0])), (float(low[1]), float(high[1]))
-
-
-def _grid(size: float) -> float:
-    """Return the distance of grid lines in mm: 250 for people, about a quarter of smaller bodies."""
-    if size >= _SMALL_MM:
-        return _GRID_MM
-    power = 10.0 ** np.floor(np.log10(size / 4))
-    return float(power * next(step for step in (1.0, 2.0, 5.0, 10.0) if step * power >= size / 4))
-
-
-def _draw_cameras(axes: Axes, before: Array, after: Array, names: Sequence[str]) -> None:
-    """Draw per camera the median of the errors (T, M, N) as bars, with a line to the 90th percentile."""
-    rows = np.arange(len(names))
-    for offset, errors, colour in ((-0.19, before, _style.BEFORE), (0.19, after, _style.AFTER)):
-        for row in rows:
-            values = errors[:, row][np.isfinite(errors[:, row])]
+def _draw_cameras(axes: Axes, data: OverviewData) -> None:
+    """Draw per camera the median of the errors as bars, with a line to the 90th percentile."""
+    for row in range(len(data.camera_names)):
+        for place, errors, colour in (
+            (row - 0.19, data.error_before[:, row], _style.BEFORE),
+            (row + 0.19, data.error_after[:, row], _style.AFTER),
+        ):
+            values = errors[np.isfinite(errors)]
             if not len(values):
                 continue
             median, high = np.percentile(values, [50, 90])
-            axes.barh(row + offset, median, height=0.36, color=colour, zorder=2)
-            axes.plot([median, high], [row + offset] * 2, color=colour, linewidth=1.6, zorder=2)
-            axes.plot(high, row + offset, "|", color=colour, markersize=9, markeredgewidth=1.6, zorder=2)
-            if len(names) <= _MOST_NUMBERS:
-                axes.annotate(
-                    f"{median:.1f}",
-                    (median, row + offset),
-                    xytext=(4, 2.5),
-                    textcoords="offset points",
-                    fontsize=8.5,
-                )
-    for row in np.flatnonzero(~np.isfinite([before, after]).any(axis=(0, 1, 3))):
-        axes.annotate(NOT_SEEN, (0, row), xytext=(4, 0), textcoords="offset points", **_style.REMARK)
-    axes.set_yticks(rows, names)
-    axes.set_xlim(left=0)
-    label = "error [px]: bar median, line to 90th percentile"
-    axes.set(ylim=(len(rows) - 0.5, -0.5), xlabel=label, title="reprojection error per camera, all frames")
-    axes.grid(axis="x", color="0.9", linewidth=0.8)
-    _style.tidy(axes)
+            line = {"ecolor": colour, "elinewidth": 1.6, "capsize": 3}
+            axes.barh(place, median, xerr=[[0.0], [high - median]], height=0.36, color=colour, error_kw=line)
+            if len(data.camera_names) <= _MOST_NUMBERS:
+                above: dict[str, Any] = {"xytext": (4, 2.5), "textcoords": "offset points"}
+                axes.annotate(f"{median:.1f}", (median, place), fontsize=8.5, **above)
+        if not np.isfinite([data.error_before[:, row], data.error_after[:, row]]).any():
+            axes.text(0, row, " no detection", color="0.35", va="center")
+    axes.set_yticks(range(len(data.camera_names)), data.camera_names)
+    axes.set(xlim=(0, None), ylim=(len(data.camera_names) - 0.5, -0.5))
+    axes.set(xlabel="error [px]: bar median, line to 90th percentile")
+    axes.set_title("reprojection error, all frames")
+    axes.grid(axis="x")
 
 
-def _draw_distribution(axes: Axes, before: Array, after: Array, start: str) -> None:
+def _draw_distribution(axes: Axes, data: OverviewData) -> None:
     """Draw the share of detections within each distance of the reprojected pose, with a legend."""
     limit = 1.0
     for errors, colour, style, label in (
-        (before, _style.BEFORE, "--", start),
-        (after, _style.AFTER, "-", "refined"),
+        (data.error_before, _style.BEFORE, "--", data.start),
+        (data.error_after, _style.AFTER, "-", "refined"),
     ):
-        values = np.sort(errors[np.isfinite(errors)])
+        values = errors[np.isfinite(errors)]
         if len(values):
-            share = 100 * np.arange(1, len(values) + 1) / len(values)
-            axes.plot(values, share, style, color=colour, linewidth=2, label=label)
+            axes.ecdf(values, color=colour, linestyle=style, linewidth=2, label=label)
             limit = max(limit, float(np.percentile(values, 97)))
-    axes.set(xlim=(0, limit), xlabel="within this reprojection error [px]")
-    axes.set(ylim=(0, 100), ylabel="detections [%]", title="all cameras and frames")
-    if axes.lines:
-        axes.legend(loc="lower right", frameon=False, fontsize=_style.SCREEN.label_pt)
-    axes.grid(color="0.9", linewidth=0.8)
-    _style.tidy(axes)
+            axes.legend(loc="lower right")
+    axes.set(xlim=(0, limit), ylim=(0, 1), xlabel="within this reprojection error [px]")
+    axes.set(ylabel="share of detections", title="all cameras and frames")
+    axes.grid()
+
+
+def _draw_panel(axes: Axes, panel: CameraPanel, skeleton: Skeleton) -> None:
+    """Draw the refined pose with its error ellipses, the detections, and lines to the rejected ones."""
+    pose, detections = panel.reprojection, panel.detections
+    draw_limbs(axes, pose, skeleton, linewidth=1.4, alpha=0.9, zorder=3)
+    draw_ellipses(axes, pose, panel.covariances, [skeleton.colour(joint) for joint in range(len(pose))])
+    away = panel.rejected & ~panel.swapped  # an exchanged one was meant for another joint
+    ends = np.stack([detections[away], pose[away]])  # (2, K, 2)
+    axes.plot(ends[..., 0], ends[..., 1], color=_style.REJECTED, linewidth=1.2, zorder=4)
+    cross = {"s": 20, "marker": "x", "color": _style.DETECTION, "linewidths": 1.1}
+    hollow = {"s": 30, "facecolors": "white", "edgecolors": _style.REJECTED, "linewidths": 1.5}
+    diamond = {"s": 70, "marker": "D", "facecolors": "none", "edgecolors": _style.SWAPPED, "linewidths": 1.2}
+    for which, style in ((~panel.rejected, cross), (panel.rejected, hollow), (panel.swapped, diamond)):
+        draw_points(axes, detections[which], zorder=5, **style)
+    (left, right), (top, bottom) = panel.window
+    axes.set_aspect("equal", anchor="N")
+    axes.set(xlim=(left - 0.5, right + 0.5), ylim=(bottom + 0.5, top - 0.5), xlabel="u [px]", ylabel="v [px]")
+    seen = int(np.isfinite(detections).all(axis=1).sum())
+    axes.set_title(f"{panel.name}: {panel.rejected.sum()} of {seen} rejected" if seen else panel.name)
+    if not seen:
+        axes.text(0.5, 0.5, "no detection in this frame", transform=axes.transAxes, ha="center", zorder=6)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from skelsplat._arrays import Array, ArrayFields, Mask
-from skelsplat.viz._skeleton import Skeleton
+from skelsplat.viz._body import Skeleton
 from skelsplat.viz.overlay import _marks
 from skelsplat.viz.overlay._marks import Colour, Image, Sizes
 
@@ -76,7 +76,8 @@ def draw_overlay(image: Image, frame: OverlayFrame, skeleton: Skeleton, shown: S
 def draw_limb(image: Image, ends: Array, colour: Colour, sizes: Sizes, *, solid: bool) -> None:
     """Draw a limb (2, 2) with an edge in a lighter colour, or a thin line without; nothing for NaN."""
     if solid:
-        _marks.line(image, ends, _marks.lighter(colour), sizes.limb + 2)
+        blue, green, red = ((own + light) // 2 for own, light in zip(colour, _marks.LIGHT, strict=True))
+        _marks.line(image, ends, (blue, green, red), sizes.limb + 2)
     _marks.line(image, ends, colour, sizes.limb if solid else sizes.thin)
 
 
@@ -85,9 +86,9 @@ def draw_joint(image: Image, at: Array, colour: Colour, sizes: Sizes, *, solid: 
     if solid:
         _marks.dot(image, at, sizes.joint + sizes.edge, _marks.LIGHT)
         _marks.dot(image, at, sizes.joint, colour)
-        return
-    _marks.square(image, at, sizes.hollow + sizes.limb, colour)
-    _marks.square(image, at, sizes.hollow, _marks.LIGHT)
+    else:
+        _marks.polygon(image, at + (sizes.hollow + sizes.limb) * _marks.SQUARE, colour)
+        _marks.polygon(image, at + sizes.hollow * _marks.SQUARE, _marks.LIGHT)
 
 
 def draw_detection(
@@ -98,17 +99,19 @@ def draw_detection(
     With ``own``, the colour of a person, it is in this colour, paler for smaller weights.
     """
     if rejected:
-        _marks.cross(image, at, sizes.mark, _marks.LIGHT, sizes.limb + 2)
-        _marks.cross(image, at, sizes.mark, _marks.REJECTED, sizes.limb)
+        corners = at + sizes.mark / np.sqrt(2.0) * _marks.SQUARE
+        for colour, width in ((_marks.LIGHT, sizes.limb + 2), (_marks.REJECTED, sizes.limb)):
+            _marks.line(image, corners[::2], colour, width)
+            _marks.line(image, corners[1::2], colour, width)
         return
-    colour = _marks.UNUSED if np.isnan(weight) else _marks.weight_colour(weight, own)
+    colour = _marks.BEFORE if np.isnan(weight) else _marks.weight_colour(weight, own)
     _marks.dot(image, at, sizes.mark + sizes.edge, _marks.DARK)
     _marks.dot(image, at, sizes.mark, colour)
 
 
 def draw_swapped(image: Image, at: Array, sizes: Sizes) -> None:
     """Draw the diamond about a detection that was taken for the other side's joint."""
-    _marks.diamond(image, at, 2.0 * sizes.mark, _marks.SWAPPED, sizes.limb)
+    _marks.polygon(image, at + 2.0 * sizes.mark * _marks.DIAMOND, _marks.SWAPPED, sizes.limb)
 
 
 def _draw_detection(image: Image, frame: OverlayFrame, j: int, skeleton: Skeleton, shown: Shown) -> None:

@@ -16,20 +16,16 @@ from skelsplat._opencv import opencv
 from skelsplat.viz import _style
 
 Colour = tuple[int, int, int]
+Image = npt.NDArray[np.uint8]
 
-LIGHT: Colour = (247, 247, 247)
-DARK: Colour = (24, 24, 24)
 # Diagonal of a 1920 × 1080 image, for which the sizes are made.
 _DIAGONAL = 2203.0
 _HALFWAY = "#f7f7f7"  # between rejected and trusted, as in ColorBrewer's PiYG
-Image = npt.NDArray[np.uint8]
-
 _SHIFT = 4  # coordinates count sixteenths of a pixel
 _FAR = 1e6  # px; 16 times that is well below 2³¹
 _MOST_DASHES = 300
-_CROSS = np.array([[-1.0, -1.0], [1.0, 1.0], [-1.0, 1.0], [1.0, -1.0]]) / np.sqrt(2.0)
-_SQUARE = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
-_DIAMOND = np.array([[0.0, -1.0], [1.0, 0.0], [0.0, 1.0], [-1.0, 0.0]])
+SQUARE = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
+DIAMOND = np.array([[0.0, -1.0], [1.0, 0.0], [0.0, 1.0], [-1.0, 0.0]])
 _TURN = np.linspace(0.0, 2 * np.pi, 48, endpoint=False)
 _CIRCLE = np.stack([np.cos(_TURN), np.sin(_TURN)], axis=1)
 
@@ -40,14 +36,8 @@ def bgr(colour: str) -> Colour:
     return blue, green, red
 
 
-def lighter(colour: Colour) -> Colour:
-    """Return the colour halfway to `LIGHT`."""
-    blue, green, red = ((own + light) // 2 for own, light in zip(colour, LIGHT, strict=True))
-    return blue, green, red
-
-
+LIGHT, DARK = bgr("#f7f7f7"), bgr("#181818")
 BEFORE, REJECTED, SWAPPED = bgr(_style.BEFORE), bgr(_style.REJECTED), bgr(_style.SWAPPED)
-UNUSED = bgr(_style.BEFORE)
 _RAMP = np.array([bgr(colour) for colour in (_style.REJECTED, _HALFWAY, _style.DETECTION)], dtype=float)
 
 
@@ -91,10 +81,18 @@ class Sizes:
         )
 
 
-def line(image: Image, points: Array, colour: Colour, width: int, *, closed: bool = False) -> None:
+def line(image: Image, points: Array, colour: Colour, width: int) -> None:
     """Draw a line through ``points`` (K, 2); nothing if one of them is unknown."""
     if drawable(points):
-        opencv().polylines(image, [_fixed(points)], closed, colour, width, opencv().LINE_AA, _SHIFT)
+        opencv().polylines(image, [_fixed(points)], False, colour, width, opencv().LINE_AA, _SHIFT)
+
+
+def polygon(image: Image, corners: Array, colour: Colour, width: int | None = None) -> None:
+    """Draw a polygon (K, 2), filled or with a ``width`` its outline; nothing if a corner is unknown."""
+    if drawable(corners) and width is None:
+        opencv().fillPoly(image, [_fixed(corners)], colour, opencv().LINE_AA, _SHIFT)
+    else:
+        line(image, np.concatenate([corners, corners[:1]]), colour, width or 1)
 
 
 def dashed(image: Image, ends: Array, colour: Colour, width: int, *, dash: float) -> None:
@@ -115,25 +113,6 @@ def dot(image: Image, centre: Array, radius: float, colour: Colour) -> None:
         opencv().circle(image, (across, down), size, colour, opencv().FILLED, opencv().LINE_AA, _SHIFT)
 
 
-def square(image: Image, centre: Array, radius: float, colour: Colour) -> None:
-    """Draw a filled square of ``2 radius``."""
-    corners = centre + radius * _SQUARE
-    if drawable(corners):
-        opencv().fillPoly(image, [_fixed(corners)], colour, opencv().LINE_AA, _SHIFT)
-
-
-def cross(image: Image, centre: Array, radius: float, colour: Colour, width: int) -> None:
-    """Draw a diagonal cross."""
-    arms = centre + radius * _CROSS
-    line(image, arms[:2], colour, width)
-    line(image, arms[2:], colour, width)
-
-
-def diamond(image: Image, centre: Array, radius: float, colour: Colour, width: int) -> None:
-    """Draw a square on one of its corners."""
-    line(image, centre + radius * _DIAMOND, colour, width, closed=True)
-
-
 def ellipse(
     image: Image, centre: Array, covariance: Array, colour: Colour, *, sigmas: float, width: int
 ) -> None:
@@ -148,7 +127,7 @@ def ellipse(
     axes = vectors * np.sqrt(np.maximum(values, 0.0))
     if sigmas * np.sqrt(max(values[-1], 0.0)) > 0.25 * np.hypot(*image.shape[:2]):
         return
-    line(image, centre + sigmas * _CIRCLE @ axes.T, colour, width, closed=True)
+    polygon(image, centre + sigmas * _CIRCLE @ axes.T, colour, width)
 
 
 def drawable(points: Array) -> bool:

@@ -24,14 +24,9 @@ class Tiling:
     count: int  # number of images
 
     @property
-    def rows(self) -> int:
-        """Number of rows."""
-        return math.ceil(self.count / self.columns)
-
-    @property
     def size(self) -> Size:
         """Width and height of the whole."""
-        return self.columns * self.cell[0], self.rows * self.cell[1]
+        return self.columns * self.cell[0], -(-self.count // self.columns) * self.cell[1]
 
     def join(self, images: Sequence[Image]) -> Image:
         """Return the images, none larger than a cell, in one."""
@@ -49,7 +44,7 @@ def tiling(sizes: Sequence[Size]) -> Tiling:
     """Return the tiling that shows images of these sizes largest on a screen, with few cells empty."""
     cell = max(width for width, _ in sizes), max(height for _, height in sizes)
     every = [Tiling(columns, cell, len(sizes)) for columns in range(1, len(sizes) + 1)]
-    return max(every, key=lambda one: (min(_ASPECT / one.size[0], 1 / one.size[1]), -one.rows * one.columns))
+    return max(every, key=lambda one: (min(_ASPECT / one.size[0], 1 / one.size[1]), -math.prod(one.size)))
 
 
 def blank_tile(size: Size) -> Image:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
-from functools import lru_cache
+from collections.abc import Callable, Sequence
+from functools import lru_cache, partial
 from pathlib import Path
 
 import matplotlib
@@ -83,45 +83,25 @@ def legend_strip(
     colours of several.
     """
     sizes = Sizes.of(*size)
-    row_height = 2 * sizes.text
-    rows = _rows(_entries(sizes, shown, people or _style.SIDES.items(), named=bool(people)), width, sizes)
-    strip = np.full((row_height * len(rows), width, 3), _marks.LIGHT, dtype=np.uint8)
-    for number, row in enumerate(rows):
-        left, middle = sizes.text, (number + 0.5) * row_height
-        for text, symbol in row:
-            mask = text_mask(text, sizes.text)
-            symbol(strip, np.array([left + sizes.text, middle]))
-            top = round(middle - mask.shape[0] / 2)
-            draw_text(strip, left + _symbol_width(sizes), top, mask, _marks.DARK)
-            left += _entry_width(text, sizes)
+    unit, before = sizes.text, round(2.5 * sizes.text)  # height of text; room for a mark before it
+    placed, left, row = [], unit, 0
+    for text, symbol in _entries(sizes, shown, people):
+        mask = text_mask(text, unit)
+        length = before + mask.shape[1] + unit
+        if left > unit and left + length > width:
+            left, row = unit, row + 1
+        placed.append((symbol, mask, left, (2 * row + 1) * unit))
+        left += length
+    strip = np.full((2 * unit * (row + 1) if placed else 0, width, 3), LIGHT, dtype=np.uint8)
+    for symbol, mask, left, middle in placed:
+        symbol(strip, np.array([left + unit, middle], dtype=float))
+        draw_text(strip, left + before, middle - mask.shape[0] // 2, mask, DARK)
     return strip
 
 
-def _symbol_width(sizes: Sizes) -> int:
-    return round(2.5 * sizes.text)
-
-
-def _entry_width(text: str, sizes: Sizes) -> int:
-    return _symbol_width(sizes) + int(text_mask(text, sizes.text).shape[1]) + sizes.text
-
-
-def _rows(entries: Sequence[Entry], width: int, sizes: Sizes) -> list[list[Entry]]:
-    """Break the entries into rows of at most ``width`` px; a single one may be longer."""
-    rows: list[list[Entry]] = [[]]
-    used = sizes.text
-    for entry in entries:
-        length = _entry_width(entry[0], sizes)
-        if rows[-1] and used + length > width:
-            rows.append([])
-            used = sizes.text
-        rows[-1].append(entry)
-        used += length
-    return [row for row in rows if row]
-
-
-def _entries(sizes: Sizes, shown: Shown, groups: Iterable[tuple[str, str]], *, named: bool) -> list[Entry]:
-    """Return the entries: ``groups`` are body sides, or ``named`` people, with their colours."""
-    own = _style.MIDDLE if named else None
+def _entries(sizes: Sizes, shown: Shown, people: Sequence[tuple[str, str]]) -> list[Entry]:
+    """Return words and marks: of the sides of the body, or of several people, and of the layers."""
+    own = _style.MIDDLE if people else None
     middle, reach = _marks.bgr(_style.MIDDLE), np.array([sizes.text, 0.0])
     shape = np.diag([sizes.text / 2, sizes.text / 4]) ** 2 * (2 / SIGMAS) ** 2
 
@@ -130,49 +110,27 @@ def _entries(sizes: Sizes, shown: Shown, groups: Iterable[tuple[str, str]], *, n
             image, np.stack([at - reach, at + reach]), colour, sizes, solid=solid
         )
 
-    def detection(weight: float, *, rejected: bool) -> Symbol:
-        return lambda image, at: draw_detection(image, at, weight, sizes, rejected=rejected)
+    def disc(weight: float, *, rejected: bool = False) -> Symbol:
+        return lambda image, at: draw_detection(image, at, weight, sizes, rejected=rejected, own=own)
 
-    def ellipse(image: Image, at: Array) -> None:
-        _marks.ellipse(image, at, shape, middle, sigmas=SIGMAS, width=sizes.thin)
-
-    of_whom = " in the person's colour" if named else ""
     entries: list[Entry] = []
-    if shown.pose or named:
+    if shown.pose or people:
+        groups = people or _style.SIDES.items()
         entries += [(name, limb(_marks.bgr(colour), solid=True)) for name, colour in groups]
     if shown.pose:
-        entries.append(
-            ("weak, inferred or filled", lambda image, at: draw_joint(image, at, middle, sizes, solid=False))
-        )
+        hollow = partial(draw_joint, colour=middle, sizes=sizes, solid=False)
+        entries.append(("weak, inferred or filled", hollow))
     if shown.ellipses:
+        ellipse = partial(_marks.ellipse, covariance=shape, colour=middle, sigmas=SIGMAS, width=sizes.thin)
         entries.append((f"error ellipse, {SIGMAS:g} σ", ellipse))
     if shown.before:
         entries.append(("start", limb(_marks.BEFORE, solid=False)))
     if shown.detections:
         entries += [
-            (
-                f"detection{of_whom}, weight {shown.rejected_below:g} to 1",
-                _weights(shown.rejected_below, sizes, own),
-            ),
-            ("rejected", detection(0.0, rejected=True)),
-            ("not used", detection(np.nan, rejected=False)),
-            ("left and right exchanged", lambda image, at: draw_swapped(image, at, sizes)),
+            ("detection" + (" in the person's colour" if people else ""), disc(1.0)),
+            (f"of weight {shown.rejected_below:g}", disc(shown.rejected_below)),
+            ("rejected", disc(0.0, rejected=True)),
+            ("not used", disc(np.nan)),
+            ("left and right exchanged", partial(draw_swapped, sizes=sizes)),
         ]
     return entries
-
-
-def _weights(lowest: float, sizes: Sizes, own: str | None) -> Symbol:
-    """Return a bar in the colours of the weights from ``lowest`` to 1, edged like the discs."""
-    reach, high, edge = sizes.text, max(2, sizes.text // 4), max(1, round(sizes.edge))
-
-    def draw(image: Image, at: Array) -> None:
-        left, middle = round(float(at[0])) - reach, round(float(at[1]))
-        colours = [_marks.weight_colour(weight, own) for weight in np.linspace(lowest, 1.0, 2 * reach)]
-        framed = image[
-            middle - high - edge : middle + high + edge, max(0, left - edge) : left + 2 * reach + edge
-        ]
-        framed[:] = _marks.DARK
-        inner = image[middle - high : middle + high, left : left + 2 * reach]
-        inner[:] = np.array(colours, dtype=np.uint8)[: inner.shape[1]]
-
-    return draw

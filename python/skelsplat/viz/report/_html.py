@@ -1,4 +1,4 @@
-"""Parts of a page as HTML: facts, numbers, tables, lists of sentences, frames with a problem."""
+"""Parts of a page as HTML: elements with escaped words, tables, lists of sentences."""
 
 from __future__ import annotations
 
@@ -31,84 +31,89 @@ class Table:
     hint: str = ""
 
 
+def tag(name: str, inner: str, **attributes: str) -> str:
+    """Return an element around HTML, with its attributes but for empty ones; ``class_`` is ``class``."""
+    given = "".join(
+        f' {key.rstrip("_").replace("_", "-")}="{escape(value)}"'
+        for key, value in attributes.items()
+        if value
+    )
+    return f"<{name}{given}>{inner}</{name}>"
+
+
 def section(name: str, title: str, body: str, hint: str = "", kind: str = "") -> str:
     """Return a section of the page with its title, which has the id ``name``."""
-    hint = f'<p class="hint">{hint}</p>\n' if hint else ""
-    kind = f' class="{kind}"' if kind else ""
-    return (
-        f'<section aria-labelledby="{name}"{kind}>\n<h2 id="{name}">{title}</h2>\n{hint}{body}\n</section>\n'
-    )
+    below = f"\n{tag('p', hint, class_='hint')}" if hint else ""
+    inner = f"\n{tag('h2', title, id=name)}{below}\n{body}\n"
+    return tag("section", inner, aria_labelledby=name, class_=kind) + "\n"
 
 
-def facts(pairs: Iterable[tuple[str, str]]) -> str:
-    """Return names and values for the line below the title."""
-    return "\n".join(f"<div><dt>{escape(name)}</dt><dd>{escape(value)}</dd></div>" for name, value in pairs)
-
-
-def tiles(numbers: Iterable[tuple[str, str, str]]) -> str:
-    """Return the key numbers, each with its label and remark."""
+def described(terms: Iterable[Sequence[str]]) -> str:
+    """Return names, each with a value and a remark if there is one, for a list of them."""
     return "\n".join(
-        f'<div><dt>{escape(label)}</dt><dd>{escape(value)}</dd><dd class="remark">{escape(remark)}</dd></div>'
-        for label, value, remark in numbers
+        tag(
+            "div",
+            tag("dt", escape(name))
+            + tag("dd", escape(value))
+            + "".join(tag("dd", escape(one), class_="remark") for one in remark),
+        )
+        for name, value, *remark in terms
     )
 
 
 def table(content: Table) -> str:
     """Return a section with a table, whose first column names the rows, and the meanings of its columns."""
-    heads = "".join(
-        f'<th scope="col" title="{escape(meaning)}">{escape(head)}</th>' for head, meaning in content.columns
-    )
+    heads = [tag("th", escape(head), scope="col", title=meaning) for head, meaning in content.columns]
     marks = content.marks or [("", "")] * len(content.rows)
-    rows = "\n".join(_row(row, *mark) for row, mark in zip(content.rows, marks, strict=True))
-    foot = f"<tfoot>{_row(content.total)}</tfoot>" if content.total else ""
-    body = f"<table>\n<thead><tr>{heads}</tr></thead>\n<tbody>\n{rows}\n</tbody>\n{foot}\n</table>"
+    rows = [_row(row, *mark) for row, mark in zip(content.rows, marks, strict=True)]
+    body = _table(heads, rows, tag("tfoot", _row(content.total)) if content.total else "")
     # for print and for readers without a pointer
-    explained = [f"<b>{escape(head)}</b> {escape(meaning)}" for head, meaning in content.columns if meaning]
-    meanings = f'\n<p class="meanings">{"; ".join(explained)}.</p>' if explained else ""
+    explained = [
+        f"{tag('b', escape(head))} {escape(meaning)}" for head, meaning in content.columns if meaning
+    ]
+    meanings = "\n" + tag("p", "; ".join(explained) + ".", class_="meanings") if explained else ""
     name = "table-" + re.sub(r"\W+", "-", content.title.lower()).strip("-")
-    return section(name, escape(content.title), f'<div class="wide">\n{body}\n</div>{meanings}', content.hint)
+    return section(name, escape(content.title), tag("div", body, class_="wide") + meanings, content.hint)
+
+
+def _table(heads: Sequence[str], rows: Sequence[str], foot: str = "") -> str:
+    lines = (tag("thead", tag("tr", "".join(heads))), tag("tbody", "\n".join(rows)), foot)
+    return tag("table", "\n".join(lines))
 
 
 def _row(cells: Sequence[str], mark: str = "", address: str = "") -> str:
-    name = escape(cells[0])
-    name = f'<a href="{escape(address)}">{name}</a>' if address else name
-    kind = f' class="{escape(mark)}"' if mark else ""
-    rest = "".join(f"<td>{escape(cell)}</td>" for cell in cells[1:])
-    return f'<tr><th scope="row"{kind}>{name}</th>{rest}</tr>'
+    name = tag("a", escape(cells[0]), href=address) if address else escape(cells[0])
+    rest = "".join(tag("td", escape(cell)) for cell in cells[1:])
+    return tag("tr", tag("th", name, scope="row", class_=mark) + rest)
 
 
-def problem_rows(rows: Sequence[Problem]) -> str:
+def problem_rows(problems: Sequence[Problem]) -> str:
     """Return the frames with a problem, linked to the 3D view, the first `_MOST_PROBLEMS` rows of them."""
-    if not rows:
-        return "<p>None.</p>"
-    shown = "\n".join(
-        f'<tr><th scope="row">{_frames(first, last)}</th><td>{escape(words)}</td></tr>'
-        for first, last, words in rows[:_MOST_PROBLEMS]
-    )
-    more = len(rows) - _MOST_PROBLEMS
-    rest = f"<p>{more:,} more rows are omitted here; report.json lists all frames.</p>" if more > 0 else ""
-    head = '<thead><tr><th scope="col">frames</th><th scope="col">problem</th></tr></thead>'
-    return f"<table>\n{head}\n<tbody>\n{shown}\n</tbody>\n</table>\n{rest}"
+    if not problems:
+        return tag("p", "None.")
+    rows = [
+        tag("tr", tag("th", _frames(first, last), scope="row") + tag("td", escape(words)))
+        for first, last, words in problems[:_MOST_PROBLEMS]
+    ]
+    more = len(problems) - _MOST_PROBLEMS
+    rest = f"{more:,} more rows are omitted here; report.json lists all frames."
+    heads = [tag("th", head, scope="col") for head in ("frames", "problem")]
+    return _table(heads, rows) + (tag("p", rest) if more > 0 else "")
 
 
 def _frames(first: int, last: int) -> str:
-    numbers = [first] if first == last else [first, last]
-    return "–".join(f'<a href="#frame={number}">{number}</a>' for number in numbers)
+    return "–".join(tag("a", str(number), href=f"#frame={number}") for number in sorted({first, last}))
 
 
 def bullets(sentences: Sequence[Sentence | str]) -> str:
     """Return sentences as a list, what is typed because of them as code; nothing without any."""
-    items = "\n".join(f"<li>{_sentence(one)}</li>" for one in sentences)
-    return f"<ul>\n{items}\n</ul>" if items else ""
+    items = [tag("li", _sentence(*([one, ()] if isinstance(one, str) else one))) for one in sentences]
+    return tag("ul", "\n".join(items)) if items else ""
 
 
-def _sentence(sentence: Sentence | str) -> str:
-    text, typed = (sentence, ()) if isinstance(sentence, str) else sentence
-    words, rest = escape(text), []
+def _sentence(text: str, typed: Sequence[str]) -> str:
+    words = escape(text)
     for one in typed:
-        code = f"<code>{escape(one)}</code>"
-        if one in text:
-            words = words.replace(escape(one), code)
-        else:
-            rest.append(code)
-    return f"{words} {'Settings: ' if len(rest) > 1 else 'Setting: '}{', '.join(rest)}" if rest else words
+        words = words.replace(escape(one), tag("code", escape(one)))
+    rest = ", ".join(tag("code", escape(one)) for one in typed if one not in text)
+    return f"{words} {'Settings' if rest.count('<code>') > 1 else 'Setting'}: {rest}" if rest else words

@@ -21,9 +21,10 @@ from skelsplat._atomic import atomic_write_text
 from skelsplat._json import plain
 from skelsplat._optional import require
 from skelsplat.viz import _style
-from skelsplat.viz._skeleton import not_ok_in_words
+from skelsplat.viz._body import not_ok_in_words
+from skelsplat.viz.curves import limits
 from skelsplat.viz.report import _html
-from skelsplat.viz.report._html import Problem, Sentence, Table
+from skelsplat.viz.report._html import Problem, Sentence, Table, tag
 from skelsplat.viz.report._scene import (
     CameraShapes,
     Sequence3D,
@@ -31,9 +32,7 @@ from skelsplat.viz.report._scene import (
     frames_to_show,
     pack_scene,
     person_class,
-    thin_line,
 )
-from skelsplat.viz.trajectories import limits
 
 # One program in several files, in this order; the second are for one person.
 _PROGRAMS = ("decode.js", "body.js", "view.js", "charts.js", "heat.js", "panels.js", "player.js")
@@ -56,22 +55,17 @@ class TimeLines(ArrayFields):
 
     def packed(self, places: Index) -> dict[str, Any]:
         """Return the curves at ``places`` for the page."""
+        thin = (lambda one: np.fmax.reduceat(one, places)) if self.peaks else (lambda one: one[places])
         curves = [
-            {
-                "name": name,
-                "colour": colour,
-                "values": as_text(thin_line(values, places, peaks=self.peaks), "<f4"),
-            }
+            {"name": name, "colour": colour, "values": as_text(thin(values), "<f4")}
             for name, colour, values in self.curves
         ]
         packed: dict[str, Any] = {"title": self.title, "unit": self.unit, "curves": curves}
         if self.sigmas:
-            values, sigmas = (
-                np.stack([one[places] for one in each]) for each in ([c[2] for c in self.curves], self.sigmas)
-            )
-            for curve, sigma in zip(curves, sigmas, strict=True):
-                curve["sigma"] = as_text(sigma, "<f4")
-            low, high = limits(values, sigmas / 2, np.full(values.shape, np.nan))  # which are of two σ
+            for curve, sigma in zip(curves, self.sigmas, strict=True):
+                curve["sigma"] = as_text(sigma[places], "<f4")
+            values, sigmas = np.stack([one[places] for _, _, one in self.curves]), np.stack(self.sigmas)
+            low, high = limits(values, sigmas[:, places] / 2)  # which are of two σ
             packed["range"] = [min(low, 0.0), max(high, 0.0)]
         return packed
 
@@ -104,53 +98,46 @@ class ReportData(ArrayFields):
 def write_report(path: str | os.PathLike[str], data: ReportData) -> Path:
     """Write a report as one HTML file that needs no network, whole or not at all.
 
-    plotly.js is 4.8 MB of it; a sequence takes 33 bytes per joint and frame, solved over time 44, and a curve
-    5 bytes per frame, or 11 with a band.
-    One of more than `_scene.MOST_POSITIONS` is thinned out, and the page says so.
+    A sequence of more than `_scene.MOST_POSITIONS` is thinned out, and the page says so.
     """
-    atomic_write_text(path, build_page(data))
-    return Path(path)
-
-
-def build_page(data: ReportData) -> str:
-    """Return the page's text."""
     plotly_js = require("plotly.offline", "report.html", "viz").get_plotlyjs()  # slow, and only needed here
     sequence, several = data.sequence, bool(data.sequence.people)
     wanted = [number for first, last, _ in data.problems for number in (first, last)]
     places, every = frames_to_show(sequence.frames, len(sequence.joint_names), wanted)
-    names = [name for name in _PROGRAMS if not several or name not in _OF_ONE]
-    program = "\n".join(resource(name) for name in names)
+    program = "\n".join(_resource(name) for name in _PROGRAMS if not several or name not in _OF_ONE)
     loud = data.warnings or any(data.findings)
-    return Template(resource("page.html")).substitute(
+    page = Template(_resource("page.html")).substitute(
         policy=_policy([plotly_js, program]),
-        style=resource("style.css"),
+        style=_resource("style.css"),
         plotly=plotly_js,
         program=program,
-        data=_json({**_content(data, places), "problems": [list(row) for row in data.problems]}),
+        data=_json(_content(data, places)),
         title=escape(data.title),
-        facts=_html.facts(data.facts),
+        facts=_html.described(data.facts),
         warnings=_warnings(data),
         warnings_kind="loud" if loud else "quiet",
-        numbers=_html.tiles(data.numbers),
+        numbers=_html.described(data.numbers),
         **_player(sequence),
         sections=_sections(data),
         problems=_html.problem_rows(data.problems),
         notes=_html.bullets([*data.notes, *_thinned(len(sequence.frames), len(places), every)]),
     )
+    atomic_write_text(path, page)
+    return Path(path)
 
 
-def resource(name: str) -> str:
-    """Return the text of a file of this folder."""
+def _resource(name: str) -> str:
     return (files("skelsplat.viz.report") / name).read_text(encoding="utf-8")
 
 
 def _content(data: ReportData, places: Index) -> dict[str, Any]:
-    """Return the page's data but for the problems."""
+    """Return the page's data."""
     sequence, names = data.sequence, list(data.shapes.names)
     content: dict[str, Any] = {
         "scene": pack_scene(sequence, data.shapes, places),
         "lines": [line.packed(places) for line in data.lines],
         "bones": None,
+        "problems": [list(row) for row in data.problems],
     }
     if data.errors_px is not None and data.rejected is not None:
         cells = {"errors": as_text(data.errors_px, "<f4"), "rejected": as_text(data.rejected, "<f4")}
@@ -173,15 +160,13 @@ def _json(content: dict[str, Any]) -> str:
     return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
 
 
-def _policy(programs: list[str]) -> str:
+def _policy(programs: Sequence[str]) -> str:
     """Return a Content-Security-Policy that allows these programs and no connection of any kind.
 
     plotly.js sets styles of its own, and saves pictures by way of data and blob addresses.
     """
-    hashes = " ".join(
-        f"'sha256-{base64.b64encode(hashlib.sha256(text.encode('utf-8')).digest()).decode()}'"
-        for text in programs
-    )
+    digests = [hashlib.sha256(text.encode("utf-8")).digest() for text in programs]
+    hashes = " ".join(f"'sha256-{base64.b64encode(digest).decode()}'" for digest in digests)
     return (
         f"default-src 'none'; script-src {hashes}; style-src 'unsafe-inline'; img-src data: blob:; "
         "base-uri 'none'; form-action 'none'"
@@ -201,57 +186,52 @@ def _thinned(count: int, shown: int, every: int) -> list[str]:
 
 def _warnings(data: ReportData) -> str:
     """Return the sentences on everything, and links to those on each person."""
-    named = list(zip(data.sequence.people, data.findings, strict=True))
-    links = ", ".join(
-        f'<a href="#on-{place}">{escape(name)}</a> ({len(sentences)})'
-        for place, (name, sentences) in enumerate(named)
-        if sentences
-    )
-    quiet = ", ".join(escape(name) for name, sentences in named if not sentences)
-    parts = [
-        _html.bullets(data.warnings),
-        f"<p>On {links}: see below.</p>" if links else "",
-        f"<p>None on {quiet}.</p>" if quiet else "",
+    named = list(enumerate(zip(data.sequence.people, data.findings, strict=True)))
+    links = [
+        f"{tag('a', escape(name), href=f'#on-{place}')} ({len(own)})" for place, (name, own) in named if own
     ]
-    none = "<p>None. Frames with a problem are listed below.</p>"
-    return "\n".join(part for part in parts if part) or none
+    quiet = [escape(name) for _, (name, own) in named if not own]
+    parts = [_html.bullets(data.warnings)] if data.warnings else []
+    parts += [tag("p", f"On {', '.join(links)}: see below.")] if links else []
+    parts += [tag("p", f"None on {', '.join(quiet)}.")] if quiet else []
+    return "\n".join(parts or [tag("p", "None. Frames with a problem are listed below.")])
 
 
 def _player(sequence: Sequence3D) -> dict[str, str]:
     """Return the choices and the key of the 3D view."""
-    grey, several = escape(sequence.grey), bool(sequence.people)
-    alone = '<label><input type="radio" name="pose" value="alone"> frame by frame</label>'
+    several = bool(sequence.people)
     follow = '<label><input type="checkbox" id="follow"> follow</label>'
-    groups = [f'<span class="{side}">{side}</span>' for side in _style.SIDES]
+    groups = [tag("span", side, class_=side) for side in _style.SIDES]
     if several:
-        options = [f'<option value="{k}">{escape(name)}</option>' for k, name in enumerate(sequence.people)]
-        nobody = '<option value="">nobody</option>'
-        follow = f'<label>follow <select id="follow">{nobody}{"".join(options)}</select></label>'
+        options = [tag("option", escape(name), value=str(k)) for k, name in enumerate(sequence.people)]
+        options.insert(0, '<option value="">nobody</option>')
+        follow = tag("label", "follow " + tag("select", "".join(options), id="follow"))
         groups = [_named(name, place) for place, name in enumerate(sequence.people)]
+    alone = '<label><input type="radio" name="pose" value="alone"> frame by frame</label>'
     hollow = not_ok_in_words(sequence.status[np.isfinite(sequence.refined).all(axis=-1)])
     return {
         "start": escape(sequence.start_name),
         "refined": sequence.refined_name,
-        "grey": grey,
+        "grey": escape(sequence.grey),
         "alone": "" if sequence.alone is None else alone,
         "ellipsoids": "" if several else "checked",
         "follow": follow,
         "whom": "people" if several else "person",
         "groups": " ".join(groups),
-        "walked": "" if several else '<span class="walked">path on the floor</span>',
-        "hollow": f'<span class="hollow">{escape(hollow)}</span>' if hollow else "",
+        "walked": "" if several else tag("span", "path on the floor", class_="walked"),
+        "hollow": tag("span", escape(hollow), class_="hollow") if hollow else "",
     }
 
 
 def _named(name: str, place: int) -> str:
-    return f'<span class="person {person_class(place)}">{escape(name)}</span>'
+    return tag("span", escape(name), class_=f"person {person_class(place)}")
 
 
 def _sections(data: ReportData) -> str:
     """Return what lies between the 3D view and the frames with a problem."""
     sequence, parts = data.sequence, [_html.table(one) for one in data.tables if one.rows]
     findings = [
-        f'<h3 id="on-{place}">{_named(name, place)}</h3>\n{_html.bullets(sentences)}'
+        f"{tag('h3', _named(name, place), id=f'on-{place}')}\n{_html.bullets(sentences)}"
         for place, (name, sentences) in enumerate(zip(sequence.people, data.findings, strict=True))
         if sentences
     ]
@@ -261,34 +241,28 @@ def _sections(data: ReportData) -> str:
     if data.errors_px is not None:
         parts.append(_html.section("by-both", "Cameras and joints", _HEAT))
     bars = (
-        f"Bars: in full colour where all {len(data.shapes.names)} cameras see the person, faint where none."
+        f"Bars: in full colour where all {len(data.shapes.names)} cameras see the person, faint where none. "
     )
-    parts.append(_html.section("over-time", "Over time", _LINES, f"{bars} {_ZOOM}" if data.views else _ZOOM))
+    lines = tag("div", _drawn("lines", "Curves") + '<div id="cursor" hidden></div>', class_="charts")
+    parts.append(_html.section("over-time", "Over time", lines, f"{bars if data.views else ''}{_ZOOM}"))
     if not sequence.people:
         hint = f"Colour: {sequence.refined_name}, with a band of ±2 standard deviations; grey: "
         hint += f"{escape(sequence.grey)}. Click to go to a frame."
-        parts.append(_html.section("trajectory-title", "Trajectory", _TRAJECTORY, hint))
+        choice = tag("label", 'Joint <select id="trajectory-joint"></select>')
+        chart = tag("div", choice, class_="choices") + _drawn("trajectory", "Position of a joint")
+        parts.append(_html.section("trajectory-title", "Trajectory", chart, hint))
     if sequence.alone is not None:
         hint = "Thin: frame by frame; thick: over time; band: length for all frames ± its standard error."
-        parts.append(
-            _html.section("bones-title", "Bone lengths [mm]", _drawn("bones", "Lengths of the bones"), hint)
-        )
+        bones = _drawn("bones", "Lengths of the bones")
+        parts.append(_html.section("bones-title", "Bone lengths [mm]", bones, hint))
         parts.append(_html.section("speeds-title", "Speeds [m/s]", _drawn("speeds", "Speeds of the joints")))
     return "\n".join(parts)
 
 
 def _drawn(name: str, what: str) -> str:
-    return f'<div id="{name}" role="img" aria-label="{what} over the frames"></div>'
+    return tag("div", "", id=name, role="img", aria_label=f"{what} over the frames")
 
 
-_LINES = f"""<div class="charts">
-{_drawn("lines", "Curves")}
-<div id="cursor" hidden></div>
-</div>"""
-_TRAJECTORY = f"""<div class="choices">
-<label>Joint <select id="trajectory-joint"></select></label>
-</div>
-{_drawn("trajectory", "Position of a joint")}"""
 _HEAT = """<div class="choices">
 <fieldset><legend>Shown</legend>
 <label><input type="radio" name="heat" value="errors" checked> median reprojection error</label>

@@ -12,11 +12,10 @@ import numpy.typing as npt
 
 from skelsplat._arrays import Array, ArrayFields, Index, Mask
 from skelsplat.viz import _style
-from skelsplat.viz._skeleton import Skeleton
+from skelsplat.viz._body import Skeleton, reach, upright
 
 # Around the joints, in mm; the start may lie outside them.
 _MARGIN_MM = 1500.0
-_MOST = (1.0, 99.0)
 # Depth of a camera's pyramid as a part of its distance from the person, and its limits in mm.
 _DEPTH, _DEPTH_MM = 0.09, (40.0, 600.0)
 _SIDES = {_style.LEFT: 0, _style.RIGHT: 1, _style.MIDDLE: 2}
@@ -84,10 +83,20 @@ class Sequence3D(ArrayFields):
 def pack_scene(sequence: Sequence3D, shapes: CameraShapes, places: Index) -> dict[str, Any]:
     """Return the sequence at ``places`` for the page: axes turned so that the third points up."""
     turn, axes = upright(sequence.up)
-    refined = sequence.refined[places] @ turn.T
-    corners = [reach(sequence.refined[:, own] @ turn.T, _MARGIN_MM / 2) for _, own in sequence.parts]
+    refined, parts = sequence.refined @ turn.T, sequence.parts
+    corners = [reach(refined[:, own], _MARGIN_MM / 2) for _, own in parts]
     low, high = np.min(corners, axis=(0, 1)), np.max(corners, axis=(0, 1))
-    grid = Grid.over(low - _MARGIN_MM, high + _MARGIN_MM)
+    origin, half = (low + high) / 2, float((high - low).max()) / 2 + _MARGIN_MM
+
+    def positions(poses: Array) -> str:
+        """Return poses as text, in the whole numbers of a grid; what is outside its box is missing."""
+        away = poses[places] @ turn.T - origin
+        inside = (np.abs(away) <= half).all(axis=-1, keepdims=True)  # False for NaN
+        return _whole(away * (_LARGEST / half), inside)
+
+    standing = [parts[place][1] for place in sequence.on_floor or range(len(parts))]
+    lowest = np.fmin.reduce(np.concatenate([refined[:, own, 2] for own in standing], axis=1), axis=1)
+    lowest = lowest[np.isfinite(lowest)]
     return {
         "axes": axes,
         "frames": as_text(sequence.frames[places], "<f8"),  # time stamps exceed 32 bits
@@ -95,39 +104,35 @@ def pack_scene(sequence: Sequence3D, shapes: CameraShapes, places: Index) -> dic
         "frame_rate": sequence.frame_rate,
         "joints": list(sequence.joint_names),
         **_drawn_as(sequence),
-        "grid": {"origin": grid.origin.tolist(), "step_mm": grid.step},
-        "start": grid.pack(sequence.start[places] @ turn.T),
+        "grid": {"origin": origin.tolist(), "step_mm": half / _LARGEST},
+        "start": positions(sequence.start),
         "grey": sequence.grey,
         "refined_name": sequence.refined_name,
-        "alone": None if sequence.alone is None else grid.pack(sequence.alone[places] @ turn.T),
-        "speed": None if sequence.speed is None else pack_speeds(sequence.speed[places]),
-        "refined": grid.pack(refined),
-        "spread": pack_spreads(turn @ sequence.error_bar[places] @ turn.T),
-        "status": pack_labels(sequence.status[places]),
+        "alone": None if sequence.alone is None else positions(sequence.alone),
+        "speed": None if sequence.speed is None else _steps(sequence.speed[places], "step_mm_s"),
+        "refined": positions(sequence.refined),
+        "spread": _spreads(turn @ sequence.error_bar[places] @ turn.T),
+        "status": _labels(sequence.status[places]),
         "reach": [low.tolist(), high.tolist()],
-        "floor_mm": _floor(sequence.refined[:, _on_floor(sequence)] @ turn.T, float(low[2])),
-        "cameras": _cameras(shapes, turn, (low + high) / 2),
+        "floor_mm": float(np.median(lowest)) if len(lowest) else float(low[2]),
+        "cameras": _cameras(shapes, turn, origin),
     }
 
 
 def _drawn_as(sequence: Sequence3D) -> dict[str, Any]:
     """Return limbs, and the groups of limbs and joints that share a colour: body sides, or people."""
-    skeleton, joints = sequence.skeleton, range(len(sequence.joint_names))
-    parts = [{"name": name, "from": own.start, "to": own.stop} for name, own in sequence.parts]
-    if not sequence.people:
-        return {
-            "groups": list(_style.SIDES),
-            "people": parts,
-            "sides": [_SIDES[skeleton.colour(joint)] for joint in joints],
-            "limbs": [[a, b, _SIDES[skeleton.limb_colour((a, b))]] for a, b in skeleton.limbs],
-        }
+    skeleton, parts = sequence.skeleton, sequence.parts
+    several, joints = bool(sequence.people), range(len(sequence.joint_names))
     return {
-        "groups": [person_class(place) for place in range(len(parts))],
-        "people": parts,
-        "sides": [joint * len(parts) // len(joints) for joint in joints],
+        "groups": [person_class(place) for place in range(len(parts))] if several else list(_style.SIDES),
+        "people": [{"name": name, "from": own.start, "to": own.stop} for name, own in parts],
+        "sides": [
+            joint * len(parts) // len(joints) if several else _SIDES[skeleton.colour(joint)]
+            for joint in joints
+        ],
         "limbs": [
-            [own.start + a, own.start + b, place]
-            for place, (_, own) in enumerate(sequence.parts)
+            [own.start + a, own.start + b, place if several else _SIDES[skeleton.limb_colour((a, b))]]
+            for place, (_, own) in enumerate(parts)
             for a, b in skeleton.limbs
         ],
     }
@@ -138,49 +143,8 @@ def person_class(place: int) -> str:
     return f"person-{place % len(_style.PEOPLE)}"
 
 
-def upright(up: Array) -> tuple[Array, list[str]]:
-    """Return the rotation (3, 3) that turns ``up``, an axis of the world, into z, and the axes' names.
-
-    The rows are axes of the world or their opposites, so that coordinates stay those of the world up to sign.
-    """
-    third = np.rint(np.asarray(up, dtype=np.float64))
-    first = np.zeros(3)
-    first[(int(np.argmax(np.abs(third))) + 1) % 3] = 1.0
-    turn = np.stack([first, np.cross(third, first), third])
-    names = [("−" if row.sum() < 0 else "") + "xyz"[int(np.argmax(np.abs(row)))] for row in turn]
-    return turn, names
-
-
-def reach(places: Array, margin: float) -> tuple[Array, Array]:
-    """Return the corners (D,) of the box of places (…, D); 1 m about 0 without any.
-
-    Places beyond the percentiles `_MOST` may be stray, and do not widen it by more than the margin, nor by
-    more than its own half size.
-    """
-    known = places[np.isfinite(places).all(axis=-1)]
-    if not len(known):
-        return np.full(places.shape[-1], -500.0), np.full(places.shape[-1], 500.0)
-    low, high = np.percentile(known, _MOST, axis=0)
-    margin = min(margin, float((high - low).max()) / 2)
-    return np.maximum(known.min(axis=0), low - margin), np.minimum(known.max(axis=0), high + margin)
-
-
-def _on_floor(sequence: Sequence3D) -> Index:
-    """Return the joints of the people who stand on the floor."""
-    own = [np.arange(len(sequence.joint_names))[part] for _, part in sequence.parts]
-    return np.concatenate([own[place] for place in sequence.on_floor or range(len(own))])
-
-
-def _floor(poses: Array, low: float) -> float:
-    """Return the median height of a frame's lowest joint, and ``low`` if there is none."""
-    lowest = np.fmin.reduce(poses[..., 2], axis=1)
-    known = lowest[np.isfinite(lowest)]
-    return float(np.median(known)) if len(known) else low
-
-
 def _cameras(shapes: CameraShapes, turn: Array, middle: Array) -> list[dict[str, Any]]:
-    centres = np.asarray(shapes.centres) @ turn.T
-    corners = np.asarray(shapes.corners) @ turn.T
+    centres, corners = np.asarray(shapes.centres) @ turn.T, np.asarray(shapes.corners) @ turn.T
     distance = float(np.median(np.linalg.norm(centres - middle, axis=1))) if len(centres) else 0.0
     depth = float(np.clip(_DEPTH * distance, *_DEPTH_MM))
     return [
@@ -205,60 +169,33 @@ def frames_to_show(frames: Index, joints: int, wanted: Sequence[int]) -> tuple[I
     return np.flatnonzero(kept | np.isin(frames, some)), every
 
 
-def thin_line(values: Array, places: Index, *, peaks: bool) -> Array:
-    """Return the values at ``places``, or with ``peaks`` the largest from each place to the next."""
-    if not peaks or not len(places):
-        return values[places]
-    return np.fmax.reduceat(values, places)
-
-
-@dataclass(frozen=True)
-class Grid:
-    """Whole numbers for positions: position = origin + step · number, in mm."""
-
-    origin: Array
-    step: float
-
-    @classmethod
-    def over(cls, low: Array, high: Array) -> Grid:
-        """Return the finest grid of 16-bit numbers that covers a box."""
-        return cls((low + high) / 2, max(float((high - low).max()), 1.0) / (2 * _LARGEST))
-
-    def pack(self, positions: Array) -> str:
-        """Return positions (…, 3) as text; what is NaN or outside the box becomes `MISSING`."""
-        numbers = np.rint((positions - self.origin) / self.step)
-        inside = (np.abs(numbers) <= _LARGEST).all(axis=-1, keepdims=True)  # False for NaN
-        return as_text(np.where(inside, numbers, MISSING), "<i2")
-
-
-def pack_spreads(covariances: Array) -> dict[str, Any]:
+def _spreads(covariances: Array) -> dict[str, Any]:
     """Return the symmetric roots of covariances (…, 3, 3) in mm²: xx, xy, xz, yy, yz, zz of each joint.
 
     A root turns the unit sphere into the ellipsoid of one standard deviation. None is wider than 2 m.
     """
-    known = np.asarray(np.isfinite(covariances).all(axis=(-2, -1)))
-    values, vectors = np.linalg.eigh(np.where(known[..., None, None], covariances, 0.0))
+    known = np.asarray(np.isfinite(covariances).all(axis=(-2, -1), keepdims=True))
+    values, vectors = np.linalg.eigh(np.where(known, covariances, 0.0))
     widths = np.sqrt(np.clip(values, 0.0, _WIDEST_MM**2))
-    roots = (vectors * widths[..., None, :]) @ np.swapaxes(vectors, -2, -1)
-    six = roots[..., [0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2]]
-    return _packed(six, known[..., None], "step_mm")
+    roots = np.where(known, (vectors * widths[..., None, :]) @ np.swapaxes(vectors, -2, -1), np.nan)
+    return _steps(roots[..., [0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2]], "step_mm")
 
 
-def pack_speeds(speeds: Array) -> dict[str, Any]:
-    """Return speeds (T, N) in mm/s as whole numbers."""
-    return _packed(speeds, np.isfinite(speeds), "step_mm_s")
-
-
-def _packed(values: Array, known: Mask, unit: str) -> dict[str, Any]:
-    """Return numbers as multiples of a step, which is called ``unit``; `MISSING` where they are not known."""
+def _steps(values: Array, unit: str) -> dict[str, Any]:
+    """Return numbers as multiples of a step, which is called ``unit``; `MISSING` for NaN."""
+    known = np.isfinite(values)
     step = max(float(np.abs(values).max(initial=0.0, where=known)), 1.0) / _LARGEST
-    return {unit: step, "numbers": as_text(np.where(known, np.rint(values / step), MISSING), "<i2")}
+    return {unit: step, "numbers": _whole(values / step, known)}
 
 
-def pack_labels(labels: npt.NDArray[np.str_]) -> dict[str, Any]:
+def _labels(labels: npt.NDArray[np.str_]) -> dict[str, Any]:
     """Return labels as one byte each, with the list that the bytes count from."""
     names, places = np.unique(labels, return_inverse=True)
     return {"names": names.tolist(), "numbers": as_text(places, "<u1")}
+
+
+def _whole(values: Array, known: Mask) -> str:
+    return as_text(np.where(known, np.rint(values), MISSING), "<i2")
 
 
 def as_text(values: npt.NDArray[Any], kind: str) -> str:
