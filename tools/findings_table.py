@@ -69,15 +69,14 @@ def is_finding(node: ast.AST) -> bool:
 
 
 def kinds_of(tree: ast.Module) -> Iterator[tuple[str, str]]:
-    """Yield the keys of a module's tables of words by kind, and their words."""
+    """Yield the keys of a module's tables of words by kind, and each of their words."""
     tables = [node.value for node in tree.body if isinstance(node, ast.AnnAssign | ast.Assign)]
     for table in (one for one in tables if isinstance(one, ast.Dict)):
         for key, value in zip(table.keys, table.values, strict=True):
             words = value.body if isinstance(value, ast.Lambda) else value
             parts = words.elts if isinstance(words, ast.Tuple) else [words]
-            shown = [part for one in parts for part in texts(one, {}) if part != "…"]
-            if isinstance(key, ast.Constant) and shown:
-                yield key.value, ": ".join(filter(None, shown))
+            if isinstance(key, ast.Constant):
+                yield from ((key.value, part) for one in parts for part in texts(one, {}))
 
 
 def findings_of(path: Path) -> Iterator[Found]:

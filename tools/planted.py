@@ -279,7 +279,7 @@ tests/unit/test_viz.py, tests/unit/test_viz_print.py
 
 the overview compares distorted detections with ideal reprojections | dropped undistortion
 tests/unit/test_run_figures.py
--        seen[:, :2] = inputs.rig[view].undistort(seen[:, :2])
+-        seen[:, :2] = run.cameras[view].undistort(seen[:, :2])
 +        pass
 
 # Planted before the suite was shortened, where users would be wrong without an error.

@@ -45,7 +45,7 @@ def test_bad_cameras_do_not_hide_each_other(rejected, named):
     assert [doubt.split()[0] for doubt in doubts(*rejected)] == named
 
 
-def whole(rejected, *, mixed=False):
+def whole(rejected):
     """Return the doubts of all detections (100, M, N) of which these are rejected."""
     count = rejected.shape[0]
     statistics = SimpleNamespace(
@@ -60,7 +60,7 @@ def whole(rejected, *, mixed=False):
         views_used=(~rejected).sum(axis=1),
         error_after=np.ones((count, *rejected.shape[1:])),
     )
-    return [finding.text.split(": check ")[0] for finding in find_whole(statistics, mixed=mixed)]
+    return [finding.text.split(": check ")[0] for finding in find_whole(statistics)]
 
 
 def shares(cameras, joints):

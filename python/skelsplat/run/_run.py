@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections import Counter
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,8 +10,6 @@ import numpy as np
 
 import skelsplat as sk
 from skelsplat._arrays import Array, Index, numbers
-from skelsplat._atomic import atomic_write_text
-from skelsplat._json import to_text
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.findings import Finding
 from skelsplat.io import PoseData
@@ -24,12 +21,12 @@ from skelsplat.run.angles import angles_of
 from skelsplat.run.findings import find_findings
 from skelsplat.run.frames import FrameFacts, Usual, find_in_frames
 from skelsplat.run.joints import joint_frames
-from skelsplat.run.notebook import notebook_view, show_page
 from skelsplat.run.over_time import apply_over_time
 from skelsplat.run.read import Inputs
 from skelsplat.run.report import build_report
 from skelsplat.run.solve import GIVEN_START, Outcome, poses_of
 from skelsplat.run.summary import Statistics, summarise
+from skelsplat.run.tables import summary_html
 
 if TYPE_CHECKING:
     import os
@@ -42,7 +39,7 @@ if TYPE_CHECKING:
     from skelsplat.run.parts import Gathered
 
 _ORDER = ("error", "warning", "note")
-_MOST_SINGLE = 50_000  # findings on single frames of a long recording that are named
+_FORMATS = ("npz", "csv", "trc")
 
 
 @dataclass(frozen=True, repr=False)
@@ -138,7 +135,6 @@ class Run:
         layout: str | sk.Layout,
         *,
         frames: npt.ArrayLike | None = None,
-        confidence: npt.ArrayLike | None = None,
         init_pose: npt.ArrayLike | None = None,
         config: sk.RefineConfig | None = None,
         fps: float | None = None,
@@ -149,8 +145,9 @@ class Run:
         ----------
         result : Refinement
             Of one pose or of T frames.
-        cameras, detections, layout, confidence, init_pose, config
-            What `skelsplat.refine` was given; the layout is needed for the joints' names.
+        cameras, detections, layout, init_pose, config
+            What `skelsplat.refine` was given, confidences as third channel of the detections (1 without); the
+            layout is needed for the joints' names.
         frames : (T,) int, optional
             Frame numbers; 0 to T − 1 when left out.
         fps : float, optional
@@ -159,24 +156,29 @@ class Run:
         Raises
         ------
         InvalidInputError
-            If a shape does not fit the result.
+            If the shape of the detections does not fit the result.
         """
-        batch = _as_batch(result)
-        steps = len(batch.pose)
+        if np.ndim(result.pose) == 2:
+            parts = {
+                entry.name: np.asarray(getattr(result, entry.name))[None] for entry in fields(sk.Refinement)
+            }
+            result = sk.Refinement(**parts)
+        seen, shape = numbers(detections, "detections"), result.view_weights.shape
+        seen = seen if seen.ndim == 4 else seen[None]
+        if seen.shape[:-1] != shape or seen.shape[-1] not in (2, 3):
+            raise InvalidInputError(f"detections: expected {shape} pixels like the result, got {seen.shape}")
+        if seen.shape[-1] == 2:
+            seen = np.concatenate([seen, np.ones((*shape, 1))], axis=-1)
         inputs = Inputs(
             cameras if isinstance(cameras, sk.CameraRig) else sk.CameraRig(list(cameras)),
             sk.layouts.get(layout) if isinstance(layout, str) else layout,
-            _seen(detections, confidence, batch),
-            np.zeros(batch.view_weights.shape[:2], dtype=np.bool_),
-            np.arange(steps) if frames is None else np.asarray(frames, dtype=np.int64),
-            init_pose=None if init_pose is None else batch.init_pose,
+            seen,
+            np.zeros(shape[:2], dtype=np.bool_),
+            np.arange(shape[0]) if frames is None else np.asarray(frames, dtype=np.int64),
+            init_pose=None if init_pose is None else result.init_pose,
             fps=fps,
         )
-        return summed_up(inputs, Outcome.of(batch, sk.RefineConfig() if config is None else config, inputs))
-
-    def write_report(self, path: str | os.PathLike[str]) -> None:
-        """Write `report` as JSON."""
-        atomic_write_text(Path(path), to_text(self.report))
+        return summed_up(inputs, Outcome.of(result, config or sk.RefineConfig(), inputs))
 
     def write_html(self, path: str | os.PathLike[str]) -> None:
         """Write a page with all numbers, the findings and the sequence in 3D; it opens offline."""
@@ -191,45 +193,24 @@ class Run:
 
             return write_figures(self, Path(folder))
 
-    def write_poses(
-        self, folder: str | os.PathLike[str], formats: Sequence[str] = ("npz",), **options: Any
-    ) -> list[str]:
-        """Write ``pose.npz`` and other formats of `skelsplat.io.poses.POSE_FORMATS`; return names.
-
-        ``options`` are ``y_up`` and ``marker_names``, as of `Job`. Without a frame rate, formats that need
-        one assume 30 frames per second.
-        """
-        with folders.output_folder(Path(folder)):
-            return folders.write_poses(Path(folder), self.poses, folders.Writing(tuple(formats), **options))
-
     def write(
-        self,
-        folder: str | os.PathLike[str],
-        formats: Sequence[str] = ("npz", "csv", "trc"),
-        *,
-        html: bool = True,
-        **options: Any,
+        self, folder: str | os.PathLike[str], formats: Sequence[str] = _FORMATS, **options: Any
     ) -> list[str]:
         """Write everything, as ``skelsplat refine`` does; return the names of the files.
 
         Files of an earlier run are removed first. The folder can be read by `open`, and drawn by
-        ``skelsplat plot`` and ``skelsplat overlay``. ``options`` are those of `write_poses`, and
-        ``angles`` as of `Job`.
+        ``skelsplat plot`` and ``skelsplat overlay``. ``formats`` are of `skelsplat.io.poses.POSE_FORMATS`,
+        ``options`` are ``html``, ``y_up``, ``marker_names`` and ``angles`` as of `Job`. Without a frame rate,
+        formats that need one assume 30 frames per second.
 
         Raises
         ------
         DatasetError
             If a file cannot be written.
         """
-        kinds = tuple(dict.fromkeys(["npz", *formats]))
-        writing = folders.Writing(kinds, html=html, **options)
-        folders.check_places(Path(folder), writing.names(self.outcome.config.method))
+        writing = folders.Writing(tuple(dict.fromkeys(["npz", *formats])), **options)
         with folders.run_folder(Path(folder)):
-            return [*folders.write_folder(self, Path(folder), writing).report["files"], "report.json"]
-
-    def show(self) -> None:
-        """Show the page of `write_html`: below the cell in a notebook, in the browser elsewhere."""
-        show_page(self)
+            return [*folders.write_folder(self, Path(folder), writing).report["files"], REPORT]
 
     def __repr__(self) -> str:
         found = f"{len(self.findings) or 'no'} finding{'s' * (len(self.findings) != 1)}"
@@ -237,7 +218,7 @@ class Run:
         return f"Run({size}, {found})"
 
     def _repr_html_(self) -> str:
-        return notebook_view(self)
+        return summary_html(self)
 
 
 @dataclass(frozen=True, repr=False)
@@ -282,21 +263,19 @@ class PeopleRun:
         report = load_json(path / REPORT, "the report of a run")
         check_finished(path / REPORT, report)
         check_people(path / REPORT)
-        runs = [Run.open(path / name) for name in names]
-        found = tuple(Finding.from_dict(entry) for entry in report["findings"])
-        pairs = zip(report["people"], runs, strict=True)
-        return cls({entry["id"]: run for entry, run in pairs}, found, report)
+        people = {entry["id"]: Run.open(path / entry["folder"]) for entry in report["people"]}
+        return cls(people, tuple(map(Finding.from_dict, report["findings"])), report)
 
     def write(
-        self, folder: str | os.PathLike[str], formats: Sequence[str] = ("npz", "csv", "trc"), **options: Any
+        self, folder: str | os.PathLike[str], formats: Sequence[str] = _FORMATS, **options: Any
     ) -> list[str]:
         """Write everything, as ``skelsplat refine --people`` does; return the names of files and folders.
 
         ``options`` are those of `Run.write`.
         """
-        kinds = tuple(dict.fromkeys(["npz", *formats]))
+        writing = folders.Writing(tuple(dict.fromkeys(["npz", *formats])), **options)
         with folders.run_folder(Path(folder)):
-            report = folders.write_everybody(self, Path(folder), folders.Writing(kinds, **options)).report
+            report = folders.write_everybody(self, Path(folder), writing).report
         return [*report["files"], *report["folders"], REPORT]
 
     def __repr__(self) -> str:
@@ -323,26 +302,26 @@ def summed_up(
     """
     statistics = summarise(inputs, outcome)
     poses, over_time = apply_over_time(poses_of(inputs, outcome.result), job)
-    statistics = statistics.without_bars(poses.joint_status == "filled")
+    filled = poses.joint_status == "filled"  # has no error bar
+    bar, scatter = (np.where(filled, np.nan, mm) for mm in (statistics.error_bar_mm, statistics.scatter_mm))
+    statistics = replace(statistics, error_bar_mm=bar, scatter_mm=scatter)
     facts = FrameFacts.of(inputs, outcome, statistics, poses.joint_status)
     if gathered is None:
-        frames, counts, most = joint_frames(inputs, outcome, poses.joint_status), Counter[Any](), None
+        named, counts = joint_frames(inputs, outcome, poses.joint_status), dict[tuple[str, int], int]()
     else:
-        frames, counts, most = gathered.named, gathered.frames_in_all, _MOST_SINGLE
-        statistics = gathered.counted(statistics)
-    swapped = [one.subject for one in notes if one.numbers.get("fault") == "sides_swapped"]  # named already
-    found = find_findings(inputs, outcome, statistics, frames, counts)
-    found = [*notes, *(one for one in found if one.kind != "sides_swapped" or one.subject not in swapped)]
+        named, counts = gathered.named, gathered.named_count
+        statistics = statistics.with_counts_of(gathered.counts)
+    told = [one.subject for one in notes if one.numbers.get("fault") == "sides_swapped"]
+    found = find_findings(inputs, outcome, statistics, named, counts)
+    found = [*notes, *(one for one in found if one.kind != "sides_swapped" or one.subject not in told)]
     every = [facts] if gathered is None else gathered.facts()
-    usual = Usual.of(facts, statistics, [facts] if gathered is None else gathered.facts())
     names = inputs.layout.joints, inputs.rig.names
-    in_frames, left_out = find_in_frames(every, usual, *names, most=most)
+    in_frames, left_out = find_in_frames(every, Usual.of(facts, statistics), *names)
     remarks = {
         "findings": [finding.to_dict() for finding in in_order(found)],
         "frame_findings": [finding.to_dict() for finding in in_frames],
         **({"frame_findings_left_out": left_out} if left_out else {}),
         "over_time": over_time,
-        "files": [],
     }
     report = build_report(inputs, outcome, statistics, job, remarks)
     return Run(poses, in_order(found), tuple(in_frames), report, statistics, inputs, outcome, gathered)
@@ -365,10 +344,8 @@ def _opened(found: RunFolder) -> Run:
     make = sk.RefineConfig.paper if settings["method"] == "paper" else sk.RefineConfig
     outcome = Outcome.of(_refinement(poses), make(**settings), inputs, report["timing"]["refine_s"])
     statistics = summarise(inputs, outcome).with_groups_of(report["reprojection_error"])
-    found_then, in_frames = (
-        tuple(Finding.from_dict(entry) for entry in report[key]) for key in ("findings", "frame_findings")
-    )
-    return Run(poses, found_then, in_frames, report, statistics, inputs, outcome)
+    told = [tuple(map(Finding.from_dict, report[key])) for key in ("findings", "frame_findings")]
+    return Run(poses, told[0], told[1], report, statistics, inputs, outcome)
 
 
 def _refinement(poses: PoseData) -> sk.Refinement:
@@ -378,27 +355,3 @@ def _refinement(poses: PoseData) -> sk.Refinement:
     unknown = {name: np.full(steps, np.nan) for name in ("loss_render", "loss_symmetry")}
     parts: dict[str, Any] = {**held, **unknown, "loss_history": np.empty((steps, 0))}
     return kind(**parts)
-
-
-def _as_batch(result: sk.Refinement) -> sk.Refinement:
-    """Return the result over frames, of one pose as that of one frame."""
-    if np.ndim(result.pose) == 3:
-        return result
-    parts = {entry.name: np.asarray(getattr(result, entry.name))[None] for entry in fields(sk.Refinement)}
-    return sk.Refinement(**parts)
-
-
-def _seen(detections: npt.ArrayLike, confidence: npt.ArrayLike | None, result: sk.Refinement) -> Array:
-    """Return detections (T, M, N, 3) of a result over T frames, confidence 1 where none is given."""
-    seen, shape = numbers(detections, "detections"), result.view_weights.shape
-    given = np.ones(seen.shape[:-1]) if confidence is None else numbers(confidence, "confidence")
-    if confidence is not None and seen.shape[-1:] == (3,):
-        expected, actual = "only one source of confidences", "detections with a third channel as well"
-        raise InvalidInputError(f"confidence: expected {expected}, got {actual}")
-    if given.shape != seen.shape[:-1]:
-        raise InvalidInputError(f"confidence: expected shape {seen.shape[:-1]}, got shape {given.shape}")
-    if seen.ndim == 3:
-        seen = seen[None]
-    if seen.shape[:-1] != shape or seen.shape[-1] not in (2, 3):
-        raise InvalidInputError(f"detections: expected {shape} pixels like the result, got {seen.shape}")
-    return seen if seen.shape[-1] == 3 else np.concatenate([seen, given.reshape(shape)[..., None]], axis=-1)

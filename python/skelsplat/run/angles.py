@@ -1,4 +1,4 @@
-"""The joint angles of a run: which there are, and their files ``angles.csv``, ``.npz`` and ``.mot``."""
+"""The vertical of a run, its joint angles, and their files ``angles.csv``, ``.npz`` and ``.mot``."""
 
 from __future__ import annotations
 
@@ -15,7 +15,6 @@ from skelsplat._arrays import Array
 from skelsplat._atomic import atomic_write, atomic_write_text
 from skelsplat.exceptions import InvalidInputError
 from skelsplat.io.poses._csv import times_of
-from skelsplat.run.vertical import vertical_known, world_up
 
 if TYPE_CHECKING:
     from skelsplat.io import PoseData
@@ -23,6 +22,10 @@ if TYPE_CHECKING:
 
 FILES = ("angles.csv", "angles.npz", "angles.mot")
 _DECIMALS = 4  # of a degree
+# Length of the cameras' mean upward direction below which they do not agree on a vertical: they look down.
+_AGREED_UP = 0.3
+# Cosine of the angle between that direction and the nearest axis, below which no axis is taken for vertical.
+_NEAR_AXIS = 0.75
 
 
 def check_angles(layout: sk.Layout) -> None:
@@ -32,9 +35,24 @@ def check_angles(layout: sk.Layout) -> None:
         raise InvalidInputError(f"angles: expected {expected}, got {layout.name}")
 
 
+def world_up(rig: sk.CameraRig) -> Array:
+    """Return the axis of the world nearest to the cameras' mean upward direction; z if they do not agree."""
+    mean: Array = np.mean([-np.asarray(camera.R)[1] for camera in rig], axis=0)
+    up = np.zeros(3)
+    if np.linalg.norm(mean) < _AGREED_UP:
+        up[2] = 1.0
+        return up
+    axis = int(np.argmax(np.abs(mean)))
+    up[axis] = np.sign(mean[axis])
+    return up
+
+
 def vertical_of(rig: sk.CameraRig) -> Array | None:
     """Return the axis of the world that is up (3,); None if the cameras do not show it."""
-    return world_up(rig) if vertical_known(rig) else None
+    mean: Array = np.mean([-np.asarray(camera.R)[1] for camera in rig], axis=0)
+    length = float(np.linalg.norm(mean))
+    known = length >= _AGREED_UP and float(np.abs(mean).max()) >= _NEAR_AXIS * length
+    return world_up(rig) if known else None
 
 
 def angles_of_poses(poses: PoseData, up: Array | None, joints: tuple[str, ...] = ()) -> sk.JointAngles:
@@ -105,17 +123,8 @@ def mot_text(angles: sk.JointAngles, times: Array) -> str:
     nColumns counts the time. A missing value is ``nan``: a field cannot be empty, since OpenSim takes several
     tabs for one.
     """
-    header = [
-        "Coordinates",
-        "version=1",
-        f"nRows={len(times)}",
-        f"nColumns={len(angles.names) + 1}",
-        "inDegrees=yes",
-        "endheader",
-        "\t".join(["time", *angles.names]),
-    ]
-    rows = (
-        "\t".join([f"{time:.6f}", *(f"{value:.{_DECIMALS}f}" for value in row)])
-        for time, row in zip(times.tolist(), angles.degrees.tolist(), strict=True)
-    )
-    return "\n".join([*header, *rows]) + "\n"
+    header = ["Coordinates", "version=1", f"nRows={len(times)}", f"nColumns={len(angles.names) + 1}"]
+    lines = [*header, "inDegrees=yes", "endheader", "\t".join(["time", *angles.names])]
+    for time, row in zip(times.tolist(), angles.degrees.tolist(), strict=True):
+        lines.append("\t".join([f"{time:.6f}", *(f"{value:.{_DECIMALS}f}" for value in row)]))
+    return "\n".join(lines) + "\n"

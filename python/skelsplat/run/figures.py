@@ -11,47 +11,43 @@ from skelsplat import viz
 from skelsplat._arrays import Array
 from skelsplat._words import ordinal
 from skelsplat.run._run import PeopleRun, Run
-from skelsplat.run.read import Inputs
-from skelsplat.run.solve import Outcome
-from skelsplat.run.summary import Statistics, finite_median, frame_medians
-from skelsplat.run.vertical import vertical_known, world_up
+from skelsplat.run.angles import vertical_of, world_up
+from skelsplat.run.summary import finite_median, frame_medians
 
 
 def write_figures(run: Run, folder: Path) -> list[str]:
     """Write ``overview.png`` and ``weights.png``, and heat maps where the method draws any; return names."""
-    inputs, outcome, statistics = run.inputs, run.outcome, run.statistics
-    frame, views = most_moved_frame(statistics.moved_mm), range(len(inputs.rig))
-    mm = inputs.rig.mm_per_unit
-    data = viz.OverviewData(
-        before=outcome.start * mm,
-        after=np.asarray(outcome.result.pose) * mm,
-        error_bar=np.asarray(outcome.result.error_bar) * mm**2,
-        status=np.asarray(outcome.result.joint_status),
-        up=world_up(inputs.rig),
-        up_known=vertical_known(inputs.rig),
+    result, statistics, mm = run.result, run.statistics, run.cameras.mm_per_unit
+    frame, views = most_moved_frame(statistics.moved_mm), range(len(run.cameras))
+    skeleton, names = skeleton_of(run.layout), ["overview.png", "weights.png"]
+    overview = viz.OverviewData(
+        before=run.outcome.start * mm,
+        after=np.asarray(result.pose) * mm,
+        error_bar=np.asarray(result.error_bar) * mm**2,
+        status=np.asarray(result.joint_status),
+        up=world_up(run.cameras),
+        up_known=vertical_of(run.cameras) is not None,
         frame=frame,
-        start=outcome.start_name,
+        start=run.outcome.start_name,
         error_before=statistics.error_before,
         error_after=statistics.error_after,
-        camera_names=inputs.rig.names,
-        panels=[_camera_panel(view, frame, inputs, outcome) for view in views],
-        caption=_caption(frame, inputs, outcome, statistics),
+        camera_names=run.cameras.names,
+        panels=[_camera_panel(run, view, frame) for view in views],
+        caption=_caption(run, frame),
     )
-    skeleton = skeleton_of(inputs.layout)
-    viz.write_overview(folder / "overview.png", data, skeleton=skeleton)
+    viz.write_overview(folder / names[0], overview, skeleton=skeleton)
     weights = viz.WeightData(
-        weights=np.asarray(outcome.result.view_weights),
-        frames=inputs.frames,
-        camera_names=inputs.rig.names,
-        joint_names=inputs.layout.joints,
+        weights=np.asarray(result.view_weights),
+        frames=run.frames,
+        camera_names=run.cameras.names,
+        joint_names=run.layout.joints,
         rejected_below=sk.REJECTED_WEIGHT,
     )
-    viz.write_weights(folder / "weights.png", weights)
-    names = ["overview.png", "weights.png"]
-    if outcome.config.method == "paper":
-        rows = [_heatmap_row(view, frame, inputs, outcome, statistics) for view in views]
+    viz.write_weights(folder / names[1], weights)
+    if run.outcome.config.method == "paper":
+        rows = [_heatmap_row(run, view, frame) for view in views]
         what = "heat maps summed over the joints (white 0, dark 1 and more), cropped to the pose"
-        caption = f"Frame {inputs.frames[frame]}: {what}"
+        caption = f"Frame {run.frames[frame]}: {what}"
         viz.write_heatmaps(folder / "heatmaps.png", rows, skeleton=skeleton, caption=caption)
         names.append("heatmaps.png")
     return names
@@ -59,15 +55,14 @@ def write_figures(run: Run, folder: Path) -> list[str]:
 
 def write_people_figure(run: PeopleRun, path: Path) -> None:
     """Draw the paths from above, who is there when, and everybody in one frame."""
-    cameras, source = next(iter(run.people.values())).cameras, run.report["input"]["detections"]
-    title = count_of(run) if source is None else f"{Path(source).name}: {count_of(run)}"
+    first, source = next(iter(run.people.values())), run.report["input"]["detections"]
     data = viz.PeopleData(
         people=tracks_of(run),
-        camera_names=cameras.names,
-        centres=np.array([camera.centre for camera in cameras]) * cameras.mm_per_unit,
-        up=world_up(cameras),
-        skeleton=skeleton_of(next(iter(run.people.values())).layout),
-        title=title,
+        camera_names=first.cameras.names,
+        centres=np.array([camera.centre for camera in first.cameras]) * first.cameras.mm_per_unit,
+        up=world_up(first.cameras),
+        skeleton=skeleton_of(first.layout),
+        title=count_of(run) if source is None else f"{Path(source).name}: {count_of(run)}",
     )
     viz.write_people(path, data)
 
@@ -108,52 +103,51 @@ def skeleton_of(layout: sk.Layout) -> viz.Skeleton:
 def most_moved_frame(moved_mm: Array) -> int:
     """Return the index of the frame whose median joint moved most; one stray joint cannot decide that.
 
-    Parameters
-    ----------
-    moved_mm : (T, N)
-        Distance from the start to the refined pose; NaN where there is none. Frames in which fewer joints
-        than usual have one are left out: a person who leaves the picture would decide.
+    Of distances (T, N) from the start to the refined pose, NaN where there is none. Frames in which fewer
+    joints than usual have one are left out: a person who leaves the picture would decide.
     """
     median, known = frame_medians(moved_mm), np.isfinite(moved_mm).sum(axis=1)
     usual = np.median(known[known > 0]) if known.any() else 0
     return int(np.argmax(np.where(np.isfinite(median) & (known >= usual), median, -np.inf)))
 
 
-def _caption(frame: int, inputs: Inputs, outcome: Outcome, statistics: Statistics) -> str:
+def _caption(run: Run, frame: int) -> str:
     """Return which frame is drawn and why, and how many frames have joints that are not ok."""
+    statistics, count, thinned = run.statistics, len(run.frames), run.inputs.thinned
     here, typical = finite_median(statistics.moved_mm[frame]), finite_median(statistics.moved_mm)
-    count, status = len(inputs.frames), np.asarray(outcome.result.joint_status)
-    start, digits = outcome.start_name, statistics.decimals if statistics.decimals > 1 else 0
-    words, change = f"Frame {inputs.frames[frame]}", f"median joint {here:.{digits}f} mm from the {start}"
+    digits = statistics.decimals if statistics.decimals > 1 else 0
+    change = f"median joint {here:.{digits}f} mm from the {run.outcome.start_name}"
+    words = f"Frame {run.frames[frame]}"
     if not np.isfinite(here):
         words += ", in which no joint can be compared with its start"
     elif count > 1:
         words += f", with the largest change: {change} (all frames: {typical:.{digits}f} mm)"
     else:
         words += f": {change}"
+    if thinned is not None:
+        words += f"; drawn is every {ordinal(thinned.every)} frame"
+    status = np.asarray(run.result.joint_status)
     frames = {name: int((status == name).any(axis=1).sum()) for name in ("inferred", "weak", "unobserved")}
     affected = ", ".join(f"{name} joints in {number}" for name, number in frames.items() if number)
-    if inputs.thinned is not None:
-        words += f"; drawn is every {ordinal(inputs.thinned.every)} frame"
     return f"{words}; {affected} of {count} frames" if affected else words
 
 
-def _seen(view: int, frame: int, inputs: Inputs, outcome: Outcome) -> Array:
+def _seen(run: Run, view: int, frame: int) -> Array:
     """Return the detections that one camera contributes, (N, 3), in ideal pixels; NaN where it has none."""
-    used = np.isfinite(outcome.result.reprojection_error[frame, view])
-    seen = np.where(used[:, None], inputs.detections[frame, view], np.nan)
-    if outcome.config.undistort:
-        seen[:, :2] = inputs.rig[view].undistort(seen[:, :2])
+    used = np.isfinite(run.result.reprojection_error[frame, view])
+    seen = np.where(used[:, None], run.detections[frame, view], np.nan)
+    if run.outcome.config.undistort:
+        seen[:, :2] = run.cameras[view].undistort(seen[:, :2])
     return seen
 
 
-def _camera_panel(view: int, frame: int, inputs: Inputs, outcome: Outcome) -> viz.CameraPanel:
-    camera, result = inputs.rig[view], outcome.result
+def _camera_panel(run: Run, view: int, frame: int) -> viz.CameraPanel:
+    camera, result = run.cameras[view], run.result
     projected, covariances = sk.project_gaussians(result.pose[frame], result.error_bar[frame], [camera])
     return viz.CameraPanel(
-        name=inputs.rig.names[view],
+        name=run.cameras.names[view],
         size=camera.size,
-        detections=_seen(view, frame, inputs, outcome)[:, :2],
+        detections=_seen(run, view, frame)[:, :2],
         reprojection=np.asarray(projected)[0],
         covariances=np.asarray(covariances)[0],
         rejected=np.asarray(result.view_weights[frame, view] < sk.REJECTED_WEIGHT),
@@ -161,36 +155,32 @@ def _camera_panel(view: int, frame: int, inputs: Inputs, outcome: Outcome) -> vi
     )
 
 
-def _heatmap_row(
-    view: int, frame: int, inputs: Inputs, outcome: Outcome, statistics: Statistics
-) -> viz.HeatmapRow:
+def _heatmap_row(run: Run, view: int, frame: int) -> viz.HeatmapRow:
     """Compute one camera's heat maps of one frame, in the pixels in which the renderer works (ideal ones)."""
-    camera, result = inputs.rig[view], outcome.result
+    camera, result = run.cameras[view], run.result
     pose, covariance = np.asarray(result.pose[frame]), np.asarray(result.covariance[frame])
-    start = np.asarray(result.init_pose[frame])
-    seen = _seen(view, frame, inputs, outcome)
+    start, widths = np.asarray(result.init_pose[frame]), _initial_covariances(run)
+    seen = _seen(run, view, frame)
     pseudo = np.zeros((camera.size[1], camera.size[0]), dtype=np.float32)
     rendering = np.zeros_like(pseudo)
-    widths = initial_covariances(inputs, outcome.config)
     for j in np.flatnonzero(np.isfinite(seen[:, :2]).all(axis=1)):
         one = slice(j, j + 1)  # joint by joint: all images at once would take hundreds of megabytes
         pseudo += sk.pseudo_ground_truth(seen[one], start[one], widths[one], camera)[0]
         rendering += sk.render(pose[one], covariance[one], camera)[0]
     projected, _ = sk.project_gaussians(pose, covariance, [camera])
     return viz.HeatmapRow(
-        name=inputs.rig.names[view],
+        name=run.cameras.names[view],
         pseudo=pseudo,
         rendering=rendering,
         detections=seen[:, :2],
         reprojection=np.asarray(projected)[0],
-        median_error_px=finite_median(statistics.error_after[frame, view]),
+        median_error_px=finite_median(run.statistics.error_after[frame, view]),
     )
 
 
-def initial_covariances(inputs: Inputs, config: sk.RefineConfig) -> Array:
+def _initial_covariances(run: Run) -> Array:
     """Return the covariances (N, 3, 3) that the splats start with, in the rig's unit squared."""
-    sigma_mm = np.full(inputs.layout.n_joints, config.sigma_mm)
+    config, sigma_mm = run.outcome.config, np.full(run.layout.n_joints, run.outcome.config.sigma_mm)
     if config.occlusion_sigma_mm is not None:
-        sigma_mm[list(inputs.layout.occlusion_prone)] = config.occlusion_sigma_mm
-    sigma = sigma_mm / inputs.rig.mm_per_unit
-    return sigma[:, None, None] ** 2 * np.eye(3)
+        sigma_mm[list(run.layout.occlusion_prone)] = config.occlusion_sigma_mm
+    return ((sigma_mm / run.cameras.mm_per_unit) ** 2)[:, None, None] * np.eye(3)

@@ -18,7 +18,7 @@ from skelsplat.findings import Finding, Remedy, Subject
 from skelsplat.rig_check._check import find_swapped, same_detections
 from skelsplat.run.displaced import displaced_cameras, find_apart, find_displaced, shift_of, to_one_side
 from skelsplat.run.joints import MOSTLY, JointFrames, find_joints, find_statuses, some
-from skelsplat.run.people import are_mixed, find_people
+from skelsplat.run.people import find_people
 from skelsplat.run.read import Inputs
 from skelsplat.run.solve import Outcome, frame_by_frame
 from skelsplat.run.summary import Group, Statistics, finite_median, summarise
@@ -41,12 +41,6 @@ _FURTHER_OF_TWO, _CONFIRMED = 1.25, 3
 # No person that a camera detects matches the other cameras, in this share of the frames at least; if that is
 # so for another camera in most frames, this share of the frames with people is enough.
 _SOME, _ALSO_UNFIT = 0.1, 0.25
-# About half the arms and legs, which are half of a layout's joints or more.
-_MIRRORED_SHARE = 0.25
-# So many of a camera's detections are swapped if all are that have a side.
-_ALL_SIDES = 0.6
-# Longer side over shorter side that no person's arms or legs have.
-_LIMB_RATIO = 1.5
 # A given length contradicts the recording beyond this many of its standard deviations and this share.
 _GIVEN_SIGMAS, _GIVEN_SHARE = 3.0, 0.05
 _USUAL_SIGMA_MM = 20.0  # of given lengths without standard deviations
@@ -57,27 +51,22 @@ def find_findings(
     outcome: Outcome,
     statistics: Statistics,
     frames: JointFrames,
-    counts: Mapping[Any, int] = MappingProxyType({}),
+    counts: Mapping[tuple[str, int], int] = MappingProxyType({}),
 ) -> list[Finding]:
     """Return findings on people, on cameras that disagree and on joints that are rejected or uncertain.
 
     ``frames`` are those of `joint_frames`, ``counts`` how many they are if not all are named. Cameras and
     people are judged frame by frame.
     """
-    unfit = unfit_cameras(inputs)
     alone = frame_by_frame(inputs, outcome)
     counted = statistics if alone is outcome else summarise(inputs, alone)
-    sure = (inputs.detections[..., 2] >= alone.config.min_confidence).sum(axis=1)
-    least = alone.config.min_confidence if sure.max(initial=0) < 2 else 0.0
-    swapped = [*find_swapped(inputs.rig.names, alone.result, inputs.layout), *_mirrored(counted)]
     return [
         *same_detections(inputs.rig.names, inputs.detections),
         *find_people(inputs, alone),
-        *find_whole(counted, inputs.apart, mixed=are_mixed(inputs), least=least),
+        *find_whole(counted, alone.config.min_confidence),
         *_in_time(statistics, counted),
-        *find_unfit(inputs.rig.names, unfit),
-        *_cameras(inputs, with_lasting(inputs.rig, counted, statistics), unfit),
-        *{finding.subject: finding for finding in swapped}.values(),  # the latter of two on a camera
+        *_cameras(inputs, with_lasting(inputs.rig, counted, statistics)),
+        *find_swapped(inputs.rig.names, alone.result, inputs.layout),
         *_limbs(inputs, alone),
         *_given_lengths(inputs, alone),
         *find_joints(counted, statistics),
@@ -85,44 +74,26 @@ def find_findings(
     ]
 
 
-def find_whole(
-    statistics: Statistics, apart: tuple[str, ...] = (), *, mixed: bool = False, least: float = 0.0
-) -> Iterator[Finding]:
-    """Yield a finding if hardly any detection is used or trusted, or the pose is worse than its start.
-
-    ``apart`` are the cameras that detect people, if no two do so in the same frame; ``least`` is the
-    confidence demanded, if no joint has it in two views.
-    """
-    total = statistics.total
+def find_whole(statistics: Statistics, min_confidence: float = 0.0) -> Iterator[Finding]:
+    """Yield a finding if hardly any detection is used or trusted, or the pose is worse than its start."""
+    total, before, after = statistics.total, statistics.total.before_px, statistics.total.after_px
+    further = _FURTHER if np.median(statistics.views_used) >= _CONFIRMED else _FURTHER_OF_TWO
     if total.used == 0:
-        nobody = total.left_out == total.not_chosen == 0
-        why = "are they in pixels of these cameras' images (not 0 to 1), x before y?"
-        if apart:
-            only = f"only {listed(apart)} {'has' if len(apart) == 1 else 'have'} detections of people"
-            why = f"{only}, and two cameras must detect them in the same frame."
-        elif nobody:
+        why = "two cameras must detect the person in the same frame, joints with a confidence of at least "
+        why += f"{min_confidence:g}, in pixels of these cameras' images (not 0 to 1), x before y."
+        if total.left_out == total.not_chosen == 0:
             why = "nobody is detected with enough confidence."
-        elif least:
-            why = f"no joint has a confidence of {least:g} in two views."
-        yield Finding(
-            "nothing_used",
-            "error",
-            Subject(cameras=apart),
-            {"nobody": nobody, "min_confidence": least},
-            sentence=f"No detection could be used: {why}",
-        )
+        yield Finding("nothing_used", "error", sentence=f"No detection could be used: {why}")
     elif total.rejected_share >= _WHOLE_SHARE or min(total.rejected_share, _rest(statistics)) >= _REST_SHARE:
-        first = "that all views show the same person, then " if mixed else ""
         yield Finding(
             "many_rejected",
             "warning",
             numbers={"rejected_share": total.rejected_share},
-            remedy=(Remedy("person", "consistent"),) if mixed else (),
-            sentence=f"{percent(total.rejected_share)} of all detections are rejected: check {first}that "
-            "calibration, cameras and detections belong together, and check timing, unit and layout.",
+            sentence=f"{percent(total.rejected_share)} of all detections are rejected: check that "
+            "calibration, cameras and detections belong together and all views show the same person, and "
+            "check timing, unit and layout.",
         )
-    elif total.after_px > max(_further(statistics) * total.before_px, total.before_px + _FURTHER_PX):
-        before, after = total.before_px, total.after_px
+    elif after > max(further * before, before + _FURTHER_PX):
         yield Finding(
             "pose_far_off",
             "warning",
@@ -130,10 +101,6 @@ def find_whole(
             sentence="The refined pose lies further from the detections than its start (median "
             f"{before:.1f} to {after:.1f} px): check the layout, the unit and the calibration.",
         )
-
-
-def _further(statistics: Statistics) -> float:
-    return _FURTHER if np.median(statistics.views_used) >= _CONFIRMED else _FURTHER_OF_TWO
 
 
 def _in_time(statistics: Statistics, alone: Statistics) -> Iterator[Finding]:
@@ -179,13 +146,13 @@ def unfit_cameras(inputs: Inputs) -> dict[int, tuple[int, int]]:
     return {int(i): (int(count[i]), int(seen[i])) for i in np.flatnonzero(shares >= least)}
 
 
-def find_unfit(names: Sequence[str], unfit: Mapping[int, tuple[int, int]]) -> Iterator[Finding]:
+def _find_unfit(names: Sequence[str], unfit: Mapping[int, tuple[int, int]]) -> Iterator[Finding]:
     """Yield one finding on the cameras of `unfit_cameras`; ``names`` are those of all cameras."""
     if not unfit:
         return
     cameras = tuple(names[i] for i in unfit)
     counts, seen = map(list, zip(*unfit.values(), strict=True))
-    frames = listed([f"{count:,} of {of:,}" for count, of in zip(counts, seen, strict=True)])
+    frames = listed([f"{count:,} of {of:,}" for count, of in unfit.values()])
     enough = len(names) - len(cameras) >= 2
     yield Finding(
         "no_match",
@@ -212,18 +179,16 @@ def with_lasting(rig: sk.CameraRig, alone: Statistics, statistics: Statistics) -
     return replace(alone, cameras=cameras)
 
 
-def _cameras(inputs: Inputs, statistics: Statistics, unfit: Mapping[int, object]) -> Iterator[Finding]:
+def _cameras(inputs: Inputs, statistics: Statistics) -> Iterator[Finding]:
     """Yield findings on cameras that are unused, disagree or are displaced, and on views that lie apart."""
-    names, shifts = inputs.rig.names, statistics.shifts
+    names, shifts, unfit = inputs.rig.names, statistics.shifts, unfit_cameras(inputs)
     unfit_names = {names[i] for i in unfit}
-    if are_mixed(inputs):  # a finding of its own, which explains what lies elsewhere
-        yield from find_cameras(statistics, unfit_names)
-        return
     displaced = displaced_cameras(inputs.rig, shifts)
     bad = {group.name for group in _bad_cameras(statistics.cameras)}
     worst = [i for i in displaced if names[i] in bad]
     rest = [i for i in displaced if names[i] not in bad]
     sides = {names[i]: shift_of(names, shifts, i, rest if i == worst[0] else ()) for i in worst}
+    yield from _find_unfit(names, unfit)
     yield from find_cameras(statistics, unfit_names, sides, followed=inputs.solved is not None)
     yield from find_displaced(names, shifts, [] if worst else rest, unfit_names)
     yield from find_apart(inputs.rig, statistics, {*displaced, *unfit})
@@ -243,35 +208,29 @@ def find_cameras(
     """
     bad = _bad_cameras(statistics.cameras)
     good = [group for group in statistics.cameras if group.used and group not in bad]
-    common: dict[str, Any] = {
-        "others_rejected_share": sum(group.rejected for group in good) / max(1, sum(g.used for g in good)),
-        "compared_with": [] if len(bad) == 1 else [group.name for group in good],
-    }
+    others = sum(group.rejected for group in good) / max(1, sum(group.used for group in good))
+    compared = "" if len(bad) == 1 else ", ".join(group.name for group in good)
     enough = len(statistics.cameras) > 2  # two must remain
     for group in statistics.cameras:
         subject, without = Subject(cameras=(group.name,)), (Remedy("without", group.name),)
         if statistics.total.used and not group.used and group.name not in unfit and not followed:
-            yield Finding(
-                "camera_unused",
-                "warning",
-                subject,
-                remedy=(Remedy("person", None), *(without if enough else ())),
-                sentence=f"{group.name} has no usable detections. Either the person is not in view, or its "
-                "detections do not agree with the other views.",
-            )
+            words = f"{group.name} has no usable detections. Either the person is not in view, or its "
+            words += "detections do not agree with the other views."
+            remedy = (Remedy("person", None), *(without if enough else ()))
+            yield Finding("camera_unused", "warning", subject, remedy=remedy, sentence=words)
         elif group in bad:
-            own = {"rejected_share": group.rejected_share, "mean_weight": group.mean_weight}
-            side, theirs = sides.get(group.name, {}), ", ".join(common["compared_with"])
+            side = sides.get(group.name, {})
             shifted = f"Its detections are shifted by {to_one_side(side)}. " if side else ""
+            shares = {"rejected_share": group.rejected_share, "others_rejected_share": others}
             yield Finding(
                 "camera_disagrees",
                 "warning",
                 subject,
-                {**own, **common, **side},
+                {**shares, "mean_weight": group.mean_weight, **side},
                 without if enough and group.name not in unfit else (),
                 sentence=f"{group.name} disagrees with the other cameras: {percent(group.rejected_share)} of "
-                f"its detections are rejected, {percent(common['others_rejected_share'])} of "
-                f"{f'those of {theirs}' if theirs else 'theirs'}, and its mean weight is "
+                f"its detections are rejected, {percent(others)} of "
+                f"{f'those of {compared}' if compared else 'theirs'}, and its mean weight is "
                 f"{group.mean_weight:.2f}. {shifted}The pose follows the others: check this camera's "
                 "calibration and timing, and whether anything blocks its view.",
             )
@@ -281,30 +240,13 @@ def _bad_cameras(cameras: Sequence[Group]) -> list[Group]:
     """Return the cameras with an unusual share of rejected detections; never all of them."""
     used = [group for group in cameras if group.used]
     bad = []
-    for group in used:
+    for group in used if len(used) > 1 else ():
         others = [other.rejected_share for other in used if other is not group]
-        if not others:
-            continue
         share = group.rejected_share
         far = share >= max(_CAMERA_SHARE, _CAMERA_RATIO * finite_median(others))
         if far or share >= max(_BAD_SHARE, _BEST_RATIO * min(others)):
             bad.append(group)
     return bad
-
-
-def _mirrored(statistics: Statistics) -> Iterator[Finding]:
-    for group in statistics.cameras:
-        if group.used and group.swapped >= _MIRRORED_SHARE * group.used:
-            share = group.swapped / group.used
-            mirrored = "Is the image mirrored?" if share >= _ALL_SIDES else ""
-            yield Finding(
-                "sides_swapped",
-                "warning",
-                Subject(cameras=(group.name,)),
-                {"swapped_share": share},
-                sentence=f"{group.name}: left and right are swapped in {percent(share)} of its detections. "
-                f"{mirrored or 'Does the detector confuse the sides in this view?'}",
-            )
 
 
 def _limbs(inputs: Inputs, outcome: Outcome) -> Iterator[Finding]:
@@ -330,21 +272,22 @@ def _given_lengths(inputs: Inputs, alone: Outcome) -> Iterator[Finding]:
     measured = np.array(_lengths_mm(inputs, alone, limbs))
     allowed = np.maximum(_GIVEN_SIGMAS * sigmas, _GIVEN_SHARE * lengths)
     wrong = np.flatnonzero((np.abs(measured - lengths) > allowed) & (sigmas < lengths))
-    if len(wrong):
-        named = [[joints[j] for j in limbs[b]] for b in wrong]
-        given, found = lengths[wrong].tolist(), measured[wrong].tolist()
-        sizes = [
-            f"{a} to {b} {length(one, 0, 10.0)} mm, measured {length(seen, 0, 10.0)} mm"
-            for (a, b), one, seen in zip(named, given, found, strict=True)
-        ]
-        yield Finding(
-            "given_lengths_differ",
-            "warning",
-            Subject(joints=tuple(dict.fromkeys(joint for limb in named for joint in limb))),
-            {"limbs": named, "given_mm": given, "measured_mm": found},
-            sentence="Given bone lengths contradict the recording, which follows them if it is short: "
-            f"{some(sizes)}.",
-        )
+    if not len(wrong):
+        return
+    named = [[joints[j] for j in limbs[b]] for b in wrong]
+    given, found = lengths[wrong].tolist(), measured[wrong].tolist()
+    sizes = [
+        f"{a} to {b} {length(one, 0, 10.0)} mm, measured {length(seen, 0, 10.0)} mm"
+        for (a, b), one, seen in zip(named, given, found, strict=True)
+    ]
+    yield Finding(
+        "given_lengths_differ",
+        "warning",
+        Subject(joints=tuple(dict.fromkeys(joint for limb in named for joint in limb))),
+        {"limbs": named, "given_mm": given, "measured_mm": found},
+        sentence="Given bone lengths contradict the recording, which follows them if it is short: "
+        f"{some(sizes)}.",
+    )
 
 
 def _lengths_given(layout: sk.Layout, config: sk.RefineConfig) -> tuple[Array, Array]:

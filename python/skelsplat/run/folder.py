@@ -7,7 +7,6 @@ import hashlib
 import shutil
 import tempfile
 from dataclasses import dataclass, replace
-from functools import partial
 from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,7 +17,7 @@ from skelsplat._json import to_text
 from skelsplat._lock import locked
 from skelsplat._optional import can_draw
 from skelsplat._words import listed
-from skelsplat.exceptions import DatasetError, InvalidInputError
+from skelsplat.exceptions import InvalidInputError
 from skelsplat.findings import Finding, Remedy, Subject, no_pictures
 from skelsplat.io import write_people, write_pose
 from skelsplat.io._files import load_json
@@ -29,7 +28,6 @@ from skelsplat.io._run_files import (
     REPORT,
     RUN,
     UNFINISHED,
-    check_finished,
     files_of_run,
     folders_of_run,
     is_person,
@@ -41,8 +39,7 @@ from skelsplat.io.poses import PEOPLE_FORMATS, POSE_FORMATS, check_pose_format
 from skelsplat.io.poses._pose_data import MARKER_NAMES, Poses, parts_of
 from skelsplat.io.run_folder import write_run_inputs
 from skelsplat.run.angles import FILES as ANGLE_FILES
-from skelsplat.run.angles import check_angles, describe, write_angles
-from skelsplat.run.vertical import vertical_known
+from skelsplat.run.angles import check_angles, describe, vertical_of, write_angles
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -61,13 +58,7 @@ _PICTURES, _PAPERS_PICTURE = ("overview.png", "weights.png"), "heatmaps.png"
 _POSSIBLE = (
     *(f"pose.{kind}" for kind in POSE_FORMATS),
     *(f"people.{kind}" for kind in PEOPLE_FORMATS),
-    *ANGLE_FILES,
-    CAMERAS,
-    DETECTIONS,
-    LAYOUT,
-    *_PICTURES,
-    _PAPERS_PICTURE,
-    PAGE,
+    *(*ANGLE_FILES, CAMERAS, DETECTIONS, LAYOUT, *_PICTURES, _PAPERS_PICTURE, PAGE),
 )
 # of other commands, perhaps the work of hours
 _OF_OTHERS = ("plots", "overlay")
@@ -105,68 +96,38 @@ class Writing:
         """The files that hold everybody's poses, if several people are refined."""
         return [f"people.{kind}" for kind in self.formats if kind in PEOPLE_FORMATS]
 
-    @property
-    def together(self) -> list[str]:
-        """The files that hold or show everybody."""
-        shown = [_PICTURES[0], *([PAGE] if self.html else [])] if can_draw() else []
-        return [*self.poses_together, *shown]
-
-    def check(self, inputs: Inputs | None = None) -> None:
-        """Apply `skelsplat.io.poses.check_pose_format` to each format, and `check_angles`."""
+    def check(self, inputs: Inputs) -> None:
+        """Raise before the work if a format or the angles cannot be written of these inputs."""
         for kind in self.formats:
-            check_pose_format(kind)
-            if inputs is not None:
-                check_pose_format(kind, inputs.frames, inputs.layout.joints, inputs.rig)
-        if self.angles and inputs is not None:
+            check_pose_format(kind, inputs.frames, inputs.layout.joints, inputs.rig)
+        if self.angles:
             check_angles(inputs.layout)
 
-    def notes(self, inputs: Inputs) -> list[Finding]:
-        """Return findings on the files: options without effect, assumed times, no vertical, no pictures."""
+    def notes(self, inputs: Inputs) -> Iterator[Finding]:
+        """Yield findings on the files: no vertical, assumed times, no pictures."""
         timed = tuple(f"pose.{kind}" for kind in self.formats if kind in _WITH_MARKERS)
-        given = {"y_up": self.y_up, "marker_names": self.marker_names != MARKER_NAMES[0]}
-        unused = [option for option, value in given.items() if value and not timed]
-        found = [
-            Finding(
-                "option_unused",
-                "note",
-                numbers={"option": option},
-                sentence=f"{option} has no effect: it applies to pose.trc and pose.c3d; neither is written.",
-            )
-            for option in unused
-        ]
         if self.angles:
             timed = (*timed, ANGLE_FILES[-1])
-        if self.angles and not vertical_known(inputs.rig):
+        if self.angles and vertical_of(inputs.rig) is None:
             words = "The cameras do not show which axis of the world is vertical: angles of trunk and pelvis "
             words += "are left out."
-            found.append(Finding("vertical_unknown", "note", sentence=words))
+            yield Finding("vertical_unknown", "note", sentence=words)
         if timed and inputs.fps is None:
-            words = (
-                f"The frame rate is unknown: the times in {listed(timed)} assume {_ASSUMED_FPS:g} frames per "
-            )
-            words += "second."
+            words = f"The frame rate is unknown: the times in {listed(timed)} assume {_ASSUMED_FPS:g} frames "
+            words += "per second."
             numbers, remedy = {"fps": _ASSUMED_FPS}, (Remedy("fps", None),)
-            found.append(
-                Finding("times_assumed", "warning", Subject(files=timed), numbers, remedy, sentence=words)
-            )
+            subject = Subject(files=timed)
+            yield Finding("times_assumed", "warning", subject, numbers, remedy, sentence=words)
         if not can_draw():
-            found.append(no_pictures("report.html and figures"))
-        return found
+            yield no_pictures("report.html and figures")
 
 
-def nothing(_: str) -> None:
-    """Tell nobody which file is being written."""
-
-
-def write_poses(
-    folder: Path, data: Poses, writing: Writing, run: str | None = None, on_file: OnFile = nothing
-) -> list[str]:
+def write_poses(folder: Path, data: Poses, writing: Writing, run: str | None = None) -> list[str]:
     """Write the pose files; return their names. ``run`` is that of whose folder they are a part."""
     rate = parts_of(data)[0].frame_rate or _ASSUMED_FPS
     given = {"frame_rate": rate, "y_up": writing.y_up, "marker_names": writing.marker_names}
     for kind in writing.formats:
         options = given if kind in _WITH_MARKERS else {"run": run} if kind == "npz" else {}
-        on_file(f"pose.{kind}")
         write_pose(folder / f"pose.{kind}", data, **options)
     return [f"pose.{kind}" for kind in writing.formats]
 
@@ -186,66 +147,53 @@ def name_of(run: Run) -> str:
     return found.hexdigest()[:16]
 
 
-def write_folder(
-    run: Run, folder: Path, writing: Writing, name: str | None = None, on_file: OnFile | None = None
-) -> Run:
+def write_folder(run: Run, folder: Path, writing: Writing, name: str | None = None) -> Run:
     """Write the whole folder of a run, its report last; return the run with the files in its report.
 
-    ``name`` is that of a run of several people, of whom this is one. ``on_file`` is called with the name of a
-    file before it is written.
+    ``name`` is that of a run of several people, of whom this is one.
     """
-    on_file = on_file or nothing
     name = name or name_of(run)
-    own = not layouts.is_built_in(run.layout)
-    names = writing.names(run.outcome.config.method, own_layout=own)
+    names = writing.names(run.outcome.config.method, own_layout=not layouts.is_built_in(run.layout))
     report = {**run.report, RUN: name, "files": names}
     report.pop("joint_angles", None)
     run = replace(run, report={**report, **({"joint_angles": describe(run)} if writing.angles else {})})
     begin_writing(folder, run.report)
     whole = run.whole or run
-    write_poses(folder, whole.poses, writing, name, on_file)
+    write_poses(folder, whole.poses, writing, name)
     if writing.angles:
         write_angles(run, folder, _ASSUMED_FPS)
     frames, rate = whole.poses.frames, run.poses.frame_rate
-    on_file(DETECTIONS)
     write_run_inputs(folder, run.cameras, run.layout, whole.detections, frames, rate, name)
     if can_draw():
         from skelsplat.run.figures import write_figures  # matplotlib takes long to load
 
-        on_file(_PICTURES[0])
         write_figures(run, folder)
-    if PAGE in run.report["files"]:
+    if PAGE in names:
         from skelsplat.run.html import write_html
 
-        on_file(PAGE)
         write_html(run, folder / PAGE)
     atomic_write_text(folder / REPORT, to_text(run.report))  # last: the run is whole
     return run
 
 
-def write_everybody(
-    run: PeopleRun, folder: Path, writing: Writing, on_file: OnFile | None = None
-) -> PeopleRun:
+def write_everybody(run: PeopleRun, folder: Path, writing: Writing) -> PeopleRun:
     """Write the folders of all people, then the files of everybody, the report last; return the run."""
-    on_file = on_file or nothing
     names = "".join(name_of(one) for one in run.people.values())
     name = hashlib.sha256(names.encode()).hexdigest()[:16]
-    run = replace(run, report={**run.report, RUN: name, "files": writing.together})
+    shown = [_PICTURES[0], *([PAGE] if writing.html else [])] if can_draw() else []
+    run = replace(run, report={**run.report, RUN: name, "files": [*writing.poses_together, *shown]})
     begin_writing(folder, run.report)
     people = {}
     for own, (identity, one) in zip(run.report["folders"], run.people.items(), strict=True):
-        told = partial(_tell_of, on_file, own)
         with run_folder(folder / own):
-            people[identity] = write_folder(one, folder / own, writing, of_person(name, own), told)
+            people[identity] = write_folder(one, folder / own, writing, of_person(name, own))
     for together in writing.poses_together:
-        on_file(together)
         write_people(folder / together, {identity: one.poses for identity, one in run.people.items()})
     if can_draw():
         from skelsplat.run.figures import write_people_figure  # matplotlib takes long to load
 
-        on_file(_PICTURES[0])
         write_people_figure(run, folder / _PICTURES[0])
-    if PAGE in run.report["files"]:
+    if PAGE in shown:
         from skelsplat.run.html import write_people_html
 
         write_people_html(run, folder / PAGE)
@@ -253,18 +201,10 @@ def write_everybody(
     return replace(run, people=people)
 
 
-def _tell_of(on_file: OnFile, folder: str, name: str) -> None:
-    on_file(f"{folder}/{name}")
-
-
 def keep_input(job: Job, sources: Sequence[Path] = ()) -> None:
     """Refuse a folder for the results in which they would overwrite the input, or be mixed with it.
 
-    Parameters
-    ----------
-    job : Job
-    sources : sequence of Path
-        The files or folders of single cameras, once they are known.
+    ``sources`` are the files or folders of single cameras, once they are known.
 
     Raises
     ------
@@ -276,8 +216,11 @@ def keep_input(job: Job, sources: Sequence[Path] = ()) -> None:
         return
     out, top = Path(job.output).resolve(), Path(job.detections).resolve()
     written = {(out / name).resolve() for name in (*_POSSIBLE, REPORT)}
-    for path in (Path(file) for file in (job.calibration, job.detections, job.init) if file is not None):
-        if path.resolve() in {out, *written} or _of_a_person(path.resolve(), out):
+    for path in (
+        Path(file).resolve() for file in (job.calibration, job.detections, job.init) if file is not None
+    ):
+        of_a_person = any(place.parent == out and is_person(place.name) for place in (path, path.parent))
+        if path in {out, *written} or of_a_person:
             raise _in_the_way(path)
     for path in sources:
         place = path.resolve()
@@ -300,24 +243,9 @@ def keep_inputs(jobs: Iterable[Job], folder: Path, names: Sequence[str]) -> None
             raise _in_the_way(Path(job.detections))
 
 
-def _of_a_person(path: Path, out: Path) -> bool:
-    """Whether a path is, or lies in, the folder of a person of a run of several people in ``out``."""
-    return any(place.parent == out and is_person(place.name) for place in (path, path.parent))
-
-
 def _in_the_way(path: Path) -> InvalidInputError:
     expected = "a folder in which no input is overwritten or mixed with results"
     return InvalidInputError(f"output: expected {expected}, got the one of {path}")
-
-
-def check_places(folder: Path, names: Sequence[str], *, several: bool = False) -> None:
-    """Raise `DatasetError` if a folder has the name of a result, or a file that of a person's folder."""
-    for path in folder.glob("person_*") if several else ():
-        if is_person(path.name) and not path.is_dir():
-            raise DatasetError(path, "output", "a folder, or nothing, with the name of a person's", "a file")
-    for path in (folder / name for name in (*names, LAYOUT, REPORT)):
-        if path.is_dir():
-            raise DatasetError(path, "output", "a file, or nothing, with the name of a result", "a folder")
 
 
 def begin_writing(folder: Path, report: dict[str, Any]) -> None:
@@ -331,29 +259,29 @@ def begin_writing(folder: Path, report: dict[str, Any]) -> None:
     DatasetError
         If one cannot be removed.
     """
-    earlier, people = _written(folder), folders_of_run(folder)
+    earlier, people = files_of_run(folder) or [], folders_of_run(folder)
     new = {name for name in report["files"] if not (folder / name).exists()}
-    files = [name for name in _POSSIBLE if name in {*earlier, *new}]
-    unfinished = {UNFINISHED: True, **report, "files": files}
+    unfinished = {
+        UNFINISHED: True,
+        **report,
+        "files": [name for name in _POSSIBLE if name in {*earlier, *new}],
+    }
     if people:
         unfinished["folders"] = list(dict.fromkeys([*report.get("folders", []), *people]))
     atomic_write_text(folder / REPORT, to_text(unfinished))
     _remove(folder, earlier)
     remove_left(folder, [*_POSSIBLE, REPORT])
     for gone in (folder / name for name in people if name not in report.get("folders", [])):
-        _remove(gone, [*_written(gone), *([REPORT] if is_run(gone) else [])])
+        _remove(gone, files_of_run(gone) or [])
         with contextlib.suppress(OSError):  # missing, or it holds what is not from a run
+            if is_run(gone):
+                (gone / REPORT).unlink()
             gone.rmdir()
 
 
-def _written(folder: Path) -> list[str]:
-    """Return the files that an earlier run wrote into a folder, its report aside."""
-    listed = set(files_of_run(folder) or ())
-    return [name for name in _POSSIBLE if name in listed and not (folder / name).is_dir()]
-
-
-def _remove(folder: Path, names: Sequence[str]) -> None:
-    for path in (folder / name for name in names):
+def _remove(folder: Path, names: Iterable[str]) -> None:
+    """Remove the files of an earlier run that its report lists."""
+    for path in (folder / name for name in _POSSIBLE if name in {*names}):
         with opening(path, "a file of an earlier run that can be removed"):
             path.unlink(missing_ok=True)
 
@@ -383,27 +311,17 @@ def run_folder(folder: Path) -> Iterator[None]:
     with output_folder(folder), locked(folder):
         for left in folder.glob(f"{SCRATCH}*"):
             shutil.rmtree(left, ignore_errors=True)
-        before = _version(folder / REPORT)
+        report = folder / REPORT
+        before = report.stat().st_mtime_ns if report.exists() else 0
         try:
             yield
         except KeyboardInterrupt as stop:
-            raise KeyboardInterrupt(_left_by_interrupt(folder, before)) from stop
-
-
-def _version(path: Path) -> tuple[int, int] | None:
-    """Return what changes whenever a file is written as a whole; None if there is none."""
-    return (path.stat().st_ino, path.stat().st_mtime_ns) if path.exists() else None
-
-
-def _left_by_interrupt(folder: Path, before: tuple[int, int] | None) -> str:
-    """Return the state of the folder of a run that was interrupted; "" if all its files are written."""
-    if _version(folder / REPORT) == before:
-        return f"nothing was written to {folder}"
-    try:
-        check_finished(folder / REPORT, load_json(folder / REPORT, "the report of a run"))
-    except DatasetError:
-        return f"{folder} is unfinished: run it again"
-    return ""
+            state = ""
+            if (report.stat().st_mtime_ns if report.exists() else 0) == before:
+                state = f"nothing was written to {folder}"
+            elif UNFINISHED in load_json(report, "the report of a run"):
+                state = f"{folder} is unfinished: run it again"
+            raise KeyboardInterrupt(state) from stop
 
 
 @contextlib.contextmanager

@@ -7,11 +7,10 @@ from dataclasses import dataclass
 
 from skelsplat._arrays import Index
 from skelsplat.exceptions import InvalidInputError
-from skelsplat.findings import Finding, Remedy, warn
+from skelsplat.findings import Finding, Remedy, Subject, warn
 
 MANY = 50_000
 """Frames of a run from which a range of them is read without the others."""
-_RANGE = (Remedy("range", None),)
 
 
 @dataclass(frozen=True)
@@ -48,7 +47,8 @@ class FrameRange:
         count = int(((frames >= first) & (frames <= last)).sum())
         if count > MANY:
             words = f"{count:,} frames are read and drawn at once; a range of them reads fewer."
-            warn(Finding("done_at_once", "note", numbers={"frames": count}, remedy=_RANGE, sentence=words))
+            numbers, remedy = {"frames": count}, (Remedy("range", None),)
+            warn(Finding("done_at_once", "note", Subject(), numbers, remedy, sentence=words))
         return first, last
 
     def within(self, frames: Index) -> tuple[int, int]:
@@ -63,8 +63,10 @@ class FrameRange:
         first = known[0] if self.first is None else self.first
         last = known[1] if self.last is None else self.last
         if not ((frames >= first) & (frames <= last)).any():
-            ends = ["" if end is None else str(end) for end in (self.first, self.last)]
-            given = ends[0] if ends[0] == ends[1] else "-".join(ends)
-            expected = f"some of the frames {known[0]} to {known[1]}"
-            raise InvalidInputError(f"range: expected {expected}, got {given}")
+            given = "-".join(
+                dict.fromkeys("" if end is None else str(end) for end in (self.first, self.last))
+            )
+            raise InvalidInputError(
+                f"range: expected some of the frames {known[0]} to {known[1]}, got {given}"
+            )
         return max(first, known[0]), min(last, known[1])

@@ -13,12 +13,11 @@ import skelsplat as sk
 from skelsplat import viz
 from skelsplat._arrays import Array, Index
 from skelsplat.run import tables
-from skelsplat.run.angles import angles_of, by_title
+from skelsplat.run.angles import angles_of, by_title, world_up
 from skelsplat.run.figures import count_of, skeleton_of, tracks_of
 from skelsplat.run.frames import problems_of, rows_of
 from skelsplat.run.report import solved_in_words, thinned_in_words
 from skelsplat.run.summary import DOWN_WEIGHTED, error_maps, frame_medians, is_biased
-from skelsplat.run.vertical import world_up
 from skelsplat.viz import report as page
 from skelsplat.viz.people import all_frames, spread_out, with_gaps
 
@@ -42,7 +41,7 @@ _UNBIASED = (
     "by the same detector would give; how far the detector places joints from anatomical ones is not "
     "included (joint_bias_mm states it)."
 )
-_NOTES_ON_PEOPLE = (
+_ON_PEOPLE = (
     "A person is found once two views agree on them. Identities are numbers in the order of appearance; the "
     "page of each person, linked in the table, has their cameras, joints and curves.",
     "A camera sees a person where it has a detection of them that is used and not rejected. The distance to "
@@ -56,7 +55,7 @@ _CONFIRMED = 3
 
 def write_html(run: Run, path: Path) -> None:
     """Write the page as one file, which needs no other."""
-    inputs, statistics = run.inputs, run.statistics
+    statistics = run.statistics
     weights = np.where(np.isfinite(statistics.error_after), run.result.view_weights, np.nan)
     errors_px, rejected = error_maps(statistics.error_after, weights)
     person = str(run.report["input"]["person"])
@@ -64,16 +63,16 @@ def write_html(run: Run, path: Path) -> None:
         title=_title(run.report, f"person {person}" if person.isdecimal() else ""),
         facts=tables.facts_of(run.report),
         warnings=_sentences(run.findings),
-        notes=_notes(run),
+        notes=_notes(run, run.poses.frame_rate, _on_run(run)),
         numbers=tables.key_numbers(run),
-        problems=rows_of(problems_of(run.frame_findings), inputs.frames.tolist()),
+        problems=rows_of(problems_of(run.frame_findings), run.frames.tolist()),
         sequence=_sequence(run),
-        shapes=camera_shapes(inputs.rig),
+        shapes=camera_shapes(run.cameras),
         tables=_shown(tables.of_adjusted(run.report), tables.of_cameras(run), tables.of_joints(run)),
         lines=[*_lines(run), *_angle_lines(run)],
         errors_px=errors_px[:-1, :-1],
         rejected=rejected[:-1, :-1],
-        bones=tables.bones_of(run),
+        bones=run.outcome.bones_mm(run.inputs),
     )
     page.write_report(path, data)
 
@@ -83,18 +82,21 @@ def write_people_html(run: PeopleRun, path: Path) -> None:
     runs, tracks = list(run.people.values()), tracks_of(run)
     first, most = runs[0], run.report["input"]["people"]
     frames = with_gaps(all_frames(tracks))
-    pages = [f"{entry['folder']}/report.html" for entry in run.report["people"]]
+    facts = tables.facts_of({**first.report, "input": {**first.report["input"], **run.report["input"]}})
+    pages = [f"{entry['folder']}/{path.name}" for entry in run.report["people"]]
     marks = [(page.person_class(place), address) for place, address in enumerate(pages)]
+    problems = [
+        (start, end, f"person {identity}: {words}")
+        for identity, one in run.people.items()
+        for start, end, words in rows_of(problems_of(one.frame_findings), one.frames.tolist())
+    ]
     data = page.ReportData(
         title=_title(run.report, count_of(run)),
-        facts=[
-            *tables.facts_of({**first.report, "input": {**first.report["input"], **run.report["input"]}}),
-            *([] if most == "all" else [("people at most", str(most))]),
-        ],
+        facts=[*facts, *([] if most == "all" else [("people at most", str(most))])],
         warnings=_sentences(run.findings),
-        notes=_notes_on_people(run),
+        notes=_notes(run, first.poses.frame_rate, _ON_PEOPLE),
         numbers=tables.numbers_of_people(run),
-        problems=_problems_of(run),
+        problems=sorted(problems, key=lambda row: row[:2]),
         sequence=everybody(
             tracks,
             frames,
@@ -116,26 +118,6 @@ def write_people_html(run: PeopleRun, path: Path) -> None:
     page.write_report(path, data)
 
 
-def _problems_of(run: PeopleRun) -> list[tuple[int, int, str]]:
-    rows = [
-        (first, last, f"person {identity}: {words}")
-        for identity, one in run.people.items()
-        for first, last, words in rows_of(problems_of(one.frame_findings), one.frames.tolist())
-    ]
-    return sorted(rows, key=lambda row: row[:2])
-
-
-def _notes_on_people(run: PeopleRun) -> list[str]:
-    first, note = next(iter(run.people.values())), run.report["note"]
-    return [
-        *([note] if note else []),
-        *(finding.text for finding in run.findings if finding.severity == "note"),
-        *_NOTES_ON_PEOPLE[:2],
-        *of_the_view(first.poses.frame_rate),
-        *_NOTES_ON_PEOPLE[2:],
-    ]
-
-
 def _shown(*rows: tables.Rows) -> list[page.Table]:
     return [page.Table(**vars(one)) for one in rows]
 
@@ -147,39 +129,31 @@ def _title(report: dict[str, Any], of_whom: str) -> str:
 
 
 def _sentences(findings: Sequence[Finding], *, notes: bool = False) -> list[Sentence]:
-    """Return findings with what helps: settings, and commands in their text."""
+    """Return findings with the settings that help, as in a config file; "…" where the user chooses."""
+
+    def setting(remedy: Remedy) -> str:
+        value = "…" if remedy.value is None else json.dumps(remedy.value, ensure_ascii=False)
+        return f"{remedy.setting} = {value}"
+
+    shown = (one for one in findings if notes or one.severity != "note")
+    return [(one.text, [setting(remedy) for remedy in one.remedy]) for one in shown]
+
+
+def _notes(run: Run | PeopleRun, rate: float | None, own: Sequence[str]) -> list[str]:
+    """Return the notes of a run, its ``own`` sentences, and how to read the 3D view."""
+    speed = "" if rate is not None else " The frame rate is unknown: speed 1 × plays 30 frames per second."
     return [
-        (one.text, [*filter(None, [one.numbers.get("check")]), *map(setting_of, one.remedy)])
-        for one in findings
-        if notes or one.severity != "note"
+        *filter(None, [run.report["note"]]),
+        *(finding.text for finding in run.findings if finding.severity == "note"),
+        *own,
+        "The 3D view is in metres, in the axes of the calibration; ellipsoids are drawn at two standard "
+        "deviations, cut off 0.3 m from the joint (of smaller bodies in proportion), and joints that are "
+        f"weak, inferred, filled or unobserved are hollow.{speed}",
     ]
 
 
-def setting_of(remedy: Remedy) -> str:
-    """Return a remedy as in a config file: ``without = "cam_03"``; an ellipsis where the user chooses."""
-    value = "…" if remedy.value is None else json.dumps(remedy.value, ensure_ascii=False)
-    return f"{remedy.setting} = {value}"
-
-
-def camera_shapes(rig: sk.CameraRig) -> page.CameraShapes:
-    """Return the positions of the cameras and the rays to the corners of their images, in mm."""
-    corners = []
-    for camera in rig:
-        width, height = camera.size
-        pixels = np.array(
-            [[-0.5, -0.5], [width - 0.5, -0.5], [width - 0.5, height - 0.5], [-0.5, height - 0.5]]
-        )
-        rays = np.hstack([pixels, np.ones((4, 1))]) @ np.linalg.inv(camera.K).T
-        corners.append(rays @ np.asarray(camera.R))
-    centres = np.array([camera.centre for camera in rig]) * rig.mm_per_unit
-    return page.CameraShapes(rig.names, centres, np.array(corners))
-
-
-def _notes(run: Run) -> list[str]:
-    note = run.report["note"]
+def _on_run(run: Run) -> list[str]:
     return [
-        *([note] if note else []),
-        *(finding.text for finding in run.findings if finding.severity == "note"),
         *solved_in_words(run.report),
         *thinned_in_words(run.inputs),
         *run.poses.processing,
@@ -189,18 +163,18 @@ def _notes(run: Run) -> list[str]:
         f"Weight: how much each detection is trusted, from 0 to 1; down-weighted below {DOWN_WEIGHTED:g}, "
         f"rejected below {sk.REJECTED_WEIGHT:g}. {_BIASED if is_biased(run.result) else _UNBIASED}",
         *([_ANGLES] if "joint_angles" in run.report else []),
-        *of_the_view(run.poses.frame_rate),
     ]
 
 
-def of_the_view(rate: float | None) -> list[str]:
-    """Return sentences on how to read the 3D view."""
-    speed = "" if rate is not None else " The frame rate is unknown: speed 1 × plays 30 frames per second."
-    return [
-        "The 3D view is in metres, in the axes of the calibration; ellipsoids are drawn at two standard "
-        "deviations, cut off 0.3 m from the joint (of smaller bodies in proportion), and joints that are "
-        f"weak, inferred, filled or unobserved are hollow.{speed}"
-    ]
+def camera_shapes(rig: sk.CameraRig) -> page.CameraShapes:
+    """Return the positions of the cameras and the rays to the corners of their images, in mm."""
+    corners = []
+    for camera in rig:
+        right, low = np.array(camera.size) - 0.5
+        pixels = np.array([[-0.5, -0.5, 1.0], [right, -0.5, 1.0], [right, low, 1.0], [-0.5, low, 1.0]])
+        corners.append(pixels @ np.linalg.inv(camera.K).T @ np.asarray(camera.R))
+    centres = np.array([camera.centre for camera in rig]) * rig.mm_per_unit
+    return page.CameraShapes(rig.names, centres, np.array(corners))
 
 
 def _sequence(run: Run) -> page.Sequence3D:
@@ -250,43 +224,40 @@ def everybody(
 def _lines(run: Run) -> list[page.TimeLines]:
     result, statistics = run.result, run.statistics
     used = np.isfinite(statistics.error_after)
-    swapped = (used & np.asarray(result.swapped)).sum(axis=(1, 2))
-    bars = np.fmax.reduce(statistics.error_bar_mm, axis=1)
-    noise = np.asarray(result.noise) * run.cameras.mm_per_unit
     before, after = (frame_medians(one) for one in (statistics.error_before, statistics.error_after))
-
-    def alone(title: str, unit: str, values: Array, *, peaks: bool = True) -> page.TimeLines:
-        return page.TimeLines(title, unit, [("", "left", values)], peaks=peaks)
-
+    rejected = statistics.rejected.sum(axis=(1, 2)).astype(float)
+    swapped = (used & np.asarray(result.swapped)).sum(axis=(1, 2)).astype(float)
+    noise = np.asarray(result.noise) * run.cameras.mm_per_unit
+    bars = np.fmax.reduce(statistics.error_bar_mm, axis=1)
     both = [(run.outcome.start_name, "start", before), ("", "left", after)]
     return [
         page.TimeLines("Median reprojection error", "px", both),
-        alone("Estimated noise of the detections", "mm", noise, peaks=False),
-        alone("Detections rejected", "", statistics.rejected.sum(axis=(1, 2)).astype(float)),
-        alone("Left–right swaps", "", swapped.astype(float)),
-        alone("Largest error bar", "mm", bars),
+        page.TimeLines("Estimated noise of the detections", "mm", [("", "left", noise)]),
+        page.TimeLines("Detections rejected", "", [("", "left", rejected)], peaks=True),
+        page.TimeLines("Left–right swaps", "", [("", "left", swapped)], peaks=True),
+        page.TimeLines("Largest error bar", "mm", [("", "left", bars)], peaks=True),
     ]
 
 
 def lines_of_people(tracks: Sequence[viz.PersonTrack], frames: Index) -> list[page.TimeLines]:
     """Return the curves of everybody: errors, rejected detections, distance to the nearest person."""
 
-    def curves(values: Sequence[Array]) -> list[tuple[str, str, Array]]:
-        pairs = enumerate(zip(tracks, values, strict=True))
-        return [(one.name, page.person_class(place), own) for place, (one, own) in pairs]
-
     def spread(values: Sequence[Array]) -> list[Array]:
         return [spread_out(frames, one.frames, own, np.nan) for one, own in zip(tracks, values, strict=True)]
 
-    errors, rejected = ([getattr(one, name) for one in tracks] for name in ("error_px", "rejected"))
-    middles = np.stack(spread([one.middle for one in tracks]))
+    def curves(values: Sequence[Array]) -> list[tuple[str, str, Array]]:
+        return [(one.name, page.person_class(k), values[k]) for k, one in enumerate(tracks)]
+
+    errors, rejected = (
+        spread([one.error_px for one in tracks]),
+        spread([100 * one.rejected for one in tracks]),
+    )
     lines = [
-        page.TimeLines("Median reprojection error", "px", curves(spread(errors))),
-        page.TimeLines(
-            "Detections rejected", "%", curves(spread([100 * one for one in rejected])), peaks=True
-        ),
+        page.TimeLines("Median reprojection error", "px", curves(errors)),
+        page.TimeLines("Detections rejected", "%", curves(rejected), peaks=True),
     ]
     if len(tracks) > 1:
+        middles = np.stack(spread([one.middle for one in tracks]))
         others = [np.delete(middles, place, axis=0) - own for place, own in enumerate(middles)]
         nearest = [np.fmin.reduce(np.linalg.norm(one, axis=-1), axis=0) / 1000.0 for one in others]
         lines.append(page.TimeLines("Distance to the nearest other person", "m", curves(nearest)))

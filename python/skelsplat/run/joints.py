@@ -21,6 +21,15 @@ MOSTLY = 0.5
 _BAR_RATIO = 2.0
 # Names and frame numbers that a sentence lists; the rest are counted.
 MOST_NAMES = 6
+# What is said of joints that are not determined, by kind of finding.
+_STATUS = {
+    "weak_joints": "Weak joints, which are written as usual (fewer than two views agree, or equally many "
+    "agree on another position)",
+    "unobserved_joints": "Unobserved joints (no usable detection, or one view only; they keep their initial "
+    "position, if any)",
+}
+# Frames by kind and joint.
+JointFrames = dict[tuple[str, int], list[int]]
 
 
 def some(joints: Sequence[str]) -> str:
@@ -41,109 +50,69 @@ def find_joints(alone: Statistics, statistics: Statistics) -> Iterator[Finding]:
     """Yield findings on joints that most views reject, frame by frame, and on uncertain ones."""
     rejected = tuple(group.name for group in alone.joints if group.rejected_share >= MOSTLY)
     if 0 < len(rejected) <= MOSTLY * len(alone.joints):  # of more, the whole recording is in doubt
-        yield Finding(
-            "many_rejected",
-            "warning",
-            Subject(joints=rejected),
-            sentence=f"Most detections are rejected for {some(rejected)}.",
-        )
+        words = f"Most detections are rejected for {some(rejected)}."
+        yield Finding("many_rejected", "warning", Subject(joints=rejected), sentence=words)
     typical = finite_median(statistics.scatter_mm)
-    scatter = [finite_median(joint) for joint in statistics.scatter_mm.T]
-    wide = [j for j, own in enumerate(scatter) if own > _BAR_RATIO * typical]
+    names = [group.name for group in statistics.joints]
+    wide = {name: finite_median(mm) for name, mm in zip(names, statistics.scatter_mm.T, strict=True)}
+    wide = {name: mm for name, mm in wide.items() if mm > _BAR_RATIO * typical}
     if wide:
-        named = tuple(statistics.joints[j].name for j in wide)
-        digits = decimals(typical, 0)
-        sizes = [f"{name} ({number(scatter[j], digits)} mm)" for name, j in zip(named, wide, strict=True)]
+        sizes = some([f"{name} ({number(mm, decimals(typical, 0))} mm)" for name, mm in wide.items()])
         yield Finding(
             "joints_uncertain",
             "warning",
-            Subject(joints=named),
-            {"median_scatter_mm": typical, "scatter_mm": [scatter[j] for j in wide]},
-            sentence=f"Scatter far above the median of {length(typical, 0)} mm: {some(sizes)}.",
+            Subject(joints=tuple(wide)),
+            {"median_scatter_mm": typical, "scatter_mm": [*wide.values()]},
+            sentence=f"Scatter far above the median of {length(typical, 0)} mm: {sizes}.",
         )
 
 
-# Frames by joint, of a kind of finding on statuses, those filled over time apart.
-JointFrames = dict[tuple[str, bool], dict[int, list[int]]]
-
-
 def joint_frames(inputs: Inputs, outcome: Outcome, written: npt.NDArray[np.str_]) -> JointFrames:
-    """Return the frames in which joints are weak or unobserved, by their place in the layout.
+    """Return the frames in which joints are weak, or unobserved: without a position of their own.
 
-    ``written`` (T, N) is the status of the poses written, where joints may be filled over time.
+    Not those declared missing, nor those ``written`` (T, N) as filled over time.
     """
-    status, filled = np.asarray(outcome.result.joint_status), written == "filled"
-    placed = np.isfinite(outcome.result.pose).all(axis=-1)
+    status, placed = np.asarray(outcome.result.joint_status), np.isfinite(outcome.result.pose).all(axis=-1)
     asked = np.array([joint not in inputs.lacking for joint in inputs.layout.joints])
+    left, weak = asked & (written != "filled"), status == "weak"
     found: JointFrames = {}
-    for kind, where in (
-        ("weak_joints", (status == "weak") & placed),
-        ("joints_without_position", (status == "weak") & ~placed),
-        ("unobserved_joints", status == "unobserved"),
-    ):
-        for left, done in ((where & asked & ~filled, False), (where & asked & filled, True)):
-            for j in np.flatnonzero(left.any(axis=0)).tolist():
-                found.setdefault((kind, done), {})[j] = inputs.frames[left[:, j]].tolist()
+    unobserved = (status == "unobserved") | (weak & ~placed)
+    for kind, where in (("weak_joints", left & weak & placed), ("unobserved_joints", left & unobserved)):
+        for j in np.flatnonzero(where.any(axis=0)).tolist():
+            found[kind, j] = inputs.frames[where[:, j]].tolist()
     return found
 
 
 def find_statuses(
-    inputs: Inputs, outcome: Outcome, found: JointFrames, counts: Mapping[Any, int]
+    inputs: Inputs, outcome: Outcome, found: JointFrames, counts: Mapping[tuple[str, int], int]
 ) -> Iterator[Finding]:
-    """Yield findings on weak and unobserved joints with their frames, those not filled first.
+    """Yield findings on weak and unobserved joints with their frames.
 
-    ``counts`` are of the frames by kind, filled or not, and joint, where ``found`` names the first ones only.
-    What lies between frames in which the joint is known can be filled.
+    ``counts`` are of the frames, where ``found`` has the first ones only.
     """
-    names, placed = inputs.layout.joints, np.isfinite(np.asarray(outcome.result.pose)).all(axis=-1)
-    weak = np.asarray(outcome.result.joint_status) == "weak"
-    for kind, filled in ((kind, filled) for kind in _STATUS for filled in (False, True)):
-        by_joint = dict(sorted(found.get((kind, filled), {}).items()))
+    names, status = inputs.layout.joints, np.asarray(outcome.result.joint_status)
+    placed: Mask = np.asarray(np.isfinite(outcome.result.pose).all(axis=-1))
+    for kind, label in _STATUS.items():
+        by_joint = {j: frames for (own, j), frames in sorted(found.items()) if own == kind}
         if not by_joint:
             continue
-        label, meaning, note, remedy = _STATUS[kind]
-        known: Mask = placed & ~(weak & (kind == "weak_joints"))
+        in_all = {j: counts.get((kind, j), len(frames)) for j, frames in by_joint.items()}
+        numbers: dict[str, Any] = {"frames": [*by_joint.values()]}
+        if any(in_all[j] > len(frames) for j, frames in by_joint.items()):
+            numbers["frames_in_all"] = [*in_all.values()]
+        told = some([f"{names[j]} ({frames_in_words(own, in_all[j])})" for j, own in by_joint.items()])
+        known, remedy = placed, [Remedy("fill_gaps", None)]
+        if kind == "weak_joints":
+            known, remedy = placed & (status != "weak"), [*remedy, Remedy("fill_weak")]
         there = {j: inputs.frames[known[:, j]] for j in by_joint if known[:, j].any()}
         inside = any(a[0] < t < a[-1] for j, a in there.items() for t in by_joint[j])
-        in_all = [counts[kind, filled, j] if counts else len(frames) for j, frames in by_joint.items()]
-        pairs = zip(by_joint.items(), in_all, strict=True)
-        listed = some([f"{names[j]} ({frames_in_words(own, count)})" for (j, own), count in pairs])
         yield Finding(
             kind,
             "warning",
             Subject(joints=tuple(names[j] for j in by_joint)),
-            {
-                "frames": list(by_joint.values()),
-                "filled": filled,
-                **({"frames_in_all": in_all} if counts else {}),
-            },
-            remedy if inside and not filled else (),
-            sentence=f"{label}, now filled from neighbouring frames: {listed}."
-            if filled
-            else f"{label} ({meaning}): {listed}.{note}",
+            numbers,
+            tuple(remedy)
+            if inside
+            else (),  # what lies between frames in which the joint is known can be filled
+            sentence=f"{label}: {told}.",
         )
-
-
-# Of each status in which a joint is not determined: its name, what it means, what is done about it, and what
-# helps between frames in which the joint is known.
-_GAPS = Remedy("fill_gaps", None)
-_STATUS: dict[str, tuple[str, str, str, tuple[Remedy, ...]]] = {
-    "weak_joints": (
-        "Weak joints",
-        "fewer than two views agree, or equally many agree on another position",
-        " They are written as usual.",
-        (_GAPS, Remedy("fill_weak")),
-    ),
-    "joints_without_position": (
-        "Weak joints without a position",
-        "detected in one view only, or in views from the same place",
-        "",
-        (_GAPS,),
-    ),
-    "unobserved_joints": (
-        "Unobserved joints",
-        "no usable detection; they keep their initial position, if any",
-        "",
-        (),
-    ),
-}

@@ -8,13 +8,15 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from skelsplat import temporal
-from skelsplat._arrays import Array, Mask
+from skelsplat._arrays import Array, Index, Mask
 from skelsplat.cameras import MM_PER_UNIT
 from skelsplat.exceptions import InvalidInputError
 
 if TYPE_CHECKING:
     from skelsplat.io import PoseData
     from skelsplat.run.job import Job
+
+_METHODS = {"cubic": "cubic splines", "linear": "straight lines"}
 
 
 @dataclass(frozen=True)
@@ -25,6 +27,10 @@ class Butterworth:
     cutoff_hz: float = 6.0
     order: int = field(default=4, kw_only=True)
 
+    def __str__(self) -> str:
+        zero_lag = "zero-lag (forward and backward)"
+        return f"Butterworth of order {self.order}, −3 dB at {self.cutoff_hz:g} Hz, {zero_lag}"
+
 
 @dataclass(frozen=True)
 class OneEuro:
@@ -33,6 +39,10 @@ class OneEuro:
     name: ClassVar[str] = "one-euro"
     min_cutoff_hz: float = 1.0
     beta_hz_per_mm_s: float = 0.01
+
+    def __str__(self) -> str:
+        speed = f"{self.beta_hz_per_mm_s:g} Hz per mm/s"
+        return f"one-euro filter, {self.min_cutoff_hz:g} Hz at rest and {speed}, causal"
 
 
 Filter = Butterworth | OneEuro
@@ -48,10 +58,9 @@ def parse_filter(text: str) -> Filter:
     """
     name, *values = text.strip().lower().split(":")
     try:
-        if name == "butterworth" and len(values) == 2:
-            return Butterworth(float(values[0]), order=int(values[1]))
-        if name == "butterworth" and len(values) < 2:
-            return Butterworth(*map(float, values))
+        if name == "butterworth" and len(values) <= 2:
+            order = int(values[1]) if len(values) == 2 else Butterworth.order
+            return Butterworth(*map(float, values[:1]), order=order)
         if name == "one-euro" and len(values) <= 2:
             return OneEuro(*map(float, values))
     except ValueError as error:
@@ -72,12 +81,12 @@ def try_over_time(job: Job) -> None:
     """
     if job.fill_gaps:
         temporal.fill_gaps([[[0.0] * 3], [[np.nan] * 3], [[0.0] * 3]], 1, method=job.interpolation)
-    try:
-        _filtered(
-            np.zeros((3, 1, 3)), np.arange(3), np.zeros((3, 1), dtype=np.bool_), job.low_pass, job.fps, 1.0
-        )
-    except InvalidInputError as error:
-        raise InvalidInputError(f"filter: {error}") from error
+    if job.low_pass is not None and job.fps is not None:
+        try:
+            none = np.zeros((3, 1), dtype=np.bool_)
+            _filtered(job.low_pass, np.zeros((3, 1, 3)), np.arange(3), none, job.fps, 1.0)
+        except InvalidInputError as error:
+            raise InvalidInputError(f"filter: {error}") from error
 
 
 def apply_over_time(data: PoseData, job: Job | None) -> tuple[PoseData, dict[str, Any]]:
@@ -94,20 +103,22 @@ def apply_over_time(data: PoseData, job: Job | None) -> tuple[PoseData, dict[str
                 f"{what} of at most {job.fill_gaps} frames filled by {_METHODS[job.interpolation]}: "
                 f"{count} joint positions, whose status is filled."
             )
-    if job is not None and (low_pass := job.low_pass) is not None:
-        mm = MM_PER_UNIT[data.unit]
+    low_pass = None if job is None else job.low_pass
+    if low_pass is not None and data.frame_rate is not None:
         weak = (data.joint_status == "weak") & np.isfinite(data.pose).all(axis=-1)
-        pose, short = _filtered(data.pose, data.frames, weak, low_pass, data.frame_rate, mm)
+        mm = MM_PER_UNIT[data.unit]
+        pose, short = _filtered(low_pass, data.pose, data.frames, weak, data.frame_rate, mm)
         data = replace(data, pose=pose)
         left = {"left_as_they_are": short, "weak_left": int(weak.sum())}
         entry["filter"] = {"name": low_pass.name, **asdict(low_pass), **left}
-        sentences.append(f"Low-pass: {_in_words(low_pass, left)}. {_UNTOUCHED}")
+        unchanged = f"weak joint positions are unchanged ({weak.sum()}) and do not influence other frames"
+        words = f"Low-pass: {low_pass}{f'; {unchanged}' if weak.any() else ''}"
+        words += f"; {short} joint positions in runs too short for it are unchanged" if short else ""
+        sentences.append(
+            f"{words}. Uncertainties, weights and reprojection errors are from before filtering."
+        )
     data = replace(data, processing=(*data.processing, *sentences))
     return data, {**entry, "processing": list(data.processing)}
-
-
-_METHODS = {"cubic": "cubic splines", "linear": "straight lines"}
-_UNTOUCHED = "Uncertainties, weights and reprojection errors are from before filtering."
 
 
 def _filled(data: PoseData, job: Job) -> tuple[PoseData, int]:
@@ -128,31 +139,12 @@ def _filled(data: PoseData, job: Job) -> tuple[PoseData, int]:
 
 
 def _filtered(
-    pose: Array, frames: Any, weak: Mask, chosen: Filter | None, fps: float | None, mm: float
+    low_pass: Filter, pose: Array, frames: Index, weak: Mask, fps: float, mm: float
 ) -> tuple[Array, int]:
     """Filter poses whose unit is ``mm`` millimetres; also return how many were in runs too short for it."""
-    if isinstance(chosen, Butterworth) and fps is not None:
-        result, left = temporal.butterworth(
-            pose, fps, chosen.cutoff_hz, order=chosen.order, frames=frames, weak=weak
-        )
-        return result, int((left & ~weak).sum())
-    if isinstance(chosen, OneEuro) and fps is not None:
-        cutoff, beta = chosen.min_cutoff_hz, chosen.beta_hz_per_mm_s * mm
+    if isinstance(low_pass, OneEuro):
+        cutoff, beta = low_pass.min_cutoff_hz, low_pass.beta_hz_per_mm_s * mm
         return temporal.one_euro(pose, fps, min_cutoff=cutoff, beta=beta, frames=frames, weak=weak), 0
-    return pose, 0
-
-
-def _in_words(chosen: Filter, left: dict[str, int]) -> str:
-    if isinstance(chosen, OneEuro):
-        speed = f"{chosen.beta_hz_per_mm_s:g} Hz per mm/s"
-        text = f"one-euro filter, {chosen.min_cutoff_hz:g} Hz at rest and {speed}, causal"
-    else:
-        text = f"Butterworth of order {chosen.order}, −3 dB at {chosen.cutoff_hz:g} Hz, "
-        text += "zero-lag (forward and backward)"
-    if left["weak_left"] == 1:
-        text += "; 1 weak joint position is unchanged and does not influence other frames"
-    elif left["weak_left"]:
-        text += f"; {left['weak_left']} weak joint positions are unchanged and do not influence other frames"
-    if left["left_as_they_are"]:
-        text += f"; {left['left_as_they_are']} joint positions in runs too short for it are unchanged"
-    return text
+    cutoff, order = low_pass.cutoff_hz, low_pass.order
+    result, left = temporal.butterworth(pose, fps, cutoff, order=order, frames=frames, weak=weak)
+    return result, int((left & ~weak).sum())

@@ -23,7 +23,7 @@ from skelsplat.io.poses._pose_data import PoseParts
 from skelsplat.run.frames import FrameFacts
 from skelsplat.run.job import Job
 from skelsplat.run.joints import JointFrames, joint_frames
-from skelsplat.run.person import look_around, pick_consistent, sampled, seen_apart
+from skelsplat.run.person import look_around, pick_consistent, sampled
 from skelsplat.run.read import Inputs, Opened, Thinned
 from skelsplat.run.solve import Outcome, Progress, even_clock, poses_of, why_alone
 from skelsplat.run.summary import Statistics, summarise
@@ -37,6 +37,7 @@ _BESIDE = 300
 DRAWN = 10_000
 # Frames of each joint that a finding names.
 MOST_NAMED = 10_000
+_BY_FRAME = ("detections", "unmatched", "frames")  # fields of `Inputs`
 
 
 def in_parts(
@@ -103,9 +104,8 @@ def follow(
             progress(done, steps)
     if uncompared:
         warn(people_uncompared(uncompared, most))
-    some = _joined(seen)
-    crowd = look_around(some, np.concatenate(chosen), rig, "consistent", layout, sample)
-    return replace(opened.nobody(job), crowd=crowd, apart=seen_apart(some, rig.names)), detections, unmatched
+    crowd = look_around(_joined(seen), np.concatenate(chosen), rig, "consistent", layout, sample)
+    return replace(opened.nobody(job), crowd=crowd), detections, unmatched
 
 
 def _joined(parts: list[Array]) -> Array:
@@ -175,11 +175,10 @@ class Gathered:
     detections: RowFile
     poses: PoseParts
     folder: Path
-    named: JointFrames = field(default_factory=dict)
-    named_count: Counter[Any] = field(default_factory=Counter)
-    _counts: list[Statistics] = field(default_factory=list)
+    named: JointFrames = field(default_factory=dict)  # the first frames, and how many there are
+    named_count: Counter[tuple[str, int]] = field(default_factory=Counter)
+    counts: list[Statistics] = field(default_factory=list)
     _drawn: list[tuple[Inputs, Outcome]] = field(default_factory=list)
-    _facts: list[Path] = field(default_factory=list)
 
     @property
     def every(self) -> int:
@@ -190,49 +189,34 @@ class Gathered:
         """Add the frames of a part."""
         statistics, poses = summarise(inputs, outcome), poses_of(inputs, outcome.result)
         self.poses.append(poses)
-        self._counts.append(statistics.counts())
-        path = self.folder / f"facts_{len(self._facts)}.npz"
-        np.savez(path, **asdict(FrameFacts.of(inputs, outcome, statistics, poses.joint_status)))
-        self._facts.append(path)
-        for key, by_joint in joint_frames(inputs, outcome, poses.joint_status).items():
-            for joint, frames in by_joint.items():
-                named = self.named.setdefault(key, {}).setdefault(joint, [])
-                named += frames[: MOST_NAMED - len(named)]
-                self.named_count[(*key, joint)] += len(frames)
+        facts = asdict(FrameFacts.of(inputs, outcome, statistics, poses.joint_status))
+        np.savez(self.folder / f"facts_{len(self.counts)}.npz", **facts)
+        self.counts.append(statistics.counts())
+        for key, frames in joint_frames(inputs, outcome, poses.joint_status).items():
+            named = self.named.setdefault(key, [])
+            named += frames[: MOST_NAMED - len(named)]
+            self.named_count[key] += len(frames)
         rows = np.arange(-place.start % self.every, place.stop - place.start, self.every)
         if len(rows):
-            some = {name: getattr(inputs, name)[rows] for name in ("detections", "unmatched", "frames")}
-            result = frames_of(outcome.result, rows)
-            drawn = replace(outcome, result=result, start=outcome.start[rows])
-            self._drawn.append((replace(inputs, **some), drawn))
+            own = {name: getattr(inputs, name)[rows] for name in _BY_FRAME}
+            drawn = replace(outcome, result=frames_of(outcome.result, rows), start=outcome.start[rows])
+            self._drawn.append((replace(inputs, **own), drawn))
 
     def drawn(self) -> tuple[Inputs, Outcome]:
         """Return the frames drawn of all parts, one after the other."""
         inputs, outcomes = zip(*self._drawn, strict=True)
-        frames = self.whole.frames
-        names = ("detections", "unmatched", "frames")
         arrays: dict[str, Any] = {
-            name: np.concatenate([getattr(one, name) for one in inputs]) for name in names
+            name: np.concatenate([getattr(one, name) for one in inputs]) for name in _BY_FRAME
         }
+        frames = self.whole.frames
         thinned = Thinned(len(frames), int(frames[0]), int(frames[-1]), self.every)
         result = joined([one.result for one in outcomes])
         start = np.concatenate([one.start for one in outcomes])
-        return replace(self.whole, **arrays, thinned=thinned), replace(
-            outcomes[0], result=result, start=start
-        )
-
-    def counted(self, statistics: Statistics) -> Statistics:
-        """Return the statistics of the frames drawn with the counts of all."""
-        return statistics.with_counts_of(self._counts)
-
-    @property
-    def frames_in_all(self) -> Counter[Any]:
-        """How many frames `named` would hold; nothing if it has them all."""
-        held = sum(len(frames) for one in self.named.values() for frames in one.values())
-        return Counter() if held == self.named_count.total() else self.named_count
+        outcome = replace(outcomes[0], result=result, start=start)
+        return replace(self.whole, **arrays, thinned=thinned), outcome
 
     def facts(self) -> Iterator[FrameFacts]:
         """Yield what single frames are judged from, part by part."""
-        for path in self._facts:
-            with np.load(path) as arrays:
+        for k in range(len(self.counts)):
+            with np.load(self.folder / f"facts_{k}.npz") as arrays:
                 yield FrameFacts(**arrays)

@@ -10,7 +10,7 @@ import numpy as np
 
 import skelsplat as sk
 from skelsplat import association
-from skelsplat._arrays import Array, Index, Mask, medians
+from skelsplat._arrays import Array, Index, Mask
 from skelsplat._people import most_people, people_uncompared
 from skelsplat.findings import warn
 
@@ -26,19 +26,13 @@ _CROWDED = 0.1
 _MOST_FRAMES = 200
 # Someone is as visible as another with so much of the other's number of views: 3 of 4, 5 of 6, both of 2.
 _AS_VISIBLE = 0.75
-# A person on whom so many views agree is no chance meeting of two strangers' rays.
-_SURE_VIEWS = 3
 # Median distance of two detections, as a part of the image's diagonal, from which they are of two bodies: the
 # gate of `choose_person`.
 _APART = 0.03
 # Part of the frames in which views show different people: more than a detector's ghosts now and then.
 MIXED = 0.1
 # Part of the frames in which someone is as visible as another: not just passing.
-_OFTEN = 0.25
-# A person changes for another by a step of this part of a body's size, ...
-_STEP = 0.5
-# ... while someone else is nearer to where the person was by this factor.
-_NEARER = 3.0
+OFTEN = 0.25
 
 
 def check_person(person: str | int) -> None:
@@ -65,27 +59,16 @@ def point_of(person: str | int) -> tuple[str, float, float] | None:
 def pick_places(
     people: Array, rig: sk.CameraRig, person: str, layout: sk.Layout | None = None
 ) -> tuple[Index, Mask]:
-    """Return one person's indices (T, M) in P, -1 for none, and the mask (T, M) of views without a match.
+    """Choose one of the people (T, M, P, N, 3) in each view, by "consistent", "largest" or a place in P.
 
-    None matches in a view in which people are detected, and in another as well, but not the person the views
-    agree on. The largest person, or one chosen by number, always matches.
-
-    Parameters
-    ----------
-    people : (T, M, P, N, 3)
-        All detections; NaN where missing. The order in P is the detector's.
-    rig
-        The M cameras.
-    person
-        ``"consistent"``: the person the views agree on; ``"largest"``: the largest in each image; a
-        number: the one at that index in each file, from 0.
-    layout
-        Also finds a person whose left and right are swapped in a view.
+    Returns the places (T, M) in P, -1 for none, and the views without a match (T, M): people are detected
+    there and in another view, but not the person the views agree on. A layout also finds a person whose left
+    and right are swapped in a view.
 
     Raises
     ------
     InvalidInputError
-        If no file has a person at that index.
+        If no file has a person at that place.
     """
     if person == "consistent":
         index, unmatched, cut = pick_consistent(people, rig, layout)
@@ -114,6 +97,21 @@ def pick_consistent(people: Array, rig: sk.CameraRig, layout: sk.Layout | None) 
     return index, there & (index < 0) & (there.sum(axis=1, keepdims=True) >= 2), cut
 
 
+def count_people(people: Array) -> Index:
+    """Count those in every view, (T, M), who have enough joints of enough confidence."""
+    sure = np.isfinite(people[..., :2]).all(axis=-1) & (people[..., 2] >= _MIN_CONFIDENCE)
+    count: Index = (sure.sum(axis=-1) >= min(_MIN_JOINTS, people.shape[3])).sum(axis=2)
+    return count
+
+
+@dataclass(frozen=True)
+class Crowd:
+    """The people whom the cameras see."""
+
+    visible: int  # people often as visible as the one seen by the most views, that one among them
+    together: float  # share of the frames in which two or more are
+
+
 def look_around(
     people: Array,
     index: Index,
@@ -122,10 +120,10 @@ def look_around(
     layout: sk.Layout | None = None,
     steps: Index | None = None,
 ) -> Crowd | None:
-    """Return who is visible apart from the person of ``index`` (T, M), and whether this mixes people.
+    """Return who is visible besides the person of ``index`` (T, M); the other arguments as of `pick_places`.
 
     None where hardly any frame has several people in two views. Long recordings are sampled, unless people
-    and index are already those of a sample, ``steps`` (S,). The other arguments are those of `pick_places`.
+    and index are already those of a sample, ``steps`` (S,).
     """
     several = (count_people(people) >= 2).sum(axis=1) >= 2
     if several.mean() < _CROWDED:
@@ -133,7 +131,7 @@ def look_around(
     if steps is None:
         steps = sampled(len(people))
         people, index = people[steps], index[steps]
-    found, poses = association.separate_people(
+    found, _ = association.separate_people(
         people,
         rig,
         first=index if person == "consistent" else None,
@@ -141,114 +139,20 @@ def look_around(
         min_confidence=_MIN_CONFIDENCE,
         min_joints=_MIN_JOINTS,
     )
-    return describe(people, index, found, poses, gates_px(rig), steps)
+    views = (found >= 0).sum(axis=2)
+    alike = (views >= 2) & (views >= _AS_VISIBLE * views.max(axis=0))
+    often = alike.mean(axis=1) >= OFTEN
+    return Crowd(max(2, int(often.sum())), float((alike.sum(axis=0) >= 2).mean()))
 
 
-def count_people(people: Array) -> Index:
-    """Count those in every view, (T, M), who have enough joints of enough confidence."""
-    sure = np.isfinite(people[..., :2]).all(axis=-1) & (people[..., 2] >= _MIN_CONFIDENCE)
-    count: Index = (sure.sum(axis=-1) >= min(_MIN_JOINTS, people.shape[3])).sum(axis=2)
-    return count
-
-
-def seen_apart(people: Array, cameras: Sequence[str]) -> tuple[str, ...]:
-    """Return the cameras that detect people, if no two ever do so in the same frame."""
-    there = count_people(people) > 0
-    together = (there.sum(axis=1) >= 2).any()
-    return () if together else tuple(np.array(cameras)[there.any(axis=0)].tolist())
-
-
-@dataclass(frozen=True)
-class Crowd:
-    """The people whom the cameras see, and the one who was chosen among them."""
-
-    visible: int  # people who are as visible as the one seen by the most views, that one among them
-    together: Mask  # (S,) frames in which two or more are
-    # (S,) frames in which a view shows somebody else than the other views, though the person is
-    # detected in it
-    mixed: Mask
-    # steps from one frame to the next at which the chosen detections go over to another person, and the
-    # steps that could be judged
-    changed: int
-    compared: int
-
-    @property
-    def mixes(self) -> bool:
-        """Whether the chosen detections are of several people."""
-        return bool(self.mixed.mean() >= MIXED or self.changed)
-
-
-def sampled(frames: int, most: int = _MOST_FRAMES) -> Index:
-    """Return up to ``most`` of the frames' indices: all of them, or pairs of neighbours, evenly spread."""
-    if frames <= most:
+def sampled(frames: int) -> Index:
+    """Return indices of some frames: all of a few, of many 200 as pairs of neighbours, evenly spread."""
+    if frames <= _MOST_FRAMES:
         return np.arange(frames)
-    first = np.linspace(0, frames - 2, most // 2).astype(np.int64)
+    first = np.linspace(0, frames - 2, _MOST_FRAMES // 2).astype(np.int64)
     return np.unique(np.concatenate([first, first + 1]))
 
 
 def gates_px(cameras: Sequence[sk.Camera]) -> Array:
     """Return the distances (M,) from which two detections are of different people."""
     return np.array([_APART * np.hypot(*camera.size) for camera in cameras])
-
-
-def describe(
-    people: Array, chosen: Index, found: Index, poses: Array, apart_px: Array, steps: Index
-) -> Crowd:
-    """Compare the detections that were chosen with the people whom the views show.
-
-    ``people`` (S, M, P, K, 3), ``chosen`` (S, M) are places in P, -1 for none; ``found`` (Q, S, M) and
-    ``poses`` (Q, S, K, 3) as of `skelsplat.association.separate_people`. Detections are of different people
-    from a median distance of ``apart_px`` (M,). Of ``steps`` (S,), those that follow each other are compared.
-    """
-    as_visible = visible_alike(found)
-    mixed = mixed_frames(people, chosen, found, apart_px)
-    changed, compared = person_changes(_followed(chosen, found), poses, ~mixed, steps)
-    often = as_visible.mean(axis=1) >= _OFTEN
-    return Crowd(max(1, int(often.sum())), as_visible.sum(axis=0) >= 2, mixed, changed, compared)
-
-
-def visible_alike(found: Index) -> Mask:
-    """Return who (Q, S) is seen by two views and by three quarters of those that see the best seen person."""
-    views = (found >= 0).sum(axis=2)
-    alike: Mask = (views >= 2) & (views >= _AS_VISIBLE * views.max(axis=0))
-    return alike
-
-
-def mixed_frames(people: Array, chosen: Index, found: Index, apart_px: Array) -> Mask:
-    """Return the frames (S,) in which the chosen detections of some view are of another person than most are.
-
-    That person must be detected in the view as well, further than ``apart_px`` (M,) away, and be one on whom
-    three views agree, or both of two.
-    """
-    person = _followed(chosen, found)
-    own = np.where((person >= 0)[:, None], found[np.maximum(person, 0), np.arange(len(chosen))], -1)
-    enough = (own >= 0).sum(axis=1) >= min(_SURE_VIEWS, chosen.shape[1])
-    offset = (association.take_people(people, chosen) - association.take_people(people, own))[..., :2]
-    elsewhere = medians(np.hypot(offset[..., 0], offset[..., 1])) > apart_px
-    mixed: Mask = enough & ((own >= 0) & (chosen != own) & elsewhere).any(axis=1)
-    return mixed
-
-
-def person_changes(person: Index, poses: Array, clear: Mask, steps: Index) -> tuple[int, int]:
-    """Count the steps to the next frame at which the person becomes another, and those that could be judged.
-
-    ``person`` (S,) is who of Q is followed, -1 for nobody; ``poses`` (Q, S, K, 3). Only frames that are
-    ``clear`` (S,), with numbers ``steps`` (S,), are compared.
-    """
-    centres = medians(np.moveaxis(poses, -1, -2))  # (Q, S, 3)
-    sizes = np.array([association.body_sizes(pose) for pose in poses])
-    here = np.flatnonzero((np.diff(steps) == 1) & (person[:-1] >= 0) & (person[1:] >= 0))
-    here = here[clear[here] & clear[here + 1]]
-    before = centres[person[here], here]
-    reach = np.linalg.norm(centres[:, here + 1] - before, axis=-1)  # (Q, H)
-    own = reach[person[here + 1], np.arange(len(here))]
-    nearest = np.where(np.isnan(reach), np.inf, reach).min(axis=0, initial=np.inf)
-    judged = np.isfinite(own)
-    changed = judged & (own > _STEP * sizes[person[here], here]) & (own > _NEARER * nearest)
-    return int(changed.sum()), int(judged.sum())
-
-
-def _followed(chosen: Index, found: Index) -> Index:
-    """Return who of Q has the most of the chosen detections, (S,); -1 for nobody."""
-    hits = ((found == chosen) & (found >= 0)).sum(axis=2)
-    return np.where(hits.max(axis=0) >= 1, hits.argmax(axis=0), -1)

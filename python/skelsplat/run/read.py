@@ -45,7 +45,6 @@ class Thinned:
 class Inputs:
     """What a run starts from."""
 
-    # the cameras, and what the joints are
     rig: sk.CameraRig
     layout: sk.Layout
     detections: Array  # (T, M, N, 3) one person's detections; NaN where missing
@@ -62,7 +61,6 @@ class Inputs:
     sources: tuple[Path, ...] = ()  # the files or folders that hold the cameras' detections
     person: str = "consistent"  # the person to follow, as `Job.person`, or the identity followed
     crowd: Crowd | None = None  # the people that the cameras see; None if they see one
-    apart: tuple[str, ...] = ()  # cameras that detect people, if no two do so in the same frame
     fps: float | None = None  # frames per second; None if unknown
     fps_source: str = ""  # what states the rate, if the user did not: "files" or "videos"
     # the frames solved over time, if following people over time has done so, and the seconds that took
@@ -84,6 +82,13 @@ class Inputs:
         at = self.thinned
         return (int(self.frames[0]), int(self.frames[-1])) if at is None else (at.first, at.last)
 
+    @property
+    def solved_pose(self) -> Array:
+        """The pose (T, N, 3) of a person who was followed over time."""
+        if self.solved is None:
+            raise TypeError("a person followed over time is needed")
+        return np.asarray(self.solved.pose)
+
 
 @dataclass(frozen=True)
 class Opened:
@@ -99,24 +104,24 @@ class Opened:
         """Number of detections of a person."""
         return len(self.detections.frames) * len(self.rig) * self.detections.skeleton.n_joints
 
-    def inputs(self, job: Job, detections: Array, unmatched: Mask) -> Inputs:
-        """Return the inputs of these detections (T, M, N, 3), of one person."""
-        found, calibration = self.detections, Path(job.calibration)
-        init = None
+    def nobody(self, job: Job) -> Inputs:
+        """Return the inputs of all frames with nobody detected."""
+        found, layout = self.detections, self.detections.skeleton
+        init, (rate, stated) = None, self.rate
         if job.init is not None:
-            init = _read_init(Path(job.init), self.rig, len(found.frames), found.skeleton)
-        rate, stated = self.rate
-        if job.fps is None and stated != "files" and init is not None and init.frame_rate is not None:
-            rate, stated = init.frame_rate, "files"
+            init = _read_init(Path(job.init), self.rig, len(found.frames), layout)
+            if job.fps is None and stated != "files" and init.frame_rate is not None:
+                rate, stated = init.frame_rate, "files"
+        shape = (len(found.frames), len(self.rig))
         return Inputs(
             self.rig,
-            found.skeleton,
-            detections,
-            unmatched,
+            layout,
+            np.broadcast_to(np.nan, (*shape, layout.n_joints, 3)),
+            np.zeros(shape, dtype=np.bool_),
             found.frames,
             init_pose=None if init is None else init.pose,
             format=found.format,
-            calibration_format=job.calibration_format or find_format(calibration),
+            calibration_format=job.calibration_format or find_format(Path(job.calibration)),
             lacking=frozenset(joint for joint, name in job.mapping.items() if name is None),
             read_as=ReadAs(found.labels, named_offsets(self.every, job.offsets), found.views.uneven),
             without=tuple(name for name in self.every.names if name not in self.rig.names),
@@ -124,11 +129,6 @@ class Opened:
             fps=rate,
             fps_source=stated,
         )
-
-    def nobody(self, job: Job) -> Inputs:
-        """Return the inputs of all frames with nobody detected."""
-        shape = (len(self.detections.frames), len(self.rig), self.detections.skeleton.n_joints, 3)
-        return self.inputs(job, np.broadcast_to(np.nan, shape), np.zeros(shape[:2], dtype=np.bool_))
 
 
 def open_files(job: Job) -> Opened:
@@ -140,15 +140,10 @@ def open_files(job: Job) -> Opened:
         If a file is missing or malformed, or files and options do not fit each other; the message names it.
     """
     reading = ("calibration_format", "unit", "camera_type", "subject", "size", "binning")
-    given = ("layout", "format", "frames", "offsets", "order", "mapping", "sequence")
-    return open_recording(
-        Path(job.calibration),
-        Path(job.detections),
-        read={name: getattr(job, name) for name in reading},
-        without=job.without,
-        fps=job.fps,
-        **{name: getattr(job, name) for name in given},
-    )
+    given = ("without", "fps", "layout", "format", "frames", "offsets", "order", "mapping", "sequence")
+    read = {name: getattr(job, name) for name in reading}
+    options = {name: getattr(job, name) for name in given}
+    return open_recording(Path(job.calibration), Path(job.detections), read=read, **options)
 
 
 def open_recording(
@@ -181,27 +176,22 @@ def open_recording(
 
 
 def read_everybody(opened: Opened, job: Job) -> tuple[Array, Inputs]:
-    """Return the detections of everybody (T, M, P, N, 3), and inputs with nobody chosen."""
-    if opened.size > LONG and job.at_once:
-        _say_at_once(opened, job)
-    return opened.detections.read().people, opened.nobody(job)
+    """Return the detections of everybody (T, M, P, N, 3), and inputs with nobody chosen.
 
-
-def _say_at_once(opened: Opened, job: Job) -> None:
-    """Say which options need a long recording at once; refuse it if it does not fit into memory."""
-    need, told = _AT_ONCE * opened.size, listed(job.at_once)
-    afford(Path(job.detections), told, need)
-    options, frames, one = list(job.at_once), len(opened.detections.frames), len(job.at_once) == 1
-    warn(
-        Finding(
-            "done_at_once",
-            "note",
-            numbers={"options": options, "frames": frames, "gigabytes": need / 1e9},
-            sentence=f"{listed(options)} {'needs' if one else 'need'} all {frames:,} frames at once, at "
-            f"least {need / 1e9:.1f} GB of memory; without {'it' if one else 'them'} they are "
-            "refined in parts.",
+    Of a long recording a note names the options that need it at once; it is refused if it does not fit into
+    memory.
+    """
+    options, need = job.at_once, _AT_ONCE * opened.size
+    if opened.size > LONG and options:
+        told, frames = listed(options), len(opened.detections.frames)
+        afford(Path(job.detections), told, need)
+        numbers = {"options": list(options), "frames": frames, "gigabytes": need / 1e9}
+        words = (
+            f"All {frames:,} frames are refined at once, in at least {need / 1e9:.1f} GB of memory, because "
         )
-    )
+        words += f"of {told}; without, they are refined in parts."
+        warn(Finding("done_at_once", "note", numbers=numbers, sentence=words))
+    return opened.detections.read().people, opened.nobody(job)
 
 
 def read_rig(path: Path, *, calibration_format: str | None = None, **given: Any) -> sk.CameraRig:
@@ -246,17 +236,11 @@ def _rate(found: Detections, folder: Path, rig: sk.CameraRig, fps: float | None)
     rate = one_rate(rates)
     if rates and rate is None:
         each = ", ".join(f"{name} {round(one, 3):g}" for name, one in rates.items())
-        warn(
-            Finding(
-                "frame_rates_differ",
-                "warning",
-                numbers={"stated_by": stated, "each": each},
-                remedy=(Remedy("fps", None),),
-                sentence=f"The {stated} state different frame rates ({each}), so frames of the same number, "
-                "which are compared, are not of the same instant. To correct this, convert the videos to one "
-                "rate and run the detector again; if the stated rates are wrong, state the right one.",
-            )
-        )
+        words = f"The {stated} state different frame rates ({each}), so frames of the same number, which are "
+        words += "compared, are not of the same instant. To correct this, convert the videos to one rate and "
+        words += "run the detector again; if the stated rates are wrong, state the right one."
+        numbers, remedy = {"stated_by": stated, "each": each}, (Remedy("fps", None),)
+        warn(Finding("frame_rates_differ", "warning", numbers=numbers, remedy=remedy, sentence=words))
     return (fps, "") if fps is not None else (rate, "" if rate is None else stated)
 
 

@@ -21,10 +21,15 @@ from skelsplat.run.read import Inputs
 Progress = Callable[[int, int], None]
 
 PLAIN_START, GIVEN_START = "plain triangulation", "initial pose"
-
-# Why a recording was solved frame by frame, for `Outcome.alone`.
-ASKED, PAPER, PRIOR, ONE_FRAME = "asked", "paper", "prior", "one frame"
-NO_RATE, SPARSE = "no rate", "sparse"
+# Why a recording was solved frame by frame (`Outcome.alone`), in a sentence if that is worth one.
+ALONE = {
+    "paper": "Solved frame by frame, as always with the method paper.",
+    "asked": "Solved frame by frame, as asked.",
+    "one frame": "",
+    "prior": "Solved frame by frame: a prior of the start (init_sigma_mm) is for single frames.",
+    "no rate": "Solved frame by frame, as the frame rate (fps) is unknown.",
+    "sparse": "Solved frame by frame: most frames are missing.",
+}
 # A longer gap between frames says no more than one of so many seconds: nothing is bridged over it.
 _APART_S = 2.0
 # Of frame numbers that leave out more than this multiple of those that are there, most are far apart.
@@ -35,8 +40,7 @@ _MOST_EMPTY = 8
 class Outcome:
     """A refined sequence and what it is compared with."""
 
-    # what `skelsplat.refine_sequence` or `skelsplat.refine` returned, and its settings
-    result: sk.Refinement
+    result: sk.Refinement  # of `skelsplat.refine_sequence` or `skelsplat.refine`
     config: sk.RefineConfig
     # (T, N, 3) the initial pose if the user gave one, otherwise the plain triangulation (DLT) of the
     # detections. The default method begins with a robust triangulation, which would hide what
@@ -44,7 +48,7 @@ class Outcome:
     start: Array
     start_name: str = PLAIN_START  # what ``start`` is, in words
     seconds: float = float("nan")  # wall time of the refinement alone; NaN if unknown
-    alone: str = ""  # why it was solved frame by frame, such as `NO_RATE`; "" if solved over time or unknown
+    alone: str = ""  # why it was solved frame by frame, of `ALONE`; "" if solved over time or unknown
 
     @classmethod
     def of(
@@ -68,44 +72,52 @@ class Outcome:
         """The result, if it was solved over time."""
         return self.result if isinstance(self.result, sk.SequenceRefinement) else None
 
+    def bones_mm(self, inputs: Inputs) -> list[tuple[int, int, float, float]]:
+        """Return the bones of a solution over time: their joints, length and standard error in mm."""
+        found, mm = self.sequence, inputs.rig.mm_per_unit
+        if found is None:
+            return []
+        sizes = zip(found.bones.tolist(), found.bone_lengths * mm, found.bone_length_sigma * mm, strict=True)
+        return [(a, b, float(length), float(sigma)) for (a, b), length, sigma in sizes]
+
 
 def refine_inputs(inputs: Inputs, job: Job, progress: Progress | None = None) -> Outcome:
     """Refine all frames, over time if that is possible and not refused.
 
     ``progress`` is called with (frames done, frames in all).
     """
-    sigma_mm, config, alone = job.init_sigma_mm, job.settings, why_alone(inputs, job)
+    config, alone, begin = job.settings, why_alone(inputs, job), time.perf_counter()
     if progress is not None:
         progress(0, len(inputs.frames))
-    begin = time.perf_counter()
     if not alone and inputs.solved is not None and inputs.init_pose is None:
         return Outcome.of(inputs.solved, config, inputs, inputs.solved_s)
     if not alone:
         result: sk.Refinement = _in_time(inputs, config, progress)
-        return Outcome.of(result, config, inputs, time.perf_counter() - begin)
-    result = sk.refine(
-        inputs.init_pose,
-        inputs.detections,
-        inputs.rig,
-        layout=inputs.layout,
-        init_sigma=None if sigma_mm is None else sigma_mm / inputs.rig.mm_per_unit,
-        config=config,
-        progress=progress if progress is not None else False,
-    )
+    else:
+        sigma_mm = job.init_sigma_mm
+        result = sk.refine(
+            inputs.init_pose,
+            inputs.detections,
+            inputs.rig,
+            layout=inputs.layout,
+            init_sigma=None if sigma_mm is None else sigma_mm / inputs.rig.mm_per_unit,
+            config=config,
+            progress=progress if progress is not None else False,
+        )
     return Outcome.of(result, config, inputs, time.perf_counter() - begin, alone)
 
 
 def why_alone(inputs: Inputs, job: Job) -> str:
-    """Return why the frames have to be solved one by one, "" if they are solved over time."""
+    """Return why the frames have to be solved one by one, of `ALONE`; "" if they are solved over time."""
     reasons = {
-        PAPER: job.settings.method == "paper",
-        ASKED: job.frame_by_frame,
-        ONE_FRAME: len(inputs.frames) < 2,
-        PRIOR: job.init_sigma_mm is not None,
-        NO_RATE: inputs.fps is None,
+        "paper": job.settings.method == "paper",
+        "asked": job.frame_by_frame,
+        "one frame": len(inputs.frames) < 2,
+        "prior": job.init_sigma_mm is not None,
+        "no rate": inputs.fps is None,
     }
     found = next((reason for reason, holds in reasons.items() if holds), "")
-    return found or (SPARSE if is_sparse(inputs) else "")
+    return found or ("sparse" if is_sparse(inputs) else "")
 
 
 def is_sparse(inputs: Inputs) -> bool:

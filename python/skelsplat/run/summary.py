@@ -58,11 +58,6 @@ class Group:
         """Part of the used detections that is rejected; 0 without any."""
         return self.rejected / self.used if self.used else 0.0
 
-    @property
-    def down_weighted_share(self) -> float:
-        """Part of the used detections that is down-weighted; 0 without any."""
-        return self.down_weighted / self.used if self.used else 0.0
-
     @classmethod
     def of(cls, name: str, part: Mapping[str, npt.NDArray[Any]]) -> Group:
         """Count detections by what `summarise` knows of each: (T, M, N), or a part of them."""
@@ -98,95 +93,65 @@ class Group:
     @classmethod
     def from_dict(cls, entry: Mapping[str, Any]) -> Group:
         """Return the group of an entry of ``report.json``; null is NaN."""
-        held = {part.name: entry[part.name] for part in fields(cls)}
-        filled: dict[str, Any] = {k: float("nan") if value is None else value for k, value in held.items()}
-        return cls(**filled)
+        held: dict[str, Any] = {part.name: entry[part.name] for part in fields(cls)}
+        missing = {name: float("nan") for name, value in held.items() if value is None}
+        return cls(**{**held, **missing})
 
 
 @dataclass(frozen=True)
 class Statistics:
-    """The numbers of the table, the report and the figures.
+    """The numbers of the table, the report and the figures. Errors are NaN for detections not used."""
 
-    Attributes
-    ----------
-    error_before, error_after : (T, M, N)
-        Reprojection errors in px, NaN for detections that were not used.
-    residual : (T, M, N, 2)
-        Detection − projection in px of the joint that it was used for, NaN for detections that were not used.
-    shifts : Shifts
-        How far and in which direction every camera's detections are off the pose.
-    rejected : (T, M, N)
-        Detections that are used and rejected.
-    views_used : (T, N)
-        Number of views whose detection of the joint is used and not rejected.
-    moved_mm : (T, N)
-        Distance of each refined joint from its start, in mm.
-    error_bar_mm, scatter_mm : (T, N)
-        Standard deviation of each joint, the root mean square over the axes, in mm: against an anatomical
-        joint, and between recordings of the same pose. Whether a joint or frame is unusual is judged from the
-        scatter.
-    noise_mm, noise_px : float
-        Standard deviation of the detections' noise, median over the frames: across the ray, and in the image.
-    poor_px : (M,)
-        The error beyond which a detection of this camera is called poor.
-    cameras, joints : list of Group
-    total : Group
-    stop_reasons, statuses : dict
-        Number of frames per stop reason; number of joints (over all frames) per status.
-    """
-
-    error_before: Array
-    error_after: Array
-    residual: Array
-    shifts: Shifts
-    rejected: Mask
-    views_used: Index
-    moved_mm: Array
+    error_before: Array  # (T, M, N) reprojection errors in px of the start,
+    error_after: Array  # (T, M, N) and of the refined pose
+    residual: Array  # (T, M, N, 2) detection − projection in px of the joint that it was used for
+    shifts: Shifts  # how far, and in which direction, every camera's detections are off the pose
+    rejected: Mask  # (T, M, N) detections that are used and rejected
+    views_used: Index  # (T, N) views whose detection of the joint is used and not rejected
+    moved_mm: Array  # (T, N) distance of each refined joint from its start
+    # (T, N) standard deviation of each joint, the root mean square over the axes: against an anatomical
+    # joint, and between recordings of the same pose; what is unusual is judged from the latter
     error_bar_mm: Array
     scatter_mm: Array
-    noise_mm: float
-    noise_px: float
-    poor_px: Array
+    noise_mm: float  # standard deviation of the detections' noise, median over the frames: across the ray,
+    noise_px: float  # and in the image
+    poor_px: Array  # (M,) the error beyond which a detection of this camera is called poor
     cameras: list[Group]
     joints: list[Group]
     total: Group
-    stop_reasons: dict[str, int]
-    statuses: dict[str, int]
+    stop_reasons: dict[str, int]  # number of frames
+    statuses: dict[str, int]  # number of joints, over all frames
 
     @property
     def decimals(self) -> int:
         """How many decimals lengths in mm are written with: one, more if the error bars are below 1 mm."""
         return decimals(finite_median(self.error_bar_mm))
 
-    def without_bars(self, where: Mask) -> Statistics:
-        """Return the same without the error bars where (T, N) holds, as of positions that were replaced."""
-        bar, scatter = (np.where(where, np.nan, mm) for mm in (self.error_bar_mm, self.scatter_mm))
-        return replace(self, error_bar_mm=bar, scatter_mm=scatter)
+    def counts(self) -> Statistics:
+        """Return the same without the arrays that have all frames."""
+        names = ("error_before", "error_after", "residual", "moved_mm", "error_bar_mm", "scatter_mm")
+        arrays: dict[str, Any] = dict.fromkeys((*names, "rejected", "views_used"), np.empty(0))
+        return replace(self, **arrays)
 
     def with_counts_of(self, parts: Sequence[Statistics]) -> Statistics:
         """Return the same with the counts of all parts of the recording, of which it is a sample."""
-        cameras, joints = (
-            [
-                own.with_counts_of(every)
-                for own, *every in zip(*(getattr(one, key) for one in (self, *parts)), strict=True)
-            ]
-            for key in ("cameras", "joints")
-        )
-        stops, statuses = (
-            dict(sum((Counter(getattr(part, key)) for part in parts), Counter()).most_common())
-            for key in ("stop_reasons", "statuses")
-        )
-        total = self.total.with_counts_of([part.total for part in parts])
-        return replace(
-            self, cameras=cameras, joints=joints, total=total, stop_reasons=stops, statuses=statuses
-        )
 
-    def counts(self) -> Statistics:
-        """Return the same without the arrays that have all frames."""
-        nothing = np.empty(0)
-        names = ("error_before", "error_after", "residual", "moved_mm", "error_bar_mm", "scatter_mm")
-        arrays: dict[str, Any] = dict.fromkeys((*names, "rejected", "views_used"), nothing)
-        return replace(self, **arrays)
+        def groups(name: str) -> list[Group]:
+            every = zip(*(getattr(part, name) for part in parts), strict=True)
+            return [own.with_counts_of(same) for own, same in zip(getattr(self, name), every, strict=True)]
+
+        def count(name: str) -> dict[str, int]:
+            counters = (Counter(getattr(part, name)) for part in parts)
+            return dict(sum(counters, Counter[str]()).most_common())
+
+        return replace(
+            self,
+            cameras=groups("cameras"),
+            joints=groups("joints"),
+            total=self.total.with_counts_of([part.total for part in parts]),
+            stop_reasons=count("stop_reasons"),
+            statuses=count("statuses"),
+        )
 
     def with_groups_of(self, errors: Mapping[str, Any]) -> Statistics:
         """Return the same with the groups of a report's ``reprojection_error``."""
@@ -196,32 +161,31 @@ class Statistics:
 
 def summarise(inputs: Inputs, outcome: Outcome) -> Statistics:
     """Count and measure a refined sequence against its own detections."""
-    result, mm = outcome.result, inputs.rig.mm_per_unit
-    after = np.asarray(result.reprojection_error)
-    used = np.isfinite(after)
-    start_error = np.linalg.norm(
-        _projected(outcome.start, inputs, outcome) - inputs.detections[..., :2], axis=-1
-    )
-    before = np.where(used, start_error, np.nan)
+    result, mm, seen = outcome.result, inputs.rig.mm_per_unit, inputs.detections
+    after, weights = np.asarray(result.reprojection_error), np.asarray(result.view_weights)
+    used, swapped = np.isfinite(after), np.asarray(result.swapped)
+    start_error = np.linalg.norm(_projected(outcome.start, inputs, outcome) - seen[..., :2], axis=-1)
     poor_px = np.array([POOR_SHARE * np.hypot(*camera.size) for camera in inputs.rig])
     every = {
-        "before": before,
+        "before": np.where(used, start_error, np.nan),
         "after": after,
-        "there": np.isfinite(inputs.detections[..., :2]).all(axis=-1) & (inputs.detections[..., 2] > 0),
+        "there": np.isfinite(seen[..., :2]).all(axis=-1) & (seen[..., 2] > 0),
         "unmatched": np.broadcast_to(inputs.unmatched[..., None], used.shape),
-        "weight": np.where(used, result.view_weights, np.nan),
-        "swapped": used & np.asarray(result.swapped),
+        "weight": np.where(used, weights, np.nan),
+        "swapped": used & swapped,
         "poor": used & (after > poor_px[:, None]),
     }
 
     def group(name: str, part: Any) -> Group:
         return Group.of(name, {key: values[part] for key, values in every.items()})
 
-    residual = np.where(used[..., None], _residuals(inputs, outcome), np.nan)
+    projected = _projected(result.pose, inputs, outcome)
+    residual = residuals(seen[..., :2], projected, swapped, inputs.layout.left_right)
+    residual = np.where(used[..., None], residual, np.nan)
     rejected = every["weight"] < sk.REJECTED_WEIGHT
     scatter = np.trace(result.uncertainty, axis1=-2, axis2=-1) / 3
     return Statistics(
-        error_before=before,
+        error_before=every["before"],
         error_after=after,
         residual=residual,
         shifts=camera_shifts(residual),
@@ -251,6 +215,11 @@ def finite_median(values: npt.ArrayLike) -> float:
     return _percentile(np.asarray(values, dtype=np.float64), 50)
 
 
+def finite_max(values: npt.ArrayLike) -> float:
+    """Return the largest finite value, NaN if there is none."""
+    return _percentile(np.asarray(values, dtype=np.float64), 100)
+
+
 def frame_medians(values: Array) -> Array:
     """Return the median of what is finite in every frame of (T, …), NaN where there is nothing."""
     return medians(values.reshape(len(values), -1))
@@ -274,18 +243,6 @@ def error_maps(errors: Array, weights: Array) -> tuple[Array, Array]:
     return median, share
 
 
-def finite_max(values: npt.ArrayLike) -> float:
-    """Return the largest finite value, NaN if there is none."""
-    return _percentile(np.asarray(values, dtype=np.float64), 100)
-
-
-def _residuals(inputs: Inputs, outcome: Outcome) -> Array:
-    """Return detection − refined pose in px, (T, M, N, 2)."""
-    projected = _projected(outcome.result.pose, inputs, outcome)
-    swapped = np.asarray(outcome.result.swapped)
-    return residuals(inputs.detections[..., :2], projected, swapped, inputs.layout.left_right)
-
-
 def _projected(pose: npt.ArrayLike, inputs: Inputs, outcome: Outcome) -> Array:
     """Return the pixels (T, M, N, 2) of a pose, with the lenses that were used."""
     rig = rig_as_used(inputs.rig, undistort=outcome.config.undistort)
@@ -298,10 +255,8 @@ def _pixel_sizes(inputs: Inputs, outcome: Outcome) -> Array:
     ranges = np.stack([np.linalg.norm(pose - camera.centre, axis=-1) for camera in inputs.rig], axis=1)
     focal = np.array([(camera.K[0, 0] + camera.K[1, 1]) / 2 for camera in inputs.rig])
     seen = np.isfinite(outcome.result.reprojection_error)
-    total = np.where(seen, ranges / focal[:, None], 0.0).sum(axis=(1, 2))
-    count = seen.sum(axis=(1, 2))
-    mean: Array = np.divide(total, count, out=np.full(len(pose), np.nan), where=count > 0)
-    return mean
+    total, count = np.where(seen, ranges / focal[:, None], 0.0).sum(axis=(1, 2)), seen.sum(axis=(1, 2))
+    return np.where(count > 0, total / np.maximum(count, 1), np.nan)
 
 
 def _percentile(values: Array, share: float) -> float:

@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+import base64
+import html
+import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-import skelsplat as sk
+from skelsplat._optional import can_draw
 from skelsplat._words import decimals, length, number, with_bar
 from skelsplat.run.frames import problems_of
 from skelsplat.run.report import MEANINGS
-from skelsplat.run.summary import DOWN_WEIGHTED, Group, finite_median, is_biased
+from skelsplat.run.summary import Group, finite_median, is_biased
 
 if TYPE_CHECKING:
     from skelsplat.run._run import PeopleRun, Run
@@ -33,41 +37,22 @@ _WHY_RISEN = (
     "start → refined; it rises because the start follows wrong detections and noise as far as it can, which "
     "the refined pose does not"
 )
+_ERROR = "median reprojection error, start → refined"
 # Head, meaning and cell of each column.
 _Columns = Sequence[tuple[str, str, Callable[[Any], str]]]
 _OF_GROUPS: _Columns = (
-    (
-        "median [px]",
-        "median reprojection error, start → refined",
-        lambda one: f"{number(one.before_px)} → {number(one.after_px)}",
-    ),
+    ("median [px]", _ERROR, lambda one: _change(one.before_px, one.after_px)),
     (
         "90th percentile [px]",
         "of the reprojection error, start → refined",
-        lambda one: f"{number(one.p90_before_px)} → {number(one.p90_after_px)}",
+        lambda one: _change(one.p90_before_px, one.p90_after_px),
     ),
     ("used", "detections used", lambda one: f"{one.used:,}"),
-    ("missing", "no detection of the followed person", lambda one: f"{one.missing:,}"),
-    (
-        "not chosen",
-        "of the missing: no person detected in this view matches the other cameras",
-        lambda one: f"{one.not_chosen:,}",
-    ),
-    (
-        "left out",
-        "detections below the minimum confidence, or of a joint without a position",
-        lambda one: f"{one.left_out:,}",
-    ),
-    (
-        "down-weighted",
-        f"detections used with a weight below {DOWN_WEIGHTED:g}, including the rejected ones",
-        lambda one: part_of(one.down_weighted, one.used),
-    ),
-    (
-        "rejected",
-        f"detections used with a weight below {sk.REJECTED_WEIGHT:g}, which hardly affect the pose",
-        lambda one: part_of(one.rejected, one.used),
-    ),
+    ("missing", MEANINGS["missing"], lambda one: f"{one.missing:,}"),
+    ("not chosen", MEANINGS["not_chosen"], lambda one: f"{one.not_chosen:,}"),
+    ("left out", MEANINGS["left_out"], lambda one: f"{one.left_out:,}"),
+    ("down-weighted", MEANINGS["down_weighted"], lambda one: part_of(one.down_weighted, one.used)),
+    ("rejected", MEANINGS["rejected"], lambda one: part_of(one.rejected, one.used)),
     ("weight", MEANINGS["mean_weight"], lambda one: number(one.mean_weight, 2)),
     ("swapped", MEANINGS["swapped"], lambda one: f"{one.swapped:,}"),
 )
@@ -79,7 +64,7 @@ _OF_ADJUSTED: _Columns = (
     (
         "error [px]",
         "median distance from where the other cameras place the joints, before → after, in other frames",
-        lambda one: f"{number(_known(one['before_px']))} → {number(_known(one['after_px']))}",
+        lambda one: _change(_known(one["before_px"]), _known(one["after_px"])),
     ),
 )
 # of an entry of the report and the person's run
@@ -95,11 +80,7 @@ _OF_PEOPLE: _Columns = (
         lambda one: f"{sum(last - first + 1 for first, last in one[0]['seen']):,}",
     ),
     ("views", "median number of views that see the person", lambda one: f"{one[0]['views_median']:g}"),
-    (
-        "error [px]",
-        "median reprojection error, start → refined",
-        lambda one: _OF_GROUPS[0][-1](one[1].statistics.total),
-    ),
+    ("error [px]", _ERROR, lambda one: _OF_GROUPS[0][-1](one[1].statistics.total)),
     (
         "rejected",
         "part of the detections used that hardly affects the pose",
@@ -123,23 +104,18 @@ _OF_PEOPLE: _Columns = (
 
 def of_cameras(run: Run) -> Rows:
     """Return a row per camera, and one for all."""
-    columns, own = _heads("camera", _OF_GROUPS), run.statistics
-    return Rows("Cameras", columns, [_cells(one) for one in own.cameras], _cells(own.total))
+    rows = [_cells(one) for one in run.statistics.cameras]
+    return Rows("Cameras", _heads("camera", _OF_GROUPS), rows, _cells(run.statistics.total))
 
 
 def of_joints(run: Run) -> Rows:
     """Return a row per joint."""
-    statistics, digits = run.statistics, run.statistics.decimals
-    rows = []
+    statistics, digits, rows = run.statistics, run.statistics.decimals, []
     for j, group in enumerate(statistics.joints):
         views = statistics.views_used[:, j]
-        bar, scatter = (finite_median(mm[:, j]) for mm in (statistics.error_bar_mm, statistics.scatter_mm))
-        own = [
-            f"{np.median(views):g} ({views.min()})",
-            f"{number(bar, digits)} ({number(scatter, digits)})",
-            number(finite_median(statistics.moved_mm[:, j]), digits),
-        ]
-        rows.append([*_cells(group), *own])
+        lengths = (statistics.error_bar_mm, statistics.scatter_mm, statistics.moved_mm)
+        bar, scatter, moved = (number(finite_median(mm[:, j]), digits) for mm in lengths)
+        rows.append([*_cells(group), f"{np.median(views):g} ({views.min()})", f"{bar} ({scatter})", moved])
     columns = [
         *_heads("joint", _OF_GROUPS),
         (
@@ -158,11 +134,9 @@ def of_joints(run: Run) -> Rows:
 
 def of_adjusted(report: Mapping[str, Any]) -> Rows:
     """Return what became of each camera that was to be adjusted; no rows without any."""
-    rows = [[one["camera"], *(cell(one) for *_, cell in _OF_ADJUSTED)] for one in report.get(ADJUSTED, ())]
+    adjusted = report.get("cameras_adjusted", ())
+    rows = [[one["camera"], *(cell(one) for *_, cell in _OF_ADJUSTED)] for one in adjusted]
     return Rows("Cameras, before and after they were adjusted", _heads("camera", _OF_ADJUSTED), rows)
-
-
-ADJUSTED = "cameras_adjusted"
 
 
 def of_people(run: PeopleRun) -> Rows:
@@ -177,21 +151,12 @@ def of_bones(run: PeopleRun) -> Rows:
     lengths: list[dict[str, str]] = []
     for one in run.people.values():
         joints = [name.replace("_", " ") for name in one.layout.joints]
-        sizes = ((f"{joints[a]} – {joints[b]}", size) for a, b, *size in bones_of(one))
+        sizes = ((f"{joints[a]} – {joints[b]}", size) for a, b, *size in one.outcome.bones_mm(one.inputs))
         lengths.append({bone: _length(*size) for bone, size in sizes if np.isfinite(size).all()})
     every = dict.fromkeys(bone for own in lengths for bone in own)
     columns = [("bone", ""), *((f"person {identity}", "") for identity in run.people)]
     rows = [[bone, *(own.get(bone, "–") for own in lengths)] for bone in every]
     return Rows("Bone lengths [mm]", columns, rows, hint="Over all frames, ± standard error.")
-
-
-def bones_of(run: Run) -> list[tuple[int, int, float, float]]:
-    """Return the bones of a solution over time with their lengths and standard errors in mm."""
-    found, mm = run.outcome.sequence, run.cameras.mm_per_unit
-    if found is None:
-        return []
-    sizes = zip(found.bones.tolist(), found.bone_lengths * mm, found.bone_length_sigma * mm, strict=True)
-    return [(a, b, float(length), float(sigma)) for (a, b), length, sigma in sizes]
 
 
 def facts_of(report: dict[str, Any]) -> list[tuple[str, str]]:
@@ -215,21 +180,18 @@ def facts_of(report: dict[str, Any]) -> list[tuple[str, str]]:
 
 def key_numbers(run: Run) -> list[tuple[str, str, str]]:
     """Return the key numbers: name, value and remark."""
-    statistics = run.statistics
-    error, rejected, bar = _numbers_of([run])
-    digits = statistics.decimals
-    scatter = f"against anatomical joints; scatter {number(finite_median(statistics.scatter_mm), digits)} mm"
-    noise = f"{number(statistics.noise_mm, digits)} mm across the ray, estimated"
+    statistics, (error, rejected, bar) = run.statistics, _numbers_of([run])
+    if is_biased(run.result):
+        scatter = number(finite_median(statistics.scatter_mm), statistics.decimals)
+        bar = (*bar[:2], f"against anatomical joints; scatter {scatter} mm")
+    noise = f"{number(statistics.noise_mm, statistics.decimals)} mm across the ray, estimated"
+    problems = f"{problem_frames(run):,} of {run.inputs.n_frames:,}"
     return [
         error,
         rejected,
         ("noise of the detections", f"{number(statistics.noise_px)} px", noise),
-        (*bar[:2], scatter if is_biased(run.result) else bar[2]),
-        (
-            "frames with a problem",
-            f"{problem_frames(run):,} of {run.inputs.n_frames:,}",
-            "weak, missing or unusual joints",
-        ),
+        bar,
+        ("frames with a problem", problems, "weak, missing or unusual joints"),
     ]
 
 
@@ -247,26 +209,22 @@ def numbers_of_people(run: PeopleRun) -> list[tuple[str, str, str]]:
 
 def _numbers_of(runs: Sequence[Run]) -> list[tuple[str, str, str]]:
     """Return the errors, the rejected detections and the error bars of all runs together."""
+
+    def median(name: str) -> float:
+        return finite_median(np.concatenate([getattr(one.statistics, name).ravel() for one in runs]))
+
     groups = [one.statistics.total for one in runs]
     used, rejected = sum(group.used for group in groups), sum(group.rejected for group in groups)
     before, after = groups[0].before_px, groups[0].after_px
     if len(runs) > 1:
-        names = ("error_before", "error_after")
-        before, after = (
-            finite_median(np.concatenate([getattr(one.statistics, name).ravel() for one in runs]))
-            for name in names
-        )
-    bars = np.concatenate([one.statistics.error_bar_mm.ravel() for one in runs])
+        before, after = median("error_before"), median("error_after")
+    why = _WHY_RISEN if round(after, 1) > round(before, 1) else "start → refined"
     biased = any(is_biased(one.result) for one in runs)
     against = "against anatomical joints" if biased else "scatter alone, without a bias of the detector"
     return [
-        (
-            "median reprojection error",
-            f"{number(before)} → {number(after)} px",
-            _WHY_RISEN if round(after, 1) > round(before, 1) else "start → refined",
-        ),
+        ("median reprojection error", f"{_change(before, after)} px", why),
         ("detections rejected", part_of(rejected, used), f"of {used:,} used"),
-        ("median error bar", f"{length(finite_median(bars))} mm", against),
+        ("median error bar", f"{length(median('error_bar_mm'))} mm", against),
     ]
 
 
@@ -280,12 +238,31 @@ def part_of(count: int, of: int) -> str:
     return f"{100 * count / of:.1f}%" if of else "–"
 
 
+def summary_html(run: Run) -> str:
+    """Return facts, numbers, findings and the overview as HTML, for the output of a notebook's cell."""
+    remarked = [(name, f"{value} ({remark})") for name, value, remark in key_numbers(run)]
+    rows = [(html.escape(name), html.escape(value)) for name, value in [*facts_of(run.report), *remarked]]
+    cells = "".join(f"<tr><th>{name}</th><td>{value}</td></tr>" for name, value in rows)
+    found = "".join(f"<li>{one.severity}: {html.escape(one.text)}</li>" for one in run.findings)
+    listed, picture = f"<ul>{found}</ul>" if found else "<p>No findings.</p>", ""
+    if can_draw():
+        with tempfile.TemporaryDirectory() as folder:
+            run.write_figures(folder)
+            data = base64.b64encode((Path(folder) / "overview.png").read_bytes()).decode()
+        picture = f'<img alt="overview" style="max-width: 100%" src="data:image/png;base64,{data}">'
+    return f"<table>{cells}</table>{listed}{picture}"
+
+
 def _heads(first: str, columns: _Columns) -> list[tuple[str, str]]:
     return [(first, ""), *((head, meaning) for head, meaning, _ in columns)]
 
 
 def _cells(group: Group) -> list[str]:
     return [group.name, *(cell(group) for *_, cell in _OF_GROUPS)]
+
+
+def _change(before: float, after: float) -> str:
+    return f"{number(before)} → {number(after)}"
 
 
 def _length(mm: float, sigma: float) -> str:

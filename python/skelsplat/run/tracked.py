@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -16,12 +15,12 @@ from skelsplat._arrays import Array, Index
 from skelsplat._people import Person
 from skelsplat._sequence import frames_of
 from skelsplat.exceptions import DatasetError, InvalidInputError
-from skelsplat.findings import Finding, Remedy, collected_warnings, warn
+from skelsplat.findings import Finding, Remedy, Subject, collected_warnings, warn
 from skelsplat.io.detections import camera_called
 from skelsplat.run.adjust import read_adjusted
-from skelsplat.run.doubts import find_doubts, find_left_out
 from skelsplat.run.job import Job
-from skelsplat.run.person import MOVES_MOST, count_people, look_around, pick_places, point_of, seen_apart
+from skelsplat.run.people import find_doubts, find_left_out
+from skelsplat.run.person import MOVES_MOST, count_people, look_around, pick_places, point_of
 from skelsplat.run.read import Inputs, Opened
 from skelsplat.run.solve import Progress, even_clock, is_sparse, spread
 
@@ -35,21 +34,14 @@ _NEAR = 0.5
 class Everybody:
     """The people of a recording, each with the inputs of a run.
 
-    Attributes
-    ----------
-    people : tuple of Inputs
-        In the order of their appearance; ``person`` is their identity, a number from 0, and ``frames`` are
-        those from the first to the last in which two views see them.
-    detected, assigned : (T, M) int64
-        How many people each view detects, and how many of them are one of ``people``.
-    whole : Inputs
-        The recording, with nobody chosen; its ``doubts`` concern everybody.
+    ``people`` are in the order of their appearance; ``person`` is their identity, a number from 0, and
+    ``frames`` are those from the first to the last in which two views see them.
     """
 
     people: tuple[Inputs, ...]
-    detected: Index
-    assigned: Index
-    whole: Inputs
+    detected: Index  # (T, M) how many people each view detects,
+    assigned: Index  # (T, M) and how many of them are one of ``people``
+    whole: Inputs  # the recording, with nobody chosen; its ``doubts`` concern everybody
 
 
 def read_inputs(
@@ -74,26 +66,17 @@ def read_inputs(
         return found
     check(whole)
     index, unmatched = pick_places(people, whole.rig, person, whole.layout)
-    if person.isdecimal() and not alone:
-        warn(
-            Finding(
-                "person_by_place",
-                "warning",
-                numbers={"person": person},
-                remedy=(Remedy("fps", None),),
-                sentence=f"Person {person} is entry {person} of each file, as the frame rate is unknown. The "
-                "order of people in a file is arbitrary, so this need not be one person; with the frame rate "
-                "it is.",
-            )
+    if by_place and not alone:
+        which = "the largest in each image" if person == "largest" else f"entry {person} of each file"
+        words = (
+            f"Person {person} is {which}, as the frame rate is unknown. This need not be one person; with "
         )
-    return replace(
-        whole,
-        detections=association.take_people(people, index),
-        unmatched=unmatched,
-        person=person,
-        crowd=look_around(people, index, whole.rig, person, whole.layout),
-        apart=seen_apart(people, whole.rig.names),
-    )
+        words += "the frame rate it is, and so is the person the views agree on (consistent)."
+        remedies = (Remedy("fps", None), Remedy("person", "consistent"))
+        warn(Finding("person_by_place", "warning", remedy=remedies, sentence=words))
+    crowd = look_around(people, index, whole.rig, person, whole.layout)
+    chosen = association.take_people(people, index)
+    return replace(whole, detections=chosen, unmatched=unmatched, person=person, crowd=crowd)
 
 
 def follow_everybody(people: Array, whole: Inputs, job: Job, progress: Progress | None = None) -> Everybody:
@@ -112,29 +95,17 @@ def follow_everybody(people: Array, whole: Inputs, job: Job, progress: Progress 
     if config.method == "paper":
         config = sk.RefineConfig(**{name: getattr(config, name) for name in _SHARED})
     seen, begin = spread(people, places), time.perf_counter()
-    with collected_warnings() as told:
-        found = sk.track(
-            seen,
-            whole.rig,
-            fps=rate,
-            layout=whole.layout,
-            max_people=job.people if isinstance(job.people, int) else None,
-            config=config,
-            progress=False if progress is None else partial(_halves, progress, len(seen)),
-        )
-    for one in told:
-        if one.kind not in ("nobody_found", "limbs_differ"):  # an error below, a finding about each person
-            warn(one)
+    found = _track(seen, whole, rate, job, config, progress)
     each = (time.perf_counter() - begin) / max(1, len(found))
     detected = count_people(people)
     if not found:
         raise _nobody(job, whole, detected)
     kept = [_inputs(person, seen, whole, places, each) for person in found]
+    kept = [replace(one, doubts=tuple(find_doubts(kept, one))) for one in kept]
     assigned = np.zeros((len(seen), people.shape[1]), dtype=np.int64)
     for person in found:
         for slots in (person.slots, person.more_slots):
             assigned[person.frames] += slots >= 0
-    kept = [replace(one, doubts=tuple(find_doubts(kept, one))) for one in kept]
     assigned = np.minimum(assigned[places], detected)
     if len(found) != job.people:  # else others may be left out on purpose
         sizes = np.concatenate([association.body_sizes(person.refinement.pose) for person in found])
@@ -143,10 +114,32 @@ def follow_everybody(people: Array, whole: Inputs, job: Job, progress: Progress 
     return Everybody(tuple(kept), detected, assigned, whole)
 
 
-def _halves(progress: Progress, steps: int, done: int, total: int) -> None:
-    """Report following ``steps`` frames, and then solving everybody's, as half of the work each."""
-    solved = (done - steps) * steps // (total - steps) if total > steps else 0
-    progress((min(done, steps) + solved) // 2, steps)
+def _track(
+    seen: Array, whole: Inputs, rate: float, job: Job, config: sk.RefineConfig, progress: Progress | None
+) -> list[Person]:
+    """Follow people on an even clock, without the warnings that are findings about each of them."""
+    steps = len(seen)
+
+    def half_each(done: int, total: int) -> None:
+        """Report following all frames, and then solving everybody's, as half of the work each."""
+        solved = (done - steps) * steps // (total - steps) if total > steps else 0
+        if progress is not None:
+            progress((min(done, steps) + solved) // 2, steps)
+
+    with collected_warnings() as told:
+        found = sk.track(
+            seen,
+            whole.rig,
+            fps=rate,
+            layout=whole.layout,
+            max_people=job.people if isinstance(job.people, int) else None,
+            config=config,
+            progress=False if progress is None else half_each,
+        )
+    for one in told:
+        if one.kind not in ("nobody_found", "limbs_differ"):
+            warn(one)
+    return found
 
 
 def check_times(whole: Inputs, job: Job) -> None:
@@ -156,21 +149,21 @@ def check_times(whole: Inputs, job: Job) -> None:
         expected = f"the frame rate, which following people over time needs ({why})"
         raise InvalidInputError(f"fps: expected {expected}, got none: neither the files nor videos state it")
     if is_sparse(whole):
-        first, last = whole.frames[0], whole.frames[-1]
         expected = f"most frames, to follow people over time ({why})"
-        got = f"{len(whole.frames)} from {first} to {last}"
+        got = f"{len(whole.frames)} from {whole.frames[0]} to {whole.frames[-1]}"
         raise DatasetError(Path(job.detections), "frames", expected, got)
 
 
 def _nobody(job: Job, whole: Inputs, detected: Index) -> DatasetError:
-    seen = (detected > 0).sum(axis=0)
-    counts = ", ".join(f"{name} {count:,}" for name, count in zip(whole.rig.names, seen, strict=True))
+    there = detected > 0
+    counts = zip(whole.rig.names, there.sum(axis=0), strict=True)
+    seen = ", ".join(f"{name} {count:,}" for name, count in counts)
     advice = "no two views detect anybody in the same frame"
-    if ((detected > 0).sum(axis=1) >= 2).any():
+    if (there.sum(axis=1) >= 2).any():
         advice = "exchanged cameras, a wrong unit, layout or calibration, or unsynchronised videos? "
         advice += "skelsplat check-cameras looks for the cause"
-    got = f"nobody, though people are detected ({counts} of {len(detected):,} frames): {advice}"
-    got = got if seen.any() else "no detections of people"
+    got = f"nobody, though people are detected ({seen} of {len(there):,} frames): {advice}"
+    got = got if there.any() else "no detections of people"
     return DatasetError(Path(job.detections), "people", "somebody on whom two views agree", got)
 
 
@@ -194,7 +187,7 @@ def _inputs(person: Person, seen: Array, whole: Inputs, places: Index, seconds: 
 
 
 def choose(everybody: Everybody, person: str) -> Inputs:
-    """Return the person of a choice of `skelsplat.run.Job`.
+    """Return the person of a choice of `skelsplat.run.Job`, with the doubts about everybody.
 
     Raises
     ------
@@ -202,27 +195,23 @@ def choose(everybody: Everybody, person: str) -> Inputs:
         If nobody has that number, or is near that point.
     """
     people, point = everybody.people, point_of(person)
-    if person.isdecimal():
-        by_number = {int(one.person): one for one in people}
-        if int(person) not in by_number:
-            known = ", ".join(one.person for one in people)
-            raise InvalidInputError(f"person: expected one of {known} (the people found), got {person}")
-        chosen = by_number[int(person)]
-    elif point is not None:
+    numbered = {one.person: one for one in people}
+    if point is not None:
         chosen = _at(people, *point)
+    elif person == MOVES_MOST:
+        chosen = max(people, key=_moved)
+    elif person == "largest":
+        chosen = max(people, key=_size)
+    elif person in numbered:
+        chosen = numbered[person]
     else:
-        chosen = max(people, key=_moved if person == MOVES_MOST else _size)
-    count, identity = len(people), int(chosen.person)
-    which = f"person {identity} of {count} people, numbered from 0 in the order of appearance"
-    warn(
-        Finding(
-            "person_followed",
-            "note",
-            numbers={"person": person, "identity": identity, "people": count},
-            remedy=(Remedy("people", "all"),) if count > 1 else (),
-            sentence=f"Followed ({person}): {which if count > 1 else 'the only person found'}.",
-        )
-    )
+        expected = f"one of {', '.join(numbered)} (the people found)"
+        raise InvalidInputError(f"person: expected {expected}, got {person}")
+    count = len(people)
+    which = f"person {chosen.person} of {count} people, numbered from 0 in the order of appearance"
+    words = f"Followed ({person}): {which if count > 1 else 'the only person found'}."
+    numbers, remedy = {"identity": int(chosen.person), "people": count}, (Remedy("people", "all"),)
+    warn(Finding("person_followed", "note", Subject(), numbers, remedy[: count - 1], sentence=words))
     return replace(chosen, doubts=(*everybody.whole.doubts, *chosen.doubts))
 
 
@@ -234,9 +223,7 @@ def _size(inputs: Inputs) -> float:
 
 def _moved(inputs: Inputs) -> float:
     """Return the way of the median joint over all frames, in the unit of the cameras."""
-    if inputs.solved is None:
-        return 0.0
-    steps = np.linalg.norm(np.diff(np.asarray(inputs.solved.pose), axis=0), axis=-1)
+    steps = np.linalg.norm(np.diff(inputs.solved_pose, axis=0), axis=-1)
     return float(np.median(np.nansum(steps, axis=0)))
 
 
