@@ -65,10 +65,12 @@ def run(job: Job, *, progress: Progress | None = None, tell: Tell | None = None)
             opened = open_files(job)
             if place is not None and opened.size > read.LONG and not job.at_once:
                 _check_output(job, opened.nobody(job))
+                _note_output(job, opened.nobody(job))
                 scratch = stack.enter_context(folders.scratch(place))
                 inputs, outcome, gathered = in_parts(opened, job, scratch, progress)
             else:
                 inputs = read_inputs(opened, job, progress, lambda found: _check_output(job, found))
+                _note_output(job, inputs)
                 outcome = refine_inputs(inputs, job, progress)
         found = summed_up(inputs, outcome, job, notes, gathered)
         if place is not None:
@@ -102,6 +104,7 @@ def run_people(job: Job, *, progress: Progress | None = None, tell: Tell | None 
             people, whole = read_adjusted(open_files(job), job)
             check_times(whole, job)
             _check_output(job, whole)
+            _note_output(job, whole)
             everybody = follow_everybody(people, whole, job, progress)
             outcomes = [refine_inputs(inputs, job) for inputs in everybody.people]
         pairs = zip(everybody.people, outcomes, strict=True)
@@ -126,13 +129,16 @@ def _output(job: Job) -> Iterator[Path | None]:
 
 
 def _check_output(job: Job, inputs: Inputs) -> None:
-    """Check, once the frames of the input are known, that the results can be written, and warn of how."""
+    """Check, once the frames of the input are known, that the results can be written."""
     if job.output is not None:
-        writing = folders.Writing.of(job)
         folders.keep_input(job, inputs.sources)
-        writing.check(inputs)
-        for note in writing.notes(inputs):
-            warn(note)
+        folders.Writing.of(job).check(inputs)
+
+
+def _note_output(job: Job, inputs: Inputs) -> None:
+    """Warn of notes on how the results are written."""
+    for note in folders.Writing.of(job).notes(inputs) if job.output is not None else ():
+        warn(note)
 
 
 def _in_proportion(runs: Mapping[int, Run]) -> dict[int, Run]:
