@@ -127,9 +127,9 @@ def find_in_frames(
         if not chosen:
             findings.append(Finding(kind, "note", subject, own, sentence=words))
             continue
-        numbers = {"of": len(names), **own}
+        counted = {"of": len(names), **own}
         short = ", ".join(chosen) if len(chosen) <= MOST_NAMES else f"{len(chosen)} of {len(names)}"
-        findings.append(Finding(kind, "note", subject, numbers, sentence=f"{words}: {short}"))
+        findings.append(Finding(kind, "note", subject, counted, sentence=f"{words}: {short}"))
     return findings, max(0, count - _MOST)
 
 
