@@ -8,7 +8,7 @@ import secrets
 import shutil
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
-from errno import EINVAL, ENOSPC, ENOTSUP
+from errno import ENOSPC
 from pathlib import Path
 from typing import BinaryIO
 
@@ -31,11 +31,10 @@ def atomic_path(
     """Give the path of an empty file that takes the place of `path` when the block ends without an exception.
 
     For libraries that open a path themselves. The file is a temporary one in the same folder, with the given
-    suffix or else the same; it is flushed to disk and then moved over `path` in one step. A reader never
-    sees half a file, and on an exception an older file stays as it was. A symbolic link is followed, and a
-    file that is replaced hands on who may read and write it. Without
-    `durable` nothing waits for the disk: after a power failure the file may be empty or torn, so its reader
-    must check it. A folder that is missing and a path that cannot be written are a `DatasetError`.
+    suffix or else the same; it is flushed to disk and then moved over `path` in one step. On an exception an
+    older file stays as it was. A symbolic link is followed, and a file that is replaced hands on who may read
+    and write it. Without `durable` nothing waits for the disk: after a power failure the file may be torn.
+    A folder that is missing and a path that cannot be written are a `DatasetError`.
     """
     target = Path(os.path.realpath(path))
     temporary = target.with_name(f".{target.stem}.{secrets.token_hex(6)}{suffix or target.suffix}")
@@ -66,21 +65,12 @@ def remove_left(folder: Path, names: Iterable[str]) -> None:
 
 
 def make_room(path: Path, size: int) -> None:
-    """Raise `OSError` if there is no room for so many bytes in a file, which is empty before and after.
+    """Raise `OSError` if there is no room for so many bytes in a file.
 
     For libraries that cannot be stopped by a full disk.
     """
-    if not hasattr(os, "posix_fallocate"):
-        if shutil.disk_usage(path.parent).free < size:
-            raise OSError(ENOSPC, os.strerror(ENOSPC))
-        return
-    with path.open("rb+") as stream:
-        try:
-            os.posix_fallocate(stream.fileno(), 0, size)
-        except OSError as error:
-            if error.errno not in (EINVAL, ENOTSUP):  # a file system that does not know how
-                raise
-        stream.truncate(0)
+    if shutil.disk_usage(path.parent).free < size:
+        raise OSError(ENOSPC, os.strerror(ENOSPC))
 
 
 @contextmanager

@@ -2,8 +2,8 @@
 
 A file from elsewhere may be no file (a pipe, a device), claim to unpack to more than any memory holds, or
 nest its values until Python gives up. Every reader opens files with `opened` and asks here before it believes
-what a file claims; what is refused is a `DatasetError` of one line with the limit. Large recordings are no
-problem: what counts is the ratio to the size of the file, and the memory that is available.
+what a file claims; what is refused is a `DatasetError` of one line with the limit. For large recordings, what
+counts is the ratio to the size of the file, and the memory that is available.
 """
 
 from __future__ import annotations
@@ -33,48 +33,38 @@ MOST_NAME = 255
 """Characters of a camera's or joint's name in a file, as of the name of a file."""
 MOST_CAMERAS = 4096
 """Cameras of a calibration, or what may belong to one in a file or folder: a dome has 521."""
-MOST_DEPTH = 64
-"""Lists within lists: a pose in JSON has 6."""
+_MOST_DEPTH = 64  # lists within lists: a pose in JSON has 6
 _PART = r"""(?:"(?:[^"\\\n]|\\.){0,99}"|'[^'\n]{0,99}'|(?<![\w-])[\w-]+)\s*\.\s*"""
 _DOTTED = re.compile(f"(?:{_PART}){{33}}")  # a key of many parts, of which the time grows with their square
 # what is unpacked may be this, and this many times the size of the file: a recording in which hardly anything
 # is detected is packed to a fiftieth, zeros to a thousandth
 _ALWAYS, _RATIO = 2**27, 100
 _UNCHECKED = 2**26  # bytes that need no look at the memory
+_BRACKETS = bytes.maketrans(b"[{]}", b"\x01\x01\xff\xff")
+_UNMARKED = bytes(set(range(256)) - set(b'"[]{}'))
 _SPARSE = 2**30  # files from this size on must be stored to a hundredth
-_CHUNK = 2**20
-_KINDS = {stat.S_IFIFO: "a named pipe", stat.S_IFSOCK: "a socket", stat.S_IFCHR: "a device"}
 _GROUP_LIMITS = ("/sys/fs/cgroup/memory.max", "/sys/fs/cgroup/memory/memory.limit_in_bytes")
 
 
 @contextmanager
 def opened(path: Path, expected: str = "a readable file") -> Iterator[BinaryIO]:
     """Open a file that exists in full and is no device or pipe; what the system says is a `DatasetError`."""
-    with opening(path, expected):
-        _check_kind(path, path.stat())
-        # without waiting for the other end, in case a pipe has taken the file's place
-        flags = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
-        with open(os.open(path, flags), "rb") as stream:  # noqa: PTH123 - a descriptor
-            _check_kind(path, os.fstat(stream.fileno()))
-            yield stream
-
-
-def _check_kind(path: Path, status: os.stat_result) -> None:
-    kind = stat.S_IFMT(status.st_mode)
-    if kind not in (stat.S_IFREG, stat.S_IFDIR):  # for a folder the system has its own words
-        raise DatasetError(path, "file", "a regular file", _KINDS.get(kind, "a device"))
-    stored = 512 * getattr(status, "st_blocks", 0)
-    if status.st_size > _SPARSE and 0 < _RATIO * stored < status.st_size:
-        actual = f"a sparse file: {amount(status.st_size)}, of which {amount(stored)} are stored"
-        raise DatasetError(path, "file", "a file with content", actual)
+    # without waiting for the other end of a pipe
+    flags = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
+    with opening(path, expected), open(os.open(path, flags), "rb") as stream:  # noqa: PTH123 - a descriptor
+        status = os.fstat(stream.fileno())
+        if not stat.S_ISREG(status.st_mode):
+            raise DatasetError(path, "file", "a regular file", "a pipe or a device")
+        stored = 512 * getattr(status, "st_blocks", 0)
+        if status.st_size > _SPARSE and 0 < _RATIO * stored < status.st_size:
+            actual = f"a sparse file: {amount(status.st_size)}, of which {amount(stored)} are stored"
+            raise DatasetError(path, "file", "a file with content", actual)
+        yield stream
 
 
 def amount(size: float) -> str:
     """Return a number of bytes in words."""
-    for unit, name in ((1e9, "GB"), (1e6, "MB"), (1e3, "kB")):
-        if size >= unit:
-            return f"{size / unit:.1f} {name}"
-    return f"{size:.0f} bytes"
+    return f"{size / 1e9:.1f} GB" if size >= 1e9 else f"{size / 1e6:.3g} MB"
 
 
 def afford(path: Path, field: str, need: int) -> None:
@@ -136,26 +126,19 @@ def _available() -> int | None:
 def read_bytes(path: Path) -> bytes:
     """Return the content of a file."""
     with opened(path) as stream:
-        afford(path, "file", os.fstat(stream.fileno()).st_size)
+        afford(path, "file", 2 * os.fstat(stream.fileno()).st_size)
         return stream.read()
 
 
 def read_text(path: Path) -> str:
     """Return the text of a UTF-8 file; a byte-order mark is dropped."""
-    parts: list[bytes] = []
-    with opened(path) as stream:
-        afford(path, "file", 2 * os.fstat(stream.fileno()).st_size)
-        while part := stream.read(_CHUNK):
-            parts.append(part)
-            if b"\0" in part:
-                break
-    content = b"".join(parts)
+    content = read_bytes(path)
+    if b"\0" in content:
+        raise no_text(path, content, content.index(b"\0"))
     try:
         text = content.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise no_text(path, content, error.start) from error
-    if "\0" in text:
-        raise no_text(path, content, content.index(b"\0"))
     return text.replace("\r\n", "\n").replace("\r", "\n")
 
 
@@ -183,22 +166,17 @@ def read_lines(path: Path) -> Iterator[str]:
             raise no_text(path, error.object, error.start, stream.tell() - len(error.object)) from error
 
 
-_BRACKETS = bytes.maketrans(b"[{]}", b"\x01\x01\xff\xff")
-_UNMARKED = bytes(set(range(256)) - set(b'"[]{}'))
-
-
 def check_json(path: Path, document: str, text: str) -> None:
     """Raise `DatasetError` for JSON nested too deeply for a `document`, or with values beyond the memory."""
-    raw = text.encode("utf-8", "replace")
-    opens = raw.count(b"[") + raw.count(b"{")
-    afford(path, "JSON", 72 * opens + 36 * raw.count(b","))
-    if opens > MOST_DEPTH and depth_of(raw) > MOST_DEPTH:
-        raise DatasetError(path, "JSON", document, f"lists nested too deeply (at most {MOST_DEPTH} deep)")
+    opens = text.count("[") + text.count("{")
+    afford(path, "JSON", 72 * opens + 36 * text.count(","))
+    if opens > _MOST_DEPTH and _depth(text) > _MOST_DEPTH:
+        raise DatasetError(path, "JSON", document, f"lists nested too deeply (at most {_MOST_DEPTH} deep)")
 
 
-def depth_of(raw: bytes) -> int:
+def _depth(text: str) -> int:
     """Return how deep the lists and objects of JSON nest."""
-    raw = re.sub(rb"\\.", b"", raw, flags=re.DOTALL) if b"\\" in raw else raw
+    raw = re.sub(r"\\.", "", text, flags=re.DOTALL).encode("ascii", "replace")
     outside = re.sub(rb'"[^"]*"', b"", raw.translate(None, _UNMARKED)).partition(b'"')[0]
     steps = np.frombuffer(outside.translate(_BRACKETS), dtype=np.int8)
     return int(np.cumsum(steps, dtype=np.int32).max(initial=0))
@@ -220,30 +198,14 @@ def parse_toml(path: Path, text: str) -> dict[str, Any]:
     if _DOTTED.search(text):
         raise DatasetError(path, "TOML", "keys of at most 32 parts", "more")
     try:
-        document = tomllib.loads(text)
+        return tomllib.loads(text)
     except (ValueError, RecursionError) as error:  # a number of thousands of digits is no TOMLDecodeError
         raise DatasetError(path, "TOML", "valid TOML", str(error).partition(";")[0]) from error
-    check_depth(path, "TOML", document)
-    return document
 
 
 def read_toml(path: Path) -> dict[str, Any]:
     """Return the document of a TOML file, or raise `DatasetError`."""
     return parse_toml(path, read_text(path))
-
-
-def check_depth(path: Path, field: str, document: Any) -> None:
-    """Raise `DatasetError` if the lists and tables, or the elements, of a document nest too deeply."""
-    level = [document]
-    for _ in range(MOST_DEPTH + 1):
-        level = [
-            inner
-            for one in level
-            if hasattr(one, "__len__") and not isinstance(one, str)
-            for inner in (one.values() if isinstance(one, dict) else one)
-        ]
-    if level:
-        raise DatasetError(path, field, f"parts nested at most {MOST_DEPTH} deep", "deeper ones")
 
 
 @contextmanager

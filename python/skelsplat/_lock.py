@@ -36,18 +36,12 @@ def locked(folder: Path, name: str = ".skelsplat.lock") -> Iterator[None]:
     try:
         yield
     finally:
-        try:
-            if sys.platform != "win32":  # while it is held: a file removed later could be another's
-                _remove(path)
-        finally:
-            os.close(file)
         if sys.platform == "win32":  # which removes no file that is open
-            _remove(path)
-
-
-def _remove(path: Path) -> None:
-    with suppress(OSError):
-        path.unlink()
+            os.close(file)
+        with suppress(OSError):  # while it is held: a file removed later could be another's
+            path.unlink()
+        if sys.platform != "win32":
+            os.close(file)
 
 
 def _take(path: Path) -> int:
@@ -58,16 +52,16 @@ def _take(path: Path) -> int:
         file = os.open(path, os.O_RDWR | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0), 0o666)
         try:
             _lock(file, path)
-            if _is_at(file, path):
-                break
+            with suppress(FileNotFoundError):
+                if os.path.samestat(os.fstat(file), path.lstat()):
+                    since = datetime.now().astimezone().isoformat(" ", "seconds")
+                    os.truncate(file, 0)
+                    os.write(file, f"process {os.getpid()} on {platform.node()} since {since}".encode())
+                    return file
         except BaseException:
             os.close(file)
             raise
         os.close(file)  # its holder has removed it meanwhile
-    since = datetime.now().astimezone().isoformat(" ", "seconds")
-    os.truncate(file, 0)
-    os.write(file, f"process {os.getpid()} on {platform.node()} since {since}".encode())
-    return file
 
 
 def _lock(file: int, path: Path) -> None:
@@ -79,15 +73,7 @@ def _lock(file: int, path: Path) -> None:
         else:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except OSError as error:
-        if error.errno not in _HELD:
-            return  # a file system without locks
-        who = os.read(file, 200).decode("utf-8", "replace").strip() or "another process"
-        expected, actual = "a folder into which no other run writes", f"one in use by {who}"
-        raise DatasetError(path.parent, "output", expected, actual) from error
-
-
-def _is_at(file: int, path: Path) -> bool:
-    try:
-        return os.path.samestat(os.fstat(file), path.lstat())
-    except OSError:
-        return False
+        if error.errno in _HELD:  # else a file system without locks
+            who = os.read(file, 200).decode("utf-8", "replace").strip() or "another process"
+            expected, actual = "a folder into which no other run writes", f"one in use by {who}"
+            raise DatasetError(path.parent, "output", expected, actual) from error

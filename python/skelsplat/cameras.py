@@ -28,11 +28,6 @@ class CameraRig(Sequence[Camera]):
     ------
     InvalidInputError
         If there is no camera, an item is not a ``Camera``, a name comes twice, or the unit is unknown.
-
-    Examples
-    --------
-    >>> rig["cam_01"].size                                                                # doctest: +SKIP
-    (1088, 1920)
     """
 
     __slots__ = ("_cameras", "_unit")
@@ -118,7 +113,7 @@ def without_distortion(camera: Camera) -> Camera:
 def matrix_from_vector(vector: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the rotation matrix (3, 3) of a rotation vector (3,) (Rodrigues: axis times angle in radians).
 
-    R = I + sinc(θ)·[v]ₓ + ½·sinc²(θ/2)·[v]ₓ², which holds at θ = 0 without a special case.
+    R = I + sinc(θ)·[v]ₓ + ½·sinc²(θ/2)·[v]ₓ².
     """
     angle = float(np.linalg.norm(vector))
     x, y, z = vector
@@ -144,23 +139,9 @@ def matrix_from_quaternion(quaternion: NDArray[np.float64]) -> NDArray[np.float6
 def vector_from_matrix(rotation: NDArray[np.float64]) -> NDArray[np.float64]:
     """Rotation vector (3,) in radians, angle at most π, of a rotation matrix (3, 3).
 
-    Goes through the quaternion, read off the row with the largest diagonal, so that no angle, π included,
-    loses digits.
+    Goes through 4·q qᵀ of the unit quaternion q = (w, x, y, z), whose row with the largest diagonal is q up
+    to a factor, so that no angle, π included, loses digits.
     """
-    w, *xyz = _quaternion(rotation)
-    axis = np.array(xyz)
-    sine = float(np.linalg.norm(axis))
-    if sine == 0.0:
-        return np.zeros(3)
-    # w < 0 is the same rotation the long way round
-    angle = 2.0 * np.arctan2(sine, abs(w))
-    vector: NDArray[np.float64] = axis * (np.copysign(angle, w) / sine)
-    return vector
-
-
-def _quaternion(rotation: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Quaternion (w, x, y, z), not normalised, of a rotation matrix."""
-    # 4·q qᵀ for the unit quaternion q: its row with the largest diagonal is q up to a factor
     r = rotation
     outer = np.array(
         [
@@ -170,5 +151,10 @@ def _quaternion(rotation: NDArray[np.float64]) -> NDArray[np.float64]:
             [r[1, 0] - r[0, 1], r[0, 2] + r[2, 0], r[1, 2] + r[2, 1], 1.0 - r[0, 0] - r[1, 1] + r[2, 2]],
         ]
     )
-    row: NDArray[np.float64] = outer[int(np.argmax(np.diag(outer)))]
-    return row
+    w, *axis = outer[int(np.argmax(np.diag(outer)))]
+    sine = float(np.linalg.norm(axis))
+    if sine == 0.0:
+        return np.zeros(3)
+    angle = 2.0 * np.arctan2(sine, abs(w))  # w < 0 is the same rotation the long way round
+    vector: NDArray[np.float64] = np.array(axis) * (np.copysign(angle, w) / sine)
+    return vector

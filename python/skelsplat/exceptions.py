@@ -66,27 +66,20 @@ class MissingPackageError(SkelSplatError, ImportError):
 class DatasetError(SkelSplatError):
     """A file or folder is missing, unreadable or not what its format says.
 
-    Parameters
-    ----------
-    path : str or Path
-        The file or folder.
-    field : str
-        The part of it that is wrong, such as ``"cam01.matrix"`` or ``"line 3"``.
-    expected, actual : object
-        What the format asks for and what the file holds; shown with ``str``.
-
     Attributes
     ----------
     path : Path
-    field, expected, actual : str
+        The file or folder.
+    field : str
+        The part of it that is wrong, such as ``"cam01.matrix"`` or ``"line 3"``.
+    expected, actual : str
+        What the format asks for and what the file holds.
     """
 
     def __init__(self, path: str | Path, field: str, expected: object, actual: object) -> None:
         super().__init__(str(path), field, str(expected), str(actual))
-        self.path = Path(path)
-        self.field = field
-        self.expected = str(expected)
-        self.actual = str(actual)
+        self.path, self.field = Path(path), field
+        self.expected, self.actual = str(expected), str(actual)
 
     @classmethod
     def of_argument(cls, path: str | Path, error: InvalidInputError) -> DatasetError:

@@ -18,7 +18,7 @@ from pose_sample import sample
 from skelsplat import io
 from skelsplat.io import _guarded
 from skelsplat.io._arrays import load_npy, load_npz
-from skelsplat.io._guarded import load_mat, unpickle
+from skelsplat.io._guarded import read_guarded, unpickle
 
 STRUCTURED = np.dtype([("R", np.float32, (3, 3)), ("name", "U5"), ("row", ">i4")])
 VALUES = {
@@ -197,10 +197,13 @@ def test_a_mat_file_has_cells_structures_and_texts(tmp_path):
     cells = np.empty((1, 2), object)
     cells[0] = [{"K": np.eye(3), "name": "é"}, np.arange(4.0)]
     scipy.savemat(tmp_path / "a.mat", {"params": cells, "t": [[1, 2]]})
-    found, expected = load_mat(tmp_path / "a.mat", "cells"), scipy.loadmat(tmp_path / "a.mat")
+    found, expected = (
+        read_guarded("mat", tmp_path / "a.mat", "cells", names=None),
+        scipy.loadmat(tmp_path / "a.mat"),
+    )
     assert found["params"].dtype == expected["params"].dtype
     assert repr(found["params"]) == repr(expected["params"])
-    assert list(load_mat(tmp_path / "a.mat", "cells", ["t"])) == ["t"]
+    assert list(read_guarded("mat", tmp_path / "a.mat", "cells", names=["t"])) == ["t"]
 
 
 def element(kind: int, data: bytes) -> bytes:

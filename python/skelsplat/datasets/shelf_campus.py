@@ -39,7 +39,7 @@ from skelsplat.datasets._detections import (
 from skelsplat.datasets._files import Survey, build_rig, camera_at_centre, load_json, load_npz, load_pickle
 from skelsplat.datasets._model import Dataset, PeopleTake, Take
 from skelsplat.exceptions import DatasetError
-from skelsplat.io._guarded import load_mat
+from skelsplat.io._guarded import read_guarded
 from skelsplat.layouts import COCO17, SHELF14
 
 Actors = Sequence[tuple[Index, Array]]
@@ -269,7 +269,7 @@ def _of_pickle(path: Path, cameras: Sequence[str]) -> tuple[Index, Array]:
 def read_actors(path: Path, n_joints: int) -> Actors:
     """Return the actors' frames and joints."""
     require("scipy.io", str(path), "evaluation")
-    content = load_mat(path, "a complete MATLAB file before version 7.3")
+    content = read_guarded("mat", path, "a complete MATLAB file before version 7.3", names=None)
     if "actor3D" not in content:
         there = ", ".join(key for key in content if not key.startswith("__")) or "nothing"
         raise DatasetError(path, "actor3D", "cells of actors", f"only {there}")

@@ -18,7 +18,6 @@ from skelsplat.exceptions import DatasetError
 
 _HEAD = 65_536  # bytes
 _SURROGATE = re.compile(r"\\u[dD][89a-fA-F]")
-_FIELDS = "comma-separated fields, every quote closed"
 VIDEO_SUFFIXES = (".mp4", ".avi", ".mov", ".mkv", ".webm", ".m4v", ".mpg", ".mpeg", ".mts", ".wmv")
 
 
@@ -57,17 +56,15 @@ def csv_lines(path: Path) -> Iterator[list[str]]:
         for line in reader:
             columns = len(line) if columns is None else columns
             if (line and len(line) != columns) or columns > MOST_COLUMNS:
-                expected = _fields(columns) if columns <= MOST_COLUMNS else f"at most {_fields(MOST_COLUMNS)}"
-                raise DatasetError(path, f"line {first}", expected, _fields(len(line)))
+                expected = f"{min(columns, MOST_COLUMNS)} fields"
+                raise DatasetError(path, f"line {first}", expected, f"{len(line)} fields")
             yield line
             first = reader.line_num + 1
     except csv.Error as error:
-        expected, actual = _csv_fault(error, reader.line_num - first)
+        is_open = reader.line_num > first or "unexpected end" in str(error)  # only a quote makes a line go on
+        actual = "a quote that is not closed in this line" if is_open else str(error)
+        expected = "comma-separated fields, every quote closed"
         raise DatasetError(path, f"line {first}", expected, actual) from error
-
-
-def _fields(count: int) -> str:
-    return f"{count} field{'s' * (count != 1)}"
 
 
 def csv_header(path: Path) -> list[str]:
@@ -78,25 +75,10 @@ def csv_header(path: Path) -> list[str]:
         return []
 
 
-def _csv_fault(error: csv.Error, further_lines: int) -> tuple[str, str]:
-    """Return what is expected of a line and what is there; only an open quote makes a line go on."""
-    if further_lines or "unexpected end" in str(error):
-        return _FIELDS, "a quote that is not closed in this line"
-    if "limit" in str(error):
-        return f"fields of at most {csv.field_size_limit()} characters", "a longer one"
-    return _FIELDS, str(error)
-
-
-class _TwiceError(Exception):
-    """A key is twice in an object."""
-
-
 def _with_keys_once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     table = dict(pairs)
     if len(table) < len(pairs):
-        raise _TwiceError(
-            next(key for key, count in Counter(key for key, _ in pairs).items() if count > 1)[:40]
-        )
+        raise ValueError(Counter(key for key, _ in pairs).most_common(1)[0][0][:40])
     return table
 
 
@@ -113,14 +95,14 @@ def load_json(path: Path, document: str, text: str | None = None) -> Any:
         value = json.loads(text, parse_int=whole_number, object_pairs_hook=_with_keys_once)
         if _SURROGATE.search(text):
             json.dumps(value, ensure_ascii=False).encode()
-    except _TwiceError as error:
-        raise DatasetError(path, "JSON", "every key once in an object", f"{error.args[0]!r} twice") from None
     except json.JSONDecodeError as error:
         at = f"character {error.pos} of {len(text)}, at line {error.lineno}, column {error.colno}"
         actual = f"{error.msg.lower().removesuffix(' at')} at {at}"
         raise DatasetError(path, "JSON", "a complete JSON document", actual) from error
     except UnicodeEncodeError:
         raise DatasetError(path, "JSON", "texts in Unicode", "half a character (a lone surrogate)") from None
+    except ValueError as error:
+        raise DatasetError(path, "JSON", "every key once in an object", f"{error.args[0]!r} twice") from None
     return value
 
 

@@ -1,7 +1,7 @@
 """Files whose libraries can run code, hang or crash: pickles, arrays of objects, MAT, HDF5, NetCDF, C3D.
 
-One child process (`_guarded_child`) reads all of them, within limits of memory and time, and hands back plain
-arrays. It is started with the first such file, and again after a file has ended it.
+One child process (`_guarded_child`) reads all of them, within limits of memory and time, and hands back
+arrays and values of builtin types. It is started with the first such file, and after one that has ended it.
 """
 
 from __future__ import annotations
@@ -10,20 +10,17 @@ import atexit
 import contextlib
 import json
 import os
+import pickle
 import subprocess
 import sys
-import tempfile
 import threading
-from collections.abc import Collection
 from pathlib import Path
 from typing import Any
-
-import numpy as np
 
 from skelsplat._budget import opened
 from skelsplat._optional import check_installed
 from skelsplat.exceptions import DatasetError
-from skelsplat.io._guarded_child import unpacked
+from skelsplat.io._guarded_child import ALLOWED
 
 _CHILD = Path(__file__).with_name("_guarded_child.py")
 # What reading may take: of sound files, 13 bytes of memory and 0.1 µs were measured per byte, of C3D.
@@ -40,67 +37,59 @@ _NEEDED = {
 }
 
 
+class _Answer(pickle.Unpickler):
+    """What the child has checked: arrays and values of builtin types."""
+
+    def find_class(self, module: str, name: str) -> Any:
+        if (module, name) not in ALLOWED:
+            raise pickle.UnpicklingError(f"{module}.{name}")
+        return super().find_class(module, name)
+
+
 class _Child:
-    """The process, and the folder in which it leaves what it has read."""
+    """The process."""
 
     def __init__(self) -> None:
-        self._folder = tempfile.TemporaryDirectory(prefix="skelsplat-")
         self._process = subprocess.Popen(
             [sys.executable, "-I", str(_CHILD), *(path for path in sys.path if path)],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
-            text=True,
             env={**os.environ, "OPENBLAS_NUM_THREADS": "1"},
             start_new_session=True,  # so that Ctrl-C reaches this process alone
         )
-        self.owner = os.getpid()
+        self._owner = os.getpid()
 
-    def ask(self, request: dict[str, Any], seconds: float) -> tuple[list[Any] | str, Any]:
-        """Return the answer to a request, or how the child ended; and what it has read."""
-        target = Path(self._folder.name, "read.npz")
-        target.unlink(missing_ok=True)
+    def ask(self, request: dict[str, Any], seconds: float) -> tuple[Any, Any]:
+        """Return why a file is refused, or how it ended the child, else nothing; and what it holds."""
+        requests, answers = self._process.stdin, self._process.stdout
+        assert requests is not None
+        assert answers is not None
         timer = threading.Timer(seconds, self._process.kill)
         timer.start()
         try:
-            line = self._told({**request, "target": str(target)})
+            with contextlib.suppress(BrokenPipeError):
+                requests.write(json.dumps(request).encode() + b"\n")
+                requests.flush()
+            refused, content = _Answer(answers).load()
+        except (EOFError, pickle.UnpicklingError):
+            status = self._process.wait()
+            return f"signal {-status}" if status < 0 else f"status {status}", None
         finally:
             timer.cancel()
-        if not line:
-            return self._ended(), None
-        answer = json.loads(line)
-        return answer, _content(target) if not answer else None
-
-    def _told(self, request: dict[str, Any]) -> str:
-        assert self._process.stdin is not None
-        assert self._process.stdout is not None
-        with contextlib.suppress(BrokenPipeError):
-            self._process.stdin.write(json.dumps(request) + "\n")
-            self._process.stdin.flush()
-        return self._process.stdout.readline()
-
-    def _ended(self) -> str:
-        status = self._process.wait()
-        return f"signal {-status}" if status < 0 else f"status {status}"
+        return refused, content
 
     def close(self) -> None:
         """End the process; in a fork of the one that started it, only forget it."""
-        if self.owner == os.getpid():
+        if self._owner == os.getpid():
             self._process.kill()
             self._process.wait()
-            self._folder.cleanup()
         else:
             self._process.returncode = 0
-            self._folder._finalizer.detach()  # type: ignore[attr-defined]
         for stream in (self._process.stdin, self._process.stdout):
             if stream is not None:
                 with contextlib.suppress(OSError):
                     stream.close()
-
-
-def _content(target: Path) -> Any:
-    with np.load(target, allow_pickle=False) as arrays:
-        return unpacked(json.loads(arrays["tree"].tobytes()), arrays["content"])
 
 
 _child: _Child | None = None
@@ -147,25 +136,18 @@ def read_guarded(kind: str, path: Path, expected: str, *, field: str = "file", *
     with _taking_turns:
         try:
             _child = _child or _Child()
-            answer, content = _child.ask(request, _BUSY * (1 + seconds))
+            refused, content = _child.ask(request, _BUSY * (1 + seconds))
         except BaseException:
             _end()
             raise
-        if isinstance(answer, str):
+        if isinstance(refused, str):
             _end()
-            raise DatasetError(path, field, expected, f"one that ends its reader ({answer})")
-    if answer:
-        raise DatasetError(path, (*answer, field)[2], answer[0] or expected, answer[1])
+            raise DatasetError(path, field, expected, f"one that ends its reader ({refused})")
+    if refused:
+        raise DatasetError(path, (*refused, field)[2], refused[0] or expected, refused[1])
     return content
 
 
 def unpickle(path: Path) -> Any:
     """Return the object in a pickle: data alone, of builtin types and NumPy; nothing in it is run."""
     return read_guarded("pickle", path, "a complete pickle", field="pickle")
-
-
-def load_mat(path: Path, expected: str, names: Collection[str] | None = None) -> dict[str, Any]:
-    """Return the variables of a MAT-file, or those of these names."""
-    wanted = None if names is None else list(names)
-    found: dict[str, Any] = read_guarded("mat", path, expected, names=wanted)
-    return found

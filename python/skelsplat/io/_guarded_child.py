@@ -1,10 +1,9 @@
 """Reads files whose libraries can run code, hang or crash, in a process of its own; `_guarded` starts it.
 
-The process imports what a file needs and not this package. A pickle gets the names in `_allowed` alone, also
+The process imports what a file needs and not this package. A pickle gets the names in `ALLOWED` alone, also
 where another library opens it: NumPy for arrays of objects, PyTables for attributes.
 """
 
-import ast
 import contextlib
 import importlib
 import io
@@ -25,6 +24,9 @@ import numpy as np
 _DEEPEST = 64  # lists within lists
 _FURTHER = 10**5  # values beyond one per byte of the file: a pickle can name a list again and again
 _CLASSES = "NumPy arrays, numbers and builtin containers only"
+# types of values that a pickle may name, and that are handed back
+_CONTAINERS = (list, tuple, set, frozenset)
+_ATOMS = (bool, int, float, complex, str, bytes, bytearray)
 
 
 class RefusedError(Exception):
@@ -62,10 +64,6 @@ class _Array(np.ndarray[Any, Any]):
         super().__setstate__((1, shape, dtype.made(), bool(fortran), raw))  # type: ignore[arg-type]
 
 
-def _reconstruct(*_: object) -> _Array:
-    return _Array((0,), np.int8)
-
-
 def _scalar(dtype: _Dtype, raw: Any = b"") -> Any:
     raw = raw.encode("latin1") if isinstance(raw, str) else raw
     return np.frombuffer(raw, dtype.made())[0] if raw else dtype.made().type()
@@ -76,51 +74,29 @@ def _frombuffer(raw: Any, dtype: _Dtype, shape: Any, order: str) -> Any:
     return flat.reshape(shape, order="F" if order == "F" else "C").copy(order="K")
 
 
-def _encode(text: str, _: str = "latin1") -> bytes:
-    """Bytes as protocol 2 writes them."""
-    return text.encode("latin1")
-
-
-class _Function:
-    """A function that a pickle may call, and not change."""
-
-    __slots__ = ("_call",)
-
-    def __init__(self, call: Callable[..., Any]) -> None:
-        self._call = call
-
-    def __call__(self, *args: Any) -> Any:
-        return self._call(*args)
-
-
-def _names() -> dict[tuple[str, str], Any]:
-    """Return what a pickle may name, under the names of NumPy 1 and 2 and of Python 2 and 3."""
-    names: dict[tuple[str, str], Any] = {
-        ("numpy", "ndarray"): _Array,
-        ("numpy", "dtype"): _Function(_Dtype),
-        ("collections", "OrderedDict"): _Function(OrderedDict),
-        ("_codecs", "encode"): _Function(_encode),
-        ("__builtin__", "long"): _Function(int),
-        ("__builtin__", "unicode"): _Function(str),
-    }
-    for core in ("numpy.core", "numpy._core"):
-        names[f"{core}.multiarray", "_reconstruct"] = _Function(_reconstruct)
-        names[f"{core}.multiarray", "scalar"] = _Function(_scalar)
-        names[f"{core}.numeric", "_frombuffer"] = _Function(_frombuffer)
-    kinds = (list, tuple, dict, set, frozenset, bool, int, float, complex, str, bytes, bytearray)
-    for module in ("builtins", "__builtin__"):
-        names |= {(module, kind.__name__): _Function(kind) for kind in kinds}
-    return names
-
-
-_allowed = _names()
+# what a pickle may name, under the names of NumPy 1 and 2 and of Python 2 and 3
+ALLOWED: dict[tuple[str, str], Callable[..., Any]] = {
+    ("numpy", "ndarray"): _Array,
+    ("numpy", "dtype"): _Dtype,
+    ("collections", "OrderedDict"): OrderedDict,
+    ("_codecs", "encode"): lambda text, *_: text.encode("latin1"),  # bytes as protocol 2 writes them
+    ("__builtin__", "long"): int,
+    ("__builtin__", "unicode"): str,
+}
+for _core in ("numpy.core", "numpy._core"):
+    ALLOWED[f"{_core}.multiarray", "_reconstruct"] = lambda *_: _Array((0,), np.int8)
+    ALLOWED[f"{_core}.multiarray", "scalar"] = _scalar
+    ALLOWED[f"{_core}.numeric", "_frombuffer"] = _frombuffer
+for _module in ("builtins", "__builtin__"):
+    ALLOWED |= {(_module, kind.__name__): kind for kind in (dict, *_CONTAINERS, *_ATOMS)}
 
 
 class _Unpickler(pickle.Unpickler):
     def find_class(self, module: str, name: str) -> Any:
-        if (module, name) not in _allowed:
+        if (module, name) not in ALLOWED:
             raise RefusedError(_CLASSES, f"the class or function {module}.{name}")
-        return _allowed[module, name]
+        call = ALLOWED[module, name]
+        return lambda *args: call(*args)  # which a pickle may give attributes without harm
 
     def persistent_load(self, _: Any) -> Any:
         raise RefusedError(_CLASSES, "a reference to something outside the file")
@@ -131,59 +107,43 @@ def _load(stream: Any, **_: object) -> Any:
     return _Unpickler(stream, encoding="latin1").load()
 
 
-def _restrict_pickles() -> None:
-    """Let every library of this process open pickles with `_load`."""
-    module: Any = pickle
-    module.load = module._load = _load
-    module.loads = module._loads = lambda data, **_: _load(io.BytesIO(data))
-
-
-class _Packer:
-    """Turns a value into JSON and bytes: arrays are one after the other in one array of bytes."""
+class _Checker:
+    """Lets through values of builtin types and NumPy alone, so many of them and nested so deep."""
 
     def __init__(self, most: int) -> None:
-        self.parts: list[bytes] = []
-        self.size = 0
         self._left = most
 
-    def pack(self, value: Any, level: int = 0) -> Any:
-        if value is None or (
-            isinstance(value, bool | str | int | float) and not isinstance(value, np.generic)
-        ):
+    def checked(self, value: Any, level: int = 0) -> Any:
+        """Return a value, arrays of this module's type as NumPy's own."""
+        if value is None or type(value) in _ATOMS:
             return value
         self._left -= 1
         if self._left < 0:
             raise RefusedError("at most one value per byte", "more, by naming the same ones again")
         if level > _DEEPEST:
             raise RefusedError(f"lists and tables nested at most {_DEEPEST} deep", "deeper ones")
-        if isinstance(value, np.ndarray | np.generic):
-            return self._array(value, level)
+        if isinstance(value, np.ndarray):
+            return self._array(np.asarray(value), level)
         if isinstance(value, dict):
-            pairs = [[self.pack(key, level + 1), self.pack(one, level + 1)] for key, one in value.items()]
-            return ["dict", pairs]
-        for kind in (list, tuple, set, frozenset):
-            if isinstance(value, kind):
-                return [kind.__name__, [self.pack(one, level + 1) for one in value]]
-        if isinstance(value, bytes | bytearray):
-            return [type(value).__name__, value.decode("latin1")]
-        if isinstance(value, complex):
-            return ["complex", [value.real, value.imag]]
+            pairs = value.items()
+            return {self.checked(key, level + 1): self.checked(one, level + 1) for key, one in pairs}
+        if type(value) in _CONTAINERS:
+            return type(value)(self.checked(one, level + 1) for one in value)
+        if isinstance(value, np.generic) and not value.dtype.hasobject:
+            return value
         raise RefusedError(_CLASSES, type(value).__name__)
 
-    def _array(self, value: Any, level: int) -> Any:
-        array = np.asarray(value)
-        shape, is_scalar = list(array.shape), isinstance(value, np.generic)
+    def _array(self, array: Any, level: int) -> Any:
         if array.dtype.names and array.dtype.hasobject:
-            columns = [[name, self.pack(array[name], level + 1)] for name in array.dtype.names]
-            return ["record", shape, is_scalar, columns]
-        if array.dtype.hasobject:
-            return ["objects", shape, [self.pack(one, level + 1) for one in array.ravel().tolist()]]
-        order = "F" if array.flags.f_contiguous and not array.flags.c_contiguous else "C"
-        content = array.tobytes(order=order)  # type: ignore[arg-type]
-        start, self.size = self.size, self.size + len(content)
-        self.parts.append(content)
-        dtype = repr(np.lib.format.dtype_to_descr(array.dtype)) if array.dtype.names else array.dtype.str
-        return ["array", shape, is_scalar, dtype, order, start, len(content)]
+            columns = {name: self.checked(array[name], level + 1) for name in array.dtype.names}
+            array = array.copy()
+            for name, column in columns.items():
+                array[name] = column
+        elif array.dtype.hasobject:
+            flat = np.empty(array.size, object)
+            flat[:] = [self.checked(one, level + 1) for one in array.ravel().tolist()]
+            return flat.reshape(array.shape)
+        return array
 
 
 def _pickle(path: str) -> Any:
@@ -205,19 +165,16 @@ def _mat(path: str, names: list[str] | None) -> Any:
 def _hdf5(path: str, names: Iterable[str]) -> Any:
     """Return the keys of the file, and the datasets of these names with their attributes."""
     h5py = importlib.import_module("h5py")
+    found, attributes = {}, {}
     with h5py.File(path, "r") as file:
-        found = {name: _dataset(h5py, file, name) for name in names if name in file}
-        attributes = {name: dict(file[name].attrs) for name in found}
+        for name in (name for name in names if name in file):
+            item, link = file[name], file.get(name, getlink=True)
+            if isinstance(link, h5py.ExternalLink) or not isinstance(item, h5py.Dataset):
+                raise RefusedError("a dataset in this file", "something else", name)
+            if item.is_virtual or item.external:
+                raise RefusedError("data in this file", "those of another", name)
+            found[name], attributes[name] = item[()], dict(item.attrs)
         return {"keys": list(file), "arrays": found, "attributes": {"": dict(file.attrs), **attributes}}
-
-
-def _dataset(h5py: Any, file: Any, name: str) -> Any:
-    item = file[name]
-    if isinstance(file.get(name, getlink=True), h5py.ExternalLink) or not isinstance(item, h5py.Dataset):
-        raise RefusedError("a dataset in this file", "something else", name)
-    if item.is_virtual or item.external:
-        raise RefusedError("data in this file", "those of another", name)
-    return item[()]
 
 
 def _table(path: str) -> Any:
@@ -228,19 +185,19 @@ def _table(path: str) -> Any:
         tables = [key for key in keys if str(store.get_storer(key).pandas_type).startswith("frame")]
         table = store[tables[0]] if len(tables) == 1 else None
     if table is None or not hasattr(table.columns, "levels"):
-        named = f"tables {', '.join(tables)}" if tables else f"keys {', '.join(keys) or 'none'}"
-        actual = named if table is None else "columns of one level"
-        raise RefusedError(
-            "one table in the file (df_with_missing or tracks), of several levels", actual, "key"
-        )
+        there = f"tables {', '.join(tables)}" if tables else f"keys {', '.join(keys) or 'none'}"
+        expected = "one table in the file (df_with_missing or tracks), of several levels"
+        raise RefusedError(expected, there if table is None else "columns of one level", "key")
     if table.index.nlevels != 1 or table.index.dtype.kind not in "iu":
         raise RefusedError("frame numbers (results of a video)", str(table.index[:1].tolist()), "index")
     if not all(dtype.kind in "fiu" for dtype in table.dtypes):
         raise RefusedError("numbers", "columns of another kind", "values")
-    columns = [tuple(str(part) for part in column) for column in table.columns]
-    levels = tuple(str(name) for name in table.columns.names)
-    values = np.asarray(table.to_numpy(dtype=np.float64))
-    return {"columns": columns, "levels": levels, "index": table.index.tolist(), "values": values}
+    return {
+        "columns": [tuple(map(str, column)) for column in table.columns],
+        "levels": tuple(map(str, table.columns.names)),
+        "index": table.index.tolist(),
+        "values": np.asarray(table.to_numpy(dtype=np.float64)),
+    }
 
 
 def _netcdf(path: str) -> Any:
@@ -316,15 +273,11 @@ _READERS: dict[str, tuple[Callable[..., Any], tuple[str, ...]]] = {
 }
 
 
-def _held() -> int:
-    """Return the bytes of data of this process."""
-    with contextlib.suppress(OSError, IndexError, ValueError), open("/proc/self/statm") as stream:  # noqa: PTH123
-        return int(stream.read().split()[5]) * os.sysconf("SC_PAGE_SIZE")
-    return 2**29
-
-
 def _limit(memory: int, seconds: int) -> None:
     """Limit this process to so many bytes, and seconds of its processor, beyond what it has taken."""
+    held = 2**29
+    with contextlib.suppress(OSError), open("/proc/self/statm") as stream:  # noqa: PTH123
+        held = int(stream.read().split()[5]) * os.sysconf("SC_PAGE_SIZE")
     with contextlib.suppress(ImportError, OSError, ValueError):  # Windows has no limits, macOS not all
         import resource
 
@@ -332,73 +285,42 @@ def _limit(memory: int, seconds: int) -> None:
         for what, most in (
             (resource.RLIMIT_CORE, 0),
             (resource.RLIMIT_CPU, int(used) + 1 + seconds),
-            (resource.RLIMIT_DATA, _held() + memory),
+            (resource.RLIMIT_DATA, held + memory),
         ):
             hard = resource.getrlimit(what)[1]
             resource.setrlimit(what, (most if hard == resource.RLIM_INFINITY else min(most, hard), hard))
 
 
-def _answer(kind: str, path: str, target: str, memory: int, seconds: int, options: dict[str, Any]) -> Any:
-    """Read a file and write what is in it as npz; return why not, or nothing."""
+def _answer(kind: str, path: str, memory: int, seconds: int, options: dict[str, Any]) -> bytes:
+    """Return, pickled, why a file is not read, or nothing, and what it holds."""
     read, modules = _READERS[kind]
+    refused: tuple[Any, ...] = ()
     try:
         for module in modules:
             importlib.import_module(module)
         _limit(memory, seconds)
-        packer = _Packer(os.path.getsize(path) + _FURTHER)  # noqa: PTH202
-        tree = json.dumps(packer.pack(read(path, **options))).encode()
-        content = np.frombuffer(b"".join(packer.parts), np.uint8)
-        np.savez(target, tree=np.frombuffer(tree, np.uint8), content=content)
+        checker = _Checker(os.path.getsize(path) + _FURTHER)  # noqa: PTH202
+        return pickle.dumps((refused, checker.checked(read(path, **options))), protocol=5)
     except RefusedError as error:
-        return error.args
+        refused = error.args
     except MemoryError:
-        return None, "more than the memory that such a file may take"
+        refused = None, "more than the memory that such a file may take"
     except BaseException as error:
         lines = str(error).strip().splitlines()
-        return None, lines[-1] if lines else type(error).__name__
-    return ()
+        refused = None, lines[-1] if lines else type(error).__name__
+    return pickle.dumps((refused, None))
 
 
 def _serve() -> None:
     """Answer each line of requests; the libraries' own output goes nowhere."""
-    answers = os.fdopen(os.dup(1), "w")
+    answers = os.fdopen(os.dup(1), "wb")
     os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
-    _restrict_pickles()
+    module: Any = pickle  # of which every library here takes what opens pickles
+    module.load = module._load = _load
+    module.loads = module._loads = lambda data, **_: _load(io.BytesIO(data))
     for line in sys.stdin:
-        print(json.dumps(_answer(**json.loads(line))), file=answers, flush=True)
-
-
-def unpacked(tree: Any, content: Any) -> Any:
-    """Return the value that a `_Packer` has packed into a tree of JSON and bytes."""
-    if not isinstance(tree, list):
-        return tree
-    kind, first, *rest = tree
-    if kind == "dict":
-        return {unpacked(key, content): unpacked(value, content) for key, value in first}
-    if kind in ("list", "tuple", "set", "frozenset"):
-        make = {"list": list, "tuple": tuple, "set": set, "frozenset": frozenset}[kind]
-        return make(unpacked(one, content) for one in first)
-    if kind in ("bytes", "bytearray"):
-        return first.encode("latin1") if kind == "bytes" else bytearray(first, "latin1")
-    return complex(*first) if kind == "complex" else _unpacked_array(kind, first, rest, content)
-
-
-def _unpacked_array(kind: str, shape: list[int], rest: list[Any], content: Any) -> Any:
-    if kind == "objects":
-        array: Any = np.empty(len(rest[0]), object)
-        array[:] = [unpacked(one, content) for one in rest[0]]
-        return array.reshape(shape)
-    if kind == "record":
-        columns = [(name, np.asarray(unpacked(column, content))) for name, column in rest[1]]
-        array = np.empty(shape, [(name, one.dtype, one.shape[len(shape) :]) for name, one in columns])
-        for name, column in columns:
-            array[name] = column
-    else:
-        descr, order, start, size = rest[1:]
-        known = np.lib.format.descr_to_dtype(ast.literal_eval(descr)) if descr[0] == "[" else np.dtype(descr)
-        raw = content[start : start + size].tobytes()
-        array = np.frombuffer(raw, known).reshape(shape, order=order) if raw else np.empty(shape, known)
-    return array[()] if rest[0] else array.copy(order="K")
+        answers.write(_answer(**json.loads(line)))
+        answers.flush()
 
 
 if __name__ == "__main__":

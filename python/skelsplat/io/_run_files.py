@@ -7,6 +7,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
+from skelsplat._fields import Field
 from skelsplat.exceptions import DatasetError
 from skelsplat.io._arrays import load_npz
 from skelsplat.io._files import head, load_json
@@ -20,12 +21,10 @@ UNFINISHED = "unfinished"
 RUN, MARKED = "run", (POSES, CAMERAS, DETECTIONS, LAYOUT)
 """Key in a report of what tells runs apart, and the files that have it, too; earlier versions wrote none."""
 
-_START = 1024  # characters; the versions come first
-
 
 def is_run(folder: Path) -> bool:
-    """Say whether a run wrote into this folder, whole or not, by how its report begins."""
-    start = head(folder / REPORT)[:_START]
+    """Say whether a run wrote into this folder, whole or not, by how its report begins: with the versions."""
+    start = head(folder / REPORT)[:1024]
     return '"versions"' in start and '"skelsplat"' in start
 
 
@@ -39,6 +38,19 @@ def folders_of_run(folder: Path) -> list[str]:
     return [name for name in _listed(folder, "folders") or [] if is_person(name)]
 
 
+def _listed(folder: Path, key: str) -> list[str] | None:
+    """Return the names under a key of a run's report; None without a run."""
+    try:
+        report = Field(
+            folder / REPORT, "", load_json(folder / REPORT, "a report") if is_run(folder) else None
+        )
+        if "skelsplat" not in report["versions"] or "settings" not in report:
+            return None
+        return report[key].names()
+    except DatasetError:
+        return None
+
+
 def is_person(name: str) -> bool:
     """Whether a folder has the name of one person's, ``person_0``."""
     return re.fullmatch(r"person_\d+", name) is not None
@@ -47,27 +59,6 @@ def is_person(name: str) -> bool:
 def mark(run: str) -> str:
     """Return the text that says in the cameras and the layout which run they are of."""
     return f"run {run}"
-
-
-def run_of(path: Path) -> str | None:
-    """Return the run that a file is of: its report, detections, poses, cameras or layout; None if not marked.
-
-    Raises
-    ------
-    DatasetError
-        If the file cannot be read.
-    """
-    if path.suffix == ".npz":
-        return next((str(run) for run in load_npz(path, (RUN,)).found.values()), None)
-    if path.suffix == ".json":
-        document = load_json(path, "a file of a run")
-        found = document if isinstance(document, dict) else {}
-        return _marked(str(found.get("note"))) if path.name == CAMERAS else found.get(RUN)
-    return _marked(head(path).partition("\n")[0].removeprefix("# "))
-
-
-def _marked(text: str) -> str | None:
-    return text.removeprefix(mark("")) if text.startswith(mark("")) else None
 
 
 def of_person(run: str, folder: str) -> str:
@@ -95,45 +86,34 @@ def check_finished(path: Path, report: Any) -> None:
 
 def check_one_run(report: Path, files: Iterable[Path]) -> None:
     """Raise `DatasetError`, which names both, if a file is of another run than a report."""
-    run = run_of(report)
+    run = _run_of(report)
     for path in files:
         _check(path, run, report)
 
 
 def check_people(report: Path) -> None:
     """Raise `DatasetError` if the report in a folder of a run of several people is not that person's."""
-    run = run_of(report)
+    run = _run_of(report)
     for name in folders_of_run(report.parent):
-        _check(
-            report.parent / name / REPORT,
-            None if run is None else of_person(run, name),
-            report,
-            "runs or people",
-        )
+        _check(report.parent / name / REPORT, None if run is None else of_person(run, name), report)
 
 
-def _check(path: Path, run: str | None, report: Path, what: str = "runs") -> None:
-    found = run_of(path)
+def _check(path: Path, run: str | None, report: Path) -> None:
+    found = _run_of(path)
     if found != run:
-        expected, got = (f"{_short(run)}, as in {report}", f"files of two {what} are mixed, run it again")
-        raise DatasetError(path, RUN, expected, f"{_short(found)}: {got}")
+        actual = f"{found or 'none'}: files of two runs or people are mixed, run it again"
+        raise DatasetError(path, RUN, f"{run or 'none'}, as in {report}", actual)
 
 
-def _short(run: object) -> str:
-    text = "none" if run is None else str(run)
-    return text if len(text) <= 60 else f"{text[:57]}..."
-
-
-def _listed(folder: Path, key: str) -> list[str] | None:
-    """Return the names under a key of a run's report; None without a run."""
-    if not is_run(folder):
-        return None
-    try:
-        report = load_json(folder / REPORT, "a report")
-    except DatasetError:
-        return None
-    versions = report.get("versions") if isinstance(report, dict) else None
-    if not (isinstance(versions, dict) and "skelsplat" in versions and "settings" in report):
-        return None
-    listed = report.get(key)
-    return [name for name in listed if isinstance(name, str)] if isinstance(listed, list) else []
+def _run_of(path: Path) -> str | None:
+    """Return the run that a file is of; None if it is not marked."""
+    if path.suffix == ".npz":
+        return next((str(run) for run in load_npz(path, (RUN,)).found.values()), None)
+    if path.suffix == ".json":
+        document = Field(path, "", load_json(path, "a file of a run"))
+        if path.name != CAMERAS:
+            return document.value.get(RUN) if RUN in document else None
+        text = str(document["note"].value)
+    else:
+        text = head(path).partition("\n")[0].removeprefix("# ")
+    return text.removeprefix(mark("")) if text.startswith(mark("")) else None

@@ -45,7 +45,6 @@ from skelsplat.io.calibration import read_calibration, write_calibration
 from skelsplat.io.detections import open_detections
 from skelsplat.io.poses._npz import read_npz, read_npz_range
 from skelsplat.io.poses._pose_data import PoseData
-from skelsplat.layouts._files import to_toml
 
 
 @dataclass(frozen=True)
@@ -54,7 +53,6 @@ class RunFolder:
 
     Attributes
     ----------
-    path : Path
     rig : CameraRig
         The M cameras, in the unit of the poses.
     layout : Layout
@@ -62,7 +60,7 @@ class RunFolder:
     detections : (T, M, N, 3)
         One person's detections: pixels of the original images and confidence; NaN where missing.
     poses : PoseData
-        The result, with `PoseData.init_pose` and the other arrays of the refinement.
+        The result, with all arrays of the refinement.
     report : dict
         ``report.json``.
     ends : (int, int)
@@ -105,15 +103,16 @@ def write_run_inputs(
     own = not sk.layouts.is_built_in(layout)
     if own:
         first = "" if run is None else f"# {mark(run)}\n"
-        atomic_write_text(folder / LAYOUT, f"{first}{to_toml(layout)}")
-    names: dict[str, Any] = {
+        atomic_write_text(folder / LAYOUT, f"{first}{sk.layouts.to_toml(layout)}")
+    arrays: dict[str, Any] = {
+        "detections": detections,
+        "frames": frames,
+        "frame_rate": np.array(np.nan if frame_rate is None else frame_rate),
         "camera_names": np.array(rig.names, dtype=np.str_),
         "joint_names": np.array(layout.joints, dtype=np.str_),
         **({} if run is None else {RUN: np.array(run)}),
     }
-    rate = np.array(np.nan if frame_rate is None else frame_rate)
     with atomic_write(folder / DETECTIONS) as stream:
-        arrays: dict[str, Any] = {"detections": detections, "frames": frames, "frame_rate": rate, **names}
         if isinstance(detections, RowFile):
             write_npz(stream, arrays)
         else:
@@ -166,8 +165,8 @@ def read_run(
         ("frames", found.frames.tolist(), poses.frames.tolist()),
     ):
         if expected != actual:
-            same = f"those of the same run ({_short(expected)})"
-            raise DatasetError(folder / POSES, name, same, _short(actual))
+            same = f"those of the same run ({str(expected)[:60]})"
+            raise DatasetError(folder / POSES, name, same, str(actual)[:60])
     return RunFolder(folder, rig, layout, found.people[:, :, 0], poses, report.value, ends)
 
 
@@ -175,25 +174,15 @@ def _read_report(path: Path) -> Field:
     report = Field(path, "", load_json(path, "the report of a run"))
     check_finished(path, report.value)
     if "folders" in report and isinstance(report["folders"].value, list):
-        people = folders_of_run(path.parent)
-        got = f"the run of several people ({', '.join(people)})"
-        way = f"; give that of one, for example {path.parent / people[0]}" if people else ""
-        raise report["folders"].error("the folder of one person", got + way)
-    for key in ("input", "settings"):
-        if not isinstance(report[key].value, dict):
-            raise report[key].error("an object under this key, as refine writes it", "none")
-    undistort, offsets = report["settings"]["undistort"], report["input"]["offsets"]
-    if not isinstance(undistort.value, bool):
-        raise undistort.error("true or false", undistort.shown)
-    by_camera = {} if offsets.is_missing else offsets.value or {}
-    if not isinstance(by_camera, dict):
-        raise offsets.error("an object with a number of frames by camera", offsets.shown)
-    for name, offset in by_camera.items():
-        if isinstance(offset, bool) or not isinstance(offset, int | float) or not abs(offset) < FRAME_LIMIT:
-            raise offsets[name].error("a number of frames", offset)
+        people = ", ".join(folders_of_run(path.parent))
+        raise report["folders"].error("the folder of one person", f"the run of several ({people})")
+    settings, given = (report[key].table() for key in ("settings", "input"))
+    if "undistort" not in settings:
+        raise settings["undistort"].error("true or false", "none")
+    settings["undistort"].flag()
+    if "offsets" in given and given["offsets"].value:
+        offsets = given["offsets"].table()
+        for name in offsets.value:
+            if not abs(offsets[name].number()) < FRAME_LIMIT:
+                raise offsets[name].error("a number of frames", offsets[name].shown)
     return report
-
-
-def _short(value: Any) -> str:
-    text = ", ".join(map(str, value)) if isinstance(value, list | tuple) else str(value)
-    return text if len(text) <= 60 else f"{text[:57]}..."

@@ -20,15 +20,11 @@ from skelsplat._budget import read_toml
 from skelsplat._fields import Field
 from skelsplat._skelsplat import LAYOUT_NAMES, Layout
 from skelsplat.exceptions import DatasetError, InvalidInputError, did_you_mean
-from skelsplat.layouts._files import (
-    SUFFIX,
-    About,
-    about_of,
-    from_names,
-    mirrored_names,
-    read_file,
-    to_toml,
-)
+from skelsplat.layouts._files import SUFFIX, about_of, read_file
+from skelsplat.layouts._files import About as About
+from skelsplat.layouts._files import from_names as from_names
+from skelsplat.layouts._files import mirrored_names as mirrored_names
+from skelsplat.layouts._files import to_toml as to_toml
 
 H36M17 = Layout.by_name("h36m17")
 COCO17 = Layout.by_name("coco17")
@@ -46,29 +42,6 @@ _IN_FILES = sorted(path.stem for path in _FOLDER.glob(f"*{SUFFIX}") if path != _
 
 #: Names of the built-in layouts, as `get` and every argument ``layout`` take them.
 names: tuple[str, ...] = (*LAYOUT_NAMES, *_IN_FILES)
-
-__all__ = [
-    "BODY25",
-    "BODY25B",
-    "COCO17",
-    "H36M17",
-    "HALPE26",
-    "MEDIAPIPE33",
-    "OCCLUSION_PERSON15",
-    "PANOPTIC19",
-    "SHELF14",
-    "About",
-    "about",
-    "from_names",
-    "get",
-    "is_built_in",
-    "mirrored_names",
-    "named",
-    "names",
-    "read",
-    "to_toml",
-    "write",
-]
 
 
 def mirror_images(n_joints: int, left_right: Iterable[tuple[int, int]]) -> npt.NDArray[np.int64]:
@@ -121,9 +94,7 @@ def write(path: str | os.PathLike[str], layout: Layout | str, *, about: About | 
         What it is for, for people; by default what is known of a built-in layout.
     """
     layout = get(layout)
-    if about is None and is_built_in(layout):
-        about = _about(layout.name)
-    atomic_write_text(path, to_toml(layout, about))
+    atomic_write_text(path, to_toml(layout, _about(layout) if about is None else about))
 
 
 def named(field: Field) -> Layout:
@@ -141,20 +112,19 @@ def is_built_in(layout: Layout) -> bool:
 
 def about(name: str | os.PathLike[str] | Layout) -> About:
     """Return what a built-in layout or a layout file says it is for."""
-    if isinstance(name, Layout):
-        return _about(name.name) if is_built_in(name) else About()
     layout = get(name)
-    return _about(layout.name) if is_built_in(layout) else read_file(Path(name))[1]
+    return _about(layout) if isinstance(name, Layout) or is_built_in(layout) else read_file(Path(name))[1]
+
+
+def _about(layout: Layout) -> About:
+    """Return what is known of a layout: of those in the core, from a file of all."""
+    if not is_built_in(layout):
+        return About()
+    if layout.name in _IN_FILES:
+        return read_file(_FOLDER / f"{layout.name}{SUFFIX}")[1]
+    return about_of(Field(_ABOUT, "", read_toml(_ABOUT))[layout.name])
 
 
 @cache
 def _built_in(name: str) -> Layout:
     return read_file(_FOLDER / f"{name}{SUFFIX}")[0] if name in _IN_FILES else Layout.by_name(name)
-
-
-@cache
-def _about(name: str) -> About:
-    """Return what is known of a built-in layout; of those in the core, from a file of all."""
-    if name in _IN_FILES:
-        return read_file(_FOLDER / f"{name}{SUFFIX}")[1]
-    return about_of(Field(_ABOUT, "", read_toml(_ABOUT))[name])

@@ -13,7 +13,7 @@ from skelsplat._arrays import Array
 from skelsplat._fields import Field
 from skelsplat.exceptions import DatasetError, MissingPackageError
 from skelsplat.io._files import natural
-from skelsplat.io._guarded import load_mat, unpickle
+from skelsplat.io._guarded import read_guarded, unpickle
 from skelsplat.io.calibration._format import (
     CalibrationFormat,
     Parsed,
@@ -128,8 +128,8 @@ def parse_dannce(source: Source) -> Parsed:
 
 def _mat(path: Path) -> Field:
     """Return the variables of a MAT-file as values of JSON; a cell of one element is a list."""
-    found = load_mat(path, "a MAT-file of version 5 to 7 (in MATLAB: save with '-v7')", _VARIABLES)
-    return Field(path, "", _plain(found))
+    expected = "a MAT-file of version 5 to 7 (in MATLAB: save with '-v7')"
+    return Field(path, "", _plain(read_guarded("mat", path, expected, names=_VARIABLES)))
 
 
 def _plain(value: Any) -> Any:

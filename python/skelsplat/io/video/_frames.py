@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
@@ -47,30 +46,30 @@ class FrameSource:
 
         An image of another size than the first is a `DatasetError`.
         """
-        found = self._of_folder(first, last) if self.images else self._of_video(first, last)
-        for number, path, image in found:
+        for number, image in self._of_folder(first, last) if self.images else self._of_video(first, last):
             if _size(image) != self.size:
                 expected = f"{self.size[0]}×{self.size[1]} like the others"
+                path = self.images.get(number, self.path)
                 raise DatasetError(path, f"frame {number}", expected, f"{image.shape[1]}×{image.shape[0]}")
             yield number, image
 
-    def _of_folder(self, first: int, last: int) -> Iterator[tuple[int, Path, Image]]:
+    def _of_folder(self, first: int, last: int) -> Iterator[tuple[int, Image]]:
         for number, path in self.images.items():
             image = _read_image(path) if first <= number <= last else None
             if image is not None:
-                yield number, path, image
+                yield number, image
 
-    def _of_video(self, first: int, last: int) -> Iterator[tuple[int, Path, Image]]:
+    def _of_video(self, first: int, last: int) -> Iterator[tuple[int, Image]]:
         with _capture(self.path) as capture:
             for number in range(self.first, last + 1):
                 if number < first:  # decoded and thrown away: seeking is not exact in all formats
-                    if not capture.grab():
-                        return
-                    continue
-                good, image = capture.read()
+                    good, image = capture.grab(), None
+                else:
+                    good, image = capture.read()
                 if not good:
                     return
-                yield number, self.path, image
+                if image is not None:
+                    yield number, image
 
 
 @dataclass(frozen=True)
@@ -168,50 +167,34 @@ def _size(image: Image) -> Size:
     return image.shape[1], image.shape[0]
 
 
-class FrameSink(ABC):
-    """Where frames go."""
+class FrameSink:
+    """Where frames go: PNG files in a folder."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
         self.count = 0  # frames written so far
         self.size = (0, 0)  # width and height of the last frame as it was written
 
-    @abstractmethod
     def write(self, number: int, image: Image) -> None:
         """Write a frame, or raise `DatasetError`."""
-
-
-@contextmanager
-def open_sink(path: Path, rate: float | None) -> Iterator[FrameSink]:
-    """Open a video of `rate` frames per second for writing, or without a rate a folder of PNG files.
-
-    The video, MP4 in MPEG-4 part 2, appears under its name when the block ends without an exception. All its
-    frames have the size of the first; a width or height that is odd is made even by repeating the last column
-    or row. One without frames is not written. PNG files are named by the frame's number; each is whole or not
-    there, and their folder is made with the first.
-    """
-    if rate is None:
-        yield _PngSink(path)
-        return
-    with ExitStack() as stack:
-        sink = _Mp4Sink(path, rate, stack)
-        try:
-            yield sink
-        finally:
-            sink.release()
-        sink.check()
+        self.path.mkdir(parents=True, exist_ok=True)
+        _, data = opencv().imencode(".png", image)
+        with atomic_write(self.path / f"{number:06d}.png", durable=False) as stream:
+            stream.write(data.tobytes())
+        self.count, self.size = self.count + 1, _size(image)
 
 
 class _Mp4Sink(FrameSink):
+    """A video, which counts frames by itself."""
+
     def __init__(self, path: Path, rate: float, stack: ExitStack) -> None:
         super().__init__(path)
-        self._rate = rate
-        self._stack = stack
+        self._rate, self._stack = rate, stack
         self._temporary: Path | None = None
         self._writer: Any = None
 
     def write(self, number: int, image: Image) -> None:
-        del number  # a video counts by itself
+        del number
         even = np.pad(image, [(0, image.shape[0] % 2), (0, image.shape[1] % 2), (0, 0)], mode="edge")
         if self._writer is None:
             self._open(_size(even))
@@ -225,28 +208,33 @@ class _Mp4Sink(FrameSink):
         if not writer.isOpened():
             expected = f"an {_CODEC} video of {size[0]}×{size[1]} at {self._rate:g} per second to be written"
             raise DatasetError(self.path, "output", expected, "a refusal of OpenCV")
+        self._stack.callback(writer.release)
         self._writer, self.size = writer, size
 
-    def release(self) -> None:
+    def close(self) -> None:
+        """Finish the video and read its header back: a full disk is no error to OpenCV's writer."""
         if self._writer is not None:
             self._writer.release()
-
-    def check(self) -> None:
-        """Read the header back: a full disk is no error to OpenCV's writer."""
-        if self._temporary is None:
-            return
-        capture = opencv().VideoCapture(str(self._temporary), opencv().CAP_FFMPEG)
-        count = int(capture.get(opencv().CAP_PROP_FRAME_COUNT)) if capture.isOpened() else 0
-        capture.release()
-        if count != self.count:
-            raise DatasetError(self.path, "output", f"{self.count} frames to be written", f"{count}")
+            capture = opencv().VideoCapture(str(self._temporary), opencv().CAP_FFMPEG)
+            count = int(capture.get(opencv().CAP_PROP_FRAME_COUNT)) if capture.isOpened() else 0
+            capture.release()
+            if count != self.count:
+                raise DatasetError(self.path, "output", f"{self.count} frames to be written", f"{count}")
 
 
-class _PngSink(FrameSink):
-    def write(self, number: int, image: Image) -> None:
-        self.path.mkdir(parents=True, exist_ok=True)
-        _, data = opencv().imencode(".png", image)
-        with atomic_write(self.path / f"{number:06d}.png", durable=False) as stream:
-            stream.write(data.tobytes())
-        self.count += 1
-        self.size = _size(image)
+@contextmanager
+def open_sink(path: Path, rate: float | None) -> Iterator[FrameSink]:
+    """Open a video of `rate` frames per second for writing, or without a rate a folder of PNG files.
+
+    The video, MP4 in MPEG-4 part 2, appears under its name when the block ends without an exception. All its
+    frames have the size of the first; a width or height that is odd is made even by repeating the last column
+    or row. One without frames is not written. PNG files are named by the frame's number; each is whole or not
+    there, and their folder is made with the first.
+    """
+    if rate is None:
+        yield FrameSink(path)
+        return
+    with ExitStack() as stack:
+        sink = _Mp4Sink(path, rate, stack)
+        yield sink
+        sink.close()
