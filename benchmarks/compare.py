@@ -12,35 +12,69 @@ weighted by confidence.
 from __future__ import annotations
 
 import contextlib
-import time
 from collections.abc import Callable
 
 import lab
 import numpy as np
-from lab import ONE_THREAD, Table, brief
-from peers import opencv_dlt, scipy_cauchy
-from scenarios import Scene, simulated
+from lab import ONE_THREAD, Table
+from scenarios import FloatArray, Scene, simulated
 
 import skelsplat as sk
 from skelsplat.evaluation import baselines
+from skelsplat.evaluation.baselines._minimise import Reprojections
+from skelsplat.evaluation.baselines._observations import homogeneous_to_world, observe, solve
 
-Method = Callable[[slice], np.ndarray]
+Method = Callable[[slice], FloatArray]
 
 _NOISES = {"occluded2": "occluded 2", "occluded3": "occluded 3"}
 _DEFAULT = "SkelSplat, default"
-# Side of the crop in whose pixels Iskakov's threshold is.
-_CROP_PX = 384.0
-# A run that takes longer is timed on fewer poses.
-_LONGEST_RUN_S = 1.0
+_CROP_PX = 384.0  # side of the crop in whose pixels Iskakov's threshold is
+_SCALE_PX = 5.0  # of the Cauchy loss
+_LONGEST_RUN_S = 1.0  # a run that takes longer is timed on fewer poses
+
+
+def opencv_dlt(detections: FloatArray, cameras: sk.CameraRig) -> FloatArray:
+    """Triangulate by ``cv2.triangulatePoints`` from the first two views that see the joint."""
+    import cv2
+
+    joints = observe(detections, cameras)
+    points = np.full((len(joints.seen), 3), np.nan)
+    first_two = np.argsort(~joints.seen, axis=1, kind="stable")[:, :2]
+    for a, b in np.unique(first_two[joints.determined], axis=0):
+        own = joints.determined & (first_two == (a, b)).all(axis=1)
+        found = cv2.triangulatePoints(
+            joints.projections[a], joints.projections[b], joints.pixels[own, a].T, joints.pixels[own, b].T
+        )
+        points[own] = homogeneous_to_world(found.T)
+    return joints.points(points)
+
+
+def scipy_cauchy(detections: FloatArray, cameras: sk.CameraRig) -> FloatArray:
+    """Run ``least_squares(loss="cauchy")`` on the reprojection residuals of one joint after the other."""
+    from scipy.optimize import least_squares
+
+    joints = observe(detections, cameras)
+    used = joints.seen.astype(float)
+    points, whole = solve(joints, used), Reprojections(joints.pixels, joints.projections, used, by_view=False)
+    for b in np.flatnonzero(joints.determined):
+        one = whole.part(np.array([b]))
+        found = least_squares(
+            lambda x, one=one: one.residuals(x[None]).ravel(),
+            points[b],
+            jac=lambda x, one=one: one.slopes(x[None]).reshape(-1, 3),
+            loss="cauchy",
+            f_scale=_SCALE_PX,
+        )
+        points[b] = found.x
+    return joints.points(points)
 
 
 def methods(scene: Scene) -> dict[str, Method]:
     """Return all methods, poses of some frames by name; the default last."""
     rig, found = scene.rig, scene.detections
-    pixels = sk.project(scene.truth, rig).swapaxes(0, 1)
-    crop_scale = np.ptp(pixels, axis=2).max(axis=-1) / _CROP_PX
+    crop = np.ptp(sk.project(scene.truth, rig).swapaxes(0, 1), axis=2).max(axis=-1) / _CROP_PX
 
-    def from_dlt(frames: slice, **fields: object) -> np.ndarray:
+    def from_dlt(frames: slice, **fields: object) -> FloatArray:
         start = sk.triangulate(found[frames], rig, method="dlt")
         config = sk.RefineConfig.paper(n_threads=1, **fields)
         return sk.refine(start, found[frames], rig, layout="h36m17", config=config).pose
@@ -50,9 +84,7 @@ def methods(scene: Scene) -> dict[str, Method]:
         "DLT with confidence, NumPy": lambda f: baselines.dlt(found[f], rig, confidence=True),
         "DLT of two views, OpenCV": lambda f: opencv_dlt(found[f], rig),
         "RANSAC of AdaFuse": lambda f: baselines.ransac_adafuse(found[f], rig),
-        "RANSAC of Iskakov et al.": lambda f: baselines.ransac_iskakov(
-            found[f], rig, crop_scale=crop_scale[f]
-        ),
+        "RANSAC of Iskakov et al.": lambda f: baselines.ransac_iskakov(found[f], rig, crop_scale=crop[f]),
         "Cauchy loss, SciPy": lambda f: scipy_cauchy(found[f], rig),
         "Cauchy loss, NumPy, all joints at once": lambda f: baselines.cauchy(found[f], rig),
         "SkelSplat, paper": from_dlt,
@@ -64,22 +96,19 @@ def methods(scene: Scene) -> dict[str, Method]:
 def measured(method: Method, scene: Scene, repeat: int) -> dict[str, float]:
     """Run one method on every pose for its accuracy, then repeatedly for its time."""
     method(slice(0, 1))  # imports and compiles what it needs
-    begun = time.perf_counter()
-    points = method(slice(None))
-    every = int(np.ceil((time.perf_counter() - begun) / _LONGEST_RUN_S))
-    timed = slice(None, None, every)
+    points: list[FloatArray] = []
+    once = lab.seconds(lambda: points.append(method(slice(None))))
+    timed = slice(None, None, int(np.ceil(once / _LONGEST_RUN_S)))
     timed_on = len(scene.truth[timed])
-    best = lab.seconds(lambda: method(timed), repeat)
     judged = (scene.detections[..., 2] > 0).sum(axis=1) >= 2
-    errors = sk.metrics.mpjpe(points, scene.truth, reduce="none")[judged]
-    missing = np.isnan(errors)
-    found = errors[~missing]
+    errors = sk.metrics.mpjpe(points[0], scene.truth, reduce="none")[judged]
+    found = errors[np.isfinite(errors)]
     return {
-        "ms/pose": 1e3 * best / timed_on,
+        "ms/pose": 1e3 * lab.seconds(lambda: method(timed), repeat) / timed_on,
         "mean mm": float(found.mean()),
         "median": float(np.median(found)),
         "p90": float(np.percentile(found, 90)),
-        "missing %": 100 * float(missing.mean()),
+        "missing %": 100 * (1 - len(found) / len(errors)),
         "timed on": timed_on,
     }
 
@@ -97,12 +126,12 @@ def compare(*, poses: int = 300, noise: str = "good", seed: int = 0, repeat: int
             rows[name] = measured(method, scene, repeat)
         except ImportError as error:
             notes.append(f"{name}: left out, {error}")
-    default_ms = rows[_DEFAULT]["ms/pose"]
-    cells = {}
-    for name, row in rows.items():
-        ms = row.pop("ms/pose")
-        cells[name] = {"ms/pose": brief(ms), "× default": brief(ms / default_ms), **row}
-        cells[name] |= {key: f"{row[key]:.1f}" for key in ("mean mm", "median", "p90", "missing %")}
+    fastest = rows[_DEFAULT]["ms/pose"]
+    cells = {
+        name: {"ms/pose": f"{row['ms/pose']:.2g}", "× default": f"{row['ms/pose'] / fastest:.3g}"}
+        | {key: value for key, value in row.items() if key != "ms/pose"}
+        for name, row in rows.items()
+    }
     title = f"{len(scene.truth)} poses, 17 joints, simulated detections '{noise}', one core"
     return Table.of(title, "method", cells, notes)
 

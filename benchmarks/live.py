@@ -23,9 +23,8 @@ from pathlib import Path
 
 import lab
 import numpy as np
-from lab import Table
+from lab import Table, wanted
 from scenarios import simulated
-from speed import wanted
 
 import skelsplat as sk
 from skelsplat import synthetic

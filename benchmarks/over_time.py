@@ -44,41 +44,40 @@ def joint_classes(layout: str) -> dict[str, list[int]]:
     return classes
 
 
-def frames(take: Take, *, bones: str = "population") -> Solved:
+def _given(take: Take, **fields: object) -> dict[str, object]:
+    """Return the arguments that all have in common."""
+    return {"layout": take.scene.layout, "config": sk.RefineConfig(n_threads=1, **fields)}
+
+
+def frames(take: Take, **fields: object) -> Solved:
     """`sk.refine`, every frame by itself."""
-    scene = take.scene
-    config = sk.RefineConfig(n_threads=1, bones=bones)
-    result = sk.refine(None, scene.detections, scene.rig, layout=scene.layout, config=config)
+    result = sk.refine(None, take.scene.detections, take.scene.rig, **_given(take, **fields))
     return Solved(result.pose, result.uncertainty)
 
 
 def sequence(take: Take) -> Solved:
     """`sk.refine_sequence`: bones and motion in the same solve."""
-    scene = take.scene
-    config = sk.RefineConfig(n_threads=1)
-    result = sk.refine_sequence(scene.detections, scene.rig, fps=take.fps, layout=scene.layout, config=config)
+    result = sk.refine_sequence(take.scene.detections, take.scene.rig, fps=take.fps, **_given(take))
     return Solved(result.pose, result.uncertainty)
 
 
 def refiner(take: Take, *, fps: bool = False, lag: int = 0) -> Solved:
     """`sk.Refiner`; with `fps` the past predicts, with a lag the frames after count as well."""
-    scene = take.scene
-    config = sk.RefineConfig(n_threads=1)
-    live = sk.Refiner(scene.rig, layout=scene.layout, fps=take.fps if fps else None, lag=lag, config=config)
-    end = np.full((lag, *scene.detections.shape[1:]), np.nan)
-    results = [live.step(frame) for frame in np.concatenate([scene.detections, end])][lag:]
+    detections = take.scene.detections
+    live = sk.Refiner(take.scene.rig, fps=take.fps if fps else None, lag=lag, **_given(take))
+    end = np.full((lag, *detections.shape[1:]), np.nan)
+    results = [live.step(frame) for frame in np.concatenate([detections, end])][lag:]
     return Solved(np.array([r.pose for r in results]), np.array([r.uncertainty for r in results]))
 
 
-def butterworth(take: Take, *, bones: str = "population") -> Solved:
+def butterworth(take: Take) -> Solved:
     """Frame by frame, gaps filled linearly, then a zero-lag Butterworth filter of 6 Hz."""
-    return Solved(filtered(frames(take, bones=bones).pose, take.fps))
+    return Solved(filtered(frames(take).pose, take.fps))
 
 
 def kalman(take: Take) -> Solved:
     """Frame by frame, then `temporal.kalman` with the error bars as the covariance of the measurements."""
     result = frames(take)
-    assert result.covariance is not None
     density = np.empty(result.pose.shape[1])
     for name, joints in joint_classes(take.scene.layout).items():
         density[joints] = KALMAN_DENSITY[name]
@@ -116,7 +115,6 @@ _TUNED = {"n_deriv_smooth": 2, "reproj_error_threshold": 5}
 
 METHODS: dict[str, Method] = {
     "free": partial(frames, bones="free"),
-    "free-butterworth": partial(butterworth, bones="free"),
     "frames": frames,
     "refiner": refiner,
     "live": partial(refiner, fps=True),
@@ -129,13 +127,3 @@ METHODS: dict[str, Method] = {
     "anipose-ransac": partial(anipose, ransac=True, **_TUNED),
     "sequence": sequence,
 }
-
-
-def absent(name: str) -> str | None:
-    """Return why a method is not available here, or None."""
-    if name.startswith("anipose"):
-        try:
-            import aniposelib  # noqa: F401
-        except ImportError as error:
-            return f"without {name}: {error}; install with pip install aniposelib"
-    return None

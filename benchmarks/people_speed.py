@@ -1,7 +1,6 @@
-"""Several people: CPU time per frame of association, of choosing one person, and of live steps.
+"""Several people: CPU time per frame of association, of live steps, and of crowds.
 
     python benchmarks/people_speed.py track [--frames 600] [--markdown]
-    python benchmarks/people_speed.py choice [--frames 100]
     python benchmarks/people_speed.py crowds [--frames 10]
 
 Simulated scenes (`skelsplat.synthetic.simulate_scene`), 30 Hz, 17 joints, one thread. CPU time, so that other
@@ -20,7 +19,6 @@ from lab import ONE_THREAD, Table, cpu_ms
 
 import skelsplat as sk
 from skelsplat import synthetic
-from skelsplat._people import padded
 from skelsplat.association import choose_person
 
 LAYOUT, FPS = sk.layouts.H36M17, 30.0
@@ -28,15 +26,8 @@ GIVEN = {"layout": LAYOUT, "config": ONE_THREAD}
 NOISE = synthetic.DetectionNoise.recording(FPS)
 RADIUS_MM, HALL_MM = 4500.0, 9000.0  # of the rings of cameras
 TRACKED = [(1, 4), (3, 4), (4, 5), (6, 8)]  # people, views
-CHOSEN = list(product((1, 2, 3, 6), (4, 6, 8)))
 CROWDS = list(product(("hall", "strangers", "copies"), ((40, 4), (60, 4), (40, 8), (60, 8))))
 REPEATS = 3
-
-
-def scene(people: int, views: int, frames: int) -> synthetic.Scene:
-    """Simulate people in a ring of cameras."""
-    cameras = synthetic.ring(views, radius_mm=RADIUS_MM)
-    return synthetic.simulate_scene(people, cameras, n_frames=frames, seed=1)
 
 
 def live_ms(people: np.ndarray, cameras: sk.CameraRig) -> list[float]:
@@ -53,7 +44,8 @@ def track(*, frames: int = 600) -> Table:
     """
     rows = {}
     for people, views in TRACKED:
-        here, found = scene(people, views, frames), []
+        rig, found = synthetic.ring(views, radius_mm=RADIUS_MM), []
+        here = synthetic.simulate_scene(people, rig, n_frames=frames, seed=1)
         call = partial(sk.track, here.people, here.cameras, fps=FPS, **GIVEN)
         whole = cpu_ms(lambda found=found, call=call: found.extend(call())) / frames
         solve = partial(sk.refine_sequence, cameras=here.cameras, fps=FPS, **GIVEN)
@@ -68,22 +60,6 @@ def track(*, frames: int = 600) -> Table:
             "live 99 % ms": float(np.quantile(live, 0.99)),
         }
     return Table.of("several people, simulated, one thread", "people, views", rows, digits=2)
-
-
-def choice(*, frames: int = 100) -> Table:
-    """Time `choose_person`, next to refining the person it chose; the least of three runs."""
-    rows = {}
-    for people, views in CHOSEN:
-        here = scene(people, views, frames)
-        everyone, cameras = np.asarray(padded(here.people)), here.cameras
-        chosen, _ = choose_person(everyone, cameras, layout=LAYOUT)
-        works = {
-            "choose ms": partial(choose_person, everyone, cameras, layout=LAYOUT),
-            "refine_sequence ms": partial(sk.refine_sequence, chosen, cameras, fps=FPS, **GIVEN),
-            "refine ms": partial(sk.refine, None, chosen, cameras, **GIVEN),
-        }
-        rows[f"{people}, {views}"] = {name: cpu_ms(work, REPEATS) / frames for name, work in works.items()}
-    return Table.of("the choice of a person, simulated, one thread", "people, views", rows, digits=2)
 
 
 def crowds(*, frames: int = 100) -> Table:
@@ -120,4 +96,4 @@ def crowd(kind: str, people: int, views: int, frames: int) -> tuple[np.ndarray, 
 
 
 if __name__ == "__main__":
-    lab.main(__doc__, track, choice, crowds)
+    lab.main(__doc__, track, crowds)

@@ -96,22 +96,20 @@ def placed(poses: FloatArray, cameras: sk.CameraRig, seed: int) -> FloatArray:
 
     Of some headings it is the one with the largest share of joints in the images; the floor stays the floor.
     """
-    rng = np.random.default_rng(seed)
     path = poses[:, 0, :2]
     centred = poses - np.append((path.min(axis=0) + path.max(axis=0)) / 2, 0.0)
+    sizes = np.array([camera.size for camera in cameras])
 
     def turned(angle: float) -> FloatArray:
         cos, sin = np.cos(angle), np.sin(angle)
-        out: FloatArray = centred @ np.array([[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]])
-        return out
+        return centred @ np.array([[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]])
 
     def seen(angle: float) -> float:
-        some = turned(angle)[:: CAPTURE_HZ // 3]
-        pixels = np.moveaxis(sk.project(some, cameras), 0, 2)
-        sizes = np.array([camera.size for camera in cameras])
+        pixels = np.moveaxis(sk.project(turned(angle)[:: CAPTURE_HZ // 3], cameras), 0, 2)
         return float(((pixels >= 0) & (pixels <= sizes - 1)).all(axis=-1).mean())
 
-    return turned(max(rng.uniform(0.0, 2 * np.pi, size=_HEADINGS), key=seen))
+    angles = np.random.default_rng(seed).uniform(0.0, 2 * np.pi, size=_HEADINGS)
+    return turned(max(angles, key=seen))
 
 
 def takes(

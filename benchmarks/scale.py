@@ -1,7 +1,6 @@
 """What poses cost: per core, by frames, views, people and joints, and memory.
 
-    python benchmarks/scale.py                           all tables, about ten minutes
-    python benchmarks/scale.py speed growth --markdown   some of them: speed, growth, memory
+    python benchmarks/scale.py speed growth memory       all tables, about ten minutes
     python benchmarks/scale.py growth picture            draws the growth too: docs/figures/scaling.png
     python benchmarks/scale.py refine --frames 1000000   memory and time of `skelsplat refine`
 
@@ -17,7 +16,6 @@ import resource
 import subprocess
 import sys
 import tempfile
-import zipfile
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -30,9 +28,7 @@ from skelsplat import synthetic
 from skelsplat.io import write_calibration
 
 FPS = 100.0
-FRAMES = 2000
-PIECE = 4000
-PEOPLE_FRAMES = 1000
+FRAMES, PEOPLE_FRAMES, LONG, PIECE = 2000, 1000, 16_000, 4000
 DAY_FRAMES = 24 * 3600 * FPS
 FIGURE = Path(__file__).parents[1] / "docs" / "figures" / "scaling.png"
 # For `growth`: where everything else is 17 joints, 4 views, 2000 frames.
@@ -52,18 +48,23 @@ def recorded(frames: int = FRAMES, views: int = 4, bodies: int = 1) -> tuple[sk.
     return rig, np.concatenate(seen, axis=2)
 
 
-def alone_us(frames: int, views: int, bodies: int, repeat: int) -> float:
-    """CPU time per frame of ``refine``, µs."""
+def frame_us(way: str, repeat: int, frames: int = FRAMES, views: int = 4, bodies: int = 1) -> float:
+    """CPU time per frame of a way to solve a recording, µs."""
     rig, seen = recorded(frames, views, bodies)
-    layout = "h36m17" if bodies == 1 else None
-    return 1e3 * cpu_ms(lambda: sk.refine(None, seen, rig, layout=layout, config=ONE_THREAD), repeat) / frames
+    given = {"layout": "h36m17" if bodies == 1 else None, "config": ONE_THREAD}
 
+    def live() -> None:
+        refiner = sk.Refiner(rig, fps=FPS, **given)
+        for frame in seen:
+            refiner.step(frame)
 
-def in_time_us(frames: int, views: int, bodies: int, repeat: int) -> float:
-    """CPU time per frame of ``refine_sequence``, µs."""
-    rig, seen = recorded(frames, views, bodies)
-    given = {"fps": FPS, "layout": "h36m17" if bodies == 1 else None, "config": ONE_THREAD}
-    return 1e3 * cpu_ms(lambda: sk.refine_sequence(seen, rig, **given), repeat) / frames
+    ways = {
+        "alone": lambda: sk.refine(None, seen, rig, **given),
+        "in time": lambda: sk.refine_sequence(seen, rig, fps=FPS, **given),
+        "chunks": lambda: list(sk.refine_batches(seen, rig, fps=FPS, frames_per_chunk=1000, **given)),
+        "live": live,
+    }
+    return 1e3 * cpu_ms(ways[way], repeat) / frames
 
 
 def people_us(people: int, views: int, repeat: int) -> float:
@@ -74,33 +75,14 @@ def people_us(people: int, views: int, repeat: int) -> float:
     return 1e3 * cpu_ms(lambda: sk.track(scene.people, scene.cameras, **given), repeat) / PEOPLE_FRAMES
 
 
-def live_us(repeat: int) -> float:
-    """CPU time of ``Refiner.step`` with ``fps``, µs."""
-    rig, seen = recorded()
-
-    def loop() -> None:
-        refiner = sk.Refiner(rig, layout="h36m17", fps=FPS, config=ONE_THREAD)
-        for frame in seen:
-            refiner.step(frame)
-
-    return 1e3 * cpu_ms(loop, repeat) / len(seen)
-
-
-def chunks_us(frames: int, repeat: int) -> float:
-    """CPU time per frame of ``refine_batches`` with ``fps``, µs."""
-    rig, many = recorded(frames)
-    given = {"fps": FPS, "layout": "h36m17", "config": ONE_THREAD, "frames_per_chunk": 1000}
-    return 1e3 * cpu_ms(lambda: list(sk.refine_batches(many, rig, **given)), repeat) / len(many)
-
-
-def speed(repeat: int) -> Iterator[Table]:
+def speed(repeat: int) -> Table:
     """Measure what a pose costs, and how many a core solves."""
     costs = {
-        "frame by frame, `refine`": alone_us(FRAMES, 4, 1, repeat),
-        "in time, `refine_sequence` of 2000 frames": in_time_us(FRAMES, 4, 1, repeat),
-        "the same of 16,000 frames": in_time_us(16_000, 4, 1, repeat),
-        "the same in chunks of 1000, `refine_batches`": chunks_us(16_000, repeat),
-        "live, `Refiner(fps=…).step`": live_us(repeat),
+        "frame by frame, `refine`": frame_us("alone", repeat),
+        "in time, `refine_sequence` of 2000 frames": frame_us("in time", repeat),
+        "the same of 16,000 frames": frame_us("in time", repeat, LONG),
+        "the same in chunks of 1000, `refine_batches`": frame_us("chunks", repeat, LONG),
+        "live, `Refiner(fps=…).step`": frame_us("live", repeat),
         "4 people, `track`, per person": people_us(4, 4, repeat) / 4,
     }
     rows = {
@@ -109,52 +91,47 @@ def speed(repeat: int) -> Iterator[Table]:
     }
     hours = people_us(4, 8, repeat) * DAY_FRAMES / 3.6e9
     note = f"a day of 8 cameras at {FPS:g} Hz with 4 people, `track`: {hours:.1f} core hours"
-    yield Table.of("17 joints, 4 views", "way", rows, [note])
+    return Table.of("17 joints, 4 views", "way", rows, [note])
 
 
-def growth(repeat: int) -> Iterator[Table]:
+def growth(repeat: int) -> Table:
     """How the time per frame grows with frames, views, joints and people."""
+    rows = {}
     for what, costs in measured_growth(repeat).items():
-        rows, first = {}, next(iter(costs.values()))
-        for size, pair in costs.items():
-            ways = ("alone", "in time") if len(pair) == 2 else ("in time",)
-            rows[f"{size:,}"] = {
-                head: cell
-                for way, us, at_first in zip(ways, pair, first, strict=True)
-                for head, cell in (
-                    (f"µs per frame {way}", f"{us:.0f}"),
-                    (f"{way}, times the first", f"{us / at_first:.2f}"),
-                )
-            }
-        yield Table.of(f"growth with {what}", what, rows)
+        first = next(iter(costs.values()))
+        for size, ways in costs.items():
+            row = {f"µs per frame {way}": f"{us:.0f}" for way, us in ways.items()}
+            row |= {f"{way}, times the first": f"{us / first[way]:.2f}" for way, us in ways.items()}
+            rows[f"{size:,} {what}"] = row
+    return Table.of("growth", "", rows)
 
 
 @functools.cache
-def measured_growth(repeat: int) -> dict[str, dict[int, tuple[float, ...]]]:
+def measured_growth(repeat: int) -> dict[str, dict[int, dict[str, float]]]:
     """Return µs per frame, alone and in time, by what grows and its size; of people what `track` takes."""
-    both = (alone_us, in_time_us)
     sizes = {
-        "frames": lambda size, cost: cost(size, 4, 1, repeat),
-        "views": lambda size, cost: cost(FRAMES, size, 1, repeat),
-        "joints": lambda size, cost: cost(FRAMES, 4, size // 17, repeat),
+        "frames": lambda size: {"frames": size},
+        "views": lambda size: {"views": size},
+        "joints": lambda size: {"bodies": size // 17},
     }
     out = {
-        what: {size: tuple(measure(size, cost) for cost in both) for size in SIZES[what]}
-        for what, measure in sizes.items()
+        what: {
+            size: {way: frame_us(way, repeat, **given(size)) for way in ("alone", "in time")}
+            for size in SIZES[what]
+        }
+        for what, given in sizes.items()
     }
-    return out | {"people": {size: (people_us(size, 4, repeat),) for size in SIZES["people"]}}
+    return out | {"people": {n: {"in time": people_us(n, 4, repeat)} for n in SIZES["people"]}}
 
 
-def memory(repeat: int) -> Iterator[Table]:
+def memory(_: int) -> Table:
     """Largest resident set of a process by frames: all at once, and in chunks."""
-    del repeat
-    ways = {"whole": "`refine_sequence`, MB", "chunks": "`refine_batches`, chunks of 4000"}
-    ways["generator"] = "of a generator"
     rows = {}
     for frames in (10_000, 40_000, 160_000):
-        rows[f"{frames:,}"] = {head: child_mib(way, frames) for way, head in ways.items()}
-    rows["1,000,000"] = {ways["chunks"]: child_mib("chunks", 1_000_000)}
-    yield Table.of("memory", "frames", rows, digits=0)
+        row = {"`refine_sequence`, MB": child_mib("whole", frames)}
+        rows[f"{frames:,}"] = row | {"`refine_batches`, chunks of 4000": child_mib("chunks", frames)}
+    rows["1,000,000"] = {"`refine_batches`, chunks of 4000": child_mib("chunks", 1_000_000)}
+    return Table.of("memory", "frames", rows, digits=0)
 
 
 def child_mib(way: str, frames: int) -> float:
@@ -167,35 +144,30 @@ def child(way: str, frames: int) -> None:
     """Refine frames, and print the largest resident set in MiB."""
     rig, seen = recorded(1000)
     given = {"fps": FPS, "layout": "h36m17"}
-
-    def chunks() -> Iterator[np.ndarray]:
-        for _ in range(frames // 4000):
-            yield np.tile(seen, (4, 1, 1, 1))
-
+    chunk = np.tile(seen, (PIECE // len(seen), 1, 1, 1))
     if way == "whole":
-        sk.refine_sequence(np.concatenate(list(chunks())), rig, **given)
+        sk.refine_sequence(np.concatenate([chunk] * (frames // PIECE)), rig, **given)
     else:
-        for _ in sk.refine_batches(chunks if way == "chunks" else chunks(), rig, **given):
+        for _ in sk.refine_batches(lambda: (chunk for _ in range(frames // PIECE)), rig, **given):
             pass
     print(lab.peak_mib())
 
 
-def refine(repeat: int, frames: int = 100_000) -> Iterator[Table]:
+def refine(frames: int) -> Table:
     """Peak memory and times of ``skelsplat refine``: one person walks, sits and waves by turns.
 
     A million frames need 25 GB in the folder of temporary files (``TMPDIR``).
     """
-    del repeat
     rig = synthetic.human36m_like()
     with tempfile.TemporaryDirectory(prefix="skelsplat-scale-") as temporary:
         top = Path(temporary)
         write_calibration(top / "cameras.json", rig)
-        source, out = written(top, frames, rig), top / "out"
-        command = [sys.executable, "-m", "skelsplat", "refine", str(top / "cameras.json"), str(source)]
-        command += ["-o", str(out), "--layout", "h36m17", "--fps", f"{FPS:g}", "--quiet"]
-        seconds = lab.seconds(lambda: subprocess.run(command, check=True), 1)
+        np.savez(top / "detections.npz", detections=written(top, frames, rig), camera_names=rig.names)
+        command = [sys.executable, "-m", "skelsplat", "refine", str(top / "cameras.json")]
+        command += [str(top / "detections.npz"), "-o", str(top / "out"), "--layout", "h36m17"]
+        seconds = lab.seconds(lambda: subprocess.run([*command, "--fps", f"{FPS:g}", "-q"], check=True))
         used = resource.getrusage(resource.RUSAGE_CHILDREN)
-        sizes = {path.name: path.stat().st_size / 1e6 for path in sorted(out.iterdir())}
+        sizes = {path.name: path.stat().st_size / 1e6 for path in sorted((top / "out").iterdir())}
     row = {
         "peak MB": used.ru_maxrss / 1024,
         "wall s": seconds,
@@ -203,72 +175,57 @@ def refine(repeat: int, frames: int = 100_000) -> Iterator[Table]:
         "µs per frame": 1e6 * seconds / frames,
     }
     files = "files, MB: " + ", ".join(f"{name} {size:.0f}" for name, size in sizes.items())
-    yield Table.of("skelsplat refine", "frames", {f"{frames:,}": row}, [files], digits=0)
+    return Table.of("skelsplat refine", "frames", {f"{frames:,}": row}, [files], digits=0)
 
 
-def pieces(frames: int, rig: sk.CameraRig) -> Iterator[np.ndarray]:
-    """Yield the detections (≤ 4000, M, 17, 3) of a recording: each motion there and back."""
-    names, done, noise = synthetic.motion_names, 0, synthetic.DetectionNoise.good()
-    for k in range(-(-frames // PIECE)):
-        there = synthetic.motion(names[k % len(names)], PIECE // 2, seed=k)
-        poses = np.concatenate([there, there[::-1]])[: frames - done]
-        yield synthetic.simulate_detections(poses, rig, noise=noise, layout="h36m17", seed=k)
-        done += len(poses)
+def written(folder: Path, frames: int, rig: sk.CameraRig) -> np.ndarray:
+    """Return the detections (T, M, 17, 3) of a recording, each motion there and back, on disk."""
+    shape, noise = (frames, len(rig), 17, 3), synthetic.DetectionNoise.good()
+    out = np.lib.format.open_memmap(folder / "detections.npy", "w+", np.float64, shape)
+    for k, first in enumerate(range(0, frames, PIECE)):
+        there = synthetic.motion(synthetic.motion_names[k % 6], PIECE // 2, seed=k)
+        poses = np.concatenate([there, there[::-1]])[: frames - first]
+        seen = synthetic.simulate_detections(poses, rig, noise=noise, layout="h36m17", seed=k)
+        out[first : first + PIECE] = seen
+    return out
 
 
-def written(folder: Path, frames: int, rig: sk.CameraRig) -> Path:
-    """Write a recording piece by piece, one npz file of all cameras."""
-    path, layout = folder / "detections.npz", sk.layouts.get("h36m17")
-    shape = (frames, len(rig), layout.n_joints, 3)
-    with zipfile.ZipFile(path, "w") as archive:
-        with archive.open("detections.npy", "w", force_zip64=True) as stream:
-            header = {"descr": "<f8", "fortran_order": False, "shape": shape}
-            np.lib.format.write_array_header_2_0(stream, header)
-            for piece in pieces(frames, rig):
-                stream.write(np.ascontiguousarray(piece, dtype="<f8").tobytes())
-        small = {"camera_names": rig.names, "joint_names": layout.joints, "frame_rate": FPS}
-        for name, value in small.items():
-            with archive.open(f"{name}.npy", "w") as stream:
-                np.lib.format.write_array(stream, np.asarray(value))
-    return path
-
-
-def picture(repeat: int) -> Iterator[Table]:
+def picture(repeat: int) -> None:
     """Draw the growth into docs/figures/scaling.png."""
     import matplotlib as mpl
 
     mpl.use("agg")
     import matplotlib.pyplot as plt
 
+    looks = {"alone": ("frame by frame", "o", "#4477aa"), "in time": ("in time", "s", "#cc6677")}
     costs = measured_growth(repeat)
     figure, axes = plt.subplots(1, len(costs), figsize=(11, 3), sharey=True, layout="constrained")
     for axis, (what, of_sizes) in zip(axes, costs.items(), strict=True):
-        sizes = np.array(list(of_sizes))
-        lines = np.array(list(of_sizes.values())).T
-        labels = ["frame by frame", "in time"] if len(lines) == 2 else ["people, with track"]
-        for line, label, mark in zip(lines, labels, "os" if len(lines) == 2 else "^", strict=True):
-            colour = {"frame by frame": "#4477aa", "in time": "#cc6677"}.get(label, "#117733")
-            axis.loglog(sizes, line, marker=mark, color=colour, label=label)
-        axis.set_xticks(sizes, [f"{size:,}" for size in sizes], minor=False)
+        ways = next(iter(of_sizes.values()))
+        for way in ways:
+            label, mark, colour = looks[way] if len(ways) > 1 else ("people, with track", "^", "#117733")
+            line = [cost[way] for cost in of_sizes.values()]
+            axis.loglog(list(of_sizes), line, marker=mark, color=colour, label=label)
+        axis.set_xticks(list(of_sizes), [f"{size:,}" for size in of_sizes], minor=False)
         axis.minorticks_off()
         axis.set_xlabel(what)
         axis.grid(alpha=0.3)
     axes[0].set_ylabel("CPU time per frame [µs]")
-    axes[1].legend(frameon=False)
-    axes[-1].legend(frameon=False)
+    for axis in axes[[1, -1]]:
+        axis.legend(frameon=False)
     figure.savefig(FIGURE, dpi=150)
-    yield from ()
-
-
-TABLES = {table.__name__: table for table in (speed, growth, memory, refine, picture)}
 
 
 def scale(
     tables: tuple[str, ...] = ("speed", "growth", "memory"), *, repeat: int = 5, frames: int = 100_000
 ) -> Iterator[Table]:
-    """Measure each table; of so many runs the best counts. `frames` are those of `refine`."""
+    """Measure speed, growth, memory, refine; of so many runs the best counts. `frames` are those of `refine`."""
+    measures = {"speed": speed, "growth": growth, "memory": memory}
     for name in tables:
-        yield from refine(repeat, frames) if name == "refine" else TABLES[name](repeat)
+        if name == "picture":
+            picture(repeat)
+        else:
+            yield refine(frames) if name == "refine" else measures[name](repeat)
 
 
 if __name__ == "__main__":

@@ -1,29 +1,35 @@
 """Poses, rigs and detections for measuring accuracy; all are determined by the seed.
 
-Poses are frames of the CMU motion capture if it is in ``../shared/data`` (see ``pose_source``), otherwise
+Poses are frames of the CMU motion capture if it is in ``../shared/data``, otherwise
 the package's synthetic motions. Their detections are simulated. ``mvor`` gives real detections, assigned to
 people by the ground truth (oracle association).
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 import skelsplat as sk
 from skelsplat import synthetic
+from skelsplat.datasets import Take
+from skelsplat.evaluation import methods
 from skelsplat.synthetic import DetectionNoise
 
 FloatArray = NDArray[np.float64]
+Fields = Mapping[str, Any]
 
 DATA = Path(__file__).resolve().parents[2] / "shared" / "data"
 CMU = DATA / "cmu_mocap" / "cmu_s01_to_s12_10hz.npz"
 CMU_30HZ = DATA / "cmu_mocap" / "cmu_s01_to_s12_30hz.npz"
 MVOR = DATA / "mvor" / "mvor_days12.npz"
+POSES = "CMU motion capture" if CMU.is_file() else "synthetic motions (no CMU motion capture here)"
 
 NOISES = {
     "good": DetectionNoise.good(),
@@ -41,6 +47,7 @@ _CMU_JOINTS = [
 _NOSE = 9
 _NOSE_OFFSET_MM = (60.0, 0.0, -20.0)
 _SCATTER_MM = 500.0
+_BOX_MARGIN = 1.1  # a body extends beyond its joints
 # Distance of the human36m_like cameras from the centre of the room.
 _ROOM_RADIUS_MM = 5300.0
 
@@ -58,18 +65,60 @@ class Scene:
     @property
     def detected(self) -> NDArray[np.bool_]:
         """Whether each joint has a usable detection, (T, M, N)."""
-        found: NDArray[np.bool_] = np.isfinite(self.detections).all(axis=-1) & (self.detections[..., 2] > 0)
-        return found
+        return np.isfinite(self.detections).all(axis=-1) & (self.detections[..., 2] > 0)
 
     @property
     def judged(self) -> FloatArray:
         """Truth (T, N, 3), NaN where fewer than two views detect the joint; the same for all methods."""
         return np.where((self.detected.sum(axis=1) >= 2)[..., None], self.truth, np.nan)
 
+    def solved(self, method: str) -> FloatArray:
+        """Return the poses of a method of `skelsplat evaluate`; crops are those of the detected joints."""
+        pixels = np.where(self.detected[..., None], self.detections[..., :2], np.nan)
+        extent = np.fmax.reduce(pixels, axis=2) - np.fmin.reduce(pixels, axis=2)
+        boxes = np.concatenate([np.zeros(extent.shape), _BOX_MARGIN * extent], axis=-1)
+        frames = np.arange(len(self.truth))
+        take = Take("", "", "", self.rig, frames, self.truth, self.detections, boxes=boxes)
+        chosen = methods.get(method)
+        settings = chosen.settings(methods.Options(n_threads=1))
+        return chosen.solve(take, sk.layouts.get(self.layout), settings).pose
 
-def pose_source() -> str:
-    """Return a description of the poses of `cmu_poses`."""
-    return "CMU motion capture" if CMU.is_file() else "synthetic motions (no CMU motion capture here)"
+    def refined(
+        self,
+        start: FloatArray | None = None,
+        config: sk.RefineConfig | None = None,
+        *,
+        init_sigma: float | FloatArray | None = None,
+        fields: Fields | None = None,
+    ) -> sk.Refinement:
+        """Refine with ``RefineConfig()`` with `fields` changed, or another configuration."""
+        given = {"layout": self.layout, "init_sigma": init_sigma}
+        config = config or sk.RefineConfig(**(fields or {}))
+        return sk.refine(start, self.detections, self.rig, config=config, **given)
+
+    def mpjpe(self, pose: FloatArray) -> float:
+        """MPJPE in mm over the joints that at least two views detect."""
+        return float(sk.metrics.mpjpe(pose, self.judged))
+
+
+def covered(
+    pose: FloatArray, covariance: FloatArray, truth: FloatArray, name: str = ""
+) -> dict[str, float | None]:
+    """Share of joints within 1, 2 and 3 standard deviations, %; ideal are 19.9, 73.9 and 97.1."""
+    heads = [f"{name}{k} σ" for k in (1, 2, 3)]
+    known = np.isfinite(truth - pose).all(axis=-1) & np.isfinite(covariance).all(axis=(-2, -1))
+    if not known.any():
+        return dict.fromkeys(heads)
+    shares = 100 * np.asarray(sk.metrics.sigma_coverage(pose, covariance, truth))
+    return dict(zip(heads, shares.tolist(), strict=True))
+
+
+def missing(found: Mapping[str, FloatArray], scene: Scene, where: str) -> list[str]:
+    """Note for each method the share of judged joints without a position, if any."""
+    shares = {name: float(sk.metrics.missing_rate(pose, scene.judged)) for name, pose in found.items()}
+    return [
+        f"{where}: {name} leaves {100 * s:.2f} % of the joints out" for name, s in shares.items() if s > 0
+    ]
 
 
 @cache
@@ -145,13 +194,8 @@ def scene(noise: str | DetectionNoise, poses: int, seed: int, *, n_views: int = 
         synthetic.simulate_detections(truth, cameras, noise=model, layout="h36m17", seed=seed + k)
         for k, truth in enumerate(truths)
     ]
-    source = f"{pose_source()}, room rig, simulated detections"
+    source = f"{POSES}, room rig, simulated detections"
     return Scene(np.concatenate(truths), np.concatenate(detections), cameras, "h36m17", source)
-
-
-def louder(noise: DetectionNoise, factor: float) -> DetectionNoise:
-    """Return the same detector with `factor` times the jitter."""
-    return replace(noise, sigma_px=factor * noise.sigma_px)
 
 
 @dataclass(frozen=True)
@@ -163,6 +207,14 @@ class Stills:
     match: NDArray[np.int64]  # (F, 7, 3): the detection of each labelled person (oracle association), or −1
     boxes: FloatArray  # (F, 3, 7, 4) px: left, top, right, bottom; also of people without a truth
     cameras: sk.CameraRig
+
+    def seen(self) -> tuple[NDArray[np.int64], NDArray[np.int64], FloatArray]:
+        """Return frame, place and detections (K, 3, 17, 3) of labelled people whom two views detect."""
+        frame, person = np.nonzero((self.match >= 0).sum(axis=-1) >= 2)
+        chosen = self.match[frame, person]
+        detections = self.people[frame[:, None], np.arange(3), np.maximum(chosen, 0)]
+        detections[chosen < 0] = np.nan
+        return frame, person, detections
 
 
 def mvor_stills(detector: str) -> Stills:
@@ -194,15 +246,6 @@ def mvor(detector: str = "openpose") -> Scene:
     labels' reprojection error larger.
     """
     stills = mvor_stills(detector)
-    match, labels, cameras = stills.match, stills.truth, stills.cameras
-    frame, person = np.nonzero((match >= 0).sum(axis=-1) >= 2)
-    chosen = match[frame, person]
-    detections = stills.people[frame[:, None], np.arange(3), np.maximum(chosen, 0)]
-    detections[chosen < 0] = np.nan
-    return Scene(
-        labels[frame, person],
-        detections,
-        cameras,
-        "coco17",
-        f"MVOR, {detector}, real detections, oracle association",
-    )
+    frame, person, detections = stills.seen()
+    source = f"MVOR, {detector}, real detections, oracle association"
+    return Scene(stills.truth[frame, person], detections, stills.cameras, "coco17", source)

@@ -18,8 +18,8 @@ the ends and middles of the limbs and the trunk, and of the joints that truly mo
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
 
 import lab
 import numpy as np
@@ -30,13 +30,11 @@ from numpy.typing import NDArray
 from recordings import Take
 from scenarios import FloatArray
 
-from skelsplat.evaluation.methods import CUTOFF_HZ, cutoff
-
 Masks = list[NDArray[np.bool_]]
 # The joints of a take that belong to the extremes: this share of all joints and frames.
 EXTREME = 0.01
-# Without the slow methods.
-USUAL = tuple(name for name in over_time.METHODS if not name.startswith("anipose-"))
+# Without those of another library.
+USUAL = tuple(name for name in over_time.METHODS if not name.startswith("anipose"))
 
 
 @dataclass
@@ -89,19 +87,15 @@ class Errors:
         return row
 
 
-def measured(takes: list[Take], names: list[str]) -> dict[str, Errors]:
-    """Run every method on every take; a first run of a few frames compiles and imports what it needs."""
-    out = {}
-    first = takes[0].scene
-    few = replace(takes[0], scene=replace(first, truth=first.truth[:20], detections=first.detections[:20]))
-    for name in names:
-        method, errors = over_time.METHODS[name], Errors()
-        method(few)
+def measured(takes: list[Take], names: Sequence[str]) -> dict[str, Errors]:
+    """Run every method on every take."""
+    out = {name: Errors() for name in names}
+    for name, errors in out.items():
+        over_time.METHODS[name](takes[0])  # imports and compiles what it needs
         for take in takes:
             begun = time.perf_counter()
-            solved = method(take)
+            solved = over_time.METHODS[name](take)
             errors.add(take, solved, time.perf_counter() - begun)
-        out[name] = errors
     return out
 
 
@@ -147,15 +141,14 @@ def sequences(
     confidence: bool = False,
     joints: bool = False,
     seed: int = 0,
-) -> Iterator[Table | str]:
+) -> Iterator[Table]:
     """Compare methods on recordings."""
-    absent = {name: reason for name in methods if (reason := over_time.absent(name))}
     for condition in conditions:
         found = recordings.takes(
             condition, count=takes, names=names, n_views=views, fps=fps, seed=seed, most_frames=frames
         )
         given = found if confidence else [recordings.unsure(take) for take in found]
-        results = measured(given, [name for name in methods if name not in absent])
+        results = measured(given, methods)
         n_frames = sum(len(take.scene.truth) for take in found)
         title = f"{condition}: {views} views, {fps} Hz, {n_frames} frames, simulated detections"
         rows = {name: errors.row() for name, errors in results.items()}
@@ -167,9 +160,6 @@ def sequences(
                 for name, errors in results.items()
             }
             yield Table.of(f"{condition}, by joints", "method, joints", by_part)
-    yield from absent.values()
-    if cutoff(fps) < CUTOFF_HZ:
-        yield f"Butterworth filter at {cutoff(fps):g} Hz: 6 Hz needs more frames"
 
 
 if __name__ == "__main__":

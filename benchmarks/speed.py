@@ -1,6 +1,5 @@
-"""Speed, compared with its targets: of the default settings, of the paper's, and of imports.
+"""Speed, compared with its targets: of the paper's settings, and of imports.
 
-python benchmarks/speed.py default [--batch 1000] [--repeat 5] [--markdown]
 python benchmarks/speed.py paper
 python benchmarks/speed.py imports [--repeat 9]
 """
@@ -10,69 +9,22 @@ from __future__ import annotations
 import statistics
 import subprocess
 import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from functools import partial
 
 import lab
 import numpy as np
-from lab import ONE_THREAD, Table
-from scenarios import NOISES, Scene, simulated
+from lab import Table, wanted
 
 import skelsplat as sk
 from skelsplat import synthetic
 from skelsplat.cameras import altered
 
-# Share of the batch used for the dome, which has up to 31 views.
-_DOME_SHARE = 5
-_SINGLE_POSES = 300
-# Warm-up calls: the first ones allocate.
-_WARM_UP = 10
 # Of the paper's settings: calls of which the median counts, and poses of a batch.
 _CALLS = 15
 _BATCH = 16
 _IMPORT_LIMIT_MS = 150.0
 _MOST_MODULES = 5
-
-
-def wanted(title: str, rows: dict[str, tuple[str, str]]) -> Table:
-    """Return the table of figures and their targets."""
-    heads = ("measured", "wanted")
-    return Table.of(title, "what", {name: dict(zip(heads, row, strict=True)) for name, row in rows.items()})
-
-
-def median_s(call: Callable[[object], object], items: Iterable[object]) -> float:
-    """Return the median time of a call over the items after the first few, s."""
-    times = [lab.seconds(lambda item=item: call(item), 1) for item in items]
-    return statistics.median(times[_WARM_UP:] or times)
-
-
-def default(*, batch: int = 1000, repeat: int = 5) -> Table:
-    """Time batches of so many poses, best of repeated runs, and single poses, median of many calls.
-
-    Simulated detections `good` of six motions, 17 joints, triangulation included.
-    """
-
-    def batch_s(scene: Scene, threads: int) -> float:
-        given = {"layout": "h36m17", "config": sk.RefineConfig(n_threads=threads)}
-        return lab.seconds(partial(sk.refine, None, scene.detections, scene.rig, **given), repeat)
-
-    room, poses = simulated(batch), -(-batch // _DOME_SHARE)
-    one, two = (batch_s(room, threads) for threads in (1, 2))
-    four, many = (batch_s(simulated(poses, cameras=synthetic.dome(views)), 1) for views in (4, 31))
-    walk = synthetic.motion("walk", min(batch, _SINGLE_POSES), seed=0)
-    frames = synthetic.simulate_detections(walk, room.rig, noise=NOISES["good"], seed=0)
-    given = {"layout": "h36m17", "config": ONE_THREAD}
-    single = median_s(lambda seen: sk.refine(None, seen, room.rig, **given), frames)
-    step, live = (median_s(sk.Refiner(room.rig, fps=fps, **given).step, frames) for fps in (None, 30))
-    rows = {
-        f"batch of {batch}, 4 views, 1 core, per pose": (f"{1e6 * one / batch:.1f} µs", "≤ 50 µs"),
-        "the same on 2 cores, times the throughput": (f"{one / two:.2f}", "≥ 1.8"),
-        "31 views of a dome, times the time of 4": (f"{many / four:.2f}", "≤ 9"),
-        "one pose, sk.refine from Python": (f"{1e6 * single:.0f} µs", "≤ 150 µs"),
-        "next frame, sk.Refiner.step from Python": (f"{1e6 * step:.0f} µs", "≤ 80 µs"),
-        "the same with fps: the past predicts": (f"{1e6 * live:.0f} µs", "≤ 120 µs"),
-    }
-    return wanted("Default settings, 17 joints, simulated detections 'good'", rows)
 
 
 def paper() -> Table:
@@ -85,8 +37,8 @@ def paper() -> Table:
     batch, name = partial(refined, 1000, _BATCH), f"batch of {_BATCH}"
 
     def ms(call: Callable[[], object], per: int = 1) -> str:
-        call()
-        return f"{1e3 * median_s(lambda _: call(), range(_CALLS)) / per:.1f} ms"
+        times = [lab.seconds(call) for _ in range(1 + _CALLS)][1:]
+        return f"{1e3 * statistics.median(times) / per:.1f} ms"
 
     rows = {
         "one pose, 1000 × 1000 px, 125 steps, 1 core": (ms(refined(1000, 1)), "≤ 30 ms"),
@@ -133,7 +85,9 @@ def imports(*, repeat: int = 9) -> Table:
     Measured with `-X importtime`, as the sum of the self times of all modules, after a first interpreter that
     fills the file cache.
     """
-    runs = [_added_ms() for _ in range(repeat + 1)][1:]
+    base = _own_ms("import numpy, cv2")
+    runs = [_own_ms("import numpy, cv2\nimport skelsplat") for _ in range(repeat + 1)][1:]
+    runs = [{name: taken for name, taken in run.items() if name not in base} for run in runs]
     totals = [sum(run.values()) for run in runs]
     modules = {name: statistics.median(run.get(name, 0.0) for run in runs) for name in runs[0]}
     slowest = sorted(modules, key=lambda name: -modules[name])[:_MOST_MODULES]
@@ -144,12 +98,6 @@ def imports(*, repeat: int = 9) -> Table:
         **{f"of it {name}": (f"{modules[name]:.1f}", "") for name in slowest},
     }
     return wanted(f"Time of imports in ms, {len(runs)} interpreters", rows)
-
-
-def _added_ms() -> dict[str, float]:
-    """Return the time added by the package in one interpreter, in ms, by module."""
-    base, both = (_own_ms(f"import numpy, cv2{more}") for more in ("", "\nimport skelsplat"))
-    return {name: taken for name, taken in both.items() if name not in base}
 
 
 def _own_ms(program: str) -> dict[str, float]:
@@ -164,4 +112,4 @@ if __name__ == "__main__":
     if "--memory" in sys.argv:
         print(grown_mib())
     else:
-        lab.main(__doc__, default, paper, imports)
+        lab.main(__doc__, paper, imports)

@@ -3,22 +3,12 @@
 from __future__ import annotations
 
 from collections import Counter
+from itertools import combinations
 
 import numpy as np
 from lab import Table, about
-from methods import (
-    CAUCHY_SCALE_PX,
-    Fields,
-    cauchy,
-    default,
-    dlt,
-    missing,
-    oracle_views,
-    paper,
-    triangulations,
-)
 from numpy.typing import NDArray
-from scenarios import FloatArray, Scene, Stills, mvor_stills
+from scenarios import Fields, FloatArray, Scene, Stills, missing, mvor_stills
 from scenarios import mvor as mvor_scene
 
 import skelsplat as sk
@@ -37,23 +27,35 @@ Everybody = list[list[tuple[FloatArray, NDArray[np.int64] | None]]]
 def mvor(*, detector: str = "openpose", fast: bool = False, fields: Fields | None = None) -> Table:
     """Mean, median, 90th percentile and share of gross errors; `fast` omits methods that take seconds."""
     here = mvor_scene(detector)
-    found = {name: method(here) for name, method in triangulations(fast=fast).items()}
-    if not fast:
-        found["Cauchy"] = cauchy(here)
-        for start, weighted in (("DLT", False), ("DLT conf.", True)):
-            begin = dlt(here, weighted=weighted)
-            found[f"paper, from {start}"] = paper(here, begin).pose
-            found[f"closed form, Adam, from {start}"] = paper(here, begin, renderer="closed_form").pose
-    found["default"] = default(here, fields=fields).pose
+    names = ("dlt", "dlt-confidence", "ransac-iskakov", "ransac-adafuse", "ransac", "cauchy")
+    found = {name: here.solved(name) for name in names}
+    for start in () if fast else ("dlt", "dlt-confidence"):
+        for renderer in ("raster", "closed_form"):
+            config = sk.RefineConfig.paper(renderer=renderer)
+            found[f"paper, {renderer}, from {start}"] = here.refined(found[start], config).pose
+    found["default"] = here.refined(fields=fields).pose
     found["oracle: DLT of the best views"] = oracle_views(here)
     joints = int(np.isfinite(here.judged).all(axis=-1).sum())
     notes = [
         *missing(found, here, "MVOR"),
-        f"Cauchy loss with a scale of {CAUCHY_SCALE_PX:g} px; labels are good to about ±50 mm",
+        "labels are good to about ±50 mm",
         about(people=len(here.truth), joints=joints, source=here.source),
     ]
-    rows = {name: _errors(pose, here) for name, pose in found.items()}
-    return Table.of("MVOR, mm", "method", rows, notes)
+    return Table.of("MVOR, mm", "method", {name: _errors(pose, here) for name, pose in found.items()}, notes)
+
+
+def oracle_views(here: Scene) -> FloatArray:
+    """Triangulate each joint from the views that bring it closest to the truth: no choice does better."""
+    n_views = len(here.rig)
+    best, least = np.full(here.truth.shape, np.nan), np.full(here.truth.shape[:2], np.inf)
+    for used in (kept for n in range(2, n_views + 1) for kept in combinations(range(n_views), n)):
+        detections = here.detections[..., :2].copy()
+        detections[:, np.setdiff1d(range(n_views), used)] = np.nan
+        pose = sk.triangulate(detections, here.rig, method="dlt")
+        distance = np.linalg.norm(pose - here.truth, axis=-1)
+        nearer = distance < least
+        best[nearer], least[nearer] = pose[nearer], distance[nearer]
+    return best
 
 
 def _gross(each: FloatArray) -> float:
@@ -109,15 +111,11 @@ def mvor_people(*, fields: Fields | None = None) -> Table:
 
 def _oracle(stills: Stills, config: sk.RefineConfig) -> FloatArray:
     """Poses (7, F, 17, 3) of labelled people from their own detections: joints that two views detect."""
-    seen = (stills.match >= 0).sum(axis=-1) >= 2
-    frame, person = np.nonzero(seen)
-    chosen = stills.match[frame, person]
-    detections = stills.people[frame[:, None], np.arange(3), np.maximum(chosen, 0)]
-    detections[chosen < 0] = np.nan
-    out = np.full((*seen.shape, 17, 3), np.nan)
+    frame, person, detections = stills.seen()
+    out = np.full((*stills.match.shape[:2], 17, 3), np.nan)
     pose = sk.refine(None, detections, stills.cameras, layout="coco17", config=config).pose
     pose[(detections[..., 2] > 0).sum(axis=1) < 2] = np.nan
-    out[seen] = pose
+    out[frame, person] = pose
     return out.swapaxes(0, 1)
 
 

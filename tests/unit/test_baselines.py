@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from peers import opencv_dlt
+from compare import opencv_dlt
 
 import skelsplat as sk
 from skelsplat.evaluation import baselines
