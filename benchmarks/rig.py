@@ -1,6 +1,7 @@
 """Cameras set right: what `skelsplat.adjust_cameras` leaves of a fault, and what it does to sound cameras.
 
     python benchmarks/rig.py [--views 3 4] [--faults "turn 1" sound] [--takes 20] [--condition good]
+    python benchmarks/rig.py --people 3                  judged by one person, and by everybody
     python benchmarks/rig.py --lost                      what a clock costs that is off by parts of a frame
     python benchmarks/rig.py --sample                    clocks in the recording of the demo
 
@@ -12,10 +13,10 @@ shares of the focal length, and frames; `focal=True` and `clock=True` are given 
 
 set right: takes in which every faulty camera is adjusted (or late) and no other, and at most a tenth of the
 fault or twice the error bar is left, of the fault and of what it might be confused with. beyond: more is.
-doubt: a faulty camera is said to be doubtful, or the faulty ones are set right and a sound one is doubtful.
-within: nothing is found, and the fault is at most twice the error bar that is stated. missed: it is more.
-wrong: a sound camera was changed. left, error bar: medians of what is left of the fault, and of its error
-bar. CPU s: one core.
+doubt: a faulty camera is doubtful, or the faulty ones are set right and a sound one is doubtful. within:
+nothing is found, and the fault is at most twice the error bar that is stated. missed: it is more. refused:
+another fault is reported. wrong: a sound camera was changed. left, error bar: medians of what is left of the
+fault, and of its error bar. CPU s: one core.
 """
 
 from __future__ import annotations
@@ -37,9 +38,14 @@ from scenarios import FloatArray
 
 import skelsplat as sk
 from skelsplat import synthetic
+from skelsplat.association import choose_person
 from skelsplat.cameras import altered, matrix_from_vector
+from skelsplat.findings import Finding
 from skelsplat.io import sample as demo
+from skelsplat.rig_check import ReadAs
+from skelsplat.run.adjust import Scene, adjusted
 from skelsplat.run.adjust import adjust_cameras as adjust_files
+from skelsplat.synthetic.people_sets import mixed_heights
 
 FPS, FRAMES, LONGEST = 30.0, 300, 40
 # Takes below this one were looked at when the thresholds of the method were chosen.
@@ -48,7 +54,8 @@ FAULTS = (
     *("sound", "sound, clocks", "turn 0.2", "turn 1", "turn 3", "turn 10", "move 5", "move 20", "move 100"),
     *("move 500", "focal 0.02", "clock 0.3", "clock 3", "clock 20", "clocks 10", "turn 3, another late 3"),
 )
-OUTCOMES = ("set right", "beyond", "doubt", "within", "missed", "wrong")
+BY_PEOPLE = ("sound", "turn 1", "turn 3", "turn 10", "move 20", "move 100", "move 500", "clock 3")
+OUTCOMES = ("set right", "beyond", "doubt", "within", "missed", "refused", "wrong")
 # What rounding leaves: degrees, mm, share, frames.
 NOTHING = np.array([1e-4, 1e-3, 1e-9, 1e-9])
 Verdict = tuple[str, float, float]
@@ -135,6 +142,34 @@ def error_bars(one: sk.CameraAdjustment) -> FloatArray:
     return np.nan_to_num([one.turn_sigma, one.shift_sigma, one.focal_sigma, one.clock_sigma], nan=0.0)
 
 
+def verdict(one: Case, found: sk.RigAdjustment | Finding) -> Verdict:
+    """Return what became of a case."""
+    if isinstance(found, Finding):
+        return "refused", np.nan, np.nan
+    changed = {i for i, camera in enumerate(found.report) if camera.status in ("adjusted", "late")}
+    unsure = {i for i, camera in enumerate(found.report) if camera.status != "sound"} - changed
+    if len(one.faulty) == len(one.true):
+        return verdict_of_clocks(one, found)
+    outcome = None
+    if changed - one.faulty:
+        outcome = "wrong"
+    elif not one.faulty:
+        outcome = "doubt" if unsure else "set right"
+    elif unsure & one.faulty:
+        outcome = "doubt"
+    elif left := one.faulty - changed:
+        faults = {i: errors(one.true[i], one.given[i], one.late[i]) for i in left}
+        near = all((faults[i] <= 2 * error_bars(found.report[i]) + NOTHING).all() for i in left)
+        outcome = "wrong" if unsure else "within" if near else "missed"
+    elif unsure:
+        outcome = "doubt"
+    if outcome is not None:
+        return outcome, np.nan, np.nan
+    each = [left_of(one, found, i) for i in one.faulty]
+    worst = "beyond" if "beyond" in {name for name, *_ in each} else "set right"
+    return worst, max(left for _, left, _ in each), max(bar for *_, bar in each)
+
+
 def left_of(one: Case, found: sk.RigAdjustment, i: int) -> Verdict:
     """Return what became of a faulty camera that is adjusted."""
     before = errors(one.true[i], one.given[i], one.late[i])
@@ -143,38 +178,6 @@ def left_of(one: Case, found: sk.RigAdjustment, i: int) -> Verdict:
     beyond = (after > np.maximum(before / 10, 2 * bars) + NOTHING).any()
     part = int(np.argmax(before > NOTHING))
     return "beyond" if beyond else "set right", float(after[part]), float(bars[part])
-
-
-def within(one: Case, found: sk.RigAdjustment) -> bool:
-    """Return whether the faults that were not found are at most twice the error bars of their cameras."""
-    left = [i for i in one.faulty if found.report[i].status == "sound"]
-    faults = {i: errors(one.true[i], one.given[i], one.late[i]) for i in left}
-    return all((faults[i] <= 2 * error_bars(found.report[i]) + NOTHING).all() for i in left)
-
-
-def verdict(one: Case, found: sk.RigAdjustment) -> Verdict:
-    """Return what became of a case."""
-    changed = {i for i, r in enumerate(found.report) if r.status in ("adjusted", "late")}
-    doubtful = {i for i, r in enumerate(found.report) if r.status == "doubtful"}
-    outcome = None
-    if not one.faulty:
-        quiet = all(camera.status == "sound" for camera in found.report)
-        outcome = "set right" if quiet else "doubt" if doubtful else "wrong"
-    elif len(one.faulty) == len(one.true):
-        return verdict_of_clocks(one, found)
-    elif changed - one.faulty:
-        outcome = "wrong"
-    elif doubtful and one.faulty & doubtful:
-        outcome = "doubt"
-    elif one.faulty - changed:
-        outcome = "wrong" if doubtful else "within" if within(one, found) else "missed"
-    elif doubtful:
-        outcome = "doubt"
-    if outcome is not None:
-        return outcome, np.nan, np.nan
-    each = [left_of(one, found, i) for i in one.faulty]
-    worst = "beyond" if "beyond" in {name for name, *_ in each} else "set right"
-    return worst, max(left for _, left, _ in each), max(bar for *_, bar in each)
 
 
 def verdict_of_clocks(one: Case, found: sk.RigAdjustment) -> Verdict:
@@ -187,10 +190,10 @@ def verdict_of_clocks(one: Case, found: sk.RigAdjustment) -> Verdict:
     return "set right" if left <= max(float(np.ptp(one.late)) / 10, 2 * bar) else "beyond", left, bar
 
 
-def summary(verdicts: list[Verdict], outcomes: tuple[str, ...] = OUTCOMES) -> dict[str, Any]:
+def summary(verdicts: list[Verdict]) -> dict[str, Any]:
     """Return the shares of the outcomes, and the medians of what is left and of its error bar."""
     counts = Counter(name for name, *_ in verdicts)
-    row: dict[str, Any] = {f"{name} %": f"{100 * counts[name] / len(verdicts):.3g}" for name in outcomes}
+    row: dict[str, Any] = {f"{name} %": f"{100 * counts[name] / len(verdicts):.3g}" for name in OUTCOMES}
     for k, head in ((1, "left"), (2, "error bar")):
         values = np.array([one[k] for one in verdicts])
         row[head] = f"{np.nanmedian(values):.3g}" if np.isfinite(values).any() else "–"
@@ -201,16 +204,38 @@ def measured(name: str, views: int, takes: int, condition: str) -> dict[str, Any
     """Measure one fault in one rig."""
     fault, _, another = name.partition(", another late ")
     kind, size = ("sound", "0") if name.startswith("sound") else fault.split()
-    verdicts, begun = [], 0.0
+    verdicts, seconds = [], 0.0
     for seed in range(FIRST, FIRST + takes):
         one = case(views, kind, float(size), condition, seed, float(another or 0))
+        given = {"focal": kind == "focal", "clock": "clock" in name, "config": ONE_THREAD}
         before = time.process_time()
-        found = sk.adjust_cameras(
-            one.detections, one.given, focal=kind == "focal", clock="clock" in name, config=ONE_THREAD
-        )
-        begun += time.process_time() - before
+        found = sk.adjust_cameras(one.detections, one.given, **given)
+        seconds += time.process_time() - before
         verdicts.append(verdict(one, found))
-    return summary(verdicts) | {"CPU s": f"{begun / takes:.3g}"}
+    return summary(verdicts) | {"CPU s": f"{seconds / takes:.3g}"}
+
+
+def measured_by_people(name: str, views: int, takes: int, people: int) -> dict[str, dict[str, Any]]:
+    """Measure one fault, by one person and by everybody, of people who cross, circle and pass each other."""
+    kind, size = ("sound", 0.0) if name == "sound" else (name.split()[0], float(name.split()[1]))
+    found: dict[str, list[Verdict]] = {"one": [], "all": []}
+    for seed in range(FIRST, FIRST + takes):
+        rng, meetings = np.random.default_rng(seed), ["cross", "circle", "apart"]
+        scene = synthetic.simulate_scene(
+            people, mixed_heights(views), n_frames=200, fps=FPS, meetings=meetings, seed=seed
+        )
+        faulty = set() if kind == "sound" else {int(rng.integers(views))}
+        true, seen, late = list(scene.cameras), scene.people.copy(), np.zeros(views)
+        given = [spoilt(one, kind, size, rng) if i in faulty else one for i, one in enumerate(true)]
+        for i in faulty if kind == "clock" else ():
+            seen[int(size) :, i] = scene.people[: -int(size), i]
+            late[i] = size
+        rig = sk.CameraRig(given, scene.cameras.unit)
+        one = choose_person(seen, rig, layout=scene.layout)[0][:, :, None]
+        for who, detections in (("one", one), ("all", seen)):
+            read = Scene(rig, detections, np.arange(len(seen)), scene.layout, ReadAs())
+            found[who].append(verdict(Case(true, given, late, faulty, detections), adjusted(read)))
+    return {f"{name}, by {who}": summary(verdicts) for who, verdicts in found.items()}
 
 
 def lost_clocks(takes: int) -> Table:
@@ -280,14 +305,19 @@ def rig(
     faults: tuple[str, ...] = FAULTS,
     takes: int = 20,
     condition: str = "good",
+    people: int = 0,
     lost: bool = False,
     sample: bool = False,
 ) -> Iterator[Table]:
-    """Measure faults in rigs, or what the last two name."""
+    """Measure faults in rigs, or what the last three name."""
     if sample:
         yield clocks_of_the_demo()
     elif lost:
         yield lost_clocks(takes)
+    elif people:
+        found = [measured_by_people(fault, 4, takes, people) for fault in faults if fault in BY_PEOPLE]
+        rows = {name: row for each in found for name, row in each.items()}
+        yield Table.of(f"{people} people, 4 views, {takes} takes, simulated", "fault", rows)
     else:
         for n_views in views:
             rows = {fault: measured(fault, n_views, takes, condition) for fault in faults}

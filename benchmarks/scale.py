@@ -11,7 +11,9 @@ little, but they share caches and clock rates. Memory is the largest resident se
 
 from __future__ import annotations
 
+import collections
 import functools
+import itertools
 import resource
 import subprocess
 import sys
@@ -148,8 +150,8 @@ def child(way: str, frames: int) -> None:
     if way == "whole":
         sk.refine_sequence(np.concatenate([chunk] * (frames // PIECE)), rig, **given)
     else:
-        for _ in sk.refine_batches(lambda: (chunk for _ in range(frames // PIECE)), rig, **given):
-            pass
+        chunks = itertools.repeat(chunk, frames // PIECE)
+        collections.deque(sk.refine_batches(chunks, rig, **given), maxlen=0)
     print(lab.peak_mib())
 
 
@@ -219,7 +221,7 @@ def picture(repeat: int) -> None:
 def scale(
     tables: tuple[str, ...] = ("speed", "growth", "memory"), *, repeat: int = 5, frames: int = 100_000
 ) -> Iterator[Table]:
-    """Measure speed, growth, memory, refine; of so many runs the best counts. `frames` are those of `refine`."""
+    """Measure each table; of so many runs the best counts. `frames` are those of `refine`."""
     measures = {"speed": speed, "growth": growth, "memory": memory}
     for name in tables:
         if name == "picture":

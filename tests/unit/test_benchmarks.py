@@ -62,7 +62,7 @@ def test_a_program_has_the_options_of_its_signature(capsys, monkeypatch) -> None
     assert max(map(len, lines)) <= 110
     assert any("poses 20" in line for line in lines)
     assert lines[-1] == "python accuracy.py swaps --poses 20 --set sigma_mm=25"
-    texts = ["a=1", "b=0.5", "c=true", "d=none", "e=adam"]
+    texts = ["a=1", "b=0.5", "c=true", "d=null", "e=adam"]
     assert dict(map(lab.parsed, texts)) == {"a": 1, "b": 0.5, "c": True, "d": None, "e": "adam"}
 
 
@@ -153,8 +153,6 @@ def test_the_comparison_runs() -> None:
     (found,) = run("compare", "--poses", 2, "--repeat", 1)
     for name in ("DLT, NumPy", "RANSAC of Iskakov et al.", "Cauchy loss, SciPy", "SkelSplat, default"):
         assert float(found[name]["mean mm"]) > 0
-    (times,) = run("speed", "default", "--batch", 2, "--repeat", 1)
-    assert len(times) == 6
 
 
 @pytest.mark.parametrize("people", [["--people", "2", "--views", "3"], swept([])])
@@ -168,9 +166,8 @@ def test_the_live_benchmark_runs(people: list[str]) -> None:
     ("name", "options"),
     [
         ("speed", ["imports", "--repeat", 1]),
-        ("people_speed", ["choice", "--frames", 5]),
         ("rig", ["--takes", 1, "--views", 3, "--faults", "turn 3", "clocks 10"]),
-        ("rig_people", ["--takes", 1, "--faults", "turn 3"]),
+        ("rig", ["--people", 2, "--takes", 1, "--faults", "turn 3"]),
         ("scale", ["refine", "--frames", 100]),
     ],
 )
