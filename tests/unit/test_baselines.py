@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from compare import opencv_dlt
+from numpy.typing import NDArray
 
 import skelsplat as sk
 from skelsplat.evaluation import baselines
