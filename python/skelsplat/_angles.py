@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from itertools import chain
+from itertools import chain, product
 from typing import Final
 
 import numpy as np
@@ -75,8 +75,8 @@ def joint_angles(
 
     Knees and elbows have a flexion, hips and shoulders a flexion and an abduction, ankles a dorsiflexion if
     the layout has feet; trunk and pelvis lean against the vertical. All are 0 in upright standing with the
-    arms hanging. The guide on joint angles has a figure and the definition of each. Those whose joints the
-    layout does not have are left out.
+    arms hanging; the guide on joint angles defines each. Those whose joints the layout does not have are left
+    out.
 
     Parameters
     ----------
@@ -90,10 +90,6 @@ def joint_angles(
         array. The errors of different joints are taken for independent.
     up : "x", "y", "z", "-x", "-y", "-z", (3,) or None
         The vertical of the world. None leaves out the angles that need it: those of trunk and pelvis.
-
-    Returns
-    -------
-    JointAngles
 
     Raises
     ------
@@ -110,19 +106,18 @@ def joint_angles(
     covariance = None if uncertainty is None else numbers(uncertainty, "uncertainty")
     if covariance is not None and covariance.shape != (*points.shape, 3):
         raise InvalidInputError(f"uncertainty: expected shape {(*points.shape, 3)}, got {covariance.shape}")
-    vertical = _vertical(up)
-    return angles_of_joints(points, layout.joints, covariance, vertical, of=layout.name)
+    return angles_of_joints(points, layout.joints, covariance, _vertical(up))
 
 
 def angles_of_joints(
-    points: Array, joints: Sequence[str], covariance: Array | None, up: Array | None, *, of: str = "these"
+    points: Array, joints: Sequence[str], covariance: Array | None, up: Array | None
 ) -> JointAngles:
-    """Return the angles of points (…, N, 3) with these names; ``of`` names them in an error."""
+    """Return the angles of points (…, N, 3) with these names."""
     place = _places(joints)
     found = _angles_of(place, leaning=up is not None)
     if not found:
         expected = "joints of at least one angle, such as left_hip, left_knee and left_ankle"
-        raise InvalidInputError(f"layout: expected {expected}, got {of} joints ({', '.join(joints[:4])}, …)")
+        raise InvalidInputError(f"layout: expected {expected}, got {', '.join(joints[:4])}, …")
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
         pairs = [_solve(angle, points, place, covariance, up) for angle in found]
     degrees, sigma = (np.stack(values, axis=-1) for values in zip(*pairs, strict=True))
@@ -137,10 +132,9 @@ def angle_names(joints: Sequence[str], *, leaning: bool = True) -> tuple[str, ..
 def _places(joints: Sequence[str]) -> dict[str, int]:
     """Return the index of every joint; the big toes are found under other names as well."""
     place = {name: k for k, name in enumerate(joints)}
-    for side in ("left", "right"):
-        for toe in (f"{side}_{name}" for name in _TOES):
-            if toe in place:
-                place.setdefault(f"{side}_big_toe", place[toe])
+    for side, toe in product(("left", "right"), _TOES):
+        if f"{side}_{toe}" in place:
+            place.setdefault(f"{side}_big_toe", place[f"{side}_{toe}"])
     return place
 
 
@@ -217,8 +211,8 @@ def swing(limb: Array, up: Array, left: Array) -> tuple[Array, Gradients, Array]
     """Return how far a limb is swung forward from hanging down, −π to π.
 
     It is the angle of the limb's projection onto the plane through ``up`` and the forward direction, which is
-    perpendicular to ``up`` and to the line from the right to the left. Also the gradients, and the length of
-    the projection as a part of the limb's: where it is 0 the angle is not defined.
+    perpendicular to ``up`` and ``left``. Also the gradients, and the length of the projection as a part of
+    the limb's: where it is 0 the angle is not defined.
     """
     forward = np.cross(left, up)
     ahead, along = _unit(forward), _unit(up)
@@ -272,11 +266,9 @@ def _vertical(up: str | ArrayLike | None) -> Array | None:
         return None
     expected = "up: expected x, y, z, -x, -y, -z, a direction (3,) or None, got"
     if isinstance(up, str):
-        axis = up.removeprefix("-")
-        if axis not in ("x", "y", "z"):
+        if up.removeprefix("-") not in ("x", "y", "z"):
             raise InvalidInputError(f"{expected} {up!r}")
-        sign = -1.0 if up.startswith("-") else 1.0
-        return np.array([sign * (axis == name) for name in "xyz"])
+        return np.array([float(up == axis) - float(up == f"-{axis}") for axis in "xyz"])
     vector = numbers(up, "up")
     if vector.shape != (3,) or not 0 < _norm(vector) < np.inf:
         raise InvalidInputError(f"{expected} {vector.tolist()}")

@@ -3,22 +3,45 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterator
-from itertools import chain, count, takewhile
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from functools import partial
+from typing import Any, Protocol, TypeAlias
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from skelsplat import _skelsplat
-from skelsplat._arrays import Array, positive
-from skelsplat._chunks import CheckedChunk, Chunks, Source, sample_of, source_of
-from skelsplat._refine import Cameras, Judge, Progress, Refinement, refined, refinement_fields, reporter
+from skelsplat._arrays import Array, numbers, positive
+from skelsplat._refine import (
+    Cameras,
+    Progress,
+    Refinement,
+    refinement_fields,
+    reporter,
+    warn_of_prior,
+    warn_of_size,
+)
 from skelsplat._sequence import SequenceRefinement, frames_of, joined
 from skelsplat._skelsplat import Layout, RefineConfig
 from skelsplat.exceptions import InvalidInputError
 
-# Windows at the beginning from which is learnt if nothing more is there yet.
-_EARLY = 3
+# Frames per chunk of an array: several windows in time at any usual rate, and some 100 MB of results.
+PER_CHUNK = 10_000
+_ENTRIES = {"detections", "confidence", "init_pose"}
+
+
+class Sliceable(Protocol):
+    """Frames (T, M, N, 2|3) that are read where they are sliced: a memory map, an HDF5 or a Zarr array."""
+
+    @property
+    def shape(self) -> tuple[int, ...]: ...
+    def __getitem__(self, frames: slice, /) -> Any: ...
+
+
+Chunk: TypeAlias = ArrayLike | Mapping[str, ArrayLike]
+Chunks: TypeAlias = Sliceable | Iterable[Chunk] | Callable[[], Iterable[Chunk]]
+_Judge: TypeAlias = Callable[[NDArray[np.float64]], None]
 
 
 def refine_batches(
@@ -35,9 +58,8 @@ def refine_batches(
     """Refine a recording of any length chunk after chunk, in memory that does not grow with it.
 
     Without ``fps`` the frames are refined as by `refine`, with ``fps`` in time, as by `refine_sequence`. The
-    k-th result is that of the k-th chunk, with the bits of one call with the whole
-    recording. Exceptions, both with ``fps``: ``bone_length_sigma`` is that of the part solved with the chunk,
-    and of a generator, which can be gone through only once, only the beginning is there to learn from.
+    k-th result is that of the k-th chunk, with the bits of one call with the whole recording, except for
+    ``bone_length_sigma``, which is that of the part solved with the chunk.
 
     Parameters
     ----------
@@ -50,9 +72,8 @@ def refine_batches(
           (T, M, N, 2|3), or a mapping with ``detections`` and, where there are any, ``confidence`` and
           ``init_pose``, as `refine` takes them. T may differ, also be 0.
 
-        With ``fps`` an iterable or function is gone through three times: to count the frames, for a sample
-        to learn from, and to solve; of a generator only the first two minutes are learnt from (at least 1800
-        frames).
+        With ``fps`` an iterable or function is gone through three times (to count the frames, for a sample to
+        learn from, to solve), so a generator has to be given as the function that makes it.
     cameras, layout, config
         As in `refine`.
     fps : float, optional
@@ -75,13 +96,8 @@ def refine_batches(
     ------
     InvalidInputError
         At once if the cameras, ``fps`` or settings are invalid, as by `refine` and `refine_sequence`; in the
-        iteration if a chunk is: the message begins with ``chunks[k]``. Errors of the iterable itself
-        are passed on. The iteration then has ended.
-
-    Warns
-    -----
-    UserWarning
-        As `refine`, judged by the first chunk that has frames.
+        iteration if a chunk is: the message begins with ``chunks[k]``. Warnings are those of `refine`, judged
+        by the first chunk that has frames.
 
     Examples
     --------
@@ -90,35 +106,39 @@ def refine_batches(
     ...     file.write(result.pose)
     """
     prepared = _skelsplat.Refiner(cameras, layout=layout, config=config)
-    source = source_of(chunks, len(cameras), frames_per_chunk)
-    judge = Judge(cameras, layout, config)
+    source = _source_of(chunks, len(cameras), frames_per_chunk)
+    judge: _Judge = partial(warn_of_size, cameras=cameras, layout=layout)
     if fps is None:
-        return _alone(prepared, source, judge, init_sigma, progress)
+        return _alone(prepared, source, init_sigma, judge, progress)
     positive("fps", fps)
     if init_sigma is not None:
         raise InvalidInputError("init_sigma: expected None with fps, got a standard deviation")
+    if not source.again:
+        expected = "an array, a list or a function that returns an iterator, to read it more than once"
+        raise InvalidInputError(f"chunks: expected {expected}, got {type(chunks).__name__}")
     prepared.refine_sequence(None, np.empty((0, len(cameras), 1, 2)), float(fps))  # rejects what it must
-    return _in_time(_Solver(prepared, float(fps)), source, judge, progress)
+    return _in_time(prepared, source, float(fps), judge, progress)
 
 
 def _alone(
     prepared: _skelsplat.Refiner,
-    source: Source,
-    judge: Judge,
+    source: _Source,
     init_sigma: ArrayLike | None,
+    judge: _Judge,
     progress: bool | Progress,
 ) -> Iterator[Refinement]:
-    done, total = 0, source.n_frames or 0
+    done = 0
     with reporter(progress) as report:
         for chunk in source:
-            yield refined(
-                prepared,
-                chunk.init_pose,
-                chunk.detections,
-                None if done else judge,
-                init_sigma=init_sigma,
-                progress=_after(report, done, total),
-            )
+            tell = _after(report, done, source.n_frames or 0)
+            given = (chunk.init_pose, chunk.detections)
+            out = prepared.refine(*given, init_sigma=init_sigma, progress=tell)
+            result = Refinement(**refinement_fields(out))
+            if done == 0:
+                judge(result.pose)
+                if init_sigma is not None:
+                    warn_of_prior(result)
+            yield result
             done += len(chunk)
 
 
@@ -130,120 +150,196 @@ def _after(report: Progress | None, done: int, total: int) -> Progress | None:
 
 
 def _in_time(
-    solver: _Solver, source: Source, judge: Judge, progress: bool | Progress
+    prepared: _skelsplat.Refiner, source: _Source, fps: float, judge: _Judge, progress: bool | Progress
 ) -> Iterator[SequenceRefinement]:
-    chunks, ends, done = iter(source), deque[int](), 0
-    early = solver.prepare(source, chunks)
+    solver, ends = _Solver(prepared, source, fps), deque[int]()
     with reporter(progress) as report:
-        for chunk in chain(_drained(early), chunks, [None]):
-            if chunk is not None:
-                solver.take(chunk)
-                ends.append(solver.read)
+        for chunk in source:
+            solver.take(chunk)
+            ends.append(solver.read)
             begin = solver.end
-            solver.solve(_after(report, begin, solver.n_frames or 0), last=chunk is None)
-            if begin == 0 < solver.end:
-                judge.unit(solver.solved[0].pose)
+            solver.solve(_after(report, begin, solver.n_frames))
+            if begin == 0 and solver.solved is not None:
+                judge(solver.solved.pose)
             while ends and ends[0] <= solver.end:
-                yield solver.frames(done, ends[0])
-                done = ends.popleft()
-
-
-def _drained(chunks: deque[CheckedChunk]) -> Iterator[CheckedChunk]:
-    while chunks:
-        yield chunks.popleft()
+                yield solver.frames(ends.popleft())
+    solver.check(solver.read == solver.n_frames)
 
 
 class _Solver:
-    """A recording solved in windows: each when its frames are there, with what a sample of them shows."""
+    """A recording solved in windows: each when its frames are there, with what a sample of all shows."""
 
-    def __init__(self, prepared: _skelsplat.Refiner, fps: float) -> None:
-        self.prepared, self.fps = prepared, fps
-        self.length, self.overlap = _skelsplat.sequence_window_size(fps)
-        self.n_frames: int | None = None
-        self.windows: list[list[int]] = []
+    def __init__(self, prepared: _skelsplat.Refiner, source: _Source, fps: float) -> None:
+        self.prepared, self.fps, self.n_frames = prepared, fps, source.count()
+        self.windows, ranges = _skelsplat.sequence_windows(self.n_frames, fps)
+        _, self.overlap = _skelsplat.sequence_window_size(fps)
         self.known: Array | None = None  # what the sample shows; None where one window is all
-        self.held: list[CheckedChunk] = []  # frames that windows still look at, from ``first`` to ``read``
-        self.first = self.read = 0
-        self.solved: list[SequenceRefinement] = []  # frames not returned yet, from ``begin`` to ``end``
-        self.begin = self.end = 0
-        self.done = 0  # windows
-
-    def prepare(self, source: Source, chunks: Iterator[CheckedChunk]) -> deque[CheckedChunk]:
-        """Learn from a sample, else from the beginning; return the chunks read for that."""
-        early = deque[CheckedChunk]()
-        self.n_frames = source.count()
-        enough = _EARLY * self.length
-        if self.n_frames is None:
-            for chunk in chunks:
-                early.append(chunk)
-                if sum(map(len, early)) > enough:
-                    break
-            else:
-                self.n_frames = sum(map(len, early))
-        of = enough if self.n_frames is None else self.n_frames
-        self.windows, ranges = _skelsplat.sequence_windows(of, self.fps)
         if len(self.windows) > 1:
-            sample = sample_of(early, ranges) if early else source.sample(ranges)
-            frames = CheckedChunk.joined(sample)
-            self.known = self.prepared.learn_sequence(
-                frames.init_pose, frames.detections, self.fps, [len(part) for part in sample]
-            )
-        return early
+            sample = source.sample(ranges)
+            frames, lengths = _Frames.joined(sample), [len(part) for part in sample]
+            self.known = prepared.learn_sequence(frames.init_pose, frames.detections, fps, lengths)
+        self.held: list[_Frames] = []  # frames that windows still look at, from ``first`` to ``read``
+        self.first = self.read = 0
+        self.solved: SequenceRefinement | None = None  # frames not returned yet, from ``begin`` to ``end``
+        self.begin = self.end = 0
 
-    def take(self, chunk: CheckedChunk) -> None:
+    def check(self, fits: bool) -> None:
+        """Raise unless the source had as many frames each time."""
+        if not fits:
+            expected = f"the same {self.n_frames} frames each time they are gone through"
+            raise InvalidInputError(f"chunks: expected {expected}, got {self.read}")
+
+    def take(self, chunk: _Frames) -> None:
         """Add the next frames."""
         self.held.append(chunk)
         self.read += len(chunk)
+        self.check(self.read <= self.n_frames)
 
-    def solve(self, report: Progress | None, *, last: bool) -> None:
+    def solve(self, report: Progress | None) -> None:
         """Solve the windows whose frames are there."""
-        n = self.n_frames
-        if n is not None and (self.read > n or (last and self.read < n)):
-            expected = f"the same {n} frames each time they are gone through"
-            raise InvalidInputError(f"chunks: expected {expected}, got {self.read}")
-        ready = self._ready(last)
+        ready = [row for row in self.windows if row[3] <= self.read]
         if not ready:
             return
-        frames = CheckedChunk.joined(self.held)
+        frames = _Frames.joined(self.held)
         pose, detections = frames.init_pose, frames.detections
         if self.known is None:
             out = self.prepared.refine_sequence(pose, detections, self.fps, progress=report)
         else:
             rows = [[frame - self.first for frame in row] for row in ready]
             out = self.prepared.refine_windows(pose, detections, self.known, rows, progress=report)
-        self.solved.append(SequenceRefinement(**refinement_fields(out)))
-        self.end, self.done = ready[-1][2], self.done + len(ready)
+        found = SequenceRefinement(**refinement_fields(out))
+        self.solved = found if self.solved is None else joined([self.solved, found])
+        self.end, self.windows = ready[-1][2], self.windows[len(ready) :]
         kept = max(self.first, self.end - self.overlap)
         self.held, self.first = [frames.part(kept - self.first, len(frames)).copy()], kept
 
-    def _ready(self, last: bool) -> list[list[int]]:
-        """Return the next windows whose frames are there."""
-        rows = self.windows[self.done :] if self.n_frames is not None else self._even(last)
-        return list(takewhile(lambda row: row[3] <= self.read, rows))
-
-    def _even(self, last: bool) -> Iterator[list[int]]:
-        """Yield windows of even length: nobody knows yet how many there will be."""
-        for begin in count(self.done * self.length, self.length):
-            end = begin + self.length
-            row = [max(begin - self.overlap, 0), begin, end, end + self.overlap]
-            row = [min(frame, self.read) for frame in row] if last else row
-            if row[1] == row[2]:
-                return
-            yield row
-
-    def frames(self, start: int, stop: int) -> SequenceRefinement:
-        """Return solved frames and forget those before their end."""
-        if start == stop:
-            empty = self.held[0].detections[:0]
-            out = self.prepared.refine_sequence(None, empty, self.fps)
+    def frames(self, stop: int) -> SequenceRefinement:
+        """Return the solved frames before ``stop`` and forget them."""
+        count, self.begin = stop - self.begin, stop
+        if self.solved is None or count == 0:
+            out = self.prepared.refine_sequence(None, self.held[0].detections[:0], self.fps)
             return SequenceRefinement(**refinement_fields(out))
-        parts = []
-        while start < stop:
-            piece = self.solved[0]
-            end = min(stop, self.begin + len(piece.pose))
-            parts.append(frames_of(piece, slice(start - self.begin, end - self.begin)))
-            start = end
-            if end == self.begin + len(piece.pose):
-                self.begin = end
-                self.solved.pop(0)
-        return joined(parts)
+        found = frames_of(self.solved, slice(count))
+        self.solved = frames_of(self.solved, slice(count, None))
+        return found
+
+
+@dataclass(frozen=True, slots=True)
+class _Frames:
+    """Checked frames: detections (T, M, N, 2|3), and initial poses (T, N, 3) if there are any."""
+
+    detections: Array
+    init_pose: Array | None
+
+    def __len__(self) -> int:
+        return len(self.detections)
+
+    def part(self, start: int, stop: int) -> _Frames:
+        start = max(start, 0)
+        init = None if self.init_pose is None else self.init_pose[start:stop]
+        return _Frames(self.detections[start:stop], init)
+
+    def copy(self) -> _Frames:
+        init = None if self.init_pose is None else self.init_pose.copy()
+        return _Frames(self.detections.copy(), init)
+
+    @staticmethod
+    def joined(chunks: list[_Frames]) -> _Frames:
+        if len(chunks) == 1:
+            return chunks[0]
+        init = [chunk.init_pose for chunk in chunks if chunk.init_pose is not None]
+        detections = np.concatenate([chunk.detections for chunk in chunks])
+        return _Frames(detections, np.concatenate(init) if init else None)
+
+
+@dataclass(frozen=True)
+class _Source:
+    """Where chunks come from."""
+
+    open: Callable[[], Iterable[Chunk]]
+    n_views: int
+    again: bool = True  # whether they can be gone through more than once
+    array: Sliceable | None = None
+    n_frames: int | None = None  # where it is known without reading
+
+    def __iter__(self) -> Iterator[_Frames]:
+        first: _Frames | None = None
+        for k, given in enumerate(self.open()):
+            chunk = self.checked(given, f"chunks[{k}]", first)
+            first = chunk.part(0, 0).copy() if first is None else first
+            yield chunk
+
+    def count(self) -> int:
+        """Return the number of all frames."""
+        return sum(map(len, self)) if self.n_frames is None else self.n_frames
+
+    def sample(self, ranges: list[list[int]]) -> list[_Frames]:
+        """Return these frames, given in order."""
+        if self.array is not None:
+            return [self.checked(self.array[a:b], f"chunks[{a}:{b}]") for a, b in ranges]
+        parts: list[list[_Frames]] = [[] for _ in ranges]
+        begin = 0
+        for chunk in self:
+            for (start, stop), part in zip(ranges, parts, strict=True):
+                if start < begin + len(chunk) and begin < stop:
+                    part.append(chunk.part(start - begin, stop - begin).copy())
+            begin += len(chunk)
+            if begin >= ranges[-1][1]:
+                break
+        return [_Frames.joined(part) for part in parts]
+
+    def checked(self, given: Chunk, name: str, first: _Frames | None = None) -> _Frames:
+        """Return a chunk, of the same views and joints as the first one."""
+        try:
+            chunk = _read(dict(given) if isinstance(given, Mapping) else {"detections": given}, self.n_views)
+            if first is not None:
+                _compare(chunk, first)
+        except InvalidInputError as error:
+            raise InvalidInputError(f"{name}, {error}") from error
+        return chunk
+
+
+def _read(entries: dict[str, ArrayLike], n_views: int) -> _Frames:
+    if "detections" not in entries or not set(entries) <= _ENTRIES:
+        has = ", ".join(map(repr, entries)) or "none"
+        expected = "'detections' and perhaps 'confidence' and 'init_pose'"
+        raise InvalidInputError(f"entries: expected {expected}, got {has}")
+    given = _skelsplat.checked_detections(entries["detections"], entries.get("confidence"), n_views)
+    if not len(given):  # no frame tells whether there are confidences
+        channels = np.shape(entries["detections"])[-1] if entries.get("confidence") is None else 3
+        given = np.empty((*given.shape[:-1], channels))
+    if entries.get("init_pose") is None:
+        return _Frames(given, None)
+    init, shape = numbers(entries["init_pose"], "init_pose"), (len(given), given.shape[2], 3)
+    if init.shape != shape:
+        raise InvalidInputError(f"init_pose: expected shape {shape}, got {init.shape}")
+    return _Frames(given, init.copy())  # a source may fill the same array again
+
+
+def _compare(chunk: _Frames, first: _Frames) -> None:
+    shape, of_first = chunk.detections.shape[1:], first.detections.shape[1:]
+    if shape != of_first:
+        raise InvalidInputError(f"detections: expected frames {of_first} as in the first chunk, got {shape}")
+    if (chunk.init_pose is None) != (first.init_pose is None):
+        expected, got = ("one", "none") if chunk.init_pose is None else ("none", "one")
+        raise InvalidInputError(f"init_pose: expected {expected}, as in the first chunk, got {got}")
+
+
+def _source_of(chunks: Chunks, n_views: int, per_chunk: int | None) -> _Source:
+    """Return what the user gave as a source of chunks."""
+    shape: tuple[int, ...] = getattr(chunks, "shape", ())
+    if len(shape) == 4 and hasattr(chunks, "__getitem__"):
+        array: Any = chunks
+        positive("frames_per_chunk", PER_CHUNK if per_chunk is None else per_chunk, "integer")
+        size, n = int(per_chunk or PER_CHUNK), int(shape[0])
+        pieces = [slice(a, min(a + size, n)) for a in range(0, n, size)]
+        return _Source(lambda: (array[piece] for piece in pieces), n_views, array=array, n_frames=n)
+    if per_chunk is not None:
+        raise InvalidInputError(f"frames_per_chunk: expected None unless chunks is an array, got {per_chunk}")
+    if callable(chunks):
+        return _Source(chunks, n_views)
+    if not isinstance(chunks, Iterable):
+        expected = "an array (T, M, N, 2|3), an iterable of such arrays, or a function that returns one"
+        raise InvalidInputError(f"chunks: expected {expected}, got {type(chunks).__name__}")
+    given: Iterable[Chunk] = chunks
+    return _Source(lambda: given, n_views, again=iter(given) is not given)

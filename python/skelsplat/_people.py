@@ -4,21 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any, NoReturn
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from skelsplat import _skelsplat
 from skelsplat._arrays import Array, Index, numbers, positive
-from skelsplat._refine import (
-    Cameras,
-    Judge,
-    Progress,
-    Refinement,
-    refinement_fields,
-    reporter,
-)
+from skelsplat._refine import Cameras, Progress, Refinement, refinement_fields, reporter, warn_of_size
 from skelsplat._sequence import SequenceRefinement
 from skelsplat._skelsplat import Layout, RefineConfig
 from skelsplat._words import length
@@ -28,7 +21,6 @@ from skelsplat.findings import Finding, Remedy, Subject, warn
 
 # Time in which views detect people and nobody is found, after which something must be wrong, s.
 _IN_VAIN_S = 2.0
-
 # Nobody's left and right limbs differ by more: joints are in another order than the layout states.
 _LIMB_RATIO = 1.5
 # Fewer frames may be chance.
@@ -46,8 +38,8 @@ class Person:
     ----------
     id : int
         Identity, counted from 0 in the order of appearance, within a frame by how well the views support the
-        person. A person out of sight is lost after one second and keeps it for five more, six in all, if
-        place and bones allow.
+        person. A person out of sight is lost after one second and keeps it for five more if place and bones
+        allow.
     frames : (F,) int64
         Frames of the recording, from the first to the last in which two views see the person. In between, a
         frame in which nobody sees them is bridged or NaN.
@@ -106,8 +98,7 @@ def track(
     fps : float
         Frames per second.
     layout : str or Layout
-        The joints. A built-in one lets the proportions of people help to tell a person from a chance
-        agreement.
+        The joints. The proportions of a built-in one help to tell a person from a chance agreement.
     max_people : int, optional
         Return at most so many: those whom the views see most.
 
@@ -125,9 +116,9 @@ def track(
     Warns
     -----
     UserWarning
-        As ``refine``; if two views or more detect people in half of the frames, or for two seconds, and
-        nobody is found; if too many people are in a frame to compare all; or if left and right limbs differ
-        in length as with a wrong layout.
+        As ``refine``; if views detect people for two seconds or in half of the frames, and nobody is found;
+        if too many people are in a frame to compare all; or if left and right limbs differ in length as with
+        a wrong layout.
     """
     positive("fps", fps)
     prepared = _skelsplat.Refiner(cameras, layout=layout, config=config)
@@ -137,9 +128,8 @@ def track(
             prepared, layout, frames, float(fps), max_people=_count(max_people), progress=report
         )
     everybody = [_person(out, out.pop("first"), SequenceRefinement) for out in found]
-    judge = Judge(cameras, layout)
     for person in everybody:
-        judge.unit(person.refinement.pose)
+        warn_of_size(person.refinement.pose, cameras, layout)
     in_vain = 0 if everybody else _frames_of_two_views(frames)
     if in_vain >= max(3.0, min(_IN_VAIN_S * fps, 0.5 * len(np.asarray(frames)))):
         warn(nobody_found(in_vain))
@@ -153,12 +143,11 @@ def track(
 
 def nobody_found(frames: int) -> Finding:
     """Return the finding that in so many frames no two views agree on a person."""
-    return Finding(
-        "nobody_found",
-        numbers={"frames": frames},
-        sentence=f"In {frames} frames two or more views detect people, but no two agree on a person: check "
-        "the unit of the cameras, their order, and that all detections of a frame are from the same instant.",
+    sentence = (
+        f"In {frames} frames two or more views detect people, but no two agree on a person: check the unit "
+        "of the cameras, their order, and that all detections of a frame are from the same instant."
     )
+    return Finding("nobody_found", numbers={"frames": frames}, sentence=sentence)
 
 
 def people_uncompared(frames: int, most: int) -> Finding:
@@ -182,10 +171,9 @@ def layouts_alike(layout: Layout) -> list[str]:
 
 def limbs_differ(layout: Layout, lengths_mm: Array) -> Finding | None:
     """Return a finding on the symmetric pair of limbs (pairs, 2) that differs most, if implausibly."""
-    shorter = lengths_mm.min(axis=1, initial=np.inf)
-    known = shorter > 0
-    ratios = np.divide(lengths_mm.max(axis=1, initial=0.0), shorter, out=np.zeros(len(known)), where=known)
-    if not ratios.size or ratios.max() <= _LIMB_RATIO:
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratios = np.nan_to_num(lengths_mm.max(axis=1) / lengths_mm.min(axis=1), nan=0.0, posinf=0.0)
+    if ratios.max(initial=0.0) <= _LIMB_RATIO:
         return None
     worst = int(ratios.argmax())
     limbs = [[layout.joints[joint] for joint in limb] for limb in layout.symmetric_pairs(2)[worst]]
@@ -207,17 +195,13 @@ def _unequal_limbs(everybody: Sequence[Person], cameras: Cameras, layout: str | 
     """Return a finding on the left and right limb that differ most over everybody, if they do."""
     layout = Layout.by_name(layout) if isinstance(layout, str) else layout
     pairs = layout.symmetric_pairs(2)
-    found = [one.refinement for one in everybody if len(one.frames) >= _LEAST_FRAMES]
-    known = [
-        dict(zip(map(frozenset, one.bones.tolist()), one.bone_lengths, strict=True))
-        for one in found
-        if isinstance(one, SequenceRefinement)
-    ]
-    # (people, pairs, 2), NaN where a limb is no bone
-    sizes = np.array(
-        [[[own.get(frozenset(limb), np.nan) for limb in pair] for pair in pairs] for own in known]
-    )
-    if not sizes.size:
+    sizes = []  # (pairs, 2) of each person, NaN where a limb is no bone
+    for person in everybody:
+        found = person.refinement
+        if len(person.frames) >= _LEAST_FRAMES and isinstance(found, SequenceRefinement):
+            bones = dict(zip(map(frozenset, found.bones.tolist()), found.bone_lengths, strict=True))
+            sizes.append([[bones.get(frozenset(limb), np.nan) for limb in pair] for pair in pairs])
+    if not sizes or not pairs:
         return None
     return limbs_differ(layout, np.median(sizes, axis=0) * mm_per_unit(cameras))
 
@@ -272,40 +256,30 @@ def padded(people: People) -> ArrayLike:
     ----------
     people : (T, M, P, N, 2|3), or per frame a list of views with (P_i, N, 2|3) each
     """
-    if (
-        hasattr(people, "__array__")
-        or not isinstance(people, Sequence)
-        or isinstance(people, str | memoryview)
-    ):
+    if hasattr(people, "__array__") or not isinstance(people, list | tuple):
         return numbers(people, "people")
-    rows: Sequence[Any] = people
-    frames = [[numbers(() if view is None else view, "people") for view in _views(frame)] for frame in rows]
-    shapes = {view.shape[1:] for frame in frames for view in frame if view.size}
+    for frame in people:
+        if not isinstance(frame, list | tuple | np.ndarray):
+            got = type(frame).__name__
+            raise InvalidInputError(f"people: expected a list of views in every frame, got {got}")
+    frames = [[numbers(() if view is None else view, "people") for view in frame] for frame in people]
+    views = [view for frame in frames for view in frame]
+    shapes = {view.shape[1:] for view in views if view.size}
     counts = {len(frame) for frame in frames}
     if len(counts) > 1:
         raise InvalidInputError(f"people: expected as many views in every frame, got {sorted(counts)}")
     if len(shapes) > 1 or any(len(shape) != 2 for shape in shapes):
         got = ", ".join(str(("P", *shape)) for shape in sorted(shapes))
         raise InvalidInputError(f"people: expected (P, N, 2) or (P, N, 3) in every view, got {got}")
-    empty = {view.shape[1:] for frame in frames for view in frame if view.ndim == 3}
+    empty = {view.shape[1:] for view in views if view.ndim == 3}
     joints = (shapes or empty or {(0, 3)}).pop()
-    most = max((len(view) for frame in frames for view in frame if view.size), default=0)
+    most = max((len(view) for view in views if view.size), default=0)
     out = np.full((len(frames), max(counts, default=0), most, *joints), np.nan)
     for t, frame in enumerate(frames):
         for i, view in enumerate(frame):
             if view.size:
                 out[t, i, : len(view)] = view
     return out
-
-
-def _views(frame: Any) -> Any:
-    """Return a frame if it is a list of views or an array; a mapping or text is neither."""
-    if isinstance(frame, memoryview):  # of which Python gives no parts
-        frame = numbers(frame, "people")
-    listed = isinstance(frame, Sequence) and not isinstance(frame, str)
-    if listed or (isinstance(frame, np.ndarray) and frame.ndim):
-        return frame
-    raise InvalidInputError(f"people: expected a list of views in every frame, got {type(frame).__name__}")
 
 
 class Tracker:
@@ -322,11 +296,6 @@ class Tracker:
         Frames per second.
     max_people : int, optional
         Follow at most so many, the first that appear.
-
-    Raises
-    ------
-    InvalidInputError
-        As ``track``.
 
     Examples
     --------
@@ -381,12 +350,7 @@ class Tracker:
         ------
         InvalidInputError
             If ``people`` is not one frame of these cameras and this layout; the state remains as it was.
-
-        Warns
-        -----
-        UserWarning
-            Once, if views detect people for two seconds and nobody is found; and if there are too many
-            people to compare all.
+            Warnings are those of ``track``, once.
         """
         one = [people] if isinstance(people, Sequence) else numbers(people, "people")[None]
         frame = _frames(one, self._cameras)
@@ -414,9 +378,3 @@ class Tracker:
             setattr(twin, name, getattr(self, name))
         twin._compiled = self._compiled.copy()
         return twin
-
-    def __deepcopy__(self, memo: dict[int, Any]) -> Tracker:
-        return self.__copy__()
-
-    def __reduce__(self) -> NoReturn:
-        raise TypeError("cannot pickle a Tracker: make it in the process that uses it")

@@ -24,10 +24,8 @@ Progress = Callable[[int, int], None]
 
 # Frames spread over a batch whose median size tells whether the unit is plausible.
 _FRAMES_TO_JUDGE = 16
-
 # Share of joints that a start may outvote before it is doubted.
 _MOST_OUTVOTED = 0.2
-
 _STATUS = np.array(_skelsplat.JOINT_STATUS)
 
 
@@ -45,13 +43,14 @@ class Refinement:
         Posterior covariance of the position, unit²: the scatter, what another recording of the same pose by
         the same detector would give. Along a ray that nothing crosses it is as wide as the body.
     joint_bias : (…, N) float64
-        Standard deviation per axis of the detector's joints from anatomical ones: the same in all views and
-        frames, so that no residual shows it. From ``config.joint_bias_mm``.
+        Standard deviation per axis of the detector's joints from anatomical ones, the same in all views and
+        frames. From ``config.joint_bias_mm``.
     error_bar : (…, N, 3, 3) float64
         ``uncertainty + joint_bias² I``, unit²: the covariance of the distance from an anatomical joint.
     view_weights : (…, M, N) float64
-        k in [0, 1], how much each detection is trusted: 1 at the joint, ¼ at 2.4 σ from it; NaN without a
-        detection. ``config.view_weights`` and the confidence come on top.
+        k in [0, 1], how much each detection is trusted: 1 at the joint, ¼ at 2.4 σ from it (below
+        `REJECTED_WEIGHT`, rejected); NaN without a detection. ``config.view_weights`` and the confidence come
+        on top.
     swapped : (…, M, N) bool
         Detections that were used with left and right exchanged.
     noise : (…) float64
@@ -60,11 +59,10 @@ class Refinement:
     reprojection_error : (…, M, N) float64
         Distance between detection and reprojection, pixels of the original image; NaN without a detection.
     joint_status : (…, N) str
-        ``"ok"``; ``"weak"``: fewer than two views agree on the position, or they are so close together that
-        a point at infinity fits as well, or as many agree on another place (``uncertainty`` then covers
-        both); ``"inferred"``: the length of a bone or, with ``Refiner(fps=…)``, the frames before determine
-        it, not two views of its own frame; ``"unobserved"``: no usable detection, the joint keeps its
-        initial position.
+        ``"ok"``; ``"weak"``: fewer than two views agree on the position, or only views too close together to
+        tell the depth, or as many agree on another place (``uncertainty`` then covers both); ``"inferred"``:
+        bones or frames before determine it, not two views of its own frame; ``"unobserved"``: no usable
+        detection, the joint keeps its initial position.
     loss, loss_render, loss_symmetry : (…) float64
         L_opt, L_render and the unweighted L_sym (mm²) of the returned pose over all views. For ``annealed``
         ``loss`` and ``loss_render`` are Σ c (2σ²/ŝ²)(1 − k) over the detections, in units of the noise.
@@ -74,8 +72,7 @@ class Refinement:
     init_pose : (…, N, 3) float64
         The pose it started from.
     loss_history : (…, steps) float64
-        L_opt of every step, NaN after a frame's last; without steps unless ``config.loss_history``, and for
-        ``annealed``.
+        L_opt of every step, NaN after a frame's last; only of ``paper``, with ``config.loss_history``.
     """
 
     pose: NDArray[np.float64]
@@ -109,14 +106,8 @@ class Refinement:
 class LossAndGradient:
     """L_opt of a skeleton of Gaussians and its gradient.
 
-    Attributes
-    ----------
-    loss, render, symmetry : float
-        L_opt = render + λ_sym · symmetry, with symmetry in mm².
-    d_means, d_log_scales : (N, 3) float64
-        Gradient in the means (per unit of the cameras) and the log-scales.
-    d_quaternions : (N, 4) float64
-        Gradient in the quaternions (w, x, y, z) as given, before normalisation.
+    ``loss`` = ``render`` + λ_sym · ``symmetry``, with symmetry in mm². ``d_means`` (N, 3) is per unit of the
+    cameras, ``d_quaternions`` (N, 4) that in the quaternions (w, x, y, z) as given, before normalisation.
     """
 
     loss: float
@@ -153,14 +144,13 @@ def refine(
     layout : str, Layout or None
         Joint layout. None takes any N joints and uses no symmetry.
     confidence : (M, N) or (T, M, N), optional
-        Instead of a third channel. It weighs the detections; the paper's method uses it for triangulation and
-        to tell what is missing.
+        Instead of a third channel. ``paper`` uses it only for triangulation and to tell what is missing.
     init_sigma : float, (N,), (N, 3, 3) or (T, N, 3, 3), optional
         Standard deviation per axis, in the cameras' unit, or covariance (unit²) per joint of an ``init_pose``
-        that does *not* come from these detections (monocular, the last frame, a body model), which then
-        counts as a measurement. Without it ``init_pose`` only places joints that fewer than two views see. It
-        is a Gaussian and not robust: a start that is many of its standard deviations off outvotes the
-        detections. A joint whose ``init_pose`` or covariance is NaN has no prior. ``annealed`` only.
+        that does *not* come from these detections (monocular, the last frame, a body model). It then counts
+        as a measurement, and is not robust: many standard deviations off, it outvotes the detections. Without
+        it ``init_pose`` only places joints that fewer than two views see. A joint whose ``init_pose`` or
+        covariance is NaN has no prior. ``annealed`` only.
     config : RefineConfig, optional
         Settings; default ``RefineConfig()``.
     progress : bool or callable
@@ -184,72 +174,26 @@ def refine(
     """
     prepared = _skelsplat.Refiner(cameras, layout=layout, config=config)
     with reporter(progress) as report:
-        return refined(
-            prepared,
-            init_pose,
-            detections,
-            Judge(cameras, layout, config),
-            init_sigma=init_sigma,
-            confidence=confidence,
-            progress=report,
+        out = prepared.refine(
+            init_pose, detections, init_sigma=init_sigma, confidence=confidence, progress=report
         )
-
-
-@dataclass(frozen=True)
-class Judge:
-    """Warns of poses that make no sense: of their size, and of a start that outvotes the detections."""
-
-    cameras: Cameras
-    layout: str | Layout | None
-    config: RefineConfig | None = None
-
-    def before(self, init_pose: ArrayLike | None, detections: ArrayLike) -> None:
-        """Judge the start: in a wrong unit splats of pixels can cover whole images and take minutes."""
-        try:
-            if init_pose is not None:
-                poses = numbers(init_pose, "init_pose")
-            else:
-                frames = numbers(detections, "detections")
-                some = frames[:: max(1, len(frames) // _FRAMES_TO_JUDGE)] if frames.ndim == 4 else frames
-                poses = _skelsplat.triangulate(some, self.cameras, method="dlt")
-        except (TypeError, ValueError):
-            return  # the core names what is wrong with it
-        if poses.ndim in (2, 3) and poses.shape[-1] == 3 and poses.size:
-            self.unit(poses)
-
-    def unit(self, poses: NDArray[np.float64]) -> None:
-        """Judge the size of the body in poses (…, N, 3)."""
-        some = poses[:: max(1, len(poses) // _FRAMES_TO_JUDGE)] if poses.ndim == 3 else poses[None]
-        found = _skelsplat.implausible_extent(some, self.cameras, layout=self.layout)
-        if found is not None:
-            extent, unit = found["extent"], found["unit"]
-            size = f"{extent:.6f}" if extent < 0.01 else f"{extent:.2f}"
-            beyond = f"{'taller' if found['taller'] else 'shorter'} than {metric(found['limit_mm'])}"
-            sentence = f"The skeleton measures {size} {unit} and is {beyond}: is the unit really '{unit}'?"
-            warn(Finding("unit_wrong", numbers=found, sentence=sentence))
-
-
-def refined(
-    prepared: _skelsplat.Refiner,
-    init_pose: ArrayLike | None,
-    detections: ArrayLike,
-    judge: Judge | None,
-    *,
-    init_sigma: ArrayLike | None = None,
-    **given: Any,
-) -> Refinement:
-    """Refine frames, each by itself; without a judge nothing is warned of."""
-    config = None if judge is None else judge.config
-    by_pixels = config is not None and config.method == "paper" and config.renderer == "raster"
-    if judge is not None and by_pixels:
-        judge.before(init_pose, detections)
-    out = prepared.refine(init_pose, detections, init_sigma=init_sigma, **given)
-    if judge is not None and not by_pixels:
-        judge.unit(out["pose"])
     result = Refinement(**refinement_fields(out))
-    if judge is not None and init_sigma is not None:
-        _warn_of_prior(result)
+    warn_of_size(result.pose, cameras, layout)
+    if init_sigma is not None:
+        warn_of_prior(result)
     return result
+
+
+def warn_of_size(poses: NDArray[np.float64], cameras: Cameras, layout: str | Layout | None) -> None:
+    """Warn if the size of the body in poses (…, N, 3) makes no sense in the cameras' unit."""
+    some = poses[:: max(1, len(poses) // _FRAMES_TO_JUDGE)] if poses.ndim == 3 else poses[None]
+    found = _skelsplat.implausible_extent(some, cameras, layout=layout)
+    if found is not None:
+        extent, unit = found["extent"], found["unit"]
+        size = f"{extent:.6f}" if extent < 0.01 else f"{extent:.2f}"
+        beyond = f"{'taller' if found['taller'] else 'shorter'} than {metric(found['limit_mm'])}"
+        sentence = f"The skeleton measures {size} {unit} and is {beyond}: is the unit really '{unit}'?"
+        warn(Finding("unit_wrong", numbers=found, sentence=sentence))
 
 
 def refinement_fields(out: dict[str, Any]) -> dict[str, Any]:
@@ -261,7 +205,7 @@ def refinement_fields(out: dict[str, Any]) -> dict[str, Any]:
     return {**out, **words, "joint_bias": bias}
 
 
-def _warn_of_prior(result: Refinement) -> None:
+def warn_of_prior(result: Refinement) -> None:
     """Warn of a start that is trusted more than it deserves: it can outvote all detections."""
     seen = result.joint_status != "unobserved"
     rejected = np.nanmax(result.view_weights, axis=-2, initial=-1.0) < _skelsplat.REJECTED_WEIGHT
@@ -309,13 +253,8 @@ def loss_and_gradient(
     detections, cameras, layout, config
         As in ``refine``; one frame.
     target_means, target_covariances : (N, 3) and (N, 3, 3), optional
-        Gaussians whose projection shapes the pseudo ground truth, which is a constant for the gradient. By
-        default the given ones.
-
-    Raises
-    ------
-    InvalidInputError
-        Shapes that do not fit, a zero quaternion, only one of the two targets.
+        Gaussians whose projection shapes the pseudo ground truth, a constant for the gradient; by default the
+        given ones.
     """
     found = _skelsplat.loss_and_gradient(
         means,
@@ -342,12 +281,12 @@ class Refiner:
         As in ``refine``, for every frame.
     fps : float, optional
         Frames per second, all of which are given to ``step``: the past then predicts, weighted by its
-        covariance, and limbs keep their lengths. Where two views agree on another position the prediction
-        does not count: a jump is followed at once. ``annealed`` only.
+        covariance, except where two views agree on another position, and limbs keep their lengths.
+        ``annealed`` only.
     lag : int
         With ``fps``: return the pose of the frame that lies this many frames before the last one, solved
-        together with the frames before and after it, much like in ``refine_sequence``. The first ``lag``
-        steps return a pose of NaN; as many steps without any detection (NaN) at the end return the last.
+        together with the frames around it, much like in ``refine_sequence``. The first ``lag`` steps return a
+        pose of NaN; as many steps without any detection (NaN) at the end return the last.
 
     Examples
     --------
@@ -377,15 +316,13 @@ class Refiner:
             raise InvalidInputError(f"lag: expected a whole number of at least 0, got {lag!r}")
         if lag and fps is None:
             raise InvalidInputError("lag: expected fps as well, got none")
-        self._cameras, self._layout = cameras, layout
-        self._config = config
+        self._cameras, self._layout, self._config = cameras, layout, config
         self._fps, self._lag = fps, min(int(lag), sys.maxsize)
         self._last: NDArray[np.float64] | None = None
         self._begun = False
-        self._joints: int | None = None  # how many, once that is known
         self._prepare(None)
-        if layout is not None:
-            self._joints = (Layout.by_name(layout) if isinstance(layout, str) else layout).n_joints
+        known = Layout.by_name(layout) if isinstance(layout, str) else layout
+        self._joints = None if known is None else known.n_joints
 
     def _prepare(self, state: NDArray[np.float64] | None) -> None:
         self._prepared = _skelsplat.Refiner(self._cameras, layout=self._layout, config=self._config)
@@ -419,13 +356,9 @@ class Refiner:
 
         The detections of this frame decide wherever two views see a joint, however far the person moved; the
         last pose gives the depth of a joint that one view sees and the place of one that none sees
-        (``"weak"`` and ``"unobserved"``). With ``paper`` joints without a reliable position are triangulated
-        again, and so is the whole pose if most joints no longer meet their detections.
-
-        With ``fps`` prediction and bones give the depth of a joint that one view sees, and a joint that none
-        sees is bridged for up to half a second: ``"inferred"``, or ``"weak"`` where the error bar is wide,
-        then ``"unobserved"``. ``init_pose`` is the pose of the frame alone. Do not leave out frames without
-        detections.
+        (``"weak"`` and ``"unobserved"``). With ``fps`` prediction and bones do, for up to half a second
+        (``"inferred"``, or ``"weak"`` where the error bar is wide), and ``init_pose`` is the pose of the
+        frame alone; do not leave out frames without detections.
 
         Raises
         ------
@@ -439,7 +372,7 @@ class Refiner:
             out, past = self._live.step(frame, confidence=scores), None
         result = Refinement(**refinement_fields(out))
         if not self._begun:
-            Judge(self._cameras, self._layout).unit(result.pose)
+            warn_of_size(result.pose, self._cameras, self._layout)
         self._last, self._joints = past, result.pose.shape[-2]
         self._begun = not self._lag or self._begun or bool(np.isfinite(result.pose).any())
         return result

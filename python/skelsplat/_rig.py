@@ -23,18 +23,17 @@ class CameraAdjustment:
     """What became of one camera.
 
     Error bars (``…_sigma``) are root-mean-square lengths of the error, from leaving out one joint after the
-    other, as a detector's errors last. Those of a camera that stays say how far off it may still be:
-    √(θ² + σ²), if a change θ ± σ fits best but cannot be told from chance. NaN for what was not looked at.
+    other. Those of a camera that stays say how far off it may still be: √(θ² + σ²), if a change θ ± σ fits
+    best but cannot be told from chance. NaN for what was not looked at.
 
     Attributes
     ----------
     name : str
     status : str
-        ``"sound"``: it stays as it is; ``"adjusted"``: it was set right; ``"late"``: its clock is off, and
-        it stays as it is (if it was turned or moved as well, it is adjusted, and ``clock`` says so);
-        ``"doubtful"``: it or another doubtful camera is wrong, and the detections do not tell which, or
-        by how much, so that all of them stay; ``"unseen"``: it sees too little to say, or is one of two
-        cameras, of which the detections do not tell which is wrong.
+        ``"sound"``: it stays as it is; ``"adjusted"``; ``"late"``: its clock is off, and it stays as it is
+        (if it was turned or moved as well, it is adjusted, and ``clock`` says so); ``"doubtful"``: it or
+        another doubtful camera is wrong, and the detections do not tell which, or by how much, so that all of
+        them stay; ``"unseen"``: it sees too little, or is one of two cameras.
     turn : (3,) float64
         Rotation vector from the given orientation to the new one about the camera's x, y, z axes, degrees.
         Of a doubtful camera, this and the following are what it is suspected of.
@@ -105,11 +104,6 @@ class RigAdjustment:
 
         For parts of a frame, joints are moved in a straight line towards their place in the next or previous
         frame; those that are missing there, or that jump, stay. NaN where a camera has no such frame.
-
-        Raises
-        ------
-        InvalidInputError
-            If the shape does not fit the cameras.
         """
         seen = numbers(detections, "detections").copy()
         if seen.ndim != 4 or seen.shape[1] != len(self.report) or seen.shape[3] not in (2, 3):
@@ -135,8 +129,8 @@ def adjust_cameras(
 
     Bundle adjustment of cameras and joints, with the robust kernel of ``refine``. A camera stays exactly
     where it is unless the detections show that it is elsewhere; the sound ones, more than half, hold the
-    world's frame and scale. Clocks are measured first, by motion, up to 30 frames. Where the detections do
-    not tell which of two cameras is wrong, both are reported. docs/method.md has the mathematics.
+    world's frame and scale. Clocks are measured first, by motion, up to 30 frames. docs/method.md has the
+    mathematics.
 
     Parameters
     ----------
@@ -153,10 +147,6 @@ def adjust_cameras(
         Also measure clocks to parts of a frame. Offsets of whole frames are looked for in any case.
     confidence, config
         As in ``refine``. Of the settings, ``min_confidence``, ``undistort`` and ``n_threads`` count.
-
-    Returns
-    -------
-    RigAdjustment
 
     Raises
     ------

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
-from typing import Any, TypeVar
+from dataclasses import dataclass, fields, replace
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from skelsplat import _skelsplat
 from skelsplat._arrays import Index, positive
-from skelsplat._refine import Cameras, Judge, Progress, Refinement, refinement_fields, reporter
+from skelsplat._refine import Cameras, Progress, Refinement, refinement_fields, reporter, warn_of_size
 from skelsplat._skelsplat import Layout, RefineConfig
 
 # Fields that all frames share.
@@ -66,62 +66,44 @@ def refine_sequence(
 ) -> SequenceRefinement:
     """Refine the frames of one motion together: bones keep their length, joints move smoothly.
 
-    One robust solve has the terms of ``refine``, the length of every limb of the layout, and the acceleration
-    of every joint; lengths, speeds and the detector's errors are learnt from the recording. Gaps of up to a
-    second are bridged. Where all of at least three views agree on a joint, the other frames never outvote
-    them. docs/method.md has the mathematics.
+    Lengths of the layout's limbs, speeds and the detector's errors are learnt from the recording. Gaps of up
+    to a second are bridged. Where all of at least three views agree on a joint, the other frames never
+    outvote them. docs/method.md has the mathematics.
 
     Parameters
     ----------
     detections : (T, M, N, 2|3)
         As in ``refine``: the frames of one motion in order, at a constant rate. A frame without detections is
         NaN, not left out.
-    cameras, layout, confidence, config, progress
+    cameras, layout, init_pose, confidence, config, progress
         As in ``refine``; ``annealed`` only. Without a layout, or with one that has no limbs, there are no
         bones.
     fps : float
         Frames per second.
-    init_pose : (T, N, 3), optional
-        As in ``refine``: it places joints that fewer than two views see.
-
-    Returns
-    -------
-    SequenceRefinement
 
     Raises
     ------
     InvalidInputError
         As ``refine``, and if ``fps`` is not a positive number, ``detections`` is a single frame or the method
-        is ``paper``.
-
-    Warns
-    -----
-    UserWarning
-        As ``refine``.
+        is ``paper``. Warnings are those of ``refine``.
     """
     positive("fps", fps)
     prepared = _skelsplat.Refiner(cameras, layout=layout, config=config)
     with reporter(progress) as report:
-        out: dict[str, Any] = prepared.refine_sequence(
-            init_pose, detections, float(fps), confidence=confidence, progress=report
-        )
-    Judge(cameras, layout).unit(out["pose"])
+        given = (init_pose, detections, float(fps))
+        out = prepared.refine_sequence(*given, confidence=confidence, progress=report)
+    warn_of_size(out["pose"], cameras, layout)
     return SequenceRefinement(**refinement_fields(out))
 
 
 def frames_of(result: _Kind, frames: Index | slice) -> _Kind:
     """Return some frames of a result."""
-    parts = {entry.name: getattr(result, entry.name) for entry in fields(result)}
-    return type(result)(
-        **{name: value if name in OF_BONES else value[frames] for name, value in parts.items()}
-    )
+    names = {entry.name for entry in fields(result)} - {*OF_BONES}
+    return replace(result, **{name: getattr(result, name)[frames] for name in names})
 
 
 def joined(results: Sequence[_Kind]) -> _Kind:
     """Return the frames of all results of one recording, in time with the bones of the last."""
-    if len(results) == 1:
-        return results[0]
-    parts = {entry.name: [getattr(result, entry.name) for result in results] for entry in fields(results[0])}
-    return type(results[0])(
-        **{name: each[-1] if name in OF_BONES else np.concatenate(each) for name, each in parts.items()}
-    )
+    names = {entry.name for entry in fields(results[0])} - {*OF_BONES}
+    parts = {name: np.concatenate([getattr(result, name) for result in results]) for name in names}
+    return replace(results[-1], **parts)

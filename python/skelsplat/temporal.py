@@ -1,15 +1,12 @@
 """Poses over time: gaps filled and noise filtered, on request and never by default.
 
-``refine`` treats every frame by itself. What is done here uses the frames around it, so it belongs behind the
-refinement, and whoever writes the result says so in it. All functions take a ``pose`` (T, N, 3) with NaN for
-what is missing, leave it as it is, and never carry anything across missing positions that they do not fill
-(the Kalman smoother fills all of them). ``frame_rate`` is in frames per second; ``frames`` (T,) are the
-ascending numbers of the frames, by default 0, 1, …; a gap in the numbers is a gap in time. ``weak`` (T, N)
-marks positions that are not to be believed (the status ``weak`` of a refinement): a filter leaves them as
-they are, and they do not pull on those around them. The one-euro filter starts anew after them; the
-Butterworth filter goes on over them on a straight line, however many there are. Cubic splines and the
-Butterworth filter need SciPy: ``pip install 'skelsplat[temporal]'``. A bad argument is an `InvalidInputError`
-that names it.
+All functions take a ``pose`` (T, N, 3) with NaN for what is missing, leave it as it is, and never carry
+anything across missing positions that they do not fill (the Kalman smoother fills all of them).
+``frame_rate`` is in frames per second; ``frames`` (T,) are the ascending numbers of the frames, by default
+0, 1, …; a gap in the numbers is a gap in time. ``weak`` (T, N) marks positions that are not to be trusted
+(the status ``weak`` of a refinement): a filter leaves them as they are, and they do not pull on those around
+them. Cubic splines and the Butterworth filter need SciPy: ``pip install 'skelsplat[temporal]'``. A bad
+argument is an `InvalidInputError` that names it.
 """
 
 from __future__ import annotations
@@ -28,6 +25,9 @@ from skelsplat._optional import require
 from skelsplat.exceptions import InvalidInputError, one_of
 
 METHODS = ("cubic", "linear")
+_SPEED_CUTOFF = 1.0  # of the one-euro filter: of the low-pass on the speed, Hz
+# Seconds for which a joint may have moved before the first frame: its spread there.
+_BEFORE = 10.0
 
 
 def fill_gaps(
@@ -41,7 +41,7 @@ def fill_gaps(
     """Interpolate every joint over gaps of at most ``max_gap`` frames.
 
     A gap lies between two frames in which the joint is known; before the first and after the last of them
-    nothing is filled. The length of a gap is counted in frame numbers.
+    nothing is filled. Its length is counted in frame numbers.
 
     Parameters
     ----------
@@ -57,24 +57,16 @@ def fill_gaps(
     pose : (T, N, 3)
     filled : (T, N) bool
         Where a position was put in.
-
-    Raises
-    ------
-    MissingPackageError
-        If SciPy is not installed (cubic).
     """
     positions, numbers = _checked(pose, frames)
     if max_gap < 1:
         raise InvalidInputError(f"max_gap: expected at least 1 frame, got {max_gap}")
     one_of("method", method, METHODS)
-    known = _known(positions)
-    known &= ~_marked("gaps", gaps, known.shape)
+    known = _known(positions) & ~_marked("gaps", gaps, positions.shape[:2])
     filled = np.zeros_like(known)
-    for j in range(known.shape[1]):
-        filled[:, j] = _short_gaps(known[:, j], numbers, max_gap)
-        at = filled[:, j]
+    for j, there in enumerate(known.T):
+        at = filled[:, j] = _short_gaps(there, numbers, max_gap)
         if at.any():
-            there = known[:, j]
             positions[at, j] = _interpolated(numbers[there], positions[there, j], numbers[at], method)
     return positions, filled
 
@@ -97,8 +89,7 @@ def butterworth(
     order : int
         Of both passes together: 2, 4, 6 or 8.
     weak : (T, N) bool, optional
-        Positions not to be believed. Between others a straight line stands in for them in the filter, over a
-        stretch of any length.
+        Between trusted positions a straight line stands in for weak ones, over a stretch of any length.
 
     Returns
     -------
@@ -106,11 +97,6 @@ def butterworth(
     left : (T, N) bool
         Positions that were left as they are: weak ones, and those of a run of frames without a gap that is
         too short to filter.
-
-    Raises
-    ------
-    MissingPackageError
-        If SciPy is not installed.
     """
     positions, numbers = _checked(pose, frames)
     if order not in (2, 4, 6, 8):
@@ -143,35 +129,28 @@ def one_euro(
     *,
     min_cutoff: float,
     beta: float,
-    speed_cutoff: float = 1.0,
     frames: npt.ArrayLike | None = None,
     weak: npt.ArrayLike | None = None,
 ) -> Array:
     """Low-pass every joint with the one-euro filter: strong at rest, weak in fast motion.
 
-    It uses past frames only, so it is fit for a live loop and lags behind slow motion. Casiez, Roussel and
-    Vogel, CHI 2012; here the speed is that of the joint, not of each coordinate.
+    It uses past frames only, so it is fit for a live loop and lags behind slow motion. After a gap or a weak
+    position it starts anew. Casiez, Roussel and Vogel, CHI 2012; here the speed is that of the joint, not of
+    each coordinate.
 
     Parameters
     ----------
-    pose : (T, N, 3)
-        After a gap the filter starts anew.
     min_cutoff : float
         Cutoff at rest, Hz.
     beta : float
         By how much the cutoff grows with the speed, Hz per unit of ``pose`` per second.
-    speed_cutoff : float
-        Cutoff of the low-pass on the speed, Hz.
-    weak : (T, N) bool, optional
-        Positions not to be believed: as a gap for the filter, but left as they are.
     """
     positions, numbers = _checked(pose, frames)
     _arrays.positive("frame_rate", frame_rate)
     _arrays.positive("min_cutoff", min_cutoff)
-    _arrays.positive("speed_cutoff", speed_cutoff)
     if not (math.isfinite(beta) and beta >= 0.0):
         raise InvalidInputError(f"beta: expected a number of at least 0, got {beta}")
-    speed_share = _smoothing(np.asarray(speed_cutoff), frame_rate)
+    speed_share = _smoothing(np.asarray(_SPEED_CUTOFF), frame_rate)
     unbelieved = _marked("weak", weak, positions.shape[:2])
     kept = positions[unbelieved]
     positions[unbelieved] = np.nan
@@ -202,8 +181,8 @@ def kalman(
     """Run a Kalman filter and the Rauch-Tung-Striebel smoother over every joint by itself.
 
     The velocity is constant but for white acceleration, and every position is a measurement whose error is
-    independent of the others. Those of 2D detections last, so that the covariances that it returns are too
-    small for them.
+    independent of the others. Those of 2D detections last, so the covariances it returns are too small for
+    them.
 
     Parameters
     ----------
@@ -211,8 +190,8 @@ def kalman(
         Of the errors of ``pose``, such as ``uncertainty`` of a refinement, in its unit squared. A position
         without a finite one is no measurement.
     density : float or (N,)
-        Spectral density of the acceleration, in the unit of ``pose`` squared per s³. For people, 1e6 mm²/s³
-        is a good start: within a second the velocity changes by about 1 m/s per axis.
+        Spectral density of the acceleration, in the unit of ``pose`` squared per s³; for people, 1e6 mm²/s³
+        is a good start.
 
     Returns
     -------
@@ -297,23 +276,17 @@ def _single_pass(cutoff: float, frame_rate: float, order: int) -> float:
 
 def _runs(positions: Array, numbers: Index) -> Iterator[tuple[int, slice]]:
     """Yield (joint, slice of frames) for every run of consecutive frames in which the joint is known."""
-    follows = np.diff(numbers) == 1
-    for j in range(positions.shape[1]):
-        known = _known(positions[:, j])
-        linked = known[:-1] & known[1:] & follows
-        starts = np.flatnonzero(known & ~np.concatenate([[False], linked]))
-        stops = np.flatnonzero(known & ~np.concatenate([linked, [False]])) + 1
-        for start, stop in zip(starts, stops, strict=True):
-            yield j, slice(int(start), int(stop))
+    breaks = np.flatnonzero(np.diff(numbers) != 1) + 1
+    for j, known in enumerate(_known(positions).T):
+        ends = {0, len(known), *breaks.tolist(), *(np.flatnonzero(np.diff(known)) + 1).tolist()}
+        for start, stop in pairwise(sorted(ends)):
+            if known[start]:
+                yield j, slice(start, stop)
 
 
 def _smoothing(cutoff: Array, frame_rate: float) -> Array:
     """Return the share of the new value in exponential smoothing with this cutoff."""
     return 1.0 / (1.0 + frame_rate / (2.0 * math.pi * cutoff))
-
-
-# Seconds for which a joint may have moved before the first frame: its spread there.
-_BEFORE = 10.0
 
 
 def _constant_velocity(seconds: float, density: Array) -> tuple[Array, Array]:

@@ -7,7 +7,7 @@ import json
 import numpy as np
 import pytest
 
-from command_line import assert_fails, invoke
+from command_line import invoke
 from overlay_case import SIZE, write_images
 from skelsplat.io import read_detections
 
@@ -99,17 +99,3 @@ def test_an_image_without_a_person(options, tmp_path):
     result = invoke(*options, "--json")
     (camera,) = json.loads(result.stdout)["cameras"]
     assert camera["empty"] == camera["frames"]
-
-
-def test_networks_in_each_others_place(options):
-    swapped = [*options[:-4], "--det-model", options[-1], "--pose-model", options[-3]]
-    assert_fails(invoke(*swapped), 2, "--det-model: expected YOLOX", "1×17×384 and 1×17×512")
-
-
-def test_a_network_of_numbers_of_16_bits(options):
-    model = onnx.load(options[-1])
-    model.graph.input[0].type.tensor_type.elem_type = onnx.TensorProto.FLOAT16
-    onnx.save(model, options[-1])
-    assert_fails(
-        invoke(*options), 1, "pose_model: expected RTMPose of 17 points, got [ONNXRuntimeError]", "float16"
-    )

@@ -209,12 +209,9 @@ def test_mediapipes_landmarks_in_pixels():
 @pytest.mark.parametrize(
     ("arguments", "status", "words"),
     [
-        (["--backend", "openpose"], 2, "--backend"),
         (["--model", "body"], 2, "--model"),
         (["--device", "cuda"], 2, "--device"),
-        (["--backend", "rtmlib", "--mode", "fast"], 2, "--mode"),
         (["--backend", "rtmlib", "--pose-model", "no.onnx"], 1, "no.onnx"),
-        (["--range", "x"], 2, "--range"),
     ],
 )
 def test_wrong_options(videos, tmp_path, arguments, status, words):

@@ -24,7 +24,7 @@ LAYERS = (
     {"_refine", "metrics"},
     {"cameras", "layouts"},
     {"findings"},
-    {"_chunks", "_clocks"},
+    {"_clocks"},
     {"_skelsplat"},
     {"_lock", "_fields"},
     {"_budget"},

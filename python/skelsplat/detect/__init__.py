@@ -7,8 +7,7 @@
 read. `MediaPipe` and `RTMLib` are the detectors; any object with the members of `Detector` will do.
 """
 
-from skelsplat.detect._detect import Detected, detect
-from skelsplat.detect._detector import Detector
+from skelsplat.detect._detect import Detected, Detector, detect
 from skelsplat.detect._mediapipe import MediaPipe
 from skelsplat.detect._rtmlib import RTMLib
 

@@ -4,22 +4,55 @@ from __future__ import annotations
 
 import functools
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import skelsplat as sk
+from skelsplat._arrays import Array
 from skelsplat._fields import FRAME_LIMIT
-from skelsplat.detect._detector import Detector
 from skelsplat.detect._results import Results
 from skelsplat.exceptions import InvalidInputError
 from skelsplat.findings import Finding, Subject, warn
+
 from skelsplat.io.detections._record import Record
-from skelsplat.io.video import FrameSource, open_source, videos_of
+from skelsplat.io.video import FrameSource, Image, open_source, videos_of
 
 Progress = Callable[[str, int, int], None]
 Span = tuple[int, int]
+# an image (H, W, 3), blue first, to the people in it (P, N, 3): x and y in pixels, confidence
+Find = Callable[[Image], Array]
+
+
+class Detector(Protocol):
+    """Finds people in the images of one camera."""
+
+    @property
+    def layout(self) -> str:
+        """Name of the built-in layout of its N joints."""
+        ...
+
+    @property
+    def settings(self) -> Mapping[str, str]:
+        """Everything that its detections depend on; detections of different settings are never mixed."""
+        ...
+
+    @property
+    def follows(self) -> bool:
+        """Whether an image's detections depend on the images before it.
+
+        If so, a camera that was interrupted is detected again from its first frame.
+        """
+        ...
+
+    def open(self) -> AbstractContextManager[Find]:
+        """Begin a camera: give a function from an image (H, W, 3), blue first, to its people (P, N, 3).
+
+        A person's N joints are x and y in pixels and a confidence in [0, 1], 0 for one that was not detected.
+        """
+        ...
 
 
 @dataclass(frozen=True)
@@ -34,7 +67,7 @@ class Detected:
     size : tuple of int
         Width and height of the frames, upright.
     rotation : int
-        Degrees by which the frames are turned to be upright, as the video's metadata say.
+        Degrees by which the frames are turned to be upright, according to the video's metadata.
     frame_rate : float or None
         What the video states.
     frames, new : int
@@ -111,9 +144,8 @@ def detect(
     record = Record(dict(detector.settings), detector.layout, tuple(sk.layouts.get(detector.layout).joints))
     sources = {camera: open_source(path) for camera, path in videos_of(videos).items()}
     span = (0 if first is None else first, FRAME_LIMIT if last is None else last)
-    wanted = {camera: _wanted(source, span) for camera, source in sources.items()}
-    for camera, source in sources.items():
-        if not wanted[camera]:
+    for source in sources.values():
+        if not _wanted(source, span):
             expected = f"some of the frames {source.first} to {source.last} of {source.path}"
             got = f"{span[0]}-{'' if last is None else last}"
             raise InvalidInputError(f"range: expected {expected}, got {got}")
@@ -121,7 +153,7 @@ def detect(
     written = []
     for camera, source in sources.items():
         tell = functools.partial(progress or (lambda *_: None), camera)
-        written.append(_camera(_Camera(camera, source, span, wanted[camera]), detector, results, tell))
+        written.append(_camera(camera, source, span, detector, results, tell))
     _compare(written)
     return written
 
@@ -134,69 +166,63 @@ def _wanted(source: FrameSource, span: Span) -> int:
     return max(0, min(last, source.last) - first + 1)
 
 
-@dataclass(frozen=True)
-class _Camera:
-    """One camera and the frames that are wanted of it, first and last, and how many they are."""
-
-    name: str
-    source: FrameSource
-    span: Span
-    wanted: int
-
-
 def _camera(
-    camera: _Camera, detector: Detector, results: Results, tell: Callable[[int, int], None]
+    camera: str,
+    source: FrameSource,
+    span: Span,
+    detector: Detector,
+    results: Results,
+    tell: Callable[[int, int], None],
 ) -> Detected:
     """Detect what is missing of a camera."""
-    done, source = results.done(camera.name, camera.span), camera.source
-    total = max(camera.wanted, len(done))
+    done, wanted = results.done(camera, span), _wanted(source, span)
+    total = max(wanted, len(done))
     tell(len(done), total)
     new = empty = 0
-    if not results.complete(camera.name, camera.span, len(done), len(source.images) and camera.wanted):
+    if not results.complete(camera, span, len(done), len(source.images) and wanted):
         again = detector.follows  # from its first frame, as without the interruption
-        number = camera.span[1]
+        number = span[1]
         with detector.open() as find:
-            for number, image in source.frames(*camera.span):
+            for number, image in source.frames(*span):
                 if number in done and not again:
                     continue
                 people = find(image)
-                results.write(camera.name, number, people)
+                results.write(camera, number, people)
                 done.add(number)
                 new, empty = new + 1, empty + (len(people) == 0)
                 tell(new if again else len(done), max(total, len(done)))
-        if number < camera.span[1]:
-            results.finished(camera.name, number + 1)
-    folder = results.folder_of(camera.name)
-    of_video = (source.path, folder, source.size, source.rotation, source.rate)
-    return Detected(camera.name, *of_video, len(done), new, empty)
+        if number < span[1]:
+            results.finished(camera, number + 1)
+    of_video = (source.path, results.folder_of(camera), source.size, source.rotation, source.rate)
+    return Detected(camera, *of_video, len(done), new, empty)
 
 
 def _compare(written: Sequence[Detected]) -> None:
     """Warn of cameras without anybody, and of videos that differ in length or rate."""
     for one in written:
         if one.rotation:
-            turned = (
+            sentence = (
                 f"{one.video}: frames are turned by {one.rotation}° as the video's metadata say; the "
                 "calibration must be of frames turned in the same way."
             )
             about = Subject(files=(str(one.video),))
-            warn(Finding("video_turned", "note", about, {"degrees": one.rotation}, sentence=turned))
+            warn(Finding("video_turned", "note", about, {"degrees": one.rotation}, sentence=sentence))
         if one.new and one.empty == one.new:
-            nobody = f"{one.camera}: no person detected in any frame ({one.new} in all)."
+            sentence = f"{one.camera}: no person detected in any frame ({one.new} in all)."
             about = Subject(cameras=(one.camera,))
-            warn(Finding("nobody_detected", "warning", about, {"frames": one.new}, sentence=nobody))
+            warn(Finding("nobody_detected", "warning", about, {"frames": one.new}, sentence=sentence))
     if each := _different(written, [one.frames for one in written]):
-        lengths = (
+        sentence = (
             f"The videos have different numbers of frames ({each}): if they begin at the same instant, "
             "refine only the frames that all of them have."
         )
-        warn(Finding("videos_differ_in_length", "warning", numbers={"each": each}, sentence=lengths))
+        warn(Finding("videos_differ_in_length", numbers={"each": each}, sentence=sentence))
     if each := _different(written, [round(one.frame_rate or 0.0, 2) for one in written]):
-        rates = (
+        sentence = (
             f"The videos have different frame rates ({each}): frames of the same number, which are compared, "
             "are then not of the same instant."
         )
-        warn(Finding("frame_rates_differ", "warning", numbers={"each": each}, sentence=rates))
+        warn(Finding("frame_rates_differ", numbers={"each": each}, sentence=sentence))
 
 
 def _different(written: Sequence[Detected], values: Sequence[float]) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import warnings
 from collections.abc import Iterator, Mapping
@@ -13,12 +14,11 @@ import numpy as np
 
 from skelsplat._arrays import Array
 from skelsplat._optional import pip_line, require
-from skelsplat.detect._detector import Find
+from skelsplat.detect._detect import Find
 from skelsplat.exceptions import MissingPackageError, SkelSplatError, one_of
 from skelsplat.io.video import Image
 
 _COMPLEXITY = {"lite": 0, "full": 1, "heavy": 2}
-_STDERR = 2
 
 
 @dataclass(frozen=True)
@@ -50,27 +50,9 @@ class MediaPipe:
 
     @contextmanager
     def open(self) -> Iterator[Find]:
-        """Begin a camera; the network is loaded with the first image."""
-        pose: Any = None
-
-        def find(image: Image) -> Array:
-            nonlocal pose
-            if pose is not None:
-                return _people(pose, image)
-            with _hushed():
-                pose = self._pose()
-                return _people(pose, image)
-
+        """Begin a camera."""
         try:
-            yield find
-        finally:
-            if pose is not None:
-                pose.close()
-
-    def _pose(self) -> Any:
-        """Return MediaPipe's tracker."""
-        try:
-            return _module().solutions.pose.Pose(
+            pose = _module().solutions.pose.Pose(
                 static_image_mode=False,
                 model_complexity=_COMPLEXITY[self.model],
                 smooth_landmarks=False,  # the refinement over time knows the noise better
@@ -79,6 +61,8 @@ class MediaPipe:
             expected = f"expected MediaPipe to load '{self.model}'"
             hint = "" if self.model == "full" else " (it downloads this model when it is first used)"
             raise SkelSplatError(f"model: {expected}{hint}, got {error}") from error
+        with contextlib.closing(pose):
+            yield lambda image: _people(pose, image)
 
 
 def _module() -> Any:
@@ -93,23 +77,6 @@ def _module() -> Any:
             f"{module.__version__}; run: {pip_line('mediapipe')}"
         )
     return module
-
-
-@contextmanager
-def _hushed() -> Iterator[None]:
-    """Keep what its native code logs while it is loaded off stderr; what fails is an exception."""
-    try:
-        kept = os.dup(_STDERR)
-    except OSError:  # there is none
-        yield
-        return
-    try:
-        with open(os.devnull, "wb") as nowhere:  # noqa: PTH123  a device
-            os.dup2(nowhere.fileno(), _STDERR)
-        yield
-    finally:
-        os.dup2(kept, _STDERR)
-        os.close(kept)
 
 
 def _people(pose: Any, image: Image) -> Array:

@@ -41,13 +41,27 @@ class Results:
         ours = {camera: _files(folder, camera) if camera in known else {} for camera in {*known, *sources}}
         gone = sources if overwrite else {}
         kept = {camera: video for camera, video in known.items() if ours[camera] and camera not in gone}
-        if before is not None and kept:
-            _check_detector(folder, before, wanted)
+        if (
+            before is not None
+            and kept
+            and (before.detector, before.layout) != (wanted.detector, wanted.layout)
+        ):
+            there, now = (", ".join(one.detector.values()) for one in (before, wanted))
+            raise _refused(f"a folder of {there} again ({folder}), or overwrite for all its cameras", now)
         for camera, source in sources.items():
-            _check_foreign(camera_folder(folder, camera), ours[camera])
-            video = _video(source)
-            _check_video(camera, kept.setdefault(camera, video), video)
-        for path in (path for camera in sources if overwrite for path in ours[camera].values()):
+            own = camera_folder(folder, camera)
+            foreign = sorted(path.name for path in {*own.glob("*.json")} - {*ours[camera].values()})
+            if foreign:
+                raise _refused(f"no files of another program in {own}", listed(foreign, _SHOWN))
+            length = None if source.images else source.path.stat().st_size
+            video = Video(source.path.name, source.size, source.rate, length)
+            there, now = (
+                f"{one.name}, {one.size[0]}×{one.size[1]}, {one.length} bytes"
+                for one in (kept.setdefault(camera, video), video)
+            )
+            if there != now:
+                raise _refused(f"{there} for {camera} again, or overwrite", now)
+        for path in (path for camera in gone for path in ours[camera].values()):
             path.unlink()
         for place in (folder, *(camera_folder(folder, camera) for camera in sources)):
             with opening(place, "a folder that can be written", "output"):
@@ -88,11 +102,6 @@ class Results:
             stream.write(text.encode())
 
 
-def _video(source: FrameSource) -> Video:
-    length = None if source.images else source.path.stat().st_size
-    return Video(source.path.name, source.size, source.rate, length)
-
-
 def _files(folder: Path, camera: str) -> dict[int, Path]:
     """Return the files of a camera that have `detect`'s names, by frame."""
     found = {}
@@ -103,26 +112,5 @@ def _files(folder: Path, camera: str) -> dict[int, Path]:
     return found
 
 
-def _check_detector(folder: Path, there: Record, wanted: Record) -> None:
-    """Raise unless detections of both may lie in one folder."""
-    if (there.detector, there.layout) != (wanted.detector, wanted.layout):
-        before, now = (", ".join(one.detector.values()) for one in (there, wanted))
-        same = f"a folder of the same detector ({folder} has {before})"
-        raise InvalidInputError(f"output: expected {same}, or overwrite for all its cameras, got {now}")
-
-
-def _check_video(camera: str, there: Video, video: Video) -> None:
-    """Raise unless a camera's detections were made from this video."""
-    if (there.name, there.size, there.length) != (video.name, video.size, video.length):
-        before, now = (
-            f"{one.name} of {one.size[0]}×{one.size[1]}, {one.length} bytes" for one in (there, video)
-        )
-        raise InvalidInputError(f"output: expected {before} for {camera} again, or overwrite, got {now}")
-
-
-def _check_foreign(folder: Path, ours: Mapping[int, Path]) -> None:
-    """Raise if there are JSON files in a camera's folder that are not ours."""
-    foreign = sorted(path.name for path in {*folder.glob("*.json")} - {*ours.values()})
-    if foreign:
-        expected = "a folder without JSON files of another program; choose another one"
-        raise InvalidInputError(f"output: expected {expected}, got {folder} with {listed(foreign, _SHOWN)}")
+def _refused(expected: str, actual: str) -> InvalidInputError:
+    return InvalidInputError(f"output: expected {expected}, got {actual}")

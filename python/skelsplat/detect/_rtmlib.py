@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import io
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
@@ -19,7 +19,7 @@ import skelsplat as sk
 from skelsplat._arrays import Array
 from skelsplat._budget import read_bytes
 from skelsplat._optional import require
-from skelsplat.detect._detector import Find
+from skelsplat.detect._detect import Find
 from skelsplat.exceptions import DatasetError, InvalidInputError, SkelSplatError, one_of
 from skelsplat.io.video import Image
 
@@ -30,11 +30,7 @@ _MODELS = {
     "whole-body": ("Wholebody", "wholebody133"),
 }
 _MODES = ("balanced", "lightweight", "performance")
-_RTMDET = (
-    b"bbox_head.rtm_cls"  # in the names of its weights; its outputs look like YOLOX's, its inputs do not
-)
 _SCORE = 0.3  # of a person, as rtmlib has it for its own networks; for others it has 0.7, which loses people
-_LOG_SIZE = 10.0  # a box of e^10 cells: no logarithm, but pixels
 
 
 @dataclass(frozen=True)
@@ -70,8 +66,6 @@ class RTMLib:
         for path in (self.det_model, self.pose_model):
             if path is not None and not path.is_file():
                 raise DatasetError(path, "model", "an ONNX file", "no such file")
-        if self.det_model is not None and _RTMDET in read_bytes(self.det_model):
-            raise InvalidInputError(f"det_model: expected YOLOX, got RTMDet in {self.det_model}")
 
     @property
     def layout(self) -> str:
@@ -96,10 +90,15 @@ class RTMLib:
 
     def _people(self, solution: Any, image: Image) -> Array:
         """Return the people in an image (P, N, 3)."""
-        boxes = solution.det_model(image)
-        if len(boxes) == 0:  # without boxes, RTMPose takes the whole image for a person
-            return np.empty((0, sk.layouts.get(self.layout).n_joints, 3))
-        pixels, scores = solution.pose_model(image, bboxes=boxes)
+        n_joints = sk.layouts.get(self.layout).n_joints
+        with _failing("rtmlib: expected networks that run on an image"):
+            boxes = solution.det_model(image)
+            if len(boxes) == 0:  # without boxes, RTMPose takes the whole image for a person
+                return np.empty((0, n_joints, 3))
+            pixels, scores = solution.pose_model(image, bboxes=boxes)
+        if pixels.shape[1] != n_joints:
+            expected = f"RTMPose of {n_joints} points"
+            raise InvalidInputError(f"pose_model: expected {expected}, got {pixels.shape[1]} points")
         return np.concatenate([pixels, np.clip(scores, 0.0, 1.0)[..., None]], axis=-1)
 
 
@@ -120,9 +119,7 @@ def _loaded(detector: RTMLib) -> Any:
         name = "BodyWithFeet"  # the same two networks; Body downloads another if "rtmo" is anywhere in a path
     files = {"det": detector.det_model, "pose": detector.pose_model}
     given = {name: str(path) for name, path in files.items() if path is not None}
-    expected = (
-        "rtmlib: expected rtmlib to download and load its networks, or their files (det_model, pose_model)"
-    )
+    expected = "rtmlib: expected it to download and load its networks, or files (det_model, pose_model)"
     with _failing(expected), contextlib.redirect_stdout(io.StringIO()):  # it prints what it loads
         kind = getattr(module, name)
         solution = kind(**given, mode=detector.mode, backend="onnxruntime", device=detector.device)
@@ -133,37 +130,14 @@ def _loaded(detector: RTMLib) -> Any:
         if path is not None and all(isinstance(side, int) for side in size):
             network.model_input_size = size[::order]
     boxes.score_thr = _SCORE
-    yolox = "det_model: expected YOLOX without decoding, with scores from 0 to 1, or with NMS"
-    _check(boxes, yolox, lambda found: _people_alone(found, boxes.model_input_size))
-    n_joints = sk.layouts.get(detector.layout).n_joints
-    sides = [(n_joints, 2 * side) for side in joints.model_input_size]
-    rtmpose = f"pose_model: expected RTMPose of {n_joints} points"
-    _check(joints, rtmpose, lambda found: found if [one.shape[1:] for one in found] == sides else None)
+    infer = boxes.inference
+    boxes.inference = lambda image: _people_alone(infer(image))
     return solution
 
 
-def _check(network: Any, expected: str, checked: Callable[[list[Array]], list[Array] | None]) -> None:
-    """Let a network's outputs pass through a check before rtmlib takes them for those of its own networks."""
-    infer = network.inference
-
-    def inference(image: Array) -> list[Array]:
-        with _failing(expected):
-            outputs = infer(image)
-        if (found := checked(outputs)) is None:
-            shapes = " and ".join("×".join(map(str, output.shape)) for output in outputs)
-            raise InvalidInputError(f"{expected}, got outputs of {shapes}")
-        return found
-
-    network.inference = inference
-
-
-def _people_alone(outputs: list[Array], size: tuple[int, int]) -> list[Array] | None:
-    """Return YOLOX's boxes (1, cells, 4 + 1 + classes) of people alone, since rtmlib mixes all classes."""
+def _people_alone(outputs: list[Array]) -> list[Array]:
+    """Return YOLOX's boxes of people alone, since rtmlib mixes all classes; the first is a person."""
     boxes, *labels = outputs
-    if boxes.ndim == 3 and boxes.shape[2] == 5:  # with NMS
-        return [boxes[:, labels[0][0] == 0] if labels else boxes]
-    cells = sum((size[0] // stride) * (size[1] // stride) for stride in (8, 16, 32))
-    fits = boxes.ndim == 3 and boxes.shape[1] == cells and boxes.shape[2] > 5
-    # some exports have no probabilities (those of 8 bits can pass 0 and 1 a little) or no logarithms
-    known = fits and np.abs(boxes[..., 4:] - 0.5).max() < 0.6 and boxes[..., 2:4].max() < _LOG_SIZE
-    return [boxes[..., :6]] if known else None
+    if labels:  # with NMS
+        return [boxes[:, labels[0][0] == 0]]
+    return [boxes[..., :6]]  # place, size and score, then a number per class
