@@ -33,14 +33,10 @@ def numbers(value: object, name: str) -> NDArray[np.float64]:
     """Return `value` as a C-ordered, aligned float64 array of this machine's byte order.
 
     It is `value` itself if that is one already, else a copy. Masked entries, ``None`` and ``pandas.NA``
-    become NaN. Integers and booleans are numbers; text, complex numbers, times and records are not, and what
-    NumPy makes no array of is not: an `InvalidInputError` that names the argument, `name`.
+    become NaN. Integers and booleans are numbers; text, complex numbers, times and records are not: an
+    `InvalidInputError` that names the argument, `name`.
     """
-    array: NDArray[np.float64]
-    if type(value) is np.ndarray and value.dtype is _FLOAT64:
-        array = value
-    else:
-        array = _as_float64(_read(value, name), name)
+    array = value if type(value) is np.ndarray and value.dtype is _FLOAT64 else _as_float64(value, name)
     if array.flags.c_contiguous and array.flags.aligned:
         return array
     return array.copy(order="C")
@@ -51,7 +47,7 @@ def whole_numbers(value: object, name: str) -> NDArray[np.int64]:
     array = _read(value, name)
     if array.dtype.kind in "iu" and not np.ma.is_masked(array) and (array <= np.iinfo(np.int64).max).all():
         return np.asarray(array, dtype=np.int64)
-    given = _as_float64(array, name)
+    given = numbers(array, name)
     wrong = ~((np.abs(given) <= _EXACT) & (given == np.rint(given)))
     if wrong.any():
         raise InvalidInputError(f"{name}: expected whole numbers, got {given[wrong][0]:g}")
@@ -125,10 +121,10 @@ def largest_slots(people: NDArray[np.float64], owner: NDArray[Any], n_people: in
     return np.where(own.any(axis=-1), place, -1)
 
 
-def at_slots(people: NDArray[np.float64], slots: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Return the detections of each person, (Q, T, M, N, 3), from their places in P; NaN for no place."""
-    frame, view = np.arange(slots.shape[1])[:, None], np.arange(slots.shape[2])
-    return np.where((slots >= 0)[..., None, None], people[frame, view, slots], np.nan)
+def take_people(people: NDArray[np.float64], index: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Return the detections (…, T, M, N, D) at the places (…, T, M) of people (T, M, P, N, D); NaN for -1."""
+    frame, view = np.arange(index.shape[-2])[:, None], np.arange(index.shape[-1])
+    return np.where((index >= 0)[..., None, None], people[frame, view, index], np.nan)
 
 
 class ArrayFields:
@@ -157,16 +153,15 @@ def _read(value: object, name: str) -> NDArray[Any]:
 
 def _holds_masks(items: list[Any] | tuple[Any, ...]) -> bool:
     """Whether nested sequences hold a masked array, whose mask NumPy would drop."""
-    kinds = set(map(type, items))
-    if any(issubclass(kind, np.ma.MaskedArray) for kind in kinds):
-        return True
-    if not any(issubclass(kind, list | tuple) for kind in kinds):
-        return False
-    return any(_holds_masks(item) for item in items if isinstance(item, list | tuple))
+    return any(
+        isinstance(item, np.ma.MaskedArray) or (isinstance(item, list | tuple) and _holds_masks(item))
+        for item in items
+    )
 
 
-def _as_float64(array: NDArray[Any], name: str) -> NDArray[np.float64]:
+def _as_float64(value: object, name: str) -> NDArray[np.float64]:
     """Return an array of any type of numbers as float64, NaN where it is masked or missing."""
+    array = _read(value, name)
     if isinstance(array, np.ma.MaskedArray) and array.dtype.names is None:
         there = ~np.ma.getmaskarray(array)
         filled = np.full(array.shape, np.nan)
@@ -175,14 +170,15 @@ def _as_float64(array: NDArray[Any], name: str) -> NDArray[np.float64]:
     if array.dtype == object:
         return _of_objects(np.asarray(array), name)
     if not np.can_cast(array.dtype, np.float64, "same_kind"):
-        raise InvalidInputError(_expected(name, _in_words(array.dtype)))
+        words = {"c": "complex numbers", "S": "text", "U": "text", "T": "text", "V": "records"}
+        called = words.get(array.dtype.kind, "an array")
+        raise InvalidInputError(_expected(name, f"{called} ({array.dtype})"))
     return np.asarray(array, dtype=np.float64, order="C")
 
 
 def _of_objects(array: NDArray[np.object_], name: str) -> NDArray[np.float64]:
     """Return an array of Python objects as float64, NaN where one is missing."""
-    pandas = sys.modules.get("pandas")
-    missing = getattr(pandas, "NA", None)
+    missing = getattr(sys.modules.get("pandas"), "NA", None)
     items = [np.nan if item is None or item is missing else item for item in array.ravel()]
     for kind in set(map(type, items)):
         if issubclass(kind, _NO_NUMBERS):
@@ -191,15 +187,6 @@ def _of_objects(array: NDArray[np.object_], name: str) -> NDArray[np.float64]:
         return np.array(items, dtype=np.float64).reshape(array.shape)
     except (TypeError, ValueError) as error:
         raise InvalidInputError(_expected(name, str(error))) from error
-
-
-def _in_words(kind: np.dtype[Any]) -> str:
-    if kind.names is not None:
-        fields = ", ".join(kind.names)
-        return f"records with the fields {fields} (give one of them: array['{kind.names[0]}'])"
-    if kind.kind == "c":
-        return f"complex numbers ({kind})"
-    return f"text ({kind})" if kind.kind in "SUT" else f"an array of {kind}"
 
 
 def _expected(name: str, actual: str) -> str:

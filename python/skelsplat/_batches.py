@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from functools import partial
 from typing import Any, Protocol, TypeAlias
@@ -12,23 +12,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from skelsplat import _skelsplat
-from skelsplat._arrays import Array, numbers, positive
-from skelsplat._refine import (
-    Cameras,
-    Progress,
-    Refinement,
-    refinement_fields,
-    reporter,
-    warn_of_prior,
-    warn_of_size,
-)
+from skelsplat._arrays import Array, positive
+from skelsplat._refine import Cameras, Progress, Refinement, refinement_fields, reporter, warn_of_size
 from skelsplat._sequence import SequenceRefinement, frames_of, joined
 from skelsplat._skelsplat import Layout, RefineConfig
 from skelsplat.exceptions import InvalidInputError
 
 # Frames per chunk of an array: several windows in time at any usual rate, and some 100 MB of results.
 PER_CHUNK = 10_000
-_ENTRIES = {"detections", "confidence", "init_pose"}
 
 
 class Sliceable(Protocol):
@@ -39,8 +30,7 @@ class Sliceable(Protocol):
     def __getitem__(self, frames: slice, /) -> Any: ...
 
 
-Chunk: TypeAlias = ArrayLike | Mapping[str, ArrayLike]
-Chunks: TypeAlias = Sliceable | Iterable[Chunk] | Callable[[], Iterable[Chunk]]
+Chunks: TypeAlias = Sliceable | Iterable[ArrayLike] | Callable[[], Iterable[ArrayLike]]
 _Judge: TypeAlias = Callable[[NDArray[np.float64]], None]
 
 
@@ -50,7 +40,6 @@ def refine_batches(
     *,
     fps: float | None = None,
     layout: str | Layout | None = None,
-    init_sigma: ArrayLike | None = None,
     config: RefineConfig | None = None,
     frames_per_chunk: int | None = None,
     progress: bool | Progress = False,
@@ -68,9 +57,8 @@ def refine_batches(
 
         - an array (T, M, N, 2|3) that is read where it is sliced, such as a memory map of NumPy or a data set
           of h5py or Zarr: it is cut into chunks of ``frames_per_chunk``;
-        - an iterable of chunks, or a function that returns a new one at each call. A chunk is an array
-          (T, M, N, 2|3), or a mapping with ``detections`` and, where there are any, ``confidence`` and
-          ``init_pose``, as `refine` takes them. T may differ, also be 0.
+        - an iterable of chunks (T, M, N, 2|3), or a function that returns a new one at each call. T may
+          differ, also be 0.
 
         With ``fps`` an iterable or function is gone through three times (to count the frames, for a sample to
         learn from, to solve), so a generator has to be given as the function that makes it.
@@ -78,8 +66,6 @@ def refine_batches(
         As in `refine`.
     fps : float, optional
         Frames per second, of one motion in order. None refines every frame by itself.
-    init_sigma : float, (N,) or (N, 3, 3), optional
-        As in `refine`, for all frames; not with ``fps``.
     frames_per_chunk : int, optional
         For an array. In time, windows of 40 s (at least 600 frames) are solved, one per core: chunks of
         several windows use all cores.
@@ -109,10 +95,8 @@ def refine_batches(
     source = _source_of(chunks, len(cameras), frames_per_chunk)
     judge: _Judge = partial(warn_of_size, cameras=cameras, layout=layout)
     if fps is None:
-        return _alone(prepared, source, init_sigma, judge, progress)
+        return _alone(prepared, source, judge, progress)
     positive("fps", fps)
-    if init_sigma is not None:
-        raise InvalidInputError("init_sigma: expected None with fps, got a standard deviation")
     if not source.again:
         expected = "an array, a list or a function that returns an iterator, to read it more than once"
         raise InvalidInputError(f"chunks: expected {expected}, got {type(chunks).__name__}")
@@ -121,23 +105,15 @@ def refine_batches(
 
 
 def _alone(
-    prepared: _skelsplat.Refiner,
-    source: _Source,
-    init_sigma: ArrayLike | None,
-    judge: _Judge,
-    progress: bool | Progress,
+    prepared: _skelsplat.Refiner, source: _Source, judge: _Judge, progress: bool | Progress
 ) -> Iterator[Refinement]:
     done = 0
     with reporter(progress) as report:
         for chunk in source:
             tell = _after(report, done, source.n_frames or 0)
-            given = (chunk.init_pose, chunk.detections)
-            out = prepared.refine(*given, init_sigma=init_sigma, progress=tell)
-            result = Refinement(**refinement_fields(out))
+            result = Refinement(**refinement_fields(prepared.refine(None, chunk, progress=tell)))
             if done == 0:
                 judge(result.pose)
-                if init_sigma is not None:
-                    warn_of_prior(result)
             yield result
             done += len(chunk)
 
@@ -176,9 +152,9 @@ class _Solver:
         self.known: Array | None = None  # what the sample shows; None where one window is all
         if len(self.windows) > 1:
             sample = source.sample(ranges)
-            frames, lengths = _Frames.joined(sample), [len(part) for part in sample]
-            self.known = prepared.learn_sequence(frames.init_pose, frames.detections, fps, lengths)
-        self.held: list[_Frames] = []  # frames that windows still look at, from ``first`` to ``read``
+            lengths = [len(part) for part in sample]
+            self.known = prepared.learn_sequence(None, np.concatenate(sample), fps, lengths)
+        self.held: list[Array] = []  # frames that windows still look at, from ``first`` to ``read``
         self.first = self.read = 0
         self.solved: SequenceRefinement | None = None  # frames not returned yet, from ``begin`` to ``end``
         self.begin = self.end = 0
@@ -189,7 +165,7 @@ class _Solver:
             expected = f"the same {self.n_frames} frames each time they are gone through"
             raise InvalidInputError(f"chunks: expected {expected}, got {self.read}")
 
-    def take(self, chunk: _Frames) -> None:
+    def take(self, chunk: Array) -> None:
         """Add the next frames."""
         self.held.append(chunk)
         self.read += len(chunk)
@@ -200,129 +176,78 @@ class _Solver:
         ready = [row for row in self.windows if row[3] <= self.read]
         if not ready:
             return
-        frames = _Frames.joined(self.held)
-        pose, detections = frames.init_pose, frames.detections
+        frames = np.concatenate(self.held)
         if self.known is None:
-            out = self.prepared.refine_sequence(pose, detections, self.fps, progress=report)
+            out = self.prepared.refine_sequence(None, frames, self.fps, progress=report)
         else:
             rows = [[frame - self.first for frame in row] for row in ready]
-            out = self.prepared.refine_windows(pose, detections, self.known, rows, progress=report)
+            out = self.prepared.refine_windows(None, frames, self.known, rows, progress=report)
         found = SequenceRefinement(**refinement_fields(out))
         self.solved = found if self.solved is None else joined([self.solved, found])
         self.end, self.windows = ready[-1][2], self.windows[len(ready) :]
         kept = max(self.first, self.end - self.overlap)
-        self.held, self.first = [frames.part(kept - self.first, len(frames)).copy()], kept
+        self.held, self.first = [frames[kept - self.first :].copy()], kept
 
     def frames(self, stop: int) -> SequenceRefinement:
         """Return the solved frames before ``stop`` and forget them."""
         count, self.begin = stop - self.begin, stop
         if self.solved is None or count == 0:
-            out = self.prepared.refine_sequence(None, self.held[0].detections[:0], self.fps)
+            out = self.prepared.refine_sequence(None, self.held[0][:0], self.fps)
             return SequenceRefinement(**refinement_fields(out))
         found = frames_of(self.solved, slice(count))
         self.solved = frames_of(self.solved, slice(count, None))
         return found
 
 
-@dataclass(frozen=True, slots=True)
-class _Frames:
-    """Checked frames: detections (T, M, N, 2|3), and initial poses (T, N, 3) if there are any."""
-
-    detections: Array
-    init_pose: Array | None
-
-    def __len__(self) -> int:
-        return len(self.detections)
-
-    def part(self, start: int, stop: int) -> _Frames:
-        start = max(start, 0)
-        init = None if self.init_pose is None else self.init_pose[start:stop]
-        return _Frames(self.detections[start:stop], init)
-
-    def copy(self) -> _Frames:
-        init = None if self.init_pose is None else self.init_pose.copy()
-        return _Frames(self.detections.copy(), init)
-
-    @staticmethod
-    def joined(chunks: list[_Frames]) -> _Frames:
-        if len(chunks) == 1:
-            return chunks[0]
-        init = [chunk.init_pose for chunk in chunks if chunk.init_pose is not None]
-        detections = np.concatenate([chunk.detections for chunk in chunks])
-        return _Frames(detections, np.concatenate(init) if init else None)
-
-
 @dataclass(frozen=True)
 class _Source:
     """Where chunks come from."""
 
-    open: Callable[[], Iterable[Chunk]]
+    open: Callable[[], Iterable[ArrayLike]]
     n_views: int
     again: bool = True  # whether they can be gone through more than once
     array: Sliceable | None = None
     n_frames: int | None = None  # where it is known without reading
 
-    def __iter__(self) -> Iterator[_Frames]:
-        first: _Frames | None = None
+    def __iter__(self) -> Iterator[Array]:
+        shape: tuple[int, ...] | None = None
         for k, given in enumerate(self.open()):
-            chunk = self.checked(given, f"chunks[{k}]", first)
-            first = chunk.part(0, 0).copy() if first is None else first
+            chunk = self.checked(given, f"chunks[{k}]")
+            shape = chunk.shape[1:] if shape is None else shape
+            if chunk.shape[1:] != shape:
+                expected = f"frames of shape {shape} as in the first chunk"
+                raise InvalidInputError(
+                    f"chunks[{k}], detections: expected {expected}, got {chunk.shape[1:]}"
+                )
             yield chunk
 
     def count(self) -> int:
         """Return the number of all frames."""
         return sum(map(len, self)) if self.n_frames is None else self.n_frames
 
-    def sample(self, ranges: list[list[int]]) -> list[_Frames]:
+    def sample(self, ranges: list[list[int]]) -> list[Array]:
         """Return these frames, given in order."""
         if self.array is not None:
             return [self.checked(self.array[a:b], f"chunks[{a}:{b}]") for a, b in ranges]
-        parts: list[list[_Frames]] = [[] for _ in ranges]
+        parts: list[list[Array]] = [[] for _ in ranges]
         begin = 0
         for chunk in self:
             for (start, stop), part in zip(ranges, parts, strict=True):
                 if start < begin + len(chunk) and begin < stop:
-                    part.append(chunk.part(start - begin, stop - begin).copy())
+                    part.append(chunk[max(start - begin, 0) : stop - begin].copy())
             begin += len(chunk)
             if begin >= ranges[-1][1]:
                 break
-        return [_Frames.joined(part) for part in parts]
+        return [np.concatenate(part) for part in parts]
 
-    def checked(self, given: Chunk, name: str, first: _Frames | None = None) -> _Frames:
-        """Return a chunk, of the same views and joints as the first one."""
+    def checked(self, given: ArrayLike, name: str) -> Array:
+        """Return a chunk; a source may fill the same array again."""
         try:
-            chunk = _read(dict(given) if isinstance(given, Mapping) else {"detections": given}, self.n_views)
-            if first is not None:
-                _compare(chunk, first)
+            chunk = _skelsplat.checked_detections(given, None, self.n_views)
         except InvalidInputError as error:
             raise InvalidInputError(f"{name}, {error}") from error
-        return chunk
-
-
-def _read(entries: dict[str, ArrayLike], n_views: int) -> _Frames:
-    if "detections" not in entries or not set(entries) <= _ENTRIES:
-        has = ", ".join(map(repr, entries)) or "none"
-        expected = "'detections' and perhaps 'confidence' and 'init_pose'"
-        raise InvalidInputError(f"entries: expected {expected}, got {has}")
-    given = _skelsplat.checked_detections(entries["detections"], entries.get("confidence"), n_views)
-    if not len(given):  # no frame tells whether there are confidences
-        channels = np.shape(entries["detections"])[-1] if entries.get("confidence") is None else 3
-        given = np.empty((*given.shape[:-1], channels))
-    if entries.get("init_pose") is None:
-        return _Frames(given, None)
-    init, shape = numbers(entries["init_pose"], "init_pose"), (len(given), given.shape[2], 3)
-    if init.shape != shape:
-        raise InvalidInputError(f"init_pose: expected shape {shape}, got {init.shape}")
-    return _Frames(given, init.copy())  # a source may fill the same array again
-
-
-def _compare(chunk: _Frames, first: _Frames) -> None:
-    shape, of_first = chunk.detections.shape[1:], first.detections.shape[1:]
-    if shape != of_first:
-        raise InvalidInputError(f"detections: expected frames {of_first} as in the first chunk, got {shape}")
-    if (chunk.init_pose is None) != (first.init_pose is None):
-        expected, got = ("one", "none") if chunk.init_pose is None else ("none", "one")
-        raise InvalidInputError(f"init_pose: expected {expected}, as in the first chunk, got {got}")
+        # without frames it does not tell whether there are confidences
+        return chunk if len(chunk) else np.empty((*chunk.shape[:-1], np.shape(given)[-1]))
 
 
 def _source_of(chunks: Chunks, n_views: int, per_chunk: int | None) -> _Source:
@@ -341,5 +266,5 @@ def _source_of(chunks: Chunks, n_views: int, per_chunk: int | None) -> _Source:
     if not isinstance(chunks, Iterable):
         expected = "an array (T, M, N, 2|3), an iterable of such arrays, or a function that returns one"
         raise InvalidInputError(f"chunks: expected {expected}, got {type(chunks).__name__}")
-    given: Iterable[Chunk] = chunks
+    given: Iterable[ArrayLike] = chunks
     return _Source(lambda: given, n_views, again=iter(given) is not given)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from skelsplat import _skelsplat
-from skelsplat._arrays import Array, Index, numbers, positive
+from skelsplat._arrays import Array, Index, numbers, positive, take_people
 from skelsplat._refine import Cameras, Progress, Refinement, refinement_fields, reporter, warn_of_size
 from skelsplat._sequence import SequenceRefinement
 from skelsplat._skelsplat import Layout, RefineConfig
@@ -228,12 +228,6 @@ def _frames_of_two_views(people: ArrayLike) -> int:
     array = np.asarray(people, dtype=np.float64)
     there = ~np.isnan(array[..., 0]) & (array[..., 2:] != 0.0).all(axis=-1)
     return int((there.any(axis=(2, 3)).sum(axis=1) >= 2).sum())
-
-
-def take_people(people: Array, index: Index) -> Array:
-    """Return the detections (T, M, N, D) at the places (T, M) of ``people`` (T, M, P, N, D); NaN for -1."""
-    taken = np.take_along_axis(people, np.maximum(index, 0)[:, :, None, None, None], axis=2)[:, :, 0]
-    return np.where((index >= 0)[..., None, None], taken, np.nan)
 
 
 def _person(out: dict[str, Any], first: int | None, kind: type[Refinement]) -> Person:

@@ -180,7 +180,7 @@ def refine(
     result = Refinement(**refinement_fields(out))
     warn_of_size(result.pose, cameras, layout)
     if init_sigma is not None:
-        warn_of_prior(result)
+        _warn_of_prior(result)
     return result
 
 
@@ -205,7 +205,7 @@ def refinement_fields(out: dict[str, Any]) -> dict[str, Any]:
     return {**out, **words, "joint_bias": bias}
 
 
-def warn_of_prior(result: Refinement) -> None:
+def _warn_of_prior(result: Refinement) -> None:
     """Warn of a start that is trusted more than it deserves: it can outvote all detections."""
     seen = result.joint_status != "unobserved"
     rejected = np.nanmax(result.view_weights, axis=-2, initial=-1.0) < _skelsplat.REJECTED_WEIGHT

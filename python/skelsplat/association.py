@@ -13,8 +13,8 @@ import numpy as np
 import numpy.typing as npt
 
 import skelsplat as sk
-from skelsplat._arrays import Array, Index, Mask, corners, medians, numbers
-from skelsplat._people import most_people, people_uncompared, take_people
+from skelsplat._arrays import Array, Index, Mask, corners, medians, numbers, take_people
+from skelsplat._people import most_people, people_uncompared
 from skelsplat._skelsplat import check_people, people_chosen
 from skelsplat.cameras import mm_per_unit
 from skelsplat.exceptions import InvalidInputError

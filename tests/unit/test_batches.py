@@ -81,18 +81,6 @@ def test_chunks_of_frames_alone_have_the_bits_of_one_call(seen):
     same(by_array, expected)
 
 
-def test_chunks_have_confidences_and_initial_poses_of_their_own(seen):
-    frames, rng = seen[:9, ..., :2], np.random.default_rng(0)
-    start = sk.triangulate(frames, RIG) + rng.normal(0, 30, (9, 6, 3))
-    score = rng.uniform(0.2, 1, frames.shape[:-1])
-    expected = sk.refine(start, frames, RIG, confidence=score, init_sigma=25.0)
-    chunks = [
-        {"detections": frames[a:b], "confidence": score[a:b], "init_pose": start[a:b]}
-        for a, b in ((0, 4), (4, 9))
-    ]
-    same(list(sk.refine_batches(chunks, RIG, init_sigma=25.0)), expected)
-
-
 def test_the_published_method_takes_chunks(seen):
     config = sk.RefineConfig.paper(max_steps=3, resolution=0.1)
     expected = sk.refine(None, seen[:4], RIG, config=config)
@@ -137,18 +125,16 @@ def test_a_recording_of_one_window_is_solved_at_once(seen, n):
     same(list(sk.refine_batches(cut(seen[:n], n // 2), RIG, fps=FPS, layout=ARM)), expected)
 
 
-def test_a_source_may_fill_the_same_arrays_again(seen):
-    frames, start = seen[:700], np.random.default_rng(1).normal(0, 500, (700, 6, 3))
-    expected = sk.refine_sequence(frames, RIG, fps=FPS, layout=ARM, init_pose=start)
-    given = {"detections": np.empty_like(frames[:70]), "init_pose": np.empty_like(start[:70])}
+def test_a_source_may_fill_the_same_array_again(seen, whole):
+    given = np.empty_like(seen[:100])
 
-    def chunks() -> Iterator[dict[str, np.ndarray]]:
-        for k in range(0, 700, 70):
-            given["detections"][:], given["init_pose"][:] = frames[k : k + 70], start[k : k + 70]
+    def chunks() -> Iterator[np.ndarray]:
+        for k in range(0, FRAMES, 100):
+            given[:] = seen[k : k + 100]
             yield given
 
     results = list(sk.refine_batches(chunks, RIG, fps=FPS, layout=ARM))
-    same(results, expected, but=("bone_length_sigma",))
+    same(results, whole, but=("bone_length_sigma",))
 
 
 def test_memory_does_not_grow_with_the_recording(seen):
@@ -169,19 +155,14 @@ def test_memory_does_not_grow_with_the_recording(seen):
 
 @pytest.mark.parametrize("fps", [None, FPS])
 def test_wrong_chunks_are_named(seen, fps):
-    frames, views = seen[:5], seen[:5, :3]
-    other, unequal = seen[:5, :, :5], frames.copy()
+    frames, unequal = seen[:5], seen[:5].copy()
     unequal[2, 1, 0, 2] = 3.0
-    with_start = {"detections": frames, "init_pose": np.zeros((5, 6, 3))}
     for wrong, argument in (
-        (views, "detections"),
-        (other, "detections"),
+        (frames[:, :3], "detections"),
+        (frames[:, :, :5], "detections"),
         (frames[0], "detections"),
         (unequal, "detections[2, 1, 0, 2]"),
         ("chunk", "detections"),
-        ({"pixels": frames}, "entries"),
-        ({**with_start, "detections": frames[1:]}, "init_pose"),
-        (with_start, "init_pose"),
     ):
         with pytest.raises(sk.InvalidInputError) as caught:
             list(sk.refine_batches([frames, wrong], RIG, fps=fps))
@@ -196,7 +177,6 @@ def test_wrong_chunks_are_named(seen, fps):
         ("frames_per_chunk", {"frames_per_chunk": 5}),
         ("frames_per_chunk", {"chunks": np.zeros((3, 4, 6, 2)), "frames_per_chunk": 0}),
         ("fps", {"fps": 0.0}),
-        ("init_sigma", {"fps": FPS, "init_sigma": 5.0}),
         ("config.method", {"fps": FPS, "config": sk.RefineConfig.paper()}),
     ],
 )

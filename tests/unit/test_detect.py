@@ -1,6 +1,6 @@
-"""``skelsplat.detect``: files, resuming and refusals with a detector of the test; MediaPipe is imitated.
+"""``skelsplat.detect``: files, resuming and refusals with a detector of the test.
 
-MediaPipe itself is in tests/real/test_detect.py; rtmlib in test_detect_rtmlib.py.
+MediaPipe and rtmlib are imitated; MediaPipe itself is in tests/real/test_detect.py.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from overlay_case import FRAMES, SIZE, level, need_opencv, write_video
 
 need_opencv()
 
-from skelsplat.detect import MediaPipe, detect  # noqa: E402  after the check
+from skelsplat.detect import MediaPipe, _rtmlib, detect  # noqa: E402  after the check
 from skelsplat.io import read_detections  # noqa: E402
 
 CAMERAS = ("cam1", "cam2")
@@ -203,6 +203,45 @@ def test_mediapipes_landmarks_in_pixels():
     assert sk.layouts.get(MediaPipe().layout).n_joints == 33
 
 
+# rtmlib, imitated
+
+
+class Solution:
+    """A solution class of rtmlib: as many people as the image's level."""
+
+    made: list[dict] = []  # noqa: RUF012
+
+    def __init__(self, **options):
+        self.made.append(options)
+        print("load it with onnxruntime backend")
+
+    def det_model(self, image):
+        return np.ones((level(image), 4))
+
+    def pose_model(self, _image, bboxes):
+        assert len(bboxes)  # none would be the whole image
+        pixels = np.arange(len(bboxes) * 26 * 2.0).reshape(len(bboxes), 26, 2)
+        return pixels, np.full((len(bboxes), 26), 1.07)
+
+
+def test_several_people_by_rtmlib(videos, tmp_path, monkeypatch):
+    _rtmlib._loaded.cache_clear()
+    monkeypatch.setitem(sys.modules, "rtmlib", SimpleNamespace(BodyWithFeet=Solution))
+    monkeypatch.setitem(sys.modules, "rtmlib.version", SimpleNamespace(__version__="0.0.16"))
+    pose = tmp_path / "pose"
+    result = invoke("detect", videos, "-o", pose, "--backend", "rtmlib", "--mode", "lightweight", "--json")
+    assert result.exit_code == 0, result.output
+    document = json.loads(result.stdout)
+    settings = {"backend": "rtmlib", "version": "0.0.16", "model": "body-feet", "mode": "lightweight"}
+    assert (document["layout"], document["detector"]) == ("halpe26", settings)
+    assert [camera["new"] for camera in document["cameras"]] == [FRAMES, FRAMES]
+    assert Solution.made == [{"mode": "lightweight", "backend": "onnxruntime", "device": "cpu"}]
+    found = read_detections(pose, CAMERAS)
+    assert found.layout == "halpe26"
+    assert found.people_per_frame[:, 0].tolist() == list(range(FRAMES))
+    assert found.people[5, 0, 1, 0].tolist() == [52.0, 53.0, 1.0]
+
+
 # The command
 
 
@@ -211,7 +250,7 @@ def test_mediapipes_landmarks_in_pixels():
     [
         (["--model", "body"], 2, "--model"),
         (["--device", "cuda"], 2, "--device"),
-        (["--backend", "rtmlib", "--pose-model", "no.onnx"], 1, "no.onnx"),
+        (["--backend", "rtmlib", "--mode", "fast"], 2, "--mode"),
     ],
 )
 def test_wrong_options(videos, tmp_path, arguments, status, words):

@@ -44,13 +44,9 @@ OPTIONS = (
         --model NAME  Of mediapipe: full, lite or heavy. Of rtmlib: body-feet, body or whole-body.
             [full; body-feet]
         --mode NAME  rtmlib: balanced, lightweight or performance. [balanced]
-        --det-model FILE  rtmlib: ONNX file that finds people (YOLOX).
-        --pose-model FILE  rtmlib: ONNX file that finds joints (RTMPose).
         --device NAME  rtmlib: cpu or cuda. [cpu]
         """,
         backend=lambda option, name: options.one_of(option, name, ("mediapipe", "rtmlib")),
-        det_model=Path,
-        pose_model=Path,
     ),
     *rows(
         "Output",

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from skelsplat._arrays import FARTHEST, Array, Index, Mask, at_slots, positive
+from skelsplat._arrays import FARTHEST, Array, Index, Mask, positive, take_people
 from skelsplat._skelsplat import Layout
 from skelsplat.cameras import CameraRig
 from skelsplat.exceptions import DatasetError
@@ -177,7 +177,7 @@ class PeopleTake:
 
     def detections(self) -> Array:
         """Return the detections of each person, (Q, T, M, N, 3), by oracle association."""
-        return at_slots(self.people, self.slots)
+        return take_people(self.people, self.slots)
 
     def optional(self, least_views: int = 0) -> Mask:
         """Who need not be found, (Q, T): those waived, and whom fewer than `least_views` views detect."""

@@ -16,7 +16,6 @@ from skelsplat._fields import FRAME_LIMIT
 from skelsplat.detect._results import Results
 from skelsplat.exceptions import InvalidInputError
 from skelsplat.findings import Finding, Subject, warn
-
 from skelsplat.io.detections._record import Record
 from skelsplat.io.video import FrameSource, Image, open_source, videos_of
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from skelsplat import layouts
-from skelsplat._arrays import Array, Index, Mask, at_slots, largest_slots, numbers
+from skelsplat._arrays import Array, Index, Mask, largest_slots, numbers, take_people
 from skelsplat._skelsplat import Camera, Layout, project
 from skelsplat.cameras import CameraRig, mm_per_unit
 from skelsplat.exceptions import InvalidInputError
@@ -62,7 +62,7 @@ class Scene:
 
     def detections(self) -> Array:
         """Return the detections of each person, (Q, T, M, N, 3), as a perfect association has them."""
-        return at_slots(self.people, self.slots())
+        return take_people(self.people, self.slots())
 
     def optional(self, least_views: int = 2) -> Mask:
         """Who need not be found, (Q, T): detected in fewer than `least_views` views, or not there."""
