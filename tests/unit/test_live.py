@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
-import pickle
-import re
 import signal
 import subprocess
 import sys
@@ -21,7 +18,6 @@ from command_line import assert_fails, invoke
 from skelsplat import synthetic
 from skelsplat.cli import app, live
 from skelsplat.io import read_calibration, write_calibration
-from skelsplat.run.live._latencies import Latencies
 
 T = 6
 OPTIONS = ["--unit", "mm", "--layout", "h36m17"]
@@ -147,11 +143,9 @@ def test_malformed_lines_are_named_and_skipped(tmp_path, detections):
         point(["1", 2, 3]): "detections[0][0]: ",
         point([1, 2, 300]): "detections[0][0][2]: ",
         point([1e200, 2, 0.5]): "detections[0][0][0]: ",
-        json.dumps(
-            {"detections": [[good[0]], *good[1:]]}
-        ): "detections[0]: expected the joints of one person",
+        json.dumps({"detections": [[good[0]], *good[1:]]}): "detections[0]: expected a list of 17 joints",
         point([1, 2, 0.5]).replace("0.5", "1e999", 1): "detections: expected numbers, got infinity",
-        point([10**400, 2, 0.5]): "detections[0][0]: ",
+        point([10**400, 2, 0.5]): "detections: expected numbers, got one beyond",
         line(0, detections[0]).replace(": 0", ": NaN", 1): "frame: ",
     }
     result = run(tmp_path, *lines, line("last", detections[0]), options=())
@@ -283,19 +277,3 @@ def test_a_full_disk_is_one_line_and_status_1(tmp_path, detections):
     said = process.stderr.decode().splitlines()
     assert said[1] == "error: stdout: expected a reader, got no space left on device"
     assert len(said) == 3
-
-
-def test_percentiles_of_all_latencies_are_within_one_per_cent_in_the_same_memory():
-    kept = Latencies()
-    size = len(pickle.dumps(kept))
-    times = np.random.default_rng(1).lognormal(0.0, 2.0, 200_000)
-    for ms in times:
-        kept.add(0.0, ms / 1000)
-    *found, longest = (float(number) for number in re.findall(r"(?:%|longest) ([\d.]+)", str(kept)))
-    exact = np.percentile(times, (50, 90, 99, 99.9), method="inverted_cdf")
-    np.testing.assert_allclose(found, exact, rtol=0.01, atol=1e-3)
-    assert longest == pytest.approx(times.max(), abs=1e-3)
-    assert len(pickle.dumps(kept)) < size + 3 * len(kept._counts)  # the counts have more digits
-    for seconds in (0.0, 5e4, math.inf):  # beyond the bins
-        kept.add(0.0, seconds)
-    assert kept.count == len(times) + 3

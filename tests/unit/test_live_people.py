@@ -159,7 +159,7 @@ def test_everything_malformed_is_answered_and_changes_nothing(calibration, scene
 
     malformed = {
         views(5): "detections[0]: ",
-        views([[]]): "detections[0]: ",
+        views([[]]): "detections[0][0]: ",
         views([person, person[:16]]): "detections[0][1]: ",
         views([person, 7]): "detections[0][1]: ",
         views([person, [*person[:16], ["a", 1, 1]]]): "detections[0][1][16]: ",

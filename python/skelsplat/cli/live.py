@@ -120,7 +120,8 @@ def live(
     "unassigned" has the places of detected people who are none of these.
 
     At the end, the numbers of lines solved and malformed and percentiles of the
-    latency (to within 1 %) are printed on stderr. Input and output are JSON already: there is no --json.
+    latency are printed on stderr. Input and output are JSON already: there is no
+    --json.
 
     [bold]Examples[/bold]
 

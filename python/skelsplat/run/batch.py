@@ -13,7 +13,7 @@ import sys
 import threading
 import time
 import warnings
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
@@ -25,7 +25,7 @@ from skelsplat._json import plain, to_text
 from skelsplat._lock import locked
 from skelsplat.exceptions import DatasetError, InvalidInputError, SkelSplatError
 from skelsplat.io._files import VIDEO_SUFFIXES, listed, load_json
-from skelsplat.io._run_files import MARKED, REPORT, check_one_run, check_people, files_of_run, folders_of_run
+from skelsplat.io._run_files import REPORT, check_people, check_run, files_of_run, folders_of_run
 from skelsplat.io.calibration import find_format
 from skelsplat.io.calibration._json import to_json
 from skelsplat.run.engine import run, run_people
@@ -42,6 +42,7 @@ COLUMNS = (
 )
 # Fields of a job whose content counts instead, or nothing at all.
 _NOT_AS_TEXT = ("output", "calibration", "detections", "init", "config")
+_OF_CALIBRATION = ("calibration_format", "unit", "camera_type", "subject", "size", "binning")
 # The parent first: it may end during the imports.
 _PROGRAM = "import os; parent = os.getppid(); from skelsplat.run.batch import _work; _work(parent)"
 _WATCH_S = 1.0
@@ -62,6 +63,8 @@ class Recording:
         Why it failed.
     report : dict
         ``report.json`` of its run; empty if it failed.
+    state : dict
+        What tells the next batch that nothing has changed; empty if it failed.
     """
 
     name: str
@@ -69,6 +72,7 @@ class Recording:
     output: Path
     error: str = ""
     report: Mapping[str, Any] = field(default_factory=dict)
+    state: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def errors(self) -> tuple[str, ...]:
@@ -100,6 +104,12 @@ class Recording:
             for person in people
         ]
 
+    def to_dict(self) -> dict[str, Any]:
+        """Return the recording as JSON values: its rows, and its findings in full."""
+        own = {key: row for key, row in self.rows()[0].items() if key in ("status", "output", "error")}
+        findings = self.report.get("findings", [])
+        return {"name": self.name, **own, "rows": self.rows(), "findings": findings, **self.state}
+
 
 def _summed_up(findings: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     """Return the numbers of errors and warnings, and what they are: kinds, with the cameras concerned.
@@ -107,12 +117,12 @@ def _summed_up(findings: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     Cameras that were adjusted are named as well: the poses depend on it.
     """
     told = [one for one in findings if one["severity"] != "note" or one["kind"] == "camera_adjusted"]
-    count = [sum(finding["severity"] == severity for finding in told) for severity in ("error", "warning")]
+    errors, warned = (sum(one["severity"] == severity for one in told) for severity in ("error", "warning"))
     texts = []
     for finding in told:
         cameras = ", ".join(finding["subject"].get("cameras", ()))
         texts.append(finding["kind"].replace("_", " ") + (f" ({cameras})" if cameras else ""))
-    return {"errors": count[0], "warnings": count[1], "findings": "; ".join(dict.fromkeys(texts))}
+    return {"errors": errors, "warnings": warned, "findings": "; ".join(dict.fromkeys(texts))}
 
 
 @dataclass(frozen=True)
@@ -131,18 +141,8 @@ class Batch:
         return [row for one in self.recordings for row in one.rows()]
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the batch as JSON values: the rows, and the findings of each recording in full."""
-        entries = [
-            {
-                "name": one.name,
-                "status": one.status,
-                "output": None if one.error else str(one.output),
-                "error": one.error or None,
-                "rows": one.rows(),
-                "findings": one.report.get("findings", []),
-            }
-            for one in self.recordings
-        ]
+        """Return the batch as JSON values."""
+        entries = [one.to_dict() for one in self.recordings]
         document: dict[str, Any] = plain({"versions": versions(), "recordings": entries})
         return document
 
@@ -174,10 +174,6 @@ def run_batch(
     progress : callable, optional
         Called with (recordings done, recordings in all).
 
-    Returns
-    -------
-    Batch
-
     Raises
     ------
     SkelSplatError
@@ -190,22 +186,25 @@ def run_batch(
     with output_folder(top), locked(top, ".skelsplat-batch.lock"):
         keys = {name: key_of(job) for name, job in jobs.items()}
         earlier = {} if overwrite else _earlier(top / RECORD, keys)
-        found = {
-            name: _read(name, job, UNCHANGED)
-            for name, job in jobs.items()
-            if name in earlier and _complete(Path(str(job.output)), earlier[name])
-        }
+        found: dict[str, Recording] = {}
 
-        def keep() -> None:
-            _write(top, jobs, found, keys, earlier)
+        def keep(name: str, status: str, error: str = "") -> None:
+            found[name] = _read(name, Path(str(jobs[name].output)), keys[name], status, error)
+
+        def write() -> None:
+            left = [entry for name, entry in earlier.items() if name not in found]  # as their folders are
+            _write(top, Batch(tuple(found[name] for name in jobs if name in found)), left)
             if progress is not None:
                 progress(len(found), len(jobs))
 
-        keep()
+        for name, entry in earlier.items():
+            if _complete(Path(str(jobs[name].output)), entry):
+                keep(name, UNCHANGED)
+        write()
         try:
             for name, error in _refined({n: job for n, job in jobs.items() if n not in found}, processes):
-                found[name] = _read(name, jobs[name], DONE, error)
-                keep()
+                keep(name, FAILED if error else DONE, error)
+                write()
         except KeyboardInterrupt as stop:
             done = f"{len(found)} of {len(jobs)} recordings are done"
             raise KeyboardInterrupt(f"{done}: run it again for the others") from stop
@@ -219,11 +218,10 @@ def _check(jobs: Mapping[str, Job], processes: int) -> None:
         raise InvalidInputError("jobs: expected at least one recording, got none")
     places: dict[Path, str] = {}
     for name, job in jobs.items():
-        place = Path(str(job.output)).resolve()
-        if place in places:
-            got = f"{job.output} for {places[place]} and {name}"
+        other = places.setdefault(Path(str(job.output)).resolve(), name)
+        if other != name:
+            got = f"{job.output} for {other} and {name}"
             raise InvalidInputError(f"output: expected a folder of its own for each recording, got {got}")
-        places[place] = name
 
 
 def key_of(job: Job) -> str:
@@ -234,15 +232,14 @@ def key_of(job: Job) -> str:
     settings = job.settings.to_dict()
     settings.pop("n_threads")  # the results do not depend on it
     options = {one.name: getattr(job, one.name) for one in fields(job) if one.name not in _NOT_AS_TEXT}
-    options |= {"settings": settings, "version": versions()["skelsplat"]}
+    options |= {"settings": settings, "version": versions()["skelsplat"], "cameras": _cameras(job)}
     found = hashlib.sha256(json.dumps(options, sort_keys=True, default=_text).encode())
-    found.update(_cameras(job).encode())
     given = (job.detections, job.init, job.layout)
     places = [Path(path) for path in given if isinstance(path, str | os.PathLike)]
     if job.fps is None:
         places.append(Path(job.detections).parent / "videos")
     for place in places:
-        inside = sorted(path for path in place.rglob("*") if path.is_file()) if place.is_dir() else [place]
+        inside = sorted(place.rglob("*")) if place.is_dir() else [place]
         for path in (path for path in inside if path.is_file()):
             found.update(f"{path.relative_to(place.parent)}\0".encode())
             video, status = path.suffix.lower() in VIDEO_SUFFIXES, path.stat()
@@ -253,11 +250,11 @@ def key_of(job: Job) -> str:
 
 def _cameras(job: Job) -> str:
     """Return the cameras as text: a folder that is a calibration may have the results in it as well."""
-    names = ("calibration_format", "unit", "camera_type", "subject", "size", "binning")
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # the run repeats them
         try:
-            return to_json(read_rig(Path(job.calibration), **{name: getattr(job, name) for name in names}))
+            given = {name: getattr(job, name) for name in _OF_CALIBRATION}
+            return to_json(read_rig(Path(job.calibration), **given))
         except SkelSplatError as error:
             return str(error)
 
@@ -265,6 +262,16 @@ def _cameras(job: Job) -> str:
 def _text(value: object) -> str:
     """Return a path, or what a layout or a filter consists of, as text."""
     return os.fspath(value) if isinstance(value, os.PathLike) else pickle.dumps(value).hex()
+
+
+def _sha256(path: Path) -> str | None:
+    if not path.is_file():
+        return None
+    with opened(path) as stream:
+        digest = hashlib.sha256()
+        for part in iter(lambda: stream.read(2**20), b""):
+            digest.update(part)
+    return digest.hexdigest()
 
 
 def _earlier(path: Path, keys: Mapping[str, str]) -> dict[str, dict[str, Any]]:
@@ -280,53 +287,30 @@ def _complete(folder: Path, entry: Mapping[str, Any]) -> bool:
     """Whether a folder holds the run that a batch has written there, with all its files and no others'."""
     if entry.get("report_sha256") != _sha256(folder / REPORT):
         return False
+    places = [folder, *(folder / name for name in folders_of_run(folder))]
     try:
         check_people(folder / REPORT)
-        for place in (folder, *(folder / name for name in folders_of_run(folder))):
-            files = [place / name for name in files_of_run(place) or [""]]
-            if not all(path.is_file() for path in files):
-                return False
-            check_one_run(place / REPORT, (path for path in files if path.name in MARKED))
+        for place in places:
+            check_run(place)
     except DatasetError:
         return False
-    return True
+    return all((place / name).is_file() for place in places for name in files_of_run(place) or [""])
 
 
-def _sha256(path: Path) -> str | None:
-    if not path.is_file():
-        return None
-    digest = hashlib.sha256()
-    with opened(path) as stream:
-        for part in iter(lambda: stream.read(2**20), b""):
-            digest.update(part)
-    return digest.hexdigest()
-
-
-def _read(name: str, job: Job, status: str, error: str = "") -> Recording:
-    folder = Path(str(job.output))
+def _read(name: str, folder: Path, key: str, status: str, error: str) -> Recording:
+    """Return what became of a recording, from the folder of its run."""
+    report = folder / REPORT
     if error:
-        left = f"; {folder} has the results of an earlier run" if (folder / REPORT).is_file() else ""
-        return Recording(name, FAILED, folder, error + left)
-    return Recording(name, status, folder, report=load_json(folder / REPORT, "a report"))
+        left = f"; {folder} has the results of an earlier run" if report.is_file() else ""
+        return Recording(name, status, folder, error + left)
+    state = {"key": key, "report_sha256": _sha256(report)}
+    return Recording(name, status, folder, report=load_json(report, "a report"), state=state)
 
 
-def _write(
-    folder: Path,
-    names: Iterable[str],
-    found: Mapping[str, Recording],
-    keys: Mapping[str, str],
-    earlier: Mapping[str, Mapping[str, Any]],
-) -> None:
-    """Write both files, with the recordings in the order of ``names``.
-
-    Those still to come keep the entries of an earlier batch, since their folders do.
-    """
-    batch = Batch(tuple(found[name] for name in names if name in found))
+def _write(folder: Path, batch: Batch, left: Sequence[Mapping[str, Any]]) -> None:
+    """Write both files; ``left`` are the entries of an earlier batch of recordings still to come."""
     document = batch.to_dict()
-    for one, entry in zip(batch.recordings, document["recordings"], strict=True):
-        if one.status != FAILED:
-            entry |= {"key": keys[one.name], "report_sha256": _sha256(one.output / REPORT)}
-    document["recordings"] += [entry for name, entry in earlier.items() if name not in found]
+    document["recordings"] += left
     atomic_write_text(folder / RECORD, to_text(document))
     text = io.StringIO(newline="")
     writer = csv.DictWriter(text, COLUMNS, lineterminator="\n")
@@ -401,12 +385,7 @@ def trials(project: str | os.PathLike[str]) -> dict[str, tuple[Path, Path]]:
 
     A trial is a folder with ``pose-sync`` or else ``pose``. Its calibration is the TOML, or else whatever
     calibration there is, in a folder with *calib* in its name, of the trial or of the nearest folder above it
-    within the project.
-
-    Raises
-    ------
-    DatasetError
-        If there is no trial, or for one of them no calibration, or several.
+    within the project. A `DatasetError` if there is no trial, or for one no calibration, or several.
     """
     root = Path(project)
     found = {}
