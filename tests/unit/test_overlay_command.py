@@ -27,7 +27,7 @@ from skelsplat.viz import _style
 
 need_opencv()
 
-from skelsplat.run.overlay.scene import project_covariances  # noqa: E402  after the check
+from skelsplat.run.overlay import project_covariances  # noqa: E402  after the check
 from skelsplat.viz.overlay._marks import bgr  # noqa: E402
 
 BARE = ["--no-legend", "--quiet"]
@@ -158,17 +158,6 @@ def test_the_grid_holds_all_cameras_and_says_where_an_image_is_missing(case, tmp
     assert (document["files"][0]["height"], document["files"][0]["width"]) == frames[0].shape[:2]
 
 
-def test_a_crop_has_one_size_and_holds_the_joints(case, images, tmp_path):
-    args = ("--crop", "--no-legend", "--no-pose", "--no-ellipses", "--camera", "cam_01", "--quiet")
-    overlay(case, images, tmp_path / "out", "--png", *args)
-    crops = [image_of(tmp_path / "out", 0, number) for number in range(FRAMES)]
-    assert len({crop.shape for crop in crops}) == 1
-    assert crops[0].shape < (SIZE[1], SIZE[0], 3)
-    for crop in crops:
-        found = (np.abs(crop.astype(int) - bgr(_style.DETECTION)).max(axis=2) <= 8).sum()
-        assert found >= 5 * LAYOUT.n_joints
-
-
 @pytest.mark.parametrize("what", ["pose", "detections", "error bars"])
 def test_missing_data_are_outcomes(images, tmp_path, what):
     shape = (FRAMES, len(NAMES), LAYOUT.n_joints)
@@ -181,5 +170,5 @@ def test_missing_data_are_outcomes(images, tmp_path, what):
         "error bars": {"uncertainty": np.full((FRAMES, LAYOUT.n_joints, 3, 3), np.nan)},
     }
     case = write_run(tmp_path / "run", **nothing[what])
-    for extra in ([], ["--crop"], ["--grid"]):
+    for extra in ([], ["--grid"]):
         overlay(case, images, tmp_path / "out", "--before", "--quiet", *extra)

@@ -24,7 +24,7 @@ from overlay_case import (
 need_opencv()
 
 from skelsplat.run.frame_range import FrameRange  # noqa: E402
-from skelsplat.run.overlay.scene import Scene  # noqa: E402  after the check
+from skelsplat.run.overlay import Scene  # noqa: E402  after the check
 from skelsplat.viz import _style  # noqa: E402
 from skelsplat.viz.overlay import Shown, legend_strip  # noqa: E402
 from skelsplat.viz.overlay._marks import bgr, weight_colour  # noqa: E402
@@ -72,9 +72,6 @@ def test_the_farthest_is_drawn_first(tmp_path):
     assert [one.name for one in scene.frame(0, 1)] == ["person 0"]
     assert scene.frame(0, 99) is None
     assert scene.colours == dict(zip(["person 0", "person 3"], _style.PEOPLE, strict=False))
-    outline = scene.outline(0)
-    assert outline.shape == (FRAMES, 2 * LAYOUT.n_joints, 2)
-    assert np.isnan(outline[:2, LAYOUT.n_joints :]).all()
 
 
 def test_detections_have_the_colour_of_their_person(people, tmp_path):

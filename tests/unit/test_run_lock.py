@@ -19,7 +19,7 @@ from skelsplat.io._run_files import REPORT
 from skelsplat.run import PeopleRun, Run
 from skelsplat.run import folder as folders
 from skelsplat.run.frame_range import FrameRange
-from skelsplat.run.overlay.scene import Scene
+from skelsplat.run.overlay import Scene
 from sweeps import swept
 
 # writes a run into the folder that a line names, for as long as lines come

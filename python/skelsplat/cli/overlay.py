@@ -55,7 +55,6 @@ OPTIONS = (
         --no-pose  Leave out the skeleton.
         --before  Draw the start of the refinement as well.
         --no-legend  Leave out legend, camera name and frame number; the image keeps its size.
-        --crop  Crop to the person.
         --scale S  Scale of the output, such as 0.5. [1; --grid fits a screen]
         """,
         range=options.frame_range,
@@ -103,7 +102,7 @@ def overlay(
 
     skelsplat overlay out videos/ --grid --range 100-200
 
-    skelsplat overlay out videos/ --camera cam01 --crop --png -o frames
+    skelsplat overlay out videos/ --camera cam01 --png -o frames
 
     skelsplat overlay out frames/ --fps 60 --scale 0.5 --no-detections
 
