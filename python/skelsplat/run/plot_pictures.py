@@ -26,13 +26,10 @@ Picture = tuple[list["Figure"], str, Any]
 
 # Statuses of joints whose depth is open, or that were not measured in their own frame.
 _UNSURE = ("weak", "inferred", "filled")
-# How names of joints state a side.
-_SIDES = (("left", "right"), ("Left", "Right"), ("LEFT", "RIGHT"), ("L", "R"), ("l", "r"))
+# How names of joints state a side: left_wrist, WristLeft, LWrist, EarLTip, wrist_l.
+_SIDE = re.compile(r"(?i:left|right)|(?<![A-Z])[LR](?=[A-Z])|(?<=[_. ])[LRlr]$")
 _SPREAD = "Median ± standard deviation over the frames (in brackets: relative to the median)."
-_PALE = (
-    "Pale: frames in which an end is weak, inferred or filled; they are not counted, and may lie outside the "
-    "panel."
-)
+_PALE = " Pale: an end is weak, inferred or filled; not counted, perhaps outside the panel."
 _EQUAL = (
     "The refinement kept {which} nearly equal on the left and right, so their difference means nothing; "
     "to study it, refine with symmetry_tier 0."
@@ -97,10 +94,10 @@ def bones(source: Source) -> Picture:
     lengths = _limb_lengths(poses, source.limbs, source.left_right)
     limbs = [(name, bone) for name, bones in lengths for bone in bones]
     unsure = any(np.isfinite(bone.values).sum() > np.isfinite(bone.counted).sum() for _, bone in limbs)
-    which = _KEPT_EQUAL.get(source.symmetry_tier)
-    equal = [] if which is None else [_EQUAL.format(which=which)]
-    in_time = [_IN_TIME] if len(poses.velocity) else []
-    notes = (f"{_SPREAD} {_PALE}" if unsure else _SPREAD, *in_time, *equal, *poses.processing)
+    notes = [_SPREAD + _PALE if unsure else _SPREAD]
+    notes += [_IN_TIME] if len(poses.velocity) else []
+    notes += [_EQUAL.format(which=_KEPT_EQUAL[source.symmetry_tier])] if source.symmetry_tier else []
+    notes += poses.processing
     numbers = [
         {
             "limb": name,
@@ -134,10 +131,10 @@ def errors(source: Source) -> Picture:
 
 def angles(source: Source) -> Picture:
     """Draw all joint angles over time."""
-    poses, joints = source.poses, source.named or source.poses.joint_names
-    if not angle_names(joints, leaning=source.up is not None):
+    poses = source.poses
+    if not angle_names(source.named, leaning=source.up is not None):
         return [], "the joints match no layout that has any (name the layout)", None
-    found = angles_of_poses(poses, source.up, joints)
+    found = angles_of_poses(poses, source.up, source.named)
     columns = list(zip(found.degrees.T, found.sigma.T, strict=True))
     panels = [
         viz.CurvePanel(
@@ -211,22 +208,14 @@ def _name_of(limb: tuple[int, int], names: Sequence[str]) -> str:
 
 def _name_of_both(left: tuple[int, int], right: tuple[int, int], names: Sequence[str]) -> str:
     """Return the name of a limb without its side, or the names of both, if these differ in more than that."""
-    ends = [_without_side(names[a], names[b]) for a, b in zip(left, right, strict=True)]
-    if None in ends:
-        return f"{_name_of(left, names)} / {_name_of(right, names)}"
-    return " – ".join(map(str, ends))
+    ends, others = ([_without_side(names[joint]) for joint in limb] for limb in (left, right))
+    if ends == others and all(ends):
+        return " – ".join(ends)
+    return f"{_name_of(left, names)} / {_name_of(right, names)}"
 
 
-def _without_side(left: str, right: str) -> str | None:
-    """Return what two names say besides the side, ``Eye`` of LEye and REye; None if they differ in more."""
-    if left == right:
-        return left.replace("_", " ")
-    for a, b in _SIDES:
-        for found in re.finditer(a, left):
-            before, after = left[: found.start()], left[found.end() :]
-            if f"{before}{b}{after}" == right:
-                return " ".join(re.split(r"[\s_.-]+", f"{before} {after}")).strip() or None
-    return None
+def _without_side(name: str) -> str:
+    return " ".join(re.split(r"[\s_.-]+", _SIDE.sub(" ", name))).strip()
 
 
 def _about_bones(limbs: Sequence[tuple[str, viz.Curve]]) -> str:

@@ -42,10 +42,9 @@ class Source:
     left_right: Pairs
     joints: tuple[int, ...]  # those whose trajectories are drawn
     zero: int  # the first frame number of the whole recording, where time begins
-    # which limbs the run kept equal left and right (`RefineConfig.symmetry_tier`); 0 if it is not known
-    symmetry_tier: int = 0
-    named: tuple[str, ...] = ()  # what the layout calls the joints, if the file calls them otherwise
-    up: Array | None = None  # the axis of the world that is vertical (3,); None if it is not known
+    symmetry_tier: int | None  # which limbs the run kept equal left and right; None if it is not known
+    named: tuple[str, ...]  # what the layout calls the joints
+    up: Array | None  # the axis of the world that is vertical (3,); None if it is not known
 
     @property
     def title(self) -> str:
@@ -84,82 +83,69 @@ def read_source(
         joints, no frame lies in the range or a name is no joint.
     """
     path, chosen = Path(path), range or FrameRange()
-    named = None if layout is None else read_layout(layout)
-    tier, up = 0, None
+    known = None if layout is None else read_layout(layout)
+    tier, up = None, None
     if path.is_file():
         poses = read_pose(path)
-        known = _known_layout(poses.joint_names) if named is None else named
+        known = known or _known_layout(poses.joint_names)
     else:
         run = read_run(path, within=chosen.to_read)
-        poses, known = run.poses, run.layout if named is None else named
-        tier, up = _symmetry_tier(run.report["settings"]), vertical_of(run.rig)
-    if not len(poses.frames):
+        poses, known = run.poses, known or run.layout
+        tier, up = run.report["settings"].get("symmetry_tier"), vertical_of(run.rig)
+    frames, names = poses.frames, poses.joint_names
+    if not len(frames):
         raise DatasetError(path, "frames", "at least one", "none")
-    if (np.diff(poses.frames) < 1).any():
+    if (np.diff(frames) < 1).any():
         raise DatasetError(path, "frames", "ascending numbers", "some that are not")
-    limbs, left_right = _connections(known, poses.joint_names)
-    zero = int(poses.frames[0]) if path.is_file() else run.ends[0]
-    poses = _between(poses, *chosen.within(poses.frames)).in_unit("mm")
-    shown = _chosen_joints(joints, poses.joint_names)
-    other = known is not None and not set(known.joints) <= set(poses.joint_names)
-    called = tuple(known.joints) if known is not None and other else ()
-    return Source(path, poses, limbs, left_right, shown, zero, tier, called, up)
-
-
-def _symmetry_tier(settings: dict[str, Any]) -> int:
-    tier = settings.get("symmetry_tier")
-    return tier if isinstance(tier, int) else 0
+    first, last = chosen.within(frames)
+    keep = (frames >= first) & (frames <= last)
+    held = {name: getattr(poses, name) for name in (*ARRAYS, "frames")}
+    arrays: dict[str, Any] = {name: array[keep] for name, array in held.items() if len(array)}
+    limbs, left_right = _connections(known, names)
+    zero = int(frames[0]) if path.is_file() else run.ends[0]
+    called = names if known is None or set(known.joints) <= set(names) else tuple(known.joints)
+    poses = replace(poses, **arrays).in_unit("mm")
+    return Source(path, poses, limbs, left_right, _chosen_joints(joints, names), zero, tier, called, up)
 
 
 def _known_layout(joints: tuple[str, ...]) -> sk.Layout | None:
     """Return the built-in layout with exactly these joints in this order, in any style of `MARKER_NAMES`."""
-    for layout in map(sk.layouts.get, sk.layouts.names):
-        if joints in (marker_names(tuple(layout.joints), style) for style in MARKER_NAMES):
-            return layout
-    return None
+    layouts = map(sk.layouts.get, sk.layouts.names)
+    return next((layout for layout in layouts if joints in _in_styles(layout)), None)
+
+
+def _in_styles(layout: sk.Layout) -> list[tuple[str, ...]]:
+    return [marker_names(tuple(layout.joints), style) for style in MARKER_NAMES]
 
 
 def _connections(layout: sk.Layout | None, joints: tuple[str, ...]) -> tuple[Pairs, Pairs]:
     """Return limbs and mirror images as places among ``joints``; without a layout, names tell the sides."""
-    place = {name: k for k, name in enumerate(joints)}
     if layout is None:
         return (), sk.layouts.mirrored_names(joints)
-    styles = (marker_names(tuple(layout.joints), style) for style in MARKER_NAMES)
-    named = next((names for names in styles if set(names) <= set(joints)), None)
-    if named is not None:
-        places = [place[name] for name in named]
-    elif layout.n_joints == len(joints):
-        places = list(range(len(joints)))
-    else:
+    named = next((names for names in _in_styles(layout) if set(names) <= set(joints)), None)
+    if named is None and layout.n_joints != len(joints):
         expected = f"a layout of the {len(joints)} joints in the file ({', '.join(joints[:4])}, …)"
-        got = f"{layout.name} with {layout.n_joints}"
-        raise InvalidInputError(f"layout: expected {expected}, got {got}")
-    limbs, mirrored_pairs = (
-        tuple((places[a], places[b]) for a, b in pairs) for pairs in (layout.limbs, layout.left_right)
+        raise InvalidInputError(f"layout: expected {expected}, got {layout.name} with {layout.n_joints}")
+    place = [joints.index(name) for name in named or joints]
+    limbs, mirrored = (
+        tuple((place[a], place[b]) for a, b in pairs) for pairs in (layout.limbs, layout.left_right)
     )
-    return limbs, mirrored_pairs
+    return limbs, mirrored
 
 
-def _between(poses: PoseData, first: int, last: int) -> PoseData:
-    """Return the frames from ``first`` to ``last`` alone; an array that was left out stays empty."""
-    keep = (poses.frames >= first) & (poses.frames <= last)
-    held = {name: getattr(poses, name) for name in (*ARRAYS, "frames")}
-    arrays: dict[str, Any] = {name: value for name, value in held.items() if len(value)}
-    return replace(poses, **{name: array[keep] for name, array in arrays.items()})
-
-
-def _chosen_joints(text: str | None, names: Sequence[str]) -> tuple[int, ...]:
+def _chosen_joints(text: str | None, names: tuple[str, ...]) -> tuple[int, ...]:
     """Return the places of the joints in a list with commas, or of those drawn by default."""
+    every = tuple(range(len(names)))
     if text is None:
-        distal = [k for part in _DISTAL for k, name in enumerate(names) if part in name.lower()]
-        return tuple(distal or np.arange(len(names))[:_FEW].tolist())
+        distal = [k for part in _DISTAL for k in every if part in names[k].lower()]
+        return tuple(distal) or every[:_FEW]
     if text.strip() == "all":
-        return tuple(np.arange(len(names)).tolist())
+        return every
     wanted = list(dict.fromkeys(part.strip() for part in text.split(",")))
     for name in wanted:
         if name not in names:
             raise InvalidInputError(f"joints: expected all or some of {', '.join(names)}, got {name!r}")
-    return tuple(list(names).index(name) for name in wanted)
+    return tuple(names.index(name) for name in wanted)
 
 
 @dataclass(frozen=True)
