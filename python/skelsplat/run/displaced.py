@@ -31,9 +31,8 @@ _RIVAL = 0.5
 # A shift explains the error from this part of it on: of errors that scatter round nothing the median shift is
 # some 0.06 of the median error after 60 frames, of errors that all point one way it is 1.
 _ONE_SIDED = 0.7
-# Least shift, as a part of the image's diagonal: 9 px at 1920 × 1080, some 15 mm on a person who fills the
-# longer side, which is the noise of one good detection. On simulated sound rigs it stays below 0.0011 from
-# five frames on.
+# Least shift, as a part of the image's diagonal: 9 px at 1920 × 1080, the noise of one good detection. On
+# simulated sound rigs it stays below 0.0011 from five frames on.
 _LEAST_SHIFT = 0.004
 # Probability that joints whose offsets point any way would share such a shift. Neighbours (eyes, toes) share
 # some of their offsets: if only half of the joints count, 1e-4 still is 1e-2.
@@ -44,105 +43,6 @@ _LEAST_DETECTIONS = 50
 _DIRECTION = 0.1
 # Fewer joints of a view are no whole; as many make a person.
 _LEAST_JOINTS = 4
-
-
-def displaced_cameras(rig: sk.CameraRig, shifts: Shifts, chance: float = _CHANCE) -> list[int]:
-    """Return the cameras with detections shifted from the pose, the largest shift first."""
-    diagonal = np.array([np.hypot(*camera.size) for camera in rig])
-    found = np.flatnonzero(shifts.one_sided(diagonal, chance))
-    return sorted((int(i) for i in found), key=lambda i: -shifts.size[i] / diagonal[i])
-
-
-def find_displaced(
-    names: Sequence[str], shifts: Shifts, displaced: Sequence[int], unfit: AbstractSet[str] = frozenset()
-) -> Iterator[Finding]:
-    """Yield a finding on the first of ``displaced`` (as of `displaced_cameras`), with the others.
-
-    ``names`` are those of all cameras; ``unfit`` ones have another finding whose remedy is to leave them out.
-    """
-    if not displaced:
-        return
-    first = displaced[0]
-    numbers = {"cameras": len(names), **shift_of(names, shifts, first, displaced[1:])}
-    numbers["median_error_px"] = float(shifts.error[first])
-    leave = len(names) > 2 and names[first] not in unfit
-    name, whose = names[first], "its"
-    wrong = f"{name}'s calibration or timing looks wrong"
-    if len(names) == 2:
-        wrong = "Calibration or timing of one of the two cameras looks wrong, it is impossible to tell which"
-    elif len(names) == 3:
-        wrong += ", or that of another of the three"
-    if len(names) <= 3:
-        whose = f"{name}'s"
-    yield Finding(
-        "camera_displaced",
-        "warning",
-        Subject(cameras=(names[first],)),
-        numbers,
-        (Remedy("without", names[first]),) if leave else (),
-        sentence=f"{wrong}: {whose} detections are shifted by {to_one_side(numbers)}. Check the cameras to "
-        "find the cause.",
-    )
-
-
-def shift_of(names: Sequence[str], shifts: Shifts, camera: int, others: Sequence[int] = ()) -> dict[str, Any]:
-    """Return how far, and to which side, a camera's detections are off the pose, and those of ``others``.
-
-    A wrong camera pulls the pose to its side, so that others are displaced by it. One that is displaced half
-    as much may as well be the cause.
-    """
-    return {
-        "shift_px": [float(part) for part in shifts.shift[camera]],
-        "size_px": float(shifts.size[camera]),
-        "also_displaced": [
-            {
-                "camera": names[i],
-                "size_px": float(shifts.size[i]),
-                "may_be_the_cause": bool(shifts.size[i] >= _RIVAL * shifts.size[camera]),
-            }
-            for i in others
-        ],
-    }
-
-
-def to_one_side(numbers: Mapping[str, Any]) -> str:
-    """Return how far a camera's detections are shifted, from what `shift_of` returns.
-
-    "18 px from the pose (18 px left); those of cam_01 by 7 px".
-    """
-    size, error, others = numbers["size_px"], numbers.get("median_error_px"), numbers["also_displaced"]
-    sides = zip(numbers["shift_px"], (("left", "right"), ("up", "down")), strict=True)
-    parts = [
-        f"{abs(part):.0f} px {words[part > 0]}" for part, words in sides if abs(part) >= _DIRECTION * size
-    ]
-    text = f"{size:.0f} px from the pose ({', '.join(parts)})"
-    text += "" if error is None else f", with a median error of {error:.1f} px"
-    if others:
-        text += "; " + listed([f"those of {one['camera']} by {one['size_px']:.0f} px" for one in others])
-    rivals = [one["camera"] for one in others if one["may_be_the_cause"]]
-    return text + (f", so {listed(rivals, 'or')} may be the cause instead" if rivals else "")
-
-
-def find_apart(rig: sk.CameraRig, statistics: Statistics, known: AbstractSet[int]) -> Iterator[Finding]:
-    """Yield a finding if some views as a whole are far from the pose; cameras ``known`` are left out."""
-    apart = views_apart(statistics.residual, gates_px(rig))
-    apart[:, list(known)] = False
-    frames = apart.any(axis=1)
-    if frames.sum() < _LEAST_FRAMES or frames.mean() < MIXED:
-        return
-    share, most = apart.mean(axis=0), float(frames.mean())
-    named = np.flatnonzero((share > 0) & (share >= _ALSO_APART * share.max()))
-    cameras = tuple(rig.names[i] for i in named)
-    where = ", ".join(f"{name} in {percent(share[i])}" for name, i in zip(cameras, named, strict=True))
-    yield Finding(
-        "views_apart",
-        "warning",
-        Subject(cameras=cameras),
-        {"any_share_of_frames": most, "share_of_frames": share[named].tolist()},
-        sentence=f"In {percent(most)} of the frames, one camera's detections are far from the whole pose "
-        f"({where}). In these frames the cameras show different people or different moments, or a "
-        "calibration is wrong: inspect them, and check the cameras.",
-    )
 
 
 @dataclass(frozen=True)
@@ -173,6 +73,35 @@ class Shifts:
         return mask
 
 
+def camera_shifts(residual: Array) -> Shifts:
+    """Measure the shift of every camera from residuals (T, M, N, 2), NaN where there is no detection."""
+    views = residual.shape[1]
+    shift, error, chance = np.full((views, 2), np.nan), np.full(views, np.nan), np.ones(views)
+    known: Mask = np.isfinite(residual[..., 0]) & np.isfinite(residual[..., 1])
+    for i in np.flatnonzero(known.any(axis=(0, 2))):
+        there, vectors = known[:, i], residual[:, i]
+        shift[i] = np.median(vectors[there], axis=0)
+        error[i] = np.median(np.hypot(vectors[there][:, 0], vectors[there][:, 1]))
+        joints = np.flatnonzero(there.any(axis=0))
+        chance[i] = same_side(np.array([np.median(vectors[there[:, j], j], axis=0) for j in joints]))
+    return Shifts(shift, error, chance, known.sum(axis=(0, 2)))
+
+
+def same_side(offsets: Array) -> float:
+    """Return the probability that (J, 2) offsets of mean zero have a mean like theirs; 1 for three or fewer.
+
+    Hotelling's test. With two components its distribution is elementary: with A the scatter of the offsets
+    round their mean and B that round zero, p = (det A / det B)^((J − 2) / 2). A joint counts once however
+    many frames there are, as a detector's offset of a joint hardly changes while a person stands still.
+    """
+    whole = float(np.linalg.det(offsets.T @ offsets))
+    if len(offsets) <= 3 or whole <= 0:  # all on one line through zero: nothing to compare with
+        return 1.0
+    centred = offsets - offsets.mean(axis=0)
+    scatter = max(0.0, float(np.linalg.det(centred.T @ centred)))
+    return math.pow(min(1.0, scatter / whole), (len(offsets) - 2) / 2)
+
+
 def residuals(detections: Array, projected: Array, swapped: Mask, pairs: Sequence[tuple[int, int]]) -> Array:
     """Return detection − projection [px], (T, M, N, 2), of the joint that each detection was used for.
 
@@ -184,52 +113,86 @@ def residuals(detections: Array, projected: Array, swapped: Mask, pairs: Sequenc
     return found
 
 
-def camera_shifts(residual: Array) -> Shifts:
-    """Measure the shift of every camera from residuals (T, M, N, 2), NaN where there is no detection."""
-    views = residual.shape[1]
-    shift, error, chance = np.full((views, 2), np.nan), np.full(views, np.nan), np.ones(views)
-    count = _there(residual).sum(axis=(0, 2))
-    for i in np.flatnonzero(count):
-        there = _there(residual[:, i])
-        vectors = residual[:, i][there]
-        shift[i] = np.median(vectors, axis=0)
-        error[i] = np.median(np.hypot(vectors[:, 0], vectors[:, 1]))
-        joints = np.flatnonzero(there.any(axis=0))
-        chance[i] = same_side(np.array([np.median(residual[there[:, j], i, j], axis=0) for j in joints]))
-    return Shifts(shift, error, chance, count)
+def displaced_cameras(rig: sk.CameraRig, shifts: Shifts, chance: float = _CHANCE) -> list[int]:
+    """Return the cameras with detections shifted from the pose, the largest shift first."""
+    diagonal = np.array([np.hypot(*camera.size) for camera in rig])
+    found = np.flatnonzero(shifts.one_sided(diagonal, chance)).tolist()
+    return sorted(found, key=lambda i: -shifts.size[i] / diagonal[i])
 
 
-def same_side(offsets: Array) -> float:
-    """Return the probability that (J, 2) offsets of mean zero have a mean like theirs; 1 for three or fewer.
+def find_displaced(
+    names: Sequence[str], shifts: Shifts, displaced: Sequence[int], unfit: AbstractSet[str] = frozenset()
+) -> Iterator[Finding]:
+    """Yield a finding on the first of ``displaced`` (as of `displaced_cameras`), with the others.
 
-    Hotelling's test. With two components its distribution is elementary: with A the scatter of the offsets
-    round their mean and B that round zero, p = (det A / det B)^((J − 2) / 2). A joint counts once however
-    many frames there are, as a detector's offset of a joint hardly changes while a person stands still.
+    ``names`` are those of all cameras; ``unfit`` ones have another finding whose remedy is to leave them out.
     """
-    if len(offsets) <= 3:
-        return 1.0
-    centred = offsets - offsets.mean(axis=0)
-    whole = float(np.linalg.det(offsets.T @ offsets))
-    if whole <= 0:  # all on one line through zero: nothing to compare with
-        return 1.0
-    scatter = max(0.0, float(np.linalg.det(centred.T @ centred)))
-    return math.pow(min(1.0, scatter / whole), (len(offsets) - 2) / 2)
+    if not displaced:
+        return
+    name = names[displaced[0]]
+    numbers = {"cameras": len(names), **shift_of(names, shifts, displaced[0], displaced[1:])}
+    numbers["median_error_px"] = float(shifts.error[displaced[0]])
+    wrong = f"{name}'s calibration or timing looks wrong"
+    if len(names) == 2:
+        wrong = "Calibration or timing of one of the two cameras looks wrong, it is impossible to tell which"
+    elif len(names) == 3:
+        wrong += ", or that of another of the three"
+    sentence = f"{wrong}: {name}'s detections are shifted by {to_one_side(numbers)}. Check the cameras."
+    remedy = (Remedy("without", name),) if len(names) > 2 and name not in unfit else ()
+    yield Finding("camera_displaced", "warning", Subject((name,)), numbers, remedy, sentence=sentence)
 
 
-def views_apart(residual: Array, apart_px: Array) -> Mask:
-    """Return the views (T, M) whose detections lie as a whole further than ``apart_px`` (M,) from the pose.
+def shift_of(names: Sequence[str], shifts: Shifts, camera: int, others: Sequence[int] = ()) -> dict[str, Any]:
+    """Return how far, and to which side, a camera's detections are off the pose, and those of ``others``.
 
-    The componentwise median of residuals (T, M, N, 2) is compared: hidden joints are wrong in many
-    directions, another body is elsewhere.
+    A wrong camera pulls the pose to its side, so that others are displaced by it. One that is displaced half
+    as much may as well be the cause.
     """
-    there = _there(residual)
-    whole = np.where(there[..., None], residual, np.nan)
+    sizes, limit = shifts.size.tolist(), _RIVAL * shifts.size[camera]
+    also = [
+        {"camera": names[i], "size_px": sizes[i], "may_be_the_cause": bool(sizes[i] >= limit)} for i in others
+    ]
+    return {"shift_px": shifts.shift[camera].tolist(), "size_px": sizes[camera], "also_displaced": also}
+
+
+def to_one_side(numbers: Mapping[str, Any]) -> str:
+    """Return how far a camera's detections are shifted, from what `shift_of` returns.
+
+    "18 px from the pose (18 px left); those of cam_01 by 7 px".
+    """
+    size, error, others = numbers["size_px"], numbers.get("median_error_px"), numbers["also_displaced"]
+    sides = zip(numbers["shift_px"], (("left", "right"), ("up", "down")), strict=True)
+    parts = [
+        f"{abs(part):.0f} px {words[part > 0]}" for part, words in sides if abs(part) >= _DIRECTION * size
+    ]
+    text = f"{size:.0f} px from the pose ({', '.join(parts)})"
+    text += "" if error is None else f", with a median error of {error:.1f} px"
+    if others:
+        text += "; " + listed([f"those of {one['camera']} by {one['size_px']:.0f} px" for one in others])
+    rivals = [one["camera"] for one in others if one["may_be_the_cause"]]
+    return text + (f", so {listed(rivals, 'or')} may be the cause instead" if rivals else "")
+
+
+def find_apart(rig: sk.CameraRig, statistics: Statistics, known: AbstractSet[int]) -> Iterator[Finding]:
+    """Yield a finding if some views as a whole are far from the pose; cameras ``known`` are left out.
+
+    The componentwise median of a view's residuals is compared: hidden joints are wrong in many directions,
+    another body is elsewhere.
+    """
+    residual = statistics.residual
+    whole = np.where(np.isfinite(residual).all(axis=-1, keepdims=True), residual, np.nan)
     middle = medians(np.moveaxis(whole, -1, -2), _LEAST_JOINTS)
-    apart: Mask = np.hypot(middle[..., 0], middle[..., 1]) > apart_px
-    return apart
-
-
-def _there(residual: Array) -> Mask:
-    """Return where residuals (…, 2) are known."""
-    known: Mask = np.isfinite(residual[..., 0]) & np.isfinite(residual[..., 1])
-    return known
+    apart = np.hypot(middle[..., 0], middle[..., 1]) > gates_px(rig)
+    apart[:, list(known)] = False
+    frames = apart.any(axis=1)
+    if frames.sum() < _LEAST_FRAMES or frames.mean() < MIXED:
+        return
+    share, most = apart.mean(axis=0), float(frames.mean())
+    named = np.flatnonzero((share > 0) & (share >= _ALSO_APART * share.max()))
+    cameras = tuple(rig.names[i] for i in named)
+    where = ", ".join(f"{name} in {percent(share[i])}" for name, i in zip(cameras, named, strict=True))
+    numbers = {"any_share_of_frames": most, "share_of_frames": share[named].tolist()}
+    sentence = f"In {percent(most)} of the frames, one camera's detections are far from the whole pose "
+    sentence += f"({where}). In these frames the cameras show different people or different moments, or a "
+    sentence += "calibration is wrong: inspect them, and check the cameras."
+    yield Finding("views_apart", "warning", Subject(cameras), numbers, sentence=sentence)

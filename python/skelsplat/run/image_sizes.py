@@ -55,37 +55,29 @@ def in_calibrated_pixels(found: Opened, rig: sk.CameraRig, cropped: Collection[s
     differing: dict[tuple[Size, Size, bool], list[str]] = {}
     for name, size in found.sizes.items():
         whole, is_crop = rig[name].size, name in cropped
-        if is_crop and all(np.array(size) <= np.array(whole) + _PADDING_PX):
-            continue
         factor = None if is_crop else resizing(size, whole)
-        if factor is None or (factor != 1.0).any():
+        if is_crop:
+            fits = all(np.array(size) <= np.array(whole) + _PADDING_PX)
+        else:
+            fits = factor is not None and all(factor == 1.0)
+        if not fits:
             differing.setdefault((size, whole, is_crop), []).append(name)
-        if factor is not None and (factor != 1.0).any():
-            factors[name] = factor
+            if factor is not None:
+                factors[name] = factor
     for (size, whole, is_crop), names in differing.items():
         numbers: dict[str, Any] = {"size": list(size), "size_of_camera": list(whole), "cropped": is_crop}
         own, crop = "its" if len(names) == 1 else "their", "a crop of at most " * is_crop
         images = f"Detections of {listed(names)} come from images of {size[0]}×{size[1]} px, but {own} "
         images += f"calibration is for {crop}{whole[0]}×{whole[1]}"
         if names[0] in factors:
-            scale = float(factors[names[0]].mean())
-            finding = Finding(
-                "image_sizes_differ",
-                "warning",
-                Subject(cameras=tuple(names)),
-                {**numbers, "factor": scale},
-                sentence=f"{images}: assuming copies in another size, they are multiplied by {scale:.4g}. "
-                f"If the images are cropped instead, {_SAME_IMAGES}.",
-            )
+            numbers["factor"] = float(factors[names[0]].mean())
+            what = f": assuming copies in another size, they are multiplied by {numbers['factor']:.4g}. If "
+            what += f"the images are cropped instead, {_SAME_IMAGES}"
         else:
             turned = "width and height exchanged (is a phone's video turned?)"
-            finding = Finding(
-                "image_sizes_differ",
-                "warning",
-                Subject(cameras=tuple(names)),
-                numbers,
-                sentence=f"{images}, {turned if size == whole[::-1] else 'which has another shape'}: they "
-                f"are used as they are, and poses are probably wrong. To correct this, {_SAME_IMAGES}.",
-            )
-        warn(finding)
+            shape = turned if size == whole[::-1] else "which has another shape"
+            what = f", {shape}: they are used as they are, and poses are probably wrong. To correct this, "
+            what += _SAME_IMAGES
+        sentence = f"{images}{what}."
+        warn(Finding("image_sizes_differ", "warning", Subject(tuple(names)), numbers, sentence=sentence))
     return replace(found, factors=factors)
