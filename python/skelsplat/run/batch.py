@@ -25,7 +25,15 @@ from skelsplat._json import plain, to_text
 from skelsplat._lock import locked
 from skelsplat.exceptions import DatasetError, InvalidInputError, SkelSplatError
 from skelsplat.io._files import VIDEO_SUFFIXES, listed, load_json
-from skelsplat.io._run_files import REPORT, check_people, check_run, files_of_run, folders_of_run
+from skelsplat.io._run_files import (
+    REPORT,
+    RUN,
+    check_people,
+    check_run,
+    files_of_run,
+    folders_of_run,
+    run_of,
+)
 from skelsplat.io.calibration import find_format
 from skelsplat.io.calibration._json import to_json
 from skelsplat.run.engine import run, run_people
@@ -88,27 +96,25 @@ class Recording:
         row |= {"output": None if self.error else str(self.output), "error": self.error or None}
         if not self.report:
             return [row]
-        given, people = self.report["input"], self.report.get("people")
+        row["frame_rate_hz"] = self.report["input"]["frame_rate_hz"]
+        people = self.report.get("people")
         if people is None:
-            total = self.report["reprojection_error"]["all"]
+            total, frames = self.report["reprojection_error"]["all"], self.report["input"]["frames"]
             numbers = {"median_error_px": total["after_px"], "rejected_share": total["rejected_share"]}
-            people = [{"id": None, "frames": given["frames"], "findings": [], **numbers}]
+            people = [{"id": None, "frames": frames, "findings": [], **numbers}]
+        shared = self.report["findings"]
         return [
-            {
-                **row,
-                "frame_rate_hz": given["frame_rate_hz"],
-                "person": person["id"],
-                **{name: person[name] for name in ("frames", "median_error_px", "rejected_share")},
-                **_summed_up([*self.report["findings"], *person["findings"]]),
-            }
+            row
+            | {name: person[name] for name in ("frames", "median_error_px", "rejected_share")}
+            | {"person": person["id"], **_summed_up([*shared, *person["findings"]])}
             for person in people
         ]
 
     def to_dict(self) -> dict[str, Any]:
         """Return the recording as JSON values: its rows, and its findings in full."""
-        own = {key: row for key, row in self.rows()[0].items() if key in ("status", "output", "error")}
-        findings = self.report.get("findings", [])
-        return {"name": self.name, **own, "rows": self.rows(), "findings": findings, **self.state}
+        rows, findings = self.rows(), self.report.get("findings", [])
+        own = {key: rows[0][key] for key in ("status", "output", "error")}
+        return {"name": self.name, **own, "rows": rows, "findings": findings, **self.state}
 
 
 def _summed_up(findings: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
@@ -188,10 +194,7 @@ def run_batch(
         earlier = {} if overwrite else _earlier(top / RECORD, keys)
         found: dict[str, Recording] = {}
 
-        def keep(name: str, status: str, error: str = "") -> None:
-            found[name] = _read(name, Path(str(jobs[name].output)), keys[name], status, error)
-
-        def write() -> None:
+        def keep() -> None:
             left = [entry for name, entry in earlier.items() if name not in found]  # as their folders are
             _write(top, Batch(tuple(found[name] for name in jobs if name in found)), left)
             if progress is not None:
@@ -199,12 +202,12 @@ def run_batch(
 
         for name, entry in earlier.items():
             if _complete(Path(str(jobs[name].output)), entry):
-                keep(name, UNCHANGED)
-        write()
+                found[name] = _read(name, jobs[name], keys[name], UNCHANGED)
+        keep()
         try:
             for name, error in _refined({n: job for n, job in jobs.items() if n not in found}, processes):
-                keep(name, FAILED if error else DONE, error)
-                write()
+                found[name] = _read(name, jobs[name], keys[name], FAILED if error else DONE, error)
+                keep()
         except KeyboardInterrupt as stop:
             done = f"{len(found)} of {len(jobs)} recordings are done"
             raise KeyboardInterrupt(f"{done}: run it again for the others") from stop
@@ -242,9 +245,12 @@ def key_of(job: Job) -> str:
         inside = sorted(place.rglob("*")) if place.is_dir() else [place]
         for path in (path for path in inside if path.is_file()):
             found.update(f"{path.relative_to(place.parent)}\0".encode())
-            video, status = path.suffix.lower() in VIDEO_SUFFIXES, path.stat()
-            text = f"{status.st_size} {status.st_mtime_ns}" if video else _sha256(path)
-            found.update(str(text).encode())
+            if path.suffix.lower() in VIDEO_SUFFIXES:
+                found.update(f"{path.stat().st_size} {path.stat().st_mtime_ns}".encode())
+                continue
+            with opened(path) as stream:
+                for part in iter(lambda: stream.read(2**20), b""):
+                    found.update(part)
     return found.hexdigest()
 
 
@@ -264,16 +270,6 @@ def _text(value: object) -> str:
     return os.fspath(value) if isinstance(value, os.PathLike) else pickle.dumps(value).hex()
 
 
-def _sha256(path: Path) -> str | None:
-    if not path.is_file():
-        return None
-    with opened(path) as stream:
-        digest = hashlib.sha256()
-        for part in iter(lambda: stream.read(2**20), b""):
-            digest.update(part)
-    return digest.hexdigest()
-
-
 def _earlier(path: Path, keys: Mapping[str, str]) -> dict[str, dict[str, Any]]:
     """Return the entries of an earlier batch with the same keys, by name; none if it cannot be read."""
     try:
@@ -285,10 +281,10 @@ def _earlier(path: Path, keys: Mapping[str, str]) -> dict[str, dict[str, Any]]:
 
 def _complete(folder: Path, entry: Mapping[str, Any]) -> bool:
     """Whether a folder holds the run that a batch has written there, with all its files and no others'."""
-    if entry.get("report_sha256") != _sha256(folder / REPORT):
-        return False
     places = [folder, *(folder / name for name in folders_of_run(folder))]
     try:
+        if run_of(folder / REPORT) != entry.get("run"):
+            return False
         check_people(folder / REPORT)
         for place in places:
             check_run(place)
@@ -297,14 +293,14 @@ def _complete(folder: Path, entry: Mapping[str, Any]) -> bool:
     return all((place / name).is_file() for place in places for name in files_of_run(place) or [""])
 
 
-def _read(name: str, folder: Path, key: str, status: str, error: str) -> Recording:
+def _read(name: str, job: Job, key: str, status: str, error: str = "") -> Recording:
     """Return what became of a recording, from the folder of its run."""
-    report = folder / REPORT
+    folder = Path(str(job.output))
     if error:
-        left = f"; {folder} has the results of an earlier run" if report.is_file() else ""
+        left = f"; {folder} has the results of an earlier run" if (folder / REPORT).is_file() else ""
         return Recording(name, status, folder, error + left)
-    state = {"key": key, "report_sha256": _sha256(report)}
-    return Recording(name, status, folder, report=load_json(report, "a report"), state=state)
+    report = load_json(folder / REPORT, "a report")
+    return Recording(name, status, folder, report=report, state={"key": key, "run": report[RUN]})
 
 
 def _write(folder: Path, batch: Batch, left: Sequence[Mapping[str, Any]]) -> None:
