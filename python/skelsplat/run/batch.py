@@ -25,15 +25,7 @@ from skelsplat._json import plain, to_text
 from skelsplat._lock import locked
 from skelsplat.exceptions import DatasetError, InvalidInputError, SkelSplatError
 from skelsplat.io._files import VIDEO_SUFFIXES, listed, load_json
-from skelsplat.io._run_files import (
-    REPORT,
-    RUN,
-    check_people,
-    check_run,
-    files_of_run,
-    folders_of_run,
-    run_of,
-)
+from skelsplat.io._run_files import REPORT, RUN, check_people, check_run, files_of_run, folders_of_run
 from skelsplat.io.calibration import find_format
 from skelsplat.io.calibration._json import to_json
 from skelsplat.run.engine import run, run_people
@@ -283,12 +275,12 @@ def _complete(folder: Path, entry: Mapping[str, Any]) -> bool:
     """Whether a folder holds the run that a batch has written there, with all its files and no others'."""
     places = [folder, *(folder / name for name in folders_of_run(folder))]
     try:
-        if run_of(folder / REPORT) != entry.get("run"):
+        if load_json(folder / REPORT, "a report").get(RUN) != entry.get("run"):
             return False
         check_people(folder / REPORT)
         for place in places:
             check_run(place)
-    except DatasetError:
+    except (DatasetError, AttributeError):  # no object
         return False
     return all((place / name).is_file() for place in places for name in files_of_run(place) or [""])
 
