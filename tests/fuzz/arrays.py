@@ -56,13 +56,11 @@ def _turned(K: Any, R: Any, t: Any, distortion: Any, size: Any) -> Any:
 
 
 _BOTH = {"detections": PIXELS, "confidence": CONFIDENCE}
+ODD = {"K": RIG[0].K, "R": RIG[0].R, "t": RIG[0].t, "distortion": np.array([-0.2, 0.1, 1e-3, 1e-3, 0.01])}
 MORE: dict[str, tuple[Callable[..., Any], dict[str, Any]]] = {
     "refine a batch": (
         lambda init_pose, **given: sk.refine(init_pose, cameras=RIG, layout=LAYOUT, **given),
-        {
-            "init_pose": POSES,
-            **_BOTH,
-        },
+        {"init_pose": POSES, **_BOTH},
     ),
     "refine_sequence": (
         lambda fps, **given: sk.refine_sequence(cameras=RIG, layout=LAYOUT, fps=fps, **given),
@@ -85,16 +83,7 @@ MORE: dict[str, tuple[Callable[..., Any], dict[str, Any]]] = {
         lambda tracks, truth: metrics.track_scores([(0, np.arange(len(POSES)), tracks)], truth),
         {"tracks": POSES + 30.0, "truth": np.stack([POSES, POSES - 900.0])},
     ),
-    "an odd camera": (
-        _turned,
-        {
-            "K": RIG[0].K,
-            "R": RIG[0].R,
-            "t": RIG[0].t,
-            "distortion": np.array([-0.2, 0.1, 1e-3, 1e-3, 0.01]),
-            "size": np.array(RIG[0].size),
-        },
-    ),
+    "an odd camera": (_turned, {**ODD, "size": np.array(RIG[0].size)}),
     "motion": (lambda seed: synthetic.motion("walk", 3, seed=seed), {"seed": np.array(3)}),
 }
 EVERYTHING = {**CALLS, **MORE}

@@ -1,4 +1,4 @@
-"""Valid files made invalid: bytes, text, JSON trees, archives of arrays, and HDF5 files."""
+"""Valid files made invalid: bytes, text, JSON trees and archives of arrays."""
 
 from __future__ import annotations
 
@@ -26,35 +26,21 @@ _NUMBER = re.compile(r"-?\d+(?:\.\d+)?(?:[eE][+-]?\d+)?")
 _WORD = re.compile(r"[^\W\d]\w*")
 
 
-def file(rng: Random, data: bytes, name: str, other: bytes = b"") -> bytes:
-    """Return a file with one to four changes of kinds that suit it; `other`: what to splice it with."""
+def file(rng: Random, data: bytes, name: str) -> bytes:
+    """Return a file with one to four changes of kinds that suit it."""
     kinds: list[Callable[[Random, bytes], bytes]] = [raw]
     if data[:4] == b"PK\3\4":
         kinds += [archive] * 3
-    elif data[:8] == b"\x89HDF\r\n\x1a\n":
-        kinds += [hdf5] * 2
     elif b"\0" not in data[:1000]:
         kinds += [text] * 2 + [tree] * (3 if name.endswith("json") else 0)
-    elif data[:6] == b"\x93NUMPY":
-        kinds += [header]
-    if other and rng.random() < 0.03:
-        return splice(rng, data, other)
     for _ in range(rng.choice((1, 1, 1, 2, 4))):
-        kind = rng.choice(kinds)
-        data = kind(rng, data)
-        if kind is raw:  # writing into a damaged HDF5 file can end its library
-            kinds = [one for one in kinds if one is not hdf5]
+        data = rng.choice(kinds)(rng, data)
     return data
 
 
 def _part(rng: Random, data: bytes | str | list[str]) -> slice:
     start = rng.randrange(len(data) + 1)
     return slice(start, start + min(int(rng.expovariate(0.05)) + 1, 2000))
-
-
-def splice(rng: Random, data: bytes, other: bytes) -> bytes:
-    """Return the beginning of one file and the end of another."""
-    return data[: rng.randrange(len(data) + 1)] + other[rng.randrange(len(other) + 1) :]
 
 
 def raw(rng: Random, data: bytes) -> bytes:
@@ -151,13 +137,6 @@ def _change_somewhere(rng: Random, holder: list[Any]) -> None:
             where[key] = json.loads(json.dumps(other[name]))
 
 
-def header(rng: Random, data: bytes) -> bytes:
-    """Change the header of a ``.npy`` file, whose length stays right."""
-    length = int.from_bytes(data[8:10], "little")
-    changed = text(rng, data[10 : 10 + length])[:65000]
-    return data[:8] + len(changed).to_bytes(2, "little") + changed + data[10 + length :]
-
-
 def archive(rng: Random, data: bytes) -> bytes:
     """Change a member of a zip archive whose checksums stay right, its name, or which there are."""
     try:
@@ -173,10 +152,8 @@ def archive(rng: Random, data: bytes) -> bytes:
             del members[name]
         case 1:
             members[rng.choice([*(f"{word[:99]}.npy" for word in WORDS), *members])] = members.pop(name)
-        case 2:
+        case 2 | 3:
             members[name] = raw(rng, members[name])
-        case 3:
-            members[name] = header(rng, members[name])
         case _:
             members[name] = _array(rng, members[name])
     out = io.BytesIO()
@@ -229,33 +206,3 @@ def odd_array(rng: Random, array: np.ndarray) -> np.ndarray:
         lambda: array[::-1] if array.ndim else array,
     )
     return np.asarray(rng.choice(shapes)())
-
-
-def hdf5(rng: Random, data: bytes) -> bytes:
-    """Change a data set or an attribute of an HDF5 file; libraries keep its structure right."""
-    import h5py
-
-    buffer = io.BytesIO(data)
-    try:
-        with h5py.File(buffer, "r+") as opened:
-            names: list[str] = []
-            opened.visit(names.append)
-            if not names:
-                return raw(rng, data)
-            name = rng.choice(names)
-            node = opened[name]
-            if rng.random() < 0.3 and len(node.attrs):
-                key = rng.choice(list(node.attrs))
-                del node.attrs[key]
-                if rng.random() < 0.7:
-                    node.attrs[key] = rng.choice(("x", 3, -1.5, b"\xff", [1, 2], "é" * 30))
-            elif isinstance(node, h5py.Dataset) and rng.random() < 0.8:
-                values = node[()]
-                del opened[name]
-                changed = odd_array(rng, np.asarray(values))
-                opened[name] = changed.astype("S9") if changed.dtype.kind in "UM" else changed
-            else:
-                del opened[name]
-    except (OSError, RuntimeError, ValueError, KeyError, TypeError, OverflowError, SystemError):
-        return raw(rng, data)
-    return buffer.getvalue()

@@ -42,19 +42,7 @@ T, RIG = 3, synthetic.human36m_like()
 POSE = synthetic.motion("walk", T, seed=3)
 SEEN = synthetic.simulate_detections(POSE, RIG, noise=synthetic.DetectionNoise(), seed=1)
 # arguments that the files leave open, of which an error may speak
-ASKED = [
-    "layout",
-    "unit",
-    "size",
-    "cameras",
-    "order",
-    "subject",
-    "sequence",
-    "format",
-    "fps",
-    "name",
-    "mapping",
-]
+ASKED = ["layout", "unit", "size", "cameras", "order", "subject", "sequence", "format", "fps", "name"]
 
 
 def _calibration(write: Callable[..., Path], options: Mapping[str, Any]) -> Callable[[Path], Reader]:
@@ -86,14 +74,6 @@ def _skeleton(name: str) -> Callable[[Path], Reader]:
     return prepare
 
 
-def _project(folder: Path) -> Reader:
-    text = (
-        "Task: reach\nmultianimalproject: false\nbodyparts:\n- nose\n- tail\nskeleton:\n- - nose\n  - tail\n"
-    )
-    (folder / "config.yaml").write_text(text)
-    return lambda root: read_skeleton(root / "config.yaml")
-
-
 def _pose(kind: str) -> Callable[[Path], Reader]:
     def prepare(folder: Path) -> Reader:
         write_pose(
@@ -119,16 +99,15 @@ def _run(folder: Path) -> Reader:
 def _data(name: str, write: Callable[[Path], object], **options: Any) -> Callable[[Path], Reader]:
     def prepare(folder: Path) -> Reader:
         write(folder / "data")
-        return lambda root: _read_data(name, root / "data", options)
+
+        def read(root: Path) -> object:
+            given = {key: root / "data" / value for key, value in options.items()}
+            datasets.check(name, root / "data", **given).to_dict()
+            return datasets.read(name, root / "data", **given)
+
+        return read
 
     return prepare
-
-
-def _read_data(name: str, root: Path, options: Mapping[str, Any]) -> object:
-    given = {key: root / value if key == "detections" else value for key, value in options.items()}
-    report = datasets.check(name, root, **given)
-    report.to_dict()
-    return datasets.read(name, root, **given)
 
 
 def _human36m(layout: str) -> Callable[[Path], object]:
@@ -171,14 +150,10 @@ def _answers(session: Any, lines: bytes) -> list[Any]:
         except MalformedLineError as error:
             said.append(error.line(number))
     for answer in filter(None, [*said, session.rest()]):
-        for line in answer.splitlines():
-            json.loads(line, parse_constant=lambda name: _fail(f"{name} in an answer"))
+        assert b"NaN" not in answer
+        assert b"Infinity" not in answer
     session.summary()
     return said
-
-
-def _fail(what: str) -> None:
-    raise AssertionError(what)
 
 
 SAMPLES: dict[str, Callable[[Path], Reader]] = {
@@ -194,7 +169,6 @@ SAMPLES: dict[str, Callable[[Path], Reader]] = {
     },
     "skeleton": _skeleton("sleap"),
     "skeleton of a csv": _skeleton("deeplabcut_csv"),
-    "skeleton of a project": _project,
     **{f"pose {kind}": _pose(kind) for kind in POSE_FORMATS},
     "layout": _layout,
     "run": _run,
@@ -239,8 +213,7 @@ def case(rng: Random, folder: Path) -> tuple[str, Callable[[], str]]:
     changed = rng.sample(list(files), min(len(files), rng.choice((1, 1, 1, 2))))
     for path, data in files.items():
         (folder / path).parent.mkdir(parents=True, exist_ok=True)
-        other = files[rng.choice(changed)] if path in changed else b""
-        (folder / path).write_bytes(mutate.file(rng, data, path, other) if path in changed else data)
+        (folder / path).write_bytes(mutate.file(rng, data, path) if path in changed else data)
     return f"{name}: {', '.join(changed)}", lambda: tried(folder, read)
 
 

@@ -133,6 +133,7 @@ CASES = [
     ("qualisys", text('right="999"', 'right="-5"'), rf"camera {N}\.fov_video"),
     ("qualisys", text('skew="0.0', 'skew="2.0'), rf"camera {N}\.intrinsic\.skew"),
     ("qualisys", text('r11="', 'r11="5" old="'), f"R of camera '{N}'"),
+    ("qualisys", text(' x="', ' x="1.5e308" old="'), "t of .*"),
     ("theia", text("<transform", "<transformation"), rf"camera {N}\.transform\.x"),
     ("theia", text('sensorMaxU="1000"', 'sensorMaxU="1000.5"'), rf"camera {N}\.intrinsic\.sensorMaxU"),
     ("vicon", lambda path: path.write_text(path.read_text().replace("VueVIDEO", "Vue")), "TYPE"),

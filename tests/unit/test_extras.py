@@ -23,9 +23,8 @@ def without_viz(monkeypatch):
         monkeypatch.setitem(sys.modules, module, None)
 
 
-@pytest.mark.parametrize("missing", _optional.DRAWING[:1])
-def test_demo_without_a_package_for_pictures_writes_all_else_and_says_so(tmp_path, monkeypatch, missing):
-    monkeypatch.setitem(sys.modules, missing, None)
+@pytest.mark.usefixtures("without_viz")
+def test_demo_without_a_package_for_pictures_writes_all_else_and_says_so(tmp_path):
     result = invoke("demo", "-o", tmp_path / "run")
     assert result.exit_code == 0
     assert f"note: {NEEDS}\n" in result.stderr

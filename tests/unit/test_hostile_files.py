@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import re
 import resource
-import socket
 import struct
 import sys
 import zipfile
@@ -52,58 +51,40 @@ def refused(read: Callable[[Path], object], path: Path, field: str) -> None:
     assert len(str(caught.value)) < 600
 
 
-def npy(shape: object, kind: str = "<f8", data: bytes = b"") -> bytes:
-    text = f"{{'descr': '{kind}', 'fortran_order': False, 'shape': {shape}, }}".ljust(117) + "\n"
+def npy(shape: object, data: bytes = b"") -> bytes:
+    text = f"{{'descr': '<f8', 'fortran_order': False, 'shape': {shape}, }}".ljust(117) + "\n"
     return b"\x93NUMPY\x01\x00" + struct.pack("<H", len(text)) + text.encode() + data
 
 
-DEEP = "[" * 960 + "]" * 960
-TEXTS: dict[str, tuple[str, str, Callable[[Path], object], str]] = {
-    "a word in YAML": (
-        "intri.yml",
-        "%YAML:1.0\nK_a: !!opencv-matrix\n   " + "a" * 200_000,
-        calibration,
-        "K_a",
-    ),
-    "blanks in YAML": ("intri.yml", "%YAML:1.0\na" + " " * 10**6 + "b", calibration, "line 2"),
-    "digits in YAML": ("c.yml", f"%YAML:1.0\na: {'1' * 200_000}x", calibration, "cameras"),
-    "blank lines": ("c.toml", "\n" * 200_000 + "x", calibration, "content"),
-    "JSON 960 deep": (
-        "c.json",
-        f'{{"format": "skelsplat-calibration", "version": 1, "cameras": {DEEP}}}',
-        calibration,
-        "JSON",
-    ),
-    "JSON 10^6 deep": ("c.json", '{"a": ' + "[" * 10**6, calibration, "JSON"),
-    "half a character": ("p.json", r'{"joint_names": ["\ud800"]}', io.read_pose, "JSON"),
-    "a key of many parts": ("c.toml", "a" + ".a" * 10**5 + " = 1", calibration, "TOML"),
-    "a key alone": ("c.toml", "[a]\n" + "a." * 10**5, calibration, "TOML"),
-    "quoted keys": ("c.toml", '"=\\"".a.' * 10**4, calibration, "TOML"),
-    "a long TOML": (
-        "c.toml",
-        "a = 1\n" * 400_000,
-        calibration,
-        "file",
-    ),
-    "TOML nested": ("c.toml", f"a = {'[' * 70}{']' * 70}", calibration, "TOML"),
-    "XML entities": ("c.xml", "<!DOCTYPE a><a/>", calibration, "XML"),
-    "XML nested": ("c.xml", "<a>" * 1000 + "</a>" * 1000, calibration, "content"),
-    "many columns": (
-        "d.csv",
-        "frame,joint,x,y" + ",1" * 10**6,
-        detections,
-        "line 1",
-    ),
-    "a long line": ("d.csv", "frame,joint,x,y\n" + "1" * 5_000_000, detections, "line 2"),
+DEEP = f'{{"format": "skelsplat-calibration", "version": 1, "cameras": {"[" * 960}{"]" * 960}}}'
+YAML = "%YAML:1.0\n"
+# name and content of a file, and the field that is refused
+TEXTS: dict[str, tuple[str, str, str]] = {
+    "a word in YAML": ("c.yml", f"{YAML}K_a: !!opencv-matrix\n   {'a' * 200_000}", "K_a"),
+    "blanks in YAML": ("c.yml", f"{YAML}a{' ' * 10**6}b", "line 2"),
+    "digits in YAML": ("c.yml", f"{YAML}a: {'1' * 200_000}x", "cameras"),
+    "blank lines": ("c.toml", "\n" * 200_000 + "x", "content"),
+    "JSON 960 deep": ("c.json", DEEP, "JSON"),
+    "JSON 10^6 deep": ("c.json", '{"a": ' + "[" * 10**6, "JSON"),
+    "half a character": ("c.json", r'{"joint_names": ["\ud800"]}', "JSON"),
+    "a key twice": ("c.json", '{"a": 1, "a": 2}', "JSON"),
+    "a key of many parts": ("c.toml", "a" + ".a" * 10**5 + " = 1", "TOML"),
+    "quoted keys": ("c.toml", '"=\\"".a.' * 10**4, "TOML"),
+    "a long TOML": ("c.toml", "a = 1\n" * 400_000, "file"),
+    "TOML nested": ("c.toml", f"a = {'[' * 10**5}{']' * 10**5}", "TOML"),
+    "XML entities": ("c.xml", "<!DOCTYPE a><a/>", "XML"),
+    "XML nested": ("c.xml", "<a>" * 1000 + "</a>" * 1000, "content"),
+    "many columns": ("d.csv", "frame,joint,x,y" + ",1" * 10**6, "line 1"),
+    "a long line": ("d.csv", "frame,joint,x,y\n" + "1" * 5_000_000, "line 2"),
 }
 
 
 @pytest.mark.parametrize("case", TEXTS)
 def test_text_is_read_in_time_proportional_to_its_length(tmp_path: Path, case: str) -> None:
-    name, text, read, field = TEXTS[case]
+    name, text, field = TEXTS[case]
     path = tmp_path / name
     path.write_text(text)
-    refused(read, path, field)
+    refused(detections if name == "d.csv" else calibration, path, field)
 
 
 def test_brackets_in_strings_do_not_nest(tmp_path: Path) -> None:
@@ -112,21 +93,13 @@ def test_brackets_in_strings_do_not_nest(tmp_path: Path) -> None:
     assert load_json(path, "x")[1] == ["]"]
 
 
-def bound(path: Path) -> None:
-    with socket.socket(socket.AF_UNIX) as one:
-        one.bind(str(path))
-
-
-@pytest.mark.parametrize(
-    "name", ["c.json", "intri.yml", "d.csv", "p.trc", "p.npz", "p.csv", "d.npy", "d.h5", "x.mat"]
-)
+@pytest.mark.parametrize("name", ["c.json", "d.csv", "p.npz", "d.h5", "x.mat"])
 def test_what_is_no_file_is_not_opened(tmp_path: Path, name: str) -> None:
-    read = io.read_pose if name[0] == "p" else calibration if name[0] in "cix" else detections
+    read = io.read_pose if name[0] == "p" else calibration if name[0] in "cx" else detections
     path = tmp_path / name
     for make, kind in (
-        (os.mkfifo, "a named pipe"),
+        (os.mkfifo, "a pipe"),
         (lambda p: p.symlink_to("/dev/zero"), "a device"),
-        (bound, "a socket"),
         (lambda p: p.symlink_to(p.name), "too many levels of symbolic links"),
     ):
         make(path)
@@ -155,20 +128,19 @@ def test_a_file_larger_than_the_memory_is_refused(tmp_path: Path, monkeypatch: p
     refused(io.read_pose, path, "file")
 
 
-def zipped(path: Path, member: bytes, name: str = "pose.npy", **claims: int) -> Path:
-    """Write a zip file of one member; then change what its list of members claims."""
+def zipped(path: Path, member: bytes, name: str = "pose.npy") -> Path:
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
         archive.writestr(name, member)
-    content = bytearray(path.read_bytes())
-    at = content.rfind(b"PK\1\2")
-    for field, value in claims.items():
-        struct.pack_into("<I", content, at + {"unpacked": 24}[field], value)
-    path.write_bytes(content)
     return path
 
 
 def test_a_zip_file_does_not_unpack_to_gigabytes(tmp_path: Path) -> None:
-    path = zipped(tmp_path / "pose.npz", npy((10**6, 17, 3)), unpacked=4 * 10**9)
+    path = zipped(tmp_path / "pose.npz", npy((10**6, 17, 3)))
+    content = bytearray(path.read_bytes())
+    struct.pack_into(
+        "<I", content, content.rfind(b"PK\1\2") + 24, 4 * 10**9
+    )  # what its list of members claims
+    path.write_bytes(content)
     refused(io.read_pose, path, "file")
 
 
@@ -176,7 +148,6 @@ NPY = {
     "claims 80 GB": npy((2, 10**8, 25, 2)),
     "negative": npy((-2, 3, 17, 2)),
     "no numbers": npy((10**15, 0, 17, 2)),
-    "of nothing": npy((10**15, 3, 17, 2), "|V0"),
     "axes": npy((1,) * 100, data=bytes(8)),
     "brackets": npy("(" * 60 + ")"),
     "a version": b"\x93NUMPY\x09\x00" + bytes(99),
@@ -205,47 +176,31 @@ POSES = {"pose": np.ones((1, 2, 3)), "joint_names": ["a", "b"], "frames": [5], "
 
 
 @pytest.mark.parametrize(
-    ("change", "message"),
+    ("change", "field"),
     [
         ({"frames": [5.5]}, "frames|arrays"),
-        ({"pose": np.full((1, 2, 3), np.inf)}, "pose"),
         ({"pose": np.full((1, 2, 3), 1e300)}, "pose"),
-        ({"joint_bias": np.full((1, 2), 1e300)}, "joint_bias"),
-        ({"uncertainty": np.full((1, 2, 3, 3), 1e70)}, "uncertainty"),
         ({"uncertainty": np.full((1, 2, 3, 3), np.inf)}, "uncertainty"),
         ({"joint_names": np.array([b"a", b"a"])}, "joint_names"),
         ({"joint_names": np.array([7, 8])}, "joint_names"),
         ({"joint_names": np.array(["\ud800", "b"])}, "joint_names|arrays"),
-        (
-            {"joint_names": ["a" * 300, "b"]},
-            "joint_names",
-        ),
+        ({"joint_names": ["a" * 300, "b"]}, "joint_names"),
     ],
 )
-def test_poses_that_no_writer_could_write_are_not_read(tmp_path: Path, change: Any, message: str) -> None:
+def test_poses_that_no_writer_could_write_are_not_read(tmp_path: Path, change: Any, field: str) -> None:
     path = tmp_path / "pose.npz"
     np.savez(path, **{**POSES, **change})
-    refused(io.read_pose, path, message)
+    refused(io.read_pose, path, field)
 
 
-TRC = "PathFileType\t4\nDataRate\n9\t9\t1\t1\tmm\t9\t1\t1\nFrame#\tTime\ta\t\t\n\tX1\n\n1\t0\t{}\t1\t1\n"
-
-
-def test_an_infinite_coordinate_is_refused_in_text(tmp_path: Path) -> None:
-    for name, text in {"p.csv": "frame,joint,x,y,z,unit\n0,a,{},1,1,mm\n", "p.trc": TRC}.items():
-        for number in ("inf", "-1e999"):
-            (tmp_path / name).write_text(text.format(number))
-            refused(io.read_pose, tmp_path / name, "pose")
-
-
-@pytest.mark.parametrize("kind", ["json", "c3d", "nc"])
+@pytest.mark.parametrize("kind", ["json", "csv", "trc", "c3d", "nc"])
 def test_an_infinite_coordinate_is_refused(tmp_path: Path, kind: str) -> None:
-    pytest.importorskip({"json": "json", "c3d": "ezc3d", "nc": "h5netcdf"}[kind])
+    pytest.importorskip({"c3d": "ezc3d", "nc": "h5netcdf"}.get(kind, "json"))
     path = tmp_path / f"p.{kind}"
     io.write_pose(path, io.PoseData(np.full((2, 1, 3), 7.5), ("a",), np.arange(2), "mm", frame_rate=9.0))
     content = path.read_bytes()
     for there, infinite in (
-        (b"[[7.5", b"[[1e999"),
+        (b"0.0075" if kind == "trc" else b"7.5", b"1e999"),
         (np.float32([7.5]).tobytes(), np.float32([np.inf]).tobytes()),
         (np.float64([7.5]).tobytes(), np.float64([np.inf]).tobytes()),
     ):
@@ -254,53 +209,16 @@ def test_an_infinite_coordinate_is_refused(tmp_path: Path, kind: str) -> None:
     refused(io.read_pose, path, r"pose|frames.*")
 
 
-CAMERA = (
-    "[cameras.a]\ncam_id = 0\nsize = [9, 9]\nmatrix = [[9, 0, 4], [0, 9, 4], [0, 0, 1]]\n"
-    "distortions = [0, 0, 0, 0]\ntranslation = [0, 0, 1]\nrotation = "
-)
-
-
-@pytest.mark.parametrize(
-    "rotation",
-    [
-        "[[1, 0, 0], [0, 1], [0, 0, 1]]",
-        "[[1, 0, 0], 2, [0, 0, 1]]",
-        "[[1, 0, 0], [0, 1, 0]]",
-        "[1e308, 1e308, 0]",
-        "[[1e308, 0, 0], [0, 1, 0], [0, 0, 1]]",
-        "[1, 2]",
-    ],
-)
-def test_rotations_that_are_none(tmp_path: Path, rotation: str) -> None:
-    for text in (CAMERA, CAMERA.replace("cam_id = 0\n", "").replace("cameras.", "")):
-        if "[[" in rotation and text != CAMERA:
-            continue
-        path = tmp_path / "c.toml"
-        path.write_text(text + rotation)
-        refused(calibration, path, ".*rotation|R of camera .*")
-
-
+HEADER = "frame,joint,x,y,camera\n"
 CROWDS = {
-    "places in csv": (
-        "d.csv",
-        "frame,joint,x,y,camera\n" + "".join(f"{k},9999,5,5,cam0\n" for k in range(5000)),
-        "joint",
-    ),
-    "names in csv": (
-        "d.csv",
-        "frame,joint,x,y,camera\n" + "".join(f"{k},j{k},5,5,cam0\n" for k in range(5000)),
-        "joint",
-    ),
+    "places in csv": ("d.csv", HEADER + "".join(f"{k},9999,5,5,cam0\n" for k in range(5000)), "joint"),
+    "cameras": ("d.csv", HEADER + "".join(f"0,0,5,5,c{k}\n" for k in range(5000)), "views"),
+    "a name": ("d.csv", f"{HEADER}0,0,5,5,cam0\n0,0,5,5,{'a1' * 5000}\n", "views"),
     "points of Caliscope": (
         "xy_x.csv",
         "sync_index,cam_id,keypoint_id,img_loc_x,img_loc_y\n"
         + "".join(f"{k},0,9999,5,5\n" for k in range(5000)),
         "point",
-    ),
-    "cameras": (
-        "d.csv",
-        "frame,joint,x,y,camera\n" + "".join(f"0,0,5,5,c{k}\n" for k in range(5000)),
-        "views",
     ),
     "nulls": (
         "p.json",
@@ -311,19 +229,14 @@ CROWDS = {
         + "]}",
         "pose",
     ),
-    "a name": (
-        "d.csv",
-        f"frame,joint,x,y,camera\n0,0,5,5,cam0\n0,0,5,5,{'a1' * 5000}\n",
-        "views",
-    ),
 }
 
 
 @pytest.mark.parametrize("case", CROWDS)
 def test_a_table_does_not_grow_with_the_square_of_its_lines(tmp_path: Path, case: str) -> None:
-    name, text, message = CROWDS[case]
+    name, text, field = CROWDS[case]
     (tmp_path / name).write_text(text)
-    refused(io.read_pose if name == "p.json" else detections, tmp_path / name, message)
+    refused(io.read_pose if name == "p.json" else detections, tmp_path / name, field)
 
 
 def test_a_calibration_has_not_any_number_of_cameras(tmp_path: Path) -> None:

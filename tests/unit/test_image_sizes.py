@@ -20,27 +20,18 @@ from skelsplat.run.image_sizes import resizing
 
 KINDS = {"image_sizes_differ"}
 JOINTS = sk.layouts.H36M17.joints
-ADVICE = "run the detector on images like those of the calibration, or calibrate with images like these"
 
 
 @pytest.mark.parametrize(
     ("old", "new", "factors"),
     [
-        ((1920, 1080), (1920, 1080), (1, 1)),
         ((960, 540), (1920, 1080), (2, 2)),
-        ((3840, 2160), (1920, 1080), (0.5, 0.5)),
         ((854, 480), (1920, 1080), (1920 / 854, 2.25)),
         ((1080, 1920), (1088, 1920), (1, 1)),  # blocks of a codec
         ((1080, 1920), (1920, 1080), None),
-        ((1080, 1088), (1088, 1080), None),
-        ((1000, 1000), (500, 500), (0.5, 0.5)),
         ((1280, 960), (1920, 1080), None),
         ((540, 960), (1088, 1920), (2, 2)),  # half of 1080×1920, which a codec filled up
         ((1088, 1920), (540, 960), (0.5, 0.5)),
-        ((544, 960), (1080, 1920), (2, 2)),
-        ((720, 1280), (1088, 1920), (1.5, 1.5)),
-        ((2160, 3840), (1088, 1920), (0.5, 0.5)),
-        ((864, 480), (1712, 960), (2, 2)),
         ((320, 256), (1280, 960), None),  # 64 px of the larger image
         ((520, 960), (1088, 1920), None),
     ],
@@ -109,13 +100,6 @@ def test_detect_writes_and_reads_this_form(detected):
     assert json.loads((folder / "pose" / "detect.json").read_text()) == json.loads(before)
 
 
-def test_the_same_size_changes_nothing(detected):
-    folder = detected()
-    findings, poses, _ = refined(folder)
-    assert findings == []
-    assert_same_bits(poses, refined(folder, "openpose")[1])
-
-
 def test_half_the_size_is_resized_and_said(detected):
     folder = detected({"cam2": [500, 500], "cam4": [2000, 2004]}, {"cam2": 2, "cam4": 0.5})
     findings, poses, result = refined(folder)
@@ -125,24 +109,15 @@ def test_half_the_size_is_resized_and_said(detected):
     assert (half["severity"], half["subject"], half["remedy"]) == ("warning", {"cameras": ["cam2"]}, [])
     numbers = {"size": [500, 500], "size_of_camera": [1000, 1000], "cropped": False, "factor": 2.0}
     assert half["numbers"] == numbers
-    assert half["text"] == (
-        "Detections of cam2 come from images of 500×500 px, but its calibration is for 1000×1000: assuming "
-        f"copies in another size, they are multiplied by 2. If the images are cropped instead, {ADVICE}."
-    )
-    assert "cam4 come from images of 2000×2004 px" in double["text"]
-    assert "multiplied by 0.5." in double["text"]
+    assert (double["subject"]["cameras"], double["numbers"]["factor"]) == (["cam4"], 0.5)
     assert f"warning: {half['text']}\n" in result.stderr
-    assert f"! {half['text'][:70]}" in " ".join(result.stdout.split())
 
 
 @pytest.mark.parametrize(
     ("size", "words"),
     [
-        (
-            [1002, 1000],
-            "for 1000×1002, width and height exchanged (is a phone's video turned?): they are used",
-        ),
-        ([1280, 720], "for 1000×1002, which has another shape: they are used as they are, and poses are"),
+        ([1002, 1000], "width and height exchanged (is a phone's video turned?): they are used"),
+        ([1280, 720], "for 1000×1002, which has another shape: they are used as they are"),
     ],
 )
 def test_another_shape_is_said_and_left_as_it_is(detected, size, words):
@@ -150,7 +125,6 @@ def test_another_shape_is_said_and_left_as_it_is(detected, size, words):
     (finding,), poses, _ = refined(folder)
     assert (finding["kind"], finding["severity"]) == ("image_sizes_differ", "warning")
     assert words in finding["text"]
-    assert finding["text"].endswith(f"probably wrong. To correct this, {ADVICE}.")
     assert_same_bits(poses, refined(folder, "openpose")[1])
 
 
@@ -162,20 +136,11 @@ def test_check_and_adjust_and_people_and_batches_say_it_too(detected):
     assert [one["kind"] for one in json.loads(result.stdout)["findings"]] == ["image_sizes_differ"]
     result = invoke("adjust-cameras", *files, "-o", folder / "fixed.toml", "--json")
     assert "image_sizes_differ" in [one["kind"] for one in json.loads(result.stdout)["findings"]]
-    findings, _, _ = refined_people(folder)
+    findings, _, _ = refined(folder, "pose", "--fps", 50, "--people", "all")
     assert [one["kind"] for one in findings] == ["image_sizes_differ"]
     job = Job(*files[:2], unit="mm", layout="h36m17", write=(), html=False)
     (row,) = run_batch({"walk": job}, folder / "results").rows()
     assert (row["status"], row["findings"]) == ("done", "image sizes differ (cam2)")
-
-
-def refined_people(folder):
-    out = folder / "out"
-    given = ["refine", folder / "Calib.toml", folder / "pose", *READ, "--fps", 50, "--people", "all"]
-    result = invoke(*given, "--no-html", "-o", out)
-    assert result.exit_code == 0, result.output
-    findings = [one for one in read_report(out)["findings"] if one["kind"] in KINDS]
-    return findings, out, result
 
 
 def test_other_formats_that_state_a_size(tmp_path):

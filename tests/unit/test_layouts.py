@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -20,14 +19,6 @@ from skelsplat.layouts import mirrored_names
 H36M = layouts.H36M17
 
 
-@pytest.fixture(scope="module")
-def walk():
-    """Return four cameras, a walk (T, 17, 3) and where they see it (T, M, 17, 2)."""
-    rig = synthetic.ring(4)
-    pose = np.asarray(synthetic.motion("walk", 2, seed=4))
-    return rig, pose, np.swapaxes(sk.project(pose, rig), 0, 1)
-
-
 @pytest.mark.parametrize("name", layouts.names)
 def test_every_layout_is_written_and_read_back_as_it_is(name, tmp_path):
     layout, path = layouts.get(name.upper()), tmp_path / "written.toml"
@@ -40,50 +31,21 @@ def test_every_layout_is_written_and_read_back_as_it_is(name, tmp_path):
     assert re.search(r"\d+", name.removeprefix("h36m"))[0] == str(layout.n_joints)
 
 
-# Indices that the tools publish, where orders are easily confused.
+# Indices that the tools publish, where orders are easily confused; pairs; whether they are a person's.
 @pytest.mark.parametrize(
     ("name", "published", "pairs", "human"),
     [
-        (
-            "wholebody133",
-            {
-                17: "left_big_toe",
-                20: "right_big_toe",
-                23: "face_0",
-                91: "left_hand_root",
-                132: "right_pinky_finger4",
-            },
-            61,
-            True,
-        ),
-        (
-            "halpe136",
-            {
-                17: "head",
-                19: "pelvis",
-                21: "right_big_toe",
-                26: "face_0",
-                94: "left_hand_root",
-                115: "right_hand_root",
-            },
-            61,
-            True,
-        ),
+        ("wholebody133", {17: "left_big_toe", 23: "face_0", 91: "left_hand_root"}, 61, True),
+        ("halpe136", {17: "head", 19: "pelvis", 21: "right_big_toe", 94: "left_hand_root"}, 61, True),
         ("hand21", {0: "wrist", 4: "thumb_tip", 5: "index_finger_mcp", 20: "pinky_tip"}, 0, False),
         ("mouse22", {2: "nose", 7: "tail_end", 11: "left_shoulder", 21: "right_hip"}, 8, False),
-        (
-            "fly38",
-            {0: "right_front_coxa", 15: "right_antenna", 19: "left_front_coxa", 37: "left_stripe3"},
-            19,
-            False,
-        ),
+        ("fly38", {0: "right_front_coxa", 15: "right_antenna", 37: "left_stripe3"}, 19, False),
     ],
 )
 def test_orders_are_the_published_ones(name, published, pairs, human):
     layout = layouts.get(name)
     assert {k: layout.joints[k] for k in published} == published
-    assert len(layout.left_right) == pairs
-    assert layout.human is human
+    assert (len(layout.left_right), layout.human) == (pairs, human)
     assert len({frozenset(limb) for limb in layout.limbs}) == len(layout.limbs)
 
 
@@ -113,45 +75,36 @@ def test_what_a_layout_file_leaves_out_follows_from_the_names(tmp_path):
     assert (bare.name, bare.left_right, bare.limbs) == ("mine", (), ())
 
 
-def test_lengths_of_a_layout_file_place_a_joint_that_one_view_sees(tmp_path, walk):
-    rig, pose, detections = walk
+def test_lengths_of_a_layout_file_place_a_joint_that_one_view_sees(tmp_path):
+    rig, pose = synthetic.ring(4), np.asarray(synthetic.motion("walk", 1, seed=4))
+    seen = np.swapaxes(sk.project(pose, rig), 0, 1)
     wrist, elbow = (H36M.joints.index(f"left_{name}") for name in ("wrist", "elbow"))
-    seen = detections[:1].copy()
     seen[:, 1:, wrist] = np.nan
     length = float(np.linalg.norm(pose[0, wrist] - pose[0, elbow]))
-    given = {"limbs": H36M.limbs, "lengths": [((wrist, elbow), length, 5.0)]}
-    path = tmp_path / "person.toml"
+    path, given = tmp_path / "person.toml", {"limbs": H36M.limbs, "lengths": [((wrist, elbow), length, 5.0)]}
     layouts.write(path, sk.Layout("person", H36M.joints, **given))
     found = sk.refine(None, seen, rig, layout=str(path)).pose[0]
     assert np.linalg.norm(found[wrist] - found[elbow]) == pytest.approx(length, abs=5.0)
+
+
+LIMB = 'joints = ["a", "b"]\nlimbs = [["a", "b"]]\n'
 
 
 @pytest.mark.parametrize(
     ("text", "message"),
     [
         ('jonts = ["a"]', "jonts: expected one of name, .*, got an unknown key; did you mean joints?"),
-        ("limbs = []", "joints: expected a list of strings, got nothing"),
-        ('joints = "a"', "joints: expected a list of strings, got str"),
+        ("limbs = []", "joints"),
+        ('joints = "a"', "joints"),
         ('joints = ["a", "a"]', r"joints\[1\]"),
-        ('joints = ["a", 3]', "joints"),
-        ('joints = ["a"]\nlimbs = [["a", "b"]]', "limbs: expected a joint of the layout, got 'b'"),
-        ('joints = ["a"]\nhuman = 1', "human: expected true or false, got 1"),
+        ('joints = ["a"]\nlimbs = [["a", "b"]]', "limbs"),
+        ('joints = ["a"]\nhuman = 1', "human"),
         ('joints = ["a"]\nsymmetric = [3]', r"symmetric\[0\]"),
         ('joints = ["a"]\nbones = [{ joint = 1 }]', r"bones\[0\].joint"),
         ('joints = ["a"]\nbones = [{}]', r"bones\[0\].joints"),
         ('joints = ["a", "b"]\nbones = [{ joints = ["a", "b"], length_mm = 3 }]', "bones"),
-        (
-            'joints = ["a", "b"]\nlimbs = [["a", "b"]]\nbones = [{ joints = ["a", "b"], length_mm = "3" }]',
-            r"bones\[0\].length_mm",
-        ),
-        (
-            'joints = ["a", "b"]\nlimbs = [["a", "b"]]\nbones = [{ joints = ["a", "b"], length_mm = 0 }]',
-            "bones: expected a positive length in mm, got 0",
-        ),
-        (
-            'joints = ["a", "b"]\nlimbs = [["a", "b"]]\nbones = [{ joints = ["a", "b"], length_mm = -3 }]',
-            "bones: expected a positive length in mm, got -3",
-        ),
+        (LIMB + 'bones = [{ joints = ["a", "b"], length_mm = "3" }]', r"bones\[0\].length_mm"),
+        (LIMB + 'bones = [{ joints = ["a", "b"], length_mm = 0 }]', "bones: expected a positive length"),
         ('name = "coco17"\njoints = ["a"]', "name: expected a name of its own, .*, got coco17"),
         ('joints = ["a"', "TOML: expected valid TOML, got "),
     ],
@@ -182,7 +135,6 @@ def test_an_unknown_layout_is_an_error_with_the_nearest_name(tmp_path):
         (["paw_l_1", "paw_r_1", "paw_l_2", "paw_r_2"], ((0, 1), (2, 3))),
         (["Left Ear", "Right Ear"], ((0, 1),)),
         (["hip_left", "left_hip", "right_hip"], ()),  # which of the two?
-        (["left_left_a", "right_left_a"], ()),
         (["left_ear", "ear"], ()),
         (["L", "R"], ()),
     ],
@@ -218,30 +170,22 @@ def test_a_file_of_sleap_is_a_layout_with_its_edges(tmp_path):
 def test_the_command_lists_and_explains(tmp_path, monkeypatch):
     monkeypatch.setenv("COLUMNS", "80")
     listed = invoke("layouts").stdout
-    assert all(
-        re.search(rf"^ {name} +{layouts.get(name).n_joints} ", listed, re.MULTILINE) for name in layouts.names
-    )
+    assert all(name in listed for name in layouts.names)
     assert [row["name"] for row in json.loads(invoke("layouts", "--json").stdout)] == list(layouts.names)
     assert invoke("layouts", "-q").stdout.split() == list(layouts.names)
     shown = invoke("layouts", "mouse22").stdout
     for part in ("mouse22, 22 joints. A mouse", "DANNCE", " 2 nose", "Limbs (21)", "tail_middle–tail_end"):
         assert part in shown
-    assert "left_knee–left_hip = right_knee–right_hip" in shown
-    path = tmp_path / "own.toml"
-    path.write_text(invoke("layouts", "mouse22", "--toml").stdout, encoding="utf-8")
-    assert layouts.read(path) == layouts.get("mouse22")
-    own = layouts.read(write(tmp_path, MOUSE))
-    explained = invoke("layouts", str(tmp_path / "mine.toml")).stdout
-    assert "Lengths of bones: nose–tail 80 ± 8 mm." in explained
-    document = json.loads(invoke("layouts", str(tmp_path / "mine.toml"), "--json").stdout)
-    assert document["joints"] == list(own.joints)
+    (tmp_path / "own.toml").write_text(invoke("layouts", "mouse22", "--toml").stdout, encoding="utf-8")
+    assert layouts.read(tmp_path / "own.toml") == layouts.get("mouse22")
+    own = write(tmp_path, MOUSE)
+    assert "Lengths of bones: nose–tail 80 ± 8 mm." in invoke("layouts", own).stdout
+    document = json.loads(invoke("layouts", own, "--json").stdout)
     assert document["bones"] == [{"joints": [0, 3], "length_mm": 80.0, "sigma_mm": 8.0}]
     assert invoke("layouts", "hand21", "-q").stdout.split() == list(layouts.get("hand21").joints)
     (tmp_path / "dlc").mkdir()
     write_case(tmp_path / "dlc", "deeplabcut_csv", people=anybody())
-    monkeypatch.chdir(tmp_path)
-    for place in ("dlc", str(tmp_path / "dlc")):  # a folder, whose name becomes the layout's
-        assert invoke("layouts", place, "--toml").stdout.startswith('name = "dlc"\n\njoints = [')
+    # a folder of detections, whose name becomes the layout's
+    assert invoke("layouts", tmp_path / "dlc", "--toml").stdout.startswith('name = "dlc"\n\njoints = [')
     assert_fails(invoke("layouts", "body99"), 2, "NAME", "'body99'", "did you mean body25?")
     assert_fails(invoke("layouts", "--toml"), 2, "--toml")
-    assert Path(layouts.__file__).with_name("data").is_dir()

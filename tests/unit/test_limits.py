@@ -31,7 +31,6 @@ def intrinsics(fx=1000.0, fy=1000.0, cx=500.0, cy=500.0) -> np.ndarray:
 
 BROKEN_CAMERAS = [
     ({"K": intrinsics(fx=1e-306)}, "K"),
-    ({"K": intrinsics(fy=1e10)}, "K"),
     ({"K": intrinsics(cx=-1e308)}, "K"),
     ({"t": [0, 1e200, 3e3]}, "t"),
     ({"distortion": [0, 0, -1e300, 0]}, "distortion"),
@@ -63,8 +62,6 @@ def test_real_cameras_lie_inside(real):
     ("name", "value"),
     [
         ("sigma_mm", 1e300),
-        ("sigma_mm", 1e-300),
-        ("detection_sigma_px", 1e200),
         ("detection_sigma_px", 1e-12),
         ("symmetry_weight", 1e300),
         ("n_threads", 10**9),
@@ -75,7 +72,7 @@ def test_settings_outside_their_ranges(name, value):
         (sk.RefineConfig.paper if name == "symmetry_weight" else sk.RefineConfig)(**{name: value})
 
 
-@pytest.mark.parametrize("error_px", [0.0, 1e-3, 0.1, 3.0, 300.0])
+@pytest.mark.parametrize("error_px", [0.0, 0.1, 300.0])
 def test_the_least_noise_that_can_be_given_has_error_bars(error_px):
     rig = synthetic.human36m_like()
     seen = sk.project(synthetic.motion("walk", 4, seed=3), rig).swapaxes(0, 1)
@@ -132,12 +129,6 @@ def test_numbers_that_are_none_to_compute_with(case):
         call()
 
 
-def test_a_start_that_is_too_exact():
-    text = "init_sigma: expected standard deviations of at least 1e-15, got 1e-200"
-    with pytest.raises(sk.InvalidInputError, match=f"^{text}$"):
-        sk.refine(POINTS, PIXELS[None], [camera()], init_sigma=1e-200)
-
-
 measured = pytest.mark.skipif(sys.platform != "linux", reason="other systems do not say what is available")
 
 # 65,535² pixels: 17 GB on each channel, with as many channels as no machine has memory for.
@@ -157,8 +148,7 @@ def test_images_that_do_not_fit_into_memory():
 
 @measured
 @pytest.mark.filterwarnings("ignore:The skeleton measures")
-@pytest.mark.parametrize("encoding", ["one_hot", "single"])
-@pytest.mark.parametrize("frames", [1, 3])
+@pytest.mark.parametrize(("encoding", "frames"), [("one_hot", 3), ("single", 1)])
 def test_windows_that_do_not_fit_into_memory(encoding, frames):
     detections = np.full((frames, 1, CHANNELS, 2), 500.0)
     cameras = [LARGEST] * (1 if encoding == "one_hot" else 500)
@@ -175,13 +165,3 @@ def test_projections_that_do_not_fit_into_memory():
     points = np.broadcast_to(np.zeros(3), (200_000, 3))
     with pytest.raises(MemoryError, match=r"^projections: 200000 points in 2000000 views need 6400.0 GB"):
         sk.project(points, [camera()] * 2_000_000)
-
-
-def test_far_outliers_are_rejected_as_before():
-    rig = synthetic.human36m_like()
-    pose = synthetic.motion("walk", 1, seed=3)[0]
-    seen = sk.project(pose, rig)
-    seen[0, 0] = 1e20
-    found = sk.refine(None, seen, rig, layout="h36m17")
-    assert np.abs(found.pose - pose).max() < 0.1
-    assert found.view_weights[0, 0] < 0.25

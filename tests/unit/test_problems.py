@@ -13,7 +13,6 @@ import skelsplat as sk
 from command_line import READ, invoke, read_report
 from skelsplat.findings import Finding, Subject
 from skelsplat.run.frames import FrameFacts, Usual, find_in_frames, rows_of
-from skelsplat.run.summary import frame_medians
 
 T, M, N = 20, 4, 3
 
@@ -86,17 +85,6 @@ def test_a_frame_without_detections_has_one_reason(found):
     assert nothing == {53: ["no detection could be used"]}
 
 
-def test_a_recording_without_detections_names_every_frame(found):
-    everything = slice(None)
-    nothing = found(
-        stop_reason=(everything, "no_observations"),
-        status=(everything, "unobserved"),
-        error_after=(everything, np.nan),
-        scatter_mm=(everything, np.nan),
-    )
-    assert nothing == {50 + t: ["no detection could be used"] for t in range(T)}
-
-
 def test_frames_that_follow_each_other_with_the_same_reasons_are_one_row():
     frames = (51, 52, 54)
     findings = [
@@ -141,16 +129,3 @@ def test_the_page_can_be_left_out_and_an_older_one_goes(recording, arguments):
     assert invoke(*arguments, *READ, "--fps", 50, "-q", "--no-html").exit_code == 0
     assert not (folder / "out" / "report.html").exists()
     assert (folder / "out" / "report.json").exists()
-
-
-def test_medians_of_frames_with_gaps():
-    values = np.random.default_rng(0).normal(size=(9, 4, 5))
-    values[np.random.default_rng(1).random(values.shape) < 0.3] = np.nan
-    values[2] = np.nan
-    values[3] = np.nan
-    values[3, 1, 1] = 1.0
-    values[4, 0, 0] = np.inf
-    known = np.where(np.isfinite(values), values, np.nan).reshape(9, 20)
-    medians = frame_medians(values)
-    assert np.isnan(medians[2])
-    np.testing.assert_allclose(np.delete(medians, 2), np.nanmedian(np.delete(known, 2, axis=0), axis=1))

@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-import json
 import os
 import shutil
 import subprocess
 import sys
 from dataclasses import replace
 
-import numpy as np
 import pytest
 
 import skelsplat as sk
 from skelsplat._lock import locked
 from skelsplat.io import read_run
-from skelsplat.io._run_files import REPORT
 from skelsplat.run import PeopleRun, Run
 from skelsplat.run import folder as folders
 from skelsplat.run.frame_range import FrameRange
@@ -93,7 +90,6 @@ def which(folder):
 def test_of_two_processes_one_writes_and_the_other_is_refused_or_comes_later(runs, tmp_path, rounds):
     writers = [started(WRITE, folder) for folder, _ in runs.values()]
     whole = {which(folder) for folder, _ in runs.values()}
-    refused = 0
     for k in range(rounds):
         out = tmp_path / f"out{k % 3}"
         for writer in writers:
@@ -106,9 +102,7 @@ def test_of_two_processes_one_writes_and_the_other_is_refused_or_comes_later(run
                 f"{out}: output: expected a folder into which no other run writes, got one in use by" in text
             )
             assert "another process" in text or any(pid in text for pid in pids)
-            refused += 1
         assert which(out) in whole
-    print(f"{rounds} rounds, {refused} refused")
     for writer in writers:
         writer.communicate()
 
@@ -126,14 +120,6 @@ def test_the_lock_of_a_process_that_was_killed_holds_nothing(tmp_path):
     assert not list(tmp_path.iterdir())
 
 
-def test_the_next_run_removes_the_parts_that_a_killed_one_left(runs):
-    folder, run = runs["A"]
-    (folder / ".skelsplat-long-x").mkdir()
-    (folder / ".skelsplat-long-x" / "pose").write_bytes(b"some")
-    run.write(folder)
-    assert not list(folder.glob(".*"))
-
-
 def test_a_run_that_is_refused_leaves_the_folder_as_it_is(runs, tmp_path):
     folder, run = runs["A"]
     before = {path.name: path.read_bytes() for path in folder.iterdir()}
@@ -144,35 +130,11 @@ def test_a_run_that_is_refused_leaves_the_folder_as_it_is(runs, tmp_path):
         pytest.raises(sk.DatasetError, match="output: expected a folder into which no other"),
     ):
         run.write(folder)
-    parts.rmdir()
-    assert {path.name: path.read_bytes() for path in folder.iterdir()} == before
+    assert {path.name: path.read_bytes() for path in folder.iterdir() if path.is_file()} == before
+    run.write(folder)  # removes what a killed one left
+    assert not list(folder.glob(".*"))
     run.write(tmp_path / "again")  # the same run is the same bytes
     assert {path.name: path.read_bytes() for path in (tmp_path / "again").iterdir()} == before
-
-
-def without_marks(folder):
-    """Take the marks out of a folder's files, as an earlier version wrote them."""
-    for name in ("cameras.json", REPORT):
-        document = json.loads((folder / name).read_text())
-        document = {key: value for key, value in document.items() if key not in ("run", "note")}
-        (folder / name).write_text(json.dumps(document))
-    for name in ("pose.npz", "detections.npz"):
-        with np.load(folder / name) as arrays:
-            kept = {key: arrays[key] for key in arrays.files if key != "run"}
-        np.savez(folder / name, **kept)
-    text = (folder / "layout.toml").read_text()
-    (folder / "layout.toml").write_text(text.partition("\n")[2])
-
-
-def test_the_runs_of_earlier_versions_are_read_and_told_from_later_ones(runs):
-    (first, _), (second, _) = runs.values()
-    without_marks(first)
-    np.testing.assert_array_equal(read_run(first).poses.pose, runs["A"][1].poses.pose)
-    shutil.copy(second / "pose.npz", first / "pose.npz")
-    with pytest.raises(
-        sk.DatasetError, match=r"pose\.npz: run: expected none, as in .*report\.json, got \w{16}:"
-    ):
-        read_run(first)
 
 
 @pytest.mark.parametrize("what", ["folder", "file"])

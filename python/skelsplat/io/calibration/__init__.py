@@ -70,30 +70,23 @@ def read_calibration(
     subject : str, optional
         Human3.6M: whose extrinsics, such as ``"S9"``.
     size : (width, height) or mapping from camera name to it, optional
-        Size of the images, for formats that do not say it: OpenPose, and EasyMocap without ``H_`` and ``W_``.
-        (Nothing else will do: twice the principal point, as some programs assume, is wrong for most images.)
+        Size of the images, for formats that do not say it, such as OpenPose's.
     binning : float, optional
         Qualisys: sensor pixels per image pixel, where videos have fewer lines than the sensor.
 
     Returns
     -------
     CameraRig
-        Its lengths are in `unit`, or in the format's.
+        Its lengths are in `unit`, or in the format's. What was assumed, and cameras less than 5 cm or more
+        than 100 m apart, are a `UserWarning`.
 
     Raises
     ------
     InvalidInputError
-        If `unit` is missing (the message names the likely one), unknown or contradicts the format, `format`
-        is unknown, or an option does not go with the format or is missing.
+        If `unit` is missing (the message names the likely one) or contradicts the format, or an option is
+        unknown, does not go with the format or is missing.
     DatasetError
         If the file is missing or malformed; names file and field.
-
-    Warns
-    -----
-    UserWarning
-        If the cameras would stand less than 5 cm or more than 100 m apart in the given unit; if a camera of a
-        TOML has no lens coefficients; if a Qualisys camera's view was turned; if Vicon's lens model could not
-        be followed to 0.1 px.
     """
     # a number beyond all others is refused with its camera
     with within_memory(Path(path)), np.errstate(over="ignore", invalid="ignore"):
@@ -111,18 +104,7 @@ def read_calibration(
     sizes = [_size(source.path, raw, size) for raw in parsed]
     try:
         rig = sk.CameraRig(
-            [
-                sk.Camera(
-                    raw.K,
-                    raw.R,
-                    raw.t,
-                    distortion=raw.distortion,
-                    fisheye=raw.fisheye,
-                    size=wh,
-                    name=raw.name,
-                )
-                for raw, wh in zip(parsed, sizes, strict=True)
-            ]
+            [sk.Camera(**{**vars(raw), "size": wh}) for raw, wh in zip(parsed, sizes, strict=True)]
         )
     except InvalidInputError as error:
         raise DatasetError.of_argument(source.path, error) from error
@@ -132,8 +114,7 @@ def read_calibration(
 def find_format(path: str | os.PathLike[str]) -> str | None:
     """Return the key of the format that a file or folder has; None if it is no calibration.
 
-    A file that cannot be read, or begins like JSON, XML or TOML and is broken, and a folder with several
-    calibrations are a `DatasetError`.
+    A broken file and a folder with several calibrations are a `DatasetError`.
     """
     found = _found(Source(path), None)
     return None if found is None else found[1].name
@@ -269,8 +250,7 @@ def write_calibration(
     format : {"anipose", "json", "npz"}, optional
         Found from the suffix (``.toml``, ``.json``, ``.npz``) when left out.
     note : str, optional
-        Where the cameras come from: the first line of TOML, a comment; ``"note"`` in JSON and npz. It is not
-        read again.
+        Where the cameras come from: a comment in TOML; ``"note"`` in JSON and npz. It is not read again.
     adjusted : bool
         In TOML, states that detections of a recording adjusted these cameras, so that Anipose does not adjust
         them again (`skelsplat.run.adjust_cameras`).

@@ -41,8 +41,7 @@ def _opencap_files(source: Source) -> dict[str, Path]:
     return {name: found[name] for name in sorted(found, key=natural)}
 
 
-def is_opencap(source: Source) -> bool:
-    """Whether a pickle, or the first of a folder's, has OpenCap's camera matrix."""
+def _is_opencap(source: Source) -> bool:
     path = next(iter(_opencap_files(source).values()), None)
     try:
         return path is not None and "intrinsicMat" in _opencap_entry(path)
@@ -52,7 +51,7 @@ def is_opencap(source: Source) -> bool:
         raise
 
 
-def parse_opencap(source: Source) -> Parsed:
+def _parse_opencap(source: Source) -> Parsed:
     """Return OpenCap's cameras, ``Videos/CAMERA/cameraIntrinsicsExtrinsics.pickle``; millimetres.
 
     Each pickle is a table of arrays: ``intrinsicMat`` 3×3, ``distortion`` in OpenCV's order, ``imageSize``
@@ -88,16 +87,15 @@ def _mat_files(source: Source) -> list[Path]:
     return [source.path] if source.suffix == ".mat" else []
 
 
-def is_dannce(source: Source) -> bool:
-    """Whether a MAT-file, or the first of a folder's, has cameras; one that cannot be read: parsing tells."""
+def _is_dannce(source: Source) -> bool:
+    files = _mat_files(source)
     try:
-        variables = [_mat(path).value for path in _mat_files(source)[:1]]
-    except (DatasetError, MissingPackageError):
+        return bool(files) and not {"params", "K"}.isdisjoint(_mat(files[0]).value)
+    except (DatasetError, MissingPackageError):  # of which parsing tells
         return True
-    return any("params" in names or names.keys() >= {"K", "t"} for names in variables)
 
 
-def parse_dannce(source: Source) -> Parsed:
+def _parse_dannce(source: Source) -> Parsed:
     """Return the cameras of DANNCE and Label3D; millimetres.
 
     Either one MAT-file with ``params``, a cell of the cameras, and perhaps ``camnames`` (else ``Camera1``,
@@ -175,6 +173,8 @@ def _without_skew(K: Array) -> tuple[Array, Array, float]:
 
 
 FORMATS = (
-    CalibrationFormat("opencap", "OpenCap's session or pickles", "mm", is_opencap, parse_opencap),
-    CalibrationFormat("dannce", "DANNCE's and Label3D's MAT-files", "mm", is_dannce, parse_dannce, ("size",)),
+    CalibrationFormat("opencap", "OpenCap's session or pickles", "mm", _is_opencap, _parse_opencap),
+    CalibrationFormat(
+        "dannce", "DANNCE's and Label3D's MAT-files", "mm", _is_dannce, _parse_dannce, ("size",)
+    ),
 )

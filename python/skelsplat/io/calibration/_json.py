@@ -39,16 +39,15 @@ from skelsplat.io.calibration._format import (
 
 _MARK = "skelsplat-calibration"
 _VERSION = 1
-_NPZ_SHAPES: dict[str, tuple[int, ...]] = {"K": (3, 3), "R": (3, 3), "t": (3,), "size": (2,), "fisheye": ()}
+_NPZ_ARRAYS = ("K", "R", "t", "size", "fisheye")
 _NPZ_REQUIRED = ("K", "R", "t", "size", "names", "unit")
 
 
-def is_json(source: Source) -> bool:
-    """Whether a document carries the mark of this package's."""
+def _is_json(source: Source) -> bool:
     return bool(source.json["format"].value == _MARK)
 
 
-def parse_json(source: Source) -> Parsed:
+def _parse_json(source: Source) -> Parsed:
     """Return the cameras of this package's JSON."""
     document = source.json
     for key, known in (("format", _MARK), ("version", _VERSION)):
@@ -88,34 +87,31 @@ def to_entry(camera: sk.Camera) -> dict[str, Any]:
     }
 
 
-def is_npz(source: Source) -> bool:
-    """Whether a file is an npz with the matrices of cameras."""
+def _is_npz(source: Source) -> bool:
     return source.suffix == ".npz" and not source.is_folder and npz_keys(source.path) >= {"K", "R", "t"}
 
 
-def parse_npz(source: Source) -> Parsed:
+def _parse_npz(source: Source) -> Parsed:
     """Return the cameras of this package's npz."""
     path, arrays = source.path, load_plain_npz(source.path, "an npz archive of plain arrays")
     for name in _NPZ_REQUIRED:
         if name not in arrays:
             raise DatasetError(path, name, f"the arrays {', '.join(_NPZ_REQUIRED)}", f"no {name}")
     names = np.atleast_1d(arrays["names"]).tolist()
-    shapes = {name: (len(names), *shape) for name, shape in _NPZ_SHAPES.items() if name in arrays}
-    for name, shape in shapes.items():
-        if arrays[name].shape != shape:
-            raise DatasetError(path, name, f"shape {shape}", arrays[name].shape)
     odd = sorted(name for name in arrays if name != "distortion" and name.lower().startswith("dist"))
     if odd and "distortion" not in arrays:  # it would pass for cameras without lenses
         raise DatasetError(path, odd[0], "lens coefficients under the name distortion", odd[0])
+    for name in (*_NPZ_ARRAYS, "distortion"):
+        if name in arrays and arrays[name].shape[:1] != (len(names),):
+            raise DatasetError(path, name, f"{len(names)} entries, as of names", arrays[name].shape)
     lenses = as_numbers(path, "distortion", arrays.get("distortion", np.full((len(names), 4), np.nan)))
-    if lenses.ndim != 2 or len(lenses) != len(names):
-        raise DatasetError(path, "distortion", f"shape ({len(names)}, n)", lenses.shape)
+    lenses = lenses.reshape(len(names), -1)
     counts = (~np.isnan(lenses)).sum(axis=1)
     rows = [
         {
             "name": str(names[i]),
             "distortion": lenses[i, : counts[i]].tolist() if counts[i] else None,
-            **{name: arrays[name][i].tolist() for name in shapes},
+            **{name: arrays[name][i].tolist() for name in _NPZ_ARRAYS if name in arrays},
         }
         for i in range(len(names))
     ]
@@ -141,14 +137,13 @@ def to_arrays(rig: sk.CameraRig) -> dict[str, Any]:
     }
 
 
-def is_panoptic(source: Source) -> bool:
-    """Whether a document has a list of cameras with Panoptic's name for the lens."""
+def _is_panoptic(source: Source) -> bool:
     cameras = source.json["cameras"].value
     listed = isinstance(cameras, list) and "format" not in source.json
     return listed and any(isinstance(camera, dict) and "distCoef" in camera for camera in cameras)
 
 
-def parse_panoptic(source: Source, camera_type: str | None) -> Parsed:
+def _parse_panoptic(source: Source, camera_type: str | None) -> Parsed:
     """Return the cameras of the type that is asked for, of CMU Panoptic's ``calibration_SEQUENCE.json``.
 
     Centimetres, world → camera, y down in the world. ``cameras`` is a list of ``name`` (``"00_03"``),
@@ -173,12 +168,11 @@ _SIZES = {
 }
 
 
-def is_human36m(source: Source) -> bool:
-    """Whether a document has the two tables."""
+def _is_human36m(source: Source) -> bool:
     return "intrinsics" in source.json and "extrinsics" in source.json
 
 
-def parse_human36m(source: Source, subject: str | None) -> Parsed:
+def _parse_human36m(source: Source, subject: str | None) -> Parsed:
     """Return the cameras of a subject of Human3.6M's ``camera-parameters.json``; mm, world → camera.
 
     ``intrinsics`` has per camera ``calibration_matrix`` 3×3 and ``distortion`` (k1, k2, p1, p2, k3);
@@ -215,12 +209,11 @@ def _cameras(source: Source, *keys: set[str]) -> list[Field]:
     return entries if any(wanted <= table.keys() for wanted in keys for table in tables) else []
 
 
-def is_voxelpose(source: Source) -> bool:
-    """Whether a document is a table of cameras with a focal length."""
+def _is_voxelpose(source: Source) -> bool:
     return bool(_cameras(source, {"R", "T", "fx", "fy", "cx", "cy"}))
 
 
-def parse_voxelpose(source: Source) -> Parsed:
+def _parse_voxelpose(source: Source) -> Parsed:
     """Return the cameras of VoxelPose's calibration of Shelf and Campus, which MMPose reads as well; mm.
 
     ``{"0": {R, T, fx, fy, cx, cy, k, p}, …}``: ``T`` (3×1) is the centre of the camera, x_c = R (x − T);
@@ -237,12 +230,11 @@ def _voxelpose_camera(entry: Field) -> RawCamera:
     return RawCamera(entry.place, K, rotation, -rotation @ entry["T"].numbers((3,)), lens)
 
 
-def is_association(source: Source) -> bool:
-    """Whether a document is a table of cameras with flat matrices and the size of the image."""
+def _is_association(source: Source) -> bool:
     return bool(_cameras(source, {"K", "imgSize", "RT"}, {"K", "imgSize", "R", "T"}))
 
 
-def parse_association(source: Source) -> Parsed:
+def _parse_association(source: Source) -> Parsed:
     """Return the cameras of 4D association; the unit is not in the file (its own data are in metres).
 
     ``{"0": {K, RT, imgSize}, …}``: ``K`` are 9 numbers by rows, ``RT`` 12, world → camera; in its place may
@@ -271,10 +263,12 @@ def _association_camera(entry: Field) -> RawCamera:
 
 _OF_SUBJECT = ("subject", "size")
 FORMATS = (
-    CalibrationFormat("npz", "NumPy arrays K, R, t, size, names, unit", "in it", is_npz, parse_npz),
-    CalibrationFormat("json", "this package's JSON", "in it", is_json, parse_json),
-    CalibrationFormat("human36m", "Human3.6M's JSON", "mm", is_human36m, parse_human36m, _OF_SUBJECT),
-    CalibrationFormat("voxelpose", "VoxelPose's JSON", "mm", is_voxelpose, parse_voxelpose, ("size",)),
-    CalibrationFormat("4d-association", "4D association's JSON", "", is_association, parse_association),
-    CalibrationFormat("panoptic", "CMU Panoptic's JSON", "cm", is_panoptic, parse_panoptic, ("camera_type",)),
+    CalibrationFormat("npz", "NumPy arrays K, R, t, size, names, unit", "in it", _is_npz, _parse_npz),
+    CalibrationFormat("json", "this package's JSON", "in it", _is_json, _parse_json),
+    CalibrationFormat("human36m", "Human3.6M's JSON", "mm", _is_human36m, _parse_human36m, _OF_SUBJECT),
+    CalibrationFormat("voxelpose", "VoxelPose's JSON", "mm", _is_voxelpose, _parse_voxelpose, ("size",)),
+    CalibrationFormat("4d-association", "4D association's JSON", "", _is_association, _parse_association),
+    CalibrationFormat(
+        "panoptic", "CMU Panoptic's JSON", "cm", _is_panoptic, _parse_panoptic, ("camera_type",)
+    ),
 )

@@ -9,11 +9,14 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from skelsplat._budget import check_document, read_text
-from skelsplat._fields import Field, whole_size
+from skelsplat._fields import Field
 from skelsplat.exceptions import DatasetError
 from skelsplat.io._files import natural, whole_number
 from skelsplat.io.calibration._format import (
@@ -67,17 +70,13 @@ def _value(path: Path, key: str, first: str, rest: str) -> Any:
 
 def _matrix(path: Path, key: str, parts: Mapping[str, str]) -> list[list[float]]:
     """Return the rows of a matrix."""
-    for name in ("rows", "cols", "data"):
-        if not parts.get(name):
-            raise DatasetError(path, key, "a matrix with rows, cols and data", f"no {name}")
     try:
-        rows, cols = int(parts["rows"]), int(parts["cols"])
-        values = [float(word) for word in parts["data"].split()]
-    except ValueError as error:
-        raise DatasetError(path, key, "a matrix of numbers", error) from error
-    if min(rows, cols) < 1 or len(values) != rows * cols:
-        raise DatasetError(path, key, f"{rows}×{cols} numbers", f"{len(values)} numbers")
-    return [values[start : start + cols] for start in range(0, len(values), cols)]
+        shape = int(parts["rows"]), int(parts["cols"])
+        return np.reshape([float(word) for word in parts["data"].split()], shape).tolist()
+    except (KeyError, ValueError) as error:
+        raise DatasetError(
+            path, key, "a matrix with rows, cols and as many numbers in data", error
+        ) from error
 
 
 def _scalar(text: str) -> Any:
@@ -94,14 +93,13 @@ def _scalar(text: str) -> Any:
 _ROOT = "opencv_storage"
 
 
-def is_openpose(source: Source) -> bool:
-    """Whether a folder has XML files, or a file has OpenCV's root."""
+def _is_openpose(source: Source) -> bool:
     if source.is_folder:
         return any(file.suffix.lower() == ".xml" for file in source.files)
     return source.xml is not None and source.xml.tag == _ROOT
 
 
-def parse_openpose(source: Source) -> Parsed:
+def _parse_openpose(source: Source) -> Parsed:
     """Return the camera of every file of OpenPose's, 2.xml before 10.xml: one OpenCV XML each, metres.
 
     ``CameraMatrix`` 3×4 is world → camera [R | t], ``Intrinsics`` 3×3, ``Distortion`` n×1 in OpenCV's order.
@@ -114,11 +112,9 @@ def parse_openpose(source: Source) -> Parsed:
 
 
 def _openpose_camera(source: Source) -> RawCamera:
-    root = source.xml
-    if root is None or root.tag != _ROOT:
-        actual = "no XML" if root is None else f"<{root.tag}>"
-        raise DatasetError(source.path, "root", f"<{_ROOT}>, as OpenCV writes it", actual)
-    parts = {node.tag: {child.tag: child.text or "" for child in node} for node in root if len(node)}
+    if source.xml is None or source.xml.tag != _ROOT:
+        raise DatasetError(source.path, "XML", f"<{_ROOT}>, as OpenCV writes it", "something else")
+    parts = {node.tag: {child.tag: child.text or "" for child in node} for node in source.xml if len(node)}
     entry = Field(source.path, "", {key: _matrix(source.path, key, part) for key, part in parts.items()})
     pose = entry["CameraMatrix"].numbers((3, 4))
     K, lens = entry["Intrinsics"].numbers((3, 3)), lens_of(entry["Distortion"])
@@ -128,8 +124,7 @@ def _openpose_camera(source: Source) -> RawCamera:
 _PAIR = ("intri", "extri")
 
 
-def is_easymocap(source: Source) -> bool:
-    """Whether a folder has either file, or a file has the header or a matrix of OpenCV's YAML."""
+def _is_easymocap(source: Source) -> bool:
     if source.is_folder:
         return any(_in_folder(source, part).is_file() for part in _PAIR)
     return source.start.startswith("%YAML") or _MATRIX in source.text
@@ -141,7 +136,7 @@ def _in_folder(source: Source, part: str) -> Path:
     return next(found, source.path / f"{part}.yml")
 
 
-def parse_easymocap(source: Source) -> Parsed:
+def _parse_easymocap(source: Source) -> Parsed:
     """Return the cameras that EasyMocap's pair of files has, ``intri.yml`` and ``extri.yml``.
 
     ``names`` lists the cameras. ``intri.yml`` has ``K_NAME`` 3×3, ``dist_NAME`` or ``D_NAME``, and often
@@ -171,23 +166,20 @@ def _entries(path: Path) -> Field:
 def _easymocap_camera(intri: Field, extri: Field, name: str) -> RawCamera:
     lens = f"D_{name}" if f"D_{name}" in intri and f"dist_{name}" not in intri else f"dist_{name}"
     turn = f"Rot_{name}" if f"Rot_{name}" in extri else f"R_{name}"
-    size = None
-    if f"W_{name}" in intri or f"H_{name}" in intri:
-        size = whole_size(intri[f"W_{name}"].number(), intri[f"H_{name}"].number())
-        if size is None:
-            raise intri[f"W_{name}"].error("a positive whole width and height", "others")
+    sides = [intri[f"{side}_{name}"] for side in "WH"]
+    there = any(not side.is_missing for side in sides)
     return RawCamera(
         name=name,
         K=intri[f"K_{name}"].numbers((3, 3)),
         R=rotation_of(extri[turn]),
         t=extri[f"T_{name}"].numbers((3,)),
         distortion=lens_of(intri[lens]),
-        size=size,
+        size=replace(sides[0], value=[side.number() for side in sides]).size() if there else None,
     )
 
 
 _PAIR_OF_FILES = "OpenCV's YAML pair intri.yml and extri.yml of EasyMocap"
 FORMATS = (
-    CalibrationFormat("openpose", "OpenPose's folder of XML", "m", is_openpose, parse_openpose, ("size",)),
-    CalibrationFormat("easymocap", _PAIR_OF_FILES, "", is_easymocap, parse_easymocap, ("size",)),
+    CalibrationFormat("openpose", "OpenPose's folder of XML", "m", _is_openpose, _parse_openpose, ("size",)),
+    CalibrationFormat("easymocap", _PAIR_OF_FILES, "", _is_easymocap, _parse_easymocap, ("size",)),
 )

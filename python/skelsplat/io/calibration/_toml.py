@@ -54,13 +54,11 @@ _ANIPOSE, _PROJECT, _LEVELS = "calibration.toml", "config.toml", 4
 
 
 def _is_toml(source: Source) -> bool:
-    """Whether the text has a TOML table header or an assignment at the start of a line."""
     other = source.suffix == ".json" or source.start.startswith(("<", "{", "%YAML"))
     return not other and _TOML_LINE.search(source.text) is not None
 
 
-def is_anipose(source: Source) -> bool:
-    """Whether TOML that no other format claims has a camera."""
+def _is_anipose(source: Source) -> bool:
     return _is_toml(source) and bool(_anipose(source))
 
 
@@ -70,7 +68,7 @@ def _anipose(source: Source) -> list[Field]:
     return [entry for entry in entries if any(name in entry for name in _REQUIRED)]
 
 
-def parse_anipose(source: Source) -> Parsed:
+def _parse_anipose(source: Source) -> Parsed:
     """Return the cameras of a file of the Anipose family, in its order."""
     entries = _anipose(source)
     named = {entry.place: entry["name"].text() if "name" in entry else entry.place for entry in entries}
@@ -125,8 +123,7 @@ def _cropped(camera: RawCamera, offset: Field) -> RawCamera:
     return replace(camera, K=K, size=size)
 
 
-def is_caliscope(source: Source) -> bool:
-    """Whether a source is TOML with Caliscope's tables."""
+def _is_caliscope(source: Source) -> bool:
     shown = "cameras." in source.text or "rotation_count" in source.text
     return shown and _is_toml(source) and bool(_caliscope(source))
 
@@ -142,7 +139,7 @@ def _caliscope(source: Source) -> list[Field]:
     return tables if numbered else []
 
 
-def parse_caliscope(source: Source) -> Parsed:
+def _parse_caliscope(source: Source) -> Parsed:
     """Return the cameras of Caliscope's own file that are not ignored."""
     entries = [entry.table() for entry in _caliscope(source)]
     wanted = [entry for entry in entries if not entry["ignore"].flag()]
@@ -196,6 +193,6 @@ def _table(key: str, camera: sk.Camera) -> str:
 
 _ANIPOSE_FILES = "TOML of Anipose, Pose2Sim, FreeMoCap and Caliscope's export"
 FORMATS = (
-    CalibrationFormat("caliscope", "Caliscope's camera_array.toml", "m", is_caliscope, parse_caliscope),
-    CalibrationFormat("anipose", _ANIPOSE_FILES, "", is_anipose, parse_anipose),
+    CalibrationFormat("caliscope", "Caliscope's camera_array.toml", "m", _is_caliscope, _parse_caliscope),
+    CalibrationFormat("anipose", _ANIPOSE_FILES, "", _is_anipose, _parse_anipose),
 )

@@ -48,10 +48,7 @@ def _row(entry: Field, *names: str) -> Array:
 
 
 def _cameras(source: Source, tag: str, kind: str, is_wanted: Callable[[ET.Element], bool]) -> list[Camera]:
-    """Return the wanted cameras; warn of those rotated for display.
-
-    ``kind`` is the attribute that says why others are not wanted.
-    """
+    """Return the wanted cameras (of others `kind` says why not); warn of those rotated for display."""
     nodes = [] if source.xml is None else list(source.xml.iter(tag))
     chosen = [node for node in nodes if is_wanted(node)]
     if not chosen:
@@ -66,10 +63,8 @@ def _cameras(source: Source, tag: str, kind: str, is_wanted: Callable[[ET.Elemen
             "detections must come from images as the sensor records them."
         )
         warn(Finding("calibration_read_as", "note", cameras_of(source.path, turned), sentence=words))
-    elements = [
-        Field(source.path, f"{tag} {name}", _tree(node)) for name, node in zip(names, chosen, strict=True)
-    ]
-    return list(zip(names, elements, strict=True))
+    pairs = zip(names, chosen, strict=True)
+    return [(name, Field(source.path, f"{tag} {name}", _tree(node))) for name, node in pairs]
 
 
 _SUBPIXELS = 64.0
@@ -78,13 +73,12 @@ _FLIP = np.diag([1.0, -1.0, -1.0])
 _SAME_LINES = 0.02
 
 
-def is_qualisys(source: Source) -> bool:
-    """Whether a document has Qualisys' cameras."""
+def _is_qualisys(source: Source) -> bool:
     root = source.xml
     return root is not None and root.tag == "calibration" and root.find("cameras/camera") is not None
 
 
-def parse_qualisys(source: Source, camera_type: str | None, binning: float | None) -> Parsed:
+def _parse_qualisys(source: Source, camera_type: str | None, binning: float | None) -> Parsed:
     """Return the video cameras that are active and calibrated, or all; millimetres.
 
     * ``focalLengthU/V`` and ``centerPointU/V`` are in 1/64 px of the whole sensor; in files of some programs
@@ -93,13 +87,10 @@ def parse_qualisys(source: Source, camera_type: str | None, binning: float | Non
     * ``radialDistortion1..3`` and ``tangentalDistortion1..2`` are OpenCV's k1, k2, k3, p1, p2. They have no
       dimension and are *not* divided by 64 (Pose2Sim divides them, which makes them nothing).
     * ``transform`` is the camera's position in the world and a rotation ``r11`` … ``r33`` whose rows are the
-      camera's axes x right, y up and z backward. World → camera is therefore diag(1, −1, −1)·r and
-      −R·position.
+      camera's axes x right, y up and z backward.
     * A video of fewer lines than the sensor is binned or scaled; ``video_resolution`` says so, but not how.
-      The ``binning`` option does.
 
-    Marker cameras have no images, so that only video cameras are read (model ``…Video…``, or ``none`` in
-    files that other programs wrote), and of them those that are active and calibrated.
+    Video cameras have the model ``…Video…``, or ``none`` in files that other programs wrote.
     """
     cameras = _cameras(source, "camera", "model", lambda node: _is_wanted(node, camera_type))
     read = [_qualisys_camera(name, entry, binning or _no_binning(entry)) for name, entry in cameras]
@@ -172,13 +163,12 @@ def _check_skew(skew: Field) -> None:
 def _no_binning(camera: Field) -> float:
     """Return 1; it is an error if ``video_resolution`` is not the sensor's."""
     lines = re.fullmatch(r"(\d+)p", str(camera["video_resolution"].value))
-    for tag in ("fov_video_max", "fov_marker_max"):
-        if lines and tag in camera:
-            sensor = camera[tag]["bottom"].number() + 1.0
-            if abs(float(lines[1]) / sensor - 1.0) > _SAME_LINES:
-                expected = f"the sensor's {sensor:.0f} lines, or the option binning (sensor px per image px)"
-                raise camera["video_resolution"].error(expected, lines[0])
-            break
+    area = next((camera[tag] for tag in ("fov_video_max", "fov_marker_max") if tag in camera), None)
+    if lines and area:
+        sensor = area["bottom"].number() + 1.0
+        if abs(float(lines[1]) / sensor - 1.0) > _SAME_LINES:
+            expected = f"the sensor's {sensor:.0f} lines, or the option binning (sensor px per image px)"
+            raise camera["video_resolution"].error(expected, lines[0])
     return 1.0
 
 
@@ -186,8 +176,7 @@ def _no_binning(camera: Field) -> float:
 _MOST_PIXELS = 20_000.0
 
 
-def is_theia(source: Source) -> bool:
-    """Whether a document looks like Qualisys', but has no fields of view and sensors in px."""
+def _is_theia(source: Source) -> bool:
     root = source.xml
     if root is None or root.tag != "calibration" or root.find("cameras/camera/fov_video") is not None:
         return False
@@ -195,7 +184,7 @@ def is_theia(source: Source) -> bool:
     return bool(sizes) and all(isinstance(size, float) and size < _MOST_PIXELS for size in sizes)
 
 
-def parse_theia(source: Source) -> Parsed:
+def _parse_theia(source: Source) -> Parsed:
     """Return the active cameras of Theia3D's calibration; millimetres.
 
     ``transform`` is world → camera, with x right, y down and z forward (Qualisys' is the other way round, to
@@ -224,12 +213,11 @@ _GRID = 40
 _WORST_FIT_PX = 100.0  # no lens is followed as badly: its coefficients are of another unit
 
 
-def is_vicon(source: Source) -> bool:
-    """Whether a document has Vicon's root."""
+def _is_vicon(source: Source) -> bool:
     return source.xml is not None and source.xml.tag == "Cameras"
 
 
-def parse_vicon(source: Source, camera_type: str | None) -> Parsed:
+def _parse_vicon(source: Source, camera_type: str | None) -> Parsed:
     """Return the video cameras, or all; millimetres.
 
     ``Camera`` has ``DEVICEID`` (the camera's name here), ``TYPE``, ``SENSOR_SIZE`` and
@@ -244,9 +232,7 @@ def parse_vicon(source: Source, camera_type: str | None) -> Parsed:
 
     OpenCV maps ideal to measured, in multiples of the focal length about the principal point, so that the
     coefficients cannot be copied: k1, k2, p1, p2, k3 and the thin-prism terms s1..s4 are fitted over the
-    image.
-
-    Marker cameras have no images: only cameras whose ``TYPE`` has "video" in it are read.
+    image. Video cameras have "video" in their ``TYPE``.
     """
 
     def is_wanted(node: ET.Element) -> bool:
@@ -294,15 +280,6 @@ def _radial(frame: Field, principal: Array) -> tuple[Array, Array, Field]:
     return values[:2], values[2:], field
 
 
-def ideal_pixels(pixels: Array, centre: Array, radial: Array, aspect: float) -> Array:
-    """Ideal pixels of measured ones (n, 2); `aspect` is that of a pixel."""
-    offset = (pixels - centre) * [1.0, aspect]
-    squared = (offset**2).sum(axis=1, keepdims=True)
-    scale = 1.0 + sum(k * squared ** (i + 1) for i, k in enumerate(radial))
-    ideal: Array = offset * scale / [1.0, aspect] + centre
-    return ideal
-
-
 def _fit(K: Array, size: tuple[int, int], centre: Array, radial: Array, aspect: float) -> tuple[Array, float]:
     """Return OpenCV's 12 coefficients (k4 to k6 are 0) and the largest error of the fit in px.
 
@@ -311,7 +288,10 @@ def _fit(K: Array, size: tuple[int, int], centre: Array, radial: Array, aspect: 
     axes = [np.linspace(0.0, length - 1.0, _GRID) for length in size]
     pixels = np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 2)
     focal, principal = np.array([K[0, 0], K[1, 1]]), K[:2, 2]
-    ideal = (ideal_pixels(pixels, centre, radial, aspect) - principal) / focal
+    offset = (pixels - centre) * [1.0, aspect]
+    squared = (offset**2).sum(axis=1, keepdims=True)
+    scale = 1.0 + sum(k * squared ** (i + 1) for i, k in enumerate(radial))
+    ideal = (offset * scale / [1.0, aspect] + centre - principal) / focal
     terms = np.concatenate(list(_terms(ideal) * focal[:, None, None]))
     right = (pixels - principal - ideal * focal).T.ravel()
     if not (np.isfinite(terms).all() and np.isfinite(right).all()):
@@ -334,7 +314,7 @@ def _terms(ideal: Array) -> Array:
 
 _BOTH = ("camera_type", "binning")
 FORMATS = (
-    CalibrationFormat("theia", "Theia3D's XML", "mm", is_theia, parse_theia),
-    CalibrationFormat("qualisys", "Qualisys .qca.txt", "mm", is_qualisys, parse_qualisys, _BOTH),
-    CalibrationFormat("vicon", "Vicon .xcp", "mm", is_vicon, parse_vicon, ("camera_type",)),
+    CalibrationFormat("theia", "Theia3D's XML", "mm", _is_theia, _parse_theia),
+    CalibrationFormat("qualisys", "Qualisys .qca.txt", "mm", _is_qualisys, _parse_qualisys, _BOTH),
+    CalibrationFormat("vicon", "Vicon .xcp", "mm", _is_vicon, _parse_vicon, ("camera_type",)),
 )
