@@ -150,7 +150,7 @@ def child(way: str, frames: int) -> None:
     if way == "whole":
         sk.refine_sequence(np.concatenate([chunk] * (frames // PIECE)), rig, **given)
     else:
-        chunks = itertools.repeat(chunk, frames // PIECE)
+        chunks = functools.partial(itertools.repeat, chunk, frames // PIECE)
         collections.deque(sk.refine_batches(chunks, rig, **given), maxlen=0)
     print(lab.peak_mib())
 

@@ -116,9 +116,8 @@ def track(
     Warns
     -----
     UserWarning
-        As ``refine``; if views detect people for two seconds or in half of the frames, and nobody is found;
-        if too many people are in a frame to compare all; or if left and right limbs differ in length as with
-        a wrong layout.
+        As ``refine``; if views detect people but nobody is found, too many people are in a frame to compare
+        all, or left and right limbs differ in length as with a wrong layout.
     """
     positive("fps", fps)
     prepared = _skelsplat.Refiner(cameras, layout=layout, config=config)
@@ -244,12 +243,7 @@ def _count(most: int | None) -> int | None:
 
 
 def padded(people: People) -> ArrayLike:
-    """Return people as an array (T, M, P, N, 2|3), NaN in empty slots.
-
-    Parameters
-    ----------
-    people : (T, M, P, N, 2|3), or per frame a list of views with (P_i, N, 2|3) each
-    """
+    """Return people as an array (T, M, P, N, 2|3), NaN in empty slots."""
     if hasattr(people, "__array__") or not isinstance(people, list | tuple):
         return numbers(people, "people")
     for frame in people:
@@ -279,17 +273,8 @@ def padded(people: People) -> ArrayLike:
 class Tracker:
     """Follow several people frame by frame as they arrive: a live loop with any detector.
 
-    ``skelsplat live --people all`` is the same for programs in other languages. ``copy.copy`` gives a second
-    tracker that goes on from the same state; a tracker cannot be pickled.
-
-    Parameters
-    ----------
-    cameras, layout, config
-        As in ``track``.
-    fps : float
-        Frames per second.
-    max_people : int, optional
-        Follow at most so many, the first that appear.
+    ``skelsplat live --people all`` is the same for programs in other languages. Parameters are those of
+    ``track``; of ``max_people`` the first that appear are followed.
 
     Examples
     --------
@@ -297,8 +282,6 @@ class Tracker:
     >>> for people in camera_loop():                                                     # doctest: +SKIP
     ...     poses = {person.id: person.refinement.pose for person in tracker.step(people)}
     """
-
-    __slots__ = ("_cameras", "_compiled", "_cut", "_doubtful", "_in_vain")
 
     def __init__(
         self,
@@ -319,32 +302,15 @@ class Tracker:
 
     @property
     def ids(self) -> tuple[int, ...]:
-        """Identities that ``step`` can still return: of people who are seen, and of those out of sight.
-
-        One that has left these does not return: six seconds after two views last saw the person, after
-        ``reset``, or when two identities turn out to be one person.
-        """
+        """Identities that ``step`` can still return: of people who are seen, and of those out of sight."""
         return tuple(self._compiled.ids())
 
     def step(self, people: ArrayLike | Sequence[ArrayLike | None]) -> list[Person]:
-        """Return everybody who is known in the next frame.
+        """Return everybody who is known in the next frame, with one frame each, in order of identity.
 
-        Parameters
-        ----------
-        people : (M, P, N, 2|3), or a list of M views with (P_i, N, 2|3) each
-            As a frame of ``track``; None in the list is a view of nobody.
-
-        Returns
-        -------
-        list of Person
-            In the order of their identities, with one frame each: ``frames`` is empty, ``slots`` is (M,). A
-            person whom no view sees is bridged for up to half a second.
-
-        Raises
-        ------
-        InvalidInputError
-            If ``people`` is not one frame of these cameras and this layout; the state remains as it was.
-            Warnings are those of ``track``, once.
+        ``people`` is (M, P, N, 2|3), or a list of M views with (P_i, N, 2|3) each, of which None is a view of
+        nobody. ``frames`` of the persons is empty, ``slots`` is (M,). A person whom no view sees is bridged
+        for up to half a second. After an `InvalidInputError` the state is as it was.
         """
         one = [people] if isinstance(people, Sequence) else numbers(people, "people")[None]
         frame = _frames(one, self._cameras)
@@ -365,10 +331,3 @@ class Tracker:
     def reset(self) -> None:
         """Forget everybody; identities are not used again."""
         self._compiled.reset()
-
-    def __copy__(self) -> Tracker:
-        twin = object.__new__(type(self))
-        for name in Tracker.__slots__:
-            setattr(twin, name, getattr(self, name))
-        twin._compiled = self._compiled.copy()
-        return twin

@@ -41,36 +41,32 @@ class Refinement:
         Splat covariance Σ, unit²: the kernel at the end for ``annealed``. It is not an error bar.
     uncertainty : (…, N, 3, 3) float64
         Posterior covariance of the position, unit²: the scatter, what another recording of the same pose by
-        the same detector would give. Along a ray that nothing crosses it is as wide as the body.
+        the same detector would give.
     joint_bias : (…, N) float64
-        Standard deviation per axis of the detector's joints from anatomical ones, the same in all views and
-        frames. From ``config.joint_bias_mm``.
+        Standard deviation per axis of the detector's joints from anatomical ones, from
+        ``config.joint_bias_mm``.
     error_bar : (…, N, 3, 3) float64
         ``uncertainty + joint_bias² I``, unit²: the covariance of the distance from an anatomical joint.
     view_weights : (…, M, N) float64
         k in [0, 1], how much each detection is trusted: 1 at the joint, ¼ at 2.4 σ from it (below
-        `REJECTED_WEIGHT`, rejected); NaN without a detection. ``config.view_weights`` and the confidence come
-        on top.
+        `REJECTED_WEIGHT`, rejected); NaN without a detection.
     swapped : (…, M, N) bool
         Detections that were used with left and right exchanged.
     noise : (…) float64
-        Standard deviation of the trusted detections' noise across the ray, per axis, in the cameras' unit:
-        estimated, or ``config.detection_sigma_px``.
+        Standard deviation of the trusted detections' noise across the ray, per axis, in the cameras' unit.
     reprojection_error : (…, M, N) float64
         Distance between detection and reprojection, pixels of the original image; NaN without a detection.
     joint_status : (…, N) str
         ``"ok"``; ``"weak"``: fewer than two views agree on the position, or only views too close together to
-        tell the depth, or as many agree on another place (``uncertainty`` then covers both); ``"inferred"``:
-        bones or frames before determine it, not two views of its own frame; ``"unobserved"``: no usable
-        detection, the joint keeps its initial position.
+        tell the depth, or as many agree on another place; ``"inferred"``: bones or frames before determine
+        it; ``"unobserved"``: no usable detection, the joint keeps its initial position.
     loss, loss_render, loss_symmetry : (…) float64
         L_opt, L_render and the unweighted L_sym (mm²) of the returned pose over all views. For ``annealed``
-        ``loss`` and ``loss_render`` are Σ c (2σ²/ŝ²)(1 − k) over the detections, in units of the noise.
+        ``loss`` and ``loss_render`` are Σ c (2σ²/ŝ²)(1 − k) over the detections.
     n_iter : (…) int64
     stop_reason : (…) str
         ``"converged"``, ``"max_steps"``, ``"no_observations"`` or ``"diverged"``.
     init_pose : (…, N, 3) float64
-        The pose it started from.
     loss_history : (…, steps) float64
         L_opt of every step, NaN after a frame's last; only of ``paper``, with ``config.loss_history``.
     """
@@ -99,7 +95,7 @@ class Refinement:
     def __repr__(self) -> str:
         status, count = np.unique(self.joint_status, return_counts=True)
         joints = ", ".join(f"{n} {name}" for name, n in zip(status, count, strict=True))
-        return f"Refinement(pose {self.pose.shape}, joints: {joints})"
+        return f"{type(self).__name__}(pose {self.pose.shape}, joints: {joints})"
 
 
 @dataclass(frozen=True, slots=True)
@@ -155,10 +151,6 @@ def refine(
         Settings; default ``RefineConfig()``.
     progress : bool or callable
         True draws a progress bar; a callable is called with (frames done, frames in all).
-
-    Returns
-    -------
-    Refinement
 
     Raises
     ------
@@ -244,17 +236,10 @@ def loss_and_gradient(
 ) -> LossAndGradient:
     """Evaluate L_opt over all views and its gradient, in double precision, for study and tests.
 
-    Parameters
-    ----------
-    means, log_scales : (N, 3)
-        μ and s = ln σ, in the unit of the cameras.
-    quaternions : (N, 4)
-        Orientation (w, x, y, z), any norm above zero.
-    detections, cameras, layout, config
-        As in ``refine``; one frame.
-    target_means, target_covariances : (N, 3) and (N, 3, 3), optional
-        Gaussians whose projection shapes the pseudo ground truth, a constant for the gradient; by default the
-        given ones.
+    ``means`` and ``log_scales`` (N, 3) are μ and s = ln σ in the unit of the cameras, ``quaternions`` (N, 4)
+    the orientations (w, x, y, z) of any norm above zero; the rest is as in ``refine``, of one frame. The
+    Gaussians whose projection shapes the pseudo ground truth, a constant for the gradient, are by default the
+    given ones, else ``target_means`` (N, 3) and ``target_covariances`` (N, 3, 3).
     """
     found = _skelsplat.loss_and_gradient(
         means,
@@ -293,12 +278,6 @@ class Refiner:
     >>> refiner = sk.Refiner(rig, layout="coco17", fps=30)                               # doctest: +SKIP
     >>> for detections in camera_loop():                                                 # doctest: +SKIP
     ...     pose = refiner.step(detections).pose
-
-    Raises
-    ------
-    InvalidInputError
-        As ``refine``; ``fps`` is not a positive number, or given with ``paper``; ``lag`` is not a whole
-        number from 0 to 10,000, or given without ``fps``.
     """
 
     def __init__(
@@ -316,34 +295,19 @@ class Refiner:
             raise InvalidInputError(f"lag: expected a whole number of at least 0, got {lag!r}")
         if lag and fps is None:
             raise InvalidInputError("lag: expected fps as well, got none")
-        self._cameras, self._layout, self._config = cameras, layout, config
-        self._fps, self._lag = fps, min(int(lag), sys.maxsize)
+        self._cameras, self._layout = cameras, layout
+        self._prepared = _skelsplat.Refiner(cameras, layout=layout, config=config)
+        self._live: _skelsplat.Live | None = None
+        if fps is not None:
+            self._live = _skelsplat.Live(self._prepared, float(fps), lag=min(int(lag), sys.maxsize))
         self._last: NDArray[np.float64] | None = None
         self._begun = False
-        self._prepare(None)
         known = Layout.by_name(layout) if isinstance(layout, str) else layout
         self._joints = None if known is None else known.n_joints
 
-    def _prepare(self, state: NDArray[np.float64] | None) -> None:
-        self._prepared = _skelsplat.Refiner(self._cameras, layout=self._layout, config=self._config)
-        self._live: _skelsplat.Live | None = None
-        if self._fps is not None:
-            self._live = _skelsplat.Live(self._prepared, float(self._fps), lag=self._lag, state=state)
-
-    def __getstate__(self) -> dict[str, Any]:
-        compiled = ("_prepared", "_live")
-        state = {name: value for name, value in self.__dict__.items() if name not in compiled}
-        return {**state, "_state": None if self._live is None else self._live.state()}
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        numbers = state.pop("_state")
-        self.__dict__.update(state)
-        self._prepare(numbers)
-
     def reset(self) -> None:
         """Forget all frames: the next one is triangulated. With a lag, poses not yet returned are lost."""
-        self._last = None
-        self._begun = False
+        self._last, self._begun = None, False
         if self._live is not None:
             self._live.reset()
 
@@ -359,11 +323,6 @@ class Refiner:
         (``"weak"`` and ``"unobserved"``). With ``fps`` prediction and bones do, for up to half a second
         (``"inferred"``, or ``"weak"`` where the error bar is wide), and ``init_pose`` is the pose of the
         frame alone; do not leave out frames without detections.
-
-        Raises
-        ------
-        InvalidInputError
-            If ``detections`` is not one frame, or has another number of joints than the frames before.
         """
         frame, scores = _whole(detections, confidence, self._joints)
         if self._live is None:
@@ -374,7 +333,7 @@ class Refiner:
         if not self._begun:
             warn_of_size(result.pose, self._cameras, self._layout)
         self._last, self._joints = past, result.pose.shape[-2]
-        self._begun = not self._lag or self._begun or bool(np.isfinite(result.pose).any())
+        self._begun = self._begun or bool(np.isfinite(result.pose).any())
         return result
 
 

@@ -79,15 +79,9 @@ class CameraAdjustment:
 class RigAdjustment:
     """What ``adjust_cameras`` returns.
 
-    Attributes
-    ----------
-    cameras : CameraRig
-        The adjusted cameras; those that are not ``"adjusted"`` are the given ones.
-    report : tuple of CameraAdjustment
-        One for each camera.
-    fitted, judged : int
-        Numbers of frames on which cameras were adjusted, and of others on which ``before`` and ``after``
-        were measured; 0 of a recording of fewer than ten frames.
+    ``cameras`` are the adjusted ones, with the given ones where not ``"adjusted"``; ``report`` has one entry
+    for each. Cameras were adjusted on ``fitted`` frames, ``before`` and ``after`` measured on ``judged``
+    others, 0 of a recording of fewer than ten frames.
     """
 
     cameras: CameraRig

@@ -35,10 +35,9 @@ class SequenceRefinement(Refinement):
         Its posterior covariance.
     bones : (B, 2) int64
         Joints at both ends of every limb of the layout.
-    bone_lengths : (B,) float64
-        Their lengths, one for the whole recording; NaN for a bone that is never seen.
-    bone_length_sigma : (B,) float64
-        Standard errors of the lengths; infinite for a bone that is never seen.
+    bone_lengths, bone_length_sigma : (B,) float64
+        Their lengths, one for the whole recording, and standard errors; NaN and infinite for a bone that is
+        never seen.
     """
 
     velocity: NDArray[np.float64]
@@ -46,11 +45,6 @@ class SequenceRefinement(Refinement):
     bones: NDArray[np.int64]
     bone_lengths: NDArray[np.float64]
     bone_length_sigma: NDArray[np.float64]
-
-    def __repr__(self) -> str:
-        # A slots dataclass has no zero-argument super().
-        frames = Refinement.__repr__(self).removeprefix("Refinement(")
-        return f"SequenceRefinement({len(self.bones)} bones, {frames}"
 
 
 def refine_sequence(

@@ -21,7 +21,7 @@ from overlay_case import FRAMES, SIZE, level, need_opencv, write_video
 
 need_opencv()
 
-from skelsplat.detect import MediaPipe, _rtmlib, detect  # noqa: E402  after the check
+from skelsplat.detect import MediaPipe, _detectors, detect  # noqa: E402  after the check
 from skelsplat.io import read_detections  # noqa: E402
 
 CAMERAS = ("cam1", "cam2")
@@ -225,7 +225,7 @@ class Solution:
 
 
 def test_several_people_by_rtmlib(videos, tmp_path, monkeypatch):
-    _rtmlib._loaded.cache_clear()
+    _detectors._loaded.cache_clear()
     monkeypatch.setitem(sys.modules, "rtmlib", SimpleNamespace(BodyWithFeet=Solution))
     monkeypatch.setitem(sys.modules, "rtmlib.version", SimpleNamespace(__version__="0.0.16"))
     pose = tmp_path / "pose"

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import copy
-import pickle
-
 import numpy as np
 import pytest
 
@@ -108,16 +105,6 @@ def test_the_lag_says_which_frame_is_answered(walk, seen):
     assert far(found, walk[:20]).mean() < 20.0
     errors = np.array([result.reprojection_error for result in results[4:]])
     assert np.array_equal(np.isfinite(errors), np.isfinite(seen[:20, ..., 0]) & (seen[:20, ..., 2] > 0))
-
-
-@pytest.mark.parametrize("options", [{}, {"lag": 3}, {"fps": None}])
-def test_a_copy_goes_on_where_it_was(seen, options):
-    live = refiner(**options)
-    poses(live, seen[:12])
-    twins = [pickle.loads(pickle.dumps(live)), copy.copy(live), copy.deepcopy(live)]
-    after = bits([live.step(frame) for frame in seen[12:20]])
-    for twin in twins:
-        assert bits([twin.step(frame) for frame in seen[12:20]]) == after
 
 
 def test_reset_forgets(seen):

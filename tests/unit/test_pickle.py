@@ -130,17 +130,6 @@ def test_results(result):
         assert bits(twin) == bits(RESULTS[result]), way
 
 
-def test_a_refiner_goes_on_where_it_was():
-    refiner = sk.Refiner(RIG, layout="h36m17", config=sk.RefineConfig(symmetry_tier=2))
-    hidden = SEEN[1].copy()
-    hidden[:, 5] = np.nan
-    refiner.step(SEEN[0])
-    made = list(twins(refiner))
-    after = bits(refiner.step(hidden))
-    for way, twin in made:
-        assert bits(twin.step(hidden)) == after, way
-
-
 ERRORS = [
     sk.SkelSplatError("a"),
     sk.InvalidInputError("a: expected b, got c"),

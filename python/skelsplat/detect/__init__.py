@@ -8,7 +8,6 @@ read. `MediaPipe` and `RTMLib` are the detectors; any object with the members of
 """
 
 from skelsplat.detect._detect import Detected, Detector, detect
-from skelsplat.detect._mediapipe import MediaPipe
-from skelsplat.detect._rtmlib import RTMLib
+from skelsplat.detect._detectors import MediaPipe, RTMLib
 
 __all__ = ["Detected", "Detector", "MediaPipe", "RTMLib", "detect"]

@@ -7,12 +7,11 @@ argument for what a format cannot hold. A package that a format needs is a `skel
 
 from skelsplat.io.calibration import convert_unit, read_calibration, write_calibration
 from skelsplat.io.detections import DetectionSet, read_detections, read_layout, read_openpose, read_skeleton
-from skelsplat.io.poses import read_pose, write_pose
+from skelsplat.io.poses import read_pose, write_people, write_pose
 from skelsplat.io.poses._c3d import read_c3d, write_c3d
 from skelsplat.io.poses._csv import read_csv, write_csv
 from skelsplat.io.poses._json import read_json, write_json
 from skelsplat.io.poses._npz import read_npz, write_npz
-from skelsplat.io.poses._people import write_people
 from skelsplat.io.poses._pose_data import PoseData
 from skelsplat.io.poses._trc import read_trc, write_trc
 from skelsplat.io.poses._xarray import read_netcdf, to_xarray, write_netcdf

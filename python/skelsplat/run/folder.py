@@ -99,7 +99,7 @@ class Writing:
     def check(self, inputs: Inputs) -> None:
         """Raise before the work if a format or the angles cannot be written of these inputs."""
         for kind in self.formats:
-            check_pose_format(kind, inputs.frames, inputs.layout.joints, inputs.rig)
+            check_pose_format(kind, inputs.frames, inputs.layout.joints)
         if self.angles:
             check_angles(inputs.layout)
 

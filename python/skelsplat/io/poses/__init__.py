@@ -7,28 +7,27 @@ from __future__ import annotations
 
 import os
 import warnings
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from skelsplat._arrays import Index
+from skelsplat._atomic import atomic_path, atomic_write_text, make_room
 from skelsplat._optional import require
-from skelsplat.cameras import CameraRig, mm_per_unit
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.findings import Finding, FindingWarning, Subject
 from skelsplat.io._arrays import npz_keys
 from skelsplat.io._files import head
-from skelsplat.io.poses._c3d import c3d_is_y_up, check_c3d, check_c3d_place, read_c3d, write_c3d
-from skelsplat.io.poses._csv import read_csv, write_csv
-from skelsplat.io.poses._json import is_json_poses, read_json, write_json
+from skelsplat.io.poses._c3d import c3d_is_y_up, check_c3d, read_c3d, write_c3d
+from skelsplat.io.poses._csv import COLUMNS, csv_text, read_csv, rows_of, write_csv
+from skelsplat.io.poses._json import is_json_poses, people_text, read_json, write_json
 from skelsplat.io.poses._npz import read_npz, write_npz
-from skelsplat.io.poses._people import PEOPLE_FORMATS as PEOPLE_FORMATS
-from skelsplat.io.poses._people import write_people as write_people
-from skelsplat.io.poses._pose_data import PoseData, Poses
+from skelsplat.io.poses._pose_data import ARRAYS, PoseData, Poses
 from skelsplat.io.poses._trc import check_trc_names, read_trc, write_trc
-from skelsplat.io.poses._xarray import read_netcdf, write_netcdf
+from skelsplat.io.poses._xarray import check_packages, read_netcdf, room_for, to_xarray, write_netcdf
 
 
 @dataclass(frozen=True)
@@ -64,22 +63,16 @@ def pose_format(path: str | os.PathLike[str]) -> str:
 
 
 def check_pose_format(
-    kind: str,
-    frames: Index | None = None,
-    joint_names: Sequence[str] | None = None,
-    cameras: CameraRig | None = None,
+    kind: str, frames: Index | None = None, joint_names: Sequence[str] | None = None
 ) -> None:
     """Raise before long work if a file of this kind cannot be written.
 
-    It may need a package that is not installed, or frame numbers, names or the place of the cameras do not
-    fit into such a file.
+    It may need a package that is not installed, or frame numbers or names do not fit into such a file.
     """
     for module in POSE_FORMATS[kind].packages:
         require(module, f".{kind} files")
     if kind == "c3d" and frames is not None:
         check_c3d(frames, joint_names or ())
-    if kind == "c3d" and cameras is not None:
-        check_c3d_place(np.array([camera.centre for camera in cameras]) * mm_per_unit(cameras))
     if kind == "trc":
         check_trc_names(joint_names or ())
 
@@ -147,6 +140,75 @@ def convert_poses(
             raise
         raise DatasetError.of_argument(source, error) from error
     return data
+
+
+def write_people(path: str | os.PathLike[str], people: Mapping[int, PoseData]) -> None:
+    """Write several people into one file, whose extension names the format.
+
+    ``.csv`` has the columns of `write_csv` after one called ``person``, and times from the first frame of
+    all. ``.json`` is an object with ``format`` ("skelsplat-people"), ``version`` (1) and ``people``, a list
+    of the objects of `write_json`, each with ``person``. ``.nc`` is the dataset of `to_xarray` with an
+    individual ``person_0``, … each, over the frames of all: where a person is not there, positions are NaN.
+
+    Parameters
+    ----------
+    path : path
+        Ends in ``.csv``, ``.json`` or ``.nc``.
+    people : dict of int to PoseData
+        By identity; all have the same joints.
+
+    Raises
+    ------
+    InvalidInputError
+        If the extension is another, or there is nobody.
+    MissingPackageError
+        If the format needs a package that is not installed.
+    """
+    kind = os.fspath(path).rpartition(".")[2].lower()
+    if kind not in PEOPLE_FORMATS:
+        known = ", ".join(f".{name}" for name in PEOPLE_FORMATS)
+        raise InvalidInputError(f"path: expected a name that ends in {known}, got {os.fspath(path)!r}")
+    if not people:
+        raise InvalidInputError("people: expected at least one, got none")
+    PEOPLE_FORMATS[kind](path, people)
+
+
+def _write_csv(path: str | os.PathLike[str], people: Mapping[int, PoseData]) -> None:
+    start = min((int(data.frames[0]) for data in people.values() if data.frames.size), default=0)
+    rows = ([identity, *row] for identity, data in people.items() for row in rows_of(data, start))
+    atomic_write_text(path, csv_text([("person", *COLUMNS), *rows]))
+
+
+def _write_netcdf(path: str | os.PathLike[str], people: Mapping[int, PoseData]) -> None:
+    xarray = check_packages()
+    frames = np.unique(np.concatenate([data.frames for data in people.values()]))
+    each = [to_xarray(_on_frames(data, frames), individual=f"person_{k}") for k, data in people.items()]
+    dataset = xarray.concat(each, dim="individuals", data_vars="minimal", coords="minimal", join="exact")
+    with atomic_path(path) as temporary:
+        make_room(temporary, room_for(dataset, len(frames)))
+        dataset.to_netcdf(temporary, engine="h5netcdf")
+
+
+def _on_frames(data: PoseData, frames: Index) -> PoseData:
+    """Return the poses over more frames; in the others joints are unobserved."""
+    places = np.searchsorted(frames, data.frames)
+    whole: dict[str, Any] = {"frames": frames}
+    for name, (_, kind) in ARRAYS.items():
+        own = getattr(data, name)
+        if len(own) == len(data.frames):
+            empty = {np.float64: np.nan, np.str_: "unobserved"}.get(kind, 0)
+            dtype = "U10" if kind is np.str_ else own.dtype
+            whole[name] = np.full((len(frames), *own.shape[1:]), empty, dtype)
+            whole[name][places] = own
+    return replace(data, **whole)
+
+
+#: The formats that hold several people, by extension.
+PEOPLE_FORMATS: dict[str, Callable[[str | os.PathLike[str], Mapping[int, PoseData]], None]] = {
+    "csv": _write_csv,
+    "json": lambda path, people: atomic_write_text(path, people_text(people)),
+    "nc": _write_netcdf,
+}
 
 
 def is_pose_file(path: Path) -> bool:

@@ -26,8 +26,6 @@ _MAX_RESIDUAL = 127
 _MAX_NAME, _MAX_TEXT = 127, 255
 # What is added to frame numbers is stored in single precision.
 _EXACT = 2**24
-# Beyond it, mm, the coordinates of a C3D file (single precision) are off by more than half a millimetre.
-_FAR = 1e7
 _MISSING, _INTERPOLATED = -1.0, 0.0
 _GROUP = "SKELSPLAT"
 
@@ -65,7 +63,6 @@ def write_c3d(
     points = np.full((4, len(data.joint_names), int(rows[-1]) + 1), np.nan)
     points[3] = 1.0
     position = data.pose * MM_PER_UNIT[data.unit]
-    check_c3d_place(position)
     points[:3, :, rows] = np.moveaxis(position[..., Y_UP] if y_up else position, (0, 1, 2), (2, 1, 0))
     residuals = np.full((1, *points.shape[1:]), _MISSING)
     residuals[0][:, rows] = _residuals(data).T
@@ -102,15 +99,6 @@ def check_c3d(frames: Index, names: Sequence[str]) -> None:
         if not name.strip() or len(name.encode()) > _MAX_NAME:
             expected = f"names of 1 to {_MAX_NAME} bytes in a C3D file"
             raise InvalidInputError(f"joint_names: expected {expected}, got {name!r:.60}")
-
-
-def check_c3d_place(points_mm: Array) -> None:
-    """Raise `InvalidInputError` unless most points (…, 3) are near enough to the origin for a C3D file."""
-    furthest = np.abs(points_mm).max(axis=-1)
-    known = furthest[np.isfinite(furthest)]
-    if known.size and np.median(known) > _FAR:
-        expected = f"positions within {_FAR / 1e6:g} km of the origin in a C3D file, of 7 digits"
-        raise InvalidInputError(f"pose: expected {expected}, got {np.median(known) / 1e6:.6g} km")
 
 
 def _residuals(data: PoseData) -> Array:

@@ -30,7 +30,6 @@ COLUMNS = (
     *("status", "n_views", "n_rejected", "reprojection_error_px"),
 )
 _REQUIRED = ("frame", "joint", *_AXES, "unit")
-_WIDEST = 1e100  # standard deviation, of which the square is a number
 _ROUNDED = 1e-14  # of times with 15 digits, as R and spreadsheets write them
 
 
@@ -160,9 +159,6 @@ class _Table:
             np.ascontiguousarray(np.array([self.numbers(column) for column in columns]).T).reshape(*shape, 3)
             for columns in (_AXES, _BARS, _SCATTER)
         )
-        wide = (np.abs((bars, scatter)) > _WIDEST).any(axis=(0, 3)).ravel()
-        if wide.any():
-            raise self.error(int(wide.argmax()), "standard deviation", f"at most {_WIDEST:g}", "a larger one")
         arrays: dict[str, Any] = {}
         if np.isfinite(scatter).any():
             known = np.isfinite(scatter).all(axis=-1)[..., None, None]

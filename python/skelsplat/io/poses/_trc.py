@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from skelsplat._arrays import Array, Index, corners
+from skelsplat._arrays import Array, Index
 from skelsplat._atomic import atomic_write
 from skelsplat._budget import read_text
 from skelsplat.cameras import MM_PER_UNIT
@@ -27,9 +27,8 @@ from skelsplat.io.poses._pose_data import marker_names as named
 _HEADER = "DataRate CameraRate NumFrames NumMarkers Units OrigDataRate OrigDataStartFrame OrigNumFrames"
 # share by which a rounded frame rate is off; 59.94 and 60 differ by twice as much
 _SAME_RATE = 5e-4
-# a micrometre, far below what keypoints of a body of 1 cm or more resolve
+# a micrometre
 _DECIMALS = {"m": 6, "mm": 3}
-_LARGE_MM = 10.0
 
 
 def write_trc(
@@ -45,7 +44,7 @@ def write_trc(
 
     Rows are numbered from 1 at the first frame; a gap in `data.frames` is a gap in the rows' numbers and
     times. A joint without a position has empty fields, since the text "nan" breaks readers downstream.
-    Positions have steps of 1 µm, of bodies that measure less than 1 cm finer ones.
+    Positions have steps of 1 µm.
 
     Parameters
     ----------
@@ -69,23 +68,11 @@ def write_trc(
     start = int(frames[0]) if frames.size else 0
     with atomic_write(path) as stream:
         lines = _header(Path(path).name, names, len(frames), rate, unit)
-        decimals = _DECIMALS[unit] + _further_decimals(data)
         stream.write("".join(f"{line}\n" for line in lines).encode())
         for part in parts:
             points = part.pose * (MM_PER_UNIT[head.unit] / MM_PER_UNIT[unit])
-            rows = _rows(points[..., Y_UP] if y_up else points, part.frames - start, rate, decimals)
+            rows = _rows(points[..., Y_UP] if y_up else points, part.frames - start, rate, _DECIMALS[unit])
             stream.write("".join(f"{row}\n" for row in rows).encode())
-
-
-def _further_decimals(data: Poses) -> int:
-    """Return how many decimals more poses need than those of a person: one below 1 cm, two below 1 mm."""
-    largest, (head, _, parts) = 0.0, parts_of(data)
-    for part in parts:
-        low, high = corners(part.pose)
-        largest = max(largest, float((high - low).max(initial=0.0)) * MM_PER_UNIT[head.unit])
-        if largest >= _LARGE_MM:
-            return 0
-    return math.floor(math.log10(_LARGE_MM / largest) - 1e-9) + 1 if largest > 0.0 else 0
 
 
 def _rows(points: Array, steps: Index, rate: float, decimals: int) -> Iterator[str]:
