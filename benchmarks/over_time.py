@@ -14,12 +14,8 @@ from recordings import Take
 from scenarios import FloatArray
 
 import skelsplat as sk
-from skelsplat import temporal
 from skelsplat.evaluation.methods import butterworth as filtered
 
-# Spectral density of the white acceleration of the Kalman smoother, mm²/s³, by the class of a joint: the
-# lowest geometric mean of the errors in the four conditions at 30 Hz of 1e5, 3e5, 1e6, …, 1e8.
-KALMAN_DENSITY = {"ends": 1e6, "middle": 1e6, "trunk": 3e5}
 # What the name of a joint of the class contains; the first class that fits counts.
 _CLASSES = {"ends": ("wrist", "ankle"), "middle": ("elbow", "knee"), "trunk": ("",)}
 
@@ -75,15 +71,6 @@ def butterworth(take: Take) -> Solved:
     return Solved(filtered(frames(take).pose, take.fps))
 
 
-def kalman(take: Take) -> Solved:
-    """Frame by frame, then `temporal.kalman` with the error bars as the covariance of the measurements."""
-    result = frames(take)
-    density = np.empty(result.pose.shape[1])
-    for name, joints in joint_classes(take.scene.layout).items():
-        density[joints] = KALMAN_DENSITY[name]
-    return Solved(*temporal.kalman(result.pose, take.fps, result.covariance, density))
-
-
 def anipose(take: Take, *, ransac: bool = False, **tuned: float) -> Solved:
     """Aniposelib's `CameraGroup.triangulate_optim`: constant bones, smooth motion, confidences as scores.
 
@@ -121,7 +108,6 @@ METHODS: dict[str, Method] = {
     "lag5": partial(refiner, fps=True, lag=5),
     "lag15": partial(refiner, fps=True, lag=15),
     "butterworth": butterworth,
-    "kalman": kalman,
     "anipose": anipose,
     "anipose-tuned": partial(anipose, **_TUNED),
     "anipose-ransac": partial(anipose, ransac=True, **_TUNED),

@@ -212,10 +212,6 @@ CALLS: dict[str, tuple[Any, dict[str, np.ndarray]]] = {
         {"pose": POSES},
     ),
     "butterworth": (lambda pose: temporal.butterworth(pose, 50.0, order=2), {"pose": POSES}),
-    "kalman": (
-        lambda pose: temporal.kalman(pose, 50.0, np.broadcast_to(np.eye(3), (*POSES.shape, 3)), 1e6),
-        {"pose": POSES},
-    ),
     "one_euro": (lambda pose: temporal.one_euro(pose, 50.0, min_cutoff=1.0, beta=0.1), {"pose": POSES}),
     "choose_person": (
         lambda people: choose_person(people, RIG),

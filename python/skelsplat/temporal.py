@@ -1,12 +1,11 @@
 """Poses over time: gaps filled and noise filtered, on request and never by default.
 
 All functions take a ``pose`` (T, N, 3) with NaN for what is missing, leave it as it is, and never carry
-anything across missing positions that they do not fill (the Kalman smoother fills all of them).
-``frame_rate`` is in frames per second; ``frames`` (T,) are the ascending numbers of the frames, by default
-0, 1, …; a gap in the numbers is a gap in time. ``weak`` (T, N) marks positions that are not to be trusted
-(the status ``weak`` of a refinement): a filter leaves them as they are, and they do not pull on those around
-them. Cubic splines and the Butterworth filter need SciPy: ``pip install 'skelsplat[temporal]'``. A bad
-argument is an `InvalidInputError` that names it.
+anything across missing positions that they do not fill. ``frame_rate`` is in frames per second; ``frames``
+(T,) are the ascending numbers of the frames, by default 0, 1, …; a gap in the numbers is a gap in time.
+``weak`` (T, N) marks positions that are not to be trusted (the status ``weak`` of a refinement): a filter
+leaves them as they are, and they do not pull on those around them. Cubic splines and the Butterworth filter
+need SciPy: ``pip install 'skelsplat[temporal]'``. A bad argument is an `InvalidInputError` that names it.
 """
 
 from __future__ import annotations
@@ -26,8 +25,6 @@ from skelsplat.exceptions import InvalidInputError, one_of
 
 METHODS = ("cubic", "linear")
 _SPEED_CUTOFF = 1.0  # of the one-euro filter: of the low-pass on the speed, Hz
-# Seconds for which a joint may have moved before the first frame: its spread there.
-_BEFORE = 10.0
 
 
 def fill_gaps(
@@ -170,56 +167,6 @@ def one_euro(
     return positions
 
 
-def kalman(
-    pose: npt.ArrayLike,
-    frame_rate: float,
-    covariance: npt.ArrayLike,
-    density: npt.ArrayLike,
-    *,
-    frames: npt.ArrayLike | None = None,
-) -> tuple[Array, Array]:
-    """Run a Kalman filter and the Rauch-Tung-Striebel smoother over every joint by itself.
-
-    The velocity is constant but for white acceleration, and every position is a measurement whose error is
-    independent of the others. Those of 2D detections last, so the covariances it returns are too small for
-    them.
-
-    Parameters
-    ----------
-    covariance : (T, N, 3, 3)
-        Of the errors of ``pose``, such as ``uncertainty`` of a refinement, in its unit squared. A position
-        without a finite one is no measurement.
-    density : float or (N,)
-        Spectral density of the acceleration, in the unit of ``pose`` squared per s³; for people, 1e6 mm²/s³
-        is a good start.
-
-    Returns
-    -------
-    pose : (T, N, 3)
-        In every frame; NaN for a joint that is never measured.
-    covariance : (T, N, 3, 3)
-        Of the posterior.
-    """
-    positions, numbers = _checked(pose, frames)
-    _arrays.positive("frame_rate", frame_rate)
-    measured, densities = _arrays.numbers(covariance, "covariance"), _arrays.numbers(density, "density")
-    shape = positions.shape[:2]
-    if measured.shape != (*shape, 3, 3):
-        raise InvalidInputError(f"covariance: expected shape {(*shape, 3, 3)}, got {measured.shape}")
-    if densities.shape not in ((), shape[1:]):
-        raise InvalidInputError(f"density: expected a number or shape {shape[1:]}, got {densities.shape}")
-    for value in densities.ravel().tolist():
-        _arrays.positive("density", value)
-    known: Mask = np.isfinite(measured).all(axis=(-2, -1)) & _known(positions)
-    if not len(known):
-        return positions, measured.copy()
-    steps = np.diff(numbers, prepend=numbers[0]) / frame_rate
-    positions, measured = _smoothed(positions, measured, known, steps, np.broadcast_to(densities, shape[1:]))
-    never = ~known.any(axis=0)
-    positions[:, never], measured[:, never] = np.nan, np.nan
-    return positions, measured
-
-
 def _checked(pose: npt.ArrayLike, frames: npt.ArrayLike | None) -> tuple[Array, Index]:
     """Return a copy of the poses in which a joint has three numbers or none, and the frame numbers."""
     positions = _arrays.numbers(pose, "pose").copy()
@@ -287,45 +234,3 @@ def _runs(positions: Array, numbers: Index) -> Iterator[tuple[int, slice]]:
 def _smoothing(cutoff: Array, frame_rate: float) -> Array:
     """Return the share of the new value in exponential smoothing with this cutoff."""
     return 1.0 / (1.0 + frame_rate / (2.0 * math.pi * cutoff))
-
-
-def _constant_velocity(seconds: float, density: Array) -> tuple[Array, Array]:
-    """Return what positions and velocities become (6, 6), and the covariance (N, 6, 6) that they gain."""
-    step = np.array([[1.0, seconds], [0.0, 1.0]])
-    gained = np.array([[seconds**3 / 3.0, seconds**2 / 2.0], [seconds**2 / 2.0, seconds]])
-    one = np.eye(3)
-    return np.asarray(np.kron(step, one)), np.asarray(density[:, None, None] * np.kron(gained, one))
-
-
-def _smoothed(
-    pose: Array, measured: Array, known: Mask, seconds: Array, density: Array
-) -> tuple[Array, Array]:
-    """Filter forwards, smooth backwards; ``seconds`` (T,) passed since the frame before."""
-    n_frames, n_joints = known.shape
-    models = {step: _constant_velocity(step, density) for step in set(seconds.tolist())}
-    path = [models[step] for step in seconds.tolist()]
-    states, spreads = np.zeros((n_frames, n_joints, 6)), np.zeros((n_frames, n_joints, 6, 6))
-    predicted, doubts = np.empty_like(states), np.empty_like(spreads)
-    first = pose[known.argmax(axis=0), np.arange(n_joints)]
-    states[-1, :, :3] = np.where(_known(first)[:, None], first, 0.0)
-    spreads[-1] = np.eye(6) * _constant_velocity(_BEFORE, density)[1]
-    for t, (step, gained) in enumerate(path):  # the first one follows what stands in the last place
-        predicted[t] = states[t] = states[t - 1] @ step.T
-        doubts[t] = spreads[t] = step @ spreads[t - 1] @ step.T + gained
-        k = np.flatnonzero(known[t])
-        gain = np.linalg.solve(doubts[t, k, :3, :3] + measured[t, k], doubts[t, k, :3]).swapaxes(-1, -2)
-        states[t, k] += np.einsum("nij,nj->ni", gain, pose[t, k] - predicted[t, k, :3])
-        spreads[t, k] = _combined(gain, np.eye(3, 6), doubts[t, k], measured[t, k])
-    for t in range(n_frames - 2, -1, -1):
-        step, gained = path[t + 1]
-        gain = np.linalg.solve(doubts[t + 1], step @ spreads[t]).swapaxes(-1, -2)
-        states[t] += np.einsum("nij,nj->ni", gain, states[t + 1] - predicted[t + 1])
-        spreads[t] = _combined(gain, step, spreads[t], gained + spreads[t + 1])
-    return states[..., :3].copy(), spreads[..., :3, :3].copy()
-
-
-def _combined(gain: Array, seen: Array, spread: Array, noise: Array) -> Array:
-    """Return (1 − G H) P (1 − G H)ᵀ + G R Gᵀ, Joseph's form: symmetric and positive whatever the rounding."""
-    kept = np.eye(spread.shape[-1]) - gain @ seen
-    out: Array = kept @ spread @ kept.swapaxes(-1, -2) + gain @ noise @ gain.swapaxes(-1, -2)
-    return (out + out.swapaxes(-1, -2)) / 2.0

@@ -107,13 +107,13 @@ def test_breaks_of_the_capture_are_cut_out() -> None:
 def test_recordings_are_compared() -> None:
     longest = max(recordings.motions().items(), key=lambda take: len(take[1]))[0]
     small = ["--names", longest, "--frames", "45", "--views", "3", "--fps", "15", "--joints"]
-    chosen = ["--methods", "frames", "butterworth", "kalman", "--conditions", "good"]
+    chosen = ["--methods", "frames", "butterworth", "sequence", "--conditions", "good"]
     good, by_joints = run("sequences", *small, *chosen)
-    assert 5.0 < good["kalman"]["mean mm"] < good["frames"]["mean mm"] + 5.0 < 40.0
+    assert 5.0 < good["sequence"]["mean mm"] < good["frames"]["mean mm"] + 5.0 < 40.0
     assert good["butterworth"]["acc m/s²"] < good["frames"]["acc m/s²"]
     assert good["butterworth"]["1 σ %"] is None
     for part in ("ends", "middle", "trunk", "fastest 1 %", "hardest 1 %"):
-        assert f"kalman, {part}" in by_joints
+        assert f"sequence, {part}" in by_joints
 
 
 def test_every_camera_of_the_sample_is_predicted_from_the_others() -> None:

@@ -1,4 +1,4 @@
-"""Gaps and noise over time: against splines, frequencies, a scalar filter and a dense posterior."""
+"""Gaps and noise over time: against splines, frequencies and a scalar filter."""
 
 from __future__ import annotations
 
@@ -183,73 +183,10 @@ def test_one_euro_turns_with_the_world():
     )
 
 
-# Kalman smoother
-
-
-def measurements(n_frames):
-    """Return positions (T, 1, 3) about 1 m from the origin, and covariances of about (20 mm)²."""
-    rng = np.random.default_rng(0)
-    pose = 1000.0 + 100.0 * rng.standard_normal((n_frames, 1, 3))
-    root = rng.standard_normal((n_frames, 1, 3, 3))
-    return pose, 200.0 * (root @ root.swapaxes(-1, -2) + np.eye(3))
-
-
-def dense_posterior(pose, covariance, times, density):
-    """Return the means (T, 3) and covariances (T, 3, 3) of one Gaussian with all terms of the model."""
-    n_frames, one = len(pose), np.eye(3)
-    hessian, right = np.zeros((6 * n_frames, 6 * n_frames)), np.zeros(6 * n_frames)
-    start = np.diag([3.0 / (density * 10.0**3)] * 3 + [1.0 / (density * 10.0)] * 3)
-    hessian[:6, :6] += start
-    right[:6] += start @ np.concatenate([pose[0, 0], np.zeros(3)])
-    for t in range(n_frames):
-        if np.isfinite(pose[t]).all():
-            information = np.linalg.inv(covariance[t, 0])
-            hessian[6 * t : 6 * t + 3, 6 * t : 6 * t + 3] += information
-            right[6 * t : 6 * t + 3] += information @ pose[t, 0]
-        if t > 0:
-            dt = times[t] - times[t - 1]
-            step = np.block([[one, dt * one], [np.zeros((3, 3)), one]])
-            process = np.linalg.inv(density * np.kron([[dt**3 / 3, dt**2 / 2], [dt**2 / 2, dt]], one))
-            both = np.hstack([-step, np.eye(6)])
-            hessian[6 * t - 6 : 6 * t + 6, 6 * t - 6 : 6 * t + 6] += both.T @ process @ both
-    posterior = np.linalg.inv(hessian)
-    blocks = [posterior[6 * t : 6 * t + 3, 6 * t : 6 * t + 3] for t in range(n_frames)]
-    return (posterior @ right).reshape(n_frames, 6)[:, :3], np.array(blocks)
-
-
-@pytest.mark.parametrize("frames", [range(9), [3, 4, 5, 6, 7, 12, 13, 14, 20]])
-def test_the_smoother_is_the_posterior_of_its_model(frames):
-    pose, covariance = measurements(9)
-    pose[4] = NAN
-    covariance[6, 0, 1, 1] = np.inf
-    got, spread = temporal.kalman(pose, 20.0, covariance, 4.0e5, frames=list(frames))
-    pose[6] = NAN
-    mean, expected = dense_posterior(pose, covariance, np.array(frames) / 20.0, 4.0e5)
-    # The wide start, (12 m)², costs the covariances of the filter eight digits.
-    np.testing.assert_allclose(got[:, 0], mean, atol=1e-4)
-    np.testing.assert_allclose(spread[:, 0], expected, rtol=1e-4, atol=1e-3)
-
-
-def test_every_joint_has_its_density_and_one_that_is_never_measured_stays_missing():
-    pose, covariance = measurements(12)
-    both, twice = np.repeat(pose, 3, axis=1), np.repeat(covariance, 3, axis=1)
-    both[:, 2] = NAN
-    smooth, spread = temporal.kalman(both, 30.0, twice, [1e4, 1e7, 1e6])
-    for joint, density in ((0, 1e4), (1, 1e7)):
-        alone, own = temporal.kalman(pose, 30.0, covariance, density)
-        np.testing.assert_allclose(smooth[:, joint], alone[:, 0], rtol=1e-12)
-        np.testing.assert_allclose(spread[:, joint], own[:, 0], rtol=1e-9)
-    assert np.isnan(smooth[:, 2]).all()
-    assert np.isnan(spread[:, 2]).all()
-    nothing, none = temporal.kalman(np.empty((0, 2, 3)), 30.0, np.empty((0, 2, 3, 3)), 1e6)
-    assert (nothing.shape, none.shape) == ((0, 2, 3), (0, 2, 3, 3))
-
-
 # bad input
 
 
 POSE = np.zeros((3, 1, 3))
-ONES = np.ones((3, 1, 3, 3))
 
 
 @pytest.mark.parametrize(
@@ -267,9 +204,6 @@ ONES = np.ones((3, 1, 3, 3))
         (lambda: temporal.butterworth(POSE, -1.0), "frame_rate"),
         (lambda: temporal.one_euro(POSE, RATE, min_cutoff=0.0, beta=0.0), "min_cutoff"),
         (lambda: temporal.one_euro(POSE, RATE, min_cutoff=1.0, beta=-1.0), "beta"),
-        (lambda: temporal.kalman(POSE, RATE, ONES[0], 1.0), "covariance"),
-        (lambda: temporal.kalman(POSE, RATE, ONES, [1.0, 2.0]), "density"),
-        (lambda: temporal.kalman(POSE, RATE, ONES, 0.0), "density"),
     ],
 )
 def test_bad_input_is_named(call, argument):

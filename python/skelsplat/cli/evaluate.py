@@ -59,7 +59,7 @@ OPTIONS = (
         --views M  Number of views, where the protocol has a choice: panoptic 4 to 8, occlusion-person 4 or 8.
             [the protocol's]
         --every K  One frame in K of each take. [the protocol's]
-        --fps HZ  Frames per second, for annealed-butterworth, annealed-kalman and over-time. [the data set's]
+        --fps HZ  Frames per second, for annealed-butterworth and over-time. [the data set's]
         """,
         views={"kind": int, "limits": {"min": 2}},
         every={"kind": int, "limits": {"min": 1}},

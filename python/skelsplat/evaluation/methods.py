@@ -41,10 +41,6 @@ Human3.6M (tab:abl-initial-guess), over 1.596, the mean length of a standard nor
 # that a straight line fills before it, s.
 CUTOFF_HZ, _OF_NYQUIST, GAP_S = 6.0, 0.8, 0.5
 
-DENSITY_MM2_S3 = 1e6
-"""Spectral density of the white acceleration of the Kalman smoother: on simulated recordings at 30 Hz, the
-lowest errors of arms and legs of 1e5, 3e5, 1e6, …, 1e8."""
-
 # Side of the crops in whose pixels the thresholds of Iskakov et al. are.
 _CROP_PX = 384.0
 
@@ -213,19 +209,10 @@ def butterworth(pose: Array, fps: float) -> Array:
     return temporal.butterworth(filled, fps, cutoff(fps))[0]
 
 
-def _smoothed(smooth: Callable[[Refinement, Take, slice], Array], task: Task) -> Array:
+def _smoothed(task: Task) -> Array:
     """Refine single frames, then smooth each stretch of consecutive ones."""
-    alone = task.refined()
-    return np.concatenate([smooth(alone, task.take, part) for part in stretches(task.take.frames)])
-
-
-def _butterworth(alone: Refinement, take: Take, part: slice) -> Array:
-    return butterworth(alone.pose[part], take.fps or 0.0)
-
-
-def _kalman(alone: Refinement, take: Take, part: slice) -> Array:
-    density = DENSITY_MM2_S3 / take.rig.mm_per_unit**2
-    return temporal.kalman(alone.pose[part], take.fps or 0.0, alone.uncertainty[part], density)[0]
+    pose, fps = task.refined().pose, task.take.fps or 0.0
+    return np.concatenate([butterworth(pose[part], fps) for part in stretches(task.take.frames)])
 
 
 def _in_time(task: Task) -> Array:
@@ -283,16 +270,10 @@ _ALL = (
     Method("annealed", _refine, _annealed),  # the default
     Method(  # then a zero-lag Butterworth filter
         "annealed-butterworth",
-        partial(_smoothed, _butterworth),
+        _smoothed,
         partial(_annealed, cutoff_hz=CUTOFF_HZ, gap_s=GAP_S),
         over_time=True,
         package="scipy",
-    ),
-    Method(  # then a Kalman smoother per joint
-        "annealed-kalman",
-        partial(_smoothed, _kalman),
-        partial(_annealed, density_mm2_s3=DENSITY_MM2_S3),
-        over_time=True,
     ),
     Method("over-time", _in_time, _annealed, over_time=True),  # all frames of a recording in one solve
     Method("annealed-prior", _refine, _prior),  # with the fused monocular poses as a Gaussian prior

@@ -97,7 +97,7 @@ class Single(Evaluation):
             f"distance, and wrong in PCK. Time: the method alone, compiled methods on {threads} "
             f"thread{'s' * (threads != 1)}; no 2D detector or monocular estimator.",
             f"acc: mean error of the acceleration, m/s², of consecutive frames at {' or '.join(rates)} Hz. "
-            "annealed-butterworth, annealed-kalman and over-time use all frames of a take, not across gaps."
+            "annealed-butterworth and over-time use all frames of a take, not across gaps."
             if "acceleration_m_s2" in self.columns
             else "",
             "" if self.published is None else self.published.note(real),

@@ -84,9 +84,7 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_methods_over_time_run_at_a_rate(recording: Path, tmp_path: Path) -> None:
-    found = run(
-        "synthetic", recording, "-o", tmp_path, "--fps", 1.5625, "-m", "annealed,over-time,annealed-kalman"
-    )
+    found = run("synthetic", recording, "-o", tmp_path, "--fps", 1.5625, "-m", "annealed,over-time")
     assert "acc" in found.stdout
     assert "of consecutive frames at 1.5625 Hz" in " ".join(found.stdout.split())
     rows = (tmp_path / "report.csv").read_text(encoding="utf-8").splitlines()

@@ -89,6 +89,4 @@ def test_the_rate_of_a_data_set_decides_whether_methods_over_time_run(case: str,
     cases = protocols.get(name).cases(data)
     picked = {method.name for method in single.select([], cases, methods.Options())}
     consecutive = all((np.diff(take.frames) == 1).any() for take in data)
-    assert (
-        ("over-time" in picked) == ("annealed-kalman" in picked) == (RATES[case] is not None and consecutive)
-    )
+    assert ("over-time" in picked) == (RATES[case] is not None and consecutive)

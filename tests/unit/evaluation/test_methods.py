@@ -18,7 +18,7 @@ TAKE = takes.simulated(3).takes[0]
 # Frames 0 to 24 and 29 to 39, and then a single one.
 RECORDING = takes.recording().takes[0]
 RECORDING = replace(RECORDING, frames=np.append(RECORDING.frames[:-1], 45))
-OVER_TIME = ("annealed-butterworth", "annealed-kalman", "over-time")
+OVER_TIME = ("annealed-butterworth", "over-time")
 ALONE = [name for name in methods.names if name not in OVER_TIME]
 LAYOUT = sk.layouts.H36M17
 
@@ -73,9 +73,6 @@ def test_settings_are_json_and_say_everything(name: str) -> None:
 # What each method over time makes of one stretch of consecutive frames, solved alone before.
 STRETCHES = {
     "annealed-butterworth": lambda part, alone: temporal.butterworth(alone.pose[part], 25.0, 6.0)[0],
-    "annealed-kalman": lambda part, alone: temporal.kalman(
-        alone.pose[part], 25.0, alone.uncertainty[part], 1e6
-    )[0],
     "over-time": lambda part, _: (
         sk.refine_sequence(RECORDING.detections[part], RECORDING.rig, fps=25.0, layout=LAYOUT).pose
     ),

@@ -15,7 +15,7 @@ from skelsplat.evaluation import methods, protocols, single
 from skelsplat.evaluation.reported import published
 from skelsplat.evaluation.tables import Column, Row, Table
 
-OVER_TIME = ["annealed-butterworth", "annealed-kalman", "over-time"]
+OVER_TIME = ["annealed-butterworth", "over-time"]
 NAMES = ["dlt", "fusion", "annealed"]
 DATA = takes.simulated(4, keys=("S9/Walking", "S9/Greeting", "S11/Directions 1"))
 
@@ -150,7 +150,7 @@ def test_without_names_everything_runs_that_the_data_allow(monkeypatch: pytest.M
     assert set(OVER_TIME) < set(single.evaluate(recording).methods)
     monkeypatch.setattr(single, "find_spec", lambda name: None if name == "scipy" else name)
     without = {method.name for method in single.select([], rules.cases(recording), methods.Options())}
-    assert without & set(OVER_TIME) == {"annealed-kalman", "over-time"}
+    assert without & set(OVER_TIME) == {"over-time"}
     monkeypatch.undo()
     with_paper = single.select(["all"], [], methods.Options())
     assert [method.name for method in with_paper] == list(methods.names)
