@@ -26,7 +26,7 @@ from scenarios import FloatArray, Scene
 import skelsplat as sk
 from skelsplat.association import choose_person
 from skelsplat.cameras import altered, matrix_from_vector
-from skelsplat.io import read_calibration, read_openpose, sample
+from skelsplat.io import read_calibration, read_detections, sample
 
 METHODS = ("frames", "butterworth", "sequence")
 # Residuals above this count less when the camera is rotated, px.
@@ -38,7 +38,7 @@ def recording() -> Scene:
     with tempfile.TemporaryDirectory() as folder:
         paths = sample.extract(Path(folder))
         rig = read_calibration(paths.calibration, unit=sample.UNIT)
-        found = read_openpose(paths.detections, rig, layout=sample.LAYOUT)
+        found = read_detections(paths.detections, rig, layout=sample.LAYOUT)
     detections, _ = choose_person(found.people, rig)
     unknown = np.full((len(detections), detections.shape[2], 3), np.nan)
     return Scene(unknown, detections, rig, sample.LAYOUT, "real detections: OpenPose, Pose2Sim's demo")

@@ -12,26 +12,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from skelsplat import layouts
+
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
     from pathlib import Path
 
-# the landmarks of MediaPipe Pose 0 to 32, as its documentation lists them
-MEDIAPIPE = (
-    *(
-        "nose",
-        "left_eye_inner",
-        "left_eye",
-        "left_eye_outer",
-        "right_eye_inner",
-        "right_eye",
-        "right_eye_outer",
-    ),
-    *("left_ear", "right_ear", "mouth_left", "mouth_right", "left_shoulder", "right_shoulder", "left_elbow"),
-    *("right_elbow", "left_wrist", "right_wrist", "left_pinky", "right_pinky", "left_index", "right_index"),
-    *("left_thumb", "right_thumb", "left_hip", "right_hip", "left_knee", "right_knee", "left_ankle"),
-    *("right_ankle", "left_heel", "right_heel", "left_foot_index", "right_foot_index"),
-)
+MEDIAPIPE = layouts.MEDIAPIPE33.joints
 SCORER = "DLC_resnet50_gaitOct30shuffle1_100000"
 
 

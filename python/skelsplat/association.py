@@ -7,7 +7,6 @@ there. The hypotheses of consecutive frames are then linked so that one person i
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -32,6 +31,12 @@ __all__ = [
     "with_confidences",
 ]
 
+MIN_CONFIDENCE = 0.2
+"""Joints below it do not take part in the choice; they are still returned."""
+MIN_JOINTS = 4
+"""Joints that must be in common for a comparison (all K, if K is smaller)."""
+GATE = 0.03
+"""Largest median reprojection error, as a part of the image's diagonal: 66 px at 1920×1080."""
 # hypotheses of a frame that stay in the running when frames are linked
 _KEPT = 8
 # changing to someone else once must pay for itself: worth two views of one frame
@@ -40,6 +45,7 @@ _SWITCH_COST = 2.0
 _SWITCH_MM = 1000.0
 # of a body's size: who is nearer to someone else than this is the same body, detected twice
 _SAME_BODY = 0.25
+_MOST_PEOPLE = 4
 
 
 def choose_person(
@@ -47,9 +53,6 @@ def choose_person(
     cameras: sk.CameraRig | Sequence[sk.Camera],
     *,
     layout: sk.Layout | None = None,
-    min_confidence: float = 0.2,
-    gate: float = 0.03,
-    min_joints: int = 4,
 ) -> tuple[Array, Index]:
     """Follow one person through all views and frames.
 
@@ -61,16 +64,11 @@ def choose_person(
     ----------
     people : (T, M, P, K, 3)
         Pixels of the original images and confidence; NaN where nobody or nothing is. The order in P is free.
+        Joints of a confidence below 0.2 do not take part in the choice; they are still returned.
     cameras : CameraRig or sequence of Camera
         M ≥ 2 of them. A plain sequence is taken to be in mm.
     layout : Layout, optional
         Lets a person stand in a view with left and right exchanged, which the solver can set right.
-    min_confidence : float
-        Joints below it do not take part in the choice; they are still returned.
-    gate : float
-        Largest median reprojection error, as a part of the image's diagonal: 0.03 is 66 px at 1920×1080.
-    min_joints : int
-        Joints that must be in common for a comparison (all K, if K is smaller).
 
     Returns
     -------
@@ -90,31 +88,27 @@ def choose_person(
         If there are too many people to compare all: the search of a frame ends after a fixed amount of work.
     """
     everyone = checked_people(people, cameras)
-    options: dict[str, Any] = {"layout": layout, "min_confidence": min_confidence, "min_joints": min_joints}
-    index, cut = chosen_places(everyone, cameras, gate=gate, **options)
+    index, cut = chosen_places(everyone, cameras, layout)
     if cut.any():
         warn(people_uncompared(int(cut.sum()), most_people(everyone)))
     return take_people(everyone, index), index
 
 
 def chosen_places(
-    everyone: Array,
-    cameras: sk.CameraRig | Sequence[sk.Camera],
-    *,
-    layout: sk.Layout | None,
-    min_confidence: float,
-    min_joints: int,
-    gate: float = 0.03,
+    everyone: Array, cameras: sk.CameraRig | Sequence[sk.Camera], layout: sk.Layout | None
 ) -> tuple[Index, Mask]:
     """Return the places (T, M) of `choose_person`, and the frames (T,) in which not all were compared."""
     joints = everyone.shape[3]
+    if layout is not None and layout.n_joints != joints:
+        raise InvalidInputError(f"layout: expected one of {joints} joints, got {layout.n_joints}")
+    pairs = () if layout is None else layout.left_right
     index, cut = people_chosen(
         cameras,
         everyone,
-        [gate * float(np.hypot(*camera.size)) for camera in cameras],
-        min_confidence=min_confidence,
-        min_joints=min(min_joints, joints),
-        mirror=_mirrored(layout, joints).tolist(),
+        [GATE * float(np.hypot(*camera.size)) for camera in cameras],
+        min_confidence=MIN_CONFIDENCE,
+        min_joints=min(MIN_JOINTS, joints),
+        mirror=mirror_images(joints, pairs).tolist(),
         most=_KEPT,
         worse=2 * _SWITCH_COST,  # going over to the best of a frame and back costs no more
         switch_cost=_SWITCH_COST,
@@ -127,46 +121,24 @@ def separate_people(
     people: npt.ArrayLike,
     cameras: sk.CameraRig | Sequence[sk.Camera],
     *,
-    first: Index | None = None,
-    most: int = 4,
     layout: sk.Layout | None = None,
-    min_confidence: float = 0.2,
-    min_joints: int = 4,
-) -> tuple[Index, Array]:
-    """Tell apart the people on whom two views or more agree, the one whom `choose_person` takes first.
+    first: Index | None = None,
+) -> Index:
+    """Tell apart up to four people on whom two views or more agree, and return their places (Q, T, M) in P.
 
-    Everybody else is chosen in the same way among the detections that are left. A body detected twice is one
-    person: who is nearer to an earlier one than a quarter of that body's size is left out.
-
-    Parameters
-    ----------
-    people, cameras, layout, min_confidence, min_joints
-        As for `choose_person`.
-    first : (T, M) int, optional
-        The first person's places in P, -1 for none, if they are known.
-    most : int
-        Stop after so many people.
-
-    Returns
-    -------
-    index : (Q, T, M) int
-        Everybody's place in P, -1 for none. Nobody of the Q ≥ 1 but the first is without any place.
-    pose : (Q, T, K, 3)
-        Their joints, triangulated; NaN where unknown.
-
-    Raises
-    ------
-    InvalidInputError
-        As `choose_person`.
+    The one whom `choose_person` takes is first; everybody else is chosen in the same way among the detections
+    that are left. A body detected twice is one person: who is nearer to an earlier one than a quarter of that
+    body's size is left out. Where somebody is in no view, the place is -1; nobody of the Q ≥ 1 but the first
+    is without any. ``first`` (T, M) are the first person's places, if they are known; the other arguments and
+    errors are those of `choose_person`.
     """
     everyone = checked_people(people, cameras)
-    options: dict[str, Any] = {"layout": layout, "min_confidence": min_confidence, "min_joints": min_joints}
-    index = choose_person(everyone, cameras, **options)[1] if first is None else first
+    index = choose_person(everyone, cameras, layout=layout)[1] if first is None else first
     rest, found, poses = everyone.copy(), [index], [_triangulated(everyone, index, cameras)]
-    while len(found) < most:
+    while len(found) < _MOST_PEOPLE:
         steps, views = np.nonzero(index >= 0)
         rest[steps, views, index[steps, views]] = np.nan
-        index, _ = chosen_places(rest, cameras, **options)
+        index, _ = chosen_places(rest, cameras, layout)
         if (index < 0).all():
             break
         pose = _triangulated(everyone, index, cameras)
@@ -174,7 +146,7 @@ def separate_people(
         if not same[(index >= 0).any(axis=1)].all():
             found.append(np.where(same[:, None], -1, index))
             poses.append(np.where(same[:, None, None], np.nan, pose))
-    return np.stack(found), np.stack(poses)
+    return np.stack(found)
 
 
 def _triangulated(people: Array, index: Index, cameras: sk.CameraRig | Sequence[sk.Camera]) -> Array:
@@ -209,16 +181,12 @@ def checked_people(
     people: npt.ArrayLike, cameras: Sequence[sk.Camera], values: tuple[int, ...] = (3,)
 ) -> Array:
     """Return people (T, M, P, K, 2 | 3) of two cameras or more, or raise `InvalidInputError`."""
-    array = numbers(people, "people")
-    if len(cameras) < 2:
-        raise InvalidInputError(f"cameras: expected at least two, got {len(cameras)}")
-    if (
-        array.ndim != 5
-        or array.shape[1] != len(cameras)
-        or array.shape[4] not in values
-        or 0 in array.shape[2:4]
-    ):
-        expected = f"shape (T, {len(cameras)}, P, K, 3) for {len(cameras)} cameras"
+    array, count = numbers(people, "people"), len(cameras)
+    if count < 2:
+        raise InvalidInputError(f"cameras: expected at least two, got {count}")
+    fits = array.ndim == 5 and array.shape[1] == count and array.shape[4] in values
+    if not fits or 0 in array.shape[2:4]:
+        expected = f"shape (T, {count}, P, K, 3) for {count} cameras"
         raise InvalidInputError(f"people: expected {expected}, got {array.shape}")
     return with_confidences(array) if array.shape[4] == 3 else array
 
@@ -229,12 +197,3 @@ def with_confidences(people: Array) -> Array:
     if not (people[..., 2] > 1.0).any():
         return people
     return np.where((people > 1.0) & [False, False, True], 1.0, people)
-
-
-def _mirrored(layout: sk.Layout | None, joints: int) -> Index:
-    """Place of every joint's mirror image, (K,)."""
-    if layout is None:
-        return np.arange(joints)
-    if layout.n_joints != joints:
-        raise InvalidInputError(f"layout: expected one of {joints} joints, got {layout.n_joints}")
-    return mirror_images(joints, layout.left_right)

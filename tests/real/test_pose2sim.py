@@ -11,7 +11,7 @@ import skelsplat as sk
 from skelsplat.association import choose_person
 from skelsplat.io import sample
 from skelsplat.io.calibration import read_calibration
-from skelsplat.io.detections import read_openpose
+from skelsplat.io.detections import read_detections
 
 # Joint of the layout → marker of Pose2Sim's TRC.
 MARKERS = {"left_knee": "LKnee", "right_knee": "RKnee", "left_hip": "LHip", "right_elbow": "RElbow"}
@@ -21,7 +21,7 @@ MARKERS = {"left_knee": "LKnee", "right_knee": "RKnee", "left_hip": "LHip", "rig
 def recording(tmp_path_factory: pytest.TempPathFactory):
     paths = sample.extract(tmp_path_factory.mktemp("sample"))
     rig = read_calibration(paths.calibration, unit=sample.UNIT)
-    return rig, read_openpose(paths.detections, cameras=rig, layout=sample.LAYOUT)
+    return rig, read_detections(paths.detections, cameras=rig, layout=sample.LAYOUT)
 
 
 @pytest.fixture(scope="module")

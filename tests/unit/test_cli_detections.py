@@ -13,7 +13,7 @@ from command_line import assert_fails, invoke, read_report, texts
 from detection_cases import CASES
 from detection_files import Take
 from skelsplat.cli import app
-from skelsplat.io import read_npz, read_openpose
+from skelsplat.io import read_detections, read_npz
 
 OPTIONS = ["--unit", "mm", "--layout", "h36m17", "--fps", "50", "-q"]
 JOINTS = sk.layouts.H36M17.joints
@@ -27,7 +27,7 @@ def refine(folder, detections, *options):
 @pytest.fixture
 def take(recording):
     folder, rig, _ = recording
-    people = read_openpose(folder / "openpose", rig, layout="h36m17").people
+    people = read_detections(folder / "openpose", rig, layout="h36m17").people
     return Take(people, list(rig.names), list(JOINTS))
 
 

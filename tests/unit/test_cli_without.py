@@ -12,7 +12,7 @@ import skelsplat as sk
 from command_line import READ, assert_fails, invoke
 from detection_cases import CASES
 from detection_files import Take
-from skelsplat.io import read_npz, read_openpose, read_run
+from skelsplat.io import read_detections, read_npz, read_run
 
 OUT = "cam3"
 KEPT = ("cam1", "cam2", "cam4")
@@ -32,7 +32,7 @@ def pose(folder):
 def expected(recording):
     """Return the pose of the other three cameras, which OpenPose folders give."""
     folder, rig, _ = recording
-    detections = read_openpose(folder / "openpose", rig, layout="h36m17").people[:, :, 0]
+    detections = read_detections(folder / "openpose", rig, layout="h36m17").people[:, :, 0]
     kept = [rig.names.index(name) for name in KEPT]
     three = sk.CameraRig([rig[i] for i in kept], unit=rig.unit)
     return sk.refine(None, detections[:, kept], three, layout="h36m17").pose
@@ -57,7 +57,7 @@ def test_its_folder_may_be_there_or_not(recording, expected, there):
 @pytest.mark.parametrize("name", ["coco", "mmpose", "deeplabcut_csv", "npz", "csv"])
 def test_every_kind_of_detections_with_all_views_or_without_the_one(recording, expected, name, count):
     folder, rig, _ = recording
-    people = read_openpose(folder / "openpose", rig, layout="h36m17").people
+    people = read_detections(folder / "openpose", rig, layout="h36m17").people
     kept = range(4) if count == 4 else [rig.names.index(camera) for camera in KEPT]
     (folder / name).mkdir()
     take = Take(people[:, list(kept)], [rig.names[i] for i in kept], list(sk.layouts.H36M17.joints))

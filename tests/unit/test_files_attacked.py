@@ -35,10 +35,8 @@ def lines(first, last="0.5", joint="{}"):
     return "\n".join([f"frame,joint,x,y,{first}", *rows]) + "\n"
 
 
-@pytest.mark.parametrize(("form", "big"), [("{:02}", False), ("{:04}", True)])
-def test_the_places_of_joints_may_have_zeros_before_them(tmp_path, monkeypatch, form, big):
-    monkeypatch.setattr("skelsplat.io._rows.BIG", 1 if big else 2**60)
-    monkeypatch.setattr("skelsplat.io.detections._csv_index._LINES", 5)
+@pytest.mark.parametrize("form", ["{:02}", "{:04}"])
+def test_the_places_of_joints_may_have_zeros_before_them(tmp_path, form):
     for name in CAMERAS:
         once = "".join(
             f"{t}{line[1:]}" for t in range(3) for line in lines("", joint=form).splitlines(True)[1:]

@@ -218,7 +218,7 @@ CROWDS = {
         "xy_x.csv",
         "sync_index,cam_id,keypoint_id,img_loc_x,img_loc_y\n"
         + "".join(f"{k},0,9999,5,5\n" for k in range(5000)),
-        "point",
+        "joint",
     ),
     "nulls": (
         "p.json",

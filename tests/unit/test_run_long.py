@@ -14,7 +14,7 @@ import skelsplat as sk
 from skelsplat import _budget, synthetic
 from skelsplat.association import take_people
 from skelsplat.findings import Finding, FindingWarning
-from skelsplat.io import _rows, read_run, write_calibration
+from skelsplat.io import _arrays, read_run, write_calibration
 from skelsplat.io.poses._pose_data import ARRAYS
 from skelsplat.run import Job, Run, folder, frame_range, frames, parts, read, run, run_people
 from skelsplat.run.frame_range import FrameRange
@@ -44,7 +44,7 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(autouse=True)
 def everything_is_long(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(_rows, "BIG", 1)
+    monkeypatch.setattr(_arrays, "BIG", 1)
     monkeypatch.setattr(folder, "can_draw", lambda: False)
     monkeypatch.setattr(read, "LONG", 0)
     monkeypatch.setattr(parts, "_PER_PART", 1)
@@ -131,7 +131,7 @@ def test_counts_are_of_all_frames_and_medians_of_those_drawn(
 def test_memory_hardly_grows_with_the_recording(
     files: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(_rows, "_PIECE", 2**17)
+    monkeypatch.setattr(_arrays, "_PIECE", 2**17)
     monkeypatch.setattr(parts, "DRAWN", 100)
     monkeypatch.setattr(parts, "MOST_NAMED", 10)
     monkeypatch.setattr(frames, "_MOST", 10)

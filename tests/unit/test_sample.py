@@ -8,7 +8,7 @@ import pytest
 import skelsplat as sk
 from command_line import invoke, read_report
 from skelsplat.association import choose_person
-from skelsplat.io import read_calibration, read_openpose, sample
+from skelsplat.io import read_calibration, read_detections, sample
 
 
 @pytest.fixture(scope="module")
@@ -23,7 +23,7 @@ def rig(paths):
 
 @pytest.fixture(scope="module")
 def found(paths, rig):
-    return read_openpose(paths.detections, rig, layout=sample.LAYOUT)
+    return read_detections(paths.detections, rig, layout=sample.LAYOUT)
 
 
 def test_four_cameras_in_a_room(rig):
@@ -59,7 +59,7 @@ def test_unpacking_into_a_file(tmp_path):
 def test_two_people_and_a_bystander(tmp_path):
     paths = sample.extract(tmp_path, people=True)
     rig = read_calibration(paths.calibration, unit=sample.UNIT)
-    found = read_openpose(paths.detections, rig, layout=sample.LAYOUT)
+    found = read_detections(paths.detections, rig, layout=sample.LAYOUT)
     assert found.people.shape[0::3] == (100, 25)
     np.testing.assert_array_equal(np.median(found.people_per_frame, axis=0), [3, 3, 2, 2])
     assert {path.name for path in tmp_path.iterdir()} >= {"LICENSE.pose2sim", "NOTICE.pose2sim"}

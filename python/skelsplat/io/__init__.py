@@ -6,7 +6,7 @@ argument for what a format cannot hold. A package that a format needs is a `skel
 """
 
 from skelsplat.io.calibration import convert_unit, read_calibration, write_calibration
-from skelsplat.io.detections import DetectionSet, read_detections, read_layout, read_openpose, read_skeleton
+from skelsplat.io.detections import DetectionSet, read_detections, read_layout, read_skeleton
 from skelsplat.io.poses import read_pose, write_people, write_pose
 from skelsplat.io.poses._c3d import read_c3d, write_c3d
 from skelsplat.io.poses._csv import read_csv, write_csv
@@ -30,7 +30,6 @@ __all__ = [
     "read_layout",
     "read_netcdf",
     "read_npz",
-    "read_openpose",
     "read_pose",
     "read_run",
     "read_skeleton",

@@ -1,4 +1,7 @@
-"""Arrays from npy and npz files, checked with the package's errors; `_guarded` reads those of objects."""
+"""Arrays in npy and npz files, whole or a stretch of rows at a time, checked with the package's errors.
+
+Arrays of objects are read by `_guarded`; those that do not fit into memory are read and written in stretches.
+"""
 
 from __future__ import annotations
 
@@ -7,13 +10,14 @@ import mmap
 import os
 import zipfile
 from collections import Counter
-from collections.abc import Collection
+from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, Any, BinaryIO
+from typing import IO, Any
 
 import numpy as np
+import numpy.typing as npt
 
 from skelsplat._arrays import Array, Index
 from skelsplat._budget import MOST_NAME, afford, opened, zipped
@@ -24,6 +28,9 @@ from skelsplat.io._guarded import read_guarded
 _MOST_LENGTH = 10**12  # of an axis, also of an array without any number
 FRAME_RATES = (1e-3, 1e6)
 """Frames per second, the lowest and the highest, that files state."""
+BIG = 32 * 2**20
+"""Bytes from which a file is read in stretches where its format allows that."""
+_PIECE = 2**22  # bytes
 HDF5 = b"\x89HDF\r\n\x1a\n"
 
 
@@ -41,11 +48,9 @@ class Arrays:
             raise DatasetError(self.path, key, "an array under this key", f"keys {there}")
         return self.found[key]
 
-    def frames(self, count: int) -> list[int] | None:
-        """Return the `count` ascending whole numbers under ``frames``; None if they are not there."""
-        if "frames" not in self.found:
-            return None
-        return list(map(int, frame_numbers(self.path, self.found["frames"], count)))
+    def frames(self, count: int) -> Index:
+        """Return the `count` ascending whole numbers under ``frames``; those from 0 if they are not there."""
+        return frame_numbers(self.path, self.found.get("frames", np.arange(count)), count)
 
     def rate(self) -> float | None:
         """Return the number under ``frame_rate``; None if it is NaN or not there."""
@@ -104,20 +109,15 @@ def as_numbers(path: Path, field: str, value: object) -> Array:
 
 def load_npz(path: Path, keys: Collection[str]) -> Arrays:
     """Return those arrays of an npz file that are among `keys`; those of objects are read by `_guarded`."""
-    with opened(path, "a readable npz file") as stream, parsing(path, "a complete npz file"):
-        found, objects = _members(path, stream, keys)
+    found, objects = _members(path, "a complete npz file", keys)
     for name in objects:
         found |= read_guarded("npy", path, "a complete pickle", field=name, names=[name])
     return Arrays(path, found)
 
 
 def load_plain_npz(path: Path, kind: str, keys: Collection[str] | None = None) -> dict[str, Any]:
-    """Return all arrays of an npz file by name, or those among `keys`; one of objects is refused.
-
-    `kind` names it in messages.
-    """
-    with opened(path, "a readable npz file") as stream, parsing(path, kind):
-        found, objects = _members(path, stream, keys)
+    """Return all arrays of an npz file of a `kind`, or those among `keys`; one of objects is refused."""
+    found, objects = _members(path, kind, keys)
     if objects:
         raise DatasetError(path, objects[0], "numbers or texts", "an array of objects")
     return found
@@ -132,21 +132,21 @@ def load_npy(path: Path) -> Any:
     return array
 
 
-def _members(path: Path, stream: BinaryIO, keys: Collection[str] | None) -> tuple[dict[str, Any], list[str]]:
+def _members(path: Path, kind: str, keys: Collection[str] | None) -> tuple[dict[str, Any], list[str]]:
     """Return the arrays among `keys`, or all, that an npz file holds, and the names of those of objects."""
-    found, objects = {}, []
-    with zipped(path, stream) as archive:
-        infos = {info.filename.removesuffix(".npy"): info for info in _infos(archive)}
-        wanted = {name: info for name, info in infos.items() if keys is None or name in keys}
+    found = {}
+    with (
+        opened(path, "a readable npz file") as stream,
+        parsing(path, kind),
+        zipped(path, stream) as archive,
+    ):
+        wanted = {name: one for name, one in _infos(archive).items() if keys is None or name in keys}
         afford(path, "file", sum(info.file_size for info in wanted.values()))
         for name, info in wanted.items():
             with archive.open(info) as member:
-                array = _array(member, path, name, info.file_size)
-            if array is None:
-                objects.append(name)
-            else:
-                found[name] = array
-    return found, objects
+                found[name] = _array(member, path, name, info.file_size)
+    objects = [name for name, array in found.items() if array is None]
+    return {name: array for name, array in found.items() if array is not None}, objects
 
 
 def npy_header(stream: IO[bytes]) -> tuple[tuple[int, ...], bool, np.dtype[Any]]:
@@ -180,26 +180,24 @@ def _array(stream: IO[bytes], path: Path, name: str, held: int) -> Any:
     raise DatasetError(path, name, expected, f"{held}, cut short")
 
 
-def _infos(archive: zipfile.ZipFile) -> list[zipfile.ZipInfo]:
-    return [info for info in archive.infolist() if info.filename.endswith(".npy")]
+def _infos(archive: zipfile.ZipFile) -> dict[str, zipfile.ZipInfo]:
+    suffix = ".npy"
+    infos = (info for info in archive.infolist() if info.filename.endswith(suffix))
+    return {info.filename.removesuffix(suffix): info for info in infos}
 
 
 def npz_keys(path: Path) -> frozenset[str]:
     """Return the names of the arrays in an npz file; none if it is no such file."""
-    try:
-        with opened(path) as stream, parsing(path, "an npz file"), zipped(path, stream) as archive:
-            return frozenset(info.filename.removesuffix(".npy") for info in _infos(archive))
-    except DatasetError:
-        return frozenset()
+    with suppress(DatasetError), opened(path) as stream, parsing(path, "an npz file"):
+        return frozenset(_infos(zipped(path, stream)))
+    return frozenset()
 
 
 def npy_shape(path: Path) -> tuple[int, ...]:
     """Return the shape that an npy file announces; () if it is no such file."""
-    try:
-        with opened(path) as stream, parsing(path, "an npy file"):
-            return tuple(npy_header(stream)[0])
-    except DatasetError:
-        return ()
+    with suppress(DatasetError), opened(path) as stream, parsing(path, "an npy file"):
+        return tuple(npy_header(stream)[0])
+    return ()
 
 
 def hdf5_mentions(path: Path, *names: bytes) -> bool:
@@ -209,3 +207,108 @@ def hdf5_mentions(path: Path, *names: bytes) -> bool:
             with mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as content:
                 return all(content.find(name) >= 0 for name in names)
     return False
+
+
+class RowFile:
+    """Rows in a file of one's own: appended, then read anywhere."""
+
+    def __init__(self, path: Path, shape: tuple[int, ...], dtype: npt.DTypeLike) -> None:
+        self.path, self._stored, self._row = path, np.dtype(dtype), shape
+        self._bytes = self._stored.itemsize * math.prod(shape)
+        self._width = 0
+        path.write_bytes(b"")
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        return (self.path.stat().st_size // self._bytes if self._bytes else 0, *self._row)
+
+    @property
+    def dtype(self) -> np.dtype[Any]:
+        """The type that NumPy would give all rows: of text, the width of the widest appended."""
+        return np.dtype(f"U{max(1, self._width)}") if self._stored.kind == "U" else self._stored
+
+    def append(self, rows: npt.NDArray[Any]) -> None:
+        """Write rows (t, …) after those that are there."""
+        if self._stored.kind == "U":
+            self._width = max(self._width, rows.dtype.itemsize // 4)
+        with self.path.open("ab") as stream:
+            stream.write(np.ascontiguousarray(rows, dtype=self._stored).data.cast("B"))
+
+    def read(self, first: int, end: int) -> npt.NDArray[Any]:
+        """Return the rows from ``first`` to before ``end``."""
+        count = (end - first) * math.prod(self._row)
+        flat = np.fromfile(self.path, self._stored, count, offset=first * self._bytes)
+        return flat.reshape(end - first, *self._row)
+
+    def pieces(self) -> Iterator[npt.NDArray[Any]]:
+        """Yield all rows, a piece at a time."""
+        steps, each = self.shape[0], max(1, _PIECE // max(1, self._bytes))
+        for first in range(0, steps, each):
+            yield self.read(first, min(first + each, steps)).astype(self.dtype, copy=False)
+
+
+class NpzRows:
+    """Rows of an array in an npz file, read in order: going back begins at the first again."""
+
+    def __init__(self, path: Path, name: str) -> None:
+        self._path, self._name = path, name
+        with opened(path) as stream:
+            self.held = zipped(path, stream).getinfo(f"{name}.npy").file_size
+        self._archive = zipfile.ZipFile(path)
+        self._stream = self._archive.open(f"{name}.npy")
+        self.shape, self.fortran, self.dtype = npy_header(self._stream)
+        self._first, self._bytes = self._stream.tell(), self.dtype.itemsize * math.prod(self.shape[1:])
+
+    def __getitem__(self, rows: slice) -> npt.NDArray[Any]:
+        """Return the rows of a slice without gaps."""
+        first, end, _ = rows.indices(self.shape[0])
+        self._stream.seek(self._first + first * self._bytes)
+        content = self._stream.read((end - first) * self._bytes)
+        if len(content) != (end - first) * self._bytes:
+            expected = f"{self.shape[0]} rows of {self._bytes} bytes"
+            raise DatasetError(self._path, self._name, expected, "fewer, cut short")
+        return np.frombuffer(content, self.dtype).reshape(end - first, *self.shape[1:])
+
+
+def big_array(path: Path, name: str) -> NpzRows | None:
+    """Return an array of an npz file to be read in stretches, if it is that big; None for any other."""
+    with suppress(DatasetError), parsing(path, "an npz file"):
+        rows = NpzRows(path, name)
+        plain = rows.dtype.kind in "fiu" and not rows.fortran and len(rows.shape) > 1
+        if plain and BIG <= math.prod(rows.shape) * rows.dtype.itemsize <= rows.held:
+            return rows
+    return None
+
+
+def npz_rows(path: Path, name: str, count: int, own: slice) -> npt.NDArray[Any]:
+    """Return ``own`` rows of an array of an npz file that has ``count``, or all if it has another number."""
+    with parsing(path, "an npz file"):
+        rows = NpzRows(path, name)
+        if rows.dtype.hasobject or not rows.dtype.itemsize or (rows.fortran and len(rows.shape) > 1):
+            raise DatasetError(path, name, "numbers or texts, row after row", f"the type {rows.dtype}")
+        return rows[own] if rows.shape[0] == count else rows[:]
+
+
+@dataclass(frozen=True)
+class Made:
+    """An array that is made in pieces along its first axis."""
+
+    shape: tuple[int, ...]
+    dtype: np.dtype[Any]
+    pieces: Callable[[], Iterator[npt.NDArray[Any]]]
+
+
+def write_npz(stream: IO[bytes], arrays: Mapping[str, npt.NDArray[Any] | RowFile | Made]) -> None:
+    """Write a compressed npz file as NumPy's `savez_compressed`; some of its arrays are made in pieces."""
+    # level 1: of random digits hardly larger than the usual 6, and three times as fast
+    with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
+        for name, array in arrays.items():
+            with archive.open(f"{name}.npy", "w", force_zip64=True) as member:
+                if isinstance(array, np.ndarray):
+                    np.lib.format.write_array(member, array, allow_pickle=False)
+                    continue
+                descr = np.lib.format.dtype_to_descr(array.dtype)
+                header = {"descr": descr, "fortran_order": False, "shape": array.shape}
+                np.lib.format.write_array_header_1_0(member, header)
+                for piece in array.pieces():
+                    member.write(piece.tobytes())

@@ -26,8 +26,8 @@ from skelsplat._arrays import Array, Index
 from skelsplat._atomic import atomic_write, atomic_write_text
 from skelsplat._fields import FRAME_LIMIT, Field
 from skelsplat.exceptions import DatasetError
+from skelsplat.io._arrays import RowFile, write_npz
 from skelsplat.io._files import load_json
-from skelsplat.io._rows import RowFile, write_npz
 from skelsplat.io._run_files import (
     CAMERAS,
     DETECTIONS,

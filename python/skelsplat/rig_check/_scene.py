@@ -197,7 +197,7 @@ def everybody(
     The others count in frames in which three views or more see them. Also whether a camera sees people, but
     hardly ever the first of them.
     """
-    index, _ = separate_people(people, cameras, layout=layout)
+    index = separate_people(people, cameras, layout=layout)
     sure = np.where((index >= 0).sum(axis=2, keepdims=True) >= _THREE, index, -1)
     often = [one for one in sure[1:] if (one >= 0).any(axis=1).sum() >= _LEAST_FRAMES]
     found = tuple(take_people(people, one) for one in (index[0], *often))

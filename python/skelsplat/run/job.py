@@ -12,7 +12,7 @@ from skelsplat.cameras import MM_PER_UNIT
 from skelsplat.exceptions import InvalidInputError, one_of
 from skelsplat.io._arrays import FRAME_RATES
 from skelsplat.io.detections import FORMATS
-from skelsplat.io.detections._layout import check_layout
+from skelsplat.io.detections._joints import check_layout
 from skelsplat.io.poses import POSE_FORMATS
 from skelsplat.io.poses._pose_data import MARKER_NAMES
 from skelsplat.run.over_time import Filter, parse_filter

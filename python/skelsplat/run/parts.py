@@ -18,7 +18,7 @@ from skelsplat._arrays import Array, Index
 from skelsplat._people import most_people, people_uncompared
 from skelsplat._sequence import frames_of, joined
 from skelsplat.findings import warn
-from skelsplat.io._rows import RowFile
+from skelsplat.io._arrays import RowFile
 from skelsplat.io.poses._pose_data import PoseParts
 from skelsplat.run.frames import FrameFacts
 from skelsplat.run.job import Job

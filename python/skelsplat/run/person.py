@@ -18,8 +18,6 @@ from skelsplat.findings import warn
 BY_FRAME, MOVES_MOST = ("consistent", "largest"), "moves-most"
 # By whom cameras are judged, unless by one of them.
 EVERYBODY = "everybody"
-# A person counts as detected with this many joints of this confidence; others are not considered.
-_MIN_JOINTS, _MIN_CONFIDENCE = 4, 0.2
 # Share of the frames with several people in two views or more from which these people are examined.
 _CROWDED = 0.1
 # Frames of a recording in which people are told apart: 5 ms each with four people in four views.
@@ -90,17 +88,15 @@ def pick_consistent(people: Array, rig: sk.CameraRig, layout: sk.Layout | None) 
     And the frames (T,) in which there were too many people to compare all of them.
     """
     people = association.with_confidences(people)
-    index, cut = association.chosen_places(
-        people, rig, layout=layout, min_confidence=_MIN_CONFIDENCE, min_joints=_MIN_JOINTS
-    )
+    index, cut = association.chosen_places(people, rig, layout)
     there = count_people(people) > 0
     return index, there & (index < 0) & (there.sum(axis=1, keepdims=True) >= 2), cut
 
 
 def count_people(people: Array) -> Index:
     """Count those in every view, (T, M), who have enough joints of enough confidence."""
-    sure = np.isfinite(people[..., :2]).all(axis=-1) & (people[..., 2] >= _MIN_CONFIDENCE)
-    count: Index = (sure.sum(axis=-1) >= min(_MIN_JOINTS, people.shape[3])).sum(axis=2)
+    sure = np.isfinite(people[..., :2]).all(axis=-1) & (people[..., 2] >= association.MIN_CONFIDENCE)
+    count: Index = (sure.sum(axis=-1) >= min(association.MIN_JOINTS, people.shape[3])).sum(axis=2)
     return count
 
 
@@ -131,14 +127,8 @@ def look_around(
     if steps is None:
         steps = sampled(len(people))
         people, index = people[steps], index[steps]
-    found, _ = association.separate_people(
-        people,
-        rig,
-        first=index if person == "consistent" else None,
-        layout=layout,
-        min_confidence=_MIN_CONFIDENCE,
-        min_joints=_MIN_JOINTS,
-    )
+    first = index if person == "consistent" else None
+    found = association.separate_people(people, rig, first=first, layout=layout)
     views = (found >= 0).sum(axis=2)
     alike = (views >= 2) & (views >= _AS_VISIBLE * views.max(axis=0))
     often = alike.mean(axis=1) >= OFTEN

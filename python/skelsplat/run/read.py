@@ -123,7 +123,7 @@ class Opened:
             format=found.format,
             calibration_format=job.calibration_format or find_format(Path(job.calibration)),
             lacking=frozenset(joint for joint, name in job.mapping.items() if name is None),
-            read_as=ReadAs(found.labels, named_offsets(self.every, job.offsets), found.views.uneven),
+            read_as=ReadAs(found.labels, named_offsets(self.every, job.offsets), found.uneven),
             without=tuple(name for name in self.every.names if name not in self.rig.names),
             sources=tuple(path for path in found.sources if path is not None),
             fps=rate,

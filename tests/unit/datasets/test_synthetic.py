@@ -108,7 +108,7 @@ def test_openpose_files_are_what_our_reader_reads(tmp_path, made):
     write_simulated(tmp_path / "data", made, openpose=True)
     recording, rig = made.recordings[0], made.rigs["room"]
     folder = tmp_path / "data" / "takes" / recording.key / "openpose_simulated_noisy"
-    read = io.read_openpose(folder, rig, layout="h36m17")
+    read = io.read_detections(folder, rig, layout="h36m17")
     np.testing.assert_array_equal(read.frames, recording.frames)
     written = recording.arrays["detections_simulated_noisy"]["detections"]
     np.testing.assert_allclose(read.people[:, :, 0, :, :2], written[..., :2], atol=5e-4)
@@ -201,7 +201,7 @@ def test_views_and_frames_of_people_can_be_chosen(people):
 def test_openpose_files_hold_the_people_of_each_view(people, met):
     written = met.recordings[0].arrays["people_simulated_good"]["people"]
     folder = people / "takes" / "scene0" / "openpose_simulated_good"
-    read = io.read_openpose(folder, met.rigs["ring"], layout="h36m17")
+    read = io.read_detections(folder, met.rigs["ring"], layout="h36m17")
     counts = [np.isfinite(one[..., 0]).any(axis=-1).sum(axis=-1) for one in (read.people, written)]
     np.testing.assert_array_equal(*counts)
 

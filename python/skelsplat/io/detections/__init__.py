@@ -2,8 +2,8 @@
 
 A format is a look at a file's beginning and readers from a folder or file of one camera, or from a file of
 all, to views: functions and a row in `FORMATS`. Cameras, frames, joints and missing values are the same for
-all and live here. What is wrong with a file is a `DatasetError` with its path and field, what is wrong with
-an argument an `InvalidInputError`.
+all. What is wrong with a file is a `DatasetError` with its path and field, what is wrong with an argument an
+`InvalidInputError`.
 """
 
 from __future__ import annotations
@@ -11,18 +11,21 @@ from __future__ import annotations
 import os
 from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 import skelsplat as sk
 from skelsplat._budget import within_memory
 from skelsplat.exceptions import InvalidInputError, one_of
-from skelsplat.io.detections._frames import FRAME_MODES, FrameMode, check_offsets
-from skelsplat.io.detections._joints import check_mapping
-from skelsplat.io.detections._layout import choose_layout, read_layout
-from skelsplat.io.detections._match import camera_called, cameras_called
+from skelsplat.io.detections._frames import FRAME_MODES, FrameMode, check_offsets, shared_frames
+from skelsplat.io.detections._joints import (
+    Skeleton,
+    check_mapping,
+    choose_layout,
+    read_layout,
+    read_skeleton,
+)
+from skelsplat.io.detections._match import camera_called, cameras_called, match_by_name, match_by_order
 from skelsplat.io.detections._opened import DetectionSet, Opened, one_rate
-from skelsplat.io.detections._registry import FORMATS, Matching, find_format, open_sources
-from skelsplat.io.detections._skeleton import Skeleton, read_skeleton
+from skelsplat.io.detections._registry import FORMATS, find_format, offered
 
 __all__ = [
     "FORMATS",
@@ -35,7 +38,6 @@ __all__ = [
     "open_detections",
     "read_detections",
     "read_layout",
-    "read_openpose",
     "read_skeleton",
 ]
 
@@ -51,7 +53,6 @@ def read_detections(
     order: str | Sequence[str] | None = None,
     mapping: Mapping[str, str | int | None] | None = None,
     sequence: str | None = None,
-    allow_missing: bool = False,
     without: Collection[str] = (),
 ) -> DetectionSet:
     """Read the 2D detections of all cameras, whichever tool wrote them.
@@ -88,8 +89,6 @@ def read_detections(
         for a joint that the file lacks.
     sequence : str, optional
         Which sequence of a file that has several (VideoPose3D): ``"S9/Directions 1"``.
-    allow_missing : bool
-        Accept cameras without detections; theirs are missing.
     without : collection of str
         Names of `cameras` that are left out, written as loosely as in `offsets`: their detections may be
         there or not, are not read, and have no place in the result. `order` and `offsets` may name them or
@@ -120,7 +119,6 @@ def read_detections(
         order=order,
         mapping=mapping,
         sequence=sequence,
-        allow_missing=allow_missing,
         without=without,
     ).read()
 
@@ -136,7 +134,6 @@ def open_detections(
     order: str | Sequence[str] | None = None,
     mapping: Mapping[str, str | int | None] | None = None,
     sequence: str | None = None,
-    allow_missing: bool = False,
     without: Collection[str] = (),
 ) -> Opened:
     """Open the detections of all cameras to read them in stretches; parameters as of `read_detections`."""
@@ -144,27 +141,21 @@ def open_detections(
     names = _camera_names(cameras, ordered=order is not None)
     shifts = check_offsets(offsets, names)
     left_out = cameras_called(without, names, "without")
-    root = Path(path)
+    kept = tuple(name for name in names if name not in left_out)
+    root, advice = Path(path), "without= leaves out cameras"
     with within_memory(root):
         form = find_format(root, format)
-        sources = open_sources(root, form, Matching(names, order, allow_missing, left_out), sequence)
-        numbers = sources.shared(frames, shifts)
-        chosen = choose_layout(layout, sources.views.values(), root)
-    kept = tuple(name for name in names if name not in left_out)
-    return Opened(sources, numbers, kept, shifts, chosen, check_mapping(mapping, chosen), form.name)
-
-
-def read_openpose(
-    folder: str | os.PathLike[str],
-    cameras: sk.CameraRig | Sequence[sk.Camera] | Sequence[str],
-    *,
-    layout: str | os.PathLike[str] | sk.Layout | None = None,
-    frames: FrameMode = "strict",
-    allow_missing: bool = False,
-) -> DetectionSet:
-    """Read OpenPose folders: `read_detections` with ``format="openpose"``."""
-    rest: dict[str, Any] = {"layout": layout, "frames": frames, "allow_missing": allow_missing}
-    return read_detections(folder, cameras, format="openpose", **rest)
+        there, read = offered(root, form, sequence)
+        if order is None:
+            labels = match_by_name(there, names, optional=left_out, otherwise=advice)
+        else:
+            labels = match_by_order(there, names, order, left_out=left_out, otherwise=advice)
+        labels = {name: labels[name] for name in kept}
+        views = read(labels)
+        numbers = shared_frames(root, there.kind, views, labels, frames, shifts)
+        chosen = choose_layout(layout, views.values(), root, form.name)
+    joints = check_mapping(mapping, chosen)
+    return Opened(root, views, labels, numbers, shifts, chosen, joints, form.name)
 
 
 def _camera_names(cameras: Sequence[sk.Camera] | Sequence[str], *, ordered: bool) -> list[str]:

@@ -18,8 +18,8 @@ from skelsplat.exceptions import DatasetError
 class Person(NamedTuple):
     """One person in one image, and where it stands, for messages.
 
-    `joints` (K, 3) are x, y in px and confidence in (0, 1]; NaN where a joint was not detected. Of a
-    `View` that is ``flat``, nobody is in a place without joints, K = 0.
+    `joints` (K, 3) are x, y in px and confidence in (0, 1]; NaN where a joint was not detected. Nobody is in
+    a place without joints, K = 0.
     """
 
     path: Path
@@ -32,29 +32,20 @@ class View:
     """What one camera saw."""
 
     path: Path  # the file, or the folder of a format with a file per frame
-    frames: Sequence[int] | Index  # ascending
-    # from one of the frames to the people in it; may read a file
-    people: Callable[[int], Sequence[Person]]
+    frames: Index  # ascending
+    # from ascending places in `frames` to the people in each of them; may read files, or a part of one
+    people: Callable[[Index], Sequence[Sequence[Person]]]
     joints: tuple[str, ...] | None = None  # names of the K joints, if the format has them
+    edges: tuple[tuple[int, int], ...] = ()  # places of joints that the file connects
     # The detector's layouts have a fixed order, which the names confirm (MMPose); otherwise the order is free
     # and names alone say what a joint is (DeepLabCut, SLEAP).
     own_order: bool = False
-    flat: bool = False  # a person is one list of 3·K numbers in the file
     sparse: bool = False  # frames in which nobody was found are not listed
     rate: float | None = None  # frames per second, if the file states it
     size: tuple[int, int] | None = None  # width and height of the images, if the file states them
-    # from places in `frames`, first and end, to the people in each of these; reads only that part of a file
-    stretch: Callable[[int, int], Sequence[Sequence[Person]]] | None = None
 
 
-# what other programs call the confidence
-_OTHER_NAMES = frozenset(("conf", "confidences", "likelihood", "prob", "probability", "score", "scores"))
-# no map's peak on average, but a percentage
-_PERCENT = 20.0
-
-
-@dataclass(frozen=True)
-class Recording:
+class Recording(NamedTuple):
     """All views in one file, by label: the camera's name if `named`, else only the place in the file."""
 
     views: Mapping[str, View]
@@ -63,17 +54,17 @@ class Recording:
 
 @dataclass(frozen=True)
 class DetectionFormat:
-    """A registered format; of `file`, `folder` and `recording` there are those in which it comes."""
+    """A registered format; of `files`, `folder` and `recording` there are those in which it comes."""
 
     name: str
-    about: str  # what writes it
     suffixes: tuple[str, ...]
     # says from a look at a file's beginning whether it is of this format; never raises
     matches: Callable[[Path], bool]
-    # read the one file of one camera; the folder of one camera that holds one file per frame; one file of all
-    # cameras, of which the second argument names a sequence, or is None
-    file: Callable[[Path], View] | None = None
+    # reads the one file of each camera
+    files: Callable[[Mapping[str, Path]], Mapping[str, View]] | None = None
+    # reads the folder of one camera that holds one file per frame
     folder: Callable[[Path], View] | None = None
+    # reads one file of all cameras, of which the second argument names a sequence, or is None
     recording: Callable[[Path, str | None], Recording] | None = None
     # whether a recording may have several sequences
     sequences: bool = False
@@ -83,6 +74,17 @@ class DetectionFormat:
     def camera_part(self, stem: str) -> str:
         """Return the stem of a file's name without what the tool added."""
         return re.sub(self.added, "", stem) or stem if self.added else stem
+
+
+def each(read: Callable[[Path], View]) -> Callable[[Mapping[str, Path]], Mapping[str, View]]:
+    """Return what reads the files of all cameras one by one."""
+    return lambda paths: {camera: read(path) for camera, path in paths.items()}
+
+
+# what other programs call the confidence
+_OTHER_NAMES = frozenset(("conf", "confidences", "likelihood", "prob", "probability", "score", "scores"))
+# no map's peak on average, but a percentage
+_PERCENT = 20.0
 
 
 def refuse_other_names(path: Path, field: str, names: Iterable[str]) -> None:
@@ -104,68 +106,45 @@ def joints_of(
     """
     if np.isinf(xy).any():
         raise DatasetError(path, where, "pixels, NaN for missing", "an infinite number")
+    placed = np.isfinite(xy).all(axis=-1)
     sure = np.ones(xy.shape[:-1]) if confidence is None else np.array(confidence, dtype=np.float64)
     if clip:
-        scores = sure[np.isfinite(xy).all(axis=-1) & np.isfinite(sure)]
+        scores = sure[placed & np.isfinite(sure)]
         median = np.median(np.minimum(scores, FARTHEST)) if scores.size else 0.0
         if median > _PERCENT:
             actual = f"a median of {median:.3g}; divide percentages by 100"
             raise DatasetError(path, where, "confidences in [0, 1]", actual)
         sure = np.clip(sure, 0.0, 1.0)
     sure[(sure > 1.0) & (sure <= HIGHEST_CONFIDENCE)] = 1.0
-    wrong = ((sure < 0.0) | (sure > 1.0)) & np.isfinite(xy).all(axis=-1)
+    wrong = ((sure < 0.0) | (sure > 1.0)) & placed
     if wrong.any():
         place = tuple(int(i) for i in np.argwhere(wrong)[0])
-        shown = [first + place[0], *place[1:]] if place else []
+        shown = [first + place[0], *place[1:]]
         raise DatasetError(path, f"{where}{shown}", "a confidence in [0, 1]", f"{sure[place]:g}")
     joined = np.concatenate([xy, sure[..., None]], axis=-1)
-    missing = ~np.isfinite(joined).all(axis=-1) | (sure == 0.0)
-    joined[missing] = np.nan
+    joined[~np.isfinite(joined).all(axis=-1) | (sure == 0.0)] = np.nan
     return joined
 
 
-def array_view(
-    path: Path,
-    where: str,
-    people: Array,
-    *,
-    frames: Sequence[int] | None = None,
-    names: tuple[str, ...] | None = None,
-) -> View:
+def rows_view(path: Path, where: str, frames: Index, read: Callable[[int, int], Array]) -> View:
+    """Return the view of arrays (t, P, K, 3), which are read from a first to before an end."""
+
+    def people(places: Index) -> list[list[Person]]:
+        if not len(places):
+            return []
+        rows = read(int(places[0]), int(places[-1]) + 1)[places - places[0]]
+        return [[Person(path, where, joints) for joints in row] for row in rows]
+
+    return View(path, frames, people)
+
+
+def array_view(path: Path, where: str, people: Array, frames: Index | None = None) -> View:
     """Return the view of an array (T, P, K, 3); frames count from 0 unless given."""
-    numbers = list(range(len(people))) if frames is None else list(frames)
-    place = {number: t for t, number in enumerate(numbers)}
-
-    def in_frame(number: int) -> list[Person]:
-        return [Person(path, where, joints) for joints in people[place[number]]]
-
-    return View(path, numbers, in_frame, names)
+    numbers = np.arange(len(people)) if frames is None else frames
+    return rows_view(path, where, numbers, lambda first, end: people[first:end])
 
 
-def rows_view(
-    path: Path, where: str, frames: Sequence[int] | Index, read: Callable[[int, int], Array]
-) -> View:
-    """Return the view of joints (t, P, K, 3) that are read a stretch of frames at a time."""
-
-    def stretch(first: int, end: int) -> list[list[Person]]:
-        return [[Person(path, where, joints) for joints in people] for people in read(first, end)]
-
-    return stretch_view(path, frames, stretch)
-
-
-def stretch_view(
-    path: Path, frames: Sequence[int] | Index, stretch: Callable[[int, int], Sequence[Sequence[Person]]]
-) -> View:
-    """Return the view of people who are read a stretch of frames at a time."""
-    places = np.asarray(frames, dtype=np.int64)
-
-    def in_frame(number: int) -> Sequence[Person]:
-        at = int(np.searchsorted(places, number))
-        return stretch(at, at + 1)[0]
-
-    return View(path, frames, in_frame, stretch=stretch)
-
-
-def list_view(path: Path, people: Mapping[int, Sequence[Person]]) -> View:
-    """Return the view of people listed by frame."""
-    return View(path, sorted(people), lambda number: people[number])
+def frame_view(path: Path, frames: Iterable[int], read: Callable[[int], Sequence[Person]]) -> View:
+    """Return the view of people who are read, or looked up, by the number of their frame."""
+    numbers = np.array(sorted(frames), dtype=np.int64)
+    return View(path, numbers, lambda places: [read(number) for number in numbers[places].tolist()])

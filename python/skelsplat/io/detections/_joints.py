@@ -1,47 +1,224 @@
-"""Which joint of the file is which joint of the layout: by name, else by a count that the user names."""
+"""Which joints detections have: their layout, and which joint of the file is which of the layout."""
 
 from __future__ import annotations
 
+import os
 import re
 import unicodedata
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
+from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
 import skelsplat as sk
 from skelsplat._arrays import Array
+from skelsplat._budget import check_document, read_text
 from skelsplat.exceptions import DatasetError, InvalidInputError
+from skelsplat.findings import Finding, Subject, warn
 from skelsplat.io._files import listed
 from skelsplat.io.detections._format import Person, View
+from skelsplat.io.detections._registry import find_format, recognised
+
+OF_FILE = "file"
+"""In the place of a layout's name: the joints of the detections, as their files name them."""
 
 Joint = str | int | None
 # place in the file of each joint of the layout, None for one that the file lacks
-Places = tuple[int | None, ...]
+Places = list[int | None]
 
 # the letters of LHip, hip_l, Hüfte and 肩; capitals beyond ASCII begin no word
 _WORDS = re.compile(r"[A-Z]+(?![^\W\d_A-Z])|[A-Z]?[^\W\d_A-Z]+|\d+")
 _SIDES = {"l": "left", "r": "right"}
-_SHOWN, _TOGETHER = 40, 4
-UNKNOWN = "no known layout"
-CUSTOM = "; choose a known layout= and assign its joints with mapping=, or describe these in a layout file"
-# to a layout of one's own, for files whose joints have no names
-_PART = "; to use a part of them, state the place of every joint of {layout} with mapping="
+# numbers of points that only one detector's layout has among those that are published
+_COUNTED = (21, 33, 133, 136)
+_SHOWN, _MOST_PAIRS = 40, 6  # names, and pairs of them, in a message
+_UNKNOWN = "no known layout"
+_CUSTOM = "; choose a known layout= and assign its joints with mapping=, or describe these in a layout file"
+_AS_NAMED = '; layout="file" takes the joints as they are named'
 
 
-def known_layouts() -> list[sk.Layout]:
-    """Return the built-in layouts."""
-    return [sk.layouts.get(name) for name in sk.layouts.names]
+class Skeleton(NamedTuple):
+    """Names of N joints in the order of the file, and pairs of places that are connected (none: unknown)."""
+
+    names: tuple[str, ...]
+    edges: tuple[tuple[int, int], ...]
 
 
-def layouts_of(joints: int) -> str:
-    """Names of the known layouts with that many joints, as a phrase."""
-    fitting = [layout.name for layout in known_layouts() if layout.n_joints == joints]
-    return " or ".join(fitting) if fitting else UNKNOWN
+def read_skeleton(path: str | os.PathLike[str]) -> Skeleton:
+    """Read the skeleton of detections: of a file, or of the first in a folder that `read_detections` takes.
+
+    SLEAP's analysis h5 has names and edges; DeepLabCut's h5 and csv, and other formats in which joints have
+    names, only these; DeepLabCut's project file ``config.yaml`` has both.
+    """
+    root = Path(path)
+    if root.suffix.lower() in (".yaml", ".yml"):
+        return _dlc_project(root)
+    form = find_format(root, None)
+    file = recognised(root)[form.name]
+    views: Mapping[str, View] = {}
+    try:
+        if form.files is not None:
+            views = form.files({"": file})
+    except DatasetError:  # perhaps a file of all cameras
+        if form.recording is None:
+            raise
+    if not views and form.recording is not None:
+        views = form.recording(file, None).views
+    return _skeleton_of(views.values(), file, form.name)
 
 
-def advice_on(joints: int) -> str:
-    """Say what to do with so many joints if they are those of no known layout."""
-    return "" if layouts_of(joints) != UNKNOWN else CUSTOM
+def _skeleton_of(views: Collection[View], path: Path, form: str) -> Skeleton:
+    view = next(iter(views), None)
+    if view is None or view.joints is None:
+        expected = "a format in which joints have names"
+        raise DatasetError(path, "joint names", expected, f"{form}, where they have numbers")
+    return Skeleton(view.joints, view.edges)
+
+
+def _dlc_project(path: Path) -> Skeleton:
+    text = read_text(path)
+    check_document(path, text)
+    # single- and multi-animal projects; the latter writes "MULTI!" under the key of the former
+    names = _yaml_texts(text, "multianimalbodyparts") or _yaml_texts(text, "bodyparts")
+    if not names or len(set(names)) < len(names):
+        expected = "a list of different names, as in a DeepLabCut project's config.yaml"
+        raise DatasetError(path, "bodyparts", expected, names or "none")
+    ends = _yaml_texts(text, "skeleton")
+    if len(ends) % 2:
+        raise DatasetError(path, "skeleton", "pairs of parts", ends)
+    pairs = zip(ends[::2], ends[1::2], strict=True)
+    # others are of the template, or of a part of no individual
+    edges = tuple((names.index(a), names.index(b)) for a, b in pairs if {a, b} <= set(names))
+    return Skeleton(tuple(names), edges)
+
+
+def _yaml_texts(text: str, name: str) -> list[str]:
+    """Return the texts of the list, or the list of lists, under a top-level key of a YAML document."""
+    block = re.search(rf"^{name}:(.*?)(?=^\w|\Z)", text, re.MULTILINE | re.DOTALL)
+    bare = re.sub(r"(^|\s)#.*", "", block[1] if block else "")
+    if not bare.lstrip().startswith(("-", "[")):
+        return []
+    parts = re.split(r"[\[\],]|^\s*(?:-\s+)+", bare, flags=re.MULTILINE)
+    return [part.strip().strip("'\"") for part in parts if part.strip()]
+
+
+def check_layout(layout: str | os.PathLike[str] | sk.Layout) -> None:
+    """Raise, before long work, what `read_layout` would raise of a name or a layout file."""
+    if layout != OF_FILE and _skeleton_file(layout) is None:
+        sk.layouts.get(layout)
+
+
+def _skeleton_file(layout: str | os.PathLike[str] | sk.Layout) -> Path | None:
+    """Return the path of what has a skeleton and is no layout file, or None."""
+    if isinstance(layout, sk.Layout) or str(layout).lower() in sk.layouts.names:
+        return None
+    path = Path(layout)
+    return path if path.suffix.lower() != ".toml" and path.exists() else None
+
+
+def read_layout(
+    layout: str | os.PathLike[str] | sk.Layout, detections: str | os.PathLike[str] | None = None
+) -> sk.Layout:
+    """Return a layout by its name, or read it from a file.
+
+    Parameters
+    ----------
+    layout : str, path or Layout
+        The name of a built-in layout; the path of a layout file; that of a file whose skeleton
+        `read_skeleton` reads, such as SLEAP's or DeepLabCut's detections or DeepLabCut's ``config.yaml``; or
+        ``"file"``, the skeleton of the detections. The pairs of such a skeleton are those that its names
+        state, and a note says which.
+    detections : path, optional
+        For ``"file"``.
+
+    Raises
+    ------
+    InvalidInputError
+        If there is no layout of this name.
+    DatasetError
+        If a file cannot be read, or its joints have no names.
+    """
+    if layout == OF_FILE and detections is None:
+        raise InvalidInputError("layout: expected a name or a path, as there are no detections, got file")
+    file = Path(detections) if layout == OF_FILE and detections else _skeleton_file(layout)
+    return sk.layouts.get(layout) if file is None else _of_skeleton(read_skeleton(file), file)
+
+
+def _of_skeleton(skeleton: Skeleton, path: Path) -> sk.Layout:
+    names, edges = skeleton
+    try:
+        name = path.resolve().stem
+        name = f"{name}_file" if name in sk.layouts.names else name
+        layout = sk.layouts.from_names(name, names, edges)
+    except InvalidInputError as error:
+        raise DatasetError.of_argument(path, error) from error
+    pairs = [f"{names[left]}–{names[right]}" for left, right in layout.left_right]
+    numbers = {"joints": len(names), "limbs": len(edges), "pairs": pairs}
+    named = f"{len(pairs)} left–right pairs by name ({listed(pairs, _MOST_PAIRS) or 'none'})"
+    words = f"The layout is that of {path}: {len(names)} joints, {len(edges)} limbs, {named}."
+    warn(Finding("layout_of_file", "note", Subject(files=(str(path),)), numbers, sentence=words))
+    return layout
+
+
+def choose_layout(
+    layout: str | os.PathLike[str] | sk.Layout | None, views: Collection[View], path: Path, form: str
+) -> sk.Layout:
+    """Return the layout that is asked for, or the one that names or number of the joints tell."""
+    if layout == OF_FILE:
+        return _of_skeleton(_skeleton_of(views, path, form), path)
+    if layout is not None:
+        return read_layout(layout)
+    wanted = "layout: expected a joint layout's name or file, got none"
+    counted = next(filter(None, map(_counted, views)), None)
+    if counted is None:
+        raise InvalidInputError(f"{wanted}; the files hold no person to count joints of")
+    view, file, count = counted
+    names, built_in = view.joints or (), [sk.layouts.get(name) for name in sk.layouts.names]
+    keys = {known.name: [_key(joint) for joint in known.joints] for known in built_in}
+    own = [_key(name) for name in names]
+    fitting = [known for known in built_in if sorted(own) == sorted(keys[known.name])]
+    if not fitting and count in _COUNTED and (not names or view.own_order):
+        alike = (known for known in built_in if known.n_joints == count)
+        fitting = [known for known in alike if not names or _confirmed(names, known)]
+    if len(fitting) == 1:
+        return fitting[0]
+    there = f" ({listed(names, _SHOWN)})" if names else ""
+    if names and not view.own_order:
+        within = [name for name, joints in keys.items() if set(own) >= set(joints)]
+        known = f"all joints of {' or '.join(within)}" if within else f"{_UNKNOWN} has all its joints there"
+        advice = _AS_NAMED if within else _AS_NAMED + _CUSTOM
+    else:
+        known = _layouts_of(count)
+        advice = _CUSTOM if known == _UNKNOWN else ""
+    raise InvalidInputError(f"{wanted}; {file} has {count} joints per person{there}: {known}{advice}")
+
+
+def _counted(view: View) -> tuple[View, Path, int] | None:
+    """Return a view, the file that says how many joints a person has, and the number; None without any."""
+    if view.joints is not None:
+        return view, view.path, len(view.joints)
+    people = (person for t in range(len(view.frames)) for person in view.people(np.array([t]))[0])
+    return next(((view, one.path, len(one.joints)) for one in people if len(one.joints)), None)
+
+
+def _layouts_of(joints: int) -> str:
+    """Names of the built-in layouts with that many joints, as a phrase."""
+    fitting = [name for name in sk.layouts.names if sk.layouts.get(name).n_joints == joints]
+    return " or ".join(fitting) or _UNKNOWN
+
+
+def _key(name: str) -> tuple[str, ...]:
+    """Sort a name's words, in lower case, sides in full: ``LHip``, ``hip_left`` and ``Left hip`` are one."""
+    words = _WORDS.findall(unicodedata.normalize("NFKC", name))
+    return tuple(sorted(_SIDES.get(word.lower(), word.lower()) for word in words))
+
+
+def _confirmed(names: Sequence[str], layout: sk.Layout) -> bool:
+    """Say whether the names that belong to the layout stand at its places, and are half of it or more."""
+    known = {_key(joint): place for place, joint in enumerate(layout.joints)}
+    stands = [known[_key(name)] == place for place, name in enumerate(names) if _key(name) in known]
+    return len(names) == layout.n_joints and all(stands) and 2 * len(stands) >= layout.n_joints
 
 
 def check_mapping(mapping: Mapping[str, Joint] | None, layout: sk.Layout) -> dict[str, Joint]:
@@ -59,65 +236,36 @@ def check_mapping(mapping: Mapping[str, Joint] | None, layout: sk.Layout) -> dic
 def places_of(view: View, layout: sk.Layout, mapping: Mapping[str, Joint]) -> Places | None:
     """Return the place in the file of every joint of the layout, or None: the order is the layout's own.
 
-    With names in the file every joint needs its name there, however it is written (``LHip``, ``hip_l``,
-    ``left hip``), or an entry of `mapping`. Where the detector's order is fixed, an equal count is enough as
-    long as no name contradicts the layout. Without names only `mapping` can differ from the layout's order.
+    Every joint needs its name in the file, however it is written (``LHip``, ``hip_l``, ``left hip``), or an
+    entry of `mapping`. Where the detector's order is fixed, an equal count is enough as long as no name
+    contradicts the layout. Without names only `mapping` can differ from the layout's order.
     """
-    if view.joints is None:
-        return _each_once(_without_names(view, layout, mapping), view, layout) if mapping else None
-    if not mapping and view.own_order and confirmed(view.joints, layout):
+    names = view.joints or ()
+    if not mapping and (view.joints is None or (view.own_order and _confirmed(names, layout))):
         return None
-    keys: dict[tuple[str, ...], list[int]] = {}
-    for place, name in enumerate(view.joints):
-        keys.setdefault(key(name), []).append(place)
-    named = {joint: keys.get(key(joint), []) for joint in layout.joints if joint not in mapping}
-    for joint, fitting in named.items():
-        if len(fitting) > 1:
-            names = ", ".join(view.joints[place] for place in fitting)
-            raise _wrong(view, f"one name for {joint}", names)
-    missing = [joint for joint, fitting in named.items() if not fitting]
+    keys = [_key(name) for name in names]
+    places: Places = []
+    missing = []
+    for joint in layout.joints:
+        fitting = [place for place, words in enumerate(keys) if words == _key(joint)]
+        if joint in mapping:
+            places.append(_mapped(view, joint, mapping[joint]))
+        elif len(fitting) > 1:
+            raise _wrong(view, f"one name for {joint}", ", ".join(names[place] for place in fitting))
+        elif fitting:
+            places += fitting
+        else:
+            missing.append(joint)
     if missing:
         advice = f'mapping={{"{missing[0]}": …}} assigns it; None if the files lack it'
-        actual = f"none for {', '.join(missing)} among {listed(view.joints, _SHOWN)}; {advice}"
-        raise _wrong(view, f"a name for every joint of {layout.name}", actual)
-    places = [
-        named[joint][0] if joint in named else _mapped(view, joint, mapping[joint]) for joint in layout.joints
-    ]
-    return _each_once(tuple(places), view, layout)
-
-
-def _each_once(places: Places, view: View, layout: sk.Layout) -> Places:
-    """Return the places, or raise if two joints have the same: one point is no evidence of two."""
-    names = view.joints or ()
-    for place in places:
-        joints = [joint for joint, its in zip(layout.joints, places, strict=True) if its == place]
-        if place is not None and len(joints) > 1:
-            point = repr(names[place]) if place < len(names) else f"index {place}"
-            actual = f"{point} for {listed(joints, _TOGETHER)} (None if the files lack one)"
-            raise InvalidInputError(f"mapping: expected a different point for each joint, got {actual}")
+        actual = f"none for {', '.join(missing)} among {listed(names, _SHOWN) or 'no names'}; {advice}"
+        raise _wrong(view, f"a name, or a place in mapping=, for every joint of {layout.name}", actual)
+    _check_once(places, view, layout)
     return places
 
 
 def _wrong(view: View, expected: str, actual: str) -> DatasetError:
     return DatasetError(view.path, "joint names", expected, actual)
-
-
-def _without_names(view: View, layout: sk.Layout, mapping: Mapping[str, Joint]) -> Places:
-    names = [name for name in mapping.values() if isinstance(name, str)]
-    if names:
-        raise _wrong(view, f"the name {names[0]!r} (mapping)", "no names, only places")
-    missing = [joint for joint in layout.joints if joint not in mapping]
-    if missing:
-        expected = f"mapping= for every joint of {layout.name}, as the file has no names"
-        raise _wrong(view, expected, f"none for {', '.join(missing)}")
-    return tuple(_mapped(view, joint, mapping[joint]) for joint in layout.joints)
-
-
-def confirmed(names: Sequence[str], layout: sk.Layout) -> bool:
-    """Say whether the names that belong to the layout stand at its places, and are half of it or more."""
-    known = {key(joint): place for place, joint in enumerate(layout.joints)}
-    stands = [known[key(name)] == place for place, name in enumerate(names) if key(name) in known]
-    return len(names) == layout.n_joints and all(stands) and 2 * len(stands) >= layout.n_joints
 
 
 def _mapped(view: View, joint: str, target: Joint) -> int | None:
@@ -126,32 +274,30 @@ def _mapped(view: View, joint: str, target: Joint) -> int | None:
         return target
     names = view.joints or ()
     if target not in names:
-        raise _wrong(view, f"{target!r} for {joint}", listed(names, _SHOWN))
+        raise _wrong(view, f"{target!r} for {joint} (mapping)", listed(names, _SHOWN) or "no names")
     return names.index(target)
 
 
-def key(name: str) -> tuple[str, ...]:
-    """Sort a name's words, in lower case, sides in full: ``LHip``, ``hip_left`` and ``Left hip`` are one."""
-    words = _WORDS.findall(unicodedata.normalize("NFKC", name))
-    return tuple(sorted(_SIDES.get(word.lower(), word.lower()) for word in words))
+def _check_once(places: Places, view: View, layout: sk.Layout) -> None:
+    """Raise `InvalidInputError` if two joints have one place: one point is no evidence of two."""
+    names, joints = view.joints or (), dict[int, str]()
+    for joint, place in zip(layout.joints, places, strict=True):
+        if place is not None and joints.setdefault(place, joint) != joint:
+            point = repr(names[place]) if place < len(names) else f"index {place}"
+            actual = f"{point} for {joints[place]} and {joint} (None if the files lack one)"
+            raise InvalidInputError(f"mapping: expected a different point for each joint, got {actual}")
 
 
-def arranged(person: Person, layout: sk.Layout, places: Places | None, *, flat: bool) -> Array:
+def arranged(person: Person, layout: sk.Layout, places: Places | None) -> Array:
     """Return a person's joints in the order of the layout (N, 3), NaN for those that the file lacks."""
     count, n = len(person.joints), layout.n_joints
-    if places is None and count == n:
-        return person.joints
-    if flat and not count:  # nobody in this place
+    if not count:  # nobody in this place
         return np.full((n, 3), np.nan)
     if places is None:
-        expected, actual = f"{n} joints (layout {layout.name})", f"{count} ({layouts_of(count)})"
-        if flat:
-            expected = f"3·{n} = {3 * n} numbers (layout {layout.name})"
-            actual = f"{3 * count} (3·{count}: {layouts_of(count)})"
-        own = "" if layout.name in sk.layouts.names else _PART.format(layout=layout.name)
-        if layout.name == "hand21" and person.field.endswith("pose_keypoints_2d"):
-            own = "; the keys hand_… and face_… of OpenPose are not read (docs/howto/openpose.md: Hands)"
-        raise DatasetError(person.path, person.field, expected, actual + (advice_on(count) or own))
+        if count != n:
+            expected, actual = f"{n} joints (layout {layout.name})", f"{count} ({_layouts_of(count)})"
+            raise DatasetError(person.path, person.field, expected, actual + _CUSTOM)
+        return person.joints
     highest = max((place for place in places if place is not None), default=-1)
     if highest >= count:
         expected = f"a joint at place {highest} (mapping)"

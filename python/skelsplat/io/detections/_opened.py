@@ -14,9 +14,9 @@ from skelsplat._arrays import FARTHEST, Array, Index
 from skelsplat._budget import afford, within_memory
 from skelsplat._clocks import between, parted
 from skelsplat.exceptions import DatasetError
-from skelsplat.io.detections._format import Person, View
-from skelsplat.io.detections._frames import Sources
-from skelsplat.io.detections._joints import arranged, places_of
+from skelsplat.io.detections._format import View
+from skelsplat.io.detections._frames import is_uneven
+from skelsplat.io.detections._joints import Joint, arranged, places_of
 
 # pixels of a view that nearly all lie within this are parts of the image's size; joints may be beyond it
 _NORMALISED, _NEARLY_ALL = 1.5, 0.9
@@ -45,15 +45,15 @@ class DetectionSet:
         Frame numbers, ascending.
     camera_names : tuple of str
         The M cameras, in the order they were asked for.
-    sources : tuple of Path or None
-        The folder or file of each camera; None for a camera without detections.
+    sources : tuple of Path
+        The folder or file of each camera.
     layout : str
         Name of the joint layout of the K joints.
     skeleton : Layout
         The layout itself, which may be that of a file.
     format : str
         Name of the format that they were read from.
-    labels : tuple of str or None
+    labels : tuple of str
         The folder, file or place in the file of each camera, as ``order`` of `read_detections` takes it.
     uneven : bool
         Cameras have different frames in the files, which ``frames="strict"`` refuses.
@@ -64,11 +64,11 @@ class DetectionSet:
     people: npt.NDArray[np.float64] = field(repr=False)
     frames: Index = field(repr=False)
     camera_names: tuple[str, ...]
-    sources: tuple[Path | None, ...] = field(repr=False)
+    sources: tuple[Path, ...] = field(repr=False)
     layout: str
     skeleton: sk.Layout = field(repr=False)
     format: str = ""
-    labels: tuple[str | None, ...] = ()
+    labels: tuple[str, ...] = ()
     uneven: bool = False
     frame_rate: float | None = None
 
@@ -84,56 +84,59 @@ class DetectionSet:
 class Opened:
     """The opened detections of M cameras: T frames, of which the joints are read when they are asked for."""
 
-    views: Sources
+    root: Path
+    views: Mapping[str, View]  # by camera
+    matched: Mapping[str, str]  # by camera, its folder, file or place in the file
     frames: Index
-    camera_names: tuple[str, ...]
-    shifts: Mapping[str, float]  # by camera, what was added to its frame numbers
+    offsets: Mapping[str, float]  # by camera, what was added to its frame numbers
     skeleton: sk.Layout
-    joints: Mapping[str, str | int | None]  # as ``mapping`` of `read_detections`
+    mapping: Mapping[str, Joint]  # as of `read_detections`
     format: str
     # by camera, (2,) pixels that are read per pixel of its images; 1 for the others
     factors: Mapping[str, Array] = field(default_factory=dict)
 
     @property
-    def sources(self) -> tuple[Path | None, ...]:
+    def camera_names(self) -> tuple[str, ...]:
         """As of `DetectionSet`."""
-        views = self.views.views
-        return tuple(views[name].path if name in views else None for name in self.camera_names)
+        return tuple(self.views)
 
     @property
-    def labels(self) -> tuple[str | None, ...]:
+    def sources(self) -> tuple[Path, ...]:
         """As of `DetectionSet`."""
-        return tuple(self.views.labels[name] for name in self.camera_names)
+        return tuple(view.path for view in self.views.values())
 
     @property
-    def frame_rate(self) -> float | None:
+    def labels(self) -> tuple[str, ...]:
         """As of `DetectionSet`."""
-        return one_rate(self.rates)
+        return tuple(self.matched.values())
+
+    @property
+    def uneven(self) -> bool:
+        """As of `DetectionSet`."""
+        return is_uneven(self.views)
 
     @property
     def rates(self) -> dict[str, float]:
         """Frames per second, by camera, where the files state them."""
-        return {name: view.rate for name, view in self.views.views.items() if view.rate is not None}
+        return {name: view.rate for name, view in self.views.items() if view.rate is not None}
 
     @property
     def sizes(self) -> dict[str, tuple[int, int]]:
         """Width and height of the images, by camera, where the files state them."""
-        return {name: view.size for name, view in self.views.views.items() if view.size is not None}
+        return {name: view.size for name, view in self.views.items() if view.size is not None}
 
     def read(self) -> DetectionSet:
         """Read everything."""
-        with within_memory(self.views.root):
-            return self._read()
-
-    def _read(self) -> DetectionSet:
-        read: dict[str, list[list[Array]]] = {name: [] for name in self.views.views}
-        for _, part in self._parts(_STRETCH):  # of a file of all cameras each part is read once
-            for name, people in part.items():
-                read[name] += people
-        for people in read.values():
-            _forget_zeros([person for one in people for person in one])
+        with within_memory(self.root):
+            read: dict[str, list[list[Array]]] = {name: [] for name in self.views}
+            for _, part in self._parts(_STRETCH):  # of a file of all cameras each part is read once
+                for name, people in part.items():
+                    read[name] += people
+            for people in read.values():
+                _forget_zeros([person for one in people for person in one])
+            stacked = self._resized(self._stack(read, len(self.frames)))
         return DetectionSet(
-            people=self._resized(self._stack(read, len(self.frames))),
+            people=stacked,
             frames=self.frames,
             camera_names=self.camera_names,
             sources=self.sources,
@@ -141,8 +144,8 @@ class Opened:
             skeleton=self.skeleton,
             format=self.format,
             labels=self.labels,
-            uneven=self.views.uneven,
-            frame_rate=self.frame_rate,
+            uneven=self.uneven,
+            frame_rate=one_rate(self.rates),
         )
 
     def stretches(self, size: int) -> Iterator[Array]:
@@ -157,25 +160,21 @@ class Opened:
 
     def _parts(self, size: int) -> Iterator[tuple[int, dict[str, list[list[Array]]]]]:
         """Yield the number of frames of a part, and their people by camera; at the end raise if no pixels."""
-        views = self.views.views
-        whole = {name: _Pixels(view) for name, view in views.items()}
         readers = {
-            name: _Reader(view, self.skeleton, self.joints, self.shifts[name]) for name, view in views.items()
+            name: _Reader(view, self.skeleton, self.mapping, self.offsets[name])
+            for name, view in self.views.items()
         }
         for first in range(0, len(self.frames), size):
             numbers = self.frames[first : first + size]
-            part = {name: reader.read(numbers) for name, reader in readers.items()}
-            for name, people in part.items():
-                whole[name].add(people)
-            yield len(numbers), part
-        for pixels in whole.values():
-            pixels.check()
+            yield len(numbers), {name: reader.read(numbers) for name, reader in readers.items()}
+        for reader in readers.values():
+            reader.check()
 
     def _stack(self, read: Mapping[str, Sequence[Sequence[Array]]], steps: int) -> Array:
         """Join the views to (T, M, P, N, 3), padded with NaN."""
-        views = [read.get(name, []) for name in self.camera_names]
+        views = [read[name] for name in self.camera_names]
         places = max([1, *(len(people) for view in views for people in view)])
-        afford(self.views.root, "people", 24 * steps * len(views) * places * self.skeleton.n_joints)
+        afford(self.root, "people", 24 * steps * len(views) * places * self.skeleton.n_joints)
         stacked = np.full((steps, len(views), places, self.skeleton.n_joints, 3), np.nan)
         for m, view in enumerate(views):
             for t, people in enumerate(view):
@@ -191,84 +190,62 @@ class Opened:
         return people
 
 
-def _frames_of(view: View, known: Index, numbers: Index) -> list[Sequence[Person]]:
-    """Return the people in each of the frame numbers, of which the camera has the ``known`` ones."""
-    if not len(known):
-        return [[] for _ in numbers]
-    places = np.minimum(np.searchsorted(known, numbers), len(known) - 1)
-    there = known[places] == numbers
-    if view.stretch is None or not there.any():
-        pairs = zip(numbers.tolist(), there.tolist(), strict=True)
-        return [view.people(number) if known_ else [] for number, known_ in pairs]
-    first, end = int(places[there][0]), int(places[there][-1]) + 1
-    people = view.stretch(first, end)
-    pairs = zip((places - first).tolist(), there.tolist(), strict=True)
-    return [people[place] if known_ else [] for place, known_ in pairs]
-
-
 class _Reader:
-    """Reads a view frame after frame, each once."""
+    """Reads a view in stretches of frames, and judges whether its coordinates are pixels."""
 
-    def __init__(
-        self, view: View, skeleton: sk.Layout, joints: Mapping[str, str | int | None], offset: float
-    ) -> None:
+    def __init__(self, view: View, skeleton: sk.Layout, mapping: Mapping[str, Joint], offset: float) -> None:
         self._view, self._skeleton = view, skeleton
-        self._places = places_of(view, skeleton, joints)
-        self._known = np.asarray(view.frames, dtype=np.int64)
+        self._places = places_of(view, skeleton, mapping)
         self._whole, self._rest = parted(offset)
-        # what was read last, by number: a stretch may begin beside it
-        self._last: dict[int, list[Array]] = {}
+        self._least, self._most = np.inf, -np.inf
+        self._count, self._near, self._zeros = 0, 0, 0  # all, those within `_NORMALISED`, those at (0, 0)
 
     def read(self, numbers: Index) -> list[list[Array]]:
         """People (N, 3) of each frame number in common time; nobody in a frame that the camera lacks."""
         own = numbers - self._whole
-        if not self._rest:
-            return self._people(own)
-        beside = self._beside(own)
-        wanted = np.setdiff1d(np.union1d(own, beside), list(self._last))
-        read = {**self._last, **dict(zip(wanted.tolist(), self._people(wanted), strict=True))}
-        self._last = {number: read[number] for number in sorted(read)[-2:]}
+        found = self._between(own) if self._rest else self._people(own)
+        self._look_at([person for people in found for person in people])
+        return found
+
+    def _between(self, own: Index) -> list[list[Array]]:
+        """People between each frame and the one beside it, on the side of the rest; else its own."""
+        known = self._view.frames
+        step = int(np.diff(known).min(initial=_FAR))
+        beside = own - step if self._rest > 0 else own + step
+        beside = np.where(np.isin(beside, known), beside, own)
+        wanted = np.union1d(own, beside)
+        read = dict(zip(wanted.tolist(), self._people(wanted), strict=True))
         pairs = zip(own.tolist(), beside.tolist(), strict=True)
         return [between(read[a], read[b], abs(self._rest / (b - a))) if a != b else read[a] for a, b in pairs]
 
-    def _beside(self, own: Index) -> Index:
-        """Return the frame beside each, on the side of the offset's rest; itself where there is none."""
-        step = int(np.diff(self._known).min(initial=_FAR))
-        beside = own - step if self._rest > 0 else own + step
-        return np.where(np.isin(beside, self._known), beside, own)
-
     def _people(self, own: Index) -> list[list[Array]]:
+        known = self._view.frames
+        places = np.searchsorted(known, own)
+        there = np.isin(own, known)
+        found = iter(self._view.people(places[there]))
         return [
-            [arranged(person, self._skeleton, self._places, flat=self._view.flat) for person in people]
-            for people in _frames_of(self._view, self._known, own)
+            [arranged(person, self._skeleton, self._places) for person in next(found)] if is_there else []
+            for is_there in there.tolist()
         ]
 
-
-class _Pixels:
-    """What the coordinates of a view, read in stretches, show: whether they are pixels."""
-
-    def __init__(self, view: View) -> None:
-        self._view, self._least, self._most = view, np.inf, -np.inf
-        self._count, self._near, self._zeros = 0, 0, 0  # all, those within `_NORMALISED`, those at (0, 0)
-
-    def add(self, people: Sequence[Sequence[Array]]) -> None:
-        """Look at the people of further frames; raise if a coordinate is beyond `FARTHEST`."""
-        everybody = [person for one in people for person in one]
-        if everybody:
-            points = np.concatenate(everybody)[:, :2]
-            points = points[np.isfinite(points).all(axis=1)]
-            self._count += len(points)
-            self._near += int((np.abs(points) <= _NORMALISED).all(axis=1).sum())
-            self._zeros += int((points == 0.0).all(axis=1).sum())
-            self._least = min(self._least, points.min(initial=np.inf))
-            self._most = max(self._most, points.max(initial=-np.inf))
-            furthest = max(self._most, -self._least)
-            if furthest > FARTHEST:
-                expected = f"pixels within ±{FARTHEST:g}, or none where missing"
-                raise DatasetError(self._view.path, "keypoints", expected, float(furthest))
+    def _look_at(self, people: Sequence[Array]) -> None:
+        """Count the coordinates of further people; raise if one is beyond `FARTHEST`."""
+        if not people:
+            return
+        points = np.concatenate(people)[:, :2]
+        points = points[np.isfinite(points).all(axis=1)]
+        self._count += len(points)
+        self._near += int((np.abs(points) <= _NORMALISED).all(axis=1).sum())
+        self._zeros += int((points == 0.0).all(axis=1).sum())
+        self._least = min(self._least, points.min(initial=np.inf))
+        self._most = max(self._most, points.max(initial=-np.inf))
+        furthest = max(self._most, -self._least)
+        if furthest > FARTHEST:
+            expected = f"pixels within ±{FARTHEST:g}, or none where missing"
+            raise DatasetError(self._view.path, "keypoints", expected, float(furthest))
 
     def check(self) -> None:
-        """Raise if they are parts of the image's size instead of pixels."""
+        """Raise if the coordinates are parts of the image's size instead of pixels."""
         placed, near = self._count - self._zeros, self._near - self._zeros
         if self._count > 1 and (placed == 0 or near >= max(_NEARLY_ALL * placed, 1)):
             actual = f"numbers from {self._least:.3g} to {self._most:.3g}, parts of the image's size"

@@ -14,6 +14,8 @@ from skelsplat.io.detections._format import View
 
 _NAME = "detect.json"
 _SUFFIX = "_json"
+# of a video in the file: its key → the attribute of `Video`
+_KEYS = {"video": "name", "size": "size", "frame_rate": "rate", "bytes": "length", "frames": "count"}
 
 
 @dataclass(frozen=True)
@@ -61,24 +63,23 @@ def read_record(folder: Path) -> Record | None:
 
 def _video(entry: Field) -> Video:
     rate, length, count = (entry[key] for key in ("frame_rate", "bytes", "frames"))
-    known = None if rate.value is None else rate.number()
-    length_and_count = (None if one.value is None else one.index() for one in (length, count))
-    return Video(entry["video"].text(), entry["size"].size(), known, *length_and_count)
+    return Video(
+        entry["video"].text(),
+        entry["size"].size(),
+        None if rate.value is None else rate.number(),
+        None if length.value is None else length.index(),
+        None if count.value is None else count.index(),
+    )
 
 
 def write_record(folder: Path, record: Record) -> None:
     """Write the record into a folder that is there."""
-    keys = {"video": "name", "size": "size", "frame_rate": "rate", "bytes": "length", "frames": "count"}
-    document = {
-        "detector": dict(record.detector),
-        "layout": record.layout,
-        "joints": record.joints,
-        "videos": {
-            camera: {key: getattr(one, name) for key, name in keys.items()}
-            for camera, one in record.videos.items()
-        },
+    videos = {
+        camera: {key: getattr(video, name) for key, name in _KEYS.items()}
+        for camera, video in record.videos.items()
     }
-    atomic_write_text(folder / _NAME, _json.to_text(document))
+    document = {"detector": dict(record.detector), "layout": record.layout, "joints": record.joints}
+    atomic_write_text(folder / _NAME, _json.to_text({**document, "videos": videos}))
 
 
 def with_record(view: View) -> View:

@@ -11,9 +11,8 @@ import numpy as np
 
 import skelsplat as sk
 from skelsplat._atomic import atomic_write
-from skelsplat.io._arrays import Arrays, array_names, frame_numbers, load_plain_npz, npz_keys
-from skelsplat.io._rows import Made, npz_rows
-from skelsplat.io._rows import write_npz as write_pieces
+from skelsplat.io._arrays import Arrays, Made, array_names, frame_numbers, load_plain_npz, npz_keys, npz_rows
+from skelsplat.io._arrays import write_npz as write_pieces
 from skelsplat.io.poses._pose_data import ARRAYS, PoseData, PoseParts, Poses, checked, parts_of
 
 _KEYS = tuple(entry.name for entry in fields(PoseData))

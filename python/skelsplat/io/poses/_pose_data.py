@@ -22,8 +22,7 @@ from skelsplat._fields import FRAME_LIMIT
 from skelsplat._skelsplat import JOINT_STATUS
 from skelsplat.cameras import MM_PER_UNIT
 from skelsplat.exceptions import DatasetError, InvalidInputError, one_of
-from skelsplat.io._arrays import FRAME_RATES
-from skelsplat.io._rows import RowFile
+from skelsplat.io._arrays import FRAME_RATES, RowFile
 from skelsplat.layouts import BODY25
 
 # the axes of every array (T frames, M cameras, N joints) and the type of its entries

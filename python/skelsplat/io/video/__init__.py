@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
 
 from skelsplat._atomic import opening
@@ -59,15 +59,15 @@ def find_videos(
         return {_camera_of(root, kind, names, wanted): root}
     texts = {label: path.stem if kind == "file" else label for label, path in found.items()}
     if order is not None:
-        labels: Mapping[str, str | None] = match_by_order(Candidates(root, kind, texts), wanted, order)
+        labels = match_by_order(Candidates(root, kind, texts), wanted, order)
     else:
-        every = Candidates(root, kind, texts, idle=texts.keys(), within=True)
-        labels = match_by_name(every, names, allow_missing=bool(chosen), otherwise=_CHOOSE)
-    missing = [name for name in wanted if labels[name] is None]
+        every = Candidates(root, kind, texts, idle=texts.keys())
+        labels = match_by_name(every, names, optional=names if chosen else (), otherwise=_CHOOSE)
+    missing = [name for name in wanted if name not in labels]
     if missing:
         expected = f"a {kind} for every chosen camera ({kind}s: {', '.join(found)})"
         raise DatasetError(root, "content", expected, f"none for {', '.join(missing)}")
-    return {name: found[label] for name in wanted if (label := labels[name]) is not None}
+    return {name: found[labels[name]] for name in wanted}
 
 
 def videos_of(paths: str | os.PathLike[str] | Sequence[str | os.PathLike[str]]) -> dict[str, Path]:
@@ -113,10 +113,10 @@ def _camera_of(root: Path, kind: str, names: Sequence[str], wanted: Sequence[str
     if len(wanted) == 1:
         return wanted[0]
     path = root.absolute()  # "." has no name
-    one = Candidates(root, kind, {path.name: path.stem if kind == "file" else path.name}, within=True)
+    one = Candidates(root, kind, {path.name: path.stem if kind == "file" else path.name})
     try:
-        labels = match_by_name(one, names, allow_missing=True)
+        labels = match_by_name(one, names, optional=names)
     except DatasetError as error:
         expected = f"the chosen one of {', '.join(wanted)} this {kind} is of"
         raise DatasetError(root, f"{kind}", expected, "none, and its name does not say") from error
-    return next(name for name, label in labels.items() if label is not None)
+    return next(iter(labels))

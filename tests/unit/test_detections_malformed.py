@@ -1,0 +1,207 @@
+"""Malformed detections: one thing broken in a valid set, and the line that names file and field."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import skelsplat as sk
+from broken_detections import Broken, K, T
+from detection_files import SCORER, videopose3d_table
+
+
+class Bomb:
+    def __reduce__(self):
+        return (print, ("a pickle was run",))
+
+
+def first(document):
+    """Return the first person of MMPose's, EasyMocap's or COCO's."""
+    if isinstance(document, list):
+        return document[0]
+    return document["annots"][0] if "annots" in document else document["instance_info"][0]["instances"][0]
+
+
+def put(key, value):
+    return lambda b: b.json(lambda document: first(document).__setitem__(key, value))
+
+
+def drop(key):
+    return lambda b: b.json(lambda document: first(document).pop(key) and None)
+
+
+def above_one(table):
+    table[table.columns[2]] = 1.5
+    return table
+
+
+def dataset(key, value):
+    """Return a change of an h5 file that puts what `value` makes of a dataset in its place."""
+
+    def change(file):
+        old = file[key][()]
+        del file[key]
+        file[key] = value(old)
+
+    return lambda b: b.h5(change)
+
+
+def cut_text(characters):
+    return lambda b: b.file.write_text(b.file.read_text()[:-characters])
+
+
+def _ragged(*shapes):
+    parts = np.empty(len(shapes), dtype=object)
+    for t, shape in enumerate(shapes):
+        parts[t] = np.full(shape, 5.0)
+    return parts
+
+
+def _long_name(broken):
+    """Say in the root's attributes that the name of one is longer than all of them, which ends PyTables."""
+    content = bytearray(broken.file.read_bytes())
+    at = content.index(b"PYTABLES_FORMAT_VERSION")
+    content[at - 6 : at - 4] = b"\xff\xff"
+    broken.file.write_bytes(content)
+
+
+JSON_CUT, NPZ_CUT, NPY_CUT = (Broken.cut, "JSON"), (Broken.cut, "file"), (Broken.cut, "array")
+MALFORMED = {
+    "easymocap": [
+        JSON_CUT,
+        (drop("keypoints"), r"annots\[0\]\.keypoints"),
+        (put("keypoints", [[1.0, 2.0, 50.0]] * K), r"annots\[0\]\.keypoints\[0\]"),
+        (put("keypoints", [[1.0, 2.0, 0.5]] * 25), r"annots\[0\]\.keypoints"),
+    ],
+    "mmpose": [
+        JSON_CUT,
+        (
+            lambda b: b.json(lambda d: d["instance_info"][1].update(frame_id=0)),
+            r"instance_info\[1\]\.frame_id",
+        ),
+        (put("keypoint_scores", [0.5] * 16), "keypoint_scores"),
+        (
+            lambda b: b.json(
+                lambda d: d["meta_info"].update(
+                    keypoint_id2name=dict(zip(map(str, range(K)), sk.layouts.COCO17.joints, strict=True))
+                )
+            ),
+            "joint names",
+        ),
+    ],
+    "alphapose": [
+        JSON_CUT,
+        (lambda b: b.file.write_text("[]"), "document"),
+        (drop("image_id"), r"\[0\]\.image_id"),
+        (put("image_id", "a.jpg"), r"\[0\]\.image_id"),
+    ],
+    "coco": [
+        JSON_CUT,
+        (lambda b: b.json(lambda d: {"images": [], "annotations": d}), "document"),
+        (lambda b: b.json(lambda d: [{**p, "keypoints": [5.0, 6.0, 2] * K} for p in d]), "keypoints"),
+        (put("image_id", 20251121123456789012), r"\[0\]\.image_id"),
+    ],
+    "rtmlib_frames": [
+        NPZ_CUT,
+        (lambda b: b.npz(keypoints=b.array("keypoints")[0]), "keypoints"),
+        (lambda b: b.npz(scores=b.array("scores")[:, :-1]), "scores"),
+    ],
+    "rtmlib_pairs": [NPY_CUT, (lambda b: b.file.unlink(), "file")],
+    "rtmlib_cameras": [NPZ_CUT, (lambda b: b.npz(frames=np.array([2, 1, 0])), "frames")],
+    "metrabs": [
+        NPZ_CUT,
+        (lambda b: b.npz(poses2d=None), "poses2d"),
+        (lambda b: b.npz(poses2d=np.ones((T, K, 3))), "poses2d"),
+        (lambda b: b.npz(joint_names=["a", "b"]), "joint_names"),
+    ],
+    "metrabs_ragged": [
+        (lambda b: b.npz(poses2d=_ragged((2, 17, 2), (1, 16, 2), (2, 17, 2))), "poses2d"),
+        (lambda b: b.npz(poses2d=np.array([Bomb()], dtype=object)), "poses2d"),
+    ],
+    "deeplabcut": [
+        (lambda b: b.file.write_bytes(b.file.read_bytes()[:9000]), "file"),
+        (_long_name, "file"),
+        (lambda b: b.dlc(lambda table: table[table.columns[0]].rename("x")), "key"),
+        (lambda b: b.dlc(lambda table: table.rename_axis(columns={"bodyparts": "parts"})), "header"),
+        (lambda b: b.dlc(lambda table: table.rename(columns={"likelihood": "z"})), "coords"),
+    ],
+    "deeplabcut_multi": [
+        (lambda b: b.dlc(lambda table: table.drop(columns=[table.columns[0]])), r"pelvis\.x"),
+        (lambda b: b.dlc(lambda table: table.set_index(np.array([2, 1, 0]))), "index"),
+    ],
+    "deeplabcut_csv": [
+        (cut_text(200), "line 6"),
+        (lambda b: b.file.write_text(f'{b.file.read_text().strip()},"' + "1,2\n" * 60_000), "line 6"),
+        (lambda b: b.text("\n0,", "\nimg0.png,"), "line 4"),
+        (lambda b: b.file.write_text("".join(b.file.read_text().splitlines(keepends=True)[:3])), "index"),
+        (lambda b: b.text(SCORER, "human"), "scorer"),
+        (lambda b: b.dlc(above_one), "likelihood"),
+    ],
+    "sleap": [
+        (lambda b: b.file.write_bytes(b.file.read_bytes()[:3000]), "file"),
+        (lambda b: b.h5(lambda file: file.__delitem__("tracks")), "tracks"),
+        (dataset("tracks", lambda old: np.moveaxis(old, 1, 3)), "tracks"),
+        (dataset("point_scores", lambda old: old[:, :-1]), "point_scores"),
+        (lambda b: b.h5(lambda file: file["tracks"].attrs.update(dims='["frame", "x"]')), r"tracks\.dims"),
+        (dataset("node_names", lambda old: np.repeat(old[:1], 17)), "node_names"),
+    ],
+    "sleap_csv": [
+        (cut_text(60), "line 7"),
+        (lambda b: b.text("nose.y", "nose.z"), "line 1"),
+        (lambda b: b.text("track_1,0,", "track_0,0,"), "frame 0"),
+        (lambda b: b.text("track_0,0,", "track_0,a,"), "line 2, frame_idx"),
+        (lambda b: b.text(",0.9,", ",0.9,x"), r"line 2, head\.score"),
+    ],
+    "caliscope": [
+        (cut_text(40), "line 205"),
+        (lambda b: b.text("cam_id", "camera"), "camera"),
+        (lambda b: b.text(",0,0,", ",0,99999,"), "joint"),
+        (lambda b: b.text("\n0,", "\n0.5,"), "line 2, sync_index"),
+    ],
+    "freemocap": [
+        NPY_CUT,
+        (lambda b: np.save(b.file, np.zeros((2, 3, 553))), "array"),
+        (lambda b: np.save(b.file, np.zeros((3, 3, 33, 2))), "views"),
+        (lambda b: np.save(b.file, np.array([Bomb()], dtype=object)), "array"),
+    ],
+    "videopose3d": [
+        NPZ_CUT,
+        (lambda b: b.npz(positions_2d=np.zeros(3)), "positions_2d"),
+        (
+            lambda b: b.npz(positions_2d=videopose3d_table(np.full((T, 2, 1, 16, 3), 9.0))),
+            r"positions_2d\.S9/Directions 1\[0\]",
+        ),
+        (lambda b: b.npz(positions_2d=Bomb()), "positions_2d"),
+    ],
+    "npz": [
+        NPZ_CUT,
+        (lambda b: b.npz(detections=np.zeros((T, 2, 3))), "detections"),
+        (lambda b: b.npz(camera_names=["camA"]), "camera_names"),
+        (lambda b: b.npz(detections=b.array("detections") * 2.0), r"detections\[0, 0, 0, \d+\]"),
+        (lambda b: b.npz(confidence=np.ones((T, 2, 2, K))), "confidence"),
+    ],
+    "csv": [
+        (cut_text(60), "line 205"),
+        (lambda b: b.text(",person,", ",who,"), "frame 0"),
+        (lambda b: b.text("pelvis,", '"pelvis,'), "line 2"),
+        (lambda b: b.text("joint", "part"), "line 1"),
+        (lambda b: b.text("joint,x", "x,x"), "line 1"),
+        (lambda b: b.text("pelvis,", "pelvis,a"), "line 2, x"),
+        (lambda b: b.text("camA,0,", "camA,0.5,"), "line 2, frame"),
+        (lambda b: b.text("pelvis", "0"), "joint"),
+    ],
+}
+CASES = [(name, place) for name, faults in MALFORMED.items() for place in range(len(faults))]
+
+
+@pytest.mark.parametrize(("name", "place"), CASES)
+def test_a_malformed_file_is_named_with_its_field(tmp_path, capsys, name, place):
+    change, field = MALFORMED[name][place]
+    broken = Broken(tmp_path, name)
+    assert broken.read().people.shape[3] == K
+    change(broken)
+    with pytest.raises(sk.DatasetError, match=rf"{field}(\[[\d, ]+\])?: expected") as caught:
+        broken.read()
+    assert caught.value.path == broken.file
+    assert "\n" not in str(caught.value)
+    assert capsys.readouterr().out == ""  # of a pickle that was run
