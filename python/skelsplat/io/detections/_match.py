@@ -177,11 +177,14 @@ def match_by_order(
         got = f"{len(wanted)} ({', '.join(wanted) or 'none'})"
         got += f"; {otherwise}" if otherwise and 2 <= len(wanted) < len(names) else ""
         raise candidates.error(f"{len(names)} {kind}s for the cameras {', '.join(names)}", got)
-    pairs = list(zip(names, wanted, strict=False))
+    expected = f"{len(names)} different {kind}s, one per camera ({', '.join(names)})"
+    refused = InvalidInputError(f"order: expected {expected}, got {', '.join(wanted) or 'none'}")
+    if len(wanted) != len(names) or len({*wanted}) < len(wanted):
+        raise refused
+    pairs = zip(names, wanted, strict=True)
     found = {name: _stated(candidates, label) for name, label in pairs if name not in left_out}
-    if len(wanted) != len(names) or len({*wanted}) < len(wanted) or len({*found.values()}) < len(found):
-        expected = f"{len(names)} different {kind}s, one per camera ({', '.join(names)})"
-        raise InvalidInputError(f"order: expected {expected}, got {', '.join(wanted) or 'none'}")
+    if len({*found.values()}) < len(found):
+        raise refused
     return found
 
 
