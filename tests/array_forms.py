@@ -232,12 +232,6 @@ CALLS: dict[str, tuple[Any, dict[str, np.ndarray]]] = {
             "up": np.array([0.0, 0.1, 1.0]),
         },
     ),
-    "forward_kinematics": (
-        lambda root, heading_deg: synthetic.forward_kinematics(
-            {}, n_frames=4, root=root, heading_deg=heading_deg
-        ),
-        {"root": np.arange(12.0).reshape(4, 3), "heading_deg": np.arange(4.0)},
-    ),
     "baselines": (lambda detections: baselines.dlt(detections, RIG), {"detections": SEEN}),
     "mean_interval": (
         mean_interval,

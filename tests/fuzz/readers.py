@@ -116,8 +116,6 @@ def _human36m(layout: str) -> Callable[[Path], object]:
         recording = human36m.record(frames=2)
         recording.takes = recording.takes[:2] + recording.takes[4:6]
         getattr(human36m, f"write_{layout}")(root, recording)
-        if layout == "karfly":
-            human36m.write_detections(root / "2d_cpn", recording, numbered=True)
 
     return write
 
@@ -174,14 +172,9 @@ SAMPLES: dict[str, Callable[[Path], Reader]] = {
     "run": _run,
     "live": _lines,
     "data authors": _data("human36m", _human36m("skelsplat")),
-    "data karfly": _data("human36m", _human36m("karfly"), detections="2d_cpn"),
-    "data adafuse": _data("human36m", _human36m("adafuse")),
     "data videopose3d": _data("human36m", _human36m("videopose3d")),
     "data panoptic": _data("panoptic", lambda root: panoptic.write(root, n_frames=2)),
     "data person": _data("occlusion-person", lambda root: occlusion_person.write(root, per_scene=2)),
-    "data person, authors": _data(
-        "occlusion-person", lambda root: occlusion_person.write(root, layout="authors", per_scene=2)
-    ),
     "data shelf": _data("shelf", lambda root: shelf_campus.write(root, "shelf", n_frames=302)),
     "data campus": _data("campus", lambda root: shelf_campus.write(root, "campus", n_frames=352)),
     "data synthetic": _data(

@@ -7,7 +7,6 @@ files) first.
 from __future__ import annotations
 
 import json
-import pickle
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -15,7 +14,6 @@ import numpy as np
 
 import skelsplat as sk
 from skelsplat import synthetic
-from writers.people import image_record
 
 CAMERAS = ("54138969", "55011271", "58860488", "60457274")
 FRAMES = 6
@@ -31,11 +29,8 @@ TAKES = (
 SUBJECTS = {"S9": (0.0, 0.0, 0.0), "S11": (150.0, -80.0, 0.0)}
 """Subject → by how much the rig has moved, mm."""
 
-ACTION_NUMBERS = {"Directions": 2, "Greeting": 5, "TakingPhoto": 12}
-# The 17 joints of h36m17 among the 32 of the motion capture, and the order of learnable triangulation among
-# those 32 (FORMATS §3.8).
+# The 17 joints of h36m17 among the 32 of the motion capture.
 OF_32 = (0, 1, 2, 3, 6, 7, 8, 12, 13, 14, 15, 17, 18, 19, 25, 26, 27)
-KARFLY_OF_32 = (3, 2, 1, 6, 7, 8, 0, 12, 13, 15, 27, 26, 25, 17, 18, 19, 14)
 
 
 @dataclass
@@ -53,11 +48,6 @@ class TakeData:
     def name(self) -> str:
         """As the original files are called: "Directions", "Directions 1"."""
         return f"{self.action} {self.number}" if self.number else self.action
-
-    @property
-    def numbered(self) -> str:
-        """As tools number them: "Directions-1", "Directions-2"."""
-        return f"{self.action}-{self.number + 1}"
 
 
 @dataclass
@@ -141,66 +131,13 @@ def write_skelsplat(root: Path, recording: Recording, *, detectors: tuple[str, .
         write_detections(root / f"2d_{detector}", recording)
 
 
-def write_detections(root: Path, recording: Recording, *, numbered: bool = False) -> None:
+def write_detections(root: Path, recording: Recording) -> None:
     """Write ``<subject>/<activity>/<camera>/poses.npz`` with the key poses2d."""
     for take in recording.takes:
         for view, name in enumerate(CAMERAS):
-            folder = root / take.subject / (take.numbered if numbered else take.name) / name
+            folder = root / take.subject / take.name / name
             folder.mkdir(parents=True)
             np.savez(folder / "poses.npz", poses2d=take.pixels[:, view])
-
-
-def karfly_labels(recording: Recording) -> dict[str, object]:
-    """Return the content of the labels of learnable triangulation."""
-    subjects = list(recording.rigs)
-    actions = sorted({take.numbered for take in recording.takes})
-    cameras = np.empty(
-        (len(subjects), 4),
-        dtype=[
-            ("R", np.float32, (3, 3)),
-            ("t", np.float32, (3, 1)),
-            ("K", np.float32, (3, 3)),
-            ("dist", np.float32, 5),
-        ],
-    )
-    for s, subject in enumerate(subjects):
-        for v, camera in enumerate(recording.rigs[subject]):
-            cameras[s, v] = (camera.R, camera.t[:, None], camera.K, lens(camera))
-    n_joints = recording.takes[0].truth.shape[1]
-    rows = np.zeros(
-        sum(len(take.frames) for take in recording.takes),
-        dtype=[
-            ("subject_idx", np.int8),
-            ("action_idx", np.int8),
-            ("frame_idx", np.int16),
-            ("keypoints", np.float32, (n_joints, 3)),
-            ("bbox_by_camera_tlbr", np.int16, (4, 4)),
-        ],
-    )
-    start = 0
-    for take in recording.takes:
-        part = rows[start : start + len(take.frames)]
-        start += len(take.frames)
-        part["subject_idx"] = subjects.index(take.subject)
-        part["action_idx"] = actions.index(take.numbered)
-        part["frame_idx"] = take.frames
-        part["keypoints"] = take.truth if n_joints != 17 else karfly_order(take.truth)
-        low, high = np.floor(take.pixels.min(axis=2)), np.ceil(take.pixels.max(axis=2))
-        part["bbox_by_camera_tlbr"] = np.stack(
-            [low[..., 1], low[..., 0], high[..., 1], high[..., 0]], axis=-1
-        )
-    return {
-        "subject_names": subjects,
-        "camera_names": list(CAMERAS),
-        "action_names": actions,
-        "cameras": cameras,
-        "table": rows,
-    }
-
-
-def karfly_order(truth: np.ndarray) -> np.ndarray:
-    """Pick learnable triangulation's 17 joints from the 32, as its own script does."""
-    return joints_32(truth)[:, list(KARFLY_OF_32)]
 
 
 def joints_32(truth: np.ndarray) -> np.ndarray:
@@ -208,35 +145,6 @@ def joints_32(truth: np.ndarray) -> np.ndarray:
     out = np.repeat(truth[:, :1], 32, axis=1)
     out[:, list(OF_32)] = truth
     return out
-
-
-def write_karfly(root: Path, recording: Recording) -> Path:
-    """Write the labels of learnable triangulation; return the file."""
-    root.mkdir(parents=True, exist_ok=True)
-    path = root / "human36m-multiview-labels-GTbboxes.npy"
-    np.save(path, karfly_labels(recording), allow_pickle=True)
-    return path
-
-
-def adafuse_records(recording: Recording, *, in_world: bool = False) -> list[dict[str, object]]:
-    """Return the records of AdaFuse's pickle."""
-    records = []
-    for take in recording.takes:
-        who = int(take.subject[1:]), ACTION_NUMBERS[take.action], take.number + 1
-        for t, frame in enumerate(take.frames):
-            for v, camera in enumerate(recording.rigs[take.subject]):
-                joints = take.truth[t] if in_world else take.truth[t] @ camera.R.T + camera.t
-                record = image_record(camera, take.pixels[t, v], who, int(frame) + 1, v)
-                records.append({**record, "joints_3d": joints})
-    return records
-
-
-def write_adafuse(root: Path, recording: Recording, *, in_world: bool = False, protocol: int = 4) -> Path:
-    """Write AdaFuse's pickle; return the file."""
-    path = root / "annot" / "h36m_validation.pkl"
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_bytes(pickle.dumps(adafuse_records(recording, in_world=in_world), protocol=protocol))
-    return path
 
 
 def write_videopose3d(

@@ -24,11 +24,17 @@ class Person:
 
 
 def person(
-    layout: sk.Layout, rig: sk.CameraRig, n_frames: int, *, motion: str = "walk", seed: int = 0
+    layout: sk.Layout,
+    rig: sk.CameraRig,
+    n_frames: int,
+    *,
+    motion: str = "walk",
+    seed: int = 0,
+    at: tuple[float, float] = (0.0, 0.0),
 ) -> Person:
-    """Simulate somebody round the origin who is in all images."""
+    """Simulate somebody round a place, mm, who is in all images."""
     body = synthetic.motion(motion, n_frames, fps=4.0, seed=seed)
-    body[..., :2] -= body[:, :1, :2].mean(axis=0)
+    body[..., :2] -= body[:, :1, :2].mean(axis=0) - at
     truth = synthetic.in_layout(body, layout)
     noise = synthetic.DetectionNoise(sigma_px=0.5)
     detections = synthetic.simulate_detections(truth, rig, noise=noise, layout=layout, seed=seed)
@@ -36,36 +42,16 @@ def person(
     return Person(layout, rig, truth, detections)
 
 
-def at_centre(camera: sk.Camera, *, arrays: bool = False) -> dict[str, object]:
+def at_centre(camera: sk.Camera) -> dict[str, object]:
     """Return the table R, T, fx, fy, cx, cy, k, p of AdaFuse and VoxelPose, with x_cam = R (X − T)."""
     k1, k2, p1, p2, k3 = [0.0] * 5 if camera.distortion is None else camera.distortion.tolist()
-    table: dict[str, object] = {
-        "R": camera.R,
-        "T": camera.centre.reshape(3, 1),
+    return {
+        "R": camera.R.tolist(),
+        "T": camera.centre.reshape(3, 1).tolist(),
         "fx": camera.K[0, 0],
         "fy": camera.K[1, 1],
         "cx": camera.K[0, 2],
         "cy": camera.K[1, 2],
-        "k": np.array([[k1], [k2], [k3]]),
-        "p": np.array([[p1], [p2]]),
-    }
-    return table if arrays else {key: np.asarray(value).tolist() for key, value in table.items()}
-
-
-def image_record(
-    camera: sk.Camera, pixels: FloatArray, who: tuple[int, int, int], frame: int, view: int
-) -> dict[str, object]:
-    """Return the record of an image in AdaFuse's pickles but for 3D joints; `who` is subject and actions."""
-    low, high = pixels.min(axis=0), pixels.max(axis=0)
-    return {
-        **dict(zip(("subject", "action", "subaction"), who, strict=True)),
-        "image_id": frame,
-        "camera_id": view,
-        "video_id": 0,
-        "camera": at_centre(camera, arrays=True),
-        "joints_2d": pixels,
-        "joints_vis": np.ones((len(pixels), 3)),
-        "center": (low + high) / 2,
-        "scale": np.repeat((high - low).max() / 200.0, 2),
-        "box": np.concatenate([low, high]),
+        "k": [[k1], [k2], [k3]],
+        "p": [[p1], [p2]],
     }

@@ -44,22 +44,33 @@ def rig_of(name: str) -> sk.CameraRig:
 
 
 def write(root: Path, name: str, *, n_frames: int = 6, coco: bool = False, nested: bool = False) -> Written:
-    """Write a scene; `coco`: COCO-17 detections; `nested`: the cell of actors lies in another."""
-    root.mkdir(parents=True, exist_ok=True)
-    rig = rig_of(name)
-    calibration = {str(k): at_centre(camera) for k, camera in enumerate(rig)}
-    (root / f"calibration_{name}.json").write_text(json.dumps(calibration))
-    people = [person(LAYOUT, rig, n_frames, motion="turn", seed=k) for k in range(N_ACTORS[name])]
+    """Write people apart from each other; `coco`: COCO-17 detections; `nested`: cells of actors in a cell."""
+    _write_cameras(root, name)
+    rig, layouts = rig_of(name), (LAYOUT, sk.layouts.COCO17 if coco else LAYOUT)
+    people, seen = (
+        [
+            person(layout, rig, n_frames, motion="turn", seed=k, at=(1200.0 * (k % 2), 1200.0 * (k // 2)))
+            for k in range(N_ACTORS[name])
+        ]
+        for layout in layouts
+    )
     write_actors(root / "actorsGT.mat", [who.truth / 1000.0 for who in people], nested=nested)
-    for k in range(N_ACTORS[name]):
-        folder = root / "2d_hrnet" / "S0" / f"actor{k}"
-        folder.mkdir(parents=True)
-        layout = sk.layouts.COCO17 if coco else LAYOUT
-        values = person(layout, rig, n_frames, motion="turn", seed=k).detections[k:]
-        np.savez(folder / "poses.npz", poses2d=values, frames=np.arange(k, n_frames))
+    _write_people(root, np.stack([who.detections for who in seen], axis=2), np.arange(n_frames))
     return Written(
         [who.truth[k:] for k, who in enumerate(people)], [p.detections[k:] for k, p in enumerate(people)]
     )
+
+
+def _write_cameras(root: Path, name: str) -> None:
+    root.mkdir(parents=True, exist_ok=True)
+    calibration = {str(k): at_centre(camera) for k, camera in enumerate(rig_of(name))}
+    (root / f"calibration_{name}.json").write_text(json.dumps(calibration))
+
+
+def _write_people(root: Path, people: FloatArray, frames: np.ndarray) -> None:
+    folder = root / "2d_hrnet" / "S0"
+    folder.mkdir(parents=True)
+    np.savez(folder / "people.npz", people=people, frames=frames)
 
 
 FIRST = {"shelf": 300, "campus": 350}
@@ -72,10 +83,8 @@ def write_everybody(
 
     `form` "npz" has the 14 joints, "pickle" is that of VoxelPose with 17. Returns the scene in 14 joints.
     """
-    root.mkdir(parents=True, exist_ok=True)
+    _write_cameras(root, name)
     rig, first = rig_of(name), FIRST[name]
-    calibration = {str(k): at_centre(camera) for k, camera in enumerate(rig)}
-    (root / f"calibration_{name}.json").write_text(json.dumps(calibration))
     own, coco = (
         synthetic.simulate_scene(N_ACTORS[name], rig, n_frames=n_frames, fps=25.0, layout=layout, seed=seed)
         for layout in (LAYOUT, "coco17")
@@ -84,9 +93,7 @@ def write_everybody(
     truth = [np.concatenate([unlabelled, poses / 1000.0]) for poses in own.truth]
     write_actors(root / "actorsGT.mat", truth)
     if form == "npz":
-        folder = root / "2d_hrnet" / "S0"
-        folder.mkdir(parents=True)
-        np.savez(folder / "people.npz", people=own.people, frames=first + np.arange(n_frames))
+        _write_people(root, own.people, first + np.arange(n_frames))
         return own
     found = {}
     for view in range(len(rig)):

@@ -40,7 +40,7 @@ SETTINGS, LENS, INIT_SIGMA = (
     *rows(
         "Data",
         f"""
-        --set KEY=VALUE  An option of the data set's reader: format=karfly, subjects=S9,S11. Repeatable.
+        --set KEY=VALUE  An option of the data set's reader: format=videopose3d, subjects=S9,S11. Repeatable.
         --protocol {"|".join(LENSES)}  Remove lens distortion from detections, or ignore it as published
             evaluations do. [= undistorted]
         """,
@@ -118,11 +118,11 @@ def check(*, name: str, root: Path, set: list[str], quiet: bool, as_json: bool, 
 
     skelsplat datasets check human36m data/human36m --detector cpn
 
-    skelsplat datasets check human36m-occ data --set variant=3-hard
+    skelsplat datasets check human36m-occ data/human36m-occ-3-hard
 
     skelsplat datasets check panoptic data/panoptic --json
 
-    skelsplat datasets check human36m labels.npy --set subjects=S9,S11
+    skelsplat datasets check human36m data/human36m --set subjects=S9,S11
     """
     chosen.update(reader_options(set, name))
     try:

@@ -6,11 +6,11 @@ Every error names the file and the field.
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 
@@ -21,13 +21,6 @@ from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.io import _arrays, read_calibration
 from skelsplat.io._files import load_json as parse_json_file
 from skelsplat.io._guarded import unpickle
-
-T = TypeVar("T")
-Item = TypeVar("Item")
-
-
-class MissingFileError(DatasetError):
-    """A file or folder is not there."""
 
 
 @dataclass
@@ -46,12 +39,10 @@ class Survey:
     there: list[Path] = field(default_factory=list)
     missing: list[tuple[Path, str]] = field(default_factory=list)
     format: str = ""
-    strict: bool = True  # whether the first file that is missing ends the reading
-    error: DatasetError | None = None  # the first error of a take that `each` has left out
     notes: list[str] = field(default_factory=list)  # what was left out or assumed
 
     def find(self, candidates: Sequence[Path], what: str) -> Path:
-        """Return the first of `candidates` that exists, or raise `MissingFileError`."""
+        """Return the first of `candidates` that exists."""
         path = next((path for path in candidates if path.exists()), None)
         if path is None:
             raise self.lacks(candidates, what)
@@ -63,11 +54,11 @@ class Survey:
             self.there.append(path)
         return path
 
-    def lacks(self, candidates: Sequence[Path], what: str) -> MissingFileError:
+    def lacks(self, candidates: Sequence[Path], what: str) -> DatasetError:
         """Note that a file is missing; return the error."""
         self.missing.append((candidates[0], what))
         others = "".join(f", nor at {path}" for path in candidates[1:])
-        return MissingFileError(candidates[0], "file", what, f"nothing there{others}")
+        return DatasetError(candidates[0], "file", what, f"nothing there{others}")
 
     def find_all(self, files: Iterable[tuple[Path, str]]) -> list[Path]:
         """Return files that must all be there, given with what they hold; note all that are missing."""
@@ -76,16 +67,6 @@ class Survey:
         if errors:
             raise errors[0]
         return [self.found(path) for path, _ in expected]
-
-    def each(self, make: Callable[[Item], T], items: Iterable[Item]) -> Iterator[T]:
-        """Yield what `make` makes of every item; unless `strict`, leave out those with a missing file."""
-        for item in items:
-            try:
-                yield make(item)
-            except MissingFileError as error:
-                if self.strict:
-                    raise
-                self.error = self.error or error
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,9 +83,7 @@ class Value:
 
     @property
     def keys(self) -> tuple[Any, ...]:
-        """The keys of a dict or structured array; none for anything else."""
-        if isinstance(self.content, np.ndarray | np.void):
-            return tuple(self.content.dtype.names or ())
+        """The keys of a dict; none for anything else."""
         return tuple(self.content) if isinstance(self.content, dict) else ()
 
     def __contains__(self, key: str) -> bool:
@@ -133,10 +112,6 @@ class Value:
         if not isinstance(self.content, list | tuple | np.ndarray) or np.shape(self.content) == ():
             raise self.error("a list", type(self.content).__name__)
         return [Value(self.path, f"{self.place}[{k}]", entry) for k, entry in enumerate(self.content)]
-
-    def texts(self) -> list[str]:
-        """Return the entries of a list as texts."""
-        return [str(entry.content) for entry in self.entries()]
 
     def whole(self) -> int:
         """Return the value as an integer."""
@@ -173,62 +148,19 @@ def load_json(path: Path) -> Value:
     return Value(path, "", parse_json_file(path, "values of moderate depth"))
 
 
-def load_npy(path: Path) -> Value:
-    """Return the array of an npy file, or the object that is pickled in it alone."""
-    return Value(path, "", _content(_arrays.load_npy(path)))
-
-
 def load_npz(path: Path, keys: tuple[str, ...] | None = None) -> Value:
     """Return the arrays of an npz file by key; a pickled object in place of an array is unpickled safely.
 
     With `keys`, only those are read, if they are there.
     """
     found = _arrays.load_npz(path, _arrays.npz_keys(path) if keys is None else keys).found
-    return Value(path, "", {key: _content(value) for key, value in found.items()})
-
-
-def _content(array: Any) -> Any:
-    """Return the object of a pickled array of shape (), as ``np.save`` writes a dict."""
-    return array.item() if array.dtype == object and array.ndim == 0 else array
+    boxed = {key: value.dtype == object and value.ndim == 0 for key, value in found.items()}
+    return Value(path, "", {key: value.item() if boxed[key] else value for key, value in found.items()})
 
 
 def load_pickle(path: Path) -> Value:
     """Return the object in a pickle; only data, never code (`unpickle`)."""
     return Value(path, "", unpickle(path))
-
-
-def images_of(path: Path) -> dict[tuple[int, int, int, int], dict[int, Value]]:
-    """Return the records of a pickle of AdaFuse, one per image.
-
-    They are grouped by subject, action, subaction and frame, and then by camera.
-    """
-    found: dict[tuple[int, int, int, int], dict[int, Value]] = {}
-    for record in load_pickle(path).entries():
-        subject, action, subaction = (record[key].whole() for key in ("subject", "action", "subaction"))
-        views = found.setdefault((subject, action, subaction, record["image_id"].whole()), {})
-        view = record["camera_id"].whole()
-        if view in views:
-            raise record.error("one record per frame and camera", f"another one of camera {view}")
-        views[view] = record
-    if not found:
-        raise DatasetError(path, "file", "a list of records, one per image", "none")
-    return found
-
-
-def stacked(rows: Sequence[Sequence[Value]], key: str, *shape: int) -> Array:
-    """Return what the records of every frame and camera have under a key, (T, M, *shape)."""
-    return np.stack([[record[key].numbers(*shape) for record in row] for row in rows])
-
-
-def flags(rows: Sequence[Sequence[Value]], key: str, count: int) -> Array:
-    """Return the flags (T, M, count) of all records, which may be repeated along a last axis."""
-
-    def of(value: Value) -> Array:
-        array = value.array()
-        first = array[:, 0] if array.ndim == 2 and array.size else array
-        return Value(value.path, value.place, first).numbers(count)
-
-    return np.stack([[of(record[key]) for record in row] for row in rows])
 
 
 @contextmanager
@@ -243,7 +175,8 @@ def making(path: Path, field: str, what: str) -> Iterator[None]:
 def camera_at_centre(entry: Value, *, size: Sequence[int], name: str) -> Camera:
     """Return the camera of a table R, T, fx, fy, cx, cy[, k, p] where x_cam = R (X − T): T is the centre.
 
-    Numbers may be wrapped in arrays of any shape with as many values; ``k`` are three and ``p`` two.
+    Numbers may be wrapped in arrays of any shape with as many values; ``k`` are three and ``p`` two. A
+    distortion that is all zeros is none.
     """
 
     def values(key: str, count: int) -> Array:
@@ -258,16 +191,9 @@ def camera_at_centre(entry: Value, *, size: Sequence[int], name: str) -> Camera:
         k, p = values("k", 3), values("p", 2)
         lens = np.array([k[0], k[1], p[0], p[1], k[2]])
     K = np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
-    return build_camera(entry, K, R, -R @ values("T", 3), lens, size, name)
-
-
-def build_camera(
-    entry: Value, K: Array, R: Array, t: Array, distortion: Array, size: Sequence[int], name: str
-) -> Camera:
-    """Return the camera of `entry`; a distortion that is all zeros is none."""
     with making(entry.path, entry.place, "a camera"):
-        lens = distortion if np.any(distortion) else None
-        return Camera(K, R, t, distortion=lens, size=size, name=name)
+        distortion = lens if np.any(lens) else None
+        return Camera(K, R, -R @ values("T", 3), distortion=distortion, size=size, name=name)
 
 
 def build_rig(path: Path, cameras: Sequence[Camera]) -> CameraRig:

@@ -17,30 +17,24 @@ from skelsplat.exceptions import DatasetError
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Take:
-    """One take of one person, T frames seen by M cameras that do not move.
+    """One take of one person, T frames seen by M cameras that do not move; NaN where something is missing.
 
     Attributes
     ----------
-    key : str
-        Unique within the data set, as ``"S9/Directions 1"``; names the files of results.
-    subject, action : str
-        `action` is the column of a table: no number behind it.
+    key, subject, action : str
+        `key` is unique within the data set, as ``"S9/Directions 1"``; `action` has no number behind it.
     rig : CameraRig
         M cameras; its unit is that of `truth` and `monocular`.
     frames : (T,) int64
-        Frame numbers of the source.
+        Frame numbers of the source, of which there are `fps` per second.
     truth : (T, N, 3)
-        World joints; NaN where not labelled.
+        World joints.
     detections : (T, M, N, 3) or None
         Pixels and confidence; NaN, NaN, 0 where missing.
     monocular : (T, V, N, 3) or None
         World poses of V monocular estimates.
     boxes : (T, M, 4) or None
-        Left, top, right, bottom in pixels; NaN where the person is not in the view.
-    visible : (T, M, N) bool or None
-        Joints that are not occluded, where the source says so.
-    fps : float or None
-        Frames per second that `frames` count; None if unknown.
+        Left, top, right, bottom in pixels.
     files : mapping of str to Path
         Where ``"truth"``, ``"detections"``, ``"cameras"``, … come from, for messages.
     """
@@ -54,7 +48,6 @@ class Take:
     detections: Array | None = None
     monocular: Array | None = None
     boxes: Array | None = None
-    visible: Mask | None = None
     fps: float | None = None
     files: Mapping[str, Path] = field(default_factory=dict)
 
@@ -67,7 +60,6 @@ class Take:
             detections=(t, m, n, 3),
             monocular=(t, None, n, 3),
             boxes=(t, m, 4),
-            visible=(t, m, n),
         )
 
     def __len__(self) -> int:
@@ -75,7 +67,7 @@ class Take:
 
     def select(self, keep: Mask | Index | slice) -> Take:
         """Return the take with only the frames `keep`."""
-        return self._cut(("frames", "truth", "detections", "monocular", "boxes", "visible"), keep)
+        return self._cut(("frames", "truth", "detections", "monocular", "boxes"), keep)
 
     def _cut(self, names: Sequence[str], *index: Any, **changes: Any) -> Take:
         values = {name: getattr(self, name) for name in names}
@@ -96,7 +88,7 @@ class Take:
         if chosen == list(range(len(self.rig))):
             return self
         per_view = self.monocular is not None and self.monocular.shape[1] == len(self.rig)
-        arrays = ("detections", "boxes", "visible", *(["monocular"] if per_view else []))
+        arrays = ("detections", "boxes", *(["monocular"] if per_view else []))
         return self._cut(arrays, slice(None), chosen, rig=_some(self.rig, chosen))
 
     @property
@@ -114,31 +106,19 @@ class Take:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PeopleTake:
-    """One recording of Q people, T frames seen by M cameras that do not move.
+    """One recording of Q people, T frames seen by M cameras that do not move; else as `Take`.
 
     Attributes
     ----------
-    key : str
-        Unique within the data set.
-    rig : CameraRig
-        M cameras; its unit is that of `truth`.
-    frames : (T,) int64
-        Frame numbers of the source.
     people : (T, M, P, N, 3)
         Up to P detections per view, in an order that means nothing: pixels and confidence, NaN where there
         is nothing.
     truth : (Q, T, N, 3)
         World joints; NaN where not labelled.
-    names : tuple of str
-        Of the Q people.
     slots : (Q, T, M) int64
         Oracle association: which of the P detections shows whom; −1 = none.
     waived : tuple of str
         Names of people who need not be found, and do not count.
-    fps : float
-        Frames per second that `frames` count.
-    files : mapping of str to Path
-        As in `Take`.
     """
 
     key: str
@@ -223,22 +203,10 @@ def _some(rig: CameraRig, places: Sequence[int]) -> CameraRig:
 class Dataset:
     """Takes that share a layout.
 
-    Attributes
-    ----------
-    name : str
-        As in the registry: ``"human36m"``.
-    layout : Layout
-        N joints.
-    takes : tuple of Take
-    detector : str or None
-        Where the detections come from: ``"metrabs"``, ``"cpn"``, …, ``"simulated"``.
-    source : str
-        One line that goes under every table: what the data are, simulated or not, oracle or not.
-    notes : tuple of str
-        What was left out or assumed on reading.
-    scenes : tuple of PeopleTake
-        Recordings of several people in which nothing says who is who, if the source has them; `takes` then
-        has their people one by one, by oracle association.
+    `detector` says where the detections come from, such as ``"metrabs"``; `source` goes under every table:
+    what the data are, simulated or not, oracle or not; `notes` say what was left out or assumed on reading.
+    `scenes` are recordings of several people in which nothing says who is who, if the source has them;
+    `takes` then has their people one by one, by oracle association.
     """
 
     name: str

@@ -1,10 +1,7 @@
 """Data sets by name: reading and checking them.
 
 A reader is a function ``read(root, survey, **options) -> Dataset``; its options are keyword-only and have
-defaults. It looks for files with `Survey.find`, reads takes with `Survey.each`, and raises `DatasetError`.
-``Take.files`` states where the parts of a take come from, so that errors can name the file.
-
-Options of several readers:
+defaults. It looks for files with `Survey.find` and raises `DatasetError`. Options of several readers:
 
 - ``detector``: whose detections to read, as in ``2d_DETECTOR``: ``"metrabs"``, ``"cpn"``, … By default the
   first that is there of metrabs, resnet152, cpn, resnet50 and others;
@@ -19,7 +16,7 @@ from __future__ import annotations
 
 import inspect
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -47,11 +44,10 @@ class Reader:
 
 
 READERS = {
-    "human36m": Reader(
-        "Human3.6M: 4 cameras, 17 joints; formats skelsplat, karfly, adafuse, videopose3d", human36m.read
-    ),
+    "human36m": Reader("Human3.6M: 4 cameras, 17 joints; formats skelsplat, videopose3d", human36m.read),
     "human36m-occ": Reader(
-        "Human3.6M-Occ: occluded views; variants 2, 3, 3-hard; authors' layout", human36m.read_occluded
+        "Human3.6M-Occ: occluded views; one folder per variant, in the authors' layout",
+        human36m.read_occluded,
     ),
     "panoptic": Reader("CMU Panoptic Studio: single-person sequences in HD cameras.", panoptic.read),
     "occlusion-person": Reader(
@@ -80,19 +76,15 @@ def detections_option(name: str, which: str) -> dict[str, Any]:
     return {"detections": Path(which)} if apart else {"detector": which}
 
 
-def _read(name: str, root: str | os.PathLike[str], survey: Survey, options: dict[str, Any]) -> Dataset:
-    """Read a data set without a look at what the data mean."""
+def _checked(name: str, root: str | os.PathLike[str], options: Mapping[str, Any]) -> Path:
+    """Return the root if it is there and the data set has these options."""
     known = options_of(name)
     for option in options:
         if option not in known:
             raise InvalidInputError(f"{option}: expected an option of {name} ({', '.join(known)}), got this")
-    return READERS[name].read(Path(root), survey, **options)
-
-
-def _check_root(name: str, root: str | os.PathLike[str]) -> None:
-    one_of("name", name, READERS)
     if not Path(root).exists():
         raise DatasetError(Path(root), "root", f"the folder of {name}", "nothing in this place")
+    return Path(root)
 
 
 def read(name: str, root: str | os.PathLike[str], **options: Any) -> Dataset:
@@ -115,8 +107,8 @@ def read(name: str, root: str | os.PathLike[str], **options: Any) -> Dataset:
         If files are missing or malformed, or the data cannot be used: a wrong unit, exchanged sides. It names
         the file and the field.
     """
-    _check_root(name, root)
-    dataset = _read(name, root, Survey(), options)
+    path = _checked(name, root, options)
+    dataset = READERS[name].read(path, Survey(), **options)
     raise_errors(dataset)
     return dataset
 
@@ -185,31 +177,13 @@ def _as_dict(dataset: Dataset) -> dict[str, Any]:
 def check(name: str, root: str | os.PathLike[str], **options: Any) -> Report:
     """Say what is in the folder of a data set, what is missing, and whether the data mean what they should.
 
-    Parameters
-    ----------
-    name, root, **options
-        As for `read`.
-
-    Returns
-    -------
-    Report
-        Also if the data cannot be read: it says why.
-
-    Raises
-    ------
-    InvalidInputError
-        If the name or an option is unknown, or an option's value is.
-    DatasetError
-        If there is nothing at `root`.
+    Parameters and errors are those of `read`, but the report says why data cannot be read.
     """
-    _check_root(name, root)
-    survey = Survey(strict=False)
+    path, survey = _checked(name, root, options), Survey()
     try:
-        dataset = _read(name, root, survey, options)
+        dataset = READERS[name].read(path, survey, **options)
     except DatasetError as error:
-        survey.error = survey.error or error
-    if survey.error is not None:
-        return Report(name, Path(root), survey, error=survey.error)
+        return Report(name, path, survey, error=error)
     samples = samples_of(dataset)
     errors = view_errors(samples, dataset.layout)
-    return Report(name, Path(root), survey, dataset, findings=verify(dataset, samples), errors=errors)
+    return Report(name, path, survey, dataset, findings=verify(dataset, samples), errors=errors)

@@ -24,11 +24,11 @@ _BODY_MM = (400.0, 3500.0)
 _CLEAR_PX = 5.0
 """An explanation is better by at least this much, and halves the error: detectors err by a few pixels."""
 _LARGE_PX = 25.0
-"""Errors that no detector makes in the better quarter of its joints."""
+"""Median errors that no detector makes."""
 _FRAMES = 24
 _MOST_PAIRS = 3
 _LENS_PX = 15.0
-"""Views farther off than this have another fault than the lens."""
+"""Joints farther off than this have another fault than the lens."""
 _DETECTIONS = ("detections", "truth")
 
 
@@ -44,15 +44,6 @@ class Sample:
     def error(self) -> float:
         """Median distance of truth and detections, px."""
         return median(_distance(self.projected, self.pixels))
-
-    def best_quarter(self, view: int) -> float:
-        """How far the nearer quarter of a view's detections lies from the truth at most, px; NaN without any.
-
-        Unlike the median it stays small where an occluder hides most of the person.
-        """
-        values = _distance(self.projected[:, view], self.pixels[:, view])
-        finite = values[np.isfinite(values)]
-        return float(np.quantile(finite, 0.25)) if finite.size else float("nan")
 
     def sides(self, layout: Layout, view: int | slice = slice(None)) -> tuple[float, float]:
         """Return the median error of paired joints as given, and with left and right exchanged."""
@@ -167,24 +158,22 @@ def _of(take: Take, files: Sequence[str], cameras: Iterable[str] = ()) -> Subjec
     return Subject(cameras=tuple(cameras), files=(str(file),), takes=(take.key,))
 
 
-def body_size(poses: Array) -> float:
-    """Return the median diagonal of the boxes round the poses (…, N, 3) that are complete; NaN if none is."""
-    flat = poses.reshape(-1, *poses.shape[-2:])
-    whole = flat[np.isfinite(flat).all(axis=(1, 2))]
+def _body_size(poses: Array) -> float:
+    """Return the median diagonal of the boxes round the poses (T, N, 3) that are complete; NaN if none is."""
+    whole = poses[np.isfinite(poses).all(axis=(1, 2))]
     return median(np.linalg.norm(np.ptp(whole, axis=1), axis=-1)) if len(whole) else float("nan")
 
 
-def is_human(size_mm: float) -> bool:
-    """Whether a person's box can have such a diagonal."""
+def _is_human(size_mm: float) -> bool:
     return _BODY_MM[0] <= size_mm <= _BODY_MM[1]
 
 
 def _unit(item: Sample, layout: Layout) -> Iterator[Finding]:
     """Find bodies of no human size, and cameras in the wrong scale."""
     take, unit = item.take, item.take.rig.unit
-    size = body_size(item.truth)
-    if layout.n_joints > 10 and not (np.isnan(size) or is_human(take.rig.mm_per_unit * size)):
-        likely = [name for name, mm in MM_PER_UNIT.items() if is_human(mm * size)][-1:]
+    size = _body_size(item.truth)
+    if layout.n_joints > 10 and not (np.isnan(size) or _is_human(take.rig.mm_per_unit * size)):
+        likely = [name for name, mm in MM_PER_UNIT.items() if _is_human(mm * size)][-1:]
         numbers = {"size": size, "unit": unit, **({"likely_unit": likely[0]} if likely else {})}
         advice = f" (plausible in {likely[0]})" if likely else ""
         sentence = f"truth: expected joints in {unit}, got a body of {size:.3g} {unit}{advice}"
@@ -262,34 +251,23 @@ def _joint_order(samples: list[Sample], layout: Layout) -> Iterator[Finding]:
 
 
 def _views(item: Sample, layout: Layout) -> Iterator[Finding]:
-    """Find views that fit another camera, have their sides exchanged, or fit much worse than the others."""
+    """Find views that fit another camera, or have their sides exchanged."""
     names = item.take.rig.names
-    quarters = np.array([item.best_quarter(view) for view in range(len(names))])
     for view, row in enumerate(item.view_distances()):
         if not np.isfinite(row[view]):
             continue
-        best, far, own = int(np.nanargmin(row)), float(row[view]), float(quarters[view])
-        subject = _of(item.take, _DETECTIONS, [names[view]])
-        if _clearly_less(row[best], far):
+        best = int(np.nanargmin(row))
+        if _clearly_less(row[best], row[view]):
             yield Finding(
                 "cameras_exchanged",
                 "warning",
-                subject,
-                {"given_px": far, "other_px": float(row[best]), "other": names[best]},
-                sentence=f"camera {names[view]}: expected detections of this camera, got {far:.1f} px from "
-                f"the truth, and {row[best]:.1f} px in camera {names[best]}",
+                _of(item.take, _DETECTIONS, [names[view]]),
+                {"given_px": float(row[view]), "other_px": float(row[best]), "other": names[best]},
+                sentence=f"camera {names[view]}: expected detections of this camera, got {row[view]:.1f} px "
+                f"from the truth, and {row[best]:.1f} px in camera {names[best]}",
             )
-        elif exchanged := list(_exchanged(item, layout, view)):
-            yield from exchanged
-        elif own > max(_LARGE_PX, 3.0 * np.nan_to_num(median(np.delete(quarters, view)))):
-            yield Finding(
-                "camera_disagrees",
-                "warning",
-                subject,
-                {"given_px": far, "quarter_px": own},
-                sentence=f"camera {names[view]}: expected detections near the truth, got errors of up to "
-                f"{own:.1f} px in the best quarter of them",
-            )
+        else:
+            yield from _exchanged(item, layout, view)
 
 
 def _exchange_tangential(camera: Camera) -> Camera:
@@ -306,49 +284,41 @@ _LENSES: dict[str, tuple[Callable[[Camera], Camera], str]] = {
 
 def _lenses(samples: list[Sample]) -> Iterator[Finding]:
     """Find cameras that fit better with p1 and p2 exchanged, or without distortion."""
-    sums: dict[str, Array] = {}  # of each camera, (lenses, 4)
+    fits: dict[str, list[Array]] = {}  # residuals, and the steps from the given lens to each other one
     for item in samples:
-        for view, camera in enumerate(item.take.rig):
+        for view, (name, camera) in enumerate(zip(item.take.rig.names, item.take.rig, strict=True)):
             if camera.distortion is not None and not camera.fisheye:
-                own = [_lens_sums(item, view, other(camera)) for other, _ in _LENSES.values()]
-                name = item.take.rig.names[view]
-                sums[name] = sums.get(name, 0.0) + np.array(own)
-    # The sum of squared residuals of the other lens.
-    best = {name: int(np.argmin(own[:, 2] - 2.0 * own[:, 1] + own[:, 0])) for name, own in sums.items()}
-    for k, (lens, (_, words)) in enumerate(_LENSES.items()):
-        wrong = [name for name, own in sums.items() if best[name] == k and _other_is_right(own[k])]
-        if wrong:
+                others = ([other(camera)] for other, _ in _LENSES.values())
+                seen = [_seen(item.truth, CameraRig(one, item.take.rig.unit))[:, 0] for one in others]
+                moved = np.stack([item.pixels[:, view], *seen]) - item.projected[:, view]
+                length = np.linalg.norm(moved[0], axis=-1)
+                near = (length <= min(3.0 * median(length), _LENS_PX)) & np.isfinite(moved).all(axis=(0, -1))
+                fits.setdefault(name, []).append(moved[:, near])
+    wrong: dict[str, list[str]] = {lens: [] for lens in _LENSES}
+    for name, parts in fits.items():
+        residual, *steps = np.concatenate(parts, axis=1)
+        lens, step = min(
+            zip(_LENSES, steps, strict=True), key=lambda one: float(((residual - one[1]) ** 2).sum())
+        )
+        if _is_right(step, residual):
+            wrong[lens].append(name)
+    for lens, cameras in wrong.items():
+        if cameras:
             yield Finding(
                 "dataset_lens",
                 "warning",
-                replace(_of(samples[0].take, ["cameras"], wrong), takes=()),
+                replace(_of(samples[0].take, ["cameras"], cameras), takes=()),
                 {"likely_lens": lens},
-                sentence=f"distortion of {', '.join(wrong)}: expected the lens of the detections, "
-                f"got {words}",
+                sentence=f"distortion of {', '.join(cameras)}: expected the lens of the detections, "
+                f"got {_LENSES[lens][1]}",
             )
 
 
-def _lens_sums(item: Sample, view: int, other: Camera) -> Array:
-    """Return sums for the least squares of the share s in residual = s · (other lens − given lens).
-
-    They are step², step · residual, residual² and their number, over joints of a view that are no outliers.
-    s is 0 if the given lens is right and 1 if the other one is.
-    """
-    step = _seen(item.truth, CameraRig([other], item.take.rig.unit))[:, 0] - item.projected[:, view]
-    residual = item.pixels[:, view] - item.projected[:, view]
-    length = np.linalg.norm(residual, axis=-1)
-    if not median(length) <= _LENS_PX:
-        return np.zeros(4)
-    near = (length <= 3.0 * median(length) + 1e-9) & np.isfinite(step).all(axis=-1)
-    parts = step[near] ** 2, step[near] * residual[near], residual[near] ** 2
-    return np.array([*(part.sum() for part in parts), 2.0 * near.sum()])
-
-
-def _other_is_right(sums: Array) -> bool:
-    """Whether s is nearer to 1 than to 0, by four standard errors of it."""
-    own, product, residual, count = sums
-    if count < 8 or own <= 1e-12:
+def _is_right(step: Array, residual: Array) -> bool:
+    """Whether the share s in residual = s · step is nearer to 1 than to 0, by four standard errors of it."""
+    own = float((step**2).sum())
+    if residual.size < 8 or own <= 1e-12:
         return False
-    share = product / own
-    rest = max(residual - share * product, 0.0)
-    return bool(share - 4.0 * np.sqrt(rest / count / own) > 0.5)
+    share = float((step * residual).sum()) / own
+    rest = float(((residual - share * step) ** 2).sum())
+    return bool(share - 4.0 * np.sqrt(rest / residual.size / own) > 0.5)

@@ -101,7 +101,7 @@ def read(
         guess = None if monocular is None else root / "initial_guess" / monocular / "S0" / sequence
         return _with_detections(survey, one, source / sequence, guess, stems)
 
-    takes = tuple(survey.each(take, sequences))
+    takes = tuple(map(take, sequences))
     words = f"CMU Panoptic, HD cameras {', '.join(map(str, chosen))}, detections: {name or 'none'}"
     return Dataset("panoptic", PANOPTIC19, takes, detector=name, source=words, notes=tuple(survey.notes))
 

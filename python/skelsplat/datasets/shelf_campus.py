@@ -3,15 +3,13 @@
 - ``calibration_NAME.json`` as VoxelPose wrote it: {"0": {k, p, R, T, fx, fy, cx, cy}}, mm, x_cam = R (X − T);
 - truth ``actorsGT.mat``, key ``actor3D``: cells of actors, of frames, of (14, 3) **metres**, empty where an
   actor is not labelled;
-- detections ``2d_DETECTOR/S0/actorK[/CAMERA]/poses.npz``: which detection belongs to which actor is decided
-  before. With 17 joints they are COCO-17 and become the 14, neck and head top interpolated from shoulders and
-  ears;
-- or detections of everybody, in which nothing says who is who: ``2d_DETECTOR/S0/people.npz``, key ``people``
-  (T, M, P, N, 2 or 3), NaN where there is nothing, and ``frames`` (T,), from 0; or
-  ``pred_NAME_DETECTOR_coco.pkl`` as VoxelPose has it: {"CAMERA_FRAME": [{"pred": (17, 3)}, …]}.
+- detections of everybody, in which nothing says who is who: ``2d_DETECTOR/S0/people.npz``, key ``people``
+  (T, M, P, N, 3), NaN where there is nothing, and ``frames`` (T,), from 0; or
+  ``pred_NAME_DETECTOR_coco.pkl`` as VoxelPose has it: {"CAMERA_FRAME": [{"pred": (17, 3)}, …]}. 17 joints
+  are COCO-17 and become the 14, neck and head top interpolated from shoulders and ears.
 
-Each actor is a take; frames are those in which it is labelled. With detections of everybody alone, the takes
-have those that are nearest to the projected truth (oracle association).
+Each actor is a take; frames are those in which it is labelled. The takes have the detections that are nearest
+to the projected truth (oracle association).
 """
 
 from __future__ import annotations
@@ -29,14 +27,16 @@ from skelsplat._arrays import Array, Index, corners
 from skelsplat._optional import require
 from skelsplat._skelsplat import project
 from skelsplat.cameras import CameraRig
-from skelsplat.datasets._detections import (
-    Wanted,
-    detections_of,
-    detector_name,
-    read_apart,
-    with_detections,
+from skelsplat.datasets._detections import choose_detector, detector_name, detectors_of
+from skelsplat.datasets._files import (
+    Survey,
+    Value,
+    build_rig,
+    camera_at_centre,
+    load_json,
+    load_npz,
+    load_pickle,
 )
-from skelsplat.datasets._files import Survey, build_rig, camera_at_centre, load_json, load_npz, load_pickle
 from skelsplat.datasets._model import Dataset, PeopleTake, Take
 from skelsplat.exceptions import DatasetError
 from skelsplat.io._guarded import read_guarded
@@ -73,22 +73,24 @@ def _read(
     detector: str | None = None,
     detections: Path | str | None = None,
 ) -> Dataset:
-    """Read the data set; `detections` may also be a file of everybody."""
+    """Read the data set; `detections` is a file of everybody."""
     file, inside = f"calibration_{scene.name}.json", root / scene.name.capitalize()
     places = [root / file, inside / file, root / "cameras" / file]
     calibration = survey.find(places, f"calibration of {scene.name}")
     truth = survey.find([root / "actorsGT.mat", inside / "actorsGT.mat"], f"truth of {scene.name}")
-    rig = _rig(scene, calibration)
-    folder, everybody, name = _detections(scene, root, survey, detector, detections)
-    actors = read_actors(truth, SHELF14.n_joints)
+    rig, actors = _rig(scene, calibration), _actors(truth)
+    everybody, name = _detections(scene, root, survey, detector, detections)
     files = {"truth": truth, "cameras": calibration}
-    words = f"{scene.name.capitalize()}, one take per actor, detections: {name or 'none'}"
     scenes = () if everybody is None else (_people(everybody, rig, actors, files),)
-    if folder is None and scenes:
+    if scenes:
         takes = scenes[0].apart("S0")
     else:
-        own = partial(_take, survey, rig, folder, files)
-        takes = tuple(survey.each(own, [(k, *actors[k]) for k in range(_EVALUATED) if len(actors[k][0])]))
+        takes = tuple(
+            Take(f"S0/actor{k}", "S0", f"actor{k}", rig, frames, joints, fps=_FPS, files=files)
+            for k, (frames, joints) in enumerate(actors[:_EVALUATED])
+            if len(frames)
+        )
+    words = f"{scene.name.capitalize()}, one take per actor, detections: {name or 'none'}"
     return Dataset(scene.name, SHELF14, takes, name, words, scenes=scenes)
 
 
@@ -98,62 +100,23 @@ read_campus = partial(_read, Scene("campus", (360, 288), 3))
 
 def _detections(
     scene: Scene, root: Path, survey: Survey, detector: str | None, given: Path | str | None
-) -> tuple[Path | None, Path | None, str | None]:
-    """Return the folder with detections per actor, the file of everybody, and the detector."""
-    folders = (root, root / scene.name.capitalize())
-    alone = {}
-    for path in (path for one in folders for path in sorted(one.glob(f"pred_{scene.name}_*.pkl"))):
-        alone[detector_name(re.sub(rf"^pred_{scene.name}_|(_coco)?\.pkl$", "", path.name))] = path
+) -> tuple[Path | None, str | None]:
+    """Return the file of everybody, if there is one, and the detector."""
     wanted = None if detector is None else detector_name(detector)
-    if given is not None and Path(given).is_file():
-        return None, survey.found(Path(given)), wanted
-    if given is None and alone and (wanted in alone or (wanted is None and not any(root.glob("2d_*")))):
-        chosen = wanted or next(iter(alone))
-        return None, survey.found(alone[chosen]), chosen
-    folder, name = detections_of(survey, root, detector, given, "hrnet")
-    everybody = None if folder is None or not (folder / "people.npz").is_file() else folder / "people.npz"
-    per_actor = folder is not None and any(folder.glob("actor*"))
-    return (folder if per_actor or everybody is None else None), everybody, name
+    if given is not None:
+        return survey.find([Path(given)], "detections of everybody"), wanted
+    there = {name: path / "S0" / "people.npz" for name, path in detectors_of(root).items()}
+    for folder in (root, root / scene.name.capitalize()):
+        for path in sorted(folder.glob(f"pred_{scene.name}_*.pkl")):
+            found = re.sub(rf"^pred_{scene.name}_|(_coco)?\.pkl$", "", path.name)
+            there[detector_name(found)] = path
+    name = choose_detector(survey, there, detector, root / f"pred_{scene.name}_DETECTOR_coco.pkl")
+    return None if name is None else survey.find([there[name]], f"detections of {name}"), name
 
 
 def _rig(scene: Scene, path: Path) -> CameraRig:
-    content = load_json(path)
-    names = [str(k) for k in range(scene.n_cameras)]
-    lost = [name for name in names if name not in content.table()]
-    if lost:
-        there = ", ".join(sorted(content.keys)) or "none"
-        raise DatasetError(path, "cameras", f"camera {lost[0]}", f"only {there}")
+    content, names = load_json(path), [str(k) for k in range(scene.n_cameras)]
     return build_rig(path, [camera_at_centre(content[name], size=scene.size, name=name) for name in names])
-
-
-def _take(
-    survey: Survey,
-    rig: CameraRig,
-    folder: Path | None,
-    files: Mapping[str, Path],
-    actor: tuple[int, Index, Array],
-) -> Take:
-    """Return an actor's take, with the detections in a folder if there is one."""
-    k, frames, joints = actor
-    name = f"actor{k}"
-    take = Take(f"S0/{name}", "S0", name, rig, frames, joints, fps=_FPS, files=files)
-    if folder is None:
-        return take
-    try:
-        return with_detections(survey, take, SHELF14, folder / name)
-    except DatasetError as error:
-        if f"{SHELF14.n_joints} joints" not in error.expected:
-            raise
-        values, places, path = _coco(survey, take, folder / name, error)
-        return take.select(places).with_detections(from_coco(values), path)
-
-
-def _coco(survey: Survey, take: Take, folder: Path, error: DatasetError) -> tuple[Array, Index, Path]:
-    """Read detections of 17 joints, or raise the error that there are not the 14."""
-    try:
-        return read_apart(survey, folder, Wanted(take.key, take.frames, take.rig.names, COCO17))
-    except DatasetError:
-        raise error from None
 
 
 def from_coco(detections: Array) -> Array:
@@ -220,9 +183,12 @@ def _people(path: Path, rig: CameraRig, actors: Actors, files: Mapping[str, Path
 
 def _everybody(path: Path, cameras: Sequence[str]) -> tuple[Index, Array]:
     """Read frames (T,) and detections (T, M, P, 14, 3), NaN where there is nothing."""
-    frames, people = _of_npz(path, cameras) if path.suffix == ".npz" else _of_pickle(path, cameras)
-    if people.shape[-1] == 2:
-        people = np.concatenate([people, np.ones((*people.shape[:-1], 1))], axis=-1)
+    if path.suffix == ".npz":
+        content = load_npz(path)
+        frames = content["frames"].frames()
+        people = content["people"].numbers(len(frames), len(cameras), "people", "joints", 3)
+    else:
+        frames, people = _of_pickle(path, cameras)
     missing = ~np.isfinite(people[..., :2]).all(axis=-1) | (people[..., :2] == 0.0).all(axis=-1)
     people[..., 2] = np.clip(people[..., 2], 0.0, 1.0)
     people[missing | ~(people[..., 2] > 0.0)] = np.nan
@@ -231,17 +197,6 @@ def _everybody(path: Path, cameras: Sequence[str]) -> tuple[Index, Array]:
         people[np.isnan(people[..., 0])] = np.nan
     if people.shape[-2] != SHELF14.n_joints:
         raise DatasetError(path, "people", "14 or 17 joints", people.shape[-2])
-    return frames, people
-
-
-def _of_npz(path: Path, cameras: Sequence[str]) -> tuple[Index, Array]:
-    content = load_npz(path)
-    people, frames = content["people"].array(), content["frames"].frames()
-    if people.ndim != 5 or people.shape[-1] not in (2, 3) or people.shape[1] != len(cameras):
-        expected = f"pixels (frames, {len(cameras)} views, people, joints, 2 or 3)"
-        raise content["people"].error(expected, f"shape {people.shape}")
-    if len(frames) != len(people):
-        raise content["frames"].error(f"{len(people)} numbers", len(frames))
     return frames, people
 
 
@@ -266,22 +221,19 @@ def _of_pickle(path: Path, cameras: Sequence[str]) -> tuple[Index, Array]:
     return frames, people
 
 
-def read_actors(path: Path, n_joints: int) -> Actors:
-    """Return the actors' frames and joints."""
+def _actors(path: Path) -> Actors:
+    """Read the truth."""
     require("scipy.io", str(path), "evaluation")
-    content = read_guarded("mat", path, "a complete MATLAB file before version 7.3", names=None)
-    if "actor3D" not in content:
-        there = ", ".join(key for key in content if not key.startswith("__")) or "nothing"
-        raise DatasetError(path, "actor3D", "cells of actors", f"only {there}")
-    actors = _cells(content["actor3D"])
+    content = Value(
+        path, "", read_guarded("mat", path, "a complete MATLAB file before version 7.3", names=None)
+    )
+    actors = _cells(content["actor3D"].content)
     while len(actors) == 1 and _cells(actors[0]) and _cells(_cells(actors[0])[0]):
         actors = _cells(actors[0])  # the cell of actors may lie in cells of its own
-    if not actors:
-        raise DatasetError(path, "actor3D", "cells of actors", "none")
-    lengths = {len(_cells(actor)) for actor in actors}
-    if len(lengths) > 1:
-        raise DatasetError(path, "actor3D", "as many frames for every actor", sorted(lengths))
-    return [_actor(path, f"actor3D{{{k + 1}}}", _cells(actor), n_joints) for k, actor in enumerate(actors)]
+    lengths = sorted({len(_cells(actor)) for actor in actors})
+    if len(lengths) != 1:
+        raise content["actor3D"].error("cells of actors with as many frames", f"{lengths} frames")
+    return [_actor(path, f"actor3D{{{k + 1}}}", _cells(actor)) for k, actor in enumerate(actors)]
 
 
 def _cells(value: Any) -> list[Any]:
@@ -289,19 +241,16 @@ def _cells(value: Any) -> list[Any]:
     return list(value.ravel()) if is_cell else []
 
 
-def _actor(path: Path, field: str, cells: Sequence[Any], n_joints: int) -> tuple[Index, Array]:
+def _actor(path: Path, field: str, cells: Sequence[Any]) -> tuple[Index, Array]:
     frames, poses = [], []
     for k, value in enumerate(cells):
         pose = np.asarray(value)
         while pose.dtype == object and pose.size == 1:
             pose = np.asarray(pose.ravel()[0])
-        if pose.size < 3:  # not labelled: an empty matrix, or a single zero
-            continue
-        if pose.shape != (n_joints, 3) or pose.dtype.kind not in "fiu":
-            expected = f"joints ({n_joints}, 3), metres"
-            raise DatasetError(path, f"{field}{{{k + 1}}}", expected, f"shape {pose.shape}")
-        frames.append(k)
-        with np.errstate(over="ignore"):  # refused with the take
-            poses.append(_MM_PER_M * pose.astype(np.float64))
-    joints = np.stack(poses) if poses else np.empty((0, n_joints, 3))
-    return np.array(frames, dtype=np.int64), joints
+        if pose.size >= 3:  # else not labelled: an empty matrix, or a single zero
+            frames.append(k)
+            joints = Value(path, f"{field}{{{k + 1}}}", pose).numbers(SHELF14.n_joints, 3)
+            with np.errstate(over="ignore"):  # refused with the take
+                poses.append(_MM_PER_M * joints)
+    truth = np.stack(poses) if poses else np.empty((0, SHELF14.n_joints, 3))
+    return np.array(frames, dtype=np.int64), truth

@@ -12,7 +12,6 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from skelsplat import io
 from skelsplat._arrays import Array, Index, largest_slots
@@ -29,14 +28,14 @@ FORMAT = "skelsplat-simulated"
 FORMAT_VERSION = 2
 INDEX = "dataset.json"
 
-# What is read of a take of one person, or of several: the file of each part, and the arrays in it.
+# What is read of a take of one person, and of one of several: the keys in each file.
 _NEEDED = {
-    "detections": {
-        "truth": ("truth", "poses", "boxes"),
-        "detections": ("detections_simulated_{}", "detections"),
-        "monocular": ("monocular_simulated", "poses"),
+    False: {
+        "truth": ("poses", "boxes"),
+        "detections_simulated_{}": ("detections",),
+        "monocular_simulated": ("poses",),
     },
-    "people": {"truth": ("truth", "poses"), "detections": ("people_simulated_{}", "people", "owner")},
+    True: {"truth": ("poses",), "people_simulated_{}": ("people", "owner")},
 }
 
 
@@ -57,61 +56,51 @@ def read(
     for key, known in (("format", FORMAT), ("format_version", FORMAT_VERSION)):
         if index[key].value != known:
             raise index[key].error(known, index[key].shown)
-    layout = named(index["layout"])
-    joints, detectors = index["joints"].names(), index["detectors"].names()
-    if joints != list(layout.joints):
-        raise index["joints"].error(f"those of {layout.name}", ", ".join(joints))
+    layout, detectors = named(index["layout"]), index["detectors"].names()
+    if index["joints"].names() != list(layout.joints):
+        raise index["joints"].error(f"those of {layout.name}", ", ".join(index["joints"].names()))
     if detector not in detectors:
         raise index["detectors"].error(f"the detector {detector!r}", ", ".join(detectors))
-    cameras = {name: root / "cameras" / f"{name}.json" for name in index["cameras"].names()}
-    rigs = {name: read_cameras(survey.find([path], "cameras"), "json") for name, path in cameras.items()}
+    files = {name: root / "cameras" / f"{name}.json" for name in index["cameras"].names()}
+    rigs = {name: read_cameras(survey.find([path], "cameras"), "json") for name, path in files.items()}
     fps = index["fps"].number() if "fps" in index else None
-
-    def take(entry: Field) -> Take | PeopleTake:
-        rig_name, key = entry["cameras"].text(), PurePosixPath(entry["key"].text())
-        if rig_name not in rigs:
-            raise entry["cameras"].error(f"one of {', '.join(rigs)}", rig_name)
-        if key.is_absolute() or ".." in key.parts:
-            raise entry["key"].error("a folder beneath takes", key)
-        kind = "people" if "people" in entry else "detections"
-        recording, files = _recording(survey, root / "takes" / key, entry, kind, detector)
-        files["cameras"], rig = cameras[rig_name], rigs[rig_name]
-        one: Take | PeopleTake
-        if kind == "people":
-            one = _people_take_of(recording, rig, detector, index["fps"].number(), files)
+    takes: list[Take] = []
+    scenes: list[PeopleTake] = []
+    for entry in index["takes"].entries("a list of takes"):
+        recording, own = _recording(survey, root / "takes", entry, detector)
+        if recording.rig_name not in rigs:
+            raise entry["cameras"].error(f"one of {', '.join(rigs)}", recording.rig_name)
+        rig, own["cameras"] = rigs[recording.rig_name], files[recording.rig_name]
+        places = range(len(rig)) if views is None else _places(rig, views)
+        if "people" in entry:
+            scenes.append(_people_take_of(recording, rig, detector, index["fps"].number(), own))
+            scenes[-1] = scenes[-1].with_views(places)
+            takes += scenes[-1].apart(recording.key)
         else:
-            one = take_of(recording, rig, detector, fps, files)
-        return one if views is None else one.with_views(_places(one.rig, views))
-
-    found = list(survey.each(take, index["takes"].entries("a list of takes")))
-    scenes = tuple(one for one in found if isinstance(one, PeopleTake))
-    takes = [
-        one for take in found for one in (take.apart(take.key) if isinstance(take, PeopleTake) else [take])
-    ]
+            takes.append(take_of(recording, rig, detector, fps, own).with_views(places))
     name, seed = index["name"].text(), index.value.get("parameters", {}).get("seed")
     source = f"simulated poses and detections ({name}, detector {detector!r}, seed {seed}); no image was seen"
-    return Dataset(name, layout, tuple(takes), f"simulated-{detector}", source, scenes=scenes)
+    return Dataset(name, layout, tuple(takes), f"simulated-{detector}", source, scenes=tuple(scenes))
 
 
 def _recording(
-    survey: Survey, folder: Path, entry: Field, kind: str, detector: str
+    survey: Survey, folder: Path, entry: Field, detector: str
 ) -> tuple[Recording, dict[str, Path]]:
     """Return a take with one of its detectors, and its files; all have the same frames."""
-    needed = _NEEDED[kind]
-    stems = {part: stem.format(detector) for part, (stem, *_) in needed.items()}
-    files = {part: folder / f"{stem}.npz" for part, stem in stems.items()}
+    key, subject, action, rig_name = (entry[name].text() for name in ("key", "subject", "action", "cameras"))
+    if ".." in PurePosixPath(key).parts or PurePosixPath(key).is_absolute():
+        raise entry["key"].error("a folder beneath takes", key)
+    needed = {part.format(detector): keys for part, keys in _NEEDED["people" in entry].items()}
+    parts = ("truth", "detections", "monocular")
+    files = {part: folder / key / f"{stem}.npz" for part, stem in zip(parts, needed, strict=False)}
     survey.find_all((path, part) for part, path in files.items())
-    loaded = {part: load_npz(path) for part, path in files.items()}
-    frames = loaded["truth"]["frames"].frames()
-    arrays: dict[str, dict[str, NDArray[Any]]] = {}
-    for part, (_, *keys) in needed.items():
-        content = loaded[part]
+    loaded = [load_npz(path) for path in files.values()]
+    frames = loaded[0]["frames"].frames()
+    for content in loaded:
         if not np.array_equal(content["frames"].array(), frames):
             raise content["frames"].error(f"those of {files['truth'].name}", "others")
-        arrays[stems[part]] = {key: content[key].array() for key in keys}
-    if "visible" in loaded["truth"] and kind == "detections":
-        arrays["truth"]["visible"] = loaded["truth"]["visible"].array().astype(bool)
-    key, subject, action, rig_name = (entry[name].text() for name in ("key", "subject", "action", "cameras"))
+    named_arrays = zip(needed.items(), loaded, strict=True)
+    arrays = {stem: {key: content[key].array() for key in keys} for (stem, keys), content in named_arrays}
     return Recording(key, subject, action, rig_name, frames, arrays), files
 
 
@@ -134,7 +123,6 @@ def take_of(
         recording.arrays[f"detections_simulated_{detector}"]["detections"],
         monocular=recording.arrays["monocular_simulated"]["poses"],
         boxes=truth["boxes"],
-        visible=truth.get("visible"),
         fps=fps,
         files=files,
     )

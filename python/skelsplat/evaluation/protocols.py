@@ -19,8 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skelsplat.datasets import Dataset, Take, occlusion_person, panoptic
-from skelsplat.datasets.human36m import ACTIONS
-from skelsplat.datasets.human36m._common import ALIASES
+from skelsplat.datasets.human36m import ACTIONS, ALIASES
 from skelsplat.exceptions import DatasetError, InvalidInputError, one_of
 
 Endpoint = int | tuple[int, ...]

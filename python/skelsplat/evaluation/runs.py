@@ -72,8 +72,7 @@ def save(path: Path, key: str, data: str, solution: Solution) -> None:
 def fingerprint(take: Take) -> str:
     """Hash of everything in a take that a result or its score depends on."""
     arrays: dict[str, Any] = {
-        name: getattr(take, name)
-        for name in ("frames", "truth", "detections", "monocular", "boxes", "visible")
+        name: getattr(take, name) for name in ("frames", "truth", "detections", "monocular", "boxes")
     }
     for i, camera in enumerate(take.rig):
         names = ("K", "R", "t", "distortion", "size", "fisheye")

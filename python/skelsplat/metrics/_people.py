@@ -25,26 +25,20 @@ class TrackScores:
     Attributes
     ----------
     matched : (Q, T) int64
-        Identity of the estimate matched to each person; −1 = none. Absent people have none.
+        Identity of the estimate matched to each person; −1 = none.
     error_mm : (Q, T)
-        Mean joint distance of the matched pair; NaN = none.
-    mpjpe_mm : float
-        Mean of `error_mm`.
+        Mean joint distance of the matched pair, NaN = none; `mpjpe_mm` is its mean.
     n_truth, n_estimates : int
         Person-frames to be found, and estimates that count.
     precision, recall : float
         Matched pairs as a share of the estimates and of the person-frames.
-    identity_switches : int
-        CLEAR MOT: how often a person is matched to another identity than the one before.
-    fragmentations : int
-        How often a person is lost and found again while present.
-    mota : float
-        CLEAR MOT: 1 − (missed + false + switches) / `n_truth`.
-    idf1 : float
-        F1 of the person-frames under the best one-to-one assignment of identities to people.
+    identity_switches, fragmentations : int
+        How often a person is matched to another identity than the one before, and lost and found again.
+    mota, idf1 : float
+        1 − (missed + false + switches) / `n_truth`, and the F1 of the person-frames under the best one-to-one
+        assignment of identities to people.
     pcp : (Q,) or None
-        Share of correct parts per person, `skelsplat.metrics.pcp`; a person without an estimate has none
-        correct. None without limbs.
+        Share of correct parts per person; a person without an estimate has none correct. None without limbs.
     """
 
     matched: Index
@@ -93,20 +87,18 @@ def track_scores(
     truth : (Q, T, N, 3) mm
         NaN = missing; a person without any joint is absent in that frame.
     optional : (Q, T) bool, optional
-        Person-frames that need not be found, such as of people whom no two views see: neither they nor
-        estimates matched to them count.
-    gate_mm : float
+        Person-frames that need not be found: neither they nor estimates matched to them count.
     limbs, alpha
         As in `skelsplat.metrics.pcp`. The published figures of Shelf and Campus take the nearest estimate
         instead of the assigned one, at any distance.
-
-    Raises
-    ------
-    MissingPackageError
-        Without SciPy.
     """
     positive("gate_mm", gate_mm)
-    people, waived = _checked(truth, optional)
+    people = as_poses(truth, "truth")
+    if people.ndim != 4:
+        raise InvalidInputError(f"truth: expected shape (Q, T, N, 3), got {people.shape}")
+    waived = np.zeros(people.shape[:2], dtype=bool) if optional is None else flags(optional, "optional")
+    if waived.shape != people.shape[:2]:
+        raise InvalidInputError(f"optional: expected shape {people.shape[:2]}, got {waived.shape}")
     counted = present(people).any(axis=-1) & ~waived
     names, poses = _by_identity(tracks, people.shape[1:])
     distance = _distances(poses, people, gate_mm)  # (T, E, Q)
@@ -130,21 +122,9 @@ def track_scores(
         identity_switches=switches,
         fragmentations=fragments,
         mota=1.0 - share(wrong, n_truth),
-        idf1=_idf1(distance, counted, n_truth, n_estimates),
+        idf1=share(2 * _together(distance, counted), n_truth + n_estimates),
         pcp=None if limbs is None else _pcp(index, poses, people, counted, limbs, alpha),
     )
-
-
-def _checked(truth: ArrayLike, optional: ArrayLike | None) -> tuple[Array, Mask]:
-    """Truth (Q, T, N, 3) and who need not be found, (Q, T)."""
-    people = as_poses(truth, "truth")
-    if people.ndim != 4:
-        raise InvalidInputError(f"truth: expected shape (Q, T, N, 3), got {people.shape}")
-    shape = people.shape[:2]
-    waived = np.zeros(shape, dtype=bool) if optional is None else flags(optional, "optional")
-    if waived.shape != shape:
-        raise InvalidInputError(f"optional: expected shape {shape}, got {waived.shape}")
-    return people, waived
 
 
 def share(part: float, whole: float) -> float:
@@ -160,13 +140,10 @@ def _by_identity(tracks: Sequence[Track], shape: tuple[int, ...]) -> tuple[Index
     for k, (name, frames, pose) in enumerate(tracks):
         when, given = whole_numbers(frames, f"tracks[{k}]: frames"), as_poses(pose, f"tracks[{k}]: pose")
         if when.ndim != 1 or given.shape != (len(when), *shape[1:]):
-            expected = f"pose of shape {('F', *shape[1:])} for F frames"
-            raise InvalidInputError(
-                f"tracks[{k}]: expected {expected}, got {given.shape} for {when.shape}".replace("'", "")
-            )
-        if len(when) and not 0 <= when.min() <= when.max() < shape[0]:
-            outside = when.min() if when.min() < 0 else when.max()
-            raise InvalidInputError(f"tracks[{k}]: expected frames from 0 to {shape[0] - 1}, got {outside}")
+            expected = f"a pose (F, {shape[1]}, 3) for F frames"
+            raise InvalidInputError(f"tracks[{k}]: expected {expected}, got {given.shape} for {when.shape}")
+        if ((when < 0) | (when >= shape[0])).any():
+            raise InvalidInputError(f"tracks[{k}]: expected frames from 0 to {shape[0] - 1}, got {when}")
         own = poses[names.index(int(name))]
         if len(np.unique(when)) < len(when) or present(own[when]).any():
             raise InvalidInputError(f"tracks[{k}]: expected identity {name} once in a frame, got it twice")
@@ -225,11 +202,11 @@ def _changes(followed: Index, counted: Mask) -> tuple[int, int]:
     return switches, fragments
 
 
-def _idf1(distance: Array, counted: Mask, n_truth: int, n_estimates: int) -> float:
+def _together(distance: Array, counted: Mask) -> int:
+    """Person-frames that are found under the best one-to-one assignment of identities to people."""
     together = (np.isfinite(distance) & counted.T[:, None]).sum(axis=0)
     best = cheapest_pairs(-together.astype(np.float64))
-    hits = int(together[best[:, 0], best[:, 1]].sum())
-    return share(2 * hits, n_truth + n_estimates)
+    return int(together[best[:, 0], best[:, 1]].sum())
 
 
 def _pcp(

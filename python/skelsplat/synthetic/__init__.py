@@ -18,7 +18,7 @@ from skelsplat.synthetic.poses import monocular_poses, perturb
 from skelsplat.synthetic.rigs import dome, human36m_like, look_at, ring, stereo, table
 from skelsplat.synthetic.scenes import Scene, simulate_scene
 from skelsplat.synthetic.sets import set_names, simulate_set
-from skelsplat.synthetic.skeleton import forward_kinematics, in_layout
+from skelsplat.synthetic.skeleton import in_layout
 
 __all__ = [
     "Crowding",
@@ -27,7 +27,6 @@ __all__ = [
     "Scene",
     "crowd",
     "dome",
-    "forward_kinematics",
     "human36m_like",
     "in_layout",
     "look_at",

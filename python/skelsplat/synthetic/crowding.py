@@ -41,18 +41,12 @@ class Crowding:
     hidden_missing, hidden_taken : float
         Shares of the joints hidden by another person that are missing, and that are reported at the same
         joint of that person; the rest is guessed.
-    miss_rate : float
-        Share of the time in which a detector overlooks a person.
-    merge_rate : float
-        Share of the time in which it detects two overlapping people as one, with joints of both.
-    split_rate : float
-        Share of the time in which it detects a person as two: upper and lower, or left and right half.
-    ghosts : float
-        Mean number per view of false detections that stay in one place, such as a poster or a chair.
-    ghost_rate : float
-        Share of the time in which a view has a brief false detection.
-    miss_s, merge_s, split_s, ghost_s : (float, float)
-        Durations; `ghost_s` is of the brief ones.
+    miss_rate, merge_rate, split_rate : float
+        Shares of the time in which a person is overlooked; two overlapping people are detected as one, with
+        joints of both; a person is detected as two: upper and lower, or left and right half.
+    ghosts, ghost_rate : float
+        Mean number per view of false detections that stay in one place, such as a poster or a chair, and
+        share of the time in which a view has a brief one.
     """
 
     hidden_missing: float = 0.4
@@ -93,13 +87,8 @@ class Crowding:
 def behind(pixels: Array, depth: Array, focal_px: float, layout: Layout) -> Index:
     """Who hides each joint in one view, (Q, T, N): the person in front of it, −1 = nobody.
 
-    Bodies are capsules along the limbs of the layout.
-
-    Parameters
-    ----------
-    pixels : (Q, T, N, 2) px
-        True projections, also outside the image.
-    depth : (Q, T, N) mm
+    Takes true projections (Q, T, N, 2) px, also outside the image, and depths (Q, T, N) mm. Bodies are
+    capsules along the limbs of the layout.
     """
     ends = np.array(layout.limbs)
     names = [(layout.joints[a] + layout.joints[b]).lower() for a, b in ends]
@@ -136,20 +125,11 @@ def _covered(joints: Array, body: Array, depth: Array, ends: Index, radii: Array
 
 @dataclass(frozen=True)
 class View:
-    """One view of a scene: what is detected of each person alone, and what they hide of each other.
+    """One view of a scene: what is detected of each person alone, and what they hide of each other."""
 
-    Attributes
-    ----------
-    alone : (Q, T, N, 3)
-    hidden : (Q, T, N)
-        From `behind`.
-    depth : (Q, T)
-        Of the bodies, mm; NaN = absent.
-    """
-
-    alone: Array
-    hidden: Index
-    depth: Array
+    alone: Array  # (Q, T, N, 3)
+    hidden: Index  # (Q, T, N), from `behind`
+    depth: Array  # (Q, T) of the bodies, mm; NaN = absent
     size: tuple[int, int]
     layout: Layout
     crowding: Crowding

@@ -60,7 +60,6 @@ def crowd(
     ----------
     n_people, n_frames : int
         Q ≥ 1 and T ≥ 2.
-    fps : float
     meetings : sequence of str
         What pairs of people do, in turn from a random one, every 5 s. ``"cross"``: they pass each other at
         0.3 to 0.6 m. ``"handover"``: they meet, reach out and go back. ``"circle"``: they go round each
@@ -68,8 +67,6 @@ def crowd(
         and comes back 1 to 2.5 s later. ``"apart"``: one walks about. An odd one out does nothing.
     eyes : (M, 3) mm, optional
         Centres of the cameras, for ``"behind"``; without them it is seen from anywhere.
-    seed : int or numpy Generator
-        Also draws sizes, gaits and who meets whom.
 
     Returns
     -------

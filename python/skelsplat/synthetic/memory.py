@@ -45,18 +45,13 @@ class Memory:
     frame_rate : float
         Frames per second of the poses to which the noise is applied.
     slow_share, constant_share : float
-        Shares of the jitter's variance that vary slowly and that do not vary within a recording; the rest is
-        white.
+        Shares of the jitter's variance that vary slowly, and that do not vary; the rest is white.
     slow_s : (float, float)
         Time constant τ of the slow part, drawn for every joint of a view: its autocorrelation is exp(−t/τ).
-    burst_s : (float, float)
-        Duration of an outlier or a miss.
-    swap_s : (float, float)
-        Duration of a left-right swap.
-    occluder_s : (float, float)
-        How long an occluder stays in a view before it moves on.
-    guess_s : (float, float)
-        How long the wrong guess of a hidden joint stays at its place in the disc before it jumps.
+    burst_s, swap_s : (float, float)
+        Durations of an outlier or a miss, and of a left-right swap.
+    occluder_s, guess_s : (float, float)
+        How long an occluder stays in a view, and the wrong guess of a hidden joint at its place in the disc.
     guess_jitter : float
         White jitter of a wrong guess, as a multiple of `sigma_px`.
     """

@@ -211,22 +211,9 @@ def stroll(
     seed: int | np.random.Generator = 0,
     scale: float = 1.0,
 ) -> Array:
-    """Simulate a person who walks along a path, stands where it stops, and reaches out.
+    """Simulate a person who walks along a smooth path (T, 2) mm, stands where it stops, and reaches out.
 
-    Parameters
-    ----------
-    path : (T, 2) mm
-        Of the pelvis, smooth, T ≥ 2.
-    heading_deg : (T,)
-        As in `forward_kinematics`.
-    fps : float
-    reach : (T,) or float
-        How far one arm is stretched out forward, 0 to 1.
-    seed, scale
-        As in `motion`.
-
-    Returns
-    -------
+    `heading_deg` (T,) is counter-clockwise from +x; `reach` (T,) is how far one arm is out, 0 to 1. Returns
     (T, 17, 3) mm, Human3.6M-17.
     """
     rng = generator(seed)
@@ -262,7 +249,7 @@ def _performed(script: _Script, place: Array, scale: float) -> Array:
     # Sway may carry an angle a degree past its limit.
     angles = {key: np.clip(value, *LIMITS_DEG[key]) for key, value in script.angles.items()}
     heading, n_frames = script.heading_deg, len(script.heading_deg)
-    pose = forward_kinematics(angles, heading_deg=heading, n_frames=n_frames, scale=scale)
+    pose = forward_kinematics(angles, heading, n_frames=n_frames, scale=scale)
     anchor = pose[:, _ANKLES, :2].mean(axis=1) if script.path is None else pose[:, 0, :2]
     goal: Array = place if script.path is None else script.path
     heights = pose[:, _ANKLES, 2]
@@ -287,9 +274,7 @@ def motion(
     n_frames : int
         T ≥ 1. A longer clip of the same seed starts with the shorter one.
     fps : float
-        Frames per second. One round of a motion takes 1 s (a stride) to 7 s (sit and get up).
-    seed : int or numpy Generator
-        Same seed, same clip.
+        One round of a motion takes 1 s (a stride) to 7 s (sit and get up).
     scale : float
         Factor on the 1.75 m adult; place and path are scaled with it.
 
@@ -301,6 +286,7 @@ def motion(
     if n_frames < 1:
         raise InvalidInputError(f"n_frames: expected at least 1, got {n_frames!r}")
     positive("fps", fps)
+    positive("scale", scale)
     rng = generator(seed)
     seconds = rng.uniform(0.0, 8.0) + np.arange(n_frames) / fps
     place = scale * rng.uniform(-500.0, 500.0, size=2)

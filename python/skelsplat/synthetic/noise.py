@@ -1,12 +1,10 @@
 """Simulated 2D detections: a model of what a keypoint detector does wrong, applied to projected joints.
 
-Nothing here has seen an image. For every view on its own, a true projection (with the lens's distortion if
-the camera has one) becomes a simulated detection in this order:
+Nothing here has seen an image. For every view on its own, true projections become detections in this order:
 
-1. *Jitter*: normal, standard deviation `sigma_px` × a factor of the joint (wrists and ankles more than
-   shoulders).
+1. *Jitter*: normal, standard deviation `sigma_px` × a factor of the joint (wrists more than shoulders).
 2. *Outliers*: with probability `outlier_rate` a joint moves by an exponentially distributed length of mean
-   `outlier_px` in a random direction: the heavy tail, tens of px.
+   `outlier_px` in a random direction.
 3. *Left-right swaps*: of one limb's chain (`limb_swap_rate` per limb and frame) or of everything in the view
    (`view_swap_rate` per frame). The confidence does not know.
 4. *Occluders*: in `occluded_views` views discs lie over the body. A joint inside a disc is missing with
@@ -14,37 +12,16 @@ the camera has one) becomes a simulated detection in this order:
    probability `hidden_drawn_rate`, near another joint.
 5. *Misses*: with probability `miss_rate` a joint is not detected. A joint outside the image never is.
 
-Without `memory` every frame is drawn by itself. With it (`skelsplat.synthetic.memory`) the errors last, as
-they do on recordings: rates become shares of the time, whatever the frame rate. The jitter is the sum of a
-white part, a slow one and one that is constant; outliers and misses come in bursts, in which a joint stays
-off by the same vector plus jitter, or stays missing; swaps last; an occluder stays for a while before it
-moves on, and the wrong guess of a hidden joint moves with the body, drifts a little, and jumps now and then.
-A comparison of methods that smooth needs the memory: white noise flatters them.
-
+Without `memory` every frame is drawn by itself. With it (`skelsplat.synthetic.memory`) all of this lasts, and
+rates are shares of the time. A comparison of methods that smooth needs it: white noise flatters them.
 Confidence is about 0.9 for a visible joint, 0.6 for an outlier, 0.4 for a hidden one, 0 for a missing one.
 
-The presets are chosen so that unweighted DLT on the `human36m_like` rig errs about as much as on the
-simulated detections of DESIGN §3. Mean error over 300 poses, mm (first), and DESIGN's (second),
-from ``pytest tests/synthetic/test_noise.py -k design``, which fails beyond 20 %:
-
-======================  =====  =====
-good                     21.7   22.4
-noisy                    24.6   25.5
-occluded(2)              53.0   49.7
-occluded(3)              66.1   64.9
-occluded(3, hard=True)  196.8  198.0
-======================  =====  =====
-
-Those with memory are chosen so that `skelsplat.refine`, frame by frame and without the confidences, errs
-about as much as in the recordings of DESIGN §7. Mean error over 92 CMU takes at 30 Hz, mm (first), and
-DESIGN's (second), from ``python benchmarks/sequences.py --methods frames``:
-
-=================================  =====  =====
-recording                           16.5   16.5
-recording_occluded(2)               26.1   27.3
-recording_occluded(3)               37.8   36.8
-recording_occluded(3, heavy=True)  113.1  120.0
-=================================  =====  =====
+The presets are chosen so that unweighted DLT on the `human36m_like` rig errs within 20 % of the simulated
+detections of DESIGN §3 (mm, theirs second): good 21.7, 22.4; noisy 24.6, 25.5; occluded(2) 53.0, 49.7;
+occluded(3) 66.1, 64.9; occluded(3, hard=True) 196.8, 198.0 (``pytest tests/synthetic -k design``). Those with
+memory are chosen so that `skelsplat.refine`, frame by frame and without confidences, errs about as in the
+recordings of DESIGN §7: recording 16.5, 16.5; recording_occluded(2) 26.1, 27.3; recording_occluded(3) 37.8,
+36.8; recording_occluded(3, heavy=True) 113.1, 120.0 (``python benchmarks/sequences.py --methods frames``).
 """
 
 from __future__ import annotations
@@ -54,7 +31,7 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 
 from skelsplat.exceptions import InvalidInputError
-from skelsplat.synthetic.memory import Memory, check_range
+from skelsplat.synthetic.memory import Memory, Range, check_range
 
 SIZE_IN_ROOM = 1147.0 / 5300.0
 """Size of people in the images for which the presets are made: focal length, px, over distance, mm."""
@@ -69,24 +46,8 @@ def stream(*key: int) -> np.random.Generator:
 class DetectionNoise:
     """Parameters of the simulated detector; the module's docstring says what each effect does.
 
-    Rates are probabilities, lengths px. The default has jitter only.
-
-    Attributes
-    ----------
-    sigma_px : float
-        Standard deviation per axis of the jitter of a joint with factor 1.
-    outlier_rate, outlier_px : float
-    limb_swap_rate, view_swap_rate : float
-    miss_rate : float
-    occluded_views : int or None
-        Number of views with an occluder; None = all.
-    n_discs : int
-        Discs per occluded view.
-    disc_radius : (float, float)
-        Range of the radius as a share of the longer side of the box round the body.
-    hidden_missing_rate, hidden_drawn_rate : float
-    memory : Memory or None
-        How long errors last; None = every frame by itself.
+    Rates are probabilities, lengths px. The default has jitter only. `occluded_views` None is all views;
+    `disc_radius` is the range of the radius as a share of the longer side of the box round the body.
     """
 
     sigma_px: float = 4.0
@@ -97,7 +58,7 @@ class DetectionNoise:
     miss_rate: float = 0.0
     occluded_views: int | None = 0
     n_discs: int = 1
-    disc_radius: tuple[float, float] = (0.1, 0.2)
+    disc_radius: Range = (0.1, 0.2)
     hidden_missing_rate: float = 0.0
     hidden_drawn_rate: float = 0.0
     memory: Memory | None = None
@@ -146,7 +107,7 @@ class DetectionNoise:
         """Simulate the detector of `recording` with occluders; `n_views` and `heavy` as in `occluded`."""
         return cls.recording(frame_rate)._behind(n_views, (0.13, 0.28), heavy=heavy)
 
-    def _behind(self, n_views: int | None, radius: tuple[float, float], *, heavy: bool) -> DetectionNoise:
+    def _behind(self, n_views: int | None, radius: Range, *, heavy: bool) -> DetectionNoise:
         discs, radius, missing = (2, (0.16, 0.32), 0.0) if heavy else (1, radius, 0.1)
         return replace(
             self, occluded_views=n_views, n_discs=discs, disc_radius=radius, hidden_missing_rate=missing

@@ -28,14 +28,7 @@ def _checked(points: ArrayLike, sigma_mm: float) -> Array:
 
 
 def perturb(points: ArrayLike, sigma_mm: float, *, seed: int | np.random.Generator = 0) -> Array:
-    """Add independent normal noise of `sigma_mm` per axis to every joint.
-
-    Parameters
-    ----------
-    points : (…, N, 3) mm
-    sigma_mm : float
-    seed : int or numpy Generator
-    """
+    """Add independent normal noise of `sigma_mm` per axis to every joint of points (…, N, 3) mm."""
     array = _checked(points, sigma_mm)
     return array + sigma_mm * generator(seed).standard_normal(array.shape)
 
@@ -51,22 +44,9 @@ def monocular_poses(
 
     Normal errors, independent between views and frames, 2.5 times as large along the ray from the camera to
     the joint as across it; half of the variance is common to all joints of a pose (the body is placed wrongly
-    as a whole), half is each joint's own. The mean over the three axes of the variance is ``sigma_mm``
-    squared.
+    as a whole), half is each joint's own. The root mean square error per axis is `sigma_mm`.
 
-    Parameters
-    ----------
-    points : (T, N, 3) or (N, 3)
-        True joints in the rig's unit.
-    cameras : CameraRig or sequence of Camera (then mm)
-        M views.
-    sigma_mm : float
-        Root mean square error per axis, mm.
-    seed : int or numpy Generator
-
-    Returns
-    -------
-    (T, M, N, 3) or (M, N, 3) in the rig's unit.
+    Takes true joints (T, N, 3) or (N, 3) and returns poses (T, M, N, 3) or (M, N, 3), in the rig's unit.
     """
     array = _checked(points, sigma_mm)
     if array.ndim > 3:

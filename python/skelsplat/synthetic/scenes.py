@@ -32,8 +32,7 @@ class Scene:
     Attributes
     ----------
     people : (T, M, P, N, 3)
-        Pixel u, v and confidence, as `skelsplat.io` reads several people: NaN where there is nothing. The
-        order in P is random in every frame.
+        Pixel u, v and confidence; NaN where there is nothing. The order in P is random in every frame.
     owner : (T, M, P) int64
         The person of most of a detection's joints; −1 = false or no detection.
     joint_owner : (T, M, P, N) int64
@@ -42,9 +41,6 @@ class Scene:
         NaN where a person is not in the room.
     visible : (Q, T, M, N) bool
         Joints in the image that neither another person nor a wall hides; discs of the noise do not count.
-    cameras : CameraRig
-    layout : Layout
-    fps : float
     """
 
     people: Array
@@ -93,7 +89,6 @@ def simulate_scene(
         hardest case for telling people apart.
     n_frames, meetings
         As in `crowd`; not used with poses of your own.
-    fps : float
     bystander : bool
         Add a person at the edge of the room, who is the last and whom walls hide from all but two cameras.
     noise : DetectionNoise, optional
@@ -101,8 +96,6 @@ def simulate_scene(
         people in the images.
     crowding : Crowding, optional
         What goes wrong because there are several; by default ``Crowding()``.
-    layout : name or Layout
-        One with limbs, that the simulated body has, or that of your poses.
     seed : int
         Same seed, same scene. The people depend neither on noise nor on crowding.
     """

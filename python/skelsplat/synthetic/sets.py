@@ -86,18 +86,9 @@ _KNOWN = {
 class Recording:
     """One take of T frames.
 
-    Attributes
-    ----------
-    key, subject, action : str
-        `key` is unique and may contain a slash: ``"S9/Directions 1"``; `action` has no number.
-    rig_name : str
-        Of the rig in `RecordingSet.rigs`.
-    frames : (T,) int64
-    arrays : mapping of str to mapping of str to array
-        As `skelsplat synth` writes them and docs/synthetic-data.md describes them: the arrays of
-        ``"truth"``, ``"detections_simulated_good"``, … by their keys.
-    people : int or None
-        How many people meet in it, if it is not of one person.
+    `key` is unique and may contain a slash: ``"S9/Directions 1"``; `action` has no number. `arrays` has the
+    arrays of ``"truth"``, ``"detections_simulated_good"``, … by their keys, as `skelsplat synth` writes them
+    and docs/synthetic-data.md describes them. `people` is how many meet in it, if it is not of one person.
     """
 
     key: str
@@ -113,16 +104,8 @@ class Recording:
 class RecordingSet:
     """Recordings that share a layout and detectors.
 
-    Attributes
-    ----------
-    name : str
-    layout : Layout
-    rigs : mapping of name to CameraRig
-    recordings : tuple of Recording
-    parameters : mapping
-        All that the data follow from, for people to read: seed, detectors, generator's version.
-    fps : float or None
-        Frames per second; None if the frames are single poses.
+    `parameters` is all that the data follow from, for people to read; `fps` is None if the frames are single
+    poses.
     """
 
     name: str

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from skelsplat import layouts
-from skelsplat._arrays import Array, numbers, positive
+from skelsplat._arrays import Array, numbers
 from skelsplat._skelsplat import Layout
 from skelsplat.exceptions import InvalidInputError
 
@@ -98,30 +98,6 @@ def _rotation(axis: int, degrees: Array) -> Array:
     return out
 
 
-def _checked(angles: Mapping[str, ArrayLike], n_frames: int) -> dict[str, Array]:
-    """Return all angles over T frames; absent ones are 0."""
-    checked = dict.fromkeys(LIMITS_DEG, np.zeros(n_frames))
-    for name, given in angles.items():
-        if name not in LIMITS_DEG:
-            raise InvalidInputError(f"angles: expected names among {', '.join(LIMITS_DEG)}, got {name!r}")
-        value = _per_frame(numbers(given, f"angles[{name!r}]"), (n_frames,), f"angles[{name!r}]")
-        low, high = LIMITS_DEG[name]
-        # Written so that NaN fails too; 1e-9 forgives rounding at the limit.
-        if not ((value >= low - 1e-9) & (value <= high + 1e-9)).all():
-            worst = value[int(np.argmax(np.maximum(low - value, value - high)))]
-            raise InvalidInputError(f"angles[{name!r}]: expected {low} to {high} degrees, got {worst}")
-        checked[name] = value
-    return checked
-
-
-def _per_frame(value: Array, shape: tuple[int, ...], name: str) -> Array:
-    try:
-        return np.broadcast_to(value, shape)
-    except ValueError as error:
-        expected = f"shape {shape} or {shape[1:]}"
-        raise InvalidInputError(f"{name}: expected {expected}, got {value.shape}") from error
-
-
 def _ball(angles: dict[str, Array], joint: str, side: str) -> Array:
     """Local rotation (T, 3, 3) of a hip or shoulder: rotation first, then flexion, then abduction."""
     mirror = 1.0 if side == "l" else -1.0
@@ -154,55 +130,29 @@ def _segment_rotations(angles: dict[str, Array], heading_deg: Array) -> dict[str
 
 
 def forward_kinematics(
-    angles: Mapping[str, ArrayLike],
+    angles: Mapping[str, Array | float],
+    heading_deg: Array | float = 0.0,
     *,
-    heading_deg: ArrayLike = 0.0,
-    root: ArrayLike = (0.0, 0.0, 0.0),
     n_frames: int = 1,
     scale: float = 1.0,
 ) -> Array:
-    """Joint positions of a body with the given angles.
+    """Joints (T, 17, 3) mm, Human3.6M-17, of a body with its pelvis at the origin.
 
-    Parameters
-    ----------
-    angles : mapping of name to degrees, each (T,) or a number
-        Names from `LIMITS_DEG`; absent ones are 0.
-    heading_deg : (T,) or float
-        Direction that the pelvis faces, counter-clockwise from +x seen from above.
-    root : (T, 3) or (3,) mm
-        Position of the pelvis.
-    n_frames : int
-        T.
-    scale : float
-        Factor on all bone lengths.
-
-    Returns
-    -------
-    (T, 17, 3) mm, Human3.6M-17.
+    `angles` are degrees (T,) by names from `LIMITS_DEG`; absent ones are 0. `heading_deg` (T,) is the
+    direction that the pelvis faces, counter-clockwise from +x seen from above.
     """
-    positive("scale", scale)
-    heading = _per_frame(numbers(heading_deg, "heading_deg"), (n_frames,), "heading_deg")
-    rotations = _segment_rotations(_checked(angles, n_frames), heading)
-    pose = np.empty((n_frames, N_JOINTS, 3))
-    pose[:, 0] = _per_frame(numbers(root, "root"), (n_frames, 3), "root")
+    every = {name: np.broadcast_to(angles.get(name, 0.0), (n_frames,)) for name in LIMITS_DEG}
+    rotations = _segment_rotations(every, np.broadcast_to(heading_deg, (n_frames,)))
+    pose = np.zeros((n_frames, N_JOINTS, 3))
     for joint, (parent, segment, offset) in enumerate(_BODY[1:], start=1):
         pose[:, joint] = pose[:, parent] + rotations[segment] @ (scale * np.array(offset))
     return pose
 
 
 def in_layout(points: ArrayLike, layout: Layout) -> Array:
-    """Joints of `layout` of simulated bodies.
+    """Joints (…, N, 3) of `layout` of simulated bodies (…, 17, 3), as `skelsplat.synthetic.motion` gives.
 
-    Parameters
-    ----------
-    points : (…, 17, 3)
-        Human3.6M-17, as `skelsplat.synthetic.motion` gives them.
-    layout : Layout
-        One whose joints the simulated body has: those of Human3.6M-17, eyes and ears.
-
-    Returns
-    -------
-    (…, N, 3) in the unit of `points`.
+    The body has the joints of Human3.6M-17, eyes and ears.
     """
     array = numbers(points, "points")
     if array.ndim < 2 or array.shape[-2:] != (N_JOINTS, 3):

@@ -15,16 +15,12 @@ from writers import human36m, occlusion_person, panoptic, shelf_campus
 
 SEQUENCE = panoptic.SEQUENCES[0]
 SHORT_VIEWS = f"2d_metrabs/S0/{SEQUENCE}/poses_filtered_4.npz"
-PERSON = "2d_resnet50/S0/validation/poses.npz"
-PERSON_TRUTH = "3d_gt/S0/validation 1/poses.npz"
-ACTOR = "2d_hrnet/S0/actor1/poses.npz"
+PERSON = f"2d_resnet50/S0/{occlusion_person.ACTIVITY}/poses.npz"
+PERSON_TRUTH = f"3d_gt/S0/{occlusion_person.ACTIVITY}/poses.npz"
 EVERYBODY = "2d_hrnet/S0/people.npz"
 POSES = "3d_gt/S9/Directions/poses.npz"
 TRUTH = "data_3d_h36m.npz"
 CPN = "data_2d_h36m_cpn_ft_h36m_dbb.npz"
-ADAFUSE = "h36m_validation.pkl"
-UNREAL = "unrealcv_validation.pkl"
-LABELS = "human36m-multiview-labels-GTbboxes.npy"
 PARAMETERS = "camera-parameters.json"
 CALIBRATION = f"calibration_{SEQUENCE}.json"
 BODY = f"body3DScene_{panoptic.FIRST_FRAME + 1:08d}.json"
@@ -60,16 +56,6 @@ def content(name, change):
             found = np.load(path, allow_pickle=True).item()
             change(found)
             np.save(path, found, allow_pickle=True)
-
-    return apply
-
-
-def each(change):
-    """Change every record of a pickle by a table of its new values."""
-
-    def apply(records):
-        for record in records:
-            record.update(change(record))
 
     return apply
 
@@ -127,8 +113,6 @@ def h36m(layout, spoil=lambda _: None):
     def write(root):
         recording = human36m.record()
         spoil(recording)
-        if layout == "karfly":
-            human36m.write_detections(root / "2d_cpn", recording, numbered=True)
         getattr(human36m, f"write_{layout}")(root, recording)
 
     return write
@@ -139,12 +123,6 @@ def fewer_detections(recording):
         take.pixels = take.pixels[:, :, :16]
 
 
-def translated(record):
-    """Write the translation in place of the camera's centre."""
-    camera = record["camera"]
-    return {"camera": {**camera, "T": -camera["R"] @ camera["T"]}}
-
-
 def kept(_):
     """Leave the files as they are."""
 
@@ -153,12 +131,11 @@ def unlike(keys):
     return lambda root: panoptic.write(root, **keys)
 
 
-AUTHORS, KARFLY, FUSE, POSE3D = (h36m(name) for name in ("skelsplat", "karfly", "adafuse", "videopose3d"))
-PERSONS, APART = occlusion_person.write, lambda root: occlusion_person.write(root, layout="skelsplat")
+AUTHORS, POSE3D = (h36m(name) for name in ("skelsplat", "videopose3d"))
+PERSONS = occlusion_person.write
 SHELF = lambda root: shelf_campus.write(root, "shelf")  # noqa: E731
 PEOPLE = lambda root: shelf_campus.write_everybody(root, "shelf", n_frames=4)  # noqa: E731
 PICKLED = lambda root: shelf_campus.write_everybody(root, "shelf", form="pickle", n_frames=2)  # noqa: E731
-ALL_VIEWS = {"detections": "2d_cpn"}
 
 
 def table_of(content):
@@ -169,9 +146,7 @@ def table_of(content):
 CASES = {
     "human36m": [
         (h36m("skelsplat", lambda r: r.scale_truth(0.001)), kept, "poses.npz", "truth"),
-        (h36m("karfly", lambda r: r.scale_truth(0.001)), kept, LABELS, "truth", ALL_VIEWS),
         (h36m("videopose3d", lambda r: r.scale_truth(1000.0)), kept, TRUTH, "truth"),
-        (FUSE, content(ADAFUSE, each(lambda r: {"joints_3d": r["joints_3d"] / 1000})), ADAFUSE, "truth"),
         (AUTHORS, content(PARAMETERS, in_metres("extrinsics", 1000)), PARAMETERS, "cameras"),
         (POSE3D, content(PARAMETERS, in_metres("extrinsics", 1000)), PARAMETERS, "cameras"),
         (h36m("skelsplat", lambda r: r.exchange_sides()), kept, "Directions", "left and right"),
@@ -181,20 +156,10 @@ CASES = {
         (AUTHORS, content(PARAMETERS, lambda d: d["extrinsics"]["S11"].pop("58860488") and None),
          PARAMETERS, "cameras"),
         (AUTHORS, removed("Greeting 1/55011271/poses.npz"), "55011271/poses.npz", "file"),
-        (KARFLY, content(LABELS, lambda d: d["camera_names"].__setitem__(0, "1")),
-         LABELS, "camera_names", ALL_VIEWS),
-        (KARFLY, content(LABELS, lambda d: d.update(cameras=d["cameras"][:, :3])),
-         LABELS, "cameras", ALL_VIEWS),
-        (FUSE, content(ADAFUSE, each(lambda r: {"image_id": r["image_id"] + 1000 * r["camera_id"]})),
-         ADAFUSE, "S9/Directions-1, image_id"),
-        (FUSE, content(ADAFUSE, lambda rs: rs[1].update(joints_3d=rs[1]["joints_3d"] + 50)),
-         ADAFUSE, "S9/Directions-1, joints_3d"),
         (POSE3D, arrays(CPN, lambda a: a["positions_2d"].item()["S11"]["Photo 1"].pop() is None or {}),
          CPN, "positions_2d.S11.Photo 1"),
         (AUTHORS, arrays(POSES, lambda a: {"poses": a["poses"][1:]}), "poses.npz", "poses2d"),
         (AUTHORS, cut("poses.npz"), "poses.npz", "file"),
-        (KARFLY, cut(LABELS, 0.3), LABELS, None, ALL_VIEWS),
-        (FUSE, cut(ADAFUSE, 0.999), ADAFUSE, None),
         (POSE3D, cut(TRUTH, 0.9), TRUTH, "file"),
     ],
     "panoptic": [
@@ -219,35 +184,21 @@ CASES = {
         (unlike({"layout": "skelsplat"}), kept, "poses_filtered_4.npz", "truth", {"truth_unit": "m"}),
     ],
     "occlusion-person": [
-        (PERSONS, content(UNREAL, lambda rs: [r for r in rs if r["camera_id"] != 5]),
-         UNREAL, "camera_id", {"views": 4}),
-        (PERSONS, content(UNREAL, lambda rs: rs[9].update(joints_gt=rs[9]["joints_gt"][:14])),
-         UNREAL, "[9].joints_gt"),
-        (PERSONS, content(UNREAL, lambda rs: rs[1].update(joints_gt=rs[1]["joints_gt"] + 50)),
-         UNREAL, "[0].joints_gt"),
-        (PERSONS, content(UNREAL, each(lambda r: {"joints_gt": r["joints_gt"] / 1000})), UNREAL, "truth"),
-        (PERSONS, content(UNREAL, each(translated)), UNREAL, "camera"),
-        (PERSONS, cut(UNREAL), UNREAL, None),
-        (PERSONS, removed(UNREAL), UNREAL, "file"),
         (PERSONS, joints(PERSON, 14), PERSON, "poses2d"),
         (PERSONS, sides(PERSON, sk.layouts.OCCLUSION_PERSON15), PERSON, "left and right"),
         (PERSONS, frames(PERSON), PERSON, "poses2d"),
-        (APART, content("cameras.json", lambda d: d["4"].pop() and None), "cameras.json", "4", {"views": 4}),
-        (APART, arrays(PERSON_TRUTH, lambda a: {"poses3d": a["poses3d"][2:]}), "poses.npz", "poses3d"),
-        (APART, arrays(PERSON_TRUTH, lambda _: {"frames": 1000 + np.arange(12)}), "poses.npz", "frames"),
+        (PERSONS, content("cameras.json", lambda d: d["5"].pop() and None), "cameras.json", "5"),
+        (PERSONS, arrays(PERSON_TRUTH, lambda a: {"poses3d": a["poses3d"][2:]}), "poses.npz", "poses3d"),
+        (PERSONS, arrays(PERSON_TRUTH, lambda _: {"frames": 1000 + np.arange(12)}), "poses.npz", "frames"),
     ],
     "shelf": [
         (SHELF, content("calibration_shelf.json", lambda d: d.pop("3") and None),
-         "calibration_shelf.json", "cameras"),
+         "calibration_shelf.json", "3"),
         (SHELF, lambda root: shelf_campus.write_actors(root / "actorsGT.mat", [np.ones((3, 13, 3))]),
          "actorsGT.mat", "actor3D{1}{1}"),
         (SHELF, actors(np.zeros(3), "other"), "actorsGT.mat", "actor3D"),
         (SHELF, cut("actorsGT.mat"), "actorsGT.mat", "file"),
         (SHELF, removed("actorsGT.mat"), "actorsGT.mat", "file"),
-        (SHELF, joints(ACTOR, 13), ACTOR, "poses2d"),
-        (SHELF, sides(ACTOR, sk.layouts.SHELF14), ACTOR, "left and right"),
-        (SHELF, frames(ACTOR), ACTOR, "poses2d"),
-        (SHELF, arrays(ACTOR, lambda a: {"frames": a["frames"] + 100}), ACTOR, "frames"),
         (PEOPLE, arrays(EVERYBODY, lambda a: {"people": a["people"][:, :3]}), EVERYBODY, "people"),
         (PEOPLE, arrays(EVERYBODY, lambda a: {"people": a["people"][..., :9, :]}), EVERYBODY, "people"),
         (PEOPLE, arrays(EVERYBODY, lambda a: {"frames": 0 * a["frames"]}), EVERYBODY, "frames"),
@@ -263,18 +214,17 @@ def test_it_is_refused(tmp_path, name, k):
     write, change, file, field, options = (*CASES[name][k], {})[:5]
     write(tmp_path)
     change(tmp_path)
-    given = {key: tmp_path / value if key == "detections" else value for key, value in options.items()}
     with pytest.raises(DatasetError) as caught:
-        datasets.read(name, tmp_path, **given)
+        datasets.read(name, tmp_path, **options)
     assert file in str(caught.value.path)
     assert field in (None, caught.value.field)
-    report = datasets.check(name, tmp_path, **given)
+    report = datasets.check(name, tmp_path, **options)
     assert not report.ok
     if "removed" in change.__qualname__:
         assert caught.value.path in [path for path, _ in report.survey.missing]
 
 
-@pytest.mark.parametrize("layout", ["skelsplat", "karfly", "adafuse", "videopose3d"])
+@pytest.mark.parametrize("layout", ["skelsplat", "videopose3d"])
 def test_a_forbidden_class_does_not_run(tmp_path, layout):
     class Bomb:
         def __reduce__(self):
@@ -283,18 +233,10 @@ def test_a_forbidden_class_does_not_run(tmp_path, layout):
             return os.mkdir, (str(tmp_path / "made"),)
 
     h36m(layout)(tmp_path)
-    bomb = np.array({"S9": Bomb()}, dtype=object)
-    if layout == "adafuse":
-        (tmp_path / "annot" / ADAFUSE).write_bytes(pickle.dumps([Bomb()]))
-    elif layout == "karfly":
-        np.save(tmp_path / LABELS, bomb, allow_pickle=True)
-    else:
-        file, key = {"skelsplat": (POSES, "poses"), "videopose3d": (CPN, "positions_2d")}[layout]
-        np.savez(tmp_path / file, **{key: bomb})
+    file, key = {"skelsplat": (POSES, "poses"), "videopose3d": (CPN, "positions_2d")}[layout]
+    np.savez(tmp_path / file, **{key: np.array({"S9": Bomb()}, dtype=object)})
     with pytest.raises(DatasetError):
-        datasets.read(
-            "human36m", tmp_path, **({"detections": tmp_path / "2d_cpn"} if layout == "karfly" else {})
-        )
+        datasets.read("human36m", tmp_path)
     assert not (tmp_path / "made").exists()
 
 
@@ -309,8 +251,8 @@ def test_no_root_no_format_two_formats_and_no_subject(tmp_path):
     with pytest.raises(DatasetError) as caught:
         datasets.read("human36m", tmp_path, subjects=("S1",))
     assert caught.value.field == "subjects"
-    h36m("adafuse")(tmp_path)
+    (tmp_path / TRUTH).touch()
     with pytest.raises(DatasetError) as caught:
         datasets.read("human36m", tmp_path)
-    assert (caught.value.field, "adafuse" in caught.value.actual) == ("format", True)
+    assert (caught.value.field, "videopose3d" in caught.value.actual) == ("format", True)
     assert "skelsplat" in datasets.read("human36m", tmp_path, format="skelsplat", subjects=["S11"]).source

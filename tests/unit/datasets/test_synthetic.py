@@ -70,16 +70,13 @@ def test_what_is_written_comes_back(tmp_path, name, detector):
         np.testing.assert_array_equal(
             take.detections, arrays[f"detections_simulated_{detector}"]["detections"]
         )
-        assert (take.visible is None) == ("visible" not in truth)
-        if take.visible is not None:
-            np.testing.assert_array_equal(take.visible, truth["visible"])
 
 
 def test_views_can_be_chosen(root):
     take = datasets.read("synthetic", root, views=["cam3", "cam1"]).takes[0]
     whole = datasets.read("synthetic", root).takes[0]
     assert take.rig.names == ("cam3", "cam1")
-    for part in ("detections", "monocular", "boxes", "visible"):
+    for part in ("detections", "monocular", "boxes"):
         np.testing.assert_array_equal(getattr(take, part), getattr(whole, part)[:, [2, 0]])
     assert datasets.read("synthetic", root, views=2).takes[0].rig.names == ("cam1", "cam2")
     for views in (5, ["cam1", "cam1"], ["cam9"]):

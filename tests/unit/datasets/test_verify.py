@@ -140,17 +140,6 @@ def test_cameras_in_another_order():
     assert first.severity == "warning"
 
 
-def test_a_view_that_is_far_off():
-    def one_view(take):
-        detections = take.detections.copy()
-        detections[:, 1, :, :2] += 60.0
-        return detections
-
-    (finding,) = verify(changed(dataset(DetectionNoise.good()), detections=one_view))
-    assert (finding.kind, finding.subject.cameras) == ("camera_disagrees", ("55011271",))
-    assert finding.numbers["quarter_px"] == pytest.approx(60 * np.sqrt(2), rel=0.06)
-
-
 @pytest.mark.parametrize(("noise", "frames", "takes"), [(None, 5, 1), (DetectionNoise(sigma_px=0.5), 40, 3)])
 def test_exchanged_tangential_coefficients(noise, frames, takes):
     def exchange(c):

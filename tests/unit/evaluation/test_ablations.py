@@ -138,7 +138,7 @@ def test_the_standard_error_takes_poses_of_a_take_as_dependent() -> None:
 
 def test_the_layout_of_human36m_occ_gets_the_papers_rows_of_its_variant(tmp_path: Path) -> None:
     human36m_files.write_skelsplat(tmp_path / "occ-3", human36m_files.record(), detectors=("metrabs",))
-    data = ("--data", "human36m-occ", tmp_path, "--set", "variant=3", "--detections", "metrabs")
+    data = ("--data", "human36m-occ", tmp_path / "occ-3", "--detections", "metrabs")
     output = run("covariance", *data, "--poses", 2, "--protocol", "as-paper", "-o", tmp_path / "out")
     written = json.loads((tmp_path / "out" / "covariance.json").read_text(encoding="utf-8"))
     assert not written["simulated"]

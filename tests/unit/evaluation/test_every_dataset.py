@@ -23,12 +23,6 @@ def h36m(layout: str) -> Callable[[Path], object]:
     return lambda root: getattr(human36m, f"write_{layout}")(root, human36m.record(frames=6))
 
 
-def karfly(root: Path) -> None:
-    recording = human36m.record(frames=6)
-    human36m.write_karfly(root, recording)
-    human36m.write_detections(root / "2d_cpn", recording, numbered=True)
-
-
 def occluded(root: Path) -> None:
     human36m.write_skelsplat(root / "human36m-occ-3", human36m.record(frames=6))
 
@@ -36,15 +30,7 @@ def occluded(root: Path) -> None:
 # Data set, its writer, more options, columns of the table, reported row and figure beside it.
 SETS = {
     "authors": ("human36m", h36m("skelsplat"), [], ["Directions", "Greeting", "Photo"], 26.7),
-    "karfly": (
-        "human36m",
-        karfly,
-        ["--detections", "ROOT/2d_cpn"],
-        ["Directions", "Greeting", "Photo"],
-        26.7,
-    ),
     "videopose3d": ("human36m", h36m("videopose3d"), [], ["Directions", "Greeting", "Photo"], 26.7),
-    "adafuse": ("human36m", h36m("adafuse"), [], ["Directions", "Greeting", "Photo"], 26.7),
     "occ": ("human36m-occ", occluded, [], ["Directions", "Greeting", "Photo"], 31.1),
     "panoptic": ("panoptic", panoptic.write, ["--views", "4"], list(panoptic.SEQUENCES), 20.9),
     "person": ("occlusion-person", occlusion_person.write, ["--views", "4"], None, None),
