@@ -349,7 +349,6 @@ SESSION = '[[session]]\ncalibration = "Calib.toml"\ndetections = "openpose"\n'
         (f"[defaults]\nlayuot = 'x'\n{SESSION}", "defaults.layuot: "),
         (f"{SESSION}fsp = 3", "session 1.fsp: "),
         (f"{SESSION}fps = 'fast'", "openpose: --fps: "),
-        (f"{SESSION}y-up = true\ny_up = true", "session 1.y_up: "),
         ("[[session]]\ndetections = 'x'", "session 1.calibration: "),
         (f"{SESSION}name = '../x'", "session 1.name: "),
         (SESSION + SESSION, "session 2.name: "),

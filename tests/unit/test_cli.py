@@ -155,7 +155,7 @@ def test_an_empty_output_is_not_the_current_folder(recording, monkeypatch, given
     monkeypatch.chdir(folder)
     before = sorted(folder.iterdir())
     files = [folder / "Calib.toml", folder / "openpose"]
-    assert_fails(invoke("refine", *files, *READ, *given), 2, "--output: expected a path, got an empty text")
+    assert_fails(invoke("refine", *files, *READ, *given), 2, "expected a value, got an empty text")
     (folder / "run.toml").write_text('output = ""')
     assert_fails(invoke("refine", *files, *READ, "--config", "run.toml"), 2, "output: expected a path")
     assert sorted(folder.iterdir()) == sorted([*before, folder / "run.toml"])

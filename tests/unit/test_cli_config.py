@@ -184,7 +184,7 @@ def test_every_kind_of_value(tmp_path, folders, expected):
         (tmp_path / folder).mkdir()
     (tmp_path / "run.toml").write_text(
         '[every-kind]\nname = "noise"\ndata = ["panoptic", "there"]\ndetector = ["a", "b"]\n'
-        'which = "cpn"\nset = {variant = 3, subjects = ["S9"], cameras = [1, 2]}\nsigma = 4\n'
+        'which = "cpn"\nset = {variant = 3, subjects = "S9,"}\nsigma = 4\n'
     )
     result = CliRunner().invoke(PROGRAM, ["every-kind", "--config", str(tmp_path / "run.toml")])
     assert result.exit_code == 0, result.output
@@ -192,7 +192,7 @@ def test_every_kind_of_value(tmp_path, folders, expected):
         "name": "noise",
         "data": ("panoptic", tmp_path / "there"),
         "detector": ["a", "b"],
-        "set": ["variant=3", "subjects=S9,", "cameras=1,2"],
+        "set": ["variant=3", "subjects=S9,"],
         "which": expected.format(tmp_path),
         "sigma": 4.0,
     } == SEEN
@@ -207,12 +207,11 @@ def test_every_kind_of_value(tmp_path, folders, expected):
         ("[refin]\nfps = 3", ["refin: ", "did you mean refine?"]),
         ("refine = 3", ["refine: expected a table"]),
         ('config = "b.toml"', ["config: "]),
-        ("max-steps = 3\nmax_steps = 3", ["max_steps: expected each option once"]),
         ("max-steps = true", ["max-steps: expected text or a number"]),
         ("write = []", ["write: "]),
         ('init = ""', ["init: expected a path"]),
         ("quiet = 1", ["quiet: expected true or false"]),
-        ("offset = [true]", ["offset: expected A=B texts, or a table"]),
+        ("offset = [true]", ["offset: expected text or a number"]),
         ("offset = {cam1 = true}", ["offset.cam1: expected text or a number"]),
     ],
 )

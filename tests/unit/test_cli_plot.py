@@ -161,7 +161,7 @@ def test_any_pose_file_has_trajectories_and_bones(tmp_path, suffix):
     path = written(tmp_path / f"walk.{suffix}", h36m())
     result = invoke("plot", path)
     assert result.exit_code == 0, result.output
-    assert "errors left out: the file has no errors per camera" in result.stdout
+    assert "warning: errors left out: the file has no errors per camera" in result.stderr
     assert (tmp_path / "plots" / f"walk.{suffix}" / "trajectories.png").is_file()
     assert (tmp_path / "plots" / f"walk.{suffix}" / "bones.png").is_file()
     assert not (tmp_path / "errors.png").exists()

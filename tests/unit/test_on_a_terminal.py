@@ -13,9 +13,8 @@ import pytest
 from rich.console import Console
 
 from command_line import READ, read_report, texts
-from skelsplat.cli.adjust_cameras import _table
-from skelsplat.cli.findings import print_finding
-from skelsplat.cli.output import print_text
+from skelsplat.cli.cameras import _table_of_adjusted
+from skelsplat.cli.output import print_finding, print_text
 from skelsplat.cli.table import print_parts
 from skelsplat.findings import Finding, Remedy, Subject
 
@@ -68,12 +67,12 @@ def shown(written):
 
 BAR = """
 from skelsplat.cli.output import progress, print_message
-with progress("poses", first="refining", shown=True) as show:
+with progress("poses", first="refining") as show:
     show("refining", 1, 3)
     print_message("warning: " + 20 * "word ")
     show("refining", 2, 3)
     print_message("warning: last")
-with progress("frames", shown=True) as count:
+with progress("frames") as count:
     count("cam1", 1, 2)
     count("cam2", 1, 2)
     print_message("warning: /" + 30 * "path/")
@@ -141,7 +140,7 @@ def test_adjusted_cameras_fit_the_terminal_with_all_columns(width, parts):
     one = SimpleNamespace(name="cam_03", status="adjusted", after=15.7, **found, **sizes)
     adjustment = SimpleNamespace(report=[one], fitted=80, judged=20)
     cameras = SimpleNamespace(adjustment=adjustment, cameras=SimpleNamespace(mm_per_unit=1.0))
-    table = _table(cameras, focal=True, clock=True)
+    table = _table_of_adjusted(cameras, focal=True, clock=True)
     console = Console(file=StringIO(), width=width)
     print_parts(console, table, names=2)
     text = console.file.getvalue()

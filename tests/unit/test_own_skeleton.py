@@ -11,7 +11,8 @@ import pytest
 import mouse
 import skelsplat as sk
 from skelsplat import synthetic
-from skelsplat.cli.table import print_run, wide_console
+from skelsplat.cli.output import Terminal
+from skelsplat.cli.table import print_run
 from skelsplat.io import read_detections, read_layout, read_run, read_trc, write_calibration
 from skelsplat.run import Job, Run, run
 from skelsplat.run.overlay import OverlayJob, write_overlay
@@ -143,7 +144,7 @@ def fly(tmp_path_factory):
 def test_lengths_of_a_fly_have_two_digits(fly, capsys):
     folder, found = fly
     assert found.statistics.decimals == 4
-    print_run(wide_console(), found)
+    print_run(Terminal(), found)
     printed = capsys.readouterr().out
     page = (folder / "report.html").read_text(encoding="utf-8")
     middle = f"{np.nanmedian(found.statistics.error_bar_mm):.4f} mm"

@@ -126,9 +126,9 @@ def test_the_bar_shows_names_as_they_are(monkeypatch):
 
     monkeypatch.setattr("sys.stderr", Tty())
     monkeypatch.setenv("TERM", "xterm")
-    with output.progress("frames", shown=True) as count:
+    with output.progress("frames") as count:
         count("[red]x[/red]\x1b]0;t\x07", 1, 2)
-    with output.progress("poses", first="evaluating", shown=True) as bar:
+    with output.progress("poses", first="evaluating") as bar:
         bar("[red]y[/red]\x9b", 1, 2)
     text = output.sys.stderr.getvalue() if hasattr(output, "sys") else __import__("sys").stderr.getvalue()
     assert r"[red]x[/red]\x1b]0;t\x07" in text

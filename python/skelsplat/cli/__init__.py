@@ -1,8 +1,7 @@
-"""The command line: one file per command. Commands parse and print; the rest of the package does the work.
+"""The command line. Commands parse and print; the rest of the package does the work.
 
-`demo` and `refine` are runs of `skelsplat.run`, printed by `table`; `overlay` and `plot` use `skelsplat.run`
-as well. What commands share is in `_app` (list of commands, errors, exit status), `command`, `config`,
-`options` and `output`. A command is imported when it is run.
+What commands share is in `_app` (list of commands, errors, exit status), `command`, `config`, `rows`,
+`options`, `output` and `table`. A command is imported when it is run.
 """
 
 from __future__ import annotations

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import re
 import sys
-import warnings
-from collections.abc import Sequence
 from typing import Annotated, Any, NoReturn
 
 import typer
@@ -13,9 +11,10 @@ import typer
 import skelsplat as sk
 from skelsplat.cli.command import Group, LazyGroup
 from skelsplat.cli.config import origin
+from skelsplat.cli.output import print_message
 
 FAILED, BAD_USAGE, INTERRUPTED = 1, 2, 130
-# The first line of each command's help, by name; the command is in the module of that name, see `LazyGroup`.
+# The first line of each command's help.
 COMMANDS = {
     "demo": "Refine the recording that ships with the package: 4 cameras, 100 frames, OpenPose.",
     "refine": "Refine the 3D pose of one person, or of several, from 2D detections.",
@@ -32,6 +31,17 @@ COMMANDS = {
     "datasets": "Data sets with ground truth: list them, check one on disk.",
     "evaluate": "Run methods on a data set with ground truth and print their errors with published ones.",
     "ablate": "Repeat an ablation of the paper and print its tables with the paper's rows.",
+}
+
+# Where a command is, if not in the module of its name.
+MODULES = {
+    "demo": "refine",
+    "check-cameras": "cameras",
+    "adjust-cameras": "cameras",
+    "overlay": "pictures",
+    "plot": "pictures",
+    "synth": "datasets",
+    "ablate": "evaluate",
 }
 
 
@@ -56,50 +66,27 @@ class OneLineErrors(Group):
             if sys.stdout is not None:  # it was closed before the program began
                 sys.stdout.flush()
 
-    def main(
-        self,
-        args: Sequence[str] | None = None,
-        prog_name: str | None = None,
-        complete_var: str | None = None,
-        standalone_mode: bool = True,
-        windows_expand_args: bool = True,
-        **extra: Any,
-    ) -> Any:
+    def main(self, args: Any = None, prog_name: str | None = None, **extra: Any) -> Any:  # type: ignore[override]
         """Run a command; with ``standalone_mode`` leave the process with its exit status."""
-        rest = (prog_name, complete_var, False, windows_expand_args)
-        if not standalone_mode:
-            return super().main(args, *rest, **extra)
+        if not extra.pop("standalone_mode", True):
+            return super().main(args, prog_name, standalone_mode=False, **extra)
         try:
-            with warnings.catch_warnings():
-                warnings.showwarning = _show_warning
-                status = super().main(args, *rest, **extra)
+            status = super().main(args, prog_name, standalone_mode=False, **extra)
         except (KeyboardInterrupt, typer.Abort):
             status = INTERRUPTED
         except (sk.SkelSplatError, OSError) as error:
-            _fail(FAILED, _describe(error))
+            _fail(FAILED, f"error: {_describe(error)}")
         except Exception as error:
             if not hasattr(error, "format_message"):  # what every error of usage has, in typer and in click
                 raise
-            _fail(BAD_USAGE, _usage(error))
+            _fail(BAD_USAGE, f"error: {_usage(error)}")
         if status == INTERRUPTED:
-            _fail(
-                INTERRUPTED, f"interrupted; {self._left or 'files already written are complete'}", prefix=""
-            )
+            _fail(INTERRUPTED, f"interrupted; {self._left or 'files already written are complete'}")
         sys.exit(status if isinstance(status, int) else 0)
 
 
-def _show_warning(message: Warning | str, *_: object, **__: object) -> None:
-    from skelsplat.cli.output import print_message
-    from skelsplat.findings import FindingWarning
-
-    severity = message.finding.severity if isinstance(message, FindingWarning) else "warning"
-    print_message(f"{severity}: {' '.join(str(message).split())}")
-
-
-def _fail(status: int, message: str, prefix: str = "error: ") -> NoReturn:
-    from skelsplat.cli.output import print_message
-
-    print_message(prefix + " ".join(message.split()))
+def _fail(status: int, message: str) -> NoReturn:
+    print_message(" ".join(message.split()))
     sys.exit(status)
 
 
@@ -116,23 +103,9 @@ def _usage(error: Any) -> str:
     command = context.command_path if context is not None else "skelsplat"
     # older versions of click add the variable of the environment, even if there is none
     start = r"^Invalid value for '?([^\s':]+)'?(?: \(env var: '\w*'\))?: "
-    message = re.sub(start, r"\1: ", error.format_message())
-    message = _with_value(message, error.__cause__)
+    message = re.sub(start, r"\1: ", error.format_message()).replace("Input should be", "expected")
     source = origin(context, message.partition(":")[0])
     return f"{message.rstrip('.')} ({f'from {source}; ' if source else ''}see {command} --help)"
-
-
-def _with_value(message: str, cause: Any) -> str:
-    """Return the message of a value that is no number, or not in its range, as "expected …, got …"."""
-    # typer before 0.29: "4 is not in the range 0<=x<=3", "'many' is not a valid integer range"
-    old = re.fullmatch(r"(\S+: )'?(.*?)'? is not (?:a valid (?:int|float).*|(in the range .*?))\.?", message)
-    if old:
-        return f"{old[1]}expected a number{f' {old[3]}' if old[3] else ''}, got '{old[2]}'"
-    if "Input should be " not in message or not hasattr(cause, "errors"):  # pydantic's, which typer asks
-        return message
-    expected = message.partition(", unable to parse")[0].replace("Input should be", "expected")
-    expected = re.sub("expected (?=less|greater)", "expected a number ", expected)
-    return f"{expected}, got {cause.errors()[0].get('input')!r}"
 
 
 def _show_version(value: bool) -> None:
@@ -142,7 +115,7 @@ def _show_version(value: bool) -> None:
 
 
 class _Program(OneLineErrors, LazyGroup):
-    texts = COMMANDS
+    texts, modules = COMMANDS, MODULES
 
 
 app = typer.Typer(
@@ -154,11 +127,12 @@ app = typer.Typer(
     rich_markup_mode="rich",
     pretty_exceptions_enable=False,
     add_completion=False,
+    invoke_without_command=True,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 
 
-@app.callback(invoke_without_command=True)
+@app.callback()
 def _root(
     context: typer.Context,
     version: Annotated[

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
+from functools import partial
 from os import cpu_count
 from pathlib import Path
 from typing import Any
@@ -16,9 +17,9 @@ from skelsplat._budget import read_toml
 from skelsplat._words import number
 from skelsplat.cli import options
 from skelsplat.cli._app import FAILED
-from skelsplat.cli.command import Command, takes
+from skelsplat.cli.command import Answer, Command, answers, takes
 from skelsplat.cli.config import MisfitError, entries_of, options_in, source_of, unknown
-from skelsplat.cli.output import Terminal, print_json, print_message, progress
+from skelsplat.cli.output import print_message, progress
 from skelsplat.cli.rows import rows
 from skelsplat.cli.table import new_table, print_table
 from skelsplat.exceptions import DatasetError
@@ -26,7 +27,7 @@ from skelsplat.run import Batch, Job, run_batch
 from skelsplat.run.batch import DONE, RECORD, TABLE, UNCHANGED, trials
 from skelsplat.run.batch import FAILED as FAILED_RECORDING
 
-EPILOG = (
+_EPILOG = (
     "SESSIONS.toml has a table session per recording, with calibration, detections, optionally name and "
     "output, and any option of refine under its name; a table defaults has what all share. Options of "
     "the command line win. In a project of Pose2Sim, a recording is a folder with pose-sync or else pose, "
@@ -34,10 +35,7 @@ EPILOG = (
     "recording are in FOLDER/NAME; batch.csv and batch.json in FOLDER have the table. Exit status 1 if a "
     "recording failed, or none of its detections could be used."
 )
-COMMON = (
-    *("output", "jobs", "overwrite", "unit", "layout", "fps", "people", "write", "y_up", "quiet"),
-    *("as_json",),
-)
+COMMON = ("output", "jobs", "overwrite", "unit", "layout", "fps", "people", "write", "y_up")
 # The last part of a path of detections that names no recording.
 _USUAL = ("pose", "pose-sync", "pose-associated", "openpose", "detections", "pose-2d")
 
@@ -50,8 +48,6 @@ OPTIONS = (
         jobs={"kind": int, "limits": {"min": 1}},
     ),
     *rows("Output", "--overwrite  Also refine recordings that have not changed."),
-    options.QUIET,
-    options.AS_JSON,
 )
 
 _program = typer.Typer(add_completion=False)
@@ -59,7 +55,7 @@ _program.command("refine", cls=Command)(takes(*options.JOB)(options.job_of))
 _refine: Any = typer.main.get_command(_program)
 
 
-@takes(*OPTIONS, common=COMMON)
+@answers(*OPTIONS, common=COMMON, epilog=_EPILOG)
 def batch(
     context: typer.Context,
     sessions: Path,
@@ -67,10 +63,8 @@ def batch(
     output: Path,
     jobs: int | None = None,
     overwrite: bool,
-    quiet: bool,
-    as_json: bool,
     **_of_jobs: Any,
-) -> None:
+) -> Answer:
     """Refine many recordings, listed in a file or in the folders of a Pose2Sim project.
 
     A recording is skipped if its results are complete and neither its files nor
@@ -78,11 +72,9 @@ def batch(
 
     [bold]Examples[/bold]
 
-    skelsplat batch sessions.toml -o results
+    skelsplat batch sessions.toml -o results --write trc,c3d --jobs 1
 
     skelsplat batch Project/ -o results --unit m --layout halpe26 --people all
-
-    skelsplat batch sessions.toml -o results --write trc,c3d --jobs 1 --overwrite
     """
     ways: dict[str, dict[str, Any]] = {"COMMANDLINE": {}, "DEFAULT_MAP": {}, "DEFAULT": {}}
     for row in options.JOB[2:]:
@@ -93,7 +85,7 @@ def batch(
         name: _job(sessions, name, {**usual, **values, **stated})
         for name, values in (_of_project if sessions.is_dir() else _of_file)(sessions)
     }
-    with progress("recordings", shown=not quiet) as count:
+    with progress("recordings") as count:
         found = run_batch(
             wanted,
             output,
@@ -101,15 +93,10 @@ def batch(
             processes=jobs or cpu_count() or 1,
             progress=lambda done, total: count("refining", done, total),
         )
-    if as_json:
-        print_json(found.to_dict())
-    elif not quiet:
-        _print(Terminal(), found, output)
     errors = [f"error: {one.name}: {text}" for one in found.recordings for text in one.errors]
     for text in errors:
         print_message(text)
-    if errors:
-        raise typer.Exit(FAILED)
+    return Answer(found.to_dict(), partial(_print, found, output), status=FAILED if errors else 0)
 
 
 def _of_project(folder: Path) -> Iterator[tuple[str, dict[str, Any]]]:
@@ -177,7 +164,7 @@ def _job(sessions: Path, name: str, values: Mapping[str, Any]) -> Job:
     return replace(job, output=None) if job.output == Path() else job
 
 
-def _print(console: Console, found: Batch, folder: Path) -> None:
+def _print(found: Batch, folder: Path, console: Console) -> None:
     table = new_table(None, "recording", ["frames", "error\n[px]", "rejected"])
     table.add_column("findings")
     for row in found.rows():
@@ -195,9 +182,12 @@ def _print(console: Console, found: Batch, folder: Path) -> None:
     print_table(console, table)
     console.print()
     count = {status: sum(one.status == status for one in found.recordings) for status in (DONE, UNCHANGED)}
-    unchanged = f", {count[UNCHANGED]} unchanged (--overwrite refines them again)" if count[UNCHANGED] else ""
-    failed = f", {len(found.failed)} failed" if found.failed else ""
     total = len(found.recordings)
-    console.print(f"{total} recording{'s' * (total != 1)}: {count[DONE]} refined{unchanged}{failed}.")
+    words = f"{total} recording{'s' * (total != 1)}: {count[DONE]} refined"
+    if count[UNCHANGED]:
+        words += f", {count[UNCHANGED]} unchanged (--overwrite refines them again)"
+    if found.failed:
+        words += f", {len(found.failed)} failed"
+    console.print(f"{words}.")
     folders = ", and a folder per refined recording" if any(count.values()) else ""
     console.print(f"Wrote to {folder}/: {TABLE}, {RECORD}{folders}")

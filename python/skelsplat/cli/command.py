@@ -1,4 +1,4 @@
-"""The commands' common behaviour: ``--config``, opposites of flags, short help, errors that name options."""
+"""The commands' common behaviour: answers, ``--config``, opposites of flags, short help, lazy imports."""
 
 from __future__ import annotations
 
@@ -7,17 +7,22 @@ import inspect
 import itertools
 import re
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from importlib import import_module
 from typing import Annotated, Any, ClassVar
 
 import typer
+from rich.console import Console
 from typer.core import TyperCommand, TyperGroup
 
 from skelsplat.cli.config import Config
-from skelsplat.cli.rows import Option
+from skelsplat.cli.output import Terminal, print_json, quieter, tell
+from skelsplat.cli.rows import AS_JSON, QUIET, Option
 from skelsplat.exceptions import InvalidInputError
+from skelsplat.findings import collected_warnings
 
-_ALL = "skelsplat.help.all"
+Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
+_ALL, _LISTED = "skelsplat.help.all", "skelsplat.help.listed"
 
 
 class _FlagHelp:
@@ -35,14 +40,15 @@ class Group(_FlagHelp, TyperGroup):
 
 
 class LazyGroup(Group):
-    """A group whose commands are imported when they are needed.
+    """A group whose commands are imported when they are needed, and not for its help.
 
-    The command ``a-b`` is the function ``a_b`` of `skelsplat.cli.a_b`, with that module's ``EPILOG``,
-    if any; of a group, the module has the application ``app``. `texts` has the names, with the
-    lines that the help of this group shows.
+    `texts` has the names, with the lines that the help of this group shows. The command ``a-b`` is the
+    function ``a_b`` of the module of `skelsplat.cli` in `modules`, or of ``a_b``; a group of commands is the
+    application ``app`` there.
     """
 
     texts: ClassVar[Mapping[str, str]] = {}
+    modules: ClassVar[Mapping[str, str]] = {}
 
     def list_commands(self, ctx: Any) -> list[str]:
         """Return the names of the commands."""
@@ -50,38 +56,37 @@ class LazyGroup(Group):
         return list(self.texts)
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
-        """Return a command, imported now if it was not before; None if there is none."""
-        del ctx
-        if cmd_name in self.texts and cmd_name not in self._loaded:
-            self._loaded[cmd_name] = _load(cmd_name)
-        return self._loaded.get(cmd_name)
+        """Return a command, in the help of this group its name and line alone; None if there is none."""
+        if cmd_name in self.texts and ctx is not None and _LISTED in ctx.meta:
+            return TyperCommand(cmd_name, help=self.texts[cmd_name])
+        return self._load(cmd_name) if cmd_name in self.texts else None
 
     @property  # type: ignore[override]
     def commands(self) -> dict[str, Any]:
         """All commands, all imported."""
-        return {name: self.get_command(None, name) for name in self.texts}
+        return {name: self._load(name) for name in self.texts}
 
     @commands.setter
     def commands(self, registered: dict[str, Any]) -> None:
-        self._loaded = dict[str, Any](registered)
+        del registered
 
     def format_help(self, ctx: Any, formatter: Any) -> None:
-        """Write help, for which no command is imported."""
-        loaded = self._loaded
-        self._loaded = {name: TyperCommand(name, help=text) for name, text in self.texts.items()}
-        try:
-            super().format_help(ctx, formatter)
-        finally:
-            self._loaded = loaded
+        """Write help."""
+        ctx.meta[_LISTED] = True
+        super().format_help(ctx, formatter)
+
+    def _load(self, name: str) -> Any:
+        return _command(name, self.modules.get(name, name.replace("-", "_")))
 
 
-def _load(name: str) -> Any:
-    attribute = name.replace("-", "_")
-    module = import_module(f"skelsplat.cli.{attribute}")
-    if hasattr(module, "app"):
+@functools.cache
+def _command(name: str, place: str) -> Any:
+    module = import_module(f"skelsplat.cli.{place}")
+    if place == name and hasattr(module, "app"):
         return typer.main.get_group(module.app)
+    function = getattr(module, name.replace("-", "_"))
     alone = typer.Typer(add_completion=False, rich_markup_mode="rich")
-    alone.command(name, cls=Command, epilog=getattr(module, "EPILOG", None))(getattr(module, attribute))
+    alone.command(name, cls=Command, epilog=function.epilog)(function)
     return typer.main.get_command(alone)
 
 
@@ -98,7 +103,7 @@ _HelpAll = Annotated[
 ]
 
 
-def takes(*rows: Option, common: Sequence[str] = ()) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+def takes(*rows: Option, common: Sequence[str] = (), epilog: str | None = None) -> Decorator:
     """Give a function, which takes them as keywords, the options and arguments of a table, and ``--config``.
 
     The function gets what is given, or has a default. A parameter ``context`` of its own is typer's. With
@@ -121,8 +126,46 @@ def takes(*rows: Option, common: Sequence[str] = ()) -> Callable[[Callable[..., 
         ]
         every = [*own, *(row.parameter for row in rows), *added]
         shown = (*common, *extra, "help") if common else ()
-        vars(command).update(rows=rows, common=shown, __signature__=inspect.Signature(every))
+        vars(command).update(rows=rows, common=shown, epilog=epilog, __signature__=inspect.Signature(every))
         return command
+
+    return decorate
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What a command has to say."""
+
+    document: Any  # for ``--json``
+    show: Callable[[Console], object]  # prints it on a console
+    quietly: Callable[[Console], object] | None = None  # prints what ``--quiet`` does not keep back
+    status: int = 0  # the exit status
+
+
+def answers(*rows: Option, common: Sequence[str] = (), epilog: str | None = None) -> Decorator:
+    """Give a function that returns an `Answer` what `takes` does, ``--quiet`` and ``--json``.
+
+    Warnings are printed as they occur.
+    """
+
+    def decorate(function: Callable[..., Answer]) -> Callable[..., Any]:
+        @functools.wraps(function)
+        def command(*, quiet: bool, as_json: bool, **given: Any) -> None:
+            with quieter(quiet):
+                with collected_warnings(tell):
+                    answer = function(**given)
+                if as_json:
+                    print_json(answer.document)
+                elif not quiet:
+                    answer.show(Terminal())
+                elif answer.quietly is not None:
+                    answer.quietly(Terminal())
+            if answer.status:
+                raise typer.Exit(answer.status)
+
+        own = () if any(row.name == "quiet" for row in rows) else (QUIET,)
+        usual = (*common, "quiet", "as_json") if common else ()
+        return takes(*rows, *own, AS_JSON, common=usual, epilog=epilog)(command)
 
     return decorate
 
@@ -132,47 +175,35 @@ class Command(_FlagHelp, TyperCommand):
 
     def format_help(self, ctx: Any, formatter: Any) -> None:
         """Write help: the first sentences of the common options in one panel, or all of all options."""
-        for param in self.params:
-            if param.nargs == -1:  # typer shows <list[Path]>
-                param.display_type = lambda _: "<path>"  # type: ignore[attr-defined]
         common = getattr(self.callback, "common", ())
-        short = bool(common) and not ctx.meta.get(_ALL)
-        changed = {param: dict(vars(param)) for param in self.params if short}
-        for param in changed:
-            param.show_default = False  # type: ignore[attr-defined]
-            param.rich_help_panel = None  # type: ignore[attr-defined]
-            param.hidden = param.param_type_name == "option" and param.name not in common  # type: ignore[attr-defined]
-            param.help = re.split(r"(?<=[.]) ", getattr(param, "help", None) or "")[0]  # type: ignore[attr-defined]
-        try:
-            super().format_help(ctx, formatter)
-        finally:
-            for param, before in changed.items():
-                vars(param).update(before)
+        before = [dict(vars(param)) for param in self.params]
+        for param in list[Any](self.params):
+            if param.nargs == -1:  # typer shows <list[Path]>
+                param.display_type = lambda _: "<path>"
+            if common and not ctx.meta.get(_ALL):
+                param.show_default, param.rich_help_panel = False, None
+                param.hidden = param.param_type_name == "option" and param.name not in common
+                param.help = re.split(r"(?<=[.]) ", getattr(param, "help", None) or "")[0]
+        super().format_help(ctx, formatter)
+        for param, own in zip(self.params, before, strict=True):
+            vars(param).update(own)
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Read the arguments; an option in the place of another one's value is an error of usage."""
-        words = [*itertools.takewhile(lambda word: word != "--", args), ""]
-        valued = {
-            option
-            for param in list[Any](self.params)
-            if param.param_type_name == "option" and not (param.is_flag or param.count)
-            for option in param.opts
-        }
-        for word, value in itertools.pairwise(words):
-            if word == "--output=" or (word in ("-o", "--output") and not value):  # not the current folder
-                raise typer.BadParameter("expected a path, got an empty text", ctx=ctx, param_hint="--output")
-            if word in valued and value.startswith("--"):
-                raise typer.BadParameter(f"expected a value, got {value}", ctx=ctx, param_hint=word)
+        """Read the arguments; an empty text is an error, since as a path it is the current folder."""
+        for option, value in itertools.pairwise(["", *args]):
+            if not value or re.fullmatch("--[a-z-]+=", value):
+                hint = value.rstrip("=") or option
+                raise typer.BadParameter("expected a value, got an empty text", ctx=ctx, param_hint=hint)
         read: list[str] = super().parse_args(ctx, args)
         return read
 
     def make_parser(self, ctx: Any) -> Any:
         """Return the parser, which knows the opposites of flags; help does not show them."""
-        parser, params = super().make_parser(ctx), list[Any](self.params)
-        known = {option for param in params for option in param.opts}
-        for param in params:
+        parser = super().make_parser(ctx)
+        known = {option for param in self.params for option in param.opts}
+        for param in list[Any](self.params):
+            names = [option[2:] for option in param.opts if option.startswith("--")]
             if getattr(param, "is_flag", False) and not param.secondary_opts:
-                names = [option[2:] for option in param.opts if option.startswith("--")]
                 turned = [f"--{name[3:]}" if name.startswith("no-") else f"--no-{name}" for name in names]
                 opposites = [option for option in turned if option not in known]
                 if opposites:

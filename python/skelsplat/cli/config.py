@@ -28,14 +28,9 @@ _MOST_CHARACTERS = 40
 
 
 def origin(context: Any, label: str) -> str:
-    """Return the file and key from which an option or argument comes; "" if from the command line.
+    """Return the file and key from which an option comes, ``--unit``, or an argument, by its metavar.
 
-    Parameters
-    ----------
-    context : typer.Context or None
-        That of the command.
-    label : str
-        What messages call the parameter: an option such as ``--unit``, or the metavar of an argument.
+    It is "" if they come from the command line.
     """
     path, keys = context.meta.get(_KEYS, (None, {})) if context is not None else (None, {})
     for param in context.command.params if path is not None else ():
@@ -113,8 +108,6 @@ def options_in(
         entry = known.get(_normal(key))
         if entry is None:
             raise unknown(prefix + key, "an option or argument of refine", list(known))
-        if entry.name in found:
-            raise MisfitError(prefix + key, "each option once", "it twice, with - and with _")
         found[entry.name] = _value(prefix + key, entry, value, folder)
     return found
 
@@ -135,45 +128,37 @@ def _chosen(document: dict[str, Any], context: typer.Context) -> Iterator[tuple[
     while lineage[0].parent is not None:
         lineage.insert(0, lineage[0].parent)
     table, prefix = document, ""
-    for level, step in enumerate(lineage):
+    for step, below in zip(lineage, [*lineage[1:], None], strict=True):
         commands, known = getattr(step.command, "commands", {}), entries_of(step.command)
-        tables, seen = {}, set()
+        following: dict[str, Any] = {}
         for key, value in table.items():
-            option = _normal(key) in known and not isinstance(value, dict)  # adjust-cameras is a command, too
-            if _normal(key) in commands and not option:
-                if not isinstance(value, dict):
-                    raise MisfitError(prefix + key, f"a table [{prefix}{key}] of options", _shown(value))
-                tables[_normal(key)] = value
-                continue
-            if _normal(key) not in known:
-                of = " ".join(str(each.info_name) for each in lineage[1 : level + 1]) or "a command"
+            name = _normal(key)
+            if isinstance(value, dict) and name in commands:  # adjust-cameras is an option, too
+                following = value if below is not None and name == below.info_name else following
+            elif name in known:
+                yield prefix + key, value
+            elif name in commands:
+                raise MisfitError(prefix + key, f"a table [{prefix}{key}] of options", _shown(value))
+            else:
+                of = prefix.rstrip(".").replace(".", " ") or "a command"
                 raise unknown(prefix + key, f"an option or argument of {of}", [*known, *commands])
-            if _normal(key) in seen:
-                raise MisfitError(prefix + key, "each option once", "it twice, with - and with _")
-            seen.add(_normal(key))
-            yield prefix + key, value
-        if step is not context:
-            name = str(lineage[level + 1].info_name)
-            table, prefix = tables.get(name, {}), f"{prefix}{name}."
+        table, prefix = following, f"{prefix}{'' if below is None else below.info_name}."
 
 
 def _value(key: str, row: Option, value: Any, folder: Path) -> Any:
     """Return a value as the command line would give it: a flag, or texts, which click checks."""
-    pairs = row.many and "=" in row.metavar
     if row.kind is bool:
         if not isinstance(value, bool):
             raise MisfitError(key, "true or false", _shown(value))
         return value
-    if pairs and isinstance(value, dict):
-        return [f"{left}={_right(f'{key}.{left}', right)}" for left, right in value.items()]
+    if row.many and "=" in row.metavar and isinstance(value, dict):
+        return [f"{left}={_text(f'{key}.{left}', right)}" for left, right in value.items()]
     kinds = get_args(row.kind) or (row.kind,)
-    several = row.many or len(kinds) > 1
-    commas = row.metavar in _WITH_COMMAS
+    several, commas = row.many or len(kinds) > 1, row.metavar in _WITH_COMMAS
     values = value if isinstance(value, list) and (several or commas) else [value]
-    if (len(kinds) not in (1, len(values))) or (commas and not values):
+    if len(kinds) not in (1, len(values)) or (commas and not values):
         raise MisfitError(key, f"{len(kinds)} values", _shown(value))
-    expected = "A=B texts, or a table" if pairs else "text or a number"
-    texts = [_text(key, part, expected) for part in values]
+    texts = [_text(key, part) for part in values]
     for place, text in enumerate(texts):
         kind = kinds[place % len(kinds)]
         if kind is Path and not text:  # it would be the folder
@@ -183,24 +168,14 @@ def _value(key: str, row: Option, value: Any, folder: Path) -> Any:
     return texts if several else ",".join(texts)
 
 
-def _text(key: str, value: Any, expected: str = "text or a number") -> str:
+def _text(key: str, value: Any) -> str:
     if isinstance(value, bool) or not isinstance(value, str | int | float):
-        raise MisfitError(key, expected, _shown(value))
+        raise MisfitError(key, "text or a number", _shown(value))
     return str(value)
 
 
-def _right(key: str, value: Any) -> str:
-    """Return the B of an A=B; of a list the values with commas, after a single one too."""
-    if not isinstance(value, list) or not value:
-        return _text(key, value)
-    texts = [_text(key, part) for part in value]
-    return f"{texts[0]}," if len(texts) == 1 else ",".join(texts)
-
-
 def _shown(value: Any) -> str:
-    if isinstance(value, bool):
-        return str(value).lower()
     if isinstance(value, dict | list):
         return "a table" if isinstance(value, dict) else "a list"
-    text = repr(value)
+    text = str(value).lower() if isinstance(value, bool) else repr(value)
     return text if len(text) <= _MOST_CHARACTERS else f"{text[:_MOST_CHARACTERS]}…"

@@ -9,12 +9,10 @@ from typing import Any
 import typer
 
 from skelsplat.cli import options
-from skelsplat.cli.command import takes
-from skelsplat.cli.findings import telling
-from skelsplat.cli.output import print_json, say
+from skelsplat.cli.command import Answer, answers
+from skelsplat.cli.output import say
 from skelsplat.cli.rows import rows
 from skelsplat.exceptions import DatasetError, InvalidInputError
-from skelsplat.findings import collected_warnings
 from skelsplat.io import convert_unit, write_calibration
 from skelsplat.io._files import listed
 from skelsplat.io._kinds import seems
@@ -22,7 +20,7 @@ from skelsplat.io._run_files import POSES, check_run, folders_of_run
 from skelsplat.io.calibration import FORMATS, find_format, read_calibration
 from skelsplat.io.poses import POSE_FORMATS, convert_poses, is_pose_file, pose_format
 
-EPILOG = (
+_EPILOG = (
     f"Calibrations are read from {'; '.join(known.about for known in FORMATS.values())}; they are written as "
     f".toml (Anipose), .json or .npz. Poses are read and written as .{', .'.join(POSE_FORMATS)}."
 )
@@ -58,43 +56,32 @@ OPTIONS = (
         --singular  Poses in .nc: name the dimensions as movement 0.17 does.
         --force  Replace OUTPUT if it exists.
         """,
-        to_unit=lambda option, unit: options.one_of(option, unit, ("mm", "cm", "m")),
+        to_unit=options.choice("mm", "cm", "m"),
         fps=float,
     ),
-    options.QUIET,
-    options.AS_JSON,
 )
 
 
-@takes(*OPTIONS)
-def convert(source: Path, target: Path, *, force: bool, quiet: bool, as_json: bool, **given: Any) -> None:
+@answers(*OPTIONS, epilog=_EPILOG)
+def convert(source: Path, target: Path, *, force: bool, **given: Any) -> Answer:
     """Convert a calibration, or poses (a file, or the folder of a run), to another format.
 
     [bold]Examples[/bold]
 
     skelsplat convert Calib.qca.txt Calib.toml --to-unit m
 
-    skelsplat convert session.xcp rig.json
-
-    skelsplat convert calibration/ Calib.toml --unit m
+    skelsplat convert calibration/ Calib.toml --unit m --size 1280x1024
 
     skelsplat convert out walk.c3d --fps 60 --y-up
-
-    skelsplat convert camera-parameters.json S9.toml --subject S9
-
-    skelsplat convert cameraParameters/ Calib.toml --size 1280x1024
     """
     given = {name: value for name, value in given.items() if value is not False}
     kind = _kind(source, named="format" in given)
     _check(kind, target, given)
     if target.exists() and not force and target.resolve() != source.resolve():
         raise DatasetError(target, "OUTPUT", "no file of this name (--force replaces it)", "one that exists")
-    with collected_warnings(telling(quiet=quiet)):
-        sentence, about = (_poses if kind == "pose file" else _calibration)(source, target, given)
-    if as_json:
-        print_json({"kind": kind, "input": str(source), "output": str(target), **about})
-    elif not quiet:
-        say(sentence)
+    sentence, about = (_poses if kind == "pose file" else _calibration)(source, target, given)
+    document = {"kind": kind, "input": str(source), "output": str(target), **about}
+    return Answer(document, lambda _: say(sentence))
 
 
 def _kind(source: Path, *, named: bool) -> str:

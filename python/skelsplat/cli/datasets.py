@@ -1,9 +1,10 @@
-"""``skelsplat datasets``: which data sets can be read, and whether one on disk is whole and usable."""
+"""``skelsplat datasets`` and ``synth``: data sets that can be read, checked on disk, and simulated."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -11,18 +12,20 @@ import typer
 from rich.console import Console
 from rich.text import Text
 
-from skelsplat import datasets
+from skelsplat import datasets, synthetic
 from skelsplat._escape import escaped
 from skelsplat.cli import options
-from skelsplat.cli.command import Command, Group, takes
-from skelsplat.cli.output import Terminal, print_json, say
+from skelsplat.cli.command import Answer, Command, Group, answers
+from skelsplat.cli.output import say
 from skelsplat.cli.rows import rows
 from skelsplat.cli.table import new_table, print_table
 from skelsplat.datasets import Dataset, Report
 from skelsplat.datasets import _registry as registry
+from skelsplat.datasets.synthetic import write_simulated
 from skelsplat.evaluation.methods import DEFAULT_INIT_SIGMA_MM
 from skelsplat.exceptions import InvalidInputError
-from skelsplat.findings import Finding
+from skelsplat.synthetic.people_sets import PEOPLE_SET
+from skelsplat.synthetic.sets import RecordingSet
 
 _MOST_FILES = 12
 
@@ -63,34 +66,31 @@ def _root(context: typer.Context) -> None:
 
 
 @app.command("list", cls=Command)
-@takes(*rows("Output", "--quiet, -q  Only the names, a line each."), options.AS_JSON)
-def list_(*, quiet: bool, as_json: bool) -> None:
+@answers(*rows("Output", "--quiet, -q  Only the names, a line each."))
+def list_() -> Answer:
     """List the data sets that can be read.
 
     [bold]Examples[/bold]
 
     skelsplat datasets list
-
-    skelsplat datasets list --json
     """
     entries = [
-        {
-            "name": name,
-            "description": reader.description,
-            "options": list(reader.options),
-        }
+        {"name": name, "description": reader.description, "options": list(reader.options)}
         for name, reader in registry.READERS.items()
     ]
-    if as_json:
-        print_json(entries)
-    elif quiet:
-        say(*datasets.names())
-    else:
-        _print_list(Terminal(), entries)
+
+    def show(console: Console) -> None:
+        table = new_table(None, "data set")
+        table.add_column("what it is, and the options of its reader")
+        for name, reader in registry.READERS.items():
+            table.add_row(name, Text(f"{reader.description}\n{', '.join(reader.options)}"))
+        print_table(console, table)
+
+    return Answer(entries, show, lambda _: say(*datasets.names()))
 
 
 @app.command("check", cls=Command)
-@takes(
+@answers(
     *rows(
         "",
         f"""
@@ -100,15 +100,13 @@ def list_(*, quiet: bool, as_json: bool) -> None:
         --detector NAME  Which detections, such as metrabs, cpn. [those there]
         --detections PATH  Detections that are kept apart from the data.
         """,
-        name=lambda _option, name: options.one_of("NAME", name, datasets.names()),
+        name=options.choice(*datasets.names()),
         root=Path,
         detections=Path,
     ),
     SETTINGS,
-    options.QUIET,
-    options.AS_JSON,
 )
-def check(*, name: str, root: Path, set: list[str], quiet: bool, as_json: bool, **chosen: Any) -> None:
+def check(*, name: str, root: Path, set: list[str], **chosen: Any) -> Answer:
     """Check a data set: what it contains, what is missing, and whether units, joints and cameras are right.
 
     The ground truth is projected onto the detections of up to 24 frames of
@@ -118,10 +116,6 @@ def check(*, name: str, root: Path, set: list[str], quiet: bool, as_json: bool, 
 
     skelsplat datasets check human36m data/human36m --detector cpn
 
-    skelsplat datasets check human36m-occ data/human36m-occ-3-hard
-
-    skelsplat datasets check panoptic data/panoptic --json
-
     skelsplat datasets check human36m data/human36m --set subjects=S9,S11
     """
     chosen.update(reader_options(set, name))
@@ -129,12 +123,9 @@ def check(*, name: str, root: Path, set: list[str], quiet: bool, as_json: bool, 
         report = datasets.check(name, root, **chosen)
     except InvalidInputError as error:
         raise typer.BadParameter(str(error), param_hint="options") from error
-    if as_json:
-        print_json(report.to_dict())
-    elif not (quiet and report.ok and not report.findings):
-        _print_report(Terminal(), report)
-    if not report.ok:
-        raise typer.Exit(1)
+    show = partial(_print_report, report)
+    fine = report.ok and not report.findings
+    return Answer(report.to_dict(), show, None if fine else show, status=0 if report.ok else 1)
 
 
 def reader_options(given: Sequence[str], dataset: str) -> dict[str, Any]:
@@ -150,16 +141,7 @@ def reader_options(given: Sequence[str], dataset: str) -> dict[str, Any]:
     return found
 
 
-def _print_list(console: Console, entries: Sequence[dict[str, Any]]) -> None:
-    """Print the data sets, what they are and their options."""
-    table = new_table(None, "data set")
-    table.add_column("what it is, and the options of its reader")
-    for entry in entries:
-        table.add_row(entry["name"], Text(f"{entry['description']}\n{', '.join(entry['options'])}"))
-    print_table(console, table)
-
-
-def _print_report(console: Console, report: Report) -> None:
+def _print_report(report: Report, console: Console) -> None:
     """Print what `datasets.check` found."""
     layout = f", format {report.survey.format}" if report.survey.format else ""
     console.print(Text.assemble((report.name, "bold"), escaped(f" in {report.root}{layout}")))
@@ -172,7 +154,9 @@ def _print_report(console: Console, report: Report) -> None:
         console.print(f"✗ cannot be read: {words}", style="red")
         console.print(f"  {error.path}", style="dim", soft_wrap=True)
     for finding in report.findings:
-        _print_finding(console, finding)
+        mark, style = ("✗", "red") if finding.severity == "error" else ("!", "yellow")
+        console.print(f"{mark} {finding.text}", style=style)
+        console.print(f"  {', '.join(finding.subject.files)}", style="dim", soft_wrap=True)
     console.print(_verdict(report), style="green" if report.ok else "red")
 
 
@@ -225,12 +209,6 @@ def _print_errors(console: Console, report: Report) -> None:
     print_table(console, table)
 
 
-def _print_finding(console: Console, finding: Finding) -> None:
-    mark, style = ("✗", "red") if finding.severity == "error" else ("!", "yellow")
-    console.print(f"{mark} {finding.text}", style=style)
-    console.print(f"  {', '.join(finding.subject.files)}", style="dim", soft_wrap=True)
-
-
 def _verdict(report: Report) -> str:
     if report.ok:
         count = len(report.findings)
@@ -239,3 +217,83 @@ def _verdict(report: Report) -> str:
     if report.error is not None or any(finding.severity == "error" for finding in report.findings):
         return "These data cannot be used as they are."
     return "Something is missing; what is there can be used."
+
+
+NAMES = (*synthetic.set_names, PEOPLE_SET)
+_DEFAULTS = {"people": 3, "views": 4, "scenes": 5, "frames": 300}
+
+_SYNTH_OPTIONS = (
+    *rows(
+        "",
+        f"""
+        NAME  {", ".join(NAMES)}.
+        FOLDER  Folder to create; must not exist or be empty.
+        --poses N  Poses over all takes. [that of the data set]
+        --seed S  Same seed, same files. [= 0]
+        --openpose  Also write OpenPose JSON: many small files.
+        --force  Replace an existing simulated data set.
+        """,
+        name=options.choice(*NAMES),
+        folder=Path,
+        poses={"kind": int, "limits": {"min": 1}},
+        seed={"kind": int, "default": 0, "limits": {"min": 0}},
+    ),
+    *rows(
+        f"Options of {PEOPLE_SET}",
+        "".join(
+            f"--{name} {metavar}  {words} [{_DEFAULTS[name]}]\n"
+            for name, metavar, words in (
+                ("people", "Q", "People, 2 to 6."),
+                ("views", "M", "Cameras, 3 to 8."),
+                ("scenes", "K", "Number of scenes."),
+                ("frames", "F", "Frames of each scene, at 30 Hz."),
+            )
+        ),
+        **dict.fromkeys(_DEFAULTS, int),
+    ),
+)
+
+
+@answers(*_SYNTH_OPTIONS)
+def synth(
+    *,
+    name: str,
+    folder: Path,
+    seed: int,
+    poses: int | None = None,
+    openpose: bool,
+    force: bool,
+    **of_people: int,
+) -> Answer:
+    """Write a simulated data set: known poses, simulated detections of two detectors.
+
+    Rig, joints, actions and number of poses are like those of the data set
+    in the name; people has scenes in which several people meet. Results on it
+    are results on simulated detections, and must be reported as such.
+
+    [bold]Examples[/bold]
+
+    skelsplat synth dome data/dome --poses 100 --openpose
+
+    skelsplat synth people data/people --people 4 --views 5 --scenes 10
+    """
+    if name == PEOPLE_SET and poses is not None:
+        message = f"does not apply to {PEOPLE_SET}; the length of its scenes is given with --frames"
+        raise typer.BadParameter(message, param_hint="--poses")
+    for key in of_people if name != PEOPLE_SET else ():
+        raise typer.BadParameter(f"does not apply to {name}, only to {PEOPLE_SET}", param_hint=f"--{key}")
+    if name == PEOPLE_SET:
+        data: RecordingSet = synthetic.simulate_people_set(**{**_DEFAULTS, **of_people}, seed=seed)
+        number = data.parameters["scenes"]
+        length = f"{number} scene{'s' * (number != 1)} of {data.parameters['frames']} frames"
+        what = f"{data.parameters['people']} people, {data.parameters['views']} views, {length}"
+    else:
+        data = synthetic.simulate_set(name, poses=poses, seed=seed)
+        what = f"{data.parameters['poses']} poses in {len(data.recordings)} takes"
+    write_simulated(folder, data, openpose=openpose, force=force)
+    detectors = " and ".join(data.parameters["detectors"])
+    document = {"name": name, "takes": len(data.recordings), "parameters": data.parameters}
+    return Answer(
+        {"folder": str(folder), **document},
+        lambda _: say(f"{folder}: {name} (simulated), {what}, detectors {detectors}, seed {seed}"),
+    )

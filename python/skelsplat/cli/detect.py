@@ -9,16 +9,15 @@ from typing import Any
 import typer
 
 from skelsplat.cli import options
-from skelsplat.cli.command import takes
-from skelsplat.cli.findings import telling
-from skelsplat.cli.output import print_json, progress, say
+from skelsplat.cli.command import Answer, answers
+from skelsplat.cli.output import progress, say, tell
 from skelsplat.cli.rows import rows
 from skelsplat.detect import Detected, Detector, MediaPipe, RTMLib
 from skelsplat.detect import detect as run_detector
 from skelsplat.findings import collected_warnings
 from skelsplat.run.frame_range import FrameRange
 
-EPILOG = (
+_EPILOG = (
     "mediapipe: one person, 33 points (layout mediapipe33), runs offline; pip install "
     "'skelsplat\\[mediapipe]'. rtmlib: several people, 26, 17 or 133 points (halpe26, coco17, wholebody133), "
     "downloads its networks when they are first used; pip install 'skelsplat\\[rtmlib]'."
@@ -46,7 +45,7 @@ OPTIONS = (
         --mode NAME  rtmlib: balanced, lightweight or performance. [balanced]
         --device NAME  rtmlib: cpu or cuda. [cpu]
         """,
-        backend=lambda option, name: options.one_of(option, name, ("mediapipe", "rtmlib")),
+        backend=options.choice("mediapipe", "rtmlib"),
     ),
     *rows(
         "Output",
@@ -56,12 +55,10 @@ OPTIONS = (
         """,
         output=Path,
     ),
-    options.QUIET,
-    options.AS_JSON,
 )
 
 
-@takes(*OPTIONS)
+@answers(*OPTIONS, epilog=_EPILOG)
 def detect(
     videos: list[Path],
     *,
@@ -69,10 +66,8 @@ def detect(
     backend: str,
     range: FrameRange | None = None,
     overwrite: bool,
-    quiet: bool,
-    as_json: bool,
     **of_detector: Any,
-) -> None:
+) -> Answer:
     """Detect people in the videos of all cameras, for refine.
 
     Writes OpenPose JSON, one folder per camera and one file per frame, and
@@ -82,15 +77,12 @@ def detect(
 
     [bold]Examples[/bold]
 
-    skelsplat detect videos/ -o pose
-
     skelsplat detect cam01.mp4 cam02.mp4 -o pose --range 0-299
 
     skelsplat detect videos/ -o pose --backend rtmlib --model whole-body
     """
-    detector = _detector(backend, of_detector)
-    frames = range or FrameRange()
-    with collected_warnings(telling(quiet=quiet)) as found, progress("frames", shown=not quiet) as count:
+    detector, frames = _detector(backend, of_detector), range or FrameRange()
+    with collected_warnings(tell) as found, progress("frames") as count:
         written = run_detector(
             videos,
             output,
@@ -100,18 +92,16 @@ def detect(
             overwrite=overwrite,
             progress=count,
         )
-    if as_json:
-        print_json(
-            {
-                "folder": str(output),
-                "detector": dict(detector.settings),
-                "layout": detector.layout,
-                "cameras": [one.to_dict() for one in written],
-                "findings": [one.to_dict() for one in found],
-            }
-        )
-    elif not quiet:
-        _tell(written, detector.layout, output)
+    document = {
+        "folder": str(output),
+        "detector": dict(detector.settings),
+        "layout": detector.layout,
+        "cameras": [one.to_dict() for one in written],
+        "findings": [one.to_dict() for one in found],
+    }
+    again = shlex.join(["skelsplat", "refine", "CALIBRATION", str(output), "-o", "out"])
+    end = f"Wrote to {output}/, with the layout {detector.layout}. Next: {again}"
+    return Answer(document, lambda _: say(*map(_line, written), end))
 
 
 def _detector(backend: str, given: dict[str, Any]) -> Detector:
@@ -124,12 +114,9 @@ def _detector(backend: str, given: dict[str, Any]) -> Detector:
     return MediaPipe(**given)
 
 
-def _tell(written: list[Detected], layout: str, output: Path) -> None:
-    for one in written:
-        rate = "" if one.frame_rate is None else f", {one.frame_rate:g} Hz"
-        new = "" if one.new == one.frames else f", {one.new} of them new"
-        empty = f", {one.empty} without a person" if one.empty else ""
-        size = f"{one.size[0]}×{one.size[1]}{rate}"
-        say(f"{one.folder}: {one.frames} frames{new}{empty} ({one.video.name}, {size})")
-    again = shlex.join(["skelsplat", "refine", "CALIBRATION", str(output), "-o", "out"])
-    say(f"Wrote to {output}/, with the layout {layout}. Next: {again}")
+def _line(one: Detected) -> str:
+    rate = "" if one.frame_rate is None else f", {one.frame_rate:g} Hz"
+    new = "" if one.new == one.frames else f", {one.new} of them new"
+    empty = f", {one.empty} without a person" if one.empty else ""
+    size = f"{one.size[0]}×{one.size[1]}{rate}"
+    return f"{one.folder}: {one.frames} frames{new}{empty} ({one.video.name}, {size})"

@@ -1,39 +1,45 @@
-"""``skelsplat evaluate``: methods on a data set with ground truth, and their table."""
+"""``skelsplat evaluate`` and ``ablate``: methods on data with ground truth, and the paper's ablations."""
 
 from __future__ import annotations
 
+import contextlib
+import shlex
+import sys
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
+import typer
 from rich.console import Console
+from rich.progress import TimeElapsedColumn
 from rich.table import Table as Drawn
 from rich.text import Text
 
 from skelsplat import datasets
 from skelsplat._escape import escaped
 from skelsplat.cli import options
-from skelsplat.cli.command import takes
+from skelsplat.cli.command import Answer, answers
 from skelsplat.cli.datasets import INIT_SIGMA, LENS, SETTINGS, reader_options
-from skelsplat.cli.findings import tell, telling
-from skelsplat.cli.output import print_json, progress
+from skelsplat.cli.output import progress, tell
 from skelsplat.cli.rows import NAME_OR_PATH, rows
-from skelsplat.cli.table import new_table, print_parts, wide_console
+from skelsplat.cli.table import new_table, print_parts, print_table
 from skelsplat.datasets import Dataset
 from skelsplat.datasets._registry import detections_option, options_of
-from skelsplat.evaluation import methods, people, protocols, single
+from skelsplat.evaluation import ablations, methods, people, protocols, single
+from skelsplat.evaluation.ablations import Source
 from skelsplat.evaluation.protocols import Protocol
 from skelsplat.evaluation.tables import Report, Table
 from skelsplat.exceptions import InvalidInputError
-from skelsplat.findings import collected_warnings, no_pictures
+from skelsplat.findings import no_pictures
 from skelsplat.run.folder import output_folder
 
-EPILOG = (
+_EVALUATE_EPILOG = (
     "Results: report.md, report.csv, report.json and, of methods of one person, bars.png in FOLDER and the "
     "poses of every take under FOLDER/runs, from where a stopped evaluation goes on. Exit status: 0 ok, "
     "1 failed, 2 bad usage, 130 interrupted."
 )
-OPTIONS = (
+_EVALUATE_OPTIONS = (
     *rows("", f"DATASET  {', '.join(datasets.names())}.\nROOT  Its folder.", root=Path),
     *rows(
         "Method",
@@ -81,12 +87,10 @@ OPTIONS = (
         """,
         output=Path,
     ),
-    options.QUIET,
-    options.AS_JSON,
 )
 
 
-@takes(*OPTIONS)
+@answers(*_EVALUATE_OPTIONS, epilog=_EVALUATE_EPILOG)
 def evaluate(
     *,
     dataset: str,
@@ -98,20 +102,14 @@ def evaluate(
     set: list[str],
     output: Path | None = None,
     per_joint: bool,
-    quiet: bool,
-    as_json: bool,
     **given: Any,
-) -> None:
+) -> Answer:
     """Run methods on a data set with ground truth and print their errors with published ones.
 
     A stopped evaluation continues when it is started again with the same
     options; after changes of options or data it is computed again.
 
     [bold]Examples[/bold]
-
-    skelsplat synth human36m-like data/h36m-like
-
-    skelsplat evaluate synthetic data/h36m-like
 
     skelsplat evaluate human36m data/h36m --detections cpn --protocol as-paper
 
@@ -123,18 +121,17 @@ def evaluate(
     every = given.pop("every", None)
     chosen = methods.Options(undistort=protocol, **given)
     options.one_of("DATASET", dataset, datasets.names())
-    with collected_warnings(telling(quiet=quiet)):
-        data = datasets.read(dataset, root, **_reader_options(dataset, detections, views, set))
-        for finding in datasets.verify(data):
-            tell(finding, f"{', '.join(finding.subject.files)}: ")
-        if fps is not None:
-            data = data.with_fps(fps)
-        rules = protocols.get(data.name).with_options(n_views=views, every=every)
-        folder = Path("skelsplat-evaluation") / data.name if output is None else output
-        with output_folder(folder), progress("poses", first="evaluating", shown=not quiet) as bar:
-            several = _of_people(names, data)
-            report = _evaluated(data, names, chosen, rules, None if several else folder / "runs", bar)
-            files = report.write(folder)
+    data = datasets.read(dataset, root, **_reader_options(dataset, detections, views, set))
+    for finding in datasets.verify(data):
+        tell(finding, f"{', '.join(finding.subject.files)}: ")
+    if fps is not None:
+        data = data.with_fps(fps)
+    rules = protocols.get(data.name).with_options(n_views=views, every=every)
+    folder = Path("skelsplat-evaluation") / data.name if output is None else output
+    with output_folder(folder), progress("poses", first="evaluating") as bar:
+        several = _of_people(names, data)
+        report = _evaluated(data, names, chosen, rules, None if several else folder / "runs", bar)
+        files = report.write(folder)
     shown = report.tables if per_joint else report.tables[: report.shown]
 
     def show(console: Console) -> None:
@@ -143,7 +140,7 @@ def evaluate(
         for note in shown[0].notes:
             console.print(note, style="dim")
 
-    print_report(report, show, folder, files, quiet=quiet, as_json=as_json)
+    return answer(report, show, folder, files)
 
 
 def _evaluated(
@@ -165,25 +162,19 @@ def _evaluated(
     return single.evaluate(data, names, chosen, protocol=rules, folder=runs, report=hear).report()
 
 
-def print_report(
-    report: Report,
-    show: Callable[[Console], None],
-    folder: Path | None,
-    files: Sequence[str],
-    *,
-    quiet: bool,
-    as_json: bool,
-) -> None:
-    """Print what ``show`` prints, and which files were written; or JSON."""
+def answer(
+    report: Report, show: Callable[[Console], None], folder: Path | None, files: Sequence[str]
+) -> Answer:
+    """Return the answer of evaluate and ablate: what ``show`` prints, and which files were written."""
     if files and report.draw is not None and not files[-1].endswith(".png"):
-        telling(quiet=quiet)(no_pictures("Figures"))
-    if as_json:
-        print_json(dict(report.values))
-    elif not quiet:
-        console = wide_console()
+        tell(no_pictures("Figures"))
+
+    def print_all(console: Console) -> None:
         show(console)
         if files:
             console.print(f"Wrote to {folder}/: {', '.join(files)}")
+
+    return Answer(dict(report.values), print_all)
 
 
 def print_experiment(console: Console, table: Table) -> None:
@@ -235,3 +226,110 @@ def _reader_options(
     if views is not None and "views" in known and dataset != "synthetic":  # there the protocol chooses
         found.setdefault("views", views)
     return found
+
+
+# Beyond so many settings they become rows.
+_MOST_COLUMNS = 6
+
+_ABLATE_EPILOG = (
+    "Without --data the data are simulated, which every table says; they are made in memory from the seed."
+)
+
+_ABLATE_OPTIONS = (
+    *rows("", f"NAME  {', '.join(ablations.names)}."),
+    *rows(
+        "Data",
+        """
+        --data DATASET FOLDER  A data set on disk.
+        --detections DETECTOR  Detections of the data set; may be repeated.
+        """,
+        data={"kind": tuple[str, Path]},
+        detections={"many": True},
+    ),
+    SETTINGS,
+    *rows(
+        "Data",
+        """
+        --poses N  Poses of each data set, evenly from its takes. [so many that it ends within about a minute]
+        --full  All poses.
+        --seed S  Seed of all random numbers. [= 0]
+        """,
+        poses={"kind": int, "limits": {"min": 1}},
+        seed={"kind": int, "default": 0, "limits": {"min": 0}},
+    ),
+    LENS,
+    *rows(
+        "Method",
+        "--start paper|dlt|fusion  Initial poses; paper: as in the paper's experiment. [= paper]",
+        start=options.choice("paper", "dlt", "fusion"),
+    ),
+    INIT_SIGMA,
+    *rows(
+        "Output", "-o, --output FOLDER  Write NAME.md, .csv, .json and .png into this folder.", output=Path
+    ),
+)
+
+
+@answers(*_ABLATE_OPTIONS, epilog=_ABLATE_EPILOG)
+def ablate(
+    *,
+    name: str,
+    data: tuple[str, Path] | None = None,
+    detections: list[str],
+    set: list[str],
+    poses: int | None = None,
+    full: bool,
+    protocol: bool,
+    output: Path | None = None,
+    **given: Any,
+) -> Answer:
+    """Repeat an ablation of the paper and print its tables with the paper's rows.
+
+    Each of the paper's claims is checked on the measured figures and marked
+    as reproduced or not. "Beats" means by more than twice the standard error
+    of the difference, over the same poses.
+
+    [bold]Examples[/bold]
+
+    skelsplat ablate noise --poses 50
+
+    skelsplat ablate views --data panoptic data/panoptic --detections metrabs --full -o out
+    """
+    if full and poses is not None:
+        raise typer.BadParameter("expected either a number of poses or --full", param_hint="--poses")
+    ablation = ablations.get(options.one_of("NAME", name, ablations.names))
+    choices = {"poses": None if full else poses or ablation.poses, "undistort": protocol, **given}
+    if data is not None:
+        dataset = options.one_of("--data", data[0], datasets.names())
+        choices |= {"dataset": dataset, "root": data[1], "detectors": detections}
+        choices["options"] = reader_options(set, dataset)
+    elif detections or set:
+        expected = "expected a data set for --detections and --set, got none"
+        raise typer.BadParameter(expected, param_hint="--data")
+    place = contextlib.nullcontext() if output is None else output_folder(output)
+    with place, progress("poses", first="reading", time=TimeElapsedColumn()) as bar:
+        command = shlex.join(["skelsplat", *sys.argv[1:]])
+        record = ablation.run(Source(progress=bar, **choices), command=command)
+    report = record.report()
+    files = [] if output is None else report.write(output, name, f"{name}.png")
+    return answer(report, partial(_print_record, record), output, files)
+
+
+def _print_record(record: ablations.Record, console: Console) -> None:
+    """Print tables, each with its source under it, claims and notes.
+
+    The rows of a table are methods; or its columns, if there are too many settings for the width.
+    """
+    for table in record.outcome.tables:
+        print_experiment(console, table.turned() if len(table.columns) > _MOST_COLUMNS else table)
+        console.print(record.source.line(), style="yellow" if record.source.simulated else "")
+        console.print()
+    shown = new_table("Claims of the paper", "claim")
+    shown.columns[0].overflow = "fold"
+    shown.add_column("method, data")
+    shown.add_column("", no_wrap=True)
+    for claim in record.outcome.claims:
+        shown.add_row(claim.claim, claim.data, Text(claim.verdict, "green" if claim.reproduced else "red"))
+    print_table(console, shown)
+    for note in record.outcome.notes:
+        console.print(f"· {note}", style="dim")

@@ -4,31 +4,30 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict
+from functools import partial
 from typing import Any
 
 import typer
 from rich.columns import Columns
+from rich.console import Console
 from rich.text import Text
 
 import skelsplat as sk
 from skelsplat._escape import escaped
-from skelsplat.cli import options
-from skelsplat.cli.command import takes
-from skelsplat.cli.findings import tell
-from skelsplat.cli.output import Terminal, print_json, say
+from skelsplat.cli.command import Answer, answers
+from skelsplat.cli.output import say
 from skelsplat.cli.rows import rows
 from skelsplat.cli.table import new_table, print_table
 from skelsplat.exceptions import InvalidInputError
-from skelsplat.findings import collected_warnings
 from skelsplat.io import read_layout
 
-EPILOG = (
+_EPILOG = (
     "A layout file names the joints in the order of the arrays; limbs, left–right pairs, symmetric limbs and "
     "lengths of bones may follow. Edit what --toml prints to make your own, and give it to --layout."
 )
 
 
-@takes(
+@answers(
     *rows(
         "",
         """
@@ -38,62 +37,38 @@ EPILOG = (
         --quiet, -q  Only the names of layouts or joints, a line each.
         """,
     ),
-    options.AS_JSON,
+    epilog=_EPILOG,
 )
-def layouts(name: str | None = None, *, toml: bool, quiet: bool, as_json: bool) -> None:
+def layouts(name: str | None = None, *, toml: bool) -> Answer:
     """List the joint layouts, or explain one: joints, limbs, symmetric pairs, bones.
 
     [bold]Examples[/bold]
 
-    skelsplat layouts
-
     skelsplat layouts halpe26
 
-    skelsplat layouts mouse22 --toml > mine.toml
-
     skelsplat layouts dlc-project/config.yaml --toml > mouse.toml
-
-    skelsplat layouts mine.toml --json
     """
     if name is None:
         if toml:
             raise typer.BadParameter("expected the name of one layout as well", param_hint="--toml")
-        _list(quiet=quiet, as_json=as_json)
-        return
-    if toml and as_json:
-        raise typer.BadParameter("expected --toml or --json, got both", param_hint="--toml")
-    with collected_warnings() as notes:
-        layout = _named(name)
+        every = [(sk.layouts.get(name), sk.layouts.about(name)) for name in sk.layouts.names]
+        documents = [_document(*one) for one in every]
+        return Answer(documents, partial(_list, every), lambda _: say(*sk.layouts.names))
+    try:
+        layout = read_layout(name)
+    except InvalidInputError as error:
+        raise typer.BadParameter(error.reason, param_hint="NAME") from error
     described = name.lower() in sk.layouts.names or name.lower().endswith(".toml")
     about = sk.layouts.about(name) if described else sk.layouts.About()
     if toml:
-        typer.echo(sk.layouts.to_toml(layout, about), nl=False)
-        for note in notes:
-            tell(note)
-    elif as_json:
-        print_json(_document(layout, about))
-    elif quiet:
-        say(*layout.joints)
-    else:
-        _explain(layout, about)
+        text = sk.layouts.to_toml(layout, about)
+        write = partial(typer.echo, text, nl=False)
+        return Answer(_document(layout, about), lambda _: write(), lambda _: write())
+    names = layout.joints
+    return Answer(_document(layout, about), partial(_explain, layout, about), lambda _: say(*names))
 
 
-def _named(name: str) -> sk.Layout:
-    try:
-        return read_layout(name)
-    except InvalidInputError as error:
-        raise typer.BadParameter(error.reason, param_hint="NAME") from error
-
-
-def _list(*, quiet: bool, as_json: bool) -> None:
-    every = [(sk.layouts.get(name), sk.layouts.about(name)) for name in sk.layouts.names]
-    if as_json:
-        print_json([_document(layout, about) for layout, about in every])
-        return
-    if quiet:
-        say(*sk.layouts.names)
-        return
-    console = Terminal()
+def _list(every: Sequence[tuple[sk.Layout, sk.layouts.About]], console: Console) -> None:
     table = new_table(None, "layout", ("joints", "human"))
     table.add_column("detections of", overflow="fold")
     for layout, about in every:
@@ -106,46 +81,40 @@ def _list(*, quiet: bool, as_json: bool) -> None:
     )
 
 
-def _explain(layout: sk.Layout, about: sk.layouts.About) -> None:
-    console, names = Terminal(), layout.joints
-    console.print(
-        Text.assemble(
-            (escaped(layout.name), "bold"), escaped(f", {layout.n_joints} joints. {about.about}".rstrip())
-        )
-    )
+def _explain(layout: sk.Layout, about: sk.layouts.About, console: Console) -> None:
+    words = f", {layout.n_joints} joints. {about.about}".rstrip()
+    console.print(Text.assemble((escaped(layout.name), "bold"), escaped(words)))
     for label, text in (("Detections of", about.detectors), ("Source", about.source)):
         if text:
             console.print(f"{label}: {text}.")
-    for title, words in _parts(layout):
+    for title, parts in _parts(layout):
         console.print()
         console.print(title, style="bold")
-        console.print(Columns(words, column_first=True, padding=(0, 2)))
+        console.print(Columns(parts, column_first=True, padding=(0, 2)))
     console.print()
     known = "the population's proportions for a person" if layout.human else "none before the recording"
-    lengths = [f"{_ends(names, ends)} {mm:g} ± {sigma:g} mm" for ends, mm, sigma in layout.lengths]
+    lengths = [f"{_ends(layout, ends)} {mm:g} ± {sigma:g} mm" for ends, mm, sigma in layout.lengths]
     console.print(f"Lengths of bones: {', '.join(lengths) or known}.")
 
 
 def _parts(layout: sk.Layout) -> Iterator[tuple[str, Sequence[str]]]:
     """Yield the parts of a layout that are there, with a title each."""
-    names = layout.joints
-    yield "Joints, by index", [f"{k:>{len(str(len(names) - 1))}} {name}" for k, name in enumerate(names)]
+    digits = len(str(layout.n_joints - 1))
+    yield "Joints, by index", [f"{k:>{digits}} {name}" for k, name in enumerate(layout.joints)]
     if layout.limbs:
-        yield f"Limbs ({len(layout.limbs)})", [_ends(names, limb) for limb in layout.limbs]
+        yield f"Limbs ({len(layout.limbs)})", [_ends(layout, limb) for limb in layout.limbs]
     if layout.left_right:
-        yield f"Left–right pairs ({len(layout.left_right)})", [_ends(names, two) for two in layout.left_right]
+        pairs = [_ends(layout, two) for two in layout.left_right]
+        yield f"Left–right pairs ({len(pairs)})", pairs
     for tier in (1, 2, 3):
-        pairs = [
-            f"{_ends(names, left)} = {_ends(names, right)}"
-            for t, left, right in layout.symmetric
-            if t == tier
-        ]
-        if pairs:
-            yield f"Limbs of equal length, tier {tier}", pairs
+        equal = [(left, right) for own, left, right in layout.symmetric if own == tier]
+        if equal:
+            words = [f"{_ends(layout, left)} = {_ends(layout, right)}" for left, right in equal]
+            yield f"Limbs of equal length, tier {tier}", words
 
 
-def _ends(names: Sequence[str], ends: Sequence[int]) -> str:
-    return "–".join(names[k] for k in ends)
+def _ends(layout: sk.Layout, ends: Sequence[int]) -> str:
+    return "–".join(layout.joints[k] for k in ends)
 
 
 def _document(layout: sk.Layout, about: sk.layouts.About) -> dict[str, Any]:

@@ -15,16 +15,15 @@ import typer
 from skelsplat.cli import options
 from skelsplat.cli._app import FAILED, INTERRUPTED
 from skelsplat.cli.command import takes
-from skelsplat.cli.findings import telling
-from skelsplat.cli.output import say
-from skelsplat.cli.rows import rows
+from skelsplat.cli.output import quieter, say, tell
+from skelsplat.cli.rows import QUIET, rows
 from skelsplat.exceptions import DatasetError
 from skelsplat.findings import collected_warnings
 from skelsplat.io import read_layout
 from skelsplat.run.live import MalformedLineError, Session
 from skelsplat.run.read import read_rig
 
-EPILOG = "Exit status: 0 at the end of the input, 1 failed, 2 bad usage, 130 interrupted."
+_EPILOG = "Exit status: 0 at the end of the input, 1 failed, 2 bad usage, 130 interrupted."
 _MOST_LINE = 2**24  # bytes: eight cameras with hundreds of people need less
 
 
@@ -51,11 +50,11 @@ OPTIONS = (
         lag={"kind": int, "default": 0, "limits": {"min": 0}},
         people=options.all_or_number,
     ),
-    options.QUIET,
+    QUIET,
 )
 
 
-@takes(*OPTIONS)
+@takes(*OPTIONS, epilog=_EPILOG)
 def live(
     calibration: Path,
     *,
@@ -70,29 +69,20 @@ def live(
 
     A line in is one frame. For every camera it has the joints of the layout as
     x and y in pixels and confidence: cameras in the order of the calibration, or
-    by name.
+    by name. Missing values are null, NaN, or have confidence 0. "frame" is any
+    value and is returned unchanged; "reset": true discards the past.
 
     {"frame": 7, "detections": [[[812.5, 400.1, 0.9], ...], ...]}
 
     {"frame": 7, "detections": {"cam2": [[812.5, 400.1, 0.9], ...], ...}}
 
-    "detections" is required, also with "reset".
-
-    Missing values are null (a number, a joint or a camera), NaN, or have
-    confidence 0; by name, cameras without detections may be left out. "frame" is
-    any value and is returned unchanged; "reset": true discards the previous pose,
-    from which the search otherwise starts.
-
     A line out, flushed at once, has for every joint the position in the unit of
-    the calibration, its standard deviations per axis, and the status: the error
-    bar against an anatomical joint, and the scatter, which is a part of it.
+    the calibration, its standard deviations per axis (against an anatomical
+    joint, and the scatter), and its status.
 
     {"frame": 7, "pose": [[1.2, 0.4, 1.5], ...], "error_bar": [[0.02, 0.03, 0.02],
     ...], "scatter": [[0.01, 0.02, 0.01], ...], "joint_status": ["ok", ...],
     "latency_ms": 0.2}
-
-    A joint without a position is null; an unobserved one keeps its previous
-    position. "latency_ms" is the time from reading the line to the answer.
 
     Every line is answered. A malformed one changes nothing, and its answer has
     its number and what was wrong; stderr has the same.
@@ -100,32 +90,11 @@ def live(
     {"frame": 7, "line": 8, "error": "detections[0]: expected a list of 17 joints,
     got 16"}
 
-    With --fps the past predicts: noise is averaged, and a joint that fewer than
-    two views see follows its own motion and bones for up to half a second
-    ("inferred"). With --lag N a frame is answered once the N lines after it have
-    come, the last N at the end of the input.
-
-    With --people each camera has a list of people, in any order, or one person.
-    Everybody who is known is in the answer with an id that is kept over time:
-
-    {"frame": 7, "people": [{"id": 0, "pose": ..., "error_bar": ..., "scatter":
-    ..., "joint_status": ..., "views": {"cam2": {"detections": [1], "weight":
-    0.94, "rejected": [9]}, ...}}, ...], "ended": [2], "unassigned": {"cam1":
-    [0]}, "latency_ms": 2.1}
-
-    "views" says per camera which of its people this is (two if a detector split
-    one), their mean weight, and the joints whose detections were rejected.
-    "ended" has the ids that will not come back, once: six seconds after two views
-    last saw the person, after a reset, or when two ids turn out to be one person.
-    "unassigned" has the places of detected people who are none of these.
-
-    At the end, the numbers of lines solved and malformed and percentiles of the
-    latency are printed on stderr. Input and output are JSON already: there is no
-    --json.
+    With --fps the past predicts. With --people each camera has a list of people,
+    in any order, and the answer has everybody with an id that is kept over time.
+    The guide on live use has every key. Input and output are JSON already: there is no --json.
 
     [bold]Examples[/bold]
-
-    detector | skelsplat live Calib.toml --unit m --layout coco17 --fps 30 | viewer
 
     skelsplat live Calib.toml --unit mm --layout body25 < recorded.jsonl > poses.jsonl
 
@@ -143,7 +112,7 @@ def live(
     reading = options.reading(given)
     of_calibration = reading.pop("read")
     config = options.config_of(n_threads=1, **reading)
-    with collected_warnings(telling(quiet=quiet)):
+    with quieter(quiet), collected_warnings(tell):
         rig = read_rig(calibration, **of_calibration)
         if len(rig) < 2:
             raise DatasetError(calibration, "cameras", "at least two cameras", len(rig))

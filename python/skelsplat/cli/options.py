@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import fields, replace
 from functools import partial
 from pathlib import Path
@@ -26,6 +26,11 @@ def one_of(option: str, value: str | None, choices: tuple[str, ...]) -> str:
         return value
     got = "nothing (the files do not state it)" if value is None else repr(value)
     raise typer.BadParameter(f"expected one of {', '.join(choices)}, got {got}", param_hint=option)
+
+
+def choice(*choices: str) -> Callable[[str, str], str]:
+    """Return a reader of an option that has one of these values."""
+    return lambda option, value: one_of(option, value, choices)
 
 
 def some_of(choices: tuple[str, ...], option: str, value: str) -> tuple[str, ...]:
@@ -186,7 +191,7 @@ _READING = rows(
         Repeatable.
     --sequence NAME  Sequence of a file that has several, such as "S9/Directions 1".
     """,
-    frames=lambda option, value: one_of(option, value, FRAME_MODES),
+    frames=choice(*FRAME_MODES),
     format=lambda _option, value: value.lower(),
     offset={"name": "offsets", "many": True, "read": _offsets},
     order=order,
@@ -282,15 +287,6 @@ JOB = (
     *(*_METHOD, *_TIME, OUTPUT, *_WRITTEN),
 )
 """The options of a job, by the names of the fields of `skelsplat.run.Job` and of its settings."""
-
-QUIET, AS_JSON = rows(
-    "Output",
-    """
-    --quiet, -q  Print only warnings and errors.
-    --json  Print the result as JSON. Nothing else is printed on stdout.
-    """,
-    json={"name": "as_json"},
-)
 
 
 def frame_range(_option: str, text: str) -> FrameRange:

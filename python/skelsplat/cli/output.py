@@ -1,10 +1,12 @@
-"""JSON on stdout, warnings and progress bars on stderr."""
+"""What commands print: results and JSON on stdout; findings, messages and progress bars on stderr."""
 
 from __future__ import annotations
 
 import contextlib
 import re
+import shlex
 from collections.abc import Callable, Iterator, Sequence
+from contextvars import ContextVar
 from typing import Any
 
 import typer
@@ -23,11 +25,23 @@ from rich.text import Text
 
 from skelsplat._escape import escaped
 from skelsplat._json import to_text
+from skelsplat.findings import Finding, Remedy
 
 # What is pasted into a shell, and so not broken over lines: an option and its value, a command.
 _OPTION = r"--[a-z][a-z-]* \S+"
 _PASTED = rf"pip install \S+|(?:skelsplat [a-z-]+(?: [A-Z]{{3,}})*|{_OPTION})(?: {_OPTION})*"
 _drawn_on: list[Console] = []  # those with a bar, the innermost last
+_quiet: ContextVar[bool] = ContextVar("quiet", default=False)
+
+
+@contextlib.contextmanager
+def quieter(quiet: bool) -> Iterator[None]:
+    """Draw no bar and print no note while this is open, if `quiet`."""
+    before = _quiet.set(quiet)
+    try:
+        yield
+    finally:
+        _quiet.reset(before)
 
 
 class Terminal(Console):
@@ -73,9 +87,51 @@ def print_text(console: Console, text: str, whole: Sequence[str] = ()) -> None:
     console.print(Text("\n".join(filter(None, lines))), soft_wrap=True)
 
 
+def tell(finding: Finding, of: str = "") -> None:
+    """Print a finding on stderr after its severity, and ``of``, whom it is of; no note if `quieter`."""
+    if not (_quiet.get() and finding.severity == "note"):
+        advice = _advice(_lacking(finding))
+        print_message(f"{finding.severity}: {of}{finding.text}{advice}", _pasted(finding))
+
+
+def print_finding(console: Console, finding: Finding, of: str = "", *, own_line: bool = False) -> None:
+    """Print a finding on stdout, after ``!`` unless it is a note, and ``of``.
+
+    With ``own_line`` all its options follow on a line of their own, to be pasted however long it is.
+    """
+    mark = "" if finding.severity == "note" else "! "
+    options = _lacking(finding)
+    command = "adjust-cameras" if any(one.setting == "move" for one in finding.remedy) else "refine"
+    end = f" Correct it in {command} with:" if own_line and options else _advice(options)
+    print_text(console, f"{mark}{of}{finding.text}{end}", _pasted(finding))
+    if own_line and options:
+        say(f"  {' '.join(options)}")
+
+
+def _remedy_words(remedy: Remedy) -> str:
+    """Return a remedy as it is pasted into a shell: ``--without cam_03``."""
+    flag = "--" + remedy.setting.replace("_", "-")
+    return flag if remedy.value in (None, True) else f"{flag} {shlex.quote(str(remedy.value))}"
+
+
+def _lacking(finding: Finding) -> list[str]:
+    """Return the remedies in words, unless the sentence has them."""
+    options = [_remedy_words(remedy) for remedy in finding.remedy]
+    return [] if all(option in finding.text for option in options) else options
+
+
+def _advice(options: Sequence[str]) -> str:
+    return f" Try {', '.join(options)}." if options else ""
+
+
+def _pasted(finding: Finding) -> list[str]:
+    """Return what is pasted from a finding's words: a command, and options."""
+    return [*filter(None, [finding.numbers.get("check")]), *map(_remedy_words, finding.remedy)]
+
+
 @contextlib.contextmanager
 def progress(
-    unit: str, *, shown: bool, first: str | None = None, time: ProgressColumn | None = None
+    unit: str, *, first: str | None = None, time: ProgressColumn | None = None
 ) -> Iterator[Callable[[str, int | None, int | None], None]]:
     """Yield a function of (name, done, total) that draws a bar of a unit for each name.
 
@@ -92,7 +148,7 @@ def progress(
         TimeRemainingColumn() if time is None else time,
         console=console,
         transient=True,
-        disable=not (shown and console.is_terminal),
+        disable=_quiet.get() or not console.is_terminal,
     ) as bar:
 
         def update(name: str, done: int | None, total: int | None) -> None:

@@ -1,4 +1,4 @@
-"""``skelsplat refine``: the method on a user's own calibration and detections."""
+"""``skelsplat refine`` and ``demo``: the method on a user's own recording, and on the one that ships."""
 
 from __future__ import annotations
 
@@ -10,13 +10,15 @@ import typer
 from skelsplat.cli import options
 from skelsplat.cli._app import FAILED
 from skelsplat.cli.command import takes
-from skelsplat.cli.findings import tell, telling
-from skelsplat.cli.output import Terminal, print_json, progress
+from skelsplat.cli.output import Terminal, print_json, progress, quieter, tell
+from skelsplat.cli.rows import AS_JSON, QUIET, rows
 from skelsplat.cli.table import print_files, print_people, print_run
 from skelsplat.findings import Finding
+from skelsplat.io import sample
 from skelsplat.run import Job, PeopleRun, Run, run, run_people
+from skelsplat.run.folder import run_folder
 
-EPILOG = (
+_EPILOG = (
     "Results in FOLDER: pose.npz, pose.csv and pose.trc (or the formats of --write), report.json, "
     "report.html, overview.png and weights.png, with --paper also heatmaps.png, with --angles angles.csv,"
     " angles.npz and angles.mot; and the input as used, cameras.json, detections.npz, and layout.toml for"
@@ -27,22 +29,19 @@ EPILOG = (
     "frames, medians, pictures and the 3D view of every n-th. --people, --person, --init, --adjust-cameras, "
     "--fill-gaps, --filter, --angles, --paper and --write c3d need all frames at once."
 )
-COMMON = (
+_COMMON = (
     *("output", "unit", "layout", "person", "people", "without", "offsets", "fps"),
     *("filter", "fill_gaps", "write", "y_up", "angles", "paper", "quiet", "as_json"),
 )
 
 
-@takes(*options.JOB, options.QUIET, options.AS_JSON, common=COMMON)
+@takes(*options.JOB, QUIET, AS_JSON, common=_COMMON, epilog=_EPILOG)
 def refine(*, quiet: bool, as_json: bool, **given: Any) -> None:
     """Refine the 3D pose of one person, or of several, from 2D detections.
 
     [bold]Examples[/bold]
 
-    skelsplat refine Calib.toml pose/ -o out --unit m --layout body25b
-
     skelsplat refine Calib.toml pose/ -o out --unit m --layout body25b --fps 60
-    --write trc,c3d --angles
 
     skelsplat refine --config run.toml --fps 60 --people all
     """
@@ -51,40 +50,110 @@ def refine(*, quiet: bool, as_json: bool, **given: Any) -> None:
 
 def run_and_print(job: Job, *, quiet: bool, as_json: bool) -> None:
     """Do a job that names a folder, under a progress bar, and print the results."""
-    printed: list[Finding] = []
-    print_finding = telling(quiet=quiet)
+    with quieter(quiet):
+        printed: list[Finding] = []
 
-    def tell_now(finding: Finding) -> None:
-        printed.append(finding)
-        print_finding(finding)
+        def tell_now(finding: Finding) -> None:
+            printed.append(finding)
+            tell(finding)
 
-    with progress("frames", first="refining", shown=not quiet) as show:
-        given: dict[str, Any] = {
-            "progress": lambda done, total: show("refining" if done < total else "writing", done, total),
-            "tell": tell_now,
-        }
-        found: Run | PeopleRun = run(job, **given) if job.people is None else run_people(job, **given)
-    errors = [finding for finding in found.findings if finding.severity == "error"]
-    if as_json or quiet:
-        for finding in found.findings:
-            if finding not in (*printed, *errors):
-                print_finding(finding)
-        for identity, person in found.people.items() if isinstance(found, PeopleRun) else ():
-            for finding in (one for one in person.findings if one.severity != "note"):
-                tell(finding, f"person {identity}: ")
-    if as_json:
-        print_json(found.report)
-    elif not quiet:
-        console, folder = Terminal(), Path(str(job.output))
-        told = printed if console.is_terminal and Terminal(stderr=True).is_terminal else []
-        if isinstance(found, PeopleRun):
-            print_people(console, found, told)
-        else:
-            print_run(console, found, told)
-        print_files(
-            console, folder, [*found.report["files"], *found.report.get("folders", []), "report.json"]
-        )
-    for finding in errors:
-        tell(finding)
+        with progress("frames", first="refining") as show:
+            given: dict[str, Any] = {
+                "progress": lambda done, total: show("refining" if done < total else "writing", done, total),
+                "tell": tell_now,
+            }
+            found: Run | PeopleRun = run(job, **given) if job.people is None else run_people(job, **given)
+        errors = [finding for finding in found.findings if finding.severity == "error"]
+        if as_json or quiet:
+            for finding in found.findings:
+                if finding not in (*printed, *errors):
+                    tell(finding)
+            for identity, person in found.people.items() if isinstance(found, PeopleRun) else ():
+                for finding in (one for one in person.findings if one.severity != "note"):
+                    tell(finding, f"person {identity}: ")
+        if as_json:
+            print_json(found.report)
+        elif not quiet:
+            _print(found, Path(str(job.output)), printed)
+        for finding in errors:
+            tell(finding)
     if errors:
         raise typer.Exit(FAILED)
+
+
+def _print(found: Run | PeopleRun, folder: Path, printed: list[Finding]) -> None:
+    console = Terminal()
+    told = printed if console.is_terminal and Terminal(stderr=True).is_terminal else []
+    if isinstance(found, PeopleRun):
+        print_people(console, found, told)
+    else:
+        print_run(console, found, told)
+    print_files(console, folder, [*found.report["files"], *found.report.get("folders", []), "report.json"])
+
+
+# one each, since a run removes the files of an earlier one
+_FOLDER, _FOLDER_OF_PEOPLE = "skelsplat-demo", "skelsplat-demo-people"
+_OF_PEOPLE = (
+    "One of the two main people was added to this recording by calculation (Pose2Sim's demonstration): their "
+    "detections are not those of a detector."
+)
+_NOTE = "The sample has no ground truth: these errors measure agreement with the detections, not accuracy."
+
+
+@takes(
+    *rows(
+        "Output",
+        f"-o, --output FOLDER  Folder for the results. [{_FOLDER}, with --people {_FOLDER_OF_PEOPLE}]",
+        output=Path,
+    ),
+    options.PAPER,
+    *rows("Input", "--people  Refine the recording of two people and a bystander."),
+    options.FRAME_BY_FRAME,
+    *rows("Cameras", "--no-adjust  Use the cameras as calibrated: one was turned since."),
+    options.THREADS,
+    QUIET,
+    AS_JSON,
+)
+def demo(
+    *,
+    output: Path | None = None,
+    people: bool,
+    frame_by_frame: bool,
+    adjust: bool,
+    quiet: bool,
+    as_json: bool,
+    **settings: Any,
+) -> None:
+    """Refine the recording that ships with the package: 4 cameras, 100 frames, OpenPose.
+
+    The input is copied to FOLDER/input, as the files of a typical recording
+    (calibration TOML, one folder of OpenPose JSON per camera), and read from
+    there. The results are those of refine.
+
+    One camera was turned after the calibration: its place is adjusted first, by the
+    detections (with --people the recording does not tell which camera it is).
+
+    [bold]Examples[/bold]
+
+    skelsplat demo
+
+    skelsplat demo --people -o people
+    """
+    output = output or Path(_FOLDER_OF_PEOPLE if people else _FOLDER)
+    config = options.config_of(**settings)
+    with run_folder(output):  # which another run may be writing
+        paths = sample.extract(output / "input", people=people)
+    job = Job(
+        paths.calibration,
+        paths.detections,
+        unit=sample.UNIT,
+        layout=sample.LAYOUT,
+        fps=sample.FRAME_RATE_HZ,
+        frame_by_frame=frame_by_frame,
+        config=config,
+        people="all" if people else None,
+        adjust_cameras=adjust and not people,
+        output=output,
+        note=f"{_NOTE} {_OF_PEOPLE}" if people else _NOTE,
+    )
+    run_and_print(job, quiet=quiet, as_json=as_json)

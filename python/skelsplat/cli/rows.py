@@ -20,40 +20,21 @@ NAME_OR_PATH = "name or path"
 
 @dataclass(frozen=True)
 class Option:
-    """An option or argument: what typer's parameter is made from, and what the package gets; see `rows`.
+    """An option or argument: what typer's parameter is made from, and what the package gets; see `rows`."""
 
-    Attributes
-    ----------
-    name : str
-        The parameter, and its keyword in the package. A flag ``no_name`` is the opposite of ``name``.
-    flags : tuple of str
-        How it is typed; empty for an argument.
-    metavar, help, panel, shown : str
-        For the help; ``shown`` is the default in words.
-    kind : type
-        Of the value; bool: a flag. With `many` the option is repeatable.
-    default
-        None: there is none, and the package is not given the keyword; `REQUIRED`.
-    read : callable, optional
-        Takes the option and its value, and returns what the package gets.
-    marks : tuple
-        `NAME_OR_PATH`.
-    limits : dict
-        ``min`` and ``max``.
-    """
-
-    name: str
-    flags: tuple[str, ...]
+    name: str  # the parameter, and its keyword in the package; a flag ``no_name`` is the opposite of ``name``
+    flags: tuple[str, ...]  # how it is typed; empty for an argument
+    # for the help; ``shown`` is the default in words
     metavar: str
     help: str
     panel: str = ""
     shown: str = ""
-    kind: Any = str
-    many: bool = False
-    default: Any = None
-    read: Callable[[str, Any], Any] | None = None
-    marks: tuple[Any, ...] = ()
-    limits: Mapping[str, float] = field(default_factory=dict)
+    kind: Any = str  # type of the value; bool: a flag
+    many: bool = False  # repeatable
+    default: Any = None  # None: there is none, and the package is not given the keyword; or `REQUIRED`
+    read: Callable[[str, Any], Any] | None = None  # from the option and its value, what the package gets
+    marks: tuple[Any, ...] = ()  # `NAME_OR_PATH`
+    limits: Mapping[str, float] = field(default_factory=dict)  # ``min`` and ``max``
 
     @property
     def flag(self) -> str:
@@ -61,27 +42,21 @@ class Option:
         return next((name for name in self.flags if name.startswith("--")), self.metavar)
 
     @property
-    def info(self) -> Any:
-        """Typer's option or argument."""
+    def parameter(self) -> inspect.Parameter:
+        """The parameter from which typer makes the option or argument."""
         about: dict[str, Any] = {"metavar": self.metavar, "help": self.help, **self.limits}
         if self.kind is Path:
             about["readable"] = False
         if not self.flags:
-            return typer.Argument(show_default=False, **about)
-        if self.shown:
-            about["show_default"] = self.shown
-        return typer.Option(*self.flags, rich_help_panel=self.panel or None, **about)
-
-    @property
-    def parameter(self) -> inspect.Parameter:
-        """The parameter from which typer makes the option or argument."""
+            info = typer.Argument(show_default=False, **about)
+        else:
+            about["show_default"] = self.shown or True
+            info = typer.Option(*self.flags, rich_help_panel=self.panel or None, **about)
         kind = list[self.kind] if self.many else self.kind  # type: ignore[name-defined]
+        default = inspect.Parameter.empty if self.default is REQUIRED else self.default
         kind = kind | None if self.default is None else kind
         return inspect.Parameter(
-            self.name,
-            inspect.Parameter.KEYWORD_ONLY,
-            default=inspect.Parameter.empty if self.default is REQUIRED else self.default,
-            annotation=Annotated[kind, self.info],
+            self.name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=Annotated[kind, info]
         )
 
     def given(self, value: Any) -> tuple[str, Any]:
@@ -98,14 +73,8 @@ def rows(panel: str, text: str, **more: Any) -> tuple[Option, ...]:
 
     An entry is ``-o, --output FOLDER  What it is for. [default]``, with two spaces before the help, whose
     further lines are indented. One without a metavar is a flag, one without a dash an argument. The default
-    is in words, or ``[= value]``, ``[required]``, ``[optional]`` of an argument.
-
-    Parameters
-    ----------
-    panel : str
-    text : str
-    **more
-        By option: the type of its value, a function for `Option.read`, or fields of `Option`.
+    is in words, or ``[= value]``, ``[required]``, ``[optional]`` of an argument. ``more`` has by option the
+    type of its value, a function for `Option.read`, or fields of `Option`.
     """
     return tuple(_row(panel, entry, more) for entry in re.split(r"\n(?=\S)", dedent(text).strip()))
 
@@ -131,3 +100,13 @@ def _row(panel: str, entry: str, more: dict[str, Any]) -> Option:
     if isinstance(given, type):
         given = {"kind": given}
     return replace(made, **(given if isinstance(given, dict) else {"read": given}))
+
+
+QUIET, AS_JSON = rows(
+    "Output",
+    """
+    --quiet, -q  Print only warnings and errors.
+    --json  Print the result as JSON. Nothing else is printed on stdout.
+    """,
+    json={"name": "as_json"},
+)

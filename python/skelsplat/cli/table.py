@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Collection, Iterator, Sequence
 from copy import copy
 from dataclasses import replace
 from pathlib import Path
 from textwrap import wrap
-from typing import Any
 
 import numpy as np
 from rich import box
@@ -18,8 +16,7 @@ from rich.text import Text
 
 from skelsplat._escape import escaped
 from skelsplat._words import number
-from skelsplat.cli.findings import print_findings
-from skelsplat.cli.output import Terminal
+from skelsplat.cli.output import print_finding
 from skelsplat.findings import Finding
 from skelsplat.run import PeopleRun, Run, tables
 from skelsplat.run.folder import left_of_earlier
@@ -27,7 +24,6 @@ from skelsplat.run.report import solved_in_words, thinned_in_words
 from skelsplat.run.solve import default_threads
 from skelsplat.run.summary import finite_median, is_biased
 
-_WIDEST = 100  # columns of tables with more than fits 80
 _MOST_JOINTS = 5
 # heads of the columns that fit
 _ADJUSTED = ("status", "turned by [°]", "moved by [mm]", "error [px]")
@@ -40,14 +36,6 @@ _REASONS = {
     "no_observations": "without detections",
     "diverged": "diverged",
 }
-
-
-def wide_console() -> Console:
-    """Return a console of at most 100 columns: those of the terminal or of ``COLUMNS``; 100 into a file."""
-    console = Terminal()
-    known = console.is_terminal or "COLUMNS" in os.environ
-    console.width = min(console.width, _WIDEST) if known else _WIDEST
-    return console
 
 
 def new_table(title: str | None, first: str, columns: Sequence[str] = ()) -> Table:
@@ -126,10 +114,12 @@ def print_run(console: Console, run: Run, told: Collection[Finding] = ()) -> Non
         console.print(line)
     joints = replace(tables.of_joints(run), title="Joints with the largest error bars")
     print_rows(console, joints, _JOINTS, explained=_JOINTS[-2:], some=_least_certain(run))
-    note = run.report["note"]
-    print_paragraphs(console, [note] if note else [])
-    print_findings(console, [one for one in run.findings if one.severity == "warning" and one not in told])
-    print_paragraphs(console, [*_nothing_filled(run.report["over_time"]["gaps"]), *run.poses.processing])
+    _print_note_and_warnings(console, run, told)
+    gaps = run.report["over_time"]["gaps"]
+    if gaps is not None and not gaps["filled"]:
+        most = f"none of at most {gaps['max_frames']} frames lies between known positions"
+        print_paragraphs(console, [f"No gaps were filled: {most}."])
+    print_paragraphs(console, run.poses.processing)
 
 
 def print_rows(
@@ -173,11 +163,14 @@ def print_paragraphs(console: Console, texts: Sequence[str]) -> None:
         console.print()
 
 
-def _nothing_filled(gaps: dict[str, Any] | None) -> list[str]:
-    """Return a sentence if gaps were to be filled and none was."""
-    if gaps is None or gaps["filled"]:
-        return []
-    return [f"No gaps were filled: none of at most {gaps['max_frames']} frames lies between known positions."]
+def _print_note_and_warnings(console: Console, run: Run | PeopleRun, told: Collection[Finding]) -> None:
+    note = run.report["note"]
+    print_paragraphs(console, [note] if note else [])
+    warnings = [one for one in run.findings if one.severity == "warning" and one not in told]
+    for finding in warnings:
+        print_finding(console, finding)
+    if warnings:
+        console.print()
 
 
 def print_files(console: Console, folder: Path, names: Sequence[str]) -> None:
@@ -239,9 +232,10 @@ def print_people(console: Console, run: PeopleRun, told: Collection[Finding] = (
     """Print the table of people, the warnings on everybody not ``told``, and the findings on each person."""
     print_rows(console, tables.of_adjusted(run.report), _ADJUSTED)
     print_rows(console, tables.of_people(run), _PEOPLE, explained=_PEOPLE[1:])
-    note = run.report["note"]
-    print_paragraphs(console, [note] if note else [])
-    print_findings(console, [one for one in run.findings if one.severity == "warning" and one not in told])
+    _print_note_and_warnings(console, run, told)
     for identity, person in run.people.items():
         own = [one for one in person.findings if one.severity != "note"]
-        print_findings(console, own, f"person {identity}: ")
+        for finding in own:
+            print_finding(console, finding, f"person {identity}: ")
+        if own:
+            console.print()

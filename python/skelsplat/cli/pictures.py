@@ -1,0 +1,226 @@
+"""``skelsplat plot`` and ``overlay``: figures of a run in print size, and a run drawn on its videos."""
+
+from __future__ import annotations
+
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import typer
+from rich.console import Console
+
+import skelsplat as sk
+from skelsplat._opencv import opencv
+from skelsplat.cli import options
+from skelsplat.cli.command import Answer, answers
+from skelsplat.cli.output import print_message, progress, say, tell
+from skelsplat.cli.rows import NAME_OR_PATH, rows
+from skelsplat.findings import collected_warnings
+from skelsplat.run.angles import FILES as ANGLE_FILES
+from skelsplat.run.frame_range import FrameRange
+from skelsplat.run.plots import PICTURES, USUAL, Drawn, Source, read_source, write_plots
+
+_PLOT_EPILOG = (
+    "trajectories: positions with bands of ±1 and ±2 standard deviations. bones: lengths of the limbs, left "
+    "next to right. errors: median reprojection error and share of rejected detections, camera by joint. "
+    "angles: joint angles with the same bands. "
+    "Figures are 180 mm wide; further pages of PNG files are numbered. A pose file is npz, csv, trc, c3d, "
+    "json or nc; what can be drawn depends on what its format stores."
+)
+
+_PLOT_OPTIONS = (
+    *rows("", "RUN  Output folder of refine or demo, or a pose file.", run=Path),
+    *rows(
+        "Drawing",
+        """
+        --only FIGURES  Figures to draw: some of trajectories, bones, errors, angles.
+            [trajectories,bones,errors; angles too of a run with --angles]
+        --joints A,B,…  Joints for the trajectories, or all. [wrists and ankles, or the first four]
+        --range A-B  Frames to draw, by the run's frame numbers; A- and -B are open ranges; A is one frame.
+            [all]
+        --layout NAME  Joint layout, for limbs and sides: a name, or a layout file (.toml).
+            [that of the run, or found from the joints' names]
+        """,
+        only=partial(options.some_of, PICTURES),
+        range=options.frame_range,
+        layout={"marks": (NAME_OR_PATH,)},
+    ),
+    *rows(
+        "Output",
+        """
+        -o, --output FOLDER  Folder for the figures. [RUN/plots; of a file, plots/FILE next to it]
+        --format FORMATS  png, pdf or png,pdf. [= png]
+        """,
+        output=Path,
+        format=partial(options.some_of, ("png", "pdf")),
+    ),
+)
+
+
+@answers(*_PLOT_OPTIONS, epilog=_PLOT_EPILOG)
+def plot(
+    run: Path,
+    *,
+    format: tuple[str, ...],
+    only: tuple[str, ...] | None = None,
+    joints: str | None = None,
+    range: FrameRange | None = None,
+    layout: str | None = None,
+    output: Path | None = None,
+) -> Answer:
+    """Draw joint trajectories with error bands, bone lengths and errors.
+
+    [bold]Examples[/bold]
+
+    skelsplat plot out --format png,pdf
+
+    skelsplat plot out --only trajectories --joints left_wrist,right_wrist
+
+    skelsplat plot walk.trc --only bones --layout body25b
+    """
+    usual = PICTURES if (run / ANGLE_FILES[1]).is_file() else USUAL
+    source = read_source(run, layout=layout, range=range or FrameRange(), joints=joints)
+    folder = output or (run.parent / "plots" / run.name if run.is_file() else run / "plots")
+    with progress("figures") as count:
+        drawn = write_plots(source, folder, only=only or usual, formats=format, progress=count)
+    for picture in drawn:
+        if not picture.files:
+            print_message(f"warning: {picture.name} left out: {picture.sentence}")
+
+    def show(console: Console) -> None:
+        for picture in (one for one in drawn if one.files):
+            console.print(f"{picture.name}: {picture.sentence}")
+        names = [path.name for picture in drawn for path in picture.files]
+        if names:
+            console.print(f"Wrote to {folder}/: {', '.join(names)}")
+
+    return Answer(_report(source, drawn), show)
+
+
+def _report(source: Source, drawn: list[Drawn]) -> dict[str, Any]:
+    frames = source.poses.frames
+    return {
+        "input": str(source.path),
+        "frames": len(frames),
+        "first_frame": int(frames[0]),
+        "last_frame": int(frames[-1]),
+        "frame_rate_hz": source.poses.frame_rate,
+        "processing": list(source.poses.processing),
+        "files": [str(path) for picture in drawn for path in picture.files],
+        **{picture.name: picture.numbers for picture in drawn},
+        "left_out": {picture.name: picture.sentence for picture in drawn if not picture.files},
+    }
+
+
+_OVERLAY_EPILOG = (
+    "Videos are MP4 with MPEG-4 part 2 (mp4v), which VLC and most players play but browsers do not; ffmpeg "
+    "-i cam01.mp4 -c:v libx264 web.mp4 converts them. Needs pip install 'skelsplat\\[video]'."
+)
+_OVERLAY_OPTIONS = (
+    *rows(
+        "",
+        """
+        RUN  Output folder of refine or demo.
+        VIDEOS  Folder with one video or one folder of images per camera, named like the camera; or one of
+            them. Without any: --plain. [optional]
+        """,
+        run=Path,
+        videos=Path,
+    ),
+    *rows(
+        "Input",
+        """
+        --plain  Draw on plain frames of the cameras' size, without videos.
+        --camera NAME  Camera to draw. Repeatable. [all]
+        --order A,B,…  Video or folder of each camera, in the calibration's order, or sorted. [by name]
+        --first-frame N  Number of a video's first frame in the files of the detections. Images are numbered
+            by the last integer in their names. [0]
+        """,
+        camera={"name": "cameras", "many": True, "read": options.distinct},
+        order=options.order,
+        first_frame=int,
+    ),
+    *rows(
+        "Drawing",
+        """
+        --range A-B  Frames to draw, by the run's frame numbers; A- and -B are open ranges; A is one frame.
+            [all]
+        --no-detections  Leave out the detections.
+        --no-ellipses  Leave out the error ellipses.
+        --no-pose  Leave out the skeleton.
+        --before  Draw the start of the refinement as well.
+        --no-legend  Leave out legend, camera name and frame number; the image keeps its size.
+        --scale S  Scale of the output, such as 0.5. [1; --grid fits a screen]
+        """,
+        range=options.frame_range,
+        scale={"kind": float, "read": options.positive},
+    ),
+    *rows(
+        "Output",
+        """
+        -o, --output FOLDER  Folder for the results. [RUN/overlay]
+        --fps HZ  Frame rate of the output. [that of the video, otherwise of the run]
+        --png  Write a folder of PNG files instead of a video.
+        --grid  Write all cameras side by side into grid.mp4.
+        """,
+        output=Path,
+        fps={"kind": float, "read": options.positive},
+    ),
+)
+
+
+@answers(*_OVERLAY_OPTIONS, epilog=_OVERLAY_EPILOG)
+def overlay(
+    run: Path,
+    videos: Path | None = None,
+    *,
+    plain: bool,
+    output: Path | None = None,
+    range: FrameRange | None = None,
+    **drawing: Any,
+) -> Answer:
+    """Draw a run on its videos: detections, reprojected skeleton, error ellipses.
+
+    Of a run of several people, all are drawn, in one colour each.
+
+    Detections are discs, from green (trusted) to crimson; rejected ones are
+    crosses, with a line to the joint of the pose; a diamond marks a left–right
+    swap. Ellipses are drawn at 2 standard deviations.
+
+    [bold]Examples[/bold]
+
+    skelsplat overlay out videos/ --grid --range 100-200
+
+    skelsplat overlay out videos/ --camera cam01 --png -o frames
+
+    skelsplat overlay out --plain
+    """
+    if plain == (videos is not None):
+        expected = "expected a folder of videos or images, or --plain to draw on plain frames"
+        raise typer.BadParameter(f"{expected}, got {'both' if plain else 'neither'}", param_hint="VIDEOS")
+    opencv()  # first: its extra has all that the command needs
+    from skelsplat.run.overlay import OverlayJob, write_overlay  # OpenCV takes long to load
+    from skelsplat.viz.overlay import Shown
+
+    parts = {name: drawing.pop(name) for name in ("pose", "ellipses", "detections", "before")}
+    job = OverlayJob(
+        run=run,
+        videos=videos,
+        out=output or run / "overlay",
+        shown=Shown(rejected_below=sk.REJECTED_WEIGHT, **parts),
+        frames=range or FrameRange(),
+        **drawing,
+    )
+    with collected_warnings(tell) as found, progress("frames") as count:
+        written = write_overlay(job, count)
+    lines = [
+        f"{one.path}: {one.frames} frame{'s' * (one.frames != 1)} of {one.size[0]}×{one.size[1]}"
+        for one in written
+    ]
+    document = {
+        "run": str(run),
+        "videos": None if videos is None else str(videos),
+        "files": [one.to_dict() for one in written],
+        "findings": [one.to_dict() for one in found],
+    }
+    return Answer(document, lambda _: say(*lines))
