@@ -29,9 +29,9 @@ PIXELS = sk.project(MEANS, [CAMERA])
 ENDLESS = {"max_steps": 10**9, "stop_tolerance": 0.0}
 
 
-def frame() -> np.ndarray:
-    """Give one frame of detections (M, 17, 2)."""
-    return sk.project(synthetic.motion("walk", 1, seed=3), RIG)[:, 0]
+FRAME = sk.project(synthetic.motion("walk", 1, seed=3), RIG)[:, 0]  # (M, 17, 2)
+PAPER = sk.RefineConfig.paper(**ENDLESS)
+SINGLE = {"encoding": "single"}
 
 
 def views(n_views: int, n_frames: int, n_joints: int) -> tuple[np.ndarray, list[sk.Camera]]:
@@ -40,55 +40,22 @@ def views(n_views: int, n_frames: int, n_joints: int) -> tuple[np.ndarray, list[
     return RANDOM.uniform(0, 1000, size=(n_frames, n_views, n_joints, 2)), cameras
 
 
-def one_paper_frame() -> None:
-    """Refine one frame, whose steps are the paper's."""
-    sk.refine(None, frame(), RIG, layout="h36m17", config=sk.RefineConfig.paper(**ENDLESS))
-
-
 def one_closed_form_frame() -> None:
     """Refine one frame, with the closed form driving Adam."""
     config = sk.RefineConfig.paper(renderer="closed_form", **ENDLESS)
-    sk.Refiner(RIG, layout="h36m17", config=config).step(frame())
+    sk.Refiner(RIG, layout="h36m17", config=config).step(FRAME)
 
 
 def one_step() -> None:
     """Take a single step of the paper's, over windows of whole images on one channel."""
-    config = sk.RefineConfig.paper(encoding="single", sigma_mm=3000.0, max_steps=1)
+    config = sk.RefineConfig.paper(sigma_mm=3000.0, max_steps=1, **SINGLE)
     sk.refine(MEANS, PIXELS, [CAMERA], config=config)
 
 
-def batch() -> None:
-    """Refine two frames."""
-    config = sk.RefineConfig.paper(**ENDLESS)
-    sk.refine(None, np.array([frame()] * 2), RIG, layout="h36m17", config=config)
-
-
-def sequence() -> None:
-    """Refine a recording of a quarter of an hour over time, with views that agree on nothing."""
-    detections, cameras = views(12, 20_000, 17)
-    sk.refine_sequence(detections, cameras, fps=25.0)
-
-
-def triangulate() -> None:
-    """Triangulate many views, of which no two agree."""
-    detections, cameras = views(200, 2000, 20)
-    sk.triangulate(detections, cameras)
-
-
-def render() -> None:
-    """Render thousands of splats that cover the image."""
-    sk.render(MEANS, WIDE, CAMERA, encoding="single")
-
-
-def pseudo_ground_truth() -> None:
-    """Draw as many heat maps."""
-    sk.pseudo_ground_truth(PIXELS[0], MEANS, WIDE, CAMERA, encoding="single")
-
-
 def loss_and_gradient() -> None:
-    """Compare as many splats with their targets."""
+    """Compare thousands of splats that cover the image with their targets."""
     quaternions = np.tile([1.0, 0, 0, 0], (MANY, 1))
-    config = sk.RefineConfig.paper(encoding="single")
+    config = sk.RefineConfig.paper(**SINGLE)
     sk.loss_and_gradient(MEANS, np.full((MANY, 3), 8.0), quaternions, PIXELS, [CAMERA], config=config)
 
 
@@ -98,7 +65,21 @@ def one_frame_of_many_views() -> None:
     sk.refine(None, detections[0], cameras)
 
 
-def interrupted(work: Callable[[], None]) -> bool:
+CASES: dict[str, Callable[[], object]] = {
+    "one_paper_frame": lambda: sk.refine(None, FRAME, RIG, layout="h36m17", config=PAPER),
+    "one_closed_form_frame": one_closed_form_frame,
+    "one_step": one_step,
+    "batch": lambda: sk.refine(None, np.array([FRAME] * 2), RIG, layout="h36m17", config=PAPER),
+    "sequence": lambda: sk.refine_sequence(*views(12, 20_000, 17), fps=25.0),
+    "triangulate": lambda: sk.triangulate(*views(200, 2000, 20)),
+    "render": lambda: sk.render(MEANS, WIDE, CAMERA, **SINGLE),
+    "pseudo_ground_truth": lambda: sk.pseudo_ground_truth(PIXELS[0], MEANS, WIDE, CAMERA, **SINGLE),
+    "loss_and_gradient": loss_and_gradient,
+    "one_frame_of_many_views": one_frame_of_many_views,
+}
+
+
+def interrupted(work: Callable[[], object]) -> bool:
     """Say whether Ctrl-C ends ``work`` as it should."""
     timer = threading.Timer(DELAY_S, os.kill, (os.getpid(), signal.SIGINT))
     timer.start()
@@ -120,22 +101,9 @@ def idle() -> None:
             return
 
 
-CASES = [
-    one_paper_frame,
-    one_closed_form_frame,
-    one_step,
-    batch,
-    sequence,
-    triangulate,
-    render,
-    pseudo_ground_truth,
-    loss_and_gradient,
-    one_frame_of_many_views,
-]
-
 if __name__ == "__main__":
-    for case in CASES:
+    for name, case in CASES.items():
         if interrupted(case):
-            if case is not CASES[-1]:
+            if case is not one_frame_of_many_views:
                 idle()
-            print(case.__name__, flush=True)
+            print(name, flush=True)

@@ -219,39 +219,6 @@ def test_triangulation_where_most_are_wrong(n_views: int) -> None:
     assert rejected.any()
 
 
-def test_the_twin_follows_the_gradient_of_f() -> None:
-    """Central differences of F, with Welsch losses for detections and limbs, against −H δ at its weights."""
-    views = ring(4)
-    detections, x = with_outliers(views, 0.2), far_start(7)
-    rays, sigma, variance = make_rays(detections, views), np.full(17, 60.0), 81.0
-    prior = (far_start(8), np.tile(np.diag([1e-3, 2e-3, 5e-4]), (17, 1, 1)))
-    problem = annealed.Problem(rays, scenes.symmetric_pairs(1), prior)
-
-    def value(x: Array) -> float:
-        data = 2 * sigma**2 / variance * (rays.weight - weights(x, rays, sigma))
-        from_prior = x - prior[0]
-        limbs = 0.0
-        for (a, b), (c, d) in problem.pairs:
-            difference = np.linalg.norm(x[a] - x[b]) - np.linalg.norm(x[c] - x[d])
-            reach = annealed.SYMMETRY_REACH
-            limbs += reach**2 * (1 - np.exp(-0.5 * (difference / (reach * 15.0)) ** 2))
-        return float(data.sum() + 0.5 * np.einsum("na,nab,nb", from_prior, prior[1], from_prior) + limbs)
-
-    active = np.ones(17, bool)
-    delta = annealed.step(x, problem, sigma, variance, active)
-    blocks = annealed.information(weights(x, rays, sigma), rays) / variance + prior[1]
-    blocks += annealed.bends(x, problem, active)
-    H = annealed.dense(blocks, annealed.limb_terms(x, problem, active)) + 320.0**-2 * np.eye(51)
-    gradient = -H @ delta.ravel()
-    numeric = np.zeros(51)
-    for k in range(51):
-        move = np.zeros(51)
-        move[k] = 1e-3
-        numeric[k] = (value(x + move.reshape(17, 3)) - value(x - move.reshape(17, 3))) / 2e-3
-    # F is some 1e3: rounding leaves 1e-10 per mm, truncation (1e-3/60)² of 1.
-    assert scenes.worst_relative_error(gradient, numeric) < 1e-7
-
-
 @pytest.mark.parametrize(("n_views", "sigma_px"), [(3, 10.0), (4, 10.0), (8, 10.0), (8, 25.0)])
 def test_noise_beyond_the_configured_kernels(n_views: int, sigma_px: float) -> None:
     views = ring(n_views)

@@ -75,12 +75,3 @@ def test_the_most_likely_places_are_those_of_the_twin(more: list[tuple[int, int]
         assert np.array_equal(found[~search.doubtful], search.points[~search.doubtful], equal_nan=True)
         moved += np.count_nonzero(np.linalg.norm(found - search.points, axis=-1)[search.doubtful] > 1.0)
     assert moved > FRAMES
-
-
-def test_it_is_the_best_of_all_combinations() -> None:
-    limbs, truth = np.array([(0, 1), (1, 2), (1, 3)]), scenes.H36M_POSE[[0, 4, 5, 1]]
-    for seed in range(FRAMES):
-        search, detections = frame(seed, limbs, truth)
-        search = search._replace(points=np.where(np.isfinite(search.points), search.points, truth))
-        rays = make_rays(detections, scenes.small_rig(distance=4000.0))
-        assert core(search, detections) == pytest.approx(bones.best_of_all(rays, search), abs=PLACE_MM)

@@ -91,16 +91,6 @@ def test_total_gradient_with_symmetry_equals_central_differences(tier: int) -> N
         assert np.sum(found.d_means * direction) == pytest.approx((above - below) / 4e-5, abs=1e-5 * scale)
 
 
-def test_target_defaults_to_the_given_gaussians() -> None:
-    scene = scenes.three_joints()
-    own = scenes.Scene(scene.gaussians, scene.gaussians, scene.detections, scene.views)
-    found = sk.loss_and_gradient(
-        *scene.gaussians, scene.detections, bridge.rig(scene.views), config=sk.RefineConfig.paper()
-    )
-    expected = total.loss_and_gradient(scene.gaussians, scene.detections, scene.views, own.targets("one_hot"))
-    assert_equals_twin(found, expected)
-
-
 @pytest.mark.parametrize(("unit", "mm"), [("cm", 10.0), ("m", 1000.0)])
 def test_unit_changes_the_numbers_but_not_the_loss(unit: str, mm: float) -> None:
     scene = scenes.person()
@@ -137,22 +127,3 @@ def test_views_without_any_detection_do_not_count() -> None:
     assert found.loss == pytest.approx(bridge.loss_and_gradient(fewer).loss, rel=LOSS_RELATIVE)
     images = without.targets("one_hot")
     assert_equals_twin(found, total.loss_and_gradient(scene.gaussians, blind, scene.views, images))
-
-
-def test_distorted_cameras_equal_ideal_ones_with_undistorted_detections() -> None:
-    scene = scenes.three_joints()
-    distortion = np.array([-1.2, 0.5, 0.004, -0.006, 0.1])
-    bent = [sk.Camera(v.K, v.R, v.t, distortion=distortion, size=v.size) for v in scene.views]
-    straight = scene.detections.copy()
-    for camera, points in zip(bent, straight, strict=True):
-        points[:, :2] = camera.undistort(points[:, :2])
-    assert np.nanmax(np.abs(straight - scene.detections)) > 0.05
-    arguments = {
-        "target_means": scene.initial.means,
-        "target_covariances": scene.initial_covariances,
-        "config": sk.RefineConfig.paper(),
-    }
-    found = sk.loss_and_gradient(*scene.gaussians, scene.detections, sk.CameraRig(bent), **arguments)
-    ideal = sk.loss_and_gradient(*scene.gaussians, straight, bridge.rig(scene.views), **arguments)
-    assert found.loss == pytest.approx(ideal.loss, rel=LOSS_RELATIVE)
-    assert scenes.worst_relative_error(found.d_means, ideal.d_means) < GRADIENT_RELATIVE

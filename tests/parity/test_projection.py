@@ -28,16 +28,6 @@ def test_project_gaussians_equals_the_twin() -> None:
     assert covariances2d == pytest.approx(np.array([p.covariances2d for p in expected]), rel=1e-12, abs=1e-9)
 
 
-def test_isotropic_gaussian_on_the_axis_has_the_textbook_shape() -> None:
-    # On the axis J has no third column: Σ² = (f σ / z)² I + 0.3 I.
-    view = View(np.diag([400.0, 500.0, 1.0]), np.eye(3), np.zeros(3), (100, 100))
-    means2d, covariances2d = sk.project_gaussians(
-        np.array([[0.0, 0.0, 1000.0]]), 400.0 * np.eye(3)[None], rig([view])
-    )
-    assert means2d[0, 0] == pytest.approx([0.0, 0.0], abs=1e-12)
-    assert covariances2d[0, 0] == pytest.approx(np.diag([64.3, 100.3]), abs=1e-10)
-
-
 def test_project_keeps_the_shape_and_is_nan_behind_the_camera() -> None:
     views = scenes.small_rig()
     points = np.random.default_rng(2).uniform(-300, 300, (5, 3, 3))

@@ -36,15 +36,3 @@ def test_missing_detections_leave_their_channel_empty() -> None:
         )
         assert not image[j].any()
         assert all(image[k].any() for k in range(3) if k != j)
-
-
-def test_peak_stands_at_the_sub_pixel_detection() -> None:
-    scene = scenes.three_joints()
-    points = np.array([[50.0, 40.0], [61.25, 47.5], [30.5, 60.75]])
-    images = sk.pseudo_ground_truth(
-        points, scene.initial.means, scene.initial_covariances, camera(scene.views[0])
-    )
-    assert images[0, 40, 50] == 1.0
-    # Half-way between two rows the tilt of the ellipse decides which of the two is the brighter.
-    assert images[1, 47:49, 61].max() == images[1].max()
-    assert images[1].max() < 1.0

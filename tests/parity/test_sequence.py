@@ -80,18 +80,3 @@ def test_the_equations_are_those_of_the_twin(fps: float) -> None:
     assert np.abs(hessian - expected).max() <= 1e-9 * np.abs(expected).max()
     assert np.abs(gradient - slope).max() <= 1e-9 * np.abs(slope).max()
     assert np.linalg.eigvalsh(expected)[0] > -1e-9
-
-
-def test_the_gradient_is_that_of_the_objective_by_central_differences() -> None:
-    poses, detections = recording(3)
-    given, rays = model(30.0, 4), twin(detections)
-    weights = sequence.weights(poses, poses, rays, given)
-    _, slope = sequence.normal_equations(poses, rays, given, weights)
-    rng, step = np.random.default_rng(5), 1e-3
-    for _ in range(12):
-        direction = rng.normal(size=poses.shape)
-        ahead, behind = (
-            sequence.objective(poses + s * step * direction, rays, given, weights) for s in (1, -1)
-        )
-        along = float(np.sum(slope.swapaxes(0, 1) * direction))
-        assert (ahead - behind) / (2 * step) == pytest.approx(along, rel=1e-6, abs=1e-6)

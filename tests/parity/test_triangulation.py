@@ -25,11 +25,6 @@ def noisy(views: list[View]) -> Array:
     return found
 
 
-def test_exact_detections_give_the_pose_back(views: list[View]) -> None:
-    pose = sk.triangulate(scenes.pixels(scenes.H36M_POSE, views), rig(views), method="dlt")
-    assert pose == pytest.approx(scenes.H36M_POSE, abs=EXACT_MM)
-
-
 @pytest.mark.parametrize("source", ["none", "argument", "third channel"])
 def test_noisy_detections_equal_the_twin(views: list[View], noisy: Array, source: str) -> None:
     confidence = np.random.default_rng(12).uniform(0.2, 1.0, noisy.shape[:2])
@@ -87,27 +82,6 @@ def test_ransac_equals_the_twin(n_views: int, share: float) -> None:
     assert np.array_equal(rejected, expected_rejected)
     assert rejected.any() or n_views == 2
     assert pose == pytest.approx(expected_pose, abs=EXACT_MM, nan_ok=True)
-
-
-def test_ransac_of_a_batch(views: list[View], noisy: Array) -> None:
-    batch = np.stack([noisy, noisy, noisy])
-    batch[1, 2, 5] += [0.0, 90.0]
-    batch[2, :3, 6] = np.nan
-    pose, rejected = sk.triangulate(batch, rig(views), method="ransac", return_rejected=True)
-    assert pose.shape == (3, 17, 3)
-    assert rejected.dtype == np.bool_
-    assert np.argwhere(rejected).tolist() == [[1, 2, 5]]
-    assert np.isnan(pose[2, 6]).all()
-    assert np.array_equal(sk.triangulate(batch, rig(views), method="ransac"), pose, equal_nan=True)
-    assert np.array_equal(pose[0], sk.triangulate(noisy, rig(views), method="dlt"))
-
-
-def test_dlt_rejects_nothing(views: list[View], noisy: Array) -> None:
-    noisy[1, 3] += 200.0
-    pose, rejected = sk.triangulate(noisy, rig(views), method="dlt", return_rejected=True)
-    assert rejected.shape == (4, 17)
-    assert not rejected.any()
-    assert np.array_equal(pose, sk.triangulate(noisy, rig(views), method="dlt"))
 
 
 def monocular_poses() -> Array:

@@ -4,7 +4,6 @@ A bone of length l and σ costs 36 (1 − exp(−(‖x_a−x_b‖−l)²/(72 σ�
 rays. Bones that close a circle are left out. All lengths are mm.
 """
 
-from itertools import product
 from typing import NamedTuple
 
 import numpy as np
@@ -106,17 +105,3 @@ def most_likely(rays: Rays, search: Search) -> Array:
     return np.array(
         [x[k] if k >= 0 else start for x, k, start in zip(where, chosen, search.points, strict=True)]
     )
-
-
-def best_of_all(rays: Rays, search: Search) -> Array:
-    """Try every combination, of few joints that all have a place."""
-    where = [places(rays, j, search) for j in range(len(search.points))]
-    cost = [ray_loss(x, rays, j, search) for j, x in enumerate(where)]
-
-    def total(chosen: tuple[int, ...]) -> float:
-        pose = [x[k] for x, k in zip(where, chosen, strict=True)]
-        pulls = sum(float(bone_loss(pose[bone[0]], pose[bone[1]], bone)) for bone in search.bones)
-        return pulls + sum(float(c[k]) for c, k in zip(cost, chosen, strict=True))
-
-    best = min(product(*(range(len(x)) for x in where)), key=total)
-    return np.array([x[k] for x, k in zip(where, best, strict=True)])

@@ -160,19 +160,6 @@ def weights(x: Array, alone: Array, rays: Sequence[Rays], model: Model) -> Weigh
     return Weights(seen, motion)
 
 
-def objective(x: Array, rays: Sequence[Rays], model: Model, held_weights: Weights) -> float:
-    """F at poses (T,N,3), with the weights held."""
-    total = 0.0
-    for pose, frame, w in zip(x, rays, held_weights.seen, strict=True):
-        e, _ = offsets(pose, frame)
-        total += 0.5 * float(np.where(w > 0, w * np.sum(e**2, axis=-1), 0.0).sum())
-    for (a, b), (length, sigma) in zip(model.bones, model.lengths, strict=True):
-        r = np.linalg.norm(x[:, a] - x[:, b], axis=-1) - length
-        total += float(np.sum(REACH**2 * (1 - np.exp(-(r**2) / (2 * REACH**2 * sigma**2)))))
-    bent = np.sum(np.diff(x, 2, axis=0) ** 2, axis=-1)
-    return total + 0.5 * float(np.sum(held_weights.motion[1:-1] * bent))
-
-
 def normal_equations(
     x: Array, rays: Sequence[Rays], model: Model, held_weights: Weights
 ) -> tuple[Array, Array]:

@@ -137,24 +137,7 @@ def test_the_world_may_be_turned_moved_and_scaled() -> None:
     np.testing.assert_array_equal(angles(pose[:, [0, 2, 1]] * [1, -1, 1], up="-y").names, here.names)
 
 
-def test_the_mirror_image_exchanges_the_sides() -> None:
-    pose = random_pose(4)
-    mirrored = pose * [1, -1, 1]
-    for left, right in LAYOUT.left_right:
-        mirrored[[left, right]] = mirrored[[right, left]]
-    one, other = angles(pose), angles(mirrored)
-    for name in one.names:
-        twin = name.replace("left", "LEFT").replace("right", "left").replace("LEFT", "right")
-        sign = -1.0 if name in ("trunk_side_lean", "pelvis_obliquity") else 1.0
-        assert other[twin] == pytest.approx(sign * one[name])
-
-
 # other projects' definitions, from what their documentation and tables of angles state
-
-
-def turn_2d(a: Array, b: Array) -> float:
-    """Signed angle from one direction of an image (y down) to another, clockwise positive on the screen."""
-    return float(np.degrees(np.arctan2(a[0] * b[1] - a[1] * b[0], a @ b)))
 
 
 def wrapped(degrees: float) -> float:
@@ -280,7 +263,6 @@ def test_a_refinement_brings_its_error_bars() -> None:
 
 
 WITHOUT_ANGLES = ("hand21", "fly38")
-NOT_PEOPLE = (*WITHOUT_ANGLES, "mouse22")
 
 
 @pytest.mark.parametrize(

@@ -89,19 +89,6 @@ def test_fields_are_kept_and_replaced():
         config.sigma_mm = 1.0
 
 
-@pytest.mark.parametrize("name", sk.layouts.names)
-def test_layouts(name):
-    layout = sk.layouts.get(name)
-    assert layout == sk.layouts.get(name.upper())
-    assert len(layout.joints) == layout.n_joints == len(set(layout.joints))
-    if not layout.human:
-        assert len(layout.symmetric_pairs(3)) == len(layout.symmetric)
-        return
-    assert len(layout.symmetric_pairs(1)) == 4 / 2
-    assert len(layout.symmetric_pairs(2)) == 4
-    assert {layout.joints[j].split("_")[-1] for j in layout.occlusion_prone} == {"elbow", "wrist", "ankle"}
-
-
 def test_a_layout_of_ones_own_takes_names():
     arm = sk.Layout(
         "arms",

@@ -8,7 +8,6 @@ import pytest
 from skelsplat import association, synthetic
 from skelsplat.association import separate_people, take_people
 from skelsplat.findings import FindingWarning
-from skelsplat.run.people import limb_spread
 from skelsplat.run.person import sampled
 from two_people import FRAMES, LAYOUT, crossing, crowd_of, seen, shuffled
 
@@ -56,41 +55,3 @@ def test_a_long_recording_is_sampled_in_pairs_of_neighbours(frames):
     assert steps[-1] == frames - 1
     if frames > 200:
         assert (np.diff(steps) == 1).sum() >= 99
-
-
-def test_two_people_are_seen_together_in_all_frames(people):
-    crowd = crowd_of(people, RIG, "1")
-    assert (crowd.visible, crowd.together) == (2, 1.0)
-
-
-LIMBS = [(0, 1), (1, 2)]
-
-
-def spread_of(lengths, sigma=10.0):
-    """Of a body whose first limb has these lengths and its second one 400."""
-    pose = np.zeros((len(lengths), 3, 3))
-    pose[:, 1, 0] = lengths
-    pose[:, 2] = pose[:, 1] + [0.0, 400.0, 0.0]
-    uncertainty = np.broadcast_to(np.eye(3) * sigma**2, (*pose.shape, 3))
-    return limb_spread(pose, uncertainty, np.ones(pose.shape[:2], dtype=bool), LIMBS)
-
-
-def test_a_length_is_off_beyond_four_standard_deviations():
-    # √(2·10² + (0.05·400)²) = 24.49: four are 98
-    lengths = np.full(20, 400.0)
-    lengths[3], lengths[7] = 497.0, 303.0
-    assert spread_of(lengths).off == 0.0
-    lengths[3], lengths[7] = 499.0, 301.0
-    assert spread_of(lengths).off == 2 / 40
-    assert spread_of(lengths, sigma=12.0).off == 0.0
-
-
-def test_error_bars_count_along_the_limb():
-    pose = np.zeros((20, 2, 3))
-    pose[:, 1, 0] = 400.0
-    pose[5, 1, 0] = 520.0
-    known = np.ones((20, 2), dtype=bool)
-    for axis, off in ((0, 0.0), (1, 1 / 20)):
-        uncertainty = np.zeros((20, 2, 3, 3))
-        uncertainty[..., axis, axis] = 30.0**2
-        assert limb_spread(pose, uncertainty, known, [(0, 1)]).off == off

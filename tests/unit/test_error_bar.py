@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 import skelsplat as sk
-from skelsplat.cameras import MM_PER_UNIT
 from skelsplat.io import read_json, read_npz, write_json, write_npz
 from skelsplat.layouts import H36M17
 from skelsplat.run import Run
@@ -54,14 +53,6 @@ def test_every_way_to_refine_adds_it_and_changes_nothing_else(scene: Scene, how:
         np.testing.assert_array_equal(getattr(found, name), getattr(without, name))
 
 
-@pytest.mark.parametrize("unit", ["mm", "cm", "m"])
-def test_the_setting_is_in_millimetres_whatever_the_unit(scene: Scene, unit: str) -> None:
-    mm = MM_PER_UNIT[unit]
-    rig = sk.CameraRig([sk.Camera(c.K, c.R, c.t / mm, size=c.size) for c in scene.cameras], unit=unit)
-    found = sk.refine(None, scene.detections, rig, layout="h36m17", config=sk.RefineConfig(joint_bias_mm=25))
-    np.testing.assert_allclose(added(found) * mm, 25.0)
-
-
 def test_built_in_layouts_have_published_figures(scene: Scene) -> None:
     """Distances of 25, 30 and 50 mm in space, per axis."""
     bias = dict(zip(H36M17.joints, solved(scene).joint_bias[0], strict=True))
@@ -77,12 +68,6 @@ def test_own_layouts_and_none_have_no_error_that_nobody_measured(scene: Scene) -
         assert not found.joint_bias.any()
         np.testing.assert_array_equal(found.error_bar, found.uncertainty)
         np.testing.assert_allclose(added(solved(scene, layout=layout, joint_bias_mm=[3.0] * 17)), 3.0)
-
-
-@pytest.mark.parametrize("bias", [-1.0, np.nan, [1.0, np.inf], "wide", [1.0] * 16])
-def test_wrong_values_are_named(scene: Scene, bias: object) -> None:
-    with pytest.raises(sk.InvalidInputError, match="joint_bias_mm"):
-        solved(scene, joint_bias_mm=bias)
 
 
 def reported(scene: Scene, detections: Array, bias: object) -> Run:

@@ -80,38 +80,6 @@ def test_one_gross_error_leaves_no_joint_without_a_position(off_px: float) -> No
     assert np.median(error[0]) < 1.1 * np.median(error[1])
 
 
-# Exchanged sides, and cameras without a say
-
-
-def arms_exchanged(n_views: int, frames: int = 100) -> tuple[Scene, Array]:
-    """One arm exchanged in one view of every frame, and where (T, M, N)."""
-    scene = normal(poses(frames, 0), room(n_views), NOISE_PX)
-    exchanged = np.zeros(scene.detections.shape[:3], bool)
-    names = sk.layouts.H36M17.joints
-    arms = [p for p in sk.layouts.H36M17.left_right if names[p[0]].endswith(("shoulder", "elbow", "wrist"))]
-    assert len(arms) == 3
-    view = np.random.default_rng(1).integers(n_views, size=frames)
-    for t, i in enumerate(view):
-        for left, right in arms:
-            scene.detections[t, i, [left, right]] = scene.detections[t, i, [right, left]]
-            exchanged[t, i, [left, right]] = True
-    return scene, exchanged
-
-
-@pytest.mark.parametrize("n_empty", [2, 4])
-def test_exchanged_arms_are_found_beside_cameras_that_detect_nothing(n_empty: int) -> None:
-    """These have no say on whether most views contradict the chain's position."""
-    scene, exchanged = arms_exchanged(3)
-    alone, more = scene.refine(), scene
-    for camera in list(room(3 + n_empty))[3:]:
-        more = more.with_view(camera, np.full_like(scene.detections[:, 0], np.nan))
-    result = more.refine()
-    np.testing.assert_array_equal(result.swapped[:, :3], alone.swapped)
-    np.testing.assert_array_equal(result.pose, alone.pose)
-    # Of three views that see hanging arms from all sides, some do not tell left from right.
-    assert (result.swapped[:, :3] == exchanged).all(axis=(1, 2)).mean() > 0.6
-
-
 # Noise of any size
 
 IDEAL_COVERAGE = 97.1  # %, of a normal distribution in space within 3 σ
@@ -187,6 +155,3 @@ def test_error_bars_under_priors_of_any_condition_are_positive_definite(
     result = sk.refine(scene.truth, scene.detections, scene.cameras, layout="h36m17", init_sigma=prior)
     assert np.isfinite(result.uncertainty).all()
     assert (np.linalg.eigvalsh(result.uncertainty) > 0.0).all()
-
-
-# Limbs of equal length

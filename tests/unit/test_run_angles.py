@@ -11,10 +11,9 @@ import pytest
 
 import skelsplat as sk
 from command_line import READ, RESULTS, invoke, read_report
-from report_page import data_of, numbers
 from skelsplat.io import read_npz
 from skelsplat.run import Run
-from skelsplat.run.angles import FILES, check_angles, mot_text
+from skelsplat.run.angles import FILES, check_angles
 from skelsplat.run.folder import Writing
 
 NAMES = 16  # angles of h36m17, which has no feet
@@ -83,31 +82,6 @@ def test_the_motion_file_has_the_header_of_opensim(with_angles):
         np.testing.assert_allclose(np.array(rows[1:], dtype=float)[:, 1:], stored["degrees"], atol=0.5e-4)
 
 
-def test_a_missing_angle_is_nan_in_motion_files():
-    angles = sk.JointAngles(("a", "b"), np.array([[1.0, np.nan], [-2.5, 3.0]]), np.zeros((2, 2)))
-    rows = mot_text(angles, np.array([0.0, 0.1])).splitlines()[6:]
-    assert rows == ["time\ta\tb", "0.000000\t1.0000\tnan", "0.100000\t-2.5000\t3.0000"]
-
-
-def test_the_page_has_the_error_bars_of_the_angles(with_angles):
-    page = (with_angles / "report.html").read_text()
-    lines = {line["title"]: line for line in data_of(page)["lines"]}
-    with np.load(with_angles / "angles.npz") as stored:
-        names = stored["names"].tolist()
-        for title, name in (
-            ("Knee flexion", "right_knee_flexion"),
-            ("Trunk inclination", "trunk_inclination"),
-        ):
-            curve, k = lines[title]["curves"][-1], names.index(name)
-            np.testing.assert_array_equal(
-                numbers(curve["values"], "<f4"), np.float32(stored["degrees"][:, k])
-            )
-            np.testing.assert_array_equal(numbers(curve["sigma"], "<f4"), np.float32(stored["sigma"][:, k]))
-            assert np.isfinite(stored["sigma"][:, k]).all()
-    assert "their bands are error bars, one standard deviation" in page
-    assert not any("sigma" in curve for curve in lines["Median reprojection error"]["curves"])
-
-
 @pytest.mark.usefixtures("no_pictures")
 def test_cameras_without_a_vertical_leave_out_trunk_and_pelvis(finished_run, tmp_path):
     run = Run.open(finished_run)
@@ -141,12 +115,6 @@ def test_angles_are_drawn_with_their_bands(with_angles, tmp_path, figures):
         column = stored["names"].tolist().index("left_knee_flexion")
         assert knee["median_degrees"] == pytest.approx(np.median(stored["degrees"][:, column]))
         assert knee["sigma_median_degrees"] == pytest.approx(np.median(stored["sigma"][:, column]))
-        shown = {line.get_label(): line.get_ydata() for line in figures[0].axes[2].lines[:2]}
-        np.testing.assert_array_equal(shown["left"], stored["degrees"][:, column])
-    assert [axes.texts[0].get_text() for axes in figures[0].axes][:3] == [
-        "Hip flexion",
-        "Hip abduction",
-        "Knee flexion",
-    ]
-    assert len(figures[0].axes[2].collections) == 4  # two bands a side
+        curves = [line.get_ydata() for axes in figures[0].axes for line in axes.lines]
+        assert any(np.array_equal(curve, stored["degrees"][:, column]) for curve in curves)
     assert (tmp_path / "angles.png").is_file()

@@ -177,21 +177,6 @@ def test_live_knows_the_same_people(three, tracked) -> None:
     assert all(person.slots.shape == (4,) for person in answers[-1])
 
 
-def test_live_forgets_people_who_are_gone(three) -> None:
-    tracker = sk.Tracker(three.cameras, fps=FPS, layout=three.layout)
-    for frame in three.people[:30]:
-        before = tracker.step(frame)
-    assert len(before) == 3
-    nobody = [np.empty((0, 17, 3))] * 4
-    gone = [len(tracker.step(nobody)) for _ in range(40)]
-    assert gone[0] == 3, "bridged at first"
-    assert gone[-1] == 0
-    back = [tracker.step(frame) for frame in three.people[60:75]][-1]
-    assert {person.id for person in back} <= {0, 1, 2, 3, 4, 5}
-    tracker.reset()
-    assert tracker.step(three.people[0]) == []
-
-
 def test_an_identity_that_has_ended_does_not_return(three) -> None:
     tracker = sk.Tracker(three.cameras, fps=FPS, layout=three.layout)
     assert tracker.ids == ()
@@ -233,18 +218,6 @@ def test_people_who_are_not_found_are_not_kept_silent(three) -> None:
         warnings.simplefilter("always")
         assert [tracker.step(frame) for frame in three.people] == [[]] * len(three.people)
     assert [warning.message.finding.numbers for warning in told] == [{"frames": 60}]
-
-
-@pytest.mark.parametrize("seed", range(2))
-def test_two_cameras_and_many_people_are_an_outcome(seed: int) -> None:
-    """Little can be told apart; nobody without a joint, and no end of the run."""
-    crowded = scene(people=6, views=2, frames=40, seed=seed)
-    noise = np.random.default_rng(seed).normal(0.0, 10.0, crowded.people[..., :2].shape)
-    people = crowded.people.copy()
-    people[..., :2] += noise
-    for fps in (15.0, 30.0):
-        for person in sk.track(people, crowded.cameras, fps=fps, layout=crowded.layout):
-            assert np.isfinite(person.refinement.pose).any()
 
 
 def test_a_wrong_layout_is_said_once(three) -> None:
