@@ -83,6 +83,10 @@ class Scene:
         settings = chosen.settings(methods.Options(n_threads=1))
         return chosen.solve(take, sk.layouts.get(self.layout), settings).pose
 
+    def dlt(self) -> FloatArray:
+        """Return the DLT of all pixels that there are, whatever the confidences."""
+        return sk.triangulate(self.detections[..., :2], self.rig, method="dlt")
+
     def refined(
         self,
         start: FloatArray | None = None,

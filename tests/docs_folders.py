@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import shutil
+from functools import partial
 from typing import TYPE_CHECKING
 
 import cv2
@@ -50,10 +51,6 @@ def _sample(folder: Path, *, calibration: str = "Calib.toml", frames: int = FRAM
     paths.calibration.rename(target)
 
 
-def _whole_sample(folder: Path) -> None:
-    _sample(folder, frames=100)
-
-
 def _walk(folder: Path, names: list[str], layout: str, scale: float) -> tuple[Path, detection_files.Take]:
     """Write an Anipose TOML of a ring of cameras; return it with a walk that they see."""
     path = calibration_files.anipose(folder, calibration_files.reference(names), scale)
@@ -79,10 +76,6 @@ def _videos(folder: Path) -> None:
 def _pictures(folder: Path) -> None:
     _sample(folder)
     _videos(folder)
-
-
-def _pose2sim(folder: Path) -> None:
-    _sample(folder, calibration="calibration/Calib_scene.toml")
 
 
 def _batches(folder: Path) -> None:
@@ -139,10 +132,6 @@ def _anipose(folder: Path) -> None:
         )
 
 
-def _own_skeleton(folder: Path) -> None:
-    mouse.write(folder, FRAMES)
-
-
 def _deeplabcut(folder: Path) -> None:
     path, take = _walk(folder, ["camA", "camB", "camC"], "coco17", 1.0)
     path.rename(folder / "calibration.toml")
@@ -170,14 +159,9 @@ def _detected(folder: Path) -> None:
 
 def _live(folder: Path) -> None:
     _, take = _walk(folder, ["A", "B", "C", "D"], "h36m17", 1.0)
-    frames = [
-        {"frame": t, "detections": np.nan_to_num(views[:, 0]).tolist()} for t, views in enumerate(take.people)
-    ]
-    (folder / "recorded.jsonl").write_text("".join(json.dumps(frame) + "\n" for frame in frames))
-    people = [
-        {"frame": t, "detections": np.nan_to_num(views).tolist()} for t, views in enumerate(take.people)
-    ]
-    (folder / "people.jsonl").write_text("".join(json.dumps(frame) + "\n" for frame in people))
+    for name, views in (("recorded", take.people[:, :, 0]), ("people", take.people)):
+        frames = ({"frame": t, "detections": np.nan_to_num(one).tolist()} for t, one in enumerate(views))
+        (folder / f"{name}.jsonl").write_text("".join(json.dumps(frame) + "\n" for frame in frames))
 
 
 def _synthetic(folder: Path) -> None:
@@ -186,27 +170,25 @@ def _synthetic(folder: Path) -> None:
     assert status == 0, output
 
 
+_SAMPLE_PAGES = (
+    *("docs/errors.md", "docs/formats.md", "docs/pose-files.md", "docs/howto/angles.md"),
+    *("docs/howto/python.md", "docs/howto/run.md", "docs/howto/config.md"),
+)
 PREPARED: dict[str, Callable[[Path], None]] = {
+    **dict.fromkeys(_SAMPLE_PAGES, _sample),
     "README.md": _pictures,
-    "docs/errors.md": _sample,
-    "docs/formats.md": _sample,
-    "docs/pose-files.md": _sample,
-    "docs/howto/angles.md": _sample,
     "docs/howto/anipose.md": _anipose,
     "docs/howto/batches.md": _batches,
-    "docs/howto/cameras.md": _whole_sample,
+    "docs/howto/cameras.md": partial(_sample, frames=100),
     "docs/howto/deeplabcut.md": _deeplabcut,
     "docs/howto/freemocap.md": _freemocap,
     "docs/howto/live.md": _live,
     "docs/howto/openpose.md": _openpose,
     "docs/howto/other-tools.md": other_tools.write,
-    "docs/howto/own-skeleton.md": _own_skeleton,
-    "docs/howto/pose2sim.md": _pose2sim,
-    "docs/howto/python.md": _sample,
+    "docs/howto/own-skeleton.md": lambda folder: mouse.write(folder, FRAMES),
+    "docs/howto/pose2sim.md": partial(_sample, calibration="calibration/Calib_scene.toml"),
     "docs/howto/rtmpose.md": _rtmpose,
-    "docs/howto/run.md": _sample,
     "docs/howto/several-people.md": _several_people,
-    "docs/howto/config.md": _sample,
     "docs/howto/pictures.md": _pictures,
     "docs/howto/videos.md": _detected,
     "docs/synthetic-data.md": _synthetic,

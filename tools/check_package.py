@@ -19,7 +19,7 @@ import subprocess
 import sys
 import sysconfig
 import tempfile
-import venv
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 LICENCES = ("LICENSE", "LICENSE.pose2sim", "third-party.yml", "rust-std.txt")
@@ -46,18 +46,13 @@ def check_package(package: Path, python: str) -> None:
     """Install the package into an empty environment and check it there."""
     with tempfile.TemporaryDirectory(prefix="skelsplat-package-") as folder:
         home = Path(folder) / "env"
-        if python == sys.executable:
-            venv.create(home, with_pip=True)
-        else:
-            subprocess.run([python, "-m", "venv", home], check=True)
+        subprocess.run([python, "-m", "venv", home], check=True)
         scripts = home / ("Scripts" if os.name == "nt" else "bin")
         environment = {name: value for name, value in os.environ.items() if not name.startswith("PYTHON")}
         if package.suffix == ".whl":
             environment["PATH"] = str(scripts)
-            if shutil.which("cargo", path=environment["PATH"]) or shutil.which(
-                "cc", path=environment["PATH"]
-            ):
-                sys.exit("a compiler is in the empty environment")
+            compilers = [name for name in ("cargo", "cc") if shutil.which(name, path=str(scripts))]
+            expect(not compilers, f"no compiler in the empty environment, got {compilers}")
         here = scripts / ("python.exe" if os.name == "nt" else "python")
         install = [here, "-m", "pip", "install", "--quiet", "--disable-pip-version-check", package]
         subprocess.run(install, check=True, env=environment, cwd=folder)
@@ -71,7 +66,9 @@ def check_installed() -> None:
     with tempfile.TemporaryDirectory(prefix="skelsplat-check-") as folder:
         os.chdir(folder)
         describe()
-        check_files()
+        inside = {path.name for path in importlib.metadata.files("skelsplat") or []}
+        missing = {"py.typed", "_skelsplat.pyi", *LICENCES, "skelsplat.cdx.json"} - inside
+        expect(not missing, f"types, licences and the bill of materials in the package, not {missing}")
         check_arrays()
         check_commands(Path(folder))
     print("works")
@@ -98,40 +95,23 @@ def describe() -> None:
     expect(not (gil and sysconfig.get_config_var("Py_GIL_DISABLED")), "the GIL off in a free-threaded build")
 
 
-def check_files() -> None:
-    """Types, licences of all that is inside, and the list of what it is made of."""
-    files = importlib.metadata.files("skelsplat") or []
-    inside = {path.name for path in files}
-    for name in ("py.typed", "_skelsplat.pyi", *LICENCES, "skelsplat.cdx.json"):
-        expect(name in inside, f"{name} in the package")
-
-
 def check_arrays() -> None:
     """Refine simulated detections here and in eight threads at once: the same bits, close to the truth."""
-    import threading
-
     import skelsplat as sk
     from skelsplat import synthetic
 
-    rig = synthetic.human36m_like()
-    truth = synthetic.motion("walk", 10, seed=0)
+    rig, truth = synthetic.human36m_like(), synthetic.motion("walk", 10, seed=0)
     good = synthetic.DetectionNoise.good()
     seen = synthetic.simulate_detections(truth, rig, noise=good, seed=0)
+
+    def again(_: int) -> bytes:
+        return sk.refine(None, seen, rig, layout="h36m17").pose.tobytes()
+
     alone = sk.refine(None, seen, rig, layout="h36m17").pose
     error = sk.metrics.mpjpe(alone, truth)
     expect(error < sk.metrics.mpjpe(sk.triangulate(seen, rig, method="dlt"), truth), "an error below DLT's")
-    others: list[bytes] = []
-    threads = [
-        threading.Thread(
-            target=lambda: others.append(sk.refine(None, seen, rig, layout="h36m17").pose.tobytes())
-        )
-        for _ in range(8)
-    ]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
-    expect(others == [alone.tobytes()] * 8, "the same bits in 8 threads")
+    with ThreadPoolExecutor(8) as threads:
+        expect(set(threads.map(again, range(8))) == {alone.tobytes()}, "the same bits in 8 threads")
     print(f"arrays: {error:.1f} mm, the same bits in 8 threads")
 
 
@@ -140,14 +120,8 @@ def check_commands(folder: Path) -> None:
     import numpy as np
 
     print(run("demo", "-o", "demo", "--quiet").stderr.strip() or "demo: no warnings")
-    given = ["input/Calib.toml", "input/openpose", "--unit", "m", "--layout", "body25b", "--fps", "60"]
-    run(
-        "refine",
-        *(f"demo/{name}" if name.startswith("input/") else name for name in given),
-        "-o",
-        "out",
-        "--quiet",
-    )
+    given = "demo/input/Calib.toml demo/input/openpose --unit m --layout body25b --fps 60 -o out --quiet"
+    run("refine", *given.split())
     with np.load(folder / "demo/pose.npz") as one, np.load(folder / "out/pose.npz") as two:
         for name in ("pose", "error_bar"):
             expect(np.array_equal(one[name], two[name], equal_nan=True), f"{name} of demo and refine alike")

@@ -4,7 +4,7 @@
 
 Lines are those of ``wc -l``, words those of ``wc -w``. The length of a function excludes its docstring; above
 `LONGEST` lines it needs a reason, a comment ``# long: …`` right above it. Tests at the end of a Rust file are
-not measured. A line is too wide if it has more columns than the formatter allows, be it code or a comment;
+not measured. A line of Rust, code or comment, is too wide if it has more columns than the formatter allows;
 tables and addresses may be wider.
 """
 
@@ -12,10 +12,10 @@ from __future__ import annotations
 
 import ast
 import re
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
-from import_circles import circles, python_graph, rust_graph
+from import_circles import circle, python_graph, rust_graph
 
 ROOT = Path(__file__).parents[1]
 # Part → files, of which lines are counted; of the last two words.
@@ -31,12 +31,11 @@ PARTS: dict[str, tuple[str, ...]] = {
     "README, words": ("README.md",),
 }
 LONGEST = 45
-WIDEST = {".py": 110, ".rs": 100}
+WIDEST = 100
 
 _RUST_FUNCTION = re.compile(r"^[ \t]*(?:pub(?:\([^)]*\))? )?(?:const )?fn (\w+)", re.MULTILINE)
-# Not counted in the width of a line: remarks for tools at its end, tables, addresses, single strings.
-_REMARK = re.compile(r"\s+# (?:type: ignore|noqa).*$")
-_MAY_BE_WIDE = re.compile(r"https?://|^\s*(?://[/!]?|#)?\s*\|.*\|$|^\s*[a-z]*\"[^\"]*\",?$")
+# Lines of Rust that may be wide: tables, addresses, single strings.
+_MAY_BE_WIDE = re.compile(r"https?://|^\s*(?://[/!]?)?\s*\|.*\|$|^\s*\"[^\"]*\",?$")
 
 Spans = Iterator[tuple[str, int, int]]
 """Of functions: name, first line, length."""
@@ -52,36 +51,24 @@ def files(*patterns: str) -> list[Path]:
 
 def sizes() -> dict[str, int]:
     """Return the lines or words of every part."""
-    return {
-        name: sum(_words(path) if name.endswith("words") else _lines(path) for path in files(*patterns))
-        for name, patterns in PARTS.items()
-    }
-
-
-def _lines(path: Path) -> int:
-    return path.read_bytes().count(b"\n")
-
-
-def _words(path: Path) -> int:
-    return len(path.read_text(encoding="utf-8").split())
-
-
-def _code() -> list[Path]:
-    """Return the sources that people own: not the tests."""
-    return files(*PARTS["package"], *PARTS["core"], *PARTS["binding"])
+    found = {}
+    for name, patterns in PARTS.items():
+        texts = [path.read_bytes() for path in files(*patterns)]
+        counted = (len(text.split()) if name.endswith("words") else text.count(b"\n") for text in texts)
+        found[name] = sum(counted)
+    return found
 
 
 def long_functions() -> dict[str, str | None]:
     """Return the functions above `LONGEST` lines, and the reason that stands above each."""
     found = {}
-    for path in _code():
+    for path in files(*PARTS["package"], *PARTS["core"], *PARTS["binding"]):
         text = path.read_text(encoding="utf-8")
-        spans: Callable[[str], Spans] = python_functions if path.suffix == ".py" else rust_functions
+        spans = python_functions if path.suffix == ".py" else rust_functions
         for name, first, length in spans(text):
             if length > LONGEST:
-                found[f"{path.relative_to(ROOT)}:{first} {name}, {length}"] = _reason(
-                    text.splitlines(), first
-                )
+                place = f"{path.relative_to(ROOT)}:{first} {name}, {length}"
+                found[place] = _reason(text.splitlines(), first)
     return found
 
 
@@ -119,13 +106,12 @@ def _reason(lines: list[str], first: int) -> str | None:
 
 
 def wide_lines(paths: Iterable[Path] = ()) -> list[str]:
-    """Return the places of lines that are too wide, of all sources and tests or of some."""
-    every = files("**/*.py", "crates/**/*.rs")
+    """Return the places of lines of Rust that are too wide, comments too; ruff finds those of Python."""
     return [
         f"{path.relative_to(ROOT)}:{number}"
-        for path in paths or every
+        for path in paths or files("crates/**/*.rs")
         for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1)
-        if len(_REMARK.sub("", line)) > WIDEST[path.suffix] and not _MAY_BE_WIDE.search(line)
+        if len(line) > WIDEST and not _MAY_BE_WIDE.search(line)
     ]
 
 
@@ -134,7 +120,7 @@ def main() -> None:
     for name, size in sizes().items():
         print(f"{name:22} {size:>8,}")
     functions, wide = long_functions(), wide_lines()
-    print(f"{'import circles':22} {len([*circles(rust_graph()), *circles(python_graph())]):>8}")
+    print(f"{'import circles':22} {bool(circle(rust_graph())) + bool(circle(python_graph())):>8}")
     print(
         f"{'functions too long':22} {len(functions):>8}, {[*functions.values()].count(None)} without a reason"
     )

@@ -2,25 +2,24 @@
 
     python tools/faults.py check                  # every fault's text occurs exactly once
     python tools/faults.py plant NAME             # plant one in this checkout, to inspect it
-    python tools/faults.py run FOLDER [NAME ...]  # plant all in a copy of HEAD; results go to FOLDER
-    python tools/faults.py table FOLDER           # print the table for docs/decisions.md
+    python tools/faults.py run FOLDER [NAME ...]  # plant all in a copy of HEAD
+
 
 A fault is an exact text of the source and its replacement (`planted.py`). The text must occur exactly once,
 in any source file. The tests expected to find the fault run first. If they pass, the whole short suite
 (`make test`) runs, and then the sweeps, which only `make test-all` runs. `run` needs the environment that
-`make test` sets up, and cargo for faults in Rust.
+`make test` sets up, and cargo for faults in Rust; it adds a row per fault to FOLDER/found.md, the table of
+docs/decisions.md, and leaves out the faults that have one.
 """
 
 from __future__ import annotations
 
 import argparse
-import json
 import os
 import re
 import shutil
 import subprocess
 import sys
-from dataclasses import asdict, dataclass
 from functools import lru_cache
 from pathlib import Path
 
@@ -53,27 +52,15 @@ WHOLE_SUITE = [*PYTEST, "--numprocesses", "auto", "--maxprocesses", "8", "--dist
 CARGO_TEST = ["cargo", "test", "--quiet", "-p", "skelsplat-core"]
 
 
-@dataclass(frozen=True)
-class Outcome:
-    """Result for a fault; `suite` is "expected", "short", "long" or "none", `test` the first that failed."""
-
-    fault: str
-    suite: str
-    test: str
-
-
 def place_of(fault: Fault, root: Path) -> Path:
     """Return the file that contains the fault's text."""
-    texts = {
-        path: _text(path, path.stat().st_mtime_ns) for each in SOURCES for path in sorted(root.glob(each))
-    }
-    found = {path: text.count(fault.old) for path, text in texts.items() if fault.old in text}
-    if sum(found.values()) != 1:
-        places = [f"{path.relative_to(root)} ({count})" for path, count in found.items()]
-        raise SystemExit(
-            f"{fault.name}: expected its text in one place, got it in {', '.join(places) or 'nowhere'}"
-        )
-    return next(iter(found))
+    paths = [path for each in SOURCES for path in sorted(root.glob(each))]
+    counts = {path: _text(path, path.stat().st_mtime_ns).count(fault.old) for path in paths}
+    places = [path for path, count in counts.items() for _ in range(count)]
+    if len(places) != 1:
+        found = ", ".join(str(path.relative_to(root)) for path in places) or "nowhere"
+        raise SystemExit(f"{fault.name}: expected its text in one place, got it in {found}")
+    return places[0]
 
 
 @lru_cache(maxsize=1000)
@@ -130,21 +117,21 @@ class Copy:
         (self.root / MODULE).unlink(missing_ok=True)
         (self.root / MODULE).write_bytes(module)
 
-    def find(self, fault: Fault) -> Outcome:
-        """Plant a fault, run the tests, and remove the fault."""
+    def find(self, fault: Fault) -> str:
+        """Plant a fault, run the tests, and remove the fault; return what found it."""
         path = place_of(fault, self.root)
         text = path.read_text(encoding="utf-8")
         plant(fault, self.root)
         rust = to_build = path.suffix == ".rs"
         try:
-            for suite, command in suites(fault, rust=rust):
+            for words, command in suites(fault, rust=rust):
                 if to_build and command[0] != "cargo":
                     self.build()
                     to_build = False
                 fine, said = self.run(command)
                 if not fine:
-                    return Outcome(fault.name, suite, _first_failure(said))
-            return Outcome(fault.name, "none", "")
+                    return f"{words}`{_first_failure(said).rpartition('/')[2]}`"
+            return "nothing"
         finally:
             path.write_text(text, encoding="utf-8")
             if rust:
@@ -152,16 +139,13 @@ class Copy:
 
 
 def suites(fault: Fault, *, rust: bool) -> list[tuple[str, list[str]]]:
-    """Return the commands that may find a fault, in order, and the suite of each."""
+    """Return the commands that may find a fault, in order, and what to say before the test that does."""
     own = [name for name in fault.finders if name.startswith("cargo ")]
     files = [name for name in fault.finders if name not in own]
-    return [
-        *(("expected", [*CARGO_TEST, *name.split()[1:]]) for name in own),
-        *([("expected", [*PYTEST, *files])] if files else []),
-        *([("short", CARGO_TEST)] if rust else []),
-        ("short", WHOLE_SUITE),
-        ("long", [*WHOLE_SUITE, "-m", "sweep"]),
-    ]
+    commands = [[*CARGO_TEST, *name.split()[1:]] for name in own]
+    commands += [[*PYTEST, *files]] * bool(files) + [CARGO_TEST] * rust + [WHOLE_SUITE]
+    sweeps = ("the long suite alone: ", [*WHOLE_SUITE, "-m", "sweep"])
+    return [*(("", command) for command in commands), sweeps]
 
 
 def _first_failure(said: str) -> str:
@@ -173,44 +157,29 @@ def _first_failure(said: str) -> str:
 
 
 def run(folder: Path, names: list[str]) -> None:
-    """Run the tests on every fault; without `names`, skip those with a result in `folder`."""
+    """Run the tests on every fault, or on some; those with a row in the table are left out."""
     folder.mkdir(parents=True, exist_ok=True)
-    known = () if names else read(folder)
-    wanted = [fault for fault in FAULTS if (fault.name in names or not names) and fault.name not in known]
-    for fault in wanted:
-        place_of(fault, ROOT)
+    table = folder / "found.md"
+    if not table.exists():
+        table.write_text("| fault | kind | found by |\n|---|---|---|\n", encoding="utf-8")
+    known = table.read_text(encoding="utf-8")
+    wanted = [
+        fault
+        for fault in FAULTS
+        if fault.name in (names or [fault.name]) and f"| {fault.name} |" not in known
+    ]
     copy = Copy(folder.resolve())
     for fault in wanted:
-        outcome = copy.find(fault)
-        print(f"{fault.name}: {outcome.suite} {outcome.test}", flush=True)
-        with (folder / "found.jsonl").open("a", encoding="utf-8") as stream:
-            stream.write(json.dumps(asdict(outcome)) + "\n")
-
-
-def read(folder: Path) -> dict[str, Outcome]:
-    """Return the last outcome of every fault."""
-    path = folder / "found.jsonl"
-    lines = path.read_text(encoding="utf-8").splitlines() if path.exists() else []
-    outcomes = [Outcome(**json.loads(line)) for line in lines]
-    return {outcome.fault: outcome for outcome in outcomes}
-
-
-def table(folder: Path) -> str:
-    """Return the results as a table, in the order of the faults."""
-    found = read(folder)
-    rows = ["| fault | kind | found by |", "|---|---|---|"]
-    for fault in FAULTS:
-        outcome = found[fault.name]
-        test = f"`{outcome.test.rpartition('/')[2]}`"
-        by = {"none": "nothing", "long": f"the long suite alone: {test}"}.get(outcome.suite, test)
-        rows.append(f"| {fault.name} | {fault.kind} | {by} |")
-    return "\n".join(rows)
+        row = f"| {fault.name} | {fault.kind} | {copy.find(fault)} |"
+        print(row, flush=True)
+        with table.open("a", encoding="utf-8") as stream:
+            stream.write(f"{row}\n")
 
 
 def main() -> None:
     """Run the command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    parser.add_argument("command", choices=("check", "plant", "run", "table"))
+    parser.add_argument("command", choices=("check", "plant", "run"))
     parser.add_argument("words", nargs="*", metavar="FOLDER or NAME")
     given = parser.parse_args()
     if given.command == "check":
@@ -218,10 +187,8 @@ def main() -> None:
             place_of(fault, ROOT)
     elif given.command == "plant":
         print(plant(next(fault for fault in FAULTS if fault.name == given.words[0]), ROOT))
-    elif given.command == "run":
-        run(Path(given.words[0]), given.words[1:])
     else:
-        print(table(Path(given.words[0])))
+        run(Path(given.words[0]), given.words[1:])
 
 
 if __name__ == "__main__":

@@ -21,7 +21,6 @@ import re
 import subprocess
 import sys
 from collections import Counter
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -38,6 +37,14 @@ VOLATILE = re.compile(
 )
 PAGES = {".png", ".html", ".log", ".md", ".toml", ".state"}
 
+# What {demo}, {people} and {dlc} stand for: a calibration, detections, and what they do not say.
+GIVEN = {
+    "demo": "{inputs}/demo/calibration.toml {inputs}/demo/detections --layout body25b",
+    "people": "{inputs}/people/calibration.toml {inputs}/people/detections --layout body25b --unit m",
+    "dlc": "{inputs}/dlc/calibration.toml {inputs}/dlc/detections --layout coco17 --unit cm",
+}
+ALL_FORMATS = "--write csv,trc,c3d,json,nc"
+
 # One version's runs: name → (arguments of `python -m skelsplat`, …); {inputs} and {out} are folders,
 # {as_given} keeps a demo that can adjust its cameras from doing so.
 RUNS: dict[str, list[str]] = {
@@ -45,60 +52,43 @@ RUNS: dict[str, list[str]] = {
     "demo-in-time": ["demo{as_given} -o {out}/run"],
     "demo-paper": ["demo{as_given} --paper -o {out}/run"],
     "own-openpose": [
-        "refine {inputs}/demo/calibration.toml {inputs}/demo/detections -o {out}/run --unit m "
-        "--layout body25b --fps 60 --frame-by-frame --fill-gaps 10 --fill-weak --filter butterworth:6 "
-        "--write csv,trc,c3d,json,nc --without cam_02 --no-html",
+        f"refine {{demo}} --unit m -o {{out}}/run --fps 60 --frame-by-frame --fill-gaps 10 --fill-weak "
+        f"--filter butterworth:6 {ALL_FORMATS} --without cam_02 --no-html",
         "convert {out}/run {out}/poses.c3d --fps 60 --y-up",
-        "check-cameras {inputs}/demo/calibration.toml {inputs}/demo/detections --unit m --layout body25b "
-        "--json",
+        "check-cameras {demo} --unit m --json",
     ],
     "own-deeplabcut": [
-        "refine {inputs}/dlc/calibration.toml {inputs}/dlc/detections -o {out}/run --unit cm "
-        "--layout coco17 --min-confidence 0.2 --sigma-mm 40 --symmetry-tier 3 --fps 30 --frame-by-frame "
-        "--y-up --no-html",
-        "refine {inputs}/dlc/calibration.toml {inputs}/dlc/detections -o {out}/paper --unit cm "
-        "--layout coco17 --paper --max-steps 40 --no-html",
-        "check-cameras {inputs}/dlc/calibration.toml {inputs}/dlc/detections --unit cm "
-        "--layout coco17 --json",
+        "refine {dlc} -o {out}/run --min-confidence 0.2 --sigma-mm 40 --symmetry-tier 3 --fps 30 "
+        "--frame-by-frame --y-up --no-html",
+        "refine {dlc} -o {out}/paper --paper --max-steps 40 --no-html",
+        "check-cameras {dlc} --json",
     ],
     "people": [
         "demo --people -o {out}/run",
-        "refine {inputs}/people/calibration.toml {inputs}/people/detections -o {out}/two --unit m "
-        "--layout body25b --fps 60 --people 2 --angles --write csv,trc,c3d,json,nc --y-up",
-        "refine {inputs}/people/calibration.toml {inputs}/people/detections -o {out}/one --unit m "
-        "--layout body25b --fps 60 --person 1 --fill-gaps 20 --no-html",
-        "refine {inputs}/people/calibration.toml {inputs}/people/detections -o {out}/largest --unit m "
-        "--layout body25b --person largest --frame-by-frame --no-html",
+        f"refine {{people}} -o {{out}}/two --fps 60 --people 2 --angles {ALL_FORMATS} --y-up",
+        "refine {people} -o {out}/one --fps 60 --person 1 --fill-gaps 20 --no-html",
+        "refine {people} -o {out}/largest --person largest --frame-by-frame --no-html",
     ],
     "recording": [
-        "refine {inputs}/demo/calibration.toml {inputs}/demo/detections -o {out}/run --unit m "
-        "--layout body25b --fps 60 --angles --fill-gaps 10 --filter one-euro --offset cam_02=1 --no-html",
-        "refine {inputs}/dlc/calibration.toml {inputs}/dlc/detections -o {out}/dlc --unit cm "
-        "--layout coco17 --fps 30 --write csv,c3d,json,nc --angles --no-html",
+        "refine {demo} --unit m -o {out}/run --fps 60 --angles --fill-gaps 10 --filter one-euro "
+        "--offset cam_02=1 --no-html",
+        "refine {dlc} -o {out}/dlc --fps 30 --write csv,c3d,json,nc --angles --no-html",
         "convert {out}/run {out}/converted.json --fps 60",
         "convert {inputs}/demo/calibration.toml {out}/cameras.json --unit m",
     ],
     "cameras": [
-        "adjust-cameras {inputs}/demo/calibration.toml {inputs}/demo/detections -o {out}/fixed.json --unit m "
-        "--layout body25b --clock --focal --json",
-        "adjust-cameras {inputs}/people/calibration.toml {inputs}/people/detections -o {out}/by-all.json "
-        "--unit m --layout body25b --json",
-        "refine {inputs}/demo/calibration.toml {inputs}/demo/detections -o {out}/run --unit m "
-        "--layout body25b --fps 60 --adjust-cameras --no-html",
-        "check-cameras {inputs}/demo/calibration.toml {inputs}/demo/detections --unit m --layout body25b "
-        "--offset cam_02=5 --json",
-        "check-cameras {inputs}/demo/calibration.toml {inputs}/demo/detections --unit mm "
-        "--layout body25b --json",
-        "check-cameras {inputs}/people/calibration.toml {inputs}/people/detections --unit m "
-        "--layout body25b --json",
+        "adjust-cameras {demo} --unit m -o {out}/fixed.json --clock --focal --json",
+        "adjust-cameras {people} -o {out}/by-all.json --json",
+        "refine {demo} --unit m -o {out}/run --fps 60 --adjust-cameras --no-html",
+        "check-cameras {demo} --unit m --offset cam_02=5 --json",
+        "check-cameras {demo} --unit mm --json",
+        "check-cameras {people} --json",
     ],
     "batch": ["batch {inputs}/sessions.toml -o {out}/batch --jobs 1 --json"],
     "long": ["refine {inputs}/long.json {inputs}/long.npz -o {out}/run --layout coco17 --fps 50 --no-html"],
     "live": [
-        "live {inputs}/live.json --layout coco17 < {inputs}/live.jsonl",
-        "live {inputs}/live.json --layout coco17 --fps 30 < {inputs}/live.jsonl",
-        "live {inputs}/live.json --layout coco17 --fps 30 --lag 3 < {inputs}/live.jsonl",
-        "live {inputs}/live.json --layout coco17 --fps 30 --people all < {inputs}/live.jsonl",
+        f"live {{inputs}}/live.json --layout coco17{options} < {{inputs}}/live.jsonl"
+        for options in ("", " --fps 30", " --fps 30 --lag 3", " --fps 30 --people all")
     ],
     "evaluate-people": [
         "synth people {out}/data --people 3 --views 4 --scenes 2 --frames 60 --quiet",
@@ -119,9 +109,8 @@ def make(out: Path, python: str, inputs: Path, only: list[str]) -> int:
     if not inputs.exists():
         write_inputs(inputs)
     failed = 0
-    shown = subprocess.run(
-        [python, "-m", "skelsplat", "demo", "--help"], capture_output=True, text=True, check=True
-    )
+    skelsplat = [python, "-m", "skelsplat"]
+    shown = subprocess.run([*skelsplat, "demo", "--help"], capture_output=True, text=True, check=True)
     as_given = " --no-adjust" if "--no-adjust" in shown.stdout else ""
     for name in only:
         folder = out / name
@@ -129,22 +118,20 @@ def make(out: Path, python: str, inputs: Path, only: list[str]) -> int:
         if name == "arrays":
             failed += _run([python, str(Path(__file__).resolve()), "arrays", str(folder)], folder / "log.txt")
             continue
+        folders = {"inputs": inputs.resolve(), "out": folder.resolve()}
+        given = {key: text.format(**folders) for key, text in GIVEN.items()}
         for place, text in enumerate(RUNS[name]):
-            folders = {"inputs": inputs.resolve(), "out": folder.resolve()}
-            words = [word.format(**folders) for word in text.replace("{as_given}", as_given).split()]
-            words, stdin = (words[:-2], words[-1]) if "<" in words else (words, os.devnull)
-            status = _run([python, "-m", "skelsplat", *words], folder / f"stdout{place}.json", stdin)
+            command, _, stdin = text.format(**folders, **given, as_given=as_given).partition(" < ")
+            stdout = folder / f"stdout{place}.json"
+            status = _run([*skelsplat, *command.split()], stdout, stdin or os.devnull)
             (folder / f"exit{place}.json").write_text(f'{{"status": {status}}}\n')
             print(f"{name}: exit {status}: skelsplat {text}", flush=True)
     return failed
 
 
 def _run(command: list[str], stdout: Path, stdin: str = os.devnull) -> int:
-    with (
-        stdout.open("wb") as out,
-        stdout.with_suffix(".log").open("wb") as err,
-        Path(stdin).open("rb") as given,
-    ):
+    log = stdout.with_suffix(".log")
+    with stdout.open("wb") as out, log.open("wb") as err, Path(stdin).open("rb") as given:
         return subprocess.run(command, stdin=given, stdout=out, stderr=err, check=False).returncode
 
 
@@ -186,123 +173,90 @@ def arrays(folder: Path) -> None:
     import skelsplat as sk
     from skelsplat.association import choose_person
 
-    from_paper = {"max_steps": 60}
+    def keep(name: str, **values: Any) -> None:
+        np.savez(folder / f"{name}.npz", **values)
+
     for seed, cameras, layout in ((0, 4, "coco17"), (1, 3, "h36m17"), (2, 2, None), (3, 8, "coco17")):
         K, R, t, pose, detections = scene(seed, cameras=cameras)
         rig = sk.CameraRig([sk.Camera(K, R[i], t[i], size=(1920, 1080)) for i in range(cameras)], unit="mm")
         start = pose + np.random.default_rng(seed).normal(size=pose.shape) * 30
+        paper = sk.RefineConfig.paper(max_steps=60)
         runs = {
             "annealed": sk.refine(None, detections, rig, layout=layout),
             "prior": sk.refine(start, detections, rig, layout=layout, init_sigma=30.0),
             "given": sk.refine(start, detections, rig, layout=layout),
-            "paper": sk.refine(
-                start[:8], detections[:8], rig, layout=layout, config=sk.RefineConfig.paper(**from_paper)
-            ),
+            "paper": sk.refine(start[:8], detections[:8], rig, layout=layout, config=paper),
+            "recording": sk.refine_sequence(detections, rig, fps=50, layout=layout),
         }
-        recording = sk.refine_sequence(detections, rig, fps=50, layout=layout)
-        runs["recording"] = recording
-        parts = [
-            part.pose
-            for part in sk.refine_batches([detections[:40], detections[40:]], rig, fps=50, layout=layout)
-        ]
-        same = np.array_equal(np.concatenate(parts), recording.pose, equal_nan=True)
-        np.savez(folder / f"batches-{seed}.npz", same=same)
+        chunks = sk.refine_batches([detections[:40], detections[40:]], rig, fps=50, layout=layout)
+        whole = np.concatenate([part.pose for part in chunks])
+        keep(f"batches-{seed}", same=np.array_equal(whole, runs["recording"].pose, equal_nan=True))
         for rate in (None, 50):
             refiner = sk.Refiner(rig, layout=layout, fps=rate)
             poses = [np.asarray(refiner.step(frame).pose) for frame in detections]
-            np.savez(folder / f"step-{seed}-{rate}.npz", pose=np.array(poses))
+            keep(f"step-{seed}-{rate}", pose=np.array(poses))
         if layout is not None:
-            adjusted = sk.adjust_cameras(detections, rig)
-            np.savez(
-                folder / f"adjusted-{seed}.npz",
-                R=[c.R for c in adjusted.cameras],
-                t=[c.t for c in adjusted.cameras],
-            )
-            people = people_of(detections)
-            found = sk.track(people, rig, fps=50, layout=layout)
-            for person in found:
-                kept = {"frames": person.frames, "slots": person.slots, "pose": person.refinement.pose}
-                np.savez(folder / f"person-{seed}-{person.id}.npz", **kept)
+            found = sk.adjust_cameras(detections, rig).cameras
+            keep(f"adjusted-{seed}", R=[c.R for c in found], t=[c.t for c in found])
+            # another person, who is the same 20 frames later
+            people = np.stack([detections, np.roll(detections, 20, axis=0)], axis=2)
+            for one in sk.track(people, rig, fps=50, layout=layout):
+                kept = {"frames": one.frames, "slots": one.slots, "pose": one.refinement.pose}
+                keep(f"person-{seed}-{one.id}", **kept)
             tracker = sk.Tracker(rig, layout=layout, fps=50)
             live = [(p.id, np.asarray(p.refinement.pose)) for frame in people for p in tracker.step(frame)]
-            np.savez(folder / f"tracker-{seed}.npz", ids=[k for k, _ in live], poses=[x for _, x in live])
+            keep(f"tracker-{seed}", ids=[k for k, _ in live], poses=[x for _, x in live])
             person, places = choose_person(people, rig, layout=sk.layouts.get(layout))
-            np.savez(folder / f"chosen-{seed}.npz", person=person, places=places)
+            keep(f"chosen-{seed}", person=person, places=places)
         for name, result in runs.items():
-            fields = {
-                key: np.asarray(getattr(result, key))
-                for key in dir(result)
-                if not key.startswith("_") and not callable(getattr(result, key)) and not VOLATILE.search(key)
-            }
-            np.savez(folder / f"{name}-{seed}.npz", **{k: v for k, v in fields.items() if v.dtype != object})
+            names = (key for key in dir(result) if not key.startswith("_") and not VOLATILE.search(key))
+            values = {key: getattr(result, key) for key in names}
+            fields = {key: np.asarray(value) for key, value in values.items() if not callable(value)}
+            keep(f"{name}-{seed}", **{k: v for k, v in fields.items() if v.dtype != object})
         for method in ("dlt", "robust"):
-            placed = sk.triangulate(detections, rig, method=method)
-            np.savez(folder / f"{method}-{seed}.npz", pose=np.asarray(placed))
-
-
-def people_of(detections: Any) -> Any:
-    """Return (T, M, 2, N, 3): the person of (T, M, N, 3), and another who is the same 20 frames later."""
-    other = np.roll(detections, 20, axis=0)
-    return np.stack([detections, other], axis=2)
+            keep(f"{method}-{seed}", pose=np.asarray(sk.triangulate(detections, rig, method=method)))
 
 
 def write_inputs(folder: Path) -> None:
     """Write the files of the own-file runs: the embedded recordings, and simulated ones."""
-    from skelsplat.io import sample
+    import skelsplat as sk
+    from skelsplat.io import sample, write_calibration
 
+    def rig_of(K: Any, R: Any, t: Any, unit: str = "mm", distortion: Any = None) -> sk.CameraRig:
+        lens = {"size": (1920, 1080), "distortion": distortion}
+        cameras = [sk.Camera(K, R[i], t[i], name=f"cam{i}", **lens) for i in range(len(R))]
+        return sk.CameraRig(cameras, unit=unit)
+
+    session = (
+        '[[session]]\nname = "{0}"\ncalibration = "{0}/calibration.toml"\ndetections = "{0}/detections"\n'
+    )
+    sessions = '[defaults]\nunit = "m"\nlayout = "body25b"\nfps = 60\n'
     for name in ("demo", "people"):
         paths = sample.extract(folder / name, people=name == "people")
         paths.calibration.rename(folder / name / "calibration.toml")
         paths.detections.rename(folder / name / "detections")
-    session = (
-        '[[session]]\nname = "{0}"\ncalibration = "{0}/calibration.toml"\ndetections = "{0}/detections"\n{1}'
-    )
-    shared = '[defaults]\nunit = "m"\nlayout = "body25b"\nfps = 60\n'
-    sessions = [session.format("demo", ""), session.format("people", 'people = "all"\n')]
-    (folder / "sessions.toml").write_text("\n".join([shared, *sessions]))
-    _write_simulated(folder)
-
-
-def _write_simulated(folder: Path) -> None:
-    mark = {"format": "skelsplat-calibration", "version": 1}
+        sessions += session.format(name)
+    (folder / "sessions.toml").write_text(f'{sessions}people = "all"\n')
     for name, seed, frames in (("long", 5, 30_000), ("live", 6, 80)):
         K, R, t, _, detected = scene(seed, frames=frames)
-        cameras = [
-            {"name": f"c{i}", "size": [1920, 1080], "K": K.tolist(), "R": R[i].tolist(), "t": t[i].tolist()}
-            | {"distortion": None, "fisheye": False}
-            for i in range(len(R))
-        ]
-        (folder / f"{name}.json").write_text(json.dumps({**mark, "unit": "mm", "cameras": cameras}))
+        write_calibration(folder / f"{name}.json", rig_of(K, R, t))
         if name == "long":
-            names = np.array([camera["name"] for camera in cameras])
-            np.savez(folder / "long.npz", detections=detected, camera_names=names)
-            continue
-        lines = [json.dumps({"frame": f, "detections": frame.tolist()}) for f, frame in enumerate(detected)]
-        (folder / "live.jsonl").write_text("\n".join([*lines[:40], "{}", *lines[40:]]) + "\n")
+            cameras = [f"cam{i}" for i in range(len(R))]
+            np.savez(folder / "long.npz", detections=detected, camera_names=cameras)
+        else:
+            lines = [json.dumps({"frame": f, "detections": x.tolist()}) for f, x in enumerate(detected)]
+            (folder / "live.jsonl").write_text("\n".join([*lines[:40], "{}", *lines[40:]]) + "\n")
     K, R, t, _, detected = scene(7, frames=50, cameras=3)
-    names = (
-        "nose left_eye right_eye left_ear right_ear left_shoulder right_shoulder left_elbow right_elbow "
-        "left_wrist right_wrist left_hip right_hip left_knee right_knee left_ankle right_ankle"
-    )
-    dlc = folder / "dlc"
-    (dlc / "detections").mkdir(parents=True)
-    import cv2
-
-    text = []
+    (folder / "dlc" / "detections").mkdir(parents=True)
+    lens = [-0.05, 0.01, 0.0, 0.0, 0.0]
+    write_calibration(folder / "dlc" / "calibration.toml", rig_of(K, R, t / 10, "cm", lens))
+    joints = [joint for joint in sk.layouts.COCO17.joints for _ in range(3)]
     for i in range(3):
-        rotation = ", ".join(f"{x:.17g}" for x in cv2.Rodrigues(R[i])[0].ravel())
-        text.append(
-            f'[cam_{i}]\nname = "cam{i}"\nsize = [1920, 1080]\nmatrix = {K.tolist()}\n'
-            f"distortions = [-0.05, 0.01, 0.0, 0.0, 0.0]\nrotation = [{rotation}]\n"
-            f"translation = {(t[i] / 10).tolist()}\n"
-        )
-        rows = [["scorer"] + ["D"] * 51, ["bodyparts"], ["coords"] + ["x", "y", "likelihood"] * 17]
-        for joint in names.split():
-            rows[1] += [joint] * 3
+        rows = [["scorer"] + ["D"] * 51, ["bodyparts", *joints], ["coords"] + ["x", "y", "likelihood"] * 17]
         for f, frame in enumerate(detected[:, i]):
             rows.append([str(f), *("" if np.isnan(x) else f"{x:.3f}" for x in frame.ravel())])
-        (dlc / "detections" / f"cam{i}.csv").write_text("\n".join(",".join(row) for row in rows) + "\n")
-    (dlc / "calibration.toml").write_text("\n".join(text))
+        path = folder / "dlc" / "detections" / f"cam{i}.csv"
+        path.write_text("\n".join(",".join(row) for row in rows) + "\n")
 
 
 def compare(before: Path, after: Path, only: list[str]) -> int:
@@ -313,11 +267,12 @@ def compare(before: Path, after: Path, only: list[str]) -> int:
         namesakes: dict[str, list[Path]] = {}
         for path in (after / name).rglob("*"):
             namesakes.setdefault(path.name, []).append(path)
-        found = [
-            text
-            for path in files
-            for text in _differences(path, after / path.relative_to(before), namesakes.get(path.name, ()))
-        ]
+        found = []
+        for a in files:
+            b = after / a.relative_to(before)
+            here = [b] if b.exists() else namesakes.get(a.name, [])  # in a folder that was renamed
+            each = [_differences(a, other) for other in here] or [["missing"]]
+            found += [f"{b}: {text}" for text in min(each, key=len)]
         print(f"{name}: {len(files)} files, {'as before' if not found else f'{len(found)} differences'}")
         for text in found[:12]:
             print(f"  {text}")
@@ -325,24 +280,20 @@ def compare(before: Path, after: Path, only: list[str]) -> int:
     return int(differences > 0)
 
 
-def _differences(a: Path, b: Path, renamed: Sequence[Path] = ()) -> list[str]:
-    """Return what differs between two files; ``renamed`` may hold ``b`` if it is not in its place."""
+def _differences(a: Path, b: Path) -> list[str]:
+    """Return what differs between two files."""
     if a.suffix in PAGES or a.name.startswith(".") or "cache" in str(a):
         return []
-    if not b.exists():
-        return [] if renamed and any(not _differences(a, c) for c in renamed) else [f"{b}: missing"]
     if a.suffix == ".npz":
-        return [f"{b}: {text}" for text in _arrays_differ(a, b)]
+        return _arrays_differ(a, b)
     if a.suffix == ".json" and a.stat().st_size:
         try:
-            return [f"{b}: {text}" for text in _numbers_differ(_documents(a), _documents(b))]
+            return _numbers_differ(_documents(a), _documents(b))
         except json.JSONDecodeError:
             return []  # what people read
     if a.suffix == ".csv":
-        return [f"{b}: a number differs"] if _table(a) != _table(b) else []
-    if a.suffix in {".trc", ".c3d"} and a.read_bytes() != b.read_bytes():
-        return [f"{b}: bytes differ"]
-    return []
+        return ["a number differs"] if _table(a) != _table(b) else []
+    return ["bytes differ"] if a.suffix in {".trc", ".c3d"} and a.read_bytes() != b.read_bytes() else []
 
 
 def _documents(path: Path) -> Any:
@@ -413,31 +364,25 @@ def _leaves(value: Any, path: str = "") -> Any:
 def main() -> int:
     """Read the command line."""
     names = [*RUNS, "arrays"]
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    commands = parser.add_subparsers(dest="command", required=True)
-    for command in ("make", "compare"):
-        one = commands.add_parser(command)
-        one.add_argument("folders", type=Path, nargs=1 if command == "make" else 2)
-        one.add_argument("--only", action="append", choices=names)
-        if command == "make":
-            one.add_argument("--python", default=sys.executable)
-            one.add_argument("--inputs", type=Path, help="folder of a frozen set whose input files are used")
-    commands.add_parser("list")
-    commands.add_parser("arrays").add_argument("folder", type=Path)
+    shape = argparse.RawDescriptionHelpFormatter
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=shape)
+    parser.add_argument("command", choices=("make", "compare", "list", "arrays"))
+    parser.add_argument("folders", type=Path, nargs="*")
+    parser.add_argument("--only", action="append", choices=names)
+    parser.add_argument("--python", default=sys.executable)
+    parser.add_argument("--inputs", type=Path, help="folder of a frozen set whose input files are used")
     given = parser.parse_args()
+    only = given.only or names
     if given.command == "list":
         print("\n".join(names))
-        return 0
-    if given.command == "arrays":
-        arrays(given.folder)
-        return 0
-    only = given.only or names
-    if given.command == "compare":
+    elif given.command == "arrays":
+        arrays(*given.folders)
+    elif given.command == "compare":
         return compare(*given.folders, only)
-    (out,) = given.folders
-    return make(out, given.python, (given.inputs or out) / "inputs", only)
+    else:
+        (out,) = given.folders
+        return make(out, given.python, (given.inputs or out) / "inputs", only)
+    return 0
 
 
 if __name__ == "__main__":

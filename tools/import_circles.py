@@ -10,6 +10,7 @@ from __future__ import annotations
 import ast
 import re
 from collections.abc import Iterator
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
@@ -23,32 +24,13 @@ _USE = re.compile(r"\b(?P<public>pub(?:\([^)]*\))? )?use (?P<tree>[^;]+);")
 _PATH = re.compile(r"\b(?:crate|super)(?:::\w+)+")
 
 
-def circles(graph: Graph) -> list[list[Name]]:
-    """Return the strongly connected parts of more than one module (Tarjan 1972), each sorted."""
-    index: dict[Name, int] = {}
-    low: dict[Name, int] = {}
-    stack: list[Name] = []
-    found: list[list[Name]] = []
-
-    def visit(node: Name) -> None:
-        index[node] = low[node] = len(index)
-        stack.append(node)
-        for other in graph.get(node, ()):
-            if other not in index:
-                visit(other)
-            if other in stack:
-                low[node] = min(low[node], low[other])
-        if low[node] == index[node]:
-            part = [stack.pop()]
-            while part[-1] != node:
-                part.append(stack.pop())
-            if len(part) > 1:
-                found.append(sorted(part))
-
-    for node in graph:
-        if node not in index:
-            visit(node)
-    return sorted(found)
+def circle(graph: Graph) -> list[Name]:
+    """Return modules that import each other in a circle; empty if there are none."""
+    try:
+        TopologicalSorter(graph).prepare()
+    except CycleError as error:
+        return list(error.args[1])
+    return []
 
 
 def rust_graph(root: Path = CRATE) -> Graph:

@@ -51,8 +51,7 @@ def coverage(*, poses: int = 300, seed: int = 0, fast: bool = False, fields: Fie
                 result = here.refined(fields=fields)
                 rows[where] = _row(result.pose, result.uncertainty, here)
                 if not fast and factor == 1 and n_views == 4:
-                    dlt = sk.triangulate(here.detections[..., :2], here.rig, method="dlt")
-                    published = here.refined(dlt, sk.RefineConfig.paper())
+                    published = here.refined(here.dlt(), sk.RefineConfig.paper())
                     rows[f"{where}, paper"] = _row(published.pose, published.covariance, here)
     notes = [
         "rows: detections, views, jitter; paper: its splat covariance",

@@ -20,7 +20,6 @@ import scenarios
 from skelsplat import metrics, synthetic
 from skelsplat.evaluation.baselines import affinity
 from skelsplat.evaluation.tables import Table
-from sweeps import swept
 
 BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
 MEASURES = {measure.__name__: measure for measure in accuracy.MEASURES}
@@ -67,14 +66,6 @@ def test_a_program_has_the_options_of_its_signature(capsys, monkeypatch) -> None
 
 
 @ON_MVOR
-def test_coverage_on_real_labels_counts_their_errors() -> None:
-    counted, exact = (measured("coverage_real", poses=FEW, label_sigma_mm=sigma) for sigma in (30.0, 0.0))
-    everywhere, alone = counted["MVOR, all"], exact["MVOR, all"]
-    for k in (1, 2, 3):
-        assert everywhere[f"error bar {k} σ"] > everywhere[f"scatter {k} σ"] > alone[f"scatter {k} σ"]
-
-
-@ON_MVOR
 def test_people_are_found_on_mvor() -> None:
     rows = measured("mvor_people")
     for detector in ("openpose", "openpose_ms", "rtpose"):
@@ -84,24 +75,6 @@ def test_people_are_found_on_mvor() -> None:
         assert row["confirmed %"] > 82
         assert row["mixed %"] < 8
         assert row["mean mm"] < 1.05 * row["oracle"]
-
-
-def test_lower_frame_rates_show_the_same_motion_and_the_person_stays_in_view() -> None:
-    whole, third = (recordings.takes("good", count=3, fps=fps, seed=2) for fps in (30, 10))
-    for one, other in zip(whole, third, strict=True):
-        assert one.name == other.name
-        assert len(other.scene.truth) == -(-len(one.scene.truth) // 3)
-        assert one.scene.detected.mean() > 0.9
-        assert np.ptp(one.scene.truth[..., 2]) < 3000.0
-
-
-def test_breaks_of_the_capture_are_cut_out() -> None:
-    time = np.arange(100)[:, None, None] / 30.0
-    take = np.tile(1000.0 * time, (1, 17, 3))
-    take[0] += 500.0
-    take[40, 3] += 400.0
-    # The second differences that are too large hold frames 0 to 2 and 38 to 42.
-    np.testing.assert_array_equal(recordings.unbroken(take), take[43:])
 
 
 def test_recordings_are_compared() -> None:
@@ -155,9 +128,8 @@ def test_the_comparison_runs() -> None:
         assert float(found[name]["mean mm"]) > 0
 
 
-@pytest.mark.parametrize("people", [["--people", "2", "--views", "3"], swept([])])
-def test_the_live_benchmark_runs(people: list[str]) -> None:
-    (found,) = run("live", "--poses", 20, "--rate", 200, *people)
+def test_the_live_benchmark_runs() -> None:
+    (found,) = run("live", "--poses", 20, "--rate", 200, "--people", 2, "--views", 3)
     assert "latency through both pipes, 99%" in found
 
 

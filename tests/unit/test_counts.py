@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import pytest
 
 import counts
@@ -54,13 +52,9 @@ mod tests { fn c() {} }
 """
 
 
-def test_functions_and_lines_are_measured(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_functions_are_measured() -> None:
     assert list(counts.rust_functions(RUST)) == [("a", 3, 4), ("b", 7, 1)]
     assert counts._reason(RUST.splitlines(), 3) == "a table"
     assert counts._reason(RUST.splitlines(), 7) is None
     python = '# long: a table\n@one\ndef f(\n    a,\n):\n    """Say.\n\n    More.\n    """\n    return a\n'
     assert list(counts.python_functions(python)) == [("f", 2, 4)]
-    monkeypatch.setattr(counts, "ROOT", tmp_path)
-    path = tmp_path / "a.rs"
-    path.write_text(f"// {'x' * 98}\n// {'x' * 97}\n// https://{'x' * 99}\n/// | {'x' * 99} |\n")
-    assert counts.wide_lines([path]) == ["a.rs:1"]

@@ -33,6 +33,23 @@ LAYERS = (
     {"exceptions", "_json", "_words"},
     {"_escape"},
 )
+HEAVY = {
+    *(
+        "matplotlib",
+        "plotly",
+        "scipy",
+        "cv2",
+        "PIL",
+        "pandas",
+        "xarray",
+        "h5py",
+        "h5netcdf",
+        "ezc3d",
+        "tables",
+    ),
+    *("mediapipe", "rtmlib", "typer", "click", "rich", "json", "tomllib", "tomli", "multiprocessing"),
+    "asyncio",
+}
 # Part → what it must not import either, though it is below it.
 FORBIDDEN = {
     "run": ("datasets",),
@@ -80,20 +97,7 @@ def test_imports_point_one_way(part: str) -> None:
 
 
 def test_optional_packages_are_not_imported_with_the_package_and_parts_not_with_the_command_line() -> None:
-    optional = (
-        "scipy",
-        "ezc3d",
-        "xarray",
-        "h5py",
-        "h5netcdf",
-        "pandas",
-        "cv2",
-        "PIL",
-        "matplotlib",
-        "plotly",
-        "mediapipe",
-        "rtmlib",
-    )
+    optional = HEAVY - {"typer", "click", "rich", "json", "tomllib", "tomli", "multiprocessing", "asyncio"}
     program = (
         "import sys, typer, skelsplat.cli\n"
         "early = {name for name in sys.modules if name.startswith(('skelsplat.io', 'skelsplat.run'))}\n"
@@ -105,20 +109,6 @@ def test_optional_packages_are_not_imported_with_the_package_and_parts_not_with_
     assert run.stdout.split() == []
 
 
-HEAVY = {
-    "matplotlib",
-    "scipy",
-    "cv2",
-    "pandas",
-    "tables",
-    "h5py",
-    "xarray",
-    "h5netcdf",
-    "ezc3d",
-    "plotly",
-    "PIL",
-}
-HEAVY |= {"typer", "click", "rich", "tomli", "tomllib", "json", "multiprocessing", "asyncio"}
 PARTS = ("io", "cli", "viz", "datasets", "evaluation", "rig_check", "association", "temporal")
 
 

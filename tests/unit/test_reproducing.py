@@ -2,35 +2,18 @@
 
 from __future__ import annotations
 
-import importlib.util
 import re
 import shlex
-import sys
 from pathlib import Path
-from types import ModuleType
 
 import pytest
+import reproducing
 import typer.main
 from typer.testing import CliRunner
 
 from skelsplat.cli import app
 from skelsplat.evaluation.reported import labels, reported
 
-ROOT = Path(__file__).parents[2]
-
-
-def load() -> ModuleType:
-    """Return benchmarks/reproducing.py as a module."""
-    spec = importlib.util.spec_from_file_location("reproducing", ROOT / "benchmarks" / "reproducing.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules["reproducing"] = module
-    spec.loader.exec_module(module)
-    return module
-
-
-reproducing = load()
 TEXT = reproducing.DOCUMENT.read_text(encoding="utf-8")
 COMMANDS = reproducing.commands(TEXT)
 MARKERS = reproducing.markers(TEXT)

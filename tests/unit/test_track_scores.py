@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import sys
-from itertools import permutations
 
 import numpy as np
 import pytest
 
 from skelsplat import InvalidInputError, MissingPackageError, metrics
-from skelsplat.metrics._people import cheapest_pairs
 
 T = 6
 BODY = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 500.0], [0.0, 0.0, 1000.0]])
@@ -109,22 +107,6 @@ def test_tracks_that_do_not_fit_are_refused(truth, tracks, argument):
     with pytest.raises(InvalidInputError) as caught:
         metrics.track_scores(tracks, truth)
     assert caught.value.argument == argument
-
-
-@pytest.mark.parametrize("shape", [(1, 1), (3, 3), (4, 7), (7, 4), (6, 1), (0, 3)])
-def test_the_most_pairs_within_the_gate_are_made_at_the_least_cost(shape):
-    rng = np.random.default_rng(shape)
-    for _ in range(20):
-        cost = np.where(rng.random(shape) < 0.5, rng.normal(size=shape), np.inf)
-        pairs = cheapest_pairs(cost)
-        assert len(set(pairs[:, 0])) == len(set(pairs[:, 1])) == len(pairs)
-        wide = cost if shape[0] <= shape[1] else cost.T
-        ways = [
-            [wide[r, c] for r, c in enumerate(columns) if np.isfinite(wide[r, c])]
-            for columns in permutations(range(wide.shape[1]), len(wide))
-        ]
-        best = min((-len(way), sum(way)) for way in ways)
-        assert (-len(pairs), cost[pairs[:, 0], pairs[:, 1]].sum()) == pytest.approx(best)
 
 
 def test_without_scipy_the_message_says_what_to_install(truth, monkeypatch):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 from dataclasses import replace
 from pathlib import Path
@@ -59,52 +60,22 @@ def test_a_reported_row_has_no_column_in_which_nothing_is_reported(room: Path, t
     assert next(line for line in lines if line.startswith(" AdaFuse ")).split() == ["AdaFuse", "24.3"]
 
 
-def test_views_are_those_asked_for(dome: Path, tmp_path: Path) -> None:
-    result = run("synthetic", dome, "-o", tmp_path, "-m", "dlt", "--views", 6, "--json")
-    assert json.loads(result.stdout)["protocol"]["views"] == [6]
-
-
-def test_as_paper_is_another_run(room: Path, tmp_path: Path) -> None:
-    errors = []
-    for lens in ("undistorted", "as-paper", "undistorted"):
-        result = run("synthetic", room, "-o", tmp_path, "-m", "dlt", "--protocol", lens, "--json")
-        errors.append(json.loads(result.stdout)["figures"][0]["absolute_mm"])
-    assert errors[0] == errors[2] != errors[1]
-    assert len(list((tmp_path / "runs").iterdir())) == 2
-
-
-@pytest.fixture(scope="module")
-def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Write the dome with consecutive frame numbers instead of every 32nd."""
-    root = tmp_path_factory.mktemp("data") / "dome"
-    whole = synthetic.simulate_set("dome", poses=120)
+def test_methods_over_time_run_at_a_rate_and_are_left_out_without_one(tmp_path: Path) -> None:
+    whole = synthetic.simulate_set("dome", poses=120)  # with consecutive frame numbers instead of every 32nd
     parts = [replace(part, frames=np.arange(len(part.frames))) for part in whole.recordings]
+    root = tmp_path / "dome"
     write_simulated(root, replace(whole, recordings=tuple(parts)))
-    return root
-
-
-def test_methods_over_time_run_at_a_rate(recording: Path, tmp_path: Path) -> None:
-    found = run("synthetic", recording, "-o", tmp_path, "--fps", 1.5625, "-m", "annealed,over-time")
-    assert "acc" in found.stdout
-    assert "of consecutive frames at 1.5625 Hz" in " ".join(found.stdout.split())
-    rows = (tmp_path / "report.csv").read_text(encoding="utf-8").splitlines()
-    place = rows[0].split(",").index("acceleration_m_s2")
-    assert all(float(row.split(",")[place]) > 0 for row in rows if ",all," in row and "0,all" in row)
-
-
-def test_without_a_rate_they_are_left_out_and_asking_names_the_option(
-    recording: Path, tmp_path: Path
-) -> None:
-    error = run("synthetic", recording, "-o", tmp_path, "-m", "over-time", status=1).stderr
+    given = ("synthetic", root, "-o", tmp_path / "out")
+    content = json.loads(run(*given, "--json").stdout)
+    assert "over-time" not in {line["method"] for line in content["figures"]}
+    error = run(*given, "-m", "over-time", status=1).stderr
     assert "fps: expected the frame rate, for the method over-time" in error
     assert error.count("\n") == 1
-    index = json.loads((recording / "dataset.json").read_text(encoding="utf-8"))
-    for fps in (None, 1.5625):
-        text = json.dumps(index if fps is None else {**index, "fps": fps})
-        (recording / "dataset.json").write_text(text, encoding="utf-8")
-        content = json.loads(run("synthetic", recording, "-o", tmp_path, "--json").stdout)
-        assert ("over-time" in {s["method"] for s in content["figures"]}) == (fps is not None)
-    (recording / "dataset.json").write_text(json.dumps(index), encoding="utf-8")
+    found = run(*given, "--fps", 1.5625, "-m", "annealed,over-time")
+    assert "of consecutive frames at 1.5625 Hz" in " ".join(found.stdout.split())
+    rows = csv.DictReader((tmp_path / "out" / "report.csv").read_text(encoding="utf-8").splitlines())
+    own = [row for row in rows if row["group"] == "all" and row["reported"] == "0"]
+    assert [float(row["acceleration_m_s2"]) > 0 for row in own] == [True] * 2
 
 
 @pytest.mark.parametrize(

@@ -6,17 +6,15 @@ import json
 from collections.abc import Callable
 from pathlib import Path
 
-import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from skelsplat import datasets
 from skelsplat.cli import app
-from skelsplat.evaluation import methods, protocols, single
 from writers import human36m, occlusion_person, panoptic, shelf_campus
 
 # With noise of 1.5 px or less on the detections, no triangulation is further off.
 NEAR_MM = 20.0
+ACTIONS = ["Directions", "Greeting", "Photo"]
 
 
 def h36m(layout: str) -> Callable[[Path], object]:
@@ -29,9 +27,9 @@ def occluded(root: Path) -> None:
 
 # Data set, its writer, more options, columns of the table, reported row and figure beside it.
 SETS = {
-    "authors": ("human36m", h36m("skelsplat"), [], ["Directions", "Greeting", "Photo"], 26.7),
-    "videopose3d": ("human36m", h36m("videopose3d"), [], ["Directions", "Greeting", "Photo"], 26.7),
-    "occ": ("human36m-occ", occluded, [], ["Directions", "Greeting", "Photo"], 31.1),
+    "authors": ("human36m", h36m("skelsplat"), [], ACTIONS, 26.7),
+    "videopose3d": ("human36m", h36m("videopose3d"), [], ACTIONS, 26.7),
+    "occ": ("human36m-occ", occluded, [], ACTIONS, 31.1),
     "panoptic": ("panoptic", panoptic.write, ["--views", "4"], list(panoptic.SEQUENCES), 20.9),
     "person": ("occlusion-person", occlusion_person.write, ["--views", "4"], None, None),
     "shelf": ("shelf", lambda root: shelf_campus.write(root, "shelf", n_frames=305), [], None, None),
@@ -61,18 +59,3 @@ def test_it_is_evaluated(case: str, tmp_path: Path) -> None:
         assert list(content["columns"]) == columns
     text = (tmp_path / "out" / "report.md").read_text(encoding="utf-8")
     assert metrabs is None or f"| *SkelSplat (metrabs)* | {metrabs} |" in text
-
-
-RATES = {"authors": 50.0, "videopose3d": 50.0, "occ": 50.0, "panoptic": 29.97, "person": None, "shelf": 25.0}
-
-
-@pytest.mark.parametrize("case", RATES)
-def test_the_rate_of_a_data_set_decides_whether_methods_over_time_run(case: str, tmp_path: Path) -> None:
-    name, write, *_ = SETS[case]
-    write(tmp_path)
-    data = datasets.read(name, tmp_path)
-    assert {take.fps for take in data} == {RATES[case]}
-    cases = protocols.get(name).cases(data)
-    picked = {method.name for method in single.select([], cases, methods.Options())}
-    consecutive = all((np.diff(take.frames) == 1).any() for take in data)
-    assert ("over-time" in picked) == (RATES[case] is not None and consecutive)

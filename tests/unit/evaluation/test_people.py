@@ -44,8 +44,7 @@ def test_all_methods_find_the_people(found):
         assert figures["precision"] > 0.9
         assert figures["mean_mm"] < 40
     own, other = found.figures("track"), found.figures("affinity")
-    assert own["identity_switches"] == 0
-    assert own["idf1"] == 1
+    assert (own["identity_switches"], own["idf1"]) == (0, 1)
     assert abs(own["change"]) < 0.05 < other["change"]
     assert np.isnan(found.figures("oracle")["change"])
 
@@ -95,9 +94,6 @@ def test_an_exchange_is_a_swap_and_confused_frames_are_not_compared():
     assert np.isnan(figures["pcp"])
     kept = confused.scenes["scene"].kept
     assert kept.sum() == 60  # an identity is whose it mostly is
-    brief = Tally()
-    brief.add("scene", tracks, truth, nobody, 0.4, fps=100.0, names=("a", "b"))
-    assert brief.figures()["scenes_swapped"] == 0
 
 
 def test_a_gap_cuts_a_scene_and_the_protocol_says_what_counts(data):
@@ -130,10 +126,7 @@ def test_people_are_told_apart_or_given_but_not_both(root, tmp_path):
     assert [row["name"] for row in rows if row["group"] == "person"][:3] == ["person0", "person1", "person2"]
     assert "| affinity |" in (tmp_path / "report.md").read_text(encoding="utf-8")
 
-    shown = run("-m", "track,oracle", "--per-joint")
-    assert shown.exit_code == 0
-    assert "IDF1" in shown.stdout
-    assert "MPJPE, mm, per person" in shown.stdout
+    assert "MPJPE, mm, per person" in run("-m", "track,oracle", "--per-joint").stdout
     alone = run("-m", "dlt,annealed", "--json")
     assert alone.exit_code == 0, alone.output
     assert {s["method"] for s in json.loads(alone.stdout)["figures"]} == {"dlt", "annealed"}

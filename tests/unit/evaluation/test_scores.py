@@ -124,21 +124,8 @@ def test_the_error_of_the_acceleration_is_of_three_consecutive_frames() -> None:
     assert np.isnan(scored(replace(PROTOCOL, every=2), [take], [along_x(5)])[""][key])
 
 
-def test_many_equal_takes_give_the_interval_of_the_normal_law() -> None:
-    values = np.random.default_rng(0).normal(20.0, 3.0, 400)
-    low, high = mean_interval(values, np.ones(400), resamples=4000)
-    half = 1.96 * values.std() / np.sqrt(400)
-    # The ends are quantiles of 4000 means: about 3 % of the half width.
-    assert low == pytest.approx(values.mean() - half, abs=0.1 * half)
-    assert high == pytest.approx(values.mean() + half, abs=0.1 * half)
-
-
 def test_takes_weigh_by_their_numbers() -> None:
     """Two takes, of mean 1 over 9 numbers and 11 over 1: the means drawn are 1, 2 (one of each) and 11."""
     low, high = mean_interval([9.0, 11.0], [9, 1], level=0.4, resamples=5000)
     assert (low, high) == (2.0, 2.0)
     assert mean_interval([9.0, 11.0], [9, 1], level=0.9, resamples=5000) == (1.0, 11.0)
-
-
-def test_one_take_has_no_interval() -> None:
-    assert np.isnan(mean_interval([3.0, 0.0], [3, 0])).all()
