@@ -1,9 +1,8 @@
 """What a file may be: the one budget of all readers, and the one way to open a file.
 
-A file from elsewhere may be no file (a pipe, a device), claim to unpack to more than any memory holds, or
-nest its values until Python gives up. Every reader opens files with `opened` and asks here before it believes
-what a file claims; what is refused is a `DatasetError` of one line with the limit. For large recordings, what
-counts is the ratio to the size of the file, and the memory that is available.
+A file may be no file (a pipe, a device), claim to unpack to more than any memory holds, or nest its values
+until Python gives up. Every reader opens files with `opened` and asks here before it believes what a file
+claims. For large recordings, the ratio to the size of the file counts, and the memory that is available.
 """
 
 from __future__ import annotations
@@ -42,23 +41,17 @@ _ALWAYS, _RATIO = 2**27, 100
 _UNCHECKED = 2**26  # bytes that need no look at the memory
 _BRACKETS = bytes.maketrans(b"[{]}", b"\x01\x01\xff\xff")
 _UNMARKED = bytes(set(range(256)) - set(b'"[]{}'))
-_SPARSE = 2**30  # files from this size on must be stored to a hundredth
 _GROUP_LIMITS = ("/sys/fs/cgroup/memory.max", "/sys/fs/cgroup/memory/memory.limit_in_bytes")
 
 
 @contextmanager
 def opened(path: Path, expected: str = "a readable file") -> Iterator[BinaryIO]:
-    """Open a file that exists in full and is no device or pipe; what the system says is a `DatasetError`."""
+    """Open a file that is no device or pipe; what the system says is a `DatasetError`."""
     # without waiting for the other end of a pipe
     flags = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
     with opening(path, expected), open(os.open(path, flags), "rb") as stream:  # noqa: PTH123 - a descriptor
-        status = os.fstat(stream.fileno())
-        if not stat.S_ISREG(status.st_mode):
+        if not stat.S_ISREG(os.fstat(stream.fileno()).st_mode):
             raise DatasetError(path, "file", "a regular file", "a pipe or a device")
-        stored = 512 * getattr(status, "st_blocks", 0)
-        if status.st_size > _SPARSE and 0 < _RATIO * stored < status.st_size:
-            actual = f"a sparse file: {amount(status.st_size)}, of which {amount(stored)} are stored"
-            raise DatasetError(path, "file", "a file with content", actual)
         yield stream
 
 
@@ -78,9 +71,7 @@ def afford(path: Path, field: str, need: int) -> None:
 def check_ratio(path: Path, field: str, need: int, held: int) -> None:
     """Raise `DatasetError` if `need` bytes are too much to come from `held` in a file."""
     if need > _ALWAYS + _RATIO * held:
-        expected = (
-            f"at most {amount(_ALWAYS + _RATIO * held)} from {amount(held)} (or a file without packing)"
-        )
+        expected = f"at most {amount(_ALWAYS + _RATIO * held)} (or a file without packing)"
         raise DatasetError(path, field, expected, amount(need))
 
 
@@ -108,10 +99,10 @@ def damaged_zip(stream: BinaryIO) -> str | None:
 def _available() -> int | None:
     """Return the bytes that can be used, as the core counts them; None where the system does not say."""
     found = []
-    with suppress(OSError, ValueError, KeyError):
-        lines = Path("/proc/meminfo").read_text(encoding="ascii").splitlines()
-        table = {name: int(rest.split()[0]) for name, _, rest in (line.partition(":") for line in lines)}
-        found.append(1024 * (table["MemAvailable"] + table.get("SwapFree", 0)))
+    with suppress(OSError):
+        text = Path("/proc/meminfo").read_text(encoding="ascii")
+        free = re.findall(r"^(?:MemAvailable|SwapFree): *(\d+) kB$", text, re.MULTILINE)
+        found += [1024 * sum(map(int, free))] if free else []
     for limit in _GROUP_LIMITS:
         with suppress(OSError, ValueError):  # "max"
             found.append(int(Path(limit).read_text(encoding="ascii")))
@@ -144,12 +135,9 @@ def read_text(path: Path) -> str:
 
 def no_text(path: Path, content: bytes, at: int, before: int = 0) -> DatasetError:
     """Return the error for the byte ``at`` a place in content with ``before`` bytes before it in the file."""
-    byte = f"byte 0x{content[at]:02x} at {before + at}"
     if not before and content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         return DatasetError(path, "file", "text in UTF-8", "text in UTF-16: save it as UTF-8")
-    if b"\0" in content:
-        return DatasetError(path, "file", "a text file", f"one that is binary ({byte})")
-    return DatasetError(path, "file", "text in UTF-8", f"{byte}, which is not")
+    return DatasetError(path, "file", "text in UTF-8", f"byte 0x{content[at]:02x} at {before + at}")
 
 
 def read_lines(path: Path) -> Iterator[str]:
@@ -170,16 +158,13 @@ def check_json(path: Path, document: str, text: str) -> None:
     """Raise `DatasetError` for JSON nested too deeply for a `document`, or with values beyond the memory."""
     opens = text.count("[") + text.count("{")
     afford(path, "JSON", 72 * opens + 36 * text.count(","))
-    if opens > _MOST_DEPTH and _depth(text) > _MOST_DEPTH:
-        raise DatasetError(path, "JSON", document, f"lists nested too deeply (at most {_MOST_DEPTH} deep)")
-
-
-def _depth(text: str) -> int:
-    """Return how deep the lists and objects of JSON nest."""
+    if opens <= _MOST_DEPTH:
+        return
     raw = re.sub(r"\\.", "", text, flags=re.DOTALL).encode("ascii", "replace")
     outside = re.sub(rb'"[^"]*"', b"", raw.translate(None, _UNMARKED)).partition(b'"')[0]
     steps = np.frombuffer(outside.translate(_BRACKETS), dtype=np.int8)
-    return int(np.cumsum(steps, dtype=np.int32).max(initial=0))
+    if np.cumsum(steps, dtype=np.int32).max(initial=0) > _MOST_DEPTH:
+        raise DatasetError(path, "JSON", document, f"lists nested too deeply (at most {_MOST_DEPTH} deep)")
 
 
 def check_document(path: Path, text: str) -> None:

@@ -23,10 +23,9 @@ _MISSING = "nothing (the key is missing)"
 
 @dataclass(frozen=True)
 class Field:
-    """A value and where it stands: messages name the file and `place`, such as ``cameras[0].K``.
+    """A value and where it stands, such as ``cameras[0].K``; at the top of a document `place` is empty.
 
-    `path` is the file; at the top of a document `place` is empty. Every method that takes the value as
-    something raises `DatasetError` if it is something else, or if its key is missing.
+    What takes the value as something raises `DatasetError` if it is something else, or its key is missing.
     """
 
     path: Path
@@ -58,9 +57,7 @@ class Field:
 
     def member(self, key: str, expected: str) -> Field:
         """Return what is under a key that must be there."""
-        if not isinstance(self.value, dict):
-            raise DatasetError(self.path, self.place or key, f"an object with {key}", self.shown)
-        if key not in self.value:
+        if key not in self:
             raise self[key].error(expected, _MISSING)
         return self[key]
 
@@ -99,11 +96,10 @@ class Field:
 
     def index(self) -> int:
         """Return a frame number that is not negative."""
-        if isinstance(self.value, bool) or not isinstance(self.value, int) or self.value < 0:
-            raise self.error("a whole number from 0", self.shown)
-        if self.value >= FRAME_LIMIT:
-            raise self.error("a frame number below 2^62", self.shown)
-        return self.value
+        value = self.value
+        if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value < FRAME_LIMIT:
+            raise self.error("a whole number from 0, below 2^62", self.shown)
+        return value
 
     def size(self) -> tuple[int, int]:
         """Return a positive whole width and height."""
@@ -124,7 +120,7 @@ class Field:
             array = np.asarray(self.value, dtype=np.float64)
         except (ValueError, OverflowError):  # rows of different lengths; TOML's whole numbers have no limit
             raise self.error(expected, self.shown) from None
-        if (shape is None or len(shape) == 1) and array.ndim == 2 and 1 in array.shape:
+        if len(shape or (0,)) == 1 and array.ndim == 2 and 1 in array.shape:
             array = array.ravel()
         if array.ndim != 1 if shape is None else array.shape != shape:
             raise self.error(expected, f"{'×'.join(map(str, array.shape)) or 'one'} of them")
@@ -149,11 +145,11 @@ class Field:
 
     def rows(self, width: int) -> Array:
         """Return a list of lists of `width` numbers each, (n, width), as `row` reads them."""
-        lines = self.entries(f"a list of lists of {width} numbers")
-        parts = [line.row() for line in lines]
-        for line, part in zip(lines, parts, strict=True):
-            if len(part) != width:
-                raise line.error(f"{width} numbers", f"{len(part)} numbers")
+        parts = []
+        for line in self.entries(f"a list of lists of {width} numbers"):
+            parts.append(line.row())
+            if len(parts[-1]) != width:
+                raise line.error(f"{width} numbers", f"{len(parts[-1])} numbers")
         return np.array(parts, dtype=np.float64).reshape(-1, width)
 
     def _list(self, expected: str) -> list[Any]:

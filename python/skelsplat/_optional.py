@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import importlib
 import importlib.util
+import os
 import sys
+from functools import cache
 from typing import TYPE_CHECKING
 
 from skelsplat.exceptions import MissingPackageError
@@ -12,6 +14,7 @@ from skelsplat.exceptions import MissingPackageError
 if TYPE_CHECKING:
     from types import ModuleType
 
+_MOST_PIXELS = 2**27  # of an image, 400 MB; a file of a few kilobytes can claim more
 DRAWING = ("matplotlib", "plotly")  # what figures and report.html need: the extra viz
 
 
@@ -48,3 +51,13 @@ def require(module: str, purpose: str, extra: str = "formats") -> ModuleType:
         raise MissingPackageError(
             f"{purpose}: expected the package {module} to be installed, got {error}; run: {pip_line(extra)}"
         ) from error
+
+
+@cache
+def opencv() -> ModuleType:
+    """Import OpenCV, or raise as `require`; what fails in it is an exception, without messages of its own."""
+    os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")  # read once, when the first video is opened
+    os.environ.setdefault("OPENCV_IO_MAX_IMAGE_PIXELS", str(_MOST_PIXELS))  # read once, at the import
+    module = require("cv2", "videos", "video")
+    getattr(module.utils, "logging", module).setLogLevel(0)  # in OpenCV 5, and 4
+    return module

@@ -109,18 +109,6 @@ def test_what_is_no_file_is_not_opened(tmp_path: Path, name: str) -> None:
         path.unlink()
 
 
-def test_a_sparse_file_is_refused(tmp_path: Path) -> None:
-    for name, start in (("d.npy", npy((2, 10**8, 25, 2))), ("p.json", b"{"), ("p.npz", b"PK\3\4")):
-        path = tmp_path / name
-        path.write_bytes(start)
-        os.truncate(path, 80 * 10**9)
-        if path.stat().st_blocks > 1000:
-            pytest.skip("a file system without sparse files")
-        read = detections if name[0] == "d" else io.read_pose
-        with pytest.raises(sk.DatasetError, match=r"a sparse file: 80\.0 GB|content"):
-            read(path)
-
-
 def test_a_file_larger_than_the_memory_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(_budget, "_available", lambda: 2**27)
     path = tmp_path / "p.json"

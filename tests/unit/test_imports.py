@@ -28,7 +28,7 @@ LAYERS = (
     {"_skelsplat"},
     {"_lock", "_fields"},
     {"_budget"},
-    {"_arrays", "_atomic", "_opencv"},
+    {"_arrays", "_atomic"},
     {"_optional"},
     {"exceptions", "_json", "_words"},
     {"_escape"},

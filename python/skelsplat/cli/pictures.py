@@ -10,7 +10,7 @@ import typer
 from rich.console import Console
 
 import skelsplat as sk
-from skelsplat._opencv import opencv
+from skelsplat._optional import opencv
 from skelsplat.cli import options
 from skelsplat.cli.command import Answer, answers
 from skelsplat.cli.output import print_message, progress, say, tell

@@ -126,7 +126,9 @@ def load_plain_npz(path: Path, kind: str, keys: Collection[str] | None = None) -
 def load_npy(path: Path) -> Any:
     """Return the array of an npy file; one of objects is read by `_guarded`."""
     with opened(path, "a readable npy file") as stream:
-        array = _array(stream, path, "array", os.fstat(stream.fileno()).st_size)
+        size = os.fstat(stream.fileno()).st_size
+        afford(path, "file", size)
+        array = _array(stream, path, "array", size)
     if array is None:
         return read_guarded("npy", path, "a complete pickle", field="array", names=())
     return array

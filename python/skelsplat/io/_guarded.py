@@ -46,72 +46,64 @@ class _Answer(pickle.Unpickler):
         return super().find_class(module, name)
 
 
-class _Child:
-    """The process."""
+class _Reader:
+    """The child of a process, which answers one thread after the other."""
 
     def __init__(self) -> None:
-        self._process = subprocess.Popen(
-            [sys.executable, "-I", str(_CHILD), *(path for path in sys.path if path)],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.DEVNULL,
-            env={**os.environ, "OPENBLAS_NUM_THREADS": "1"},
-            start_new_session=True,  # so that Ctrl-C reaches this process alone
-        )
-        self._owner = os.getpid()
+        self._turns = threading.RLock()
+        self._child: subprocess.Popen[bytes] | None = None
 
     def ask(self, request: dict[str, Any], seconds: float) -> tuple[Any, Any]:
         """Return why a file is refused, or how it ended the child, else nothing; and what it holds."""
-        requests, answers = self._process.stdin, self._process.stdout
-        assert requests is not None
-        assert answers is not None
-        timer = threading.Timer(seconds, self._process.kill)
-        timer.start()
-        try:
-            with contextlib.suppress(BrokenPipeError):
-                requests.write(json.dumps(request).encode() + b"\n")
-                requests.flush()
-            refused, content = _Answer(answers).load()
-        except (EOFError, pickle.UnpicklingError):
-            status = self._process.wait()
-            return f"signal {-status}" if status < 0 else f"status {status}", None
-        finally:
-            timer.cancel()
-        return refused, content
+        with self._turns:
+            child = self._child = self._child or _started()
+            assert child.stdin is not None
+            assert child.stdout is not None
+            timer = threading.Timer(seconds, child.kill)
+            timer.start()
+            try:
+                with contextlib.suppress(BrokenPipeError):
+                    child.stdin.write(json.dumps(request).encode() + b"\n")
+                    child.stdin.flush()
+                refused, content = _Answer(child.stdout).load()
+            except (EOFError, pickle.UnpicklingError):
+                status = child.wait()
+                self.end()
+                return f"signal {-status}" if status < 0 else f"status {status}", None
+            except BaseException:
+                self.end()
+                raise
+            finally:
+                timer.cancel()
+            return refused, content
 
-    def close(self) -> None:
-        """End the process; in a fork of the one that started it, only forget it."""
-        if self._owner == os.getpid():
-            self._process.kill()
-            self._process.wait()
-        else:
-            self._process.returncode = 0
-        for stream in (self._process.stdin, self._process.stdout):
-            if stream is not None:
-                with contextlib.suppress(OSError):
-                    stream.close()
-
-
-_child: _Child | None = None
-_taking_turns = threading.RLock()
+    def end(self) -> None:
+        """End the child; the next file starts another."""
+        child, self._child = self._child, None
+        if child is not None:
+            child.kill()
+            with contextlib.suppress(OSError):
+                child.communicate()
 
 
+def _started() -> subprocess.Popen[bytes]:
+    return subprocess.Popen(
+        [sys.executable, "-I", str(_CHILD), *(path for path in sys.path if path)],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        env={**os.environ, "OPENBLAS_NUM_THREADS": "1"},
+        start_new_session=True,  # so that Ctrl-C reaches this process alone
+    )
+
+
+_readers: dict[int, _Reader] = {}  # by process: a fork has its own
+
+
+@atexit.register
 def _end() -> None:
-    global _child
-    if _child is not None:
-        _child.close()
-    _child = None
-
-
-def _after_fork() -> None:
-    global _taking_turns
-    _taking_turns = threading.RLock()  # the thread that held it may not exist
-    _end()
-
-
-atexit.register(_end)
-if hasattr(os, "register_at_fork"):
-    os.register_at_fork(after_in_child=_after_fork)
+    if os.getpid() in _readers:
+        _readers[os.getpid()].end()
 
 
 def read_guarded(kind: str, path: Path, expected: str, *, field: str = "file", **options: Any) -> Any:
@@ -119,30 +111,18 @@ def read_guarded(kind: str, path: Path, expected: str, *, field: str = "file", *
 
     Files of which memory and time are beyond those of a sound one are refused.
     """
-    global _child
     called, modules = _NEEDED.get(kind, ("", ()))
     for module in modules:
         check_installed(module, f"{path}: {called}")
     with opened(path):
         size = path.stat().st_size
     seconds = _SECONDS + size // _BYTES_PER_SECOND
-    request = {
-        "kind": kind,
-        "path": str(path.absolute()),
-        "memory": _MEMORY + _MEMORY_PER_BYTE * size,
-        "seconds": seconds,
-        "options": options,
-    }
-    with _taking_turns:
-        try:
-            _child = _child or _Child()
-            refused, content = _child.ask(request, _BUSY * (1 + seconds))
-        except BaseException:
-            _end()
-            raise
-        if isinstance(refused, str):
-            _end()
-            raise DatasetError(path, field, expected, f"one that ends its reader ({refused})")
+    memory = _MEMORY + _MEMORY_PER_BYTE * size
+    asked = {"kind": kind, "path": str(path.absolute()), "memory": memory, "seconds": seconds}
+    reader = _readers.setdefault(os.getpid(), _Reader())
+    refused, content = reader.ask({**asked, "options": options}, _BUSY * (1 + seconds))
+    if isinstance(refused, str):
+        raise DatasetError(path, field, expected, f"one that ends its reader ({refused})")
     if refused:
         raise DatasetError(path, (*refused, field)[2], refused[0] or expected, refused[1])
     return content

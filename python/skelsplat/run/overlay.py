@@ -17,7 +17,7 @@ import numpy as np
 
 import skelsplat as sk
 from skelsplat._arrays import Array, Index, median
-from skelsplat._opencv import opencv
+from skelsplat._optional import opencv
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.findings import Finding, Remedy, Subject, warn
 from skelsplat.io._run_files import REPORT, check_people, folders_of_run

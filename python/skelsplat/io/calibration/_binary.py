@@ -14,15 +14,8 @@ from skelsplat._fields import Field
 from skelsplat.exceptions import DatasetError, MissingPackageError
 from skelsplat.io._files import natural
 from skelsplat.io._guarded import read_guarded, unpickle
-from skelsplat.io.calibration._format import (
-    CalibrationFormat,
-    Parsed,
-    RawCamera,
-    Source,
-    camera_of,
-    matrix_of,
-    warn_of_fit,
-)
+from skelsplat.io.calibration._entries import camera_of, matrix_of, warn_of_fit
+from skelsplat.io.calibration._format import CalibrationFormat, Parsed, RawCamera, Source
 
 _OPENCAP = "cameraIntrinsicsExtrinsics"
 _PICKLES = (".pickle", ".pkl")

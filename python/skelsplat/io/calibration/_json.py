@@ -25,17 +25,8 @@ from skelsplat._fields import Field
 from skelsplat.cameras import MM_PER_UNIT
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.io._arrays import as_numbers, load_plain_npz, npz_keys
-from skelsplat.io.calibration._format import (
-    CalibrationFormat,
-    Parsed,
-    RawCamera,
-    Source,
-    camera_of,
-    lens_of,
-    matrix_of,
-    rotation_of,
-    warn_of_no_lens,
-)
+from skelsplat.io.calibration._entries import camera_of, lens_of, matrix_of, rotation_of, warn_of_no_lens
+from skelsplat.io.calibration._format import CalibrationFormat, Parsed, RawCamera, Source
 
 _MARK = "skelsplat-calibration"
 _VERSION = 1
@@ -126,9 +117,7 @@ def to_arrays(rig: sk.CameraRig) -> dict[str, Any]:
     for row, lens in zip(padded, lenses, strict=True):
         row[: lens.size] = lens
     return {
-        "K": np.stack([camera.K for camera in rig]),
-        "R": np.stack([camera.R for camera in rig]),
-        "t": np.stack([camera.t for camera in rig]),
+        **{name: np.stack([getattr(camera, name) for camera in rig]) for name in ("K", "R", "t")},
         "size": np.array([camera.size for camera in rig], dtype=np.int64),
         "names": np.array(rig.names),
         "unit": np.array(rig.unit),
@@ -159,13 +148,8 @@ def _parse_panoptic(source: Source, camera_type: str | None) -> Parsed:
     return [camera_of(entry, lens="distCoef", size="resolution") for entry in chosen], "cm"
 
 
-# (width, height) of the videos
-_SIZES = {
-    "54138969": (1000, 1002),
-    "55011271": (1000, 1000),
-    "58860488": (1000, 1000),
-    "60457274": (1000, 1002),
-}
+# of the videos, which are 1000 wide
+_LINES = {"54138969": 1002, "55011271": 1000, "58860488": 1000, "60457274": 1002}
 
 
 def _is_human36m(source: Source) -> bool:
@@ -194,7 +178,7 @@ def _parse_human36m(source: Source, subject: str | None) -> Parsed:
             R=poses[name]["R"].numbers((3, 3)),
             t=poses[name]["t"].numbers((3,)),
             distortion=lens_of(intrinsics[name]["distortion"]),
-            size=_SIZES.get(name),
+            size=(1000, _LINES[name]) if name in _LINES else None,
         )
         for name in poses.value
     ]

@@ -1,8 +1,7 @@
 """Calibrations in OpenCV's ``FileStorage``: EasyMocap (YAML) and OpenPose (XML), read without OpenCV.
 
-Its YAML is not what other parsers read: the header is ``%YAML:1.0`` and matrices carry the tag
-``!!opencv-matrix``. Read here: numbers, texts, lists of texts (``- a`` lines or ``[a, b]``) and matrices, at
-the top level; of XML the matrices.
+Other parsers refuse its YAML: the header is ``%YAML:1.0``, matrices carry the tag ``!!opencv-matrix``. Read
+here: numbers, texts, lists of texts (``- a`` lines or ``[a, b]``) and matrices, at the top level.
 """
 
 from __future__ import annotations
@@ -18,15 +17,9 @@ import numpy as np
 from skelsplat._budget import check_document, read_text
 from skelsplat._fields import Field
 from skelsplat.exceptions import DatasetError
-from skelsplat.io._files import natural, whole_number
-from skelsplat.io.calibration._format import (
-    CalibrationFormat,
-    Parsed,
-    RawCamera,
-    Source,
-    lens_of,
-    rotation_of,
-)
+from skelsplat.io._files import natural
+from skelsplat.io.calibration._entries import lens_of, rotation_of
+from skelsplat.io.calibration._format import CalibrationFormat, Parsed, RawCamera, Source
 
 _PASSED_OVER = re.compile(r"%YAML.*|#.*|---|\.\.\.|")
 _KEY = re.compile(r"([^\s#%:-][^:]*):(?:\s+(.*))?")
@@ -62,10 +55,13 @@ def _value(path: Path, key: str, first: str, rest: str) -> Any:
         data = re.search(r"\bdata: *\[([^\]]*)\]", rest)
         return _matrix(path, key, {**parts, "data": data[1].replace(",", " ")} if data else parts)
     if first.startswith("["):
-        return [_scalar(one.strip()) for one in f"{first} {rest}".strip("[] ").split(",") if one.strip()]
-    return (
-        _scalar(first) if first else [_scalar(one.strip()) for one in f" {rest}".split(" - ") if one.strip()]
-    )
+        return [one.strip("\"' ") for one in f"{first} {rest}".strip("[] ").split(",") if one.strip()]
+    if not first:
+        return [one.strip("\"' ") for one in f" {rest}".split(" - ") if one.strip()]
+    try:
+        return float(first)
+    except ValueError:
+        return first.strip("\"'")
 
 
 def _matrix(path: Path, key: str, parts: Mapping[str, str]) -> list[list[float]]:
@@ -74,20 +70,7 @@ def _matrix(path: Path, key: str, parts: Mapping[str, str]) -> list[list[float]]
         shape = int(parts["rows"]), int(parts["cols"])
         return np.reshape([float(word) for word in parts["data"].split()], shape).tolist()
     except (KeyError, ValueError) as error:
-        raise DatasetError(
-            path, key, "a matrix with rows, cols and as many numbers in data", error
-        ) from error
-
-
-def _scalar(text: str) -> Any:
-    """Return a number or a text; a quoted number stays a text, and so does one with leading zeros."""
-    if text[:1] in "\"'":
-        return text.strip("\"'")
-    if re.fullmatch(r"[-+]?(0|[1-9]\d*)", text):
-        return whole_number(text)
-    if re.fullmatch(r"[-+]?(\d+(\.\d*)?|\.\d+)([eE][-+]?\d+)?", text) and not text.isdigit():
-        return float(text)
-    return text
+        raise DatasetError(path, key, "a matrix with rows, cols and data", error) from error
 
 
 _ROOT = "opencv_storage"
@@ -151,9 +134,8 @@ def _parse_easymocap(source: Source) -> Parsed:
         own = next((part for part in _PAIR if part in path.name), None)
         pair = [path.with_name(path.name.replace(own, part)) if own else path for part in _PAIR]
     intri, extri = map(_entries, pair)
-    listed = intri.value.get("names", [])
-    names = [str(name) for name in (listed if isinstance(listed, list) else [listed])]
-    names = names or [key.removeprefix("K_") for key in intri.value if key.startswith("K_")]
+    known = [key.removeprefix("K_") for key in intri.value if key.startswith("K_")]
+    names = intri["names"].names() if "names" in intri else known
     return [_easymocap_camera(intri, extri, name) for name in names], None
 
 

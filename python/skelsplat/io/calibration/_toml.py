@@ -1,9 +1,8 @@
 """TOML calibrations of the Anipose family (Anipose, Pose2Sim, FreeMoCap, Caliscope's export) and Caliscope.
 
 Anipose: one table per camera with ``matrix`` 3×3, ``rotation`` (Rodrigues, radians) and ``translation``, both
-world → camera, ``size`` (width, height), ``distortions`` (a camera without them has no lens, which is warned
-of), and optionally ``fisheye``, ``name``. Other tables are passed over. The format has no place for the
-length unit; files that this package wrote state it as ``unit`` under ``metadata``.
+world → camera, ``size`` (width, height), and perhaps ``distortions``, ``fisheye``, ``name``. There is no
+place for the length unit; files that this package wrote state it as ``unit`` under ``metadata``.
 
 Caliscope's ``camera_array.toml``: the tables are ``[cameras.N]``, in metres, the name is ``cam_id`` (older
 files: ``port``), ``rotation`` is a Rodrigues vector or, in older files, a matrix 3×3, and both it and
@@ -34,16 +33,8 @@ from skelsplat._fields import Field, whole_size
 from skelsplat.cameras import MM_PER_UNIT, vector_from_matrix
 from skelsplat.exceptions import DatasetError
 from skelsplat.findings import Finding, warn
-from skelsplat.io.calibration._format import (
-    CalibrationFormat,
-    Parsed,
-    RawCamera,
-    Source,
-    camera_of,
-    cameras_of,
-    rotation_of,
-    warn_of_no_lens,
-)
+from skelsplat.io.calibration._entries import camera_of, cameras_of, rotation_of, warn_of_no_lens
+from skelsplat.io.calibration._format import CalibrationFormat, Parsed, RawCamera, Source
 
 _REQUIRED = ("matrix", "rotation", "translation")
 _LENS = ("distortion", "distortions")
@@ -88,6 +79,10 @@ def _parse_anipose(source: Source) -> Parsed:
 def _anipose_camera(entry: Field, name: str) -> RawCamera:
     lens = next((key for key in _LENS if key in entry), None)
     size = "image_size" if "image_size" in entry and "size" not in entry else "size"
+    return _camera(entry, name, lens, size)
+
+
+def _camera(entry: Field, name: str, lens: str | None, size: str) -> RawCamera:
     turn, fisheye = rotation_of(entry["rotation"]), entry["fisheye"].flag()
     return camera_of(entry, name, K="matrix", R=turn, t="translation", lens=lens, size=size, fisheye=fisheye)
 
@@ -147,22 +142,12 @@ def _parse_caliscope(source: Source) -> Parsed:
 
 
 def _caliscope_camera(entry: Field) -> RawCamera:
-    rotation, fisheye = entry["rotation"], entry["fisheye"].flag()
-    if rotation.is_missing or rotation.value in (None, "null"):
+    if entry["rotation"].is_missing or entry["rotation"].value in (None, "null"):
         expected = "a camera that is calibrated with the others, or ignore = true"
-        raise rotation.error(expected, "no rotation and translation")
+        raise entry["rotation"].error(expected, "no rotation and translation")
     # as its videos are called
     name = f"port_{entry['port'].text()}" if "cam_id" not in entry else f"cam_{entry['cam_id'].text()}"
-    return camera_of(
-        entry,
-        name,
-        K="matrix",
-        R=rotation_of(rotation),
-        t="translation",
-        lens="distortions",
-        size="size",
-        fisheye=fisheye,
-    )
+    return _camera(entry, name, lens="distortions", size="size")
 
 
 def to_toml(rig: sk.CameraRig, note: str | None = None, *, adjusted: bool = False) -> str:

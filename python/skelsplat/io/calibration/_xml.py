@@ -14,15 +14,8 @@ from skelsplat._fields import Field, whole_size
 from skelsplat.cameras import matrix_from_quaternion
 from skelsplat.exceptions import DatasetError
 from skelsplat.findings import Finding, warn
-from skelsplat.io.calibration._format import (
-    CalibrationFormat,
-    Parsed,
-    RawCamera,
-    Source,
-    cameras_of,
-    matrix_of,
-    warn_of_fit,
-)
+from skelsplat.io.calibration._entries import cameras_of, matrix_of, warn_of_fit
+from skelsplat.io.calibration._format import CalibrationFormat, Parsed, RawCamera, Source
 
 Camera = tuple[str, Field]
 """The name of a camera, and its element."""

@@ -10,27 +10,13 @@ from skelsplat._atomic import opening
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.io._files import VIDEO_SUFFIXES, natural
 from skelsplat.io.detections._match import Candidates, cameras_called, match_by_name, match_by_order
-from skelsplat.io.video._frames import (
-    IMAGE_SUFFIXES,
-    FrameSource,
-    Image,
-    PlainFrames,
-    Size,
-    images_in,
-    open_sink,
-    open_source,
-)
-
-__all__ = [
-    "FrameSource",
-    "Image",
-    "PlainFrames",
-    "Size",
-    "find_videos",
-    "open_sink",
-    "open_source",
-    "videos_of",
-]
+from skelsplat.io.video._frames import IMAGE_SUFFIXES, images_in
+from skelsplat.io.video._frames import FrameSource as FrameSource
+from skelsplat.io.video._frames import Image as Image
+from skelsplat.io.video._frames import PlainFrames as PlainFrames
+from skelsplat.io.video._frames import Size as Size
+from skelsplat.io.video._frames import open_sink as open_sink
+from skelsplat.io.video._frames import open_source as open_source
 
 _CHOOSE = "or draw only the cameras that have one (chosen=)"
 
@@ -46,10 +32,9 @@ def find_videos(
 
     A path is a folder with one video, or one folder of images, per camera; what fits no camera is left alone.
     Or it is one video or folder of images, whose camera is the chosen one, or the one of its name. `chosen`
-    are the cameras that are wanted, compared as loosely as the videos' names are; empty for all. `order` is
-    the file or folder of each camera (of the chosen ones, if there are any), or "sorted", instead of matching
-    by name. A chosen camera that is not there and an `order` that does not fit are an `InvalidInputError`; a
-    path without videos and a wanted camera without one, or with more, are a `DatasetError`.
+    are the cameras that are wanted; empty for all. `order` is the file or folder of each wanted camera, or
+    "sorted", instead of matching by name. A chosen camera that is not there and an `order` that does not fit
+    are an `InvalidInputError`; a path without videos and a wanted camera without one a `DatasetError`.
     """
     root = Path(path)
     meant = cameras_called(chosen, names, "cameras")
@@ -57,7 +42,7 @@ def find_videos(
     kind, found = _entries(root)
     if root in found.values():
         return {_camera_of(root, kind, names, wanted): root}
-    texts = {label: path.stem if kind == "file" else label for label, path in found.items()}
+    texts = {label: _name_of(path, kind) for label, path in found.items()}
     if order is not None:
         labels = match_by_order(Candidates(root, kind, texts), wanted, order)
     else:
@@ -81,8 +66,7 @@ def videos_of(paths: str | os.PathLike[str] | Sequence[str | os.PathLike[str]]) 
     for root in map(Path, several):
         kind, entries = _entries(root)
         for path in entries.values():
-            place = path.absolute()  # "." has no name
-            camera = place.stem if kind == "file" else place.name
+            camera = _name_of(path, kind)
             if camera in found:
                 expected = "videos with different names, those of their cameras"
                 raise InvalidInputError(f"videos: expected {expected}, got {found[camera]} and {path}")
@@ -112,11 +96,15 @@ def _camera_of(root: Path, kind: str, names: Sequence[str], wanted: Sequence[str
     """Return the camera of a single video: the only one that is wanted, or the one of its name."""
     if len(wanted) == 1:
         return wanted[0]
-    path = root.absolute()  # "." has no name
-    one = Candidates(root, kind, {path.name: path.stem if kind == "file" else path.name})
+    one = Candidates(root, kind, {root.name: _name_of(root, kind)})
     try:
         labels = match_by_name(one, names, optional=names)
     except DatasetError as error:
         expected = f"the chosen one of {', '.join(wanted)} this {kind} is of"
-        raise DatasetError(root, f"{kind}", expected, "none, and its name does not say") from error
+        raise DatasetError(root, kind, expected, "none, and its name does not say") from error
     return next(iter(labels))
+
+
+def _name_of(path: Path, kind: str) -> str:
+    place = path.absolute()  # "." has no name
+    return place.stem if kind == "file" else place.name

@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from skelsplat._atomic import atomic_path, atomic_write
 from skelsplat._budget import read_bytes
-from skelsplat._opencv import opencv
+from skelsplat._optional import opencv
 from skelsplat.exceptions import DatasetError
 from skelsplat.io.detections._frames import frame_files
 
@@ -76,12 +76,12 @@ class FrameSource:
 class PlainFrames(FrameSource):
     """Light grey frames with a border, where there is no video: of the numbers in ``numbers``."""
 
-    numbers: tuple[int, ...] = ()
+    numbers: tuple[int, ...] = ()  # ascending
 
     @classmethod
     def of(cls, path: Path, size: Size, numbers: Iterable[int]) -> PlainFrames:
-        """Return frames of these ascending numbers; ``path`` is the folder that errors name."""
-        kept = tuple(int(number) for number in numbers)
+        """Return frames of these numbers; ``path`` is the folder that errors name."""
+        kept = tuple(map(int, numbers))
         return cls(path, size, None, kept[0], kept[-1], numbers=kept)
 
     def frames(self, first: int, last: int) -> Iterator[tuple[int, Image]]:
@@ -145,10 +145,10 @@ def _open_images(folder: Path) -> FrameSource:
 def images_in(folder: Path) -> list[Path]:
     """Return the images in a folder, by name."""
     try:
-        shown = sorted(path for path in folder.iterdir() if not path.name.startswith("."))
+        shown = [path for path in folder.iterdir() if path.suffix.lower() in IMAGE_SUFFIXES]
     except OSError:
         return []
-    return [path for path in shown if path.suffix.lower() in IMAGE_SUFFIXES]
+    return sorted(path for path in shown if not path.name.startswith("."))
 
 
 def _read_image(path: Path) -> Image | None:

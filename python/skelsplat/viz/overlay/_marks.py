@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from skelsplat._arrays import Array
-from skelsplat._opencv import opencv
+from skelsplat._optional import opencv
 from skelsplat.viz import _style
 
 Colour = tuple[int, int, int]
