@@ -11,7 +11,6 @@ import skelsplat as sk
 from skelsplat import metrics, synthetic, temporal
 from skelsplat.association import choose_person
 from skelsplat.evaluation import baselines
-from skelsplat.evaluation.scores import mean_interval
 from skelsplat.io import PoseData
 
 
@@ -117,22 +116,21 @@ def _configured(joint_sigmas_mm, view_weights):
 
 
 def _data(pose, covariance, view_weights):
-    return PoseData(
-        pose,
-        sk.layouts.H36M17.joints,
-        np.arange(len(POSES)),
-        "mm",
-        RIG.names,
-        covariance=covariance,
-        view_weights=view_weights,
-    )
+    facts = (sk.layouts.H36M17.joints, np.arange(len(POSES)), "mm", RIG.names)
+    return PoseData(pose, *facts, covariance=covariance, view_weights=view_weights)
+
+
+def _refined(init_pose, detections, confidence, init_sigma):
+    options = {"layout": LAYOUT, "confidence": confidence, "init_sigma": init_sigma}
+    return sk.refine(init_pose, detections, RIG, **options)
+
+
+def _loss(means, log_scales, quaternions, detections):
+    return sk.loss_and_gradient(means, log_scales, quaternions, detections, [c.scaled(0.1) for c in RIG])
 
 
 CALLS: dict[str, tuple[Any, dict[str, np.ndarray]]] = {
-    "Camera": (
-        _camera,
-        {"K": RIG[0].K, "R": RIG[0].R, "t": RIG[0].t, "distortion": RIG[0].distortion},
-    ),
+    "Camera": (_camera, {name: getattr(RIG[0], name) for name in ("K", "R", "t", "distortion")}),
     "Camera.undistort": (lambda points: RIG[0].undistort(points), {"points": FRAME[0]}),
     "RefineConfig": (_configured, {"joint_sigmas_mm": np.full(N, 25.0), "view_weights": np.ones(4)}),
     "project": (lambda points: sk.project(points, RIG), {"points": POSES}),
@@ -145,9 +143,7 @@ CALLS: dict[str, tuple[Any, dict[str, np.ndarray]]] = {
         {"poses": MONOCULAR, "detections": PIXELS},
     ),
     "refine": (
-        lambda init_pose, detections, confidence, init_sigma: sk.refine(
-            init_pose, detections, RIG, layout=LAYOUT, confidence=confidence, init_sigma=init_sigma
-        ),
+        _refined,
         {
             "init_pose": START,
             "detections": FRAME,
@@ -180,9 +176,7 @@ CALLS: dict[str, tuple[Any, dict[str, np.ndarray]]] = {
         {"detections": FRAME[0, :4] * 0.1, "means": START[:4]},
     ),
     "loss_and_gradient": (
-        lambda means, log_scales, quaternions, detections: sk.loss_and_gradient(
-            means, log_scales, quaternions, detections, [c.scaled(0.1) for c in RIG]
-        ),
+        _loss,
         {
             "means": START,
             "log_scales": np.full((N, 3), 3.0),
@@ -190,53 +184,25 @@ CALLS: dict[str, tuple[Any, dict[str, np.ndarray]]] = {
             "detections": FRAME * 0.1,
         },
     ),
-    "mpjpe": (metrics.mpjpe, {"pred": POSES + 3.0, "gt": POSES}),
-    "pa_mpjpe": (metrics.pa_mpjpe, {"pred": POSES * 1.01, "gt": POSES}),
-    "root_relative_mpjpe": (
-        lambda pred, gt: metrics.root_relative_mpjpe(pred, gt, root=0, reduce="none"),
-        {"pred": POSES * 1.01, "gt": POSES},
-    ),
-    "missing_rate": (metrics.missing_rate, {"pred": POSES, "gt": POSES}),
-    "pck": (metrics.pck, {"pred": POSES + 80.0, "gt": POSES}),
-    "auc": (metrics.auc, {"pred": POSES + 30.0, "gt": POSES}),
+    **{
+        name: (getattr(metrics, name), {"pred": 1.01 * POSES + 30.0, "gt": POSES})
+        for name in ("mpjpe", "pa_mpjpe", "missing_rate", "pck", "auc")
+    },
     "pcp": (
         lambda pred, gt: metrics.pcp(pred, gt, [(1, 2), (2, 3)]),
         {"pred": POSES + 90.0, "gt": POSES},
     ),
-    "sigma_coverage": (
-        metrics.sigma_coverage,
-        {"pred": START, "covariance": SPREAD, "gt": POSES[0]},
-    ),
-    "fill_gaps": (
-        lambda pose: temporal.fill_gaps(pose, 3, method="linear"),
-        {"pose": POSES},
-    ),
-    "butterworth": (lambda pose: temporal.butterworth(pose, 50.0, order=2), {"pose": POSES}),
-    "one_euro": (lambda pose: temporal.one_euro(pose, 50.0, min_cutoff=1.0, beta=0.1), {"pose": POSES}),
-    "choose_person": (
-        lambda people: choose_person(people, RIG),
-        {"people": SEEN[:3, :, None]},
-    ),
+    "sigma_coverage": (metrics.sigma_coverage, {"pred": START, "covariance": SPREAD, "gt": POSES[0]}),
+    "fill_gaps": (lambda pose: temporal.fill_gaps(pose, 3), {"pose": POSES}),
+    "butterworth": (lambda pose: temporal.butterworth(pose, 50.0), {"pose": POSES}),
+    "choose_person": (lambda people: choose_person(people, RIG), {"people": SEEN[:3, :, None]}),
     "simulate_detections": (
         lambda points: synthetic.simulate_detections(points, RIG, noise=synthetic.DetectionNoise()),
         {"points": POSES},
     ),
-    "perturb": (lambda points: synthetic.perturb(points, 5.0), {"points": POSES}),
     "monocular_poses": (lambda points: synthetic.monocular_poses(points, RIG, 5.0), {"points": POSES}),
     "in_layout": (lambda points: synthetic.in_layout(points, sk.layouts.COCO17), {"points": POSES}),
-    "look_at": (
-        synthetic.look_at,
-        {
-            "eye": np.array([1.0, 2.0, 3.0]),
-            "target": np.array([5.0, 5.0, 1.0]),
-            "up": np.array([0.0, 0.1, 1.0]),
-        },
-    ),
     "baselines": (lambda detections: baselines.dlt(detections, RIG), {"detections": SEEN}),
-    "mean_interval": (
-        mean_interval,
-        {"sums": np.array([3.0, 5.0, 4.0, 8.0]), "counts": np.array([1.0, 2.0, 2.0, 3.0])},
-    ),
     "PoseData": (
         _data,
         {

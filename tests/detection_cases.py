@@ -13,30 +13,16 @@ import detection_files as files
 
 @dataclass(frozen=True)
 class Case:
-    """A way to write a format, and what of the detections it keeps.
-
-    Attributes
-    ----------
-    write : callable
-    format : str
-        What it is found to be.
-    people, confidence, frames : bool
-        The format has more than one person, confidences, numbers of frames.
-    precision : type
-        Of the numbers in the file.
-    layout : str
-    order : str or None
-        How cameras are matched where the file does not name them.
-    """
+    """A way to write a format, and what of the detections it keeps."""
 
     write: Callable[..., Path]
     format: str
-    people: bool = True
+    people: bool = True  # more than one
     confidence: bool = True
-    frames: bool = True
+    frames: bool = True  # their numbers
     precision: type = np.float64
     layout: str = "h36m17"
-    order: str | None = None
+    order: str | None = None  # how cameras are matched where the file does not name them
 
 
 _ALONE = {"people": False, "confidence": False, "frames": False}

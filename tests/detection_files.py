@@ -8,6 +8,7 @@ from __future__ import annotations
 import csv
 import json
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -93,74 +94,73 @@ def easymocap(root: Path, take: Take) -> Path:
 
 
 def mmpose(root: Path, take: Take) -> Path:
-    meta = {"dataset_name": "own", "keypoint_id2name": {str(k): joint for k, joint in enumerate(take.joints)}}
+    def instance(person):
+        keypoints, scores = np.nan_to_num(person[:, :2], nan=-1.0), np.nan_to_num(person[:, 2])
+        box = {"bbox": [[0.0, 0.0, 9.0, 9.0]], "bbox_score": 0.9}
+        return {"keypoints": keypoints.tolist(), "keypoint_scores": scores.tolist(), **box}
+
+    names = {str(k): joint for k, joint in enumerate(take.joints)}
+    meta = {"dataset_name": "own", "keypoint_id2name": names}
     for name, view in take.views():
         frames = [
-            {
-                "frame_id": take.first + t,
-                "instances": [
-                    {
-                        "keypoints": np.nan_to_num(p[:, :2], nan=-1.0).tolist(),
-                        "keypoint_scores": np.nan_to_num(p[:, 2]).tolist(),
-                        "bbox": [[0.0, 0.0, 9.0, 9.0]],
-                        "bbox_score": 0.9,
-                    }
-                    for p in persons(frame)
-                ],
-            }
+            {"frame_id": take.first + t, "instances": [instance(p) for p in persons(frame)]}
             for t, frame in enumerate(view)
         ]
         (root / f"results_{name}.json").write_text(json.dumps({"meta_info": meta, "instance_info": frames}))
     return root
 
 
-def alphapose(root: Path, take: Take) -> Path:
-    for name, view in take.views():
-        found = [
+def _results(take: Take, view: np.ndarray, image: str) -> str:
+    """Return a list of people in images by "number" or "name"."""
+    return json.dumps(
+        [
             {
-                "image_id": f"{take.first + t}.jpg",
+                "image_id": take.first + t if image == "number" else f"{take.first + t}.jpg",
                 "category_id": 1,
                 "keypoints": flat(p),
                 "score": 2.7,
-                "idx": i,
             }
             for t, frame in enumerate(view)
-            for i, p in enumerate(persons(frame))
+            for p in persons(frame)
         ]
+    )
+
+
+def alphapose(root: Path, take: Take) -> Path:
+    for name, view in take.views():
         (root / name).mkdir()
-        (root / name / "alphapose-results.json").write_text(json.dumps(found))
+        (root / name / "alphapose-results.json").write_text(_results(take, view, "name"))
     return root
 
 
 def coco(root: Path, take: Take) -> Path:
     for name, view in take.views():
-        found = [
-            {"image_id": take.first + t, "category_id": 1, "keypoints": flat(p), "score": 0.7}
-            for t, frame in enumerate(view)
-            for p in persons(frame)
-        ]
-        (root / f"{name}.json").write_text(json.dumps(found))
+        (root / f"{name}.json").write_text(_results(take, view, "number"))
+    return root
+
+
+def _rtmlib(root: Path, take: Take, save: Callable[[Path, np.ndarray, np.ndarray], None]) -> Path:
+    for name, view in take.views():
+        (root / name).mkdir()
+        for t, frame in enumerate(view):
+            found = np.array(persons(frame)).reshape(-1, len(take.joints), 3)
+            save(root / name / f"{take.first + t:06d}", found[..., :2], np.nan_to_num(found[..., 2]))
     return root
 
 
 def rtmlib_frames(root: Path, take: Take) -> Path:
-    for name, view in take.views():
-        (root / name).mkdir()
-        for t, frame in enumerate(view):
-            found = np.array(persons(frame)).reshape(-1, len(take.joints), 3)
-            keypoints, scores = np.nan_to_num(found[..., :2], nan=-1.0), np.nan_to_num(found[..., 2])
-            np.savez(root / name / f"{take.first + t:06d}.npz", keypoints=keypoints, scores=scores)
-    return root
+    def save(path, keypoints, scores):
+        np.savez(path, keypoints=np.nan_to_num(keypoints, nan=-1.0), scores=scores)
+
+    return _rtmlib(root, take, save)
 
 
 def rtmlib_pairs(root: Path, take: Take) -> Path:
-    for name, view in take.views():
-        (root / name).mkdir()
-        for t, frame in enumerate(view):
-            found = np.array(persons(frame)).reshape(-1, len(take.joints), 3)
-            np.save(root / name / f"{take.first + t}_keypoints.npy", found[..., :2].astype(np.float64))
-            np.save(root / name / f"{take.first + t}_scores.npy", np.nan_to_num(found[..., 2]))
-    return root
+    def save(path, keypoints, scores):
+        np.save(f"{path}_keypoints.npy", keypoints)
+        np.save(f"{path}_scores.npy", scores)
+
+    return _rtmlib(root, take, save)
 
 
 def rtmlib_cameras(root: Path, take: Take) -> Path:
@@ -217,32 +217,19 @@ def _deeplabcut(root: Path, take: Take, *, multi: bool, suffix: str, key="df_wit
     return root
 
 
-def deeplabcut(root: Path, take: Take) -> Path:
-    return _deeplabcut(root, take, multi=False, suffix=".h5")
-
-
-def deeplabcut_multi(root: Path, take: Take) -> Path:
-    return _deeplabcut(root, take, multi=True, suffix=".h5")
-
-
-def deeplabcut_tracks(root: Path, take: Take) -> Path:
-    """Write what DeepLabCut's ``stitch_tracklets`` writes."""
-    return _deeplabcut(root, take, multi=True, suffix=".h5", key="tracks")
-
-
-def deeplabcut_csv(root: Path, take: Take) -> Path:
-    return _deeplabcut(root, take, multi=False, suffix=".csv")
-
-
-def deeplabcut_csv_multi(root: Path, take: Take) -> Path:
-    return _deeplabcut(root, take, multi=True, suffix=".csv")
+deeplabcut = partial(_deeplabcut, multi=False, suffix=".h5")
+deeplabcut_multi = partial(_deeplabcut, multi=True, suffix=".h5")
+# what DeepLabCut's ``stitch_tracklets`` writes
+deeplabcut_tracks = partial(_deeplabcut, multi=True, suffix=".h5", key="tracks")
+deeplabcut_csv = partial(_deeplabcut, multi=False, suffix=".csv")
+deeplabcut_csv_multi = partial(_deeplabcut, multi=True, suffix=".csv")
 
 
 EDGES = [(0, 1), (1, 2), (2, 3), (0, 4)]
 _SLEAP_AXES = ("frame", "track", "node", "xy")
 
 
-def _sleap(root: Path, take: Take, axes, *, scores=True, **attrs) -> Path:
+def _sleap(root: Path, take: Take, *, axes, scores=True, **attrs) -> Path:
     """Write SLEAP's analysis files with these axes of the tracks, the rest as its `write_tracking_h5`."""
     import h5py
 
@@ -270,23 +257,16 @@ def _sleap(root: Path, take: Take, axes, *, scores=True, **attrs) -> Path:
     return root
 
 
-def sleap(root: Path, take: Take) -> Path:
-    return _sleap(root, take, ("track", "xy", "node", "frame"))
-
-
-def sleap_without_scores(root: Path, take: Take) -> Path:
-    """Write the files of SLEAP before version 1.1.4."""
-    return _sleap(root, take, ("track", "xy", "node", "frame"), scores=False)
-
-
-def sleap_unturned(root: Path, take: Take) -> Path:
-    """Write the files of SLEAP's `write_occupancy_file` with ``transpose=False``."""
-    return _sleap(root, take, ("frame", "node", "xy", "track"))
-
-
-def sleap_standard(root: Path, take: Take) -> Path:
-    """Write the files of sleap-io with ``preset="standard"``."""
-    return _sleap(root, take, _SLEAP_AXES, preset="standard", format="analysis", sleap_io_version="1.0")
+_TURNED = ("track", "xy", "node", "frame")
+sleap = partial(_sleap, axes=_TURNED)
+# before version 1.1.4
+sleap_without_scores = partial(_sleap, axes=_TURNED, scores=False)
+# SLEAP's `write_occupancy_file` with ``transpose=False``
+sleap_unturned = partial(_sleap, axes=("frame", "node", "xy", "track"))
+# sleap-io with ``preset="standard"``
+sleap_standard = partial(
+    _sleap, axes=_SLEAP_AXES, preset="standard", format="analysis", sleap_io_version="1.0"
+)
 
 
 def sleap_csv(root: Path, take: Take) -> Path:
@@ -312,7 +292,7 @@ def _node_columns(person: np.ndarray, joints) -> Iterator[tuple[str, object]]:
             yield f"{joint}.{part}", "" if np.isnan(value) else value
 
 
-def _caliscope(root: Path, take: Take, camera: str, point: str, *, objects: bool, first: int = 1) -> Path:
+def _caliscope(root: Path, take: Take, first: int = 1, *, camera: str, point: str, objects: bool) -> Path:
     """Write Caliscope's xy file, whose cameras have only numbers; a missing point has no line."""
     lines = [
         {
@@ -337,13 +317,9 @@ def _caliscope(root: Path, take: Take, camera: str, point: str, *, objects: bool
     return path
 
 
-def caliscope(root: Path, take: Take, first: int = 1) -> Path:
-    return _caliscope(root, take, "cam_id", "keypoint_id", objects=True, first=first)
-
-
-def caliscope_ports(root: Path, take: Take, first: int = 1) -> Path:
-    """Write the file of versions before 2026, without objects."""
-    return _caliscope(root, take, "port", "point_id", objects=False, first=first)
+caliscope = partial(_caliscope, camera="cam_id", point="keypoint_id", objects=True)
+# versions before 2026
+caliscope_ports = partial(_caliscope, camera="port", point="point_id", objects=False)
 
 
 def freemocap(root: Path, take: Take) -> Path:

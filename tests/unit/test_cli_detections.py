@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import json
+import shutil
 
 import numpy as np
 import pytest
 from typer.testing import CliRunner
 
 import skelsplat as sk
-from command_line import assert_fails, invoke, read_report, texts
+from command_line import READ, assert_fails, invoke, read_report, texts
 from detection_cases import CASES
 from detection_files import Take
 from skelsplat.cli import app
-from skelsplat.io import read_detections, read_npz
+from skelsplat.io import read_detections, read_npz, read_run
 
 OPTIONS = ["--unit", "mm", "--layout", "h36m17", "--fps", "50", "-q"]
 JOINTS = sk.layouts.H36M17.joints
@@ -47,7 +48,7 @@ def report(folder):
     return json.loads((folder / "out" / "report.json").read_text())["input"]
 
 
-@pytest.mark.parametrize("name", ["coco", "mmpose", "rtmlib_frames", "deeplabcut_csv", "sleap", "npz", "csv"])
+@pytest.mark.parametrize("name", ["mmpose", "sleap", "npz"])
 def test_the_format_is_found_and_reported(recording, take, expected, name):
     folder, _, _ = recording
     result = refine(folder, written(folder, name, take))
@@ -105,12 +106,10 @@ def test_sorted_order_of_views_without_names(recording, take, expected):
     np.testing.assert_array_equal(read_npz(folder / "out" / "pose.npz").pose, expected)
 
 
-@pytest.mark.parametrize("command", ["refine", "check-cameras"])
 @pytest.mark.parametrize(
     ("option", "values"),
     [
         ("--format", ["yolo"]),
-        ("--offset", ["cam1"]),
         ("--offset", ["cam1=0.5s"]),
         ("--offset", ["cam1=1", "cam1=2"]),
         ("--offset", ["cam9=1"]),
@@ -119,11 +118,10 @@ def test_sorted_order_of_views_without_names(recording, take, expected):
         ("--order", ["a,b"]),
     ],
 )
-def test_options_that_do_not_fit_the_files(recording, command, option, values):
+def test_options_that_do_not_fit_the_files(recording, option, values):
     folder, _, _ = recording
     given = [word for value in values for word in (option, value)]
-    out = ["-o", folder / "out"] if command == "refine" else []
-    result = invoke(command, folder / "Calib.toml", folder / "openpose", *OPTIONS[:4], *out, *given)
+    result = invoke("check-cameras", folder / "Calib.toml", folder / "openpose", *OPTIONS[:4], *given)
     assert_fails(result, 2, f"error: {option}: ")
 
 
@@ -139,13 +137,86 @@ def test_a_missing_package_is_one_line(recording, take, monkeypatch):
     assert "pip install 'skelsplat[formats]'" in result.stderr
 
 
-@pytest.mark.parametrize("command", ["refine", "check-cameras", "adjust-cameras"])
-@pytest.mark.parametrize("frames", ["strict", "intersection", "union"])
-def test_detections_without_frames_are_named(recording, command, frames):
+@pytest.mark.parametrize("frames", ["strict", "union"])
+def test_detections_without_frames_are_named(recording, frames):
     folder, rig, _ = recording
     path = folder / "empty.npz"
     np.savez(path, detections=np.empty((0, len(rig), len(JOINTS), 3)), camera_names=np.array(rig.names))
-    out = {"refine": ["-o", folder / "out"], "adjust-cameras": ["-o", folder / "new.toml"]}.get(command, [])
-    result = invoke(command, folder / "Calib.toml", path, *OPTIONS[:4], "--frames", frames, *out)
+    result = refine(folder, path, "--frames", frames)
     assert_fails(result, 1, f"error: {path}: frames: expected at least one frame, got none")
     assert not (folder / "out").exists()
+
+
+# Without a camera.
+
+OUT = "cam3"
+KEPT = ("cam1", "cam2", "cam4")
+
+
+def refine_without(folder, detections, *options):
+    args = ["refine", folder / "Calib.toml", detections, "-o", folder / "out", *READ, "--without", OUT]
+    return invoke(*args, "--fps", "50", "--frame-by-frame", "-q", "--no-html", *options)
+
+
+def pose(folder):
+    return read_npz(folder / "out" / "pose.npz").pose
+
+
+@pytest.fixture
+def expected_without(recording):
+    """Return the pose of the other three cameras, which OpenPose folders give."""
+    folder, rig, _ = recording
+    detections = read_detections(folder / "openpose", rig, layout="h36m17").people[:, :, 0]
+    kept = [rig.names.index(name) for name in KEPT]
+    three = sk.CameraRig([rig[i] for i in kept], unit=rig.unit)
+    return sk.refine(None, detections[:, kept], three, layout="h36m17").pose
+
+
+@pytest.mark.parametrize("there", [True, False])
+def test_its_folder_may_be_there_or_not(recording, expected_without, there):
+    folder, _, _ = recording
+    if there:  # frames of its own would be refused by --frames strict
+        next((folder / "openpose" / OUT).iterdir()).unlink()
+    else:
+        shutil.rmtree(folder / "openpose" / OUT)
+    result = refine_without(folder, folder / "openpose", "--offset", f"{OUT}=3")
+    assert result.exit_code == 0, result.output
+    np.testing.assert_allclose(pose(folder), expected_without, rtol=1e-9)
+    assert read_run(folder / "out").rig.names == KEPT
+    stated = json.loads((folder / "out" / "report.json").read_text())["input"]
+    assert stated["without"] == [OUT]
+
+
+@pytest.mark.parametrize("count", [3, 4])
+@pytest.mark.parametrize("name", ["deeplabcut_csv", "npz"])
+def test_every_kind_of_detections_with_all_views_or_without_the_one(recording, expected_without, name, count):
+    folder, rig, _ = recording
+    people = read_detections(folder / "openpose", rig, layout="h36m17").people
+    kept = range(4) if count == 4 else [rig.names.index(camera) for camera in KEPT]
+    (folder / name).mkdir()
+    take = Take(people[:, list(kept)], [rig.names[i] for i in kept], list(sk.layouts.H36M17.joints))
+    result = refine_without(folder, CASES[name].write(folder / name, take))
+    assert result.exit_code == 0, result.output
+    np.testing.assert_allclose(pose(folder), expected_without, rtol=1e-9)
+
+
+def test_names_that_are_none_and_too_few_cameras_are_bad_usage(recording):
+    folder, _, _ = recording
+    result = refine_without(folder, folder / "openpose", "--without", "cam9")
+    assert_fails(result, 2, "--without: ", "cam1, cam2, cam3, cam4", "'cam9'")
+    result = refine_without(folder, folder / "openpose", "--without", "cam1", "--without", "cam2")
+    assert_fails(result, 2, "--without: ", "two cameras or more", "got 1")
+    shutil.rmtree(folder / "openpose" / "cam1")
+    said = ["none for cam1", "without="]
+    assert_fails(refine_without(folder, folder / "openpose"), 1, *said)
+
+
+def test_check_cameras_leaves_out_a_camera_that_was_not_recorded(recording):
+    folder, _, _ = recording
+    shutil.rmtree(folder / "openpose" / OUT)
+    check = ["check-cameras", folder / "Calib.toml", folder / "openpose", "--layout", "h36m17"]
+    assert_fails(invoke(*check), 1, f"none for {OUT}", "without=")
+    assert_fails(invoke(*check, "--without", "door"), 2, "--without: expected a camera, one of cam1")
+    result = invoke(*check, "--without", "cam_03", "--json")
+    assert result.exit_code == 0, result.output
+    assert [row["name"] for row in json.loads(result.stdout)["cameras"]] == list(KEPT)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-
 import numpy as np
 import pytest
 
@@ -65,18 +63,6 @@ def test_detections_of_steady_motion_are_shifted_exactly(clock):
     np.testing.assert_allclose(found[inside], (FIGURE + (times + clock) * STEP)[inside], atol=1e-12)
 
 
-def write_openpose(root, people, numbers):
-    """Write people (T, M, P, N, 3) with these frame numbers, those of a camera in its own folder."""
-    for m in range(people.shape[1]):
-        folder = root / f"cam{m + 1}"
-        folder.mkdir(parents=True)
-        for t, number in enumerate(numbers):
-            there = [p for p in people[t, m] if np.isfinite(p[..., 0]).any()]
-            content = {"people": [{"pose_keypoints_2d": np.nan_to_num(p).ravel().tolist()} for p in there]}
-            (folder / f"cam{m + 1}_{number:012d}_keypoints.json").write_text(json.dumps(content))
-    return root
-
-
 @pytest.mark.parametrize("every", [1, 2])
 @pytest.mark.parametrize("offset", [0.4, -0.4, 3.6])
 def test_files_are_read_between_frames(tmp_path, offset, every):
@@ -86,7 +72,9 @@ def test_files_are_read_between_frames(tmp_path, offset, every):
     people[..., 2] = 0.5
     people[:, :, 1, :, 0] += 600.0
     people[1::2] = people[1::2, :, ::-1]  # the order of the people is the detector's
-    folder = write_openpose(tmp_path / "pose", people, every * np.arange(12))
+    folder, frames = tmp_path, every * np.arange(12)
+    for m in range(2):
+        np.savez(folder / f"cam{m + 1}.npz", detections=people[:, m], frames=frames)
     options = {"layout": "coco17", "offsets": {"cam2": offset}, "frames": "union"}
     opened = open_detections(folder, ["cam1", "cam2"], **options)
     found = opened.read()

@@ -65,7 +65,6 @@ def test_a_wrong_confidence_is_named_where_it_was_given(entry, detections, rig):
     with pytest.raises(sk.InvalidInputError) as caught:
         call(found, rig)
     assert str(caught.value).startswith(f"{place}: expected ")
-    assert str(caught.value).endswith(", got 1.2")
 
 
 @pytest.mark.parametrize("entry", [entry for entry in ENTRIES if entry not in ("baselines",)])
@@ -84,17 +83,15 @@ def test_a_confidence_slightly_above_1_counts_as_1_with_one_warning(entry, detec
     assert found[1, 2, 3, 2] == 1.0103
 
 
-@pytest.mark.parametrize("score", [-1.0, 95.0, np.inf])
 @pytest.mark.parametrize("entry", ENTRIES)
-def test_the_confidence_of_a_missing_detection_does_not_count(entry, score, detections, rig):
+def test_the_confidence_of_a_missing_detection_does_not_count(entry, detections, rig):
     call, _ = ENTRIES[entry]
     found = detections.copy()
     found[1, 2, 3] = np.nan
     without = call(found, rig)
-    found[1, 2, 3, 2] = score
-    np.testing.assert_array_equal(call(found, rig), without)
-    found[1, 2, 3, 1] = 5.0  # half a pixel is none
-    np.testing.assert_array_equal(call(found, rig), without)
+    for score in (-1.0, 95.0, np.inf):
+        found[1, 2, 3] = [np.nan, 5.0, score]  # half a pixel is none
+        np.testing.assert_array_equal(call(found, rig), without)
 
 
 def npz(root, view):
@@ -121,16 +118,16 @@ def openpose(root, view):
 @pytest.mark.parametrize("write", [npz, csv, openpose])
 def test_nor_does_it_in_files(tmp_path, write, detections):
     view = detections[:, 0].copy()
-    view[1, 3] = [np.nan, np.nan, -1.0]
-    write(tmp_path, view)
-    found = read_detections(tmp_path, ["cam"], layout=H36M).people[:, 0, 0]
+
+    def read(name, joint):
+        view[1, 3] = joint
+        (tmp_path / name).mkdir()
+        write(tmp_path / name, view)
+        return read_detections(tmp_path / name, ["cam"], layout=H36M).people[:, 0, 0]
+
+    found = read("missing", [np.nan, np.nan, -1.0])
     assert np.isnan(found[1, 3]).all()
     assert np.isfinite(found).all(axis=-1).sum() == found[..., 0].size - 1
-    view[1, 3] = [5.0, 5.0, 1.05]
-    write(tmp_path, view) if write is not openpose else None
-    assert write is openpose or read_detections(tmp_path, ["cam"], layout=H36M).people[1, 0, 0, 3, 2] == 1.0
-    view[1, 3] = [5.0, 5.0, -1.0]
-    (tmp_path / "seen").mkdir()
-    write(tmp_path / "seen", view)
+    assert read("above", [5.0, 5.0, 1.05])[1, 3, 2] == 1.0
     with pytest.raises(sk.DatasetError, match=r"expected a confidence.*, got -1"):
-        read_detections(tmp_path / "seen", ["cam"], layout=H36M)
+        read("below", [5.0, 5.0, -1.0])

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import skelsplat as sk
+from broken_detections import NAMES, anybody, write_case
 from detection_cases import CASES
 from detection_files import Take
 from skelsplat import synthetic
@@ -141,7 +142,7 @@ def test_offsets_are_for_cameras_and_numbers(tmp_path, people, place, rig):
         read_detections(path, rig, layout="h36m17", offsets={rig.names[0]: 10})
 
 
-@pytest.mark.parametrize("name", ["alphapose", "coco", "csv", "sleap_csv", "caliscope"])
+@pytest.mark.parametrize("name", ["coco", "csv", "sleap_csv"])
 def test_a_frame_without_people_is_not_listed_and_not_an_error(tmp_path, people, place, rig, name):
     people = people.copy()
     people[2, 1] = np.nan
@@ -149,7 +150,7 @@ def test_a_frame_without_people_is_not_listed_and_not_an_error(tmp_path, people,
     np.testing.assert_array_equal(read(CASES[name], path, rig).people, expected)
 
 
-@pytest.mark.parametrize("name", ["rtmlib_frames", "rtmlib_cameras", "mmpose", "alphapose", "coco", "sleap"])
+@pytest.mark.parametrize("name", ["rtmlib_frames", "mmpose", "coco", "sleap"])
 def test_scores_that_are_no_probabilities_are_clipped(tmp_path, people, place, rig, name):
     people = people.copy()
     people[0, 2, 0, 3, 2], people[0, 2, 0, 4, 2] = 1.7, -0.2
@@ -165,3 +166,23 @@ def test_parts_of_the_image_for_pixels(tmp_path, people, place, rig, name):
     path, _ = written(case, tmp_path, people / [1000.0, 1000.0, 1.0], place, rig)
     with pytest.raises(sk.DatasetError, match="keypoints: expected pixels"):
         read(case, path, rig)
+
+
+def test_deeplabcut_writes_minus_one_for_an_individual_that_it_does_not_find(tmp_path):
+    people = anybody()
+    people[1, 0, 1] = -1.0
+    path = write_case(tmp_path, "deeplabcut_csv_multi", people=people)
+    found = read_detections(path, NAMES, layout="h36m17").people
+    assert np.isnan(found[1, 0, 1]).all()
+    np.testing.assert_array_equal(found[1, 0, 0], people[1, 0, 0])
+
+
+def test_zeros_with_a_confidence_are_missing_if_there_are_several(tmp_path):
+    people = anybody()
+    people[0, 0, 0, 3, :2] = people[2, 0, 1, 5, :2] = people[1, 1, 0, 7, :2] = 0.0  # two in camA, one in camB
+    path = write_case(tmp_path, "openpose", people=people)
+    found = read_detections(path, NAMES, layout="h36m17").people
+    assert np.isnan(found[0, 0, 0, 3]).all()
+    assert np.isnan(found[2, 0, 1, 5]).all()
+    np.testing.assert_array_equal(found[1, 1, 0, 7], people[1, 1, 0, 7])
+    assert np.isnan(found).sum() == 6

@@ -1,4 +1,4 @@
-"""Which joint of a file is which joint of the layout."""
+"""Which joint of a file is which joint of the layout, and the skeletons that files have."""
 
 from __future__ import annotations
 
@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 import skelsplat as sk
-from broken_detections import NAMES, K, anybody, first_joints, write_case
+from broken_detections import NAMES, Broken, K, anybody, first_joints, write_case
+from detection_files import EDGES
 from skelsplat.findings import FindingWarning
-from skelsplat.io import read_detections
+from skelsplat.io import read_detections, read_skeleton
 
 H36M, COCO = sk.layouts.H36M17, sk.layouts.COCO17
 MAIN = anybody()
@@ -149,3 +150,51 @@ def test_mediapipes_points_are_known_by_their_number_where_no_other_has_as_many(
     found = read_detections(path, NAMES, layout="coco17", order="sorted").people[0, 0, 0]
     for joint, value in (("nose", 1.0), ("left_shoulder", 2.0), ("left_hip", 3.0)):
         assert found[COCO.joints.index(joint), 0] == value
+
+
+def test_an_old_caliscope_tracker_has_mediapipes_joints_by_name(tmp_path):
+    path = write(tmp_path, "caliscope_ports")
+    path = path.rename(tmp_path / "xy_POSE.csv")
+    found = read_detections(path, NAMES, layout="coco17", order="sorted")
+    np.testing.assert_array_equal(found.people[0, :, 0, 9, 0], MAIN[0, :, 0, 15, 0])  # left wrist
+    assert np.isnan(found.people[:, :, :, 11:]).all()  # points 17 and above: without a line in this file
+
+
+@pytest.mark.parametrize("name", ["sleap", "sleap_csv", "deeplabcut_tracks", "csv"])
+def test_the_skeleton_of_a_file_or_folder(tmp_path, name):
+    path = write(tmp_path, name)
+    for place in {path, Broken(tmp_path, name).file}:
+        names, edges = read_skeleton(place)
+        assert set(names) == set(H36M.joints)
+        assert edges == (tuple(EDGES) if name.startswith("sleap") and name != "sleap_csv" else ())
+
+
+CONFIG = """
+Task: openfield
+multianimalproject:{multi}
+bodyparts:{parts}
+# Plotting configuration
+skeleton:
+{skeleton}
+skeleton_color: black
+corner2move2:
+- 50
+"""
+
+
+@pytest.mark.parametrize(
+    ("multi", "parts", "skeleton"),
+    [
+        ("", "\n- nose\n- 'left ear'\n- tail", "- - nose\n  - left ear\n- - nose\n  - tail"),
+        ("", " [nose, left ear, tail]", "  - [nose, left ear]  # by hand\n  - [nose, tail]"),
+        (
+            " true\nmultianimalbodyparts:\n- nose\n- left ear\n- tail",
+            " MULTI!",
+            "- [nose, left ear]\n- [nose, tail]",
+        ),
+    ],
+)
+def test_the_skeleton_of_a_deeplabcut_project(tmp_path, multi, parts, skeleton):
+    path = tmp_path / "config.yaml"
+    path.write_text(CONFIG.format(multi=multi, parts=parts, skeleton=skeleton))
+    assert read_skeleton(path) == (("nose", "left ear", "tail"), ((0, 1), (0, 2)))
