@@ -24,15 +24,7 @@ Severity = Literal["error", "warning", "note"]
 
 @dataclass(frozen=True)
 class Subject:
-    """What a finding concerns; an empty tuple means all of them.
-
-    Attributes
-    ----------
-    cameras, joints : tuple of str
-    frames : tuple of int
-        Frame numbers of the files.
-    files, takes : tuple of str
-    """
+    """What a finding concerns: names, and frame numbers of the files; an empty tuple means all of them."""
 
     cameras: tuple[str, ...] = ()
     joints: tuple[str, ...] = ()
@@ -45,12 +37,7 @@ class Subject:
 class Remedy:
     """A setting of a run (a field of `skelsplat.run.Job` or of its settings) that helps, and its value.
 
-    Attributes
-    ----------
-    setting : str
-        Its name: ``"without"``.
-    value : Any
-        Its value: ``"cam_03"``; True for a switch, None where the user chooses.
+    ``("without", "cam_03")``; True for a switch, None where the user chooses.
     """
 
     setting: str
@@ -59,30 +46,18 @@ class Remedy:
 
 @dataclass(frozen=True)
 class Finding:
-    """Something that is wrong, may be wrong, or is worth knowing.
+    """Something that is wrong, may be wrong, or is worth knowing."""
 
-    Attributes
-    ----------
-    kind : str
-        Such as ``"camera_disagrees"``; docs/errors.md lists all.
-    severity : str
-        ``"error"``: results are wrong until this is corrected; ``"warning"``: results may be wrong;
-        ``"note"``: for information.
-    subject : Subject
-        The cameras, joints, frames, files and takes that it concerns.
-    numbers : dict
-        What the sentence quotes, as values of JSON; lengths carry their unit in the key.
-    remedy : tuple of Remedy
-        Settings that help.
-    sentence : str
-        The finding in words: one or a few sentences, which name no option of the command line.
-    """
-
+    #: Such as ``"camera_disagrees"``; docs/errors.md lists all.
     kind: str
+    #: ``"error"``: results are wrong until this is corrected; ``"warning"``: they may be wrong; ``"note"``.
     severity: Severity = "warning"
     subject: Subject = field(default_factory=Subject)
+    #: What the sentence quotes, as values of JSON; lengths carry their unit in the key.
     numbers: Mapping[str, Any] = field(default_factory=dict)
+    #: Settings that help.
     remedy: tuple[Remedy, ...] = ()
+    #: The finding in words: one or a few sentences, which name no option of the command line.
     sentence: str = field(kw_only=True, compare=False)
 
     @property
@@ -131,10 +106,7 @@ def warn(finding: Finding) -> None:
 
 
 def warn_of_clipped(argument: str, highest: float) -> None:
-    """Warn that confidences of an argument, slightly above 1, count as 1. The compiled core calls this.
-
-    The text is the same each time, so that Python shows it once per line.
-    """
+    """Warn that confidences above 1 count as 1, once per line. The compiled core calls this."""
     numbers = {"argument": argument, "highest": highest}
     sentence = f"{argument}: confidences slightly above 1, up to {highest}, count as 1."
     warn(Finding("confidence_clipped", "note", numbers=numbers, sentence=sentence))

@@ -142,32 +142,6 @@ def test_joints_whose_offsets_point_any_way_share_a_side_as_often_as_is_said():
     assert displaced.same_side(np.ones((17, 2))) == 1.0  # one point is no scatter to compare with
 
 
-LEGS = slice(1, 7)
-FEW = sk.Layout("legs", LAYOUT.joints[LEGS], limbs=[(0, 1), (1, 2), (3, 4), (4, 5), (0, 3)])
-LASTING = [
-    DetectionNoise.recording(60.0),
-    DetectionNoise.recording_occluded(2, frame_rate=60.0),
-    DetectionNoise.recording_occluded(3, heavy=True, frame_rate=60.0),
-]
-
-
-def disagreeing(people, rig, fps):
-    """Return the findings on cameras that disagree about the legs alone."""
-    found = findings_of(people[..., LEGS, :], rig, layout=FEW, fps=fps)
-    return [text for text in found if "disagrees" in text]
-
-
-@pytest.mark.parametrize(
-    ("rig", "degrees", "noise"), [(synthetic.ring(3), 1.5, 0), (synthetic.human36m_like(), 0.75, 1)]
-)
-def test_rejections_over_time_show_a_turned_camera_to_few_joints(rig, degrees, noise):
-    """Frames alone follow it; over time its detections are rejected."""
-    wrong, people = turned(rig, 1, degrees), walker(rig, LASTING[noise], 60)
-    assert disagreeing(people, wrong, None) == []
-    (doubt,) = disagreeing(people, wrong, 60.0)
-    assert re.match(rf"{rig.names[1]} disagrees with the other cameras: [45]\d% of its detections", doubt)
-
-
 def shifts_of(*shift):
     count = len(shift)
     size = np.hypot(*np.transpose(shift))

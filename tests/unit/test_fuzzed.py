@@ -33,7 +33,7 @@ def test_a_rate_that_is_no_number_is_named(name, fps):
         "Tracker": lambda: sk.Tracker(RIG, layout=LAYOUT, fps=fps),
         "track": lambda: sk.track(SEEN[:, :, None], RIG, layout=LAYOUT, fps=fps),
     }
-    with pytest.raises(sk.InvalidInputError, match=r"^fps: expected a positive number, got .+$"):
+    with pytest.raises(sk.InvalidInputError, match=r"^fps: expected .+, got .+$"):
         calls[name]()
 
 

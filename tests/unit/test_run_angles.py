@@ -14,7 +14,8 @@ from command_line import READ, RESULTS, invoke, read_report
 from skelsplat.io import read_npz
 from skelsplat.run import Run
 from skelsplat.run.angles import FILES, check_angles
-from skelsplat.run.folder import Writing
+from skelsplat.run.folder import find_in_files
+from skelsplat.run.job import Writing
 
 NAMES = 16  # angles of h36m17, which has no feet
 
@@ -92,7 +93,7 @@ def test_cameras_without_a_vertical_leave_out_trunk_and_pelvis(finished_run, tmp
     run = replace(run, inputs=replace(run.inputs, rig=sk.CameraRig(down)))
     run.write(tmp_path / "out", ("npz",), html=False, angles=True)
     report = read_report(tmp_path / "out")
-    assert "vertical_unknown" in [note.kind for note in Writing(angles=True).notes(run.inputs)]
+    assert "vertical_unknown" in [note.kind for note in find_in_files(Writing(angles=True), run.inputs)]
     assert report["joint_angles"]["up"] is None
     assert report["joint_angles"]["names"][-1] == "right_elbow_flexion"
     with np.load(tmp_path / "out" / "angles.npz") as stored:

@@ -15,7 +15,6 @@ from detection_files import Take
 from skelsplat import synthetic
 from skelsplat.io import write_calibration, write_people
 from skelsplat.run import Job, PeopleRun, Run, run, run_people
-from sweeps import swept
 from two_people import LAYOUT, crossing, seen, shuffled
 
 RIG = synthetic.human36m_like()
@@ -165,18 +164,6 @@ def test_of_a_run_of_several_one_is_converted_or_plotted(folder, tmp_path):
     assert_fails(invoke("convert", folder, tmp_path / "walk.trc"), 1, *parts)
     assert_fails(invoke("plot", folder), 1, *parts)
     assert invoke("convert", folder / "person_1", tmp_path / "walk.trc").exit_code == 0
-
-
-@pytest.mark.parametrize("views", [(1, 2), swept((1, 1))])
-def test_one_finding_on_the_rig_sums_up_all_people(views, tmp_path):
-    people = seen(crossing(FRAMES), RIG)
-    for person, view in enumerate(views):
-        people[:, view, person, :, 0] += 15.0
-    found = run_people(job(written(tmp_path, people)))
-    (rig,) = (one for one in found.findings if one.kind == "cameras_over_people")
-    assert rig.numbers["contradict"] == (views[0] != views[1])
-    assert sorted(rig.numbers["named"]) == ([[0, 1]] if views[0] == views[1] else [[0], [1]])
-    assert rig.subject.cameras == tuple(RIG.names[view] for view in sorted({*views}))
 
 
 def test_a_later_run_removes_what_an_earlier_one_wrote(recording, tmp_path):

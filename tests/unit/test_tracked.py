@@ -8,7 +8,6 @@ import pytest
 import skelsplat as sk
 from skelsplat import synthetic
 from skelsplat.findings import FindingWarning
-from skelsplat.layouts import mirror_images
 from skelsplat.run import Job
 from skelsplat.run.read import Inputs
 from skelsplat.run.tracked import choose, follow_everybody
@@ -71,16 +70,6 @@ def test_who_never_moves_is_named(frames, named):
     walk, other = crossing(frames)
     _, found = several_of(seen([walk, np.repeat(other[:1], frames, axis=0)], RIG))
     assert [doubt.kind for doubts in found for doubt in doubts] == ["person_still"] * named
-
-
-@pytest.mark.parametrize(("offset", "named"), [(0.0, True), (200.0, False)])
-def test_a_reflection_is_named(offset, named):
-    """In a mirror at y = 1.2 m; somebody who only moves alike is no reflection."""
-    walk = crossing(FRAMES)[0]
-    image = walk[:, mirror_images(17, LAYOUT.left_right)] * [1.0, -1.0, 1.0] + [0.0, 2400.0, 0.0]
-    image += offset * np.sin(np.arange(FRAMES) / 5.0)[:, None, None] * [1.0, 0.0, 0.0]
-    _, found = several_of(seen([walk, image], RIG))
-    assert [doubt.kind for doubts in found for doubt in doubts] == ["person_mirrored"] * named
 
 
 def strangers():

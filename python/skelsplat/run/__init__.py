@@ -7,14 +7,11 @@ from skelsplat.run._run import PeopleRun, Run
 from skelsplat.run.batch import Batch, Recording, run_batch
 from skelsplat.run.engine import run, run_people
 from skelsplat.run.job import IncompleteJobError, Job
-from skelsplat.run.over_time import Butterworth, OneEuro
 
 __all__ = [
     "Batch",
-    "Butterworth",
     "IncompleteJobError",
     "Job",
-    "OneEuro",
     "PeopleRun",
     "Recording",
     "Run",

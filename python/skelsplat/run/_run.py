@@ -20,6 +20,7 @@ from skelsplat.run import folder as folders
 from skelsplat.run.angles import angles_of
 from skelsplat.run.findings import find_findings
 from skelsplat.run.frames import FrameFacts, Usual, find_in_frames
+from skelsplat.run.job import Job, Writing
 from skelsplat.run.joints import joint_frames
 from skelsplat.run.over_time import apply_over_time
 from skelsplat.run.read import Inputs
@@ -35,7 +36,6 @@ if TYPE_CHECKING:
     import numpy.typing as npt
 
     from skelsplat.io.run_folder import RunFolder
-    from skelsplat.run.job import Job
     from skelsplat.run.parts import Gathered
 
 _ORDER = ("error", "warning", "note")
@@ -48,34 +48,22 @@ class Run:
 
     `skelsplat.run.run` makes one from files, `from_arrays` from a result of `skelsplat.refine` or
     `refine_sequence`, and `open` from the folder of an earlier run. T frames, M cameras, N joints.
-
-    Attributes
-    ----------
-    poses : PoseData
-        The poses as they are written: gaps filled and filtered, if the job asks for it.
-    findings : tuple of Finding
-        What to check before trusting the run, errors first.
-    frame_findings : tuple of Finding
-        What is unusual in single frames; numbers that are lists have a value for each frame of the subject.
-    report : dict
-        What ``report.json`` holds: settings, counts, errors, timing and the findings.
-    statistics : Statistics
-        Counts and errors as arrays.
-    inputs : Inputs
-        What the run started from.
-    outcome : Outcome
-        What the refinement returned, and what it is compared with.
-    whole : Gathered or None
-        All frames of a long recording while it is written (`run`): the other attributes are a sample.
     """
 
+    #: The poses as they are written: gaps filled and filtered, if the job asks for it.
     poses: PoseData
+    #: What to check before trusting the run, errors first,
     findings: tuple[Finding, ...]
+    #: and what is unusual in single frames; numbers that are lists have a value for each of them.
     frame_findings: tuple[Finding, ...]
+    #: What ``report.json`` holds: settings, counts, errors, timing and the findings.
     report: dict[str, Any]
+    #: Counts and errors as arrays.
     statistics: Statistics
+    #: What the run started from, what the refinement returned, and what that is compared with.
     inputs: Inputs
     outcome: Outcome
+    #: All frames of a long recording while it is written (`run`): the other attributes are a sample.
     whole: Gathered | None = None
 
     @property
@@ -110,14 +98,9 @@ class Run:
 
     @classmethod
     def open(cls, folder: str | os.PathLike[str]) -> Run:
-        """Read the folder that a run wrote.
+        """Read the folder that a run wrote: poses, errors and weights are those of the files.
 
-        Poses, errors and weights are those of the files: `result` holds the poses as they were written.
-
-        Raises
-        ------
-        DatasetError
-            If a file is missing or malformed, or the files do not belong to one run.
+        `DatasetError` if a file is missing or malformed, or the files do not belong to one run.
         """
         found = read_run(folder)
         try:
@@ -139,24 +122,11 @@ class Run:
         config: sk.RefineConfig | None = None,
         fps: float | None = None,
     ) -> Run:
-        """Return the run of a result of `skelsplat.refine` or `refine_sequence`.
+        """Return the run of a result of `skelsplat.refine` or `refine_sequence`, of one pose or of T frames.
 
-        Parameters
-        ----------
-        result : Refinement
-            Of one pose or of T frames.
-        cameras, detections, layout, init_pose, config
-            What `skelsplat.refine` was given, confidences as third channel of the detections (1 without); the
-            layout is needed for the joints' names.
-        frames : (T,) int, optional
-            Frame numbers; 0 to T − 1 when left out.
-        fps : float, optional
-            Frames per second.
-
-        Raises
-        ------
-        InvalidInputError
-            If the shape of the detections does not fit the result.
+        ``cameras``, ``detections``, ``init_pose`` and ``config`` are those that it was given, confidences as
+        third channel of the detections (1 without). The layout names the joints; ``frames`` (T,) are numbered
+        from 0 when left out; ``fps`` are frames per second. `InvalidInputError` if a shape does not fit.
         """
         if np.ndim(result.pose) == 2:
             parts = {
@@ -202,13 +172,8 @@ class Run:
         ``skelsplat plot`` and ``skelsplat overlay``. ``formats`` are of `skelsplat.io.poses.POSE_FORMATS`,
         ``options`` are ``html``, ``y_up``, ``marker_names`` and ``angles`` as of `Job`. Without a frame rate,
         formats that need one assume 30 frames per second.
-
-        Raises
-        ------
-        DatasetError
-            If a file cannot be written.
         """
-        writing = folders.Writing(tuple(dict.fromkeys(["npz", *formats])), **options)
+        writing = Writing(write=tuple(formats), **options)
         with folders.run_folder(Path(folder)):
             return [*folders.write_folder(self, Path(folder), writing).report["files"], REPORT]
 
@@ -226,20 +191,14 @@ class PeopleRun:
     """The runs of all people of a recording.
 
     `skelsplat.run.run_people` makes one from files, and `open` from the folder of an earlier one.
-
-    Attributes
-    ----------
-    people : dict of int to Run
-        By identity, in the order of appearance. The ``frames`` of a run are those from the first to the last
-        in which two views see the person.
-    findings : tuple of Finding
-        What concerns everybody, errors first; those on one person are in their `Run`.
-    report : dict
-        What ``report.json`` holds; ``people`` has an entry per person, with the name of their ``folder``.
     """
 
+    #: By identity, in the order of appearance. The ``frames`` of a run are those from the first to the last
+    #: in which two views see the person.
     people: Mapping[int, Run]
+    #: What concerns everybody, errors first; findings on one person are in their `Run`.
     findings: tuple[Finding, ...]
+    #: What ``report.json`` holds; ``people`` has an entry per person, with the name of their ``folder``.
     report: dict[str, Any]
 
     @property
@@ -249,13 +208,7 @@ class PeopleRun:
 
     @classmethod
     def open(cls, folder: str | os.PathLike[str]) -> PeopleRun:
-        """Read the folder that ``skelsplat refine --people`` wrote.
-
-        Raises
-        ------
-        DatasetError
-            If it is none, or a file is missing or malformed.
-        """
+        """Read the folder that ``skelsplat refine --people`` wrote; if it is none, `DatasetError`."""
         path = Path(folder)
         names = folders_of_run(path)
         if not names:
@@ -269,11 +222,8 @@ class PeopleRun:
     def write(
         self, folder: str | os.PathLike[str], formats: Sequence[str] = _FORMATS, **options: Any
     ) -> list[str]:
-        """Write everything, as ``skelsplat refine --people`` does; return the names of files and folders.
-
-        ``options`` are those of `Run.write`.
-        """
-        writing = folders.Writing(tuple(dict.fromkeys(["npz", *formats])), **options)
+        """Write everything, as ``skelsplat refine --people`` does; return names of files and folders."""
+        writing = Writing(write=tuple(formats), **options)
         with folders.run_folder(Path(folder)):
             report = folders.write_everybody(self, Path(folder), writing).report
         return [*report["files"], *report["folders"], REPORT]
@@ -296,10 +246,7 @@ def summed_up(
     notes: Sequence[Finding] = (),
     gathered: Gathered | None = None,
 ) -> Run:
-    """Return the run with its statistics, findings and report; ``notes`` are earlier findings.
-
-    Of a recording in parts the inputs and the outcome are of the frames drawn, ``gathered`` is of all.
-    """
+    """Return the run with statistics, findings and report; of a long one, ``gathered`` has all frames."""
     statistics = summarise(inputs, outcome)
     poses, over_time = apply_over_time(poses_of(inputs, outcome.result), job)
     filled = poses.joint_status == "filled"  # has no error bar

@@ -118,11 +118,7 @@ def _csv(angles: sk.JointAngles, scatter: Array, stamps: Iterable[tuple[int, Any
 
 
 def mot_text(angles: sk.JointAngles, times: Array) -> str:
-    """Return angles (T, A) at ``times`` in s as OpenSim stores motions.
-
-    nColumns counts the time. A missing value is ``nan``: a field cannot be empty, since OpenSim takes several
-    tabs for one.
-    """
+    """Return angles (T, A) at ``times`` in s as OpenSim stores motions; missing values are ``nan``."""
     header = ["Coordinates", "version=1", f"nRows={len(times)}", f"nColumns={len(angles.names) + 1}"]
     lines = [*header, "inDegrees=yes", "endheader", "\t".join(["time", *angles.names])]
     for time, row in zip(times.tolist(), angles.degrees.tolist(), strict=True):

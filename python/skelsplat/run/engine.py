@@ -18,16 +18,15 @@ from skelsplat.run.adjust import read_adjusted
 from skelsplat.run.job import Job
 from skelsplat.run.over_time import try_over_time
 from skelsplat.run.parts import in_parts
-from skelsplat.run.people import find_over_people
 from skelsplat.run.read import Inputs, open_files
 from skelsplat.run.report import build_people_report
-from skelsplat.run.solve import Progress, refine_inputs
-from skelsplat.run.tracked import check_times, follow_everybody, read_inputs
+from skelsplat.run.solve import Progress, refine_inputs, silent
+from skelsplat.run.tracked import follow_everybody, read_inputs
 
 Tell = Callable[[Finding], None]
 
 
-def run(job: Job, *, progress: Progress | None = None, tell: Tell | None = None) -> Run:
+def run(job: Job, *, progress: Progress = silent, tell: Tell | None = None) -> Run:
     """Do one job: read, refine, check, and write the results if the job names a folder.
 
     A recording of more than 2 million detections (frames × cameras × joints) is done in parts, in
@@ -37,17 +36,8 @@ def run(job: Job, *, progress: Progress | None = None, tell: Tell | None = None)
     largest values, other findings, figures and the page are from every so many-th frame, as the report says
     under ``thinned``; so is the `Run`.
 
-    Parameters
-    ----------
-    job : Job
-    progress : callable, optional
-        Called with (frames done, frames in all).
-    tell : callable, optional
-        Called with each finding on the input, before the poses are known.
-
-    Returns
-    -------
-    Run
+    ``progress`` is called with (frames done, frames in all), ``tell`` with each finding on the input, before
+    the poses are known.
 
     Raises
     ------
@@ -74,23 +64,15 @@ def run(job: Job, *, progress: Progress | None = None, tell: Tell | None = None)
                 outcome = refine_inputs(inputs, job, progress)
         found = summed_up(inputs, outcome, job, notes, gathered)
         if place is not None:
-            found = folders.write_folder(found, place, folders.Writing.of(job))
+            found = folders.write_folder(found, place, job)
     return replace(found, whole=None)
 
 
-def run_people(job: Job, *, progress: Progress | None = None, tell: Tell | None = None) -> PeopleRun:
+def run_people(job: Job, *, progress: Progress = silent, tell: Tell | None = None) -> PeopleRun:
     """Do one job for everybody in the recording: who is who, then a run for each person.
 
-    Parameters
-    ----------
-    job : Job
-        Its frame rate must be known; ``people`` limits their number.
-    progress, tell
-        As for `run`.
-
-    Returns
-    -------
-    PeopleRun
+    The frame rate must be known; ``people`` of the job limits their number. ``progress`` and ``tell`` are as
+    for `run`.
 
     Raises
     ------
@@ -102,17 +84,15 @@ def run_people(job: Job, *, progress: Progress | None = None, tell: Tell | None 
         with collected_warnings(tell) as notes:
             try_over_time(job)
             people, whole = read_adjusted(open_files(job), job)
-            check_times(whole, job)
             _check_output(job, whole)
-            _note_output(job, whole)
             everybody = follow_everybody(people, whole, job, progress)
+            _note_output(job, whole)
             outcomes = [refine_inputs(inputs, job) for inputs in everybody.people]
         pairs = zip(everybody.people, outcomes, strict=True)
         runs = _in_proportion({int(one.person): summed_up(one, outcome, job) for one, outcome in pairs})
-        over_people = find_over_people({who: one.findings for who, one in runs.items()}, whole.rig.names)
-        findings = in_order([*notes, *everybody.whole.doubts, *over_people])
+        findings = in_order([*notes, *everybody.whole.doubts])
         found = PeopleRun(runs, findings, build_people_report(everybody, runs, findings, job))
-        return found if place is None else folders.write_everybody(found, place, folders.Writing.of(job))
+        return found if place is None else folders.write_everybody(found, place, job)
 
 
 @contextmanager
@@ -132,12 +112,12 @@ def _check_output(job: Job, inputs: Inputs) -> None:
     """Check, once the frames of the input are known, that the results can be written."""
     if job.output is not None:
         folders.keep_input(job, inputs.sources)
-        folders.Writing.of(job).check(inputs)
+        folders.check_files(job, inputs)
 
 
 def _note_output(job: Job, inputs: Inputs) -> None:
     """Warn of notes on how the results are written."""
-    for note in folders.Writing.of(job).notes(inputs) if job.output is not None else ():
+    for note in folders.find_in_files(job, inputs) if job.output is not None else ():
         warn(note)
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from collections.abc import Set as AbstractSet
-from dataclasses import replace
 from types import MappingProxyType
 from typing import Any
 
@@ -31,8 +30,6 @@ _CAMERA_SHARE, _CAMERA_RATIO = 0.1, 3.0
 _BAD_SHARE, _BEST_RATIO = 0.2, 2.0
 # the whole recording with this, or with the lesser share that also those have who are not named for it.
 _WHOLE_SHARE, _REST_SHARE = 1 / 3, 0.2
-# Probability of chance up to which detections that lie to one side are a shift if rejected over time.
-_UNSURE = 0.05
 # A robust fit may leave the median where it was; a tenth more is further away.
 _FURTHER, _FURTHER_PX = 1.1, 0.1  # less is the rounding of the detections
 _FURTHER_OVER_TIME = 1.25
@@ -65,7 +62,7 @@ def find_findings(
         *find_people(inputs, alone),
         *find_whole(counted, alone.config.min_confidence),
         *_in_time(statistics, counted),
-        *_cameras(inputs, with_lasting(inputs.rig, counted, statistics)),
+        *_cameras(inputs, counted),
         *find_swapped(inputs.rig.names, alone.result, inputs.layout),
         *_limbs(inputs, alone),
         *_given_lengths(inputs, alone),
@@ -85,22 +82,16 @@ def find_whole(statistics: Statistics, min_confidence: float = 0.0) -> Iterator[
             why = "nobody is detected with enough confidence."
         yield Finding("nothing_used", "error", sentence=f"No detection could be used: {why}")
     elif total.rejected_share >= _WHOLE_SHARE or min(total.rejected_share, _rest(statistics)) >= _REST_SHARE:
-        yield Finding(
-            "many_rejected",
-            "warning",
-            numbers={"rejected_share": total.rejected_share},
-            sentence=f"{percent(total.rejected_share)} of all detections are rejected: check that "
-            "calibration, cameras and detections belong together and all views show the same person, and "
-            "check timing, unit and layout.",
-        )
+        words = f"{percent(total.rejected_share)} of all detections are rejected: check that calibration, "
+        words += "cameras and detections belong together and all views show the same person, and check "
+        words += "timing, unit and layout."
+        numbers = {"rejected_share": total.rejected_share}
+        yield Finding("many_rejected", "warning", Subject(), numbers, sentence=words)
     elif after > max(further * before, before + _FURTHER_PX):
-        yield Finding(
-            "pose_far_off",
-            "warning",
-            numbers={"before_px": before, "after_px": after},
-            sentence="The refined pose lies further from the detections than its start (median "
-            f"{before:.1f} to {after:.1f} px): check the layout, the unit and the calibration.",
-        )
+        words = "The refined pose lies further from the detections than its start (median "
+        words += f"{before:.1f} to {after:.1f} px): check the layout, the unit and the calibration."
+        numbers = {"before_px": before, "after_px": after}
+        yield Finding("pose_far_off", "warning", Subject(), numbers, sentence=words)
 
 
 def _in_time(statistics: Statistics, alone: Statistics) -> Iterator[Finding]:
@@ -112,15 +103,11 @@ def _in_time(statistics: Statistics, alone: Statistics) -> Iterator[Finding]:
     before, after = alone.total.after_px, statistics.total.after_px
     allowed = _FURTHER_OVER_TIME * np.sqrt(2 * views / (2 * views - 3)) * before
     if after > max(allowed, before + _FURTHER_PX):
-        yield Finding(
-            "pose_far_off",
-            "warning",
-            numbers={"before_px": before, "after_px": after},
-            remedy=(Remedy("frame_by_frame"),),
-            sentence="Solved over time, the pose lies much further from the detections than frame by frame "
-            f"(median {before:.1f} to {after:.1f} px): check that the frames are in order and the frame rate "
-            "is theirs, or solve each frame alone.",
-        )
+        words = "Solved over time, the pose lies much further from the detections than frame by frame "
+        words += f"(median {before:.1f} to {after:.1f} px): check that the frames are in order and the frame "
+        words += "rate is theirs, or solve each frame alone."
+        numbers, remedy = {"before_px": before, "after_px": after}, (Remedy("frame_by_frame"),)
+        yield Finding("pose_far_off", "warning", Subject(), numbers, remedy, sentence=words)
 
 
 def _rest(statistics: Statistics) -> float:
@@ -153,30 +140,13 @@ def _find_unfit(names: Sequence[str], unfit: Mapping[int, tuple[int, int]]) -> I
     cameras = tuple(names[i] for i in unfit)
     counts, seen = map(list, zip(*unfit.values(), strict=True))
     frames = listed([f"{count:,} of {of:,}" for count, of in unfit.values()])
-    enough = len(names) - len(cameras) >= 2
-    yield Finding(
-        "no_match",
-        "warning",
-        Subject(cameras=cameras),
-        {"frames_without_match": counts, "frames_detected": seen},
-        tuple(Remedy("without", name) for name in cameras) if enough else (),
-        sentence=f"In {listed(cameras)}, no person detected matches the other cameras, in {frames} of the "
-        f"frames in which {'it' if len(cameras) == 1 else 'they'} and others detect a person: exchanged "
-        "cameras, a wrong calibration, unsynchronised video, or other people? Check the cameras.",
-    )
-
-
-def with_lasting(rig: sk.CameraRig, alone: Statistics, statistics: Statistics) -> Statistics:
-    """Return those of frames ``alone`` with the groups over time of cameras that only these reject.
-
-    What is hidden is rejected in both; an offset that lasts, frames alone follow.
-    """
-    unsure = {*displaced_cameras(rig, alone.shifts, _UNSURE)} - {*displaced_cameras(rig, alone.shifts)}
-    cameras = [
-        group if i in unsure and group.rejected_share >= _CAMERA_RATIO * single.rejected_share else single
-        for i, (single, group) in enumerate(zip(alone.cameras, statistics.cameras, strict=True))
-    ]
-    return replace(alone, cameras=cameras)
+    they = "it" if len(cameras) == 1 else "they"
+    words = f"In {listed(cameras)}, no person detected matches the other cameras, in {frames} of the frames "
+    words += f"in which {they} and others detect a person: exchanged cameras, a wrong calibration, "
+    words += "unsynchronised video, or other people? Check the cameras."
+    numbers = {"frames_without_match": counts, "frames_detected": seen}
+    remedy = tuple(Remedy("without", name) for name in cameras) if len(names) - len(cameras) >= 2 else ()
+    yield Finding("no_match", "warning", Subject(cameras=cameras), numbers, remedy, sentence=words)
 
 
 def _cameras(inputs: Inputs, statistics: Statistics) -> Iterator[Finding]:
@@ -220,20 +190,17 @@ def find_cameras(
             yield Finding("camera_unused", "warning", subject, remedy=remedy, sentence=words)
         elif group in bad:
             side = sides.get(group.name, {})
-            shifted = f"Its detections are shifted by {to_one_side(side)}. " if side else ""
+            theirs = f"those of {compared}" if compared else "theirs"
+            words = f"{group.name} disagrees with the other cameras: {percent(group.rejected_share)} of its "
+            words += f"detections are rejected, {percent(others)} of {theirs}, and its mean weight is "
+            words += f"{group.mean_weight:.2f}. "
+            words += f"Its detections are shifted by {to_one_side(side)}. " if side else ""
+            words += "The pose follows the others: check this camera's calibration and timing, and whether "
+            words += "anything blocks its view."
             shares = {"rejected_share": group.rejected_share, "others_rejected_share": others}
-            yield Finding(
-                "camera_disagrees",
-                "warning",
-                subject,
-                {**shares, "mean_weight": group.mean_weight, **side},
-                without if enough and group.name not in unfit else (),
-                sentence=f"{group.name} disagrees with the other cameras: {percent(group.rejected_share)} of "
-                f"its detections are rejected, {percent(others)} of "
-                f"{f'those of {compared}' if compared else 'theirs'}, and its mean weight is "
-                f"{group.mean_weight:.2f}. {shifted}The pose follows the others: check this camera's "
-                "calibration and timing, and whether anything blocks its view.",
-            )
+            numbers, remedy = {**shares, "mean_weight": group.mean_weight, **side}, without if enough else ()
+            remedy = () if group.name in unfit else remedy
+            yield Finding("camera_disagrees", "warning", subject, numbers, remedy, sentence=words)
 
 
 def _bad_cameras(cameras: Sequence[Group]) -> list[Group]:
@@ -280,14 +247,10 @@ def _given_lengths(inputs: Inputs, alone: Outcome) -> Iterator[Finding]:
         f"{a} to {b} {length(one, 0, 10.0)} mm, measured {length(seen, 0, 10.0)} mm"
         for (a, b), one, seen in zip(named, given, found, strict=True)
     ]
-    yield Finding(
-        "given_lengths_differ",
-        "warning",
-        Subject(joints=tuple(dict.fromkeys(joint for limb in named for joint in limb))),
-        {"limbs": named, "given_mm": given, "measured_mm": found},
-        sentence="Given bone lengths contradict the recording, which follows them if it is short: "
-        f"{some(sizes)}.",
-    )
+    words = "Given bone lengths contradict the recording, which follows them if it is short: "
+    subject = Subject(joints=tuple(dict.fromkeys(joint for limb in named for joint in limb)))
+    numbers = {"limbs": named, "given_mm": given, "measured_mm": found}
+    yield Finding("given_lengths_differ", "warning", subject, numbers, sentence=f"{words}{some(sizes)}.")
 
 
 def _lengths_given(layout: sk.Layout, config: sk.RefineConfig) -> tuple[Array, Array]:

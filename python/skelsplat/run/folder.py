@@ -6,7 +6,7 @@ import contextlib
 import hashlib
 import shutil
 import tempfile
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -36,21 +36,18 @@ from skelsplat.io._run_files import (
 )
 from skelsplat.io.detections import FORMATS
 from skelsplat.io.poses import PEOPLE_FORMATS, POSE_FORMATS, check_pose_format
-from skelsplat.io.poses._pose_data import MARKER_NAMES, Poses, parts_of
 from skelsplat.io.run_folder import write_run_inputs
 from skelsplat.run.angles import FILES as ANGLE_FILES
 from skelsplat.run.angles import check_angles, describe, vertical_of, write_angles
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator, Sequence
+    from collections.abc import Iterable, Iterator, Sequence
 
     import numpy.typing as npt
 
     from skelsplat.run._run import PeopleRun, Run
-    from skelsplat.run.job import Job
+    from skelsplat.run.job import Job, Writing
     from skelsplat.run.read import Inputs
-
-    OnFile = Callable[[str], None]
 
 PAGE = "report.html"
 SCRATCH = ".skelsplat-long-"  # begins the name of the folder for the parts of a long recording
@@ -66,77 +63,44 @@ _ASSUMED_FPS = 30.0
 _WITH_MARKERS = [kind for kind, entry in POSE_FORMATS.items() if "y_up" in entry.options]
 
 
-@dataclass(frozen=True)
-class Writing:
-    """What is written into a run's folder apart from its report, inputs and figures; fields as of `Job`."""
-
-    formats: tuple[str, ...] = ("npz", "csv", "trc")
-    y_up: bool = False
-    marker_names: str = MARKER_NAMES[0]
-    angles: bool = False
-    html: bool = True
-
-    @classmethod
-    def of(cls, job: Job) -> Writing:
-        """Return what a job asks for."""
-        return cls(job.pose_formats, job.y_up, job.marker_names, job.angles, job.html)
-
-    def names(self, method: str, *, own_layout: bool = False) -> list[str]:
-        """Return the names of the files, but for the report; pictures need the extra viz."""
-        wanted = {*(f"pose.{kind}" for kind in self.formats), CAMERAS, DETECTIONS}
-        wanted |= set(ANGLE_FILES) if self.angles else set()
-        wanted |= {LAYOUT} if own_layout else set()
-        if can_draw():
-            wanted |= {*_PICTURES, *([_PAPERS_PICTURE] if method == "paper" else [])}
-            wanted |= {PAGE} if self.html else set()
-        return [name for name in _POSSIBLE if name in wanted]
-
-    @property
-    def poses_together(self) -> list[str]:
-        """The files that hold everybody's poses, if several people are refined."""
-        return [f"people.{kind}" for kind in self.formats if kind in PEOPLE_FORMATS]
-
-    def check(self, inputs: Inputs) -> None:
-        """Raise before the work if a format or the angles cannot be written of these inputs."""
-        for kind in self.formats:
-            check_pose_format(kind, inputs.frames, inputs.layout.joints)
-        if self.angles:
-            check_angles(inputs.layout)
-
-    def notes(self, inputs: Inputs) -> Iterator[Finding]:
-        """Yield findings on the files: no vertical, assumed times, no pictures."""
-        timed = tuple(f"pose.{kind}" for kind in self.formats if kind in _WITH_MARKERS)
-        if self.angles:
-            timed = (*timed, ANGLE_FILES[-1])
-        if self.angles and vertical_of(inputs.rig) is None:
-            words = "The cameras do not show which axis of the world is vertical: angles of trunk and pelvis "
-            words += "are left out."
-            yield Finding("vertical_unknown", "note", sentence=words)
-        if timed and inputs.fps is None:
-            words = f"The frame rate is unknown: the times in {listed(timed)} assume {_ASSUMED_FPS:g} frames "
-            words += "per second."
-            numbers, remedy = {"fps": _ASSUMED_FPS}, (Remedy("fps", None),)
-            subject = Subject(files=timed)
-            yield Finding("times_assumed", "warning", subject, numbers, remedy, sentence=words)
-        if not can_draw():
-            yield no_pictures("report.html and figures")
+def names_of(writing: Writing, method: str, *, own_layout: bool = False) -> list[str]:
+    """Return the names of the files, but for the report; pictures need the extra viz."""
+    wanted = {*(f"pose.{kind}" for kind in writing.pose_formats), CAMERAS, DETECTIONS}
+    wanted |= set(ANGLE_FILES) if writing.angles else set()
+    wanted |= {LAYOUT} if own_layout else set()
+    if can_draw():
+        wanted |= {*_PICTURES, *([_PAPERS_PICTURE] if method == "paper" else [])}
+        wanted |= {PAGE} if writing.html else set()
+    return [name for name in _POSSIBLE if name in wanted]
 
 
-def write_poses(folder: Path, data: Poses, writing: Writing, run: str | None = None) -> list[str]:
-    """Write the pose files; return their names. ``run`` is that of whose folder they are a part."""
-    rate = parts_of(data)[0].frame_rate or _ASSUMED_FPS
-    given = {"frame_rate": rate, "y_up": writing.y_up, "marker_names": writing.marker_names}
-    for kind in writing.formats:
-        options = given if kind in _WITH_MARKERS else {"run": run} if kind == "npz" else {}
-        write_pose(folder / f"pose.{kind}", data, **options)
-    return [f"pose.{kind}" for kind in writing.formats]
+def check_files(writing: Writing, inputs: Inputs) -> None:
+    """Raise before the work if a format or the angles cannot be written of these inputs."""
+    for kind in writing.pose_formats:
+        check_pose_format(kind, inputs.frames, inputs.layout.joints)
+    if writing.angles:
+        check_angles(inputs.layout)
+
+
+def find_in_files(writing: Writing, inputs: Inputs) -> Iterator[Finding]:
+    """Yield findings on the files: no vertical, assumed times, no pictures."""
+    timed = tuple(f"pose.{kind}" for kind in writing.pose_formats if kind in _WITH_MARKERS)
+    timed = (*timed, ANGLE_FILES[-1]) if writing.angles else timed
+    if writing.angles and vertical_of(inputs.rig) is None:
+        words = "The cameras do not show which axis of the world is vertical: angles of trunk and pelvis "
+        words += "are left out."
+        yield Finding("vertical_unknown", "note", sentence=words)
+    if timed and inputs.fps is None:
+        words = f"The frame rate is unknown: the times in {listed(timed)} assume {_ASSUMED_FPS:g} frames "
+        words += "per second."
+        numbers, remedy = {"fps": _ASSUMED_FPS}, (Remedy("fps", None),)
+        yield Finding("times_assumed", "warning", Subject(files=timed), numbers, remedy, sentence=words)
+    if not can_draw():
+        yield no_pictures("report.html and figures")
 
 
 def name_of(run: Run) -> str:
-    """Return what tells a run from others: a hash of poses, detections and report, but for the time it took.
-
-    The same run done again has the same, so that its files are the same.
-    """
+    """Return a hash of poses, detections and report: the same run done again has the same."""
     found = hashlib.sha256(to_text({**run.report, "timing": None, RUN: None}).encode())
     arrays: Iterator[npt.NDArray[Any]] = iter((run.poses.pose, run.poses.uncertainty, run.detections))
     if run.whole is not None:
@@ -148,21 +112,22 @@ def name_of(run: Run) -> str:
 
 
 def write_folder(run: Run, folder: Path, writing: Writing, name: str | None = None) -> Run:
-    """Write the whole folder of a run, its report last; return the run with the files in its report.
-
-    ``name`` is that of a run of several people, of whom this is one.
-    """
+    """Write the folder of a run, its report last; ``name`` is that of a person in a run of several."""
     name = name or name_of(run)
-    names = writing.names(run.outcome.config.method, own_layout=not layouts.is_built_in(run.layout))
+    own = not layouts.is_built_in(run.layout)
+    names = names_of(writing, run.outcome.config.method, own_layout=own)
     report = {**run.report, RUN: name, "files": names}
     report.pop("joint_angles", None)
     run = replace(run, report={**report, **({"joint_angles": describe(run)} if writing.angles else {})})
     begin_writing(folder, run.report)
     whole = run.whole or run
-    write_poses(folder, whole.poses, writing, name)
+    rate, frames = run.poses.frame_rate, whole.poses.frames
+    markers = {"y_up": writing.y_up, "marker_names": writing.marker_names}
+    for kind in writing.pose_formats:
+        options = {"frame_rate": rate or _ASSUMED_FPS, **markers} if kind in _WITH_MARKERS else {}
+        write_pose(folder / f"pose.{kind}", whole.poses, **({"run": name} if kind == "npz" else options))
     if writing.angles:
         write_angles(run, folder, _ASSUMED_FPS)
-    frames, rate = whole.poses.frames, run.poses.frame_rate
     write_run_inputs(folder, run.cameras, run.layout, whole.detections, frames, rate, name)
     if can_draw():
         from skelsplat.run.figures import write_figures  # matplotlib takes long to load
@@ -181,13 +146,14 @@ def write_everybody(run: PeopleRun, folder: Path, writing: Writing) -> PeopleRun
     names = "".join(name_of(one) for one in run.people.values())
     name = hashlib.sha256(names.encode()).hexdigest()[:16]
     shown = [_PICTURES[0], *([PAGE] if writing.html else [])] if can_draw() else []
-    run = replace(run, report={**run.report, RUN: name, "files": [*writing.poses_together, *shown]})
+    poses = [f"people.{kind}" for kind in writing.pose_formats if kind in PEOPLE_FORMATS]
+    run = replace(run, report={**run.report, RUN: name, "files": [*poses, *shown]})
     begin_writing(folder, run.report)
     people = {}
     for own, (identity, one) in zip(run.report["folders"], run.people.items(), strict=True):
         with run_folder(folder / own):
             people[identity] = write_folder(one, folder / own, writing, of_person(name, own))
-    for together in writing.poses_together:
+    for together in poses:
         write_people(folder / together, {identity: one.poses for identity, one in run.people.items()})
     if can_draw():
         from skelsplat.run.figures import write_people_figure  # matplotlib takes long to load
@@ -205,12 +171,6 @@ def keep_input(job: Job, sources: Sequence[Path] = ()) -> None:
     """Refuse a folder for the results in which they would overwrite the input, or be mixed with it.
 
     ``sources`` are the files or folders of single cameras, once they are known.
-
-    Raises
-    ------
-    InvalidInputError
-        If a file that the run reads has the name of one that it writes or is in the folder of a person, or
-        the folder is that of the detections, or of one camera's, or lies within the latter.
     """
     if job.output is None:
         return
@@ -253,11 +213,6 @@ def begin_writing(folder: Path, report: dict[str, Any]) -> None:
 
     It lists the files of the earlier run and those not there yet; any others are not from a run. The same
     holds for the folders of people: those who are not of the new run are removed, but for what is not theirs.
-
-    Raises
-    ------
-    DatasetError
-        If one cannot be removed.
     """
     earlier, people = files_of_run(folder) or [], folders_of_run(folder)
     new = {name for name in report["files"] if not (folder / name).exists()}
@@ -305,8 +260,7 @@ def scratch(folder: Path) -> Iterator[Path]:
 def run_folder(folder: Path) -> Iterator[None]:
     """Make a folder as `output_folder` does, into which no other run writes during the block.
 
-    What a killed run has left of the parts of a long recording is removed. A `KeyboardInterrupt` says whether
-    anything was written.
+    A `KeyboardInterrupt` says whether anything was written.
     """
     with output_folder(folder), locked(folder):
         for left in folder.glob(f"{SCRATCH}*"):
@@ -326,14 +280,9 @@ def run_folder(folder: Path) -> Iterator[None]:
 
 @contextlib.contextmanager
 def output_folder(folder: Path) -> Iterator[None]:
-    """Make a folder and test that it can be written, before the work.
+    """Make a folder and test that it can be written, before the work (`DatasetError`).
 
     If the block fails, the new folders that are still empty are removed.
-
-    Raises
-    ------
-    DatasetError
-        If the folder cannot be made or written.
     """
     missing = [path for path in (folder, *folder.parents) if not path.exists()]
     try:

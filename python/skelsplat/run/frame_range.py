@@ -22,13 +22,7 @@ class FrameRange:
 
     @classmethod
     def parse(cls, value: str | None) -> FrameRange:
-        """Return what ``A-B``, ``A-``, ``-B`` or ``A`` alone means; None is every frame.
-
-        Raises
-        ------
-        InvalidInputError
-            If it has another form.
-        """
+        """Return what ``A-B``, ``A-``, ``-B`` or ``A`` alone means; None is every frame."""
         match = re.fullmatch(r"\s*(\d*)\s*(-?)\s*(\d*)\s*", value or "-")
         if match is None or (value is not None and not (match[1] or match[3])):
             raise InvalidInputError(f"range: expected A-B, A-, -B or A, frame numbers, got {value!r}")
@@ -37,10 +31,7 @@ class FrameRange:
         return cls(*(int(end) if end else None for end in ends))
 
     def to_read(self, frames: Index) -> tuple[int, int]:
-        """Return the first and the last number to read of a run: of few frames all, of many as `within`.
-
-        If these are many as well, a finding says so.
-        """
+        """Return the first and the last number to read: of few frames all, of many as `within`."""
         if len(frames) <= MANY:
             return (int(frames[0]), int(frames[-1])) if len(frames) else (0, 0)
         first, last = self.within(frames)
@@ -52,13 +43,7 @@ class FrameRange:
         return first, last
 
     def within(self, frames: Index) -> tuple[int, int]:
-        """Return the first and the last number to draw of a run's ascending ``frames``.
-
-        Raises
-        ------
-        InvalidInputError
-            If the range holds none of them.
-        """
+        """Return the first and the last number to draw of a run's ascending ``frames``."""
         known = int(frames[0]), int(frames[-1])
         first = known[0] if self.first is None else self.first
         last = known[1] if self.last is None else self.last

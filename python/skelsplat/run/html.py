@@ -32,14 +32,12 @@ _ANGLES = (
     "their definitions."
 )
 _BIASED = (
-    "Error bar: one standard deviation per axis against an anatomical joint. It contains the scatter, what "
-    "another recording of the same pose by the same detector would give, and how far detectors place joints "
-    "from anatomical ones in all views and frames (setting joint_bias_mm)."
+    "Error bar: one standard deviation per axis against an anatomical joint: the scatter between recordings "
+    "of the same pose by the same detector, and how far it places joints from those (joint_bias_mm)."
 )
 _UNBIASED = (
-    "Error bar: one standard deviation per axis. It is the scatter, what another recording of the same pose "
-    "by the same detector would give; how far the detector places joints from anatomical ones is not "
-    "included (joint_bias_mm states it)."
+    "Error bar: one standard deviation per axis: the scatter between recordings of the same pose by the same "
+    "detector, without how far it places joints from anatomical ones (joint_bias_mm states it)."
 )
 _ON_PEOPLE = (
     "A person is found once two views agree on them. Identities are numbers in the order of appearance; the "

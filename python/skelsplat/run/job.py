@@ -22,13 +22,7 @@ FRAME_MODES = ("strict", "intersection", "union")
 
 
 class IncompleteJobError(InvalidInputError):
-    """An option of a `Job` has no effect without another one.
-
-    Attributes
-    ----------
-    option, requires : str
-        Names of fields of `Job`.
-    """
+    """An option of a `Job` has no effect without another one: ``option``, ``requires``, names of fields."""
 
     def __init__(self, option: str, requires: str) -> None:
         super().__init__(f"{option}: requires {requires}")
@@ -36,118 +30,96 @@ class IncompleteJobError(InvalidInputError):
 
 
 @dataclass(frozen=True)
-class Job:
+class Writing:
+    """What is written into a run's folder apart from its report, inputs and figures."""
+
+    _: KW_ONLY
+    #: The pose files to write, of `skelsplat.io.poses.POSE_FORMATS`; ``pose.npz`` is always written.
+    write: tuple[str, ...] = ("npz", "csv", "trc")
+    #: Write ``pose.trc`` and ``pose.c3d`` with y pointing up, for OpenSim, instead of z,
+    y_up: bool = False
+    #: and call the joints in them as one of `skelsplat.io.poses.MARKER_NAMES`.
+    marker_names: str = MARKER_NAMES[0]
+    #: Write the joint angles as well, `skelsplat.joint_angles`: ``angles.csv``, ``.npz`` and ``.mot``.
+    angles: bool = False
+    #: Write ``report.html``.
+    html: bool = True
+
+    @property
+    def pose_formats(self) -> tuple[str, ...]:
+        """The pose files to write: npz, and those of ``write``, each once."""
+        return tuple(dict.fromkeys(["npz", *self.write]))
+
+
+@dataclass(frozen=True)
+class Job(Writing):
     """One run: where the input is, how to read it, how to refine it, and what to write.
 
-    Parameters
-    ----------
-    calibration, detections : path
-        The calibration file, and the folder or file of detections.
-    unit, calibration_format, camera_type, subject, size, binning
-        How to read the calibration, as for `skelsplat.io.read_calibration`; None: as the file states it.
-    layout
-        The joint layout of the detections, as `skelsplat.io.read_layout` takes it: a name, a layout file, a
-        `skelsplat.Layout`, or ``"file"``; None: found from the joint names in the files.
-    person
-        ``"consistent"``: the person the views agree on. The others follow people over time, as
-        `skelsplat.track`, and choose one: a number from 0, the identity; ``"largest"``: whoever is largest in
-        the images; ``"moves-most"``; a point ``"cam01:640,360"``: whoever is there in the first frame in
-        which that camera sees somebody. Without a frame rate, a number is the place in each file and
-        ``"largest"`` the largest in each image, which need not be one person.
-    people
-        For `run_people`: ``"all"``, or a number: those whom the views see most. None: one person.
-    frames
-        What to do with cameras of different frame counts: ``"strict"``, ``"intersection"`` or ``"union"``.
-    format
-        Format of the detections, of `skelsplat.io.detections.FORMATS`; None to find it from the files.
-    offsets
-        By camera, frames to add to its frame numbers, also parts of one.
-    order
-        The source of each camera's detections, or ``"sorted"``; None to match by name.
-    without
-        Names of cameras that are left out; case and separators may differ.
-    mapping
-        By joint of the layout, its name or index in the files, where these differ; None: missing there.
-    sequence
-        Which sequence of a file that has several.
-    init
-        A pose file to start from; None for triangulation.
-    init_sigma_mm
-        Standard deviation per axis of that pose in mm, if it is independent of the detections; None: it
-        is only the start of the search.
-    config
-        Settings of the method; None: the defaults of `skelsplat.RefineConfig`.
-    fps
-        Frames per second of the recording; None: as the files, or videos next to them, state it.
-    adjust_cameras
-        First adjust the cameras that were turned or moved, by the person the views agree on
-        (`skelsplat.adjust_cameras`); the cameras used are written to the folder of the results.
-    frame_by_frame
-        Solve each frame alone even if the frame rate is known, instead of all over time (`Outcome.sequence`).
-    fill_gaps
-        Longest gap to fill, in frames; 0: none.
-    fill_method
-        ``"cubic"`` or ``"linear"``; None: cubic.
-    fill_weak
-        Also treat weak joints as gaps.
-    filter
-        A `Butterworth` or `OneEuro`, or its text (``"butterworth:6"``); it needs ``fps``. None: no filter.
-    output
-        Folder for the results; None: nothing is written.
-    write
-        The pose files to write, of `skelsplat.io.poses.POSE_FORMATS`; ``pose.npz`` is always written.
-    y_up
-        Write ``pose.trc`` and ``pose.c3d`` with y pointing up, for OpenSim, instead of z.
-    marker_names
-        What joints are called in these two, of `skelsplat.io.poses.MARKER_NAMES`.
-    angles
-        Write the joint angles as well, `skelsplat.joint_angles`: ``angles.csv``, ``.npz`` and ``.mot``.
-    html
-        Write ``report.html``.
-    note
-        A sentence about the input, to be shown with its numbers.
-
-    Raises
-    ------
-    InvalidInputError
-        If an option has no such value, or lacks another that it requires; the message begins with its name.
+    `InvalidInputError` if an option has no such value, or lacks another that it requires; the message begins
+    with its name.
     """
 
+    #: The calibration file.
     calibration: str | os.PathLike[str]
+    #: The folder or file of detections.
     detections: str | os.PathLike[str]
     _: KW_ONLY
+    #: How to read the calibration, as for `skelsplat.io.read_calibration`; None: as the file states it.
     unit: str | None = None
     calibration_format: str | None = None
     camera_type: str | None = None
     subject: str | None = None
     size: tuple[int, int] | None = None
     binning: float | None = None
+    #: The joint layout of the detections, as `skelsplat.io.read_layout` takes it: a name, a layout file, a
+    #: `skelsplat.Layout`, or ``"file"``; None: found from the joint names in the files.
     layout: str | os.PathLike[str] | sk.Layout | None = None
+    #: ``"consistent"``: the person the views agree on. The others follow people over time, as
+    #: `skelsplat.track`, and choose one: a number from 0, the identity; ``"largest"``: whoever is largest in
+    #: the images; ``"moves-most"``; a point ``"cam01:640,360"``: whoever is there in the first frame in which
+    #: that camera sees somebody. Without a frame rate, a number is the place in each file and ``"largest"``
+    #: the largest in each image, which need not be one person.
     person: str | int = "consistent"
+    #: For `run_people`: ``"all"``, or a number: those whom the views see most. None: one person.
     people: str | int | None = None
+    #: With cameras of different frame counts: ``"strict"``, ``"intersection"`` or ``"union"``.
     frames: str = "strict"
+    #: Format of the detections, of `skelsplat.io.detections.FORMATS`; None to find it from the files.
     format: str | None = None
+    #: By camera, frames to add to its frame numbers, also parts of one.
     offsets: Mapping[str, float] = field(default_factory=dict)
+    #: The source of each camera's detections, or ``"sorted"``; None to match by name.
     order: str | tuple[str, ...] | None = None
+    #: Names of cameras that are left out; case and separators may differ.
     without: tuple[str, ...] = ()
+    #: By joint of the layout, its name or index in the files, where these differ; None: missing there.
     mapping: Mapping[str, str | int | None] = field(default_factory=dict)
+    #: Which sequence of a file that has several.
     sequence: str | None = None
+    #: A pose file to start from; None for triangulation.
     init: str | os.PathLike[str] | None = None
+    #: Standard deviation per axis of that pose in mm, if it is independent of the detections; None: it is
+    #: only the start of the search.
     init_sigma_mm: float | None = None
+    #: Settings of the method; None: the defaults of `skelsplat.RefineConfig`.
     config: sk.RefineConfig | None = None
+    #: Frames per second of the recording; None: as the files, or videos next to them, state it.
     fps: float | None = None
+    #: First adjust the cameras that were turned or moved, by the person the views agree on
+    #: (`skelsplat.adjust_cameras`); the cameras used are written to the folder of the results.
     adjust_cameras: bool = False
+    #: Solve each frame alone even if the frame rate is known, instead of all over time (`Outcome.sequence`).
     frame_by_frame: bool = False
+    #: Longest gap to fill, in frames (0: none), ``"cubic"`` or ``"linear"`` (None: cubic), and whether weak
+    #: joints are gaps as well.
     fill_gaps: int = 0
     fill_method: str | None = None
     fill_weak: bool = False
-    filter: Filter | str | None = None
+    #: ``"butterworth[:HZ[:ORDER]]"`` or ``"one-euro[:HZ[:BETA]]"``; it needs ``fps``. None: no filter.
+    filter: str | None = None
+    #: Folder for the results; None: nothing is written.
     output: str | os.PathLike[str] | None = None
-    write: tuple[str, ...] = ("npz", "csv", "trc")
-    y_up: bool = False
-    marker_names: str = MARKER_NAMES[0]
-    angles: bool = False
-    html: bool = True
+    #: A sentence about the input, to be shown with its numbers.
     note: str = ""
 
     def __post_init__(self) -> None:
@@ -159,7 +131,6 @@ class Job:
         check_person(self.person)
         self._check_people()
         self._check_start()
-        _positive("fps", self.fps)
         low, high = FRAME_RATES
         if self.fps is not None and not low <= self.fps <= high:
             raise InvalidInputError(f"fps: expected a number from 1e-3 to 1e6, got {self.fps:g}")
@@ -172,21 +143,21 @@ class Job:
         number = isinstance(self.people, int) and not isinstance(self.people, bool) and self.people >= 1
         if self.people not in (None, "all") and not number:
             raise InvalidInputError(f"people: expected all or a number of at least 1, got {self.people!r}")
-        if self.people is not None:
-            for option, unset in (("person", "consistent"), ("init", None)):
-                if getattr(self, option) != unset:
-                    together = "cannot be combined with people, which refines everybody"
-                    raise InvalidInputError(f"{option}: {together}")
+        given = {"person": self.person != "consistent", "init": self.init is not None}
+        for option in (name for name, value in given.items() if value and self.people is not None):
+            raise InvalidInputError(f"{option}: cannot be combined with people, which refines everybody")
 
     def _check_start(self) -> None:
-        _positive("init_sigma_mm", self.init_sigma_mm)
-        if self.init_sigma_mm is None:
+        sigma = self.init_sigma_mm
+        if sigma is None:
             return
+        if not 0 < sigma < float("inf"):
+            raise InvalidInputError(f"init_sigma_mm: expected a positive number, got {sigma:g}")
         if self.init is None:
             raise IncompleteJobError("init_sigma_mm", "init")
         if self.settings.method == "paper":
             why = "with the method paper, whose start is not an observation"
-            raise InvalidInputError(f"init_sigma_mm: expected none {why}, got {self.init_sigma_mm:g}")
+            raise InvalidInputError(f"init_sigma_mm: expected none {why}, got {sigma:g}")
 
     def _check_over_time(self) -> None:
         one_of("fill_method", self.fill_method, (None, *temporal.METHODS))
@@ -203,18 +174,13 @@ class Job:
 
     @property
     def low_pass(self) -> Filter | None:
-        """The filter, read if it was given as text."""
-        return parse_filter(self.filter) if isinstance(self.filter, str) else self.filter
+        """The name and numbers of the filter."""
+        return None if self.filter is None else parse_filter(self.filter)
 
     @property
     def interpolation(self) -> str:
         """How gaps are filled."""
         return self.fill_method or temporal.METHODS[0]
-
-    @property
-    def pose_formats(self) -> tuple[str, ...]:
-        """The pose files to write: npz, and those of ``write``, each once."""
-        return tuple(dict.fromkeys(["npz", *self.write]))
 
     @property
     def at_once(self) -> tuple[str, ...]:
@@ -231,8 +197,3 @@ class Job:
             "write": "c3d" in self.write,
         }
         return tuple(option for option, given in needed.items() if given)
-
-
-def _positive(option: str, value: float | None) -> None:
-    if value is not None and not 0 < value < float("inf"):
-        raise InvalidInputError(f"{option}: expected a positive number, got {value:g}")

@@ -58,13 +58,9 @@ def find_joints(alone: Statistics, statistics: Statistics) -> Iterator[Finding]:
     wide = {name: mm for name, mm in wide.items() if mm > _BAR_RATIO * typical}
     if wide:
         sizes = some([f"{name} ({number(mm, decimals(typical, 0))} mm)" for name, mm in wide.items()])
-        yield Finding(
-            "joints_uncertain",
-            "warning",
-            Subject(joints=tuple(wide)),
-            {"median_scatter_mm": typical, "scatter_mm": [*wide.values()]},
-            sentence=f"Scatter far above the median of {length(typical, 0)} mm: {sizes}.",
-        )
+        words = f"Scatter far above the median of {length(typical, 0)} mm: {sizes}."
+        numbers = {"median_scatter_mm": typical, "scatter_mm": [*wide.values()]}
+        yield Finding("joints_uncertain", "warning", Subject(joints=tuple(wide)), numbers, sentence=words)
 
 
 def joint_frames(inputs: Inputs, outcome: Outcome, written: npt.NDArray[np.str_]) -> JointFrames:
@@ -106,13 +102,6 @@ def find_statuses(
             known, remedy = placed & (status != "weak"), [*remedy, Remedy("fill_weak")]
         there = {j: inputs.frames[known[:, j]] for j in by_joint if known[:, j].any()}
         inside = any(a[0] < t < a[-1] for j, a in there.items() for t in by_joint[j])
-        yield Finding(
-            kind,
-            "warning",
-            Subject(joints=tuple(names[j] for j in by_joint)),
-            numbers,
-            tuple(remedy)
-            if inside
-            else (),  # what lies between frames in which the joint is known can be filled
-            sentence=f"{label}: {told}.",
-        )
+        subject = Subject(joints=tuple(names[j] for j in by_joint))
+        own = tuple(remedy) if inside else ()  # what lies between frames with the joint can be filled
+        yield Finding(kind, "warning", subject, numbers, own, sentence=f"{label}: {told}.")

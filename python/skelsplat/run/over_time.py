@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, field, replace
-from typing import TYPE_CHECKING, Any, ClassVar
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -19,66 +19,31 @@ if TYPE_CHECKING:
 _METHODS = {"cubic": "cubic splines", "linear": "straight lines"}
 
 
-@dataclass(frozen=True)
-class Butterworth:
-    """Low-pass without lag: ``cutoff_hz`` is the −3 dB frequency and ``order`` that of both passes."""
-
-    name: ClassVar[str] = "butterworth"
-    cutoff_hz: float = 6.0
-    order: int = field(default=4, kw_only=True)
-
-    def __str__(self) -> str:
-        zero_lag = "zero-lag (forward and backward)"
-        return f"Butterworth of order {self.order}, −3 dB at {self.cutoff_hz:g} Hz, {zero_lag}"
-
-
-@dataclass(frozen=True)
-class OneEuro:
-    """Causal low-pass whose cutoff grows with the speed: by ``beta_hz_per_mm_s``, from ``min_cutoff_hz``."""
-
-    name: ClassVar[str] = "one-euro"
-    min_cutoff_hz: float = 1.0
-    beta_hz_per_mm_s: float = 0.01
-
-    def __str__(self) -> str:
-        speed = f"{self.beta_hz_per_mm_s:g} Hz per mm/s"
-        return f"one-euro filter, {self.min_cutoff_hz:g} Hz at rest and {speed}, causal"
-
-
-Filter = Butterworth | OneEuro
+# Numbers that may follow the name of a filter, with their defaults. "butterworth" is zero-lag, with −3 dB at
+# the cutoff and the order of both passes; "one-euro" is causal, and its cutoff grows with the speed.
+_FILTERS: dict[str, dict[str, float]] = {
+    "butterworth": {"cutoff_hz": 6.0, "order": 4},
+    "one-euro": {"min_cutoff_hz": 1.0, "beta_hz_per_mm_s": 0.01},
+}
+Filter = dict[str, Any]  # its name and numbers
 
 
 def parse_filter(text: str) -> Filter:
-    """Return the filter of a text such as ``butterworth:6:4`` or ``one-euro``.
-
-    Raises
-    ------
-    InvalidInputError
-        If the text names no filter, or anything but numbers follows the name.
-    """
+    """Return the filter of a text such as ``butterworth:6:4`` or ``one-euro``."""
     name, *values = text.strip().lower().split(":")
+    known = _FILTERS.get(name, {})
+    if len(values) > len(known) or not known:
+        expected = "butterworth[:HZ[:ORDER]] or one-euro[:HZ[:BETA]]"
+        raise InvalidInputError(f"filter: expected {expected}, got {text!r}")
     try:
-        if name == "butterworth" and len(values) <= 2:
-            order = int(values[1]) if len(values) == 2 else Butterworth.order
-            return Butterworth(*map(float, values[:1]), order=order)
-        if name == "one-euro" and len(values) <= 2:
-            return OneEuro(*map(float, values))
+        given = {key: type(known[key])(value) for key, value in zip(known, values, strict=False)}
     except ValueError as error:
         raise InvalidInputError(f"filter: expected numbers after {name}, got {text!r}") from error
-    expected = "butterworth[:HZ[:ORDER]] or one-euro[:HZ[:BETA]]"
-    raise InvalidInputError(f"filter: expected {expected}, got {text!r}")
+    return {"name": name, **known, **given}
 
 
 def try_over_time(job: Job) -> None:
-    """Fill and filter three frames, so that errors are raised before the work.
-
-    Raises
-    ------
-    InvalidInputError
-        If the filter's numbers are not valid at the frame rate.
-    MissingPackageError
-        If SciPy is needed and not installed.
-    """
+    """Fill and filter three frames, so that wrong numbers and missing packages are errors before the work."""
     if job.fill_gaps:
         temporal.fill_gaps([[[0.0] * 3], [[np.nan] * 3], [[0.0] * 3]], 1, method=job.interpolation)
     if job.low_pass is not None and job.fps is not None:
@@ -110,9 +75,9 @@ def apply_over_time(data: PoseData, job: Job | None) -> tuple[PoseData, dict[str
         pose, short = _filtered(low_pass, data.pose, data.frames, weak, data.frame_rate, mm)
         data = replace(data, pose=pose)
         left = {"left_as_they_are": short, "weak_left": int(weak.sum())}
-        entry["filter"] = {"name": low_pass.name, **asdict(low_pass), **left}
+        entry["filter"] = {**low_pass, **left}
         unchanged = f"weak joint positions are unchanged ({weak.sum()}) and do not influence other frames"
-        words = f"Low-pass: {low_pass}{f'; {unchanged}' if weak.any() else ''}"
+        words = f"Low-pass: {_in_words(low_pass)}{f'; {unchanged}' if weak.any() else ''}"
         words += f"; {short} joint positions in runs too short for it are unchanged" if short else ""
         sentences.append(
             f"{words}. Uncertainties, weights and reprojection errors are from before filtering."
@@ -142,9 +107,17 @@ def _filtered(
     low_pass: Filter, pose: Array, frames: Index, weak: Mask, fps: float, mm: float
 ) -> tuple[Array, int]:
     """Filter poses whose unit is ``mm`` millimetres; also return how many were in runs too short for it."""
-    if isinstance(low_pass, OneEuro):
-        cutoff, beta = low_pass.min_cutoff_hz, low_pass.beta_hz_per_mm_s * mm
+    if low_pass["name"] == "one-euro":
+        cutoff, beta = low_pass["min_cutoff_hz"], low_pass["beta_hz_per_mm_s"] * mm
         return temporal.one_euro(pose, fps, min_cutoff=cutoff, beta=beta, frames=frames, weak=weak), 0
-    cutoff, order = low_pass.cutoff_hz, low_pass.order
+    cutoff, order = low_pass["cutoff_hz"], low_pass["order"]
     result, left = temporal.butterworth(pose, fps, cutoff, order=order, frames=frames, weak=weak)
     return result, int((left & ~weak).sum())
+
+
+def _in_words(low_pass: Filter) -> str:
+    if low_pass["name"] == "one-euro":
+        speed = f"{low_pass['beta_hz_per_mm_s']:g} Hz per mm/s"
+        return f"one-euro filter, {low_pass['min_cutoff_hz']:g} Hz at rest and {speed}, causal"
+    cutoff = f"−3 dB at {low_pass['cutoff_hz']:g} Hz"
+    return f"Butterworth of order {low_pass['order']}, {cutoff}, zero-lag (forward and backward)"

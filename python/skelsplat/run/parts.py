@@ -25,7 +25,7 @@ from skelsplat.run.job import Job
 from skelsplat.run.joints import JointFrames, joint_frames
 from skelsplat.run.person import look_around, pick_consistent, sampled
 from skelsplat.run.read import Inputs, Opened, Thinned
-from skelsplat.run.solve import Outcome, Progress, even_clock, poses_of, why_alone
+from skelsplat.run.solve import Outcome, Progress, even_clock, poses_of, silent, why_alone
 from skelsplat.run.summary import Statistics, summarise
 
 # Detections in memory at a time, but 600 frames or more: 100 MB with their results.
@@ -40,13 +40,10 @@ MOST_NAMED = 10_000
 _BY_FRAME = ("detections", "unmatched", "frames")  # fields of `Inputs`
 
 
-def in_parts(
-    opened: Opened, job: Job, folder: Path, progress: Progress | None
-) -> tuple[Inputs, Outcome, Gathered]:
+def in_parts(opened: Opened, job: Job, folder: Path, progress: Progress) -> tuple[Inputs, Outcome, Gathered]:
     """Refine the person the views agree on; return every so many-th frame, and what is known of all."""
     size = max(_LEAST_FRAMES, _PER_PART // (len(opened.rig) * opened.detections.skeleton.n_joints))
-    if progress is not None:
-        progress(0, len(opened.detections.frames))
+    progress(0, len(opened.detections.frames))
     whole, detections, unmatched = follow(opened, job, folder, size, _half(progress, 0))
     gathered = Gathered(whole, detections, PoseParts(folder, whole.frames, size), folder)
     seconds, begin = 0.0, time.perf_counter()
@@ -64,15 +61,13 @@ def in_parts(
     return inputs, replace(outcome, seconds=seconds, alone=why_alone(whole, job)), gathered
 
 
-def _half(progress: Progress | None, done: int) -> Progress | None:
+def _half(progress: Progress, done: int) -> Progress:
     """Return the progress of one of two passes, ``done`` of which are over: a frame counts half in each."""
-    if progress is None:
-        return None
     return lambda frames, total: progress((done * total + frames) // 2, total)
 
 
 def follow(
-    opened: Opened, job: Job, folder: Path, size: int, progress: Progress | None = None
+    opened: Opened, job: Job, folder: Path, size: int, progress: Progress = silent
 ) -> tuple[Inputs, RowFile, RowFile]:
     """Follow the person the views agree on, so many frames at a time.
 
@@ -100,8 +95,7 @@ def follow(
         seen.append(part[here])
         chosen.append(index[here])
         before, done = taken[-_BESIDE:, :, None], done + len(part)
-        if progress is not None:
-            progress(done, steps)
+        progress(done, steps)
     if uncompared:
         warn(people_uncompared(uncompared, most))
     crowd = look_around(_joined(seen), np.concatenate(chosen), rig, "consistent", layout, sample)
@@ -135,17 +129,12 @@ class _OnClock:
 
 
 def _solved(
-    whole: Inputs, detections: RowFile, job: Job, size: int, progress: Progress | None
+    whole: Inputs, detections: RowFile, job: Job, size: int, progress: Progress
 ) -> Iterator[tuple[slice, sk.Refinement]]:
     """Refine all frames, so many at a time: yield the places of frames, and their result."""
     steps = len(whole.frames)
     places, rate = (np.arange(steps), None) if why_alone(whole, job) else even_clock(whole)
     clock = _OnClock(detections, places)
-
-    def told(done: int, _: int) -> None:
-        if progress is not None:
-            progress(done * steps // len(clock), steps)
-
     results = sk.refine_batches(
         clock,
         whole.rig,
@@ -153,7 +142,7 @@ def _solved(
         layout=whole.layout,
         config=job.settings,
         frames_per_chunk=size,
-        progress=False if progress is None else told,
+        progress=lambda done, _: progress(done * steps // len(clock), steps),
     )
     first = 0
     for result in results:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -12,7 +13,6 @@ from skelsplat._people import layouts_alike
 from skelsplat._words import decimals, length, listed, number, percent
 from skelsplat.association import body_sizes
 from skelsplat.findings import Finding, Remedy, Subject
-from skelsplat.layouts import mirror_images
 from skelsplat.run.joints import frames_in_words
 from skelsplat.run.person import OFTEN, Crowd
 from skelsplat.run.read import Inputs
@@ -37,10 +37,6 @@ _CONFIRMED = 3
 # Nobody stands as still as this for so long, while posters and dummies do, mm and s: detections of good
 # detectors scatter by 4 mm once smoothed, and somebody at rest sways by 5 mm and moves a hand or the head.
 _STILL_MM, _STILL_S = 7.0, 3.0
-# So near is nobody to the reflection of somebody else, at least this far apart, in nine tenths of the joints,
-# mm. In 40 simulated scenes of 2 to 5 people with the same body the nearest are 106 mm from it, simulated
-# reflections at most 28 mm.
-_SAME_MM, _APART_MM = 60.0, 500.0
 # Part of the people detected who may be left out: those whom one view sees, and false detections.
 _LEFT_OUT = 0.25
 # Two bodies nearer than 4 σ become one: those of fewer σ need a smaller one, that of people in proportion.
@@ -63,17 +59,14 @@ def find_people(inputs: Inputs, outcome: Outcome) -> Iterator[Finding]:
 
 
 def _others(inputs: Inputs, crowd: Crowd) -> Finding:
-    place = _place(inputs)
+    place, words = _place(inputs), f"{crowd.visible} people are visible in about the same number of views in "
     where = f" (the one at {place[0]} in frame {place[1]})" if place else ""
-    rate = "" if inputs.fps is not None else " To refine everybody, the frame rate must be known."
+    words += f"{percent(crowd.together)} of the frames. Check that the right one is followed{where}: a "
+    words += "number, the size, the motion or a place chooses another." if inputs.fps is not None else " To "
+    words += "refine everybody, the frame rate must be known."
+    numbers = {"people": crowd.visible, "share_of_frames": crowd.together, "followed": place}
     return Finding(
-        "people_visible",
-        "warning",
-        numbers={"people": crowd.visible, "share_of_frames": crowd.together, "followed": place},
-        remedy=(Remedy("people", "all"),),
-        sentence=f"{crowd.visible} people are visible in about the same number of views in "
-        f"{percent(crowd.together)} of the frames. Check that the right one is followed{where}: a number, "
-        f"the size, the motion or a place chooses another.{rate}",
+        "people_visible", "warning", Subject(), numbers, (Remedy("people", "all"),), sentence=words
     )
 
 
@@ -105,15 +98,11 @@ def _find_jumps(inputs: Inputs, pose: Array) -> Iterator[Finding]:
     frames = inputs.frames[jumps + 1].tolist()
     times = "once" if len(jumps) == 1 else f"{len(jumps):,} times"
     far = f"{longest / 1000:.1f} m" if longest >= 100 else f"{length(longest, 0, 10.0)} mm"
-    yield Finding(
-        "person_jumps",
-        "warning",
-        Subject(frames=tuple(frames)),
-        {"jumps": len(jumps), "longest_mm": longest},
-        sentence=f"The person jumps {times} from one frame to the next, by up to {far} "
-        f"({frames_in_words(frames)}): the detections change to another person, or frames are missing "
-        "or out of order.",
-    )
+    words = f"The person jumps {times} from one frame to the next, by up to {far} "
+    words += f"({frames_in_words(frames)}): the detections change to another person, or frames are missing "
+    words += "or out of order."
+    numbers = {"jumps": len(jumps), "longest_mm": longest}
+    yield Finding("person_jumps", "warning", Subject(frames=tuple(frames)), numbers, sentence=words)
 
 
 @dataclass(frozen=True)
@@ -160,130 +149,45 @@ def find_lengths(inputs: Inputs, spread: LimbSpread) -> Iterator[Finding]:
     a, b = (inputs.layout.joints[joint] for joint in spread.limbs[worst])
     low, high = (float(size[worst] * inputs.rig.mm_per_unit) for size in (spread.low, spread.high))
     relative, digits = float(spread.relative[worst]), decimals(high, 0, 10.0)
-    yield Finding(
-        "limb_lengths_vary",
-        "warning",
-        Subject(joints=(a, b)),
-        {"relative_range": relative, "range_mm": [low, high], "off_share": spread.off},
-        sentence=f"Limb lengths vary by up to {percent(relative)} over the recording, which is impossible "
-        f"for one body. {a} to {b} is {number(low, digits)} to {number(high, digits)} mm long (5th to 95th "
-        f"percentile), and {percent(spread.off)} of the lengths of arms and legs deviate by more than "
-        "scatter explains. Either the views show different people, or most views are wrong about these "
-        "joints.",
-    )
-
-
-def find_over_people(people: Mapping[int, Sequence[Finding]], cameras: Sequence[str]) -> Iterator[Finding]:
-    """Yield one finding on the rig if cameras do not fit the others for some of several people.
-
-    One rig is judged by everybody it sees: ``people`` are the findings on each.
-    """
-    kinds = ("camera_disagrees", "camera_displaced")
-    found = {
-        who: [one.subject.cameras[0] for one in own if one.kind in kinds and one.severity != "note"]
-        for who, own in people.items()
-    }
-    blamed = {name: [who for who, own in found.items() if name in own] for name in cameras}
-    blamed = {name: who for name, who in blamed.items() if who}
-    if not blamed or len(people) < 2:
-        return
-    contradict = max(map(len, blamed.values())) < sum(map(bool, found.values()))
-    whose = [f"{name} for {len(who)} ({_numbered(who)})" for name, who in blamed.items()]
-    meaning = "A wrong calibration shows for every person in the camera's view, an obstructed view does not."
-    if contradict:
-        meaning = "The people contradict each other about which is wrong."
-    yield Finding(
-        "cameras_over_people",
-        "warning",
-        Subject(cameras=tuple(blamed)),
-        {"people": len(people), "named": list(blamed.values()), "contradict": contradict},
-        (Remedy("without", next(iter(blamed))),) if len(blamed) == 1 and len(cameras) > 2 else (),
-        sentence=f"Cameras that disagree with the others, over {len(people)} people: {listed(whose)}. "
-        f"{meaning} Check the cameras.",
-    )
-
-
-def _numbered(people: Sequence[int]) -> str:
-    return f"person {people[0]}" if len(people) == 1 else f"people {listed([str(who) for who in people])}"
+    words = f"Limb lengths vary by up to {percent(relative)} over the recording, which is impossible for "
+    words += f"one body. {a} to {b} is {number(low, digits)} to {number(high, digits)} mm long (5th to 95th "
+    words += f"percentile), and {percent(spread.off)} of the lengths of arms and legs deviate by more than "
+    words += "scatter explains. Either the views show different people, or most views are wrong about these "
+    words += "joints."
+    numbers = {"relative_range": relative, "range_mm": [low, high], "off_share": spread.off}
+    yield Finding("limb_lengths_vary", "warning", Subject(joints=(a, b)), numbers, sentence=words)
 
 
 def find_doubts(people: Sequence[Inputs], of: Inputs) -> Iterator[Finding]:
     """Yield doubts about one of the people who were followed over time."""
+    who: dict[str, Any] = {"person": int(of.person)}
     seen = np.asarray(np.isfinite(of.detections[..., 0]).any(axis=-1))
     views = float(np.median(seen.sum(axis=1)))
     if len(of.rig) >= _CONFIRMED and views < _CONFIRMED:
         counts = dict(zip(of.rig.names, seen.sum(axis=0).tolist(), strict=True))
         counts = {name: count for name, count in counts.items() if count}
         cameras = listed([f"{name} in {count:,}" for name, count in counts.items()])
-        yield Finding(
-            "person_of_few_views",
-            "warning",
-            Subject(cameras=tuple(counts)),
-            {
-                "person": int(of.person),
-                "frames_seen": [*counts.values()],
-                "frames": len(seen),
-                "views": views,
-            },
-            sentence=f"Mostly two views or fewer see this person ({cameras} of {len(seen):,} frames), so no "
-            "third view confirms the pose.",
-        )
+        words = f"Mostly two views or fewer see this person ({cameras} of {len(seen):,} frames), so no "
+        words += "third view confirms the pose."
+        numbers = {"frames_seen": [*counts.values()], "frames": len(seen), "views": views}
+        subject = Subject(cameras=tuple(counts))
+        yield Finding("person_of_few_views", "warning", subject, {**who, **numbers}, sentence=words)
     still = _moved_mm(of)
     seconds = float(of.frames[-1] - of.frames[0]) / of.fps if of.fps else 0.0
     if still < _STILL_MM and seconds >= _STILL_S and any(_moved_mm(one) >= _STILL_MM for one in people):
-        yield Finding(
-            "person_still",
-            "warning",
-            numbers={"person": int(of.person), "moved_mm": still, "seconds": seconds},
-            sentence=f"This person hardly moves: positions vary by {still:.0f} mm in {seconds:.0f} s. A "
-            "poster, a dummy, or somebody who keeps still?",
-        )
-    away = {one.person: _reflection_mm(one, of) for one in people if _distance(one) < _distance(of)}
-    same = min(away, key=lambda who: away[who], default="")
-    if same and away[same] < _SAME_MM:
-        yield Finding(
-            "person_mirrored",
-            "warning",
-            numbers={"person": int(of.person), "of": int(same), "apart_mm": away[same]},
-            sentence=f"This person is the mirror image of person {same}, within {away[same]:.0f} mm: a "
-            "reflection in a mirror or a window?",
-        )
+        words = f"This person hardly moves: positions vary by {still:.0f} mm in {seconds:.0f} s. A poster, "
+        words += "a dummy, or somebody who keeps still?"
+        numbers = {**who, "moved_mm": still, "seconds": seconds}
+        yield Finding("person_still", "warning", Subject(), numbers, sentence=words)
 
 
 def _moved_mm(of: Inputs) -> float:
-    """Return the standard deviation of the position over time, of the joint that moves most but for a tenth.
-
-    NaN where no position is known.
-    """
+    """Return how far the joint that moves most, but for a tenth, varies over time; NaN if unknown."""
     place = of.solved_pose
     known = place[:, np.isfinite(place).all(axis=(0, 2))]
     if not known.size:
         return float("nan")
     return float(np.quantile(np.sqrt(known.var(axis=0).sum(axis=-1)), 0.9)) * of.rig.mm_per_unit
-
-
-def _distance(of: Inputs) -> float:
-    """Return how far a person is from the cameras; a reflection is further away than the person."""
-    centre = np.mean([camera.centre for camera in of.rig], axis=0)
-    return float(np.linalg.norm(np.nanmedian(of.solved_pose, axis=(0, 1)) - centre))
-
-
-def _reflection_mm(one: Inputs, other: Inputs) -> float:
-    """Return how far a person is from another's reflection in the plane that fits best; inf if they touch.
-
-    That is the 90th percentile over joints and frames in which both are known.
-    """
-    _, here, there = np.intersect1d(one.frames, other.frames, return_indices=True)
-    swapped = mirror_images(one.layout.n_joints, one.layout.left_right)
-    own, image = one.solved_pose[here][:, swapped], other.solved_pose[there]
-    known = np.isfinite(own).all(axis=-1) & np.isfinite(image).all(axis=-1)
-    own, image = own[known] * one.rig.mm_per_unit, image[known] * one.rig.mm_per_unit
-    normal = (image - own).mean(axis=0) if len(own) >= _LEAST_DETECTED else np.zeros(3)
-    if np.linalg.norm(normal) < _APART_MM:
-        return float("inf")
-    normal /= np.linalg.norm(normal)
-    depth = np.median((own + image) @ normal) / 2 - own @ normal
-    return float(np.quantile(np.linalg.norm(own + 2 * depth[:, None] * normal - image, axis=-1), 0.9))
 
 
 def find_left_out(
@@ -299,20 +203,14 @@ def find_left_out(
     shares, share = left / np.maximum(detected.sum(axis=0), 1), float(left.sum() / everybody)
     named = np.flatnonzero(shares >= _LEFT_OUT)
     cameras = ", ".join(f"{of.rig.names[i]} {percent(shares[i])}" for i in named)
-    finer: tuple[Remedy, ...] = ()
-    small = ""
+    small, remedy = "", [Remedy("layout", None)]
     if size_mm < _SMALL * sigma_mm:
-        finer = (Remedy("sigma_mm", f"{size_mm * _SIGMA_PER_SIZE:.1g}"),)
+        remedy.insert(0, Remedy("sigma_mm", f"{size_mm * _SIGMA_PER_SIZE:.1g}"))
         small = f"small bodies merged into one (those found are {length(size_mm, 0)} mm long), "
     alike = " or ".join(layouts_alike(of.layout))
     layout = f"a wrong layout ({alike} has as many joints)" if alike else "a wrong layout"
-    yield Finding(
-        "people_left_out",
-        "warning",
-        Subject(cameras=tuple(of.rig.names[i] for i in named)),
-        {"size_mm": size_mm, "left_out_share": share, "shares": shares[named].tolist()},
-        (*finer, Remedy("layout", None)),
-        sentence=f"{percent(share)} of the people detected are none of those found ({cameras}): {small}"
-        f"people whom one view sees, false detections, {layout}, or cameras that do not fit. Check "
-        "the cameras.",
-    )
+    words = f"{percent(share)} of the people detected are none of those found ({cameras}): {small}people "
+    words += f"whom one view sees, false detections, {layout}, or cameras that do not fit. Check the cameras."
+    subject = Subject(cameras=tuple(of.rig.names[i] for i in named))
+    numbers = {"size_mm": size_mm, "left_out_share": share, "shares": shares[named].tolist()}
+    yield Finding("people_left_out", "warning", subject, numbers, tuple(remedy), sentence=words)

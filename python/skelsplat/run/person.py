@@ -83,10 +83,7 @@ def pick_places(
 
 
 def pick_consistent(people: Array, rig: sk.CameraRig, layout: sk.Layout | None) -> tuple[Index, Mask, Mask]:
-    """Return what `pick_places` does for the person the views agree on, without a warning.
-
-    And the frames (T,) in which there were too many people to compare all of them.
-    """
+    """Choose the person the views agree on; also return frames (T,) with too many people to compare."""
     people = association.with_confidences(people)
     index, cut = association.chosen_places(people, rig, layout)
     there = count_people(people) > 0

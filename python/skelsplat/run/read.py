@@ -132,13 +132,7 @@ class Opened:
 
 
 def open_files(job: Job) -> Opened:
-    """Read the cameras that a job names and open the detections.
-
-    Raises
-    ------
-    DatasetError, InvalidInputError
-        If a file is missing or malformed, or files and options do not fit each other; the message names it.
-    """
+    """Read the cameras that a job names and open the detections."""
     reading = ("calibration_format", "unit", "camera_type", "subject", "size", "binning")
     given = ("without", "fps", "layout", "format", "frames", "offsets", "order", "mapping", "sequence")
     read = {name: getattr(job, name) for name in reading}
@@ -186,19 +180,14 @@ def read_everybody(opened: Opened, job: Job) -> tuple[Array, Inputs]:
         told, frames = listed(options), len(opened.detections.frames)
         afford(Path(job.detections), told, need)
         numbers = {"options": list(options), "frames": frames, "gigabytes": need / 1e9}
-        words = (
-            f"All {frames:,} frames are refined at once, in at least {need / 1e9:.1f} GB of memory, because "
-        )
-        words += f"of {told}; without, they are refined in parts."
+        words = f"All {frames:,} frames are refined at once, in at least {need / 1e9:.1f} GB of memory, "
+        words += f"because of {told}; without, they are refined in parts."
         warn(Finding("done_at_once", "note", numbers=numbers, sentence=words))
     return opened.detections.read().people, opened.nobody(job)
 
 
 def read_rig(path: Path, *, calibration_format: str | None = None, **given: Any) -> sk.CameraRig:
-    """Read a calibration; ``given`` are the arguments of `skelsplat.io.read_calibration`.
-
-    An error of the format calls it ``calibration_format``: ``format`` is that of the detections.
-    """
+    """Read a calibration; an error of the format calls it ``calibration_format``."""
     try:
         return read_calibration(path, format=calibration_format, **given)
     except InvalidInputError as error:
@@ -208,13 +197,7 @@ def read_rig(path: Path, *, calibration_format: str | None = None, **given: Any)
 
 
 def leave_out(rig: sk.CameraRig, without: Sequence[str]) -> sk.CameraRig:
-    """Return the rig without these cameras; in names, case and separators may differ.
-
-    Raises
-    ------
-    InvalidInputError
-        If there is no camera of such a name, or fewer than two are left.
-    """
+    """Return the rig without these cameras; in names, case and separators may differ."""
     left_out = cameras_called(without, rig.names, "without")
     kept = [camera for name, camera in zip(rig.names, rig, strict=True) if name not in left_out]
     if len(kept) < 2:
@@ -245,10 +228,7 @@ def _rate(found: Detections, folder: Path, rig: sk.CameraRig, fps: float | None)
 
 
 def _rates_of_videos(detections: Path, rig: sk.CameraRig, frames: Index) -> dict[str, float]:
-    """Return the rates of the cameras' videos, with the detections or in ``videos`` next to them.
-
-    None if a camera has no video, or one has no rate or fewer frames than the detections.
-    """
+    """Return the rates of the cameras' videos, with the detections or in ``videos`` next to them."""
     for folder in (detections, detections.parent / "videos"):
         try:
             videos = {name: open_source(path) for name, path in find_videos(folder, rig.names).items()}

@@ -37,10 +37,7 @@ MEANINGS = {
     "error_bar": "standard deviation from an anatomical joint, root mean square over the axes: scatter, and "
     "what detectors err by in all views and frames (settings.joint_bias_mm; null: published figures)",
     "scatter": "standard deviation between recordings of the same pose by the same detector, likewise",
-    "solution": "over time: all frames together, with constant bones and smooth motion; or frame by frame",
-    "inferred": "joint positions that bones and neighbouring frames determine, not two views of their frame",
     "start": "what before_px and moved are measured from: the initial pose if one was given, else DLT",
-    "findings": "what to check before trusting the run",
     "frame_findings": "unusual single frames: their numbers are the frames of the subject; lists among the "
     "numbers have a value for each of them",
     "thinned": "a long recording: medians, largest and smallest values, and findings on cameras, people and "
@@ -272,10 +269,7 @@ def _spans(frames: Index) -> list[list[int]]:
 
 
 def _limb_range(run: Run) -> float:
-    """Return how far the lengths of arms and legs range frame by frame, 5th to 95th percentile.
-
-    As a part of the length, median over the limbs; a body has the same length in all frames.
-    """
+    """Return how far the lengths of arms and legs range frame by frame, as a part of them."""
     result = run.result
     pose = np.asarray(result.pose if run.outcome.sequence is None else result.init_pose)
     known = (np.asarray(result.joint_status) == "ok") & np.isfinite(pose).all(axis=-1)

@@ -81,14 +81,14 @@ class Outcome:
         return [(a, b, float(length), float(sigma)) for (a, b), length, sigma in sizes]
 
 
-def refine_inputs(inputs: Inputs, job: Job, progress: Progress | None = None) -> Outcome:
-    """Refine all frames, over time if that is possible and not refused.
+def silent(done: int, total: int) -> None:
+    """Report no progress."""
 
-    ``progress`` is called with (frames done, frames in all).
-    """
+
+def refine_inputs(inputs: Inputs, job: Job, progress: Progress = silent) -> Outcome:
+    """Refine all frames, over time if that is possible and not refused."""
     config, alone, begin = job.settings, why_alone(inputs, job), time.perf_counter()
-    if progress is not None:
-        progress(0, len(inputs.frames))
+    progress(0, len(inputs.frames))
     if not alone and inputs.solved is not None and inputs.init_pose is None:
         return Outcome.of(inputs.solved, config, inputs, inputs.solved_s)
     if not alone:
@@ -102,7 +102,7 @@ def refine_inputs(inputs: Inputs, job: Job, progress: Progress | None = None) ->
             layout=inputs.layout,
             init_sigma=None if sigma_mm is None else sigma_mm / inputs.rig.mm_per_unit,
             config=config,
-            progress=progress if progress is not None else False,
+            progress=progress,
         )
     return Outcome.of(result, config, inputs, time.perf_counter() - begin, alone)
 
@@ -151,15 +151,10 @@ def even_clock(inputs: Inputs) -> tuple[Index, float]:
     return np.concatenate([[0], np.cumsum(np.minimum(gaps // step, most))]), rate
 
 
-def _in_time(inputs: Inputs, config: sk.RefineConfig, progress: Progress | None) -> sk.SequenceRefinement:
+def _in_time(inputs: Inputs, config: sk.RefineConfig, progress: Progress) -> sk.SequenceRefinement:
     """Refine the frames together; those missing between them are solved as well, and left out again."""
     places, rate = even_clock(inputs)
     steps = len(places)
-
-    def told(done: int, total: int) -> None:
-        if progress is not None:
-            progress(done * steps // total, steps)
-
     result = sk.refine_sequence(
         spread(inputs.detections, places),
         inputs.rig,
@@ -167,7 +162,7 @@ def _in_time(inputs: Inputs, config: sk.RefineConfig, progress: Progress | None)
         layout=inputs.layout,
         init_pose=None if inputs.init_pose is None else spread(inputs.init_pose, places),
         config=config,
-        progress=False if progress is None else told,
+        progress=lambda done, total: progress(done * steps // total, steps),
     )
     return frames_of(result, places)
 
@@ -197,10 +192,9 @@ def frame_by_frame(inputs: Inputs, outcome: Outcome) -> Outcome:
 
 def _plain(inputs: Inputs, config: sk.RefineConfig) -> Array:
     """Triangulate the detections that count, by DLT, (T, N, 3)."""
-    counts = inputs.detections[..., 2] >= config.min_confidence
-    detections = np.where(counts[..., None], inputs.detections, np.nan)
+    counts = inputs.detections[..., 2:] >= config.min_confidence
     rig = rig_as_used(inputs.rig, undistort=config.undistort)
-    return sk.triangulate(detections, rig, method="dlt")
+    return sk.triangulate(np.where(counts, inputs.detections, np.nan), rig, method="dlt")
 
 
 def rig_as_used(rig: sk.CameraRig, *, undistort: bool) -> sk.CameraRig:

@@ -67,38 +67,21 @@ _OF_ADJUSTED: _Columns = (
         lambda one: _change(_known(one["before_px"]), _known(one["after_px"])),
     ),
 )
-# of an entry of the report and the person's run
-_OF_PEOPLE: _Columns = (
-    (
-        "frames",
-        "from the first to the last in which two views see the person",
-        lambda one: f"{one[0]['first_frame']}–{one[0]['last_frame']}",
-    ),
-    (
-        "seen",
-        "frames in which a view sees the person",
-        lambda one: f"{sum(last - first + 1 for first, last in one[0]['seen']):,}",
-    ),
-    ("views", "median number of views that see the person", lambda one: f"{one[0]['views_median']:g}"),
-    ("error [px]", _ERROR, lambda one: _OF_GROUPS[0][-1](one[1].statistics.total)),
-    (
-        "rejected",
-        "part of the detections used that hardly affects the pose",
-        lambda one: part_of(one[1].statistics.total.rejected, one[1].statistics.total.used),
-    ),
-    (
-        "error bar [mm]",
-        "median against an anatomical joint, one standard deviation per axis",
-        lambda one: length(finite_median(one[1].statistics.error_bar_mm)),
-    ),
+_OF_PEOPLE = (
+    ("person", ""),
+    ("frames", "from the first to the last in which two views see the person"),
+    ("seen", "frames in which a view sees the person"),
+    ("views", "median number of views that see the person"),
+    ("error [px]", _ERROR),
+    ("rejected", "part of the detections used that hardly affects the pose"),
+    ("error bar [mm]", "median against an anatomical joint, one standard deviation per axis"),
     (
         "limbs",
         "range of the lengths of arms and legs frame by frame, 5th to 95th percentile, as a part of the "
         "length; large if two people are mixed",
-        lambda one: "–" if one[0]["limb_range"] is None else f"{100 * one[0]['limb_range']:.0f}%",
     ),
-    ("problems", "frames with weak, missing or unusual joints", lambda one: f"{problem_frames(one[1]):,}"),
-    ("warnings", "on this person, listed below", lambda one: str(len(one[1].findings))),
+    ("problems", "frames with weak, missing or unusual joints"),
+    ("warnings", "on this person, listed below"),
 )
 
 
@@ -141,9 +124,23 @@ def of_adjusted(report: Mapping[str, Any]) -> Rows:
 
 def of_people(run: PeopleRun) -> Rows:
     """Return a row per person."""
-    both = zip(run.report["people"], run.people.values(), strict=True)
-    rows = [[f"person {one[0]['id']}", *(cell(one) for *_, cell in _OF_PEOPLE)] for one in both]
-    return Rows("People", _heads("person", _OF_PEOPLE), rows)
+    rows = []
+    for entry, one in zip(run.report["people"], run.people.values(), strict=True):
+        total, limbs = one.statistics.total, entry["limb_range"]
+        row = [
+            f"person {entry['id']}",
+            f"{entry['first_frame']}–{entry['last_frame']}",
+            f"{sum(last - first + 1 for first, last in entry['seen']):,}",
+            f"{entry['views_median']:g}",
+            _change(total.before_px, total.after_px),
+            part_of(total.rejected, total.used),
+            length(finite_median(one.statistics.error_bar_mm)),
+            "–" if limbs is None else f"{100 * limbs:.0f}%",
+            f"{problem_frames(one):,}",
+            str(len(one.findings)),
+        ]
+        rows.append(row)
+    return Rows("People", _OF_PEOPLE, rows)
 
 
 def of_bones(run: PeopleRun) -> Rows:

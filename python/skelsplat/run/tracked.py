@@ -22,7 +22,7 @@ from skelsplat.run.job import Job
 from skelsplat.run.people import find_doubts, find_left_out
 from skelsplat.run.person import MOVES_MOST, count_people, look_around, pick_places, point_of
 from skelsplat.run.read import Inputs, Opened
-from skelsplat.run.solve import Progress, even_clock, is_sparse, spread
+from skelsplat.run.solve import Progress, even_clock, is_sparse, silent, spread
 
 # Settings of the paper's method that following people over time understands as well.
 _SHARED = ("min_confidence", "undistort", "n_threads")
@@ -44,18 +44,11 @@ class Everybody:
     whole: Inputs  # the recording, with nobody chosen; its ``doubts`` concern everybody
 
 
-def read_inputs(
-    opened: Opened, job: Job, progress: Progress | None, check: Callable[[Inputs], None]
-) -> Inputs:
+def read_inputs(opened: Opened, job: Job, progress: Progress, check: Callable[[Inputs], None]) -> Inputs:
     """Read the detections and follow one person through them.
 
     A number, and the largest, is an identity where the frame rate is known; otherwise each file's own.
     ``check`` is called as soon as the frames of the result are known, before the person if possible.
-
-    Raises
-    ------
-    DatasetError, InvalidInputError
-        As `read_adjusted`; if nobody is found, or not the person asked for.
     """
     people, whole = read_adjusted(opened, job)
     person = str(job.person)
@@ -68,10 +61,8 @@ def read_inputs(
     index, unmatched = pick_places(people, whole.rig, person, whole.layout)
     if by_place and not alone:
         which = "the largest in each image" if person == "largest" else f"entry {person} of each file"
-        words = (
-            f"Person {person} is {which}, as the frame rate is unknown. This need not be one person; with "
-        )
-        words += "the frame rate it is, and so is the person the views agree on (consistent)."
+        words = f"Person {person} is {which}, as the frame rate is unknown. This need not be one person; "
+        words += "with the frame rate it is, and so is the person the views agree on (consistent)."
         remedies = (Remedy("fps", None), Remedy("person", "consistent"))
         warn(Finding("person_by_place", "warning", remedy=remedies, sentence=words))
     crowd = look_around(people, index, whole.rig, person, whole.layout)
@@ -79,17 +70,9 @@ def read_inputs(
     return replace(whole, detections=chosen, unmatched=unmatched, person=person, crowd=crowd)
 
 
-def follow_everybody(people: Array, whole: Inputs, job: Job, progress: Progress | None = None) -> Everybody:
-    """Find out who is who among people (T, M, P, N, 3).
-
-    Raises
-    ------
-    InvalidInputError
-        If the frame rate is unknown.
-    DatasetError
-        If the files lack most frames, or there is nobody on whom two views agree.
-    """
-    check_times(whole, job)
+def follow_everybody(people: Array, whole: Inputs, job: Job, progress: Progress = silent) -> Everybody:
+    """Find out who is who among people (T, M, P, N, 3); an error if nobody is found."""
+    _check_times(whole, job)
     places, rate = even_clock(whole)
     config = job.settings
     if config.method == "paper":
@@ -115,7 +98,7 @@ def follow_everybody(people: Array, whole: Inputs, job: Job, progress: Progress 
 
 
 def _track(
-    seen: Array, whole: Inputs, rate: float, job: Job, config: sk.RefineConfig, progress: Progress | None
+    seen: Array, whole: Inputs, rate: float, job: Job, config: sk.RefineConfig, progress: Progress
 ) -> list[Person]:
     """Follow people on an even clock, without the warnings that are findings about each of them."""
     steps = len(seen)
@@ -123,8 +106,7 @@ def _track(
     def half_each(done: int, total: int) -> None:
         """Report following all frames, and then solving everybody's, as half of the work each."""
         solved = (done - steps) * steps // (total - steps) if total > steps else 0
-        if progress is not None:
-            progress((min(done, steps) + solved) // 2, steps)
+        progress((min(done, steps) + solved) // 2, steps)
 
     with collected_warnings() as told:
         found = sk.track(
@@ -134,7 +116,7 @@ def _track(
             layout=whole.layout,
             max_people=job.people if isinstance(job.people, int) else None,
             config=config,
-            progress=False if progress is None else half_each,
+            progress=half_each,
         )
     for one in told:
         if one.kind not in ("nobody_found", "limbs_differ"):
@@ -142,7 +124,7 @@ def _track(
     return found
 
 
-def check_times(whole: Inputs, job: Job) -> None:
+def _check_times(whole: Inputs, job: Job) -> None:
     """Raise an error if people cannot be followed: no frame rate, or the files lack most frames."""
     why = f"people={job.people}" if job.people is not None else f"person={job.person}"
     if whole.fps is None:
@@ -187,13 +169,7 @@ def _inputs(person: Person, seen: Array, whole: Inputs, places: Index, seconds: 
 
 
 def choose(everybody: Everybody, person: str) -> Inputs:
-    """Return the person of a choice of `skelsplat.run.Job`, with the doubts about everybody.
-
-    Raises
-    ------
-    InvalidInputError
-        If nobody has that number, or is near that point.
-    """
+    """Return the person of a choice of `skelsplat.run.Job`, with the doubts about everybody."""
     people, point = everybody.people, point_of(person)
     numbered = {one.person: one for one in people}
     if point is not None:
