@@ -23,7 +23,7 @@ from skelsplat.cli.command import Answer, answers
 from skelsplat.cli.datasets import INIT_SIGMA, LENS, SETTINGS, reader_options
 from skelsplat.cli.output import progress, tell
 from skelsplat.cli.rows import NAME_OR_PATH, rows
-from skelsplat.cli.table import new_table, print_parts, print_table
+from skelsplat.cli.table import new_table, print_parts
 from skelsplat.datasets import Dataset
 from skelsplat.datasets._registry import detections_option, options_of
 from skelsplat.evaluation import ablations, methods, people, protocols, single
@@ -285,9 +285,7 @@ def ablate(
 ) -> Answer:
     """Repeat an ablation of the paper and print its tables with the paper's rows.
 
-    Each of the paper's claims is checked on the measured figures and marked
-    as reproduced or not. "Beats" means by more than twice the standard error
-    of the difference, over the same poses.
+    All settings have the same poses, detections and starts.
 
     [bold]Examples[/bold]
 
@@ -316,7 +314,7 @@ def ablate(
 
 
 def _print_record(record: ablations.Record, console: Console) -> None:
-    """Print tables, each with its source under it, claims and notes.
+    """Print tables, each with its source under it, and notes.
 
     The rows of a table are methods; or its columns, if there are too many settings for the width.
     """
@@ -324,12 +322,5 @@ def _print_record(record: ablations.Record, console: Console) -> None:
         print_experiment(console, table.turned() if len(table.columns) > _MOST_COLUMNS else table)
         console.print(record.source.line(), style="yellow" if record.source.simulated else "")
         console.print()
-    shown = new_table("Claims of the paper", "claim")
-    shown.columns[0].overflow = "fold"
-    shown.add_column("method, data")
-    shown.add_column("", no_wrap=True)
-    for claim in record.outcome.claims:
-        shown.add_row(claim.claim, claim.data, Text(claim.verdict, "green" if claim.reproduced else "red"))
-    print_table(console, shown)
     for note in record.outcome.notes:
         console.print(f"· {note}", style="dim")

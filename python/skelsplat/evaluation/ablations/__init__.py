@@ -5,7 +5,7 @@ differences between settings are paired.
 
 >>> from skelsplat.evaluation import ablations
 >>> record = ablations.get("noise").run(ablations.Source(poses=50))                        # doctest: +SKIP
->>> [(claim.claim, claim.verdict) for claim in record.outcome.claims]                      # doctest: +SKIP
+>>> print(record.report().markdown())                                                      # doctest: +SKIP
 """
 
 from skelsplat.evaluation.ablations._source import Source

@@ -45,7 +45,6 @@ class Sample:
     dataset: str  # ``"human36m"``, ``"human36m-occ-2"``, …; tells which rows of the paper it belongs to
     layout: sk.Layout
     groups: tuple[Take, ...]  # poses that the same cameras see: frames of takes, one after the other
-    takes: tuple[Index, ...]  # of each group, which take each pose is from
     n_available: int  # poses that the data set has
     # What the paper changes in its settings on this data set.
     paper_fields: Mapping[str, Any] = field(default_factory=dict)
@@ -77,10 +76,10 @@ class Sample:
         """Return about `poses` poses, evenly from all takes."""
         share = poses / max(self.n_poses, 1)
         counts = [min(max(1, round(share * len(group))), len(group)) for group in self.groups]
-        kept = [_evenly(len(group), count) for group, count in zip(self.groups, counts, strict=True)]
-        groups = tuple(group.select(keep) for group, keep in zip(self.groups, kept, strict=True))
-        takes = tuple(take[keep] for take, keep in zip(self.takes, kept, strict=True))
-        return replace(self, groups=groups, takes=takes)
+        some = (
+            group.select(_evenly(len(group), count)) for group, count in zip(self.groups, counts, strict=True)
+        )
+        return replace(self, groups=tuple(some))
 
 
 def sample(
@@ -96,24 +95,23 @@ def sample(
     if total == 0:
         raise InvalidInputError(f"{dataset.name}: expected poses whose absolute error counts, got none")
     chosen = np.arange(total) if poses is None or poses >= total else _evenly(total, poses)
-    parts: list[list[tuple[int, Take]]] = []  # of takes with the same cameras
+    parts: list[list[Take]] = []  # of takes with the same cameras
     first = 0
-    for number, take in enumerate(takes):
+    for take in takes:
         here = chosen[(chosen >= first) & (chosen < first + len(take))] - first
         first += len(take)
         if len(here) == 0:
             continue
         if take.detections is None:
             raise InvalidInputError(f"{take.key}: expected detections, got a data set read without")
-        same = next((part for part in parts if part[0][1].rig == take.rig), None)
+        same = next((part for part in parts if part[0].rig == take.rig), None)
         if same is None:
             parts.append(same := [])
-        same.append((number, take.select(here)))
-    groups = [_joined([take for _, take in part]) for part in parts]
+        same.append(take.select(here))
+    groups = [_joined(part) for part in parts]
     if not undistort:
         groups = [replace(group, rig=without_lens(group.rig)) for group in groups]
-    numbers = (np.concatenate([np.full(len(take), number) for number, take in part]) for part in parts)
-    return Sample(name, key, dataset.layout, tuple(groups), tuple(numbers), total, protocol.paper_fields)
+    return Sample(name, key, dataset.layout, tuple(groups), total, protocol.paper_fields)
 
 
 def _evenly(total: int, count: int) -> Index:
@@ -131,34 +129,12 @@ def _joined(takes: Sequence[Take]) -> Take:
     return Take(takes[0].key, takes[0].subject, takes[0].action, takes[0].rig, **known)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True)
 class Errors:
-    """Joint errors of one setting."""
+    """What one setting gives."""
 
-    joints: Array  # (P, N) mm: NaN where there is no truth or no prediction
-    take: Index  # (P,): Which take each pose is from
+    mpjpe: float  # mean over joints and poses, mm
     steps: float = float("nan")  # mean number of optimisation steps; NaN if nothing was optimised
-
-    @property
-    def mpjpe(self) -> float:
-        """Mean over joints and poses, mm."""
-        return float(np.nanmean(self.joints))
-
-    @property
-    def poses(self) -> Array:
-        """Mean error (P,) of each pose, mm."""
-        known = np.isfinite(self.joints)
-        total = np.where(known, self.joints, 0.0).sum(axis=1)
-        with np.errstate(invalid="ignore"):
-            return np.asarray(total / known.sum(axis=1))
-
-    def above(self, other: Errors) -> float:
-        """Return by which share of the other's these errors are larger."""
-        return self.mpjpe / other.mpjpe - 1.0
-
-    def beats(self, *others: Errors) -> bool:
-        """Whether these errors are less than the others', by more than twice the standard error."""
-        return all(mean < -2.0 * error for mean, error in (difference(self, other) for other in others))
 
 
 def errors_of(sample: Sample, poses: Sequence[Array], steps: float = float("nan")) -> Errors:
@@ -167,25 +143,7 @@ def errors_of(sample: Sample, poses: Sequence[Array], steps: float = float("nan"
         group.rig.mm_per_unit * np.linalg.norm(pose - group.truth, axis=-1)
         for group, pose in zip(sample.groups, poses, strict=True)
     ]
-    return Errors(np.concatenate(joints), np.concatenate(sample.takes), steps)
-
-
-def difference(a: Errors, b: Errors) -> tuple[float, float]:
-    """Return the mean of `a` − `b` over the same poses, and its standard error, mm.
-
-    The poses of a take count as dependent of one another.
-    """
-    each = a.poses - b.poses
-    known = np.isfinite(each)
-    each, take = each[known], a.take[known]
-    mean = float(each.mean())
-    _, index = np.unique(take, return_inverse=True)
-    sums = np.bincount(index, weights=each - mean)
-    clusters = len(sums)
-    if clusters < 2:
-        return mean, float("inf")
-    variance = clusters / (clusters - 1) * float((sums**2).sum()) / len(each) ** 2
-    return mean, float(np.sqrt(variance))
+    return Errors(float(np.nanmean(np.concatenate(joints))), steps)
 
 
 @dataclass(kw_only=True, eq=False)

@@ -12,7 +12,7 @@ from skelsplat._arrays import Array
 from skelsplat._skelsplat import __version__
 from skelsplat.evaluation.ablations._source import PAPER, Errors, Kind, Sample, Source, errors_of
 from skelsplat.evaluation.reported import reported
-from skelsplat.evaluation.tables import Column, Report, Row, Table, grid
+from skelsplat.evaluation.tables import Column, Report, Row, Table
 from skelsplat.exceptions import InvalidInputError
 
 REPORTED = "SkelSplat (reported)"
@@ -20,27 +20,10 @@ _CSV = ("table", "unit", "method", "data", "origin", "column", "value")
 
 
 @dataclass(frozen=True, slots=True)
-class Claim:
-    """A statement of the paper, checked on the measured figures."""
-
-    claim: str  # what the paper finds, in words
-    data: str  # the method and the data
-    reproduced: bool  # whether the measured figures say the same
-    ours: bool = False  # the claim is not the paper's but ours
-
-    @property
-    def verdict(self) -> str:
-        """What became of it, in words."""
-        word = "holds" if self.ours else "reproduced"
-        return word if self.reproduced else "does not hold" if self.ours else "not reproduced"
-
-
-@dataclass(frozen=True, slots=True)
 class Outcome:
-    """Tables and claims of one ablation, and what to know about them."""
+    """Tables of one ablation, and what to know about them."""
 
     tables: tuple[Table, ...]
-    claims: tuple[Claim, ...]
     notes: tuple[str, ...] = ()
 
 
@@ -77,11 +60,9 @@ class Record:
     command: str  # what makes it again
 
     def report(self) -> Report:
-        """Return the tables, each with what the data are under it, and the claims."""
+        """Return the tables, each with what the data are under it."""
         found, line = self.outcome, self.source.line()
         tables = tuple(replace(table, notes=(line,)) for table in found.tables)
-        claims = [(c.claim, c.data, f"**{c.verdict}**") for c in found.claims]
-        text = grid(("claim", "method, data", ""), claims, numeric=0)
         notes = [f"`{self.command}` (skelsplat {__version__})", *found.notes]
         cells = (
             (t.title, t.unit, r.name, r.data, r.origin, c.header, None if cell is None else repr(cell))
@@ -104,10 +85,9 @@ class Record:
                 "data": line,
                 "choices": self.source.choices,
                 "tables": [asdict(table) for table in found.tables],
-                "claims": [{**asdict(claim), "verdict": claim.verdict} for claim in found.claims],
                 "notes": found.notes,
             },
-            text=f"\n### Claims\n\n{text}\n\n" + "".join(f"- {note}\n" for note in notes),
+            text="\n" + "".join(f"- {note}\n" for note in notes),
             draw=partial(_draw, [table for table in tables if table.chart], line),
         )
 
@@ -150,23 +130,6 @@ class Line:
     method: str = PAPER
 
 
-@dataclass(frozen=True, slots=True)
-class Check:
-    """A claim about the errors in one row of the table, by value; it is left out if one was not measured."""
-
-    text: str
-    holds: Callable[[Mapping[Any, Errors]], bool]
-    row: str = PAPER
-    ours: bool = False  # the claim is not the paper's
-
-    def claim(self, sample: Sample, found: Mapping[Any, Errors]) -> list[Claim]:
-        """Check it on the errors by value."""
-        try:
-            return [Claim(self.text, f"{self.row}, {sample.name}", self.holds(found), self.ours)]
-        except KeyError:
-            return []
-
-
 def key(value: Any) -> str:
     """Return a value as the columns of published tables are named."""
     return value if isinstance(value, str) else f"{value:g}"
@@ -187,7 +150,6 @@ class Sweep:
     corner: str  # what its columns are
     values: Mapping[Any, str]  # values, which are also the columns of the paper's table (`key`), to headers
     lines: tuple[Line, ...]
-    checks: tuple[Check, ...]
     kinds: tuple[Kind, ...] = ("plain",)  # what of the source is measured
     notes: tuple[str, ...] = ()
     begin: Callable[[Source, Sample], Varied] = as_in_the_paper
@@ -196,7 +158,7 @@ class Sweep:
     more: Callable[[Source, Sequence[Sample]], Outcome] | None = None  # what else is measured, on all samples
 
     def __call__(self, source: Source) -> Outcome:
-        """Measure every value on every sample, and check the claims."""
+        """Measure every value on every sample."""
         samples = source.samples(*self.kinds)
         found = [(sample, self._measured(source, sample)) for sample in samples]
         theirs = reported_rows(self.label, [key(value) for value in self.values])
@@ -205,14 +167,8 @@ class Sweep:
         if self.steps:
             taken = tuple(self._rows(found, lambda errors: errors.steps))
             tables.append(Table(self.steps, self.corner, self._columns(0), taken, unit="steps", chart=False))
-        claims = [
-            claim
-            for sample, errors in found
-            for check in self.checks
-            for claim in check.claim(sample, errors[check.row])
-        ]
-        more = Outcome((), ()) if self.more is None else self.more(source, samples)
-        return Outcome((*tables, *more.tables), (*claims, *more.claims), (*self.notes, *more.notes))
+        more = Outcome(()) if self.more is None else self.more(source, samples)
+        return Outcome((*tables, *more.tables), (*self.notes, *more.notes))
 
     def _measured(self, source: Source, sample: Sample) -> dict[str, dict[Any, Errors]]:
         """Return errors by row and value."""
