@@ -118,18 +118,12 @@ def run(command: str, folder: Path) -> tuple[int, str]:
         if result.exception is not None and not isinstance(result.exception, SystemExit):
             raise result.exception
         return result.exit_code, result.output
-    package = str(Path(skelsplat.__file__).parents[1])
     path = os.pathsep.join([str(Path(sys.executable).parent), os.environ.get("PATH", "")])
-    env = {**os.environ, "PATH": path, "PYTHONPATH": package, "COLUMNS": "80", "MPLBACKEND": "Agg"}
+    own = {"PATH": path, "PYTHONPATH": str(Path(skelsplat.__file__).parents[1])}
+    env = {**os.environ, **own, "COLUMNS": "80", "MPLBACKEND": "Agg"}
+    shell = ["bash", "-o", "pipefail", "-c", f"{{ {command}\n}} 2>&1"]
     done = subprocess.run(
-        ["bash", "-o", "pipefail", "-c", command],
-        cwd=folder,
-        env=env,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-        check=False,
-        timeout=100,
+        shell, cwd=folder, env=env, capture_output=True, text=True, check=False, timeout=100
     )
     return done.returncode, done.stdout
 

@@ -32,22 +32,3 @@ def test_the_blocks_of_a_page_run(name: str, tmp_path: Path, monkeypatch: pytest
 
 def test_pages_have_blocks() -> None:
     assert {"README.md", "docs/tutorial.md", "docs/howto/python.md", *docs_folders.PREPARED} <= set(PAGES)
-
-
-@pytest.mark.parametrize(
-    ("text", "reason"),
-    [
-        ("```python\nprint(1)  # 2\n```\n", "'2'"),
-        ("```python\nprint(1)\nprint(2)\n```\n```text\n1\n…\n3\n```\n", "expected"),
-        ("```python\n1 / 0\n```\n", "division by zero"),
-        ("```console\n$ skelsplat refine\n```\n", "skelsplat refine"),
-        ("```console\n$ skelsplat --version  # exit status 1\n```\n", "exit status 1: 0"),
-        ("```console\n$ false | cat\n```\n", "false"),
-        ("```toml\nx =\n```\n", "Invalid value"),
-    ],
-)
-def test_a_page_that_is_wrong_fails(text: str, reason: str, tmp_path: Path) -> None:
-    path = tmp_path / "page.md"
-    path.write_text(text, encoding="utf-8")
-    with pytest.raises((AssertionError, ArithmeticError, ValueError), match=reason):
-        Page(path, tmp_path).run()

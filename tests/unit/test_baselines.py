@@ -132,19 +132,6 @@ def test_a_view_agrees_up_to_a_distance(
         np.testing.assert_array_equal(ransac(detections, rig, **keywords), baselines.dlt(kept, rig))
 
 
-def test_where_no_two_views_agree(rig: sk.CameraRig, truth: Array) -> None:
-    """Iskakov keeps the pair that was drawn first, whatever it is; AdaFuse falls back on all views."""
-    detections = noisy(truth, rig)
-    detections[:, 3] = np.nan
-    everything = baselines.dlt(detections, rig)
-    np.testing.assert_array_equal(baselines.ransac_adafuse(detections, rig, epsilon=1e-9), everything)
-    pairs = [baselines.dlt(without(detections, view), rig) for view in range(3)]
-    found = baselines.ransac_iskakov(detections, rig, epsilon=1e-9, direct_optimization=False)
-    drawn = np.array([(found == pair).all(axis=-1).sum() for pair in pairs])
-    assert drawn.sum() == 51
-    assert drawn.min() > 5, drawn  # one pair in three: mean 17, standard deviation 3.4
-
-
 @pytest.mark.parametrize(
     ("call", "argument"),
     [

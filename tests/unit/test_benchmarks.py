@@ -11,11 +11,9 @@ from pathlib import Path
 from typing import Any
 
 import accuracy
-import lab
 import numpy as np
 import pytest
 import recordings
-import scenarios
 
 from skelsplat import metrics, synthetic
 from skelsplat.evaluation.baselines import affinity
@@ -24,7 +22,6 @@ from skelsplat.evaluation.tables import Table
 BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
 MEASURES = {measure.__name__: measure for measure in accuracy.MEASURES}
 FEW = 12
-ON_MVOR = pytest.mark.skipif(not scenarios.MVOR.is_file(), reason="needs ../shared/data/mvor")
 
 
 def run(name: str, *arguments: object) -> list[dict[str, dict[str, Any]]]:
@@ -52,29 +49,6 @@ def measured(name: str, **options: Any) -> dict[str, dict[str, Any]]:
 @pytest.mark.parametrize("name", ["angles", "table", "bones", "coverage", "gaussian", "swaps"])
 def test_every_measure_gives_a_table(name: str) -> None:
     assert measured(name, poses=FEW, fast=True)
-
-
-def test_a_program_has_the_options_of_its_signature(capsys, monkeypatch) -> None:
-    monkeypatch.setattr(sys, "argv", ["accuracy.py", "swaps", "--poses", "20", "--set", "sigma_mm=25"])
-    lab.main(None, *accuracy.MEASURES)
-    lines = capsys.readouterr().out.splitlines()
-    assert max(map(len, lines)) <= 110
-    assert any("poses 20" in line for line in lines)
-    assert lines[-1] == "python accuracy.py swaps --poses 20 --set sigma_mm=25"
-    texts = ["a=1", "b=0.5", "c=true", "d=null", "e=adam"]
-    assert dict(map(lab.parsed, texts)) == {"a": 1, "b": 0.5, "c": True, "d": None, "e": "adam"}
-
-
-@ON_MVOR
-def test_people_are_found_on_mvor() -> None:
-    rows = measured("mvor_people")
-    for detector in ("openpose", "openpose_ms", "rtpose"):
-        row = rows[f"{detector}, track"]
-        assert row["recall %"] > 94
-        assert row["precision %"] > 72
-        assert row["confirmed %"] > 82
-        assert row["mixed %"] < 8
-        assert row["mean mm"] < 1.05 * row["oracle"]
 
 
 def test_recordings_are_compared() -> None:

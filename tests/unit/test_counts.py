@@ -37,24 +37,3 @@ def test_long_functions_have_a_reason() -> None:
 
 def test_lines_are_as_wide_as_the_formatter_allows() -> None:
     assert counts.wide_lines() == []
-
-
-RUST = """\
-// long: a table
-#[inline]
-pub fn a<T>(x: [u8; 3]) -> u8 {
-    if x {
-    }
-}
-    const fn b();
-#[cfg(test)]
-mod tests { fn c() {} }
-"""
-
-
-def test_functions_are_measured() -> None:
-    assert list(counts.rust_functions(RUST)) == [("a", 3, 4), ("b", 7, 1)]
-    assert counts._reason(RUST.splitlines(), 3) == "a table"
-    assert counts._reason(RUST.splitlines(), 7) is None
-    python = '# long: a table\n@one\ndef f(\n    a,\n):\n    """Say.\n\n    More.\n    """\n    return a\n'
-    assert list(counts.python_functions(python)) == [("f", 2, 4)]

@@ -125,9 +125,3 @@ def test_the_package_brings_only_numpy_and_what_it_computes_with() -> None:
     assert {"skelsplat", "skelsplat._skelsplat"} <= names
     assert not {name.partition(".")[0] for name in names} & HEAVY
     assert not names & {f"skelsplat.{part}" for part in PARTS}
-
-
-def test_the_compiled_core_knows_no_python() -> None:
-    manifest = (PACKAGE.parents[1] / "crates" / "skelsplat-core" / "Cargo.toml").read_text(encoding="utf-8")
-    assert "pyo3" not in manifest
-    assert "numpy" not in manifest

@@ -47,14 +47,3 @@ def test_simulated_evaluations_run_as_they_stand(tmp_path: Path, monkeypatch: py
         assert result.exit_code == 0, (line, result.output)
     (column,) = [marker.what for marker in MARKERS if marker.what.startswith("column")]
     assert re.search(r"^\| dlt \| \d+\.\d \|", reproducing.table(column, tmp_path), re.M)
-
-
-def test_a_measured_table_is_replaced_and_nothing_else(tmp_path: Path) -> None:
-    marker = "<!-- measured: out/noise.md, table 2 -->\n"
-    text = f"a\n```sh\nskelsplat ablate noise -o out\n```\nb\n{marker}old\n<!-- /measured -->\nc\n"
-    (found,) = reproducing.markers(text)
-    assert found.commands == ("skelsplat ablate noise -o out",)
-    (tmp_path / "out").mkdir()
-    (tmp_path / "out" / "noise.md").write_text("# T\n\n| 1 |\n\n## Two\n\n| 2 |\n| 3 |\n\n| 4 |\n")
-    new = reproducing.replaced(text, found.what, reproducing.table(found.what, tmp_path))
-    assert new == text.replace("old\n", "| 2 |\n| 3 |\n")

@@ -87,17 +87,3 @@ def test_slopes_are_central_differences(by_view: bool) -> None:
     )
     # Truncation: (1e-3 mm / 5e3 mm)² of slopes near 0.5 px/mm; rounding: 1e-13 px / 1e-3 mm.
     np.testing.assert_allclose(whole.slopes(X), differences, atol=1e-8)
-
-
-def test_a_minimum_at_infinity_is_not_taken() -> None:
-    """Two rays that meet nowhere in front of the cameras: F falls on the way out, and the start is kept."""
-    rig = sk.synthetic.stereo(baseline_mm=200.0)
-    # The two look along y and slightly inwards: what is far away is at u = 611 and 668 px.
-    pixels = np.array([[[560.0, 359.5]], [[720.0, 359.5]]])
-    joints = _observations.observe(pixels, rig)
-    start = np.array([[0.0, 0.0, 900.0]])
-    whole = problem(joints, "huber")
-    on_the_way = [start + np.array([0.0, 3500.0 * (k - 1), 0.0]) for k in (1, 10, 100)]
-    values = [_minimise._value(X, whole, _minimise.huber)[0] for X in on_the_way]
-    assert values[0] > values[1] > values[2]
-    np.testing.assert_array_equal(_minimise.minimise(start, whole, _minimise.huber), start)

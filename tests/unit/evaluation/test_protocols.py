@@ -75,14 +75,6 @@ def test_panoptic_adds_its_cameras_in_the_paper_s_order() -> None:
     assert case.take.monocular.shape == (3, 4, 19, 3)
 
 
-def test_occlusion_person_has_four_views_or_all() -> None:
-    take = seen_by(*(f"cam{k}" for k in range(8)))
-    data = Dataset("occlusion-person", sk.layouts.PANOPTIC19, (take,))
-    protocol = protocols.get("occlusion-person")
-    assert len(protocol.cases(data)[0].take.rig) == 8
-    assert protocol.with_options(n_views=4).cases(data)[0].take.rig.names == ("cam1", "cam3", "cam5", "cam7")
-
-
 @pytest.mark.parametrize(("name", "counted"), [("shelf", 301), ("campus", 121 + 101)])
 def test_shelf_and_campus_count_ranges_and_three_actors(name: str, counted: int) -> None:
     made = [
