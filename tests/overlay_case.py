@@ -91,24 +91,18 @@ def write_run(folder: Path, *, frames=None, offsets=None, undistort=True, **chan
 
 def write_people(folder: Path, apart_mm=300.0) -> list[Case]:
     """Write the runs of two people, the second nearer to the cameras and only in the last four frames."""
-    near = pose() - [0.0, 0.0, apart_mm]
     folders = ["person_0", "person_3"]
     folder.mkdir(parents=True)
     report = {"versions": {"skelsplat": "0"}, "settings": {}, "folders": folders}
     (folder / REPORT).write_text(json.dumps(report))
     first, second = (folder / name for name in folders)
-    cases = [write_run(first), write_run(second, pose=near)]
-    kept = np.arange(2, FRAMES)
-    short = read_run(second)
-    arrays = {name: value[kept] for name, value in held_arrays(short.poses).items()}
-    write_npz(second / "pose.npz", replace(short.poses, frames=kept, **arrays))
-    write_run_inputs(second, short.rig, LAYOUT, short.detections[kept], kept)
+    cases = [write_run(first), write_run(second, pose=pose() - [0.0, 0.0, apart_mm])]
+    kept, run = np.arange(2, FRAMES), read_run(second)
+    held = {name: getattr(run.poses, name) for name in ARRAYS}
+    arrays = {name: value[kept] for name, value in held.items() if len(value)}
+    write_npz(second / "pose.npz", replace(run.poses, frames=kept, **arrays))
+    write_run_inputs(second, run.rig, LAYOUT, run.detections[kept], kept)
     return cases
-
-
-def held_arrays(poses: PoseData) -> dict[str, np.ndarray]:
-    held = {name: getattr(poses, name) for name in ARRAYS}
-    return {name: value for name, value in held.items() if len(value)}
 
 
 def grey(number: int) -> int:

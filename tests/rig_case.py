@@ -10,6 +10,7 @@ import numpy as np
 
 import skelsplat as sk
 from skelsplat import synthetic
+from skelsplat.cameras import altered
 from skelsplat.cameras import matrix_from_vector as rotation
 from skelsplat.io import read_calibration, read_detections, sample
 
@@ -59,19 +60,15 @@ def mirrored(found, name):
 
 
 def replaced(cameras, view, **changes):
-    """Return the rig with one camera's R or t changed."""
-    made = list(cameras)
-    c = made[view]
-    given = {"R": c.R, "t": c.t, "size": c.size, "K": c.K, **changes}
-    made[view] = sk.Camera(
-        given["K"], given["R"], given["t"], distortion=c.distortion, size=given["size"], name=c.name
-    )
+    """Return the rig with K, R, t or the size of one camera changed."""
+    made = [altered(one, **changes) if i == view else one for i, one in enumerate(cameras)]
     return sk.CameraRig(made, unit=cameras.unit)
 
 
-def turned(cameras, view, degrees, axis):
-    turn = rotation(np.radians(degrees) * np.array(axis) / np.linalg.norm(axis))
-    camera = cameras[view]
+def turned(cameras, view, degrees, axis=None):
+    """Return the rig as calibrated before a camera was turned about an axis, or by three angles."""
+    vector = np.radians(degrees) * (1 if axis is None else np.array(axis) / np.linalg.norm(axis))
+    turn, camera = rotation(vector), cameras[view]
     return replaced(cameras, view, R=turn @ camera.R, t=turn @ camera.t)
 
 

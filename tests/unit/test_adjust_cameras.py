@@ -69,21 +69,6 @@ def test_a_wrong_choice_of_cameras_is_named(detections, free) -> None:
     assert caught.value.argument == "free"
 
 
-@pytest.mark.parametrize("seed", [2, 3])
-def test_noise_of_people_who_hardly_move_is_no_clock(seed) -> None:
-    rig = synthetic.ring(4, radius_mm=4500.0)
-    walk = synthetic.motion("walk", 1000, fps=400.0, seed=seed)  # in slow motion at 30 Hz
-    noise = DetectionNoise.recording(frame_rate=30.0)
-    now, before = (
-        synthetic.simulate_detections(walk[k : k + 900 : 3], rig, noise=noise, seed=seed) for k in (20, 17)
-    )
-    seen = np.concatenate([now[:, :1], before[:, 1:2], now[:, 2:]], axis=1)
-    late = sk.adjust_cameras(seen, rig, free=[1], clock=True).report[1]
-    assert late.clock == pytest.approx(1.0, abs=2.0 * late.clock_sigma)
-    found = sk.adjust_cameras(seen, rig, clock=True)
-    assert {one.status for one in found.report if one.name != rig.names[1]} == {"sound"}
-
-
 @pytest.mark.parametrize(("pixels", "seed"), [(20.0, 0), (40.0, 5), (80.0, 6)])
 def test_bad_detections_are_no_clock(pixels: float, seed: int) -> None:
     poses = synthetic.motion("reach", 60, seed=1)
@@ -92,20 +77,3 @@ def test_bad_detections_are_no_clock(pixels: float, seed: int) -> None:
     adjusted = sk.adjust_cameras(found, RIG)
     assert adjusted.cameras == RIG
     assert adjusted.of("adjusted", "late") == ()
-
-
-@pytest.mark.parametrize("views", [3, 4])
-def test_a_clock_is_found_beside_a_turned_camera(views: int) -> None:
-    rig = synthetic.ring(views, radius_mm=4500.0)
-    walk = synthetic.motion("walk", 303, fps=30.0, seed=1)
-    noise = DetectionNoise.recording(frame_rate=30.0)
-    now, before = (synthetic.simulate_detections(walk[k : k + 300], rig, noise=noise, seed=1) for k in (3, 0))
-    seen = np.concatenate([before[:, :1], now[:, 1:]], axis=1)
-    R = matrix_from_vector(2.0 * TURN) @ np.asarray(rig[1].R)
-    given = [rig[0], altered(rig[1], R=R, t=-R @ np.asarray(rig[1].centre)), *list(rig)[2:]]
-    found = sk.adjust_cameras(seen, given)
-    assert [one.status for one in found.report] == ["late", "adjusted", *["sound"] * (views - 2)]
-    late, turned, *_ = found.report
-    assert late.clock == pytest.approx(3.0, abs=2.0 * late.clock_sigma)
-    assert turned.degrees == pytest.approx(3.0, abs=2.0 * turned.turn_sigma)
-    assert found.cameras[0] == rig[0]

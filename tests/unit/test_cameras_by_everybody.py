@@ -6,27 +6,16 @@ import numpy as np
 import pytest
 
 import skelsplat as sk
+from rig_case import turned
 from skelsplat import synthetic
 from skelsplat.association import choose_person
-from skelsplat.cameras import altered, matrix_from_vector
-from skelsplat.exceptions import InvalidInputError
 from skelsplat.rig_check import ReadAs, check_rig
-from skelsplat.rig_check._scene import everybody, in_mm, one_after_another, scene_of_everybody
 from skelsplat.run.adjust import adjusted
 from skelsplat.run.by_everybody import Scene
-from skelsplat.run.person import check_slot
 from skelsplat.synthetic.people_sets import mixed_heights
 
 LAYOUT = sk.layouts.H36M17
 T = 60
-
-
-def turned(rig, i, degrees):
-    """Return the rig as calibrated before camera i was turned about its axes."""
-    turn = matrix_from_vector(np.radians(degrees))
-    cameras = list(rig)
-    cameras[i] = altered(rig[i], R=turn @ rig[i].R, t=turn @ rig[i].t)
-    return sk.CameraRig(cameras, rig.unit)
 
 
 def found_by(rig, people):
@@ -93,31 +82,3 @@ def test_a_frame_offset_of_a_crowd_is_named(crowd):
     late[3:, 0] = crowd.people[:-3, 0]
     (finding,) = check_rig(crowd.cameras, late, layout=LAYOUT).findings
     assert (finding.kind, finding.numbers["frames"]) == ("frame_offset", 3)
-
-
-def test_whom_only_two_views_see_does_not_count():
-    rig = synthetic.human36m_like()
-    people = two_who_disagree(rig)
-    people[:, :2, 1] = np.nan
-    (only,) = everybody(in_mm(rig), people, LAYOUT)[0]
-    np.testing.assert_array_equal(only, people[:, :, 0])
-    people[: T - 11] = np.nan
-    assert len(everybody(in_mm(rig), people, LAYOUT)[0]) == 1
-
-
-def test_between_people_no_clock_compares_one_with_another():
-    rig = synthetic.human36m_like()
-    people = two_who_disagree(rig)
-    everyone, _ = everybody(in_mm(rig), people, LAYOUT)
-    scene = scene_of_everybody(in_mm(rig), people, 2 * np.arange(T), LAYOUT)
-    assert len(scene.frames) == 2 * T
-    assert scene.frames[T] - scene.frames[T - 1] > 30
-    both = one_after_another(everyone)
-    assert np.isnan(both[T:-T]).all()
-    assert len(both) - 2 * T > 30
-
-
-def test_who_may_judge():
-    check_slot("everybody")
-    with pytest.raises(InvalidInputError, match=r"^person: expected everybody, consistent, largest or"):
-        check_slot("moves-most")

@@ -7,29 +7,14 @@ from functools import cache
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
 import calibration_files as files
 import skelsplat as sk
+from command_line import assert_fails, invoke
 from skelsplat import synthetic
-from skelsplat.cli import app
 from skelsplat.io import read_calibration, sample, write_calibration
 
 NAMES = ["54138969", "55011271", "58860488", "60457274"]
-
-
-def invoke(*args):
-    return CliRunner().invoke(app, [str(arg) for arg in args], env={"COLUMNS": "80"})
-
-
-def assert_fails(result, status, *parts):
-    """One line on stderr that starts with ``error:`` and holds ``parts``; nothing on stdout."""
-    assert result.exit_code == status, result.output
-    assert result.stdout == ""
-    (line,) = result.stderr.splitlines()
-    assert line.startswith("error: ")
-    for part in parts:
-        assert part in line
 
 
 @pytest.fixture
@@ -151,7 +136,7 @@ def test_frames_that_differ_need_more_than_an_offset(room, tmp_path):
     assert_fails(invoke(*refused, *given[:2]), 1, "frames", 'frames="intersection"')
 
 
-def test_the_offset_of_the_table_is_the_one_to_give(room, tmp_path):
+def test_the_offset_of_the_table_is_the_one_to_give(room):
     table = check(room, "late").stdout
     (row,) = (line.split() for line in table.splitlines() if line.startswith(" cam3 "))
     assert row[2] == "-3:"
@@ -159,18 +144,6 @@ def test_the_offset_of_the_table_is_the_one_to_give(room, tmp_path):
     assert given.exit_code == 0, given.output
     more = json.loads(check(room, "late", "--offset", "cam3=2", "--json").stdout)
     assert [row["offset_option"] for row in more["cameras"]] == [None, None, -3, None]
-    errors = []
-    for frames in (0, -3, 3):
-        out = tmp_path / str(frames)
-        refined = invoke(
-            *("refine", room / "Calib.toml", room / "late", "-o", out, "--layout", "h36m17"),
-            *("--offset", f"cam3={frames}", "--frames", "intersection", "-q"),
-        )
-        assert refined.exit_code == 0, refined.output
-        error = sk.io.read_npz(out / "pose.npz").reprojection_error
-        errors.append(float(np.nanmean(error)))
-    without, negative, positive = errors
-    assert negative < 0.7 * without < 0.7 * positive
 
 
 @pytest.mark.parametrize("given", [["--offset", "cam1=2"], ["--layout", "h36m17"], ["--person", "1"]])

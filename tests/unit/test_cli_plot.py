@@ -10,9 +10,7 @@ import pytest
 
 import skelsplat as sk
 from command_line import assert_fails, invoke
-from pose_sample import sample
 from skelsplat.io import PoseData, read_npz, write_pose
-from skelsplat.run.plot_pictures import _limb_lengths
 from skelsplat.run.plots import read_source
 from sweeps import swept
 
@@ -23,20 +21,7 @@ def h36m(steps=6, **changes):
     """Return a still pose with every joint 100 mm above the last, in metres."""
     pose = np.zeros((steps, 17, 3))
     pose[..., 2] = 0.1 * np.arange(17)
-    data = replace(
-        sample(),
-        pose=pose,
-        joint_names=tuple(LAYOUT.joints),
-        frames=np.arange(steps) + 10,
-        unit="m",
-        camera_names=(),
-        **{name: np.empty((0, 0)) for name in ("noise", "loss", "n_iter", "stop_reason")},
-        **{name: np.empty((0, 0)) for name in ("joint_status", "joint_bias")},
-        **{name: np.empty((0, 0, 0)) for name in ("init_pose", "view_weights", "swapped")},
-        **{name: np.empty((0, 0, 0, 0)) for name in ("covariance", "uncertainty")},
-        reprojection_error=np.empty((0, 0, 0)),
-    )
-    return replace(data, **changes)
+    return replace(PoseData(pose, tuple(LAYOUT.joints), np.arange(steps) + 10, "m"), **changes)
 
 
 def written(path, data):
@@ -75,25 +60,6 @@ def test_bone_lengths_are_those_of_numpy(run_folder):
         assert bone["median_mm"] == pytest.approx(np.median(lengths), rel=1e-12)
         assert bone["sd_mm"] == pytest.approx(np.std(lengths), rel=1e-9)
         assert bone["frames_counted"] == 5
-
-
-@pytest.mark.parametrize(
-    ("left", "right", "title"),
-    [
-        ("LEye", "REye", "Nose – Eye"),
-        ("EarLTip", "EarRTip", "Nose – Ear Tip"),
-        ("left", "right", "Nose – left / Nose – right"),
-        ("p3", "p7", "Nose – p3 / Nose – p7"),
-    ],
-)
-def test_sides_are_left_out_of_names_where_these_differ_in_nothing_else(left, right, title):
-    poses = PoseData(np.zeros((1, 3, 3)), ("Nose", left, right), np.arange(1), "mm")
-    for limbs in ([(0, 1), (0, 2)], [(2, 0), (0, 1)]):
-        ((name, bones),) = _limb_lengths(poses, tuple(limbs), ((1, 2),))
-        assert set(name.split(" / ")[0].split(" – ")) == set(title.split(" / ")[0].split(" – "))
-        assert [bone.side for bone in bones] == ["left", "right"]
-    ((name, _),) = _limb_lengths(poses, ((0, 1), (0, 2)), ((1, 2),))
-    assert name == title
 
 
 def test_weak_and_filled_ends_do_not_count(tmp_path):
@@ -177,14 +143,6 @@ def test_bones_need_a_layout(tmp_path):
     assert report["bones"] is None
     assert "warning: bones left out" in result.stderr
     assert len(numbers(path, "--layout", "H36M17", "--only", "bones")["bones"]) == len(LAYOUT.limbs)
-
-
-@pytest.mark.parametrize("steps", [1, 4])
-def test_poses_without_any_position_are_drawn(tmp_path, steps):
-    path = written(tmp_path / "p.npz", h36m(steps, pose=np.full((steps, 17, 3), np.nan)))
-    report = numbers(path)
-    assert all(bone["median_mm"] is None for bone in report["bones"])
-    assert len(report["files"]) == 2
 
 
 @pytest.mark.parametrize(

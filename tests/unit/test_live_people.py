@@ -12,7 +12,6 @@ import skelsplat as sk
 from skelsplat import synthetic
 from skelsplat.cli import app
 from skelsplat.io import read_calibration, write_calibration
-from skelsplat.run.live import MalformedLineError, Session
 from skelsplat.synthetic import Crowding, DetectionNoise
 
 FPS = 30
@@ -175,47 +174,6 @@ def test_everything_malformed_is_answered_and_changes_nothing(calibration, scene
         assert error["error"].startswith(place)
     right = answers[:15] + answers[15 + len(malformed) :]
     assert without_latency(right) == without_latency(run(calibration, *good))
-
-
-ATOMS = [None, True, -1, 1e400, 10**400, float("nan"), "a", [], {}, [[[]]], [None], [1, 2]]
-
-
-def mutated(value, rng):
-    """Return a value with something in it removed, repeated, or replaced by something else."""
-    if rng.random() < 0.15 or not isinstance(value, list | dict) or not value:
-        return ATOMS[rng.integers(len(ATOMS))]
-    if isinstance(value, dict):
-        key = list(value)[rng.integers(len(value))]
-        return {**value, key: mutated(value[key], rng)}
-    at, how = int(rng.integers(len(value))), rng.random()
-    kept = [] if how < 0.1 else [value[at]] * 2 if how < 0.2 else [mutated(value[at], rng)]
-    return [*value[:at], *kept, *value[at + 1 :]]
-
-
-def test_whatever_is_sent_is_answered(calibration, scene, names):
-    """Also for one person, who is the same but for the lists of people."""
-    rng = np.random.default_rng(0)
-    rig, config = read_calibration(calibration, unit="mm"), sk.RefineConfig(n_threads=1)
-    sessions = {
-        True: Session(rig, sk.layouts.H36M17, config, fps=FPS, people="all"),
-        False: Session(rig, sk.layouts.H36M17, config, fps=FPS),
-    }
-    answered = {True: [0, 0], False: [0, 0]}
-    for number in range(800):
-        several, views = number % 2 == 0, views_of(scene.people[number % 30])
-        given = views if several else [view[0] if view else None for view in views]
-        record = {"frame": number, "detections": given, "reset": bool(number % 7 == 0)}
-        if rng.random() < 0.3:
-            record["detections"] = dict(zip(names, given, strict=True))
-        for _ in range(rng.integers(4)):
-            record = mutated(record, rng)
-        try:
-            answer = sessions[several].answer(json.dumps(record).encode())
-        except MalformedLineError as error:
-            answer = error.line(number)
-        answer = json.loads(answer, parse_constant=pytest.fail)
-        answered[several]["error" in answer] += 1
-    assert min(answered[True] + answered[False]) > 50
 
 
 def test_at_most_n(calibration, scene):

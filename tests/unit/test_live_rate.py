@@ -144,23 +144,3 @@ def test_bad_input_leaves_the_state_as_it_was(seen, lag):
     with pytest.raises(sk.InvalidInputError, match="expected 17 joints, as in the previous frames"):
         live.step(seen[0][:, :5])
     assert bits(live.step(seen[5])) == bits(untouched.step(seen[5]))
-
-
-@pytest.mark.parametrize("rate", [FPS, None])
-def test_none_is_a_camera_without_detections(seen, rate):
-    """Also with another array of confidences, and if every camera is."""
-    blind = seen[:3].copy()
-    blind[1:, [1, 3]] = np.nan
-    blind[2] = np.nan
-    live = sk.Refiner(RIG, layout="h36m17", fps=rate, config=ONE_CORE)
-    first = live.step(list(seen[0, ..., :2]), list(seen[0, ..., 2]))
-    pixels, scores = (
-        [seen[1, 0, :, :2], None, seen[1, 2, :, :2], None],
-        [seen[1, 0, :, 2], None, seen[1, 2, :, 2], None],
-    )
-    found = [first, live.step(pixels, scores), live.step([None] * 4)]
-    live.reset()
-    for one, frame in zip(found, blind, strict=True):
-        other = live.step(frame)
-        assert bits(one.pose) == bits(other.pose)
-        assert bits(one.uncertainty) == bits(other.uncertainty)

@@ -16,9 +16,8 @@ from skelsplat.viz.overlay import (  # noqa: E402  after the check
     OverlayFrame,
     Shown,
     draw_overlay,
-    tiling,
 )
-from skelsplat.viz.overlay._marks import bgr, weight_colour  # noqa: E402
+from skelsplat.viz.overlay._marks import bgr  # noqa: E402
 
 SKELETON = Skeleton(limbs=((0, 1), (1, 2)), left_right=((0, 2),))
 SHOWN = Shown(rejected_below=0.25)
@@ -74,12 +73,6 @@ def test_unreliable_joints_are_hollow_and_their_limbs_dashed():
     assert changed(solid)[48:53, 60:140].any(axis=0).all()
 
 
-def test_a_limb_that_leaves_the_image_far_behind_is_still_dashed():
-    frame = of([[50.0, 50.0], [250_000.0, 50.0], [np.nan, np.nan]], reliable=np.array([True, False, True]))
-    along = changed(drawn(frame, size=(3000, 100)))[48:53, 100:].any(axis=0)
-    assert 0.0 < along.mean() < 0.9
-
-
 @pytest.mark.parametrize("place", [(0.0, 0.0), (60.25, 40.75), (60.5, 40.0)])
 def test_a_detection_is_centred_to_a_part_of_a_pixel(place):
     """Pixel (0, 0) has its centre at (0, 0); the mean of the changed pixels, weighted, is the place."""
@@ -90,14 +83,6 @@ def test_a_detection_is_centred_to_a_part_of_a_pixel(place):
     rows, columns = np.indices(weight.shape)
     centre = np.array([(columns * weight).sum(), (rows * weight).sum()]) / weight.sum() - shift
     np.testing.assert_allclose(centre, place, atol=0.1)  # sixteenths of a pixel and OpenCV's edges
-
-
-@pytest.mark.parametrize("weight", [0.3, 0.5, 0.8, 1.0])
-def test_detections_have_the_colour_of_their_weight(weight):
-    image = drawn(of(NONE, detections=THREE, weights=np.full(3, weight)))
-    assert tuple(image[50, 50]) == weight_colour(weight)
-    assert weight_colour(1.0) == bgr(_style.DETECTION)
-    assert weight_colour(0.0) == bgr(_style.REJECTED)
 
 
 def test_a_rejected_detection_is_a_cross_with_a_line_to_the_joint():
@@ -126,13 +111,6 @@ def test_an_ellipse_is_two_standard_deviations_wide():
     assert not inked[100, 140:161].any()
 
 
-def test_an_ellipse_that_says_anywhere_is_left_out():
-    shown = replace(NOTHING, ellipses=True)
-    for sigma, seen in ((40.0, True), (50.0, False)):  # 2σ against a quarter of the diagonal, 90 px
-        frame = of([[150.0, 100.0]], covariances=np.diag([sigma**2, 25.0])[None])
-        assert changed(drawn(frame, shown)).any() == seen
-
-
 def test_layers_are_drawn_only_if_shown():
     frame = of(
         THREE, covariances=np.repeat(np.eye(2)[None] * 90, 3, axis=0), detections=THREE, before=THREE + 40
@@ -149,13 +127,3 @@ def test_what_is_unknown_behind_or_far_away_is_not_drawn():
     assert not changed(drawn(far)).any()
     off = of(THREE + 1000, detections=THREE + 1000, weights=np.zeros(3))
     assert not changed(drawn(off)).any()
-
-
-def test_tiles_fill_the_screen():
-    assert tiling([(1080, 1920)] * 4).size == (4320, 1920)
-    assert tiling([(1920, 1080)] * 4).columns == 2
-    assert tiling([(715, 780)] * 4).columns == 2
-    uneven = tiling([(100, 50), (60, 50), (100, 40)])
-    whole = uneven.join([np.full((h, w, 3), 9, dtype=np.uint8) for w, h in ((100, 50), (60, 50), (100, 40))])
-    assert whole.shape[:2] == uneven.size[::-1]
-    assert (whole == 9).sum() == 3 * (100 * 50 + 60 * 50 + 100 * 40)

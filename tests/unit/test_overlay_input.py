@@ -15,7 +15,7 @@ from overlay_case import FRAMES, NAMES, SIZE, need_opencv, read_video, write_ima
 need_opencv()
 
 from skelsplat.exceptions import DatasetError  # noqa: E402
-from skelsplat.io.video import find_videos, open_sink, open_source  # noqa: E402
+from skelsplat.io.video import open_sink  # noqa: E402
 
 
 @pytest.fixture
@@ -61,21 +61,6 @@ def test_a_size_that_does_not_fit(case, tmp_path, size, words):
     assert not (case.folder.parent / "out").exists()
 
 
-def test_a_video_turned_by_its_metadata(case, videos):
-    """A phone's: 240×320 pixels and a matrix that asks for a quarter turn; OpenCV turns it upright."""
-    path = write_video(videos / "cam01.mp4", size=SIZE[::-1])
-    data = path.read_bytes()
-    plain = b"".join(n.to_bytes(4, "big") for n in (1 << 16, 0, 0, 0, 1 << 16, 0, 0, 0, 1 << 30))
-    turned = b"".join(
-        n.to_bytes(4, "big") for n in (0, 1 << 16, 0, (1 << 32) - (1 << 16), 0, 0, 0, 0, 1 << 30)
-    )
-    track = data.index(b"tkhd")
-    assert data[track:].count(plain) == 1
-    path.write_bytes(data[:track] + data[track:].replace(plain, turned))
-    assert open_source(path).size == SIZE
-    assert overlay(case, videos).exit_code == 0
-
-
 def test_a_camera_without_a_video(case, videos):
     (videos / "cam02.mp4").unlink()
     (videos / "door.mp4").write_bytes(b"")
@@ -107,14 +92,6 @@ def test_a_detector_that_counts_from_one_is_suspected(tmp_path, videos):
     assert (
         kinds(overlay(case, videos, "--json")) == ["video_one_frame_late"] * 2 + ["video_frames_missing"] * 2
     )
-    shorter = write_run(tmp_path / "shorter", frames=[1, 2, 3, 4, 5, 7])  # or the detector saw other frames
-    assert "counts from 1" not in overlay(shorter, videos).stderr
-    for first in (0, 1):
-        assert "counts from 1" not in overlay(case, videos, "--first-frame", first).stderr
-    other = write_run(tmp_path / "a_part", frames=np.arange(1, FRAMES + 1) + 3, offsets={"cam_02": 3})
-    said = " ".join(overlay(other, videos).stderr.split())
-    assert "counts from 1" in said.partition("cam02.mp4")[2]
-    assert "counts from 1" not in said.partition("cam02.mp4")[0]
 
 
 def chunk(kind, data):
@@ -132,14 +109,6 @@ def test_images_that_cannot_be_read_are_left_out(case, tmp_path):
     for path in (tmp_path / "images" / "cam01").iterdir():
         path.write_bytes(b"" if "2" in path.name else claim + chunk(b"IDAT", zlib.compress(bytes(99))))
     assert_fails(overlay(case, tmp_path / "images"), 1, "cam01: images: expected", "6 that it cannot")
-
-
-def test_a_stated_order(videos):
-    names = list(NAMES)
-    assert find_videos(videos, names, order=("cam02", "cam01"))["cam_01"] == videos / "cam02.mp4"
-    assert find_videos(videos, names, order="sorted")["cam_02"] == videos / "cam02.mp4"
-    with pytest.raises(DatasetError, match="expected the file 'cam03' that order names"):
-        find_videos(videos, names, order=("cam01", "cam03"))
 
 
 def test_a_result_never_replaces_a_video_that_is_read(case, tmp_path):
@@ -186,9 +155,3 @@ def test_a_video_that_was_cut_short_is_an_error(tmp_path):
     with pytest.raises(DatasetError, match="expected 3 frames to be written, got 0"):
         write_mp4(tmp_path / "cut.mp4", 3, (16, 16), cut)
     assert not list(tmp_path.iterdir())
-
-
-def test_odd_sizes_are_made_even(tmp_path):
-    write_mp4(tmp_path / "odd.mp4", 1, (47, 33))
-    frames, _ = read_video(tmp_path / "odd.mp4")
-    assert frames[0].shape == (34, 48, 3)

@@ -23,11 +23,9 @@ from overlay_case import (
 
 need_opencv()
 
-from skelsplat.run.frame_range import FrameRange  # noqa: E402
-from skelsplat.run.overlay import Scene  # noqa: E402  after the check
 from skelsplat.viz import _style  # noqa: E402
 from skelsplat.viz.overlay import Shown, legend_strip  # noqa: E402
-from skelsplat.viz.overlay._marks import bgr, weight_colour  # noqa: E402
+from skelsplat.viz.overlay._marks import bgr  # noqa: E402
 
 BARE = ["--plain", "--png", "--no-legend", "--quiet"]
 PLAIN = 226
@@ -63,25 +61,6 @@ def test_every_person_is_drawn_in_one_colour_in_the_frames_of_their_run(people, 
             if there and colour == _style.PEOPLE[1]:  # nothing is in front of the nearer one
                 assert all(np.abs(at(image, joints[j]) - bgr(colour)).max() <= 8 for j in (left, right))
         assert near(image, _style.PEOPLE[2]) == 0
-
-
-@pytest.mark.usefixtures("people")
-def test_the_farthest_is_drawn_first(tmp_path):
-    scene = Scene.read(tmp_path / "out", FrameRange())
-    assert [one.name for one in scene.frame(0, 3)] == ["person 0", "person 3"]
-    assert [one.name for one in scene.frame(0, 1)] == ["person 0"]
-    assert scene.frame(0, 99) is None
-    assert scene.colours == dict(zip(["person 0", "person 3"], _style.PEOPLE, strict=False))
-
-
-def test_detections_have_the_colour_of_their_person(people, tmp_path):
-    overlay(tmp_path, *BARE, "--no-pose", "--no-ellipses", "--range", "0-0")
-    image = image_of(tmp_path, 0)
-    for place in people[0].detections[0, 0, :, :2]:
-        assert np.abs(at(image, place) - bgr(_style.PEOPLE[0])).max() <= 8
-    strong, weak = (np.array(weight_colour(weight, _style.PEOPLE[0])) for weight in (1.0, 0.3))
-    assert tuple(strong) == bgr(_style.PEOPLE[0])
-    assert weak.min() > strong.min()
 
 
 @pytest.mark.usefixtures("people")

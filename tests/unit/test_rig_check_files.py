@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rig_case import LAYOUT, T, detections, mirrored, only, recording, rig
-from skelsplat import synthetic
+from rig_case import LAYOUT, detections, mirrored, only, recording, rig
 from skelsplat.io import sample
 from skelsplat.rig_check import check_rig
 from sweeps import diagonal, swept
@@ -30,22 +29,6 @@ def test_three_cameras_in_a_circle_are_named():
     finding = only(check_rig(rig("room"), detections("room")[:, [2, 0, 1, 3]]))
     assert finding.kind == "cameras_exchanged"
     assert finding.numbers["folders"] == {"cam1": "cam2", "cam2": "cam3", "cam3": "cam1", "cam4": "cam4"}
-
-
-@pytest.mark.parametrize(("pair", "seed"), diagonal(((0, 1), (1, 2), (0, 3)), range(3)))
-def test_in_a_symmetric_ring_the_fewest_exchanges_are_named(pair, seed):
-    """A cycle of three leaves the same but for noise: it is the exchange, seen with the world turned."""
-    cameras = synthetic.ring(4)
-    found = synthetic.simulate_detections(
-        synthetic.motion("walk", T, seed=1), cameras, noise=synthetic.DetectionNoise.good(), seed=seed
-    )
-    i, j = pair
-    found[:, [i, j]] = found[:, [j, i]]
-    finding = check_rig(cameras, found, layout=LAYOUT).findings[0]
-    assert (finding.kind, finding.subject.cameras) == (
-        "cameras_exchanged",
-        (cameras.names[i], cameras.names[j]),
-    )
 
 
 def folders_of(order, names):
@@ -96,17 +79,6 @@ def test_exchanged_cameras_of_a_recording_are_no_images_of_another_size(order):
     exchange, turned = check_rig(cameras, people[:, list(order)], layout=sample.LAYOUT).findings
     assert exchange.kind == "cameras_exchanged"
     assert exchange.numbers["folders"] == folders_of(order, cameras.names)
-    assert (turned.kind, turned.subject.cameras) == ("camera_moved", ("cam_03",))
-
-
-@pytest.mark.parametrize(("factor", "words"), [(4 / 3, "1.33"), swept(3 / 4, "0.75")])
-def test_a_recording_of_another_size_has_no_exchanged_cameras(factor, words):
-    cameras, people = recording()
-    resized = people.copy()
-    resized[..., :2] = (people[..., :2] + 0.5) * factor - 0.5
-    images, turned = check_rig(cameras, resized, layout=sample.LAYOUT).findings
-    assert images.numbers["images"] == f"of images {words} times as large"
-    assert "rivals" not in images.numbers
     assert (turned.kind, turned.subject.cameras) == ("camera_moved", ("cam_03",))
 
 

@@ -10,8 +10,6 @@ import os
 import pickle
 import subprocess
 import sys
-import threading
-import time
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
@@ -43,9 +41,7 @@ COLUMNS = (
 # Fields of a job whose content counts instead, or nothing at all.
 _NOT_AS_TEXT = ("output", "calibration", "detections", "init", "config")
 _OF_CALIBRATION = ("calibration_format", "unit", "camera_type", "subject", "size", "binning")
-# The parent first: it may end during the imports.
-_PROGRAM = "import os; parent = os.getppid(); from skelsplat.run.batch import _work; _work(parent)"
-_WATCH_S = 1.0
+_PROGRAM = "from skelsplat.run.batch import _work; _work()"
 
 
 @dataclass(frozen=True)
@@ -355,17 +351,9 @@ def _in_a_process(job: Job) -> str:
     return f"its process ended with status {done.returncode}" + (f": {last[0]}" if last else "")
 
 
-def _work(parent: int) -> None:
-    """Do the job on stdin, and print the outcome as a line of JSON; end if the parent process ends."""
-    threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
+def _work() -> None:
+    """Do the job on stdin, and print the outcome as a line of JSON."""
     print(json.dumps(attempt(pickle.load(sys.stdin.buffer))), flush=True)
-
-
-def _end_with(parent: int) -> None:
-    """End this process once its parent has been killed; on Windows it goes on."""
-    while os.getppid() == parent:
-        time.sleep(_WATCH_S)
-    os._exit(1)
 
 
 def trials(project: str | os.PathLike[str]) -> dict[str, tuple[Path, Path]]:
