@@ -30,14 +30,12 @@ _UNSURE = ("weak", "inferred", "filled")
 _SIDE = re.compile(r"(?i:left|right)|(?<![A-Z])[LR](?=[A-Z])|(?<=[_. ])[LRlr]$")
 _SPREAD = "Median ± standard deviation over the frames (in brackets: relative to the median)."
 _PALE = " Pale: an end is weak, inferred or filled; not counted, perhaps outside the panel."
-_EQUAL = (
-    "The refinement kept {which} nearly equal on the left and right, so their difference means nothing; "
-    "to study it, refine with symmetry_tier 0."
-)
+_EQUAL = "The refinement kept {which} nearly equal on both sides (unless with symmetry_tier 0)."
 _IN_TIME = "Solved over time, where bones keep their length: how they vary frame by frame is in report.html."
 _KEPT_EQUAL = {1: "lower arms and legs", 2: "arms and legs", 3: "arms, legs and trunk"}  # by the tier
 _ANGLE_BANDS = "Bands: error bars of 1 and 2 σ. All angles are 0 in upright standing."
 _NO_VERTICAL = "The vertical is not known: angles of trunk and pelvis are left out."
+_NO_BARS = "; no error bands, the file has no error bars"
 _COUNTED = "All detections used are counted, including the rejected ones. Grey: no detection used."
 
 
@@ -46,43 +44,28 @@ def trajectories(source: Source) -> Picture:
     poses, skeleton = source.poses, viz.Skeleton(source.limbs, source.left_right)
     variance = np.diagonal(poses.error_bar, axis1=-2, axis2=-1)
     sigma = np.sqrt(np.maximum(variance, 0.0)) if len(variance) else np.full(poses.pose.shape, np.nan)
-    panels = [
-        viz.CurvePanel(
-            f"{poses.joint_names[joint].replace('_', ' ')}, {'xyz'[axis]}",
-            "mm",
-            [
-                viz.Curve(
-                    poses.pose[:, joint, axis],
-                    skeleton.side(joint),
-                    sigma=sigma[:, joint, axis],
-                    start=poses.init_pose[:, joint, axis] if len(poses.init_pose) else None,
-                    status=poses.joint_status[:, joint] if len(poses.joint_status) else None,
-                )
-            ],
-        )
-        for joint in source.joints
-        for axis in range(3)
-    ]
+    panels, numbers = [], []
+    for joint in source.joints:
+        name = poses.joint_names[joint]
+        for axis in range(3):
+            curve = viz.Curve(
+                poses.pose[:, joint, axis],
+                skeleton.side(joint),
+                sigma=sigma[:, joint, axis],
+                start=poses.init_pose[:, joint, axis] if len(poses.init_pose) else None,
+                status=poses.joint_status[:, joint] if len(poses.joint_status) else None,
+            )
+            panels.append(viz.CurvePanel(f"{name.replace('_', ' ')}, {'xyz'[axis]}", "mm", [curve]))
+        known = int(np.isfinite(poses.pose[:, joint]).all(axis=-1).sum())
+        scatter = medians(sigma[:, joint].T).tolist()
+        numbers.append({"joint": name, "frames_known": known, "sigma_median_mm": scatter})
+    start_name = "frame by frame" if len(poses.velocity) else "start of the refinement"
+    notes = poses.processing
     pages = viz.draw_curves(
-        panels,
-        _time(source),
-        columns=3,
-        title=source.title,
-        notes=poses.processing,
-        start_name="frame by frame" if len(poses.velocity) else "start of the refinement",
+        panels, _time(source), columns=3, title=source.title, notes=notes, start_name=start_name
     )
-    known = np.asarray(np.isfinite(poses.pose).all(axis=-1))
-    numbers = [
-        {
-            "joint": poses.joint_names[joint],
-            "frames_known": int(known[:, joint].sum()),
-            "sigma_median_mm": [_number(value) for value in medians(sigma[:, joint].T)],
-        }
-        for joint in source.joints
-    ]
-    words = f"{len(source.joints)} {'joint' if len(source.joints) == 1 else 'joints'}"
-    bars = "" if np.isfinite(sigma).any() else "; no error bands, the file has no error bars"
-    return pages, f"{words} over time{bars}.", numbers
+    bars = "" if np.isfinite(sigma).any() else _NO_BARS
+    return pages, f"{len(numbers)} joint{'s' * (len(numbers) != 1)} over time{bars}.", numbers
 
 
 def bones(source: Source) -> Picture:
@@ -97,20 +80,19 @@ def bones(source: Source) -> Picture:
     notes = [_SPREAD + _PALE if unsure else _SPREAD]
     notes += [_IN_TIME] if len(poses.velocity) else []
     notes += [_EQUAL.format(which=_KEPT_EQUAL[source.symmetry_tier])] if source.symmetry_tier else []
-    notes += poses.processing
     numbers = [
         {
             "limb": name,
             "side": bone.side or None,
-            "median_mm": _number(bone.median),
-            "sd_mm": _number(bone.deviation),
+            "median_mm": bone.median,
+            "sd_mm": bone.deviation,
             "frames_counted": int(np.isfinite(bone.counted).sum()),
         }
         for name, bone in limbs
     ]
     panels = [viz.bone_panel(name, bones) for name, bones in lengths]
-    pages = viz.draw_curves(panels, _time(source), title=source.title, notes=notes)
-    return pages, _about_bones(limbs), numbers
+    pages = viz.draw_curves(panels, _time(source), title=source.title, notes=[*notes, *poses.processing])
+    return pages, f"lengths of {len(limbs)} limbs over time.", numbers
 
 
 def errors(source: Source) -> Picture:
@@ -120,13 +102,20 @@ def errors(source: Source) -> Picture:
         return [], "the file has no errors per camera; the folder of a run and its pose.npz have them", None
     median, share = error_maps(poses.reprojection_error, poses.view_weights)
     data = viz.ErrorMapData(median, share, poses.camera_names, poses.joint_names, source.title, (_COUNTED,))
+
+    def margin(kind: str, names: Sequence[str], px: Array, part: Array) -> list[dict[str, Any]]:
+        each = zip(names, px, part, strict=True)
+        return [{kind: name, "median_px": error, "rejected_share": share} for name, error, share in each]
+
     numbers = {
-        "median_px": _number(median[-1, -1]),
-        "rejected_share": _number(share[-1, -1]),
-        "cameras": _margin("camera", poses.camera_names, median[:-1, -1], share[:-1, -1]),
-        "joints": _margin("joint", poses.joint_names, median[-1, :-1], share[-1, :-1]),
+        "median_px": median[-1, -1],
+        "rejected_share": share[-1, -1],
+        "cameras": margin("camera", poses.camera_names, median[:-1, -1], share[:-1, -1]),
+        "joints": margin("joint", poses.joint_names, median[-1, :-1], share[-1, :-1]),
     }
-    return [viz.draw_error_map(data)], _about_errors(poses, median, share), numbers
+    known = np.isfinite(median[-1, -1])
+    words = f"median reprojection error {median[-1, -1]:.1f} px." if known else "no detection was used."
+    return [viz.draw_error_map(data)], words, numbers
 
 
 def angles(source: Source) -> Picture:
@@ -135,31 +124,24 @@ def angles(source: Source) -> Picture:
     if not angle_names(source.named, leaning=source.up is not None):
         return [], "the joints match no layout that has any (name the layout)", None
     found = angles_of_poses(poses, source.up, source.named)
-    columns = list(zip(found.degrees.T, found.sigma.T, strict=True))
-    panels = [
-        viz.CurvePanel(
-            title, "degrees", [viz.Curve(columns[k][0], side, sigma=columns[k][1]) for side, k in sides]
-        )
-        for title, sides in by_title(found.names).items()
-    ]
+    panels = []
+    for title, sides in by_title(found.names).items():
+        curves = [viz.Curve(found.degrees[:, k], side, sigma=found.sigma[:, k]) for side, k in sides]
+        panels.append(viz.CurvePanel(title, "degrees", curves))
     with_bars = bool(np.isfinite(found.sigma).any())
-    notes = (
-        *([_ANGLE_BANDS] if with_bars else []),
-        *([_NO_VERTICAL] if source.up is None else []),
-        *poses.processing,
-    )
+    notes = [_ANGLE_BANDS] if with_bars else []
+    notes += [_NO_VERTICAL] if source.up is None else []
     numbers = [
         {
             "angle": name,
-            "median_degrees": _number(median(degrees)),
-            "sigma_median_degrees": _number(median(sigma)),
+            "median_degrees": median(degrees),
+            "sigma_median_degrees": median(sigma),
             "frames_known": int(np.isfinite(degrees).sum()),
         }
-        for name, (degrees, sigma) in zip(found.names, columns, strict=True)
+        for name, degrees, sigma in zip(found.names, found.degrees.T, found.sigma.T, strict=True)
     ]
-    bars = "" if with_bars else "; no error bands, the file has no error bars"
-    pages = viz.draw_curves(panels, _time(source), title=source.title, notes=notes)
-    return pages, f"{len(columns)} joint angles over time{bars}.", numbers
+    pages = viz.draw_curves(panels, _time(source), title=source.title, notes=[*notes, *poses.processing])
+    return pages, f"{len(numbers)} joint angles over time{'' if with_bars else _NO_BARS}.", numbers
 
 
 DRAW: dict[str, Callable[[Source], Picture]] = {
@@ -208,49 +190,7 @@ def _name_of(limb: tuple[int, int], names: Sequence[str]) -> str:
 
 def _name_of_both(left: tuple[int, int], right: tuple[int, int], names: Sequence[str]) -> str:
     """Return the name of a limb without its side, or the names of both, if these differ in more than that."""
-    ends, others = ([_without_side(names[joint]) for joint in limb] for limb in (left, right))
-    if ends == others and all(ends):
-        return " – ".join(ends)
+    plain = [" ".join(re.split(r"[\s_.-]+", _SIDE.sub(" ", name))).strip() for name in names]
+    if _name_of(left, plain) == _name_of(right, plain) and all(plain[joint] for joint in left):
+        return _name_of(left, plain)
     return f"{_name_of(left, names)} / {_name_of(right, names)}"
-
-
-def _without_side(name: str) -> str:
-    return " ".join(re.split(r"[\s_.-]+", _SIDE.sub(" ", name))).strip()
-
-
-def _about_bones(limbs: Sequence[tuple[str, viz.Curve]]) -> str:
-    shares = {
-        f"{name} ({bone.side})" if bone.side else name: 100 * bone.deviation / bone.median
-        for name, bone in limbs
-        if bone.median > 0 and np.isfinite(bone.deviation)
-    }
-    if not shares:
-        return "no limb has a reliable length in at least two frames."
-    worst = max(shares, key=lambda name: shares[name])
-    return (
-        f"standard deviation of the limbs' lengths {min(shares.values()):.1f} to {shares[worst]:.1f} %, "
-        f"median {np.median(list(shares.values())):.1f} %; largest: {worst}."
-    )
-
-
-def _about_errors(poses: PoseData, median: Array, share: Array) -> str:
-    if not np.isfinite(median[-1, -1]):
-        return "no detection was used."
-    camera = int(np.nanargmax(median[:-1, -1]))
-    joint = int(np.nanargmax(median[-1, :-1]))
-    rejected = "" if not np.isfinite(share[-1, -1]) else f", {100 * share[-1, -1]:.0f} % rejected"
-    return (
-        f"median {median[-1, -1]:.1f} px{rejected}; largest: {poses.camera_names[camera]} "
-        f"{median[camera, -1]:.1f} px, {poses.joint_names[joint]} {median[-1, joint]:.1f} px."
-    )
-
-
-def _margin(kind: str, names: Sequence[str], median: Array, share: Array) -> list[dict[str, Any]]:
-    return [
-        {kind: name, "median_px": _number(error), "rejected_share": _number(part)}
-        for name, error, part in zip(names, median, share, strict=True)
-    ]
-
-
-def _number(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None

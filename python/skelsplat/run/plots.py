@@ -64,23 +64,11 @@ def read_source(
 ) -> Source:
     """Read the folder of a run, or a file of poses.
 
-    Parameters
-    ----------
-    path : str or Path
-    layout : str, path or Layout, optional
-        The joint layout, for limbs and sides, as `skelsplat.io.read_layout` takes it; by default that of the
-        run, or the built-in layout with exactly the joints of the file.
-    range : FrameRange, optional
-        The frames to keep; all by default.
-    joints : str, optional
-        Joints whose trajectories are drawn, with commas, or ``"all"``; wrists and ankles by default, or the
-        first four joints.
-
-    Raises
-    ------
-    DatasetError, InvalidInputError
-        If it cannot be read, holds no frame, its frame numbers do not ascend, the layout does not fit the
-        joints, no frame lies in the range or a name is no joint.
+    The layout, for limbs and sides, is by default that of the run, or the built-in one with exactly the
+    joints of the file. ``joints``, whose trajectories are drawn, are names with commas, or ``"all"``; by
+    default wrists and ankles, or the first four. A `DatasetError` or an `InvalidInputError` if it cannot be
+    read, holds no frame, its frame numbers do not ascend, the layout does not fit, no frame lies in the range
+    or a name is no joint.
     """
     path, chosen = Path(path), range or FrameRange()
     known = None if layout is None else read_layout(layout)
@@ -169,31 +157,11 @@ def write_plots(
     formats: Sequence[str] = ("png",),
     progress: Callable[[str, int, int], None] | None = None,
 ) -> list[Drawn]:
-    """Draw figures of ``source`` into ``folder``.
+    """Draw figures of ``source``, some of `PICTURES`, into ``folder``, as "png", "pdf" or both.
 
-    Parameters
-    ----------
-    source : Source
-    folder : str or Path
-        It is made if it is missing.
-    only : sequence of str
-        Some of "trajectories", "bones", "errors", the default, and "angles".
-    formats : sequence of str
-        "png", "pdf" or both.
-    progress : callable, optional
-        Called with a word, the number of figures that are done, and of all.
-
-    Returns
-    -------
-    list of Drawn
-        One for each of ``only``; those that there is nothing to draw for say why.
-
-    Raises
-    ------
-    DatasetError
-        If there is nothing to draw for any, or a file cannot be written.
-    MissingPackageError
-        If matplotlib is not installed.
+    ``progress`` is called with a word, the number of figures that are done, and of all. Those that there is
+    nothing to draw for say why; if there is nothing for any, or a file cannot be written, that is a
+    `DatasetError`, and a `MissingPackageError` if matplotlib is not installed.
     """
     require("matplotlib", "figures", "viz")
     from skelsplat.run.plot_pictures import DRAW  # matplotlib takes long to load, and --help does without
