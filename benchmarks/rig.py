@@ -43,8 +43,8 @@ from skelsplat.cameras import altered, matrix_from_vector
 from skelsplat.findings import Finding
 from skelsplat.io import sample as demo
 from skelsplat.rig_check import ReadAs
-from skelsplat.run.adjust import Scene, adjusted
-from skelsplat.run.adjust import adjust_cameras as adjust_files
+from skelsplat.run.cameras import Scene, adjusted
+from skelsplat.run.cameras import adjust_cameras as adjust_files
 from skelsplat.synthetic.people_sets import mixed_heights
 
 FPS, FRAMES, LONGEST = 30.0, 300, 40

@@ -130,7 +130,7 @@ def adjust_cameras(
     ----------
     detections : (T, M, N, 2|3)
         Of one person or animal who moves about: the frames in order, NaN where missing. Of several people,
-        one after another, with 31 empty frames between them (`skelsplat.run.adjust` tells them apart).
+        one after another, with 31 empty frames between them (`skelsplat.run.cameras` tells them apart).
     cameras : CameraRig or sequence of Camera
     free : sequence of str or int, optional
         Names or numbers of the cameras that are wrong, in place of finding them; at least one must stay.

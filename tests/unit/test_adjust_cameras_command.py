@@ -17,7 +17,7 @@ from skelsplat.findings import Finding, Remedy
 from skelsplat.io import convert_unit, read_calibration, write_calibration
 from skelsplat.rig_check import ReadAs
 from skelsplat.run import Job, run, run_people
-from skelsplat.run.adjust import adjust_cameras, findings_of
+from skelsplat.run.cameras import adjust_cameras, findings_of
 
 LAYOUT = ["--layout", "h36m17"]
 ORDER = "cam2,cam1,cam3,cam4"  # which corrects the recording `exchanged`

@@ -10,8 +10,8 @@ from rig_case import turned
 from skelsplat import synthetic
 from skelsplat.association import choose_person
 from skelsplat.rig_check import ReadAs, check_rig
-from skelsplat.run.adjust import adjusted
 from skelsplat.run.by_everybody import Scene
+from skelsplat.run.cameras import adjusted
 from skelsplat.synthetic.people_sets import mixed_heights
 
 LAYOUT = sk.layouts.H36M17

@@ -26,10 +26,10 @@ from skelsplat.exceptions import DatasetError
 from skelsplat.findings import Finding
 from skelsplat.io import write_calibration
 from skelsplat.rig_check import RigReport
-from skelsplat.run.adjust import AdjustedCameras, numbers_of
-from skelsplat.run.adjust import adjust_cameras as adjust
-from skelsplat.run.check import CameraCheck
-from skelsplat.run.check import check_cameras as check
+from skelsplat.run.cameras import AdjustedCameras, numbers_of
+from skelsplat.run.cameras import adjust_cameras as adjust
+from skelsplat.run.cameras import CameraCheck
+from skelsplat.run.cameras import check_cameras as check
 
 _CHECK_EPILOG = "Exit status: 0 nothing found, 1 something found or a file is unreadable, 2 bad usage."
 _CHECK_COMMON = ("unit", "layout", "person", "frames", "without", "offsets", "order", "mapping")

@@ -14,7 +14,7 @@ from skelsplat.io.poses import check_pose_format
 from skelsplat.run import folder as folders
 from skelsplat.run import read
 from skelsplat.run._run import PeopleRun, Run, in_order, summed_up
-from skelsplat.run.adjust import read_adjusted
+from skelsplat.run.cameras import read_adjusted
 from skelsplat.run.job import Job
 from skelsplat.run.over_time import try_over_time
 from skelsplat.run.parts import in_parts

@@ -67,7 +67,7 @@ class Inputs:
     solved: sk.SequenceRefinement | None = None
     solved_s: float = float("nan")
     doubts: tuple[Finding, ...] = ()  # about the person, if followed over time
-    # if the cameras were adjusted: what became of each, as of `skelsplat.run.adjust.numbers_of`
+    # if the cameras were adjusted: what became of each, as of `skelsplat.run.cameras.numbers_of`
     adjusted: tuple[dict[str, Any], ...] = ()
     thinned: Thinned | None = None  # if these are some of the frames of a long recording
 

@@ -56,7 +56,7 @@ _OF_GROUPS: _Columns = (
     ("weight", MEANINGS["mean_weight"], lambda one: number(one.mean_weight, 2)),
     ("swapped", MEANINGS["swapped"], lambda one: f"{one.swapped:,}"),
 )
-# of a camera as `skelsplat.run.adjust.numbers_of` has it
+# of a camera as `skelsplat.run.cameras.numbers_of` has it
 _OF_ADJUSTED: _Columns = (
     ("status", "what became of it", lambda one: str(one["status"])),
     ("turned by [°]", "± its error bar", lambda one: with_bar(_known(one["degrees"]), one["degrees_sigma"])),

@@ -17,7 +17,7 @@ from skelsplat._sequence import frames_of
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.findings import Finding, Remedy, Subject, collected_warnings, warn
 from skelsplat.io.detections import camera_called
-from skelsplat.run.adjust import read_adjusted
+from skelsplat.run.cameras import read_adjusted
 from skelsplat.run.job import Job
 from skelsplat.run.people import find_doubts, find_left_out
 from skelsplat.run.person import MOVES_MOST, count_people, look_around, pick_places, point_of

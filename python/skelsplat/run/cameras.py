@@ -1,4 +1,4 @@
-"""From a calibration and a recording to cameras that agree with it, by `skelsplat.adjust_cameras`."""
+"""From the files of a calibration and of detections to what is wrong, and to cameras that agree."""
 
 from __future__ import annotations
 
@@ -17,16 +17,111 @@ from skelsplat.association import take_people
 from skelsplat.exceptions import DatasetError
 from skelsplat.findings import Finding, Remedy, Subject, collected_warnings, warn
 from skelsplat.io.detections import cameras_called
-from skelsplat.rig_check import ReadAs
+from skelsplat.rig_check import ReadAs, RigReport, check_rig
 from skelsplat.run.by_everybody import Scene
 from skelsplat.run.job import Job
 from skelsplat.run.person import EVERYBODY, check_slot, pick_places
-from skelsplat.run.read import Inputs, Opened, named_offsets, open_recording, read_everybody
+from skelsplat.run.read import (
+    Inputs,
+    Opened,
+    leave_out,
+    named_offsets,
+    open_recording,
+    read_everybody,
+    read_rig,
+)
 
 # Multiples of its error bar from which a clock is off.
 _SHOWN = 4.0
 # A change below this part of its error bar is none.
 _NOTHING = 0.01
+
+
+@dataclass(frozen=True)
+class CameraCheck:
+    """Cameras, the number of frames that they were compared by (None: without detections), and the report."""
+
+    rig: sk.CameraRig
+    frames: int | None
+    report: RigReport
+
+
+def check_cameras(
+    calibration: Path,
+    detections: Path | None = None,
+    *,
+    read: Mapping[str, Any] | None = None,
+    without: Sequence[str] = (),
+    person: str = "everybody",
+    **given: Any,
+) -> CameraCheck:
+    """Read a calibration, and detections if there are any, and find what is wrong with the cameras.
+
+    ``read`` are the arguments of `skelsplat.run.read.read_rig`, ``given`` further ones of
+    `skelsplat.io.detections.read_detections`. The ``person`` is ``"everybody"``, all on whom three views
+    agree; ``"consistent"``, only the one on whom the views agree best; ``"largest"``, in each image; or a
+    number, the place in each file from 0. The report begins with the warnings of the files. Raises a
+    `DatasetError` or an `InvalidInputError` if a file is missing or malformed, or files and options do not
+    fit each other.
+    """
+    check_slot(person)
+
+    with collected_warnings() as warnings:
+        if detections is None:
+            rig, frames = leave_out(read_rig(calibration, **(read or {})), tuple(without)), None
+            report = check_rig(rig)
+        else:
+
+            def look(offsets: Mapping[str, float]) -> tuple[Scene, RigReport]:
+                given["offsets"] = offsets
+                opened = open_recording(calibration, detections, read=read or {}, without=without, **given)
+                scene = read_scene(opened, person, offsets)
+                return scene, scene.check()
+
+            scene, report = look(given.get("offsets") or {})
+            rig, frames, late = scene.rig, len(scene.frames), _unsynchronised(scene, report)
+            if late:
+                offsets = {**scene.read_as.offsets, **{name: _option(one) for name, one in late.items()}}
+                if given.get("frames") in (None, "strict"):
+                    given["frames"] = "union"
+                with collected_warnings():  # which were given
+                    report = _synchronised(report, late, look(offsets)[1])
+    # detections judge the unit better than cameras
+    measured = any(one.kind == "unit_wrong" for one in report.findings)
+    kept = [one for one in warnings if not (measured and one.kind == "unit_wrong")]
+    return CameraCheck(rig, frames, replace(report, findings=(*kept, *report.findings)))
+
+
+def _unsynchronised(scene: Scene, report: RigReport) -> dict[str, Finding]:
+    """Find the cameras whose clocks show, or are measured better, once cameras and clocks are set right."""
+    clocks = [finding for finding in report.findings if finding.kind == "frame_offset"]
+    if len(scene.rig) < 3 or report.before_places:
+        return {}
+    findings = findings_of(scene.adjust(), scene.rig.mm_per_unit, scene.read_as)
+    late = {one.subject.cameras[0]: one for one in findings if one.kind == "frame_offset"}
+    if len(clocks) == 1:  # it is right unless its camera is measured otherwise
+        measured = [one.remedy[0] for one in late.values()]
+        if tuple(late) != clocks[0].subject.cameras or clocks[0].remedy[0] in measured:
+            return {}
+    return late
+
+
+def _option(late: Finding) -> float:
+    """Return the offset that sets a clock right, as refine takes it: NAME=FRAMES."""
+    return float(late.remedy[0].value.rpartition("=")[2])
+
+
+def _synchronised(report: RigReport, late: Mapping[str, Finding], right: RigReport) -> RigReport:
+    """Return the cameras as they were read, with late ones, and what is wrong once those are right."""
+    after = {row.name: row.best_offset_px for row in right.cameras}
+    rows = []
+    for row in report.cameras:
+        one = late.get(row.name)
+        if one is not None:
+            frames, option = round(one.numbers["clock_frames"]), rounded(_option(one))
+            row = replace(row, best_offset=frames, best_offset_px=after[row.name], offset_option=option)
+        rows.append(row)
+    return RigReport((*late.values(), *right.findings), tuple(rows))
 
 
 @dataclass(frozen=True)
@@ -72,18 +167,10 @@ def adjust_cameras(
 ) -> AdjustedCameras:
     """Read a calibration and a recording, and adjust the cameras that were turned or moved since.
 
-    Parameters
-    ----------
-    calibration, detections, read, without, person, **given
-        As of `skelsplat.run.check.check_cameras`.
-    free, focal, clock
-        As of `skelsplat.adjust_cameras`; in names, case and separators may differ.
-
-    Raises
-    ------
-    DatasetError, InvalidInputError
-        If a file is missing or malformed, or files and options do not fit each other; if the cameras disagree
-        for another reason, such as exchanged folders or a wrong unit, with what corrects it.
+    The files are those of `check_cameras`; ``free``, ``focal`` and ``clock`` are as of
+    `skelsplat.adjust_cameras`, and in names, case and separators may differ. Raises a `DatasetError` or an
+    `InvalidInputError` if a file is missing or malformed, or files and options do not fit each other; if the
+    cameras disagree for another reason, such as exchanged folders or a wrong unit, with what corrects it.
     """
     check_slot(person)
     with collected_warnings() as warnings:
@@ -131,7 +218,7 @@ def read_adjusted(opened: Opened, job: Job) -> tuple[Array, Inputs]:
 
 
 def read_scene(opened: Opened, person: str, offsets: Mapping[str, float] | None) -> Scene:
-    """Read the detections of everybody, or of one ``person`` as of `skelsplat.run.check.check_cameras`."""
+    """Read the detections of everybody, or of one ``person`` as of `skelsplat.run.cameras.check_cameras`."""
     found = opened.detections.read()
     people, layout = found.people, found.skeleton
     if person.isdecimal() and people.shape[2] > 1:
