@@ -67,13 +67,3 @@ def test_a_wrong_choice_of_cameras_is_named(detections, free) -> None:
     with pytest.raises(InvalidInputError) as caught:
         sk.adjust_cameras(detections, RIG, free=free)
     assert caught.value.argument == "free"
-
-
-@pytest.mark.parametrize(("pixels", "seed"), [(20.0, 0), (40.0, 5), (80.0, 6)])
-def test_bad_detections_are_no_clock(pixels: float, seed: int) -> None:
-    poses = synthetic.motion("reach", 60, seed=1)
-    found = synthetic.simulate_detections(poses, RIG, noise=DetectionNoise.good(), seed=3)
-    found[:, 1, :, :2] += np.random.default_rng(seed).normal(0.0, pixels, found[:, 1, :, :2].shape)
-    adjusted = sk.adjust_cameras(found, RIG)
-    assert adjusted.cameras == RIG
-    assert adjusted.of("adjusted", "late") == ()

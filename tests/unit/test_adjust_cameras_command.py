@@ -175,14 +175,6 @@ def test_of_a_camera_that_is_wrong_besides_the_majority_is_named():
     assert found(adjusted, *SOUND, besides, reported(name="cam5", status="sound"))[-1].remedy == ()
 
 
-def test_what_the_recording_does_not_show_is_not_recommended():
-    still = reported(name="cam2", status="late", clock=0.5, clock_sigma=30.0)
-    (doubt,) = found(still, SOUND[1])
-    assert (doubt.kind, doubt.remedy) == ("cameras_doubtful", ())
-    (worse,) = found(reported(name="cam2", status="adjusted", **TURN, after=60.0))
-    assert (worse.kind, worse.severity) == ("camera_adjusted", "warning")
-
-
 def test_a_clock_that_may_be_off_is_for_the_recording():
     clock = {"clock": 1.9, "clock_sigma": 0.1, "status": "doubtful"}
     (doubt,) = found(reported(name="cam1", status="doubtful", **TURN), reported(name="cam2", **clock))

@@ -6,8 +6,6 @@ import json
 import signal
 import subprocess
 import sys
-from io import BytesIO
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,7 +14,7 @@ from typer.testing import CliRunner
 import skelsplat as sk
 from command_line import assert_fails, invoke
 from skelsplat import synthetic
-from skelsplat.cli import app, live
+from skelsplat.cli import app
 from skelsplat.io import read_calibration, write_calibration
 
 T = 6
@@ -89,14 +87,6 @@ def test_what_is_missing_may_be_null_or_nan_or_of_no_confidence(tmp_path, detect
     forms.append(json.dumps({"detections": zero.tolist()}))
     poses = [records(run(tmp_path, form))[0]["pose"] for form in forms]
     assert all(pose == poses[0] for pose in poses)
-
-
-def test_points_without_confidence_and_names_of_any_kind(tmp_path, rig, detections):
-    names = [None, "a", 2.5, {"clip": 1}]
-    answers = records(run(tmp_path, *[line(name, detections[0][..., :2]) for name in names]))
-    assert [answer["frame"] for answer in answers] == names
-    first = sk.Refiner(rig, layout="h36m17").step(detections[0][..., :2])
-    np.testing.assert_array_equal(answers[0]["pose"], first.pose)
 
 
 def test_reset_forgets_the_pose_before(tmp_path, detections):
@@ -256,23 +246,4 @@ def test_a_reader_that_goes_away_is_status_1(tmp_path, detections):
         assert process.wait() == 1
         said = process.stderr.read().splitlines()
     assert said[1] == "error: stdout: expected a reader, got a closed pipe"
-    assert len(said) == 3
-
-
-def test_a_line_without_end_ends_the_command():
-    lines = live._numbered(BytesIO(b"{}\n" + bytes(2**24) + b"\n" + bytes(2**24)))
-    assert next(lines) == (1, b"{}\n")
-    with pytest.raises(sk.DatasetError, match="line 2"):
-        next(lines)
-
-
-@pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no /dev/full here")
-def test_a_full_disk_is_one_line_and_status_1(tmp_path, detections):
-    command = [sys.executable, "-m", "skelsplat", "live", str(tmp_path / "Calib.toml"), *OPTIONS]
-    with Path("/dev/full").open("wb") as full:
-        text = (line(0, detections[0]) + "\n").encode()
-        process = subprocess.run(command, input=text, stdout=full, stderr=subprocess.PIPE, check=False)
-    assert process.returncode == 1
-    said = process.stderr.decode().splitlines()
-    assert said[1] == "error: stdout: expected a reader, got no space left on device"
     assert len(said) == 3

@@ -174,9 +174,3 @@ def test_everything_malformed_is_answered_and_changes_nothing(calibration, scene
         assert error["error"].startswith(place)
     right = answers[:15] + answers[15 + len(malformed) :]
     assert without_latency(right) == without_latency(run(calibration, *good))
-
-
-def test_at_most_n(calibration, scene):
-    answers = run(calibration, *lines_of(scene), options=("-q", "--people", "1"))
-    assert ids(answers[-1]) == [0]
-    assert answers[-1]["unassigned"]

@@ -20,6 +20,7 @@ from overlay_case import (
     read_image,
     read_video,
     write_images,
+    write_people,
     write_run,
     write_video,
 )
@@ -28,6 +29,7 @@ from skelsplat.viz import _style
 need_opencv()
 
 from skelsplat.run.overlay import project_covariances  # noqa: E402  after the check
+from skelsplat.viz.overlay import Shown, legend_strip  # noqa: E402
 from skelsplat.viz.overlay._marks import bgr  # noqa: E402
 
 BARE = ["--no-legend", "--quiet"]
@@ -172,3 +174,47 @@ def test_missing_data_are_outcomes(images, tmp_path, what):
     case = write_run(tmp_path / "run", **nothing[what])
     for extra in ([], ["--grid"]):
         overlay(case, images, tmp_path / "out", "--before", "--quiet", *extra)
+
+
+# several people, on plain frames
+
+
+@pytest.fixture
+def people(tmp_path):
+    return write_people(tmp_path / "out")
+
+
+def draw(tmp_path, *args):
+    result = invoke("overlay", tmp_path / "out", "--plain", *args)
+    assert result.exit_code == 0, result.output
+
+
+def near(image, colour):
+    return int((np.abs(image.astype(int) - bgr(colour)).max(axis=2) < 12).sum())
+
+
+def test_every_person_is_drawn_in_one_colour_in_the_frames_of_their_run(people, tmp_path):
+    draw(tmp_path, "--png", "--no-detections", "--no-ellipses", *BARE)
+    for number in range(FRAMES):
+        image = image_of(tmp_path / "out" / "overlay", 0, number)
+        for case, colour, there in zip(people, _style.PEOPLE, (True, number >= 2), strict=False):
+            assert (near(image, colour) > 50) == there
+            joints = case.pixels(0)[number]
+            left, right = LAYOUT.left_right[0]
+            if there and colour == _style.PEOPLE[1]:  # nothing is in front of the nearer one
+                assert all(np.abs(at(image, joints[j]) - bgr(colour)).max() <= 8 for j in (left, right))
+        assert near(image, _style.PEOPLE[2]) == 0
+
+
+@pytest.mark.usefixtures("people")
+def test_legend_and_names_tell_who_is_who(tmp_path):
+    draw(tmp_path, "--png", "--no-detections", "--no-pose", "--no-ellipses", "--quiet")
+    image = image_of(tmp_path / "out" / "overlay", 0, 3)
+    assert image.shape[0] > SIZE[1]
+    for colour in _style.PEOPLE[:2]:
+        assert near(image[: SIZE[1]], colour) > 50  # the ground of a number
+        assert near(image[SIZE[1] :], colour) > 10
+    two, none = ([("a", "#0072b2"), ("b", "#d55e00")], [])
+    shown = Shown(rejected_below=0.25, pose=False, ellipses=False, detections=False)
+    assert near(legend_strip(400, SIZE, shown, two), "#d55e00") > 10
+    assert legend_strip(400, SIZE, shown, none).size == 0

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from command_line import assert_fails, invoke
-from overlay_case import FRAMES, NAMES, SIZE, need_opencv, read_video, write_images, write_run, write_video
+from overlay_case import FRAMES, NAMES, need_opencv, read_video, write_images, write_run, write_video
 
 need_opencv()
 
@@ -36,15 +36,6 @@ def overlay(case, videos, *args):
 
 def kinds(result):
     return [finding["kind"] for finding in json.loads(result.stdout)["findings"]]
-
-
-def test_codec_padding_is_drawn_with_a_warning(case, tmp_path):
-    for name in ("cam01", "cam02"):
-        write_video(tmp_path / "videos" / f"{name}.mp4", size=(SIZE[0], SIZE[1] - 8))
-    result = overlay(case, tmp_path / "videos")
-    assert result.exit_code == 0
-    assert "320×232, but camera cam_01 has 320×240: drawn without scaling" in result.stderr
-    assert kinds(overlay(case, tmp_path / "videos", "--json")) == ["video_padded"] * 2
 
 
 @pytest.mark.parametrize(

@@ -45,6 +45,7 @@ _NEARLY_AS_GOOD = 1.2
 _FEW = 12
 # Left and right are swapped in this share of a camera's frames or more.
 _MIRRORED_SHARE = 1 / 4
+ONCE = " once the above is corrected"
 # Steps of a resection, and the least number of points for one.
 _ROUNDS = 30
 _LEAST = 20
@@ -59,7 +60,7 @@ class Cause:
     kind: str  # one of `_ORDER`
     view: int
     scene: Scene
-    change: Mapping[str, Any]
+    change: dict[str, Any]
 
 
 def explain(
@@ -72,7 +73,7 @@ def explain(
     pairs = () if layout is None else layout.left_right
     mirror = mirror_images(layout.n_joints, pairs) if layout is not None and pairs else None
     findings: list[Finding] = []
-    for _ in range(scene.views):
+    for _ in range(len(scene.cameras)):
         if not np.isfinite(scene.disagreement):
             break
         causes = [cause for cause in _causes(scene, mirror) if _explains(scene, cause)]
@@ -82,11 +83,6 @@ def explain(
         findings.append(_finding(scene, cause, [*earlier, *findings], _rivals(cause, causes)))
         scene = cause.scene
     return findings, scene
-
-
-def once(findings: Sequence[Finding]) -> str:
-    """Return the clause that a number before it holds only if earlier findings are corrected."""
-    return " once the above is corrected" if findings else ""
 
 
 def _finding(scene: Scene, cause: Cause, earlier: Sequence[Finding], rivals: Sequence[Cause]) -> Finding:
@@ -100,18 +96,14 @@ def _finding(scene: Scene, cause: Cause, earlier: Sequence[Finding], rivals: Seq
     }
     if rivals:
         numbers["rivals"] = [
-            {
-                "camera": scene.names[one.view],
-                "kind": one.kind,
-                "mean_px": one.scene.disagreement,
-                **one.change,
-            }
+            one.change
+            | {"camera": scene.names[one.view], "kind": one.kind, "mean_px": one.scene.disagreement}
             for one in rivals
         ]
     if len(scene.judged) < _FEW:
         numbers["few_frames"] = len(scene.judged)
-    better = f"error {px(numbers['before_px'])}{once(earlier)}, {px(numbers['after_px'])} after the "
-    better += "correction"
+    better = f"error {px(numbers['before_px'])}{ONCE if earlier else ''}, {px(numbers['after_px'])} after "
+    better += "the correction"
     also = _rivalled(numbers)
     if cause.kind == "frame_offset":
         frames = numbers["frames"]
@@ -185,7 +177,7 @@ def _explains(scene: Scene, cause: Cause) -> bool:
     old, new = scene.residuals(view), cause.scene.residuals(view)
     before, after = scene.left_out[view], median(new)
     after *= max(1.0, 1.0 / cause.change.get("factor", 1.0))  # smaller images make smaller errors
-    better = _ALL_BETTER if scene.views > 2 else _TWO_BETTER
+    better = _ALL_BETTER if len(scene.cameras) > 2 else _TWO_BETTER
     good = POOR * np.hypot(*scene.cameras[view].size)
     if cause.kind == "sides_swapped":
         good = max(good, _MUCH_BETTER * before)
@@ -202,14 +194,15 @@ def _explains(scene: Scene, cause: Cause) -> bool:
 
 def _causes(scene: Scene, mirror: Index | None) -> Iterator[Cause]:
     """Yield every hypothesis; `mirror` (N,) is the joint on the other side of the body, if that is known."""
-    if scene.views == 2:
+    if len(scene.cameras) == 2:
         yield from _between_two(scene, mirror)
         return
-    for view in range(scene.views):
+    for view in range(len(scene.cameras)):
         points, old = scene.points_without(view), scene.cameras[view]
         shift = _best_shift(scene, view, points)
         if shift != scene.shifts[view]:
-            yield _counted(scene, scene.changed(view, shift=shift), view)
+            frames = {"frames": shift - scene.shifts[view]}
+            yield Cause("frame_offset", view, scene.changed(view, shift=shift), frames)
         if mirror is not None:
             yield from _swapped(scene, view, points, mirror)
         yield from _of_images(scene, view, points, mirror)
@@ -238,11 +231,6 @@ def _of_images(scene: Scene, view: int, points: Array, mirror: Index | None) -> 
         yield Cause("images", view, upright, {"images": "mirrored"})
 
 
-def _counted(scene: Scene, other: Scene, view: int) -> Cause:
-    """Return the cause that a camera's frames are counted as in another scene."""
-    return Cause("frame_offset", view, other, {"frames": other.shifts[view] - scene.shifts[view]})
-
-
 def _swapped(scene: Scene, view: int, points: Array, mirror: Index) -> Iterator[Cause]:
     """Left and right swapped in the frames in which the camera fits the points better that way."""
     sides, seen = mirror != np.arange(len(mirror)), scene.detections[:, view]
@@ -265,7 +253,7 @@ def _between_two(scene: Scene, mirror: Index | None) -> Iterator[Cause]:
     tried = (scene.changed(1, shift=shift) for shift in _shifts(scene, 1))
     best = min(tried, key=lambda other: other.disagreement, default=scene)
     if best.shifts != scene.shifts:
-        yield _counted(scene, best, 1)
+        yield Cause("frame_offset", 1, best, {"frames": best.shifts[1] - scene.shifts[1]})
     for view in range(2) if mirror is not None else ():
         swapped = scene.changed(view, seen=scene.detections[:, view, mirror])
         yield Cause("sides_swapped", view, swapped, {"share_of_frames": 1.0})

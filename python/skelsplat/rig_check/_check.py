@@ -14,7 +14,7 @@ from skelsplat._words import listed, percent
 from skelsplat.association import checked_people
 from skelsplat.exceptions import InvalidInputError
 from skelsplat.findings import Finding, Subject
-from skelsplat.rig_check._causes import explain, once
+from skelsplat.rig_check._causes import ONCE, explain
 from skelsplat.rig_check._geometry import check_geometry
 from skelsplat.rig_check._report import ReadAs, RigReport, rows_of, solved, with_remedies
 from skelsplat.rig_check._scene import Scene, follow_person, in_mm, scene_of_everybody
@@ -79,8 +79,7 @@ def check_rig(
     findings = check_geometry(rig)
     if people is None:
         return RigReport(tuple(findings))
-    everyone = _checked(people, rig)
-    counts = _numbers(frames, len(everyone))
+    everyone, counts = _checked(rig, people, frames)
     shape = sk.layouts.get(layout) if isinstance(layout, str) else layout
     if shape is not None and shape.n_joints != everyone.shape[3]:
         raise InvalidInputError(f"layout: expected one of {everyone.shape[3]} joints, got {shape.n_joints}")
@@ -130,19 +129,15 @@ def _in_likely_unit(
     return unit, in_mm(sk.CameraRig(list(rig), unit=likely)), person
 
 
-def _checked(people: npt.ArrayLike, rig: sk.CameraRig) -> Array:
+def _checked(rig: sk.CameraRig, people: npt.ArrayLike, frames: npt.ArrayLike | None) -> tuple[Array, Index]:
     array = numbers(people, "people")
     array = checked_people(array[:, :, None] if array.ndim == 4 else array, rig, values=(2, 3))
     if 0 in array.shape:
         raise InvalidInputError(f"people: expected frames and people, got shape {array.shape}")
-    return array
-
-
-def _numbers(frames: npt.ArrayLike | None, count: int) -> Index:
-    counts = np.arange(count) if frames is None else whole_numbers(frames, "frames")
-    if counts.shape != (count,) or (np.diff(counts) <= 0).any():
-        raise InvalidInputError(f"frames: expected {count} ascending numbers, got shape {counts.shape}")
-    return counts
+    counts = np.arange(len(array)) if frames is None else whole_numbers(frames, "frames")
+    if counts.shape != (len(array),) or (np.diff(counts) <= 0).any():
+        raise InvalidInputError(f"frames: expected {len(array)} ascending numbers, got shape {counts.shape}")
+    return array, counts
 
 
 def _images(rig: sk.CameraRig, people: Array) -> Iterator[Finding]:
@@ -202,8 +197,14 @@ def find_swapped(names: Sequence[str], result: sk.Refinement, layout: sk.Layout 
 
 def _left_over(scene: Scene, result: sk.Refinement, earlier: list[Finding]) -> Iterator[Finding]:
     """Name cameras that still disagree when everything that was found is corrected."""
-    if scene.views == 2:
-        yield from _two(scene)
+    if len(scene.cameras) == 2:
+        error = median(scene.left_out)
+        if error > scene.gross_px / 2 and len(scene.judged) >= _LEAST_FRAMES:
+            sentence = f"{listed(scene.names)} disagree: every 3D point is at least {error:.1f} px from "
+            sentence += "their detections. With two cameras, it is impossible to tell which is wrong, and "
+            sentence += "whether calibration or timing is."
+            subject = Subject(tuple(scene.names))
+            yield Finding("camera_disagrees", subject=subject, numbers={"px": error}, sentence=sentence)
         return
     weights = [view[np.isfinite(view)] for view in np.moveaxis(np.asarray(result.view_weights), 1, 0)]
     shares = np.array([(view < sk.REJECTED_WEIGHT).mean() if view.size else np.nan for view in weights])
@@ -212,24 +213,14 @@ def _left_over(scene: Scene, result: sk.Refinement, earlier: list[Finding]) -> I
         usual = float(np.mean(others[np.isfinite(others)])) if np.isfinite(others).any() else 1.0
         frames = np.isfinite(scene.seen(i)).any(axis=(1, 2)).sum()
         if frames >= _LEAST_FRAMES and shares[i] >= max(_REJECTED, _RATIO * usual):
-            rejected, error = float(shares[i]), float(scene.left_out[i])
+            rejected, error, once = float(shares[i]), float(scene.left_out[i]), ONCE if earlier else ""
             numbers = {"rejected": rejected, "others": usual, "px": error}
             sentence = f"{name} disagrees with the other cameras, and no tested cause explains it: "
             sentence += f"{percent(rejected)} of its detections are rejected, {percent(usual)} of theirs, "
-            sentence += f"and they lie {error:.0f} px from where the others place them{once(earlier)}. Check "
-            sentence += "that its file belongs to this recording, shows the same person and stays "
-            sentence += "synchronised, and that lens and focal length are those calibrated."
+            sentence += f"and they lie {error:.0f} px from where the others place them{once}. Check that its "
+            sentence += "file belongs to this recording, shows the same person and stays synchronised, and "
+            sentence += "that lens and focal length are those calibrated."
             yield Finding("camera_disagrees", subject=Subject((name,)), numbers=numbers, sentence=sentence)
-
-
-def _two(scene: Scene) -> Iterator[Finding]:
-    error = median(scene.left_out)
-    if error > scene.gross_px / 2 and len(scene.judged) >= _LEAST_FRAMES:
-        sentence = f"{listed(scene.names)} disagree: every 3D point is at least {error:.1f} px from their "
-        sentence += "detections. With two cameras, it is impossible to tell which is wrong, and whether "
-        sentence += "calibration or timing is."
-        subject = Subject(tuple(scene.names))
-        yield Finding("camera_disagrees", subject=subject, numbers={"px": error}, sentence=sentence)
 
 
 def _check_recording(causes: Sequence[Finding], corrected: Scene) -> Finding | None:
@@ -239,7 +230,7 @@ def _check_recording(causes: Sequence[Finding], corrected: Scene) -> Finding | N
     the scene in which all that was found is corrected.
     """
     names = corrected.names
-    if corrected.views < 3 or len(corrected.judged) < _LEAST_FRAMES:
+    if len(names) < 3 or len(corrected.judged) < _LEAST_FRAMES:
         return None
     far = [
         one

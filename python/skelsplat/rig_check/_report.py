@@ -135,7 +135,7 @@ def rows_of(scene: Scene, corrected: Scene) -> list[CameraRow]:
             robust_px=median(np.asarray(result.reprojection_error)[:, i]),
             weight=float(weight.mean()) if weight.size else float("nan"),
             rejected=float((weight < sk.REJECTED_WEIGHT).mean()) if weight.size else float("nan"),
-            left_out_px=float(scene.left_out[i]) if scene.views > 2 else float("nan"),
+            left_out_px=float(scene.left_out[i]) if len(rig) > 2 else float("nan"),
             best_offset=corrected.shifts[i],
             best_offset_px=float(corrected.left_out[i]),
         )

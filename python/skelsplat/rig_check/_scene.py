@@ -40,11 +40,6 @@ class Scene:
     shifts: tuple[int, ...]  # frame f of the scene is frame f + shift of a camera's own count
 
     @property
-    def views(self) -> int:
-        """Number of cameras M."""
-        return len(self.cameras)
-
-    @property
     def names(self) -> list[str]:
         """Names of the cameras."""
         return [str(camera.name) for camera in self.cameras]
@@ -64,7 +59,7 @@ class Scene:
     @cached_property
     def judged_detections(self) -> Array:
         """Detections at the judged frames, shifts applied, (J, M, N, 2)."""
-        return np.stack([self.seen(view) for view in range(self.views)], axis=1)
+        return np.stack([self.seen(view) for view in range(len(self.cameras))], axis=1)
 
     @cached_property
     def _points(self) -> dict[int, Array]:
@@ -74,7 +69,7 @@ class Scene:
     def points_without(self, view: int) -> Array:
         """Triangulate the judged frames robustly without one camera, (J, N, 3) mm; NaN where unknown."""
         if view not in self._points:
-            others = [i for i in range(self.views) if i != view]
+            others = [i for i in range(len(self.cameras)) if i != view]
             cameras = [self.cameras[i] for i in others]
             self._points[view] = np.asarray(sk.triangulate(self.judged_detections[:, others], cameras))
         return self._points[view]
@@ -89,12 +84,12 @@ class Scene:
 
         One other camera does not say where a joint is: two are compared with the points between them.
         """
-        return self.distances(view, self._between if self.views == 2 else self.points_without(view))
+        return self.distances(view, self._between if len(self.cameras) == 2 else self.points_without(view))
 
     @cached_property
     def left_out(self) -> Array:
         """Medians of `residuals`, (M,) px."""
-        return np.array([median(self.residuals(view)) for view in range(self.views)])
+        return np.array([median(self.residuals(view)) for view in range(len(self.cameras))])
 
     @cached_property
     def disagreement(self) -> float:

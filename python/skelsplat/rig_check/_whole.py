@@ -1,16 +1,4 @@
-"""What may be wrong with all cameras at once: the convention of the poses, the unit, the images, the order.
-
-Poses of another convention:
-
-=======  ===================================================================================
-inverse  camera → world given for world → camera: R' = Rᵀ, t' = −Rᵀ t
-axes     y up and z backward (OpenGL, Blender) for y down and z forward: F = diag(1, −1, −1),
-         R' = F R, t' = F t
-both     camera → world with these axes: R' = F Rᵀ, t' = −F Rᵀ t
-=======  ===================================================================================
-
-Images other than the calibration's are resized, turned, mirrored, or have x and y exchanged.
-"""
+"""What may be wrong with all cameras at once: convention of the poses, unit, images, order."""
 
 from __future__ import annotations
 
@@ -54,14 +42,11 @@ _TYPICAL_MM = 1300.0
 _SHARE = 80.0
 _LEAST_JOINTS = 8
 
+_OPENGL = "y up and z backward (OpenGL, Blender)"
 _CONVENTIONS: dict[str, Callable[[Array, Array], tuple[Array, Array]]] = {
     "camera → world instead of world → camera": lambda R, t: (R.T, -R.T @ t),
-    "with y up and z backward (OpenGL, Blender) instead of y down and z forward": (
-        lambda R, t: (_AXES @ R, _AXES @ t)
-    ),
-    "camera → world with y up and z backward (OpenGL, Blender)": (
-        lambda R, t: (_AXES @ R.T, _AXES @ (-R.T @ t))
-    ),
+    f"with {_OPENGL} instead of y down and z forward": lambda R, t: (_AXES @ R, _AXES @ t),
+    f"camera → world with {_OPENGL}": lambda R, t: (_AXES @ R.T, _AXES @ (-R.T @ t)),
 }
 
 
@@ -101,23 +86,24 @@ def check_unit(rig: sk.CameraRig, detections: Array, layout: sk.Layout | None) -
     """
     points = np.asarray(sk.triangulate(detections[some_frames(len(detections))], rig, method="dlt"))
     size = median(np.array([_size(frame) for frame in points]))
-    size_mm, unit = size * rig.mm_per_unit, rig.unit
+    size_mm, unit, likely = size * rig.mm_per_unit, rig.unit, None
     person = layout is None or layout.human  # not an animal, a hand
     if not np.isfinite(size) or (_is_person(size_mm) if person else size_mm <= _ANYTHING_MM):
         return None, unit
-    measured = f"With unit {unit}, the body measures about {metric(size_mm)}"
-    numbers = {"stated": unit, "size_mm": size_mm, "likely": None}
-    if not person:
-        sentence = f"{measured}. Is that the unit of the calibration?"
-        return Finding("unit_wrong", numbers=numbers, sentence=sentence), unit
     if layout is None and size_mm < _PERSON_MM[0] and implausible_extent(points, rig) is None:
         return None, unit  # anything small, before cameras that can be so close together
-    likely = min(MM_PER_UNIT, key=lambda name: abs(np.log(size * MM_PER_UNIT[name] / _TYPICAL_MM)))
-    if not _is_person(size * MM_PER_UNIT[likely]):
-        sentence = f"{measured}, which none of mm, cm and m explains. Was the calibration scaled?"
-        return Finding("unit_wrong", "error", numbers=numbers, sentence=sentence), unit
-    sentence = f'{measured}. The unit of the calibration is most likely "{likely}".'
-    return Finding("unit_wrong", "error", numbers={**numbers, "likely": likely}, sentence=sentence), likely
+    question = "Is that the unit of the calibration?"
+    if person:
+        best = min(MM_PER_UNIT, key=lambda name: abs(np.log(size * MM_PER_UNIT[name] / _TYPICAL_MM)))
+        likely = best if _is_person(size * MM_PER_UNIT[best]) else None
+        question = "None of mm, cm and m explains that. Was the calibration scaled?"
+    if likely is not None:
+        question = f'The unit of the calibration is most likely "{likely}".'
+    numbers = {"stated": unit, "size_mm": size_mm, "likely": likely}
+    sentence = f"With unit {unit}, the body measures about {metric(size_mm)}. {question}"
+    return Finding(
+        "unit_wrong", "error" if person else "warning", numbers=numbers, sentence=sentence
+    ), likely or unit
 
 
 def _size(points: Array) -> float:

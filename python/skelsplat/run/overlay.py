@@ -7,9 +7,12 @@
 
 from __future__ import annotations
 
+import heapq
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import groupby
+from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
@@ -363,18 +366,13 @@ def _write(job: OverlayJob, views: list[View], target: Path, progress: Progress 
 
 def _together(views: Sequence[View]) -> Iterator[tuple[int, dict[int, Image]]]:
     """Yield (number, images by the place of their view) of every frame that a view has."""
-    streams = [view.frames() for view in views]
-    heads = {k: head for k, stream in enumerate(streams) if (head := next(stream, None)) is not None}
-    while heads:
-        number = min(own for own, _ in heads.values())
-        images = {k: image for k, (own, image) in heads.items() if own == number}
-        yield number, images
-        for k in images:
-            head = next(streams[k], None)
-            if head is None:
-                del heads[k]
-            else:
-                heads[k] = head
+
+    def stream(k: int) -> Iterator[tuple[int, int, Image]]:
+        return ((number, k, image) for number, image in views[k].frames())
+
+    whole = heapq.merge(*map(stream, range(len(views))), key=itemgetter(0))
+    for number, together in groupby(whole, key=itemgetter(0)):
+        yield number, {k: image for _, k, image in together}
 
 
 def _no_image(view: View, number: int) -> Image:
