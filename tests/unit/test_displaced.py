@@ -14,7 +14,7 @@ from skelsplat.findings import Remedy
 from skelsplat.run import displaced
 from skelsplat.run.displaced import displaced_cameras, find_displaced, shift_of, to_one_side
 from skelsplat.synthetic import DetectionNoise
-from two_people import LAYOUT, findings_of, seen
+from two_people import findings_of, seen
 
 FRAMES = 30
 DIAGONAL = np.array([1000.0])

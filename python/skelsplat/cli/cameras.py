@@ -26,9 +26,8 @@ from skelsplat.exceptions import DatasetError
 from skelsplat.findings import Finding
 from skelsplat.io import write_calibration
 from skelsplat.rig_check import RigReport
-from skelsplat.run.cameras import AdjustedCameras, numbers_of
+from skelsplat.run.cameras import AdjustedCameras, CameraCheck, numbers_of
 from skelsplat.run.cameras import adjust_cameras as adjust
-from skelsplat.run.cameras import CameraCheck
 from skelsplat.run.cameras import check_cameras as check
 
 _CHECK_EPILOG = "Exit status: 0 nothing found, 1 something found or a file is unreadable, 2 bad usage."
