@@ -51,20 +51,9 @@ from skelsplat.io.poses._pose_data import PoseData
 class RunFolder:
     """A run as `read_run` finds it.
 
-    Attributes
-    ----------
-    rig : CameraRig
-        The M cameras, in the unit of the poses.
-    layout : Layout
-        What the N joints are.
-    detections : (T, M, N, 3)
-        One person's detections: pixels of the original images and confidence; NaN where missing.
-    poses : PoseData
-        The result, with all arrays of the refinement.
-    report : dict
-        ``report.json``.
-    ends : (int, int)
-        Numbers of the first and the last frame of the run, of which the arrays may hold a part.
+    `rig` is in the unit of the `poses`, which have all arrays of the refinement; `detections` (T, M, N, 3)
+    are one person's pixels and confidences, NaN where missing; `report` is ``report.json``. `ends` are the
+    numbers of the first and the last frame of the run, of which the arrays may hold a part.
     """
 
     path: Path
@@ -125,18 +114,9 @@ def read_run(
 ) -> RunFolder:
     """Read the folder that ``skelsplat refine`` or ``skelsplat demo`` wrote.
 
-    Parameters
-    ----------
-    path : path
-    within : callable, optional
-        Given the numbers (T,) of the run's frames, returns the first and the last one to read; of a long run
-        the others then take no memory.
-
-    Raises
-    ------
-    DatasetError
-        If a file is missing or malformed, or the files do not belong to one run; names the file and the
-        field.
+    Given the numbers (T,) of the run's frames, ``within`` returns the first and the last one to read; of a
+    long run the others then take no memory. `DatasetError` if a file is missing or malformed, or the files do
+    not belong to one run.
     """
     folder = Path(path)
     if not (folder / REPORT).is_file():
@@ -177,12 +157,10 @@ def _read_report(path: Path) -> Field:
         people = ", ".join(folders_of_run(path.parent))
         raise report["folders"].error("the folder of one person", f"the run of several ({people})")
     settings, given = (report[key].table() for key in ("settings", "input"))
-    if "undistort" not in settings:
-        raise settings["undistort"].error("true or false", "none")
-    settings["undistort"].flag()
-    if "offsets" in given and given["offsets"].value:
-        offsets = given["offsets"].table()
-        for name in offsets.value:
-            if not abs(offsets[name].number()) < FRAME_LIMIT:
-                raise offsets[name].error("a number of frames", offsets[name].shown)
+    if not isinstance(settings["undistort"].value, bool):
+        raise settings["undistort"].error("true or false", settings["undistort"].shown)
+    offsets = given["offsets"].table() if given.value.get("offsets") else Field(path, "", {})
+    for name in offsets.value:
+        if not abs(offsets[name].number()) < FRAME_LIMIT:
+            raise offsets[name].error("a number of frames", offsets[name].shown)
     return report

@@ -53,13 +53,7 @@ def mirror_images(n_joints: int, left_right: Iterable[tuple[int, int]]) -> npt.N
 
 
 def get(name: str | os.PathLike[str] | Layout) -> Layout:
-    """Return the built-in layout called ``name``, or read the layout file at this path.
-
-    Parameters
-    ----------
-    name : str, path or Layout
-        A name in lower or upper case, or a path that ends in ``.toml``. A layout is returned as it is.
-    """
+    """Return the built-in layout of this name, in any case, or read the layout file at a path (``.toml``)."""
     if isinstance(name, Layout):
         return name
     if not isinstance(name, str | os.PathLike):
@@ -85,13 +79,8 @@ def read(path: str | os.PathLike[str]) -> Layout:
 def write(path: str | os.PathLike[str], layout: Layout | str, *, about: About | None = None) -> None:
     """Write a layout file, which `read` reads back as the same layout.
 
-    Parameters
-    ----------
-    path : path
-        Its name should end in ``.toml``, by which arguments ``layout`` know it from a name.
-    layout : Layout or str
-    about : About, optional
-        What it is for, for people; by default what is known of a built-in layout.
+    Its name should end in ``.toml``, by which arguments ``layout`` know it from a name. What it is for, in
+    ``about``, is by default what is known of a built-in layout.
     """
     layout = get(layout)
     atomic_write_text(path, to_toml(layout, _about(layout) if about is None else about))

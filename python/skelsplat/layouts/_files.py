@@ -18,7 +18,7 @@ source
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
@@ -39,21 +39,13 @@ Pair = tuple[int, int]
 
 @dataclass(frozen=True)
 class About:
-    """What a layout is for, in words; all of it may be empty.
-
-    Attributes
-    ----------
-    about
-        What it is.
-    detectors
-        The tools and models whose detections have these joints.
-    source
-        Where the order of the joints is published.
-    """
+    """What a layout is for, in words; all of it may be empty."""
 
     about: str = ""
     detectors: str = ""
+    """The tools and models whose detections have these joints."""
     source: str = ""
+    """Where the order of the joints is published."""
 
 
 _WORDS = tuple(field.name for field in fields(About))
@@ -99,25 +91,14 @@ def _bone(entry: Field) -> tuple[list[Any], float, float] | None:
     ends = _values(entry["joints"])
     if "length_mm" not in entry:
         return None
-    length = entry["length_mm"].number()
-    return (
-        ends,
-        length,
-        entry["sigma_mm"].number() if "sigma_mm" in entry else min(_SIGMA * length, _MOST_SIGMA_MM),
-    )
+    length, sigma = entry["length_mm"].number(), entry["sigma_mm"]
+    return ends, length, min(_SIGMA * length, _MOST_SIGMA_MM) if sigma.is_missing else sigma.number()
 
 
 def from_names(name: str, joints: Sequence[str], limbs: Sequence[Sequence[Any]] = (), **given: Any) -> Layout:
     """Return a layout whose mirror images and symmetric limbs are those that the joints' names state.
 
-    Parameters
-    ----------
-    name : str
-    joints : sequence of str
-        As `mirrored_names` reads their sides.
-    limbs : sequence of (int, int), optional
-    **given
-        Other arguments of `Layout`; a ``left_right`` or ``symmetric`` among them is left as it is.
+    `mirrored_names` reads the sides. Others of ``given`` are arguments of `Layout`.
     """
     if "left_right" not in given:
         given["left_right"] = mirrored_names(Layout(name, joints).joints)
@@ -132,14 +113,10 @@ def mirrored_names(joints: Sequence[str]) -> tuple[Pair, ...]:
     A side is a word or part of one: ``left_ear``, ``ear_l``, ``EarL``, ``Lear``, ``leftear``, in one joint
     only once. A joint without exactly one counterpart is in no pair.
     """
-    places: dict[tuple[str, ...], list[int]] = {}
-    for place, name in enumerate(joints):
-        side = _side(name)
-        if side is not None:
-            places.setdefault(side, []).append(place)
-    lone = {key: at[0] for key, at in places.items() if len(at) == 1}
-    left = ((at, lone.get(("right", *key[1:]))) for key, at in lone.items() if key[0] == "left")
-    return tuple((at, right) for at, right in left if right is not None)
+    sides = [_side(name) for name in joints]
+    lone = {side: place for place, side in enumerate(sides) if side is not None and sides.count(side) == 1}
+    left = ((place, lone.get(("right", *rest))) for (side, *rest), place in lone.items() if side == "left")
+    return tuple((place, right) for place, right in left if right is not None)
 
 
 def _side(name: str) -> tuple[str, ...] | None:
@@ -177,24 +154,24 @@ def to_toml(layout: Layout, about: About | None = None) -> str:
     """Return a layout as the text of a layout file."""
     names = layout.joints
 
-    def pair(ends: Sequence[int]) -> str:
-        return f"[{', '.join(_quoted(names[k]) for k in ends)}]"
+    def row(places: Iterable[int]) -> list[str]:
+        return [_quoted(names[k]) for k in places]
 
-    words = {key: getattr(about or About(), key) for key in _WORDS}
+    def pair(ends: Iterable[int]) -> str:
+        return f"[{', '.join(row(ends))}]"
+
+    words = {"name": layout.name, **vars(about or About())}
     tiers = [(tier, pair(left), pair(right)) for tier, left, right in layout.symmetric]
-    lines = [
-        f"name = {_quoted(layout.name)}",
-        *(f"{key} = {_quoted(text)}" for key, text in words.items() if text),
-        *(["human = true"] if layout.human else []),
-        "",
-        _list("joints", [_quoted(name) for name in names]),
+    lines = [f"{key} = {_quoted(text)}" for key, text in words.items() if text]
+    lines += ["human = true", ""] if layout.human else [""]
+    lines += [
+        _list("joints", row(range(len(names)))),
         _list("limbs", [pair(limb) for limb in layout.limbs]),
         _list("left_right", [pair(both) for both in layout.left_right]),
         _list("symmetric", [f"{{ tier = {t}, left = {a}, right = {b} }}" for t, a, b in tiers]),
+        _list("occlusion_prone", row(layout.occlusion_prone)),
+        _list("root", row(layout.root)),
     ]
-    for key in ("occlusion_prone", "root"):
-        places = getattr(layout, key)
-        lines += [_list(key, [_quoted(names[k]) for k in places])] if places else []
     for ends, length, sigma in layout.lengths:
         lines += ["", "[[bones]]", f"joints = {pair(ends)}", f"length_mm = {length}", f"sigma_mm = {sigma}"]
     return "\n".join(lines) + "\n"

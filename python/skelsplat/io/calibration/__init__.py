@@ -214,13 +214,7 @@ def _hint(spread: float) -> str:
 
 
 def convert_unit(rig: sk.CameraRig, unit: str) -> sk.CameraRig:
-    """Return the same cameras with lengths in another unit.
-
-    Raises
-    ------
-    InvalidInputError
-        If the unit is not mm, cm or m.
-    """
+    """Return the same cameras with lengths in another unit: mm, cm or m."""
     one_of("unit", unit, MM_PER_UNIT)
     factor = rig.mm_per_unit / MM_PER_UNIT[unit]
     return sk.CameraRig([altered(camera, t=np.asarray(camera.t) * factor) for camera in rig], unit=unit)
@@ -252,15 +246,7 @@ def write_calibration(
     note : str, optional
         Where the cameras come from: a comment in TOML; ``"note"`` in JSON and npz. It is not read again.
     adjusted : bool
-        In TOML, states that detections of a recording adjusted these cameras, so that Anipose does not adjust
-        them again (`skelsplat.run.adjust_cameras`).
-
-    Raises
-    ------
-    InvalidInputError
-        If the format is unknown, or left out with another suffix.
-    DatasetError
-        If the path cannot be written.
+        In TOML, states that detections of a recording adjusted these cameras, so that Anipose does not.
     """
     suffix = Path(path).suffix.lower()
     chosen = _WRITTEN.get(suffix) if format is None else format
