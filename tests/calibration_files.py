@@ -221,15 +221,9 @@ def openpose(folder: Path, views):
 def panoptic(folder: Path, views):
     cameras = [
         {
-            "name": v.name,
-            "type": "hd",
-            "resolution": list(v.size),
-            "panel": 0,
-            "node": i,
-            "K": v.K.tolist(),
-            "distCoef": v.distortion.tolist(),
-            "R": v.R.tolist(),
-            "t": (v.t[:, None] / 10).tolist(),
+            **{"name": v.name, "type": "hd", "resolution": list(v.size), "panel": 0, "node": i},
+            **{"K": v.K.tolist(), "distCoef": v.distortion.tolist()},
+            **{"R": v.R.tolist(), "t": (v.t[:, None] / 10).tolist()},
         }
         for i, v in enumerate(views)
     ]
@@ -254,26 +248,37 @@ def human36m(folder: Path, views):
     return path
 
 
+def _qtm(rotation, place, K, lens, more=""):
+    """Return the elements of a pose and a lens as Qualisys and Theia3D write them."""
+    r = " ".join(f'r{i + 1}{j + 1}="{rotation[i, j]:.6f}"' for i in range(3) for j in range(3))
+    k1, k2, p1, p2, k3 = lens
+    inner = {
+        **{
+            "focalLengthU": K[0, 0],
+            "focalLengthV": K[1, 1],
+            "centerPointU": K[0, 2],
+            "centerPointV": K[1, 2],
+        },
+        **{"radialDistortion1": k1, "radialDistortion2": k2, "radialDistortion3": k3, "skew": 0.0},
+        **{"tangentalDistortion1": p1, "tangentalDistortion2": p2},
+    }
+    shown = " ".join(f'{name}="{value:.6f}"' for name, value in inner.items())
+    x, y, z = place
+    return f'<transform x="{x:.6f}" y="{y:.6f}" z="{z:.6f}" {r}/><intrinsic focallength="9.3" {more}{shown}/>'
+
+
 def qualisys(folder: Path, views, *, binning=1.0, left=0, top=0, extra="", parts=64):
     """Six decimals as QTM writes; `left` and `top` cut the image out of a larger sensor."""
     cameras = '<camera active="1" serial="1234" model="Miqus M3" viewrotation="0"/>'
     for v in views:
-        axes = np.diag([1.0, -1.0, -1.0]) @ v.R
-        r = " ".join(f'r{i + 1}{j + 1}="{axes[i, j]:.6f}"' for i in range(3) for j in range(3))
-        x, y, z = v.centre
         full = [round(length * binning) for length in v.size]
         edges = f'left="{left}" top="{top}" right="{left + full[0] - 1}" bottom="{top + full[1] - 1}"'
-        centre = ((v.K[:2, 2] + 0.5) * binning - 0.5 + [left, top]) * parts
-        k1, k2, p1, p2, k3 = v.distortion
+        K = v.K * parts * binning
+        K[:2, 2] = ((v.K[:2, 2] + 0.5) * binning - 0.5 + [left, top]) * parts
         cameras += (
             f'<camera active="1" calibrated="true" avg-residual="0.5" serial="{v.name}" model="Miqus Video" '
             f'viewrotation="0"{extra}><fov_video {edges}/>'
-            f'<transform x="{x:.6f}" y="{y:.6f}" z="{z:.6f}" {r}/>'
-            f'<intrinsic focallength="9.3" focalLengthU="{v.K[0, 0] * parts * binning:.6f}" '
-            f'focalLengthV="{v.K[1, 1] * parts * binning:.6f}" centerPointU="{centre[0]:.6f}" '
-            f'centerPointV="{centre[1]:.6f}" skew="0.000000" radialDistortion1="{k1:.6f}" '
-            f'radialDistortion2="{k2:.6f}" radialDistortion3="{k3:.6f}" '
-            f'tangentalDistortion1="{p1:.6f}" tangentalDistortion2="{p2:.6f}"/></camera>'
+            f"{_qtm(np.diag([1.0, -1.0, -1.0]) @ v.R, v.centre, K, v.distortion)}</camera>"
         )
     path = folder / "Calib.qca.txt"
     path.write_text(
@@ -287,19 +292,11 @@ def theia(folder: Path, views, dimensions=False):
     """World → camera and pixels, in elements that are called like Qualisys'."""
     cameras = ""
     for v in views:
-        K, R, t, (w, h) = v.K.tolist(), v.R.tolist(), v.t.tolist(), v.size
-        k1, k2, p1, p2, k3 = v.distortion.tolist()
-        r = " ".join(f'r{i + 1}{j + 1}="{R[i][j]}"' for i in range(3) for j in range(3))
-        ends = f'sensorMinU="0" sensorMaxU="{w}" sensorMinV="0" sensorMaxV="{h}"'
-        ends = f'sensorDimU="{w:.6f}" sensorDimV="{h:.6f}"' if dimensions else ends
-        cameras += (
-            f'<camera active="1" serial="{v.name}" viewrotation="0" static_boxes="">'
-            f'<transform x="{t[0]}" y="{t[1]}" z="{t[2]}" {r}/>'
-            f'<intrinsic focallength="4.59107e-41" {ends} focalLengthU="{K[0][0]}" '
-            f'focalLengthV="{K[1][1]}" centerPointU="{K[0][2]}" centerPointV="{K[1][2]}" skew="0" '
-            f'radialDistortion1="{k1}" radialDistortion2="{k2}" radialDistortion3="{k3}" '
-            f'tangentalDistortion1="{p1}" tangentalDistortion2="{p2}"/></camera>'
-        )
+        w, h = v.size
+        ends = f'sensorMinU="0" sensorMaxU="{w}" sensorMinV="0" sensorMaxV="{h}" '
+        ends = f'sensorDimU="{w:.6f}" sensorDimV="{h:.6f}" ' if dimensions else ends
+        inner = _qtm(v.R, v.t, v.K, v.distortion, ends)
+        cameras += f'<camera active="1" serial="{v.name}" viewrotation="0" static_boxes="">{inner}</camera>'
     path = folder / "calibration.txt"
     path.write_text(f"<calibration><results/><cameras>{cameras}</cameras></calibration>\n")
     return path
@@ -327,16 +324,9 @@ def vicon(folder: Path, views, radial="0 0 0"):
 
 
 def own_json(folder: Path, views):
+    keys = ("K", "R", "t", "distortion")
     cameras = [
-        {
-            "name": v.name,
-            "size": list(v.size),
-            "K": v.K.tolist(),
-            "R": v.R.tolist(),
-            "t": v.t.tolist(),
-            "distortion": v.distortion.tolist(),
-            "fisheye": False,
-        }
+        {"name": v.name, "size": list(v.size), **{key: getattr(v, key).tolist() for key in keys}}
         for v in views
     ]
     path = folder / "rig.json"
@@ -348,16 +338,9 @@ def own_json(folder: Path, views):
 
 def own_npz(folder: Path, views):
     path = folder / "rig.npz"
-    np.savez(
-        path,
-        K=np.stack([v.K for v in views]),
-        R=np.stack([v.R for v in views]),
-        t=np.stack([v.t for v in views]) / 1000,
-        size=np.array([v.size for v in views]),
-        names=np.array([v.name for v in views]),
-        unit="m",
-        distortion=np.stack([v.distortion for v in views]),
-    )
+    keys = {"K": "K", "R": "R", "t": "t", "size": "size", "names": "name", "distortion": "distortion"}
+    arrays = {key: np.array([getattr(v, name) for v in views]) for key, name in keys.items()}
+    np.savez(path, **{**arrays, "t": arrays["t"] / 1000}, unit="m")
     return path
 
 
@@ -389,7 +372,7 @@ FORMATS_WRITTEN = {
     "human36m": (human36m, {"subject": "S9"}, NAMES, "mm", FULL),
     # axes to ½·10⁻⁶ at 1150 px and coefficients likewise: below 5·10⁻³ px
     "qualisys": (qualisys, {}, NAMES, "mm", 5e-3),
-    "theia": (theia, {}, NAMES, "mm", FULL),
+    "theia": (theia, {}, NAMES, "mm", 5e-3),
     "json": (own_json, {}, NAMES, "mm", FULL),
     "npz": (own_npz, {}, NAMES, "m", FULL),
 }

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from fuzz import readers
-from fuzz.__main__ import hunt
+from fuzz.__main__ import EXPECTED, hunt
 from skelsplat.io.calibration import FORMATS as CALIBRATIONS
 from skelsplat.io.detections import FORMATS as DETECTIONS
 from skelsplat.io.poses import POSE_FORMATS
@@ -16,8 +16,8 @@ from skelsplat.io.poses import POSE_FORMATS
 @pytest.mark.parametrize(("area", "seed", "cases"), [("readers", 2, 70), ("arrays", 1, 150)])
 def test_a_seeded_round_finds_nothing(area: str, seed: int, cases: int, tmp_path: Path) -> None:
     found = hunt(area, seed, range(cases), tmp_path)
-    assert found.outcomes.total() == cases
-    assert found.cases == {}
+    assert found.total() == cases
+    assert found.keys() <= EXPECTED
 
 
 def test_every_format_is_fuzzed() -> None:

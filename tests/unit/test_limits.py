@@ -48,7 +48,6 @@ def test_a_camera_outside_its_ranges(broken, argument):
     "real",
     [
         {"K": intrinsics(fx=2e6, fy=2e6)},  # a microscope's
-        {"K": np.eye(3), "size": (1, 1)},  # normalised coordinates
         {"t": [4.5e8, 5.3e9, 1e6]},  # a geographic grid in mm
         {"size": (65535, 65535)},
         {"distortion": [22.6, -310.0, 1e-4, -2e-4, 980.0, 23.1, -300.0, 870.0]},
@@ -106,15 +105,9 @@ FAR_VALUES: dict[str, tuple[Callable[[], object], str]] = {
         lambda: sk.track(far(np.zeros((2, 2, 1, 17, 2)), np.inf), synthetic.ring(2), fps=25, layout="h36m17"),
         "people[1, 1, 0, 16, 1]",
     ),
-    "project": (lambda: sk.project(far(POINTS), [camera()]), "points[4, 2]"),
-    "gaussians": (lambda: sk.project_gaussians(far(POINTS), WIDE, [camera()]), "means[4, 2]"),
     "covariances": (lambda: sk.render(POINTS, far(WIDE), camera()), "covariances[4, 2, 2]"),
     "triangulate": (lambda: sk.triangulate(far(PIXELS)[None], [camera()]), "detections[0, 4, 1]"),
-    "refine": (lambda: sk.refine(None, far(PIXELS)[None, None], [camera()]), "detections[0, 0, 4, 1]"),
-    "heat_maps": (lambda: sk.pseudo_ground_truth(far(PIXELS), POINTS, WIDE, camera()), "detections[4, 1]"),
-    "start": (lambda: sk.refine(far(POINTS), PIXELS[None], [camera()]), "init_pose[4, 2]"),
     "fuse": (lambda: sk.fuse_monocular(far(POINTS)[None], PIXELS[None], [camera()]), "poses[0, 4, 2]"),
-    "undistort": (lambda: camera().undistort(far(PIXELS)), "points[4, 1]"),
     "quaternions": (
         lambda: sk.loss_and_gradient(POINTS, POINTS * 0, far(TURNS), PIXELS[None], [camera()]),
         "quaternions[4, 3]",
@@ -142,8 +135,6 @@ NEED = r"images: 2000 x 65535 x 65535 float32 values need 34358.7 GB"
 def test_images_that_do_not_fit_into_memory():
     with pytest.raises(MemoryError, match=NEED):
         sk.render(*HUGE, LARGEST)
-    with pytest.raises(MemoryError, match=NEED):
-        sk.pseudo_ground_truth(np.full((CHANNELS, 2), 500.0), *HUGE, LARGEST)
 
 
 @measured

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 import xml.etree.ElementTree as ET
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -40,14 +39,15 @@ def _row(entry: Field, *names: str) -> Array:
     return np.array([entry[name].number() for name in names])
 
 
-def _cameras(source: Source, tag: str, kind: str, is_wanted: Callable[[ET.Element], bool]) -> list[Camera]:
-    """Return the wanted cameras (of others `kind` says why not); warn of those rotated for display."""
+def _cameras(source: Source, tag: str, kind: str, camera_type: str | None) -> list[Camera]:
+    """Return the video cameras by the attribute `kind`, or all, that are in use; warn of those rotated."""
     nodes = [] if source.xml is None else list(source.xml.iter(tag))
-    chosen = [node for node in nodes if is_wanted(node)]
+    used = [n for n in nodes if n.get("active") != "0" and n.get("calibrated", "true").lower() != "false"]
+    kinds = {node: node.get(kind, "none") for node in used}
+    chosen = [n for n in used if camera_type == "all" or kinds[n] == "none" or "video" in kinds[n].lower()]
     if not chosen:
-        kinds = sorted({node.get(kind, "none") for node in nodes})
         expected = 'an active, calibrated video camera (camera_type="all" takes every camera)'
-        raise DatasetError(source.path, kind, expected, ", ".join(kinds) or "no camera")
+        raise DatasetError(source.path, kind, expected, ", ".join(sorted(set(kinds.values()))) or "none")
     names = [node.get("DEVICEID" if tag == "Camera" else "serial", "") for node in chosen]
     turned = [name for name, node in zip(names, chosen, strict=True) if node.get("viewrotation", "0") != "0"]
     if turned:
@@ -85,19 +85,12 @@ def _parse_qualisys(source: Source, camera_type: str | None, binning: float | No
 
     Video cameras have the model ``…Video…``, or ``none`` in files that other programs wrote.
     """
-    cameras = _cameras(source, "camera", "model", lambda node: _is_wanted(node, camera_type))
+    cameras = _cameras(source, "camera", "model", camera_type)
     read = [_qualisys_camera(name, entry, binning or _no_binning(entry)) for name, entry in cameras]
     if names := [name for name, entry in cameras if _parts_of_pixel(entry) == 1.0]:
         words = f"{source.path}: focal length and centre of {', '.join(names)} are read as px, not 1/64 px."
         warn(Finding("calibration_read_as", "note", cameras_of(source.path, names), sentence=words))
     return read, "mm"
-
-
-def _is_wanted(node: ET.Element, camera_type: str | None) -> bool:
-    if node.get("active", "1") == "0" or node.get("calibrated", "true").lower() == "false":
-        return False
-    model = node.get("model", "none").lower()
-    return camera_type == "all" or "video" in model or model == "none"
 
 
 def _qualisys_camera(name: str, camera: Field, binning: float) -> RawCamera:
@@ -184,7 +177,7 @@ def _parse_theia(source: Source) -> Parsed:
     other axes); focal length and centre are in px, the image's size is that of ``sensorMin`` to ``sensorMax``
     or ``sensorDim``; the lens is as with Qualisys. Images are those of the sensor, whatever ``viewrotation``.
     """
-    cameras = _cameras(source, "camera", "active", lambda node: node.get("active", "1") != "0")
+    cameras = _cameras(source, "camera", "model", "all")
     return [_theia_camera(name, camera) for name, camera in cameras], "mm"
 
 
@@ -227,12 +220,8 @@ def _parse_vicon(source: Source, camera_type: str | None) -> Parsed:
     coefficients cannot be copied: k1, k2, p1, p2, k3 and the thin-prism terms s1..s4 are fitted over the
     image. Video cameras have "video" in their ``TYPE``.
     """
-
-    def is_wanted(node: ET.Element) -> bool:
-        return camera_type == "all" or "video" in node.get("TYPE", "").lower()
-
     errors: dict[str, float] = {}
-    cameras = _cameras(source, "Camera", "TYPE", is_wanted)
+    cameras = _cameras(source, "Camera", "TYPE", camera_type)
     read = [_vicon_camera(name, camera, errors) for name, camera in cameras]
     warn_of_fit(source.path, errors, "OpenCV's lens model follows Vicon's")
     return read, "mm"
