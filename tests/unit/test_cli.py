@@ -10,10 +10,9 @@ import numpy as np
 import pytest
 
 import skelsplat as sk
-from command_line import FAST, READ, RESULTS, assert_fails, invoke, read_report
-from skelsplat.cli import options
+from command_line import FAST, READ, RESULTS, assert_fails, invoke
 from skelsplat.io import PoseData, read_npz, read_run, write_npz, write_pose
-from skelsplat.run import engine, solve
+from skelsplat.run import engine
 from skelsplat.run import folder as run_folder
 
 T = 5
@@ -80,15 +79,6 @@ def test_an_independent_start_counts_as_an_observation(recording, arguments):
     assert np.linalg.norm(without - pose, axis=-1).max() < 100.0
 
 
-def test_json_goes_to_stdout_and_quiet_prints_nothing(recording, arguments):
-    folder, _, _ = recording
-    result = invoke(*arguments, *READ, *FAST, "--json")
-    assert json.loads(result.stdout) == json.loads((folder / "out" / "report.json").read_text())
-    assert result.stderr == ""
-    quiet = invoke(*arguments, *READ, *FAST, "--quiet")
-    assert (quiet.exit_code, quiet.output) == (0, "")
-
-
 def test_an_initial_pose_is_read_in_its_own_unit(recording, arguments):
     folder, rig, pose = recording
     start = PoseData(pose / 1000.0, tuple(sk.layouts.H36M17.joints), np.arange(T), "m")
@@ -106,15 +96,11 @@ def test_an_initial_pose_is_read_in_its_own_unit(recording, arguments):
     [
         ("--layout", ["--unit", "mm"]),
         ("--unit", ["--unit", "inch"]),
-        ("--person", [*READ, "--person", "left"]),
         ("--person", [*READ, "--person", 7]),
         ("--people", [*READ, "--people", "0"]),
-        ("--frames", [*READ, "--frames", "some"]),
         ("--sigma-mm", [*READ, "--sigma-mm", "-1"]),
         ("--fps", [*READ, "--fps", "nan"]),
         ("--init-sigma-mm", [*READ, "--init-sigma-mm", "40"]),
-        ("--init-sigma-mm", [*READ, "--paper", "--init", "a.npz", "--init-sigma-mm", "40"]),
-        ("--symmetry-tier", [*READ, "--symmetry-tier", "4"]),
         ("--max-steps", [*READ, "--max-steps", "many"]),
         ("--write", [*READ, "--write", "csv,xls"]),
         ("No such option: --sigmas", [*READ, "--sigmas", "3"]),
@@ -131,22 +117,6 @@ def test_a_missing_file_is_status_1_and_named(recording, arguments, name):
     folder, _, _ = recording
     (folder / name).rename(folder / "elsewhere")
     assert_fails(invoke(*arguments, *READ), 1, str(folder / name))
-
-
-def test_different_frame_counts_are_status_1_unless_allowed(recording, arguments):
-    folder, rig, _ = recording
-    (folder / "openpose" / rig.names[2] / "000004_keypoints.json").unlink()
-    assert_fails(invoke(*arguments, *READ), 1, "frames", rig.names[2])
-    assert invoke(*arguments, *READ, *FAST, "--frames", "intersection").exit_code == 0
-    assert len(read_npz(folder / "out" / "pose.npz").frames) == T - 1
-
-
-def test_an_initial_pose_of_another_length_is_status_1(recording, arguments):
-    folder, _, pose = recording
-    write_npz(folder / "s.npz", PoseData(pose[:2], tuple(sk.layouts.H36M17.joints), np.arange(2), "mm"))
-    assert_fails(
-        invoke(*arguments, *READ, "--fps", 50, "--init", folder / "s.npz"), 1, f"{folder / 's.npz'}: pose"
-    )
 
 
 @pytest.mark.parametrize("given", [["-o", ""], ["--output", ""], ["--output="]])
@@ -186,21 +156,6 @@ def test_a_result_that_cannot_be_written_is_status_1(recording, arguments, monke
     assert read_npz(folder / "out" / "pose.npz").pose.shape == (T, 17, 3)
 
 
-def test_ctrl_c_is_status_130_and_keeps_finished_work(recording, arguments, monkeypatch):
-    folder, _, _ = recording
-    assert invoke(*arguments, *READ, *FAST).exit_code == 0
-    before = (folder / "out" / "pose.npz").read_bytes()
-
-    def interrupted(*_args, **_kwargs):
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(solve.sk, "refine_sequence", interrupted)
-    result = invoke(*arguments, *READ, *FAST)
-    assert result.exit_code == 130
-    assert result.stderr.splitlines()[-1] == f"interrupted; nothing was written to {folder / 'out'}"
-    assert (folder / "out" / "pose.npz").read_bytes() == before
-
-
 @pytest.mark.parametrize("people", [[], ["--people", "all"]])
 def test_ctrl_c_while_files_are_written_says_that_the_folder_is_unfinished(
     recording, arguments, monkeypatch, people
@@ -221,23 +176,6 @@ def test_ctrl_c_while_files_are_written_says_that_the_folder_is_unfinished(
 def test_a_defect_keeps_its_traceback(arguments, monkeypatch):
     monkeypatch.setattr(engine, "open_files", lambda *_: 1 / 0)
     assert isinstance(invoke(*arguments, *READ).exception, ZeroDivisionError)
-
-
-def test_warnings_are_told_and_reported(recording, arguments):
-    folder, _, _ = recording
-    # At a thousandth of the true size the cameras stand millimetres apart; σ is scaled as well
-    lines = (folder / "Calib.toml").read_text().splitlines()
-    for i, line in enumerate(lines):
-        if line.startswith("translation"):
-            lines[i] = f"translation = {(np.array(json.loads(line.split('=')[1])) / 1000).tolist()}"
-    (folder / "Calib.toml").write_text("\n".join(lines))
-    result = invoke(*arguments, *READ, "--sigma-mm", "0.02", "--max-steps", 1, "-q")
-    assert result.exit_code == 0, result.output
-    findings = read_report(folder / "out")["findings"]
-    assert "unit_wrong" in {finding["kind"] for finding in findings}
-    told = [finding["text"] for finding in findings if finding["severity"] == "warning"]
-    for text, line in zip(told, result.stderr.splitlines(), strict=True):
-        assert line.startswith(f"warning: {text}")
 
 
 def test_version_and_python_m():
@@ -278,22 +216,6 @@ def test_the_demo_with_the_cameras_as_calibrated_doubts_the_one_that_was_turned(
     report = json.loads((tmp_path / "report.json").read_text())
     assert "cameras_adjusted" not in report
     assert ["cam_03"] in [one["subject"].get("cameras") for one in report["findings"]]
-
-
-def test_demo_of_the_paper(tmp_path, monkeypatch):
-    # All frames, few steps: the command passes its settings on as they are in the job
-    preset = sk.RefineConfig.paper
-
-    class Hurried:
-        @staticmethod
-        def paper(**given):
-            return preset(max_steps=2, **given)
-
-    monkeypatch.setattr(options, "RefineConfig", Hurried)
-    result = invoke("demo", "--paper", "-o", tmp_path)
-    assert result.exit_code == 0, result.output
-    assert {path.name for path in tmp_path.iterdir()} == RESULTS | {"heatmaps.png", "input"}
-    assert json.loads((tmp_path / "report.json").read_text())["settings"]["method"] == "paper"
 
 
 def test_a_failure_leaves_an_output_folder_as_it_was(recording, arguments):

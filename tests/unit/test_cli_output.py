@@ -120,20 +120,6 @@ def test_json_is_a_document_and_quiet_is_silence(cases, name):
     assert all(line.startswith("warning: ") for line in quiet.stderr.splitlines())
 
 
-def test_a_conversion_says_what_was_written(recording, finished_run):
-    folder, rig, _ = recording
-    result = invoke("convert", folder / "Calib.toml", folder / "rig.npz", "--to-unit", "m", "--json")
-    document = json.loads(result.stdout)
-    assert document["kind"] == "calibration"
-    assert document["format"] == "anipose"
-    assert document["cameras"] == list(rig.names)
-    assert document["unit"] == {"input": "mm", "output": "m"}
-    result = invoke("convert", finished_run / "pose.npz", folder / "pose.csv", "--json")
-    document = json.loads(result.stdout)
-    assert (document["kind"], document["format"], document["frames"]) == ("pose file", "npz", 5)
-    assert document["frame_rate_hz"] == 50.0
-
-
 def test_a_number_that_is_none_is_null():
     assert plain({"a": [float("nan"), float("inf"), 1.5], 2: (True, None)}) == {
         "a": [None, None, 1.5],
@@ -153,33 +139,6 @@ def through_a_pipe(*args, **variables):
 @pytest.mark.parametrize("args", [["refine", "--help"], COLOURED, swept(["--help"])])
 def test_no_colour_without_a_terminal(args):
     assert b"\x1b" not in through_a_pipe(*args, TERM="xterm-256color", COLORTERM="truecolor").stdout
-
-
-@pytest.mark.skipif(os.name != "posix", reason="terminals of POSIX")
-@pytest.mark.parametrize(("variables", "colours"), [({}, True), ({"NO_COLOR": "1"}, False)])
-def test_a_terminal_has_colours_unless_they_are_unwanted(variables, colours):
-    import pty
-
-    main, side = pty.openpty()
-    environment = {k: v for k, v in os.environ.items() if k != "NO_COLOR"}
-    environment |= {"TERM": "xterm-256color", **variables}
-    command = [sys.executable, "-m", "skelsplat", "synth", "--help"]
-    with subprocess.Popen(command, env=environment, stdin=side, stdout=side, stderr=side) as process:
-        os.close(side)
-        said = b""
-        while part := _read(main):
-            said += part
-        assert process.wait() == 0
-    os.close(main)
-    assert b"Seed" in said or b"seed" in said
-    assert (b"\x1b[3" in said or b"\x1b[1;3" in said) is colours  # bold and dim are no colours
-
-
-def _read(descriptor):
-    try:
-        return os.read(descriptor, 65536)
-    except OSError:  # Linux: the other side is closed
-        return b""
 
 
 @pytest.mark.skipif(os.name != "posix", reason="Windows has no shell that closes stdout")

@@ -14,7 +14,7 @@ from rich.console import Console
 
 from command_line import READ, read_report, texts
 from skelsplat.cli.cameras import _table_of_adjusted
-from skelsplat.cli.output import print_finding, print_text
+from skelsplat.cli.output import print_finding
 from skelsplat.cli.table import print_parts
 from skelsplat.findings import Finding, Remedy, Subject
 
@@ -97,26 +97,6 @@ def test_a_run_says_each_warning_once_and_leaves_no_bar(recording, arguments):
     warnings = texts(read_report(folder / "out"), "warning")
     assert len(warnings) > 1
     assert [text.count(warning) for warning in warnings] == [1] * len(warnings)
-
-
-def printed(text, whole=()):
-    console = Console(file=StringIO(), width=40)
-    print_text(console, text, whole)
-    return console.file.getvalue().splitlines()
-
-
-def test_commands_and_options_are_not_broken_over_lines():
-    assert printed(f"Something in the room is wrong with it. {LONG} looks for the cause.", [LONG]) == [
-        "Something in the room is wrong with it.",
-        LONG,
-        "looks for the cause.",
-    ]
-    assert printed("cause of it all; (--without cam_03 --without cam_04) leaves them out.") == [
-        "cause of it all;",
-        "(--without cam_03 --without cam_04)",
-        "leaves them out.",
-    ]
-    assert printed("日本" * 12 + " word") == ["日本" * 12, "word"]
 
 
 def test_a_finding_keeps_its_command_and_its_options_whole():

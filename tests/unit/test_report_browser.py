@@ -12,9 +12,8 @@ import pytest
 from matplotlib.image import imread
 
 from people_page import people_report
-from report_page import report_data, sequence, shapes
+from report_page import report_data, sequence
 from skelsplat.viz import _style, report
-from sweeps import swept
 
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="needs Chromium: apt-get install chromium")
@@ -184,16 +183,6 @@ def odd():
     return report_data(walk, names=(NASTY, "window"), title=NASTY, warnings=[NASTY], problems=[])
 
 
-def test_the_ellipsoid_of_an_undetermined_joint_is_cut_off_and_says_so(visit):
-    page = visit(odd, STAMP)
-    middle, own = page.evaluate("[joint(scene.refined, 0, 1), ellipsoids(0)]")
-    corners = np.stack([own[axis] for axis in "xyz"], axis=-1).reshape(-1, 42, 3)[1] - middle
-    assert np.linalg.norm(corners, axis=1).max() == pytest.approx(0.3, abs=1e-6)
-    assert np.sort(np.ptp(corners, axis=0))[:2].max() < 0.1  # as thin as it is across
-    assert "<br>error bar 520 mm, ok<br>ellipsoid cut off at 300 mm" in page.evaluate("tell(0, 1)")
-    assert "cut off" not in page.evaluate("tell(0, 0)")
-
-
 def test_a_link_leads_to_its_frame(visit):
     page = visit(fragment="#frame=117")
     assert frame_of(page) == 117
@@ -234,38 +223,6 @@ def test_the_view_turns_follows_and_shows_all_cameras(visit):
 
 
 # Where points in metres, as Plotly's camera counts them, are in the view: −1 to 1 across and up.
-PLACES = """
-(points) => {
-  const { eye, center } = liveCamera(), vector = ({ x, y, z }) => [x, y, z];
-  const towards = unit(vector(eye).map((value, k) => value - vector(center)[k]));
-  const right = unit(cross([0, 0, 1], towards)), above = cross(towards, right);
-  const aspect = view.div.clientWidth / view.div.clientHeight;
-  return points.map(inView).map((p) => p.map((value, k) => value - vector(eye)[k])).map((p) => {
-    const depth = -dot(p, towards) * Math.tan(Math.PI / 8);
-    return [dot(p, right) / depth / aspect, dot(p, above) / depth];
-  });
-}
-"""
-
-
-def far_cameras():
-    """Build a report of cameras three times as far away."""
-    near = shapes(("door", "window", "wall"))
-    return report_data(names=near.names, shapes=replace(near, centres=3.0 * near.centres))
-
-
-@pytest.mark.parametrize("make", [report_data, swept(far_cameras)])
-def test_the_view_of_all_cameras_holds_them_and_is_filled(visit, make):
-    page = visit(make)
-    page.click("#fit-all")
-    picture(page)
-    points = (
-        "scene.cameras.flatMap((one) => [one.centre, ...one.corners]).map((p) => p.map((mm) => mm / 1000))"
-    )
-    person = "[0, scene.count - 1].map((t) => middle(scene.refined, t, scene.people[0]))"
-    places = np.array(page.evaluate(f"({PLACES})([...{points}, ...{person}])"))
-    assert np.abs(places).max() < 1.0
-    assert np.ptp(places, axis=0).max() > 1.3  # of 2 from edge to edge, less the room for the names
 
 
 def test_the_heat_map_switches_and_a_curve_leads_to_its_frame(visit):
@@ -309,19 +266,6 @@ def curves(page, div):
     return [np.array(line, dtype=float) for line in lines], titles
 
 
-def test_in_time_and_frame_by_frame_can_be_compared(visit):
-    page = visit(in_time)
-    refined = picture(page)
-    names = page.locator("fieldset").first.locator("label").all_inner_texts()
-    assert [name.strip() for name in names] == [
-        *("over time", "frame by frame", "start: plain triangulation", "over time and frame by frame"),
-    ]
-    page.check("input[name=pose][value=alone]")
-    assert np.abs(picture(page) - refined).max() > 0.1
-    page.check("input[name=pose][value=both]")
-    assert near(picture(page), COLOURS.start) > near(refined, COLOURS.start) + 50
-
-
 def test_bone_lengths_and_speeds_are_drawn_by_name_with_both_sides(visit):
     page = visit(in_time)
     lengths, titles = curves(page, "bones")
@@ -333,39 +277,6 @@ def test_bone_lengths_and_speeds_are_drawn_by_name_with_both_sides(visit):
     assert titles == ["hip", "knee"]
     assert np.isnan(speeds[0][0])
     np.testing.assert_allclose(speeds[1], 1.5, rtol=1e-4)
-
-
-def with_bands():
-    """Build a report of an angle of both sides; the left one has gaps, and a frame without an error bar."""
-    left, right = np.linspace(10.0, 30.0, 40), np.linspace(20.0, 5.0, 40)
-    left[[10, 11]] = np.nan
-    sigma = np.full(40, 2.0)
-    sigma[20], sigma[30] = np.nan, 900.0  # hardly determined
-    curves = [("left", "left", left), ("right", "right", right)]
-    lines = [report.TimeLines("Knee flexion", "°", curves, sigmas=[sigma, np.full(40, 1.234)])]
-    return report_data(lines=lines)
-
-
-def test_error_bars_of_curves_are_bands_around_every_stretch(visit):
-    page = visit(with_bands)
-    band, left, other, right = page.evaluate(
-        "charts.lines.data.map(({ x, y, text, fill, line }) => ({ x, y, text, fill, width: line.width }))"
-    )
-    assert [one.get("fill") for one in (band, left, other, right)] == ["toself", None, "toself", None]
-    assert band["width"] == 0
-    ends = [k for k, x in enumerate(band["x"]) if x is None]
-    assert np.diff([-1, *ends]).tolist() == [2 * count + 1 for count in (10, 8, 19)]
-    assert band["x"][:2] + band["x"][18:20] == [100, 101, 101, 100]
-    assert band["y"][0] == pytest.approx(8.0)
-    assert band["y"][19] == pytest.approx(12.0)
-    assert (left["text"][0], left["text"][20], right["text"][0]) == (" ± 2", "", " ± 1.2")
-    low, high = page.evaluate("charts.lines.layout.yaxis.range")
-    # from 0, which all angles have, to the end of the bands and a twentieth; not to that of 900°
-    assert low == 0
-    assert high == pytest.approx(32.0 + 0.05 * (32.0 - (5.0 - 1.234)))
-    assert "Knee flexion [°] (bands: error bars, 1 σ)" in page.evaluate(
-        "charts.lines.layout.annotations.map(({ text }) => text)"
-    )
 
 
 @pytest.mark.parametrize("data", [in_time, report_data])

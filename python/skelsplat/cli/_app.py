@@ -10,7 +10,6 @@ import typer
 
 import skelsplat as sk
 from skelsplat.cli.command import Group, LazyGroup
-from skelsplat.cli.config import origin
 from skelsplat.cli.output import print_message
 
 FAILED, BAD_USAGE, INTERRUPTED = 1, 2, 130
@@ -104,8 +103,7 @@ def _usage(error: Any) -> str:
     # older versions of click add the variable of the environment, even if there is none
     start = r"^Invalid value for '?([^\s':]+)'?(?: \(env var: '\w*'\))?: "
     message = re.sub(start, r"\1: ", error.format_message()).replace("Input should be", "expected")
-    source = origin(context, message.partition(":")[0])
-    return f"{message.rstrip('.')} ({f'from {source}; ' if source else ''}see {command} --help)"
+    return f"{message.rstrip('.')} (see {command} --help)"
 
 
 def _show_version(value: bool) -> None:

@@ -40,14 +40,16 @@ COMMON = ("output", "jobs", "overwrite", "unit", "layout", "fps", "people", "wri
 _USUAL = ("pose", "pose-sync", "pose-associated", "openpose", "detections", "pose-2d")
 
 OPTIONS = (
-    *rows("", "SESSIONS  TOML file with the recordings, or the folder of a Pose2Sim project.", sessions=Path),
+    *rows("SESSIONS  TOML file with the recordings, or the folder of a Pose2Sim project."),
     *options.JOB[2:],
     *rows(
-        "Computation",
-        "--jobs N  Recordings refined at the same time, each in a process of its own. [one per core]",
-        jobs={"kind": int, "limits": {"min": 1}},
+        """
+        Computation:
+        --jobs N  Recordings refined at the same time, each in a process of its own. [one per core]
+        Output:
+        --overwrite  Also refine recordings that have not changed.
+        """
     ),
-    *rows("Output", "--overwrite  Also refine recordings that have not changed."),
 )
 
 _program = typer.Typer(add_completion=False)

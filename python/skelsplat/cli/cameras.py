@@ -34,9 +34,9 @@ _CHECK_EPILOG = "Exit status: 0 nothing found, 1 something found or a file is un
 _CHECK_COMMON = ("unit", "layout", "person", "frames", "without", "offsets", "order", "mapping")
 
 _CHECK_OPTIONS = (
-    options.CALIBRATION_FILE,
+    *options.of_job("calibration"),
     replace(
-        options.DETECTIONS,
+        options.of_job("detections")[0],
         default=None,
         help="Detections of people walking about. In any form that refine reads: a folder with one folder or "
         "file per camera, named like the camera, or one file. Without them, only the calibration itself is "
@@ -164,21 +164,16 @@ _ADJUST_LEGEND = (
 )
 
 _ADJUST_OPTIONS = (
-    options.CALIBRATION_FILE,
-    options.DETECTIONS,
+    *options.of_job("calibration", "detections"),
     *options.CALIBRATION,
     *options.RECORDING,
     *rows(
-        "Output",
         """
+        Output:
         -o, --output FILE  Calibration file to write: .toml (Anipose), .json or .npz. Nothing is written if no
             camera was adjusted. [required]
-        """,
-        output=Path,
-    ),
-    *rows(
-        "Adjust",
-        """
+        --force  Replace FILE if it exists.
+        Adjust:
         --move CAMERA  A camera that was moved. Repeatable; only these are adjusted, instead of those found to
             be wrong.
         --focal  Also adjust focal lengths, if zoom or focus may have changed.
@@ -186,7 +181,6 @@ _ADJUST_OPTIONS = (
         """,
         move={"name": "free", "many": True},
     ),
-    *rows("Output", "--force  Replace FILE if it exists."),
 )
 
 

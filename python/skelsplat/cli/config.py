@@ -17,7 +17,6 @@ import typer
 from skelsplat.cli.rows import NAME_OR_PATH, Option
 from skelsplat.exceptions import DatasetError
 
-_KEYS = "skelsplat.config.keys"
 _HELP = (
     "Read options and arguments from a file. Its lines are OPTION = VALUE, of a flag FLAG = true; paths are "
     "relative to its folder. Command-line options win; --no-FLAG cancels FLAG = true."
@@ -25,18 +24,6 @@ _HELP = (
 # Metavars of options that take several names with commas between them.
 _WITH_COMMAS = ("A,B,…", "FORMATS", "FIGURES")
 _MOST_CHARACTERS = 40
-
-
-def origin(context: Any, label: str) -> str:
-    """Return the file and key from which an option comes, ``--unit``, or an argument, by its metavar.
-
-    It is "" if they come from the command line.
-    """
-    path, keys = context.meta.get(_KEYS, (None, {})) if context is not None else (None, {})
-    for param in context.command.params if path is not None else ():
-        if label in (*param.opts, param.metavar) and source_of(context, param.name) == "DEFAULT_MAP":
-            return f"{path}: {keys[param.name]}"
-    return ""
 
 
 def source_of(context: typer.Context, name: str) -> str:
@@ -51,16 +38,14 @@ def _load(context: typer.Context, path: Path | None) -> None:
     from skelsplat._budget import read_toml
 
     entries, found = entries_of(context.command), {}
-    document = read_toml(path)
     try:
-        for key, value in _chosen(document, context):
+        for key, value in _chosen(read_toml(path), context):
             entry = entries.get(_normal(key.rpartition(".")[2]))
             if entry is not None:
-                found[entry.name] = (key, _value(key, entry, value, path.parent))
+                found[entry.name] = _value(key, entry, value, path.parent)
     except MisfitError as misfit:
         raise typer.BadParameter(str(DatasetError(path, *misfit.args)), param_hint="--config") from misfit
-    context.default_map = {name: value for name, (_, value) in found.items()}
-    context.meta[_KEYS] = (path, {name: key for name, (key, _) in found.items()})
+    context.default_map = found
 
 
 Config = Annotated[

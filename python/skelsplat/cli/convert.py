@@ -37,26 +37,24 @@ _KINDS = {
 
 OPTIONS = (
     *rows(
-        "",
         "INPUT  File or folder.\nOUTPUT  File; its suffix is the format.",
-        input={"name": "source", "kind": Path},
-        output={"name": "target", "kind": Path},
+        input={"name": "source"},
+        output={"name": "target"},
     ),
     *(
         replace(row, name="format", flags=("--format",)) if row.name == "calibration_format" else row
         for row in options.CALIBRATION
     ),
     *rows(
-        "Output",
         """
+        Output:
         --to-unit mm|cm|m  Length unit to write. Pose2Sim takes m, FreeMoCap mm. [that of the input]
-        --fps RATE  Poses: frames per second.
+        --fps HZ  Poses: frames per second.
         --y-up  Poses: write a world with z up as y up.
         --marker-names STYLE  Poses in .trc and .c3d: skelsplat, or pose2sim for RHip instead of right_hip.
         --singular  Poses in .nc: name the dimensions as movement 0.17 does.
         --force  Replace OUTPUT if it exists.
         """,
-        to_unit=options.choice("mm", "cm", "m"),
         fps=float,
     ),
 )

@@ -14,10 +14,9 @@ from rich.text import Text
 
 from skelsplat import datasets, synthetic
 from skelsplat._escape import escaped
-from skelsplat.cli import options
 from skelsplat.cli.command import Answer, Command, Group, answers
 from skelsplat.cli.output import say
-from skelsplat.cli.rows import rows
+from skelsplat.cli.rows import choice, one_of, rows
 from skelsplat.cli.table import new_table, print_table
 from skelsplat.datasets import Dataset, Report
 from skelsplat.datasets import _registry as registry
@@ -39,22 +38,18 @@ app = typer.Typer(
 )
 
 LENSES = {"undistorted": True, "as-paper": False}
-SETTINGS, LENS, INIT_SIGMA = (
-    *rows(
-        "Data",
-        f"""
-        --set KEY=VALUE  An option of the data set's reader: format=videopose3d, subjects=S9,S11. Repeatable.
-        --protocol {"|".join(LENSES)}  Remove lens distortion from detections, or ignore it as published
-            evaluations do. [= undistorted]
-        """,
-        set={"many": True},
-        protocol=lambda option, name: LENSES[options.one_of(option, name, tuple(LENSES))],
-    ),
-    *rows(
-        "Method",
-        "--init-sigma-mm MM  Standard deviation per axis of fused poses where they are a prior.",
-        init_sigma_mm={"kind": float, "default": DEFAULT_INIT_SIGMA_MM},
-    ),
+SETTINGS, LENS, INIT_SIGMA = rows(
+    f"""
+    Data:
+    --set KEY=VALUE  An option of the data set's reader: format=videopose3d, subjects=S9,S11. Repeatable.
+    --protocol {"|".join(LENSES)}  Remove lens distortion from detections, or ignore it as published
+        evaluations do. [= undistorted]
+    Method:
+    --init-sigma-mm MM  Standard deviation per axis of fused poses where they are a prior.
+    """,
+    set={"many": True},
+    protocol=lambda option, name: LENSES[one_of(option, name, tuple(LENSES))],
+    init_sigma_mm={"kind": float, "default": DEFAULT_INIT_SIGMA_MM},
 )
 """Options of evaluate and ablate, the first of `check` too."""
 
@@ -66,7 +61,7 @@ def _root(context: typer.Context) -> None:
 
 
 @app.command("list", cls=Command)
-@answers(*rows("Output", "--quiet, -q  Only the names, a line each."))
+@answers(*rows("Output:\n--quiet, -q  Only the names, a line each."))
 def list_() -> Answer:
     """List the data sets that can be read.
 
@@ -92,7 +87,6 @@ def list_() -> Answer:
 @app.command("check", cls=Command)
 @answers(
     *rows(
-        "",
         f"""
         NAME  {", ".join(datasets.names())}.
         ROOT  Folder of the data set.
@@ -100,9 +94,7 @@ def list_() -> Answer:
         --detector NAME  Which detections, such as metrabs, cpn. [those there]
         --detections PATH  Detections that are kept apart from the data.
         """,
-        name=options.choice(*datasets.names()),
-        root=Path,
-        detections=Path,
+        name=choice(*datasets.names()),
     ),
     SETTINGS,
 )
@@ -222,35 +214,22 @@ def _verdict(report: Report) -> str:
 NAMES = (*synthetic.set_names, PEOPLE_SET)
 _DEFAULTS = {"people": 3, "views": 4, "scenes": 5, "frames": 300}
 
-_SYNTH_OPTIONS = (
-    *rows(
-        "",
-        f"""
-        NAME  {", ".join(NAMES)}.
-        FOLDER  Folder to create; must not exist or be empty.
-        --poses N  Poses over all takes. [that of the data set]
-        --seed S  Same seed, same files. [= 0]
-        --openpose  Also write OpenPose JSON: many small files.
-        --force  Replace an existing simulated data set.
-        """,
-        name=options.choice(*NAMES),
-        folder=Path,
-        poses={"kind": int, "limits": {"min": 1}},
-        seed={"kind": int, "default": 0, "limits": {"min": 0}},
-    ),
-    *rows(
-        f"Options of {PEOPLE_SET}",
-        "".join(
-            f"--{name} {metavar}  {words} [{_DEFAULTS[name]}]\n"
-            for name, metavar, words in (
-                ("people", "Q", "People, 2 to 6."),
-                ("views", "M", "Cameras, 3 to 8."),
-                ("scenes", "K", "Number of scenes."),
-                ("frames", "F", "Frames of each scene, at 30 Hz."),
-            )
-        ),
-        **dict.fromkeys(_DEFAULTS, int),
-    ),
+_SYNTH_OPTIONS = rows(
+    f"""
+    NAME  {", ".join(NAMES)}.
+    FOLDER  Folder to create; must not exist or be empty.
+    --poses N  Poses over all takes. [that of the data set]
+    --seed SEED  Same seed, same files. [= 0]
+    --openpose  Also write OpenPose JSON: many small files.
+    --force  Replace an existing simulated data set.
+    Options of {PEOPLE_SET}:
+    --people Q  People, 2 to 6. [{_DEFAULTS["people"]}]
+    --views M  Cameras, 3 to 8. [{_DEFAULTS["views"]}]
+    --scenes K  Number of scenes. [{_DEFAULTS["scenes"]}]
+    --frames F  Frames of each scene, at 30 Hz. [{_DEFAULTS["frames"]}]
+    """,
+    name=choice(*NAMES),
+    **dict.fromkeys(_DEFAULTS, int),
 )
 
 

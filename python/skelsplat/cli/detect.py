@@ -22,39 +22,24 @@ _EPILOG = (
     "'skelsplat\\[mediapipe]'. rtmlib: several people, 26, 17 or 133 points (halpe26, coco17, wholebody133), "
     "downloads its networks when they are first used; pip install 'skelsplat\\[rtmlib]'."
 )
-OPTIONS = (
-    *rows(
-        "",
-        """
-        VIDEOS  Folder with one video or one folder of images per camera, or these themselves. Their names are
-            those of the cameras.
-        """,
-        videos={"kind": Path, "many": True},
-    ),
-    *rows(
-        "Input",
-        "--range A-B  Frames to detect, from 0; A- and -B are open ranges. [all]",
-        range=options.frame_range,
-    ),
-    *rows(
-        "Detector",
-        """
-        --backend NAME  mediapipe or rtmlib. [= mediapipe]
-        --model NAME  Of mediapipe: full, lite or heavy. Of rtmlib: body-feet, body or whole-body.
-            [full; body-feet]
-        --mode NAME  rtmlib: balanced, lightweight or performance. [balanced]
-        --device NAME  rtmlib: cpu or cuda. [cpu]
-        """,
-        backend=options.choice("mediapipe", "rtmlib"),
-    ),
-    *rows(
-        "Output",
-        """
-        -o, --output FOLDER  Folder to write. [= pose]
-        --overwrite  Replace detections that this command wrote before.
-        """,
-        output=Path,
-    ),
+OPTIONS = rows(
+    """
+    VIDEOS  Folder with one video or one folder of images per camera, or these themselves. Their names are
+        those of the cameras.
+    Input:
+    --range A-B  Frames to detect, from 0; A- and -B are open ranges. [all]
+    Detector:
+    --backend mediapipe|rtmlib  Detector to use. [= mediapipe]
+    --model NAME  Of mediapipe: full, lite or heavy. Of rtmlib: body-feet, body or whole-body.
+        [full; body-feet]
+    --mode NAME  rtmlib: balanced, lightweight or performance. [balanced]
+    --device NAME  rtmlib: cpu or cuda. [cpu]
+    Output:
+    -o, --output FOLDER  Folder to write. [= pose]
+    --overwrite  Replace detections that this command wrote before.
+    """,
+    videos={"kind": Path, "many": True},
+    range=options.frame_range,
 )
 
 

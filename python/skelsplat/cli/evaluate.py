@@ -22,7 +22,7 @@ from skelsplat.cli import options
 from skelsplat.cli.command import Answer, answers
 from skelsplat.cli.datasets import INIT_SIGMA, LENS, SETTINGS, reader_options
 from skelsplat.cli.output import progress, tell
-from skelsplat.cli.rows import NAME_OR_PATH, rows
+from skelsplat.cli.rows import NAME_OR_PATH, choice, one_of, rows
 from skelsplat.cli.table import new_table, print_parts
 from skelsplat.datasets import Dataset
 from skelsplat.datasets._registry import detections_option, options_of
@@ -40,53 +40,32 @@ _EVALUATE_EPILOG = (
     "1 failed, 2 bad usage, 130 interrupted."
 )
 _EVALUATE_OPTIONS = (
-    *rows("", f"DATASET  {', '.join(datasets.names())}.\nROOT  Its folder.", root=Path),
     *rows(
-        "Method",
         f"""
+        DATASET  {", ".join(datasets.names())}.
+        ROOT  Its folder.
+        Method:
         --methods, -m NAMES  Comma between them, or repeated: {", ".join(methods.names)}; or all. Where
             nothing says who is who: {", ".join(people.names)}.
             [all that the data allow but paper; with several people, the last three]
-        """,
-        methods={"name": "names", "many": True, "read": lambda _option, given: _method_names(given)},
-    ),
-    *rows(
-        "Data",
-        """
+        --seed SEED  Seed of the pairs that RANSAC draws. [= 0]
+        Data:
         --detections WHICH  Name of a detector that the data set has, or a folder or file of detections.
             [the reader's choice]
-        """,
-        detections={"marks": (NAME_OR_PATH,)},
-    ),
-    LENS,
-    *rows(
-        "Data",
-        """
         --views M  Number of views, where the protocol has a choice: panoptic 4 to 8, occlusion-person 4 or 8.
             [the protocol's]
-        --every K  One frame in K of each take. [the protocol's]
+        --every N  One frame in N of each take. [the protocol's]
         --fps HZ  Frames per second, for annealed-butterworth and over-time. [the data set's]
-        """,
-        views={"kind": int, "limits": {"min": 2}},
-        every={"kind": int, "limits": {"min": 1}},
-        fps={"kind": float, "read": options.positive},
-    ),
-    SETTINGS,
-    INIT_SIGMA,
-    *rows(
-        "Method",
-        "--seed S  Seed of the pairs that RANSAC draws.",
-        seed={"kind": int, "default": 0, "limits": {"min": 0}},
-    ),
-    options.THREADS,
-    *rows(
-        "Output",
-        """
+        Output:
         -o, --output FOLDER  Folder for results. [skelsplat-evaluation/NAME]
         --per-joint  Print the table of joints too.
         """,
-        output=Path,
+        dataset=choice(*datasets.names()),
+        methods={"name": "names", "many": True, "read": lambda _option, given: _method_names(given)},
+        detections={"marks": (NAME_OR_PATH,)},
+        views={"kind": int, "limits": {"min": 2}},
     ),
+    *(SETTINGS, LENS, INIT_SIGMA, *options.of_job("n_threads")),
 )
 
 
@@ -120,7 +99,6 @@ def evaluate(
     views = given.pop("views", None)
     every = given.pop("every", None)
     chosen = methods.Options(undistort=protocol, **given)
-    options.one_of("DATASET", dataset, datasets.names())
     data = datasets.read(dataset, root, **_reader_options(dataset, detections, views, set))
     for finding in datasets.verify(data):
         tell(finding, f"{', '.join(finding.subject.files)}: ")
@@ -212,7 +190,7 @@ def _method_names(given: Sequence[str] | None) -> list[str]:
     if names == ["all"]:
         return names
     for name in names:
-        options.one_of("--methods", name, (*methods.names, *people.names))
+        one_of("--methods", name, (*methods.names, *people.names))
     return names
 
 
@@ -236,37 +214,25 @@ _ABLATE_EPILOG = (
 )
 
 _ABLATE_OPTIONS = (
-    *rows("", f"NAME  {', '.join(ablations.names)}."),
     *rows(
-        "Data",
-        """
+        f"""
+        NAME  {", ".join(ablations.names)}.
+        Data:
         --data DATASET FOLDER  A data set on disk.
         --detections DETECTOR  Detections of the data set; may be repeated.
+        --poses N  Poses of each data set, evenly from its takes. [so many that it ends within about a minute]
+        --full  All poses.
+        --seed SEED  Seed of all random numbers. [= 0]
+        Method:
+        --start paper|dlt|fusion  Initial poses; paper: as in the paper's experiment. [= paper]
+        Output:
+        -o, --output FOLDER  Write NAME.md, .csv, .json and .png into this folder.
         """,
+        name=choice(*ablations.names),
         data={"kind": tuple[str, Path]},
         detections={"many": True},
     ),
-    SETTINGS,
-    *rows(
-        "Data",
-        """
-        --poses N  Poses of each data set, evenly from its takes. [so many that it ends within about a minute]
-        --full  All poses.
-        --seed S  Seed of all random numbers. [= 0]
-        """,
-        poses={"kind": int, "limits": {"min": 1}},
-        seed={"kind": int, "default": 0, "limits": {"min": 0}},
-    ),
-    LENS,
-    *rows(
-        "Method",
-        "--start paper|dlt|fusion  Initial poses; paper: as in the paper's experiment. [= paper]",
-        start=options.choice("paper", "dlt", "fusion"),
-    ),
-    INIT_SIGMA,
-    *rows(
-        "Output", "-o, --output FOLDER  Write NAME.md, .csv, .json and .png into this folder.", output=Path
-    ),
+    *(SETTINGS, LENS, INIT_SIGMA),
 )
 
 
@@ -295,10 +261,10 @@ def ablate(
     """
     if full and poses is not None:
         raise typer.BadParameter("expected either a number of poses or --full", param_hint="--poses")
-    ablation = ablations.get(options.one_of("NAME", name, ablations.names))
+    ablation = ablations.get(name)
     choices = {"poses": None if full else poses or ablation.poses, "undistort": protocol, **given}
     if data is not None:
-        dataset = options.one_of("--data", data[0], datasets.names())
+        dataset = one_of("--data", data[0], datasets.names())
         choices |= {"dataset": dataset, "root": data[1], "detectors": detections}
         choices["options"] = reader_options(set, dataset)
     elif detections or set:

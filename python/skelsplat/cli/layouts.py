@@ -29,7 +29,6 @@ _EPILOG = (
 
 @answers(
     *rows(
-        "",
         """
         NAME  A built-in layout, a layout file (.toml), or a file with a skeleton: SLEAP's h5, DeepLabCut's
             h5, csv or config.yaml. Without it, all built-in layouts are listed. [optional]

@@ -28,26 +28,25 @@ _MOST_LINE = 2**24  # bytes: eight cameras with hundreds of people need less
 
 
 OPTIONS = (
-    options.CALIBRATION_FILE,
+    *options.of_job("calibration"),
     *options.CALIBRATION,
     replace(
-        options.LAYOUT,
+        options.of_job("layout")[0],
         help="Joint layout of the detections: a name (skelsplat layouts lists them) or a layout file "
         "(.toml). Required.",
         shown="",
     ),
     *options.OF_LIVE,
     *rows(
-        "Over time",
         """
+        Over time:
         --fps HZ  Frames per second, one line each, also where nothing is detected: the past then predicts.
             [every frame by itself]
         --lag FRAMES  Answer so many frames later, from the frames before and after. Requires --fps. [= 0]
         --people all|N  Follow everybody, or at most N people, and find out who is who. Requires --fps.
             [one person]
         """,
-        fps={"kind": float, "read": options.positive},
-        lag={"kind": int, "default": 0, "limits": {"min": 0}},
+        lag={"kind": int, "limits": {"min": 0}},
         people=options.all_or_number,
     ),
     QUIET,

@@ -3,34 +3,20 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import fields, replace
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import typer
 
 from skelsplat import RefineConfig
-from skelsplat.cli.rows import NAME_OR_PATH, Option, rows
+from skelsplat.cli.rows import NAME_OR_PATH, Option, choice, rows
 from skelsplat.io.calibration import FORMATS as CALIBRATION_FORMATS
 from skelsplat.io.detections import FORMATS
 from skelsplat.io.poses import POSE_FORMATS
 from skelsplat.run.frame_range import FrameRange
 from skelsplat.run.job import FRAME_MODES, Job
-
-
-def one_of(option: str, value: str | None, choices: tuple[str, ...]) -> str:
-    """Return ``value`` if it is one of ``choices``; None: a required option is missing."""
-    if value in choices:
-        return value
-    got = "nothing (the files do not state it)" if value is None else repr(value)
-    raise typer.BadParameter(f"expected one of {', '.join(choices)}, got {got}", param_hint=option)
-
-
-def choice(*choices: str) -> Callable[[str, str], str]:
-    """Return a reader of an option that has one of these values."""
-    return lambda option, value: one_of(option, value, choices)
 
 
 def some_of(choices: tuple[str, ...], option: str, value: str) -> tuple[str, ...]:
@@ -41,13 +27,6 @@ def some_of(choices: tuple[str, ...], option: str, value: str) -> tuple[str, ...
             expected = f"some of {', '.join(choices)}"
             raise typer.BadParameter(f"expected {expected}, got {name!r}", param_hint=option)
     return names
-
-
-def positive(option: str, value: float) -> float:
-    """Return ``value`` if it is positive and finite."""
-    if 0 < value < float("inf"):
-        return value
-    raise typer.BadParameter(f"expected a positive number, got {value:g}", param_hint=option)
 
 
 def all_or_number(option: str, value: str) -> str | int:
@@ -111,34 +90,27 @@ _METHODS = tuple(
 )
 
 
-def _setting(name: str, metavar: str, shown: str = "", *, methods: Any = _METHODS, **more: Any) -> Option:
-    """Return the option of a setting of the methods, in the core's words."""
-    tables = [table[name] for table in methods if name in table]
+def _worded(row: Option, methods: Any = _METHODS) -> Option:
+    """Return an option without a help with that of the setting of its name, in the core's words."""
+    if row.help or not row.metavar:
+        return row
+    settings = [table[row.name] for table in methods if row.name in table]
     sentences = [
         re.sub(r"`(\w+)`", lambda found: "--" + found[1].replace("_", "-"), setting.sentence)
-        for setting in tables
+        for setting in settings
     ]
     texts = [text.partition("; None:")[0].rstrip(".") + "." for text in dict.fromkeys(sentences)]
     words = " With --paper: ".join([texts[0], *(text[0].lower() + text[1:] for text in texts[1:])])
-    if not shown:
-        shown = ", with --paper ".join(dict.fromkeys(f"{setting.default:.4g}" for setting in tables))
-    flags = (f"--{name.replace('_', '-')}",)
-    return Option(name, flags, metavar, words, **{"panel": "Method", "kind": float, "shown": shown, **more})
+    usual = [] if row.shown else dict.fromkeys(f"{setting.default:.4g}" for setting in settings)
+    return replace(row, help=words, shown=row.shown or ", with --paper ".join(usual))
 
 
-CALIBRATION_FILE, DETECTIONS = rows(
-    "",
-    """
+JOB = rows(
+    f"""
     CALIBRATION  Calibration file or its folder. convert --help lists the formats.
     DETECTIONS  Folder or file of 2D detections. A folder has one folder or file per camera, named like the
         camera.
-    """,
-    calibration=Path,
-    detections=Path,
-)
-CALIBRATION = rows(
-    "Calibration",
-    f"""
+    Calibration:
     --unit mm|cm|m  Length unit of the calibration. Needed if the format does not state it: Anipose TOML,
         OpenCV YAML, 4D association.
     --calibration-format NAME  Format of the calibration: {", ".join(sorted(CALIBRATION_FORMATS))}.
@@ -148,21 +120,9 @@ CALIBRATION = rows(
     --subject S1  Human3.6M: the subject with these cameras.
     --size WxH  Image size, if the files do not state it: OpenPose, some OpenCV YAML, VoxelPose, DANNCE.
     --binning N  Qualisys: sensor pixels per pixel of the video.
-    """,
-    size=_width_and_height,
-    binning=float,
-)
-(LAYOUT,) = rows(
-    "Input",
-    """
+    Input:
     --layout NAME  Joint layout, such as body25b. A name (skelsplat layouts lists them), a layout file
         (.toml), or file: the joints as the detections name them. [found from the joint names in the files]
-    """,
-    layout={"marks": (NAME_OR_PATH,)},
-)
-_PERSON, PEOPLE, _JUDGED_BY = rows(
-    "Input",
-    """
     --person WHO  Person to follow. consistent: the person the views agree on. The others are followed over
         time as by --people, and one is chosen: N, the identity, from 0 in the order of appearance; largest;
         moves-most; CAMERA:X,Y, whoever is at that pixel when the camera first sees somebody. If the frame
@@ -170,15 +130,6 @@ _PERSON, PEOPLE, _JUDGED_BY = rows(
         same person. [= consistent]
     --people all|N  Refine several people. Each has a folder, person_0, person_1, …: all of them, or the N
         whom the views see most. The frame rate must be known. [one person]
-    --person WHO  By whom the cameras are judged. everybody: all on whom three views agree; consistent: only
-        the person on whom they agree best; largest: the largest in each image; N: entry N of each file,
-        from 0. [= everybody]
-    """,
-    people=all_or_number,
-)
-_READING = rows(
-    "Input",
-    f"""
     --frames MODE  What to do if cameras have different frames. strict: stop (except for formats that list
         only people: alphapose, coco, csv); intersection: keep the common frames; union: keep all. [= strict]
     --format NAME  Format of the detections: {", ".join(FORMATS)}. [found from the files]
@@ -190,68 +141,25 @@ _READING = rows(
     --map JOINT=NAME  What a joint of the layout is in the files: a name, an index from 0, or none.
         Repeatable.
     --sequence NAME  Sequence of a file that has several, such as "S9/Directions 1".
-    """,
-    frames=choice(*FRAME_MODES),
-    format=lambda _option, value: value.lower(),
-    offset={"name": "offsets", "many": True, "read": _offsets},
-    order=order,
-    without={"many": True, "read": distinct},
-    map={"name": "mapping", "many": True, "read": _mapping},
-)
-RECORDING = (LAYOUT, _JUDGED_BY, replace(_READING[0], default="union"), *_READING[1:])
-"""The options of check-cameras and adjust-cameras for reading detections."""
-
-MIN_CONFIDENCE = _setting("min_confidence", "C", panel="Input", limits={"min": 0, "max": 1})
-NO_UNDISTORT, _ADJUST, _INIT, _INIT_SIGMA = rows(
-    "Input",
-    """
-    --no-undistort  Ignore lens distortion.
-    --adjust-cameras  First adjust the cameras that were turned or moved since the calibration. Everybody the
-        views agree on shows which; cameras.json has them. skelsplat adjust-cameras writes a calibration.
     --init POSE.npz  Pose file to start from. [triangulation]
     --init-sigma-mm MM  Standard deviation of --init per axis, in mm. With it, an --init that is independent
         of the detections (monocular, body model) counts as an observation. Not with --paper.
-    """,
-    init=Path,
-    init_sigma_mm=float,
-)
-PAPER, NO_SWAPS, FREE_BONES = rows(
-    "Method",
-    """
+    --min-confidence C
+    --no-undistort  Ignore lens distortion.
+    --adjust-cameras  First adjust the cameras that were turned or moved since the calibration. Everybody the
+        views agree on shows which; cameras.json has them. skelsplat adjust-cameras writes a calibration.
+    Method:
     --paper  Use the published method. It renders pixels and optimises with Adam; the default, annealed, is
         more robust.
     --no-swaps  Do not correct left–right swaps.
     --free-bones  Do not use the proportions of people for joints that few views see.
-    """,
-)
-JOINT_BIAS = _setting("joint_bias_mm", "MM", "by the layout", limits={"min": 0})
-THREADS = replace(
-    _setting("n_threads", "1..1024", "all cores", kind=int, limits={"min": 1}), flags=("--threads",)
-)
-_METHOD = (
-    PAPER,
-    NO_SWAPS,
-    FREE_BONES,
-    _setting("sigma_mm", "MM"),
-    _setting("occlusion_sigma_mm", "MM", "as --sigma-mm"),
-    JOINT_BIAS,
-    _setting("symmetry_tier", "0..3", kind=int, limits={"min": 0, "max": 3}),
-    _setting("max_steps", "N", kind=int, limits={"min": 0}),
-    THREADS,
-)
-OF_LIVE = (
-    MIN_CONFIDENCE,
-    NO_UNDISTORT,
-    NO_SWAPS,
-    FREE_BONES,
-    _setting("sigma_mm", "MM", methods=_METHODS[:1]),
-    JOINT_BIAS,
-)
-"""The settings of `skelsplat live`."""
-
-_TIME = rows(
-    "Over time",
-    """
+    --sigma-mm MM
+    --occlusion-sigma-mm MM  [as --sigma-mm]
+    --joint-bias-mm MM  [by the layout]
+    --symmetry-tier 0..3
+    --max-steps N
+    --threads 1..1024  [all cores]
+    Over time:
     --fps HZ  Frame rate. If it is known, the recording is solved over time: bones keep their length and
         joints move smoothly. [as files or videos state it]
     --frame-by-frame  Solve each frame alone, even if the frame rate is known. --paper always does.
@@ -261,14 +169,7 @@ _TIME = rows(
     --filter FILTER  Smooth over time. butterworth[:HZ[:ORDER]] runs both ways and has no lag;
         one-euro[:HZ[:BETA]] is causal, BETA in Hz per mm/s. Weak joints stay as they are and do not affect
         others. Requires --fps. [none]
-    """,
-    fps=float,
-    fill_gaps={"kind": int, "limits": {"min": 1}},
-)
-FRAME_BY_FRAME = _TIME[1]
-OUTPUT, *_WRITTEN = rows(
-    "Output",
-    """
+    Output:
     -o, --output FOLDER  Folder for the results. [required]
     --write FORMATS  Pose files: csv, trc, c3d, json, nc. pose.npz is always written; nc is for xarray and
         movement. [= csv,trc]
@@ -278,15 +179,54 @@ OUTPUT, *_WRITTEN = rows(
     --angles  Write joint angles. angles.csv and angles.npz have error bars, angles.mot is for OpenSim.
     --no-html  Do not write report.html. It takes 5 MB or more.
     """,
-    output=Path,
+    size=_width_and_height,
+    binning={"kind": float, "limits": {}},
+    layout={"marks": (NAME_OR_PATH,)},
+    people=all_or_number,
+    frames=choice(*FRAME_MODES),
+    format=lambda _option, value: value.lower(),
+    offset={"name": "offsets", "many": True, "read": _offsets},
+    order=order,
+    without={"many": True, "read": distinct},
+    map={"name": "mapping", "many": True, "read": _mapping},
+    min_confidence={"kind": float, "limits": {"min": 0, "max": 1}},
+    joint_bias_mm={"kind": float, "limits": {"min": 0}},
+    symmetry_tier={"kind": int, "limits": {"min": 0, "max": 3}},
+    max_steps={"kind": int, "limits": {"min": 0}},
+    threads={"name": "n_threads", "kind": int, "limits": {"min": 1}},
+    fps=float,
     write=partial(some_of, tuple(POSE_FORMATS)),
 )
-JOB = (
-    *(CALIBRATION_FILE, DETECTIONS, *CALIBRATION),
-    *(LAYOUT, _PERSON, PEOPLE, *_READING, _INIT, _INIT_SIGMA, MIN_CONFIDENCE, NO_UNDISTORT, _ADJUST),
-    *(*_METHOD, *_TIME, OUTPUT, *_WRITTEN),
-)
+_BY_NAME = {row.name: row for row in JOB}
+JOB = tuple(map(_worded, JOB))
 """The options of a job, by the names of the fields of `skelsplat.run.Job` and of its settings."""
+
+
+def of_job(*names: str) -> tuple[Option, ...]:
+    """Return some of `JOB`, by their names."""
+    return tuple(_worded(_BY_NAME[name]) for name in names)
+
+
+CALIBRATION = tuple(row for row in JOB if row.panel == "Calibration")
+_JUDGED_BY = """
+    Input:
+    --person WHO  By whom the cameras are judged. everybody: all on whom three views agree; consistent: only
+        the person on whom they agree best; largest: the largest in each image; N: entry N of each file,
+        from 0. [= everybody]
+    """
+RECORDING = (
+    *of_job("layout"),
+    *rows(_JUDGED_BY),
+    replace(_BY_NAME["frames"], default="union"),
+    *of_job("format", "offsets", "order", "without", "mapping", "sequence"),
+)
+"""The options of check-cameras and adjust-cameras for reading detections."""
+OF_LIVE = (
+    *of_job("min_confidence", "no_undistort", "no_swaps", "free_bones"),
+    _worded(_BY_NAME["sigma_mm"], _METHODS[:1]),
+    *of_job("joint_bias_mm"),
+)
+"""The settings of `skelsplat live`."""
 
 
 def frame_range(_option: str, text: str) -> FrameRange:

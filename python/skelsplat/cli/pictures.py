@@ -14,7 +14,7 @@ from skelsplat._optional import opencv
 from skelsplat.cli import options
 from skelsplat.cli.command import Answer, answers
 from skelsplat.cli.output import print_message, progress, say, tell
-from skelsplat.cli.rows import NAME_OR_PATH, rows
+from skelsplat.cli.rows import NAME_OR_PATH, positive, rows
 from skelsplat.findings import collected_warnings
 from skelsplat.run.angles import FILES as ANGLE_FILES
 from skelsplat.run.frame_range import FrameRange
@@ -28,32 +28,24 @@ _PLOT_EPILOG = (
     "json or nc; what can be drawn depends on what its format stores."
 )
 
-_PLOT_OPTIONS = (
-    *rows("", "RUN  Output folder of refine or demo, or a pose file.", run=Path),
-    *rows(
-        "Drawing",
-        """
-        --only FIGURES  Figures to draw: some of trajectories, bones, errors, angles.
-            [trajectories,bones,errors; angles too of a run with --angles]
-        --joints A,B,…  Joints for the trajectories, or all. [wrists and ankles, or the first four]
-        --range A-B  Frames to draw, by the run's frame numbers; A- and -B are open ranges; A is one frame.
-            [all]
-        --layout NAME  Joint layout, for limbs and sides: a name, or a layout file (.toml).
-            [that of the run, or found from the joints' names]
-        """,
-        only=partial(options.some_of, PICTURES),
-        range=options.frame_range,
-        layout={"marks": (NAME_OR_PATH,)},
-    ),
-    *rows(
-        "Output",
-        """
-        -o, --output FOLDER  Folder for the figures. [RUN/plots; of a file, plots/FILE next to it]
-        --format FORMATS  png, pdf or png,pdf. [= png]
-        """,
-        output=Path,
-        format=partial(options.some_of, ("png", "pdf")),
-    ),
+_PLOT_OPTIONS = rows(
+    """
+    RUN  Output folder of refine or demo, or a pose file.
+    Drawing:
+    --only FIGURES  Figures to draw: some of trajectories, bones, errors, angles.
+        [trajectories,bones,errors; angles too of a run with --angles]
+    --joints A,B,…  Joints for the trajectories, or all. [wrists and ankles, or the first four]
+    --range A-B  Frames to draw, by the run's frame numbers; A- and -B are open ranges; A is one frame. [all]
+    --layout NAME  Joint layout, for limbs and sides: a name, or a layout file (.toml).
+        [that of the run, or found from the joints' names]
+    Output:
+    -o, --output FOLDER  Folder for the figures. [RUN/plots; of a file, plots/FILE next to it]
+    --format FORMATS  png, pdf or png,pdf. [= png]
+    """,
+    only=partial(options.some_of, PICTURES),
+    range=options.frame_range,
+    layout={"marks": (NAME_OR_PATH,)},
+    format=partial(options.some_of, ("png", "pdf")),
 )
 
 
@@ -116,56 +108,36 @@ _OVERLAY_EPILOG = (
     "Videos are MP4 with MPEG-4 part 2 (mp4v), which VLC and most players play but browsers do not; ffmpeg "
     "-i cam01.mp4 -c:v libx264 web.mp4 converts them. Needs pip install 'skelsplat\\[video]'."
 )
-_OVERLAY_OPTIONS = (
-    *rows(
-        "",
-        """
-        RUN  Output folder of refine or demo.
-        VIDEOS  Folder with one video or one folder of images per camera, named like the camera; or one of
-            them. Without any: --plain. [optional]
-        """,
-        run=Path,
-        videos=Path,
-    ),
-    *rows(
-        "Input",
-        """
-        --plain  Draw on plain frames of the cameras' size, without videos.
-        --camera NAME  Camera to draw. Repeatable. [all]
-        --order A,B,…  Video or folder of each camera, in the calibration's order, or sorted. [by name]
-        --first-frame N  Number of a video's first frame in the files of the detections. Images are numbered
-            by the last integer in their names. [0]
-        """,
-        camera={"name": "cameras", "many": True, "read": options.distinct},
-        order=options.order,
-        first_frame=int,
-    ),
-    *rows(
-        "Drawing",
-        """
-        --range A-B  Frames to draw, by the run's frame numbers; A- and -B are open ranges; A is one frame.
-            [all]
-        --no-detections  Leave out the detections.
-        --no-ellipses  Leave out the error ellipses.
-        --no-pose  Leave out the skeleton.
-        --before  Draw the start of the refinement as well.
-        --no-legend  Leave out legend, camera name and frame number; the image keeps its size.
-        --scale S  Scale of the output, such as 0.5. [1; --grid fits a screen]
-        """,
-        range=options.frame_range,
-        scale={"kind": float, "read": options.positive},
-    ),
-    *rows(
-        "Output",
-        """
-        -o, --output FOLDER  Folder for the results. [RUN/overlay]
-        --fps HZ  Frame rate of the output. [that of the video, otherwise of the run]
-        --png  Write a folder of PNG files instead of a video.
-        --grid  Write all cameras side by side into grid.mp4.
-        """,
-        output=Path,
-        fps={"kind": float, "read": options.positive},
-    ),
+_OVERLAY_OPTIONS = rows(
+    """
+    RUN  Output folder of refine or demo.
+    VIDEOS  Folder with one video or one folder of images per camera, named like the camera; or one of
+        them. Without any: --plain. [optional]
+    Input:
+    --plain  Draw on plain frames of the cameras' size, without videos.
+    --camera NAME  Camera to draw. Repeatable. [all]
+    --order A,B,…  Video or folder of each camera, in the calibration's order, or sorted. [by name]
+    --first-frame N  Number of a video's first frame in the files of the detections. Images are numbered
+        by the last integer in their names. [0]
+    Drawing:
+    --range A-B  Frames to draw, by the run's frame numbers; A- and -B are open ranges; A is one frame. [all]
+    --no-detections  Leave out the detections.
+    --no-ellipses  Leave out the error ellipses.
+    --no-pose  Leave out the skeleton.
+    --before  Draw the start of the refinement as well.
+    --no-legend  Leave out legend, camera name and frame number; the image keeps its size.
+    --scale S  Scale of the output, such as 0.5. [1; --grid fits a screen]
+    Output:
+    -o, --output FOLDER  Folder for the results. [RUN/overlay]
+    --fps HZ  Frame rate of the output. [that of the video, otherwise of the run]
+    --png  Write a folder of PNG files instead of a video.
+    --grid  Write all cameras side by side into grid.mp4.
+    """,
+    camera={"name": "cameras", "many": True, "read": options.distinct},
+    order=options.order,
+    first_frame={"kind": int, "limits": {}},
+    range=options.frame_range,
+    scale={"kind": float, "read": positive},
 )
 
 

@@ -102,15 +102,16 @@ _NOTE = "The sample has no ground truth: these errors measure agreement with the
 
 @takes(
     *rows(
-        "Output",
-        f"-o, --output FOLDER  Folder for the results. [{_FOLDER}, with --people {_FOLDER_OF_PEOPLE}]",
-        output=Path,
+        f"""
+        Output:
+        -o, --output FOLDER  Folder for the results. [{_FOLDER}, with --people {_FOLDER_OF_PEOPLE}]
+        Input:
+        --people  Refine the recording of two people and a bystander.
+        Cameras:
+        --no-adjust  Use the cameras as calibrated: one was turned since.
+        """
     ),
-    options.PAPER,
-    *rows("Input", "--people  Refine the recording of two people and a bystander."),
-    options.FRAME_BY_FRAME,
-    *rows("Cameras", "--no-adjust  Use the cameras as calibrated: one was turned since."),
-    options.THREADS,
+    *options.of_job("paper", "frame_by_frame", "n_threads"),
     QUIET,
     AS_JSON,
 )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from textwrap import dedent
@@ -68,26 +68,66 @@ class Option:
         return self.name, value if self.read is None or value is None else self.read(self.flag, value)
 
 
-def rows(panel: str, text: str, **more: Any) -> tuple[Option, ...]:
-    """Return the options and arguments of a text that is written like the panel of a help.
+def one_of(option: str, value: str | None, choices: Sequence[str]) -> str:
+    """Return ``value`` if it is one of ``choices``; None: a required option is missing."""
+    if value in choices:
+        return str(value)
+    got = "nothing (the files do not state it)" if value is None else repr(value)
+    raise typer.BadParameter(f"expected one of {', '.join(choices)}, got {got}", param_hint=option)
+
+
+def choice(*choices: str) -> Callable[[str, str], str]:
+    """Return a reader of an option that has one of these values."""
+    return lambda option, value: one_of(option, value, choices)
+
+
+def positive(option: str, value: float) -> float:
+    """Return ``value`` if it is positive and finite."""
+    if 0 < value < float("inf"):
+        return value
+    raise typer.BadParameter(f"expected a positive number, got {value:g}", param_hint=option)
+
+
+# What the last word of a metavar says of the values.
+_KINDS: dict[str, dict[str, Any]] = {
+    **{key: {"kind": Path} for key in ("FOLDER", "FILE", "PATH", "ROOT", "RUN", "VIDEOS", "SESSIONS")},
+    **{key: {"kind": Path} for key in ("CALIBRATION", "DETECTIONS", "INPUT", "OUTPUT", "POSE.npz")},
+    "HZ": {"kind": float, "read": positive},
+    "MM": {"kind": float},
+    "N": {"kind": int, "limits": {"min": 1}},
+    "SEED": {"kind": int, "limits": {"min": 0}},
+}
+
+
+def rows(text: str, **more: Any) -> tuple[Option, ...]:
+    """Return the options and arguments of a text that is written like a help.
 
     An entry is ``-o, --output FOLDER  What it is for. [default]``, with two spaces before the help, whose
-    further lines are indented. One without a metavar is a flag, one without a dash an argument. The default
-    is in words, or ``[= value]``, ``[required]``, ``[optional]`` of an argument. ``more`` has by option the
-    type of its value, a function for `Option.read`, or fields of `Option`.
+    further lines are indented. One without a metavar is a flag, one without a dash an argument; the metavar
+    says what values there are: ``a|b``, or see `_KINDS`. The default is in words, or ``[= value]``,
+    ``[required]``, ``[optional]`` of an argument. A line ``Output:`` begins a panel. ``more`` has by option
+    the type of its value, a function for `Option.read`, or fields of `Option`.
     """
-    return tuple(_row(panel, entry, more) for entry in re.split(r"\n(?=\S)", dedent(text).strip()))
+    found, panel = [], ""
+    for entry in re.split(r"\n(?=\S)", dedent(text).strip()):
+        if entry.endswith(":"):
+            panel = entry[:-1]
+        else:
+            found.append(_row(panel, entry, more))
+    return tuple(found)
 
 
 def _row(panel: str, entry: str, more: dict[str, Any]) -> Option:
     head, _, words = entry.partition("  ")
-    found = re.fullmatch(r"(.*?)(?: \[(= )?([^]]*)\])?", " ".join(words.split()))
+    found = re.fullmatch(r"(.*?) ?(?:\[(= )?([^]]*)\])?", " ".join(words.split()))
     assert found is not None
     parts = [part.strip(",") for part in head.split()]
     flags = tuple(part for part in parts if part.startswith("-"))
     metavar = " ".join(part for part in parts if not part.startswith("-"))
     name = next((flag for flag in flags if flag.startswith("--")), head).lstrip("-").replace("-", "_")
-    made = Option(name.lower(), flags, metavar, found[1], panel)
+    made = replace(Option(name.lower(), flags, metavar, found[1], panel), **_KINDS.get(metavar, {}))
+    if re.fullmatch(r"[a-z-]+(\|[a-z-]+)+", metavar):
+        made = replace(made, read=choice(*metavar.split("|")))
     if not metavar:
         made = replace(made, kind=bool, default=False)
     if found[2]:
@@ -103,8 +143,8 @@ def _row(panel: str, entry: str, more: dict[str, Any]) -> Option:
 
 
 QUIET, AS_JSON = rows(
-    "Output",
     """
+    Output:
     --quiet, -q  Print only warnings and errors.
     --json  Print the result as JSON. Nothing else is printed on stdout.
     """,
