@@ -149,21 +149,6 @@ def test_without_a_frame_rate_it_is_that_of_the_times(tmp_path, stated, times, r
     assert found.frame_rate == rate
 
 
-@pytest.mark.parametrize(
-    ("stated", "rate", "decimals"), [("30.00", 60.0, 3), ("60", 59.94, 6), ("120", 60.0, 2)]
-)
-def test_times_that_contradict_the_frame_rate_decide(tmp_path, stated, rate, decimals):
-    times = [f"{t / rate:.{decimals}f}".rstrip("0") for t in range(600)]
-    found, _ = warned(with_times(tmp_path / "pose.trc", times, stated))
-    # the last time is rounded by up to half a digit
-    assert found.frame_rate == pytest.approx(rate, abs=rate * 0.5 * 10.0**-decimals / (599 / rate) + 1e-3)
-
-
-def test_times_with_a_jump_do_not_contradict_the_frame_rate(tmp_path):
-    times = [f"{t / 50 + (t > 4):.3f}" for t in range(10)]
-    assert read_trc(with_times(tmp_path / "pose.trc", times, "50")).frame_rate == 50.0
-
-
 MALFORMED = {
     "not a trc": (lambda _: ["hello"], "header"),
     "inches": (lambda lines: [line.replace("\tm\t", "\tinch\t") for line in lines], "line 3 Units"),

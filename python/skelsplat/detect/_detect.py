@@ -3,24 +3,30 @@
 from __future__ import annotations
 
 import functools
+import json
 import os
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Protocol
 
+import numpy as np
+
 import skelsplat as sk
 from skelsplat._arrays import Array
+from skelsplat._atomic import atomic_write, opening
 from skelsplat._fields import FRAME_LIMIT
-from skelsplat.detect._results import Results
 from skelsplat.exceptions import InvalidInputError
 from skelsplat.findings import Finding, Subject, warn
-from skelsplat.io.detections._record import Record
+from skelsplat.io._files import listed
+from skelsplat.io.detections._record import Record, Video, camera_folder, read_record, write_record
 from skelsplat.io.video import FrameSource, Image, open_source, videos_of
 
 Progress = Callable[[str, int, int], None]
 Span = tuple[int, int]
+_DIGITS, _DECIMALS = 12, 4  # of a frame's number and of a pixel
+_SHOWN = 4  # names in a message
 # an image (H, W, 3), blue first, to the people in it (P, N, 3): x and y in pixels, confidence
 Find = Callable[[Image], Array]
 
@@ -58,21 +64,9 @@ class Detector(Protocol):
 class Detected:
     """What was written for one camera.
 
-    Attributes
-    ----------
-    camera : str
-        Its name: that of the video's file.
-    video, folder : Path
-    size : tuple of int
-        Width and height of the frames, upright.
-    rotation : int
-        Degrees by which the frames are turned to be upright, according to the video's metadata.
-    frame_rate : float or None
-        What the video states.
-    frames, new : int
-        Frames in the folder within the range that was asked for, and how many of them this call has detected.
-    empty : int
-        How many of the new ones are without a person.
+    ``camera`` is the name of the video's file, ``size`` the width and height of its frames, turned upright by
+    ``rotation`` degrees. Of the ``frames`` in the folder within the range that was asked for, this call has
+    detected ``new``, ``empty`` of which are without a person.
     """
 
     camera: str
@@ -103,11 +97,9 @@ def detect(
 ) -> list[Detected]:
     """Detect people in the videos of all cameras and write OpenPose JSON.
 
-    The files are ``CAMERA_json/CAMERA_000000000000.json``, one per frame, each whole or not there. Frames
-    that are there are not detected again, so a call that was interrupted is repeated to continue. A detector
-    that follows people starts an unfinished camera again, so that the result is the same as without the
-    interruption. ``detect.json`` next to the folders states detector, layout and frame rates, for
-    `skelsplat.io.read_detections`.
+    The files are ``CAMERA_json/CAMERA_000000000000.json``, one per frame. Frames that are there are not
+    detected again, so a call that was interrupted is repeated to continue. ``detect.json`` beside the folders
+    states detector, layout and frame rates, for `skelsplat.io.read_detections`.
 
     Parameters
     ----------
@@ -125,19 +117,12 @@ def detect(
     progress : callable, optional
         Called with camera, frames done and frames in all.
 
-    Returns
-    -------
-    list of Detected
-        One per camera.
-
     Raises
     ------
     InvalidInputError
         If `output` holds detections of another detector, of other videos, or of another program.
-    DatasetError
-        If a video is missing or cannot be read.
-    MissingPackageError
-        If the detector's package is not installed.
+    DatasetError, MissingPackageError
+        If a video cannot be read, or the detector's package is not installed.
     """
     # first: the extra of a missing detector has all that is needed
     record = Record(dict(detector.settings), detector.layout, tuple(sk.layouts.get(detector.layout).joints))
@@ -148,7 +133,7 @@ def detect(
             expected = f"some of the frames {source.first} to {source.last} of {source.path}"
             got = f"{span[0]}-{'' if last is None else last}"
             raise InvalidInputError(f"range: expected {expected}, got {got}")
-    results = Results.opened(Path(output), record, sources, overwrite=overwrite)
+    results = _Results.opened(Path(output), record, sources, overwrite=overwrite)
     written = []
     for camera, source in sources.items():
         tell = functools.partial(progress or (lambda *_: None), camera)
@@ -170,7 +155,7 @@ def _camera(
     source: FrameSource,
     span: Span,
     detector: Detector,
-    results: Results,
+    results: _Results,
     tell: Callable[[int, int], None],
 ) -> Detected:
     """Detect what is missing of a camera."""
@@ -192,7 +177,7 @@ def _camera(
                 tell(new if again else len(done), max(total, len(done)))
         if number < span[1]:
             results.finished(camera, number + 1)
-    of_video = (source.path, results.folder_of(camera), source.size, source.rotation, source.rate)
+    of_video = (source.path, camera_folder(results.folder, camera), source.size, source.rotation, source.rate)
     return Detected(camera, *of_video, len(done), new, empty)
 
 
@@ -229,3 +214,94 @@ def _different(written: Sequence[Detected], values: Sequence[float]) -> str:
     if len(set(values)) < 2:
         return ""
     return ", ".join(f"{one.camera} {value:g}" for one, value in zip(written, values, strict=True))
+
+
+@dataclass
+class _Results:
+    """A folder that one detector writes into, and the record there."""
+
+    folder: Path
+    record: Record
+
+    @classmethod
+    def opened(
+        cls, folder: Path, wanted: Record, sources: Mapping[str, FrameSource], *, overwrite: bool
+    ) -> _Results:
+        """Open a folder for a detector and these cameras, or raise if something in it would be mixed or lost.
+
+        With `overwrite`, what `detect` has written for them is removed.
+        """
+        before = read_record(folder) if folder.is_dir() else None
+        known = before.videos if before is not None else {}
+        ours = {camera: _files(folder, camera) if camera in known else {} for camera in {*known, *sources}}
+        gone = sources if overwrite else {}
+        kept = {camera: video for camera, video in known.items() if ours[camera] and camera not in gone}
+        if (
+            before is not None
+            and kept
+            and (before.detector, before.layout) != (wanted.detector, wanted.layout)
+        ):
+            there, now = (", ".join(one.detector.values()) for one in (before, wanted))
+            raise _refused(f"a folder of {there} again ({folder}), or overwrite for all its cameras", now)
+        for camera, source in sources.items():
+            own = camera_folder(folder, camera)
+            foreign = sorted(path.name for path in {*own.glob("*.json")} - {*ours[camera].values()})
+            if foreign:
+                raise _refused(f"no files of another program in {own}", listed(foreign, _SHOWN))
+            length = None if source.images else source.path.stat().st_size
+            video = Video(source.path.name, source.size, source.rate, length)
+            there, now = (
+                f"{one.name}, {one.size[0]}×{one.size[1]}, {one.length} bytes"
+                for one in (kept.setdefault(camera, video), video)
+            )
+            if there != now:
+                raise _refused(f"{there} for {camera} again, or overwrite", now)
+        for path in (path for camera in gone for path in ours[camera].values()):
+            path.unlink()
+        for place in (folder, *(camera_folder(folder, camera) for camera in sources)):
+            with opening(place, "a folder that can be written", "output"):
+                place.mkdir(parents=True, exist_ok=True)
+        results = cls(folder, replace(wanted, videos=kept))
+        write_record(folder, results.record)
+        return results
+
+    def done(self, camera: str, span: Span) -> set[int]:
+        """Return the frames from `span` that are there; an empty file, left by a power failure, is not."""
+        files = _files(self.folder, camera).items()
+        return {number for number, path in files if span[0] <= number <= span[1] and path.stat().st_size}
+
+    def complete(self, camera: str, span: Span, done: int, images: int) -> bool:
+        """Say whether `done` frames are all of the span; of `images` images, if there are any."""
+        count = self.record.videos[camera].count
+        last = span[1] if count is None else min(span[1], count - 1)
+        return done >= (images or last - span[0] + 1)
+
+    def finished(self, camera: str, count: int) -> None:
+        """Note how many frames a video has."""
+        video = replace(self.record.videos[camera], count=count)
+        self.record = replace(self.record, videos={**self.record.videos, camera: video})
+        write_record(self.folder, self.record)
+
+    def write(self, camera: str, number: int, people: Array) -> None:
+        """Write the people of a frame (P, N, 3) as OpenPose does, zeros for a joint that is missing."""
+        joints = np.where(np.isfinite(people).all(axis=-1, keepdims=True), people, 0.0)
+        rows = [person.ravel().tolist() for person in np.round(joints, _DECIMALS)]
+        found = [{"person_id": [-1], "pose_keypoints_2d": row} for row in rows]
+        text = json.dumps({"version": 1.3, "people": found}, separators=(",", ":"))
+        path = camera_folder(self.folder, camera) / f"{camera}_{number:0{_DIGITS}d}.json"
+        with atomic_write(path, durable=False) as stream:
+            stream.write(text.encode())
+
+
+def _files(folder: Path, camera: str) -> dict[int, Path]:
+    """Return the files of a camera that have `detect`'s names, by frame."""
+    found = {}
+    for path in camera_folder(folder, camera).glob(f"*_{'[0-9]' * _DIGITS}.json"):
+        name, _, number = path.stem.rpartition("_")
+        if name == camera:
+            found[int(number)] = path
+    return found
+
+
+def _refused(expected: str, actual: str) -> InvalidInputError:
+    return InvalidInputError(f"output: expected {expected}, got {actual}")

@@ -78,17 +78,10 @@ def check_pose_format(
 
 
 def write_pose(path: str | os.PathLike[str], data: Poses, **options: object) -> None:
-    """Write poses in the format that the extension of ``path`` names.
+    """Write poses in the format that the extension of ``path`` names: npz, csv, trc, c3d, json or nc.
 
-    Parameters
-    ----------
-    path : path
-        Ends in ``.npz``, ``.csv``, ``.trc``, ``.c3d``, ``.json`` or ``.nc``.
-    data : PoseData
-    **options
-        ``frame_rate``, ``y_up``, ``marker_names`` (trc, c3d), ``unit`` (trc), ``frame_rate``,
-        ``individual``, ``singular`` (nc), ``run`` (npz), as the writer of each format takes them; None stands
-        for the default.
+    ``options`` are those of its writer: ``frame_rate`` (trc, c3d, nc), ``y_up``, ``marker_names`` (trc, c3d),
+    ``unit`` (trc), ``individual``, ``singular`` (nc), ``run`` (npz); None stands for the default.
     """
     kind = pose_format(path)
     given = {name: value for name, value in options.items() if value is not None}
@@ -150,19 +143,7 @@ def write_people(path: str | os.PathLike[str], people: Mapping[int, PoseData]) -
     of the objects of `write_json`, each with ``person``. ``.nc`` is the dataset of `to_xarray` with an
     individual ``person_0``, … each, over the frames of all: where a person is not there, positions are NaN.
 
-    Parameters
-    ----------
-    path : path
-        Ends in ``.csv``, ``.json`` or ``.nc``.
-    people : dict of int to PoseData
-        By identity; all have the same joints.
-
-    Raises
-    ------
-    InvalidInputError
-        If the extension is another, or there is nobody.
-    MissingPackageError
-        If the format needs a package that is not installed.
+    ``people`` are by identity; all have the same joints.
     """
     kind = os.fspath(path).rpartition(".")[2].lower()
     if kind not in PEOPLE_FORMATS:

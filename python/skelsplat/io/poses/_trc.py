@@ -25,8 +25,6 @@ from skelsplat.io.poses._pose_data import Y_UP, PoseData, Poses, checked, known_
 from skelsplat.io.poses._pose_data import marker_names as named
 
 _HEADER = "DataRate CameraRate NumFrames NumMarkers Units OrigDataRate OrigDataStartFrame OrigNumFrames"
-# share by which a rounded frame rate is off; 59.94 and 60 differ by twice as much
-_SAME_RATE = 5e-4
 # a micrometre
 _DECIMALS = {"m": 6, "mm": 3}
 
@@ -48,8 +46,6 @@ def write_trc(
 
     Parameters
     ----------
-    path : path
-    data : PoseData
     frame_rate : float
         Frames per second; that of `data` if left out.
     unit : "m" or "mm"
@@ -108,8 +104,8 @@ def read_trc(path: str | os.PathLike[str]) -> PoseData:
     """Read a TRC file; its axes are kept as they are.
 
     The blank sixth line may be missing, and empty fields and "nan" are NaN. ``frames`` are the file's own row
-    numbers, ``frame_rate`` is its DataRate. If the header contradicts the rows (their number, or the rate
-    that their times have), the rows decide, and a warning says so.
+    numbers, ``frame_rate`` is its DataRate, or that of the rows' times if it is 0. Of another count of frames
+    in the header than there are rows a warning is given.
     """
     source = Path(path)
     lines = read_text(source).splitlines()
@@ -130,16 +126,13 @@ def read_trc(path: str | os.PathLike[str]) -> PoseData:
         _contradicted(source, words, stated=int(count), rows=len(rows))
     frames = np.array([frame for frame, _ in rows], dtype=np.int64)
     rate = _stated(source, "DataRate", stated[0])
-    found = _contradicting_rate(frames, [line.split("\t")[1] for _, line in body], rate)
-    if found or not rate:
-        given = (
-            f"it is {found:g} by those of the rows, which decide" if found else "the rows give none either"
-        )
-        words = f"{stated[0].strip()} frames per second; {given}"
-        _contradicted(source, words, stated=rate, frame_rate=found)
+    found = rate or _rate_of(frames, [line.split("\t")[1] for _, line in body])
+    if not rate:
+        given = f"it is {found:g} by those of the rows" if found else "the rows give none either"
+        _contradicted(source, f"{stated[0].strip()} frames per second; {given}", stated=0.0, frame_rate=found)
     points = np.array([values for _, values in rows], dtype=np.float64)
     pose = points.reshape(len(rows), len(markers), 3)
-    return PoseData(pose, markers, frames, stated[4], frame_rate=found or rate or None)
+    return PoseData(pose, markers, frames, stated[4], frame_rate=found)
 
 
 def _stated(path: Path, name: str, text: str) -> float:
@@ -159,26 +152,15 @@ def _contradicted(path: Path, words: str, **numbers: float | None) -> None:
     warn(Finding("header_contradicts", "warning", Subject(files=(str(path),)), numbers, sentence=sentence))
 
 
-def _contradicting_rate(frames: Index, texts: Sequence[str], stated: float) -> float | None:
-    """Return the frame rate of rows with these times if it is another than the one stated.
-
-    Times have to ascend, and, if a rate is stated, to pass evenly, to half a frame: with a jump in them, no
-    rate is that of all rows.
-    """
+def _rate_of(frames: Index, texts: Sequence[str]) -> float | None:
+    """Return the frame rate of rows with these times; None if the times do not ascend."""
     try:
         seconds = np.array([float(text) for text in texts])
     except ValueError:
         return None
     if len(seconds) < 2 or not (np.diff(seconds) > 0.0).all():
         return None
-    steps, passed = frames - frames[0], seconds - seconds[0]
-    rate = round(float(steps[-1] / passed[-1]), 3)
-    if stated:
-        digit = 10.0 ** -max(len(text.strip().partition(".")[2]) for text in texts)
-        frame = passed[-1] / steps[-1]
-        even = (np.abs(passed - steps * frame) <= 0.5 * frame + digit).all()
-        if not even or abs(passed[-1] - steps[-1] / stated) <= digit + _SAME_RATE * passed[-1]:
-            return None
+    rate = round(float((frames[-1] - frames[0]) / (seconds[-1] - seconds[0])), 3)
     return rate if 0.0 < rate < math.inf else None
 
 

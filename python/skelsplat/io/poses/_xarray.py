@@ -49,17 +49,8 @@ def to_xarray(
     frames; the coordinate ``frame`` has the frames' own numbers. Attributes: ``fps`` (if known),
     ``time_unit``, ``source_software``, ``ds_type``, ``unit``, ``processing``.
 
-    Parameters
-    ----------
-    data : PoseData
-    frame_rate : float
-        Frames per second; that of `data` if left out.
-    individual : str
-        Name of the person.
-    singular : bool
-        Name the dimensions ``keypoint`` and ``individual``, as movement does from version 0.17 on.
-    first : int
-        The frame at which time begins; the first of `data` if left out.
+    ``singular`` names the dimensions ``keypoint`` and ``individual``, as movement does from version 0.17 on;
+    ``first`` is the frame at which time begins.
     """
     xarray = require("xarray", "xarray datasets")
     time, space, keypoints, individuals = dims = _SINGULAR if singular else _PLURAL
