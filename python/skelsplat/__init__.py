@@ -6,11 +6,10 @@ Gaussian at the 2D detection. The public names are the ones listed in ``__all__`
 
 from skelsplat import layouts, metrics, synthetic
 from skelsplat._angles import JointAngles, joint_angles
-from skelsplat._batches import refine_batches
 from skelsplat._people import Person, Tracker, track
 from skelsplat._refine import LossAndGradient, Refinement, Refiner, loss_and_gradient, refine
 from skelsplat._rig import CameraAdjustment, RigAdjustment, adjust_cameras
-from skelsplat._sequence import SequenceRefinement, refine_sequence
+from skelsplat._sequence import SequenceRefinement, refine_batches, refine_sequence
 from skelsplat._skelsplat import (
     REJECTED_WEIGHT,
     Camera,

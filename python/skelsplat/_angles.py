@@ -39,15 +39,9 @@ Kind = Callable[..., tuple[Array, Gradients, Array]]
 class JointAngles:
     """What ``joint_angles`` returns. ``…`` is ``(T,)`` for a sequence and nothing for one pose.
 
-    Attributes
-    ----------
-    names : tuple of str, A
-        The angles of the layout: ``"left_knee_flexion"``, …
-    degrees : (…, A) float64
-        NaN where a joint is missing, two joints coincide or the angle is not defined.
-    sigma : (…, A) float64
-        Standard deviations in degrees, to first order in the covariances of the joints; NaN where these are
-        unknown.
+    ``degrees`` (…, A) of the angles ``names`` are NaN where a joint is missing, two joints coincide or the
+    angle is not defined. ``sigma`` (…, A) are standard deviations in degrees, to first order in the
+    covariances of the joints; NaN where these are unknown.
     """
 
     names: tuple[str, ...]
@@ -59,9 +53,6 @@ class JointAngles:
         if name not in self.names:
             raise InvalidInputError(f"name: expected one of {', '.join(self.names)}, got {name!r}")
         return self.degrees[..., self.names.index(name)]
-
-    def __repr__(self) -> str:
-        return f"JointAngles({len(self.names)} angles, degrees {self.degrees.shape})"
 
 
 def joint_angles(
@@ -90,11 +81,6 @@ def joint_angles(
         array. The errors of different joints are taken for independent.
     up : "x", "y", "z", "-x", "-y", "-z", (3,) or None
         The vertical of the world. None leaves out the angles that need it: those of trunk and pelvis.
-
-    Raises
-    ------
-    InvalidInputError
-        If a shape does not fit, the layout has no angle, or ``up`` is no direction.
     """
     layout = Layout.by_name(layout) if isinstance(layout, str) else layout
     if isinstance(pose, Refinement):

@@ -7,7 +7,6 @@ same to every function.
 from __future__ import annotations
 
 import sys
-import textwrap
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -25,6 +24,7 @@ FARTHEST = 1e30
 _FLOAT64 = np.dtype(np.float64)
 # NumPy makes a float64 of these: it parses text, drops the imaginary part, drops the unit.
 _NO_NUMBERS = (str, bytes, complex, np.complexfloating, np.datetime64, np.timedelta64)
+_EXPECTED = "expected an array of numbers, got "
 # Above it not every whole number is a double.
 _EXACT = 2.0**53
 
@@ -71,7 +71,7 @@ def positive(name: str, value: float, kind: str = "number") -> None:
     except (TypeError, ValueError, OverflowError):
         given = float("nan")
     if not (np.isfinite(given) and given > 0) or (kind == "integer" and given != int(given)):
-        raise InvalidInputError(f"{name}: expected a positive {kind}, got {_shown(value)}")
+        raise InvalidInputError(f"{name}: expected a positive {kind}, got {value!r:.80}")
 
 
 def generator(seed: int | np.random.Generator) -> np.random.Generator:
@@ -80,12 +80,7 @@ def generator(seed: int | np.random.Generator) -> np.random.Generator:
         return np.random.default_rng(seed)
     except (TypeError, ValueError) as error:
         expected = "a whole number of at least 0, or a generator"
-        raise InvalidInputError(f"seed: expected {expected}, got {_shown(seed)}") from error
-
-
-def _shown(value: object) -> str:
-    """Return a value as a message shows it: one short line."""
-    return textwrap.shorten(repr(value), 80, placeholder=" …")
+        raise InvalidInputError(f"seed: expected {expected}, got {seed!r:.80}") from error
 
 
 def median(values: NDArray[np.float64]) -> float:
@@ -140,7 +135,7 @@ class ArrayFields:
 def _read(value: object, name: str) -> NDArray[Any]:
     """Return what NumPy makes of `value`, of any type of numbers; a masked array stays one."""
     if value is None:
-        raise InvalidInputError(f"{name}: expected an array of numbers, got None")
+        raise InvalidInputError(f"{name}: {_EXPECTED}None")
     if isinstance(value, list | tuple) and _holds_masks(value):
         value = [numbers(item, name) for item in value]
     try:
@@ -148,7 +143,7 @@ def _read(value: object, name: str) -> NDArray[Any]:
     except MemoryError:
         raise
     except Exception as error:  # an object's own __array__ may raise anything
-        raise InvalidInputError(_expected(name, " ".join(str(error).split()))) from error
+        raise InvalidInputError(f"{name}: {_EXPECTED}{' '.join(str(error).split())}") from error
 
 
 def _holds_masks(items: list[Any] | tuple[Any, ...]) -> bool:
@@ -172,7 +167,7 @@ def _as_float64(value: object, name: str) -> NDArray[np.float64]:
     if not np.can_cast(array.dtype, np.float64, "same_kind"):
         words = {"c": "complex numbers", "S": "text", "U": "text", "T": "text", "V": "records"}
         called = words.get(array.dtype.kind, "an array")
-        raise InvalidInputError(_expected(name, f"{called} ({array.dtype})"))
+        raise InvalidInputError(f"{name}: {_EXPECTED}{called} ({array.dtype})")
     return np.asarray(array, dtype=np.float64, order="C")
 
 
@@ -182,12 +177,8 @@ def _of_objects(array: NDArray[np.object_], name: str) -> NDArray[np.float64]:
     items = [np.nan if item is None or item is missing else item for item in array.ravel()]
     for kind in set(map(type, items)):
         if issubclass(kind, _NO_NUMBERS):
-            raise InvalidInputError(_expected(name, f"an object of type {kind.__name__}"))
+            raise InvalidInputError(f"{name}: {_EXPECTED}an object of type {kind.__name__}")
     try:
         return np.array(items, dtype=np.float64).reshape(array.shape)
     except (TypeError, ValueError) as error:
-        raise InvalidInputError(_expected(name, str(error))) from error
-
-
-def _expected(name: str, actual: str) -> str:
-    return f"{name}: expected an array of numbers, got {actual}"
+        raise InvalidInputError(f"{name}: {_EXPECTED}{error}") from error

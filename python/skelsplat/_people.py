@@ -34,41 +34,28 @@ People = ArrayLike | Sequence[Sequence[ArrayLike | None]]
 class Person:
     """One person of a recording, or of a frame of a live loop.
 
-    Attributes
-    ----------
-    id : int
-        Identity, counted from 0 in the order of appearance, within a frame by how well the views support the
-        person. A person out of sight is lost after one second and keeps it for five more if place and bones
-        allow.
-    frames : (F,) int64
-        Frames of the recording, from the first to the last in which two views see the person. In between, a
-        frame in which nobody sees them is bridged or NaN.
-    slots : (F, M) int64
-        Which of the people in each view this is; -1 in a view that does not see them.
-    more_slots : (F, M) int64
-        A second one, where a detector has split the person into two; else -1.
-    refinement : SequenceRefinement
-        Their frames, solved over time; a `Refinement` of one frame from `Tracker.step`.
+    ``id`` counts from 0 in the order of appearance; a person out of sight is lost after one second and keeps
+    it for five more if place and bones allow. ``frames`` (F,) are those of the recording from the first to
+    the last in which two views see the person; a frame in between in which none does is bridged or NaN.
+    ``slots`` (F, M) says which of the people in each view this is, -1 in a view that does not see them, and
+    ``more_slots`` a second one, where a detector has split the person into two. ``refinement`` is a
+    `SequenceRefinement`, or from `Tracker.step` a `Refinement` of one frame.
     """
 
     id: int
-    frames: Index
-    slots: Index
+    frames: Index = field(repr=False)
+    slots: Index = field(repr=False)
     more_slots: Index = field(repr=False)
     refinement: Refinement
 
     def detections(self, people: People) -> Array:
         """Return this person's detections (F, M, N, 2|3) among the ``people`` given to ``track``."""
-        array = np.asarray(padded(people), dtype=np.float64)[self.frames]
+        array = padded(people)[self.frames]
         if not len(self.frames):
             raise InvalidInputError("detections: expected a person of a recording, got one of Tracker.step")
         own, more = (take_people(array, slots) for slots in (self.slots, self.more_slots))
         missing = ~np.isfinite(own[..., :2]).all(axis=-1) | (own[..., 2:] == 0.0).any(axis=-1)
         return np.where(missing[..., None], more, own)
-
-    def __repr__(self) -> str:
-        span = f"frames {self.frames[0]} to {self.frames[-1]}, " if len(self.frames) else ""
-        return f"Person(id={self.id}, {span}{self.refinement!r})"
 
 
 def track(
@@ -93,10 +80,8 @@ def track(
     people : (T, M, P, N, 2|3), or per frame a list of M views with (P_i, N, 2|3) each
         Up to P people per view: pixels, with confidence if there are three values. NaN where a slot is empty
         or a joint is missing. The frames of one recording in order, at a constant rate.
-    cameras, config, progress
+    cameras, fps, config, progress
         As in ``refine_sequence``.
-    fps : float
-        Frames per second.
     layout : str or Layout
         The joints. The proportions of a built-in one help to tell a person from a chance agreement.
     max_people : int, optional
@@ -105,13 +90,7 @@ def track(
     Returns
     -------
     list of Person
-        In the order of their appearance, those who are there from the same frame on in that of their support;
-        empty if no two views agree on anybody.
-
-    Raises
-    ------
-    InvalidInputError
-        As ``refine_sequence``, if shapes do not fit, or if ``max_people`` is below 1.
+        In the order of their appearance, those who are there from the same frame on in that of their support.
 
     Warns
     -----
@@ -130,7 +109,7 @@ def track(
     for person in everybody:
         warn_of_size(person.refinement.pose, cameras, layout)
     in_vain = 0 if everybody else _frames_of_two_views(frames)
-    if in_vain >= max(3.0, min(_IN_VAIN_S * fps, 0.5 * len(np.asarray(frames)))):
+    if in_vain >= max(3.0, min(_IN_VAIN_S * fps, 0.5 * len(frames))):
         warn(nobody_found(in_vain))
     if cut:
         warn(people_uncompared(cut, most_people(frames)))
@@ -205,27 +184,24 @@ def _unequal_limbs(everybody: Sequence[Person], cameras: Cameras, layout: str | 
     return limbs_differ(layout, np.median(sizes, axis=0) * mm_per_unit(cameras))
 
 
-def _frames(people: People, cameras: Cameras) -> ArrayLike:
+def _frames(people: People, cameras: Cameras) -> Array:
     """Return ``people`` as an array, with a view for each of the cameras."""
     frames = padded(people)
-    shape = np.shape(np.asarray(frames))
     if len(cameras) < 2:
         raise InvalidInputError(f"cameras: expected at least two, got {len(cameras)}")
-    if len(shape) == 5 and shape[0] and shape[1] != len(cameras):
-        expected = f"one view per camera ({len(cameras)})"
-        raise InvalidInputError(f"people: expected {expected}, got {shape[1]} views")
+    if frames.ndim == 5 and len(frames) and frames.shape[1] != len(cameras):
+        raise InvalidInputError(f"people: expected {len(cameras)} views, got {frames.shape[1]}")
     return frames
 
 
-def most_people(frames: ArrayLike) -> int:
+def most_people(frames: Array) -> int:
     """Return the largest number of people in a view of frames (T, M, P, N, 2|3)."""
-    return int(np.isfinite(np.asarray(frames)[..., 0]).any(axis=-1).sum(axis=-1).max())
+    return int(np.isfinite(frames[..., 0]).any(axis=-1).sum(axis=-1).max())
 
 
-def _frames_of_two_views(people: ArrayLike) -> int:
-    """Return in how many frames of ``people`` (T, M, P, N, 2|3) two or more views have a detection."""
-    array = np.asarray(people, dtype=np.float64)
-    there = ~np.isnan(array[..., 0]) & (array[..., 2:] != 0.0).all(axis=-1)
+def _frames_of_two_views(frames: Array) -> int:
+    """Return in how many frames (T, M, P, N, 2|3) two or more views have a detection."""
+    there = ~np.isnan(frames[..., 0]) & (frames[..., 2:] != 0.0).all(axis=-1)
     return int((there.any(axis=(2, 3)).sum(axis=1) >= 2).sum())
 
 
@@ -237,28 +213,22 @@ def _person(out: dict[str, Any], first: int | None, kind: type[Refinement]) -> P
 
 
 def _count(most: int | None) -> int | None:
-    if most is not None and (isinstance(most, bool) or not isinstance(most, int | np.integer) or most < 1):
-        raise InvalidInputError(f"max_people: expected an integer of at least 1, or None, got {most!r}")
+    if most is not None:
+        positive("max_people", most, "integer")
     return most
 
 
-def padded(people: People) -> ArrayLike:
+def padded(people: People) -> Array:
     """Return people as an array (T, M, P, N, 2|3), NaN in empty slots."""
     if hasattr(people, "__array__") or not isinstance(people, list | tuple):
         return numbers(people, "people")
-    for frame in people:
-        if not isinstance(frame, list | tuple | np.ndarray):
-            got = type(frame).__name__
-            raise InvalidInputError(f"people: expected a list of views in every frame, got {got}")
     frames = [[numbers(() if view is None else view, "people") for view in frame] for frame in people]
     views = [view for frame in frames for view in frame]
     shapes = {view.shape[1:] for view in views if view.size}
     counts = {len(frame) for frame in frames}
-    if len(counts) > 1:
-        raise InvalidInputError(f"people: expected as many views in every frame, got {sorted(counts)}")
-    if len(shapes) > 1 or any(len(shape) != 2 for shape in shapes):
-        got = ", ".join(str(("P", *shape)) for shape in sorted(shapes))
-        raise InvalidInputError(f"people: expected (P, N, 2) or (P, N, 3) in every view, got {got}")
+    if len(counts) > 1 or len(shapes) > 1 or any(len(shape) != 2 for shape in shapes):
+        expected = "as many views in every frame, of (P, N, 2) or (P, N, 3) each"
+        raise InvalidInputError(f"people: expected {expected}, got {counts} views of P times {shapes}")
     empty = {view.shape[1:] for view in views if view.ndim == 3}
     joints = (shapes or empty or {(0, 3)}).pop()
     most = max((len(view) for view in views if view.size), default=0)
@@ -314,8 +284,8 @@ class Tracker:
         """
         one = [people] if isinstance(people, Sequence) else numbers(people, "people")[None]
         frame = _frames(one, self._cameras)
-        if np.ndim(frame) != 5:
-            got = np.shape(frame)[1:]
+        if frame.ndim != 5:
+            got = frame.shape[1:]
             raise InvalidInputError(f"people: expected shape (M, P, N, 2) or (M, P, N, 3), got {got}")
         found = self._compiled.step(frame)
         if self._in_vain is not None:

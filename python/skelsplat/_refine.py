@@ -68,7 +68,7 @@ class Refinement:
         ``"converged"``, ``"max_steps"``, ``"no_observations"`` or ``"diverged"``.
     init_pose : (…, N, 3) float64
     loss_history : (…, steps) float64
-        L_opt of every step, NaN after a frame's last; only of ``paper``, with ``config.loss_history``.
+        L_opt of every step of ``paper``, NaN after a frame's last; only with ``config.loss_history``.
     """
 
     pose: NDArray[np.float64]
@@ -265,13 +265,12 @@ class Refiner:
     cameras, layout, config
         As in ``refine``, for every frame.
     fps : float, optional
-        Frames per second, all of which are given to ``step``: the past then predicts, weighted by its
-        covariance, except where two views agree on another position, and limbs keep their lengths.
-        ``annealed`` only.
+        Frames per second, all of which are given to ``step``: the past then predicts, except where two views
+        agree on another position, and limbs keep their lengths. ``annealed`` only.
     lag : int
         With ``fps``: return the pose of the frame that lies this many frames before the last one, solved
-        together with the frames around it, much like in ``refine_sequence``. The first ``lag`` steps return a
-        pose of NaN; as many steps without any detection (NaN) at the end return the last.
+        together with the frames around it. The first ``lag`` steps return a pose of NaN; as many steps
+        without any detection (NaN) at the end return the last.
 
     Examples
     --------

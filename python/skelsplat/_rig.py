@@ -131,7 +131,6 @@ def adjust_cameras(
     detections : (T, M, N, 2|3)
         Of one person or animal who moves about: the frames in order, NaN where missing. Of several people,
         one after another, with 31 empty frames between them (`skelsplat.run.cameras` tells them apart).
-    cameras : CameraRig or sequence of Camera
     free : sequence of str or int, optional
         Names or numbers of the cameras that are wrong, in place of finding them; at least one must stay.
     focal : bool
@@ -139,14 +138,8 @@ def adjust_cameras(
         have changed.
     clock : bool
         Also measure clocks to parts of a frame. Offsets of whole frames are looked for in any case.
-    confidence, config
+    cameras, confidence, config
         As in ``refine``. Of the settings, ``min_confidence``, ``undistort`` and ``n_threads`` count.
-
-    Raises
-    ------
-    InvalidInputError
-        As ``refine``, and if ``detections`` is a single frame, there are fewer than two cameras, or ``free``
-        names an unknown camera or all of them.
     """
     rig = cameras if isinstance(cameras, CameraRig) else CameraRig(cameras)
     named = [free] if isinstance(free, str) else free
@@ -155,22 +148,12 @@ def adjust_cameras(
         detections, rig, confidence=confidence, free=chosen, focal=focal, clock=clock, config=config
     )
     degrees = 180.0 / math.pi
+    sigmas = (out["turn_sigma"] * degrees, out["shift_sigma"], out["zoom_sigma"], out["clock_sigma"])
+    numbers_of = zip(out["zoom"], out["clock"], *sigmas, out["before"], out["after"], strict=True)
+    places = zip(rig.names, out["status"], out["turn"] * degrees, out["shift"], strict=True)
     report = [
-        CameraAdjustment(
-            name=name,
-            status=out["status"][i],
-            turn=out["turn"][i] * degrees,
-            shift=out["shift"][i],
-            focal=float(out["zoom"][i]),
-            clock=float(out["clock"][i]),
-            turn_sigma=float(out["turn_sigma"][i]) * degrees,
-            shift_sigma=float(out["shift_sigma"][i]),
-            focal_sigma=float(out["zoom_sigma"][i]),
-            clock_sigma=float(out["clock_sigma"][i]),
-            before=float(out["before"][i]),
-            after=float(out["after"][i]),
-        )
-        for i, name in enumerate(rig.names)
+        CameraAdjustment(*place, *map(float, values))
+        for place, values in zip(places, numbers_of, strict=True)
     ]
     fitted, judged = out["frames"]
     return RigAdjustment(CameraRig(adjusted, rig.unit), tuple(report), fitted, judged)

@@ -35,15 +35,13 @@ def fill_gaps(
     frames: npt.ArrayLike | None = None,
     gaps: npt.ArrayLike | None = None,
 ) -> tuple[Array, Mask]:
-    """Interpolate every joint over gaps of at most ``max_gap`` frames.
+    """Interpolate every joint over gaps of at most ``max_gap`` frames, counted in frame numbers.
 
     A gap lies between two frames in which the joint is known; before the first and after the last of them
-    nothing is filled. Its length is counted in frame numbers.
+    nothing is filled.
 
     Parameters
     ----------
-    max_gap : int
-        Longest gap that is filled, in frames.
     method : {"cubic", "linear"}
         A cubic spline through all frames in which the joint is known, or straight lines.
     gaps : (T, N) bool, optional
@@ -79,14 +77,8 @@ def butterworth(
 ) -> tuple[Array, Mask]:
     """Low-pass every joint with a Butterworth filter run forwards and backwards, so without lag.
 
-    Parameters
-    ----------
-    cutoff : float
-        Hz; the amplitude at this frequency is 1/√2 (−3 dB) after both passes.
-    order : int
-        Of both passes together: 2, 4, 6 or 8.
-    weak : (T, N) bool, optional
-        Between trusted positions a straight line stands in for weak ones, over a stretch of any length.
+    The amplitude at ``cutoff`` Hz is 1/√2 (−3 dB) after both passes, whose order together is 2, 4, 6 or 8.
+    Between trusted positions a straight line stands in for ``weak`` ones, over a stretch of any length.
 
     Returns
     -------
@@ -133,14 +125,8 @@ def one_euro(
 
     It uses past frames only, so it is fit for a live loop and lags behind slow motion. After a gap or a weak
     position it starts anew. Casiez, Roussel and Vogel, CHI 2012; here the speed is that of the joint, not of
-    each coordinate.
-
-    Parameters
-    ----------
-    min_cutoff : float
-        Cutoff at rest, Hz.
-    beta : float
-        By how much the cutoff grows with the speed, Hz per unit of ``pose`` per second.
+    each coordinate. ``min_cutoff`` is the cutoff at rest, Hz, ``beta`` by how much it grows with the speed,
+    Hz per unit of ``pose`` per second.
     """
     positions, numbers = _checked(pose, frames)
     _arrays.positive("frame_rate", frame_rate)

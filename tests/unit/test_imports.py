@@ -19,7 +19,7 @@ LAYERS = (
     {"datasets"},  # writes the sets that `synthetic` makes
     {"io", "viz", "rig_check", "synthetic"},
     {"association", "temporal"},
-    {"_people", "_batches"},
+    {"_people"},
     {"_sequence", "_angles", "_rig"},
     {"_refine", "metrics"},
     {"cameras", "layouts"},

@@ -46,17 +46,11 @@ class Detector(Protocol):
 
     @property
     def follows(self) -> bool:
-        """Whether an image's detections depend on the images before it.
-
-        If so, a camera that was interrupted is detected again from its first frame.
-        """
+        """Whether detections depend on earlier images; an interrupted camera is then detected anew."""
         ...
 
     def open(self) -> AbstractContextManager[Find]:
-        """Begin a camera: give a function from an image (H, W, 3), blue first, to its people (P, N, 3).
-
-        A person's N joints are x and y in pixels and a confidence in [0, 1], 0 for one that was not detected.
-        """
+        """Begin a camera; a confidence in [0, 1] is 0 for a joint that was not detected."""
         ...
 
 
@@ -185,10 +179,8 @@ def _compare(written: Sequence[Detected]) -> None:
     """Warn of cameras without anybody, and of videos that differ in length or rate."""
     for one in written:
         if one.rotation:
-            sentence = (
-                f"{one.video}: frames are turned by {one.rotation}° as the video's metadata say; the "
-                "calibration must be of frames turned in the same way."
-            )
+            sentence = f"{one.video}: frames are turned by {one.rotation}° as the video's metadata say; the "
+            sentence += "calibration must be of frames turned in the same way."
             about = Subject(files=(str(one.video),))
             warn(Finding("video_turned", "note", about, {"degrees": one.rotation}, sentence=sentence))
         if one.new and one.empty == one.new:
@@ -198,14 +190,12 @@ def _compare(written: Sequence[Detected]) -> None:
     if each := _different(written, [one.frames for one in written]):
         sentence = (
             f"The videos have different numbers of frames ({each}): if they begin at the same instant, "
-            "refine only the frames that all of them have."
         )
+        sentence += "refine only the frames that all of them have."
         warn(Finding("videos_differ_in_length", numbers={"each": each}, sentence=sentence))
     if each := _different(written, [round(one.frame_rate or 0.0, 2) for one in written]):
-        sentence = (
-            f"The videos have different frame rates ({each}): frames of the same number, which are compared, "
-            "are then not of the same instant."
-        )
+        sentence = f"The videos have different frame rates ({each}): frames of the same number, which are "
+        sentence += "compared, are then not of the same instant."
         warn(Finding("frame_rates_differ", numbers={"each": each}, sentence=sentence))
 
 

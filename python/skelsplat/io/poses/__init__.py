@@ -209,11 +209,10 @@ def is_pose_file(path: Path) -> bool:
 def _warn_if_turned(source: Path) -> None:
     """Warn if the axes of a motion-capture file were turned before, or may have been."""
     kind = pose_format(source)
-    words = {
-        "trc": "a TRC file does not state which axis is up; if y is up in it already, y_up turns it again",
-        "c3d": "y is up in it already (POINT:Y_SCREEN), so y_up turns its axes once more",
-    }
     if kind == "trc" or (kind == "c3d" and c3d_is_y_up(source)):
-        sentence = f"{source}: {words[kind]}."
+        states = (
+            "y is up already" if kind == "c3d" else "y may be up already, which the format does not state"
+        )
+        sentence = f"{source}: {states}, so y_up turns the axes once more."
         doubt = Finding("axes_turned", "warning", Subject(files=(str(source),)), sentence=sentence)
         warnings.warn(FindingWarning(doubt), stacklevel=3)

@@ -28,6 +28,7 @@ _MAX_NAME, _MAX_TEXT = 127, 255
 _EXACT = 2**24
 _MISSING, _INTERPOLATED = -1.0, 0.0
 _GROUP = "SKELSPLAT"
+_WHOLE = "a complete C3D file"
 
 
 def write_c3d(
@@ -123,7 +124,7 @@ def read_c3d(path: str | os.PathLike[str]) -> PoseData:
     between writers.
     """
     source = Path(path)
-    found = _read(source)
+    found: dict[str, Any] = read_guarded("c3d", source, _WHOLE)
     point, own, points = found["parameters"]["POINT"], found["parameters"][_GROUP], found["points"]
     steps, count = found["last_frame"] - found["first_frame"] + 1, points.shape[1]
     labels = [
@@ -161,11 +162,5 @@ def read_c3d(path: str | os.PathLike[str]) -> PoseData:
 
 def c3d_is_y_up(path: str | os.PathLike[str]) -> bool:
     """Tell whether a C3D file states, in ``POINT:Y_SCREEN``, that its y axis points up the screen."""
-    point = _read(Path(path))["parameters"]["POINT"]
+    point = read_guarded("c3d", Path(path), _WHOLE)["parameters"]["POINT"]
     return [axis.strip() for axis in point.get("Y_SCREEN", ())] == ["+Y"]
-
-
-def _read(path: Path) -> dict[str, Any]:
-    """Return points (4, N, T), residuals (1, N, T), parameters by group and name, first and last frame."""
-    found: dict[str, Any] = read_guarded("c3d", path, "a complete C3D file")
-    return found

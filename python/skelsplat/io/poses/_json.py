@@ -47,21 +47,20 @@ def write_json(path: str | os.PathLike[str], data: Poses) -> None:
     What does not exist is null: a number, or a whole joint in ``pose`` and the covariances.
     """
     with atomic_write(path) as stream:
-        for text in _texts(data, {"format": FORMAT, "version": VERSION, "written_by": _writer()}):
+        for text in _texts(data, _head(FORMAT)):
             stream.write(text.encode())
         stream.write(b"\n")
 
 
 def people_text(people: Mapping[int, PoseData]) -> str:
     """Return one JSON object with the poses of several people, as `write_people` describes it."""
-    head = {"format": PEOPLE, "version": VERSION, "written_by": _writer()}
-    lines = [f"{json.dumps(key)}: {_dumps(value)}," for key, value in head.items()]
+    lines = [f"{json.dumps(key)}: {_dumps(value)}," for key, value in _head(PEOPLE).items()]
     each = ",\n".join("".join(_texts(data, {"person": identity})) for identity, data in people.items())
     return "\n".join(["{", *lines, '"people": [', each, "]", "}", ""])
 
 
-def _writer() -> str:
-    return f"skelsplat {sk.__version__}"
+def _head(kind: str) -> dict[str, Any]:
+    return {"format": kind, "version": VERSION, "written_by": f"skelsplat {sk.__version__}"}
 
 
 def _texts(data: Poses, first: Mapping[str, Any]) -> Iterator[str]:

@@ -44,11 +44,6 @@ def write_npz(path: str | os.PathLike[str], data: Poses, *, run: str | None = No
     arrays["version"] = np.array(sk.__version__)
     if run is not None:
         arrays["run"] = np.array(run)
-    target = Path(path)  # what its reader refuses is not written either
-    for key in ("joint_names", "camera_names"):
-        array_names(target, key, arrays[key], len(arrays[key]))
-    frame_numbers(target, frames)
-    Arrays(target, arrays).rate()
     with atomic_write(path) as stream:
         if isinstance(data, PoseParts):
             write_pieces(stream, arrays)

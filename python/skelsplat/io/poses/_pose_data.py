@@ -97,11 +97,8 @@ class PoseData:
         What was done to `pose` over time, a sentence each: gaps filled, filters. The other arrays stay those
         of the refinement.
 
-    Raises
-    ------
-    InvalidInputError
-        If a shape does not fit the others, the unit is unknown, the frame rate is not positive or a joint
-        that is "ok", "inferred" or "filled" has no position.
+    An array that does not fit, an unknown unit or a joint that is "ok", "inferred" or "filled" and has no
+    position is an `InvalidInputError`.
     """
 
     pose: Array
@@ -228,14 +225,8 @@ class PoseData:
 class PoseParts:
     """Poses too long for the memory, in a folder; iterating yields them as `PoseData` of ``size`` frames.
 
-    Attributes
-    ----------
-    head : PoseData
-        What is not by frame, of the last part: names, unit, frame rate, bones; it has no frames.
-    frames : (T,) int
-        As of `PoseData`, those that are not appended yet as well.
-    rows : dict of RowFile
-        By name of the array of `PoseData`, those that the poses have.
+    ``head`` has what is not by frame, of the last part; ``frames`` (T,) are all, also those that are not
+    appended yet; ``rows`` are the arrays of `PoseData` that the poses have, by name.
     """
 
     head: PoseData
