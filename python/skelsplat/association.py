@@ -142,7 +142,8 @@ def separate_people(
         if (index < 0).all():
             break
         pose = _triangulated(everyone, index, cameras)
-        same = np.logical_or.reduce([_same_body(pose, other) for other in poses])
+        apart = [medians(np.linalg.norm(pose - other, axis=-1)) for other in poses]
+        same = np.any(np.stack(apart) < _SAME_BODY * np.stack([*map(body_sizes, poses)]), axis=0)
         if not same[(index >= 0).any(axis=1)].all():
             found.append(np.where(same[:, None], -1, index))
             poses.append(np.where(same[:, None, None], np.nan, pose))
@@ -151,12 +152,6 @@ def separate_people(
 
 def _triangulated(people: Array, index: Index, cameras: sk.CameraRig | Sequence[sk.Camera]) -> Array:
     return np.asarray(sk.triangulate(take_people(people, index), cameras, method="dlt"))
-
-
-def _same_body(pose: Array, other: Array) -> Mask:
-    """Whether two people (T, K, 3) are one body, (T,); not where one of them is unknown."""
-    apart = medians(np.linalg.norm(pose - other, axis=-1))
-    return apart < _SAME_BODY * body_sizes(other)
 
 
 def body_sizes(pose: npt.ArrayLike) -> Array:

@@ -66,21 +66,20 @@ def read_detections(
         Gives the views and their order. Cameras must have names, unless `order` is given.
     layout : str, path or Layout
         What the N joints are, as `read_layout` takes it; ``"file"``: those that the files name. It may be
-        left out only if the files name exactly the joints of one built-in layout, or the number of joints is
-        that of one detector alone (21, 33, 133, 136); other counts do not say which they are.
+        left out if the files name exactly the joints of one built-in layout, or have as many as one detector
+        alone (21, 33, 133, 136).
     format : str, optional
         A key of `FORMATS`; found from the files when left out.
     frames : {"strict", "intersection", "union"}
         ``strict`` asks for the same frame numbers for all cameras, ``intersection`` reads those that all
-        have, ``union`` reads every frame and leaves gaps as missing detections. AlphaPose, COCO and plain csv
-        do not list frames without people; there ``strict`` reads every frame that is listed for any camera.
+        have, ``union`` every frame. AlphaPose, COCO and plain csv do not list frames without people; there
+        ``strict`` reads every frame that is listed for any camera.
     offsets : dict, optional
-        By camera, frames to add to its numbers: ``{"cam2": 3}`` if that camera started 3 frames late. The
-        frame numbers of the result count in the common time, in which ``strict`` asks for the same numbers
-        from the latest beginning to the earliest end, and reads these. For parts of a frame, joints are moved
-        in a straight line towards their place in the next or previous frame of the camera; those that it
-        lacks, or that jump, stay. Cameras may be written as loosely as their folders: ``cam2`` for
-        ``cam_02``.
+        By camera, frames to add to its numbers: ``{"cam2": 3}`` if that camera started 3 frames late, in the
+        common time of the result, in which ``strict`` asks for the same numbers from the latest beginning to
+        the earliest end. For parts of a frame, joints are moved in a straight line towards their place in the
+        next or previous frame; those that it lacks, or that jump, stay. Cameras may be written as loosely as
+        their folders: ``cam2`` for ``cam_02``.
     order : sequence of str or "sorted", optional
         The folder, file, or place in the file of each camera, in the order of `cameras`, instead of matching
         by name, written as loosely. ``"sorted"``: the first in natural order belongs to the first camera.
@@ -90,9 +89,8 @@ def read_detections(
     sequence : str, optional
         Which sequence of a file that has several (VideoPose3D): ``"S9/Directions 1"``.
     without : collection of str
-        Names of `cameras` that are left out, written as loosely as in `offsets`: their detections may be
-        there or not, are not read, and have no place in the result. `order` and `offsets` may name them or
-        not.
+        Names of `cameras` that are left out, written as loosely: their detections may be there or not, and
+        `order` and `offsets` may name them or not.
 
     Returns
     -------
@@ -102,8 +100,7 @@ def read_detections(
     Raises
     ------
     InvalidInputError
-        If `layout` is missing or does not decide (the message names those that fit), or another argument is
-        unknown.
+        If an argument is unknown, or `layout` is missing (the message names those that fit).
     DatasetError
         If a folder or file is missing, malformed, without frames, or fits no camera; names it and the field.
     MissingPackageError

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from itertools import chain, islice, product
 from pathlib import Path
@@ -19,8 +20,6 @@ from skelsplat.io._guarded import read_guarded
 from skelsplat.io.detections._csv import SLEAP_ADDED, frame_in, number_in
 from skelsplat.io.detections._format import DetectionFormat, View, array_view, each, joints_of
 
-# pandas marks its tables in HDF5 with the first; the second is one of the levels of columns
-_MARKS = (b"pandas_type", b"bodyparts")
 _LEVELS = (("scorer", "bodyparts", "coords"), ("scorer", "individuals", "bodyparts", "coords"))
 # DeepLabCut's own name for parts that belong to no individual
 _UNIQUE = "single"
@@ -85,16 +84,7 @@ def _table_view(path: Path, columns: Sequence[tuple[str, ...]], frames: list[int
     people = padded[:, chosen].reshape(len(numbers), len(animals), len(parts), 3)
     likelihood = np.where(people[..., 2] == _NOBODY, 0.0, people[..., 2])
     joints = joints_of(path, "likelihood", people[..., :2], likelihood, clip=False)
-    return replace(array_view(path, "likelihood", joints, numbers), joints=parts)
-
-
-def _is_dlc(path: Path) -> bool:
-    return hdf5_mentions(path, *_MARKS)
-
-
-def _is_dlc_csv(path: Path) -> bool:
-    first = csv_header(path)
-    return len(first) > 1 and first[0] == "scorer"
+    return replace(array_view(path, joints, numbers), joints=parts)
 
 
 _AXES = ("track", "xy", "node", "frame")
@@ -132,26 +122,22 @@ def read_sleap(path: Path) -> View:
     joints = joints_of(path, _TRACKS, xy, scores, clip=True)
     known = array_names(path, _NAMES, nodes, xy.shape[2])
     edges = _edges(path, arrays.get(_EDGES, ()), len(known))
-    return replace(array_view(path, _TRACKS, joints), joints=known, edges=edges)
+    return replace(array_view(path, joints), joints=known, edges=edges)
 
 
 def _axes(path: Path, arrays: dict[str, Any], nodes: int, stated: Any) -> tuple[str, ...]:
     """Return the names of the axes of the tracks: as stated, else the usual ones, unless only others fit."""
     orders: list[tuple[str, ...]] = [_AXES, _UNTURNED]
-    if stated is not None:
-        try:
-            orders = [tuple(str(axis) for axis in json.loads(stated))]
-        except (TypeError, ValueError):
-            orders = [()]
-        if sorted(orders[0]) != sorted(_AXES):
-            raise DatasetError(path, f"{_TRACKS}.dims", f"an order of {', '.join(_AXES)}", repr(stated))
+    with suppress(TypeError, ValueError):
+        orders = [tuple(map(str, json.loads(stated)))]
     shape, tracks = np.shape(arrays[_TRACKS]), len(arrays.get("track_names", ()))
     sizes = {"xy": 2, "node": nodes, **({"track": tracks} if tracks else {})}
     for order in orders:
-        if len(shape) == len(order) and sizes.items() <= set(zip(order, shape, strict=True)):
+        fits = len(shape) == len(order) and sizes.items() <= set(zip(order, shape, strict=True))
+        if fits and sorted(order) == sorted(_AXES):
             return order
-    expected = f"shape ({', '.join(str(sizes.get(axis, f'{axis}s')) for axis in orders[0])})"
-    raise DatasetError(path, _TRACKS, expected, shape)
+    expected = " or ".join(f"({', '.join(str(sizes.get(axis, axis)) for axis in order)})" for order in orders)
+    raise DatasetError(path, _TRACKS, f"shape {expected}", shape)
 
 
 def _edges(path: Path, value: Any, nodes: int) -> tuple[tuple[int, int], ...]:
@@ -164,14 +150,22 @@ def _edges(path: Path, value: Any, nodes: int) -> tuple[tuple[int, int], ...]:
     return tuple((int(a), int(b)) for a, b in places)
 
 
-def _is_sleap(path: Path) -> bool:
-    return hdf5_mentions(path, b"node_names", b"track")
+def _mentions(*names: bytes) -> Callable[[Path], bool]:
+    return lambda path: hdf5_mentions(path, *names)
+
+
+def _is_dlc_csv(path: Path) -> bool:
+    return csv_header(path)[:1] == ["scorer"]
 
 
 # what DeepLabCut adds to the camera's name in that of a file, with the name of the network
 _ADDED = r"(?s)DLC_.*"
+_IS_SLEAP = _mentions(b"node_names", b"track")
 FORMATS = (
-    DetectionFormat("deeplabcut", (".h5",), _is_dlc, each(read_dlc), added=_ADDED),
+    # pandas marks its tables in HDF5 with the first; the second is one of the levels of columns
+    DetectionFormat(
+        "deeplabcut", (".h5",), _mentions(b"pandas_type", b"bodyparts"), each(read_dlc), added=_ADDED
+    ),
     DetectionFormat("deeplabcut_csv", (".csv",), _is_dlc_csv, each(read_dlc_csv), added=_ADDED),
-    DetectionFormat("sleap", (".h5", ".hdf5"), _is_sleap, each(read_sleap), added=SLEAP_ADDED),
+    DetectionFormat("sleap", (".h5", ".hdf5"), _IS_SLEAP, each(read_sleap), added=SLEAP_ADDED),
 )

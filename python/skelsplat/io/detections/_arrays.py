@@ -21,7 +21,6 @@ from skelsplat.io._files import listed
 from skelsplat.io.detections._csv import mediapipe_names
 from skelsplat.io.detections._format import (
     DetectionFormat,
-    Person,
     Recording,
     View,
     array_view,
@@ -42,15 +41,14 @@ def read_rtmlib_folder(folder: Path) -> View:
     pattern = f"*{_TAIL}" if any(folder.glob(f"*{_TAIL}")) else "*.npz"
     files = frame_files(folder, pattern, "one npz file, or pair of npy files, per frame")
 
-    def in_frame(number: int) -> list[Person]:
+    def in_frame(number: int) -> list[Array]:
         path = files[number]
         if path.suffix == ".npz":
             arrays = load_npz(path, (_KEYPOINTS, _SCORES))
         else:
             scores = path.with_name(f"{path.name.removesuffix(_TAIL)}_{_SCORES}.npy")
             arrays = Arrays(path, {_KEYPOINTS: load_npy(path), _SCORES: load_npy(scores)})
-        joints = _rtmlib_joints(arrays, ("P", "K"))
-        return [Person(path, f"{_KEYPOINTS}[{p}]", person) for p, person in enumerate(joints)]
+        return list(_rtmlib_joints(arrays, ("P", "K")))
 
     return frame_view(folder, files, in_frame)
 
@@ -59,7 +57,7 @@ def read_rtmlib(path: Path) -> View:
     """Read ``keypoints`` (T, P, K, 2), NaN for nobody, ``scores`` (T, P, K) and perhaps ``frames`` (T,)."""
     arrays = load_npz(path, (_KEYPOINTS, _SCORES, "frames"))
     joints = _rtmlib_joints(arrays, ("T", "P", "K"))
-    return array_view(path, _KEYPOINTS, joints, arrays.frames(len(joints)))
+    return array_view(path, joints, arrays.frames(len(joints)))
 
 
 def _rtmlib_joints(arrays: Arrays, axes: tuple[str, ...]) -> Array:
@@ -97,7 +95,7 @@ def read_metrabs(path: Path) -> View:
         raise DatasetError(path, key, "pixels of shape (T, K, 2) or (T, P, K, 2)", pixels.shape)
     joints = joints_of(path, key, pixels if pixels.ndim == 4 else pixels[:, None], None, clip=False)
     names = arrays.names("joint_names", joints.shape[2])
-    return replace(array_view(path, key, joints, arrays.frames(len(joints))), joints=names)
+    return replace(array_view(path, joints, arrays.frames(len(joints))), joints=names)
 
 
 def _stacked(path: Path, key: str, parts: list[Array]) -> Array:
@@ -131,15 +129,8 @@ def read_freemocap(path: Path, _: str | None) -> Recording:
     known = path.name.lower().startswith("mediapipe") or count in _COUNTS
     names = mediapipe_names(count) if known else None
     people = joints_of(path, "array", array[..., :2], None, clip=False)[:, :, None]
-    views = {
-        str(m): replace(array_view(path, f"array[{m}]", view), joints=names) for m, view in enumerate(people)
-    }
+    views = {str(m): replace(array_view(path, view), joints=names) for m, view in enumerate(people)}
     return Recording(views, named=False)
-
-
-def _is_freemocap(path: Path) -> bool:
-    shape = npy_shape(path)
-    return len(shape) == 4 and shape[3] in (2, 3)
 
 
 _POSITIONS, _CUSTOM = "positions_2d", "custom"
@@ -215,7 +206,7 @@ def _pixel_view(path: Path, field: str, value: Any, names: tuple[str, ...] | Non
     if names is not None and array.shape[1] != len(names):
         raise DatasetError(path, field, f"{len(names)} joints (metadata.layout_name)", f"{array.shape[1]}")
     joints = joints_of(path, field, array, None, clip=False)
-    return replace(array_view(path, field, joints[:, None]), joints=names)
+    return replace(array_view(path, joints[:, None]), joints=names)
 
 
 _OWN, _SURE = "detections", "confidence"
@@ -225,15 +216,9 @@ _SMALL = ("camera_names", "frames", "joint_names", "frame_rate")
 def read_npz_recording(path: Path, _: str | None) -> Recording:
     """Read detections of one's own: pixels, NaN for missing, and perhaps confidence as a third number.
 
-    ================  ======================  ===========================================================
-    detections        (T, M, P, K, 2 or 3)    all cameras in one file; P may be left out: (T, M, K, …)
-    detections        (T, P, K, 2 or 3)       one file per camera, named like it; P may be left out
-    confidence        detections' but last    in [0, 1], if it is not in ``detections``; else 1
-    camera_names      (M,)                    of a file of all cameras; else their order must be stated
-    frames            (T,)                    ascending; else from 0
-    joint_names       (K,)                    else the layout that is asked for has to have K joints
-    frame_rate        ()                      frames per second; NaN, or no such key, if unknown
-    ================  ======================  ===========================================================
+    ``detections`` (T, M, P, K, 2 or 3), of a file of one camera (T, P, K, 2 or 3), where P may be left out;
+    perhaps ``confidence`` of this shape but the last, ``camera_names`` (M,), else their order must be stated,
+    ``frames`` (T,), ``joint_names`` (K,) and ``frame_rate``.
     """
     own = _OwnRows(path, "(T, M, P, K, 2 or 3)", 4)
     read = functools.lru_cache(maxsize=1)(own.read)  # for a stretch, it is called by each camera
@@ -289,7 +274,7 @@ class _OwnRows:
             self.rest.frames(self.pixels.shape[0]),
             self.rest.names("joint_names", self.pixels.shape[-2]),
         )
-        return replace(rows_view(self._path, _OWN, frames, read), joints=names, rate=self.rest.rate())
+        return replace(rows_view(self._path, frames, read), joints=names, rate=self.rest.rate())
 
 
 def _rows_of(path: Path, name: str) -> Any:
@@ -302,11 +287,15 @@ def _has_any(*names: str) -> Callable[[Path], bool]:
     return lambda path: not npz_keys(path).isdisjoint(names)
 
 
-_NPZ = (".npz",)
+def _is_freemocap(path: Path) -> bool:
+    return npy_shape(path)[3:] in ((2,), (3,))
+
+
+_NPZ, _IS_VIDEOPOSE3D = (".npz",), _has_any(_POSITIONS)
 FORMATS = (
     DetectionFormat("rtmlib", (".npz", ".npy"), _is_rtmlib, each(read_rtmlib), read_rtmlib_folder),
     DetectionFormat("metrabs", _NPZ, _has_any(*_METRABS), each(read_metrabs)),
     DetectionFormat("freemocap", (".npy",), _is_freemocap, recording=read_freemocap),
-    DetectionFormat("videopose3d", _NPZ, _has_any(_POSITIONS), recording=read_videopose3d, sequences=True),
+    DetectionFormat("videopose3d", _NPZ, _IS_VIDEOPOSE3D, recording=read_videopose3d, sequences=True),
     DetectionFormat("npz", _NPZ, _has_any(_OWN), each(read_npz), recording=read_npz_recording),
 )

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import re
 from array import array
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -23,7 +23,6 @@ from skelsplat.exceptions import DatasetError
 from skelsplat.io._files import csv_header, csv_lines, frame_number, whole_number
 from skelsplat.io.detections._format import (
     DetectionFormat,
-    Person,
     Recording,
     View,
     each,
@@ -126,7 +125,7 @@ def _view(path: Path, keys: Index, values: Array, count: int, *, clip: bool) -> 
     changes = int(np.diff(keys[:, :3], axis=0).any(axis=1).sum())  # people, or more
     check_ratio(path, "joint", 24 * (changes + 1) * count, path.stat().st_size)
 
-    def in_frame(place: int) -> list[Person]:
+    def in_frame(place: int) -> list[Array]:
         own = slice(ends[place], ends[place + 1])
         where, found = f"frame {frames[place]}", []
         for person in dict.fromkeys(keys[own, 2].tolist()):
@@ -136,8 +135,7 @@ def _view(path: Path, keys: Index, values: Array, count: int, *, clip: bool) -> 
             if len(np.unique(at)) < len(at):
                 expected = "every joint once per person (a column says who)"
                 raise DatasetError(path, where, expected, "one twice")
-            joints = joints_of(path, where, joints[:, :2], joints[:, 2], clip=clip)
-            found.append(Person(path, where, joints))
+            found.append(joints_of(path, where, joints[:, :2], joints[:, 2], clip=clip))
         return found
 
     return View(path, frames, lambda places: [in_frame(place) for place in places], sparse=True)
@@ -231,6 +229,11 @@ def read_sleap_csv(path: Path) -> View:
     return lines.views({"": path}, clip=True)[""]
 
 
+def _has(*columns: str) -> Callable[[Path], bool]:
+    """Return what says whether the first line of a file has these columns, and is not that of poses."""
+    return lambda path: {*columns} <= _header(path) and not {"z", "status"} <= _header(path)
+
+
 def _header(path: Path) -> set[str]:
     return {name.strip().lower() for name in csv_header(path)}
 
@@ -239,20 +242,11 @@ def _is_sleap(path: Path) -> bool:
     return "frame_idx" in _header(path) and any(name.endswith(".x") for name in _header(path))
 
 
-def _is_caliscope(path: Path) -> bool:
-    return {"sync_index", "img_loc_x", "img_loc_y"} <= _header(path)
-
-
-def _is_csv(path: Path) -> bool:
-    """Say whether a file has the columns that are needed, and not those of poses."""
-    return {*_NEEDED} <= _header(path) and not {"z", "status"} <= _header(path)
-
-
-_CSV = (".csv",)
+_CSV, _IS_CALISCOPE = (".csv",), _has("sync_index", "img_loc_x", "img_loc_y")
 SLEAP_ADDED = r"\.(analysis|predictions|slp)\b"
 """What SLEAP adds to the camera's name in that of a file."""
 FORMATS = (
     DetectionFormat("sleap_csv", _CSV, _is_sleap, each(read_sleap_csv), added=SLEAP_ADDED),
-    DetectionFormat("caliscope", _CSV, _is_caliscope, recording=read_caliscope),
-    DetectionFormat("csv", _CSV, _is_csv, read_csv, recording=read_csv_recording),
+    DetectionFormat("caliscope", _CSV, _IS_CALISCOPE, recording=read_caliscope),
+    DetectionFormat("csv", _CSV, _has(*_NEEDED), read_csv, recording=read_csv_recording),
 )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
@@ -15,26 +15,16 @@ from skelsplat._skelsplat import HIGHEST_CONFIDENCE
 from skelsplat.exceptions import DatasetError
 
 
-class Person(NamedTuple):
-    """One person in one image, and where it stands, for messages.
-
-    `joints` (K, 3) are x, y in px and confidence in (0, 1]; NaN where a joint was not detected. Nobody is in
-    a place without joints, K = 0.
-    """
-
-    path: Path
-    field: str
-    joints: Array
-
-
 @dataclass(frozen=True)
 class View:
     """What one camera saw."""
 
     path: Path  # the file, or the folder of a format with a file per frame
     frames: Index  # ascending
-    # from ascending places in `frames` to the people in each of them; may read files, or a part of one
-    people: Callable[[Index], Sequence[Sequence[Person]]]
+    # from ascending places in `frames` to the people in each of them; may read files, or a part of one.
+    # A person's joints (K, 3) are x, y in px and confidence in (0, 1]; NaN where a joint was not detected.
+    # Nobody is in a place without joints, K = 0.
+    people: Callable[[Index], Iterable[Iterable[Array]]]
     joints: tuple[str, ...] | None = None  # names of the K joints, if the format has them
     edges: tuple[tuple[int, int], ...] = ()  # places of joints that the file connects
     # The detector's layouts have a fixed order, which the names confirm (MMPose); otherwise the order is free
@@ -126,25 +116,21 @@ def joints_of(
     return joined
 
 
-def rows_view(path: Path, where: str, frames: Index, read: Callable[[int, int], Array]) -> View:
+def rows_view(path: Path, frames: Index, read: Callable[[int, int], Array]) -> View:
     """Return the view of arrays (t, P, K, 3), which are read from a first to before an end."""
 
-    def people(places: Index) -> list[list[Person]]:
-        if not len(places):
-            return []
-        rows = read(int(places[0]), int(places[-1]) + 1)[places - places[0]]
-        return [[Person(path, where, joints) for joints in row] for row in rows]
+    def people(places: Index) -> Iterable[Array]:
+        return read(int(places[0]), int(places[-1]) + 1)[places - places[0]] if len(places) else ()
 
     return View(path, frames, people)
 
 
-def array_view(path: Path, where: str, people: Array, frames: Index | None = None) -> View:
+def array_view(path: Path, people: Array, frames: Index | None = None) -> View:
     """Return the view of an array (T, P, K, 3); frames count from 0 unless given."""
-    numbers = np.arange(len(people)) if frames is None else frames
-    return rows_view(path, where, numbers, lambda first, end: people[first:end])
+    return View(path, np.arange(len(people)) if frames is None else frames, people.__getitem__)
 
 
-def frame_view(path: Path, frames: Iterable[int], read: Callable[[int], Sequence[Person]]) -> View:
+def frame_view(path: Path, frames: Iterable[int], read: Callable[[int], Iterable[Array]]) -> View:
     """Return the view of people who are read, or looked up, by the number of their frame."""
     numbers = np.array(sorted(frames), dtype=np.int64)
     return View(path, numbers, lambda places: [read(number) for number in numbers[places].tolist()])

@@ -83,7 +83,9 @@ def shared_frames(
     if not len(union):
         raise DatasetError(root, "frames", "at least one frame", "none")
     if mode == "strict" and sparse:
-        shared = shared[:0] if any(_alone(label, common) for label in common) else union
+        together = np.sum([np.isin(union, own) for own in common.values()], axis=0) > 1
+        alone = len(common) > 1 and not all(np.isin(own, union[together]).any() for own in common.values())
+        shared = shared[:0] if alone else union
     if mode != "union" and not len(shared):
         raise DatasetError(root, "frames", f"frames that all {kind}s have{after}", _told(common))
     return union if mode == "union" else shared
@@ -96,12 +98,6 @@ def _alike(several: Sequence[Index]) -> bool:
 def _joined(join: Any, frames: Mapping[str, Index]) -> Index:
     several = list(frames.values())
     return several[0] if _alike(several) else functools.reduce(join, several)
-
-
-def _alone(label: str, frames: Mapping[str, Index]) -> bool:
-    """Say whether a source shares no frame with any other."""
-    others = [other for name, other in frames.items() if name != label]
-    return bool(others) and not any(np.isin(frames[label], other).any() for other in others)
 
 
 def _overlapping(frames: Mapping[str, Index]) -> Mapping[str, Index]:

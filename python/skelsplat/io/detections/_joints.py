@@ -17,7 +17,7 @@ from skelsplat._budget import check_document, read_text
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.findings import Finding, Subject, warn
 from skelsplat.io._files import listed
-from skelsplat.io.detections._format import Person, View
+from skelsplat.io.detections._format import View
 from skelsplat.io.detections._registry import find_format, recognised
 
 OF_FILE = "file"
@@ -117,20 +117,15 @@ def _skeleton_file(layout: str | os.PathLike[str] | sk.Layout) -> Path | None:
     return path if path.suffix.lower() != ".toml" and path.exists() else None
 
 
-def read_layout(
-    layout: str | os.PathLike[str] | sk.Layout, detections: str | os.PathLike[str] | None = None
-) -> sk.Layout:
+def read_layout(layout: str | os.PathLike[str] | sk.Layout) -> sk.Layout:
     """Return a layout by its name, or read it from a file.
 
     Parameters
     ----------
     layout : str, path or Layout
-        The name of a built-in layout; the path of a layout file; that of a file whose skeleton
-        `read_skeleton` reads, such as SLEAP's or DeepLabCut's detections or DeepLabCut's ``config.yaml``; or
-        ``"file"``, the skeleton of the detections. The pairs of such a skeleton are those that its names
-        state, and a note says which.
-    detections : path, optional
-        For ``"file"``.
+        The name of a built-in layout; the path of a layout file; or that of a file whose skeleton
+        `read_skeleton` reads, such as SLEAP's or DeepLabCut's detections or DeepLabCut's ``config.yaml``. The
+        pairs of such a skeleton are those that its names state, and a note says which.
 
     Raises
     ------
@@ -139,9 +134,9 @@ def read_layout(
     DatasetError
         If a file cannot be read, or its joints have no names.
     """
-    if layout == OF_FILE and detections is None:
+    if layout == OF_FILE:
         raise InvalidInputError("layout: expected a name or a path, as there are no detections, got file")
-    file = Path(detections) if layout == OF_FILE and detections else _skeleton_file(layout)
+    file = _skeleton_file(layout)
     return sk.layouts.get(layout) if file is None else _of_skeleton(read_skeleton(file), file)
 
 
@@ -173,7 +168,7 @@ def choose_layout(
     counted = next(filter(None, map(_counted, views)), None)
     if counted is None:
         raise InvalidInputError(f"{wanted}; the files hold no person to count joints of")
-    view, file, count = counted
+    view, count = counted
     names, built_in = view.joints or (), [sk.layouts.get(name) for name in sk.layouts.names]
     keys = {known.name: [_key(joint) for joint in known.joints] for known in built_in}
     own = [_key(name) for name in names]
@@ -191,15 +186,15 @@ def choose_layout(
     else:
         known = _layouts_of(count)
         advice = _CUSTOM if known == _UNKNOWN else ""
-    raise InvalidInputError(f"{wanted}; {file} has {count} joints per person{there}: {known}{advice}")
+    raise InvalidInputError(f"{wanted}; {view.path} has {count} joints per person{there}: {known}{advice}")
 
 
-def _counted(view: View) -> tuple[View, Path, int] | None:
-    """Return a view, the file that says how many joints a person has, and the number; None without any."""
+def _counted(view: View) -> tuple[View, int] | None:
+    """Return a view and how many joints a person has; None without anybody."""
     if view.joints is not None:
-        return view, view.path, len(view.joints)
-    people = (person for t in range(len(view.frames)) for person in view.people(np.array([t]))[0])
-    return next(((view, one.path, len(one.joints)) for one in people if len(one.joints)), None)
+        return view, len(view.joints)
+    frames = (frame for t in range(len(view.frames)) for frame in view.people(np.array([t])))
+    return next(((view, len(person)) for frame in frames for person in frame if len(person)), None)
 
 
 def _layouts_of(joints: int) -> str:
@@ -288,19 +283,18 @@ def _check_once(places: Places, view: View, layout: sk.Layout) -> None:
             raise InvalidInputError(f"mapping: expected a different point for each joint, got {actual}")
 
 
-def arranged(person: Person, layout: sk.Layout, places: Places | None) -> Array:
+def arranged(person: Array, layout: sk.Layout, places: Places | None, path: Path) -> Array:
     """Return a person's joints in the order of the layout (N, 3), NaN for those that the file lacks."""
-    count, n = len(person.joints), layout.n_joints
+    count, n = len(person), layout.n_joints
     if not count:  # nobody in this place
         return np.full((n, 3), np.nan)
+    if places is None and count == n:
+        return person
     if places is None:
-        if count != n:
-            expected, actual = f"{n} joints (layout {layout.name})", f"{count} ({_layouts_of(count)})"
-            raise DatasetError(person.path, person.field, expected, actual + _CUSTOM)
-        return person.joints
+        expected, actual = f"{n} joints (layout {layout.name})", f"{count} ({_layouts_of(count)})"
+        raise DatasetError(path, "keypoints", expected, actual + _CUSTOM)
     highest = max((place for place in places if place is not None), default=-1)
     if highest >= count:
-        expected = f"a joint at place {highest} (mapping)"
-        raise DatasetError(person.path, person.field, expected, f"{count} joints")
-    padded = np.vstack([person.joints, np.full(3, np.nan)])
+        raise DatasetError(path, "keypoints", f"a joint at place {highest} (mapping)", f"{count} joints")
+    padded = np.vstack([person, np.full(3, np.nan)])
     return padded[[-1 if place is None else place for place in places]]

@@ -16,7 +16,6 @@ from skelsplat.exceptions import DatasetError
 from skelsplat.io._files import frame_number, head, load_json
 from skelsplat.io.detections._format import (
     DetectionFormat,
-    Person,
     View,
     each,
     frame_view,
@@ -38,9 +37,8 @@ def _document(path: Path, document: str) -> Field:
     return Field(path, "", load_json(path, document))
 
 
-def _person(keypoints: Field, xy: Array, confidence: Array, *, clip: bool) -> Person:
-    where = keypoints.path, keypoints.place
-    return Person(*where, joints_of(*where, xy, confidence, clip=clip))
+def _joints(keypoints: Field, xy: Array, confidence: Array, *, clip: bool) -> Array:
+    return joints_of(keypoints.path, keypoints.place, xy, confidence, clip=clip)
 
 
 def read_openpose(folder: Path) -> View:
@@ -54,24 +52,20 @@ def read_openpose(folder: Path) -> View:
     return with_record(frame_view(folder, files, lambda number: _openpose_people(files[number])))
 
 
-def _openpose_people(path: Path) -> list[Person]:
-    document = _document(path, "an OpenPose document")
+def _openpose_people(path: Path) -> list[Array]:
+    document, people = _document(path, "an OpenPose document"), []
     if document.value == {}:
         return []
-    people = document.member("people", "an object with a list under this key")
-    return [_openpose_person(person) for person in people.entries("a list")]
+    for person in document.member("people", "an object with a list under this key").entries("a list"):
+        keypoints = person["pose_keypoints_2d"]
+        # nothing but an identity: joints may have another program's name, which is an error
+        empty = isinstance(person.value, dict) and not any({**person.value, "person_id": None}.values())
+        nobody = empty or keypoints.value in ([], None)
+        people.append(np.empty((0, 3)) if nobody else _triples(keypoints, clip=False))
+    return people
 
 
-def _openpose_person(person: Field) -> Person:
-    keypoints = person["pose_keypoints_2d"]
-    # nothing but an identity: joints may have another program's name, which is an error
-    empty = isinstance(person.value, dict) and not any({**person.value, "person_id": None}.values())
-    if empty or keypoints.value in ([], None):
-        return Person(keypoints.path, keypoints.place, np.empty((0, 3)))
-    return _triples(keypoints, clip=False)
-
-
-def _triples(keypoints: Field, *, clip: bool) -> Person:
+def _triples(keypoints: Field, *, clip: bool) -> Array:
     """Return a person from a flat list x, y, confidence, …; unless with `clip`, no score is an error."""
     flat = keypoints.row()
     if flat.size % 3 or not flat.size:
@@ -82,7 +76,7 @@ def _triples(keypoints: Field, *, clip: bool) -> Person:
         place = 3 * int(wrong.argmax()) + 2
         score = keypoints.entries("a list")[place]
         raise score.error("a confidence, 0 to 1", f"{flat[place]:g}")
-    return _person(keypoints, joints[:, :2], joints[:, 2], clip=True)
+    return _joints(keypoints, joints[:, :2], joints[:, 2], clip=True)
 
 
 def read_easymocap(folder: Path) -> View:
@@ -99,19 +93,17 @@ def read_easymocap(folder: Path) -> View:
     return replace(view, size=size)
 
 
-def _easymocap_people(path: Path) -> list[Person]:
-    document, expected = _document(path, "an EasyMocap annotation"), "a list of people"
+def _easymocap_people(path: Path) -> list[Array]:
+    document, expected, found = _document(path, "an EasyMocap annotation"), "a list of people", []
     people = document if isinstance(document.value, list) else document.member("annots", expected)
-    return [_easymocap_person(person) for person in people.entries(expected)]
-
-
-def _easymocap_person(person: Field) -> Person:
-    key = "keypoints2d" if "keypoints2d" in person else "keypoints"
-    keypoints = person.member(key, "a list of [x, y, confidence]")
-    joints = keypoints.rows(3)
-    if not len(joints):
-        raise keypoints.error("one [x, y, confidence] per joint", "an empty list")
-    return _person(keypoints, joints[:, :2], np.maximum(joints[:, 2], 0.0), clip=False)
+    for person in people.entries(expected):
+        key = "keypoints2d" if "keypoints2d" in person else "keypoints"
+        keypoints = person.member(key, "a list of [x, y, confidence]")
+        joints = keypoints.rows(3)
+        if not len(joints):
+            raise keypoints.error("one [x, y, confidence] per joint", "an empty list")
+        found.append(_joints(keypoints, joints[:, :2], np.maximum(joints[:, 2], 0.0), clip=False))
+    return found
 
 
 def read_coco(path: Path) -> View:
@@ -137,28 +129,20 @@ def read_alphapose(path: Path) -> View:
 
 
 def _results(path: Path, document: str, frame_of: Callable[[Field], int]) -> View:
-    """Return the view of a list of people; an image in which nobody was found is not in it.
-
-    An annotation file, whose third number is a visibility 0, 1 or 2, is refused, and so are results with
-    several skeletons (`category_id`).
-    """
+    """Return the view of a list of people with one skeleton; an image with nobody is not in it."""
     expected = f"{document}, a list of people"
-    people: dict[int, list[Person]] = {}
-    kinds, third = set(), set()
+    people: dict[int, list[Array]] = {}
+    kinds = set()
     for person in _document(path, document).entries(expected):
         frame = frame_of(person.member("image_id", "the image of the person"))
         keypoints = person.member("keypoints", "a list of numbers x, y, confidence")
         people.setdefault(frame, []).append(_triples(keypoints, clip=True))
         kinds.add(person["category_id"].shown)
-        third.update(keypoints.value[2::3])
     if not people:
         raise DatasetError(path, "document", expected, "an empty list")
     if len(kinds) > 1:
         actual = ", ".join(sorted(kinds))[:80]
         raise DatasetError(path, "category_id", "one category, that of the layout", actual)
-    if 2 in third and third <= {0, 1, 2}:
-        actual = "visibility flags 0, 1, 2 of an annotation file"
-        raise DatasetError(path, "keypoints", "confidences of a detector", actual)
     return replace(frame_view(path, people, people.__getitem__), sparse=True)
 
 
@@ -171,7 +155,7 @@ def read_mmpose(path: Path) -> View:
     document, expected = _document(path, "MMPose predictions"), "a list of frames"
     bare = isinstance(document.value, list)
     found = document if bare else document.member("instance_info", expected)
-    people: dict[int, list[Person]] = {}
+    people: dict[int, list[Array]] = {}
     for frame in found.entries(expected):
         number = frame.member("frame_id", "a frame number").index()
         if number in people:
@@ -184,14 +168,14 @@ def read_mmpose(path: Path) -> View:
     return replace(frame_view(path, people, people.__getitem__), joints=names, own_order=True)
 
 
-def _mmpose_person(person: Field) -> Person:
+def _mmpose_person(person: Field) -> Array:
     keypoints = person.member("keypoints", "a list of [x, y]")
     found = person.member("keypoint_scores", "a list of numbers")
     xy, scores = keypoints.rows(2), found.row()
     if len(scores) != len(xy) or not len(xy):
         expected = f"{max(len(xy), 1)} numbers, one per keypoint"
         raise found.error(expected, f"{len(scores)} for {len(xy)} keypoints")
-    return _person(keypoints, xy, scores, clip=True)
+    return _joints(keypoints, xy, scores, clip=True)
 
 
 def _mmpose_names(table: Field) -> tuple[str, ...] | None:
@@ -209,21 +193,16 @@ def _begins(pattern: str) -> Callable[[Path], bool]:
     return lambda path: re.match(pattern, head(path), re.DOTALL) is not None
 
 
+_IS_MMPOSE = _begins(r'.*"(instance_info|keypoint_id2name)"|\[(?=.*"instances").*"frame_id"')
+_IS_EASYMOCAP = _begins(r'.*"annots"|\[.*"(personID|keypoints2d)"')
 _IMAGE = r'\[.*?"image_id"\s*:\s*'
 # what tools add to the camera's name in that of a file
 _ADDED = r"[-_ ]*alphapose[-_ ]results"
 _JSON = (".json",)
 FORMATS = (
     DetectionFormat("openpose", _JSON, _begins(r'{.*"people"'), folder=read_openpose),
-    DetectionFormat(
-        "mmpose",
-        _JSON,
-        _begins(r'.*"(instance_info|keypoint_id2name)"|\[(?=.*"instances").*"frame_id"'),
-        each(read_mmpose),
-    ),
+    DetectionFormat("mmpose", _JSON, _IS_MMPOSE, each(read_mmpose)),
     DetectionFormat("alphapose", _JSON, _begins(_IMAGE + '"'), each(read_alphapose), added=_ADDED),
     DetectionFormat("coco", _JSON, _begins(_IMAGE + r"\d"), each(read_coco)),
-    DetectionFormat(
-        "easymocap", _JSON, _begins(r'.*"annots"|\[.*"(personID|keypoints2d)"'), folder=read_easymocap
-    ),
+    DetectionFormat("easymocap", _JSON, _IS_EASYMOCAP, folder=read_easymocap),
 )

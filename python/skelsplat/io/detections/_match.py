@@ -85,20 +85,16 @@ def match_by_name(
 ) -> dict[str, str]:
     """Return the label of every camera name that has one, in the order of `names`.
 
-    A text that is exactly the camera's name comes first. Then both are compared in lower case, without
-    separators, leading zeros and a last word "json": camera ``cam_01`` and folder ``cam01_json`` belong
-    together. Last, either may have words around the other (``int_cam01_img`` and ``cam01_json``, ``A`` and
-    ``vid_camA``), if each fits nothing else. The match must be one to one; a camera without a label must be
-    `optional`, and a label without a camera idle. `otherwise` says what else may be done where some lack a
-    label.
+    A text that is exactly the camera's name comes first, then one that reads the same (``cam_01`` and
+    ``cam01_json``). Last, either may have words around the other (``int_cam01_img`` and ``cam01_json``, ``A``
+    and ``vid_camA``), if each fits nothing else. A camera without a label must be `optional`, and a label
+    without a camera idle. `otherwise` says what else may be done where some lack a label.
     """
     kind, texts = candidates.kind, candidates.texts
     if not candidates.named:
-        places = ", ".join(texts)
         expected = 'the order of its views (order=: "sorted", or the place of each camera)'
-        raise DatasetError(
-            candidates.root, "cameras", expected, f"none; it has no names, only views {places}"
-        )
+        actual = f"none; it has no names, only views {', '.join(texts)}"
+        raise DatasetError(candidates.root, "cameras", expected, actual)
     if not texts:
         raise candidates.error(f"one {kind} per camera ({', '.join(names)})", f"no {kind}s")
     tail = PurePath(next(iter(texts))).suffix if kind == "file" else ""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -38,19 +39,14 @@ class DetectionSet:
     Attributes
     ----------
     people : (T, M, P, K, 3)
-        x and y in pixels of the original image, confidence in [0, 1]. NaN: a joint that was not detected,
-        also one at exactly (0, 0) if a camera has several, and a place in P where nobody stands. The order of
-        people in a frame is the detector's: place p is nobody's identity.
+        x and y in pixels of the original image, confidence in [0, 1]; NaN where nobody stands, or a joint was
+        not detected or is at exactly (0, 0), if a camera has several. Place p is nobody's identity.
     frames : (T,) int
         Frame numbers, ascending.
-    camera_names : tuple of str
-        The M cameras, in the order they were asked for.
-    sources : tuple of Path
-        The folder or file of each camera.
-    layout : str
-        Name of the joint layout of the K joints.
-    skeleton : Layout
-        The layout itself, which may be that of a file.
+    camera_names, sources : tuple of str, of Path
+        The M cameras, in the order they were asked for, and the folder or file of each.
+    layout, skeleton : str, Layout
+        Name of the joint layout of the K joints, and the layout itself, which may be that of a file.
     format : str
         Name of the format that they were read from.
     labels : tuple of str
@@ -128,15 +124,12 @@ class Opened:
     def read(self) -> DetectionSet:
         """Read everything."""
         with within_memory(self.root):
-            read: dict[str, list[list[Array]]] = {name: [] for name in self.views}
-            for _, part in self._parts(_STRETCH):  # of a file of all cameras each part is read once
-                for name, people in part.items():
-                    read[name] += people
-            for people in read.values():
-                _forget_zeros([person for one in people for person in one])
-            stacked = self._resized(self._stack(read, len(self.frames)))
+            people = self._padded(list(self._parts(_STRETCH)), len(self.frames))
+            zeros = (people[..., :2] == 0.0).all(axis=-1)
+            # YOLO writes so what it did not detect, with a confidence; a single one may be a joint
+            people[zeros & (zeros.sum(axis=(0, 2, 3)) > 1)[:, None, None]] = np.nan
         return DetectionSet(
-            people=stacked,
+            people=self._resized(people),
             frames=self.frames,
             camera_names=self.camera_names,
             sources=self.sources,
@@ -153,34 +146,57 @@ class Opened:
 
         A joint at exactly (0, 0) is missing, even if it is the only one of its camera.
         """
-        for steps, part in self._parts(size):
-            stacked = self._stack(part, steps)
-            stacked[(stacked[..., :2] == 0.0).all(axis=-1)] = np.nan
-            yield self._resized(stacked)
+        for people in self._parts(size):
+            people[(people[..., :2] == 0.0).all(axis=-1)] = np.nan
+            yield self._resized(people)
 
-    def _parts(self, size: int) -> Iterator[tuple[int, dict[str, list[list[Array]]]]]:
-        """Yield the number of frames of a part, and their people by camera; at the end raise if no pixels."""
-        readers = {
-            name: _Reader(view, self.skeleton, self.mapping, self.offsets[name])
-            for name, view in self.views.items()
-        }
+    def _parts(self, size: int) -> Iterator[Array]:
+        """Yield the people of so many frames at a time; at the end raise if a view has no pixels."""
+        readers = [self._reader(name) for name in self.camera_names]
+        counts = np.zeros((3, len(readers)), dtype=np.int64)
         for first in range(0, len(self.frames), size):
             numbers = self.frames[first : first + size]
-            yield len(numbers), {name: reader.read(numbers) for name, reader in readers.items()}
-        for reader in readers.values():
-            reader.check()
+            views = [reader.read(numbers) for reader in readers]
+            people = np.full((len(numbers), len(views), _most(views), self.skeleton.n_joints, 3), np.nan)
+            for m, view in enumerate(views):
+                for t, frame in enumerate(view):
+                    for p, person in enumerate(frame):
+                        people[t, m, p] = person
+            counts += self._counted(people)
+            yield people
+        for source, (count, near, zeros) in zip(self.sources, counts.T.tolist(), strict=True):
+            if count > 1 and (zeros == count or near - zeros >= max(_NEARLY_ALL * (count - zeros), 1)):
+                actual = f"numbers up to {_NORMALISED:g}, parts of the image's size"
+                raise DatasetError(source, "keypoints", "pixels of the original image", actual)
 
-    def _stack(self, read: Mapping[str, Sequence[Sequence[Array]]], steps: int) -> Array:
-        """Join the views to (T, M, P, N, 3), padded with NaN."""
-        views = [read[name] for name in self.camera_names]
-        places = max([1, *(len(people) for view in views for people in view)])
-        afford(self.root, "people", 24 * steps * len(views) * places * self.skeleton.n_joints)
-        stacked = np.full((steps, len(views), places, self.skeleton.n_joints, 3), np.nan)
-        for m, view in enumerate(views):
-            for t, people in enumerate(view):
-                for p, person in enumerate(people):
-                    stacked[t, m, p] = person
-        return stacked
+    def _reader(self, name: str) -> _Reader:
+        return _Reader(self.views[name], self.skeleton, self.mapping, self.offsets[name])
+
+    def _counted(self, people: Array) -> Index:
+        """Count by view joints, those within `_NORMALISED` and those at (0, 0); raise if one is too far."""
+        sizes = np.abs(people[..., :2]).max(axis=-1)
+        if (sizes > FARTHEST).any():
+            source = self.sources[np.argwhere(sizes > FARTHEST)[0][1]]
+            expected = f"pixels within ±{FARTHEST:g}, or none where missing"
+            raise DatasetError(source, "keypoints", expected, float(np.nanmax(sizes)))
+        kinds = (np.isfinite(sizes), sizes <= _NORMALISED, sizes == 0.0)
+        return np.stack([kind.sum(axis=(0, 2, 3)) for kind in kinds])
+
+    def _padded(self, parts: Sequence[Array], steps: int) -> Array:
+        """Join parts of the frames to one array, of as many people as the part with the most."""
+        shape = (
+            steps,
+            len(self.views),
+            max([1, *(part.shape[2] for part in parts)]),
+            self.skeleton.n_joints,
+            3,
+        )
+        afford(self.root, "people", 8 * math.prod(shape))
+        people, first = np.full(shape, np.nan), 0
+        for part in parts:
+            people[first : first + len(part), :, : part.shape[2]] = part
+            first += len(part)
+        return people
 
     def _resized(self, people: Array) -> Array:
         """Apply the `factors` to pixels (T, M, P, N, 3), in place; integers are pixel centres."""
@@ -190,25 +206,24 @@ class Opened:
         return people
 
 
+def _most(views: Sequence[Sequence[Sequence[Array]]]) -> int:
+    return max([1, *(len(people) for view in views for people in view)])
+
+
 class _Reader:
-    """Reads a view in stretches of frames, and judges whether its coordinates are pixels."""
+    """Reads the frames of a view by their numbers in the common time."""
 
     def __init__(self, view: View, skeleton: sk.Layout, mapping: Mapping[str, Joint], offset: float) -> None:
         self._view, self._skeleton = view, skeleton
         self._places = places_of(view, skeleton, mapping)
         self._whole, self._rest = parted(offset)
-        self._least, self._most = np.inf, -np.inf
-        self._count, self._near, self._zeros = 0, 0, 0  # all, those within `_NORMALISED`, those at (0, 0)
 
     def read(self, numbers: Index) -> list[list[Array]]:
-        """People (N, 3) of each frame number in common time; nobody in a frame that the camera lacks."""
+        """People (N, 3) of each frame; nobody in one that the camera lacks."""
         own = numbers - self._whole
-        found = self._between(own) if self._rest else self._people(own)
-        self._look_at([person for people in found for person in people])
-        return found
-
-    def _between(self, own: Index) -> list[list[Array]]:
-        """People between each frame and the one beside it, on the side of the rest; else its own."""
+        if not self._rest:
+            return self._people(own)
+        # between each frame and the one beside it, on the side of the rest; where there is none, its own
         known = self._view.frames
         step = int(np.diff(known).min(initial=_FAR))
         beside = own - step if self._rest > 0 else own + step
@@ -219,45 +234,7 @@ class _Reader:
         return [between(read[a], read[b], abs(self._rest / (b - a))) if a != b else read[a] for a, b in pairs]
 
     def _people(self, own: Index) -> list[list[Array]]:
-        known = self._view.frames
-        places = np.searchsorted(known, own)
-        there = np.isin(own, known)
-        found = iter(self._view.people(places[there]))
-        return [
-            [arranged(person, self._skeleton, self._places) for person in next(found)] if is_there else []
-            for is_there in there.tolist()
-        ]
-
-    def _look_at(self, people: Sequence[Array]) -> None:
-        """Count the coordinates of further people; raise if one is beyond `FARTHEST`."""
-        if not people:
-            return
-        points = np.concatenate(people)[:, :2]
-        points = points[np.isfinite(points).all(axis=1)]
-        self._count += len(points)
-        self._near += int((np.abs(points) <= _NORMALISED).all(axis=1).sum())
-        self._zeros += int((points == 0.0).all(axis=1).sum())
-        self._least = min(self._least, points.min(initial=np.inf))
-        self._most = max(self._most, points.max(initial=-np.inf))
-        furthest = max(self._most, -self._least)
-        if furthest > FARTHEST:
-            expected = f"pixels within ±{FARTHEST:g}, or none where missing"
-            raise DatasetError(self._view.path, "keypoints", expected, float(furthest))
-
-    def check(self) -> None:
-        """Raise if the coordinates are parts of the image's size instead of pixels."""
-        placed, near = self._count - self._zeros, self._near - self._zeros
-        if self._count > 1 and (placed == 0 or near >= max(_NEARLY_ALL * placed, 1)):
-            actual = f"numbers from {self._least:.3g} to {self._most:.3g}, parts of the image's size"
-            raise DatasetError(self._view.path, "keypoints", "pixels of the original image", actual)
-
-
-def _forget_zeros(people: Sequence[Array]) -> None:
-    """Make the joints of a camera that are at exactly (0, 0) missing, unless there is only one.
-
-    YOLO writes so what it did not detect, with a confidence.
-    """
-    zeros = [(person[:, :2] == 0.0).all(axis=1) for person in people]
-    if sum(int(zero.sum()) for zero in zeros) > 1:
-        for person, zero in zip(people, zeros, strict=True):
-            person[zero] = np.nan
+        there, path = np.isin(own, self._view.frames), self._view.path
+        found = iter(self._view.people(np.searchsorted(self._view.frames, own[there])))
+        frames = (next(found) if known else () for known in there.tolist())
+        return [[arranged(one, self._skeleton, self._places, path) for one in frame] for frame in frames]

@@ -159,11 +159,9 @@ def _of_folder(path: Path, form: DetectionFormat) -> Offer:
         return _by_path(candidates, each(form.folder), lambda folder: folder)
     if form.files is not None and folders:
         return _by_path(candidates, form.files, lambda folder: _the_file(folder, form))
-    if form.files is not None:
-        there = listed(sorted(file.name for file in path.iterdir() if file.is_file()), _NAMED) or "none"
-        raise DatasetError(path, "files", f"files of {form.name} ({', '.join(form.suffixes)})", there)
-    there = ", ".join(file.name for file in known) or "a folder"
-    raise DatasetError(path, "path", f"the {form.name} file of all cameras itself", there)
+    which = "files" if form.files is not None else "the file of all cameras itself,"
+    there = listed(sorted(file.name for file in path.iterdir() if file.is_file()), _NAMED) or "none"
+    raise DatasetError(path, "path", f"{which} of {form.name} ({', '.join(form.suffixes)})", there)
 
 
 def _by_path(
