@@ -264,29 +264,32 @@ def ablate(
     ablation = ablations.get(name)
     choices = {"poses": None if full else poses or ablation.poses, "undistort": protocol, **given}
     if data is not None:
-        dataset = one_of("--data", data[0], datasets.names())
-        choices |= {"dataset": dataset, "root": data[1], "detectors": detections}
-        choices["options"] = reader_options(set, dataset)
+        dataset, root = one_of("--data", data[0], datasets.names()), data[1]
+        sets = protocols.get(dataset).view_sets if dataset in protocols.names and name == "views" else ()
+        views = max(sets, default=None)
+        choices["data"] = [
+            datasets.read(dataset, root, **_reader_options(dataset, one, views, set))
+            for one in detections or (None,)
+        ]
     elif detections or set:
         expected = "expected a data set for --detections and --set, got none"
         raise typer.BadParameter(expected, param_hint="--data")
     place = contextlib.nullcontext() if output is None else output_folder(output)
     with place, progress("poses", first="reading", time=TimeElapsedColumn()) as bar:
         command = shlex.join(["skelsplat", *sys.argv[1:]])
-        record = ablation.run(Source(progress=bar, **choices), command=command)
-    report = record.report()
+        report = ablation.run(Source(progress=bar, **choices), command=command)
     files = [] if output is None else report.write(output, name, f"{name}.png")
-    return answer(report, partial(_print_record, record), output, files)
+    return answer(report, partial(_print_ablation, report), output, files)
 
 
-def _print_record(record: ablations.Record, console: Console) -> None:
+def _print_ablation(report: Report, console: Console) -> None:
     """Print tables, each with its source under it, and notes.
 
     The rows of a table are methods; or its columns, if there are too many settings for the width.
     """
-    for table in record.outcome.tables:
+    for table in report.tables:
         print_experiment(console, table.turned() if len(table.columns) > _MOST_COLUMNS else table)
-        console.print(record.source.line(), style="yellow" if record.source.simulated else "")
+        console.print(*table.notes, style="yellow" if report.values["simulated"] else "")
         console.print()
-    for note in record.outcome.notes:
+    for note in report.values["notes"]:
         console.print(f"· {note}", style="dim")

@@ -43,7 +43,6 @@ CSV_FIELDS = (
     *(key for key in _COLUMNS if key not in ("absolute_mm", "interval")),
 )
 """Columns of the CSV: ``group`` is all, action or joint; shares are from 0 to 1; empty means no number."""
-_STARTS = {"dlt": "DLT", "fusion": "fused monocular poses", "none": "the solver's own triangulation"}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -92,7 +91,7 @@ class Single(Evaluation):
         return self.overall(
             "MPJPE in mm (absolute, root-relative, Procrustes), shares in %",
             f"Protocol: {self.protocol.text} {self._counted()}",
-            f"Lens distortion: {lens}. {self._starts()}",
+            f"Lens distortion: {lens}.",
             "95 % CI: of abs, by bootstrap over takes. Joints without a position (missing, %) are in no "
             f"distance, and wrong in PCK. Time: the method alone, compiled methods on {threads} "
             f"thread{'s' * (threads != 1)}; no 2D detector or monocular estimator.",
@@ -111,15 +110,6 @@ class Single(Evaluation):
         if expected is not None and expected != found:
             text += f" (the published evaluation has {expected[0]} and {expected[1]})"
         return f"{text}."
-
-    def _starts(self) -> str:
-        starts = []
-        for name, settings in self.settings.items():
-            if "start" in settings:
-                sigma = settings.get("init_sigma_mm")
-                prior = "" if sigma is None else f" as a prior of {sigma:g} mm per axis"
-                starts.append(f"{name} from {_STARTS[settings['start']]}{prior}")
-        return f"Starts: {', '.join(starts)}." if starts else ""
 
     def _reported(self) -> Iterator[Figures]:
         """Yield of each published row its average and the actions."""

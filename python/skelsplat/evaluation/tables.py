@@ -155,7 +155,7 @@ class Report:
     shown: int = 1  #: how many of the tables are printed; the rest where details are asked for
     fields: tuple[str, ...]  #: columns of the CSV
     rows: Sequence[Mapping[str, Any]]  #: lines of the CSV, by field
-    values: Mapping[str, Any]  #: everything, as values of JSON
+    values: Mapping[str, Any]  #: everything, as values of JSON; a number that does not exist becomes null
     text: str = ""  #: Markdown under the tables
     draw: Callable[[Path], Path] | None = None  #: writes the chart
 
@@ -174,10 +174,6 @@ class Report:
             writer.writerow(words | numbers)
         return stream.getvalue()
 
-    def json(self) -> str:
-        """Return everything that is known; a number that does not exist is null."""
-        return to_text(dict(self.values))
-
     def write(self, folder: Path, name: str = "report", chart: str = "bars.png") -> list[str]:
         """Write ``NAME.md``, ``.csv``, ``.json`` and the chart into a folder, and return their names.
 
@@ -185,8 +181,8 @@ class Report:
         be written.
         """
         folder.mkdir(parents=True, exist_ok=True)
-        texts = {"md": self.markdown, "csv": self.csv, "json": self.json}
+        texts = {"md": self.markdown(), "csv": self.csv(), "json": to_text(dict(self.values))}
         for suffix, text in texts.items():
-            atomic_write_text(folder / f"{name}.{suffix}", text())
+            atomic_write_text(folder / f"{name}.{suffix}", text)
         files = [f"{name}.{suffix}" for suffix in texts]
         return [*files, self.draw(folder / chart).name] if self.draw and can_draw() else files

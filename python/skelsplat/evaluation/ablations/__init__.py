@@ -4,12 +4,10 @@ Every setting of an ablation is measured on the same poses with the same detecti
 differences between settings are paired.
 
 >>> from skelsplat.evaluation import ablations
->>> record = ablations.get("noise").run(ablations.Source(poses=50))                        # doctest: +SKIP
->>> print(record.report().markdown())                                                      # doctest: +SKIP
+>>> print(ablations.get("noise").run(ablations.Source(poses=50)).markdown())               # doctest: +SKIP
 """
 
 from skelsplat.evaluation.ablations._source import Source
-from skelsplat.evaluation.ablations._sweep import Record
 from skelsplat.evaluation.ablations._table import get, names
 
-__all__ = ["Record", "Source", "get", "names"]
+__all__ = ["Source", "get", "names"]

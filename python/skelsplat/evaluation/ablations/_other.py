@@ -51,7 +51,7 @@ def initialisation(source: Source) -> Outcome:
         f"As a prior the fused poses enter with {source.init_sigma_mm:g} mm per axis; "
         "a triangulation of the same detections must not be one."
     )
-    return Outcome((table,), (prior,))
+    return (table,), (prior,)
 
 
 def _started(source: Source, sample: Sample, kind: Start) -> dict[str, Errors]:
@@ -93,7 +93,7 @@ def coverage(source: Source) -> Outcome:
         "covariance of elbows, wrists and ankles; without factor they are as large as the others.",
     )
     table = Table("Truth within k σ", "covariance", columns, all_rows, unit="%")
-    return Outcome((table, *tables), notes)
+    return (table, *tables), notes
 
 
 def _covered(source: Source, sample: Sample) -> Shares:
@@ -155,7 +155,7 @@ def time_of_tiers(source: Source, samples: Sequence[Sample]) -> Outcome:
     columns = tuple(Column(tier, 4) for tier in TIERS)
     table = Table("Time per iteration", "tier", columns, tuple(timed), unit="ms", chart=False)
     note = f"Times: CPU time on one thread, best of {_REPEATS}, {_TIMED} poses; the paper's on a GPU."
-    return Outcome((table,), (note,))
+    return (table,), (note,)
 
 
 def _ms(solve: Callable[[], Sequence[Refinement]]) -> float:

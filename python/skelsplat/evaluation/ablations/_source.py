@@ -4,16 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 
 import skelsplat as sk
-from skelsplat import datasets
 from skelsplat._arrays import Array, Index, positive
 from skelsplat.datasets import Dataset, Take
-from skelsplat.datasets._registry import detections_option, options_of
 from skelsplat.datasets.synthetic import take_of
 from skelsplat.evaluation import protocols
 from skelsplat.evaluation.methods import DEFAULT_INIT_SIGMA_MM, refined, starting_poses, without_lens
@@ -150,7 +147,7 @@ def errors_of(sample: Sample, poses: Sequence[Array], steps: float = float("nan"
 class Source:
     """Samples for the experiments, as a user chooses them, and the two methods.
 
-    Without a `dataset` samples are simulated in memory from the seed; no camera saw what is in them.
+    Without `data` samples are simulated in memory from the seed; no camera saw what is in them.
     """
 
     poses: int | None = None  # how many poses of each data set; None: all
@@ -160,19 +157,11 @@ class Source:
     # Standard deviation per axis of the fused start where it enters as a prior.
     init_sigma_mm: float = DEFAULT_INIT_SIGMA_MM
     undistort: bool = True  # whether to take lens distortion out; the paper does not
-    # A data set on disk, as in `skelsplat.datasets.read`, taken whatever an ablation asks for.
-    dataset: str | None = None
-    root: Path = Path()
-    # One sample for each; a folder's path: detections outside the root. Empty: the reader's own choice.
-    detectors: Sequence[str] = ()
-    options: Mapping[str, Any] = field(default_factory=dict)
+    data: Sequence[Dataset] = ()  # taken whatever an ablation asks for, one sample each
     # Called with what is being measured, poses done and poses in all.
     progress: Callable[[str, int, int], None] | None = None
     notes: list[str] = field(default_factory=list, init=False)
     _counts: dict[str, str] = field(default_factory=dict, init=False)
-    _sources: dict[str, None] = field(
-        default_factory=dict, init=False
-    )  # in the order in which they were read
 
     def __post_init__(self) -> None:
         positive("init_sigma_mm", self.init_sigma_mm)
@@ -186,12 +175,12 @@ class Source:
     @property
     def simulated(self) -> bool:
         """Whether no camera saw what is in the samples."""
-        return self.dataset in (None, "synthetic")
+        return all(dataset.name in protocols.SIMULATED for dataset in self.data)
 
     def line(self) -> str:
         """Return what goes under every table: what the data are, simulated or not, and how many poses."""
-        sources = "; ".join(self._sources)
-        if self.dataset is None:
+        sources = "; ".join(dict.fromkeys(dataset.source for dataset in self.data))
+        if not self.data:
             sources = f"poses, cameras, 2D detections and monocular poses are synthetic (seed {self.seed})"
         warning = "SIMULATED data, not the paper's: " if self.simulated else ""
         return f"{warning}{sources}. {'; '.join(self._counts.values())}."
@@ -202,23 +191,17 @@ class Source:
         ``"noisy"`` has the detections of another detector, ``"occ-2"`` and ``"occ-3"`` so many of four views
         occluded. A data set on disk is what it is, whatever kind is asked for.
         """
-        if self.dataset is not None:
-            return [self._read(self.dataset, one, "dome" in kinds) for one in self.detectors or (None,)]
+        if self.data:
+            names = [", ".join(filter(None, (one.name, one.detector))) for one in self.data]
+            all_views = "dome" in kinds
+            return [
+                self._sample(one, name, all_views=all_views)
+                for one, name in zip(self.data, names, strict=True)
+            ]
         return [
             self._sample(simulated(name, detector, self.seed), f"{name}, {detector}", key)
             for name, key, detector in (_SETS[kind] for kind in kinds)
         ]
-
-    def _read(self, name: str, detector: str | None, all_views: bool) -> Sample:
-        options = dict(self.options)
-        if detector is not None:
-            options |= detections_option(name, detector)
-        if all_views and name in protocols.names and "views" in options_of(name):
-            options.setdefault("views", max(protocols.get(name).view_sets, default=None))
-        dataset = datasets.read(name, self.root, **options)
-        self._sources[dataset.source] = None
-        label = f"{dataset.name}, {dataset.detector}" if dataset.detector else dataset.name
-        return self._sample(dataset, label, all_views=all_views)
 
     def _sample(self, dataset: Dataset, name: str, key: str = "", *, all_views: bool = True) -> Sample:
         """Take the poses that were chosen, and remember how many."""

@@ -19,12 +19,8 @@ REPORTED = "SkelSplat (reported)"
 _CSV = ("table", "unit", "method", "data", "origin", "column", "value")
 
 
-@dataclass(frozen=True, slots=True)
-class Outcome:
-    """Tables of one ablation, and what to know about them."""
-
-    tables: tuple[Table, ...]
-    notes: tuple[str, ...] = ()
+Outcome = tuple[tuple[Table, ...], tuple[str, ...]]
+"""Tables, and what to know about them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,33 +33,17 @@ class Ablation:
     poses: int  # how many are taken unless told otherwise: so many that two cores are done within a minute
     measure: Callable[[Source], Outcome]  # measures everything on a source of poses
 
-    def run(self, source: Source, *, command: str = "") -> Record:
-        """Measure; `command` is what the files say it is repeated with.
+    def run(self, source: Source, *, command: str = "") -> Report:
+        """Return the tables, each with what the data are under it; `command` is what repeats them.
 
         Raises `InvalidInputError` if the source lacks the poses that it needs.
         """
-        found = self.measure(source)
-        tables = [reported(label) for label in self.labels]
-        published = (f"Paper: {note}" for table in tables for note in table.notes)
-        sources = (f"Reported: {table.title}; {table.source}" for table in tables)
-        notes = (*found.notes, *(f"{note}." for note in source.notes), *published, *sources)
-        return Record(self, replace(found, notes=notes), source, command)
-
-
-@dataclass(frozen=True, slots=True)
-class Record:
-    """Everything about one run."""
-
-    ablation: Ablation
-    outcome: Outcome
-    source: Source
-    command: str  # what makes it again
-
-    def report(self) -> Report:
-        """Return the tables, each with what the data are under it."""
-        found, line = self.outcome, self.source.line()
-        tables = tuple(replace(table, notes=(line,)) for table in found.tables)
-        notes = [f"`{self.command}` (skelsplat {__version__})", *found.notes]
+        tables, known = self.measure(source)
+        theirs = [reported(label) for label in self.labels]
+        notes = [*known, *(f"{note}." for note in source.notes)]
+        notes += [f"Paper: {note}" for table in theirs for note in table.notes]
+        notes += [f"Reported: {table.title}; {table.source}" for table in theirs]
+        line = source.line()
         cells = (
             (t.title, t.unit, r.name, r.data, r.origin, c.header, None if cell is None else repr(cell))
             for t in tables
@@ -71,23 +51,23 @@ class Record:
             for c, cell in zip(t.columns, r.cells, strict=True)
         )
         return Report(
-            title=self.ablation.title,
-            tables=tables,
+            title=self.title,
+            tables=tuple(replace(table, notes=(line,)) for table in tables),
             shown=len(tables),
             fields=_CSV,
             rows=[dict(zip(_CSV, one, strict=True)) for one in cells],
             values={
-                "ablation": self.ablation.name,
-                "title": self.ablation.title,
+                "ablation": self.name,
+                "title": self.title,
                 "version": __version__,
-                "command": self.command,
-                "simulated": self.source.simulated,
+                "command": command,
+                "simulated": source.simulated,
                 "data": line,
-                "choices": self.source.choices,
-                "tables": [asdict(table) for table in found.tables],
-                "notes": found.notes,
+                "choices": source.choices,
+                "tables": [asdict(table) for table in tables],
+                "notes": notes,
             },
-            text="\n" + "".join(f"- {note}\n" for note in notes),
+            text="".join(f"\n- {note}" for note in (f"`{command}` (skelsplat {__version__})", *notes)) + "\n",
             draw=partial(_draw, [table for table in tables if table.chart], line),
         )
 
@@ -167,8 +147,8 @@ class Sweep:
         if self.steps:
             taken = tuple(self._rows(found, lambda errors: errors.steps))
             tables.append(Table(self.steps, self.corner, self._columns(0), taken, unit="steps", chart=False))
-        more = Outcome(()) if self.more is None else self.more(source, samples)
-        return Outcome((*tables, *more.tables), (*self.notes, *more.notes))
+        others, notes = ((), ()) if self.more is None else self.more(source, samples)
+        return (*tables, *others), (*self.notes, *notes)
 
     def _measured(self, source: Source, sample: Sample) -> dict[str, dict[Any, Errors]]:
         """Return errors by row and value."""

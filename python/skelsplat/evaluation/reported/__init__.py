@@ -30,15 +30,13 @@ _FOLDER = Path(__file__).parent
 
 @dataclass(frozen=True, slots=True)
 class ReportedRow:
-    """One row of a published table."""
+    """One row of a published table; None where the table does not say."""
 
     method: str  #: as this package writes it: the same method has the same name in every table
-    #: Where the 2D keypoints come from: ``"metrabs"``, ``"cpn"``, ``"resnet152"``, ``"resnet50"``; None: the
-    #: table does not say.
-    detector: str | None
+    detector: str | None  #: where the 2D keypoints come from: ``"metrabs"``, ``"cpn"``, ``"resnet152"``, …
     citation: str  #: authors, title, venue and year
-    truth_3d: bool | None  #: whether it was trained with 3D ground truth; None: not known
-    training: str | None  #: the data set it was trained on, where the table says
+    truth_3d: bool | None  #: whether it was trained with 3D ground truth
+    training: str | None  #: the data set it was trained on
     setting: Mapping[str, str]  #: what else tells the row from others: ``{"init": "fusion"}``
     keys: tuple[str, ...]  #: names of the C columns, for `value`
     values: tuple[float | None, ...]  #: C numbers in the table's unit; None where the table has none
