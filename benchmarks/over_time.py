@@ -16,9 +16,6 @@ from scenarios import FloatArray
 import skelsplat as sk
 from skelsplat.evaluation.methods import butterworth as filtered
 
-# What the name of a joint of the class contains; the first class that fits counts.
-_CLASSES = {"ends": ("wrist", "ankle"), "middle": ("elbow", "knee"), "trunk": ("",)}
-
 
 @dataclass(frozen=True)
 class Solved:
@@ -29,15 +26,6 @@ class Solved:
 
 
 Method = Callable[[Take], Solved]
-
-
-def joint_classes(layout: str) -> dict[str, list[int]]:
-    """Return the joints of each class: ends and middles of the limbs, and the rest."""
-    classes: dict[str, list[int]] = {name: [] for name in _CLASSES}
-    for j, joint in enumerate(sk.layouts.get(layout).joints):
-        name = next(name for name, parts in _CLASSES.items() if any(part in joint for part in parts))
-        classes[name].append(j)
-    return classes
 
 
 def _given(take: Take, **fields: object) -> dict[str, object]:

@@ -2,7 +2,6 @@
 
     python benchmarks/rig.py [--views 3 4] [--faults "turn 1" sound] [--takes 20] [--condition good]
     python benchmarks/rig.py --people 3                  judged by one person, and by everybody
-    python benchmarks/rig.py --lost                      what a clock costs that is off by parts of a frame
     python benchmarks/rig.py --sample                    clocks in the recording of the demo
 
 Simulated: CMU motions of ten seconds at 30 Hz (without the data: the package's synthetic motions), detections
@@ -238,39 +237,6 @@ def measured_by_people(name: str, views: int, takes: int, people: int) -> dict[s
     return {f"{name}, by {who}": summary(verdicts) for who, verdicts in found.items()}
 
 
-def lost_clocks(takes: int) -> Table:
-    """Return what half a frame costs: mean error of a walk of 20 s, one camera of four late, mm."""
-    rows = {}
-    for fps, late in ((15, 0.25), (15, 0.5), (30, 0.25), (30, 0.5), (60, 0.5)):
-        found = np.array([_lost_in(fps, late, seed) for seed in range(FIRST, FIRST + takes)])
-        synchronised, wrong, right, clock = found.mean(axis=0)
-        worse = {"as recorded, mm": wrong, "set right, mm": right}
-        rows[f"{fps}, {late}"] = {
-            "synchronised, mm": f"{synchronised:.2f}",
-            **{k: f"{v:.2f} (+{100 * (v / synchronised - 1):.1f} %)" for k, v in worse.items()},
-            "clock": f"{clock:.2f} ± {found[:, 3].std():.2f}",
-        }
-    title = f"walk of 20 s, one of four cameras late, {takes} takes, simulated"
-    return Table.of(title, "frames per s, late by frames", rows)
-
-
-def _lost_in(fps: int, late: float, seed: int) -> tuple[float, float, float, float]:
-    """Return the error of a walk: synchronised, with a camera `late`, with the clock measured; and that."""
-    fine = synthetic.motion("walk", (20 * fps + 2) * 4, fps=4 * fps, seed=seed)
-    cameras, noise = synthetic.ring(4), synthetic.DetectionNoise.recording(fps)
-    truth, own = fine[4:-4:4], fine[4 - round(4 * late) :: 4][: 20 * fps]
-    sound = synthetic.simulate_detections(truth, cameras, noise=noise, seed=seed)
-    seen = sound.copy()
-    seen[:, 1] = synthetic.simulate_detections(own, cameras, noise=noise, seed=seed)[:, 1]
-    found = sk.adjust_cameras(seen, cameras, clock=True, config=ONE_THREAD)
-
-    def error(detections: FloatArray) -> float:
-        pose = sk.refine_sequence(detections, cameras, fps=fps, layout="h36m17", config=ONE_THREAD).pose
-        return float(np.nanmean(np.linalg.norm(pose - truth, axis=-1)))
-
-    return error(sound), error(seen), error(found.synchronised(seen)), found.report[1].clock
-
-
 def clocks_of_the_demo() -> Table:
     """Return what is found where cameras of the demo's recording are read late; its cam_03 is turned."""
     names, rng = ("cam_01", "cam_02", "cam_03", "cam_04"), np.random.default_rng(FIRST)
@@ -306,14 +272,11 @@ def rig(
     takes: int = 20,
     condition: str = "good",
     people: int = 0,
-    lost: bool = False,
     sample: bool = False,
 ) -> Iterator[Table]:
-    """Measure faults in rigs, or what the last three name."""
+    """Measure faults in rigs, or what the last two name."""
     if sample:
         yield clocks_of_the_demo()
-    elif lost:
-        yield lost_clocks(takes)
     elif people:
         found = [measured_by_people(fault, 4, takes, people) for fault in faults if fault in BY_PEOPLE]
         rows = {name: row for each in found for name, row in each.items()}

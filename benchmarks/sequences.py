@@ -12,7 +12,7 @@ mean, median, p95: distance to the truth, mm, of the joints that at least two vi
 share of these with a position. acc: mean length of the error's second difference times fps², m/s². 1 σ, 2 σ,
 3 σ: share of the errors inside the error bars (Mahalanobis distance); 19.9, 73.9 and 97.1 % are meant. One
 core; the time includes the frame-by-frame solution where a method starts from it. `--joints` adds a table of
-the ends and middles of the limbs and the trunk, and of the joints that truly move and accelerate the most.
+the joints that truly move and accelerate the most.
 """
 
 from __future__ import annotations
@@ -100,11 +100,8 @@ def measured(takes: list[Take], names: Sequence[str]) -> dict[str, Errors]:
 
 
 def parts(takes: list[Take]) -> dict[str, Masks]:
-    """Return the joints of each class, and those of the largest true speeds and accelerations, as masks."""
-    shapes = [take.scene.truth.shape[:2] for take in takes]
+    """Return the joints of the largest true speeds and accelerations as masks."""
     masks = {}
-    for name, joints in over_time.joint_classes("h36m17").items():
-        masks[name] = [np.broadcast_to(np.isin(np.arange(shape[1]), joints), shape) for shape in shapes]
     for order, name in ((1, "fastest"), (2, "hardest")):
         motion = [
             np.pad(np.linalg.norm(np.diff(t.scene.truth, n=order, axis=0), axis=-1), ((1, order - 1), (0, 0)))

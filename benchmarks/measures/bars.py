@@ -8,7 +8,7 @@ import numpy as np
 import recordings
 from lab import Table, about
 from recordings import Take
-from scenarios import NOISES, POSES, Fields, FloatArray, Scene, cmu_poses, covered, mvor, rig, scene
+from scenarios import NOISES, Fields, FloatArray, Scene, covered, mvor, scene
 from scipy.stats import spearmanr
 
 import skelsplat as sk
@@ -18,7 +18,6 @@ IDEAL = np.array([19.9, 73.9, 97.1])
 VIEWS = (3, 4, 8)
 # MVOR's labels are good to ±50 mm in space, which is this per axis.
 LABEL_SIGMA_MM = 30.0
-SIGMAS_PX = (1.0, 2.0, 5.0, 10.0, 15.0, 20.0, 30.0, 40.0)
 CONDITIONS = ("good", "occluded 2", "occluded 3", "heavy")
 # Angles whose true value is smaller cannot err downwards.
 STRAIGHT_DEG = 10.0
@@ -128,42 +127,6 @@ def _both(result: sk.Refinement, truth: FloatArray, label_sigma_mm: float) -> di
     inside |= covered(result.pose, result.error_bar + labels, truth, "error bar ")
     error = sk.metrics.mpjpe(result.pose, truth, reduce="none")
     return inside | {"joints": int(np.isfinite(error).sum()), "MPJPE": float(np.nanmean(error))}
-
-
-def gaussian(*, poses: int = 200, seed: int = 0, fields: Fields | None = None) -> Table:
-    """MPJPE in mm of DLT with confidence and of the default, their ratio, and coverage of the error bars."""
-    rows: dict[str, dict[str, float]] = {}
-    for n_views in (2, *VIEWS):
-        for sigma in SIGMAS_PX:
-            here = noisy_scene(sigma, poses, seed, n_views)
-            result = here.refined(fields=fields)
-            plain, ours = here.mpjpe(here.solved("dlt-confidence")), here.mpjpe(result.pose)
-            ok = result.joint_status == "ok"
-            judged = np.where(ok[..., None], here.judged, np.nan)
-            rows[f"{n_views} views, {sigma:.0f} px"] = {
-                "DLT conf.": plain,
-                "default": ours,
-                "ratio": round(ours / plain, 3),
-                **covered(result.pose, result.uncertainty, judged),
-                "ok, %": 100 * float(ok.mean()),
-                "noise": float(np.median(result.noise)),
-            }
-    worst, least = max(row["ratio"] for row in rows.values()), min(row["3 σ"] for row in rows.values())
-    notes = [
-        f"largest ratio to DLT: {worst:.3f}; least coverage at 3 σ: {least:.1f} % (ideal 97.1)",
-        "coverage over the joints that are ok",
-        about(poses=poses, seed=seed, source=here.source),
-    ]
-    return Table.of("Gaussian noise: MPJPE, mm, and coverage, %", "noise", rows, notes)
-
-
-def noisy_scene(sigma_px: float, poses: int, seed: int, n_views: int) -> Scene:
-    """Project poses and add independent normal noise on both axes; every confidence is 1."""
-    cameras, truth = rig(n_views), cmu_poses(poses, seed)
-    pixels = np.moveaxis(sk.project(truth, cameras), 0, 1)
-    pixels += sigma_px * np.random.default_rng(seed).standard_normal(pixels.shape)
-    detections = np.concatenate([pixels, np.ones((*pixels.shape[:-1], 1))], axis=-1)
-    return Scene(truth, detections, cameras, "h36m17", f"{POSES}, room, Gaussian noise only")
 
 
 def angles(

@@ -46,7 +46,7 @@ def measured(name: str, **options: Any) -> dict[str, dict[str, Any]]:
     return {row.name: dict(zip(heads, row.cells, strict=True)) for row in table.rows}
 
 
-@pytest.mark.parametrize("name", ["angles", "table", "bones", "coverage", "gaussian", "swaps"])
+@pytest.mark.parametrize("name", ["angles", "table", "bones", "coverage", "swaps"])
 def test_every_measure_gives_a_table(name: str) -> None:
     assert measured(name, poses=FEW, fast=True)
 
@@ -59,7 +59,7 @@ def test_recordings_are_compared() -> None:
     assert 5.0 < good["sequence"]["mean mm"] < good["frames"]["mean mm"] + 5.0 < 40.0
     assert good["butterworth"]["acc m/s²"] < good["frames"]["acc m/s²"]
     assert good["butterworth"]["1 σ %"] is None
-    for part in ("ends", "middle", "trunk", "fastest 1 %", "hardest 1 %"):
+    for part in ("fastest 1 %", "hardest 1 %"):
         assert f"sequence, {part}" in by_joints
 
 
