@@ -245,12 +245,6 @@ class Tracker:
 
     ``skelsplat live --people all`` is the same for programs in other languages. Parameters are those of
     ``track``; of ``max_people`` the first that appear are followed.
-
-    Examples
-    --------
-    >>> tracker = sk.Tracker(rig, layout="coco17", fps=30)                               # doctest: +SKIP
-    >>> for people in camera_loop():                                                     # doctest: +SKIP
-    ...     poses = {person.id: person.refinement.pose for person in tracker.step(people)}
     """
 
     def __init__(

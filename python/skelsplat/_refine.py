@@ -145,18 +145,9 @@ def refine(
         Standard deviation per axis, in the cameras' unit, or covariance (unit²) per joint of an ``init_pose``
         that does *not* come from these detections (monocular, the last frame, a body model). It then counts
         as a measurement, and is not robust: many standard deviations off, it outvotes the detections. Without
-        it ``init_pose`` only places joints that fewer than two views see. A joint whose ``init_pose`` or
-        covariance is NaN has no prior. ``annealed`` only.
-    config : RefineConfig, optional
-        Settings; default ``RefineConfig()``.
+        it ``init_pose`` only places joints that fewer than two views see. NaN: no prior. ``annealed`` only.
     progress : bool or callable
         True draws a progress bar; a callable is called with (frames done, frames in all).
-
-    Raises
-    ------
-    InvalidInputError
-        Shapes that do not fit, a confidence outside [0, 1], an unknown layout or one of another N, an
-        ``init_sigma`` that is not positive (definite), is given without ``init_pose`` or with ``paper``.
 
     Warns
     -----

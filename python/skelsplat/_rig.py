@@ -26,26 +26,20 @@ class CameraAdjustment:
     other. Those of a camera that stays say how far off it may still be: √(θ² + σ²), if a change θ ± σ fits
     best but cannot be told from chance. NaN for what was not looked at.
 
+    ``status`` is ``"sound"`` (it stays as it is), ``"adjusted"``, ``"late"`` (its clock is off, and it stays;
+    if it was turned or moved as well, it is adjusted, and ``clock`` says so), ``"doubtful"`` (it or another
+    doubtful camera is wrong, and all stay) or ``"unseen"`` (it sees too little, or is one of two cameras).
+
     Attributes
     ----------
-    name : str
-    status : str
-        ``"sound"``: it stays as it is; ``"adjusted"``; ``"late"``: its clock is off, and it stays as it is
-        (if it was turned or moved as well, it is adjusted, and ``clock`` says so); ``"doubtful"``: it or
-        another doubtful camera is wrong, and the detections do not tell which, or by how much, so that all of
-        them stay; ``"unseen"``: it sees too little, or is one of two cameras.
     turn : (3,) float64
         Rotation vector from the given orientation to the new one about the camera's x, y, z axes, degrees.
         Of a doubtful camera, this and the following are what it is suspected of.
     shift : (3,) float64
         Movement of the camera's centre in the world, in the unit of the cameras.
-    focal : float
-        Factor of the focal lengths.
-    clock : float
-        Frames by which the camera's count is ahead: its frame t + ``clock`` shows what the others show in
-        frame t.
-    turn_sigma, shift_sigma, focal_sigma, clock_sigma : float
-        Error bars: degrees, the unit of the cameras, relative, frames.
+    focal, clock : float
+        Factor of the focal lengths; frames by which the camera's count is ahead: its frame t + ``clock``
+        shows what the others show in frame t.
     before, after : float
         Median distance, px, of the camera's detections from where the other cameras place the joints, in
         frames on which nothing was adjusted; with all cameras as given, and as returned with clocks as found.

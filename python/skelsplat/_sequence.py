@@ -72,12 +72,6 @@ def refine_sequence(
         bones.
     fps : float
         Frames per second.
-
-    Raises
-    ------
-    InvalidInputError
-        As ``refine``, and if ``fps`` is not a positive number, ``detections`` is a single frame or the method
-        is ``paper``. Warnings are those of ``refine``.
     """
     positive("fps", fps)
     prepared = _skelsplat.Refiner(cameras, layout=layout, config=config)
@@ -156,12 +150,6 @@ def refine_batches(
     iterator of Refinement
         Of `SequenceRefinement` with ``fps``. Chunks are read when results are asked for. The message of an
         `InvalidInputError` in the iteration begins with ``chunks[k]``.
-
-    Examples
-    --------
-    >>> detections = np.load("detections.npy", mmap_mode="r")                            # doctest: +SKIP
-    >>> for result in sk.refine_batches(detections, rig, fps=100, layout="coco17"):      # doctest: +SKIP
-    ...     file.write(result.pose)
     """
     prepared = _skelsplat.Refiner(cameras, layout=layout, config=config)
     source = _source_of(chunks, len(cameras), frames_per_chunk)

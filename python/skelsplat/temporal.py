@@ -37,15 +37,9 @@ def fill_gaps(
 ) -> tuple[Array, Mask]:
     """Interpolate every joint over gaps of at most ``max_gap`` frames, counted in frame numbers.
 
-    A gap lies between two frames in which the joint is known; before the first and after the last of them
-    nothing is filled.
-
-    Parameters
-    ----------
-    method : {"cubic", "linear"}
-        A cubic spline through all frames in which the joint is known, or straight lines.
-    gaps : (T, N) bool, optional
-        What to replace, if that is more than what is missing. A gap that is too long keeps what it had.
+    A gap lies between two frames in which the joint is known. It is filled from a cubic spline through all
+    these frames, or from straight lines. ``gaps`` (T, N) is what to replace, if that is more than what is
+    missing; a gap that is too long keeps what it had.
 
     Returns
     -------

@@ -1,8 +1,5 @@
 """2D detections from videos, by detectors that are optional packages.
 
->>> from skelsplat.detect import MediaPipe, detect
->>> detect("videos", "pose", MediaPipe())  # doctest: +SKIP
-
 `detect` runs a `Detector` on one video per camera and writes OpenPose JSON, which this package and Pose2Sim
 read. `MediaPipe` and `RTMLib` are the detectors; any object with the members of `Detector` will do.
 """

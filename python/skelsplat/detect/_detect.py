@@ -188,10 +188,8 @@ def _compare(written: Sequence[Detected]) -> None:
             about = Subject(cameras=(one.camera,))
             warn(Finding("nobody_detected", "warning", about, {"frames": one.new}, sentence=sentence))
     if each := _different(written, [one.frames for one in written]):
-        sentence = (
-            f"The videos have different numbers of frames ({each}): if they begin at the same instant, "
-        )
-        sentence += "refine only the frames that all of them have."
+        sentence = f"The videos have different numbers of frames ({each}): if they begin at the same "
+        sentence += "instant, refine only the frames that all of them have."
         warn(Finding("videos_differ_in_length", numbers={"each": each}, sentence=sentence))
     if each := _different(written, [round(one.frame_rate or 0.0, 2) for one in written]):
         sentence = f"The videos have different frame rates ({each}): frames of the same number, which are "

@@ -36,14 +36,9 @@ _MODES = ("balanced", "lightweight", "performance")
 class MediaPipe:
     """MediaPipe Pose (BlazePose): the most prominent person of each image, 33 points.
 
-    The confidence is MediaPipe's visibility. Points outside of the image are where the model expects them.
-    The landmarks in metres are not used: the cameras' calibration says more. In a video the person is
-    followed from image to image, without MediaPipe's own smoothing.
-
-    Parameters
-    ----------
-    model : {"full", "lite", "heavy"}
-        ``full`` is in MediaPipe's wheel; MediaPipe downloads the others when they are first used.
+    The confidence is MediaPipe's visibility. Points outside of the image are where the model expects them. In
+    a video the person is followed from image to image, without MediaPipe's own smoothing. The model ``full``
+    is in MediaPipe's wheel; MediaPipe downloads ``lite`` and ``heavy`` when they are first used.
     """
 
     model: str = "full"
@@ -69,9 +64,8 @@ class MediaPipe:
                 smooth_landmarks=False,  # the refinement over time knows the noise better
             )
         except (OSError, RuntimeError, ValueError) as error:
-            expected = f"expected MediaPipe to load '{self.model}'"
-            hint = "" if self.model == "full" else " (it downloads this model when it is first used)"
-            raise SkelSplatError(f"model: {expected}{hint}, got {error}") from error
+            expected = f"expected MediaPipe to load '{self.model}' (it downloads lite and heavy at first)"
+            raise SkelSplatError(f"model: {expected}, got {error}") from error
         with contextlib.closing(pose):
             yield lambda image: _people(pose, image)
 

@@ -65,10 +65,7 @@ def pose_format(path: str | os.PathLike[str]) -> str:
 def check_pose_format(
     kind: str, frames: Index | None = None, joint_names: Sequence[str] | None = None
 ) -> None:
-    """Raise before long work if a file of this kind cannot be written.
-
-    It may need a package that is not installed, or frame numbers or names do not fit into such a file.
-    """
+    """Raise before long work if a package is missing for this kind of file, or frames or names do not fit."""
     for module in POSE_FORMATS[kind].packages:
         require(module, f".{kind} files")
     if kind == "c3d" and frames is not None:

@@ -47,12 +47,7 @@ def write_c3d(
     without points. Numbers that C3D cannot hold (below 1, above 65535) are shifted to start at 1, by
     ``SKELSPLAT:FRAME_SHIFT``. ``SKELSPLAT:PROCESSING`` holds `data.processing`.
 
-    Parameters
-    ----------
-    path, data, frame_rate, marker_names
-        As in `write_trc`.
-    y_up : bool
-        Write a world with z up as y up, (x, y, z) → (y, z, x), and say so in ``POINT:Y_SCREEN``.
+    The parameters are those of `write_trc`; ``POINT:Y_SCREEN`` says if y is up.
     """
     ezc3d = require("ezc3d", "C3D files")
     labels = named(data.joint_names, marker_names)

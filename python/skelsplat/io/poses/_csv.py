@@ -37,10 +37,9 @@ def write_csv(path: str | os.PathLike[str], data: Poses) -> None:
     """Write one row per frame and joint, with the columns of `COLUMNS`.
 
     ``time`` is in seconds from the first frame, and empty without a frame rate. ``x, y, z``, ``error_bar_x,
-    …`` and ``scatter_x, …`` (standard deviations, from `PoseData.error_bar` and `PoseData.uncertainty`) are
-    in ``unit``. ``n_views`` counts the views whose detection was used, ``n_rejected`` those of them whose
-    weight is below `skelsplat.REJECTED_WEIGHT`, ``reprojection_error_px`` is the mean over all of them. A
-    value that does not exist is an empty field; numbers have all their digits.
+    …`` and ``scatter_x, …`` (standard deviations) are in ``unit``. ``n_views`` counts the views whose
+    detection was used, ``n_rejected`` those whose weight is below `skelsplat.REJECTED_WEIGHT`, and
+    ``reprojection_error_px`` is the mean over all of them. What does not exist is an empty field.
     """
     _, frames, parts = parts_of(data)
     start = int(frames[0]) if frames.size else 0

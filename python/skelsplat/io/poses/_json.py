@@ -40,11 +40,10 @@ def write_json(path: str | os.PathLike[str], data: Poses) -> None:
     Its keys are ``format`` ("skelsplat-poses"), ``version`` (1), ``written_by``, ``unit``, ``frame_rate``
     (null if unknown), ``joint_names`` (N), ``camera_names`` (M), ``processing`` (sentences) and ``frames``, a
     list of objects; of a recording solved over time also ``bones`` (B × 2 joint indices, from 0),
-    ``bone_lengths`` and ``bone_length_sigma``. Each of the frames has ``frame``, the number of the frame,
-    ``pose``, N times [x, y, z] in ``unit``, and of the other arrays of `PoseData` those that the data have,
-    under their names and without their first axis; also ``error_bar``, which is not read.
-
-    What does not exist is null: a number, or a whole joint in ``pose`` and the covariances.
+    ``bone_lengths`` and ``bone_length_sigma``. Each of the frames has ``frame``, its number, ``pose``, N
+    times [x, y, z] in ``unit``, and the other arrays of `PoseData` without their first axis; also
+    ``error_bar``, which is not read. What does not exist is null: a number, or a whole joint in ``pose`` and
+    the covariances.
     """
     with atomic_write(path) as stream:
         for text in _texts(data, _head(FORMAT)):

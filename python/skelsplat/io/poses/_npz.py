@@ -25,8 +25,8 @@ def write_npz(path: str | os.PathLike[str], data: Poses, *, run: str | None = No
     """Write all of `data` as a compressed npz file, of which no key needs pickle.
 
     Keys: the attributes of `PoseData` under their names; ``error_bar``, which is not read; ``version``, that
-    of this package. Tuples of names are string arrays, ``frame_rate`` is a number of shape (), NaN if
-    unknown. ``run``, if given, names the run whose folder the file is a part of.
+    of this package. ``frame_rate`` is NaN if unknown. ``run``, if given, names the run whose folder the file
+    is a part of.
     """
     head, frames, _ = parts_of(data)
     arrays: dict[str, Any] = {key: np.asarray(getattr(head, key)) for key in _KEYS}

@@ -168,9 +168,7 @@ class PoseData:
         lacking = np.isnan(self.pose).any(axis=-1) & np.isin(self.joint_status, _WITH_POSITION)
         for t, j in np.argwhere(unknown | lacking)[:1]:
             where = f"frame {self.frames[t]}, joint {self.joint_names[j]}"
-            known = f"one of {', '.join(_STATUSES)} in {where}"
-            placeless = f"unobserved or weak in {where}, which has no position"
-            expected = known if unknown[t, j] else placeless
+            expected = f"one of {', '.join(_STATUSES)} in {where}, unobserved or weak without a position"
             raise InvalidInputError(f"joint_status: expected {expected}, got {self.joint_status[t][j]}")
 
     @classmethod
@@ -318,14 +316,11 @@ def known_frame_rate(data: PoseData, given: float | None, kind: str) -> float:
 
 
 def marker_names(joint_names: tuple[str, ...], convention: str) -> tuple[str, ...]:
-    """Return the joints' names in a convention of `MARKER_NAMES`.
-
-    Pose2Sim's filters, marker augmentation and OpenSim models know ``RHip``, ``LBigToe``. Its root is
-    ``CHip`` in BODY_25 and ``Hip`` in HALPE_26.
-    """
+    """Return the joints' names in a convention of `MARKER_NAMES`; Pose2Sim knows ``RHip``, ``LBigToe``."""
     one_of("marker_names", convention, MARKER_NAMES)
     if convention == "skelsplat":
         return joint_names
+    # of BODY_25 and HALPE_26
     root = "CHip" if joint_names == tuple(BODY25.joints) else "Hip"
     return tuple(root if name == "pelvis" else _pose2sim(name) for name in joint_names)
 

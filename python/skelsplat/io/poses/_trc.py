@@ -44,16 +44,9 @@ def write_trc(
     times. A joint without a position has empty fields, since the text "nan" breaks readers downstream.
     Positions have steps of 1 µm.
 
-    Parameters
-    ----------
-    frame_rate : float
-        Frames per second; that of `data` if left out.
-    unit : "m" or "mm"
-        Unit of the file; lengths are converted.
-    y_up : bool
-        Write a world with z up as y up, (x, y, z) → (y, z, x). The default keeps the axes of the calibration.
-    marker_names : "skelsplat" or "pose2sim"
-        What the joints are called: ``right_hip``, or ``RHip`` as Pose2Sim and its OpenSim models know it.
+    ``frame_rate`` is by default that of `data`, ``unit`` ``"m"`` or ``"mm"``. ``y_up`` writes a world with z
+    up as y up, (x, y, z) → (y, z, x). ``marker_names`` ``"pose2sim"`` calls joints ``RHip`` in place of
+    ``right_hip``, as Pose2Sim and its OpenSim models know them.
     """
     if unit not in _DECIMALS:
         raise InvalidInputError(f'unit: expected "m" or "mm" in a TRC file, got {unit!r}')

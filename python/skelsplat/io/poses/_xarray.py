@@ -119,18 +119,14 @@ def write_netcdf(
             return
         time = (_SINGULAR if singular else _PLURAL)[0]
         dataset.to_netcdf(temporary, engine="h5netcdf", unlimited_dims=[time])
-        for part in parts:
-            _append(temporary, to_xarray(part, **given, first=int(frames[0])), time)
-
-
-def _append(path: Path, dataset: xr.Dataset, time: str) -> None:
-    """Add further times to a file, whose first dimension they are."""
-    with require("h5netcdf", "NetCDF files").File(path, "a") as file:
-        there = len(file.dimensions[time])
-        file.resize_dimension(time, there + dataset.sizes[time])
-        for name, values in dataset.variables.items():
-            if time in values.dims:
-                file.variables[name][there:] = values.to_numpy()
+        with require("h5netcdf", "NetCDF files").File(temporary, "a") as file:
+            for part in parts:
+                further = to_xarray(part, **given, first=int(frames[0]))
+                there = len(file.dimensions[time])
+                file.resize_dimension(time, there + further.sizes[time])
+                for name, values in further.variables.items():
+                    if time in values.dims:
+                        file.variables[name][there:] = values.to_numpy()
 
 
 def room_for(dataset: xr.Dataset, steps: int) -> int:
