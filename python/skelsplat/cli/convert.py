@@ -75,7 +75,9 @@ def convert(source: Path, target: Path, *, force: bool, **given: Any) -> Answer:
     given = {name: value for name, value in given.items() if value is not False}
     kind = _kind(source, named="format" in given)
     _check(kind, target, given)
-    if target.exists() and not force and target.resolve() != source.resolve():
+    if target.resolve() == source.resolve():
+        raise DatasetError(target, "OUTPUT", "another file than INPUT", "the same")
+    if target.exists() and not force:
         raise DatasetError(target, "OUTPUT", "no file of this name (--force replaces it)", "one that exists")
     sentence, about = (_poses if kind == "pose file" else _calibration)(source, target, given)
     document = {"kind": kind, "input": str(source), "output": str(target), **about}
@@ -136,8 +138,6 @@ def _calibration(source: Path, target: Path, given: dict[str, Any]) -> tuple[str
     given = dict(given)
     unit = given.pop("to_unit", None)
     rig = read_calibration(source, **given)
-    if target.resolve() == source.resolve():
-        raise DatasetError(target, "target", "another file than the source", "the same")
     written = rig if unit is None else convert_unit(rig, unit)
     write_calibration(target, written)
     cameras = f"{len(rig)} camera{'s' * (len(rig) != 1)} ({listed(rig.names, _MOST_NAMES)})"

@@ -203,9 +203,7 @@ def _print_errors(console: Console, report: Report) -> None:
 
 def _verdict(report: Report) -> str:
     if report.ok:
-        count = len(report.findings)
-        warnings = f", with {count} warning{'s' * (count > 1)}" if count else ""
-        return f"All there and usable{warnings}."
+        return f"All there and usable{', with warnings' if report.findings else ''}."
     if report.error is not None or any(finding.severity == "error" for finding in report.findings):
         return "These data cannot be used as they are."
     return "Something is missing; what is there can be used."

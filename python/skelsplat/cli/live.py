@@ -16,7 +16,7 @@ from skelsplat.cli import options
 from skelsplat.cli._app import FAILED, INTERRUPTED
 from skelsplat.cli.command import takes
 from skelsplat.cli.output import quieter, say, tell
-from skelsplat.cli.rows import QUIET, rows
+from skelsplat.cli.rows import QUIET, REQUIRED, rows
 from skelsplat.exceptions import DatasetError
 from skelsplat.findings import collected_warnings
 from skelsplat.io import read_layout
@@ -32,8 +32,8 @@ OPTIONS = (
     *options.CALIBRATION,
     replace(
         options.of_job("layout")[0],
-        help="Joint layout of the detections: a name (skelsplat layouts lists them) or a layout file "
-        "(.toml). Required.",
+        help="Joint layout of the detections: a name that skelsplat layouts lists, or a layout file (.toml).",
+        default=REQUIRED,
         shown="",
     ),
     *options.OF_LIVE,
@@ -57,7 +57,7 @@ OPTIONS = (
 def live(
     calibration: Path,
     *,
-    layout: str | None = None,
+    layout: str,
     fps: float | None = None,
     lag: int,
     people: str | int | None = None,
@@ -99,8 +99,6 @@ def live(
 
     detector | skelsplat live Calib.toml --unit m --layout coco17 --fps 30 --people all
     """
-    if layout is None:
-        raise typer.BadParameter("expected a layout's name or file, got nothing", param_hint="--layout")
     known = read_layout(layout)
     for option, given_too in (("--lag", lag), ("--people", people)):
         if given_too and fps is None:
@@ -161,8 +159,7 @@ def _serve(session: Session, source: BinaryIO, target: BinaryIO) -> int:
     except KeyboardInterrupt:
         return INTERRUPTED
     except OSError as error:
-        closed = isinstance(error, BrokenPipeError)
-        got = "a closed pipe" if closed else (error.strerror or str(error)).lower()
+        got = (error.strerror or str(error)).lower()
         say(f"error: stdout: expected a reader, got {got}", err=True)
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # nothing is left to flush at exit
         return FAILED

@@ -30,12 +30,7 @@ _ADJUSTED = ("status", "turned by [°]", "moved by [mm]", "error [px]")
 _CAMERAS = ("median [px]", "90th percentile [px]", "used", "missing", "rejected", "weight")
 _JOINTS = ("median [px]", "missing", "rejected", "error bar [mm]", "moved [mm]")
 _PEOPLE = ("frames", "seen", "views", "error [px]", "rejected", "error bar [mm]", "limbs")
-_REASONS = {
-    "converged": "converged",
-    "max_steps": "at the step limit",
-    "no_observations": "without detections",
-    "diverged": "diverged",
-}
+_REASONS = {"max_steps": "at the step limit", "no_observations": "without detections"}
 
 
 def new_table(title: str | None, first: str, columns: Sequence[str] = ()) -> Table:

@@ -66,16 +66,12 @@ PRINT: Any = {
     "axes.titlesize": 7,
     "axes.labelsize": 7,
     "axes.linewidth": 0.6,
-    "axes.labelpad": 2,
     "axes.titlepad": 3,
-    "grid.linewidth": 0.5,
     "xtick.labelsize": 7,
     "ytick.labelsize": 7,
     **{f"{axis}tick.major.{what}": size for axis in "xy" for what, size in (("size", 2.5), ("width", 0.6))},
     "legend.fontsize": 7,
     "legend.title_fontsize": 9,
-    "legend.handlelength": 1.5,
-    "legend.columnspacing": 1.3,
 }
 SCREEN_IN, PRINT_IN = 14.0, 7.1  # widths
 _SCREEN_LETTERS, _NOTE_LETTERS = 135, 138  # of a line of a heading, and of a note

@@ -91,12 +91,10 @@ def write_panels(path: str | os.PathLike[str], panels: Sequence[Panel], *, capti
 
 def _draw(axes: Axes, panel: Panel) -> None:
     for k, line in enumerate(panel.lines):
-        look: dict[str, Any] = (
-            {"linestyle": "--", "color": _style.BEFORE, "marker": "sv^D<>p*"[k % 8]}
-            if line.published
-            else {"color": _style.person_colour(k), "marker": "o"}
-        )
-        axes.plot(range(len(panel.places)), list(line.values), markersize=5, label=line.name, **look)
+        dashes, marker = ("--", "sv^D<>p*"[k % 8]) if line.published else ("-", "o")
+        colour = _style.BEFORE if line.published else _style.person_colour(k)
+        style: dict[str, Any] = {"color": colour, "marker": marker, "markersize": 5, "label": line.name}
+        axes.plot(range(len(panel.places)), list(line.values), dashes, **style)
     known = [v for line in panel.lines for v in line.values if math.isfinite(v)]
     if known and min(known) > 0 and max(known) / min(known) > _LOG_RATIO:
         axes.set_yscale("log")

@@ -175,8 +175,6 @@ def _draw_panel(axes: Axes, panel: CurvePanel, time: TimeAxis) -> None:
     axes.xaxis.set_major_locator(MaxNLocator(5, integer=time.frame_rate is None))
     axes.yaxis.set_major_locator(MaxNLocator(4))
     axes.grid()
-    if not np.isfinite(values).any():
-        axes.text(0.5, 0.5, "no data", transform=axes.transAxes, ha="center", va="center")
 
 
 def _draw_curve(axes: Axes, time: TimeAxis, curve: Curve) -> None:

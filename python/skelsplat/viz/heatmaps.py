@@ -48,10 +48,8 @@ def write_heatmaps(
     figure = _style.new_figure(_style.SCREEN_IN, 1.0 + down * (height + _AROUND_IN))
     cross = {"marker": "x", "markersize": 8, "markeredgewidth": 1.8}
     entries = [
-        _style.entry(_style.DETECTION, "detection", **cross),
-        _style.entry(_style.DETECTION, "limbs of the detections", linewidth=1.6),
-        _style.entry(_style.REPROJECTION, "refined pose, projected", marker="o"),
-        _style.entry(_style.REPROJECTION, "limbs of the refined pose", linewidth=1.6),
+        _style.entry(_style.DETECTION, "detections", linestyle="-", **cross),
+        _style.entry(_style.REPROJECTION, "refined pose, projected", linestyle="-", marker="o"),
     ]
     _style.head(figure, caption, entries)
     for k, row in enumerate(rows):

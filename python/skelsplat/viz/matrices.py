@@ -26,7 +26,6 @@ _ERROR, _REJECTED, _WEIGHT = (
     for colours in (_BLUE, _PINK, _PINK[::-1])
 )
 _MOST_NUMBERS = 34  # rows and columns up to which numbers fit into the cells
-_MOST_NAMES = 60
 _ROW_IN = 0.42  # of a camera
 _BESIDE = 13  # columns up to which two maps are side by side
 _JOINT_IN = (0.1, 0.2)  # least and largest height of a joint's row in print
@@ -54,8 +53,8 @@ def write_weights(path: str | os.PathLike[str], data: WeightData) -> Path:
     below = f"below {data.rejected_below:g} rejected"
     _style.head(figure, f"Mean weight of the detections, all frames: 1 trusted, {below}, grey: no detection")
     by_joint, by_frame = figure.subplots(2, 1)
-    joints = [name if len(data.joint_names) <= _MOST_NAMES else "" for name in data.joint_names]
-    _draw(by_joint, _mean(data.weights, 0), (data.camera_names, joints), _WEIGHT, decimals=2)
+    names = (data.camera_names, data.joint_names)
+    _draw(by_joint, _mean(data.weights, 0), names, _WEIGHT, decimals=2)
     by_joint.tick_params("x", rotation=45)
     rejected = np.where(np.isnan(data.weights), np.nan, data.weights < data.rejected_below)
     for row, share in enumerate(_mean(rejected, (0, 2))):

@@ -124,8 +124,8 @@ def _panel_legend(panels: Sequence[CameraPanel]) -> list[Artist]:
         _style.entry(_style.DETECTION, "detection", marker="x", markersize=7, markeredgewidth=1.6),
         _style.entry(_style.REJECTED, "rejected detection, with a line to the refined joint", **white),
     ]
+    diamond = {"marker": "D", "markerfacecolor": "none", "markersize": 8}
     if any(panel.swapped.any() for panel in panels):
-        diamond = {"marker": "D", "markerfacecolor": "none", "markersize": 8}
         entries.append(_style.entry(_style.SWAPPED, "left and right exchanged", **diamond))
     return [*entries, _style.entry(_style.MIDDLE, "refined pose, projected", linewidth=1.4)]
 

@@ -105,22 +105,32 @@ def write_report(path: str | os.PathLike[str], data: ReportData) -> Path:
     wanted = [number for first, last, _ in data.problems for number in (first, last)]
     places, every = frames_to_show(sequence.frames, len(sequence.joint_names), wanted)
     program = "\n".join(_resource(name) for name in _PROGRAMS if not several or name not in _OF_ONE)
-    loud = data.warnings or any(data.findings)
+    # JSON that cannot end its element
+    content = json.dumps(plain(_content(data, places)), allow_nan=False, separators=(",", ":"))
+    for sign in "<>&":
+        content = content.replace(sign, f"\\u{ord(sign):04x}")
+    notes, count = list(data.notes), len(sequence.frames)
+    if len(places) < count:
+        notes.append(
+            f"Of {count:,} frames, the 3D view and the curves show {len(places):,}: one in {every}, and "
+            "those with a problem. Curves of counts and largest values keep the highest between two of them. "
+            "Tables and the heat map cover all frames."
+        )
     page = Template(_resource("page.html")).substitute(
         policy=_policy([plotly_js, program]),
         style=_resource("style.css"),
         plotly=plotly_js,
         program=program,
-        data=_json(_content(data, places)),
+        data=content,
         title=escape(data.title),
         facts=_html.described(data.facts),
         warnings=_warnings(data),
-        warnings_kind="loud" if loud else "quiet",
+        warnings_kind="loud" if data.warnings or any(data.findings) else "quiet",
         numbers=_html.described(data.numbers),
         **_player(sequence),
         sections=_sections(data),
         problems=_html.problem_rows(data.problems),
-        notes=_html.bullets([*data.notes, *_thinned(len(sequence.frames), len(places), every)]),
+        notes=_html.bullets(notes),
     )
     atomic_write_text(path, page)
     return Path(path)
@@ -154,12 +164,6 @@ def _content(data: ReportData, places: Index) -> dict[str, Any]:
     return content
 
 
-def _json(content: dict[str, Any]) -> str:
-    """Return JSON that cannot end its element: ``<``, ``>`` and ``&`` are escaped."""
-    text = json.dumps(plain(content), ensure_ascii=True, allow_nan=False, separators=(",", ":"))
-    return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
-
-
 def _policy(programs: Sequence[str]) -> str:
     """Return a Content-Security-Policy that allows these programs and no connection of any kind.
 
@@ -171,17 +175,6 @@ def _policy(programs: Sequence[str]) -> str:
         f"default-src 'none'; script-src {hashes}; style-src 'unsafe-inline'; img-src data: blob:; "
         "base-uri 'none'; form-action 'none'"
     )
-
-
-def _thinned(count: int, shown: int, every: int) -> list[str]:
-    """Return a sentence on which of ``count`` frames are shown, if not all."""
-    if shown == count:
-        return []
-    return [
-        f"Of {count:,} frames, the 3D view and the curves show {shown:,}: one in {every}, and frames with a "
-        "problem. Curves of counts and of largest values keep the highest value between two of them. "
-        "Tables and the heat map cover all frames."
-    ]
 
 
 def _warnings(data: ReportData) -> str:

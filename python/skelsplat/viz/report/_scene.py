@@ -97,6 +97,7 @@ def pack_scene(sequence: Sequence3D, shapes: CameraShapes, places: Index) -> dic
     standing = [parts[place][1] for place in sequence.on_floor or range(len(parts))]
     lowest = np.fmin.reduce(np.concatenate([refined[:, own, 2] for own in standing], axis=1), axis=1)
     lowest = lowest[np.isfinite(lowest)]
+    statuses, codes = np.unique(sequence.status[places], return_inverse=True)
     return {
         "axes": axes,
         "frames": as_text(sequence.frames[places], "<f8"),  # time stamps exceed 32 bits
@@ -112,7 +113,7 @@ def pack_scene(sequence: Sequence3D, shapes: CameraShapes, places: Index) -> dic
         "speed": None if sequence.speed is None else _steps(sequence.speed[places], "step_mm_s"),
         "refined": positions(sequence.refined),
         "spread": _spreads(turn @ sequence.error_bar[places] @ turn.T),
-        "status": _labels(sequence.status[places]),
+        "status": {"names": statuses.tolist(), "numbers": as_text(codes, "<u1")},
         "reach": [low.tolist(), high.tolist()],
         "floor_mm": float(np.median(lowest)) if len(lowest) else float(low[2]),
         "cameras": _cameras(shapes, turn, origin),
@@ -186,12 +187,6 @@ def _steps(values: Array, unit: str) -> dict[str, Any]:
     known = np.isfinite(values)
     step = max(float(np.abs(values).max(initial=0.0, where=known)), 1.0) / _LARGEST
     return {unit: step, "numbers": _whole(values / step, known)}
-
-
-def _labels(labels: npt.NDArray[np.str_]) -> dict[str, Any]:
-    """Return labels as one byte each, with the list that the bytes count from."""
-    names, places = np.unique(labels, return_inverse=True)
-    return {"names": names.tolist(), "numbers": as_text(places, "<u1")}
 
 
 def _whole(values: Array, known: Mask) -> str:
