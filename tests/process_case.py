@@ -7,10 +7,8 @@ their main module.
 from __future__ import annotations
 
 import multiprocessing
-import os
 import sys
 import threading
-from collections.abc import Callable
 
 import numpy as np
 
@@ -97,32 +95,10 @@ def epochs() -> str:
     return " ".join(said)
 
 
-def forked(run: Callable[[], str]) -> str:
-    """Return what ``run`` says in a child of this process."""
-    reader, writer = os.pipe()
-    child = os.fork()
-    if child == 0:
-        os.write(writer, run().encode())
-        os._exit(0)
-    os.waitpid(child, 0)
-    return os.read(reader, 1000).decode()
-
-
-def grandchild() -> str:
-    """Work in a child, and fork there."""
-    expected = work(0)
-
-    def here() -> str:
-        return "same" if work(0) == expected else "different"
-
-    return forked(lambda: f"{here()} {forked(here)}") + f" {here()}"
-
-
 CASES = {
     **{method: lambda method=method: pool(method) for method in ("fork", "forkserver", "spawn")},
     "after_one_frame": after_one_frame,
     "epochs": epochs,
-    "grandchild": grandchild,
 }
 
 if __name__ == "__main__":

@@ -20,9 +20,6 @@ from skelsplat.io import PoseData
 from skelsplat.rig_check import check_rig
 
 PEOPLE = np.stack([SEEN, SEEN[::-1]], axis=2)
-CONFIGS = {
-    method: {s.name: s.default for s in sk.RefineConfig.settings(method)} for method in ("annealed", "paper")
-}
 # Arithmetic with numbers of 1e308 may overflow, and NumPy say so.
 WARNINGS = "ignore"
 _NUMBERS = (0, 1, 2, -1, 2**31, 2**64, 0.5, 1e-320, 1e-12, 1e12, 1e308, -1.0, np.nan, np.inf)
@@ -90,9 +87,7 @@ EVERYTHING = {**CALLS, **MORE}
 
 
 def case(rng: Random, folder: Path) -> tuple[str, Callable[[], str]]:
-    """Return a call with one or two odd arguments, or settings."""
-    if rng.random() < 0.2:
-        return _settings(rng)
+    """Return a call with one or two odd arguments."""
     name = rng.choice(list(EVERYTHING))
     function, arrays = EVERYTHING[name]
     odd = {
@@ -118,25 +113,6 @@ def odd_argument(rng: Random, value: Any) -> Any:
         hidden = np.random.default_rng(rng.randrange(2**32)).random(array.shape) < rng.choice((0.1, 0.9, 1.0))
         return rng.choice(list(MASKED.values()))(array, hidden) if array.ndim else array
     return array
-
-
-def _settings(rng: Random) -> tuple[str, Callable[[], str]]:
-    """Return some odd settings, used if they are accepted."""
-    method = rng.choice(list(CONFIGS))
-    chosen = {
-        name: rng.choice(_VALUES) for name in rng.sample(list(CONFIGS[method]), rng.choice((1, 1, 2, 3)))
-    }
-    few = {"max_steps": 5, "resolution": 0.05} if method == "paper" else {}
-    make = sk.RefineConfig.paper if method == "paper" else sk.RefineConfig
-
-    def call() -> Any:
-        config = make(**{**few, **chosen})
-        if method == "paper" and config.resolution > 0.1:  # minutes
-            return config
-        start = None if method == "annealed" else POSES[0] + 5.0
-        return sk.refine(start, FRAME, RIG, layout=LAYOUT, config=config)
-
-    return f"settings of {method}: {chosen}", lambda: tried(call, {})
 
 
 def tried(function: Callable[..., Any], given: dict[str, Any]) -> str:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import json
 import shutil
 import tempfile
 from collections.abc import Callable, Iterator, Mapping
@@ -34,7 +33,6 @@ from skelsplat.io import (
 )
 from skelsplat.io.poses import POSE_FORMATS
 from skelsplat.run import Run
-from skelsplat.run.live import MalformedLineError, Session
 from writers import human36m, occlusion_person, panoptic, shelf_campus
 
 Reader = Callable[[Path], object]
@@ -120,40 +118,6 @@ def _human36m(layout: str) -> Callable[[Path], object]:
     return write
 
 
-def _lines(folder: Path) -> Reader:
-    with (folder / "lines.jsonl").open("w") as stream:
-        for t, frame in enumerate(SEEN):
-            views = frame.tolist() if t != 1 else dict(zip(RIG.names, frame.tolist(), strict=True))
-            stream.write(json.dumps({"frame": t, "detections": views, "reset": t == 2}) + "\n")
-    (folder / "people.jsonl").write_text(
-        json.dumps({"detections": [[v] * 2 for v in SEEN[0].tolist()]}) + "\n"
-    )
-
-    def read(root: Path) -> object:
-        one = Session(RIG, layouts.H36M17, sk.RefineConfig(), fps=25.0, lag=1)
-        several = Session(RIG, layouts.H36M17, sk.RefineConfig(), fps=25.0, people="all")
-        return [
-            _answers(one, (root / "lines.jsonl").read_bytes()),
-            _answers(several, (root / "people.jsonl").read_bytes()),
-        ]
-
-    return read
-
-
-def _answers(session: Any, lines: bytes) -> list[Any]:
-    said = []
-    for number, line in enumerate(lines.split(b"\n")):
-        try:
-            said.append(session.answer(line))
-        except MalformedLineError as error:
-            said.append(error.line(number))
-    for answer in filter(None, [*said, session.rest()]):
-        assert b"NaN" not in answer
-        assert b"Infinity" not in answer
-    session.summary()
-    return said
-
-
 SAMPLES: dict[str, Callable[[Path], Reader]] = {
     **{
         f"calibration {name}": _calibration(*one[:2])
@@ -170,7 +134,6 @@ SAMPLES: dict[str, Callable[[Path], Reader]] = {
     **{f"pose {kind}": _pose(kind) for kind in POSE_FORMATS},
     "layout": _layout,
     "run": _run,
-    "live": _lines,
     "data authors": _data("human36m", _human36m("skelsplat")),
     "data videopose3d": _data("human36m", _human36m("videopose3d")),
     "data panoptic": _data("panoptic", lambda root: panoptic.write(root, n_frames=2)),

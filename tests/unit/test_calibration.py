@@ -51,13 +51,6 @@ def test_every_number_of_a_camera_is_read(write):
     np.testing.assert_allclose(left.R, turn, atol=1e-15)
 
 
-@pytest.mark.parametrize("count", [4, 14])
-def test_every_opencv_count_of_coefficients_is_read(write, count):
-    coefficients = [0.001 * (i + 1) for i in range(count)]
-    text = VALID.replace("[-0.05, 0.002, 1e-05, -2e-05]", str(coefficients))
-    np.testing.assert_array_equal(read_calibration(write(text), unit="m")[0].distortion, coefficients)
-
-
 @pytest.mark.parametrize("padding", ["", ", 0.0"], ids=["four", "four and a zero"])
 def test_fisheye_coefficients(write, padding):
     text = VALID.replace("fisheye = false", "fisheye = true").replace("-2e-05]", f"-2e-05{padding}]")

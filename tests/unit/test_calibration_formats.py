@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
 
 import numpy as np
@@ -72,35 +71,14 @@ def test_the_offset_of_aniposes_cropped_videos_is_taken_off_the_centre(tmp_path,
     assert (rig[0].size, rig[1].size) == (views[0].size, (1000 - 224, 1000 - 120))
 
 
-def test_the_rig_of_shelf_is_the_same_in_voxelposes_and_4d_associations_files(tmp_path):
-    """Camera 0 of Shelf as both write it (public code of both, six and eight digits)."""
-    R = [[0.650977, -0.758717, 0.024027], [-0.018862, -0.04781, -0.998678], [0.758863, 0.649664, -0.045434]]
-    T = [[-1586.4496077989998], [-2109.46905869], [1104.209800652]]
-    k, p = [[0.0], [0.0], [0.0]], [[0.0], [0.0]]
-    inner = {"fx": 1063.512085, "fy": 1071.863647, "cx": 511.738251, "cy": 350.088287}
-    RT = [0.65097713, -0.7587173, 0.02402735, -0.5942785, -0.01886197, -0.04781039, -0.99867845, 0.9719739]
-    RT += [0.758863, 0.649664, -0.045434, 2.624511]
-    K = [1.0635121e03, 0.0, 5.1173825e02, 0.0, 1.0718636e03, 3.5008829e02, 0.0, 0.0, 1.0]
-    first, second = tmp_path / "calibration_shelf.json", tmp_path / "calibration.json"
-    first.write_text(json.dumps({"0": {"k": k, "p": p, "R": R, "T": T, **inner}}))
-    second.write_text(json.dumps({"0": {"K": K, "RT": RT, "imgSize": [1032, 776]}}))
-    one = read_calibration(first, size=(1032, 776))
-    with pytest.warns(UserWarning, match="no distortions for 0: assumed to have no lens distortion"):
-        other = read_calibration(second, unit="m")
-    points = np.random.default_rng(0).uniform([-500, -500, 0], [500, 500, 1800], (20, 3))
-    np.testing.assert_allclose(sk.project(points, one), sk.project(points / 1000, other), atol=2e-3)
-
-
-@pytest.mark.parametrize("form", ["session", "Videos", "files", "one file"])
+@pytest.mark.parametrize("form", ["session", "files", "one file"])
 def test_opencap_by_session_by_folder_and_by_file(tmp_path, views, form):
     folder = files.opencap(tmp_path, views) / "Videos"
     if form in ("files", "one file"):
         for path in sorted(folder.glob("*/*.pickle")):
             path.rename(tmp_path / f"{path.parent.name}.pickle")
         (folder / "mappingCamDevice.pickle").unlink()
-    rig = read_calibration(
-        {"Videos": folder, "one file": tmp_path / f"{NAMES[2]}.pickle"}.get(form, tmp_path)
-    )
+    rig = read_calibration(tmp_path / f"{NAMES[2]}.pickle" if form == "one file" else tmp_path)
     assert rig.names == ((NAMES[2],) if form == "one file" else tuple(NAMES))
     np.testing.assert_array_equal(rig[NAMES[2]].K, views[2].K)
 
@@ -129,7 +107,7 @@ def test_skew_is_followed_by_half_turning_the_camera(tmp_path, views):
     assert 0.1 < error < caught[0].message.finding.numbers["error_px"]
 
 
-@pytest.mark.parametrize("radial", ["4e-8 0 0", "-6e-8 3e-14 -1e-21"])
+@pytest.mark.parametrize("radial", ["-6e-8 3e-14 -1e-21"])
 def test_vicons_lens_maps_measured_pixels_to_ideal_ones_about_its_own_centre(tmp_path, radial):
     views = files.reference(NAMES, distortion=False)
     rig = read_calibration(files.vicon(tmp_path, views, radial))
@@ -247,23 +225,19 @@ def test_easymocap_by_folder_or_by_either_file(tmp_path, views, given, header):
 
 
 def test_easymocap_as_its_own_program_writes_it(tmp_path):
-    (tmp_path / "intri.yml").write_bytes(
-        b'%YAML:1.0\r\n---\r\nnames:\r\n  - "01"\r\n  - "2"\r\n'
-        + b"".join(
-            f"K_{n}: !!opencv-matrix\r\n  rows: 3\r\n  cols: 3\r\n  dt: d\r\n  data: [1000.000000, 0.000000, "
-            f"500.000000, 0.000000, 1000.000000, 400.000000, 0.000000, 0.000000, 1.000000]\r\n"
-            f"D_{n}: !!opencv-matrix\r\n  rows: 5\r\n  cols: 1\r\n  data: [0.1, 0, 0, 0, 0]\r\n".encode()
-            for n in ("01", "2")
-        )
+    def matrix(key, rows, cols, data):
+        return f"{key}: !!opencv-matrix\r\n  rows: {rows}\r\n  cols: {cols}\r\n  dt: d\r\n  data: {data}\r\n"
+
+    K = "[1000.000000, 0.000000, 500.000000, 0.000000, 1000.000000, 400.000000, 0.000000, 0.000000, 1.000000]"
+    intri, extri = (
+        '%YAML:1.0\r\n---\r\nnames:\r\n  - "01"\r\n  - "2"\r\n',
+        '%YAML:1.0\n---\nnames: [ "01", "2" ]\n',
     )
-    (tmp_path / "extri.yml").write_text(
-        '%YAML:1.0\n---\nnames: [ "01", "2" ]\n'
-        + "".join(
-            f"R_{n}: !!opencv-matrix\n  rows: 3\n  cols: 1\n  dt: d\n  data: [0.000000, 0.000000, 0.1]\n"
-            f"T_{n}: !!opencv-matrix\n  rows: 3\n  cols: 1\n  dt: d\n  data: [{n}, 0.000000, 3.000000]\n"
-            for n in ("01", "2")
-        )
-    )
+    for n in ("01", "2"):
+        intri += matrix(f"K_{n}", 3, 3, K) + matrix(f"D_{n}", 5, 1, "[0.1, 0, 0, 0, 0]")
+        extri += matrix(f"R_{n}", 3, 1, "[0, 0, 0.1]") + matrix(f"T_{n}", 3, 1, f"[{n}, 0.000000, 3.000000]")
+    (tmp_path / "intri.yml").write_bytes(intri.encode())
+    (tmp_path / "extri.yml").write_bytes(extri.encode())
     rig = read_calibration(tmp_path, unit="m", size=(1000, 800))
     assert rig.names == ("01", "2")
     assert rig[1].size == (1000, 800)

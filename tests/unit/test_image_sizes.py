@@ -14,7 +14,6 @@ from command_line import READ, invoke, read_report
 from skelsplat import synthetic
 from skelsplat.io import read_npz
 from skelsplat.io.detections import open_detections
-from skelsplat.io.detections._record import read_record, write_record
 from skelsplat.run import Job, run_batch
 from skelsplat.run.image_sizes import resizing
 
@@ -89,15 +88,6 @@ def assert_same_bits(one, other):
         assert arrays.files == expected.files
         differ = {key for key in arrays.files if arrays[key].tobytes() != expected[key].tobytes()}
     assert differ <= {"run"}
-
-
-def test_detect_writes_and_reads_this_form(detected):
-    folder = detected({"cam1": [500, 501]})
-    record = read_record(folder / "pose")
-    assert record.videos["cam1"].size == (500, 501)
-    before = (folder / "pose" / "detect.json").read_text()
-    write_record(folder / "pose", record)
-    assert json.loads((folder / "pose" / "detect.json").read_text()) == json.loads(before)
 
 
 def test_half_the_size_is_resized_and_said(detected):

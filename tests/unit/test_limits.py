@@ -122,8 +122,6 @@ def test_numbers_that_are_none_to_compute_with(case):
         call()
 
 
-measured = pytest.mark.skipif(sys.platform != "linux", reason="other systems do not say what is available")
-
 # 65,535² pixels: 17 GB on each channel, with as many channels as no machine has memory for.
 LARGEST = camera(size=(65535, 65535))
 CHANNELS = 2000
@@ -131,28 +129,7 @@ HUGE = (np.zeros((CHANNELS, 3)), np.tile(np.eye(3) * 1e10, (CHANNELS, 1, 1)))
 NEED = r"images: 2000 x 65535 x 65535 float32 values need 34358.7 GB"
 
 
-@measured
+@pytest.mark.skipif(sys.platform != "linux", reason="other systems do not say what is available")
 def test_images_that_do_not_fit_into_memory():
     with pytest.raises(MemoryError, match=NEED):
         sk.render(*HUGE, LARGEST)
-
-
-@measured
-@pytest.mark.filterwarnings("ignore:The skeleton measures")
-@pytest.mark.parametrize(("encoding", "frames"), [("one_hot", 3), ("single", 1)])
-def test_windows_that_do_not_fit_into_memory(encoding, frames):
-    detections = np.full((frames, 1, CHANNELS, 2), 500.0)
-    cameras = [LARGEST] * (1 if encoding == "one_hot" else 500)
-    detections = np.repeat(detections, len(cameras), axis=1)
-    config = sk.RefineConfig.paper(sigma_mm=1e6, encoding=encoding)
-    start = np.zeros((frames, CHANNELS, 3))
-    with pytest.raises(MemoryError, match=r"^heat maps: the windows of \d+ detections.* need \d+\.\d GB"):
-        sk.refine(start, detections, cameras, config=config)
-
-
-@measured
-def test_projections_that_do_not_fit_into_memory():
-    # The points are one number in memory, the cameras one camera.
-    points = np.broadcast_to(np.zeros(3), (200_000, 3))
-    with pytest.raises(MemoryError, match=r"^projections: 200000 points in 2000000 views need 6400.0 GB"):
-        sk.project(points, [camera()] * 2_000_000)

@@ -120,12 +120,3 @@ def test_report_json_has_the_facts_of_the_page(recording, arguments):
     assert {"down_weighted", "views_used", "frame_findings"} <= set(report["meanings"])
     page = (folder / "out" / "report.html").read_text(encoding="utf-8")
     assert '<a href="#frame=2">2</a></th><td>no detection could be used</td>' in page
-
-
-def test_the_page_can_be_left_out_and_an_older_one_goes(recording, arguments):
-    folder, _, _ = recording
-    assert invoke(*arguments, *READ, "--fps", 50, "-q").exit_code == 0
-    assert (folder / "out" / "report.html").exists()
-    assert invoke(*arguments, *READ, "--fps", 50, "-q", "--no-html").exit_code == 0
-    assert not (folder / "out" / "report.html").exists()
-    assert (folder / "out" / "report.json").exists()

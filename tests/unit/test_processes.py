@@ -44,7 +44,3 @@ def test_a_fork_after_one_frame_of_the_papers_method():
 
 def test_workers_of_a_data_loader_beside_busy_threads():
     assert outcome("epochs") == "same same same"
-
-
-def test_a_child_that_forks():
-    assert outcome("grandchild") == "same same same"

@@ -50,12 +50,6 @@ def test_the_third_camera_disagrees(found, rig):
     assert np.nanmean(result.view_weights, axis=(0, 2)).argmin() == 2
 
 
-def test_unpacking_into_a_file(tmp_path):
-    (tmp_path / "taken").write_text("")
-    with pytest.raises(sk.DatasetError, match="taken: folder: expected a folder that can be written"):
-        sample.extract(tmp_path / "taken")
-
-
 def test_two_people_and_a_bystander(tmp_path):
     paths = sample.extract(tmp_path, people=True)
     rig = read_calibration(paths.calibration, unit=sample.UNIT)
