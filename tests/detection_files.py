@@ -39,22 +39,12 @@ def flat(person: np.ndarray) -> list[float]:
 
 @dataclass(frozen=True)
 class Take:
-    """What is written.
+    """What is written."""
 
-    Attributes
-    ----------
-    people : (T, M, P, K, 3)
-        Everybody's detections, NaN for missing.
-    names, joints : list of str
-        Of the cameras and of the joints.
-    first : int
-        The first frame number.
-    """
-
-    people: np.ndarray
-    names: list[str]
+    people: np.ndarray  # (T, M, P, K, 3), NaN for missing
+    names: list[str]  # of the cameras
     joints: list[str]
-    first: int = 0
+    first: int = 0  # frame number
 
     def views(self) -> Iterator[tuple[str, np.ndarray]]:
         """Each camera's name and people (T, P, K, 3)."""
@@ -282,7 +272,7 @@ def sleap_csv(root: Path, take: Take) -> Path:
             for t, frame in enumerate(view)
             for p, person in enumerate(persons(frame))
         ]
-        _csv(root / f"labels.v001.000_{name}.analysis.csv", lines)
+        write_csv(root / f"labels.v001.000_{name}.analysis.csv", lines)
     return root
 
 
@@ -313,7 +303,7 @@ def _caliscope(root: Path, take: Take, first: int = 1, *, camera: str, point: st
         if np.isfinite(x)
     ]
     path = root / "xy_ONNX_rtmpose_t_halpe26.csv"
-    _csv(path, lines)
+    write_csv(path, lines)
     return path
 
 
@@ -382,7 +372,7 @@ def csv_lines(view: np.ndarray, joints, first) -> Iterator[dict[str, object]]:
                     yield {"frame": first + t, "person": p, "joint": joint, "x": x, "y": y, "confidence": c}
 
 
-def _csv(path: Path, lines: list[dict[str, object]]) -> None:
+def write_csv(path: Path, lines: list[dict[str, object]]) -> None:
     with path.open("w", newline="") as stream:
         writer = csv.DictWriter(stream, lines[0])
         writer.writeheader()
@@ -392,7 +382,7 @@ def _csv(path: Path, lines: list[dict[str, object]]) -> None:
 def plain_csv(root: Path, take: Take) -> Path:
     path = root / "detections.csv"
     cameras = take.views()
-    _csv(
+    write_csv(
         path,
         [
             {"camera": name, **line}
@@ -406,5 +396,5 @@ def plain_csv(root: Path, take: Take) -> Path:
 def plain_csv_cameras(root: Path, take: Take) -> Path:
     places = [str(k) for k in range(len(take.joints))]
     for name, view in take.views():
-        _csv(root / f"{name}.csv", list(csv_lines(view, places, take.first)))
+        write_csv(root / f"{name}.csv", list(csv_lines(view, places, take.first)))
     return root

@@ -97,15 +97,6 @@ def test_offset_sets_a_clock(recording, expected):
     assert report(folder)["offsets"] == {rig.names[2]: -20, rig.names[0]: 0}
 
 
-def test_sorted_order_of_views_without_names(recording, take, expected):
-    folder, _, _ = recording
-    path = folder / "plain.npz"
-    np.savez(path, detections=take.people)
-    assert refine(folder, path).exit_code == 1
-    assert refine(folder, path, "--order", "sorted").exit_code == 0
-    np.testing.assert_array_equal(read_npz(folder / "out" / "pose.npz").pose, expected)
-
-
 @pytest.mark.parametrize(
     ("option", "values"),
     [

@@ -10,7 +10,6 @@ from broken_detections import NAMES, anybody, write_case
 from detection_cases import CASES
 from detection_files import Take
 from skelsplat import synthetic
-from skelsplat.association import choose_person
 from skelsplat.io import read_detections
 
 T = 4
@@ -20,7 +19,6 @@ LABELS = {  # of the views in a file of all cameras, if they are not their place
     "caliscope": ["1", "2", "3", "4"],
     "caliscope_ports": ["1", "2", "3", "4"],
 }
-MULTI = [name for name, case in CASES.items() if case.people]
 
 
 @pytest.fixture(scope="module")
@@ -92,15 +90,6 @@ def test_every_format_is_found_and_read_to_the_same_arrays(tmp_path, people, pla
     assert np.isnan(found.people[MISSING[0], MISSING[1], 0, MISSING[2]]).all()
     named = read(case, path, rig, format=case.format)
     np.testing.assert_array_equal(named.people, expected)
-
-
-@pytest.mark.parametrize("name", MULTI)
-def test_another_person_in_view_does_not_confuse_the_main_one(tmp_path, people, place, rig, name):
-    case = CASES[name]
-    path, expected = written(case, tmp_path, people, place, rig)
-    detections, index = choose_person(read(case, path, rig).people, rig)
-    np.testing.assert_array_equal(index, place)
-    np.testing.assert_array_equal(detections, alone(expected, place)[:, :, 0])
 
 
 @pytest.mark.parametrize("name", CASES)

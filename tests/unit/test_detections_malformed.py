@@ -57,14 +57,6 @@ def _ragged(*shapes):
     return parts
 
 
-def _long_name(broken):
-    """Say in the root's attributes that the name of one is longer than all of them, which ends PyTables."""
-    content = bytearray(broken.file.read_bytes())
-    at = content.index(b"PYTABLES_FORMAT_VERSION")
-    content[at - 6 : at - 4] = b"\xff\xff"
-    broken.file.write_bytes(content)
-
-
 JSON_CUT, NPZ_CUT, NPY_CUT = (Broken.cut, "JSON"), (Broken.cut, "file"), (Broken.cut, "array")
 MALFORMED = {
     "easymocap": [
@@ -118,7 +110,6 @@ MALFORMED = {
     ],
     "deeplabcut": [
         (lambda b: b.file.write_bytes(b.file.read_bytes()[:9000]), "file"),
-        (_long_name, "file"),
         (lambda b: b.dlc(lambda table: table[table.columns[0]].rename("x")), "key"),
         (lambda b: b.dlc(lambda table: table.rename_axis(columns={"bodyparts": "parts"})), "header"),
         (lambda b: b.dlc(lambda table: table.rename(columns={"likelihood": "z"})), "coords"),

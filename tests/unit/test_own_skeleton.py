@@ -13,7 +13,7 @@ import skelsplat as sk
 from skelsplat import synthetic
 from skelsplat.cli.output import Terminal
 from skelsplat.cli.table import print_run
-from skelsplat.io import read_detections, read_layout, read_run, read_trc, write_calibration
+from skelsplat.io import read_detections, read_layout, read_run, write_calibration
 from skelsplat.run import Job, Run, run
 from skelsplat.run.overlay import OverlayJob, write_overlay
 from skelsplat.run.plots import read_source, write_plots
@@ -55,17 +55,6 @@ def test_the_folder_of_the_run_knows_the_layout(recorded):
     page = (folder / "out" / "report.html").read_text(encoding="utf-8")
     assert "my_mouse, 22 joints" in page
     assert "scatter alone, without a bias of the detector" in page
-
-
-def test_a_length_that_the_recording_contradicts_is_named(recorded):
-    folder, _, _ = recorded
-    lengths = [(("nose", "neck"), 40.0, 1.0), (("left_knee", "left_foot"), 9.9, 1.0)]  # 16.5 and 9.9 mm
-    own = sk.Layout("long", mouse.LAYOUT.joints, limbs=mouse.LAYOUT.limbs, lengths=lengths)
-    given = {"layout": own, "unit": "mm", "html": False, "write": ()}
-    found = run(Job(folder / "rig.toml", folder / "dlc", **given))
-    (wrong,) = (finding for finding in found.findings if finding.kind == "given_lengths_differ")
-    assert wrong.subject.joints == ("nose", "neck")
-    assert wrong.numbers["measured_mm"][0] == pytest.approx(16.5, abs=3.0)
 
 
 def test_pictures_and_overlays_need_no_file_again(recorded):
@@ -155,9 +144,3 @@ def test_lengths_of_a_fly_have_two_digits(fly, capsys):
         assert not re.search(r"\b0\.0 mm|\b0 mm|\b0\.0 \(0\.0\)", text)
     assert re.search(r"0\.00\d\d \(0\.00\d\d\)", printed)
     assert re.search(r"0\.00\d\d \(0\.00\d\d\)", page)  # a row of the table of joints
-
-
-def test_a_trc_of_a_fly_has_steps_far_below_its_error_bars(fly):
-    folder, found = fly
-    apart = np.abs(1000.0 * read_trc(folder / "pose.trc").pose - found.poses.pose)
-    assert 0 < apart.max() < 5.1e-5  # half a step of 0.1 µm; its error bars are 4.5 µm
