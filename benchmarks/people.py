@@ -25,7 +25,7 @@ from skelsplat.datasets import Dataset, PeopleTake
 from skelsplat.evaluation import people as evaluation
 from skelsplat.evaluation.methods import Options
 from skelsplat.synthetic import Crowding
-from skelsplat.synthetic.people_sets import mixed_heights
+from skelsplat.synthetic.rigs import mixed_heights
 
 FPS = 30.0
 CROWDING = {"none": Crowding.none(), "usual": Crowding(), "heavy": Crowding.heavy()}

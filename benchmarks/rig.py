@@ -44,7 +44,7 @@ from skelsplat.io import sample as demo
 from skelsplat.rig_check import ReadAs
 from skelsplat.run.cameras import Scene, adjusted
 from skelsplat.run.cameras import adjust_cameras as adjust_files
-from skelsplat.synthetic.people_sets import mixed_heights
+from skelsplat.synthetic.rigs import mixed_heights
 
 FPS, FRAMES, LONGEST = 30.0, 300, 40
 # Takes below this one were looked at when the thresholds of the method were chosen.

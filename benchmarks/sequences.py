@@ -3,7 +3,7 @@
     python benchmarks/sequences.py [--takes 12] [--views 4] [--fps 30] [--conditions good heavy] [--joints]
 
 Motions of the CMU motion capture in a Human3.6M-like room; the detections are simulated, with errors that
-last (`skelsplat.synthetic.memory`), and all methods get the same. `--takes` is a spread sample of 92 takes
+last (`skelsplat.synthetic.Memory`), and all methods get the same. `--takes` is a spread sample of 92 takes
 (all), `--names` are these, such as 05_17, and `--frames` the middle part of longer ones. Conditions: good,
 occluded 2, occluded 3, heavy, swaps. Without `--confidence` the methods get no confidences: simulated ones
 know too well what is hidden.

@@ -12,7 +12,7 @@ from skelsplat.association import choose_person
 from skelsplat.rig_check import ReadAs, check_rig
 from skelsplat.run.by_everybody import Scene
 from skelsplat.run.cameras import adjusted
-from skelsplat.synthetic.people_sets import mixed_heights
+from skelsplat.synthetic.rigs import mixed_heights
 
 LAYOUT = sk.layouts.H36M17
 T = 60

@@ -23,8 +23,7 @@ from skelsplat.datasets import _registry as registry
 from skelsplat.datasets.synthetic import write_simulated
 from skelsplat.evaluation.methods import DEFAULT_INIT_SIGMA_MM
 from skelsplat.exceptions import InvalidInputError
-from skelsplat.synthetic.people_sets import PEOPLE_SET
-from skelsplat.synthetic.sets import RecordingSet
+from skelsplat.synthetic.sets import PEOPLE_SET, RecordingSet
 
 _MOST_FILES = 12
 

@@ -10,14 +10,12 @@ A bad argument is an `InvalidInputError` that names it.
 from skelsplat.synthetic.crowding import Crowding
 from skelsplat.synthetic.crowds import crowd, meeting_names
 from skelsplat.synthetic.detections import simulate_detections
-from skelsplat.synthetic.memory import Memory
 from skelsplat.synthetic.motions import motion, motion_names
-from skelsplat.synthetic.noise import DetectionNoise
-from skelsplat.synthetic.people_sets import simulate_people_set
+from skelsplat.synthetic.noise import DetectionNoise, Memory
 from skelsplat.synthetic.poses import monocular_poses, perturb
 from skelsplat.synthetic.rigs import dome, human36m_like, look_at, ring, stereo, table
 from skelsplat.synthetic.scenes import Scene, simulate_scene
-from skelsplat.synthetic.sets import set_names, simulate_set
+from skelsplat.synthetic.sets import set_names, simulate_people_set, simulate_set
 from skelsplat.synthetic.skeleton import in_layout
 
 __all__ = [

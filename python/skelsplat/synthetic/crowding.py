@@ -15,7 +15,7 @@ import numpy as np
 from skelsplat._arrays import Array, Index, Mask, corners
 from skelsplat._skelsplat import Layout
 from skelsplat.exceptions import InvalidInputError
-from skelsplat.synthetic.memory import Memory, Range, check_range, check_spans
+from skelsplat.synthetic.noise import Memory, Range, check_range, check_spans
 
 Draw = np.random.Generator
 Instances = list[tuple[Array, Index]]

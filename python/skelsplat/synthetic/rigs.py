@@ -18,6 +18,9 @@ from skelsplat.exceptions import DegenerateGeometryError, InvalidInputError
 
 # Chest height: an upright adult fills the image evenly above and below.
 _BODY_CENTRE = (0.0, 0.0, 900.0)
+ROOM_MM = 4500.0
+"""Distance of the cameras from the middle of the room in which people meet."""
+
 _GOLDEN_ANGLE = np.pi * (3.0 - np.sqrt(5.0))
 
 
@@ -128,6 +131,12 @@ def ring(n_views: int = 8, *, radius_mm: float = 3500.0, height_mm: float = 1500
     _check(n_views, 32, radius_mm=radius_mm, height_mm=height_mm)
     eyes = _circle(np.arange(n_views), radius_mm, height_mm)
     return CameraRig([_camera(f"cam{k}", eye, 640.0, (1280, 720)) for k, eye in enumerate(eyes)])
+
+
+def mixed_heights(n_views: int) -> CameraRig:
+    """Return a ring of cameras that are 1.2 and 2.6 m high in turn."""
+    low, high = (ring(n_views, radius_mm=ROOM_MM, height_mm=h) for h in (1200.0, 2600.0))
+    return CameraRig([(low, high)[k % 2][k] for k in range(n_views)])
 
 
 def _circle(steps: ArrayLike, radius_mm: float, height_mm: float) -> Iterable[tuple[float, ...]]:

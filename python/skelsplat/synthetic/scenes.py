@@ -16,9 +16,8 @@ from skelsplat.exceptions import InvalidInputError
 from skelsplat.synthetic.crowding import Crowding, Instances, View, behind
 from skelsplat.synthetic.crowds import ROOM_MM, crowd
 from skelsplat.synthetic.detections import corrupt, true_pixels
-from skelsplat.synthetic.memory import Memory
 from skelsplat.synthetic.motions import motion
-from skelsplat.synthetic.noise import SIZE_IN_ROOM, DetectionNoise, stream
+from skelsplat.synthetic.noise import SIZE_IN_ROOM, DetectionNoise, Memory, stream
 from skelsplat.synthetic.skeleton import in_layout
 
 _BYSTANDER_AT = 1.15  # from the centre of the room, as a share of its radius

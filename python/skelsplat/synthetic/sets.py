@@ -21,11 +21,13 @@ from skelsplat._skelsplat import Camera, Layout
 from skelsplat.cameras import CameraRig
 from skelsplat.exceptions import InvalidInputError, one_of
 from skelsplat.synthetic import rigs
-from skelsplat.synthetic.detections import corrupt, true_pixels
+from skelsplat.synthetic.crowding import Crowding
+from skelsplat.synthetic.crowds import meeting_names
+from skelsplat.synthetic.detections import corrupt, draw_occluders, true_pixels
 from skelsplat.synthetic.motions import motion, motion_names
 from skelsplat.synthetic.noise import SIZE_IN_ROOM, DetectionNoise, stream
-from skelsplat.synthetic.occluders import draw_occluders
 from skelsplat.synthetic.poses import monocular_poses
+from skelsplat.synthetic.scenes import Scene, simulate_scene
 from skelsplat.synthetic.skeleton import in_layout
 
 PANOPTIC_CAMERAS = (1, 2, 10, 13, 3, 23, 19, 30)
@@ -294,3 +296,72 @@ _SETS: dict[str, Callable[[str, int | None, int], RecordingSet]] = {
 
 set_names: tuple[str, ...] = tuple(_SETS)
 """Names that `simulate_set` knows."""
+
+PEOPLE_SET = "people"
+"""Name of the set."""
+
+CROWDED: Mapping[str, Crowding] = {"good": Crowding(), "noisy": Crowding.heavy()}
+"""Detectors: what each does wrong because several people are there. Of one person alone they are the same."""
+
+MEETINGS = tuple(name for name in meeting_names if name != "apart")
+
+_RIG = "ring"
+_FRAMES, _FPS = 300, 30.0
+_MOST_SCENES = 1000
+
+
+def simulate_people_set(
+    people: int = 3, views: int = 4, scenes: int = 5, *, frames: int = _FRAMES, seed: int = 0
+) -> RecordingSet:
+    """Simulate scenes of several people, as `simulate_scene` does, at 30 Hz.
+
+    Parameters
+    ----------
+    people, views, scenes : int
+        2 to 6 people, 3 to 8 cameras, 1 to 1000 scenes.
+    frames : int
+        Of each scene.
+    seed : int
+        Scene k of seed S is that of ``simulate_scene(…, seed=1000 * S + k)``.
+    """
+    limits = {"people": (people, 2, 6), "views": (views, 3, 8), "scenes": (scenes, 1, _MOST_SCENES)}
+    for name, (value, least, most) in limits.items():
+        if not least <= value <= most:
+            raise InvalidInputError(f"{name}: expected an integer from {least} to {most}, got {value!r}")
+    for name, value, least in (("frames", frames, 2), ("seed", seed, 0)):
+        if value < least:
+            raise InvalidInputError(f"{name}: expected an integer >= {least}, got {value!r}")
+    rig, made = rigs.mixed_heights(views), []
+    for k in range(scenes):
+        scene_of = partial(simulate_scene, people, rig, n_frames=frames, fps=_FPS, meetings=MEETINGS)
+        seen = {
+            detector: scene_of(crowding=crowding, seed=_MOST_SCENES * seed + k)
+            for detector, crowding in CROWDED.items()
+        }
+        made.append(_meeting(f"scene{k}", seen))
+    parameters = {
+        "seed": seed,
+        "people": people,
+        "views": views,
+        "scenes": scenes,
+        "frames": frames,
+        "meetings": list(MEETINGS),
+        "detectors": {name: asdict(crowding) for name, crowding in CROWDED.items()},
+    }
+    return RecordingSet(PEOPLE_SET, layouts.H36M17, {_RIG: rig}, tuple(made), parameters, _FPS)
+
+
+def _meeting(key: str, seen: Mapping[str, Scene]) -> Recording:
+    """Return a scene as each detector sees it; people and cameras are those of all."""
+    first = next(iter(seen.values()))
+    arrays: dict[str, dict[str, NDArray[Any]]] = {
+        f"people_simulated_{detector}": {
+            "people": scene.people,
+            "owner": scene.owner.astype(np.int16),
+            "joint_owner": scene.joint_owner.astype(np.int16),
+        }
+        for detector, scene in seen.items()
+    }
+    arrays["truth"] = {"poses": first.truth, "visible": first.visible}
+    frames = np.arange(len(first.people))
+    return Recording(key, key, "people", _RIG, frames, arrays, people=len(first.truth))
