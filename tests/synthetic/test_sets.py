@@ -85,18 +85,15 @@ def test_fusion_of_the_monocular_poses_errs_forty_millimetres(plain):
     assert 37.0 < np.concatenate(errors).mean() < 43.0
 
 
-def test_the_dome_has_panoptics_cameras_and_joints():
-    data = synthetic.simulate_set("dome", poses=24)
-    assert data.rigs["dome"].names == tuple(f"00_{k:02d}" for k in (1, 2, 10, 13, 3, 23, 19, 30))
-    assert data.layout.name == "panoptic19"
-    assert {r.action for r in data.recordings} == {"pose1", "pose2"}
-
-
-def test_occlusion_person_has_eight_views_and_flags():
-    data = synthetic.simulate_set("occlusion-person-like", poses=90)
-    assert all(len(rig) == 8 for rig in data.rigs.values())
-    assert data.layout.name == "occlusion_person15"
-    assert 0.6 < np.mean([r.arrays["truth"]["visible"].mean() for r in data.recordings]) < 0.9
+def test_the_dome_and_occlusion_person_have_the_cameras_and_joints_of_their_models():
+    dome = synthetic.simulate_set("dome", poses=24)
+    assert dome.rigs["dome"].names == tuple(f"00_{k:02d}" for k in (1, 2, 10, 13, 3, 23, 19, 30))
+    assert dome.layout.name == "panoptic19"
+    assert {r.action for r in dome.recordings} == {"pose1", "pose2"}
+    person = synthetic.simulate_set("occlusion-person-like", poses=90)
+    assert all(len(rig) == 8 for rig in person.rigs.values())
+    assert person.layout.name == "occlusion_person15"
+    assert 0.6 < np.mean([r.arrays["truth"]["visible"].mean() for r in person.recordings]) < 0.9
 
 
 def test_other_layouts_of_the_body_keep_its_joints_and_have_a_symmetric_head():

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import subprocess
 import sys
 from io import StringIO
@@ -114,7 +115,9 @@ def test_json_is_a_document_and_quiet_is_silence(cases, name):
     assert result.exit_code == 0, result.output
     document = json.loads(result.stdout, parse_constant=pytest.fail)
     assert keys <= document.keys()
-    force = ["--force"] if name in ("synth", "convert") else []
+    force = ["--force"] if name == "convert" else []
+    if name == "synth":
+        shutil.rmtree(arguments[1])
     quiet = invoke(*name.split(), *arguments, *force, "-q")
     assert (quiet.exit_code, quiet.stdout) == (0, "")
     assert all(line.startswith("warning: ") for line in quiet.stderr.splitlines())

@@ -23,7 +23,7 @@ from skelsplat.datasets import _registry as registry
 from skelsplat.datasets.synthetic import write_simulated
 from skelsplat.evaluation.methods import DEFAULT_INIT_SIGMA_MM
 from skelsplat.exceptions import InvalidInputError
-from skelsplat.synthetic.sets import PEOPLE_SET, RecordingSet
+from skelsplat.synthetic.sets import PEOPLE_SET
 
 _MOST_FILES = 12
 
@@ -69,7 +69,7 @@ def list_() -> Answer:
     skelsplat datasets list
     """
     entries = [
-        {"name": name, "description": reader.description, "options": list(reader.options)}
+        {"name": name, "description": reader.description, "options": list(registry.options_of(name))}
         for name, reader in registry.READERS.items()
     ]
 
@@ -77,7 +77,7 @@ def list_() -> Answer:
         table = new_table(None, "data set")
         table.add_column("what it is, and the options of its reader")
         for name, reader in registry.READERS.items():
-            table.add_row(name, Text(f"{reader.description}\n{', '.join(reader.options)}"))
+            table.add_row(name, Text(f"{reader.description}\n{', '.join(registry.options_of(name))}"))
         print_table(console, table)
 
     return Answer(entries, show, lambda _: say(*datasets.names()))
@@ -188,15 +188,13 @@ def _percent(shares: Sequence[float | None]) -> str:
 
 def _print_errors(console: Console, report: Report) -> None:
     """Print the reprojection errors per camera."""
-    rows = [row for row in report.errors if math.isfinite(row.as_given)]
-    if not rows:
+    known = {name: px for name, px in report.errors.items() if math.isfinite(px)}
+    if not known:
         console.print("No detections: units and cameras are judged by the truth alone.")
         return
-    columns = ("as given", "left/right exchanged", "best other camera")
-    table = new_table("Truth projected onto the detections, median error [px]", "camera", columns)
-    for row in rows:
-        values = (row.as_given, row.sides_exchanged, row.best_other_camera)
-        table.add_row(row.camera, *(f"{px:.1f}" if math.isfinite(px) else "–" for px in values))
+    table = new_table("Truth projected onto the detections, median error [px]", "camera", ("error",))
+    for name, px in known.items():
+        table.add_row(name, f"{px:.1f}")
     print_table(console, table)
 
 
@@ -218,7 +216,6 @@ _SYNTH_OPTIONS = rows(
     --poses N  Poses over all takes. [that of the data set]
     --seed SEED  Same seed, same files. [= 0]
     --openpose  Also write OpenPose JSON: many small files.
-    --force  Replace an existing simulated data set.
     Options of {PEOPLE_SET}:
     --people Q  People, 2 to 6. [{_DEFAULTS["people"]}]
     --views M  Cameras, 3 to 8. [{_DEFAULTS["views"]}]
@@ -238,7 +235,6 @@ def synth(
     seed: int,
     poses: int | None = None,
     openpose: bool,
-    force: bool,
     **of_people: int,
 ) -> Answer:
     """Write a simulated data set: known poses, simulated detections of two detectors.
@@ -259,14 +255,14 @@ def synth(
     for key in of_people if name != PEOPLE_SET else ():
         raise typer.BadParameter(f"does not apply to {name}, only to {PEOPLE_SET}", param_hint=f"--{key}")
     if name == PEOPLE_SET:
-        data: RecordingSet = synthetic.simulate_people_set(**{**_DEFAULTS, **of_people}, seed=seed)
+        data = synthetic.simulate_people_set(**{**_DEFAULTS, **of_people}, seed=seed)
         number = data.parameters["scenes"]
         length = f"{number} scene{'s' * (number != 1)} of {data.parameters['frames']} frames"
         what = f"{data.parameters['people']} people, {data.parameters['views']} views, {length}"
     else:
         data = synthetic.simulate_set(name, poses=poses, seed=seed)
         what = f"{data.parameters['poses']} poses in {len(data.recordings)} takes"
-    write_simulated(folder, data, openpose=openpose, force=force)
+    write_simulated(folder, data, openpose=openpose)
     detectors = " and ".join(data.parameters["detectors"])
     document = {"name": name, "takes": len(data.recordings), "parameters": data.parameters}
     return Answer(

@@ -54,13 +54,7 @@ class Take:
     def __post_init__(self) -> None:
         t, m = len(self.frames), len(self.rig)
         n = self.truth.shape[1] if self.truth.ndim == 3 else None
-        _check(
-            self,
-            truth=(t, n, 3),
-            detections=(t, m, n, 3),
-            monocular=(t, None, n, 3),
-            boxes=(t, m, 4),
-        )
+        _check(self, truth=(t, n, 3), detections=(t, m, n, 3), monocular=(t, None, n, 3), boxes=(t, m, 4))
 
     def __len__(self) -> int:
         return len(self.frames)
@@ -71,8 +65,7 @@ class Take:
 
     def _cut(self, names: Sequence[str], *index: Any, **changes: Any) -> Take:
         values = {name: getattr(self, name) for name in names}
-        cut = {name: None if value is None else value[index] for name, value in values.items()}
-        changes |= cut
+        changes |= {name: None if value is None else value[index] for name, value in values.items()}
         return replace(self, **changes)
 
     def with_detections(self, values: Array, path: Path) -> Take:

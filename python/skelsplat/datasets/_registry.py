@@ -17,14 +17,14 @@ from __future__ import annotations
 import inspect
 import os
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from skelsplat.datasets import human36m, occlusion_person, panoptic, shelf_campus, synthetic
 from skelsplat.datasets._files import Survey
 from skelsplat.datasets._model import Dataset
-from skelsplat.datasets._verify import ViewError, raise_errors, samples_of, verify, view_errors
+from skelsplat.datasets._verify import raise_errors, samples_of, verify, view_errors
 from skelsplat.exceptions import DatasetError, InvalidInputError, one_of
 from skelsplat.findings import Finding
 
@@ -35,12 +35,6 @@ class Reader:
 
     description: str
     read: Callable[..., Dataset]
-
-    @property
-    def options(self) -> tuple[str, ...]:
-        """Names of the options that `read` takes."""
-        parameters = inspect.signature(self.read).parameters.values()
-        return tuple(one.name for one in parameters if one.kind is one.KEYWORD_ONLY)
 
 
 READERS = {
@@ -67,7 +61,8 @@ def names() -> tuple[str, ...]:
 def options_of(name: str) -> tuple[str, ...]:
     """Names of the options that `read` takes for a data set."""
     one_of("name", name, READERS)
-    return READERS[name].options
+    parameters = inspect.signature(READERS[name].read).parameters.values()
+    return tuple(one.name for one in parameters if one.kind is one.KEYWORD_ONLY)
 
 
 def detections_option(name: str, which: str) -> dict[str, Any]:
@@ -124,7 +119,8 @@ class Report:
     error: DatasetError | None = None  #: why it cannot be read
     #: What `verify` found; with an error among them `read` refuses the data.
     findings: tuple[Finding, ...] = ()
-    errors: tuple[ViewError, ...] = ()  #: distance of the projected truth from the detections, per camera
+    #: Median distance of the truth from the detections of each camera, px.
+    errors: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def ok(self) -> bool:
@@ -134,43 +130,42 @@ class Report:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the report as values of JSON."""
+        missing = [{"path": str(path), "what": what} for path, what in self.survey.missing]
         return {
             "name": self.name,
             "root": str(self.root),
             "format": self.survey.format or None,
             "ok": self.ok,
-            "files": {
-                "there": [str(path) for path in self.survey.there],
-                "missing": [{"path": str(path), "what": what} for path, what in self.survey.missing],
-            },
+            "files": {"there": [str(path) for path in self.survey.there], "missing": missing},
             "error": None if self.error is None else str(self.error),
             "findings": [finding.to_dict() for finding in self.findings],
-            "reprojection_px": [asdict(row) for row in self.errors],
+            "reprojection_px": dict(self.errors),
             "dataset": None if self.dataset is None else _as_dict(self.dataset),
         }
 
 
 def _as_dict(dataset: Dataset) -> dict[str, Any]:
+    takes = [
+        {
+            "key": take.key,
+            "subject": take.subject,
+            "action": take.action,
+            "frames": len(take),
+            "views": list(take.rig.names),
+            "unit": take.rig.unit,
+            "detected": take.detected,
+            "labelled": take.labelled,
+            "files": {part: str(path) for part, path in take.files.items()},
+        }
+        for take in dataset
+    ]
     return {
         "layout": dataset.layout.name,
         "joints": dataset.layout.n_joints,
         "detector": dataset.detector,
         "source": dataset.source,
         "notes": list(dataset.notes),
-        "takes": [
-            {
-                "key": take.key,
-                "subject": take.subject,
-                "action": take.action,
-                "frames": len(take),
-                "views": list(take.rig.names),
-                "unit": take.rig.unit,
-                "detected": take.detected,
-                "labelled": take.labelled,
-                "files": {part: str(path) for part, path in take.files.items()},
-            }
-            for take in dataset
-        ],
+        "takes": takes,
     }
 
 
@@ -185,5 +180,5 @@ def check(name: str, root: str | os.PathLike[str], **options: Any) -> Report:
     except DatasetError as error:
         return Report(name, path, survey, error=error)
     samples = samples_of(dataset)
-    errors = view_errors(samples, dataset.layout)
+    errors = view_errors(samples)
     return Report(name, path, survey, dataset, findings=verify(dataset, samples), errors=errors)

@@ -84,29 +84,13 @@ def _distance(a: Array, b: Array) -> Array:
     return np.asarray(np.linalg.norm(a - b, axis=-1))
 
 
-@dataclass(frozen=True)
-class ViewError:
-    """Medians of a camera over all takes, px; NaN without detections."""
-
-    camera: str
-    as_given: float  # distance of the projected truth from the detections
-    sides_exchanged: float  # the same with left and right exchanged, of the joints that have a side
-    best_other_camera: float  # the same if the detections were those of the other camera that fits best
-
-
-def view_errors(samples: list[Sample], layout: Layout) -> tuple[ViewError, ...]:
-    """Return the errors of every camera, in the order of the first take that has it."""
-    rows: dict[str, list[tuple[float, float, float]]] = {}
+def view_errors(samples: list[Sample]) -> dict[str, float]:
+    """Return the median distance of the truth from the detections of every camera, px; NaN without any."""
+    found: dict[str, list[float]] = {}
     for item in samples:
-        for view, (name, distances) in enumerate(
-            zip(item.take.rig.names, item.view_distances(), strict=True)
-        ):
-            others = np.delete(distances, view)
-            nearest = float(np.min(others[np.isfinite(others)], initial=np.inf))
-            row = (float(distances[view]), item.sides(layout, slice(view, view + 1))[1], nearest)
-            rows.setdefault(name, []).append(row)
-    columns = {name: [median(column) for column in np.array(values).T] for name, values in rows.items()}
-    return tuple(ViewError(name, *values) for name, values in columns.items())
+        for name, distance in zip(item.take.rig.names, np.diagonal(item.view_distances()), strict=True):
+            found.setdefault(name, []).append(float(distance))
+    return {name: median(np.array(values)) for name, values in found.items()}
 
 
 def verify(dataset: Dataset, samples: list[Sample] | None = None) -> tuple[Finding, ...]:
@@ -119,7 +103,7 @@ def verify(dataset: Dataset, samples: list[Sample] | None = None) -> tuple[Findi
     wrong = {key for finding in exchanged for key in finding.subject.takes}
     clean = [item for item in samples if item.take.key not in wrong]
     views = _merged(finding for item in clean for finding in _views(item, dataset.layout))
-    return (*exchanged, *_joint_order(clean, dataset.layout), *views, *_lenses(clean))
+    return (*exchanged, *_merged(_joint_order(clean, dataset.layout)), *views, *_lenses(clean))
 
 
 def raise_errors(dataset: Dataset) -> None:
@@ -132,20 +116,15 @@ def raise_errors(dataset: Dataset) -> None:
 
 def _merged(findings: Iterable[Finding]) -> tuple[Finding, ...]:
     """Join findings of one kind and the same cameras: the numbers of the first, the takes of all."""
-    found: dict[tuple[str, ...], Finding] = {}
+    groups: dict[tuple[str, ...], list[Finding]] = {}
     for finding in findings:
-        key = finding.kind, *finding.subject.cameras, *finding.numbers
-        first = found.setdefault(key, finding)
-        if first is not finding:
-            takes = first.subject.takes + finding.subject.takes
-            found[key] = replace(first, subject=replace(first.subject, takes=takes))
-    return tuple(_with_takes(finding) for finding in found.values())
-
-
-def _with_takes(finding: Finding) -> Finding:
-    """Add the takes that a finding concerns to its sentence."""
-    first, *others = finding.subject.takes
-    return replace(finding, sentence=f"{finding.sentence} in {first}{_more(len(others))}")
+        groups.setdefault((finding.kind, *finding.subject.cameras, *finding.numbers), []).append(finding)
+    out = []
+    for first, *others in groups.values():
+        takes = sum((one.subject.takes for one in others), first.subject.takes)
+        sentence = f"{first.sentence} in {takes[0]}{_more(len(takes) - 1)}"
+        out.append(replace(first, subject=replace(first.subject, takes=takes), sentence=sentence))
+    return tuple(out)
 
 
 def _more(count: int) -> str:
@@ -239,7 +218,7 @@ def _joint_order(samples: list[Sample], layout: Layout) -> Iterator[Finding]:
     ]
     if pairs:
         shown = ", ".join(f"{joint} lies on {other}" for joint, other in pairs[:_MOST_PAIRS])
-        finding = Finding(
+        yield Finding(
             "dataset_joint_order",
             "warning",
             replace(_of(samples[0].take, _DETECTIONS), takes=tuple(item.take.key for item in samples)),
@@ -247,7 +226,6 @@ def _joint_order(samples: list[Sample], layout: Layout) -> Iterator[Finding]:
             sentence=f"joints: expected the order of {layout.name} in the truth and the detections, "
             f"got another order: {shown}{_more(len(pairs) - _MOST_PAIRS)}",
         )
-        yield _with_takes(finding)
 
 
 def _views(item: Sample, layout: Layout) -> Iterator[Finding]:

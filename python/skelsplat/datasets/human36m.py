@@ -158,22 +158,11 @@ def _action(activity: str) -> str:
     return ALIASES.get(stem, stem)
 
 
-def _spelling(activity: str) -> str:
-    """Return what all spellings of a take's name have in common: ``"WalkingDog_1"`` → ``"walkdog 1"``.
-
-    ``"Greeting 1"`` (the name of the original file) and ``"Greeting-1"`` (its number among the two takes of
-    an action) stay different: they can mean different takes.
-    """
-    number = re.search(r"([\s_-]*)(\d+)$", activity.strip()[:MOST_NAME])
-    ending = "" if number is None else f"{'-' if '-' in number[1] else ' '}{number[2]}"
-    return _action(activity).lower() + ending
-
-
 def _order(take: Take) -> tuple[int, str, int, str]:
     """Sort key: S9 before S11, then actions in the tables' order, then by name."""
     digits = re.sub(r"\D", "", take.subject)
     action = ACTIONS.index(take.action) if take.action in ACTIONS else len(ACTIONS)
-    return int(digits[:9] or 0), take.subject, action, _spelling(take.key.partition("/")[2])
+    return int(digits[:9] or 0), take.subject, action, take.key
 
 
 def _chosen(path: Path, there: Iterable[str], subjects: Sequence[str] | None) -> list[str]:
@@ -251,11 +240,9 @@ def _detections(
 
 def _from_folder(survey: Survey, root: Path, take: Take) -> Take:
     """Give a take its detections in ``<subject>/<activity>``, and the monocular poses beside them."""
-    activity = take.key.partition("/")[2]
-    alike = [one for one in _folders(root / take.subject) if _spelling(one.name) == _spelling(activity)]
-    if not alike:
+    folder = root / take.key
+    if not folder.is_dir():
         return take
-    folder = min(alike, key=lambda one: one.name != activity)
     found = with_detections(survey, take, H36M17, folder)
     files = [poses_file(folder / name) for name in take.rig.names]
     poses = [load_npz(path) for path in files if path is not None]

@@ -17,7 +17,7 @@ from skelsplat._arrays import Index
 from skelsplat.datasets._detections import Wanted, detections_of, poses_file, read_apart, read_truth
 from skelsplat.datasets._files import Survey, Value, build_rig, camera_at_centre, load_json
 from skelsplat.datasets._model import Dataset, Take
-from skelsplat.exceptions import DatasetError, InvalidInputError
+from skelsplat.exceptions import InvalidInputError
 from skelsplat.io._files import frame_number
 from skelsplat.layouts import OCCLUSION_PERSON15
 
@@ -75,12 +75,9 @@ def _activity(
     inside, activity = root / "cameras", folder.name
     places = [inside / activity / "cameras.json", inside / "cameras.json", root / "cameras.json"]
     by_frame = load_json(survey.find(places, "cameras by frame"))
-    truth, joints, own = read_truth(survey, folder, OCCLUSION_PERSON15.n_joints)
+    truth, joints, _ = read_truth(survey, folder, OCCLUSION_PERSON15.n_joints)
     numbered = {frame_number(by_frame.path, name, name): at for name, at in by_frame.table().items()}
-    frames = np.array(sorted(numbered), dtype=np.int64) if own is None else own
-    if unknown := set(frames.tolist()) - set(numbered):
-        got = f"frame {min(unknown)}, which is not there"
-        raise DatasetError(truth.path, "frames", f"frames of {by_frame.path}", got)
+    frames = np.array(sorted(numbered), dtype=np.int64)
     if len(frames) != len(joints):
         raise truth.error(f"{len(frames)} frames as in {by_frame.path}", len(joints))
     files = {"truth": truth.path, "cameras": by_frame.path}

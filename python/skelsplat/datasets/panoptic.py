@@ -4,8 +4,8 @@ Calibration and truth are those of the panoptic-toolbox, in cm; everything is gi
 points down, as in the source.
 
 - ``calibration_SEQ.json`` in ``SEQ/``, in ``cameras/`` or in the root itself;
-- truth ``SEQ/hdPose3d_stage1_coco19/body3DScene_%08d.json`` (format ``"toolbox"``) or
-  ``3d_gt/S0/SEQ/poses_filtered_N.npz`` (format ``"skelsplat"``, N views);
+- truth ``3d_gt/S0/SEQ/poses_filtered_N.npz`` (of the method's authors, N views), else
+  ``SEQ/hdPose3d_stage1_coco19/body3DScene_%08d.json``;
 - detections ``2d_DETECTOR/S0/SEQ[/CAMERA]/poses_filtered_N.npz`` or ``poses.npz``, or the same in the folder
   `detections`: ``poses2d`` (T, M, 19, 2 or 3), and with ``frames`` (T,) the frame numbers;
 - monocular poses ``initial_guess/NAME/S0/SEQ[/CAMERA]/poses_filtered_N.npz`` or ``poses.npz``.
@@ -39,7 +39,6 @@ SEQUENCES = ("171204_pose5", "171204_pose6")
 CAMERAS = (1, 2, 10, 13, 3, 23, 19, 30)
 """HD cameras in the order in which the experiments add them: the first four, then one by one."""
 
-_TRUTHS = {"toolbox": "hdPose3d_stage1_coco19", "skelsplat": "3d_gt"}
 _MM = 10.0
 _HD_FPS = 29.97
 # A joint with less confidence is no measurement; the toolbox writes −1 where there is none at all.
@@ -54,7 +53,6 @@ def read(
     detections: Path | str | None = None,
     views: int | Sequence[int] = 4,
     sequences: Sequence[str] = SEQUENCES,
-    format: str | None = None,
     truth_unit: str = "cm",
     person: int | None = None,
     monocular: str | None = None,
@@ -66,17 +64,13 @@ def read(
     views : int or sequence of int
         The first so many of `CAMERAS`, or numbers of HD cameras.
     sequences : sequence of str
-    format : {"toolbox", "skelsplat"} or None
-        Where the truth is.
     truth_unit : {"cm", "mm", "m"}
-        Unit of the truth in format ``"skelsplat"``; that of the toolbox is always cm.
+        Unit of the truth in ``3d_gt``; that of the toolbox is always cm.
     person : int or None
         Id of the body to take where there are several.
     """
     chosen = _cameras(views)
-    one_of("format", format, (None, *_TRUTHS))
     one_of("truth_unit", truth_unit, MM_PER_UNIT)
-    survey.format = format or ""
     source, name = detections_of(survey, root, detector, detections, "metrabs")
     stems = (f"poses_filtered_{len(chosen)}", "poses")
 
@@ -85,9 +79,9 @@ def read(
         places = [folder / file for folder in (root / sequence, root / "cameras", root)]
         path = survey.find(places, f"calibration of {sequence}")
         cameras = read_cameras(path, "panoptic", [f"00_{n:02d}" for n in chosen], camera_type="hd")
-        folder, bodies = root / "3d_gt" / "S0" / sequence, root / sequence / _TRUTHS["toolbox"]
-        if format == "toolbox" or (format is None and poses_file(folder, stems) is None):
-            own = survey.find([bodies], f"truth of {sequence}")
+        folder = root / "3d_gt" / "S0" / sequence
+        if poses_file(folder, stems) is None:
+            own = survey.find([root / sequence / "hdPose3d_stage1_coco19"], f"truth of {sequence}")
             frames, truth = _read_bodies(own, person)
         else:
             given, truth, numbered = read_truth(survey, folder, PANOPTIC19.n_joints, stems)

@@ -6,8 +6,7 @@ import json
 import secrets
 import shutil
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
@@ -88,8 +87,6 @@ def _recording(
 ) -> tuple[Recording, dict[str, Path]]:
     """Return a take with one of its detectors, and its files; all have the same frames."""
     key, subject, action, rig_name = (entry[name].text() for name in ("key", "subject", "action", "cameras"))
-    if ".." in PurePosixPath(key).parts or PurePosixPath(key).is_absolute():
-        raise entry["key"].error("a folder beneath takes", key)
     needed = {part.format(detector): keys for part, keys in _NEEDED["people" in entry].items()}
     parts = ("truth", "detections", "monocular")
     files = {part: folder / key / f"{stem}.npz" for part, stem in zip(parts, needed, strict=False)}
@@ -160,27 +157,14 @@ def _places(rig: CameraRig, views: int | Sequence[str]) -> list[int]:
     return places
 
 
-def write_simulated(root: Path, data: RecordingSet, *, openpose: bool = False, force: bool = False) -> None:
-    """Write a simulated data set to the folder `root`, whole or not at all.
+def write_simulated(root: Path, data: RecordingSet, *, openpose: bool = False) -> None:
+    """Write a simulated data set, whole or not at all, to a folder that must not exist or be empty.
 
-    Parameters
-    ----------
-    root : Path
-        Must not exist, or be empty.
-    data : RecordingSet
-        As `skelsplat.synthetic.simulate_set` or `simulate_people_set` makes it.
-    openpose : bool
-        Write the detections as OpenPose JSON too, one file per frame and camera.
-    force : bool
-        Replace a simulated data set that is there. Anything else is never replaced.
-
-    Raises
-    ------
-    DatasetError
-        If there is something at `root`, or it cannot be written.
+    With `openpose` the detections are written as OpenPose JSON too, one file per frame and camera.
     """
-    _check_free(root, force=force)
-    temporary, old = (root.with_name(f".{root.name}.{secrets.token_hex(6)}.{end}") for end in ("tmp", "old"))
+    if root.exists() and (not root.is_dir() or any(root.iterdir())):
+        raise DatasetError(root, "output", "no folder or an empty one", "something in this place")
+    temporary = root.with_name(f".{root.name}.{secrets.token_hex(6)}.tmp")
     try:
         with opening(root, "a folder that can be written", "output"):
             (temporary / "cameras").mkdir(parents=True)
@@ -192,10 +176,7 @@ def write_simulated(root: Path, data: RecordingSet, *, openpose: bool = False, f
             # The index comes last: without it a folder is no data set.
             text = json.dumps(_index_of(data), indent=1, ensure_ascii=False)
             (temporary / INDEX).write_text(text + "\n", encoding="utf-8")
-            if root.exists():
-                root.replace(old)
             temporary.replace(root)
-            shutil.rmtree(old, ignore_errors=True)
     finally:
         shutil.rmtree(temporary, ignore_errors=True)
 
@@ -249,15 +230,3 @@ def _index_of(data: RecordingSet) -> dict[str, Any]:
         ],
         "parameters": data.parameters,
     }
-
-
-def _check_free(root: Path, *, force: bool) -> None:
-    if not root.exists() or (root.is_dir() and not any(root.iterdir())):
-        return
-    expected = "no folder or an empty one (force replaces a simulated set)"
-    if root.is_dir() and force:
-        expected = "a simulated data set to replace"
-        with suppress(DatasetError):
-            if load_json(root / INDEX)["format"].content == FORMAT:
-                return
-    raise DatasetError(root, "output", expected, "files of something else" if root.is_dir() else "a file")

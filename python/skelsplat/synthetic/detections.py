@@ -46,12 +46,11 @@ def simulate_detections(
         True joints in the rig's unit.
     cameras : CameraRig or sequence of Camera
         M views.
-    noise : DetectionNoise
     layout : name, Layout or None
         The joints' names and sides; None = all joints alike and nothing to swap.
     seed : int or numpy Generator
-        Same seed, same detections. Views are independent of each other, and the same whatever cameras follow;
-        only which views are occluded depends on M.
+        Views are independent of each other, and the same whatever cameras follow; only which views are
+        occluded depends on M.
 
     Returns
     -------
@@ -80,26 +79,16 @@ def true_pixels(points: Array, cameras: CameraRig | Sequence[Camera]) -> Array:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Occluders:
-    """D discs in each of M views and T frames.
+    """Discs over the body, the same for every detector that looks at the images: D per view and frame."""
 
-    Attributes
-    ----------
-    centres : (T, M, D, 2) px
-    radii : (T, M, D) px
-    views : (T, M) bool
-        Views in which the discs are there.
-    """
-
-    centres: Array
-    radii: Array
-    views: Mask
+    centres: Array  # (T, M, D, 2) px
+    radii: Array  # (T, M, D) px
+    views: Mask  # (T, M): in which the discs are there
 
     def hidden(self, pixels: Array) -> Mask:
         """Which joints (T, M, N) a disc hides, by their true projections (T, M, N, 2)."""
-        views = [
-            _covering_disc(pixels[:, i], self.centres[:, i], self.radii[:, i])[0]
-            for i in range(pixels.shape[1])
-        ]
+        each = [np.moveaxis(one, 1, 0) for one in (pixels, self.centres, self.radii)]
+        views = [_covering_disc(*one)[0] for one in zip(*each, strict=True)]
         return np.asarray(np.stack(views, axis=1) & self.views[..., None])
 
 
@@ -314,5 +303,5 @@ def _hidden_guess(
     in_disc = centre + radius[..., None] * place
     guess = np.where(near_joint[..., None], other + noise.sigma_px * offset, in_disc)
     if memory is not None:
-        guess += memory.guess_jitter * noise.sigma_px * rng.standard_normal(true.shape)
+        guess += noise.sigma_px * rng.standard_normal(true.shape)
     return hidden, guess

@@ -18,9 +18,9 @@ _DEPTH_RATIO = 2.5
 _COMMON_SHARE = 0.5
 
 
-def _checked(points: ArrayLike, sigma_mm: float) -> Array:
+def _checked(points: ArrayLike, sigma_mm: float, most_axes: float = np.inf) -> Array:
     array = numbers(points, "points")
-    if array.ndim < 2 or array.shape[-1] != 3:
+    if not 2 <= array.ndim <= most_axes or array.shape[-1] != 3:
         raise InvalidInputError(f"points: expected shape (..., N, 3), got {array.shape}")
     if not (np.isfinite(sigma_mm) and sigma_mm >= 0):
         raise InvalidInputError(f"sigma_mm: expected a finite number >= 0, got {sigma_mm!r}")
@@ -48,9 +48,7 @@ def monocular_poses(
 
     Takes true joints (T, N, 3) or (N, 3) and returns poses (T, M, N, 3) or (M, N, 3), in the rig's unit.
     """
-    array = _checked(points, sigma_mm)
-    if array.ndim > 3:
-        raise InvalidInputError(f"points: expected shape (T, N, 3) or (N, 3), got {array.shape}")
+    array = _checked(points, sigma_mm, most_axes=3)
     truth = array[:, None] if array.ndim == 3 else array[None, None]
     sigma = sigma_mm / mm_per_unit(cameras)
     centres = np.array([-np.asarray(c.R).T @ np.asarray(c.t) for c in cameras])

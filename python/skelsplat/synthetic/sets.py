@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from functools import partial
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,11 +48,14 @@ _CAPTURE_HZ = 50.0
 # Detectors, a good one and one that jitters more and misses joints, for a room like Human3.6M's. A detector
 # errs in proportion to the person's size in the image, so elsewhere its pixels are scaled.
 _DETECTORS = {"good": DetectionNoise.good(), "noisy": DetectionNoise.noisy()}
-_SIZE_IN_DOME = 1400.0 / 2800.0
-_SIZE_IN_RING = 640.0 / 3600.0
 
-# Subject → body size, as a factor on the 1.75 m adult.
-_SUBJECTS = {"S9": 1.02, "S11": 0.97}
+# Subject → body size, as a factor on the 1.75 m adult, poses in all, and those of some takes: the takes that
+# the absolute error leaves out, and S11 "Directions". These are the numbers of Human3.6M at every 64th frame;
+# the other takes share the rest evenly.
+_SUBJECTS: dict[str, tuple[float, int, dict[str, int]]] = {
+    "S9": (1.02, 1253, {"SittingDown 1": 25, "Waiting 1": 26, "Greeting": 23}),
+    "S11": (0.97, 928, {"Directions": 29}),
+}
 
 # Action → the package's motion that stands in for it.
 _MOTIONS = {
@@ -71,16 +74,6 @@ _MOTIONS = {
     "WalkDog": "walk",
     "WalkTogether": "walk",
     "Walking": "walk",
-}
-# The two subjects' totals (1253 and 928 poses), those of the takes that the absolute error leaves out (S9
-# "SittingDown 1" 25, "Waiting 1" 26, "Greeting" 23) and S11 "Directions" (29) are those of Human3.6M at every
-# 64th frame; the other takes share the rest evenly.
-_TOTALS = {"S9": 1253, "S11": 928}
-_KNOWN = {
-    ("S9", "SittingDown 1"): 25,
-    ("S9", "Waiting 1"): 26,
-    ("S9", "Greeting"): 23,
-    ("S11", "Directions"): 29,
 }
 
 
@@ -135,106 +128,89 @@ class _Take:
 def _human_takes(subject: str) -> list[_Take]:
     """Return a subject's takes: every action, and again with `` 1`` after its name."""
     names = [(action, f"{action}{number}") for action in _MOTIONS for number in ("", " 1")]
-    known = {name: poses for (who, name), poses in _KNOWN.items() if who == subject}
-    rest, n_rest = _TOTALS[subject] - sum(known.values()), len(names) - len(known)
+    scale, total, known = _SUBJECTS[subject]
+    rest, n_rest = total - sum(known.values()), len(names) - len(known)
     # The remainder of the division goes to the first takes, one pose each.
     shares = iter([rest // n_rest + (k < rest % n_rest) for k in range(n_rest)])
-    counts = [known[name] if name in known else next(shares) for _, name in names]
-    scale = _SUBJECTS[subject]
     return [
-        _Take(f"{subject}/{name}", subject, action, _MOTIONS[action], "room", count, 64, scale)
-        for (action, name), count in zip(names, counts, strict=True)
+        _Take(
+            f"{subject}/{name}",
+            subject,
+            action,
+            _MOTIONS[action],
+            "room",
+            known[name] if name in known else next(shares),
+            64,
+            scale,
+        )
+        for action, name in names
     ]
 
 
 def simulate_set(name: str, *, poses: int | None = None, seed: int = 0) -> RecordingSet:
-    """Simulate a data set.
+    """Simulate a data set, one of `set_names`: same name, number and seed, same data.
 
-    Parameters
-    ----------
-    name : str
-        One of `set_names`. The sets ``human36m-like…`` of one seed have the same poses.
-    poses : int, optional
-        Number of poses over all takes, at least one per take; each set has its own default.
-    seed : int
-        Same name, number and seed, same data.
+    `poses` is their number over all takes, at least one per take; each set has its own default. The sets
+    ``human36m-like…`` of one seed have the same poses.
     """
     one_of("name", name, _SETS)
     if seed < 0:
         raise InvalidInputError(f"seed: expected an integer >= 0, got {seed!r}")
-    return _SETS[name](name, poses, seed)
-
-
-def _human36m(name: str, poses: int | None, seed: int, *, occluders: DetectionNoise) -> RecordingSet:
-    """S9 and S11, fifteen actions twice each, four cameras with lens distortion, every 64th frame."""
-    takes = [take for subject in _SUBJECTS for take in _human_takes(subject)]
+    make, occluders = _SETS[name]
+    takes, places, layout, size = make(seed)
     counts = _share(poses, [take.count for take in takes])
     takes = [replace(take, count=count) for take, count in zip(takes, counts, strict=True)]
-    room = {"room": rigs.human36m_like(distortion=True)}
-    return _simulate(name, takes, room, layouts.H36M17, _detectors(SIZE_IN_ROOM, occluders), seed)
-
-
-def _dome(name: str, poses: int | None, seed: int) -> RecordingSet:
-    """Two sequences of one person each in the eight cameras of a dome that the experiments use."""
-    # The first cameras of `rigs.dome` are spread out best; the names are those of Panoptic.
-    spread = rigs.dome(len(PANOPTIC_CAMERAS))
-    cameras = [
-        Camera(c.K, c.R, c.t, size=c.size, name=f"00_{number:02d}")
-        for c, number in zip(spread, PANOPTIC_CAMERAS, strict=True)
-    ]
-    parts = [(*part, kind) for part in (("pose1", 1.0), ("pose2", 0.95)) for kind in motion_names]
-    takes = [
-        _Take(f"{sequence}/{kind}", "S0", sequence, kind, "dome", count, 32, scale)
-        for (sequence, scale, kind), count in zip(parts, _share(poses, [100] * len(parts)), strict=True)
-    ]
-    dome = {"dome": CameraRig(cameras)}
-    detectors = _detectors(_SIZE_IN_DOME, DetectionNoise())
-    return _simulate(name, takes, dome, layouts.PANOPTIC19, detectors, seed)
-
-
-def _occlusion_person(name: str, poses: int | None, seed: int) -> RecordingSet:
-    """Nine scenes with a ring of eight cameras each, large occluders in every view, no joint missing."""
-    draw = stream(seed, 999)
-    places = {f"scene{k}": rigs.ring(radius_mm=draw.uniform(3000.0, 4200.0)) for k in range(1, 10)}
-    scales = draw.uniform(0.9, 1.08, size=9).tolist()
-    takes = [
-        _Take(f"S0/{scene}", "S0", scene, motion_names[k % len(motion_names)], scene, count, 50, scales[k])
-        for k, (scene, count) in enumerate(zip(places, _share(poses, [120] * 9), strict=True))
-    ]
-    occluders = DetectionNoise(occluded_views=None, n_discs=2, disc_radius=(0.06, 0.22))
-    detectors = _detectors(_SIZE_IN_RING, occluders)
-    return _simulate(name, takes, places, layouts.OCCLUSION_PERSON15, detectors, seed)
-
-
-def _detectors(size: float, occluders: DetectionNoise) -> dict[str, DetectionNoise]:
-    """Detectors for persons of that size in the image, behind the occluders of `occluders`."""
     copied = ("occluded_views", "n_discs", "disc_radius", "hidden_missing_rate")
     shared: dict[str, Any] = {key: getattr(occluders, key) for key in copied}
-    factor = size / SIZE_IN_ROOM
-    return {name: replace(noise.scaled(factor), **shared) for name, noise in _DETECTORS.items()}
-
-
-def _simulate(
-    name: str,
-    takes: Sequence[_Take],
-    places: Mapping[str, CameraRig],
-    layout: Layout,
-    detectors: Mapping[str, DetectionNoise],
-    seed: int,
-) -> RecordingSet:
+    scaled = {key: noise.scaled(size / SIZE_IN_ROOM) for key, noise in _DETECTORS.items()}
+    detectors = {key: replace(noise, **shared) for key, noise in scaled.items()}
     recordings = tuple(
-        _recording(take, places[take.rig], layout, detectors, (seed, index))
-        for index, take in enumerate(takes)
+        _recording(take, places[take.rig], layout, detectors, (seed, k)) for k, take in enumerate(takes)
     )
     parameters = {
         "generator_version": GENERATOR_VERSION,
         "seed": seed,
-        "poses": sum(take.count for take in takes),
+        "poses": sum(counts),
         "detectors": {key: asdict(noise) for key, noise in detectors.items()},
         "monocular_sigma_mm": MONOCULAR_SIGMA_MM,
         "motions": {take.key: take.motion for take in takes},
     }
     return RecordingSet(name, layout, places, recordings, parameters)
+
+
+_Made: TypeAlias = tuple[list[_Take], dict[str, CameraRig], Layout, float]
+"""Takes, rigs, joints, and the size of people in the images."""
+
+
+def _human36m(_: int) -> _Made:
+    """S9 and S11, fifteen actions twice each, four cameras with lens distortion, every 64th frame."""
+    takes = [take for subject in _SUBJECTS for take in _human_takes(subject)]
+    return takes, {"room": rigs.human36m_like(distortion=True)}, layouts.H36M17, SIZE_IN_ROOM
+
+
+def _dome(_: int) -> _Made:
+    """Two sequences of one person each in the eight cameras of a dome that the experiments use."""
+    # The first cameras of `rigs.dome` are spread out best; the names are those of Panoptic.
+    named = zip(rigs.dome(len(PANOPTIC_CAMERAS)), PANOPTIC_CAMERAS, strict=True)
+    cameras = [Camera(c.K, c.R, c.t, size=c.size, name=f"00_{number:02d}") for c, number in named]
+    takes = [
+        _Take(f"{sequence}/{kind}", "S0", sequence, kind, "dome", 100, 32, scale)
+        for sequence, scale in (("pose1", 1.0), ("pose2", 0.95))
+        for kind in motion_names
+    ]
+    return takes, {"dome": CameraRig(cameras)}, layouts.PANOPTIC19, 1400.0 / 2800.0
+
+
+def _occlusion_person(seed: int) -> _Made:
+    """Nine scenes with a ring of eight cameras each, large occluders in every view, no joint missing."""
+    draw = stream(seed, 999)
+    places = {f"scene{k}": rigs.ring(radius_mm=draw.uniform(3000.0, 4200.0)) for k in range(1, 10)}
+    scales = draw.uniform(0.9, 1.08, size=9).tolist()
+    takes = [
+        _Take(f"S0/{scene}", "S0", scene, motion_names[k % len(motion_names)], scene, 120, 50, scales[k])
+        for k, scene in enumerate(places)
+    ]
+    return takes, places, layouts.OCCLUSION_PERSON15, 640.0 / 3600.0
 
 
 def _recording(
@@ -285,26 +261,28 @@ def _share(total: int | None, defaults: Sequence[int]) -> list[int]:
     return [int(count) + 1 for count in counts]
 
 
-_SETS: dict[str, Callable[[str, int | None, int], RecordingSet]] = {
-    "human36m-like": partial(_human36m, occluders=DetectionNoise()),
-    "human36m-like-occ-2": partial(_human36m, occluders=DetectionNoise.occluded(2)),
-    "human36m-like-occ-3": partial(_human36m, occluders=DetectionNoise.occluded(3)),
-    "human36m-like-occ-3-hard": partial(_human36m, occluders=DetectionNoise.occluded(3, hard=True)),
-    "dome": _dome,
-    "occlusion-person-like": _occlusion_person,
+_SETS: dict[str, tuple[Callable[[int], _Made], DetectionNoise]] = {
+    "human36m-like": (_human36m, DetectionNoise()),
+    "human36m-like-occ-2": (_human36m, DetectionNoise.occluded(2)),
+    "human36m-like-occ-3": (_human36m, DetectionNoise.occluded(3)),
+    "human36m-like-occ-3-hard": (_human36m, DetectionNoise.occluded(3, hard=True)),
+    "dome": (_dome, DetectionNoise()),
+    "occlusion-person-like": (
+        _occlusion_person,
+        DetectionNoise(occluded_views=None, n_discs=2, disc_radius=(0.06, 0.22)),
+    ),
 }
+"""What is in each set, and the occluders in front of it."""
 
 set_names: tuple[str, ...] = tuple(_SETS)
 """Names that `simulate_set` knows."""
 
 PEOPLE_SET = "people"
-"""Name of the set."""
+"""Name of the set of several people."""
 
-CROWDED: Mapping[str, Crowding] = {"good": Crowding(), "noisy": Crowding.heavy()}
-"""Detectors: what each does wrong because several people are there. Of one person alone they are the same."""
-
-MEETINGS = tuple(name for name in meeting_names if name != "apart")
-
+# Detectors: what each does wrong because several people are there. Of one person alone they are the same.
+_CROWDED = {"good": Crowding(), "noisy": Crowding.heavy()}
+_MEETINGS = tuple(name for name in meeting_names if name != "apart")
 _RIG = "ring"
 _FRAMES, _FPS = 300, 30.0
 _MOST_SCENES = 1000
@@ -315,28 +293,25 @@ def simulate_people_set(
 ) -> RecordingSet:
     """Simulate scenes of several people, as `simulate_scene` does, at 30 Hz.
 
-    Parameters
-    ----------
-    people, views, scenes : int
-        2 to 6 people, 3 to 8 cameras, 1 to 1000 scenes.
-    frames : int
-        Of each scene.
-    seed : int
-        Scene k of seed S is that of ``simulate_scene(…, seed=1000 * S + k)``.
+    2 to 6 people, 3 to 8 cameras, 1 to 1000 scenes of so many frames. Scene k of seed S is that of
+    ``simulate_scene(…, seed=1000 * S + k)``.
     """
-    limits = {"people": (people, 2, 6), "views": (views, 3, 8), "scenes": (scenes, 1, _MOST_SCENES)}
+    limits = {
+        "people": (people, 2, 6),
+        "views": (views, 3, 8),
+        "scenes": (scenes, 1, _MOST_SCENES),
+        "frames": (frames, 2, np.inf),
+        "seed": (seed, 0, np.inf),
+    }
     for name, (value, least, most) in limits.items():
         if not least <= value <= most:
             raise InvalidInputError(f"{name}: expected an integer from {least} to {most}, got {value!r}")
-    for name, value, least in (("frames", frames, 2), ("seed", seed, 0)):
-        if value < least:
-            raise InvalidInputError(f"{name}: expected an integer >= {least}, got {value!r}")
     rig, made = rigs.mixed_heights(views), []
     for k in range(scenes):
-        scene_of = partial(simulate_scene, people, rig, n_frames=frames, fps=_FPS, meetings=MEETINGS)
+        scene_of = partial(simulate_scene, people, rig, n_frames=frames, fps=_FPS, meetings=_MEETINGS)
         seen = {
             detector: scene_of(crowding=crowding, seed=_MOST_SCENES * seed + k)
-            for detector, crowding in CROWDED.items()
+            for detector, crowding in _CROWDED.items()
         }
         made.append(_meeting(f"scene{k}", seen))
     parameters = {
@@ -345,8 +320,8 @@ def simulate_people_set(
         "views": views,
         "scenes": scenes,
         "frames": frames,
-        "meetings": list(MEETINGS),
-        "detectors": {name: asdict(crowding) for name, crowding in CROWDED.items()},
+        "meetings": list(_MEETINGS),
+        "detectors": {name: asdict(crowding) for name, crowding in _CROWDED.items()},
     }
     return RecordingSet(PEOPLE_SET, layouts.H36M17, {_RIG: rig}, tuple(made), parameters, _FPS)
 

@@ -48,14 +48,10 @@ def test_every_layout_comes_back(tmp_path, recording, name):
     assert all(path.exists() for path in report.survey.there)
 
 
-def test_the_joints_of_videopose3d_are_the_published_ones():
-    assert datasets.human36m.JOINTS_OF_32 == write.OF_32
-
-
 def test_detections_kept_apart(tmp_path, recording):
-    write.write_videopose3d(tmp_path, recording)
-    write.write_detections(tmp_path / "2d_resnet152", recording)  # where "Photo 1" is "TakingPhoto 1"
-    dataset = datasets.read("human36m", tmp_path, detections=tmp_path / "2d_resnet152")
+    write.write_skelsplat(tmp_path / "data", recording, detectors=())
+    write.write_detections(tmp_path / "2d_resnet152", recording)
+    dataset = datasets.read("human36m", tmp_path / "data", detections=tmp_path / "2d_resnet152")
     assert dataset.detector == "resnet152"
     for take, written in zip(dataset, recording.takes, strict=True):
         np.testing.assert_array_equal(take.detections[..., :2], written.pixels)

@@ -189,7 +189,6 @@ CASES = {
         (PERSONS, frames(PERSON), PERSON, "poses2d"),
         (PERSONS, content("cameras.json", lambda d: d["5"].pop() and None), "cameras.json", "5"),
         (PERSONS, arrays(PERSON_TRUTH, lambda a: {"poses3d": a["poses3d"][2:]}), "poses.npz", "poses3d"),
-        (PERSONS, arrays(PERSON_TRUTH, lambda _: {"frames": 1000 + np.arange(12)}), "poses.npz", "frames"),
     ],
     "shelf": [
         (SHELF, content("calibration_shelf.json", lambda d: d.pop("3") and None),
