@@ -103,16 +103,6 @@ def test_dlt_is_the_one_of_the_core(weighted: bool, truth: Array) -> None:
     np.testing.assert_allclose(found[all_views], expected[all_views], atol=1e-5)
 
 
-@pytest.mark.parametrize("ransac", [baselines.ransac_iskakov, baselines.ransac_adafuse])
-def test_ransac_leaves_out_a_view_that_is_wrong(ransac, rig: sk.CameraRig, truth: Array) -> None:
-    detections = pixels(truth, rig)
-    detections[:, 2] += (0.0, 200.0)
-    keywords = {"direct_optimization": False} if ransac is baselines.ransac_iskakov else {}
-    np.testing.assert_array_equal(
-        ransac(detections, rig, **keywords), baselines.dlt(without(detections, 2), rig)
-    )
-
-
 @pytest.mark.parametrize(
     ("ransac", "limit_px", "keywords"),
     [

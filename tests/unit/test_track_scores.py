@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import sys
-
 import numpy as np
 import pytest
 
-from skelsplat import InvalidInputError, MissingPackageError, metrics
+from skelsplat import InvalidInputError, metrics
 
 T = 6
 BODY = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 500.0], [0.0, 0.0, 1000.0]])
@@ -89,9 +87,3 @@ def test_tracks_that_do_not_fit_are_refused(truth, tracks, argument):
     with pytest.raises(InvalidInputError) as caught:
         metrics.track_scores(tracks, truth)
     assert caught.value.argument == argument
-
-
-def test_without_scipy_the_message_says_what_to_install(truth, monkeypatch):
-    monkeypatch.setitem(sys.modules, "scipy.optimize", None)
-    with pytest.raises(MissingPackageError, match=r"skelsplat\[evaluation\]"):
-        metrics.track_scores([(0, [0], standing(0, 1))], truth)

@@ -98,10 +98,10 @@ def test_without_monocular_poses_the_start_is_dlt_and_says_so(monkeypatch: pytes
 
 def test_a_sample_is_spread_over_the_takes_and_leaves_out_excluded_ones() -> None:
     dataset, protocol = _source.simulated("human36m-like", "good", seed=0), protocols.get("human36m")
-    all_of_it = sample(dataset, protocol, None, name="x", key="human36m", undistort=True)
+    all_of_it = sample(dataset, protocol, None, name="x")
     excluded = [take for take in dataset if take.key in protocol.excluded]
     assert all_of_it.n_poses == FEW - sum(len(take) for take in excluded)
-    some = sample(dataset, protocol, 10, name="x", key="human36m", undistort=False)
+    some = sample(dataset, protocol, 10, name="x", undistort=False)
     assert some.n_poses == 10
     assert len({pose.tobytes() for group in some.groups for pose in group.truth}) == 10
     assert all(camera.distortion is None for group in some.groups for camera in group.rig)

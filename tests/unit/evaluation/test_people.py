@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import csv
 import json
-from dataclasses import replace
 
 import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from skelsplat import DatasetError, datasets, synthetic
+from skelsplat import datasets, synthetic
 from skelsplat.cli import app
 from skelsplat.datasets.synthetic import write_simulated
-from skelsplat.evaluation import people, protocols
+from skelsplat.evaluation import people
 from skelsplat.evaluation.people import Tally
 from sweeps import diagonal
 from writers import shelf_campus
@@ -76,22 +75,6 @@ def test_an_exchange_is_a_swap_and_confused_frames_are_not_compared():
     assert np.isnan(figures["pcp"])
     kept = confused.scenes["scene"].kept
     assert kept.sum() == 60  # an identity is whose it mostly is
-
-
-def test_a_gap_cuts_a_scene_and_the_protocol_says_what_counts(data):
-    keep = np.ones(60, dtype=bool)
-    keep[20:25] = False
-    cut = replace(data, scenes=tuple(scene.select(keep) for scene in data.scenes))
-    rules = replace(protocols.get("people"), ranges=((0, 4), (30, 39)))
-    cases = people.cases(cut, rules)
-    assert [scene.key for scene, _ in cases][:2] == ["scene0, part 1", "scene0, part 2"]
-    assert [len(scene) for scene, _ in cases][:2] == [20, 35]
-    assert [int(judged.sum()) for _, judged in cases][:2] == [5, 10]
-    found = people.evaluate(cut, ["oracle"], protocol=rules)
-    assert found.figures("oracle")["recall"] == 1
-    assert found.figures("oracle")["person_frames"] == 2 * 3 * 15
-    with pytest.raises(DatasetError, match="frames: expected frames for the protocol people, got none"):
-        people.cases(cut, replace(rules, ranges=((900, 901),)))
 
 
 def test_people_are_told_apart_or_given_but_not_both(root, tmp_path):

@@ -71,16 +71,6 @@ def test_damaged_takes_count_for_the_relative_error_only() -> None:
     assert s["right_wrist"]["absolute_mm"] == pytest.approx(0.0)
 
 
-@pytest.mark.parametrize("unit", ["mm", "cm", "m"])
-def test_everything_is_in_millimetres(unit: str) -> None:
-    rig = sk.CameraRig(list(sk.synthetic.human36m_like()), unit=unit)
-    per_unit = rig.mm_per_unit
-    take = takes.hand_made("S9/Eating", rig=rig)
-    s = scored(PROTOCOL, [replace(take, truth=take.truth / per_unit)], [along_x(75.0) / per_unit])
-    assert s[""]["absolute_mm"] == pytest.approx(75.0)
-    assert pck(s) == [0.0, 1.0, 1.0]
-
-
 def test_missing_joints_are_in_no_distance_and_wrong_in_pck() -> None:
     take = takes.hand_made("S9/Eating")
     error = np.zeros((1, 17, 3))

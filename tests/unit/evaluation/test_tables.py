@@ -47,20 +47,6 @@ def test_markdown_of_a_table() -> None:
     )
 
 
-def test_the_overall_table_has_what_was_measured_and_what_was_reported(evaluation: single.Single) -> None:
-    table = evaluation.methods_table()
-    assert [row.name for row in table.rows if row.origin == "measured"] == NAMES
-    assert [column.header for column in table.columns] == [
-        *("abs", "95 % CI", "rel", "PA", "median", "PCK 50", "PCK 100", "PCK 150", "missing", "ms/pose")
-    ]
-    dlt = evaluation.figures("dlt")
-    assert table.rows[0].cells[0] == dlt["absolute_mm"]
-    assert table.rows[0].cells[1] == f"{dlt['absolute_low_mm']:.1f}–{dlt['absolute_high_mm']:.1f}"
-    reported = {row.name: row.cells[0] for row in table.rows if row.origin != "measured"}
-    assert reported["SkelSplat (metrabs)"] == 26.7
-    assert reported["Iskakov et al. - Vol"] == 17.7
-
-
 def test_actions_are_in_the_paper_s_order_beside_its_rows(evaluation: single.Single) -> None:
     table = evaluation.report().tables[1]
     assert [column.header for column in table.columns] == ["Dir.", "Greet", "Walk", "Avg"]

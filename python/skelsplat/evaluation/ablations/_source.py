@@ -15,7 +15,6 @@ from skelsplat.datasets.synthetic import take_of
 from skelsplat.evaluation import protocols
 from skelsplat.evaluation.methods import DEFAULT_INIT_SIGMA_MM, refined, starting_poses, without_lens
 from skelsplat.evaluation.protocols import Protocol
-from skelsplat.evaluation.reported import occlusion_of
 from skelsplat.exceptions import InvalidInputError
 from skelsplat.synthetic import simulate_set
 
@@ -24,13 +23,13 @@ PAPER, ANNEALED = "paper", "annealed"
 Start = Literal["dlt", "fusion"]
 Kind = Literal["plain", "noisy", "occ-2", "occ-3", "dome"]
 
-# Simulated sets: name, name in the paper's rows, detector.
-_SETS: dict[Kind, tuple[str, str, str]] = {
-    "plain": ("human36m-like", "human36m", "good"),
-    "noisy": ("human36m-like", "human36m", "noisy"),
-    "occ-2": ("human36m-like-occ-2", "human36m-occ-2", "good"),
-    "occ-3": ("human36m-like-occ-3", "human36m-occ-3", "good"),
-    "dome": ("dome", "panoptic", "good"),
+# Simulated sets, and their detectors.
+_SETS: dict[Kind, tuple[str, str]] = {
+    "plain": ("human36m-like", "good"),
+    "noisy": ("human36m-like", "noisy"),
+    "occ-2": ("human36m-like-occ-2", "good"),
+    "occ-3": ("human36m-like-occ-3", "good"),
+    "dome": ("dome", "good"),
 }
 
 
@@ -39,7 +38,6 @@ class Sample:
     """Poses of one data set with the detections of one detector."""
 
     name: str  # short, for rows of a table: ``"H36M, metrabs"``
-    dataset: str  # ``"human36m"``, ``"human36m-occ-2"``, …; tells which rows of the paper it belongs to
     layout: sk.Layout
     groups: tuple[Take, ...]  # poses that the same cameras see: frames of takes, one after the other
     n_available: int  # poses that the data set has
@@ -80,12 +78,11 @@ class Sample:
 
 
 def sample(
-    dataset: Dataset, protocol: Protocol, poses: int | None, *, name: str, key: str, undistort: bool
+    dataset: Dataset, protocol: Protocol, poses: int | None, *, name: str, undistort: bool = True
 ) -> Sample:
     """Take `poses` poses of a data set (None: all), evenly over the takes that its protocol counts.
 
-    `name` and `key` are `Sample.name` and `Sample.dataset`. Without `undistort` cameras lose their lens, so
-    that detections are used with K alone.
+    Without `undistort` cameras lose their lens, so that detections are used with K alone.
     """
     takes = [case.take for case in protocol.cases(dataset) if case.absolute]
     total = sum(len(take) for take in takes)
@@ -108,7 +105,7 @@ def sample(
     groups = [_joined(part) for part in parts]
     if not undistort:
         groups = [replace(group, rig=without_lens(group.rig)) for group in groups]
-    return Sample(name, key, dataset.layout, tuple(groups), total, protocol.paper_fields)
+    return Sample(name, dataset.layout, tuple(groups), total, protocol.paper_fields)
 
 
 def _evenly(total: int, count: int) -> Index:
@@ -191,26 +188,16 @@ class Source:
         ``"noisy"`` has the detections of another detector, ``"occ-2"`` and ``"occ-3"`` so many of four views
         occluded. A data set on disk is what it is, whatever kind is asked for.
         """
-        if self.data:
-            names = [", ".join(filter(None, (one.name, one.detector))) for one in self.data]
-            all_views = "dome" in kinds
-            return [
-                self._sample(one, name, all_views=all_views)
-                for one, name in zip(self.data, names, strict=True)
-            ]
-        return [
-            self._sample(simulated(name, detector, self.seed), f"{name}, {detector}", key)
-            for name, key, detector in (_SETS[kind] for kind in kinds)
-        ]
+        sets = self.data or [simulated(*_SETS[kind], self.seed) for kind in kinds]
+        return [self._sample(one, all_views="dome" in kinds) for one in sets]
 
-    def _sample(self, dataset: Dataset, name: str, key: str = "", *, all_views: bool = True) -> Sample:
+    def _sample(self, dataset: Dataset, *, all_views: bool) -> Sample:
         """Take the poses that were chosen, and remember how many."""
         protocol = protocols.get(dataset.name)
+        name = ", ".join(filter(None, (dataset.name, dataset.detector)))
         if all_views and protocol.view_sets:
             protocol = protocol.with_options(n_views=max(protocol.view_sets))
-        variant = occlusion_of(dataset) if protocol.name == "human36m-occ" else None
-        key = key or (f"{protocol.name}-{variant}" if variant else protocol.name)  # as in the paper's rows
-        made = sample(dataset, protocol, self.poses, name=name, key=key, undistort=self.undistort)
+        made = sample(dataset, protocol, self.poses, name=name, undistort=self.undistort)
         some = made.n_poses < made.n_available
         count = f"{made.n_poses} of {made.n_available}" if some else f"all {made.n_available}"
         self._counts[name] = f"{name}: {count} poses"

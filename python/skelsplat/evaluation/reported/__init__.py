@@ -148,19 +148,14 @@ class Published:
         return f"Reported (in italics), not measured here{real}: {self.table.source}. {notes}"
 
 
-def occlusion_of(dataset: Dataset) -> str | None:
-    """Return the variant of Human3.6M-Occ that a data set is; None if nothing says so."""
-    variant = re.search(r"occ-(2|3-hard|3)\b", f"{dataset.name} {dataset.source}".lower())
-    return variant[1] if variant else None
-
-
 def published(dataset: Dataset, protocol: Protocol) -> Published | None:
     """Return the table that was published of this data set and number of views, if there is one."""
     n_views = protocol.n_views or len((dataset.takes or dataset.scenes)[0].rig)
-    four, variant = n_views == 4, occlusion_of(dataset)
+    four = n_views == 4
+    variant = re.search(r"occ-(2|3-hard|3)\b", f"{dataset.name} {dataset.source}".lower())
     found = {
         "human36m": ("tab:h36m", "average"),
-        "human36m-occ": ("tab:h36m-occ", variant) if variant else None,
+        "human36m-occ": ("tab:h36m-occ", variant[1]) if variant else None,
         "panoptic": ("tab:cmu", "average") if four else ("tab:abl-views", str(n_views)),
         "occlusion-person": ("tab:occ-pers", str(n_views)),
         "shelf": ("xrmocap:shelf", "mpjpe", "pcp"),
