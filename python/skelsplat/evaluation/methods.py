@@ -90,15 +90,12 @@ class Task:
         """Detections and cameras."""
         return _there(self.take.detections), self.take.rig
 
-    def start(self) -> Array | None:
-        """Return the initial poses of the settings."""
-        start = self.settings["start"]
-        return None if start == "none" else starting_poses(self.take, start)
-
-    def refined(self) -> Refinement:
+    def refined(self) -> Array:
         """Start as the settings say, and refine with their configuration."""
-        config, sigma = RefineConfig(**self.settings["config"]), self.settings.get("init_sigma_mm")
-        return refined(self.take, self.layout, self.start(), config, sigma, self.progress)
+        kind, sigma = self.settings["start"], self.settings.get("init_sigma_mm")
+        start = None if kind == "none" else starting_poses(self.take, kind)
+        config = RefineConfig(**self.settings["config"])
+        return refined(self.take, self.layout, start, config, sigma, self.progress).pose
 
 
 def _there(value: Array | None) -> Array:
@@ -198,37 +195,29 @@ def stretches(frames: Index) -> list[slice]:
     return [slice(a, b) for a, b in pairwise(starts) if a < b]
 
 
-def cutoff(fps: float) -> float:
-    """Return the cutoff of the Butterworth filter, Hz."""
-    return min(CUTOFF_HZ, _OF_NYQUIST * fps / 2.0)
-
-
 def butterworth(pose: Array, fps: float) -> Array:
     """Fill short gaps of joints, then run the zero-lag filter, on poses (T, N, 3) of consecutive frames."""
     filled, _ = temporal.fill_gaps(pose, max(1, round(GAP_S * fps)), method="linear")
-    return temporal.butterworth(filled, fps, cutoff(fps))[0]
+    return temporal.butterworth(filled, fps, min(CUTOFF_HZ, _OF_NYQUIST * fps / 2.0))[0]
 
 
 def _smoothed(task: Task) -> Array:
     """Refine single frames, then smooth each stretch of consecutive ones."""
-    pose, fps = task.refined().pose, task.take.fps or 0.0
+    pose, fps = task.refined(), task.take.fps or 0.0
     return np.concatenate([butterworth(pose[part], fps) for part in stretches(task.take.frames)])
 
 
 def _in_time(task: Task) -> Array:
     """Solve each stretch of consecutive frames over time, and single ones by themselves."""
     config, fps = RefineConfig(**task.settings["config"]), task.take.fps or 0.0
-    poses = []
-    for part in stretches(task.take.frames):
-        own = replace(task, take=task.take.select(part))
+
+    def solved(own: Task) -> Array:
         if len(own.take) == 1:
-            poses.append(own.refined().pose)
-        else:
-            found = refine_sequence(
-                *own.seen, fps=fps, layout=task.layout, init_pose=own.start(), config=config
-            )
-            poses.append(found.pose)
-    return np.concatenate(poses)
+            return own.refined()
+        return refine_sequence(*own.seen, fps=fps, layout=task.layout, config=config).pose
+
+    parts = stretches(task.take.frames)
+    return np.concatenate([solved(replace(task, take=task.take.select(part))) for part in parts])
 
 
 def _solver(options: Options, config: RefineConfig, start: Start, **more: Any) -> dict[str, Any]:
@@ -251,10 +240,6 @@ def _seed(options: Options) -> dict[str, Any]:
     return {"seed": options.seed}
 
 
-def _refine(task: Task) -> Array:
-    return task.refined().pose
-
-
 _ALL = (
     Method("dlt", lambda task: baselines.dlt(*task.seen)),  # algebraic triangulation, unweighted
     Method("dlt-confidence", lambda task: baselines.dlt(*task.seen, confidence=True)),
@@ -267,7 +252,7 @@ _ALL = (
     Method(  # of monocular poses
         "fusion", lambda task: starting_poses(task.take, "fusion"), needs=("detections", "monocular")
     ),
-    Method("annealed", _refine, _annealed),  # the default
+    Method("annealed", Task.refined, _annealed),  # the default
     Method(  # then a zero-lag Butterworth filter
         "annealed-butterworth",
         _smoothed,
@@ -276,9 +261,9 @@ _ALL = (
         package="scipy",
     ),
     Method("over-time", _in_time, _annealed, over_time=True),  # all frames of a recording in one solve
-    Method("annealed-prior", _refine, _prior),  # with the fused monocular poses as a Gaussian prior
-    Method("paper-closed-form", _refine, partial(_paper, renderer="closed_form")),
-    Method("paper", _refine, _paper, by_pixels=True),  # raster, Adam
+    Method("annealed-prior", Task.refined, _prior),  # with the fused monocular poses as a Gaussian prior
+    Method("paper-closed-form", Task.refined, partial(_paper, renderer="closed_form")),
+    Method("paper", Task.refined, _paper, by_pixels=True),  # raster, Adam
 )
 _BY_NAME = {method.name: method for method in _ALL}
 

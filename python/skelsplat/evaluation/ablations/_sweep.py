@@ -140,13 +140,19 @@ class Sweep:
     def __call__(self, source: Source) -> Outcome:
         """Measure every value on every sample."""
         samples = source.samples(*self.kinds)
-        found = [(sample, self._measured(source, sample)) for sample in samples]
-        theirs = reported_rows(self.label, [key(value) for value in self.values])
-        rows = self._rows(found, lambda errors: errors.mpjpe)
-        tables = [Table(self.title, self.corner, self._columns(1), (*rows, *theirs), unit="mm")]
+        rows: dict[str, list[Row]] = {"mpjpe": [], "steps": []}
+        for sample in samples:
+            for name, by in self._measured(source, sample).items():
+                for figure, found in rows.items():
+                    cells = (getattr(by[v], figure) if v in by else None for v in self.values)
+                    found.append(Row(name, tuple(cells), data=sample.name))
+        rows["mpjpe"] += reported_rows(self.label, [key(value) for value in self.values])
+        headers = self.values.values()
+        errors, steps = map(tuple, rows.values())
+        tables = [Table(self.title, self.corner, tuple(map(Column, headers)), errors, unit="mm")]
         if self.steps:
-            taken = tuple(self._rows(found, lambda errors: errors.steps))
-            tables.append(Table(self.steps, self.corner, self._columns(0), taken, unit="steps", chart=False))
+            columns = tuple(Column(header, 0) for header in headers)
+            tables.append(Table(self.steps, self.corner, columns, steps, unit="steps", chart=False))
         others, notes = ((), ()) if self.more is None else self.more(source, samples)
         return (*tables, *others), (*self.notes, *notes)
 
@@ -167,15 +173,3 @@ class Sweep:
                     doing = f"{self.corner} {self.values[value]}"
                     found[line.name][value] = source.errors(line.method, poses, starts, doing, **fields)
         return found
-
-    def _columns(self, digits: int) -> tuple[Column, ...]:
-        return tuple(Column(header, digits) for header in self.values.values())
-
-    def _rows(
-        self, found: list[tuple[Sample, dict[str, dict[Any, Errors]]]], figure: Callable[[Errors], float]
-    ) -> list[Row]:
-        return [
-            Row(name, tuple(figure(by[v]) if v in by else None for v in self.values), data=sample.name)
-            for sample, by_row in found
-            for name, by in by_row.items()
-        ]
