@@ -126,18 +126,3 @@ def test_choices_are_those_of_the_twin(people, views, layout):
     np.testing.assert_array_equal(slots, twin[1])
     np.testing.assert_allclose(cost, twin[2], atol=1e-9)
     np.testing.assert_allclose(pose, twin[3], atol=1e-3)
-
-
-def test_the_joints_of_rays_that_hardly_meet_are_those_of_the_twin():
-    """Joints of two different people in two views, whose two smallest eigenvalues are nearly equal."""
-    rig = synthetic.ring(2, radius_mm=4500.0)
-    scene = synthetic.simulate_scene(4, rig, n_frames=25, seed=26, crowding=synthetic.Crowding.heavy())
-    everyone = np.asarray(padded(scene.people))[:2]
-    mirror = mirror_images(17, sk.layouts.H36M17.left_right)
-    gates = [0.03 * np.hypot(*camera.size) for camera in scene.cameras]
-    rules = {"min_confidence": 0.2, "min_joints": 4, "mirror": mirror.tolist(), "most": 8, "worse": 4.0}
-    step, slots, cost, _ = people_choices(scene.cameras, everyone, gates, **rules)
-    twin = choices(everyone, scene.cameras, gates, **rules)
-    np.testing.assert_array_equal(step, twin[0])
-    np.testing.assert_array_equal(slots, twin[1])
-    np.testing.assert_allclose(cost, twin[2], atol=1e-9)

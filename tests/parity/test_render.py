@@ -1,4 +1,4 @@
-"""`render` against the twin, and the moments of what it draws against the projected Gaussian."""
+"""`render` and `pseudo_ground_truth` against the twin."""
 
 from collections.abc import Callable
 
@@ -8,14 +8,33 @@ import pytest
 import scenes
 import skelsplat as sk
 from parity.bridge import camera, random_covariances
-from parity.tolerances import IMAGE, decided
 from reference import raster
+from reference.arrays import Array
 from reference.gaussian import covariances
 from reference.projection import project_gaussians
 
+IMAGE = 3e-5
+"""Largest difference of a drawn pixel from the twin's.
+
+The images are float32, drawn along rows by recurrences that start anew every 128 px. Each pixel adds about
+two roundings of 6e-8, relative to values up to 1: 1.5e-5 at the end of a run, and twice that for safety.
+"""
+
+
+def assert_drawn(found: Array, expected: Array, centres: Array, shapes: Array) -> None:
+    """Compare where rounding cannot move a joint's bell over the 1/255 cut: elsewhere both may be right."""
+    assert (found.dtype, found.shape) == (np.float32, expected.shape)
+    size = expected.shape[2], expected.shape[1]
+    bells = np.array([raster.bell(m, s, size) for m, s in zip(centres, shapes, strict=True)])
+    decided = ~np.any(np.abs(bells * 255 - 1) <= IMAGE, axis=0)
+    assert np.abs(found - expected)[:, decided].max() < IMAGE
+
+
+BUILDS = pytest.mark.parametrize("build", [scenes.three_joints, scenes.beyond_the_image, scenes.person])
+
 
 @pytest.mark.parametrize("encoding", raster.ENCODINGS)
-@pytest.mark.parametrize("build", [scenes.three_joints, scenes.beyond_the_image, scenes.person])
+@BUILDS
 def test_render_equals_the_twin(build: Callable[[], scenes.Scene], encoding: str) -> None:
     scene = build()
     sigma = covariances(scene.gaussians)
@@ -24,13 +43,20 @@ def test_render_equals_the_twin(build: Callable[[], scenes.Scene], encoding: str
         projected = project_gaussians(scene.gaussians.means, sigma, view)
         expected = raster.render(projected, view.size, encoding)
         found = sk.render(scene.gaussians.means, sigma, camera(view), encoding=encoding)
-        assert found.dtype == np.float32
-        assert found.shape == expected.shape
-        shapes = zip(projected.means2d, projected.covariances2d, strict=True)
-        bells = np.array([raster.bell(m, s, view.size) for m, s in shapes])
-        assert np.abs(found - expected)[:, decided(bells)].max() < IMAGE
+        assert_drawn(found, expected, projected.means2d, projected.covariances2d)
         drawn += int(np.count_nonzero(expected))
     assert drawn > 1000
+
+
+@pytest.mark.parametrize("encoding", raster.ENCODINGS)
+@BUILDS
+def test_pseudo_ground_truth_equals_the_twin(build: Callable[[], scenes.Scene], encoding: str) -> None:
+    scene = build()
+    sigma = scene.initial_covariances
+    for view, points, expected in zip(scene.views, scene.detections, scene.targets(encoding), strict=True):
+        found = sk.pseudo_ground_truth(points, scene.initial.means, sigma, camera(view), encoding=encoding)
+        projected = project_gaussians(scene.initial.means, sigma, view)
+        assert_drawn(found, expected, points[:, :2], projected.covariances2d)
 
 
 def test_splat_wider_than_a_recurrence_equals_the_twin() -> None:
@@ -38,17 +64,9 @@ def test_splat_wider_than_a_recurrence_equals_the_twin() -> None:
     mean, sigma = np.array([[12.0, -30.0, 8.0]]), random_covariances(1, 400.0, seed=3)
     projected = project_gaussians(mean, sigma, view)
     expected = raster.render(projected, view.size)
-    bells = raster.bell(projected.means2d[0], projected.covariances2d[0], view.size)[None]
     assert (expected > 0).all(axis=(0, 1)).sum() > 256
     found = sk.render(mean, sigma, camera(view))
-    assert np.abs(found - expected)[:, decided(bells)].max() < IMAGE
-
-
-def test_rgb_is_three_times_single() -> None:
-    scene = scenes.three_joints()
-    arguments = (scene.gaussians.means, covariances(scene.gaussians), camera(scene.views[0]))
-    rgb, single = (sk.render(*arguments, encoding=encoding) for encoding in ("rgb", "single"))
-    assert np.array_equal(rgb, np.repeat(single, 3, axis=0))
+    assert_drawn(found, expected, projected.means2d, projected.covariances2d)
 
 
 def test_joint_behind_the_camera_draws_nothing() -> None:

@@ -5,11 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from skelsplat import association, synthetic
+from skelsplat import synthetic
 from skelsplat.association import separate_people, take_people
-from skelsplat.findings import FindingWarning
 from skelsplat.run.person import sampled
-from two_people import FRAMES, LAYOUT, crossing, crowd_of, seen, shuffled
+from two_people import FRAMES, LAYOUT, crossing, seen, shuffled
 
 RIG = synthetic.human36m_like()
 
@@ -32,19 +31,6 @@ def test_people_are_told_apart(people):
 def test_a_body_detected_twice_is_one_person(people):
     twice = np.stack([people[:, :, 0], people[:, :, 0] + [3.0, -2.0, 0.0]], axis=2)
     assert len(separate_people(twice, RIG)) == 1
-
-
-def test_too_many_people_to_compare_are_said_once_with_their_number(people, monkeypatch):
-    bounded = association.people_chosen
-
-    def cut(*given, **options):
-        return bounded(*given, **options)[0], np.arange(len(given[1])) < 5
-
-    monkeypatch.setattr(association, "people_chosen", cut)
-    for person in ("consistent", "largest"):
-        with pytest.warns(FindingWarning, match="In 5 frames") as told:
-            assert crowd_of(people, RIG, person).visible == 2
-        assert [remedy.setting for one in told for remedy in one.message.finding.remedy] == ["without"]
 
 
 @pytest.mark.parametrize("frames", [1, 2, 200, 201, 5000])

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 import skelsplat as sk
-from skelsplat import synthetic
 
 K = np.array([[1000.0, 0, 500], [0, 1000, 400], [0, 0, 1]])
 EYE, ZERO, SIZE = np.eye(3), np.zeros(3), (1000, 800)
@@ -203,24 +202,3 @@ LAYOUT = {
 def test_layout(case):
     arguments = {"name": "pair", "joints": ["a", "b"]} | LAYOUT[case]
     refused(lambda: sk.Layout(**arguments), next(iter(LAYOUT[case])))
-
-
-class Stopped:
-    """What Python code meets at Ctrl-C, wherever the compiled code calls it."""
-
-    def __array__(self, *_args, **_kwargs):
-        raise KeyboardInterrupt
-
-    __iter__ = __index__ = __array__
-
-
-def test_ctrl_c_is_no_bad_input():
-    rig, detections = synthetic.human36m_like(), np.zeros((4, 17, 3))
-    for call in (
-        lambda: sk.triangulate(Stopped(), rig),
-        lambda: sk.triangulate(detections, Stopped()),
-        lambda: sk.Layout("pair", ["a", "b"], limbs=[("a", Stopped())]),
-        lambda: sk.Camera(np.eye(3), np.eye(3), [0.0, 0.0, 1.0], size=(Stopped(), 3)),
-    ):
-        with pytest.raises(KeyboardInterrupt):
-            call()

@@ -72,16 +72,6 @@ def test_a_joint_whose_position_movement_has_removed_is_unobserved(xarray, tmp_p
     assert np.isnan(back.pose[0]).all()
 
 
-def test_movement_takes_the_file(xarray, tmp_path):
-    datasets = pytest.importorskip("movement.validators.datasets", reason="movement is not installed")
-    inputs = getattr(datasets, "ValidPosesInputs", None)
-    if inputs is None:
-        pytest.skip("this version of movement checks its datasets elsewhere")
-    write_netcdf(tmp_path / "pose.nc", sample(), singular="keypoint" in inputs.DIM_NAMES)
-    with xarray.open_dataset(tmp_path / "pose.nc", engine="h5netcdf") as dataset:
-        inputs.validate(dataset)
-
-
 MALFORMED = {
     "position": lambda dataset: dataset.drop_vars("position"),
     "position: expected dimensions": lambda dataset: dataset.rename(keypoints="joint"),

@@ -47,21 +47,6 @@ def test_pandas_reads_it_as_pose2sim_does(path):
     np.testing.assert_allclose(named.to_numpy().reshape(4, 3, 3), sample().pose / 1000.0, atol=DIGIT)
 
 
-def test_trc_data_reader_reads_header_and_whole_rows(path):
-    """It splits lines at white space, so of rows with a missing marker it can only count the fields."""
-    trc = pytest.importorskip("trc", reason="trc-data-reader is not installed")
-    data = trc.TRCData()
-    data.load(str(path))
-    assert data["Markers"] == list(JOINTS)
-    header = ("DataRate", "CameraRate", "NumFrames", "NumMarkers", "Units", "OrigDataStartFrame")
-    assert [data[key] for key in header] == [59.94, 59.94, 4, 3, "m", 1]
-    assert data["Frame#"] == [1, 2, 4, 5]
-    for row, t in ((1, 0), (5, 3)):
-        time, points = data[row]
-        assert time == pytest.approx((row - 1) / 59.94, abs=DIGIT)
-        np.testing.assert_allclose(points, sample().pose[t] / 1000.0, atol=DIGIT)
-
-
 def test_the_lines(tmp_path):
     small = PoseData(
         np.array([[[1.0, 2.0, 3.0], [np.nan] * 3], [[-4.0, 5.5, 6.25], [7.0, 8.0, 9.0]]]),

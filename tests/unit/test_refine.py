@@ -90,18 +90,6 @@ def test_confidence_as_an_argument_is_the_third_channel(scene):
     assert np.isnan(a.reprojection_error[:, 0, 3]).all()
 
 
-def test_low_confidence_can_count_as_missing(scene):
-    confidence = np.ones(scene.detections.shape[:-1])
-    confidence[:, 1] = 0.2
-    kept = sk.refine(
-        None, scene.detections, scene.rig, confidence=confidence, config=quick(min_confidence=0.3)
-    )
-    alone = scene.detections.copy()
-    alone[:, 1] = np.nan
-    without = sk.refine(None, alone, scene.rig, config=quick())
-    assert np.array_equal(kept.pose, without.pose)
-
-
 def test_lens_distortion_is_undone_unless_told_otherwise(scene):
     rig = synthetic.human36m_like(distortion=True)
     detections = sk.project(scene.pose[0], rig)

@@ -221,30 +221,6 @@ def test_a_jump_is_followed_and_does_not_blur(step_mm, noise):
     assert np.nanmean(error[:, 44:46]) < 1.5 * np.nanmean(error[:, before])
 
 
-def turned(pose: np.ndarray, axis: int, angle: np.ndarray, about: np.ndarray) -> np.ndarray:
-    """Turn every frame of a motion (T, N, 3) about a point, by an angle per frame."""
-    matrices = np.zeros((len(angle), 3, 3))
-    i, k = (axis + 1) % 3, (axis + 2) % 3
-    matrices[:, axis, axis] = 1.0
-    matrices[:, i, i] = matrices[:, k, k] = np.cos(angle)
-    matrices[:, i, k], matrices[:, k, i] = -np.sin(angle), np.sin(angle)
-    return np.einsum("tij,tnj->tni", matrices, pose - about) + about
-
-
-@pytest.mark.parametrize(("fps", "turns"), [(10.0, 3.0), (5.0, 1.5)])
-def test_views_that_agree_are_not_outvoted_when_a_body_turns_between_frames(fps, turns):
-    pose = synthetic.motion("wave", round(6 * fps), fps=fps, seed=0)
-    fast = slice(round(2 * fps), round(4 * fps))
-    angle = 2.0 * np.pi * turns * np.clip(np.arange(len(pose)) / fps - 2.0, 0.0, 2.0)
-    pose = turned(pose, 2, angle, pose.mean(axis=(0, 1)) * [1.0, 1.0, 0.0])
-    detections = seen(pose, DetectionNoise.recording(fps))
-    for rig, views in ((RIG, detections), (RIG[:3], detections[:, :3])):
-        found = solve(views, rig, fps=fps)
-        error, alone = errors(found.pose, pose)[fast], errors(found.init_pose, pose)[fast]
-        assert error.mean() < alone.mean()
-        assert error.max() < 1.5 * alone.max()
-
-
 # left and right
 
 

@@ -172,17 +172,6 @@ def test_one_euro_along_an_axis_is_the_published_filter():
     assert not smooth[:, 0, [0, 2]].any()
 
 
-def test_one_euro_turns_with_the_world():
-    pose = np.random.default_rng(3).normal(size=(50, 4, 3)).cumsum(axis=0)
-    turn, _ = np.linalg.qr(np.random.default_rng(4).normal(size=(3, 3)))
-    settings = {"min_cutoff": 1.0, "beta": 0.1}
-    np.testing.assert_allclose(
-        temporal.one_euro(pose @ turn, RATE, **settings),
-        temporal.one_euro(pose, RATE, **settings) @ turn,
-        atol=1e-10,  # fifty steps of rounding
-    )
-
-
 # bad input
 
 
