@@ -29,10 +29,9 @@ def rounded(offset: float) -> float:
 def between(people: Sequence[Array], others: Sequence[Array], part: float) -> list[Array]:
     """Return people (N, 3) of a frame as they are a part of the way to another frame, ``part`` up to ½.
 
-    Straight lines join the pixels and confidences of a joint in both frames. Figures nearest to each other
-    in both directions are the same person. Who or what is found in one of the frames alone stays where
-    it is, and so does a joint that jumps: half the way to a wrong detection is wrong too. A joint at exactly
-    (0, 0) is none, as some detectors write it, and stays there.
+    Figures nearest to each other in both directions are the same person. Who or what is found in one of the
+    frames alone stays where it is, and so does a joint that jumps: half the way to a wrong detection is wrong
+    too. A joint at exactly (0, 0) is none, as some detectors write it.
     """
     nearest = _nearest(people, others)
     return [

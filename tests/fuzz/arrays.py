@@ -14,7 +14,7 @@ import skelsplat as sk
 from array_forms import CALLS, CONFIDENCE, FORMS, FRAME, LAYOUT, MASKED, PIXELS, POSES, RIG, SEEN
 from fuzz.mutate import odd_array
 from fuzz.readers import one_line
-from skelsplat import metrics, synthetic
+from skelsplat import synthetic
 from skelsplat.association import separate_people
 from skelsplat.io import PoseData
 from skelsplat.rig_check import check_rig
@@ -76,10 +76,6 @@ MORE: dict[str, tuple[Callable[..., Any], dict[str, Any]]] = {
         {"pose": POSES, "up": np.array([0, 0, 1.0])},
     ),
     "check_rig": (lambda people: check_rig(RIG, people, layout=LAYOUT), {"people": PEOPLE}),
-    "track_scores": (
-        lambda tracks, truth: metrics.track_scores([(0, np.arange(len(POSES)), tracks)], truth),
-        {"tracks": POSES + 30.0, "truth": np.stack([POSES, POSES - 900.0])},
-    ),
     "an odd camera": (_turned, {**ODD, "size": np.array(RIG[0].size)}),
     "motion": (lambda seed: synthetic.motion("walk", 3, seed=seed), {"seed": np.array(3)}),
 }

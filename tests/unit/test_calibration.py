@@ -145,21 +145,6 @@ def test_what_is_no_calibration(tmp_path):
             read_calibration(tmp_path / name)
 
 
-@pytest.mark.parametrize(
-    ("name", "is_what"),
-    [
-        ("out/pose.npz", "poses"),
-        ("out/detections.npz", "detections (npz)"),
-        ("openpose", "detections (openpose)"),
-        ("openpose/*/000000_keypoints.json", "detections (openpose)"),
-    ],
-)
-def test_what_is_no_calibration_is_named(finished_run, name, is_what):
-    with pytest.raises(sk.DatasetError) as found:
-        read_calibration(next(finished_run.parent.glob(name)))
-    assert str(found.value).endswith(f"voxelpose), got {is_what}")
-
-
 def test_a_folder_with_one_calibration_is_that_calibration(write, tmp_path):
     path = write(VALID)
     (tmp_path / "broken.json").write_text("{")

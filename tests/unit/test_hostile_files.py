@@ -179,21 +179,6 @@ CROWDS = {
     "places in csv": ("d.csv", HEADER + "".join(f"{k},9999,5,5,cam0\n" for k in range(5000)), "joint"),
     "cameras": ("d.csv", HEADER + "".join(f"0,0,5,5,c{k}\n" for k in range(5000)), "views"),
     "a name": ("d.csv", f"{HEADER}0,0,5,5,cam0\n0,0,5,5,{'a1' * 5000}\n", "views"),
-    "points of Caliscope": (
-        "xy_x.csv",
-        "sync_index,cam_id,keypoint_id,img_loc_x,img_loc_y\n"
-        + "".join(f"{k},0,9999,5,5\n" for k in range(5000)),
-        "joint",
-    ),
-    "nulls": (
-        "p.json",
-        '{"format": "skelsplat-poses", "version": 1, "unit": "mm", "joint_names": ['
-        + ",".join(f'"{k}"' for k in range(5000))
-        + '], "frames": ['
-        + ",".join('{"frame": 1, "pose": null}' for _ in range(5000))
-        + "]}",
-        "pose",
-    ),
 }
 
 
@@ -201,7 +186,7 @@ CROWDS = {
 def test_a_table_does_not_grow_with_the_square_of_its_lines(tmp_path: Path, case: str) -> None:
     name, text, field = CROWDS[case]
     (tmp_path / name).write_text(text)
-    refused(io.read_pose if name == "p.json" else detections, tmp_path / name, field)
+    refused(detections, tmp_path / name, field)
 
 
 def test_a_calibration_has_not_any_number_of_cameras(tmp_path: Path) -> None:

@@ -143,10 +143,3 @@ def test_other_formats_that_state_a_size(tmp_path):
     for path in easymocap.rglob("*.json"):
         path.write_text(json.dumps(json.loads(path.read_text())["annots"]))  # as older ones are
     assert open_detections(easymocap, rig, layout="coco17").sizes == {}
-    path = detection_files.videopose3d_custom(tmp_path, take)
-    assert open_detections(path, rig).sizes == {}
-    with np.load(path, allow_pickle=True) as arrays:
-        table, metadata = arrays["positions_2d"], arrays["metadata"].item()
-    metadata["video_metadata"][rig.names[0]] = {"w": 960, "h": 540}
-    np.savez_compressed(path, positions_2d=table, metadata=metadata)
-    assert open_detections(path, rig).sizes == {rig.names[0]: (960, 540)}

@@ -11,7 +11,6 @@ import pytest
 import skelsplat as sk
 from broken_detections import anybody, write_case
 from command_line import assert_fails, invoke
-from detection_files import Take, sleap
 from skelsplat import layouts, synthetic
 from skelsplat.io import read_layout
 from skelsplat.layouts import mirrored_names
@@ -155,14 +154,6 @@ def test_a_project_of_deeplabcut_is_a_layout(tmp_path):
         sk.InvalidInputError, match="layout: expected a name or a path, as there are no detections"
     ):
         read_layout("file")
-
-
-def test_a_file_of_sleap_is_a_layout_with_its_edges(tmp_path):
-    path = sleap(tmp_path, Take(np.full((2, 1, 1, 3, 3), 0.5), ["a"], ["snout", "ear_l", "ear_r"]))
-    with pytest.warns(UserWarning, match="3 joints, 2 limbs, 1 left–right pairs by name"):
-        layout = read_layout(path)
-    assert layout.joints == ("snout", "ear_l", "ear_r")
-    assert layout.limbs == ((0, 1), (1, 2))
 
 
 def test_the_command_lists_and_explains(tmp_path, monkeypatch):

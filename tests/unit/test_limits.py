@@ -71,15 +71,6 @@ def test_settings_outside_their_ranges(name, value):
         (sk.RefineConfig.paper if name == "symmetry_weight" else sk.RefineConfig)(**{name: value})
 
 
-@pytest.mark.parametrize("error_px", [0.0, 0.1, 300.0])
-def test_the_least_noise_that_can_be_given_has_error_bars(error_px):
-    rig = synthetic.human36m_like()
-    seen = sk.project(synthetic.motion("walk", 4, seed=3), rig).swapaxes(0, 1)
-    seen += np.random.default_rng(0).normal(size=seen.shape) * error_px
-    found = sk.refine(None, seen, rig, layout="h36m17", config=sk.RefineConfig(detection_sigma_px=1e-4))
-    assert np.isfinite(found.uncertainty).all()
-
-
 POINTS = np.random.default_rng(0).normal(size=(5, 3)) * 100
 WIDE = np.tile(np.eye(3) * 400.0, (5, 1, 1))
 PIXELS = sk.project(POINTS, [camera()])[0]

@@ -29,12 +29,9 @@ class SamplePaths:
 
 
 def extract(folder: str | os.PathLike[str], *, people: bool = False) -> SamplePaths:
-    """Unpack the sample into `folder` (made if missing) as the files a user would have.
+    """Unpack the sample, or that with two people, into `folder`, made if missing.
 
-    With `people`, that of two people and a bystander.
-
-    ``Calib.toml``, ``openpose/camNN_json/*.json`` and the licence of the recording; files of these names are
-    overwritten.
+    ``Calib.toml``, ``openpose/camNN_json/*.json`` and the licence; files of these names are overwritten.
     """
     target = Path(folder)
     archive = resources.files("skelsplat.data").joinpath(f"pose2sim_{'people' if people else 'demo'}.zip")

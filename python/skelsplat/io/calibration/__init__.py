@@ -62,8 +62,7 @@ def read_calibration(
         ``anipose`` (unless this package wrote the file), ``easymocap`` and ``4d-association``. For the others
         it may be left out; one that contradicts the format is an error.
     format : str, optional
-        Found from the content when left out. A key of `FORMATS`, whose ``about`` and ``unit`` say what
-        writes it and in which unit.
+        A key of `FORMATS`; found from the content when left out.
     camera_type : str, optional
         Which cameras of a file with several kinds: for Panoptic ``"hd"`` (default), ``"vga"``, …; for
         Qualisys and Vicon the video cameras (default); ``"all"``.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -61,11 +62,9 @@ def _opencap_entry(path: Path) -> Field:
 
 
 def _opencap_camera(name: str, entry: Field) -> RawCamera:
-    height, width = entry["imageSize"].size()
-    table = {**entry.table().value, "size": [width, height]}
-    entry = Field(entry.path, "", table)
     K, R, t = "intrinsicMat", "rotation", "translation"
-    return camera_of(entry, name, K=K, R=R, t=t, lens="distortion", size="size")
+    camera = camera_of(entry.table(), name, K=K, R=R, t=t, lens="distortion", size="imageSize")
+    return replace(camera, size=entry["imageSize"].size()[::-1])
 
 
 _PARAMS = re.compile(r"_?params$")
@@ -166,8 +165,6 @@ def _without_skew(K: Array) -> tuple[Array, Array, float]:
 
 
 FORMATS = (
-    CalibrationFormat("opencap", "OpenCap's session or pickles", "mm", _is_opencap, _parse_opencap),
-    CalibrationFormat(
-        "dannce", "DANNCE's and Label3D's MAT-files", "mm", _is_dannce, _parse_dannce, ("size",)
-    ),
+    CalibrationFormat("opencap", "OpenCap's session or pickles", _is_opencap, _parse_opencap),
+    CalibrationFormat("dannce", "DANNCE's and Label3D's MAT-files", _is_dannce, _parse_dannce, ("size",)),
 )

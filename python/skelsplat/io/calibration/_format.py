@@ -41,14 +41,12 @@ Parsed: TypeAlias = tuple[Sequence[RawCamera], str | None]
 class CalibrationFormat:
     """A format: `matches` looks at a source, `parse` turns it into cameras and warns of what it assumes.
 
-    `about` says what writes it, `unit` the unit of its lengths, "" if the file does not say it. `options`
-    names the arguments of `read_calibration` that it takes; any other that is given is refused. `parse` gets
-    them by name, but for `size`, which is the same for all formats.
+    `about` says what writes it. `options` names the arguments of `read_calibration` that it takes; any other
+    that is given is refused. `parse` gets them by name, but for `size`, which is the same for all formats.
     """
 
     name: str
     about: str
-    unit: str
     matches: Callable[[Source], bool]
     parse: Callable[..., Parsed]
     options: tuple[str, ...] = ()

@@ -203,15 +203,13 @@ def _parse_voxelpose(source: Source) -> Parsed:
     ``{"0": {R, T, fx, fy, cx, cy, k, p}, …}``: ``T`` (3×1) is the centre of the camera, x_c = R (x − T);
     ``k`` has OpenCV's k1, k2, k3 and ``p`` its p1, p2. The image size is not in the file.
     """
-    return [_voxelpose_camera(entry.table()) for entry in _cameras(source, {"fx"})], "mm"
-
-
-def _voxelpose_camera(entry: Field) -> RawCamera:
-    K = matrix_of(*(entry[name].number() for name in ("fx", "fy", "cx", "cy")))
-    rotation = entry["R"].numbers((3, 3))
-    (k1, k2, k3), (p1, p2) = entry["k"].numbers((3,)), entry["p"].numbers((2,))
-    lens = np.array([k1, k2, p1, p2, k3])
-    return RawCamera(entry.place, K, rotation, -rotation @ entry["T"].numbers((3,)), lens)
+    cameras = []
+    for entry in _cameras(source, {"fx"}):
+        K = matrix_of(*(entry.table()[name].number() for name in ("fx", "fy", "cx", "cy")))
+        (k1, k2, k3), (p1, p2) = entry["k"].numbers((3,)), entry["p"].numbers((2,))
+        R, lens = entry["R"].numbers((3, 3)), np.array([k1, k2, p1, p2, k3])
+        cameras.append(RawCamera(entry.place, K, R, -R @ entry["T"].numbers((3,)), lens))
+    return cameras, "mm"
 
 
 def _is_association(source: Source) -> bool:
@@ -247,12 +245,10 @@ def _association_camera(entry: Field) -> RawCamera:
 
 _OF_SUBJECT = ("subject", "size")
 FORMATS = (
-    CalibrationFormat("npz", "NumPy arrays K, R, t, size, names, unit", "in it", _is_npz, _parse_npz),
-    CalibrationFormat("json", "this package's JSON", "in it", _is_json, _parse_json),
-    CalibrationFormat("human36m", "Human3.6M's JSON", "mm", _is_human36m, _parse_human36m, _OF_SUBJECT),
-    CalibrationFormat("voxelpose", "VoxelPose's JSON", "mm", _is_voxelpose, _parse_voxelpose, ("size",)),
-    CalibrationFormat("4d-association", "4D association's JSON", "", _is_association, _parse_association),
-    CalibrationFormat(
-        "panoptic", "CMU Panoptic's JSON", "cm", _is_panoptic, _parse_panoptic, ("camera_type",)
-    ),
+    CalibrationFormat("npz", "NumPy arrays K, R, t, size, names, unit", _is_npz, _parse_npz),
+    CalibrationFormat("json", "this package's JSON", _is_json, _parse_json),
+    CalibrationFormat("human36m", "Human3.6M's JSON", _is_human36m, _parse_human36m, _OF_SUBJECT),
+    CalibrationFormat("voxelpose", "VoxelPose's JSON", _is_voxelpose, _parse_voxelpose, ("size",)),
+    CalibrationFormat("4d-association", "4D association's JSON", _is_association, _parse_association),
+    CalibrationFormat("panoptic", "CMU Panoptic's JSON", _is_panoptic, _parse_panoptic, ("camera_type",)),
 )

@@ -160,8 +160,7 @@ def _easymocap_camera(intri: Field, extri: Field, name: str) -> RawCamera:
     )
 
 
-_PAIR_OF_FILES = "OpenCV's YAML pair intri.yml and extri.yml of EasyMocap"
 FORMATS = (
-    CalibrationFormat("openpose", "OpenPose's folder of XML", "m", _is_openpose, _parse_openpose, ("size",)),
-    CalibrationFormat("easymocap", _PAIR_OF_FILES, "", _is_easymocap, _parse_easymocap, ("size",)),
+    CalibrationFormat("openpose", "OpenPose's folder of XML", _is_openpose, _parse_openpose, ("size",)),
+    CalibrationFormat("easymocap", "EasyMocap's YAML pair", _is_easymocap, _parse_easymocap, ("size",)),
 )

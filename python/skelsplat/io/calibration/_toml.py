@@ -71,15 +71,13 @@ def _parse_anipose(source: Source) -> Parsed:
         file, names = next(iter(offsets.values())).path, list(offsets)
         words = f"{file}: offset: {', '.join(names)}: detections are taken to be in pixels of the crop."
         warn(Finding("crop_applied", "note", cameras_of(file, names), sentence=words))
-    cameras = [_anipose_camera(entry, named[entry.place]) for entry in entries]
+    cameras = []
+    for entry in entries:
+        lens = next((key for key in _LENS if key in entry), None)
+        size = "image_size" if "image_size" in entry and "size" not in entry else "size"
+        cameras.append(_camera(entry, named[entry.place], lens, size))
     cropped = [_cropped(one, offsets[one.name]) if one.name in offsets else one for one in cameras]
     return cropped, unit if unit in MM_PER_UNIT else None
-
-
-def _anipose_camera(entry: Field, name: str) -> RawCamera:
-    lens = next((key for key in _LENS if key in entry), None)
-    size = "image_size" if "image_size" in entry and "size" not in entry else "size"
-    return _camera(entry, name, lens, size)
 
 
 def _camera(entry: Field, name: str, lens: str | None, size: str) -> RawCamera:
@@ -176,8 +174,7 @@ def _table(key: str, camera: sk.Camera) -> str:
     return "".join([f"[{key}]\n", *(f"{name} = {value}\n" for name, value in entries.items())])
 
 
-_ANIPOSE_FILES = "TOML of Anipose, Pose2Sim, FreeMoCap and Caliscope's export"
 FORMATS = (
-    CalibrationFormat("caliscope", "Caliscope's camera_array.toml", "m", _is_caliscope, _parse_caliscope),
-    CalibrationFormat("anipose", _ANIPOSE_FILES, "", _is_anipose, _parse_anipose),
+    CalibrationFormat("caliscope", "Caliscope's camera_array.toml", _is_caliscope, _parse_caliscope),
+    CalibrationFormat("anipose", "TOML of Anipose, Pose2Sim and FreeMoCap", _is_anipose, _parse_anipose),
 )

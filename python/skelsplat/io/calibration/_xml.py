@@ -296,7 +296,7 @@ def _terms(ideal: Array) -> Array:
 
 _BOTH = ("camera_type", "binning")
 FORMATS = (
-    CalibrationFormat("theia", "Theia3D's XML", "mm", _is_theia, _parse_theia),
-    CalibrationFormat("qualisys", "Qualisys .qca.txt", "mm", _is_qualisys, _parse_qualisys, _BOTH),
-    CalibrationFormat("vicon", "Vicon .xcp", "mm", _is_vicon, _parse_vicon, ("camera_type",)),
+    CalibrationFormat("theia", "Theia3D's XML", _is_theia, _parse_theia),
+    CalibrationFormat("qualisys", "Qualisys .qca.txt", _is_qualisys, _parse_qualisys, _BOTH),
+    CalibrationFormat("vicon", "Vicon .xcp", _is_vicon, _parse_vicon, ("camera_type",)),
 )

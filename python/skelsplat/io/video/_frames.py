@@ -46,30 +46,25 @@ class FrameSource:
 
         An image of another size than the first is a `DatasetError`.
         """
-        for number, image in self._of_folder(first, last) if self.images else self._of_video(first, last):
+        paths = ((number, path) for number, path in self.images.items() if first <= number <= last)
+        images = ((number, _read_image(path)) for number, path in paths)
+        for number, image in images if self.images else self._of_video(first, last):
+            if image is None:
+                continue
             if _size(image) != self.size:
                 expected = f"{self.size[0]}×{self.size[1]} like the others"
                 path = self.images.get(number, self.path)
                 raise DatasetError(path, f"frame {number}", expected, f"{image.shape[1]}×{image.shape[0]}")
             yield number, image
 
-    def _of_folder(self, first: int, last: int) -> Iterator[tuple[int, Image]]:
-        for number, path in self.images.items():
-            image = _read_image(path) if first <= number <= last else None
-            if image is not None:
-                yield number, image
-
-    def _of_video(self, first: int, last: int) -> Iterator[tuple[int, Image]]:
+    def _of_video(self, first: int, last: int) -> Iterator[tuple[int, Image | None]]:
         with _capture(self.path) as capture:
             for number in range(self.first, last + 1):
-                if number < first:  # decoded and thrown away: seeking is not exact in all formats
-                    good, image = capture.grab(), None
-                else:
-                    good, image = capture.read()
+                # what comes before is decoded and thrown away: seeking is not exact in all formats
+                good, image = capture.read() if number >= first else (capture.grab(), None)
                 if not good:
                     return
-                if image is not None:
-                    yield number, image
+                yield number, image
 
 
 @dataclass(frozen=True)
