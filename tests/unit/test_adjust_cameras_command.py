@@ -250,14 +250,3 @@ def test_refine_leaves_cameras_that_another_fault_explains(room):
     assert finding.numbers["fault"] == "cameras_exchanged"
     assert finding.remedy == (Remedy("order", ORDER),)
     np.testing.assert_array_equal(found.cameras["cam1"].R, read_calibration(room / "Calib.toml")["cam1"].R)
-
-
-@pytest.mark.parametrize(
-    ("moved", "said"), [(["cam3"], 0), (["cam1", "cam3"], 1), (["cam1", "cam2", "cam3"], 1)]
-)
-def test_cameras_that_are_taken_as_right_without_being_most_are_said(room, moved, said):
-    found = adjust_cameras(room / "old.toml", room / "pose", layout="h36m17", free=moved).findings
-    trusted = [one for one in found if one.kind == "cameras_trusted"]
-    assert len(trusted) == said
-    for one in trusted:
-        assert (one.severity, one.numbers) == ("warning", {"moved": len(moved), "of": 4})

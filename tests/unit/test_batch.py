@@ -144,19 +144,6 @@ def test_a_process_that_dies_fails_its_recording_alone(jobs, tmp_path, monkeypat
     assert [one.error for one in found.failed] == ["its process ended with status 1: no memory"] * 2
 
 
-def test_what_cannot_be_is_known_before_the_work(jobs, runs, tmp_path):
-    same = {name: replace(job, output="here") for name, job in jobs.items()}
-    for argument, wanted, given in (
-        ("jobs", {}, {}),
-        ("processes", jobs, {"processes": 0}),
-        ("output", same, {}),
-    ):
-        with pytest.raises(sk.InvalidInputError) as caught:
-            run_batch(wanted, tmp_path / "results", **given)
-        assert caught.value.argument == argument
-    assert runs == []
-
-
 def test_a_folder_that_holds_detections_is_refused(jobs, runs, recording, tmp_path):
     folder, _, _ = recording
     before = sorted(folder.rglob("*"))
@@ -233,11 +220,6 @@ def test_a_table_says_what_was_found_and_what_failed_and_why(listed):
     )
     assert max(map(len, result.stdout.splitlines())) <= 80
     assert (listed / "out" / "openpose" / "pose.csv").is_file()
-    (listed / "bad.toml").write_text('[[session]]\ncalibration = "Calib.toml"\ndetections = "none"\n')
-    bad = " ".join(
-        invoke("batch", listed / "bad.toml", "-o", listed / "b", "--layout", "coco17").stdout.split()
-    )
-    assert bad.endswith(f"1 recording: 0 refined, 1 failed. Wrote to {listed / 'b'}/: batch.csv, batch.json")
     again = invoke("batch", listed / "sessions.toml", "-o", listed / "out", *OPTIONS, "--json")
     document = json.loads(again.stdout)
     assert [entry["status"] for entry in document["recordings"]] == ["unchanged", "failed"]

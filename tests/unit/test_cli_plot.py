@@ -101,12 +101,6 @@ def test_the_standard_deviations_are_those_of_the_run(run_folder):
         assert joint["sigma_median_mm"] == pytest.approx(expected.tolist())
 
 
-def test_the_range_of_frames_is_that_of_the_numbers(run_folder):
-    found = numbers(run_folder, "--only", "bones", "--range", "1-3")
-    assert (found["first_frame"], found["last_frame"], found["frames"]) == (1, 3, 3)
-    assert found["bones"][0]["frames_counted"] == 3
-
-
 def test_pose2sims_names_are_those_of_the_layout_they_came_from(tmp_path):
     layout = "halpe26"
     known = sk.layouts.get(layout)

@@ -107,14 +107,6 @@ def test_the_lag_says_which_frame_is_answered(walk, seen):
     assert np.array_equal(np.isfinite(errors), np.isfinite(seen[:20, ..., 0]) & (seen[:20, ..., 2] > 0))
 
 
-def test_reset_forgets(seen):
-    live = refiner()
-    first = bits(live.step(seen[0]))
-    poses(live, seen[1:9])
-    live.reset()
-    assert bits(live.step(seen[0])) == first
-
-
 @pytest.mark.parametrize(
     ("options", "argument"),
     [

@@ -111,15 +111,6 @@ def test_an_ellipse_is_two_standard_deviations_wide():
     assert not inked[100, 140:161].any()
 
 
-def test_layers_are_drawn_only_if_shown():
-    frame = of(
-        THREE, covariances=np.repeat(np.eye(2)[None] * 90, 3, axis=0), detections=THREE, before=THREE + 40
-    )
-    assert not changed(drawn(frame, NOTHING)).any()
-    for layer in ("pose", "ellipses", "detections", "before"):
-        assert changed(drawn(frame, replace(NOTHING, **{layer: True}))).any(), layer
-
-
 def test_what_is_unknown_behind_or_far_away_is_not_drawn():
     nothing = of(NONE, covariances=np.repeat(np.eye(2)[None], 3, axis=0))
     assert not changed(drawn(nothing)).any()

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import warnings
-
 import numpy as np
 import pytest
 
 import skelsplat as sk
 from rig_case import LAYOUT, T, detections, only, replaced, rig, turned
-from skelsplat import synthetic
 from skelsplat.cameras import altered
 from skelsplat.cameras import matrix_from_vector as rotation
 from skelsplat.rig_check import check_rig
@@ -53,31 +50,6 @@ def test_an_animal_need_not_have_a_person_s_size():
     assert check_rig(scaled(1e-6, "mm"), detections("room"), layout=own).ok
     finding = only(check_rig(scaled(0.05, "m"), detections("room"), layout=own))
     assert (finding.kind, finding.severity) == ("unit_wrong", "warning")
-
-
-def table_top(across, size, focal):
-    """Return four cameras on a circle ``across`` mm wide, and what they see of a body ``size`` mm tall."""
-    lens = np.array([[focal, 0, 640], [0, focal, 360], [0, 0, 1.0]])
-    places = [across / 2 * np.array([np.cos(a), np.sin(a), 0.5]) for a in np.arange(4) * np.pi / 2]
-    poses = [synthetic.look_at(place, np.zeros(3)) for place in places]
-    small = sk.CameraRig([sk.Camera(lens, R, t, size=(1280, 720)) for R, t in poses], unit="mm")
-    body = synthetic.motion("reach", T, seed=1)
-    pixels = sk.project((body - body.mean(axis=(0, 1))) * size / 1700.0, small).swapaxes(0, 1)
-    return small, pixels + np.random.default_rng(5).normal(0.0, 0.5, pixels.shape)
-
-
-# on a table, and under a microscope
-SMALL = [(1300.0, 100.0, 1200.0), (20.0, 0.06, 1e5)]
-
-
-@pytest.mark.parametrize("sizes", SMALL)
-@pytest.mark.parametrize("layout", [None, sk.Layout("thing", sk.layouts.get(LAYOUT).joints)])
-def test_what_small_rigs_see_need_not_be_a_person(sizes, layout):
-    small, found = table_top(*sizes)
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        assert check_rig(small, found, layout=layout).ok
-        sk.refine(None, found[0], small, layout=layout)
 
 
 @pytest.mark.parametrize(

@@ -66,10 +66,7 @@ class Cause:
 def explain(
     scene: Scene, earlier: Sequence[Finding] = (), layout: sk.Layout | None = None
 ) -> tuple[list[Finding], Scene]:
-    """Name the causes of disagreement one by one, and return the scene with all of them corrected.
-
-    In the given scene what was found `earlier` is corrected. The layout tells left from right.
-    """
+    """Name causes one by one, and return the scene with all corrected, as `earlier` ones are in it."""
     pairs = () if layout is None else layout.left_right
     mirror = mirror_images(layout.n_joints, pairs) if layout is not None and pairs else None
     findings: list[Finding] = []
@@ -292,11 +289,7 @@ def _size_factor(scene: Scene, view: int, points: Array) -> float | None:
 
 
 def _resect(scene: Scene, view: int, points: Array, *, move: bool) -> sk.Camera | None:
-    """Return the camera turned about its centre, and with `move` also moved, to fit its detections.
-
-    Gauss–Newton on ideal pixels under a Welsch kernel whose width follows the residuals, so that wrong
-    detections do not count. `points` (J, N, 3) are mm. None if too few points are seen, or they lie behind.
-    """
+    """Return the camera turned, with `move` also moved, to fit points (J, N, 3) mm; None for too few."""
     camera, seen = scene.cameras[view], scene.seen(view)
     known = np.isfinite(seen).all(axis=-1) & np.isfinite(points).all(axis=-1)
     world, pixels = points[known], np.asarray(camera.undistort(seen[known]))

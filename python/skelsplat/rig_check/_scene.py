@@ -80,10 +80,7 @@ class Scene:
         return np.asarray(sk.triangulate(self.judged_detections, self.cameras, method="dlt"))
 
     def residuals(self, view: int) -> Array:
-        """Distances in px of a camera's detections from where the others place the joints, (J, N).
-
-        One other camera does not say where a joint is: two are compared with the points between them.
-        """
+        """Distances of detections from where the others, or both of two, place the joints, (J, N) px."""
         return self.distances(view, self._between if len(self.cameras) == 2 else self.points_without(view))
 
     @cached_property
@@ -160,11 +157,7 @@ def judge(cameras: Sequence[sk.Camera], people: Array, layout: sk.Layout | None)
 
 
 def follow_person(cameras: Sequence[sk.Camera], people: Array, layout: sk.Layout | None) -> Array:
-    """Return one person's detections (T, M, N, 2 | 3), also in a view that no other view agrees with.
-
-    A camera in which the person is almost never found, although people are there, may be wrong; the largest
-    person of each of its images then stands in.
-    """
+    """Return one person (T, M, N, 2 | 3); in a view that hardly sees them, perhaps wrong, the largest."""
     if people.shape[2] == 1 or len(cameras) < 2:
         return people[:, :, 0]
     chosen, index = choose_person(people, cameras, layout=layout)
@@ -187,11 +180,7 @@ def several(cameras: Sequence[sk.Camera], people: Array) -> bool:
 def everybody(
     cameras: Sequence[sk.Camera], people: Array, layout: sk.Layout | None
 ) -> tuple[tuple[Array, ...], bool]:
-    """Return the detections (T, M, N, 2 | 3) of everybody the views agree on, of `choose_person`'s first.
-
-    The others count in frames in which three views or more see them. Also whether a camera sees people, but
-    hardly ever the first of them.
-    """
+    """Return everybody (T, M, N, 2 | 3) whom three views see, and whether one hardly sees the first."""
     index = separate_people(people, cameras, layout=layout)
     sure = np.where((index >= 0).sum(axis=2, keepdims=True) >= _THREE, index, -1)
     often = [one for one in sure[1:] if (one >= 0).any(axis=1).sum() >= _LEAST_FRAMES]

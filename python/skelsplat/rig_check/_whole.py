@@ -53,11 +53,7 @@ _CONVENTIONS: dict[str, Callable[[Array, Array], tuple[Array, Array]]] = {
 def find_convention(
     rig: sk.CameraRig, people: Array, layout: sk.Layout | None
 ) -> tuple[Finding | None, sk.CameraRig]:
-    """Find out whether the poses of all cameras are in another convention than this package's; correct them.
-
-    Of the detections (T, M, P, N, 2) of everybody. Returns None and the rig as given, or the finding and the
-    rig with which the cameras agree.
-    """
+    """Find out whether all poses are in another convention, by people (T, M, P, N, 2); correct the rig."""
     some = people[some_frames(len(people))]
     before = judge(in_mm(rig), some, layout)
     if not before.is_gross:
@@ -79,11 +75,7 @@ def find_convention(
 
 
 def check_unit(rig: sk.CameraRig, detections: Array, layout: sk.Layout | None) -> tuple[Finding | None, str]:
-    """Compare the size of the body in detections (T, M, N, 2) with a person's, unless it is known to be none.
-
-    Plain triangulation, which knows no unit, is used, and sizes in every frame, so that neither a wrong unit
-    nor a few wrong detections matter. Returns the finding, and the unit in which the rig is plausible.
-    """
+    """Compare the size of the body in detections (T, M, N, 2) with a person's; return the likely unit."""
     points = np.asarray(sk.triangulate(detections[some_frames(len(detections))], rig, method="dlt"))
     size = median(np.array([_size(frame) for frame in points]))
     size_mm, unit, likely = size * rig.mm_per_unit, rig.unit, None
@@ -157,10 +149,8 @@ def correct_files(
 ) -> tuple[list[Finding], Array]:
     """Find other images and exchanged cameras, and return people (T, M, P, N, 2) with them corrected.
 
-    Exchanged cameras may agree better by chance if the images are taken to be of another size, and in a
-    symmetric rig they look nearly like turned or mirrored images. So an exchange alone is tried next to the
-    images, images are taken where both leave as much, and what fits nearly as well is mentioned. Not so with
-    more cameras than all orders are tried of: the exchange of two of them looks like nothing else.
+    Few exchanged cameras look nearly like turned or mirrored images in a symmetric rig, or by chance like
+    images of another size: an exchange alone is tried next to the images, and the rival is mentioned.
     """
     images, upright, factor = _find_images(cameras, people, layout)
     exchange, corrected = _find_exchange(cameras, upright, layout)
@@ -203,10 +193,7 @@ def _explanation(numbers: Mapping[str, Any]) -> str:
 def _find_images(
     cameras: Sequence[sk.Camera], people: Array, layout: sk.Layout | None
 ) -> tuple[Finding | None, Array, float]:
-    """Find out whether the detections of all cameras are of other images.
-
-    Returns the finding (None: they are not), the people corrected, and the factor on lengths in that.
-    """
+    """Find out whether all detections are of other images; return people corrected, and the factor."""
     some = people[some_frames(len(people))]
     before = judge(cameras, some, layout)
     if not before.is_gross:
@@ -237,10 +224,7 @@ def _applied(people: Array, cameras: Sequence[sk.Camera], change: Change) -> Arr
 def _find_exchange(
     cameras: Sequence[sk.Camera], people: Array, layout: sk.Layout | None
 ) -> tuple[Finding | None, Array]:
-    """Find out which folder of detections belongs to which camera, if not its own.
-
-    Returns the finding (None: they are in order), and the people in the order of the cameras.
-    """
+    """Find out which folder of detections belongs to which camera; return people in that order."""
     some = people[some_frames(len(people))]
     before = judge(cameras, some, layout)
     if not before.is_gross:
@@ -281,10 +265,7 @@ def _exchanged(order: tuple[int, ...]) -> list[int]:
 
 
 def _is_right(before: Scene, after: Scene, order: tuple[int, ...]) -> bool:
-    """Whether an order sets everything right, or at least all the cameras that it exchanges.
-
-    In a symmetric rig, cameras exchanged in turn agree as well as before, but for one that sees strangers.
-    """
+    """Whether an order sets all right, or those that it exchanges: another may see strangers."""
     moved = _exchanged(order)
     old, new = before.left_out[moved], after.left_out[moved]
     if after.disagreement < _BETTER * before.disagreement:

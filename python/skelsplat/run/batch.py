@@ -46,37 +46,23 @@ _PROGRAM = "from skelsplat.run.batch import _work; _work()"
 
 @dataclass(frozen=True)
 class Recording:
-    """One recording of a batch.
-
-    Attributes
-    ----------
-    name : str
-    status : str
-        ``"done"``; ``"unchanged"``: refined by an earlier batch, and left as it is; or ``"failed"``.
-    output : Path
-        The folder of its run.
-    error : str
-        Why it failed.
-    report : dict
-        ``report.json`` of its run; empty if it failed.
-    state : dict
-        What tells the next batch that nothing has changed; empty if it failed.
-    """
+    """One recording of a batch."""
 
     name: str
-    status: str
-    output: Path
-    error: str = ""
-    report: Mapping[str, Any] = field(default_factory=dict)
-    state: Mapping[str, Any] = field(default_factory=dict)
+    status: str  # "done"; "unchanged": refined by an earlier batch, and left as it is; or "failed"
+    output: Path  # the folder of its run
+    error: str = ""  # why it failed
+    report: Mapping[str, Any] = field(default_factory=dict)  # ``report.json`` of its run
+    state: Mapping[str, Any] = field(default_factory=dict)  # by which the next batch sees changes
 
     @property
     def errors(self) -> tuple[str, ...]:
         """Why it failed, or the errors among the findings of its run: no detection could be used."""
-        runs = [self.report, *self.report.get("people", ())] if self.report else []
+        if self.error:
+            return (self.error,)
+        runs = [self.report, *self.report.get("people", ())]
         found = [finding for run in runs for finding in run["findings"]]
-        own = [finding["text"] for finding in found if finding["severity"] == "error"]
-        return (self.error, *own) if self.error else tuple(own)
+        return tuple(finding["text"] for finding in found if finding["severity"] == "error")
 
     def rows(self) -> list[dict[str, Any]]:
         """Return the rows of the table: one, or one per person; by `COLUMNS`, None where nothing is known."""
@@ -106,10 +92,7 @@ class Recording:
 
 
 def _summed_up(findings: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """Return the numbers of errors and warnings, and what they are: kinds, with the cameras concerned.
-
-    Cameras that were adjusted are named as well: the poses depend on it.
-    """
+    """Return the numbers of errors and warnings, and the kinds, also of adjustments, with cameras."""
     told = [one for one in findings if one["severity"] != "note" or one["kind"] == "camera_adjusted"]
     errors, warned = (sum(one["severity"] == severity for one in told) for severity in ("error", "warning"))
     texts = []
@@ -216,10 +199,7 @@ def _check(jobs: Mapping[str, Job], processes: int) -> None:
 
 
 def key_of(job: Job) -> str:
-    """Return a text that differs if the results of a job may: options, cameras, content of files, version.
-
-    Of videos, which state the frame rate alone, only the size and time count.
-    """
+    """Return a text that differs if the results of a job may; of videos, only size and time count."""
     settings = job.settings.to_dict()
     settings.pop("n_threads")  # the results do not depend on it
     options = {one.name: getattr(job, one.name) for one in fields(job) if one.name not in _NOT_AS_TEXT}
@@ -359,9 +339,9 @@ def _work() -> None:
 def trials(project: str | os.PathLike[str]) -> dict[str, tuple[Path, Path]]:
     """Find the trials of a Pose2Sim project: by name, the calibration and the folder of detections.
 
-    A trial is a folder with ``pose-sync`` or else ``pose``. Its calibration is the TOML, or else whatever
-    calibration there is, in a folder with *calib* in its name, of the trial or of the nearest folder above it
-    within the project. A `DatasetError` if there is no trial, or for one no calibration, or several.
+    A trial is a folder with ``pose-sync`` or else ``pose``. Its calibration is the TOML, or else another, in
+    the nearest folder with *calib* in its name. A `DatasetError` if there is no trial, or not one calibration
+    of it.
     """
     root = Path(project)
     found = {}

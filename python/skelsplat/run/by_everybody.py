@@ -78,10 +78,7 @@ def _by_everybody(
 
 
 def _supposed(rig: sk.CameraRig, found: sk.RigAdjustment) -> sk.CameraRig | None:
-    """Return the cameras with all changes that are shown or, of one camera, suspected; None if there is none.
-
-    Of two suspected cameras one is sound.
-    """
+    """Return the cameras with all changes that are shown or, of one alone, suspected; None if none is."""
     doubtful = found.of("doubtful") if len(found.of("doubtful")) == 1 else []
     if not (doubtful or found.of("adjusted", "late")):
         return None

@@ -21,15 +21,7 @@ from skelsplat.rig_check import ReadAs, RigReport, check_rig
 from skelsplat.run.by_everybody import Scene
 from skelsplat.run.job import Job
 from skelsplat.run.person import EVERYBODY, check_slot, pick_places
-from skelsplat.run.read import (
-    Inputs,
-    Opened,
-    leave_out,
-    named_offsets,
-    open_recording,
-    read_everybody,
-    read_rig,
-)
+from skelsplat.run.read import Inputs, Opened, leave_out, open_recording, read_everybody, read_rig
 
 # Multiples of its error bar from which a clock is off.
 _SHOWN = 4.0
@@ -65,7 +57,6 @@ def check_cameras(
     fit each other.
     """
     check_slot(person)
-
     with collected_warnings() as warnings:
         if detections is None:
             rig, frames = leave_out(read_rig(calibration, **(read or {})), tuple(without)), None
@@ -126,21 +117,11 @@ def _synchronised(report: RigReport, late: Mapping[str, Finding], right: RigRepo
 
 @dataclass(frozen=True)
 class AdjustedCameras:
-    """What became of the cameras of a calibration.
+    """What became of the cameras of a calibration."""
 
-    Attributes
-    ----------
-    cameras : CameraRig
-        All cameras of the calibration, also those that were left out; changed are those that were adjusted.
-    adjustment : RigAdjustment
-        What `skelsplat.adjust_cameras` returned; clocks are in frames of the files.
-    findings : tuple of Finding
-        Warnings of the files; what was adjusted, and what is to be done about the other cameras.
-    """
-
-    cameras: sk.CameraRig
-    adjustment: sk.RigAdjustment
-    findings: tuple[Finding, ...]
+    cameras: sk.CameraRig  # all, also those that were left out; changed are those that were adjusted
+    adjustment: sk.RigAdjustment  # clocks are in frames of the files
+    findings: tuple[Finding, ...]  # of the files, what was adjusted, and what is to be done about the others
 
     @property
     def adjusted(self) -> tuple[str, ...]:
@@ -200,10 +181,7 @@ def adjust_cameras(
 
 
 def read_adjusted(opened: Opened, job: Job) -> tuple[Array, Inputs]:
-    """Read everybody, and adjust the cameras by those the views agree on if the job asks for it.
-
-    Warns of what was adjusted, and of what was not. Raises as `skelsplat.run.read.read_everybody`.
-    """
+    """Read everybody, and adjust the cameras if the job asks for it; warn of what was adjusted or not."""
     people, whole = read_everybody(opened, job)
     if not job.adjust_cameras:
         return people, whole
@@ -227,8 +205,7 @@ def read_scene(opened: Opened, person: str, offsets: Mapping[str, float] | None)
         warn(Finding("person_by_place", "note", numbers={"person": person}, sentence=sentence))
     if person != EVERYBODY:
         people = take_people(people, pick_places(people, opened.rig, person, layout)[0])[:, :, None]
-    read_as = ReadAs(found.labels, named_offsets(opened.every, offsets or {}), found.uneven)
-    return Scene(opened.rig, people, found.frames, layout, read_as)
+    return Scene(opened.rig, people, found.frames, layout, opened.read_as(offsets or {}))
 
 
 def adjusted(
@@ -277,10 +254,7 @@ def findings_of(found: sk.RigAdjustment, mm_per_unit: float, read_as: ReadAs) ->
 
 
 def _offset(camera: sk.CameraAdjustment, read_as: ReadAs) -> float:
-    """Return the offset, in frames of the files, that sets a clock right.
-
-    In whole frames, unless the clock is shown to be off by parts of one.
-    """
+    """Return the offset that sets a clock right, in whole frames unless parts of one are shown."""
     whole, rest = parted(camera.clock)
     shown = np.isfinite(camera.clock_sigma) and abs(rest) > _SHOWN * camera.clock_sigma
     return rounded(read_as.offsets.get(camera.name, 0) - (camera.clock if shown else whole))

@@ -61,14 +61,14 @@ class Shifts:
         """Length of the shift [px], (M,)."""
         return np.hypot(self.shift[:, 0], self.shift[:, 1])
 
-    def one_sided(self, diagonal: Array, chance: float = _CHANCE) -> Mask:
+    def one_sided(self, diagonal: Array) -> Mask:
         """Return the cameras (M,) whose detections lie to one side; ``diagonal`` (M,) of the images [px]."""
         with np.errstate(invalid="ignore"):
             mask: Mask = (
                 (self.count >= _LEAST_DETECTIONS)
                 & (self.size >= _ONE_SIDED * self.error)
                 & (self.size >= _LEAST_SHIFT * diagonal)
-                & (self.chance < chance)
+                & (self.chance < _CHANCE)
             )
         return mask
 
@@ -103,30 +103,23 @@ def same_side(offsets: Array) -> float:
 
 
 def residuals(detections: Array, projected: Array, swapped: Mask, pairs: Sequence[tuple[int, int]]) -> Array:
-    """Return detection − projection [px], (T, M, N, 2), of the joint that each detection was used for.
-
-    That of ``swapped`` (T, M, N) detections is the joint on the other side of the body, by ``pairs`` (left,
-    right).
-    """
+    """Return detection − projection [px], (T, M, N, 2), of the joint that each one was used for."""
     mirror = mirror_images(detections.shape[2], pairs)
     found: Array = detections - np.where(swapped[..., None], projected[:, :, mirror], projected)
     return found
 
 
-def displaced_cameras(rig: sk.CameraRig, shifts: Shifts, chance: float = _CHANCE) -> list[int]:
+def displaced_cameras(rig: sk.CameraRig, shifts: Shifts) -> list[int]:
     """Return the cameras with detections shifted from the pose, the largest shift first."""
     diagonal = np.array([np.hypot(*camera.size) for camera in rig])
-    found = np.flatnonzero(shifts.one_sided(diagonal, chance)).tolist()
+    found = np.flatnonzero(shifts.one_sided(diagonal)).tolist()
     return sorted(found, key=lambda i: -shifts.size[i] / diagonal[i])
 
 
 def find_displaced(
     names: Sequence[str], shifts: Shifts, displaced: Sequence[int], unfit: AbstractSet[str] = frozenset()
 ) -> Iterator[Finding]:
-    """Yield a finding on the first of ``displaced`` (as of `displaced_cameras`), with the others.
-
-    ``names`` are those of all cameras; ``unfit`` ones have another finding whose remedy is to leave them out.
-    """
+    """Yield a finding on the first of ``displaced``, with the others; ``unfit`` ones have a remedy."""
     if not displaced:
         return
     name = names[displaced[0]]
@@ -156,10 +149,7 @@ def shift_of(names: Sequence[str], shifts: Shifts, camera: int, others: Sequence
 
 
 def to_one_side(numbers: Mapping[str, Any]) -> str:
-    """Return how far a camera's detections are shifted, from what `shift_of` returns.
-
-    "18 px from the pose (18 px left); those of cam_01 by 7 px".
-    """
+    """Return `shift_of` in words: "18 px from the pose (18 px left); those of cam_01 by 7 px"."""
     size, error, others = numbers["size_px"], numbers.get("median_error_px"), numbers["also_displaced"]
     sides = zip(numbers["shift_px"], (("left", "right"), ("up", "down")), strict=True)
     parts = [
@@ -174,11 +164,7 @@ def to_one_side(numbers: Mapping[str, Any]) -> str:
 
 
 def find_apart(rig: sk.CameraRig, statistics: Statistics, known: AbstractSet[int]) -> Iterator[Finding]:
-    """Yield a finding if some views as a whole are far from the pose; cameras ``known`` are left out.
-
-    The componentwise median of a view's residuals is compared: hidden joints are wrong in many directions,
-    another body is elsewhere.
-    """
+    """Yield a finding if some views as a whole are far from the pose; cameras ``known`` are left out."""
     residual = statistics.residual
     whole = np.where(np.isfinite(residual).all(axis=-1, keepdims=True), residual, np.nan)
     middle = medians(np.moveaxis(whole, -1, -2), _LEAST_JOINTS)

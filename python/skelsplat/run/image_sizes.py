@@ -42,14 +42,9 @@ def resizing(old: Size, new: Size) -> Array | None:
 
 
 def in_calibrated_pixels(found: Opened, rig: sk.CameraRig, cropped: Collection[str] = ()) -> Opened:
-    """Return detections in pixels of the cameras' images, resized where the files state another size.
+    """Return detections in pixels of the cameras' images, resized with a warning if files state another size.
 
     Of the ``cropped`` cameras, the rig's size is the largest that their images can have.
-
-    Warns
-    -----
-    FindingWarning
-        Of detections that are resized, and of those from images that are no copy of the calibration's.
     """
     factors: dict[str, Array] = {}
     differing: dict[tuple[Size, Size, bool], list[str]] = {}

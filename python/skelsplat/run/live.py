@@ -33,17 +33,11 @@ _PERCENTILES = (50, 90, 99, 99.9)
 
 
 class MalformedLineError(Exception):
-    """A line that cannot be answered: what was expected in it, and what it has.
-
-    Attributes
-    ----------
-    frame
-        The line's "frame", if it could be read.
-    """
+    """A line that cannot be answered: what was expected in it, and what it has."""
 
     def __init__(self, message: str, frame: Any = None) -> None:
         super().__init__(message)
-        self.frame = frame
+        self.frame = frame  # the line's "frame", if it could be read
 
     def line(self, number: int) -> bytes:
         """Return the answer to the line: an error object."""
@@ -57,17 +51,10 @@ class MalformedLineError(Exception):
 
 
 class Session:
-    """A refiner over lines, or with ``people`` a tracker.
+    """A refiner over lines; with ``people``, "all" or so many at most, at ``fps``, a tracker.
 
     With a lag the first lines have no answer, and a line that resets the session first has those of the
     frames that wait.
-
-    Parameters
-    ----------
-    rig, layout, config, fps, lag
-        As for `skelsplat.Refiner`.
-    people : "all" or int, optional
-        Follow everybody, or so many at most, at ``fps`` and without a lag; None: one person.
     """
 
     def __init__(
@@ -96,10 +83,7 @@ class Session:
     def answer(self, text: bytes) -> bytes | None:
         """Return the lines that the session owes after the line ``text``: usually one, None for none.
 
-        Raises
-        ------
-        MalformedLineError
-            If the line is malformed; it is counted as skipped and changes nothing.
+        A `MalformedLineError` if the line is malformed: it is counted as skipped and changes nothing.
         """
         begin = time.perf_counter()
         name = None
@@ -200,16 +184,13 @@ class Session:
 
 def _person(result: sk.Refinement) -> dict[str, Any]:
     """Return the JSON fields of one person in one frame."""
-    bar, scatter = (
-        to_json(np.sqrt(np.diagonal(covariance, axis1=-2, axis2=-1)), by_joint=True)
-        for covariance in (result.error_bar, result.uncertainty)
-    )
-    return {
-        "pose": to_json(result.pose, by_joint=True),
-        "error_bar": bar,
-        "scatter": scatter,
-        "joint_status": result.joint_status.tolist(),
-    }
+
+    def sigma(covariance: Array) -> Any:
+        return to_json(np.sqrt(np.diagonal(covariance, axis1=-2, axis2=-1)), by_joint=True)
+
+    bars = {"error_bar": sigma(result.error_bar), "scatter": sigma(result.uncertainty)}
+    status = result.joint_status.tolist()
+    return {"pose": to_json(result.pose, by_joint=True), **bars, "joint_status": status}
 
 
 # What a line holds. Every function raises `MalformedLineError`, which names the place in the line.

@@ -306,19 +306,7 @@ def _checked(view: View) -> Array:
 
 
 def write_overlay(job: OverlayJob, progress: Progress | None = None) -> list[Written]:
-    """Draw a run on its videos and write the results; what is left out is a warning.
-
-    Parameters
-    ----------
-    job : OverlayJob
-    progress : callable, optional
-        Called with a result's name, the number of its frames that are done, and of all its frames.
-
-    Raises
-    ------
-    SkelSplatError
-        If an input is missing, malformed or does not fit, or a result cannot be written.
-    """
+    """Draw a run on its videos; ``progress`` gets a result's name, frames done, and all frames."""
     views = open_views(job, Scene.read(job.run, job.frames))
     if job.grid:
         groups = {_GRID: views if job.scale else _fitted(views)}

@@ -138,10 +138,7 @@ def _chosen_joints(text: str | None, names: tuple[str, ...]) -> tuple[int, ...]:
 
 @dataclass(frozen=True)
 class Drawn:
-    """One picture: its files, a sentence on what it shows, and its numbers for ``--json``.
-
-    Without files, ``sentence`` says why it was left out.
-    """
+    """One picture: files, a sentence on it or on why it is left out, and numbers for ``--json``."""
 
     name: str
     files: list[Path]

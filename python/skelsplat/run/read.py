@@ -104,6 +104,11 @@ class Opened:
         """Number of detections of a person."""
         return len(self.detections.frames) * len(self.rig) * self.detections.skeleton.n_joints
 
+    def read_as(self, offsets: Mapping[str, float]) -> ReadAs:
+        """Return how the detections are read, with offsets by the calibration's own camera names."""
+        named = {camera_called(text, self.every.names): frames for text, frames in offsets.items()}
+        return ReadAs(self.detections.labels, named, self.detections.uneven)
+
     def nobody(self, job: Job) -> Inputs:
         """Return the inputs of all frames with nobody detected."""
         found, layout = self.detections, self.detections.skeleton
@@ -123,7 +128,7 @@ class Opened:
             format=found.format,
             calibration_format=job.calibration_format or find_format(Path(job.calibration)),
             lacking=frozenset(joint for joint, name in job.mapping.items() if name is None),
-            read_as=ReadAs(found.labels, named_offsets(self.every, job.offsets), found.uneven),
+            read_as=self.read_as(job.offsets),
             without=tuple(name for name in self.every.names if name not in self.rig.names),
             sources=tuple(path for path in found.sources if path is not None),
             fps=rate,
@@ -204,11 +209,6 @@ def leave_out(rig: sk.CameraRig, without: Sequence[str]) -> sk.CameraRig:
         expected = f"two cameras or more to be left of {', '.join(rig.names)}"
         raise InvalidInputError(f"without: expected {expected}, got {len(kept)}")
     return sk.CameraRig(kept, unit=rig.unit) if without else rig
-
-
-def named_offsets(rig: sk.CameraRig, offsets: Mapping[str, float]) -> dict[str, float]:
-    """Return the offsets by the calibration's own camera names."""
-    return {camera_called(text, rig.names): frames for text, frames in offsets.items()}
 
 
 def _rate(found: Detections, folder: Path, rig: sk.CameraRig, fps: float | None) -> tuple[float | None, str]:
