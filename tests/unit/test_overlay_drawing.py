@@ -64,15 +64,6 @@ def test_joints_and_limbs_have_the_colours_of_their_sides():
     assert tuple(image[100, 150]) == sides[2]
 
 
-def test_unreliable_joints_are_hollow_and_their_limbs_dashed():
-    solid = drawn(of(THREE))
-    hollow = drawn(of(THREE, reliable=np.array([True, False, True])))
-    assert (hollow[50, 150] > 200).all()
-    along = changed(hollow)[48:53, 60:140].any(axis=0)
-    assert 0.3 < along.mean() < 0.9
-    assert changed(solid)[48:53, 60:140].any(axis=0).all()
-
-
 @pytest.mark.parametrize("place", [(0.0, 0.0), (60.25, 40.75), (60.5, 40.0)])
 def test_a_detection_is_centred_to_a_part_of_a_pixel(place):
     """Pixel (0, 0) has its centre at (0, 0); the mean of the changed pixels, weighted, is the place."""

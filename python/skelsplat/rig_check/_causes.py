@@ -27,22 +27,17 @@ from skelsplat.rig_check._whole import CHANGES, resizer
 _ALL_BETTER = 0.85
 _ITSELF_BETTER = 0.7
 _LEAST_PX = 1.0
-# What is wrong is wrong in both halves of a recording.
-_HALF_BETTER = 0.9
-# Two cameras agree better by chance more easily.
-_TWO_BETTER = 0.4
-# Of two causes that explain as much the simpler one is named.
-_AS_GOOD = 1.1
+_HALF_BETTER = 0.9  # what is wrong is wrong in both halves of a recording
+_TWO_BETTER = 0.4  # two cameras agree better by chance more easily
+_AS_GOOD = 1.1  # of two causes that explain as much the simpler one is named
 # Frames of the camera's count that are tried, at most this part of the recording; a few frames do not tell.
 _MOST_SHIFT = 30
 _PART = 3
 _LEAST_SPAN = 12
 # Or, for swapped sides, so little of its error is left: nothing was fitted, and another fault may remain.
 _MUCH_BETTER = 0.35
-# What explains nearly as much is named with it.
-_NEARLY_AS_GOOD = 1.2
-# What fewer frames show may be chance.
-_FEW = 12
+_NEARLY_AS_GOOD = 1.2  # what explains nearly as much is named with it
+_FEW = 12  # what fewer frames show may be chance
 # Left and right are swapped in this share of a camera's frames or more.
 _MIRRORED_SHARE = 1 / 4
 ONCE = " once the above is corrected"

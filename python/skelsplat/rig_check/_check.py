@@ -40,17 +40,13 @@ _SWAPPED_FRAMES = 3
 # Coordinates that two cameras share.
 _COPIED = 200
 _MIN_CONFIDENCE = 0.3
-# degrees: a long telephoto lens and a wide one without a fisheye model
-_VIEW_DEG = (3.0, 150.0)
-# a narrower view is no fault where others are about as narrow: under a microscope
-_LIKE_OTHERS = 3.0
+_VIEW_DEG = (3.0, 150.0)  # degrees: a long telephoto lens and a wide one without a fisheye model
+_LIKE_OTHERS = 3.0  # a narrower view is no fault where others are about as narrow: under a microscope
 # a crop may put the principal point off the middle, but hardly out of the middle 60 % of the image
 _OFF_CENTRE = 0.3
 _ASPECT = 1.2
-# centres closer than this part of the rig's width are one place
-_SAME_PLACE = 1e-3
-# axes that differ by less do not meet anywhere in particular
-_PARALLEL_DEG = 10.0
+_SAME_PLACE = 1e-3  # centres closer than this part of the rig's width are one place
+_PARALLEL_DEG = 10.0  # axes that differ by less do not meet anywhere in particular
 
 
 def check_rig(

@@ -14,69 +14,37 @@ from skelsplat._clocks import rounded
 from skelsplat.findings import Finding, Remedy
 from skelsplat.rig_check._scene import Scene
 
-# Before these are corrected, `skelsplat.adjust_cameras` would fit nonsense. Sides that are swapped at times
-# and a camera without detections are warnings.
+# Errors before whose correction `skelsplat.adjust_cameras` would fit nonsense.
 _OF_FILES = (
     *("unit_wrong", "pose_convention", "images_changed", "cameras_exchanged", "recording_other"),
-    "detections_same",
+    *("detections_same", "sides_swapped", "nobody_detected"),
 )
-_OF_FILES_IF_ERRORS = ("sides_swapped", "nobody_detected")
 
 
 @dataclass(frozen=True)
 class CameraRow:
-    """Agreement of one camera with the others, as the files have it: medians, pixels of the original image.
-
-    Attributes
-    ----------
-    name : str
-    used : int
-        Detections of the person.
-    dlt_px, robust_px : float
-        Reprojection error of plain triangulation and of the robust solver from all cameras.
-    weight, rejected : float
-        Mean weight of its detections in the robust solver, 0 to 1, and the share that is rejected.
-    left_out_px : float
-        Distance from where the *other* cameras place the joints; NaN with two cameras.
-    best_offset : int
-        By how many frames the camera's numbers are too high: its frame f + best_offset is frame f of the
-        others. 0 without a finding of such an offset.
-    best_offset_px : float
-        The same distance when all that was found is corrected.
-    offset_option : float or None
-        Value of the setting ``offsets`` that corrects it, with that with which the detections were read; None
-        without a finding.
-    """
+    """Agreement of one camera with the others, as the files have it: medians, px of the original image."""
 
     name: str
-    used: int
-    dlt_px: float
-    robust_px: float
-    weight: float
-    rejected: float
-    left_out_px: float
-    best_offset: int
-    best_offset_px: float
+    used: int  # detections of the person
+    dlt_px: float  # reprojection error of plain triangulation from all cameras
+    robust_px: float  # that of the robust solver
+    weight: float  # mean weight of its detections in the robust solver, 0 to 1
+    rejected: float  # the share of them that is rejected
+    left_out_px: float  # distance from where the *other* cameras place the joints; NaN with two cameras
+    best_offset: int  # its frame f + best_offset is frame f of the others; 0 without such a finding
+    best_offset_px: float  # ``left_out_px`` when all that was found is corrected
+    # value of the setting ``offsets`` that corrects it, with that with which the detections were read
     offset_option: float | None = None
 
 
 @dataclass(frozen=True)
 class ReadAs:
-    """How the detections were read from files, which their remedies depend on.
+    """How the detections were read from files, which their remedies depend on."""
 
-    Attributes
-    ----------
-    labels : tuple of str or None
-        The folder, file or place in the file of each camera, as the setting ``order`` takes it.
-    offsets : mapping of str to float
-        By camera, frames that were added to its numbers.
-    uneven : bool
-        Cameras have different frames in the files.
-    """
-
-    labels: tuple[str | None, ...] = ()
-    offsets: Mapping[str, float] = field(default_factory=dict)
-    uneven: bool = False
+    labels: tuple[str | None, ...] = ()  # folder, file or place in it of each camera, as of ``order``
+    offsets: Mapping[str, float] = field(default_factory=dict)  # by camera, frames added to its numbers
+    uneven: bool = False  # cameras have different frames in the files
 
     def offset_remedy(self, camera: str, offset: float) -> tuple[Remedy, ...]:
         """Return what corrects the clock of a camera: its offset, and the frames that all then have."""
@@ -99,11 +67,7 @@ class RigReport:
     @property
     def before_places(self) -> tuple[Finding, ...]:
         """What has to be corrected before cameras can be adjusted: faults of the files, not of places."""
-        return tuple(
-            one
-            for one in self.findings
-            if one.kind in _OF_FILES or (one.kind in _OF_FILES_IF_ERRORS and one.severity == "error")
-        )
+        return tuple(one for one in self.findings if one.severity == "error" and one.kind in _OF_FILES)
 
     @property
     def misplaced(self) -> tuple[str, ...]:

@@ -13,21 +13,16 @@ from skelsplat._arrays import Array, Index, median
 from skelsplat.association import choose_person, extents, separate_people, take_people
 from skelsplat.cameras import altered
 
-# frames that are judged, spread over the recording; more tell nothing new
-_FRAMES = 120
-# frames on which whole rigs are compared
-_FEW_FRAMES = 30
+_FRAMES = 120  # frames that are judged, spread over the recording; more tell nothing new
+_FEW_FRAMES = 30  # frames on which whole rigs are compared
 # Share of the diagonal (20 px of 1200 by 1200) that poor detections are off; cameras that miss each other by
 # more are worth a search.
 POOR = 0.012
-# A camera in which the chosen person is found in fewer frames is judged by whoever is there.
-_LOST = 0.2
+_LOST = 0.2  # a camera in which the chosen person is found in fewer frames is judged by whoever is there
 # Two cameras do not tell which of them is wrong, and whom only two see may be a chance meeting of rays.
 _THREE = 3
-# Someone seen in fewer frames tells nothing.
-_LEAST_FRAMES = 12
-# Empty frames between people: more than clocks are compared by.
-_GAP = 40
+_LEAST_FRAMES = 12  # someone seen in fewer frames tells nothing
+_GAP = 40  # empty frames between people: more than clocks are compared by
 
 
 @dataclass(frozen=True)

@@ -19,13 +19,11 @@ from skelsplat.rig_check._scene import Scene, in_mm, judge, some_frames
 
 Change = Callable[[Array, tuple[int, int]], Array]
 
-# What is right leaves less than this part of the disagreement.
-_BETTER = 0.35
+_BETTER = 0.35  # what is right leaves less than this part of the disagreement
 # Or less than this, if the exchanged cameras themselves lose half.
 _RATHER = 0.7
 _HALF = 0.5
-# A rival explanation leaves little more.
-_CLEAR = 1.5
+_CLEAR = 1.5  # a rival explanation leaves little more
 # In a symmetric rig orders leave the same, but for noise; so do, in a ring of cameras, mirrored images and
 # cameras exchanged across.
 _SAME = 1.05

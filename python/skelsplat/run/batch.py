@@ -318,13 +318,8 @@ def attempt(job: Job) -> str:
 def _in_a_process(job: Job) -> str:
     """Do a job in a process of its own, which may end in any way: Python's lock is not shared, nor memory."""
     paths = os.pathsep.join(path for path in sys.path if path)
-    done = subprocess.run(
-        [sys.executable, "-c", _PROGRAM],
-        input=pickle.dumps(job),
-        env={**os.environ, "PYTHONPATH": paths},
-        capture_output=True,
-        check=False,
-    )
+    command, env = [sys.executable, "-c", _PROGRAM], {**os.environ, "PYTHONPATH": paths}
+    done = subprocess.run(command, input=pickle.dumps(job), env=env, capture_output=True, check=False)
     if done.returncode == 0:
         return str(json.loads(done.stdout.splitlines()[-1]))
     last = done.stderr.decode(errors="replace").strip().splitlines()[-1:]

@@ -17,8 +17,7 @@ from skelsplat.run.solve import spread
 
 # Frames are put at even times, missing ones between them, unless so many times as many are missing.
 _MOST_EMPTY = 8
-# How often people are told apart anew with other cameras.
-_ROUNDS = 3
+_ROUNDS = 3  # how often people are told apart anew with other cameras
 # A camera set right sees this part of the people that it should see, or more, relative to the other cameras.
 _SEES = 0.5
 

@@ -23,10 +23,8 @@ from skelsplat.run.job import Job
 from skelsplat.run.person import EVERYBODY, check_slot, pick_places
 from skelsplat.run.read import Inputs, Opened, leave_out, open_recording, read_everybody, read_rig
 
-# Multiples of its error bar from which a clock is off.
-_SHOWN = 4.0
-# A change below this part of its error bar is none.
-_NOTHING = 0.01
+_SHOWN = 4.0  # multiples of its error bar from which a clock is off
+_NOTHING = 0.01  # a change below this part of its error bar is none
 
 
 @dataclass(frozen=True)

@@ -22,12 +22,10 @@ if TYPE_CHECKING:
     from skelsplat.run.summary import Statistics
 
 
-# Fewer frames may be chance.
-_LEAST_FRAMES = 3
+_LEAST_FRAMES = 3  # fewer frames may be chance
 # A camera is named for a view that lies apart with this part of the frames of the camera that has most.
 _ALSO_APART = 0.5
-# A camera displaced by this part of the largest shift may be the wrong one.
-_RIVAL = 0.5
+_RIVAL = 0.5  # a camera displaced by this part of the largest shift may be the wrong one
 # A shift explains the error from this part of it on: of errors that scatter round nothing the median shift is
 # some 0.06 of the median error after 60 frames, of errors that all point one way it is 1.
 _ONE_SIDED = 0.7
@@ -37,12 +35,9 @@ _LEAST_SHIFT = 0.004
 # Probability that joints whose offsets point any way would share such a shift. Neighbours (eyes, toes) share
 # some of their offsets: if only half of the joints count, 1e-4 still is 1e-2.
 _CHANCE = 1e-4
-# Fewer detections are no pattern: three frames of a body.
-_LEAST_DETECTIONS = 50
-# A direction is named from this part of the shift on.
-_DIRECTION = 0.1
-# Fewer joints of a view are no whole; as many make a person.
-_LEAST_JOINTS = 4
+_LEAST_DETECTIONS = 50  # fewer detections are no pattern: three frames of a body
+_DIRECTION = 0.1  # a direction is named from this part of the shift on
+_LEAST_JOINTS = 4  # fewer joints of a view are no whole; as many make a person
 
 
 @dataclass(frozen=True)
@@ -138,8 +133,7 @@ def find_displaced(
 def shift_of(names: Sequence[str], shifts: Shifts, camera: int, others: Sequence[int] = ()) -> dict[str, Any]:
     """Return how far, and to which side, a camera's detections are off the pose, and those of ``others``.
 
-    A wrong camera pulls the pose to its side, so that others are displaced by it. One that is displaced half
-    as much may as well be the cause.
+    A wrong camera pulls the pose to its side: one that is displaced half as much may as well be the cause.
     """
     sizes, limit = shifts.size.tolist(), _RIVAL * shifts.size[camera]
     also = [

@@ -21,8 +21,7 @@ from skelsplat._arrays import Array, Mask
 from skelsplat._skelsplat import REJECTED_WEIGHT, check_people
 from skelsplat.io.poses._json import to_json
 
-# more than any detector's score: probably a pixel coordinate
-_NO_SCORE = 100.0
+_NO_SCORE = 100.0  # more than any detector's score: probably a pixel coordinate
 # characters of a value that a message shows
 _SHOWN = 60
 _MISSING = [float("nan")] * 3

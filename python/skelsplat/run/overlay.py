@@ -32,16 +32,7 @@ from skelsplat.run.frame_range import FrameRange
 from skelsplat.run.image_sizes import resizing
 from skelsplat.run.solve import rig_as_used
 from skelsplat.viz import Skeleton, person_colour
-from skelsplat.viz.overlay import (
-    OverlayFrame,
-    Shown,
-    blank_tile,
-    draw_label,
-    draw_name,
-    draw_overlay,
-    legend_strip,
-    tiling,
-)
+from skelsplat.viz import overlay as viz
 
 Progress = Callable[[str, int, int], None]
 
@@ -64,7 +55,7 @@ class OverlayJob:
     run: Path
     videos: Path | None
     out: Path
-    shown: Shown  # which layers are drawn
+    shown: viz.Shown  # which layers are drawn
     cameras: tuple[str, ...] = ()  # the cameras to draw; empty for all
     # the video of each camera, or ``"sorted"``; None to match by name
     order: str | tuple[str, ...] | None = None
@@ -100,7 +91,7 @@ class Drawn:
     """A person in one image."""
 
     name: str  # ``""`` for the only one
-    frame: OverlayFrame
+    frame: viz.OverlayFrame
     skeleton: Skeleton
     distance: float  # from the camera, in the unit of the run; 0 if unknown
 
@@ -149,7 +140,7 @@ class Scene:
         status = poses.joint_status[t] if len(poses.joint_status) else np.full(joints, _RELIABLE)
         filled = (status == "filled")[:, None, None]  # a place between others has no error bar
         pose, covariances = project_covariances(poses.pose[t], np.where(filled, np.nan, covariance), camera)
-        frame = OverlayFrame(
+        frame = viz.OverlayFrame(
             pose=pose,
             covariances=covariances,
             reliable=status == _RELIABLE,
@@ -223,7 +214,7 @@ class View:
 
     def label(self, image: Image, number: int, missing: str = "") -> None:
         """Write camera and frame into the corner of an image, and what is missing."""
-        draw_label(image, f"{self.name}   frame {number}" + (f"   {missing}" if missing else ""))
+        viz.draw_label(image, f"{self.name}   frame {number}" + (f"   {missing}" if missing else ""))
 
     def _drawn(self, number: int, image: Image) -> Image:
         if self.size == self.source.size:
@@ -236,10 +227,10 @@ class View:
         people = self.scene.frame(self.index, number)
         moved = [(one, one.frame.moved(scale, scale / 2 - 0.5)) for one in people or ()]
         for one, frame in moved:
-            draw_overlay(canvas, frame, one.skeleton, self.job.shown)
+            viz.draw_overlay(canvas, frame, one.skeleton, self.job.shown)
         for one, frame in moved:
             if one.skeleton.own is not None and self.job.legend:
-                draw_name(canvas, frame.pose, one.name.removeprefix("person "), one.skeleton.own)
+                viz.draw_name(canvas, frame.pose, one.name.removeprefix("person "), one.skeleton.own)
         if self.job.legend:
             self.label(canvas, number, "not in the run" if people is None else "")
         return canvas
@@ -326,17 +317,17 @@ def write_overlay(job: OverlayJob, progress: Progress | None = None) -> list[Wri
 
 def _fitted(views: list[View]) -> list[View]:
     """Return the views in the size in which all of them fit a screen; never enlarged."""
-    width, height = tiling([view.size for view in views]).size
+    width, height = viz.tiling([view.size for view in views]).size
     zoom = min(1.0, _SCREEN[0] / width, _SCREEN[1] / height)
     return [replace(view, zoom=zoom) for view in views]
 
 
 def _write(job: OverlayJob, views: list[View], target: Path, progress: Progress | None) -> Written:
     """Draw the cameras of one result and write it."""
-    tiles = tiling([view.size for view in views])
+    tiles = viz.tiling([view.size for view in views])
     counts = dict.fromkeys((view.name for view in views), 0)
     people = list(views[0].scene.colours.items())
-    legend = legend_strip(tiles.size[0], tiles.cell, job.shown, people) if job.legend else None
+    legend = viz.legend_strip(tiles.size[0], tiles.cell, job.shown, people) if job.legend else None
     rate, total = None if job.png else _rate(job, views), max(view.expected for view in views)
     with open_sink(target, rate) as sink:
         for number, images in _together(views):
@@ -364,7 +355,7 @@ def _together(views: Sequence[View]) -> Iterator[tuple[int, dict[int, Image]]]:
 
 
 def _no_image(view: View, number: int) -> Image:
-    tile = blank_tile(view.size)
+    tile = viz.blank_tile(view.size)
     view.label(tile, number, "no image")
     return tile
 
