@@ -99,7 +99,7 @@ def test_all_detections_of_other_images_are_named():
     small[..., :2] = (good[..., :2] + 0.5) * 2 / 3 - 0.5
     for found, text in (
         (exchanged, "given with y before x"),
-        (parts, "given as parts of the image's width and height"),
+        (parts, "given in parts of width and height"),
         (small, "of images 0.667 times as large"),
     ):
         finding = only(check_rig(rig("dome of 6"), found))

@@ -149,7 +149,7 @@ def _serve(session: Session, source: BinaryIO, target: BinaryIO) -> int:
             try:
                 answer = session.answer(line)
             except MalformedLineError as error:
-                say(f"line {number}: skipped: {error.text}", err=True)
+                say(f"line {number}: skipped: {error}", err=True)
                 answer = error.line(number)
             if answer is not None:
                 target.write(answer)

@@ -22,30 +22,24 @@ from skelsplat.layouts import mirror_images
 from skelsplat.rig_check._scene import POOR, Scene
 from skelsplat.rig_check._whole import CHANGES, resizer
 
-# A cause must make the cameras agree better by this much, over all and for the camera itself, and by more
-# than detectors' noise.
+# A cause makes cameras agree better by so much, over all and for itself, and by more than detectors' noise.
 _ALL_BETTER = 0.85
 _ITSELF_BETTER = 0.7
 _LEAST_PX = 1.0
 _HALF_BETTER = 0.9  # what is wrong is wrong in both halves of a recording
 _TWO_BETTER = 0.4  # two cameras agree better by chance more easily
 _AS_GOOD = 1.1  # of two causes that explain as much the simpler one is named
-# Frames of the camera's count that are tried, at most this part of the recording; a few frames do not tell.
-_MOST_SHIFT = 30
-_PART = 3
+_MOST_SHIFT = 30  # frames by which a camera's count is tried to be off
+_PART = 3  # of the recording is the most that is tried
 _LEAST_SPAN = 12
-# Or, for swapped sides, so little of its error is left: nothing was fitted, and another fault may remain.
-_MUCH_BETTER = 0.35
+_MUCH_BETTER = 0.35  # what is left with sides swapped back, next to another fault: nothing was fitted
 _NEARLY_AS_GOOD = 1.2  # what explains nearly as much is named with it
 _FEW = 12  # what fewer frames show may be chance
-# Left and right are swapped in this share of a camera's frames or more.
-_MIRRORED_SHARE = 1 / 4
+_MIRRORED_SHARE = 1 / 4  # of a camera's frames with left and right swapped
 ONCE = " once the above is corrected"
-# Steps of a resection, and the least number of points for one.
-_ROUNDS = 30
-_LEAST = 20
-# From the simplest kind of cause on.
-_ORDER = ("frame_offset", "sides_swapped", "images", "size", "rotated", "moved")
+_ROUNDS = 30  # steps of a resection
+_LEAST = 20  # points for one
+_ORDER = ("frame_offset", "sides_swapped", "images", "size", "rotated", "moved")  # the simplest kind first
 
 
 @dataclass(frozen=True)

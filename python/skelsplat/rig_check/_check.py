@@ -23,27 +23,22 @@ from skelsplat.rig_check._report import ReadAs, RigReport, rows_of, solved, with
 from skelsplat.rig_check._scene import Scene, follow_person, in_mm, scene_of_everybody
 from skelsplat.rig_check._whole import check_unit, correct_files, find_convention
 
-# A camera whose detections are rejected this often, and this many times as often as the others', in so many
-# frames or more (less is somebody in the way).
+# Detections of a camera are rejected this often, and so many times as often as others', in so many frames.
 _REJECTED = 1 / 3
 _RATIO = 3.0
 _LEAST_FRAMES = 5
 # A camera that was knocked turns and moves by less than this; one set up again is further off.
 _FAR_DEG = 2.5
 _FAR_MM = 150.0
-# Part of the diagonal, 42 px of 1000 by 1000: two and a half times what poor detections are off.
-_FAR_OFF = 0.03
+_FAR_OFF = 0.03  # of the diagonal: two and a half times what poor detections are off
 _OUTSIDE = 0.05
-# Left and right are swapped from this share of a camera's frames on, five times that of sound recordings.
-_SWAPPED_SHARE = 0.1
+_SWAPPED_SHARE = 0.1  # of a camera's frames, five times that of sound recordings
 _SWAPPED_FRAMES = 3
-# Coordinates that two cameras share.
-_COPIED = 200
+_COPIED = 200  # coordinates that two cameras share
 _MIN_CONFIDENCE = 0.3
 _VIEW_DEG = (3.0, 150.0)  # degrees: a long telephoto lens and a wide one without a fisheye model
 _LIKE_OTHERS = 3.0  # a narrower view is no fault where others are about as narrow: under a microscope
-# a crop may put the principal point off the middle, but hardly out of the middle 60 % of the image
-_OFF_CENTRE = 0.3
+_OFF_CENTRE = 0.3  # a crop hardly puts the principal point out of the middle 60 % of the image
 _ASPECT = 1.2
 _SAME_PLACE = 1e-3  # centres closer than this part of the rig's width are one place
 _PARALLEL_DEG = 10.0  # axes that differ by less do not meet anywhere in particular
@@ -59,12 +54,12 @@ def check_rig(
 ) -> RigReport:
     """Look for what is wrong with a calibration, alone or with a recording.
 
-    Without detections: lenses, cameras in one place, cameras that look away. With detections also the
-    convention of the poses, the unit, images other than the calibration's, exchanged cameras, frame offsets,
-    left and right swapped in a view, and cameras that were turned or moved; half of the cameras or more mean
-    another recording. A cause is named when with it corrected all cameras agree clearly better by
-    leave-one-out reprojection; what is left over is named as a camera that disagrees. It takes three cameras
-    to tell which one is wrong.
+    Alone: lenses, cameras in one place or that look away. With detections also the convention of the poses,
+    unit, other images, exchanged cameras, frame offsets, swapped sides, and cameras that were turned or
+    moved; half of the cameras or more mean another recording. A cause is named if with it corrected all
+    cameras agree clearly better by leave-one-out reprojection, what is left over as a camera that disagrees.
+    It takes three cameras to tell which one is wrong. An `InvalidInputError` if shapes, confidences or the
+    layout do not fit, or there are fewer than two cameras.
 
     Parameters
     ----------
@@ -79,12 +74,6 @@ def check_rig(
     read_as : ReadAs, optional
         How the detections were read from files, for the remedies; by default from files of the cameras' names
         without offsets.
-
-    Raises
-    ------
-    InvalidInputError
-        If shapes or the layout do not fit, a confidence lies outside [0, 1], or there are fewer than two
-        cameras with detections.
     """
     findings = _check_geometry(rig)
     if people is None:
@@ -96,7 +85,7 @@ def check_rig(
     if everyone.shape[-1] == 3:
         everyone = np.where(everyone[..., 2:] >= _MIN_CONFIDENCE, everyone, np.nan)
     findings += _images(rig, everyone)
-    same = same_detections(rig.names, everyone)
+    same = list(same_detections(rig.names, everyone))
     if same:  # what the cameras' places would explain is chance then
         return RigReport((*same, *findings))
     return with_remedies(_with_detections(rig, everyone, counts, shape, findings), read_as or ReadAs())
@@ -167,38 +156,34 @@ def _images(rig: sk.CameraRig, people: Array) -> Iterator[Finding]:
             yield Finding("detections_outside", subject=subject, numbers=share, sentence=sentence)
 
 
-def same_detections(names: Sequence[str], people: Array) -> list[Finding]:
-    """Cameras whose detections (T, M, …, 2 or more) are copies of each other's."""
+def same_detections(names: Sequence[str], people: Array) -> Iterator[Finding]:
+    """Name cameras whose detections (T, M, …, 2 or more) are copies of each other's."""
     alike: dict[bytes, list[str]] = {}
     for name, view in zip(names, np.moveaxis(people[..., :2], 1, 0), strict=True):
         if np.isfinite(view).sum() >= _COPIED:
             alike.setdefault(sha256(view.tobytes()).digest(), []).append(name)
-    found = []
     for cameras in (tuple(cameras) for cameras in alike.values() if len(cameras) > 1):
         sentence = f"{', '.join(cameras)} have the same detections to the last digit, so they are those of "
         sentence += "one camera. Was a folder or a file copied or linked?"
-        found.append(Finding("detections_same", "error", Subject(cameras), sentence=sentence))
-    return found
+        yield Finding("detections_same", "error", Subject(cameras), sentence=sentence)
 
 
-def find_swapped(names: Sequence[str], result: sk.Refinement, layout: sk.Layout | None) -> list[Finding]:
+def find_swapped(names: Sequence[str], result: sk.Refinement, layout: sk.Layout | None) -> Iterator[Finding]:
     """Name cameras with left and right swapped in some frames: half of what has a side, and kept."""
     if layout is None or len(names) == 2:
-        return []
+        return
     sides = [joint for pair in layout.left_right for joint in pair]
     weights = np.asarray(result.view_weights)[..., sides]
     used = np.isfinite(weights).sum(axis=2)
     swapped = (np.asarray(result.swapped)[..., sides] & (weights >= sk.REJECTED_WEIGHT)).sum(axis=2)
     frames = ((used > 0) & (2 * swapped >= used)).sum(axis=0).tolist()
-    found = []
     for name, count, of in zip(names, frames, (used > 0).sum(axis=0).tolist(), strict=True):
         if count >= max(_SWAPPED_FRAMES, _SWAPPED_SHARE * of):
             sentence = f"{name}: left and right are swapped in {count / of:.0%} of its frames, compared with "
             sentence += "the other cameras. Refining swaps these detections back. Does the detector confuse "
             sentence += "the sides here?"
             share = {"share_of_frames": count / of}
-            found.append(Finding("sides_swapped", "warning", Subject((name,)), share, sentence=sentence))
-    return found
+            yield Finding("sides_swapped", "warning", Subject((name,)), share, sentence=sentence)
 
 
 def _left_over(scene: Scene, result: sk.Refinement, earlier: list[Finding]) -> Iterator[Finding]:

@@ -34,8 +34,7 @@ class CameraRow:
     left_out_px: float  # distance from where the *other* cameras place the joints; NaN with two cameras
     best_offset: int  # its frame f + best_offset is frame f of the others; 0 without such a finding
     best_offset_px: float  # ``left_out_px`` when all that was found is corrected
-    # value of the setting ``offsets`` that corrects it, with that with which the detections were read
-    offset_option: float | None = None
+    offset_option: float | None = None  # setting ``offsets`` that corrects it, including the one given
 
 
 @dataclass(frozen=True)

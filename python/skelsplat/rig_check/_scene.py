@@ -15,12 +15,9 @@ from skelsplat.cameras import altered
 
 _FRAMES = 120  # frames that are judged, spread over the recording; more tell nothing new
 _FEW_FRAMES = 30  # frames on which whole rigs are compared
-# Share of the diagonal (20 px of 1200 by 1200) that poor detections are off; cameras that miss each other by
-# more are worth a search.
-POOR = 0.012
+POOR = 0.012  # of the diagonal, 20 px of 1200 by 1200: poor detections are off so much
 _LOST = 0.2  # a camera in which the chosen person is found in fewer frames is judged by whoever is there
-# Two cameras do not tell which of them is wrong, and whom only two see may be a chance meeting of rays.
-_THREE = 3
+_THREE = 3  # views: whom only two see may be a chance meeting of rays
 _LEAST_FRAMES = 12  # someone seen in fewer frames tells nothing
 _GAP = 40  # empty frames between people: more than clocks are compared by
 

@@ -20,22 +20,16 @@ from skelsplat.rig_check._scene import Scene, in_mm, judge, some_frames
 Change = Callable[[Array, tuple[int, int]], Array]
 
 _BETTER = 0.35  # what is right leaves less than this part of the disagreement
-# Or less than this, if the exchanged cameras themselves lose half.
-_RATHER = 0.7
+_RATHER = 0.7  # or less than this, if the exchanged cameras themselves lose half
 _HALF = 0.5
 _CLEAR = 1.5  # a rival explanation leaves little more
-# In a symmetric rig orders leave the same, but for noise; so do, in a ring of cameras, mirrored images and
-# cameras exchanged across.
-_SAME = 1.05
-# of so many cameras all orders are tried (24), of more those that exchange two
-_ALL_ORDERS = 4
+_SAME = 1.05  # in a symmetric rig, what orders or mirrored images leave differs by noise
+_ALL_ORDERS = 4  # of so many cameras all orders are tried, of more those that exchange two
 _FACTORS = (1 / 4, 1 / 3, 3 / 8, 1 / 2, 2 / 3, 3 / 4, 4 / 3, 3 / 2, 2.0, 8 / 3, 3.0, 4.0)
 _AXES = np.diag([1.0, -1.0, -1.0])
-# twice the distance from the middle joint that four joints in five keep within: 1.4 m standing, 0.8 m
-# curled up
+# twice the distance from the middle joint that four joints in five keep within: 1.4 m standing
 _PERSON_MM = (400.0, 3000.0)
-# the largest body that need not be a person's; it may be as small as it likes
-_ANYTHING_MM = 20_000.0
+_ANYTHING_MM = 20_000.0  # the largest body that need not be a person's; it may be as small as it likes
 _TYPICAL_MM = 1300.0
 _SHARE = 80.0
 _LEAST_JOINTS = 8
@@ -134,10 +128,7 @@ CHANGES: dict[str, Change] = {
 _FOR_ALL: dict[str, tuple[Change, float]] = {
     **{words: (change, 1.0) for words, change in CHANGES.items()},
     "given with y before x": (_arranged((1, 0), (False, False)), 1.0),
-    "given as parts of the image's width and height": (
-        lambda points, size: points * np.array(size) - 0.5,
-        1.0,
-    ),
+    "given in parts of width and height": (lambda points, size: points * np.array(size) - 0.5, 1.0),
     **{f"of images {1 / factor:.3g} times as large": (resizer(factor), factor) for factor in _FACTORS},
 }
 
@@ -232,8 +223,7 @@ def _find_exchange(
     tried = {order: judge(cameras, some[:, list(order)], layout) for order in orders}
     least = min((scene.disagreement for scene in tried.values()), default=float("inf"))
 
-    def rank(order: tuple[int, ...]) -> tuple[bool, int, float]:
-        """Orders that leave the same are told apart by how many cameras they exchange."""
+    def rank(order: tuple[int, ...]) -> tuple[bool, int, float]:  # fewest exchanges of what leaves the same
         same = tried[order].disagreement <= _SAME * least
         return (not same, len(_exchanged(order)) if same else 0, tried[order].disagreement)
 
@@ -243,8 +233,7 @@ def _find_exchange(
     best, given, after = ranked[0], before.disagreement, tried[ranked[0]].disagreement
     names = before.names
 
-    def folders(order: tuple[int, ...]) -> dict[str, Any]:
-        """Return, by camera, the one whose folder has its detections."""
+    def folders(order: tuple[int, ...]) -> dict[str, Any]:  # by camera, whose folder has its detections
         return {"folders": {names[i]: names[folder] for i, folder in enumerate(order)}}
 
     numbers = {**folders(best), "before_px": given, "after_px": after}

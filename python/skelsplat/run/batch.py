@@ -38,8 +38,7 @@ COLUMNS = (
     *("recording", "status", "person", "frames", "frame_rate_hz", "median_error_px", "rejected_share"),
     *("errors", "warnings", "findings", "output", "error"),
 )
-# Fields of a job whose content counts instead, or nothing at all.
-_NOT_AS_TEXT = ("output", "calibration", "detections", "init", "config")
+_NOT_AS_TEXT = ("output", "calibration", "detections", "init", "config")  # content counts, or nothing
 _OF_CALIBRATION = ("calibration_format", "unit", "camera_type", "subject", "size", "binning")
 _PROGRAM = "from skelsplat.run.batch import _work; _work()"
 
@@ -136,25 +135,21 @@ def run_batch(
 
     A recording that an earlier batch has refined is left as it is if its folder is complete and neither its
     input nor its options have changed. One that fails does not stop the others. The results do not depend on
-    the number of processes.
+    the number of processes. A `SkelSplatError` if there are no jobs, two have the same output, or ``folder``
+    holds input or cannot be written.
 
     Parameters
     ----------
     jobs : mapping of str to Job
         By name. Without ``output``, the results are in the folder of that name in ``folder``.
     folder : path
-        For the two files. They are written after each recording, so that a batch which is stopped goes on.
+        For the two files, written after each recording, so that a batch which is stopped goes on.
     overwrite : bool
         Refine every recording again.
     processes : int
-        How many recordings are refined at the same time; they share the cores.
+        How many recordings are refined at the same time, on the same cores.
     progress : callable, optional
         Called with (recordings done, recordings in all).
-
-    Raises
-    ------
-    SkelSplatError
-        If there are no jobs, two have the same output, or ``folder`` holds input or cannot be written.
     """
     top = Path(folder)
     jobs = {name: replace(job, output=job.output or top / name) for name, job in jobs.items()}
@@ -338,22 +333,18 @@ def trials(project: str | os.PathLike[str]) -> dict[str, tuple[Path, Path]]:
     the nearest folder with *calib* in its name. A `DatasetError` if there is no trial, or not one calibration
     of it.
     """
-    root = Path(project)
-    found = {}
+    root, found = Path(project), {}
     for place, names, _ in os.walk(root):
-        detections = next((name for name in ("pose-sync", "pose") if _filled(Path(place, name))), None)
+        trial = Path(place)
+        detections = [trial / name for name in ("pose-sync", "pose") if (trial / name).is_dir()]
+        filled = next((folder for folder in detections if any(folder.iterdir())), None)
         names[:] = sorted(name for name in names if not name.startswith((".", "pose")))
-        if detections is not None:
-            trial = Path(place)
+        if filled is not None:
             name = "/".join(trial.relative_to(root).parts) or root.resolve().name
-            found[name] = (_calibration_of(trial, root), trial / detections)
+            found[name] = (_calibration_of(trial, root), filled)
     if not found:
         raise DatasetError(root, "folder", "trials: folders with a folder pose or pose-sync", "none")
     return found
-
-
-def _filled(folder: Path) -> bool:
-    return folder.is_dir() and any(folder.iterdir())
 
 
 def _calibration_of(trial: Path, root: Path) -> Path:

@@ -15,11 +15,9 @@ from skelsplat.rig_check import ReadAs, RigReport, check_rig
 from skelsplat.rig_check._scene import everybody, followed, in_mm, one_after_another, several
 from skelsplat.run.solve import spread
 
-# Frames are put at even times, missing ones between them, unless so many times as many are missing.
-_MOST_EMPTY = 8
+_MOST_EMPTY = 8  # frames are put at even times unless so many times as many are missing
 _ROUNDS = 3  # how often people are told apart anew with other cameras
-# A camera set right sees this part of the people that it should see, or more, relative to the other cameras.
-_SEES = 0.5
+_SEES = 0.5  # of the people that it should see, relative to other cameras, a camera set right sees so many
 
 
 @dataclass(frozen=True)
@@ -39,10 +37,9 @@ class Scene:
     def adjust(self, **given: Any) -> sk.RigAdjustment:
         """Adjust cameras that disagree for no other reason than their places and clocks.
 
-        A camera that is far off sees strangers in people's places. Once it is known where it may be, people
-        are told apart anew, and the cameras are adjusted by them. A camera that does not see them then is
-        doubtful if it was changed, and otherwise not judged: ``"unseen"``. Clocks are in frames of the files;
-        ``given`` are arguments of `skelsplat.adjust_cameras`.
+        A camera that is far off sees strangers in people's places: people are told apart anew where it may
+        be, and one that does not see them then is doubtful, or ``"unseen"`` if it was not changed. Clocks are
+        in frames of the files; ``given`` are arguments of `skelsplat.adjust_cameras`.
         """
         steps = self.frames - self.frames[0]
         step = int(np.gcd.reduce(steps)) or 1
@@ -70,7 +67,8 @@ def _by_everybody(
         clocks = [round(one.clock) for one in found.report]  # frames ahead, shown or suspected
         right, _ = everybody(in_mm(supposed), _moved(people, clocks), layout)
         before, everyone = everyone, tuple(_moved(one, [-clock for clock in clocks]) for one in right)
-        if len(everyone) == len(before) and all(map(_same, everyone, before)):
+        pairs = zip(everyone, before, strict=False)
+        if len(everyone) == len(before) and all(np.array_equal(*pair, equal_nan=True) for pair in pairs):
             break
         found = sk.adjust_cameras(one_after_another(everyone), rig, **given)
     return _confirmed(rig, found, _part_seen(people, everyone))
@@ -96,10 +94,6 @@ def _moved(seen: Array, clocks: Sequence[int]) -> Array:
         first, last = max(0, -clock), min(count, count - clock)
         out[first:last, i] = seen[first + clock : last + clock, i]
     return out
-
-
-def _same(one: Array, other: Array) -> bool:
-    return np.array_equal(one, other, equal_nan=True)
 
 
 def _part_seen(people: Array, everyone: Sequence[Array]) -> Array:

@@ -47,12 +47,11 @@ def check_cameras(
 ) -> CameraCheck:
     """Read a calibration, and detections if there are any, and find what is wrong with the cameras.
 
-    ``read`` are the arguments of `skelsplat.run.read.read_rig`, ``given`` further ones of
-    `skelsplat.io.detections.read_detections`. The ``person`` is ``"everybody"``, all on whom three views
-    agree; ``"consistent"``, only the one on whom the views agree best; ``"largest"``, in each image; or a
-    number, the place in each file from 0. The report begins with the warnings of the files. Raises a
-    `DatasetError` or an `InvalidInputError` if a file is missing or malformed, or files and options do not
-    fit each other.
+    ``read`` are arguments of `skelsplat.run.read.read_rig`, ``given`` of `skelsplat.io.read_detections`. The
+    ``person`` is ``"everybody"`` on whom three views agree, ``"consistent"`` (on whom the views agree best),
+    ``"largest"`` in each image, or the place in each file. The report begins with the warnings of the files.
+    A `DatasetError` or an `InvalidInputError` if files are malformed, or do not fit each other or the
+    options.
     """
     check_slot(person)
     with collected_warnings() as warnings:
@@ -147,9 +146,8 @@ def adjust_cameras(
     """Read a calibration and a recording, and adjust the cameras that were turned or moved since.
 
     The files are those of `check_cameras`; ``free``, ``focal`` and ``clock`` are as of
-    `skelsplat.adjust_cameras`, and in names, case and separators may differ. Raises a `DatasetError` or an
-    `InvalidInputError` if a file is missing or malformed, or files and options do not fit each other; if the
-    cameras disagree for another reason, such as exchanged folders or a wrong unit, with what corrects it.
+    `skelsplat.adjust_cameras`, and in names, case and separators may differ. Raises as `check_cameras`, and a
+    `DatasetError` with what corrects it if the cameras disagree for another reason, such as a wrong unit.
     """
     check_slot(person)
     with collected_warnings() as warnings:

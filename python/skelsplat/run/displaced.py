@@ -23,14 +23,11 @@ if TYPE_CHECKING:
 
 
 _LEAST_FRAMES = 3  # fewer frames may be chance
-# A camera is named for a view that lies apart with this part of the frames of the camera that has most.
-_ALSO_APART = 0.5
+_ALSO_APART = 0.5  # of the frames of the camera whose view lies apart in most
 _RIVAL = 0.5  # a camera displaced by this part of the largest shift may be the wrong one
-# A shift explains the error from this part of it on: of errors that scatter round nothing the median shift is
-# some 0.06 of the median error after 60 frames, of errors that all point one way it is 1.
+# Part of the median error from which on the median shift explains it: 0.06 of pure scatter after 60 frames.
 _ONE_SIDED = 0.7
-# Least shift, as a part of the image's diagonal: 9 px at 1920 × 1080, the noise of one good detection. On
-# simulated sound rigs it stays below 0.0011 from five frames on.
+# of the image's diagonal: the noise of one good detection; sound rigs stay below 0.0011 from five frames on
 _LEAST_SHIFT = 0.004
 # Probability that joints whose offsets point any way would share such a shift. Neighbours (eyes, toes) share
 # some of their offsets: if only half of the joints count, 1e-4 still is 1e-2.
@@ -44,11 +41,9 @@ _LEAST_JOINTS = 4  # fewer joints of a view are no whole; as many make a person
 class Shifts:
     """How the detections of M cameras lie beside the reprojected pose over all frames."""
 
-    # (M, 2) median of detection − projection [px], x to the right and y down; NaN without detections
-    shift: Array
+    shift: Array  # (M, 2) median of detection − projection [px], x to the right and y down; NaN without
     error: Array  # (M,) median distance [px]
-    # (M,) probability of a shift like this if every joint's own offset points any way (`same_side`)
-    chance: Array
+    chance: Array  # (M,) probability of a shift like this if joints' offsets point any way (`same_side`)
     count: Index  # (M,) detections
 
     @property
@@ -85,9 +80,8 @@ def camera_shifts(residual: Array) -> Shifts:
 def same_side(offsets: Array) -> float:
     """Return the probability that (J, 2) offsets of mean zero have a mean like theirs; 1 for three or fewer.
 
-    Hotelling's test. With two components its distribution is elementary: with A the scatter of the offsets
-    round their mean and B that round zero, p = (det A / det B)^((J − 2) / 2). A joint counts once however
-    many frames there are, as a detector's offset of a joint hardly changes while a person stands still.
+    Hotelling's test: with A the scatter of the offsets round their mean and B that round zero,
+    p = (det A / det B)^((J − 2) / 2). A joint counts once: its offset hardly changes while a person stands.
     """
     whole = float(np.linalg.det(offsets.T @ offsets))
     if len(offsets) <= 3 or whole <= 0:  # all on one line through zero: nothing to compare with

@@ -25,9 +25,8 @@ _SAME_IMAGES = "run the detector on images like those of the calibration, or cal
 def resizing(old: Size, new: Size) -> Array | None:
     """Return the factors (2,) from images of a size to those of another; None if neither is a copy.
 
-    Images of the same shape are copies in another size. Up to 16 px of the larger image are what codecs fill
-    up or cut off, at the right and lower border: then the factor is the ratio of the other side, the simpler
-    fraction (540×960 and 1088×1920: 2). Images with width and height exchanged are no copies.
+    Up to 16 px of the larger image are what codecs fill up or cut off, at the right and lower border: then
+    the factor is the ratio of the other side, the simpler fraction (540×960 and 1088×1920: 2).
     """
     if new == old[::-1] != old:
         return None

@@ -1,8 +1,4 @@
-"""Poses over lines of JSON, in the form that ``live --help`` and docs/howto/live.md describe.
-
->>> session = Session(rig, layout, sk.RefineConfig(n_threads=1))  # doctest: +SKIP
->>> session.answer(b'{"frame": 7, "detections": [[[812.5, 400.1, 0.9], ...], ...]}')  # doctest: +SKIP
-"""
+"""Poses over lines of JSON, in the form that ``live --help`` and docs/howto/live.md describe."""
 
 from __future__ import annotations
 
@@ -22,31 +18,23 @@ from skelsplat._skelsplat import REJECTED_WEIGHT, check_people
 from skelsplat.io.poses._json import to_json
 
 _NO_SCORE = 100.0  # more than any detector's score: probably a pixel coordinate
-# characters of a value that a message shows
-_SHOWN = 60
+_SHOWN = 60  # characters of a value that a message shows
 _MISSING = [float("nan")] * 3
 _PLAIN = {float, int, type(None)}
-# Latencies that are kept: an hour at 30 Hz.
-_KEPT = 100_000
-_PERCENTILES = (50, 90, 99, 99.9)
+_KEPT = 100_000  # latencies: an hour at 30 Hz
 
 
 class MalformedLineError(Exception):
     """A line that cannot be answered: what was expected in it, and what it has."""
 
     def __init__(self, message: str, frame: Any = None) -> None:
-        super().__init__(message)
+        super().__init__(" ".join(message.split()))  # on one line
         self.frame = frame  # the line's "frame", if it could be read
 
     def line(self, number: int) -> bytes:
         """Return the answer to the line: an error object."""
-        record = {"frame": self.frame, "line": number, "error": self.text}
+        record = {"frame": self.frame, "line": number, "error": str(self)}
         return f"{json.dumps(record)}\n".encode()
-
-    @property
-    def text(self) -> str:
-        """The message on one line."""
-        return " ".join(str(self).split())
 
 
 class Session:
@@ -115,11 +103,10 @@ class Session:
         lines = f"lines solved {self._solved}, malformed {self._skipped}"
         if not self._solved:
             return lines
-        values = np.percentile(self._latencies, _PERCENTILES)
-        parts = [f"{share:g}% {value:.3f}" for share, value in zip(_PERCENTILES, values, strict=True)]
+        median, most, longest = np.percentile(self._latencies, (50, 99, 100))
         rate = self._solved / max(self._end - self._begin, 1e-9)
-        longest = f"longest {max(self._latencies):.3f}"
-        return f"{lines}; {rate:.0f} per second; latency in ms: {', '.join(parts)}, {longest}"
+        latency = f"latency in ms: median {median:.3f}, 99% {most:.3f}, longest {longest:.3f}"
+        return f"{lines}; {rate:.0f} per second; {latency}"
 
     def _of_one(self, name: Any, detections: Array, reset: bool, begin: float) -> bytes | None:
         before = None
@@ -190,9 +177,6 @@ def _person(result: sk.Refinement) -> dict[str, Any]:
     bars = {"error_bar": sigma(result.error_bar), "scatter": sigma(result.uncertainty)}
     status = result.joint_status.tolist()
     return {"pose": to_json(result.pose, by_joint=True), **bars, "joint_status": status}
-
-
-# What a line holds. Every function raises `MalformedLineError`, which names the place in the line.
 
 
 class _View(NamedTuple):

@@ -1,16 +1,11 @@
-"""A run drawn on the videos that it came from.
-
->>> from skelsplat.run.overlay import OverlayJob, write_overlay
->>> from skelsplat.viz.overlay import Shown
->>> write_overlay(OverlayJob("out", "videos", "out/overlay", Shown(rejected_below=0.25)))  # doctest: +SKIP
-"""
+"""A run drawn on the videos that it came from."""
 
 from __future__ import annotations
 
 import heapq
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from itertools import groupby
 from operator import itemgetter
 from pathlib import Path
@@ -36,12 +31,9 @@ from skelsplat.viz import overlay as viz
 
 Progress = Callable[[str, int, int], None]
 
-# Step of the central differences in parts of the distance to the camera: about a tenth of a pixel. What they
-# leave out is a millionth of the ellipse.
-_STEP = 1e-4
+_STEP = 1e-4  # of the central differences, in parts of the distance to the camera: about a tenth of a pixel
 _RELIABLE = "ok"
-# More no encoder takes, and a frame would fill the memory.
-_MOST_PX = 16_384
+_MOST_PX = 16_384  # more no encoder takes
 _ASSUMED_FPS = 30.0
 _SCREEN: Size = (1920, 1080)
 _GRID = "grid"
@@ -51,22 +43,19 @@ _GRID = "grid"
 class OverlayJob:
     """One overlay."""
 
-    # the folder of the run, the videos or images (None: plain frames), the folder for the results
-    run: Path
-    videos: Path | None
-    out: Path
+    run: Path  # the folder of the run
+    videos: Path | None  # or images; None for plain frames
+    out: Path  # the folder for the results
     shown: viz.Shown  # which layers are drawn
     cameras: tuple[str, ...] = ()  # the cameras to draw; empty for all
-    # the video of each camera, or ``"sorted"``; None to match by name
-    order: str | tuple[str, ...] | None = None
+    order: str | tuple[str, ...] | None = None  # the video of each camera, or "sorted"; None: by name
     first_frame: int | None = None  # the camera's own number of a video's first frame; None for 0
     frames: FrameRange = field(default_factory=FrameRange)  # the frames to draw
     fps: float | None = None  # frames per second of the output; None for those of the video
     scale: float | None = None  # of the output; None for 1, or with ``grid`` for what fits a screen
     legend: bool = True  # with the legend below the image, and camera and frame in its corner
-    # PNG files instead of videos; all cameras in one image
-    png: bool = False
-    grid: bool = False
+    png: bool = False  # PNG files instead of videos
+    grid: bool = False  # all cameras in one image
 
 
 @dataclass(frozen=True)
@@ -81,9 +70,8 @@ class Written:
 
     def to_dict(self) -> dict[str, Any]:
         """Return it as values of JSON."""
-        size = {"width": self.size[0], "height": self.size[1]}
-        counts = {"frames": self.frames, "fps": self.fps, "cameras": self.cameras}
-        return {"path": str(self.path), **size, **counts}
+        width, height = self.size
+        return {**asdict(self), "path": str(self.path), "width": width, "height": height}
 
 
 @dataclass(frozen=True)
@@ -97,11 +85,7 @@ class Drawn:
 
 
 class Scene:
-    """A run, or the runs of several people, frame by frame and camera by camera.
-
-    The lens is that of the run: without distortion if it was left out (``--no-undistort``), as then the
-    detections were compared with a pinhole camera's image.
-    """
+    """A run, or the runs of several people, frame by frame and camera by camera, with the lens of the run."""
 
     def __init__(self, people: Mapping[str, RunFolder]) -> None:
         """Show people, by the names that are drawn; one with the name ``""`` in the colours of the sides."""
@@ -162,8 +146,7 @@ def _known(values: Array, shape: tuple[int, ...]) -> Array:
 def project_covariances(points: Array, covariances: Array, camera: sk.Camera) -> tuple[Array, Array]:
     """Project points (N, 3) and their covariances (N, 3, 3) through the lens: (N, 2) and J Σ Jᵀ (N, 2, 2).
 
-    J is the derivative of `skelsplat.project` at the point, by central differences: lens distortion moves,
-    turns and stretches the ellipse.
+    J is the derivative of `skelsplat.project` at the point, by central differences.
     """
     step = _STEP * np.linalg.norm(points - camera.centre, axis=1)  # (N,)
     shifts = np.concatenate([np.eye(3), -np.eye(3)])[:, None] * step[:, None]  # (6, N, 3)
@@ -215,6 +198,12 @@ class View:
     def label(self, image: Image, number: int, missing: str = "") -> None:
         """Write camera and frame into the corner of an image, and what is missing."""
         viz.draw_label(image, f"{self.name}   frame {number}" + (f"   {missing}" if missing else ""))
+
+    def blank(self, number: int) -> Image:
+        """Return what is shown where there is no image."""
+        tile = viz.blank_tile(self.size)
+        self.label(tile, number, "no image")
+        return tile
 
     def _drawn(self, number: int, image: Image) -> Image:
         if self.size == self.source.size:
@@ -331,7 +320,7 @@ def _write(job: OverlayJob, views: list[View], target: Path, progress: Progress 
     rate, total = None if job.png else _rate(job, views), max(view.expected for view in views)
     with open_sink(target, rate) as sink:
         for number, images in _together(views):
-            each = [images[k] if k in images else _no_image(view, number) for k, view in enumerate(views)]
+            each = [images[k] if k in images else view.blank(number) for k, view in enumerate(views)]
             whole = tiles.join(each)
             sink.write(number, whole if legend is None else np.concatenate([whole, legend]))
             for k in images:
@@ -352,12 +341,6 @@ def _together(views: Sequence[View]) -> Iterator[tuple[int, dict[int, Image]]]:
     whole = heapq.merge(*map(stream, range(len(views))), key=itemgetter(0))
     for number, together in groupby(whole, key=itemgetter(0)):
         yield number, {k: image for _, k, image in together}
-
-
-def _no_image(view: View, number: int) -> Image:
-    tile = viz.blank_tile(view.size)
-    view.label(tile, number, "no image")
-    return tile
 
 
 def _rate(job: OverlayJob, views: Sequence[View]) -> float:

@@ -1,7 +1,4 @@
-"""The pictures of `skelsplat.run.plots`: pages, a sentence on what they show, and numbers for ``--json``.
-
-Without pages, the sentence says why the picture is left out.
-"""
+"""The pictures of plot: pages (none: left out), a sentence on them, and numbers for ``--json``."""
 
 from __future__ import annotations
 
@@ -24,8 +21,7 @@ if TYPE_CHECKING:
 
 Picture = tuple[list["Figure"], str, Any]
 
-# Statuses of joints whose depth is open, or that were not measured in their own frame.
-_UNSURE = ("weak", "inferred", "filled")
+_UNSURE = ("weak", "inferred", "filled")  # joints of open depth, or not measured in their own frame
 # How names of joints state a side: left_wrist, WristLeft, LWrist, EarLTip, wrist_l.
 _SIDE = re.compile(r"(?i:left|right)|(?<![A-Z])[LR](?=[A-Z])|(?<=[_. ])[LRlr]$")
 _SPREAD = "Median ± standard deviation over the frames (in brackets: relative to the median)."
@@ -80,16 +76,11 @@ def bones(source: Source) -> Picture:
     notes = [_SPREAD + _PALE if unsure else _SPREAD]
     notes += [_IN_TIME] if len(poses.velocity) else []
     notes += [_EQUAL.format(which=_KEPT_EQUAL[source.symmetry_tier])] if source.symmetry_tier else []
-    numbers = [
-        {
-            "limb": name,
-            "side": bone.side or None,
-            "median_mm": bone.median,
-            "sd_mm": bone.deviation,
-            "frames_counted": int(np.isfinite(bone.counted).sum()),
-        }
-        for name, bone in limbs
-    ]
+    numbers = []
+    for name, bone in limbs:
+        counted = int(np.isfinite(bone.counted).sum())
+        lengths_mm = {"median_mm": bone.median, "sd_mm": bone.deviation, "frames_counted": counted}
+        numbers.append({"limb": name, "side": bone.side or None, **lengths_mm})
     panels = [viz.bone_panel(name, bones) for name, bones in lengths]
     pages = viz.draw_curves(panels, _time(source), title=source.title, notes=[*notes, *poses.processing])
     return pages, f"lengths of {len(limbs)} limbs over time.", numbers
@@ -131,15 +122,11 @@ def angles(source: Source) -> Picture:
     with_bars = bool(np.isfinite(found.sigma).any())
     notes = [_ANGLE_BANDS] if with_bars else []
     notes += [_NO_VERTICAL] if source.up is None else []
-    numbers = [
-        {
-            "angle": name,
-            "median_degrees": median(degrees),
-            "sigma_median_degrees": median(sigma),
-            "frames_known": int(np.isfinite(degrees).sum()),
-        }
-        for name, degrees, sigma in zip(found.names, found.degrees.T, found.sigma.T, strict=True)
-    ]
+    numbers = []
+    for name, degrees, sigma in zip(found.names, found.degrees.T, found.sigma.T, strict=True):
+        known = int(np.isfinite(degrees).sum())
+        medians_of = {"median_degrees": median(degrees), "sigma_median_degrees": median(sigma)}
+        numbers.append({"angle": name, **medians_of, "frames_known": known})
     pages = viz.draw_curves(panels, _time(source), title=source.title, notes=[*notes, *poses.processing])
     return pages, f"{len(numbers)} joint angles over time{'' if with_bars else _NO_BARS}.", numbers
 

@@ -1,8 +1,4 @@
-"""Figures of a run, or of a file of poses, in print size: trajectories, bone lengths, errors, angles.
-
->>> from skelsplat.run.plots import read_source, write_plots
->>> write_plots(read_source("out"), "figures", formats=("pdf",))  # doctest: +SKIP
-"""
+"""Figures of a run, or of a file of poses, in print size: trajectories, bone lengths, errors, angles."""
 
 from __future__ import annotations
 
@@ -27,8 +23,7 @@ from skelsplat.run.frame_range import FrameRange
 PICTURES = ("trajectories", "bones", "errors", "angles")
 USUAL = PICTURES[:3]  # unless told otherwise
 Pairs = tuple[tuple[int, int], ...]
-# Without a choice of joints: the ends of the limbs, where errors show first, or else so many of the first.
-_DISTAL, _FEW = ("wrist", "ankle"), 4
+_DISTAL, _FEW = ("wrist", "ankle"), 4  # without a choice: where errors show first, or so many of the first
 
 
 @dataclass(frozen=True)
@@ -37,8 +32,7 @@ class Source:
 
     path: Path  # where they come from
     poses: PoseData  # in mm, the chosen frames alone
-    # pairs of joint indices; no limbs where no layout is known
-    limbs: Pairs
+    limbs: Pairs  # joint indices; none where no layout is known
     left_right: Pairs
     joints: tuple[int, ...]  # those whose trajectories are drawn
     zero: int  # the first frame number of the whole recording, where time begins
@@ -62,13 +56,11 @@ def read_source(
     range: FrameRange | None = None,
     joints: str | None = None,
 ) -> Source:
-    """Read the folder of a run, or a file of poses.
+    """Read the folder of a run, or a file of poses, in a range of frames.
 
-    The layout, for limbs and sides, is by default that of the run, or the built-in one with exactly the
-    joints of the file. ``joints``, whose trajectories are drawn, are names with commas, or ``"all"``; by
-    default wrists and ankles, or the first four. A `DatasetError` or an `InvalidInputError` if it cannot be
-    read, holds no frame, its frame numbers do not ascend, the layout does not fit, no frame lies in the range
-    or a name is no joint.
+    The layout is by default that of the run, or the built-in one with the joints of the file; ``joints`` are
+    names with commas or ``"all"``, by default wrists and ankles, or the first four. A `DatasetError` or an
+    `InvalidInputError` if it cannot be read, or layout, range or joints do not fit.
     """
     path, chosen = Path(path), range or FrameRange()
     known = None if layout is None else read_layout(layout)
@@ -156,9 +148,8 @@ def write_plots(
 ) -> list[Drawn]:
     """Draw figures of ``source``, some of `PICTURES`, into ``folder``, as "png", "pdf" or both.
 
-    ``progress`` is called with a word, the number of figures that are done, and of all. Those that there is
-    nothing to draw for say why; if there is nothing for any, or a file cannot be written, that is a
-    `DatasetError`, and a `MissingPackageError` if matplotlib is not installed.
+    ``progress`` is called with a word, the figures that are done, and all. A `DatasetError` if there is
+    nothing to draw, or a file cannot be written; a `MissingPackageError` if matplotlib is not installed.
     """
     require("matplotlib", "figures", "viz")
     from skelsplat.run.plot_pictures import DRAW  # matplotlib takes long to load, and --help does without
