@@ -111,22 +111,6 @@ def test_occluders_stay_and_there_are_always_as_many(count):
     assert seconds.max() <= 2.04
 
 
-def test_wrong_guesses_stay_drift_and_jump():
-    noise = replace(SILENT, occluded_views=None, disc_radius=(2.0, 2.0))
-    pixels = still(1800)
-    detections = corrupt(pixels, noise=noise, seed=3)
-    size = np.ptp(pixels[0], axis=1).max(axis=-1)
-    guess = detections[..., :2] - pixels
-    step = np.linalg.norm(np.diff(guess, axis=0), axis=-1) / (2.0 * size[None, :, None])
-    # In units of the disc's radius. A jump within the unit disc is 0.9 long on average; guesses last 0.6 s
-    # and occluders, which take the guess with them, 1.25 s: 1/0.6 + 1/1.25 = 2.5 jumps per second, of which
-    # a tenth is too short to count.
-    jumps = step > 0.3
-    assert 30.0 * jumps.mean() == pytest.approx(2.2, abs=0.5)
-    # Between them the drift of standard deviation 0.1 with τ about 0.33 s: √(2·2/(30·0.33))·0.1 = 0.06.
-    assert 0.02 < np.median(step[~jumps]) < 0.08
-
-
 def test_a_bad_frame_rate_is_named():
     with pytest.raises(InvalidInputError) as caught:
         Memory(frame_rate=0.0)

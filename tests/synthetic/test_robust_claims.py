@@ -174,17 +174,6 @@ def test_error_bars_cover_the_truth(poses, rig, name, n_views):
     assert (np.abs(share - IDEAL) < 7.0).all(), share
 
 
-def test_error_bars_tell_good_joints_from_bad(poses, rig):
-    """The joints of the widest tenth of the bars err at least thrice as much as those of the narrowest."""
-    detections = simulated(poses, rig, NOISES["three views occluded"])
-    found = refined(detections, rig)
-    bar = np.sqrt(np.trace(found.uncertainty, axis1=-2, axis2=-1)).ravel()
-    errors = np.linalg.norm(found.pose - poses, axis=-1).ravel()
-    order = np.argsort(bar)
-    tenth = len(order) // 10
-    assert errors[order[-tenth:]].mean() > 3.0 * errors[order[:tenth]].mean()
-
-
 def test_from_a_monocular_start_with_its_scale_occlusion_costs_little(poses, rig):
     """With three of four views occluded the pose is within 3 mm of what good detections give."""
     detections = simulated(poses, rig, NOISES["three views occluded"])

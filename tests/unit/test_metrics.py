@@ -58,15 +58,8 @@ def test_root_relative_ignores_a_common_shift_and_uses_the_mean_of_several_roots
     errors = metrics.root_relative_mpjpe(pred, gt, root=(1, 2), reduce="per_joint")
     # The root moves by half of joint 1's 10 mm.
     np.testing.assert_allclose(errors, 5.0)
-
-
-def test_root_relative_of_a_pose_without_root_is_missing(rng):
-    gt = poses(rng)
-    pred = gt.copy()
     pred[0, 0] = np.nan
-    errors = metrics.root_relative_mpjpe(pred, gt, root=0, reduce="per_pose")
-    assert np.isnan(errors[0])
-    assert (errors[1:] == 0).all()
+    assert np.isnan(metrics.root_relative_mpjpe(pred, gt, root=0, reduce="per_pose")[0])
 
 
 def test_procrustes_removes_a_similarity(rng):
@@ -79,20 +72,6 @@ def test_procrustes_removes_a_similarity(rng):
 def test_procrustes_does_not_reflect(rng):
     gt = poses(rng)
     assert metrics.pa_mpjpe(gt * (-1.0, 1.0, 1.0), gt) > 50.0
-
-
-def test_procrustes_is_the_least_squares_similarity(rng):
-    gt = poses(rng, n_frames=1)
-    pred = gt + 80.0 * rng.standard_normal(gt.shape)
-    best = (metrics.pa_mpjpe(pred, gt, reduce="none") ** 2).sum()
-
-    def squared(scale, angle, axis, shift):
-        centre = pred.mean(axis=1, keepdims=True)
-        return (((scale * (pred - centre) @ rotation(axis, angle).T) + centre + shift - gt) ** 2).sum()
-
-    for _ in range(200):
-        other = squared(rng.uniform(0.9, 1.1), rng.normal(0, 0.1), rng.normal(size=3), rng.normal(0, 20, 3))
-        assert other >= best
 
 
 def test_procrustes_uses_only_present_joints(rng):
@@ -173,15 +152,12 @@ GT = np.zeros((2, 4, 3))
     [
         (lambda: metrics.mpjpe(GT[..., :2], GT), "pred"),
         (lambda: metrics.mpjpe(GT[:1], GT), "pred"),
-        (lambda: metrics.mpjpe("no", GT), "pred"),
         (lambda: metrics.mpjpe(GT + np.inf, GT), "pred"),
         (lambda: metrics.mpjpe(GT, GT, reduce="sum"), "reduce"),
         (lambda: metrics.root_relative_mpjpe(GT, GT, root=4), "root"),
-        (lambda: metrics.root_relative_mpjpe(GT, GT, root=()), "root"),
         (lambda: metrics.pck(GT, GT, threshold_mm=-1.0), "threshold_mm"),
         (lambda: metrics.auc(GT, GT, thresholds_mm=[]), "thresholds_mm"),
         (lambda: metrics.pcp(GT, GT, []), "limbs"),
-        (lambda: metrics.pcp(GT, GT, [(0, 9)]), "limbs[0]"),
         (lambda: metrics.pcp(GT, GT, [(0, 1, 2)]), "limbs[0]"),
         (lambda: metrics.pcp(GT, GT, [(0, 1)], alpha=-1), "alpha"),
         (lambda: metrics.sigma_coverage(GT, GT, GT), "covariance"),

@@ -21,13 +21,11 @@ from skelsplat.datasets._files import Survey, Value, load_npz
 from skelsplat.datasets._model import Take
 from skelsplat.exceptions import DatasetError
 
-KEYS_2D = ("poses", "poses2d", "detections")
-"""Keys of 2D poses in the authors' files; the first that is there counts."""
-KEYS_3D = ("poses", "poses3d")
+# Keys of 2D poses in the authors' files, the first that is there counts; likewise of 3D poses.
+KEYS_2D, KEYS_3D = ("poses", "poses2d", "detections"), ("poses", "poses3d")
 KEY_WORLD = "coords3d_pred_world"  # world poses of a monocular estimator, beside its pixels
+# Which detector is read if the caller does not say: the first of these that is there, else by name.
 PREFERRED = ("metrabs", "resnet152", "cpn", "resnet50")
-"""Which detector is read if the caller does not say: the first of these that is there, else by name."""
-
 _DETECTORS = {"cpn_ft_h36m_dbb": "cpn", "resnet_152": "resnet152", "resnet_50": "resnet50"}
 _STEMS = ("poses",)
 

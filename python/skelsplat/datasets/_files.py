@@ -25,21 +25,12 @@ from skelsplat.io._guarded import unpickle
 
 @dataclass
 class Survey:
-    """The files that a reader looks for.
-
-    Attributes
-    ----------
-    there : list of Path
-    missing : list of (Path, str)
-        Where a file or folder was expected, and what it would hold.
-    format : str
-        The layout on disk that was chosen or found; "" if the data set has only one.
-    """
+    """The files that a reader looks for."""
 
     there: list[Path] = field(default_factory=list)
-    missing: list[tuple[Path, str]] = field(default_factory=list)
-    format: str = ""
-    notes: list[str] = field(default_factory=list)  # what was left out or assumed
+    missing: list[tuple[Path, str]] = field(default_factory=list)  #: Where, and what it would hold.
+    format: str = ""  #: The layout on disk; "" if the data set has only one.
+    notes: list[str] = field(default_factory=list)  #: What was left out or assumed.
 
     def find(self, candidates: Sequence[Path], what: str) -> Path:
         """Return the first of `candidates` that exists."""

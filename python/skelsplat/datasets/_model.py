@@ -17,38 +17,19 @@ from skelsplat.exceptions import DatasetError
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Take:
-    """One take of one person, T frames seen by M cameras that do not move; NaN where something is missing.
+    """One take of one person, T frames seen by M cameras that do not move; NaN where something is missing."""
 
-    Attributes
-    ----------
-    key, subject, action : str
-        `key` is unique within the data set, as ``"S9/Directions 1"``; `action` has no number behind it.
-    rig : CameraRig
-        M cameras; its unit is that of `truth` and `monocular`.
-    frames : (T,) int64
-        Frame numbers of the source, of which there are `fps` per second.
-    truth : (T, N, 3)
-        World joints.
-    detections : (T, M, N, 3) or None
-        Pixels and confidence; NaN, NaN, 0 where missing.
-    monocular : (T, V, N, 3) or None
-        World poses of V monocular estimates.
-    boxes : (T, M, 4) or None
-        Left, top, right, bottom in pixels.
-    files : mapping of str to Path
-        Where ``"truth"``, ``"detections"``, ``"cameras"``, … come from, for messages.
-    """
-
-    key: str
+    key: str  #: Unique within the data set, as ``"S9/Directions 1"``.
     subject: str
-    action: str
-    rig: CameraRig
-    frames: Index
-    truth: Array
-    detections: Array | None = None
-    monocular: Array | None = None
-    boxes: Array | None = None
+    action: str  #: Without a number behind it.
+    rig: CameraRig  #: Its unit is that of `truth` and `monocular`.
+    frames: Index  #: (T,), the numbers of the source, of which there are `fps` per second.
+    truth: Array  #: (T, N, 3), world.
+    detections: Array | None = None  #: (T, M, N, 3), pixels and confidence; NaN, NaN, 0 where missing.
+    monocular: Array | None = None  #: (T, V, N, 3), world poses of V monocular estimates.
+    boxes: Array | None = None  #: (T, M, 4), left, top, right, bottom in pixels.
     fps: float | None = None
+    #: Where ``"truth"``, ``"detections"``, ``"cameras"``, … come from, for messages.
     files: Mapping[str, Path] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -99,30 +80,18 @@ class Take:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PeopleTake:
-    """One recording of Q people, T frames seen by M cameras that do not move; else as `Take`.
-
-    Attributes
-    ----------
-    people : (T, M, P, N, 3)
-        Up to P detections per view, in an order that means nothing: pixels and confidence, NaN where there
-        is nothing.
-    truth : (Q, T, N, 3)
-        World joints; NaN where not labelled.
-    slots : (Q, T, M) int64
-        Oracle association: which of the P detections shows whom; −1 = none.
-    waived : tuple of str
-        Names of people who need not be found, and do not count.
-    """
+    """One recording of Q people, T frames seen by M cameras that do not move; else as `Take`."""
 
     key: str
     rig: CameraRig
     frames: Index
+    #: (T, M, P, N, 3), up to P detections per view in an order that means nothing; NaN where nothing is.
     people: Array
-    truth: Array
+    truth: Array  #: (Q, T, N, 3), world; NaN where not labelled.
     names: tuple[str, ...]
-    slots: Index
+    slots: Index  #: (Q, T, M), oracle association: which of the P detections shows whom; −1 = none.
     fps: float
-    waived: tuple[str, ...] = ()
+    waived: tuple[str, ...] = ()  #: Names of people who need not be found, and do not count.
     files: Mapping[str, Path] = field(default_factory=dict)
 
     def __post_init__(self) -> None:

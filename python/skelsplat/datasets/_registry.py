@@ -83,24 +83,11 @@ def _checked(name: str, root: str | os.PathLike[str], options: Mapping[str, Any]
 
 
 def read(name: str, root: str | os.PathLike[str], **options: Any) -> Dataset:
-    """Read a data set.
+    """Read the data set `name`, one of `names`, from its folder.
 
-    Parameters
-    ----------
-    name : str
-        One of `names`.
-    root : path
-        Its folder.
-    **options
-        Those of the reader, such as ``detector="cpn"``; the reader's module documents them.
-
-    Raises
-    ------
-    InvalidInputError
-        If the name or an option is unknown, or an option's value is.
-    DatasetError
-        If files are missing or malformed, or the data cannot be used: a wrong unit, exchanged sides. It names
-        the file and the field.
+    The options are those of the reader, such as ``detector="cpn"``; the reader's module documents them.
+    Unknown names and options are an `InvalidInputError`; files that are missing or malformed, and data that
+    cannot be used because of a wrong unit or exchanged sides, a `DatasetError` with the file and the field.
     """
     path = _checked(name, root, options)
     dataset = READERS[name].read(path, Survey(), **options)

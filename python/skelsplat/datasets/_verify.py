@@ -19,16 +19,12 @@ from skelsplat.datasets._model import Dataset, Take
 from skelsplat.exceptions import DatasetError
 from skelsplat.findings import Finding, Subject
 
-_BODY_MM = (400.0, 3500.0)
-"""Diagonal of the box round a person: from a child that crouches to a tall one with arms spread."""
-_CLEAR_PX = 5.0
-"""An explanation is better by at least this much, and halves the error: detectors err by a few pixels."""
-_LARGE_PX = 25.0
-"""Median errors that no detector makes."""
+_BODY_MM = (400.0, 3500.0)  # diagonal of the box round a person: a crouching child to a tall one, arms out
+_CLEAR_PX = 5.0  # an explanation is better by so much, and halves the error: detectors err by a few pixels
+_LARGE_PX = 25.0  # median errors that no detector makes
 _FRAMES = 24
 _MOST_PAIRS = 3
-_LENS_PX = 15.0
-"""Joints farther off than this have another fault than the lens."""
+_LENS_PX = 15.0  # joints farther off have another fault than the lens
 _DETECTIONS = ("detections", "truth")
 
 

@@ -66,16 +66,10 @@ ACTIONS = (
 """In the order of the tables."""
 
 ALIASES = {"TakingPhoto": "Photo", "WalkingDog": "WalkDog", "WalkingTogether": "WalkTogether"}
-
-SUBJECTS = ("S9", "S11")
-"""Those that the method is tested on."""
-
-CAMERAS = ("54138969", "55011271", "58860488", "60457274")
-"""In the order of every format."""
-
+SUBJECTS = ("S9", "S11")  # those that the method is tested on
+CAMERAS = ("54138969", "55011271", "58860488", "60457274")  # in the order of every format
+# Place of each h36m17 joint among the 32 of the motion capture.
 JOINTS_OF_32 = (0, 1, 2, 3, 6, 7, 8, 12, 13, 14, 15, 17, 18, 19, 25, 26, 27)
-"""Place of each h36m17 joint among the 32 of the motion capture."""
-
 _FPS = 50.0  # of the videos, whose frames every format numbers
 _CAMERA_FILE = "camera-parameters.json"
 _MM_PER_M = 1000.0
@@ -97,12 +91,7 @@ def _read(
 ) -> Dataset:
     """Read the data set, takes in the order of the tables.
 
-    Parameters
-    ----------
-    subjects : sequence of str or None
-        Default: the two that the method is tested on. None reads all.
-    cameras : path, optional
-        The file ``camera-parameters.json``, if it lies elsewhere.
+    `subjects` None is all of them; `cameras` is the file ``camera-parameters.json``, if it lies elsewhere.
     """
     if isinstance(subjects, str) or (subjects is not None and not subjects):
         raise InvalidInputError(f'subjects: expected names such as ("S9", "S11"), got {subjects!r}')

@@ -37,14 +37,9 @@ def read(
     views: int | Sequence[int] = N_CAMERAS,
     step: int = 5,
 ) -> Dataset:
-    """Read Occlusion-Person.
+    """Read Occlusion-Person: 8 or 4 views (cameras 1, 3, 5, 7) or numbers of cameras, every `step`-th frame.
 
-    Parameters
-    ----------
-    views : int or sequence of int
-        8, 4 (cameras 1, 3, 5, 7), or numbers of cameras.
-    step : int
-        Takes every so many frames; 5 is the test of AdaFuse.
+    AdaFuse's test takes every fifth.
     """
     chosen = _cameras(views)
     if step < 1:

@@ -59,15 +59,8 @@ def read(
 ) -> Dataset:
     """Read sequences of CMU Panoptic.
 
-    Parameters
-    ----------
-    views : int or sequence of int
-        The first so many of `CAMERAS`, or numbers of HD cameras.
-    sequences : sequence of str
-    truth_unit : {"cm", "mm", "m"}
-        Unit of the truth in ``3d_gt``; that of the toolbox is always cm.
-    person : int or None
-        Id of the body to take where there are several.
+    `views` are the first so many of `CAMERAS`, or numbers of HD cameras. `truth_unit` is that of the truth in
+    ``3d_gt``; that of the toolbox is always cm. `person` is the id of the body if there are several.
     """
     chosen = _cameras(views)
     one_of("truth_unit", truth_unit, MM_PER_UNIT)
@@ -124,10 +117,7 @@ def _with_detections(
 
 
 def _read_bodies(folder: Path, person: int | None) -> tuple[Index, Array]:
-    """Return the frames (T,) with the person in them and the joints (T, 19, 3), mm; NaN where not measured.
-
-    `person` None is the only body that there is.
-    """
+    """Return the frames (T,) with the person (None: the only one) and joints (T, 19, 3) mm, or NaN."""
     bodies: dict[int, dict[int, Array]] = {}
     for path in sorted(folder.glob("body3DScene_*.json")):
         number = path.stem.removeprefix("body3DScene_")

@@ -41,14 +41,9 @@ _NEEDED = {
 def read(
     root: Path, survey: Survey, *, detector: str = "good", views: int | Sequence[str] | None = None
 ) -> Dataset:
-    """Read a simulated data set.
+    """Read a simulated data set as a detector sees it, ``"good"`` or ``"noisy"``.
 
-    Parameters
-    ----------
-    detector : str
-        One of the index's detectors: ``"good"``, ``"noisy"``.
-    views : int, sequence of str, or None
-        The first so many cameras, or some by name; None is all.
+    `views` are the first so many cameras, or the names of some; None is all.
     """
     path = survey.find([root / INDEX], "index of a simulated data set")
     index = Field(path, "", load_json(path).content)

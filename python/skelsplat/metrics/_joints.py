@@ -28,13 +28,9 @@ def mpjpe(pred: ArrayLike, gt: ArrayLike, *, reduce: Reduce = "mean") -> Mean:
 def root_relative_mpjpe(pred: ArrayLike, gt: ArrayLike, *, root: Endpoint, reduce: Reduce = "mean") -> Mean:
     """Mean per-joint position error after moving both roots to the origin, mm.
 
-    The root joint itself stays in the mean (with error 0), as is the field's habit. A pose whose root is
-    missing has no root-relative joints: all of them count as missing.
-
-    Parameters
-    ----------
-    root : int or sequence of int
-        The root joint, or the joints whose mean is the root (``layout.root``).
+    `root` is the root joint, or the joints whose mean it is (``layout.root``). The root itself stays in the
+    mean (with error 0), as is the field's habit. A pose whose root is missing has no root-relative joints:
+    all of them count as missing.
     """
     predicted, truth = (pose - _centre(pose, root, "root")[..., None, :] for pose in _pair(pred, gt))
     return result(_distance(predicted, truth), reduce)
@@ -90,15 +86,9 @@ def pcp(
 ) -> Mean:
     """Share of correct parts: limbs whose two endpoint errors have a mean of at most `alpha` · true length.
 
-    A limb with a missing endpoint is wrong; one whose true endpoint is missing is excluded.
-
-    Parameters
-    ----------
-    limbs : sequence of (a, b)
-        Endpoints, each a joint or the joints whose mean it is, as in ``((2, 3), 12)`` for hip centre to head.
-    alpha : float
-        Allowed error as a share of the limb's length; 0.5 on Shelf and Campus.
-    reduce : "mean", "per_joint" (here: per limb), "per_pose" or "none"
+    A limb with a missing endpoint is wrong; one whose true endpoint is missing is excluded. An endpoint is a
+    joint or the joints whose mean it is, as in ``((2, 3), 12)`` for hip centre to head; `alpha` is 0.5 on
+    Shelf and Campus. `reduce` ``"per_joint"`` is per limb.
     """
     predicted, truth = _pair(pred, gt)
     _check_limit(alpha, "alpha")
@@ -129,15 +119,7 @@ def sigma_coverage(
     these covariances the shares at 1, 2, 3 would be 0.199, 0.739, 0.971: three dimensions, not one.
     Joints without a prediction or a covariance are left out, like those without ground truth.
 
-    Parameters
-    ----------
-    covariance : (…, N, 3, 3) mm²
-        Symmetric positive definite; NaN = missing.
-    sigmas : sequence of float
-        The k, S of them.
-
-    Returns
-    -------
+    `covariance` is (…, N, 3, 3) mm², symmetric positive definite, NaN = missing. For S `sigmas` the result is
     (S,), (S, N), (S, …) or (S, …, N), as `reduce` says.
     """
     predicted, truth = _pair(pred, gt)

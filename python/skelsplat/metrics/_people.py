@@ -21,38 +21,20 @@ class TrackScores:
     """What `track_scores` returns; Q true people, T frames.
 
     A *person-frame* is one true person in one frame. Ratios of nothing are NaN.
-
-    Attributes
-    ----------
-    matched : (Q, T) int64
-        Identity of the estimate matched to each person; −1 = none.
-    error_mm : (Q, T)
-        Mean joint distance of the matched pair, NaN = none; `mpjpe_mm` is its mean.
-    n_truth, n_estimates : int
-        Person-frames to be found, and estimates that count.
-    precision, recall : float
-        Matched pairs as a share of the estimates and of the person-frames.
-    identity_switches, fragmentations : int
-        How often a person is matched to another identity than the one before, and lost and found again.
-    mota, idf1 : float
-        1 − (missed + false + switches) / `n_truth`, and the F1 of the person-frames under the best one-to-one
-        assignment of identities to people.
-    pcp : (Q,) or None
-        Share of correct parts per person; a person without an estimate has none correct. None without limbs.
     """
 
-    matched: Index
-    error_mm: Array
-    mpjpe_mm: float
-    n_truth: int
-    n_estimates: int
-    precision: float
-    recall: float
-    identity_switches: int
-    fragmentations: int
-    mota: float
-    idf1: float
-    pcp: Array | None
+    matched: Index  #: (Q, T), identity of the estimate matched to each person; −1 = none.
+    error_mm: Array  #: (Q, T), mean joint distance of the matched pair; NaN = none.
+    mpjpe_mm: float  #: Mean of `error_mm`.
+    n_truth: int  #: Person-frames to be found.
+    n_estimates: int  #: Estimates that count.
+    precision: float  #: Matched pairs as a share of the estimates.
+    recall: float  #: Matched pairs as a share of the person-frames.
+    identity_switches: int  #: How often a person is matched to another identity than the one before.
+    fragmentations: int  #: How often a person is lost and found again while present.
+    mota: float  #: 1 − (missed + false + switches) / `n_truth`.
+    idf1: float  #: F1 of the person-frames under the best one-to-one assignment of identities to people.
+    pcp: Array | None  #: (Q,), share of correct parts, 0 for whom nobody is found; None without limbs.
 
     def __repr__(self) -> str:
         return (

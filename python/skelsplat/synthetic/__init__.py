@@ -11,8 +11,7 @@ from skelsplat.synthetic.crowding import Crowding
 from skelsplat.synthetic.crowds import crowd, meeting_names
 from skelsplat.synthetic.detections import simulate_detections
 from skelsplat.synthetic.motions import motion, motion_names
-from skelsplat.synthetic.noise import DetectionNoise, Memory
-from skelsplat.synthetic.poses import monocular_poses, perturb
+from skelsplat.synthetic.noise import DetectionNoise, Memory, monocular_poses, perturb
 from skelsplat.synthetic.rigs import dome, human36m_like, look_at, ring, stereo, table
 from skelsplat.synthetic.scenes import Scene, simulate_scene
 from skelsplat.synthetic.sets import set_names, simulate_people_set, simulate_set

@@ -35,28 +35,15 @@ _GHOST_HEIGHT = (0.15, 0.5)  # of the image
 
 @dataclass(frozen=True, kw_only=True)
 class Crowding:
-    """How often a detector errs because several people are there; durations are uniform, in seconds.
+    """How often a detector errs because several people are there; durations are uniform, in seconds."""
 
-    Attributes
-    ----------
-    hidden_missing, hidden_taken : float
-        Shares of the joints hidden by another person that are missing, and that are reported at the same
-        joint of that person; the rest is guessed.
-    miss_rate, merge_rate, split_rate : float
-        Shares of the time in which a person is overlooked; two overlapping people are detected as one, with
-        joints of both; a person is detected as two: upper and lower, or left and right half.
-    ghosts, ghost_rate : float
-        Mean number per view of false detections that stay in one place, such as a poster or a chair, and
-        share of the time in which a view has a brief one.
-    """
-
-    hidden_missing: float = 0.4
-    hidden_taken: float = 0.3
-    miss_rate: float = 0.03
-    merge_rate: float = 0.3
-    split_rate: float = 0.01
-    ghosts: float = 0.3
-    ghost_rate: float = 0.03
+    hidden_missing: float = 0.4  #: Share of the joints hidden by another person that are missing.
+    hidden_taken: float = 0.3  #: … reported at the same joint of that person; the rest is guessed.
+    miss_rate: float = 0.03  #: Share of the time in which a person is overlooked.
+    merge_rate: float = 0.3  #: … in which two overlapping people are one detection with joints of both.
+    split_rate: float = 0.01  #: … in which a person is two: upper and lower, or left and right half.
+    ghosts: float = 0.3  #: Mean number per view of false detections that stay in one place, such as a poster.
+    ghost_rate: float = 0.03  #: Share of the time in which a view has a brief one.
 
     miss_s: ClassVar[Range] = (0.1, 0.6)
     merge_s: ClassVar[Range] = (0.1, 0.6)

@@ -40,22 +40,10 @@ def simulate_detections(
 ) -> Array:
     """Simulate what a 2D keypoint detector reports for known 3D joints.
 
-    Parameters
-    ----------
-    points : (T, N, 3) or (N, 3)
-        True joints in the rig's unit.
-    cameras : CameraRig or sequence of Camera
-        M views.
-    layout : name, Layout or None
-        The joints' names and sides; None = all joints alike and nothing to swap.
-    seed : int or numpy Generator
-        Views are independent of each other, and the same whatever cameras follow; only which views are
-        occluded depends on M.
-
-    Returns
-    -------
-    (T, M, N, 3) or (M, N, 3)
-        Pixel u, v and confidence in [0, 1]; missing = NaN, NaN, 0.
+    Takes true joints (T, N, 3) or (N, 3) in the rig's unit, and returns (T, M, N, 3) or (M, N, 3): pixel u, v
+    and confidence in [0, 1]; missing = NaN, NaN, 0. `layout` has the joints' names and sides; None = all
+    joints alike and nothing to swap. Views are independent of each other, and the same whatever cameras
+    follow; only which views are occluded depends on M.
     """
     world = numbers(points, "points")
     if world.ndim not in (2, 3) or world.shape[-1] != 3:

@@ -265,22 +265,11 @@ def _performed(script: _Script, place: Array, scale: float) -> Array:
 def motion(
     name: str, n_frames: int, *, fps: float = 50.0, seed: int | np.random.Generator = 0, scale: float = 1.0
 ) -> Array:
-    """Simulate a clip of one person.
+    """Simulate a clip (T, 17, 3) mm of one person, Human3.6M-17, z up, floor at z = 0.
 
-    Parameters
-    ----------
-    name : str
-        One of `motion_names`.
-    n_frames : int
-        T ≥ 1. A longer clip of the same seed starts with the shorter one.
-    fps : float
-        One round of a motion takes 1 s (a stride) to 7 s (sit and get up).
-    scale : float
-        Factor on the 1.75 m adult; place and path are scaled with it.
-
-    Returns
-    -------
-    (T, 17, 3) mm, Human3.6M-17, z up, floor at z = 0, within 2 m of the origin (times `scale`).
+    `name` is one of `motion_names`; one round of it takes 1 s (a stride) to 7 s (sit and get up). A longer
+    clip of the same seed starts with the shorter one. The person stays within 2 m of the origin; `scale` is a
+    factor on the 1.75 m adult, place and path.
     """
     one_of("name", name, _MOTIONS)
     if n_frames < 1:

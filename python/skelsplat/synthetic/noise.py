@@ -1,4 +1,4 @@
-"""Simulated 2D detections: a model of what a keypoint detector does wrong, applied to projected joints.
+"""Simulated errors: a model of what a keypoint detector does wrong, and errors of 3D poses.
 
 Nothing here has seen an image. For every view on its own, true projections become detections in this order:
 
@@ -29,14 +29,16 @@ recordings of DESIGN §7: recording 16.5, 16.5; recording_occluded(2) 26.1, 27.3
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from skelsplat._arrays import Array, positive
+from skelsplat._arrays import Array, generator, numbers, positive
+from skelsplat._skelsplat import Camera
+from skelsplat.cameras import CameraRig, mm_per_unit
 from skelsplat.exceptions import InvalidInputError
 
 SIZE_IN_ROOM = 1147.0 / 5300.0
@@ -103,14 +105,14 @@ class Memory:
         0 = not at that time, else the number of the episode, from 1. A share `rate` of the time is inside
         an episode, from the first frame to the last.
         """
-        numbers = np.zeros((n_frames, n_series), dtype=np.int64)
+        stays = np.zeros((n_frames, n_series), dtype=np.int64)
         number = 0
         for k in range(n_series if rate > 0 else 0):
             for begin, end in _intervals(n_frames / self.frame_rate, rate, seconds, rng):
                 number += 1
                 first, stop = np.ceil([begin * self.frame_rate, end * self.frame_rate]).astype(int)
-                numbers[first:stop, k] = number
-        return numbers
+                stays[first:stop, k] = number
+        return stays
 
     def occluded(self, n_frames: int, n_views: int, count: int, rng: np.random.Generator) -> Numbers:
         """Draw in which views there is an occluder (T, M): 0 = none, else the number of its stay, from 1.
@@ -118,7 +120,7 @@ class Memory:
         At every time it is `count` views. An occluder that has stayed long enough moves to any view that has
         none, or to another place in its own; the occluders move independently of each other.
         """
-        numbers = np.zeros((n_frames, n_views), dtype=np.int64)
+        stays = np.zeros((n_frames, n_views), dtype=np.int64)
         where = rng.permutation(n_views)[:count]
         now, until = np.zeros(count), np.array([_rest_of_stay(self.occluder_s, rng) for _ in range(count)])
         number = 0
@@ -130,9 +132,9 @@ class Memory:
                 until[k] = now[k] + rng.uniform(*self.occluder_s)
             number += 1
             first, stop = np.ceil([now[k] * self.frame_rate, until[k] * self.frame_rate]).astype(int)
-            numbers[first:stop, where[k]] = number
+            stays[first:stop, where[k]] = number
             now[k] = until[k]
-        return numbers
+        return stays
 
 
 def _intervals(
@@ -230,3 +232,57 @@ class DetectionNoise:
         return replace(
             self, occluded_views=n_views, n_discs=discs, disc_radius=radius, hidden_missing_rate=missing
         )
+
+
+# Standard deviation along the view's ray over that across it: depth is what a single view knows least.
+_DEPTH_RATIO = 2.5
+# Share of the variance common to all joints of a pose: the body as a whole is placed wrongly.
+_COMMON_SHARE = 0.5
+
+
+def _checked(points: ArrayLike, sigma_mm: float, most_axes: float = np.inf) -> Array:
+    array = numbers(points, "points")
+    if not 2 <= array.ndim <= most_axes or array.shape[-1] != 3:
+        raise InvalidInputError(f"points: expected shape (..., N, 3), got {array.shape}")
+    if not (np.isfinite(sigma_mm) and sigma_mm >= 0):
+        raise InvalidInputError(f"sigma_mm: expected a finite number >= 0, got {sigma_mm!r}")
+    return array
+
+
+def perturb(points: ArrayLike, sigma_mm: float, *, seed: int | np.random.Generator = 0) -> Array:
+    """Add independent normal noise of `sigma_mm` per axis to every joint of points (…, N, 3) mm."""
+    array = _checked(points, sigma_mm)
+    return array + sigma_mm * generator(seed).standard_normal(array.shape)
+
+
+def monocular_poses(
+    points: ArrayLike,
+    cameras: CameraRig | Sequence[Camera],
+    sigma_mm: float,
+    *,
+    seed: int | np.random.Generator = 0,
+) -> Array:
+    """Simulate one monocular 3D pose per view, in world coordinates.
+
+    Normal errors, independent between views and frames, 2.5 times as large along the ray from the camera to
+    the joint as across it; half of the variance is common to all joints of a pose (the body is placed wrongly
+    as a whole), half is each joint's own. The root mean square error per axis is `sigma_mm`.
+
+    Takes true joints (T, N, 3) or (N, 3) and returns poses (T, M, N, 3) or (M, N, 3), in the rig's unit.
+    """
+    array = _checked(points, sigma_mm, most_axes=3)
+    truth = array[:, None] if array.ndim == 3 else array[None, None]
+    sigma = sigma_mm / mm_per_unit(cameras)
+    centres = np.array([-np.asarray(c.R).T @ np.asarray(c.t) for c in cameras])
+    ray = truth - centres[None, :, None]
+    ray = ray / np.linalg.norm(ray, axis=-1, keepdims=True)
+
+    rng = generator(seed)
+    common = rng.standard_normal((*ray.shape[:2], 1, 3))
+    own = rng.standard_normal(ray.shape)
+    error = np.sqrt(_COMMON_SHARE) * common + np.sqrt(1.0 - _COMMON_SHARE) * own
+    along = (error * ray).sum(axis=-1, keepdims=True) * ray
+    # Two axes across and one along: 2·a² + (2.5·a)² = 3·sigma².
+    across = sigma * np.sqrt(3.0 / (2.0 + _DEPTH_RATIO**2))
+    poses: Array = truth + across * (error + (_DEPTH_RATIO - 1.0) * along)
+    return poses if array.ndim == 3 else poses[0]

@@ -26,27 +26,13 @@ _PEOPLE, _BYSTANDER, _DETECTORS, _CROWDING, _SLOTS = range(5)  # what the random
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Scene:
-    """Q people in T frames of M views: up to P detections of N joints per view, and the truth.
+    """Q people in T frames of M views: up to P detections of N joints per view, and the truth."""
 
-    Attributes
-    ----------
-    people : (T, M, P, N, 3)
-        Pixel u, v and confidence; NaN where there is nothing. The order in P is random in every frame.
-    owner : (T, M, P) int64
-        The person of most of a detection's joints; −1 = false or no detection.
-    joint_owner : (T, M, P, N) int64
-        The person whom each joint shows; −1 = nobody.
-    truth : (Q, T, N, 3) mm
-        NaN where a person is not in the room.
-    visible : (Q, T, M, N) bool
-        Joints in the image that neither another person nor a wall hides; discs of the noise do not count.
-    """
-
-    people: Array
-    owner: Index
-    joint_owner: Index
-    truth: Array
-    visible: Mask
+    people: Array  #: (T, M, P, N, 3), u, v, confidence; NaN where nothing is. The order in P is random.
+    owner: Index  #: (T, M, P), the person of most of a detection's joints; −1 = false or no detection.
+    joint_owner: Index  #: (T, M, P, N), the person whom each joint shows; −1 = nobody.
+    truth: Array  #: (Q, T, N, 3) mm; NaN where a person is not in the room.
+    visible: Mask  #: (Q, T, M, N), in the image, and neither another person nor a wall hides it.
     cameras: CameraRig
     layout: Layout
     fps: float
@@ -82,21 +68,17 @@ def simulate_scene(
     Parameters
     ----------
     people : int or sequence of (T, N, 3) mm
-        Their number, for `crowd`; or poses of your own, each person where they are, NaN where absent.
+        Their number, for `crowd`; or poses of your own, each person where they are, NaN where absent, for
+        which `n_frames` and `meetings` (as in `crowd`) are not used.
     cameras : CameraRig or sequence of Camera
         In mm. ``ring(4, radius_mm=4500)`` fits the room; its cameras are all at one height, which is the
         hardest case for telling people apart.
-    n_frames, meetings
-        As in `crowd`; not used with poses of your own.
     bystander : bool
         Add a person at the edge of the room, who is the last and whom walls hide from all but two cameras.
-    noise : DetectionNoise, optional
-        Of each person alone. By default ``DetectionNoise.recording(fps)``, in proportion to the size of
-        people in the images.
-    crowding : Crowding, optional
-        What goes wrong because there are several; by default ``Crowding()``.
-    seed : int
-        Same seed, same scene. The people depend neither on noise nor on crowding.
+    noise, crowding : optional
+        Of each person alone, by default ``DetectionNoise.recording(fps)`` in proportion to the size of people
+        in the images; and what goes wrong because there are several, by default ``Crowding()``. The people
+        depend on neither.
     """
     rig = cameras if isinstance(cameras, CameraRig) else CameraRig(list(cameras))
     if mm_per_unit(rig) != 1.0:

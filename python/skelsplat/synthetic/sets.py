@@ -25,20 +25,16 @@ from skelsplat.synthetic.crowding import Crowding
 from skelsplat.synthetic.crowds import meeting_names
 from skelsplat.synthetic.detections import corrupt, draw_occluders, true_pixels
 from skelsplat.synthetic.motions import motion, motion_names
-from skelsplat.synthetic.noise import SIZE_IN_ROOM, DetectionNoise, stream
-from skelsplat.synthetic.poses import monocular_poses
+from skelsplat.synthetic.noise import SIZE_IN_ROOM, DetectionNoise, monocular_poses, stream
 from skelsplat.synthetic.scenes import Scene, simulate_scene
 from skelsplat.synthetic.skeleton import in_layout
 
+# HD cameras of CMU Panoptic in the order in which the experiments add them.
 PANOPTIC_CAMERAS = (1, 2, 10, 13, 3, 23, 19, 30)
-"""HD cameras of CMU Panoptic in the order in which the experiments add them."""
-
+# Raised whenever the same name, number and seed give other data than before.
 GENERATOR_VERSION = 1
-"""Raised whenever the same name, number and seed give other data than before."""
-
+# Error per axis of the simulated monocular poses; their fusion then errs 40 mm (mean per joint, 4 views).
 MONOCULAR_SIGMA_MM = 62.0
-"""Error per axis of the simulated monocular poses; their fusion then errs 40 mm (mean per joint, 4 views)."""
-
 # What the random streams of a recording are for. Occluders and detectors do not change the poses.
 _POSES, _OCCLUDERS, _MONOCULAR, _FIRST_DETECTOR = range(4)
 # Boxes are drawn this much wider than the joints, as a share of their extent on each side.

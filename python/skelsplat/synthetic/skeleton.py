@@ -68,11 +68,10 @@ LIMITS_DEG: Mapping[str, tuple[float, float]] = {
     "neck_rotation": (-75.0, 75.0),
     **{f"{name}_{side}": limits for name, limits in _LIMB_LIMITS_DEG.items() for side in "lr"},
 }
-"""Lowest and highest angle of each degree of freedom, by the names that `forward_kinematics` knows.
+"""Lowest and highest angle of each degree of freedom.
 
 ``lean`` and ``tilt`` incline the whole body about the pelvis: forward, and to the left. ``spine_*`` is the
-bend from pelvis to chest, half of it at the waist; its tilt and rotation are positive to the left, as is
-``neck_rotation``.
+bend from pelvis to chest, half of it at the waist; tilt and rotations are positive to the left.
 """
 
 # Nose and head seen from the neck in the head's frame (x forward, z up), mm, as in `skeleton`.
