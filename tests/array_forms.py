@@ -80,14 +80,8 @@ def _rest(hidden):
 MASKED = {
     "masked array": lambda a, hidden: np.ma.array(a + _rest(hidden), mask=hidden),
     "masked array, unaligned": lambda a, hidden: np.ma.array(unaligned(a + _rest(hidden)), mask=hidden),
-    "masked array, Fortran order": lambda a, hidden: np.ma.array(
-        np.asfortranarray(a + _rest(hidden)), mask=hidden
-    ),
     "masked objects": lambda a, hidden: np.ma.array(a.astype(object), mask=hidden),
     "list of masked arrays": lambda a, hidden: list(np.ma.array(a + _rest(hidden), mask=hidden)),
-    "nested lists of masked arrays": lambda a, hidden: [
-        list(row) if a.ndim > 1 else row for row in np.ma.array(a + _rest(hidden), mask=hidden)
-    ],
     "list with None": lambda a, hidden: np.ma.array(a, mask=hidden).tolist(),
     "__array__ that is masked": lambda a, hidden: WithArray(np.ma.array(a + _rest(hidden), mask=hidden)),
 }

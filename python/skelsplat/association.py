@@ -20,16 +20,7 @@ from skelsplat.exceptions import InvalidInputError
 from skelsplat.findings import warn
 from skelsplat.layouts import mirror_images
 
-__all__ = [
-    "body_sizes",
-    "checked_people",
-    "choose_person",
-    "chosen_places",
-    "extents",
-    "separate_people",
-    "take_people",
-    "with_confidences",
-]
+__all__ = ["choose_person", "extents", "separate_people", "take_people"]
 
 MIN_CONFIDENCE = 0.2
 """Joints below it do not take part in the choice; they are still returned."""
@@ -49,10 +40,7 @@ _MOST_PEOPLE = 4
 
 
 def choose_person(
-    people: npt.ArrayLike,
-    cameras: sk.CameraRig | Sequence[sk.Camera],
-    *,
-    layout: sk.Layout | None = None,
+    people: npt.ArrayLike, cameras: sk.CameraRig | Sequence[sk.Camera], *, layout: sk.Layout | None = None
 ) -> tuple[Array, Index]:
     """Follow one person through all views and frames.
 
@@ -80,12 +68,8 @@ def choose_person(
     Raises
     ------
     InvalidInputError
-        If shapes do not fit, a confidence is outside [0, 1], or there are fewer than two cameras.
-
-    Warns
-    -----
-    UserWarning
-        If there are too many people to compare all: the search of a frame ends after a fixed amount of work.
+        If shapes do not fit, a confidence is outside [0, 1], or there are fewer than two cameras. A warning
+        says if there are too many people: the search of a frame ends after a fixed amount of work.
     """
     everyone = checked_people(people, cameras)
     index, cut = chosen_places(everyone, cameras, layout)
@@ -189,6 +173,5 @@ def checked_people(
 def with_confidences(people: Array) -> Array:
     """Return people (..., 3) with confidences slightly above 1 as 1, or raise `InvalidInputError`."""
     check_people(people)
-    if not (people[..., 2] > 1.0).any():
-        return people
-    return np.where((people > 1.0) & [False, False, True], 1.0, people)
+    above = (people > 1.0) & [False, False, True]
+    return np.where(above, 1.0, people) if above.any() else people

@@ -32,11 +32,15 @@ def take(recording):
     return Take(people, list(rig.names), list(JOINTS))
 
 
+def pose(folder):
+    return read_npz(folder / "out" / "pose.npz").pose
+
+
 @pytest.fixture
 def expected(recording):
     folder, _, _ = recording
     assert refine(folder, folder / "openpose").exit_code == 0
-    return read_npz(folder / "out" / "pose.npz").pose
+    return pose(folder)
 
 
 def written(folder, name, take):
@@ -53,7 +57,7 @@ def test_the_format_is_found_and_reported(recording, take, expected, name):
     folder, _, _ = recording
     result = refine(folder, written(folder, name, take))
     assert result.exit_code == 0, result.output
-    np.testing.assert_array_equal(read_npz(folder / "out" / "pose.npz").pose, expected)
+    np.testing.assert_array_equal(pose(folder), expected)
     assert report(folder)["format"] == CASES[name].format
 
 
@@ -66,7 +70,7 @@ def test_format_order_and_map(recording, take, expected):
     options = ["--format", "DeepLabCut_csv", "--order", ", ".join(files), "--map", "pelvis=root"]
     result = refine(folder, path, *options)
     assert result.exit_code == 0, result.output
-    np.testing.assert_array_equal(read_npz(folder / "out" / "pose.npz").pose, expected)
+    np.testing.assert_array_equal(pose(folder), expected)
     assert report(folder)["order"] == files
     assert report(folder)["mapping"] == {"pelvis": "root"}
 
@@ -93,27 +97,26 @@ def test_offset_sets_a_clock(recording, expected):
     options = ["--offset", f"{rig.names[2]}=-20", "--offset", f"{rig.names[0]}=0", "--frames", "intersection"]
     result = refine(folder, folder / "openpose", *options)
     assert result.exit_code == 0, result.output
-    np.testing.assert_array_equal(read_npz(folder / "out" / "pose.npz").pose, expected)
+    np.testing.assert_array_equal(pose(folder), expected)
     assert report(folder)["offsets"] == {rig.names[2]: -20, rig.names[0]: 0}
 
 
 @pytest.mark.parametrize(
-    ("option", "values"),
+    "given",
     [
-        ("--format", ["yolo"]),
-        ("--offset", ["cam1=0.5s"]),
-        ("--offset", ["cam1=1", "cam1=2"]),
-        ("--offset", ["cam9=1"]),
-        ("--map", ["nose"]),
-        ("--map", ["tail=x"]),
-        ("--order", ["a,b"]),
+        ("--format", "yolo"),
+        ("--offset", "cam1=0.5s"),
+        ("--offset", "cam1=1", "--offset", "cam1=2"),
+        ("--offset", "cam9=1"),
+        ("--map", "nose"),
+        ("--map", "tail=x"),
+        ("--order", "a,b"),
     ],
 )
-def test_options_that_do_not_fit_the_files(recording, option, values):
+def test_options_that_do_not_fit_the_files(recording, given):
     folder, _, _ = recording
-    given = [word for value in values for word in (option, value)]
     result = invoke("check-cameras", folder / "Calib.toml", folder / "openpose", *OPTIONS[:4], *given)
-    assert_fails(result, 2, f"error: {option}: ")
+    assert_fails(result, 2, f"error: {given[0]}: ")
 
 
 def test_a_missing_package_is_one_line(recording, take, monkeypatch):
@@ -149,10 +152,6 @@ def refine_without(folder, detections, *options):
     return invoke(*args, "--fps", "50", "--frame-by-frame", "-q", "--no-html", *options)
 
 
-def pose(folder):
-    return read_npz(folder / "out" / "pose.npz").pose
-
-
 @pytest.fixture
 def expected_without(recording):
     """Return the pose of the other three cameras, which OpenPose folders give."""
@@ -163,30 +162,21 @@ def expected_without(recording):
     return sk.refine(None, detections[:, kept], three, layout="h36m17").pose
 
 
-@pytest.mark.parametrize("there", [True, False])
-def test_its_folder_may_be_there_or_not(recording, expected_without, there):
+def test_its_folder_may_have_other_frames(recording, expected_without):
     folder, _, _ = recording
-    if there:  # frames of its own would be refused by --frames strict
-        next((folder / "openpose" / OUT).iterdir()).unlink()
-    else:
-        shutil.rmtree(folder / "openpose" / OUT)
+    next((folder / "openpose" / OUT).iterdir()).unlink()
     result = refine_without(folder, folder / "openpose", "--offset", f"{OUT}=3")
     assert result.exit_code == 0, result.output
     np.testing.assert_allclose(pose(folder), expected_without, rtol=1e-9)
     assert read_run(folder / "out").rig.names == KEPT
-    stated = json.loads((folder / "out" / "report.json").read_text())["input"]
-    assert stated["without"] == [OUT]
+    assert report(folder)["without"] == [OUT]
 
 
-@pytest.mark.parametrize("count", [3, 4])
-@pytest.mark.parametrize("name", ["deeplabcut_csv", "npz"])
-def test_every_kind_of_detections_with_all_views_or_without_the_one(recording, expected_without, name, count):
+@pytest.mark.parametrize(("name", "kept"), [("deeplabcut_csv", [0, 1, 3]), ("npz", [0, 1, 2, 3])])
+def test_files_with_all_views_or_without_the_one(recording, take, expected_without, name, kept):
     folder, rig, _ = recording
-    people = read_detections(folder / "openpose", rig, layout="h36m17").people
-    kept = range(4) if count == 4 else [rig.names.index(camera) for camera in KEPT]
-    (folder / name).mkdir()
-    take = Take(people[:, list(kept)], [rig.names[i] for i in kept], list(sk.layouts.H36M17.joints))
-    result = refine_without(folder, CASES[name].write(folder / name, take))
+    some = Take(take.people[:, kept], [rig.names[i] for i in kept], take.joints)
+    result = refine_without(folder, written(folder, name, some))
     assert result.exit_code == 0, result.output
     np.testing.assert_allclose(pose(folder), expected_without, rtol=1e-9)
 
@@ -197,9 +187,6 @@ def test_names_that_are_none_and_too_few_cameras_are_bad_usage(recording):
     assert_fails(result, 2, "--without: ", "cam1, cam2, cam3, cam4", "'cam9'")
     result = refine_without(folder, folder / "openpose", "--without", "cam1", "--without", "cam2")
     assert_fails(result, 2, "--without: ", "two cameras or more", "got 1")
-    shutil.rmtree(folder / "openpose" / "cam1")
-    said = ["none for cam1", "without="]
-    assert_fails(refine_without(folder, folder / "openpose"), 1, *said)
 
 
 def test_check_cameras_leaves_out_a_camera_that_was_not_recorded(recording):
@@ -207,7 +194,6 @@ def test_check_cameras_leaves_out_a_camera_that_was_not_recorded(recording):
     shutil.rmtree(folder / "openpose" / OUT)
     check = ["check-cameras", folder / "Calib.toml", folder / "openpose", "--layout", "h36m17"]
     assert_fails(invoke(*check), 1, f"none for {OUT}", "without=")
-    assert_fails(invoke(*check, "--without", "door"), 2, "--without: expected a camera, one of cam1")
     result = invoke(*check, "--without", "cam_03", "--json")
     assert result.exit_code == 0, result.output
     assert [row["name"] for row in json.loads(result.stdout)["cameras"]] == list(KEPT)

@@ -13,7 +13,7 @@ import skelsplat as sk
 from skelsplat import synthetic
 from skelsplat.cli.output import Terminal
 from skelsplat.cli.table import print_run
-from skelsplat.io import read_detections, read_layout, read_run, write_calibration
+from skelsplat.io import read_layout, read_run, write_calibration
 from skelsplat.run import Job, Run, run
 from skelsplat.run.overlay import OverlayJob, write_overlay
 from skelsplat.run.plots import read_source, write_plots
@@ -70,18 +70,6 @@ def test_pictures_and_overlays_need_no_file_again(recorded):
     )
     (written,) = write_overlay(job)
     assert (list(written.cameras), written.frames) == (["camA"], STEPS)
-
-
-def test_a_mouse_is_tracked_with_the_layout_file(recorded):
-    folder, _, truth = recorded
-    rig, layout = mouse.rig(), str(folder / "elsewhere.toml")
-    seen = read_detections(folder / "dlc", rig, layout=layout)
-    (one,) = sk.track(seen.people, rig, fps=mouse.FPS, layout=layout)
-    error = np.linalg.norm(one.refinement.pose - truth[one.frames], axis=-1)
-    assert len(one.frames) == STEPS
-    assert error.mean() < 0.6
-    tracker = sk.Tracker(rig, fps=mouse.FPS, layout=layout)
-    assert [len(tracker.step(list(frame))) for frame in seen.people][-1] == 1
 
 
 def test_two_mice_are_told_apart_on_their_own_scale():

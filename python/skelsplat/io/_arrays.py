@@ -109,17 +109,18 @@ def as_numbers(path: Path, field: str, value: object) -> Array:
 
 def load_npz(path: Path, keys: Collection[str]) -> Arrays:
     """Return those arrays of an npz file that are among `keys`; those of objects are read by `_guarded`."""
-    found, objects = _members(path, "a complete npz file", keys)
-    for name in objects:
+    found = _members(path, "a complete npz file", keys)
+    for name in [name for name, array in found.items() if array is None]:
         found |= read_guarded("npy", path, "a complete pickle", field=name, names=[name])
     return Arrays(path, found)
 
 
 def load_plain_npz(path: Path, kind: str, keys: Collection[str] | None = None) -> dict[str, Any]:
     """Return all arrays of an npz file of a `kind`, or those among `keys`; one of objects is refused."""
-    found, objects = _members(path, kind, keys)
-    if objects:
-        raise DatasetError(path, objects[0], "numbers or texts", "an array of objects")
+    found = _members(path, kind, keys)
+    for name, array in found.items():
+        if array is None:
+            raise DatasetError(path, name, "numbers or texts", "an array of objects")
     return found
 
 
@@ -134,8 +135,8 @@ def load_npy(path: Path) -> Any:
     return array
 
 
-def _members(path: Path, kind: str, keys: Collection[str] | None) -> tuple[dict[str, Any], list[str]]:
-    """Return the arrays among `keys`, or all, that an npz file holds, and the names of those of objects."""
+def _members(path: Path, kind: str, keys: Collection[str] | None) -> dict[str, Any]:
+    """Return the arrays among `keys`, or all, that an npz file holds; None for those of objects."""
     found = {}
     with (
         opened(path, "a readable npz file") as stream,
@@ -147,8 +148,7 @@ def _members(path: Path, kind: str, keys: Collection[str] | None) -> tuple[dict[
         for name, info in wanted.items():
             with archive.open(info) as member:
                 found[name] = _array(member, path, name, info.file_size)
-    objects = [name for name, array in found.items() if array is None]
-    return {name: array for name, array in found.items() if array is not None}, objects
+    return found
 
 
 def npy_header(stream: IO[bytes]) -> tuple[tuple[int, ...], bool, np.dtype[Any]]:

@@ -169,15 +169,12 @@ def read_videopose3d(path: Path, sequence: str | None) -> Recording:
     name = next(iter(found), "") if sequence is None else sequence
     if name not in found:
         raise DatasetError(path, _POSITIONS, f"the sequence {name!r}", some or "none")
-    parts = _parts(path, f"{_POSITIONS}.{name}", found[name])
+    field = f"{_POSITIONS}.{name}"
+    parts = _parts(path, field, found[name])
     human36m = layout == "h36m" and len(parts) == len(_CAMERAS)
     labels = _CAMERAS if human36m else [str(place) for place in range(len(parts))]
-    fields = {label: f"{_POSITIONS}.{name}[{i}]" for i, label in enumerate(labels)}
-    views = {
-        label: _pixel_view(path, fields[label], part, names)
-        for label, part in zip(labels, parts, strict=True)
-    }
-    return Recording(views, named=human36m)
+    pairs = zip(labels, parts, strict=True)
+    return Recording({label: _pixel_view(path, field, part, names) for label, part in pairs}, named=human36m)
 
 
 def _content(value: Any) -> Any:
@@ -239,10 +236,7 @@ def read_npz(path: Path) -> View:
 
 
 class _OwnRows:
-    """The detections in a file of one's own, of ``least`` axes or with that of people one more.
-
-    They are read a stretch of frames at a time if they are many; ``rest`` are the small arrays beside them.
-    """
+    """The detections in a file of one's own, of ``least`` axes or with that of people one more."""
 
     def __init__(self, path: Path, shape: str, least: int) -> None:
         self._path, self._least, self._sure = path, least, None
@@ -270,11 +264,9 @@ class _OwnRows:
 
     def view(self, read: Callable[[int, int], Array]) -> View:
         """Return the view of a camera, with the numbers of the frames and names that the file has."""
-        frames, names = (
-            self.rest.frames(self.pixels.shape[0]),
-            self.rest.names("joint_names", self.pixels.shape[-2]),
-        )
-        return replace(rows_view(self._path, frames, read), joints=names, rate=self.rest.rate())
+        view = rows_view(self._path, self.rest.frames(self.pixels.shape[0]), read)
+        names = self.rest.names("joint_names", self.pixels.shape[-2])
+        return replace(view, joints=names, rate=self.rest.rate())
 
 
 def _rows_of(path: Path, name: str) -> Any:

@@ -89,10 +89,9 @@ def joints_of(
 ) -> Array:
     """Join pixels (…, 2) and confidence (…) to (…, 3) with NaN for missing; rows count from ``first``.
 
-    A joint without finite pixels, without confidence, or with a confidence of 0 is missing. Without any
-    confidence a joint counts as sure (1), as with one slightly above 1. With `clip`, any score above 1 counts
-    as 1 and one below 0 as missing: maxima of heat maps and SimCC are no probabilities. The confidence of a
-    joint without pixels does not count, whatever it is.
+    A joint without finite pixels or confidence, or with a confidence of 0, is missing; one slightly above 1
+    counts as 1. With `clip`, any score above 1 does, and one below 0 as missing: maxima of heat maps and
+    SimCC are no probabilities. Without pixels a confidence does not count, whatever it is.
     """
     if np.isinf(xy).any():
         raise DatasetError(path, where, "pixels, NaN for missing", "an infinite number")

@@ -48,11 +48,8 @@ def _offset(value: Any, argument: str) -> float:
 
 def is_uneven(views: Mapping[str, View]) -> bool:
     """Say whether ``strict`` refuses the views because they do not have the same frames."""
-    return not _is_sparse(views) and not _alike([view.frames for view in views.values()])
-
-
-def _is_sparse(views: Mapping[str, View]) -> bool:
-    return any(view.sparse for view in views.values())
+    sparse = any(view.sparse for view in views.values())
+    return not sparse and not _alike([view.frames for view in views.values()])
 
 
 def shared_frames(
@@ -65,24 +62,21 @@ def shared_frames(
 ) -> Index:
     """Return the ascending frame numbers to read, (T,), in the common time.
 
-    `offsets` are by camera: what is to be added to its own numbers to get the common time, of which the whole
-    frames count here. ``strict`` asks for the same numbers in all views: in the files, or after the offsets
-    from the first frame that all have begun by to the last before one ends. Of a format that lists only
-    people it reads every frame that is listed anywhere.
+    ``strict`` asks for the same numbers in all views, after offsets from the latest beginning to the earliest
+    end; of a format that lists only people it reads every frame that is listed anywhere.
     """
     whole = {name: parted(offsets[name])[0] for name in views}
     common = {labels[name]: view.frames + whole[name] for name, view in views.items()}
-    moved, sparse = any(whole.values()), _is_sparse(views)
     given = ", ".join(f"{name}: {frames}" for name, frames in offsets.items() if frames)
     after = f" after the offsets ({given})" if given else ""
-    judged = _overlapping(common) if moved else common
+    judged = _overlapping(common) if any(whole.values()) else common
     if mode == "strict" and is_uneven(views) and not _alike(list(judged.values())):
         expected = f"the same frames in every {kind}{after}"
         raise DatasetError(root, "frames", expected, _told(judged) + _OTHER_MODES)
     union, shared = _joined(np.union1d, common), _joined(np.intersect1d, common)
     if not len(union):
         raise DatasetError(root, "frames", "at least one frame", "none")
-    if mode == "strict" and sparse:
+    if mode == "strict" and any(view.sparse for view in views.values()):
         together = np.sum([np.isin(union, own) for own in common.values()], axis=0) > 1
         alone = len(common) > 1 and not all(np.isin(own, union[together]).any() for own in common.values())
         shared = shared[:0] if alone else union

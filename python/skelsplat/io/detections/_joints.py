@@ -24,8 +24,6 @@ OF_FILE = "file"
 """In the place of a layout's name: the joints of the detections, as their files name them."""
 
 Joint = str | int | None
-# place in the file of each joint of the layout, None for one that the file lacks
-Places = list[int | None]
 
 # the letters of LHip, hip_l, Hüfte and 肩; capitals beyond ASCII begin no word
 _WORDS = re.compile(r"[A-Z]+(?![^\W\d_A-Z])|[A-Z]?[^\W\d_A-Z]+|\d+")
@@ -85,9 +83,7 @@ def _dlc_project(path: Path) -> Skeleton:
         expected = "a list of different names, as in a DeepLabCut project's config.yaml"
         raise DatasetError(path, "bodyparts", expected, names or "none")
     ends = _yaml_texts(text, "skeleton")
-    if len(ends) % 2:
-        raise DatasetError(path, "skeleton", "pairs of parts", ends)
-    pairs = zip(ends[::2], ends[1::2], strict=True)
+    pairs = zip(ends[::2], ends[1::2], strict=False)
     # others are of the template, or of a part of no individual
     edges = tuple((names.index(a), names.index(b)) for a, b in pairs if {a, b} <= set(names))
     return Skeleton(tuple(names), edges)
@@ -178,14 +174,13 @@ def choose_layout(
         fitting = [known for known in alike if not names or _confirmed(names, known)]
     if len(fitting) == 1:
         return fitting[0]
-    there = f" ({listed(names, _SHOWN)})" if names else ""
     if names and not view.own_order:
-        within = [name for name, joints in keys.items() if set(own) >= set(joints)]
-        known = f"all joints of {' or '.join(within)}" if within else f"{_UNKNOWN} has all its joints there"
-        advice = _AS_NAMED if within else _AS_NAMED + _CUSTOM
+        within = [name for name, joints in keys.items() if set(joints) <= set(own)]
     else:
-        known = _layouts_of(count)
-        advice = _CUSTOM if known == _UNKNOWN else ""
+        within = [known.name for known in built_in if known.n_joints == count]
+    there = f" ({listed(names, _SHOWN)})" if names else ""
+    advice = _AS_NAMED * bool(names) + _CUSTOM * (not within)
+    known = " or ".join(within) or _UNKNOWN
     raise InvalidInputError(f"{wanted}; {view.path} has {count} joints per person{there}: {known}{advice}")
 
 
@@ -228,19 +223,18 @@ def check_mapping(mapping: Mapping[str, Joint] | None, layout: sk.Layout) -> dic
     return dict(mapping or {})
 
 
-def places_of(view: View, layout: sk.Layout, mapping: Mapping[str, Joint]) -> Places | None:
+def places_of(view: View, layout: sk.Layout, mapping: Mapping[str, Joint]) -> list[int] | None:
     """Return the place in the file of every joint of the layout, or None: the order is the layout's own.
 
-    Every joint needs its name in the file, however it is written (``LHip``, ``hip_l``, ``left hip``), or an
-    entry of `mapping`. Where the detector's order is fixed, an equal count is enough as long as no name
-    contradicts the layout. Without names only `mapping` can differ from the layout's order.
+    The place is -1 for a joint that the file lacks. Every joint needs its name in the file, however it is
+    written (``LHip``, ``hip_l``, ``left hip``), or an entry of `mapping`. Where the detector's order is
+    fixed, an equal count is enough as long as no name contradicts the layout.
     """
     names = view.joints or ()
     if not mapping and (view.joints is None or (view.own_order and _confirmed(names, layout))):
         return None
     keys = [_key(name) for name in names]
-    places: Places = []
-    missing = []
+    places, missing = [], []
     for joint in layout.joints:
         fitting = [place for place, words in enumerate(keys) if words == _key(joint)]
         if joint in mapping:
@@ -263,27 +257,27 @@ def _wrong(view: View, expected: str, actual: str) -> DatasetError:
     return DatasetError(view.path, "joint names", expected, actual)
 
 
-def _mapped(view: View, joint: str, target: Joint) -> int | None:
+def _mapped(view: View, joint: str, target: Joint) -> int:
     """Return the place of what a mapping says."""
     if not isinstance(target, str):
-        return target
+        return -1 if target is None else target
     names = view.joints or ()
     if target not in names:
         raise _wrong(view, f"{target!r} for {joint} (mapping)", listed(names, _SHOWN) or "no names")
     return names.index(target)
 
 
-def _check_once(places: Places, view: View, layout: sk.Layout) -> None:
+def _check_once(places: list[int], view: View, layout: sk.Layout) -> None:
     """Raise `InvalidInputError` if two joints have one place: one point is no evidence of two."""
     names, joints = view.joints or (), dict[int, str]()
     for joint, place in zip(layout.joints, places, strict=True):
-        if place is not None and joints.setdefault(place, joint) != joint:
+        if place >= 0 and joints.setdefault(place, joint) != joint:
             point = repr(names[place]) if place < len(names) else f"index {place}"
             actual = f"{point} for {joints[place]} and {joint} (None if the files lack one)"
             raise InvalidInputError(f"mapping: expected a different point for each joint, got {actual}")
 
 
-def arranged(person: Array, layout: sk.Layout, places: Places | None, path: Path) -> Array:
+def arranged(person: Array, layout: sk.Layout, places: list[int] | None, path: Path) -> Array:
     """Return a person's joints in the order of the layout (N, 3), NaN for those that the file lacks."""
     count, n = len(person), layout.n_joints
     if not count:  # nobody in this place
@@ -293,8 +287,6 @@ def arranged(person: Array, layout: sk.Layout, places: Places | None, path: Path
     if places is None:
         expected, actual = f"{n} joints (layout {layout.name})", f"{count} ({_layouts_of(count)})"
         raise DatasetError(path, "keypoints", expected, actual + _CUSTOM)
-    highest = max((place for place in places if place is not None), default=-1)
-    if highest >= count:
-        raise DatasetError(path, "keypoints", f"a joint at place {highest} (mapping)", f"{count} joints")
-    padded = np.vstack([person, np.full(3, np.nan)])
-    return padded[[-1 if place is None else place for place in places]]
+    if max(places) >= count:
+        raise DatasetError(path, "keypoints", f"a joint at place {max(places)} (mapping)", f"{count} joints")
+    return np.vstack([person, np.full(3, np.nan)])[places]

@@ -29,16 +29,8 @@ _NO_SCORE = 100.0
 _NO_FILES = "; without= leaves out a camera that has no detections"
 
 
-def _frame_files(folder: Path) -> dict[int, Path]:
-    return frame_files(folder, "*.json", "one JSON file per frame", _NO_FILES)
-
-
 def _document(path: Path, document: str) -> Field:
     return Field(path, "", load_json(path, document))
-
-
-def _joints(keypoints: Field, xy: Array, confidence: Array, *, clip: bool) -> Array:
-    return joints_of(keypoints.path, keypoints.place, xy, confidence, clip=clip)
 
 
 def read_openpose(folder: Path) -> View:
@@ -48,7 +40,7 @@ def read_openpose(folder: Path) -> View:
     and a document ``{}`` an image with nobody. Joints, rate and size are those that ``skelsplat detect``
     states.
     """
-    files = _frame_files(folder)
+    files = frame_files(folder, "*.json", "one JSON file per frame", _NO_FILES)
     return with_record(frame_view(folder, files, lambda number: _openpose_people(files[number])))
 
 
@@ -76,7 +68,7 @@ def _triples(keypoints: Field, *, clip: bool) -> Array:
         place = 3 * int(wrong.argmax()) + 2
         score = keypoints.entries("a list")[place]
         raise score.error("a confidence, 0 to 1", f"{flat[place]:g}")
-    return _joints(keypoints, joints[:, :2], joints[:, 2], clip=True)
+    return joints_of(keypoints.path, keypoints.place, joints[:, :2], joints[:, 2], clip=True)
 
 
 def read_easymocap(folder: Path) -> View:
@@ -84,7 +76,7 @@ def read_easymocap(folder: Path) -> View:
 
     A confidence of 0 or below marks a joint that was not detected. The images' size is that of the first.
     """
-    files = _frame_files(folder)
+    files = frame_files(folder, "*.json", "one JSON file per frame", _NO_FILES)
     size = None
     with suppress(DatasetError):  # older files, or a broken one, which is an error when it is read
         first = _document(next(iter(files.values())), "an EasyMocap annotation")
@@ -102,7 +94,8 @@ def _easymocap_people(path: Path) -> list[Array]:
         joints = keypoints.rows(3)
         if not len(joints):
             raise keypoints.error("one [x, y, confidence] per joint", "an empty list")
-        found.append(_joints(keypoints, joints[:, :2], np.maximum(joints[:, 2], 0.0), clip=False))
+        sure = np.maximum(joints[:, 2], 0.0)
+        found.append(joints_of(path, keypoints.place, joints[:, :2], sure, clip=False))
     return found
 
 
@@ -175,7 +168,7 @@ def _mmpose_person(person: Field) -> Array:
     if len(scores) != len(xy) or not len(xy):
         expected = f"{max(len(xy), 1)} numbers, one per keypoint"
         raise found.error(expected, f"{len(scores)} for {len(xy)} keypoints")
-    return _joints(keypoints, xy, scores, clip=True)
+    return joints_of(keypoints.path, keypoints.place, xy, scores, clip=True)
 
 
 def _mmpose_names(table: Field) -> tuple[str, ...] | None:

@@ -159,10 +159,9 @@ def match_by_order(
 ) -> dict[str, str]:
     """Return the label of every camera name that is not left out by a stated order.
 
-    `order` is the label of every camera, in the order of the cameras, or ``"sorted"``: the first label in
-    natural order (2 before 10) belongs to the first camera. A file may be named without its suffix, or by the
-    camera's part of its name (of DeepLabCut's files that before "DLC"), and any label as loosely as for
-    `match_by_name`. As many labels as cameras that are not left out are theirs; else they are all cameras'.
+    `order` is the label of every camera, or ``"sorted"``: in natural order (2 before 10). A file may be named
+    without its suffix or what the tool added, and any label as loosely as for `match_by_name`. As many labels
+    as cameras that are not left out are theirs; else they are all cameras'.
     """
     kind, kept = candidates.kind, [name for name in names if name not in left_out]
     if isinstance(order, str) and order != SORTED:

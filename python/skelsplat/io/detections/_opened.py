@@ -157,7 +157,8 @@ class Opened:
         for first in range(0, len(self.frames), size):
             numbers = self.frames[first : first + size]
             views = [reader.read(numbers) for reader in readers]
-            people = np.full((len(numbers), len(views), _most(views), self.skeleton.n_joints, 3), np.nan)
+            most = max([1, *(len(people) for view in views for people in view)])
+            people = np.full((len(numbers), len(views), most, self.skeleton.n_joints, 3), np.nan)
             for m, view in enumerate(views):
                 for t, frame in enumerate(view):
                     for p, person in enumerate(frame):
@@ -204,10 +205,6 @@ class Opened:
             pixels = people[:, self.camera_names.index(name), ..., :2]
             pixels[...] = (pixels + 0.5) * factor - 0.5
         return people
-
-
-def _most(views: Sequence[Sequence[Sequence[Array]]]) -> int:
-    return max([1, *(len(people) for view in views for people in view)])
 
 
 class _Reader:

@@ -62,14 +62,9 @@ def read_record(folder: Path) -> Record | None:
 
 
 def _video(entry: Field) -> Video:
-    rate, length, count = (entry[key] for key in ("frame_rate", "bytes", "frames"))
-    return Video(
-        entry["video"].text(),
-        entry["size"].size(),
-        None if rate.value is None else rate.number(),
-        None if length.value is None else length.index(),
-        None if count.value is None else count.index(),
-    )
+    rate = None if entry["frame_rate"].value is None else entry["frame_rate"].number()
+    counts = (None if entry[key].value is None else entry[key].index() for key in ("bytes", "frames"))
+    return Video(entry["video"].text(), entry["size"].size(), rate, *counts)
 
 
 def write_record(folder: Path, record: Record) -> None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from itertools import chain, islice
 from pathlib import Path
-from typing import NamedTuple
 
 from skelsplat._atomic import opening
 from skelsplat._budget import opened
@@ -27,6 +26,8 @@ _MOST, _ENTRIES = 64, 10_000
 _NAMED, _BEGINNING = 10, 40
 # looked for beneath a folder: a session, a participant, a trial is Pose2Sim's deepest; never a whole disk
 _LEVELS, _FOLDERS = ("*/", "*/*/", "*/*/*/"), 200
+# what may belong to the cameras, and what opens the label of each of them
+_Offer = tuple[Candidates, Callable[[Mapping[str, str]], Mapping[str, View]]]
 
 
 def find_format(path: Path, name: str | None) -> DetectionFormat:
@@ -122,14 +123,7 @@ def _has_detections(folder: Path) -> bool:
         return False
 
 
-class Offer(NamedTuple):
-    """What may belong to the cameras, and what opens the label of each of them."""
-
-    candidates: Candidates
-    open: Callable[[Mapping[str, str]], Mapping[str, View]]
-
-
-def offered(path: Path, form: DetectionFormat, sequence: str | None) -> Offer:
+def offered(path: Path, form: DetectionFormat, sequence: str | None) -> _Offer:
     """Return what is at a path: the views in one file, or the cameras' files or folders."""
     if sequence is not None and not form.sequences:
         expected = f"none for the format {form.name}, whose files have one sequence"
@@ -140,10 +134,10 @@ def offered(path: Path, form: DetectionFormat, sequence: str | None) -> Offer:
         raise DatasetError(path, "path", f"a folder ({form.name} has files per camera)", "a file")
     views, named = form.recording(path, sequence)
     candidates = Candidates(path, "view", {label: label for label in views}, named=named)
-    return Offer(candidates, lambda labels: {camera: views[label] for camera, label in labels.items()})
+    return candidates, lambda labels: {camera: views[label] for camera, label in labels.items()}
 
 
-def _of_folder(path: Path, form: DetectionFormat) -> Offer:
+def _of_folder(path: Path, form: DetectionFormat) -> _Offer:
     """Return the cameras' files, or their folders, with files of one frame each or with a single one."""
     folders, files = _subfolders(path), _shown(path, *form.suffixes)
     known = [file for file in files if form.matches(file)]
@@ -168,11 +162,9 @@ def _by_path(
     candidates: Candidates,
     read: Callable[[Mapping[str, Path]], Mapping[str, View]],
     locate: Callable[[Path], Path],
-) -> Offer:
+) -> _Offer:
     root = candidates.root
-    return Offer(
-        candidates, lambda labels: read({name: locate(root / label) for name, label in labels.items()})
-    )
+    return candidates, lambda labels: read({name: locate(root / label) for name, label in labels.items()})
 
 
 def _the_file(folder: Path, form: DetectionFormat) -> Path:
