@@ -91,9 +91,8 @@ def damaged_zip(stream: BinaryIO) -> str | None:
     begins = stream.read(2)
     if zipfile.is_zipfile(stream):
         return None
-    if begins == b"PK":
-        return "a damaged file, cut short"
-    return "another kind of file, or a damaged one" if begins else "an empty file"
+    other = "another kind of file, or a damaged one" if begins else "an empty file"
+    return "a damaged file, cut short" if begins == b"PK" else other
 
 
 def _available() -> int | None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from typing import Any, overload
 
 import numpy as np
@@ -14,6 +15,7 @@ from skelsplat.exceptions import InvalidInputError, one_of
 MM_PER_UNIT = {"mm": 1.0, "cm": 10.0, "m": 1000.0}
 
 
+@dataclass(frozen=True, repr=False)
 class CameraRig(Sequence[Camera]):
     """Calibrated cameras of one recording.
 
@@ -30,42 +32,37 @@ class CameraRig(Sequence[Camera]):
         If there is no camera, an item is not a ``Camera``, a name comes twice, or the unit is unknown.
     """
 
-    __slots__ = ("_cameras", "_unit")
+    cameras: Sequence[Camera]
+    unit: str = "mm"
 
-    def __init__(self, cameras: Sequence[Camera], unit: str = "mm") -> None:
-        self._cameras = tuple(cameras)
-        self._unit = unit
-        if not self._cameras:
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "cameras", tuple(self.cameras))
+        if not self.cameras:
             raise InvalidInputError("cameras: expected at least one Camera, got none")
-        for i, camera in enumerate(self._cameras):
+        for i, camera in enumerate(self.cameras):
             if not isinstance(camera, Camera):
                 raise InvalidInputError(f"cameras[{i}]: expected a Camera, got {type(camera).__name__}")
-        names = [c.name for c in self._cameras if c.name is not None]
+        names = [c.name for c in self.cameras if c.name is not None]
         twice = sorted({n for n in names if names.count(n) > 1})
         if twice:
             raise InvalidInputError(f"cameras: expected different names, got '{twice[0]}' twice")
-        one_of("unit", unit, MM_PER_UNIT)
-
-    @property
-    def unit(self) -> str:
-        """Unit of translations and points."""
-        return self._unit
+        one_of("unit", self.unit, MM_PER_UNIT)
 
     @property
     def mm_per_unit(self) -> float:
         """How many millimetres one unit is."""
-        return MM_PER_UNIT[self._unit]
+        return MM_PER_UNIT[self.unit]
 
     @property
     def names(self) -> tuple[str, ...]:
         """Name of each camera; ``"0"``, ``"1"``, … for those without one."""
-        return tuple(c.name if c.name is not None else str(i) for i, c in enumerate(self._cameras))
+        return tuple(c.name if c.name is not None else str(i) for i, c in enumerate(self.cameras))
 
     def __len__(self) -> int:
-        return len(self._cameras)
+        return len(self.cameras)
 
     def __iter__(self) -> Iterator[Camera]:
-        return iter(self._cameras)
+        return iter(self.cameras)
 
     @overload
     def __getitem__(self, key: int | str) -> Camera: ...
@@ -73,25 +70,15 @@ class CameraRig(Sequence[Camera]):
     def __getitem__(self, key: slice) -> CameraRig: ...
     def __getitem__(self, key: int | str | slice) -> Camera | CameraRig:
         if isinstance(key, slice):
-            return CameraRig(self._cameras[key], self._unit)
+            return CameraRig(self.cameras[key], self.unit)
         if isinstance(key, str):
             if key not in self.names:
                 raise KeyError(f"no camera called {key!r}; there are {', '.join(self.names)}")
-            return self._cameras[self.names.index(key)]
-        return self._cameras[key]
-
-    def __eq__(self, other: object) -> bool:
-        if not isinstance(other, CameraRig):
-            return NotImplemented
-        return self._unit == other._unit and self._cameras == other._cameras
-
-    __hash__ = None  # type: ignore[assignment]  # cameras hold arrays of doubles: equal, but not hashable
-
-    def __reduce__(self) -> tuple[type[CameraRig], tuple[tuple[Camera, ...], str]]:
-        return type(self), (self._cameras, self._unit)
+            return self.cameras[self.names.index(key)]
+        return self.cameras[key]
 
     def __repr__(self) -> str:
-        return f"CameraRig({len(self)} cameras, unit='{self._unit}': {', '.join(self.names)})"
+        return f"CameraRig({len(self)} cameras, unit='{self.unit}': {', '.join(self.names)})"
 
 
 def mm_per_unit(cameras: CameraRig | Sequence[Camera]) -> float:

@@ -246,19 +246,17 @@ def _c3d(path: str) -> Any:
         }
         for group, known in _GROUPS.items()
     }
-    points = file["header"]["points"]
-    about = {"parameters": parameters, **{k: int(points[k]) for k in ("first_frame", "last_frame")}}
-    data = file["data"]
-    return {**about, "points": data["points"], "residuals": data["meta_points"]["residuals"]}
+    ends = {name: int(file["header"]["points"][name]) for name in ("first_frame", "last_frame")}
+    points, residuals = file["data"]["points"], file["data"]["meta_points"]["residuals"]
+    return {"parameters": parameters, **ends, "points": points, "residuals": residuals}
 
 
 def _text(value: Any) -> str:
     """Return text, which older programs write in Latin-1."""
     content = str(value).encode("utf-8", "surrogateescape")
-    try:
+    with contextlib.suppress(UnicodeDecodeError):
         return content.decode("utf-8")
-    except UnicodeDecodeError:
-        return content.decode("latin-1")
+    return content.decode("latin-1")
 
 
 # by kind, how a file is read, and what is imported before its time counts

@@ -67,10 +67,7 @@ def of_person(run: str, folder: str) -> str:
 
 
 def check_run(folder: Path) -> None:
-    """Raise `DatasetError` if the run that wrote into a folder was stopped, or files there are of another.
-
-    Only the report and the marks of the files that are there are read; a folder without a run passes.
-    """
+    """Raise `DatasetError` if the run that wrote into a folder was stopped, or files there are of another."""
     if is_run(folder):
         check_finished(folder / REPORT, load_json(folder / REPORT, "the report of a run"))
         there = (folder / name for name in MARKED)

@@ -34,6 +34,9 @@ _IN_A_LINE = 6
 # Standard deviation of a bone's length if the file has none: a tenth of it, at most that of `RefineConfig`.
 _SIGMA, _MOST_SIGMA_MM = 0.1, 20.0
 
+_SIDES = {"l": "left", "r": "right", "left": "left", "right": "right"}
+_BEGINNING = r"^((?i:left|right)(?=[a-z])|[LR](?=[a-z]))"
+
 Pair = tuple[int, int]
 
 
@@ -122,18 +125,12 @@ def mirrored_names(joints: Sequence[str]) -> tuple[Pair, ...]:
 def _side(name: str) -> tuple[str, ...] | None:
     """Return the side that a name states, and the rest of its words; None without a side, or with two."""
     words = re.findall(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+", name)
-    sides = {"l": "left", "r": "right", "left": "left", "right": "right"}
-    at = [k for k, word in enumerate(words) if word.lower() in sides]
-    if len(at) == 1:
-        rest = [word.lower() for k, word in enumerate(words) if k != at[0]]
-        return (sides[words[at[0]].lower()], *rest) if rest else None
-    begun = [(k, re.match(r"(?i:left|right)(?=[a-z])|[LR](?=[a-z])", word)) for k, word in enumerate(words)]
-    found = [(k, match[0]) for k, match in begun if match is not None]
-    if at or len(found) != 1:
+    if not any(word.lower() in _SIDES for word in words):  # a word may begin with it: Lear, leftear
+        words = [part for word in words for part in re.sub(_BEGINNING, r"\1 ", word).split()]
+    at = [k for k, word in enumerate(words) if word.lower() in _SIDES]
+    if len(at) != 1 or len(words) == 1:
         return None
-    k, side = found[0]
-    words[k] = words[k][len(side) :]
-    return (sides[side.lower()], *(word.lower() for word in words))
+    return (_SIDES[words.pop(at[0]).lower()], *(word.lower() for word in words))
 
 
 def _mirrored_limbs(layout: Layout) -> list[tuple[int, Pair, Pair]]:
