@@ -67,18 +67,6 @@ def test_paper_runs_the_papers_preset_and_draws_heat_maps(recording, arguments):
     assert "Error bars" in result.stdout
 
 
-def test_an_independent_start_counts_as_an_observation(recording, arguments):
-    folder, _, pose = recording
-    write_npz(folder / "s.npz", PoseData(pose + 500.0, tuple(sk.layouts.H36M17.joints), np.arange(T), "mm"))
-    run = [*arguments, *READ, *FAST, "-q", "--init", folder / "s.npz"]
-    assert invoke(*run).exit_code == 0
-    without = read_npz(folder / "out" / "pose.npz").pose
-    assert invoke(*run, "--init-sigma-mm", "0.001").exit_code == 0
-    # a start that is certain to a micrometre stays where it is
-    np.testing.assert_allclose(read_npz(folder / "out" / "pose.npz").pose, pose + 500.0, atol=0.1)
-    assert np.linalg.norm(without - pose, axis=-1).max() < 100.0
-
-
 def test_an_initial_pose_is_read_in_its_own_unit(recording, arguments):
     folder, rig, pose = recording
     start = PoseData(pose / 1000.0, tuple(sk.layouts.H36M17.joints), np.arange(T), "m")

@@ -65,12 +65,3 @@ def test_a_reader_that_goes_away_is_no_traceback(command):
         process.stdout.close()
         assert process.wait() == 1
         assert process.stderr.read() == ""
-
-
-def test_files_are_written_before_anything_is_printed(tmp_path):
-    with start("ablate", "accumulation", "--poses", 2, "-o", tmp_path) as process:
-        process.stdout.close()
-        assert process.wait() == 1
-        assert process.stderr.read() == ""
-    names = {path.name for path in tmp_path.iterdir()}
-    assert names == {f"accumulation.{kind}" for kind in ("md", "csv", "json", "png")}

@@ -225,19 +225,6 @@ def test_the_view_turns_follows_and_shows_all_cameras(visit):
 # Where points in metres, as Plotly's camera counts them, are in the view: −1 to 1 across and up.
 
 
-def test_the_heat_map_switches_and_a_curve_leads_to_its_frame(visit):
-    page = visit()
-    assert page.evaluate("heatMap.data[0].z[0][0]") == 2.0
-    page.check("input[name=heat][value=rejected]")
-    wait(page, "Math.abs(heatMap.data[0].z[0][0] - 10) < 1e-5")
-    page.locator("#lines").scroll_into_view_if_needed()
-    box = page.locator("#lines").bounding_box()
-    page.mouse.move(box["x"] + box["width"] / 2, box["y"] + 60)
-    page.mouse.click(box["x"] + box["width"] / 2, box["y"] + 60)
-    wait(page, "document.getElementById('frame').value !== '100'")
-    assert abs(frame_of(page) - 120) <= 2
-
-
 def test_names_from_files_are_shown_as_they_are(visit):
     page = visit(odd, STAMP)
     assert page.inner_text("h1") == NASTY

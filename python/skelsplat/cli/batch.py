@@ -78,14 +78,13 @@ def batch(
 
     skelsplat batch Project/ -o results --unit m --layout halpe26 --people all
     """
-    ways: dict[str, dict[str, Any]] = {"COMMANDLINE": {}, "DEFAULT_MAP": {}, "DEFAULT": {}}
-    for row in options.JOB[2:]:
-        if row.name != "output":
-            ways[source_of(context, row.name)][row.name] = context.params[row.name]
-    usual, stated = ways["DEFAULT_MAP"], ways["COMMANDLINE"]
+    names = [row.name for row in options.JOB[2:] if row.name != "output"]
+    usual, stated = (
+        {name: context.params[name] for name in names if source_of(context, name) == source}
+        for source in ("DEFAULT_MAP", "COMMANDLINE")
+    )
     wanted = {
-        name: _job(sessions, name, {**usual, **values, **stated})
-        for name, values in (_of_project if sessions.is_dir() else _of_file)(sessions)
+        name: _job(sessions, name, {**usual, **values, **stated}) for name, values in _recordings(sessions)
     }
     with progress("recordings") as count:
         found = run_batch(
@@ -101,13 +100,12 @@ def batch(
     return Answer(found.to_dict(), partial(_print, found, output), status=FAILED if errors else 0)
 
 
-def _of_project(folder: Path) -> Iterator[tuple[str, dict[str, Any]]]:
-    for name, (calibration, detections) in trials(folder).items():
-        yield name, {"calibration": calibration, "detections": detections}
-
-
-def _of_file(path: Path) -> Iterator[tuple[str, dict[str, Any]]]:
-    """Yield the name and the options of each session of a file."""
+def _recordings(path: Path) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Yield the name and the options of each recording of a project, or of each session of a file."""
+    if path.is_dir():
+        for name, (calibration, detections) in trials(path).items():
+            yield name, {"calibration": calibration, "detections": detections}
+        return
     document = read_toml(path)
     try:
         yield from _sessions(document, path.parent)
@@ -120,13 +118,11 @@ def _sessions(document: dict[str, Any], folder: Path) -> Iterator[tuple[str, dic
     for key in document:
         if key not in ("defaults", "session"):
             raise unknown(key, "[defaults] or [[session]]", ["defaults", "session"])
-    tables, shared = document.get("session", []), document.get("defaults", {})
+    tables, shared = document.get("session"), document.get("defaults", {})
     if not isinstance(shared, dict):
         raise MisfitError("defaults", "a table [defaults] of options", "something else")
-    if not isinstance(tables, list) or not all(isinstance(table, dict) for table in tables or [None]):
-        raise MisfitError(
-            "session", "a table [[session]] per recording", "something else" if tables else "none"
-        )
+    if not isinstance(tables, list) or not all(isinstance(table, dict) for table in tables):
+        raise MisfitError("session", "a table [[session]] per recording", "something else")
     defaults, names = options_in(shared, known, folder, "defaults."), set()
     for place, table in enumerate(tables, 1):
         prefix, options_of = f"session {place}.", {k: v for k, v in table.items() if k != "name"}

@@ -59,11 +59,7 @@ def check_cameras(
     """Find faults in a calibration: wrong unit, swapped, rotated or unsynchronised cameras.
 
     With the detections of people walking about, every camera is compared
-    with the other cameras. Detections are read like those of refine. With --json,
-    the remedy of a finding lists the options of refine that correct it; a
-    camera's best_offset is by how many frames its numbers are too high,
-    offset_option the value for --offset, and adjust the command for rotated or
-    moved cameras, if there are any.
+    with the other cameras. Detections are read like those of refine.
 
     [bold]Examples[/bold]
 

@@ -21,8 +21,6 @@ _HELP = (
     "Read options and arguments from a file. Its lines are OPTION = VALUE, of a flag FLAG = true; paths are "
     "relative to its folder. Command-line options win; --no-FLAG cancels FLAG = true."
 )
-# Metavars of options that take several names with commas between them.
-_WITH_COMMAS = ("A,B,…", "FORMATS", "FIGURES")
 _MOST_CHARACTERS = 40
 
 
@@ -83,10 +81,7 @@ def options_in(
 ) -> dict[str, Any]:
     """Return the options that a table of a file holds, by parameter; paths are relative to ``folder``.
 
-    Raises
-    ------
-    MisfitError
-        If a key is none of those `known`, or a value does not fit its option.
+    A `MisfitError` is raised if a key is none of those `known`, or a value does not fit its option.
     """
     found: dict[str, Any] = {}
     for key, value in table.items():
@@ -139,18 +134,14 @@ def _value(key: str, row: Option, value: Any, folder: Path) -> Any:
     if row.many and "=" in row.metavar and isinstance(value, dict):
         return [f"{left}={_text(f'{key}.{left}', right)}" for left, right in value.items()]
     kinds = get_args(row.kind) or (row.kind,)
-    several, commas = row.many or len(kinds) > 1, row.metavar in _WITH_COMMAS
-    values = value if isinstance(value, list) and (several or commas) else [value]
-    if len(kinds) not in (1, len(values)) or (commas and not values):
-        raise MisfitError(key, f"{len(kinds)} values", _shown(value))
-    texts = [_text(key, part) for part in values]
+    texts = [_text(key, part) for part in (value if isinstance(value, list) else [value])]
     for place, text in enumerate(texts):
         kind = kinds[place % len(kinds)]
-        if kind is Path and not text:  # it would be the folder
+        if not text and kind is Path:  # it would be the folder
             raise MisfitError(key, "a path", "an empty text")
         if kind is Path or (NAME_OR_PATH in row.marks and (folder / text).exists()):
             texts[place] = str(folder / text)
-    return texts if several else ",".join(texts)
+    return texts if row.many or len(kinds) > 1 else ",".join(texts)
 
 
 def _text(key: str, value: Any) -> str:

@@ -71,8 +71,6 @@ def live(
     by name. Missing values are null, NaN, or have confidence 0. "frame" is any
     value and is returned unchanged; "reset": true discards the past.
 
-    {"frame": 7, "detections": [[[812.5, 400.1, 0.9], ...], ...]}
-
     {"frame": 7, "detections": {"cam2": [[812.5, 400.1, 0.9], ...], ...}}
 
     A line out, flushed at once, has for every joint the position in the unit of
@@ -83,11 +81,7 @@ def live(
     ...], "scatter": [[0.01, 0.02, 0.01], ...], "joint_status": ["ok", ...],
     "latency_ms": 0.2}
 
-    Every line is answered. A malformed one changes nothing, and its answer has
-    its number and what was wrong; stderr has the same.
-
-    {"frame": 7, "line": 8, "error": "detections[0]: expected a list of 17 joints,
-    got 16"}
+    Every line is answered; a malformed one changes nothing, and its answer has an "error".
 
     With --fps the past predicts. With --people each camera has a list of people,
     in any order, and the answer has everybody with an id that is kept over time.

@@ -249,11 +249,8 @@ def reading(given: dict[str, Any]) -> dict[str, Any]:
 
 def config_of(*, paper: bool = False, free_bones: bool = False, **settings: Any) -> RefineConfig:
     """Return the settings of the method, of which the published one has no swaps and no bones."""
+    swaps = settings.pop("swaps", True)
     if paper:
-        settings.pop("swaps", None)
         return RefineConfig.paper(**settings)
-    if free_bones:
-        settings["bones"] = "free"
-    if "swaps" in settings:
-        settings["find_swaps"] = settings.pop("swaps")
-    return RefineConfig(**settings)
+    bones = {"bones": "free"} if free_bones else {}
+    return RefineConfig(find_swaps=swaps, **bones, **settings)

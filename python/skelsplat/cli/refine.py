@@ -25,8 +25,7 @@ _EPILOG = (
     " a layout of your own. With --people these are in the folder of each person, and report.html, "
     "overview.png, and people.csv, people.json or people.nc have everybody. Files of an earlier run are "
     "removed first; plots/ and overlay/ are kept. Recordings of more than 2 million detections of a person "
-    "(frames x cameras x joints) are done in parts, in little memory: pose files and counts are of all "
-    "frames, medians, pictures and the 3D view of every n-th. --people, --person, --init, --adjust-cameras, "
+    "(frames x cameras x joints) are done in parts; --people, --person, --init, --adjust-cameras, "
     "--fill-gaps, --filter, --angles, --paper and --write c3d need all frames at once."
 )
 _COMMON = (

@@ -128,13 +128,15 @@ def write_notes(figure: Figure, notes: Sequence[str]) -> None:
     figure.supxlabel("\n".join(lines), x=0.01, ha="left", fontsize=7, color="0.25")
 
 
+@drawn_for(_COMMON)
 def save_png(figure: Figure, path: str | os.PathLike[str]) -> Path:
     """Write ``figure`` as a PNG, whole or not at all; `DatasetError` if the folder cannot be written."""
-    with atomic_write(path) as stream, rc_context(_COMMON):
+    with atomic_write(path) as stream:
         figure.savefig(stream, format="png", dpi=figure.dpi, metadata={"Software": "skelsplat"})
     return Path(path)
 
 
+@drawn_for(_COMMON)
 def write_pages(pages: Sequence[Figure], stem: Path, formats: Sequence[str]) -> list[Path]:
     """Write pages as ``stem.png``, ``stem_2.png`` … and as one ``stem.pdf``; each file whole or not at all.
 
@@ -149,13 +151,9 @@ def write_pages(pages: Sequence[Figure], stem: Path, formats: Sequence[str]) -> 
             number += 1
     if "pdf" in formats:
         written.append(stem.with_name(f"{stem.name}.pdf"))
-        with (
-            atomic_write(written[-1]) as stream,
-            rc_context(_COMMON),
-            PdfPages(stream, metadata=_ABOUT) as pdf,
-        ):
+        with atomic_write(written[-1]) as stream, PdfPages(stream, metadata=_ABOUT) as document:
             for page in pages:
-                pdf.savefig(page, dpi=page.dpi)
+                document.savefig(page, dpi=page.dpi)
     return written
 
 

@@ -25,8 +25,8 @@ _MARK_HEIGHT = 0.055  # of a panel
 _PALE = 0.35
 # Frames from which on lines and bands go into a PDF as pixels: as curves the file would grow by megabytes.
 _MANY_FRAMES = 4000
-_ROWS = 6  # on a page
-_ROW_IN, _AROUND_IN = 1.3, 0.9
+_ROWS = 7  # on a page
+_ROW_IN, _AROUND_IN = 1.2, 0.9
 
 
 @dataclass(frozen=True)
@@ -142,7 +142,7 @@ def draw_curves(
     notes: Sequence[str] = (),
     start_name: str = "start of the refinement",
 ) -> list[Figure]:
-    """Draw panels in columns, six rows on a page, with a title and a legend above and notes below."""
+    """Draw panels in columns, seven rows on a page, with a title and a legend above and notes below."""
     most, pages = columns * _ROWS, []
     for page in (panels[k : k + most] for k in range(0, len(panels), most)):
         rows = -(-len(page) // columns)
@@ -240,11 +240,8 @@ def _legend(panels: Sequence[CurvePanel], start_name: str) -> list[Artist]:
         _style.entry(colour, side) for side, colour in _style.SIDES.items() if side in sides
     ]
     if any(np.isfinite(curve.sigma).any() for curve in curves if curve.sigma is not None):
-        dark = {1: sum(BANDS.values()), 2: BANDS[2]}
-        entries += [
-            Patch(color="0.2", alpha=alpha, linewidth=0, label=f"error bar, {n} σ")
-            for n, alpha in dark.items()
-        ]
+        for n, alpha in ((1, sum(BANDS.values())), (2, BANDS[2])):
+            entries.append(Patch(color="0.2", alpha=alpha, linewidth=0, label=f"error bar, {n} σ"))
     if any(np.isfinite(curve.start).any() for curve in curves if curve.start is not None):
         entries.append(_style.entry(_style.BEFORE, start_name))
     statuses = {name for curve in curves if curve.status is not None for name in curve.status.tolist()}

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,12 +18,14 @@ from skelsplat._arrays import Array, ArrayFields, Index
 from skelsplat.viz import _style
 
 # One hue each, from white to dark, so that they can be read in greyscale; grey is nothing measured.
-_PINK = ["#ffffff", "#ecc3da", "#c2508f", "#7a0047"]
-_BLUE = ["#ffffff", "#9ecae1", "#3182bd", "#08306b"]
-_ERROR, _REJECTED, _WEIGHT = (
+_ERROR, _REJECTED = (
     LinearSegmentedColormap.from_list("", colours).with_extremes(bad="#dddddd")
-    for colours in (_BLUE, _PINK, _PINK[::-1])
+    for colours in (
+        ["#ffffff", "#9ecae1", "#3182bd", "#08306b"],
+        ["#ffffff", "#ecc3da", "#c2508f", "#7a0047"],
+    )
 )
+_WEIGHT = _REJECTED.reversed()
 _MOST_NUMBERS = 34  # rows and columns up to which numbers fit into the cells
 _ROW_IN = 0.42  # of a camera
 _BESIDE = 13  # columns up to which two maps are side by side
@@ -143,7 +144,5 @@ def _draw(
 
 def _mean(values: Array, axis: int | tuple[int, ...]) -> Array:
     """Return the mean over ``axis`` of what is not NaN; NaN where nothing is left."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", RuntimeWarning)  # the mean of nothing is NaN, as it should be
-        mean: Array = np.nanmean(values, axis=axis)
-    return mean
+    known: Array = np.ma.masked_invalid(values).mean(axis=axis).filled(np.nan)
+    return known

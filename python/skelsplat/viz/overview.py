@@ -76,12 +76,9 @@ class OverviewData(ArrayFields):
     error_before: Array
     error_after: Array
     camera_names: Sequence[str]  # (M,) names in the order of the cameras
-    # what the cameras see in the frame that is drawn; of many, those with most rejected detections
-    panels: Sequence[CameraPanel]
+    panels: Sequence[CameraPanel]  # what the cameras see in the frame that is drawn
     caption: str  # what the frame is and why it was chosen
-    # false if the world's vertical is not known: then ``up`` is an axis of the world, and the two views
-    # are not called front and side
-    up_known: bool = True
+    up_known: bool = True  # false: the two views are not called front and side
 
 
 @_style.drawn_for(_style.SCREEN)
@@ -143,8 +140,8 @@ def _draw_body(figure: SubFigure, data: OverviewData, skeleton: Skeleton) -> Non
     planes = [np.array([[*across, 0.0], [0.0, 0.0, 1.0]]) for across in views]
     limits = [reach(after @ plane.T, 1000.0) for plane in planes]
     margin = 0.07 * max(float((high - low).max()) for low, high in limits) or 1.0
-    wide = [high[0] - low[0] + 2 * margin for low, high in limits]
-    grid = figure.add_gridspec(2, 3, width_ratios=[2.2 * one / sum(wide) for one in wide] + [1.0])
+    wide = np.array([high[0] - low[0] + 2 * margin for low, high in limits])
+    grid = figure.add_gridspec(2, 3, width_ratios=[*(2.2 * wide / wide.sum()), 1.0])
     words = (
         [
             ("front view", "to the body's left [mm]"),

@@ -155,13 +155,13 @@ def _draw_bars(axes: Axes, data: PeopleData, time: TimeAxis) -> None:
 
 def _draw_errors(axes: Axes, data: PeopleData, time: TimeAxis) -> None:
     """Draw the median reprojection error of each person over the frames."""
-    highest = [1.0]
+    highest = 1.0
     for place, person in enumerate(data.people):
         values = spread_out(time.frames, person.frames, person.error_px, np.nan)
         draw_series(axes, time, values, color=_style.person_colour(place), linewidth=1.5)
         known = values[np.isfinite(values)]
-        highest += [1.3 * float(np.percentile(known, 99))] if len(known) else []
-    axes.set(ylim=(0, max(highest)), xlabel="frame", ylabel="error [px]")
+        highest = max(highest, 1.3 * float(np.percentile(known, 99)) if len(known) else 0.0)
+    axes.set(ylim=(0, highest), xlabel="frame", ylabel="error [px]")
     axes.set_title("median reprojection error of each person")
     axes.xaxis.set_major_locator(MaxNLocator(6, integer=True))
     axes.grid()

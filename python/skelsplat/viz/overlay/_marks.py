@@ -55,14 +55,11 @@ def weight_colour(weight: float, own: str | None = None) -> Colour:
 class Sizes:
     """Line widths (whole pixels) and radii."""
 
-    # widths of ellipses, and of limbs
-    thin: int
+    thin: int  # of ellipses
     limb: int
-    # radius of a joint's dot, half the side of the square of one that is not ``"ok"``, and width of the
-    # edge of dots and discs
-    joint: float
-    hollow: float
-    edge: float
+    joint: float  # radius of its dot
+    hollow: float  # half the side of the square of a joint that is not ``"ok"``
+    edge: float  # width of the edge of dots and discs
     mark: float  # radius of a detection's disc or cross
     text: int  # height of text
 

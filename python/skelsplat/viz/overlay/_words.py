@@ -26,15 +26,11 @@ _OPAQUE = 0.6  # ground of a label
 _BRIGHT = 380  # of 765: a colour that dark letters are read on
 
 
-@lru_cache(maxsize=8)
-def _font(size: int) -> ImageFont.FreeTypeFont:
-    return ImageFont.truetype(Path(matplotlib.get_data_path()) / "fonts" / "ttf" / "DejaVuSans.ttf", size)
-
-
 @lru_cache(maxsize=64)
 def text_mask(text: str, size: int) -> npt.NDArray[np.uint8]:
     """Return one line of text ``size`` px high as coverage 0 to 255, (H, W); H is the same for all texts."""
-    font, text = _font(size), escaped(text)  # Pillow raises for control characters
+    font = ImageFont.truetype(Path(matplotlib.get_data_path()) / "fonts" / "ttf" / "DejaVuSans.ttf", size)
+    text = escaped(text)  # Pillow raises for control characters
     ascent, descent = font.getmetrics()
     picture = Pillow.new("L", (max(1, round(font.getlength(text))), ascent + descent))
     ImageDraw.Draw(picture).text((0, 0), text, fill=255, font=font)

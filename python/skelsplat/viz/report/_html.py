@@ -50,15 +50,12 @@ def section(name: str, title: str, body: str, hint: str = "", kind: str = "") ->
 
 def described(terms: Iterable[Sequence[str]]) -> str:
     """Return names, each with a value and a remark if there is one, for a list of them."""
-    return "\n".join(
-        tag(
-            "div",
-            tag("dt", escape(name))
-            + tag("dd", escape(value))
-            + "".join(tag("dd", escape(one), class_="remark") for one in remark),
-        )
-        for name, value, *remark in terms
-    )
+    lines = []
+    for name, value, *remark in terms:
+        parts = [tag("dt", escape(name)), tag("dd", escape(value))]
+        parts += [tag("dd", escape(one), class_="remark") for one in remark]
+        lines.append(tag("div", "".join(parts)))
+    return "\n".join(lines)
 
 
 def table(content: Table) -> str:

@@ -84,7 +84,7 @@ class ReportData(ArrayFields):
     shapes: CameraShapes
     tables: Sequence[Table]
     lines: Sequence[TimeLines]
-    # of several people: the sentences on each, and (T,) how many cameras see them, −1 where nobody is there
+    # of several people: the sentences on each, and (T,) how many cameras see them, −1 if they are not there
     findings: Sequence[Sequence[Sentence]] = ()
     views: Sequence[Index] = ()
     # of one person: (M, N) by camera and joint the median error in px, and the part of the detections that is
