@@ -30,6 +30,8 @@ from numpy.typing import NDArray
 from recordings import Take
 from scenarios import FloatArray
 
+import skelsplat as sk
+
 Masks = list[NDArray[np.bool_]]
 # The joints of a take that belong to the extremes: this share of all joints and frames.
 EXTREME = 0.01
@@ -39,51 +41,44 @@ USUAL = tuple(name for name in over_time.METHODS if not name.startswith("anipose
 
 @dataclass
 class Errors:
-    """What a method did wrong in all takes of a condition, joint by joint."""
+    """What a method did wrong in all takes of a condition, each (T, N); NaN if not judged or answered."""
 
-    distance: list[FloatArray] = field(default_factory=list)  # (T, N) mm; NaN if not judged or answered
-    acceleration: list[FloatArray] = field(default_factory=list)  # (T - 2, N) m/s²
-    mahalanobis: list[FloatArray] = field(default_factory=list)  # (T, N), only of methods with error bars
-    asked: int = 0  # judged joints
-    answered: int = 0  # of these with a position
+    judged: Masks = field(default_factory=list)
+    distance: list[FloatArray] = field(default_factory=list)  # mm
+    acceleration: list[FloatArray] = field(default_factory=list)  # m/s²
+    inside: list[FloatArray] = field(default_factory=list)  # (3, T, N) within 1, 2, 3 σ
     seconds: float = 0.0
 
     def add(self, take: Take, solved: over_time.Solved, seconds: float) -> None:
         """Judge one take."""
         truth = take.scene.judged
         error = solved.pose - truth
+        second = np.full(error.shape[:2], np.nan)
+        second[1:-1] = np.linalg.norm(np.diff(error, n=2, axis=0), axis=-1) * take.fps**2 / 1000.0
+        self.judged.append(np.isfinite(truth[..., 0]))
         self.distance.append(np.linalg.norm(error, axis=-1))
-        second = np.diff(error, n=2, axis=0) * take.fps**2 / 1000.0
-        self.acceleration.append(np.linalg.norm(second, axis=-1))
+        self.acceleration.append(second)
         if solved.covariance is not None:
-            known = np.isfinite(error).all(axis=-1) & np.isfinite(solved.covariance).all(axis=(-2, -1))
-            scaled = np.linalg.solve(solved.covariance[known], error[known][..., None])[..., 0]
-            square = np.full(known.shape, np.nan)
-            square[known] = np.einsum("ki,ki->k", error[known], scaled)
-            self.mahalanobis.append(np.sqrt(square))
-        self.asked += int(np.isfinite(truth[..., 0]).sum())
-        self.answered += int(np.isfinite(error[..., 0]).sum())
+            inside = sk.metrics.sigma_coverage(solved.pose, solved.covariance, truth, reduce="none")
+            self.inside.append(np.asarray(inside))
         self.seconds += seconds
 
     def row(self, masks: Masks | None = None) -> dict[str, float | None]:
         """Return the figures of the joints under masks (T, N), one per take; without any, of all."""
-        of = [np.ones(part.shape, dtype=bool) for part in self.distance] if masks is None else masks
-        distance = np.concatenate([part[mask] for part, mask in zip(self.distance, of, strict=True)])
-        second = [part[mask[1:-1]] for part, mask in zip(self.acceleration, of, strict=True)]
+        judged = np.concatenate(self.judged)
+        of = np.ones_like(judged) if masks is None else np.concatenate(masks)
+        distance, second = (np.concatenate(parts)[of] for parts in (self.distance, self.acceleration))
+        shares = np.nanmean(np.concatenate(self.inside, axis=1)[:, of], axis=1) if self.inside else None
         row: dict[str, float | None] = {
             "mean mm": float(np.nanmean(distance)),
             "median": float(np.nanmedian(distance)),
             "p95": float(np.nanpercentile(distance, 95)),
-            "acc m/s²": float(np.nanmean(np.concatenate(second))),
+            "acc m/s²": float(np.nanmean(second)),
+            **{f"{k + 1} σ %": None if shares is None else float(100 * shares[k]) for k in range(3)},
         }
-        bars = [part[mask] for part, mask in zip(self.mahalanobis, of, strict=False)]
-        inside = np.concatenate(bars) if bars else np.array([])
-        inside = inside[np.isfinite(inside)]
-        for sigmas in (1, 2, 3):
-            row[f"{sigmas} σ %"] = 100 * float(np.mean(inside <= sigmas)) if len(inside) else None
         if masks is None:
-            row["answered %"] = 100 * self.answered / self.asked
-            row["ms/frame"] = 1000.0 * self.seconds / sum(len(part) for part in self.distance)
+            row["answered %"] = 100 * float(np.isfinite(distance).sum() / judged.sum())
+            row["ms/frame"] = 1000.0 * self.seconds / len(judged)
         return row
 
 
