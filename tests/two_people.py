@@ -10,7 +10,7 @@ import skelsplat as sk
 from skelsplat import synthetic
 from skelsplat.association import take_people
 from skelsplat.run.findings import find_findings
-from skelsplat.run.joints import joint_frames
+from skelsplat.run.frames import joint_frames
 from skelsplat.run.people import find_people
 from skelsplat.run.person import look_around, pick_places
 from skelsplat.run.read import Inputs

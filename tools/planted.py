@@ -373,8 +373,8 @@ tests/unit/test_run_long.py
 
 counts of a long recording miss its first part | wrong statistics
 tests/unit/test_run_long.py
--sum(getattr(part, name) for part in parts) for name in _COUNTS
-+sum(getattr(part, name) for part in parts[1:]) for name in _COUNTS
+-sum(part[name] for part in parts) for name in _COUNTS
++sum(part[name] for part in parts[1:]) for name in _COUNTS
 
 the person nearest to a point is the farthest | wrong person
 tests/unit/test_tracked.py

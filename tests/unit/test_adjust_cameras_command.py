@@ -223,7 +223,7 @@ def test_refine_adjusts_first_and_writes_the_cameras(room, tmp_path):
 
     before = run(job())
     after = run(job(adjust_cameras=True, output=tmp_path / "out"))
-    assert after.statistics.total.before_px < 0.3 * before.statistics.total.before_px
+    assert after.statistics.total["before_px"] < 0.3 * before.statistics.total["before_px"]
     (finding,) = [one for one in after.findings if one.kind == "camera_adjusted"]
     assert finding.severity == "note"
     assert finding.to_dict() in after.report["findings"]

@@ -12,13 +12,12 @@ from skelsplat import synthetic
 from skelsplat.association import take_people
 from skelsplat.run.findings import find_cameras, find_whole, unfit_cameras
 from skelsplat.run.person import pick_places
-from skelsplat.run.summary import Group
 
 
 def group(name, rejected, used=1000):
-    counts = dict.fromkeys(("left_out", "missing", "not_chosen", "down_weighted", "swapped", "poor"), 0)
-    errors = dict.fromkeys(("before_px", "after_px", "p90_before_px", "p90_after_px"), 1.0)
-    return Group(name=name, used=used, rejected=rejected, mean_weight=0.5, **counts, **errors)
+    """Return what findings read of a camera or joint."""
+    errors, shares = dict.fromkeys(("before_px", "after_px"), 1.0), {"rejected_share": rejected / used}
+    return {"name": name, "used": used, "rejected": rejected, "mean_weight": 0.5, **errors, **shares}
 
 
 def doubts(*rejected):

@@ -102,18 +102,6 @@ def test_a_view_whose_sides_are_swapped_is_named_once(share):
     assert finding.numbers["share_of_frames"] == share
 
 
-@pytest.mark.drawn
-def test_a_notebook_shows_facts_findings_and_the_overview():
-    pixels, rig = scene()
-    found = Run.from_arrays(sk.refine(None, pixels, rig, layout=LAYOUT), rig, pixels, LAYOUT)
-    view = found._repr_html_()
-    assert "<th>layout</th><td>h36m17, 17 joints</td>" in view
-    assert " of 6 (weak, missing or unusual joints)</td>" in view
-    assert " mm across the ray, estimated)</td>" in view
-    assert f"<li>warning: {rig.names[1]} disagrees with the other cameras" in view
-    assert '<img alt="overview"' in view
-
-
 @pytest.mark.parametrize(
     ("options", "field"),
     [

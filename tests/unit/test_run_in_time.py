@@ -115,7 +115,7 @@ def test_files_hold_velocities_and_bones_in_their_unit(job, tmp_path):
     opened = Run.open(tmp_path / "out")
     np.testing.assert_array_equal(opened.outcome.sequence.bone_lengths, result.bone_lengths)
     assert opened.report["solution"]["method"] == "over time"
-    assert opened.statistics.total.after_px == pytest.approx(found.statistics.total.after_px)
+    assert opened.statistics.total["after_px"] == pytest.approx(found.statistics.total["after_px"])
 
 
 def test_an_inferred_joint_is_marked_everywhere(gap, arguments):

@@ -102,7 +102,7 @@ def _least_width(console: Console, table: Table) -> int:
 
 def print_run(console: Console, run: Run, told: Collection[Finding] = ()) -> None:
     """Print the table of cameras, the lines on the run, the least certain joints, warnings not ``told``."""
-    left_out = ["left out"] if run.statistics.total.left_out else []
+    left_out = ["left out"] if run.statistics.total["left_out"] else []
     print_rows(console, tables.of_adjusted(run.report), _ADJUSTED)
     print_rows(console, tables.of_cameras(run), [*_CAMERAS, *left_out], explained=[*_CAMERAS[3:], *left_out])
     for line in _lines(run):
@@ -197,9 +197,11 @@ def _lines(run: Run) -> Iterator[str]:
         f"Estimated noise of the detections: {number(statistics.noise_mm, digits)} mm across the ray, "
         f"{number(statistics.noise_px)} px."
     )
-    swapped = statistics.total.swapped
+    swapped = statistics.total["swapped"]
     if swapped:
-        found = ", ".join(f"{group.name} {group.swapped}" for group in statistics.cameras if group.swapped)
+        found = ", ".join(
+            f"{group['name']} {group['swapped']}" for group in statistics.cameras if group["swapped"]
+        )
         yield f"Left–right swaps were corrected in {swapped} detections: {found}."
     yield ""
     bar, scatter = (

@@ -19,15 +19,13 @@ from skelsplat.io.run_folder import read_run
 from skelsplat.run import folder as folders
 from skelsplat.run.angles import angles_of
 from skelsplat.run.findings import find_findings
-from skelsplat.run.frames import FrameFacts, Usual, find_in_frames
+from skelsplat.run.frames import FrameFacts, Usual, find_in_frames, joint_frames
 from skelsplat.run.job import Job, Writing
-from skelsplat.run.joints import joint_frames
 from skelsplat.run.over_time import apply_over_time
 from skelsplat.run.read import Inputs
 from skelsplat.run.report import build_report
 from skelsplat.run.solve import GIVEN_START, Outcome, poses_of
 from skelsplat.run.summary import Statistics, summarise
-from skelsplat.run.tables import summary_html
 
 if TYPE_CHECKING:
     import os
@@ -182,9 +180,6 @@ class Run:
         size = f"{len(self.frames)} frames of {self.layout.n_joints} joints, {len(self.cameras)} cameras"
         return f"Run({size}, {found})"
 
-    def _repr_html_(self) -> str:
-        return summary_html(self)
-
 
 @dataclass(frozen=True, repr=False)
 class PeopleRun:
@@ -247,11 +242,8 @@ def summed_up(
     gathered: Gathered | None = None,
 ) -> Run:
     """Return the run with statistics, findings and report; of a long one, ``gathered`` has all frames."""
-    statistics = summarise(inputs, outcome)
     poses, over_time = apply_over_time(poses_of(inputs, outcome.result), job)
-    filled = poses.joint_status == "filled"  # has no error bar
-    bar, scatter = (np.where(filled, np.nan, mm) for mm in (statistics.error_bar_mm, statistics.scatter_mm))
-    statistics = replace(statistics, error_bar_mm=bar, scatter_mm=scatter)
+    statistics = summarise(inputs, outcome, poses.joint_status == "filled")
     facts = FrameFacts.of(inputs, outcome, statistics, poses.joint_status)
     if gathered is None:
         named, counts = joint_frames(inputs, outcome, poses.joint_status), dict[tuple[str, int], int]()
@@ -289,8 +281,14 @@ def _opened(found: RunFolder) -> Run:
         fps=poses.frame_rate,
     )
     make = sk.RefineConfig.paper if settings["method"] == "paper" else sk.RefineConfig
-    outcome = Outcome.of(_refinement(poses), make(**settings), inputs, report["timing"]["refine_s"])
-    statistics = summarise(inputs, outcome).with_groups_of(report["reprojection_error"])
+    outcome = Outcome.of(_refinement(poses), make(**settings), inputs)
+    outcome = replace(outcome, seconds=report["timing"]["refine_s"])
+    errors = report["reprojection_error"]
+    cameras, joints, (total,) = (
+        [{key: np.nan if value is None else value for key, value in one.items()} for one in entries]
+        for entries in (errors["cameras"], errors["joints"], [errors["all"]])
+    )
+    statistics = replace(summarise(inputs, outcome), cameras=cameras, joints=joints, total=total)
     told = [tuple(map(Finding.from_dict, report[key])) for key in ("findings", "frame_findings")]
     return Run(poses, told[0], told[1], report, statistics, inputs, outcome)
 

@@ -128,7 +128,9 @@ def _in_proportion(runs: Mapping[int, Run]) -> dict[int, Run]:
     """
     disagree = [one for run in runs.values() for one in run.findings if one.kind == "camera_disagrees"]
     named = Counter(one.subject.cameras[0] for one in disagree)
-    seen = Counter(group.name for run in runs.values() for group in run.statistics.cameras if group.used)
+    seen = Counter(
+        group["name"] for run in runs.values() for group in run.statistics.cameras if group["used"]
+    )
     judged = {}
     for identity, run in runs.items():
         found = in_order(

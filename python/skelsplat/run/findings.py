@@ -16,7 +16,7 @@ from skelsplat._words import length, listed, percent
 from skelsplat.findings import Finding, Remedy, Subject
 from skelsplat.rig_check._check import find_swapped, same_detections
 from skelsplat.run.displaced import displaced_cameras, find_apart, find_displaced, shift_of, to_one_side
-from skelsplat.run.joints import MOSTLY, JointFrames, find_joints, find_statuses, some
+from skelsplat.run.frames import MOSTLY, JointFrames, find_joints, find_statuses, some
 from skelsplat.run.people import find_people
 from skelsplat.run.read import Inputs
 from skelsplat.run.solve import Outcome, frame_by_frame
@@ -73,19 +73,22 @@ def find_findings(
 
 def find_whole(statistics: Statistics, min_confidence: float = 0.0) -> Iterator[Finding]:
     """Yield a finding if hardly any detection is used or trusted, or the pose is worse than its start."""
-    total, before, after = statistics.total, statistics.total.before_px, statistics.total.after_px
+    total, before, after = statistics.total, statistics.total["before_px"], statistics.total["after_px"]
     further = _FURTHER if np.median(statistics.views_used) >= _CONFIRMED else _FURTHER_OF_TWO
-    if total.used == 0:
+    if total["used"] == 0:
         why = "two cameras must detect the person in the same frame, joints with a confidence of at least "
         why += f"{min_confidence:g}, in pixels of these cameras' images (not 0 to 1), x before y."
-        if total.left_out == total.not_chosen == 0:
+        if total["left_out"] == total["not_chosen"] == 0:
             why = "nobody is detected with enough confidence."
         yield Finding("nothing_used", "error", sentence=f"No detection could be used: {why}")
-    elif total.rejected_share >= _WHOLE_SHARE or min(total.rejected_share, _rest(statistics)) >= _REST_SHARE:
-        words = f"{percent(total.rejected_share)} of all detections are rejected: check that calibration, "
+    elif (
+        total["rejected_share"] >= _WHOLE_SHARE
+        or min(total["rejected_share"], _rest(statistics)) >= _REST_SHARE
+    ):
+        words = f"{percent(total['rejected_share'])} of all detections are rejected: check that calibration, "
         words += "cameras and detections belong together and all views show the same person, and check "
         words += "timing, unit and layout."
-        numbers = {"rejected_share": total.rejected_share}
+        numbers = {"rejected_share": total["rejected_share"]}
         yield Finding("many_rejected", "warning", Subject(), numbers, sentence=words)
     elif after > max(further * before, before + _FURTHER_PX):
         words = "The refined pose lies further from the detections than its start (median "
@@ -100,7 +103,7 @@ def _in_time(statistics: Statistics, alone: Statistics) -> Iterator[Finding]:
     From V views a frame alone follows 3 of 2V numbers, noise and all; over time hardly any.
     """
     views = max(2.0, finite_median(statistics.views_used))
-    before, after = alone.total.after_px, statistics.total.after_px
+    before, after = alone.total["after_px"], statistics.total["after_px"]
     allowed = _FURTHER_OVER_TIME * np.sqrt(2 * views / (2 * views - 3)) * before
     if after > max(allowed, before + _FURTHER_PX):
         words = "Solved over time, the pose lies much further from the detections than frame by frame "
@@ -114,7 +117,7 @@ def _rest(statistics: Statistics) -> float:
     """Return the share of rejected detections, without the cameras and joints that have their own finding."""
     bad = _bad_cameras(statistics.cameras)
     cameras = [group not in bad for group in statistics.cameras]
-    joints = [group.rejected_share < MOSTLY for group in statistics.joints]
+    joints = [group["rejected_share"] < MOSTLY for group in statistics.joints]
     part = np.s_[:, np.flatnonzero(cameras)[:, None], np.flatnonzero(joints)]
     used = np.isfinite(statistics.error_after[part]).sum()
     return float(statistics.rejected[part].sum() / max(1, used))
@@ -154,7 +157,7 @@ def _cameras(inputs: Inputs, statistics: Statistics) -> Iterator[Finding]:
     names, shifts, unfit = inputs.rig.names, statistics.shifts, unfit_cameras(inputs)
     unfit_names = {names[i] for i in unfit}
     displaced = displaced_cameras(inputs.rig, shifts)
-    bad = {group.name for group in _bad_cameras(statistics.cameras)}
+    bad = {group["name"] for group in _bad_cameras(statistics.cameras)}
     worst = [i for i in displaced if names[i] in bad]
     rest = [i for i in displaced if names[i] not in bad]
     sides = {names[i]: shift_of(names, shifts, i, rest if i == worst[0] else ()) for i in worst}
@@ -177,39 +180,41 @@ def find_cameras(
     need not see one of several people who were ``followed``.
     """
     bad = _bad_cameras(statistics.cameras)
-    good = [group for group in statistics.cameras if group.used and group not in bad]
-    others = sum(group.rejected for group in good) / max(1, sum(group.used for group in good))
-    compared = "" if len(bad) == 1 else ", ".join(group.name for group in good)
+    good = [group for group in statistics.cameras if group["used"] and group not in bad]
+    others = sum(group["rejected"] for group in good) / max(1, sum(group["used"] for group in good))
+    compared = "" if len(bad) == 1 else ", ".join(group["name"] for group in good)
     enough = len(statistics.cameras) > 2  # two must remain
     for group in statistics.cameras:
-        subject, without = Subject(cameras=(group.name,)), (Remedy("without", group.name),)
-        if statistics.total.used and not group.used and group.name not in unfit and not followed:
-            words = f"{group.name} has no usable detections. Either the person is not in view, or its "
+        subject, without = Subject(cameras=(group["name"],)), (Remedy("without", group["name"]),)
+        if statistics.total["used"] and not group["used"] and group["name"] not in unfit and not followed:
+            words = f"{group['name']} has no usable detections. Either the person is not in view, or its "
             words += "detections do not agree with the other views."
             remedy = (Remedy("person", None), *(without if enough else ()))
             yield Finding("camera_unused", "warning", subject, remedy=remedy, sentence=words)
         elif group in bad:
-            side = sides.get(group.name, {})
+            side = sides.get(group["name"], {})
             theirs = f"those of {compared}" if compared else "theirs"
-            words = f"{group.name} disagrees with the other cameras: {percent(group.rejected_share)} of its "
-            words += f"detections are rejected, {percent(others)} of {theirs}, and its mean weight is "
-            words += f"{group.mean_weight:.2f}. "
-            words += f"Its detections are shifted by {to_one_side(side)}. " if side else ""
-            words += "The pose follows the others: check this camera's calibration and timing, and whether "
-            words += "anything blocks its view."
-            shares = {"rejected_share": group.rejected_share, "others_rejected_share": others}
-            numbers, remedy = {**shares, "mean_weight": group.mean_weight, **side}, without if enough else ()
-            remedy = () if group.name in unfit else remedy
+            shifted = f"Its detections are shifted by {to_one_side(side)}. " if side else ""
+            words = f"{group['name']} disagrees with the other cameras: {percent(group['rejected_share'])} "
+            words += f"of its detections are rejected, {percent(others)} of {theirs}, and its mean weight is "
+            words += f"{group['mean_weight']:.2f}. {shifted}The pose follows the others: check this camera's "
+            words += "calibration and timing, and whether anything blocks its view."
+            shares = {"rejected_share": group["rejected_share"], "others_rejected_share": others}
+            numbers, remedy = (
+                {**shares, "mean_weight": group["mean_weight"], **side},
+                without if enough else (),
+            )
+            remedy = () if group["name"] in unfit else remedy
             yield Finding("camera_disagrees", "warning", subject, numbers, remedy, sentence=words)
 
 
 def _bad_cameras(cameras: Sequence[Group]) -> list[Group]:
     """Return the cameras with an unusual share of rejected detections; never all of them."""
-    used = [group for group in cameras if group.used]
+    used = [group for group in cameras if group["used"]]
     bad = []
     for group in used if len(used) > 1 else ():
-        others = [other.rejected_share for other in used if other is not group]
-        share = group.rejected_share
+        others = [other["rejected_share"] for other in used if other is not group]
+        share = group["rejected_share"]
         far = share >= max(_CAMERA_SHARE, _CAMERA_RATIO * finite_median(others))
         if far or share >= max(_BAD_SHARE, _BEST_RATIO * min(others)):
             bad.append(group)

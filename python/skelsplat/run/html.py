@@ -107,7 +107,7 @@ def write_people_html(run: PeopleRun, path: Path) -> None:
         shapes=camera_shapes(first.cameras),
         tables=[
             page.Table(**vars(tables.of_people(run)), marks=marks),
-            *_shown(tables.of_adjusted(run.report), tables.of_bones(run)),
+            *_shown(tables.of_adjusted(run.report)),
         ],
         lines=lines_of_people(tracks, frames),
         findings=[_sentences(one.findings, notes=True) for one in runs],

@@ -20,9 +20,8 @@ from skelsplat._sequence import frames_of, joined
 from skelsplat.findings import warn
 from skelsplat.io._arrays import RowFile
 from skelsplat.io.poses._pose_data import PoseParts
-from skelsplat.run.frames import FrameFacts
+from skelsplat.run.frames import FrameFacts, JointFrames, joint_frames
 from skelsplat.run.job import Job
-from skelsplat.run.joints import JointFrames, joint_frames
 from skelsplat.run.person import look_around, pick_consistent, sampled
 from skelsplat.run.read import Inputs, Opened, Thinned
 from skelsplat.run.solve import Outcome, Progress, even_clock, poses_of, silent, why_alone

@@ -13,7 +13,7 @@ from skelsplat._people import layouts_alike
 from skelsplat._words import decimals, length, listed, number, percent
 from skelsplat.association import body_sizes
 from skelsplat.findings import Finding, Remedy, Subject
-from skelsplat.run.joints import frames_in_words
+from skelsplat.run.frames import frames_in_words
 from skelsplat.run.person import OFTEN, Crowd
 from skelsplat.run.read import Inputs
 from skelsplat.run.solve import Outcome

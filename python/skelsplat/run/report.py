@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import platform
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -17,7 +16,7 @@ from skelsplat.run.job import Job
 from skelsplat.run.people import limb_spread
 from skelsplat.run.read import Inputs
 from skelsplat.run.solve import ALONE, Outcome, default_threads
-from skelsplat.run.summary import DOWN_WEIGHTED, POOR_SHARE, Group, Statistics, finite_max, finite_median
+from skelsplat.run.summary import DOWN_WEIGHTED, POOR_SHARE, Statistics, finite_median
 
 if TYPE_CHECKING:
     from skelsplat.findings import Finding
@@ -68,7 +67,14 @@ def build_report(
             "solution": _solution(inputs, outcome, statistics),
             "ground_truth": None,
             "meanings": MEANINGS,
-            "reprojection_error": _errors(statistics),
+            "reprojection_error": {
+                "down_weighted_below": DOWN_WEIGHTED,
+                "rejected_below": sk.REJECTED_WEIGHT,
+                "poor_share_of_diagonal": POOR_SHARE,
+                "all": statistics.total,
+                "cameras": statistics.cameras,
+                "joints": statistics.joints,
+            },
             "noise": {"median_mm": statistics.noise_mm, "median_px": statistics.noise_px},
             "joint_statuses": statistics.statuses,
             "stop_reasons": statistics.stop_reasons,
@@ -175,39 +181,6 @@ def input_of(inputs: Inputs, job: Job | None) -> dict[str, Any]:
     }
 
 
-def _errors(statistics: Statistics) -> dict[str, Any]:
-    """Return the counts of all, of cameras and of joints."""
-    limits = zip(statistics.cameras, statistics.poor_px, strict=True)
-    return {
-        "down_weighted_below": DOWN_WEIGHTED,
-        "rejected_below": sk.REJECTED_WEIGHT,
-        "poor_share_of_diagonal": POOR_SHARE,
-        "all": _group(statistics.total),
-        "cameras": [{**_group(group), "poor_above_px": float(limit)} for group, limit in limits],
-        "joints": [
-            {
-                **_group(group),
-                "views_used_median": float(np.median(statistics.views_used[:, j])),
-                "views_used_min": int(statistics.views_used[:, j].min()),
-                "moved_median_mm": finite_median(statistics.moved_mm[:, j]),
-                "error_bar_median_mm": finite_median(statistics.error_bar_mm[:, j]),
-                "error_bar_max_mm": finite_max(statistics.error_bar_mm[:, j]),
-                "scatter_median_mm": finite_median(statistics.scatter_mm[:, j]),
-                "scatter_max_mm": finite_max(statistics.scatter_mm[:, j]),
-            }
-            for j, group in enumerate(statistics.joints)
-        ],
-    }
-
-
-def _group(group: Group) -> dict[str, Any]:
-    """Return the counts of a group, and as shares of the detections used; None without any."""
-    down, rejected = None, None
-    if group.used:
-        down, rejected = group.down_weighted / group.used, group.rejected / group.used
-    return {**asdict(group), "down_weighted_share": down, "rejected_share": rejected}
-
-
 def build_people_report(
     everybody: Everybody, runs: Mapping[int, Run], findings: Sequence[Finding], job: Job
 ) -> dict[str, Any]:
@@ -254,8 +227,8 @@ def _entry(identity: int, run: Run) -> dict[str, Any]:
         "seen_by_two": int((views >= 2).sum()),
         "views_median": float(np.median(views)),
         "cameras": [{"name": name, "frames": int(count)} for name, count in cameras],
-        "median_error_px": total.after_px,
-        "rejected_share": total.rejected_share,
+        "median_error_px": total["after_px"],
+        "rejected_share": total["rejected_share"],
         "error_bar_median_mm": finite_median(run.statistics.error_bar_mm),
         "limb_range": _limb_range(run),
         "findings": [finding.to_dict() for finding in run.findings],

@@ -6,7 +6,7 @@ import os
 import time
 import warnings
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -51,21 +51,14 @@ class Outcome:
     alone: str = ""  # why it was solved frame by frame, of `ALONE`; "" if solved over time or unknown
 
     @classmethod
-    def of(
-        cls,
-        result: sk.Refinement,
-        config: sk.RefineConfig,
-        inputs: Inputs,
-        seconds: float = float("nan"),
-        alone: str = "",
-    ) -> Outcome:
+    def of(cls, result: sk.Refinement, config: sk.RefineConfig, inputs: Inputs) -> Outcome:
         """Return a result with what it is compared with."""
         if inputs.init_pose is None:
-            return cls(result, config, _plain(inputs, config), PLAIN_START, seconds, alone)
+            return cls(result, config, _plain(inputs, config))
         start = np.asarray(result.init_pose)
         if isinstance(result, sk.SequenceRefinement):
             start = np.where(np.isfinite(inputs.init_pose), inputs.init_pose, start)
-        return cls(result, config, start, GIVEN_START, seconds, alone)
+        return cls(result, config, start, GIVEN_START)
 
     @property
     def sequence(self) -> sk.SequenceRefinement | None:
@@ -90,7 +83,7 @@ def refine_inputs(inputs: Inputs, job: Job, progress: Progress = silent) -> Outc
     config, alone, begin = job.settings, why_alone(inputs, job), time.perf_counter()
     progress(0, len(inputs.frames))
     if not alone and inputs.solved is not None and inputs.init_pose is None:
-        return Outcome.of(inputs.solved, config, inputs, inputs.solved_s)
+        return replace(Outcome.of(inputs.solved, config, inputs), seconds=inputs.solved_s)
     if not alone:
         result: sk.Refinement = _in_time(inputs, config, progress)
     else:
@@ -104,7 +97,8 @@ def refine_inputs(inputs: Inputs, job: Job, progress: Progress = silent) -> Outc
             config=config,
             progress=progress,
         )
-    return Outcome.of(result, config, inputs, time.perf_counter() - begin, alone)
+    found = Outcome.of(result, config, inputs)
+    return replace(found, seconds=time.perf_counter() - begin, alone=alone)
 
 
 def why_alone(inputs: Inputs, job: Job) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -23,79 +23,62 @@ POOR_SHARE = 0.01
 # A detection is called down-weighted below a weight of one half. With the kernel twice as wide as
 # the noise that is 3.3 standard deviations from the joint, which one in 250 sound detections exceeds.
 DOWN_WEIGHTED = 0.5
-# the fields of `Group` that count detections
+# what counts detections in a `Group`, and of what there are shares
+_SHARED = ("down_weighted", "rejected")
 _COUNTS = (*("used", "left_out", "missing", "not_chosen"), *("down_weighted", "rejected", "swapped", "poor"))
 
 
-@dataclass(frozen=True)
-class Group:
-    """The detections of one camera or of one joint over all frames.
+Group = dict[str, Any]
+"""The detections of one camera or of one joint over all frames, as in ``report.json`` but with NaN for null.
 
-    ``before_px`` and ``after_px`` are medians over the same detections (NaN without any); ``used`` +
-    ``left_out`` + ``missing`` is their number. Left out are those below the least confidence and those of
-    joints that have no position. ``not_chosen`` ones are among the missing: people are detected in the
-    view and another, but none here matches. ``down_weighted`` (the ``rejected`` among them), ``swapped``
-    and ``poor`` ones are among the used, and ``mean_weight`` is their mean weight k.
-    """
+``before_px`` and ``after_px`` are medians over the same detections; ``used`` + ``left_out`` + ``missing`` is
+their number. Left out are those below the least confidence and those of joints that have no position.
+``not_chosen`` ones are among the missing: people are detected in the view and another, but none here matches.
+``down_weighted`` (the ``rejected`` among them), ``swapped`` and ``poor`` ones are among the used, and
+``mean_weight`` is their mean weight k.
+"""
 
-    name: str
-    before_px: float
-    after_px: float
-    p90_before_px: float
-    p90_after_px: float
-    used: int
-    left_out: int
-    missing: int
-    not_chosen: int
-    down_weighted: int
-    rejected: int
-    swapped: int
-    mean_weight: float
-    poor: int
 
-    @property
-    def rejected_share(self) -> float:
-        """Part of the used detections that is rejected; 0 without any."""
-        return self.rejected / self.used if self.used else 0.0
+def _group(name: str, part: Mapping[str, npt.NDArray[Any]]) -> Group:
+    """Count detections by what `summarise` knows of each: (T, M, N), or a part of them."""
+    used = np.isfinite(part["after"])
+    missing = ~part["there"] & ~used
+    both = used & np.isfinite(part["before"])
+    before, after = part["before"][both], part["after"][both]
+    weights = part["weight"][np.isfinite(part["weight"])]
+    counted = {
+        "name": name,
+        "before_px": finite_median(before),
+        "after_px": finite_median(after),
+        "p90_before_px": _percentile(before, 90),
+        "p90_after_px": _percentile(after, 90),
+        "used": int(used.sum()),
+        "left_out": int((part["there"] & ~used).sum()),
+        "missing": int(missing.sum()),
+        "not_chosen": int((missing & part["unmatched"]).sum()),
+        "down_weighted": int((weights < DOWN_WEIGHTED).sum()),
+        "rejected": int((weights < sk.REJECTED_WEIGHT).sum()),
+        "swapped": int(part["swapped"].sum()),
+        "mean_weight": float(weights.mean()) if weights.size else float("nan"),
+        "poor": int(part["poor"].sum()),
+    }
+    return _with_shares(counted)
 
-    @classmethod
-    def of(cls, name: str, part: Mapping[str, npt.NDArray[Any]]) -> Group:
-        """Count detections by what `summarise` knows of each: (T, M, N), or a part of them."""
-        used = np.isfinite(part["after"])
-        missing = ~part["there"] & ~used
-        both = used & np.isfinite(part["before"])
-        before, after = part["before"][both], part["after"][both]
-        weights = part["weight"][np.isfinite(part["weight"])]
-        return cls(
-            name=name,
-            before_px=finite_median(before),
-            after_px=finite_median(after),
-            p90_before_px=_percentile(before, 90),
-            p90_after_px=_percentile(after, 90),
-            used=int(used.sum()),
-            left_out=int((part["there"] & ~used).sum()),
-            missing=int(missing.sum()),
-            not_chosen=int((missing & part["unmatched"]).sum()),
-            down_weighted=int((weights < DOWN_WEIGHTED).sum()),
-            rejected=int((weights < sk.REJECTED_WEIGHT).sum()),
-            swapped=int(part["swapped"].sum()),
-            mean_weight=float(weights.mean()) if weights.size else float("nan"),
-            poor=int(part["poor"].sum()),
-        )
 
-    def with_counts_of(self, parts: Sequence[Group]) -> Group:
-        """Return the same with the counts and the mean weight of all parts of the recording."""
-        sums: dict[str, Any] = {name: sum(getattr(part, name) for part in parts) for name in _COUNTS}
-        weights = [part.mean_weight * part.used for part in parts if part.used]
-        sums["mean_weight"] = sum(weights) / sums["used"] if weights else float("nan")
-        return replace(self, **sums)
+def _with_shares(group: Group) -> Group:
+    """Return the same with two counts as parts of the detections used."""
+    shares = {
+        f"{name}_share": group[name] / group["used"] if group["used"] else float("nan") for name in _SHARED
+    }
+    return {**group, **shares}
 
-    @classmethod
-    def from_dict(cls, entry: Mapping[str, Any]) -> Group:
-        """Return the group of an entry of ``report.json``; null is NaN."""
-        held: dict[str, Any] = {part.name: entry[part.name] for part in fields(cls)}
-        missing = {name: float("nan") for name, value in held.items() if value is None}
-        return cls(**{**held, **missing})
+
+def _in_all(group: Group, parts: Sequence[Group]) -> Group:
+    """Return the same with the counts and the mean weight of all parts of the recording."""
+    sums: Group = {name: sum(part[name] for part in parts) for name in _COUNTS}
+    weights = [part["mean_weight"] * part["used"] for part in parts if part["used"]]
+    sums["mean_weight"] = sum(weights) / sums["used"] if weights else float("nan")
+    return _with_shares({**group, **sums})
 
 
 @dataclass(frozen=True)
@@ -115,7 +98,6 @@ class Statistics:
     scatter_mm: Array
     noise_mm: float  # standard deviation of the detections' noise, median over the frames: across the ray,
     noise_px: float  # and in the image
-    poor_px: Array  # (M,) the error beyond which a detection of this camera is called poor
     cameras: list[Group]
     joints: list[Group]
     total: Group
@@ -138,7 +120,7 @@ class Statistics:
 
         def groups(name: str) -> list[Group]:
             every = zip(*(getattr(part, name) for part in parts), strict=True)
-            return [own.with_counts_of(same) for own, same in zip(getattr(self, name), every, strict=True)]
+            return [_in_all(own, same) for own, same in zip(getattr(self, name), every, strict=True)]
 
         def count(name: str) -> dict[str, int]:
             counters = (Counter(getattr(part, name)) for part in parts)
@@ -148,19 +130,14 @@ class Statistics:
             self,
             cameras=groups("cameras"),
             joints=groups("joints"),
-            total=self.total.with_counts_of([part.total for part in parts]),
+            total=_in_all(self.total, [part.total for part in parts]),
             stop_reasons=count("stop_reasons"),
             statuses=count("statuses"),
         )
 
-    def with_groups_of(self, errors: Mapping[str, Any]) -> Statistics:
-        """Return the same with the groups of a report's ``reprojection_error``."""
-        cameras, joints = ([Group.from_dict(one) for one in errors[key]] for key in ("cameras", "joints"))
-        return replace(self, cameras=cameras, joints=joints, total=Group.from_dict(errors["all"]))
 
-
-def summarise(inputs: Inputs, outcome: Outcome) -> Statistics:
-    """Count and measure a refined sequence against its own detections."""
+def summarise(inputs: Inputs, outcome: Outcome, replaced: Mask | None = None) -> Statistics:
+    """Count and measure a refined sequence against its detections; joints ``replaced`` (T, N) have no bar."""
     result, mm, seen = outcome.result, inputs.rig.mm_per_unit, inputs.detections
     after, weights = np.asarray(result.reprojection_error), np.asarray(result.view_weights)
     used, swapped = np.isfinite(after), np.asarray(result.swapped)
@@ -177,28 +154,49 @@ def summarise(inputs: Inputs, outcome: Outcome) -> Statistics:
     }
 
     def group(name: str, part: Any) -> Group:
-        return Group.of(name, {key: values[part] for key, values in every.items()})
+        return _group(name, {key: values[part] for key, values in every.items()})
 
     projected = _projected(result.pose, inputs, outcome)
     residual = residuals(seen[..., :2], projected, swapped, inputs.layout.left_right)
     residual = np.where(used[..., None], residual, np.nan)
     rejected = every["weight"] < sk.REJECTED_WEIGHT
-    scatter = np.trace(result.uncertainty, axis1=-2, axis2=-1) / 3
+    views_used = (used & ~rejected).sum(axis=1)
+    variance = np.trace(result.uncertainty, axis1=-2, axis2=-1) / 3
+    moved = np.linalg.norm(np.asarray(result.pose) - outcome.start, axis=-1) * mm
+    bar, scatter = np.sqrt(variance + result.joint_bias**2) * mm, np.sqrt(variance) * mm
+    if replaced is not None:
+        bar, scatter = (np.where(replaced, np.nan, values) for values in (bar, scatter))
+    cameras = [
+        {**group(name, np.s_[:, i]), "poor_above_px": float(poor_px[i])}
+        for i, name in enumerate(inputs.rig.names)
+    ]
+    joints = [
+        {
+            **group(name, np.s_[..., j]),
+            "views_used_median": float(np.median(views_used[:, j])),
+            "views_used_min": int(views_used[:, j].min()),
+            "moved_median_mm": finite_median(moved[:, j]),
+            "error_bar_median_mm": finite_median(bar[:, j]),
+            "error_bar_max_mm": finite_max(bar[:, j]),
+            "scatter_median_mm": finite_median(scatter[:, j]),
+            "scatter_max_mm": finite_max(scatter[:, j]),
+        }
+        for j, name in enumerate(inputs.layout.joints)
+    ]
     return Statistics(
         error_before=every["before"],
         error_after=after,
         residual=residual,
         shifts=camera_shifts(residual),
         rejected=rejected,
-        views_used=(used & ~rejected).sum(axis=1),
-        moved_mm=np.linalg.norm(np.asarray(result.pose) - outcome.start, axis=-1) * mm,
-        error_bar_mm=np.sqrt(scatter + result.joint_bias**2) * mm,
-        scatter_mm=np.sqrt(scatter) * mm,
+        views_used=views_used,
+        moved_mm=moved,
+        error_bar_mm=bar,
+        scatter_mm=scatter,
         noise_mm=finite_median(result.noise) * mm,
         noise_px=finite_median(np.asarray(result.noise) / _pixel_sizes(inputs, outcome)),
-        poor_px=poor_px,
-        cameras=[group(name, np.s_[:, i]) for i, name in enumerate(inputs.rig.names)],
-        joints=[group(name, np.s_[..., j]) for j, name in enumerate(inputs.layout.joints)],
+        cameras=cameras,
+        joints=joints,
         total=group("all", ...),
         stop_reasons=_count(result.stop_reason),
         statuses=_count(result.joint_status),

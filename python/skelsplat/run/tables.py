@@ -2,18 +2,13 @@
 
 from __future__ import annotations
 
-import base64
-import html
-import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from skelsplat._optional import can_draw
-from skelsplat._words import decimals, length, number, with_bar
+from skelsplat._words import length, number, with_bar
 from skelsplat.run.frames import problems_of
 from skelsplat.run.report import MEANINGS
 from skelsplat.run.summary import Group, finite_median, is_biased
@@ -41,20 +36,20 @@ _ERROR = "median reprojection error, start → refined"
 # Head, meaning and cell of each column.
 _Columns = Sequence[tuple[str, str, Callable[[Any], str]]]
 _OF_GROUPS: _Columns = (
-    ("median [px]", _ERROR, lambda one: _change(one.before_px, one.after_px)),
+    ("median [px]", _ERROR, lambda one: _change(one["before_px"], one["after_px"])),
     (
         "90th percentile [px]",
         "of the reprojection error, start → refined",
-        lambda one: _change(one.p90_before_px, one.p90_after_px),
+        lambda one: _change(one["p90_before_px"], one["p90_after_px"]),
     ),
-    ("used", "detections used", lambda one: f"{one.used:,}"),
-    ("missing", MEANINGS["missing"], lambda one: f"{one.missing:,}"),
-    ("not chosen", MEANINGS["not_chosen"], lambda one: f"{one.not_chosen:,}"),
-    ("left out", MEANINGS["left_out"], lambda one: f"{one.left_out:,}"),
-    ("down-weighted", MEANINGS["down_weighted"], lambda one: part_of(one.down_weighted, one.used)),
-    ("rejected", MEANINGS["rejected"], lambda one: part_of(one.rejected, one.used)),
-    ("weight", MEANINGS["mean_weight"], lambda one: number(one.mean_weight, 2)),
-    ("swapped", MEANINGS["swapped"], lambda one: f"{one.swapped:,}"),
+    ("used", "detections used", lambda one: f"{one['used']:,}"),
+    ("missing", MEANINGS["missing"], lambda one: f"{one['missing']:,}"),
+    ("not chosen", MEANINGS["not_chosen"], lambda one: f"{one['not_chosen']:,}"),
+    ("left out", MEANINGS["left_out"], lambda one: f"{one['left_out']:,}"),
+    ("down-weighted", MEANINGS["down_weighted"], lambda one: part_of(one["down_weighted"], one["used"])),
+    ("rejected", MEANINGS["rejected"], lambda one: part_of(one["rejected"], one["used"])),
+    ("weight", MEANINGS["mean_weight"], lambda one: number(one["mean_weight"], 2)),
+    ("swapped", MEANINGS["swapped"], lambda one: f"{one['swapped']:,}"),
 )
 # of a camera as `skelsplat.run.cameras.numbers_of` has it
 _OF_ADJUSTED: _Columns = (
@@ -93,12 +88,12 @@ def of_cameras(run: Run) -> Rows:
 
 def of_joints(run: Run) -> Rows:
     """Return a row per joint."""
-    statistics, digits, rows = run.statistics, run.statistics.decimals, []
-    for j, group in enumerate(statistics.joints):
-        views = statistics.views_used[:, j]
-        lengths = (statistics.error_bar_mm, statistics.scatter_mm, statistics.moved_mm)
-        bar, scatter, moved = (number(finite_median(mm[:, j]), digits) for mm in lengths)
-        rows.append([*_cells(group), f"{np.median(views):g} ({views.min()})", f"{bar} ({scatter})", moved])
+    digits, rows = run.statistics.decimals, []
+    for one in run.statistics.joints:
+        names = ("error_bar_median_mm", "scatter_median_mm", "moved_median_mm")
+        bar, scatter, moved = (number(one[name], digits) for name in names)
+        views = f"{one['views_used_median']:g} ({one['views_used_min']})"
+        rows.append([*_cells(one), views, f"{bar} ({scatter})", moved])
     columns = [
         *_heads("joint", _OF_GROUPS),
         (
@@ -132,8 +127,8 @@ def of_people(run: PeopleRun) -> Rows:
             f"{entry['first_frame']}–{entry['last_frame']}",
             f"{sum(last - first + 1 for first, last in entry['seen']):,}",
             f"{entry['views_median']:g}",
-            _change(total.before_px, total.after_px),
-            part_of(total.rejected, total.used),
+            _change(total["before_px"], total["after_px"]),
+            part_of(total["rejected"], total["used"]),
             length(finite_median(one.statistics.error_bar_mm)),
             "–" if limbs is None else f"{100 * limbs:.0f}%",
             f"{problem_frames(one):,}",
@@ -141,19 +136,6 @@ def of_people(run: PeopleRun) -> Rows:
         ]
         rows.append(row)
     return Rows("People", _OF_PEOPLE, rows)
-
-
-def of_bones(run: PeopleRun) -> Rows:
-    """Return the lengths of everybody's bones; no rows if the poses were not solved over time."""
-    lengths: list[dict[str, str]] = []
-    for one in run.people.values():
-        joints = [name.replace("_", " ") for name in one.layout.joints]
-        sizes = ((f"{joints[a]} – {joints[b]}", size) for a, b, *size in one.outcome.bones_mm(one.inputs))
-        lengths.append({bone: _length(*size) for bone, size in sizes if np.isfinite(size).all()})
-    every = dict.fromkeys(bone for own in lengths for bone in own)
-    columns = [("bone", ""), *((f"person {identity}", "") for identity in run.people)]
-    rows = [[bone, *(own.get(bone, "–") for own in lengths)] for bone in every]
-    return Rows("Bone lengths [mm]", columns, rows, hint="Over all frames, ± standard error.")
 
 
 def facts_of(report: dict[str, Any]) -> list[tuple[str, str]]:
@@ -211,8 +193,8 @@ def _numbers_of(runs: Sequence[Run]) -> list[tuple[str, str, str]]:
         return finite_median(np.concatenate([getattr(one.statistics, name).ravel() for one in runs]))
 
     groups = [one.statistics.total for one in runs]
-    used, rejected = sum(group.used for group in groups), sum(group.rejected for group in groups)
-    before, after = groups[0].before_px, groups[0].after_px
+    used, rejected = sum(group["used"] for group in groups), sum(group["rejected"] for group in groups)
+    before, after = groups[0]["before_px"], groups[0]["after_px"]
     if len(runs) > 1:
         before, after = median("error_before"), median("error_after")
     why = _WHY_RISEN if round(after, 1) > round(before, 1) else "start → refined"
@@ -235,36 +217,16 @@ def part_of(count: int, of: int) -> str:
     return f"{100 * count / of:.1f}%" if of else "–"
 
 
-def summary_html(run: Run) -> str:
-    """Return facts, numbers, findings and the overview as HTML, for the output of a notebook's cell."""
-    remarked = [(name, f"{value} ({remark})") for name, value, remark in key_numbers(run)]
-    rows = [(html.escape(name), html.escape(value)) for name, value in [*facts_of(run.report), *remarked]]
-    cells = "".join(f"<tr><th>{name}</th><td>{value}</td></tr>" for name, value in rows)
-    found = "".join(f"<li>{one.severity}: {html.escape(one.text)}</li>" for one in run.findings)
-    listed, picture = f"<ul>{found}</ul>" if found else "<p>No findings.</p>", ""
-    if can_draw():
-        with tempfile.TemporaryDirectory() as folder:
-            run.write_figures(folder)
-            data = base64.b64encode((Path(folder) / "overview.png").read_bytes()).decode()
-        picture = f'<img alt="overview" style="max-width: 100%" src="data:image/png;base64,{data}">'
-    return f"<table>{cells}</table>{listed}{picture}"
-
-
 def _heads(first: str, columns: _Columns) -> list[tuple[str, str]]:
     return [(first, ""), *((head, meaning) for head, meaning, _ in columns)]
 
 
 def _cells(group: Group) -> list[str]:
-    return [group.name, *(cell(group) for *_, cell in _OF_GROUPS)]
+    return [group["name"], *(cell(group) for *_, cell in _OF_GROUPS)]
 
 
 def _change(before: float, after: float) -> str:
     return f"{number(before)} → {number(after)}"
-
-
-def _length(mm: float, sigma: float) -> str:
-    digits = decimals(mm, 0, 10.0)
-    return f"{number(mm, digits)} ± {number(sigma, digits)}"
 
 
 def _known(value: float | None) -> float:
