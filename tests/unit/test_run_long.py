@@ -12,7 +12,6 @@ import pytest
 import skelsplat as sk
 from skelsplat import _budget, synthetic
 from skelsplat.association import take_people
-from skelsplat.findings import Finding, FindingWarning
 from skelsplat.io import _arrays, read_run, write_calibration
 from skelsplat.io.poses._pose_data import ARRAYS
 from skelsplat.run import Job, Run, folder, frame_range, frames, parts, read, run, run_people
@@ -151,13 +150,9 @@ def test_memory_hardly_grows_with_the_recording(
     assert peaks[1] - peaks[0] < 500 * 4 * len(seen)  # bytes per frame; at once it is some 20,000
 
 
-def test_an_option_that_needs_all_frames_is_named_before_the_work(
+def test_an_option_that_needs_all_frames_is_refused_where_they_do_not_fit(
     files: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    given, told = job(files, tmp_path / "out", fill_gaps=5, filter="butterworth:3"), list[Finding]()
-    found = run(given, tell=told.append)
-    assert told[0] == next(one for one in found.findings if one.kind == "done_at_once")
-    assert told[0].numbers["options"] == ["fill_gaps", "filter"]
     monkeypatch.setattr(read, "_AT_ONCE", 10**4)
     monkeypatch.setattr(_budget, "_available", lambda: 10**8)
     with pytest.raises(sk.DatasetError, match=r"npz: people: expected what fits into memory"):
@@ -179,8 +174,6 @@ def test_of_a_long_run_a_range_is_read(files: Path, tmp_path: Path, monkeypatch:
     for name in ARRAYS:
         np.testing.assert_array_equal(getattr(part.poses, name), getattr(whole.poses, name)[own])
     np.testing.assert_array_equal(part.detections, whole.detections[own])
-    with pytest.warns(FindingWarning, match="1,270 frames are read and drawn at once"):
-        read_source(out)
     again = read_source(out, range=range)
     assert (again.zero, again.title) == (few.zero, few.title)
     with pytest.raises(sk.InvalidInputError, match="range: expected some of the frames 0 to 1299, got 2000"):

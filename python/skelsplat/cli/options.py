@@ -164,7 +164,6 @@ JOB = rows(
         joints move smoothly. [as files or videos state it]
     --frame-by-frame  Solve each frame alone, even if the frame rate is known. --paper always does.
     --fill-gaps N  Fill gaps of at most N frames. The results mark these joints as filled. [none]
-    --fill-method cubic|linear  Fill with cubic splines, or straight lines. [cubic]
     --fill-weak  Also treat weak joints as gaps.
     --filter FILTER  Smooth over time. butterworth[:HZ[:ORDER]] runs both ways and has no lag;
         one-euro[:HZ[:BETA]] is causal, BETA in Hz per mm/s. Weak joints stay as they are and do not affect

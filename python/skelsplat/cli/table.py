@@ -179,7 +179,7 @@ def print_files(console: Console, folder: Path, names: Sequence[str]) -> None:
 def _lines(run: Run) -> Iterator[str]:
     """Yield what the run did and its results, a sentence or two per line."""
     outcome, statistics = run.outcome, run.statistics
-    frames, joints = run.inputs.n_frames, run.layout.n_joints
+    frames, joints = len(run.inputs.in_all), run.layout.n_joints
     threads = default_threads(outcome.config)
     each = 1000 * outcome.seconds / frames
     reasons = ", ".join(

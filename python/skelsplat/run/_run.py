@@ -61,8 +61,6 @@ class Run:
     #: What the run started from, what the refinement returned, and what that is compared with.
     inputs: Inputs
     outcome: Outcome
-    #: All frames of a long recording while it is written (`run`): the other attributes are a sample.
-    whole: Gathered | None = None
 
     @property
     def result(self) -> sk.Refinement:
@@ -262,8 +260,8 @@ def summed_up(
         **({"frame_findings_left_out": left_out} if left_out else {}),
         "over_time": over_time,
     }
-    report = build_report(inputs, outcome, statistics, job, remarks)
-    return Run(poses, in_order(found), tuple(in_frames), report, statistics, inputs, outcome, gathered)
+    report = build_report(inputs, outcome, statistics, remarks)
+    return Run(poses, in_order(found), tuple(in_frames), report, statistics, inputs, outcome)
 
 
 def _opened(found: RunFolder) -> Run:

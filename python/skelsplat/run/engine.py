@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -64,8 +63,8 @@ def run(job: Job, *, progress: Progress = silent, tell: Tell | None = None) -> R
                 outcome = refine_inputs(inputs, job, progress)
         found = summed_up(inputs, outcome, job, notes, gathered)
         if place is not None:
-            found = folders.write_folder(found, place, job)
-    return replace(found, whole=None)
+            found = folders.write_folder(found, place, job, gathered=gathered)
+    return found
 
 
 def run_people(job: Job, *, progress: Progress = silent, tell: Tell | None = None) -> PeopleRun:
@@ -89,9 +88,9 @@ def run_people(job: Job, *, progress: Progress = silent, tell: Tell | None = Non
             _note_output(job, whole)
             outcomes = [refine_inputs(inputs, job) for inputs in everybody.people]
         pairs = zip(everybody.people, outcomes, strict=True)
-        runs = _in_proportion({int(one.person): summed_up(one, outcome, job) for one, outcome in pairs})
+        runs = {int(one.person): summed_up(one, outcome, job) for one, outcome in pairs}
         findings = in_order([*notes, *everybody.whole.doubts])
-        found = PeopleRun(runs, findings, build_people_report(everybody, runs, findings, job))
+        found = PeopleRun(runs, findings, build_people_report(everybody, runs, findings, job.people))
         return found if place is None else folders.write_everybody(found, place, job)
 
 
@@ -119,27 +118,3 @@ def _note_output(job: Job, inputs: Inputs) -> None:
     """Warn of notes on how the results are written."""
     for note in folders.find_in_files(job, inputs) if job.output is not None else ():
         warn(note)
-
-
-def _in_proportion(runs: Mapping[int, Run]) -> dict[int, Run]:
-    """Turn into a note that a camera disagrees, unless it does for most of the people whom it sees.
-
-    Who stands before whom makes any camera disagree about somebody; a wrong one does about everybody.
-    """
-    disagree = [one for run in runs.values() for one in run.findings if one.kind == "camera_disagrees"]
-    named = Counter(one.subject.cameras[0] for one in disagree)
-    seen = Counter(
-        group["name"] for run in runs.values() for group in run.statistics.cameras if group["used"]
-    )
-    judged = {}
-    for identity, run in runs.items():
-        found = in_order(
-            replace(one, severity="note")
-            if one.kind == "camera_disagrees"
-            and 2 * named[one.subject.cameras[0]] <= seen[one.subject.cameras[0]]
-            else one
-            for one in run.findings
-        )
-        report = {**run.report, "findings": [finding.to_dict() for finding in found]}
-        judged[identity] = replace(run, findings=found, report=report)
-    return judged

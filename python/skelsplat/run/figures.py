@@ -112,8 +112,8 @@ def most_moved_frame(moved_mm: Array) -> int:
 
 
 def _caption(run: Run, frame: int) -> str:
-    """Return which frame is drawn and why, and how many frames have joints that are not ok."""
-    statistics, count, thinned = run.statistics, len(run.frames), run.inputs.thinned
+    """Return which frame is drawn, and why."""
+    statistics, count, every = run.statistics, len(run.frames), run.inputs.every
     here, typical = finite_median(statistics.moved_mm[frame]), finite_median(statistics.moved_mm)
     digits = statistics.decimals if statistics.decimals > 1 else 0
     change = f"median joint {here:.{digits}f} mm from the {run.outcome.start_name}"
@@ -124,12 +124,9 @@ def _caption(run: Run, frame: int) -> str:
         words += f", with the largest change: {change} (all frames: {typical:.{digits}f} mm)"
     else:
         words += f": {change}"
-    if thinned is not None:
-        words += f"; drawn is every {ordinal(thinned.every)} frame"
-    status = np.asarray(run.result.joint_status)
-    frames = {name: int((status == name).any(axis=1).sum()) for name in ("inferred", "weak", "unobserved")}
-    affected = ", ".join(f"{name} joints in {number}" for name, number in frames.items() if number)
-    return f"{words}; {affected} of {count} frames" if affected else words
+    if every:
+        words += f"; drawn is every {ordinal(every)} frame"
+    return words
 
 
 def _seen(run: Run, view: int, frame: int) -> Array:

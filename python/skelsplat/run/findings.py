@@ -13,7 +13,7 @@ import skelsplat as sk
 from skelsplat._arrays import Array
 from skelsplat._people import limbs_differ
 from skelsplat._words import length, listed, percent
-from skelsplat.findings import Finding, Remedy, Subject
+from skelsplat.findings import Finding, Remedy, Severity, Subject
 from skelsplat.rig_check._check import find_swapped, same_detections
 from skelsplat.run.displaced import displaced_cameras, find_apart, find_displaced, shift_of, to_one_side
 from skelsplat.run.frames import MOSTLY, JointFrames, find_joints, find_statuses, some
@@ -67,7 +67,7 @@ def find_findings(
         *_limbs(inputs, alone),
         *_given_lengths(inputs, alone),
         *find_joints(counted, statistics),
-        *find_statuses(inputs, outcome, frames, counts),
+        *find_statuses(inputs, frames, counts),
     ]
 
 
@@ -177,7 +177,7 @@ def find_cameras(
     """Yield findings on unused cameras and on those that disagree.
 
     Those that are ``unfit`` have their own finding; ``sides`` are the shifts of `shift_of` by name. A camera
-    need not see one of several people who were ``followed``.
+    need not see one of several people who were ``followed``, or somebody stands before them.
     """
     bad = _bad_cameras(statistics.cameras)
     good = [group for group in statistics.cameras if group["used"] and group not in bad]
@@ -200,12 +200,10 @@ def find_cameras(
             words += f"{group['mean_weight']:.2f}. {shifted}The pose follows the others: check this camera's "
             words += "calibration and timing, and whether anything blocks its view."
             shares = {"rejected_share": group["rejected_share"], "others_rejected_share": others}
-            numbers, remedy = (
-                {**shares, "mean_weight": group["mean_weight"], **side},
-                without if enough else (),
-            )
-            remedy = () if group["name"] in unfit else remedy
-            yield Finding("camera_disagrees", "warning", subject, numbers, remedy, sentence=words)
+            numbers = {**shares, "mean_weight": group["mean_weight"], **side}
+            remedy = without if enough and group["name"] not in unfit else ()
+            severity: Severity = "note" if followed and not side else "warning"
+            yield Finding("camera_disagrees", severity, subject, numbers, remedy, sentence=words)
 
 
 def _bad_cameras(cameras: Sequence[Group]) -> list[Group]:

@@ -47,6 +47,7 @@ if TYPE_CHECKING:
 
     from skelsplat.run._run import PeopleRun, Run
     from skelsplat.run.job import Job, Writing
+    from skelsplat.run.parts import Gathered
     from skelsplat.run.read import Inputs
 
 PAGE = "report.html"
@@ -99,28 +100,33 @@ def find_in_files(writing: Writing, inputs: Inputs) -> Iterator[Finding]:
         yield no_pictures("report.html and figures")
 
 
-def name_of(run: Run) -> str:
+def name_of(run: Run, whole: Gathered | None = None) -> str:
     """Return a hash of poses, detections and report: the same run done again has the same."""
     found = hashlib.sha256(to_text({**run.report, "timing": None, RUN: None}).encode())
     arrays: Iterator[npt.NDArray[Any]] = iter((run.poses.pose, run.poses.uncertainty, run.detections))
-    if run.whole is not None:
-        rows = (*map(run.whole.poses.rows.__getitem__, ("pose", "uncertainty")), run.whole.detections)
+    if whole is not None:
+        rows = (*map(whole.poses.rows.__getitem__, ("pose", "uncertainty")), whole.detections)
         arrays = chain.from_iterable(one.pieces() for one in rows)
     for array in arrays:
         found.update(array.tobytes())
     return found.hexdigest()[:16]
 
 
-def write_folder(run: Run, folder: Path, writing: Writing, name: str | None = None) -> Run:
-    """Write the folder of a run, its report last; ``name`` is that of a person in a run of several."""
-    name = name or name_of(run)
+def write_folder(
+    run: Run, folder: Path, writing: Writing, name: str = "", gathered: Gathered | None = None
+) -> Run:
+    """Write the folder of a run, its report last; of a long one all frames are ``gathered``.
+
+    ``name`` is that of a person in a run of several.
+    """
+    name = name or name_of(run, gathered)
     own = not layouts.is_built_in(run.layout)
     names = names_of(writing, run.outcome.config.method, own_layout=own)
     report = {**run.report, RUN: name, "files": names}
     report.pop("joint_angles", None)
     run = replace(run, report={**report, **({"joint_angles": describe(run)} if writing.angles else {})})
     begin_writing(folder, run.report)
-    whole = run.whole or run
+    whole = gathered or run
     rate, frames = run.poses.frame_rate, whole.poses.frames
     markers = {"y_up": writing.y_up, "marker_names": writing.marker_names}
     for kind in writing.pose_formats:
@@ -242,10 +248,8 @@ def _remove(folder: Path, names: Iterable[str]) -> None:
 
 
 def left_of_earlier(folder: Path) -> list[str]:
-    """Return the folders that other commands wrote, of all or of a person, which show an earlier run."""
-    people = sorted(path.name for path in folder.glob("person_*") if is_person(path.name))
-    names = [f"{place}{name}" for place in ("", *(f"{one}/" for one in people)) for name in _OF_OTHERS]
-    return [f"{name}/" for name in names if any((folder / name).glob("*"))]
+    """Return the folders that other commands wrote, which show an earlier run."""
+    return [f"{name}/" for name in _OF_OTHERS if any((folder / name).glob("*"))]
 
 
 @contextlib.contextmanager

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 from skelsplat._arrays import Index
 from skelsplat.exceptions import InvalidInputError
-from skelsplat.findings import Finding, Remedy, Subject, warn
 
 MANY = 50_000
 """Frames of a run from which a range of them is read without the others."""
@@ -34,13 +33,7 @@ class FrameRange:
         """Return the first and the last number to read: of few frames all, of many as `within`."""
         if len(frames) <= MANY:
             return (int(frames[0]), int(frames[-1])) if len(frames) else (0, 0)
-        first, last = self.within(frames)
-        count = int(((frames >= first) & (frames <= last)).sum())
-        if count > MANY:
-            words = f"{count:,} frames are read and drawn at once; a range of them reads fewer."
-            numbers, remedy = {"frames": count}, (Remedy("range", None),)
-            warn(Finding("done_at_once", "note", Subject(), numbers, remedy, sentence=words))
-        return first, last
+        return self.within(frames)
 
     def within(self, frames: Index) -> tuple[int, int]:
         """Return the first and the last number to draw of a run's ascending ``frames``."""

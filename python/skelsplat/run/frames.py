@@ -100,14 +100,10 @@ def joint_frames(inputs: Inputs, outcome: Outcome, written: npt.NDArray[np.str_]
 
 
 def find_statuses(
-    inputs: Inputs, outcome: Outcome, found: JointFrames, counts: Mapping[tuple[str, int], int]
+    inputs: Inputs, found: JointFrames, counts: Mapping[tuple[str, int], int]
 ) -> Iterator[Finding]:
-    """Yield findings on weak and unobserved joints with their frames.
-
-    ``counts`` are of the frames, where ``found`` has the first ones only.
-    """
-    names, status = inputs.layout.joints, np.asarray(outcome.result.joint_status)
-    placed: Mask = np.asarray(np.isfinite(outcome.result.pose).all(axis=-1))
+    """Yield findings on weak and unobserved joints; ``counts`` are of the frames, ``found`` has the first."""
+    names, gaps = inputs.layout.joints, Remedy("fill_gaps", None)
     for kind, label in _STATUS.items():
         by_joint = {j: frames for (own, j), frames in sorted(found.items()) if own == kind}
         if not by_joint:
@@ -117,14 +113,10 @@ def find_statuses(
         if any(in_all[j] > len(frames) for j, frames in by_joint.items()):
             numbers["frames_in_all"] = [*in_all.values()]
         told = some([f"{names[j]} ({frames_in_words(own, in_all[j])})" for j, own in by_joint.items()])
-        known, remedy = placed, [Remedy("fill_gaps", None)]
-        if kind == "weak_joints":
-            known, remedy = placed & (status != "weak"), [*remedy, Remedy("fill_weak")]
-        there = {j: inputs.frames[known[:, j]] for j in by_joint if known[:, j].any()}
-        inside = any(a[0] < t < a[-1] for j, a in there.items() for t in by_joint[j])
+        remedy = [gaps, Remedy("fill_weak")] if kind == "weak_joints" else [gaps]
+        remedy = remedy if min(in_all.values()) < len(inputs.in_all) else []  # nothing to fill from
         subject = Subject(joints=tuple(names[j] for j in by_joint))
-        own = tuple(remedy) if inside else ()  # what lies between frames with the joint can be filled
-        yield Finding(kind, "warning", subject, numbers, own, sentence=f"{label}: {told}.")
+        yield Finding(kind, "warning", subject, numbers, tuple(remedy), sentence=f"{label}: {told}.")
 
 
 @dataclass(frozen=True)

@@ -27,9 +27,8 @@ if TYPE_CHECKING:
     from skelsplat.viz.report._html import Sentence
 
 _ANGLES = (
-    "Joint angles have the colours of the sides of the body in the 3D view; their bands are error bars, one "
-    "standard deviation. All are 0 in upright standing with the arms hanging; the guide on joint angles has "
-    "their definitions."
+    "The bands of joint angles are error bars, one standard deviation. All are 0 in upright standing with "
+    "the arms hanging; the guide on joint angles has their definitions."
 )
 _BIASED = (
     "Error bar: one standard deviation per axis against an anatomical joint: the scatter between recordings "
@@ -42,10 +41,7 @@ _UNBIASED = (
 _ON_PEOPLE = (
     "A person is found once two views agree on them. Identities are numbers in the order of appearance; the "
     "page of each person, linked in the table, has their cameras, joints and curves.",
-    "A camera sees a person where it has a detection of them that is used and not rejected. The distance to "
-    "the nearest other person is between the medians of their joints.",
-    "The floor grid lies at the lowest joint of the people whom three views or more see, or of those with "
-    "the most views.",
+    "A camera sees a person where it has a detection of them that is used and not rejected.",
 )
 # Views that place a person surely; two agree on whatever lies where their rays meet.
 _CONFIRMED = 3
@@ -238,28 +234,17 @@ def _lines(run: Run) -> list[page.TimeLines]:
 
 
 def lines_of_people(tracks: Sequence[viz.PersonTrack], frames: Index) -> list[page.TimeLines]:
-    """Return the curves of everybody: errors, rejected detections, distance to the nearest person."""
-
-    def spread(values: Sequence[Array]) -> list[Array]:
-        return [spread_out(frames, one.frames, own, np.nan) for one, own in zip(tracks, values, strict=True)]
+    """Return the curves of everybody: errors and rejected detections."""
 
     def curves(values: Sequence[Array]) -> list[tuple[str, str, Array]]:
-        return [(one.name, page.person_class(k), values[k]) for k, one in enumerate(tracks)]
+        spread = [spread_out(frames, one.frames, values[k], np.nan) for k, one in enumerate(tracks)]
+        return [(one.name, page.person_class(k), spread[k]) for k, one in enumerate(tracks)]
 
-    errors, rejected = (
-        spread([one.error_px for one in tracks]),
-        spread([100 * one.rejected for one in tracks]),
-    )
-    lines = [
+    errors, rejected = [one.error_px for one in tracks], [100 * one.rejected for one in tracks]
+    return [
         page.TimeLines("Median reprojection error", "px", curves(errors)),
         page.TimeLines("Detections rejected", "%", curves(rejected), peaks=True),
     ]
-    if len(tracks) > 1:
-        middles = np.stack(spread([one.middle for one in tracks]))
-        others = [np.delete(middles, place, axis=0) - own for place, own in enumerate(middles)]
-        nearest = [np.fmin.reduce(np.linalg.norm(one, axis=-1), axis=0) / 1000.0 for one in others]
-        lines.append(page.TimeLines("Distance to the nearest other person", "m", curves(nearest)))
-    return lines
 
 
 def _angle_lines(run: Run) -> list[page.TimeLines]:

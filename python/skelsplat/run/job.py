@@ -7,7 +7,6 @@ from collections.abc import Mapping
 from dataclasses import KW_ONLY, dataclass, field
 
 import skelsplat as sk
-from skelsplat import temporal
 from skelsplat.cameras import MM_PER_UNIT
 from skelsplat.exceptions import InvalidInputError, one_of
 from skelsplat.io._arrays import FRAME_RATES
@@ -110,10 +109,8 @@ class Job(Writing):
     adjust_cameras: bool = False
     #: Solve each frame alone even if the frame rate is known, instead of all over time (`Outcome.sequence`).
     frame_by_frame: bool = False
-    #: Longest gap to fill, in frames (0: none), ``"cubic"`` or ``"linear"`` (None: cubic), and whether weak
-    #: joints are gaps as well.
+    #: Longest gap to fill by cubic splines, in frames (0: none), and whether weak joints are gaps as well.
     fill_gaps: int = 0
-    fill_method: str | None = None
     fill_weak: bool = False
     #: ``"butterworth[:HZ[:ORDER]]"`` or ``"one-euro[:HZ[:BETA]]"``; it needs ``fps``. None: no filter.
     filter: str | None = None
@@ -160,10 +157,8 @@ class Job(Writing):
             raise InvalidInputError(f"init_sigma_mm: expected none {why}, got {sigma:g}")
 
     def _check_over_time(self) -> None:
-        one_of("fill_method", self.fill_method, (None, *temporal.METHODS))
-        for option in ("fill_weak", "fill_method"):
-            if getattr(self, option) and not self.fill_gaps:
-                raise IncompleteJobError(option, "fill_gaps")
+        if self.fill_weak and not self.fill_gaps:
+            raise IncompleteJobError("fill_weak", "fill_gaps")
         if self.low_pass is not None and self.fps is None:
             raise IncompleteJobError("filter", "fps")
 
@@ -176,11 +171,6 @@ class Job(Writing):
     def low_pass(self) -> Filter | None:
         """The name and numbers of the filter."""
         return None if self.filter is None else parse_filter(self.filter)
-
-    @property
-    def interpolation(self) -> str:
-        """How gaps are filled."""
-        return self.fill_method or temporal.METHODS[0]
 
     @property
     def at_once(self) -> tuple[str, ...]:

@@ -16,8 +16,6 @@ if TYPE_CHECKING:
     from skelsplat.io import PoseData
     from skelsplat.run.job import Job
 
-_METHODS = {"cubic": "cubic splines", "linear": "straight lines"}
-
 
 # Numbers that may follow the name of a filter, with their defaults. "butterworth" is zero-lag, with −3 dB at
 # the cutoff and the order of both passes; "one-euro" is causal, and its cutoff grows with the speed.
@@ -45,7 +43,7 @@ def parse_filter(text: str) -> Filter:
 def try_over_time(job: Job) -> None:
     """Fill and filter three frames, so that wrong numbers and missing packages are errors before the work."""
     if job.fill_gaps:
-        temporal.fill_gaps([[[0.0] * 3], [[np.nan] * 3], [[0.0] * 3]], 1, method=job.interpolation)
+        temporal.fill_gaps([[[0.0] * 3], [[np.nan] * 3], [[0.0] * 3]], 1)
     if job.low_pass is not None and job.fps is not None:
         try:
             none = np.zeros((3, 1), dtype=np.bool_)
@@ -60,12 +58,11 @@ def apply_over_time(data: PoseData, job: Job | None) -> tuple[PoseData, dict[str
     sentences = []
     if job is not None and job.fill_gaps:
         data, count = _filled(data, job)
-        settings = {"max_frames": job.fill_gaps, "method": job.interpolation}
-        entry["gaps"] = {**settings, "weak_joints_too": job.fill_weak, "filled": count}
+        entry["gaps"] = {"max_frames": job.fill_gaps, "weak_joints_too": job.fill_weak, "filled": count}
         if count:
             what = "Gaps and weak stretches" if job.fill_weak else "Gaps"
             sentences.append(
-                f"{what} of at most {job.fill_gaps} frames filled by {_METHODS[job.interpolation]}: "
+                f"{what} of at most {job.fill_gaps} frames filled by cubic splines: "
                 f"{count} joint positions, whose status is filled."
             )
     low_pass = None if job is None else job.low_pass
@@ -91,7 +88,6 @@ def _filled(data: PoseData, job: Job) -> tuple[PoseData, int]:
     pose, filled = temporal.fill_gaps(
         data.pose,
         job.fill_gaps,
-        method=job.interpolation,
         frames=data.frames,
         gaps=data.joint_status == "weak" if job.fill_weak else None,
     )

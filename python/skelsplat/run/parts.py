@@ -23,9 +23,9 @@ from skelsplat.io.poses._pose_data import PoseParts
 from skelsplat.run.frames import FrameFacts, JointFrames, joint_frames
 from skelsplat.run.job import Job
 from skelsplat.run.person import look_around, pick_consistent, sampled
-from skelsplat.run.read import Inputs, Opened, Thinned
+from skelsplat.run.read import Inputs, Opened
 from skelsplat.run.solve import Outcome, Progress, even_clock, poses_of, silent, why_alone
-from skelsplat.run.summary import Statistics, summarise
+from skelsplat.run.summary import COUNTED, summarise
 
 # Detections in memory at a time, but 600 frames or more: 100 MB with their results.
 _PER_PART, _LEAST_FRAMES = 400_000, 600
@@ -165,7 +165,7 @@ class Gathered:
     folder: Path
     named: JointFrames = field(default_factory=dict)  # the first frames, and how many there are
     named_count: Counter[tuple[str, int]] = field(default_factory=Counter)
-    counts: list[Statistics] = field(default_factory=list)
+    counts: list[dict[str, Any]] = field(default_factory=list)
     _drawn: list[tuple[Inputs, Outcome]] = field(default_factory=list)
 
     @property
@@ -179,7 +179,7 @@ class Gathered:
         self.poses.append(poses)
         facts = asdict(FrameFacts.of(inputs, outcome, statistics, poses.joint_status))
         np.savez(self.folder / f"facts_{len(self.counts)}.npz", **facts)
-        self.counts.append(statistics.counts())
+        self.counts.append({name: getattr(statistics, name) for name in COUNTED})
         for key, frames in joint_frames(inputs, outcome, poses.joint_status).items():
             named = self.named.setdefault(key, [])
             named += frames[: MOST_NAMED - len(named)]
@@ -196,12 +196,10 @@ class Gathered:
         arrays: dict[str, Any] = {
             name: np.concatenate([getattr(one, name) for one in inputs]) for name in _BY_FRAME
         }
-        frames = self.whole.frames
-        thinned = Thinned(len(frames), int(frames[0]), int(frames[-1]), self.every)
         result = joined([one.result for one in outcomes])
         start = np.concatenate([one.start for one in outcomes])
         outcome = replace(outcomes[0], result=result, start=start)
-        return replace(self.whole, **arrays, thinned=thinned), outcome
+        return replace(self.whole, **arrays, every=self.every, recorded=self.whole.frames), outcome
 
     def facts(self) -> Iterator[FrameFacts]:
         """Yield what single frames are judged from, part by part."""

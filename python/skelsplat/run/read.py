@@ -32,16 +32,6 @@ _AT_ONCE = 450  # bytes of memory for each of them, with its share of the result
 
 
 @dataclass(frozen=True)
-class Thinned:
-    """A long recording of which every so many-th frame is here."""
-
-    frames: int
-    first: int
-    last: int
-    every: int
-
-
-@dataclass(frozen=True)
 class Inputs:
     """What a run starts from."""
 
@@ -52,12 +42,12 @@ class Inputs:
     unmatched: Mask
     frames: Index  # (T,) frame numbers of the files
     init_pose: Array | None = None  # (T, N, 3) the start in the rig's unit, or None for triangulation
-    # names of the formats of the detections and of the calibration; None where it is not known
-    format: str | None = None
-    calibration_format: str | None = None
+    note: str = ""  # a sentence about the input
+    source: Mapping[str, Any] = field(
+        default_factory=dict
+    )  # what the report says of files and how they are read
     lacking: frozenset[str] = frozenset()  # joints that the user declared missing from the files
     read_as: ReadAs = field(default_factory=ReadAs)
-    without: tuple[str, ...] = ()  # cameras of the calibration that are left out
     sources: tuple[Path, ...] = ()  # the files or folders that hold the cameras' detections
     person: str = "consistent"  # the person to follow, as `Job.person`, or the identity followed
     crowd: Crowd | None = None  # the people that the cameras see; None if they see one
@@ -69,18 +59,14 @@ class Inputs:
     doubts: tuple[Finding, ...] = ()  # about the person, if followed over time
     # if the cameras were adjusted: what became of each, as of `skelsplat.run.cameras.numbers_of`
     adjusted: tuple[dict[str, Any], ...] = ()
-    thinned: Thinned | None = None  # if these are some of the frames of a long recording
+    # of a long recording of which one in so many frames is here, that number and all frame numbers
+    every: int = 0
+    recorded: Index | None = None
 
     @property
-    def n_frames(self) -> int:
-        """Number of frames of the recording."""
-        return len(self.frames) if self.thinned is None else self.thinned.frames
-
-    @property
-    def span(self) -> tuple[int, int]:
-        """Numbers of the first and the last frame of the recording."""
-        at = self.thinned
-        return (int(self.frames[0]), int(self.frames[-1])) if at is None else (at.first, at.last)
+    def in_all(self) -> Index:
+        """Frame numbers of the whole recording."""
+        return self.frames if self.recorded is None else self.recorded
 
     @property
     def solved_pose(self) -> Array:
@@ -117,7 +103,18 @@ class Opened:
             init = _read_init(Path(job.init), self.rig, len(found.frames), layout)
             if job.fps is None and stated != "files" and init.frame_rate is not None:
                 rate, stated = init.frame_rate, "files"
-        shape = (len(found.frames), len(self.rig))
+        shape, offsets = (len(found.frames), len(self.rig)), named_offsets(self.every, job.offsets)
+        given = ("calibration", "detections", "init", "order", "mapping", "sequence", "init_sigma_mm")
+        paths = {name: str(getattr(job, name)) for name in given[:3] if getattr(job, name) is not None}
+        source = {
+            **{name: getattr(job, name) for name in (*given, "adjust_cameras")},
+            **paths,
+            "calibration_format": job.calibration_format or find_format(Path(job.calibration)),
+            "format": found.format,
+            "offsets": offsets,
+            "without": [name for name in self.every.names if name not in self.rig.names],
+            "frame_mode": job.frames,
+        }
         return Inputs(
             self.rig,
             layout,
@@ -125,11 +122,10 @@ class Opened:
             np.zeros(shape, dtype=np.bool_),
             found.frames,
             init_pose=None if init is None else init.pose,
-            format=found.format,
-            calibration_format=job.calibration_format or find_format(Path(job.calibration)),
+            source=source,
+            note=job.note,
             lacking=frozenset(joint for joint, name in job.mapping.items() if name is None),
             read_as=self.read_as(job.offsets),
-            without=tuple(name for name in self.every.names if name not in self.rig.names),
             sources=tuple(path for path in found.sources if path is not None),
             fps=rate,
             fps_source=stated,
@@ -177,17 +173,10 @@ def open_recording(
 def read_everybody(opened: Opened, job: Job) -> tuple[Array, Inputs]:
     """Return the detections of everybody (T, M, P, N, 3), and inputs with nobody chosen.
 
-    Of a long recording a note names the options that need it at once; it is refused if it does not fit into
-    memory.
+    A long recording is refused if it does not fit into memory.
     """
-    options, need = job.at_once, _AT_ONCE * opened.size
-    if opened.size > LONG and options:
-        told, frames = listed(options), len(opened.detections.frames)
-        afford(Path(job.detections), told, need)
-        numbers = {"options": list(options), "frames": frames, "gigabytes": need / 1e9}
-        words = f"All {frames:,} frames are refined at once, in at least {need / 1e9:.1f} GB of memory, "
-        words += f"because of {told}; without, they are refined in parts."
-        warn(Finding("done_at_once", "note", numbers=numbers, sentence=words))
+    if opened.size > LONG and job.at_once:
+        afford(Path(job.detections), listed(job.at_once), _AT_ONCE * opened.size)
     return opened.detections.read().people, opened.nobody(job)
 
 

@@ -12,7 +12,6 @@ import skelsplat as sk
 from skelsplat._arrays import Index
 from skelsplat._json import plain
 from skelsplat._words import ordinal
-from skelsplat.run.job import Job
 from skelsplat.run.people import limb_spread
 from skelsplat.run.read import Inputs
 from skelsplat.run.solve import ALONE, Outcome, default_threads
@@ -23,6 +22,7 @@ if TYPE_CHECKING:
     from skelsplat.run._run import Run
     from skelsplat.run.tracked import Everybody
 
+_OF_FILES = ("calibration", "calibration_format", "detections", "format", "init", "mapping", "offsets")
 MEANINGS = {
     "missing": "no detection of the followed person: not detected, or not_chosen",
     "not_chosen": "missing although people are detected in this view: none of them matches the other cameras",
@@ -39,67 +39,55 @@ MEANINGS = {
     "start": "what before_px and moved are measured from: the initial pose if one was given, else DLT",
     "frame_findings": "unusual single frames: their numbers are the frames of the subject; lists among the "
     "numbers have a value for each of them",
-    "thinned": "a long recording: medians, largest and smallest values, and findings on cameras, people and "
-    "limbs are from every so many-th frame; counts, means, findings on single frames and the pose files are "
-    "from all",
+    "thinned": "a long recording: medians, extremes and findings on cameras, people and limbs are from every "
+    "so many-th frame; counts, means, findings on single frames and the pose files are from all",
     "reprojection_error": "distance of the pose's projection from the detection in px of the original image, "
     "over the detections used: agreement with the detections, not accuracy",
 }
 
 
 def build_report(
-    inputs: Inputs, outcome: Outcome, statistics: Statistics, job: Job | None, remarks: dict[str, Any]
+    inputs: Inputs, outcome: Outcome, statistics: Statistics, remarks: Mapping[str, Any]
 ) -> dict[str, Any]:
-    """Return the report as JSON values; a number that does not exist is None.
+    """Return the report as JSON values, with further ``remarks``; a number that does not exist is None.
 
-    ``job`` is None where the inputs were arrays; ``remarks`` are further entries, such as the findings.
-    Lengths carry their unit in the key (``_mm``, ``_px``, ``_s``, ``_ms``); settings are those of
-    `skelsplat.RefineConfig`.
+    Lengths carry their unit in the key (``_mm``, ``_px``, ``_s``, ``_ms``).
     """
     steps = outcome.result.n_iter
-    return _of_run(
-        inputs,
-        outcome,
-        job,
-        {
-            "input": input_of(inputs, job),
-            "start": outcome.start_name,
-            "solution": _solution(inputs, outcome, statistics),
-            "ground_truth": None,
-            "meanings": MEANINGS,
-            "reprojection_error": {
-                "down_weighted_below": DOWN_WEIGHTED,
-                "rejected_below": sk.REJECTED_WEIGHT,
-                "poor_share_of_diagonal": POOR_SHARE,
-                "all": statistics.total,
-                "cameras": statistics.cameras,
-                "joints": statistics.joints,
-            },
-            "noise": {"median_mm": statistics.noise_mm, "median_px": statistics.noise_px},
-            "joint_statuses": statistics.statuses,
-            "stop_reasons": statistics.stop_reasons,
-            "iterations": {"median": float(np.median(steps)), "max": int(np.max(steps))},
-            "timing": {
-                "refine_s": outcome.seconds,
-                "ms_per_frame": 1000 * outcome.seconds / inputs.n_frames,
-                "threads": default_threads(outcome.config),
-            },
-            **remarks,
-        },
-    )
-
-
-def _of_run(inputs: Inputs, outcome: Outcome, job: Job | None, own: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a report with what those of one person and of several share."""
-    report = {
-        "versions": versions(),
-        "settings": outcome.config.to_dict(),
-        "note": None if job is None else job.note or None,
-        **({"cameras_adjusted": list(inputs.adjusted)} if inputs.adjusted else {}),
-        "files": [],
-        **own,
+    errors = {
+        "down_weighted_below": DOWN_WEIGHTED,
+        "rejected_below": sk.REJECTED_WEIGHT,
+        "poor_share_of_diagonal": POOR_SHARE,
+        "all": statistics.total,
+        "cameras": statistics.cameras,
+        "joints": statistics.joints,
     }
-    cleaned: dict[str, Any] = plain(report)
+    timing = {
+        "refine_s": outcome.seconds,
+        "ms_per_frame": 1000 * outcome.seconds / len(inputs.in_all),
+        "threads": default_threads(outcome.config),
+    }
+    own = {
+        "input": input_of(inputs),
+        "start": outcome.start_name,
+        "solution": _solution(inputs, outcome, statistics),
+        "ground_truth": None,
+        "meanings": MEANINGS,
+        "reprojection_error": errors,
+        "noise": {"median_mm": statistics.noise_mm, "median_px": statistics.noise_px},
+        "joint_statuses": statistics.statuses,
+        "stop_reasons": statistics.stop_reasons,
+        "iterations": {"median": float(np.median(steps)), "max": int(np.max(steps))},
+        "timing": timing,
+    }
+    return _of_run(inputs, outcome, {**own, **remarks})
+
+
+def _of_run(inputs: Inputs, outcome: Outcome, own: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a report with what those of one person and of several share."""
+    adjusted = {"cameras_adjusted": list(inputs.adjusted)} if inputs.adjusted else {}
+    shared = {"versions": versions(), "settings": outcome.config.to_dict(), "note": inputs.note or None}
+    cleaned: dict[str, Any] = plain({**shared, **adjusted, "files": [], **own})
     return cleaned
 
 
@@ -145,66 +133,51 @@ def solved_in_words(report: dict[str, Any]) -> list[str]:
 
 def thinned_in_words(inputs: Inputs) -> list[str]:
     """Return what of a long recording is from a part of its frames, in a sentence; none of any other."""
-    if inputs.thinned is None:
+    if not inputs.every:
         return []
-    every, drawn = ordinal(inputs.thinned.every), len(inputs.frames)
+    every, drawn = ordinal(inputs.every), len(inputs.frames)
     return [
         "A long recording: medians, largest values, figures and findings on cameras and people are from "
         f"every {every} frame ({drawn:,}); counts, findings on single frames and the pose files are from all."
     ]
 
 
-def input_of(inputs: Inputs, job: Job | None) -> dict[str, Any]:
-    """Return the files, how they were read, and the recording; None for files without a job."""
-    paths = ("calibration", "detections", "init")
-    given = {
-        name: getattr(job, name, None) for name in (*paths, "order", "mapping", "sequence", "init_sigma_mm")
-    }
-    given |= {name: str(given[name]) for name in paths if given[name] is not None}
-    thinned = inputs.thinned
+def input_of(inputs: Inputs) -> dict[str, Any]:
+    """Return the files, how they were read, and the recording; None for files where there are none."""
     return {
-        **given,
-        "calibration_format": inputs.calibration_format,
-        "format": inputs.format,
-        "offsets": dict(inputs.read_as.offsets),
-        "without": list(inputs.without),
-        "adjust_cameras": job is not None and job.adjust_cameras,
+        **dict.fromkeys(_OF_FILES),
+        **inputs.source,
         "unit": inputs.rig.unit,
         "layout": inputs.layout.name,
         "person": inputs.person,
-        "frame_mode": None if job is None else job.frames,
-        "frames": inputs.n_frames,
-        "first_frame": inputs.span[0],
-        "last_frame": inputs.span[1],
+        "frames": len(inputs.in_all),
+        "first_frame": int(inputs.in_all[0]),
+        "last_frame": int(inputs.in_all[-1]),
         "frame_rate_hz": inputs.fps,
-        **({} if thinned is None else {"thinned": {"every": thinned.every}}),
+        **({"thinned": {"every": inputs.every}} if inputs.every else {}),
     }
 
 
 def build_people_report(
-    everybody: Everybody, runs: Mapping[int, Run], findings: Sequence[Finding], job: Job
+    everybody: Everybody, runs: Mapping[int, Run], findings: Sequence[Finding], people: str | int | None
 ) -> dict[str, Any]:
     """Return the report as JSON values; ``findings`` are those on everybody."""
-    whole = everybody.whole
-    counts = zip(whole.rig.names, everybody.detected.sum(axis=0), everybody.assigned.sum(axis=0), strict=True)
-    return _of_run(
-        whole,
-        next(iter(runs.values())).outcome,
-        job,
-        {
-            "input": {**input_of(whole, job), "person": None, "people": job.people},
-            "people": [_entry(identity, run) for identity, run in runs.items()],
-            "detections": {
-                "meaning": "people detected, over all frames, and how many of them are one of those above",
-                "cameras": [
-                    {"name": name, "detected": int(detected), "assigned": int(assigned)}
-                    for name, detected, assigned in counts
-                ],
-            },
-            "findings": [finding.to_dict() for finding in findings],
-            "folders": [folder_of(identity) for identity in runs],
-        },
-    )
+    whole, names = everybody.whole, everybody.whole.rig.names
+    counts = zip(names, everybody.detected.sum(axis=0), everybody.assigned.sum(axis=0), strict=True)
+    detections = {
+        "meaning": "people detected, over all frames, and how many of them are one of those above",
+        "cameras": [
+            {"name": name, "detected": int(seen), "assigned": int(own)} for name, seen, own in counts
+        ],
+    }
+    own = {
+        "input": {**input_of(whole), "person": None, "people": people},
+        "people": [_entry(identity, run) for identity, run in runs.items()],
+        "detections": detections,
+        "findings": [finding.to_dict() for finding in findings],
+        "folders": [folder_of(identity) for identity in runs],
+    }
+    return _of_run(whole, next(iter(runs.values())).outcome, own)
 
 
 def folder_of(identity: int) -> str:

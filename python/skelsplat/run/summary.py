@@ -81,6 +81,10 @@ def _in_all(group: Group, parts: Sequence[Group]) -> Group:
     return _with_shares({**group, **sums})
 
 
+# Fields of `Statistics` that parts of a recording add up to.
+COUNTED = ("cameras", "joints", "total", "stop_reasons", "statuses")
+
+
 @dataclass(frozen=True)
 class Statistics:
     """The numbers of the table, the report and the figures. Errors are NaN for detections not used."""
@@ -109,31 +113,20 @@ class Statistics:
         """How many decimals lengths in mm are written with: one, more if the error bars are below 1 mm."""
         return decimals(finite_median(self.error_bar_mm))
 
-    def counts(self) -> Statistics:
-        """Return the same without the arrays that have all frames."""
-        names = ("error_before", "error_after", "residual", "moved_mm", "error_bar_mm", "scatter_mm")
-        arrays: dict[str, Any] = dict.fromkeys((*names, "rejected", "views_used"), np.empty(0))
-        return replace(self, **arrays)
-
-    def with_counts_of(self, parts: Sequence[Statistics]) -> Statistics:
-        """Return the same with the counts of all parts of the recording, of which it is a sample."""
+    def with_counts_of(self, parts: Sequence[Mapping[str, Any]]) -> Statistics:
+        """Return the same with the counts of all parts of the recording, by the names of `COUNTED`."""
 
         def groups(name: str) -> list[Group]:
-            every = zip(*(getattr(part, name) for part in parts), strict=True)
+            every = zip(*(part[name] for part in parts), strict=True)
             return [_in_all(own, same) for own, same in zip(getattr(self, name), every, strict=True)]
 
         def count(name: str) -> dict[str, int]:
-            counters = (Counter(getattr(part, name)) for part in parts)
-            return dict(sum(counters, Counter[str]()).most_common())
+            return dict(sum((Counter(part[name]) for part in parts), Counter[str]()).most_common())
 
-        return replace(
-            self,
-            cameras=groups("cameras"),
-            joints=groups("joints"),
-            total=_in_all(self.total, [part.total for part in parts]),
-            stop_reasons=count("stop_reasons"),
-            statuses=count("statuses"),
-        )
+        total = _in_all(self.total, [part["total"] for part in parts])
+        stops, statuses = count("stop_reasons"), count("statuses")
+        own = replace(self, cameras=groups("cameras"), joints=groups("joints"), total=total)
+        return replace(own, stop_reasons=stops, statuses=statuses)
 
 
 def summarise(inputs: Inputs, outcome: Outcome, replaced: Mask | None = None) -> Statistics:

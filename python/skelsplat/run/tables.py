@@ -28,10 +28,6 @@ class Rows:
     hint: str = ""
 
 
-_WHY_RISEN = (
-    "start → refined; it rises because the start follows wrong detections and noise as far as it can, which "
-    "the refined pose does not"
-)
 _ERROR = "median reprojection error, start → refined"
 # Head, meaning and cell of each column.
 _Columns = Sequence[tuple[str, str, Callable[[Any], str]]]
@@ -164,7 +160,7 @@ def key_numbers(run: Run) -> list[tuple[str, str, str]]:
         scatter = number(finite_median(statistics.scatter_mm), statistics.decimals)
         bar = (*bar[:2], f"against anatomical joints; scatter {scatter} mm")
     noise = f"{number(statistics.noise_mm, statistics.decimals)} mm across the ray, estimated"
-    problems = f"{problem_frames(run):,} of {run.inputs.n_frames:,}"
+    problems = f"{problem_frames(run):,} of {len(run.inputs.in_all):,}"
     return [
         error,
         rejected,
@@ -197,11 +193,10 @@ def _numbers_of(runs: Sequence[Run]) -> list[tuple[str, str, str]]:
     before, after = groups[0]["before_px"], groups[0]["after_px"]
     if len(runs) > 1:
         before, after = median("error_before"), median("error_after")
-    why = _WHY_RISEN if round(after, 1) > round(before, 1) else "start → refined"
     biased = any(is_biased(one.result) for one in runs)
     against = "against anatomical joints" if biased else "scatter alone, without a bias of the detector"
     return [
-        ("median reprojection error", f"{_change(before, after)} px", why),
+        ("median reprojection error", f"{_change(before, after)} px", "start → refined"),
         ("detections rejected", part_of(rejected, used), f"of {used:,} used"),
         ("median error bar", f"{length(median('error_bar_mm'))} mm", against),
     ]
