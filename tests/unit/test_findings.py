@@ -5,9 +5,6 @@ from __future__ import annotations
 import json
 import warnings
 
-import pytest
-
-from skelsplat import _words as words
 from skelsplat.findings import Finding, FindingWarning, Remedy, Subject, collected_warnings, remark
 
 
@@ -35,23 +32,3 @@ def test_warnings_are_collected_as_findings_each_once():
     assert found == told == [remark("one line"), finding]
     assert [one.text for one in found] == ["one line", "of a file"]
     assert {one.severity for one in found} == {"note"}
-
-
-@pytest.mark.parametrize(
-    ("mm", "text"),
-    [
-        (1234.5, "1,234.5"),
-        (14.22, "14.2"),
-        (1.04, "1.0"),
-        (0.96, "0.96"),
-        (0.0046, "0.0046"),
-        (4e-6, "0.0000040"),
-    ],
-)
-def test_lengths_have_one_decimal_or_two_digits(mm, text):
-    assert words.length(mm) == text
-    assert words.length(-mm) == f"-{text}"
-
-
-def test_lengths_that_are_none_are_written_as_before():
-    assert (words.length(0.0), words.length(float("nan")), words.length(0.0, 0)) == ("0.0", "–", "0")

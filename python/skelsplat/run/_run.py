@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
@@ -38,6 +38,7 @@ if TYPE_CHECKING:
 
 _ORDER = ("error", "warning", "note")
 _FORMATS = ("npz", "csv", "trc")
+Place: TypeAlias = "str | os.PathLike[str]"
 
 
 @dataclass(frozen=True, repr=False)
@@ -93,7 +94,7 @@ class Run:
         return self.inputs.frames
 
     @classmethod
-    def open(cls, folder: str | os.PathLike[str]) -> Run:
+    def open(cls, folder: Place) -> Run:
         """Read the folder that a run wrote: poses, errors and weights are those of the files.
 
         `DatasetError` if a file is missing or malformed, or the files do not belong to one run.
@@ -146,22 +147,20 @@ class Run:
         )
         return summed_up(inputs, Outcome.of(result, config or sk.RefineConfig(), inputs))
 
-    def write_html(self, path: str | os.PathLike[str]) -> None:
+    def write_html(self, path: Place) -> None:
         """Write a page with all numbers, the findings and the sequence in 3D; it opens offline."""
         from skelsplat.run.html import write_html  # matplotlib takes long to load
 
         write_html(self, Path(path))
 
-    def write_figures(self, folder: str | os.PathLike[str]) -> list[str]:
+    def write_figures(self, folder: Place) -> list[str]:
         """Write ``overview.png``, ``weights.png`` and, for the paper's method, ``heatmaps.png``."""
         with folders.output_folder(Path(folder)):
             from skelsplat.run.figures import write_figures  # matplotlib takes long to load
 
             return write_figures(self, Path(folder))
 
-    def write(
-        self, folder: str | os.PathLike[str], formats: Sequence[str] = _FORMATS, **options: Any
-    ) -> list[str]:
+    def write(self, folder: Place, formats: Sequence[str] = _FORMATS, **options: Any) -> list[str]:
         """Write everything, as ``skelsplat refine`` does; return the names of the files.
 
         Files of an earlier run are removed first. The folder can be read by `open`, and drawn by
@@ -200,7 +199,7 @@ class PeopleRun:
         return np.unique(np.concatenate([run.frames for run in self.people.values()]))
 
     @classmethod
-    def open(cls, folder: str | os.PathLike[str]) -> PeopleRun:
+    def open(cls, folder: Place) -> PeopleRun:
         """Read the folder that ``skelsplat refine --people`` wrote; if it is none, `DatasetError`."""
         path = Path(folder)
         names = folders_of_run(path)
@@ -212,19 +211,12 @@ class PeopleRun:
         people = {entry["id"]: Run.open(path / entry["folder"]) for entry in report["people"]}
         return cls(people, tuple(map(Finding.from_dict, report["findings"])), report)
 
-    def write(
-        self, folder: str | os.PathLike[str], formats: Sequence[str] = _FORMATS, **options: Any
-    ) -> list[str]:
+    def write(self, folder: Place, formats: Sequence[str] = _FORMATS, **options: Any) -> list[str]:
         """Write everything, as ``skelsplat refine --people`` does; return names of files and folders."""
         writing = Writing(write=tuple(formats), **options)
         with folders.run_folder(Path(folder)):
             report = folders.write_everybody(self, Path(folder), writing).report
         return [*report["files"], *report["folders"], REPORT]
-
-    def __repr__(self) -> str:
-        people = "1 person" if len(self.people) == 1 else f"{len(self.people)} people"
-        found = len(self.findings) + sum(len(run.findings) for run in self.people.values())
-        return f"PeopleRun({people}, {len(self.frames)} frames, {found} finding{'s' * (found != 1)})"
 
 
 def in_order(findings: Iterable[Finding]) -> tuple[Finding, ...]:

@@ -76,13 +76,6 @@ def by_title(names: Sequence[str]) -> dict[str, list[tuple[str, int]]]:
     return found
 
 
-def describe(run: Run) -> dict[str, Any]:
-    """Return the entry of the report: the names and the vertical."""
-    up = vertical_of(run.cameras)
-    names = angle_names(run.layout.joints, leaning=up is not None)
-    return {"names": list(names), "up": None if up is None else up.tolist()}
-
-
 def write_angles(run: Run, folder: Path, frame_rate: float) -> None:
     """Write `FILES`; ``frame_rate`` gives the times in ``angles.mot`` if the run has none."""
     poses, up = run.poses, vertical_of(run.cameras)

@@ -28,15 +28,13 @@ Tell = Callable[[Finding], None]
 def run(job: Job, *, progress: Progress = silent, tell: Tell | None = None) -> Run:
     """Do one job: read, refine, check, and write the results if the job names a folder.
 
-    A recording of more than 2 million detections (frames × cameras × joints) is done in parts, in
-    memory that hardly grows with it, if its results are written and no option needs all frames at once
-    (`Job.at_once`). Its pose files, counts, means and findings on single frames are of all frames; where
-    several people are seen about as well, another may be followed, as each part is judged alone. Medians,
-    largest values, other findings, figures and the page are from every so many-th frame, as the report says
-    under ``thinned``; so is the `Run`.
+    A recording of more than 2 million detections (frames × cameras × joints) is done in parts, in memory that
+    hardly grows with it, if its results are written and no option needs all frames at once (`Job.at_once`).
+    Pose files, counts, means and findings on single frames are of all frames; medians, largest values, other
+    findings, figures, the page and the `Run` are from every so many-th frame, as the report says under
+    ``thinned``. Where several people are seen about as well, each part may follow another.
 
-    ``progress`` is called with (frames done, frames in all), ``tell`` with each finding on the input, before
-    the poses are known.
+    ``progress`` is called with (frames done, frames in all), ``tell`` with each finding on the input.
 
     Raises
     ------
@@ -63,7 +61,7 @@ def run(job: Job, *, progress: Progress = silent, tell: Tell | None = None) -> R
                 outcome = refine_inputs(inputs, job, progress)
         found = summed_up(inputs, outcome, job, notes, gathered)
         if place is not None:
-            found = folders.write_folder(found, place, job, gathered=gathered)
+            return folders.write_folder(found, place, job, gathered=gathered)
     return found
 
 

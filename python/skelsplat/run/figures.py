@@ -103,8 +103,7 @@ def skeleton_of(layout: sk.Layout) -> viz.Skeleton:
 def most_moved_frame(moved_mm: Array) -> int:
     """Return the index of the frame whose median joint moved most; one stray joint cannot decide that.
 
-    Of distances (T, N) from the start to the refined pose, NaN where there is none. Frames in which fewer
-    joints than usual have one are left out: a person who leaves the picture would decide.
+    Of distances (T, N), NaN where there is none; frames with fewer joints than usual are left out.
     """
     median, known = frame_medians(moved_mm), np.isfinite(moved_mm).sum(axis=1)
     usual = np.median(known[known > 0]) if known.any() else 0
@@ -113,20 +112,14 @@ def most_moved_frame(moved_mm: Array) -> int:
 
 def _caption(run: Run, frame: int) -> str:
     """Return which frame is drawn, and why."""
-    statistics, count, every = run.statistics, len(run.frames), run.inputs.every
+    statistics, every = run.statistics, run.inputs.every
     here, typical = finite_median(statistics.moved_mm[frame]), finite_median(statistics.moved_mm)
     digits = statistics.decimals if statistics.decimals > 1 else 0
-    change = f"median joint {here:.{digits}f} mm from the {run.outcome.start_name}"
     words = f"Frame {run.frames[frame]}"
-    if not np.isfinite(here):
-        words += ", in which no joint can be compared with its start"
-    elif count > 1:
-        words += f", with the largest change: {change} (all frames: {typical:.{digits}f} mm)"
-    else:
-        words += f": {change}"
-    if every:
-        words += f"; drawn is every {ordinal(every)} frame"
-    return words
+    if np.isfinite(here):
+        words += f", with the largest change: median joint {here:.{digits}f} mm from the "
+        words += f"{run.outcome.start_name} (all frames: {typical:.{digits}f} mm)"
+    return words + (f"; drawn is every {ordinal(every)} frame" if every else "")
 
 
 def _seen(run: Run, view: int, frame: int) -> Array:

@@ -57,6 +57,8 @@ def find_findings(
     """
     alone = frame_by_frame(inputs, outcome)
     counted = statistics if alone is outcome else summarise(inputs, alone)
+    sides = zip(*inputs.layout.symmetric_pairs(2), strict=True)
+    measured = np.array([_lengths_mm(inputs, alone, side) for side in sides])
     return [
         *same_detections(inputs.rig.names, inputs.detections),
         *find_people(inputs, alone),
@@ -64,7 +66,7 @@ def find_findings(
         *_in_time(statistics, counted),
         *_cameras(inputs, counted),
         *find_swapped(inputs.rig.names, alone.result, inputs.layout),
-        *_limbs(inputs, alone),
+        *filter(None, [limbs_differ(inputs.layout, measured.T) if measured.size else None]),
         *_given_lengths(inputs, alone),
         *find_joints(counted, statistics),
         *find_statuses(inputs, frames, counts),
@@ -126,8 +128,7 @@ def _rest(statistics: Statistics) -> float:
 def unfit_cameras(inputs: Inputs) -> dict[int, tuple[int, int]]:
     """Return the cameras in which people are detected but mostly none matches the other cameras.
 
-    With two numbers of frames: those without a match, and those in which this and another camera detect
-    people. The effect of exchanging two cameras is unequal, so a lower share is enough once one is found.
+    With two numbers of frames: those without a match, and those in which this and another detect people.
     """
     people = inputs.unmatched | np.isfinite(inputs.detections[..., 0]).any(axis=2)
     count, seen = inputs.unmatched.sum(axis=0), people.sum(axis=0)
@@ -217,15 +218,6 @@ def _bad_cameras(cameras: Sequence[Group]) -> list[Group]:
         if far or share >= max(_BAD_SHARE, _BEST_RATIO * min(others)):
             bad.append(group)
     return bad
-
-
-def _limbs(inputs: Inputs, outcome: Outcome) -> Iterator[Finding]:
-    """Yield a finding on the limbs that differ most between left and right, if implausibly."""
-    sides = zip(*inputs.layout.symmetric_pairs(2), strict=True)
-    measured = np.array([_lengths_mm(inputs, outcome, side) for side in sides])
-    found = limbs_differ(inputs.layout, measured.T) if measured.size else None
-    if found is not None:
-        yield found
 
 
 def _lengths_mm(inputs: Inputs, outcome: Outcome, limbs: Sequence[tuple[int, int]]) -> list[float]:

@@ -38,7 +38,7 @@ from skelsplat.io.detections import FORMATS
 from skelsplat.io.poses import PEOPLE_FORMATS, POSE_FORMATS, check_pose_format
 from skelsplat.io.run_folder import write_run_inputs
 from skelsplat.run.angles import FILES as ANGLE_FILES
-from skelsplat.run.angles import check_angles, describe, vertical_of, write_angles
+from skelsplat.run.angles import check_angles, vertical_of, write_angles
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
@@ -64,13 +64,13 @@ _ASSUMED_FPS = 30.0
 _WITH_MARKERS = [kind for kind, entry in POSE_FORMATS.items() if "y_up" in entry.options]
 
 
-def names_of(writing: Writing, method: str, *, own_layout: bool = False) -> list[str]:
+def _names(writing: Writing, run: Run) -> list[str]:
     """Return the names of the files, but for the report; pictures need the extra viz."""
     wanted = {*(f"pose.{kind}" for kind in writing.pose_formats), CAMERAS, DETECTIONS}
     wanted |= set(ANGLE_FILES) if writing.angles else set()
-    wanted |= {LAYOUT} if own_layout else set()
+    wanted |= set() if layouts.is_built_in(run.layout) else {LAYOUT}
     if can_draw():
-        wanted |= {*_PICTURES, *([_PAPERS_PICTURE] if method == "paper" else [])}
+        wanted |= {*_PICTURES, *([_PAPERS_PICTURE] if run.outcome.config.method == "paper" else [])}
         wanted |= {PAGE} if writing.html else set()
     return [name for name in _POSSIBLE if name in wanted]
 
@@ -120,11 +120,13 @@ def write_folder(
     ``name`` is that of a person in a run of several.
     """
     name = name or name_of(run, gathered)
-    own = not layouts.is_built_in(run.layout)
-    names = names_of(writing, run.outcome.config.method, own_layout=own)
+    names = _names(writing, run)
     report = {**run.report, RUN: name, "files": names}
     report.pop("joint_angles", None)
-    run = replace(run, report={**report, **({"joint_angles": describe(run)} if writing.angles else {})})
+    if writing.angles:
+        up = vertical_of(run.cameras)
+        report["joint_angles"] = {"names": [*run.angles.names], "up": None if up is None else up.tolist()}
+    run = replace(run, report=report)
     begin_writing(folder, run.report)
     whole = gathered or run
     rate, frames = run.poses.frame_rate, whole.poses.frames
@@ -136,13 +138,9 @@ def write_folder(
         write_angles(run, folder, _ASSUMED_FPS)
     write_run_inputs(folder, run.cameras, run.layout, whole.detections, frames, rate, name)
     if can_draw():
-        from skelsplat.run.figures import write_figures  # matplotlib takes long to load
-
-        write_figures(run, folder)
+        run.write_figures(folder)
     if PAGE in names:
-        from skelsplat.run.html import write_html
-
-        write_html(run, folder / PAGE)
+        run.write_html(folder / PAGE)
     atomic_write_text(folder / REPORT, to_text(run.report))  # last: the run is whole
     return run
 
@@ -196,10 +194,7 @@ def keep_input(job: Job, sources: Sequence[Path] = ()) -> None:
 
 
 def keep_inputs(jobs: Iterable[Job], folder: Path, names: Sequence[str]) -> None:
-    """Refuse, as `keep_input` does, a folder for files with these ``names``, which are about several jobs.
-
-    Below a folder of detections it must be one in which the cameras have files, not folders.
-    """
+    """Refuse, as `keep_input` does, a folder for files with these ``names``, about several jobs."""
     out, suffixes = folder.resolve(), {suffix for form in FORMATS.values() for suffix in form.suffixes}
     for job in jobs:
         top = Path(job.detections).resolve()
@@ -217,8 +212,7 @@ def _in_the_way(path: Path) -> InvalidInputError:
 def begin_writing(folder: Path, report: dict[str, Any]) -> None:
     """Write the report as that of an unfinished run, then remove the files that an earlier run lists.
 
-    It lists the files of the earlier run and those not there yet; any others are not from a run. The same
-    holds for the folders of people: those who are not of the new run are removed, but for what is not theirs.
+    Any others are not from a run. The same holds for the folders of people who are not of the new run.
     """
     earlier, people = files_of_run(folder) or [], folders_of_run(folder)
     new = {name for name in report["files"] if not (folder / name).exists()}

@@ -47,6 +47,7 @@ _WORDS = {
     "frame_unusual": ("many detections rejected", "large reprojection error", "scatter far above normal"),
 }
 _KINDS = {words: kind for kind, every in _WORDS.items() for words in every}
+_Texts = npt.NDArray[np.str_]
 # What is said, in which frames (T,) or of which joints or cameras of them (T, K), their K names, and numbers
 # of every frame, each (T,).
 _Case = tuple[str, Mask, Sequence[str], dict[str, Array]]
@@ -83,7 +84,7 @@ def find_joints(alone: Statistics, statistics: Statistics) -> Iterator[Finding]:
         yield Finding("joints_uncertain", "warning", Subject(joints=tuple(wide)), numbers, sentence=words)
 
 
-def joint_frames(inputs: Inputs, outcome: Outcome, written: npt.NDArray[np.str_]) -> JointFrames:
+def joint_frames(inputs: Inputs, outcome: Outcome, written: _Texts) -> JointFrames:
     """Return the frames in which joints are weak, or unobserved: without a position of their own.
 
     Not those declared missing, nor those ``written`` (T, N) as filled over time.
@@ -124,17 +125,15 @@ class FrameFacts:
     """What single frames are judged from, of T frames, M cameras and N joints."""
 
     frames: Index  # (T,) their numbers
-    stops: npt.NDArray[np.str_]  # (T,) the stop reasons
-    status: npt.NDArray[np.str_]  # (T, N) of the poses written, where joints may be filled over time
+    stops: _Texts  # (T,) the stop reasons
+    status: _Texts  # (T, N) of the poses written, where joints may be filled over time
     swapped: Mask  # (T, M) a camera's detections are swapped and used
     rejected: Array  # (T,) share of the detections used, NaN without any
     error_px: Array  # (T,) median over the detections
     scatter_mm: Array  # (T, N) of joints that are ok, else NaN
 
     @classmethod
-    def of(
-        cls, inputs: Inputs, outcome: Outcome, statistics: Statistics, status: npt.NDArray[np.str_]
-    ) -> FrameFacts:
+    def of(cls, inputs: Inputs, outcome: Outcome, statistics: Statistics, status: _Texts) -> FrameFacts:
         """Return the facts of a run."""
         used = np.isfinite(statistics.error_after)
         count, rejected = used.sum(axis=(1, 2)), statistics.rejected.sum(axis=(1, 2))
@@ -179,8 +178,7 @@ def find_in_frames(
     """Return what is unusual in single frames: a finding per kind and names, with its frames in order.
 
     Numbers are lists, one per frame. A joint that is unobserved in every frame, and a step limit that most
-    frames reach, concern the recording and not a frame: see `find_findings` and the stop reasons. Of very
-    many the first ones are named; the number of those left out comes with the findings.
+    frames reach, concern the recording. Of very many the first are named; the rest is counted.
     """
     found: dict[tuple[int, str, tuple[str, ...]], dict[str, list[Any]]] = {}
     count = 0

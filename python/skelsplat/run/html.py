@@ -16,6 +16,7 @@ from skelsplat.run import tables
 from skelsplat.run.angles import angles_of, by_title, world_up
 from skelsplat.run.figures import count_of, skeleton_of, tracks_of
 from skelsplat.run.frames import problems_of, rows_of
+from skelsplat.run.people import CONFIRMED
 from skelsplat.run.report import solved_in_words, thinned_in_words
 from skelsplat.run.summary import DOWN_WEIGHTED, error_maps, frame_medians, is_biased
 from skelsplat.viz import report as page
@@ -43,8 +44,6 @@ _ON_PEOPLE = (
     "page of each person, linked in the table, has their cameras, joints and curves.",
     "A camera sees a person where it has a detection of them that is used and not rejected.",
 )
-# Views that place a person surely; two agree on whatever lies where their rays meet.
-_CONFIRMED = 3
 
 
 def write_html(run: Run, path: Path) -> None:
@@ -210,7 +209,7 @@ def everybody(
         frames=frames,
         joint_names=[f"{one.name}, {joint}" for one in tracks for joint in joint_names],
         people=[one.name for one in tracks],
-        on_floor=[place for place, own in enumerate(seen) if own >= min(_CONFIRMED, max(seen))],
+        on_floor=[place for place, own in enumerate(seen) if own >= min(CONFIRMED, max(seen))],
         **given,
     )
 

@@ -41,7 +41,6 @@ class Writing:
     marker_names: str = MARKER_NAMES[0]
     #: Write the joint angles as well, `skelsplat.joint_angles`: ``angles.csv``, ``.npz`` and ``.mot``.
     angles: bool = False
-    #: Write ``report.html``.
     html: bool = True
 
     @property
@@ -93,7 +92,6 @@ class Job(Writing):
     without: tuple[str, ...] = ()
     #: By joint of the layout, its name or index in the files, where these differ; None: missing there.
     mapping: Mapping[str, str | int | None] = field(default_factory=dict)
-    #: Which sequence of a file that has several.
     sequence: str | None = None
     #: A pose file to start from; None for triangulation.
     init: str | os.PathLike[str] | None = None

@@ -68,11 +68,7 @@ def _half(progress: Progress, done: int) -> Progress:
 def follow(
     opened: Opened, job: Job, folder: Path, size: int, progress: Progress = silent
 ) -> tuple[Inputs, RowFile, RowFile]:
-    """Follow the person the views agree on, so many frames at a time.
-
-    Returns the inputs of all frames without their detections, then the person's detections (T, M, N, 3) and
-    where nobody matches (T, M).
-    """
+    """Follow the person the views agree on: all inputs, and in files detections and where nobody matches."""
     rig, layout, steps = opened.rig, opened.detections.skeleton, len(opened.detections.frames)
     shape = (len(rig), layout.n_joints, 3)
     detections = RowFile(folder / "detections", shape, np.float64)

@@ -25,15 +25,13 @@ _OFF_SHARE = 1 / 9
 # Standard deviation of a limb's length, as a part of it: a detector does not place joints at quite the same
 # point of the body in every pose.
 _DEFINITION = 0.05
-# A limb is off its median beyond so many standard deviations.
-_OFF = 4.0
-# Fewer frames are no distribution of lengths.
-_LEAST_FRAMES = 10
+# A limb is off its median beyond so many standard deviations; fewer frames are no distribution of lengths.
+_OFF, _LEAST_FRAMES = 4.0, 10
 # A body that is elsewhere in the next frame by this part of its size, and faster than anybody runs, mm/s, is
 # another one; it takes so many joints to say where it is.
 _JUMP, _FASTEST_MM_S, _LEAST_JOINTS = 0.5, 12_000.0, 4
 # A third view confirms a person; two agree on whatever lies where their rays meet.
-_CONFIRMED = 3
+CONFIRMED = 3
 # Nobody stands as still as this for so long, while posters and dummies do, mm and s: detections of good
 # detectors scatter by 4 mm once smoothed, and somebody at rest sways by 5 mm and moves a hand or the head.
 _STILL_MM, _STILL_S = 7.0, 3.0
@@ -117,10 +115,9 @@ class LimbSpread:
 
 
 def limb_spread(pose: Array, uncertainty: Array, known: Mask, limbs: Sequence[tuple[int, int]]) -> LimbSpread:
-    """Compare how limb lengths vary over the frames with the scatter that a constant length would have.
+    """Compare how lengths of limbs vary over the frames with the scatter that a constant length would have.
 
-    The variance of a length is that of its two ends along the limb, and (5 % of the length)², as a detector
-    does not place joints at quite the same point of the body in every pose. Joints ``known`` (T, N) count.
+    The variance is that of its two ends along it, and (5 % of the length)². Joints ``known`` (T, N) count.
     """
     kept, rows, off, count = [], [], 0, 0
     for a, b in limbs:
@@ -163,7 +160,7 @@ def find_doubts(people: Sequence[Inputs], of: Inputs) -> Iterator[Finding]:
     who: dict[str, Any] = {"person": int(of.person)}
     seen = np.asarray(np.isfinite(of.detections[..., 0]).any(axis=-1))
     views = float(np.median(seen.sum(axis=1)))
-    if len(of.rig) >= _CONFIRMED and views < _CONFIRMED:
+    if len(of.rig) >= CONFIRMED and views < CONFIRMED:
         counts = dict(zip(of.rig.names, seen.sum(axis=0).tolist(), strict=True))
         counts = {name: count for name, count in counts.items() if count}
         cameras = listed([f"{name} in {count:,}" for name, count in counts.items()])

@@ -60,13 +60,7 @@ def pick_places(
     """Choose one of the people (T, M, P, N, 3) in each view, by "consistent", "largest" or a place in P.
 
     Returns the places (T, M) in P, -1 for none, and the views without a match (T, M): people are detected
-    there and in another view, but not the person the views agree on. A layout also finds a person whose left
-    and right are swapped in a view.
-
-    Raises
-    ------
-    InvalidInputError
-        If no file has a person at that place.
+    there and in another view, but not the person the views agree on. A layout also finds swapped sides.
     """
     if person == "consistent":
         index, unmatched, cut = pick_consistent(people, rig, layout)
@@ -115,8 +109,8 @@ def look_around(
 ) -> Crowd | None:
     """Return who is visible besides the person of ``index`` (T, M); the other arguments as of `pick_places`.
 
-    None where hardly any frame has several people in two views. Long recordings are sampled, unless people
-    and index are already those of a sample, ``steps`` (S,).
+    None where hardly any frame has several people in two views. Unless people and index are those of a
+    sample, ``steps`` (S,), long recordings are sampled.
     """
     several = (count_people(people) >= 2).sum(axis=1) >= 2
     if several.mean() < _CROWDED:

@@ -171,16 +171,14 @@ def spread(values: Array, places: Index) -> Array:
 def frame_by_frame(inputs: Inputs, outcome: Outcome) -> Outcome:
     """Return the same frames solved one by one, from which cameras and people are judged.
 
-    There an offset shows undisturbed, while over time it turns into rejected detections, and limbs keep their
-    length in any case.
+    Over time, an offset turns into rejected detections, and limbs keep their length in any case.
     """
     if outcome.sequence is None:
         return outcome
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # those of the result were given already
-        result = sk.refine(
-            inputs.init_pose, inputs.detections, inputs.rig, layout=inputs.layout, config=outcome.config
-        )
+        given = inputs.init_pose, inputs.detections, inputs.rig
+        result = sk.refine(*given, layout=inputs.layout, config=outcome.config)
     return Outcome(result, outcome.config, outcome.start, outcome.start_name)
 
 

@@ -32,10 +32,8 @@ Group = dict[str, Any]
 """The detections of one camera or of one joint over all frames, as in ``report.json`` but with NaN for null.
 
 ``before_px`` and ``after_px`` are medians over the same detections; ``used`` + ``left_out`` + ``missing`` is
-their number. Left out are those below the least confidence and those of joints that have no position.
-``not_chosen`` ones are among the missing: people are detected in the view and another, but none here matches.
-``down_weighted`` (the ``rejected`` among them), ``swapped`` and ``poor`` ones are among the used, and
-``mean_weight`` is their mean weight k.
+their number. ``not_chosen`` ones are among the missing; ``down_weighted`` (the ``rejected`` among them),
+``swapped`` and ``poor`` ones are among the used. `skelsplat.run.report.MEANINGS` explains them.
 """
 
 

@@ -25,7 +25,6 @@ class Rows:
     columns: Sequence[tuple[str, str]]
     rows: Sequence[Sequence[str]]
     total: Sequence[str] = ()  # a last row for all
-    hint: str = ""
 
 
 _ERROR = "median reprojection error, start → refined"
@@ -66,11 +65,7 @@ _OF_PEOPLE = (
     ("error [px]", _ERROR),
     ("rejected", "part of the detections used that hardly affects the pose"),
     ("error bar [mm]", "median against an anatomical joint, one standard deviation per axis"),
-    (
-        "limbs",
-        "range of the lengths of arms and legs frame by frame, 5th to 95th percentile, as a part of the "
-        "length; large if two people are mixed",
-    ),
+    ("limbs", "range of the lengths of arms and legs frame by frame; large if two people are mixed"),
     ("problems", "frames with weak, missing or unusual joints"),
     ("warnings", "on this person, listed below"),
 )
@@ -92,15 +87,8 @@ def of_joints(run: Run) -> Rows:
         rows.append([*_cells(one), views, f"{bar} ({scatter})", moved])
     columns = [
         *_heads("joint", _OF_GROUPS),
-        (
-            f"views used, of {len(run.cameras)}",
-            "views with a detection that is used and not rejected: median over the frames (lowest)",
-        ),
-        (
-            "error bar [mm]",
-            "standard deviation per axis against an anatomical joint, median over the frames "
-            "(in brackets the scatter, a part of it)",
-        ),
+        (f"views used, of {len(run.cameras)}", "with a detection used and not rejected: median (lowest)"),
+        ("error bar [mm]", "standard deviation per axis against an anatomical joint (scatter, a part of it)"),
         ("moved [mm]", "median distance of the refined joint from its start"),
     ]
     return Rows("Joints", columns, rows)

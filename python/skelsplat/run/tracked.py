@@ -186,8 +186,9 @@ def choose(everybody: Everybody, person: str) -> Inputs:
     count = len(people)
     which = f"person {chosen.person} of {count} people, numbered from 0 in the order of appearance"
     words = f"Followed ({person}): {which if count > 1 else 'the only person found'}."
-    numbers, remedy = {"identity": int(chosen.person), "people": count}, (Remedy("people", "all"),)
-    warn(Finding("person_followed", "note", Subject(), numbers, remedy[: count - 1], sentence=words))
+    numbers = {"identity": int(chosen.person), "people": count}
+    remedy = (Remedy("people", "all"),) if count > 1 else ()
+    warn(Finding("person_followed", "note", Subject(), numbers, remedy, sentence=words))
     return replace(chosen, doubts=(*everybody.whole.doubts, *chosen.doubts))
 
 
@@ -207,20 +208,19 @@ def _at(people: Sequence[Inputs], camera: str, x: float, y: float) -> Inputs:
     """Return who is nearest to a point of a view in the first frame in which it sees one of the people."""
     name = camera_called(camera, people[0].rig.names, "person")
     view = list(people[0].rig.names).index(name)
-    known = [np.isfinite(one.detections[:, view, :, 0]).any(axis=1) for one in people]
-    pairs = zip(people, known, strict=True)
-    first = min((one.frames[there][0] for one, there in pairs if there.any()), default=None)
-    if first is None:
+    seen = []
+    for one in people:
+        joints = one.detections[:, view, :, :2]
+        there = np.flatnonzero(np.isfinite(joints).any(axis=(1, 2)))
+        seen += [(int(one.frames[t]), one.person, joints[t]) for t in there[:1]]
+    if not seen:
         raise InvalidInputError(f"person: expected a camera that sees one of the people found, got {name}")
-    here = {one.person: one.detections[one.frames == first][:, view] for one in people}
-    away = {
-        who: float(np.nanmin(np.hypot(joints[0, :, 0] - x, joints[0, :, 1] - y)))
-        for who, joints in here.items()
-        if np.isfinite(joints).any()
-    }
+    first = min(frame for frame, *_ in seen)
+    here = {who: joints for frame, who, joints in seen if frame == first}
+    away = {who: float(np.nanmin(np.hypot(*(joints - (x, y)).T))) for who, joints in here.items()}
     nearest = min(away, key=lambda who: away[who])
-    if away[nearest] > _NEAR * float(association.extents(here[nearest])[0]):
-        joints = here[nearest][0, :, :2]
+    joints = here[nearest]
+    if away[nearest] > _NEAR * float(association.extents(joints)):
         at = "{:.0f},{:.0f}".format(*joints[int(np.nanargmin(np.hypot(*(joints - (x, y)).T)))])
         got = f"one that is {away[nearest]:.0f} px from person {nearest}, the nearest, at {at}"
         raise InvalidInputError(f"person: expected a point on a person in frame {first} of {name}, got {got}")
