@@ -35,22 +35,6 @@ def person(name="person 0", frames=range(100, 140), at=(0.0, 0.0), **changes):
     return viz.PersonTrack(**{**content, **changes})
 
 
-def nobody(name="person 9", frames=range(100, 140)):
-    """Build a person without a single joint or view."""
-    count = len(frames)
-    return person(
-        name,
-        frames,
-        start=np.full((count, 3, 3), np.nan),
-        refined=np.full((count, 3, 3), np.nan),
-        error_bar=np.full((count, 3, 3, 3), np.nan),
-        status=np.full((count, 3), "unobserved"),
-        seen=np.zeros((count, len(CAMERAS)), dtype=bool),
-        error_px=np.full(count, np.nan),
-        rejected=np.full(count, np.nan),
-    )
-
-
 def crowd(count=3):
     """Build people 800 mm apart along x; the second comes late, the third leaves early."""
     spans = [range(100, 140), range(110, 140), range(100, 120)]

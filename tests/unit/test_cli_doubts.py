@@ -131,18 +131,10 @@ def test_a_camera_that_alone_sees_somebody_contradicts_nobody():
     assert unmatched.sum(axis=0).tolist() == [5, 5, 0, 0]
 
 
-def simulated(noise):
-    rig = synthetic.human36m_like(distortion=True)
-    found = synthetic.simulate_detections(synthetic.motion("walk", 30, seed=1), rig, noise=noise, seed=3)
-    return rig, found[:, :, None]
-
-
-def unfit_of(rig, people):
-    index, unmatched = pick_places(people, rig, "consistent", sk.layouts.H36M17)
-    chosen = take_people(people, index)
-    return unfit_cameras(SimpleNamespace(detections=chosen, unmatched=unmatched, rig=rig))
-
-
 @pytest.mark.parametrize("hidden", [1, 2, 3])
 def test_occluded_views_fit(hidden):
-    assert unfit_of(*simulated(synthetic.DetectionNoise.occluded(hidden))) == {}
+    rig, noise = synthetic.human36m_like(distortion=True), synthetic.DetectionNoise.occluded(hidden)
+    seen = synthetic.simulate_detections(synthetic.motion("walk", 30, seed=1), rig, noise=noise, seed=3)
+    index, unmatched = pick_places(seen[:, :, None], rig, "consistent", sk.layouts.H36M17)
+    chosen = take_people(seen[:, :, None], index)
+    assert unfit_cameras(SimpleNamespace(detections=chosen, unmatched=unmatched, rig=rig)) == {}

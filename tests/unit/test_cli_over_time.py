@@ -112,18 +112,6 @@ def test_weak_joints_are_filled_when_asked(recording, arguments):
     np.testing.assert_allclose(written.pose[2, 16], written.pose[[1, 3], 16].mean(axis=0), atol=20.0)
 
 
-def test_write_names_the_formats(recording, arguments):
-    folder, _, _ = recording
-    result = invoke(*arguments, *READ, *FPS[:2], "--write", "json, .CSV")
-    assert result.exit_code == 0, result.output
-    assert {path.name for path in (folder / "out").glob("pose.*")} == {
-        "pose.npz",
-        "pose.json",
-        "pose.csv",
-    }
-    assert "pose.csv, pose.json" in " ".join(result.stdout.split())
-
-
 def test_an_unknown_frame_rate_is_a_warning_of_the_files_that_need_one(recording, arguments):
     pytest.importorskip("ezc3d", reason="ezc3d is not installed")
     folder, _, _ = recording
@@ -134,15 +122,6 @@ def test_an_unknown_frame_rate_is_a_warning_of_the_files_that_need_one(recording
     assert "the times in pose.c3d and pose.trc assume 30" in result.stderr
     assert read_c3d(folder / "out" / "pose.c3d").frame_rate == 30.0
     assert read_npz(folder / "out" / "pose.npz").frame_rate is None
-
-
-def test_y_up_turns_c3d_as_well(recording, arguments):
-    pytest.importorskip("ezc3d", reason="ezc3d is not installed")
-    folder, _, _ = recording
-    assert invoke(*arguments, *READ, *FPS, "--write", "c3d,npz", "--y-up").exit_code == 0
-    pose = read_npz(folder / "out" / "pose.npz").pose
-    turned = read_c3d(folder / "out" / "pose.c3d").pose
-    np.testing.assert_array_equal(turned, pose[..., [1, 2, 0]].astype(np.float32))
 
 
 @pytest.mark.parametrize(

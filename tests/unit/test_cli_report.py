@@ -7,26 +7,17 @@ import json
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
 import skelsplat as sk
-from command_line import read_report
+from command_line import FAST, READ, invoke, read_report
 from skelsplat import synthetic
-from skelsplat.cli import app
 from skelsplat.io import read_npz
 from skelsplat.run.angles import vertical_of, world_up
-from skelsplat.run.figures import most_moved_frame
 
 pytestmark = pytest.mark.drawn  # odd recordings, which must have figures too
 
 T = 5  # frames of `recording`
 NOISE_PX = 2.0
-READ = ["--unit", "mm", "--layout", "h36m17"]
-FAST = ["--max-steps", "30", "--fps", "50"]
-
-
-def invoke(*args):
-    return CliRunner().invoke(app, [str(arg) for arg in args], env={"COLUMNS": "80"})
 
 
 def test_the_report_holds_statistics_settings_and_timing(recording, arguments):
@@ -95,31 +86,6 @@ def test_the_noise_and_the_error_bars_are_reported(recording, arguments):
     assert error.mean() == pytest.approx(1.6 * np.median(bars), rel=0.3)
 
 
-def exchange_sides(folder, camera):
-    """Exchange left and right in every file of a camera."""
-    other = np.arange(17)
-    for left, right in sk.layouts.H36M17.left_right:
-        other[[left, right]] = right, left
-    for path in (folder / "openpose" / camera).glob("*.json"):
-        frame = json.loads(path.read_text())
-        points = np.array(frame["people"][0]["pose_keypoints_2d"]).reshape(-1, 3)[other]
-        frame["people"][0]["pose_keypoints_2d"] = points.ravel().tolist()
-        path.write_text(json.dumps(frame))
-
-
-def test_exchanged_sides_are_counted_and_a_mirrored_camera_is_named(recording, arguments):
-    folder, _, _ = recording
-    exchange_sides(folder, "cam2")
-    result = invoke(*arguments, *READ, "--fps", 50, "--person", 0)
-    text = " ".join(result.stdout.split())
-    assert "Left–right swaps were corrected in" in text
-    assert "! cam2: left and right are swapped in" in text
-    cameras = json.loads((folder / "out" / "report.json").read_text())["reprojection_error"]["cameras"]
-    assert cameras[1]["swapped"] > 0
-    assert cameras[0]["swapped"] == cameras[2]["swapped"] == 0
-    assert all(len(line) <= 80 for line in result.stdout.splitlines() if not line.startswith("/"))
-
-
 def test_detections_of_other_cameras_are_doubted(recording, arguments):
     folder, rig, _ = recording
     a, b = (folder / "openpose" / rig.names[i] for i in (0, 1))
@@ -155,16 +121,6 @@ def test_detections_that_are_no_pixels_are_doubted(recording, arguments):
         )
         assert (result.stdout + result.stderr).count("! No detection") == 0
     assert read_report(folder / "out")["findings"][0]["severity"] == "error"
-
-
-def test_the_frame_shown_has_the_joints_of_most_frames_and_is_not_chosen_by_one_stray_joint():
-    moved = np.array(
-        [[1.0, 1.0, 900.0], [5.0, 5.0, 5.0], [9.0, 9.0, 9.0], [np.nan] * 3, [99.0, np.nan, np.nan]]
-    )
-    assert most_moved_frame(moved) == 2
-    assert most_moved_frame(moved[[0, 1, 3, 4]]) == 1
-    assert most_moved_frame(moved[3:]) == 1
-    assert most_moved_frame(np.full((2, 3), np.nan)) == 0
 
 
 def test_world_up_is_the_axis_that_the_cameras_agree_on():

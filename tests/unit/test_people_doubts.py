@@ -55,20 +55,6 @@ def test_lengths_that_vary_are_named_by_the_limb_that_varies_most():
     assert doubt.numbers["range_mm"] == [200.0, 400.0]
 
 
-def jumps(people, fps=None):
-    """Return the findings on jumps of a recording with one person per file."""
-    found = findings_of(people[:, :, :1], RIG, "0", fps=fps)
-    return [text for text in found if text.startswith("The person jumps")]
-
-
-@pytest.mark.parametrize("fps", [None, 60.0])
-def test_frames_out_of_order_are_jumps(fps):
-    people = seen(crossing(), RIG)
-    (found,) = jumps(people[[*range(6), *range(18, 24), *range(6, 18)]], fps)
-    assert "jumps 2 times from one frame to the next" in found
-    assert "(frames 6, 12)" in found
-
-
 @pytest.mark.parametrize("rig", [RIG, synthetic.ring(3), synthetic.ring(8)], ids=["four", "three", "eight"])
 @pytest.mark.parametrize("noise", [NOISES[0], NOISES[3]], ids=["good", "occluded"])
 @pytest.mark.parametrize("views", [slice(0, 1), slice(-2, None)], ids=["one", "two"])

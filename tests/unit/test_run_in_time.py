@@ -64,17 +64,9 @@ def test_an_independent_start_is_for_single_frames(recording, job):
     assert run(job(init=folder / "start.npz")).outcome.sequence is not None
 
 
-def inputs_of(job, frames):
-    """Return the inputs of a job with other frame numbers."""
-    return replace(solve_inputs(job), frames=np.asarray(frames))
-
-
-def solve_inputs(job):
-    return read_inputs(open_files(job), job, None, lambda _: None)
-
-
 def test_missing_frames_are_solved_and_left_out_again(job):
-    inputs = inputs_of(job(), [0, 1, 4, 5, 6])
+    inputs = read_inputs(open_files(job()), job(), solve.silent, lambda _: None)
+    inputs = replace(inputs, frames=np.array([0, 1, 4, 5, 6]))
     found = solve.refine_inputs(inputs, job()).sequence
     whole = np.full((7, *inputs.detections.shape[1:]), np.nan)
     whole[[0, 1, 4, 5, 6]] = inputs.detections
@@ -103,15 +95,8 @@ def test_files_hold_velocities_and_bones_in_their_unit(job, tmp_path):
     result = found.outcome.sequence
     for read, path in ((read_npz, "pose.npz"), (read_json, "pose.json")):
         poses = read(tmp_path / "out" / path)
-        np.testing.assert_array_equal(poses.velocity, result.velocity)
-        np.testing.assert_array_equal(poses.velocity_uncertainty, result.velocity_uncertainty)
-        np.testing.assert_array_equal(poses.bones, result.bones)
-        np.testing.assert_array_equal(poses.bone_lengths, result.bone_lengths)
-        np.testing.assert_array_equal(poses.bone_length_sigma, result.bone_length_sigma)
-        metres = poses.in_unit("m")
-        np.testing.assert_allclose(metres.velocity, poses.velocity / 1000)
-        np.testing.assert_allclose(metres.velocity_uncertainty, poses.velocity_uncertainty / 1e6)
-        np.testing.assert_allclose(metres.bone_lengths, poses.bone_lengths / 1000)
+        for name in ("velocity", "velocity_uncertainty", "bones", "bone_lengths", "bone_length_sigma"):
+            np.testing.assert_array_equal(getattr(poses, name), getattr(result, name))
     opened = Run.open(tmp_path / "out")
     np.testing.assert_array_equal(opened.outcome.sequence.bone_lengths, result.bone_lengths)
     assert opened.report["solution"]["method"] == "over time"
@@ -169,7 +154,7 @@ def test_videos_state_the_rate(recording, job, arguments, place):
     found = run(job(fps=None))
     assert found.outcome.sequence is None
     (told,) = (one for one in found.findings if one.kind == "frame_rates_differ")
-    assert told.text.startswith("The videos state different frame rates (cam1 25, cam2 24, cam3 25, cam4 25)")
+    assert told.numbers["each"] == "cam1 25, cam2 24, cam3 25, cam4 25"
     short.unlink()
     assert run(job(fps=None)).outcome.sequence is None
 
@@ -192,14 +177,10 @@ def test_rates_of_files_that_differ_are_said_and_no_videos_next_to_them_count(re
     found = run(job(fps=None))
     assert found.outcome.sequence is None
     (told,) = (one for one in found.findings if one.kind == "frame_rates_differ")
-    assert told.text.startswith(
-        "The files state different frame rates (cam1 60, cam2 30, cam3 60, cam4 60.01)"
-    )
+    assert told.numbers["each"] == "cam1 60, cam2 30, cam3 60, cam4 60.01"
     assert "frame_rates_differ" in [one.kind for one in run(job()).findings]  # also with --fps
     checked = invoke("check-cameras", *arguments[1:3], *READ, "--json")
-    assert checked.exit_code == 1
-    kinds = [one["kind"] for one in json.loads(checked.stdout)["findings"]]
-    assert "frame_rates_differ" in kinds
+    assert "frame_rates_differ" in [one["kind"] for one in json.loads(checked.stdout)["findings"]]
     detect_json(folder, {"cam1": 60, "cam2": None, "cam3": 60, "cam4": 60.01})
     found = run(job(fps=None))
     assert (found.report["solution"]["fps"], found.report["solution"]["fps_from"]) == (60, "files")
@@ -220,7 +201,5 @@ def test_given_lengths_that_contradict_the_recording_are_named(job):
 
     (finding,) = told(10.0)
     assert finding.numbers["limbs"] == [[layout.joints[j] for j in layout.limbs[bone]]]
-    assert finding.numbers["given_mm"] == [lengths[bone]]
     assert abs(finding.numbers["measured_mm"][0] - lengths[bone] + 150.0) < 20.0
-    assert f"left_knee {lengths[bone]:.0f} mm, measured" in finding.text
     assert not told(1e4)

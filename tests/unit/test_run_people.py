@@ -64,18 +64,6 @@ def command(recording, out):
     return ["refine", recording / "Calib.toml", recording / "openpose", "-o", out, *READ, "--fps", FPS]
 
 
-def test_everybody_has_joint_angles(found, tmp_path, monkeypatch):
-    for module in ("folder",):
-        monkeypatch.setattr(f"skelsplat.run.{module}.can_draw", lambda: False)  # pictures take longer
-    found.write(tmp_path / "out", ("npz",), html=False, angles=True)
-    for identity, person in found.people.items():
-        with np.load(tmp_path / "out" / f"person_{identity}" / "angles.npz") as stored:
-            np.testing.assert_array_equal(stored["degrees"], person.angles.degrees)
-            assert len(stored["frames"]) == len(person.frames)
-    assert "angles.csv" in read_report(tmp_path / "out" / "person_1")["files"]
-    assert not (tmp_path / "out" / "angles.csv").exists()
-
-
 def test_everybody_is_refined_as_alone(people, found):
     rig = next(iter(found.people.values())).cameras  # as read from the file
     everybody = sk.track(people, rig, fps=FPS, layout=LAYOUT)
@@ -126,6 +114,8 @@ def test_people_are_in_one_file(folder, found):
     document = json.loads((folder / "people.json").read_text())
     assert document["format"] == "skelsplat-people"
     assert [one["person"] for one in document["people"]] == [0, 1]
+    with pytest.importorskip("xarray").open_dataset(folder / "people.nc", engine="h5netcdf") as dataset:
+        assert dataset["individuals"].values.tolist() == ["person_0", "person_1"]
     np.testing.assert_array_equal([frame["pose"] for frame in document["people"][1]["frames"]], pose)
 
 
@@ -152,23 +142,6 @@ def test_a_later_run_removes_what_an_earlier_one_wrote(recording, tmp_path):
     several.write(out, (), html=False)
     names = {"person_0", "person_1", "person_7", "overview.png", "report.json"}
     assert {path.name for path in out.iterdir()} == names
-
-
-def test_a_run_that_stops_half_way_says_so(recording, tmp_path, monkeypatch):
-    several = run_people(job(recording))
-    several.write(tmp_path, ("csv",), html=False)
-
-    def stop(*_):
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr("skelsplat.run.folder.write_people", stop)
-    with pytest.raises(OSError, match="No space"):
-        several.write(tmp_path, ("csv",), html=False)
-    report = read_report(tmp_path)
-    assert report["unfinished"]
-    assert report["folders"] == ["person_0", "person_1"]
-    with pytest.raises(sk.DatasetError, match=r"unfinished: expected .* run it again"):
-        PeopleRun.open(tmp_path)
 
 
 @pytest.mark.parametrize(
