@@ -66,10 +66,9 @@ def run(job: Job, *, progress: Progress = silent, tell: Tell | None = None) -> R
 
 
 def run_people(job: Job, *, progress: Progress = silent, tell: Tell | None = None) -> PeopleRun:
-    """Do one job for everybody in the recording: who is who, then a run for each person.
+    """Do one job for everybody in the recording: who is who, then a run for each person; otherwise as `run`.
 
-    The frame rate must be known; ``people`` of the job limits their number. ``progress`` and ``tell`` are as
-    for `run`.
+    The frame rate must be known; ``people`` of the job limits their number.
 
     Raises
     ------

@@ -190,10 +190,7 @@ def _moved_mm(of: Inputs) -> float:
 def find_left_out(
     detected: Index, assigned: Index, of: Inputs, size_mm: float, sigma_mm: float
 ) -> Iterator[Finding]:
-    """Yield a finding if many of the people detected in each view (T, M) are none of those who were found.
-
-    Those found, of ``size_mm``, may be several in one if they are small for ``sigma_mm``.
-    """
+    """Yield a finding if many of the people detected (T, M) are none of those found, of ``size_mm``."""
     everybody, left = detected.sum(), (detected - assigned).sum(axis=0)
     if everybody < _LEAST_DETECTED or left.sum() < _LEFT_OUT * everybody:
         return

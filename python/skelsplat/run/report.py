@@ -39,8 +39,6 @@ MEANINGS = {
     "start": "what before_px and moved are measured from: the initial pose if one was given, else DLT",
     "frame_findings": "unusual single frames: their numbers are the frames of the subject; lists among the "
     "numbers have a value for each of them",
-    "thinned": "a long recording: medians, extremes and findings on cameras, people and limbs are from every "
-    "so many-th frame; counts, means, findings on single frames and the pose files are from all",
     "reprojection_error": "distance of the pose's projection from the detection in px of the original image, "
     "over the detections used: agreement with the detections, not accuracy",
 }

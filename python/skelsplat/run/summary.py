@@ -129,28 +129,18 @@ class Statistics:
 
 def summarise(inputs: Inputs, outcome: Outcome, replaced: Mask | None = None) -> Statistics:
     """Count and measure a refined sequence against its detections; joints ``replaced`` (T, N) have no bar."""
-    result, mm, seen = outcome.result, inputs.rig.mm_per_unit, inputs.detections
-    after, weights = np.asarray(result.reprojection_error), np.asarray(result.view_weights)
-    used, swapped = np.isfinite(after), np.asarray(result.swapped)
-    start_error = np.linalg.norm(_projected(outcome.start, inputs, outcome) - seen[..., :2], axis=-1)
+    result, mm = outcome.result, inputs.rig.mm_per_unit
     poor_px = np.array([POOR_SHARE * np.hypot(*camera.size) for camera in inputs.rig])
-    every = {
-        "before": np.where(used, start_error, np.nan),
-        "after": after,
-        "there": np.isfinite(seen[..., :2]).all(axis=-1) & (seen[..., 2] > 0),
-        "unmatched": np.broadcast_to(inputs.unmatched[..., None], used.shape),
-        "weight": np.where(used, weights, np.nan),
-        "swapped": used & swapped,
-        "poor": used & (after > poor_px[:, None]),
-    }
+    every = _of_detections(inputs, outcome, poor_px)
 
     def group(name: str, part: Any) -> Group:
         return _group(name, {key: values[part] for key, values in every.items()})
 
+    used, rejected = np.isfinite(every["after"]), every["weight"] < sk.REJECTED_WEIGHT
     projected = _projected(result.pose, inputs, outcome)
-    residual = residuals(seen[..., :2], projected, swapped, inputs.layout.left_right)
+    seen, swapped = inputs.detections[..., :2], np.asarray(result.swapped)
+    residual = residuals(seen, projected, swapped, inputs.layout.left_right)
     residual = np.where(used[..., None], residual, np.nan)
-    rejected = every["weight"] < sk.REJECTED_WEIGHT
     views_used = (used & ~rejected).sum(axis=1)
     variance = np.trace(result.uncertainty, axis1=-2, axis2=-1) / 3
     moved = np.linalg.norm(np.asarray(result.pose) - outcome.start, axis=-1) * mm
@@ -162,21 +152,12 @@ def summarise(inputs: Inputs, outcome: Outcome, replaced: Mask | None = None) ->
         for i, name in enumerate(inputs.rig.names)
     ]
     joints = [
-        {
-            **group(name, np.s_[..., j]),
-            "views_used_median": float(np.median(views_used[:, j])),
-            "views_used_min": int(views_used[:, j].min()),
-            "moved_median_mm": finite_median(moved[:, j]),
-            "error_bar_median_mm": finite_median(bar[:, j]),
-            "error_bar_max_mm": finite_max(bar[:, j]),
-            "scatter_median_mm": finite_median(scatter[:, j]),
-            "scatter_max_mm": finite_max(scatter[:, j]),
-        }
+        {**group(name, np.s_[..., j]), **_of_joint(views_used[:, j], moved[:, j], bar[:, j], scatter[:, j])}
         for j, name in enumerate(inputs.layout.joints)
     ]
     return Statistics(
         error_before=every["before"],
-        error_after=after,
+        error_after=every["after"],
         residual=residual,
         shifts=camera_shifts(residual),
         rejected=rejected,
@@ -192,6 +173,36 @@ def summarise(inputs: Inputs, outcome: Outcome, replaced: Mask | None = None) ->
         stop_reasons=_count(result.stop_reason),
         statuses=_count(result.joint_status),
     )
+
+
+def _of_detections(inputs: Inputs, outcome: Outcome, poor_px: Array) -> dict[str, npt.NDArray[Any]]:
+    """Return what is known of each detection, (T, M, N)."""
+    result, seen = outcome.result, inputs.detections
+    after = np.asarray(result.reprojection_error)
+    used = np.isfinite(after)
+    before = np.linalg.norm(_projected(outcome.start, inputs, outcome) - seen[..., :2], axis=-1)
+    return {
+        "before": np.where(used, before, np.nan),
+        "after": after,
+        "there": np.isfinite(seen[..., :2]).all(axis=-1) & (seen[..., 2] > 0),
+        "unmatched": np.broadcast_to(inputs.unmatched[..., None], used.shape),
+        "weight": np.where(used, np.asarray(result.view_weights), np.nan),
+        "swapped": used & np.asarray(result.swapped),
+        "poor": used & (after > poor_px[:, None]),
+    }
+
+
+def _of_joint(views: Index, moved: Array, bar: Array, scatter: Array) -> Group:
+    """Return what an entry of a joint has besides its counts, from its values in every frame (T,)."""
+    return {
+        "views_used_median": float(np.median(views)),
+        "views_used_min": int(views.min()),
+        "moved_median_mm": finite_median(moved),
+        "error_bar_median_mm": finite_median(bar),
+        "error_bar_max_mm": finite_max(bar),
+        "scatter_median_mm": finite_median(scatter),
+        "scatter_max_mm": finite_max(scatter),
+    }
 
 
 def is_biased(result: sk.Refinement) -> bool:
@@ -217,7 +228,7 @@ def frame_medians(values: Array) -> Array:
 def error_maps(errors: Array, weights: Array) -> tuple[Array, Array]:
     """Return median error in px and share rejected, each (M + 1, N + 1); last row and column: over all.
 
-    Of errors and weights (T, M, N) of the detections that were used; NaN where there is none.
+    Of (T, M, N), NaN where no detection was used.
     """
     _, views, joints = errors.shape
     median, share = np.full((2, views + 1, joints + 1), np.nan)
