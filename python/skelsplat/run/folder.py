@@ -172,7 +172,7 @@ def write_everybody(run: PeopleRun, folder: Path, writing: Writing) -> PeopleRun
 
 
 def keep_input(job: Job, sources: Sequence[Path] = ()) -> None:
-    """Refuse a folder in which results would overwrite the input or the ``sources``, or be mixed with them."""
+    """Refuse a folder in which results would overwrite the input or ``sources``, or be mixed with them."""
     if job.output is None:
         return
     out, top = Path(job.output).resolve(), Path(job.detections).resolve()

@@ -103,7 +103,7 @@ class Opened:
             init = _read_init(Path(job.init), self.rig, len(found.frames), layout)
             if job.fps is None and stated != "files" and init.frame_rate is not None:
                 rate, stated = init.frame_rate, "files"
-        shape, offsets = (len(found.frames), len(self.rig)), named_offsets(self.every, job.offsets)
+        shape, read_as = (len(found.frames), len(self.rig)), self.read_as(job.offsets)
         given = ("calibration", "detections", "init", "order", "mapping", "sequence", "init_sigma_mm")
         paths = {name: str(getattr(job, name)) for name in given[:3] if getattr(job, name) is not None}
         source = {
@@ -111,7 +111,7 @@ class Opened:
             **paths,
             "calibration_format": job.calibration_format or find_format(Path(job.calibration)),
             "format": found.format,
-            "offsets": offsets,
+            "offsets": dict(read_as.offsets),
             "without": [name for name in self.every.names if name not in self.rig.names],
             "frame_mode": job.frames,
         }
@@ -125,7 +125,7 @@ class Opened:
             source=source,
             note=job.note,
             lacking=frozenset(joint for joint, name in job.mapping.items() if name is None),
-            read_as=self.read_as(job.offsets),
+            read_as=read_as,
             sources=tuple(path for path in found.sources if path is not None),
             fps=rate,
             fps_source=stated,

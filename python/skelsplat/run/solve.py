@@ -132,7 +132,7 @@ def poses_of(inputs: Inputs, result: sk.Refinement) -> PoseData:
 
 
 def even_clock(inputs: Inputs) -> tuple[Index, float]:
-    """Return the frames' places on an even clock, from 0, and its rate in Hz, slower if some are always left out."""
+    """Return the frames' places on an even clock, from 0, and its rate in Hz, that of those given."""
     if inputs.fps is None:
         raise TypeError("the frame rate is needed")
     gaps = np.diff(inputs.frames)
