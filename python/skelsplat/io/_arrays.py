@@ -83,10 +83,8 @@ def array_names(path: Path, field: str, value: object, count: int, *, unique: bo
     if array.shape != (count,) or array.dtype.kind not in "USO":
         raise DatasetError(path, field, f"{count} names", f"{array.dtype} of shape {array.shape}")
     try:
-        entries = array.tolist()
-        names = tuple(
-            entry.decode("utf-8", "replace") if isinstance(entry, bytes) else str(entry) for entry in entries
-        )
+        texts = (one.decode("utf-8", "replace") if isinstance(one, bytes) else one for one in array.tolist())
+        names = tuple(map(str, texts))
         longest = max(len(name.encode()) for name in ("", *names))
     except ValueError:  # numbers in an array of text that are no characters
         raise DatasetError(path, field, "texts in Unicode", "others") from None

@@ -12,6 +12,7 @@ import re
 from array import array
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -186,22 +187,15 @@ def read_csv(paths: Mapping[str, Path]) -> dict[str, View]:
     return lines.views(paths)
 
 
-def read_csv_recording(path: Path, _: str | None) -> Recording:
+def _read_recording(columns: Mapping[str, Sequence[str]], path: Path, _: str | None) -> Recording:
     """Return the views of a file of all cameras."""
-    return _recording(path, _OWN, 0)
-
-
-def read_caliscope(path: Path, _: str | None) -> Recording:
-    """Read ``xy_<tracker>.csv``: joints by number, those of MediaPipe's older trackers by name."""
-    return _recording(path, _CALISCOPE, len(layouts.MEDIAPIPE33.joints) if _MEDIAPIPE.match(path.name) else 0)
-
-
-def _recording(path: Path, columns: Mapping[str, Sequence[str]], least: int) -> Recording:
     lines = _Lines()
     _read(lines, path, columns)
     if "" in lines.cameras:
         actual = "none; or a folder of one file per camera"
         raise DatasetError(path, "camera", "a camera in every line", actual)
+    mediapipe = columns is _CALISCOPE and _MEDIAPIPE.match(path.name)
+    least = len(layouts.MEDIAPIPE33.joints) if mediapipe else 0
     return Recording(lines.views(dict.fromkeys(lines.cameras or [""], path), least=least), named=True)
 
 
@@ -247,6 +241,6 @@ SLEAP_ADDED = r"\.(analysis|predictions|slp)\b"
 """What SLEAP adds to the camera's name in that of a file."""
 FORMATS = (
     DetectionFormat("sleap_csv", _CSV, _is_sleap, each(read_sleap_csv), added=SLEAP_ADDED),
-    DetectionFormat("caliscope", _CSV, _IS_CALISCOPE, recording=read_caliscope),
-    DetectionFormat("csv", _CSV, _has(*_NEEDED), read_csv, recording=read_csv_recording),
+    DetectionFormat("caliscope", _CSV, _IS_CALISCOPE, recording=partial(_read_recording, _CALISCOPE)),
+    DetectionFormat("csv", _CSV, _has(*_NEEDED), read_csv, recording=partial(_read_recording, _OWN)),
 )

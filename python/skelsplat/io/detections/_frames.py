@@ -33,17 +33,12 @@ def check_offsets(offsets: Mapping[str, float] | None, names: Sequence[str]) -> 
         if name in written:
             raise InvalidInputError(f"offsets: expected {name} once, got {written[name]!r} and {text!r}")
         written[name] = text
-        checked[name] = _offset(value, f"offsets[{name}]")
+        number = isinstance(value, int | float | np.integer | np.floating) and not isinstance(value, bool)
+        if not number or not abs(float(value)) < FRAME_LIMIT:
+            expected = "a number of frames, fewer than 2^62"
+            raise InvalidInputError(f"offsets[{name}]: expected {expected}, got {value!r:.40}")
+        checked[name] = int(value) if value == int(value) else float(value)
     return checked
-
-
-def _offset(value: Any, argument: str) -> float:
-    """Return a number of frames, a whole one as an int."""
-    if isinstance(value, bool) or not isinstance(value, int | float | np.integer | np.floating):
-        raise InvalidInputError(f"{argument}: expected a number of frames, got {value!r}")
-    if not abs(float(value)) < FRAME_LIMIT:
-        raise InvalidInputError(f"{argument}: expected frames, fewer than 2^62, got {value!r:.40}")
-    return int(value) if value == int(value) else float(value)
 
 
 def is_uneven(views: Mapping[str, View]) -> bool:

@@ -22,12 +22,10 @@ _CAPITAL = re.compile(r"(?<=[a-z])(?=[A-Z])")  # where camA is two words
 
 def camera_called(text: str, names: Sequence[str], argument: str = "camera") -> str:
     """Return the camera that is meant by `text`: exactly its name, or the only one that reads the same."""
-    known = ", ".join(names)
     fitting = [text] if text in names else [name for name in names if _words(name) == _words(text)]
-    if len(fitting) > 1:
-        raise InvalidInputError(f"{argument}: expected the exact name of one of {known}, got {text!r}")
-    if not fitting:
-        raise InvalidInputError(f"{argument}: expected a camera, one of {known}, got {text!r}")
+    if len(fitting) != 1:
+        expected = f"{'the exact name of' if fitting else 'a camera,'} one of {', '.join(names)}"
+        raise InvalidInputError(f"{argument}: expected {expected}, got {text!r}")
     return fitting[0]
 
 
