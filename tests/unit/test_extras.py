@@ -43,14 +43,6 @@ def test_plot_without_viz_fails_with_the_pip_line(tmp_path):
     assert not (tmp_path / "run" / "plots").exists()
 
 
-@pytest.mark.usefixtures("without_viz")
-def test_the_chart_of_an_ablation_is_left_out_without_viz(tmp_path):
-    result = invoke("ablate", "accumulation", "--poses", 2, "-o", tmp_path)
-    assert result.exit_code == 0
-    assert "note: Figures need skelsplat[viz]: pip install 'skelsplat[viz]'\n" in result.stderr
-    assert sorted(path.suffix for path in tmp_path.iterdir()) == [".csv", ".json", ".md"]
-
-
 def test_every_extra_that_a_message_names_exists_and_is_part_of_all():
     root = Path(__file__).parents[2]
     project = (root / "pyproject.toml").read_text(encoding="utf-8")

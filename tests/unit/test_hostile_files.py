@@ -187,11 +187,3 @@ def test_a_table_does_not_grow_with_the_square_of_its_lines(tmp_path: Path, case
     name, text, field = CROWDS[case]
     (tmp_path / name).write_text(text)
     refused(detections, tmp_path / name, field)
-
-
-def test_a_calibration_has_not_any_number_of_cameras(tmp_path: Path) -> None:
-    shape = '"K": [9,0,4,0,9,4,0,0,1], "RT": [1,0,0,0,0,1,0,0,0,0,1,0], "imgSize": [9, 9]'
-    one = f'"%d": {{{shape}, "distCoeff": [0,0,0,0]}}'
-    path = tmp_path / "c.json"
-    path.write_text("{" + ",".join(one % k for k in range(4097)) + "}")
-    refused(calibration, path, "cameras")

@@ -20,21 +20,13 @@ from typing import Any
 from skelsplat._budget import opened
 from skelsplat._optional import check_installed
 from skelsplat.exceptions import DatasetError
-from skelsplat.io._guarded_child import ALLOWED
+from skelsplat.io._guarded_child import ALLOWED, READERS
 
 _CHILD = Path(__file__).with_name("_guarded_child.py")
 # What reading may take: of sound files, 13 bytes of memory and 0.1 µs were measured per byte, of C3D.
 _MEMORY, _MEMORY_PER_BYTE = 2**29, 64
 _SECONDS, _BYTES_PER_SECOND = 1, 2**20
 _BUSY = 10  # times as long on a machine that does other things
-# by kind, what messages call such files, and the packages that read them
-_NEEDED = {
-    "mat": ("MAT-files", ("scipy.io",)),
-    "hdf5": ("SLEAP's h5", ("h5py",)),
-    "table": ("DeepLabCut's h5", ("pandas", "tables")),
-    "netcdf": ("NetCDF files", ("h5py", "h5netcdf", "xarray")),
-    "c3d": ("C3D files", ("ezc3d",)),
-}
 
 
 class _Answer(pickle.Unpickler):
@@ -111,9 +103,8 @@ def read_guarded(kind: str, path: Path, expected: str, *, field: str = "file", *
 
     Files of which memory and time are beyond those of a sound one are refused.
     """
-    called, modules = _NEEDED.get(kind, ("", ()))
-    for module in modules:
-        check_installed(module, f"{path}: {called}")
+    for module in READERS[kind][1]:
+        check_installed(module, str(path))
     with opened(path):
         size = path.stat().st_size
     seconds = _SECONDS + size // _BYTES_PER_SECOND

@@ -259,8 +259,8 @@ def _text(value: Any) -> str:
     return content.decode("latin-1")
 
 
-# by kind, how a file is read, and what is imported before its time counts
-_READERS: dict[str, tuple[Callable[..., Any], tuple[str, ...]]] = {
+# by kind, how a file is read, and what has to be installed, and is imported before its time counts
+READERS: dict[str, tuple[Callable[..., Any], tuple[str, ...]]] = {
     "pickle": (_pickle, ()),
     "npy": (_npy, ()),
     "mat": (_mat, ("scipy.io",)),
@@ -291,7 +291,7 @@ def _limit(memory: int, seconds: int) -> None:
 
 def _answer(kind: str, path: str, memory: int, seconds: int, options: dict[str, Any]) -> bytes:
     """Return, pickled, why a file is not read, or nothing, and what it holds."""
-    read, modules = _READERS[kind]
+    read, modules = READERS[kind]
     refused: tuple[Any, ...] = ()
     try:
         for module in modules:
