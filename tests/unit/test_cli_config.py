@@ -146,7 +146,6 @@ def test_a_name_is_a_path_where_a_file_has_it(folder, monkeypatch):
 @pytest.mark.parametrize(
     ("text", "parts"),
     [
-        ("colour = 3", ["colour: "]),
         ("min-confidance = 3", ["min-confidance: ", "did you mean min-confidence?"]),
         ("[refin]\nfps = 3", ["refin: ", "did you mean refine?"]),
         ("refine = 3", ["refine: expected a table"]),

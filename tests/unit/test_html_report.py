@@ -10,11 +10,10 @@ import numpy as np
 import pytest
 
 from colour_vision import DEFICIENCIES, closest
-from people_page import crowd, people_report, person
+from people_page import crowd, people_report
 from report_page import NASTY, data_of, numbers, report_data, sequence, text_of
 from skelsplat.viz import _style, report
 from skelsplat.viz._body import upright
-from skelsplat.viz.people import with_gaps
 from skelsplat.viz.report._scene import MISSING, MOST_POSITIONS
 
 
@@ -158,11 +157,3 @@ def test_findings_stand_with_their_person(written):
     quiet = written(people_report(warnings=[], findings=[[], [], []]))
     assert '<section class="quiet"' in quiet
     assert "findings-title" not in quiet
-
-
-def test_the_ends_of_gaps_are_frames_in_which_nobody_is_there(written):
-    assert with_gaps(np.array([3, 4, 5, 9, 10])).tolist() == [3, 4, 5, 6, 8, 9, 10]
-    assert with_gaps(np.array([0, 10, 20, 40])).tolist() == [0, 10, 20, 30, 40]
-    assert with_gaps(np.array([7])).tolist() == [7]
-    page = data_of(written(people_report([person(frames=[0, 1, 2, 50, 51])])))
-    assert numbers(page["bars"]["people"][0]["views"]).tolist() == [2, 2, 2, -1, -1, 2, 2]

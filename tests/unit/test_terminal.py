@@ -106,7 +106,6 @@ def test_no_command_obeys_names(given, name):
         (["refine", "none\x1b[31m.json", "x", "-o", "out"], [r"none\x1b[31m.json: "]),
         (["plot", "[red]none\x9b[/red]"], [r"[red]none\x9b[/red]"]),
         (["layouts", "\x1b[31mh36m"], ["NAME: expected", "[31mh36m"]),
-        (["\x1b[31mnone"], []),
         (["datasets", "check", "human36m", "none\x1b[31m[red]x[/red]"], [r"none\x1b[31m[red]x[/red]"]),
     ],
 )

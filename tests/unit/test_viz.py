@@ -117,13 +117,6 @@ def test_views_are_front_and_side_only_where_the_vertical_and_the_heading_are_kn
         assert texts(second)[:2] == ["view 2", "across it [mm]"]
 
 
-def test_unknown_poses_and_bare_points_have_an_overview(tmp_path, figures):
-    nothing = np.full((T, N, 3), np.nan)
-    overview(tmp_path, overview_data(before=nothing, after=nothing))
-    overview(tmp_path, skeleton=viz.Skeleton())
-    assert len(figures) == 2
-
-
 def test_cameras_show_rejected_and_exchanged_detections(tmp_path, figures):
     panels = [camera_panel(), camera_panel("window", swapped=np.array([True, False, False]))]
     overview(tmp_path, overview_data(panels=panels))
@@ -249,13 +242,11 @@ def test_every_person_has_a_colour_and_is_pale_where_fewer_cameras_see_them(writ
     "people",
     [
         [nobody()],
-        [person(), nobody()],
         [person(frames=[7])],
         [person(frames=[3, 4, 900])],
         crowd(16),
         [person("a name that is much too long for its row"), person("$x_1$ <b>")],
     ],
-    ids=["nobody", "one and nobody", "one frame", "a gap", "16 people", "names"],
 )
 def test_any_people_have_a_picture(written, figures, people):
     written(people)

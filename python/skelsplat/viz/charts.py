@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.ticker import StrMethodFormatter
 
 from skelsplat._arrays import Array, ArrayFields, Mask
 from skelsplat.viz import _style
@@ -98,8 +97,8 @@ def _draw(axes: Axes, panel: Panel) -> None:
     known = [v for line in panel.lines for v in line.values if math.isfinite(v)]
     if known and min(known) > 0 and max(known) / min(known) > _LOG_RATIO:
         axes.set_yscale("log")
-        axes.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
-        axes.yaxis.set_minor_formatter(StrMethodFormatter("{x:g}"))
+        axes.yaxis.set_major_formatter("{x:g}")
+        axes.yaxis.set_minor_formatter("{x:g}")
     elif known:
         axes.set_ylim(bottom=0)
     axes.set_xticks(range(len(panel.places)), list(panel.places))

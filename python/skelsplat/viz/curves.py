@@ -23,7 +23,7 @@ BANDS = {2: 0.18, 1: 0.32}
 MARKS = {"unobserved": "#222222", "inferred": "#7a3e9d", "filled": "#009e73", "weak": "#e69f00"}
 _MARK_HEIGHT = 0.055  # of a panel
 _PALE = 0.35
-# Frames from which on lines and bands go into a PDF as pixels: as curves the file would grow by megabytes.
+# Frames from which on lines and bands go into a PDF as pixels: curves would take megabytes.
 _MANY_FRAMES = 4000
 _ROWS = 7  # on a page
 _ROW_IN, _AROUND_IN = 1.2, 0.9

@@ -29,9 +29,8 @@ class HeatmapRow(ArrayFields):
     # (H, W) pseudo ground truth and rendering, each summed over the joints
     pseudo: npt.NDArray[np.float32]
     rendering: npt.NDArray[np.float32]
-    # (N, 2) detected joints and the refined pose projected; NaN where there is none
-    detections: Array
-    reprojection: Array
+    detections: Array  # (N, 2) detected joints; NaN where there is none
+    reprojection: Array  # (N, 2) the refined pose projected
     median_error_px: float  # median distance of the two in this frame, in px; NaN without detections
 
 

@@ -41,9 +41,8 @@ class WeightData(ArrayFields):
 
     weights: Array  # (T, M, N) weights k of the detections; NaN where there is none
     frames: Index  # (T,) frame numbers
-    # (M,) and (N,) labels
-    camera_names: Sequence[str]
-    joint_names: Sequence[str]
+    camera_names: Sequence[str]  # (M,)
+    joint_names: Sequence[str]  # (N,)
     rejected_below: float  # the weight below which a detection counts as rejected
 
 
@@ -78,9 +77,8 @@ class ErrorMapData(ArrayFields):
     # all cameras and all joints. NaN where there is no detection.
     median_px: Array
     rejected: Array  # (M + 1, N + 1) share of the detections that is rejected, 0 to 1; likewise
-    # (M,) and (N,)
-    camera_names: Sequence[str]
-    joint_names: Sequence[str]
+    camera_names: Sequence[str]  # (M,)
+    joint_names: Sequence[str]  # (N,)
     title: str = ""  # what was recorded
     notes: Sequence[str] = ()  # sentences below
 

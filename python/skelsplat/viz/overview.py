@@ -34,8 +34,7 @@ _BODY_IN = 8.5  # height of the body and the errors
 _ACROSS, _MOST_PANELS = 4, 8  # cameras in a row, and in all
 _TALLEST_IN, _AROUND_IN = 4.0, 0.9  # of a camera
 _MOST_NUMBERS = 8  # cameras for which the numbers fit between the bars
-# Mean resultant length below which left-to-right directions do not agree on one heading:
-# the mean of directions spread evenly over 270 degrees has length 0.3.
+# Length of the mean of directions that agree on one: of those spread evenly over 270 degrees it is 0.3.
 _STEADY_HEADING = 0.3
 
 
@@ -45,13 +44,11 @@ class CameraPanel(ArrayFields):
 
     name: str  # the camera's name
     size: tuple[int, int]  # width and height of its image
-    # (N, 2) detected joints and the refined pose projected; NaN where there is none
-    detections: Array
-    reprojection: Array
+    detections: Array  # (N, 2) detected joints; NaN where there is none
+    reprojection: Array  # (N, 2) the refined pose projected
     covariances: Array  # (N, 2, 2) covariances of the projected joints, px²; NaN where unknown
-    # (N,) detections that hardly pull on the pose, and those taken for the other side of the body
-    rejected: Mask
-    swapped: Mask
+    rejected: Mask  # (N,) detections that hardly pull on the pose
+    swapped: Mask  # (N,) those taken for the other side of the body
 
     @property
     def window(self) -> tuple[tuple[int, int], tuple[int, int]]:
@@ -63,17 +60,15 @@ class CameraPanel(ArrayFields):
 class OverviewData(ArrayFields):
     """What the overview shows."""
 
-    # (T, N, 3) joint positions at the start and refined, in mm; NaN where unknown
-    before: Array
-    after: Array
+    before: Array  # (T, N, 3) joint positions at the start, in mm; NaN where unknown
+    after: Array  # the same, refined
     error_bar: Array  # (T, N, 3, 3) covariances of the refined joints, in mm²; NaN where unknown
     # (T, N) ``"ok"``, ``"inferred"``, ``"weak"`` or ``"unobserved"``; those not ``"ok"`` are drawn hollow
     status: npt.NDArray[np.str_]
     up: Array  # (3,) the vertical: an axis of the world or its opposite
     frame: int  # index of the frame that is drawn
     start: str  # what the pose before is, for the legend
-    # (T, M, N) reprojection errors in px; NaN where there is no detection
-    error_before: Array
+    error_before: Array  # (T, M, N) reprojection errors in px; NaN where there is no detection
     error_after: Array
     camera_names: Sequence[str]  # (M,) names in the order of the cameras
     panels: Sequence[CameraPanel]  # what the cameras see in the frame that is drawn

@@ -107,11 +107,11 @@ def write_people(path: str | os.PathLike[str], data: PeopleData) -> Path:
     _draw_bars(panels["bars"], data, time)
     _draw_errors(panels["errors"], data, time)
     _draw_side(panels["side"], data, turn)
-    for axes in (panels["bars"], panels["errors"]):
-        axes.set_xlim(time.values[0] - time.step / 2, time.values[-1] + time.step / 2)
-    for axes in (panels["plan"], panels["side"]):
-        axes.set_aspect("equal", adjustable="datalim")
-        axes.grid()
+    for name in ("bars", "errors"):
+        panels[name].set_xlim(time.values[0] - time.step / 2, time.values[-1] + time.step / 2)
+    for name in ("plan", "side"):
+        panels[name].set_aspect("equal", adjustable="datalim")
+        panels[name].grid()
     return _style.save_png(figure, path)
 
 

@@ -1,7 +1,6 @@
 """Detections, reprojected skeleton and error ellipses on a camera's image: arrays and image in, image out.
 
-Drawing is OpenCV's, with parts of a pixel and antialiasing; integer coordinates are pixel centres. Lines
-and marks grow with the image. Images are (H, W, 3) uint8 in OpenCV's order of colours, blue first.
+Integer coordinates are pixel centres. Images are (H, W, 3) uint8 in OpenCV's order of colours, blue first.
 """
 
 from skelsplat.viz.overlay._draw import OverlayFrame, Shown, draw_overlay

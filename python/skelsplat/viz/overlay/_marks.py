@@ -20,7 +20,6 @@ Image = npt.NDArray[np.uint8]
 
 # Diagonal of a 1920 × 1080 image, for which the sizes are made.
 _DIAGONAL = 2203.0
-_HALFWAY = "#f7f7f7"  # between rejected and trusted, as in ColorBrewer's PiYG
 _SHIFT = 4  # coordinates count sixteenths of a pixel
 _FAR = 1e6  # px; 16 times that is well below 2³¹
 _MOST_DASHES = 300
@@ -38,7 +37,7 @@ def bgr(colour: str) -> Colour:
 
 LIGHT, DARK = bgr("#f7f7f7"), bgr("#181818")
 BEFORE, REJECTED, SWAPPED = bgr(_style.BEFORE), bgr(_style.REJECTED), bgr(_style.SWAPPED)
-_RAMP = np.array([bgr(colour) for colour in (_style.REJECTED, _HALFWAY, _style.DETECTION)], dtype=float)
+_RAMP = np.array([REJECTED, LIGHT, bgr(_style.DETECTION)], dtype=float)  # as in ColorBrewer's PiYG
 
 
 def weight_colour(weight: float, own: str | None = None) -> Colour:

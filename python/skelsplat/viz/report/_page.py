@@ -44,7 +44,6 @@ _ZOOM = "Click to go to a frame, drag to zoom, double-click to zoom out."
 class TimeLines(ArrayFields):
     """Curves over the frames: per person or side of the body, or one, and what it is compared with."""
 
-    # what the values are
     title: str
     unit: str
     # name, name of the colour in the style ("start": grey, for what it is compared with), values (T,), NaN
