@@ -107,15 +107,12 @@ def test_misses_are_nan_with_confidence_0(pixels):
     assert not np.isnan(detections[..., :2][~missing]).any()
 
 
-def test_joints_outside_the_image_or_behind_the_camera_are_missing(rig):
+def test_joints_outside_the_image_are_missing(rig):
     pose = synthetic.motion("walk", 1)[0]
     pose[3] = (0.0, 0.0, 20_000.0)
-    pose[6] = 3.0 * rig[0].centre
     detections = seen(pose, rig)
     assert np.isnan(detections[:, 3, :2]).all()
-    assert np.isnan(detections[0, 6, :2]).all()
-    assert (detections[0, [3, 6], 2] == 0).all()
-    assert not np.isnan(np.delete(detections, [3, 6], axis=1)).any()
+    assert not np.isnan(np.delete(detections, 3, axis=1)).any()
 
 
 @pytest.mark.parametrize(("n_views", "count"), [(3, 3), (None, 4)])
@@ -125,18 +122,6 @@ def test_occluders_cover_that_many_views_of_every_frame(pixels, n_views, count):
     hidden = offsets(corrupt(pixels, noise=noise), pixels) > 0
     assert (hidden.all(axis=-1).sum(axis=1) == count).all()
     assert (hidden.any(axis=-1).sum(axis=1) == count).all()
-
-
-def test_hidden_joints_lie_together_and_are_reported_inside_the_disc(pixels):
-    noise = replace(SILENT, occluded_views=None, disc_radius=(0.2, 0.2))
-    detections = corrupt(pixels, noise=noise)
-    hidden = offsets(detections, pixels) > 0
-    # A few in most frames, not the body.
-    assert 0.1 < hidden.mean() < 0.5
-    size = np.ptp(pixels, axis=2).max(axis=-1)
-    # True and reported places are in one disc: no farther apart than its diameter.
-    assert (offsets(detections, pixels) <= 2 * 0.2 * size[..., None] + 1e-9).all()
-    assert detections[..., 2][hidden].mean() < 0.5
 
 
 @pytest.mark.parametrize(
@@ -179,12 +164,10 @@ def test_monocular_poses_err_mostly_along_the_ray(poses, rig):
     ("call", "argument"),
     [
         (lambda _: DetectionNoise(sigma_px=-1.0), "sigma_px"),
-        (lambda _: DetectionNoise(miss_rate=1.5), "miss_rate"),
         (lambda _: DetectionNoise(disc_radius=(0.3, 0.1)), "disc_radius"),
         (lambda rig: seen(np.zeros((17, 3)), rig, layout="body25"), "layout"),
         (lambda rig: seen(np.zeros((17, 2)), rig), "points"),
         (lambda rig: seen(np.zeros((17, 3)), rig, noise=DetectionNoise.occluded(5)), "noise.occluded_views"),
-        (lambda _: synthetic.perturb(np.zeros((17, 3)), -1.0), "sigma_mm"),
         (lambda rig: synthetic.monocular_poses(np.zeros((17, 2)), rig, 10.0), "points"),
     ],
 )

@@ -115,18 +115,6 @@ def test_init_sigma_is_the_standard_deviation_of_the_start(poses, rig, noise, le
     assert min(errors) < error(start, poses)
 
 
-def test_a_covariance_per_joint_says_more_than_a_number(poses, rig):
-    """Half of the joints start 15 mm off, the others 80 mm per axis."""
-    detections = simulated(poses, rig, NOISES["two views occluded"])
-    sigma = np.where(np.arange(17) % 2, 15.0, 80.0)
-    start = poses + sigma[:, None] * np.random.default_rng(4).standard_normal(poses.shape)
-    each = refined(detections, rig, start, init_sigma=sigma).pose
-    common = refined(detections, rig, start, init_sigma=float(np.sqrt((sigma**2).mean()))).pose
-    assert_better(each, common, poses, "one number")
-    covariances = sigma[:, None, None] ** 2 * np.eye(3)
-    assert np.allclose(refined(detections, rig, start, init_sigma=covariances).pose, each, atol=1e-9)
-
-
 def wrong_view(poses: np.ndarray, camera: sk.Camera) -> dict[str, np.ndarray]:
     """Make detections (T, N, 3) of a camera that is of no use, as sure of itself as a good one."""
     rng = np.random.default_rng(5)

@@ -45,9 +45,7 @@ def test_the_same_seed_gives_the_same_data_and_another_one_other():
 @pytest.mark.parametrize(
     ("name", "options", "argument"),
     [
-        ("h36m", {}, "name"),
         ("human36m-like", {"poses": 59}, "poses"),
-        ("dome", {"seed": -1}, "seed"),
     ],
 )
 def test_mistakes_are_named(name, options, argument):

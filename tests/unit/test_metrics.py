@@ -134,14 +134,12 @@ def test_sigma_coverage_of_gaussian_errors_is_chi_square_with_three_degrees(rng)
 
 
 def test_sigma_coverage_excludes_missing_and_keeps_joints_apart():
-    gt = np.zeros((2, 3, 3))
-    pred = np.zeros((2, 3, 3))
+    gt, pred = np.zeros((2, 3, 3)), np.zeros((2, 3, 3))
     pred[0, 1, 0], pred[1, 1, 0], pred[0, 2, 0] = 15.0, 25.0, np.nan
     covariance = np.broadcast_to(100.0 * np.eye(3), (2, 3, 3, 3)).copy()
     covariance[1, 2] = np.nan
     got = metrics.sigma_coverage(pred, covariance, gt, reduce="per_joint")
     np.testing.assert_array_equal(got, [[1, 0, np.nan], [1, 0.5, np.nan], [1, 1, np.nan]])
-    assert metrics.sigma_coverage(pred, covariance, gt, sigmas=(2.0,), reduce="none").shape == (1, 2, 3)
 
 
 GT = np.zeros((2, 4, 3))
@@ -151,15 +149,12 @@ GT = np.zeros((2, 4, 3))
     ("call", "argument"),
     [
         (lambda: metrics.mpjpe(GT[..., :2], GT), "pred"),
-        (lambda: metrics.mpjpe(GT[:1], GT), "pred"),
         (lambda: metrics.mpjpe(GT + np.inf, GT), "pred"),
         (lambda: metrics.mpjpe(GT, GT, reduce="sum"), "reduce"),
         (lambda: metrics.root_relative_mpjpe(GT, GT, root=4), "root"),
         (lambda: metrics.pck(GT, GT, threshold_mm=-1.0), "threshold_mm"),
         (lambda: metrics.auc(GT, GT, thresholds_mm=[]), "thresholds_mm"),
         (lambda: metrics.pcp(GT, GT, []), "limbs"),
-        (lambda: metrics.pcp(GT, GT, [(0, 1, 2)]), "limbs[0]"),
-        (lambda: metrics.pcp(GT, GT, [(0, 1)], alpha=-1), "alpha"),
         (lambda: metrics.sigma_coverage(GT, GT, GT), "covariance"),
         (lambda: metrics.sigma_coverage(GT, np.zeros((2, 4, 3, 3)), GT), "covariance[0, 0]"),
     ],

@@ -76,15 +76,15 @@ class Recording:
             take.truth, take.pixels = take.truth[:, :16], take.pixels[:, :, :16]
 
 
-def record(*, frames: int = FRAMES, noise_px: float = NOISE_PX, distortion: bool = True) -> Recording:
+def record(*, frames: int = FRAMES) -> Recording:
     """Simulate the takes."""
-    recording = Recording({subject: rig(moved, distortion=distortion) for subject, moved in SUBJECTS.items()})
+    recording = Recording({subject: rig(moved) for subject, moved in SUBJECTS.items()})
     rng = np.random.default_rng(5)
     for subject, cameras in recording.rigs.items():
         for k, (action, number, motion) in enumerate(TAKES):
             truth = synthetic.motion(motion, frames, seed=10 * k + len(subject))
             pixels = sk.project(truth, cameras).swapaxes(0, 1)
-            pixels = pixels + rng.normal(0.0, noise_px, pixels.shape)
+            pixels = pixels + rng.normal(0.0, NOISE_PX, pixels.shape)
             recording.takes.append(TakeData(subject, action, number, truth, pixels, np.arange(frames)))
     return recording
 

@@ -20,7 +20,6 @@ from skelsplat.cameras import CameraRig
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.io import _arrays, read_calibration
 from skelsplat.io._files import load_json as parse_json_file
-from skelsplat.io._guarded import unpickle
 
 
 @dataclass
@@ -147,11 +146,6 @@ def load_npz(path: Path, keys: tuple[str, ...] | None = None) -> Value:
     found = _arrays.load_npz(path, _arrays.npz_keys(path) if keys is None else keys).found
     boxed = {key: value.dtype == object and value.ndim == 0 for key, value in found.items()}
     return Value(path, "", {key: value.item() if boxed[key] else value for key, value in found.items()})
-
-
-def load_pickle(path: Path) -> Value:
-    """Return the object in a pickle; only data, never code (`unpickle`)."""
-    return Value(path, "", unpickle(path))
 
 
 @contextmanager

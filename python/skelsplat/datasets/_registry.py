@@ -8,7 +8,7 @@ defaults. It looks for files with `Survey.find` and raises `DatasetError`. Optio
 - ``detections``: detections that are kept apart from the data, in place of those of a detector: a folder
   ``<subject>/<activity>[/<camera>]/poses.npz``. Takes without any there are left out;
 - ``format``: the layout on disk; found from the files by default;
-- ``views``: how many cameras, or which; each reader says of which order;
+- ``views``: how many cameras, or which;
 - ``monocular``: the folder in ``initial_guess`` with 3D poses of monocular estimators, mm.
 """
 

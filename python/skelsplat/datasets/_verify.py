@@ -57,18 +57,17 @@ class Sample:
         return medians(np.moveaxis(apart, 0, -1).reshape(*apart.shape[1:3], -1))
 
 
-def sample(take: Take) -> Sample:
-    """Choose up to 24 frames of a take and project their truth."""
-    chosen = np.unique(np.linspace(0, len(take) - 1, min(_FRAMES, len(take))).astype(np.int64))
-    truth = np.ascontiguousarray(take.truth[chosen])
-    shape = (len(chosen), len(take.rig), truth.shape[1], 2)
-    pixels = np.full(shape, np.nan) if take.detections is None else take.detections[chosen][..., :2]
-    return Sample(take, truth, pixels, _seen(truth, take.rig))
-
-
 def samples_of(dataset: Dataset) -> list[Sample]:
-    """Return a few frames of every take."""
-    return [sample(take) for take in dataset if len(take)]
+    """Choose up to 24 frames of every take and project their truth."""
+    samples = []
+    for take in dataset:
+        if len(take):
+            chosen = np.unique(np.linspace(0, len(take) - 1, min(_FRAMES, len(take))).astype(np.int64))
+            some = take.select(chosen)
+            shape = (len(chosen), len(take.rig), take.truth.shape[1], 2)
+            pixels = np.full(shape, np.nan) if some.detections is None else some.detections[..., :2]
+            samples.append(Sample(take, some.truth, pixels, _seen(some.truth, take.rig)))
+    return samples
 
 
 def _seen(truth: Array, rig: CameraRig) -> Array:

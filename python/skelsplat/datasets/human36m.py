@@ -124,17 +124,15 @@ def _find_format(root: Path, format: str | None) -> tuple[str, Path]:
     """Return the layout on disk, and the folder that it begins at; refuse none, or several."""
     one_of("format", format, (None, *_FORMATS))
     wanted = _FORMATS if format is None else {format: _FORMATS[format]}
-    found = [(name, place) for name, has in wanted.items() for place in _places(root, has)]
+    found = []
+    for name, has in wanted.items():
+        places = [root] if (root / has).exists() else _folders(root)
+        found += [(name, place) for place in places if (place / has).exists()]
     if len(found) != 1:
         expected = " or ".join(f"{has} (format {name})" for name, has in wanted.items())
         got = ", ".join(f"{name} at {place}" for name, place in found) or "none of these"
         raise DatasetError(root, "format", f"{expected}, once", got)
     return found[0]
-
-
-def _places(root: Path, has: str) -> list[Path]:
-    """Return the root if it has this, else the folders in it that have."""
-    return [root] if (root / has).exists() else [path for path in _folders(root) if (path / has).exists()]
 
 
 def _folders(path: Path) -> list[Path]:

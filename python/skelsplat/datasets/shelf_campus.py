@@ -16,7 +16,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -35,11 +34,10 @@ from skelsplat.datasets._files import (
     camera_at_centre,
     load_json,
     load_npz,
-    load_pickle,
 )
 from skelsplat.datasets._model import Dataset, PeopleTake, Take
 from skelsplat.exceptions import DatasetError
-from skelsplat.io._guarded import read_guarded
+from skelsplat.io._guarded import read_guarded, unpickle
 from skelsplat.layouts import COCO17, SHELF14
 
 Actors = Sequence[tuple[Index, Array]]
@@ -56,17 +54,10 @@ _FROM_COCO = (16, 14, 12, 11, 13, 15, 10, 8, 6, 5, 7, 9)
 """The 12 limb joints of SHELF14 in COCO-17."""
 
 
-@dataclass(frozen=True)
-class Scene:
-    """Which of the two: its name, image size and number of cameras."""
-
-    name: str
-    size: tuple[int, int]
-    n_cameras: int
-
-
 def _read(
-    scene: Scene,
+    scene: str,
+    size: tuple[int, int],
+    n_cameras: int,
     root: Path,
     survey: Survey,
     *,
@@ -74,11 +65,13 @@ def _read(
     detections: Path | str | None = None,
 ) -> Dataset:
     """Read the data set; `detections` is a file of everybody."""
-    file, inside = f"calibration_{scene.name}.json", root / scene.name.capitalize()
+    file, inside = f"calibration_{scene}.json", root / scene.capitalize()
     places = [root / file, inside / file, root / "cameras" / file]
-    calibration = survey.find(places, f"calibration of {scene.name}")
-    truth = survey.find([root / "actorsGT.mat", inside / "actorsGT.mat"], f"truth of {scene.name}")
-    rig, actors = _rig(scene, calibration), _actors(truth)
+    calibration = survey.find(places, f"calibration of {scene}")
+    truth = survey.find([root / "actorsGT.mat", inside / "actorsGT.mat"], f"truth of {scene}")
+    content, names = load_json(calibration), [str(k) for k in range(n_cameras)]
+    cameras = [camera_at_centre(content[name], size=size, name=name) for name in names]
+    rig, actors = build_rig(calibration, cameras), _actors(truth)
     everybody, name = _detections(scene, root, survey, detector, detections)
     files = {"truth": truth, "cameras": calibration}
     scenes = () if everybody is None else (_people(everybody, rig, actors, files),)
@@ -90,33 +83,28 @@ def _read(
             for k, (frames, joints) in enumerate(actors[:_EVALUATED])
             if len(frames)
         )
-    words = f"{scene.name.capitalize()}, one take per actor, detections: {name or 'none'}"
-    return Dataset(scene.name, SHELF14, takes, name, words, scenes=scenes)
+    words = f"{scene.capitalize()}, one take per actor, detections: {name or 'none'}"
+    return Dataset(scene, SHELF14, takes, name, words, scenes=scenes)
 
 
-read_shelf = partial(_read, Scene("shelf", (1032, 776), 5))
-read_campus = partial(_read, Scene("campus", (360, 288), 3))
+read_shelf = partial(_read, "shelf", (1032, 776), 5)
+read_campus = partial(_read, "campus", (360, 288), 3)
 
 
 def _detections(
-    scene: Scene, root: Path, survey: Survey, detector: str | None, given: Path | str | None
+    scene: str, root: Path, survey: Survey, detector: str | None, given: Path | str | None
 ) -> tuple[Path | None, str | None]:
     """Return the file of everybody, if there is one, and the detector."""
     wanted = None if detector is None else detector_name(detector)
     if given is not None:
         return survey.find([Path(given)], "detections of everybody"), wanted
     there = {name: path / "S0" / "people.npz" for name, path in detectors_of(root).items()}
-    for folder in (root, root / scene.name.capitalize()):
-        for path in sorted(folder.glob(f"pred_{scene.name}_*.pkl")):
-            found = re.sub(rf"^pred_{scene.name}_|(_coco)?\.pkl$", "", path.name)
+    for folder in (root, root / scene.capitalize()):
+        for path in sorted(folder.glob(f"pred_{scene}_*.pkl")):
+            found = re.sub(rf"^pred_{scene}_|(_coco)?\.pkl$", "", path.name)
             there[detector_name(found)] = path
-    name = choose_detector(survey, there, detector, root / f"pred_{scene.name}_DETECTOR_coco.pkl")
+    name = choose_detector(survey, there, detector, root / f"pred_{scene}_DETECTOR_coco.pkl")
     return None if name is None else survey.find([there[name]], f"detections of {name}"), name
-
-
-def _rig(scene: Scene, path: Path) -> CameraRig:
-    content, names = load_json(path), [str(k) for k in range(scene.n_cameras)]
-    return build_rig(path, [camera_at_centre(content[name], size=scene.size, name=name) for name in names])
 
 
 def from_coco(detections: Array) -> Array:
@@ -201,7 +189,7 @@ def _everybody(path: Path, cameras: Sequence[str]) -> tuple[Index, Array]:
 
 
 def _of_pickle(path: Path, cameras: Sequence[str]) -> tuple[Index, Array]:
-    content = load_pickle(path)
+    content = Value(path, "", unpickle(path))
     found: dict[tuple[int, int], list[Array]] = {}
     for key, entries in content.table().items():
         place = re.fullmatch(r"(\d+)_(\d+)", str(key))

@@ -126,10 +126,8 @@ def _people_take_of(
     """Return a simulated recording of several people; of two parts of a person the larger is the person's."""
     truth, seen = recording.arrays["truth"]["poses"], recording.arrays[f"people_simulated_{detector}"]
     people, owner = seen["people"], seen["owner"]
-    if people.shape[:3] != owner.shape:
-        raise DatasetError(files["detections"], "owner", f"shape {people.shape[:3]}", owner.shape)
-    if people.ndim != 5:
-        raise DatasetError(files["detections"], "people", "pixels (T, M, P, N, 3)", f"shape {people.shape}")
+    if people.ndim != 5 or people.shape[:3] != owner.shape:
+        raise DatasetError(files["detections"], "people", f"shape {(*owner.shape, 'N', 3)}", people.shape)
     return PeopleTake(
         recording.key,
         rig,

@@ -125,7 +125,7 @@ def sigma_coverage(
     predicted, truth = _pair(pred, gt)
     distance = _mahalanobis(predicted - truth, numbers(covariance, "covariance"))
     judged = ~np.isnan(distance)
-    return np.stack([_reduced(_correct(distance <= k, judged), reduce) for k in sigmas])
+    return np.stack([result(_correct(distance <= k, judged), reduce) for k in sigmas])
 
 
 def as_poses(value: ArrayLike, name: str) -> Array:
@@ -145,12 +145,6 @@ def present(points: Array) -> Mask:
 
 
 def result(values: Array, reduce: Reduce) -> Mean:
-    """Return the mean of `values` (…, N), as a float if it is that of everything."""
-    mean = _reduced(values, reduce)
-    return float(mean) if reduce == "mean" else mean
-
-
-def _reduced(values: Array, reduce: Reduce) -> Array:
     """Mean of `values` (…, N) without the NaNs, over the axes that `reduce` names (see the package)."""
     axes: dict[str, tuple[int, ...]] = {
         "mean": tuple(range(values.ndim)),
@@ -164,7 +158,8 @@ def _reduced(values: Array, reduce: Reduce) -> Array:
     valid = ~np.isnan(values)
     total = np.where(valid, values, 0.0).sum(axis=axes[reduce])
     count = valid.sum(axis=axes[reduce])
-    return np.where(count > 0, total / np.maximum(count, 1), np.nan)
+    mean = np.where(count > 0, total / np.maximum(count, 1), np.nan)
+    return float(mean) if reduce == "mean" else mean
 
 
 def _pair(pred: ArrayLike, gt: ArrayLike) -> tuple[Array, Array]:

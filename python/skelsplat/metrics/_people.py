@@ -61,18 +61,11 @@ def track_scores(
     the frame before stays matched while it is within the gate, and the rest is assigned. IDF1 is that of
     Ristani et al. 2016.
 
-    Parameters
-    ----------
-    tracks : sequence of (identity, frames (F,) int, pose (F, N, 3) mm)
-        Identity ≥ 0; a frame's index into `truth`. A pose that is all NaN is no estimate. An identity may be
-        given in several pieces.
-    truth : (Q, T, N, 3) mm
-        NaN = missing; a person without any joint is absent in that frame.
-    optional : (Q, T) bool, optional
-        Person-frames that need not be found: neither they nor estimates matched to them count.
-    limbs, alpha
-        As in `skelsplat.metrics.pcp`. The published figures of Shelf and Campus take the nearest estimate
-        instead of the assigned one, at any distance.
+    `tracks` are an identity ≥ 0, frames (F,), which index `truth`, and poses (F, N, 3) mm, all NaN = none; an
+    identity may be given in several pieces. In `truth` (Q, T, N, 3) mm a person without any joint is absent.
+    Person-frames that are `optional` (Q, T) need not be found: neither they nor estimates matched to them
+    count. `limbs` and `alpha` are as in `skelsplat.metrics.pcp`; the published figures of Shelf and Campus
+    take the nearest estimate instead of the assigned one, at any distance.
     """
     positive("gate_mm", gate_mm)
     people = as_poses(truth, "truth")

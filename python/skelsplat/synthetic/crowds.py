@@ -54,23 +54,13 @@ def crowd(
     eyes: ArrayLike | None = None,
     seed: int | Draw = 0,
 ) -> Array:
-    """Simulate people who meet in a room.
+    """Simulate people who meet in a room, (Q, T, 17, 3) mm, Human3.6M-17; NaN while a person is out.
 
-    Parameters
-    ----------
-    n_people, n_frames : int
-        Q ≥ 1 and T ≥ 2.
-    meetings : sequence of str
-        What pairs of people do, in turn from a random one, every 5 s. ``"cross"``: they pass each other at
-        0.3 to 0.6 m. ``"handover"``: they meet, reach out and go back. ``"circle"``: they go round each
-        other. ``"behind"``: one stands behind the other, seen from a camera. ``"leave"``: one leaves the room
-        and comes back 1 to 2.5 s later. ``"apart"``: one walks about. An odd one out does nothing.
-    eyes : (M, 3) mm, optional
-        Centres of the cameras, for ``"behind"``; without them it is seen from anywhere.
-
-    Returns
-    -------
-    (Q, T, 17, 3) mm, Human3.6M-17, z up, floor at z = 0; NaN where a person is not in the room.
+    Pairs of people do one of `meetings`, in turn from a random one, every 5 s. ``"cross"``: they pass at 0.3
+    to 0.6 m. ``"handover"``: they meet, reach out and go back. ``"circle"``: they go round each other.
+    ``"behind"``: one stands behind the other, seen from a camera whose centre is among `eyes` (M, 3) mm, or
+    from anywhere. ``"leave"``: one leaves the room and comes back 1 to 2.5 s later. ``"apart"``: one walks
+    about. An odd one out does nothing.
     """
     if n_people < 1 or n_frames < 2:
         raise InvalidInputError(

@@ -41,8 +41,8 @@ from skelsplat._skelsplat import Camera
 from skelsplat.cameras import CameraRig, mm_per_unit
 from skelsplat.exceptions import InvalidInputError
 
+# Size of people in the images for which the presets are made: focal length, px, over distance, mm.
 SIZE_IN_ROOM = 1147.0 / 5300.0
-"""Size of people in the images for which the presets are made: focal length, px, over distance, mm."""
 
 
 def stream(*key: int) -> np.random.Generator:

@@ -18,9 +18,7 @@ from skelsplat.exceptions import DegenerateGeometryError, InvalidInputError
 
 # Chest height: an upright adult fills the image evenly above and below.
 _BODY_CENTRE = (0.0, 0.0, 900.0)
-ROOM_MM = 4500.0
-"""Distance of the cameras from the middle of the room in which people meet."""
-
+ROOM_MM = 4500.0  # distance of the cameras from the middle of the room in which people meet
 _GOLDEN_ANGLE = np.pi * (3.0 - np.sqrt(5.0))
 
 

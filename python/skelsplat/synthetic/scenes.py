@@ -65,20 +65,12 @@ def simulate_scene(
 ) -> Scene:
     """Simulate a recording of several people.
 
-    Parameters
-    ----------
-    people : int or sequence of (T, N, 3) mm
-        Their number, for `crowd`; or poses of your own, each person where they are, NaN where absent, for
-        which `n_frames` and `meetings` (as in `crowd`) are not used.
-    cameras : CameraRig or sequence of Camera
-        In mm. ``ring(4, radius_mm=4500)`` fits the room; its cameras are all at one height, which is the
-        hardest case for telling people apart.
-    bystander : bool
-        Add a person at the edge of the room, who is the last and whom walls hide from all but two cameras.
-    noise, crowding : optional
-        Of each person alone, by default ``DetectionNoise.recording(fps)`` in proportion to the size of people
-        in the images; and what goes wrong because there are several, by default ``Crowding()``. The people
-        depend on neither.
+    `people` are their number, for `crowd` with `n_frames` and `meetings`, or poses (T, N, 3) mm of your own,
+    each person where they are, NaN where absent. Cameras are in mm; ``ring(4, radius_mm=4500)`` fits the room
+    and has all cameras at one height, the hardest case for telling people apart. A `bystander` at the edge of
+    the room is the last person, whom walls hide from all but two cameras. `noise` is of each person alone,
+    by default ``DetectionNoise.recording(fps)`` in proportion to the size of people in the images, `crowding`
+    what goes wrong because there are several; the people depend on neither.
     """
     rig = cameras if isinstance(cameras, CameraRig) else CameraRig(list(cameras))
     if mm_per_unit(rig) != 1.0:

@@ -273,9 +273,7 @@ _SETS: dict[str, tuple[Callable[[int], _Made], DetectionNoise]] = {
 set_names: tuple[str, ...] = tuple(_SETS)
 """Names that `simulate_set` knows."""
 
-PEOPLE_SET = "people"
-"""Name of the set of several people."""
-
+PEOPLE_SET = "people"  # name of the set of several people
 # Detectors: what each does wrong because several people are there. Of one person alone they are the same.
 _CROWDED = {"good": Crowding(), "noisy": Crowding.heavy()}
 _MEETINGS = tuple(name for name in meeting_names if name != "apart")

@@ -21,8 +21,7 @@ from skelsplat.exceptions import InvalidInputError
 JOINT_NAMES = layouts.H36M17.joints
 N_JOINTS = len(JOINT_NAMES)
 
-ANKLE_HEIGHT_MM = 80.0
-"""Height of the ankle joint above the floor when the foot stands on it."""
+ANKLE_HEIGHT_MM = 80.0  # of the ankle joint above the floor when the foot stands on it
 
 # Of each joint its parent, the rigid segment that carries it, and its offset from the parent in the segment's
 # frame, for a 1.75 m adult.

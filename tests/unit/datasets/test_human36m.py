@@ -57,20 +57,15 @@ def test_detections_kept_apart(tmp_path, recording):
         np.testing.assert_array_equal(take.detections[..., :2], written.pixels)
 
 
-def test_takes_that_the_detector_lacks_are_left_out_and_told(tmp_path, recording):
-    write.write_skelsplat(tmp_path, recording)
-    shutil.rmtree(tmp_path / "2d_metrabs" / "S11" / "Directions")
-    dataset = datasets.read("human36m", tmp_path)
-    assert len(dataset) == 7
-    assert dataset.notes == ("left out, without detections: S11/Directions",)
-
-
-def test_detectors_are_chosen_by_name_and_told(tmp_path, recording):
+def test_detectors_are_chosen_by_name_and_takes_without_any_left_out(tmp_path, recording):
     write.write_skelsplat(tmp_path, recording, detectors=("CPN", "ResNet-152"))
+    shutil.rmtree(tmp_path / "2d_CPN" / "S11" / "Directions")
     dataset = datasets.read("human36m", tmp_path)
     assert dataset.detector == "resnet152"
     assert dataset.notes == ("detector resnet152 of cpn, resnet152",)
-    assert datasets.read("human36m", tmp_path, detector="cpn").detector == "cpn"
+    dataset = datasets.read("human36m", tmp_path, detector="cpn")
+    assert (dataset.detector, len(dataset)) == ("cpn", 7)
+    assert dataset.notes == ("left out, without detections: S11/Directions",)
     with pytest.raises(DatasetError) as caught:
         datasets.read("human36m", tmp_path, detector="MeTRAbs")
     assert caught.value.field == "detector"

@@ -9,7 +9,6 @@ import pytest
 
 import skelsplat as sk
 from skelsplat import datasets
-from skelsplat.datasets.shelf_campus import from_coco
 from writers import occlusion_person, panoptic, shelf_campus
 
 SEQUENCE = panoptic.SEQUENCES[0]
@@ -128,14 +127,6 @@ def test_coco_detections_become_shelfs(tmp_path):
     distance = np.linalg.norm(found - written.detections[0], axis=-1)
     assert np.median(distance[..., :12]) < 2.0, "limbs are those of COCO"
     assert np.median(distance[..., 12:]) < 15.0, "neck and head top are interpolated"
-    detections = np.ones((17, 3))
-    detections[[3, 4]] = [(100, 40, 0.8), (110, 40, 0.9)]
-    detections[[5, 6]] = [(85, 80, 0.9), (125, 80, 0.7)]
-    np.testing.assert_allclose(from_coco(detections)[12:], [(105, 60, 0.7), (105, 20, 0.7)])
-    detections[3] = (np.nan, np.nan, 0.0)
-    out = from_coco(detections)
-    assert np.isnan(out[12:, :2]).all(), "a head without ears is missing"
-    assert (out[12:, 2] == 0).all()
 
 
 @pytest.mark.parametrize(("name", "form"), [("shelf", "npz"), ("campus", "pickle")])

@@ -140,15 +140,6 @@ def test_files_that_do_not_fit_are_refused(root):
         refused(root, path.name, next(iter(changes)))
     path.write_bytes(whole[: len(whole) // 2])
     refused(root, path.name, "file")
-    path.write_bytes(whole)
-    truth = root / "takes" / TAKE / "truth.npz"
-    with np.load(truth) as archive:
-        poses = archive["poses"]
-    order = np.arange(17)
-    for left, right in sk.layouts.H36M17.left_right:
-        order[[left, right]] = right, left
-    edit(truth, poses=poses[:, order])
-    refused(root, path.name, "left and right")
 
 
 @pytest.mark.parametrize("detector", ["good", "noisy"])
@@ -176,16 +167,6 @@ def test_people_who_are_written_come_back(people, met, detector):
         there = np.isfinite(scene.truth[q]).any(axis=(1, 2))
         np.testing.assert_array_equal(take.truth, scene.truth[q][there])
         np.testing.assert_array_equal(take.detections[..., :2], scene.detections()[q][there][..., :2])
-
-
-def test_views_and_frames_of_people_can_be_chosen(people):
-    scene = datasets.read("synthetic", people, views=["cam2", "cam0"]).scenes[0]
-    whole = datasets.read("synthetic", people).scenes[0]
-    np.testing.assert_array_equal(scene.people, whole.people[:, [2, 0]])
-    np.testing.assert_array_equal(scene.slots, whole.slots[..., [2, 0]])
-    few = whole.select(slice(5, 9))
-    assert few.frames.tolist() == [5, 6, 7, 8]
-    np.testing.assert_array_equal(few.detections(), whole.detections()[:, 5:9])
 
 
 def test_a_missing_file_of_people_is_listed(people):

@@ -129,12 +129,11 @@ def test_cameras_in_another_order():
     assert first.severity == "warning"
 
 
-@pytest.mark.parametrize(("noise", "frames", "takes"), [(None, 5, 1), (DetectionNoise(sigma_px=0.5), 40, 3)])
-def test_exchanged_tangential_coefficients(noise, frames, takes):
+def test_exchanged_tangential_coefficients():
     def exchange(c):
         return camera(c, distortion=np.array(c.distortion)[[0, 1, 3, 2, 4]])
 
-    data = with_cameras(dataset(noise, frames=frames, takes=takes), exchange)
+    data = with_cameras(dataset(DetectionNoise(sigma_px=0.5)), exchange)
     (finding,) = verify(data)
     assert finding.kind == "dataset_lens"
     assert finding.numbers == {"likely_lens": "tangential"}
