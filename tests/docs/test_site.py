@@ -22,7 +22,6 @@ MODULES = (
     "skelsplat",
     "skelsplat.io",
     "skelsplat.detect",
-    "skelsplat.layouts",
     "skelsplat.metrics",
     "skelsplat.synthetic",
     "skelsplat.rig_check",
