@@ -22,20 +22,13 @@ from skelsplat.layouts import mirror_images
 
 __all__ = ["choose_person", "extents", "separate_people", "take_people"]
 
-MIN_CONFIDENCE = 0.2
-"""Joints below it do not take part in the choice; they are still returned."""
-MIN_JOINTS = 4
-"""Joints that must be in common for a comparison (all K, if K is smaller)."""
-GATE = 0.03
-"""Largest median reprojection error, as a part of the image's diagonal: 66 px at 1920×1080."""
-# hypotheses of a frame that stay in the running when frames are linked
-_KEPT = 8
-# changing to someone else once must pay for itself: worth two views of one frame
-_SWITCH_COST = 2.0
-# a step from frame to frame of this length counts as someone else; a runner covers 0.4 m in 1/25 s
-_SWITCH_MM = 1000.0
-# of a body's size: who is nearer to someone else than this is the same body, detected twice
-_SAME_BODY = 0.25
+MIN_CONFIDENCE = 0.2  # joints below it do not take part in the choice; they are still returned
+MIN_JOINTS = 4  # that must be in common for a comparison (all K, if K is smaller)
+_GATE = 0.03  # largest median reprojection error, of the image's diagonal: 66 px at 1920×1080
+_KEPT = 8  # hypotheses of a frame that stay in the running when frames are linked
+_SWITCH_COST = 2.0  # changing to someone else once must pay for itself: worth two views of one frame
+_SWITCH_MM = 1000.0  # such a step between frames is to someone else; a runner covers 0.4 m in 1/25 s
+_SAME_BODY = 0.25  # of a body's size: who is nearer to someone else is the same body, detected twice
 _MOST_PEOPLE = 4
 
 
@@ -89,7 +82,7 @@ def chosen_places(
     index, cut = people_chosen(
         cameras,
         everyone,
-        [GATE * float(np.hypot(*camera.size)) for camera in cameras],
+        [_GATE * float(np.hypot(*camera.size)) for camera in cameras],
         min_confidence=MIN_CONFIDENCE,
         min_joints=min(MIN_JOINTS, joints),
         mirror=mirror_images(joints, pairs).tolist(),

@@ -101,15 +101,6 @@ def test_of_two_who_fit_equally_well_the_larger_is_chosen(larger):
     np.testing.assert_array_equal(chosen(*(seen(points, noise_px=0.0) for points in both))[1], larger)
 
 
-def test_frames_with_fewer_than_two_views_have_nobody():
-    person = seen(walk((0, 0, 0)))
-    person[2, 1:] = person[4] = np.nan
-    detections, index = chosen(person)
-    np.testing.assert_array_equal(index[[2, 4]], -1)
-    assert np.isnan(detections[[2, 4]]).all()
-    np.testing.assert_array_equal(index[[0, 1, 3, 5]], 0)
-
-
 def test_people_of_a_wrong_shape():
     for shape in ((FRAMES, 3, 1, JOINTS, 3), (FRAMES, VIEWS, JOINTS, 3), (FRAMES, VIEWS, 0, JOINTS, 3)):
         with pytest.raises(sk.InvalidInputError, match="people: "):

@@ -98,16 +98,6 @@ def npz(root, view):
     np.savez(root / "cam.npz", detections=view[:, None])
 
 
-def csv(root, view):
-    cells = np.where(np.isnan(view), "", view.astype(str))
-    lines = [
-        f"{t},{name},{','.join(joint)}"
-        for t, frame in enumerate(cells)
-        for name, joint in zip(H36M.joints, frame, strict=True)
-    ]
-    (root / "cam.csv").write_text("\n".join(["frame,joint,x,y,confidence", *lines]))
-
-
 def openpose(root, view):
     (root / "cam").mkdir()
     for t, frame in enumerate(view):
@@ -115,7 +105,7 @@ def openpose(root, view):
         (root / "cam" / f"{t}.json").write_text(json.dumps({"people": people}))
 
 
-@pytest.mark.parametrize("write", [npz, csv, openpose])
+@pytest.mark.parametrize("write", [npz, openpose])
 def test_nor_does_it_in_files(tmp_path, write, detections):
     view = detections[:, 0].copy()
 

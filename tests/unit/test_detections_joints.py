@@ -23,13 +23,11 @@ X = MAIN[0, :, 0, :, 0]
 
 
 SPELLINGS = {
-    "as they are": lambda joint: joint,
     "camel case": lambda joint: "".join(part.capitalize() for part in joint.split("_")),
     "sides as letters": lambda joint: "".join(
         {"left": "L", "right": "R"}.get(w, w.capitalize()) for w in joint.split("_")
     ),
     "sides last": lambda joint: "_".join([*joint.split("_")[1:], joint.split("_")[0]]),
-    "spaces": lambda joint: joint.replace("_", " ").capitalize(),
 }
 
 

@@ -26,10 +26,8 @@ from skelsplat.io._files import frame_number, parsing
 from skelsplat.io._guarded import read_guarded
 
 _MOST_LENGTH = 10**12  # of an axis, also of an array without any number
-FRAME_RATES = (1e-3, 1e6)
-"""Frames per second, the lowest and the highest, that files state."""
-BIG = 32 * 2**20
-"""Bytes from which a file is read in stretches where its format allows that."""
+FRAME_RATES = (1e-3, 1e6)  # frames per second, the lowest and the highest, that files state
+BIG = 32 * 2**20  # bytes from which a file is read in stretches where its format allows that
 _PIECE = 2**22  # bytes
 HDF5 = b"\x89HDF\r\n\x1a\n"
 

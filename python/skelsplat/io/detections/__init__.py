@@ -158,8 +158,7 @@ def open_detections(
 def _camera_names(cameras: Sequence[sk.Camera] | Sequence[str], *, ordered: bool) -> list[str]:
     """Names of the cameras; in a stated order those without one are called by their number."""
     names = [camera if isinstance(camera, str) else camera.name for camera in cameras]
-    if ordered:
-        names = [name or str(place) for place, name in enumerate(names)]
+    names = [name or str(place) for place, name in enumerate(names)] if ordered else names
     named = [name for name in names if name]
     if isinstance(cameras, str) or not named or len(set(named)) < len(names):
         raise InvalidInputError(f"cameras: expected cameras with different names, got {names}")

@@ -21,11 +21,9 @@ from skelsplat.io.detections._csv import SLEAP_ADDED, frame_in, number_in
 from skelsplat.io.detections._format import DetectionFormat, View, array_view, each, joints_of
 
 _LEVELS = (("scorer", "bodyparts", "coords"), ("scorer", "individuals", "bodyparts", "coords"))
-# DeepLabCut's own name for parts that belong to no individual
-_UNIQUE = "single"
+_UNIQUE = "single"  # DeepLabCut's own name for parts that belong to no individual
 _COORDS = ("x", "y", "likelihood")
-# x, y and likelihood in the place of an individual that was not found (DeepLabCut 3)
-_NOBODY = -1.0
+_NOBODY = -1.0  # x, y and likelihood of an individual that was not found (DeepLabCut 3)
 
 
 def read_dlc(path: Path) -> View:

@@ -237,8 +237,7 @@ def _is_sleap(path: Path) -> bool:
 
 
 _CSV, _IS_CALISCOPE = (".csv",), _has("sync_index", "img_loc_x", "img_loc_y")
-SLEAP_ADDED = r"\.(analysis|predictions|slp)\b"
-"""What SLEAP adds to the camera's name in that of a file."""
+SLEAP_ADDED = r"\.(analysis|predictions|slp)\b"  # to the camera's name in that of a file
 FORMATS = (
     DetectionFormat("sleap_csv", _CSV, _is_sleap, each(read_sleap_csv), added=SLEAP_ADDED),
     DetectionFormat("caliscope", _CSV, _IS_CALISCOPE, recording=partial(_read_recording, _CALISCOPE)),

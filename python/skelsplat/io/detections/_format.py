@@ -21,14 +21,12 @@ class View:
 
     path: Path  # the file, or the folder of a format with a file per frame
     frames: Index  # ascending
-    # from ascending places in `frames` to the people in each of them; may read files, or a part of one.
-    # A person's joints (K, 3) are x, y in px and confidence in (0, 1]; NaN where a joint was not detected.
-    # Nobody is in a place without joints, K = 0.
+    # from ascending places in `frames` to the people in each; may read files. A person's joints (K, 3) are x,
+    # y in px and confidence in (0, 1], NaN where one was not detected; of nobody in a place, K = 0
     people: Callable[[Index], Iterable[Iterable[Array]]]
     joints: tuple[str, ...] | None = None  # names of the K joints, if the format has them
     edges: tuple[tuple[int, int], ...] = ()  # places of joints that the file connects
-    # The detector's layouts have a fixed order, which the names confirm (MMPose); otherwise the order is free
-    # and names alone say what a joint is (DeepLabCut, SLEAP).
+    # the names confirm a fixed order (MMPose); otherwise they alone say what a joint is (DeepLabCut, SLEAP)
     own_order: bool = False
     sparse: bool = False  # frames in which nobody was found are not listed
     rate: float | None = None  # frames per second, if the file states it
@@ -48,18 +46,14 @@ class DetectionFormat:
 
     name: str
     suffixes: tuple[str, ...]
-    # says from a look at a file's beginning whether it is of this format; never raises
-    matches: Callable[[Path], bool]
-    # reads the one file of each camera
+    matches: Callable[[Path], bool]  # by a look at a file's beginning; never raises
+    # read the one file of each camera; the folder of one, with a file per frame; one file of all cameras, of
+    # which the second argument names a sequence, or is None
     files: Callable[[Mapping[str, Path]], Mapping[str, View]] | None = None
-    # reads the folder of one camera that holds one file per frame
     folder: Callable[[Path], View] | None = None
-    # reads one file of all cameras, of which the second argument names a sequence, or is None
     recording: Callable[[Path, str | None], Recording] | None = None
-    # whether a recording may have several sequences
-    sequences: bool = False
-    # regular expression for what the tool adds to the camera's name in that of a file
-    added: str | None = None
+    sequences: bool = False  # a recording may have several
+    added: str | None = None  # regular expression for what the tool adds to a camera's name in that of a file
 
     def camera_part(self, stem: str) -> str:
         """Return the stem of a file's name without what the tool added."""

@@ -20,8 +20,7 @@ from skelsplat.io._files import listed
 from skelsplat.io.detections._format import View
 from skelsplat.io.detections._registry import find_format, recognised
 
-OF_FILE = "file"
-"""In the place of a layout's name: the joints of the detections, as their files name them."""
+OF_FILE = "file"  # for a layout's name: the joints of the detections, as their files name them
 
 Joint = str | int | None
 

@@ -65,9 +65,7 @@ def _triples(keypoints: Field, *, clip: bool) -> Array:
     joints = flat.reshape(-1, 3)
     wrong = ((joints[:, 2] < 0.0) | (joints[:, 2] >= _NO_SCORE)) & np.isfinite(joints[:, :2]).all(axis=1)
     if wrong.any() and not clip:
-        place = 3 * int(wrong.argmax()) + 2
-        score = keypoints.entries("a list")[place]
-        raise score.error("a confidence, 0 to 1", f"{flat[place]:g}")
+        raise keypoints.error("a confidence in [0, 1] per joint", f"{joints[wrong.argmax(), 2]:g}")
     return joints_of(keypoints.path, keypoints.place, joints[:, :2], joints[:, 2], clip=True)
 
 

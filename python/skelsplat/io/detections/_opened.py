@@ -72,8 +72,7 @@ class DetectionSet:
     def people_per_frame(self) -> Index:
         """Number of people with at least one joint, (T, M)."""
         there = np.isfinite(self.people[..., 0]).any(axis=-1)
-        count: Index = there.sum(axis=-1, dtype=np.int64)
-        return count
+        return np.asarray(there.sum(axis=-1), dtype=np.int64)
 
 
 @dataclass(frozen=True)
@@ -88,8 +87,7 @@ class Opened:
     skeleton: sk.Layout
     mapping: Mapping[str, Joint]  # as of `read_detections`
     format: str
-    # by camera, (2,) pixels that are read per pixel of its images; 1 for the others
-    factors: Mapping[str, Array] = field(default_factory=dict)
+    factors: Mapping[str, Array] = field(default_factory=dict)  # by camera (2,), of its pixels; else 1
 
     @property
     def camera_names(self) -> tuple[str, ...]:

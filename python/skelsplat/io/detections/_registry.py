@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
 from itertools import chain, islice
 from pathlib import Path
 
@@ -20,10 +21,8 @@ FORMATS: dict[str, DetectionFormat] = {
     form.name: form for module in (_json, _arrays, _animals, _csv) for form in module.FORMATS
 }
 _SUFFIXES = sorted({suffix for form in FORMATS.values() for suffix in form.suffixes})
-# files looked at per folder: enough for every camera of a dome, and never a folder of a million images
-_MOST, _ENTRIES = 64, 10_000
-# files or folders named in a message, and how much is shown of a file that nobody knows
-_NAMED, _BEGINNING = 10, 40
+_MOST, _ENTRIES = 64, 10_000  # files looked at per folder: never a million images
+_NAMED, _BEGINNING = 10, 40  # files in a message, and characters of a file that nobody knows
 # looked for beneath a folder: a session, a participant, a trial is Pose2Sim's deepest; never a whole disk
 _LEVELS, _FOLDERS = ("*/", "*/*/", "*/*/*/"), 200
 # what may belong to the cameras, and what opens the label of each of them
@@ -111,16 +110,13 @@ def _folders_beneath(top: Path) -> list[str]:
     for level in _LEVELS:
         inside = (one.relative_to(top).as_posix() for one in top.glob(level) if one.is_dir())
         names = sorted(islice((name for name in inside if "/." not in f"/{name}"), _FOLDERS))
-        if found := [f"{name}/" for name in names if _has_detections(top / name)]:
+        found = []
+        for name in names:
+            with suppress(DatasetError):  # it cannot be read
+                found += [f"{name}/"] if not is_run(top / name) and recognised(top / name) else []
+        if found:
             return found
     return []
-
-
-def _has_detections(folder: Path) -> bool:
-    try:
-        return not is_run(folder) and bool(recognised(folder))
-    except DatasetError:  # it cannot be read
-        return False
 
 
 def offered(path: Path, form: DetectionFormat, sequence: str | None) -> _Offer:
