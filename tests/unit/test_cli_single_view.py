@@ -44,18 +44,6 @@ def test_it_is_said_to_have_none(one_view, arguments):
     assert (row["x"], row["status"], row["n_views"]) == ("", "weak", "0")
 
 
-@pytest.mark.parametrize("fill", [[], ["--fill-gaps", 10]], ids=["", "filled"])
-def test_at_an_end_filling_is_not_recommended(recording, arguments, fill):
-    """Nothing is known beyond the last frame; a gap before it can be filled, if it is asked for."""
-    folder, rig, _ = recording
-    last = max(path.name for path in (folder / "openpose" / rig.names[0]).iterdir())
-    hide(recording, last)
-    result = invoke(*arguments, *READ, *FPS, *fill)
-    assert f"right_wrist (frame {int(last[:6])})" in " ".join(result.stdout.split())
-    (weak,) = (one for one in json.loads((folder / "out" / "report.json").read_text())["findings"])
-    assert weak["remedy"] == []
-
-
 def test_gaps_are_filled_at_it(one_view, arguments):
     assert invoke(*arguments, *READ, *FPS, "--fill-gaps", 1).exit_code == 0
     assert read_npz(one_view / "pose.npz").joint_status[2, 16] == "filled"
