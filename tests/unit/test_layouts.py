@@ -129,7 +129,6 @@ def test_an_unknown_layout_is_an_error_with_the_nearest_name(tmp_path):
         (["leftear", "rightear"], ((0, 1),)),
         (["paw_l_1", "paw_r_1", "paw_l_2", "paw_r_2"], ((0, 1), (2, 3))),
         (["hip_left", "left_hip", "right_hip"], ()),  # which of the two?
-        (["L", "R"], ()),
     ],
 )
 def test_sides_are_read_from_names_where_they_are_unambiguous(joints, pairs):

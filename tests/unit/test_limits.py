@@ -49,7 +49,6 @@ def test_a_camera_outside_its_ranges(broken, argument):
     [
         {"K": intrinsics(fx=2e6, fy=2e6)},  # a microscope's
         {"t": [4.5e8, 5.3e9, 1e6]},  # a geographic grid in mm
-        {"size": (65535, 65535)},
         {"distortion": [22.6, -310.0, 1e-4, -2e-4, 980.0, 23.1, -300.0, 870.0]},
     ],
 )
