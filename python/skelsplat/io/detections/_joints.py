@@ -247,7 +247,7 @@ def places_of(view: View, layout: sk.Layout, mapping: Mapping[str, Joint]) -> li
     if missing:
         advice = f'mapping={{"{missing[0]}": …}} assigns it; None if the files lack it'
         actual = f"none for {', '.join(missing)} among {listed(names, _SHOWN) or 'no names'}; {advice}"
-        raise _wrong(view, f"a name, or a place in mapping=, for every joint of {layout.name}", actual)
+        raise _wrong(view, f"a name for every joint of {layout.name}", actual)
     _check_once(places, view, layout)
     return places
 
