@@ -1,4 +1,4 @@
-"""A value in a JSON, TOML or YAML document and its place there, checked as it is taken."""
+"""A value in a file and its place there, checked as it is taken."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class Field:
 
     def error(self, expected: object, actual: object) -> DatasetError:
         """Return the error for this value."""
-        return DatasetError(self.path, self.place or "document", expected, actual)
+        return DatasetError(self.path, self.place or "file", expected, actual)
 
     @property
     def is_missing(self) -> bool:
@@ -61,10 +61,23 @@ class Field:
             raise self[key].error(expected, _MISSING)
         return self[key]
 
+    def first(self, *keys: str) -> Field:
+        """Return what is under the first of `keys` that is there, one of which must be."""
+        for key in keys:
+            if key in self:
+                return self[key]
+        there = ", ".join(map(str, self.table().value)) or "none"
+        raise self[keys[0]].error(f"one of the keys {', '.join(keys)}", f"the keys {there}")
+
     def entries(self, expected: str = "a list") -> list[Field]:
-        """Return the entries of a list."""
-        values = self._list(expected)
+        """Return the entries of a list, tuple or array."""
+        is_array = isinstance(self.value, np.ndarray) and self.value.ndim > 0
+        values = self.value if is_array or isinstance(self.value, tuple) else self._list(expected)
         return [Field(self.path, f"{self.place}[{i}]", value) for i, value in enumerate(values)]
+
+    def members(self) -> dict[str, Field]:
+        """Return what is in a table, by key."""
+        return {key: self[key] for key in self.table().value}
 
     def table(self, keys: Collection[str] = ()) -> Field:
         """Return this field if it holds a table (an object), of no other keys than these if there are any."""
@@ -126,6 +139,24 @@ class Field:
             raise self.error(expected, f"{'×'.join(map(str, array.shape)) or 'one'} of them")
         if not np.isfinite(array).all():
             raise self.error("finite numbers", self.shown)
+        return array
+
+    def array(self) -> Array:
+        """Return the value as a new array of float64, C order; None is NaN, which is a number here."""
+        if self.is_missing or (isinstance(self.value, np.ndarray) and self.value.dtype.kind == "c"):
+            raise self.error("real numbers", self.shown)
+        try:
+            with np.errstate(invalid="ignore"):  # of a NaN that signals
+                return np.array(self.value, dtype=np.float64, order="C")
+        except (TypeError, ValueError) as error:
+            raise self.error("numbers in rows of the same length", error) from error
+
+    def array_of(self, *shape: int | str) -> Array:
+        """Return the value as an `array` with this shape: a letter stands for any length."""
+        array = self.array()
+        given = zip(shape, array.shape, strict=False)
+        if array.ndim != len(shape) or any(isinstance(want, int) and want != got for want, got in given):
+            raise self.error(f"shape ({', '.join(map(str, shape))})", array.shape)
         return array
 
     def names(self) -> list[str]:

@@ -82,12 +82,12 @@ MALFORMED = {
     ],
     "alphapose": [
         JSON_CUT,
-        (lambda b: b.file.write_text("[]"), "document"),
+        (lambda b: b.file.write_text("[]"), "file"),
         (put("image_id", "a.jpg"), r"\[0\]\.image_id"),
     ],
     "coco": [
         JSON_CUT,
-        (lambda b: b.json(lambda d: {"images": [], "annotations": d}), "document"),
+        (lambda b: b.json(lambda d: {"images": [], "annotations": d}), "file"),
         (put("image_id", 20251121123456789012), r"\[0\]\.image_id"),
     ],
     "rtmlib_frames": [

@@ -9,7 +9,7 @@ import pytest
 
 import skelsplat as sk
 from array_forms import LAYOUT, PIXELS, RIG, SEEN
-from skelsplat.datasets._files import Value
+from skelsplat._fields import Field
 from skelsplat.io._arrays import as_numbers as of_file
 from takes import hand_made
 
@@ -70,4 +70,4 @@ def test_numbers_of_nan_that_signal_are_missing(tmp_path):
     signals = np.array([0x7FA00000], np.uint32).view(np.float32)
     with np.errstate(all="raise"):
         assert np.isnan(of_file(tmp_path, "x", signals)).all()
-        assert np.isnan(Value(tmp_path, "x", signals).array()).all()
+        assert np.isnan(Field(tmp_path, "x", signals).array()).all()

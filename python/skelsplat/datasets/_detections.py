@@ -16,8 +16,9 @@ from pathlib import Path
 import numpy as np
 
 from skelsplat._arrays import Array, Index
+from skelsplat._fields import Field
 from skelsplat._skelsplat import Layout
-from skelsplat.datasets._files import Survey, Value, load_npz
+from skelsplat.datasets._files import Survey, frames_in, load_npz
 from skelsplat.datasets._model import Take
 from skelsplat.exceptions import DatasetError
 
@@ -153,10 +154,10 @@ def _one_file(path: Path, wanted: Wanted) -> tuple[Array, Index]:
         if scores.size != math.prod(array.shape[:-1]):
             raise content["scores"].error(f"shape {array.shape[:-1]}", scores.shape)
         array = np.concatenate([array, scores.reshape(*array.shape[:-1], 1)], axis=-1)
-    pixels = replace(pixels, content=array)
+    pixels = replace(pixels, value=array)
     if "frames" not in content:
         return as_detections(pixels, wanted), np.arange(len(wanted.frames))
-    frames = content["frames"].frames()
+    frames = frames_in(content)
     detections = as_detections(pixels, replace(wanted, frames=frames))
     common, places, mine = np.intersect1d(wanted.frames, frames, return_indices=True)
     if not len(common):
@@ -165,7 +166,7 @@ def _one_file(path: Path, wanted: Wanted) -> tuple[Array, Index]:
     return detections[mine], np.asarray(places, dtype=np.int64)
 
 
-def as_detections(pixels: Value, wanted: Wanted) -> Array:
+def as_detections(pixels: Field, wanted: Wanted) -> Array:
     """Return (T, M, N, 3) from pixels with or without confidence; missing = NaN, NaN, 0.
 
     Takes pixels that are not finite, the pixel (0, 0) and a confidence of 0 as missing; a confidence above 1
@@ -192,12 +193,13 @@ def as_detections(pixels: Value, wanted: Wanted) -> Array:
 
 def read_truth(
     survey: Survey, folder: Path, n_joints: int, stems: Sequence[str] = _STEMS
-) -> tuple[Value, Array, Index | None]:
+) -> tuple[Field, Array, Index | None]:
     """Return the joints (T, N, 3) of the file in a folder, as it has them and checked, and its ``frames``."""
     path = poses_file(folder, stems) or survey.find([folder / f"{stems[-1]}.npz"], "truth")
     content = load_npz(survey.found(path))
     truth = content.first(*KEYS_3D)
-    return truth, truth.numbers("T", n_joints, 3), content["frames"].frames() if "frames" in content else None
+    frames = frames_in(content) if "frames" in content else None
+    return truth, truth.array_of("T", n_joints, 3), frames
 
 
 def read_world(
@@ -206,4 +208,4 @@ def read_world(
     """Read world poses (T, V, N, 3): one per view, or one in all that is fused already (V = 1)."""
     paths = files_of_views(survey, folder, take.rig.names, what, stems)
     poses = (load_npz(path).first(KEY_WORLD, *KEYS_3D) for path in paths)
-    return np.stack([one.numbers(n_frames, take.truth.shape[1], 3) for one in poses], axis=1)
+    return np.stack([one.array_of(n_frames, take.truth.shape[1], 3) for one in poses], axis=1)

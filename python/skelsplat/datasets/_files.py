@@ -15,11 +15,12 @@ from typing import Any
 import numpy as np
 
 from skelsplat._arrays import FARTHEST, Array, Index
+from skelsplat._fields import Field
 from skelsplat._skelsplat import Camera
 from skelsplat.cameras import CameraRig
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.io import _arrays, read_calibration
-from skelsplat.io._files import load_json as parse_json_file
+from skelsplat.io._files import json_document
 
 
 @dataclass
@@ -59,93 +60,24 @@ class Survey:
         return [self.found(path) for path, _ in expected]
 
 
-@dataclass(frozen=True, eq=False)
-class Value:
-    """A value in a file and its place there: ``cameras[0].K``; "" is the whole file."""
-
-    path: Path
-    place: str
-    content: Any
-
-    def error(self, expected: object, actual: object) -> DatasetError:
-        """Return the error for this value."""
-        return DatasetError(self.path, self.place or "file", expected, actual)
-
-    @property
-    def keys(self) -> tuple[Any, ...]:
-        """The keys of a dict; none for anything else."""
-        return tuple(self.content) if isinstance(self.content, dict) else ()
-
-    def __contains__(self, key: str) -> bool:
-        return key in self.keys
-
-    def __getitem__(self, key: Any) -> Value:
-        """Return what is under a key, which must be there."""
-        place = f"{self.place}.{key}" if self.place else str(key)
-        if key not in self.keys:
-            there = ", ".join(map(str, self.keys[:8])) or type(self.content).__name__
-            raise DatasetError(self.path, place, "a value under this key", f"none (there is {there})")
-        return Value(self.path, place, self.content[key])
-
-    def first(self, *keys: str) -> Value:
-        """Return the first of `keys` that is there."""
-        return self[next((key for key in keys if key in self), keys[0])]
-
-    def table(self) -> dict[Any, Value]:
-        """Return the values of a dict."""
-        if not isinstance(self.content, dict):
-            raise self.error("a table", type(self.content).__name__)
-        return {key: self[key] for key in self.content}
-
-    def entries(self) -> list[Value]:
-        """Return the entries of a list, tuple or array."""
-        if not isinstance(self.content, list | tuple | np.ndarray) or np.shape(self.content) == ():
-            raise self.error("a list", type(self.content).__name__)
-        return [Value(self.path, f"{self.place}[{k}]", entry) for k, entry in enumerate(self.content)]
-
-    def whole(self) -> int:
-        """Return the value as an integer."""
-        try:
-            return int(self.content)
-        except (TypeError, ValueError, OverflowError):
-            raise self.error("a whole number", repr(self.content)[:40]) from None
-
-    def array(self) -> Array:
-        """Return the value as a new array of float64, C order; None is NaN."""
-        if isinstance(self.content, np.ndarray) and self.content.dtype.kind == "c":
-            raise self.error("real numbers", f"an array of {self.content.dtype}")
-        try:
-            with np.errstate(invalid="ignore"):  # of a NaN that signals
-                return np.array(self.content, dtype=np.float64, order="C")
-        except (TypeError, ValueError) as error:
-            raise self.error("numbers in rows of the same length", error) from error
-
-    def numbers(self, *shape: int | str) -> Array:
-        """Return the value as an array of float64 with this shape: a letter stands for any length."""
-        array = self.array()
-        given = zip(shape, array.shape, strict=False)
-        if array.ndim != len(shape) or any(isinstance(want, int) and want != got for want, got in given):
-            raise self.error(f"shape ({', '.join(map(str, shape))})", array.shape)
-        return array
-
-    def frames(self) -> Index:
-        """Return ascending frame numbers (T,)."""
-        return _arrays.frame_numbers(self.path, self.content)
-
-
-def load_json(path: Path) -> Value:
+def load_json(path: Path) -> Field:
     """Return the value in a JSON file."""
-    return Value(path, "", parse_json_file(path, "values of moderate depth"))
+    return json_document(path, "values of moderate depth")
 
 
-def load_npz(path: Path, keys: tuple[str, ...] | None = None) -> Value:
+def load_npz(path: Path, keys: tuple[str, ...] | None = None) -> Field:
     """Return the arrays of an npz file by key; a pickled object in place of an array is unpickled safely.
 
     With `keys`, only those are read, if they are there.
     """
     found = _arrays.load_npz(path, _arrays.npz_keys(path) if keys is None else keys).found
     boxed = {key: value.dtype == object and value.ndim == 0 for key, value in found.items()}
-    return Value(path, "", {key: value.item() if boxed[key] else value for key, value in found.items()})
+    return Field(path, "", {key: value.item() if boxed[key] else value for key, value in found.items()})
+
+
+def frames_in(content: Field) -> Index:
+    """Return the ascending ``frames`` (T,) of a file."""
+    return _arrays.frame_numbers(content.path, content.member("frames", "frame numbers").value)
 
 
 @contextmanager
@@ -157,7 +89,7 @@ def making(path: Path, field: str, what: str) -> Iterator[None]:
         raise DatasetError(path, field, what, error) from error
 
 
-def camera_at_centre(entry: Value, *, size: Sequence[int], name: str) -> Camera:
+def camera_at_centre(entry: Field, *, size: Sequence[int], name: str) -> Camera:
     """Return the camera of a table R, T, fx, fy, cx, cy[, k, p] where x_cam = R (X − T): T is the centre.
 
     Numbers may be wrapped in arrays of any shape with as many values; ``k`` are three and ``p`` two. A

@@ -191,11 +191,11 @@ def _videopose3d_takes(
     root: Path, survey: Survey, subjects: Sequence[str] | None, rig_of: RigOf
 ) -> Iterator[Take]:
     path = survey.find([root / _FORMATS["videopose3d"]], "truth")
-    positions = load_npz(path, ("positions_3d",))["positions_3d"].table()
+    positions = load_npz(path, ("positions_3d",))["positions_3d"].members()
     for subject in _chosen(path, map(str, positions), subjects):
         rig, cameras = rig_of(subject)
-        for activity, value in positions[subject].table().items():
-            truth = value.numbers("frames", "joints", 3)
+        for activity, value in positions[subject].members().items():
+            truth = value.array_of("frames", "joints", 3)
             if truth.shape[1] == 32:
                 truth = truth[:, list(JOINTS_OF_32)]
             if truth.shape[1] != H36M17.n_joints:
@@ -235,7 +235,7 @@ def _from_folder(survey: Survey, root: Path, take: Take) -> Take:
     poses = [load_npz(path) for path in files if path is not None]
     if not all(files) or not all(KEY_WORLD in content for content in poses):
         return found
-    views = [content[KEY_WORLD].numbers(len(found), H36M17.n_joints, 3) for content in poses]
+    views = [content[KEY_WORLD].array_of(len(found), H36M17.n_joints, 3) for content in poses]
     return replace(found, monocular=np.stack(views, axis=1))
 
 
@@ -244,7 +244,7 @@ def _from_archive(survey: Survey, path: Path) -> Callable[[Take], Take]:
     positions = load_npz(survey.found(path), ("positions_2d",))["positions_2d"]
 
     def add(take: Take) -> Take:
-        views = positions[take.subject].table().get(take.key.partition("/")[2])
+        views = positions[take.subject].members().get(take.key.partition("/")[2])
         if views is None:
             return take
         given, parts = views.entries(), []
@@ -252,11 +252,11 @@ def _from_archive(survey: Survey, path: Path) -> Callable[[Take], Take]:
             raise views.error(f"{len(CAMERAS)} cameras ({', '.join(CAMERAS)})", len(given))
         for name, view in zip(CAMERAS, given, strict=True):
             at = replace(view, place=f"{views.place}, camera {name}")
-            pixels = at.numbers("frames", "joints", 2)
+            pixels = at.array_of("frames", "joints", 2)
             note = f"{path.name}: views cut where the truth ends"
             if len(pixels) > len(take) and note not in survey.notes:
                 survey.notes.append(note)
-            one = replace(at, content=pixels[: len(take), None])
+            one = replace(at, value=pixels[: len(take), None])
             parts.append(as_detections(one, Wanted(take.key, take.frames, (name,), H36M17)))
         return take.with_detections(np.concatenate(parts, axis=1), path)
 

@@ -14,8 +14,9 @@ from pathlib import Path
 import numpy as np
 
 from skelsplat._arrays import Index
+from skelsplat._fields import Field
 from skelsplat.datasets._detections import Wanted, detections_of, poses_file, read_apart, read_truth
-from skelsplat.datasets._files import Survey, Value, build_rig, camera_at_centre, load_json
+from skelsplat.datasets._files import Survey, build_rig, camera_at_centre, load_json
 from skelsplat.datasets._model import Dataset, Take
 from skelsplat.exceptions import InvalidInputError
 from skelsplat.io._files import frame_number
@@ -71,7 +72,7 @@ def _activity(
     places = [inside / activity / "cameras.json", inside / "cameras.json", root / "cameras.json"]
     by_frame = load_json(survey.find(places, "cameras by frame"))
     truth, joints, _ = read_truth(survey, folder, OCCLUSION_PERSON15.n_joints)
-    numbered = {frame_number(by_frame.path, name, name): at for name, at in by_frame.table().items()}
+    numbered = {frame_number(by_frame.path, name, name): at for name, at in by_frame.members().items()}
     frames = np.array(sorted(numbered), dtype=np.int64)
     if len(frames) != len(joints):
         raise truth.error(f"{len(frames)} frames as in {by_frame.path}", len(joints))
@@ -99,10 +100,10 @@ def _activity(
 
 
 def _same_cameras(
-    numbered: dict[int, Value], frames: Index, views: Sequence[int]
-) -> list[tuple[list[Value], list[int]]]:
+    numbered: dict[int, Field], frames: Index, views: Sequence[int]
+) -> list[tuple[list[Field], list[int]]]:
     """Return the tables of the cameras, and which frames have these, in the order of the first of them."""
-    groups: dict[bytes, tuple[list[Value], list[int]]] = {}
+    groups: dict[bytes, tuple[list[Field], list[int]]] = {}
     for place, frame in enumerate(frames.tolist()):
         there = numbered[frame].entries()
         if max(views) >= len(there):

@@ -138,8 +138,8 @@ def _read_bodies(folder: Path, person: int | None) -> tuple[Index, Array]:
 def _bodies(path: Path) -> dict[int, Array]:
     found = {}
     for body in load_json(path)["bodies"].entries():
-        joints = body["joints19"].numbers(4 * PANOPTIC19.n_joints).reshape(-1, 4)  # x, y, z, confidence
+        joints = body["joints19"].array_of(4 * PANOPTIC19.n_joints).reshape(-1, 4)  # x, y, z, confidence
         measured = joints[:, 3:] > _LEAST_CONFIDENCE
         with np.errstate(over="ignore"):  # refused with the take
-            found[body["id"].whole()] = np.where(measured, _MM * joints[:, :3], np.nan)
+            found[int(body["id"].number())] = np.where(measured, _MM * joints[:, :3], np.nan)
     return found

@@ -23,15 +23,16 @@ from typing import Any
 import numpy as np
 
 from skelsplat._arrays import Array, Index, corners
+from skelsplat._fields import Field
 from skelsplat._optional import require
 from skelsplat._skelsplat import project
 from skelsplat.cameras import CameraRig
 from skelsplat.datasets._detections import choose_detector, detector_name, detectors_of
 from skelsplat.datasets._files import (
     Survey,
-    Value,
     build_rig,
     camera_at_centre,
+    frames_in,
     load_json,
     load_npz,
 )
@@ -70,7 +71,7 @@ def _read(
     calibration = survey.find(places, f"calibration of {scene}")
     truth = survey.find([root / "actorsGT.mat", inside / "actorsGT.mat"], f"truth of {scene}")
     content, names = load_json(calibration), [str(k) for k in range(n_cameras)]
-    cameras = [camera_at_centre(content[name], size=size, name=name) for name in names]
+    cameras = [camera_at_centre(content.member(name, "a camera"), size=size, name=name) for name in names]
     rig, actors = build_rig(calibration, cameras), _actors(truth)
     everybody, name = _detections(scene, root, survey, detector, detections)
     files = {"truth": truth, "cameras": calibration}
@@ -173,8 +174,8 @@ def _everybody(path: Path, cameras: Sequence[str]) -> tuple[Index, Array]:
     """Read frames (T,) and detections (T, M, P, 14, 3), NaN where there is nothing."""
     if path.suffix == ".npz":
         content = load_npz(path)
-        frames = content["frames"].frames()
-        people = content["people"].numbers(len(frames), len(cameras), "people", "joints", 3)
+        frames = frames_in(content)
+        people = content["people"].array_of(len(frames), len(cameras), "people", "joints", 3)
     else:
         frames, people = _of_pickle(path, cameras)
     missing = ~np.isfinite(people[..., :2]).all(axis=-1) | (people[..., :2] == 0.0).all(axis=-1)
@@ -189,15 +190,15 @@ def _everybody(path: Path, cameras: Sequence[str]) -> tuple[Index, Array]:
 
 
 def _of_pickle(path: Path, cameras: Sequence[str]) -> tuple[Index, Array]:
-    content = Value(path, "", unpickle(path))
+    content = Field(path, "", unpickle(path))
     found: dict[tuple[int, int], list[Array]] = {}
-    for key, entries in content.table().items():
+    for key, entries in content.members().items():
         place = re.fullmatch(r"(\d+)_(\d+)", str(key))
         if place is None:
             raise DatasetError(path, f"{key!r}", "keys CAMERA_FRAME, such as '0_300'", "this key")
         if place[1] in cameras:
             where = int(place[2]), cameras.index(place[1])
-            found[where] = [entry["pred"].numbers(COCO17.n_joints, 3) for entry in entries.entries()]
+            found[where] = [entry["pred"].array_of(COCO17.n_joints, 3) for entry in entries.entries()]
     if not found:
         raise content.error(f"entries of the cameras {', '.join(cameras)}", "none")
     frames = np.array(sorted({frame for frame, _ in found}), dtype=np.int64)
@@ -212,10 +213,9 @@ def _of_pickle(path: Path, cameras: Sequence[str]) -> tuple[Index, Array]:
 def _actors(path: Path) -> Actors:
     """Read the truth."""
     require("scipy.io", str(path), "evaluation")
-    content = Value(
-        path, "", read_guarded("mat", path, "a complete MATLAB file before version 7.3", names=None)
-    )
-    actors = _cells(content["actor3D"].content)
+    expected = "a complete MATLAB file before version 7.3"
+    content = Field(path, "", read_guarded("mat", path, expected, names=None))
+    actors = _cells(content.member("actor3D", "cells of actors").value)
     while len(actors) == 1 and _cells(actors[0]) and _cells(_cells(actors[0])[0]):
         actors = _cells(actors[0])  # the cell of actors may lie in cells of its own
     lengths = sorted({len(_cells(actor)) for actor in actors})
@@ -237,7 +237,7 @@ def _actor(path: Path, field: str, cells: Sequence[Any]) -> tuple[Index, Array]:
             pose = np.asarray(pose.ravel()[0])
         if pose.size >= 3:  # else not labelled: an empty matrix, or a single zero
             frames.append(k)
-            joints = Value(path, f"{field}{{{k + 1}}}", pose).numbers(SHELF14.n_joints, 3)
+            joints = Field(path, f"{field}{{{k + 1}}}", pose).array_of(SHELF14.n_joints, 3)
             with np.errstate(over="ignore"):  # refused with the take
                 poses.append(_MM_PER_M * joints)
     truth = np.stack(poses) if poses else np.empty((0, SHELF14.n_joints, 3))

@@ -17,7 +17,7 @@ from skelsplat._arrays import Array, Index, largest_slots
 from skelsplat._atomic import opening
 from skelsplat._fields import Field
 from skelsplat.cameras import CameraRig
-from skelsplat.datasets._files import Survey, load_json, load_npz, read_cameras
+from skelsplat.datasets._files import Survey, frames_in, load_json, load_npz, read_cameras
 from skelsplat.datasets._model import Dataset, PeopleTake, Take
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.layouts import named
@@ -46,7 +46,7 @@ def read(
     `views` are the first so many cameras, or the names of some; None is all.
     """
     path = survey.find([root / INDEX], "index of a simulated data set")
-    index = Field(path, "", load_json(path).content)
+    index = load_json(path)
     for key, known in (("format", FORMAT), ("format_version", FORMAT_VERSION)):
         if index[key].value != known:
             raise index[key].error(known, index[key].shown)
@@ -87,7 +87,7 @@ def _recording(
     files = {part: folder / key / f"{stem}.npz" for part, stem in zip(parts, needed, strict=False)}
     survey.find_all((path, part) for part, path in files.items())
     loaded = [load_npz(path) for path in files.values()]
-    frames = loaded[0]["frames"].frames()
+    frames = frames_in(loaded[0])
     for content in loaded:
         if not np.array_equal(content["frames"].array(), frames):
             raise content["frames"].error(f"those of {files['truth'].name}", "others")

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from skelsplat._budget import MOST_COLUMNS, check_json, opened, read_lines, read_text
-from skelsplat._fields import FRAME_LIMIT
+from skelsplat._fields import FRAME_LIMIT, Field
 from skelsplat.exceptions import DatasetError
 
 _HEAD = 65_536  # bytes
@@ -104,6 +104,11 @@ def load_json(path: Path, document: str, text: str | None = None) -> Any:
     except ValueError as error:
         raise DatasetError(path, "JSON", "every key once in an object", f"{error.args[0]!r} twice") from None
     return value
+
+
+def json_document(path: Path, document: str, text: str | None = None) -> Field:
+    """Return what `load_json` reads, to be checked as it is taken."""
+    return Field(path, "", load_json(path, document, text))
 
 
 def whole_number(text: str) -> int | float:

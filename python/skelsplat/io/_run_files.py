@@ -7,10 +7,9 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from skelsplat._fields import Field
 from skelsplat.exceptions import DatasetError
 from skelsplat.io._arrays import load_npz
-from skelsplat.io._files import head, load_json
+from skelsplat.io._files import head, json_document, load_json
 
 POSES, CAMERAS, DETECTIONS, REPORT = "pose.npz", "cameras.json", "detections.npz", "report.json"
 LAYOUT = "layout.toml"
@@ -40,10 +39,10 @@ def folders_of_run(folder: Path) -> list[str]:
 
 def _listed(folder: Path, key: str) -> list[str] | None:
     """Return the names under a key of a run's report; None without a run."""
+    if not is_run(folder):
+        return None
     try:
-        report = Field(
-            folder / REPORT, "", load_json(folder / REPORT, "a report") if is_run(folder) else None
-        )
+        report = json_document(folder / REPORT, "a report")
         if "skelsplat" not in report["versions"] or "settings" not in report:
             return None
         return report[key].names()
@@ -107,7 +106,7 @@ def _run_of(path: Path) -> str | None:
     if path.suffix == ".npz":
         return next((str(run) for run in load_npz(path, (RUN,)).found.values()), None)
     if path.suffix == ".json":
-        document = Field(path, "", load_json(path, "a file of a run"))
+        document = json_document(path, "a file of a run")
         if path.name != CAMERAS:
             return document.value.get(RUN) if RUN in document else None
         text = str(document["note"].value)

@@ -27,7 +27,7 @@ from skelsplat._atomic import atomic_write, atomic_write_text
 from skelsplat._fields import FRAME_LIMIT, Field
 from skelsplat.exceptions import DatasetError
 from skelsplat.io._arrays import RowFile, write_npz
-from skelsplat.io._files import load_json
+from skelsplat.io._files import json_document
 from skelsplat.io._run_files import (
     CAMERAS,
     DETECTIONS,
@@ -151,7 +151,7 @@ def read_run(
 
 
 def _read_report(path: Path) -> Field:
-    report = Field(path, "", load_json(path, "the report of a run"))
+    report = json_document(path, "the report of a run")
     check_finished(path, report.value)
     if "folders" in report and isinstance(report["folders"].value, list):
         people = ", ".join(folders_of_run(path.parent))

@@ -188,7 +188,7 @@ def _parse_human36m(source: Source, subject: str | None) -> Parsed:
 def _cameras(source: Source, *keys: set[str]) -> list[Field]:
     """Return all entries of a document of which one has the keys of one of these sets; else none."""
     document = source.json
-    entries = [document[name] for name in document.value] if isinstance(document.value, dict) else []
+    entries = list(document.members().values()) if isinstance(document.value, dict) else []
     tables = [entry.value for entry in entries if isinstance(entry.value, dict)]
     return entries if any(wanted <= table.keys() for wanted in keys for table in tables) else []
 

@@ -125,7 +125,7 @@ def _caliscope(source: Source) -> list[Field]:
     """Return the tables of cameras, if they are numbered: those of ``cameras``, in older files ``cam_N``."""
     within = source.toml["cameras"]
     if isinstance(within.value, dict):
-        tables = [within[name] for name in within.value]
+        tables = list(within.members().values())
     else:
         tables = [source.toml[name] for name in source.toml.value if name.startswith("cam_")]
     numbered = any("cam_id" in table or "port" in table for table in tables)

@@ -13,7 +13,7 @@ import numpy as np
 from skelsplat._arrays import Array
 from skelsplat._fields import Field, whole_size
 from skelsplat.exceptions import DatasetError
-from skelsplat.io._files import frame_number, head, load_json
+from skelsplat.io._files import frame_number, head, json_document
 from skelsplat.io.detections._format import (
     DetectionFormat,
     View,
@@ -29,10 +29,6 @@ _NO_SCORE = 100.0
 _NO_FILES = "; without= leaves out a camera that has no detections"
 
 
-def _document(path: Path, document: str) -> Field:
-    return Field(path, "", load_json(path, document))
-
-
 def read_openpose(folder: Path) -> View:
     """Read ``{"people": [{"pose_keypoints_2d": [x, y, c, …]}]}`` of a frame each; zeros were not detected.
 
@@ -45,7 +41,7 @@ def read_openpose(folder: Path) -> View:
 
 
 def _openpose_people(path: Path) -> list[Array]:
-    document, people = _document(path, "an OpenPose document"), []
+    document, people = json_document(path, "an OpenPose document"), []
     if document.value == {}:
         return []
     for person in document.member("people", "an object with a list under this key").entries("a list"):
@@ -77,14 +73,14 @@ def read_easymocap(folder: Path) -> View:
     files = frame_files(folder, "*.json", "one JSON file per frame", _NO_FILES)
     size = None
     with suppress(DatasetError):  # older files, or a broken one, which is an error when it is read
-        first = _document(next(iter(files.values())), "an EasyMocap annotation")
+        first = json_document(next(iter(files.values())), "an EasyMocap annotation")
         size = whole_size(first["width"].number(), first["height"].number())
     view = frame_view(folder, files, lambda number: _easymocap_people(files[number]))
     return replace(view, size=size)
 
 
 def _easymocap_people(path: Path) -> list[Array]:
-    document, expected, found = _document(path, "an EasyMocap annotation"), "a list of people", []
+    document, expected, found = json_document(path, "an EasyMocap annotation"), "a list of people", []
     people = document if isinstance(document.value, list) else document.member("annots", expected)
     for person in people.entries(expected):
         key = "keypoints2d" if "keypoints2d" in person else "keypoints"
@@ -124,13 +120,13 @@ def _results(path: Path, document: str, frame_of: Callable[[Field], int]) -> Vie
     expected = f"{document}, a list of people"
     people: dict[int, list[Array]] = {}
     kinds = set()
-    for person in _document(path, document).entries(expected):
+    for person in json_document(path, document).entries(expected):
         frame = frame_of(person.member("image_id", "the image of the person"))
         keypoints = person.member("keypoints", "a list of numbers x, y, confidence")
         people.setdefault(frame, []).append(_triples(keypoints, clip=True))
         kinds.add(person["category_id"].shown)
     if not people:
-        raise DatasetError(path, "document", expected, "an empty list")
+        raise DatasetError(path, "file", expected, "an empty list")
     if len(kinds) > 1:
         actual = ", ".join(sorted(kinds))[:80]
         raise DatasetError(path, "category_id", "one category, that of the layout", actual)
@@ -143,7 +139,7 @@ def read_mmpose(path: Path) -> View:
     The demos write it as ``instance_info`` of an object whose ``meta_info.keypoint_id2name`` confirms the
     layout, the inferencer bare.
     """
-    document, expected = _document(path, "MMPose predictions"), "a list of frames"
+    document, expected = json_document(path, "MMPose predictions"), "a list of frames"
     bare = isinstance(document.value, list)
     found = document if bare else document.member("instance_info", expected)
     people: dict[int, list[Array]] = {}

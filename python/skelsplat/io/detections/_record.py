@@ -9,7 +9,7 @@ from pathlib import Path
 from skelsplat import _json
 from skelsplat._atomic import atomic_write_text
 from skelsplat._fields import Field
-from skelsplat.io._files import load_json
+from skelsplat.io._files import json_document
 from skelsplat.io.detections._format import View
 
 _NAME = "detect.json"
@@ -49,7 +49,7 @@ def read_record(folder: Path) -> Record | None:
     path = folder / _NAME
     if not path.is_file():
         return None
-    document = Field(path, "", load_json(path, "what skelsplat detect wrote"))
+    document = json_document(path, "what skelsplat detect wrote")
     if "detector" not in document:
         return None  # another program's
     detector, videos = document["detector"].table(), document["videos"].table()

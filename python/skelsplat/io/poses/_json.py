@@ -17,7 +17,7 @@ from skelsplat._atomic import atomic_write
 from skelsplat._budget import check_ratio
 from skelsplat._fields import Field
 from skelsplat.exceptions import DatasetError
-from skelsplat.io._files import load_json
+from skelsplat.io._files import json_document
 from skelsplat.io.poses._pose_data import ARRAYS, BONES, PoseData, Poses, checked, parts_of, shape_of
 
 FORMAT, PEOPLE, VERSION = "skelsplat-poses", "skelsplat-people", 1
@@ -119,7 +119,7 @@ def is_json_poses(text: str) -> bool:
 def read_json(path: str | os.PathLike[str]) -> PoseData:
     """Read a file of `write_json`, or one with its keys; ``frames`` needs ``frame`` and ``pose`` only."""
     source = Path(path)
-    document = Field(source, "", load_json(source, "an object with poses"))
+    document = json_document(source, "an object with poses")
     if document["format"].value == PEOPLE:
         raise DatasetError(source, "format", "the poses of one person (person_0/pose.json)", "several people")
     for key, expected in {"format": FORMAT, "version": VERSION}.items():
