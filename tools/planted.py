@@ -216,7 +216,7 @@ tests/unit/evaluation/test_protocols.py
 
 a camera without detections is not reported | lost finding
 tests/unit/test_rig_check.py
--yield Finding("nobody_detected", subject=subject, sentence=f"{name} has no detections.")
+-yield Finding("no_detections", subject=subject, sentence=f"{name} has no detections.")
 +pass
 
 following a person does not consider left–right swaps | lost hypothesis

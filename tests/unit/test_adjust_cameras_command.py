@@ -151,7 +151,7 @@ def test_doubtful_cameras_are_named_with_what_helps():
     other = reported(name="cam3", status="doubtful", **shift)
     (doubt,) = found(one, SOUND[0], other)
     assert (doubt.kind, doubt.severity, doubt.remedy) == (
-        "cameras_doubtful",
+        "cameras_not_adjusted",
         "warning",
         (Remedy("move", "NAME"),),
     )
@@ -190,7 +190,7 @@ def test_parts_of_a_frame_and_cameras_that_see_too_little():
     assert (clock.kind, clock.remedy) == ("frame_offset", (Remedy("offset", "cam2=5.4"),))
     assert (about.kind, about.subject.cameras) == ("camera_unused", ("cam4",))
     (two,) = found(reported(name="cam1", status="unseen"), unseen)
-    assert (two.kind, two.remedy) == ("cameras_doubtful", (Remedy("move", "NAME"),))
+    assert (two.kind, two.remedy) == ("cameras_not_adjusted", (Remedy("move", "NAME"),))
     (little,) = found(reported(name="cam1", status="adjusted", clock=0.3, clock_sigma=0.05))
     assert little.remedy == (Remedy("offset", "cam1=-0.3"),)
     assert found(reported(name="cam1", status="adjusted", clock=0.1, clock_sigma=0.05)) == []

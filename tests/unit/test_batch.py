@@ -177,7 +177,7 @@ def test_the_key_is_that_of_the_content(jobs, tmp_path):
 
 
 def test_several_people_have_a_row_each():
-    finding = {"kind": "camera_displaced", "severity": "warning", "subject": {"cameras": ["cam1"]}}
+    finding = {"kind": "camera_disagrees", "severity": "warning", "subject": {"cameras": ["cam1"]}}
     shared = {**finding, "kind": "people_few", "severity": "error", "subject": {}}
     note = {**finding, "severity": "note"}
     adjusted = {**note, "kind": "camera_adjusted", "subject": {"cameras": ["cam2"]}}
@@ -186,7 +186,7 @@ def test_several_people_have_a_row_each():
     report = {"input": {"frame_rate_hz": 50.0}, "findings": [shared], "people": people}
     first, second = Recording("walk", "done", Path("out"), report=report).rows()
     assert (first["person"], first["errors"], first["warnings"]) == (0, 1, 1)
-    assert first["findings"] == "people few; camera displaced (cam1); camera adjusted (cam2)"
+    assert first["findings"] == "people few; camera disagrees (cam1); camera adjusted (cam2)"
     assert (second["person"], second["findings"], second["frame_rate_hz"]) == (3, "people few", 50.0)
 
 
@@ -237,7 +237,7 @@ def test_a_recording_without_a_usable_detection_ends_with_an_error_as_in_refine(
         result = invoke(*words)
         assert result.exit_code == 1
         assert result.stderr.startswith("error: openpose: No detection could be used")
-        assert "openpose 5 – – nothing used" in " ".join(result.stdout.split())
+        assert "openpose 5 – – no detections" in " ".join(result.stdout.split())
 
 
 @pytest.fixture

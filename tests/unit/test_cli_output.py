@@ -98,7 +98,7 @@ def cases(recording, dome):
         "synth": (["dome", folder / "set", "--poses", 12], {"folder", "name", "takes", "parameters"}),
         "datasets check": (["synthetic", dome], {"name", "ok", "findings", "dataset"}),
         "evaluate": (["synthetic", dome, "-m", "dlt", "-o", out], {"dataset", "protocol"}),
-        "ablate": (["accumulation", "--poses", 2], {"ablation", "tables", "claims", "command"}),
+        "ablate": (["accumulation", "--poses", 2], {"ablation", "tables", "command"}),
     }
 
 

@@ -97,7 +97,7 @@ def test_detections_of_other_cameras_are_doubted(recording, arguments):
     assert invoke(*arguments, *READ, *FAST).exit_code == 0
     report = read_report(folder / "out")
     found = {one["kind"]: one for one in report["findings"]}
-    finding = found["no_match"]
+    finding = found["camera_disagrees"]
     assert finding["subject"] == {"cameras": list(rig.names[:2])}
     assert "camera_unused" not in found  # that they fit nowhere says more
     assert finding["numbers"] == {"frames_without_match": [T, T], "frames_detected": [T, T]}

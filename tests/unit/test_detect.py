@@ -133,7 +133,7 @@ def test_videos_that_differ_and_a_camera_without_anybody(tmp_path):
     with pytest.warns(UserWarning) as found:  # noqa: PT030  the kinds are below
         detect(tmp_path / "videos", tmp_path / "pose", Counting())
     assert [one.message.finding.kind for one in found] == [
-        "nobody_detected",
+        "no_detections",
         "videos_differ_in_length",
         "frame_rates_differ",
     ]

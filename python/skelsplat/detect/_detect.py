@@ -186,7 +186,7 @@ def _compare(written: Sequence[Detected]) -> None:
         if one.new and one.empty == one.new:
             sentence = f"{one.camera}: no person detected in any frame ({one.new} in all)."
             about = Subject(cameras=(one.camera,))
-            warn(Finding("nobody_detected", "warning", about, {"frames": one.new}, sentence=sentence))
+            warn(Finding("no_detections", "warning", about, {"frames": one.new}, sentence=sentence))
     if each := _different(written, [one.frames for one in written]):
         sentence = f"The videos have different numbers of frames ({each}): if they begin at the same "
         sentence += "instant, refine only the frames that all of them have."

@@ -98,14 +98,14 @@ def _with_detections(
     unit, cameras, person = _in_likely_unit(rig, in_mm(rig), people, layout)
     if not np.isfinite(person).any():
         sentence = "There are no detections to check the cameras with."
-        return RigReport((*findings, Finding("nobody_detected", "error", sentence=sentence)))
+        return RigReport((*findings, Finding("no_detections", "error", sentence=sentence)))
     as_given = scene = scene_of_everybody(cameras, people, frames, layout)
     earlier, right = correct_files(cameras, people, layout)
     if earlier:
         unit, cameras, _ = _in_likely_unit(rig, cameras, right, layout)
         scene = scene_of_everybody(cameras, right, frames, layout)
     if any(finding.kind == "images_changed" for finding in earlier):
-        findings = [finding for finding in findings if finding.kind != "detections_outside"]
+        findings = [finding for finding in findings if finding.kind != "image_sizes_differ"]
     causes, corrected = explain(scene, earlier, layout)
     recording = _check_recording(causes, corrected)
     if recording is not None:  # what single cameras or their order would explain is chance then
@@ -146,14 +146,14 @@ def _images(rig: sk.CameraRig, people: Array) -> Iterator[Finding]:
         seen = people[:, i, ..., :2]
         seen = seen[np.isfinite(seen).all(axis=-1)]
         if not len(seen):
-            yield Finding("nobody_detected", subject=subject, sentence=f"{name} has no detections.")
+            yield Finding("no_detections", subject=subject, sentence=f"{name} has no detections.")
             continue
         outside = float(((seen < -0.5) | (seen > [width - 0.5, height - 0.5])).any(axis=-1).mean())
         if outside > _OUTSIDE:
             share = {"outside": outside, "width": width, "height": height}
             sentence = f"{name}: {outside:.0%} of the detections lie outside its image of {width} by "
             sentence += f"{height} px. Are they from images of this size, not rotated, x before y?"
-            yield Finding("detections_outside", subject=subject, numbers=share, sentence=sentence)
+            yield Finding("image_sizes_differ", subject=subject, numbers=share, sentence=sentence)
 
 
 def same_detections(names: Sequence[str], people: Array) -> Iterator[Finding]:
@@ -267,7 +267,7 @@ def _lens(name: str, camera: sk.Camera, narrowest: float) -> Iterator[Finding]:
         numbers = {"width": width, "height": height, "fx": fx, "fy": fy, "x": x, "y": y, "degrees": view}
         sentence = f"{name}: on images of {width} by {height} px, {', and '.join(faults)}. Is this the image "
         sentence += "size of the calibration, width before height?"
-        yield Finding("lens_unusual", subject=Subject((name,)), numbers=numbers, sentence=sentence)
+        yield Finding("calibration_unusual", subject=Subject((name,)), numbers=numbers, sentence=sentence)
 
 
 def _same_place(names: tuple[str, ...], centres: Array) -> Iterator[Finding]:
@@ -276,7 +276,7 @@ def _same_place(names: tuple[str, ...], centres: Array) -> Iterator[Finding]:
         if np.linalg.norm(centres[i] - centres[j]) <= _SAME_PLACE * width:
             sentence = f"{names[i]} and {names[j]} are in the same place; two views from one place give no "
             sentence += "depth. Is one a copy of the other?"
-            yield Finding("same_place", subject=Subject((names[i], names[j])), sentence=sentence)
+            yield Finding("calibration_unusual", subject=Subject((names[i], names[j])), sentence=sentence)
 
 
 def _directions(rig: sk.CameraRig, centres: Array) -> Iterator[Finding]:
@@ -292,7 +292,7 @@ def _directions(rig: sk.CameraRig, centres: Array) -> Iterator[Finding]:
     if len(away) == len(rig):
         sentence = "All cameras look away from the point where their axes come closest. Are rotation and "
         sentence += "translation camera → world instead of world → camera, or does z point backwards?"
-        yield Finding("looks_away", sentence=sentence)
+        yield Finding("calibration_unusual", sentence=sentence)
     elif away and len(away) <= len(rig) // 2:
         sentence = f"{listed(away)} look{'s' * (len(away) == 1)} away from where the other cameras look."
-        yield Finding("looks_away", subject=Subject(away), sentence=sentence)
+        yield Finding("calibration_unusual", subject=Subject(away), sentence=sentence)

@@ -17,7 +17,7 @@ from skelsplat.rig_check._scene import Scene
 # Errors before whose correction `skelsplat.adjust_cameras` would fit nonsense.
 _OF_FILES = (
     *("unit_wrong", "pose_convention", "images_changed", "cameras_exchanged", "recording_other"),
-    *("detections_same", "sides_swapped", "nobody_detected"),
+    *("detections_same", "sides_swapped", "no_detections"),
 )
 
 

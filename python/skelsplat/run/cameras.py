@@ -163,7 +163,7 @@ def adjust_cameras(
         scene = read_scene(opened, person, given.get("offsets"))
         result = adjusted(scene, free=chosen or None, focal=focal, clock=clock)
     if isinstance(result, Finding):
-        if result.numbers["fault"] == "nobody_detected":
+        if result.numbers["fault"] == "no_detections":
             raise DatasetError(detections, "detections", "some to adjust the cameras by", "none")
         settings = ", ".join(f"{one.setting}={one.value}" for one in result.remedy)
         corrects = f" Corrected by the setting {settings}." if settings else ""
@@ -241,7 +241,7 @@ def findings_of(found: sk.RigAdjustment, mm_per_unit: float, read_as: ReadAs) ->
         sentence = "Two cameras do not tell which of them was turned or moved, so neither was adjusted. Add "
         sentence += "a third camera, or name the one that was moved."
         subject, remedy = Subject(found.cameras.names), (Remedy("move", "NAME"),)
-        yield Finding("cameras_doubtful", "warning", subject, remedy=remedy, sentence=sentence)
+        yield Finding("cameras_not_adjusted", "warning", subject, remedy=remedy, sentence=sentence)
     sound = len(found.of("sound"))
     if sound and not found.of("adjusted", "late", "doubtful"):
         sentence = f"No camera was adjusted: this recording shows no fault in the {sound} cameras that could "
@@ -306,7 +306,7 @@ def _doubtful(suspected: list[dict[str, Any]], besides: list[str]) -> Finding:
         remedy += [Remedy("offset", f"{one['camera']}={one['offset']}") for one in late]
     subject = Subject(tuple(one["camera"] for one in suspected))
     numbers = {"suspected": suspected, "besides": besides}
-    return Finding("cameras_doubtful", "warning", subject, numbers, tuple(remedy), sentence=sentence)
+    return Finding("cameras_not_adjusted", "warning", subject, numbers, tuple(remedy), sentence=sentence)
 
 
 def _changes(numbers: Mapping[str, Any]) -> list[str]:

@@ -121,7 +121,7 @@ def find_displaced(
         wrong += ", or that of another of the three"
     sentence = f"{wrong}: {name}'s detections are shifted by {to_one_side(numbers)}. Check the cameras."
     remedy = (Remedy("without", name),) if len(names) > 2 and name not in unfit else ()
-    yield Finding("camera_displaced", "warning", Subject((name,)), numbers, remedy, sentence=sentence)
+    yield Finding("camera_disagrees", "warning", Subject((name,)), numbers, remedy, sentence=sentence)
 
 
 def shift_of(names: Sequence[str], shifts: Shifts, camera: int, others: Sequence[int] = ()) -> dict[str, Any]:

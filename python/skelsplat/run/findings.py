@@ -82,7 +82,7 @@ def find_whole(statistics: Statistics, min_confidence: float = 0.0) -> Iterator[
         why += f"{min_confidence:g}, in pixels of these cameras' images (not 0 to 1), x before y."
         if total["left_out"] == total["not_chosen"] == 0:
             why = "nobody is detected with enough confidence."
-        yield Finding("nothing_used", "error", sentence=f"No detection could be used: {why}")
+        yield Finding("no_detections", "error", sentence=f"No detection could be used: {why}")
     elif (
         total["rejected_share"] >= _WHOLE_SHARE
         or min(total["rejected_share"], _rest(statistics)) >= _REST_SHARE
@@ -150,7 +150,7 @@ def _find_unfit(names: Sequence[str], unfit: Mapping[int, tuple[int, int]]) -> I
     words += "unsynchronised video, or other people? Check the cameras."
     numbers = {"frames_without_match": counts, "frames_detected": seen}
     remedy = tuple(Remedy("without", name) for name in cameras) if len(names) - len(cameras) >= 2 else ()
-    yield Finding("no_match", "warning", Subject(cameras=cameras), numbers, remedy, sentence=words)
+    yield Finding("camera_disagrees", "warning", Subject(cameras=cameras), numbers, remedy, sentence=words)
 
 
 def _cameras(inputs: Inputs, statistics: Statistics) -> Iterator[Finding]:

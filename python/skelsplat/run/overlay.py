@@ -266,7 +266,7 @@ def _checked(view: View) -> Array:
     if size != whole and (fit == 1.0).all():
         sizes = {"size": [width, height], "size_of_camera": [wide, high]}
         sentence = f"{path}: {width}×{height}, but camera {name} has {wide}×{high}: drawn without scaling."
-        warn(Finding("video_padded", "note", subject, sizes, sentence=sentence))
+        warn(Finding("image_sizes_differ", "note", subject, sizes, sentence=sentence))
     if max(view.size) > _MOST_PX:
         expected = f"an output of at most {_MOST_PX} px in width and height"
         raise InvalidInputError(f"scale: expected {expected}, got {view.size[0]}×{view.size[1]}")

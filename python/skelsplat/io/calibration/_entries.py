@@ -89,7 +89,7 @@ def warn_of_no_lens(path: Path, names: Sequence[str]) -> None:
     """Warn that a file has no lens coefficients for these cameras, if there are any."""
     words = f"{path}: no distortions for {', '.join(names)}: assumed to have no lens distortion."
     if names:
-        warn(Finding("lens_assumed", "note", cameras_of(path, names), sentence=words))
+        warn(Finding("calibration_read_as", "note", cameras_of(path, names), sentence=words))
 
 
 def warn_of_fit(path: Path, errors: dict[str, float], how: str) -> None:
@@ -98,4 +98,8 @@ def warn_of_fit(path: Path, errors: dict[str, float], how: str) -> None:
     worst = max(errors.values(), default=0.0)
     words = f"{path}: {', '.join(names)}: {how} to {worst:.2g} px at worst."
     if names:
-        warn(Finding("lens_assumed", "note", cameras_of(path, names), {"error_px": worst}, sentence=words))
+        warn(
+            Finding(
+                "calibration_read_as", "note", cameras_of(path, names), {"error_px": worst}, sentence=words
+            )
+        )
