@@ -1,13 +1,12 @@
 """What the measuring programs share: options from signatures, tables on the terminal, times, the machine.
 
-A program is one or more functions with keyword arguments, which become its options; they return or yield
-tables (`skelsplat.evaluation.tables.Table`). Import this module first: it keeps the linear algebra of NumPy,
-SciPy and OpenCV on one core.
+A program is one or more functions with keyword arguments, which become its options: a tuple is one to repeat,
+`fields` is ``--set field=value``. They return or yield tables. Import this module first: it keeps the linear
+algebra of NumPy, SciPy and OpenCV on one core.
 """
 
 from __future__ import annotations
 
-import argparse
 import datetime
 import inspect
 import json
@@ -19,13 +18,14 @@ import time
 from collections.abc import Callable, Iterable
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, get_args, get_origin
 
 if "numpy" not in sys.modules:
     libraries = ("OMP", "OPENBLAS", "MKL", "NUMEXPR", "NUMBA")
     os.environ.update({f"{name}_NUM_THREADS": "1" for name in libraries})
 
 import numpy as np
+import typer
 from rich.console import Console
 
 import skelsplat as sk
@@ -35,62 +35,57 @@ from skelsplat.evaluation.tables import Table
 
 Program = Callable[..., Table | Iterable[Table]]
 ONE_THREAD = sk.RefineConfig(n_threads=1)
-_KINDS = {"int": int, "float": float, "Path": Path}
+# Options of every program: how its tables are printed.
+_OUTPUT = [
+    inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=False, annotation=bool)
+    for name in ("markdown", "json")
+]
 
 
 def main(about: str | None, *programs: Program) -> None:
     """Run the program, of several the one that the command line names, and print what it gives."""
-    shape = argparse.RawTextHelpFormatter
-    parser = argparse.ArgumentParser(description=about, formatter_class=shape)
-    if len(programs) == 1:
-        _add_options(parser, programs[0])
-    else:
-        commands = parser.add_subparsers(required=True)
-        for program in programs:
-            text = inspect.getdoc(program) or ""
-            one = commands.add_parser(program.__name__, help=text.partition("\n")[0], formatter_class=shape)
-            _add_options(one, program)
-    given = vars(parser.parse_args())
-    program, markdown, as_json = (given.pop(name) for name in ("program", "markdown", "json"))
-    if "fields" in given:
-        given["fields"] = dict(given["fields"])
-    found = program(**given)
-    tables = [found] if isinstance(found, Table) else found
-    if as_json:
-        everything = {"tables": [asdict(table) for table in tables], "circumstances": circumstances()}
-        print(json.dumps(plain(everything), indent=1))
-        return
-    for table in tables:
-        show(table, markdown=markdown)
-    print(circumstances())
+    app = typer.Typer(help=about, add_completion=False, rich_markup_mode=None)
+    for program in programs:
+        words = inspect.getdoc(program) if len(programs) > 1 else about
+        as_written = (words or "").replace("\n\n", "\n\n\b\n")
+        app.command(program.__name__, help=as_written)(_command(program))
+    app()
 
 
-def _add_options(parser: argparse.ArgumentParser, program: Program) -> None:
-    """Add an option for every keyword of a program, and an argument for every other parameter."""
-    for name, parameter in inspect.signature(program).parameters.items():
-        default, option = parameter.default, f"--{name.replace('_', '-')}"
-        words = str(parameter.annotation).replace("[", " ").replace(",", " ").split()
-        kind = next((_KINDS[word] for word in words if word in _KINDS), str)
-        if parameter.kind is not parameter.KEYWORD_ONLY:
-            many = {"nargs": "*", "default": default} if isinstance(default, tuple) else {}
-            parser.add_argument(name, type=kind, **many)
-        elif name == "fields":
-            parser.add_argument("--set", dest=name, action="append", type=parsed, default=[])
-        elif isinstance(default, bool):
-            parser.add_argument(option, action="store_true")
-        else:
-            several = "+" if "tuple" in words else None
-            parser.add_argument(option, type=kind, default=default, nargs=several, help=f"({default})")
-    parser.add_argument("--markdown", action="store_true", help="print Markdown")
-    parser.add_argument("--json", action="store_true", help="print JSON only")
-    parser.set_defaults(program=program)
+def _command(program: Program) -> Callable[..., None]:
+    """Return a program as typer reads it, with the options of the output; tuples are repeated options."""
+
+    def command(**given: Any) -> None:
+        markdown, as_json = given.pop("markdown"), given.pop("json")
+        if "fields" in given:
+            given["fields"] = dict(map(_field, given["fields"]))
+        found = program(**given)
+        tables = [found] if isinstance(found, Table) else found
+        if as_json:
+            everything = {"tables": [asdict(table) for table in tables], "circumstances": circumstances()}
+            print(json.dumps(plain(everything), indent=1))
+            return
+        for table in tables:
+            show(table, markdown=markdown)
+        print(circumstances())
+
+    own = inspect.signature(program, eval_str=True).parameters
+    command.__signature__ = inspect.Signature([*map(_option, own.values()), *_OUTPUT])
+    return command
 
 
-def parsed(text: str) -> tuple[str, Any]:
-    """Split ``field=value`` and parse the value as one of JSON, else as text."""
+def _option(parameter: inspect.Parameter) -> inspect.Parameter:
+    kind = parameter.annotation
+    if parameter.name == "fields":
+        return parameter.replace(annotation=Annotated[list[str], typer.Option("--set")], default=())
+    return parameter.replace(annotation=list[get_args(kind)[0]]) if get_origin(kind) is tuple else parameter
+
+
+def _field(text: str) -> tuple[str, Any]:
+    """Split ``field=value``; the value is JSON, else text."""
     field, equals, value = text.partition("=")
     if not equals:
-        raise argparse.ArgumentTypeError(f"expected field=value, got {text!r}")
+        raise typer.BadParameter(f"expected field=value, got {text!r}")
     try:
         return field, json.loads(value)
     except json.JSONDecodeError:

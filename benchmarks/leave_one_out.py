@@ -4,9 +4,9 @@
 
 Poses are computed without the camera and projected into it; the error is the distance to what OpenPose
 detected there, px, over the detections that every method predicts. It contains the errors of these detections
-and of the calibration, which no method can predict: the differences count, not the level. The first table has
-the calibration as it is; in the second cam_03 is rotated to where the other cameras put its detections, as
-`skelsplat check-cameras` recommends. acc: median length of a predicted track's second difference, px.
+and of the calibration, which no method can predict: the differences count, not the level. In the second table
+`skelsplat.adjust_cameras` has set cam_03 right. acc: median length of a predicted track's second difference,
+px.
 """
 
 from __future__ import annotations
@@ -18,19 +18,16 @@ from pathlib import Path
 
 import lab
 import numpy as np
-import over_time
+import recordings
 from lab import Table
 from recordings import Take
 from scenarios import FloatArray, Scene
 
 import skelsplat as sk
 from skelsplat.association import choose_person
-from skelsplat.cameras import altered, matrix_from_vector
 from skelsplat.io import read_calibration, read_detections, sample
 
 METHODS = ("frames", "butterworth", "sequence")
-# Residuals above this count less when the camera is rotated, px.
-_SOFT_PX = 10.0
 
 
 def recording() -> Scene:
@@ -57,25 +54,11 @@ def seen_by(scene: Scene, view: int) -> FloatArray:
     return np.where(detections[..., 2:] > 0, detections[..., :2], np.nan)
 
 
-def rotated(scene: Scene, view: int) -> tuple[Scene, float]:
-    """Rotate a camera about its centre until its detections fit the poses from the others; also return °."""
-    from scipy.optimize import least_squares
-
-    camera, seen = scene.rig[view], seen_by(scene, view)
-    pose = over_time.frames(without(scene, view)).pose
-    known = np.isfinite(seen).all(axis=-1) & np.isfinite(pose).all(axis=-1)
-
-    def turned(vector: FloatArray) -> sk.Camera:
-        turn = matrix_from_vector(vector)
-        return altered(camera, R=turn @ camera.R, t=turn @ camera.t)
-
-    def residuals(vector: FloatArray) -> FloatArray:
-        return (sk.project(pose[known], [turned(vector)])[0] - seen[known]).ravel()
-
-    vector = least_squares(residuals, np.zeros(3), loss="cauchy", f_scale=_SOFT_PX).x
-    cameras = [turned(vector) if i == view else other for i, other in enumerate(scene.rig)]
-    rig = sk.CameraRig(cameras, unit=scene.rig.unit)
-    return replace(scene, rig=rig), float(np.degrees(np.linalg.norm(vector)))
+def rotated(scene: Scene, name: str) -> tuple[Scene, float]:
+    """Set one camera right, as the others see it; also return by how many degrees it turned."""
+    found = sk.adjust_cameras(scene.detections, scene.rig, free=[name])
+    (camera,) = found.of("adjusted")
+    return replace(scene, rig=found.cameras), camera.degrees
 
 
 def predicted(scene: Scene, what: str) -> Table:
@@ -83,7 +66,7 @@ def predicted(scene: Scene, what: str) -> Table:
     rows = {}
     for view, camera in enumerate(scene.rig):
         take, seen = without(scene, view), seen_by(scene, view)
-        pixels = {name: sk.project(over_time.METHODS[name](take).pose, [camera])[0] for name in METHODS}
+        pixels = {name: sk.project(recordings.METHODS[name](take).pose, [camera])[0] for name in METHODS}
         errors = {name: np.linalg.norm(found - seen, axis=-1) for name, found in pixels.items()}
         by_all = np.isfinite(list(errors.values())).all(axis=0)
         for name, found in pixels.items():
@@ -103,8 +86,8 @@ def leave_one_out() -> Iterator[Table]:
     """Predict every camera, before and after one is rotated."""
     scene = recording()
     yield predicted(scene, "calibration as it is")
-    scene, degrees = rotated(scene, scene.rig.names.index("cam_03"))
-    yield predicted(scene, f"cam_03 rotated by {degrees:.2f}°")
+    scene, degrees = rotated(scene, "cam_03")
+    yield predicted(scene, f"cam_03 adjusted, turned by {degrees:.2f}°")
 
 
 if __name__ == "__main__":

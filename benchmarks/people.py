@@ -1,12 +1,12 @@
 """Several people: how often they are confused with each other, and how much accuracy that costs.
 
-    python benchmarks/people.py [--people 3 4] [--views 4 5] [--scenes 5] [--meetings cross leave]
+    python benchmarks/people.py [--people 4] [--views 5] [--scenes 5] [--meetings cross]
 
 Simulated scenes (`skelsplat.synthetic.simulate_scene`) of ten seconds at 30 Hz: detections of two people as
 one, of one as two, of nobody, and people behind each other. Every combination of people (2 to 6), views (3 to
-8) and meetings is a condition; "all" takes turns, and in "cmu" people of the CMU motion capture pass each
-other (0.3 m or more) in the middle of the room, for as long as the longest take. Crowding: none, usual or
-heavy. Methods and figures are those of `skelsplat evaluate`; time is of one core.
+8) and meetings, which may be repeated, is a condition; "all" takes turns, and in "cmu" people of the CMU
+motion capture pass each other (0.3 m or more) in the middle of the room, for as long as the longest take.
+Crowding: none, usual or heavy. Methods and figures are those of `skelsplat evaluate`; time is of one core.
 """
 
 from __future__ import annotations

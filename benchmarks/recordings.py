@@ -1,4 +1,4 @@
-"""Recordings for measuring methods that use time: CMU motions in a room, detections simulated with memory.
+"""Recordings, of CMU motions in a room with detections simulated with memory, and methods that solve them.
 
 The motions are the CMU takes at 30 frames per second without the damaged frames (without the data: the
 package's synthetic motions); 15 and 10 frames per second are every second and third of them. All is
@@ -7,15 +7,19 @@ determined by the seed.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import contextlib
+import io
+import warnings
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, partial
 
 import numpy as np
 from scenarios import CMU_30HZ, FloatArray, Scene, cmu_takes, rig
 
 import skelsplat as sk
 from skelsplat import synthetic
+from skelsplat.evaluation.methods import butterworth as filtered
 from skelsplat.synthetic import DetectionNoise
 
 CAPTURE_HZ = 30
@@ -141,3 +145,89 @@ def takes(
         scene = Scene(poses, detections, cameras, "h36m17", "CMU motion capture, simulated detections")
         out.append(Take(name, scene, float(fps)))
     return out
+
+
+@dataclass(frozen=True)
+class Solved:
+    """Poses (T, N, 3), and the covariance of their errors (T, N, 3, 3) where the method states one."""
+
+    pose: FloatArray
+    covariance: FloatArray | None = None
+
+
+Method = Callable[[Take], Solved]
+
+
+def _given(take: Take, **fields: object) -> dict[str, object]:
+    """Return the arguments that all have in common."""
+    return {"layout": take.scene.layout, "config": sk.RefineConfig(n_threads=1, **fields)}
+
+
+def frames(take: Take, **fields: object) -> Solved:
+    """`sk.refine`, every frame by itself."""
+    result = sk.refine(None, take.scene.detections, take.scene.rig, **_given(take, **fields))
+    return Solved(result.pose, result.uncertainty)
+
+
+def sequence(take: Take) -> Solved:
+    """`sk.refine_sequence`: bones and motion in the same solve."""
+    result = sk.refine_sequence(take.scene.detections, take.scene.rig, fps=take.fps, **_given(take))
+    return Solved(result.pose, result.uncertainty)
+
+
+def refiner(take: Take, *, fps: bool = False, lag: int = 0) -> Solved:
+    """`sk.Refiner`; with `fps` the past predicts, with a lag the frames after count as well."""
+    detections = take.scene.detections
+    live = sk.Refiner(take.scene.rig, fps=take.fps if fps else None, lag=lag, **_given(take))
+    end = np.full((lag, *detections.shape[1:]), np.nan)
+    results = [live.step(frame) for frame in np.concatenate([detections, end])][lag:]
+    return Solved(np.array([r.pose for r in results]), np.array([r.uncertainty for r in results]))
+
+
+def butterworth(take: Take) -> Solved:
+    """Frame by frame, gaps filled linearly, then a zero-lag Butterworth filter of 6 Hz."""
+    return Solved(filtered(frames(take).pose, take.fps))
+
+
+def anipose(take: Take, *, ransac: bool = False, **tuned: float) -> Solved:
+    """Aniposelib's `CameraGroup.triangulate_optim`: constant bones, smooth motion, confidences as scores.
+
+    All bones of the layout are constrained; all else is at its defaults but for what is `tuned`.
+    """
+    import cv2
+    from aniposelib.cameras import Camera, CameraGroup
+
+    scene = take.scene
+    group = CameraGroup(
+        [Camera(matrix=c.K, rvec=cv2.Rodrigues(c.R)[0].ravel(), tvec=c.t, size=c.size) for c in scene.rig]
+    )
+    points = np.ascontiguousarray(np.moveaxis(scene.detections, 1, 0))
+    limbs = [list(limb) for limb in sk.layouts.get(scene.layout).limbs]
+    with contextlib.redirect_stdout(io.StringIO()), warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of Numba, about what it cannot compile
+        pose = group.triangulate_optim(
+            points[..., :2].copy(),
+            init_ransac=ransac,
+            constraints=limbs,
+            scores=points[..., 2].copy(),
+            **tuned,
+        )
+    return Solved(np.asarray(pose))
+
+
+# The best on these recordings of 1, 2, 3 and of 2, 5, 15 px, from DLT.
+_TUNED = {"n_deriv_smooth": 2, "reproj_error_threshold": 5}
+
+METHODS: dict[str, Method] = {
+    "free": partial(frames, bones="free"),
+    "frames": frames,
+    "refiner": refiner,
+    "live": partial(refiner, fps=True),
+    "lag5": partial(refiner, fps=True, lag=5),
+    "lag15": partial(refiner, fps=True, lag=15),
+    "butterworth": butterworth,
+    "anipose": anipose,
+    "anipose-tuned": partial(anipose, **_TUNED),
+    "anipose-ransac": partial(anipose, ransac=True, **_TUNED),
+    "sequence": sequence,
+}

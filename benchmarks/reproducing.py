@@ -1,6 +1,6 @@
 """Run the commands of docs/measurements.md on simulated data and insert their tables into the page.
 
-    python benchmarks/reproducing.py [--only REGEX] [--list]
+    python benchmarks/reproducing.py [--only REGEX]
 
 A marker ``<!-- measured: FILE.md, table N -->`` takes the N-th table of a file, ``<!-- measured: column NAME
 of FOLDER, FOLDER -->`` one column of each folder's ``report.csv``, a row per method. It replaces the text
@@ -10,7 +10,6 @@ folder, each once. Commands on the real data sets are in other blocks, which con
 
 from __future__ import annotations
 
-import argparse
 import csv
 import re
 import shlex
@@ -19,6 +18,8 @@ import sys
 import tempfile
 from dataclasses import dataclass
 from pathlib import Path
+
+import typer
 
 DOCUMENT = Path(__file__).resolve().parents[1] / "docs" / "measurements.md"
 REAL = "DATA/"
@@ -79,30 +80,19 @@ def _columns(name: str, folders: list[Path]) -> str:
     return "".join(f"| {' | '.join(row)} |\n" for row in head + rows)
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    parser.add_argument("--only", metavar="REGEX", default="", help="only markers in which it is found")
-    parser.add_argument("--list", action="store_true", help="print the commands and leave")
-    options = parser.parse_args()
+def main(only: str = "") -> None:
+    """Run the commands of the markers in which a regular expression is found, and insert their tables."""
     text = DOCUMENT.read_text(encoding="utf-8")
-    chosen = [marker for marker in markers(text) if re.search(options.only, marker.what)]
+    chosen = [marker for marker in markers(text) if re.search(only, marker.what)]
     lines = list(dict.fromkeys(line for marker in chosen for line in marker.commands))
-    if options.list:
-        print("\n".join(lines))
-        return
     with tempfile.TemporaryDirectory() as folder:
         for line in lines:
             print(f"$ {line}", flush=True)
-            run(line, Path(folder))
+            command = [sys.executable, "-m", "skelsplat", *shlex.split(line)[1:], "-q"]
+            subprocess.run(command, cwd=folder, check=True)
         for marker in chosen:
             text = replaced(text, marker.what, table(marker.what, Path(folder)))
     DOCUMENT.write_text(text, encoding="utf-8")
-
-
-def run(line: str, folder: Path) -> None:
-    """Run a command line with this interpreter's package."""
-    arguments = shlex.split(line)[1:]
-    subprocess.run([sys.executable, "-m", "skelsplat", *arguments, "-q"], cwd=folder, check=True)
 
 
 def replaced(text: str, what: str, new: str) -> str:
@@ -113,4 +103,4 @@ def replaced(text: str, what: str, new: str) -> str:
 
 
 if __name__ == "__main__":
-    main()
+    typer.run(main)

@@ -1,6 +1,6 @@
 """Cameras set right: what `skelsplat.adjust_cameras` leaves of a fault, and what it does to sound cameras.
 
-    python benchmarks/rig.py [--views 3 4] [--faults "turn 1" sound] [--takes 20] [--condition good]
+    python benchmarks/rig.py [--views 3 --views 4] [--faults "turn 1"] [--takes 20] [--condition good]
     python benchmarks/rig.py --people 3                  judged by one person, and by everybody
     python benchmarks/rig.py --sample                    clocks in the recording of the demo
 
@@ -10,12 +10,8 @@ moved in a random direction, zoomed, or is late; or one that was turned and anot
 frames differently, by up to so many either way. Nothing tells the method which. Faults are in degrees, mm,
 shares of the focal length, and frames; `focal=True` and `clock=True` are given for these faults alone.
 
-set right: takes in which every faulty camera is adjusted (or late) and no other, and at most a tenth of the
-fault or twice the error bar is left, of the fault and of what it might be confused with. beyond: more is.
-doubt: a faulty camera is doubtful, or the faulty ones are set right and a sound one is doubtful. within:
-nothing is found, and the fault is at most twice the error bar that is stated. missed: it is more. refused:
-another fault is reported. wrong: a sound camera was changed. left, error bar: medians of what is left of the
-fault, and of its error bar. CPU s: one core.
+The outcomes are those of docs/measurements.md; refused: another fault is reported. left, error bar: medians
+of what is left of the fault, and of its error bar. CPU s: one core.
 """
 
 from __future__ import annotations
@@ -149,22 +145,16 @@ def verdict(one: Case, found: sk.RigAdjustment | Finding) -> Verdict:
     unsure = {i for i, camera in enumerate(found.report) if camera.status != "sound"} - changed
     if len(one.faulty) == len(one.true):
         return verdict_of_clocks(one, found)
-    outcome = None
-    if changed - one.faulty:
-        outcome = "wrong"
-    elif not one.faulty:
-        outcome = "doubt" if unsure else "set right"
-    elif unsure & one.faulty:
-        outcome = "doubt"
-    elif left := one.faulty - changed:
-        faults = {i: errors(one.true[i], one.given[i], one.late[i]) for i in left}
-        near = all((faults[i] <= 2 * error_bars(found.report[i]) + NOTHING).all() for i in left)
-        outcome = "wrong" if unsure else "within" if near else "missed"
-    elif unsure:
-        outcome = "doubt"
-    if outcome is not None:
-        return outcome, np.nan, np.nan
-    each = [left_of(one, found, i) for i in one.faulty]
+    left = one.faulty - changed
+    if changed - one.faulty or (left and unsure and not unsure & one.faulty):
+        return "wrong", np.nan, np.nan
+    if unsure:
+        return "doubt", np.nan, np.nan
+    if left:
+        bars = {i: 2 * error_bars(found.report[i]) + NOTHING for i in left}
+        near = all((errors(one.true[i], one.given[i], one.late[i]) <= bars[i]).all() for i in left)
+        return "within" if near else "missed", np.nan, np.nan
+    each = [left_of(one, found, i) for i in one.faulty] or [("set right", np.nan, np.nan)]
     worst = "beyond" if "beyond" in {name for name, *_ in each} else "set right"
     return worst, max(left for _, left, _ in each), max(bar for *_, bar in each)
 

@@ -1,12 +1,12 @@
 """Recordings solved frame by frame, smoothed, and over time: errors, accelerations and error bars.
 
-    python benchmarks/sequences.py [--takes 12] [--views 4] [--fps 30] [--conditions good heavy] [--joints]
+    python benchmarks/sequences.py [--takes 12] [--views 4] [--fps 30] [--conditions heavy] [--joints]
 
 Motions of the CMU motion capture in a Human3.6M-like room; the detections are simulated, with errors that
 last (`skelsplat.synthetic.Memory`), and all methods get the same. `--takes` is a spread sample of 92 takes
-(all), `--names` are these, such as 05_17, and `--frames` the middle part of longer ones. Conditions: good,
+(all), `--names` one of them, such as 05_17, and `--frames` the middle part of longer ones. Conditions: good,
 occluded 2, occluded 3, heavy, swaps. Without `--confidence` the methods get no confidences: simulated ones
-know too well what is hidden.
+know too well what is hidden. Names, conditions and methods may be repeated.
 
 mean, median, p95: distance to the truth, mm, of the joints that at least two views detect; `answered` is the
 share of these with a position. acc: mean length of the error's second difference times fps², m/s². 1 σ, 2 σ,
@@ -23,7 +23,6 @@ from dataclasses import dataclass, field
 
 import lab
 import numpy as np
-import over_time
 import recordings
 from lab import Table
 from numpy.typing import NDArray
@@ -36,7 +35,7 @@ Masks = list[NDArray[np.bool_]]
 # The joints of a take that belong to the extremes: this share of all joints and frames.
 EXTREME = 0.01
 # Without those of another library.
-USUAL = tuple(name for name in over_time.METHODS if not name.startswith("anipose"))
+USUAL = tuple(name for name in recordings.METHODS if not name.startswith("anipose"))
 
 
 @dataclass
@@ -49,7 +48,7 @@ class Errors:
     inside: list[FloatArray] = field(default_factory=list)  # (3, T, N) within 1, 2, 3 σ
     seconds: float = 0.0
 
-    def add(self, take: Take, solved: over_time.Solved, seconds: float) -> None:
+    def add(self, take: Take, solved: recordings.Solved, seconds: float) -> None:
         """Judge one take."""
         truth = take.scene.judged
         error = solved.pose - truth
@@ -86,10 +85,10 @@ def measured(takes: list[Take], names: Sequence[str]) -> dict[str, Errors]:
     """Run every method on every take."""
     out = {name: Errors() for name in names}
     for name, errors in out.items():
-        over_time.METHODS[name](takes[0])  # imports and compiles what it needs
+        recordings.METHODS[name](takes[0])  # imports and compiles what it needs
         for take in takes:
             begun = time.perf_counter()
-            solved = over_time.METHODS[name](take)
+            solved = recordings.METHODS[name](take)
             errors.add(take, solved, time.perf_counter() - begun)
     return out
 
@@ -124,7 +123,7 @@ def setbacks(results: dict[str, Errors], takes: list[Take]) -> list[str]:
 def sequences(
     *,
     takes: int | None = None,
-    names: tuple[str, ...] | None = None,
+    names: tuple[str, ...] = (),
     frames: int | None = None,
     views: int = 4,
     fps: int = 30,
@@ -137,7 +136,7 @@ def sequences(
     """Compare methods on recordings."""
     for condition in conditions:
         found = recordings.takes(
-            condition, count=takes, names=names, n_views=views, fps=fps, seed=seed, most_frames=frames
+            condition, count=takes, names=names or None, n_views=views, fps=fps, seed=seed, most_frames=frames
         )
         given = found if confidence else [recordings.unsure(take) for take in found]
         results = measured(given, methods)

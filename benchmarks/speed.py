@@ -1,30 +1,200 @@
-"""Speed, compared with its targets: of the paper's settings, and of imports.
+"""What poses cost: time and memory of the solvers, of the paper's settings, of several people, of files.
 
-python benchmarks/speed.py paper
-python benchmarks/speed.py imports [--repeat 9]
+    python benchmarks/speed.py ways | growth | memory | people | live
+    python benchmarks/speed.py paper                     compared with its targets
+    python benchmarks/speed.py refine --frames 1000000   memory and time of `skelsplat refine`
+
+Simulated recordings (`synthetic.motion`, errors that last), seen by a ring of cameras, 17 joints in 4 views
+where nothing else is said. CPU time of one thread, the best of several runs: other programs disturb it
+little, but they share caches and clock rates. Memory is the largest resident set of a process of its own.
 """
 
 from __future__ import annotations
 
+import collections
+import itertools
+import json
+import os
+import resource
 import statistics
 import subprocess
 import sys
+import tempfile
+import time
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
+from pathlib import Path
 
 import lab
 import numpy as np
-from lab import Table, wanted
+from lab import ONE_THREAD, Table, cpu_ms, wanted
+from scenarios import simulated
 
 import skelsplat as sk
 from skelsplat import synthetic
 from skelsplat.cameras import altered
+from skelsplat.io import write_calibration
 
+FPS = 100.0
+FRAMES, PEOPLE_FRAMES, LONG, PIECE = 2000, 1000, 16_000, 4000
+DAY_FRAMES = 24 * 3600 * FPS
 # Of the paper's settings: calls of which the median counts, and poses of a batch.
-_CALLS = 15
-_BATCH = 16
-_IMPORT_LIMIT_MS = 150.0
-_MOST_MODULES = 5
+CALLS, BATCH = 15, 16
+# Of several people: people and views.
+SCENES = [(1, 4), (3, 4), (4, 5), (6, 8)]
+SCENES_FPS = 30.0
+# For `growth`: where everything else is 17 joints, 4 views, 2000 frames.
+SIZES = {
+    "frames": (250, 1000, 4000, 16_000),
+    "views": (2, 4, 8, 16, 31),
+    "joints": (17, 34, 68, 136),
+    "people": (1, 2, 4, 6),
+}
+
+
+def recorded(frames: int = FRAMES, views: int = 4, bodies: int = 1) -> tuple[sk.CameraRig, np.ndarray]:
+    """Return a ring of cameras, and detections (T, M, 17 bodies, 3) of a walk, once per body."""
+    rig, noise = synthetic.ring(views), synthetic.DetectionNoise.recording(FPS)
+    pose = synthetic.motion("walk", frames, fps=FPS, seed=1)
+    seen = [synthetic.simulate_detections(pose, rig, noise=noise, seed=k) for k in range(bodies)]
+    return rig, np.concatenate(seen, axis=2)
+
+
+def frame_us(way: str, repeat: int, frames: int = FRAMES, views: int = 4, bodies: int = 1) -> float:
+    """CPU time per frame of a way to solve a recording, µs."""
+    rig, seen = recorded(frames, views, bodies)
+    given = {"layout": "h36m17" if bodies == 1 else None, "config": ONE_THREAD}
+
+    def live() -> None:
+        refiner = sk.Refiner(rig, fps=FPS, **given)
+        for frame in seen:
+            refiner.step(frame)
+
+    ways = {
+        "alone": lambda: sk.refine(None, seen, rig, **given),
+        "in time": lambda: sk.refine_sequence(seen, rig, fps=FPS, **given),
+        "chunks": lambda: list(sk.refine_batches(seen, rig, fps=FPS, frames_per_chunk=1000, **given)),
+        "live": live,
+    }
+    return 1e3 * cpu_ms(ways[way], repeat) / frames
+
+
+def people_us(people: int, views: int, repeat: int) -> float:
+    """CPU time per frame of ``track``, which finds out who is who and solves everybody in time, µs."""
+    rig = synthetic.ring(views, radius_mm=4500.0)
+    scene = synthetic.simulate_scene(people, rig, n_frames=PEOPLE_FRAMES, fps=FPS, seed=1)
+    given = {"fps": FPS, "layout": scene.layout, "config": ONE_THREAD}
+    return 1e3 * cpu_ms(lambda: sk.track(scene.people, scene.cameras, **given), repeat) / PEOPLE_FRAMES
+
+
+def ways(*, repeat: int = 5) -> Table:
+    """Measure what a pose costs, and how many a core solves."""
+    costs = {
+        "frame by frame, `refine`": frame_us("alone", repeat),
+        "in time, `refine_sequence` of 2000 frames": frame_us("in time", repeat),
+        "the same of 16,000 frames": frame_us("in time", repeat, LONG),
+        "the same in chunks of 1000, `refine_batches`": frame_us("chunks", repeat, LONG),
+        "live, `Refiner(fps=…).step`": frame_us("live", repeat),
+        "4 people, `track`, per person": people_us(4, 4, repeat) / 4,
+    }
+    rows = {
+        name: {"µs per pose": f"{us:.0f}", "poses per second and core": f"{1e6 / us:,.0f}"}
+        for name, us in costs.items()
+    }
+    hours = people_us(4, 8, repeat) * DAY_FRAMES / 3.6e9
+    note = f"a day of 8 cameras at {FPS:g} Hz with 4 people, `track`: {hours:.1f} core hours"
+    return Table.of("17 joints, 4 views", "way", rows, [note])
+
+
+def growth(*, repeat: int = 5) -> Table:
+    """How the time per frame grows with frames, views, joints and people; of people what `track` takes."""
+    rows = {}
+    for what, sizes in SIZES.items():
+        first = {}
+        for size in sizes:
+            if what == "people":
+                costs = {"in time": people_us(size, 4, repeat)}
+            else:
+                given = {"bodies": size // 17} if what == "joints" else {what: size}
+                costs = {way: frame_us(way, repeat, **given) for way in ("alone", "in time")}
+            first = first or costs
+            row = {f"µs per frame {way}": f"{us:.0f}" for way, us in costs.items()}
+            row |= {f"{way}, times the first": f"{us / first[way]:.2f}" for way, us in costs.items()}
+            rows[f"{size:,} {what}"] = row
+    return Table.of("growth", "", rows)
+
+
+def memory() -> Table:
+    """Largest resident set of a process by frames: all at once, and in chunks."""
+    rows = {}
+    for frames in (10_000, 40_000, 160_000):
+        row = {"`refine_sequence`, MB": child_mib("whole", frames)}
+        rows[f"{frames:,}"] = row | {"`refine_batches`, chunks of 4000": child_mib("chunks", frames)}
+    rows["1,000,000"] = {"`refine_batches`, chunks of 4000": child_mib("chunks", 1_000_000)}
+    return Table.of("memory", "frames", rows, digits=0)
+
+
+def child_mib(way: str, frames: int) -> float:
+    """Return the largest resident set of a process that refines so many frames, MiB."""
+    command = [sys.executable, __file__, "child", way, str(frames)]
+    return float(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
+
+
+def child(way: str, frames: int) -> None:
+    """Refine frames, and print the largest resident set in MiB, with the paper's settings its increase."""
+    before = 0.0
+    if way == "paper":
+        by_paper(1000, 2, max_steps=0)()
+        before = lab.peak_mib()
+        by_paper(1000, frames)()
+    else:
+        rig, seen = recorded(1000)
+        given = {"fps": FPS, "layout": "h36m17"}
+        chunk = np.tile(seen, (PIECE // len(seen), 1, 1, 1))
+        if way == "whole":
+            sk.refine_sequence(np.concatenate([chunk] * (frames // PIECE)), rig, **given)
+        else:
+            chunks = partial(itertools.repeat, chunk, frames // PIECE)
+            collections.deque(sk.refine_batches(chunks, rig, **given), maxlen=0)
+    print(lab.peak_mib() - before)
+
+
+def refine(*, frames: int = 100_000) -> Table:
+    """Peak memory and times of ``skelsplat refine``: one person walks, sits and waves by turns.
+
+    A million frames need 25 GB in the folder of temporary files (``TMPDIR``).
+    """
+    rig = synthetic.human36m_like()
+    with tempfile.TemporaryDirectory(prefix="skelsplat-scale-") as temporary:
+        top = Path(temporary)
+        write_calibration(top / "cameras.json", rig)
+        np.savez(top / "detections.npz", detections=written(top, frames, rig), camera_names=rig.names)
+        command = [sys.executable, "-m", "skelsplat", "refine", str(top / "cameras.json")]
+        command += [str(top / "detections.npz"), "-o", str(top / "out"), "--layout", "h36m17"]
+        seconds = lab.seconds(lambda: subprocess.run([*command, "--fps", f"{FPS:g}", "-q"], check=True))
+        used = resource.getrusage(resource.RUSAGE_CHILDREN)
+        sizes = {path.name: path.stat().st_size / 1e6 for path in sorted((top / "out").iterdir())}
+    row = {
+        "peak MB": used.ru_maxrss / 1024,
+        "wall s": seconds,
+        "CPU s": used.ru_utime + used.ru_stime,
+        "µs per frame": 1e6 * seconds / frames,
+    }
+    files = "files, MB: " + ", ".join(f"{name} {size:.0f}" for name, size in sizes.items())
+    return Table.of("skelsplat refine", "frames", {f"{frames:,}": row}, [files], digits=0)
+
+
+def written(folder: Path, frames: int, rig: sk.CameraRig) -> np.ndarray:
+    """Return the detections (T, M, 17, 3) of a recording, each motion there and back, on disk."""
+    shape, noise = (frames, len(rig), 17, 3), synthetic.DetectionNoise.good()
+    out = np.lib.format.open_memmap(folder / "detections.npy", "w+", np.float64, shape)
+    for k, first in enumerate(range(0, frames, PIECE)):
+        there = synthetic.motion(synthetic.motion_names[k % 6], PIECE // 2, seed=k)
+        poses = np.concatenate([there, there[::-1]])[: frames - first]
+        seen = synthetic.simulate_detections(poses, rig, noise=noise, layout="h36m17", seed=k)
+        out[first : first + PIECE] = seen
+    return out
 
 
 def paper() -> Table:
@@ -34,27 +204,25 @@ def paper() -> Table:
     the increase of the peak resident size, measured in a fresh process.
     """
     usual = sk.RefineConfig.paper().stop_tolerance
-    batch, name = partial(refined, 1000, _BATCH), f"batch of {_BATCH}"
+    batch, name = partial(by_paper, 1000, BATCH), f"batch of {BATCH}"
 
     def ms(call: Callable[[], object], per: int = 1) -> str:
-        times = [lab.seconds(call) for _ in range(1 + _CALLS)][1:]
+        times = [lab.seconds(call) for _ in range(1 + CALLS)][1:]
         return f"{1e3 * statistics.median(times) / per:.1f} ms"
 
     rows = {
-        "one pose, 1000 × 1000 px, 125 steps, 1 core": (ms(refined(1000, 1)), "≤ 30 ms"),
-        "one pose, 4000 × 4000 px, 125 steps, 1 core": (ms(refined(4000, 1)), "as 1000 px"),
-        f"{name}, 125 steps, 1 core, per pose": (ms(batch(), _BATCH), ""),
-        f"{name}, 125 steps, 2 cores, per pose": (ms(batch(n_threads=2), _BATCH), ""),
-        f"{name}, early stopping, 1 core, per pose": (ms(batch(stop_tolerance=usual), _BATCH), ""),
-        "closed form, 125 steps, per pose": (ms(batch(renderer="closed_form"), _BATCH), ""),
+        "one pose, 1000 × 1000 px, 125 steps, 1 core": (ms(by_paper(1000, 1)), "≤ 30 ms"),
+        "one pose, 4000 × 4000 px, 125 steps, 1 core": (ms(by_paper(4000, 1)), "as 1000 px"),
+        f"{name}, 125 steps, 1 core, per pose": (ms(batch(), BATCH), ""),
+        f"{name}, 125 steps, 2 cores, per pose": (ms(batch(n_threads=2), BATCH), ""),
+        f"{name}, early stopping, 1 core, per pose": (ms(batch(stop_tolerance=usual), BATCH), ""),
+        "closed form, 125 steps, per pose": (ms(batch(renderer="closed_form"), BATCH), ""),
     }
-    command = [sys.executable, __file__, "--memory"]
-    grown = subprocess.run(command, check=True, capture_output=True, text=True).stdout
-    rows["peak memory of one refinement"] = (f"{float(grown):.1f} MiB", "< 20 MB")
+    rows["peak memory of one refinement"] = (f"{child_mib('paper', 1):.1f} MiB", "< 20 MB")
     return wanted("RefineConfig.paper(): 17 joints, 4 views (the paper reports about 3 s on a GPU)", rows)
 
 
-def refined(size: int, frames: int, **fields: object) -> partial[sk.Refinement]:
+def by_paper(size: int, frames: int, **fields: object) -> partial[sk.Refinement]:
     """Return the refinement of images of so many pixels as a call, without early stopping unless given."""
     cameras = []
     for camera in synthetic.human36m_like():
@@ -71,45 +239,70 @@ def refined(size: int, frames: int, **fields: object) -> partial[sk.Refinement]:
     return partial(sk.refine, start, detections, rig, layout="h36m17", config=config)
 
 
-def grown_mib() -> float:
-    """Return the increase of the peak during one refinement, in MiB."""
-    refined(1000, 2, max_steps=0)()
-    before = lab.peak_mib()
-    refined(1000, 1)()
-    return lab.peak_mib() - before
+def people(*, frames: int = 600) -> Table:
+    """Time `sk.track`, association and sequences apart, and live steps, once.
 
-
-def imports(*, repeat: int = 9) -> Table:
-    """Time what `import skelsplat` adds to `import numpy, cv2`, in so many fresh interpreters.
-
-    Measured with `-X importtime`, as the sum of the self times of all modules, after a first interpreter that
-    fills the file cache.
+    "sequences" solves the same people with `sk.refine_sequence`, from the detections that `track` gave them;
+    "association" is the difference, with the conversion of the arrays. "live" is `sk.Tracker.step`.
     """
-    base = _own_ms("import numpy, cv2")
-    runs = [_own_ms("import numpy, cv2\nimport skelsplat") for _ in range(repeat + 1)][1:]
-    runs = [{name: taken for name, taken in run.items() if name not in base} for run in runs]
-    totals = [sum(run.values()) for run in runs]
-    modules = {name: statistics.median(run.get(name, 0.0) for run in runs) for name in runs[0]}
-    slowest = sorted(modules, key=lambda name: -modules[name])[:_MOST_MODULES]
-    median = f"{statistics.median(totals):.1f}"
-    rows = {
-        "import skelsplat, after NumPy and OpenCV, median": (median, f"≤ {_IMPORT_LIMIT_MS:g}"),
-        "the same, fastest and slowest": (f"{min(totals):.1f} to {max(totals):.1f}", ""),
-        **{f"of it {name}": (f"{modules[name]:.1f}", "") for name in slowest},
-    }
-    return wanted(f"Time of imports in ms, {len(runs)} interpreters", rows)
+    rows, given = {}, {"fps": SCENES_FPS, "layout": "h36m17", "config": ONE_THREAD}
+    for people, views in SCENES:
+        rig, found = synthetic.ring(views, radius_mm=4500.0), []
+        here = synthetic.simulate_scene(people, rig, n_frames=frames, seed=1)
+        call = partial(sk.track, here.people, here.cameras, **given)
+        whole = cpu_ms(lambda found=found, call=call: found.extend(call())) / frames
+        solve = partial(sk.refine_sequence, cameras=here.cameras, **given)
+        own = [person.detections(here.people) for person in found]
+        solved = cpu_ms(lambda own=own, solve=solve: [solve(seen) for seen in own]) / frames
+        tracker = sk.Tracker(here.cameras, **given)
+        live = [cpu_ms(partial(tracker.step, frame)) for frame in here.people]
+        rows[f"{people}, {views}"] = {
+            "association ms": whole - solved,
+            "sequences ms": solved,
+            "track ms": whole,
+            "live ms": float(np.mean(live)),
+            "live 99 % ms": float(np.quantile(live, 0.99)),
+        }
+    return Table.of("several people, simulated, one thread", "people, views", rows, digits=2)
 
 
-def _own_ms(program: str) -> dict[str, float]:
-    """Return the self time of each module, in ms, in a fresh interpreter."""
-    command = [sys.executable, "-X", "importtime", "-c", program]
-    said = subprocess.run(command, check=True, capture_output=True, text=True).stderr
-    lines = [line.removeprefix("import time:").split("|") for line in said.splitlines()]
-    return {line[-1].strip(): int(line[0]) / 1000.0 for line in lines if line[0].strip().isdigit()}
+def live(*, poses: int = 5000, people: int = 0, views: int = 4) -> Table:
+    """Measure the lines per second that `skelsplat live` answers on one core.
+
+    Of one person, simulated detections `good` of six motions, or of several, who is who included. The note is
+    what the process itself reports.
+    """
+    given = ["--unit", "mm", "--layout", "h36m17"]
+    if people:
+        rig = synthetic.ring(views, radius_mm=4500.0)
+        everybody = synthetic.simulate_scene(people, rig, n_frames=poses, fps=200.0, seed=0).people
+        seen = [[view[np.isfinite(view[..., 0]).any(axis=-1)] for view in frame] for frame in everybody]
+        given += ["--people", "all", "--fps", "200"]
+    else:
+        scene = simulated(poses, cameras=None if views == 4 else synthetic.ring(views, radius_mm=4500.0))
+        rig, seen = scene.rig, scene.detections
+    frames = [[np.where(np.isfinite(view), view, None).tolist() for view in frame] for frame in seen]
+    lines = [json.dumps({"frame": t, "detections": frame}) + "\n" for t, frame in enumerate(frames)]
+    with tempfile.TemporaryDirectory() as folder:
+        calibration, sent = Path(folder, "rig.toml"), Path(folder, "lines.jsonl")
+        write_calibration(calibration, rig)
+        sent.write_text("".join(lines))
+        command = [sys.executable, "-m", "skelsplat", "live", str(calibration), *given]
+        pipes = dict.fromkeys(("stdout", "stderr"), subprocess.PIPE)
+        with sent.open() as stdin, subprocess.Popen(command, stdin=stdin, **pipes) as process:
+            os.sched_setaffinity(process.pid, {0})
+            process.stderr.readline()  # it says that it is ready
+            begun = time.perf_counter()
+            answers = sum(bool(process.stdout.readline()) for _ in lines)
+            rate = answers / (time.perf_counter() - begun)
+            said = process.stderr.read()
+    rows = {"lines per second": (f"{rate:.0f}", "≥ 200" if people else "≥ 1000")}
+    table = wanted(f"skelsplat live, {views} views, 17 joints, {people or 1} people, one core", rows)
+    return replace(table, notes=(said.decode().strip(),))
 
 
 if __name__ == "__main__":
-    if "--memory" in sys.argv:
-        print(grown_mib())
+    if sys.argv[1:2] == ["child"]:
+        child(sys.argv[2], int(sys.argv[3]))
     else:
-        lab.main(__doc__, paper, imports)
+        lab.main(__doc__, ways, growth, memory, refine, paper, people, live)

@@ -4,7 +4,6 @@
     python tools/faults.py plant NAME             # plant one in this checkout, to inspect it
     python tools/faults.py run FOLDER [NAME ...]  # plant all in a copy of HEAD
 
-
 A fault is an exact text of the source and its replacement (`planted.py`). The text must occur exactly once,
 in any source file. The tests expected to find the fault run first. If they pass, the whole short suite
 (`make test`) runs, and then the sweeps, which only `make test-all` runs. `run` needs the environment that
@@ -31,22 +30,14 @@ SOURCES = (
     *("crates/skelsplat-core/src/**/*.rs", "crates/skelsplat-py/src/**/*.rs"),
 )
 MODULE = "python/skelsplat/_skelsplat.abi3.so"
+FEATURES = ["--features", "pyo3/extension-module"]
 QUICK_BUILD = {
     "CARGO_INCREMENTAL": "1",
     "CARGO_PROFILE_RELEASE_LTO": "off",
     "CARGO_PROFILE_RELEASE_CODEGEN_UNITS": "16",
     "CARGO_PROFILE_RELEASE_DEBUG": "false",
 }
-BUILD = [
-    "cargo",
-    "build",
-    "--release",
-    "--quiet",
-    "-p",
-    "skelsplat-py",
-    "--features",
-    "pyo3/extension-module",
-]
+BUILD = ["cargo", "build", "--release", "--quiet", "-p", "skelsplat-py", *FEATURES]
 PYTEST = [sys.executable, "-m", "pytest", "-q", "-x", "--no-header", "-p", "no:cacheprovider"]
 WHOLE_SUITE = [*PYTEST, "--numprocesses", "auto", "--maxprocesses", "8", "--dist", "worksteal"]
 CARGO_TEST = ["cargo", "test", "--quiet", "-p", "skelsplat-core"]
@@ -55,8 +46,7 @@ CARGO_TEST = ["cargo", "test", "--quiet", "-p", "skelsplat-core"]
 def place_of(fault: Fault, root: Path) -> Path:
     """Return the file that contains the fault's text."""
     paths = [path for each in SOURCES for path in sorted(root.glob(each))]
-    counts = {path: _text(path, path.stat().st_mtime_ns).count(fault.old) for path in paths}
-    places = [path for path, count in counts.items() for _ in range(count)]
+    places = [path for path in paths for _ in range(_text(path, path.stat().st_mtime_ns).count(fault.old))]
     if len(places) != 1:
         found = ", ".join(str(path.relative_to(root)) for path in places) or "nowhere"
         raise SystemExit(f"{fault.name}: expected its text in one place, got it in {found}")
@@ -122,19 +112,19 @@ class Copy:
         path = place_of(fault, self.root)
         text = path.read_text(encoding="utf-8")
         plant(fault, self.root)
-        rust = to_build = path.suffix == ".rs"
+        rust, built = path.suffix == ".rs", False
         try:
             for words, command in suites(fault, rust=rust):
-                if to_build and command[0] != "cargo":
+                if rust and not built and command[0] != "cargo":
                     self.build()
-                    to_build = False
+                    built = True
                 fine, said = self.run(command)
                 if not fine:
                     return f"{words}`{_first_failure(said).rpartition('/')[2]}`"
             return "nothing"
         finally:
             path.write_text(text, encoding="utf-8")
-            if rust:
+            if built:
                 self.install(self.sound)
 
 
@@ -163,13 +153,10 @@ def run(folder: Path, names: list[str]) -> None:
     if not table.exists():
         table.write_text("| fault | kind | found by |\n|---|---|---|\n", encoding="utf-8")
     known = table.read_text(encoding="utf-8")
-    wanted = [
-        fault
-        for fault in FAULTS
-        if fault.name in (names or [fault.name]) and f"| {fault.name} |" not in known
-    ]
     copy = Copy(folder.resolve())
-    for fault in wanted:
+    for fault in FAULTS:
+        if (names and fault.name not in names) or f"| {fault.name} |" in known:
+            continue
         row = f"| {fault.name} | {fault.kind} | {copy.find(fault)} |"
         print(row, flush=True)
         with table.open("a", encoding="utf-8") as stream:

@@ -21,7 +21,6 @@ PACKAGE = ROOT / "python" / "skelsplat"
 BEGIN, END = "<!-- findings: every kind, generated from the calls that make them -->\n", "<!-- /findings -->"
 FIELDS = ("kind", "severity", "subject", "numbers", "remedy", "sentence")
 SEVERITIES = ("error", "warning", "note")
-Found = tuple[str, str, str]
 
 
 def texts(node: ast.expr | None, names: dict[str, list[ast.expr]], depth: int = 0) -> list[str]:
@@ -63,11 +62,6 @@ def assigned(function: ast.AST, call: ast.AST) -> dict[str, list[ast.expr]]:
     return names
 
 
-def is_finding(node: ast.AST) -> bool:
-    """Whether a node calls `Finding`."""
-    return isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "Finding"
-
-
 def kinds_of(tree: ast.Module) -> Iterator[tuple[str, str]]:
     """Yield the keys of a module's tables of words by kind, and each of their words."""
     tables = [node.value for node in tree.body if isinstance(node, ast.AnnAssign | ast.Assign)]
@@ -79,12 +73,12 @@ def kinds_of(tree: ast.Module) -> Iterator[tuple[str, str]]:
                 yield from ((key.value, part) for one in parts for part in texts(one, {}))
 
 
-def findings_of(path: Path) -> Iterator[Found]:
+def findings_of(path: Path) -> Iterator[tuple[str, str, str]]:
     """Yield kind, severity and sentence of every finding that a file makes."""
     tree = ast.parse(path.read_text(encoding="utf-8"))
-    functions = [node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)]
-    for function in functions:
-        for call in (node for node in ast.walk(function) if is_finding(node)):
+    for function in (node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)):
+        calls = (node for node in ast.walk(function) if isinstance(node, ast.Call))
+        for call in (one for one in calls if ast.unparse(one.func) == "Finding"):
             names = assigned(function, call)
             given = dict(zip(FIELDS, call.args, strict=False))
             given |= {one.arg: one.value for one in call.keywords}

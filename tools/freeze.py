@@ -35,6 +35,7 @@ VOLATILE = re.compile(
     r"|folder|path|time$|sha|digest|files$",
     re.I,
 )
+NUMBER = re.compile(r"[-+]?[\d.]+(e[-+]?\d+)?|nan|-?inf", re.IGNORECASE)
 PAGES = {".png", ".html", ".log", ".md", ".toml", ".state"}
 
 # What {demo}, {people} and {dlc} stand for: a calibration, detections, and what they do not say.
@@ -135,37 +136,17 @@ def _run(command: list[str], stdout: Path, stdin: str = os.devnull) -> int:
         return subprocess.run(command, stdin=given, stdout=out, stderr=err, check=False).returncode
 
 
-def scene(seed: int, frames: int = 60, cameras: int = 4, joints: int = 17) -> tuple[Any, ...]:
-    """Return (K, R, t, pose, detections) of a simulated recording in mm, with outliers and gaps."""
-    rng = np.random.default_rng(seed)
-    body = rng.normal(size=(joints, 3)) * (220, 220, 450) + (0, 0, 1000)
-    walk = np.cumsum(rng.normal(size=(frames, 1, 3)) * (25, 25, 2), axis=0)
-    sway = np.cumsum(rng.normal(size=(frames, joints, 3)) * 6, axis=0)
-    pose = body + walk + sway
-    K = np.array([[1150.0, 0, 960], [0, 1150, 540], [0, 0, 1]])
-    rotations, translations = [], []
-    for i in range(cameras):
-        angle = 2 * np.pi * i / cameras + 0.3
-        centre = np.array([4200 * np.cos(angle), 4200 * np.sin(angle), 1500.0 + 150 * i])
-        z = np.array([0, 0, 1000.0]) - centre
-        z /= np.linalg.norm(z)
-        x = np.cross(z, [0, 0, 1.0])
-        x /= np.linalg.norm(x)
-        R = np.stack([x, np.cross(z, x), z])
-        rotations.append(R)
-        translations.append(-R @ centre)
-    R, t = np.array(rotations), np.array(translations)
-    seen = np.einsum("mij,tnj->tmni", R, pose) + t[None, :, None]
-    pixels = seen[..., :2] / seen[..., 2:] * 1150 + K[:2, 2]
-    pixels += rng.normal(size=pixels.shape) * 3
-    wrong = rng.random(pixels.shape[:3]) < 0.06
-    pixels[wrong] += rng.normal(size=(wrong.sum(), 2)) * 90
-    confidence = np.clip(rng.normal(0.8, 0.15, pixels.shape[:3]), 0.05, 1)
-    detections = np.concatenate([pixels, confidence[..., None]], axis=-1)
-    detections[rng.random(pixels.shape[:3]) < 0.08] = np.nan
-    detections[5, :, 3] = np.nan
-    detections[9, 1:] = np.nan
-    return K, R, t, pose, detections
+def recording(seed: int, frames: int = 60, cameras: int = 4, layout: Any = "coco17") -> tuple[Any, ...]:
+    """Return the cameras, the poses and the detections of a walk in mm, with outliers and gaps."""
+    import skelsplat as sk
+    from skelsplat import synthetic
+
+    rig, pose = synthetic.ring(cameras, radius_mm=4200.0), synthetic.motion("walk", frames, seed=seed)
+    pose = synthetic.in_layout(pose, sk.layouts.get(layout or "h36m17"))
+    noise = synthetic.DetectionNoise(outlier_rate=0.06, outlier_px=90.0, miss_rate=0.08)
+    detections = synthetic.simulate_detections(pose, rig, noise=noise, layout=layout, seed=seed)
+    detections[5, :, 3] = detections[9, 1:] = np.nan
+    return rig, pose, detections
 
 
 def arrays(folder: Path) -> None:
@@ -177,8 +158,7 @@ def arrays(folder: Path) -> None:
         np.savez(folder / f"{name}.npz", **values)
 
     for seed, cameras, layout in ((0, 4, "coco17"), (1, 3, "h36m17"), (2, 2, None), (3, 8, "coco17")):
-        K, R, t, pose, detections = scene(seed, cameras=cameras)
-        rig = sk.CameraRig([sk.Camera(K, R[i], t[i], size=(1920, 1080)) for i in range(cameras)], unit="mm")
+        rig, pose, detections = recording(seed, cameras=cameras, layout=layout)
         start = pose + np.random.default_rng(seed).normal(size=pose.shape) * 30
         paper = sk.RefineConfig.paper(max_steps=60)
         runs = {
@@ -220,43 +200,39 @@ def arrays(folder: Path) -> None:
 def write_inputs(folder: Path) -> None:
     """Write the files of the own-file runs: the embedded recordings, and simulated ones."""
     import skelsplat as sk
+    from skelsplat.cameras import altered
     from skelsplat.io import sample, write_calibration
 
-    def rig_of(K: Any, R: Any, t: Any, unit: str = "mm", distortion: Any = None) -> sk.CameraRig:
-        lens = {"size": (1920, 1080), "distortion": distortion}
-        cameras = [sk.Camera(K, R[i], t[i], name=f"cam{i}", **lens) for i in range(len(R))]
-        return sk.CameraRig(cameras, unit=unit)
-
-    session = (
-        '[[session]]\nname = "{0}"\ncalibration = "{0}/calibration.toml"\ndetections = "{0}/detections"\n'
-    )
     sessions = '[defaults]\nunit = "m"\nlayout = "body25b"\nfps = 60\n'
     for name in ("demo", "people"):
         paths = sample.extract(folder / name, people=name == "people")
         paths.calibration.rename(folder / name / "calibration.toml")
         paths.detections.rename(folder / name / "detections")
-        sessions += session.format(name)
+        given = f'calibration = "{name}/calibration.toml"\ndetections = "{name}/detections"'
+        sessions += f'[[session]]\nname = "{name}"\n{given}\n'
     (folder / "sessions.toml").write_text(f'{sessions}people = "all"\n')
-    for name, seed, frames in (("long", 5, 30_000), ("live", 6, 80)):
-        K, R, t, _, detected = scene(seed, frames=frames)
-        write_calibration(folder / f"{name}.json", rig_of(K, R, t))
-        if name == "long":
-            cameras = [f"cam{i}" for i in range(len(R))]
-            np.savez(folder / "long.npz", detections=detected, camera_names=cameras)
-        else:
-            lines = [json.dumps({"frame": f, "detections": x.tolist()}) for f, x in enumerate(detected)]
-            (folder / "live.jsonl").write_text("\n".join([*lines[:40], "{}", *lines[40:]]) + "\n")
-    K, R, t, _, detected = scene(7, frames=50, cameras=3)
+
+    rig, _, detected = recording(5, frames=30_000)
+    write_calibration(folder / "long.json", rig)
+    np.savez(folder / "long.npz", detections=detected, camera_names=rig.names)
+
+    rig, _, detected = recording(6, frames=80)
+    write_calibration(folder / "live.json", rig)
+    lines = [json.dumps({"frame": f, "detections": x.tolist()}) for f, x in enumerate(detected)]
+    (folder / "live.jsonl").write_text("\n".join([*lines[:40], "{}", *lines[40:]]) + "\n")
+
+    rig, _, detected = recording(7, frames=50, cameras=3)
     (folder / "dlc" / "detections").mkdir(parents=True)
-    lens = [-0.05, 0.01, 0.0, 0.0, 0.0]
-    write_calibration(folder / "dlc" / "calibration.toml", rig_of(K, R, t / 10, "cm", lens))
+    lens = [altered(c, t=c.t / 10, distortion=[-0.05, 0.01, 0.0, 0.0, 0.0]) for c in rig]
+    write_calibration(folder / "dlc" / "calibration.toml", sk.CameraRig(lens, unit="cm"))
     joints = [joint for joint in sk.layouts.COCO17.joints for _ in range(3)]
-    for i in range(3):
-        rows = [["scorer"] + ["D"] * 51, ["bodyparts", *joints], ["coords"] + ["x", "y", "likelihood"] * 17]
-        for f, frame in enumerate(detected[:, i]):
-            rows.append([str(f), *("" if np.isnan(x) else f"{x:.3f}" for x in frame.ravel())])
-        path = folder / "dlc" / "detections" / f"cam{i}.csv"
-        path.write_text("\n".join(",".join(row) for row in rows) + "\n")
+    heads = [["scorer"] + ["D"] * 51, ["bodyparts", *joints], ["coords"] + ["x", "y", "likelihood"] * 17]
+    for name, own in zip(rig.names, detected.swapaxes(0, 1), strict=True):
+        rows = [
+            [str(f), *("" if np.isnan(x) else f"{x:.3f}" for x in one.ravel())] for f, one in enumerate(own)
+        ]
+        text = "\n".join(",".join(row) for row in [*heads, *rows])
+        (folder / "dlc" / "detections" / f"{name}.csv").write_text(f"{text}\n")
 
 
 def compare(before: Path, after: Path, only: list[str]) -> int:
@@ -264,13 +240,10 @@ def compare(before: Path, after: Path, only: list[str]) -> int:
     differences = 0
     for name in only:
         files = sorted(path for path in (before / name).rglob("*") if path.is_file())
-        namesakes: dict[str, list[Path]] = {}
-        for path in (after / name).rglob("*"):
-            namesakes.setdefault(path.name, []).append(path)
         found = []
         for a in files:
             b = after / a.relative_to(before)
-            here = [b] if b.exists() else namesakes.get(a.name, [])  # in a folder that was renamed
+            here = [b] if b.exists() else (after / name).rglob(a.name)  # in a folder that was renamed
             each = [_differences(a, other) for other in here] or [["missing"]]
             found += [f"{b}: {text}" for text in min(each, key=len)]
         print(f"{name}: {len(files)} files, {'as before' if not found else f'{len(found)} differences'}")
@@ -310,42 +283,30 @@ def _table(path: Path) -> list[list[str]]:
     with path.open(newline="") as stream:
         rows = list(csv.reader(stream))
     keep = [k for k, name in enumerate(rows[0]) if not VOLATILE.search(name)] if rows else []
-    return [
-        [row[k] for k in keep if k < len(row) and _is_number(row[k])] for row in rows if "ms" not in row
-    ]  # rows of times
-
-
-def _is_number(text: str) -> bool:
-    return re.fullmatch(r"[-+]?[\d.]+(e[-+]?\d+)?|nan|-?inf", text, re.IGNORECASE) is not None
+    others = (row for row in rows if "ms" not in row)
+    return [[row[k] for k in keep if k < len(row) and NUMBER.fullmatch(row[k])] for row in others]
 
 
 def _arrays_differ(a: Path, b: Path) -> list[str]:
-    found = []
+    def differ(x: np.ndarray, y: np.ndarray) -> bool:
+        words = {x.dtype.kind, y.dtype.kind} & {"U", "S"}
+        return not np.array_equal(x, y) if words else x.tobytes() != y.tobytes()
+
     with np.load(a, allow_pickle=False) as old, np.load(b, allow_pickle=False) as new:
-        for key in old.files:
-            if VOLATILE.search(key):
-                continue
-            if key not in new.files:
-                found.append(f"{key}: missing")
-            elif old[key].dtype.kind in "US" or new[key].dtype.kind in "US":
-                if not np.array_equal(old[key], new[key]):
-                    found.append(f"{key}: words differ")
-            elif old[key].tobytes() != new[key].tobytes():
-                found.append(f"{key}: bits differ")
-    return found
+        keys = [key for key in old.files if not VOLATILE.search(key)]
+        return [f"{key} differs" for key in keys if key not in new.files or differ(old[key], new[key])]
 
 
 def _numbers_differ(a: Any, b: Any) -> list[str]:
+    """Return the numbers that are gone; keys may be others."""
     old, new = dict(_leaves(a)), dict(_leaves(b))
-    gone = [(key, value) for key, value in old.items() if new.get(key) != value]
-    rest = Counter(value for key, value in new.items() if old.get(key) != value)
-    found = []
-    for key, value in gone:
-        if rest[value] > 0:  # under another key
-            rest[value] -= 1
-        else:
-            found.append(f"{key}: {value} became {new.get(key, 'nothing')}")
-    return found
+    gone = Counter(value for key, value in old.items() if new.get(key) != value)
+    gone -= Counter(value for key, value in new.items() if old.get(key) != value)
+    return [
+        f"{key}: {value} became {new.get(key, 'nothing')}"
+        for key, value in old.items()
+        if value in gone and new.get(key) != value
+    ]
 
 
 def _leaves(value: Any, path: str = "") -> Any:

@@ -45,13 +45,6 @@ _METHODS = '''
 '''
 
 
-def stub_type(text: str) -> str:
-    """Return the annotation for a type as the table writes it."""
-    if text.startswith("{"):
-        return "str"
-    return _TYPES.get(text, "float | str")
-
-
 def stub_class() -> str:
     """Return the class as the stub has it."""
     text = (RefineConfig.__doc__ or "").rstrip()
@@ -59,12 +52,10 @@ def stub_class() -> str:
     names = ("paper", "replace", "to_dict", "settings", "method")
     methods = _METHODS.format(**{name: getattr(RefineConfig, name).__doc__ for name in names})
     out = f'@final\nclass RefineConfig:\n    """{body}\n    """\n{methods}'
-    seen = set()
-    for method in ("annealed", "paper"):
-        for setting in RefineConfig.settings(method):
-            if setting.name not in seen:
-                seen.add(setting.name)
-                out += f"    @property\n    def {setting.name}(self) -> {stub_type(setting.type)}: ...\n"
+    settings = {one.name: one.type for way in ("annealed", "paper") for one in RefineConfig.settings(way)}
+    for name, kind in settings.items():
+        annotation = "str" if kind.startswith("{") else _TYPES.get(kind, "float | str")
+        out += f"    @property\n    def {name}(self) -> {annotation}: ...\n"
     return out
 
 

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import recordings
 from lab import Table, about
 from recordings import Take
-from scenarios import NOISES, Fields, FloatArray, Scene, covered, mvor, scene
+from scenarios import NOISES, POSES, Fields, FloatArray, Scene, covered, mvor, scene
 from scipy.stats import spearmanr
 
 import skelsplat as sk
@@ -18,6 +19,7 @@ IDEAL = np.array([19.9, 73.9, 97.1])
 VIEWS = (3, 4, 8)
 # MVOR's labels are good to ±50 mm in space, which is this per axis.
 LABEL_SIGMA_MM = 30.0
+SIGMAS_PX = (1.0, 2.0, 5.0, 10.0, 15.0, 20.0, 30.0, 40.0)
 CONDITIONS = ("good", "occluded 2", "occluded 3", "heavy")
 # Angles whose true value is smaller cannot err downwards.
 STRAIGHT_DEG = 10.0
@@ -75,12 +77,7 @@ def _row(pose: FloatArray, covariance: FloatArray, here: Scene) -> dict[str, flo
 
 
 def coverage_real(
-    *,
-    label_sigma_mm: float = LABEL_SIGMA_MM,
-    detector: str = "openpose",
-    poses: int = 300,
-    seed: int = 0,
-    fields: Fields | None = None,
+    *, detector: str = "openpose", poses: int = 300, seed: int = 0, fields: Fields | None = None
 ) -> Table:
     """Measure which percentage of errors scatter and error bar cover, on MVOR and in a simulation.
 
@@ -101,11 +98,11 @@ def coverage_real(
         "one view": np.where(seen == 1, real.truth, np.nan),
     }
     for name, truth in parts.items():
-        rows[f"MVOR, {name}"] = _both(result, truth, label_sigma_mm)
+        rows[f"MVOR, {name}"] = _both(result, truth, LABEL_SIGMA_MM)
         moved = truth + _offsets(result.pose, truth)
-        rows[f"MVOR, {name}, offsets out"] = _both(result, moved, label_sigma_mm)
+        rows[f"MVOR, {name}, offsets out"] = _both(result, moved, LABEL_SIGMA_MM)
     notes = [
-        f"ideal 19.9, 73.9, 97.1; labels of MVOR: {label_sigma_mm:g} mm per axis, added to the covariances",
+        f"ideal 19.9, 73.9, 97.1; labels of MVOR: {LABEL_SIGMA_MM:g} mm per axis, added to the covariances",
         "the simulated detector has no systematic error, so the error bar is too wide there",
         "offsets out: the mean error of each joint, which only the labels show, is subtracted",
         about(poses=poses, seed=seed, source=real.source),
@@ -127,6 +124,29 @@ def _both(result: sk.Refinement, truth: FloatArray, label_sigma_mm: float) -> di
     inside |= covered(result.pose, result.error_bar + labels, truth, "error bar ")
     error = sk.metrics.mpjpe(result.pose, truth, reduce="none")
     return inside | {"joints": int(np.isfinite(error).sum()), "MPJPE": float(np.nanmean(error))}
+
+
+def gaussian(*, poses: int = 200, seed: int = 0, fields: Fields | None = None) -> Table:
+    """MPJPE in mm of DLT with confidence and of the default, their ratio, and coverage of the error bars.
+
+    Independent normal noise on both axes; every confidence is 1. Coverage is of the joints that are ok.
+    """
+    rows = {}
+    for n_views, sigma in product((2, *VIEWS), SIGMAS_PX):
+        here = scene(sk.synthetic.DetectionNoise(sigma_px=0.0), poses, seed, n_views=n_views)
+        pixels = np.moveaxis(sk.project(here.truth, here.rig), 0, 1)
+        pixels += sigma * np.random.default_rng(seed).standard_normal(pixels.shape)
+        here = replace(here, detections=np.insert(pixels, 2, 1.0, axis=-1))
+        result = here.refined(fields=fields)
+        plain, ours = here.mpjpe(here.solved("dlt-confidence")), here.mpjpe(result.pose)
+        ok = result.joint_status == "ok"
+        row = {"DLT conf.": plain, "default": ours, "ratio": round(ours / plain, 3)}
+        row |= covered(result.pose, result.uncertainty, np.where(ok[..., None], here.judged, np.nan))
+        row |= {"ok, %": 100 * float(ok.mean()), "noise": float(np.median(result.noise))}
+        rows[f"{n_views} views, {sigma:.0f} px"] = row
+    worst = max(row["ratio"] for row in rows.values())
+    notes = [f"largest ratio: {worst:.3f}", about(poses=poses, seed=seed, source=POSES)]
+    return Table.of("Gaussian noise: MPJPE, mm, and coverage, %", "noise", rows, notes)
 
 
 def angles(

@@ -21,7 +21,6 @@ from matplotlib.figure import Figure
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "benchmarks"))
 
-import over_time
 import recordings
 
 import skelsplat as sk
@@ -44,7 +43,7 @@ class Episode:
     begin: int
     end: int
     wrong: np.ndarray  # (T,) number of views that miss the joint or are wrong
-    solved: dict[str, over_time.Solved]
+    solved: dict[str, recordings.Solved]
 
     def error(self, name: str) -> np.ndarray:
         """Distance to the truth (T,), mm."""
@@ -61,7 +60,7 @@ def episodes(take: recordings.Take) -> list[Episode]:
     scene, layout = take.scene, sk.layouts.get(take.scene.layout)
     off = scene.detections[..., :2] - np.moveaxis(sk.project(scene.truth, scene.rig), 0, 1)
     right = np.linalg.norm(off, axis=-1) < WRONG_PX
-    solved = {name: over_time.METHODS[name](take) for name in ("frames", "butterworth", "sequence")}
+    solved = {name: recordings.METHODS[name](take) for name in ("frames", "butterworth", "sequence")}
     found = []
     around = round(AROUND_S * take.fps)
     for joint in (layout.joints.index(side) for side in ("left_wrist", "right_wrist")):

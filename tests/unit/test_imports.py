@@ -119,7 +119,6 @@ def imported_by(statement: str) -> set[str]:
 
 
 def test_the_package_brings_only_numpy_and_what_it_computes_with() -> None:
-    # what it takes is measured by benchmarks/speed.py imports
     # (old NumPy brings json itself)
     names = imported_by("import numpy, skelsplat") - imported_by("import numpy")
     assert {"skelsplat", "skelsplat._skelsplat"} <= names
