@@ -14,7 +14,7 @@ from skelsplat.findings import Remedy
 from skelsplat.run import displaced
 from skelsplat.run.displaced import displaced_cameras, find_displaced, shift_of, to_one_side
 from skelsplat.synthetic import DetectionNoise
-from two_people import findings_of, seen
+from two_people import LAYOUT, findings_of, seen
 
 FRAMES = 30
 DIAGONAL = np.array([1000.0])
@@ -100,6 +100,19 @@ def test_joints_whose_offsets_point_any_way_share_a_side_as_often_as_is_said():
         share = np.mean([displaced.same_side(one) < 0.05 for one in offsets])
         assert abs(share - 0.05) < 3 * np.sqrt(0.05 * 0.95 / 2000)
     assert displaced.same_side(np.ones((17, 2))) == 1.0  # one point is no scatter to compare with
+
+
+LEGS = slice(1, 7)
+FEW = sk.Layout("legs", LAYOUT.joints[LEGS], limbs=[(0, 1), (1, 2), (3, 4), (4, 5), (0, 3)])
+
+
+def test_rejections_over_time_show_a_turned_camera_to_few_joints():
+    """Frames alone follow it; over time its detections are rejected."""
+    rig = synthetic.ring(3)
+    wrong, people = turned(rig, 1, (0, 1.5, 0)), walker(rig, DetectionNoise.recording(60.0), 60)[..., LEGS, :]
+    alone, over_time = (findings_of(people, wrong, layout=FEW, fps=fps) for fps in (None, 60.0))
+    assert not any("disagrees" in text for text in alone)
+    assert [text[:14] for text in over_time if "disagrees" in text] == [f"{rig.names[1]} disagrees"]
 
 
 def shifts_of(*shift):

@@ -99,7 +99,32 @@ def test_a_view_whose_sides_are_swapped_is_named_once(share):
     findings = Run.from_arrays(result, rig, found, layout, fps=50.0).findings
     (finding,) = [one for one in findings if one.kind == "sides_swapped"]
     assert finding.subject.cameras == (rig.names[1],)
-    assert finding.numbers["share_of_frames"] == share
+    if share < 1:
+        assert finding.numbers == {"share_of_frames": share}
+    else:
+        assert finding.numbers["swapped_share"] > 0.6
+
+
+def test_sides_of_the_legs_alone_are_named():
+    rig, layout = synthetic.human36m_like(), sk.layouts.get(LAYOUT)
+    motion, noise = synthetic.motion("walk", 20, seed=3), synthetic.DetectionNoise.good()
+    seen = synthetic.simulate_detections(motion, rig, noise=noise, seed=1)
+    legs = np.arange(1, 7)
+    seen[:, 1, legs] = seen[:, 1, mirror_images(layout.n_joints, layout.left_right)[legs]]
+    findings = Run.from_arrays(sk.refine(None, seen, rig, layout=layout), rig, seen, layout).findings
+    (finding,) = [one for one in findings if one.kind == "sides_swapped"]
+    assert finding.subject.cameras == (rig.names[1],)
+    assert finding.numbers["swapped_share"] == pytest.approx(6 / 17)
+
+
+def test_show_opens_the_page(monkeypatch):
+    pixels, rig = scene()
+    found = Run.from_arrays(sk.refine(None, pixels, rig, layout=LAYOUT), rig, pixels, LAYOUT)
+    opened = []
+    monkeypatch.setattr("webbrowser.open", opened.append)
+    found.show()
+    assert opened[0].startswith("file:")
+    assert opened[0].endswith("/report.html")
 
 
 @pytest.mark.parametrize(

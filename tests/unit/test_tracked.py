@@ -8,6 +8,7 @@ import pytest
 import skelsplat as sk
 from skelsplat import synthetic
 from skelsplat.findings import FindingWarning
+from skelsplat.layouts import mirror_images
 from skelsplat.run import Job
 from skelsplat.run.read import Inputs
 from skelsplat.run.tracked import choose, follow_everybody
@@ -70,6 +71,24 @@ def test_who_never_moves_is_named(frames, named):
     walk, other = crossing(frames)
     _, found = several_of(seen([walk, np.repeat(other[:1], frames, axis=0)], RIG))
     assert [doubt.kind for doubts in found for doubt in doubts] == ["person_still"] * named
+
+
+@pytest.mark.parametrize(("offset", "named"), [(0.0, True), (200.0, False)])
+def test_a_reflection_is_named(offset, named):
+    """In a mirror at y = 1.2 m; somebody who only moves alike is no reflection."""
+    walk = crossing(FRAMES)[0]
+    image = walk[:, mirror_images(17, LAYOUT.left_right)] * [1.0, -1.0, 1.0] + [0.0, 2400.0, 0.0]
+    image += offset * np.sin(np.arange(FRAMES) / 5.0)[:, None, None] * [1.0, 0.0, 0.0]
+    _, found = several_of(seen([walk, image], RIG))
+    assert [doubt.kind for doubts in found for doubt in doubts] == ["person_mirrored"] * named
+
+
+def test_whoever_comes_back_after_long_may_be_the_same(people):
+    away = np.full((7 * FPS, *people.shape[1:]), np.nan)
+    found = follow(np.concatenate([people[:20], away, people[20:]])).people
+    notes = [[note.numbers for note in one.doubts if note.kind == "person_back"] for one in found]
+    assert [len(own) for own in notes] == [0, 0, 1, 1]
+    assert all(own[0]["before"] in (0, 1) and own[0]["last"] == 19 for own in notes[2:])
 
 
 def strangers():

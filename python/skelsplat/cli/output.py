@@ -125,8 +125,8 @@ def _advice(options: Sequence[str]) -> str:
 
 
 def _pasted(finding: Finding) -> list[str]:
-    """Return what is pasted from a finding's words: a command, and options."""
-    return [*filter(None, [finding.numbers.get("check")]), *map(_remedy_words, finding.remedy)]
+    """Return the options that are pasted from a finding's words."""
+    return [*map(_remedy_words, finding.remedy)]
 
 
 @contextlib.contextmanager

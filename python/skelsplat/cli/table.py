@@ -159,8 +159,11 @@ def print_paragraphs(console: Console, texts: Sequence[str]) -> None:
 
 
 def _print_note_and_warnings(console: Console, run: Run | PeopleRun, told: Collection[Finding]) -> None:
-    note = run.report["note"]
-    print_paragraphs(console, [note] if note else [])
+    numbers = tables.key_numbers(run) if isinstance(run, Run) else tables.numbers_of_people(run)
+    risen = [
+        f"{name.capitalize()}: {value} ({why})." for name, value, why in numbers if why == tables.WHY_RISEN
+    ]
+    print_paragraphs(console, [*risen, *filter(None, [run.report["note"]])])
     warnings = [one for one in run.findings if one.severity == "warning" and one not in told]
     for finding in warnings:
         print_finding(console, finding)

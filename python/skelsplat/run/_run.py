@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+import html
+import importlib
+import sys
+import tempfile
+import webbrowser
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
@@ -152,6 +157,19 @@ class Run:
         from skelsplat.run.html import write_html  # matplotlib takes long to load
 
         write_html(self, Path(path))
+
+    def show(self) -> None:
+        """Show the page of `write_html`: below the cell in a notebook, in the browser elsewhere."""
+        path = Path(tempfile.mkdtemp(prefix="skelsplat-")) / "report.html"
+        self.write_html(path)
+        shell = sys.modules.get("IPython")
+        if shell is None or getattr(shell.get_ipython(), "kernel", None) is None:
+            webbrowser.open(path.as_uri())
+            return
+        page = html.escape(path.read_text(encoding="utf-8"))
+        frame = f'<iframe srcdoc="{page}" width="100%" height="800" frameborder="0"></iframe>'
+        notebook = importlib.import_module("IPython.display")
+        notebook.display(notebook.HTML(f"<div>{frame}</div>"))  # IPython warns of HTML that is a frame
 
     def write_figures(self, folder: Place) -> list[str]:
         """Write ``overview.png``, ``weights.png`` and, for the paper's method, ``heatmaps.png``."""

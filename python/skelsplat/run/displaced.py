@@ -51,14 +51,14 @@ class Shifts:
         """Length of the shift [px], (M,)."""
         return np.hypot(self.shift[:, 0], self.shift[:, 1])
 
-    def one_sided(self, diagonal: Array) -> Mask:
+    def one_sided(self, diagonal: Array, chance: float = _CHANCE) -> Mask:
         """Return the cameras (M,) whose detections lie to one side; ``diagonal`` (M,) of the images [px]."""
         with np.errstate(invalid="ignore"):
             mask: Mask = (
                 (self.count >= _LEAST_DETECTIONS)
                 & (self.size >= _ONE_SIDED * self.error)
                 & (self.size >= _LEAST_SHIFT * diagonal)
-                & (self.chance < _CHANCE)
+                & (self.chance < chance)
             )
         return mask
 
@@ -98,10 +98,10 @@ def residuals(detections: Array, projected: Array, swapped: Mask, pairs: Sequenc
     return found
 
 
-def displaced_cameras(rig: sk.CameraRig, shifts: Shifts) -> list[int]:
+def displaced_cameras(rig: sk.CameraRig, shifts: Shifts, chance: float = _CHANCE) -> list[int]:
     """Return the cameras with detections shifted from the pose, the largest shift first."""
     diagonal = np.array([np.hypot(*camera.size) for camera in rig])
-    found = np.flatnonzero(shifts.one_sided(diagonal)).tolist()
+    found = np.flatnonzero(shifts.one_sided(diagonal, chance)).tolist()
     return sorted(found, key=lambda i: -shifts.size[i] / diagonal[i])
 
 

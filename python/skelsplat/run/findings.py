@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from collections.abc import Set as AbstractSet
+from dataclasses import replace
 from types import MappingProxyType
 from typing import Any
 
@@ -30,6 +31,8 @@ _CAMERA_SHARE, _CAMERA_RATIO = 0.1, 3.0
 _BAD_SHARE, _BEST_RATIO = 0.2, 2.0
 # the whole recording with this, or with the lesser share that also those have who are not named for it.
 _WHOLE_SHARE, _REST_SHARE = 1 / 3, 0.2
+# Probability of chance up to which detections that lie to one side are a shift if rejected over time.
+_UNSURE = 0.05
 # A robust fit may leave the median where it was; a tenth more is further away.
 _FURTHER, _FURTHER_PX = 1.1, 0.1  # less is the rounding of the detections
 _FURTHER_OVER_TIME = 1.25
@@ -38,6 +41,8 @@ _FURTHER_OF_TWO, _CONFIRMED = 1.25, 3
 # No person that a camera detects matches the other cameras, in this share of the frames at least; if that is
 # so for another camera in most frames, this share of the frames with people is enough.
 _SOME, _ALSO_UNFIT = 0.1, 0.25
+# About half the arms and legs, which are half of a layout's joints or more; and all that have a side.
+_MIRRORED_SHARE, _ALL_SIDES = 0.25, 0.6
 # A given length contradicts the recording beyond this many of its standard deviations and this share.
 _GIVEN_SIGMAS, _GIVEN_SHARE = 3.0, 0.05
 _USUAL_SIGMA_MM = 20.0  # of given lengths without standard deviations
@@ -59,13 +64,14 @@ def find_findings(
     counted = statistics if alone is outcome else summarise(inputs, alone)
     sides = zip(*inputs.layout.symmetric_pairs(2), strict=True)
     measured = np.array([_lengths_mm(inputs, alone, side) for side in sides])
+    swapped = [*find_swapped(inputs.rig.names, alone.result, inputs.layout), *_mirrored(counted)]
     return [
         *same_detections(inputs.rig.names, inputs.detections),
         *find_people(inputs, alone),
         *find_whole(counted, alone.config.min_confidence),
         *_in_time(statistics, counted),
-        *_cameras(inputs, counted),
-        *find_swapped(inputs.rig.names, alone.result, inputs.layout),
+        *_cameras(inputs, _with_lasting(inputs.rig, counted, statistics)),
+        *{finding.subject: finding for finding in swapped}.values(),  # the latter of two on a camera
         *filter(None, [limbs_differ(inputs.layout, measured.T) if measured.size else None]),
         *_given_lengths(inputs, alone),
         *find_joints(counted, statistics),
@@ -153,6 +159,16 @@ def _find_unfit(names: Sequence[str], unfit: Mapping[int, tuple[int, int]]) -> I
     yield Finding("camera_disagrees", "warning", Subject(cameras=cameras), numbers, remedy, sentence=words)
 
 
+def _with_lasting(rig: sk.CameraRig, alone: Statistics, statistics: Statistics) -> Statistics:
+    """Return those of frames ``alone``, but over time of cameras that are off by what frames alone follow."""
+    unsure = {*displaced_cameras(rig, alone.shifts, _UNSURE)} - {*displaced_cameras(rig, alone.shifts)}
+    cameras = [*alone.cameras]
+    for i in unsure:
+        if statistics.cameras[i]["rejected_share"] >= _CAMERA_RATIO * cameras[i]["rejected_share"]:
+            cameras[i] = statistics.cameras[i]
+    return replace(alone, cameras=cameras)
+
+
 def _cameras(inputs: Inputs, statistics: Statistics) -> Iterator[Finding]:
     """Yield findings on cameras that are unused, disagree or are displaced, and on views that lie apart."""
     names, shifts, unfit = inputs.rig.names, statistics.shifts, unfit_cameras(inputs)
@@ -218,6 +234,16 @@ def _bad_cameras(cameras: Sequence[Group]) -> list[Group]:
         if far or share >= max(_BAD_SHARE, _BEST_RATIO * min(others)):
             bad.append(group)
     return bad
+
+
+def _mirrored(statistics: Statistics) -> Iterator[Finding]:
+    for group in statistics.cameras:
+        name, share = group["name"], group["swapped"] / max(1, group["used"])
+        if share >= _MIRRORED_SHARE:
+            why = "Is the image mirrored?" if share >= _ALL_SIDES else "Does the detector confuse the sides?"
+            words = f"{name}: left and right are swapped in {percent(share)} of its detections. {why}"
+            numbers = {"swapped_share": share}
+            yield Finding("sides_swapped", "warning", Subject((name,)), numbers, sentence=words)
 
 
 def _lengths_mm(inputs: Inputs, outcome: Outcome, limbs: Sequence[tuple[int, int]]) -> list[float]:
