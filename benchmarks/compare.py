@@ -21,8 +21,8 @@ from scenarios import FloatArray, Scene, simulated
 
 import skelsplat as sk
 from skelsplat.evaluation import baselines
-from skelsplat.evaluation.baselines._minimise import Reprojections
 from skelsplat.evaluation.baselines._observations import homogeneous_to_world, observe, solve
+from skelsplat.evaluation.baselines._robust import Reprojections
 
 Method = Callable[[slice], FloatArray]
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 import skelsplat as sk
 from skelsplat.evaluation import baselines
-from skelsplat.evaluation.baselines import _ransac
+from skelsplat.evaluation.baselines import _robust
 
 Array = NDArray[np.float64]
 
@@ -58,7 +58,7 @@ def always_draw(monkeypatch: pytest.MonkeyPatch, *views: int) -> None:
         drawn[:, views] = True
         return drawn
 
-    monkeypatch.setattr(_ransac, "sample_pairs", pair)
+    monkeypatch.setattr(_robust, "sample_pairs", pair)
 
 
 @pytest.mark.parametrize("name", ALL)
@@ -106,8 +106,8 @@ def test_dlt_is_the_one_of_the_core(weighted: bool, truth: Array) -> None:
 @pytest.mark.parametrize(
     ("ransac", "limit_px", "keywords"),
     [
-        (baselines.ransac_iskakov, 30.0, {"direct_optimization": False}),
-        (baselines.ransac_iskakov, 60.0, {"direct_optimization": False, "crop_scale": np.full((3, 4), 2.0)}),
+        (baselines.ransac_iskakov, 30.0, {}),
+        (baselines.ransac_iskakov, 60.0, {"crop_scale": np.full((3, 4), 2.0)}),
         (baselines.ransac_adafuse, 20.0, {}),
     ],
 )
@@ -115,6 +115,7 @@ def test_a_view_agrees_up_to_a_distance(
     ransac, limit_px: float, keywords, rig: sk.CameraRig, truth: Array, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     always_draw(monkeypatch, 0, 1)
+    monkeypatch.setattr(_robust, "minimise", lambda start, *_: start)
     for distance_px in (limit_px - 1.0, limit_px + 1.0):
         detections = pixels(truth, rig)
         detections[:, 3] += (0.6 * distance_px, 0.8 * distance_px)
@@ -127,9 +128,6 @@ def test_a_view_agrees_up_to_a_distance(
     [
         (lambda d, c: baselines.dlt(d[:, :3], c), "detections"),
         (lambda d, c: baselines.dlt(np.concatenate([d, d[..., :1]], axis=-1), c), "detections"),
-        (lambda d, c: baselines.cauchy(d, c, f_scale=0), "f_scale"),
-        (lambda d, c: baselines.ransac_iskakov(d, c, n_iters=0), "n_iters"),
-        (lambda d, c: baselines.ransac_iskakov(d, c, crop_scale=[1, 1]), "crop_scale"),
     ],
 )
 def test_wrong_arguments_are_named(call, argument: str, rig: sk.CameraRig, truth: Array) -> None:

@@ -8,7 +8,7 @@ import scipy.optimize
 from numpy.typing import NDArray
 
 import skelsplat as sk
-from skelsplat.evaluation.baselines import _minimise, _observations
+from skelsplat.evaluation.baselines import _observations, _robust
 from sweeps import diagonal
 
 Array = NDArray[np.float64]
@@ -23,19 +23,17 @@ def scene(noise: sk.synthetic.DetectionNoise, n_frames: int = 12) -> _observatio
     return _observations.observe(detections, rig)
 
 
-def problem(joints: _observations.Observations, loss: str) -> _minimise.Reprojections:
+def problem(joints: _observations.Observations, loss: str) -> _robust.Reprojections:
     seen = joints.seen.astype(float)
     if loss == "huber":
-        return _minimise.Reprojections(
-            joints.pixels, joints.projections, seen * 0.5 / CROP_SCALE, by_view=True
-        )
-    return _minimise.Reprojections(joints.pixels, joints.projections, seen, by_view=False)
+        return _robust.Reprojections(joints.pixels, joints.projections, seen * 0.5 / CROP_SCALE, by_view=True)
+    return _robust.Reprojections(joints.pixels, joints.projections, seen, by_view=False)
 
 
-LOSSES = {"huber": _minimise.huber, "cauchy": _minimise.cauchy_loss(F_SCALE_PX)}
+LOSSES = {"huber": _robust.huber, "cauchy": _robust.cauchy_loss}
 
 
-def by_scipy(one: _minimise.Reprojections, start: Array, loss: str) -> Array:
+def by_scipy(one: _robust.Reprojections, start: Array, loss: str) -> Array:
     """SciPy's minimum of one joint; its residuals are the lengths of the groups."""
 
     def lengths(X: Array) -> Array:
@@ -60,12 +58,12 @@ def test_minima_are_those_of_scipy(loss: str, level: str) -> None:
     joints = scene(noise)
     whole = problem(joints, loss)
     start = _observations.solve(joints, joints.seen.astype(float))
-    found = _minimise.minimise(start, whole, LOSSES[loss])
+    found = _robust.minimise(start, whole, LOSSES[loss])
     rows = []
     for b in np.flatnonzero(np.isfinite(start).all(axis=1)):
         one = whole.part(np.array([b]))
         expected = by_scipy(one, start[b], loss)
-        ours, theirs = (_minimise._value(X[None], one, LOSSES[loss])[0] for X in (found[b], expected))
+        ours, theirs = (_robust._value(X[None], one, LOSSES[loss])[0] for X in (found[b], expected))
         rows.append((np.linalg.norm(found[b] - expected), ours - theirs))
     distance, excess = np.array(rows).T
     assert len(rows) > 195
@@ -80,7 +78,7 @@ def test_minima_are_those_of_scipy(loss: str, level: str) -> None:
 def test_slopes_are_central_differences(by_view: bool) -> None:
     joints = scene(sk.synthetic.DetectionNoise(sigma_px=4.0))
     scale = np.random.default_rng(0).uniform(0.5, 2.0, joints.seen.shape)
-    whole = _minimise.Reprojections(joints.pixels, joints.projections, scale, by_view=by_view)
+    whole = _robust.Reprojections(joints.pixels, joints.projections, scale, by_view=by_view)
     X = _observations.solve(joints, joints.seen.astype(float))
     differences = np.stack(
         [(whole.residuals(X + d) - whole.residuals(X - d)) / 2e-3 for d in 1e-3 * np.eye(3)], axis=-1

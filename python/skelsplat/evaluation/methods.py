@@ -41,8 +41,7 @@ Human3.6M (tab:abl-initial-guess), over 1.596, the mean length of a standard nor
 # that a straight line fills before it, s.
 CUTOFF_HZ, _OF_NYQUIST, GAP_S = 6.0, 0.8, 0.5
 
-# Side of the crops in whose pixels the thresholds of Iskakov et al. are.
-_CROP_PX = 384.0
+_CROP_PX = 384.0  # side of the crops in whose pixels the thresholds of Iskakov et al. are
 
 _FIELDS = {
     "detections": "2D detections",
@@ -132,8 +131,8 @@ class Method:
 
     def lacks(self, take: Take, settings: Settings) -> str | None:
         """Return the field that the method needs and the take does not have; None if there is none."""
-        fused = ("monocular",) if settings.get("start") == "fusion" else ()
-        names = (*self.needs, *fused, *(("fps",) if self.over_time else ()))
+        fused = settings.get("start") == "fusion"
+        names = (*self.needs, *["monocular"] * fused, *["fps"] * self.over_time)
         missing = next((name for name in names if getattr(take, name) is None), None)
         single = self.over_time and not (np.diff(take.frames) == 1).any()
         return "frames" if missing is None and single else missing
@@ -186,11 +185,8 @@ def _iskakov(task: Task) -> Array:
     return baselines.ransac_iskakov(*task.seen, crop_scale=scale, seed=task.settings["seed"])
 
 
-# Methods over time work at the rate of a recording and never across a gap in its frames.
-
-
 def stretches(frames: Index) -> list[slice]:
-    """Cut frames (T,) into runs of consecutive numbers."""
+    """Cut frames (T,) into runs of consecutive numbers: methods over time never go across a gap."""
     starts = [0, *(np.flatnonzero(np.diff(frames) != 1) + 1).tolist(), len(frames)]
     return [slice(a, b) for a, b in pairwise(starts) if a < b]
 
@@ -220,16 +216,15 @@ def _in_time(task: Task) -> Array:
     return np.concatenate([solved(replace(task, take=task.take.select(part))) for part in parts])
 
 
-def _solver(options: Options, config: RefineConfig, start: Start, **more: Any) -> dict[str, Any]:
-    return {"start": start, "config": config.replace(n_threads=options.n_threads).to_dict(), **more}
-
-
-def _annealed(options: Options, **more: Any) -> dict[str, Any]:
-    return _solver(options, RefineConfig(), "none", **more)
+def _solver(
+    options: Options, config: RefineConfig | None = None, start: Start = "none", **more: Any
+) -> dict[str, Any]:
+    own = (config or RefineConfig()).replace(n_threads=options.n_threads)
+    return {"start": start, "config": own.to_dict(), **more}
 
 
 def _prior(options: Options) -> dict[str, Any]:
-    return _solver(options, RefineConfig(), "fusion", init_sigma_mm=options.init_sigma_mm)
+    return _solver(options, start="fusion", init_sigma_mm=options.init_sigma_mm)
 
 
 def _paper(options: Options, **fields: Any) -> dict[str, Any]:
@@ -252,15 +247,15 @@ _ALL = (
     Method(  # of monocular poses
         "fusion", lambda task: starting_poses(task.take, "fusion"), needs=("detections", "monocular")
     ),
-    Method("annealed", Task.refined, _annealed),  # the default
+    Method("annealed", Task.refined, _solver),  # the default
     Method(  # then a zero-lag Butterworth filter
         "annealed-butterworth",
         _smoothed,
-        partial(_annealed, cutoff_hz=CUTOFF_HZ, gap_s=GAP_S),
+        partial(_solver, cutoff_hz=CUTOFF_HZ, gap_s=GAP_S),
         over_time=True,
         package="scipy",
     ),
-    Method("over-time", _in_time, _annealed, over_time=True),  # all frames of a recording in one solve
+    Method("over-time", _in_time, _solver, over_time=True),  # all frames of a recording in one solve
     Method("annealed-prior", Task.refined, _prior),  # with the fused monocular poses as a Gaussian prior
     Method("paper-closed-form", Task.refined, partial(_paper, renderer="closed_form")),
     Method("paper", Task.refined, _paper, by_pixels=True),  # raster, Adam

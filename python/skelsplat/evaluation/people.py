@@ -8,7 +8,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -23,8 +23,7 @@ from skelsplat.evaluation import protocols
 from skelsplat.evaluation.baselines import affinity
 from skelsplat.evaluation.methods import Options, stretches, without_lens
 from skelsplat.evaluation.protocols import Endpoint, Protocol
-from skelsplat.evaluation.report import Evaluation, Figure, Figures
-from skelsplat.evaluation.reported import published
+from skelsplat.evaluation.report import Evaluation, Figure, Figures, lines
 from skelsplat.evaluation.runs import Report as Heard
 from skelsplat.evaluation.scores import mean_interval
 from skelsplat.evaluation.tables import Report, Table, interval
@@ -35,8 +34,7 @@ from skelsplat.metrics._people import share
 Tracks = Sequence[tuple[int, Index, Array]]
 """Identity, frames (F,), poses (F, N, 3) mm of each person found. An identity may come in pieces."""
 
-SWAP_S = 0.5
-"""An identity that follows two people for longer than this each is a swap."""
+SWAP_S = 0.5  # an identity that follows two people for longer than this each is a swap
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -133,24 +131,29 @@ class Tally:
                 if n:
                     row = np.array([n, hit.sum(), one.scores.error_mm[q, hit].sum(), n * pcp[q]])
                     totals[name] = totals.get(name, 0.0) + row
-        return {
-            name: {
-                "person_frames": n,
-                "recall": share(hits, n),
-                "mean_mm": share(error, hits),
-                "pcp": parts / n,
-            }
-            for name, (n, hits, error, parts) in ((name, row.tolist()) for name, row in totals.items())
-        }
+        found = {}
+        for name, total in totals.items():
+            n, hits, error, parts = total.tolist()
+            figures = {"recall": share(hits, n), "mean_mm": share(error, hits), "pcp": parts / n}
+            found[name] = {"person_frames": n, **figures}
+        return found
+
+    def lines(self, method: str, oracle: Tally | None) -> list[Figures]:
+        """Return the figures of a method, over all and of each scene and person."""
+        reference = None if oracle is self else oracle
+        scenes = {key: self.figures(reference, key) for key in self.scenes}
+        whole = {"": self.figures(reference)}
+        return lines(method, {"all": whole, "scene": scenes, "person": self.people()})
 
     def _change(self, reference: Tally, keys: Sequence[str]) -> float:
-        pairs = [(self.scenes[key], reference.scenes[key]) for key in keys]
-        both = [own.kept & other.kept for own, other in pairs]
-        own, other = (
-            np.concatenate([pair[side].scores.error_mm[mask] for pair, mask in zip(pairs, both, strict=True)])
-            for side in (0, 1)
-        )
-        return float(own.mean() / other.mean() - 1.0) if len(own) else float("nan")
+        own, other = [], []
+        for key in keys:
+            here, there = self.scenes[key], reference.scenes[key]
+            both = here.kept & there.kept
+            own.append(here.scores.error_mm[both])
+            other.append(there.scores.error_mm[both])
+        a, b = np.concatenate(own), np.concatenate(other)
+        return float(a.mean() / b.mean() - 1.0) if len(a) else float("nan")
 
 
 def _track(scene: PeopleTake, layout: Layout, config: RefineConfig) -> Tracks:
@@ -275,7 +278,6 @@ def evaluate(
     """Run methods, by default all, on the scenes of a data set and score them.
 
     Of the `options` `undistort` and `n_threads` apply; the default protocol is that of the data set's name.
-
     Raises `InvalidInputError` for an unknown method, `DatasetError` without detections of several people.
     """
     options = options or Options()
@@ -291,37 +293,28 @@ def evaluate(
             if report is not None:
                 report(name, scene.key, done, total)
             seen = scene if options.undistort else replace(scene, rig=without_lens(scene.rig))
-            _score(tallies[name], name, seen, judged, dataset.layout, config, rules)
+            begun = time.perf_counter()
+            tracks = METHODS[name](seen, dataset.layout, config)
+            seconds = time.perf_counter() - begun
+            _score(tallies[name], tracks, seconds, scene, judged, rules)
             done += len(scene)
-    views = sorted({len(scene.rig) for scene, _ in parts})
-    count = f"{len(parts)} scene{'s' * (len(parts) != 1)}"
+    views = ", ".join(map(str, sorted({len(scene.rig) for scene, _ in parts})))
     shared = {"undistort": options.undistort}
     solver = {**shared, "config": config.to_dict()}
     return People(
         dataset=dataset,
         protocol=rules,
         settings={name: shared if name == "affinity" else solver for name in picked},
-        subject=f"{dataset.name} ({dataset.detector or 'no detections'}), "
-        f"{', '.join(map(str, views))} view{'s' * (views != [1])}, {count}",
-        lines=tuple(_lines(tallies)),
+        subject=f"{dataset.name} ({dataset.detector or 'no detections'}), {views} views, {len(parts)} scenes",
+        lines=tuple(line for name in picked for line in tallies[name].lines(name, tallies.get("oracle"))),
         columns=_COLUMNS,
-        published=published(dataset, rules),
         cases=parts,
     )
 
 
 def _score(
-    tally: Tally,
-    name: str,
-    scene: PeopleTake,
-    judged: Mask,
-    layout: Layout,
-    config: RefineConfig,
-    rules: Protocol,
+    tally: Tally, tracks: Tracks, seconds: float, scene: PeopleTake, judged: Mask, rules: Protocol
 ) -> None:
-    begun = time.perf_counter()
-    tracks = METHODS[name](scene, layout, config)
-    seconds = time.perf_counter() - begun
     place = np.where(judged, np.cumsum(judged) - 1, -1)  # among the frames that count
     tally.add(
         scene.key,
@@ -333,14 +326,3 @@ def _score(
         names=scene.names,
         parts=rules.parts or None,
     )
-
-
-def _lines(tallies: Mapping[str, Tally]) -> Iterator[Figures]:
-    """Yield the figures of each method, over all and of each scene and person."""
-    for method, tally in tallies.items():
-        reference = None if method == "oracle" else tallies.get("oracle")
-        groups = {("all", ""): tally.figures(reference)}
-        groups |= {("scene", key): tally.figures(reference, key) for key in tally.scenes}
-        groups |= {("person", name): figures for name, figures in tally.people().items()}
-        for (group, name), figures in groups.items():
-            yield {"method": method, "group": group, "name": name, **figures}

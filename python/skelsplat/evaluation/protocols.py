@@ -49,32 +49,25 @@ class Protocol:
 
     name: str
     text: str  # goes under every table
-    # Keys of the columns in order, and their headers; empty: the takes' own, in their order.
-    columns: Mapping[str, str] = field(default_factory=dict)
+    columns: Mapping[str, str] = field(default_factory=dict)  # key to header; empty: the takes' own
     subjects: tuple[str, ...] = ()  # those evaluated; empty: all
     every: int = 1  # one frame in so many, counted in frame numbers from the take's first
     ranges: tuple[tuple[int, int], ...] = ()  # first and last frame numbers evaluated; empty: all
     excluded: frozenset[str] = frozenset()  # keys of takes whose absolute error does not count
-    # Number of views to the numbers of the cameras; an empty tuple: all that there are.
-    view_sets: Mapping[int, tuple[int, ...]] = field(default_factory=dict)
+    view_sets: Mapping[int, tuple[int, ...]] = field(default_factory=dict)  # to camera numbers; empty: all
     n_views: int | None = None  # which of `view_sets`; None: all cameras
     all_views_detected: bool = False  # drop frames in which a view has no detection at all
     mean_of_columns: bool = False  # PCP is averaged over the columns, not over all limbs
-    # Of several people: count only those whom so many views detect; 0: everybody with a truth.
-    least_views: int = 0
+    least_views: int = 0  # that detect a person who counts, of several; 0: everybody with a truth does
     parts: Parts = ()  # limbs of the PCP; empty: the protocol has none
     root: tuple[int, ...] | None = None  # joints whose mean is the root; None: the layout's
-    # Poses of the published evaluation: absolute, root-relative.
-    expected_poses: tuple[int, int] | None = None
+    expected_poses: tuple[int, int] | None = None  # of the published evaluation: absolute, root-relative
     # What the paper changes in its own settings on this benchmark, and where it starts.
     paper_fields: Mapping[str, Any] = field(default_factory=dict)
     paper_start: Literal["dlt", "fusion"] = "dlt"
 
     def with_options(self, *, n_views: int | None = None, every: int | None = None) -> Protocol:
-        """Return the protocol with a number of views and one frame in so many; None keeps its own.
-
-        Raises `InvalidInputError` if the protocol has no such choice.
-        """
+        """Return the protocol with another number of views or another `every`, if it has the choice."""
         if every is not None and every < 1:
             raise InvalidInputError(f"every: expected an integer >= 1, got {every}")
         if n_views is not None and n_views not in self.view_sets:
@@ -104,10 +97,8 @@ class Protocol:
                     one_of(take.key, column, self.columns)
                 cases.append(Case(whole.select(keep), column, take.key not in self.excluded, whole, keep))
         if not cases:
-            asked = f" of {', '.join(self.subjects)}" if self.subjects else ""
-            raise InvalidInputError(
-                f"{dataset.name}: expected frames{asked} for the protocol {self.name}, got none"
-            )
+            asked = f"frames of {', '.join(self.subjects) or 'any subject'} for the protocol {self.name}"
+            raise InvalidInputError(f"{dataset.name}: expected {asked}, got none")
         return tuple(cases)
 
     def headers(self, cases: Sequence[Case]) -> dict[str, str]:
@@ -116,10 +107,7 @@ class Protocol:
         return {key: self.columns.get(key, key) for key in self.columns or there if key in there}
 
     def counted(self, frames: NDArray[np.int64]) -> NDArray[np.bool_]:
-        """Return which of the frame numbers (T,) of a take are evaluated.
-
-        Of each `every` numbers it is the first that there is: of a whole take 0, every, 2·every and so on.
-        """
+        """Return which frame numbers (T,) of a take are evaluated: of each `every` the first there is."""
         keep = np.full(len(frames), self.every == 1)
         if len(frames):
             keep[np.unique((frames - frames[0]) // self.every, return_index=True)[1]] = True

@@ -12,10 +12,19 @@ import numpy as np
 from skelsplat import _skelsplat
 from skelsplat.datasets import Dataset
 from skelsplat.evaluation.protocols import SIMULATED, Protocol
-from skelsplat.evaluation.reported import Published
+from skelsplat.evaluation.reported import Published, published
 from skelsplat.evaluation.tables import Cell, Column, Row, Table
 
 Figures = dict[str, Any]
+
+
+def lines(method: str, groups: Mapping[str, Mapping[str, Figures]]) -> list[Figures]:
+    """Return the figures of a method as lines, from figures by group and name."""
+    return [
+        {"method": method, "group": group, "name": name, **figures}
+        for group, named in groups.items()
+        for name, figures in named.items()
+    ]
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,7 +47,11 @@ class Evaluation:
     #: ``name`` of others. Lengths are in mm, shares from 0 to 1, NaN means that nothing counts.
     lines: tuple[Figures, ...]
     columns: Mapping[str, Figure]  #: of the table of methods, by figure
-    published: Published | None  #: what others reported of this data set
+
+    @property
+    def published(self) -> Published | None:
+        """What others reported of this data set."""
+        return published(self.dataset, self.protocol)
 
     @property
     def methods(self) -> tuple[str, ...]:
@@ -52,10 +65,10 @@ class Evaluation:
 
     def overall(self, title: str, *notes: str) -> Table:
         """One row per method, and those reported; under it the data, their notes, and these."""
-        rows = []
-        for method in self.methods:
-            figures = self.figures(method)
-            rows.append(Row(method, tuple(self._cell(key, figures) for key in self.columns)))
+        rows = [
+            Row(method, tuple(self._cell(key, self.figures(method)) for key in self.columns))
+            for method in self.methods
+        ]
         if self.published is not None:
             rows += self.published.rows([self._published(key) for key in self.columns])
         data = self.dataset
@@ -93,14 +106,8 @@ class Evaluation:
     def values(self, **more: Any) -> dict[str, Any]:
         """Return everything as values of JSON, with what only one kind of evaluation has."""
         data, protocol = self.dataset, self.protocol
-        about = {
-            "name": data.name,
-            "detector": data.detector,
-            "simulated": data.name in SIMULATED,
-            "source": data.source,
-            "notes": list(data.notes),
-            "layout": data.layout.name,
-        }
+        about = {name: getattr(data, name) for name in ("name", "detector", "source", "notes")}
+        about |= {"simulated": data.name in SIMULATED, "layout": data.layout.name}
         versions = {
             "skelsplat": _skelsplat.__version__,
             "python": platform.python_version(),

@@ -1,6 +1,6 @@
 """Running methods on cases, with the poses of every take kept on disk so that a stopped run goes on.
 
-A result is read back only if its checksum is right and it belongs to the same settings and data.
+A result is read back only if the checksum of the file and of the data that it was made of is right.
 """
 
 from __future__ import annotations
@@ -11,7 +11,6 @@ import json
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -26,7 +25,7 @@ from skelsplat.evaluation.methods import Method, Options, Settings, Solution
 from skelsplat.evaluation.protocols import Case
 
 # Raise it when the meaning of a file or of a method's settings changes.
-_FORMAT = 2
+_FORMAT = 3
 
 Report = Callable[[str, str, int, int], None]
 """Called with method, take, poses done or found on disk so far, and poses in all (of all methods)."""
@@ -34,7 +33,7 @@ Report = Callable[[str, str, int, int], None]
 
 @dataclass(frozen=True)
 class Store:
-    """Results on disk: ``<folder>/<method>-<hash of settings>/<take>.npz``, each with its SHA-256 behind."""
+    """Results on disk: ``<folder>/<method>-<hash of settings>/<take>.npz``, each with a checksum behind."""
 
     folder: Path
     source: tuple[str | None, ...]  #: what else the results depend on
@@ -49,39 +48,36 @@ class Store:
         return self.folder / f"{method.name}-{_digest(run.encode())[:12]}" / name
 
 
-def load(path: Path, data: str) -> Solution | None:
+def load(path: Path, data: bytes) -> Solution | None:
     """Return what `save` has written of the same data, if it is there and whole."""
     content = path.read_bytes() if path.is_file() else b""
     whole, checksum = content[:-32], content[-32:]
-    if hashlib.sha256(whole).digest() != checksum:
+    if hashlib.sha256(whole + data).digest() != checksum:
         return None
     with np.load(io.BytesIO(whole), allow_pickle=False) as found:
-        return Solution(found["pose"], float(found["seconds"])) if found["data"] == data else None
+        return Solution(found["pose"], float(found["seconds"]))
 
 
-def save(path: Path, key: str, data: str, solution: Solution) -> None:
+def save(path: Path, data: bytes, solution: Solution) -> None:
     """Write a result, whole or not at all; raises `DatasetError` if the folder cannot be written."""
     path.parent.mkdir(parents=True, exist_ok=True)
     content = io.BytesIO()
-    np.savez(content, pose=solution.pose, seconds=np.float64(solution.seconds), key=key, data=data)
+    np.savez(content, pose=solution.pose, seconds=np.float64(solution.seconds))
     whole = content.getvalue()
     with atomic_write(path, durable=False) as stream:  # `load` checks what it reads
-        stream.write(whole + hashlib.sha256(whole).digest())
+        stream.write(whole + hashlib.sha256(whole + data).digest())
 
 
-def fingerprint(take: Take) -> str:
-    """Hash of everything in a take that a result or its score depends on."""
-    arrays: dict[str, Any] = {
-        name: getattr(take, name) for name in ("frames", "truth", "detections", "monocular", "boxes")
-    }
-    for i, camera in enumerate(take.rig):
-        names = ("K", "R", "t", "distortion", "size", "fisheye")
-        arrays |= {f"{name}{i}": getattr(camera, name) for name in names}
-    content = f"{take.key}|{take.rig.unit}".encode()
-    for name, value in arrays.items():
+def fingerprint(take: Take) -> bytes:
+    """Everything in a take that a result or its score depends on."""
+    arrays: list[Any] = [take.frames, take.truth, take.detections, take.monocular, take.boxes]
+    for camera in take.rig:
+        arrays += [camera.K, camera.R, camera.t, camera.distortion, camera.size, camera.fisheye]
+    content = f"{take.key}|{take.rig.unit}|{take.fps}".encode()
+    for value in arrays:
         array = np.zeros(0) if value is None else np.ascontiguousarray(value)
-        content += f"|{name}:{value is None}:{array.dtype.str}:{array.shape}|".encode() + array.tobytes()
-    return _digest(content)
+        content += f"|{value is None}:{array.dtype.str}:{array.shape}|".encode() + array.tobytes()
+    return content
 
 
 def _digest(content: bytes) -> str:
@@ -97,10 +93,9 @@ def run(
     store: Store | None = None,
     report: Report | None = None,
 ) -> dict[str, list[Solution]]:
-    """Run every method on every case, or take the result from the store.
+    """Return by method one solution per case, from the store if it has it; without one nothing is kept.
 
-    Returns one solution per case by the method's name. Without a store nothing is kept on disk. Raises
-    `DatasetError` if a take lacks what a method needs (before any work), or a result cannot be written.
+    Raises `DatasetError` if a take lacks what a method needs (before any work), or one cannot be written.
     """
     settings = {method.name: method.settings(options) for method in methods}
     for method in methods:
@@ -108,21 +103,18 @@ def run(
             method.check(case.given(method.over_time), settings[method.name])
     total, done = len(methods) * sum(len(case.take) for case in cases), 0
     solutions: dict[str, list[Solution]] = {method.name: [] for method in methods}
+
+    def told(now: int, _: int = 0) -> None:
+        if report is not None:
+            report(method.name, case.take.key, done + now, total)
+
     for method in methods:
         for case in cases:
-            told = partial(_tell, report, method.name, case.take.key, done, total)
             told(0)
             solutions[method.name].append(_solved(method, case, layout, settings[method.name], store, told))
             done += len(case.take)
             told(len(case.take))
     return solutions
-
-
-def _tell(
-    report: Report | None, method: str, take: str, before: int, total: int, now: int, _: int = 0
-) -> None:
-    if report is not None:
-        report(method, take, before + now, total)
 
 
 def _solved(
@@ -133,12 +125,12 @@ def _solved(
     if store is not None:
         path, data = store.path(method, settings, take), fingerprint(take)
         if method.over_time:
-            data += f" of {fingerprint(whole)} at {whole.fps:g} Hz"
+            data += fingerprint(whole)
         if (found := load(path, data)) is not None:
             return found
     solution = method.solve(whole, layout, settings, told if method.by_pixels else None)
     if whole is not take:
         solution = Solution(solution.pose[case.rows], len(take) / len(whole) * solution.seconds)
     if store is not None:
-        save(path, take.key, data, solution)
+        save(path, data, solution)
     return solution

@@ -9,18 +9,16 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from skelsplat import metrics
-from skelsplat._arrays import Array, generator, numbers
+from skelsplat._arrays import Array, generator
 from skelsplat._skelsplat import Layout
 from skelsplat.datasets import Take
 from skelsplat.evaluation.methods import Solution
 from skelsplat.evaluation.protocols import Case, Protocol
-from skelsplat.evaluation.report import Figures
+from skelsplat.evaluation.report import Figures, lines
 from skelsplat.evaluation.tables import interval
-from skelsplat.exceptions import InvalidInputError
 
 PCK_MM = (50, 100, 150)
 ERRORS = ("absolute_mm", "relative_mm", "procrustes_mm")
-RESAMPLES = 2000
 
 
 def score(
@@ -38,16 +36,15 @@ def score(
         key: _means([e for e, case in zip(errors, cases, strict=True) if case.column == key])
         for key in protocol.headers(cases)
     }
-    all_means = _means(errors)
-    absolute = [e["absolute_mm"] for e in errors]
     whole: Figures = {
-        **all_means,
+        **_means(errors),
         "absolute_poses": sum(len(case.take) for case in cases if case.absolute),
-        "median_mm": _mean(absolute, np.median),
+        "median_mm": _mean([e["absolute_mm"] for e in errors], np.median),
         "ms_per_pose": 1e3 * sum(solution.seconds for solution in solutions) / poses,
     }
     for kind in ERRORS:
-        low, high = _ends([e[kind] for e in errors])
+        sums = [float(np.nansum(e[kind])) for e in errors]
+        low, high = mean_interval(sums, [np.count_nonzero(~np.isnan(e[kind])) for e in errors])
         whole |= {kind.replace("_mm", "_low_mm"): low, kind.replace("_mm", "_high_mm"): high}
     whole["interval"] = interval(whole["absolute_low_mm"], whole["absolute_high_mm"])
     for key in (*(f"pck_{mm}" for mm in PCK_MM), "missing", "acceleration_m_s2"):
@@ -55,12 +52,7 @@ def score(
     if protocol.mean_of_columns:
         whole["pcp"] = _mean([np.array([means["pcp"] for means in columns.values()])])
     joints = {name: _means(errors, joint=j) for j, name in enumerate(layout.joints)}
-    groups = (("all", {"": whole}), ("action", columns), ("joint", joints))
-    return [
-        {"method": method, "group": group, "name": name, **figures}
-        for group, named in groups
-        for name, figures in named.items()
-    ]
+    return lines(method, {"all": {"": whole}, "action": columns, "joint": joints})
 
 
 def _errors(case: Case, pose: Array, layout: Layout, protocol: Protocol) -> dict[str, Array]:
@@ -112,31 +104,20 @@ def _mean(values: Sequence[Array], mean: Callable[[Array], np.floating[Any]] = n
     return float(mean(finite)) if finite.size else float("nan")
 
 
-def _ends(values: Sequence[Array]) -> tuple[float, float]:
-    """Interval of the mean of what is not NaN."""
-    return mean_interval(
-        [float(np.nansum(v)) for v in values], [np.count_nonzero(~np.isnan(v)) for v in values]
-    )
-
-
 def mean_interval(
-    sums: ArrayLike, counts: ArrayLike, *, level: float = 0.95, resamples: int = RESAMPLES, seed: int = 0
+    sums: ArrayLike, counts: ArrayLike, *, level: float = 0.95, resamples: int = 2000
 ) -> tuple[float, float]:
     """Return the percentile interval of Σ sums / Σ counts when whole takes are drawn with replacement.
 
     This is the bootstrap over takes: frames of one take are alike, takes are not. `sums` and `counts` (S,)
-    are of each take the sum of what is averaged and its count; takes that count nothing are left out.
-    `level` is the share of the resampled means inside the interval. It is NaN with fewer than two takes.
-    Raises `InvalidInputError` for shapes that differ.
+    are of each take the sum of what is averaged and its count. NaN with fewer than two takes that count.
     """
-    total, number = numbers(sums, "sums"), numbers(counts, "counts")
-    if total.ndim != 1 or total.shape != number.shape:
-        raise InvalidInputError(f"counts: expected shape {total.shape} (S,) as sums, got {number.shape}")
+    total, number = np.asarray(sums, dtype=np.float64), np.asarray(counts, dtype=np.float64)
     used = number > 0
     n = np.count_nonzero(used)
     if n < 2:
         return float("nan"), float("nan")
-    times = generator(seed).multinomial(n, np.full(n, 1.0 / n), size=resamples)
+    times = generator(0).multinomial(n, np.full(n, 1.0 / n), size=resamples)
     means = (times @ total[used]) / (times @ number[used])
     low, high = np.quantile(means, [(1.0 - level) / 2.0, (1.0 + level) / 2.0])
     return float(low), float(high)

@@ -21,7 +21,6 @@ from skelsplat.evaluation import methods, protocols, runs
 from skelsplat.evaluation.methods import Method, Options, Start
 from skelsplat.evaluation.protocols import Case, Protocol
 from skelsplat.evaluation.report import Evaluation, Figure, Figures
-from skelsplat.evaluation.reported import published
 from skelsplat.evaluation.scores import PCK_MM, score
 from skelsplat.evaluation.tables import Report, Table
 from skelsplat.exceptions import InvalidInputError
@@ -113,13 +112,13 @@ class Single(Evaluation):
 
     def _reported(self) -> Iterator[Figures]:
         """Yield of each published row its average and the actions."""
-        for row in self.published.table if self.published is not None else ():
+        for row in self.published.table.rows if self.published is not None else ():
             own = {"method": row.name, "reported": 1}
             absolute, pcp = row.cells([self._published("absolute_mm"), self._published("pcp")])
             yield {**own, "group": "all", "absolute_mm": absolute, "pcp": pcp and pcp / 100}
             for key in self.protocol.headers(self.cases):
                 if key in row.keys:
-                    yield {**own, "group": "action", "name": key, "absolute_mm": row.value(key)}
+                    yield {**own, "group": "action", "name": key, "absolute_mm": row.cells([key])[0]}
 
 
 def evaluate(
@@ -135,10 +134,8 @@ def evaluate(
 
     `names` are as of `select`; of the `options` those of the paper are filled in from the protocol, by
     default that of the data set's name. In the `folder` the poses of every take are kept, so that a stopped
-    evaluation goes on.
-
-    Raises `InvalidInputError` for an unknown method, or if there is nothing to evaluate, `DatasetError` if a
-    take lacks what a method needs, or results cannot be written.
+    evaluation goes on. Raises `InvalidInputError` for an unknown method, or if there is nothing to evaluate,
+    `DatasetError` if a take lacks what a method needs, or results cannot be written.
     """
     rules = protocols.get(dataset.name) if protocol is None else protocol
     cases = rules.cases(dataset)
@@ -150,11 +147,9 @@ def evaluate(
     source = (dataset.name, dataset.detector, dataset.layout.name, rules.name)
     store = None if folder is None else runs.Store(folder, source)
     solutions = runs.run(cases, dataset.layout, picked, chosen, store=store, report=report)
-    lines = [
-        line
-        for name, solved in solutions.items()
-        for line in score(name, cases, solved, dataset.layout, rules)
-    ]
+    lines: list[Figures] = []
+    for name, solved in solutions.items():
+        lines += score(name, cases, solved, dataset.layout, rules)
     rated = any(math.isfinite(line.get("acceleration_m_s2", math.nan)) for line in lines)
     known = {"pcp": bool(rules.parts), "acceleration_m_s2": rated}
     views = ", ".join(map(str, sorted({len(case.take.rig) for case in cases})))
@@ -165,7 +160,6 @@ def evaluate(
         subject=f"{dataset.name} ({dataset.detector or 'no detections'}), {views} views",
         lines=tuple(lines),
         columns={key: figure for key, figure in _COLUMNS.items() if known.get(key, True)},
-        published=published(dataset, rules),
         cases=cases,
         options=chosen,
     )
@@ -179,9 +173,9 @@ def select(names: Sequence[str], cases: Sequence[Case], options: Options) -> lis
     """
 
     def allowed(method: Method) -> bool:
-        given, settings = (case.given(method.over_time) for case in cases), method.settings(options)
-        there = find_spec(method.package) is not None
-        return there and all(method.lacks(take, settings) is None for take in given)
+        settings = method.settings(options)
+        lacking = any(method.lacks(case.given(method.over_time), settings) for case in cases)
+        return find_spec(method.package) is not None and not lacking
 
     every = [methods.get(name) for name in methods.names]
     if list(names) == ["all"]:

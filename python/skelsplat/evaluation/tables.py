@@ -130,15 +130,10 @@ class Table:
             name = row.name if row.origin == "measured" else f"*{row.name}*"
             rows.append([name, *([row.data] * with_data), *cells])
         header = [self.first, *(["data"] * with_data), *(column.header for column in self.columns)]
+        rule = ["---", *(["---"] * with_data), *(["---:"] * len(self.columns))]
+        lines = [" | ".join(cell.replace("|", "\\|") for cell in cells) for cells in (header, rule, *rows)]
         title = [f"### {self.heading}"] if self.title else []
-        return "\n\n".join([*title, grid(header, rows, numeric=len(self.columns)), *self.notes]) + "\n"
-
-
-def grid(header: Sequence[str], rows: Iterable[Sequence[str]], *, numeric: int) -> str:
-    """Return a table in Markdown, whose last `numeric` columns are aligned to the right."""
-    rule = [*["---"] * (len(header) - numeric), *["---:"] * numeric]
-    lines = [[cell.replace("|", "\\|") for cell in cells] for cells in (header, rule, *rows)]
-    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+        return "\n\n".join([*title, "\n".join(f"| {line} |" for line in lines), *self.notes]) + "\n"
 
 
 def interval(low: float, high: float) -> str:

@@ -9,20 +9,13 @@ from functools import partial
 
 import numpy as np
 
-from skelsplat import Refinement, metrics
+from skelsplat import Refinement
 from skelsplat._arrays import Array
-from skelsplat.evaluation.ablations._source import (
-    ANNEALED,
-    PAPER,
-    Errors,
-    Sample,
-    Source,
-    Start,
-    errors_of,
-)
+from skelsplat.evaluation.ablations._source import ANNEALED, PAPER, Sample, Source, Start
 from skelsplat.evaluation.ablations._sweep import Outcome, reported_rows
 from skelsplat.evaluation.reported import reported
 from skelsplat.evaluation.tables import Column, Row, Table
+from skelsplat.metrics import sigma_coverage
 
 INITIALISATION, COVERAGE = "tab:abl-initial-guess", "text:coverage"
 _STARTS: dict[Start, str] = {"dlt": "Triangulation", "fusion": "3D fusion"}
@@ -35,16 +28,15 @@ def initialisation(source: Source) -> Outcome:
     rows = []
     for sample in source.samples("plain", "noisy"):
         if not sample.has_monocular:
-            source.note(f"{sample.name}: no monocular poses, so no fusion of them")
+            source.notes.append(f"{sample.name}: no monocular poses, so no fusion of them")
         for kind, start in _STARTS.items():
             if sample.has_monocular or kind == "dlt":
-                found = _started(source, sample, kind)
-                cells = tuple(found[column].mpjpe if column in found else None for column in _COLUMNS)
-                rows.append(Row(start, cells, data=sample.name))
-    for row in reported(INITIALISATION):
+                cells = _started(source, sample, kind)
+                rows.append(Row(start, tuple(map(cells.get, _COLUMNS)), data=sample.name))
+    for row in reported(INITIALISATION).rows:
         start = _STARTS["dlt" if row.setting["init"] == "dlt" else "fusion"]
-        cells = row.cells(("guess", "skelsplat", None, None))
-        rows.append(Row(f"{start} (reported)", cells, "reported", f"{row.detector}"))
+        theirs = row.cells(("guess", "skelsplat", None, None))
+        rows.append(Row(f"{start} (reported)", theirs, "reported", f"{row.detector}"))
     columns = tuple(map(Column, _COLUMNS))
     table = Table("Start and detections, MPJPE", "start, detections", columns, tuple(rows), unit="mm")
     prior = (
@@ -54,26 +46,23 @@ def initialisation(source: Source) -> Outcome:
     return (table,), (prior,)
 
 
-def _started(source: Source, sample: Sample, kind: Start) -> dict[str, Errors]:
-    """Return the errors by column."""
+def _started(source: Source, sample: Sample, kind: Start) -> dict[str, float]:
+    """Return the MPJPE by column."""
     starts, words = sample.starts(kind), _STARTS[kind]
-    found = {_GUESS: errors_of(sample, starts)}
+    found = {_GUESS: sample.errors(starts)}
     for method in (PAPER, ANNEALED):
         found[method] = source.errors(method, sample, starts, words)
     if kind == "fusion":
         sigma = source.init_sigma_mm
         found[_PRIOR] = source.errors(ANNEALED, sample, starts, f"{words} as prior", init_sigma_mm=sigma)
-    return found
+    return {column: errors["mpjpe"] for column, errors in found.items()}
 
 
 _SIGMAS = ("1", "2", "3")
 # Share of a Gaussian in three dimensions within 1, 2, 3 standard deviations (χ² with 3 degrees of freedom).
 _IDEAL = (19.9, 73.9, 97.1)
-_SPLAT, _PLAIN, _POSTERIOR = (
-    f"{PAPER}, splat covariance",
-    f"{PAPER} without factor, splat covariance",
-    f"{ANNEALED}, uncertainty",
-)
+_SPLAT, _PLAIN = f"{PAPER}, splat covariance", f"{PAPER} without factor, splat covariance"
+_POSTERIOR = f"{ANNEALED}, uncertainty"
 
 Shares = dict[str, Array]
 """By kind of covariance, whether each joint lies within each k: (3, P, N), 1, 0, or NaN if unknown."""
@@ -98,21 +87,18 @@ def coverage(source: Source) -> Outcome:
 
 def _covered(source: Source, sample: Sample) -> Shares:
     starts = sample.starts(source.start_kind(sample))
-
-    def shares(results: Sequence[Refinement], covariance: str) -> Array:
-        each = [
-            metrics.sigma_coverage(
-                r.pose, getattr(r, covariance), group.truth, sigmas=(1, 2, 3), reduce="none"
-            )
+    kinds: dict[str, tuple[str, str, dict[str, float]]] = {_SPLAT: (PAPER, "covariance", {})}
+    if "occlusion_factor" in sample.paper_fields:
+        kinds[_PLAIN] = (PAPER, "covariance", {"occlusion_factor": 1.0})
+    kinds[_POSTERIOR] = (ANNEALED, "uncertainty", {})
+    found = {}
+    for name, (method, covariance, fields) in kinds.items():
+        results = source.refined(method, sample, starts, "coverage", **fields)
+        shares = [
+            sigma_coverage(r.pose, getattr(r, covariance), group.truth, sigmas=(1, 2, 3), reduce="none")
             for group, r in zip(sample.groups, results, strict=True)
         ]
-        return np.concatenate(each, axis=1)
-
-    found = {_SPLAT: shares(source.refined(PAPER, sample, starts, "coverage"), "covariance")}
-    if "occlusion_factor" in sample.paper_fields:
-        same = source.refined(PAPER, sample, starts, "coverage without factor", occlusion_factor=1.0)
-        found[_PLAIN] = shares(same, "covariance")
-    found[_POSTERIOR] = shares(source.refined(ANNEALED, sample, starts, "coverage"), "uncertainty")
+        found[name] = np.concatenate(shares, axis=1)
     return found
 
 
@@ -137,18 +123,18 @@ TIERS = ("none", "Symm-1", "Symm-2", "Symm-3")
 _TIMED, _REPEATS = 8, 3
 
 
-def time_of_tiers(source: Source, samples: Sequence[Sample]) -> Outcome:
+def time_of_tiers(source: Source) -> Outcome:
     """Measure the time per iteration by symmetry tier."""
-    few = samples[0].head(_TIMED)
+    few = replace(source, poses=min(_TIMED, source.poses or _TIMED)).samples("plain")[0]
     starts = few.starts(source.start_kind(few))
-    ms: dict[str, list[float]] = {}
+    timed = []
     for method, fields in ((PAPER, {"stop_tolerance": 0.0}), (ANNEALED, {})):
         solve = partial(source.refined, method, few, starts, "time", n_threads=1, **fields)
-        ms[method] = [
+        best = [
             min(_ms(partial(solve, symmetry_tier=tier)) for _ in range(_REPEATS))
             for tier in range(len(TIERS))
         ]
-    timed = [Row(method, tuple(each), data=samples[0].name) for method, each in ms.items()]
+        timed.append(Row(method, tuple(best), data=few.name))
     for row in reported_rows(SECONDS, [f"{tier}" for tier in range(4)]):
         values = tuple(1e3 * value if isinstance(value, float) else None for value in row.cells)
         timed.append(replace(row, cells=values))

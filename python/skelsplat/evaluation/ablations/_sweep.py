@@ -10,14 +10,13 @@ from typing import Any
 
 from skelsplat._arrays import Array
 from skelsplat._skelsplat import __version__
-from skelsplat.evaluation.ablations._source import PAPER, Errors, Kind, Sample, Source, errors_of
+from skelsplat.evaluation.ablations._source import CHOICES, PAPER, Errors, Kind, Sample, Source
 from skelsplat.evaluation.reported import reported
 from skelsplat.evaluation.tables import Column, Report, Row, Table
 from skelsplat.exceptions import InvalidInputError
 
 REPORTED = "SkelSplat (reported)"
 _CSV = ("table", "unit", "method", "data", "origin", "column", "value")
-
 
 Outcome = tuple[tuple[Table, ...], tuple[str, ...]]
 """Tables, and what to know about them."""
@@ -29,7 +28,7 @@ class Ablation:
 
     name: str  # on the command line
     title: str
-    labels: tuple[str, ...]  # the paper's tables, as `skelsplat.evaluation.reported` calls them
+    labels: tuple[str, ...]  # of the paper's tables
     poses: int  # how many are taken unless told otherwise: so many that two cores are done within a minute
     measure: Callable[[Source], Outcome]  # measures everything on a source of poses
 
@@ -40,7 +39,7 @@ class Ablation:
         """
         tables, known = self.measure(source)
         theirs = [reported(label) for label in self.labels]
-        notes = [*known, *(f"{note}." for note in source.notes)]
+        notes = [*known, *(f"{note}." for note in dict.fromkeys(source.notes))]
         notes += [f"Paper: {note}" for table in theirs for note in table.notes]
         notes += [f"Reported: {table.title}; {table.source}" for table in theirs]
         line = source.line()
@@ -63,7 +62,7 @@ class Ablation:
                 "command": command,
                 "simulated": source.simulated,
                 "data": line,
-                "choices": source.choices,
+                "choices": {choice: getattr(source, choice) for choice in CHOICES},
                 "tables": [asdict(table) for table in tables],
                 "notes": notes,
             },
@@ -89,14 +88,14 @@ def _draw(tables: Sequence[Table], caption: str, path: Path) -> Path:
 def reported_rows(label: str, keys: Sequence[str]) -> tuple[Row, ...]:
     """Return the paper's rows with the columns `keys`; None in columns that the paper does not have."""
     found = {}
-    for row in reported(label).select("SkelSplat"):
+    for row in (row for row in reported(label).rows if row.method == "SkelSplat"):
         marks = [*row.setting.values(), *([row.detector] if row.detector else [])]
         found[", ".join(marks)] = row.cells(keys)
     return tuple(Row(REPORTED, values, "reported", data) for data, values in found.items())
 
 
-Varied = Callable[[Any], tuple[Sample, list[Array]]]
-"""A value of the setting → the poses and starts that it is measured on."""
+Trial = tuple[Sample, list[Array]]
+"""Poses and starts that a value of a setting is measured on."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,15 +109,9 @@ class Line:
     method: str = PAPER
 
 
-def key(value: Any) -> str:
-    """Return a value as the columns of published tables are named."""
-    return value if isinstance(value, str) else f"{value:g}"
-
-
-def as_in_the_paper(source: Source, sample: Sample) -> Varied:
+def as_in_the_paper(source: Source, sample: Sample, _: Any) -> Trial:
     """Start where the paper does, at every value."""
-    starts = sample.starts(source.start_kind(sample))
-    return lambda _: (sample, starts)
+    return sample, sample.starts(source.start_kind(sample))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -128,47 +121,48 @@ class Sweep:
     label: str  # the paper's table
     title: str  # of our table
     corner: str  # what its columns are
-    values: Mapping[Any, str]  # values, which are also the columns of the paper's table (`key`), to headers
+    values: Mapping[Any, str]  # values, which are also the columns of the paper's table, to headers
     lines: tuple[Line, ...]
     kinds: tuple[Kind, ...] = ("plain",)  # what of the source is measured
     notes: tuple[str, ...] = ()
-    begin: Callable[[Source, Sample], Varied] = as_in_the_paper
+    trial: Callable[[Source, Sample, Any], Trial] = as_in_the_paper
     up_to_views: bool = False  # values are numbers of views: those above the sample's are left out
     steps: str = ""  # title of a second table, with the steps taken; "" is none
-    more: Callable[[Source, Sequence[Sample]], Outcome] | None = None  # what else is measured, on all samples
+    more: Callable[[Source], Outcome] = lambda _: ((), ())  # what else is measured
 
     def __call__(self, source: Source) -> Outcome:
         """Measure every value on every sample."""
-        samples = source.samples(*self.kinds)
         rows: dict[str, list[Row]] = {"mpjpe": [], "steps": []}
-        for sample in samples:
+        for sample in source.samples(*self.kinds):
             for name, by in self._measured(source, sample).items():
                 for figure, found in rows.items():
-                    cells = (getattr(by[v], figure) if v in by else None for v in self.values)
+                    cells = (by[v][figure] if v in by else None for v in self.values)
                     found.append(Row(name, tuple(cells), data=sample.name))
-        rows["mpjpe"] += reported_rows(self.label, [key(value) for value in self.values])
+        rows["mpjpe"] += reported_rows(
+            self.label, [v if isinstance(v, str) else f"{v:g}" for v in self.values]
+        )
         headers = self.values.values()
         errors, steps = map(tuple, rows.values())
         tables = [Table(self.title, self.corner, tuple(map(Column, headers)), errors, unit="mm")]
         if self.steps:
             columns = tuple(Column(header, 0) for header in headers)
             tables.append(Table(self.steps, self.corner, columns, steps, unit="steps", chart=False))
-        others, notes = ((), ()) if self.more is None else self.more(source, samples)
+        others, notes = self.more(source)
         return (*tables, *others), (*self.notes, *notes)
 
     def _measured(self, source: Source, sample: Sample) -> dict[str, dict[Any, Errors]]:
         """Return errors by row and value."""
-        values = [v for v in self.values if not (self.up_to_views and v > sample.n_views)]
+        n_views = min(len(group.rig) for group in sample.groups)
+        values = [v for v in self.values if not (self.up_to_views and v > n_views)]
         if len(values) < 2:
             expected = f"at least {sorted(self.values)[1]} cameras in {sample.name}"
-            raise InvalidInputError(f"views: expected {expected}, got {sample.n_views}")
-        varied = self.begin(source, sample)
+            raise InvalidInputError(f"views: expected {expected}, got {n_views}")
         found: dict[str, dict[Any, Errors]] = {line.name: {} for line in self.lines}
         for value in values:
-            poses, starts = varied(value)
+            poses, starts = self.trial(source, sample, value)
             for line in self.lines:
                 if line.fields is None:
-                    found[line.name][value] = errors_of(poses, starts)
+                    found[line.name][value] = poses.errors(starts)
                 elif (fields := line.fields(value)) is not None:
                     doing = f"{self.corner} {self.values[value]}"
                     found[line.name][value] = source.errors(line.method, poses, starts, doing, **fields)

@@ -96,13 +96,9 @@ def distances(centres: Array, directions: Array) -> Array:
 def linked(frames: Sequence[Array], fps: float) -> list[tuple[int, Index, Array]]:
     """Continue tracks by the nearest poses (G, N, 3) of each frame, nearest pairs first."""
     tracks: list[dict[int, Array]] = []  # of each its poses by frame
-    alive: list[int] = []
-    ended: list[int] = []
     for t, poses in enumerate(frames):
-        lost = [one for one in alive if t - max(tracks[one]) > FORGOTTEN_S * fps]
-        ended += lost
-        alive = [one for one in alive if one not in lost]
-        last = [tracks[one][max(tracks[one])] for one in alive]
+        alive = [k for k, one in enumerate(tracks) if t - next(reversed(one)) <= FORGOTTEN_S * fps]
+        last = [next(reversed(tracks[one].values())) for one in alive]
         gap = np.array([[moved(before, pose) for pose in poses] for before in last])
         free_tracks, free_poses = set(alive), set(range(len(poses)))
         for k in np.argsort(gap, axis=None):
@@ -112,10 +108,12 @@ def linked(frames: Sequence[Array], fps: float) -> list[tuple[int, Index, Array]
                 free_tracks.discard(alive[place])
                 free_poses.discard(b)
         for b in sorted(free_poses):
-            alive.append(len(tracks))
             tracks.append({t: poses[b]})
-    long = [one for one in ended + alive if len(tracks[one]) >= SHORTEST_FRAMES]
-    return [(one, np.array(list(tracks[one])), np.array(list(tracks[one].values()))) for one in long]
+    return [
+        (name, np.array(list(one)), np.array(list(one.values())))
+        for name, one in enumerate(tracks)
+        if len(one) >= SHORTEST_FRAMES
+    ]
 
 
 def moved(before: Array, now: Array) -> float:

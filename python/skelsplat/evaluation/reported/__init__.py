@@ -1,8 +1,8 @@
 """Figures that others published, as data: every table of the paper, and what its sources quote.
 
 >>> from skelsplat.evaluation.reported import reported
->>> reported("tab:abl-views").rows[0].value("5")
-17.7
+>>> reported("tab:abl-views").rows[0].cells(["4", "5"])
+(20.9, 17.7)
 
 One JSON file per table, each row with its method, training data, detector and citation. Nothing here was
 computed by this package.
@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
@@ -23,22 +23,24 @@ from skelsplat.evaluation.protocols import Protocol
 from skelsplat.evaluation.tables import Row
 from skelsplat.exceptions import one_of
 
-__all__ = ["Published", "ReportedRow", "ReportedTable", "labels", "published", "reported"]
-
 _FOLDER = Path(__file__).parent
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class ReportedRow:
     """One row of a published table; None where the table does not say."""
 
     method: str  #: as this package writes it: the same method has the same name in every table
-    detector: str | None  #: where the 2D keypoints come from: ``"metrabs"``, ``"cpn"``, ``"resnet152"``, …
+    detector: str | None = (
+        None  #: where the 2D keypoints come from: ``"metrabs"``, ``"cpn"``, ``"resnet152"``, …
+    )
     citation: str  #: authors, title, venue and year
-    truth_3d: bool | None  #: whether it was trained with 3D ground truth
-    training: str | None  #: the data set it was trained on
-    setting: Mapping[str, str]  #: what else tells the row from others: ``{"init": "fusion"}``
-    keys: tuple[str, ...]  #: names of the C columns, for `value`
+    truth_3d: bool | None = None  #: whether it was trained with 3D ground truth
+    training: str | None = None  #: the data set it was trained on
+    setting: Mapping[str, str] = field(
+        default_factory=dict
+    )  #: what else tells the row from others: ``{"init": "fusion"}``
+    keys: tuple[str, ...]  #: names of the C columns
     values: tuple[float | None, ...]  #: C numbers in the table's unit; None where the table has none
 
     @property
@@ -46,16 +48,8 @@ class ReportedRow:
         """Method, with its detector."""
         return self.method if self.detector is None else f"{self.method} ({self.detector})"
 
-    def value(self, key: str) -> float | None:
-        """Return the number in the column `key`; None if the table leaves it out.
-
-        Raises `InvalidInputError` if there is no such column.
-        """
-        one_of("key", key, self.keys)
-        return self.values[self.keys.index(key)]
-
     def cells(self, keys: Sequence[str | None]) -> tuple[float | None, ...]:
-        """Return the numbers in some columns; None also in those that the table does not have."""
+        """Return the numbers in some columns; None where the table has no number or no such column."""
         known = dict(zip(self.keys, self.values, strict=True))
         return tuple(None if key is None else known.get(key) for key in keys)
 
@@ -75,22 +69,7 @@ class ReportedTable:
     #: The same columns by the names that this package uses: actions, numbers of views, settings.
     keys: tuple[str, ...]
     rows: tuple[ReportedRow, ...]
-    notes: tuple[str, ...] = field(default=())  #: what to know before comparing
-
-    def __iter__(self) -> Iterator[ReportedRow]:
-        return iter(self.rows)
-
-    def select(
-        self, method: str | None = None, *, detector: str | None = None, **setting: str
-    ) -> tuple[ReportedRow, ...]:
-        """Return the rows of a method, a detector, a setting: ``select("SkelSplat", init="dlt")``."""
-        return tuple(
-            row
-            for row in self.rows
-            if (method is None or row.method == method)
-            and (detector is None or row.detector == detector)
-            and all(row.setting.get(name) == value for name, value in setting.items())
-        )
+    notes: tuple[str, ...]  #: what to know before comparing
 
 
 def reported(label: str) -> ReportedTable:
@@ -124,9 +103,8 @@ def _table(content: dict[str, Any], references: Mapping[str, str]) -> ReportedTa
     rows = []
     for row in content["rows"]:
         values = tuple(None if value is None else float(value) for value in row["values"])
-        optional: dict[str, Any] = {"detector": None, "training": None, "truth_3d": None, "setting": {}}
         own = {"citation": references[row["citation"]], "keys": lists["keys"], "values": values}
-        rows.append(ReportedRow(**{**optional, **row, **own}))
+        rows.append(ReportedRow(**{**row, **own}))
     return ReportedTable(**{**content, **lists, "rows": tuple(rows)})
 
 
@@ -140,7 +118,7 @@ class Published:
 
     def rows(self, keys: Sequence[str | None]) -> list[Row]:
         """Return all rows with these of their columns; None is a column that the table does not have."""
-        return [Row(row.name, row.cells(keys), "reported") for row in self.table]
+        return [Row(row.name, row.cells(keys), "reported") for row in self.table.rows]
 
     def note(self, real: str = "") -> str:
         """Return what the rows are; `real` says of what they are, if not of the same data."""
