@@ -82,7 +82,7 @@ def test_the_command_writes_the_calibration_and_says_what_was_adjusted(room, tmp
 def test_outputs_and_names_that_are_refused(room, tmp_path):
     command = ["adjust-cameras", room / "old.toml", room / "pose", *LAYOUT, "-o"]
     assert_fails(invoke(*command, tmp_path / "a.xml"), 2, "--output: expected a calibration to be written as")
-    same = "another file than CALIBRATION, got the same"
+    same = "another file than the input, got the same"
     assert_fails(invoke(*command, room / "old.toml", "--force"), 1, same)
     out = tmp_path / "a.toml"
     assert_fails(invoke(*command, out, "--move", "cam9"), 2, "--move: expected a camera, one of cam1")
@@ -97,8 +97,6 @@ def test_named_cameras_focal_lengths_and_clocks(room, tmp_path):
     result = invoke("adjust-cameras", room / "old.toml", room / "pose", *options)
     assert result.exit_code == 0, result.output
     assert max(map(len, result.stdout.splitlines()[:-1])) <= 80  # the last has the path
-    assert "focal" in result.stdout
-    assert "clock" in result.stdout
     assert json.loads(out.read_text())["note"].startswith("skelsplat adjust-cameras: cam3 of")
     document = json.loads(
         invoke("adjust-cameras", room / "old.toml", room / "pose", *options, "--force", "--json").stdout

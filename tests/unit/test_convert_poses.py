@@ -103,7 +103,7 @@ def test_a_calibration_is_not_written_over_itself(tmp_path):
     write_calibration(path, synthetic.human36m_like())
     before = path.read_bytes()
     result = invoke("convert", path, tmp_path / "." / "Calib.toml", "--unit", "mm", "--to-unit", "m")
-    assert_fails(result, 1, "Calib.toml: OUTPUT: expected another file than INPUT, got the same")
+    assert_fails(result, 1, "Calib.toml: OUTPUT: expected another file than the input, got the same")
     assert path.read_bytes() == before
 
 

@@ -244,5 +244,5 @@ def test_a_reader_that_goes_away_is_status_1(tmp_path, detections):
         process.stdin.flush()
         assert process.wait() == 1
         said = process.stderr.read().splitlines()
-    assert said[1] == "error: stdout: expected a reader, got broken pipe"
+    assert said[1] == "error: stdin or stdout: broken pipe"
     assert len(said) == 3

@@ -7,15 +7,13 @@ import re
 import subprocess
 import sys
 from io import StringIO
-from types import SimpleNamespace
 
 import pytest
 from rich.console import Console
 
 from command_line import READ, read_report, texts
-from skelsplat.cli.cameras import _table_of_adjusted
 from skelsplat.cli.output import print_finding
-from skelsplat.cli.table import print_parts
+from skelsplat.cli.table import new_table, print_parts
 from skelsplat.findings import Finding, Remedy, Subject
 
 LONG = "skelsplat check-cameras 'my cameras.toml' out/person_1/detections.npz --unit mm --layout h36m17 -o x"
@@ -113,18 +111,13 @@ def test_a_finding_keeps_its_command_and_its_options_whole():
     ]
 
 
-@pytest.mark.parametrize(("width", "parts"), [(80, 2), (100, 1)])
-def test_adjusted_cameras_fit_the_terminal_with_all_columns(width, parts):
-    sizes = {"turn_sigma": 1.25, "shift_sigma": 1234.0, "focal_sigma": 0.12, "clock_sigma": 0.07}
-    found = {"degrees": 12.5, "distance": 1234.0, "focal": 1.21, "clock": -10.0, "before": 1036.3}
-    one = SimpleNamespace(name="cam_03", status="adjusted", after=15.7, **found, **sizes)
-    adjustment = SimpleNamespace(report=[one], fitted=80, judged=20)
-    cameras = SimpleNamespace(adjustment=adjustment, cameras=SimpleNamespace(mm_per_unit=1.0))
-    table = _table_of_adjusted(cameras, focal=True, clock=True)
+@pytest.mark.parametrize(("width", "parts"), [(40, 2), (80, 1)])
+def test_a_table_wider_than_the_terminal_is_printed_in_parts(width, parts):
+    table = new_table("Errors", "method", [f"S{k} [mm]" for k in range(6)])
+    table.add_row("annealed", *(f"12{k}.45" for k in range(6)))
     console = Console(file=StringIO(), width=width)
-    print_parts(console, table, names=2)
+    print_parts(console, table)
     text = console.file.getvalue()
     assert max(len(line.rstrip()) for line in text.splitlines()) <= width
-    assert (text.count("cam_03  adjusted"), text.count("Cameras estimated")) == (parts, 1)
-    for number in ("12.5 ± 1.2", "1,234 ± 1,234", "+21 ± 12", "-10.00 ± 0.07", "1,036.3", "15.7"):
-        assert number in text
+    assert (text.count("annealed"), text.count("Errors")) == (parts, 1)
+    assert all(f"12{k}.45" in text for k in range(6))

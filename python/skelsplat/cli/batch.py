@@ -29,13 +29,11 @@ from skelsplat.run.batch import FAILED as FAILED_RECORDING
 
 _EPILOG = (
     "SESSIONS.toml has a table session per recording, with calibration, detections, optionally name and "
-    "output, and any option of refine under its name; a table defaults has what all share. Options of "
-    "the command line win. In a project of Pose2Sim, a recording is a folder with pose-sync or else pose, "
-    "and its calibration is in a folder with calib in its name, there or above. The results of a "
-    "recording are in FOLDER/NAME; batch.csv and batch.json in FOLDER have the table. Exit status 1 if a "
-    "recording failed, or none of its detections could be used."
+    "output, and any option of refine; a table defaults has what all share. In a project of Pose2Sim, a "
+    "recording is a folder with pose-sync or else pose; its calibration is in a folder with calib in its "
+    "name, there or above. FOLDER/NAME has the results of a recording; batch.csv and batch.json the table. "
+    "Exit status 1 if a recording failed, or none of its detections could be used."
 )
-COMMON = ("output", "jobs", "overwrite", "unit", "layout", "fps", "people", "write", "y_up")
 # The last part of a path of detections that names no recording.
 _USUAL = ("pose", "pose-sync", "pose-associated", "openpose", "detections", "pose-2d")
 
@@ -45,9 +43,9 @@ OPTIONS = (
     *rows(
         """
         Computation:
-        --jobs N  Recordings refined at the same time, each in a process of its own. [one per core]
+        * --jobs N  Recordings refined at the same time, each in a process of its own. [one per core]
         Output:
-        --overwrite  Also refine recordings that have not changed.
+        * --overwrite  Also refine recordings that have not changed.
         """
     ),
 )
@@ -57,7 +55,7 @@ _program.command("refine", cls=Command)(takes(*options.JOB)(options.job_of))
 _refine: Any = typer.main.get_command(_program)
 
 
-@answers(*OPTIONS, common=COMMON, epilog=_EPILOG)
+@answers(*OPTIONS, short=True, epilog=_EPILOG)
 def batch(
     context: typer.Context,
     sessions: Path,

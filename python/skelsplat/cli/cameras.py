@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import shlex
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
@@ -14,45 +14,38 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-import skelsplat as sk
-from skelsplat._words import number, with_bar
+from skelsplat._words import number
 from skelsplat.cli import options
 from skelsplat.cli.command import Answer, answers
 from skelsplat.cli.config import source_of
 from skelsplat.cli.output import print_finding, print_text, say, tell
 from skelsplat.cli.rows import rows
-from skelsplat.cli.table import new_table, print_parts, print_table
-from skelsplat.exceptions import DatasetError
-from skelsplat.findings import Finding
+from skelsplat.cli.table import new_table, print_adjusted, print_table
 from skelsplat.io import write_calibration
 from skelsplat.rig_check import RigReport
-from skelsplat.run.cameras import AdjustedCameras, CameraCheck, numbers_of
+from skelsplat.run.cameras import CameraCheck, numbers_of
 from skelsplat.run.cameras import adjust_cameras as adjust
 from skelsplat.run.cameras import check_cameras as check
 
 _CHECK_EPILOG = "Exit status: 0 nothing found, 1 something found or a file is unreadable, 2 bad usage."
-_CHECK_COMMON = ("unit", "layout", "person", "frames", "without", "offsets", "order", "mapping")
 
 _CHECK_OPTIONS = (
     *options.of_job("calibration"),
     replace(
         options.of_job("detections")[0],
         default=None,
-        help="Detections of people walking about. In any form that refine reads: a folder with one folder or "
-        "file per camera, named like the camera, or one file. Without them, only the calibration itself is "
-        "checked.",
+        help="Detections of people walking about, as for refine. Without them, only the file is checked.",
     ),
     *options.CALIBRATION,
     *options.RECORDING,
 )
 _CHECK_LEGEND = (
-    "vs. others: error vs. the other cameras; --offset: value for refine that corrects an unsynchronised "
-    "camera, and the error with it; DLT, robust: error vs. all cameras; weight: how much the robust solver "
-    "trusts each detection, 0 to 1; rejected: weight below 0.25"
+    "vs. others: error vs. the other cameras; --offset: correction of an unsynchronised camera, and error "
+    "with it; DLT, robust: error vs. all cameras; weight: mean trust, 0 to 1; rejected: weight below 0.25"
 )
 
 
-@answers(*_CHECK_OPTIONS, common=_CHECK_COMMON, epilog=_CHECK_EPILOG)
+@answers(*_CHECK_OPTIONS, short=True, epilog=_CHECK_EPILOG)
 def check_cameras(
     context: typer.Context, calibration: Path, detections: Path | None = None, **given: Any
 ) -> Answer:
@@ -119,20 +112,15 @@ def _print_check(found: CameraCheck, adjust: str | None, console: Console) -> No
     for finding in report.findings:
         print_finding(console, finding, own_line=True)
     if report.ok:
-        print_text(console, _nothing(found.rig, found.frames))
+        cameras = f"{len(found.rig)} cameras, {found.rig.unit}"
+        sentence = f"No fault found: {cameras}, {found.frames} frames of detections."
+        if found.frames is None:
+            sentence = f"No fault found in the file itself: {cameras}. Whether it fits a recording takes "
+            sentence += "detections: skelsplat check-cameras CALIBRATION DETECTIONS."
+        print_text(console, sentence)
     if adjust:
         say("To measure this, and correct what is sure in a new calibration file:")
         say(f"  {adjust}")  # on one line, to be pasted
-
-
-def _nothing(rig: sk.CameraRig, frames: int | None) -> str:
-    """Return the sentence for a check without findings."""
-    if frames is not None:
-        return f"No fault found: {len(rig)} cameras, {rig.unit}, {frames} frames of detections."
-    return (
-        f"No fault found in the file itself: {len(rig)} cameras, {rig.unit}. Whether it fits a recording "
-        "takes detections: skelsplat check-cameras CALIBRATION DETECTIONS."
-    )
 
 
 def _table_of_check(report: RigReport) -> Table:
@@ -146,18 +134,8 @@ def _table_of_check(report: RigReport) -> Table:
     return table
 
 
-_ADJUST_EPILOG = (
-    "Exit status: 0 done, also if no camera was adjusted; 1 a file is unreadable or another fault is found."
-)
-_ADJUST_COMMON = (
-    *("output", "unit", "layout", "person", "frames", "without", "offsets", "order", "mapping"),
-    *("free", "focal", "clock", "force"),
-)
+_ADJUST_EPILOG = "Exit status: 0 done, also if no camera was adjusted; 1 failed, or another fault is found."
 _SUFFIXES = (".toml", ".json", ".npz")
-_ADJUST_LEGEND = (
-    "±: error bar; for a camera that was not adjusted, how far off it may still be; before, after:"
-    " median distance of the detections from where the other cameras place the joints"
-)
 
 _ADJUST_OPTIONS = (
     *options.of_job("calibration", "detections"),
@@ -166,21 +144,21 @@ _ADJUST_OPTIONS = (
     *rows(
         """
         Output:
-        -o, --output FILE  Calibration file to write: .toml (Anipose), .json or .npz. Nothing is written if no
-            camera was adjusted. [required]
-        --force  Replace FILE if it exists.
+        * -o, --output FILE  Calibration file to write: .toml (Anipose), .json or .npz. Nothing is written if
+            no camera was adjusted. [required]
+        * --force  Replace FILE if it exists.
         Adjust:
-        --move CAMERA  A camera that was moved. Repeatable; only these are adjusted, instead of those found to
-            be wrong.
-        --focal  Also adjust focal lengths, if zoom or focus may have changed.
-        --clock  Also measure clocks to parts of a frame. Offsets of whole frames are found in any case.
+        * --move CAMERA  A camera that was moved. Repeatable; only these are adjusted, instead of those found
+            to be wrong.
+        * --focal  Also adjust focal lengths, if zoom or focus may have changed. --json has them.
+        * --clock  Also measure clocks to parts of a frame. Offsets of whole frames are found in any case.
         """,
         move={"name": "free", "many": True},
     ),
 )
 
 
-@answers(*_ADJUST_OPTIONS, common=_ADJUST_COMMON, epilog=_ADJUST_EPILOG)
+@answers(*_ADJUST_OPTIONS, short=True, epilog=_ADJUST_EPILOG)
 def adjust_cameras(calibration: Path, detections: Path, *, output: Path, force: bool, **given: Any) -> Answer:
     """Adjust the cameras that were turned or moved since the calibration, from a recording.
 
@@ -195,7 +173,7 @@ def adjust_cameras(calibration: Path, detections: Path, *, output: Path, force: 
 
     skelsplat adjust-cameras Calib.qca.txt pose/ -o fixed.toml --move cam_03 --focal
     """
-    _check_output(output, calibration, force=force)
+    options.check_output("--output", output, calibration, "calibration", _SUFFIXES, force=force)
     found = adjust(calibration, detections, **options.reading(given))
     wrote = f"{output} was not written."
     if found.adjusted:
@@ -204,10 +182,14 @@ def adjust_cameras(calibration: Path, detections: Path, *, output: Path, force: 
         write_calibration(output, found.cameras, note=note, adjusted=True)
         wrote = f"Wrote {len(found.cameras)} cameras to {output}, lengths in {found.cameras.unit}."
 
+    cameras = [numbers_of(one, found.cameras.mm_per_unit) for one in found.adjustment.report]
+
+    def tell_all(_console: Console) -> None:
+        for finding in found.findings:
+            tell(finding)
+
     def show(console: Console) -> None:
-        print_parts(console, _table_of_adjusted(found, focal=given["focal"], clock=given["clock"]), names=2)
-        console.print(_ADJUST_LEGEND, style="dim")
-        console.print()
+        print_adjusted(console, cameras)
         for finding in found.findings:
             print_finding(console, finding, own_line=True)
         say(wrote)
@@ -219,47 +201,6 @@ def adjust_cameras(calibration: Path, detections: Path, *, output: Path, force: 
         "unit": found.cameras.unit,
         "frames": {"fitted": found.adjustment.fitted, "left_out": found.adjustment.judged},
         "findings": [finding.to_dict() for finding in found.findings],
-        "cameras": [numbers_of(one, found.cameras.mm_per_unit) for one in found.adjustment.report],
+        "cameras": cameras,
     }
-    return Answer(document, show, lambda _: _tell(found.findings))
-
-
-def _tell(findings: Sequence[Finding]) -> None:
-    for finding in findings:
-        tell(finding)
-
-
-def _check_output(output: Path, source: Path, *, force: bool) -> None:
-    if output.suffix.lower() not in _SUFFIXES:
-        expected = f"a calibration to be written as {', '.join(_SUFFIXES)}"
-        got = output.suffix or "no suffix"
-        raise typer.BadParameter(f"expected {expected}, got {got!r}", param_hint="--output")
-    if output.resolve() == source.resolve():
-        raise DatasetError(output, "output", "another file than CALIBRATION", "the same")
-    if output.exists() and not force:
-        raise DatasetError(output, "output", "no file of this name (--force replaces it)", "one that exists")
-
-
-def _table_of_adjusted(found: AdjustedCameras, *, focal: bool, clock: bool) -> Table:
-    report, mm, judged = found.adjustment.report, found.cameras.mm_per_unit, found.adjustment.judged
-    clock = clock or any(one.clock for one in report)
-    more = [*(["focal\n[%]"] if focal else []), *(["clock\n[frames]"] if clock else [])]
-    columns = ("", "turned by\n[°]", "moved by\n[mm]", *more, "before\n[px]", "after\n[px]")
-    left_out = f"; errors measured in {judged} others" if judged else ""
-    table = new_table(f"Cameras estimated from {found.adjustment.fitted} frames{left_out}", "camera", columns)
-    for column in table.columns:
-        column.no_wrap = True  # a number and its error bar
-    table.columns[1].justify = "left"
-    for one in report:
-        cells = [_bar(one.degrees, one.turn_sigma), _bar(one.distance * mm, one.shift_sigma * mm)]
-        if focal:
-            cells.append(_bar(100 * (one.focal - 1), 100 * one.focal_sigma, "+"))
-        if clock:
-            cells.append(_bar(one.clock, one.clock_sigma, "+"))
-        table.add_row(one.name, one.status, *cells, number(one.before), number(one.after))
-    return table
-
-
-def _bar(value: float, sigma: float, sign: str = "") -> str:
-    """Return a number with its error bar; a dash for what was not looked at."""
-    return with_bar(value, sigma, sign) if round(value, 1) or math.isfinite(sigma) else "–"
+    return Answer(document, show, tell_all)

@@ -6,7 +6,7 @@ import functools
 import inspect
 import itertools
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from importlib import import_module
 from typing import Annotated, Any, ClassVar
@@ -103,13 +103,13 @@ _HelpAll = Annotated[
 ]
 
 
-def takes(*rows: Option, common: Sequence[str] = (), epilog: str | None = None) -> Decorator:
+def takes(*rows: Option, short: bool = False, epilog: str | None = None) -> Decorator:
     """Give a function, which takes them as keywords, the options and arguments of a table, and ``--config``.
 
     The function gets what is given, or has a default. A parameter ``context`` of its own is typer's. With
-    ``common``, the parameters that most people use, ``--help`` shows these alone, ``--help-all`` the others.
+    ``short``, ``--help`` shows the options that most people use alone, ``--help-all`` the others.
     """
-    extra = {"config": Config, "help_all": _HelpAll} if common else {"config": Config}
+    extra = {"config": Config, "help_all": _HelpAll} if short else {"config": Config}
 
     def decorate(function: Callable[..., Any]) -> Callable[..., Any]:
         @functools.wraps(function)
@@ -125,7 +125,7 @@ def takes(*rows: Option, common: Sequence[str] = (), epilog: str | None = None) 
             for name, annotation in extra.items()
         ]
         every = [*own, *(row.parameter for row in rows), *added]
-        shown = (*common, *extra, "help") if common else ()
+        shown = (*(row.name for row in rows if row.common), *extra, "help") if short else ()
         vars(command).update(rows=rows, common=shown, epilog=epilog, __signature__=inspect.Signature(every))
         return command
 
@@ -142,7 +142,7 @@ class Answer:
     status: int = 0  # the exit status
 
 
-def answers(*rows: Option, common: Sequence[str] = (), epilog: str | None = None) -> Decorator:
+def answers(*rows: Option, short: bool = False, epilog: str | None = None) -> Decorator:
     """Give a function that returns an `Answer` what `takes` does, ``--quiet`` and ``--json``.
 
     Warnings are printed as they occur.
@@ -164,8 +164,7 @@ def answers(*rows: Option, common: Sequence[str] = (), epilog: str | None = None
                 raise typer.Exit(answer.status)
 
         own = () if any(row.name == "quiet" for row in rows) else (QUIET,)
-        usual = (*common, "quiet", "as_json") if common else ()
-        return takes(*rows, *own, AS_JSON, common=usual, epilog=epilog)(command)
+        return takes(*rows, *own, AS_JSON, short=short, epilog=epilog)(command)
 
     return decorate
 

@@ -17,10 +17,7 @@ import typer
 from skelsplat.cli.rows import NAME_OR_PATH, Option
 from skelsplat.exceptions import DatasetError
 
-_HELP = (
-    "Read options and arguments from a file. Its lines are OPTION = VALUE, of a flag FLAG = true; paths are "
-    "relative to its folder. Command-line options win; --no-FLAG cancels FLAG = true."
-)
+_HELP = "Read options and arguments from a file. Its paths are relative to its folder. The command line wins."
 _MOST_CHARACTERS = 40
 
 

@@ -74,11 +74,10 @@ def convert(source: Path, target: Path, *, force: bool, **given: Any) -> Answer:
     """
     given = {name: value for name, value in given.items() if value is not False}
     kind = _kind(source, named="format" in given)
-    _check(kind, target, given)
-    if target.resolve() == source.resolve():
-        raise DatasetError(target, "OUTPUT", "another file than INPUT", "the same")
-    if target.exists() and not force:
-        raise DatasetError(target, "OUTPUT", "no file of this name (--force replaces it)", "one that exists")
+    suffixes, known = _KINDS[kind]
+    for name in given.keys() - known:
+        raise typer.BadParameter(f"does not apply to a {kind}", param_hint=f"--{name.replace('_', '-')}")
+    options.check_output("OUTPUT", target, source, kind, suffixes, force=force)
     sentence, about = (_poses if kind == "pose file" else _calibration)(source, target, given)
     document = {"kind": kind, "input": str(source), "output": str(target), **about}
     return Answer(document, lambda _: say(sentence))
@@ -104,29 +103,14 @@ def _kind(source: Path, *, named: bool) -> str:
     raise DatasetError(source, "content", expected, f"{actual} (convert --help lists the formats)")
 
 
-def _check(kind: str, target: Path, given: dict[str, Any]) -> None:
-    """Refuse an output suffix or options that do not apply to this kind of file."""
-    suffixes, known = _KINDS[kind]
-    if target.suffix.lower() not in suffixes:
-        expected, got = f"a {kind} to be written as {', '.join(suffixes)}", target.suffix or "no suffix"
-        raise typer.BadParameter(f"expected {expected}, got {got!r}", param_hint="OUTPUT")
-    for name in given:
-        if name not in known:
-            hint = "--" + name.replace("_", "-")
-            raise typer.BadParameter(f"does not apply to a {kind}", param_hint=hint)
-
-
 def _poses(source: Path, target: Path, given: dict[str, Any]) -> tuple[str, dict[str, Any]]:
     """Convert poses; return a sentence about it, and values of JSON."""
     path = source / POSES if source.is_dir() else source
-    given = dict(given)
     try:
         data = convert_poses(path, target, unit=given.pop("to_unit", None), **given)
     except InvalidInputError as error:
-        own = {"unit": "to_unit", "frame_rate": "fps"}.get(error.argument)
-        if own is not None:
-            raise error.of_argument(own) from error
-        raise
+        option = {"unit": "to_unit", "frame_rate": "fps"}.get(error.argument, error.argument)
+        raise error.of_argument(option) from error
     frames, joints = data.pose.shape[:2]
     about = {"format": pose_format(path), "frames": frames, "joints": list(data.joint_names)}
     sentence = f"Wrote {frames} frames of {joints} joints to {target}."
@@ -135,7 +119,6 @@ def _poses(source: Path, target: Path, given: dict[str, Any]) -> tuple[str, dict
 
 def _calibration(source: Path, target: Path, given: dict[str, Any]) -> tuple[str, dict[str, Any]]:
     """Convert a calibration; return a sentence about it, and values of JSON."""
-    given = dict(given)
     unit = given.pop("to_unit", None)
     rig = read_calibration(source, **given)
     written = rig if unit is None else convert_unit(rig, unit)

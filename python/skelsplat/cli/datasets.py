@@ -136,29 +136,30 @@ def _print_report(report: Report, console: Console) -> None:
     """Print what `datasets.check` found."""
     layout = f", format {report.survey.format}" if report.survey.format else ""
     console.print(Text.assemble((report.name, "bold"), escaped(f" in {report.root}{layout}")))
-    _print_files(console, report)
+    there, missing = report.survey.there, report.survey.missing
+    console.print(f"{len(there)} files and folders are there, {len(missing)} missing.")
+    for path, what in missing[:_MOST_FILES]:
+        console.print(f"  missing: {what}, expected at {path}", style="yellow", soft_wrap=True)
+    if len(missing) > _MOST_FILES:
+        console.print(f"  … and {len(missing) - _MOST_FILES} more (--json lists all)", style="yellow")
     if report.dataset is not None:
         _print_dataset(console, report.dataset)
-        _print_errors(console, report)
+        known = [f"{name} {px:.1f}" for name, px in report.errors.items() if math.isfinite(px)]
+        errors = f"Truth projected onto the detections, median error in px: {', '.join(known)}."
+        console.print(errors if known else "No detections: units and cameras are judged by the truth alone.")
     if (error := report.error) is not None:
-        words = " ".join(f"{error.field}: expected {error.expected}, got {error.actual}".split())
-        console.print(f"✗ cannot be read: {words}", style="red")
-        console.print(f"  {error.path}", style="dim", soft_wrap=True)
+        console.print(f"✗ cannot be read: {error}", style="red", soft_wrap=True)
     for finding in report.findings:
         mark, style = ("✗", "red") if finding.severity == "error" else ("!", "yellow")
         console.print(f"{mark} {finding.text}", style=style)
         console.print(f"  {', '.join(finding.subject.files)}", style="dim", soft_wrap=True)
-    console.print(_verdict(report), style="green" if report.ok else "red")
-
-
-def _print_files(console: Console, report: Report) -> None:
-    there, missing = report.survey.there, report.survey.missing
-    console.print(f"{len(there)} files and folders are there, {len(missing)} missing.")
-    for path, what in missing[:_MOST_FILES]:
-        console.print(f"  missing: {what}, expected at", style="yellow")
-        console.print(f"    {path}", style="yellow", soft_wrap=True)
-    if len(missing) > _MOST_FILES:
-        console.print(f"  … and {len(missing) - _MOST_FILES} more (--json lists all)", style="yellow")
+    if report.ok:
+        verdict = f"All there and usable{', with warnings' if report.findings else ''}."
+    elif error is not None or any(finding.severity == "error" for finding in report.findings):
+        verdict = "These data cannot be used as they are."
+    else:
+        verdict = "Something is missing; what is there can be used."
+    console.print(verdict, style="green" if report.ok else "red")
 
 
 def _print_dataset(console: Console, dataset: Dataset) -> None:
@@ -184,26 +185,6 @@ def _print_dataset(console: Console, dataset: Dataset) -> None:
 def _percent(shares: Sequence[float | None]) -> str:
     known = [share for share in shares if share is not None]
     return f"{100 * sum(known) / len(known):.1f} %" if known else "–"
-
-
-def _print_errors(console: Console, report: Report) -> None:
-    """Print the reprojection errors per camera."""
-    known = {name: px for name, px in report.errors.items() if math.isfinite(px)}
-    if not known:
-        console.print("No detections: units and cameras are judged by the truth alone.")
-        return
-    table = new_table("Truth projected onto the detections, median error [px]", "camera", ("error",))
-    for name, px in known.items():
-        table.add_row(name, f"{px:.1f}")
-    print_table(console, table)
-
-
-def _verdict(report: Report) -> str:
-    if report.ok:
-        return f"All there and usable{', with warnings' if report.findings else ''}."
-    if report.error is not None or any(finding.severity == "error" for finding in report.findings):
-        return "These data cannot be used as they are."
-    return "Something is missing; what is there can be used."
 
 
 NAMES = (*synthetic.set_names, PEOPLE_SET)
@@ -250,22 +231,17 @@ def synth(
     skelsplat synth people data/people --people 4 --views 5 --scenes 10
     """
     if name == PEOPLE_SET and poses is not None:
-        message = f"does not apply to {PEOPLE_SET}; the length of its scenes is given with --frames"
-        raise typer.BadParameter(message, param_hint="--poses")
+        raise typer.BadParameter(f"does not apply to {PEOPLE_SET}, but --frames does", param_hint="--poses")
     for key in of_people if name != PEOPLE_SET else ():
         raise typer.BadParameter(f"does not apply to {name}, only to {PEOPLE_SET}", param_hint=f"--{key}")
     if name == PEOPLE_SET:
         data = synthetic.simulate_people_set(**{**_DEFAULTS, **of_people}, seed=seed)
-        number = data.parameters["scenes"]
-        length = f"{number} scene{'s' * (number != 1)} of {data.parameters['frames']} frames"
-        what = f"{data.parameters['people']} people, {data.parameters['views']} views, {length}"
+        what = ", ".join(f"{key} {data.parameters[key]}" for key in _DEFAULTS)
     else:
         data = synthetic.simulate_set(name, poses=poses, seed=seed)
         what = f"{data.parameters['poses']} poses in {len(data.recordings)} takes"
     write_simulated(folder, data, openpose=openpose)
     detectors = " and ".join(data.parameters["detectors"])
+    sentence = f"{folder}: {name} (simulated), {what}, detectors {detectors}, seed {seed}"
     document = {"name": name, "takes": len(data.recordings), "parameters": data.parameters}
-    return Answer(
-        {"folder": str(folder), **document},
-        lambda _: say(f"{folder}: {name} (simulated), {what}, detectors {detectors}, seed {seed}"),
-    )
+    return Answer({"folder": str(folder), **document}, lambda _: say(sentence))

@@ -13,7 +13,6 @@ from typing import Any
 import typer
 from rich.console import Console
 from rich.progress import TimeElapsedColumn
-from rich.table import Table as Drawn
 from rich.text import Text
 
 from skelsplat import datasets
@@ -28,16 +27,14 @@ from skelsplat.datasets import Dataset
 from skelsplat.datasets._registry import detections_option, options_of
 from skelsplat.evaluation import ablations, methods, people, protocols, single
 from skelsplat.evaluation.ablations import Source
-from skelsplat.evaluation.protocols import Protocol
 from skelsplat.evaluation.tables import Report, Table
 from skelsplat.exceptions import InvalidInputError
 from skelsplat.findings import no_pictures
 from skelsplat.run.folder import output_folder
 
 _EVALUATE_EPILOG = (
-    "Results: report.md, report.csv, report.json and, of methods of one person, bars.png in FOLDER and the "
-    "poses of every take under FOLDER/runs, from where a stopped evaluation goes on. Exit status: 0 ok, "
-    "1 failed, 2 bad usage, 130 interrupted."
+    "FOLDER has report.md, report.csv, report.json and, of methods of one person, bars.png, and in runs the "
+    "poses of every take, from where a stopped evaluation goes on."
 )
 _EVALUATE_OPTIONS = (
     *rows(
@@ -107,10 +104,17 @@ def evaluate(
     rules = protocols.get(data.name).with_options(n_views=views, every=every)
     folder = Path("skelsplat-evaluation") / data.name if output is None else output
     with output_folder(folder), progress("poses", first="evaluating") as bar:
-        several = _of_people(names, data)
-        report = _evaluated(data, names, chosen, rules, None if several else folder / "runs", bar)
-        files = report.write(folder)
-    shown = report.tables if per_joint else report.tables[: report.shown]
+
+        def hear(name: str, take: str, done: int, total: int) -> None:
+            bar(f"{name}, {take}", done, total)
+
+        run: dict[str, Any] = {"protocol": rules, "report": hear}
+        if _of_people(names, data):
+            found = people.evaluate(data, [] if names == ["all"] else names, chosen, **run).report()
+        else:
+            found = single.evaluate(data, names, chosen, folder=folder / "runs", **run).report()
+        files = found.write(folder)
+    shown = found.tables if per_joint else found.tables[: found.shown]
 
     def show(console: Console) -> None:
         for table in shown:
@@ -118,26 +122,7 @@ def evaluate(
         for note in shown[0].notes:
             console.print(note, style="dim")
 
-    return answer(report, show, folder, files)
-
-
-def _evaluated(
-    data: Dataset,
-    names: Sequence[str],
-    chosen: methods.Options,
-    rules: Protocol,
-    runs: Path | None,
-    bar: Callable[[str, int, int], object],
-) -> Report:
-    """Run methods of one person, whose poses are kept in a folder, or, without one, of several people."""
-
-    def hear(name: str, take: str, done: int, total: int) -> None:
-        bar(f"{name}, {take}", done, total)
-
-    if runs is None:
-        picked = [] if list(names) == ["all"] else names
-        return people.evaluate(data, picked, chosen, protocol=rules, report=hear).report()
-    return single.evaluate(data, names, chosen, protocol=rules, folder=runs, report=hear).report()
+    return answer(found, show, folder, files)
 
 
 def answer(
@@ -155,30 +140,26 @@ def answer(
     return Answer(dict(report.values), print_all)
 
 
-def print_experiment(console: Console, table: Table) -> None:
+def print_experiment(console: Console, whole: Table) -> None:
     """Print a table in parts that fit, its best figures in bold, and reported ones apart."""
-    for one in table.by_figures():
-        print_parts(console, _drawn(one))
-
-
-def _drawn(table: Table) -> Drawn:
-    drawn = new_table(table.heading or None, table.first, [column.header for column in table.columns])
-    reported = False
-    for row in table.rows:
-        if row.origin != "measured" and not reported:
-            reported = True
-            drawn.add_section()
-            drawn.add_row(Text("reported:", style="dim"))
-        styles = ["bold" if table.is_best(row, k) else "" for k in range(len(table.columns))]
-        cells = [Text(table.text(row, k), style) for k, style in enumerate(styles)]
-        drawn.add_row(Text(escaped(row.label)), *cells, style="italic" if reported else "")
-    return drawn
+    for table in whole.by_figures():
+        drawn = new_table(table.heading or None, table.first, [column.header for column in table.columns])
+        reported = False
+        for row in table.rows:
+            if row.origin != "measured" and not reported:
+                reported = True
+                drawn.add_section()
+                drawn.add_row(Text("reported:", style="dim"))
+            styles = ["bold" if table.is_best(row, k) else "" for k in range(len(table.columns))]
+            cells = [Text(table.text(row, k), style) for k, style in enumerate(styles)]
+            drawn.add_row(Text(escaped(row.label)), *cells, style="italic" if reported else "")
+        print_parts(console, drawn)
 
 
 def _of_people(names: Sequence[str], data: Dataset) -> bool:
     """Whether the methods are those of several people; refuse them with others."""
     whole = list(names) in ([], ["all"])
-    kinds = {name in people.names for name in names} if not whole else {bool(data.scenes)}
+    kinds = {bool(data.scenes)} if whole else {name in people.names for name in names}
     if len(kinds) > 1:
         expected = f"either {', '.join(people.names)} or methods of one person"
         raise InvalidInputError(f"--methods: expected {expected}, got {', '.join(names)}")
@@ -283,10 +264,7 @@ def ablate(
 
 
 def _print_ablation(report: Report, console: Console) -> None:
-    """Print tables, each with its source under it, and notes.
-
-    The rows of a table are methods; or its columns, if there are too many settings for the width.
-    """
+    """Print tables, turned if there are too many settings for the width, each above its source; and notes."""
     for table in report.tables:
         print_experiment(console, table.turned() if len(table.columns) > _MOST_COLUMNS else table)
         console.print(*table.notes, style="yellow" if report.values["simulated"] else "")

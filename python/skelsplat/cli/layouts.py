@@ -73,11 +73,7 @@ def _list(every: Sequence[tuple[sk.Layout, sk.layouts.About]], console: Console)
     for layout, about in every:
         table.add_row(layout.name, str(layout.n_joints), "yes" if layout.human else "–", about.detectors)
     print_table(console, table)
-    console.print(
-        "human: bones have the proportions of people. skelsplat layouts NAME explains one; --toml prints it "
-        "as a layout file, to make your own.",
-        style="dim",
-    )
+    console.print("human: bones have the proportions of people", style="dim")
 
 
 def _explain(layout: sk.Layout, about: sk.layouts.About, console: Console) -> None:

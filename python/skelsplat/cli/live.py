@@ -5,7 +5,6 @@ from __future__ import annotations
 import gc
 import os
 import sys
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -24,7 +23,6 @@ from skelsplat.run.live import MalformedLineError, Session
 from skelsplat.run.read import read_rig
 
 _EPILOG = "Exit status: 0 at the end of the input, 1 failed, 2 bad usage, 130 interrupted."
-_MOST_LINE = 2**24  # bytes: eight cameras with hundreds of people need less
 
 
 OPTIONS = (
@@ -77,15 +75,11 @@ def live(
     the calibration, its standard deviations per axis (against an anatomical
     joint, and the scatter), and its status.
 
-    {"frame": 7, "pose": [[1.2, 0.4, 1.5], ...], "error_bar": [[0.02, 0.03, 0.02],
-    ...], "scatter": [[0.01, 0.02, 0.01], ...], "joint_status": ["ok", ...],
-    "latency_ms": 0.2}
+    {"frame": 7, "pose": [[1.2, 0.4, 1.5], ...], "joint_status": ["ok", ...], ...}
 
-    Every line is answered; a malformed one changes nothing, and its answer has an "error".
-
-    With --fps the past predicts. With --people each camera has a list of people,
-    in any order, and the answer has everybody with an id that is kept over time.
-    The guide on live use has every key. Input and output are JSON already: there is no --json.
+    A malformed line changes nothing, and its answer has an "error". With --people
+    each camera has a list of people, and the answer has everybody with an id.
+    The guide on live use has every key; there is no --json, since all is JSON.
 
     [bold]Examples[/bold]
 
@@ -94,9 +88,8 @@ def live(
     detector | skelsplat live Calib.toml --unit m --layout coco17 --fps 30 --people all
     """
     known = read_layout(layout)
-    for option, given_too in (("--lag", lag), ("--people", people)):
-        if given_too and fps is None:
-            raise typer.BadParameter("expected --fps as well", param_hint=option)
+    if people is not None and fps is None:
+        raise typer.BadParameter("expected --fps as well", param_hint="--people")
     if people is not None and lag:
         expected = "expected no --people: only one person is solved with a lag"
         raise typer.BadParameter(expected, param_hint="--lag")
@@ -109,10 +102,8 @@ def live(
             raise DatasetError(calibration, "cameras", "at least two cameras", len(rig))
         session = Session(rig, known, config, fps=fps, lag=lag, people=people)
         if not quiet:
-            cameras, joints = f"{len(rig)} cameras ({', '.join(rig.names)})", f"{known.n_joints} joints"
-            most = people if people == "all" else f"at most {people}"
-            who = "" if people is None else f", {most} people at {fps:g} Hz"
-            say(f"ready: {cameras}, {joints} ({known.name}), in {rig.unit}{who}", err=True)
+            cameras = f"{len(rig)} cameras ({', '.join(rig.names)})"
+            say(f"ready: {cameras}, {known.n_joints} joints ({known.name}), in {rig.unit}", err=True)
         gc.freeze()  # what has been imported is not searched for garbage again, which takes 10 ms
         try:
             status = _serve(session, sys.stdin.buffer, sys.stdout.buffer)
@@ -124,22 +115,10 @@ def live(
         sys.exit(status)
 
 
-def _numbered(source: BinaryIO) -> Iterator[tuple[int, bytes]]:
-    """Yield the lines with their numbers from 1; what cannot be read, or has no end, is a `DatasetError`."""
-    try:
-        for number, line in enumerate(iter(lambda: source.readline(_MOST_LINE + 1), b""), start=1):
-            if len(line) > _MOST_LINE:
-                raise DatasetError("stdin", f"line {number}", f"at most {_MOST_LINE:,} bytes", "more")
-            yield number, line
-    except OSError as error:
-        reason = (error.strerror or str(error)).lower()
-        raise DatasetError("stdin", "line", "a stream that can be read", reason) from error
-
-
 def _serve(session: Session, source: BinaryIO, target: BinaryIO) -> int:
     """Answer line by line until the input ends; return the exit status."""
     try:
-        for number, line in _numbered(source):
+        for number, line in enumerate(source, start=1):
             try:
                 answer = session.answer(line)
             except MalformedLineError as error:
@@ -153,8 +132,7 @@ def _serve(session: Session, source: BinaryIO, target: BinaryIO) -> int:
     except KeyboardInterrupt:
         return INTERRUPTED
     except OSError as error:
-        got = (error.strerror or str(error)).lower()
-        say(f"error: stdout: expected a reader, got {got}", err=True)
+        say(f"error: stdin or stdout: {(error.strerror or str(error)).lower()}", err=True)
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # nothing is left to flush at exit
         return FAILED
     return 0

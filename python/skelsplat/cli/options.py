@@ -6,12 +6,14 @@ import re
 from collections.abc import Iterator
 from dataclasses import fields, replace
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import typer
 
 from skelsplat import RefineConfig
 from skelsplat.cli.rows import NAME_OR_PATH, Option, choice, rows
+from skelsplat.exceptions import DatasetError
 from skelsplat.io.calibration import FORMATS as CALIBRATION_FORMATS
 from skelsplat.io.detections import FORMATS
 from skelsplat.io.poses import POSE_FORMATS
@@ -22,10 +24,8 @@ from skelsplat.run.job import FRAME_MODES, Job
 def some_of(choices: tuple[str, ...], option: str, value: str) -> tuple[str, ...]:
     """Return the names in a list with commas, each once and each one of ``choices``."""
     names = tuple(dict.fromkeys(name.strip().lower().removeprefix(".") for name in value.split(",")))
-    for name in names:
-        if name not in choices:
-            expected = f"some of {', '.join(choices)}"
-            raise typer.BadParameter(f"expected {expected}, got {name!r}", param_hint=option)
+    for name in (one for one in names if one not in choices):
+        raise typer.BadParameter(f"expected some of {', '.join(choices)}, got {name!r}", param_hint=option)
     return names
 
 
@@ -41,8 +41,7 @@ def all_or_number(option: str, value: str) -> str | int:
 def _width_and_height(option: str, text: str) -> tuple[int, int]:
     found = re.fullmatch(r"(\d+)[x×](\d+)", text.strip())
     if found is None or not (int(found[1]) and int(found[2])):
-        expected = "a width and a height such as 1920x1080"
-        raise typer.BadParameter(f"expected {expected}, got {text!r}", param_hint=option)
+        raise typer.BadParameter(f"expected a size such as 1920x1080, got {text!r}", param_hint=option)
     return int(found[1]), int(found[2])
 
 
@@ -61,8 +60,7 @@ def _offsets(option: str, values: list[str]) -> dict[str, float]:
     found: dict[str, float] = {}
     for camera, text in _pairs(option, values):
         if not re.fullmatch(r"[+-]?\d+(\.\d+)?", text):
-            expected = "a number of frames, like cam2=3 or cam2=-1.25"
-            raise typer.BadParameter(f"expected {expected}, got {text!r}", param_hint=option)
+            raise typer.BadParameter(f"expected frames, like cam2=-1.25, got {text!r}", param_hint=option)
         found[camera] = float(text) if "." in text else int(text)
     return found
 
@@ -111,7 +109,7 @@ JOB = rows(
     DETECTIONS  Folder or file of 2D detections. A folder has one folder or file per camera, named like the
         camera.
     Calibration:
-    --unit mm|cm|m  Length unit of the calibration. Needed if the format does not state it: Anipose TOML,
+    * --unit mm|cm|m  Length unit of the calibration. Needed if the format does not state it: Anipose TOML,
         OpenCV YAML, 4D association.
     --calibration-format NAME  Format of the calibration: {", ".join(sorted(CALIBRATION_FORMATS))}.
         [found from the content]
@@ -121,23 +119,22 @@ JOB = rows(
     --size WxH  Image size, if the files do not state it: OpenPose, some OpenCV YAML, VoxelPose, DANNCE.
     --binning N  Qualisys: sensor pixels per pixel of the video.
     Input:
-    --layout NAME  Joint layout, such as body25b. A name (skelsplat layouts lists them), a layout file
+    * --layout NAME  Joint layout, such as body25b. A name (skelsplat layouts lists them), a layout file
         (.toml), or file: the joints as the detections name them. [found from the joint names in the files]
-    --person WHO  Person to follow. consistent: the person the views agree on. The others are followed over
-        time as by --people, and one is chosen: N, the identity, from 0 in the order of appearance; largest;
-        moves-most; CAMERA:X,Y, whoever is at that pixel when the camera first sees somebody. If the frame
-        rate is unknown, N is entry N of each file, and largest the largest in each image: not always the
-        same person. [= consistent]
-    --people all|N  Refine several people. Each has a folder, person_0, person_1, …: all of them, or the N
+    * --person WHO  Person to follow. consistent: whom the views agree on. Or one of all, followed over time:
+        N, from 0 in the order of appearance; largest; moves-most; CAMERA:X,Y, whoever is at that pixel when
+        the camera first sees somebody. If the frame rate is unknown, N is entry N of each file, and largest
+        the largest in each image: not always the same person. [= consistent]
+    * --people all|N  Refine several people. Each has a folder, person_0, person_1, …: all of them, or the N
         whom the views see most. The frame rate must be known. [one person]
     --frames MODE  What to do if cameras have different frames. strict: stop (except for formats that list
         only people: alphapose, coco, csv); intersection: keep the common frames; union: keep all. [= strict]
     --format NAME  Format of the detections: {", ".join(FORMATS)}. [found from the files]
-    --offset CAMERA=FRAMES  Frames to add to a camera's numbers. 3 if it started 3 frames late; also 3.4.
+    * --offset CAMERA=FRAMES  Frames to add to a camera's numbers. 3 if it started 3 frames late; also 3.4.
         Repeatable.
     --order A,B,…  Folder, file or index in the file of each camera, in the calibration's order; or sorted.
         [by name]
-    --without CAMERA  Leave a camera out. Repeatable; the camera need not have detections.
+    * --without CAMERA  Leave a camera out. Repeatable; the camera need not have detections.
     --map JOINT=NAME  What a joint of the layout is in the files: a name, an index from 0, or none.
         Repeatable.
     --sequence NAME  Sequence of a file that has several, such as "S9/Directions 1".
@@ -149,7 +146,7 @@ JOB = rows(
     --adjust-cameras  First adjust the cameras that were turned or moved since the calibration. Everybody the
         views agree on shows which; cameras.json has them. skelsplat adjust-cameras writes a calibration.
     Method:
-    --paper  Use the published method. It renders pixels and optimises with Adam; the default, annealed, is
+    * --paper  Use the published method. It renders pixels and optimises with Adam; the default, annealed, is
         more robust.
     --no-swaps  Do not correct left–right swaps.
     --free-bones  Do not use the proportions of people for joints that few views see.
@@ -160,22 +157,22 @@ JOB = rows(
     --max-steps N
     --threads 1..1024  [all cores]
     Over time:
-    --fps HZ  Frame rate. If it is known, the recording is solved over time: bones keep their length and
+    * --fps HZ  Frame rate. If it is known, the recording is solved over time: bones keep their length and
         joints move smoothly. [as files or videos state it]
     --frame-by-frame  Solve each frame alone, even if the frame rate is known. --paper always does.
-    --fill-gaps N  Fill gaps of at most N frames. The results mark these joints as filled. [none]
+    * --fill-gaps N  Fill gaps of at most N frames. The results mark these joints as filled. [none]
     --fill-weak  Also treat weak joints as gaps.
-    --filter FILTER  Smooth over time. butterworth[:HZ[:ORDER]] runs both ways and has no lag;
+    * --filter FILTER  Smooth over time. butterworth[:HZ[:ORDER]] runs both ways and has no lag;
         one-euro[:HZ[:BETA]] is causal, BETA in Hz per mm/s. Weak joints stay as they are and do not affect
         others. Requires --fps. [none]
     Output:
-    -o, --output FOLDER  Folder for the results. [required]
-    --write FORMATS  Pose files: csv, trc, c3d, json, nc. pose.npz is always written; nc is for xarray and
+    * -o, --output FOLDER  Folder for the results. [required]
+    * --write FORMATS  Pose files: csv, trc, c3d, json, nc. pose.npz is always written; nc is for xarray and
         movement. [= csv,trc]
-    --y-up  Write TRC and C3D with y up. OpenSim expects it; the calibration must have z up.
+    * --y-up  Write TRC and C3D with y up. OpenSim expects it; the calibration must have z up.
     --marker-names STYLE  Joint names in TRC and C3D files: skelsplat (right_hip), or pose2sim (RHip), for
         its OpenSim models. [= skelsplat]
-    --angles  Write joint angles. angles.csv and angles.npz have error bars, angles.mot is for OpenSim.
+    * --angles  Write joint angles. angles.csv and angles.npz have error bars, angles.mot is for OpenSim.
     --no-html  Do not write report.html. It takes 5 MB or more.
     """,
     size=_width_and_height,
@@ -209,7 +206,7 @@ def of_job(*names: str) -> tuple[Option, ...]:
 CALIBRATION = tuple(row for row in JOB if row.panel == "Calibration")
 _JUDGED_BY = """
     Input:
-    --person WHO  By whom the cameras are judged. everybody: all on whom three views agree; consistent: only
+    * --person WHO  By whom the cameras are judged. everybody: all on whom three views agree; consistent: only
         the person on whom they agree best; largest: the largest in each image; N: entry N of each file,
         from 0. [= everybody]
     """
@@ -231,6 +228,20 @@ OF_LIVE = (
 def frame_range(_option: str, text: str) -> FrameRange:
     """Return the frames that ``--range`` names."""
     return FrameRange.parse(text)
+
+
+def check_output(
+    option: str, output: Path, source: Path, kind: str, suffixes: tuple[str, ...], *, force: bool
+) -> None:
+    """Refuse a file to write whose suffix does not fit, that is the input, or, without ``force``, exists."""
+    if output.suffix.lower() not in suffixes:
+        expected, got = f"a {kind} to be written as {', '.join(suffixes)}", output.suffix or "no suffix"
+        raise typer.BadParameter(f"expected {expected}, got {got!r}", param_hint=option)
+    field = option.removeprefix("--")
+    if output.resolve() == source.resolve():
+        raise DatasetError(output, field, "another file than the input", "the same")
+    if output.exists() and not force:
+        raise DatasetError(output, field, "no file of this name (--force replaces it)", "one that exists")
 
 
 def job_of(**given: Any) -> Job:

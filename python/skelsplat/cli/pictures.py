@@ -18,14 +18,13 @@ from skelsplat.cli.rows import NAME_OR_PATH, positive, rows
 from skelsplat.findings import collected_warnings
 from skelsplat.run.angles import FILES as ANGLE_FILES
 from skelsplat.run.frame_range import FrameRange
-from skelsplat.run.plots import PICTURES, USUAL, Drawn, Source, read_source, write_plots
+from skelsplat.run.plots import PICTURES, USUAL, read_source, write_plots
 
 _PLOT_EPILOG = (
     "trajectories: positions with bands of ±1 and ±2 standard deviations. bones: lengths of the limbs, left "
     "next to right. errors: median reprojection error and share of rejected detections, camera by joint. "
     "angles: joint angles with the same bands. "
-    "Figures are 180 mm wide; further pages of PNG files are numbered. A pose file is npz, csv, trc, c3d, "
-    "json or nc; what can be drawn depends on what its format stores."
+    "Figures are 180 mm wide. What can be drawn of a pose file depends on what its format stores."
 )
 
 _PLOT_OPTIONS = rows(
@@ -86,12 +85,8 @@ def plot(
         if names:
             console.print(f"Wrote to {folder}/: {', '.join(names)}")
 
-    return Answer(_report(source, drawn), show)
-
-
-def _report(source: Source, drawn: list[Drawn]) -> dict[str, Any]:
     frames = source.poses.frames
-    return {
+    document = {
         "input": str(source.path),
         "frames": len(frames),
         "first_frame": int(frames[0]),
@@ -102,6 +97,7 @@ def _report(source: Source, drawn: list[Drawn]) -> dict[str, Any]:
         **{picture.name: picture.numbers for picture in drawn},
         "left_out": {picture.name: picture.sentence for picture in drawn if not picture.files},
     }
+    return Answer(document, show)
 
 
 _OVERLAY_EPILOG = (
@@ -153,11 +149,9 @@ def overlay(
 ) -> Answer:
     """Draw a run on its videos: detections, reprojected skeleton, error ellipses.
 
-    Of a run of several people, all are drawn, in one colour each.
-
-    Detections are discs, from green (trusted) to crimson; rejected ones are
-    crosses, with a line to the joint of the pose; a diamond marks a left–right
-    swap. Ellipses are drawn at 2 standard deviations.
+    Of several people, each has a colour. Detections are discs, from green
+    (trusted) to crimson; rejected ones are crosses, with a line to the joint of
+    the pose; a diamond marks a left–right swap. Ellipses are at 2 standard deviations.
 
     [bold]Examples[/bold]
 

@@ -20,21 +20,14 @@ from skelsplat.run.folder import run_folder
 
 _EPILOG = (
     "Results in FOLDER: pose.npz, pose.csv and pose.trc (or the formats of --write), report.json, "
-    "report.html, overview.png and weights.png, with --paper also heatmaps.png, with --angles angles.csv,"
-    " angles.npz and angles.mot; and the input as used, cameras.json, detections.npz, and layout.toml for"
-    " a layout of your own. With --people these are in the folder of each person, and report.html, "
-    "overview.png, and people.csv, people.json or people.nc have everybody. Files of an earlier run are "
-    "removed first; plots/ and overlay/ are kept. Recordings of more than 2 million detections of a person "
-    "(frames x cameras x joints) are done in parts; --people, --person, --init, --adjust-cameras, "
-    "--fill-gaps, --filter, --angles, --paper and --write c3d need all frames at once."
-)
-_COMMON = (
-    *("output", "unit", "layout", "person", "people", "without", "offsets", "fps"),
-    *("filter", "fill_gaps", "write", "y_up", "angles", "paper", "quiet", "as_json"),
+    "report.html, figures, angles, and the input as used. With --people they are in the folder of each "
+    "person, and report.html, overview.png, and people.csv, people.json or people.nc have everybody. Files "
+    "of an earlier run are removed first; plots/ and overlay/ are kept. Long recordings are done in parts, "
+    "unless an option needs all frames at once."
 )
 
 
-@takes(*options.JOB, QUIET, AS_JSON, common=_COMMON, epilog=_EPILOG)
+@takes(*options.JOB, QUIET, AS_JSON, short=True, epilog=_EPILOG)
 def refine(*, quiet: bool, as_json: bool, **given: Any) -> None:
     """Refine the 3D pose of one person, or of several, from 2D detections.
 

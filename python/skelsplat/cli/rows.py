@@ -35,6 +35,7 @@ class Option:
     read: Callable[[str, Any], Any] | None = None  # from the option and its value, what the package gets
     marks: tuple[Any, ...] = ()  # `NAME_OR_PATH`
     limits: Mapping[str, float] = field(default_factory=dict)  # ``min`` and ``max``
+    common: bool = False  # shown in a short help
 
     @property
     def flag(self) -> str:
@@ -105,8 +106,9 @@ def rows(text: str, **more: Any) -> tuple[Option, ...]:
     An entry is ``-o, --output FOLDER  What it is for. [default]``, with two spaces before the help, whose
     further lines are indented. One without a metavar is a flag, one without a dash an argument; the metavar
     says what values there are: ``a|b``, or see `_KINDS`. The default is in words, or ``[= value]``,
-    ``[required]``, ``[optional]`` of an argument. A line ``Output:`` begins a panel. ``more`` has by option
-    the type of its value, a function for `Option.read`, or fields of `Option`.
+    ``[required]``, ``[optional]`` of an argument. A short help shows those after ``*`` alone. A line
+    ``Output:`` begins a panel. ``more`` has by option the type of its value, a function for `Option.read`,
+    or fields of `Option`.
     """
     found, panel = [], ""
     for entry in re.split(r"\n(?=\S)", dedent(text).strip()):
@@ -118,14 +120,15 @@ def rows(text: str, **more: Any) -> tuple[Option, ...]:
 
 
 def _row(panel: str, entry: str, more: dict[str, Any]) -> Option:
-    head, _, words = entry.partition("  ")
+    head, _, words = entry.removeprefix("* ").partition("  ")
     found = re.fullmatch(r"(.*?) ?(?:\[(= )?([^]]*)\])?", " ".join(words.split()))
     assert found is not None
     parts = [part.strip(",") for part in head.split()]
     flags = tuple(part for part in parts if part.startswith("-"))
     metavar = " ".join(part for part in parts if not part.startswith("-"))
     name = next((flag for flag in flags if flag.startswith("--")), head).lstrip("-").replace("-", "_")
-    made = replace(Option(name.lower(), flags, metavar, found[1], panel), **_KINDS.get(metavar, {}))
+    made = Option(name.lower(), flags, metavar, found[1], panel, common=entry.startswith("* "))
+    made = replace(made, **_KINDS.get(metavar, {}))
     if re.fullmatch(r"[a-z-]+(\|[a-z-]+)+", metavar):
         made = replace(made, read=choice(*metavar.split("|")))
     if not metavar:
@@ -145,8 +148,8 @@ def _row(panel: str, entry: str, more: dict[str, Any]) -> Option:
 QUIET, AS_JSON = rows(
     """
     Output:
-    --quiet, -q  Print only warnings and errors.
-    --json  Print the result as JSON. Nothing else is printed on stdout.
+    * --quiet, -q  Print only warnings and errors.
+    * --json  Print the result as JSON. Nothing else is printed on stdout.
     """,
     json={"name": "as_json"},
 )

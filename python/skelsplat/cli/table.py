@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from copy import copy
 from dataclasses import replace
 from pathlib import Path
 from textwrap import wrap
+from typing import Any
 
 import numpy as np
 from rich import box
@@ -56,25 +57,20 @@ def print_table(console: Console, table: Table) -> None:
     console.width = own
 
 
-def print_parts(console: Console, table: Table, names: int = 1) -> None:
-    """Print a table in the fewest parts that fit, each with its first columns, so many ``names``."""
-    others = len(table.columns) - names
+def print_parts(console: Console, table: Table) -> None:
+    """Print a table in the fewest parts that fit, each with the first column."""
+    names, *others = table.columns
     parts: list[Table] = []
-    for count in range(1, others + 1):
-        most = -(-others // count)
-        parts = [_part(table, names, first, most) for first in range(names, len(table.columns), most)]
+    for count in range(1, len(others) + 1):
+        most = -(-len(others) // count)
+        parts = [copy(table) for _ in range(0, len(others), most)]
+        for k, part in enumerate(parts):
+            part.columns = [copy(one) for one in (names, *others[k * most : (k + 1) * most])]
+            part.title = None if k else table.title
         if all(_least_width(console, part) <= console.width for part in parts):
             break
     for part in parts:
         print_table(console, part)
-
-
-def _part(table: Table, names: int, first: int, most: int) -> Table:
-    """Return the names of a table, and at most so many of the columns from the ``first``."""
-    part = copy(table)
-    part.columns = [copy(one) for one in table.columns[:names] + table.columns[first : first + most]]
-    part.title = table.title if first == names else None
-    return part
 
 
 def _least_width(console: Console, table: Table) -> int:
@@ -103,7 +99,7 @@ def _least_width(console: Console, table: Table) -> int:
 def print_run(console: Console, run: Run, told: Collection[Finding] = ()) -> None:
     """Print the table of cameras, the lines on the run, the least certain joints, warnings not ``told``."""
     left_out = ["left out"] if run.statistics.total["left_out"] else []
-    print_rows(console, tables.of_adjusted(run.report), _ADJUSTED)
+    print_adjusted(console, run.report.get("cameras_adjusted", ()))
     print_rows(console, tables.of_cameras(run), [*_CAMERAS, *left_out], explained=[*_CAMERAS[3:], *left_out])
     for line in _lines(run):
         console.print(line)
@@ -115,6 +111,11 @@ def print_run(console: Console, run: Run, told: Collection[Finding] = ()) -> Non
         most = f"none of at most {gaps['max_frames']} frames lies between known positions"
         print_paragraphs(console, [f"No gaps were filled: {most}."])
     print_paragraphs(console, run.poses.processing)
+
+
+def print_adjusted(console: Console, cameras: Sequence[Mapping[str, Any]]) -> None:
+    """Print the table of cameras before and after they were adjusted, if there are any."""
+    print_rows(console, tables.of_adjusted({"cameras_adjusted": cameras}), _ADJUSTED)
 
 
 def print_rows(
@@ -185,9 +186,7 @@ def _lines(run: Run) -> Iterator[str]:
     frames, joints = len(run.inputs.in_all), run.layout.n_joints
     threads = default_threads(outcome.config)
     each = 1000 * outcome.seconds / frames
-    reasons = ", ".join(
-        f"{n} {_REASONS.get(reason, reason)}" for reason, n in statistics.stop_reasons.items()
-    )
+    reasons = ", ".join(f"{n} {_REASONS.get(why, why)}" for why, n in statistics.stop_reasons.items())
     cores = f"{threads} thread{'s' * (threads != 1)}"
     yield f"{frames} frames of {joints} joints, solved in {each:.{2 if each < 1 else 1}f} ms each ({cores})."
     yield from solved_in_words(run.report)
@@ -196,27 +195,17 @@ def _lines(run: Run) -> Iterator[str]:
     digits = statistics.decimals
     moved = number(finite_median(statistics.moved_mm), digits)
     yield f"Median distance of the joints from the {outcome.start_name}: {moved} mm."
-    yield (
-        f"Estimated noise of the detections: {number(statistics.noise_mm, digits)} mm across the ray, "
-        f"{number(statistics.noise_px)} px."
-    )
-    swapped = statistics.total["swapped"]
+    noise = f"{number(statistics.noise_mm, digits)} mm across the ray, {number(statistics.noise_px)} px"
+    yield f"Estimated noise of the detections: {noise}."
+    swapped = ", ".join(f"{one['name']} {one['swapped']}" for one in statistics.cameras if one["swapped"])
     if swapped:
-        found = ", ".join(
-            f"{group['name']} {group['swapped']}" for group in statistics.cameras if group["swapped"]
-        )
-        yield f"Left–right swaps were corrected in {swapped} detections: {found}."
+        yield f"Left–right swaps were corrected in {statistics.total['swapped']} detections: {swapped}."
     yield ""
-    bar, scatter = (
-        number(finite_median(mm), digits) for mm in (statistics.error_bar_mm, statistics.scatter_mm)
-    )
+    bar = number(finite_median(statistics.error_bar_mm), digits)
+    scatter = number(finite_median(statistics.scatter_mm), digits)
+    rest = ". This is the scatter alone; it includes no bias of the detector (--joint-bias-mm states one)."
     if is_biased(run.result):
-        rest = f" (against anatomical joints); scatter {scatter} mm, to which the detector's bias adds in"
-        rest += " quadrature."
-    else:
-        rest = (
-            ". This is the scatter alone; it includes no bias of the detector (--joint-bias-mm states one)."
-        )
+        rest = f" (against anatomical joints); scatter {scatter} mm, and in quadrature the bias."
     yield from wrap(f"Error bars, one standard deviation per axis: median {bar} mm{rest}", 80)
 
 
@@ -230,7 +219,7 @@ def _least_certain(run: Run) -> list[int]:
 
 def print_people(console: Console, run: PeopleRun, told: Collection[Finding] = ()) -> None:
     """Print the table of people, the warnings on everybody not ``told``, and the findings on each person."""
-    print_rows(console, tables.of_adjusted(run.report), _ADJUSTED)
+    print_adjusted(console, run.report.get("cameras_adjusted", ()))
     print_rows(console, tables.of_people(run), _PEOPLE, explained=_PEOPLE[1:])
     _print_note_and_warnings(console, run, told)
     for identity, person in run.people.items():
