@@ -38,13 +38,7 @@ def check_installed(module: str, purpose: str) -> None:
 
 
 def require(module: str, purpose: str, extra: str = "formats") -> ModuleType:
-    """Import `module`, which `purpose` needs and the optional `extra` of this package installs.
-
-    Raises
-    ------
-    MissingPackageError
-        If it is not installed; the message says how to install it.
-    """
+    """Import `module`, which `purpose` needs and `extra` installs, or raise `MissingPackageError`."""
     try:
         return importlib.import_module(module)
     except ImportError as error:

@@ -17,19 +17,10 @@ MM_PER_UNIT = {"mm": 1.0, "cm": 10.0, "m": 1000.0}
 
 @dataclass(frozen=True, repr=False)
 class CameraRig(Sequence[Camera]):
-    """Calibrated cameras of one recording.
+    """Calibrated cameras of one recording: at least one; those that have a name have different ones.
 
-    Parameters
-    ----------
-    cameras : sequence of Camera
-        At least one; those that have a name must have different ones.
-    unit : {"mm", "cm", "m"}
-        Unit of the cameras' translations and of every 3D point that goes with them.
-
-    Raises
-    ------
-    InvalidInputError
-        If there is no camera, an item is not a ``Camera``, a name comes twice, or the unit is unknown.
+    `unit` is "mm", "cm" or "m", of the cameras' translations and of every 3D point that goes with them. What
+    does not fit is an `InvalidInputError`.
     """
 
     cameras: Sequence[Camera]

@@ -157,7 +157,7 @@ MALFORMED = {
         (lambda b: b.npz(positions_2d=np.zeros(3)), "positions_2d"),
         (
             lambda b: b.npz(positions_2d=videopose3d_table(np.full((T, 2, 1, 16, 3), 9.0))),
-            r"positions_2d\.S9/Directions 1",
+            r"positions_2d\.S9\.Directions 1",
         ),
         (lambda b: b.npz(positions_2d=Bomb()), "positions_2d"),
     ],

@@ -18,9 +18,10 @@ import numpy as np
 from skelsplat._arrays import Array, Index
 from skelsplat._fields import Field
 from skelsplat._skelsplat import Layout
-from skelsplat.datasets._files import Survey, frames_in, load_npz
+from skelsplat.datasets._files import Survey, frames_in
 from skelsplat.datasets._model import Take
 from skelsplat.exceptions import DatasetError
+from skelsplat.io._arrays import npz_fields
 
 # Keys of 2D poses in the authors' files, the first that is there counts; likewise of 3D poses.
 KEYS_2D, KEYS_3D = ("poses", "poses2d", "detections"), ("poses", "poses3d")
@@ -144,7 +145,7 @@ def poses_file(folder: Path, stems: Sequence[str] = _STEMS) -> Path | None:
 
 def _one_file(path: Path, wanted: Wanted) -> tuple[Array, Index]:
     """Return the detections of a file and their places in the take's frames."""
-    content = load_npz(path)
+    content = npz_fields(path)
     pixels = content.first(*KEYS_2D)
     array = pixels.array()
     if len(wanted.views) == 1 and array.ndim == 3:
@@ -196,7 +197,7 @@ def read_truth(
 ) -> tuple[Field, Array, Index | None]:
     """Return the joints (T, N, 3) of the file in a folder, as it has them and checked, and its ``frames``."""
     path = poses_file(folder, stems) or survey.find([folder / f"{stems[-1]}.npz"], "truth")
-    content = load_npz(survey.found(path))
+    content = npz_fields(survey.found(path))
     truth = content.first(*KEYS_3D)
     frames = frames_in(content) if "frames" in content else None
     return truth, truth.array_of("T", n_joints, 3), frames
@@ -207,5 +208,5 @@ def read_world(
 ) -> Array:
     """Read world poses (T, V, N, 3): one per view, or one in all that is fused already (V = 1)."""
     paths = files_of_views(survey, folder, take.rig.names, what, stems)
-    poses = (load_npz(path).first(KEY_WORLD, *KEYS_3D) for path in paths)
+    poses = (npz_fields(path).first(KEY_WORLD, *KEYS_3D) for path in paths)
     return np.stack([one.array_of(n_frames, take.truth.shape[1], 3) for one in poses], axis=1)

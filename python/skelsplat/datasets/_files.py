@@ -20,7 +20,6 @@ from skelsplat._skelsplat import Camera
 from skelsplat.cameras import CameraRig
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.io import _arrays, read_calibration
-from skelsplat.io._files import json_document
 
 
 @dataclass
@@ -58,21 +57,6 @@ class Survey:
         if errors:
             raise errors[0]
         return [self.found(path) for path, _ in expected]
-
-
-def load_json(path: Path) -> Field:
-    """Return the value in a JSON file."""
-    return json_document(path, "values of moderate depth")
-
-
-def load_npz(path: Path, keys: tuple[str, ...] | None = None) -> Field:
-    """Return the arrays of an npz file by key; a pickled object in place of an array is unpickled safely.
-
-    With `keys`, only those are read, if they are there.
-    """
-    found = _arrays.load_npz(path, _arrays.npz_keys(path) if keys is None else keys).found
-    boxed = {key: value.dtype == object and value.ndim == 0 for key, value in found.items()}
-    return Field(path, "", {key: value.item() if boxed[key] else value for key, value in found.items()})
 
 
 def frames_in(content: Field) -> Index:

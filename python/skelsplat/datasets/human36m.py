@@ -41,9 +41,10 @@ from skelsplat.datasets._detections import (
     read_world,
     with_detections,
 )
-from skelsplat.datasets._files import Survey, load_npz, making, read_cameras
+from skelsplat.datasets._files import Survey, making, read_cameras
 from skelsplat.datasets._model import Dataset, Take
 from skelsplat.exceptions import DatasetError, InvalidInputError, one_of
+from skelsplat.io._arrays import npz_fields
 from skelsplat.layouts import H36M17
 
 ACTIONS = (
@@ -191,7 +192,7 @@ def _videopose3d_takes(
     root: Path, survey: Survey, subjects: Sequence[str] | None, rig_of: RigOf
 ) -> Iterator[Take]:
     path = survey.find([root / _FORMATS["videopose3d"]], "truth")
-    positions = load_npz(path, ("positions_3d",))["positions_3d"].members()
+    positions = npz_fields(path, ("positions_3d",))["positions_3d"].members()
     for subject in _chosen(path, map(str, positions), subjects):
         rig, cameras = rig_of(subject)
         for activity, value in positions[subject].members().items():
@@ -232,7 +233,7 @@ def _from_folder(survey: Survey, root: Path, take: Take) -> Take:
         return take
     found = with_detections(survey, take, H36M17, folder)
     files = [poses_file(folder / name) for name in take.rig.names]
-    poses = [load_npz(path) for path in files if path is not None]
+    poses = [npz_fields(path) for path in files if path is not None]
     if not all(files) or not all(KEY_WORLD in content for content in poses):
         return found
     views = [content[KEY_WORLD].array_of(len(found), H36M17.n_joints, 3) for content in poses]
@@ -241,7 +242,7 @@ def _from_folder(survey: Survey, root: Path, take: Take) -> Take:
 
 def _from_archive(survey: Survey, path: Path) -> Callable[[Take], Take]:
     """Return what gives a take its detections in ``data_2d_h36m_<detector>.npz``, one array per camera."""
-    positions = load_npz(survey.found(path), ("positions_2d",))["positions_2d"]
+    positions = npz_fields(survey.found(path), ("positions_2d",))["positions_2d"]
 
     def add(take: Take) -> Take:
         views = positions[take.subject].members().get(take.key.partition("/")[2])

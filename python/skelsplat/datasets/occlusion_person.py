@@ -16,10 +16,10 @@ import numpy as np
 from skelsplat._arrays import Index
 from skelsplat._fields import Field
 from skelsplat.datasets._detections import Wanted, detections_of, poses_file, read_apart, read_truth
-from skelsplat.datasets._files import Survey, build_rig, camera_at_centre, load_json
+from skelsplat.datasets._files import Survey, build_rig, camera_at_centre
 from skelsplat.datasets._model import Dataset, Take
 from skelsplat.exceptions import InvalidInputError
-from skelsplat.io._files import frame_number
+from skelsplat.io._files import frame_number, json_document
 from skelsplat.layouts import OCCLUSION_PERSON15
 
 N_CAMERAS = 8
@@ -70,7 +70,7 @@ def _activity(
     """Return the takes of an activity: its frames with the same cameras."""
     inside, activity = root / "cameras", folder.name
     places = [inside / activity / "cameras.json", inside / "cameras.json", root / "cameras.json"]
-    by_frame = load_json(survey.find(places, "cameras by frame"))
+    by_frame = json_document(survey.find(places, "cameras by frame"), "cameras by frame")
     truth, joints, _ = read_truth(survey, folder, OCCLUSION_PERSON15.n_joints)
     numbered = {frame_number(by_frame.path, name, name): at for name, at in by_frame.members().items()}
     frames = np.array(sorted(numbered), dtype=np.int64)

@@ -28,11 +28,11 @@ from skelsplat.datasets._detections import (
     read_world,
     with_detections,
 )
-from skelsplat.datasets._files import Survey, load_json, read_cameras
+from skelsplat.datasets._files import Survey, read_cameras
 from skelsplat.datasets._model import Dataset, Take
 from skelsplat.exceptions import DatasetError, InvalidInputError, one_of
 from skelsplat.io import convert_unit
-from skelsplat.io._files import frame_number
+from skelsplat.io._files import frame_number, json_document
 from skelsplat.layouts import PANOPTIC19
 
 SEQUENCES = ("171204_pose5", "171204_pose6")
@@ -137,7 +137,7 @@ def _read_bodies(folder: Path, person: int | None) -> tuple[Index, Array]:
 
 def _bodies(path: Path) -> dict[int, Array]:
     found = {}
-    for body in load_json(path)["bodies"].entries():
+    for body in json_document(path, "bodies")["bodies"].entries():
         joints = body["joints19"].array_of(4 * PANOPTIC19.n_joints).reshape(-1, 4)  # x, y, z, confidence
         measured = joints[:, 3:] > _LEAST_CONFIDENCE
         with np.errstate(over="ignore"):  # refused with the take

@@ -28,16 +28,11 @@ from skelsplat._optional import require
 from skelsplat._skelsplat import project
 from skelsplat.cameras import CameraRig
 from skelsplat.datasets._detections import choose_detector, detector_name, detectors_of
-from skelsplat.datasets._files import (
-    Survey,
-    build_rig,
-    camera_at_centre,
-    frames_in,
-    load_json,
-    load_npz,
-)
+from skelsplat.datasets._files import Survey, build_rig, camera_at_centre, frames_in
 from skelsplat.datasets._model import Dataset, PeopleTake, Take
 from skelsplat.exceptions import DatasetError
+from skelsplat.io._arrays import npz_fields
+from skelsplat.io._files import json_document
 from skelsplat.io._guarded import read_guarded, unpickle
 from skelsplat.layouts import COCO17, SHELF14
 
@@ -70,7 +65,7 @@ def _read(
     places = [root / file, inside / file, root / "cameras" / file]
     calibration = survey.find(places, f"calibration of {scene}")
     truth = survey.find([root / "actorsGT.mat", inside / "actorsGT.mat"], f"truth of {scene}")
-    content, names = load_json(calibration), [str(k) for k in range(n_cameras)]
+    content, names = json_document(calibration, "cameras"), [str(k) for k in range(n_cameras)]
     cameras = [camera_at_centre(content.member(name, "a camera"), size=size, name=name) for name in names]
     rig, actors = build_rig(calibration, cameras), _actors(truth)
     everybody, name = _detections(scene, root, survey, detector, detections)
@@ -173,7 +168,7 @@ def _people(path: Path, rig: CameraRig, actors: Actors, files: Mapping[str, Path
 def _everybody(path: Path, cameras: Sequence[str]) -> tuple[Index, Array]:
     """Read frames (T,) and detections (T, M, P, 14, 3), NaN where there is nothing."""
     if path.suffix == ".npz":
-        content = load_npz(path)
+        content = npz_fields(path)
         frames = frames_in(content)
         people = content["people"].array_of(len(frames), len(cameras), "people", "joints", 3)
     else:

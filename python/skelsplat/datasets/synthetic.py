@@ -17,9 +17,11 @@ from skelsplat._arrays import Array, Index, largest_slots
 from skelsplat._atomic import opening
 from skelsplat._fields import Field
 from skelsplat.cameras import CameraRig
-from skelsplat.datasets._files import Survey, frames_in, load_json, load_npz, read_cameras
+from skelsplat.datasets._files import Survey, frames_in, read_cameras
 from skelsplat.datasets._model import Dataset, PeopleTake, Take
 from skelsplat.exceptions import DatasetError, InvalidInputError
+from skelsplat.io._arrays import npz_fields
+from skelsplat.io._files import json_document
 from skelsplat.layouts import named
 from skelsplat.synthetic.sets import Recording, RecordingSet
 
@@ -46,7 +48,7 @@ def read(
     `views` are the first so many cameras, or the names of some; None is all.
     """
     path = survey.find([root / INDEX], "index of a simulated data set")
-    index = load_json(path)
+    index = json_document(path, "the index of a simulated data set")
     for key, known in (("format", FORMAT), ("format_version", FORMAT_VERSION)):
         if index[key].value != known:
             raise index[key].error(known, index[key].shown)
@@ -86,7 +88,7 @@ def _recording(
     parts = ("truth", "detections", "monocular")
     files = {part: folder / key / f"{stem}.npz" for part, stem in zip(parts, needed, strict=False)}
     survey.find_all((path, part) for part, path in files.items())
-    loaded = [load_npz(path) for path in files.values()]
+    loaded = [npz_fields(path) for path in files.values()]
     frames = frames_in(loaded[0])
     for content in loaded:
         if not np.array_equal(content["frames"].array(), frames):

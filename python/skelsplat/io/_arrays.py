@@ -21,6 +21,7 @@ import numpy.typing as npt
 
 from skelsplat._arrays import Array, Index
 from skelsplat._budget import MOST_NAME, afford, opened, zipped
+from skelsplat._fields import Field
 from skelsplat.exceptions import DatasetError
 from skelsplat.io._files import frame_number, parsing
 from skelsplat.io._guarded import read_guarded
@@ -111,6 +112,13 @@ def load_npz(path: Path, keys: Collection[str]) -> Arrays:
     return Arrays(path, found)
 
 
+def npz_fields(path: Path, keys: Collection[str] | None = None) -> Field:
+    """Return all arrays of an npz file, or those among `keys`; what is pickled in place of one is unboxed."""
+    found = load_npz(path, npz_keys(path) if keys is None else keys).found
+    boxed = {key: value.dtype == object and value.ndim == 0 for key, value in found.items()}
+    return Field(path, "", {key: value.item() if boxed[key] else value for key, value in found.items()})
+
+
 def load_plain_npz(path: Path, kind: str, keys: Collection[str] | None = None) -> dict[str, Any]:
     """Return all arrays of an npz file of a `kind`, or those among `keys`; one of objects is refused."""
     found = _members(path, kind, keys)
@@ -134,11 +142,7 @@ def load_npy(path: Path) -> Any:
 def _members(path: Path, kind: str, keys: Collection[str] | None) -> dict[str, Any]:
     """Return the arrays among `keys`, or all, that an npz file holds; None for those of objects."""
     found = {}
-    with (
-        opened(path, "a readable npz file") as stream,
-        parsing(path, kind),
-        zipped(path, stream) as archive,
-    ):
+    with opened(path, "a readable npz file") as stream, parsing(path, kind), zipped(path, stream) as archive:
         wanted = {name: one for name, one in _infos(archive).items() if keys is None or name in keys}
         afford(path, "file", sum(info.file_size for info in wanted.values()))
         for name, info in wanted.items():

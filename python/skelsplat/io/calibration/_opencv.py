@@ -89,9 +89,8 @@ def _parse_openpose(source: Source) -> Parsed:
     The camera's name is that of its file. The image size is not in the files.
     """
     files = [f for f in source.files if f.suffix.lower() == ".xml"] if source.is_folder else [source.path]
-    return [
-        _openpose_camera(Source(file)) for file in sorted(files, key=lambda file: natural(file.stem))
-    ], "m"
+    files.sort(key=lambda file: natural(file.stem))
+    return [_openpose_camera(Source(file)) for file in files], "m"
 
 
 def _openpose_camera(source: Source) -> RawCamera:

@@ -256,9 +256,8 @@ def _radial(frame: Field, principal: Array) -> tuple[Array, Array, Field]:
     if field.is_missing and "VICON_RADIAL" in frame:
         return principal, frame["VICON_RADIAL"].numbers((2,)), frame["VICON_RADIAL"]
     _, _, numbers = str(field.value).partition(" ")  # a misspelt name must not pass for one without a lens
-    values = Field(field.path, field.place, field.value if field.is_missing else _value(numbers)).numbers(
-        (5,)
-    )
+    given = field if field.is_missing else Field(field.path, field.place, _value(numbers))
+    values = given.numbers((5,))
     return values[:2], values[2:], field
 
 

@@ -16,13 +16,7 @@ import skelsplat as sk
 from skelsplat._budget import within_memory
 from skelsplat.exceptions import InvalidInputError, one_of
 from skelsplat.io.detections._frames import FRAME_MODES, FrameMode, check_offsets, shared_frames
-from skelsplat.io.detections._joints import (
-    Skeleton,
-    check_mapping,
-    choose_layout,
-    read_layout,
-    read_skeleton,
-)
+from skelsplat.io.detections._joints import Skeleton, check_mapping, choose_layout, read_layout, read_skeleton
 from skelsplat.io.detections._match import camera_called, cameras_called, match_by_name, match_by_order
 from skelsplat.io.detections._opened import DetectionSet, Opened, one_rate
 from skelsplat.io.detections._registry import FORMATS, find_format, offered

@@ -158,12 +158,11 @@ def _is_dlc_csv(path: Path) -> bool:
 
 # what DeepLabCut adds to the camera's name in that of a file, with the name of the network
 _ADDED = r"(?s)DLC_.*"
+# pandas marks its tables in HDF5 with the first; the second is one of the levels of columns
+_IS_DLC = _mentions(b"pandas_type", b"bodyparts")
 _IS_SLEAP = _mentions(b"node_names", b"track")
 FORMATS = (
-    # pandas marks its tables in HDF5 with the first; the second is one of the levels of columns
-    DetectionFormat(
-        "deeplabcut", (".h5",), _mentions(b"pandas_type", b"bodyparts"), each(read_dlc), added=_ADDED
-    ),
+    DetectionFormat("deeplabcut", (".h5",), _IS_DLC, each(read_dlc), added=_ADDED),
     DetectionFormat("deeplabcut_csv", (".csv",), _is_dlc_csv, each(read_dlc_csv), added=_ADDED),
     DetectionFormat("sleap", (".h5", ".hdf5"), _IS_SLEAP, each(read_sleap), added=SLEAP_ADDED),
 )

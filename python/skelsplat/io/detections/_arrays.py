@@ -14,9 +14,18 @@ import numpy as np
 from skelsplat import layouts
 from skelsplat._arrays import Array
 from skelsplat._budget import check_ratio
-from skelsplat._fields import whole_size
+from skelsplat._fields import Field, whole_size
 from skelsplat.exceptions import DatasetError, InvalidInputError
-from skelsplat.io._arrays import Arrays, as_numbers, big_array, load_npy, load_npz, npy_shape, npz_keys
+from skelsplat.io._arrays import (
+    Arrays,
+    as_numbers,
+    big_array,
+    load_npy,
+    load_npz,
+    npy_shape,
+    npz_fields,
+    npz_keys,
+)
 from skelsplat.io._files import listed
 from skelsplat.io.detections._csv import mediapipe_names
 from skelsplat.io.detections._format import (
@@ -145,20 +154,18 @@ def read_videopose3d(path: Path, sequence: str | None) -> Recording:
     ``positions_2d`` [subject][action] is a list of one (T, K, 2) per camera; ``metadata.layout_name`` says
     what the joints are. A custom file has the action "custom" alone, and a subject is a camera.
     """
-    arrays = load_npz(path, (_POSITIONS, "metadata"))
-    table, metadata = _content(arrays.take(_POSITIONS)), _content(arrays.found.get("metadata"))
-    if not isinstance(table, dict) or not all(isinstance(actions, dict) for actions in table.values()):
-        raise DatasetError(path, _POSITIONS, "tables of sequences by subject", type(table).__name__)
-    layout = _member(metadata, "layout_name")
+    content = npz_fields(path, (_POSITIONS, "metadata"))
+    subjects = content.member(_POSITIONS, "sequences by subject").members()
+    table, metadata = {who: actions.members() for who, actions in subjects.items()}, content["metadata"]
+    layout = str(metadata["layout_name"].value)
     names = _LAYOUTS[layout].joints if layout in _LAYOUTS else None
     if table and all(list(actions) == [_CUSTOM] for actions in table.values()):
         if sequence is not None:
             raise InvalidInputError(f"sequence: expected none for the videos in {path}, got {sequence!r}")
         views = {}
         for video, actions in table.items():
-            field = f"{_POSITIONS}.{video}"
-            view = _pixel_view(path, field, _parts(path, field, actions[_CUSTOM])[0], names)
-            sides = [_member(metadata, "video_metadata", video, side) for side in ("w", "h")]
+            view = _pixel_view(_parts(actions[_CUSTOM])[0], names)
+            sides = [metadata["video_metadata"][video][side].value for side in ("w", "h")]
             known = all(isinstance(side, int) for side in sides)
             views[str(video)] = replace(view, size=whole_size(*sides) if known else None)
         return Recording(views, named=True)
@@ -169,41 +176,28 @@ def read_videopose3d(path: Path, sequence: str | None) -> Recording:
     name = next(iter(found), "") if sequence is None else sequence
     if name not in found:
         raise DatasetError(path, _POSITIONS, f"the sequence {name!r}", some or "none")
-    field = f"{_POSITIONS}.{name}"
-    parts = _parts(path, field, found[name])
+    parts = _parts(found[name])
     human36m = layout == "h36m" and len(parts) == len(_CAMERAS)
     labels = _CAMERAS if human36m else [str(place) for place in range(len(parts))]
     pairs = zip(labels, parts, strict=True)
-    return Recording({label: _pixel_view(path, field, part, names) for label, part in pairs}, named=human36m)
+    return Recording({label: _pixel_view(part, names) for label, part in pairs}, named=human36m)
 
 
-def _content(value: Any) -> Any:
-    return value.item() if getattr(value, "shape", None) == () else value
-
-
-def _member(table: Any, *keys: str) -> Any:
-    """Return what is under a key of tables within tables; None if there is no such table or key."""
-    for key in keys:
-        table = table.get(key) if isinstance(table, dict) else None
-    return table
-
-
-def _parts(path: Path, field: str, value: Any) -> list[Any]:
-    """Return the arrays of the cameras."""
-    parts = list(value) if isinstance(value, list | tuple) or getattr(value, "ndim", 0) == 4 else []
+def _parts(sequence: Field) -> list[Field]:
+    parts = sequence.entries("a list of one array per camera")
     if not parts:
-        raise DatasetError(path, field, "a list of one array per camera", type(value).__name__)
+        raise sequence.error("a list of one array per camera", "an empty list")
     return parts
 
 
-def _pixel_view(path: Path, field: str, value: Any, names: tuple[str, ...] | None) -> View:
-    array = as_numbers(path, field, value)
+def _pixel_view(part: Field, names: tuple[str, ...] | None) -> View:
+    array = as_numbers(part.path, part.place, part.value)
     if array.ndim != 3 or array.shape[2] != 2:
-        raise DatasetError(path, field, "pixels of shape (T, K, 2)", array.shape)
+        raise part.error("pixels of shape (T, K, 2)", array.shape)
     if names is not None and array.shape[1] != len(names):
-        raise DatasetError(path, field, f"{len(names)} joints (metadata.layout_name)", f"{array.shape[1]}")
-    joints = joints_of(path, field, array, None, clip=False)
-    return replace(array_view(path, joints[:, None]), joints=names)
+        raise part.error(f"{len(names)} joints (metadata.layout_name)", f"{array.shape[1]}")
+    joints = joints_of(part.path, part.place, array, None, clip=False)
+    return replace(array_view(part.path, joints[:, None]), joints=names)
 
 
 _OWN, _SURE = "detections", "confidence"

@@ -113,21 +113,10 @@ def _skeleton_file(layout: str | os.PathLike[str] | sk.Layout) -> Path | None:
 
 
 def read_layout(layout: str | os.PathLike[str] | sk.Layout) -> sk.Layout:
-    """Return a layout by its name, or read it from a file.
+    """Return a layout by its name, or that of a layout file, or of a file that `read_skeleton` reads.
 
-    Parameters
-    ----------
-    layout : str, path or Layout
-        The name of a built-in layout; the path of a layout file; or that of a file whose skeleton
-        `read_skeleton` reads, such as SLEAP's or DeepLabCut's detections or DeepLabCut's ``config.yaml``. The
-        pairs of such a skeleton are those that its names state, and a note says which.
-
-    Raises
-    ------
-    InvalidInputError
-        If there is no layout of this name.
-    DatasetError
-        If a file cannot be read, or its joints have no names.
+    The left-right pairs of a skeleton are those that its names state, and a note says which. An unknown name
+    is an `InvalidInputError`; a file that cannot be read or whose joints have no names a `DatasetError`.
     """
     if layout == OF_FILE:
         raise InvalidInputError("layout: expected a name or a path, as there are no detections, got file")

@@ -14,13 +14,7 @@ from skelsplat._arrays import Array
 from skelsplat._fields import Field, whole_size
 from skelsplat.exceptions import DatasetError
 from skelsplat.io._files import frame_number, head, json_document
-from skelsplat.io.detections._format import (
-    DetectionFormat,
-    View,
-    each,
-    frame_view,
-    joints_of,
-)
+from skelsplat.io.detections._format import DetectionFormat, View, each, frame_view, joints_of
 from skelsplat.io.detections._frames import frame_files
 from skelsplat.io.detections._record import with_record
 

@@ -75,11 +75,7 @@ class Candidates:
 
 
 def match_by_name(
-    candidates: Candidates,
-    names: Sequence[str],
-    *,
-    optional: Collection[str] = (),
-    otherwise: str = "",
+    candidates: Candidates, names: Sequence[str], *, optional: Collection[str] = (), otherwise: str = ""
 ) -> dict[str, str]:
     """Return the label of every camera name that has one, in the order of `names`.
 

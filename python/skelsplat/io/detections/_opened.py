@@ -150,7 +150,10 @@ class Opened:
 
     def _parts(self, size: int) -> Iterator[Array]:
         """Yield the people of so many frames at a time; at the end raise if a view has no pixels."""
-        readers = [self._reader(name) for name in self.camera_names]
+        readers = [
+            _Reader(view, self.skeleton, self.mapping, self.offsets[name])
+            for name, view in self.views.items()
+        ]
         counts = np.zeros((3, len(readers)), dtype=np.int64)
         for first in range(0, len(self.frames), size):
             numbers = self.frames[first : first + size]
@@ -168,9 +171,6 @@ class Opened:
                 actual = f"numbers up to {_NORMALISED:g}, parts of the image's size"
                 raise DatasetError(source, "keypoints", "pixels of the original image", actual)
 
-    def _reader(self, name: str) -> _Reader:
-        return _Reader(self.views[name], self.skeleton, self.mapping, self.offsets[name])
-
     def _counted(self, people: Array) -> Index:
         """Count by view joints, those within `_NORMALISED` and those at (0, 0); raise if one is too far."""
         sizes = np.abs(people[..., :2]).max(axis=-1)
@@ -183,13 +183,8 @@ class Opened:
 
     def _padded(self, parts: Sequence[Array], steps: int) -> Array:
         """Join parts of the frames to one array, of as many people as the part with the most."""
-        shape = (
-            steps,
-            len(self.views),
-            max([1, *(part.shape[2] for part in parts)]),
-            self.skeleton.n_joints,
-            3,
-        )
+        most = max([1, *(part.shape[2] for part in parts)])
+        shape = (steps, len(self.views), most, self.skeleton.n_joints, 3)
         afford(self.root, "people", 8 * math.prod(shape))
         people, first = np.full(shape, np.nan), 0
         for part in parts:

@@ -46,9 +46,7 @@ POSE_FORMATS: dict[str, PoseFormat] = {
     "trc": PoseFormat(read_trc, write_trc, ("frame_rate", "unit", "y_up", "marker_names")),
     "c3d": PoseFormat(read_c3d, write_c3d, ("frame_rate", "y_up", "marker_names"), ("ezc3d",)),
     "json": PoseFormat(read_json, write_json),
-    "nc": PoseFormat(
-        read_netcdf, write_netcdf, ("frame_rate", "individual", "singular"), ("xarray", "h5netcdf", "h5py")
-    ),
+    "nc": PoseFormat(read_netcdf, write_netcdf, ("frame_rate", "singular"), ("xarray", "h5netcdf", "h5py")),
 }
 _OWN_UNIT = ("trc", "c3d")  # these formats do not take any unit
 
@@ -78,7 +76,7 @@ def write_pose(path: str | os.PathLike[str], data: Poses, **options: object) -> 
     """Write poses in the format that the extension of ``path`` names: npz, csv, trc, c3d, json or nc.
 
     ``options`` are those of its writer: ``frame_rate`` (trc, c3d, nc), ``y_up``, ``marker_names`` (trc, c3d),
-    ``unit`` (trc), ``individual``, ``singular`` (nc), ``run`` (npz); None stands for the default.
+    ``unit`` (trc), ``singular`` (nc), ``run`` (npz); None stands for the default.
     """
     kind = pose_format(path)
     given = {name: value for name, value in options.items() if value is not None}
@@ -207,9 +205,7 @@ def _warn_if_turned(source: Path) -> None:
     """Warn if the axes of a motion-capture file were turned before, or may have been."""
     kind = pose_format(source)
     if kind == "trc" or (kind == "c3d" and c3d_is_y_up(source)):
-        states = (
-            "y is up already" if kind == "c3d" else "y may be up already, which the format does not state"
-        )
+        states = "y is up already" if kind == "c3d" else "y may be up already (the format does not say)"
         sentence = f"{source}: {states}, so y_up turns the axes once more."
         doubt = Finding("axes_turned", "warning", Subject(files=(str(source),)), sentence=sentence)
         warnings.warn(FindingWarning(doubt), stacklevel=3)

@@ -122,21 +122,16 @@ def read_c3d(path: str | os.PathLike[str]) -> PoseData:
     found: dict[str, Any] = read_guarded("c3d", source, _WHOLE)
     point, own, points = found["parameters"]["POINT"], found["parameters"][_GROUP], found["points"]
     steps, count = found["last_frame"] - found["first_frame"] + 1, points.shape[1]
-    labels = [
-        label.strip() for k in range(1, 10) for label in point.get(f"LABELS{k}" if k > 1 else "LABELS", ())
-    ]
+    parts = ("LABELS", *(f"LABELS{k}" for k in range(2, 10)))
+    labels = [label.strip() for part in parts for label in point.get(part, ())]
+    labelled = len(labels) >= count and all(labels[:count])
     unit = "".join(point.get("UNITS", [])[:1]).strip().lower()
     rate = float(str(np.float32([*point.get("RATE", []), 0.0][0])))  # stored in single precision
     shift = [*own.get("FRAME_SHIFT", [0.0]), np.inf][0]
     for field, expected, fits, got in (
         ("frames", f"{steps} as the header states", points.shape[2] == steps, points.shape[2]),
         ("points", "at least one", count > 0, "none"),
-        (
-            "POINT:LABELS",
-            f"a label for each of {count} points",
-            len(labels) >= count and all(labels[:count]),
-            labels,
-        ),
+        ("POINT:LABELS", f"a label for each of {count} points", labelled, labels),
         ("POINT:UNITS", "mm, cm or m", unit in MM_PER_UNIT, repr(unit)),
         ("POINT:RATE", "frames per second, a positive number", 0.0 < rate < np.inf, rate),
         (f"{_GROUP}:FRAME_SHIFT", "a whole number", abs(shift) <= _EXACT, shift),

@@ -8,7 +8,7 @@ from __future__ import annotations
 import functools
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -25,30 +25,6 @@ from skelsplat.exceptions import DatasetError, InvalidInputError, one_of
 from skelsplat.io._arrays import FRAME_RATES, RowFile
 from skelsplat.layouts import BODY25
 
-# the axes of every array (T frames, M cameras, N joints) and the type of its entries
-ARRAYS: dict[str, tuple[str, type[np.generic]]] = {
-    "pose": ("T N 3", np.float64),
-    "init_pose": ("T N 3", np.float64),
-    "uncertainty": ("T N 3 3", np.float64),
-    "joint_bias": ("T N", np.float64),
-    "covariance": ("T N 3 3", np.float64),
-    "joint_status": ("T N", np.str_),
-    "view_weights": ("T M N", np.float64),
-    "swapped": ("T M N", np.bool_),
-    "reprojection_error": ("T M N", np.float64),
-    "noise": ("T", np.float64),
-    "loss": ("T", np.float64),
-    "n_iter": ("T", np.int64),
-    "stop_reason": ("T", np.str_),
-    "velocity": ("T N 3", np.float64),
-    "velocity_uncertainty": ("T N 3 3", np.float64),
-}
-# those of the whole sequence (B bones)
-BONES: dict[str, tuple[str, type[np.generic]]] = {
-    "bones": ("B 2", np.int64),
-    "bone_lengths": ("B", np.float64),
-    "bone_length_sigma": ("B", np.float64),
-}
 _LENGTHS = ("pose", "init_pose", "joint_bias", "noise", "velocity", "bone_lengths", "bone_length_sigma")
 _SQUARES = ("covariance", "uncertainty", "velocity_uncertainty")
 MARKER_NAMES = ("skelsplat", "pose2sim")
@@ -58,13 +34,18 @@ _SIDES = {"left": "L", "right": "R"}
 _STATUSES = (*JOINT_STATUS, "filled")
 _WITH_POSITION = ("ok", "inferred", "filled")  # statuses
 _TEXT = np.dtype("U16")  # of `PoseParts`: room for every status and stop reason
-_ALL: dict[str, tuple[str, type[np.generic]]] = {**ARRAYS, **BONES, "frames": ("T", np.int64)}
 _READ: dict[type[np.generic], Callable[[Any, str], npt.NDArray[Any]]] = {
     np.float64: numbers,
     np.int64: whole_numbers,
     np.bool_: flags,
     np.str_: lambda value, _: np.asarray(value, dtype=np.str_),
 }
+
+
+def _array(axes: str, kind: type[np.generic] = np.float64) -> Any:
+    """Return the field of an array with these axes: T frames, M cameras, N joints, B bones; else numbers."""
+    empty = [int(axis) if axis.isdigit() else 0 for axis in axes.split()]
+    return field(default_factory=lambda: np.empty(empty, kind), metadata={"array": (axes, kind)})
 
 
 @dataclass(frozen=True)
@@ -106,23 +87,23 @@ class PoseData:
     frames: Index
     unit: str
     camera_names: tuple[str, ...] = ()
-    init_pose: Array = field(default_factory=lambda: np.empty((0, 0, 3)))
-    covariance: Array = field(default_factory=lambda: np.empty((0, 0, 3, 3)))
-    uncertainty: Array = field(default_factory=lambda: np.empty((0, 0, 3, 3)))
-    joint_bias: Array = field(default_factory=lambda: np.empty((0, 0)))
-    view_weights: Array = field(default_factory=lambda: np.empty((0, 0, 0)))
-    swapped: Mask = field(default_factory=lambda: np.empty((0, 0, 0), dtype=np.bool_))
-    noise: Array = field(default_factory=lambda: np.empty(0))
-    reprojection_error: Array = field(default_factory=lambda: np.empty((0, 0, 0)))
-    joint_status: npt.NDArray[np.str_] = field(default_factory=lambda: np.empty((0, 0), dtype=np.str_))
-    loss: Array = field(default_factory=lambda: np.empty(0))
-    n_iter: Index = field(default_factory=lambda: np.empty(0, dtype=np.int64))
-    stop_reason: npt.NDArray[np.str_] = field(default_factory=lambda: np.empty(0, dtype=np.str_))
-    velocity: Array = field(default_factory=lambda: np.empty((0, 0, 3)))
-    velocity_uncertainty: Array = field(default_factory=lambda: np.empty((0, 0, 3, 3)))
-    bones: Index = field(default_factory=lambda: np.empty((0, 2), dtype=np.int64))
-    bone_lengths: Array = field(default_factory=lambda: np.empty(0))
-    bone_length_sigma: Array = field(default_factory=lambda: np.empty(0))
+    init_pose: Array = _array("T N 3")
+    uncertainty: Array = _array("T N 3 3")
+    joint_bias: Array = _array("T N")
+    covariance: Array = _array("T N 3 3")
+    joint_status: npt.NDArray[np.str_] = _array("T N", np.str_)
+    view_weights: Array = _array("T M N")
+    swapped: Mask = _array("T M N", np.bool_)
+    reprojection_error: Array = _array("T M N")
+    noise: Array = _array("T")
+    loss: Array = _array("T")
+    n_iter: Index = _array("T", np.int64)
+    stop_reason: npt.NDArray[np.str_] = _array("T", np.str_)
+    velocity: Array = _array("T N 3")
+    velocity_uncertainty: Array = _array("T N 3 3")
+    bones: Index = _array("B 2", np.int64)
+    bone_lengths: Array = _array("B")
+    bone_length_sigma: Array = _array("B")
     frame_rate: float | None = None
     processing: tuple[str, ...] = ()
 
@@ -135,15 +116,10 @@ class PoseData:
             object.__setattr__(self, name, _READ[kind](getattr(self, name), name))
         for name in ("joint_names", "camera_names", "processing"):
             for text in getattr(self, name):
-                # \0 ends a text in npz, C3D and NetCDF
-                if (
-                    not isinstance(text, str)
-                    or "\0" in text
-                    or text.encode(errors="replace").decode() != text
-                ):
-                    raise InvalidInputError(
-                        f"{name}: expected texts in Unicode without \\0, got {text!r:.60}"
-                    )
+                is_unicode = isinstance(text, str) and text.encode(errors="replace").decode() == text
+                if not is_unicode or "\0" in text:  # which ends a text in npz, C3D and NetCDF
+                    expected = "texts in Unicode without \\0"
+                    raise InvalidInputError(f"{name}: expected {expected}, got {text!r:.60}")
         one_of("unit", self.unit, MM_PER_UNIT)
         if self.frame_rate is not None:
             positive("frame_rate", self.frame_rate)
@@ -218,6 +194,17 @@ class PoseData:
         squares = self.velocity_uncertainty * (factor * factor)
         velocity = self.velocity * factor
         return replace(self, frame_rate=frame_rate, velocity=velocity, velocity_uncertainty=squares)
+
+
+# the axes of every array and the type of its entries
+_ALL: dict[str, tuple[str, type[np.generic]]] = {
+    "pose": ("T N 3", np.float64),
+    **{entry.name: entry.metadata["array"] for entry in fields(PoseData) if entry.metadata},
+    "frames": ("T", np.int64),
+}
+BONES = {name: array for name, array in _ALL.items() if array[0].startswith("B")}
+ARRAYS = {name: array for name, array in _ALL.items() if name not in (*BONES, "frames")}
+"""Those by frame, other than their numbers."""
 
 
 class PoseParts:

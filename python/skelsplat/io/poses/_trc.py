@@ -97,8 +97,8 @@ def read_trc(path: str | os.PathLike[str]) -> PoseData:
     """Read a TRC file; its axes are kept as they are.
 
     The blank sixth line may be missing, and empty fields and "nan" are NaN. ``frames`` are the file's own row
-    numbers, ``frame_rate`` is its DataRate, or that of the rows' times if it is 0. Of another count of frames
-    in the header than there are rows a warning is given.
+    numbers, ``frame_rate`` is its DataRate, None if that is 0 or NaN. If the header counts other frames than
+    there are rows, a warning is given.
     """
     source = Path(path)
     lines = read_text(source).splitlines()
@@ -115,17 +115,14 @@ def read_trc(path: str | os.PathLike[str]) -> PoseData:
     rows = [_read_row(source, number, line, 3 * len(markers)) for number, line in body]
     count = _stated(source, "NumFrames", stated[2])
     if count != len(rows):
-        words = f"{count:g} frames; {len(rows)} follow and are read"
-        _contradicted(source, words, stated=int(count), rows=len(rows))
+        numbers = {"stated": int(count), "rows": len(rows)}
+        words = f"{source}: the header (line 3) states {count:g} frames; {len(rows)} follow and are read."
+        warn(Finding("header_contradicts", "warning", Subject(files=(str(path),)), numbers, sentence=words))
     frames = np.array([frame for frame, _ in rows], dtype=np.int64)
-    rate = _stated(source, "DataRate", stated[0])
-    found = rate or _rate_of(frames, [line.split("\t")[1] for _, line in body])
-    if not rate:
-        given = f"it is {found:g} by those of the rows" if found else "the rows give none either"
-        _contradicted(source, f"{stated[0].strip()} frames per second; {given}", stated=0.0, frame_rate=found)
+    rate = _stated(source, "DataRate", stated[0]) or None
     points = np.array([values for _, values in rows], dtype=np.float64)
     pose = points.reshape(len(rows), len(markers), 3)
-    return PoseData(pose, markers, frames, stated[4], frame_rate=found)
+    return PoseData(pose, markers, frames, stated[4], frame_rate=rate)
 
 
 def _stated(path: Path, name: str, text: str) -> float:
@@ -137,24 +134,6 @@ def _stated(path: Path, name: str, text: str) -> float:
     if not (math.isnan(value) or 0.0 <= value < 2**53):
         raise DatasetError(path, f"line 3 {name}", "a number of at least 0", repr(text))
     return 0.0 if math.isnan(value) else value
-
-
-def _contradicted(path: Path, words: str, **numbers: float | None) -> None:
-    """Warn that the header states something else than the rows."""
-    sentence = f"{path}: the header (line 3) states {words}."
-    warn(Finding("header_contradicts", "warning", Subject(files=(str(path),)), numbers, sentence=sentence))
-
-
-def _rate_of(frames: Index, texts: Sequence[str]) -> float | None:
-    """Return the frame rate of rows with these times; None if the times do not ascend."""
-    try:
-        seconds = np.array([float(text) for text in texts])
-    except ValueError:
-        return None
-    if len(seconds) < 2 or not (np.diff(seconds) > 0.0).all():
-        return None
-    rate = round(float((frames[-1] - frames[0]) / (seconds[-1] - seconds[0])), 3)
-    return rate if 0.0 < rate < math.inf else None
 
 
 def _read_row(path: Path, number: int, line: str, count: int) -> tuple[int, list[float]]:

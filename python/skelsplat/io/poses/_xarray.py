@@ -100,17 +100,12 @@ def _confidence(data: PoseData) -> Array:
 
 
 def write_netcdf(
-    path: str | os.PathLike[str],
-    data: Poses,
-    *,
-    frame_rate: float | None = None,
-    individual: str = "id_0",
-    singular: bool = False,
+    path: str | os.PathLike[str], data: Poses, *, frame_rate: float | None = None, singular: bool = False
 ) -> None:
     """Write the dataset of `to_xarray` as NetCDF 4, which movement and xarray open."""
     check_packages()
     _, frames, parts = parts_of(data)
-    given: dict[str, Any] = {"frame_rate": frame_rate, "individual": individual, "singular": singular}
+    given: dict[str, Any] = {"frame_rate": frame_rate, "singular": singular}
     with atomic_path(path) as temporary:
         dataset = to_xarray(next(parts), **given)
         make_room(temporary, room_for(dataset, len(frames)))
