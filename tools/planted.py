@@ -137,8 +137,8 @@ tests/unit/test_detections.py, tests/unit/test_openpose.py
 
 cameras are in the order of the folders, not of the calibration | order of cameras
 tests/unit/test_detections.py, tests/unit/test_detections_matching.py
--readers = [self._reader(name) for name in self.camera_names]
-+readers = [self._reader(name) for name in sorted(self.camera_names)]
+-cameras = self.views.items()
++cameras = sorted(self.views.items())
 
 Panoptic's centimetres are read as millimetres | wrong unit
 tests/unit/test_calibration_formats.py, tests/unit/test_calibration.py

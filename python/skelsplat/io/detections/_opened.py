@@ -150,10 +150,8 @@ class Opened:
 
     def _parts(self, size: int) -> Iterator[Array]:
         """Yield the people of so many frames at a time; at the end raise if a view has no pixels."""
-        readers = [
-            _Reader(view, self.skeleton, self.mapping, self.offsets[name])
-            for name, view in self.views.items()
-        ]
+        cameras = self.views.items()
+        readers = [_Reader(view, self.skeleton, self.mapping, self.offsets[name]) for name, view in cameras]
         counts = np.zeros((3, len(readers)), dtype=np.int64)
         for first in range(0, len(self.frames), size):
             numbers = self.frames[first : first + size]
