@@ -24,7 +24,7 @@ def test_the_recordings_videos(data, tmp_path):
     args = ("overlay", run, videos, "-o", out, "--range", FRAMES, "--no-legend")
     result = invoke(*args)
     assert result.exit_code == 0, result.output
-    assert result.stderr.count("1080×1920, but the camera") == 2
+    assert result.stderr.count("1080×1920, but camera") == 2
     for name, width in zip(("cam_01", "cam_02", "cam_03", "cam_04"), (1080, 1080, 1088, 1088), strict=True):
         frames, rate = read_video(out / f"{name}.mp4")
         assert [frame.shape for frame in frames] == [(1920, width, 3)] * 3

@@ -9,15 +9,15 @@ import counts
 # Lines, of docs words. A later capability that needs more states its price in docs/decisions.md and pays part
 # of it elsewhere.
 CEILINGS = {
-    "package": 43_160,
-    "cli": 3_850,
+    "package": 31_900,
+    "cli": 3_130,
     "core": 19_770,
     "binding": 2_700,
     "Rust tests": 5_900,
-    "Python tests": 33_950,
+    "Python tests": 26_300,
     "benchmarks and tools": 3_990,
-    "docs, words": 40_950,
-    "README, words": 1_350,
+    "docs, words": 39_900,
+    "README, words": 1_340,
 }
 
 

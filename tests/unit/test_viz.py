@@ -11,7 +11,7 @@ from matplotlib.collections import EllipseCollection, PathCollection
 from matplotlib.image import imread
 
 from colour_vision import DEFICIENCIES, closest
-from people_page import CAMERAS, crowd, nobody, person
+from people_page import CAMERAS, crowd, person
 from skelsplat import viz
 from skelsplat.exceptions import DatasetError
 from skelsplat.viz import _style
@@ -238,10 +238,13 @@ def test_every_person_has_a_colour_and_is_pale_where_fewer_cameras_see_them(writ
     assert near(written([replace(people[0], seen=half)]), pale) > 1000
 
 
+_NOWHERE = np.full((40, 3, 3), np.nan)
+
+
 @pytest.mark.parametrize(
     "people",
     [
-        [nobody()],
+        [person(start=_NOWHERE, refined=_NOWHERE, seen=np.zeros((40, 2), dtype=bool))],
         [person(frames=[7])],
         [person(frames=[3, 4, 900])],
         crowd(16),
@@ -275,4 +278,4 @@ def test_the_middle_is_that_of_joints_that_are_ok():
     middle = person(refined=pose, status=status).middle
     np.testing.assert_allclose(middle[0], [0.0, -75.0, 675.0])
     np.testing.assert_allclose(middle[1], np.median(pose[1], axis=0))
-    assert np.isnan(nobody().middle).all()
+    assert np.isnan(person(refined=_NOWHERE).middle).all()

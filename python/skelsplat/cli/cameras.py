@@ -150,7 +150,7 @@ _ADJUST_OPTIONS = (
         Adjust:
         * --move CAMERA  A camera that was moved. Repeatable; only these are adjusted, instead of those found
             to be wrong.
-        * --focal  Also adjust focal lengths, if zoom or focus may have changed. --json has them.
+        * --focal  Also adjust focal lengths, if zoom or focus may have changed.
         * --clock  Also measure clocks to parts of a frame. Offsets of whole frames are found in any case.
         """,
         move={"name": "free", "many": True},

@@ -27,7 +27,7 @@ from skelsplat.run.summary import finite_median, is_biased
 
 _MOST_JOINTS = 5
 # heads of the columns that fit
-_ADJUSTED = ("status", "turned by [°]", "moved by [mm]", "error [px]")
+_ADJUSTED = ("status", "turned by [°]", "moved by [mm]", "focal [%]", "clock [frames]", "error [px]")
 _CAMERAS = ("median [px]", "90th percentile [px]", "used", "missing", "rejected", "weight")
 _JOINTS = ("median [px]", "missing", "rejected", "error bar [mm]", "moved [mm]")
 _PEOPLE = ("frames", "seen", "views", "error [px]", "rejected", "error bar [mm]", "limbs")

@@ -61,6 +61,14 @@ _OF_ADJUSTED: _Columns = (
         lambda one: _change(_known(one["before_px"]), _known(one["after_px"])),
     ),
 )
+_MEASURED: _Columns = (
+    (
+        "focal [%]",
+        "change of the focal length",
+        lambda one: _measured(one["focal"], one["focal_sigma"], 1, 100),
+    ),
+    ("clock [frames]", "offset", lambda one: _measured(one["clock_frames"], one["clock_sigma_frames"])),
+)
 _OF_PEOPLE = (
     ("person", ""),
     ("frames", "from the first to the last in which two views see the person"),
@@ -101,8 +109,16 @@ def of_joints(run: Run) -> Rows:
 def of_adjusted(report: Mapping[str, Any]) -> Rows:
     """Return what became of each camera that was to be adjusted; no rows without any."""
     adjusted = report.get("cameras_adjusted", ())
-    rows = [[one["camera"], *(cell(one) for *_, cell in _OF_ADJUSTED)] for one in adjusted]
-    return Rows("Cameras, before and after they were adjusted", _heads("camera", _OF_ADJUSTED), rows)
+    measured = [column for column in _MEASURED if any(column[2](one) != "–" for one in adjusted)]
+    columns = [*_OF_ADJUSTED[:-1], *measured, _OF_ADJUSTED[-1]]
+    rows = [[one["camera"], *(cell(one) for *_, cell in columns)] for one in adjusted]
+    return Rows("Cameras, before and after they were adjusted", _heads("camera", columns), rows)
+
+
+def _measured(value: float, sigma: float | None, usual: float = 0.0, scale: float = 1.0) -> str:
+    """Return how far a value is from the usual one, with its error bar; a dash for what was not looked at."""
+    change = scale * (value - usual)
+    return with_bar(change, sigma and scale * sigma, "+") if sigma or round(change, 1) else "–"
 
 
 def of_people(run: PeopleRun) -> Rows:
