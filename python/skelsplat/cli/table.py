@@ -205,7 +205,8 @@ def _lines(run: Run) -> Iterator[str]:
     scatter = number(finite_median(statistics.scatter_mm), digits)
     rest = ". This is the scatter alone; it includes no bias of the detector (--joint-bias-mm states one)."
     if is_biased(run.result):
-        rest = f" (against anatomical joints); scatter {scatter} mm, and in quadrature the bias."
+        bias = "to which the detector's bias adds in quadrature"
+        rest = f" (against anatomical joints); scatter {scatter} mm, {bias}."
     yield from wrap(f"Error bars, one standard deviation per axis: median {bar} mm{rest}", 80)
 
 

@@ -179,7 +179,7 @@ def test_the_command(tmp_path):
     small = ["people", str(tmp_path / "data"), "--people", "2", "--views", "3", "--scenes", "1", "--frames"]
     result = invoke("synth", *small, "5")
     assert result.exit_code == 0, result.output
-    assert "2 people, 3 views, 1 scene of 5 frames, detectors good and noisy, seed 0" in result.output
+    assert "people 2, views 3, scenes 1, frames 5, detectors good and noisy, seed 0" in result.output
     small[1] += "2"
     result = invoke("synth", *small, "5", "--json")
     assert json.loads(result.stdout)["parameters"]["people"] == 2
