@@ -9,7 +9,7 @@ import counts
 # Lines, of docs words. A later capability that needs more states its price in docs/decisions.md and pays part
 # of it elsewhere.
 CEILINGS = {
-    "package": 31_900,
+    "package": 31_940,
     "cli": 3_130,
     "core": 19_770,
     "binding": 2_700,

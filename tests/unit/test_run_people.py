@@ -175,3 +175,14 @@ def test_one_person_is_the_same_as_among_all(recording, found):
     np.testing.assert_array_equal(one.poses.pose, found.people[1].poses.pose)
     np.testing.assert_array_equal(one.poses.uncertainty, found.people[1].poses.uncertainty)
     assert one.report["input"]["person"] == "1"
+
+
+@pytest.mark.parametrize("views", [(1, 2), (1, 1)])
+def test_one_finding_on_the_rig_sums_up_all_people(views, tmp_path):
+    people = seen(crossing(FRAMES), RIG)
+    for person, view in enumerate(views):
+        people[:, view, person, :, 0] += 15.0
+    found = run_people(job(written(tmp_path, people)))
+    (rig,) = (one for one in found.findings if one.kind == "cameras_over_people")
+    assert rig.numbers["contradict"] == (views[0] != views[1])
+    assert {*rig.subject.cameras} == {RIG.names[view] for view in views}

@@ -17,6 +17,7 @@ from skelsplat.run.cameras import read_adjusted
 from skelsplat.run.job import Job
 from skelsplat.run.over_time import try_over_time
 from skelsplat.run.parts import in_parts
+from skelsplat.run.people import find_over_people
 from skelsplat.run.read import Inputs, open_files
 from skelsplat.run.report import build_people_report
 from skelsplat.run.solve import Progress, refine_inputs, silent
@@ -86,7 +87,8 @@ def run_people(job: Job, *, progress: Progress = silent, tell: Tell | None = Non
             outcomes = [refine_inputs(inputs, job) for inputs in everybody.people]
         pairs = zip(everybody.people, outcomes, strict=True)
         runs = {int(one.person): summed_up(one, outcome, job) for one, outcome in pairs}
-        findings = in_order([*notes, *everybody.whole.doubts])
+        over_people = find_over_people({who: one.findings for who, one in runs.items()}, whole.rig.names)
+        findings = in_order([*notes, *everybody.whole.doubts, *over_people])
         found = PeopleRun(runs, findings, build_people_report(everybody, runs, findings, job.people))
         return found if place is None else folders.write_everybody(found, place, job)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -232,6 +232,52 @@ def _moved_mm(of: Inputs) -> float:
     if not known.size:
         return float("nan")
     return float(np.quantile(np.sqrt(known.var(axis=0).sum(axis=-1)), 0.9)) * of.rig.mm_per_unit
+
+
+def find_over_people(people: Mapping[int, Sequence[Finding]], cameras: Sequence[str]) -> Iterator[Finding]:
+    """Yield one finding on the rig if cameras disagree with the others for some of several people."""
+    found = {
+        who: [one for one in own if one.kind == "camera_disagrees" and one.severity != "note"]
+        for who, own in people.items()
+    }
+    found = {who: own for who, own in found.items() if own}
+    if not found or len(people) < 2:
+        return
+    named = {who: [one.subject.cameras[0] for one in own] for who, own in found.items()}
+    suspects = [
+        {
+            *named[who],
+            *(rival["camera"] for one in own for rival in _rivals(one) if rival["may_be_the_cause"]),
+        }
+        for who, own in found.items()
+    ]
+    blamed = {name: [who for who, own in named.items() if name in own] for name in cameras}
+    blamed = {name: who for name, who in blamed.items() if who}
+    common = [name for name in cameras if all(name in own for own in suspects)]
+    contradict = max(map(len, blamed.values())) < len(named)
+    numbers = {"people": len(people), "named": list(blamed.values()), "contradict": contradict}
+    said = "A wrong calibration shows for every person in the camera's view, an obstructed view does not"
+    if contradict:
+        cause = f"; {listed(common, 'or')} may be the cause for all of them" if common else ""
+        said = f"The people contradict each other about which is wrong{cause}"
+    remove = len(common) == 1 and len(cameras) > 2 and not contradict
+    shown = [
+        f"{name} for {len(who)} ({listed([f'person {one}' for one in who])})" for name, who in blamed.items()
+    ]
+    yield Finding(
+        "cameras_over_people",
+        "warning",
+        Subject(cameras=tuple(blamed)),
+        {**numbers, "may_be_the_cause": common},
+        (Remedy("without", common[0]),) if remove else (),
+        sentence=f"Cameras that disagree with the others, over {len(people)} people: {listed(shown)}. "
+        f"{said}.",
+    )
+
+
+def _rivals(finding: Finding) -> Sequence[Mapping[str, Any]]:
+    rivals: Sequence[Mapping[str, Any]] = finding.numbers.get("also_displaced", ())
+    return rivals
 
 
 def find_left_out(
