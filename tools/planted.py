@@ -241,7 +241,7 @@ tests/unit/test_html_report.py, tests/unit/test_report_browser.py
 +"lines": [],
 
 the colours of left and right are swapped in the report | swapped colours
-tests/unit/test_report_browser.py
+tests/unit/test_html_report.py
 -_SIDES = {_style.LEFT: 0, _style.RIGHT: 1, _style.MIDDLE: 2}
 +_SIDES = {_style.LEFT: 1, _style.RIGHT: 0, _style.MIDDLE: 2}
 

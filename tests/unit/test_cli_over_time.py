@@ -109,6 +109,7 @@ def test_weak_joints_are_filled_when_asked(recording, arguments):
     assert "Weak joints" not in filled.stderr
     written = read_npz(folder / "out" / "pose.npz")
     assert written.joint_status[2, 16] == "filled"
+    assert np.isnan(written.uncertainty[2, 16]).all()
     np.testing.assert_allclose(written.pose[2, 16], written.pose[[1, 3], 16].mean(axis=0), atol=20.0)
 
 

@@ -157,3 +157,13 @@ def test_findings_stand_with_their_person(written):
     quiet = written(people_report(warnings=[], findings=[[], [], []]))
     assert '<section class="quiet"' in quiet
     assert "findings-title" not in quiet
+
+
+def test_left_and_right_have_their_colours(written):
+    packed = data_of(written())["scene"]
+    sides = [packed["groups"][side] for side in packed["sides"]]
+    assert dict(zip(packed["joints"], sides, strict=True)) == {
+        "hip": "middle",
+        "left_knee": "left",
+        "right_knee": "right",
+    }

@@ -89,7 +89,8 @@ def test_ellipses_follow_the_lens():
     from overlay_case import rig
 
     rng = np.random.default_rng(0)
-    point, covariance = np.array([700.0, 500.0, 0.0]), np.diag([20.0, 10.0, 15.0]) ** 2
+    axes = np.array([[20.0, 0.0, 0.0], [12.0, 10.0, 0.0], [-8.0, 6.0, 15.0]])
+    point, covariance = np.array([700.0, 500.0, 0.0]), axes @ axes.T
     pixel, projected = project_covariances(point[None], covariance[None], rig()[1])
     sample = sk.project(rng.multivariate_normal(point, covariance, 20_000), [rig()[1]])[0]
     np.testing.assert_allclose(pixel[0], sk.project(point, [rig()[1]])[0], atol=1e-9)
