@@ -14,9 +14,9 @@ CEILINGS = {
     "core": 19_770,
     "binding": 2_700,
     "Rust tests": 5_900,
-    "Python tests": 26_300,
+    "Python tests": 26_310,
     "benchmarks and tools": 3_990,
-    "docs, words": 39_900,
+    "docs, words": 40_250,
     "README, words": 1_340,
 }
 
