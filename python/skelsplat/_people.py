@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -291,6 +291,9 @@ class Tracker:
             self._cut = True
             warn(people_uncompared(1, most_people(frame)))
         return [_person(out, None, Refinement) for out in found]
+
+    def __copy__(self) -> NoReturn:
+        raise TypeError("a Tracker holds the frames before and is not copied: make another one")
 
     def reset(self) -> None:
         """Forget everybody; identities are not used again."""

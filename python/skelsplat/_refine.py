@@ -6,7 +6,7 @@ import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -294,6 +294,9 @@ class Refiner:
         self._begun = False
         known = Layout.by_name(layout) if isinstance(layout, str) else layout
         self._joints = None if known is None else known.n_joints
+
+    def __copy__(self) -> NoReturn:
+        raise TypeError("a Refiner holds the frames before and is not copied: make another one")
 
     def reset(self) -> None:
         """Forget all frames: the next one is triangulated. With a lag, poses not yet returned are lost."""

@@ -96,3 +96,10 @@ def test_a_damaged_setting_is_refused():
     make, (kind, arguments, fields) = sk.RefineConfig().__reduce__()
     with pytest.raises(sk.InvalidInputError, match="sigma_mm"):
         make(kind, arguments, fields | {"sigma_mm": -1.0})
+
+
+@pytest.mark.parametrize("live", [sk.Refiner(RIG), sk.Tracker(RIG, layout="coco17", fps=30.0)])
+def test_what_holds_earlier_frames_is_not_copied(live):
+    for copied in (copy.copy, copy.deepcopy, pickle.dumps):
+        with pytest.raises(TypeError):
+            copied(live)
