@@ -232,7 +232,7 @@ class _Solver:
         self.check(self.read <= self.n_frames)
 
     def solve(self, report: Progress | None) -> None:
-        """Solve the windows whose frames are there."""
+        """Solve the windows that have all their frames."""
         ready = [row for row in self.windows if row[3] <= self.read]
         if not ready:
             return

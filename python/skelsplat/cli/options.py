@@ -123,7 +123,7 @@ JOB = rows(
         (.toml), or file: the joints as the detections name them. [found from the joint names in the files]
     * --person WHO  Person to follow. consistent: whom the views agree on. Or one of all, followed over time:
         N, from 0 in the order of appearance; largest; moves-most; CAMERA:X,Y, whoever is at that pixel when
-        the camera first sees somebody. If the frame rate is unknown, N is entry N of each file, and largest
+        the camera first sees a person. If the frame rate is unknown, N is entry N of each file, and largest
         the largest in each image: not always the same person. [= consistent]
     * --people all|N  Refine several people. Each has a folder, person_0, person_1, …: all of them, or the N
         whom the views see most. The frame rate must be known. [one person]
@@ -233,7 +233,7 @@ def frame_range(_option: str, text: str) -> FrameRange:
 def check_output(
     option: str, output: Path, source: Path, kind: str, suffixes: tuple[str, ...], *, force: bool
 ) -> None:
-    """Refuse a file to write whose suffix does not fit, that is the input, or, without ``force``, exists."""
+    """Refuse an output with a wrong suffix, one that is the input, or, without ``force``, one that exists."""
     if output.suffix.lower() not in suffixes:
         expected, got = f"a {kind} to be written as {', '.join(suffixes)}", output.suffix or "no suffix"
         raise typer.BadParameter(f"expected {expected}, got {got!r}", param_hint=option)
