@@ -34,7 +34,7 @@ MINUTES ?= 10
 FUZZ := PYTHONPATH=tests:tools:benchmarks $(BIN)/python -m fuzz
 fuzz: $(STAMPS)/dev
 	$(FUZZ) --minutes $(MINUTES)
-	PROPTEST_CASES=$$((200 * $(MINUTES))) cargo test --release --locked -p skelsplat-core --test fuzz
+	PROPTEST_CASES=$$((200 * $(MINUTES))) cargo test --release --locked -p skelsplat-core --test suite fuzz::
 
 fuzz-case: $(STAMPS)/dev
 	$(FUZZ) $(CASE)

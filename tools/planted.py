@@ -34,22 +34,22 @@ def faults(patches: str) -> Iterator[Fault]:
 _PATCHES = r"""
 # The core.
 the depth term of the gradient has the wrong sign | sign in a gradient
-cargo --test gradients
+cargo --test suite gradients::
 --(g.x * p.x + g.y * p.y) / p.z
 +(g.x * p.x + g.y * p.y) / p.z
 
 the closed form's covariance gradient adds C⁻¹ r rᵀ C⁻¹ with the wrong sign | sign in a gradient
-cargo --test overlap
+cargo --test suite overlap::
 -(inverse - total_inverse + pull * pull.transpose())
 +(inverse - total_inverse - pull * pull.transpose())
 
 coupled limbs move their joints in the wrong direction (Woodbury's identity) | sign in a solver
-cargo --test equations
+cargo --test suite equations::
 -self.steps[j] -= y * *push;
 +self.steps[j] += y * *push;
 
 the Jacobian of tangential distortion mixes x and y | swapped index
-cargo --test camera
+cargo --test suite camera::
 -2.0 * p2 * x.x + 6.0 * p1 * x.y,
 +2.0 * p2 * x.x + 6.0 * p1 * x.x,
 
@@ -99,12 +99,12 @@ tests/parity/test_annealed.py, tests/unit/test_reliability.py
 +(ray.weight * (1.0 + 0.0 * k) / variance)
 
 a joint of undetermined depth has status ok | wrong status
-cargo --test annealed
+cargo --test suite annealed::
 -_ if !deep[j] => JointStatus::Weak,
 +_ if !deep[j] => JointStatus::Ok,
 
 a batch on several threads returns its frames in reverse order | threads
-cargo --test determinism
+cargo --test suite determinism::
 -frames.par_iter().zip(parts).map(|job| refine_into(job, false)).collect();
 +frames.par_iter().rev().zip(parts).map(|job| refine_into(job, false)).collect();
 
@@ -282,27 +282,27 @@ tests/unit/test_run_figures.py
 
 # Planted before the suite was shortened, where users would be wrong without an error.
 the process noise of the live filter's position is half as large again | wrong covariance
-cargo --test live
+cargo --test suite live::
 -(q * dt.powi(3) / 3.0)
 +(q * dt.powi(3) / 2.0)
 
 with a lag the live answer is a frame late | off by one
-tests/unit/test_live_rate.py, cargo --test live
+tests/unit/test_live_rate.py, cargo --test suite live::
 -checked_sub(self.lag + 1)
 +checked_sub(self.lag + 2)
 
 a camera's turn has the wrong sign in the bundle adjustment | sign in a gradient
-cargo --test rig
+cargo --test suite rig::
 -let turn = -by_point * rotation.tr_mul
 +let turn = by_point * rotation.tr_mul
 
 error bars over time hide the other place on a ray | wrong covariance
-cargo --test sequence, tests/unit/test_sequence.py
+cargo --test suite sequence::, tests/unit/test_sequence.py
 -self.posterior.positions[k] + self.undecided(j, t, alone)
 +self.posterior.positions[k]
 
 inferred joints are allowed ten times as wide | wrong status
-cargo --test sequence, tests/unit/test_sequence.py
+cargo --test suite sequence::, tests/unit/test_sequence.py
 -widest() <= INFERRED * common.reach
 +widest() <= 10.0 * INFERRED * common.reach
 

@@ -8,7 +8,7 @@ import faults
 from planted import FAULTS
 
 ROOT = Path(__file__).parents[2]
-CORE_TESTS = ROOT / "crates" / "skelsplat-core" / "tests"
+CORE_TESTS = ROOT / "crates" / "skelsplat-core" / "tests" / "suite"
 
 
 def test_every_fault_has_its_place() -> None:
@@ -20,6 +20,6 @@ def test_every_fault_has_its_place() -> None:
 
 def test_every_finder_exists() -> None:
     for finder in {finder for fault in FAULTS for finder in fault.finders}:
-        *_, name = finder.split()
-        here = (ROOT / name, CORE_TESTS / f"{name}.rs", CORE_TESTS / name / "main.rs")
+        name = finder.split()[-1].removesuffix("::")
+        here = (ROOT / name, CORE_TESTS / f"{name}.rs", CORE_TESTS / name / "mod.rs")
         assert name == "--lib" or any(path.is_file() for path in here), finder

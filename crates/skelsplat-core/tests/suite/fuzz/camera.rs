@@ -4,7 +4,7 @@ use nalgebra::{Matrix3, Vector2, Vector3};
 use proptest::prelude::*;
 use skelsplat_core::{Camera, Distortion, Undistorted};
 
-use crate::any::{any_number, config, lens};
+use super::any::{any_number, config, lens};
 
 fn numbers(n: usize) -> impl Strategy<Value = Vec<f64>> {
     prop::collection::vec(any_number(), n)

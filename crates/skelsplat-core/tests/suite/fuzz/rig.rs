@@ -5,7 +5,7 @@ use proptest::prelude::*;
 use skelsplat_core::testing::scenes::{Noise, noisy_detections, room, standing};
 use skelsplat_core::{Adjustable, Camera, Progress, RefineConfig, Unit, adjust_cameras};
 
-use crate::any::{Recording, any_recording, config, replaced, wrong};
+use super::any::{Recording, any_recording, config, replaced, wrong};
 
 /// A person who moves, and one camera that was turned.
 fn knocked() -> impl Strategy<Value = Recording> {

@@ -6,7 +6,7 @@ use skelsplat_core::study::people::choice::{Linking, MOST_WORK, Rules, choices, 
 use skelsplat_core::testing::scenes::{Noise, changed, h36m, noisy_detections, room, standing};
 use skelsplat_core::{Camera, Detections, Person, Progress, Tracker, track};
 
-use crate::any::{cameras, config, detections, replaced, sound, threaded, wrong};
+use super::any::{cameras, config, detections, replaced, sound, threaded, wrong};
 
 type Slots = Vec<Detections>;
 

@@ -9,7 +9,7 @@ use skelsplat_core::{
     Camera, Detections, Frame, JointStatus, Progress, Refinement, Refiner, Unit, refine_sequence,
 };
 
-use crate::any::{config, spoiled, threaded, wrong};
+use super::any::{config, spoiled, threaded, wrong};
 
 /// Positions of sure joints of two results differ by less, mm: rounding, as a consequence of other
 /// sums.

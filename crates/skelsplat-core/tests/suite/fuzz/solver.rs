@@ -6,7 +6,7 @@ use skelsplat_core::{
     Detections, Frame, PaperSettings, RefineConfig, Refiner, TriangulationMethod, Unit, triangulate,
 };
 
-use crate::any::{
+use super::any::{
     any_number, cameras, config, coordinate, detections, sound, spoiled, threaded, wrong,
 };
 

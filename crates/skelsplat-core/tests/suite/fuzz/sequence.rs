@@ -4,7 +4,7 @@ use proptest::prelude::*;
 use skelsplat_core::study::sequence::refine_in_windows;
 use skelsplat_core::{Frame, Live, Progress, Sequence, follow, refine_sequence};
 
-use crate::any::{Recording, any_recording, cameras, config, sound, spoiled, threaded, wrong};
+use super::any::{Recording, any_recording, cameras, config, sound, spoiled, threaded, wrong};
 
 fn check(found: &Sequence) -> Result<(), TestCaseError> {
     for frame in found.frames.iter() {
