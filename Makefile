@@ -24,6 +24,7 @@ demo: $(STAMPS)/installed
 
 # The Rust checks have a core while the wheel is built, installed and checked on the other; pytest takes all of them.
 test-all: PYTEST += -m ''
+test-all lint: export CRATES = --workspace
 test test-all: $(STAMPS)/venv
 	$(MAKE) --jobs 2 rust-check python-lint
 	$(PYTEST)
@@ -75,7 +76,7 @@ lint: rust-lint python-lint
 
 rust-lint:
 	cargo fmt --all --check
-	cargo clippy --locked --workspace --all-targets --quiet -- -D warnings
+	cargo clippy --locked $(CRATES) --all-targets --quiet -- -D warnings
 
 python-lint: $(STAMPS)/dev
 	$(BIN)/ruff format --check .
@@ -84,8 +85,8 @@ python-lint: $(STAMPS)/dev
 	$(BIN)/python -m mypy.stubtest skelsplat._skelsplat
 
 rust-test:
-	cargo test --locked --workspace --quiet
-	RUSTDOCFLAGS="-D warnings" cargo doc --locked --workspace --no-deps --quiet
+	cargo test --locked --quiet
+	RUSTDOCFLAGS="-D warnings" cargo doc --locked --no-deps --quiet
 
 # One after the other: cargo locks its folder.
 rust-check: rust-lint

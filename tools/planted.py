@@ -302,7 +302,7 @@ cargo --test suite sequence::, tests/unit/test_sequence.py
 +self.posterior.positions[k]
 
 inferred joints are allowed ten times as wide | wrong status
-cargo --test suite sequence::, tests/unit/test_sequence.py
+tests/unit/test_sequence.py
 -widest() <= INFERRED * common.reach
 +widest() <= 10.0 * INFERRED * common.reach
 

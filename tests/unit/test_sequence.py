@@ -115,6 +115,9 @@ def test_a_joint_that_one_view_sees_is_never_as_good_as_a_seen_one(frames):
     assert np.count_nonzero(square < 16.0) >= 0.9 * len(square)
     usual = np.trace(found.uncertainty[:, 13], axis1=1, axis2=2).mean()
     assert (np.trace(bars[known], axis1=1, axis2=2) > usual).all()
+    widest = np.sqrt(np.linalg.eigvalsh(bars).max(axis=1))
+    body = np.sqrt(pose.var(axis=1).sum(axis=-1)).mean()
+    assert (found.joint_status[frames, 16][widest > 0.3 * body] == "weak").all()
 
 
 # layouts and scales

@@ -1,7 +1,7 @@
 //! Time of one refinement, 17 joints, one core: `paper` with all 125 steps in 4 views, `annealed`
 //! in 4 to 31.
 //!
-//! `cargo bench -p skelsplat-core --bench refine`. The image size is varied to show that it has no
+//! `cargo bench -p skelsplat-bench`. The image size is varied to show that it has no
 //! effect.
 
 use std::hint::black_box;
