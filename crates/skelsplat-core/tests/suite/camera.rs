@@ -66,15 +66,15 @@ fn converged(camera: &Camera, pixel: Vector2<f64>) -> Vector2<f64> {
     }
 }
 
-/// `OpenCV`'s pixels of four points, printed with 10 digits after the point:
+/// `OpenCV`'s pixels of four points, printed with 10 digits after the point (`tests/parity` has
+/// every model):
 ///
 /// ```python
 /// import cv2, numpy as np   # OpenCV 5.0.0
 /// K = np.array([[1100.0, 0, 980.5], [0, 1080.0, 520.25], [0, 0, 1]])
 /// rvec, t = np.array([0.3, -0.2, 0.1]), np.array([50.0, -80.0, 3000.0])
 /// X = np.array([[100.0, 200, 300], [-900, 400, -200], [1200, -700, 500], [0, 0, 0]])
-/// for n in (4, 5, 8, 12, 14):   # C and F are the constants above
-///     print(n, cv2.projectPoints(X, rvec, t, K, np.array(C[:n]))[0])
+/// print(cv2.projectPoints(X, rvec, t, K, np.array(C))[0])   # C and F are the constants above
 /// print(cv2.fisheye.projectPoints(X[:, None], rvec, t, K, np.array(F))[0])
 /// ```
 #[test]
@@ -83,24 +83,8 @@ fn pixels_are_those_of_opencv() {
     let points =
         [[100.0, 200.0, 300.0], [-900.0, 400.0, -200.0], [1200.0, -700.0, 500.0], [0.0; 3]];
     type Lens = (Model, &'static [f64], [[f64; 2]; 4]);
-    let golden: [Lens; 6] = [
-        (Distortion::brown_conrady, &C[..4], [
-            [1002.7402153456, 528.6247514885], [638.4244098783, 639.7685684791],
-            [1365.1943825912, 267.8102679245], [998.8326209565, 491.4508627593],
-        ]),
-        (Distortion::brown_conrady, &C[..5], [
-            [1002.7402153457, 528.6247514886], [638.4038077844, 639.7757605808],
-            [1365.2936905859, 267.7450722486], [998.8326209574, 491.4508627579],
-        ]),
-        (Distortion::brown_conrady, &C[..8], [
-            [1002.7380256973, 528.6239270340], [645.7881335495, 637.1979244521],
-            [1352.0596203102, 276.4332363678], [998.8288146500, 491.4568421207],
-        ]),
-        (Distortion::brown_conrady, &C[..12], [
-            [1002.7390570865, 528.6233701111], [646.0142249600, 637.0772506277],
-            [1352.4179922453, 276.2434508934], [998.8309894526, 491.4556678488],
-        ]),
-        (Distortion::brown_conrady, &C[..14], [
+    let golden: [Lens; 2] = [
+        (Distortion::brown_conrady, &C, [
             [1002.7695001878, 528.6640164524], [647.4632711151, 636.2193443606],
             [1352.9997428440, 276.2152324193], [998.8288574717, 491.4705369663],
         ]),
@@ -285,18 +269,6 @@ fn a_scaled_camera_sees_the_resized_image() {
 }
 
 #[test]
-fn another_unit_of_length_leaves_the_pixels() {
-    let x = Vector3::new(100.0, -200.0, 300.0);
-    let metres = camera(Distortion::brown_conrady(&C));
-    let millimetres = metres.clone().with_length_scale(1000.0);
-    let moved = millimetres.project(&(x * 1000.0)).unwrap() - metres.project(&x).unwrap();
-    assert!(moved.amax() < 1e-11);
-    // −Rᵀt with t in metres, and rounding of 3e6 mm
-    assert!((millimetres.centre() - metres.centre() * 1000.0).amax() < 1e-8);
-    assert!(metres.to_camera(&metres.centre()).amax() < 1e-11);
-}
-
-#[test]
 fn a_rotation_of_few_digits_becomes_the_nearest_one_and_an_exact_one_stays() {
     let (exact, t) = (rotation(), Vector3::new(1.0, 2.0, 3.0));
     let kept = Camera::new(&k(), &exact, &t, [640, 480]).unwrap();
@@ -307,10 +279,6 @@ fn a_rotation_of_few_digits_becomes_the_nearest_one_and_an_exact_one_stays() {
         let svd = rounded.svd(true, true);
         let nearest = svd.u.unwrap() * svd.v_t.unwrap();
         assert!((camera.rotation() - nearest).amax() < 1e-14);
-        assert!(
-            (camera.rotation().transpose() * camera.rotation() - Matrix3::identity()).amax()
-                < 1e-14
-        );
     }
 }
 

@@ -3,7 +3,7 @@
 use nalgebra::{DMatrix, Vector2, Vector3};
 use skelsplat_core::study::triangulate::{dlt, fuse_monocular};
 use skelsplat_core::testing::refused;
-use skelsplat_core::testing::scenes::look_at;
+use skelsplat_core::testing::scenes::{exact_detections, look_at};
 use skelsplat_core::{
     Camera, Detections, Distortion, Error, TriangulationMethod as Method, Unit, triangulate,
 };
@@ -45,11 +45,6 @@ fn seen(
     pixels
 }
 
-fn detect(cameras: &[Camera], points: &[Vector3<f64>]) -> Detections {
-    let pixels = seen(cameras, points, |_, _| [0.0; 2]);
-    Detections::new(cameras.len(), points.len(), &pixels, None).unwrap()
-}
-
 /// A few pixels that look random.
 fn jitter(i: usize, j: usize) -> [f64; 2] {
     [((7 * i + 3 * j) as f64).sin() * 4.0, ((5 * i + 11 * j) as f64).cos() * 4.0]
@@ -63,7 +58,7 @@ fn is_nan(x: &Vector3<f64>) -> bool {
 fn exact_detections_give_the_points_back() {
     let (cameras, points) = (room(), joints());
     for views in [2, 3, 4] {
-        let found = dlt(&detect(&cameras[..views], &points), &cameras[..views]);
+        let found = dlt(&exact_detections(&points, &cameras[..views]), &cameras[..views]);
         for (x, truth) in found.iter().zip(&points) {
             // 1e-13 px of rounding is 1e-12 mm at 6 m; conditioning of two views costs below 1e3
             assert!((x - truth).norm() < 1e-9, "{views} views: {x:?}");
@@ -75,7 +70,7 @@ fn exact_detections_give_the_points_back() {
 fn the_lens_is_undone_first() {
     let lens = Distortion::brown_conrady(&[-0.2, 0.08, 1e-3, -2e-3, -0.01]).unwrap();
     let cameras: Vec<_> = room().into_iter().map(|c| c.with_distortion(lens.clone())).collect();
-    let detections = detect(&cameras, &joints());
+    let detections = exact_detections(&joints(), &cameras);
     let found = triangulate(&detections, &cameras, Unit::Millimetre, Method::Dlt).unwrap();
     assert_eq!(found.rejected, [false; 12]);
     let ignored = dlt(&detections, &cameras);
@@ -103,7 +98,7 @@ fn plain(detections: &Detections, cameras: &[Camera], joint: usize) -> Vector3<f
 #[test]
 fn the_null_vector_is_that_of_the_pixel_rows() {
     let (cameras, points) = (room(), joints());
-    let exact = detect(&cameras, &points);
+    let exact = exact_detections(&points, &cameras);
     let confidence: Vec<f64> = (0..12).map(|k| 0.3 + 0.05 * f64::from(k)).collect();
     let pixels = seen(&cameras, &points, jitter);
     let noisy = Detections::new(4, points.len(), &pixels, Some(&confidence)).unwrap();
@@ -174,6 +169,7 @@ fn a_missing_detection_is_as_if_the_view_were_not_there() {
     assert!((found[0] - points[0]).norm() < 1e-9);
     assert!(is_nan(&found[1]), "seen by one view only");
     assert!((found[2] - points[2]).norm() < 1e-9);
+    assert!(dlt(&Detections::new(4, 0, &[], None).unwrap(), &cameras).is_empty());
 }
 
 #[test]
@@ -181,14 +177,14 @@ fn degenerate_geometry_has_no_answer() {
     let cameras = room();
     let point = joints()[1];
     let from_one_place = vec![cameras[0].clone(), cameras[0].clone()];
-    assert!(is_nan(&dlt(&detect(&from_one_place, &[point]), &from_one_place)[0]));
+    assert!(is_nan(&dlt(&exact_detections(&[point], &from_one_place), &from_one_place)[0]));
 
     let origin = Vector3::zeros();
     let ahead = looking(origin, Vector3::new(5000.0, 0.0, 0.0));
     let further = looking(Vector3::new(-2000.0, 0.0, 0.0), Vector3::new(5000.0, 0.0, 0.0));
     let in_line = vec![ahead.clone(), further];
     let on_baseline = Vector3::new(3000.0, 0.0, 0.0);
-    assert!(is_nan(&dlt(&detect(&in_line, &[on_baseline]), &in_line)[0]));
+    assert!(is_nan(&dlt(&exact_detections(&[on_baseline], &in_line), &in_line)[0]));
 
     let beside = looking(Vector3::new(0.0, 700.0, 0.0), Vector3::new(5000.0, 700.0, 0.0));
     let parallel = vec![ahead, beside];
@@ -202,17 +198,9 @@ fn degenerate_geometry_has_no_answer() {
 }
 
 #[test]
-fn no_views_and_no_joints_are_answered() {
-    let nothing = Detections::new(0, 2, &[], None).unwrap();
-    assert!(dlt(&nothing, &[]).iter().all(is_nan));
-    let cameras = room();
-    assert!(dlt(&Detections::new(4, 0, &[], None).unwrap(), &cameras).is_empty());
-}
-
-#[test]
 fn wrong_counts_and_names_are_refused() {
     let cameras = room();
-    let detections = detect(&cameras, &joints());
+    let detections = exact_detections(&joints(), &cameras);
     let three = triangulate(&detections, &cameras[..3], Unit::Millimetre, Method::Dlt);
     assert_eq!(refused(three), "cameras");
     let error = Method::by_name("DLT2").unwrap_err();
@@ -225,7 +213,7 @@ fn fusion_weighs_by_inverse_mean_reprojection_error() {
     let truth = joints()[0];
     let estimates =
         [[30.0, 0.0, 0.0], [0.0, -50.0, 10.0], [5.0, 5.0, -90.0]].map(|d| truth + Vector3::from(d));
-    let detections = detect(cameras, &[truth]);
+    let detections = exact_detections(&[truth], cameras);
     let error = |x: &Vector3<f64>| {
         let distance = |c: &Camera| (c.project(x).unwrap() - c.project(&truth).unwrap()).norm();
         (distance(&cameras[0]) + distance(&cameras[1])) / 2.0
@@ -264,7 +252,7 @@ fn fusion_takes_the_views_that_there_are() {
 fn fusion_survives_exact_and_invisible_estimates() {
     let cameras = room();
     let truth = joints()[0];
-    let detections = detect(&cameras, &[truth]);
+    let detections = exact_detections(&[truth], &cameras);
     let near = truth + Vector3::new(40.0, 0.0, 0.0);
     let found = fuse_monocular(&[vec![truth], vec![near]], &detections, &cameras)[0];
     // 40 mm are about 7 px at 6 m, of which the floor of 1e-3 px is 1.4e-4: the exact one keeps all
