@@ -21,15 +21,13 @@ from scenarios import FloatArray, Scene, simulated
 
 import skelsplat as sk
 from skelsplat.evaluation import baselines
-from skelsplat.evaluation.baselines._observations import homogeneous_to_world, observe, solve
-from skelsplat.evaluation.baselines._robust import Reprojections
+from skelsplat.evaluation.baselines._observations import homogeneous_to_world, observe
 
 Method = Callable[[slice], FloatArray]
 
 _NOISES = {"occluded2": "occluded 2", "occluded3": "occluded 3"}
 _DEFAULT = "SkelSplat, default"
 _CROP_PX = 384.0  # side of the crop in whose pixels Iskakov's threshold is
-_SCALE_PX = 5.0  # of the Cauchy loss
 _LONGEST_RUN_S = 1.0  # a run that takes longer is timed on fewer poses
 
 
@@ -49,26 +47,6 @@ def opencv_dlt(detections: FloatArray, cameras: sk.CameraRig) -> FloatArray:
     return joints.points(points)
 
 
-def scipy_cauchy(detections: FloatArray, cameras: sk.CameraRig) -> FloatArray:
-    """Run ``least_squares(loss="cauchy")`` on the reprojection residuals of one joint after the other."""
-    from scipy.optimize import least_squares
-
-    joints = observe(detections, cameras)
-    used = joints.seen.astype(float)
-    points, whole = solve(joints, used), Reprojections(joints.pixels, joints.projections, used, by_view=False)
-    for b in np.flatnonzero(joints.determined):
-        one = whole.part(np.array([b]))
-        found = least_squares(
-            lambda x, one=one: one.residuals(x[None]).ravel(),
-            points[b],
-            jac=lambda x, one=one: one.slopes(x[None]).reshape(-1, 3),
-            loss="cauchy",
-            f_scale=_SCALE_PX,
-        )
-        points[b] = found.x
-    return joints.points(points)
-
-
 def methods(scene: Scene) -> dict[str, Method]:
     """Return all methods, poses of some frames by name; the default last."""
     rig, found = scene.rig, scene.detections
@@ -85,8 +63,7 @@ def methods(scene: Scene) -> dict[str, Method]:
         "DLT of two views, OpenCV": lambda f: opencv_dlt(found[f], rig),
         "RANSAC of AdaFuse": lambda f: baselines.ransac_adafuse(found[f], rig),
         "RANSAC of Iskakov et al.": lambda f: baselines.ransac_iskakov(found[f], rig, crop_scale=crop[f]),
-        "Cauchy loss, SciPy": lambda f: scipy_cauchy(found[f], rig),
-        "Cauchy loss, NumPy, all joints at once": lambda f: baselines.cauchy(found[f], rig),
+        "Cauchy loss, NumPy": lambda f: baselines.cauchy(found[f], rig),
         "SkelSplat, paper": from_dlt,
         "SkelSplat, closed form, Adam": lambda f: from_dlt(f, renderer="closed_form"),
         _DEFAULT: lambda f: sk.refine(None, found[f], rig, layout="h36m17", config=ONE_THREAD).pose,

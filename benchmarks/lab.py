@@ -35,11 +35,7 @@ from skelsplat.evaluation.tables import Table
 
 Program = Callable[..., Table | Iterable[Table]]
 ONE_THREAD = sk.RefineConfig(n_threads=1)
-# Options of every program: how its tables are printed.
-_OUTPUT = [
-    inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=False, annotation=bool)
-    for name in ("markdown", "json")
-]
+_AS_JSON = inspect.Parameter("json", inspect.Parameter.KEYWORD_ONLY, default=False, annotation=bool)
 
 
 def main(about: str | None, *programs: Program) -> None:
@@ -53,10 +49,10 @@ def main(about: str | None, *programs: Program) -> None:
 
 
 def _command(program: Program) -> Callable[..., None]:
-    """Return a program as typer reads it, with the options of the output; tuples are repeated options."""
+    """Return a program as typer reads it, with the option of the output; tuples are repeated options."""
 
     def command(**given: Any) -> None:
-        markdown, as_json = given.pop("markdown"), given.pop("json")
+        as_json = given.pop("json")
         if "fields" in given:
             given["fields"] = dict(map(_field, given["fields"]))
         found = program(**given)
@@ -66,11 +62,11 @@ def _command(program: Program) -> Callable[..., None]:
             print(json.dumps(plain(everything), indent=1))
             return
         for table in tables:
-            show(table, markdown=markdown)
+            show(table)
         print(circumstances())
 
     own = inspect.signature(program, eval_str=True).parameters
-    command.__signature__ = inspect.Signature([*map(_option, own.values()), *_OUTPUT])
+    command.__signature__ = inspect.Signature([*map(_option, own.values()), _AS_JSON])
     return command
 
 
@@ -92,11 +88,8 @@ def _field(text: str) -> tuple[str, Any]:
         return field, value
 
 
-def show(table: Table, *, markdown: bool = False) -> None:
-    """Print a table with its notes, at most 110 columns wide or as Markdown."""
-    if markdown:
-        print(table.markdown())
-        return
+def show(table: Table) -> None:
+    """Print a table with its notes, at most 110 columns wide."""
     console = Console(width=110, highlight=False)
     print_experiment(console, table)
     for note in table.notes:

@@ -1,6 +1,6 @@
 """Each camera of the real recording in the package, predicted from the other three.
 
-    python benchmarks/leave_one_out.py [--markdown]
+    python benchmarks/leave_one_out.py
 
 Poses are computed without the camera and projected into it; the error is the distance to what OpenPose
 detected there, px, over the detections that every method predicts. It contains the errors of these detections
@@ -21,7 +21,7 @@ import numpy as np
 import recordings
 from lab import Table
 from recordings import Take
-from scenarios import FloatArray, Scene
+from scenarios import Scene
 
 import skelsplat as sk
 from skelsplat.association import choose_person
@@ -41,31 +41,15 @@ def recording() -> Scene:
     return Scene(unknown, detections, rig, sample.LAYOUT, "real detections: OpenPose, Pose2Sim's demo")
 
 
-def without(scene: Scene, view: int) -> Take:
-    """Return the recording of the other cameras."""
-    others = [i for i in range(len(scene.rig)) if i != view]
-    rig = sk.CameraRig([scene.rig[i] for i in others], unit=scene.rig.unit)
-    return Take("", replace(scene, rig=rig, detections=scene.detections[:, others]), sample.FRAME_RATE_HZ)
-
-
-def seen_by(scene: Scene, view: int) -> FloatArray:
-    """Return the pixels (T, N, 2) of a view's detections; NaN where there is none."""
-    detections = scene.detections[:, view]
-    return np.where(detections[..., 2:] > 0, detections[..., :2], np.nan)
-
-
-def rotated(scene: Scene, name: str) -> tuple[Scene, float]:
-    """Set one camera right, as the others see it; also return by how many degrees it turned."""
-    found = sk.adjust_cameras(scene.detections, scene.rig, free=[name])
-    (camera,) = found.of("adjusted")
-    return replace(scene, rig=found.cameras), camera.degrees
-
-
 def predicted(scene: Scene, what: str) -> Table:
     """Return the table of a row per camera and method."""
     rows = {}
     for view, camera in enumerate(scene.rig):
-        take, seen = without(scene, view), seen_by(scene, view)
+        others = [i for i in range(len(scene.rig)) if i != view]
+        rig = sk.CameraRig([scene.rig[i] for i in others], unit=scene.rig.unit)
+        rest = replace(scene, rig=rig, detections=scene.detections[:, others])
+        take, own = Take("", rest, sample.FRAME_RATE_HZ), scene.detections[:, view]
+        seen = np.where(own[..., 2:] > 0, own[..., :2], np.nan)
         pixels = {name: sk.project(recordings.METHODS[name](take).pose, [camera])[0] for name in METHODS}
         errors = {name: np.linalg.norm(found - seen, axis=-1) for name, found in pixels.items()}
         by_all = np.isfinite(list(errors.values())).all(axis=0)
@@ -86,8 +70,9 @@ def leave_one_out() -> Iterator[Table]:
     """Predict every camera, before and after one is rotated."""
     scene = recording()
     yield predicted(scene, "calibration as it is")
-    scene, degrees = rotated(scene, "cam_03")
-    yield predicted(scene, f"cam_03 adjusted, turned by {degrees:.2f}°")
+    found = sk.adjust_cameras(scene.detections, scene.rig, free=["cam_03"])
+    (camera,) = found.of("adjusted")
+    yield predicted(replace(scene, rig=found.cameras), f"cam_03 adjusted, turned by {camera.degrees:.2f}°")
 
 
 if __name__ == "__main__":

@@ -45,11 +45,11 @@ class Take:
     fps: float
 
 
-def unsure(take: Take) -> Take:
-    """Return the take with confidence 1 for everything that is detected."""
-    detections = take.scene.detections.copy()
-    detections[..., 2] = np.where(take.scene.detected, 1.0, 0.0)
-    return replace(take, scene=replace(take.scene, detections=detections))
+def unsure(scene: Scene) -> Scene:
+    """Return the scene with confidence 1 for everything that is detected."""
+    detections = scene.detections.copy()
+    detections[..., 2] = np.where(scene.detected, 1.0, 0.0)
+    return replace(scene, detections=detections)
 
 
 def noise(condition: str, n_views: int, fps: float) -> DetectionNoise:
@@ -125,6 +125,7 @@ def takes(
     fps: int = CAPTURE_HZ,
     seed: int = 0,
     most_frames: int | None = None,
+    confidence: bool = True,
 ) -> list[Take]:
     """Simulate takes of a condition: those of these names, or a `sample`.
 
@@ -143,7 +144,7 @@ def takes(
             poses = poses[first : first + most_frames]
         detections = synthetic.simulate_detections(poses, cameras, noise=detector, layout="h36m17", seed=own)
         scene = Scene(poses, detections, cameras, "h36m17", "CMU motion capture, simulated detections")
-        out.append(Take(name, scene, float(fps)))
+        out.append(Take(name, scene if confidence else unsure(scene), float(fps)))
     return out
 
 

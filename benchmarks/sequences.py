@@ -135,19 +135,17 @@ def sequences(
 ) -> Iterator[Table]:
     """Compare methods on recordings."""
     for condition in conditions:
-        found = recordings.takes(
-            condition, count=takes, names=names or None, n_views=views, fps=fps, seed=seed, most_frames=frames
-        )
-        given = found if confidence else [recordings.unsure(take) for take in found]
-        results = measured(given, methods)
+        cut = {"count": takes, "names": names or None, "most_frames": frames}
+        found = recordings.takes(condition, n_views=views, fps=fps, seed=seed, confidence=confidence, **cut)
+        results = measured(found, methods)
         n_frames = sum(len(take.scene.truth) for take in found)
         title = f"{condition}: {views} views, {fps} Hz, {n_frames} frames, simulated detections"
         rows = {name: errors.row() for name, errors in results.items()}
-        yield Table.of(title, "method", rows, setbacks(results, given))
+        yield Table.of(title, "method", rows, setbacks(results, found))
         if joints:
             by_part = {
                 f"{name}, {part}": errors.row(masks)
-                for part, masks in parts(given).items()
+                for part, masks in parts(found).items()
                 for name, errors in results.items()
             }
             yield Table.of(f"{condition}, by joints", "method, joints", by_part)

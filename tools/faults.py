@@ -1,19 +1,16 @@
 """Plant faults one by one and report which tests find them.
 
-    python tools/faults.py check                  # every fault's text occurs exactly once
-    python tools/faults.py plant NAME             # plant one in this checkout, to inspect it
-    python tools/faults.py run FOLDER [NAME ...]  # plant all in a copy of HEAD
+    python tools/faults.py FOLDER [NAME ...]  # in a copy of HEAD, all or some of them
 
 A fault is an exact text of the source and its replacement (`planted.py`). The text must occur exactly once,
 in any source file. The tests expected to find the fault run first. If they pass, the whole short suite
-(`make test`) runs, and then the sweeps, which only `make test-all` runs. `run` needs the environment that
-`make test` sets up, and cargo for faults in Rust; it adds a row per fault to FOLDER/found.md, the table of
+(`make test`) runs, and then the sweeps, which only `make test-all` runs. It needs the environment that
+`make test` sets up, and cargo for faults in Rust, adds a row per fault to FOLDER/found.md, the table of
 docs/decisions.md, and leaves out the faults that have one.
 """
 
 from __future__ import annotations
 
-import argparse
 import os
 import re
 import shutil
@@ -56,13 +53,6 @@ def place_of(fault: Fault, root: Path) -> Path:
 @lru_cache(maxsize=1000)
 def _text(path: Path, _changed: int) -> str:
     return path.read_text(encoding="utf-8")
-
-
-def plant(fault: Fault, root: Path) -> Path:
-    """Write the fault into a tree; return the file."""
-    path = place_of(fault, root)
-    path.write_text(path.read_text(encoding="utf-8").replace(fault.old, fault.new), encoding="utf-8")
-    return path
 
 
 class Copy:
@@ -111,7 +101,7 @@ class Copy:
         """Plant a fault, run the tests, and remove the fault; return what found it."""
         path = place_of(fault, self.root)
         text = path.read_text(encoding="utf-8")
-        plant(fault, self.root)
+        path.write_text(text.replace(fault.old, fault.new), encoding="utf-8")
         rust, built = path.suffix == ".rs", False
         try:
             for words, command in suites(fault, rust=rust):
@@ -163,20 +153,5 @@ def run(folder: Path, names: list[str]) -> None:
             stream.write(f"{row}\n")
 
 
-def main() -> None:
-    """Run the command line."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    parser.add_argument("command", choices=("check", "plant", "run"))
-    parser.add_argument("words", nargs="*", metavar="FOLDER or NAME")
-    given = parser.parse_args()
-    if given.command == "check":
-        for fault in FAULTS:
-            place_of(fault, ROOT)
-    elif given.command == "plant":
-        print(plant(next(fault for fault in FAULTS if fault.name == given.words[0]), ROOT))
-    else:
-        run(Path(given.words[0]), given.words[1:])
-
-
 if __name__ == "__main__":
-    main()
+    run(Path(sys.argv[1]), sys.argv[2:])

@@ -32,7 +32,6 @@ def table(
         here = scene(noise, poses, seed, n_seeds=n_seeds)
         start = monocular_start(here, seed)
         error = start - here.truth
-        sigma = float(np.sqrt(np.nanmean(error**2)))
         # Of every joint about zero, as for an unbiased initial pose.
         spread = np.einsum("tni,tnj->nij", error, error) / len(error)
         found = {"dlt": here.dlt(), **{method: here.solved(method) for method in TRIANGULATIONS}}
@@ -42,11 +41,10 @@ def table(
             found["paper, start"] = here.refined(start, config).pose
         found["default"] = here.refined(fields=fields).pose
         found["from start"] = here.refined(start, fields=fields).pose
-        found["with sigma"] = here.refined(start, init_sigma=sigma, fields=fields).pose
         found["with covar."] = here.refined(start, init_sigma=spread, fields=fields).pose
         rows[name] = {column: here.mpjpe(pose) for column, pose in found.items()}
         notes += missing(found, here, name)
-        notes.append(f"{name}: start {here.mpjpe(start):.1f} mm, {sigma:.1f} mm per axis")
+        notes.append(f"{name}: start {here.mpjpe(start):.1f} mm")
     notes.append(about(poses=len(here.truth), seeds=f"{seed} to {seed + n_seeds - 1}", source=here.source))
     return Table.of("MPJPE, mm (joints that at least two views detect)", "detections", rows, notes)
 
@@ -77,9 +75,6 @@ def swaps(*, poses: int = 300, seed: int = 0, fields: Fields | None = None) -> T
 
     rows: dict[str, dict[str, Any]] = {}
     for where, here, true in (("clean", clean, np.zeros_like(differ)), ("swapped", swapped, differ)):
-        rows[f"{where}, dlt"] = errors(here.dlt(), here)
-        for name in ("ransac-adafuse", "ransac"):
-            rows[f"{where}, {name}"] = errors(here.solved(name), here)
         for find in (False, True):
             result = here.refined(fields={**(fields or {}), "find_swaps": find})
             flagged = result.swapped

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections import Counter
-from itertools import combinations
 
 import numpy as np
 from lab import Table, about
@@ -29,12 +28,10 @@ def mvor(*, detector: str = "openpose", fast: bool = False, fields: Fields | Non
     here = mvor_scene(detector)
     names = ("dlt-confidence", "ransac-iskakov", "ransac-adafuse", "ransac", "cauchy")
     found = {"dlt": here.dlt(), **{name: here.solved(name) for name in names}}
-    for start in () if fast else ("dlt", "dlt-confidence"):
-        for renderer in ("raster", "closed_form"):
-            config = sk.RefineConfig.paper(renderer=renderer)
-            found[f"paper, {renderer}, from {start}"] = here.refined(found[start], config).pose
+    if not fast:
+        config = sk.RefineConfig.paper()
+        found["paper, from dlt-confidence"] = here.refined(found["dlt-confidence"], config).pose
     found["default"] = here.refined(fields=fields).pose
-    found["oracle: DLT of the best views"] = oracle_views(here)
     joints = int(np.isfinite(here.judged).all(axis=-1).sum())
     notes = [
         *missing(found, here, "MVOR"),
@@ -42,20 +39,6 @@ def mvor(*, detector: str = "openpose", fast: bool = False, fields: Fields | Non
         about(people=len(here.truth), joints=joints, source=here.source),
     ]
     return Table.of("MVOR, mm", "method", {name: _errors(pose, here) for name, pose in found.items()}, notes)
-
-
-def oracle_views(here: Scene) -> FloatArray:
-    """Triangulate each joint from the views that bring it closest to the truth: no choice does better."""
-    n_views = len(here.rig)
-    best, least = np.full(here.truth.shape, np.nan), np.full(here.truth.shape[:2], np.inf)
-    for used in (kept for n in range(2, n_views + 1) for kept in combinations(range(n_views), n)):
-        detections = here.detections[..., :2].copy()
-        detections[:, np.setdiff1d(range(n_views), used)] = np.nan
-        pose = sk.triangulate(detections, here.rig, method="dlt")
-        distance = np.linalg.norm(pose - here.truth, axis=-1)
-        nearer = distance < least
-        best[nearer], least[nearer] = pose[nearer], distance[nearer]
-    return best
 
 
 def _gross(each: FloatArray) -> float:

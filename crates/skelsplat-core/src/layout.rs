@@ -73,8 +73,8 @@ impl Layout {
     ///
     /// # Errors
     /// [`Error::InvalidInput`] naming the field: no joints, an empty or repeated joint name, an
-    /// index out of range, a limb or pair of a joint with itself, a joint in two left–right pairs,
-    /// a tier other than 1, 2, 3, or a length that is not positive.
+    /// index out of range, a limb or pair of a joint with itself, a limb twice, a joint in two
+    /// left–right pairs, a tier other than 1, 2, 3, or a length that is not positive.
     pub fn new(spec: LayoutSpec) -> Result<Self> {
         check_joints(&spec.joints)?;
         check_indices(&spec)?;
@@ -93,11 +93,6 @@ impl Layout {
             name: name.to_owned(),
             known: Self::NAMES.map(str::to_owned).to_vec(),
         })
-    }
-
-    /// Whether this is a person's body ([`LayoutSpec::human`]).
-    pub fn is_human(&self) -> bool {
-        self.human
     }
 
     /// Number of joints `N`.
@@ -160,6 +155,10 @@ fn check_pairs(spec: &LayoutSpec) -> Result<()> {
         if let Some([a, b]) = pairs.iter().find(|[a, b]| a == b) {
             return Err(Error::invalid(field, "two different joints", format!("[{a}, {b}]")));
         }
+    }
+    let sorted: Vec<_> = spec.limbs.iter().map(|[a, b]| [a.min(b), a.max(b)]).collect();
+    if let Some(k) = (0..sorted.len()).find(|&k| sorted[..k].contains(&sorted[k])) {
+        return Err(Error::invalid("limbs", "each limb once", format!("{:?} twice", sorted[k])));
     }
     if let Some(p) = spec.symmetric.iter().find(|p| !(1..=3).contains(&p.tier)) {
         return Err(Error::invalid("symmetric", "tiers 1, 2 or 3", format!("tier {}", p.tier)));

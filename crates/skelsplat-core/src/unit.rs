@@ -86,7 +86,7 @@ pub fn implausible_extent(
     let [low, high] = match layout {
         None if is_crowded(cameras, unit) => UNKNOWN,
         None => [0.0, UNKNOWN[1]],
-        Some(layout) if layout.is_human() => PERSON,
+        Some(layout) if layout.human => PERSON,
         Some(_) => ANYTHING,
     };
     let taller = mm > high;

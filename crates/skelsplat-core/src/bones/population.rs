@@ -52,7 +52,7 @@ const TABLE: [(&str, &str, f64, f64); 19] = [
 
 /// The bones of a human layout that the table knows; none for other layouts.
 pub fn proportions(layout: &Layout) -> Vec<Proportion> {
-    if !layout.is_human() {
+    if !layout.human {
         return Vec::new();
     }
     let bare = |j: usize| layout.joints[j].trim_start_matches("left_").trim_start_matches("right_");

@@ -57,7 +57,7 @@ impl JointBias {
         match (self, layout) {
             (Self::All(sigma), _) => vec![*sigma; n],
             (Self::Each(sigmas), _) => sigmas.clone(),
-            (Self::OfLayout, Some(layout)) if layout.is_human() => {
+            (Self::OfLayout, Some(layout)) if layout.human => {
                 layout.joints.iter().map(|name| published(name)).collect()
             }
             (Self::OfLayout, _) => vec![0.0; n],

@@ -9,10 +9,6 @@ fn all() -> impl Iterator<Item = Layout> {
     Layout::NAMES.into_iter().map(|name| Layout::by_name(name).unwrap())
 }
 
-fn index(layout: &Layout, joint: &str) -> usize {
-    layout.joints.iter().position(|j| j == joint).unwrap()
-}
-
 /// `left_x` for `right_x` and the other way round, any other name for itself.
 fn mirrored(name: &str) -> String {
     match (name.strip_prefix("left_"), name.strip_prefix("right_")) {
@@ -102,26 +98,8 @@ fn pairs_are_mirror_images() {
 }
 
 #[test]
-fn tiers_are_the_papers() {
-    let layout = Layout::by_name("h36m17").unwrap();
-    let left: Vec<_> = layout.symmetric.iter().map(|p| (p.tier, p.left)).collect();
-    let limb = |a, b| [index(&layout, a), index(&layout, b)];
-    let expected = [
-        (1, limb("left_elbow", "left_wrist")),
-        (1, limb("left_knee", "left_ankle")),
-        (2, limb("left_shoulder", "left_elbow")),
-        (2, limb("left_hip", "left_knee")),
-        (3, limb("pelvis", "left_hip")),
-        (3, limb("neck", "left_shoulder")),
-    ];
-    assert_eq!(left, expected);
-}
-
-#[test]
-fn limbs_connect_every_joint_once() {
+fn limbs_connect_every_joint() {
     for layout in all() {
-        let once: HashSet<_> = layout.limbs.iter().map(|[a, b]| (a.min(b), a.max(b))).collect();
-        assert_eq!(once.len(), layout.limbs.len(), "{}", layout.name);
         let mut reached = HashSet::from([0]);
         for _ in 0..layout.n_joints() {
             for [a, b] in &layout.limbs {
@@ -174,13 +152,14 @@ fn a_layout_of_ones_own() {
 #[test]
 fn broken_layouts_are_refused() {
     type Break = fn(&mut LayoutSpec);
-    let cases: [(Break, &str); 13] = [
+    let cases: [(Break, &str); 14] = [
         (|s| s.joints.clear(), "joints"),
         (|s| s.joints[2].clear(), "joints[2]"),
         (|s| s.joints[3] = "neck".into(), "joints[3]"),
         (|s| s.limbs[1][0] = 5, "limbs"),
         (|s| s.root.push(9), "root"),
         (|s| s.limbs.push([3, 3]), "limbs"),
+        (|s| s.limbs.push([4, 2]), "limbs"),
         (|s| s.symmetric[0].tier = 4, "symmetric"),
         (|s| s.symmetric[0].right = [2, 2], "symmetric"),
         (|s| s.left_right.push([0, 1]), "left_right"),

@@ -129,13 +129,14 @@ def _of_skeleton(skeleton: Skeleton, path: Path) -> sk.Layout:
     try:
         name = path.resolve().stem
         name = f"{name}_file" if name in sk.layouts.names else name
-        layout = sk.layouts.from_names(name, names, edges)
+        limbs = {frozenset(edge): edge for edge in edges}  # some files list one several times
+        layout = sk.layouts.from_names(name, names, list(limbs.values()))
     except InvalidInputError as error:
         raise DatasetError.of_argument(path, error) from error
     pairs = [f"{names[left]}–{names[right]}" for left, right in layout.left_right]
-    numbers = {"joints": len(names), "limbs": len(edges), "pairs": pairs}
+    numbers = {"joints": len(names), "limbs": len(layout.limbs), "pairs": pairs}
     named = f"{len(pairs)} left–right pairs by name ({listed(pairs, _MOST_PAIRS) or 'none'})"
-    words = f"The layout is that of {path}: {len(names)} joints, {len(edges)} limbs, {named}."
+    words = f"The layout is that of {path}: {len(names)} joints, {len(layout.limbs)} limbs, {named}."
     warn(Finding("layout_of_file", "note", Subject(files=(str(path),)), numbers, sentence=words))
     return layout
 
