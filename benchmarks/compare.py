@@ -11,9 +11,9 @@ weighted by confidence.
 
 from __future__ import annotations
 
-import contextlib
 from collections.abc import Callable
 
+import cv2
 import lab
 import numpy as np
 from lab import ONE_THREAD, Table
@@ -33,8 +33,6 @@ _LONGEST_RUN_S = 1.0  # a run that takes longer is timed on fewer poses
 
 def opencv_dlt(detections: FloatArray, cameras: sk.CameraRig) -> FloatArray:
     """Triangulate by ``cv2.triangulatePoints`` from the first two views that see the joint."""
-    import cv2
-
     joints = observe(detections, cameras)
     points = np.full((len(joints.seen), 3), np.nan)
     first_two = np.argsort(~joints.seen, axis=1, kind="stable")[:, :2]
@@ -92,17 +90,9 @@ def measured(method: Method, scene: Scene, repeat: int) -> dict[str, float]:
 
 def compare(*, poses: int = 300, noise: str = "good", seed: int = 0, repeat: int = 5) -> Table:
     """Compare methods on poses."""
-    with contextlib.suppress(ImportError):
-        import cv2
-
-        cv2.setNumThreads(1)  # it ignores the variables used by NumPy
+    cv2.setNumThreads(1)  # it ignores the variables used by NumPy
     scene = simulated(poses, noise=_NOISES.get(noise, noise), seed=seed)
-    rows, notes = {}, []
-    for name, method in methods(scene).items():
-        try:
-            rows[name] = measured(method, scene, repeat)
-        except ImportError as error:
-            notes.append(f"{name}: left out, {error}")
+    rows = {name: measured(method, scene, repeat) for name, method in methods(scene).items()}
     fastest = rows[_DEFAULT]["ms/pose"]
     cells = {
         name: {"ms/pose": f"{row['ms/pose']:.2g}", "× default": f"{row['ms/pose'] / fastest:.3g}"}
@@ -110,7 +100,7 @@ def compare(*, poses: int = 300, noise: str = "good", seed: int = 0, repeat: int
         for name, row in rows.items()
     }
     title = f"{len(scene.truth)} poses, 17 joints, simulated detections '{noise}', one core"
-    return Table.of(title, "method", cells, notes)
+    return Table.of(title, "method", cells)
 
 
 if __name__ == "__main__":

@@ -190,7 +190,7 @@ def butterworth(take: Take) -> Solved:
     return Solved(filtered(frames(take).pose, take.fps))
 
 
-def anipose(take: Take, *, ransac: bool = False, **tuned: float) -> Solved:
+def anipose(take: Take, **tuned: float) -> Solved:
     """Aniposelib's `CameraGroup.triangulate_optim`: constant bones, smooth motion, confidences as scores.
 
     All bones of the layout are constrained; all else is at its defaults but for what is `tuned`.
@@ -208,7 +208,6 @@ def anipose(take: Take, *, ransac: bool = False, **tuned: float) -> Solved:
         warnings.simplefilter("ignore")  # of Numba, about what it cannot compile
         pose = group.triangulate_optim(
             points[..., :2].copy(),
-            init_ransac=ransac,
             constraints=limbs,
             scores=points[..., 2].copy(),
             **tuned,
@@ -229,6 +228,5 @@ METHODS: dict[str, Method] = {
     "butterworth": butterworth,
     "anipose": anipose,
     "anipose-tuned": partial(anipose, **_TUNED),
-    "anipose-ransac": partial(anipose, ransac=True, **_TUNED),
     "sequence": sequence,
 }

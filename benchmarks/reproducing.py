@@ -1,6 +1,6 @@
 """Run the commands of docs/measurements.md on simulated data and insert their tables into the page.
 
-    python benchmarks/reproducing.py [--only REGEX]
+    python benchmarks/reproducing.py
 
 A marker ``<!-- measured: FILE.md, table N -->`` takes the N-th table of a file, ``<!-- measured: column NAME
 of FOLDER, FOLDER -->`` one column of each folder's ``report.csv``, a row per method. It replaces the text
@@ -18,8 +18,6 @@ import sys
 import tempfile
 from dataclasses import dataclass
 from pathlib import Path
-
-import typer
 
 DOCUMENT = Path(__file__).resolve().parents[1] / "docs" / "measurements.md"
 REAL = "DATA/"
@@ -80,10 +78,10 @@ def _columns(name: str, folders: list[Path]) -> str:
     return "".join(f"| {' | '.join(row)} |\n" for row in head + rows)
 
 
-def main(only: str = "") -> None:
-    """Run the commands of the markers in which a regular expression is found, and insert their tables."""
+def main() -> None:
+    """Run the commands of the markers, and insert their tables."""
     text = DOCUMENT.read_text(encoding="utf-8")
-    chosen = [marker for marker in markers(text) if re.search(only, marker.what)]
+    chosen = markers(text)
     lines = list(dict.fromkeys(line for marker in chosen for line in marker.commands))
     with tempfile.TemporaryDirectory() as folder:
         for line in lines:
@@ -103,4 +101,4 @@ def replaced(text: str, what: str, new: str) -> str:
 
 
 if __name__ == "__main__":
-    typer.run(main)
+    main()

@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from skelsplat import RefineConfig, _skelsplat
+from skelsplat import RefineConfig
 
 STUB = Path(__file__).parents[1] / "python" / "skelsplat" / "_skelsplat.pyi"
 
@@ -69,5 +69,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    assert _skelsplat.__file__
     main()

@@ -73,7 +73,6 @@ def coverage_real(
     parts = {
         "all": real.judged,
         "without hips": np.where(hips, np.nan, real.judged),
-        "hips": np.where(hips, real.judged, np.nan),
         "three views": np.where(seen < 3, np.nan, real.judged),
         "one view": np.where(seen == 1, real.truth, np.nan),
     }

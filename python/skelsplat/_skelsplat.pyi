@@ -155,8 +155,8 @@ class Layout:
     Raises
     ------
     InvalidInputError
-        An unknown joint name or index, a joint paired with itself, a tier other than 1, 2, 3, or a
-        length that is not positive or of no limb.
+        An unknown joint name or index, a joint paired with itself, a limb twice, a tier
+        other than 1, 2, 3, or a length that is not positive or of no limb.
     """
 
     def __new__(

@@ -74,6 +74,10 @@ REFINE = {
     "several people": (lambda s: {"detections": s.detections[:, :, None]}, "detections"),
     "no joints": (lambda _: {"detections": np.zeros((4, 0, 2)), "init_pose": None}, "detections"),
     "views": (lambda s: {"detections": s.detections[0, :3]}, "detections"),
+    "joints at (0, 0)": (
+        lambda s: {"detections": changed(s.detections[0], (1, [2, 5]), 0.0)},
+        "detections[1, 5]",
+    ),
     "init_pose": (lambda s: {"init_pose": s.pose[0, :16]}, "init_pose"),
     "init_pose of a batch": (lambda s: {"detections": s.detections}, "init_pose"),
     "confidence": (lambda _: {"confidence": np.ones((4, 16))}, "confidence"),

@@ -37,9 +37,9 @@ impl Detections {
     /// From row-major `(M, N, 2)` pixels and optional `(M, N)` confidences in [0, 1] (default 1).
     ///
     /// # Errors
-    /// [`Error::InvalidInput`] if a length does not match, a confidence is outside [0, 1] or a
-    /// pixel outside ±[`FARTHEST`]. A confidence that is not a number marks the detection as
-    /// missing; that of a missing one is ignored.
+    /// [`Error::InvalidInput`] if a length does not match, a confidence is outside [0, 1], a pixel
+    /// outside ±[`FARTHEST`], or two joints of a view at exactly (0, 0). A confidence that is not a
+    /// number marks the detection as missing; that of a missing one is ignored.
     pub fn new(
         n_views: usize,
         n_joints: usize,
@@ -51,14 +51,11 @@ impl Detections {
             let expected = format!("{n_views} x {n_joints} x 2 values");
             return Err(Error::invalid("detections", expected, pixels.len().to_string()));
         }
-        let confidence = match confidence {
-            None => vec![1.0; n],
-            Some(c) if c.len() == n => c.to_vec(),
-            Some(c) => {
-                let expected = format!("{n_views} x {n_joints} values");
-                return Err(Error::invalid("confidence", expected, c.len().to_string()));
-            }
-        };
+        let confidence = confidence.map_or_else(|| vec![1.0; n], <[f64]>::to_vec);
+        if confidence.len() != n {
+            let expected = format!("{n_views} x {n_joints} values");
+            return Err(Error::invalid("confidence", expected, confidence.len().to_string()));
+        }
         let points: Vec<Vector2<f64>> =
             pixels.chunks_exact(2).map(|p| Vector2::new(p[0], p[1])).collect();
         if let Some(k) = too_far(pixels) {
@@ -79,7 +76,19 @@ impl Detections {
         }
         let confidence =
             confidence.into_iter().map(|c| if c < LEAST_CONFIDENCE { 0.0 } else { c }).collect();
-        Ok(Self { n_views, n_joints, points, confidence })
+        Self { n_views, n_joints, points, confidence }.without_corners()
+    }
+
+    /// Refuses two joints of a view at exactly (0, 0): so some detectors write that there is none.
+    fn without_corners(self) -> Result<Self> {
+        let corner = |i, j| self.get(i, j).is_some_and(|(p, _)| p == Vector2::zeros());
+        for i in 0..self.n_views {
+            if let Some(j) = (0..self.n_joints).filter(|&j| corner(i, j)).nth(1) {
+                let at = format!("detections[{i}, {j}]");
+                return Err(Error::invalid(at, "NaN where missing", "the second joint at (0, 0)"));
+            }
+        }
+        Ok(self)
     }
 
     /// From `get(view, joint)`, which has been checked before.

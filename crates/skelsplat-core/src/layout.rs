@@ -126,36 +126,28 @@ fn check_joints(joints: &[String]) -> Result<()> {
 }
 
 fn check_indices(spec: &LayoutSpec) -> Result<()> {
-    let symmetric = spec.symmetric.iter().flat_map(|p| [p.left, p.right]).flatten();
-    let fields: [(&str, Vec<usize>); 5] = [
-        ("limbs", spec.limbs.iter().copied().flatten().collect()),
-        ("symmetric", symmetric.collect()),
-        ("left_right", spec.left_right.iter().copied().flatten().collect()),
-        ("occlusion_prone", spec.occlusion_prone.clone()),
-        ("root", spec.root.clone()),
-    ];
     let n = spec.joints.len();
-    for (field, indices) in fields {
+    let pairs = [
+        ("limbs", spec.limbs.clone()),
+        ("symmetric", spec.symmetric.iter().flat_map(|p| [p.left, p.right]).collect()),
+        ("left_right", spec.left_right.clone()),
+    ];
+    for (field, pairs) in &pairs {
+        if let Some([a, b]) = pairs.iter().find(|[a, b]| a == b) {
+            return Err(Error::invalid(*field, "two different joints", format!("[{a}, {b}]")));
+        }
+    }
+    let pairs = pairs.map(|(field, pairs)| (field, pairs.concat()));
+    let joints = [("occlusion_prone", spec.occlusion_prone.clone()), ("root", spec.root.clone())];
+    for (field, indices) in pairs.into_iter().chain(joints) {
         if let Some(bad) = indices.iter().find(|&&i| i >= n) {
-            let expected = format!("joint indices below {n}");
-            return Err(Error::invalid(field, expected, bad.to_string()));
+            return Err(Error::invalid(field, format!("indices below {n}"), bad.to_string()));
         }
     }
     Ok(())
 }
 
 fn check_pairs(spec: &LayoutSpec) -> Result<()> {
-    let symmetric = spec.symmetric.iter().flat_map(|p| [p.left, p.right]);
-    let fields: [(&str, Vec<[usize; 2]>); 3] = [
-        ("limbs", spec.limbs.clone()),
-        ("symmetric", symmetric.collect()),
-        ("left_right", spec.left_right.clone()),
-    ];
-    for (field, pairs) in fields {
-        if let Some([a, b]) = pairs.iter().find(|[a, b]| a == b) {
-            return Err(Error::invalid(field, "two different joints", format!("[{a}, {b}]")));
-        }
-    }
     let sorted: Vec<_> = spec.limbs.iter().map(|[a, b]| [a.min(b), a.max(b)]).collect();
     if let Some(k) = (0..sorted.len()).find(|&k| sorted[..k].contains(&sorted[k])) {
         return Err(Error::invalid("limbs", "each limb once", format!("{:?} twice", sorted[k])));

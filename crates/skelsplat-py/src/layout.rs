@@ -35,8 +35,8 @@ use crate::errors::{Failure, Result, in_words};
 /// Raises
 /// ------
 /// InvalidInputError
-///     An unknown joint name or index, a joint paired with itself, a tier other than 1, 2, 3, or a
-///     length that is not positive or of no limb.
+///     An unknown joint name or index, a joint paired with itself, a limb twice, a tier
+///     other than 1, 2, 3, or a length that is not positive or of no limb.
 #[pyclass(frozen, eq, module = "skelsplat", name = "Layout")]
 #[derive(PartialEq)]
 pub(crate) struct Layout(pub(crate) Core);

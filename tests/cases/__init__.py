@@ -1,0 +1,1 @@
+"""Scenes in which a result was once wrong without a word."""
