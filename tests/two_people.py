@@ -8,7 +8,7 @@ import numpy as np
 
 import skelsplat as sk
 from skelsplat import synthetic
-from skelsplat.association import take_people
+from skelsplat.association import separated, take_people
 from skelsplat.run.findings import find_findings
 from skelsplat.run.frames import joint_frames
 from skelsplat.run.people import find_people
@@ -45,16 +45,15 @@ def shuffled(people, seed=2):
     return np.take_along_axis(people, order[..., None, None], axis=2)
 
 
-def crowd_of(people, rig, person):
-    """Return who is visible when ``person`` is chosen."""
-    index, _ = pick_places(people, rig, person, LAYOUT)
-    return look_around(people, index, rig, person, LAYOUT)
+def picked(people, rig, person, layout=LAYOUT):
+    """Return places, views without a match, and who is visible when ``person`` is chosen."""
+    found = separated(people, rig, layout)
+    return (*pick_places(people, person, found), look_around((found >= 0).sum(axis=2)))
 
 
 def doubts_of(people, rig, person="consistent"):
     """Return the sentences of a run with ``person`` on whether it follows one person."""
-    index, _ = pick_places(people, rig, person, LAYOUT)
-    crowd = look_around(people, index, rig, person, LAYOUT)
+    index, _, crowd = picked(people, rig, person)
     chosen = take_people(people, index)
     frames = np.arange(len(people))
     inputs = Inputs(rig, LAYOUT, chosen, index < 0, frames, person=person, crowd=crowd)
@@ -64,9 +63,8 @@ def doubts_of(people, rig, person="consistent"):
 
 def findings_of(people, rig, person="consistent", *, layout=LAYOUT, fps=None):
     """Return the sentences of all findings of a run with ``person`` among people (T, M, P, N, 3)."""
-    index, unmatched = pick_places(people, rig, person, layout)
+    index, unmatched, crowd = picked(people, rig, person, layout)
     detections = take_people(people, index)
-    crowd = look_around(people, index, rig, person, layout)
     frames = np.arange(len(detections))
     inputs = Inputs(rig, layout, detections, unmatched, frames, person=person, crowd=crowd, fps=fps)
     if fps is None:

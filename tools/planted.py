@@ -221,8 +221,8 @@ tests/unit/test_rig_check.py
 
 following a person does not consider left–right swaps | lost hypothesis
 tests/unit/test_association.py
--if mirrored && !figures.has_sides {
-+if mirrored {
+-if mirror.is_empty() || straight > 0.6 {
++if straight > -1.0 {
 
 # What users see.
 check-cameras exits with 0 despite findings | wrong exit code

@@ -28,8 +28,7 @@ __all__ = [
     "implausible_extent",
     "loss_and_gradient",
     "most_likely_places",
-    "people_choices",
-    "people_chosen",
+    "people_identities",
     "people_scores",
     "project",
     "project_gaussians",
@@ -658,30 +657,9 @@ class Tracker:
     def cut(self) -> int: ...
     def copy(self) -> Tracker: ...
 
-def people_choices(
-    cameras: _Cameras,
-    people: ArrayLike,
-    gates_px: Sequence[float],
-    *,
-    min_confidence: float,
-    min_joints: int,
-    mirror: Sequence[int],
-    most: int,
-    worse: float,
-) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]: ...
-def people_chosen(
-    cameras: _Cameras,
-    people: ArrayLike,
-    gates_px: Sequence[float],
-    *,
-    min_confidence: float,
-    min_joints: int,
-    mirror: Sequence[int],
-    most: int,
-    worse: float,
-    switch_cost: float,
-    switch_step: float,
-) -> tuple[NDArray[np.int64], NDArray[np.bool_]]: ...
+def people_identities(
+    refiner: Refiner, layout: str | Layout | None, people: ArrayLike, fps: float
+) -> tuple[list[tuple[int, NDArray[np.int64]]], NDArray[np.bool_]]: ...
 def people_scores(
     refiner: Refiner, layout: str | Layout, people: ArrayLike, pose: ArrayLike
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], float]: ...

@@ -1,8 +1,4 @@
-"""Which person in each view is the one to follow: chosen by agreement between the views.
-
-Two people in two views are a hypothesis: triangulated, projected into every view and compared with everybody
-there. The hypotheses of consecutive frames are then linked so that one person is followed.
-"""
+"""Which person in each view is the one to follow: everybody is followed over time, and one is taken."""
 
 from __future__ import annotations
 
@@ -12,44 +8,45 @@ import numpy as np
 import numpy.typing as npt
 
 import skelsplat as sk
-from skelsplat._arrays import Array, Index, Mask, corners, medians, numbers, take_people
+from skelsplat import _skelsplat
+from skelsplat._arrays import Array, Index, Mask, corners, numbers, take_people
 from skelsplat._people import most_people, people_uncompared
-from skelsplat._skelsplat import check_people, people_chosen
-from skelsplat.cameras import mm_per_unit
 from skelsplat.exceptions import InvalidInputError
 from skelsplat.findings import warn
-from skelsplat.layouts import mirror_images
 
 __all__ = ["choose_person", "extents", "separate_people", "take_people"]
 
-MIN_CONFIDENCE = 0.2  # joints below it do not take part in the choice; they are still returned
-MIN_JOINTS = 4  # that must be in common for a comparison (all K, if K is smaller)
-_GATE = 0.03  # largest median reprojection error, of the image's diagonal: 66 px at 1920×1080
-_KEPT = 8  # hypotheses of a frame that stay in the running when frames are linked
-_SWITCH_COST = 2.0  # changing to someone else once must pay for itself: worth two views of one frame
-_SWITCH_MM = 1000.0  # such a step between frames is to someone else; a runner covers 0.4 m in 1/25 s
-_SAME_BODY = 0.25  # of a body's size: who is nearer to someone else is the same body, detected twice
+# Of two people in as many views, the larger in the images is first.
+_SIZE = 1e-3
 _MOST_PEOPLE = 4
+# How fast people move is judged at this rate if none is given: that of most video.
+_FPS = 25.0
 
 
 def choose_person(
-    people: npt.ArrayLike, cameras: sk.CameraRig | Sequence[sk.Camera], *, layout: sk.Layout | None = None
+    people: npt.ArrayLike,
+    cameras: sk.CameraRig | Sequence[sk.Camera],
+    *,
+    layout: sk.Layout | None = None,
+    fps: float | None = None,
 ) -> tuple[Array, Index]:
-    """Follow one person through all views and frames.
+    """Follow one person through all views and frames: of everybody the one whom the views see most.
 
-    In every frame the hypothesis that explains people in the most views is best, then the one with the
-    smaller median reprojection error, then the larger person. Going over to someone else more than 1 m away
-    costs as much as two unexplained views, so that a person stays chosen when another is briefly seen better.
+    People are followed as `skelsplat.track` does, but in any unit, of any size, and however briefly. Of two
+    in as many views, the larger in the images is chosen. Where nobody is to be seen of the one chosen any
+    more, or yet, the next takes their place.
 
     Parameters
     ----------
     people : (T, M, P, K, 3)
         Pixels of the original images and confidence; NaN where nobody or nothing is. The order in P is free.
-        Joints of a confidence below 0.2 do not take part in the choice; they are still returned.
     cameras : CameraRig or sequence of Camera
-        M ≥ 2 of them. A plain sequence is taken to be in mm.
+        M ≥ 2 of them.
     layout : Layout, optional
-        Lets a person stand in a view with left and right exchanged, which the solver can set right.
+        Its bones and sides help: without, nobody can be seen with left and right exchanged, which the solver
+        can set right.
+    fps : float, optional
+        The frame rate; without, 25 per second.
 
     Returns
     -------
@@ -65,33 +62,8 @@ def choose_person(
         says if there are too many people: the search of a frame ends after a fixed amount of work.
     """
     everyone = checked_people(people, cameras)
-    index, cut = chosen_places(everyone, cameras, layout)
-    if cut.any():
-        warn(people_uncompared(int(cut.sum()), most_people(everyone)))
+    index = separated(everyone, cameras, layout, fps)[0]
     return take_people(everyone, index), index
-
-
-def chosen_places(
-    everyone: Array, cameras: sk.CameraRig | Sequence[sk.Camera], layout: sk.Layout | None
-) -> tuple[Index, Mask]:
-    """Return the places (T, M) of `choose_person`, and the frames (T,) in which not all were compared."""
-    joints = everyone.shape[3]
-    if layout is not None and layout.n_joints != joints:
-        raise InvalidInputError(f"layout: expected one of {joints} joints, got {layout.n_joints}")
-    pairs = () if layout is None else layout.left_right
-    index, cut = people_chosen(
-        cameras,
-        everyone,
-        [_GATE * float(np.hypot(*camera.size)) for camera in cameras],
-        min_confidence=MIN_CONFIDENCE,
-        min_joints=min(MIN_JOINTS, joints),
-        mirror=mirror_images(joints, pairs).tolist(),
-        most=_KEPT,
-        worse=2 * _SWITCH_COST,  # going over to the best of a frame and back costs no more
-        switch_cost=_SWITCH_COST,
-        switch_step=_SWITCH_MM / mm_per_unit(cameras),
-    )
-    return index, cut
 
 
 def separate_people(
@@ -99,36 +71,75 @@ def separate_people(
     cameras: sk.CameraRig | Sequence[sk.Camera],
     *,
     layout: sk.Layout | None = None,
-    first: Index | None = None,
+    fps: float | None = None,
 ) -> Index:
     """Tell apart up to four people on whom two views or more agree, and return their places (Q, T, M) in P.
 
-    The one whom `choose_person` takes is first; everybody else is chosen in the same way among the detections
-    that are left. A body detected twice is one person: who is nearer to an earlier one than a quarter of that
-    body's size is left out. Where somebody is in no view, the place is -1; nobody of the Q ≥ 1 but the first
-    is without any. ``first`` (T, M) are the first person's places, if they are known; the other arguments and
-    errors are those of `choose_person`.
+    The one whom `choose_person` takes is first; who comes second is chosen in the same way among the others.
+    A body detected twice is one person. Where somebody is in no view, the place is -1; nobody of the Q ≥ 1
+    but the first is without any. Arguments and errors are those of `choose_person`.
     """
-    everyone = checked_people(people, cameras)
-    index = choose_person(everyone, cameras, layout=layout)[1] if first is None else first
-    rest, found, poses = everyone.copy(), [index], [_triangulated(everyone, index, cameras)]
-    while len(found) < _MOST_PEOPLE:
-        steps, views = np.nonzero(index >= 0)
-        rest[steps, views, index[steps, views]] = np.nan
-        index, _ = chosen_places(rest, cameras, layout)
-        if (index < 0).all():
-            break
-        pose = _triangulated(everyone, index, cameras)
-        apart = [medians(np.linalg.norm(pose - other, axis=-1)) for other in poses]
-        same = np.any(np.stack(apart) < _SAME_BODY * np.stack([*map(body_sizes, poses)]), axis=0)
-        if not same[(index >= 0).any(axis=1)].all():
-            found.append(np.where(same[:, None], -1, index))
-            poses.append(np.where(same[:, None, None], np.nan, pose))
-    return np.stack(found)
+    return separated(checked_people(people, cameras), cameras, layout, fps)
 
 
-def _triangulated(people: Array, index: Index, cameras: sk.CameraRig | Sequence[sk.Camera]) -> Array:
-    return np.asarray(sk.triangulate(take_people(people, index), cameras, method="dlt"))
+def separated(
+    everyone: Array,
+    cameras: sk.CameraRig | Sequence[sk.Camera],
+    layout: sk.Layout | None,
+    fps: float | None = None,
+) -> Index:
+    """Return the places of `separate_people` of checked people; a warning if there are too many."""
+    found, cut = told_apart(everyone, cameras, layout, fps)
+    if cut.any():
+        warn(people_uncompared(int(cut.sum()), most_people(everyone)))
+    return found
+
+
+def told_apart(
+    everyone: Array,
+    cameras: sk.CameraRig | Sequence[sk.Camera],
+    layout: sk.Layout | None,
+    fps: float | None = None,
+    before: int = 0,
+) -> tuple[Index, Mask]:
+    """Return the places (Q, T, M) of `separate_people`, and the frames (T,) in which not all were compared.
+
+    Whoever is in the first ``before`` frames comes first.
+    """
+    if layout is not None and layout.n_joints != everyone.shape[3]:
+        raise InvalidInputError(f"layout: expected one of {everyone.shape[3]} joints, got {layout.n_joints}")
+    refiner = _skelsplat.Refiner(cameras, layout=layout)
+    people, cut = _skelsplat.people_identities(refiner, layout, everyone, _FPS if fps is None else fps)
+    shares = extents(everyone) / np.array([np.hypot(*camera.size) for camera in cameras])[:, None]
+
+    def seen(person: tuple[int, Index]) -> tuple[int, float]:
+        """Return in how many views somebody is seen before, and in all, the larger somewhat more."""
+        first, slots = person
+        t, m = np.nonzero(slots >= 0)
+        early = int(np.count_nonzero(slots[: max(0, before - first)] >= 0))
+        return early, len(t) + _SIZE * float(shares[first + t, m, slots[t, m]].sum())
+
+    rest, found = sorted(people, key=seen, reverse=True), [np.full(everyone.shape[:2], -1)]
+    while rest and len(found) <= _MOST_PEOPLE:
+        rest, index = _one(rest, everyone.shape[:2])
+        found.append(index)
+    return np.stack(found[1:] or found), cut
+
+
+def _one(
+    people: Sequence[tuple[int, Index]], shape: tuple[int, ...]
+) -> tuple[list[tuple[int, Index]], Index]:
+    """Return the places (T, M) of the first person, and of others where there is none; and who is left."""
+    index, free, rest = np.full(shape, -1), np.ones(shape[0], dtype=bool), []
+    for first, slots in people:
+        own = slice(first, first + len(slots))
+        here = free[own, None]
+        index[own] = np.where(here, slots, index[own])
+        left = np.where(here, -1, slots)
+        free[own] = False
+        if (left >= 0).any():
+            rest.append((first, left))
+    return rest, index
 
 
 def body_sizes(pose: npt.ArrayLike) -> Array:
@@ -165,6 +176,6 @@ def checked_people(
 
 def with_confidences(people: Array) -> Array:
     """Return people (..., 3) with confidences slightly above 1 as 1, or raise `InvalidInputError`."""
-    check_people(people)
+    _skelsplat.check_people(people)
     above = (people > 1.0) & [False, False, True]
     return np.where(above, 1.0, people) if above.any() else people

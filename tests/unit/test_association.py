@@ -87,9 +87,11 @@ def test_joints_of_low_confidence_do_not_take_part_but_are_returned():
     np.testing.assert_array_equal(detections, person)
 
 
-def test_too_few_joints_are_no_evidence():
+def test_a_few_joints_at_the_right_place_are_those_of_the_person():
     person = seen(walk((0, 0, 0)))
     person[:, 3, 3:] = np.nan
+    np.testing.assert_array_equal(chosen(person)[1], 0)
+    person[:, 3, :3, :2] += 300.0
     np.testing.assert_array_equal(chosen(person)[1], np.tile([0, 0, 0, -1], (FRAMES, 1)))
 
 

@@ -7,11 +7,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-import skelsplat as sk
 from skelsplat import synthetic
 from skelsplat.association import take_people
 from skelsplat.run.findings import find_cameras, find_whole, unfit_cameras
-from skelsplat.run.person import pick_places
+from two_people import picked
 
 
 def group(name, rejected, used=1000):
@@ -124,10 +123,10 @@ def test_a_camera_that_alone_sees_somebody_contradicts_nobody():
     noise = synthetic.DetectionNoise.good()
     seen = np.asarray(synthetic.simulate_detections(pose, rig, noise=noise, seed=2))
     seen[5:, 1:] = np.nan  # the others see the person in the first five frames alone
-    _, unmatched = pick_places(seen[:, :, None], rig, "consistent")
+    _, unmatched, _ = picked(seen[:, :, None], rig, "consistent", None)
     assert not unmatched.any()
     seen[5:10, 1] = [0.0, 1000.0, 0.0] + [1.0, -1.0, 1.0] * seen[5:10, 0]  # upside down: of no such body
-    _, unmatched = pick_places(seen[:, :, None], rig, "consistent")
+    _, unmatched, _ = picked(seen[:, :, None], rig, "consistent", None)
     assert unmatched.sum(axis=0).tolist() == [5, 5, 0, 0]
 
 
@@ -135,6 +134,6 @@ def test_a_camera_that_alone_sees_somebody_contradicts_nobody():
 def test_occluded_views_fit(hidden):
     rig, noise = synthetic.human36m_like(distortion=True), synthetic.DetectionNoise.occluded(hidden)
     seen = synthetic.simulate_detections(synthetic.motion("walk", 30, seed=1), rig, noise=noise, seed=3)
-    index, unmatched = pick_places(seen[:, :, None], rig, "consistent", sk.layouts.H36M17)
+    index, unmatched, _ = picked(seen[:, :, None], rig, "consistent")
     chosen = take_people(seen[:, :, None], index)
     assert unfit_cameras(SimpleNamespace(detections=chosen, unmatched=unmatched, rig=rig)) == {}

@@ -1,4 +1,4 @@
-"""Telling people apart, and the numbers of a choice that mixes them."""
+"""Telling people apart."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ import pytest
 
 from skelsplat import synthetic
 from skelsplat.association import separate_people, take_people
-from skelsplat.run.person import sampled
 from two_people import FRAMES, LAYOUT, crossing, seen, shuffled
 
 RIG = synthetic.human36m_like()
@@ -31,13 +30,3 @@ def test_people_are_told_apart(people):
 def test_a_body_detected_twice_is_one_person(people):
     twice = np.stack([people[:, :, 0], people[:, :, 0] + [3.0, -2.0, 0.0]], axis=2)
     assert len(separate_people(twice, RIG)) == 1
-
-
-@pytest.mark.parametrize("frames", [1, 2, 200, 201, 5000])
-def test_a_long_recording_is_sampled_in_pairs_of_neighbours(frames):
-    steps = sampled(frames)
-    assert len(steps) == len(set(steps.tolist())) <= 200
-    assert steps[0] == 0
-    assert steps[-1] == frames - 1
-    if frames > 200:
-        assert (np.diff(steps) == 1).sum() >= 99

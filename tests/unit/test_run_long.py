@@ -11,12 +11,10 @@ import pytest
 
 import skelsplat as sk
 from skelsplat import _budget, synthetic
-from skelsplat.association import take_people
 from skelsplat.io import _arrays, read_run, write_calibration
 from skelsplat.io.poses._pose_data import ARRAYS
 from skelsplat.run import Job, Run, folder, frame_range, frames, parts, read, run, run_people
 from skelsplat.run.frame_range import FrameRange
-from skelsplat.run.person import pick_places
 from skelsplat.run.plots import read_source
 from skelsplat.run.report import thinned_in_words
 
@@ -67,11 +65,13 @@ def test_one_of_several_people_is_followed_from_part_to_part(tmp_path: Path) -> 
     np.savez(tmp_path / "detections.npz", detections=scene.people, camera_names=np.array(rig.names))
     given = job(tmp_path, tmp_path, layout=scene.layout)
     opened = read.open_files(given)
-    people = opened.detections.read().people
-    index, unmatched = pick_places(people, rig, "consistent", opened.detections.skeleton)
     _, followed, without = parts.follow(opened, given, tmp_path, 100)
-    np.testing.assert_array_equal(followed.read(0, 300), take_people(people, index))
-    np.testing.assert_array_equal(without.read(0, 300), unmatched)
+    found, own = followed.read(0, 300), scene.detections()
+    seen = np.isfinite(found[..., 0]).any(axis=-1)
+    shares = [(seen & (one == found)[..., 0].any(axis=-1)).sum() / seen.sum() for one in own]
+    assert seen.mean() > 0.9
+    assert max(shares) > 0.99
+    assert not (without.read(0, 300) & seen).any()
 
 
 @pytest.mark.parametrize("options", [{}, {"frame_by_frame": True}], ids=["over time", "frame by frame"])

@@ -52,6 +52,13 @@ def test_a_person_lost_and_found_is_a_fragment_and_a_new_name_is_a_switch(truth)
     assert scores.idf1 == pytest.approx(2 * 2 / (6 + 4))
 
 
+def test_idf1_is_at_most_one_where_an_estimate_is_nearer_to_somebody_optional():
+    truth = np.stack([standing(0.0), standing(200.0)])
+    optional = np.array([[True] * T, [False] * T])
+    scores = metrics.track_scores([(0, np.arange(T), standing(50.0))], truth, optional=optional)
+    assert (scores.n_estimates, scores.n_truth, scores.idf1) == (0, T, 1.0)
+
+
 def test_a_pair_within_the_gate_stays_matched_though_another_is_nearer():
     truth = np.stack([standing(0.0, 3), standing(300.0, 3)])
     near = np.concatenate([standing(0.0, 1), standing(280.0, 2)])

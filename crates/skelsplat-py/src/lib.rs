@@ -32,9 +32,7 @@ mod _skelsplat {
     #[pymodule_export]
     use crate::layout::Layout;
     #[pymodule_export]
-    use crate::people::{
-        PyTracker, check_people, people_choices, people_chosen, people_scores, track_people,
-    };
+    use crate::people::{PyTracker, check_people, people_identities, people_scores, track_people};
     #[pymodule_export]
     use crate::refine::{
         PyLive, PyRefiner, checked_detections, implausible_extent, sequence_window_size,

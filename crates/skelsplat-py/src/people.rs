@@ -5,16 +5,14 @@ use std::sync::{Arc, Mutex};
 use pyo3::Borrowed;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use skelsplat_core::study::people::choice::{
-    Choice, Choices, Chosen, Linking, MOST_WORK, Rules, choices, choose,
-};
 use skelsplat_core::study::people::known::BodyModel;
 use skelsplat_core::study::people::score::{at_body, of_pair};
-use skelsplat_core::study::people::{Crowd, Everybody, Figure};
-use skelsplat_core::{Detections, Person, Progress, Tracker, track};
+use skelsplat_core::study::people::{Crowd, Everybody, Figure, Identities, Identity, identify};
+use skelsplat_core::{
+    Detections, Layout as CoreLayout, LayoutSpec, Person, Progress, Tracker, track,
+};
 
 use crate::args::{Array, Out, Poses, place};
-use crate::camera::Cameras;
 use crate::detections::{Frames, check_scores, split};
 use crate::errors::{Failure, Result, refuse};
 use crate::layout::Layout;
@@ -115,85 +113,39 @@ pub(crate) fn track_people<'py>(
     Ok((found.people.into_iter().map(output).collect::<Result<_>>()?, found.cut))
 }
 
-/// Frames (C,), slots (C, M), costs (C,) and poses (C, N, 3).
-type Ways = (Out<i64>, Out<i64>, Out<f64>, Out<f64>);
+/// The first frame of each person and the slots (F, M); and the frames (T,) with too many people.
+type Identified = (Vec<(usize, Out<i64>)>, Out<bool>);
 
-/// Return ways to choose one person in each frame: frame (C,), slots (C, M), cost (C,), pose (C, N,
-/// 3).
+/// Return first frame and slots (F, M) of everybody whom two views see, -1 for none; and the frames
+/// (T,) in which there were too many people to compare.
 ///
-/// Of each frame the ``most`` cheapest, none by more than ``worse`` than the first; -1 is no slot.
-/// ``gates_px`` is per view the largest median distance, ``mirror`` (N,) every joint's mirror
-/// image.
+/// Nothing is solved, and neither the unit of the cameras nor the kind of body matters. Without a
+/// layout bodies have neither bones nor sides.
 #[pyfunction]
-#[pyo3(signature = (cameras, people, gates_px, *, min_confidence, min_joints, mirror, most, worse))]
-#[allow(
-    clippy::too_many_arguments,
-    reason = "one settings object in Python would carry them one step"
-)]
-pub(crate) fn people_choices(
+#[pyo3(signature = (refiner, layout, people, fps))]
+pub(crate) fn people_identities(
     py: Python<'_>,
-    cameras: Cameras,
+    refiner: &PyRefiner,
+    layout: Option<Layout>,
     people: People,
-    gates_px: Vec<f64>,
-    min_confidence: f64,
-    min_joints: usize,
-    mirror: Vec<usize>,
-    most: usize,
-    worse: f64,
-) -> Result<Ways> {
-    let ([_, m, _, n], cameras) = (people.shape, cameras.cameras);
-    let slots = people.slots()?;
-    let most_work = MOST_WORK;
-    let rules = Rules { gates_px, min_confidence, min_joints, mirror, most, worse, most_work };
-    let work = move |progress: &Progress| choices(&slots, &cameras, &rules, progress);
-    let found: Vec<Choices> = watch::run(py, false, work)?;
-    let of = |(t, frame): (usize, &Choices)| vec![t as i64; frame.all.len()];
-    let step: Vec<i64> = found.iter().enumerate().flat_map(of).collect();
-    let all: Vec<Choice> = found.into_iter().flat_map(|frame| frame.all).collect();
-    let chosen = numbers(all.iter().flat_map(|choice| choice.slots.iter().copied()));
-    let costs = all.iter().map(|choice| choice.cost).collect();
-    let poses: Vec<_> = all.iter().flat_map(|choice| choice.pose.iter().copied()).collect();
-    let count = step.len();
-    let (step, chosen) = (Out(step, vec![count]), Out(chosen, vec![count, m]));
-    Ok((step, chosen, Out(costs, vec![count]), Out::points(&poses, vec![count, n, 3])))
-}
-
-/// Return the slots (T, M) of one person, -1 for none, and the frames (T,) with too much to
-/// compare.
-///
-/// As for `people_choices`; going over to someone else, ``switch_step`` away or more, costs
-/// ``switch_cost``.
-#[pyfunction]
-#[pyo3(signature = (
-    cameras, people, gates_px, *, min_confidence, min_joints, mirror, most, worse, switch_cost,
-    switch_step
-))]
-#[allow(
-    clippy::too_many_arguments,
-    reason = "one settings object in Python would carry them one step"
-)]
-pub(crate) fn people_chosen(
-    py: Python<'_>,
-    cameras: Cameras,
-    people: People,
-    gates_px: Vec<f64>,
-    min_confidence: f64,
-    min_joints: usize,
-    mirror: Vec<usize>,
-    most: usize,
-    worse: f64,
-    switch_cost: f64,
-    switch_step: f64,
-) -> Result<(Out<i64>, Out<bool>)> {
-    let ([t, m, _, _], cameras) = (people.shape, cameras.cameras);
+    fps: f64,
+) -> Result<Identified> {
+    let [t, m, _, n] = people.shape;
+    let joints = || (0..n).map(|j| j.to_string()).collect();
+    let layout = match layout {
+        Some(layout) => layout.0,
+        None => CoreLayout::new(LayoutSpec { joints: joints(), ..LayoutSpec::default() })?,
+    };
     let slots = people.slots()?;
     drop(people);
-    let most_work = MOST_WORK;
-    let rules = Rules { gates_px, min_confidence, min_joints, mirror, most, worse, most_work };
-    let linking = Linking { cost: switch_cost, step: switch_step };
-    let work = move |progress: &Progress| choose(&slots, &cameras, &rules, linking, progress);
-    let found: Chosen = watch::run(py, false, work)?;
-    Ok((Out(numbers(found.slots), vec![t, m]), Out(found.cut, vec![t])))
+    let refiner = Arc::clone(&refiner.0);
+    let work = move |progress: &Progress| identify(&refiner, &layout, &slots, fps, progress);
+    let found: Identities = watch::run(py, false, work)?;
+    let person = |one: Identity| {
+        let frames = one.frames.len();
+        (one.frames.start, Out(numbers(one.slots), vec![frames, m]))
+    };
+    Ok((found.people.into_iter().map(person).collect(), Out(found.cut, vec![t])))
 }
 
 /// Return scores of the figures of a frame: at a body (M, P), of pairs (M, P, M, P), support of the

@@ -97,7 +97,7 @@ def track_scores(
         identity_switches=switches,
         fragmentations=fragments,
         mota=1.0 - share(wrong, n_truth),
-        idf1=share(2 * _together(distance, counted), n_truth + n_estimates),
+        idf1=_idf1(distance, counted, index, waived, n_estimates),
         pcp=None if limbs is None else _pcp(index, poses, people, counted, limbs, alpha),
     )
 
@@ -177,11 +177,19 @@ def _changes(followed: Index, counted: Mask) -> tuple[int, int]:
     return switches, fragments
 
 
-def _together(distance: Array, counted: Mask) -> int:
-    """Person-frames that are found under the best one-to-one assignment of identities to people."""
-    together = (np.isfinite(distance) & counted.T[:, None]).sum(axis=0)
-    best = cheapest_pairs(-together.astype(np.float64))
-    return int(together[best[:, 0], best[:, 1]].sum())
+def _idf1(distance: Array, counted: Mask, index: Index, waived: Mask, n_estimates: int) -> float:
+    """F1 of the person-frames that are found under the best one-to-one assignment of identities to people.
+
+    An estimate that its frame alone matches to an optional person-frame (`index`, `waived`) counts if it is
+    found under that assignment.
+    """
+    there = np.isfinite(distance) & counted.T[:, None]  # (T, E, Q)
+    row, column = cheapest_pairs(-there.sum(axis=0).astype(np.float64)).T
+    found = np.zeros(there.shape[:2], dtype=bool)
+    found[:, row] = there[:, row, column]
+    person, frame = np.nonzero((index >= 0) & waived)
+    n_estimates += int(found[frame, index[person, frame]].sum())
+    return share(2 * int(found.sum()), int(counted.sum()) + n_estimates)
 
 
 def _pcp(

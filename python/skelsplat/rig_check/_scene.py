@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 import skelsplat as sk
-from skelsplat._arrays import Array, Index, median
+from skelsplat._arrays import Array, Index, median, medians
 from skelsplat.association import choose_person, extents, separate_people, take_people
 from skelsplat.cameras import altered
 
@@ -149,12 +149,25 @@ def judge(cameras: Sequence[sk.Camera], people: Array, layout: sk.Layout | None)
 
 
 def follow_person(cameras: Sequence[sk.Camera], people: Array, layout: sk.Layout | None) -> Array:
-    """Return one person (T, M, N, 2 | 3); in a view that hardly sees them, perhaps wrong, the largest."""
+    """Return one person (T, M, N, 2 | 3); in a view that hardly sees them, perhaps wrong, who looks alike."""
     if people.shape[2] == 1 or len(cameras) < 2:
         return people[:, :, 0]
     chosen, index = choose_person(people, cameras, layout=layout)
-    largest = take_people(people, extents(people).argmax(axis=2))
-    return np.where(_is_lost(people, index)[None, :, None, None], largest, chosen)
+    lost = _is_lost(people, index)
+    if not lost.any():
+        return chosen
+    pixels = np.moveaxis(sk.project(sk.triangulate(chosen, cameras, method="dlt"), cameras), 0, 1)
+    unlike = _unlike(people[..., :2], pixels[:, :, None])
+    largest = extents(people).argmax(axis=2)
+    alike = np.where(np.isfinite(unlike).any(axis=2), unlike.argmin(axis=2), largest)
+    return np.where(lost[None, :, None, None], take_people(people, alike), chosen)
+
+
+def _unlike(people: Array, pixels: Array) -> Array:
+    """Return how much shapes in the image differ, wherever they are, (T, M, P) px; inf where unknown."""
+    apart = people - pixels
+    apart -= medians(np.moveaxis(apart, -1, -2))[..., None, :]
+    return np.nan_to_num(medians(np.hypot(apart[..., 0], apart[..., 1])), nan=np.inf)
 
 
 def _is_lost(people: Array, index: Index) -> Array:

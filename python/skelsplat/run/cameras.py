@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 
 import skelsplat as sk
-from skelsplat._arrays import Array
+from skelsplat._arrays import Array, Index
 from skelsplat._clocks import parted, rounded
 from skelsplat._words import listed, px, with_bar
-from skelsplat.association import take_people
+from skelsplat.association import separated, take_people, with_confidences
 from skelsplat.exceptions import DatasetError
 from skelsplat.findings import Finding, Remedy, Subject, collected_warnings, warn
 from skelsplat.io.detections import cameras_called
@@ -200,7 +200,11 @@ def read_scene(opened: Opened, person: str, offsets: Mapping[str, float] | None)
         sentence += "arbitrary, so this need not be one person: without a choice, everybody counts."
         warn(Finding("person_by_place", "note", numbers={"person": person}, sentence=sentence))
     if person != EVERYBODY:
-        people = take_people(people, pick_places(people, opened.rig, person, layout)[0])[:, :, None]
+        apart: Index = np.empty((1, 0, 0), dtype=np.int64)
+        if person == "consistent":
+            people = with_confidences(people)
+            apart = separated(people, opened.rig, layout)
+        people = take_people(people, pick_places(people, person, apart)[0])[:, :, None]
     return Scene(opened.rig, people, found.frames, layout, opened.read_as(offsets or {}))
 
 

@@ -22,7 +22,7 @@ from skelsplat.io._arrays import RowFile
 from skelsplat.io.poses._pose_data import PoseParts
 from skelsplat.run.frames import FrameFacts, JointFrames, joint_frames
 from skelsplat.run.job import Job
-from skelsplat.run.person import look_around, pick_consistent, sampled
+from skelsplat.run.person import look_around, without_match
 from skelsplat.run.read import Inputs, Opened
 from skelsplat.run.solve import Outcome, Progress, even_clock, poses_of, silent, why_alone
 from skelsplat.run.summary import COUNTED, summarise
@@ -69,32 +69,35 @@ def follow(
     opened: Opened, job: Job, folder: Path, size: int, progress: Progress = silent
 ) -> tuple[Inputs, RowFile, RowFile]:
     """Follow the person the views agree on: all inputs, and in files detections and where nobody matches."""
+    whole = opened.nobody(job)
     rig, layout, steps = opened.rig, opened.detections.skeleton, len(opened.detections.frames)
     shape = (len(rig), layout.n_joints, 3)
     detections = RowFile(folder / "detections", shape, np.float64)
     unmatched = RowFile(folder / "unmatched", shape[:1], np.bool_)
-    sample, seen, chosen = sampled(steps), list[Array](), list[Index]()
     nobody = np.empty((0, shape[0], 1, *shape[1:]))
-    before, done, uncompared, most = nobody, 0, 0, 0
+    before, done, uncompared, most, views = nobody, 0, 0, 0, list[Index]()
     for part, after in pairwise(chain(opened.detections.stretches(size), [nobody])):
-        people = _joined([before, part, after[:_BESIDE]])
+        people = association.with_confidences(_joined([before, part, after[:_BESIDE]]))
         own = slice(len(before), len(before) + len(part))
-        places, without, not_all = pick_consistent(people, rig, layout)
-        index, cut = places[own], int(not_all[own].sum())
+        found, not_all = association.told_apart(people, rig, layout, whole.fps, before=len(before))
+        index, cut = found[0, own], int(not_all[own].sum())
         if cut:
             uncompared, most = uncompared + cut, max(most, most_people(part))
         taken = association.take_people(part, index)
         detections.append(taken)
-        unmatched.append(without[own])
-        here = sample[(sample >= done) & (sample < done + len(part))] - done
-        seen.append(part[here])
-        chosen.append(index[here])
+        unmatched.append(without_match(people, found[0])[own])
+        views.append((found[:, own] >= 0).sum(axis=2))
         before, done = taken[-_BESIDE:, :, None], done + len(part)
         progress(done, steps)
     if uncompared:
         warn(people_uncompared(uncompared, most))
-    crowd = look_around(_joined(seen), np.concatenate(chosen), rig, "consistent", layout, sample)
-    return replace(opened.nobody(job), crowd=crowd), detections, unmatched
+    return replace(whole, crowd=look_around(_side_by_side(views))), detections, unmatched
+
+
+def _side_by_side(views: list[Index]) -> Index:
+    """Return counts of views (Q, t) of parts as those of all frames; 0 for people whom a part lacks."""
+    most = max(map(len, views))
+    return np.concatenate([np.pad(part, ((0, most - len(part)), (0, 0))) for part in views], axis=1)
 
 
 def _joined(parts: list[Array]) -> Array:

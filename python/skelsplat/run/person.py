@@ -11,21 +11,16 @@ import numpy as np
 import skelsplat as sk
 from skelsplat import association
 from skelsplat._arrays import Array, Index, Mask
-from skelsplat._people import most_people, people_uncompared
-from skelsplat.findings import warn
 
 # Choices that need no frame rate, and one that needs people followed over time.
 BY_FRAME, MOVES_MOST = ("consistent", "largest"), "moves-most"
 # By whom cameras are judged, unless by one of them.
 EVERYBODY = "everybody"
-# Share of the frames with several people in two views or more from which these people are examined.
-_CROWDED = 0.1
-# Frames of a recording in which people are told apart: 5 ms each with four people in four views.
-_MOST_FRAMES = 200
+# Joints that make a person, and the confidence that they must have.
+_JOINTS, _CONFIDENCE = 4, 0.2
 # Someone is as visible as another with so much of the other's number of views: 3 of 4, 5 of 6, both of 2.
 _AS_VISIBLE = 0.75
-# Median distance of two detections, as a part of the image's diagonal, from which they are of two bodies: the
-# gate of `choose_person`.
+# Median distance of two detections, as a part of the image's diagonal, from which they are of two bodies.
 _APART = 0.03
 # Part of the frames in which views show different people: more than a detector's ghosts now and then.
 MIXED = 0.1
@@ -54,20 +49,16 @@ def point_of(person: str | int) -> tuple[str, float, float] | None:
     return None if found is None else (found[1], float(found[2]), float(found[3]))
 
 
-def pick_places(
-    people: Array, rig: sk.CameraRig, person: str, layout: sk.Layout | None = None
-) -> tuple[Index, Mask]:
+def pick_places(people: Array, person: str, found: Index) -> tuple[Index, Mask]:
     """Choose one of the people (T, M, P, N, 3) in each view, by "consistent", "largest" or a place in P.
 
-    Returns the places (T, M) in P, -1 for none, and the views without a match (T, M): people are detected
-    there and in another view, but not the person the views agree on. A layout also finds swapped sides.
+    ``found`` (Q, T, M) are the places of everybody, the one whom the views agree on first. Returns the places
+    (T, M), -1 for none, and the views without a match (T, M): people are detected there and in another view,
+    but not the person the views agree on.
     """
-    if person == "consistent":
-        index, unmatched, cut = pick_consistent(people, rig, layout)
-        if cut.any():
-            warn(people_uncompared(int(cut.sum()), most_people(people)))
-        return index, unmatched
     never = np.zeros(people.shape[:2], dtype=bool)
+    if person == "consistent":
+        return found[0], without_match(people, found[0])
     if person == "largest":
         return association.extents(people).argmax(axis=2), never
     if int(person) >= people.shape[2]:
@@ -76,18 +67,17 @@ def pick_places(
     return np.full(people.shape[:2], int(person), dtype=np.int64), never
 
 
-def pick_consistent(people: Array, rig: sk.CameraRig, layout: sk.Layout | None) -> tuple[Index, Mask, Mask]:
-    """Choose the person the views agree on; also return frames (T,) with too many people to compare."""
-    people = association.with_confidences(people)
-    index, cut = association.chosen_places(people, rig, layout)
+def without_match(people: Array, index: Index) -> Mask:
+    """Return where (T, M) people are detected, as in another view, but not the one of ``index`` (T, M)."""
     there = count_people(people) > 0
-    return index, there & (index < 0) & (there.sum(axis=1, keepdims=True) >= 2), cut
+    without: Mask = there & (index < 0) & (there.sum(axis=1, keepdims=True) >= 2)
+    return without
 
 
 def count_people(people: Array) -> Index:
     """Count those in every view, (T, M), who have enough joints of enough confidence."""
-    sure = np.isfinite(people[..., :2]).all(axis=-1) & (people[..., 2] >= association.MIN_CONFIDENCE)
-    count: Index = (sure.sum(axis=-1) >= min(association.MIN_JOINTS, people.shape[3])).sum(axis=2)
+    sure = np.isfinite(people[..., :2]).all(axis=-1) & (people[..., 2] >= _CONFIDENCE)
+    count: Index = (sure.sum(axis=-1) >= min(_JOINTS, people.shape[3])).sum(axis=2)
     return count
 
 
@@ -99,39 +89,13 @@ class Crowd:
     together: float  # share of the frames in which two or more are
 
 
-def look_around(
-    people: Array,
-    index: Index,
-    rig: sk.CameraRig,
-    person: str,
-    layout: sk.Layout | None = None,
-    steps: Index | None = None,
-) -> Crowd | None:
-    """Return who is visible besides the person of ``index`` (T, M); the other arguments as of `pick_places`.
-
-    None where hardly any frame has several people in two views. Unless people and index are those of a
-    sample, ``steps`` (S,), long recordings are sampled.
-    """
-    several = (count_people(people) >= 2).sum(axis=1) >= 2
-    if several.mean() < _CROWDED:
+def look_around(views: Index) -> Crowd | None:
+    """Return who is visible, of people in so many views (Q, T); None if that is at most one."""
+    if len(views) < 2:
         return None
-    if steps is None:
-        steps = sampled(len(people))
-        people, index = people[steps], index[steps]
-    first = index if person == "consistent" else None
-    found = association.separate_people(people, rig, first=first, layout=layout)
-    views = (found >= 0).sum(axis=2)
     alike = (views >= 2) & (views >= _AS_VISIBLE * views.max(axis=0))
     often = alike.mean(axis=1) >= OFTEN
     return Crowd(max(2, int(often.sum())), float((alike.sum(axis=0) >= 2).mean()))
-
-
-def sampled(frames: int) -> Index:
-    """Return indices of some frames: all of a few, of many 200 as pairs of neighbours, evenly spread."""
-    if frames <= _MOST_FRAMES:
-        return np.arange(frames)
-    first = np.linspace(0, frames - 2, _MOST_FRAMES // 2).astype(np.int64)
-    return np.unique(np.concatenate([first, first + 1]))
 
 
 def gates_px(cameras: Sequence[sk.Camera]) -> Array:

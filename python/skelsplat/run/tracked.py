@@ -58,14 +58,16 @@ def read_inputs(opened: Opened, job: Job, progress: Progress, check: Callable[[I
         check(found)
         return found
     check(whole)
-    index, unmatched = pick_places(people, whole.rig, person, whole.layout)
+    people = association.with_confidences(people)
+    everybody = association.separated(people, whole.rig, whole.layout, whole.fps)
+    index, unmatched = pick_places(people, person, everybody)
     if by_place and not alone:
         which = "the largest in each image" if person == "largest" else f"entry {person} of each file"
         words = f"Person {person} is {which}, as the frame rate is unknown. This need not be one person; "
         words += "with the frame rate it is, and so is the person the views agree on (consistent)."
         remedies = (Remedy("fps", None), Remedy("person", "consistent"))
         warn(Finding("person_by_place", "warning", remedy=remedies, sentence=words))
-    crowd = look_around(people, index, whole.rig, person, whole.layout)
+    crowd = look_around((everybody >= 0).sum(axis=2))
     chosen = association.take_people(people, index)
     return replace(whole, detections=chosen, unmatched=unmatched, person=person, crowd=crowd)
 

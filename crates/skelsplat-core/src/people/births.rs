@@ -167,7 +167,7 @@ impl BodyModel {
         let [width, height] = camera.size().map(f64::from);
         let inside = |x: &&Vector3<f64>| {
             camera
-                .project(x)
+                .project(&(*x / self.scale))
                 .is_some_and(|p| (0.0..width).contains(&p.x) && (0.0..height).contains(&p.y))
         };
         let known = pose.iter().filter(|x| !x.x.is_nan());
@@ -229,7 +229,7 @@ impl BodyModel {
 }
 
 /// The body between two figures.
-fn met(a: &Figure, b: &Figure) -> Vec<Vector3<f64>> {
+pub(super) fn met(a: &Figure, b: &Figure) -> Vec<Vector3<f64>> {
     let joint = |(p, q): (&Ray, &Ray)| {
         let both = p.is_there() && q.is_there();
         both.then(|| meet(p, q)).flatten().map_or(Vector3::repeat(f64::NAN), |(x, _)| x)

@@ -51,4 +51,13 @@ impl Crowd {
         }
         Ok(Self { views, n_joints })
     }
+
+    /// The same in a world that is `scale` times as large.
+    #[must_use]
+    pub fn scaled(mut self, scale: f64) -> Self {
+        for ray in self.views.iter_mut().flatten().flat_map(|figure| &mut figure.rays) {
+            ray.centre *= scale;
+        }
+        self
+    }
 }

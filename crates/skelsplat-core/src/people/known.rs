@@ -3,11 +3,14 @@
 use crate::bones::population::{Proportion, proportions};
 use crate::camera::Camera;
 use crate::layout::Layout;
-use crate::refine::Refiner;
+use crate::refine::{RefineConfig, Refiner};
 
 /// Kernel of claims in multiples of the splats' σ: 90 mm with the usual settings, the size of a
 /// part of the body.
 const KERNEL: f64 = 3.0;
+
+/// The same where nothing is known of the cameras' calibration or unit: 120 mm for a person.
+const DOUBTFUL_KERNEL: f64 = 4.0;
 
 /// What bodies have in common.
 #[derive(Debug, Clone)]
@@ -22,6 +25,8 @@ pub struct BodyModel {
     pub mirror: Vec<usize>,
     /// Kernel of claims, mm.
     pub sigma: f64,
+    /// By how much the world is larger in which bodies are compared.
+    pub scale: f64,
 }
 
 impl BodyModel {
@@ -33,7 +38,16 @@ impl BodyModel {
             proportions: proportions(layout),
             mirror: mirror_images(layout),
             sigma: KERNEL * refiner.config().sigma_mm(),
+            scale: 1.0,
         }
+    }
+
+    /// Of bodies of a person's size in a world that is `scale` times as large.
+    #[must_use]
+    pub fn scaled(mut self, scale: f64) -> Self {
+        self.sigma = DOUBTFUL_KERNEL * RefineConfig::default().sigma_mm();
+        self.scale = scale;
+        self
     }
 }
 

@@ -27,16 +27,16 @@ mod again;
 pub mod associate;
 pub mod births;
 pub mod body;
-pub mod choice;
 pub mod crowd;
 mod identities;
 pub mod known;
 mod recording;
 pub mod score;
+mod size;
 mod tracker;
 mod tracks;
 
 pub use associate::{Associator, Sighting};
 pub use crowd::{Crowd, Figure};
-pub use recording::{Everybody, Person, track};
+pub use recording::{Everybody, Identities, Identity, Person, identify, track};
 pub use tracker::{TrackedPerson, Tracker};

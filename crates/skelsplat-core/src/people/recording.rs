@@ -30,6 +30,8 @@ const CHUNK: usize = 256;
 const LEAST_TIME: f64 = 0.2;
 /// The most frames that this may be.
 const MOST_FRAMES: usize = 12;
+/// Frames from which the size of bodies is measured.
+const MEASURED: usize = 32;
 /// Time on either side over which a path is averaged before the second look, s.
 const SMOOTH: f64 = 0.1;
 
@@ -55,6 +57,53 @@ pub struct Everybody {
     pub people: Vec<Person>,
     /// In how many frames there were too many people for all of them to be compared, or followed.
     pub cut: usize,
+}
+
+/// A person's figures over a recording.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Identity {
+    /// From the first to the last frame in which two views see the person.
+    pub frames: Range<usize>,
+    /// Slot of the person's figure `(F, M)`; `None` in a view that does not see them.
+    pub slots: Vec<Option<usize>>,
+}
+
+/// Who is who in a recording.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Identities {
+    /// In the order of their appearance.
+    pub people: Vec<Identity>,
+    /// Whether there were too many people in a frame for all of them to be compared, or followed
+    /// `(T)`.
+    pub cut: Vec<bool>,
+}
+
+/// Finds everybody whom at least two views see, however briefly, and whatever the unit of the
+/// cameras: bodies are compared in a world in which they are as large as people.
+///
+/// # Errors
+/// As [`track`].
+pub fn identify(
+    refiner: &Refiner,
+    layout: &Layout,
+    people: &[Vec<Detections>],
+    fps: f64,
+    progress: &Progress,
+) -> Result<Identities> {
+    crate::sequence::check(refiner, fps, "'annealed' for several people")?;
+    threads::install(refiner.config().n_threads, |_| {
+        let known = BodyModel::new(refiner, layout);
+        let mut recording = CrowdRecording { refiner, layout, people, fps, known, progress };
+        let step = people.len().div_ceil(MEASURED).max(1);
+        let some = people.par_iter().step_by(step).map(|slots| Crowd::new(refiner, slots));
+        let scale = recording.known.scale_of(&some.collect::<Result<Vec<_>>>()?);
+        recording.known = recording.known.scaled(scale);
+        let (tracks, cut) = recording.who_is_who(1)?;
+        let people = tracks
+            .iter()
+            .map(|track| Identity { frames: track.first..track.end(), slots: track.slots(0) });
+        Ok(Identities { people: people.collect(), cut })
+    })
 }
 
 /// Finds and refines everybody whom at least two views see.
@@ -95,27 +144,38 @@ struct CrowdRecording<'a> {
 
 impl CrowdRecording<'_> {
     fn solve(&self, max_people: Option<usize>) -> Result<Everybody> {
-        let (mut tracks, cut) = self.tracks()?;
-        identities::settle(&mut tracks, &self.known, self.fps);
-        let mut tracks = self.assigned_again(&tracks)?;
+        let (mut tracks, cut) = self.who_is_who(self.least())?;
         if let Some(most) = max_people {
             tracks.sort_by_key(|track| std::cmp::Reverse(track.figures()));
             tracks.truncate(most);
+            tracks.sort_by_key(|track| track.first);
         }
-        tracks.sort_by_key(|track| track.first);
         self.progress.expect(tracks.iter().map(|track| track.claims.len()).sum());
         let solved = tracks.par_iter().map(|track| self.sequence(track));
         let solved: Vec<Sequence> = solved.collect::<Result<_>>()?;
         // Two views that saw figures without a joint in common have seen nobody.
         let found = tracks.iter().zip(solved).filter(|(_, sequence)| has_joints(sequence));
         let people = (0..).zip(found).map(|(id, (track, sequence))| person(id, track, sequence));
+        let cut = cut.into_iter().filter(|cut| *cut).count();
         Ok(Everybody { people: people.collect(), cut })
+    }
+
+    /// Everybody whom two views see in `least` frames, in the order of their appearance; and
+    /// [`Identities::cut`].
+    fn who_is_who(&self, least: usize) -> Result<(Vec<Track>, Vec<bool>)> {
+        let (mut tracks, cut) = self.tracks(least.min(2))?;
+        identities::settle(&mut tracks, &self.known, self.fps);
+        let mut tracks = self.assigned_again(&tracks, least)?;
+        tracks.sort_by_key(|track| track.first);
+        Ok((tracks, cut))
     }
 
     /// The rays of frames.
     fn crowds(&self, frames: Range<usize>) -> Result<Vec<Crowd>> {
         self.progress.check()?;
-        self.people[frames].par_iter().map(|slots| Crowd::new(self.refiner, slots)).collect()
+        let crowd = |slots: &Vec<Detections>| Crowd::new(self.refiner, slots);
+        let scaled = |slots| Ok(crowd(slots)?.scaled(self.known.scale));
+        self.people[frames].par_iter().map(scaled).collect()
     }
 
     fn chunks(&self) -> impl Iterator<Item = Range<usize>> {
@@ -124,23 +184,25 @@ impl CrowdRecording<'_> {
     }
 
     /// Everybody who is seen by two views for long enough, followed from frame to frame; and
-    /// [`Everybody::cut`].
-    fn tracks(&self) -> Result<(Vec<Track>, usize)> {
-        let mut associator = Associator::new(self.refiner, self.layout, self.fps);
+    /// [`Identities::cut`].
+    fn tracks(&self, least: usize) -> Result<(Vec<Track>, Vec<bool>)> {
+        let mut associator = Associator::new(self.known.clone(), self.fps);
+        let mut cut = Vec::with_capacity(self.people.len());
         let mut seen: BTreeMap<usize, Track> = BTreeMap::new();
         for chunk in self.chunks() {
             for (t, crowd) in chunk.clone().zip(self.crowds(chunk)?) {
+                let before = associator.cut();
                 for sighting in associator.step(&crowd) {
                     let track = seen.entry(sighting.id).or_insert_with(|| Track::new(t));
                     track.push(t, sighting.claims, sighting.pose);
                 }
+                cut.push(associator.cut() > before);
                 self.progress.advance();
             }
         }
         let reach = (SMOOTH * self.fps).round() as usize;
-        let least = self.people.len().min(2);
         let smooth = |track: Track| Some(track.trimmed(least)?.smooth(reach));
-        Ok((seen.into_values().filter_map(smooth).collect(), associator.cut()))
+        Ok((seen.into_values().filter_map(smooth).collect(), cut))
     }
 
     /// Least number of frames in which two views must see a person.
@@ -159,7 +221,7 @@ impl CrowdRecording<'_> {
     }
 
     /// Figures assigned once more, to the smooth poses.
-    fn assigned_again(&self, tracks: &[Track]) -> Result<Vec<Track>> {
+    fn assigned_again(&self, tracks: &[Track], least: usize) -> Result<Vec<Track>> {
         let mut out: Vec<Track> = tracks.iter().map(|track| Track::new(track.first)).collect();
         for chunk in self.chunks() {
             let crowds = self.crowds(chunk.clone())?;
@@ -178,7 +240,7 @@ impl CrowdRecording<'_> {
         for (new, old) in out.iter_mut().zip(tracks) {
             new.poses.clone_from(&old.poses);
         }
-        Ok(out.into_iter().filter_map(|track| track.trimmed(self.least())).collect())
+        Ok(out.into_iter().filter_map(|track| track.trimmed(least)).collect())
     }
 
     /// The figures of people at known places.
@@ -207,8 +269,8 @@ impl CrowdRecording<'_> {
 }
 
 fn person(id: usize, track: &Track, sequence: Sequence) -> Person {
-    let slots = |part: usize| track.claims.iter().flatten().map(|claim| claim[part]).collect();
-    Person { id, frames: track.first..track.end(), slots: slots(0), more: slots(1), sequence }
+    let (slots, more) = (track.slots(0), track.slots(1));
+    Person { id, frames: track.first..track.end(), slots, more, sequence }
 }
 
 /// Whether any joint has a place in any frame.

@@ -3,6 +3,7 @@
 use super::associate::{Associator, Sighting};
 use super::body::{Claims, claimed};
 use super::crowd::Crowd;
+use super::known::BodyModel;
 use crate::batch::Progress;
 use crate::detections::Detections;
 use crate::error::{Error, Result};
@@ -61,7 +62,7 @@ impl Tracker {
         // Checks the rate and the method.
         Live::new(refiner, fps, 0)?;
         Ok(Self {
-            associator: Associator::new(refiner, layout, fps),
+            associator: Associator::new(BodyModel::new(refiner, layout), fps),
             n_joints: layout.n_joints(),
             fps,
             max_people: max_people.unwrap_or(usize::MAX),

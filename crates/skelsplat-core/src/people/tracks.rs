@@ -51,6 +51,11 @@ impl Track {
         self.poses.get(k).filter(|pose| !pose.is_empty()).map(Vec::as_slice)
     }
 
+    /// Slots of the figures `(F, M)`; of part 1, of further ones.
+    pub(super) fn slots(&self, part: usize) -> Vec<Option<usize>> {
+        self.claims.iter().flatten().map(|claim| claim[part]).collect()
+    }
+
     /// Number of figures.
     pub(super) fn figures(&self) -> usize {
         self.claims.iter().flatten().filter(|claim| claim[0].is_some()).count()

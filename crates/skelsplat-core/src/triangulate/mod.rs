@@ -3,14 +3,12 @@
 pub mod dlt;
 pub mod fusion;
 pub mod ransac;
-mod two_views;
 
 use nalgebra::Vector3;
 
 pub use dlt::dlt;
 pub use fusion::fuse_monocular;
 pub use ransac::ransac;
-pub(crate) use two_views::{FourJoints, TwoViews};
 
 /// Triangulated joints, and the rejected detections.
 #[derive(Debug, Clone, PartialEq)]

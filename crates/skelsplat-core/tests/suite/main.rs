@@ -3,7 +3,6 @@
 mod annealed;
 mod bias;
 mod camera;
-mod choice;
 mod determinism;
 mod equations;
 mod following;

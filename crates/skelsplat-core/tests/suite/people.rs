@@ -1,6 +1,8 @@
 //! Several people: who is who across views and over time.
 
 use nalgebra::Vector3;
+use skelsplat_core::study::people::known::BodyModel;
+use skelsplat_core::study::people::{Associator, Crowd, Identity, identify};
 use skelsplat_core::testing::scenes::{
     Noise, h36m, mean_error, noisy_detections, refiner, room, standing,
 };
@@ -95,5 +97,46 @@ fn live_follows_the_same_people() {
                 .unwrap_or_else(|| panic!("person {} in frame {t} is nobody", one.id));
             assert_eq!(*who[one.id].get_or_insert(q), q, "frame {t}");
         }
+    }
+}
+
+#[test]
+fn frames_with_too_many_people_to_follow_are_counted() {
+    let cameras = room(2);
+    let refiner = refiner(&cameras, RefineConfig::default());
+    let mut associator = Associator::new(BodyModel::new(&refiner, &h36m()), FPS);
+    let mut noise = Noise::new(5);
+    // A million pairs are compared, of a thousand figures in each view.
+    for (n, cut) in [(1001, 1), (20, 1)] {
+        let place = |noise: &mut Noise| [0, 1].map(|_| 9000.0 * (noise.uniform() - 0.5));
+        let places: Vec<[f64; 2]> = (0..n).map(|_| place(&mut noise)).collect();
+        let body = |[x, y]: &[f64; 2]| -> Vec<Vector3<f64>> {
+            standing().into_iter().map(|p| p + Vector3::new(*x, *y, 0.0)).collect()
+        };
+        let people: Vec<Detections> = places
+            .iter()
+            .map(|at| noisy_detections(&body(at), &cameras, 2.0, &mut noise))
+            .collect();
+        associator.step(&Crowd::new(&refiner, &people).unwrap());
+        assert_eq!(associator.cut(), cut, "{n} people");
+    }
+}
+
+/// Everybody in the recording as the cameras of a room show it that is `scale` times as large.
+fn identified(scale: f64) -> Vec<Identity> {
+    let cameras = room(4);
+    let people = recording(&cameras, 40);
+    let grown: Vec<Camera> =
+        cameras.iter().map(|camera| camera.clone().with_length_scale(scale)).collect();
+    let refiner = refiner(&grown, RefineConfig::default());
+    identify(&refiner, &h36m(), &people, FPS, &Progress::default()).unwrap().people
+}
+
+#[test]
+fn people_are_told_apart_in_any_unit() {
+    let people = identified(1.0);
+    assert_eq!(people.len(), 3);
+    for scale in [0.001, 0.05, 1000.0] {
+        assert_eq!(identified(scale), people, "{scale}");
     }
 }

@@ -11,8 +11,6 @@ use super::births::Free;
 use super::body::{Body, Claims};
 use super::crowd::Crowd;
 use super::known::BodyModel;
-use crate::layout::Layout;
-use crate::refine::Refiner;
 
 /// Time without any view after which a body is lost, s.
 const HOLD: f64 = 1.0;
@@ -57,9 +55,9 @@ pub struct Associator {
 
 impl Associator {
     /// Nobody is known yet, of frames at this rate.
-    pub fn new(refiner: &Refiner, layout: &Layout, fps: f64) -> Self {
+    pub fn new(known: BodyModel, fps: f64) -> Self {
         Self {
-            known: BodyModel::new(refiner, layout),
+            known,
             dt: 1.0 / fps,
             bodies: Vec::new(),
             lost: Vec::new(),

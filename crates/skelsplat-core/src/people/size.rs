@@ -1,0 +1,80 @@
+//! How large bodies are, where nothing says in which unit they are given, or of what kind.
+
+use nalgebra::Vector3;
+
+use super::births::met;
+use super::crowd::{Crowd, Figure};
+use super::known::BodyModel;
+use super::score::meet;
+use crate::bones::population::STATURE;
+use crate::statistics::median;
+
+/// A person's stature over the root mean square distance of the joints from their centre, as of the
+/// body of the Human3.6M layout that stands.
+const STATURE_OVER_SPREAD: f64 = 3.4;
+/// Joints that two figures must have in common to show a body's size.
+const COMMON: usize = 4;
+/// Most figures of a view that are compared, those with the most joints.
+const MOST_FIGURES: usize = 8;
+
+impl BodyModel {
+    /// The factor by which the world grows until bodies are as large as people: in each frame, the
+    /// body counts whose rays meet best compared with its size. 1 if there is none.
+    ///
+    /// It is a power of two: nobody's size is known better from a few frames, and a part of a
+    /// recording has that of the whole.
+    pub(super) fn scale_of(&self, crowds: &[Crowd]) -> f64 {
+        let stature = median(crowds.iter().filter_map(|crowd| self.stature_of_best(crowd)));
+        let scale = (STATURE[0] / stature).log2().round().exp2();
+        if scale > 0.0 && scale.is_finite() { scale } else { 1.0 }
+    }
+
+    /// Stature of the body in a frame that two figures agree on best.
+    fn stature_of_best(&self, crowd: &Crowd) -> Option<f64> {
+        let least = COMMON.min(crowd.n_joints);
+        let views: Vec<Vec<&Figure>> =
+            crowd.views.iter().map(|view| most_joints(view, least)).collect();
+        let mut best: Option<(f64, f64)> = None;
+        for (i, a) in views.iter().enumerate().flat_map(|(i, v)| v.iter().map(move |a| (i, a))) {
+            for b in views[i + 1..].iter().flatten() {
+                let stature = self.stature(&met(a, b));
+                let rays = a.rays.iter().zip(&b.rays).filter(|(p, q)| p.is_there() && q.is_there());
+                let apart: Vec<f64> =
+                    rays.map(|(p, q)| meet(p, q).map_or(f64::INFINITY, |(_, d)| d)).collect();
+                if apart.len() < least {
+                    continue;
+                }
+                let missed = median(apart) / stature;
+                if best.is_none_or(|(least, _)| missed < least) && missed.is_finite() {
+                    best = Some((missed, stature));
+                }
+            }
+        }
+        best.map(|(_, stature)| stature)
+    }
+
+    /// Stature by the population's proportions, or by the spread of the joints; NaN of nobody.
+    fn stature(&self, pose: &[Vector3<f64>]) -> f64 {
+        let bones = self.proportions.iter().map(|bone| {
+            let [a, b] = bone.joints;
+            (pose[a] - pose[b]).norm() / bone.ratio
+        });
+        let bones: Vec<f64> = bones.filter(|length| length.is_finite()).collect();
+        if bones.len() >= 3 {
+            return median(bones);
+        }
+        let known: Vec<_> = pose.iter().filter(|x| !x.x.is_nan()).collect();
+        let n = known.len() as f64;
+        let centre = known.iter().fold(Vector3::zeros(), |sum, x| sum + **x) / n;
+        let square: f64 = known.iter().map(|x| (**x - centre).norm_squared()).sum();
+        STATURE_OVER_SPREAD * (square / n).sqrt()
+    }
+}
+
+/// Figures of a view with enough joints, those with the most.
+fn most_joints(view: &[Figure], least: usize) -> Vec<&Figure> {
+    let mut figures: Vec<&Figure> = view.iter().filter(|figure| figure.joints >= least).collect();
+    figures.sort_by_key(|figure| std::cmp::Reverse(figure.joints));
+    figures.truncate(MOST_FIGURES);
+    figures
+}
