@@ -8,7 +8,7 @@ import numpy as np
 
 import skelsplat as sk
 from skelsplat import synthetic
-from skelsplat.association import separated, take_people
+from skelsplat.association import separate_people, take_people
 from skelsplat.run.findings import find_findings
 from skelsplat.run.frames import joint_frames
 from skelsplat.run.people import find_people
@@ -47,7 +47,7 @@ def shuffled(people, seed=2):
 
 def picked(people, rig, person, layout=LAYOUT):
     """Return places, views without a match, and who is visible when ``person`` is chosen."""
-    found = separated(people, rig, layout)
+    found = separate_people(people, rig, layout=layout)
     return (*pick_places(people, person, found), look_around((found >= 0).sum(axis=2)))
 
 

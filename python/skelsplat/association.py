@@ -62,7 +62,7 @@ def choose_person(
         says if there are too many people: the search of a frame ends after a fixed amount of work.
     """
     everyone = checked_people(people, cameras)
-    index = separated(everyone, cameras, layout, fps)[0]
+    index = separate_people(everyone, cameras, layout=layout, fps=fps)[0]
     return take_people(everyone, index), index
 
 
@@ -79,16 +79,7 @@ def separate_people(
     A body detected twice is one person. Where somebody is in no view, the place is -1; nobody of the Q ≥ 1
     but the first is without any. Arguments and errors are those of `choose_person`.
     """
-    return separated(checked_people(people, cameras), cameras, layout, fps)
-
-
-def separated(
-    everyone: Array,
-    cameras: sk.CameraRig | Sequence[sk.Camera],
-    layout: sk.Layout | None,
-    fps: float | None = None,
-) -> Index:
-    """Return the places of `separate_people` of checked people; a warning if there are too many."""
+    everyone = checked_people(people, cameras)
     found, cut = told_apart(everyone, cameras, layout, fps)
     if cut.any():
         warn(people_uncompared(int(cut.sum()), most_people(everyone)))

@@ -13,7 +13,7 @@ import skelsplat as sk
 from skelsplat._arrays import Array, Index
 from skelsplat._clocks import parted, rounded
 from skelsplat._words import listed, px, with_bar
-from skelsplat.association import separated, take_people, with_confidences
+from skelsplat.association import separate_people, take_people
 from skelsplat.exceptions import DatasetError
 from skelsplat.findings import Finding, Remedy, Subject, collected_warnings, warn
 from skelsplat.io.detections import cameras_called
@@ -202,8 +202,7 @@ def read_scene(opened: Opened, person: str, offsets: Mapping[str, float] | None)
     if person != EVERYBODY:
         apart: Index = np.empty((1, 0, 0), dtype=np.int64)
         if person == "consistent":
-            people = with_confidences(people)
-            apart = separated(people, opened.rig, layout)
+            apart = separate_people(people, opened.rig, layout=layout)
         people = take_people(people, pick_places(people, person, apart)[0])[:, :, None]
     return Scene(opened.rig, people, found.frames, layout, opened.read_as(offsets or {}))
 

@@ -58,8 +58,7 @@ def read_inputs(opened: Opened, job: Job, progress: Progress, check: Callable[[I
         check(found)
         return found
     check(whole)
-    people = association.with_confidences(people)
-    everybody = association.separated(people, whole.rig, whole.layout, whole.fps)
+    everybody = association.separate_people(people, whole.rig, layout=whole.layout, fps=whole.fps)
     index, unmatched = pick_places(people, person, everybody)
     if by_place and not alone:
         which = "the largest in each image" if person == "largest" else f"entry {person} of each file"

@@ -103,8 +103,8 @@ proptest! {
         for one in &found.people {
             for (t, slots) in one.frames.clone().zip(one.slots.chunks(cameras.len())) {
                 for (view, slot) in slots.iter().enumerate() {
-                    let seen = |slot: usize| (0..17).any(|j| people[t][slot].get(view, j).is_some());
-                    prop_assert!(slot.is_none_or(seen));
+                    let joint = |slot: usize, j| people[t][slot].get(view, j).is_some();
+                    prop_assert!(slot.is_none_or(|slot| (0..17).any(|j| joint(slot, j))));
                 }
             }
         }
