@@ -8,8 +8,10 @@ import os
 os.environ["OPENBLAS_NUM_THREADS"] = "1"
 os.environ["RAYON_NUM_THREADS"] = "2"
 
+import pickle
 import signal
 from collections.abc import Generator, Iterator
+from functools import wraps
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +20,7 @@ import pytest
 from matplotlib.figure import Figure
 
 import scenes
+import skelsplat as sk
 from reference import total
 from skelsplat.run import Run, figures
 
@@ -28,6 +31,24 @@ def _heeded_signal() -> Iterator[None]:
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     yield
     signal.signal(signal.SIGINT, before)
+
+
+@pytest.fixture(autouse=True, scope="session")
+def _adjusted_once() -> Iterator[None]:
+    """Adjust the cameras of the same detections once: many tests have those of the sample."""
+    known: dict[bytes, sk.RigAdjustment] = {}
+    adjust = sk.adjust_cameras
+
+    @wraps(adjust)
+    def remembered(detections: Any, cameras: Any, **given: Any) -> sk.RigAdjustment:
+        key = pickle.dumps((np.asarray(detections), cameras, given))
+        if key not in known:
+            known[key] = adjust(detections, cameras, **given)
+        return known[key]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(sk, "adjust_cameras", remembered)
+        yield
 
 
 @pytest.hookimpl(wrapper=True)
@@ -46,9 +67,14 @@ def pytest_runtest_protocol(item: pytest.Item) -> Generator[None, object, object
         return (yield)
 
 
-def _unpainted(_figure: Figure | None, target: Any, **_options: object) -> None:
+_paint = Figure.savefig
+
+
+def _unpainted(figure: Figure | None, target: Any, **options: Any) -> None:
+    if figure is not None and options.get("format") == "pdf":  # its library counts the pages
+        return _paint(figure, target, **options)
     write = target.write_bytes if isinstance(target, Path) else target.write
-    write(b"\x89PNG, not painted")
+    return write(b"\x89PNG, not painted")
 
 
 def _undrawn(run: Run, folder: Path) -> list[str]:

@@ -16,7 +16,7 @@ import numpy as np
 import skelsplat as sk
 from skelsplat import synthetic
 
-DELAY_S = 0.3
+DELAY_S = 0.15
 RIG = synthetic.human36m_like()
 RANDOM = np.random.default_rng(0)
 
@@ -37,7 +37,7 @@ SINGLE = {"encoding": "single"}
 def views(n_views: int, n_frames: int, n_joints: int) -> tuple[np.ndarray, list[sk.Camera]]:
     """Give detections (T, M, N, 2) that agree on nothing, and the cameras."""
     cameras = [RIG[i % len(RIG)] for i in range(n_views)]
-    return RANDOM.uniform(0, 1000, size=(n_frames, n_views, n_joints, 2)), cameras
+    return np.resize(RANDOM.uniform(0, 1000, 7919), (n_frames, n_views, n_joints, 2)), cameras
 
 
 def one_closed_form_frame() -> None:

@@ -17,12 +17,8 @@ PAGES = {
     if blocks(path.read_text(encoding="utf-8"))
 }
 
-PAINTED = {"docs/howto/pictures.md"}
 
-
-@pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=pytest.mark.painted) if name in PAINTED else name for name in PAGES]
-)
+@pytest.mark.parametrize("name", PAGES)
 def test_the_blocks_of_a_page_run(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(batch, "cpu_count", lambda: 1)  # tests/unit/test_batch.py starts processes

@@ -66,13 +66,12 @@ def test_it_is_better_than_triangulation_and_the_paper(poses, rig, name):
     # Two rays that disagree at a small angle are a long valley.
     assert np.mean(found.stop_reason == "converged") > 0.98
     plain = sk.triangulate(detections[..., :2], rig, method="dlt")
-    others = {
-        "DLT": plain,
-        "DLT by confidence": sk.triangulate(detections, rig, method="dlt"),
-        "paper": refined(detections, rig, plain, config=sk.RefineConfig.paper()).pose,
-    }
+    others = {"DLT": plain, "DLT by confidence": sk.triangulate(detections, rig, method="dlt")}
     for other, pose in others.items():
         assert_better(found.pose, pose, poses, other)
+    some = slice(None, None, 4)  # the published method takes longest of all
+    paper = refined(detections[some], rig, plain[some], config=sk.RefineConfig.paper()).pose
+    assert_better(found.pose[some], paper, poses[some], "paper")
     ransac = sk.triangulate(detections, rig, method="ransac")
     if name == "noisy":  # without many outliers RANSAC is nearly as good
         assert error(found.pose, poses) < error(ransac, poses)

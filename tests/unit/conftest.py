@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 import skelsplat as sk
 from command_line import READ, invoke
 from skelsplat import synthetic
-from skelsplat.io import write_calibration
+from skelsplat.io import sample, write_calibration
 from skelsplat.viz import _style
 
 
@@ -71,6 +71,21 @@ def finished_run(tmp_path_factory) -> Path:
 def run_folder(finished_run, tmp_path) -> Path:
     """Return a copy of the run's folder, where `arguments` writes to."""
     return shutil.copytree(finished_run, tmp_path / "out")
+
+
+@pytest.fixture
+def short_sample(monkeypatch):
+    """Leave the first twelve frames of the recording in the package."""
+    extract = sample.extract
+
+    def shortened(folder, **options):
+        paths = extract(folder, **options)
+        for camera in paths.detections.iterdir():
+            for path in sorted(camera.iterdir())[12:]:
+                path.unlink()
+        return paths
+
+    monkeypatch.setattr(sample, "extract", shortened)
 
 
 @pytest.fixture

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import inspect
 import json
-import subprocess
+import runpy
 import sys
 from collections.abc import Mapping
+from contextlib import redirect_stdout, suppress
+from io import StringIO
 from pathlib import Path
 from typing import Any
 
@@ -26,8 +28,11 @@ FEW = 12
 
 def run(name: str, *arguments: object) -> list[dict[str, dict[str, Any]]]:
     """Run a program, and return its tables: cells by row and column."""
-    command = [sys.executable, str(BENCHMARKS / f"{name}.py"), *map(str, arguments), "--json"]
-    found = json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
+    words, printed = [f"{name}.py", *map(str, arguments), "--json"], StringIO()
+    with pytest.MonkeyPatch.context() as patch, redirect_stdout(printed), suppress(SystemExit):
+        patch.setattr(sys, "argv", words)
+        runpy.run_path(str(BENCHMARKS / words[0]), run_name="__main__")
+    found = json.loads(printed.getvalue())
     assert "skelsplat" in found["circumstances"]
     return [cells(table) for table in found["tables"]]
 

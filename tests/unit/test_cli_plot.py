@@ -37,7 +37,6 @@ def numbers(*arguments):
     return json.loads(result.stdout)
 
 
-@pytest.mark.painted
 def test_a_run_gives_three_figures_in_its_folder(run_folder):
     result = invoke("plot", run_folder)
     assert result.exit_code == 0, result.output

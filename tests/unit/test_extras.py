@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from command_line import assert_fails, invoke
+from command_line import FAST, READ, RESULTS, assert_fails, invoke
 from skelsplat import _optional
 
 PICTURES = {"overview.png", "weights.png", "report.html"}
@@ -23,24 +23,24 @@ def without_viz(monkeypatch):
 
 
 @pytest.mark.usefixtures("without_viz")
-def test_demo_without_a_package_for_pictures_writes_all_else_and_says_so(tmp_path):
-    result = invoke("demo", "-o", tmp_path / "run")
+def test_a_run_without_a_package_for_pictures_writes_all_else_and_says_so(arguments):
+    result = invoke(*arguments, *READ, *FAST)
     assert result.exit_code == 0
     assert f"note: {NEEDS}\n" in result.stderr
-    names = {path.name for path in (tmp_path / "run").iterdir()}
-    assert {"pose.npz", "pose.csv", "pose.trc", "report.json", "cameras.json", "detections.npz"} <= names
+    out = Path(arguments[-1])
+    names = {path.name for path in out.iterdir()}
+    assert names >= RESULTS - PICTURES
     assert not names & PICTURES
     assert "overview.png" not in result.stdout
-    report = json.loads((tmp_path / "run" / "report.json").read_text())
+    report = json.loads((out / "report.json").read_text())
     assert [found["text"] for found in report["findings"] if found["kind"] == "no_pictures"] == [NEEDS]
     assert not {*report["files"]} & PICTURES
 
 
 @pytest.mark.usefixtures("without_viz")
-def test_plot_without_viz_fails_with_the_pip_line(tmp_path):
-    assert invoke("demo", "-o", tmp_path / "run", "--quiet").exit_code == 0
-    assert_fails(invoke("plot", tmp_path / "run"), 1, "pip install 'skelsplat[viz]'")
-    assert not (tmp_path / "run" / "plots").exists()
+def test_plot_without_viz_fails_with_the_pip_line(finished_run):
+    assert_fails(invoke("plot", finished_run), 1, "pip install 'skelsplat[viz]'")
+    assert not (finished_run / "plots").exists()
 
 
 def test_every_extra_that_a_message_names_exists_and_is_part_of_all():

@@ -75,6 +75,14 @@ with progress("frames") as count:
 """
 
 
+UNDRAWN = """
+from skelsplat.__main__ import main
+from skelsplat.run import Run
+Run.write_figures = lambda *_: []
+main()
+"""
+
+
 def test_a_warning_is_printed_above_the_bar():
     words = f"warning: {20 * 'word '}".split()
     path = f"/{30 * 'path/'}"
@@ -86,7 +94,7 @@ def test_a_run_says_each_warning_once_and_leaves_no_bar(recording, arguments):
     folder, rig, _ = recording
     for path in (folder / "openpose" / rig.names[0]).iterdir():
         path.write_text('{"people": []}')
-    lines = on_terminal("-m", "skelsplat", *arguments, *READ, "--no-html", "--write", "trc")
+    lines = on_terminal("-c", UNDRAWN, *arguments, *READ, "--no-html", "--write", "trc")
     assert lines[0].startswith("warning: The frame rate is unknown: ")
     assert not [line for line in lines if "━" in line or line.startswith("refining")]
     text = " ".join(lines)

@@ -12,7 +12,7 @@ from command_line import assert_fails, invoke
 from skelsplat import DatasetError, datasets, io, synthetic
 from skelsplat.datasets.shelf_campus import nearest_slots
 from skelsplat.datasets.synthetic import write_simulated
-from sweeps import diagonal
+from sweeps import swept
 
 TAKE = "S9/Directions"
 
@@ -51,7 +51,10 @@ def edit(path, **changes):
     np.savez(path, **arrays)
 
 
-@pytest.mark.parametrize(("name", "detector"), diagonal(synthetic.set_names, ["good", "noisy"]))
+@pytest.mark.parametrize(
+    ("name", "detector"),
+    [("dome", "good"), ("human36m-like", "noisy"), *(swept(name, "good") for name in synthetic.set_names)],
+)
 def test_what_is_written_comes_back(tmp_path, name, detector):
     made = synthetic.simulate_set(name, poses=70)
     write_simulated(tmp_path / "data", made)

@@ -61,7 +61,7 @@ def test_a_reported_row_has_no_column_in_which_nothing_is_reported(room: Path, t
 
 
 def test_methods_over_time_run_at_a_rate_and_are_left_out_without_one(tmp_path: Path) -> None:
-    whole = synthetic.simulate_set("dome", poses=120)  # with consecutive frame numbers instead of every 32nd
+    whole = synthetic.simulate_set("dome", poses=72)  # with consecutive frame numbers instead of every 32nd
     parts = [replace(part, frames=np.arange(len(part.frames))) for part in whole.recordings]
     root = tmp_path / "dome"
     write_simulated(root, replace(whole, recordings=tuple(parts)))
