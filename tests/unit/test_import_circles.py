@@ -10,7 +10,7 @@ from import_circles import circle, python_graph, rust_graph
 LAYERS = [
     {"error"},
     {"memory", "camera", "layout", "settings", "threads", "matrix3", "names", "statistics"},
-    {"detections", "unit", "gaussian", "overlap", "projection", "symmetry", "outcome", "bones"},
+    {"detections", "unit", "gaussian", "overlap", "projection", "symmetry", "outcome", "bones", "noise"},
     {"triangulate"},
     {"annealed", "paper"},
     {"refine", "triangulation"},

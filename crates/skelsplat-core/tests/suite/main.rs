@@ -11,6 +11,7 @@ mod gradients;
 mod input_checks;
 mod layout;
 mod live;
+mod noise;
 mod overlap;
 mod people;
 mod properties;
