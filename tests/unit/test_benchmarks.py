@@ -86,8 +86,6 @@ def test_people_are_compared() -> None:
     assert found["oracle"]["prec."] == found["oracle"]["rec."] == 100
     assert found["affinity"]["rec."] > 80
     assert found["oracle"]["MPJPE"] < found["affinity"]["MPJPE"]
-    (times,) = run("speed", "people", "--frames", 12)
-    assert list(times) == ["1, 4", "3, 4", "4, 5", "6, 8"]
 
 
 def test_affinity_is_exact_on_exact_detections_and_finds_nobody_in_one_view() -> None:
@@ -121,6 +119,7 @@ def test_the_live_benchmark_runs() -> None:
         ("rig", ["--takes", 1, "--views", 3, "--faults", "turn 3", "--faults", "clocks 10"]),
         ("rig", ["--people", 2, "--takes", 1, "--faults", "turn 3"]),
         ("speed", ["refine", "--frames", 100]),
+        ("speed", ["people", "--frames", 12]),
     ],
 )
 def test_the_other_programs_run(name: str, options: list[object]) -> None:

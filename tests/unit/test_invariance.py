@@ -9,6 +9,7 @@ import pytest
 
 import skelsplat as sk
 from skelsplat.synthetic import DetectionNoise
+from sweeps import swept
 from troubled import Array, Scene, room, troubled
 
 # Another order of sums, another frame or unit rounds coordinates of 1e4 mm differently, by 2e-12 mm. A joint
@@ -26,7 +27,7 @@ PAPER = sk.RefineConfig.paper(max_steps=10, stop_tolerance=0.0)
 
 METHODS = ["robust", "dlt", "ransac"]
 HARD = DetectionNoise.occluded(3, hard=True)
-VIEWS = [4, 6, 8]
+VIEWS = [4, 8, swept(6)]
 
 
 def assert_same(found: sk.Refinement, expected: sk.Refinement) -> None:
@@ -78,9 +79,8 @@ def scenes(n_views: int) -> list[Scene]:
 def test_the_order_of_the_cameras(n_views: int) -> None:
     for scene in scenes(n_views):
         expected = scene.refine()
-        for seed in range(3):
-            order = np.random.default_rng(seed).permutation(n_views)
-            assert_same(scene.of_views(order).refine(), in_views(expected, order))
+        order = np.random.default_rng(n_views).permutation(n_views)
+        assert_same(scene.of_views(order).refine(), in_views(expected, order))
 
 
 @pytest.mark.parametrize(("method", "n_views"), [("robust", 8), ("dlt", 8), ("ransac", 4), ("ransac", 5)])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import tracemalloc
 import zipfile
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -38,17 +39,26 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-@pytest.fixture(autouse=True)
-def everything_is_long(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(_arrays, "BIG", 1)
-    monkeypatch.setattr(folder, "can_draw", lambda: False)
-    monkeypatch.setattr(read, "LONG", 0)
-    monkeypatch.setattr(parts, "_PER_PART", 1)
+@pytest.fixture(autouse=True, scope="module")
+def everything_is_long() -> Iterator[None]:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(_arrays, "BIG", 1)
+        patch.setattr(folder, "can_draw", lambda: False)
+        patch.setattr(read, "LONG", 0)
+        patch.setattr(parts, "_PER_PART", 1)
+        yield
 
 
 def job(files: Path, out: Path, **options: object) -> Job:
     given = {"layout": "h36m17", "fps": FPS, "write": ("trc",), "html": False, **options}
     return Job(files / "cameras.json", files / "detections.npz", output=out, **given)  # type: ignore[arg-type]
+
+
+@pytest.fixture(scope="module")
+def over_time(files: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Run]:
+    """Do the recording in parts, over time; return the folder, not to be written to, and the run."""
+    out = tmp_path_factory.mktemp("over-time") / "parts"
+    return out, run(job(files, out))
 
 
 def at_once(job: Job, monkeypatch: pytest.MonkeyPatch) -> Run:
@@ -76,14 +86,21 @@ def test_one_of_several_people_is_followed_from_part_to_part(tmp_path: Path) -> 
 
 @pytest.mark.parametrize("options", [{}, {"frame_by_frame": True}], ids=["over time", "frame by frame"])
 def test_files_are_those_of_the_whole(
-    files: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, options: dict[str, object]
+    files: Path,
+    over_time: tuple[Path, Run],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    options: dict[str, object],
 ) -> None:
     whole = at_once(job(files, tmp_path / "whole", **options), monkeypatch)
-    found = run(job(files, tmp_path / "parts", **options))
-    trc = [(tmp_path / one / "pose.trc").read_bytes() for one in ("parts", "whole")]
+    out, found = over_time
+    if options:
+        out, found = tmp_path / "parts", run(job(files, tmp_path / "parts", **options))
+    folders = [out, tmp_path / "whole"]
+    trc = [(one / "pose.trc").read_bytes() for one in folders]
     assert trc[0] == trc[1]
     for name in ("pose.npz", "detections.npz"):
-        parts, every = (zipfile.ZipFile(tmp_path / one / name) for one in ("parts", "whole"))
+        parts, every = (zipfile.ZipFile(one / name) for one in folders)
         with parts, every:
             assert parts.namelist() == every.namelist()
             differ = {key for key in every.namelist() if parts.read(key) != every.read(key)}
@@ -134,11 +151,12 @@ def test_memory_hardly_grows_with_the_recording(
     files: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(_arrays, "_PIECE", 2**17)
+    monkeypatch.setattr(parts, "_LEAST_FRAMES", 200)
     monkeypatch.setattr(parts, "DRAWN", 100)
     monkeypatch.setattr(parts, "MOST_NAMED", 10)
     monkeypatch.setattr(frames, "_MOST", 10)
     with np.load(files / "detections.npz") as every:
-        seen, names = every["detections"][:600], every["camera_names"]
+        seen, names = every["detections"][:200], every["camera_names"]
     write_calibration(tmp_path / "cameras.json", synthetic.human36m_like())
     peaks = []
     for times in (2, 4):
@@ -160,9 +178,8 @@ def test_an_option_that_needs_all_frames_is_refused_where_they_do_not_fit(
     assert not (tmp_path / "none").exists()
 
 
-def test_of_a_long_run_a_range_is_read(files: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    out = tmp_path / "out"
-    run(job(files, out, write=()))
+def test_of_a_long_run_a_range_is_read(over_time: tuple[Path, Run], monkeypatch: pytest.MonkeyPatch) -> None:
+    out, _ = over_time
     whole = read_run(out)
     range = FrameRange(890, 940)
     few = read_source(out, range=range)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import pickle
+import shutil
+from functools import cache
 
 import numpy as np
 import pytest
@@ -176,10 +178,23 @@ CASES = {
 }  # fmt: skip
 
 
+@pytest.fixture(scope="module")
+def as_written(tmp_path_factory):
+    """Return the folder that a function wrote to, once; not to be written to."""
+
+    @cache
+    def write(function):
+        folder = tmp_path_factory.mktemp("whole")
+        function(folder)
+        return folder
+
+    return write
+
+
 @pytest.mark.parametrize(("name", "k"), [(name, k) for name in CASES for k in range(len(CASES[name]))])
-def test_it_is_refused(tmp_path, name, k):
+def test_it_is_refused(tmp_path, as_written, name, k):
     write, change, file, field, options = (*CASES[name][k], {})[:5]
-    write(tmp_path)
+    shutil.copytree(as_written(write), tmp_path, dirs_exist_ok=True)
     change(tmp_path)
     with pytest.raises(DatasetError) as caught:
         datasets.read(name, tmp_path, **options)
