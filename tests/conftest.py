@@ -77,9 +77,8 @@ def _unpainted(figure: Figure | None, target: Any, **options: Any) -> None:
     return write(b"\x89PNG, not painted")
 
 
-def _undrawn(run: Run, folder: Path) -> list[str]:
-    heat_maps = ["heatmaps.png"] if run.outcome.config.method == "paper" else []
-    names = ["overview.png", "weights.png", *heat_maps]
+def _undrawn(_: Run, folder: Path) -> list[str]:
+    names = ["overview.png", "weights.png"]
     for name in names:
         _unpainted(None, folder / name)
     return names

@@ -17,7 +17,6 @@ from dataclasses import asdict, dataclass, field
 from typing import Any, Literal
 
 from skelsplat._escape import escaped
-from skelsplat._optional import pip_line
 
 Severity = Literal["error", "warning", "note"]
 
@@ -110,11 +109,6 @@ def warn_of_clipped(argument: str, highest: float) -> None:
     numbers = {"argument": argument, "highest": highest}
     sentence = f"{argument}: confidences slightly above 1, up to {highest}, count as 1."
     warn(Finding("confidence_clipped", "note", numbers=numbers, sentence=sentence))
-
-
-def no_pictures(what: str) -> Finding:
-    """Return the note that the packages for pictures are missing."""
-    return Finding("no_pictures", "note", sentence=f"{what} need skelsplat[viz]: {pip_line('viz')}")
 
 
 def remark(text: str) -> Finding:

@@ -24,7 +24,6 @@ from skelsplat._optional import require
 from skelsplat.exceptions import InvalidInputError, one_of
 
 METHODS = ("cubic", "linear")
-_SPEED_CUTOFF = 1.0  # of the one-euro filter: of the low-pass on the speed, Hz
 
 
 def fill_gaps(
@@ -106,47 +105,6 @@ def butterworth(
     return positions, left
 
 
-def one_euro(
-    pose: npt.ArrayLike,
-    frame_rate: float,
-    *,
-    min_cutoff: float,
-    beta: float,
-    frames: npt.ArrayLike | None = None,
-    weak: npt.ArrayLike | None = None,
-) -> Array:
-    """Low-pass every joint with the one-euro filter: strong at rest, weak in fast motion.
-
-    It uses past frames only, so it is fit for a live loop and lags behind slow motion. After a gap or a weak
-    position it starts anew. Casiez, Roussel and Vogel, CHI 2012; here the speed is that of the joint, not of
-    each coordinate. ``min_cutoff`` is the cutoff at rest, Hz, ``beta`` by how much it grows with the speed,
-    Hz per unit of ``pose`` per second.
-    """
-    positions, numbers = _checked(pose, frames)
-    _arrays.positive("frame_rate", frame_rate)
-    _arrays.positive("min_cutoff", min_cutoff)
-    if not (math.isfinite(beta) and beta >= 0.0):
-        raise InvalidInputError(f"beta: expected a number of at least 0, got {beta}")
-    speed_share = _smoothing(np.asarray(_SPEED_CUTOFF), frame_rate)
-    unbelieved = _marked("weak", weak, positions.shape[:2])
-    kept = positions[unbelieved]
-    positions[unbelieved] = np.nan
-    velocity = np.zeros(positions.shape[1:])
-    for t in range(1, len(positions)):
-        before, now = positions[t - 1], positions[t]
-        if numbers[t] != numbers[t - 1] + 1:
-            velocity[:] = 0.0
-            continue
-        change = (now - before) * frame_rate
-        started = np.isfinite(change).all(axis=-1, keepdims=True)
-        velocity = np.where(started, velocity + speed_share * (change - velocity), 0.0)
-        speed = np.linalg.norm(velocity, axis=-1, keepdims=True)
-        share = _smoothing(min_cutoff + beta * speed, frame_rate)
-        positions[t] = np.where(started, before + share * (now - before), now)
-    positions[unbelieved] = kept
-    return positions
-
-
 def _checked(pose: npt.ArrayLike, frames: npt.ArrayLike | None) -> tuple[Array, Index]:
     """Return a copy of the poses in which a joint has three numbers or none, and the frame numbers."""
     positions = _arrays.numbers(pose, "pose").copy()
@@ -209,8 +167,3 @@ def _runs(positions: Array, numbers: Index) -> Iterator[tuple[int, slice]]:
         for start, stop in pairwise(sorted(ends)):
             if known[start]:
                 yield j, slice(start, stop)
-
-
-def _smoothing(cutoff: Array, frame_rate: float) -> Array:
-    """Return the share of the new value in exponential smoothing with this cutoff."""
-    return 1.0 / (1.0 + frame_rate / (2.0 * math.pi * cutoff))

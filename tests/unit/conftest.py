@@ -40,10 +40,10 @@ def write_detections(root, rig, detections):
             (root / name / f"{t:06d}_keypoints.json").write_text(json.dumps({"people": people}))
 
 
-def write_recording(folder):
-    """Write a walk of five frames in four cameras, in mm; the last camera never sees joint 3."""
+def write_recording(folder, n_frames=5):
+    """Write a walk of some frames in four cameras, in mm; the last camera never sees joint 3."""
     rig = synthetic.human36m_like()
-    pose = synthetic.motion("walk", 5, seed=3)
+    pose = synthetic.motion("walk", n_frames, seed=3)
     detections = sk.project(pose, rig).swapaxes(0, 1)
     detections += np.random.default_rng(1).normal(0.0, 2.0, detections.shape)
     detections[:, -1, 3] = np.nan
@@ -53,8 +53,8 @@ def write_recording(folder):
 
 
 @pytest.fixture
-def recording(tmp_path):
-    return write_recording(tmp_path)
+def recording(tmp_path, request):
+    return write_recording(tmp_path, getattr(request, "param", 5))
 
 
 @pytest.fixture(scope="session")

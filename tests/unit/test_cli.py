@@ -47,12 +47,12 @@ def test_the_printed_table_fits_80_columns_and_counts_missing_detections(argumen
     assert "\x1b[" not in result.stdout
 
 
-def test_paper_runs_the_papers_preset_and_draws_heat_maps(recording, arguments):
+def test_paper_runs_the_papers_preset(recording, arguments):
     folder, _, _ = recording
     result = invoke(*arguments, *READ, *FAST, "--paper", "--fps", 50)
     assert result.exit_code == 0, result.output
     assert "Solved frame by frame, as always with the method paper." in result.stdout
-    assert {path.name for path in (folder / "out").iterdir()} == RESULTS | {"heatmaps.png"}
+    assert {path.name for path in (folder / "out").iterdir()} == RESULTS
     report = json.loads((folder / "out" / "report.json").read_text())
     assert report["settings"] == sk.RefineConfig.paper(max_steps=30).to_dict()
     assert "Error bars" in result.stdout

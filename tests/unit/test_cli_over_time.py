@@ -15,6 +15,7 @@ from skelsplat.io import read_c3d, read_json, read_netcdf, read_npz, read_trc
 from skelsplat.run import engine
 
 FPS = ["--fps", "50", "--frame-by-frame", "-q"]
+long_enough = pytest.mark.parametrize("recording", [9], indirect=True)  # for a filter of order 2: seven
 
 
 def test_a_gap_is_filled_and_marked(gap, arguments):
@@ -38,16 +39,18 @@ def test_a_gap_is_filled_and_marked(gap, arguments):
     assert report["processing"] == [sentence]
 
 
-def test_the_filter_is_that_of_temporal_in_mm_and_is_stated_in_every_format_with_a_place(gap, arguments):
+@long_enough
+def test_the_filter_is_that_of_temporal_and_is_stated_in_every_format_with_a_place(gap, arguments):
     for package in ("ezc3d", "xarray", "h5netcdf", "h5py"):
         pytest.importorskip(package, reason=f"{package} is not installed")
     assert invoke(*arguments, *READ, *FPS).exit_code == 0
     plain = read_npz(gap / "out" / "pose.npz").pose
-    run = [*arguments, *READ, *FPS, "--filter", "one-euro:2:0.01", "--write", "npz,json,c3d,nc,trc"]
+    run = [*arguments, *READ, *FPS, "--filter", "butterworth:6:2", "--write", "npz,json,c3d,nc,trc"]
     assert invoke(*run).exit_code == 0
-    expected = temporal.one_euro(plain, 50.0, min_cutoff=2.0, beta=0.01)
+    expected, left = temporal.butterworth(plain, 50.0, 6.0, order=2)
     sentence = (
-        "Low-pass: one-euro filter, 2 Hz at rest and 0.01 Hz per mm/s, causal. Uncertainties, weights and "
+        "Low-pass: Butterworth of order 2, −3 dB at 6 Hz, zero-lag (forward and backward); "
+        f"{left.sum()} joint positions in runs too short for it are unchanged. Uncertainties, weights and "
         "reprojection errors are from before filtering."
     )
     readers = {"npz": read_npz, "json": read_json, "c3d": read_c3d, "nc": read_netcdf}
@@ -60,10 +63,10 @@ def test_the_filter_is_that_of_temporal_in_mm_and_is_stated_in_every_format_with
     assert read_trc(gap / "out" / "pose.trc").frame_rate == 50.0
     entry = json.loads((gap / "out" / "report.json").read_text())["over_time"]["filter"]
     assert entry == {
-        "name": "one-euro",
-        "min_cutoff_hz": 2.0,
-        "beta_hz_per_mm_s": 0.01,
-        "left_as_they_are": 0,
+        "name": "butterworth",
+        "cutoff_hz": 6.0,
+        "order": 2,
+        "left_as_they_are": left.sum(),
         "weak_left": 0,
     }
 
@@ -80,6 +83,7 @@ def with_a_weak_joint(recording):
         path.write_text(json.dumps(document))
 
 
+@long_enough
 def test_a_filter_leaves_weak_joints_and_keeps_them_from_the_others(recording, arguments):
     with_a_weak_joint(recording)
     out = recording[0] / "out" / "pose.npz"
@@ -87,9 +91,9 @@ def test_a_filter_leaves_weak_joints_and_keeps_them_from_the_others(recording, a
     plain = read_npz(out)
     weak = plain.joint_status == "weak"
     assert np.argwhere(weak).tolist() == [[2, 16]]
-    assert invoke(*arguments, *READ, *FPS, "--filter", "one-euro:2:0.01").exit_code == 0
+    assert invoke(*arguments, *READ, *FPS, "--filter", "butterworth:6:2").exit_code == 0
     smooth = read_npz(out)
-    expected = temporal.one_euro(plain.pose, 50.0, min_cutoff=2.0, beta=0.01, weak=weak)
+    expected, _ = temporal.butterworth(plain.pose, 50.0, 6.0, order=2, weak=weak)
     np.testing.assert_array_equal(smooth.pose, expected)
     np.testing.assert_array_equal(smooth.pose[weak], plain.pose[weak])
     assert "weak joint positions are unchanged (1)" in smooth.processing[0]

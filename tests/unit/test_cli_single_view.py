@@ -33,7 +33,7 @@ def one_view(recording):
 
 
 def test_it_is_said_to_have_none(one_view, arguments):
-    result = invoke(*arguments, *READ, *FPS, "--filter", "one-euro")
+    result = invoke(*arguments, *READ, *FPS, "--filter", "butterworth")
     assert "right_wrist (frame 2)" in " ".join(result.stdout.split())
     data = read_npz(one_view / "pose.npz")
     assert data.joint_status[2, 16] == "weak"

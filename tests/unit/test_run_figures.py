@@ -24,7 +24,7 @@ def drawn(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     run = Run.from_arrays(result, rig, seen, "h36m17", config=config)
     given: dict[str, Any] = {}
     with pytest.MonkeyPatch.context() as patch:
-        for name in ("write_overview", "write_weights", "write_heatmaps"):
+        for name in ("write_overview", "write_weights"):
             patch.setattr(viz, name, lambda _, data, name=name, **__: given.update({name: data}))
         run.write_figures(tmp_path_factory.mktemp("figures"))
     given["distortion"] = max(np.abs(seen[0, i] - rig[i].undistort(seen[0, i])).max() for i in range(4))
@@ -34,14 +34,5 @@ def drawn(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
 def test_detections_and_reprojections_are_in_the_same_pixels(drawn: dict[str, Any]) -> None:
     """Both are ideal ones: where detections are exact, they meet."""
     assert drawn["distortion"] > 5.0
-    for picture in (*drawn["write_overview"].panels, *drawn["write_heatmaps"]):
+    for picture in drawn["write_overview"].panels:
         assert np.abs(picture.detections - picture.reprojection).max() < 1.0
-
-
-def test_the_rendering_lies_where_its_detections_are(drawn: dict[str, Any]) -> None:
-    for row in drawn["write_heatmaps"]:
-        for drawing in (row.rendering, row.pseudo):
-            height, width = drawing.shape
-            v, u = np.mgrid[:height, :width]
-            centre = np.array([(drawing * u).sum(), (drawing * v).sum()]) / drawing.sum()
-            np.testing.assert_allclose(centre, row.detections.mean(axis=0), atol=10.0)

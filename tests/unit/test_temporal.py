@@ -16,7 +16,6 @@ NAN = np.nan
 
 FILTERS = {
     "butterworth": lambda pose, **given: temporal.butterworth(pose, RATE, 6.0, **given)[0],
-    "one euro": lambda pose, **given: temporal.one_euro(pose, RATE, min_cutoff=1.0, beta=0.1, **given),
 }
 
 
@@ -144,34 +143,6 @@ def test_butterworth_bridges_weak_positions_by_a_straight_line_within_a_run():
     np.testing.assert_array_equal(left, weak)
 
 
-# one euro
-
-
-def scalar_one_euro(values, min_cutoff, beta):
-    """Run the filter of Casiez et al. (2012), algorithm 1, over one number after the other."""
-
-    def alpha(cutoff):
-        tau = 1.0 / (2.0 * math.pi * cutoff)
-        return 1.0 / (1.0 + tau * RATE)
-
-    out, speed = [values[0]], 0.0
-    for value in values[1:]:
-        speed = alpha(1.0) * (value - out[-1]) * RATE + (1.0 - alpha(1.0)) * speed
-        share = alpha(min_cutoff + beta * abs(speed))
-        out.append(share * value + (1.0 - share) * out[-1])
-    return np.array(out)
-
-
-def test_one_euro_along_an_axis_is_the_published_filter():
-    values = np.random.default_rng(2).normal(size=200).cumsum()
-    pose = np.zeros((200, 1, 3))
-    pose[:, 0, 1] = values
-    smooth = temporal.one_euro(pose, RATE, min_cutoff=1.5, beta=0.02)
-    # two hundred steps of a stable recursion in another order of operations
-    np.testing.assert_allclose(smooth[:, 0, 1], scalar_one_euro(values, 1.5, 0.02), rtol=1e-10, atol=1e-10)
-    assert not smooth[:, 0, [0, 2]].any()
-
-
 # bad input
 
 
@@ -182,7 +153,6 @@ POSE = np.zeros((3, 1, 3))
     ("call", "argument"),
     [
         (lambda: temporal.fill_gaps(np.zeros((3, 3)), 1), "pose"),
-        (lambda: temporal.one_euro(POSE, 1.0, min_cutoff=1, beta=0, frames=[1, 2]), "frames"),
         (lambda: temporal.butterworth(POSE, RATE, frames=[1, 3, 2]), "frames"),
         (lambda: temporal.fill_gaps(POSE, 0), "max_gap"),
         (lambda: temporal.fill_gaps(POSE, 1, method="quintic"), "method"),
@@ -191,8 +161,6 @@ POSE = np.zeros((3, 1, 3))
         (lambda: temporal.butterworth(POSE, RATE, NAN), "cutoff"),
         (lambda: temporal.butterworth(POSE, RATE, order=3), "order"),
         (lambda: temporal.butterworth(POSE, -1.0), "frame_rate"),
-        (lambda: temporal.one_euro(POSE, RATE, min_cutoff=0.0, beta=0.0), "min_cutoff"),
-        (lambda: temporal.one_euro(POSE, RATE, min_cutoff=1.0, beta=-1.0), "beta"),
     ],
 )
 def test_bad_input_is_named(call, argument):

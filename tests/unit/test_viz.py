@@ -160,43 +160,6 @@ def test_a_failed_write_leaves_the_former_file_and_nothing_else(tmp_path, monkey
     assert [p.name for p in tmp_path.iterdir()] == ["o.png"]
 
 
-def heatmap_row(name="door", **changes):
-    image = np.zeros((200, 300), dtype=np.float32)
-    image[85:140, 95:120] = 1.0
-    row = {
-        "name": name,
-        "pseudo": image,
-        "rendering": image,
-        "detections": np.array([[100.0, 80.0], [110.0, 120.0], [np.nan, np.nan]]),
-        "reprojection": np.array([[102.0, 81.0], [111.0, 118.0], [120.0, 100.0]]),
-        "median_error_px": 2.25,
-    }
-    return viz.HeatmapRow(**{**row, **changes})
-
-
-@pytest.mark.painted
-def test_heatmaps_have_a_row_of_two_images_per_camera(tmp_path, figures):
-    edge = np.array([[-0.4, 0.0], [299.0, 199.4], [400.0, 50.0]])
-    rows = [heatmap_row(), heatmap_row("window", median_error_px=float("nan"), detections=edge)]
-    path = viz.write_heatmaps(tmp_path / "h.png", rows, skeleton=SKELETON, caption="Frame 2")
-    assert imread(path).shape[1] == 1400
-    assert [texts(axes)[0] for axes in figures[0].axes] == [
-        "door, pseudo\nground truth",
-        "door, rendering\nmedian error 2.2 px",
-        "window, pseudo\nground truth",
-        "window, rendering\nno detections",
-    ]
-    axes, whole = figures[0].axes[0], figures[0].axes[2]
-    np.testing.assert_array_equal(offsets(axes, 1), rows[0].detections)
-    assert axes.images[0].get_extent() == [-0.5, 299.5, 199.5, -0.5]  # centres of pixels are whole numbers
-    assert (whole.get_xlim(), whole.get_ylim()) == ((-0.5, 299.5), (199.5, -0.5))
-    (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
-    assert 0 <= left < 100
-    assert 120 < right < 299
-    assert 0 <= top < 80
-    assert 120 < bottom < 199
-
-
 @pytest.mark.parametrize("kind", DEFICIENCIES)
 def test_colours_of_people_differ_for_everyone(kind):
     assert closest(_style.PEOPLE, DEFICIENCIES[kind]) > 15

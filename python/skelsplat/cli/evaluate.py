@@ -29,11 +29,10 @@ from skelsplat.evaluation import ablations, methods, people, protocols, single
 from skelsplat.evaluation.ablations import Source
 from skelsplat.evaluation.tables import Report, Table
 from skelsplat.exceptions import InvalidInputError
-from skelsplat.findings import no_pictures
 from skelsplat.run.folder import output_folder
 
 _EVALUATE_EPILOG = (
-    "FOLDER has report.md, report.csv, report.json and, of methods of one person, bars.png, and in runs the "
+    "FOLDER has report.md, report.csv, report.json and, of methods of one person, in runs the "
     "poses of every take, from where a stopped evaluation goes on."
 )
 _EVALUATE_OPTIONS = (
@@ -129,8 +128,6 @@ def answer(
     report: Report, show: Callable[[Console], None], folder: Path | None, files: Sequence[str]
 ) -> Answer:
     """Return the answer of evaluate and ablate: what ``show`` prints, and which files were written."""
-    if files and report.draw is not None and not files[-1].endswith(".png"):
-        tell(no_pictures("Figures"))
 
     def print_all(console: Console) -> None:
         show(console)
@@ -259,7 +256,7 @@ def ablate(
     with place, progress("poses", first="reading", time=TimeElapsedColumn()) as bar:
         command = shlex.join(["skelsplat", *sys.argv[1:]])
         report = ablation.run(Source(progress=bar, **choices), command=command)
-    files = [] if output is None else report.write(output, name, f"{name}.png")
+    files = [] if output is None else report.write(output, name)
     return answer(report, partial(_print_ablation, report), output, files)
 
 

@@ -162,9 +162,8 @@ JOB = rows(
     --frame-by-frame  Solve each frame alone, even if the frame rate is known. --paper always does.
     * --fill-gaps N  Fill gaps of at most N frames. The results mark these joints as filled. [none]
     --fill-weak  Also treat weak joints as gaps.
-    * --filter FILTER  Smooth over time. butterworth[:HZ[:ORDER]] runs both ways and has no lag;
-        one-euro[:HZ[:BETA]] is causal, BETA in Hz per mm/s. Weak joints stay as they are and do not affect
-        others. Requires --fps. [none]
+    * --filter FILTER  Smooth over time: butterworth[:HZ[:ORDER]], both ways, so without lag. Weak joints stay
+        as they are and do not affect others. Requires --fps. [none]
     Output:
     * -o, --output FOLDER  Folder for the results. [required]
     * --write FORMATS  Pose files: csv, trc, c3d, json, nc. pose.npz is always written; nc is for xarray and

@@ -10,11 +10,8 @@ import math
 import os
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
-from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
-
-import numpy as np
 
 from skelsplat.datasets import Dataset
 from skelsplat.evaluation import methods, protocols, runs
@@ -52,16 +49,15 @@ class Single(Evaluation):
     options: Options
 
     def report(self) -> Report:
-        """Return tables, figures and chart; printed are those of methods and actions."""
+        """Return tables and figures; printed are those of methods and actions."""
         pcp = ["pcp"] * bool(self.protocol.parts)
         several = len({case.column for case in self.cases}) > 1
         kinds = ["absolute_mm", *pcp, "relative_mm", "procrustes_mm"] if several else []
         kind = "actor" if self.protocol.parts else "action" if self.protocol.columns else "sequence"
-        methods_table = self.methods_table()
         return Report(
             title=self.dataset.name,
             tables=(
-                methods_table,
+                self.methods_table(),
                 *(self.by("action", key, kind, "Avg") for key in kinds),
                 *(self.by("joint", key, "joint").turned("joint") for key in ("absolute_mm", "relative_mm")),
             ),
@@ -78,7 +74,6 @@ class Single(Evaluation):
                 columns=self.protocol.headers(self.cases),
                 reported=None if self.published is None else asdict(self.published.table),
             ),
-            draw=partial(_draw, self, methods_table),
         )
 
     def methods_table(self) -> Table:
@@ -186,24 +181,3 @@ def select(names: Sequence[str], cases: Sequence[Case], options: Options) -> lis
     if not picked:
         raise InvalidInputError("methods: expected takes with detections or monocular poses, got neither")
     return picked
-
-
-def _draw(found: Single, table: Table, path: Path) -> Path:
-    from skelsplat import viz  # matplotlib takes long to load, and text does without
-
-    rows = [row for row in table.rows if row.cells[0] is not None]
-    own = [found.figures(row.name) if row.origin == "measured" else {} for row in rows]
-    low, high = (np.array([f.get(f"absolute_{end}_mm", np.nan) for f in own]) for end in ("low", "high"))
-    real = " on the real data set" if found.dataset.name in protocols.SIMULATED else ""
-    others = f" Grey: reported{real}, not measured here." if found.published else ""
-    data = viz.BarData(
-        names=tuple(row.name for row in rows),
-        values=np.array([row.cells[0] for row in rows], dtype=np.float64),
-        low=low,
-        high=high,
-        measured=np.array([row.origin == "measured" for row in rows]),
-        title=table.title.partition(":")[0],
-        axis="absolute MPJPE, mm, with 95 % interval over takes",
-        caption=f"{found.dataset.source or found.dataset.name}.{others}",
-    )
-    return viz.write_bars(path, data)

@@ -5,14 +5,13 @@ from __future__ import annotations
 import csv
 import io
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
 from skelsplat._atomic import atomic_write_text
 from skelsplat._json import to_text
-from skelsplat._optional import can_draw
 
 Cell = float | str | None
 Origin = Literal["measured", "reported", "theory"]
@@ -64,7 +63,6 @@ class Table:
     rows: tuple[Row, ...]
     notes: tuple[str, ...] = ()  #: sentences under the table
     unit: str = ""
-    chart: bool = True  #: whether it belongs into a chart
 
     @classmethod
     def of(
@@ -152,7 +150,6 @@ class Report:
     rows: Sequence[Mapping[str, Any]]  #: lines of the CSV, by field
     values: Mapping[str, Any]  #: everything, as values of JSON; a number that does not exist becomes null
     text: str = ""  #: Markdown under the tables
-    draw: Callable[[Path], Path] | None = None  #: writes the chart
 
     def markdown(self) -> str:
         """Return all tables as Markdown."""
@@ -169,15 +166,13 @@ class Report:
             writer.writerow(words | numbers)
         return stream.getvalue()
 
-    def write(self, folder: Path, name: str = "report", chart: str = "bars.png") -> list[str]:
-        """Write ``NAME.md``, ``.csv``, ``.json`` and the chart into a folder, and return their names.
+    def write(self, folder: Path, name: str = "report") -> list[str]:
+        """Write ``NAME.md``, ``.csv`` and ``.json`` into a folder, and return their names.
 
-        The chart needs the extra ``viz`` and is left out without it. Raises `DatasetError` if a file cannot
-        be written.
+        Raises `DatasetError` if a file cannot be written.
         """
         folder.mkdir(parents=True, exist_ok=True)
         texts = {"md": self.markdown(), "csv": self.csv(), "json": to_text(dict(self.values))}
         for suffix, text in texts.items():
             atomic_write_text(folder / f"{name}.{suffix}", text)
-        files = [f"{name}.{suffix}" for suffix in texts]
-        return [*files, self.draw(folder / chart).name] if self.draw and can_draw() else files
+        return [f"{name}.{suffix}" for suffix in texts]

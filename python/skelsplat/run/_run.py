@@ -172,7 +172,7 @@ class Run:
         notebook.display(notebook.HTML(f"<div>{frame}</div>"))  # IPython warns of HTML that is a frame
 
     def write_figures(self, folder: Place) -> list[str]:
-        """Write ``overview.png``, ``weights.png`` and, for the paper's method, ``heatmaps.png``."""
+        """Write ``overview.png`` and ``weights.png``; return their names."""
         with folders.output_folder(Path(folder)):
             from skelsplat.run.figures import write_figures  # matplotlib takes long to load
 

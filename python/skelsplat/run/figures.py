@@ -16,7 +16,7 @@ from skelsplat.run.summary import finite_median, frame_medians
 
 
 def write_figures(run: Run, folder: Path) -> list[str]:
-    """Write ``overview.png`` and ``weights.png``, and heat maps where the method draws any; return names."""
+    """Write ``overview.png`` and ``weights.png``; return their names."""
     result, statistics, mm = run.result, run.statistics, run.cameras.mm_per_unit
     frame, views = most_moved_frame(statistics.moved_mm), range(len(run.cameras))
     skeleton, names = skeleton_of(run.layout), ["overview.png", "weights.png"]
@@ -44,12 +44,6 @@ def write_figures(run: Run, folder: Path) -> list[str]:
         rejected_below=sk.REJECTED_WEIGHT,
     )
     viz.write_weights(folder / names[1], weights)
-    if run.outcome.config.method == "paper":
-        rows = [_heatmap_row(run, view, frame) for view in views]
-        what = "heat maps summed over the joints (white 0, dark 1 and more), cropped to the pose"
-        caption = f"Frame {run.frames[frame]}: {what}"
-        viz.write_heatmaps(folder / "heatmaps.png", rows, skeleton=skeleton, caption=caption)
-        names.append("heatmaps.png")
     return names
 
 
@@ -143,34 +137,3 @@ def _camera_panel(run: Run, view: int, frame: int) -> viz.CameraPanel:
         rejected=np.asarray(result.view_weights[frame, view] < sk.REJECTED_WEIGHT),
         swapped=np.asarray(result.swapped[frame, view]),
     )
-
-
-def _heatmap_row(run: Run, view: int, frame: int) -> viz.HeatmapRow:
-    """Compute one camera's heat maps of one frame, in the pixels in which the renderer works (ideal ones)."""
-    camera, result = run.cameras[view], run.result
-    pose, covariance = np.asarray(result.pose[frame]), np.asarray(result.covariance[frame])
-    start, widths = np.asarray(result.init_pose[frame]), _initial_covariances(run)
-    seen = _seen(run, view, frame)
-    pseudo = np.zeros((camera.size[1], camera.size[0]), dtype=np.float32)
-    rendering = np.zeros_like(pseudo)
-    for j in np.flatnonzero(np.isfinite(seen[:, :2]).all(axis=1)):
-        one = slice(j, j + 1)  # joint by joint: all images at once would take hundreds of megabytes
-        pseudo += sk.pseudo_ground_truth(seen[one], start[one], widths[one], camera)[0]
-        rendering += sk.render(pose[one], covariance[one], camera)[0]
-    projected, _ = sk.project_gaussians(pose, covariance, [camera])
-    return viz.HeatmapRow(
-        name=run.cameras.names[view],
-        pseudo=pseudo,
-        rendering=rendering,
-        detections=seen[:, :2],
-        reprojection=np.asarray(projected)[0],
-        median_error_px=finite_median(run.statistics.error_after[frame, view]),
-    )
-
-
-def _initial_covariances(run: Run) -> Array:
-    """Return the covariances (N, 3, 3) that the splats start with, in the rig's unit squared."""
-    config, sigma_mm = run.outcome.config, np.full(run.layout.n_joints, run.outcome.config.sigma_mm)
-    if config.occlusion_sigma_mm is not None:
-        sigma_mm[list(run.layout.occlusion_prone)] = config.occlusion_sigma_mm
-    return ((sigma_mm / run.cameras.mm_per_unit) ** 2)[:, None, None] * np.eye(3)

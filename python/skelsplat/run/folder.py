@@ -15,10 +15,10 @@ from skelsplat import layouts
 from skelsplat._atomic import atomic_write_text, opening, remove_left
 from skelsplat._json import to_text
 from skelsplat._lock import locked
-from skelsplat._optional import can_draw
+from skelsplat._optional import can_draw, pip_line
 from skelsplat._words import listed
 from skelsplat.exceptions import InvalidInputError
-from skelsplat.findings import Finding, Remedy, Subject, no_pictures
+from skelsplat.findings import Finding, Remedy, Subject
 from skelsplat.io import write_people, write_pose
 from skelsplat.io._files import load_json
 from skelsplat.io._run_files import (
@@ -52,11 +52,11 @@ if TYPE_CHECKING:
 
 PAGE = "report.html"
 SCRATCH = ".skelsplat-long-"  # begins the name of the folder for the parts of a long recording
-_PICTURES, _PAPERS_PICTURE = ("overview.png", "weights.png"), "heatmaps.png"
+_PICTURES = ("overview.png", "weights.png")
 _POSSIBLE = (
     *(f"pose.{kind}" for kind in POSE_FORMATS),
     *(f"people.{kind}" for kind in PEOPLE_FORMATS),
-    *(*ANGLE_FILES, CAMERAS, DETECTIONS, LAYOUT, *_PICTURES, _PAPERS_PICTURE, PAGE),
+    *(*ANGLE_FILES, CAMERAS, DETECTIONS, LAYOUT, *_PICTURES, PAGE),
 )
 # of other commands, perhaps the work of hours
 _OF_OTHERS = ("plots", "overlay")
@@ -70,7 +70,7 @@ def _names(writing: Writing, run: Run) -> list[str]:
     wanted |= set(ANGLE_FILES) if writing.angles else set()
     wanted |= set() if layouts.is_built_in(run.layout) else {LAYOUT}
     if can_draw():
-        wanted |= {*_PICTURES, *([_PAPERS_PICTURE] if run.outcome.config.method == "paper" else [])}
+        wanted |= set(_PICTURES)
         wanted |= {PAGE} if writing.html else set()
     return [name for name in _POSSIBLE if name in wanted]
 
@@ -97,7 +97,8 @@ def find_in_files(writing: Writing, inputs: Inputs) -> Iterator[Finding]:
         numbers, remedy = {"fps": _ASSUMED_FPS}, (Remedy("fps", None),)
         yield Finding("times_assumed", "warning", Subject(files=timed), numbers, remedy, sentence=words)
     if not can_draw():
-        yield no_pictures("report.html and figures")
+        sentence = f"report.html and figures need skelsplat[viz]: {pip_line('viz')}"
+        yield Finding("no_pictures", "note", sentence=sentence)
 
 
 def name_of(run: Run, whole: Gathered | None = None) -> str:

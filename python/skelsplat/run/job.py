@@ -110,7 +110,7 @@ class Job(Writing):
     #: Longest gap to fill by cubic splines, in frames (0: none), and whether weak joints are gaps as well.
     fill_gaps: int = 0
     fill_weak: bool = False
-    #: ``"butterworth[:HZ[:ORDER]]"`` or ``"one-euro[:HZ[:BETA]]"``; it needs ``fps``. None: no filter.
+    #: ``"butterworth[:HZ[:ORDER]]"``; it needs ``fps``. None: no filter.
     filter: str | None = None
     #: Folder for the results; None: nothing is written.
     output: str | os.PathLike[str] | None = None

@@ -9,7 +9,6 @@ import numpy as np
 
 from skelsplat import temporal
 from skelsplat._arrays import Array, Index, Mask
-from skelsplat.cameras import MM_PER_UNIT
 from skelsplat.exceptions import InvalidInputError
 
 if TYPE_CHECKING:
@@ -17,27 +16,22 @@ if TYPE_CHECKING:
     from skelsplat.run.job import Job
 
 
-# Numbers that may follow the name of a filter, with their defaults. "butterworth" is zero-lag, with −3 dB at
-# the cutoff and the order of both passes; "one-euro" is causal, and its cutoff grows with the speed.
-_FILTERS: dict[str, dict[str, float]] = {
-    "butterworth": {"cutoff_hz": 6.0, "order": 4},
-    "one-euro": {"min_cutoff_hz": 1.0, "beta_hz_per_mm_s": 0.01},
-}
+# Numbers that may follow the name of the filter, with their defaults: zero-lag, with −3 dB at the cutoff and
+# the order of both passes.
+_BUTTERWORTH: dict[str, float] = {"cutoff_hz": 6.0, "order": 4}
 Filter = dict[str, Any]  # its name and numbers
 
 
 def parse_filter(text: str) -> Filter:
-    """Return the filter of a text such as ``butterworth:6:4`` or ``one-euro``."""
+    """Return the filter of a text such as ``butterworth`` or ``butterworth:6:4``."""
     name, *values = text.strip().lower().split(":")
-    known = _FILTERS.get(name, {})
-    if len(values) > len(known) or not known:
-        expected = "butterworth[:HZ[:ORDER]] or one-euro[:HZ[:BETA]]"
-        raise InvalidInputError(f"filter: expected {expected}, got {text!r}")
+    if name != "butterworth" or len(values) > len(_BUTTERWORTH):
+        raise InvalidInputError(f"filter: expected butterworth[:HZ[:ORDER]], got {text!r}")
+    given = zip(_BUTTERWORTH.items(), values, strict=False)
     try:
-        given = {key: type(known[key])(value) for key, value in zip(known, values, strict=False)}
+        return {"name": name, **_BUTTERWORTH, **{key: type(usual)(value) for (key, usual), value in given}}
     except ValueError as error:
         raise InvalidInputError(f"filter: expected numbers after {name}, got {text!r}") from error
-    return {"name": name, **known, **given}
 
 
 def try_over_time(job: Job) -> None:
@@ -47,7 +41,7 @@ def try_over_time(job: Job) -> None:
     if job.low_pass is not None and job.fps is not None:
         try:
             none = np.zeros((3, 1), dtype=np.bool_)
-            _filtered(job.low_pass, np.zeros((3, 1, 3)), np.arange(3), none, job.fps, 1.0)
+            _filtered(job.low_pass, np.zeros((3, 1, 3)), np.arange(3), none, job.fps)
         except InvalidInputError as error:
             raise InvalidInputError(f"filter: {error}") from error
 
@@ -68,8 +62,7 @@ def apply_over_time(data: PoseData, job: Job | None) -> tuple[PoseData, dict[str
     low_pass = None if job is None else job.low_pass
     if low_pass is not None and data.frame_rate is not None:
         weak = (data.joint_status == "weak") & np.isfinite(data.pose).all(axis=-1)
-        mm = MM_PER_UNIT[data.unit]
-        pose, short = _filtered(low_pass, data.pose, data.frames, weak, data.frame_rate, mm)
+        pose, short = _filtered(low_pass, data.pose, data.frames, weak, data.frame_rate)
         data = replace(data, pose=pose)
         left = {"left_as_they_are": short, "weak_left": int(weak.sum())}
         entry["filter"] = {**low_pass, **left}
@@ -99,21 +92,13 @@ def _filled(data: PoseData, job: Job) -> tuple[PoseData, int]:
     ), int(filled.sum())
 
 
-def _filtered(
-    low_pass: Filter, pose: Array, frames: Index, weak: Mask, fps: float, mm: float
-) -> tuple[Array, int]:
-    """Filter poses whose unit is ``mm`` millimetres; also return how many were in runs too short for it."""
-    if low_pass["name"] == "one-euro":
-        cutoff, beta = low_pass["min_cutoff_hz"], low_pass["beta_hz_per_mm_s"] * mm
-        return temporal.one_euro(pose, fps, min_cutoff=cutoff, beta=beta, frames=frames, weak=weak), 0
+def _filtered(low_pass: Filter, pose: Array, frames: Index, weak: Mask, fps: float) -> tuple[Array, int]:
+    """Filter poses; also return how many were in runs too short for it."""
     cutoff, order = low_pass["cutoff_hz"], low_pass["order"]
     result, left = temporal.butterworth(pose, fps, cutoff, order=order, frames=frames, weak=weak)
     return result, int((left & ~weak).sum())
 
 
 def _in_words(low_pass: Filter) -> str:
-    if low_pass["name"] == "one-euro":
-        speed = f"{low_pass['beta_hz_per_mm_s']:g} Hz per mm/s"
-        return f"one-euro filter, {low_pass['min_cutoff_hz']:g} Hz at rest and {speed}, causal"
     cutoff = f"−3 dB at {low_pass['cutoff_hz']:g} Hz"
     return f"Butterworth of order {low_pass['order']}, {cutoff}, zero-lag (forward and backward)"

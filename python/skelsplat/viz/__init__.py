@@ -13,23 +13,17 @@ require("matplotlib", "figures", "viz")  # before the modules below import it
 from skelsplat.viz import report
 from skelsplat.viz._body import Skeleton
 from skelsplat.viz._style import person_colour, write_pages
-from skelsplat.viz.charts import BarData, Line, Panel, write_bars, write_panels
 from skelsplat.viz.curves import Curve, CurvePanel, TimeAxis, bone_panel, draw_curves
-from skelsplat.viz.heatmaps import HeatmapRow, write_heatmaps
 from skelsplat.viz.matrices import ErrorMapData, WeightData, draw_error_map, write_weights
 from skelsplat.viz.overview import CameraPanel, OverviewData, write_overview
 from skelsplat.viz.people import PeopleData, PersonTrack, write_people
 
 __all__ = [
-    "BarData",
     "CameraPanel",
     "Curve",
     "CurvePanel",
     "ErrorMapData",
-    "HeatmapRow",
-    "Line",
     "OverviewData",
-    "Panel",
     "PeopleData",
     "PersonTrack",
     "Skeleton",
@@ -40,11 +34,8 @@ __all__ = [
     "draw_error_map",
     "person_colour",
     "report",
-    "write_bars",
-    "write_heatmaps",
     "write_overview",
     "write_pages",
-    "write_panels",
     "write_people",
     "write_weights",
 ]

@@ -114,7 +114,7 @@ def _by_joint(sample: Sample, shares: Shares) -> Table:
     )
     columns = tuple(Column(f"{kind} {k} σ") for kind in kinds for k in _SIGMAS)
     title = f"Truth within k σ by joint, {sample.name}{', without factor' * (_PLAIN in shares)}"
-    return Table(title, "joint", columns, rows, unit="%", chart=False)
+    return Table(title, "joint", columns, rows, unit="%")
 
 
 SECONDS = "tab:abl-symmetry:seconds"
@@ -139,7 +139,7 @@ def time_of_tiers(source: Source) -> Outcome:
         values = tuple(1e3 * value if isinstance(value, float) else None for value in row.cells)
         timed.append(replace(row, cells=values))
     columns = tuple(Column(tier, 4) for tier in TIERS)
-    table = Table("Time per iteration", "tier", columns, tuple(timed), unit="ms", chart=False)
+    table = Table("Time per iteration", "tier", columns, tuple(timed), unit="ms")
     note = f"Times: CPU time on one thread, best of {_REPEATS}, {_TIMED} poses; the paper's on a GPU."
     return (table,), (note,)
 

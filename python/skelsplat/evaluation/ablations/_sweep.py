@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
-from functools import partial
-from pathlib import Path
 from typing import Any
 
 from skelsplat._arrays import Array
@@ -67,22 +65,7 @@ class Ablation:
                 "notes": notes,
             },
             text="".join(f"\n- {note}" for note in (f"`{command}` (skelsplat {__version__})", *notes)) + "\n",
-            draw=partial(_draw, [table for table in tables if table.chart], line),
         )
-
-
-def _draw(tables: Sequence[Table], caption: str, path: Path) -> Path:
-    from skelsplat import viz  # matplotlib takes long to load, and text does without
-
-    def line(row: Row) -> viz.Line:
-        values = [float("nan") if cell is None else float(cell) for cell in row.cells]
-        return viz.Line(row.label, values, row.origin != "measured")
-
-    def panel(table: Table) -> viz.Panel:
-        heads = tuple(column.header for column in table.columns)
-        return viz.Panel(table.title, table.first, table.unit, heads, list(map(line, table.rows)))
-
-    return viz.write_panels(path, list(map(panel, tables)), caption=caption)
 
 
 def reported_rows(label: str, keys: Sequence[str]) -> tuple[Row, ...]:
@@ -146,7 +129,7 @@ class Sweep:
         tables = [Table(self.title, self.corner, tuple(map(Column, headers)), errors, unit="mm")]
         if self.steps:
             columns = tuple(Column(header, 0) for header in headers)
-            tables.append(Table(self.steps, self.corner, columns, steps, unit="steps", chart=False))
+            tables.append(Table(self.steps, self.corner, columns, steps, unit="steps"))
         others, notes = self.more(source)
         return (*tables, *others), (*self.notes, *notes)
 
