@@ -119,6 +119,7 @@ def test_the_live_benchmark_runs() -> None:
         ("rig", ["--takes", 1, "--views", 3, "--faults", "turn 3", "--faults", "clocks 10"]),
         ("rig", ["--people", 2, "--takes", 1, "--faults", "turn 3"]),
         ("speed", ["refine", "--frames", 100]),
+        ("cases", ["--only", "paws", "--takes", 1]),
         ("speed", ["people", "--frames", 12]),
     ],
 )

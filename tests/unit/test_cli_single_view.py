@@ -47,3 +47,15 @@ def test_it_is_said_to_have_none(one_view, arguments):
 def test_gaps_are_filled_at_it(one_view, arguments):
     assert invoke(*arguments, *READ, *FPS, "--fill-gaps", 1).exit_code == 0
     assert read_npz(one_view / "pose.npz").joint_status[2, 16] == "filled"
+
+
+@pytest.mark.parametrize(("frame", "helps"), [(2, True), (4, False)])
+def test_filling_gaps_is_a_remedy_only_between_frames_that_have_the_joint(recording, arguments, frame, helps):
+    out = hide(recording, f"00000{frame}_keypoints.json")
+    assert invoke(*arguments, *READ, *FPS).exit_code == 0
+    (found,) = [
+        finding
+        for finding in json.loads((out / "report.json").read_text())["findings"]
+        if finding["kind"] == "unobserved_joints"
+    ]
+    assert ("fill_gaps" in [remedy["setting"] for remedy in found["remedy"]]) == helps

@@ -115,9 +115,15 @@ def find_statuses(
             numbers["frames_in_all"] = [*in_all.values()]
         told = some([f"{names[j]} ({frames_in_words(own, in_all[j])})" for j, own in by_joint.items()])
         remedy = [gaps, Remedy("fill_weak")] if kind == "weak_joints" else [gaps]
-        remedy = remedy if min(in_all.values()) < len(inputs.in_all) else []  # nothing to fill from
+        remedy = remedy if any(_has_gaps(own, inputs.in_all) for own in by_joint.values()) else []
         subject = Subject(joints=tuple(names[j] for j in by_joint))
         yield Finding(kind, "warning", subject, numbers, tuple(remedy), sentence=f"{label}: {told}.")
+
+
+def _has_gaps(missing: Sequence[int], every: Index) -> bool:
+    """Whether some missing frames lie between others: beyond these there is nothing to fill from."""
+    known = np.setdiff1d(every, missing)
+    return any(known[0] < frame < known[-1] for frame in missing) if len(known) else False
 
 
 @dataclass(frozen=True)
