@@ -1,7 +1,4 @@
-"""Ctrl-C in the midst of long work, and readers of stdout that go away: what is finished stays readable.
-
-Of an evaluation that is interrupted, tests/unit/evaluation/test_runs.py.
-"""
+"""Ctrl-C in the midst of long work, and readers of stdout that go away: what is finished stays readable."""
 
 from __future__ import annotations
 

@@ -31,10 +31,7 @@ from skelsplat.evaluation.tables import Report, Table
 from skelsplat.exceptions import InvalidInputError
 from skelsplat.run.folder import output_folder
 
-_EVALUATE_EPILOG = (
-    "FOLDER has report.md, report.csv, report.json and, of methods of one person, in runs the "
-    "poses of every take, from where a stopped evaluation goes on."
-)
+_EVALUATE_EPILOG = "FOLDER has report.md, report.csv and report.json."
 _EVALUATE_OPTIONS = (
     *rows(
         f"""
@@ -111,7 +108,7 @@ def evaluate(
         if _of_people(names, data):
             found = people.evaluate(data, [] if names == ["all"] else names, chosen, **run).report()
         else:
-            found = single.evaluate(data, names, chosen, folder=folder / "runs", **run).report()
+            found = single.evaluate(data, names, chosen, **run).report()
         files = found.write(folder)
     shown = found.tables if per_joint else found.tables[: found.shown]
 

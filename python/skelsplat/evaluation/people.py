@@ -23,8 +23,7 @@ from skelsplat.evaluation import protocols
 from skelsplat.evaluation.baselines import affinity
 from skelsplat.evaluation.methods import Options, stretches, without_lens
 from skelsplat.evaluation.protocols import Endpoint, Protocol
-from skelsplat.evaluation.report import Evaluation, Figure, Figures, lines
-from skelsplat.evaluation.runs import Report as Heard
+from skelsplat.evaluation.report import Evaluation, Figure, Figures, Heard, lines
 from skelsplat.evaluation.scores import mean_interval
 from skelsplat.evaluation.tables import Report, Table, interval
 from skelsplat.exceptions import DatasetError, one_of

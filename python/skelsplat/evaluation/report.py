@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import platform
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,6 +16,8 @@ from skelsplat.evaluation.reported import Published, published
 from skelsplat.evaluation.tables import Cell, Column, Row, Table
 
 Figures = dict[str, Any]
+Heard = Callable[[str, str, int, int], None]
+"""Called with method, take, poses done so far, and poses in all (of all methods)."""
 
 
 def lines(method: str, groups: Mapping[str, Mapping[str, Figures]]) -> list[Figures]:

@@ -11,13 +11,13 @@ import os
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from importlib.util import find_spec
-from pathlib import Path
 
+from skelsplat._skelsplat import Layout
 from skelsplat.datasets import Dataset
-from skelsplat.evaluation import methods, protocols, runs
-from skelsplat.evaluation.methods import Method, Options, Start
+from skelsplat.evaluation import methods, protocols
+from skelsplat.evaluation.methods import Method, Options, Solution, Start
 from skelsplat.evaluation.protocols import Case, Protocol
-from skelsplat.evaluation.report import Evaluation, Figure, Figures
+from skelsplat.evaluation.report import Evaluation, Figure, Figures, Heard
 from skelsplat.evaluation.scores import PCK_MM, score
 from skelsplat.evaluation.tables import Report, Table
 from skelsplat.exceptions import InvalidInputError
@@ -122,15 +122,13 @@ def evaluate(
     options: Options | None = None,
     *,
     protocol: Protocol | None = None,
-    folder: Path | None = None,
-    report: runs.Report | None = None,
+    report: Heard | None = None,
 ) -> Single:
     """Run methods on a data set and score them.
 
     `names` are as of `select`; of the `options` those of the paper are filled in from the protocol, by
-    default that of the data set's name. In the `folder` the poses of every take are kept, so that a stopped
-    evaluation goes on. Raises `InvalidInputError` for an unknown method, or if there is nothing to evaluate,
-    `DatasetError` if a take lacks what a method needs, or results cannot be written.
+    default that of the data set's name. Raises `InvalidInputError` for an unknown method, or if there is
+    nothing to evaluate, `DatasetError` if a take lacks what a method needs, before any work.
     """
     rules = protocols.get(dataset.name) if protocol is None else protocol
     cases = rules.cases(dataset)
@@ -139,12 +137,13 @@ def evaluate(
     start: Start = "fusion" if fused else "dlt"
     chosen = replace(options or Options(), paper_fields=dict(rules.paper_fields), paper_start=start)
     picked = select(names, cases, chosen)
-    source = (dataset.name, dataset.detector, dataset.layout.name, rules.name)
-    store = None if folder is None else runs.Store(folder, source)
-    solutions = runs.run(cases, dataset.layout, picked, chosen, store=store, report=report)
+    for method in picked:
+        for case in cases:
+            method.check(case.given(method.over_time), method.settings(chosen))
     lines: list[Figures] = []
-    for name, solved in solutions.items():
-        lines += score(name, cases, solved, dataset.layout, rules)
+    for k, method in enumerate(picked):
+        solved = _solve(method, cases, dataset.layout, chosen, (k, len(picked)), report)
+        lines += score(method.name, cases, solved, dataset.layout, rules)
     rated = any(math.isfinite(line.get("acceleration_m_s2", math.nan)) for line in lines)
     known = {"pcp": bool(rules.parts), "acceleration_m_s2": rated}
     views = ", ".join(map(str, sorted({len(case.take.rig) for case in cases})))
@@ -158,6 +157,33 @@ def evaluate(
         cases=cases,
         options=chosen,
     )
+
+
+def _solve(
+    method: Method,
+    cases: Sequence[Case],
+    layout: Layout,
+    options: Options,
+    place: tuple[int, int],
+    report: Heard | None,
+) -> list[Solution]:
+    """Return the poses that count in every case; `place` is that of the method among how many."""
+    per_method, settings = sum(len(case.take) for case in cases), method.settings(options)
+    solutions, done = [], place[0] * per_method
+    for case in cases:
+
+        def told(now: int, _: int = 0, case: Case = case, done: int = done) -> None:
+            if report is not None:
+                report(method.name, case.take.key, done + now, place[1] * per_method)
+
+        told(0)
+        whole = case.given(method.over_time)
+        found = method.solve(whole, layout, settings, told if method.by_pixels else None)
+        if whole is not case.take:
+            found = Solution(found.pose[case.rows], len(case.take) / len(whole) * found.seconds)
+        solutions.append(found)
+        done += len(case.take)
+    return solutions
 
 
 def select(names: Sequence[str], cases: Sequence[Case], options: Options) -> list[Method]:

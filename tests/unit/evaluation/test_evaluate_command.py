@@ -15,7 +15,7 @@ from skelsplat import synthetic
 from skelsplat.cli import app
 from skelsplat.datasets.synthetic import write_simulated
 
-FILES = {"report.md", "report.csv", "report.json", "runs"}
+FILES = {"report.md", "report.csv", "report.json"}
 
 
 @pytest.fixture(scope="module")
