@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NoReturn
 
@@ -14,7 +14,7 @@ from skelsplat._arrays import Array, Index, numbers, positive, take_people
 from skelsplat._refine import Cameras, Progress, Refinement, refinement_fields, reporter, warn_of_size
 from skelsplat._sequence import SequenceRefinement
 from skelsplat._skelsplat import Layout, RefineConfig
-from skelsplat._words import length
+from skelsplat._words import length, listed, percent
 from skelsplat.cameras import mm_per_unit
 from skelsplat.exceptions import InvalidInputError
 from skelsplat.findings import Finding, Remedy, Subject, warn
@@ -23,6 +23,9 @@ from skelsplat.findings import Finding, Remedy, Subject, warn
 _IN_VAIN_S = 2.0
 # Nobody's left and right limbs differ by more: joints are in another order than the layout states.
 _LIMB_RATIO = 1.5
+# Part of the people whom two cameras should share, but each sees others, from which they contradict each
+# other, and below which they agree: sound cameras have 0.1 in crowds, 0.5 is a coin.
+_CONTRARY, _AGREE = 0.5, 0.2
 # Fewer frames may be chance.
 _LEAST_FRAMES = 10
 
@@ -102,7 +105,7 @@ def track(
     prepared = _skelsplat.Refiner(cameras, layout=layout, config=config)
     frames = _frames(people, cameras)
     with reporter(progress) as report:
-        found, cut = _skelsplat.track_people(
+        found, cut, shared, alone = _skelsplat.track_people(
             prepared, layout, frames, float(fps), max_people=_count(max_people), progress=report
         )
     everybody = [_person(out, out.pop("first"), SequenceRefinement) for out in found]
@@ -113,6 +116,9 @@ def track(
         warn(nobody_found(in_vain))
     if cut:
         warn(people_uncompared(cut, most_people(frames)))
+    names = [getattr(one, "name", None) or f"camera {k}" for k, one in enumerate(cameras)]
+    for contradiction in _find_contradictions(names, shared, alone):
+        warn(contradiction)
     limbs = _unequal_limbs(everybody, cameras, layout)
     if limbs is not None:
         warn(limbs)
@@ -126,6 +132,26 @@ def nobody_found(frames: int) -> Finding:
         "of the cameras, their order, and that all detections of a frame are from the same instant."
     )
     return Finding("nobody_found", numbers={"frames": frames}, sentence=sentence)
+
+
+def _find_contradictions(names: Sequence[str], shared: Index, alone: Index) -> Iterator[Finding]:
+    """Yield a finding on cameras that do not agree with most others on who is there, by counts (M, M)."""
+    differ = np.maximum(alone, alone.T)
+    part = differ / np.maximum(differ + shared, _LEAST_FRAMES)
+    half = (len(part) - 1) / 2
+    named = np.flatnonzero((part < _AGREE).sum(axis=1) - 1 <= half)  # a camera agrees with itself
+    if (part >= _CONTRARY).sum(axis=1).max(initial=0) <= half:
+        return
+    cameras = tuple(names[int(i)] for i in named)
+    shares = [float(differ[i].sum() / (differ[i] + shared[i]).sum()) for i in named]
+    shown = listed([f"{name} {percent(part)}" for name, part in zip(cameras, shares, strict=True)])
+    sentence = f"Cameras contradict each other on where people are ({shown} of those two should share): a "
+    sentence += (
+        "calibration is wrong, or the videos are not synchronised. The same person may be found twice, "
+    )
+    sentence += "and some are chance agreements of two views. Check the cameras."
+    numbers = {"shares": shares}
+    yield Finding("cameras_contradict", "warning", Subject(cameras=cameras), numbers, sentence=sentence)
 
 
 def people_uncompared(frames: int, most: int) -> Finding:

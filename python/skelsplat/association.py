@@ -33,8 +33,7 @@ def choose_person(
     """Follow one person through all views and frames: of everybody the one whom the views see most.
 
     People are followed as `skelsplat.track` does, but in any unit, of any size, and however briefly. Of two
-    in as many views, the larger in the images is chosen. Where nobody is to be seen of the one chosen any
-    more, or yet, the next takes their place.
+    in as many views, the larger is chosen; before that one appears and once they are gone, the next.
 
     Parameters
     ----------
@@ -42,11 +41,8 @@ def choose_person(
         Pixels of the original images and confidence; NaN where nobody or nothing is. The order in P is free.
     cameras : CameraRig or sequence of Camera
         M ≥ 2 of them.
-    layout : Layout, optional
-        Its bones and sides help: without, nobody can be seen with left and right exchanged, which the solver
-        can set right.
-    fps : float, optional
-        The frame rate; without, 25 per second.
+    layout, fps : optional
+        Without a layout, nobody can be seen with left and right exchanged. The usual rate is 25 per second.
 
     Returns
     -------
@@ -135,20 +131,14 @@ def _one(
 
 def body_sizes(pose: npt.ArrayLike) -> Array:
     """Return the diagonals (T,) of the boxes around poses (T, K, 3), in their unit; 0 for nobody."""
-    sizes: Array = np.linalg.norm(_box(np.asarray(pose, dtype=np.float64)), axis=-1)
+    low, high = corners(np.asarray(pose, dtype=np.float64))
+    sizes: Array = np.linalg.norm(np.where(low <= high, high - low, 0.0), axis=-1)
     return sizes
 
 
 def extents(people: npt.ArrayLike) -> Array:
     """Return the diagonals (…,) px of the boxes around people (…, K, 2|3); 0 for nobody."""
-    box = _box(numbers(people, "people")[..., :2])
-    return np.hypot(box[..., 0], box[..., 1])
-
-
-def _box(points: Array) -> Array:
-    """Sides of the boxes around points (..., K, D), (..., D); 0 where there are none."""
-    low, high = corners(points)
-    return np.where(low <= high, high - low, 0.0)
+    return body_sizes(numbers(people, "people")[..., :2])
 
 
 def checked_people(

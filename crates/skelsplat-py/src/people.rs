@@ -79,10 +79,15 @@ pub(crate) fn check_people(people: People) {
     let _ = people;
 }
 
+/// People, frames that were cut, and person-frames (M, M) that two views share, or do not.
+type Tracked<'py> = (Vec<Bound<'py, PyDict>>, usize, Out<i64>, Out<i64>);
+
 /// Return the fields of every ``skelsplat.Person``, and in how many frames there were too many
 /// people.
 ///
 /// Too many to compare or to follow. The refinement of each is as in ``Refiner.refine_sequence``.
+/// The last two (M, M) are the person-frames that two views share, and those of the first for which
+/// the second, which should see them, shows somebody else.
 #[pyfunction]
 #[pyo3(signature = (refiner, layout, people, fps, *, max_people=None, progress=None))]
 pub(crate) fn track_people<'py>(
@@ -93,7 +98,7 @@ pub(crate) fn track_people<'py>(
     fps: f64,
     max_people: Option<usize>,
     progress: Option<Bound<'py, PyAny>>,
-) -> Result<(Vec<Bound<'py, PyDict>>, usize)> {
+) -> Result<Tracked<'py>> {
     let [total, m, _, n] = people.shape;
     let slots = people.slots()?;
     drop(people);
@@ -110,7 +115,13 @@ pub(crate) fn track_people<'py>(
         out.set_item("more_slots", frames.out(numbers(person.more), &[m]))?;
         Ok(out)
     };
-    Ok((found.people.into_iter().map(output).collect::<Result<_>>()?, found.cut))
+    let table = |counts: Vec<usize>| {
+        let counts: Vec<i64> = counts.into_iter().map(|n| n as i64).collect();
+        let views = if counts.is_empty() { 0 } else { m };
+        Out(counts, vec![views, views])
+    };
+    let (together, apart) = (table(found.agreement.together), table(found.agreement.apart));
+    Ok((found.people.into_iter().map(output).collect::<Result<_>>()?, found.cut, together, apart))
 }
 
 /// The first frame of each person and the slots (F, M); and the frames (T,) with too many people.

@@ -42,8 +42,6 @@ _SAME_MM, _APART_MM = 60.0, 500.0
 _SAME_BONES = 0.05  # bones that differ by less, in the median, may be of one person
 # Part of the people detected who may be left out: those whom one view sees, and false detections.
 _LEFT_OUT = 0.25
-# Two bodies nearer than 4 σ become one: those of fewer σ need a smaller one, that of people in proportion.
-_SMALL, _SIGMA_PER_SIZE = 15.0, 1 / 60
 # Fewer are no pattern.
 _LEAST_DETECTED = 20
 
@@ -280,24 +278,18 @@ def _rivals(finding: Finding) -> Sequence[Mapping[str, Any]]:
     return rivals
 
 
-def find_left_out(
-    detected: Index, assigned: Index, of: Inputs, size_mm: float, sigma_mm: float
-) -> Iterator[Finding]:
-    """Yield a finding if many of the people detected (T, M) are none of those found, of ``size_mm``."""
+def find_left_out(detected: Index, assigned: Index, of: Inputs) -> Iterator[Finding]:
+    """Yield a finding if many of the people detected (T, M) are none of those found."""
     everybody, left = detected.sum(), (detected - assigned).sum(axis=0)
     if everybody < _LEAST_DETECTED or left.sum() < _LEFT_OUT * everybody:
         return
     shares, share = left / np.maximum(detected.sum(axis=0), 1), float(left.sum() / everybody)
     named = np.flatnonzero(shares >= _LEFT_OUT)
     cameras = ", ".join(f"{of.rig.names[i]} {percent(shares[i])}" for i in named)
-    small, remedy = "", [Remedy("layout", None)]
-    if size_mm < _SMALL * sigma_mm:
-        remedy.insert(0, Remedy("sigma_mm", f"{size_mm * _SIGMA_PER_SIZE:.1g}"))
-        small = f"small bodies merged into one (those found are {length(size_mm, 0)} mm long), "
     alike = " or ".join(layouts_alike(of.layout))
     layout = f"a wrong layout ({alike} has as many joints)" if alike else "a wrong layout"
-    words = f"{percent(share)} of the people detected are none of those found ({cameras}): {small}people "
+    words = f"{percent(share)} of the people detected are none of those found ({cameras}): people "
     words += f"whom one view sees, false detections, {layout}, or cameras that do not fit. Check the cameras."
     subject = Subject(cameras=tuple(of.rig.names[i] for i in named))
-    numbers = {"size_mm": size_mm, "left_out_share": share, "shares": shares[named].tolist()}
-    yield Finding("people_left_out", "warning", subject, numbers, tuple(remedy), sentence=words)
+    numbers = {"left_out_share": share, "shares": shares[named].tolist()}
+    yield Finding("people_left_out", "warning", subject, numbers, (Remedy("layout", None),), sentence=words)

@@ -92,9 +92,7 @@ def follow_everybody(people: Array, whole: Inputs, job: Job, progress: Progress 
             assigned[person.frames] += slots >= 0
     assigned = np.minimum(assigned[places], detected)
     if len(found) != job.people:  # else others may be left out on purpose
-        sizes = np.concatenate([association.body_sizes(person.refinement.pose) for person in found])
-        size = float(np.median(sizes)) * whole.rig.mm_per_unit
-        whole = replace(whole, doubts=tuple(find_left_out(detected, assigned, whole, size, config.sigma_mm)))
+        whole = replace(whole, doubts=tuple(find_left_out(detected, assigned, whole)))
     return Everybody(tuple(kept), detected, assigned, whole)
 
 

@@ -162,7 +162,7 @@ impl BodyModel {
     }
 
     /// Whether camera `i` has most of a body inside its image.
-    fn sees(&self, i: usize, pose: &[Vector3<f64>]) -> bool {
+    pub(super) fn sees(&self, i: usize, pose: &[Vector3<f64>]) -> bool {
         let camera = &self.cameras[i];
         let [width, height] = camera.size().map(f64::from);
         let inside = |x: &&Vector3<f64>| {

@@ -7,14 +7,11 @@
 use std::ops::Range;
 
 use super::body::apart;
+use super::doubles::drop_doubles;
 use super::known::BodyModel;
 use super::tracks::Track;
 use crate::statistics::median;
 
-/// Share of their common frames in which two people are in one place, if they are one.
-const DOUBLE: f64 = 0.5;
-/// Distance, in kernels, within which two people are in one place.
-const SAME: f64 = 1.5;
 /// Distance, in kernels, within which two people meet.
 const MEET: f64 = 8.0;
 /// Time between two meetings that are one, s.
@@ -45,7 +42,7 @@ const SAMPLES: usize = 60;
 /// Removes people who are others, exchanges those who went on as each other, and joins the parts of
 /// one.
 pub(super) fn settle(tracks: &mut Vec<Track>, known: &BodyModel, fps: f64) {
-    drop_doubles(tracks, known);
+    drop_doubles(tracks, known, fps);
     for a in 0..tracks.len() {
         for b in a + 1..tracks.len() {
             for at in exchanges([&tracks[a], &tracks[b]], known, fps) {
@@ -55,27 +52,6 @@ pub(super) fn settle(tracks: &mut Vec<Track>, known: &BodyModel, fps: f64) {
         }
     }
     join(tracks, known, fps);
-}
-
-/// Of two in one place, the one with fewer figures goes.
-fn drop_doubles(tracks: &mut Vec<Track>, known: &BodyModel) {
-    let near = SAME * known.sigma;
-    let is_double = |a: &Track, b: &Track| {
-        let common = both(a, b);
-        let n = common.len();
-        let together = common.filter(|t| distance(a, b, *t) < near).count();
-        n > 0 && together as f64 > DOUBLE * n as f64
-    };
-    let mut kept = vec![true; tracks.len()];
-    for a in 0..tracks.len() {
-        for b in a + 1..tracks.len() {
-            if kept[a] && kept[b] && is_double(&tracks[a], &tracks[b]) {
-                kept[if tracks[a].figures() < tracks[b].figures() { a } else { b }] = false;
-            }
-        }
-    }
-    let mut keep = kept.into_iter();
-    tracks.retain(|_| keep.next().unwrap_or(true));
 }
 
 /// The frames that both have.

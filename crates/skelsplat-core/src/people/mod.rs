@@ -24,10 +24,12 @@
 //! over both sides, and each person is solved by [`crate::refine_sequence`].
 
 mod again;
+mod agreement;
 pub mod associate;
 pub mod births;
 pub mod body;
 pub mod crowd;
+mod doubles;
 mod identities;
 pub mod known;
 mod recording;
@@ -36,6 +38,7 @@ mod size;
 mod tracker;
 mod tracks;
 
+pub use agreement::Agreement;
 pub use associate::{Associator, Sighting};
 pub use crowd::{Crowd, Figure};
 pub use recording::{Everybody, Identities, Identity, Person, identify, track};

@@ -8,6 +8,7 @@ use nalgebra::Vector3;
 use rayon::prelude::*;
 
 use super::again::absorb;
+use super::agreement::Agreement;
 use super::associate::Associator;
 use super::births::{FITS, Free};
 use super::body::{Claims, claimed};
@@ -57,6 +58,8 @@ pub struct Everybody {
     pub people: Vec<Person>,
     /// In how many frames there were too many people for all of them to be compared, or followed.
     pub cut: usize,
+    /// Which views agree.
+    pub agreement: Agreement,
 }
 
 /// A person's figures over a recording.
@@ -94,11 +97,8 @@ pub fn identify(
     threads::install(refiner.config().n_threads, |_| {
         let known = BodyModel::new(refiner, layout);
         let mut recording = CrowdRecording { refiner, layout, people, fps, known, progress };
-        let step = people.len().div_ceil(MEASURED).max(1);
-        let some = people.par_iter().step_by(step).map(|slots| Crowd::new(refiner, slots));
-        let scale = recording.known.scale_of(&some.collect::<Result<Vec<_>>>()?);
-        recording.known = recording.known.scaled(scale);
-        let (tracks, cut) = recording.who_is_who(1)?;
+        recording.measure()?;
+        let (tracks, cut, _) = recording.who_is_who(1)?;
         let people = tracks
             .iter()
             .map(|track| Identity { frames: track.first..track.end(), slots: track.slots(0) });
@@ -128,7 +128,10 @@ pub fn track(
     crate::sequence::check(refiner, fps, "'annealed' for several people")?;
     threads::install(refiner.config().n_threads, |_| {
         let known = BodyModel::new(refiner, layout);
-        let recording = CrowdRecording { refiner, layout, people, fps, known, progress };
+        let mut recording = CrowdRecording { refiner, layout, people, fps, known, progress };
+        if !layout.human {
+            recording.measure()?;
+        }
         recording.solve(max_people)
     })
 }
@@ -144,7 +147,7 @@ struct CrowdRecording<'a> {
 
 impl CrowdRecording<'_> {
     fn solve(&self, max_people: Option<usize>) -> Result<Everybody> {
-        let (mut tracks, cut) = self.who_is_who(self.least())?;
+        let (mut tracks, cut, agreement) = self.who_is_who(self.least())?;
         if let Some(most) = max_people {
             tracks.sort_by_key(|track| std::cmp::Reverse(track.figures()));
             tracks.truncate(most);
@@ -157,17 +160,27 @@ impl CrowdRecording<'_> {
         let found = tracks.iter().zip(solved).filter(|(_, sequence)| has_joints(sequence));
         let people = (0..).zip(found).map(|(id, (track, sequence))| person(id, track, sequence));
         let cut = cut.into_iter().filter(|cut| *cut).count();
-        Ok(Everybody { people: people.collect(), cut })
+        Ok(Everybody { people: people.collect(), cut, agreement })
     }
 
     /// Everybody whom two views see in `least` frames, in the order of their appearance; and
     /// [`Identities::cut`].
-    fn who_is_who(&self, least: usize) -> Result<(Vec<Track>, Vec<bool>)> {
+    fn who_is_who(&self, least: usize) -> Result<(Vec<Track>, Vec<bool>, Agreement)> {
         let (mut tracks, cut) = self.tracks(least.min(2))?;
         identities::settle(&mut tracks, &self.known, self.fps);
-        let mut tracks = self.assigned_again(&tracks, least)?;
+        let (mut tracks, agreement) = self.assigned_again(&tracks, least)?;
         tracks.sort_by_key(|track| track.first);
-        Ok((tracks, cut))
+        Ok((tracks, cut, agreement))
+    }
+
+    /// Scales the world until bodies are as large as people.
+    fn measure(&mut self) -> Result<()> {
+        let step = self.people.len().div_ceil(MEASURED).max(1);
+        let some = self.people.par_iter().step_by(step);
+        let some = some.map(|slots| Crowd::new(self.refiner, slots)).collect::<Result<Vec<_>>>()?;
+        let scale = self.known.scale_of(&some);
+        self.known = self.known.clone().scaled(scale);
+        Ok(())
     }
 
     /// The rays of frames.
@@ -221,7 +234,8 @@ impl CrowdRecording<'_> {
     }
 
     /// Figures assigned once more, to the smooth poses.
-    fn assigned_again(&self, tracks: &[Track], least: usize) -> Result<Vec<Track>> {
+    fn assigned_again(&self, tracks: &[Track], least: usize) -> Result<(Vec<Track>, Agreement)> {
+        let mut agreement = Agreement::default();
         let mut out: Vec<Track> = tracks.iter().map(|track| Track::new(track.first)).collect();
         for chunk in self.chunks() {
             let crowds = self.crowds(chunk.clone())?;
@@ -229,22 +243,24 @@ impl CrowdRecording<'_> {
             let assign_frame = |(t, crowd): &(usize, Crowd)| {
                 let (there, poses): (Vec<usize>, Vec<&[Vector3<f64>]>) =
                     (0..tracks.len()).filter_map(|q| Some((q, tracks[q].pose(*t)?))).unzip();
-                let claims = self.assigned(crowd, &poses);
-                there.into_iter().zip(claims).collect::<Vec<_>>()
+                let (claims, agreement) = self.assigned(crowd, &poses);
+                (there.into_iter().zip(claims).collect(), agreement)
             };
-            let assigned: Vec<Vec<(usize, Claims)>> = frames.par_iter().map(assign_frame).collect();
-            for (q, claims) in assigned.into_iter().flatten() {
-                out[q].claims.push(claims);
+            let assigned: Vec<(Vec<(usize, Claims)>, Agreement)> =
+                frames.par_iter().map(assign_frame).collect();
+            for (people, of_frame) in assigned {
+                agreement.add(&of_frame);
+                people.into_iter().for_each(|(q, claims)| out[q].claims.push(claims));
             }
         }
         for (new, old) in out.iter_mut().zip(tracks) {
             new.poses.clone_from(&old.poses);
         }
-        Ok(out.into_iter().filter_map(|track| track.trimmed(least)).collect())
+        Ok((out.into_iter().filter_map(|track| track.trimmed(least)).collect(), agreement))
     }
 
-    /// The figures of people at known places.
-    fn assigned(&self, crowd: &Crowd, there: &[&[Vector3<f64>]]) -> Vec<Claims> {
+    /// The figures of people at known places, and which views agree on them.
+    fn assigned(&self, crowd: &Crowd, there: &[&[Vector3<f64>]]) -> (Vec<Claims>, Agreement) {
         let BodyModel { sigma, mirror, .. } = &self.known;
         let mut claims = vec![vec![[None, None]; crowd.views.len()]; there.len()];
         let mut free: Free =
@@ -264,7 +280,9 @@ impl CrowdRecording<'_> {
         for (pose, claims) in there.iter().zip(&mut claims) {
             absorb(crowd, pose, claims, &mut free, &self.known);
         }
-        claims
+        let people: Vec<_> = there.iter().copied().zip(&claims).collect();
+        let agreement = Agreement::of_frame(crowd, &people, &free, &self.known);
+        (claims, agreement)
     }
 }
 

@@ -51,6 +51,11 @@ impl Track {
         self.poses.get(k).filter(|pose| !pose.is_empty()).map(Vec::as_slice)
     }
 
+    /// Figures in frame `t`.
+    pub(super) fn claim(&self, t: usize) -> Option<&Claims> {
+        self.claims.get(t.checked_sub(self.first)?)
+    }
+
     /// Slots of the figures `(F, M)`; of part 1, of further ones.
     pub(super) fn slots(&self, part: usize) -> Vec<Option<usize>> {
         self.claims.iter().flatten().map(|claim| claim[part]).collect()

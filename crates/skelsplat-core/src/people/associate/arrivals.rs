@@ -5,6 +5,7 @@ use super::{Associator, DIFFERENCE, HOLD};
 use crate::people::births::{Free, Newcomer};
 use crate::people::body::{Body, Claims, apart, views};
 use crate::people::crowd::Crowd;
+use crate::people::doubles::is_known;
 use crate::people::known::BodyModel;
 use crate::people::score::at_body;
 
@@ -15,10 +16,6 @@ const DOUBTFUL: f64 = 1.0;
 const NEAR: f64 = 3.5;
 /// Mean score of the figures of a body below which they fit it badly.
 const MISFIT: f64 = 0.55;
-/// A newcomer this close to a body, in kernels, is the same person again.
-const SAME: f64 = 1.5;
-/// Time for which two bodies in one place are kept apart, s.
-const DOUBLE: f64 = 0.2;
 /// How far a lost body can have moved at once, mm.
 const REACH: f64 = 300.0;
 /// How far it can have moved besides, mm/s.
@@ -102,8 +99,9 @@ impl Associator {
         claims: &mut Vec<Claims>,
     ) {
         for newcomer in newcomers {
-            let near = |body: &Body| apart(&body.pose, &newcomer.pose) < SAME * self.known.sigma;
-            if self.bodies.iter().any(|body| body.alone == 0 && near(body)) {
+            let mut all = self.bodies.iter().zip(claims.iter()).filter(|(body, _)| body.alone == 0);
+            let (pose, own) = (&newcomer.pose, &newcomer.claims);
+            if all.any(|(body, claims)| is_known(&self.known, body, claims, pose, own)) {
                 continue;
             }
             let found = self
@@ -175,28 +173,5 @@ impl Associator {
             (far < 1.0 && agree).then_some((far + differs, at))
         };
         bodies.filter_map(cost).min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, at)| at)
-    }
-
-    /// Of two bodies in one place the older one lives.
-    pub(super) fn merge_doubles(&mut self, claims: &mut Vec<Claims>) {
-        let mut pairs = Vec::new();
-        for (a, first) in self.bodies.iter().enumerate() {
-            for second in &self.bodies[a + 1..] {
-                if apart(&first.pose, &second.pose) < SAME * self.known.sigma {
-                    let ids = [first.id.min(second.id), first.id.max(second.id)];
-                    let before = self.doubles.iter().find(|(pair, _)| *pair == ids);
-                    pairs.push((ids, before.map_or(0, |(_, n)| *n) + 1));
-                }
-            }
-        }
-        let least = (DOUBLE / self.dt).ceil() as usize;
-        let gone: Vec<usize> =
-            pairs.iter().filter(|(_, n)| *n >= least.max(2)).map(|(ids, _)| ids[1]).collect();
-        self.doubles = pairs;
-        let kept: Vec<bool> = self.bodies.iter().map(|body| !gone.contains(&body.id)).collect();
-        let mut at = kept.iter();
-        self.bodies.retain(|_| *at.next().unwrap_or(&true));
-        let mut at = kept.iter();
-        claims.retain(|_| *at.next().unwrap_or(&true));
     }
 }

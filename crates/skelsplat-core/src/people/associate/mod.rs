@@ -41,13 +41,13 @@ pub struct Sighting {
 /// Bodies that are followed from frame to frame.
 #[derive(Debug, Clone)]
 pub struct Associator {
-    known: BodyModel,
-    dt: f64,
-    bodies: Vec<Body>,
+    pub(super) known: BodyModel,
+    pub(super) dt: f64,
+    pub(super) bodies: Vec<Body>,
     /// Bodies that are lost, with their identities.
     lost: Vec<Body>,
-    /// Pairs of bodies in one place, and for how many frames.
-    doubles: Vec<([usize; 2], usize)>,
+    /// Pairs of bodies that may be one, and the log-odds that they are.
+    pub(super) doubles: Vec<([usize; 2], f64)>,
     next: usize,
     /// Frames with too many people for all to be compared, or followed.
     cut: usize,

@@ -1,0 +1,103 @@
+//! Two bodies that are one person, found twice by different views.
+//!
+//! At a median distance of d kernels between their joints, the odds that two bodies are one are
+//!
+//! ```text
+//! ln O = ln(4/3 π r³ / (2π)^{3/2}) − d²/2 + Σ_views { ln 1/h   where one of them has a figure
+//!                                                   { ln f     where both have one
+//! ```
+//!
+//! The second place of one person scatters by a kernel around the first; somebody else is anywhere
+//! within r kernels. Of two people who are as near, a view misses the hidden one with a probability
+//! of h; of one, it detects two with f. Frames of a fraction of a second tell the same.
+
+use std::f64::consts::PI;
+
+use super::associate::Associator;
+use super::body::{Body, Claims, apart};
+use super::known::BodyModel;
+use super::tracks::Track;
+
+/// Distance from which nobody is taken for one with another, in kernels: half a metre.
+const REACH: f64 = 5.5;
+/// Part of the figures that are missing of somebody next to another (as in simulated crowds).
+const HIDDEN: f64 = 0.5;
+/// Part of the people whom a view detects twice.
+const TWICE: f64 = 0.01;
+/// Log-odds from which two bodies are one: 10 to 1.
+const CERTAIN: f64 = 2.3;
+/// Time in which frames tell the same, s.
+const MEMORY: f64 = 0.2;
+
+/// Log-odds that two bodies with these figures, so many kernels apart, are one.
+fn one_person(far: f64, a: &Claims, b: &Claims) -> f64 {
+    let room = (4.0 / 3.0 * PI * REACH.powi(3) / (2.0 * PI).powf(1.5)).ln();
+    let view = |(p, q): (&[Option<usize>; 2], &[Option<usize>; 2])| match (p[0], q[0]) {
+        (Some(_), Some(_)) => TWICE.ln(),
+        (None, None) => 0.0,
+        _ => -HIDDEN.ln(),
+    };
+    room - 0.5 * far * far + a.iter().zip(b).map(view).sum::<f64>()
+}
+
+/// Whether a body that is new is one that is known, with these figures.
+pub(super) fn is_known(
+    known: &BodyModel,
+    body: &Body,
+    claims: &Claims,
+    pose: &[nalgebra::Vector3<f64>],
+    own: &Claims,
+) -> bool {
+    one_person(apart(&body.pose, pose) / known.sigma, claims, own) > CERTAIN
+}
+
+impl Associator {
+    /// Of two bodies that are one for long enough the older one lives.
+    pub(super) fn merge_doubles(&mut self, claims: &mut Vec<Claims>) {
+        let mut pairs = Vec::new();
+        for (a, first) in self.bodies.iter().enumerate() {
+            for (b, second) in self.bodies.iter().enumerate().skip(a + 1) {
+                let far = apart(&first.pose, &second.pose) / self.known.sigma;
+                if far < REACH {
+                    let ids = [first.id.min(second.id), first.id.max(second.id)];
+                    let before = self.doubles.iter().find(|(pair, _)| *pair == ids);
+                    let now = one_person(far, &claims[a], &claims[b]) * (self.dt / MEMORY).min(1.0);
+                    let odds = before.map_or(0.0, |(_, odds)| *odds) + now;
+                    pairs.push((ids, odds.max(-CERTAIN)));
+                }
+            }
+        }
+        let gone: Vec<usize> =
+            pairs.iter().filter(|(_, odds)| *odds > CERTAIN).map(|(ids, _)| ids[1]).collect();
+        self.doubles = pairs;
+        let kept: Vec<bool> = self.bodies.iter().map(|body| !gone.contains(&body.id)).collect();
+        let mut at = kept.iter();
+        self.bodies.retain(|_| *at.next().unwrap_or(&true));
+        let mut at = kept.iter();
+        claims.retain(|_| *at.next().unwrap_or(&true));
+    }
+}
+
+/// Of two tracks that are one person, the one with fewer figures goes.
+pub(super) fn drop_doubles(tracks: &mut Vec<Track>, known: &BodyModel, fps: f64) {
+    let is_double = |a: &Track, b: &Track| {
+        let odds = |t: usize| {
+            let far = apart(a.pose(t)?, b.pose(t)?) / known.sigma;
+            Some(one_person(far, a.claim(t)?, b.claim(t)?).max(-CERTAIN))
+        };
+        let common: Vec<f64> =
+            (a.first.max(b.first)..a.end().min(b.end())).filter_map(odds).collect();
+        let looks = (common.len() as f64 / (fps * MEMORY)).max(1.0);
+        looks * common.iter().sum::<f64>() / common.len() as f64 > CERTAIN
+    };
+    let mut kept = vec![true; tracks.len()];
+    for a in 0..tracks.len() {
+        for b in a + 1..tracks.len() {
+            if kept[a] && kept[b] && is_double(&tracks[a], &tracks[b]) {
+                kept[if tracks[a].figures() < tracks[b].figures() { a } else { b }] = false;
+            }
+        }
+    }
+    let mut keep = kept.into_iter();
+    tracks.retain(|_| keep.next().unwrap_or(true));
+}
