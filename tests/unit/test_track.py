@@ -237,6 +237,6 @@ def test_too_many_people_to_compare_are_said_once(monkeypatch) -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         tracker.step(people)
-    monkeypatch.setattr(sk._people._skelsplat, "track_people", lambda *_, **__: ([], 7))
+    monkeypatch.setattr(sk._people._skelsplat, "track_people", lambda *_, **__: ([], 7, *np.zeros((2, 4, 4))))
     with pytest.warns(FindingWarning, match="In 7 frames"):
         assert sk.track(people[None], cameras, layout="h36m17", fps=30.0, progress=False) == []
