@@ -2,7 +2,7 @@
 
 use pyo3::Borrowed;
 use pyo3::prelude::*;
-use skelsplat_core::Detections;
+use skelsplat_core::{Detections, Error};
 
 use crate::args::{Array, Confidence, Out, place, shown};
 use crate::errors::{Failure, Result, refuse};
@@ -83,9 +83,20 @@ impl Frames {
         let frame = |t| {
             let at = t * m * n..(t + 1) * m * n;
             let scores = (!self.scores.is_empty()).then(|| &self.scores[at.clone()]);
-            Ok(Detections::new(m, n, &self.pixels[2 * at.start..2 * at.end], scores)?)
+            let found = Detections::new(m, n, &self.pixels[2 * at.start..2 * at.end], scores);
+            Ok(found.map_err(|error| self.in_frame(t, error))?)
         };
         (0..self.count).map(frame).collect()
+    }
+
+    /// An error in view and joint of a frame, as one in frame, view and joint.
+    fn in_frame(&self, t: usize, error: Error) -> Error {
+        match error {
+            Error::InvalidInput { argument, expected, actual } if self.batch => {
+                Error::invalid(argument.replacen('[', &format!("[{t}, "), 1), expected, actual)
+            }
+            other => other,
+        }
     }
 
     /// The frames as core types; their sizes stay.

@@ -59,7 +59,8 @@ impl People {
                 rows.clone().flat_map(|at| &self.pixels[2 * at..2 * (at + n)]).copied().collect();
             let scores: Option<Vec<f64>> = (!self.scores.is_empty())
                 .then(|| rows.flat_map(|at| &self.scores[at..at + n]).copied().collect());
-            Ok(Detections::new(m, n, &pixels, scores.as_deref())?)
+            let found = Detections::new(m, n, &pixels, scores.as_deref());
+            Ok(found.map_err(|error| error.of_argument(&format!("people[{t}]")))?)
         };
         (0..t).map(|t| (0..p).map(|k| slot(t, k)).collect()).collect()
     }
