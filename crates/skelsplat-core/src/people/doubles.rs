@@ -3,13 +3,13 @@
 //! At a median distance of d kernels between their joints, the odds that two bodies are one are
 //!
 //! ```text
-//! ln O = ln(4/3 π r³ / (2π)^{3/2}) − d²/2 + Σ_views { ln 1/h   where one of them has a figure
-//!                                                   { ln f     where both have one
+//! ln O = ln(4/3 π r³ / (2π)^{3/2}) − d²/2 + n ln 1/h
 //! ```
 //!
 //! The second place of one person scatters by a kernel around the first; somebody else is anywhere
 //! within r kernels. Of two people who are as near, a view misses the hidden one with a probability
-//! of h; of one, it detects two with f. Frames of a fraction of a second tell the same.
+//! of h: n views have a figure of one of the two. A view with figures of both says nothing, as
+//! detectors often see one person twice. Frames of a fraction of a second tell the same.
 
 use std::f64::consts::PI;
 
@@ -22,8 +22,6 @@ use super::tracks::Track;
 const REACH: f64 = 5.5;
 /// Part of the figures that are missing of somebody next to another (as in simulated crowds).
 const HIDDEN: f64 = 0.5;
-/// Part of the people whom a view detects twice.
-const TWICE: f64 = 0.01;
 /// Log-odds from which two bodies are one: 10 to 1.
 const CERTAIN: f64 = 2.3;
 /// Time in which frames tell the same, s.
@@ -32,12 +30,8 @@ const MEMORY: f64 = 0.2;
 /// Log-odds that two bodies with these figures, so many kernels apart, are one.
 fn one_person(far: f64, a: &Claims, b: &Claims) -> f64 {
     let room = (4.0 / 3.0 * PI * REACH.powi(3) / (2.0 * PI).powf(1.5)).ln();
-    let view = |(p, q): (&[Option<usize>; 2], &[Option<usize>; 2])| match (p[0], q[0]) {
-        (Some(_), Some(_)) => TWICE.ln(),
-        (None, None) => 0.0,
-        _ => -HIDDEN.ln(),
-    };
-    room - 0.5 * far * far + a.iter().zip(b).map(view).sum::<f64>()
+    let alone = a.iter().zip(b).filter(|(p, q)| p[0].is_some() != q[0].is_some()).count();
+    room - 0.5 * far * far - HIDDEN.ln() * alone as f64
 }
 
 /// Whether a body that is new is one that is known, with these figures.
