@@ -3,7 +3,6 @@
 use nalgebra::{Matrix3, Vector3};
 
 use super::crowd::{Crowd, Figure};
-use super::score::at_body;
 use crate::annealed::rays::{Ray, nearest_with_spread};
 use crate::detections::Detections;
 use crate::statistics::median;
@@ -254,11 +253,6 @@ impl Body {
     pub fn differs(&self, other: &Self) -> f64 {
         let both = self.lengths.iter().zip(&other.lengths).filter(|(a, b)| a.1 > 0 && b.1 > 0);
         median(both.map(|(a, b)| (a.0 / b.0).ln().abs())).max(0.0)
-    }
-
-    /// Scores of the figures of a view under a kernel of `sigma`.
-    pub fn scores(&self, figures: &[Figure], sigma: f64, mirror: &[usize]) -> Vec<f64> {
-        figures.iter().map(|figure| at_body(figure, &self.pose, sigma, mirror)).collect()
     }
 }
 

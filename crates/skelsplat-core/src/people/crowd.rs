@@ -52,6 +52,12 @@ impl Crowd {
         Ok(Self { views, n_joints })
     }
 
+    /// Figures with joints, by view and slot.
+    pub fn free(&self) -> Vec<Vec<bool>> {
+        let view = |figures: &Vec<Figure>| figures.iter().map(|f| f.joints > 0).collect();
+        self.views.iter().map(view).collect()
+    }
+
     /// The same in a world that is `scale` times as large.
     #[must_use]
     pub fn scaled(mut self, scale: f64) -> Self {

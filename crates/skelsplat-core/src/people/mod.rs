@@ -18,7 +18,7 @@
 //! proposals are accepted in the order of their support ([`births`]): the scores of all views at
 //! the proposed body, less a penalty for each view that should see it and does not, times how well
 //! its bones match the proportions of people; (4) newcomers take the identity of a body that was
-//! lost within reach.
+//! lost within reach; (5) of two bodies that are one, one goes ([`doubles`]).
 //!
 //! A recording ([`track`]) is gone through once; figures are then assigned again, to paths smoothed
 //! over both sides, and each person is solved by [`crate::refine_sequence`].

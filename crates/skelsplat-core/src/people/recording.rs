@@ -9,13 +9,13 @@ use rayon::prelude::*;
 
 use super::again::absorb;
 use super::agreement::Agreement;
-use super::associate::Associator;
-use super::births::{FITS, Free};
+use super::associate::{Associator, give_free};
+use super::births::FITS;
 use super::body::{Claims, claimed};
-use super::crowd::Crowd;
+use super::crowd::{Crowd, Figure};
 use super::identities;
 use super::known::BodyModel;
-use super::score::{assign, at_body};
+use super::score::at_body;
 use super::tracks::Track;
 use crate::batch::Progress;
 use crate::detections::Detections;
@@ -263,20 +263,9 @@ impl CrowdRecording<'_> {
     fn assigned(&self, crowd: &Crowd, there: &[&[Vector3<f64>]]) -> (Vec<Claims>, Agreement) {
         let BodyModel { sigma, mirror, .. } = &self.known;
         let mut claims = vec![vec![[None, None]; crowd.views.len()]; there.len()];
-        let mut free: Free =
-            crowd.views.iter().map(|view| view.iter().map(|f| f.joints > 0).collect()).collect();
-        for (i, figures) in crowd.views.iter().enumerate() {
-            let score = |pose: &[Vector3<f64>]| -> Vec<f64> {
-                figures.iter().map(|figure| at_body(figure, pose, *sigma, mirror)).collect()
-            };
-            let scores: Vec<Vec<f64>> = there.iter().map(|pose| score(pose)).collect();
-            for (k, slot) in assign(&scores, FITS).into_iter().enumerate() {
-                if let Some(slot) = slot {
-                    claims[k][i][0] = Some(slot);
-                    free[i][slot] = false;
-                }
-            }
-        }
+        let mut free = crowd.free();
+        let score = |k: usize, figure: &Figure| at_body(figure, there[k], *sigma, mirror);
+        give_free(crowd, &mut claims, &mut free, FITS, score);
         for (pose, claims) in there.iter().zip(&mut claims) {
             absorb(crowd, pose, claims, &mut free, &self.known);
         }

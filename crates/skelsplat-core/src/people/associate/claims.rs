@@ -5,7 +5,7 @@ use nalgebra::Vector3;
 use super::{Associator, DIFFERENCE};
 use crate::people::births::{FITS, Free};
 use crate::people::body::{Body, Claims, placed, views};
-use crate::people::crowd::Crowd;
+use crate::people::crowd::{Crowd, Figure};
 use crate::people::known::BodyModel;
 use crate::people::score::{assign, at_body};
 
@@ -35,27 +35,15 @@ impl Associator {
     pub(super) fn claims(&self, crowd: &Crowd, free: &mut Free) -> Vec<Claims> {
         let mut claims = vec![vec![[None, None]; crowd.views.len()]; self.bodies.len()];
         let recent = (RECENT / self.dt).ceil() as usize;
-        for (i, figures) in crowd.views.iter().enumerate() {
-            for first in [true, false] {
-                let row = |body: &Body| match first == (body.alone == 0) && body.missed <= recent {
-                    true => {
-                        let kernel = self.kernel(body.alone);
-                        let mut scores = body.scores(figures, kernel, &self.known.mirror);
-                        scores.iter_mut().zip(&free[i]).for_each(|(s, free)| {
-                            *s = if *free { *s } else { 0.0 };
-                        });
-                        scores
-                    }
-                    false => vec![0.0; figures.len()],
-                };
-                let scores: Vec<Vec<f64>> = self.bodies.iter().map(row).collect();
-                for (b, slot) in assign(&scores, CLAIM).into_iter().enumerate() {
-                    if let Some(slot) = slot {
-                        claims[b][i][0] = Some(slot);
-                        free[i][slot] = false;
-                    }
+        for first in [true, false] {
+            let score = |b: usize, figure: &Figure| {
+                let body = &self.bodies[b];
+                if first != (body.alone == 0) || body.missed > recent {
+                    return 0.0;
                 }
-            }
+                at_body(figure, &body.pose, self.kernel(body.alone), &self.known.mirror)
+            };
+            give_free(crowd, &mut claims, free, CLAIM, score);
         }
         claims
     }
@@ -104,28 +92,11 @@ impl Associator {
         free: &mut Free,
         found: &mut [Option<Vec<Vector3<f64>>>],
     ) {
-        let mut changed = vec![false; claims.len()];
-        for (i, figures) in crowd.views.iter().enumerate() {
-            if !free[i].iter().any(|f| *f) {
-                continue;
-            }
-            let score = |b: usize, slot: usize| match &found[b] {
-                Some(pose) if claims[b][i][0].is_none() && free[i][slot] => {
-                    at_body(&figures[slot], pose, self.known.sigma, &self.known.mirror)
-                }
-                _ => 0.0,
-            };
-            let scores: Vec<Vec<f64>> = (0..claims.len())
-                .map(|b| (0..figures.len()).map(|slot| score(b, slot)).collect())
-                .collect();
-            for (b, slot) in assign(&scores, FITS).into_iter().enumerate() {
-                if let Some(slot) = slot {
-                    claims[b][i][0] = Some(slot);
-                    free[i][slot] = false;
-                    changed[b] = true;
-                }
-            }
-        }
+        let score = |b: usize, figure: &Figure| match &found[b] {
+            Some(pose) => at_body(figure, pose, self.known.sigma, &self.known.mirror),
+            None => 0.0,
+        };
+        let changed = give_free(crowd, claims, free, FITS, score);
         for (b, pose) in found.iter_mut().enumerate().filter(|(b, _)| changed[*b]) {
             if let Some(pose) = pose {
                 *pose = placed(crowd, &claims[b], pose, self.known.sigma);
@@ -161,6 +132,36 @@ impl Associator {
             }
         }
     }
+}
+
+/// Gives free figures to bodies that have none in a view, by the assignment with the largest sum of
+/// scores above `least`; which bodies were given any.
+pub(in crate::people) fn give_free(
+    crowd: &Crowd,
+    claims: &mut [Claims],
+    free: &mut Free,
+    least: f64,
+    score: impl Fn(usize, &Figure) -> f64,
+) -> Vec<bool> {
+    let mut given = vec![false; claims.len()];
+    for (i, figures) in crowd.views.iter().enumerate() {
+        let row = |b: usize| -> Vec<f64> {
+            let fits = |(slot, figure): (usize, &Figure)| match claims[b][i][0] {
+                None if free[i][slot] => score(b, figure),
+                _ => 0.0,
+            };
+            figures.iter().enumerate().map(fits).collect()
+        };
+        let scores: Vec<Vec<f64>> = (0..claims.len()).map(row).collect();
+        for (b, slot) in assign(&scores, least).into_iter().enumerate() {
+            if let Some(slot) = slot {
+                claims[b][i][0] = Some(slot);
+                free[i][slot] = false;
+                given[b] = true;
+            }
+        }
+    }
+    given
 }
 
 /// Gives the figures of a view back.

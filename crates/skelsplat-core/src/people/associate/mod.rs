@@ -6,8 +6,9 @@ mod claims;
 
 use nalgebra::Vector3;
 
+pub(super) use claims::give_free;
+
 use super::again::absorb;
-use super::births::Free;
 use super::body::{Body, Claims};
 use super::crowd::Crowd;
 use super::known::BodyModel;
@@ -87,8 +88,7 @@ impl Associator {
 
     /// The next frame: everybody whom a view sees, in the order of their appearance.
     pub fn step(&mut self, crowd: &Crowd) -> Vec<Sighting> {
-        let mut free: Free =
-            crowd.views.iter().map(|view| view.iter().map(|f| f.joints > 0).collect()).collect();
+        let mut free = crowd.free();
         self.bodies.iter_mut().for_each(|body| body.predict(self.dt));
         let mut claims = self.claims(crowd, &mut free);
         let mut found = self.place(crowd, &mut claims, &mut free);
