@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from skelsplat import _skelsplat
 from skelsplat._arrays import Array, numbers
 from skelsplat._clocks import shifted
+from skelsplat._frozen import frozen, without_frozen
 from skelsplat._refine import Cameras
 from skelsplat._skelsplat import RefineConfig
 from skelsplat.cameras import CameraRig
@@ -138,8 +139,11 @@ def adjust_cameras(
     rig = cameras if isinstance(cameras, CameraRig) else CameraRig(cameras)
     named = [free] if isinstance(free, str) else free
     chosen = None if named is None else [_number(rig, one) for one in named]
+    seen = numbers(detections, "detections")
+    if seen.ndim == 4:
+        seen = without_frozen(seen, frozen(seen))
     adjusted, out = _skelsplat.adjust_cameras(
-        detections, rig, confidence=confidence, free=chosen, focal=focal, clock=clock, config=config
+        seen, rig, confidence=confidence, free=chosen, focal=focal, clock=clock, config=config
     )
     degrees = 180.0 / math.pi
     sigmas = (out["turn_sigma"] * degrees, out["shift_sigma"], out["zoom_sigma"], out["clock_sigma"])

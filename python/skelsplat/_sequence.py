@@ -12,10 +12,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from skelsplat import _skelsplat
-from skelsplat._arrays import Array, Index, positive
+from skelsplat._arrays import Array, Index, numbers, positive
+from skelsplat._frozen import frozen, frozen_finding, without_frozen
 from skelsplat._refine import Cameras, Progress, Refinement, refinement_fields, reporter, warn_of_size
 from skelsplat._skelsplat import Layout, RefineConfig
+from skelsplat.cameras import CameraRig
 from skelsplat.exceptions import InvalidInputError
+from skelsplat.findings import warn
 
 # Frames per chunk of an array: several windows in time at any usual rate, and some 100 MB of results.
 PER_CHUNK = 10_000
@@ -75,8 +78,16 @@ def refine_sequence(
     """
     positive("fps", fps)
     prepared = _skelsplat.Refiner(cameras, layout=layout, config=config)
+    seen = numbers(detections, "detections")
+    if seen.ndim == 4 and seen.shape[1] == len(cameras):
+        repeated = frozen(seen)
+        names = (cameras if isinstance(cameras, CameraRig) else CameraRig(cameras)).names
+        stopped = frozen_finding(names, repeated)
+        if stopped is not None:
+            warn(stopped)
+            seen = without_frozen(seen, repeated)
     with reporter(progress) as report:
-        given = (init_pose, detections, float(fps))
+        given = (init_pose, seen, float(fps))
         out = prepared.refine_sequence(*given, confidence=confidence, progress=report)
     warn_of_size(out["pose"], cameras, layout)
     return SequenceRefinement(**refinement_fields(out))

@@ -22,7 +22,7 @@ LAYERS = (
     {"_people"},
     {"_sequence", "_angles", "_rig"},
     {"_refine", "metrics"},
-    {"cameras", "layouts"},
+    {"cameras", "layouts", "_frozen"},
     {"findings"},
     {"_clocks"},
     {"_skelsplat"},

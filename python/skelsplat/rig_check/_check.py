@@ -14,6 +14,7 @@ import numpy.typing as npt
 
 import skelsplat as sk
 from skelsplat._arrays import Array, Index, median, numbers, whole_numbers
+from skelsplat._frozen import frozen, frozen_finding, without_frozen
 from skelsplat._words import listed, percent
 from skelsplat.association import checked_people
 from skelsplat.exceptions import InvalidInputError
@@ -85,9 +86,12 @@ def check_rig(
     if everyone.shape[-1] == 3:
         everyone = np.where(everyone[..., 2:] >= _MIN_CONFIDENCE, everyone, np.nan)
     findings += _images(rig, everyone)
+    repeated = frozen(everyone)
+    findings += filter(None, [frozen_finding(rig.names, repeated, counts)])
     same = list(same_detections(rig.names, everyone))
     if same:  # what the cameras' places would explain is chance then
         return RigReport((*same, *findings))
+    everyone = without_frozen(everyone, repeated)
     return with_remedies(_with_detections(rig, everyone, counts, shape, findings), read_as or ReadAs())
 
 

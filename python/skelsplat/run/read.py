@@ -12,6 +12,7 @@ import numpy as np
 import skelsplat as sk
 from skelsplat._arrays import Array, Index, Mask
 from skelsplat._budget import afford
+from skelsplat._frozen import frozen, frozen_finding, without_frozen
 from skelsplat._words import listed
 from skelsplat.cameras import MM_PER_UNIT
 from skelsplat.exceptions import DatasetError, InvalidInputError, SkelSplatError
@@ -173,11 +174,17 @@ def open_recording(
 def read_everybody(opened: Opened, job: Job) -> tuple[Array, Inputs]:
     """Return the detections of everybody (T, M, P, N, 3), and inputs with nobody chosen.
 
-    A long recording is refused if it does not fit into memory.
+    Where a camera repeats one image, its detections are left out. A long recording is refused if it does not
+    fit into memory.
     """
     if opened.size > LONG and job.at_once:
         afford(Path(job.detections), listed(job.at_once), _AT_ONCE * opened.size)
-    return opened.detections.read().people, opened.nobody(job)
+    people, whole = opened.detections.read().people, opened.nobody(job)
+    repeated = frozen(people)
+    stopped = frozen_finding(whole.rig.names, repeated, whole.frames)
+    if stopped is not None:
+        warn(stopped)
+    return without_frozen(people, repeated), whole
 
 
 def read_rig(path: Path, *, calibration_format: str | None = None, **given: Any) -> sk.CameraRig:
