@@ -73,6 +73,7 @@ mod detections;
 mod error;
 mod follow;
 mod gaussian;
+mod kernel;
 mod layout;
 mod matrix3;
 mod memory;
