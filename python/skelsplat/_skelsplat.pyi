@@ -28,7 +28,6 @@ __all__ = [
     "implausible_extent",
     "loss_and_gradient",
     "most_likely_places",
-    "noise_scales",
     "people_identities",
     "people_scores",
     "project",
@@ -587,13 +586,6 @@ def most_likely_places(
     sigma: Sequence[float],
     variance: float,
 ) -> NDArray[np.float64]: ...
-def noise_scales(
-    squares: Sequence[float],
-    freedom: Sequence[float],
-    *,
-    expected: float,
-    levels: Sequence[tuple[Sequence[int], float]],
-) -> list[float]: ...
 def sequence_equations(
     poses: ArrayLike,
     detections: ArrayLike,

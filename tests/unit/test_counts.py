@@ -9,12 +9,12 @@ import counts
 # Lines, of docs words. A later capability that needs more states its price in docs/decisions.md and pays part
 # of it elsewhere.
 CEILINGS = {
-    "package": 31_950,
-    "cli": 3_130,
-    "core": 19_910,
-    "binding": 2_716,
-    "Rust tests": 5_990,
-    "Python tests": 26_420,
+    "package": 31_665,
+    "cli": 3_120,
+    "core": 19_730,
+    "binding": 2_700,
+    "Rust tests": 5_830,
+    "Python tests": 26_290,
     "benchmarks and tools": 3_990,
     "docs, words": 40_250,
     "README, words": 1_340,

@@ -20,7 +20,6 @@ LAYERS = [
         "outcome",
         "bones",
         "kernel",
-        "noise",
     },
     {"triangulate"},
     {"annealed", "paper"},

@@ -78,7 +78,6 @@ mod layout;
 mod matrix3;
 mod memory;
 mod names;
-mod noise;
 mod outcome;
 mod overlap;
 mod paper;
@@ -140,7 +139,6 @@ parts! {
     gaussian: "The skeleton of Gaussians.",
     layout: "Joint layouts.",
     memory: "Check of available memory before allocation.",
-    noise: "Hierarchical scales of the detections' noise.",
     outcome: "The result of a method.",
     overlap: "The rendering loss in closed form.",
     paper: "The published method.",

@@ -42,8 +42,8 @@ mod _skelsplat {
     use crate::rig::adjust_cameras;
     #[pymodule_export]
     use crate::study::{
-        loss_and_gradient, most_likely_places, noise_scales, project_gaussians,
-        pseudo_ground_truth, render, rig_equations, sequence_equations,
+        loss_and_gradient, most_likely_places, project_gaussians, pseudo_ground_truth, render,
+        rig_equations, sequence_equations,
     };
 
     #[pymodule_init]

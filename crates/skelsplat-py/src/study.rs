@@ -9,7 +9,6 @@ use skelsplat_core::Result as CoreResult;
 use skelsplat_core::study::annealed::{Rays, proportions};
 use skelsplat_core::study::bones::{Bone, Length};
 use skelsplat_core::study::gaussian::{Gaussian, GaussianGradient, check_covariances};
-use skelsplat_core::study::noise::Scales;
 use skelsplat_core::study::paper::Encoding;
 use skelsplat_core::study::paper::render::{self as core, DepthSplat, Images};
 use skelsplat_core::study::projection::View;
@@ -316,19 +315,4 @@ pub(crate) fn most_likely_places(
     let search =
         proportions::PlaceSearch { rays, bones, points, doubtful, placed, sigma, variance };
     Ok(Out::points(&proportions::most_likely(&search), vec![n, 3]))
-}
-
-/// The variances of cells by hierarchical scales.
-#[pyfunction]
-#[pyo3(signature = (squares, freedom, *, expected, levels))]
-pub(crate) fn noise_scales(
-    squares: Vec<f64>,
-    freedom: Vec<f64>,
-    expected: f64,
-    levels: Vec<(Vec<usize>, f64)>,
-) -> Vec<f64> {
-    let first = levels.first().map_or(f64::INFINITY, |level| level.1);
-    let all = Scales::new(squares.len(), first);
-    let by = |scales: Scales, level: &(Vec<usize>, f64)| scales.by(|c| level.0[c], level.1);
-    levels.iter().skip(1).fold(all, by).fit(&squares, &freedom, expected).to_vec()
 }

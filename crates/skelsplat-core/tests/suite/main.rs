@@ -11,7 +11,6 @@ mod gradients;
 mod input_checks;
 mod layout;
 mod live;
-mod noise;
 mod overlap;
 mod people;
 mod properties;
