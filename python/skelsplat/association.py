@@ -9,15 +9,17 @@ import numpy.typing as npt
 
 import skelsplat as sk
 from skelsplat import _skelsplat
-from skelsplat._arrays import Array, Index, Mask, corners, numbers, take_people
+from skelsplat._arrays import Array, Index, Mask, corners, medians, numbers, take_people
 from skelsplat._people import most_people, people_uncompared
 from skelsplat.exceptions import InvalidInputError
 from skelsplat.findings import warn
 
 __all__ = ["choose_person", "extents", "separate_people", "take_people"]
 
-# Of two people in as many views, the larger in the images is first.
+# Of two people in as many views that agree as well, the larger in the images is first.
 _SIZE = 1e-3
+# Distance of a figure from its body, as a part of the image's diagonal, at which it counts by exp(−½).
+_AGREE = 0.03
 _MOST_PEOPLE = 4
 # How fast people move is judged at this rate if none is given: that of most video.
 _FPS = 25.0
@@ -97,14 +99,19 @@ def told_apart(
         raise InvalidInputError(f"layout: expected one of {everyone.shape[3]} joints, got {layout.n_joints}")
     refiner = _skelsplat.Refiner(cameras, layout=layout)
     people, cut = _skelsplat.people_identities(refiner, layout, everyone, _FPS if fps is None else fps)
-    shares = extents(everyone) / np.array([np.hypot(*camera.size) for camera in cameras])[:, None]
+    diagonal = np.array([np.hypot(*camera.size) for camera in cameras])
+    shares = extents(everyone) / diagonal[:, None]
 
     def seen(person: tuple[int, Index]) -> tuple[int, float]:
-        """Return in how many views somebody is seen before, and in all, the larger somewhat more."""
+        """Return in how many views somebody is seen before, and in all, as far as they agree on the body."""
         first, slots = person
         t, m = np.nonzero(slots >= 0)
         early = int(np.count_nonzero(slots[: max(0, before - first)] >= 0))
-        return early, len(t) + _SIZE * float(shares[first + t, m, slots[t, m]].sum())
+        figures = take_people(everyone[first : first + len(slots)], slots)[..., :2]
+        body = sk.project(np.asarray(sk.triangulate(figures, cameras, method="dlt")), cameras)
+        off = medians(np.linalg.norm(np.moveaxis(body, 0, 1) - figures, axis=-1)) / diagonal
+        agree = np.exp(-0.5 * (off / _AGREE) ** 2)
+        return early, float(np.nansum(agree) + _SIZE * shares[first + t, m, slots[t, m]].sum())
 
     rest, found = sorted(people, key=seen, reverse=True), [np.full(everyone.shape[:2], -1)]
     while rest and len(found) <= _MOST_PEOPLE:

@@ -9,15 +9,15 @@ import counts
 # Lines, of docs words. A later capability that needs more states its price in docs/decisions.md and pays part
 # of it elsewhere.
 CEILINGS = {
-    "package": 31_665,
+    "package": 31_600,
     "cli": 3_120,
-    "core": 19_730,
-    "binding": 2_700,
-    "Rust tests": 5_830,
-    "Python tests": 26_310,
+    "core": 19_040,
+    "binding": 2_675,
+    "Rust tests": 5_790,
+    "Python tests": 26_150,
     "benchmarks and tools": 3_990,
     "docs, words": 40_250,
-    "README, words": 1_340,
+    "README, words": 1_330,
 }
 
 

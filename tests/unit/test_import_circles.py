@@ -10,17 +10,7 @@ from import_circles import circle, python_graph, rust_graph
 LAYERS = [
     {"error"},
     {"memory", "camera", "layout", "settings", "threads", "matrix3", "names", "statistics"},
-    {
-        "detections",
-        "unit",
-        "gaussian",
-        "overlap",
-        "projection",
-        "symmetry",
-        "outcome",
-        "bones",
-        "kernel",
-    },
+    {"detections", "unit", "gaussian", "overlap", "projection", "symmetry", "outcome", "bones"},
     {"triangulate"},
     {"annealed", "paper"},
     {"refine", "triangulation"},

@@ -73,7 +73,6 @@ mod detections;
 mod error;
 mod follow;
 mod gaussian;
-mod kernel;
 mod layout;
 mod matrix3;
 mod memory;

@@ -15,7 +15,6 @@ use skelsplat_core::study::projection::View;
 use skelsplat_core::study::refine::Control;
 use skelsplat_core::study::rig::Placed;
 use skelsplat_core::study::rig::adjust::equations as rig_step;
-use skelsplat_core::study::sequence::noise::{DetectionNoise, Kernel};
 use skelsplat_core::study::sequence::{equations, solver::Common};
 use skelsplat_core::{Frame, PaperSettings};
 
@@ -241,16 +240,9 @@ pub(crate) fn sequence_equations(
             .map(|[mean, sigma]| Length { mean: *mean, sigma: *sigma })
             .collect(),
         process_noise: Vec::new(),
-        noise: DetectionNoise {
-            confidence: vec![1.0; cameras.cameras.len()],
-            variance: joints.iter().flat_map(|j| vec![j[0]; cameras.cameras.len()]).collect(),
-            wrong: 0.1,
-            kernel: Kernel {
-                sigma: joints.iter().map(|j| j[1]).collect(),
-                per_noise: None,
-                usual: 1.0,
-            },
-        },
+        weight: 1.0,
+        variance: joints.iter().map(|j| j[0]).collect(),
+        sigma: joints.iter().map(|j| j[1]).collect(),
         reach: 1.0,
     };
     let (hessian, pulls, process_noise) = equations(&refiner, &frames, points, common, 1.0)?;

@@ -16,7 +16,6 @@ from skelsplat._people import limbs_differ
 from skelsplat._words import length, listed, percent
 from skelsplat.findings import Finding, Remedy, Severity, Subject
 from skelsplat.rig_check._check import find_swapped, same_detections
-from skelsplat.run.bones import find_bones
 from skelsplat.run.displaced import displaced_cameras, find_apart, find_displaced, shift_of, to_one_side
 from skelsplat.run.frames import MOSTLY, JointFrames, find_joints, find_statuses, some
 from skelsplat.run.people import find_people
@@ -75,7 +74,6 @@ def find_findings(
         *{finding.subject: finding for finding in swapped}.values(),  # the latter of two on a camera
         *filter(None, [limbs_differ(inputs.layout, measured.T) if measured.size else None]),
         *_given_lengths(inputs, alone),
-        *find_bones(inputs, alone),
         *find_joints(counted, statistics),
         *find_statuses(inputs, frames, counts),
     ]

@@ -11,13 +11,11 @@ use super::result::Refinement;
 use crate::annealed::rays::Rays;
 use crate::annealed::swaps::{Chain, chains};
 use crate::annealed::{self, Alone, AnnealedSettings, Before, Bones, Prior};
-use crate::bones::Length;
 use crate::bones::expected::Expected;
 use crate::camera::Camera;
 use crate::detections::Detections;
 use crate::error::{Error, Result};
 use crate::gaussian::Gaussian;
-use crate::kernel::Kernel;
 use crate::layout::Layout;
 use crate::outcome::{ErrorBars, Outcome};
 use crate::paper::{self, LossAndGradient, PaperSettings, Renderer, Shapes};
@@ -26,8 +24,7 @@ use crate::symmetry::LimbPair;
 use crate::threads;
 use crate::unit::Unit;
 
-/// Cameras, layout and settings prepared once for any number of frames. Everything inside is in mm,
-/// or, for bodies of another size than people, in mm of a body of a person's size.
+/// Cameras, layout and settings prepared once for any number of frames. Everything inside is in mm.
 #[derive(Debug, Clone)]
 pub struct Refiner {
     /// At full resolution.
@@ -38,8 +35,6 @@ pub struct Refiner {
     chains: Vec<Chain>,
     bones: Vec<[usize; 2]>,
     expected: Expected,
-    /// Joints that are mirror images.
-    mirrored: Vec<[usize; 2]>,
     occlusion_prone: Vec<usize>,
     n_joints: Option<usize>,
     /// Standard deviations of the joints' systematic errors, in the unit of the cameras; empty if
@@ -48,8 +43,6 @@ pub struct Refiner {
     /// Settings of the rendering loss: those of `paper`, or for `annealed` its closed form.
     paper: PaperSettings,
     unit: Unit,
-    /// The body's size in multiples of a person's.
-    size: f64,
     config: RefineConfig,
 }
 
@@ -82,25 +75,24 @@ impl Refiner {
             let expected = format!("one weight per camera ({})", cameras.len());
             return Err(Error::invalid("config.view_weights", expected, w.len().to_string()));
         }
-        let cameras = scaled(cameras, unit.millimetres());
-        let smaller: Result<Vec<Camera>> =
+        let cameras: Vec<Camera> =
+            cameras.iter().map(|c| c.clone().with_length_scale(unit.millimetres())).collect();
+        let scaled: Result<Vec<Camera>> =
             cameras.iter().map(|c| c.scaled(paper.resolution)).collect();
-        let smaller = smaller.map_err(|error| error.of_argument("config.resolution"));
+        let scaled = scaled.map_err(|error| error.of_argument("config.resolution"));
         let bias = config.joint_bias_mm.per_joint(layout, layout.map_or(0, Layout::n_joints));
         Ok(Self {
-            views: smaller?.iter().map(View::new).collect(),
+            views: scaled?.iter().map(View::new).collect(),
             pairs: layout.map_or(Vec::new(), |l| l.symmetric_pairs(config.symmetry_tier).collect()),
             chains: layout.filter(|_| find_swaps).map(chains).unwrap_or_default(),
             bones: layout.map(|l| l.limbs.clone()).unwrap_or_default(),
             expected,
-            mirrored: layout.map(|l| l.left_right.clone()).unwrap_or_default(),
             occlusion_prone: layout.map(|l| l.occlusion_prone.clone()).unwrap_or_default(),
             n_joints: layout.map(|l| l.joints.len()),
             joint_bias: in_unit(bias, unit),
             cameras,
             paper,
             unit,
-            size: 1.0,
             config,
         })
     }
@@ -113,30 +105,6 @@ impl Refiner {
     /// The unit of the cameras and of all poses.
     pub fn unit(&self) -> Unit {
         self.unit
-    }
-
-    /// The same for bodies that are `size` times as large as people: settings and constants in mm
-    /// are those of a body of a person's size.
-    pub(crate) fn at_size(&self, size: f64) -> Self {
-        let mut out = self.clone();
-        let scale = self.size / size;
-        out.cameras = scaled(&self.cameras, scale);
-        for bone in &mut out.expected.given {
-            bone.length =
-                Length { mean: bone.length.mean * scale, sigma: bone.length.sigma * scale };
-        }
-        out.size = size;
-        out
-    }
-
-    /// The body's size in multiples of a person's.
-    pub(crate) fn size(&self) -> f64 {
-        self.size
-    }
-
-    /// Lengths inside per unit of the cameras: mm, or those of a body of a person's size.
-    pub(crate) fn millimetres(&self) -> f64 {
-        self.unit.millimetres() / self.size
     }
 
     /// Refines one frame.
@@ -189,25 +157,14 @@ impl Refiner {
         })
     }
 
-    /// The final kernels of `n` joints by their noise.
-    pub(crate) fn kernel(&self, n: usize) -> Kernel {
+    /// Final kernels of `n` joints where the detections have this `noise`, mm.
+    pub(crate) fn final_kernels(&self, n: usize, noise: f64) -> Vec<f64> {
         let per_noise = match &self.config.method {
             Method::Annealed(own) => own.sigma_per_noise,
             Method::Paper(_) => None,
         };
-        Kernel { sigma: self.sigmas(n), per_noise, usual: self.config.sigma_mm() }
-    }
-
-    /// Final kernels of `n` joints where the detections have this `noise`, mm.
-    pub(crate) fn final_kernels(&self, n: usize, noise: f64) -> Vec<f64> {
-        self.kernel(n).of(noise)
-    }
-
-    /// The class of each of `n` joints: left and right joints err alike.
-    pub(crate) fn classes(&self, n: usize) -> Vec<usize> {
-        let mut classes: Vec<usize> = (0..n).collect();
-        self.mirrored.iter().for_each(|[l, r]| classes[*r] = classes[*l]);
-        classes
+        let share = per_noise.map_or(1.0, |k| (k * noise / self.config.sigma_mm()).min(1.0));
+        self.sigmas(n).into_iter().map(|sigma| sigma * share).collect()
     }
 
     /// The cameras in mm.
@@ -245,7 +202,7 @@ impl Refiner {
     ) -> Refinement {
         let errors = self.reprojection_error(detections, &outcome);
         let bias = self.joint_bias(outcome.points.len());
-        Refinement::new(outcome, bars, errors, bias, self.millimetres())
+        Refinement::new(outcome, bars, errors, bias, self.unit)
     }
 
     /// Standard deviations of the systematic errors of `n` joints, in the unit of the cameras.
@@ -416,7 +373,7 @@ impl Refiner {
 
     /// The initial pose in mm; `None` for a joint without one.
     fn initial_pose(&self, frame: &Frame) -> Option<Vec<Option<Vector3<f64>>>> {
-        let mm = self.millimetres();
+        let mm = self.unit.millimetres();
         let known = |p: &Vector3<f64>| p.iter().all(|v| v.is_finite()).then_some(p * mm);
         frame.init_pose.as_ref().map(|pose| pose.iter().map(known).collect())
     }
@@ -424,7 +381,7 @@ impl Refiner {
     /// The initial pose and, with covariances, the prior.
     fn before(&self, frame: &Frame) -> Option<Before> {
         let pose = self.initial_pose(frame)?;
-        let mm = self.millimetres();
+        let mm = self.unit.millimetres();
         let prior = |(p, c): (&Option<Vector3<f64>>, &Matrix3<f64>)| {
             let widest = c.diagonal().max();
             let spread = if widest.is_finite() { mm * widest.sqrt() } else { 0.0 };
@@ -450,11 +407,6 @@ impl Refiner {
         };
         outcome.used_for.iter().enumerate().map(|k| distance(k).unwrap_or(f64::NAN)).collect()
     }
-}
-
-/// Cameras in a world that is so many times as large.
-fn scaled(cameras: &[Camera], factor: f64) -> Vec<Camera> {
-    cameras.iter().map(|camera| camera.clone().with_length_scale(factor)).collect()
 }
 
 /// The lengths of bones that these settings expect.

@@ -3,9 +3,9 @@
 use nalgebra::Vector3;
 
 use super::tracks::Tracks;
+use crate::bones::Length;
 use crate::bones::expected::{Expected, Shown, stature};
 use crate::bones::population::Proportion;
-use crate::bones::{Length, REACH};
 use crate::statistics::weighted_median;
 
 /// Frames needed for an estimate.
@@ -25,7 +25,6 @@ const CONTRADICTS: f64 = 3.0;
 
 /// The length of every bone at `points` `(N, T)`: what the frames show, with what is expected as
 /// its prior. σ is infinite for a bone that no frame shows and of which nothing is known.
-/// A length that no person has is not believed.
 pub fn lengths(
     tracks: &Tracks,
     points: &[Vector3<f64>],
@@ -33,7 +32,7 @@ pub fn lengths(
     expected: &Expected,
 ) -> Vec<Length> {
     let measured: Vec<Option<MeasuredLength>> =
-        bones.iter().map(|b| measure(tracks, points, *b, expected.given(*b))).collect();
+        bones.iter().map(|bone| measure(tracks, points, *bone)).collect();
     let of = |joints: [usize; 2]| bones.iter().position(|b| *b == joints).and_then(|b| measured[b]);
     let shown = |p: &Proportion| {
         let m = of(p.joints).filter(|m| m.well)?;
@@ -44,23 +43,8 @@ pub fn lengths(
         let own = expected.proportions.iter().find(|p| p.joints == joints)?.at(stature);
         Some(Length { sigma: LOOSE * own.sigma, ..own })
     };
-    let joined = |(b, m): (&[usize; 2], &Option<MeasuredLength>)| {
-        let own = of_population(*b);
-        let possible = |m: &MeasuredLength| {
-            own.is_none_or(|own| (m.length.mean - own.mean).abs() <= REACH * own.sigma)
-        };
-        combined(m.filter(possible), expected.given(*b).or(own))
-    };
-    bones.iter().zip(&measured).map(joined).collect()
-}
-
-/// Whether any frame sees both ends of each bone well, as 1 or 0.
-pub fn shown(tracks: &Tracks, bones: &[[usize; 2]]) -> Vec<f64> {
-    let both = |[a, b]: &[usize; 2], t: usize| {
-        tracks.sure[a * tracks.frames + t] && tracks.sure[b * tracks.frames + t]
-    };
-    let any = |bone| (0..tracks.frames).any(|t| both(bone, t));
-    bones.iter().map(|bone| if any(bone) { 1.0 } else { 0.0 }).collect()
+    let prior = |joints: [usize; 2]| expected.given(joints).or_else(|| of_population(joints));
+    bones.iter().zip(&measured).map(|(b, m)| combined(*m, prior(*b))).collect()
 }
 
 /// What the frames show of a bone.
@@ -108,12 +92,7 @@ impl InFrame {
     }
 }
 
-fn measure(
-    tracks: &Tracks,
-    points: &[Vector3<f64>],
-    [a, b]: [usize; 2],
-    given: Option<Length>,
-) -> Option<MeasuredLength> {
+fn measure(tracks: &Tracks, points: &[Vector3<f64>], [a, b]: [usize; 2]) -> Option<MeasuredLength> {
     let at = |t: usize| (a * tracks.frames + t, b * tracks.frames + t);
     let is_sure = |t: &usize| tracks.sure[at(*t).0] && tracks.sure[at(*t).1];
     let in_frame = |t: usize| {
@@ -139,9 +118,7 @@ fn measure(
     let total: f64 = seen.iter().map(|s| s.weight).sum();
     let noise = seen.iter().map(|s| s.weight * s.variance).sum::<f64>() / total;
     let own = (scatter * scatter - noise).max(0.0).sqrt();
-    let usual = LEAST_SPREAD.max(LEAST_SHARE * mean);
-    let least = given.map_or(usual, |given| given.sigma.min(usual));
-    let length = Length { mean, sigma: own.max(least) };
+    let length = Length { mean, sigma: own.max(LEAST_SPREAD).max(LEAST_SHARE * mean) };
     let variance = if well { LASTING * noise } else { noise + scatter * scatter };
     Some(MeasuredLength { length, variance, well })
 }

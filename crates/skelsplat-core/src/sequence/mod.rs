@@ -23,7 +23,6 @@
 
 pub mod chain;
 mod known;
-pub mod lasting;
 pub mod learn;
 pub mod live;
 pub mod noise;
@@ -31,9 +30,7 @@ mod outcome;
 pub mod posterior;
 pub mod process_noise;
 mod recording;
-pub mod scales;
 mod serialise;
-mod size;
 pub mod solver;
 mod swaps;
 pub mod system;

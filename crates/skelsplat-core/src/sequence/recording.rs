@@ -7,15 +7,12 @@ use nalgebra::Vector3;
 use rayon::prelude::*;
 
 use super::known::{Known, Learnt};
-use super::lasting::{Correlation, memories, taken};
 use super::learn;
 use super::noise::DetectionNoise;
 use super::outcome::{SolvedWindow, errors};
 use super::posterior::{Posterior, posterior};
 use super::process_noise;
-use super::scales::{Residuals, USUAL_TAKEN};
-use super::size::{LEAST_SPREAD, USUAL_SPREAD, body_size};
-use super::solver::{Common, NARROW, NARROWEST, SETTLE, WIDE, WindowSolver};
+use super::solver::{ANNEAL, Common, SETTLE, WindowSolver};
 use super::swaps::{self, FrameSwap};
 use super::tracks::{BRIDGE, Tracks};
 use super::windows::{Window, frames_in, sample, window_size, windows};
@@ -31,6 +28,11 @@ use crate::threads;
 
 /// Frames per second that can be computed with.
 const RATES: RangeInclusive<f64> = 1e-3..=1e6;
+/// Least spread of a body in multiples of the noise.
+pub(super) const LEAST_SPREAD: f64 = 2.0;
+/// The spread where nothing is known, mm.
+pub(super) const USUAL_SPREAD: f64 = 500.0;
+
 /// A bone that is never seen.
 const UNKNOWN: Length = Length { mean: f64::NAN, sigma: f64::INFINITY };
 
@@ -75,15 +77,14 @@ pub fn refine_in_windows(
 ) -> Result<Sequence> {
     check(refiner, fps, "'annealed' for a sequence")?;
     let windows = windows(frames.len(), size);
-    let out = Sequence::blank(frames, refiner)?;
-    let parts: Vec<&[Frame]> = sample(&windows).into_iter().map(|part| &frames[part]).collect();
-    let refiner = &refiner.at_size(size_of(refiner, &parts)?);
     let recording = Recording { refiner, frames, fps, progress };
+    let out = Sequence::blank(frames, refiner)?;
     threads::install(refiner.config().n_threads, |_| match windows.as_slice() {
         [] => Ok(out),
         [window] => recording.learn_and_solve(window, out),
         windows => {
-            let known = recording.learn_from(&parts)?;
+            let parts = sample(windows).into_iter().map(|part| &frames[part]);
+            let known = recording.learn_from(&parts.collect::<Vec<_>>())?;
             recording.solve(windows, &known, out)
         }
     })
@@ -105,7 +106,6 @@ pub fn learn_sequence(
     if stretches.is_empty() || stretches.iter().any(|frames| frames.is_empty()) {
         return Err(Error::invalid("detections", "frames to learn from", "none"));
     }
-    let refiner = &refiner.at_size(size_of(refiner, stretches)?);
     let recording = Recording { refiner, frames: &[], fps, progress };
     threads::install(refiner.config().n_threads, |_| recording.learn_from(stretches))
 }
@@ -140,17 +140,10 @@ pub fn refine_windows(
         let actual = known.n_joints().to_string();
         return Err(Error::invalid("known", format!("{n} joints"), actual));
     }
-    let refiner = &refiner.at_size(known.size);
     let recording = Recording { refiner, frames, fps, progress };
     let own = windows[0].own.start..windows[windows.len() - 1].own.end;
     let out = Sequence::blank(&frames[own], refiner)?;
     threads::install(refiner.config().n_threads, |_| recording.solve(windows, known, out))
-}
-
-/// The body's size, as some frames show it; a person's where they show none.
-fn size_of(refiner: &Refiner, stretches: &[&[Frame]]) -> Result<f64> {
-    let size = body_size(refiner, stretches)?;
-    Ok(if size.is_finite() { size } else { 1.0 })
 }
 
 /// Rejects a rate that is none, and another method than the `expected` one.
@@ -182,10 +175,6 @@ struct Path {
     swapped: Vec<FrameSwap>,
     points: Vec<Vector3<f64>>,
     steps: usize,
-    /// What is common to all frames, as the path under wide kernels shows it.
-    wide: Common,
-    /// How the noise of each view varies in time `(M, T)`.
-    factors: Vec<f64>,
 }
 
 /// Where the frames of a window are written.
@@ -221,15 +210,14 @@ impl Recording<'_> {
         Ok(out)
     }
 
-    /// The lengths of the bones that the recording shows, in the unit of the cameras, with the
-    /// median of the `errors` in each window; infinite where none of these shows the bone.
+    /// The bones' lengths, in the unit of the cameras, with the median of the `errors` in each
+    /// window.
     fn lengths(&self, errors: &[Vec<f64>], learnt: &Learnt) -> Vec<Length> {
-        let mm = self.refiner.millimetres();
+        let mm = self.refiner.unit().millimetres();
         let with_error = |(b, length): (usize, &Length)| {
             let finite = errors.iter().map(|of_window| of_window[b]).filter(|e| e.is_finite());
             match median(finite) {
                 error if error.is_finite() => Length { mean: length.mean / mm, sigma: error / mm },
-                _ if learnt.shown[b] > 0.0 => Length { mean: length.mean / mm, ..UNKNOWN },
                 _ => UNKNOWN,
             }
         };
@@ -244,8 +232,8 @@ impl Recording<'_> {
         frames.par_iter().map(solve).collect()
     }
 
-    fn tracks(&self, stretches: &[&[Alone]], noise: &DetectionNoise) -> Tracks {
-        Tracks::new(stretches, frames_in(BRIDGE, self.fps), noise)
+    fn tracks(&self, stretches: &[&[Alone]], sigma: f64) -> Tracks {
+        Tracks::new(stretches, frames_in(BRIDGE, self.fps), sigma)
     }
 
     fn check(&self) -> impl Fn() -> Result<()> {
@@ -255,123 +243,71 @@ impl Recording<'_> {
     /// What is common to all windows, from the frames of some of them, and their path. Windows find
     /// theirs with the knowledge before it: where two paths are as good, they take the same.
     fn learn(&self, sample: &[Vec<Alone>]) -> Result<(Known, Path)> {
-        let (first, tracks) = self.first(sample);
-        let mut path = self.path(tracks, &first, None)?;
-        let (bones, expected) = (&first.bones, self.refiner.expected());
-        let lengths = learn::lengths(&path.tracks, &path.points, bones, expected);
-        let common = Common { lengths, ..path.wide.clone() };
+        let all = || sample.iter().flatten();
+        let noise = median(all().map(|f| f.noise).filter(|n| n.is_finite()));
+        let noise = if noise.is_finite() { noise } else { 1.0 };
+        let weights = all().filter(|f| f.noise.is_finite()).map(|f| f.rays.mean_weight());
+        let weight = Some(median(weights)).filter(|w| w.is_finite()).unwrap_or(1.0);
+        let spread = median(all().filter_map(|f| BodyExtent::spread(&f.points)));
+        let sigma = self.refiner.final_kernels(sample[0][0].points.len(), noise);
+        let stretches: Vec<&[Alone]> = sample.iter().map(Vec::as_slice).collect();
+        let tracks = self.tracks(&stretches, sigma[0]);
+        let variance = vec![noise * noise; tracks.joints];
+        let (bones, expected) = (self.refiner.bones().to_vec(), self.refiner.expected());
+        let mut common = Common {
+            fps: self.fps,
+            lengths: learn::lengths(&tracks, &tracks.alone, &bones, expected),
+            process_noise: process_noise::learn(&tracks, self.fps, &variance),
+            bones,
+            weight,
+            variance: vec![noise * noise * weight; tracks.joints],
+            sigma,
+            reach: if spread > LEAST_SPREAD * noise { spread } else { USUAL_SPREAD },
+        };
+        let mut path = self.path(tracks, &common)?;
+        let first = common.clone();
+        common.lengths = learn::lengths(&path.tracks, &path.points, &common.bones, expected);
         let mut run =
             WindowSolver::new(&path.tracks, &common, Some(std::mem::take(&mut path.points)));
         run.anneal(SETTLE, &self.check())?;
         run.linearise(1.0);
-        let classes = self.refiner.classes(path.tracks.joints);
-        let correlation = Correlation::of(&run, &path.tracks, &classes, self.fps);
-        let residuals =
-            |taken: &[f64]| Residuals::of(&run, &path.tracks, taken, 1.0, &common.noise.confidence);
-        let taken = taken(&run, &path.tracks, &correlation, &classes);
-        let smooth = residuals(&taken);
-        let alone = residuals(&vec![1.0; path.tracks.joints]);
-        let memory = memories(&correlation, &classes, self.fps, [&alone, &smooth]);
-        let noise = self.scales(&common.noise, &smooth, &classes);
-        path.factors = self.factors(&noise, &smooth);
+        let DetectionNoise { variance, memory, share } =
+            DetectionNoise::of(&run, &path.tracks, &common);
+        let given = self.refiner.config().detection_sigma_px.is_some();
+        let variance = if given { common.variance.clone() } else { variance };
         path.steps += run.n_iter;
         path.points = run.points;
-        let wide = path.wide.clone();
-        let shown = learn::shown(&path.tracks, &common.bones);
-        let learnt = Learnt { common: Common { noise, ..common }, memory, taken, shown };
-        Ok((Known { size: self.refiner.size(), first, wide, learnt }, path))
-    }
-
-    /// What the frames alone show, and their tracks.
-    fn first(&self, sample: &[Vec<Alone>]) -> (Common, Tracks) {
-        let all = || sample.iter().flatten();
-        let noise = median(all().map(|f| f.noise).filter(|n| n.is_finite()));
-        let noise = if noise.is_finite() { noise } else { 1.0 };
-        let spread = median(all().filter_map(|f| BodyExtent::spread(&f.points)));
-        let rays = &sample[0][0].rays;
-        let views = 0..rays.n_views();
-        let confidence = views.map(|i| confidence(all(), i)).collect();
-        let kernel = self.refiner.kernel(rays.n_joints());
-        let noise_of = DetectionNoise::uniform(confidence, noise * noise, kernel);
-        let stretches: Vec<&[Alone]> = sample.iter().map(Vec::as_slice).collect();
-        let tracks = self.tracks(&stretches, &noise_of);
-        let bones = self.refiner.bones().to_vec();
-        let common = Common {
-            fps: self.fps,
-            lengths: learn::lengths(&tracks, &tracks.alone, &bones, self.refiner.expected()),
-            process_noise: process_noise::learn(&tracks, self.fps, &noise_of.of_joints()),
-            bones,
-            noise: noise_of,
-            reach: if spread > LEAST_SPREAD * noise { spread } else { USUAL_SPREAD },
-        };
-        (common, tracks)
-    }
-
-    /// The scales that residuals show, unless the user gives the noise.
-    fn scales(&self, noise: &DetectionNoise, of: &Residuals, classes: &[usize]) -> DetectionNoise {
-        let given = self.refiner.config().detection_sigma_px.is_some();
-        if given { noise.clone() } else { noise.learnt(of, classes) }
-    }
-
-    /// How they vary in time.
-    fn factors(&self, noise: &DetectionNoise, of: &Residuals) -> Vec<f64> {
-        let given = self.refiner.config().detection_sigma_px.is_some();
-        if given { Vec::new() } else { noise.in_time(of, self.fps) }
+        let learnt = Learnt { common: Common { variance, ..common }, memory, share };
+        Ok((Known { first, learnt }, path))
     }
 
     /// The path from wide kernels down to the final ones, and the sides that it shows to be
-    /// swapped. Under wide kernels it shows the noise, unless what is common is `known`.
-    fn path(&self, mut tracks: Tracks, first: &Common, known: Option<&Common>) -> Result<Path> {
+    /// swapped.
+    fn path(&self, mut tracks: Tracks, common: &Common) -> Result<Path> {
         let chains = self.refiner.chains();
-        let mut swapped = swaps::exchanged(&tracks, chains, first);
+        let mut swapped = swaps::exchanged(&tracks, chains, common);
         swaps::exchange(&mut tracks, chains, &swapped);
-        tracks.find_cuts(first.fps, &first.usual());
-        let mut run = WindowSolver::new(&tracks, first, None);
-        run.anneal(WIDE, &self.check())?;
-        run.linearise(NARROWEST);
-        let taken = vec![USUAL_TAKEN; tracks.joints];
-        let confidence = &first.noise.confidence;
-        let residuals = Residuals::of(&run, &tracks, &taken, NARROWEST, confidence);
-        let (points, steps) = (run.points, run.n_iter);
-        let learn = || {
-            let classes = self.refiner.classes(tracks.joints);
-            let noise = self.scales(&first.noise, &residuals, &classes);
-            let process_noise = process_noise::learn(&tracks, self.fps, &noise.of_joints());
-            Common { noise, process_noise, ..first.clone() }
-        };
-        let wide = known.cloned().unwrap_or_else(learn);
-        tracks.weigh(&wide.noise, &self.factors(&wide.noise, &residuals));
+        tracks.find_cuts(common.fps, &common.usual());
         tracks.process_noise =
-            process_noise::local(&tracks, self.fps, &wide.bones, &wide.process_noise);
-        let mut run = WindowSolver::new(&tracks, &wide, Some(points));
-        run.anneal(NARROW, &self.check())?;
-        let (points, steps) = (run.points, steps + run.n_iter);
-        let found = swaps::find(&tracks, chains, &points, &wide);
+            process_noise::local(&tracks, common.fps, &common.bones, &common.process_noise);
+        let mut run = WindowSolver::new(&tracks, common, None);
+        run.anneal(ANNEAL, &self.check())?;
+        let (points, steps) = (run.points, run.n_iter);
+        let found = swaps::find(&tracks, chains, &points, common);
         for swap in &found {
             for [l, r] in &chains[swap.chain] {
                 tracks.swap(swap.view, swap.frame, *l, *r);
             }
         }
         swapped.extend(found);
-        Ok(Path { tracks, swapped, points, steps, wide, factors: Vec::new() })
+        Ok(Path { tracks, swapped, points, steps })
     }
 
     fn window(&self, window: &Window, known: &Known, place: Place<'_>) -> Result<Vec<f64>> {
         let alone = self.alone(&self.frames[window.all.clone()])?;
-        let tracks = self.tracks(&[&alone], &known.first.noise);
-        let mut path = self.path(tracks, &known.first, Some(&known.wide))?;
-        let learnt = &known.learnt;
-        let points = std::mem::take(&mut path.points);
-        let common = Common { noise: path.wide.noise.clone(), ..learnt.common.clone() };
-        let mut run = WindowSolver::new(&path.tracks, &common, Some(points));
-        run.anneal(SETTLE, &self.check())?;
-        run.linearise(1.0);
-        let confidence = &learnt.common.noise.confidence;
-        let residuals = Residuals::of(&run, &path.tracks, &learnt.taken, 1.0, confidence);
-        path.factors = self.factors(&learnt.common.noise, &residuals);
-        path.steps += run.n_iter;
-        path.points = run.points;
-        self.finish(window, &alone, path, learnt, place)
+        let tracks = self.tracks(&[&alone], known.learnt.common.sigma[0]);
+        let path = self.path(tracks, &known.first)?;
+        self.finish(window, &alone, path, &known.learnt, place)
     }
 
     /// Writes the solution along a path, with its error bars, and returns the standard errors of
@@ -384,8 +320,7 @@ impl Recording<'_> {
         learnt: &Learnt,
         mut place: Place<'_>,
     ) -> Result<Vec<f64>> {
-        let Path { mut tracks, swapped, points, steps, factors, .. } = path;
-        tracks.weigh(&learnt.common.noise, &factors);
+        let Path { tracks, swapped, points, steps } = path;
         let mut used: Vec<Vec<usize>> = alone.iter().map(|frame| frame.used_for.clone()).collect();
         for swap in &swapped {
             let of_view = swap.view * tracks.joints..(swap.view + 1) * tracks.joints;
@@ -402,7 +337,7 @@ impl Recording<'_> {
         let errors = errors(&run, &found, &tracks, &learnt.common);
         let steps = steps + run.n_iter;
         let state = SolvedWindow::of(&run, &tracks, learnt, &found);
-        let mm = self.refiner.millimetres();
+        let mm = self.refiner.unit().millimetres();
         for (own, t) in window.own.clone().enumerate() {
             let k = t - window.all.start;
             let used = std::mem::take(&mut used[k]);
@@ -414,18 +349,6 @@ impl Recording<'_> {
         }
         Ok(errors)
     }
-}
-
-/// Mean confidence of the detections of view `i`; 1 without any.
-fn confidence<'a>(frames: impl Iterator<Item = &'a Alone>, i: usize) -> f64 {
-    let (mut sum, mut n) = (0.0, 0.0);
-    for frame in frames {
-        let rays = (0..frame.rays.n_joints()).map(|j| &frame.rays.of_joint(j)[i]);
-        for ray in rays.filter(|ray| ray.is_there()) {
-            (sum, n) = (sum + ray.weight, n + 1.0);
-        }
-    }
-    if n > 0.0 { sum / n } else { 1.0 }
 }
 
 impl Place<'_> {
@@ -486,9 +409,9 @@ pub fn equations(
     wider: f64,
 ) -> Result<Equations> {
     let alone: Result<Vec<Alone>> = frames.iter().map(|frame| refiner.alone(frame)).collect();
-    let mut tracks = Tracks::new(&[&alone?], frames_in(BRIDGE, common.fps), &common.noise);
+    let mut tracks = Tracks::new(&[&alone?], frames_in(BRIDGE, common.fps), common.sigma[0]);
     common.bones = refiner.bones().to_vec();
-    common.process_noise = process_noise::learn(&tracks, common.fps, &common.noise.of_joints());
+    common.process_noise = process_noise::learn(&tracks, common.fps, &common.variance);
     tracks.process_noise =
         process_noise::local(&tracks, common.fps, &common.bones, &common.process_noise);
     let mut run = WindowSolver::new(&tracks, &common, Some(points));

@@ -3,7 +3,6 @@
 use nalgebra::{Matrix3, Vector3};
 
 use super::chain::{Band, Chain, second_difference};
-use super::noise::DetectionNoise;
 use super::process_noise::ProcessNoise;
 use super::system::System;
 use super::tracks::Tracks;
@@ -23,8 +22,12 @@ pub struct Common {
     pub lengths: Vec<Length>,
     /// The process noise of each joint.
     pub process_noise: Vec<ProcessNoise>,
-    /// The detections' noise.
-    pub noise: DetectionNoise,
+    /// Mean weight of the detections.
+    pub weight: f64,
+    /// Variance of a detection of weight 1 of each joint, mm².
+    pub variance: Vec<f64>,
+    /// Final kernel of each joint, mm.
+    pub sigma: Vec<f64>,
     /// Root mean square distance of the joints from the body's centre, mm: no joint is unknown
     /// beyond it.
     pub reach: f64,
@@ -41,12 +44,8 @@ impl Common {
 /// each.
 pub type Schedule = [(f64, usize)];
 
-/// From wide kernels to those under which the noise is measured,
-pub const WIDE: &Schedule = &[(8.0, 1), (NARROWEST, 2)];
-/// and the last of them.
-pub const NARROWEST: f64 = 2.0;
-/// On to the final ones.
-pub const NARROW: &Schedule = &[(2.0, 1), (1.0, 3)];
+/// From wide kernels down to the final ones.
+pub const ANNEAL: &Schedule = &[(8.0, 1), (4.0, 1), (2.0, 1), (1.0, 3)];
 /// Under the final kernels only.
 pub const SETTLE: &Schedule = &[(1.0, 6)];
 
@@ -109,7 +108,8 @@ impl<'a> WindowSolver<'a> {
     /// # Errors
     /// The error of `check`.
     pub fn anneal(&mut self, schedule: &Schedule, check: &impl Fn() -> Result<()>) -> Result<()> {
-        let noise = self.common.noise.least().sqrt();
+        let least = self.common.variance.iter().copied().fold(f64::INFINITY, f64::min);
+        let noise = (least / self.common.weight).sqrt();
         for (wider, steps) in schedule {
             for _ in 0..*steps {
                 check()?;
@@ -161,7 +161,9 @@ impl<'a> WindowSolver<'a> {
     /// position and none disagrees, k and k̄ do not fall below their values at this position: the
     /// other frames never outvote them.
     fn see(&mut self, j: usize, wider: f64) {
-        self.weigh(j, wider);
+        let sigma = self.common.sigma[j] * wider;
+        let precision = 1.0 / self.common.variance[j];
+        self.weigh(j, sigma);
         let (views, of) = (self.tracks.views, self.system.of(j));
         let reach = frames_in(TRUST_SPAN, self.common.fps);
         let system = &mut self.system;
@@ -180,8 +182,7 @@ impl<'a> WindowSolver<'a> {
                     self.sums[near.end * 2 * views + k] - self.sums[near.start * 2 * views + k]
                 };
                 let mean = (sum(2 * i) / sum(2 * i + 1)).max(*held);
-                let precision = self.tracks.precision[(of.start + t) * views + i];
-                let w = precision * self.kept[t * views + i] * mean;
+                let w = ray.weight * self.kept[t * views + i] * mean * precision;
                 outer.add_outer(w, &ray.direction);
                 weight += w;
                 *pull -= ray.offset(x).across * w;
@@ -192,7 +193,7 @@ impl<'a> WindowSolver<'a> {
 
     /// k of every ray of joint `j`, at least the held weight, and the running sums of k and of the
     /// rays' number.
-    fn weigh(&mut self, j: usize, wider: f64) {
+    fn weigh(&mut self, j: usize, sigma: f64) {
         let (views, own) = (self.tracks.views, j * self.tracks.frames);
         self.kept.clear();
         self.sums.clear();
@@ -202,9 +203,7 @@ impl<'a> WindowSolver<'a> {
             for (i, (ray, held)) in rays {
                 let there = ray.is_there() && self.tracks.active[own + t];
                 let k = match there {
-                    true => {
-                        self.tracks.trust_under(own + t, i, &self.points[own + t], wider).max(*held)
-                    }
+                    true => ray.offset(&self.points[own + t]).weight(sigma).max(*held),
                     false => 0.0,
                 };
                 self.kept.push(k);

@@ -2,10 +2,9 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::noise::DetectionNoise;
 use crate::annealed::Alone;
 use crate::annealed::consensus::REJECTED;
-use crate::annealed::rays::Ray;
+use crate::annealed::rays::{Ray, there};
 use crate::statistics::median;
 
 /// Longest gap over which a joint is bridged, s.
@@ -34,9 +33,6 @@ pub struct Tracks {
     pub views: usize,
     /// Rays `(N, T, M)`.
     rays: Vec<Ray>,
-    /// Their precisions, mm⁻², and 1/4σ² of their final kernels `(N, T, M)`.
-    pub precision: Vec<f64>,
-    narrow: Vec<f64>,
     /// Positions of each frame alone `(N, T)`, mm; NaN where unknown.
     pub alone: Vec<Vector3<f64>>,
     /// Their covariances `(N, T)`, mm².
@@ -63,8 +59,8 @@ impl Tracks {
     /// connect them.
     ///
     /// A joint is estimated between frames that give it a position, over gaps of at most `longest`
-    /// frames.
-    pub fn new(stretches: &[&[Alone]], longest: usize, noise: &DetectionNoise) -> Self {
+    /// frames. `sigma` is the kernel under which views agree.
+    pub fn new(stretches: &[&[Alone]], longest: usize, sigma: f64) -> Self {
         let first = &stretches[0][0];
         let (n, m) = (first.points.len(), first.rays.n_views());
         let own: usize = stretches.iter().map(|s| s.len()).sum();
@@ -74,8 +70,6 @@ impl Tracks {
             joints: n,
             views: m,
             rays: vec![Ray::NONE; n * t * m],
-            precision: vec![0.0; n * t * m],
-            narrow: vec![0.0; n * t * m],
             alone: vec![Vector3::repeat(f64::NAN); n * t],
             spread: vec![Matrix3::repeat(f64::NAN); n * t],
             active: vec![false; n * t],
@@ -96,46 +90,8 @@ impl Tracks {
             begin += stretch.len() + 1;
             tracks.cuts[(begin - 1).min(t)..].iter_mut().for_each(|cuts| *cuts += 1);
         }
-        tracks.weigh(noise, &[]);
+        tracks.judge(sigma);
         tracks
-    }
-
-    /// Weights the detections by their noise, of which every view has `factors` `(M, T)` times the
-    /// usual one (empty: once), and marks positions on which the views agree.
-    pub fn weigh(&mut self, noise: &DetectionNoise, factors: &[f64]) {
-        let (t, m) = (self.frames, self.views);
-        for (k, ray) in self.rays.iter().enumerate().filter(|(_, ray)| ray.is_there()) {
-            let (j, frame, i) = (k / (t * m), k / m % t, k % m);
-            let factor = factors.get(i * t + frame).copied().unwrap_or(1.0);
-            [self.precision[k], self.narrow[k]] = noise.of(j, i, ray.weight, factor);
-        }
-        self.judge();
-    }
-
-    /// k of view `i` for joint and frame `k` at `x`, under its final kernel; 0 behind the camera.
-    #[inline]
-    pub fn trust(&self, k: usize, i: usize, x: &Vector3<f64>) -> f64 {
-        self.trust_under(k, i, x, 1.0)
-    }
-
-    /// F of the detections of joint and frame `k` with these k.
-    pub fn loss(&self, k: usize, kept: &[f64]) -> f64 {
-        let of = |(i, kept): (usize, &f64)| {
-            let k = k * self.views + i;
-            0.5 * self.precision[k] / self.narrow[k] * (1.0 - kept)
-        };
-        kept.iter().enumerate().filter(|(_, kept)| kept.is_finite()).map(of).sum()
-    }
-
-    /// k under a kernel that is so many times as wide.
-    #[inline]
-    pub fn trust_under(&self, k: usize, i: usize, x: &Vector3<f64>, wider: f64) -> f64 {
-        let offset = self.rays[k * self.views + i].offset(x);
-        if offset.range <= 0.0 {
-            return 0.0;
-        }
-        let narrow = self.narrow[k * self.views + i] / (wider * wider);
-        (-narrow * offset.across.norm_squared()).exp()
     }
 
     fn place(&mut self, j: usize, t: usize, frame: &Alone) {
@@ -157,23 +113,19 @@ impl Tracks {
         }
     }
 
-    /// Marks positions on which the views agree.
-    fn judge(&mut self) {
+    /// Marks positions on which the views agree within `sigma`.
+    fn judge(&mut self, sigma: f64) {
         let m = self.views;
-        self.held.fill(0.0);
-        let mut weights = vec![0.0; m];
         for (k, x) in self.alone.iter().enumerate().filter(|(_, x)| x.x.is_finite()) {
-            let (mut n, mut agree, mut close) = (0, 0, 0);
-            for (i, weight) in weights.iter_mut().enumerate() {
-                let there = self.rays[k * m + i].is_there();
-                *weight = if there { self.trust(k, i, x) } else { 0.0 };
-                n += usize::from(there);
-                agree += usize::from(*weight >= REJECTED);
-                close += usize::from(*weight >= CLOSE);
-            }
+            let rays = &self.rays[k * m..(k + 1) * m];
+            let weight = |ray: &Ray| ray.trust(x, sigma).unwrap_or(0.0);
+            let n = there(rays).count();
+            let agree = rays.iter().filter(|ray| weight(ray) >= REJECTED).count();
             self.sure[k] = agree >= 3 || (n == 2 && agree == 2);
+            let close = rays.iter().filter(|ray| weight(ray) >= CLOSE).count();
             if close >= 3 && close == n {
-                self.held[k * m..(k + 1) * m].copy_from_slice(&weights);
+                let held = &mut self.held[k * m..(k + 1) * m];
+                held.iter_mut().zip(rays).for_each(|(held, ray)| *held = weight(ray));
             }
         }
     }
@@ -268,8 +220,6 @@ impl Tracks {
         let (a, b, m) = (self.at(a, t), self.at(b, t), self.views);
         for i in 0..m {
             self.rays.swap(a * m + i, b * m + i);
-            self.precision.swap(a * m + i, b * m + i);
-            self.narrow.swap(a * m + i, b * m + i);
             self.held.swap(a * m + i, b * m + i);
         }
         self.alone.swap(a, b);
@@ -284,8 +234,6 @@ impl Tracks {
         let at = |j: usize| (j * self.frames + t) * self.views + i;
         let (a, b) = (at(a), at(b));
         self.rays.swap(a, b);
-        self.precision.swap(a, b);
-        self.narrow.swap(a, b);
         (self.held[a], self.held[b]) = (0.0, 0.0);
     }
 }

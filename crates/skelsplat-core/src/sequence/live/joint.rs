@@ -9,7 +9,7 @@ use crate::annealed::consensus::REJECTED;
 use crate::annealed::rays::{Ray, there};
 use crate::matrix3::{inverse, product, symmetrised, times};
 use crate::outcome::JointStatus;
-use crate::sequence::lasting::Memory;
+use crate::sequence::noise::Memory;
 use crate::sequence::outcome::INFERRED;
 
 /// δ² beyond which a position contradicts the prediction: five standard deviations.

@@ -23,8 +23,6 @@
 //!
 //! With a lag of n frames the last of these are solved once more, like a recording (`window.rs`).
 
-use std::sync::Arc;
-
 mod bone;
 pub mod filter;
 mod joint;
@@ -34,12 +32,10 @@ use self::bone::{RunningLength, Tie};
 use self::joint::{Answer, LiveJoint, Observation, STEPS};
 use self::window::LagWindow;
 use super::known::Learnt;
-use super::lasting::Memory;
-use super::noise::DetectionNoise;
+use super::noise::{Memory, USUAL_SHARE};
 use super::process_noise::ProcessNoise;
-use super::recording::check;
+use super::recording::{LEAST_SPREAD, USUAL_SPREAD, check};
 use super::serialise::Serialiser;
-use super::size::{LEAST_SPREAD, USUAL_SPREAD, body_size};
 use super::solver::Common;
 use crate::annealed::Alone;
 use crate::annealed::posterior::BodyExtent;
@@ -52,11 +48,6 @@ use crate::refine::{Frame, Refinement, Refiner};
 
 /// Time over which the noise and the body's spread are averaged, s.
 const AROUND: f64 = 0.5;
-
-/// The lengths of bones that the user gives.
-fn given(refiner: &Refiner) -> Vec<Option<Length>> {
-    refiner.bones().iter().map(|bone| refiner.expected().given(*bone)).collect()
-}
 
 /// The state of all joints between frames.
 #[derive(Debug, Clone)]
@@ -73,10 +64,6 @@ pub struct Live {
     reach: f64,
     /// Lengths of bones that the user gives, which count until frames have shown the bone.
     given: Vec<Option<Length>>,
-    /// The body's size in multiples of a person's; NaN before it is known.
-    size: f64,
-    /// The refiner of bodies of this size, unless it is a person's.
-    scaled: Option<Arc<Refiner>>,
     /// The last frames, where the answer lags behind.
     window: Option<LagWindow>,
 }
@@ -108,9 +95,7 @@ impl Live {
             bones: Vec::new(),
             noise: f64::NAN,
             reach: f64::NAN,
-            given: given(refiner),
-            size: f64::NAN,
-            scaled: None,
+            given: refiner.bones().iter().map(|b| refiner.expected().given(*b)).collect(),
             window,
         })
     }
@@ -119,7 +104,7 @@ impl Live {
     pub fn reset(&mut self) {
         self.joints.clear();
         self.bones.clear();
-        (self.noise, self.reach, self.size) = (f64::NAN, f64::NAN, f64::NAN);
+        (self.noise, self.reach) = (f64::NAN, f64::NAN);
         self.window.iter_mut().for_each(LagWindow::clear);
     }
 
@@ -145,11 +130,9 @@ impl Live {
         }
         let mut frame = Frame { past: true, ..detections.into() };
         refiner.check(&frame)?;
-        let scaled = self.scaled(refiner, &frame)?;
-        let refiner = scaled.as_deref().unwrap_or(refiner);
         self.joints.resize_with(n, || LiveJoint::new(m));
         self.joints.iter_mut().for_each(|joint| joint.predict(self.fps));
-        let mm = refiner.millimetres();
+        let mm = refiner.unit().millimetres();
         frame.init_pose = Some(self.joints.iter().map(|joint| joint.expected() / mm).collect());
         let alone = refiner.alone(&frame)?;
         self.learn(&alone);
@@ -164,21 +147,6 @@ impl Live {
                 Ok(lagging)
             }
         }
-    }
-
-    /// The refiner of bodies of this size, which the first frames show; `None`: a person's.
-    fn scaled(&mut self, refiner: &Refiner, frame: &Frame) -> Result<Option<Arc<Refiner>>> {
-        if self.size.is_nan() {
-            self.size = body_size(refiner, &[std::slice::from_ref(frame)])?;
-            self.scaled = None;
-            self.given = given(refiner);
-        }
-        if self.scaled.is_none() && self.size.is_finite() && self.size != 1.0 {
-            let scaled = refiner.at_size(self.size);
-            self.given = given(&scaled);
-            self.scaled = Some(Arc::new(scaled));
-        }
-        Ok(self.scaled.clone())
     }
 
     /// The noise and the body's spread.
@@ -292,19 +260,12 @@ impl Live {
                 .iter()
                 .map(|joint| ProcessNoise::steady(joint.process_noise(self.fps)))
                 .collect(),
-            noise: DetectionNoise::uniform(
-                vec![last.rays.mean_weight(); last.rays.n_views()],
-                self.variance() / last.rays.mean_weight(),
-                refiner.kernel(self.joints.len()),
-            ),
+            weight: last.rays.mean_weight(),
+            variance: vec![self.variance(); self.joints.len()],
+            sigma: self.kernels(refiner, last),
             reach: self.reach(),
         };
-        Learnt {
-            common,
-            memory: vec![self.memory.clone(); self.joints.len()],
-            taken: Vec::new(),
-            shown: Vec::new(),
-        }
+        Learnt { common, memory: self.memory.clone(), share: USUAL_SHARE }
     }
 
     fn refinement(
@@ -365,7 +326,6 @@ impl Live {
     fn serialise(&mut self, serialiser: &mut Serialiser) {
         serialiser.number(&mut self.noise);
         serialiser.number(&mut self.reach);
-        serialiser.number(&mut self.size);
         serialiser.list(&mut self.bones, RunningLength::default(), RunningLength::serialise);
         serialiser.list(&mut self.joints, LiveJoint::new(0), LiveJoint::serialise);
         self.window.iter_mut().for_each(|window| window.serialise(serialiser));

@@ -76,8 +76,9 @@ impl LagWindow {
             return self.nothing(refiner);
         };
         let common = &learnt.common;
-        let (n, frames) = (self.alone[0].points.len(), self.alone.len());
-        let mut tracks = Tracks::new(&[&self.alone], frames_in(BRIDGE, common.fps), &common.noise);
+        let (n, frames) = (common.sigma.len(), self.alone.len());
+        let mut tracks =
+            Tracks::new(&[&self.alone], frames_in(BRIDGE, common.fps), common.sigma[0]);
         tracks.find_cuts(common.fps, &common.usual());
         let at = |k: usize| self.rest[k % frames].points[k / frames];
         let known = |k: usize| if at(k).x.is_finite() { at(k) } else { Vector3::zeros() };
