@@ -34,8 +34,9 @@ def choose_person(
 ) -> tuple[Array, Index]:
     """Follow one person through all views and frames: of everybody the one whom the views see most.
 
-    People are followed as `skelsplat.track` does, but in any unit, of any size, and however briefly. Of two
-    in as many views, the larger is chosen; before that one appears and once they are gone, the next.
+    People are followed as `skelsplat.track` does, but in any unit, of any size, and however briefly. A view
+    counts as far as its figure agrees with the others'; of two people equal in that, the larger is chosen.
+    Before the chosen one appears and once they are gone, it is the next.
 
     Parameters
     ----------
