@@ -21,11 +21,14 @@ impl BodyModel {
     /// The factor by which the world grows until bodies are as large as people: in each frame, the
     /// body counts whose rays meet best compared with its size. 1 if there is none.
     ///
-    /// It is a power of two, towards 1: nobody's size is known better from a few frames, a part of
-    /// a recording has that of the whole, and a child or a reflection is no other unit.
+    /// It is a power of two: nobody's size is known better from a few frames, and a part of a
+    /// recording has that of the whole. Of people it is the one towards 1, as a child or a
+    /// reflection is no other unit.
     pub(super) fn scale_of(&self, crowds: &[Crowd]) -> f64 {
         let stature = median(crowds.iter().filter_map(|crowd| self.stature_of_best(crowd)));
-        let scale = (STATURE[0] / stature).log2().trunc().exp2();
+        let doublings = (STATURE[0] / stature).log2();
+        let human = !self.proportions.is_empty();
+        let scale = if human { doublings.trunc() } else { doublings.round() }.exp2();
         if scale > 0.0 && scale.is_finite() { scale } else { 1.0 }
     }
 
