@@ -16,7 +16,7 @@ import numpy as np
 import skelsplat as sk
 from skelsplat import synthetic
 
-DELAY_S = 0.15
+DELAY_S = 0.3
 RIG = synthetic.human36m_like()
 RANDOM = np.random.default_rng(0)
 

@@ -16,7 +16,6 @@ from skelsplat._arrays import Array, Index, numbers, positive
 from skelsplat._frozen import frozen, frozen_finding, without_frozen
 from skelsplat._refine import Cameras, Progress, Refinement, refinement_fields, reporter, warn_of_size
 from skelsplat._skelsplat import Layout, RefineConfig
-from skelsplat.cameras import CameraRig
 from skelsplat.exceptions import InvalidInputError
 from skelsplat.findings import warn
 
@@ -81,7 +80,7 @@ def refine_sequence(
     seen = numbers(detections, "detections")
     if seen.ndim == 4 and seen.shape[1] == len(cameras):
         repeated = frozen(seen)
-        names = (cameras if isinstance(cameras, CameraRig) else CameraRig(cameras)).names
+        names = [camera.name or f"camera {i}" for i, camera in enumerate(cameras)]
         stopped = frozen_finding(names, repeated)
         if stopped is not None:
             warn(stopped)
