@@ -2,10 +2,10 @@
 
     python benchmarks/cases.py [--only wrists --only standing] [--takes 6]
 
-Motions of the CMU motion capture (without it the package's own) and simulated detections whose errors last
-(`synthetic.Memory`), at 30 Hz in four cameras, all with confidence 1 where nothing else is said. "ok 93 of
-80 %": 80 % of the joints are ok, and of these 93 % lie within three standard deviations. `--only` takes cases
-whose names contain a text; `--takes` is how many recordings each has.
+CMU motion capture (or else the package's own motions) and simulated detections with errors that last
+(`synthetic.Memory`), at 30 Hz in four cameras, all with confidence 1 unless a case says otherwise. "ok 93 of
+80 %": 80 % of the joints are ok, and of these 93 % lie within three standard deviations. `--only` selects
+cases by a part of their names; `--takes` is the number of recordings of each.
 """
 
 from __future__ import annotations

@@ -39,7 +39,7 @@ class Drawn:
 
 
 def seen(poses: FloatArray, rig: Sequence[sk.Camera], seed: int, factor: float = 1.0) -> FloatArray:
-    """Return the detections of poses (T, 17, 3) mm by a detector whose errors last."""
+    """Return the detections of poses (T, 17, 3) mm by a detector with errors that last."""
     noise = synthetic.DetectionNoise.recording(FPS).scaled(factor)
     found = synthetic.simulate_detections(poses, rig, noise=noise, layout=BODY, seed=seed)
     found[..., 2] = np.where(np.isfinite(found[..., 0]), 1.0, 0.0)
@@ -100,7 +100,7 @@ def exercise(name: str, hz: float, rng: np.random.Generator) -> FloatArray:
 
 
 def still(name: str, rng: np.random.Generator) -> FloatArray:
-    """Return somebody who stands or sits, and sways by some millimetres, (T, 17, 3) mm."""
+    """Return a person who stands or sits and sways by a few millimetres, (T, 17, 3) mm."""
     body = exercise(name, 0.0, rng)
     hz, phase = rng.uniform(0.15, 0.6, (3, 3)), rng.uniform(0, 2 * np.pi, (3, 3))
     when = np.arange(FRAMES)[:, None, None] / FPS

@@ -47,18 +47,20 @@ def without_frozen(detections: Array, repeated: Mask) -> Array:
 
 def frozen_finding(names: Sequence[str], repeated: Mask, frames: Index | None = None) -> Finding | None:
     """Return the finding on cameras ``names`` that repeat images, in ``frames`` (T,); None if none does."""
-    counts = {name: int(count) for name, count in zip(names, repeated.sum(axis=0), strict=True) if count}
-    if not counts:
+    cameras = np.flatnonzero(repeated.any(axis=0)).tolist()
+    if not cameras:
         return None
     counted = np.arange(len(repeated)) if frames is None else frames
-    firsts = [int(counted[repeated[:, names.index(name)].argmax()]) for name in counts]
+    counts = repeated.sum(axis=0)[cameras].tolist()
+    firsts = counted[repeated[:, cameras].argmax(axis=0)].tolist()
     which = [
-        f"{name} ({count:,} frames, from frame {first} on)"
-        for (name, count), first in zip(counts.items(), firsts, strict=True)
+        f"{names[i]} ({count:,} frames, from frame {first} on)"
+        for i, count, first in zip(cameras, counts, firsts, strict=True)
     ]
     sentence = (
         f"The detections of {listed(which)} repeat one image while others move, and were left out there."
     )
-    numbers = {"frames": list(counts.values()), "first": firsts}
+    numbers = {"frames": counts, "first": firsts}
     remedy = (Remedy("without", None),) if len(names) > 2 else ()
-    return Finding("camera_frozen", "warning", Subject(tuple(counts)), numbers, remedy, sentence=sentence)
+    subject = Subject(tuple(names[i] for i in cameras))
+    return Finding("camera_frozen", "warning", subject, numbers, remedy, sentence=sentence)

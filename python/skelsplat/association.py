@@ -75,8 +75,8 @@ def separate_people(
     """Tell apart up to four people on whom two views or more agree, and return their places (Q, T, M) in P.
 
     The one whom `choose_person` takes is first; who comes second is chosen in the same way among the others.
-    A body detected twice is one person. Where somebody is in no view, the place is -1; nobody of the Q ≥ 1
-    but the first is without any. Arguments and errors are those of `choose_person`.
+    A body detected twice is one person. The place is -1 where no view shows the person; only the first of
+    the Q ≥ 1 may be in no view at all. Arguments and errors are those of `choose_person`.
     """
     everyone = checked_people(people, cameras)
     found, cut = told_apart(everyone, cameras, layout, fps)
@@ -104,7 +104,7 @@ def told_apart(
     shares = extents(everyone) / diagonal[:, None]
 
     def seen(person: tuple[int, Index]) -> tuple[int, float]:
-        """Return in how many views somebody is seen before, and in all, as far as they agree on the body."""
+        """Count the views that see a person, early and in all; in all, as far as they agree on the body."""
         first, slots = person
         t, m = np.nonzero(slots >= 0)
         early = int(np.count_nonzero(slots[: max(0, before - first)] >= 0))
@@ -114,7 +114,8 @@ def told_apart(
         agree = np.exp(-0.5 * (off / _AGREE) ** 2)
         return early, float(np.nansum(agree) + _SIZE * shares[first + t, m, slots[t, m]].sum())
 
-    rest, found = sorted(people, key=seen, reverse=True), [np.full(everyone.shape[:2], -1)]
+    rest = sorted(people, key=seen, reverse=True) if len(people) > 1 else people
+    found = [np.full(everyone.shape[:2], -1)]
     while rest and len(found) <= _MOST_PEOPLE:
         rest, index = _one(rest, everyone.shape[:2])
         found.append(index)

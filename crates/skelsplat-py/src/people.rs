@@ -88,7 +88,7 @@ type Tracked<'py> = (Vec<Bound<'py, PyDict>>, usize, Out<i64>, Out<i64>);
 ///
 /// Too many to compare or to follow. The refinement of each is as in ``Refiner.refine_sequence``.
 /// The last two (M, M) are the person-frames that two views share, and those of the first for which
-/// the second, which should see them, shows somebody else.
+/// the second, which should see them, shows another person.
 #[pyfunction]
 #[pyo3(signature = (refiner, layout, people, fps, *, max_people=None, progress=None))]
 pub(crate) fn track_people<'py>(

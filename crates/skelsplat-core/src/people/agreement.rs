@@ -12,8 +12,8 @@ use super::known::BodyModel;
 pub struct Agreement {
     /// `(M, M)`: how many both see.
     pub together: Vec<usize>,
-    /// `(M, M)`: how many the first sees and the second does not, while in the second somebody else
-    /// is detected, whom the first does not see.
+    /// `(M, M)`: how many the first sees and the second does not, although the second detects
+    /// another person, whom the first does not see.
     pub apart: Vec<usize>,
 }
 
@@ -28,7 +28,7 @@ impl Agreement {
         let m = crowd.views.len();
         let mut found = Self { together: vec![0; m * m], apart: vec![0; m * m] };
         let seen = |claims: &Claims, i: usize| claims[i][0].is_some();
-        // People by the view that sees them and another in whose image they are.
+        // Seen by the first view, in the image of the second but not seen there.
         let mut alone = vec![0; m * m];
         for (pose, claims) in people {
             for i in (0..m).filter(|i| seen(claims, *i)) {

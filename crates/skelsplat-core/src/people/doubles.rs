@@ -6,7 +6,7 @@
 //! ln O = ln(4/3 π r³ / (2π)^{3/2}) − d²/2 + n ln 1/h
 //! ```
 //!
-//! The second place of one person scatters by a kernel around the first; somebody else is anywhere
+//! The second place of one person scatters by a kernel around the first; another person is anywhere
 //! within r kernels. Of two people who are as near, a view misses the hidden one with a probability
 //! of h: n views have a figure of one of the two. A view with figures of both says nothing, as
 //! detectors often see one person twice. Frames of a fraction of a second tell the same.
@@ -20,7 +20,7 @@ use super::tracks::Track;
 
 /// Distance from which nobody is taken for one with another, in kernels: half a metre.
 const REACH: f64 = 5.5;
-/// Part of the figures that are missing of somebody next to another (as in simulated crowds).
+/// Probability that a view misses a person next to another (as in simulated crowds).
 const HIDDEN: f64 = 0.5;
 /// Log-odds from which two bodies are one: 10 to 1.
 const CERTAIN: f64 = 2.3;

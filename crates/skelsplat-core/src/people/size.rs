@@ -19,7 +19,7 @@ const MOST_FIGURES: usize = 8;
 
 impl BodyModel {
     /// The factor by which the world grows until bodies are as large as people: in each frame, the
-    /// body counts whose rays meet best compared with its size. 1 if there is none.
+    /// body counts whose rays meet best for its size. 1 if there is none.
     ///
     /// It is a power of two: nobody's size is known better from a few frames, and a part of a
     /// recording has that of the whole. Of people it is the one towards 1, as a child or a
