@@ -13,7 +13,7 @@ from skelsplat.io.detections import FORMATS as DETECTIONS
 from skelsplat.io.poses import POSE_FORMATS
 
 
-@pytest.mark.parametrize(("area", "seed", "cases"), [("readers", 2, 30), ("arrays", 1, 60)])
+@pytest.mark.parametrize(("area", "seed", "cases"), [("readers", 2, 15), ("arrays", 1, 60)])
 def test_a_seeded_round_finds_nothing(area: str, seed: int, cases: int, tmp_path: Path) -> None:
     found = hunt(area, seed, range(cases), tmp_path)
     assert found.total() == cases
