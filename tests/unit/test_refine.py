@@ -56,6 +56,17 @@ def test_a_joint_without_detection_and_without_prior_keeps_its_start(scene):
     assert np.isnan(result.uncertainty[13]).all()
 
 
+def test_exchanged_arms_are_put_back_and_the_pose_is_that_of_the_right_ones(scene):
+    other = np.arange(17)
+    other[[11, 12, 13, 14, 15, 16]] = [14, 15, 16, 11, 12, 13]
+    exchanged = scene.detections[0].copy()
+    exchanged[2] = exchanged[2, other]
+    found = sk.refine(None, exchanged, scene.rig, layout="h36m17")
+    assert (found.swapped == ((np.arange(4) == 2)[:, None] & (other != np.arange(17)))).all()
+    expected = sk.refine(None, scene.detections[0], scene.rig, layout="h36m17").pose
+    np.testing.assert_allclose(found.pose, expected, atol=0.1)
+
+
 def test_the_loss_is_that_of_the_returned_pose(scene):
     noisy = synthetic.perturb(scene.pose[0], 10.0, seed=1)
     arguments = (noisy, scene.detections[0], scene.rig)
