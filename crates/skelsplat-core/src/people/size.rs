@@ -18,12 +18,12 @@ const COMMON: usize = 4;
 const MOST_FIGURES: usize = 8;
 
 impl BodyModel {
-    /// The factor by which the world grows until bodies are as large as people: in each frame, the
-    /// body counts whose rays meet best for its size. 1 if there is none.
+    /// The factor by which the world has to be scaled so that bodies are as large as people; 1 if
+    /// there is no body. A frame is judged by the body whose rays meet best for its size.
     ///
-    /// It is a power of two: nobody's size is known better from a few frames, and a part of a
-    /// recording has that of the whole. Of people it is the one towards 1, as a child or a
-    /// reflection is no other unit.
+    /// It is a power of two, since a few frames show no size more exactly, and all parts of a
+    /// recording must have the same. For people it is rounded towards 1: a child or a reflection
+    /// is not another unit.
     pub(super) fn scale_of(&self, crowds: &[Crowd]) -> f64 {
         let stature = median(crowds.iter().filter_map(|crowd| self.stature_of_best(crowd)));
         let doublings = (STATURE[0] / stature).log2();
