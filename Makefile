@@ -35,7 +35,7 @@ MINUTES ?= 10
 FUZZ := PYTHONPATH=tests:tools:benchmarks $(BIN)/python -m fuzz
 fuzz: $(STAMPS)/dev
 	$(FUZZ) --minutes $(MINUTES)
-	PROPTEST_CASES=$$((200 * $(MINUTES))) cargo test --release --locked -p skelsplat-core --test suite fuzz::
+	PROPTEST_CASES=$$((200 * $(MINUTES))) cargo test --release --locked -p skelsplat-tests --test suite fuzz::
 
 fuzz-case: $(STAMPS)/dev
 	$(FUZZ) $(CASE)
@@ -74,9 +74,11 @@ fmt:
 
 lint: rust-lint python-lint
 
+# As the wheel is built, whose macros and build scripts serve again.
 rust-lint:
 	cargo fmt --all --check
-	cargo clippy --locked $(CRATES) --all-targets --quiet -- -D warnings
+	RUSTFLAGS="$$RUSTFLAGS $(REMAP)" cargo clippy --release --locked $(CRATES) --all-targets --quiet -- -D warnings
+	RUSTFLAGS="$$RUSTFLAGS $(REMAP)" RUSTDOCFLAGS="-D warnings" cargo doc --release --locked --no-deps --quiet
 
 python-lint: $(STAMPS)/dev
 	$(BIN)/ruff format --check .
@@ -86,7 +88,6 @@ python-lint: $(STAMPS)/dev
 
 rust-test:
 	cargo test --locked --quiet
-	RUSTDOCFLAGS="-D warnings" cargo doc --locked --no-deps --quiet
 
 # One after the other: cargo locks its folder.
 rust-check: rust-lint

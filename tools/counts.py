@@ -24,7 +24,7 @@ PARTS: dict[str, tuple[str, ...]] = {
     "cli": ("python/skelsplat/cli/*.py",),
     "core": ("crates/skelsplat-core/src/**/*.rs",),
     "binding": ("crates/skelsplat-py/src/**/*.rs",),
-    "Rust tests": ("crates/*/tests/**/*.rs",),
+    "Rust tests": ("crates/skelsplat-tests/**/*.rs",),
     "Python tests": ("tests/**/*.py",),
     "benchmarks and tools": ("benchmarks/**/*.py", "tools/**/*.py"),
     "docs, words": ("docs/**/*.md", "docs/**/*.rst"),

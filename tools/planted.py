@@ -69,12 +69,12 @@ tests/unit/test_invariance.py, tests/unit/test_refine.py
 +Self::Centimetre => 100.0,
 
 the learning-rate decay counts steps from one | off by one
-cargo --lib
+cargo --test suite schedule::
 -self.initial * self.decay.powf(t / self.steps)
 +self.initial * self.decay.powf((t + 1.0) / self.steps)
 
 the window of the stopping rule is one step too long | off by one
-cargo --lib
+cargo --test suite schedule::
 -if self.count < self.window {
 +if self.count <= self.window {
 

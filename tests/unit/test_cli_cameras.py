@@ -145,7 +145,7 @@ def test_options_of_detections_need_some(room, tmp_path, given):
     assert_fails(invoke("check-cameras", room / "Calib.toml", "--config", shared, *given), 2, said)
 
 
-@pytest.mark.parametrize("frames", [swept(2), 23])
+@pytest.mark.parametrize("frames", [swept(2), swept(23)])
 def test_a_late_camera_shows_beside_the_turned_one_of_the_sample(tmp_path, frames):
     """Two frames late, its error is 19.3 px instead of 17.6: nothing beside the 34 px of cam_03.
 

@@ -173,30 +173,3 @@ fn rotation_backward(q: &Vector4<f64>, d: &Matrix3<f64>) -> Vector4<f64> {
         w * skew.z + x * xz + y * yz - 2.0 * z * (d[(0, 0)] + d[(1, 1)]),
     )
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::testing::refused;
-
-    #[test]
-    fn what_is_no_gaussian_is_named() {
-        let mut gaussians = [Gaussian::isotropic(Vector3::zeros(), 20.0); 2];
-        assert_eq!(Gaussian::check(&gaussians), Ok(()));
-        gaussians[1].log_scales.z = 60.0;
-        assert_eq!(refused(Gaussian::check(&gaussians)), "log_scales[1, 2]");
-        gaussians[0].quaternion = Vector4::zeros();
-        assert_eq!(refused(Gaussian::check(&gaussians)), "quaternions[0]");
-    }
-
-    #[test]
-    fn what_is_no_covariance_is_named() {
-        let missing = Matrix3::repeat(f64::NAN);
-        let mut covariances = [Matrix3::identity(), missing, Matrix3::identity()];
-        assert_eq!(check_covariances("c", &covariances), Ok(()));
-        covariances[2][(0, 1)] = 0.5;
-        assert_eq!(refused(check_covariances("c", &covariances)), "c[2]");
-        covariances[0][(1, 1)] = -2.0;
-        assert_eq!(refused(check_covariances("c", &covariances)), "c[0]");
-    }
-}

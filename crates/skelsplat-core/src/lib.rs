@@ -148,6 +148,7 @@ parts! {
     sequence: "A recording as a whole.",
     settings: "The definition of settings.",
     symmetry: "The limb-symmetry loss.",
+    threads: "The pool of threads of a process.",
     triangulate: "Algebraic triangulation.",
     unit: "Units of length.",
 }

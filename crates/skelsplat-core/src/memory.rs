@@ -8,7 +8,7 @@ use std::fs;
 use crate::error::{Error, Result};
 
 /// Sizes up to this are not checked.
-const SMALL: u128 = 64 << 20;
+pub const SMALL: u128 = 64 << 20;
 /// Memory limits of a container: Linux control groups version 2 and 1.
 const GROUP_LIMITS: [&str; 2] =
     ["/sys/fs/cgroup/memory.max", "/sys/fs/cgroup/memory/memory.limit_in_bytes"];
@@ -45,30 +45,10 @@ fn available() -> Option<u64> {
 }
 
 /// Sum of `MemAvailable` and `SwapFree` of `/proc/meminfo` (in kB), in bytes.
-fn of_meminfo(text: &str) -> Option<u64> {
+pub fn of_meminfo(text: &str) -> Option<u64> {
     let field = |name: &str| {
         let line = text.lines().find_map(|line| line.strip_prefix(name))?;
         line.trim().trim_end_matches(" kB").parse::<u64>().ok()
     };
     Some(1024 * (field("MemAvailable:")? + field("SwapFree:").unwrap_or(0)))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn meminfo_counts_what_is_available_and_swap() {
-        let text = "MemTotal:  9 kB\nMemAvailable:   2000 kB\nSwapFree:  48 kB\n";
-        assert_eq!(of_meminfo(text), Some(2048 * 1024));
-        assert_eq!(of_meminfo("MemAvailable: 3 kB\n"), Some(3 * 1024));
-        assert_eq!(of_meminfo("MemFree: 3 kB\n"), None);
-    }
-
-    #[test]
-    fn what_no_machine_has_is_refused_with_its_size() {
-        check(SMALL, || unreachable!("small sizes are not checked")).unwrap();
-        let text = check(1 << 70, || "all stars".to_owned()).unwrap_err().to_string();
-        assert!(text.starts_with("all stars need 1180591620717.4 GB"), "{text}");
-    }
 }

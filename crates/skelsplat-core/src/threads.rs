@@ -10,13 +10,15 @@ use std::time::Duration;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 
 /// A pool and the process that owns its threads.
-struct Kept {
-    process: u32,
-    pool: Arc<ThreadPool>,
+pub struct Kept {
+    /// Its id.
+    pub process: u32,
+    /// The pool.
+    pub pool: Arc<ThreadPool>,
 }
 
 /// Locked only to read or replace the value, never while a pool is built or used.
-static POOL: Mutex<Option<Kept>> = Mutex::new(None);
+pub static POOL: Mutex<Option<Kept>> = Mutex::new(None);
 
 /// How often the lock is tried. It is held for nanoseconds: if it stays locked, another thread held
 /// it at the moment of a fork, and no thread is left to release it.
@@ -26,7 +28,7 @@ const PAUSE: Duration = Duration::from_millis(1);
 
 /// Runs `work(true)` in a pool of `n_threads` (`None`: the process's pool, one thread per core), or
 /// `work(false)` on this thread if no pool can be started.
-pub(crate) fn install<R: Send>(n_threads: Option<usize>, work: impl FnOnce(bool) -> R + Send) -> R {
+pub fn install<R: Send>(n_threads: Option<usize>, work: impl FnOnce(bool) -> R + Send) -> R {
     let pool = match n_threads {
         None => pool(),
         Some(n) => ThreadPoolBuilder::new().num_threads(n).build().ok().map(Arc::new),
@@ -38,7 +40,7 @@ pub(crate) fn install<R: Send>(n_threads: Option<usize>, work: impl FnOnce(bool)
 }
 
 /// The pool of this process, created by the first call.
-fn pool() -> Option<Arc<ThreadPool>> {
+pub fn pool() -> Option<Arc<ThreadPool>> {
     let process = std::process::id();
     let own = |kept: &Option<Kept>| {
         kept.as_ref().filter(|k| k.process == process).map(|k| Arc::clone(&k.pool))
@@ -59,7 +61,7 @@ fn pool() -> Option<Arc<ThreadPool>> {
 }
 
 /// Calls `f` with the slot; `None` if a fork left its lock locked.
-fn with_slot<R>(f: impl FnOnce(&mut Option<Kept>) -> R) -> Option<R> {
+pub fn with_slot<R>(f: impl FnOnce(&mut Option<Kept>) -> R) -> Option<R> {
     for _ in 0..TRIES {
         match POOL.try_lock().map_err(poisoned) {
             Ok(mut slot) | Err(Some(mut slot)) => return Some(f(&mut slot)),
@@ -75,34 +77,5 @@ fn poisoned<T>(error: TryLockError<T>) -> Option<T> {
     match error {
         TryLockError::Poisoned(held) => Some(PoisonError::into_inner(held)),
         TryLockError::WouldBlock => None,
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// A single test, because the slot is global to the process.
-    #[test]
-    fn the_pool_belongs_to_the_process() {
-        let (first, two) = (pool().unwrap(), pool().unwrap());
-        assert!(Arc::ptr_eq(&first, &two));
-        assert!(install(None, |parallel| parallel && rayon::current_thread_index().is_some()));
-
-        // The state in a child after a fork: a pool of another process, without its threads. It
-        // must not be dropped: the slot keeps its reference.
-        let stale = Arc::new(ThreadPoolBuilder::new().num_threads(1).build().unwrap());
-        let process = std::process::id().wrapping_add(1);
-        let parents = Kept { process, pool: Arc::clone(&stale) };
-        std::mem::forget(with_slot(|slot| slot.replace(parents)));
-        let own = pool().unwrap();
-        assert!(!Arc::ptr_eq(&own, &stale));
-        assert_eq!(Arc::strong_count(&stale), 2);
-
-        // A lock that was held at the moment of a fork is abandoned; the work is still done.
-        let held = POOL.lock().unwrap_or_else(PoisonError::into_inner);
-        assert_eq!(install(None, |_| 6 * 7), 42);
-        drop(held);
-        assert!(Arc::ptr_eq(&own, &pool().unwrap()));
     }
 }

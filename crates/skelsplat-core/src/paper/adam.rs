@@ -64,34 +64,3 @@ impl Adam {
         }
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use nalgebra::Vector3;
-
-    const RATES: LearningRates = LearningRates { position: 3.0, log_scale: 0.005, rotation: 0.001 };
-
-    #[test]
-    fn first_step_has_the_length_of_the_learning_rate() {
-        // m̂/√v̂ = ±1 on the first step whatever the gradient's size.
-        let mut g = [Gaussian::isotropic(Vector3::zeros(), 20.0)];
-        let before = g[0];
-        let mut d = GaussianGradient::ZERO;
-        d.mean.x = 1e-4;
-        d.log_scales.y = -7.0;
-        d.quaternion[3] = 2.0;
-        Adam::new(1, [0.9, 0.999], 1e-15).step(&mut g, &[d], RATES);
-        assert!((g[0].mean.x + 3.0).abs() < 1e-9);
-        assert!((g[0].log_scales.y - before.log_scales.y - 0.005).abs() < 1e-12);
-        assert!((g[0].quaternion[3] + 0.001).abs() < 1e-12);
-    }
-
-    #[test]
-    fn a_zero_gradient_moves_nothing() {
-        let mut g = [Gaussian::isotropic(Vector3::new(1.0, 2.0, 3.0), 20.0)];
-        let before = g;
-        Adam::new(1, [0.9, 0.999], 1e-15).step(&mut g, &[GaussianGradient::ZERO], RATES);
-        assert_eq!(g, before);
-    }
-}

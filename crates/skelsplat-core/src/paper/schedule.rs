@@ -28,28 +28,3 @@ pub fn views_in_turn(t: usize, per_step: usize, active: &mut [bool]) {
         active[(t * per_step + k) % n] = true;
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn decay_reaches_its_factor() {
-        let lr = ExponentialDecay { initial: 3.0, decay: 0.01, steps: 1000.0 };
-        assert!((lr.at(0) - 3.0).abs() < 1e-15);
-        assert!((lr.at(1000) - 0.03).abs() < 1e-15);
-        assert!((lr.at(500) - 0.3).abs() < 1e-14);
-    }
-
-    #[test]
-    fn views_take_turns() {
-        let mut active = [false; 3];
-        let seen: Vec<_> = (0..3)
-            .map(|t| {
-                views_in_turn(t, 2, &mut active);
-                active
-            })
-            .collect();
-        assert_eq!(seen, [[true, true, false], [true, false, true], [false, true, true]]);
-    }
-}

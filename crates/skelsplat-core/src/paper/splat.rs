@@ -144,34 +144,3 @@ impl Splat {
         (rows.start..rows.end).any(|v| !self.row(v).span.intersection(other.row(v).span).is_empty())
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_cut_is_where_a_splat_falls_to_1_in_255() {
-        assert!((CUT - 2.0 * 255.0_f64.ln()).abs() < 1e-14);
-    }
-
-    /// Every pixel of the image, one by one, against the spans.
-    #[test]
-    fn rows_hold_exactly_the_pixels_inside_the_ellipse() {
-        let size = [40, 30];
-        let covariance = Matrix2::new(30.0, 12.0, 12.0, 9.0);
-        for mean in [[20.3, 14.8], [-3.0, 5.0], [39.0, 33.0], [80.0, 80.0]].map(Vector2::from) {
-            let splat = Splat::new(mean, &covariance, size).unwrap();
-            let mut covered = 0;
-            for (v, row) in splat.covered_rows() {
-                covered += row.span.len();
-                assert!((0..30).contains(&v) && row.span.start >= 0 && row.span.end <= 40);
-            }
-            let inside = |u: i32, v: i32| {
-                let x = Vector2::new(f64::from(u), f64::from(v)) - mean;
-                (x.transpose() * splat.conic * x)[0] <= CUT
-            };
-            let expected = (0..30).flat_map(|v| (0..40).map(move |u| (u, v)));
-            assert_eq!(covered, expected.filter(|(u, v)| inside(*u, *v)).count(), "{mean}");
-        }
-    }
-}

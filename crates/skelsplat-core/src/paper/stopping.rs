@@ -30,16 +30,3 @@ impl WindowMinimum {
         settled
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn compares_the_minima_of_consecutive_windows() {
-        let mut stop = WindowMinimum::new(2, 0.1);
-        // Windows (5, 4), (4.5, 3), (3.05, 9): minima 4, 3, 3.05.
-        let told: Vec<bool> = [5.0, 4.0, 4.5, 3.0, 3.05, 9.0].map(|l| stop.settled(l)).to_vec();
-        assert_eq!(told, [false, false, false, false, false, true]);
-    }
-}

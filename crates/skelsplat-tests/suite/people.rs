@@ -1,7 +1,9 @@
 //! Several people: who is who across views and over time.
 
 use nalgebra::Vector3;
+use skelsplat_core::study::annealed::rays::Ray;
 use skelsplat_core::study::people::known::BodyModel;
+use skelsplat_core::study::people::score::{assign, meet};
 use skelsplat_core::study::people::{Associator, Crowd, Identity, identify};
 use skelsplat_core::testing::scenes::{
     Noise, h36m, mean_error, noisy_detections, refiner, room, standing,
@@ -143,4 +145,35 @@ fn people_are_told_apart_in_any_unit() {
     for scale in [0.001, 0.05, 1000.0] {
         assert_eq!(identified(scale), people, "{scale}");
     }
+}
+
+fn ray(centre: [f64; 3], to: [f64; 3]) -> Ray {
+    let (centre, to) = (Vector3::from(centre), Vector3::from(to));
+    Ray { centre, direction: (to - centre).normalize(), weight: 1.0, pixel: 1e-3 }
+}
+
+#[test]
+fn rays_meet_halfway_between_them() {
+    let (a, b) = (ray([0.0, 0.0, 0.0], [1.0, 0.0, 0.0]), ray([5.0, -3.0, 2.0], [5.0, 0.0, 2.0]));
+    let (x, distance) = meet(&a, &b).unwrap();
+    assert!((x - Vector3::new(5.0, 0.0, 1.0)).norm() < 1e-12);
+    assert!((distance - 2.0).abs() < 1e-12);
+}
+
+#[test]
+fn rays_that_are_parallel_or_diverge_do_not_meet() {
+    let a = ray([0.0, 0.0, 0.0], [1.0, 0.0, 0.0]);
+    assert_eq!(meet(&a, &ray([0.0, 1.0, 0.0], [1.0, 1.0, 0.0])), None);
+    assert_eq!(meet(&a, &ray([5.0, 3.0, 0.0], [5.0, 4.0, 0.0])), None);
+}
+
+#[test]
+fn the_largest_sum_is_assigned_and_low_scores_are_not() {
+    // Greedily, row 0 would take column 0 and leave row 1 with nothing.
+    let scores = [vec![0.9, 0.8, 0.0], vec![0.85, 0.1, 0.0], vec![0.0, 0.0, 0.2]];
+    assert_eq!(assign(&scores, 0.3), [Some(1), Some(0), None]);
+    let tall: Vec<Vec<f64>> = scores.iter().map(|row| row[..1].to_vec()).collect();
+    assert_eq!(assign(&tall, 0.3), [Some(0), None, None]);
+    assert_eq!(assign(&[], 0.3), []);
+    assert_eq!(assign(&[vec![], vec![]], 0.3), [None, None]);
 }
