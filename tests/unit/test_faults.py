@@ -8,7 +8,7 @@ import faults
 from planted import FAULTS
 
 ROOT = Path(__file__).parents[2]
-CORE_TESTS = ROOT / "crates" / "skelsplat-core" / "tests" / "suite"
+CORE_TESTS = ROOT / "crates" / "skelsplat-tests" / "suite"
 
 
 def test_every_fault_has_its_place() -> None:
