@@ -22,7 +22,7 @@ from skelsplat.findings import warn
 # Frames per chunk of an array: several windows in time at any usual rate, and some 100 MB of results.
 PER_CHUNK = 10_000
 # Fields that all frames share.
-OF_BONES = ("bones", "bone_lengths", "bone_length_sigma")
+OF_BONES = ("bones", "bone_lengths", "bone_length_sigma", "view_noise")
 
 _Kind = TypeVar("_Kind", bound=Refinement)
 
@@ -38,6 +38,7 @@ class SequenceRefinement(Refinement):
     and ``velocity_uncertainty`` (T, N, 3, 3) its posterior covariance. ``bones`` (B, 2) are the joints at
     both ends of every limb of the layout; ``bone_lengths`` and ``bone_length_sigma`` (B,), one for the whole
     recording, their lengths and standard errors: NaN and infinite for a bone that is never seen.
+    ``view_noise`` (M,) is the ``noise`` of each view: a wrong camera's is large.
     """
 
     velocity: NDArray[np.float64]
@@ -45,6 +46,7 @@ class SequenceRefinement(Refinement):
     bones: NDArray[np.int64]
     bone_lengths: NDArray[np.float64]
     bone_length_sigma: NDArray[np.float64]
+    view_noise: NDArray[np.float64]
 
 
 def refine_sequence(
@@ -86,8 +88,7 @@ def refine_sequence(
             warn(stopped)
             seen = without_frozen(seen, repeated)
     with reporter(progress) as report:
-        given = (init_pose, seen, float(fps))
-        out = prepared.refine_sequence(*given, confidence=confidence, progress=report)
+        out = prepared.refine_sequence(init_pose, seen, float(fps), confidence=confidence, progress=report)
     warn_of_size(out["pose"], cameras, layout)
     return SequenceRefinement(**refinement_fields(out))
 
@@ -219,11 +220,10 @@ class _Solver:
         self.prepared, self.fps, self.n_frames = prepared, fps, source.count()
         self.windows, ranges = _skelsplat.sequence_windows(self.n_frames, fps)
         _, self.overlap = _skelsplat.sequence_window_size(fps)
-        self.known: Array | None = None  # what the sample shows; None where one window is all
+        self.known: _skelsplat.Known | None = None  # what the sample shows; None where one window is all
         if len(self.windows) > 1:
             sample = source.sample(ranges)
-            lengths = [len(part) for part in sample]
-            self.known = prepared.learn_sequence(None, np.concatenate(sample), fps, lengths)
+            self.known = prepared.learn_sequence(None, np.concatenate(sample), fps, [*map(len, sample)])
         self.held: list[Array] = []  # frames that windows still look at, from ``first`` to ``read``
         self.first = self.read = 0
         self.solved: SequenceRefinement | None = None  # frames not returned yet, from ``begin`` to ``end``

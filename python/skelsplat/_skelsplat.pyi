@@ -596,7 +596,7 @@ def sequence_equations(
     joints: Sequence[Sequence[float]],
     layout: str | Layout | None = None,
     config: RefineConfig | None = None,
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]: ...
+) -> list[NDArray[np.float64]]: ...
 
 @final
 class Refiner:
@@ -623,12 +623,12 @@ class Refiner:
     ) -> dict[str, Any]: ...
     def learn_sequence(
         self, init_pose: ArrayLike | None, detections: ArrayLike, fps: float, stretches: Sequence[int]
-    ) -> NDArray[np.float64]: ...
+    ) -> Known: ...
     def refine_windows(
         self,
         init_pose: ArrayLike | None,
         detections: ArrayLike,
-        known: ArrayLike,
+        known: Known,
         windows: Sequence[Sequence[int]],
         *,
         progress: Callable[[int, int], Any] | None = None,
@@ -638,13 +638,13 @@ class Refiner:
     ) -> tuple[dict[str, Any], NDArray[np.float64]]: ...
 
 @final
+class Known: ...
+
+@final
 class Live:
-    def __new__(
-        cls, refiner: Refiner, fps: float, *, lag: int = 0, state: NDArray[np.float64] | None = None
-    ) -> Live: ...
+    def __new__(cls, refiner: Refiner, fps: float, *, lag: int = 0) -> Live: ...
     def step(self, detections: ArrayLike, *, confidence: ArrayLike | None = None) -> dict[str, Any]: ...
     def reset(self) -> None: ...
-    def state(self) -> NDArray[np.float64]: ...
 
 @final
 class Tracker:

@@ -1,4 +1,4 @@
-"""A step of `refine_sequence` against its dense twin: weights, gradient and H of 20 frames of a body.
+"""A step of `refine_sequence` against its dense twin: weights, gradient, H and noise of 20 frames.
 
 Both sides are float64; the entries are sums of up to five terms of one sign each: 1e-12 of the largest.
 """
@@ -9,7 +9,7 @@ import pytest
 import scenes
 import skelsplat as sk
 from parity.bridge import rig
-from reference import sequence
+from reference import noise, sequence
 from reference.arrays import Array
 from reference.rays import Rays, make_rays
 from skelsplat import _skelsplat
@@ -27,7 +27,8 @@ def recording(seed: int) -> tuple[Array, Array]:
     truth = scenes.H36M_POSE + swing
     detections = np.ones((FRAMES, len(views), 17, 3))
     for t in range(FRAMES):
-        detections[t, ..., :2] = scenes.pixels(truth[t], views) + rng.normal(scale=1.0, size=(4, 17, 2))
+        error = rng.normal(scale=1.0 if t < FRAMES // 2 else 3.0, size=(4, 17, 2))
+        detections[t, ..., :2] = scenes.pixels(truth[t], views) + error
     detections[..., 2] = rng.uniform(0.4, 1.0, detections.shape[:3])
     wrong = rng.random(detections.shape[:3]) < 0.05
     detections[wrong, :2] += rng.normal(scale=15.0, size=(np.count_nonzero(wrong), 2))
@@ -60,7 +61,7 @@ def test_the_equations_are_those_of_the_twin(fps: float) -> None:
     poses, detections = recording(1)
     given, cameras = model(fps, 2), rig(scenes.small_rig(distance=4000.0))
     joints = np.stack([given.variance, given.sigma], axis=-1)
-    hessian, gradient, agility = _skelsplat.sequence_equations(
+    hessian, gradient, agility, scales, factors = _skelsplat.sequence_equations(
         poses,
         detections,
         cameras,
@@ -80,3 +81,11 @@ def test_the_equations_are_those_of_the_twin(fps: float) -> None:
     assert np.abs(hessian - expected).max() <= 1e-9 * np.abs(expected).max()
     assert np.abs(gradient - slope).max() <= 1e-9 * np.abs(slope).max()
     assert np.linalg.eigvalsh(expected)[0] > -1e-9
+
+    squares, left = noise.residuals(poses, rays, given, weights)
+    mirrors = {b: a for a, b in H36M.left_right}
+    classes = np.array([mirrors.get(j, j) for j in range(17)])
+    variance, wrong = noise.learnt(squares, left, given.variance, classes)
+    assert scales == pytest.approx(variance.T, rel=1e-9)
+    assert factors == pytest.approx(noise.in_time(squares, left, variance, wrong, fps), rel=1e-9)
+    assert np.ptp(factors) > 0.01

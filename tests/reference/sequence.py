@@ -57,9 +57,9 @@ def kernels(x: Array, rays: Sequence[Rays], sigma: Array) -> Array:
     return np.array(out)
 
 
-def held(alone: Array, rays: Sequence[Rays], sigma: float) -> Array:
+def held(alone: Array, rays: Sequence[Rays], sigma: Array) -> Array:
     """Least k (T,M,N): that at the pose of the frame alone (T,N,3) where all of at least three are close."""
-    k = kernels(alone, rays, np.full(alone.shape[1], sigma))
+    k = kernels(alone, rays, sigma)
     there = np.array([frame.weight > 0 for frame in rays])
     close = np.count_nonzero(there & (k >= CLOSE), axis=1)
     all_close = (close >= LEAST_CLOSE) & (close == np.count_nonzero(there, axis=1))
@@ -71,12 +71,11 @@ def agility(alone: Array, rays: Sequence[Rays], model: Model) -> Array:
     T, N = alone.shape[:2]
     spans, around = frames_in(SPAN, model.fps), frames_in(AROUND, model.fps)
     prior = max(PRIOR, PRIOR_TIME * model.fps)
-    sigma = float(model.sigma[0])
-    k = kernels(alone, rays, np.full(N, sigma))
+    k = kernels(alone, rays, model.sigma)
     there = np.array([frame.weight > 0 for frame in rays]).sum(axis=1)
     agree = (k >= AGREES).sum(axis=1)
     sure = np.where(((agree >= 3) | ((there == 2) & (agree == 2)))[..., None], alone, np.nan)
-    views = held(alone, rays, sigma) > 0
+    views = held(alone, rays, model.sigma) > 0
     rate = np.minimum(np.maximum(SLOW_RATE / model.fps, SHARE), 1.0)
 
     second = np.full((spans, T, N), np.nan)
@@ -137,7 +136,7 @@ def density(squares: Array, white: float, long: Array) -> float:
 def weights(x: Array, alone: Array, rays: Sequence[Rays], model: Model) -> Weights:
     """Weights at x: k times its mean over the frames around, and Cauchy's of the accelerations."""
     q = agility(alone, rays, model)
-    least = held(alone, rays, float(model.sigma[0]))
+    least = held(alone, rays, model.sigma)
     k = np.maximum(kernels(x, rays, model.sigma), least)
     there = np.array([frame.weight > 0 for frame in rays])
     around = frames_in(TRUST_SPAN, model.fps)

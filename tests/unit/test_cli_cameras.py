@@ -12,8 +12,7 @@ import calibration_files as files
 import skelsplat as sk
 from command_line import assert_fails, invoke
 from skelsplat import synthetic
-from skelsplat.io import read_calibration, sample, write_calibration
-from sweeps import swept
+from skelsplat.io import read_calibration, write_calibration
 
 NAMES = ["54138969", "55011271", "58860488", "60457274"]
 
@@ -143,25 +142,6 @@ def test_options_of_detections_need_some(room, tmp_path, given):
     shared.write_text('layout = "h36m17"\nframes = "union"\n[check-cameras.offset]\ncam1 = 2\n')
     assert invoke("check-cameras", room / "Calib.toml", "--config", shared).exit_code == 0
     assert_fails(invoke("check-cameras", room / "Calib.toml", "--config", shared, *given), 2, said)
-
-
-@pytest.mark.parametrize("frames", [swept(2), swept(23)])
-def test_a_late_camera_shows_beside_the_turned_one_of_the_sample(tmp_path, frames):
-    """Two frames late, its error is 19.3 px instead of 17.6: nothing beside the 34 px of cam_03.
-
-    Of one that is 23 frames late, errors alone, which cam_03 spoils, make 22.
-    """
-    paths = sample.extract(tmp_path)
-    options = ("--unit", "m", "--layout", sample.LAYOUT, "--offset", f"cam_04={frames}", "--json")
-    options += ("--frames", "intersection")
-    report = json.loads(invoke("check-cameras", paths.calibration, paths.detections, *options).stdout)
-    late, turned = report["findings"]
-    assert (late["kind"], late["subject"]) == ("frame_offset", {"cameras": ["cam_04"]})
-    numbers = late["numbers"]
-    assert numbers["clock_frames"] == pytest.approx(frames, abs=2.0 * numbers["clock_sigma_frames"])
-    assert (turned["kind"], turned["subject"]) == ("camera_moved", {"cameras": ["cam_03"]})
-    assert [row["offset_option"] for row in report["cameras"]] == [None, None, None, 0]
-    assert [row["best_offset"] for row in report["cameras"]] == [0, 0, 0, frames]
 
 
 def test_the_person_is_chosen_as_in_refine(room, tmp_path):

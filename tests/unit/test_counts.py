@@ -11,10 +11,10 @@ import counts
 CEILINGS = {
     "package": 31_600,
     "cli": 3_120,
-    "core": 18_700,
+    "core": 18_961,
     "binding": 2_675,
-    "Rust tests": 6_100,
-    "Python tests": 26_150,
+    "Rust tests": 6_106,
+    "Python tests": 26_259,
     "benchmarks and tools": 3_990,
     "docs, words": 40_250,
     "README, words": 1_330,

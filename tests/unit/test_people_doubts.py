@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 
@@ -12,7 +10,7 @@ from detection_cases import CASES
 from detection_files import Take
 from skelsplat import synthetic
 from skelsplat.io import read_detections, write_calibration
-from skelsplat.run.people import LimbSpread, find_lengths
+from skelsplat.run.bones import find_lengths
 from skelsplat.synthetic import DetectionNoise
 from two_people import LAYOUT, crossing, doubts_of, findings_of, seen, shuffled
 
@@ -46,13 +44,13 @@ def test_another_person_in_all_views_at_once_is_a_jump(frames):
 
 
 def test_lengths_that_vary_are_named_by_the_limb_that_varies_most():
-    limbs = np.array([(11, 12), (12, 13)])
-    sizes = np.array([290.0, 200.0]), np.array([320.0, 400.0]), np.array([0.1, 0.8])
-    inputs = SimpleNamespace(layout=LAYOUT, rig=RIG)
-    assert list(find_lengths(inputs, LimbSpread(limbs, *sizes, off=0.11))) == []
-    (doubt,) = find_lengths(inputs, LimbSpread(limbs, *sizes, off=0.12))
+    limbs, lengths = [(11, 12), (12, 13)], np.full((2, 100), 300.0)
+    lengths[1, :22] = 550.0
+    assert list(find_lengths(LAYOUT, limbs, 2, lengths, np.ones_like(lengths))) == []
+    lengths[1, :23] = 550.0
+    (doubt,) = find_lengths(LAYOUT, limbs, 2, lengths, np.ones_like(lengths))
     assert doubt.subject.joints == tuple(LAYOUT.joints[joint] for joint in limbs[1])
-    assert doubt.numbers["range_mm"] == [200.0, 400.0]
+    assert doubt.numbers["range_mm"] == [300.0, 550.0]
 
 
 @pytest.mark.parametrize("rig", [RIG, synthetic.ring(3), synthetic.ring(8)], ids=["four", "three", "eight"])

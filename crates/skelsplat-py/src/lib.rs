@@ -35,7 +35,7 @@ mod _skelsplat {
     use crate::people::{PyTracker, check_people, people_identities, people_scores, track_people};
     #[pymodule_export]
     use crate::refine::{
-        PyLive, PyRefiner, checked_detections, implausible_extent, sequence_window_size,
+        PyKnown, PyLive, PyRefiner, checked_detections, implausible_extent, sequence_window_size,
         sequence_windows,
     };
     #[pymodule_export]

@@ -106,8 +106,7 @@ impl PyRefiner {
         over_time(py, &frames, done)
     }
 
-    /// Return what a sample shows about its recording, as numbers; ``stretches``: lengths of its
-    /// parts.
+    /// Return what a sample shows about its recording; ``stretches``: lengths of its parts.
     #[pyo3(signature = (init_pose, detections, fps, stretches))]
     fn learn_sequence(
         &self,
@@ -116,7 +115,7 @@ impl PyRefiner {
         detections: Frames,
         fps: f64,
         stretches: Vec<usize>,
-    ) -> Result<Out<f64>> {
+    ) -> Result<PyKnown> {
         let mut frames = detections.recording()?;
         let jobs = started(init_pose, &mut frames)?;
         let refiner = Arc::clone(&self.0);
@@ -125,9 +124,7 @@ impl PyRefiner {
             let parts = stretches.iter().map_while(|n| rest.split_off(..*n)).collect::<Vec<_>>();
             learn_sequence(&refiner, &parts, fps, progress)
         })?;
-        let numbers = known.numbers();
-        let n = numbers.len();
-        Ok(Out(numbers, vec![n]))
+        Ok(PyKnown(Arc::new(known)))
     }
 
     /// Return the fields of ``skelsplat.SequenceRefinement`` of some windows, as
@@ -138,13 +135,13 @@ impl PyRefiner {
         py: Python<'py>,
         init_pose: Option<InitPose>,
         detections: Frames,
-        known: Vec<f64>,
+        known: &PyKnown,
         windows: Vec<[usize; 4]>,
         progress: Option<Bound<'py, PyAny>>,
     ) -> Result<Bound<'py, PyDict>> {
         let mut frames = detections.recording()?;
         let jobs = started(init_pose, &mut frames)?;
-        let known = Known::restored(&self.0, known)?;
+        let known = Arc::clone(&known.0);
         let window = |[a, b, c, d]: &[usize; 4]| Window { all: *a..*d, own: *b..*c };
         let windows: Vec<Window> = windows.iter().map(window).collect();
         let (refiner, total) = (Arc::clone(&self.0), windows.iter().map(|w| w.own.len()).sum());
@@ -175,13 +172,16 @@ impl PyRefiner {
     }
 }
 
+/// What a sample of a recording shows about all of it.
+#[pyclass(frozen, module = "skelsplat._skelsplat", name = "Known")]
+pub(crate) struct PyKnown(Arc<Known>);
+
 /// The frames of a live loop at a known rate, with the state between them.
 ///
 /// Raises
 /// ------
 /// InvalidInputError
-///     ``fps`` is not positive, the method is ``paper``, or ``state`` is not what ``state()``
-///     returned.
+///     ``fps`` is not positive, or the method is ``paper``.
 #[pyclass(frozen, module = "skelsplat._skelsplat", name = "Live")]
 pub(crate) struct PyLive {
     refiner: PyRefiner,
@@ -191,12 +191,9 @@ pub(crate) struct PyLive {
 #[pymethods]
 impl PyLive {
     #[new]
-    #[pyo3(signature = (refiner, fps, *, lag=0, state=None))]
-    fn new(refiner: &PyRefiner, fps: f64, lag: usize, state: Option<Vec<f64>>) -> Result<Self> {
-        let mut live = Live::new(&refiner.0, fps, lag)?;
-        if let Some(numbers) = state {
-            live = live.restored(numbers)?;
-        }
+    #[pyo3(signature = (refiner, fps, *, lag=0))]
+    fn new(refiner: &PyRefiner, fps: f64, lag: usize) -> Result<Self> {
+        let live = Live::new(&refiner.0, fps, lag)?;
         Ok(Self { refiner: refiner.clone(), live: Arc::new(Mutex::new(live)) })
     }
 
@@ -220,14 +217,6 @@ impl PyLive {
     /// Forget all frames.
     fn reset(&self) {
         watch::locked(&self.live).reset();
-    }
-
-    /// Return the state as numbers.
-    fn state(&self, py: Python<'_>) -> Out<f64> {
-        let live = Arc::clone(&self.live);
-        let numbers = py.detach(move || watch::locked(&live).numbers());
-        let n = numbers.len();
-        Out(numbers, vec![n])
     }
 }
 
@@ -389,6 +378,7 @@ pub(crate) fn over_time<'py>(
     let out = results(py, frames, done.frames)?;
     out.set_item("velocity", frames.out(done.velocity, &[n, 3]))?;
     out.set_item("velocity_uncertainty", frames.out(done.velocity_covariance, &[n, 3, 3]))?;
+    out.set_item("view_noise", Out(done.view_noise, vec![frames.n_views]))?;
     let (mean, sigma) = done.lengths.iter().map(|l| (l.mean, l.sigma)).unzip();
     let ends = done.bones.iter().flatten().map(|j| *j as i64).collect();
     out.set_item("bones", Out(ends, vec![bones, 2]))?;

@@ -15,6 +15,7 @@ use skelsplat_core::study::projection::View;
 use skelsplat_core::study::refine::Control;
 use skelsplat_core::study::rig::Placed;
 use skelsplat_core::study::rig::adjust::equations as rig_step;
+use skelsplat_core::study::sequence::noise::{DetectionNoise, Kernel};
 use skelsplat_core::study::sequence::{equations, solver::Common};
 use skelsplat_core::{Frame, PaperSettings};
 
@@ -209,7 +210,7 @@ pub(crate) fn loss_and_gradient<'py>(
 }
 
 /// Return H (3NT, 3NT), gradient (N, T, 3) and density of the acceleration (N, T) of a step in
-/// time.
+/// time; noise (N, M) and its factors (M, T) that the poses show.
 ///
 /// It is that of ``refine_sequence`` at ``poses`` (T, N, 3). ``lengths``: mean and σ of every limb,
 /// mm; ``joints``: variance of a detection (mm²) and kernel (mm) of every joint. Densities are
@@ -226,8 +227,8 @@ pub(crate) fn sequence_equations(
     joints: Vec<[f64; 2]>,
     layout: Option<Layout>,
     config: Option<RefineConfig>,
-) -> Result<(Out<f64>, Out<f64>, Out<f64>)> {
-    let (t, n) = (poses.0.shape[0], poses.0.shape[1]);
+) -> Result<Vec<Out<f64>>> {
+    let (t, m, n) = (poses.0.shape[0], cameras.cameras.len(), poses.0.shape[1]);
     let refiner = refiner(&cameras, layout, config)?;
     let frames: Vec<Frame> = detections.detections()?.into_iter().map(Frame::from).collect();
     let given = poses.0.points();
@@ -240,15 +241,19 @@ pub(crate) fn sequence_equations(
             .map(|[mean, sigma]| Length { mean: *mean, sigma: *sigma })
             .collect(),
         process_noise: Vec::new(),
-        weight: 1.0,
-        variance: joints.iter().map(|j| j[0]).collect(),
-        sigma: joints.iter().map(|j| j[1]).collect(),
+        noise: DetectionNoise {
+            confidence: vec![1.0; m],
+            variance: joints.iter().flat_map(|j| vec![j[0]; m]).collect(),
+            kernel: Kernel { sigma: joints.iter().map(|j| j[1]).collect(), ..Kernel::default() },
+            ..DetectionNoise::default()
+        },
         reach: 1.0,
     };
-    let (hessian, pulls, process_noise) = equations(&refiner, &frames, points, common, 1.0)?;
+    let (hessian, pulls, q, noise, factors) = equations(&refiner, &frames, points, common, 1.0)?;
     let gradient: Vec<Vector3<f64>> = pulls.iter().map(|pull| -pull).collect();
-    let hessian = Out(hessian, vec![3 * n * t, 3 * n * t]);
-    Ok((hessian, Out::points(&gradient, vec![n, t, 3]), Out(process_noise, vec![n, t])))
+    let of_step = [Out(hessian, vec![3 * n * t; 2]), Out::points(&gradient, vec![n, t, 3])];
+    let shown = [Out(q, vec![n, t]), Out(noise.variance, vec![n, m]), Out(factors, vec![m, t])];
+    Ok(of_step.into_iter().chain(shown).collect())
 }
 
 /// Return S (8 M, 8 M), s (8 M,) and the cost of the equations of ``adjust_cameras``, joints

@@ -137,20 +137,14 @@ fn half_a_second_is_bridged_with_honest_bars_and_no_more() {
 }
 
 #[test]
-fn the_same_frames_give_the_same_bits_after_any_interruption() {
+fn an_answer_depends_on_no_later_frame() {
     let cameras = room(4);
     let refiner = refiner(&cameras, RefineConfig::default());
     let frames = recording(30, &cameras, 6);
     for lag in [0, 4] {
         let whole = steps(&mut at_rate(&refiner, lag), &refiner, &frames);
         let again = steps(&mut at_rate(&refiner, lag), &refiner, &frames[..20]);
-        assert!(same(&whole[..20], &again), "causal");
-        let mut live = at_rate(&refiner, lag);
-        steps(&mut live, &refiner, &frames[..12]);
-        let mut restored = at_rate(&refiner, lag).restored(live.numbers()).unwrap();
-        assert!(same(&whole[12..], &steps(&mut restored, &refiner, &frames[12..])), "restored");
-        let broken = live.numbers()[1..].to_vec();
-        assert!(at_rate(&refiner, lag).restored(broken).is_err());
+        assert!(same(&whole[..20], &again));
     }
 }
 

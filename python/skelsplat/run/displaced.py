@@ -32,6 +32,8 @@ _LEAST_SHIFT = 0.004
 # Probability that joints whose offsets point any way would share such a shift. Neighbours (eyes, toes) share
 # some of their offsets: if only half of the joints count, 1e-4 still is 1e-2.
 _CHANCE = 1e-4
+# The same where those of another camera lie to one side, too: a wrong camera pulls the pose to its side.
+_UNSURE = 0.05
 _LEAST_DETECTIONS = 50  # fewer detections are no pattern: three frames of a body
 _DIRECTION = 0.1  # a direction is named from this part of the shift on
 _LEAST_JOINTS = 4  # fewer joints of a view are no whole; as many make a person
@@ -98,11 +100,16 @@ def residuals(detections: Array, projected: Array, swapped: Mask, pairs: Sequenc
     return found
 
 
-def displaced_cameras(rig: sk.CameraRig, shifts: Shifts, chance: float = _CHANCE) -> list[int]:
-    """Return the cameras with detections shifted from the pose, the largest shift first."""
+def displaced_cameras(rig: sk.CameraRig, shifts: Shifts, noise: Array | None = None) -> list[int]:
+    """Return the cameras with detections shifted from the pose, the largest shift first.
+
+    Where frames alone follow them, their ``noise`` over time (M,) counts, and the largest is first.
+    """
     diagonal = np.array([np.hypot(*camera.size) for camera in rig])
-    found = np.flatnonzero(shifts.one_sided(diagonal, chance)).tolist()
-    return sorted(found, key=lambda i: -shifts.size[i] / diagonal[i])
+    found, size = np.flatnonzero(shifts.one_sided(diagonal)), shifts.size / diagonal
+    if not found.size and noise is not None and (shifts.chance < _UNSURE).sum() >= 2:
+        found, size = np.flatnonzero(shifts.one_sided(diagonal, _UNSURE)), noise
+    return sorted(found.tolist(), key=lambda i: -size[i])
 
 
 def find_displaced(

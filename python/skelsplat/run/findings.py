@@ -4,20 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from collections.abc import Set as AbstractSet
-from dataclasses import replace
 from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
-import skelsplat as sk
-from skelsplat._arrays import Array
-from skelsplat._people import limbs_differ
-from skelsplat._words import length, listed, percent
+from skelsplat._words import listed, percent
 from skelsplat.findings import Finding, Remedy, Severity, Subject
 from skelsplat.rig_check._check import find_swapped, same_detections
+from skelsplat.run.bones import find_bones
 from skelsplat.run.displaced import displaced_cameras, find_apart, find_displaced, shift_of, to_one_side
-from skelsplat.run.frames import MOSTLY, JointFrames, find_joints, find_statuses, some
+from skelsplat.run.frames import MOSTLY, JointFrames, find_joints, find_statuses
 from skelsplat.run.people import find_people
 from skelsplat.run.read import Inputs
 from skelsplat.run.solve import Outcome, frame_by_frame
@@ -31,8 +28,6 @@ _CAMERA_SHARE, _CAMERA_RATIO = 0.1, 3.0
 _BAD_SHARE, _BEST_RATIO = 0.2, 2.0
 # the whole recording with this, or with the lesser share that also those have who are not named for it.
 _WHOLE_SHARE, _REST_SHARE = 1 / 3, 0.2
-# Probability of chance up to which detections that lie to one side are a shift if rejected over time.
-_UNSURE = 0.05
 # A robust fit may leave the median where it was; a tenth more is further away.
 _FURTHER, _FURTHER_PX = 1.1, 0.1  # less is the rounding of the detections
 _FURTHER_OVER_TIME = 1.25
@@ -43,9 +38,6 @@ _FURTHER_OF_TWO, _CONFIRMED = 1.25, 3
 _SOME, _ALSO_UNFIT = 0.1, 0.25
 # About half the arms and legs, which are half of a layout's joints or more; and all that have a side.
 _MIRRORED_SHARE, _ALL_SIDES = 0.25, 0.6
-# A given length contradicts the recording beyond this many of its standard deviations and this share.
-_GIVEN_SIGMAS, _GIVEN_SHARE = 3.0, 0.05
-_USUAL_SIGMA_MM = 20.0  # of given lengths without standard deviations
 
 
 def find_findings(
@@ -62,18 +54,15 @@ def find_findings(
     """
     alone = frame_by_frame(inputs, outcome)
     counted = statistics if alone is outcome else summarise(inputs, alone)
-    sides = zip(*inputs.layout.symmetric_pairs(2), strict=True)
-    measured = np.array([_lengths_mm(inputs, alone, side) for side in sides])
     swapped = [*find_swapped(inputs.rig.names, alone.result, inputs.layout), *_mirrored(counted)]
     return [
         *same_detections(inputs.rig.names, inputs.detections),
         *find_people(inputs, alone),
         *find_whole(counted, alone.config.min_confidence),
         *_in_time(statistics, counted),
-        *_cameras(inputs, _with_lasting(inputs.rig, counted, statistics)),
+        *_cameras(inputs, counted, outcome),
         *{finding.subject: finding for finding in swapped}.values(),  # the latter of two on a camera
-        *filter(None, [limbs_differ(inputs.layout, measured.T) if measured.size else None]),
-        *_given_lengths(inputs, alone),
+        *find_bones(inputs, alone),
         *find_joints(counted, statistics),
         *find_statuses(inputs, frames, counts),
     ]
@@ -159,21 +148,12 @@ def _find_unfit(names: Sequence[str], unfit: Mapping[int, tuple[int, int]]) -> I
     yield Finding("camera_disagrees", "warning", Subject(cameras=cameras), numbers, remedy, sentence=words)
 
 
-def _with_lasting(rig: sk.CameraRig, alone: Statistics, statistics: Statistics) -> Statistics:
-    """Return those of frames ``alone``, but over time of cameras that are off by what frames alone follow."""
-    unsure = {*displaced_cameras(rig, alone.shifts, _UNSURE)} - {*displaced_cameras(rig, alone.shifts)}
-    cameras = [*alone.cameras]
-    for i in unsure:
-        if statistics.cameras[i]["rejected_share"] >= _CAMERA_RATIO * cameras[i]["rejected_share"]:
-            cameras[i] = statistics.cameras[i]
-    return replace(alone, cameras=cameras)
-
-
-def _cameras(inputs: Inputs, statistics: Statistics) -> Iterator[Finding]:
+def _cameras(inputs: Inputs, statistics: Statistics, outcome: Outcome) -> Iterator[Finding]:
     """Yield findings on cameras that are unused, disagree or are displaced, and on views that lie apart."""
     names, shifts, unfit = inputs.rig.names, statistics.shifts, unfit_cameras(inputs)
     unfit_names = {names[i] for i in unfit}
-    displaced = displaced_cameras(inputs.rig, shifts)
+    noise = None if outcome.sequence is None else outcome.sequence.view_noise
+    displaced = displaced_cameras(inputs.rig, shifts, noise)
     bad = {group["name"] for group in _bad_cameras(statistics.cameras)}
     worst = [i for i in displaced if names[i] in bad]
     rest = [i for i in displaced if names[i] not in bad]
@@ -244,46 +224,3 @@ def _mirrored(statistics: Statistics) -> Iterator[Finding]:
             words = f"{name}: left and right are swapped in {percent(share)} of its detections. {why}"
             numbers = {"swapped_share": share}
             yield Finding("sides_swapped", "warning", Subject((name,)), numbers, sentence=words)
-
-
-def _lengths_mm(inputs: Inputs, outcome: Outcome, limbs: Sequence[tuple[int, int]]) -> list[float]:
-    """Return the median length of each limb over the frames that determine both ends; NaN of none."""
-    known = np.asarray(outcome.result.joint_status) == "ok"
-    pose = np.where(known[..., None], outcome.result.pose, np.nan) * inputs.rig.mm_per_unit
-    return [finite_median(np.linalg.norm(pose[:, a] - pose[:, b], axis=-1)) for a, b in limbs]
-
-
-def _given_lengths(inputs: Inputs, alone: Outcome) -> Iterator[Finding]:
-    """Yield a finding on given lengths of bones that the recording contradicts."""
-    limbs, joints = inputs.layout.limbs, inputs.layout.joints
-    lengths, sigmas = _lengths_given(inputs.layout, alone.config)
-    measured = np.array(_lengths_mm(inputs, alone, limbs))
-    allowed = np.maximum(_GIVEN_SIGMAS * sigmas, _GIVEN_SHARE * lengths)
-    wrong = np.flatnonzero((np.abs(measured - lengths) > allowed) & (sigmas < lengths))
-    if not len(wrong):
-        return
-    named = [[joints[j] for j in limbs[b]] for b in wrong]
-    given, found = lengths[wrong].tolist(), measured[wrong].tolist()
-    sizes = [
-        f"{a} to {b} {length(one, 0, 10.0)} mm, measured {length(seen, 0, 10.0)} mm"
-        for (a, b), one, seen in zip(named, given, found, strict=True)
-    ]
-    words = "Given bone lengths contradict the recording, which follows them if it is short: "
-    subject = Subject(joints=tuple(dict.fromkeys(joint for limb in named for joint in limb)))
-    numbers = {"limbs": named, "given_mm": given, "measured_mm": found}
-    yield Finding("given_lengths_differ", "warning", subject, numbers, sentence=f"{words}{some(sizes)}.")
-
-
-def _lengths_given(layout: sk.Layout, config: sk.RefineConfig) -> tuple[Array, Array]:
-    """Return the lengths of the limbs (B,) that settings or else the layout give, and their sigmas, mm.
-
-    Where none is given, the length is 0; the paper's method has none.
-    """
-    lengths, sigmas = np.zeros(len(layout.limbs)), np.full(len(layout.limbs), _USUAL_SIGMA_MM)
-    if config.method == "paper" or config.bones == "free":
-        return lengths, sigmas
-    if config.bone_lengths_mm is not None:
-        return np.asarray(config.bone_lengths_mm), np.asarray(config.bone_sigmas_mm or sigmas)
-    for ends, given, sigma in layout.lengths:
-        lengths[layout.limbs.index(ends)], sigmas[layout.limbs.index(ends)] = given, sigma
-    return lengths, sigmas

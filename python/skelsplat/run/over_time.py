@@ -67,7 +67,8 @@ def apply_over_time(data: PoseData, job: Job | None) -> tuple[PoseData, dict[str
         left = {"left_as_they_are": short, "weak_left": int(weak.sum())}
         entry["filter"] = {**low_pass, **left}
         unchanged = f"weak joint positions are unchanged ({weak.sum()}) and do not influence other frames"
-        words = f"Low-pass: {_in_words(low_pass)}{f'; {unchanged}' if weak.any() else ''}"
+        words = f"Low-pass: Butterworth of order {low_pass['order']}, −3 dB at {low_pass['cutoff_hz']:g} Hz, "
+        words += f"zero-lag (forward and backward){f'; {unchanged}' if weak.any() else ''}"
         words += f"; {short} joint positions in runs too short for it are unchanged" if short else ""
         sentences.append(
             f"{words}. Uncertainties, weights and reprojection errors are from before filtering."
@@ -97,8 +98,3 @@ def _filtered(low_pass: Filter, pose: Array, frames: Index, weak: Mask, fps: flo
     cutoff, order = low_pass["cutoff_hz"], low_pass["order"]
     result, left = temporal.butterworth(pose, fps, cutoff, order=order, frames=frames, weak=weak)
     return result, int((left & ~weak).sum())
-
-
-def _in_words(low_pass: Filter) -> str:
-    cutoff = f"−3 dB at {low_pass['cutoff_hz']:g} Hz"
-    return f"Butterworth of order {low_pass['order']}, {cutoff}, zero-lag (forward and backward)"

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from skelsplat._arrays import Array, Index, Mask, medians
+from skelsplat._arrays import Array, Index, medians
 from skelsplat._people import layouts_alike
-from skelsplat._words import decimals, length, listed, number, percent
+from skelsplat._words import length, listed, percent
 from skelsplat.association import body_sizes
 from skelsplat.findings import Finding, Remedy, Subject
 from skelsplat.layouts import mirror_images
@@ -20,14 +19,6 @@ from skelsplat.run.read import Inputs
 from skelsplat.run.solve import Outcome
 from skelsplat.run.summary import finite_median
 
-# No distribution has more than 1/9 beyond four standard deviations from its median: the median is within one
-# of the mean, and Chebyshev's inequality leaves 1/9 beyond three from the mean.
-_OFF_SHARE = 1 / 9
-# Standard deviation of a limb's length, as a part of it: a detector does not place joints at quite the same
-# point of the body in every pose.
-_DEFINITION = 0.05
-# A limb is off its median beyond so many standard deviations; fewer frames are no distribution of lengths.
-_OFF, _LEAST_FRAMES = 4.0, 10
 # A body that is elsewhere in the next frame by this part of its size, and faster than anybody runs, mm/s, is
 # another one; it takes so many joints to say where it is.
 _JUMP, _FASTEST_MM_S, _LEAST_JOINTS = 0.5, 12_000.0, 4
@@ -47,16 +38,12 @@ _LEAST_DETECTED = 20
 
 
 def find_people(inputs: Inputs, outcome: Outcome) -> Iterator[Finding]:
-    """Yield the doubts about who is followed, and findings on others, on jumps and on varying lengths."""
+    """Yield the doubts about who is followed, and findings on others and on jumps."""
     yield from inputs.doubts
     if inputs.crowd is not None and inputs.crowd.together >= OFTEN:
         yield _others(inputs, inputs.crowd)
-    result = outcome.result
-    limbs = [limb for pair in inputs.layout.symmetric_pairs(2) for limb in pair]
-    known = np.asarray(result.joint_status) == "ok"
-    spread = limb_spread(np.asarray(result.pose), np.asarray(result.uncertainty), known, limbs)
-    yield from find_lengths(inputs, spread)
-    yield from _find_jumps(inputs, np.where(known[..., None], result.pose, np.nan))
+    known = np.asarray(outcome.result.joint_status) == "ok"
+    yield from _find_jumps(inputs, np.where(known[..., None], outcome.result.pose, np.nan))
 
 
 def _others(inputs: Inputs, crowd: Crowd) -> Finding:
@@ -104,58 +91,6 @@ def _find_jumps(inputs: Inputs, pose: Array) -> Iterator[Finding]:
     words += "or out of order."
     numbers = {"jumps": len(jumps), "longest_mm": longest}
     yield Finding("person_jumps", "warning", Subject(frames=tuple(frames)), numbers, sentence=words)
-
-
-@dataclass(frozen=True)
-class LimbSpread:
-    """How the lengths of limbs vary over the frames; of limbs that are known in ten frames or more."""
-
-    limbs: Index  # (B, 2) the joints of these limbs
-    low: Array  # (B,) 5th percentile of the length, in the poses' unit
-    high: Array  # (B,) 95th percentile
-    relative: Array  # (B,) distance of the two percentiles, as a part of the median
-    off: float  # part of all lengths that differ from the limb's median by more than four standard deviations
-
-
-def limb_spread(pose: Array, uncertainty: Array, known: Mask, limbs: Sequence[tuple[int, int]]) -> LimbSpread:
-    """Compare how lengths of limbs vary over the frames with the scatter that a constant length would have.
-
-    The variance is that of its two ends along it, and (5 % of the length)². Joints ``known`` (T, N) count.
-    """
-    kept, rows, off, count = [], [], 0, 0
-    for a, b in limbs:
-        both = known[:, a] & known[:, b]
-        limb = pose[both, b] - pose[both, a]
-        length = np.linalg.norm(limb, axis=-1)
-        if len(length) < _LEAST_FRAMES or not (length > 0).all():
-            continue
-        along = limb / length[:, None]
-        variance = np.einsum("ti,tij,tj->t", along, uncertainty[both, a] + uncertainty[both, b], along)
-        row = np.percentile(length, [50, 5, 95])
-        allowed = _OFF * np.sqrt(variance + (_DEFINITION * row[0]) ** 2)
-        off, count = off + int((np.abs(length - row[0]) > allowed).sum()), count + len(length)
-        kept.append((a, b))
-        rows.append(row)
-    median, low, high = np.array(rows).reshape(-1, 3).T
-    indices = np.array(kept, dtype=np.int64).reshape(-1, 2)
-    return LimbSpread(indices, low, high, (high - low) / median, off / max(count, 1))
-
-
-def find_lengths(inputs: Inputs, spread: LimbSpread) -> Iterator[Finding]:
-    """Yield a finding on the limb that varies most, if lengths vary by more than scatter explains."""
-    if spread.off <= _OFF_SHARE:
-        return
-    worst = int(np.argmax(spread.relative))
-    a, b = (inputs.layout.joints[joint] for joint in spread.limbs[worst])
-    low, high = (float(size[worst] * inputs.rig.mm_per_unit) for size in (spread.low, spread.high))
-    relative, digits = float(spread.relative[worst]), decimals(high, 0, 10.0)
-    words = f"Limb lengths vary by up to {percent(relative)} over the recording, which is impossible for "
-    words += f"one body. {a} to {b} is {number(low, digits)} to {number(high, digits)} mm long (5th to 95th "
-    words += f"percentile), and {percent(spread.off)} of the lengths of arms and legs deviate by more than "
-    words += "scatter explains. Either the views show different people, or most views are wrong about these "
-    words += "joints."
-    numbers = {"relative_range": relative, "range_mm": [low, high], "off_share": spread.off}
-    yield Finding("limb_lengths_vary", "warning", Subject(joints=(a, b)), numbers, sentence=words)
 
 
 def find_doubts(people: Sequence[Inputs], of: Inputs) -> Iterator[Finding]:

@@ -12,7 +12,7 @@ import skelsplat as sk
 from skelsplat._arrays import Index
 from skelsplat._json import plain
 from skelsplat._words import ordinal
-from skelsplat.run.people import limb_spread
+from skelsplat.run.bones import lengths_mm, percentiles
 from skelsplat.run.read import Inputs
 from skelsplat.run.solve import ALONE, Outcome, default_threads
 from skelsplat.run.summary import DOWN_WEIGHTED, POOR_SHARE, Statistics, finite_median
@@ -214,8 +214,7 @@ def _spans(frames: Index) -> list[list[int]]:
 
 def _limb_range(run: Run) -> float:
     """Return how far the lengths of arms and legs range frame by frame, as a part of them."""
-    result = run.result
-    pose = np.asarray(result.pose if run.outcome.sequence is None else result.init_pose)
-    known = (np.asarray(result.joint_status) == "ok") & np.isfinite(pose).all(axis=-1)
     limbs = [limb for pair in run.layout.symmetric_pairs(2) for limb in pair]
-    return finite_median(limb_spread(pose, np.asarray(result.uncertainty), known, limbs).relative)
+    pose = None if run.outcome.sequence is None else run.result.init_pose
+    _, (low, median, high) = percentiles(lengths_mm(run.result, limbs, 1.0, pose)[0], 5, 50, 95)
+    return finite_median((high - low) / median)

@@ -26,7 +26,6 @@ RIGHT = "#d55e00"
 MIDDLE = "#222222"
 SIDES = {"left": LEFT, "right": RIGHT, "middle": MIDDLE}
 DETECTION = "#009e73"
-REPROJECTION = "#d55e00"
 REJECTED = "#b3006b"
 SWAPPED = "#e69f00"
 # One colour per person, in the order of their identities; the eighth has that of the first.

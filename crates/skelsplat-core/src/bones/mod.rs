@@ -18,7 +18,7 @@ pub mod population;
 use nalgebra::{Matrix3, Vector3};
 
 /// Reach of the kernel, in standard deviations.
-const REACH: f64 = 6.0;
+pub const REACH: f64 = 6.0;
 
 /// The expected length of a bone.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -11,6 +11,7 @@ use super::result::Refinement;
 use crate::annealed::rays::Rays;
 use crate::annealed::swaps::{Chain, chains};
 use crate::annealed::{self, Alone, AnnealedSettings, Before, Bones, Prior};
+use crate::bones::Length;
 use crate::bones::expected::Expected;
 use crate::camera::Camera;
 use crate::detections::Detections;
@@ -24,7 +25,8 @@ use crate::symmetry::LimbPair;
 use crate::threads;
 use crate::unit::Unit;
 
-/// Cameras, layout and settings prepared once for any number of frames. Everything inside is in mm.
+/// Cameras, layout and settings prepared once for any number of frames. Everything inside is in mm,
+/// or, for bodies of another size than people, in mm of a body of a person's size.
 #[derive(Debug, Clone)]
 pub struct Refiner {
     /// At full resolution.
@@ -35,6 +37,8 @@ pub struct Refiner {
     chains: Vec<Chain>,
     bones: Vec<[usize; 2]>,
     expected: Expected,
+    /// Joints that are mirror images.
+    mirrored: Vec<[usize; 2]>,
     occlusion_prone: Vec<usize>,
     n_joints: Option<usize>,
     /// Standard deviations of the joints' systematic errors, in the unit of the cameras; empty if
@@ -43,6 +47,8 @@ pub struct Refiner {
     /// Settings of the rendering loss: those of `paper`, or for `annealed` its closed form.
     paper: PaperSettings,
     unit: Unit,
+    /// The body's size in multiples of a person's.
+    size: f64,
     config: RefineConfig,
 }
 
@@ -75,24 +81,25 @@ impl Refiner {
             let expected = format!("one weight per camera ({})", cameras.len());
             return Err(Error::invalid("config.view_weights", expected, w.len().to_string()));
         }
-        let cameras: Vec<Camera> =
-            cameras.iter().map(|c| c.clone().with_length_scale(unit.millimetres())).collect();
-        let scaled: Result<Vec<Camera>> =
+        let cameras = scaled(cameras, unit.millimetres());
+        let smaller: Result<Vec<Camera>> =
             cameras.iter().map(|c| c.scaled(paper.resolution)).collect();
-        let scaled = scaled.map_err(|error| error.of_argument("config.resolution"));
+        let smaller = smaller.map_err(|error| error.of_argument("config.resolution"));
         let bias = config.joint_bias_mm.per_joint(layout, layout.map_or(0, Layout::n_joints));
         Ok(Self {
-            views: scaled?.iter().map(View::new).collect(),
+            views: smaller?.iter().map(View::new).collect(),
             pairs: layout.map_or(Vec::new(), |l| l.symmetric_pairs(config.symmetry_tier).collect()),
             chains: layout.filter(|_| find_swaps).map(chains).unwrap_or_default(),
             bones: layout.map(|l| l.limbs.clone()).unwrap_or_default(),
             expected,
+            mirrored: layout.map(|l| l.left_right.clone()).unwrap_or_default(),
             occlusion_prone: layout.map(|l| l.occlusion_prone.clone()).unwrap_or_default(),
             n_joints: layout.map(|l| l.joints.len()),
             joint_bias: in_unit(bias, unit),
             cameras,
             paper,
             unit,
+            size: 1.0,
             config,
         })
     }
@@ -105,6 +112,30 @@ impl Refiner {
     /// The unit of the cameras and of all poses.
     pub fn unit(&self) -> Unit {
         self.unit
+    }
+
+    /// The same for bodies that are `size` times as large as people: settings and constants in mm
+    /// are those of a body of a person's size.
+    pub(crate) fn at_size(&self, size: f64) -> Self {
+        let mut out = self.clone();
+        let scale = self.size / size;
+        out.cameras = scaled(&self.cameras, scale);
+        for bone in &mut out.expected.given {
+            bone.length =
+                Length { mean: bone.length.mean * scale, sigma: bone.length.sigma * scale };
+        }
+        out.size = size;
+        out
+    }
+
+    /// The body's size in multiples of a person's.
+    pub(crate) fn size(&self) -> f64 {
+        self.size
+    }
+
+    /// Lengths inside per unit of the cameras: mm, or those of a body of a person's size.
+    pub(crate) fn millimetres(&self) -> f64 {
+        self.unit.millimetres() / self.size
     }
 
     /// Refines one frame.
@@ -157,14 +188,11 @@ impl Refiner {
         })
     }
 
-    /// Final kernels of `n` joints where the detections have this `noise`, mm.
-    pub(crate) fn final_kernels(&self, n: usize, noise: f64) -> Vec<f64> {
-        let per_noise = match &self.config.method {
-            Method::Annealed(own) => own.sigma_per_noise,
-            Method::Paper(_) => None,
-        };
-        let share = per_noise.map_or(1.0, |k| (k * noise / self.config.sigma_mm()).min(1.0));
-        self.sigmas(n).into_iter().map(|sigma| sigma * share).collect()
+    /// The class of each of `n` joints: left and right joints err alike.
+    pub(crate) fn classes(&self, n: usize) -> Vec<usize> {
+        let mut classes: Vec<usize> = (0..n).collect();
+        self.mirrored.iter().for_each(|[l, r]| classes[*r] = classes[*l]);
+        classes
     }
 
     /// The cameras in mm.
@@ -202,7 +230,7 @@ impl Refiner {
     ) -> Refinement {
         let errors = self.reprojection_error(detections, &outcome);
         let bias = self.joint_bias(outcome.points.len());
-        Refinement::new(outcome, bars, errors, bias, self.unit)
+        Refinement::new(outcome, bars, errors, bias, self.millimetres())
     }
 
     /// Standard deviations of the systematic errors of `n` joints, in the unit of the cameras.
@@ -306,7 +334,7 @@ impl Refiner {
     }
 
     /// Standard deviations of the joints' splats `(N)`, mm.
-    fn sigmas(&self, n_joints: usize) -> Vec<f64> {
+    pub(crate) fn sigmas(&self, n_joints: usize) -> Vec<f64> {
         if let Some(sigmas) = &self.config.joint_sigmas_mm {
             return sigmas.clone();
         }
@@ -373,7 +401,7 @@ impl Refiner {
 
     /// The initial pose in mm; `None` for a joint without one.
     fn initial_pose(&self, frame: &Frame) -> Option<Vec<Option<Vector3<f64>>>> {
-        let mm = self.unit.millimetres();
+        let mm = self.millimetres();
         let known = |p: &Vector3<f64>| p.iter().all(|v| v.is_finite()).then_some(p * mm);
         frame.init_pose.as_ref().map(|pose| pose.iter().map(known).collect())
     }
@@ -381,7 +409,7 @@ impl Refiner {
     /// The initial pose and, with covariances, the prior.
     fn before(&self, frame: &Frame) -> Option<Before> {
         let pose = self.initial_pose(frame)?;
-        let mm = self.unit.millimetres();
+        let mm = self.millimetres();
         let prior = |(p, c): (&Option<Vector3<f64>>, &Matrix3<f64>)| {
             let widest = c.diagonal().max();
             let spread = if widest.is_finite() { mm * widest.sqrt() } else { 0.0 };
@@ -407,6 +435,11 @@ impl Refiner {
         };
         outcome.used_for.iter().enumerate().map(|k| distance(k).unwrap_or(f64::NAN)).collect()
     }
+}
+
+/// Cameras in a world that is so many times as large.
+fn scaled(cameras: &[Camera], factor: f64) -> Vec<Camera> {
+    cameras.iter().map(|camera| camera.clone().with_length_scale(factor)).collect()
 }
 
 /// The lengths of bones that these settings expect.

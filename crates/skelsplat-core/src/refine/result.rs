@@ -6,7 +6,6 @@ use std::sync::Arc;
 use nalgebra::{Matrix3, Vector3};
 
 use crate::outcome::{ErrorBars, JointStatus, Loss, Outcome, Splats, StopReason};
-use crate::unit::Unit;
 
 /// A refined pose, in the unit of the cameras.
 #[derive(Debug, Clone, PartialEq)]
@@ -55,15 +54,15 @@ impl Refinement {
         zip(&self.uncertainty, self.joint_bias.iter()).map(bar).collect()
     }
 
-    /// `outcome` and `bars`, given in mm, converted to `unit`, which `joint_bias` already has.
+    /// `outcome` and `bars`, of which `mm` are a unit of the cameras, converted to this unit, which
+    /// `joint_bias` already has.
     pub(super) fn new(
         outcome: Outcome,
         bars: &ErrorBars,
         reprojection_error: Vec<f64>,
         joint_bias: Arc<[f64]>,
-        unit: Unit,
+        mm: f64,
     ) -> Self {
-        let mm = unit.millimetres();
         let n = outcome.points.len();
         let m = outcome.used_for.len() / n.max(1);
         let round = |(x, sigma): (&Vector3<f64>, &f64)| {

@@ -1,11 +1,13 @@
-//! What a recording shows about its bones: how long they are.
+//! What a recording shows: what is the same for every window, and how long its bones are.
 
 use nalgebra::Vector3;
 
+use super::lasting::Memory;
+use super::solver::Common;
 use super::tracks::Tracks;
-use crate::bones::Length;
 use crate::bones::expected::{Expected, Shown, stature};
 use crate::bones::population::Proportion;
+use crate::bones::{Length, REACH};
 use crate::statistics::weighted_median;
 
 /// Frames needed for an estimate.
@@ -23,8 +25,41 @@ const LOOSE: f64 = 3.0;
 /// contradict each other.
 const CONTRADICTS: f64 = 3.0;
 
+/// What is known of a recording from a sample of it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Known {
+    /// The body's size in multiples of a person's.
+    pub(super) size: f64,
+    /// Before the path of the sample was found: windows look for their path with the same
+    /// knowledge.
+    pub(super) first: Common,
+    /// Along its path under wide kernels.
+    pub(super) wide: Common,
+    /// Along the path.
+    pub(super) learnt: Learnt,
+}
+
+/// What is learnt along the path of a sample.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Learnt {
+    /// What all frames have in common.
+    pub common: Common,
+    /// How long the errors of each joint's detections last.
+    pub memory: Vec<Memory>,
+    /// Whether the sample shows each bone.
+    pub shown: Vec<bool>,
+}
+
+impl Known {
+    /// Number of joints.
+    pub(super) fn n_joints(&self) -> usize {
+        self.first.noise.kernel.sigma.len()
+    }
+}
+
 /// The length of every bone at `points` `(N, T)`: what the frames show, with what is expected as
 /// its prior. σ is infinite for a bone that no frame shows and of which nothing is known.
+/// A length that no person has is not believed.
 pub fn lengths(
     tracks: &Tracks,
     points: &[Vector3<f64>],
@@ -32,7 +67,7 @@ pub fn lengths(
     expected: &Expected,
 ) -> Vec<Length> {
     let measured: Vec<Option<MeasuredLength>> =
-        bones.iter().map(|bone| measure(tracks, points, *bone)).collect();
+        bones.iter().map(|b| measure(tracks, points, *b, expected.given(*b))).collect();
     let of = |joints: [usize; 2]| bones.iter().position(|b| *b == joints).and_then(|b| measured[b]);
     let shown = |p: &Proportion| {
         let m = of(p.joints).filter(|m| m.well)?;
@@ -43,8 +78,22 @@ pub fn lengths(
         let own = expected.proportions.iter().find(|p| p.joints == joints)?.at(stature);
         Some(Length { sigma: LOOSE * own.sigma, ..own })
     };
-    let prior = |joints: [usize; 2]| expected.given(joints).or_else(|| of_population(joints));
-    bones.iter().zip(&measured).map(|(b, m)| combined(*m, prior(*b))).collect()
+    let joined = |(b, m): (&[usize; 2], &Option<MeasuredLength>)| {
+        let own = of_population(*b);
+        let possible = |m: &MeasuredLength| {
+            own.is_none_or(|own| (m.length.mean - own.mean).abs() <= REACH * own.sigma)
+        };
+        combined(m.filter(possible), expected.given(*b).or(own))
+    };
+    bones.iter().zip(&measured).map(joined).collect()
+}
+
+/// Whether any frame sees both ends of each bone well.
+pub fn shown(tracks: &Tracks, bones: &[[usize; 2]]) -> Vec<bool> {
+    let both = |[a, b]: &[usize; 2], t: usize| {
+        tracks.sure[a * tracks.frames + t] && tracks.sure[b * tracks.frames + t]
+    };
+    bones.iter().map(|bone| (0..tracks.frames).any(|t| both(bone, t))).collect()
 }
 
 /// What the frames show of a bone.
@@ -92,7 +141,12 @@ impl InFrame {
     }
 }
 
-fn measure(tracks: &Tracks, points: &[Vector3<f64>], [a, b]: [usize; 2]) -> Option<MeasuredLength> {
+fn measure(
+    tracks: &Tracks,
+    points: &[Vector3<f64>],
+    [a, b]: [usize; 2],
+    given: Option<Length>,
+) -> Option<MeasuredLength> {
     let at = |t: usize| (a * tracks.frames + t, b * tracks.frames + t);
     let is_sure = |t: &usize| tracks.sure[at(*t).0] && tracks.sure[at(*t).1];
     let in_frame = |t: usize| {
@@ -118,7 +172,9 @@ fn measure(tracks: &Tracks, points: &[Vector3<f64>], [a, b]: [usize; 2]) -> Opti
     let total: f64 = seen.iter().map(|s| s.weight).sum();
     let noise = seen.iter().map(|s| s.weight * s.variance).sum::<f64>() / total;
     let own = (scatter * scatter - noise).max(0.0).sqrt();
-    let length = Length { mean, sigma: own.max(LEAST_SPREAD).max(LEAST_SHARE * mean) };
+    let usual = LEAST_SPREAD.max(LEAST_SHARE * mean);
+    let least = given.map_or(usual, |given| given.sigma.min(usual));
+    let length = Length { mean, sigma: own.max(least) };
     let variance = if well { LASTING * noise } else { noise + scatter * scatter };
     Some(MeasuredLength { length, variance, well })
 }

@@ -22,7 +22,7 @@
 //! several ([`learn_sequence`], [`refine_windows`]).
 
 pub mod chain;
-mod known;
+pub mod lasting;
 pub mod learn;
 pub mod live;
 pub mod noise;
@@ -30,14 +30,15 @@ mod outcome;
 pub mod posterior;
 pub mod process_noise;
 mod recording;
-mod serialise;
+pub mod scales;
+mod size;
 pub mod solver;
 mod swaps;
 pub mod system;
 pub mod tracks;
 mod windows;
 
-pub use known::{Known, Learnt};
+pub use learn::{Known, Learnt};
 pub use live::Live;
 pub(crate) use recording::check;
 pub use recording::{

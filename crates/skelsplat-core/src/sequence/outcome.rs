@@ -3,7 +3,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::known::Learnt;
+use super::learn::Learnt;
 use super::posterior::Posterior;
 use super::solver::{Common, WindowSolver};
 use super::tracks::{BRIDGE, Tracks};
@@ -11,12 +11,15 @@ use super::windows::{around, frames_in};
 use crate::annealed::Alone;
 use crate::annealed::consensus::REJECTED;
 use crate::annealed::depth::determine;
-use crate::annealed::rays::{Ray, there};
+use crate::annealed::rays::there;
+use crate::bones::Pull;
 use crate::outcome::{ErrorBars, JointStatus, Loss, Outcome, Splats, StopReason};
 use crate::statistics::median;
 
 /// Largest standard deviation of an inferred joint, as a share of the body's spread.
 pub(super) const INFERRED: f64 = 0.25;
+/// Share of wrong detections beyond which nothing is known: those that agree are the fewer.
+const MOST_WRONG: f64 = 0.5;
 
 /// A solved window.
 pub(super) struct SolvedWindow<'a> {
@@ -31,6 +34,8 @@ pub(super) struct SolvedWindow<'a> {
     fixed: Vec<Option<bool>>,
     /// Whether the frames around show the depth of each joint `(N, T)`, as [`deep`] finds.
     deep: Vec<bool>,
+    /// What bones that contradict the positions add to their covariances `(N, T)`.
+    contradicted: Vec<Matrix3<f64>>,
 }
 
 /// A joint of a frame.
@@ -51,18 +56,19 @@ impl<'a> SolvedWindow<'a> {
         learnt: &'a Learnt,
         posterior: &'a Posterior,
     ) -> Self {
-        let (common, views) = (&learnt.common, tracks.views);
+        let views = tracks.views;
         let mut known = vec![f64::NAN; tracks.active.len() * views];
         let mut depths = vec![None; tracks.active.len()];
         for k in (0..depths.len()).filter(|k| tracks.active[*k]) {
             let (j, at, own) =
                 (k / tracks.frames, &run.points[k], &mut known[k * views..][..views]);
-            let rays = tracks.rays(j, k % tracks.frames);
-            own.iter_mut().zip(believed(rays, at, common.sigma[j])).for_each(|(k, now)| *k = now);
-            depths[k] = fixed(rays, common, j, at, own);
+            let now = believed(tracks, j, k % tracks.frames, at);
+            own.iter_mut().zip(now).for_each(|(k, now)| *k = now);
+            depths[k] = fixed(tracks, k, at, own);
         }
-        let deep = deep(&depths, tracks.frames, frames_in(BRIDGE, common.fps));
-        Self { run, tracks, learnt, posterior, believed: known, fixed: depths, deep }
+        let deep = deep(&depths, tracks.frames, frames_in(BRIDGE, learnt.common.fps));
+        let contradicted = contradicted(run, tracks, &learnt.common);
+        Self { run, tracks, learnt, posterior, believed: known, fixed: depths, deep, contradicted }
     }
 
     /// Frame `t`, and its error bars.
@@ -79,7 +85,7 @@ impl<'a> SolvedWindow<'a> {
         let observed = status.iter().any(|s| *s != JointStatus::Unobserved);
         let outcome = Outcome {
             points: joints.iter().map(|joint| joint.at).collect(),
-            splats: Splats::Round(self.learnt.common.sigma.clone()),
+            splats: Splats::Round(self.learnt.common.noise.kernels()),
             init: alone.points.clone(),
             status: status.clone(),
             used_for,
@@ -88,11 +94,11 @@ impl<'a> SolvedWindow<'a> {
             n_iter,
             stop_reason: if observed { StopReason::Converged } else { StopReason::NoObservations },
         };
-        let variance = median(self.learnt.common.variance.iter().copied());
+        let variance = median(self.learnt.common.noise.variance.iter().copied());
         let bars = ErrorBars {
             covariances: joints.iter().map(|joint| joint.covariance).collect(),
             believed: joints.iter().flat_map(|joint| joint.believed.iter().copied()).collect(),
-            noise: if observed { (variance / self.learnt.common.weight).sqrt() } else { f64::NAN },
+            noise: if observed { variance.sqrt() } else { f64::NAN },
             status,
         };
         (outcome, bars)
@@ -104,26 +110,30 @@ impl<'a> SolvedWindow<'a> {
         let rays = self.tracks.rays(j, t);
         let active = self.tracks.active[k];
         let (at, covariance) = match active {
-            true => (self.run.points[k], self.posterior.positions[k] + self.undecided(j, t, alone)),
+            true => {
+                let also = self.undecided(j, t, alone) + self.contradicted[k];
+                (self.run.points[k], self.posterior.positions[k] + also)
+            }
             false => (alone.points[j], alone.spread[j]),
         };
         let believed: Vec<f64> = match active {
             true => self.believed[k * rays.len()..][..rays.len()].to_vec(),
-            false => believed(rays, &at, common.sigma[j]).collect(),
+            false => believed(self.tracks, j, t, &at).collect(),
         };
         let fixed = self.fixed[k] == Some(true);
-        let widest = || covariance.symmetric_eigenvalues().max().sqrt();
+        let most = (INFERRED * common.reach).powi(2);
+        let unknown = active
+            && (common.noise.wrong > MOST_WRONG
+                || self.contradicted[k].trace() > 0.0
+                || (covariance.trace() > most && covariance.symmetric_eigenvalues().max() > most));
         let status = match (active, fixed) {
             (false, _) => alone.status[j],
+            (true, _) if unknown => JointStatus::Weak,
             (true, true) => JointStatus::Ok,
-            (true, false) if self.deep[k] && widest() <= INFERRED * common.reach => {
-                JointStatus::Inferred
-            }
+            (true, false) if self.deep[k] => JointStatus::Inferred,
             (true, false) => JointStatus::Weak,
         };
-        let scale = 2.0 * common.sigma[j].powi(2) / common.variance[j];
-        let terms = rays.iter().zip(&believed).filter(|(ray, k)| ray.is_there() && k.is_finite());
-        let loss = terms.map(|(ray, k)| ray.weight * scale * (1.0 - k)).sum();
+        let loss = self.tracks.loss(k, &believed);
         SolvedJoint { at, covariance, believed, status, loss }
     }
 
@@ -144,26 +154,32 @@ impl<'a> SolvedWindow<'a> {
     }
 }
 
-/// k of every view at a position; NaN where missing.
-fn believed(rays: &[Ray], at: &Vector3<f64>, sigma: f64) -> impl Iterator<Item = f64> {
-    rays.iter().map(move |ray| ray.trust(at, sigma).unwrap_or(f64::NAN))
+/// k of every view for joint `j` of frame `t` at a position; NaN where missing.
+fn believed<'a>(
+    tracks: &'a Tracks,
+    j: usize,
+    t: usize,
+    at: &'a Vector3<f64>,
+) -> impl Iterator<Item = f64> + 'a {
+    let rays = tracks.rays(j, t).iter().enumerate();
+    let k = j * tracks.frames + t;
+    rays.map(move |(i, ray)| if ray.is_there() { tracks.trust(k, i, at, 1.0) } else { f64::NAN })
 }
 
-/// Whether the views that agree on joint `j` fix its depth; `None` where fewer than two agree.
-fn fixed(
-    rays: &[Ray],
-    common: &Common,
-    j: usize,
-    at: &Vector3<f64>,
-    believed: &[f64],
-) -> Option<bool> {
+/// Whether the views that agree on joint and frame `k` fix its depth; `None` where fewer than two
+/// agree.
+fn fixed(tracks: &Tracks, k: usize, at: &Vector3<f64>, believed: &[f64]) -> Option<bool> {
     if believed.iter().filter(|k| **k >= REJECTED).count() < 2 {
         return None;
     }
+    let rays = tracks.rays(k / tracks.frames, k % tracks.frames);
     let ranges = there(rays).map(|ray| ray.offset(at).range.abs() * ray.pixel);
-    let pixel = ranges.clone().sum::<f64>() / ranges.count() as f64;
-    let variance = common.variance[j] / (pixel * pixel);
-    Some(determine(rays, at, variance, common.weight, |i| believed[i]))
+    let n = ranges.clone().count() as f64;
+    let pixel = ranges.sum::<f64>() / n;
+    let precision = |i: usize| tracks.weights[k * rays.len() + i].precision;
+    let mean = (0..rays.len()).map(precision).sum::<f64>() / n;
+    let weight = |i: usize| believed[i] * precision(i) / rays[i].weight;
+    Some(determine(rays, at, 1.0 / (pixel * pixel), mean, weight))
 }
 
 /// Whether the frames around show the depth of each joint `(N, T)`: of those up to `reach` frames
@@ -178,6 +194,35 @@ fn deep(fixed: &[Option<bool>], frames: usize, reach: usize) -> Vec<bool> {
         (0..frames).map(move |t| sums[near(t).end] >= sums[near(t).start])
     };
     fixed.chunks(frames.max(1)).flat_map(of_joint).collect()
+}
+
+/// What bones that contradict the positions add to their covariances `(N, T)`, where they have lost
+/// their influence on a joint as rejected detections have: it may be anywhere on the spheres around
+/// their other ends. A joint that another bone holds is right.
+fn contradicted(run: &WindowSolver<'_>, tracks: &Tracks, common: &Common) -> Vec<Matrix3<f64>> {
+    let t = tracks.frames;
+    // Weights of a joint's bones, their number, and what is missing along them.
+    let mut sums = vec![(0.0, 0.0, Matrix3::zeros()); tracks.active.len()];
+    let bones = common.bones.iter().zip(&common.lengths);
+    for (ends, length) in bones.filter(|(_, length)| length.sigma.is_finite()) {
+        for k in 0..t {
+            let at = ends.map(|j| j * t + k);
+            if at.iter().all(|at| tracks.active[*at]) {
+                let d = run.points[at[0]] - run.points[at[1]];
+                let pull = Pull::new(&run.points[at[0]], &run.points[at[1]], *length);
+                let sphere = Matrix3::from_diagonal_element(length.mean * length.mean / 3.0);
+                for at in at {
+                    sums[at].0 += pull.stiffness * length.sigma * length.sigma;
+                    sums[at].1 += 1.0;
+                    sums[at].2 += d * d.transpose() + sphere;
+                }
+            }
+        }
+    }
+    let added = |(kept, n, off): (f64, f64, Matrix3<f64>)| {
+        if kept < REJECTED * n && off.trace().is_finite() { off } else { Matrix3::zeros() }
+    };
+    sums.into_iter().map(added).collect()
 }
 
 /// Standard errors of the bones' lengths, mm: those of a typical frame, since most of an error

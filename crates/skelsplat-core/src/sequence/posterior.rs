@@ -2,26 +2,25 @@
 //!
 //! The detections of a joint have errors with a constant part c that no number of frames averages
 //! out; of the rest, f(n) among n frames make up an independent detection
-//! ([`Memory`](super::noise::Memory)). With the information D_t of a frame's detections, the
+//! ([`Memory`](super::lasting::Memory)). With the information D_t of a frame's detections, the
 //! motion's stiffness K and the mean D̄_t of the information around t,
 //!
 //! ```text
-//! C_t = s ((1 − c) f(n_t) S_t + c D̄_t⁻¹)        S = (D + K)⁻¹        n_t = 3 / tr(S_t D_t)
+//! C_t = (1 − c) f(n_t) S_t + c D̄_t⁻¹        S = (D + K)⁻¹        n_t = 3 / tr(S_t D_t)
 //! ```
 //!
-//! where S_t is a block of the selected inverse of the joint's chain, n_t the number of frames that
-//! it averages over, and s the share of the residuals' variance that is noise ([`Learnt`]). Bones
-//! then act on each frame: a joint that is known to C_n is a measurement along the bone u of
-//! variance σ_b² + uᵀ C_n u of its neighbour. These messages pass from joint to joint, never back
-//! to where they come from, so that no information counts twice. An error of a bone's length lasts
-//! as well: it is not averaged over the frames. Where the direction of a bone is uncertain itself,
-//! as with cameras that are close together, a measurement along it says less: an end that is off by
-//! e across the bone changes its length by |e|²/2l.
+//! where S_t is a block of the selected inverse of the joint's chain and n_t the number of frames
+//! that it averages over. Bones then act on each frame: a joint that is known to C_n is a
+//! measurement along the bone u of variance σ_b² + uᵀ C_n u of its neighbour. These messages pass
+//! from joint to joint, never back to where they come from, so that no information counts twice. An
+//! error of a bone's length lasts as well: it is not averaged over the frames. Where the direction
+//! of a bone is uncertain itself, as with cameras that are close together, a measurement along it
+//! says less: an end that is off by e across the bone changes its length by |e|²/2l.
 
 use nalgebra::{Matrix3, Vector3};
 
 use super::chain::Band;
-use super::known::Learnt;
+use super::learn::Learnt;
 use super::solver::{Common, WindowSolver};
 use super::tracks::Tracks;
 use super::windows::{around, frames_in};
@@ -45,7 +44,7 @@ pub struct Posterior {
 
 /// The posterior at the solution.
 pub fn posterior(run: &WindowSolver<'_>, tracks: &Tracks, learnt: &Learnt) -> Posterior {
-    let Learnt { common, memory, share } = learnt;
+    let Learnt { common, memory, .. } = learnt;
     let (n, t) = (tracks.joints, tracks.frames);
     let unknown = Matrix3::repeat(f64::NAN);
     let mut out = Posterior {
@@ -53,11 +52,11 @@ pub fn posterior(run: &WindowSolver<'_>, tracks: &Tracks, learnt: &Learnt) -> Po
         velocities: vec![Vector3::repeat(f64::NAN); n * t],
         of_velocities: vec![unknown; n * t],
     };
-    for j in 0..n {
+    for (j, memory) in memory.iter().enumerate() {
         let mut bands = run.bands(j);
         bands.iter_mut().zip(&run.system.blocks[run.system.of(j)]).for_each(|(band, block)| {
             let frames = 3.0 / (band.own * block).trace().clamp(1e-3, 3.0);
-            band.scale(share * (1.0 - memory.constant) * memory.frames(frames));
+            band.scale((1.0 - memory.constant) * memory.frames(frames));
         });
         let lasting = lasting(run, tracks, learnt, j);
         for k in (0..t).filter(|k| tracks.active[j * t + k]) {
@@ -78,7 +77,7 @@ fn lasting(
     learnt: &Learnt,
     j: usize,
 ) -> Vec<Matrix3<f64>> {
-    let Learnt { common, memory, share } = learnt;
+    let Learnt { common, memory, .. } = learnt;
     let (t, own) = (tracks.frames, j * tracks.frames);
     let reach = frames_in(AROUND, common.fps);
     let body = Matrix3::from_diagonal_element(common.reach.powi(-2));
@@ -95,7 +94,7 @@ fn lasting(
         let near = around(k, reach, t);
         let (first, last) = (&sums[near.start], &sums[near.end]);
         let mean = (last.0 - first.0) / (last.1 - first.1).max(1.0);
-        inverse(&(mean + body)) * (share * memory.constant)
+        inverse(&(mean + body)) * (memory[j].constant + memory[j].common)
     };
     (0..t).map(of_frame).collect()
 }

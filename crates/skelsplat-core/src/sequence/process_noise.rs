@@ -13,8 +13,7 @@
 
 use nalgebra::Vector3;
 
-use super::serialise::Serialiser;
-use super::tracks::Tracks;
+use super::tracks::{Tracks, Weights};
 use super::windows::{around, frames_in};
 use crate::bones::other_end;
 use crate::statistics::median;
@@ -68,13 +67,6 @@ impl ProcessNoise {
     /// q at all times.
     pub fn steady(q: f64) -> Self {
         Self { usual: q, variance: 1.0, white: 1.0, squares: Vec::new() }
-    }
-
-    /// Writes or reads it.
-    pub(super) fn serialise(&mut self, serialiser: &mut Serialiser) {
-        let numbers = [&mut self.usual, &mut self.variance, &mut self.white];
-        numbers.into_iter().for_each(|v| serialiser.number(v));
-        serialiser.list(&mut self.squares, 0.0, |v, serialiser| serialiser.number(v));
     }
 }
 
@@ -246,10 +238,11 @@ fn connected(bones: &[[usize; 2]], j: usize) -> Vec<usize> {
 
 /// The views of joint `j` in every frame, as bits, if all of at least three agree closely; else 0.
 fn agreeing(tracks: &Tracks, j: usize) -> Vec<u64> {
-    let bit = |(i, held): (usize, &f64)| if *held > 0.0 { 1_u64.rotate_left(i as u32) } else { 0 };
-    (0..tracks.frames)
-        .map(|t| tracks.held(j, t).iter().enumerate().map(bit).fold(0, std::ops::BitXor::bitxor))
-        .collect()
+    let bit = |bits: u64, (i, of): (usize, &Weights)| {
+        bits ^ u64::from(of.held > 0.0).rotate_left(i as u32)
+    };
+    let of_frame = |own: &[Weights]| own.iter().enumerate().fold(0, bit);
+    tracks.of_joint(j).1.chunks(tracks.views).map(of_frame).collect()
 }
 
 /// Running sums `(T + 1)` of the squares of second differences of joint `j` over `h` frames in

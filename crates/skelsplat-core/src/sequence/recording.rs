@@ -6,13 +6,15 @@ use std::ops::RangeInclusive;
 use nalgebra::Vector3;
 use rayon::prelude::*;
 
-use super::known::{Known, Learnt};
-use super::learn;
-use super::noise::DetectionNoise;
+use super::lasting::memories;
+use super::learn::{self, Known, Learnt};
+use super::noise::{DetectionNoise, Kernel};
 use super::outcome::{SolvedWindow, errors};
 use super::posterior::{Posterior, posterior};
 use super::process_noise;
-use super::solver::{ANNEAL, Common, SETTLE, WindowSolver};
+use super::scales::{Residuals, TAKEN};
+use super::size::{LEAST_SPREAD, USUAL_SPREAD, body_size};
+use super::solver::{Common, NARROW, NARROWEST, SETTLE, WIDE, WindowSolver};
 use super::swaps::{self, FrameSwap};
 use super::tracks::{BRIDGE, Tracks};
 use super::windows::{Window, frames_in, sample, window_size, windows};
@@ -28,11 +30,6 @@ use crate::threads;
 
 /// Frames per second that can be computed with.
 const RATES: RangeInclusive<f64> = 1e-3..=1e6;
-/// Least spread of a body in multiples of the noise.
-pub(super) const LEAST_SPREAD: f64 = 2.0;
-/// The spread where nothing is known, mm.
-pub(super) const USUAL_SPREAD: f64 = 500.0;
-
 /// A bone that is never seen.
 const UNKNOWN: Length = Length { mean: f64::NAN, sigma: f64::INFINITY };
 
@@ -49,6 +46,9 @@ pub struct Sequence {
     pub bones: Vec<[usize; 2]>,
     /// Their lengths with standard errors; infinite error where no frame shows the bone.
     pub lengths: Vec<Length>,
+    /// Standard deviation of every view's detections across their rays, per axis: the median over
+    /// the joints `(M)`.
+    pub view_noise: Vec<f64>,
 }
 
 /// Refines the frames of one motion, recorded `fps` times per second, in order and without leaving
@@ -77,14 +77,15 @@ pub fn refine_in_windows(
 ) -> Result<Sequence> {
     check(refiner, fps, "'annealed' for a sequence")?;
     let windows = windows(frames.len(), size);
-    let recording = Recording { refiner, frames, fps, progress };
     let out = Sequence::blank(frames, refiner)?;
+    let parts: Vec<&[Frame]> = sample(&windows).into_iter().map(|part| &frames[part]).collect();
+    let refiner = &refiner.at_size(size_of(refiner, &parts)?);
+    let recording = Recording { refiner, frames, fps, progress };
     threads::install(refiner.config().n_threads, |_| match windows.as_slice() {
         [] => Ok(out),
         [window] => recording.learn_and_solve(window, out),
         windows => {
-            let parts = sample(windows).into_iter().map(|part| &frames[part]);
-            let known = recording.learn_from(&parts.collect::<Vec<_>>())?;
+            let known = recording.learn_from(&parts)?;
             recording.solve(windows, &known, out)
         }
     })
@@ -106,6 +107,7 @@ pub fn learn_sequence(
     if stretches.is_empty() || stretches.iter().any(|frames| frames.is_empty()) {
         return Err(Error::invalid("detections", "frames to learn from", "none"));
     }
+    let refiner = &refiner.at_size(size_of(refiner, stretches)?);
     let recording = Recording { refiner, frames: &[], fps, progress };
     threads::install(refiner.config().n_threads, |_| recording.learn_from(stretches))
 }
@@ -116,7 +118,7 @@ pub fn learn_sequence(
 ///
 /// # Errors
 /// As [`refine_sequence`], and [`Error::InvalidInput`] if windows are not those of the frames, or
-/// `known` is of other joints.
+/// `known` is of other joints or bones.
 pub fn refine_windows(
     refiner: &Refiner,
     frames: &[Frame],
@@ -136,14 +138,21 @@ pub fn refine_windows(
         return Err(Error::invalid("windows", expected, format!("{windows:?}")));
     }
     let (_, n) = size(frames)?;
-    if n != known.n_joints() {
-        let actual = known.n_joints().to_string();
+    if n != known.n_joints() || known.first.bones != refiner.bones() {
+        let actual = format!("{} joints of another recording", known.n_joints());
         return Err(Error::invalid("known", format!("{n} joints"), actual));
     }
+    let refiner = &refiner.at_size(known.size);
     let recording = Recording { refiner, frames, fps, progress };
     let own = windows[0].own.start..windows[windows.len() - 1].own.end;
     let out = Sequence::blank(&frames[own], refiner)?;
     threads::install(refiner.config().n_threads, |_| recording.solve(windows, known, out))
+}
+
+/// The body's size, as some frames show it; a person's where they show none.
+fn size_of(refiner: &Refiner, stretches: &[&[Frame]]) -> Result<f64> {
+    let size = body_size(refiner, stretches)?;
+    Ok(if size.is_finite() { size } else { 1.0 })
 }
 
 /// Rejects a rate that is none, and another method than the `expected` one.
@@ -191,7 +200,7 @@ impl Recording<'_> {
         let (Known { learnt, .. }, path) = self.learn(&alone)?;
         let place = out.places(std::slice::from_ref(window)).remove(0);
         let errors = self.finish(window, &alone[0], path, &learnt, place)?;
-        out.lengths = self.lengths(&[errors], &learnt);
+        self.share(&mut out, &[errors], &learnt);
         Ok(out)
     }
 
@@ -206,22 +215,25 @@ impl Recording<'_> {
         let jobs = windows.par_iter().zip(out.places(windows));
         let errors: Result<Vec<Vec<f64>>> =
             jobs.map(|(window, place)| self.window(window, known, place)).collect();
-        out.lengths = self.lengths(&errors?, &known.learnt);
+        self.share(&mut out, &errors?, &known.learnt);
         Ok(out)
     }
 
-    /// The bones' lengths, in the unit of the cameras, with the median of the `errors` in each
-    /// window.
-    fn lengths(&self, errors: &[Vec<f64>], learnt: &Learnt) -> Vec<Length> {
-        let mm = self.refiner.unit().millimetres();
+    /// Writes what all frames share, in the unit of the cameras: the noise, and the lengths of the
+    /// bones that the recording shows, with the median of the `errors` in each window; infinite
+    /// where none of these shows the bone.
+    fn share(&self, out: &mut Sequence, errors: &[Vec<f64>], learnt: &Learnt) {
+        let mm = self.refiner.millimetres();
         let with_error = |(b, length): (usize, &Length)| {
             let finite = errors.iter().map(|of_window| of_window[b]).filter(|e| e.is_finite());
             match median(finite) {
                 error if error.is_finite() => Length { mean: length.mean / mm, sigma: error / mm },
+                _ if learnt.shown[b] => Length { mean: length.mean / mm, ..UNKNOWN },
                 _ => UNKNOWN,
             }
         };
-        learnt.common.lengths.iter().enumerate().map(with_error).collect()
+        out.lengths = learnt.common.lengths.iter().enumerate().map(with_error).collect();
+        out.view_noise = learnt.common.noise.of_views().into_iter().map(|s| s / mm).collect();
     }
 
     fn alone(&self, frames: &[Frame]) -> Result<Vec<Alone>> {
@@ -232,81 +244,140 @@ impl Recording<'_> {
         frames.par_iter().map(solve).collect()
     }
 
-    fn tracks(&self, stretches: &[&[Alone]], sigma: f64) -> Tracks {
-        Tracks::new(stretches, frames_in(BRIDGE, self.fps), sigma)
+    fn tracks(&self, stretches: &[&[Alone]], noise: &DetectionNoise) -> Tracks {
+        Tracks::new(stretches, frames_in(BRIDGE, self.fps), noise)
     }
 
     fn check(&self) -> impl Fn() -> Result<()> {
         || self.progress.check()
     }
 
-    /// What is common to all windows, from the frames of some of them, and their path. Windows find
-    /// theirs with the knowledge before it: where two paths are as good, they take the same.
+    /// What is common to all windows, from the frames of some of them, and their path.
     fn learn(&self, sample: &[Vec<Alone>]) -> Result<(Known, Path)> {
+        let (first, tracks) = self.first(sample);
+        self.path(tracks, first, None)
+    }
+
+    /// What the frames alone show, and their tracks.
+    fn first(&self, sample: &[Vec<Alone>]) -> (Common, Tracks) {
         let all = || sample.iter().flatten();
         let noise = median(all().map(|f| f.noise).filter(|n| n.is_finite()));
         let noise = if noise.is_finite() { noise } else { 1.0 };
-        let weights = all().filter(|f| f.noise.is_finite()).map(|f| f.rays.mean_weight());
-        let weight = Some(median(weights)).filter(|w| w.is_finite()).unwrap_or(1.0);
         let spread = median(all().filter_map(|f| BodyExtent::spread(&f.points)));
-        let sigma = self.refiner.final_kernels(sample[0][0].points.len(), noise);
+        let rays = &sample[0][0].rays;
+        let views = 0..rays.n_views();
+        let confidence = views.map(|i| confidence(all(), i)).collect();
+        let kernel = Kernel::of(self.refiner, rays.n_joints());
+        let noise_of = DetectionNoise::uniform(confidence, noise * noise, kernel);
         let stretches: Vec<&[Alone]> = sample.iter().map(Vec::as_slice).collect();
-        let tracks = self.tracks(&stretches, sigma[0]);
-        let variance = vec![noise * noise; tracks.joints];
-        let (bones, expected) = (self.refiner.bones().to_vec(), self.refiner.expected());
-        let mut common = Common {
+        let tracks = self.tracks(&stretches, &noise_of);
+        let bones = self.refiner.bones().to_vec();
+        let common = Common {
             fps: self.fps,
-            lengths: learn::lengths(&tracks, &tracks.alone, &bones, expected),
-            process_noise: process_noise::learn(&tracks, self.fps, &variance),
+            lengths: learn::lengths(&tracks, &tracks.alone, &bones, self.refiner.expected()),
+            process_noise: process_noise::learn(&tracks, self.fps, &noise_of.of_joints()),
             bones,
-            weight,
-            variance: vec![noise * noise * weight; tracks.joints],
-            sigma,
+            noise: noise_of,
             reach: if spread > LEAST_SPREAD * noise { spread } else { USUAL_SPREAD },
         };
-        let mut path = self.path(tracks, &common)?;
-        let first = common.clone();
-        common.lengths = learn::lengths(&path.tracks, &path.points, &common.bones, expected);
-        let mut run =
-            WindowSolver::new(&path.tracks, &common, Some(std::mem::take(&mut path.points)));
-        run.anneal(SETTLE, &self.check())?;
-        run.linearise(1.0);
-        let DetectionNoise { variance, memory, share } =
-            DetectionNoise::of(&run, &path.tracks, &common);
-        let given = self.refiner.config().detection_sigma_px.is_some();
-        let variance = if given { common.variance.clone() } else { variance };
-        path.steps += run.n_iter;
-        path.points = run.points;
-        let learnt = Learnt { common: Common { variance, ..common }, memory, share };
-        Ok((Known { first, learnt }, path))
+        (common, tracks)
     }
 
-    /// The path from wide kernels down to the final ones, and the sides that it shows to be
-    /// swapped.
-    fn path(&self, mut tracks: Tracks, common: &Common) -> Result<Path> {
+    /// The noise that the path of `run` shows, unless the user gives it.
+    fn noise(&self, run: &WindowSolver<'_>, residuals: &Residuals) -> DetectionNoise {
+        let before = &run.common.noise;
+        match self.refiner.config().detection_sigma_px {
+            Some(_) => before.clone(),
+            None => before.learnt(residuals, &self.refiner.classes(run.tracks.joints)),
+        }
+    }
+
+    /// How the noise varies in time, unless the user gives it.
+    fn factors(&self, noise: &DetectionNoise, residuals: &Residuals) -> Vec<f64> {
+        match self.refiner.config().detection_sigma_px {
+            Some(_) => Vec::new(),
+            None => noise.in_time(residuals, self.fps),
+        }
+    }
+
+    /// The path from wide kernels down to the final ones, the sides that it shows to be swapped,
+    /// and what is common to all frames, which it shows unless it is `known`. Windows find theirs
+    /// with the same knowledge: where two paths are as good, they take the same.
+    fn path(&self, tracks: Tracks, first: Common, known: Option<&Known>) -> Result<(Known, Path)> {
+        let (mut path, wide) = self.wide(tracks, &first, known)?;
+        self.narrow(&mut path, &wide)?;
+        let tracks = &path.tracks;
+        let learnt = known.map(|known| &known.learnt);
+        let lengths = match learnt {
+            None => learn::lengths(tracks, &path.points, &wide.bones, self.refiner.expected()),
+            Some(learnt) => learnt.common.lengths.clone(),
+        };
+        let common = Common { lengths, ..wide.clone() };
+        let mut run = WindowSolver::new(tracks, &common, Some(std::mem::take(&mut path.points)));
+        run.anneal(SETTLE, &self.check())?;
+        let residuals = Residuals::of(&run, 1.0, TAKEN);
+        let learn = || {
+            let noise = self.noise(&run, &residuals);
+            let classes = self.refiner.classes(tracks.joints);
+            let memory = memories(&run, &noise, &classes, residuals.absorbed(TAKEN));
+            let shown = learn::shown(tracks, &wide.bones);
+            Learnt { common: Common { noise, ..common.clone() }, memory, shown }
+        };
+        let learnt = learnt.cloned().unwrap_or_else(learn);
+        (path.points, path.steps) = (run.points, path.steps + run.n_iter);
+        let factors = self.factors(&learnt.common.noise, &residuals);
+        path.tracks.weigh(&learnt.common.noise, &factors);
+        Ok((Known { size: self.refiner.size(), first, wide, learnt }, path))
+    }
+
+    /// The path under wide kernels, and what is common to all frames by it unless it is `known`.
+    fn wide(
+        &self,
+        mut tracks: Tracks,
+        first: &Common,
+        known: Option<&Known>,
+    ) -> Result<(Path, Common)> {
         let chains = self.refiner.chains();
-        let mut swapped = swaps::exchanged(&tracks, chains, common);
+        let swapped = swaps::exchanged(&tracks, chains, first);
         swaps::exchange(&mut tracks, chains, &swapped);
-        tracks.find_cuts(common.fps, &common.usual());
-        tracks.process_noise =
-            process_noise::local(&tracks, common.fps, &common.bones, &common.process_noise);
-        let mut run = WindowSolver::new(&tracks, common, None);
-        run.anneal(ANNEAL, &self.check())?;
+        tracks.find_cuts(first.fps, &first.usual());
+        let mut run = WindowSolver::new(&tracks, first, None);
+        run.anneal(WIDE, &self.check())?;
+        let residuals = Residuals::of(&run, NARROWEST, TAKEN);
+        let shown = || {
+            let noise = self.noise(&run, &residuals);
+            let process_noise = process_noise::learn(&tracks, self.fps, &noise.of_joints());
+            Common { noise, process_noise, ..first.clone() }
+        };
+        let wide = known.map_or_else(shown, |known| known.wide.clone());
         let (points, steps) = (run.points, run.n_iter);
-        let found = swaps::find(&tracks, chains, &points, common);
+        tracks.weigh(&wide.noise, &self.factors(&wide.noise, &residuals));
+        tracks.process_noise =
+            process_noise::local(&tracks, self.fps, &wide.bones, &wide.process_noise);
+        Ok((Path { tracks, swapped, points, steps }, wide))
+    }
+
+    /// The path under the final kernels, and the sides that it shows to be swapped.
+    fn narrow(&self, path: &mut Path, wide: &Common) -> Result<()> {
+        let chains = self.refiner.chains();
+        let points = std::mem::take(&mut path.points);
+        let mut run = WindowSolver::new(&path.tracks, wide, Some(points));
+        run.anneal(NARROW, &self.check())?;
+        (path.points, path.steps) = (run.points, path.steps + run.n_iter);
+        let found = swaps::find(&path.tracks, chains, &path.points, wide);
         for swap in &found {
             for [l, r] in &chains[swap.chain] {
-                tracks.swap(swap.view, swap.frame, *l, *r);
+                path.tracks.swap(swap.view, swap.frame, *l, *r);
             }
         }
-        swapped.extend(found);
-        Ok(Path { tracks, swapped, points, steps })
+        path.swapped.extend(found);
+        Ok(())
     }
 
     fn window(&self, window: &Window, known: &Known, place: Place<'_>) -> Result<Vec<f64>> {
         let alone = self.alone(&self.frames[window.all.clone()])?;
-        let tracks = self.tracks(&[&alone], known.learnt.common.sigma[0]);
-        let path = self.path(tracks, &known.first)?;
+        let tracks = self.tracks(&[&alone], &known.first.noise);
+        let (_, path) = self.path(tracks, known.first.clone(), Some(known))?;
         self.finish(window, &alone, path, &known.learnt, place)
     }
 
@@ -337,7 +408,7 @@ impl Recording<'_> {
         let errors = errors(&run, &found, &tracks, &learnt.common);
         let steps = steps + run.n_iter;
         let state = SolvedWindow::of(&run, &tracks, learnt, &found);
-        let mm = self.refiner.unit().millimetres();
+        let mm = self.refiner.millimetres();
         for (own, t) in window.own.clone().enumerate() {
             let k = t - window.all.start;
             let used = std::mem::take(&mut used[k]);
@@ -349,6 +420,18 @@ impl Recording<'_> {
         }
         Ok(errors)
     }
+}
+
+/// Mean confidence of the detections of view `i`; 1 without any.
+fn confidence<'a>(frames: impl Iterator<Item = &'a Alone>, i: usize) -> f64 {
+    let (mut sum, mut n) = (0.0, 0.0);
+    for frame in frames {
+        let rays = (0..frame.rays.n_joints()).map(|j| &frame.rays.of_joint(j)[i]);
+        for ray in rays.filter(|ray| ray.is_there()) {
+            (sum, n) = (sum + ray.weight, n + 1.0);
+        }
+    }
+    if n > 0.0 { sum / n } else { 1.0 }
 }
 
 impl Place<'_> {
@@ -373,6 +456,7 @@ impl Sequence {
             velocity: vec![0.0; 3 * n],
             velocity_covariance: vec![0.0; 9 * n],
             lengths: vec![UNKNOWN; bones.len()],
+            view_noise: vec![f64::NAN; refiner.cameras().len()],
             bones: bones.to_vec(),
         })
     }
@@ -392,11 +476,12 @@ impl Sequence {
     }
 }
 
-/// H, minus the gradient, and the process noise of a step.
-pub type Equations = (Vec<f64>, Vec<Vector3<f64>>, Vec<f64>);
+/// H, minus the gradient, and the process noise of a step, and the noise with its factors in time.
+pub type Equations = (Vec<f64>, Vec<Vector3<f64>>, Vec<f64>, DetectionNoise, Vec<f64>);
 
 /// The equations of one step at `points` `(N, T)` under kernels `wider` than the final ones: H,
-/// row-major, and minus the gradient `(N, T)`, joint after joint, and the process noise `(N, T)`.
+/// row-major, and minus the gradient `(N, T)`, joint after joint, and the process noise `(N, T)`;
+/// and the noise that the points show, with its factors in time `(M, T)`.
 /// `common` is used with the bones of the refiner and the process noise of the frames.
 ///
 /// # Errors
@@ -409,12 +494,15 @@ pub fn equations(
     wider: f64,
 ) -> Result<Equations> {
     let alone: Result<Vec<Alone>> = frames.iter().map(|frame| refiner.alone(frame)).collect();
-    let mut tracks = Tracks::new(&[&alone?], frames_in(BRIDGE, common.fps), common.sigma[0]);
+    let mut tracks = Tracks::new(&[&alone?], frames_in(BRIDGE, common.fps), &common.noise);
     common.bones = refiner.bones().to_vec();
-    common.process_noise = process_noise::learn(&tracks, common.fps, &common.variance);
+    common.process_noise = process_noise::learn(&tracks, common.fps, &common.noise.of_joints());
     tracks.process_noise =
         process_noise::local(&tracks, common.fps, &common.bones, &common.process_noise);
     let mut run = WindowSolver::new(&tracks, &common, Some(points));
     run.linearise(wider);
-    Ok((run.system.dense(), run.system.pulls, tracks.process_noise))
+    let residuals = Residuals::of(&run, wider, TAKEN);
+    let noise = common.noise.learnt(&residuals, &refiner.classes(tracks.joints));
+    let factors = noise.in_time(&residuals, common.fps);
+    Ok((run.system.dense(), run.system.pulls, tracks.process_noise, noise, factors))
 }

@@ -3,6 +3,7 @@
 use nalgebra::{Matrix3, Vector3};
 
 use super::chain::{Band, Chain, second_difference};
+use super::noise::DetectionNoise;
 use super::process_noise::ProcessNoise;
 use super::system::System;
 use super::tracks::Tracks;
@@ -22,12 +23,8 @@ pub struct Common {
     pub lengths: Vec<Length>,
     /// The process noise of each joint.
     pub process_noise: Vec<ProcessNoise>,
-    /// Mean weight of the detections.
-    pub weight: f64,
-    /// Variance of a detection of weight 1 of each joint, mm².
-    pub variance: Vec<f64>,
-    /// Final kernel of each joint, mm.
-    pub sigma: Vec<f64>,
+    /// The detections' noise.
+    pub noise: DetectionNoise,
     /// Root mean square distance of the joints from the body's centre, mm: no joint is unknown
     /// beyond it.
     pub reach: f64,
@@ -44,8 +41,12 @@ impl Common {
 /// each.
 pub type Schedule = [(f64, usize)];
 
-/// From wide kernels down to the final ones.
-pub const ANNEAL: &Schedule = &[(8.0, 1), (4.0, 1), (2.0, 1), (1.0, 3)];
+/// From wide kernels to those under which the noise is measured,
+pub const WIDE: &Schedule = &[(8.0, 1), (NARROWEST, 2)];
+/// and the last of them.
+pub const NARROWEST: f64 = 2.0;
+/// On to the final ones.
+pub const NARROW: &Schedule = &[(1.0, 3)];
 /// Under the final kernels only.
 pub const SETTLE: &Schedule = &[(1.0, 6)];
 
@@ -67,7 +68,7 @@ const LONGEST: f64 = 300.0;
 /// kernel.
 const SMALL: f64 = 0.01;
 /// Rounds of the smoothing from which the annealing starts.
-const SMOOTHING: usize = 5;
+const SMOOTHING: usize = 4;
 /// Reach of its kernel, in standard deviations.
 const UNSURE_REACH: f64 = 3.0;
 /// The same for positions on which three views agree.
@@ -75,17 +76,18 @@ const SURE_REACH: f64 = 20.0;
 
 /// The state of a run over one stretch.
 pub struct WindowSolver<'a> {
-    tracks: &'a Tracks,
-    common: &'a Common,
+    pub(super) tracks: &'a Tracks,
+    pub(super) common: &'a Common,
     /// Positions `(N, T)`; zero where inactive.
     pub points: Vec<Vector3<f64>>,
     /// The system, filled by [`WindowSolver::linearise`].
     pub system: System,
     /// Steps taken.
     pub n_iter: usize,
-    /// k of the rays of one joint `(T, M)`, and their running sums.
-    kept: Vec<f64>,
-    sums: Vec<f64>,
+    /// k and the offsets of the rays of one joint `(T, M)`, and the running sums of k and of their
+    /// number.
+    kept: Vec<(f64, Vector3<f64>)>,
+    sums: Vec<[f64; 2]>,
 }
 
 impl<'a> WindowSolver<'a> {
@@ -108,8 +110,7 @@ impl<'a> WindowSolver<'a> {
     /// # Errors
     /// The error of `check`.
     pub fn anneal(&mut self, schedule: &Schedule, check: &impl Fn() -> Result<()>) -> Result<()> {
-        let least = self.common.variance.iter().copied().fold(f64::INFINITY, f64::min);
-        let noise = (least / self.common.weight).sqrt();
+        let noise = self.common.noise.of_joints().into_iter().fold(f64::INFINITY, f64::min).sqrt();
         for (wider, steps) in schedule {
             for _ in 0..*steps {
                 check()?;
@@ -161,11 +162,10 @@ impl<'a> WindowSolver<'a> {
     /// position and none disagrees, k and k̄ do not fall below their values at this position: the
     /// other frames never outvote them.
     fn see(&mut self, j: usize, wider: f64) {
-        let sigma = self.common.sigma[j] * wider;
-        let precision = 1.0 / self.common.variance[j];
-        self.weigh(j, sigma);
+        self.weigh(j, wider);
         let (views, of) = (self.tracks.views, self.system.of(j));
         let reach = frames_in(TRUST_SPAN, self.common.fps);
+        let (rays, weights) = self.tracks.of_joint(j);
         let system = &mut self.system;
         let own = system.blocks[of.clone()].iter_mut().zip(&mut system.pulls[of.clone()]);
         for (t, (block, pull)) in own.enumerate() {
@@ -173,43 +173,46 @@ impl<'a> WindowSolver<'a> {
             if !self.tracks.active[of.start + t] {
                 continue;
             }
-            let x = &self.points[of.start + t];
-            let near = around(t, reach, self.tracks.frames);
+            let near = around(t, reach, of.len());
+            let first = &self.sums[near.start * views..][..views];
+            let last = &self.sums[near.end * views..][..views];
             let (mut weight, mut outer) = (0.0, Symmetric::default());
-            let rays = self.tracks.rays(j, t).iter().zip(self.tracks.held(j, t)).enumerate();
-            for (i, (ray, held)) in rays.filter(|(_, (ray, _))| ray.is_there()) {
-                let sum = |k: usize| {
-                    self.sums[near.end * 2 * views + k] - self.sums[near.start * 2 * views + k]
-                };
-                let mean = (sum(2 * i) / sum(2 * i + 1)).max(*held);
-                let w = ray.weight * self.kept[t * views + i] * mean * precision;
-                outer.add_outer(w, &ray.direction);
-                weight += w;
-                *pull -= ray.offset(x).across * w;
+            for (i, r) in (t * views..(t + 1) * views).enumerate() {
+                let (k, across) = self.kept[r];
+                if k > 0.0 {
+                    let sums = [0, 1].map(|a| last[i][a] - first[i][a]);
+                    let w = weights[r].precision * k * (sums[0] / sums[1]).max(weights[r].held);
+                    outer.add_outer(w, &rays[r].direction);
+                    weight += w;
+                    *pull -= across * w;
+                }
             }
             *block = outer.below(weight).matrix();
         }
     }
 
-    /// k of every ray of joint `j`, at least the held weight, and the running sums of k and of the
-    /// rays' number.
-    fn weigh(&mut self, j: usize, sigma: f64) {
-        let (views, own) = (self.tracks.views, j * self.tracks.frames);
+    /// k of every ray of joint `j`, at least the held weight, with its offset, and the running sums
+    /// of k and of the rays' number.
+    fn weigh(&mut self, j: usize, wider: f64) {
+        let (views, of) = (self.tracks.views, self.system.of(j));
         self.kept.clear();
         self.sums.clear();
-        self.sums.resize(2 * views, 0.0);
-        for t in 0..self.tracks.frames {
-            let rays = self.tracks.rays(j, t).iter().zip(self.tracks.held(j, t)).enumerate();
-            for (i, (ray, held)) in rays {
-                let there = ray.is_there() && self.tracks.active[own + t];
-                let k = match there {
-                    true => ray.offset(&self.points[own + t]).weight(sigma).max(*held),
-                    false => 0.0,
-                };
-                self.kept.push(k);
-                let before = 2 * (t * views + i);
-                self.sums.push(self.sums[before] + k);
-                self.sums.push(self.sums[before + 1] + if there { 1.0 } else { 0.0 });
+        self.sums.resize(views, [0.0; 2]);
+        let ((rays, weights), narrower) = (self.tracks.of_joint(j), wider.powi(-2));
+        let seen = self.tracks.active[of.clone()].iter().zip(&self.points[of]);
+        for (t, (active, x)) in seen.enumerate() {
+            for r in t * views..(t + 1) * views {
+                let [sum, n] = self.sums[r];
+                let ray = &rays[r];
+                if *active && ray.is_there() {
+                    let offset = ray.offset(x);
+                    let k = weights[r].kernel(&offset, narrower).max(weights[r].held);
+                    self.kept.push((k, offset.across));
+                    self.sums.push([sum + k, n + 1.0]);
+                } else {
+                    self.kept.push((0.0, Vector3::zeros()));
+                    self.sums.push([sum, n]);
+                }
             }
         }
     }

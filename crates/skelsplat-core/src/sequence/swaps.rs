@@ -32,10 +32,6 @@ pub(super) struct FrameSwap {
 const JUMP: f64 = 10.0;
 /// Cost of a view whose sides are exchanged, per second.
 const EXCHANGED: f64 = 7.5;
-/// Views that agree on the sides, from so many on, are not outvoted by how the chain went on.
-const AGREED: f64 = 2.2;
-/// They are if more than this part of them denies it.
-const DENIED: f64 = 0.2;
 /// Longest gap, s, over which a chain goes on as it was.
 const GAP: f64 = 0.3;
 
@@ -79,7 +75,7 @@ fn sides(tracks: &Tracks, pairs: &Chain, common: &Common) -> Vec<bool> {
         let stay = |s: usize| costs[s] + JUMP * crossed;
         let turn = |s: usize| costs[1 - s] + JUMP * (1.0 - crossed);
         let kept = [0, 1].map(|s| stay(s) <= turn(s));
-        let own = against(tracks, pairs, common, *t).map(|views| EXCHANGED / common.fps * views);
+        let own = against(tracks, pairs, *t).map(|views| EXCHANGED / common.fps * views);
         costs = [0, 1].map(|s| if kept[s] { stay(s) } else { turn(s) } + own[s]);
         from.push(kept);
     }
@@ -93,30 +89,24 @@ fn sides(tracks: &Tracks, pairs: &Chain, common: &Common) -> Vec<bool> {
 }
 
 /// Number of views that, with sides as they are detected, agree with the other side's position: if
-/// the frame is as it is, and if it is exchanged; infinite there if views agree that it is as it
-/// is.
-fn against(tracks: &Tracks, pairs: &Chain, common: &Common, t: usize) -> [f64; 2] {
-    let (mut views, mut asserted, mut denied) = ([0.0; 2], 0.0, 0.0);
+/// the frame is as it is, and if it is exchanged.
+fn against(tracks: &Tracks, pairs: &Chain, t: usize) -> [f64; 2] {
+    let mut views = [0.0; 2];
     let most = (2 * pairs.len()) as f64;
     for i in 0..tracks.views {
         let turned = tracks.is_turned(t, pairs, i);
-        let mut clearer = 0.0;
         for [l, r] in pairs {
             let k = |ray_of: usize, x_of: usize| {
-                let ray = &tracks.rays(ray_of, t)[i];
                 let x = &tracks.alone[x_of * tracks.frames + t];
-                ray.trust(x, common.sigma[x_of]).unwrap_or(0.0)
+                tracks.trust(ray_of * tracks.frames + t, i, x, 1.0)
             };
             let (own, other) = (k(*l, *l) + k(*r, *r), k(*l, *r) + k(*r, *l));
             let against = if turned { [own, other] } else { [other, own] };
             let against = against.map(|k| if k.is_finite() { k / most } else { 0.0 });
             views = [views[0] + against[0], views[1] + against[1]];
-            clearer += against[1] - against[0];
         }
-        *(if clearer > 0.0 { &mut asserted } else { &mut denied }) += clearer.abs();
     }
-    let agreed = asserted > AGREED && denied < DENIED * asserted;
-    if agreed { [views[0], f64::INFINITY] } else { views }
+    views
 }
 
 /// How little farther the sides move if they cross, from 0 (much farther) to 1 (they do cross): the
@@ -144,7 +134,6 @@ pub(super) fn find(
     points: &[Vector3<f64>],
     common: &Common,
 ) -> Vec<FrameSwap> {
-    let unit = common.weight;
     let reach = frames_in(AROUND, common.fps);
     let mut found = Vec::new();
     for (chain, pairs) in chains.iter().enumerate() {
@@ -154,9 +143,9 @@ pub(super) fn find(
                     pairs.iter().map(|pair| gain(tracks, points, common, view, t, *pair)).sum()
                 })
                 .collect();
-            for (frame, own) in gains.iter().enumerate().filter(|(_, g)| **g >= OWN_GAIN * unit) {
+            for (frame, own) in gains.iter().enumerate().filter(|(_, g)| **g >= OWN_GAIN) {
                 let near = &gains[around(frame, reach, gains.len())];
-                if near.iter().sum::<f64>() >= MEAN_GAIN * unit * near.len() as f64 && *own > 0.0 {
+                if near.iter().sum::<f64>() >= MEAN_GAIN * near.len() as f64 && *own > 0.0 {
                     found.push(FrameSwap { frame, view, chain });
                 }
             }
@@ -179,8 +168,8 @@ fn gain(
         return 0.0;
     }
     let agrees = |ray_of: usize, x_of: usize| {
-        let ray = &tracks.rays(ray_of, t)[view];
-        ray.weight * ray.trust(&points[at(x_of)], common.sigma[x_of]).unwrap_or(0.0)
+        let confidence = tracks.rays(ray_of, t)[view].weight / common.noise.confidence[view];
+        confidence * tracks.trust(at(ray_of), view, &points[at(x_of)], 1.0)
     };
     agrees(l, r) + agrees(r, l) - agrees(l, l) - agrees(r, r)
 }

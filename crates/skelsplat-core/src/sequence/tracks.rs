@@ -2,9 +2,10 @@
 
 use nalgebra::{Matrix3, Vector3};
 
+use super::noise::DetectionNoise;
 use crate::annealed::Alone;
 use crate::annealed::consensus::REJECTED;
-use crate::annealed::rays::{Ray, there};
+use crate::annealed::rays::{Offset, Ray};
 use crate::statistics::median;
 
 /// Longest gap over which a joint is bridged, s.
@@ -22,6 +23,28 @@ const LEAST_JOINTS: usize = 3;
 /// Their least share of those that are estimated.
 const LEAST_SHARE: f64 = 0.5;
 
+/// How a ray is weighted.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Weights {
+    /// Precision of the detection, mm⁻².
+    pub precision: f64,
+    /// 1/4σ² of its final kernel.
+    narrow: f64,
+    /// Its least k: that at a position on which all of at least three agree closely, else 0.
+    pub held: f64,
+}
+
+impl Weights {
+    /// k at this offset under a kernel whose 1/4σ² is so many times that of the final one.
+    #[inline]
+    pub(super) fn kernel(&self, offset: &Offset, narrower: f64) -> f64 {
+        if offset.range <= 0.0 {
+            return 0.0;
+        }
+        (-self.narrow * narrower * offset.across.norm_squared()).exp()
+    }
+}
+
 /// Rays and positions of T frames; `(N, T)` means joint after joint, each over all frames.
 #[derive(Debug, Clone)]
 pub struct Tracks {
@@ -33,6 +56,8 @@ pub struct Tracks {
     pub views: usize,
     /// Rays `(N, T, M)`.
     rays: Vec<Ray>,
+    /// How they are weighted `(N, T, M)`.
+    pub weights: Vec<Weights>,
     /// Positions of each frame alone `(N, T)`, mm; NaN where unknown.
     pub alone: Vec<Vector3<f64>>,
     /// Their covariances `(N, T)`, mm².
@@ -41,9 +66,6 @@ pub struct Tracks {
     pub active: Vec<bool>,
     /// Whether three views, or both of two, agree on the position of the frame alone `(N, T)`.
     pub sure: Vec<bool>,
-    /// Least weight of every ray `(N, T, M)`: its weight at a position on which all of at least
-    /// three agree closely, else 0.
-    held: Vec<f64>,
     /// Whether the frame alone has exchanged the ray's side `(N, T, M)`.
     turned: Vec<bool>,
     /// Number of cuts before each frame and at it `(T)`: a cut lies between a frame and the one
@@ -59,8 +81,8 @@ impl Tracks {
     /// connect them.
     ///
     /// A joint is estimated between frames that give it a position, over gaps of at most `longest`
-    /// frames. `sigma` is the kernel under which views agree.
-    pub fn new(stretches: &[&[Alone]], longest: usize, sigma: f64) -> Self {
+    /// frames.
+    pub fn new(stretches: &[&[Alone]], longest: usize, noise: &DetectionNoise) -> Self {
         let first = &stretches[0][0];
         let (n, m) = (first.points.len(), first.rays.n_views());
         let own: usize = stretches.iter().map(|s| s.len()).sum();
@@ -70,11 +92,11 @@ impl Tracks {
             joints: n,
             views: m,
             rays: vec![Ray::NONE; n * t * m],
+            weights: vec![Weights::default(); n * t * m],
             alone: vec![Vector3::repeat(f64::NAN); n * t],
             spread: vec![Matrix3::repeat(f64::NAN); n * t],
             active: vec![false; n * t],
             sure: vec![false; n * t],
-            held: vec![0.0; n * t * m],
             turned: vec![false; n * t * m],
             cuts: vec![0; t],
             process_noise: Vec::new(),
@@ -90,8 +112,40 @@ impl Tracks {
             begin += stretch.len() + 1;
             tracks.cuts[(begin - 1).min(t)..].iter_mut().for_each(|cuts| *cuts += 1);
         }
-        tracks.judge(sigma);
+        tracks.weigh(noise, &[]);
         tracks
+    }
+
+    /// Weights the detections by their noise, of which every view has `factors` `(M, T)` times the
+    /// usual one (empty: once), and marks positions on which the views agree.
+    pub fn weigh(&mut self, noise: &DetectionNoise, factors: &[f64]) {
+        let (t, m) = (self.frames, self.views);
+        for (k, own) in self.weights.chunks_mut(m).enumerate() {
+            let (j, frame, rays) = (k / t, k % t, self.rays[k * m..].iter().enumerate().zip(own));
+            for ((i, ray), weights) in rays.filter(|((_, ray), _)| ray.is_there()) {
+                let factor = factors.get(i * t + frame).copied().unwrap_or(1.0);
+                [weights.precision, weights.narrow] = noise.of(j, i, ray.weight, factor);
+            }
+        }
+        self.judge();
+    }
+
+    /// k of view `i` for joint and frame `k` at `x`, under a kernel so many times as wide as the
+    /// final one; 0 where the detection is missing or the camera looks away.
+    #[inline]
+    pub fn trust(&self, k: usize, i: usize, x: &Vector3<f64>, wider: f64) -> f64 {
+        let r = k * self.views + i;
+        if !self.rays[r].is_there() {
+            return 0.0;
+        }
+        self.weights[r].kernel(&self.rays[r].offset(x), wider.powi(-2))
+    }
+
+    /// F of the detections of joint and frame `k` with these k.
+    pub fn loss(&self, k: usize, kept: &[f64]) -> f64 {
+        let weights = &self.weights[k * self.views..];
+        let of = |(w, kept): (&Weights, &f64)| 0.5 * w.precision / w.narrow * (1.0 - kept);
+        weights.iter().zip(kept).filter(|(_, kept)| kept.is_finite()).map(of).sum()
     }
 
     fn place(&mut self, j: usize, t: usize, frame: &Alone) {
@@ -113,19 +167,23 @@ impl Tracks {
         }
     }
 
-    /// Marks positions on which the views agree within `sigma`.
-    fn judge(&mut self, sigma: f64) {
+    /// Marks positions on which the views agree.
+    fn judge(&mut self) {
         let m = self.views;
-        for (k, x) in self.alone.iter().enumerate().filter(|(_, x)| x.x.is_finite()) {
-            let rays = &self.rays[k * m..(k + 1) * m];
-            let weight = |ray: &Ray| ray.trust(x, sigma).unwrap_or(0.0);
-            let n = there(rays).count();
-            let agree = rays.iter().filter(|ray| weight(ray) >= REJECTED).count();
+        self.weights.iter_mut().for_each(|weights| weights.held = 0.0);
+        let mut trusts = vec![0.0; m];
+        for k in (0..self.alone.len()).filter(|k| self.alone[*k].x.is_finite()) {
+            let (mut n, mut agree, mut close) = (0, 0, 0);
+            for (i, trust) in trusts.iter_mut().enumerate() {
+                *trust = self.trust(k, i, &self.alone[k], 1.0);
+                n += usize::from(self.rays[k * m + i].is_there());
+                agree += usize::from(*trust >= REJECTED);
+                close += usize::from(*trust >= CLOSE);
+            }
             self.sure[k] = agree >= 3 || (n == 2 && agree == 2);
-            let close = rays.iter().filter(|ray| weight(ray) >= CLOSE).count();
             if close >= 3 && close == n {
-                let held = &mut self.held[k * m..(k + 1) * m];
-                held.iter_mut().zip(rays).for_each(|(held, ray)| *held = weight(ray));
+                let own = self.weights[k * m..].iter_mut();
+                own.zip(&trusts).for_each(|(weights, trust)| weights.held = *trust);
             }
         }
     }
@@ -198,11 +256,10 @@ impl Tracks {
         &self.rays[k..k + self.views]
     }
 
-    /// The least weights of these rays.
-    #[inline]
-    pub fn held(&self, j: usize, t: usize) -> &[f64] {
-        let k = (j * self.frames + t) * self.views;
-        &self.held[k..k + self.views]
+    /// All rays of joint `j` `(T, M)`, and how they are weighted.
+    pub fn of_joint(&self, j: usize) -> (&[Ray], &[Weights]) {
+        let n = self.frames * self.views;
+        (&self.rays[j * n..(j + 1) * n], &self.weights[j * n..(j + 1) * n])
     }
 
     /// Whether any view detects joint `j` in frame `t`.
@@ -220,7 +277,7 @@ impl Tracks {
         let (a, b, m) = (self.at(a, t), self.at(b, t), self.views);
         for i in 0..m {
             self.rays.swap(a * m + i, b * m + i);
-            self.held.swap(a * m + i, b * m + i);
+            self.weights.swap(a * m + i, b * m + i);
         }
         self.alone.swap(a, b);
         self.spread.swap(a, b);
@@ -234,6 +291,7 @@ impl Tracks {
         let at = |j: usize| (j * self.frames + t) * self.views + i;
         let (a, b) = (at(a), at(b));
         self.rays.swap(a, b);
-        (self.held[a], self.held[b]) = (0.0, 0.0);
+        self.weights.swap(a, b);
+        (self.weights[a].held, self.weights[b].held) = (0.0, 0.0);
     }
 }

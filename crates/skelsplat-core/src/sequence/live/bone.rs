@@ -2,7 +2,6 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::super::serialise::Serialiser;
 use crate::bones::{Length, Pull};
 use crate::matrix3::times;
 use crate::sequence::learn::{LEAST_SHARE, LEAST_SPREAD};
@@ -59,11 +58,6 @@ impl RunningLength {
         let own = (self.square - self.noise).max(0.0).sqrt();
         let sigma = own.max(LEAST_SPREAD).max(LEAST_SHARE * self.mean);
         (self.count >= LEAST).then_some(Length { mean: self.mean, sigma })
-    }
-
-    pub(super) fn serialise(&mut self, serialiser: &mut Serialiser) {
-        let numbers = [&mut self.mean, &mut self.square, &mut self.noise, &mut self.count];
-        numbers.into_iter().for_each(|v| serialiser.number(v));
     }
 }
 

@@ -14,7 +14,6 @@ use std::collections::VecDeque;
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::super::serialise::Serialiser;
 use crate::matrix3::{inverse, product, symmetrised, times};
 use crate::sequence::process_noise::{
     LEAST_WHITE, SHARE, SPAN, USUAL_PROCESS_NOISE, bounded, density,
@@ -74,14 +73,6 @@ impl KalmanState {
         self.speed = symmetrised(&(self.speed - gained));
         self.cross = product(&position, &gain.transpose());
         (self.at, self.position) = (at, position);
-    }
-
-    pub(super) fn serialise(&mut self, serialiser: &mut Serialiser) {
-        serialiser.vector(&mut self.at);
-        serialiser.vector(&mut self.velocity);
-        serialiser.matrix(&mut self.position);
-        serialiser.matrix(&mut self.cross);
-        serialiser.matrix(&mut self.speed);
     }
 }
 
@@ -148,13 +139,6 @@ impl MotionStatistics {
         let k = at.unwrap_or(self.squares.len().saturating_sub(1));
         let (h, square) = (f64::from(1_u32 << k), self.squares.get(k).copied().unwrap_or(0.0));
         square * (frames / h).powi(3)
-    }
-
-    pub(super) fn serialise(&mut self, serialiser: &mut Serialiser) {
-        serialiser.list(&mut self.past, Vector3::zeros(), |x, serialiser| serialiser.vector(x));
-        serialiser.list(&mut self.squares, 0.0, |x, serialiser| serialiser.number(x));
-        serialiser.number(&mut self.variance);
-        serialiser.number(&mut self.count);
     }
 }
 

@@ -2,14 +2,13 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::super::serialise::Serialiser;
 use super::bone::{End, Tie};
 use super::filter::{KalmanState, MotionStatistics};
 use crate::annealed::consensus::REJECTED;
 use crate::annealed::rays::{Ray, there};
 use crate::matrix3::{inverse, product, symmetrised, times};
 use crate::outcome::JointStatus;
-use crate::sequence::noise::Memory;
+use crate::sequence::lasting::Memory;
 use crate::sequence::outcome::INFERRED;
 
 /// δ² beyond which a position contradicts the prediction: five standard deviations.
@@ -249,18 +248,6 @@ impl LiveJoint {
         self.state = Some(state);
         let status = if is_known { JointStatus::Inferred } else { JointStatus::Weak };
         Answer { at, covariance, status }
-    }
-
-    pub(super) fn serialise(&mut self, serialiser: &mut Serialiser) {
-        serialiser.option(&mut self.state, KalmanState::serialise);
-        serialiser.option(&mut self.aside, KalmanState::serialise);
-        serialiser.number(&mut self.since);
-        serialiser.number(&mut self.unseen);
-        serialiser.vector(&mut self.last);
-        self.motion.serialise(serialiser);
-        serialiser.matrix(&mut self.information);
-        serialiser.matrix(&mut self.excess);
-        serialiser.list(&mut self.trust, 1.0, |k, serialiser| serialiser.number(k));
     }
 }
 

@@ -23,6 +23,8 @@
 //!
 //! With a lag of n frames the last of these are solved once more, like a recording (`window.rs`).
 
+use std::sync::Arc;
+
 mod bone;
 pub mod filter;
 mod joint;
@@ -31,11 +33,12 @@ mod window;
 use self::bone::{RunningLength, Tie};
 use self::joint::{Answer, LiveJoint, Observation, STEPS};
 use self::window::LagWindow;
-use super::known::Learnt;
-use super::noise::{Memory, USUAL_SHARE};
+use super::lasting::Memory;
+use super::learn::Learnt;
+use super::noise::{DetectionNoise, Kernel};
 use super::process_noise::ProcessNoise;
-use super::recording::{LEAST_SPREAD, USUAL_SPREAD, check};
-use super::serialise::Serialiser;
+use super::recording::check;
+use super::size::{LEAST_SPREAD, USUAL_SPREAD, body_size};
 use super::solver::Common;
 use crate::annealed::Alone;
 use crate::annealed::posterior::BodyExtent;
@@ -48,6 +51,11 @@ use crate::refine::{Frame, Refinement, Refiner};
 
 /// Time over which the noise and the body's spread are averaged, s.
 const AROUND: f64 = 0.5;
+
+/// The lengths of bones that the user gives.
+fn given(refiner: &Refiner) -> Vec<Option<Length>> {
+    refiner.bones().iter().map(|bone| refiner.expected().given(*bone)).collect()
+}
 
 /// The state of all joints between frames.
 #[derive(Debug, Clone)]
@@ -64,6 +72,10 @@ pub struct Live {
     reach: f64,
     /// Lengths of bones that the user gives, which count until frames have shown the bone.
     given: Vec<Option<Length>>,
+    /// The body's size in multiples of a person's; NaN before it is known.
+    size: f64,
+    /// The refiner of bodies of this size, unless it is a person's.
+    scaled: Option<Arc<Refiner>>,
     /// The last frames, where the answer lags behind.
     window: Option<LagWindow>,
 }
@@ -95,7 +107,9 @@ impl Live {
             bones: Vec::new(),
             noise: f64::NAN,
             reach: f64::NAN,
-            given: refiner.bones().iter().map(|b| refiner.expected().given(*b)).collect(),
+            given: given(refiner),
+            size: f64::NAN,
+            scaled: None,
             window,
         })
     }
@@ -104,7 +118,7 @@ impl Live {
     pub fn reset(&mut self) {
         self.joints.clear();
         self.bones.clear();
-        (self.noise, self.reach) = (f64::NAN, f64::NAN);
+        (self.noise, self.reach, self.size) = (f64::NAN, f64::NAN, f64::NAN);
         self.window.iter_mut().for_each(LagWindow::clear);
     }
 
@@ -130,9 +144,11 @@ impl Live {
         }
         let mut frame = Frame { past: true, ..detections.into() };
         refiner.check(&frame)?;
+        let scaled = self.scaled(refiner, &frame)?;
+        let refiner = scaled.as_deref().unwrap_or(refiner);
         self.joints.resize_with(n, || LiveJoint::new(m));
         self.joints.iter_mut().for_each(|joint| joint.predict(self.fps));
-        let mm = refiner.unit().millimetres();
+        let mm = refiner.millimetres();
         frame.init_pose = Some(self.joints.iter().map(|joint| joint.expected() / mm).collect());
         let alone = refiner.alone(&frame)?;
         self.learn(&alone);
@@ -147,6 +163,21 @@ impl Live {
                 Ok(lagging)
             }
         }
+    }
+
+    /// The refiner of bodies of this size, which the first frames show; `None`: a person's.
+    fn scaled(&mut self, refiner: &Refiner, frame: &Frame) -> Result<Option<Arc<Refiner>>> {
+        if self.size.is_nan() {
+            self.size = body_size(refiner, &[std::slice::from_ref(frame)])?;
+            self.scaled = None;
+            self.given = given(refiner);
+        }
+        if self.scaled.is_none() && self.size.is_finite() && self.size != 1.0 {
+            let scaled = refiner.at_size(self.size);
+            self.given = given(&scaled);
+            self.scaled = Some(Arc::new(scaled));
+        }
+        Ok(self.scaled.clone())
     }
 
     /// The noise and the body's spread.
@@ -177,7 +208,7 @@ impl Live {
     /// Final kernels, mm.
     fn kernels(&self, refiner: &Refiner, alone: &Alone) -> Vec<f64> {
         let noise = (self.variance() / alone.rays.mean_weight()).sqrt();
-        refiner.final_kernels(alone.points.len(), noise)
+        Kernel::of(refiner, alone.points.len()).of_noise(noise)
     }
 
     /// The joints: those that their views determine, the surest first, then the others, those next
@@ -260,12 +291,14 @@ impl Live {
                 .iter()
                 .map(|joint| ProcessNoise::steady(joint.process_noise(self.fps)))
                 .collect(),
-            weight: last.rays.mean_weight(),
-            variance: vec![self.variance(); self.joints.len()],
-            sigma: self.kernels(refiner, last),
+            noise: DetectionNoise::uniform(
+                vec![last.rays.mean_weight(); last.rays.n_views()],
+                self.variance() / last.rays.mean_weight(),
+                Kernel::of(refiner, self.joints.len()),
+            ),
             reach: self.reach(),
         };
-        Learnt { common, memory: self.memory.clone(), share: USUAL_SHARE }
+        Learnt { common, memory: vec![self.memory.clone(); self.joints.len()], shown: Vec::new() }
     }
 
     fn refinement(
@@ -301,33 +334,5 @@ impl Live {
         let covariances = answers.iter().map(|answer| answer.covariance).collect();
         let bars = ErrorBars { covariances, believed, noise: alone.noise, status };
         refiner.result(detections, outcome, &bars)
-    }
-
-    /// The state as numbers, for [`Self::restored`].
-    pub fn numbers(&self) -> Vec<f64> {
-        let mut serialiser = Serialiser::empty();
-        self.clone().serialise(&mut serialiser);
-        serialiser.numbers()
-    }
-
-    /// The same with the state of [`Self::numbers`].
-    ///
-    /// # Errors
-    /// [`Error::InvalidInput`] if it is not one.
-    pub fn restored(mut self, numbers: Vec<f64>) -> Result<Self> {
-        let (n, mut serialiser) = (numbers.len(), Serialiser::of(numbers));
-        self.serialise(&mut serialiser);
-        match serialiser.is_read() {
-            true => Ok(self),
-            false => Err(Error::invalid("state", "what state() returned", format!("{n} numbers"))),
-        }
-    }
-
-    fn serialise(&mut self, serialiser: &mut Serialiser) {
-        serialiser.number(&mut self.noise);
-        serialiser.number(&mut self.reach);
-        serialiser.list(&mut self.bones, RunningLength::default(), RunningLength::serialise);
-        serialiser.list(&mut self.joints, LiveJoint::new(0), LiveJoint::serialise);
-        self.window.iter_mut().for_each(|window| window.serialise(serialiser));
     }
 }

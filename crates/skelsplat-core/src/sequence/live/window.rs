@@ -3,14 +3,13 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::super::serialise::Serialiser;
 use super::joint::Answer;
 use crate::annealed::Alone;
-use crate::annealed::rays::{Ray, Rays};
 use crate::detections::Detections;
 use crate::outcome::{ErrorBars, JointStatus, Loss, Outcome, Splats, StopReason, as_given};
 use crate::refine::{Refinement, Refiner};
-use crate::sequence::known::Learnt;
+use crate::sequence::learn::Learnt;
+use crate::sequence::noise::Kernel;
 use crate::sequence::outcome::SolvedWindow;
 use crate::sequence::posterior::posterior;
 use crate::sequence::solver::{Schedule, WindowSolver};
@@ -76,9 +75,8 @@ impl LagWindow {
             return self.nothing(refiner);
         };
         let common = &learnt.common;
-        let (n, frames) = (common.sigma.len(), self.alone.len());
-        let mut tracks =
-            Tracks::new(&[&self.alone], frames_in(BRIDGE, common.fps), common.sigma[0]);
+        let (n, frames) = (self.alone[0].points.len(), self.alone.len());
+        let mut tracks = Tracks::new(&[&self.alone], frames_in(BRIDGE, common.fps), &common.noise);
         tracks.find_cuts(common.fps, &common.usual());
         let at = |k: usize| self.rest[k % frames].points[k / frames];
         let known = |k: usize| if at(k).x.is_finite() { at(k) } else { Vector3::zeros() };
@@ -111,7 +109,7 @@ impl LagWindow {
         let status = vec![JointStatus::Unobserved; n];
         let outcome = Outcome {
             points: unknown.clone(),
-            splats: Splats::Round(refiner.final_kernels(n, 0.0)),
+            splats: Splats::Round(Kernel::of(refiner, n).of_noise(0.0)),
             init: unknown,
             status: status.clone(),
             used_for: as_given(m, n),
@@ -128,56 +126,4 @@ impl LagWindow {
         };
         refiner.result(&detections, outcome, &bars)
     }
-
-    pub(super) fn serialise(&mut self, serialiser: &mut Serialiser) {
-        let empty = Alone {
-            rays: Rays::of(Vec::new(), 1),
-            used_for: Vec::new(),
-            points: Vec::new(),
-            spread: Vec::new(),
-            status: Vec::new(),
-            noise: f64::NAN,
-        };
-        serialiser.list(&mut self.alone, empty, serialise_alone);
-        let rest =
-            Rest { detections: Detections::default(), answers: Vec::new(), points: Vec::new() };
-        serialiser.list(&mut self.rest, rest, Rest::serialise);
-    }
-}
-
-impl Rest {
-    fn serialise(&mut self, serialiser: &mut Serialiser) {
-        serialiser.detections(&mut self.detections);
-        let unknown = Answer {
-            at: Vector3::zeros(),
-            covariance: Matrix3::zeros(),
-            status: JointStatus::Unobserved,
-        };
-        serialiser.list(&mut self.answers, unknown, |answer, serialiser| {
-            serialiser.vector(&mut answer.at);
-            serialiser.matrix(&mut answer.covariance);
-            serialiser.status(&mut answer.status);
-        });
-        serialiser.list(&mut self.points, Vector3::zeros(), |x, serialiser| serialiser.vector(x));
-    }
-}
-
-fn serialise_alone(alone: &mut Alone, serialiser: &mut Serialiser) {
-    let mut views = alone.rays.n_views();
-    serialiser.count(&mut views);
-    let joints = if alone.points.is_empty() { 0 } else { alone.rays.n_joints() };
-    let mut rays: Vec<Ray> = (0..joints).flat_map(|j| alone.rays.of_joint(j)).copied().collect();
-    serialiser.list(&mut rays, Ray::NONE, |ray, serialiser| {
-        serialiser.vector(&mut ray.centre);
-        serialiser.vector(&mut ray.direction);
-        serialiser.number(&mut ray.weight);
-        serialiser.number(&mut ray.pixel);
-    });
-    alone.rays = Rays::of(rays, views);
-    serialiser.list(&mut alone.used_for, 0, |j, serialiser| serialiser.count(j));
-    serialiser.list(&mut alone.points, Vector3::zeros(), |x, serialiser| serialiser.vector(x));
-    serialiser.list(&mut alone.spread, Matrix3::zeros(), |c, serialiser| serialiser.matrix(c));
-    serialiser
-        .list(&mut alone.status, JointStatus::Unobserved, |s, serialiser| serialiser.status(s));
-    serialiser.number(&mut alone.noise);
 }

@@ -1,0 +1,146 @@
+"""Recordings in time that were once wrong without a word: honest error bars, a status or a finding."""
+
+import warnings
+from types import SimpleNamespace
+
+import hard
+import numpy as np
+import pytest
+from hard import BODY, FPS, WRIST, WRISTS
+from scenarios import Scene
+
+import skelsplat as sk
+from skelsplat import synthetic
+from skelsplat.findings import FindingWarning
+from skelsplat.run.bones import find_bones
+
+RIG = synthetic.human36m_like()
+
+
+def moving(frames=150, motion="walk", seed=0, factor=1.0):
+    """Return somebody who moves, and detections with errors that last, ``factor`` times the usual ones."""
+    return scene(synthetic.motion(motion, frames, fps=FPS, seed=seed), seed, factor)
+
+
+def scene(truth, seed=0, factor=1.0):
+    return Scene(truth, hard.seen(truth, RIG, seed, factor), RIG, "h36m17", "")
+
+
+def solved(seen, rig=RIG, **settings):
+    return sk.refine_sequence(seen.detections, rig, fps=FPS, layout=BODY, config=sk.RefineConfig(**settings))
+
+
+def inside(seen, result, joints=slice(None)):
+    """Return which joints (3, T, N) are within 1, 2 and 3 σ."""
+    shares = sk.metrics.sigma_coverage(result.pose, result.uncertainty, seen.truth, reduce="none")
+    return shares[:, :, joints]
+
+
+def error(seen, result):
+    return np.linalg.norm(result.pose - seen.truth, axis=-1)
+
+
+@pytest.mark.parametrize("weights", [None, [10.0, 1.0, 1.0, 1.0]])
+def test_a_camera_does_not_vote_for_itself(weights):
+    found = []
+    for k, motion in enumerate(("walk", "reach", "wave")):
+        seen = moving(motion=motion, seed=k)
+        if weights is None:
+            seen.detections[:, 1:, :, 2] *= 0.1
+        found.append(inside(seen, solved(seen, view_weights=weights)))
+    assert np.concatenate(found, axis=1)[2].mean() >= 0.92
+
+
+@pytest.mark.parametrize("px", [6.0, 10.0, 20.0])
+def test_wrists_have_their_own_noise(px):
+    added = np.random.default_rng(1).normal(0.0, px, (150, 4, 2, 2))
+    seen = hard.moved(moving(motion="reach", seed=1), added, WRISTS)
+    assert inside(seen, solved(seen), WRISTS)[2].mean() >= 0.88
+
+
+def test_noise_may_grow():
+    added = np.random.default_rng(1).normal(0.0, 15.0, (200, 4, 17, 2))
+    added[:100] = 0.0
+    seen = hard.moved(moving(200, "wave", 2), added)
+    shares = inside(seen, solved(seen))[2]
+    assert min(shares.mean(), shares[100:].mean()) >= 0.9
+
+
+@pytest.mark.parametrize("factor", [3.3, 4.6])
+def test_large_noise_has_bars_of_its_size(factor):
+    takes = [
+        moving(motion=motion, seed=k, factor=factor) for k, motion in enumerate(("walk", "reach", "wave"))
+    ]
+    shares = [inside(seen, solved(seen)).mean(axis=(1, 2)) for seen in takes]
+    assert np.abs(np.mean(shares, axis=0) - [0.199, 0.739, 0.971]).max() < 0.08
+
+
+def test_the_pose_before_and_after_decides_the_sides():
+    seen, part = moving(100), slice(40, 50)
+    result = solved(hard.exchanged(seen, part, range(4), range(17)))
+    assert error(seen, result)[part].mean() < 30.0
+    assert result.swapped[part].any()
+
+
+@pytest.mark.parametrize("frames", [slice(40, 60), slice(0, 100)])
+def test_a_bone_that_no_body_has_is_not_ok(frames):
+    """Three views take a wrist for an object 2 m above it."""
+    seen = moving(100)
+    away = sk.project(seen.truth + np.array([0.0, 0.0, 2000.0]), RIG).swapaxes(0, 1)
+    seen.detections[frames, :3, WRIST, :2] = away[frames, :3, WRIST]
+    result = solved(seen)
+    assert (error(seen, result)[frames, WRIST] > 500.0).any()
+    assert not (result.joint_status[frames, WRIST] == "ok").any()
+    assert inside(seen, result, [WRIST])[2].mean() > 0.9
+
+
+@pytest.mark.parametrize("factor", [0.05, 0.2, 8.0, 10.0])
+def test_the_size_of_the_world_does_not_matter(factor):
+    truth, errors = synthetic.motion("walk", 80, fps=FPS, seed=0), []
+    noise = synthetic.DetectionNoise.recording_occluded(3, frame_rate=FPS)
+    detections = synthetic.simulate_detections(truth, RIG, noise=noise, layout=BODY, seed=0)
+    for size in (1.0, factor):
+        rig = sk.CameraRig([sk.Camera(K=c.K, R=c.R, t=size * np.asarray(c.t), size=c.size) for c in RIG])
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", FindingWarning)  # of a body of such a size
+            result = sk.refine_sequence(detections, rig, fps=FPS, layout=BODY)
+        errors.append(np.linalg.norm(result.pose / size - truth, axis=-1).mean())
+    assert errors[1] == pytest.approx(errors[0], rel=0.02)
+
+
+def findings(seen, layout=BODY):
+    """Return the findings on bones of a recording."""
+    result = sk.refine(None, seen.detections, RIG, layout=layout)
+    alone = SimpleNamespace(result=result, config=sk.RefineConfig())
+    return list(find_bones(SimpleNamespace(layout=layout, rig=RIG), alone))
+
+
+@pytest.mark.parametrize(("first", "then"), [(1.57, 1.93), (0.91, 1.80), (1.7, 1.7)])
+def test_lengths_that_change_are_said(first, then):
+    truth = synthetic.motion("walk", 300, fps=FPS, seed=0)
+    place = truth[:, :1] * [1.0, 1.0, 0.0]
+    size = np.repeat([first, then], 150)[:, None, None] / 1.7
+    found = findings(scene(place + (truth - place) * size))
+    assert [finding.kind for finding in found] == ["lengths_change"] * (first != then)
+    for finding in found:
+        assert finding.numbers["change"] == pytest.approx(then / first - 1, rel=0.25)
+        assert finding.numbers["frame"] == pytest.approx(150, abs=25)
+
+
+def test_a_limb_whose_length_varies_is_no_bone():
+    layout = sk.Layout("wrong", BODY.joints, limbs=[*BODY.limbs, WRISTS], left_right=BODY.left_right)
+    (found,) = findings(moving(150, "wave", 1), layout)
+    assert found.kind == "limb_lengths_vary"
+    assert set(found.subject.joints) == {"left_wrist", "right_wrist"}
+
+
+def test_lengths_are_those_of_the_recording_in_a_part_that_shows_none():
+    seen = moving(1300).detections
+    seen[450:] = np.nan
+    parts = list(sk.refine_batches(seen, RIG, fps=8.0, layout=BODY, frames_per_chunk=600))
+    whole = sk.refine_sequence(seen, RIG, fps=8.0, layout=BODY)
+    for part in parts:
+        np.testing.assert_array_equal(part.bone_lengths, whole.bone_lengths)
+    np.testing.assert_array_equal(
+        np.isinf([part.bone_length_sigma[0] for part in parts]), [False, True, True]
+    )
