@@ -14,6 +14,7 @@ __all__ = [
     "LAYOUT_NAMES",
     "REJECTED_WEIGHT",
     "Camera",
+    "Known",
     "Layout",
     "Live",
     "RefineConfig",
