@@ -18,7 +18,7 @@ RIG = synthetic.human36m_like()
 
 
 def moving(frames=150, motion="walk", seed=0, factor=1.0):
-    """Return somebody who moves, and detections with errors that last, ``factor`` times the usual ones."""
+    """Return a moving person and detections with lasting errors, ``factor`` times the usual ones."""
     return scene(synthetic.motion(motion, frames, fps=FPS, seed=seed), seed, factor)
 
 

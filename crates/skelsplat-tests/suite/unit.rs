@@ -1,4 +1,4 @@
-//! Bodies whose size says that the unit is wrong.
+//! Body sizes that reveal a wrong unit.
 
 use nalgebra::{Matrix3, Vector3};
 use skelsplat_core::study::unit::implausible_extent;

@@ -89,7 +89,7 @@ fn common(run: &WindowSolver<'_>) -> f64 {
     median(squares) / (2.0 * LN_2) * numbers / (numbers - 3.0).max(1.0)
 }
 
-/// The memory of every joint's errors, whose `noise` is known, along the path of `run`.
+/// The memory of every joint's errors along the path of `run`, given their `noise`.
 pub(super) fn memories(
     run: &WindowSolver<'_>,
     noise: &DetectionNoise,

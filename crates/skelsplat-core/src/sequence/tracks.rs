@@ -35,7 +35,7 @@ pub struct Weights {
 }
 
 impl Weights {
-    /// k at this offset under a kernel whose 1/4σ² is so many times that of the final one.
+    /// k at this offset under a kernel with `narrower` times the final 1/4σ².
     #[inline]
     pub(super) fn kernel(&self, offset: &Offset, narrower: f64) -> f64 {
         if offset.range <= 0.0 {
