@@ -24,6 +24,7 @@ demo: $(STAMPS)/installed
 
 # The Rust checks have a core while the wheel is built, installed and checked on the other; pytest takes all of them.
 test-all: export MARKS = -m ''
+test-all: export CHECKED = cargo test --locked --quiet
 test-all lint: export CRATES = --workspace
 test test-all: $(STAMPS)/venv
 	$(MAKE) --jobs 2 rust-check python-lint
@@ -59,8 +60,11 @@ $(STAMPS)/installed: $(STAMPS)/venv $(RUST_SOURCES) $(PYTHON_SOURCES)
 
 # No path of this machine is in the wheel, so the same commit gives the same bytes in any folder.
 REMAP := --remap-path-prefix=$(CURDIR)=. --remap-path-prefix=$${CARGO_HOME:-$$HOME/.cargo}=cargo
+WITH_FLAGS := RUSTFLAGS="$$RUSTFLAGS $(REMAP)"
+# With these the Rust checks and tests take over what the wheel's build has compiled.
+AS_WHEEL := --release --locked --quiet --features pyo3/extension-module
 wheel:
-	RUSTFLAGS="$$RUSTFLAGS $(REMAP)" $(BIN)/maturin build --release --locked --quiet --interpreter $(BIN)/python --out dist
+	$(WITH_FLAGS) $(BIN)/maturin build --release --locked --quiet --interpreter $(BIN)/python --out dist
 sdist:
 	$(BIN)/maturin sdist --out dist
 
@@ -74,11 +78,10 @@ fmt:
 
 lint: rust-lint python-lint
 
-# As the wheel is built, whose macros and build scripts serve again.
 rust-lint:
 	cargo fmt --all --check
-	RUSTFLAGS="$$RUSTFLAGS $(REMAP)" cargo clippy --release --locked $(CRATES) --all-targets --quiet -- -D warnings
-	RUSTFLAGS="$$RUSTFLAGS $(REMAP)" RUSTDOCFLAGS="-D warnings" cargo doc --release --locked --no-deps --quiet
+	$(WITH_FLAGS) cargo clippy $(AS_WHEEL) $(CRATES) --all-targets -- -D warnings
+	$(WITH_FLAGS) RUSTDOCFLAGS="-D warnings" cargo doc $(AS_WHEEL) --no-deps
 
 python-lint: $(STAMPS)/dev
 	$(BIN)/ruff format --check .
@@ -86,8 +89,10 @@ python-lint: $(STAMPS)/dev
 	$(BIN)/mypy
 	$(BIN)/python -m mypy.stubtest skelsplat._skelsplat
 
+# The core that is tested is the one in the wheel; `make test-all` tries it with checks for overflow as well.
 rust-test:
-	cargo test --locked --quiet
+	$(WITH_FLAGS) cargo test $(AS_WHEEL)
+	$(CHECKED)
 
 # One after the other: cargo locks its folder.
 rust-check: rust-lint

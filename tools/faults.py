@@ -37,7 +37,7 @@ QUICK_BUILD = {
 BUILD = ["cargo", "build", "--release", "--quiet", "-p", "skelsplat-py", *FEATURES]
 PYTEST = [sys.executable, "-m", "pytest", "-q", "-x", "--no-header", "-p", "no:cacheprovider"]
 WHOLE_SUITE = [*PYTEST, "--numprocesses", "auto", "--maxprocesses", "8", "--dist", "worksteal"]
-CARGO_TEST = ["cargo", "test", "--quiet", "-p", "skelsplat-tests"]
+CARGO_TEST = ["cargo", "test", "--release", "--quiet", *FEATURES]
 
 
 def place_of(fault: Fault, root: Path) -> Path:

@@ -11,9 +11,9 @@ import counts
 CEILINGS = {
     "package": 31_600,
     "cli": 3_120,
-    "core": 18_961,
+    "core": 18_769,
     "binding": 2_675,
-    "Rust tests": 6_106,
+    "Rust tests": 6_287,
     "Python tests": 26_259,
     "benchmarks and tools": 3_990,
     "docs, words": 40_250,

@@ -7,8 +7,8 @@
 use std::hint::black_box;
 
 use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
-use skelsplat_core::testing::scenes::{Noise, noisy_detections, perturbed, room, standing};
 use skelsplat_core::{Camera, Frame, Layout, PaperSettings, RefineConfig, Refiner, Unit};
+use skelsplat_tests::scenes::{Noise, noisy_detections, perturbed, room, standing};
 
 /// The same focal length and view in a larger or smaller image: the pixels per mm stay the same.
 fn resized(camera: &Camera, pixels: u32) -> Camera {

@@ -88,8 +88,6 @@ mod sequence;
 mod settings;
 mod statistics;
 mod symmetry;
-#[cfg(feature = "testing")]
-pub mod testing;
 mod threads;
 mod triangulate;
 mod triangulation;

@@ -2,13 +2,13 @@
 //! joint.
 
 use skelsplat_core::nalgebra::Matrix3;
-use skelsplat_core::testing::refused;
-use skelsplat_core::testing::scenes::{
-    Noise, exact_detections, h36m, noisy_detections, not_human, refiner, room, standing,
-};
 use skelsplat_core::{
     Camera, Error, Frame, JointBias, Layout, RefineConfig, Refinement, Refiner, Unit,
     refine_sequence,
+};
+use skelsplat_tests::refused;
+use skelsplat_tests::scenes::{
+    Noise, exact_detections, h36m, noisy_detections, not_human, refiner, room, standing,
 };
 
 const PX: f64 = 3.0;

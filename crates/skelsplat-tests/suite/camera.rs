@@ -5,7 +5,7 @@ use std::f64::consts::{FRAC_1_SQRT_2, FRAC_PI_2, SQRT_2};
 use nalgebra::{Matrix2x3, Matrix3, Rotation3, Vector2, Vector3};
 use skelsplat_core::Error;
 use skelsplat_core::study::camera::{Camera, Distortion, NEAR, Undistorted, for_camera};
-use skelsplat_core::testing::refused;
+use skelsplat_tests::refused;
 
 /// A lens with every term of the general model.
 const C: [f64; 14] = [

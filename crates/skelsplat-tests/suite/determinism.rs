@@ -8,14 +8,12 @@ use skelsplat_core::study::paper::Encoding;
 use skelsplat_core::study::paper::render::{pseudo_ground_truth, render};
 use skelsplat_core::study::paper::splat::Splat;
 use skelsplat_core::study::refine::Control;
-use skelsplat_core::testing::refused;
-use skelsplat_core::testing::scenes::{
-    Noise, noisy_detections, perturbed, refiner, room, standing,
-};
 use skelsplat_core::{
     Camera, Detections, Error, Frame, Method, PaperSettings, Progress, RefineConfig, Refinements,
     Refiner, Unit, refine_batch, refine_sequence,
 };
+use skelsplat_tests::refused;
+use skelsplat_tests::scenes::{Noise, noisy_detections, perturbed, refiner, room, standing};
 
 fn frames(n: u64) -> Vec<Frame> {
     let cameras = room(4);

@@ -7,7 +7,7 @@ use skelsplat_core::study::annealed::{
     Annealing, NoiseModel, Prior, Problem, Rays, Solution, Widening, solve,
 };
 use skelsplat_core::study::symmetry::LimbPair;
-use skelsplat_core::testing::scenes::{Noise, noisy_detections, perturbed, room, standing};
+use skelsplat_tests::scenes::{Noise, noisy_detections, perturbed, room, standing};
 
 /// Reach of the limbs' kernel, in σ_sym, as `annealed::solver` has it.
 const REACH: f64 = 3.0;

@@ -1,12 +1,12 @@
 //! Frame-by-frame refinement: what is kept from previous frames.
 
 use nalgebra::Vector3;
-use skelsplat_core::testing::refused;
-use skelsplat_core::testing::scenes::{exact_detections, refiner, room, standing, without};
 use skelsplat_core::{
     AnnealedSettings, Bones, Detections, JointStatus, Progress, RefineConfig, Refinement, Refiner,
     Unit, follow,
 };
+use skelsplat_tests::refused;
+use skelsplat_tests::scenes::{exact_detections, refiner, room, standing, without};
 
 type Points = Vec<Vector3<f64>>;
 

@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix3, Vector3, Vector4};
 use skelsplat_core::study::gaussian::{Gaussian, check_covariances};
-use skelsplat_core::testing::refused;
+use skelsplat_tests::refused;
 
 #[test]
 fn what_is_no_gaussian_is_named() {

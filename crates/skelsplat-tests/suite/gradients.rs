@@ -12,11 +12,11 @@ use skelsplat_core::study::paper::{Encoding, Renderer};
 use skelsplat_core::study::projection::View;
 use skelsplat_core::study::refine::Control;
 use skelsplat_core::study::symmetry::symmetry;
-use skelsplat_core::testing::differences::{central_differences, relative_error};
-use skelsplat_core::testing::scenes::{
+use skelsplat_core::{PaperSettings, RefineConfig};
+use skelsplat_tests::differences::{central_differences, relative_error};
+use skelsplat_tests::scenes::{
     Noise, h36m, look_at, noisy_detections, perturbed, refiner, room, standing,
 };
-use skelsplat_core::{PaperSettings, RefineConfig};
 
 fn tilted(mean: Vector3<f64>) -> Gaussian {
     Gaussian {

@@ -1,11 +1,11 @@
 //! One valid call, one thing broken at a time: the argument or field that the error names.
 
 use skelsplat_core::study::paper::{Encoding, PositionLearningRate, Renderer};
-use skelsplat_core::testing::refused;
-use skelsplat_core::testing::scenes::{exact_detections, refiner, room, standing};
 use skelsplat_core::{
     Detections, Error, Frame, Method, PaperSettings, RefineConfig, Refiner, Unit, Value,
 };
+use skelsplat_tests::refused;
+use skelsplat_tests::scenes::{exact_detections, refiner, room, standing};
 
 fn valid_frame() -> Frame {
     Frame { init_pose: Some(standing()), ..exact_detections(&standing(), &room(4)).into() }

@@ -2,8 +2,8 @@
 
 use std::collections::HashSet;
 
-use skelsplat_core::testing::refused;
 use skelsplat_core::{Error, KnownLength, Layout, LayoutSpec, SymmetricPair};
+use skelsplat_tests::refused;
 
 fn all() -> impl Iterator<Item = Layout> {
     Layout::NAMES.into_iter().map(|name| Layout::by_name(name).unwrap())

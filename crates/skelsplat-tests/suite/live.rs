@@ -2,12 +2,12 @@
 
 use nalgebra::{Matrix3, Matrix6, Vector3, Vector6};
 use skelsplat_core::study::sequence::live::filter::KalmanState;
-use skelsplat_core::testing::refused;
-use skelsplat_core::testing::scenes::{
-    Noise, exact_detections, mean_error, noisy_detections, refiner, room, standing, without,
-};
 use skelsplat_core::{
     Camera, Detections, JointStatus, Live, Progress, RefineConfig, Refinement, Refiner, Unit,
+};
+use skelsplat_tests::refused;
+use skelsplat_tests::scenes::{
+    Noise, exact_detections, mean_error, noisy_detections, refiner, room, standing, without,
 };
 
 const FPS: f64 = 30.0;

@@ -4,7 +4,7 @@ use nalgebra::{Matrix2, Vector2};
 use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
 use skelsplat_core::study::overlap::PlaneGaussian;
-use skelsplat_core::testing::differences::central_differences;
+use skelsplat_tests::differences::central_differences;
 
 fn gaussian(mean: [f64; 2], spread: [f64; 2], angle: f64) -> PlaneGaussian {
     let r = nalgebra::Rotation2::new(angle);

@@ -5,10 +5,8 @@ use skelsplat_core::study::annealed::rays::Ray;
 use skelsplat_core::study::people::known::BodyModel;
 use skelsplat_core::study::people::score::{assign, meet};
 use skelsplat_core::study::people::{Associator, Crowd, Identity, identify};
-use skelsplat_core::testing::scenes::{
-    Noise, h36m, mean_error, noisy_detections, refiner, room, standing,
-};
 use skelsplat_core::{Camera, Detections, Person, Progress, RefineConfig, Tracker, track};
+use skelsplat_tests::scenes::{Noise, h36m, mean_error, noisy_detections, refiner, room, standing};
 
 const FPS: f64 = 30.0;
 

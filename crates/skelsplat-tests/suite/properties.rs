@@ -8,7 +8,7 @@ use skelsplat_core::study::paper::masked_l2;
 use skelsplat_core::study::paper::pseudo_gt::HeatMap;
 use skelsplat_core::study::paper::splat::Splat;
 use skelsplat_core::study::projection::View;
-use skelsplat_core::testing::scenes::room;
+use skelsplat_tests::scenes::room;
 
 fn gaussian() -> impl Strategy<Value = Gaussian> {
     let mean = prop::array::uniform3(-1500.0..1500.0_f64);

@@ -4,8 +4,8 @@ use std::f64::consts::TAU;
 
 use nalgebra::{Matrix3, Vector2, Vector3};
 use skelsplat_core::study::triangulate::{Triangulated, dlt, ransac};
-use skelsplat_core::testing::scenes::{Noise, room, standing};
 use skelsplat_core::{Camera, Detections};
+use skelsplat_tests::scenes::{Noise, room, standing};
 
 /// Detections where the cameras see the points, moved by `shift(view, joint)` pixels; NaN is a
 /// missing one.

@@ -2,12 +2,12 @@
 
 use nalgebra::{Vector2, Vector3};
 use skelsplat_core::study::paper::PositionLearningRate;
-use skelsplat_core::testing::scenes::{
-    Noise, exact_detections, mean_error, noisy_detections, perturbed, refiner, room, standing,
-    without,
-};
 use skelsplat_core::{
     Camera, Frame, JointStatus, PaperSettings, RefineConfig, Refinement, StopReason,
+};
+use skelsplat_tests::scenes::{
+    Noise, exact_detections, mean_error, noisy_detections, perturbed, refiner, room, standing,
+    without,
 };
 
 fn refine(cameras: &[Camera], frame: &Frame, config: impl Into<RefineConfig>) -> Refinement {

@@ -3,13 +3,13 @@
 use nalgebra::{Rotation3, Vector2, Vector3};
 use skelsplat_core::study::rig::placed::{PARAMETERS, Sight, Step};
 use skelsplat_core::study::rig::{Change, Placed};
-use skelsplat_core::testing::differences::{central_differences, relative_error};
-use skelsplat_core::testing::refused;
-use skelsplat_core::testing::scenes::{Noise, room, standing};
 use skelsplat_core::{
     Adjustable, Camera, CameraStatus, Detections, Distortion, Error, Progress, RefineConfig,
     RigAdjustment, Unit, adjust_cameras,
 };
+use skelsplat_tests::differences::{central_differences, relative_error};
+use skelsplat_tests::refused;
+use skelsplat_tests::scenes::{Noise, room, standing};
 
 const FRAMES: usize = 60;
 

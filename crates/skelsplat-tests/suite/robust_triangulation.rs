@@ -8,8 +8,8 @@ use nalgebra::{Matrix3, Vector2, Vector3};
 use skelsplat_core::study::annealed::robust;
 use skelsplat_core::study::annealed::{Ray, Rays};
 use skelsplat_core::study::triangulate::{Triangulated, dlt};
-use skelsplat_core::testing::scenes::{Noise, exact_detections, look_at, standing, without};
 use skelsplat_core::{Camera, Detections, TriangulationMethod as Method, Unit, triangulate};
+use skelsplat_tests::scenes::{Noise, exact_detections, look_at, standing, without};
 
 const NOISE_PX: f64 = 1.5;
 /// A pixel's size at the room's centre, mm.

@@ -2,13 +2,13 @@
 
 use nalgebra::Vector3;
 use skelsplat_core::study::sequence::{Window, refine_in_windows, sample, window_size, windows};
-use skelsplat_core::testing::refused;
-use skelsplat_core::testing::scenes::{
-    Noise, h36m, mean_error, noisy_detections, not_human, refiner, room, standing, without,
-};
 use skelsplat_core::{
     AnnealedSettings, Detections, Frame, JointStatus, Live, Progress, RefineConfig, Refiner,
     Sequence, Unit, learn_sequence, refine_sequence, refine_windows,
+};
+use skelsplat_tests::refused;
+use skelsplat_tests::scenes::{
+    Noise, h36m, mean_error, noisy_detections, not_human, refiner, room, standing, without,
 };
 
 /// A person who sways and turns, seen by four cameras with noise.

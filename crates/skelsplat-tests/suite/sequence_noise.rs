@@ -8,7 +8,7 @@ use skelsplat_core::study::sequence::process_noise::ProcessNoise;
 use skelsplat_core::study::sequence::scales::Residuals;
 use skelsplat_core::study::sequence::solver::{Common, WindowSolver};
 use skelsplat_core::study::sequence::tracks::Tracks;
-use skelsplat_core::testing::scenes::Noise;
+use skelsplat_tests::scenes::Noise;
 
 /// The usual noise, mm, the largest error of wrong detections, and frames per second.
 const ERROR: f64 = 8.0;

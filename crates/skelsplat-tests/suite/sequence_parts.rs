@@ -13,8 +13,8 @@ use skelsplat_core::study::sequence::process_noise::{self, ProcessNoise};
 use skelsplat_core::study::sequence::solver::{Common, WindowSolver};
 use skelsplat_core::study::sequence::system::System;
 use skelsplat_core::study::sequence::tracks::Tracks;
-use skelsplat_core::testing::differences::{central_differences, relative_error};
-use skelsplat_core::testing::scenes::Noise;
+use skelsplat_tests::differences::{central_differences, relative_error};
+use skelsplat_tests::scenes::Noise;
 
 fn some_block(noise: &mut Noise) -> Matrix3<f64> {
     let a = Matrix3::from_fn(|_, _| noise.normal());

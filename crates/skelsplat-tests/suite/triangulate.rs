@@ -2,11 +2,11 @@
 
 use nalgebra::{DMatrix, Vector2, Vector3};
 use skelsplat_core::study::triangulate::{dlt, fuse_monocular};
-use skelsplat_core::testing::refused;
-use skelsplat_core::testing::scenes::{exact_detections, look_at};
 use skelsplat_core::{
     Camera, Detections, Distortion, Error, TriangulationMethod as Method, Unit, triangulate,
 };
+use skelsplat_tests::refused;
+use skelsplat_tests::scenes::{exact_detections, look_at};
 
 fn looking(centre: Vector3<f64>, target: Vector3<f64>) -> Camera {
     look_at(centre, target, 1145.0, [1000, 1000])

@@ -22,14 +22,14 @@ use skelsplat_core::study::annealed::{
 use skelsplat_core::study::overlap::PlaneGaussian;
 use skelsplat_core::study::projection::View;
 use skelsplat_core::study::symmetry::LimbPair;
-use skelsplat_core::testing::differences::{central_differences, relative_error};
-use skelsplat_core::testing::scenes::{
-    Noise, changed, exact_detections, h36m, look_at, noisy_detections, perturbed, refiner, room,
-    standing, without,
-};
 use skelsplat_core::{
     AnnealedSettings, Bones, Camera, Detections, Frame, JointStatus, RefineConfig, Refinement,
     Refiner, StopReason, Unit,
+};
+use skelsplat_tests::differences::{central_differences, relative_error};
+use skelsplat_tests::scenes::{
+    Noise, changed, exact_detections, h36m, look_at, noisy_detections, perturbed, refiner, room,
+    standing, without,
 };
 
 const WRIST: usize = 13;

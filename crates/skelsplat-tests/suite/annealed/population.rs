@@ -2,9 +2,9 @@
 
 use super::*;
 use skelsplat_core::study::bones::population::proportions;
-use skelsplat_core::testing::refused;
-use skelsplat_core::testing::scenes::not_human;
 use skelsplat_core::{KnownLength, Layout, LayoutSpec};
+use skelsplat_tests::refused;
+use skelsplat_tests::scenes::not_human;
 
 const ELBOW: usize = 12;
 

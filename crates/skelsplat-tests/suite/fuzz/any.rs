@@ -3,10 +3,10 @@
 use nalgebra::{SymmetricEigen, Vector3};
 use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
-use skelsplat_core::testing::scenes::{Noise, look_at, noisy_detections, refiner, standing};
 use skelsplat_core::{
     Camera, Detections, Distortion, JointStatus, RefineConfig, Refinement, Refiner, StopReason,
 };
+use skelsplat_tests::scenes::{Noise, look_at, noisy_detections, refiner, standing};
 
 /// So many cases of one seed; with `PROPTEST_CASES`, as many times more as that is above 16, of any
 /// seed.

@@ -4,10 +4,10 @@
 use nalgebra::{Rotation3, Vector3};
 use proptest::prelude::*;
 use skelsplat_core::study::annealed::consensus::REJECTED;
-use skelsplat_core::testing::scenes::{h36m, room};
 use skelsplat_core::{
     Camera, Detections, Frame, JointStatus, Progress, Refinement, Refiner, Unit, refine_sequence,
 };
+use skelsplat_tests::scenes::{h36m, room};
 
 use super::any::{config, spoiled, threaded, wrong};
 

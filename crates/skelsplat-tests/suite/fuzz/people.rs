@@ -3,8 +3,8 @@
 use nalgebra::Vector3;
 use proptest::prelude::*;
 use skelsplat_core::study::people::identify;
-use skelsplat_core::testing::scenes::{Noise, changed, h36m, noisy_detections, room, standing};
 use skelsplat_core::{Camera, Detections, Person, Progress, Tracker, track};
+use skelsplat_tests::scenes::{Noise, changed, h36m, noisy_detections, room, standing};
 
 use super::any::{cameras, config, detections, replaced, sound, threaded, wrong};
 

@@ -2,8 +2,8 @@
 
 use nalgebra::{Rotation3, Vector3};
 use proptest::prelude::*;
-use skelsplat_core::testing::scenes::{Noise, noisy_detections, room, standing};
 use skelsplat_core::{Adjustable, Camera, Progress, RefineConfig, Unit, adjust_cameras};
+use skelsplat_tests::scenes::{Noise, noisy_detections, room, standing};
 
 use super::any::{Recording, any_recording, config, replaced, wrong};
 

@@ -1,10 +1,10 @@
 //! The methods of one frame, with any detections of any cameras.
 
 use proptest::prelude::*;
-use skelsplat_core::testing::scenes::refiner;
 use skelsplat_core::{
     Detections, Frame, PaperSettings, RefineConfig, Refiner, TriangulationMethod, Unit, triangulate,
 };
+use skelsplat_tests::scenes::refiner;
 
 use super::any::{
     any_number, cameras, config, coordinate, detections, sound, spoiled, threaded, wrong,

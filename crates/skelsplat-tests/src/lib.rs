@@ -1,9 +1,9 @@
-//! Scenes and finite differences for tests and benches; not part of the methods.
+//! Scenes and finite differences for the tests in `suite` and for the benches.
 
 pub mod differences;
 pub mod scenes;
 
-use crate::error::{Error, Result};
+use skelsplat_core::{Error, Result};
 
 /// The argument that the error of invalid input names.
 pub fn refused<T: std::fmt::Debug>(result: Result<T>) -> String {

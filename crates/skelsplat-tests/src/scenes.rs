@@ -1,12 +1,7 @@
 //! A Human3.6M-like room, a standing skeleton in it, and reproducible noise.
 
 use nalgebra::{Matrix3, Vector2, Vector3};
-
-use crate::camera::Camera;
-use crate::detections::Detections;
-use crate::layout::{Layout, LayoutSpec};
-use crate::refine::{RefineConfig, Refiner};
-use crate::unit::Unit;
+use skelsplat_core::{Camera, Detections, Layout, LayoutSpec, RefineConfig, Refiner, Unit};
 
 /// Uniform and normal numbers from a linear congruential generator (Knuth's MMIX constants): enough
 /// for tests, the same on every machine.
