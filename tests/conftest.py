@@ -72,7 +72,7 @@ _paint = Figure.savefig
 
 def _unpainted(figure: Figure | None, target: Any, **options: Any) -> None:
     if figure is not None and options.get("format") == "pdf":  # its library counts the pages
-        return _paint(figure, target, **options)
+        return _paint(Figure(), target, **options)
     write = target.write_bytes if isinstance(target, Path) else target.write
     return write(b"\x89PNG, not painted")
 
