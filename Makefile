@@ -16,19 +16,19 @@ PIP := $(BIN)/python -m pip install --quiet --constraint requirements-dev.lock
 # As many as there are cores; more than a few gain nothing.
 PYTEST = $(BIN)/python -m pytest --numprocesses auto --maxprocesses 8 --dist worksteal $(MARKS)
 
-.PHONY: demo test test-all fuzz fuzz-case docs fmt lint rust-lint python-lint rust-check rust-test python-test bench \
-        clean wheel sdist lock test-lowest package reproducible notices deny publish-check
+.PHONY: demo test test-all fuzz fuzz-case docs fmt lint rust-lint sources-lint python-lint rust-check rust-test python-check \
+        python-test bench clean wheel sdist lock test-lowest package reproducible notices deny publish-check
 
 demo: $(STAMPS)/installed
 	$(BIN)/skelsplat demo -o skelsplat-demo
 
-# The Rust checks have a core while the wheel is built, installed and checked on the other; pytest takes all of them.
+# While the wheel is built on one core, libraries are installed and Python's sources checked on the other; then the
+# Rust checks and pytest run at the same time.
 test-all: export MARKS = -m ''
 test-all: export CHECKED = cargo test --locked --quiet
 test-all lint: export CRATES = --workspace
 test test-all: $(STAMPS)/venv
-	$(MAKE) --jobs 2 rust-check python-lint
-	$(PYTEST)
+	$(MAKE) --jobs 2 rust-check python-check
 
 # Random inputs for so many minutes each to Python and Rust; findings are saved and printed with how to repeat them.
 # CONTRIBUTING.md says what it tries.
@@ -51,11 +51,24 @@ $(STAMPS)/venv: pyproject.toml requirements-dev.lock
 	@mkdir -p $(STAMPS) && touch $@
 
 # The wheel that users get, built and installed with the extras that its commands need; not an editable checkout.
-$(STAMPS)/installed: $(STAMPS)/venv $(RUST_SOURCES) $(PYTHON_SOURCES)
+$(STAMPS)/wheel: $(STAMPS)/venv $(RUST_SOURCES) $(PYTHON_SOURCES)
 	rm -rf dist && rm -f python/skelsplat/_skelsplat*.so
 	$(MAKE) wheel
-	$(BIN)/python -m pip install --quiet --force-reinstall --no-deps dist/*.whl
+	@touch $@
+
+INSTALL := $(BIN)/python -m pip install --quiet --force-reinstall --no-deps
+$(STAMPS)/installed: $(STAMPS)/wheel
+	$(INSTALL) dist/*.whl
 	$(PIP) "$$(ls dist/*.whl)[all]"
+	@touch $@
+
+$(STAMPS)/libraries: $(STAMPS)/venv
+	$(BIN)/python -m pip install --quiet --requirement requirements-dev.lock
+	@touch $@
+
+$(STAMPS)/dev: $(STAMPS)/wheel $(STAMPS)/libraries
+	$(INSTALL) dist/*.whl
+	$(PIP) "$$(ls dist/*.whl)[all,dev]"
 	@touch $@
 
 # No path of this machine is in the wheel, so the same commit gives the same bytes in any folder.
@@ -68,10 +81,6 @@ wheel:
 sdist:
 	$(BIN)/maturin sdist --out dist
 
-$(STAMPS)/dev: $(STAMPS)/installed
-	$(PIP) "$$(ls dist/*.whl)[dev]"
-	@touch $@
-
 fmt:
 	cargo fmt --all
 	$(BIN)/ruff format . && $(BIN)/ruff check --fix .
@@ -83,10 +92,12 @@ rust-lint:
 	$(WITH_FLAGS) cargo clippy $(AS_WHEEL) $(CRATES) --all-targets -- -D warnings
 	$(WITH_FLAGS) RUSTDOCFLAGS="-D warnings" cargo doc $(AS_WHEEL) --no-deps
 
-python-lint: $(STAMPS)/dev
+sources-lint: $(STAMPS)/libraries
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/mypy
+
+python-lint: sources-lint $(STAMPS)/dev
 	$(BIN)/python -m mypy.stubtest skelsplat._skelsplat
 
 # The core that is tested is the one in the wheel; `make test-all` tries it with checks for overflow as well.
@@ -95,11 +106,15 @@ rust-test:
 	$(CHECKED)
 
 # One after the other: cargo locks its folder.
-rust-check: rust-lint
+rust-check: $(STAMPS)/wheel
+	$(MAKE) rust-lint
 	$(MAKE) rust-test
 
 python-test: $(STAMPS)/dev
 	$(PYTEST)
+
+python-check: python-lint
+	$(MAKE) python-test
 
 # The site needs no network: open site/index.html.
 docs: $(STAMPS)/dev
