@@ -25,10 +25,10 @@ __all__ = [
     "adjust_cameras",
     "check_people",
     "checked_detections",
+    "frame_evidence",
     "fuse_monocular",
     "implausible_extent",
     "loss_and_gradient",
-    "most_likely_places",
     "people_identities",
     "people_scores",
     "project",
@@ -576,17 +576,9 @@ def loss_and_gradient(
     target_means: ArrayLike | None = None,
     target_covariances: ArrayLike | None = None,
 ) -> dict[str, Any]: ...
-def most_likely_places(
-    pose: ArrayLike,
-    detections: ArrayLike,
-    cameras: _Cameras,
-    *,
-    bones: Sequence[tuple[int, int, float, float]],
-    doubtful: Sequence[bool],
-    placed: Sequence[bool],
-    sigma: Sequence[float],
-    variance: float,
-) -> NDArray[np.float64]: ...
+def frame_evidence(
+    pose: ArrayLike, detections: ArrayLike, cameras: _Cameras, *, noise: float, widest: float
+) -> tuple[float, float]: ...
 def sequence_equations(
     poses: ArrayLike,
     detections: ArrayLike,

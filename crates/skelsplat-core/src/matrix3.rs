@@ -1,96 +1,112 @@
 //! 3×3 matrices, written out: sums over rays, products and small inverses are what most time goes
 //! into, and the library's general ones, not inlined everywhere, take several times as long.
 
+use std::ops::{Add, Mul, Neg, Sub};
+
 use nalgebra::{Matrix3, Vector3};
 
-/// A symmetric 3×3 matrix.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub(crate) struct Symmetric {
-    xx: f64,
-    xy: f64,
-    xz: f64,
-    yy: f64,
-    yz: f64,
-    zz: f64,
+/// Numbers, or several of them at a time.
+pub(crate) trait Number:
+    Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Neg<Output = Self>
+{
 }
 
-impl Symmetric {
-    /// The upper triangle of `m`.
-    #[inline(always)]
-    pub(crate) fn of(m: &Matrix3<f64>) -> Self {
-        Self { xx: m.m11, xy: m.m12, xz: m.m13, yy: m.m22, yz: m.m23, zz: m.m33 }
-    }
+impl<T> Number for T where
+    T: Copy + Add<Output = T> + Sub<Output = T> + Mul<Output = T> + Neg<Output = T>
+{
+}
 
+/// A symmetric 3×3 matrix: xx, xy, xz, yy, yz, zz.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub(crate) struct Symmetric<T = f64>(pub(crate) [T; 6]);
+
+impl<T: Number> Symmetric<T> {
     /// Adds `w` d dᵀ.
     #[inline(always)]
-    pub(crate) fn add_outer(&mut self, w: f64, d: &Vector3<f64>) {
-        let wd = w * d;
-        self.xx += wd.x * d.x;
-        self.xy += wd.x * d.y;
-        self.xz += wd.x * d.z;
-        self.yy += wd.y * d.y;
-        self.yz += wd.y * d.z;
-        self.zz += wd.z * d.z;
+    pub(crate) fn add_outer(&mut self, w: T, d: &[T; 3]) {
+        let (v, a) = (d.map(|d| w * d), &mut self.0);
+        a[0] = a[0] + v[0] * d[0];
+        a[1] = a[1] + v[0] * d[1];
+        a[2] = a[2] + v[0] * d[2];
+        a[3] = a[3] + v[1] * d[1];
+        a[4] = a[4] + v[1] * d[2];
+        a[5] = a[5] + v[2] * d[2];
     }
 
-    /// w I − A: with A = Σ w d dᵀ over rays and w = Σ w, the information Σ w (I − d dᵀ) of what
-    /// lies across them.
+    /// s (w I − A) + μ I: with A = Σ w d dᵀ over rays and w = Σ w, the information Σ w (I − d dᵀ)
+    /// of what lies across them.
     #[inline(always)]
     #[must_use]
-    pub(crate) fn below(&self, w: f64) -> Self {
-        let Self { xx, xy, xz, yy, yz, zz } = *self;
-        Self { xx: w - xx, xy: -xy, xz: -xz, yy: w - yy, yz: -yz, zz: w - zz }
+    pub(crate) fn below(&self, w: T, s: T, mu: T) -> Self {
+        let [xx, xy, xz, yy, yz, zz] = self.0;
+        let diagonal = |a: T| (w - a) * s + mu;
+        Self([diagonal(xx), -(xy * s), -(xz * s), diagonal(yy), -(yz * s), diagonal(zz)])
     }
 
     /// The cofactors: |A| A⁻¹.
     #[inline(always)]
     #[must_use]
     pub(crate) fn cofactors(&self) -> Self {
-        let (a, b, c, d, e, f) = (self.xx, self.xy, self.xz, self.yy, self.yz, self.zz);
-        Self {
-            xx: d * f - e * e,
-            xy: c * e - b * f,
-            xz: b * e - c * d,
-            yy: a * f - c * c,
-            yz: b * c - a * e,
-            zz: a * d - b * b,
-        }
+        let [xx, xy, xz, yy, yz, zz] = self.0;
+        Self([
+            yy * zz - yz * yz,
+            xz * yz - xy * zz,
+            xy * yz - xz * yy,
+            xx * zz - xz * xz,
+            xy * xz - xx * yz,
+            xx * yy - xy * xy,
+        ])
     }
 
     /// |A|, from the cofactors.
     #[inline(always)]
-    pub(crate) fn determinant(&self, cofactors: &Self) -> f64 {
-        self.xx * cofactors.xx + self.xy * cofactors.xy + self.xz * cofactors.xz
+    pub(crate) fn determinant(&self, cofactors: &Self) -> T {
+        let (a, c) = (&self.0, &cofactors.0);
+        a[0] * c[0] + a[1] * c[1] + a[2] * c[2]
     }
 
-    /// Mean of the eigenvalues.
+    /// Sum of the eigenvalues.
     #[inline(always)]
-    pub(crate) fn scale(&self) -> f64 {
-        (self.xx + self.yy + self.zz) / 3.0
+    pub(crate) fn trace(&self) -> T {
+        self.0[0] + self.0[3] + self.0[5]
     }
 
     /// A v.
     #[inline(always)]
-    pub(crate) fn times(&self, v: &Vector3<f64>) -> Vector3<f64> {
-        Vector3::new(
-            self.xx * v.x + self.xy * v.y + self.xz * v.z,
-            self.xy * v.x + self.yy * v.y + self.yz * v.z,
-            self.xz * v.x + self.yz * v.y + self.zz * v.z,
-        )
+    pub(crate) fn times(&self, v: &[T; 3]) -> [T; 3] {
+        let [xx, xy, xz, yy, yz, zz] = self.0;
+        [
+            xx * v[0] + xy * v[1] + xz * v[2],
+            xy * v[0] + yy * v[1] + yz * v[2],
+            xz * v[0] + yz * v[1] + zz * v[2],
+        ]
     }
 
     /// s A.
     #[inline(always)]
     #[must_use]
-    pub(crate) fn scaled(&self, s: f64) -> Self {
-        let Self { xx, xy, xz, yy, yz, zz } = *self;
-        Self { xx: xx * s, xy: xy * s, xz: xz * s, yy: yy * s, yz: yz * s, zz: zz * s }
+    pub(crate) fn scaled(&self, s: T) -> Self {
+        Self(self.0.map(|a| a * s))
+    }
+
+    /// Adds B.
+    #[inline(always)]
+    pub(crate) fn add(&mut self, other: &Self) {
+        self.0.iter_mut().zip(other.0).for_each(|(a, b)| *a = *a + b);
+    }
+}
+
+impl Symmetric {
+    /// The upper triangle of `m`.
+    #[inline(always)]
+    pub(crate) fn of(m: &Matrix3<f64>) -> Self {
+        Self([m.m11, m.m12, m.m13, m.m22, m.m23, m.m33])
     }
 
     /// All nine entries.
     #[inline(always)]
     pub(crate) fn matrix(&self) -> Matrix3<f64> {
-        let Self { xx, xy, xz, yy, yz, zz } = *self;
+        let [xx, xy, xz, yy, yz, zz] = self.0;
         Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz)
     }
 

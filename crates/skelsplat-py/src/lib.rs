@@ -42,7 +42,7 @@ mod _skelsplat {
     use crate::rig::adjust_cameras;
     #[pymodule_export]
     use crate::study::{
-        loss_and_gradient, most_likely_places, project_gaussians, pseudo_ground_truth, render,
+        frame_evidence, loss_and_gradient, project_gaussians, pseudo_ground_truth, render,
         rig_equations, sequence_equations,
     };
 

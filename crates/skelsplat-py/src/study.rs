@@ -6,8 +6,9 @@ use nalgebra::{Matrix3, Vector2, Vector3, Vector4};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use skelsplat_core::Result as CoreResult;
-use skelsplat_core::study::annealed::{Rays, proportions};
-use skelsplat_core::study::bones::{Bone, Length};
+use skelsplat_core::study::annealed::Rays;
+use skelsplat_core::study::annealed::evidence::evidence_at;
+use skelsplat_core::study::bones::Length;
 use skelsplat_core::study::gaussian::{Gaussian, GaussianGradient, check_covariances};
 use skelsplat_core::study::paper::Encoding;
 use skelsplat_core::study::paper::render::{self as core, DepthSplat, Images};
@@ -279,37 +280,19 @@ pub(crate) fn rig_equations(
     Ok((Out(matrix, vec![q, q]), Out(gradient, vec![q]), found.cost))
 }
 
-/// Return the most likely places (N, 3), mm, of a pose's joints, of which doubtful ones need their
-/// bones.
-///
-/// ``bones``: joints, mean and σ of each; ``placed``: joints that two views agree on; ``sigma``:
-/// final kernel of every joint; ``variance``: ŝ² (mm²). Detections are ideal pixels.
+/// The evidence for a pose in mm, and the share of wrong detections.
 #[pyfunction]
-#[pyo3(signature = (pose, detections, cameras, *, bones, doubtful, placed, sigma, variance))]
-#[allow(clippy::too_many_arguments, reason = "what the search depends on")]
-pub(crate) fn most_likely_places(
+#[pyo3(signature = (pose, detections, cameras, *, noise, widest))]
+pub(crate) fn frame_evidence(
     pose: InitPose,
     detections: Frames,
     cameras: Cameras,
-    bones: Vec<(usize, usize, f64, f64)>,
-    doubtful: Vec<bool>,
-    placed: Vec<bool>,
-    sigma: Vec<f64>,
-    variance: f64,
-) -> Result<Out<f64>> {
-    let (points, n) = (pose.0.points(), pose.0.shape[0]);
-    let bone = |(a, b, mean, sigma)| Bone { joints: [a, b], length: Length { mean, sigma } };
-    let bones: Vec<Bone> = bones.into_iter().map(bone).collect();
-    let detections = detections.only()?;
-    let joints = [n, doubtful.len(), placed.len(), sigma.len()];
-    let known = bones.iter().flat_map(|bone| bone.joints).all(|j| j < n);
-    if !known || joints.iter().any(|k| *k != detections.n_joints()) {
-        let expected = "the joints of pose, doubtful, placed, sigma and bones";
-        return refuse("detections", expected, format!("{} joints", detections.n_joints()));
-    }
-    let rays = Rays::new(&detections, &cameras.cameras, &[]);
-    let (rays, bones, points, sigma) = (&rays, &bones, &points, &sigma);
-    let search =
-        proportions::PlaceSearch { rays, bones, points, doubtful, placed, sigma, variance };
-    Ok(Out::points(&proportions::most_likely(&search), vec![n, 3]))
+    noise: f64,
+    widest: f64,
+) -> Result<(f64, f64)> {
+    let rays = Rays::new(&detections.only()?, &cameras.cameras, &[]);
+    let variance = rays.mean_weight() * noise * noise;
+    let points = pose.0.points();
+    let found = evidence_at(&rays, &points, variance, &[], widest);
+    Ok((found.log, found.wrong))
 }

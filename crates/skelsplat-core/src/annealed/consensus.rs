@@ -1,5 +1,4 @@
-//! Joints for which annealing ends without a majority: candidate points between two rays, scored by
-//! all rays.
+//! Points between two rays, scored by all rays of a joint.
 
 use nalgebra::Vector3;
 
@@ -12,14 +11,6 @@ pub const REJECTED: f64 = 0.25;
 const ANCHORS: usize = 8;
 /// Agreement at which the search ends, in rays of the largest weight: three that agree.
 const ENOUGH: f64 = 2.5;
-/// A position is a rival of another if it has no more than this less agreement, in detections of
-/// the joint's mean weight,
-pub const TIE: f64 = 0.5;
-/// and this where the past decides between them: two views against two, however well they agree,
-/// not two against three.
-pub const NEAR_TIE: f64 = 0.9;
-/// Positions nearer to each other than this multiple of the kernel are the same.
-const APART: f64 = 4.0;
 
 /// Σ c k of the rays at `x`, under a kernel of standard deviation `sigma`.
 pub fn agreement(rays: &[Ray], x: &Vector3<f64>, sigma: f64) -> f64 {
@@ -52,61 +43,6 @@ pub fn best_pair(rays: &[Ray], from: &Vector3<f64>, sigma: f64) -> Option<(Vecto
         }
     }
     best
-}
-
-/// Another position with as many votes.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Rival {
-    /// Its position.
-    pub at: Vector3<f64>,
-    /// Its share of the votes for all positions.
-    pub share: f64,
-}
-
-/// Positions on which rays, at least one of them rejected at `x`, agree as well as the others do at
-/// `x`: if two views see one position and two see another, it is undecided which is correct.
-/// `slack` is the tolerated difference, see [`TIE`].
-pub fn rivals(rays: &[Ray], x: &Vector3<f64>, sigma: f64, slack: f64) -> Vec<Rival> {
-    let against = |ray: &Ray| ray.offset(x).weight(sigma) < REJECTED;
-    let (mut n, mut sum, mut rejected, mut most) = (0.0, 0.0, 0.0, 0.0_f64);
-    for ray in there(rays) {
-        (n, sum, most) = (n + 1.0, sum + ray.weight, most.max(ray.weight));
-        rejected += if against(ray) { ray.weight } else { 0.0 };
-    }
-    let here = agreement(rays, x, sigma);
-    // Half a detection for two votes, a whole one for four: the more votes, the more may fail by
-    // chance.
-    let enough = here - (slack * sum / n).max(0.5 * TIE * here);
-    // Few rays pass through two positions: of those that agree on x, two may agree on another as
-    // well.
-    if rejected == 0.0 || rejected + 2.0 * most < enough {
-        return Vec::new();
-    }
-    let mut places: Vec<Rival> = Vec::new();
-    for (a, first) in rays.iter().enumerate().filter(|(_, ray)| ray.is_there()) {
-        for second in there(&rays[a + 1..]) {
-            if !against(first) && !against(second) {
-                continue;
-            }
-            let Some(meeting) = meeting_point(first, second, sigma) else { continue };
-            let at = settled(rays, meeting, sigma);
-            let share = agreement(rays, &at, sigma);
-            if share >= enough && (x - at).norm() > APART * sigma {
-                places.push(Rival { at, share });
-            }
-        }
-    }
-    // The strongest first, so that the order of the views does not matter.
-    places.sort_by(|a, b| b.share.total_cmp(&a.share));
-    let mut found: Vec<Rival> = Vec::new();
-    for place in places {
-        if found.iter().all(|other| (other.at - place.at).norm() > APART * sigma) {
-            found.push(place);
-        }
-    }
-    let all = here + found.iter().map(|rival| rival.share).sum::<f64>();
-    found.iter_mut().for_each(|rival| rival.share /= all);
-    found
 }
 
 /// `x` after two weighted steps: x itself has converged under the kernel, so its rivals have to

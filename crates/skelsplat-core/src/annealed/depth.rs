@@ -15,8 +15,8 @@
 use nalgebra::Vector3;
 
 use super::noise::NoiseModel;
+use super::problem::Solution;
 use super::rays::Ray;
-use super::solver::Solution;
 
 /// Five standard deviations: the depth is known to a fifth of its value, and twice the usual noise
 /// is not mistaken for it.

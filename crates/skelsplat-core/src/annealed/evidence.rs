@@ -1,175 +1,257 @@
-//! Large noise or many wrong detections: which of two solutions the detections support.
+//! The one evidence: what speaks for an explanation of a frame.
 //!
 //! A kernel that ends narrow explains two or three of four scattered rays and rejects the others; a
 //! wide one explains all by larger noise. Either is a model of the same frame: a detection of view
-//! i is correct with probability 1 − ε_i and then lies within the noise s, or it is wrong and lies
-//! anywhere within S, at most W, the widest kernel,
+//! i is correct with probability 1 − ε_i and then lies within the noise s_ij² = ŝ²/c_ij, or it is
+//! wrong and lies within S, or, one in ten of these, anywhere in the image,
 //!
 //! ```text
-//! p(e) = (1−ε_i) N₂(e; s²) + ε_i N₂(e; S²)      log p = Σ_ij log p(e_ij) − ½ Σ_j log det H_j + …
-//! H_j  = Σ_i r_ij (I − d dᵀ)/s² + I/W²             r = (1−ε_i) N₂(e; s²) / p(e)
+//! p(e) = (1−ε_i) N₂(e; s²) + ε_i (0.9 N₂(e; S²) + 0.1 W/2π (W² + e²)^−3/2)
+//! log p = log Σ_S p(S) Π_i Σ_ε p(ε_i) Π_j p(e_ij) − ½ Σ_j log det H_j
+//! H_j  = Σ_i r_ij (I − d dᵀ)/s² + I/W²            r = (1−ε_i) N₂(e; s²) / p(e)
 //! ```
 //!
 //! with the joints integrated out by Laplace's method: that two rays nearly meet somewhere is no
-//! evidence for small noise, since the volume in which they do so shrinks with it. ε and S maximise
-//! log p. Every view has its own ε, since its calibration may be wrong, shrunk towards the mean of
-//! all by the weight of two detections. A prior adds −½ (x−x⁰)ᵀ Π (x−x⁰) to log p and Π to H.
-//!
-//! Wrong detections may agree on another position y, as when several views show another person.
-//! They then lie within the noise of y, which lies within W of x: ε_i N₂(e(y); s²) for each and −½
-//! log det (W² H_y) − |y−x|²/2W² for y, where that is more.
+//! evidence for small noise, since the volume in which they do so shrinks with it. Every view has
+//! its own ε, since its calibration may be wrong. ε and S are summed over, not chosen: a few
+//! detections cannot be sure of them. A prior adds −½ (x−x⁰)ᵀ Π (x−x⁰) to log p and Π to H.
 
-use super::consensus::best_pair;
-use super::rays::{Ray, Rays};
-use super::solver::{Annealing, Prior, Solution};
-use nalgebra::{Matrix3, Vector3};
+use super::joints::{Group, Joints};
+use super::lanes::{Four, exp, lane};
+use super::problem::Prior;
+use super::rays::{Ray, Rays, there};
+use crate::matrix3::Symmetric;
+use nalgebra::Vector3;
 
-/// Rounds of expectation and maximisation for ε.
-const ROUNDS: usize = 3;
-/// ε at first: one detection in ten is wrong.
-const FIRST_SHARE: f64 = 0.1;
+/// Shares ε of wrong detections in a view, as likely as each other: from the best detectors in
+/// sight of everything to a camera that stands elsewhere.
+const SHARES: [f64; 6] = [0.01, 0.03, 0.1, 0.3, 0.6, 0.9];
+/// Distances S of wrong detections, as likely as each other: W, W/2 and W/4.
+const SCALES: usize = 3;
 /// Least S in multiples of the noise.
 const LEAST_REACH: f64 = 2.5;
-/// Weight of the mean over all views in ε of one view, in detections.
-const SHARED: f64 = 2.0;
-/// r below which a detection may belong to another position.
-const RIGHT: f64 = 0.5;
+/// Share of the wrong detections that may be as far away as the image reaches.
+const ASTRAY: f64 = 0.1;
+/// Minimum number of residuals for an estimate of the noise.
+const LEAST_RESIDUALS: f64 = 6.0;
 
-/// The shares of wrong detections and their spread.
-struct Mixture {
+/// Which detections are wrong.
+#[derive(Debug, Clone, Default)]
+pub struct Mixture {
     /// ŝ² for weight 1.
     variance: f64,
-    /// S².
-    anywhere: f64,
     /// W².
     widest: f64,
-    /// ε_i.
+    /// c̄.
+    weight: f64,
+    /// Posterior probability of each S.
+    scales: [f64; SCALES],
+    /// Density of a wrong detection besides, times 2πW².
+    flat: f64,
+    /// Posterior mean of ε_i.
     wrong: Vec<f64>,
+    /// Its mean over the views that detect anything.
+    share: f64,
 }
 
-impl Mixture {
-    /// The shares and the spread that maximise the likelihood of `solution`, and the share of wrong
-    /// detections over all views.
-    fn fitted(rays: &Rays, solution: &Solution, widest: f64) -> (Self, f64) {
-        let mut mixture = Self {
-            variance: solution.variance,
-            anywhere: widest,
-            widest,
-            wrong: vec![FIRST_SHARE; rays.n_views()],
-        };
-        let least = LEAST_REACH * LEAST_REACH * solution.variance / rays.mean_weight();
-        let mut share = FIRST_SHARE;
-        let mut of_view = vec![(0.0, 0.0); rays.n_views()];
-        for _ in 0..ROUNDS {
-            of_view.fill((0.0, 0.0));
-            let mut squares = 0.0;
-            for (j, x) in solution.points.iter().enumerate().filter(|(_, x)| x.x.is_finite()) {
-                for (i, ray) in there(rays, j) {
-                    let w = 1.0 - mixture.of(i, ray, x).1;
-                    squares += w * ray.offset(x).across.norm_squared();
-                    of_view[i] = (of_view[i].0 + w, of_view[i].1 + 1.0);
-                }
-            }
-            let (wrong, n) =
-                of_view.iter().fold((0.0, 0.0), |(w, n), view| (w + view.0, n + view.1));
-            share = (wrong + 1.0) / (n + 2.0);
-            for (own, (wrong, n)) in mixture.wrong.iter_mut().zip(&of_view) {
-                *own = (wrong + SHARED * share) / (n + SHARED);
-            }
-            let apart = (squares + 2.0 * widest) / (2.0 * (wrong + 1.0));
-            mixture.anywhere = apart.min(widest).max(least);
-        }
-        (mixture, share)
-    }
-
-    /// N₂(e; ŝ²/c) of a ray of weight c, 0 behind its camera, and N₂(e; S²).
-    fn densities(&self, ray: &Ray, x: &Vector3<f64>) -> (f64, f64) {
-        let offset = ray.offset(x);
-        let square = offset.across.norm_squared();
-        let normal = |v: f64| (-0.5 * square / v).exp() / (std::f64::consts::TAU * v);
-        let near = if offset.range > 0.0 { normal(self.variance / ray.weight) } else { 0.0 };
-        (near, normal(self.anywhere))
-    }
-
-    /// (p(e), r).
-    fn of(&self, view: usize, ray: &Ray, x: &Vector3<f64>) -> (f64, f64) {
-        let (near, anywhere) = self.densities(ray, x);
-        let right = (1.0 - self.wrong[view]) * near;
-        let p = (right + self.wrong[view] * anywhere).max(f64::MIN_POSITIVE);
-        (p, right / p)
-    }
-
-    /// log p of wrong rays that agree on another position; minus infinity if no two do.
-    fn of_another_place(&self, wrong: &[(usize, Ray)], x: &Vector3<f64>) -> f64 {
-        let rays: Vec<Ray> = wrong.iter().map(|(_, ray)| *ray).collect();
-        let sigma = Annealing::PER_NOISE * self.noise(&rays);
-        let Some((y, _)) = best_pair(&rays, x, sigma) else { return f64::NEG_INFINITY };
-        let mut information = Matrix3::identity();
-        let mut log_p = -0.5 * (y - x).norm_squared() / self.widest;
-        for (view, ray) in wrong {
-            let (near, anywhere) = self.densities(ray, &y);
-            let p = (self.wrong[*view] * (near + anywhere)).max(f64::MIN_POSITIVE);
-            log_p += p.ln();
-            let share = self.wrong[*view] * near / p;
-            information += ray.information() * (share * ray.weight * self.widest / self.variance);
-        }
-        log_p - 0.5 * information.determinant().ln()
-    }
-
-    /// ŝ of a ray of the mean weight of these, mm.
-    fn noise(&self, rays: &[Ray]) -> f64 {
-        let mean = rays.iter().map(|ray| ray.weight).sum::<f64>() / rays.len() as f64;
-        (self.variance / mean).sqrt()
-    }
-}
-
-/// The rays of joint `j`, without missing ones, with their views.
-fn there(rays: &Rays, j: usize) -> impl Iterator<Item = (usize, &Ray)> {
-    rays.of_joint(j).iter().enumerate().filter(|(_, ray)| ray.is_there())
-}
-
-/// The evidence for a solution.
-#[derive(Debug, Clone, Copy, PartialEq)]
+/// The evidence for an explanation.
+#[derive(Debug, Clone, Default)]
 pub struct Evidence {
-    /// log p up to a constant common to all solutions with the same set of positioned joints.
+    /// log p up to a constant common to all explanations with the same set of positioned joints.
     pub log: f64,
     /// The share of wrong detections of all views.
     pub wrong: f64,
+    /// Which detections are wrong.
+    pub mixture: Mixture,
 }
 
-/// The evidence of the frame, and of its `priors`, for `solution`; `widest` is W, mm.
-pub fn evidence(
-    rays: &Rays,
-    solution: &Solution,
-    priors: Option<&[Prior]>,
-    widest: f64,
-) -> Evidence {
-    let placed = || solution.points.iter().enumerate().filter(|(_, x)| x.x.is_finite());
-    let widest = widest * widest;
-    let (mixture, share) = Mixture::fitted(rays, solution, widest);
-    let of_joint = |(j, x): (usize, &Vector3<f64>)| {
-        let mut information = Matrix3::from_diagonal_element(1.0 / widest);
-        let (mut log_p, mut of_wrong) = (0.0, 0.0);
-        let mut wrong = Vec::new();
-        for (i, ray) in there(rays, j) {
-            let (p, right) = mixture.of(i, ray, x);
-            if right < RIGHT {
-                wrong.push((i, *ray));
-                of_wrong += p.ln();
-            } else {
-                log_p += p.ln();
-            }
-            information += ray.information() * (right * ray.weight / mixture.variance);
+impl Mixture {
+    /// N₂(e; s²), and the density of a wrong detection for each S, times 2πW².
+    #[inline(always)]
+    fn densities(&self, square: Four) -> (Four, [Four; SCALES]) {
+        let near = exp(square * (-0.5 * self.weight / self.variance));
+        let e = square * (1.0 / self.widest);
+        let beyond = e + 1.0;
+        let tail = Four::splat(ASTRAY) / (beyond * beyond.sqrt());
+        let (mut kernel, mut height) = (exp(e * -0.5), 1.0 - ASTRAY);
+        let far = std::array::from_fn(|_| {
+            let far = kernel * height + tail;
+            (kernel, height) = ((kernel * kernel) * (kernel * kernel), 4.0 * height);
+            far
+        });
+        (near * (self.weight * self.widest / self.variance), far)
+    }
+
+    /// The density of a wrong detection, whatever S is.
+    #[inline(always)]
+    fn astray(&self, far: &[Four; SCALES]) -> Four {
+        let each = far.iter().zip(self.scales).map(|(far, p)| *far * p);
+        each.fold(Four::splat(self.flat), |sum, p| sum + p)
+    }
+
+    /// The same with one ε of all views, and wrong detections anywhere: which views are wrong, and
+    /// how far off, is what rival places disagree on, and what one of them says may not decide.
+    #[must_use]
+    pub fn undecided(&self) -> Self {
+        Self {
+            wrong: vec![self.share; self.wrong.len()],
+            scales: [0.0; SCALES],
+            flat: 1.0,
+            ..self.clone()
         }
-        if wrong.len() > 1 {
-            of_wrong = of_wrong.max(mixture.of_another_place(&wrong, x));
+    }
+
+    /// log p of the rays of a joint at `x`, and of its prior, with the volume in which it may lie.
+    pub fn of_joint(&self, rays: &[Ray], x: &Vector3<f64>, prior: Option<&Prior>) -> f64 {
+        let (mut outer, mut weight, mut log_p) = (Symmetric::default(), 0.0, 0.0);
+        for (ray, wrong) in rays.iter().zip(&self.wrong).filter(|(ray, _)| ray.is_there()) {
+            let offset = ray.offset(x);
+            let square = Four::splat(offset.across.norm_squared());
+            let (near, far) = self.densities(square);
+            let near = if offset.range > 0.0 { (1.0 - wrong) * lane(&near, 0) } else { 0.0 };
+            let p = near + wrong * lane(&self.astray(&far), 0);
+            log_p += ray.weight / self.weight * p.ln();
+            let w = near / p * ray.weight / self.variance;
+            outer.add_outer(w, &ray.direction.into());
+            weight += w;
         }
-        if let Some(prior) = priors.map(|p| &p[j]) {
+        let mut information = outer.below(weight, 1.0, 1.0 / self.widest);
+        if let Some(prior) = prior {
             let off = x - prior.mean;
             log_p -= 0.5 * off.dot(&(prior.precision * off));
-            information += prior.precision;
+            information.add(&Symmetric::of(&prior.precision));
         }
-        log_p + of_wrong - 0.5 * information.determinant().ln()
-    };
-    Evidence { log: placed().map(of_joint).sum(), wrong: share }
+        log_p - 0.5 * information.determinant(&information.cofactors()).ln()
+    }
+}
+
+/// log Σ exp of `logs` under equal priors, and the posterior probability of each.
+fn averaged<const N: usize>(logs: [f64; N]) -> (f64, [f64; N]) {
+    let most = logs.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    let weights = logs.map(|log| (log - most).exp());
+    let all: f64 = weights.iter().sum();
+    (most + (all / N as f64).ln(), weights.map(|w| w / all))
+}
+
+/// Densities of the detections of a frame.
+struct Seen {
+    /// c/c̄, 0 where there is no detection.
+    there: Vec<Four>,
+    near: Vec<Four>,
+    far: Vec<[Four; SCALES]>,
+}
+
+impl Seen {
+    fn of(joints: &Joints, mixture: &Mixture) -> Self {
+        let (m, n) = (joints.n_views, joints.rays.len());
+        let [near, there] = [(); 2].map(|()| Vec::with_capacity(n));
+        let mut seen = Self { there, near, far: Vec::with_capacity(n) };
+        for (k, ray) in joints.rays.iter().enumerate() {
+            let across = ray.across(&joints.groups[k / m].at, &joints.centres[k % m]);
+            let (near, far) = mixture.densities(across.square);
+            seen.there.push(joints.there(k / m, k % m) * ray.weight * (1.0 / joints.weight));
+            seen.near.push(across.range.simd_gt(Four::ZERO) & near);
+            seen.far.push(far);
+        }
+        seen
+    }
+
+    /// log Σ_ε p(ε) Π_j p(e_ij) of the view that has every `m`-th of these, from the `view`-th on,
+    /// and the posterior mean of ε, where wrong detections have the scale `s`.
+    fn of_view(&self, view: usize, m: usize, s: usize) -> (f64, f64) {
+        let mut log = [Four::ZERO; SHARES.len()];
+        for k in (view..self.near.len()).step_by(m) {
+            let (there, near, far) = (self.there[k], self.near[k], self.far[k][s]);
+            for (log, share) in log.iter_mut().zip(SHARES) {
+                *log += there * (near * (1.0 - share) + far * share).ln();
+            }
+        }
+        let log = log.map(Four::reduce_add);
+        let (log, weights) = averaged(log);
+        (log, weights.iter().zip(SHARES).map(|(w, share)| w * share).sum())
+    }
+
+    /// The mean share ε of wrong detections of the views that detect anything.
+    fn share(&self, wrong: &[f64]) -> f64 {
+        let m = wrong.len();
+        let detects = |i: &usize| self.there.iter().skip(*i).step_by(m).any(|t| *t != Four::ZERO);
+        let (sum, views) =
+            (0..m).filter(detects).fold((0.0, 0.0), |(sum, n), i| (sum + wrong[i], n + 1.0));
+        sum / f64::max(views, 1.0)
+    }
+}
+
+/// The evidence of the frame for the `joints` where they are and this `variance`; `widest` is W,
+/// mm.
+pub(super) fn evidence(joints: &Joints, variance: f64, widest: f64) -> Evidence {
+    let (m, widest) = (joints.n_views, widest * widest);
+    let (scales, wrong) = ([1.0; SCALES], vec![0.0; m]);
+    let mut mixture =
+        Mixture { variance, widest, weight: joints.weight, scales, flat: 0.0, wrong, share: 0.0 };
+    let seen = Seen::of(joints, &mixture);
+    let least = LEAST_REACH * LEAST_REACH * variance / joints.weight;
+    let mut logs = [f64::NEG_INFINITY; SCALES];
+    let mut shares = vec![0.0; m * SCALES];
+    for s in 0..SCALES {
+        if s == 0 || widest / 4f64.powi(s as i32) >= least {
+            logs[s] = 0.0;
+            for i in 0..m {
+                let (log, wrong) = seen.of_view(i, m, s);
+                logs[s] += log;
+                shares[s * m + i] = wrong;
+            }
+        }
+    }
+    let (mut log, scales) = averaged(logs);
+    mixture.scales = scales;
+    for (i, wrong) in mixture.wrong.iter_mut().enumerate() {
+        *wrong = (0..SCALES).map(|s| scales[s] * shares[s * m + i]).sum();
+    }
+    mixture.share = seen.share(&mixture.wrong);
+    let (mut correct, mut count) = (0.0, 0.0);
+    for (g, group) in joints.groups.iter().enumerate() {
+        let (mut weight, mut outer) = (Four::ZERO, Symmetric::default());
+        for (k, wrong) in (g * m..).zip(&mixture.wrong) {
+            let near = seen.near[k] * (1.0 - wrong);
+            let r = seen.there[k] * near / (near + mixture.astray(&seen.far[k]) * *wrong);
+            correct += r.reduce_add();
+            count += seen.there[k].reduce_add();
+            let w = r * joints.weight;
+            outer.add_outer(w, &joints.rays[k].direction);
+            weight += w;
+        }
+        let least = Four::splat(1.0 / widest);
+        let mut information = outer.below(weight, Four::splat(1.0 / variance), least);
+        log -= joints.against_priors(g, &mut information);
+        let volume = information.determinant(&information.cofactors()).ln() * 0.5;
+        log -= Group::lanes().map(|l| lane(&group.live, l) * lane(&volume, l)).sum::<f64>();
+    }
+    Evidence { log, wrong: (count - correct) / f64::max(count, 1.0), mixture }
+}
+
+/// [`evidence`] of joints at `points`, for study and tests.
+pub fn evidence_at(
+    rays: &Rays,
+    points: &[Vector3<f64>],
+    variance: f64,
+    priors: &[Prior],
+    widest: f64,
+) -> Evidence {
+    let mut joints = Joints::new(rays, &[]);
+    points.iter().enumerate().for_each(|(j, x)| joints.put(j, x));
+    joints.set_priors(priors);
+    evidence(&joints, variance, widest)
+}
+
+/// Whether three views see any joint, so that two of them can outvote the third.
+pub(super) fn can_outvote(rays: &Rays) -> bool {
+    let views = |j: usize| there(rays.of_joint(j)).count();
+    (0..rays.n_joints()).any(|j| views(j) > 2)
+}
+
+/// Factor on the squares of error bars for a noise estimated from few residuals: the variance of
+/// Student's t. Two views leave one residual per joint, three views three.
+pub(super) fn of_few(rays: &Rays) -> f64 {
+    let freedom = rays.n_joints() as f64;
+    if can_outvote(rays) || freedom < LEAST_RESIDUALS { 1.0 } else { freedom / (freedom - 2.0) }
 }

@@ -1,15 +1,17 @@
-//! Annealed splatting of one frame: start, pose, left–right swaps, error bars.
+//! Annealed splatting of one frame: a start, one annealing, moves, left–right swaps, error bars.
 
-use super::consensus::agreement;
+use nalgebra::{Matrix3, Vector3};
+
 use super::depth::is_fixed;
-use super::evidence::evidence;
-use super::locate::{anywhere, locate};
+use super::evidence::{Evidence, can_outvote, evidence, of_few};
+use super::joints::Joints;
 use super::noise::NoiseModel;
-use super::posterior::error_bars;
-use super::proportions::with_bones;
+use super::places::{PlaceSearch, Votes, needed, place};
+use super::posterior::{Explanation, error_bars};
+use super::problem::{Annealing, Prior, Solution};
 use super::rays::{Rays, there};
-use super::solver::{Annealing, Prior, Problem, Solution, Widening, solve};
-use super::starts::{Before, Given, Start, start};
+use super::solver::{Moment, Solver, Terms};
+use super::starts::{Before, PRIOR_REACH, nearest_to_all};
 use super::swaps::{self, Chain, Swap};
 use crate::bones::Bone;
 use crate::bones::expected::Expected;
@@ -17,7 +19,6 @@ use crate::camera::Camera;
 use crate::detections::Detections;
 use crate::outcome::{ErrorBars, JointStatus, Loss, Outcome, Splats, StopReason, as_given};
 use crate::symmetry::{LimbPair, symmetry};
-use nalgebra::{Matrix3, Vector3};
 
 /// One frame, before sides are assigned; lengths are mm.
 #[derive(Debug, Clone)]
@@ -66,54 +67,38 @@ pub struct Alone {
     pub noise: f64,
 }
 
-/// A solution for one assignment of left and right.
+/// An explanation of the frame, for one assignment of left and right.
 struct Attempt {
     rays: Rays,
     init: Vec<Vector3<f64>>,
-    solution: Solution,
-    widening: Widening,
+    solver: Solver,
+    /// Whether the kernels followed the noise.
+    follows_noise: bool,
     /// Bones that took part.
     bones: Vec<Bone>,
 }
 
-/// A pose with priors, and the noise used to find it.
-struct Informed<'a> {
-    given: Given<'a>,
-    found: Attempt,
-}
-
+/// Maximum rounds of moves.
+const MOVE_ROUNDS: usize = 3;
 /// Maximum rounds of the search for swaps.
 const SWAP_ROUNDS: usize = 3;
-/// Detections of mean weight that a swap has to explain in addition, after the pose is solved
-/// again.
-const SWAP_GAIN: f64 = 1.0;
-/// Log-odds that a swap has to reach where the noise is large: there are a few dozen candidates.
+/// Log-odds against a swap: there are a few dozen candidates, each rarely true.
 const SWAP_EVIDENCE: f64 = 10.0;
+/// Share of the residuals' variance that is noise under the configured kernels; the rest are wrong
+/// detections that these let through (measured, docs/decisions.md).
+const NOISE_SHARE: f64 = 0.87;
+/// Kernel from which limb pairs take part, mm.
+const ENTER: f64 = 80.0;
 
 impl Attempt {
     /// Whether a joint with a position in `other` has none here.
     fn loses_against(&self, other: &Self) -> bool {
-        let (here, there) = (&self.solution.points, &other.solution.points);
-        here.iter().zip(there).any(|(x, y)| x.x.is_nan() && y.x.is_finite())
+        let lost = |j| !self.solver.joints.is_live(j) && other.solver.joints.is_live(j);
+        (0..self.rays.n_joints()).any(lost)
     }
 
-    /// Whether a swap is accepted: by the number of explained detections and, where the noise is so
-    /// large that chance explains some, by the likelihood of all.
-    fn explains_more(&self, before: &Self, given: &Given<'_>) -> bool {
-        let likely = |found: &Self| {
-            let anywhere = anywhere(&found.rays, &given.annealing);
-            evidence(&found.rays, &found.solution, given.priors, anywhere).log
-        };
-        self.explained() > before.explained() + SWAP_GAIN
-            && (!before.widening.follows_noise || likely(self) > likely(before) + SWAP_EVIDENCE)
-    }
-
-    /// Explained detections of mean weight, under the same kernel for all compared solutions.
-    fn explained(&self) -> f64 {
-        let joints = self.solution.points.iter().enumerate().filter(|(_, x)| x.x.is_finite());
-        let sum: f64 =
-            joints.map(|(j, x)| agreement(self.rays.of_joint(j), x, Annealing::END)).sum();
-        sum / self.rays.mean_weight()
+    fn evidence(&self, frame: &AnnealedFrame<'_>) -> Evidence {
+        evidence(&self.solver.joints, self.solver.variance, frame.annealing.start)
     }
 
     /// The rays with the chains of `swaps` swapped.
@@ -132,23 +117,21 @@ impl AnnealedFrame<'_> {
     /// The pose of the frame.
     pub fn solve(&self) -> Annealed {
         let rays = Rays::new(self.detections, self.cameras, self.view_weights);
-        let Informed { given, mut found } = match self.before.as_ref().and_then(Before::priors) {
-            None => {
-                let given = Given::without_priors(self.annealing.clone());
-                Informed { found: self.find(rays, &given), given }
-            }
-            Some(priors) => self.with_priors(priors, &rays),
-        };
+        let mut found = self.annealed(rays);
         let n_joints = self.detections.n_joints();
         let mut used_for = as_given(self.detections.n_views(), n_joints);
         for _ in 0..SWAP_ROUNDS {
-            let swaps =
-                swaps::find(&found.rays, self.chains, &found.solution, &given.annealing.end);
+            let joints = &found.solver.joints;
+            let points: Vec<_> = (0..n_joints).map(|j| joints.at(j)).collect();
+            let end = |j: usize| joints.sigma(j).min(self.annealing.end[j]);
+            let sigma: Vec<f64> = (0..n_joints).map(end).collect();
+            let swaps = swaps::find(&found.rays, self.chains, &points, &sigma);
             if swaps.is_empty() {
                 break;
             }
-            let other = self.find(found.exchanged(self.chains, &swaps), &given);
-            if other.loses_against(&found) || !other.explains_more(&found, &given) {
+            let other = self.swapped(&found, &swaps);
+            let least = found.evidence(self).log + SWAP_EVIDENCE;
+            if other.loses_against(&found) || other.evidence(self).log <= least {
                 break;
             }
             found = other;
@@ -158,21 +141,33 @@ impl AnnealedFrame<'_> {
                 }
             }
         }
-        self.outcome(&given, found, used_for)
+        for _ in 0..MOVE_ROUNDS {
+            if !self.make_moves(&mut found) {
+                break;
+            }
+        }
+        self.outcome(found, used_for)
     }
 
     /// The posterior at `points`, found by another method.
     pub fn error_bars(&self, points: &[Vector3<f64>]) -> ErrorBars {
         let rays = Rays::new(self.detections, self.cameras, self.view_weights);
-        let annealing = Annealing { max_steps: 0, ..self.annealing.clone() };
-        let given = Given::without_priors(annealing);
-        let problem = self.problem(&rays, &given, Widening::NONE, &[]);
-        let mut solution = solve(&problem, points, &given.annealing.end);
-        let bars = error_bars(&problem, &mut solution);
+        let mut joints = Joints::new(&rays, self.pairs);
+        for (j, x) in points.iter().enumerate() {
+            joints.put(j, x);
+            joints.set_sigma(j, self.annealing.end[j]);
+        }
+        joints.scale_to(&rays);
+        let mut solver = Solver::new(joints, self.annealing.noise);
+        solver.measure(false);
+        let solution = solver.solution();
+        let (init, bones) = (Vec::new(), Vec::new());
+        let found = Attempt { rays, init, solver, follows_noise: false, bones };
+        let bars = self.bars(&found, &solution);
         // Its splats are wider than these kernels: detections rejected here may still determine the
         // depth.
         let all = vec![1.0; self.detections.n_views()];
-        let has_depth = |j: usize| is_fixed(rays.of_joint(j), j, &solution, &all);
+        let has_depth = |j: usize| is_fixed(found.rays.of_joint(j), j, &solution, &all);
         let status = (0..points.len()).map(|j| match has_depth(j) {
             true => JointStatus::Ok,
             false => JointStatus::Weak,
@@ -180,62 +175,223 @@ impl AnnealedFrame<'_> {
         ErrorBars { status: status.collect(), ..bars }
     }
 
-    /// The pose with priors. The noise is estimated without them, so that a wrong prior is not
-    /// mistaken for detection noise. Where the noise requires wider kernels, the priors take part
-    /// in the decision whether it is noise.
-    fn with_priors<'p>(&self, priors: &'p [Prior], rays: &Rays) -> Informed<'p> {
-        let annealing = &self.annealing;
-        let alone = locate(rays, annealing);
-        let located = alone.solution.points.iter().any(|x| x.x.is_finite());
-        let under = |noise: f64, widening: Widening| {
-            let noise = match annealing.noise {
-                NoiseModel::Estimated if located => NoiseModel::Millimetres(noise),
-                NoiseModel::Estimated => NoiseModel::Pixels(NoiseModel::PRIOR_PX),
-                given => given,
-            };
-            let annealing = Annealing { noise, ..annealing.clone() };
-            let given = Given { priors: Some(priors), annealing, widening };
-            let found = self.find(rays.clone(), &given);
-            Informed { given, found }
+    fn bars(&self, found: &Attempt, solution: &Solution) -> ErrorBars {
+        let votes = Votes::of(&found.rays, solution);
+        let follows = found.follows_noise && self.annealing.noise == NoiseModel::Estimated;
+        // Otherwise neither the share of wrong detections nor other places matter.
+        let matters = follows || votes.agree != votes.seen || !found.bones.is_empty();
+        let evidence = if matters { found.evidence(self) } else { Evidence::default() };
+        let noise_share = match follows {
+            true => (1.0 - evidence.wrong) * of_few(&found.rays),
+            false => NOISE_SHARE,
         };
-        let wide = under(alone.solution.noise, alone.widening);
-        if annealing.noise != NoiseModel::Estimated || !alone.widening.follows_noise {
-            return wide;
+        error_bars(&Explanation {
+            search: PlaceSearch {
+                rays: &found.rays,
+                bones: &found.bones,
+                solution,
+                votes: &votes,
+                mixture: &evidence.mixture.undecided(),
+                priors: self.priors(),
+                past: None,
+            },
+            pairs: self.pairs,
+            symmetry_sigma: self.annealing.symmetry_sigma,
+            noise_share,
+        })
+    }
+
+    fn priors(&self) -> Option<&[Prior]> {
+        self.before.as_ref().and_then(|before| before.priors.as_deref())
+    }
+
+    fn terms<'b>(&'b self, follows_noise: bool, bones: &'b [Bone]) -> Terms<'b> {
+        let Self { pairs, annealing, .. } = self;
+        Terms { pairs, bones, annealing, enter: ENTER, follows_noise }
+    }
+
+    /// One annealing of all joints, without bones.
+    fn annealed(&self, rays: Rays) -> Attempt {
+        let mut joints = Joints::new(&rays, self.pairs);
+        joints.start(&rays, &self.annealing);
+        let mut solver = Solver::new(joints, self.annealing.noise);
+        let (follows_noise, narrow) = self.anneal(&rays, &mut solver);
+        solver.joints.drop_undetermined(&rays);
+        let found = solver.solution().points;
+        let mut attempt = Attempt { rays, init: found, solver, follows_noise, bones: Vec::new() };
+        match &self.before {
+            Some(Before { pose, priors: Some(priors), .. }) => {
+                self.inform(&mut attempt, pose, priors, narrow);
+            }
+            Some(before) => self.complete(&mut attempt, &before.pose),
+            None => (),
         }
-        let narrow = under(alone.narrow_noise, Widening::NONE);
-        let likely = |informed: &Informed<'_>| {
-            let anywhere = anywhere(rays, annealing);
-            evidence(rays, &informed.found.solution, Some(priors), anywhere).log
+        attempt
+    }
+
+    /// Anneals to the configured kernels. On the way there are those that follow larger noise: they
+    /// are followed where that explains the frame better, and where no joint has three views, since
+    /// nothing outvotes a wrong detection there. Returns whether they are, and the narrow
+    /// explanation if so.
+    fn anneal(&self, rays: &Rays, solver: &mut Solver) -> (bool, Option<Moment>) {
+        let annealing = &self.annealing;
+        if solver.model != NoiseModel::Estimated || !annealing.per_noise.is_finite() {
+            let follows = annealing.per_noise.is_finite();
+            solver.run(&self.terms(follows, &[]), |_| true, None);
+            return (follows, None);
+        }
+        let mut wide = None;
+        solver.run(&self.terms(false, &[]), |_| true, Some(&mut wide));
+        let is_noisy = annealing.per_noise * solver.noise() >= annealing.base;
+        let Some(mut narrow) = wide.filter(|_| is_noisy) else { return (false, None) };
+        let explained =
+            |solver: &Solver| evidence(&solver.joints, solver.variance, annealing.start).log;
+        let least = if can_outvote(rays) { explained(solver) } else { f64::NEG_INFINITY };
+        solver.exchange(&mut narrow);
+        solver.run(&self.terms(true, &[]), |_| true, None);
+        if solver.noise() > annealing.start || explained(solver) <= least {
+            solver.exchange(&mut narrow);
+            return (false, None);
+        }
+        (true, Some(narrow))
+    }
+
+    /// The pose with priors. The noise is that without them, so that a wrong prior is not mistaken
+    /// for detection noise. Where the noise requires wider kernels, the priors take part in the
+    /// decision whether it is noise.
+    fn inform(
+        &self,
+        found: &mut Attempt,
+        pose: &[Option<Vector3<f64>>],
+        priors: &[Prior],
+        narrow: Option<Moment>,
+    ) {
+        let mut other = narrow.map(|mut narrow| {
+            let mut solver = found.solver.clone();
+            solver.exchange(&mut narrow);
+            solver
+        });
+        self.begin_at(&mut found.solver, &found.rays, pose, priors);
+        found.init = found.solver.solution().points;
+        found.solver.run(&self.terms(found.follows_noise, &[]), |_| true, None);
+        if let Some(solver) = &mut other {
+            self.begin_at(solver, &found.rays, pose, priors);
+            solver.run(&self.terms(false, &[]), |_| true, None);
+            let log = evidence(&solver.joints, solver.variance, self.annealing.start).log;
+            if log >= found.evidence(self).log {
+                std::mem::swap(&mut found.solver, solver);
+                found.follows_noise = false;
+            }
+        }
+    }
+
+    /// Joints begin at their priors under the widest kernel, and the noise stays as it is.
+    fn begin_at(
+        &self,
+        solver: &mut Solver,
+        rays: &Rays,
+        pose: &[Option<Vector3<f64>>],
+        priors: &[Prior],
+    ) {
+        if solver.model == NoiseModel::Estimated {
+            solver.model = match (0..priors.len()).any(|j| solver.joints.is_live(j)) {
+                true => NoiseModel::Millimetres(solver.noise()),
+                false => NoiseModel::Pixels(NoiseModel::PRIOR_PX),
+            };
+        }
+        solver.joints.set_priors(priors);
+        for (j, prior) in priors.iter().enumerate() {
+            let is_wide = PRIOR_REACH * prior.spread > self.annealing.start;
+            let x = match pose[j] {
+                Some(_) if is_wide && solver.joints.is_live(j) => solver.joints.at(j),
+                Some(x) => x,
+                None => nearest_to_all(rays, j),
+            };
+            solver.joints.put(j, &x);
+            solver.joints.set_sigma(j, self.annealing.start);
+        }
+        solver.joints.scale_to(rays);
+    }
+
+    /// Joints that the detections do not determine start at the given `pose`.
+    fn complete(&self, found: &mut Attempt, pose: &[Option<Vector3<f64>>]) {
+        let lost: Vec<bool> = found.init.iter().map(|x| x.x.is_nan()).collect();
+        for (j, x) in pose.iter().enumerate().filter_map(|(j, x)| Some((j, (*x)?))) {
+            if lost[j] {
+                found.solver.joints.begin(&found.rays, &self.annealing, j, &x);
+            }
+            found.init[j] = x;
+        }
+        if lost.iter().zip(pose).any(|(lost, x)| *lost && x.is_some()) {
+            found.solver.run(&self.terms(found.follows_noise, &[]), |_| true, None);
+        }
+    }
+
+    /// Doubtful joints move to their most likely places, and the joints around them are solved with
+    /// their bones. Returns whether that tells others more about the noise: any has moved.
+    fn make_moves(&self, found: &mut Attempt) -> bool {
+        let mut solution = found.solver.solution();
+        let votes = Votes::of(&found.rays, &solution);
+        let n = found.rays.n_joints();
+        if !(0..n).any(|j| votes.is_doubtful(j)) {
+            return false;
+        }
+        let bones = needed(self.expected, &solution, &votes).unwrap_or_default();
+        place(&found.rays, &bones, &mut solution.points);
+        let search = PlaceSearch {
+            rays: &found.rays,
+            bones: &bones,
+            solution: &solution,
+            votes: &votes,
+            mixture: &found.evidence(self).mixture,
+            priors: self.priors(),
+            past: self.before.as_ref().filter(|b| b.priors.is_none()).map(|b| b.pose.as_slice()),
         };
-        if likely(&wide) > likely(&narrow) { wide } else { narrow }
+        let guess = search.most_likely();
+        let is_same = |j: usize| guess[j] == solution.points[j] || guess[j].x.is_nan();
+        let has_moved = !(0..n).all(is_same);
+        if !has_moved && (bones.is_empty() || !found.bones.is_empty()) {
+            return false;
+        }
+        let in_pair = |pair: &LimbPair, j: usize| pair.0.contains(&j) || pair.1.contains(&j);
+        let has_doubt =
+            |pair: &LimbPair| pair.0.iter().chain(&pair.1).any(|j| votes.is_doubtful(*j));
+        let near = |j: usize| {
+            votes.is_doubtful(j)
+                || bones.iter().any(|bone| bone.joints.contains(&j))
+                || self.pairs.iter().any(|pair| in_pair(pair, j) && has_doubt(pair))
+        };
+        for (j, x) in guess.iter().enumerate() {
+            found.solver.joints.put(j, x);
+        }
+        let terms = Terms { enter: f64::INFINITY, ..self.terms(found.follows_noise, &bones) };
+        found.solver.run(&terms, near, None);
+        found.bones = bones;
+        has_moved
     }
 
-    fn find(&self, rays: Rays, given: &Given<'_>) -> Attempt {
-        let Start { init, points, sigma, widening } = start(self.before.as_ref(), &rays, given);
-        let problem = self.problem(&rays, given, widening, &[]);
-        let solution = solve(&problem, &points, &sigma);
-        let (solution, bones) =
-            with_bones(&problem, self.expected, &solution, self.before.is_none())
-                .unwrap_or((solution, Vec::new()));
-        Attempt { rays, init, solution, widening, bones }
+    /// The explanation with chains exchanged, for whose joints the search begins again.
+    fn swapped(&self, found: &Attempt, swaps: &[Swap]) -> Attempt {
+        let rays = found.exchanged(self.chains, swaps);
+        let mut solver = found.solver.clone();
+        for j in swaps.iter().flat_map(|swap| self.chains[swap.chain].iter().flatten()) {
+            solver.joints.set_rays(&rays, *j);
+            let x = nearest_to_all(&rays, *j);
+            solver.joints.begin(&rays, &self.annealing, *j, &x);
+        }
+        solver.run(&self.terms(found.follows_noise, &[]), |_| true, None);
+        if self.priors().is_none() {
+            solver.joints.drop_undetermined(&rays);
+        }
+        Attempt { rays, solver, init: found.init.clone(), bones: Vec::new(), ..*found }
     }
 
-    fn problem<'b>(
-        &'b self,
-        rays: &'b Rays,
-        given: &'b Given<'b>,
-        widening: Widening,
-        bones: &'b [Bone],
-    ) -> Problem<'b> {
-        let Given { priors, annealing, .. } = given;
-        Problem { rays, pairs: self.pairs, bones, priors: *priors, annealing, widening }
-    }
-
-    fn outcome(&self, given: &Given<'_>, found: Attempt, used_for: Vec<usize>) -> Annealed {
-        let Attempt { rays, init, mut solution, widening, bones } = found;
-        let problem = self.problem(&rays, given, widening, &bones);
-        let bars = error_bars(&problem, &mut solution);
-        let loss = loss(&problem, &solution);
+    fn outcome(&self, mut found: Attempt, used_for: Vec<usize>) -> Annealed {
+        found.solver.joints.scale_to(&found.rays);
+        found.solver.measure(found.follows_noise);
+        let solution = found.solver.solution();
+        let bars = self.bars(&found, &solution);
+        let loss = self.loss(&found.rays, &solution);
         let known = |(x, status): (&Vector3<f64>, &JointStatus)| {
             x.x.is_finite() && *status != JointStatus::Unobserved
         };
@@ -243,7 +399,7 @@ impl AnnealedFrame<'_> {
         let outcome = Outcome {
             points: solution.points,
             splats: Splats::Round(solution.sigma),
-            init,
+            init: found.init,
             status: bars.status.clone(),
             used_for,
             loss,
@@ -257,19 +413,20 @@ impl AnnealedFrame<'_> {
         };
         Annealed { outcome, bars }
     }
-}
 
-/// The terms of F (see [`crate::annealed`]): data and symmetry.
-fn loss(problem: &Problem<'_>, solution: &Solution) -> Loss {
-    let mut render = 0.0;
-    for (j, x) in solution.points.iter().enumerate().filter(|(_, x)| x.x.is_finite()) {
-        let scale = 2.0 * solution.sigma[j].powi(2) / solution.variance;
-        for ray in there(problem.rays.of_joint(j)) {
-            render += ray.weight * scale * (1.0 - ray.offset(x).weight(solution.sigma[j]));
+    /// The terms of F (see [`crate::annealed`]): data and symmetry.
+    fn loss(&self, rays: &Rays, solution: &Solution) -> Loss {
+        let mut render = 0.0;
+        for (j, x) in solution.points.iter().enumerate().filter(|(_, x)| x.x.is_finite()) {
+            let scale = 2.0 * solution.sigma[j].powi(2) / solution.variance;
+            for ray in there(rays.of_joint(j)) {
+                render += ray.weight * scale * (1.0 - ray.offset(x).weight(solution.sigma[j]));
+            }
         }
+        let known =
+            |(l, r): &&LimbPair| l.iter().chain(r).all(|j| solution.points[*j].x.is_finite());
+        let pairs: Vec<LimbPair> = self.pairs.iter().filter(known).copied().collect();
+        let symmetry = symmetry(|j| solution.points[j], &pairs, |_, _| ());
+        Loss { total: render, render, symmetry }
     }
-    let known = |(l, r): &&LimbPair| l.iter().chain(r).all(|j| solution.points[*j].x.is_finite());
-    let pairs: Vec<LimbPair> = problem.pairs.iter().filter(known).copied().collect();
-    let symmetry = symmetry(|j| solution.points[j], &pairs, |_, _| ());
-    Loss { total: render, render, symmetry }
 }

@@ -17,24 +17,28 @@
 //! detection counts, and narrows to the noise.
 
 pub mod consensus;
+mod couplings;
 pub mod depth;
 pub mod equations;
 pub mod evidence;
 pub mod frame;
-pub mod locate;
+mod joints;
+mod lanes;
 pub mod noise;
+pub mod places;
 pub mod posterior;
-pub mod proportions;
+pub mod problem;
 pub mod rays;
+mod robust;
 pub mod settings;
 pub mod solver;
 pub mod starts;
 pub mod swaps;
 
 pub use frame::{Alone, Annealed, AnnealedFrame};
-pub use locate::robust;
 pub use noise::NoiseModel;
+pub use problem::{Annealing, Prior, Solution};
 pub use rays::{Offset, Ray, Rays};
+pub use robust::robust;
 pub use settings::{AnnealedSettings, Bones};
-pub use solver::{Annealing, Prior, Problem, Solution, Widening, solve};
 pub use starts::Before;

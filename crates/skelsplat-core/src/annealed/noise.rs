@@ -38,19 +38,24 @@ const REFUTED_DOF: f64 = 3.0;
 /// The shrinkage by the kernel is corrected up to this factor of the variance.
 const MOST_UNSHRUNK: f64 = 4.0;
 
-/// Mean size of a pixel at the joints, mm; `None` if nothing is detected in front of a camera.
-pub(super) fn pixel_size(rays: &Rays, points: impl Iterator<Item = Vector3<f64>>) -> Option<f64> {
-    let (mut sum, mut n) = (0.0, 0.0);
+/// Mean size of a pixel at the joints and mean distance of the joints from the cameras, mm; `None`
+/// if nothing is detected in front of a camera.
+pub(super) fn scale_of(
+    rays: &Rays,
+    points: impl Iterator<Item = Vector3<f64>>,
+) -> Option<[f64; 2]> {
+    let (mut pixel, mut distance, mut n) = (0.0, 0.0, 0.0);
     for (j, x) in points.enumerate().filter(|(_, x)| x.x.is_finite()) {
         for ray in there(rays.of_joint(j)) {
             let range = ray.offset(&x).range;
             if range > 0.0 {
-                sum += range * ray.pixel;
+                pixel += range * ray.pixel;
+                distance += range;
                 n += 1.0;
             }
         }
     }
-    (n > 0.0).then(|| sum / n)
+    (n > 0.0).then(|| [pixel / n, distance / n])
 }
 
 /// Weighted squares and degrees of freedom of one joint.

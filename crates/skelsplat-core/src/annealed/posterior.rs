@@ -10,17 +10,19 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::consensus::{REJECTED, TIE, rivals};
+use super::couplings::{of_bone, of_pair};
 use super::depth::is_fixed;
-use super::proportions::other_place;
-use super::rays::{Ray, Rays};
-use super::solver::{Problem, Solution};
+use super::equations::covariances;
+use super::places::PlaceSearch;
+use super::problem::Solution;
+use super::rays::Rays;
+use crate::bones::{Pull, other_end};
 use crate::matrix3::symmetrised;
 use crate::outcome::{ErrorBars, JointStatus};
+use crate::symmetry::LimbPair;
 
 /// Weight of the frame's noise for one joint, in degrees of freedom (measured, docs/decisions.md).
 const SHARED_DOF: f64 = 5.0;
-
 /// Total weight of views needed to locate a joint before the length of its limb is used for it.
 const PLACED: f64 = 1.5;
 /// All joints lie within this multiple of the body's spread.
@@ -32,41 +34,69 @@ const LEAST_SPREAD: f64 = 2.0;
 const INFERRED: f64 = 0.25;
 /// Minimum number of joints of a body.
 const LEAST_JOINTS: usize = 3;
+/// Probability of all other places from which a joint is not determined.
+const UNSURE: f64 = 0.025;
+/// Positions nearer to each other than this multiple of the kernel are the same.
+const APART: f64 = 4.0;
+/// Detections that must agree on a place, besides those that reject it, for no other place to
+/// matter: few rays pass through two places, so that two of them may agree on another as well.
+const SURE: usize = 4;
+
+/// A solution and everything it rests on.
+#[derive(Clone, Copy)]
+pub(super) struct Explanation<'a> {
+    /// The joints, their detections and bones.
+    pub(super) search: PlaceSearch<'a>,
+    /// Limbs of equal length.
+    pub(super) pairs: &'a [LimbPair],
+    /// σ_sym, mm.
+    pub(super) symmetry_sigma: f64,
+    /// Share of the residuals' variance that is noise; the rest are wrong detections that the
+    /// kernel lets through.
+    pub(super) noise_share: f64,
+}
+
+/// Another place of a joint, and its probability.
+#[derive(Debug, Clone, Copy)]
+struct Rival {
+    at: Vector3<f64>,
+    share: f64,
+}
 
 /// Posterior, weights of the detections and status of every joint at the solution.
-pub fn error_bars(problem: &Problem<'_>, solution: &mut Solution) -> ErrorBars {
-    let rays = problem.rays;
+pub(super) fn error_bars(of: &Explanation<'_>) -> ErrorBars {
+    let PlaceSearch { rays, bones, solution, votes, .. } = of.search;
     let (m, n) = (rays.n_views(), rays.n_joints());
     let believed = believed(rays, solution);
     let k = |j: usize| &believed[j * m..(j + 1) * m];
     let deep: Vec<bool> = (0..n).map(|j| is_fixed(rays.of_joint(j), j, solution, k(j))).collect();
-    let mut covariances = posterior(problem, solution, &deep, &believed);
-    let of_joint = |j: usize| match rays.of_joint(j) {
-        of_joint if !of_joint.iter().any(Ray::is_there) => JointStatus::Unobserved,
-        _ if k(j).iter().filter(|k| **k >= REJECTED).count() < 2 => JointStatus::Weak,
-        _ if !deep[j] => JointStatus::Weak,
-        _ => JointStatus::Ok,
-    };
-    let mut status: Vec<JointStatus> = (0..n).map(of_joint).collect();
-    let mut inferred = Vec::new();
-    for j in (0..n).filter(|j| k(*j).iter().any(|k| *k < REJECTED)) {
-        let x = &solution.points[j];
-        for rival in rivals(rays.of_joint(j), x, solution.sigma[j], TIE) {
-            // The second moment about x of positions with these probabilities.
-            let off = rival.at - x;
+    let mut covariances = posterior(of, &deep, &believed);
+    let mut status: Vec<JointStatus> = (0..n)
+        .map(|j| match votes.seen[j] {
+            0 => JointStatus::Unobserved,
+            _ if votes.agree[j] < 2 || !deep[j] => JointStatus::Weak,
+            _ => JointStatus::Ok,
+        })
+        .collect();
+    let spread = BodyExtent::of(&solution.points, &deep).map_or(0.0, |b| b.square_spread.sqrt());
+    let has_bone = |j: &usize| bones.iter().any(|bone| bone.joints.contains(j));
+    for j in 0..n {
+        let rivals = rivals(&of.search, j, has_bone(&j));
+        for rival in &rivals {
+            let off = rival.at - solution.points[j];
             covariances[j] += off * off.transpose() * rival.share;
+        }
+        if rivals.iter().map(|rival| rival.share).sum::<f64>() > UNSURE {
             status[j] = JointStatus::Weak;
         }
     }
-    let spread = BodyExtent::of(&solution.points, &deep).map_or(0.0, |b| b.square_spread.sqrt());
-    let by_bones = |j: &usize| problem.bones.iter().any(|b| b.joints.contains(j));
-    let lacks_views = |j: &usize| k(*j).iter().filter(|k| **k >= REJECTED).count() < 2;
-    for j in (0..n).filter(|j| by_bones(j) && lacks_views(j) && status[*j] == JointStatus::Weak) {
-        covariances[j] += second_moment(problem, solution, j);
-        if is_held(problem, &status, j) && widest(&covariances[j]) <= INFERRED * spread {
-            inferred.push(j);
-        }
-    }
+    let is_held = |j: &usize| {
+        let mut ends = bones.iter().filter_map(|bone| other_end(bone.joints, *j));
+        ends.any(|end| status[end] == JointStatus::Ok)
+    };
+    let is_weak = |j: &usize| votes.agree[*j] < 2 && status[*j] == JointStatus::Weak;
+    let is_near = |j: &usize| widest(&covariances[*j]) <= INFERRED * spread;
+    let inferred: Vec<usize> = (0..n).filter(|j| is_weak(j) && is_held(j) && is_near(j)).collect();
     inferred.iter().for_each(|j| status[*j] = JointStatus::Inferred);
     // Without detections the noise is that of the prior, not a measurement.
     let is_seen = status.iter().any(|s| *s != JointStatus::Unobserved);
@@ -74,18 +104,41 @@ pub fn error_bars(problem: &Problem<'_>, solution: &mut Solution) -> ErrorBars {
     ErrorBars { covariances, noise, believed, status }
 }
 
-/// What the other place on the only ray of joint `j` adds to its covariance, see [`other_place`].
-fn second_moment(problem: &Problem<'_>, solution: &Solution, j: usize) -> Matrix3<f64> {
-    other_place(problem, solution, j).map_or_else(Matrix3::zeros, |other| {
-        let off = other.at - solution.points[j];
-        off * off.transpose() * other.share
-    })
-}
-
-/// Whether views determine a joint at the other end of a bone of joint `j`.
-fn is_held(problem: &Problem<'_>, status: &[JointStatus], j: usize) -> bool {
-    let bones = problem.bones.iter().filter(|bone| bone.joints.contains(&j));
-    bones.flat_map(|bone| bone.joints).any(|end| end != j && status[end] == JointStatus::Ok)
+/// Other places of joint `j`, with their probabilities, if there are detections that may be right
+/// and reject it, or few besides its bone.
+fn rivals(of: &PlaceSearch<'_>, j: usize, has_bone: bool) -> Vec<Rival> {
+    let (agree, seen) = (of.votes.agree[j], of.votes.seen[j]);
+    let (x, sigma) = (&of.solution.points[j], of.solution.sigma[j]);
+    let is_contradicted = agree < seen && agree < seen - agree + SURE;
+    if !(is_contradicted || agree < 2 && has_bone) {
+        return Vec::new();
+    }
+    // The rivals of a doubtful end would satisfy the bone elsewhere.
+    let is_firm = |end: usize| of.votes.agree[end] > 1 && !of.votes.is_doubtful(end);
+    let log_p = |x: &Vector3<f64>| {
+        let ends = of.bones.iter().filter_map(|bone| Some((other_end(bone.joints, j)?, bone)));
+        let ends = ends.filter(|(end, _)| is_firm(*end));
+        let ends = ends.map(|(end, bone)| (&of.solution.points[end], bone.length));
+        let bones: f64 = ends.map(|(end, length)| Pull::new(x, end, length).loss).sum();
+        -of.against(j, x) - bones
+    };
+    let is_apart = |a: &Vector3<f64>, b: &Vector3<f64>| (a - b).norm() > APART * sigma;
+    let places = of.elsewhere(j, is_firm).into_iter().filter(|y| is_apart(x, y));
+    let mut weighed: Vec<Rival> = places.map(|at| Rival { at, share: log_p(&at) }).collect();
+    // The likeliest first, so that the order of the views does not matter.
+    weighed.sort_by(|a, b| b.share.total_cmp(&a.share));
+    let mut found: Vec<Rival> = Vec::new();
+    for place in weighed {
+        if found.iter().all(|other| is_apart(&other.at, &place.at)) {
+            found.push(place);
+        }
+    }
+    let here = log_p(x);
+    let most = found.iter().map(|rival| rival.share).fold(here, f64::max);
+    let all: f64 = found.iter().map(|rival| (rival.share - most).exp()).sum();
+    let all = all + (here - most).exp();
+    found.iter_mut().for_each(|rival| rival.share = (rival.share - most).exp() / all);
+    found
 }
 
 /// The largest standard deviation along any axis.
@@ -105,23 +158,18 @@ fn believed(rays: &Rays, solution: &Solution) -> Vec<f64> {
 /// Posterior covariances `(N)` in mm²; NaN for an unobserved joint. `deep[j]`: whether the rays of
 /// joint j determine its depth (see [`super::depth`]); such joints form the body. `k` are the rays'
 /// weights `(N, M)`.
-fn posterior(
-    problem: &Problem<'_>,
-    solution: &mut Solution,
-    deep: &[bool],
-    k: &[f64],
-) -> Vec<Matrix3<f64>> {
-    let shared = solution.variance;
+fn posterior(of: &Explanation<'_>, deep: &[bool], k: &[f64]) -> Vec<Matrix3<f64>> {
+    let PlaceSearch { rays, bones, solution, priors, .. } = of.search;
     let least = LEAST_SPREAD * solution.noise;
     let body =
         BodyExtent::of(&solution.points, deep).filter(|body| body.square_spread > least * least);
-    for (j, x) in solution.points.iter().enumerate() {
+    let block = |(j, x): (usize, &Vector3<f64>)| {
         let residuals = &solution.residuals[j];
-        let variance = problem.widening.noise_share * (SHARED_DOF * shared + residuals.squares)
+        let variance = of.noise_share * (SHARED_DOF * solution.variance + residuals.squares)
             / (SHARED_DOF + residuals.freedom);
         let mut block = Matrix3::zeros();
         let mut nearest = f64::INFINITY;
-        let of_joint = problem.rays.of_joint(j);
+        let of_joint = rays.of_joint(j);
         let weights = &k[j * of_joint.len()..];
         for (ray, k) in of_joint.iter().zip(weights).filter(|(ray, _)| ray.is_there()) {
             block += ray.information() * (ray.weight * k / variance);
@@ -130,22 +178,21 @@ fn posterior(
         if nearest.is_finite() {
             block += Matrix3::from_diagonal_element(1.0 / square_reach(body, x, nearest));
         }
-        if let Some(priors) = problem.priors {
-            block += priors[j].precision;
-        }
-        solution.equations.set_block(j, block);
-    }
+        block + priors.map_or_else(Matrix3::zeros, |priors| priors[j].precision)
+    };
+    let blocks: Vec<Matrix3<f64>> = solution.points.iter().enumerate().map(block).collect();
+    let at = |j: usize| solution.points[j];
     // Equal limbs allow two positions on the ray of a joint that one view sees, which is not a
     // normal distribution.
-    let residuals = &solution.residuals;
-    solution.equations.retain_couplings(|c| {
-        c.is_bone() || c.joints.iter().all(|j| residuals[*j].support >= PLACED)
-    });
-    solution.equations.factorise(|_| 0.0);
+    let is_placed = |j: &usize| solution.residuals[*j].support >= PLACED;
+    let pairs = of.pairs.iter().filter(|(l, r)| l.iter().chain(r).all(is_placed));
+    let pairs = pairs.filter_map(|pair| of_pair(pair, of.symmetry_sigma, at));
+    let couplings: Vec<_> =
+        pairs.chain(bones.iter().filter_map(|bone| of_bone(bone, at))).collect();
     let known = |m: Matrix3<f64>| {
-        if m.trace() > 0.0 { positive(m) } else { Matrix3::repeat(f64::NAN) }
+        if m.trace() > 0.0 { positive(symmetrised(&m)) } else { Matrix3::repeat(f64::NAN) }
     };
-    (0..solution.points.len()).map(|j| known(solution.equations.covariance(j))).collect()
+    covariances(&blocks, &couplings).into_iter().map(known).collect()
 }
 
 /// `m` without the negative eigenvalues due to rounding where the largest exceeds the smallest by

@@ -209,7 +209,7 @@ impl Meeting {
         if w > 0.0 {
             let d = &ray.direction;
             let wd = w * d;
-            self.outer.add_outer(w, d);
+            self.outer.add_outer(w, &(*d).into());
             self.weight += w;
             self.pull += w * ray.centre - wd * d.dot(&ray.centre);
         }
@@ -218,9 +218,9 @@ impl Meeting {
     /// The point, and how far from parallel the rays are (see [`nearest_with_spread`]).
     #[inline]
     pub(crate) fn point(&self) -> Option<(Vector3<f64>, f64)> {
-        let information = self.outer.below(self.weight);
+        let information = self.outer.below(self.weight, 1.0, 0.0);
         let cofactors = information.cofactors();
-        let (determinant, scale) = (information.determinant(&cofactors), information.scale());
+        let (determinant, scale) = (information.determinant(&cofactors), information.trace() / 3.0);
         let spread = determinant / (scale * scale * scale);
         if spread.is_nan() || spread <= RANK {
             return None;
@@ -229,6 +229,7 @@ impl Meeting {
             let factor = information.matrix().cholesky();
             return factor.map(|factor| (factor.solve(&self.pull), spread));
         }
-        Some((cofactors.times(&self.pull) / determinant, spread))
+        let x = cofactors.times(&self.pull.into());
+        Some((Vector3::from(x) / determinant, spread))
     }
 }

@@ -1,7 +1,7 @@
 //! The settings of annealed splatting; docs/decisions.md has the measurements behind the defaults.
 
 use super::noise::NoiseModel;
-use super::solver::Annealing;
+use super::problem::Annealing;
 use crate::names::named;
 use crate::settings::{Domain, Kind, Parameter, Value, settings};
 

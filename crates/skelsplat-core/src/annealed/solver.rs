@@ -1,434 +1,309 @@
 //! The loop: weights, normal equations, a step, a narrower kernel.
 
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::Vector3;
 
-use super::equations::{Coupling, NormalEquations};
-use super::noise::{NoiseModel, Residuals, Scale, pixel_size};
-use super::rays::{Ray, Rays, there};
-use crate::bones::{Bone, Pull};
-use crate::matrix3::Symmetric;
+use super::couplings::{Link, couple, of_bone, of_pair};
+use super::equations::ILL_CONDITIONED;
+use super::joints::{Group, Joints};
+use super::lanes::{Four, LANES, ZERO, lane, set_lane};
+use super::noise::{NoiseModel, Scale};
+use super::problem::{Annealing, Prior, Solution};
+use super::rays::Rays;
+use crate::bones::Bone;
 use crate::symmetry::LimbPair;
 
-/// A Gaussian prior of one joint.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Prior {
-    /// x⁰, mm.
-    pub mean: Vector3<f64>,
-    /// Π, the inverse of its covariance, mm⁻².
-    pub precision: Matrix3<f64>,
-    /// Largest standard deviation along an axis of the world, mm; 0 if it has none.
-    pub spread: f64,
-}
-
-/// The annealing schedule and the stopping rule.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Annealing {
-    /// Widest kernel, mm.
-    pub start: f64,
-    /// Final kernel of each joint, mm; narrower according to `per_noise`.
-    pub end: Vec<f64>,
-    /// The final kernel of a joint with `end` equal to `base` is at most this multiple of the
-    /// noise, that of others in proportion to `end`; infinite: always `end`.
-    pub per_noise: f64,
-    /// See [`Self::per_noise`], mm.
-    pub base: f64,
-    /// Factor from one step to the next.
-    pub factor: f64,
-    /// σ_sym, mm.
-    pub symmetry_sigma: f64,
-    /// Maximum number of steps.
-    pub max_steps: usize,
-    /// The solver stops when no joint moves by more than this fraction of the noise.
-    pub tolerance: f64,
-    /// Model of the noise.
-    pub noise: NoiseModel,
-}
-
-impl Annealing {
-    /// Widest final kernel, mm.
-    pub const END: f64 = 30.0;
-    /// Final σ as a multiple of the noise.
-    pub const PER_NOISE: f64 = 2.0;
-    /// σ_sym, mm.
-    pub const SYMMETRY_SIGMA: f64 = 15.0;
-}
-
-/// A pose to be found.
+/// What takes part in a run besides the rays.
 #[derive(Debug, Clone, Copy)]
-pub struct Problem<'a> {
-    /// The detections.
-    pub rays: &'a Rays,
+pub struct Terms<'a> {
     /// Limbs of equal length.
     pub pairs: &'a [LimbPair],
     /// Bones of known length.
     pub bones: &'a [Bone],
-    /// Prior of each joint `(N)`, if any.
-    pub priors: Option<&'a [Prior]>,
     /// Settings.
     pub annealing: &'a Annealing,
-    /// Whether the final kernels follow larger noise.
-    pub widening: Widening,
-}
-
-/// Whether the final kernels follow larger noise.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Widening {
-    /// Whether they may exceed [`Annealing::end`] where the noise requires it.
+    /// Kernel from which limb pairs and bones take part, mm.
+    pub enter: f64,
+    /// Whether the final kernels may exceed [`Annealing::end`] where the noise requires it.
     pub follows_noise: bool,
-    /// Share of the residuals' variance that is noise; the rest are wrong detections that the
-    /// kernel lets through.
-    pub noise_share: f64,
 }
 
-impl Widening {
-    /// They end where they are configured. The share is measured (docs/decisions.md).
-    pub const NONE: Self = Self { follows_noise: false, noise_share: 0.87 };
-    /// They follow noise that is given.
-    pub const FREE: Self = Self { follows_noise: true, ..Self::NONE };
-}
-
-/// Positions of the joints, and their residuals.
-#[derive(Debug, Clone)]
-pub struct Solution {
-    /// Positions `(N)`, mm; as given where a joint has no detection.
-    pub points: Vec<Vector3<f64>>,
-    /// Kernel of each joint at the end, mm.
-    pub sigma: Vec<f64>,
-    /// Residuals of each joint at the end.
-    pub residuals: Vec<Residuals>,
-    /// Standard deviation of the detection noise across the ray, mm, for a detection of mean
-    /// weight.
-    pub noise: f64,
-    /// ŝ², mm²: the variance for weight 1, as in F.
-    pub variance: f64,
-    /// Mean size of a pixel at the joints, mm.
-    pub pixel: f64,
-    /// Steps taken.
-    pub n_iter: usize,
-    /// Whether the steps became small.
-    pub converged: bool,
-    /// The system at the solution, undamped, for the covariance.
-    pub equations: NormalEquations,
-}
-
-/// Reach of the kernel of limb pairs, in σ_sym: pairs that differ by more lose their influence like
-/// outlying detections.
-const SYMMETRY_REACH: f64 = 3.0;
 /// Factor on the multiple of the noise for kernels above the configured ones, which makes them
 /// reject sooner.
 const UPWARDS: f64 = 0.78;
-/// Maximum step, as a fraction of the distance to the nearest camera.
-const TRUST: f64 = 0.5;
+/// Maximum step, as a fraction of the mean distance of the joints from the cameras.
+const TRUST: f64 = 0.1;
+/// Relative change of the variance from one step to the next at which kernels that follow the noise
+/// have settled.
+const STEADY: f64 = 0.02;
 
-/// Sums over the rays of one joint.
-#[derive(Debug, Clone, Copy)]
-struct Sums {
-    /// Σ c k.
-    weight: f64,
-    /// Σ c k d dᵀ.
-    outer: Symmetric,
-    /// −Σ c k e.
-    pull: Vector3<f64>,
-    squares: f64,
-    support: f64,
-    /// Square of the distance of the farthest ray.
-    farthest: f64,
-    /// Square of the distance of the nearest camera: along the ray of a wrong detection it may be 0
-    /// anywhere.
-    nearest: f64,
+/// State of the search for a pose.
+#[derive(Debug, Clone)]
+pub(super) struct Solver {
+    pub(super) joints: Joints,
+    /// ŝ², for weight 1.
+    pub(super) variance: f64,
+    pub(super) model: NoiseModel,
+    pub(super) n_iter: usize,
+    pub(super) converged: bool,
+    links: Vec<Link>,
 }
 
-impl Default for Sums {
-    fn default() -> Self {
-        Self {
-            weight: 0.0,
-            outer: Symmetric::default(),
-            pull: Vector3::zeros(),
-            squares: 0.0,
-            support: 0.0,
-            farthest: 0.0,
-            nearest: f64::INFINITY,
-        }
-    }
-}
-
-impl Sums {
-    #[inline]
-    fn add(&mut self, ray: &Ray, x: &Vector3<f64>, sigma: f64) {
-        let offset = ray.offset(x);
-        let k = offset.weight(sigma);
-        let w = ray.weight * k;
-        let square = offset.across.norm_squared();
-        self.outer.add_outer(w, &ray.direction);
-        self.weight += w;
-        self.pull -= w * offset.across;
-        self.squares += w * square;
-        self.support += k;
-        self.farthest = self.farthest.max(square);
-        if offset.range > 0.0 {
-            self.nearest = self.nearest.min(offset.range * offset.range + square);
-        }
-    }
-
-    /// Σ c k (I − d dᵀ).
-    fn information(&self) -> Matrix3<f64> {
-        self.outer.below(self.weight).matrix()
-    }
-}
-
-/// State of one joint.
-#[derive(Debug, Clone, Copy)]
-struct JointState {
-    at: Vector3<f64>,
-    /// Kernel; infinite at first, so that every detection has full weight.
-    sigma: f64,
-    residuals: Residuals,
-    /// Distance of the farthest ray.
-    farthest: f64,
-    /// Distance of the nearest camera.
-    nearest: f64,
-    /// Whether it is estimated: it has a position, and a detection or a prior.
-    active: bool,
-    /// Whether a limb pair couples it.
-    coupled: bool,
-    /// Whether its kernel is the final one.
-    narrow: bool,
-    /// Whether it is uncoupled and has converged under its final kernel, and is therefore skipped.
-    settled: bool,
-}
-
-/// State of a run.
-struct Solver<'a> {
-    problem: &'a Problem<'a>,
-    joints: Vec<JointState>,
+/// Joints and noise at one moment.
+#[derive(Debug, Clone)]
+pub(super) struct Moment {
+    groups: Vec<Group>,
     variance: f64,
-    pixel: f64,
-    /// Mean weight of the detections.
-    weight: f64,
-    equations: NormalEquations,
 }
 
-/// Solves `problem` from `start`, in which joints may be NaN and then stay NaN. `sigma` is the
-/// initial kernel; infinite means plain least squares first, after which the start no longer
-/// matters where the detections determine a joint.
-pub fn solve(problem: &Problem<'_>, start: &[Vector3<f64>], sigma: &[f64]) -> Solution {
-    let mut run = Solver::new(problem, start, sigma);
-    let annealing = problem.annealing;
-    let (mut n_iter, mut converged) = (0, false);
-    while n_iter < annealing.max_steps && !converged {
-        run.linearise();
-        let longest = run.step();
-        n_iter += 1;
-        let narrow = run.narrow();
-        converged = narrow && longest <= run.small();
+impl Solver {
+    /// Of joints that have their places, under this model of the noise.
+    pub(super) fn new(joints: Joints, model: NoiseModel) -> Self {
+        let mut solver =
+            Self { joints, variance: 0.0, model, n_iter: 0, converged: false, links: Vec::new() };
+        let scale = solver.scale(false);
+        solver.variance = model.variance(std::iter::empty(), f64::INFINITY, scale);
+        solver
     }
-    run.finish();
-    Solution {
-        points: run.joints.iter().map(|joint| joint.at).collect(),
-        sigma: run.joints.iter().map(|joint| joint.sigma).collect(),
-        residuals: run.joints.iter().map(|joint| joint.residuals).collect(),
-        noise: (run.variance / run.weight).sqrt(),
-        variance: run.variance,
-        pixel: run.pixel,
-        n_iter,
-        converged,
-        equations: run.equations,
-    }
-}
 
-impl<'a> Solver<'a> {
-    fn new(problem: &'a Problem<'a>, points: &[Vector3<f64>], sigma: &[f64]) -> Self {
-        let mut joints: Vec<JointState> =
-            (0..points.len()).map(|j| joint(problem, j, points[j], sigma[j])).collect();
-        let of_pairs = problem.pairs.iter().flat_map(|(l, r)| l.iter().chain(r));
-        for j in of_pairs.chain(problem.bones.iter().flat_map(|bone| &bone.joints)) {
-            joints[*j].coupled = true;
+    /// ŝ of a detection of mean weight.
+    pub(super) fn noise(&self) -> f64 {
+        (self.variance / self.joints.weight).sqrt()
+    }
+
+    pub(super) fn moment(&self) -> Moment {
+        Moment { groups: self.joints.groups.clone(), variance: self.variance }
+    }
+
+    pub(super) fn exchange(&mut self, other: &mut Moment) {
+        std::mem::swap(&mut self.joints.groups, &mut other.groups);
+        std::mem::swap(&mut self.variance, &mut other.variance);
+    }
+
+    /// Anneals the joints for which `moves` is true from where they are. `wide` takes the state
+    /// at which kernels that follow the noise would stop narrowing, if there is such a state.
+    pub(super) fn run(
+        &mut self,
+        terms: &Terms<'_>,
+        moves: impl Fn(usize) -> bool,
+        mut wide: Option<&mut Option<Moment>>,
+    ) {
+        self.release(terms, moves);
+        let annealing = terms.annealing;
+        let damping = annealing.start.powi(-2);
+        let steps = self.n_iter;
+        self.converged = false;
+        let mut steady = !terms.follows_noise;
+        while self.n_iter < steps + annealing.max_steps && !self.converged {
+            self.joints.sum::<false>(1.0 / self.variance, damping);
+            self.link(terms);
+            let small = annealing.tolerance * self.noise();
+            self.solve(small);
+            self.n_iter += 1;
+            let longest = self.step(small, steady);
+            let before = self.variance;
+            self.estimate_noise(terms.follows_noise);
+            if let Some(wide) = wide.as_deref_mut().filter(|wide| wide.is_none())
+                && self.would_stop(annealing)
+            {
+                *wide = Some(self.moment());
+            }
+            steady = !terms.follows_noise || (self.variance / before - 1.0).abs() < STEADY;
+            self.converged = self.narrow(terms) && steady && longest <= small;
         }
-        let mut run = Self {
-            pixel: pixel_size(problem.rays, points.iter().copied()).unwrap_or(1.0),
-            weight: problem.rays.mean_weight(),
-            equations: NormalEquations::new(points.len()),
-            variance: 0.0,
-            joints,
-            problem,
-        };
-        let none = std::iter::empty();
-        run.variance = problem.annealing.noise.variance(none, f64::INFINITY, run.scale());
-        run
     }
 
-    /// Fills the normal equations at the present points: D = Σ c k (I − d dᵀ)/ŝ² + Π, −∇ = −Σ c k
-    /// e/ŝ² − Π(x − x⁰).
-    fn linearise(&mut self) {
-        let precision = 1.0 / self.variance;
-        for (j, joint) in self.joints.iter_mut().enumerate() {
-            if joint.settled {
+    fn release(&mut self, terms: &Terms<'_>, moves: impl Fn(usize) -> bool) {
+        let joints = &mut self.joints;
+        for j in 0..joints.n_joints {
+            let (g, l) = joints.place_of(j);
+            let is_active = joints.is_active(j);
+            let group = &mut joints.groups[g];
+            group.settled[l] = !is_active || !moves(j);
+            (group.coupled[l], group.narrow[l]) = (false, false);
+        }
+        let of_pairs = terms.pairs.iter().flat_map(|(l, r)| l.iter().chain(r));
+        for j in of_pairs.chain(terms.bones.iter().flat_map(|bone| &bone.joints)) {
+            let (g, l) = joints.place_of(*j);
+            joints.groups[g].coupled[l] = true;
+        }
+    }
+
+    /// The couplings whose joints have kernels narrow enough.
+    fn link(&mut self, terms: &Terms<'_>) {
+        self.links.clear();
+        let ready =
+            |joints: &Joints, j: usize| joints.is_active(j) && joints.sigma(j) <= terms.enter;
+        let sigma = terms.annealing.symmetry_sigma;
+        for pair in terms.pairs {
+            let mut ends = pair.0.iter().chain(&pair.1);
+            if ends.all(|j| ready(&self.joints, *j)) {
+                let coupling = of_pair(pair, sigma, |j| self.joints.at(j));
+                self.links.extend(coupling.map(|c| Link::new(c, &mut self.joints)));
+            }
+        }
+        for bone in terms.bones {
+            if bone.joints.iter().all(|j| ready(&self.joints, *j)) {
+                let coupling = of_bone(bone, |j| self.joints.at(j));
+                self.links.extend(coupling.map(|c| Link::new(c, &mut self.joints)));
+            }
+        }
+    }
+
+    /// The steps of all joints, to half of a `small` one.
+    fn solve(&mut self, small: f64) {
+        for group in &mut self.joints.groups {
+            if group.is_settled() {
+                (group.step, group.inverse) = ([Four::ZERO; 3], ZERO);
                 continue;
             }
-            let x = joint.at;
-            let mut sums = Sums::default();
-            if joint.active {
-                for ray in there(self.problem.rays.of_joint(j)) {
-                    sums.add(ray, &x, joint.sigma);
+            let cofactors = group.block.cofactors();
+            let determinant = group.block.determinant(&cofactors);
+            let mut over = Four::ONE / determinant;
+            for l in Group::lanes().filter(|l| group.settled[*l]) {
+                set_lane(&mut over, l, 0.0);
+            }
+            group.inverse = cofactors.scaled(over);
+            let scale = group.block.trace() * (1.0 / 3.0);
+            let is_ill = determinant.simd_lt(scale * scale * scale * ILL_CONDITIONED);
+            if is_ill.any() {
+                group.invert_carefully();
+            }
+            group.step = group.inverse.times(&group.pull);
+        }
+        if !self.links.is_empty() {
+            couple(&mut self.links, &mut self.joints, 0.5 * small);
+        }
+    }
+
+    /// Moves the joints; returns the longest step, mm. If `steady`, those that no longer move
+    /// settle.
+    fn step(&mut self, small: f64, steady: bool) -> f64 {
+        let most = TRUST * self.joints.range;
+        let mut longest = 0.0_f64;
+        for group in self.joints.groups.iter_mut().filter(|group| !group.is_settled()) {
+            let [x, y, z] = group.step;
+            let length = (x * x + y * y + z * z).sqrt();
+            let far = length.simd_gt(Four::splat(most));
+            let share = far.bitselect(Four::splat(most) / length, Four::ONE);
+            (0..3).for_each(|a| group.at[a] += group.step[a] * share);
+            for l in Group::lanes() {
+                if !group.settled[l] {
+                    let length = lane(&length, l);
+                    longest = longest.max(length);
+                    let is_free = group.narrow[l] && !group.coupled[l];
+                    group.settled[l] = steady && is_free && length <= small;
                 }
             }
-            let (mut block, mut pull) = (sums.information() * precision, sums.pull * precision);
-            if let Some(prior) = self.problem.priors.map(|p| &p[j]).filter(|_| joint.active) {
-                block += prior.precision;
-                pull -= prior.precision * (x - prior.mean);
-            }
-            self.equations.set(j, block, pull);
-            joint.residuals = Residuals::new(sums.squares, sums.support);
-            (joint.farthest, joint.nearest) = (sums.farthest.sqrt(), sums.nearest.sqrt());
-        }
-        self.couple();
-    }
-
-    /// Limb pairs as scalar residuals r = ‖l‖ − ‖r‖, once the joints match their detections.
-    fn couple(&mut self) {
-        self.equations.uncouple();
-        let sigma = self.problem.annealing.symmetry_sigma;
-        for ([l1, l2], [r1, r2]) in self.problem.pairs.iter().copied() {
-            let numbers = [l1, l2, r1, r2];
-            let joints = numbers.map(|j| &self.joints[j]);
-            if joints.iter().any(|joint| !joint.active || joint.sigma.is_infinite()) {
-                continue;
-            }
-            let (left, right) = (joints[0].at - joints[1].at, joints[2].at - joints[3].at);
-            let (ll, lr) = (left.norm(), right.norm());
-            if ll > 0.0 && lr > 0.0 {
-                let (residual, el, er) = (ll - lr, left / ll, right / lr);
-                let kept = (-0.5 * (residual / (SYMMETRY_REACH * sigma)).powi(2)).exp();
-                self.equations.couple(Coupling {
-                    joints: numbers,
-                    gradient: [el, -el, -er, er],
-                    residual,
-                    precision: kept / (sigma * sigma),
-                });
-            }
-        }
-        self.couple_bones();
-    }
-
-    /// Bones as scalar residuals r = ‖x_a − x_b‖ − l.
-    fn couple_bones(&mut self) {
-        for bone in self.problem.bones {
-            let [a, b] = bone.joints.map(|j| &self.joints[j]);
-            if [a, b].iter().any(|joint| !joint.active || joint.sigma.is_infinite()) {
-                continue;
-            }
-            let pull = Pull::new(&a.at, &b.at, bone.length);
-            self.equations.couple(Coupling::of_bone(bone.joints, &pull));
-        }
-    }
-
-    /// Largest step treated as zero, mm.
-    fn small(&self) -> f64 {
-        self.problem.annealing.tolerance * (self.variance / self.weight).sqrt()
-    }
-
-    /// Moves the joints and returns the longest step, mm.
-    fn step(&mut self) -> f64 {
-        let damping = self.problem.annealing.start.powi(-2);
-        let small = self.small();
-        let joints = &self.joints;
-        self.equations.bend(|a, b| (joints[a].at - joints[b].at).norm());
-        let steps = self.equations.solve(|_| damping);
-        let mut longest = 0.0_f64;
-        for (joint, step) in self.joints.iter_mut().zip(steps) {
-            if !joint.active || joint.settled {
-                continue;
-            }
-            let length = step.norm();
-            joint.settled = length <= small && joint.narrow && !joint.coupled;
-            let most = TRUST * joint.nearest;
-            let step = if length > most { step * (most / length) } else { *step };
-            joint.at += step;
-            longest = longest.max(length);
         }
         longest
     }
 
-    /// Re-estimates the noise, once every joint has a kernel, and narrows the kernels; returns
-    /// whether all are final.
-    fn narrow(&mut self) -> bool {
-        let annealing = self.problem.annealing;
-        let first = self.joints.iter().any(|joint| joint.sigma.is_infinite());
-        if first {
-            let points = self.joints.iter().map(|joint| joint.at);
-            self.pixel = pixel_size(self.problem.rays, points).unwrap_or(self.pixel);
-            self.measure();
-        } else {
-            self.estimate_noise();
-        }
-        let noise = (self.variance / self.weight).sqrt();
-        let share = annealing.per_noise * noise / annealing.base;
-        let most = if self.problem.widening.follows_noise { UPWARDS * share } else { 1.0 };
+    /// How far above the configured kernels final ones end that follow the noise; at least 1.
+    fn share(&self, annealing: &Annealing) -> f64 {
+        UPWARDS * annealing.per_noise * self.noise() / annealing.base
+    }
+
+    /// Whether kernels that follow the noise would end here.
+    fn would_stop(&self, annealing: &Annealing) -> bool {
+        let share = self.share(annealing);
+        let joints = &self.joints;
+        let ends = |j: usize| {
+            let (g, l) = joints.place_of(j);
+            let next = joints.sigma(j) * annealing.factor;
+            !joints.groups[g].settled[l] && next < annealing.end[j] * share
+        };
+        share > 1.0 && (0..joints.n_joints).any(ends)
+    }
+
+    /// Narrows the kernels; returns whether all are final.
+    fn narrow(&mut self, terms: &Terms<'_>) -> bool {
+        let annealing = terms.annealing;
+        let share = annealing.per_noise * self.noise() / annealing.base;
+        let most = if terms.follows_noise { self.share(annealing) } else { 1.0 };
         let share = share.min(most.max(1.0));
         let mut done = true;
-        for (joint, end) in self.joints.iter_mut().zip(&annealing.end) {
-            let end = end * share;
-            let next = if joint.sigma.is_infinite() {
-                joint.farthest.min(annealing.start)
-            } else {
-                joint.sigma * annealing.factor
-            };
-            joint.narrow = joint.sigma <= 1.05 * end;
-            done &= !joint.active || joint.settled || joint.narrow;
-            if !joint.settled {
-                joint.sigma = next.max(end);
+        let joints = &mut self.joints;
+        for (s, j) in joints.joint.iter().enumerate() {
+            let (group, l) = (&mut joints.groups[s / LANES], s % LANES);
+            if group.settled[l] {
+                continue;
             }
+            let (sigma, end) = (lane(&group.sigma, l), annealing.end[*j] * share);
+            group.narrow[l] = sigma <= 1.05 * end;
+            done &= group.narrow[l];
+            set_lane(&mut group.sigma, l, (sigma * annealing.factor).max(end));
         }
         done
     }
 
-    /// The system and the noise at the final positions.
-    fn finish(&mut self) {
-        for (joint, end) in self.joints.iter_mut().zip(&self.problem.annealing.end) {
-            joint.settled = false;
-            joint.sigma = if joint.sigma.is_finite() { joint.sigma } else { *end };
+    /// The residuals and the noise at the present positions.
+    pub(super) fn measure(&mut self, follows_noise: bool) {
+        for j in 0..self.joints.n_joints {
+            let (g, l) = self.joints.place_of(j);
+            self.joints.groups[g].settled[l] = !self.joints.is_active(j);
         }
-        self.linearise();
-        self.estimate_noise();
+        self.joints.sum::<false>(1.0 / self.variance, 0.0);
+        self.estimate_noise(follows_noise);
     }
 
-    fn estimate_noise(&mut self) {
-        let sum: f64 = self.joints.iter().map(|joint| joint.sigma).sum();
-        let mean = sum / self.joints.len() as f64;
-        let residuals = self.joints.iter().map(|joint| joint.residuals);
-        let model = self.problem.annealing.noise;
-        self.variance = model.variance(residuals, mean, self.scale());
+    fn estimate_noise(&mut self, refuted: bool) {
+        let joints = &self.joints;
+        let mean =
+            (0..joints.n_joints).map(|j| joints.sigma(j)).sum::<f64>() / joints.n_joints as f64;
+        let residuals = (0..joints.n_joints).map(|j| joints.residuals(j));
+        self.variance = self.model.variance(residuals, mean, self.scale(refuted));
     }
 
-    fn scale(&self) -> Scale {
-        let refuted = self.problem.widening.follows_noise;
-        Scale { pixel: self.pixel, weight: self.weight, refuted }
+    fn scale(&self, refuted: bool) -> Scale {
+        Scale { pixel: self.joints.pixel, weight: self.joints.weight, refuted }
     }
 
-    /// Distance of each joint's farthest ray.
-    fn measure(&mut self) {
-        for (j, joint) in self.joints.iter_mut().enumerate() {
-            let squares = there(self.problem.rays.of_joint(j))
-                .map(|ray| ray.offset(&joint.at).across.norm_squared());
-            joint.farthest = squares.fold(0.0, f64::max).sqrt();
+    pub(super) fn solution(&self) -> Solution {
+        let joints = &self.joints;
+        let all = 0..joints.n_joints;
+        Solution {
+            points: all.clone().map(|j| joints.at(j)).collect(),
+            sigma: all.clone().map(|j| joints.sigma(j)).collect(),
+            residuals: all.map(|j| joints.residuals(j)).collect(),
+            noise: self.noise(),
+            variance: self.variance,
+            pixel: joints.pixel,
+            n_iter: self.n_iter,
+            converged: self.converged,
         }
     }
 }
 
-/// Joint `j` before the first step.
-fn joint(problem: &Problem<'_>, j: usize, at: Vector3<f64>, sigma: f64) -> JointState {
-    let known = at.iter().all(|v| v.is_finite());
-    let has_prior = || problem.priors.is_some_and(|p| p[j].precision.trace() > 0.0);
-    let seen = || problem.rays.of_joint(j).iter().any(Ray::is_there);
-    JointState {
-        at,
-        sigma,
-        residuals: Residuals::default(),
-        farthest: 0.0,
-        nearest: f64::INFINITY,
-        active: known && (seen() || has_prior()),
-        coupled: false,
-        narrow: false,
-        settled: false,
+/// ∇F at `points` `(3N)`, for study and tests: with kernels of standard deviation `sigma` and the
+/// noise that `terms` give.
+pub fn gradient(
+    rays: &Rays,
+    terms: &Terms<'_>,
+    priors: &[Prior],
+    points: &[Vector3<f64>],
+    sigma: f64,
+) -> Vec<f64> {
+    let mut joints = Joints::new(rays, terms.pairs);
+    joints.set_priors(priors);
+    for (j, x) in points.iter().enumerate() {
+        joints.put(j, x);
+        joints.set_sigma(j, sigma);
     }
+    let mut solver = Solver::new(joints, terms.annealing.noise);
+    solver.release(terms, |_| true);
+    solver.joints.sum::<false>(1.0 / solver.variance, 0.0);
+    solver.link(terms);
+    let joints = &solver.joints;
+    let own = |j: usize| {
+        let (g, l) = joints.place_of(j);
+        joints.groups[g].pull.map(|p| -lane(&p, l))
+    };
+    let mut gradient: Vec<f64> = (0..points.len()).flat_map(own).collect();
+    for coupling in solver.links.iter().map(Link::coupling) {
+        for (j, g) in coupling.ends() {
+            let push = g * (coupling.residual * coupling.precision);
+            (0..3).for_each(|a| gradient[3 * j + a] += push[a]);
+        }
+    }
+    gradient
 }

@@ -10,7 +10,6 @@
 use nalgebra::Vector3;
 
 use super::rays::{Meeting, Ray, Rays, midpoint};
-use super::solver::Solution;
 use crate::layout::Layout;
 
 /// Detections of mean weight by which the swap has to explain more.
@@ -87,23 +86,23 @@ struct Proposal {
 /// A frame to search for swaps.
 struct Judge<'a> {
     rays: &'a Rays,
-    /// Kernel of each joint, at most the configured one: swapped sides can look like noise and
-    /// widen it.
-    sigma: Vec<f64>,
+    /// Kernel of each joint.
+    sigma: &'a [f64],
     /// Mean weight of a detection.
     unit: f64,
 }
 
-/// The chains that are swapped, with their views; `end` are the configured final kernels `(N)`.
-pub fn find(rays: &Rays, chains: &[Chain], solution: &Solution, end: &[f64]) -> Vec<Swap> {
-    let sigma = solution.sigma.iter().zip(end).map(|(sigma, end)| sigma.min(*end)).collect();
+/// The chains that are swapped, with their views, where the joints are at `points`; `sigma` are
+/// their kernels `(N)`, at most the configured ones: swapped sides can look like noise and widen
+/// them.
+pub fn find(rays: &Rays, chains: &[Chain], points: &[Vector3<f64>], sigma: &[f64]) -> Vec<Swap> {
     let judge = Judge { rays, sigma, unit: rays.mean_weight() };
     let mut found = Vec::new();
     for (c, chain) in chains.iter().enumerate() {
         let others = chains.iter().enumerate().filter(|(o, _)| *o != c).map(|(_, o)| o[0]);
-        let across = others.map(|[l, r]| solution.points[l] - solution.points[r]);
+        let across = others.map(|[l, r]| points[l] - points[r]);
         let sideways = across.filter(|v| v.x.is_finite()).sum();
-        let views = judge.views(chain, &solution.points, &sideways).into_iter();
+        let views = judge.views(chain, points, &sideways).into_iter();
         found.extend(views.map(|view| Swap { view, chain: c }));
     }
     found

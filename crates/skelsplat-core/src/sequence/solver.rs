@@ -182,12 +182,12 @@ impl<'a> WindowSolver<'a> {
                 if k > 0.0 {
                     let sums = [0, 1].map(|a| last[i][a] - first[i][a]);
                     let w = weights[r].precision * k * (sums[0] / sums[1]).max(weights[r].held);
-                    outer.add_outer(w, &rays[r].direction);
+                    outer.add_outer(w, &rays[r].direction.into());
                     weight += w;
                     *pull -= across * w;
                 }
             }
-            *block = outer.below(weight).matrix();
+            *block = outer.below(weight, 1.0, 0.0).matrix();
         }
     }
 

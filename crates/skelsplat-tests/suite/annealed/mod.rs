@@ -8,17 +8,13 @@ mod loss;
 mod outcomes;
 mod population;
 mod recovery;
-mod rivals;
 mod swaps;
 mod uncertainty;
 mod weights;
 
-use nalgebra::{DMatrix, DVector, Matrix3, Vector2, Vector3};
-use skelsplat_core::study::annealed::evidence::evidence;
+use nalgebra::{Matrix3, Vector2, Vector3};
 use skelsplat_core::study::annealed::robust;
-use skelsplat_core::study::annealed::{
-    Annealing, NoiseModel, Prior, Problem, Ray, Rays, Solution, Widening, solve,
-};
+use skelsplat_core::study::annealed::{AnnealedFrame, Annealing, NoiseModel, Prior, Ray, Rays};
 use skelsplat_core::study::overlap::PlaneGaussian;
 use skelsplat_core::study::projection::View;
 use skelsplat_core::study::symmetry::LimbPair;

@@ -1,7 +1,6 @@
 //! Left–right swaps, independent of the other cameras.
 
 use super::*;
-use skelsplat_core::study::annealed::locate::locate;
 use skelsplat_core::study::annealed::swaps::{Chain, chains, find};
 
 fn h36m_chains() -> Vec<Chain> {
@@ -10,7 +9,7 @@ fn h36m_chains() -> Vec<Chain> {
 
 /// Three views, the first with its arms swapped; `empty[i]` views without a detection come before
 /// view i.
-fn arms_exchanged(seed: u64, empty: [u32; 3]) -> Rays {
+fn arms_exchanged(seed: u64, empty: [u32; 3]) -> (Detections, Vec<Camera>) {
     let cameras = room(3);
     let chains = h36m_chains();
     let arms = chains.iter().find(|chain| chain.iter().any(|p| p.contains(&WRIST))).unwrap();
@@ -31,13 +30,13 @@ fn arms_exchanged(seed: u64, empty: [u32; 3]) -> Rays {
             pixels.extend([p.x, p.y]);
         }
     }
-    Rays::new(&Detections::new(all.len(), 17, &pixels, None).unwrap(), &all, &[])
+    (Detections::new(all.len(), 17, &pixels, None).unwrap(), all)
 }
 
-fn found(rays: &Rays) -> Vec<(usize, usize)> {
-    let annealing = Annealing::of_joints(17);
-    let solution = locate(rays, &annealing).solution;
-    let swaps = find(rays, &h36m_chains(), &solution, &annealing.end);
+fn found((detections, cameras): &(Detections, Vec<Camera>)) -> Vec<(usize, usize)> {
+    let rays = Rays::new(detections, cameras, &[]);
+    let points = robust(detections, cameras).points;
+    let swaps = find(&rays, &h36m_chains(), &points, &[Annealing::END; 17]);
     swaps.iter().map(|swap| (swap.view, swap.chain)).collect()
 }
 
@@ -67,9 +66,13 @@ fn two_views_that_see_a_chain_are_too_few() {
     let arms = chains.iter().find(|chain| chain.iter().any(|p| p.contains(&WRIST))).unwrap();
     let in_arms = |j: usize| arms.iter().any(|pair| pair.contains(&j));
     let seen = without(&detections, |i, j| in_arms(j) && i > 1);
-    let mut rays = Rays::new(&seen, &cameras, &[]);
-    for [l, r] in arms {
-        rays.swap(0, *l, *r);
-    }
-    assert_eq!(found(&rays), Vec::new());
+    let other = |j: usize| {
+        let pair = arms.iter().find(|pair| pair.contains(&j));
+        pair.map_or(j, |pair| pair[usize::from(pair[0] == j)])
+    };
+    let exchanged = changed(&seen, |i, j, p| {
+        let other = if i == 0 { seen.get(0, other(j)) } else { None };
+        Some(other.unwrap_or((p, 1.0)))
+    });
+    assert_eq!(found(&(exchanged, cameras)), Vec::new());
 }

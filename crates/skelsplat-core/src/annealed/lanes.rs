@@ -1,0 +1,72 @@
+//! Four joints at a time.
+
+use wide::f64x4;
+
+use crate::matrix3::Symmetric;
+
+/// A value of each of four joints.
+pub(super) type Four = f64x4;
+/// A symmetric matrix of each.
+pub(super) type FourSymmetric = Symmetric<Four>;
+/// 0 of each.
+pub(super) const ZERO: FourSymmetric = Symmetric([Four::ZERO; 6]);
+/// Joints in a [`Four`].
+pub(super) const LANES: usize = 4;
+
+/// Below this, exp is smaller than any weight that matters, and would leave the normal numbers.
+const LEAST_EXPONENT: f64 = -700.0;
+/// 1.5 · 2⁵², which moves the integer part of a sum into the last bits.
+const TO_INTEGER: f64 = 6_755_399_441_055_744.0;
+/// ln 2 in two parts, the first with few bits (W. J. Cody and W. Waite, "Software Manual for the
+/// Elementary Functions", 1980).
+const LN_2: [f64; 2] = [6.931_471_803_691_238e-1, 1.908_214_929_270_587_7e-10];
+/// 1/k! from k = 0: Taylor's polynomial is exact to 1e-12 for |x| ≤ ½ ln 2.
+const TAYLOR: [f64; 11] = [
+    1.0,
+    1.0,
+    1.0 / 2.0,
+    1.0 / 6.0,
+    1.0 / 24.0,
+    1.0 / 120.0,
+    1.0 / 720.0,
+    1.0 / 5040.0,
+    1.0 / 40_320.0,
+    1.0 / 362_880.0,
+    1.0 / 3_628_800.0,
+];
+
+/// exp of values that are not positive, to 1e-12.
+#[inline(always)]
+pub(super) fn exp(x: Four) -> Four {
+    let x = x.fast_max(Four::splat(LEAST_EXPONENT));
+    let shifted = x * std::f64::consts::LOG2_E + TO_INTEGER;
+    let whole = shifted - TO_INTEGER;
+    let r = (x - whole * LN_2[0]) - whole * LN_2[1];
+    let (r2, t) = (r * r, TAYLOR);
+    let r4 = r2 * r2;
+    let low = (r + t[0]) + r2 * (r * t[3] + t[2]);
+    let middle = (r * t[5] + t[4]) + r2 * (r * t[7] + t[6]);
+    let high = (r * t[9] + t[8]) + r2 * t[10];
+    let p = low + r4 * (middle + r4 * high);
+    let (p, n) = (p.to_array(), shifted.to_array());
+    let scaled = |l: usize| f64::from_bits(p[l].to_bits().wrapping_add(n[l].to_bits() << 52));
+    Four::new([scaled(0), scaled(1), scaled(2), scaled(3)])
+}
+
+/// The value of one of the four.
+#[inline(always)]
+pub(super) fn lane(v: &Four, l: usize) -> f64 {
+    v.as_array()[l]
+}
+
+/// Sets the value of one of the four.
+#[inline(always)]
+pub(super) fn set_lane(v: &mut Four, l: usize, to: f64) {
+    v.as_mut_array()[l] = to;
+}
+
+/// Sets the values of one of the four.
+#[inline(always)]
+pub(super) fn set_lanes(v: &mut [Four], l: usize, to: &[f64]) {
+    v.iter_mut().zip(to).for_each(|(v, to)| set_lane(v, l, *to));
+}

@@ -1,0 +1,265 @@
+//! Other places where joints may be, and the most likely combination of them.
+//!
+//! A joint on which neither all views that see it agree nor three and most of them is doubtful. It
+//! may be where it is, where any two of its rays meet, or where a ray meets the sphere around the
+//! other end of a bone: l_b = s ρ_b (1 + ε_b) with the population's ratio ρ_b and spread ε_b
+//! ([`crate::bones::population`]) and a stature s of the person, which the frame's other bones
+//! show, or the lengths that the user gives ([`crate::bones::expected`]). Each place has the
+//! evidence of its detections ([`super::evidence`]), each combination that of the bones. On a tree
+//! of bones the best combination follows from the leaves to the root (dynamic programming); bones
+//! that close a circle are left out.
+
+use nalgebra::Vector3;
+
+use super::consensus::{REJECTED, meeting_point, settled};
+use super::evidence::Mixture;
+use super::problem::{Prior, Solution};
+use super::rays::{Ray, Rays, there};
+use crate::bones::expected::{Expected, Shown, stature};
+use crate::bones::population::Proportion;
+use crate::bones::{Bone, Length, Pull, other_end};
+
+/// Views that have to agree on a joint for it not to need its bones.
+const ENOUGH: usize = 3;
+/// Least number of joints on which two views agree, for a stature: others have nothing to hold on
+/// to.
+const LEAST_ANCHORS: usize = 3;
+/// The same for given lengths.
+const LEAST_GIVEN: usize = 1;
+
+/// How far joints move from one frame to the next, mm per axis: a wrist at 2.5 m/s at 25 Hz.
+const MOVED: f64 = 100.0;
+/// Share of the frames before which something else has happened: a cut, or a wrong past.
+const JUMP: f64 = 0.1;
+
+/// How many views agree on every joint at a solution, and how many see it.
+pub(super) struct Votes {
+    pub(super) agree: Vec<usize>,
+    pub(super) seen: Vec<usize>,
+}
+
+impl Votes {
+    pub(super) fn of(rays: &Rays, solution: &Solution) -> Self {
+        let count = |j: usize, counts: &dyn Fn(&Ray) -> bool| {
+            there(rays.of_joint(j)).filter(|ray| counts(ray)).count()
+        };
+        let agree = |j: usize| {
+            let (x, sigma) = (&solution.points[j], solution.sigma[j]);
+            count(j, &|ray| x.x.is_finite() && ray.offset(x).weight(sigma) >= REJECTED)
+        };
+        let joints = 0..rays.n_joints();
+        Self {
+            agree: joints.clone().map(agree).collect(),
+            seen: joints.map(|j| count(j, &|_| true)).collect(),
+        }
+    }
+
+    pub(super) fn is_doubtful(&self, j: usize) -> bool {
+        let (agree, seen) = (self.agree[j], self.seen[j]);
+        let all = agree == seen && agree > 1;
+        seen > 0 && !all && (agree < ENOUGH || 2 * agree <= seen)
+    }
+}
+
+/// The bones that take part, if any: those of joints that need them.
+pub(super) fn needed(expected: &Expected, solution: &Solution, votes: &Votes) -> Option<Vec<Bone>> {
+    let anchors = votes.agree.iter().filter(|n| **n > 1).count();
+    let least = if expected.given.is_empty() { LEAST_ANCHORS } else { LEAST_GIVEN };
+    let doubtful = (0..votes.seen.len()).any(|j| votes.is_doubtful(j));
+    if anchors < least || !doubtful {
+        return None;
+    }
+    let stature = shown_stature(&expected.proportions, solution, votes);
+    let needs = |bone: &Bone| bone.joints.iter().any(|j| votes.is_doubtful(*j));
+    let seen = |bone: &Bone| bone.joints.iter().all(|j| votes.seen[*j] > 0);
+    let bones: Vec<Bone> = expected.bones(stature).filter(|b| needs(b) && seen(b)).collect();
+    (!bones.is_empty()).then_some(bones)
+}
+
+/// Where the joints of a frame are, and what says that they are elsewhere.
+#[derive(Clone, Copy)]
+pub(super) struct PlaceSearch<'a> {
+    /// The detections.
+    pub(super) rays: &'a Rays,
+    /// Bones that take part.
+    pub(super) bones: &'a [Bone],
+    /// Where the joints are.
+    pub(super) solution: &'a Solution,
+    /// How many views agree.
+    pub(super) votes: &'a Votes,
+    /// How detections go wrong.
+    pub(super) mixture: &'a Mixture,
+    /// Priors `(N)`.
+    pub(super) priors: Option<&'a [Prior]>,
+    /// Where the joints were a moment ago, or are thought to be `(N)`.
+    pub(super) past: Option<&'a [Option<Vector3<f64>>]>,
+}
+
+/// A place where a joint may be, and what speaks against it.
+#[derive(Clone, Copy)]
+struct Place {
+    at: Vector3<f64>,
+    cost: f64,
+}
+
+impl PlaceSearch<'_> {
+    /// The most likely combination of places of the doubtful joints.
+    pub(super) fn most_likely(&self) -> Vec<Vector3<f64>> {
+        let points = &self.solution.points;
+        let mut places: Vec<Vec<Place>> = (0..points.len()).map(|j| self.places(j)).collect();
+        let order = tree(self.bones, points.len());
+        // For each place of a parent the best place of the child.
+        let mut choice: Vec<Vec<usize>> = vec![Vec::new(); points.len()];
+        for (child, parent, length) in order.iter().rev() {
+            let (child, parent) = (*child, *parent);
+            let mut best = Vec::with_capacity(places[parent].len());
+            for p in 0..places[parent].len() {
+                let at = places[parent][p].at;
+                let cost = |c: &Place| c.cost + Pull::new(&c.at, &at, *length).loss;
+                let costs = places[child].iter().map(cost).enumerate();
+                let least = costs.min_by(|a, b| a.1.total_cmp(&b.1));
+                let (k, cost) = least.unwrap_or((0, 0.0));
+                best.push(k);
+                places[parent][p].cost += cost;
+            }
+            choice[child] = best;
+        }
+        let cheapest = |all: &Vec<Place>| {
+            (0..all.len()).min_by(|a, b| all[*a].cost.total_cmp(&all[*b].cost)).unwrap_or(0)
+        };
+        let mut chosen: Vec<usize> = places.iter().map(cheapest).collect();
+        for (child, parent, _) in &order {
+            if let Some(k) = choice[*child].get(chosen[*parent]) {
+                chosen[*child] = *k;
+            }
+        }
+        let at = |j: usize| places[j].get(chosen[j]).map_or(points[j], |place| place.at);
+        (0..points.len()).map(at).collect()
+    }
+
+    /// The places of joint `j`; only doubtful joints have others than their own.
+    fn places(&self, j: usize) -> Vec<Place> {
+        let x = self.solution.points[j];
+        let doubtful = self.votes.is_doubtful(j);
+        let mut found =
+            if doubtful { self.elsewhere(j, |end| self.votes.agree[end] > 1) } else { Vec::new() };
+        // Every ray passes somewhere: a detection determines a place with another or with a bone.
+        let has_bone = self.bones.iter().any(|bone| bone.joints.contains(&j));
+        if found.is_empty() || self.votes.agree[j] > if has_bone { 0 } else { 1 } {
+            found.insert(0, x);
+        }
+        found.retain(|x| x.x.is_finite());
+        let cost = |x: &Vector3<f64>| if doubtful { self.against(j, x) } else { 0.0 };
+        found.iter().map(|x| Place { at: *x, cost: cost(x) }).collect()
+    }
+
+    /// −log p of joint `j` at `x`, without its bones.
+    pub(super) fn against(&self, j: usize, x: &Vector3<f64>) -> f64 {
+        let prior = self.priors.map(|priors| &priors[j]);
+        let past = self.past.and_then(|past| past[j]);
+        let moved = past.map_or(0.0, |past| since(&(x - past)));
+        moved - self.mixture.of_joint(self.rays.of_joint(j), x, prior)
+    }
+
+    /// Where two rays of joint `j` meet that do not both agree on where it is, and where a ray
+    /// meets the sphere around the other end of a bone, of those `ends`.
+    pub(super) fn elsewhere(&self, j: usize, ends: impl Fn(usize) -> bool) -> Vec<Vector3<f64>> {
+        let (rays, sigma) = (self.rays.of_joint(j), self.solution.sigma[j]);
+        let x = &self.solution.points[j];
+        let agrees = |ray: &Ray| x.x.is_finite() && ray.offset(x).weight(sigma) >= REJECTED;
+        let mut found = Vec::new();
+        for (k, first) in rays.iter().enumerate().filter(|(_, ray)| ray.is_there()) {
+            let others = there(&rays[k + 1..]).filter(|other| !(agrees(first) && agrees(other)));
+            let meetings = others.filter_map(|other| meeting_point(first, other, sigma));
+            found.extend(meetings.map(|x| settled(rays, x, sigma)));
+            for bone in self.bones {
+                if let Some(end) = other_end(bone.joints, j).filter(|end| ends(*end)) {
+                    let centre = &self.solution.points[end];
+                    found.extend(meetings_with_sphere(first, centre, bone.length.mean));
+                }
+            }
+        }
+        found
+    }
+}
+
+/// −log of the probability of having moved this far since the past frame.
+fn since(moved: &Vector3<f64>) -> f64 {
+    let near = (-0.5 * moved.norm_squared() / (MOVED * MOVED)).exp();
+    -(JUMP + (1.0 - JUMP) * near).ln()
+}
+
+/// Bones as (child, parent, length) from the root of each tree outwards.
+fn tree(bones: &[Bone], joints: usize) -> Vec<(usize, usize, Length)> {
+    let mut order: Vec<(usize, usize, Length)> = Vec::with_capacity(bones.len());
+    let mut reached = vec![false; joints];
+    for root in 0..joints {
+        if reached[root] || !bones.iter().any(|bone| bone.joints.contains(&root)) {
+            continue;
+        }
+        reached[root] = true;
+        let mut ends = vec![root];
+        while let Some(parent) = ends.pop() {
+            for bone in bones {
+                if let Some(child) = other_end(bone.joints, parent).filter(|end| !reached[*end]) {
+                    reached[child] = true;
+                    order.push((child, parent, bone.length));
+                    ends.push(child);
+                }
+            }
+        }
+    }
+    order
+}
+
+/// The points of a ray at the distance `length` from `centre`, or the nearest one if it passes
+/// farther away, in front of the camera.
+fn meetings_with_sphere(
+    ray: &Ray,
+    centre: &Vector3<f64>,
+    length: f64,
+) -> impl Iterator<Item = Vector3<f64>> {
+    let offset = ray.offset(centre);
+    let half = (length * length - offset.across.norm_squared()).max(0.0).sqrt();
+    let (from, along, range) = (ray.centre, ray.direction, offset.range);
+    let ends = [range - half, range + half].into_iter().take(if half > 0.0 { 2 } else { 1 });
+    ends.filter(|r| *r > 0.0).map(move |r| from + along * r)
+}
+
+/// The stature that the well-seen bones show, and its standard error.
+fn shown_stature(proportions: &[Proportion], solution: &Solution, votes: &Votes) -> [f64; 2] {
+    let noise = solution.noise * solution.noise;
+    let shown = |p: &Proportion| {
+        let [a, b] = p.joints;
+        let agree = votes.agree[a].min(votes.agree[b]);
+        let few = if agree < ENOUGH { 4.0 } else { 1.0 };
+        let length = (solution.points[a] - solution.points[b]).norm();
+        (agree > 1).then_some(Shown { proportion: *p, length, variance: few * 2.0 * noise })
+    };
+    stature(proportions.iter().filter_map(shown))
+}
+
+/// Puts joints without a position on their rays, where their bone from a placed joint ends.
+pub(super) fn place(rays: &Rays, bones: &[Bone], points: &mut [Vector3<f64>]) {
+    for _ in 0..bones.len() {
+        let mut moved = false;
+        for bone in bones {
+            let [a, b] = bone.joints;
+            let (from, to) = match (points[a].x.is_finite(), points[b].x.is_finite()) {
+                (true, false) => (a, b),
+                (false, true) => (b, a),
+                _ => continue,
+            };
+            let ray = rays.of_joint(to).iter().find(|ray| ray.is_there());
+            let first = ray
+                .and_then(|ray| meetings_with_sphere(ray, &points[from], bone.length.mean).next());
+            if let Some(x) = first {
+                points[to] = x;
+                moved = true;
+            }
+        }
+        if !moved {
+            break;
+        }
+    }
+}
