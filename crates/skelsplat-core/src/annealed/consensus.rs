@@ -7,6 +7,16 @@ use super::rays::{Ray, midpoint, nearest_point, there};
 
 /// Weight k below which a detection is rejected: |e| above 2.4 σ.
 pub const REJECTED: f64 = 0.25;
+/// The same as |e|²/σ²: −4 ln k.
+const REACH: f64 = 4.0 * std::f64::consts::LN_2 * 2.0;
+
+/// Whether a detection is not rejected at `x`, in front of its camera, under a kernel of standard
+/// deviation `sigma`.
+#[inline]
+pub(super) fn agrees(ray: &Ray, x: &Vector3<f64>, sigma: f64) -> bool {
+    let offset = ray.offset(x);
+    offset.range > 0.0 && offset.across.norm_squared() <= REACH * sigma * sigma
+}
 /// Rays paired with all others before testing whether the best point is good enough.
 const ANCHORS: usize = 8;
 /// Agreement at which the search ends, in rays of the largest weight: three that agree.

@@ -7,8 +7,8 @@
 use nalgebra::Vector3;
 
 use super::equations::Coupling;
-use super::joints::Joints;
-use super::lanes::{lane, set_lane};
+use super::joints::{Group, Joints};
+use super::lanes::{LANES, lane, set_lane, set_lanes};
 use crate::bones::{Bone, Pull};
 use crate::matrix3::Symmetric;
 use crate::symmetry::LimbPair;
@@ -25,6 +25,8 @@ const SWEEPS: usize = 50;
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Link {
     coupling: Coupling,
+    /// Where its joints are.
+    slots: [usize; 4],
     /// D⁻¹ ∂r/∂x.
     moves: [Vector3<f64>; 4],
     /// 1/Λ + ∂rᵀ D⁻¹ ∂r.
@@ -83,57 +85,71 @@ impl Link {
                 }
             }
         }
-        let moves = [Vector3::zeros(); 4];
-        Self { coupling, moves, resistance: 0.0, multiplier: 0.0 }
+        let (slots, moves) = (coupling.joints.map(|j| joints.slot[j]), [Vector3::zeros(); 4]);
+        Self { coupling, slots, moves, resistance: 0.0, multiplier: 0.0 }
     }
 
     pub(super) fn coupling(&self) -> &Coupling {
         &self.coupling
     }
 
+    /// The places of its joints, each with ∂r/∂x.
+    fn ends(&self) -> impl Iterator<Item = (usize, &Vector3<f64>)> {
+        let n = if self.coupling.is_bone() { 2 } else { 4 };
+        self.slots[..n].iter().copied().zip(&self.coupling.gradient)
+    }
+
     /// Takes D⁻¹ of `joints`.
     fn prepare(&mut self, joints: &Joints) {
         self.multiplier = 0.0;
         self.resistance = 1.0 / self.coupling.precision;
-        for ((j, gradient), moves) in self.coupling.ends().zip(&mut self.moves) {
-            let (g, l) = joints.place_of(j);
-            let inverse = Symmetric(joints.groups[g].inverse.0.map(|a| lane(&a, l)));
+        let mut moves = [Vector3::zeros(); 4];
+        for ((s, gradient), moves) in self.ends().zip(&mut moves) {
+            let inverse = &joints.groups[s / LANES].inverse;
+            let inverse = Symmetric(inverse.0.map(|a| lane(&a, s % LANES)));
             *moves = inverse.times(&(*gradient).into()).into();
-            self.resistance += gradient.dot(moves);
         }
+        self.moves = moves;
+        let along = self.coupling.gradient.iter().zip(&moves).map(|(g, moves)| g.dot(moves));
+        self.resistance += along.sum::<f64>();
     }
 
-    /// Solves for the multiplier, given the other ones, and moves the joints' steps along; returns
-    /// by how much at most, mm.
-    fn relax(&mut self, joints: &mut Joints) -> f64 {
-        let mut off = self.coupling.residual - self.multiplier / self.coupling.precision;
-        for (j, gradient) in self.coupling.ends() {
-            let (g, l) = joints.place_of(j);
-            let step = &joints.groups[g].step;
-            off += (0..3).map(|a| gradient[a] * lane(&step[a], l)).sum::<f64>();
-        }
+    /// Solves for the multiplier, given the other ones, and moves the joints' `steps` along;
+    /// returns by how much at most, mm.
+    #[inline]
+    fn relax(&mut self, steps: &mut [Vector3<f64>]) -> f64 {
+        let off = self.ends().map(|(s, gradient)| gradient.dot(&steps[s])).sum::<f64>();
+        let off = off + self.coupling.residual - self.multiplier / self.coupling.precision;
         let by = off / self.resistance;
         self.multiplier += by;
         let mut farthest = 0.0_f64;
-        for ((j, _), moves) in self.coupling.ends().zip(&self.moves) {
-            let (g, l) = joints.place_of(j);
-            let moved = moves * by;
-            farthest = farthest.max(moved.norm());
-            for (s, moved) in joints.groups[g].step.iter_mut().zip(moved.iter()) {
-                set_lane(s, l, lane(s, l) - moved);
-            }
+        for ((s, _), moves) in self.ends().zip(&self.moves) {
+            farthest = farthest.max(moves.norm_squared());
+            steps[s] -= moves * by;
         }
-        farthest
+        farthest.sqrt() * by.abs()
     }
 }
 
-/// The steps of all joints, from those without couplings, to `exact` mm.
-pub(super) fn couple(links: &mut [Link], joints: &mut Joints, exact: f64) {
+/// The steps of all joints, from those without couplings, to `exact` mm. `steps` is scratch space.
+pub(super) fn couple(
+    links: &mut [Link],
+    joints: &mut Joints,
+    steps: &mut Vec<Vector3<f64>>,
+    exact: f64,
+) {
     links.iter_mut().for_each(|link| link.prepare(joints));
+    steps.clear();
+    for group in &joints.groups {
+        steps.extend(Group::lanes().map(|l| Vector3::from(group.step.map(|s| lane(&s, l)))));
+    }
     for _ in 0..SWEEPS {
-        let moved = links.iter_mut().map(|link| link.relax(joints)).fold(0.0, f64::max);
+        let moved = links.iter_mut().map(|link| link.relax(steps)).fold(0.0, f64::max);
         if moved <= exact {
             break;
         }
+    }
+    for (s, step) in steps.iter().enumerate() {
+        set_lanes(&mut joints.groups[s / LANES].step, s % LANES, step.as_slice());
     }
 }

@@ -17,7 +17,7 @@
 //! detections cannot be sure of them. A prior adds −½ (x−x⁰)ᵀ Π (x−x⁰) to log p and Π to H.
 
 use super::joints::{Group, Joints};
-use super::lanes::{Four, exp, lane};
+use super::lanes::{Four, LANES, exp, lane, ln, set_lane};
 use super::problem::Prior;
 use super::rays::{Ray, Rays, there};
 use crate::matrix3::Symmetric;
@@ -104,16 +104,27 @@ impl Mixture {
     /// log p of the rays of a joint at `x`, and of its prior, with the volume in which it may lie.
     pub fn of_joint(&self, rays: &[Ray], x: &Vector3<f64>, prior: Option<&Prior>) -> f64 {
         let (mut outer, mut weight, mut log_p) = (Symmetric::default(), 0.0, 0.0);
-        for (ray, wrong) in rays.iter().zip(&self.wrong).filter(|(ray, _)| ray.is_there()) {
-            let offset = ray.offset(x);
-            let square = Four::splat(offset.across.norm_squared());
+        for (rays, wrong) in rays.chunks(LANES).zip(self.wrong.chunks(LANES)) {
+            let [mut square, mut ahead, mut c] = [Four::ZERO; 3];
+            let mut share = Four::ONE;
+            for (l, (ray, wrong)) in rays.iter().zip(wrong).enumerate() {
+                if ray.is_there() {
+                    let offset = ray.offset(x);
+                    set_lane(&mut square, l, offset.across.norm_squared());
+                    set_lane(&mut ahead, l, if offset.range > 0.0 { 1.0 - wrong } else { 0.0 });
+                    set_lane(&mut share, l, *wrong);
+                    set_lane(&mut c, l, ray.weight);
+                }
+            }
             let (near, far) = self.densities(square);
-            let near = if offset.range > 0.0 { (1.0 - wrong) * lane(&near, 0) } else { 0.0 };
-            let p = near + wrong * lane(&self.astray(&far), 0);
-            log_p += ray.weight / self.weight * p.ln();
-            let w = near / p * ray.weight / self.variance;
-            outer.add_outer(w, &ray.direction.into());
-            weight += w;
+            let near = near * ahead;
+            let p = near + share * self.astray(&far);
+            log_p += (c * ln(p)).reduce_add() / self.weight;
+            let w = near / p * c * (1.0 / self.variance);
+            weight += w.reduce_add();
+            for (l, ray) in rays.iter().enumerate() {
+                outer.add_outer(lane(&w, l), &ray.direction.into());
+            }
         }
         let mut information = outer.below(weight, 1.0, 1.0 / self.widest);
         if let Some(prior) = prior {
@@ -163,7 +174,7 @@ impl Seen {
         for k in (view..self.near.len()).step_by(m) {
             let (there, near, far) = (self.there[k], self.near[k], self.far[k][s]);
             for (log, share) in log.iter_mut().zip(SHARES) {
-                *log += there * (near * (1.0 - share) + far * share).ln();
+                *log += there * ln(near * (1.0 - share) + far * share);
             }
         }
         let log = log.map(Four::reduce_add);
@@ -223,7 +234,7 @@ pub(super) fn evidence(joints: &Joints, variance: f64, widest: f64) -> Evidence 
         let least = Four::splat(1.0 / widest);
         let mut information = outer.below(weight, Four::splat(1.0 / variance), least);
         log -= joints.against_priors(g, &mut information);
-        let volume = information.determinant(&information.cofactors()).ln() * 0.5;
+        let volume = ln(information.determinant(&information.cofactors())) * 0.5;
         log -= Group::lanes().map(|l| lane(&group.live, l) * lane(&volume, l)).sum::<f64>();
     }
     Evidence { log, wrong: (count - correct) / f64::max(count, 1.0), mixture }

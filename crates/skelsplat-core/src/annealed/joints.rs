@@ -2,13 +2,13 @@
 
 use nalgebra::Vector3;
 
-use super::consensus::REJECTED;
+use super::consensus::agrees;
 use super::depth::may_be_fixed;
 use super::equations::inverse_of;
 use super::lanes::{Four, FourSymmetric, LANES, ZERO, exp, lane, set_lane, set_lanes};
 use super::noise::{Residuals, scale_of};
 use super::problem::{Annealing, Prior};
-use super::rays::{Ray, Rays, there};
+use super::rays::{Rays, there};
 use super::starts::{WIDE, in_front, is_narrow, nearest_to_all};
 use crate::matrix3::Symmetric;
 use crate::symmetry::LimbPair;
@@ -325,8 +325,7 @@ impl Joints {
             // The remaining rays may be parallel because others contradict them: then all rays are
             // tested.
             let (x, sigma) = (self.at(j), self.sigma(j));
-            let agrees = |ray: &&Ray| ray.offset(&x).weight(sigma) >= REJECTED;
-            let two = there(of_joint).filter(agrees).count() > 1;
+            let two = there(of_joint).filter(|ray| agrees(ray, &x, sigma)).count() > 1;
             if !may_be_fixed(of_joint, &x, if two { sigma } else { f64::INFINITY }) {
                 self.put(j, &Vector3::repeat(f64::NAN));
             }

@@ -53,6 +53,31 @@ pub(super) fn exp(x: Four) -> Four {
     Four::new([scaled(0), scaled(1), scaled(2), scaled(3)])
 }
 
+/// √½, of which logarithms take multiples by powers of 2: its first 20 bits.
+const ROOT_HALF: u64 = 0x3fe6_a09e_0000_0000;
+/// The bits of 1.
+const ONE: u64 = 0x3ff0_0000_0000_0000;
+/// The bits of 2⁵², which holds integers in its last bits.
+const TO_BITS: u64 = 0x4330_0000_0000_0000;
+
+/// The natural logarithm of positive normal numbers, to 1e-13: of 2ᵏ m with m from √½ to √2, that
+/// of m = (1 + s)/(1 − s) is 2 (s + s³/3 + s⁵/5 + …).
+#[inline(always)]
+pub(super) fn ln(x: Four) -> Four {
+    let bits = x.to_array().map(f64::to_bits);
+    let exponent = bits.map(|b| b.wrapping_add(ONE - ROOT_HALF) >> 52);
+    let whole = Four::new(exponent.map(|k| f64::from_bits(k | TO_BITS)));
+    let whole = whole - f64::from_bits((ONE >> 52) | TO_BITS);
+    let mut m = [0.0; LANES];
+    (0..LANES).for_each(|l| m[l] = f64::from_bits(bits[l].wrapping_add(ONE - (exponent[l] << 52))));
+    let m = Four::new(m);
+    let s = (m - 1.0) / (m + 1.0);
+    let t = s * s;
+    let (t2, odd) = (t * t, |n: f64| t * (1.0 / (n + 2.0)) + 1.0 / n);
+    let series = odd(1.0) + t2 * (odd(5.0) + t2 * (odd(9.0) + t2 * odd(13.0)));
+    whole * std::f64::consts::LN_2 + (s + s) * series
+}
+
 /// The value of one of the four.
 #[inline(always)]
 pub(super) fn lane(v: &Four, l: usize) -> f64 {

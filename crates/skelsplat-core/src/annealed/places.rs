@@ -11,7 +11,7 @@
 
 use nalgebra::Vector3;
 
-use super::consensus::{REJECTED, meeting_point, settled};
+use super::consensus::{agrees, meeting_point, settled};
 use super::evidence::Mixture;
 use super::problem::{Prior, Solution};
 use super::rays::{Ray, Rays, there};
@@ -45,7 +45,7 @@ impl Votes {
         };
         let agree = |j: usize| {
             let (x, sigma) = (&solution.points[j], solution.sigma[j]);
-            count(j, &|ray| x.x.is_finite() && ray.offset(x).weight(sigma) >= REJECTED)
+            count(j, &|ray| agrees(ray, x, sigma))
         };
         let joints = 0..rays.n_joints();
         Self {
@@ -166,7 +166,7 @@ impl PlaceSearch<'_> {
     pub(super) fn elsewhere(&self, j: usize, ends: impl Fn(usize) -> bool) -> Vec<Vector3<f64>> {
         let (rays, sigma) = (self.rays.of_joint(j), self.solution.sigma[j]);
         let x = &self.solution.points[j];
-        let agrees = |ray: &Ray| x.x.is_finite() && ray.offset(x).weight(sigma) >= REJECTED;
+        let agrees = |ray: &Ray| agrees(ray, x, sigma);
         let mut found = Vec::new();
         for (k, first) in rays.iter().enumerate().filter(|(_, ray)| ray.is_there()) {
             let others = there(&rays[k + 1..]).filter(|other| !(agrees(first) && agrees(other)));

@@ -46,6 +46,8 @@ pub(super) struct Solver {
     pub(super) n_iter: usize,
     pub(super) converged: bool,
     links: Vec<Link>,
+    /// Steps of the joints, while couplings are solved.
+    steps: Vec<Vector3<f64>>,
 }
 
 /// Joints and noise at one moment.
@@ -58,8 +60,9 @@ pub(super) struct Moment {
 impl Solver {
     /// Of joints that have their places, under this model of the noise.
     pub(super) fn new(joints: Joints, model: NoiseModel) -> Self {
+        let (links, steps) = (Vec::new(), Vec::new());
         let mut solver =
-            Self { joints, variance: 0.0, model, n_iter: 0, converged: false, links: Vec::new() };
+            Self { joints, variance: 0.0, model, n_iter: 0, converged: false, links, steps };
         let scale = solver.scale(false);
         solver.variance = model.variance(std::iter::empty(), f64::INFINITY, scale);
         solver
@@ -171,7 +174,7 @@ impl Solver {
             group.step = group.inverse.times(&group.pull);
         }
         if !self.links.is_empty() {
-            couple(&mut self.links, &mut self.joints, 0.5 * small);
+            couple(&mut self.links, &mut self.joints, &mut self.steps, 0.5 * small);
         }
     }
 
