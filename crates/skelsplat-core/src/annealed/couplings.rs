@@ -1,14 +1,13 @@
 //! Scalar residuals that couple joints: limbs of equal length, and bones.
 //!
 //! With H = D + G Λ Gᵀ and the multipliers λ of the couplings, the step is D⁻¹(b − G λ) where λ =
-//! Λ (Gᵀ δ + r). Few couplings overlap, so that solving for one multiplier after another (Gauss and
-//! Seidel, on the dual) ends after a few sweeps.
+//! (Λ⁻¹ + Gᵀ D⁻¹ G)⁻¹ (r + Gᵀ D⁻¹ b).
 
-use nalgebra::Vector3;
+use nalgebra::{Cholesky, DMatrix, DMatrixViewMut, Vector3};
 
-use super::equations::Coupling;
-use super::joints::{Group, Joints};
-use super::lanes::{LANES, lane, set_lane, set_lanes};
+use super::equations::{Coupling, RIDGE};
+use super::joints::Joints;
+use super::lanes::{LANES, lane, set_lane};
 use crate::bones::{Bone, Pull};
 use crate::matrix3::Symmetric;
 use crate::symmetry::LimbPair;
@@ -18,8 +17,6 @@ use crate::symmetry::LimbPair;
 const SYMMETRY_REACH: f64 = 3.0;
 /// Precision relative to that of σ_sym, or of 1 mm for a bone, below which a coupling is left out.
 const LEAST: f64 = 1e-12;
-/// Most sweeps over the multipliers.
-const SWEEPS: usize = 50;
 
 /// A coupling during a step.
 #[derive(Debug, Clone, Copy)]
@@ -29,10 +26,6 @@ pub(super) struct Link {
     slots: [usize; 4],
     /// D⁻¹ ∂r/∂x.
     moves: [Vector3<f64>; 4],
-    /// 1/Λ + ∂rᵀ D⁻¹ ∂r.
-    resistance: f64,
-    /// λ.
-    multiplier: f64,
 }
 
 /// The coupling of a pair of limbs at these positions; `None` if they have none or it has faded.
@@ -86,7 +79,7 @@ impl Link {
             }
         }
         let (slots, moves) = (coupling.joints.map(|j| joints.slot[j]), [Vector3::zeros(); 4]);
-        Self { coupling, slots, moves, resistance: 0.0, multiplier: 0.0 }
+        Self { coupling, slots, moves }
     }
 
     pub(super) fn coupling(&self) -> &Coupling {
@@ -101,8 +94,6 @@ impl Link {
 
     /// Takes D⁻¹ of `joints`.
     fn prepare(&mut self, joints: &Joints) {
-        self.multiplier = 0.0;
-        self.resistance = 1.0 / self.coupling.precision;
         let mut moves = [Vector3::zeros(); 4];
         for ((s, gradient), moves) in self.ends().zip(&mut moves) {
             let inverse = &joints.groups[s / LANES].inverse;
@@ -110,46 +101,48 @@ impl Link {
             *moves = inverse.times(&(*gradient).into()).into();
         }
         self.moves = moves;
-        let along = self.coupling.gradient.iter().zip(&moves).map(|(g, moves)| g.dot(moves));
-        self.resistance += along.sum::<f64>();
     }
 
-    /// Solves for the multiplier, given the other ones, and moves the joints' `steps` along;
-    /// returns by how much at most, mm.
-    #[inline]
-    fn relax(&mut self, steps: &mut [Vector3<f64>]) -> f64 {
-        let off = self.ends().map(|(s, gradient)| gradient.dot(&steps[s])).sum::<f64>();
-        let off = off + self.coupling.residual - self.multiplier / self.coupling.precision;
-        let by = off / self.resistance;
-        self.multiplier += by;
-        let mut farthest = 0.0_f64;
-        for ((s, _), moves) in self.ends().zip(&self.moves) {
-            farthest = farthest.max(moves.norm_squared());
-            steps[s] -= moves * by;
-        }
-        farthest.sqrt() * by.abs()
+    /// ∂rᵀ D⁻¹ ∂r of two couplings.
+    fn times(&self, other: &Self) -> f64 {
+        let shared = |(s, gradient): (usize, &Vector3<f64>)| {
+            let moves = other.ends().zip(&other.moves).filter(|((o, _), _)| *o == s);
+            moves.map(|(_, moves)| gradient.dot(moves)).sum::<f64>()
+        };
+        self.ends().map(shared).sum()
     }
 }
 
-/// The steps of all joints, from those without couplings, to `exact` mm. `steps` is scratch space.
+/// The steps of all joints, from those without couplings. `q` and `multipliers` are scratch space.
 pub(super) fn couple(
     links: &mut [Link],
     joints: &mut Joints,
-    steps: &mut Vec<Vector3<f64>>,
-    exact: f64,
+    q: &mut Vec<f64>,
+    multipliers: &mut Vec<f64>,
 ) {
     links.iter_mut().for_each(|link| link.prepare(joints));
-    steps.clear();
-    for group in &joints.groups {
-        steps.extend(Group::lanes().map(|l| Vector3::from(group.step.map(|s| lane(&s, l)))));
+    q.clear();
+    multipliers.clear();
+    for (b, link) in links.iter().enumerate() {
+        q.resize((links.len() + 1) * b, 0.0);
+        q.extend(links[b..].iter().map(|other| other.times(link)));
+        q[(links.len() + 1) * b] =
+            RIDGE * (q[(links.len() + 1) * b] + 1.0 / link.coupling.precision);
+        let along = |(s, gradient): (usize, &Vector3<f64>)| {
+            gradient.dot(&Vector3::from(joints.groups[s / LANES].step.map(|v| lane(&v, s % LANES))))
+        };
+        multipliers.push(link.coupling.residual + link.ends().map(along).sum::<f64>());
     }
-    for _ in 0..SWEEPS {
-        let moved = links.iter_mut().map(|link| link.relax(steps)).fold(0.0, f64::max);
-        if moved <= exact {
-            break;
+    let n = links.len();
+    let Some(factor) = Cholesky::new(DMatrix::from_vec(n, n, std::mem::take(q))) else { return };
+    factor.solve_mut(&mut DMatrixViewMut::from_slice(multipliers, n, 1));
+    *q = factor.unpack_dirty().data.into();
+    for (link, by) in links.iter().zip(multipliers) {
+        for ((s, _), moves) in link.ends().zip(&link.moves) {
+            for (step, moves) in joints.groups[s / LANES].step.iter_mut().zip(moves.iter()) {
+                let v = lane(step, s % LANES);
+                set_lane(step, s % LANES, v - moves * *by);
+            }
         }
-    }
-    for (s, step) in steps.iter().enumerate() {
-        set_lanes(&mut joints.groups[s / LANES].step, s % LANES, step.as_slice());
     }
 }

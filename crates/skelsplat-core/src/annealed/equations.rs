@@ -59,7 +59,7 @@ impl Coupling {
 }
 
 /// Factor on the diagonal of Q, so that rounding leaves it positive definite.
-const RIDGE: f64 = 1.0 + 1e-12;
+pub(super) const RIDGE: f64 = 1.0 + 1e-12;
 
 /// The diagonal blocks of H⁻¹; zero where a joint is not determined.
 pub fn covariances(blocks: &[Matrix3<f64>], couplings: &[Coupling]) -> Vec<Matrix3<f64>> {

@@ -46,8 +46,8 @@ pub(super) struct Solver {
     pub(super) n_iter: usize,
     pub(super) converged: bool,
     links: Vec<Link>,
-    /// Steps of the joints, while couplings are solved.
-    steps: Vec<Vector3<f64>>,
+    /// Scratch space of [`couple`].
+    scratch: [Vec<f64>; 2],
 }
 
 /// Joints and noise at one moment.
@@ -60,9 +60,9 @@ pub(super) struct Moment {
 impl Solver {
     /// Of joints that have their places, under this model of the noise.
     pub(super) fn new(joints: Joints, model: NoiseModel) -> Self {
-        let (links, steps) = (Vec::new(), Vec::new());
+        let (links, scratch) = (Vec::new(), Default::default());
         let mut solver =
-            Self { joints, variance: 0.0, model, n_iter: 0, converged: false, links, steps };
+            Self { joints, variance: 0.0, model, n_iter: 0, converged: false, links, scratch };
         let scale = solver.scale(false);
         solver.variance = model.variance(std::iter::empty(), f64::INFINITY, scale);
         solver
@@ -100,7 +100,7 @@ impl Solver {
             self.joints.sum::<false>(1.0 / self.variance, damping);
             self.link(terms);
             let small = annealing.tolerance * self.noise();
-            self.solve(small);
+            self.solve();
             self.n_iter += 1;
             let longest = self.step(small, steady);
             let before = self.variance;
@@ -152,8 +152,8 @@ impl Solver {
         }
     }
 
-    /// The steps of all joints, to half of a `small` one.
-    fn solve(&mut self, small: f64) {
+    /// The steps of all joints.
+    fn solve(&mut self) {
         for group in &mut self.joints.groups {
             if group.is_settled() {
                 (group.step, group.inverse) = ([Four::ZERO; 3], ZERO);
@@ -174,7 +174,8 @@ impl Solver {
             group.step = group.inverse.times(&group.pull);
         }
         if !self.links.is_empty() {
-            couple(&mut self.links, &mut self.joints, &mut self.steps, 0.5 * small);
+            let [q, multipliers] = &mut self.scratch;
+            couple(&mut self.links, &mut self.joints, q, multipliers);
         }
     }
 
