@@ -345,7 +345,8 @@ impl Joints {
         self.put(j, x);
         let off = there(rays.of_joint(j)).map(|ray| ray.offset(x).across.norm_squared());
         let farthest = off.fold(0.0, f64::max).sqrt();
-        let sigma = farthest.min(annealing.start).max(LEAST_KERNEL * annealing.end[j]);
+        let least = if x.x.is_nan() { 1.0 } else { LEAST_KERNEL };
+        let sigma = farthest.min(annealing.start).max(least * annealing.end[j]);
         self.set_sigma(j, sigma);
     }
 }

@@ -68,9 +68,8 @@ pub(super) fn ln(x: Four) -> Four {
     let exponent = bits.map(|b| b.wrapping_add(ONE - ROOT_HALF) >> 52);
     let whole = Four::new(exponent.map(|k| f64::from_bits(k | TO_BITS)));
     let whole = whole - f64::from_bits((ONE >> 52) | TO_BITS);
-    let mut m = [0.0; LANES];
-    (0..LANES).for_each(|l| m[l] = f64::from_bits(bits[l].wrapping_add(ONE - (exponent[l] << 52))));
-    let m = Four::new(m);
+    let of_unit = |l: usize| bits[l].wrapping_sub(exponent[l] << 52).wrapping_add(ONE);
+    let m = Four::new([0, 1, 2, 3].map(|l| f64::from_bits(of_unit(l))));
     let s = (m - 1.0) / (m + 1.0);
     let t = s * s;
     let (t2, odd) = (t * t, |n: f64| t * (1.0 / (n + 2.0)) + 1.0 / n);

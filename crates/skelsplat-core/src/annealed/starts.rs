@@ -3,9 +3,8 @@
 
 use nalgebra::Vector3;
 
-use super::consensus::best_pair;
 use super::depth::may_be_fixed;
-use super::problem::{Annealing, Prior};
+use super::problem::Prior;
 use super::rays::{Ray, Rays, nearest_with_spread, there};
 
 /// cos 15°.
@@ -40,19 +39,13 @@ pub(super) fn is_narrow(rays: &[Ray]) -> bool {
     rays.all(|ray| ray.direction.dot(&first) > NARROW)
 }
 
-/// The point nearest to all rays of joint `j`. If a detection that is far off puts it behind every
-/// camera or leaves it without a depth, the point between two rays on which most agree. NaN if the
-/// rays do not determine it or its depth.
+/// The point nearest to all rays of joint `j`; NaN if they do not determine it or its depth, or put
+/// it behind every camera.
 pub fn nearest_to_all(rays: &Rays, j: usize) -> Vector3<f64> {
-    let of_joint = rays.of_joint(j);
-    let nan = Vector3::repeat(f64::NAN);
-    let Some((x, spread)) = nearest_with_spread(of_joint, |_, ray| ray.weight) else { return nan };
-    if in_front(of_joint, &x) && (spread > WIDE || may_be_fixed(of_joint, &x, f64::INFINITY)) {
-        return x;
-    }
-    if there(of_joint).count() < 3 {
-        return nan;
-    }
-    let pair = best_pair(of_joint, &x, Annealing::END).map(|(x, _)| x);
-    pair.filter(|x| may_be_fixed(of_joint, x, Annealing::END)).unwrap_or(nan)
+    let rays = rays.of_joint(j);
+    let is_seen = |(x, spread): &(Vector3<f64>, f64)| {
+        in_front(rays, x) && (*spread > WIDE || may_be_fixed(rays, x, f64::INFINITY))
+    };
+    let found = nearest_with_spread(rays, |_, ray| ray.weight).filter(is_seen);
+    found.map_or_else(|| Vector3::repeat(f64::NAN), |(x, _)| x)
 }
