@@ -10,7 +10,7 @@ use super::places::{PlaceSearch, Votes, needed, place};
 use super::posterior::{Explanation, error_bars};
 use super::problem::{Annealing, Prior, Solution};
 use super::rays::{Rays, there};
-use super::solver::{Moment, Solver, Terms};
+use super::solver::{Solver, Terms};
 use super::starts::{Before, PRIOR_REACH, nearest_to_all};
 use super::swaps::{self, Chain, Swap};
 use crate::bones::Bone;
@@ -229,31 +229,33 @@ impl AnnealedFrame<'_> {
         attempt
     }
 
-    /// Anneals to the configured kernels. On the way there are those that follow larger noise: they
-    /// are followed where that explains the frame better, and where no joint has three views, since
-    /// nothing outvotes a wrong detection there. Returns whether they are, and the narrow
-    /// explanation if so.
-    fn anneal(&self, rays: &Rays, solver: &mut Solver) -> (bool, Option<Moment>) {
+    /// Anneals to the configured kernels, and to those that follow larger noise: these are kept
+    /// where that explains the frame better, and where no joint has three views, since nothing
+    /// outvotes a wrong detection there. Returns whether they are, and the narrow explanation if
+    /// so.
+    fn anneal(&self, rays: &Rays, solver: &mut Solver) -> (bool, Option<Solver>) {
         let annealing = &self.annealing;
         if solver.model != NoiseModel::Estimated || !annealing.per_noise.is_finite() {
             let follows = annealing.per_noise.is_finite();
-            solver.run(&self.terms(follows, &[]), |_| true, None);
+            solver.run(&self.terms(follows, &[]), |_| true);
             return (follows, None);
         }
-        let mut wide = None;
-        solver.run(&self.terms(false, &[]), |_| true, Some(&mut wide));
-        let is_noisy = annealing.per_noise * solver.noise() >= annealing.base;
-        let Some(mut narrow) = wide.filter(|_| is_noisy) else { return (false, None) };
-        let explained =
-            |solver: &Solver| evidence(&solver.joints, solver.variance, annealing.start).log;
-        let least = if can_outvote(rays) { explained(solver) } else { f64::NEG_INFINITY };
-        solver.exchange(&mut narrow);
-        solver.run(&self.terms(true, &[]), |_| true, None);
-        if solver.noise() > annealing.start || explained(solver) <= least {
-            solver.exchange(&mut narrow);
+        solver.run(&self.terms(false, &[]), |_| true);
+        if annealing.per_noise * solver.noise() < annealing.base {
             return (false, None);
         }
-        (true, Some(narrow))
+        let mut wide = solver.clone();
+        wide.joints.start(rays, annealing);
+        wide.run(&self.terms(true, &[]), |_| true);
+        let is_better = || self.log_evidence(&wide) > self.log_evidence(solver);
+        if wide.noise() > annealing.start || can_outvote(rays) && !is_better() {
+            return (false, None);
+        }
+        (true, Some(std::mem::replace(solver, wide)))
+    }
+
+    fn log_evidence(&self, solver: &Solver) -> f64 {
+        evidence(&solver.joints, solver.variance, self.annealing.start).log
     }
 
     /// The pose with priors. The noise is that without them, so that a wrong prior is not mistaken
@@ -264,23 +266,16 @@ impl AnnealedFrame<'_> {
         found: &mut Attempt,
         pose: &[Option<Vector3<f64>>],
         priors: &[Prior],
-        narrow: Option<Moment>,
+        narrow: Option<Solver>,
     ) {
-        let mut other = narrow.map(|mut narrow| {
-            let mut solver = found.solver.clone();
-            solver.exchange(&mut narrow);
-            solver
-        });
         self.begin_at(&mut found.solver, &found.rays, pose, priors);
         found.init = found.solver.solution().points;
-        found.solver.run(&self.terms(found.follows_noise, &[]), |_| true, None);
-        if let Some(solver) = &mut other {
-            self.begin_at(solver, &found.rays, pose, priors);
-            solver.run(&self.terms(false, &[]), |_| true, None);
-            let log = evidence(&solver.joints, solver.variance, self.annealing.start).log;
-            if log >= found.evidence(self).log {
-                std::mem::swap(&mut found.solver, solver);
-                found.follows_noise = false;
+        found.solver.run(&self.terms(found.follows_noise, &[]), |_| true);
+        if let Some(mut narrow) = narrow {
+            self.begin_at(&mut narrow, &found.rays, pose, priors);
+            narrow.run(&self.terms(false, &[]), |_| true);
+            if self.log_evidence(&narrow) >= self.log_evidence(&found.solver) {
+                (found.solver, found.follows_noise) = (narrow, false);
             }
         }
     }
@@ -323,7 +318,7 @@ impl AnnealedFrame<'_> {
             found.init[j] = x;
         }
         if lost.iter().zip(pose).any(|(lost, x)| *lost && x.is_some()) {
-            found.solver.run(&self.terms(found.follows_noise, &[]), |_| true, None);
+            found.solver.run(&self.terms(found.follows_noise, &[]), |_| true);
         }
     }
 
@@ -365,7 +360,7 @@ impl AnnealedFrame<'_> {
             found.solver.joints.put(j, x);
         }
         let terms = Terms { enter: f64::INFINITY, ..self.terms(found.follows_noise, &bones) };
-        found.solver.run(&terms, near, None);
+        found.solver.run(&terms, near);
         found.bones = bones;
         has_moved
     }
@@ -379,7 +374,7 @@ impl AnnealedFrame<'_> {
             let x = nearest_to_all(&rays, *j);
             solver.joints.begin(&rays, &self.annealing, *j, &x);
         }
-        solver.run(&self.terms(found.follows_noise, &[]), |_| true, None);
+        solver.run(&self.terms(found.follows_noise, &[]), |_| true);
         if self.priors().is_none() {
             solver.joints.drop_undetermined(&rays);
         }

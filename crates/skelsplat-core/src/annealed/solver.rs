@@ -50,13 +50,6 @@ pub(super) struct Solver {
     scratch: [Vec<f64>; 2],
 }
 
-/// Joints and noise at one moment.
-#[derive(Debug, Clone)]
-pub(super) struct Moment {
-    groups: Vec<Group>,
-    variance: f64,
-}
-
 impl Solver {
     /// Of joints that have their places, under this model of the noise.
     pub(super) fn new(joints: Joints, model: NoiseModel) -> Self {
@@ -73,23 +66,8 @@ impl Solver {
         (self.variance / self.joints.weight).sqrt()
     }
 
-    pub(super) fn moment(&self) -> Moment {
-        Moment { groups: self.joints.groups.clone(), variance: self.variance }
-    }
-
-    pub(super) fn exchange(&mut self, other: &mut Moment) {
-        std::mem::swap(&mut self.joints.groups, &mut other.groups);
-        std::mem::swap(&mut self.variance, &mut other.variance);
-    }
-
-    /// Anneals the joints for which `moves` is true from where they are. `wide` takes the state
-    /// at which kernels that follow the noise would stop narrowing, if there is such a state.
-    pub(super) fn run(
-        &mut self,
-        terms: &Terms<'_>,
-        moves: impl Fn(usize) -> bool,
-        mut wide: Option<&mut Option<Moment>>,
-    ) {
+    /// Anneals the joints for which `moves` is true from where they are.
+    pub(super) fn run(&mut self, terms: &Terms<'_>, moves: impl Fn(usize) -> bool) {
         self.release(terms, moves);
         let annealing = terms.annealing;
         let damping = annealing.start.powi(-2);
@@ -105,11 +83,6 @@ impl Solver {
             let longest = self.step(small, steady);
             let before = self.variance;
             self.estimate_noise(terms.follows_noise);
-            if let Some(wide) = wide.as_deref_mut().filter(|wide| wide.is_none())
-                && self.would_stop(annealing)
-            {
-                *wide = Some(self.moment());
-            }
             steady = !terms.follows_noise || (self.variance / before - 1.0).abs() < STEADY;
             self.converged = self.narrow(terms) && steady && longest <= small;
         }
@@ -202,28 +175,11 @@ impl Solver {
         longest
     }
 
-    /// How far above the configured kernels final ones end that follow the noise; at least 1.
-    fn share(&self, annealing: &Annealing) -> f64 {
-        UPWARDS * annealing.per_noise * self.noise() / annealing.base
-    }
-
-    /// Whether kernels that follow the noise would end here.
-    fn would_stop(&self, annealing: &Annealing) -> bool {
-        let share = self.share(annealing);
-        let joints = &self.joints;
-        let ends = |j: usize| {
-            let (g, l) = joints.place_of(j);
-            let next = joints.sigma(j) * annealing.factor;
-            !joints.groups[g].settled[l] && next < annealing.end[j] * share
-        };
-        share > 1.0 && (0..joints.n_joints).any(ends)
-    }
-
     /// Narrows the kernels; returns whether all are final.
     fn narrow(&mut self, terms: &Terms<'_>) -> bool {
         let annealing = terms.annealing;
         let share = annealing.per_noise * self.noise() / annealing.base;
-        let most = if terms.follows_noise { self.share(annealing) } else { 1.0 };
+        let most = if terms.follows_noise { UPWARDS * share } else { 1.0 };
         let share = share.min(most.max(1.0));
         let mut done = true;
         let joints = &mut self.joints;
