@@ -6,7 +6,7 @@ use super::depth::is_fixed;
 use super::evidence::{Evidence, can_outvote, evidence, of_few};
 use super::joints::Joints;
 use super::noise::NoiseModel;
-use super::places::{PlaceSearch, Votes, needed, place};
+use super::places::{PlaceSearch, Votes, needed};
 use super::posterior::{Explanation, error_bars};
 use super::problem::{Annealing, Prior, Solution};
 use super::rays::{Rays, there};
@@ -325,14 +325,13 @@ impl AnnealedFrame<'_> {
     /// Doubtful joints move to their most likely places, and the joints around them are solved with
     /// their bones. Returns whether that tells others more about the noise: any has moved.
     fn make_moves(&self, found: &mut Attempt) -> bool {
-        let mut solution = found.solver.solution();
+        let solution = found.solver.solution();
         let votes = Votes::of(&found.rays, &solution);
         let n = found.rays.n_joints();
         if !(0..n).any(|j| votes.is_doubtful(j)) {
             return false;
         }
         let bones = needed(self.expected, &solution, &votes).unwrap_or_default();
-        place(&found.rays, &bones, &mut solution.points);
         let search = PlaceSearch {
             rays: &found.rays,
             bones: &bones,

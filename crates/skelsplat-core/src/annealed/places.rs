@@ -238,28 +238,3 @@ fn shown_stature(proportions: &[Proportion], solution: &Solution, votes: &Votes)
     };
     stature(proportions.iter().filter_map(shown))
 }
-
-/// Puts joints without a position on their rays, where their bone from a placed joint ends.
-pub(super) fn place(rays: &Rays, bones: &[Bone], points: &mut [Vector3<f64>]) {
-    for _ in 0..bones.len() {
-        let mut moved = false;
-        for bone in bones {
-            let [a, b] = bone.joints;
-            let (from, to) = match (points[a].x.is_finite(), points[b].x.is_finite()) {
-                (true, false) => (a, b),
-                (false, true) => (b, a),
-                _ => continue,
-            };
-            let ray = rays.of_joint(to).iter().find(|ray| ray.is_there());
-            let first = ray
-                .and_then(|ray| meetings_with_sphere(ray, &points[from], bone.length.mean).next());
-            if let Some(x) = first {
-                points[to] = x;
-                moved = true;
-            }
-        }
-        if !moved {
-            break;
-        }
-    }
-}

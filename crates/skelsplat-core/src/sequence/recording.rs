@@ -347,7 +347,9 @@ impl Recording<'_> {
         let shown = || {
             let noise = self.noise(&run, &residuals);
             let process_noise = process_noise::learn(&tracks, self.fps, &noise.of_joints());
-            Common { noise, process_noise, ..first.clone() }
+            let lengths =
+                learn::lengths(&tracks, &run.points, &first.bones, self.refiner.expected());
+            Common { noise, process_noise, lengths, ..first.clone() }
         };
         let wide = known.map_or_else(shown, |known| known.wide.clone());
         let (points, steps) = (run.points, run.n_iter);
