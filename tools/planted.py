@@ -45,8 +45,8 @@ cargo --test suite overlap::
 
 coupled limbs move their joints in the wrong direction | sign in a solver
 tests/parity/test_annealed.py, cargo --test suite annealed::
--set_lane(s, l, lane(s, l) - moved);
-+set_lane(s, l, lane(s, l) + moved);
+-set_lane(step, s % LANES, v - moves * *by);
++set_lane(step, s % LANES, v + moves * *by);
 
 the Jacobian of tangential distortion mixes x and y | swapped index
 cargo --test suite camera::
