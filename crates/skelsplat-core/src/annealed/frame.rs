@@ -215,13 +215,13 @@ impl AnnealedFrame<'_> {
         let mut joints = Joints::new(&rays, self.pairs);
         joints.start(&rays, &self.annealing);
         let mut solver = Solver::new(joints, self.annealing.noise);
-        let (follows_noise, narrow) = self.anneal(&rays, &mut solver);
+        let follows_noise = self.anneal(&rays, &mut solver);
         solver.joints.drop_undetermined(&rays);
         let found = solver.solution().points;
         let mut attempt = Attempt { rays, init: found, solver, follows_noise, bones: Vec::new() };
         match &self.before {
             Some(Before { pose, priors: Some(priors), .. }) => {
-                self.inform(&mut attempt, pose, priors, narrow);
+                self.inform(&mut attempt, pose, priors);
             }
             Some(before) => self.complete(&mut attempt, &before.pose),
             None => (),
@@ -231,27 +231,27 @@ impl AnnealedFrame<'_> {
 
     /// Anneals to the configured kernels, and to those that follow larger noise: these are kept
     /// where that explains the frame better, and where no joint has three views, since nothing
-    /// outvotes a wrong detection there. Returns whether they are, and the narrow explanation if
-    /// so.
-    fn anneal(&self, rays: &Rays, solver: &mut Solver) -> (bool, Option<Solver>) {
+    /// outvotes a wrong detection there. Returns whether they are.
+    fn anneal(&self, rays: &Rays, solver: &mut Solver) -> bool {
         let annealing = &self.annealing;
         if solver.model != NoiseModel::Estimated || !annealing.per_noise.is_finite() {
             let follows = annealing.per_noise.is_finite();
             solver.run(&self.terms(follows, &[]), |_| true);
-            return (follows, None);
+            return follows;
         }
         solver.run(&self.terms(false, &[]), |_| true);
         if annealing.per_noise * solver.noise() < annealing.base {
-            return (false, None);
+            return false;
         }
         let mut wide = solver.clone();
         wide.joints.start(rays, annealing);
         wide.run(&self.terms(true, &[]), |_| true);
         let is_better = || self.log_evidence(&wide) > self.log_evidence(solver);
         if wide.noise() > annealing.start || can_outvote(rays) && !is_better() {
-            return (false, None);
+            return false;
         }
-        (true, Some(std::mem::replace(solver, wide)))
+        *solver = wide;
+        true
     }
 
     fn log_evidence(&self, solver: &Solver) -> f64 {
@@ -259,25 +259,11 @@ impl AnnealedFrame<'_> {
     }
 
     /// The pose with priors. The noise is that without them, so that a wrong prior is not mistaken
-    /// for detection noise. Where the noise requires wider kernels, the priors take part in the
-    /// decision whether it is noise.
-    fn inform(
-        &self,
-        found: &mut Attempt,
-        pose: &[Option<Vector3<f64>>],
-        priors: &[Prior],
-        narrow: Option<Solver>,
-    ) {
+    /// for detection noise.
+    fn inform(&self, found: &mut Attempt, pose: &[Option<Vector3<f64>>], priors: &[Prior]) {
         self.begin_at(&mut found.solver, &found.rays, pose, priors);
         found.init = found.solver.solution().points;
         found.solver.run(&self.terms(found.follows_noise, &[]), |_| true);
-        if let Some(mut narrow) = narrow {
-            self.begin_at(&mut narrow, &found.rays, pose, priors);
-            narrow.run(&self.terms(false, &[]), |_| true);
-            if self.log_evidence(&narrow) >= self.log_evidence(&found.solver) {
-                (found.solver, found.follows_noise) = (narrow, false);
-            }
-        }
     }
 
     /// Joints begin at their priors under the widest kernel, and the noise stays as it is.
