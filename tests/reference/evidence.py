@@ -12,7 +12,7 @@ DISTINCT = 25.0
 """Δχ² from which a depth counts as known: five standard deviations."""
 USUAL_PX = 3.0
 REJECTED = 0.25
-SHARES = np.array([0.01, 0.03, 0.1, 0.3, 0.6, 0.9])
+SHARES = np.array([0.01, 0.06, 0.3, 0.8])
 SCALES = np.array([1.0, 0.5, 0.25])
 LEAST_REACH, ASTRAY = 2.5, 0.1
 

@@ -25,7 +25,7 @@ use nalgebra::Vector3;
 
 /// Shares ε of wrong detections in a view, as likely as each other: from the best detectors in
 /// sight of everything to a camera that stands elsewhere.
-const SHARES: [f64; 6] = [0.01, 0.03, 0.1, 0.3, 0.6, 0.9];
+const SHARES: [f64; 4] = [0.01, 0.06, 0.3, 0.8];
 /// Distances S of wrong detections, as likely as each other: W, W/2 and W/4.
 const SCALES: usize = 3;
 /// Least S in multiples of the noise.
