@@ -21,7 +21,7 @@ const LEAST: f64 = 1e-12;
 /// A coupling during a step.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Link {
-    coupling: Coupling,
+    pub(super) coupling: Coupling,
     /// Where its joints are.
     slots: [usize; 4],
     /// D⁻¹ ∂r/∂x.
@@ -80,10 +80,6 @@ impl Link {
         }
         let (slots, moves) = (coupling.joints.map(|j| joints.slot[j]), [Vector3::zeros(); 4]);
         Self { coupling, slots, moves }
-    }
-
-    pub(super) fn coupling(&self) -> &Coupling {
-        &self.coupling
     }
 
     /// The places of its joints, each with ∂r/∂x.

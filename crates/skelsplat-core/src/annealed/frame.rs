@@ -48,6 +48,8 @@ pub struct Annealed {
     pub outcome: Outcome,
     /// Its error bars.
     pub bars: ErrorBars,
+    /// Its rays, with left and right as they were used.
+    pub rays: Rays,
 }
 
 /// One frame solved alone.
@@ -70,6 +72,8 @@ pub struct Alone {
 /// An explanation of the frame, for one assignment of left and right.
 struct Attempt {
     rays: Rays,
+    /// The joint for which each detection `(M, N)` is used.
+    used_for: Vec<usize>,
     init: Vec<Vector3<f64>>,
     solver: Solver,
     /// Whether the kernels followed the noise.
@@ -91,25 +95,17 @@ const NOISE_SHARE: f64 = 0.87;
 const ENTER: f64 = 80.0;
 
 impl Attempt {
+    /// With the joints where they are, and left and right as they are given.
+    fn new(rays: Rays, solver: Solver) -> Self {
+        let used_for = as_given(rays.n_views(), rays.n_joints());
+        let init = solver.solution().points;
+        Self { rays, used_for, init, solver, follows_noise: false, bones: Vec::new() }
+    }
+
     /// Whether a joint with a position in `other` has none here.
     fn loses_against(&self, other: &Self) -> bool {
         let lost = |j| !self.solver.joints.is_live(j) && other.solver.joints.is_live(j);
         (0..self.rays.n_joints()).any(lost)
-    }
-
-    fn evidence(&self, frame: &AnnealedFrame<'_>) -> Evidence {
-        evidence(&self.solver.joints, self.solver.variance, frame.annealing.start)
-    }
-
-    /// The rays with the chains of `swaps` swapped.
-    fn exchanged(&self, chains: &[Chain], swaps: &[Swap]) -> Rays {
-        let mut out = self.rays.clone();
-        for swap in swaps {
-            for [l, r] in &chains[swap.chain] {
-                out.swap(swap.view, *l, *r);
-            }
-        }
-        out
     }
 }
 
@@ -119,7 +115,6 @@ impl AnnealedFrame<'_> {
         let rays = Rays::new(self.detections, self.cameras, self.view_weights);
         let mut found = self.annealed(rays);
         let n_joints = self.detections.n_joints();
-        let mut used_for = as_given(self.detections.n_views(), n_joints);
         for _ in 0..SWAP_ROUNDS {
             let joints = &found.solver.joints;
             let points: Vec<_> = (0..n_joints).map(|j| joints.at(j)).collect();
@@ -130,23 +125,18 @@ impl AnnealedFrame<'_> {
                 break;
             }
             let other = self.swapped(&found, &swaps);
-            let least = found.evidence(self).log + SWAP_EVIDENCE;
-            if other.loses_against(&found) || other.evidence(self).log <= least {
+            let least = self.evidence(&found.solver).log + SWAP_EVIDENCE;
+            if other.loses_against(&found) || self.evidence(&other.solver).log <= least {
                 break;
             }
             found = other;
-            for swap in &swaps {
-                for [l, r] in &self.chains[swap.chain] {
-                    used_for.swap(swap.view * n_joints + l, swap.view * n_joints + r);
-                }
-            }
         }
         for _ in 0..MOVE_ROUNDS {
             if !self.make_moves(&mut found) {
                 break;
             }
         }
-        self.outcome(found, used_for)
+        self.outcome(found)
     }
 
     /// The posterior at `points`, found by another method.
@@ -161,8 +151,7 @@ impl AnnealedFrame<'_> {
         let mut solver = Solver::new(joints, self.annealing.noise);
         solver.measure(false);
         let solution = solver.solution();
-        let (init, bones) = (Vec::new(), Vec::new());
-        let found = Attempt { rays, init, solver, follows_noise: false, bones };
+        let found = Attempt::new(rays, solver);
         let bars = self.bars(&found, &solution);
         // Its splats are wider than these kernels: detections rejected here may still determine the
         // depth.
@@ -180,7 +169,7 @@ impl AnnealedFrame<'_> {
         let follows = found.follows_noise && self.annealing.noise == NoiseModel::Estimated;
         // Otherwise neither the share of wrong detections nor other places matter.
         let matters = follows || votes.agree != votes.seen || !found.bones.is_empty();
-        let evidence = if matters { found.evidence(self) } else { Evidence::default() };
+        let evidence = if matters { self.evidence(&found.solver) } else { Evidence::default() };
         let noise_share = match follows {
             true => (1.0 - evidence.wrong) * of_few(&found.rays),
             false => NOISE_SHARE,
@@ -217,8 +206,7 @@ impl AnnealedFrame<'_> {
         let mut solver = Solver::new(joints, self.annealing.noise);
         let follows_noise = self.anneal(&rays, &mut solver);
         solver.joints.drop_undetermined(&rays);
-        let found = solver.solution().points;
-        let mut attempt = Attempt { rays, init: found, solver, follows_noise, bones: Vec::new() };
+        let mut attempt = Attempt { follows_noise, ..Attempt::new(rays, solver) };
         match &self.before {
             Some(Before { pose, priors: Some(priors), .. }) => {
                 self.inform(&mut attempt, pose, priors);
@@ -246,7 +234,7 @@ impl AnnealedFrame<'_> {
         let mut wide = solver.clone();
         wide.joints.start(rays, annealing);
         wide.run(&self.terms(true, &[]), |_| true);
-        let is_better = || self.log_evidence(&wide) > self.log_evidence(solver);
+        let is_better = || self.evidence(&wide).log > self.evidence(solver).log;
         if wide.noise() > annealing.start || can_outvote(rays) && !is_better() {
             return false;
         }
@@ -254,8 +242,8 @@ impl AnnealedFrame<'_> {
         true
     }
 
-    fn log_evidence(&self, solver: &Solver) -> f64 {
-        evidence(&solver.joints, solver.variance, self.annealing.start).log
+    fn evidence(&self, solver: &Solver) -> Evidence {
+        evidence(&solver.joints, solver.variance, self.annealing.start)
     }
 
     /// The pose with priors. The noise is that without them, so that a wrong prior is not mistaken
@@ -317,13 +305,13 @@ impl AnnealedFrame<'_> {
         if !(0..n).any(|j| votes.is_doubtful(j)) {
             return false;
         }
-        let bones = needed(self.expected, &solution, &votes).unwrap_or_default();
+        let bones = needed(self.expected, &solution, &votes);
         let search = PlaceSearch {
             rays: &found.rays,
             bones: &bones,
             solution: &solution,
             votes: &votes,
-            mixture: &found.evidence(self).mixture,
+            mixture: &self.evidence(&found.solver).mixture,
             priors: self.priors(),
             past: self.before.as_ref().filter(|b| b.priors.is_none()).map(|b| b.pose.as_slice()),
         };
@@ -352,7 +340,14 @@ impl AnnealedFrame<'_> {
 
     /// The explanation with chains exchanged, for whose joints the search begins again.
     fn swapped(&self, found: &Attempt, swaps: &[Swap]) -> Attempt {
-        let rays = found.exchanged(self.chains, swaps);
+        let (mut rays, mut used_for) = (found.rays.clone(), found.used_for.clone());
+        let n = rays.n_joints();
+        for swap in swaps {
+            for [l, r] in &self.chains[swap.chain] {
+                rays.swap(swap.view, *l, *r);
+                used_for.swap(swap.view * n + l, swap.view * n + r);
+            }
+        }
         let mut solver = found.solver.clone();
         for j in swaps.iter().flat_map(|swap| self.chains[swap.chain].iter().flatten()) {
             solver.joints.set_rays(&rays, *j);
@@ -363,10 +358,10 @@ impl AnnealedFrame<'_> {
         if self.priors().is_none() {
             solver.joints.drop_undetermined(&rays);
         }
-        Attempt { rays, solver, init: found.init.clone(), bones: Vec::new(), ..*found }
+        Attempt { rays, used_for, solver, init: found.init.clone(), bones: Vec::new(), ..*found }
     }
 
-    fn outcome(&self, mut found: Attempt, used_for: Vec<usize>) -> Annealed {
+    fn outcome(&self, mut found: Attempt) -> Annealed {
         found.solver.joints.scale_to(&found.rays);
         found.solver.measure(found.follows_noise);
         let solution = found.solver.solution();
@@ -381,7 +376,7 @@ impl AnnealedFrame<'_> {
             splats: Splats::Round(solution.sigma),
             init: found.init,
             status: bars.status.clone(),
-            used_for,
+            used_for: found.used_for,
             loss,
             loss_history: Vec::new(),
             n_iter: solution.n_iter,
@@ -391,7 +386,7 @@ impl AnnealedFrame<'_> {
                 (true, false) => StopReason::MaxSteps,
             },
         };
-        Annealed { outcome, bars }
+        Annealed { outcome, bars, rays: found.rays }
     }
 
     /// The terms of F (see [`crate::annealed`]): data and symmetry.

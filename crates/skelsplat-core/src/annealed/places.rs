@@ -26,7 +26,6 @@ const ENOUGH: usize = 3;
 const LEAST_ANCHORS: usize = 3;
 /// The same for given lengths.
 const LEAST_GIVEN: usize = 1;
-
 /// How far joints move from one frame to the next, mm per axis: a wrist at 2.5 m/s at 25 Hz.
 const MOVED: f64 = 100.0;
 /// Share of the frames before which something else has happened: a cut, or a wrong past.
@@ -61,19 +60,18 @@ impl Votes {
     }
 }
 
-/// The bones that take part, if any: those of joints that need them.
-pub(super) fn needed(expected: &Expected, solution: &Solution, votes: &Votes) -> Option<Vec<Bone>> {
+/// The bones that take part: those of joints that need them.
+pub(super) fn needed(expected: &Expected, solution: &Solution, votes: &Votes) -> Vec<Bone> {
     let anchors = votes.agree.iter().filter(|n| **n > 1).count();
     let least = if expected.given.is_empty() { LEAST_ANCHORS } else { LEAST_GIVEN };
     let doubtful = (0..votes.seen.len()).any(|j| votes.is_doubtful(j));
     if anchors < least || !doubtful {
-        return None;
+        return Vec::new();
     }
     let stature = shown_stature(&expected.proportions, solution, votes);
     let needs = |bone: &Bone| bone.joints.iter().any(|j| votes.is_doubtful(*j));
     let seen = |bone: &Bone| bone.joints.iter().all(|j| votes.seen[*j] > 0);
-    let bones: Vec<Bone> = expected.bones(stature).filter(|b| needs(b) && seen(b)).collect();
-    (!bones.is_empty()).then_some(bones)
+    expected.bones(stature).filter(|b| needs(b) && seen(b)).collect()
 }
 
 /// Where the joints of a frame are, and what says that they are elsewhere.

@@ -56,13 +56,6 @@ pub(super) struct Explanation<'a> {
     pub(super) noise_share: f64,
 }
 
-/// Another place of a joint, and its probability.
-#[derive(Debug, Clone, Copy)]
-struct Rival {
-    at: Vector3<f64>,
-    share: f64,
-}
-
 /// Posterior, weights of the detections and status of every joint at the solution.
 pub(super) fn error_bars(of: &Explanation<'_>) -> ErrorBars {
     let PlaceSearch { rays, bones, solution, votes, .. } = of.search;
@@ -82,11 +75,11 @@ pub(super) fn error_bars(of: &Explanation<'_>) -> ErrorBars {
     let has_bone = |j: &usize| bones.iter().any(|bone| bone.joints.contains(j));
     for j in 0..n {
         let rivals = rivals(&of.search, j, has_bone(&j));
-        for rival in &rivals {
-            let off = rival.at - solution.points[j];
-            covariances[j] += off * off.transpose() * rival.share;
+        for (at, share) in &rivals {
+            let off = at - solution.points[j];
+            covariances[j] += off * off.transpose() * *share;
         }
-        if rivals.iter().map(|rival| rival.share).sum::<f64>() > UNSURE {
+        if rivals.iter().map(|(_, share)| share).sum::<f64>() > UNSURE {
             status[j] = JointStatus::Weak;
         }
     }
@@ -95,7 +88,8 @@ pub(super) fn error_bars(of: &Explanation<'_>) -> ErrorBars {
         ends.any(|end| status[end] == JointStatus::Ok)
     };
     let is_weak = |j: &usize| votes.agree[*j] < 2 && status[*j] == JointStatus::Weak;
-    let is_near = |j: &usize| widest(&covariances[*j]) <= INFERRED * spread;
+    let widest = |j: &usize| covariances[*j].symmetric_eigenvalues().max().sqrt();
+    let is_near = |j: &usize| widest(j) <= INFERRED * spread;
     let inferred: Vec<usize> = (0..n).filter(|j| is_weak(j) && is_held(j) && is_near(j)).collect();
     inferred.iter().for_each(|j| status[*j] = JointStatus::Inferred);
     // Without detections the noise is that of the prior, not a measurement.
@@ -106,7 +100,7 @@ pub(super) fn error_bars(of: &Explanation<'_>) -> ErrorBars {
 
 /// Other places of joint `j`, with their probabilities, if there are detections that may be right
 /// and reject it, or few besides its bone.
-fn rivals(of: &PlaceSearch<'_>, j: usize, has_bone: bool) -> Vec<Rival> {
+fn rivals(of: &PlaceSearch<'_>, j: usize, has_bone: bool) -> Vec<(Vector3<f64>, f64)> {
     let (agree, seen) = (of.votes.agree[j], of.votes.seen[j]);
     let (x, sigma) = (&of.solution.points[j], of.solution.sigma[j]);
     let is_contradicted = agree < seen && agree < seen - agree + SURE;
@@ -124,26 +118,21 @@ fn rivals(of: &PlaceSearch<'_>, j: usize, has_bone: bool) -> Vec<Rival> {
     };
     let is_apart = |a: &Vector3<f64>, b: &Vector3<f64>| (a - b).norm() > APART * sigma;
     let places = of.elsewhere(j, is_firm).into_iter().filter(|y| is_apart(x, y));
-    let mut weighed: Vec<Rival> = places.map(|at| Rival { at, share: log_p(&at) }).collect();
+    let mut weighed: Vec<(Vector3<f64>, f64)> = places.map(|at| (at, log_p(&at))).collect();
     // The likeliest first, so that the order of the views does not matter.
-    weighed.sort_by(|a, b| b.share.total_cmp(&a.share));
-    let mut found: Vec<Rival> = Vec::new();
+    weighed.sort_by(|a, b| b.1.total_cmp(&a.1));
+    let mut found: Vec<(Vector3<f64>, f64)> = Vec::new();
     for place in weighed {
-        if found.iter().all(|other| is_apart(&other.at, &place.at)) {
+        if found.iter().all(|(other, _)| is_apart(other, &place.0)) {
             found.push(place);
         }
     }
     let here = log_p(x);
-    let most = found.iter().map(|rival| rival.share).fold(here, f64::max);
-    let all: f64 = found.iter().map(|rival| (rival.share - most).exp()).sum();
+    let most = found.first().map_or(here, |(_, log)| log.max(here));
+    let all: f64 = found.iter().map(|(_, log)| (log - most).exp()).sum();
     let all = all + (here - most).exp();
-    found.iter_mut().for_each(|rival| rival.share = (rival.share - most).exp() / all);
+    found.iter_mut().for_each(|(_, share)| *share = (*share - most).exp() / all);
     found
-}
-
-/// The largest standard deviation along any axis.
-fn widest(covariance: &Matrix3<f64>) -> f64 {
-    covariance.symmetric_eigenvalues().max().sqrt()
 }
 
 /// k of every ray `(N, M)` at the solution; NaN where missing.

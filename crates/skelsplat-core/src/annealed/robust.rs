@@ -21,7 +21,7 @@ pub fn robust(detections: &Detections, cameras: &[Camera]) -> Triangulated {
         annealing: Annealing::of_joints(detections.n_joints()),
         before: None,
     };
-    let super::Annealed { outcome, bars } = frame.solve();
+    let super::Annealed { outcome, bars, .. } = frame.solve();
     let (m, n) = (cameras.len(), detections.n_joints());
     let rejected = (0..m * n).map(|k| bars.believed[k % n * m + k / n] < REJECTED).collect();
     Triangulated { rejected, points: outcome.points }

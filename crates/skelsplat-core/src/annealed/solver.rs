@@ -259,7 +259,7 @@ pub fn gradient(
         joints.groups[g].pull.map(|p| -lane(&p, l))
     };
     let mut gradient: Vec<f64> = (0..points.len()).flat_map(own).collect();
-    for coupling in solver.links.iter().map(Link::coupling) {
+    for coupling in solver.links.iter().map(|link| &link.coupling) {
         for (j, g) in coupling.ends() {
             let push = g * (coupling.residual * coupling.precision);
             (0..3).for_each(|a| gradient[3 * j + a] += push[a]);

@@ -172,12 +172,8 @@ impl Refiner {
     pub(crate) fn alone(&self, frame: &Frame) -> Result<Alone> {
         self.check(frame)?;
         let used = self.usable(&frame.detections);
-        let problem = self.annealed(&used, self.before(frame));
-        let annealed::Annealed { outcome, bars } = problem.solve();
-        let mut rays = Rays::new(&used, &self.cameras, problem.view_weights);
-        let n = used.n_joints();
-        let swapped = outcome.used_for.iter().enumerate().filter(|(k, j)| k % n < **j);
-        swapped.for_each(|(k, j)| rays.swap(k / n, k % n, *j));
+        let found = self.annealed(&used, self.before(frame)).solve();
+        let annealed::Annealed { outcome, bars, rays } = found;
         Ok(Alone {
             rays,
             used_for: outcome.used_for,
