@@ -104,17 +104,20 @@ impl Mixture {
     /// log p of the rays of a joint at `x`, and of its prior, with the volume in which it may lie.
     pub fn of_joint(&self, rays: &[Ray], x: &Vector3<f64>, prior: Option<&Prior>) -> f64 {
         let (mut outer, mut weight, mut log_p) = (Symmetric::default(), 0.0, 0.0);
-        for (rays, wrong) in rays.chunks(LANES).zip(self.wrong.chunks(LANES)) {
+        let mut seen = rays.iter().zip(&self.wrong).filter(|(ray, _)| ray.is_there());
+        loop {
+            let four: [Option<(&Ray, &f64)>; LANES] = std::array::from_fn(|_| seen.next());
+            if four[0].is_none() {
+                break;
+            }
             let [mut square, mut ahead, mut c] = [Four::ZERO; 3];
             let mut share = Four::ONE;
-            for (l, (ray, wrong)) in rays.iter().zip(wrong).enumerate() {
-                if ray.is_there() {
-                    let offset = ray.offset(x);
-                    set_lane(&mut square, l, offset.across.norm_squared());
-                    set_lane(&mut ahead, l, if offset.range > 0.0 { 1.0 - wrong } else { 0.0 });
-                    set_lane(&mut share, l, *wrong);
-                    set_lane(&mut c, l, ray.weight);
-                }
+            for (l, (ray, wrong)) in four.iter().flatten().enumerate() {
+                let offset = ray.offset(x);
+                set_lane(&mut square, l, offset.across.norm_squared());
+                set_lane(&mut ahead, l, if offset.range > 0.0 { 1.0 - *wrong } else { 0.0 });
+                set_lane(&mut share, l, **wrong);
+                set_lane(&mut c, l, ray.weight);
             }
             let (near, far) = self.densities(square);
             let near = near * ahead;
@@ -122,7 +125,7 @@ impl Mixture {
             log_p += (c * ln(p)).reduce_add() / self.weight;
             let w = near / p * c * (1.0 / self.variance);
             weight += w.reduce_add();
-            for (l, ray) in rays.iter().enumerate() {
+            for (l, (ray, _)) in four.iter().flatten().enumerate() {
                 outer.add_outer(lane(&w, l), &ray.direction.into());
             }
         }
