@@ -110,10 +110,30 @@ impl Attempt {
 }
 
 impl AnnealedFrame<'_> {
-    /// The pose of the frame.
+    /// The pose of the frame: under the configured kernels, or under those that follow larger noise
+    /// where that explains the frame better, and where no joint has three views, since nothing
+    /// outvotes a wrong detection there.
     pub fn solve(&self) -> Annealed {
         let rays = Rays::new(self.detections, self.cameras, self.view_weights);
-        let mut found = self.annealed(rays);
+        let annealing = &self.annealing;
+        let may_follow = annealing.per_noise.is_finite();
+        let is_estimated = annealing.noise == NoiseModel::Estimated;
+        let mut found = self.explained(rays.clone(), may_follow && !is_estimated);
+        let is_noisy = annealing.per_noise * found.solver.noise() >= annealing.base;
+        if may_follow && is_estimated && is_noisy {
+            let wide = self.explained(rays, true);
+            let is_better = || self.evidence(&wide.solver).log > self.evidence(&found.solver).log;
+            let outvotes = can_outvote(&found.rays);
+            if wide.solver.noise() <= annealing.start && (!outvotes || is_better()) {
+                found = wide;
+            }
+        }
+        self.outcome(found)
+    }
+
+    /// One annealing of all joints, then swaps and moves.
+    fn explained(&self, rays: Rays, follows_noise: bool) -> Attempt {
+        let mut found = self.annealed(rays, follows_noise);
         let n_joints = self.detections.n_joints();
         for _ in 0..SWAP_ROUNDS {
             let joints = &found.solver.joints;
@@ -136,7 +156,7 @@ impl AnnealedFrame<'_> {
                 break;
             }
         }
-        self.outcome(found)
+        found
     }
 
     /// The posterior at `points`, found by another method.
@@ -200,11 +220,11 @@ impl AnnealedFrame<'_> {
     }
 
     /// One annealing of all joints, without bones.
-    fn annealed(&self, rays: Rays) -> Attempt {
+    fn annealed(&self, rays: Rays, follows_noise: bool) -> Attempt {
         let mut joints = Joints::new(&rays, self.pairs);
         joints.start(&rays, &self.annealing);
         let mut solver = Solver::new(joints, self.annealing.noise);
-        let follows_noise = self.anneal(&rays, &mut solver);
+        solver.run(&self.terms(follows_noise, &[]), |_| true);
         solver.joints.drop_undetermined(&rays);
         let mut attempt = Attempt { follows_noise, ..Attempt::new(rays, solver) };
         match &self.before {
@@ -215,31 +235,6 @@ impl AnnealedFrame<'_> {
             None => (),
         }
         attempt
-    }
-
-    /// Anneals to the configured kernels, and to those that follow larger noise: these are kept
-    /// where that explains the frame better, and where no joint has three views, since nothing
-    /// outvotes a wrong detection there. Returns whether they are.
-    fn anneal(&self, rays: &Rays, solver: &mut Solver) -> bool {
-        let annealing = &self.annealing;
-        if solver.model != NoiseModel::Estimated || !annealing.per_noise.is_finite() {
-            let follows = annealing.per_noise.is_finite();
-            solver.run(&self.terms(follows, &[]), |_| true);
-            return follows;
-        }
-        solver.run(&self.terms(false, &[]), |_| true);
-        if annealing.per_noise * solver.noise() < annealing.base {
-            return false;
-        }
-        let mut wide = solver.clone();
-        wide.joints.start(rays, annealing);
-        wide.run(&self.terms(true, &[]), |_| true);
-        let is_better = || self.evidence(&wide).log > self.evidence(solver).log;
-        if wide.noise() > annealing.start || can_outvote(rays) && !is_better() {
-            return false;
-        }
-        *solver = wide;
-        true
     }
 
     fn evidence(&self, solver: &Solver) -> Evidence {
