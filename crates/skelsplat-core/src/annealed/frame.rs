@@ -6,7 +6,7 @@ use super::depth::is_fixed;
 use super::evidence::{Evidence, can_outvote, evidence, of_few};
 use super::joints::Joints;
 use super::noise::NoiseModel;
-use super::places::{PlaceSearch, Votes, needed};
+use super::places::{PlaceSearch, Votes, against_bones, needed};
 use super::posterior::{Explanation, error_bars};
 use super::problem::{Annealing, Prior, Solution};
 use super::rays::{Rays, there};
@@ -122,7 +122,7 @@ impl AnnealedFrame<'_> {
         let is_noisy = annealing.per_noise * found.solver.noise() >= annealing.base;
         if may_follow && is_estimated && is_noisy {
             let wide = self.explained(rays, true);
-            let is_better = || self.evidence(&wide.solver).log > self.evidence(&found.solver).log;
+            let is_better = || self.explains(&wide) > self.explains(&found);
             let outvotes = can_outvote(&found.rays);
             if wide.solver.noise() <= annealing.start && (!outvotes || is_better()) {
                 found = wide;
@@ -235,6 +235,13 @@ impl AnnealedFrame<'_> {
             None => (),
         }
         attempt
+    }
+
+    /// log p of the detections and of the bones.
+    fn explains(&self, found: &Attempt) -> f64 {
+        let solution = found.solver.solution();
+        let votes = Votes::of(&found.rays, &solution);
+        self.evidence(&found.solver).log - against_bones(self.expected, &solution, &votes)
     }
 
     fn evidence(&self, solver: &Solver) -> Evidence {

@@ -74,6 +74,21 @@ pub(super) fn needed(expected: &Expected, solution: &Solution, votes: &Votes) ->
     expected.bones(stature).filter(|b| needs(b) && seen(b)).collect()
 }
 
+/// −log p of the bones' lengths at a solution, whose own errors they share: those of a joint have
+/// the variance 3ŝ²/2 Σk along a direction, since (I − d dᵀ) has the mean eigenvalue ⅔.
+pub(super) fn against_bones(expected: &Expected, solution: &Solution, votes: &Votes) -> f64 {
+    let stature = shown_stature(&expected.proportions, solution, votes);
+    let spread = |j: usize| 1.5 * solution.noise * solution.noise / solution.residuals[j].support;
+    let loss = |bone: Bone| {
+        let [a, b] = bone.joints;
+        let sigma = (bone.length.sigma.powi(2) + spread(a) + spread(b)).sqrt();
+        let pull =
+            Pull::new(&solution.points[a], &solution.points[b], Length { sigma, ..bone.length });
+        if sigma.is_finite() { pull.loss + sigma.ln() } else { 0.0 }
+    };
+    expected.bones(stature).map(loss).sum()
+}
+
 /// Where the joints of a frame are, and what says that they are elsewhere.
 #[derive(Clone, Copy)]
 pub(super) struct PlaceSearch<'a> {
