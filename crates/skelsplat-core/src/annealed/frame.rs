@@ -304,10 +304,11 @@ impl AnnealedFrame<'_> {
         let solution = found.solver.solution();
         let votes = Votes::of(&found.rays, &solution);
         let n = found.rays.n_joints();
-        if !(0..n).any(|j| votes.is_doubtful(j)) {
+        if found.bones.is_empty() && !(0..n).any(|j| votes.is_doubtful(j)) {
             return false;
         }
         let bones = needed(self.expected, &solution, &votes);
+        let is_known = bones.iter().map(|b| b.joints).eq(found.bones.iter().map(|b| b.joints));
         let search = PlaceSearch {
             rays: &found.rays,
             bones: &bones,
@@ -320,7 +321,7 @@ impl AnnealedFrame<'_> {
         let guess = search.most_likely();
         let is_same = |j: usize| guess[j] == solution.points[j] || guess[j].x.is_nan();
         let has_moved = !(0..n).all(is_same);
-        if !has_moved && (bones.is_empty() || !found.bones.is_empty()) {
+        if !has_moved && is_known {
             return false;
         }
         let in_pair = |pair: &LimbPair, j: usize| pair.0.contains(&j) || pair.1.contains(&j);
@@ -328,7 +329,7 @@ impl AnnealedFrame<'_> {
             |pair: &LimbPair| pair.0.iter().chain(&pair.1).any(|j| votes.is_doubtful(*j));
         let near = |j: usize| {
             votes.is_doubtful(j)
-                || bones.iter().any(|bone| bone.joints.contains(&j))
+                || bones.iter().chain(&found.bones).any(|bone| bone.joints.contains(&j))
                 || self.pairs.iter().any(|pair| in_pair(pair, j) && has_doubt(pair))
         };
         for (j, x) in guess.iter().enumerate() {
