@@ -32,7 +32,7 @@ pub const CONFIRMED_WALD: f64 = 2.0;
 /// The least that a fault of a place explains, relative to the mean cost of a view.
 const GAIN: f64 = 0.2;
 /// What is enough from the Wald statistic [`CLEAR_WALD`] on.
-const CLEAR_GAIN: f64 = 0.05;
+const CLEAR_GAIN: f64 = 0.02;
 /// The same of a clock, which is one number.
 const GAIN_CLOCK: f64 = 0.02;
 /// The same of a clock from [`CLEAR_WALD`] on.
