@@ -577,7 +577,13 @@ def loss_and_gradient(
     target_covariances: ArrayLike | None = None,
 ) -> dict[str, Any]: ...
 def frame_evidence(
-    pose: ArrayLike, detections: ArrayLike, cameras: _Cameras, *, noise: float, widest: float
+    pose: ArrayLike,
+    detections: ArrayLike,
+    cameras: _Cameras,
+    *,
+    noise: float,
+    widest: float,
+    bones: Sequence[tuple[int, int, float, float]],
 ) -> tuple[float, float]: ...
 def sequence_equations(
     poses: ArrayLike,

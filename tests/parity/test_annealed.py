@@ -110,8 +110,11 @@ def test_the_evidence_of_a_pose(views: list[View], share: float) -> None:
     pose = scenes.H36M_POSE + np.random.default_rng(5).normal(scale=8.0, size=(17, 3))
     rays = make_rays(detections, views)
     expected = evidence.evidence(pose, rays, rays.mean_weight * 144.0, 320.0)
-    log, wrong = _skelsplat.frame_evidence(pose, detections, rig(views), noise=12.0, widest=320.0)
-    assert log == pytest.approx(expected.log, rel=1e-9)
+    bones = [(1, 2, 450.0, 20.0), (2, 3, 430.0, 5.0), (0, 7, 900.0, 30.0)]
+    given = {"noise": 12.0, "widest": 320.0, "bones": bones}
+    log, wrong = _skelsplat.frame_evidence(pose, detections, rig(views), **given)
+    against = evidence.against_bones(pose, rays, 12.0, 320.0, bones)
+    assert log == pytest.approx(expected.log - against, rel=1e-9)
     assert wrong == pytest.approx(expected.wrong, rel=1e-9)
 
 

@@ -15,6 +15,7 @@ REJECTED = 0.25
 SHARES = np.array([0.01, 0.06, 0.3, 0.8])
 SCALES = np.array([1.0, 0.5, 0.25])
 LEAST_REACH, ASTRAY = 2.5, 0.1
+BONE_REACH = 6.0
 
 
 def over_infinity(x: Array, rays: Rays, w: Array) -> Array:
@@ -80,3 +81,22 @@ def evidence(x: Array, rays: Rays, variance: float, widest: float) -> Evidence:
         + counts.sum() * np.log(2 * np.pi * widest**2)
     )
     return Evidence(float(log), float(1 - (counts * r).sum() / counts.sum()))
+
+
+def against_bones(
+    x: Array, rays: Rays, noise: float, widest: float, bones: list[tuple[int, int, float, float]]
+) -> float:
+    """−log p of bones (joint, joint, length, σ) at a pose x (N,3) under kernels as wide as the noise.
+
+    A joint adds (Σk · ⅔/ŝ² + 1/W²)⁻¹, its variance along a direction, since (I − d dᵀ) has the mean eigenvalue ⅔.
+    """
+    e, along = offsets(x, rays)
+    seen = (along > 0) & (rays.weight > 0)
+    k = np.where(seen, np.exp(-np.sum(e**2, axis=-1) / (4 * noise**2)), 0.0)
+    own = 1 / (k.sum(axis=0) / (1.5 * noise**2) + 1 / widest**2)
+    total = 0.0
+    for a, b, length, sigma in bones:
+        variance = sigma**2 + own[a] + own[b]
+        square = (np.linalg.norm(x[a] - x[b]) - length) ** 2 / variance
+        total += BONE_REACH**2 * (1 - np.exp(-0.5 * square / BONE_REACH**2)) + 0.5 * np.log(variance)
+    return total

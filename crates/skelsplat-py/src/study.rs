@@ -8,7 +8,8 @@ use pyo3::types::PyDict;
 use skelsplat_core::Result as CoreResult;
 use skelsplat_core::study::annealed::Rays;
 use skelsplat_core::study::annealed::evidence::evidence_at;
-use skelsplat_core::study::bones::Length;
+use skelsplat_core::study::annealed::places::against_bones_at;
+use skelsplat_core::study::bones::{Bone, Length};
 use skelsplat_core::study::gaussian::{Gaussian, GaussianGradient, check_covariances};
 use skelsplat_core::study::paper::Encoding;
 use skelsplat_core::study::paper::render::{self as core, DepthSplat, Images};
@@ -280,19 +281,23 @@ pub(crate) fn rig_equations(
     Ok((Out(matrix, vec![q, q]), Out(gradient, vec![q]), found.cost))
 }
 
-/// The evidence for a pose in mm, and the share of wrong detections.
+/// The evidence for a pose in mm and its bones (joint, joint, length, σ), and the share of wrong
+/// detections.
 #[pyfunction]
-#[pyo3(signature = (pose, detections, cameras, *, noise, widest))]
+#[pyo3(signature = (pose, detections, cameras, *, noise, widest, bones))]
 pub(crate) fn frame_evidence(
     pose: InitPose,
     detections: Frames,
     cameras: Cameras,
     noise: f64,
     widest: f64,
+    bones: Vec<(usize, usize, f64, f64)>,
 ) -> Result<(f64, f64)> {
     let rays = Rays::new(&detections.only()?, &cameras.cameras, &[]);
     let variance = rays.mean_weight() * noise * noise;
     let points = pose.0.points();
     let found = evidence_at(&rays, &points, variance, &[], widest);
-    Ok((found.log, found.wrong))
+    let bone = |(a, b, mean, sigma)| Bone { joints: [a, b], length: Length { mean, sigma } };
+    let against = against_bones_at(&rays, &points, noise, widest, bones.into_iter().map(bone));
+    Ok((found.log - against, found.wrong))
 }

@@ -6,7 +6,7 @@ use super::depth::is_fixed;
 use super::evidence::{Evidence, can_outvote, evidence, of_few};
 use super::joints::Joints;
 use super::noise::NoiseModel;
-use super::places::{PlaceSearch, Votes, against_bones, needed};
+use super::places::{PlaceSearch, Votes, against_bones, needed, shown};
 use super::posterior::{Explanation, error_bars};
 use super::problem::{Annealing, Prior, Solution};
 use super::rays::{Rays, there};
@@ -241,7 +241,8 @@ impl AnnealedFrame<'_> {
     fn explains(&self, found: &Attempt) -> f64 {
         let solution = found.solver.solution();
         let votes = Votes::of(&found.rays, &solution);
-        self.evidence(&found.solver).log - against_bones(self.expected, &solution, &votes)
+        let bones = shown(self.expected, &solution, &votes);
+        self.evidence(&found.solver).log - against_bones(bones, &solution, self.annealing.start)
     }
 
     fn evidence(&self, solver: &Solver) -> Evidence {

@@ -13,8 +13,11 @@ use nalgebra::Vector3;
 
 use super::consensus::{agrees, meeting_point, settled};
 use super::evidence::Mixture;
+use super::joints::Joints;
+use super::noise::NoiseModel;
 use super::problem::{Prior, Solution};
 use super::rays::{Ray, Rays, there};
+use super::solver::Solver;
 use crate::bones::expected::{Expected, Shown, stature};
 use crate::bones::population::Proportion;
 use crate::bones::{Bone, Length, Pull, other_end};
@@ -68,25 +71,58 @@ pub(super) fn needed(expected: &Expected, solution: &Solution, votes: &Votes) ->
     if anchors < least || !doubtful {
         return Vec::new();
     }
-    let stature = shown_stature(&expected.proportions, solution, votes);
     let needs = |bone: &Bone| bone.joints.iter().any(|j| votes.is_doubtful(*j));
     let seen = |bone: &Bone| bone.joints.iter().all(|j| votes.seen[*j] > 0);
-    expected.bones(stature).filter(|b| needs(b) && seen(b)).collect()
+    shown(expected, solution, votes).filter(|b| needs(b) && seen(b)).collect()
+}
+
+/// The bones of the layout, for the person that the frame shows.
+pub(super) fn shown<'a>(
+    expected: &'a Expected,
+    solution: &Solution,
+    votes: &Votes,
+) -> impl Iterator<Item = Bone> + 'a {
+    expected.bones(shown_stature(&expected.proportions, solution, votes))
 }
 
 /// −log p of the bones' lengths at a solution, whose own errors they share: those of a joint have
-/// the variance 3ŝ²/2 Σk along a direction, since (I − d dᵀ) has the mean eigenvalue ⅔.
-pub(super) fn against_bones(expected: &Expected, solution: &Solution, votes: &Votes) -> f64 {
-    let stature = shown_stature(&expected.proportions, solution, votes);
-    let spread = |j: usize| 1.5 * solution.noise * solution.noise / solution.residuals[j].support;
+/// the variance (Σk · ⅔/ŝ² + 1/W²)⁻¹ along a direction, since (I − d dᵀ) has the mean eigenvalue ⅔;
+/// `widest` is W, mm.
+pub(super) fn against_bones(
+    bones: impl Iterator<Item = Bone>,
+    solution: &Solution,
+    widest: f64,
+) -> f64 {
+    let precision = 1.0 / (1.5 * solution.noise * solution.noise);
+    let spread =
+        |j: usize| 1.0 / (solution.residuals[j].support * precision + 1.0 / (widest * widest));
     let loss = |bone: Bone| {
         let [a, b] = bone.joints;
         let sigma = (bone.length.sigma.powi(2) + spread(a) + spread(b)).sqrt();
-        let pull =
-            Pull::new(&solution.points[a], &solution.points[b], Length { sigma, ..bone.length });
-        if sigma.is_finite() { pull.loss + sigma.ln() } else { 0.0 }
+        let length = Length { sigma, ..bone.length };
+        let pull = Pull::new(&solution.points[a], &solution.points[b], length);
+        if pull.stiffness > 0.0 { pull.loss + sigma.ln() } else { 0.0 }
     };
-    expected.bones(stature).map(loss).sum()
+    bones.map(loss).sum()
+}
+
+/// [`against_bones`] of joints at `points`, under kernels as wide as this `noise`, for study and
+/// tests.
+pub fn against_bones_at(
+    rays: &Rays,
+    points: &[Vector3<f64>],
+    noise: f64,
+    widest: f64,
+    bones: impl Iterator<Item = Bone>,
+) -> f64 {
+    let mut joints = Joints::new(rays, &[]);
+    for (j, x) in points.iter().enumerate() {
+        joints.put(j, x);
+        joints.set_sigma(j, noise);
+    }
+    let mut solver = Solver::new(joints, NoiseModel::Millimetres(noise));
+    solver.measure(false);
+    against_bones(bones, &solver.solution(), widest)
 }
 
 /// Where the joints of a frame are, and what says that they are elsewhere.
