@@ -27,7 +27,6 @@ fn paper(c: &mut Criterion) {
             detections: noisy_detections(&standing(), &cameras, 3.0, &mut noise),
             init_pose: Some(perturbed(&standing(), 20.0, &mut noise)),
             init_covariance: None,
-            past: false,
         };
         let config =
             RefineConfig::from(PaperSettings { stop_tolerance: 0.0, ..PaperSettings::default() });

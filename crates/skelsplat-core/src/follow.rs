@@ -36,7 +36,7 @@ pub fn follow(
         return Err(Error::invalid("detections", expected, n.to_string()));
     }
     let by_paper = matches!(refiner.config().method, Method::Paper(_));
-    let mut frame = Frame { init_pose: past, past: true, ..detections.into() };
+    let mut frame = Frame { init_pose: past, ..detections.into() };
     let refine = |frame: &Frame| -> Result<Refinement> {
         Ok(refine_batch(refiner, std::slice::from_ref(frame), progress)?.frame(0))
     };

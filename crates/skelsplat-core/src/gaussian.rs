@@ -29,7 +29,7 @@ pub struct Gaussian {
 }
 
 /// Gradient of a scalar with respect to every parameter of a [`Gaussian`].
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct GaussianGradient {
     /// With respect to the mean.
     pub mean: Vector3<f64>,
@@ -37,15 +37,6 @@ pub struct GaussianGradient {
     pub log_scales: Vector3<f64>,
     /// With respect to the quaternion as stored (before normalisation).
     pub quaternion: Vector4<f64>,
-}
-
-impl GaussianGradient {
-    /// The zero gradient.
-    pub const ZERO: Self = Self {
-        mean: Vector3::new(0.0, 0.0, 0.0),
-        log_scales: Vector3::new(0.0, 0.0, 0.0),
-        quaternion: Vector4::new(0.0, 0.0, 0.0, 0.0),
-    };
 }
 
 impl Gaussian {

@@ -13,7 +13,7 @@ fn first_step_has_the_length_of_the_learning_rate() {
     // m̂/√v̂ = ±1 on the first step whatever the gradient's size.
     let mut g = [Gaussian::isotropic(Vector3::zeros(), 20.0)];
     let before = g[0];
-    let mut d = GaussianGradient::ZERO;
+    let mut d = GaussianGradient::default();
     d.mean.x = 1e-4;
     d.log_scales.y = -7.0;
     d.quaternion[3] = 2.0;

@@ -110,7 +110,7 @@ fn a_bone_pulls_along_the_gradient_of_its_loss() {
         let v = Vector3::new(0.3, -0.7, 0.2);
         assert!((pull.times(&v) - pull.block() * v).amax() < 1e-12);
     }
-    assert_eq!(Pull::new(&b, &b, length), Pull::NONE);
+    assert_eq!(Pull::new(&b, &b, length), Pull::default());
 }
 
 #[test]
@@ -228,7 +228,7 @@ fn bones_tell_a_frame_what_the_dense_inverse_tells() {
     let ray = |j: usize, i: usize| {
         let direction = (joints[j] - centres[i]).normalize();
         match (j, i) {
-            (2, 1 | 2) => Ray::NONE,
+            (2, 1 | 2) => Ray::default(),
             _ => Ray { centre: centres[i], direction, weight: 1.0, pixel: 1e-3 },
         }
     };

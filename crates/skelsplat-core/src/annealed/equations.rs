@@ -100,11 +100,6 @@ pub(super) fn inverse_of(m: &Matrix3<f64>) -> Matrix3<f64> {
     let symmetric = Symmetric::of(m);
     let scale = symmetric.trace() / 3.0;
     let least = ILL_CONDITIONED * scale * scale * scale;
-    symmetric.inverse_above(least).unwrap_or_else(|| carefully_inverted(m))
-}
-
-#[cold]
-#[inline(never)]
-fn carefully_inverted(m: &Matrix3<f64>) -> Matrix3<f64> {
-    m.cholesky().map_or_else(Matrix3::zeros, |factor| factor.inverse())
+    let carefully = || m.cholesky().map_or_else(Matrix3::zeros, |factor| factor.inverse());
+    symmetric.inverse_above(least).unwrap_or_else(carefully)
 }

@@ -16,7 +16,7 @@
 //! its own ε, since its calibration may be wrong. ε and S are summed over, not chosen: a few
 //! detections cannot be sure of them. A prior adds −½ (x−x⁰)ᵀ Π (x−x⁰) to log p and Π to H.
 
-use super::joints::{Group, Joints};
+use super::joints::Joints;
 use super::lanes::{Four, LANES, exp, lane, ln, set_lane};
 use super::problem::Prior;
 use super::rays::{Ray, Rays, there};
@@ -238,7 +238,7 @@ pub(super) fn evidence(joints: &Joints, variance: f64, widest: f64) -> Evidence 
         let mut information = outer.below(weight, Four::splat(1.0 / variance), least);
         log -= joints.against_priors(g, &mut information);
         let volume = ln(information.determinant(&information.cofactors())) * 0.5;
-        log -= Group::lanes().map(|l| lane(&group.live, l) * lane(&volume, l)).sum::<f64>();
+        log -= (0..LANES).map(|l| lane(&group.live, l) * lane(&volume, l)).sum::<f64>();
     }
     Evidence { log, wrong: (count - correct) / f64::max(count, 1.0), mixture }
 }

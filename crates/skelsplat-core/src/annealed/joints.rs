@@ -113,11 +113,6 @@ impl Group {
             set_lanes(&mut self.inverse.0, l, &Symmetric::of(&inverse).0);
         }
     }
-
-    /// Every lane with its number.
-    pub(super) fn lanes() -> std::ops::Range<usize> {
-        0..LANES
-    }
 }
 
 impl Joints {
@@ -281,7 +276,7 @@ impl Joints {
                 group.block.add(&prior.precision);
                 (0..3).for_each(|a| group.pull[a] += held[a]);
             }
-            for l in Group::lanes().filter(|l| !group.settled[*l]) {
+            for l in (0..LANES).filter(|l| !group.settled[*l]) {
                 set_lane(&mut group.squares, l, lane(&squares, l));
                 set_lane(&mut group.support, l, lane(&support, l));
             }

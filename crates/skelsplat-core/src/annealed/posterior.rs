@@ -201,7 +201,7 @@ fn positive(m: Matrix3<f64>) -> Matrix3<f64> {
 pub(crate) struct BodyExtent {
     middle: Vector3<f64>,
     /// s², mm².
-    square_spread: f64,
+    pub(crate) square_spread: f64,
 }
 
 impl BodyExtent {
@@ -222,7 +222,8 @@ impl BodyExtent {
         Self::of(points, &[]).map(|body| body.square_spread.sqrt())
     }
 
-    fn around(points: &[&Vector3<f64>]) -> Self {
+    /// That of these joints, whatever their number.
+    pub(crate) fn around(points: &[&Vector3<f64>]) -> Self {
         let n = points.len() as f64;
         let middle = points.iter().copied().sum::<Vector3<f64>>() / n;
         let square_spread = points.iter().map(|x| (*x - middle).norm_squared()).sum::<f64>() / n;

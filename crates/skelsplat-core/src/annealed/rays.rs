@@ -19,8 +19,8 @@ use crate::camera::Camera;
 use crate::detections::Detections;
 use crate::matrix3::Symmetric;
 
-/// One detection as a ray from its camera.
-#[derive(Debug, Clone, Copy, PartialEq)]
+/// One detection as a ray from its camera; by default a missing one.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Ray {
     /// The camera's centre c, mm.
     pub centre: Vector3<f64>,
@@ -42,14 +42,6 @@ pub struct Offset {
 }
 
 impl Ray {
-    /// A missing detection.
-    pub const NONE: Self = Self {
-        centre: Vector3::new(0.0, 0.0, 0.0),
-        direction: Vector3::new(0.0, 0.0, 0.0),
-        weight: 0.0,
-        pixel: 0.0,
-    };
-
     /// Whether there is a detection.
     pub fn is_there(&self) -> bool {
         self.weight > 0.0
@@ -103,7 +95,7 @@ impl Rays {
     /// From ideal pixels. View i has the weight `view_weights[i]` (empty: 1).
     pub fn new(detections: &Detections, cameras: &[Camera], view_weights: &[f64]) -> Self {
         let (m, n) = (cameras.len(), detections.n_joints());
-        let mut rays = vec![Ray::NONE; m * n];
+        let mut rays = vec![Ray::default(); m * n];
         for (i, camera) in cameras.iter().enumerate() {
             let centre = camera.centre();
             let ([fx, fy], [cx, cy]) = (camera.focal(), camera.principal_point());

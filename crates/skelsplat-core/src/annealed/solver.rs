@@ -4,7 +4,7 @@ use nalgebra::Vector3;
 
 use super::couplings::{Link, couple, of_bone, of_pair};
 use super::equations::ILL_CONDITIONED;
-use super::joints::{Group, Joints};
+use super::joints::Joints;
 use super::lanes::{Four, LANES, ZERO, lane, set_lane};
 use super::noise::{NoiseModel, Scale};
 use super::problem::{Annealing, Prior, Solution};
@@ -135,7 +135,7 @@ impl Solver {
             let cofactors = group.block.cofactors();
             let determinant = group.block.determinant(&cofactors);
             let mut over = Four::ONE / determinant;
-            for l in Group::lanes().filter(|l| group.settled[*l]) {
+            for l in (0..LANES).filter(|l| group.settled[*l]) {
                 set_lane(&mut over, l, 0.0);
             }
             group.inverse = cofactors.scaled(over);
@@ -163,7 +163,7 @@ impl Solver {
             let far = length.simd_gt(Four::splat(most));
             let share = far.bitselect(Four::splat(most) / length, Four::ONE);
             (0..3).for_each(|a| group.at[a] += group.step[a] * share);
-            for l in Group::lanes() {
+            for l in 0..LANES {
                 if !group.settled[l] {
                     let length = lane(&length, l);
                     longest = longest.max(length);

@@ -19,12 +19,9 @@ pub(super) const PRIOR_REACH: f64 = 2.0;
 pub struct Before {
     /// The initial pose `(N)`, mm; `None` for a joint without one.
     pub pose: Vec<Option<Vector3<f64>>>,
-    /// Priors `(N)`, if the pose is independent of these detections; otherwise it is only a
-    /// starting point.
+    /// Priors `(N)`, if the pose is independent of these detections; otherwise it is a
+    /// starting point, and decides between explanations that are about as likely.
     pub priors: Option<Vec<Prior>>,
-    /// Whether it is the pose of the previous frame: it then decides between explanations that are
-    /// about as likely.
-    pub past: bool,
 }
 
 /// Whether `x` is in front of a camera that detects it.

@@ -110,11 +110,8 @@ pub fn find(rays: &Rays, chains: &[Chain], points: &[Vector3<f64>], sigma: &[f64
 
 impl Judge<'_> {
     fn weight(&self, ray: &Ray, x: &Vector3<f64>, sigma: f64) -> f64 {
-        if ray.is_there() && x.x.is_finite() {
-            ray.weight * ray.offset(x).weight(sigma)
-        } else {
-            0.0
-        }
+        let k = ray.trust(x, sigma).filter(|_| x.x.is_finite());
+        k.map_or(0.0, |k| ray.weight * k)
     }
 
     /// Both assignments of `chain` in view `i` with its joints at `at`: (left, right) per pair.

@@ -47,8 +47,9 @@ pub struct Bone {
     pub length: Length,
 }
 
-/// A bone's term at two positions, linearised.
-#[derive(Debug, Clone, Copy, PartialEq)]
+/// A bone's term at two positions, linearised; by default none: of an unknown length, or of ends that
+/// coincide.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Pull {
     /// E.
     pub loss: f64,
@@ -63,22 +64,13 @@ pub struct Pull {
 }
 
 impl Pull {
-    /// No term: an unknown length, or ends that coincide.
-    pub const NONE: Self = Self {
-        loss: 0.0,
-        along: Vector3::new(0.0, 0.0, 0.0),
-        slope: 0.0,
-        stiffness: 0.0,
-        bend: 0.0,
-    };
-
     /// The term of a bone from `b` to `a`.
     #[inline]
     pub fn new(a: &Vector3<f64>, b: &Vector3<f64>, length: Length) -> Self {
         let d = a - b;
         let long = d.norm();
         if !(long > 0.0 && length.sigma.is_finite()) {
-            return Self::NONE;
+            return Self::default();
         }
         let r = long - length.mean;
         let variance = length.sigma * length.sigma;

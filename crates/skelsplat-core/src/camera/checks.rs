@@ -98,12 +98,10 @@ fn nearest(mut r: Matrix3<f64>) -> Matrix3<f64> {
 }
 
 pub(super) fn translation(t: &Vector3<f64>) -> Result<()> {
-    finite("t", t.as_slice())?;
     within("t", t.as_slice(), TRANSLATION)
 }
 
 pub(super) fn distortion(coefficients: &[f64]) -> Result<()> {
-    finite("distortion", coefficients)?;
     within("distortion", coefficients, COEFFICIENT)
 }
 
@@ -119,8 +117,10 @@ pub(super) fn size(size: [u32; 2]) -> Result<()> {
     Ok(())
 }
 
-/// Checks that every value lies within ±`most`; the message shows the first that does not.
+/// Checks that every value is finite and lies within ±`most`; the message shows the first that does
+/// not.
 fn within(argument: &str, values: &[f64], most: f64) -> Result<()> {
+    finite(argument, values)?;
     match values.iter().find(|v| v.abs() > most) {
         None => Ok(()),
         Some(v) => {

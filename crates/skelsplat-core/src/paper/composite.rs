@@ -42,10 +42,13 @@ impl Canvas {
 
     /// The pixels `span` of row `v`, both inside the window.
     pub fn line(&mut self, v: i32, span: Span) -> &mut [f64] {
-        let at = |a: i32, b: i32| usize::try_from(a - b).unwrap_or(0);
-        let start =
-            at(v, self.rows.start) * self.columns.len() + at(span.start, self.columns.start);
+        let start = self.index(v, span.start);
         &mut self.values[start..start + span.len()]
+    }
+
+    fn index(&self, v: i32, u: i32) -> usize {
+        let at = |a: i32, b: i32| usize::try_from(a - b).unwrap_or(0);
+        at(v, self.rows.start) * self.columns.len() + at(u, self.columns.start)
     }
 
     /// All values, row by row.
@@ -153,7 +156,7 @@ impl Composite {
             let shared = if inside { width.intersection(pseudo.columns) } else { Span::default() };
             for u in width.start..width.end {
                 let held = shared.start <= u && u < shared.end;
-                let p = if held { pseudo.at(v, u) } else { 0.0 };
+                let p = if held { pseudo.values[pseudo.index(v, u)] } else { 0.0 };
                 mask += u32::from(p > 0.0 || self.difference.values[at] > 0.0);
                 self.difference.values[at] -= p;
                 at += 1;
@@ -218,12 +221,5 @@ impl Composite {
         let mut out = Self::default();
         out.forward(splats, cancel);
         out.difference
-    }
-}
-
-impl Canvas {
-    fn at(&self, v: i32, u: i32) -> f64 {
-        let offset = |a: i32, b: i32| usize::try_from(a - b).unwrap_or(0);
-        self.values[offset(v, self.rows.start) * self.columns.len() + offset(u, self.columns.start)]
     }
 }

@@ -225,7 +225,7 @@ impl<'a, P: Pixel> Objective<'a, P> {
             symmetry_weight: 0.0,
             cancel,
             covariances: vec![Matrix3::zeros(); n],
-            gradient: vec![GaussianGradient::ZERO; n],
+            gradient: vec![GaussianGradient::default(); n],
         })
     }
 
@@ -269,7 +269,7 @@ impl<'a, P: Pixel> Objective<'a, P> {
 
     /// Loss and gradient of `gaussians` over the `active` views; meaningless once cancelled.
     pub fn evaluate(&mut self, gaussians: &[Gaussian], active: &[bool]) -> Loss {
-        self.gradient.fill(GaussianGradient::ZERO);
+        self.gradient.fill(GaussianGradient::default());
         for (covariance, g) in self.covariances.iter_mut().zip(gaussians) {
             *covariance = g.covariance();
         }

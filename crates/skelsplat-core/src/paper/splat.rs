@@ -2,12 +2,11 @@
 
 use nalgebra::{Matrix2, Vector2};
 
-/// A splat is zero where it would be below 1/255, as in 3D Gaussian splatting.
-pub const ALPHA_CUT: f64 = 1.0 / 255.0;
 /// A rendered splat never exceeds 0.99, as in 3D Gaussian splatting.
 pub const ALPHA_MAX: f64 = 0.99;
 
-/// The Mahalanobis distance squared at which exp(−½ q) = [`ALPHA_CUT`]: 2 ln 255.
+/// The Mahalanobis distance squared at which exp(−½ q) = 1/255: 2 ln 255. A splat is zero beyond it,
+/// as in 3D Gaussian splatting.
 pub const CUT: f64 = 11.082_527_090_316_852;
 
 /// A run of pixels `[start, end)` in one row.
@@ -135,9 +134,7 @@ impl Splat {
             .map(|v| (v, self.row(v)))
             .filter(|(_, row)| !row.span.is_empty())
     }
-}
 
-impl Splat {
     /// Whether any pixel belongs to both splats.
     pub fn overlaps(&self, other: &Self) -> bool {
         let rows = self.rows.intersection(other.rows);

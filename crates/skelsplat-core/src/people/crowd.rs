@@ -8,7 +8,7 @@ use crate::refine::Refiner;
 /// What a detector takes for one person in one view.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Figure {
-    /// Rays `(N)`; [`Ray::NONE`] where a joint is not detected.
+    /// Rays `(N)`; a missing one where a joint is not detected.
     pub rays: Vec<Ray>,
     /// Number of detected joints.
     pub joints: usize,

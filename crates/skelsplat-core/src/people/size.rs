@@ -6,6 +6,7 @@ use super::births::met;
 use super::crowd::{Crowd, Figure};
 use super::known::BodyModel;
 use super::score::meet;
+use crate::annealed::posterior::BodyExtent;
 use crate::bones::population::STATURE;
 use crate::statistics::median;
 
@@ -67,10 +68,7 @@ impl BodyModel {
             return median(bones);
         }
         let known: Vec<_> = pose.iter().filter(|x| !x.x.is_nan()).collect();
-        let n = known.len() as f64;
-        let centre = known.iter().fold(Vector3::zeros(), |sum, x| sum + **x) / n;
-        let square: f64 = known.iter().map(|x| (**x - centre).norm_squared()).sum();
-        STATURE_OVER_SPREAD * (square / n).sqrt()
+        STATURE_OVER_SPREAD * BodyExtent::around(&known).square_spread.sqrt()
     }
 }
 

@@ -17,15 +17,12 @@ pub struct Frame {
     /// Covariance `(N)`, unit², of an initial pose that is independent of these detections: the
     /// pose is then used as a prior, not only as a starting point.
     pub init_covariance: Option<Vec<Matrix3<f64>>>,
-    /// Whether the initial pose is that of the previous frame: it then decides between positions
-    /// with equal votes.
-    pub past: bool,
 }
 
 impl From<Detections> for Frame {
     /// A frame without an initial pose.
     fn from(detections: Detections) -> Self {
-        Self { detections, init_pose: None, init_covariance: None, past: false }
+        Self { detections, init_pose: None, init_covariance: None }
     }
 }
 

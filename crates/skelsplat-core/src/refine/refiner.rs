@@ -418,7 +418,7 @@ impl Refiner {
         };
         let covariances = frame.init_covariance.as_ref();
         let priors = covariances.map(|all| pose.iter().zip(all).map(prior).collect());
-        Some(Before { pose, priors, past: frame.past })
+        Some(Before { pose, priors })
     }
 
     /// ‖detection − reprojection‖ `(M, N)` in the original image.

@@ -62,6 +62,18 @@ pub fn second_difference(x: &[Vector3<f64>], t: usize) -> Vector3<f64> {
     x[t - 1] - 2.0 * x[t] + x[t + 1]
 }
 
+/// Adds K x times `factor` to `out`, with the matrix K of second differences of weights `w`.
+pub fn add_stiffness(w: &[f64], x: &[Vector3<f64>], factor: f64, out: &mut [Vector3<f64>]) {
+    for t in 1..x.len().saturating_sub(1) {
+        if w[t] > 0.0 {
+            let d = second_difference(x, t) * (w[t] * factor);
+            out[t - 1] += d;
+            out[t] -= 2.0 * d;
+            out[t + 1] += d;
+        }
+    }
+}
+
 impl Chain {
     /// Factors of the system with blocks `block(t)` and second differences of weights `w`, which
     /// are zero at the ends.

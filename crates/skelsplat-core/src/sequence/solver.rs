@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::chain::{Band, Chain, second_difference};
+use super::chain::{Band, Chain, add_stiffness};
 use super::noise::DetectionNoise;
 use super::process_noise::ProcessNoise;
 use super::system::System;
@@ -129,7 +129,9 @@ impl<'a> WindowSolver<'a> {
         for j in 0..self.tracks.joints {
             self.couple(j, MOTION_REACH);
             self.see(j, wider);
-            self.pull_of_motion(j);
+            let (of, system) = (self.system.of(j), &mut self.system);
+            let pulls = &mut system.pulls[of.clone()];
+            add_stiffness(&system.weights[of.clone()], &self.points[of], -1.0, pulls);
         }
         self.pull_of_bones();
     }
@@ -246,20 +248,6 @@ impl<'a> WindowSolver<'a> {
         }
     }
 
-    fn pull_of_motion(&mut self, j: usize) {
-        let of = self.system.of(j);
-        let (x, w) = (&self.points[of.clone()], &self.system.weights[of.clone()]);
-        let pulls = &mut self.system.pulls[of];
-        for t in 1..x.len().saturating_sub(1) {
-            if w[t] > 0.0 {
-                let d = second_difference(x, t) * w[t];
-                pulls[t - 1] -= d;
-                pulls[t] += 2.0 * d;
-                pulls[t + 1] -= d;
-            }
-        }
-    }
-
     fn pull_of_bones(&mut self) {
         let frames = self.tracks.frames;
         let bones = self.common.bones.iter().zip(&self.common.lengths);
@@ -269,7 +257,7 @@ impl<'a> WindowSolver<'a> {
                 let both = self.tracks.active[h] && self.tracks.active[l];
                 let pull = match both {
                     true => Pull::new(&self.points[h], &self.points[l], *length),
-                    false => Pull::NONE,
+                    false => Pull::default(),
                 };
                 let gradient = pull.gradient();
                 self.system.pulls[h] -= gradient;

@@ -8,7 +8,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::chain::{Chain, second_difference};
+use super::chain::{Chain, add_stiffness};
 use crate::bones::Pull;
 use crate::matrix3::times;
 
@@ -47,7 +47,7 @@ impl System {
             blocks: vec![Matrix3::zeros(); frames * joints],
             pulls: zero(),
             weights: vec![0.0; frames * joints],
-            lengths: vec![Pull::NONE; frames * bones.len()],
+            lengths: vec![Pull::default(); frames * bones.len()],
             chains: vec![Chain::default(); joints],
             diagonal: vec![Matrix3::zeros(); frames * joints],
             step: zero(),
@@ -69,15 +69,8 @@ impl System {
             *out = times(block, v);
         }
         for j in 0..self.chains.len() {
-            let (w, v, out) = (&self.weights[self.of(j)], &v[self.of(j)], &mut out[self.of(j)]);
-            for t in 1..self.frames.saturating_sub(1) {
-                if w[t] > 0.0 {
-                    let d = second_difference(v, t) * w[t];
-                    out[t - 1] += d;
-                    out[t] -= 2.0 * d;
-                    out[t + 1] += d;
-                }
-            }
+            let of = self.of(j);
+            add_stiffness(&self.weights[of.clone()], &v[of.clone()], 1.0, &mut out[of]);
         }
         for (b, [head, tail]) in self.bones.iter().enumerate() {
             for t in 0..self.frames {

@@ -91,7 +91,7 @@ impl Tracks {
             frames: t,
             joints: n,
             views: m,
-            rays: vec![Ray::NONE; n * t * m],
+            rays: vec![Ray::default(); n * t * m],
             weights: vec![Weights::default(); n * t * m],
             alone: vec![Vector3::repeat(f64::NAN); n * t],
             spread: vec![Matrix3::repeat(f64::NAN); n * t],

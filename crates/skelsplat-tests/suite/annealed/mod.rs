@@ -62,7 +62,7 @@ fn refine(cameras: &[Camera], frame: &Frame, config: RefineConfig) -> Refinement
 }
 
 fn from(detections: Detections, init_pose: Option<Vec<Vector3<f64>>>) -> Frame {
-    Frame { detections, init_pose, init_covariance: None, past: false }
+    Frame { detections, init_pose, init_covariance: None }
 }
 
 fn with_prior(detections: Detections, pose: Vec<Vector3<f64>>, sigma: f64) -> Frame {

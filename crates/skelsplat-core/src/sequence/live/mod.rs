@@ -142,7 +142,7 @@ impl Live {
                 format!("{before} joints, as in the previous frames (or call reset() first)");
             return Err(Error::invalid("detections", expected, n.to_string()));
         }
-        let mut frame = Frame { past: true, ..detections.into() };
+        let mut frame = Frame::from(detections);
         refiner.check(&frame)?;
         let scaled = self.scaled(refiner, &frame)?;
         let refiner = scaled.as_deref().unwrap_or(refiner);
