@@ -72,8 +72,6 @@ pub struct Outcome {
     pub splats: Splats,
     /// Initial pose `(N)`.
     pub init: Vec<Vector3<f64>>,
-    /// Reliability of each joint `(N)`.
-    pub status: Vec<JointStatus>,
     /// The joint for which each detection `(M, N)` was used.
     pub used_for: Vec<usize>,
     /// Loss of the pose over all views.
@@ -95,7 +93,7 @@ pub struct ErrorBars {
     pub believed: Vec<f64>,
     /// Standard deviation of the detection noise across the ray; NaN without detections.
     pub noise: f64,
-    /// Status of every joint `(N)` according to these residuals.
+    /// Reliability of each joint `(N)`.
     pub status: Vec<JointStatus>,
 }
 

@@ -3,6 +3,7 @@
 use nalgebra::{Matrix3, Vector3};
 use skelsplat_core::JointStatus;
 use skelsplat_core::study::annealed::{Alone, Ray, Rays};
+use skelsplat_core::study::outcome::ErrorBars;
 use skelsplat_core::study::sequence::noise::{DetectionNoise, Kernel};
 use skelsplat_core::study::sequence::process_noise::ProcessNoise;
 use skelsplat_core::study::sequence::scales::Residuals;
@@ -38,9 +39,12 @@ fn frame(wrong: f64, error: impl Fn(usize, usize) -> f64, noise: &mut Noise) -> 
         rays: Rays::of(rays.map(|(j, i)| ray(j, i)).collect(), VIEWS),
         used_for: (0..VIEWS).flat_map(|_| 0..joints).collect(),
         points: vec![Vector3::zeros(); joints],
-        spread: vec![4.0 * Matrix3::identity(); joints],
-        status: vec![JointStatus::Ok; joints],
-        noise: ERROR,
+        bars: ErrorBars {
+            covariances: vec![4.0 * Matrix3::identity(); joints],
+            believed: Vec::new(),
+            noise: ERROR,
+            status: vec![JointStatus::Ok; joints],
+        },
     }
 }
 

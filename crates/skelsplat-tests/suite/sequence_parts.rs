@@ -4,6 +4,7 @@ use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 use skelsplat_core::JointStatus;
 use skelsplat_core::study::annealed::{Alone, Ray, Rays};
 use skelsplat_core::study::bones::{Length, Pull};
+use skelsplat_core::study::outcome::ErrorBars;
 use skelsplat_core::study::sequence::Learnt;
 use skelsplat_core::study::sequence::chain::{Chain, second_difference, stiffness};
 use skelsplat_core::study::sequence::lasting::Memory;
@@ -205,9 +206,12 @@ fn standing_still(x: Vector3<f64>, views: usize) -> Alone {
         ),
         used_for: vec![0; views],
         points: vec![x],
-        spread: vec![4.0 * Matrix3::identity()],
-        status: vec![JointStatus::Ok],
-        noise: 2.0,
+        bars: ErrorBars {
+            covariances: vec![4.0 * Matrix3::identity()],
+            believed: Vec::new(),
+            noise: 2.0,
+            status: vec![JointStatus::Ok],
+        },
     }
 }
 
@@ -237,9 +241,12 @@ fn bones_tell_a_frame_what_the_dense_inverse_tells() {
         rays: Rays::of(rays, 3),
         used_for: (0..3).flat_map(|_| 0..4).collect(),
         points: joints.to_vec(),
-        spread: vec![Matrix3::identity() * 100.0; 4],
-        status: vec![JointStatus::Ok; 4],
-        noise: 10.0,
+        bars: ErrorBars {
+            covariances: vec![Matrix3::identity() * 100.0; 4],
+            believed: Vec::new(),
+            noise: 10.0,
+            status: vec![JointStatus::Ok; 4],
+        },
     };
     let common = Common {
         fps: 30.0,
@@ -259,13 +266,13 @@ fn bones_tell_a_frame_what_the_dense_inverse_tells() {
     run.linearise(1.0);
     let white = vec![Memory { constant: 0.0, rest: Vec::new(), common: 0.0 }; 4];
     let learnt = Learnt { common: common.clone(), memory: white, shown: vec![true; 3] };
-    let found = posterior(&run, &tracks, &learnt);
+    let found = posterior(&run, &learnt);
     // What the joints know by themselves: the inverse of their blocks.
     let mut without = learnt.clone();
     without.common.bones.clear();
     let mut own = WindowSolver::new(&tracks, &without.common, Some(joints.to_vec()));
     own.linearise(1.0);
-    let alone = posterior(&own, &tracks, &without);
+    let alone = posterior(&own, &without);
     assert!((alone.positions[0] - own.bands(0)[0].own).amax() < 1e-9);
     let mut information = DMatrix::zeros(12, 12);
     for j in 0..4 {

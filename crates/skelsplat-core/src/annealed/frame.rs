@@ -1,6 +1,6 @@
 //! Annealed splatting of one frame: a start, one annealing, moves, left–right swaps, error bars.
 
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::Vector3;
 
 use super::depth::is_fixed;
 use super::evidence::{Evidence, can_outvote, evidence, of_few};
@@ -61,12 +61,8 @@ pub struct Alone {
     pub used_for: Vec<usize>,
     /// Positions `(N)`, mm; NaN where unknown.
     pub points: Vec<Vector3<f64>>,
-    /// Posterior covariances `(N)`, mm².
-    pub spread: Vec<Matrix3<f64>>,
-    /// Status of every joint.
-    pub status: Vec<JointStatus>,
-    /// Standard deviation of the detection noise, mm; NaN without detections.
-    pub noise: f64,
+    /// Their error bars.
+    pub bars: ErrorBars,
 }
 
 /// An explanation of the frame, for one assignment of left and right.
@@ -159,8 +155,8 @@ impl AnnealedFrame<'_> {
         found
     }
 
-    /// The posterior at `points`, found by another method.
-    pub fn error_bars(&self, points: &[Vector3<f64>]) -> ErrorBars {
+    /// The posterior at `points`, found by another method, of joints of this `status`.
+    pub fn error_bars(&self, points: &[Vector3<f64>], status: &[JointStatus]) -> ErrorBars {
         let rays = Rays::new(self.detections, self.cameras, self.view_weights);
         let mut joints = Joints::new(&rays, self.pairs);
         for (j, x) in points.iter().enumerate() {
@@ -177,9 +173,9 @@ impl AnnealedFrame<'_> {
         // depth.
         let all = vec![1.0; self.detections.n_views()];
         let has_depth = |j: usize| is_fixed(found.rays.of_joint(j), j, &solution, &all);
-        let status = (0..points.len()).map(|j| match has_depth(j) {
-            true => JointStatus::Ok,
-            false => JointStatus::Weak,
+        let status = status.iter().enumerate().map(|(j, status)| match status {
+            JointStatus::Ok if !has_depth(j) => JointStatus::Weak,
+            _ => *status,
         });
         ErrorBars { status: status.collect(), ..bars }
     }
@@ -379,7 +375,6 @@ impl AnnealedFrame<'_> {
             points: solution.points,
             splats: Splats::Round(solution.sigma),
             init: found.init,
-            status: bars.status.clone(),
             used_for: found.used_for,
             loss,
             loss_history: Vec::new(),

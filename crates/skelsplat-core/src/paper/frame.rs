@@ -54,9 +54,13 @@ pub struct LossAndGradient {
 
 impl PaperFrame<'_> {
     /// The pose of the frame, starting from the known joints of `init`, with splats of standard
-    /// deviation `sigmas` `(N)`. Errors: [`crate::Error::OutOfMemory`] if the windows are too
+    /// deviation `sigmas` `(N)`, and the status of every joint. Errors: [`crate::Error::OutOfMemory`] if the windows are too
     /// large, [`crate::Error::Cancelled`] once `cancel` is set.
-    pub fn solve(&self, init: Option<&[Option<Vector3<f64>>]>, sigmas: &[f64]) -> Result<Outcome> {
+    pub fn solve(
+        &self,
+        init: Option<&[Option<Vector3<f64>>]>,
+        sigmas: &[f64],
+    ) -> Result<(Outcome, Vec<JointStatus>)> {
         let init = self.initial_pose(init);
         let round = |(mean, sigma): (&Vector3<f64>, &f64)| Gaussian::isotropic(*mean, *sigma);
         let mut gaussians: Vec<Gaussian> = init.iter().zip(sigmas).map(round).collect();
@@ -74,17 +78,18 @@ impl PaperFrame<'_> {
         let covariance = |g: &Gaussian| {
             if g.mean.x.is_nan() { Matrix3::repeat(f64::NAN) } else { g.covariance() }
         };
-        Ok(Outcome {
+        let status = (0..gaussians.len()).map(|j| status(&objective, j)).collect();
+        let outcome = Outcome {
             points: gaussians.iter().map(|g| g.mean).collect(),
             splats: Splats::Free(gaussians.iter().map(covariance).collect()),
             init,
-            status: (0..gaussians.len()).map(|j| status(&objective, j)).collect(),
             used_for: as_given(self.detections.n_views(), self.detections.n_joints()),
             loss,
             loss_history: run.history,
             n_iter: run.n_iter,
             stop_reason: run.stop_reason,
-        })
+        };
+        Ok((outcome, status))
     }
 
     /// Loss over all views and its gradient for any Gaussians `(N)`, in doubles; `shapes` determine

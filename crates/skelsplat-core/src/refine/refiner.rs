@@ -10,7 +10,7 @@ use super::frame::{Control, Frame};
 use super::result::Refinement;
 use crate::annealed::rays::Rays;
 use crate::annealed::swaps::{Chain, chains};
-use crate::annealed::{self, Alone, AnnealedSettings, Before, Bones, Prior};
+use crate::annealed::{Alone, Annealed, AnnealedFrame, AnnealedSettings, Before, Bones, Prior};
 use crate::bones::Length;
 use crate::bones::expected::Expected;
 use crate::camera::Camera;
@@ -18,7 +18,7 @@ use crate::detections::Detections;
 use crate::error::{Error, Result};
 use crate::gaussian::Gaussian;
 use crate::layout::Layout;
-use crate::outcome::{ErrorBars, Outcome};
+use crate::outcome::{ErrorBars, JointStatus, Outcome};
 use crate::paper::{self, LossAndGradient, PaperSettings, Renderer, Shapes};
 use crate::projection::View;
 use crate::symmetry::LimbPair;
@@ -160,8 +160,8 @@ impl Refiner {
                 (found.outcome, found.bars)
             }
             Method::Paper(_) => {
-                let outcome = self.by_paper(frame, &used, control)?;
-                let bars = self.annealed(&used, None).error_bars(&outcome.points);
+                let (outcome, status) = self.by_paper(frame, &used, control)?;
+                let bars = self.annealed(&used, None).error_bars(&outcome.points, &status);
                 (outcome, bars)
             }
         };
@@ -172,16 +172,8 @@ impl Refiner {
     pub(crate) fn alone(&self, frame: &Frame) -> Result<Alone> {
         self.check(frame)?;
         let used = self.usable(&frame.detections);
-        let found = self.annealed(&used, self.before(frame)).solve();
-        let annealed::Annealed { outcome, bars, rays } = found;
-        Ok(Alone {
-            rays,
-            used_for: outcome.used_for,
-            points: outcome.points,
-            spread: bars.covariances,
-            status: bars.status,
-            noise: bars.noise,
-        })
+        let Annealed { outcome, bars, rays } = self.annealed(&used, self.before(frame)).solve();
+        Ok(Alone { rays, used_for: outcome.used_for, points: outcome.points, bars })
     }
 
     /// The class of each of `n` joints: left and right joints err alike.
@@ -341,11 +333,7 @@ impl Refiner {
         (0..n_joints).map(sigma).collect()
     }
 
-    fn annealed<'a>(
-        &'a self,
-        used: &'a Detections,
-        before: Option<Before>,
-    ) -> annealed::AnnealedFrame<'a> {
+    fn annealed<'a>(&'a self, used: &'a Detections, before: Option<Before>) -> AnnealedFrame<'a> {
         let sigmas = self.sigmas(used.n_joints());
         let (symmetry, noise) = (self.config.symmetry_sigma_mm, self.config.detection_sigma_px);
         let (annealing, weights) = match &self.config.method {
@@ -356,7 +344,7 @@ impl Refiner {
                 (AnnealedSettings::default().annealing(sigmas, symmetry, noise), None)
             }
         };
-        annealed::AnnealedFrame {
+        AnnealedFrame {
             cameras: &self.cameras,
             detections: used,
             view_weights: weights.unwrap_or_default(),
@@ -382,7 +370,12 @@ impl Refiner {
 
     /// Runs in the caller's thread pool, else in that of the process; never in rayon's global pool,
     /// which does not survive a fork.
-    fn by_paper(&self, frame: &Frame, used: &Detections, control: Control<'_>) -> Result<Outcome> {
+    fn by_paper(
+        &self,
+        frame: &Frame,
+        used: &Detections,
+        control: Control<'_>,
+    ) -> Result<(Outcome, Vec<JointStatus>)> {
         let pose = self.initial_pose(frame);
         let sigmas = self.sigmas(used.n_joints());
         let solve = |parallel: bool| {

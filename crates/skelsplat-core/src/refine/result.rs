@@ -74,10 +74,6 @@ impl Refinement {
             Splats::Free(covariances) => covariances.iter().map(|c| c / (mm * mm)).collect(),
         };
         let used_for = || outcome.used_for.iter().enumerate();
-        let doubted = |(status, by_bars): (&JointStatus, &JointStatus)| match (status, by_bars) {
-            (JointStatus::Ok, JointStatus::Weak) => JointStatus::Weak,
-            _ => *status,
-        };
         Self {
             pose: outcome.points.iter().map(|p| p / mm).collect(),
             covariance,
@@ -88,7 +84,7 @@ impl Refinement {
             noise: bars.noise / mm,
             init_pose: outcome.init.iter().map(|p| p / mm).collect(),
             reprojection_error,
-            joint_status: outcome.status.iter().zip(&bars.status).map(doubted).collect(),
+            joint_status: bars.status.clone(),
             loss: outcome.loss,
             loss_history: outcome.loss_history,
             n_iter: outcome.n_iter,

@@ -3,9 +3,8 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::learn::Learnt;
 use super::posterior::Posterior;
-use super::solver::{Common, WindowSolver};
+use super::solver::WindowSolver;
 use super::tracks::{BRIDGE, Tracks};
 use super::windows::{around, frames_in};
 use crate::annealed::Alone;
@@ -24,8 +23,6 @@ const MOST_WRONG: f64 = 0.5;
 /// A solved window.
 pub(super) struct SolvedWindow<'a> {
     run: &'a WindowSolver<'a>,
-    tracks: &'a Tracks,
-    learnt: &'a Learnt,
     posterior: &'a Posterior,
     /// k of every view at the path `(N, T, M)`; NaN where missing, or where no place is solved for.
     believed: Vec<f64>,
@@ -50,13 +47,8 @@ struct SolvedJoint {
 
 impl<'a> SolvedWindow<'a> {
     /// The window along the path of `run`.
-    pub(super) fn of(
-        run: &'a WindowSolver<'a>,
-        tracks: &'a Tracks,
-        learnt: &'a Learnt,
-        posterior: &'a Posterior,
-    ) -> Self {
-        let views = tracks.views;
+    pub(super) fn of(run: &'a WindowSolver<'a>, posterior: &'a Posterior) -> Self {
+        let (tracks, views) = (run.tracks, run.tracks.views);
         let mut known = vec![f64::NAN; tracks.active.len() * views];
         let mut depths = vec![None; tracks.active.len()];
         for k in (0..depths.len()).filter(|k| tracks.active[*k]) {
@@ -66,9 +58,9 @@ impl<'a> SolvedWindow<'a> {
             own.iter_mut().zip(now).for_each(|(k, now)| *k = now);
             depths[k] = fixed(tracks, k, at, own);
         }
-        let deep = deep(&depths, tracks.frames, frames_in(BRIDGE, learnt.common.fps));
-        let contradicted = contradicted(run, tracks, &learnt.common);
-        Self { run, tracks, learnt, posterior, believed: known, fixed: depths, deep, contradicted }
+        let deep = deep(&depths, tracks.frames, frames_in(BRIDGE, run.common.fps));
+        let contradicted = contradicted(run);
+        Self { run, posterior, believed: known, fixed: depths, deep, contradicted }
     }
 
     /// Frame `t`, and its error bars.
@@ -85,16 +77,15 @@ impl<'a> SolvedWindow<'a> {
         let observed = status.iter().any(|s| *s != JointStatus::Unobserved);
         let outcome = Outcome {
             points: joints.iter().map(|joint| joint.at).collect(),
-            splats: Splats::Round(self.learnt.common.noise.kernels()),
+            splats: Splats::Round(self.run.common.noise.kernels()),
             init: alone.points.clone(),
-            status: status.clone(),
             used_for,
             loss: self.loss(&joints),
             loss_history: Vec::new(),
             n_iter,
             stop_reason: if observed { StopReason::Converged } else { StopReason::NoObservations },
         };
-        let variance = median(self.learnt.common.noise.variance.iter().copied());
+        let variance = median(self.run.common.noise.variance.iter().copied());
         let bars = ErrorBars {
             covariances: joints.iter().map(|joint| joint.covariance).collect(),
             believed: joints.iter().flat_map(|joint| joint.believed.iter().copied()).collect(),
@@ -105,20 +96,20 @@ impl<'a> SolvedWindow<'a> {
     }
 
     fn joint(&self, j: usize, t: usize, alone: &Alone) -> SolvedJoint {
-        let k = j * self.tracks.frames + t;
-        let common = &self.learnt.common;
-        let rays = self.tracks.rays(j, t);
-        let active = self.tracks.active[k];
+        let k = j * self.run.tracks.frames + t;
+        let common = self.run.common;
+        let rays = self.run.tracks.rays(j, t);
+        let active = self.run.tracks.active[k];
         let (at, covariance) = match active {
             true => {
                 let also = self.undecided(j, t, alone) + self.contradicted[k];
                 (self.run.points[k], self.posterior.positions[k] + also)
             }
-            false => (alone.points[j], alone.spread[j]),
+            false => (alone.points[j], alone.bars.covariances[j]),
         };
         let believed: Vec<f64> = match active {
             true => self.believed[k * rays.len()..][..rays.len()].to_vec(),
-            false => believed(self.tracks, j, t, &at).collect(),
+            false => believed(self.run.tracks, j, t, &at).collect(),
         };
         let fixed = self.fixed[k] == Some(true);
         let most = (INFERRED * common.reach).powi(2);
@@ -127,13 +118,13 @@ impl<'a> SolvedWindow<'a> {
                 || self.contradicted[k].trace() > 0.0
                 || (covariance.trace() > most && covariance.symmetric_eigenvalues().max() > most));
         let status = match (active, fixed) {
-            (false, _) => alone.status[j],
+            (false, _) => alone.bars.status[j],
             (true, _) if unknown => JointStatus::Weak,
             (true, true) => JointStatus::Ok,
             (true, false) if self.deep[k] => JointStatus::Inferred,
             (true, false) => JointStatus::Weak,
         };
-        let loss = self.tracks.loss(k, &believed);
+        let loss = self.run.tracks.loss(k, &believed);
         SolvedJoint { at, covariance, believed, status, loss }
     }
 
@@ -141,10 +132,10 @@ impl<'a> SolvedWindow<'a> {
     /// views: its bone then allows two places on the ray, and all frames may have taken the wrong
     /// one.
     fn undecided(&self, j: usize, t: usize, alone: &Alone) -> Matrix3<f64> {
-        let near = around(t, frames_in(BRIDGE, self.learnt.common.fps), self.tracks.frames);
-        let of_joint = j * self.tracks.frames..(j + 1) * self.tracks.frames;
-        let shown = self.tracks.sure[of_joint][near].iter().any(|sure| *sure);
-        let spread = alone.spread[j];
+        let near = around(t, frames_in(BRIDGE, self.run.common.fps), self.run.tracks.frames);
+        let of_joint = j * self.run.tracks.frames..(j + 1) * self.run.tracks.frames;
+        let shown = self.run.tracks.sure[of_joint][near].iter().any(|sure| *sure);
+        let spread = alone.bars.covariances[j];
         if shown || !spread[(0, 0)].is_finite() { Matrix3::zeros() } else { spread }
     }
 
@@ -199,8 +190,8 @@ fn deep(fixed: &[Option<bool>], frames: usize, reach: usize) -> Vec<bool> {
 /// What bones that contradict the positions add to their covariances `(N, T)`, where they have lost
 /// their influence on a joint as rejected detections have: it may be anywhere on the spheres around
 /// their other ends. A joint that another bone holds is right.
-fn contradicted(run: &WindowSolver<'_>, tracks: &Tracks, common: &Common) -> Vec<Matrix3<f64>> {
-    let t = tracks.frames;
+fn contradicted(run: &WindowSolver<'_>) -> Vec<Matrix3<f64>> {
+    let (tracks, common, t) = (run.tracks, run.common, run.tracks.frames);
     // Weights of a joint's bones, their number, and what is missing along them.
     let mut sums = vec![(0.0, 0.0, Matrix3::zeros()); tracks.active.len()];
     let bones = common.bones.iter().zip(&common.lengths);
@@ -227,13 +218,8 @@ fn contradicted(run: &WindowSolver<'_>, tracks: &Tracks, common: &Common) -> Vec
 
 /// Standard errors of the bones' lengths, mm: those of a typical frame, since most of an error
 /// lasts.
-pub(super) fn errors(
-    run: &WindowSolver<'_>,
-    found: &Posterior,
-    tracks: &Tracks,
-    common: &Common,
-) -> Vec<f64> {
-    let t = tracks.frames;
+pub(super) fn errors(run: &WindowSolver<'_>, found: &Posterior) -> Vec<f64> {
+    let (tracks, t) = (run.tracks, run.tracks.frames);
     let of_bone = |(b, [head, tail]): (usize, &[usize; 2])| {
         let along = |k: usize| {
             let u = run.system.lengths[b * t + k].along;
@@ -244,5 +230,5 @@ pub(super) fn errors(
         let all: Vec<f64> = (0..t).filter(seen).map(along).filter(|e| e.is_finite()).collect();
         if all.is_empty() { f64::INFINITY } else { median(all) }
     };
-    common.bones.iter().enumerate().map(of_bone).collect()
+    run.common.bones.iter().enumerate().map(of_bone).collect()
 }

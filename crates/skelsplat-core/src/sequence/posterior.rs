@@ -20,9 +20,9 @@
 use nalgebra::{Matrix3, Vector3};
 
 use super::chain::Band;
+use super::lasting::Memory;
 use super::learn::Learnt;
-use super::solver::{Common, WindowSolver};
-use super::tracks::Tracks;
+use super::solver::WindowSolver;
 use super::windows::{around, frames_in};
 use crate::matrix3::{inverse, times};
 
@@ -42,49 +42,42 @@ pub struct Posterior {
     pub of_velocities: Vec<Matrix3<f64>>,
 }
 
-/// The posterior at the solution.
-pub fn posterior(run: &WindowSolver<'_>, tracks: &Tracks, learnt: &Learnt) -> Posterior {
-    let Learnt { common, memory, .. } = learnt;
-    let (n, t) = (tracks.joints, tracks.frames);
+/// The posterior at the solution of `run`, with what is `learnt` as its common knowledge.
+pub fn posterior(run: &WindowSolver<'_>, learnt: &Learnt) -> Posterior {
+    let (tracks, n, t) = (run.tracks, run.tracks.joints, run.tracks.frames);
     let unknown = Matrix3::repeat(f64::NAN);
     let mut out = Posterior {
         positions: vec![unknown; n * t],
         velocities: vec![Vector3::repeat(f64::NAN); n * t],
         of_velocities: vec![unknown; n * t],
     };
-    for (j, memory) in memory.iter().enumerate() {
+    for (j, memory) in learnt.memory.iter().enumerate() {
         let mut bands = run.bands(j);
         bands.iter_mut().zip(&run.system.blocks[run.system.of(j)]).for_each(|(band, block)| {
             let frames = 3.0 / (band.own * block).trace().clamp(1e-3, 3.0);
             band.scale((1.0 - memory.constant) * memory.frames(frames));
         });
-        let lasting = lasting(run, tracks, learnt, j);
+        let lasting = lasting(run, memory, j);
         for k in (0..t).filter(|k| tracks.active[j * t + k]) {
             out.positions[j * t + k] = bands[k].own + lasting[k];
         }
-        out.velocities(run, tracks, common, &bands, j);
+        out.velocities(run, &bands, j);
     }
     for k in 0..t {
-        join(run, tracks, common, k, &mut out.positions);
+        join(run, k, &mut out.positions);
     }
     out
 }
 
 /// c D̄⁻¹ of joint `j` in every frame.
-fn lasting(
-    run: &WindowSolver<'_>,
-    tracks: &Tracks,
-    learnt: &Learnt,
-    j: usize,
-) -> Vec<Matrix3<f64>> {
-    let Learnt { common, memory, .. } = learnt;
-    let (t, own) = (tracks.frames, j * tracks.frames);
+fn lasting(run: &WindowSolver<'_>, memory: &Memory, j: usize) -> Vec<Matrix3<f64>> {
+    let (common, t, own) = (run.common, run.tracks.frames, j * run.tracks.frames);
     let reach = frames_in(AROUND, common.fps);
     let body = Matrix3::from_diagonal_element(common.reach.powi(-2));
     let mut sums = vec![(Matrix3::zeros(), 0.0)];
     for k in 0..t {
         let (mut sum, mut n): (Matrix3<f64>, f64) = sums[k];
-        if tracks.active[own + k] {
+        if run.tracks.active[own + k] {
             sum += run.system.blocks[own + k];
             n += 1.0;
         }
@@ -94,21 +87,14 @@ fn lasting(
         let near = around(k, reach, t);
         let (first, last) = (&sums[near.start], &sums[near.end]);
         let mean = (last.0 - first.0) / (last.1 - first.1).max(1.0);
-        inverse(&(mean + body)) * (memory[j].constant + memory[j].common)
+        inverse(&(mean + body)) * (memory.constant + memory.common)
     };
     (0..t).map(of_frame).collect()
 }
 
 impl Posterior {
-    fn velocities(
-        &mut self,
-        run: &WindowSolver<'_>,
-        tracks: &Tracks,
-        common: &Common,
-        bands: &[Band],
-        j: usize,
-    ) {
-        let t = tracks.frames;
+    fn velocities(&mut self, run: &WindowSolver<'_>, bands: &[Band], j: usize) {
+        let (tracks, t) = (run.tracks, run.tracks.frames);
         let own = j * t;
         for k in 0..t {
             let there = |k: usize| tracks.active[own + k];
@@ -119,7 +105,7 @@ impl Posterior {
             if !there(k) || a == b {
                 continue;
             }
-            let rate = common.fps / (b - a) as f64;
+            let rate = run.common.fps / (b - a) as f64;
             let cross = if b - a == 2 { bands[a].after } else { bands[a].next };
             let spread = bands[a].own + bands[b].own - cross - cross.transpose();
             self.velocities[own + k] = (run.points[own + b] - run.points[own + a]) * rate;
@@ -129,18 +115,12 @@ impl Posterior {
 }
 
 /// Passes the bones' messages of frame `k` and adds what they tell.
-fn join(
-    run: &WindowSolver<'_>,
-    tracks: &Tracks,
-    common: &Common,
-    k: usize,
-    spread: &mut [Matrix3<f64>],
-) {
-    let t = tracks.frames;
+fn join(run: &WindowSolver<'_>, k: usize, spread: &mut [Matrix3<f64>]) {
+    let (tracks, common, t) = (run.tracks, run.common, run.tracks.frames);
     let alone: Vec<Matrix3<f64>> =
         (0..tracks.joints).map(|j| inverse(&spread[j * t + k])).collect();
     let variances: Vec<f64> =
-        (0..common.bones.len()).map(|b| variance(run, tracks, common, [b, k], spread)).collect();
+        (0..common.bones.len()).map(|b| variance(run, [b, k], spread)).collect();
     // Information along the bone that its first joint has from the second, and the second from the
     // first.
     let mut messages = vec![[0.0; 2]; common.bones.len()];
@@ -176,13 +156,8 @@ fn join(
 /// Variance of bone `b` as a measurement in frame `k`, mm²; infinite where it is none. To that of
 /// its length comes the second moment of |e|²/2l, with the errors e across the bone of those of its
 /// ends that two views see; where one does, the bone decides.
-fn variance(
-    run: &WindowSolver<'_>,
-    tracks: &Tracks,
-    common: &Common,
-    [b, k]: [usize; 2],
-    spread: &[Matrix3<f64>],
-) -> f64 {
+fn variance(run: &WindowSolver<'_>, [b, k]: [usize; 2], spread: &[Matrix3<f64>]) -> f64 {
+    let (tracks, common) = (run.tracks, run.common);
     let (pull, length) = (&run.system.lengths[b * tracks.frames + k], common.lengths[b].mean);
     let ends = common.bones[b].map(|j| j * tracks.frames + k);
     let seen = ends.iter().filter(|end| tracks.active[**end] && tracks.sure[**end]);

@@ -248,10 +248,6 @@ impl Recording<'_> {
         Tracks::new(stretches, frames_in(BRIDGE, self.fps), noise)
     }
 
-    fn check(&self) -> impl Fn() -> Result<()> {
-        || self.progress.check()
-    }
-
     /// What is common to all windows, from the frames of some of them, and their path.
     fn learn(&self, sample: &[Vec<Alone>]) -> Result<(Known, Path)> {
         let (first, tracks) = self.first(sample);
@@ -261,7 +257,7 @@ impl Recording<'_> {
     /// What the frames alone show, and their tracks.
     fn first(&self, sample: &[Vec<Alone>]) -> (Common, Tracks) {
         let all = || sample.iter().flatten();
-        let noise = median(all().map(|f| f.noise).filter(|n| n.is_finite()));
+        let noise = median(all().map(|f| f.bars.noise).filter(|n| n.is_finite()));
         let noise = if noise.is_finite() { noise } else { 1.0 };
         let spread = median(all().filter_map(|f| BodyExtent::spread(&f.points)));
         let rays = &sample[0][0].rays;
@@ -314,7 +310,7 @@ impl Recording<'_> {
         };
         let common = Common { lengths, ..wide.clone() };
         let mut run = WindowSolver::new(tracks, &common, Some(std::mem::take(&mut path.points)));
-        run.anneal(SETTLE, &self.check())?;
+        run.anneal(SETTLE, self.progress)?;
         let residuals = Residuals::of(&run, 1.0, TAKEN);
         let learn = || {
             let noise = self.noise(&run, &residuals);
@@ -342,7 +338,7 @@ impl Recording<'_> {
         swaps::exchange(&mut tracks, chains, &swapped);
         tracks.find_cuts(first.fps, &first.usual());
         let mut run = WindowSolver::new(&tracks, first, None);
-        run.anneal(WIDE, &self.check())?;
+        run.anneal(WIDE, self.progress)?;
         let residuals = Residuals::of(&run, NARROWEST, TAKEN);
         let shown = || {
             let noise = self.noise(&run, &residuals);
@@ -364,7 +360,7 @@ impl Recording<'_> {
         let chains = self.refiner.chains();
         let points = std::mem::take(&mut path.points);
         let mut run = WindowSolver::new(&path.tracks, wide, Some(points));
-        run.anneal(NARROW, &self.check())?;
+        run.anneal(NARROW, self.progress)?;
         (path.points, path.steps) = (run.points, path.steps + run.n_iter);
         let found = swaps::find(&path.tracks, chains, &path.points, wide);
         for swap in &found {
@@ -404,12 +400,12 @@ impl Recording<'_> {
             }
         }
         let mut run = WindowSolver::new(&tracks, &learnt.common, Some(points));
-        run.anneal(SETTLE, &self.check())?;
+        run.anneal(SETTLE, self.progress)?;
         run.linearise(1.0);
-        let found = posterior(&run, &tracks, learnt);
-        let errors = errors(&run, &found, &tracks, &learnt.common);
+        let found = posterior(&run, learnt);
+        let errors = errors(&run, &found);
         let steps = steps + run.n_iter;
-        let state = SolvedWindow::of(&run, &tracks, learnt, &found);
+        let state = SolvedWindow::of(&run, &found);
         let mm = self.refiner.millimetres();
         for (own, t) in window.own.clone().enumerate() {
             let k = t - window.all.start;

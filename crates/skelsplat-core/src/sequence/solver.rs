@@ -8,6 +8,7 @@ use super::process_noise::ProcessNoise;
 use super::system::System;
 use super::tracks::Tracks;
 use super::windows::{around, frames_in};
+use crate::batch::Progress;
 use crate::bones::{Length, Pull};
 use crate::error::Result;
 use crate::matrix3::{Symmetric, inverse, times};
@@ -104,16 +105,15 @@ impl<'a> WindowSolver<'a> {
         run
     }
 
-    /// Anneals along `schedule`, without filling the system at the last positions; `check` is
-    /// called before every step and ends the run with its error.
+    /// Anneals along `schedule`, without filling the system at the last positions.
     ///
     /// # Errors
-    /// The error of `check`.
-    pub fn anneal(&mut self, schedule: &Schedule, check: &impl Fn() -> Result<()>) -> Result<()> {
+    /// [`crate::Error::Cancelled`] once `progress` is cancelled.
+    pub fn anneal(&mut self, schedule: &Schedule, progress: &Progress) -> Result<()> {
         let noise = self.common.noise.of_joints().into_iter().fold(f64::INFINITY, f64::min).sqrt();
         for (wider, steps) in schedule {
             for _ in 0..*steps {
-                check()?;
+                progress.check()?;
                 self.linearise(*wider);
                 self.n_iter += 1;
                 if self.step() < SMALL * noise {

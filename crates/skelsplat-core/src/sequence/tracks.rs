@@ -151,7 +151,7 @@ impl Tracks {
     fn place(&mut self, j: usize, t: usize, frame: &Alone) {
         let k = j * self.frames + t;
         self.rays[k * self.views..(k + 1) * self.views].copy_from_slice(frame.rays.of_joint(j));
-        (self.alone[k], self.spread[k]) = (frame.points[j], frame.spread[j]);
+        (self.alone[k], self.spread[k]) = (frame.points[j], frame.bars.covariances[j]);
         for i in 0..self.views {
             self.turned[k * self.views + i] = frame.used_for[i * self.joints + j] != j;
         }

@@ -4,6 +4,7 @@ use nalgebra::{Matrix3, Vector3};
 
 use crate::bones::{Length, Pull};
 use crate::matrix3::times;
+use crate::outcome::JointStatus;
 use crate::sequence::learn::{LEAST_SHARE, LEAST_SPREAD};
 
 /// Frames over which a length is averaged at most.
@@ -13,11 +14,12 @@ const LEAST: f64 = 6.0;
 /// Largest deviation that counts, in multiples of the usual one.
 const REACH: f64 = 2.0;
 
-/// A joint with a known position.
+/// A joint of a frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct End {
+pub(super) struct Answer {
     pub(super) at: Vector3<f64>,
     pub(super) covariance: Matrix3<f64>,
+    pub(super) status: JointStatus,
 }
 
 /// The length of a bone, from the frames that see both ends.
@@ -33,7 +35,7 @@ pub(super) struct RunningLength {
 }
 
 impl RunningLength {
-    pub(super) fn learn(&mut self, a: End, b: End) {
+    pub(super) fn learn(&mut self, a: &Answer, b: &Answer) {
         let d = a.at - b.at;
         let (length, u) = (d.norm(), d.normalize());
         let variance = u.dot(&times(&(a.covariance + b.covariance), &u));
@@ -64,7 +66,7 @@ impl RunningLength {
 /// A bone to a joint of the frame that is known already.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Tie {
-    pub(super) to: End,
+    pub(super) to: Answer,
     pub(super) length: Length,
 }
 

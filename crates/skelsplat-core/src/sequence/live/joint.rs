@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::bone::{End, Tie};
+use super::bone::{Answer, Tie};
 use super::filter::{KalmanState, MotionStatistics};
 use crate::annealed::consensus::REJECTED;
 use crate::annealed::rays::{Ray, there};
@@ -63,20 +63,6 @@ pub(super) struct Observation<'a> {
     pub(super) mean_variance: f64,
     /// The body's spread, mm.
     pub(super) reach: f64,
-}
-
-/// A joint of a frame.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Answer {
-    pub(super) at: Vector3<f64>,
-    pub(super) covariance: Matrix3<f64>,
-    pub(super) status: JointStatus,
-}
-
-impl Answer {
-    pub(super) fn end(&self) -> End {
-        End { at: self.at, covariance: self.covariance }
-    }
 }
 
 impl Observation<'_> {

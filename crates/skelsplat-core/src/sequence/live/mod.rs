@@ -30,8 +30,8 @@ pub mod filter;
 mod joint;
 mod window;
 
-use self::bone::{RunningLength, Tie};
-use self::joint::{Answer, LiveJoint, Observation, STEPS};
+use self::bone::{Answer, RunningLength, Tie};
+use self::joint::{LiveJoint, Observation, STEPS};
 use self::window::LagWindow;
 use super::lasting::Memory;
 use super::learn::Learnt;
@@ -190,8 +190,8 @@ impl Live {
                 *mean += share * (now - *mean);
             }
         };
-        follow(&mut self.noise, (alone.noise.powi(2) * alone.rays.mean_weight()).ln());
-        let least = LEAST_SPREAD * alone.noise;
+        follow(&mut self.noise, (alone.bars.noise.powi(2) * alone.rays.mean_weight()).ln());
+        let least = LEAST_SPREAD * alone.bars.noise;
         let seen = BodyExtent::spread(&alone.points).filter(|s| *s > least).unwrap_or(f64::NAN);
         follow(&mut self.reach, seen);
     }
@@ -221,8 +221,8 @@ impl Live {
                 rays: alone.rays.of_joint(j),
                 alone: Answer {
                     at: alone.points[j],
-                    covariance: alone.spread[j],
-                    status: alone.status[j],
+                    covariance: alone.bars.covariances[j],
+                    status: alone.bars.status[j],
                 },
                 sigma: sigma[j],
                 variance: self.variance(),
@@ -235,14 +235,13 @@ impl Live {
         let is_sure: Vec<bool> = seen.iter().map(Observation::is_sure).collect();
         for (bone, [a, b]) in self.bones.iter_mut().zip(bones) {
             if is_sure[*a] && is_sure[*b] {
-                bone.learn(seen[*a].alone.end(), seen[*b].alone.end());
+                bone.learn(&seen[*a].alone, &seen[*b].alone);
             }
         }
-        let is_determined = |j: &usize| alone.status[*j] == JointStatus::Ok;
+        let is_determined = |j: &usize| alone.bars.status[*j] == JointStatus::Ok;
         let (mut sure, mut left): (Vec<usize>, Vec<usize>) = (0..n).partition(is_determined);
-        let by_trace =
-            |a: &usize, b: &usize| alone.spread[*a].trace().total_cmp(&alone.spread[*b].trace());
-        sure.sort_by(by_trace);
+        let trace = |j: &usize| alone.bars.covariances[*j].trace();
+        sure.sort_by(|a, b| trace(a).total_cmp(&trace(b)));
         let mut answers = vec![None; n];
         for j in sure {
             let ties: Vec<Tie> = self.ties(j, &answers, bones).collect();
@@ -266,7 +265,7 @@ impl Live {
         bones: &[[usize; 2]],
     ) -> impl Iterator<Item = Tie> {
         let tie = move |(length, bone): (Option<Length>, &[usize; 2])| {
-            let to = answers[other_end(*bone, j)?]?.end();
+            let to = answers[other_end(*bone, j)?]?;
             let length = length?;
             let known = to.at.x.is_finite() && to.covariance.trace().is_finite();
             known.then_some(Tie { to, length })
@@ -319,20 +318,22 @@ impl Live {
             }
         }
         let status: Vec<JointStatus> = answers.iter().map(|answer| answer.status).collect();
-        let observed = alone.noise.is_finite();
+        let noise = alone.bars.noise;
         let outcome = Outcome {
             points: answers.iter().map(|answer| answer.at).collect(),
             splats: Splats::Round(sigma),
             init: alone.points,
-            status: status.clone(),
             used_for: alone.used_for,
             loss: Loss { total: render, render, symmetry: 0.0 },
             loss_history: Vec::new(),
             n_iter: STEPS,
-            stop_reason: if observed { StopReason::Converged } else { StopReason::NoObservations },
+            stop_reason: match noise.is_finite() {
+                true => StopReason::Converged,
+                false => StopReason::NoObservations,
+            },
         };
         let covariances = answers.iter().map(|answer| answer.covariance).collect();
-        let bars = ErrorBars { covariances, believed, noise: alone.noise, status };
+        let bars = ErrorBars { covariances, believed, noise, status };
         refiner.result(detections, outcome, &bars)
     }
 }

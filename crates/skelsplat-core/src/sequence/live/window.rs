@@ -3,8 +3,9 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::joint::Answer;
+use super::bone::Answer;
 use crate::annealed::Alone;
+use crate::batch::Progress;
 use crate::detections::Detections;
 use crate::outcome::{ErrorBars, JointStatus, Loss, Outcome, Splats, StopReason, as_given};
 use crate::refine::{Refinement, Refiner};
@@ -82,20 +83,18 @@ impl LagWindow {
         let known = |k: usize| if at(k).x.is_finite() { at(k) } else { Vector3::zeros() };
         let start = (0..n * frames).map(known).collect();
         let mut run = WindowSolver::new(&tracks, common, Some(start));
-        let _ = run.anneal(SETTLE, &|| Ok(()));
+        let _ = run.anneal(SETTLE, &Progress::default());
         run.linearise(1.0);
         for (k, x) in run.points.iter().enumerate().filter(|(k, _)| tracks.active[*k]) {
             self.rest[k % frames].points[k / frames] = *x;
         }
-        let found = posterior(&run, &tracks, learnt);
-        let state = SolvedWindow::of(&run, &tracks, learnt, &found);
+        let found = posterior(&run, learnt);
+        let state = SolvedWindow::of(&run, &found);
         let (alone, rest) = (&self.alone[t], &self.rest[t]);
-        let filtered = Alone {
-            points: rest.answers.iter().map(|answer| answer.at).collect(),
-            spread: rest.answers.iter().map(|answer| answer.covariance).collect(),
-            status: rest.answers.iter().map(|answer| answer.status).collect(),
-            ..alone.clone()
-        };
+        let mut filtered = alone.clone();
+        filtered.points = rest.answers.iter().map(|answer| answer.at).collect();
+        filtered.bars.covariances = rest.answers.iter().map(|answer| answer.covariance).collect();
+        filtered.bars.status = rest.answers.iter().map(|answer| answer.status).collect();
         let (mut outcome, bars) = state.outcome(t, &filtered, alone.used_for.clone(), run.n_iter);
         outcome.init.clone_from(&alone.points);
         refiner.result(&rest.detections, outcome, &bars)
@@ -106,12 +105,10 @@ impl LagWindow {
         let detections = self.rest[self.rest.len() - 1].detections.map(|_, _| None);
         let (m, n) = (detections.n_views(), detections.n_joints());
         let unknown = vec![Vector3::repeat(f64::NAN); n];
-        let status = vec![JointStatus::Unobserved; n];
         let outcome = Outcome {
             points: unknown.clone(),
             splats: Splats::Round(Kernel::of(refiner, n).of_noise(0.0)),
             init: unknown,
-            status: status.clone(),
             used_for: as_given(m, n),
             loss: Loss::default(),
             loss_history: Vec::new(),
@@ -122,7 +119,7 @@ impl LagWindow {
             covariances: vec![Matrix3::repeat(f64::NAN); n],
             believed: vec![f64::NAN; m * n],
             noise: f64::NAN,
-            status,
+            status: vec![JointStatus::Unobserved; n],
         };
         refiner.result(&detections, outcome, &bars)
     }
