@@ -70,8 +70,8 @@ tests/unit/test_invariance.py, tests/unit/test_refine.py
 
 the learning-rate decay counts steps from one | off by one
 cargo --test suite schedule::
--self.initial * self.decay.powf(t / self.steps)
-+self.initial * self.decay.powf((t + 1.0) / self.steps)
+-initial * decay.powf(t as f64 / steps)
++initial * decay.powf((t as f64 + 1.0) / steps)
 
 the window of the stopping rule is one step too long | off by one
 cargo --test suite schedule::

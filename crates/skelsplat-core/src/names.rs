@@ -1,8 +1,7 @@
 //! Enums whose variants have names in Python and in files.
 
-use crate::error::{Error, Result};
-
-/// Gives the variants of an enum their names; with `setting`, it is also a type of settings.
+/// Gives the variants of an enum their names; with the name of an argument, they are also found by
+/// theirs; with `setting`, it is also a type of settings.
 macro_rules! named {
     ($type:ident { $($variant:ident: $name:literal),+ $(,)? }) => {
         impl $type {
@@ -19,8 +18,26 @@ macro_rules! named {
             }
         }
     };
-    (setting $type:ident $names:tt) => {
+    ($argument:literal $type:ident $names:tt) => {
         named!($type $names);
+
+        impl $type {
+            /// The variant of this name.
+            ///
+            /// # Errors
+            /// [`crate::Error::UnknownName`] for any other name, listing the known ones.
+            pub fn by_name(name: &str) -> $crate::error::Result<Self> {
+                let found = Self::ALL.iter().find(|(known, _)| *known == name);
+                found.map(|(_, variant)| *variant).ok_or_else(|| $crate::error::Error::UnknownName {
+                    argument: $argument,
+                    name: name.to_owned(),
+                    known: Self::NAMES.iter().map(|known| (*known).to_owned()).collect(),
+                })
+            }
+        }
+    };
+    (setting $($argument:literal)? $type:ident $names:tt) => {
+        named!($($argument)? $type $names);
 
         impl Parameter for $type {
             const KIND: Kind = Kind::Name(Self::NAMES);
@@ -34,18 +51,3 @@ macro_rules! named {
     };
 }
 pub(crate) use named;
-
-/// The variant of this name, for the argument `argument`.
-/// Errors: [`Error::UnknownName`] listing the known names.
-pub(crate) fn by_name<T: Copy>(
-    argument: &'static str,
-    name: &str,
-    all: &[(&'static str, T)],
-) -> Result<T> {
-    let found = all.iter().find(|(known, _)| *known == name);
-    found.map(|(_, variant)| *variant).ok_or_else(|| Error::UnknownName {
-        argument,
-        name: name.to_owned(),
-        known: all.iter().map(|(known, _)| (*known).to_owned()).collect(),
-    })
-}

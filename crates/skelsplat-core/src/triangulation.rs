@@ -4,7 +4,7 @@ use crate::annealed::robust;
 use crate::camera::Camera;
 use crate::detections::Detections;
 use crate::error::{Error, Result};
-use crate::names::{by_name, named};
+use crate::names::named;
 use crate::triangulate::{Triangulated, dlt, ransac};
 use crate::unit::Unit;
 
@@ -20,17 +20,7 @@ pub enum TriangulationMethod {
     Robust,
 }
 
-named!(TriangulationMethod { Robust: "robust", Dlt: "dlt", Ransac: "ransac" });
-
-impl TriangulationMethod {
-    /// A method by its name.
-    ///
-    /// # Errors
-    /// [`Error::UnknownName`] listing the known names.
-    pub fn by_name(name: &str) -> Result<Self> {
-        by_name("method", name, Self::ALL)
-    }
-}
+named!("method" TriangulationMethod { Robust: "robust", Dlt: "dlt", Ransac: "ransac" });
 
 /// Triangulates `(M, N)` detections in pixels of the image, lens distortion included, to `N` world
 /// points in the `unit` of the cameras. NaN where a joint has no finite answer: see [`dlt()`].

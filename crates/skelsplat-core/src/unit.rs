@@ -3,9 +3,8 @@
 use nalgebra::Vector3;
 
 use crate::camera::Camera;
-use crate::error::Result;
 use crate::layout::Layout;
-use crate::names::{by_name, named};
+use crate::names::named;
 use crate::statistics::median;
 
 /// Unit of camera translations and 3D points.
@@ -20,17 +19,9 @@ pub enum Unit {
     Metre,
 }
 
-named!(Unit { Millimetre: "mm", Centimetre: "cm", Metre: "m" });
+named!("unit" Unit { Millimetre: "mm", Centimetre: "cm", Metre: "m" });
 
 impl Unit {
-    /// The unit called `"mm"`, `"cm"` or `"m"`.
-    ///
-    /// # Errors
-    /// [`crate::Error::UnknownName`] for any other name.
-    pub fn by_name(name: &str) -> Result<Self> {
-        by_name("unit", name, Self::ALL)
-    }
-
     /// Millimetres per unit.
     pub fn millimetres(self) -> f64 {
         match self {

@@ -3,7 +3,7 @@
 use nalgebra::Vector3;
 use skelsplat_core::study::gaussian::{Gaussian, GaussianGradient};
 use skelsplat_core::study::paper::adam::{Adam, LearningRates};
-use skelsplat_core::study::paper::schedule::{ExponentialDecay, views_in_turn};
+use skelsplat_core::study::paper::schedule::{decayed, views_in_turn};
 use skelsplat_core::study::paper::stopping::WindowMinimum;
 
 const RATES: LearningRates = LearningRates { position: 3.0, log_scale: 0.005, rotation: 0.001 };
@@ -25,10 +25,10 @@ fn first_step_has_the_length_of_the_learning_rate() {
 
 #[test]
 fn decay_reaches_its_factor() {
-    let lr = ExponentialDecay { initial: 3.0, decay: 0.01, steps: 1000.0 };
-    assert!((lr.at(0) - 3.0).abs() < 1e-15);
-    assert!((lr.at(1000) - 0.03).abs() < 1e-15);
-    assert!((lr.at(500) - 0.3).abs() < 1e-14);
+    let lr = |t| decayed(3.0, 0.01, 1000.0, t);
+    assert!((lr(0) - 3.0).abs() < 1e-15);
+    assert!((lr(1000) - 0.03).abs() < 1e-15);
+    assert!((lr(500) - 0.3).abs() < 1e-14);
 }
 
 #[test]

@@ -1,7 +1,6 @@
 //! The assignment of joints to channels (paper §3 "Joint encoding and rendering", Tab. "encoding").
 
-use crate::error::Result;
-use crate::names::{by_name, named};
+use crate::names::named;
 use crate::settings::{Kind, Parameter, Value};
 
 /// Joint encoding c_j.
@@ -18,15 +17,9 @@ pub enum Encoding {
     Single,
 }
 
-named!(setting Encoding { OneHot: "one_hot", Rgb: "rgb", Single: "single" });
+named!(setting "encoding" Encoding { OneHot: "one_hot", Rgb: "rgb", Single: "single" });
 
 impl Encoding {
-    /// The encoding called `"one_hot"`, `"rgb"` or `"single"`.
-    /// Errors: [`crate::Error::UnknownName`] for any other name.
-    pub fn by_name(name: &str) -> Result<Self> {
-        by_name("encoding", name, Self::ALL)
-    }
-
     /// Number of channels for `n_joints` joints.
     pub fn channels(self, n_joints: usize) -> usize {
         match self {

@@ -5,7 +5,7 @@ use std::sync::atomic::AtomicBool;
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::objective::{Objective, Targets};
+use super::objective::Objective;
 use super::optimise::{Optimised, optimise};
 use super::rows::Pixel;
 use super::settings::{PaperSettings, PositionLearningRate};
@@ -54,8 +54,9 @@ pub struct LossAndGradient {
 
 impl PaperFrame<'_> {
     /// The pose of the frame, starting from the known joints of `init`, with splats of standard
-    /// deviation `sigmas` `(N)`, and the status of every joint. Errors: [`crate::Error::OutOfMemory`] if the windows are too
-    /// large, [`crate::Error::Cancelled`] once `cancel` is set.
+    /// deviation `sigmas` `(N)`, and the status of every joint. Errors:
+    /// [`crate::Error::OutOfMemory`] if the windows are too large, [`crate::Error::Cancelled`] once
+    /// `cancel` is set.
     pub fn solve(
         &self,
         init: Option<&[Option<Vector3<f64>>]>,
@@ -120,22 +121,12 @@ impl PaperFrame<'_> {
     }
 
     fn objective<P: Pixel>(&self, shapes: &Shapes) -> Result<Objective<'_, P>> {
-        let detections = self.at_resolution();
-        let targets = Targets {
-            detections: &detections,
-            gaussians: shapes,
-            dilation: self.settings.dilation,
-            encoding: self.settings.encoding,
-            renderer: self.settings.renderer,
-        };
-        let objective = Objective::new(self.views, &targets, self.parallel, self.cancel)?;
-        Ok(objective.with_symmetry(self.pairs.iter().copied(), self.settings.symmetry_weight))
-    }
-
-    /// Pixels of the rendering resolution: u' = (u + ½) s − ½.
-    fn at_resolution(&self) -> Detections {
+        // Pixels of the rendering resolution: u' = (u + ½) s − ½.
         let s = self.settings.resolution;
-        self.detections.map(|_, p| Some(p.map(|u| (u + 0.5) * s - 0.5)))
+        let detections = self.detections.map(|_, p| Some(p.map(|u| (u + 0.5) * s - 0.5)));
+        let Self { views, settings, pairs, parallel, cancel, .. } = *self;
+        let objective = Objective::new(views, &detections, shapes, settings, parallel, cancel)?;
+        Ok(objective.with_symmetry(pairs.iter().copied(), settings.symmetry_weight))
     }
 }
 
@@ -152,8 +143,7 @@ fn position_lr(settings: &PaperSettings, cameras: &[Camera]) -> f64 {
         PositionLearningRate::Millimetres(mm) => mm,
         PositionLearningRate::CameraExtent => {
             let sum: Vector3<f64> = cameras.iter().map(Camera::centre).sum();
-            let n = u32::try_from(cameras.len()).unwrap_or(u32::MAX);
-            let mean = sum / f64::from(n);
+            let mean = sum / cameras.len() as f64;
             let reach = cameras.iter().map(|c| (c.centre() - mean).norm()).fold(0.0, f64::max);
             EXTENT_LR * reach
         }

@@ -16,7 +16,7 @@
 
 use nalgebra::{Matrix2, Vector2};
 
-use super::pseudo_gt::HeatMap;
+use super::pseudo_gt::{HeatMap, pixels};
 use super::rows::{Group, LANES, Pixel, RowTable, lane_numbers};
 use super::splat::{ALPHA_MAX, Row, Span, Splat};
 
@@ -86,7 +86,7 @@ pub fn channel<P: Pixel>(splat: &Splat, heat: &HeatMap<P>, line: &mut Vec<P>) ->
             None => gather(heat, v, row.span, line),
         };
         compare_row(&table, splat, &row, groups, &mut lanes);
-        rendered += u32::try_from(row.span.len()).unwrap_or(u32::MAX);
+        rendered += pixels(row.span);
         shared += heat.shared(v, row.span);
         if count % FLUSH == FLUSH - 1 {
             lanes.flush(&mut total);

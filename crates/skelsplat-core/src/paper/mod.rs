@@ -23,5 +23,5 @@ pub mod stopping;
 
 pub use encoding::Encoding;
 pub use frame::{LossAndGradient, PaperFrame, Shapes};
-pub use objective::{Objective, Targets};
+pub use objective::Objective;
 pub use settings::{PaperSettings, PositionLearningRate, Renderer};

@@ -15,7 +15,7 @@ use super::encoding::Encoding;
 use super::masked_l2::{self, Moments};
 use super::pseudo_gt::HeatMap;
 use super::rows::Pixel;
-use super::settings::Renderer;
+use super::settings::{PaperSettings, Renderer};
 use super::splat::{CUT, Splat};
 use crate::detections::Detections;
 use crate::error::{Result, unless_cancelled};
@@ -31,22 +31,6 @@ const PARALLEL_PIXELS: u64 = 5_000;
 
 /// Area of the ellipse a ≥ 1/255, 2π ln 255 √|Σ|, in units of the energy π√|Σ|.
 const ELLIPSE_AREA: f64 = CUT;
-
-/// The targets of the skeleton: detections, and the Gaussians that determine the shape of their
-/// heat maps by their projected covariance.
-#[derive(Debug, Clone, Copy)]
-pub struct Targets<'a> {
-    /// Ideal pixels.
-    pub detections: &'a Detections,
-    /// Mean and covariance per joint `(N)`, mm.
-    pub gaussians: &'a [(Vector3<f64>, Matrix3<f64>)],
-    /// h, pixels².
-    pub dilation: f64,
-    /// Joint encoding.
-    pub encoding: Encoding,
-    /// How a render is compared with its target.
-    pub renderer: Renderer,
-}
 
 /// The target of a joint in a view.
 #[derive(Debug, Clone)]
@@ -102,25 +86,23 @@ pub struct Objective<'a, P> {
     gradient: Vec<GaussianGradient>,
 }
 
-/// The splat of the detection of joint `j` in view `i` and the same on the plane; `None` without a
-/// pixel in the image.
+/// The splat of a detection and the same on the plane, with the `shape` of the joint's Gaussian;
+/// `None` without a pixel in the image.
 fn detection(
     view: &View,
-    targets: &Targets<'_>,
-    i: usize,
-    j: usize,
+    pixel: Vector2<f64>,
+    (mean, covariance): &(Vector3<f64>, Matrix3<f64>),
+    dilation: f64,
 ) -> Option<(Splat, PlaneGaussian)> {
-    let (mean, covariance) = &targets.gaussians[j];
-    let (pixel, _) = targets.detections.get(i, j)?;
-    let shape = view.project(mean, covariance, targets.dilation)?.covariance;
+    let shape = view.project(mean, covariance, dilation)?.covariance;
     let splat = Splat::new(pixel, &shape, view.size)?;
     splat.covered_rows().next()?;
     Some((splat, PlaneGaussian { mean: pixel, covariance: shape }))
 }
 
 impl<P: Pixel> Channel<P> {
-    fn new(found: Option<(Splat, PlaneGaussian)>, targets: &Targets<'_>) -> Self {
-        let target = match (&found, targets.encoding, targets.renderer) {
+    fn new(found: Option<(Splat, PlaneGaussian)>, settings: &PaperSettings) -> Self {
+        let target = match (&found, settings.encoding, settings.renderer) {
             (None, _, _) => Target::Missing,
             (Some(_), Encoding::Rgb | Encoding::Single, _) => Target::Shared,
             (Some((splat, _)), _, Renderer::Raster) => Target::Raster(HeatMap::new(splat)),
@@ -186,26 +168,33 @@ impl ChannelLoss {
 }
 
 impl<'a, P: Pixel> Objective<'a, P> {
-    /// Builds the pseudo ground truth of `targets` in `views`. `parallel` allows the threads of the
-    /// current pool to work on this pose. Errors: [`crate::Error::OutOfMemory`] before building it,
-    /// [`crate::Error::Cancelled`] once `cancel` is set.
+    /// Builds the pseudo ground truth of the `detections`, ideal pixels, in `views`, of which the
+    /// means and covariances of the joints' `gaussians` `(N)`, mm, determine the shape. `parallel`
+    /// allows the threads of the current pool to work on this pose. Errors:
+    /// [`crate::Error::OutOfMemory`] before building it, [`crate::Error::Cancelled`] once `cancel`
+    /// is set.
     pub fn new(
         views: &'a [View],
-        targets: &Targets<'_>,
+        detections: &Detections,
+        gaussians: &[(Vector3<f64>, Matrix3<f64>)],
+        settings: &PaperSettings,
         parallel: bool,
         cancel: &'a AtomicBool,
     ) -> Result<Self> {
-        let n = targets.gaussians.len();
-        let found: Vec<_> =
-            (0..views.len() * n).map(|k| detection(&views[k / n], targets, k / n, k % n)).collect();
-        check_memory::<P>(&found, n, targets, parallel)?;
-        let channel = |found| unless_cancelled(cancel).map(|()| Channel::new(found, targets));
+        let n = gaussians.len();
+        let target = |k: usize| {
+            let (pixel, _) = detections.get(k / n, k % n)?;
+            detection(&views[k / n], pixel, &gaussians[k % n], settings.dilation)
+        };
+        let found: Vec<_> = (0..views.len() * n).map(target).collect();
+        check_memory::<P>(&found, n, settings, parallel)?;
+        let channel = |found| unless_cancelled(cancel).map(|()| Channel::new(found, settings));
         let channels: Vec<Channel<P>> = found.into_iter().map(channel).collect::<Result<_>>()?;
         let composite = |view: &[Channel<P>]| {
             let heats: Vec<Splat> = view.iter().filter_map(|c| c.detection).collect();
             Composite::new(&heats, cancel)
         };
-        let composites = match targets.encoding {
+        let composites = match settings.encoding {
             Encoding::OneHot => Vec::new(),
             Encoding::Rgb | Encoding::Single => channels.chunks(n).map(composite).collect(),
         };
@@ -216,8 +205,8 @@ impl<'a, P: Pixel> Objective<'a, P> {
         Ok(Self {
             views,
             n_joints: n,
-            dilation: targets.dilation,
-            encoding: targets.encoding,
+            dilation: settings.dilation,
+            encoding: settings.encoding,
             parallel: parallel && channels.iter().map(pixels).sum::<u64>() >= PARALLEL_PIXELS,
             channels,
             composites,
@@ -320,7 +309,7 @@ impl<'a, P: Pixel> Objective<'a, P> {
             if !shown(self, &i) {
                 continue;
             }
-            let scale = 1.0 / (area(self, i) * count(n_shown));
+            let scale = 1.0 / (area(self, i) * n_shown as f64);
             for k in self.of_view(i) {
                 if !self.channels[k].is_missing() {
                     let channel = self.channels[k].loss;
@@ -352,7 +341,7 @@ impl<'a, P: Pixel> Objective<'a, P> {
                 losses.push((scale * sums.squared, scale, start, order.clone(), moments));
             }
         }
-        let views = count(losses.len().max(1));
+        let views = losses.len().max(1) as f64;
         let mut loss = 0.0;
         for (value, scale, start, order, moments) in losses {
             loss += value / views;
@@ -406,13 +395,13 @@ impl<'a, P: Pixel> Objective<'a, P> {
 fn check_memory<P>(
     found: &[Option<(Splat, PlaneGaussian)>],
     n_joints: usize,
-    targets: &Targets<'_>,
+    settings: &PaperSettings,
     parallel: bool,
 ) -> Result<()> {
     let splats = |view: &'_ [Option<(Splat, PlaneGaussian)>]| -> Vec<Splat> {
         view.iter().flatten().map(|(splat, _)| *splat).collect()
     };
-    let bytes: u128 = match (targets.encoding, targets.renderer) {
+    let bytes: u128 = match (settings.encoding, settings.renderer) {
         (Encoding::OneHot, Renderer::ClosedForm) => return Ok(()),
         (Encoding::OneHot, Renderer::Raster) => splats(found).iter().map(HeatMap::<P>::bytes).sum(),
         _ => found.chunks(n_joints).map(|view| composite::bytes(splats(view).iter())).sum(),
@@ -424,9 +413,4 @@ fn check_memory<P>(
             if frames > 1 { format!(" ({frames} frames at once)") } else { String::new() };
         format!("heat maps: the windows of {} detections{at_once}", found.iter().flatten().count())
     })
-}
-
-/// A small count converted to a double.
-fn count(n: usize) -> f64 {
-    f64::from(u32::try_from(n).unwrap_or(u32::MAX))
 }

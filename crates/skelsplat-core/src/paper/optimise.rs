@@ -6,7 +6,7 @@ use std::sync::atomic::AtomicBool;
 use super::adam::{Adam, LearningRates};
 use super::objective::Objective;
 use super::rows::Pixel;
-use super::schedule::{ExponentialDecay, views_in_turn};
+use super::schedule::{decayed, views_in_turn};
 use super::settings::PaperSettings;
 use super::stopping::WindowMinimum;
 use crate::error::{Result, unless_cancelled};
@@ -36,7 +36,6 @@ pub fn optimise<P: Pixel>(
 ) -> Result<Optimised> {
     let n_views = objective.n_views();
     let per_step = settings.views_per_step.unwrap_or(n_views);
-    let decay = decay(settings, position_lr);
     let mut adam = Adam::new(gaussians.len(), settings.adam_betas, settings.adam_epsilon);
     let window = settings.stop_window.unwrap_or(n_views);
     let mut stopping = WindowMinimum::new(window, settings.stop_tolerance);
@@ -51,7 +50,7 @@ pub fn optimise<P: Pixel>(
         let mut diverged = !loss.total.is_finite();
         if !diverged {
             last.copy_from_slice(gaussians);
-            adam.step(gaussians, objective.gradient(), rates(settings, decay.at(step)));
+            adam.step(gaussians, objective.gradient(), rates(settings, position_lr, step));
             diverged = !stayed_finite(gaussians, &last);
         }
         if diverged {
@@ -76,10 +75,7 @@ fn stayed_finite(now: &[Gaussian], before: &[Gaussian]) -> bool {
     now.iter().zip(before).all(|(now, before)| before.is_finite() <= now.is_finite())
 }
 
-fn decay(settings: &PaperSettings, initial: f64) -> ExponentialDecay {
-    ExponentialDecay { initial, decay: settings.lr_decay, steps: settings.lr_decay_steps }
-}
-
-fn rates(settings: &PaperSettings, position: f64) -> LearningRates {
+fn rates(settings: &PaperSettings, initial: f64, step: usize) -> LearningRates {
+    let position = decayed(initial, settings.lr_decay, settings.lr_decay_steps, step);
     LearningRates { position, log_scale: settings.log_scale_lr, rotation: settings.rotation_lr }
 }

@@ -23,7 +23,7 @@ pub struct HeatMap<P> {
 }
 
 /// Number of pixels in a span, for sums.
-fn pixels(span: Span) -> u32 {
+pub(super) fn pixels(span: Span) -> u32 {
     u32::try_from(span.len()).unwrap_or(u32::MAX)
 }
 

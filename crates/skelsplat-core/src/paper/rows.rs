@@ -159,7 +159,6 @@ impl<P: Pixel> RowTable<P> {
     #[inline]
     fn next(&self, run: &Recurrence<P>, k: usize, d: f64, floor: f64) -> Recurrence<P> {
         if (k + 1).is_multiple_of(RESTART) {
-            #[allow(clippy::cast_precision_loss, reason = "pixel counts are far below 2^52")]
             return self.start(d + ((k + 1) * LANES) as f64, floor);
         }
         Recurrence { group: run.group * run.ratio, ratio: run.ratio * self.ratio_step }

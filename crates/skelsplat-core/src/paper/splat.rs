@@ -5,8 +5,8 @@ use nalgebra::{Matrix2, Vector2};
 /// A rendered splat never exceeds 0.99, as in 3D Gaussian splatting.
 pub const ALPHA_MAX: f64 = 0.99;
 
-/// The Mahalanobis distance squared at which exp(−½ q) = 1/255: 2 ln 255. A splat is zero beyond it,
-/// as in 3D Gaussian splatting.
+/// The Mahalanobis distance squared at which exp(−½ q) = 1/255: 2 ln 255. A splat is zero beyond
+/// it, as in 3D Gaussian splatting.
 pub const CUT: f64 = 11.082_527_090_316_852;
 
 /// A run of pixels `[start, end)` in one row.

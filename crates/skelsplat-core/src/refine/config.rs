@@ -73,15 +73,18 @@ impl Method {
     /// # Errors
     /// [`Error::UnknownName`] for any other name.
     pub fn by_name(name: &str) -> Result<Self> {
-        match name {
-            "annealed" => Ok(Self::Annealed(AnnealedSettings::default())),
-            "paper" => Ok(Self::Paper(PaperSettings::default())),
-            _ => Err(Error::UnknownName {
-                argument: "method",
-                name: name.to_owned(),
-                known: Self::NAMES.map(str::to_owned).to_vec(),
-            }),
-        }
+        let found = Self::all().into_iter().find(|method| method.name() == name);
+        found.ok_or_else(|| Error::UnknownName {
+            argument: "method",
+            name: name.to_owned(),
+            known: Self::NAMES.map(str::to_owned).to_vec(),
+        })
+    }
+
+    /// Every method with its defaults.
+    fn all() -> [Self; 2] {
+        let annealed = Self::Annealed(AnnealedSettings::default());
+        [annealed, Self::Paper(PaperSettings::default())]
     }
 
     /// `"annealed"` or `"paper"`.
@@ -97,22 +100,6 @@ impl Method {
         match self {
             Self::Annealed(_) => AnnealedSettings::SETTINGS,
             Self::Paper(_) => PaperSettings::SETTINGS,
-        }
-    }
-
-    /// The Python constructor of a configuration of this method.
-    fn constructor(&self) -> &'static str {
-        match self {
-            Self::Annealed(_) => "RefineConfig",
-            Self::Paper(_) => "RefineConfig.paper",
-        }
-    }
-
-    /// The other method.
-    fn other(&self) -> Self {
-        match self {
-            Self::Annealed(_) => Self::Paper(PaperSettings::default()),
-            Self::Paper(_) => Self::Annealed(AnnealedSettings::default()),
         }
     }
 }
@@ -205,10 +192,14 @@ impl RefineConfig {
 
     fn unknown(&self, name: &str, given: &dyn Display) -> Error {
         let field = format!("config.{name}");
-        let other = self.method.other();
-        if other.settings().iter().any(|setting| setting.name == name) {
+        let has = |method: &Method| method.settings().iter().any(|setting| setting.name == name);
+        if let Some(other) = Method::all().iter().find(|method| has(method)) {
             let expected = format!("a setting of the method '{}'", self.method.name());
-            let actual = format!("a setting of '{}' (use {})", other.name(), other.constructor());
+            let constructor = match other {
+                Method::Annealed(_) => "RefineConfig",
+                Method::Paper(_) => "RefineConfig.paper",
+            };
+            let actual = format!("a setting of '{}' (use {constructor})", other.name());
             return Error::invalid(field, expected, actual);
         }
         match RENAMED.iter().find(|(old, _)| *old == name) {
