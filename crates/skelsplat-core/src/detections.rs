@@ -2,7 +2,7 @@
 
 use nalgebra::Vector2;
 
-use crate::camera::{Camera, Undistorted};
+use crate::camera::Camera;
 use crate::error::{Error, Result};
 
 /// Largest accepted coordinate of a pixel or a world point: larger values are not measurements, and
@@ -125,10 +125,7 @@ impl Detections {
     /// A pixel that no ray through the lens reaches becomes missing.
     #[must_use]
     pub fn undistorted(&self, cameras: &[Camera]) -> Self {
-        self.map(|view, p| match cameras[view].undistort(p) {
-            Undistorted::Converged(q) => Some(q),
-            Undistorted::OutOfRange => None,
-        })
+        self.map(|view, p| cameras[view].undistort(p))
     }
 
     /// The same detections without those with a confidence below `threshold`.

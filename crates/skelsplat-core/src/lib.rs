@@ -95,7 +95,7 @@ mod unit;
 
 pub use annealed::{AnnealedSettings, Bones};
 pub use batch::{Progress, refine_batch};
-pub use camera::{Camera, Distortion, Undistorted};
+pub use camera::{Camera, Distortion};
 pub use detections::Detections;
 pub use error::{Error, Result};
 pub use follow::follow;

@@ -7,7 +7,7 @@ use pyo3::types::{PyDict, PyString};
 use skelsplat_core::Error;
 use skelsplat_core::Unit;
 use skelsplat_core::study::camera::for_camera;
-use skelsplat_core::{Camera as Core, Distortion, Undistorted};
+use skelsplat_core::{Camera as Core, Distortion};
 
 use crate::args::{
     Coefficients, Factor, Intrinsics, Name, Out, Pixels, Rebuilt, Rotation, Size, Translation,
@@ -173,9 +173,8 @@ impl Camera {
     fn undistort(&self, py: Python<'_>, points: Pixels) -> Result<Out<f64>> {
         let Pixels(array) = points;
         let pixels = array.values.chunks_exact(2).map(Vector2::from_column_slice).collect();
-        let undistort = |camera: &Core, p: &Vector2<f64>| match camera.undistort(*p) {
-            Undistorted::Converged(q) => [q.x, q.y],
-            Undistorted::OutOfRange => [f64::NAN; 2],
+        let undistort = |camera: &Core, p: &Vector2<f64>| {
+            camera.undistort(*p).map_or([f64::NAN; 2], |ideal| [ideal.x, ideal.y])
         };
         let ideal = in_every_view(py, vec![self.0.clone()], pixels, undistort)?;
         Ok(Out(ideal.into_flattened(), array.shape))

@@ -22,7 +22,7 @@ pub(super) fn agrees(ray: &Ray, x: &Vector3<f64>, sigma: f64) -> bool {
 /// converge as well.
 pub(super) fn settled(rays: &[Ray], x: Vector3<f64>, sigma: f64) -> Vector3<f64> {
     let step = |x: Vector3<f64>| {
-        let weight = |_: usize, ray: &Ray| ray.weight * ray.offset(&x).weight(sigma);
+        let weight = |ray: &Ray| ray.weight * ray.offset(&x).weight(sigma);
         nearest_point(rays, weight).unwrap_or(x)
     };
     step(step(x))

@@ -156,7 +156,7 @@ const RANK: f64 = 1e-8;
 const WELL_CONDITIONED: f64 = 1e-4;
 
 /// The point with the least Σ w |e|², or `None` if the rays do not determine it.
-pub fn nearest_point(rays: &[Ray], weight: impl Fn(usize, &Ray) -> f64) -> Option<Vector3<f64>> {
+pub fn nearest_point(rays: &[Ray], weight: impl Fn(&Ray) -> f64) -> Option<Vector3<f64>> {
     nearest_with_spread(rays, weight).map(|(x, _)| x)
 }
 
@@ -174,12 +174,10 @@ pub fn midpoint(a: &Ray, b: &Ray) -> Option<Vector3<f64>> {
 /// angle φ.
 pub(crate) fn nearest_with_spread(
     rays: &[Ray],
-    weight: impl Fn(usize, &Ray) -> f64,
+    weight: impl Fn(&Ray) -> f64,
 ) -> Option<(Vector3<f64>, f64)> {
     let mut sums = Meeting::default();
-    for (i, ray) in rays.iter().enumerate() {
-        sums.add(ray, weight(i, ray));
-    }
+    rays.iter().for_each(|ray| sums.add(ray, weight(ray)));
     sums.point()
 }
 

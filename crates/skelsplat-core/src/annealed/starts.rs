@@ -43,6 +43,6 @@ pub fn nearest_to_all(rays: &Rays, j: usize) -> Vector3<f64> {
     let is_seen = |(x, spread): &(Vector3<f64>, f64)| {
         in_front(rays, x) && (*spread > WIDE || may_be_fixed(rays, x, f64::INFINITY))
     };
-    let found = nearest_with_spread(rays, |_, ray| ray.weight).filter(is_seen);
+    let found = nearest_with_spread(rays, |ray| ray.weight).filter(is_seen);
     found.map_or_else(|| Vector3::repeat(f64::NAN), |(x, _)| x)
 }

@@ -47,8 +47,8 @@ pub struct Bone {
     pub length: Length,
 }
 
-/// A bone's term at two positions, linearised; by default none: of an unknown length, or of ends that
-/// coincide.
+/// A bone's term at two positions, linearised; by default none: of an unknown length, or of ends
+/// that coincide.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Pull {
     /// E.

@@ -18,7 +18,6 @@ use crate::error::{Error, Result};
 pub use checks::for_camera;
 pub use distortion::{BrownConrady, Distortion};
 pub use fisheye::Fisheye;
-pub use undistort::Undistorted;
 
 /// Camera-frame depth at or below which a point has no projection, in the caller's unit of length.
 pub const NEAR: f64 = 1e-3;
@@ -180,18 +179,17 @@ impl Camera {
     }
 
     /// The ideal pixel (of the same K) of a distorted one: the inverse of [`Camera::distort`],
-    /// solved to 1e-9 px in the distorted image.
-    pub fn undistort(&self, pixel: Vector2<f64>) -> Undistorted {
+    /// solved to 1e-9 px in the distorted image. `None` if no ray of the model's one-to-one range
+    /// reaches the pixel, or no solution was found.
+    pub fn undistort(&self, pixel: Vector2<f64>) -> Option<Vector2<f64>> {
         if !(pixel.x.is_finite() && pixel.y.is_finite()) {
-            return Undistorted::OutOfRange;
+            return None;
         }
         if self.distortion.is_none() {
-            return Undistorted::Converged(pixel);
+            return Some(pixel);
         }
-        match undistort::undistort(&self.distortion, &self.to_normalised(&pixel), &self.focal) {
-            Some(n) => Undistorted::Converged(self.to_pixel(&n)),
-            None => Undistorted::OutOfRange,
-        }
+        let n = undistort::undistort(&self.distortion, &self.to_normalised(&pixel), &self.focal)?;
+        Some(self.to_pixel(&n))
     }
 
     /// The camera for images resized by `factor`: u' = (u + ½)·factor − ½. K and the size (rounded,

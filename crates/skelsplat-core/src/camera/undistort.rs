@@ -19,15 +19,6 @@ const STARTS: [f64; 3] = [1.0, 0.7, 0.4];
 /// Points of the segment from the axis to an answer at which the map must keep its orientation.
 const SHEET_SAMPLES: usize = 16;
 
-/// Outcome of [`super::Camera::undistort`].
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Undistorted {
-    /// The ideal pixel, exact to 1e-9 px in the distorted image.
-    Converged(Vector2<f64>),
-    /// No ray of the model's one-to-one range reaches this pixel, or no solution was found.
-    OutOfRange,
-}
-
 /// Ideal normalised coordinates of distorted ones; `focal` turns residuals into pixels.
 pub(super) fn undistort(
     distortion: &Distortion,

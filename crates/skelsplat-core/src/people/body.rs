@@ -97,9 +97,8 @@ fn nearest(
     weight: impl Fn(&Ray) -> f64,
 ) -> Option<Vector3<f64>> {
     let Some(start) = prior else {
-        return nearest_with_spread(rays, |_, ray| weight(ray))
-            .filter(|(_, s)| *s > SPREAD)
-            .map(|(x, _)| x);
+        let found = nearest_with_spread(rays, weight);
+        return found.filter(|(_, spread)| *spread > SPREAD).map(|(x, _)| x);
     };
     // Σ w and the six entries of Σ w d dᵀ, written out: the library's matrices are not inlined
     // everywhere.

@@ -157,7 +157,8 @@ impl CrowdRecording<'_> {
         let solved = tracks.par_iter().map(|track| self.sequence(track));
         let solved: Vec<Sequence> = solved.collect::<Result<_>>()?;
         // Two views that saw figures without a joint in common have seen nobody.
-        let found = tracks.iter().zip(solved).filter(|(_, sequence)| has_joints(sequence));
+        let is_seen = |sequence: &Sequence| sequence.frames.pose.iter().any(|x| x.is_finite());
+        let found = tracks.iter().zip(solved).filter(|(_, sequence)| is_seen(sequence));
         let people = (0..).zip(found).map(|(id, (track, sequence))| person(id, track, sequence));
         let cut = cut.into_iter().filter(|cut| *cut).count();
         Ok(Everybody { people: people.collect(), cut, agreement })
@@ -278,9 +279,4 @@ impl CrowdRecording<'_> {
 fn person(id: usize, track: &Track, sequence: Sequence) -> Person {
     let (slots, more) = (track.slots(0), track.slots(1));
     Person { id, frames: track.first..track.end(), slots, more, sequence }
-}
-
-/// Whether any joint has a place in any frame.
-fn has_joints(sequence: &Sequence) -> bool {
-    sequence.frames.pose.iter().any(|x| x.is_finite())
 }

@@ -87,18 +87,12 @@ pub fn assign(scores: &[Vec<f64>], least: f64) -> Vec<Option<usize>> {
     if (0..rows).all(|r| (0..columns).all(|c| gain(r, c) == 0)) {
         return found;
     }
-    if rows <= columns {
-        let table = Matrix::from_fn(rows, columns, |(r, c)| gain(r, c));
-        let (_, chosen) = kuhn_munkres(&table);
-        for (r, c) in chosen.into_iter().enumerate() {
-            found[r] = (gain(r, c) > 0).then_some(c);
-        }
-    } else {
-        let table = Matrix::from_fn(columns, rows, |(c, r)| gain(r, c));
-        let (_, chosen) = kuhn_munkres(&table);
-        for (c, r) in chosen.into_iter().enumerate() {
-            found[r] = (gain(r, c) > 0).then_some(c);
-        }
+    // The side with fewer chooses.
+    let cell = |(a, b): (usize, usize)| if rows <= columns { (a, b) } else { (b, a) };
+    let (few, many) = (rows.min(columns), rows.max(columns));
+    let table = Matrix::from_fn(few, many, |at| gain(cell(at).0, cell(at).1));
+    for (r, c) in kuhn_munkres(&table).1.into_iter().enumerate().map(cell) {
+        found[r] = (gain(r, c) > 0).then_some(c);
     }
     found
 }

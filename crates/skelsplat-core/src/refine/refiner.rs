@@ -17,7 +17,7 @@ use crate::camera::Camera;
 use crate::detections::Detections;
 use crate::error::{Error, Result};
 use crate::gaussian::Gaussian;
-use crate::layout::Layout;
+use crate::layout::{Layout, LayoutSpec};
 use crate::outcome::{ErrorBars, JointStatus, Outcome};
 use crate::paper::{self, LossAndGradient, PaperSettings, Renderer, Shapes};
 use crate::projection::View;
@@ -35,12 +35,9 @@ pub struct Refiner {
     views: Vec<View>,
     pairs: Vec<LimbPair>,
     chains: Vec<Chain>,
-    bones: Vec<[usize; 2]>,
     expected: Expected,
-    /// Joints that are mirror images.
-    mirrored: Vec<[usize; 2]>,
-    occlusion_prone: Vec<usize>,
-    n_joints: Option<usize>,
+    /// Empty where none is given.
+    layout: LayoutSpec,
     /// Standard deviations of the joints' systematic errors, in the unit of the cameras; empty if
     /// their number is unknown.
     joint_bias: Arc<[f64]>,
@@ -90,11 +87,8 @@ impl Refiner {
             views: smaller?.iter().map(View::new).collect(),
             pairs: layout.map_or(Vec::new(), |l| l.symmetric_pairs(config.symmetry_tier).collect()),
             chains: layout.filter(|_| find_swaps).map(chains).unwrap_or_default(),
-            bones: layout.map(|l| l.limbs.clone()).unwrap_or_default(),
             expected,
-            mirrored: layout.map(|l| l.left_right.clone()).unwrap_or_default(),
-            occlusion_prone: layout.map(|l| l.occlusion_prone.clone()).unwrap_or_default(),
-            n_joints: layout.map(|l| l.joints.len()),
+            layout: layout.map_or_else(LayoutSpec::default, |layout| (**layout).clone()),
             joint_bias: in_unit(bias, unit),
             cameras,
             paper,
@@ -179,7 +173,7 @@ impl Refiner {
     /// The class of each of `n` joints: left and right joints err alike.
     pub(crate) fn classes(&self, n: usize) -> Vec<usize> {
         let mut classes: Vec<usize> = (0..n).collect();
-        self.mirrored.iter().for_each(|[l, r]| classes[*r] = classes[*l]);
+        self.layout.left_right.iter().for_each(|[l, r]| classes[*r] = classes[*l]);
         classes
     }
 
@@ -196,7 +190,7 @@ impl Refiner {
 
     /// Joints at both ends of every bone.
     pub(crate) fn bones(&self) -> &[[usize; 2]] {
-        &self.bones
+        &self.layout.limbs
     }
 
     /// Expected lengths of bones.
@@ -279,7 +273,8 @@ impl Refiner {
             let expected = format!("one view per camera ({})", self.cameras.len());
             return Err(Error::invalid("detections", expected, format!("{m} views")));
         }
-        if let Some(joints) = self.n_joints.filter(|joints| *joints != n) {
+        let joints = self.layout.joints.len();
+        if joints > 0 && joints != n {
             let expected = format!("the layout's {joints} joints");
             return Err(Error::invalid("detections", expected, format!("{n} joints")));
         }
@@ -327,7 +322,7 @@ impl Refiner {
             return sigmas.clone();
         }
         let sigma = |j: usize| match self.config.occlusion_sigma_mm {
-            Some(sigma) if self.occlusion_prone.contains(&j) => sigma,
+            Some(sigma) if self.layout.occlusion_prone.contains(&j) => sigma,
             _ => self.config.sigma_mm(),
         };
         (0..n_joints).map(sigma).collect()

@@ -13,11 +13,11 @@ use crate::error::{Error, Result};
 use crate::outcome::{JointStatus, Loss, StopReason};
 
 /// The columns: for each its type, the value before it is written, its length per frame of M views
-/// and N joints, and the values of a frame.
+/// and N joints, the values of a frame, and what these are in a frame.
 macro_rules! columns {
     ($(
         $(#[$doc:meta])*
-        $name:ident: $type:ty = $blank:expr, $length:expr, |$frame:ident| $values:expr;
+        $name:ident: $type:ty = $blank:expr, $length:expr, |$frame:ident| $values:expr, $of:expr;
     )*) => {
         /// The refined poses of T frames, in the unit of the cameras: the fields of [`Refinement`],
         /// each one row-major array.
@@ -39,6 +39,20 @@ macro_rules! columns {
                     let $name = vec![$blank; frames * length(views, joints)];
                 )*
                 Self { frames, views, joints, joint_bias, $($name,)* }
+            }
+
+            /// Frame `t`.
+            ///
+            /// # Panics
+            /// If there are not so many.
+            pub fn frame(&self, t: usize) -> Refinement {
+                let joint_bias = Arc::clone(&self.joint_bias);
+                $(
+                    let length: fn(usize, usize) -> usize = $length;
+                    let length = length(self.views, self.joints);
+                    let $name = $of(&self.$name[t * length..(t + 1) * length]);
+                )*
+                Refinement { joint_bias, $($name,)* }
             }
 
             /// All frames, to write to.
@@ -88,34 +102,37 @@ macro_rules! columns {
 
 columns! {
     /// Joint positions `(T, N, 3)`; NaN where unobserved.
-    pose: f64 = 0.0, |_, n| 3 * n, |frame| numbers(&frame.pose);
+    pose: f64 = 0.0, |_, n| 3 * n, |frame| numbers(&frame.pose), points;
     /// Splat covariances Σ `(T, N, 3, 3)`, unit²; not an error bar.
-    covariance: f64 = 0.0, |_, n| 9 * n, |frame| numbers(&frame.covariance);
+    covariance: f64 = 0.0, |_, n| 9 * n, |frame| numbers(&frame.covariance), matrices;
     /// Posterior covariances of the positions `(T, N, 3, 3)`, unit²: the scatter. NaN where
     /// unobserved.
-    uncertainty: f64 = 0.0, |_, n| 9 * n, |frame| numbers(&frame.uncertainty);
+    uncertainty: f64 = 0.0, |_, n| 9 * n, |frame| numbers(&frame.uncertainty), matrices;
     /// Weights k of the detections `(T, M, N)`; NaN where missing.
-    view_weights: f64 = 0.0, |m, n| m * n, |frame| frame.view_weights.iter().copied();
+    view_weights: f64 = 0.0, |m, n| m * n,
+        |frame| frame.view_weights.iter().copied(), <[_]>::to_vec;
     /// Detections `(T, M, N)` that were used with left and right swapped.
-    swapped: bool = false, |m, n| m * n, |frame| frame.swapped.iter().copied();
+    swapped: bool = false, |m, n| m * n, |frame| frame.swapped.iter().copied(), <[_]>::to_vec;
     /// ŝ `(T)`, standard deviation of the detection noise across the ray; NaN without detections.
-    noise: f64 = 0.0, |_, _| 1, |frame| once(frame.noise);
+    noise: f64 = 0.0, |_, _| 1, |frame| once(frame.noise), only;
     /// The initial poses that were used `(T, N, 3)`.
-    init_pose: f64 = 0.0, |_, n| 3 * n, |frame| numbers(&frame.init_pose);
+    init_pose: f64 = 0.0, |_, n| 3 * n, |frame| numbers(&frame.init_pose), points;
     /// Distances between detections and reprojections `(T, M, N)`, pixels of the original image;
     /// NaN where there is none.
-    reprojection_error: f64 = 0.0, |m, n| m * n, |frame| frame.reprojection_error.iter().copied();
+    reprojection_error: f64 = 0.0, |m, n| m * n,
+        |frame| frame.reprojection_error.iter().copied(), <[_]>::to_vec;
     /// Reliability of the joints `(T, N)`.
     joint_status: JointStatus = JointStatus::Unobserved, |_, n| n,
-        |frame| frame.joint_status.iter().copied();
+        |frame| frame.joint_status.iter().copied(), <[_]>::to_vec;
     /// Loss of the returned poses `(T)` over all views.
-    loss: Loss = Loss::default(), |_, _| 1, |frame| once(frame.loss);
+    loss: Loss = Loss::default(), |_, _| 1, |frame| once(frame.loss), only;
     /// Loss of every step of each frame `(T)`, if requested.
-    loss_history: Vec<Loss> = Vec::new(), |_, _| 1, |frame| once(frame.loss_history.clone());
+    loss_history: Vec<Loss> = Vec::new(), |_, _| 1, |frame| once(frame.loss_history.clone()), only;
     /// Steps taken `(T)`.
-    n_iter: usize = 0, |_, _| 1, |frame| once(frame.n_iter);
+    n_iter: usize = 0, |_, _| 1, |frame| once(frame.n_iter), only;
     /// Why the iterations ended `(T)`.
-    stop_reason: StopReason = StopReason::NoObservations, |_, _| 1, |frame| once(frame.stop_reason);
+    stop_reason: StopReason = StopReason::NoObservations, |_, _| 1,
+        |frame| once(frame.stop_reason), only;
 }
 
 impl Refinements {
@@ -134,30 +151,6 @@ impl Refinements {
     /// Whether there is no frame.
     pub fn is_empty(&self) -> bool {
         self.frames == 0
-    }
-
-    /// Frame `t`.
-    ///
-    /// # Panics
-    /// If there are not so many.
-    pub fn frame(&self, t: usize) -> Refinement {
-        let (n, mn) = (self.joints, self.views * self.joints);
-        Refinement {
-            pose: points(&self.pose[3 * n * t..3 * n * (t + 1)]),
-            covariance: matrices(&self.covariance[9 * n * t..9 * n * (t + 1)]),
-            uncertainty: matrices(&self.uncertainty[9 * n * t..9 * n * (t + 1)]),
-            joint_bias: Arc::clone(&self.joint_bias),
-            view_weights: self.view_weights[mn * t..mn * (t + 1)].to_vec(),
-            swapped: self.swapped[mn * t..mn * (t + 1)].to_vec(),
-            noise: self.noise[t],
-            init_pose: points(&self.init_pose[3 * n * t..3 * n * (t + 1)]),
-            reprojection_error: self.reprojection_error[mn * t..mn * (t + 1)].to_vec(),
-            joint_status: self.joint_status[n * t..n * (t + 1)].to_vec(),
-            loss: self.loss[t],
-            loss_history: self.loss_history[t].clone(),
-            n_iter: self.n_iter[t],
-            stop_reason: self.stop_reason[t],
-        }
     }
 
     /// The frames in order.
@@ -209,6 +202,10 @@ where
     &'a T: IntoIterator<Item = &'a f64>,
 {
     all.iter().flatten().copied()
+}
+
+fn only<T: Clone>(values: &[T]) -> T {
+    values[0].clone()
 }
 
 fn points(numbers: &[f64]) -> Vec<Vector3<f64>> {

@@ -4,7 +4,7 @@ use std::cell::LazyCell;
 
 use nalgebra::Vector3;
 
-use super::bundle::{Bundle, unknowns};
+use super::bundle::unknowns;
 use super::evidence::{Bars, bars, excess, is_worse, total, wald};
 use super::placed::{Change, Freedom, Placed, rebuilt};
 use super::reduced::Reduced;
@@ -397,16 +397,9 @@ pub fn equations(
     let numbers: Vec<usize> = (0..frames.len()).collect();
     let free = Freedom { focal: true, clock: true, ..Freedom::PLACE };
     let freedom = vec![free; cameras.len()];
-    let bundle = Bundle {
-        scene: scene.moving(&motion),
-        frames: &numbers,
-        given: cameras,
-        cameras: cameras.to_vec(),
-        freedom,
-        points,
-        fixed: false,
-        offsets: None,
-    };
+    let (scene, frames, all) = (scene.moving(&motion), numbers.as_slice(), numbers.as_slice());
+    let scope = Scope { scene, frames, all, given: cameras, focal: true, clock: true };
+    let bundle = scope.bundle(cameras.to_vec(), freedom, points);
     Ok(Reduced::sum(&bundle.clusters(sigma)))
 }
 

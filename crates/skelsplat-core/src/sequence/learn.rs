@@ -135,12 +135,6 @@ struct InFrame {
     variance: f64,
 }
 
-impl InFrame {
-    fn weighted(&self) -> (f64, f64) {
-        (self.length, self.weight)
-    }
-}
-
 fn measure(
     tracks: &Tracks,
     points: &[Vector3<f64>],
@@ -165,10 +159,11 @@ fn measure(
     if seen.is_empty() {
         return None;
     }
-    let mean = weighted_median(&mut seen, InFrame::weighted);
+    let weighted = |s: &InFrame| (s.length, s.weight);
+    let mean = weighted_median(&mut seen, weighted);
     let mut off: Vec<InFrame> =
         seen.iter().map(|s| InFrame { length: (s.length - mean).abs(), ..*s }).collect();
-    let scatter = 1.4826 * weighted_median(&mut off, InFrame::weighted);
+    let scatter = 1.4826 * weighted_median(&mut off, weighted);
     let total: f64 = seen.iter().map(|s| s.weight).sum();
     let noise = seen.iter().map(|s| s.weight * s.variance).sum::<f64>() / total;
     let own = (scatter * scatter - noise).max(0.0).sqrt();

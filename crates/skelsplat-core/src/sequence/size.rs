@@ -30,7 +30,7 @@ pub(super) fn body_size<'a>(refiner: &Refiner, stretches: &[&'a [Frame]]) -> Res
     let mut sizes = Vec::new();
     for frame in all.iter().step_by(all.len().div_ceil(FRAMES).max(1)) {
         let rays = refiner.rays(&frame.detections)?;
-        let at = |j: usize| nearest_point(rays.of_joint(j), |_, ray| f64::from(ray.is_there()));
+        let at = |j: usize| nearest_point(rays.of_joint(j), |ray| f64::from(ray.is_there()));
         let unknown = Vector3::repeat(f64::NAN);
         let points: Vec<_> = (0..rays.n_joints()).map(|j| at(j).unwrap_or(unknown)).collect();
         let proportions = &refiner.expected().proportions;

@@ -10,7 +10,7 @@ use crate::detections::Detections;
 const RANK: f64 = 1e-10;
 /// Homogeneous coordinate, relative to the point in rig lengths, below which the point is at
 /// infinity.
-pub(super) const AT_INFINITY: f64 = 1e-9;
+const AT_INFINITY: f64 = 1e-9;
 
 /// Triangulates each joint from the ideal pixels of the views that detect it.
 ///
@@ -61,14 +61,14 @@ pub(super) fn point(
 }
 
 /// Origin and lengths of the cameras that are used.
-pub(super) struct RigFrame {
-    pub(super) origin: Vector3<f64>,
-    pub(super) length: f64,
-    pub(super) focal: f64,
+struct RigFrame {
+    origin: Vector3<f64>,
+    length: f64,
+    focal: f64,
 }
 
 impl RigFrame {
-    pub(super) fn of<'a>(cameras: impl Iterator<Item = &'a Camera> + Clone) -> Self {
+    fn of<'a>(cameras: impl Iterator<Item = &'a Camera> + Clone) -> Self {
         let n = cameras.clone().count().max(1) as f64;
         let origin = cameras.clone().map(Camera::centre).sum::<Vector3<f64>>() / n;
         let squares = cameras.clone().map(|c| (c.centre() - origin).norm_squared());
@@ -77,18 +77,13 @@ impl RigFrame {
         Self { origin, length, focal: cameras.flat_map(Camera::focal).fold(1.0, f64::max) }
     }
 
-    /// Rows of [R | t] of a camera.
-    pub(super) fn extrinsics(&self, camera: &Camera) -> [RowVector4<f64>; 3] {
-        let r = camera.rotation();
-        let t = camera.to_camera(&self.origin) / self.length;
-        [0, 1, 2].map(|k| RowVector4::new(r[(k, 0)], r[(k, 1)], r[(k, 2)], t[k]))
-    }
-
     /// u P₃ − P₁ = fx·(x̂ r₃ − r₁) with x̂ = (u − cx)/fx, and likewise for v, in units of the
     /// largest focal length.
     fn rows(&self, camera: &Camera, pixel: &Vector2<f64>) -> [RowVector4<f64>; 2] {
         let ([fx, fy], [cx, cy]) = (camera.focal(), camera.principal_point());
-        let p = self.extrinsics(camera);
+        let (r, t) = (camera.rotation(), camera.to_camera(&self.origin) / self.length);
+        // Rows of [R | t].
+        let p = [0, 1, 2].map(|k| RowVector4::new(r[(k, 0)], r[(k, 1)], r[(k, 2)], t[k]));
         [
             (p[2] * ((pixel.x - cx) / fx) - p[0]) * (fx / self.focal),
             (p[2] * ((pixel.y - cy) / fy) - p[1]) * (fy / self.focal),

@@ -104,15 +104,14 @@ impl Associator {
             if all.any(|(body, claims)| is_known(&self.known, body, claims, pose, own)) {
                 continue;
             }
-            let found = self
-                .unseen_within_reach(&newcomer)
-                .or_else(|| self.misplaced(crowd, claims, &newcomer));
-            if let Some(b) = found {
+            let unseen = self.bodies.iter().enumerate().filter(|(_, body)| body.alone > 0);
+            let misplaced = || self.misplaced(crowd, claims, &newcomer);
+            if let Some(b) = self.nearest(unseen, &newcomer).or_else(misplaced) {
                 self.bodies[b].appear(newcomer.pose);
                 claims[b] = newcomer.claims;
                 continue;
             }
-            let body = match self.lost_within_reach(&newcomer) {
+            let body = match self.nearest(self.lost.iter().enumerate(), &newcomer) {
                 Some(at) => {
                     let mut body = self.lost.remove(at);
                     body.appear(newcomer.pose);
@@ -126,12 +125,6 @@ impl Associator {
             self.bodies.push(body);
             claims.push(newcomer.claims);
         }
-    }
-
-    /// The nearest body that two views do not see now and that can have come here.
-    fn unseen_within_reach(&self, newcomer: &Newcomer) -> Option<usize> {
-        let all = self.bodies.iter().enumerate().filter(|(_, body)| body.alone > 0);
-        self.nearest(all, newcomer)
     }
 
     /// The nearest body next to the newcomer whose own figures fit it badly.
@@ -152,11 +145,7 @@ impl Associator {
         all.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, b)| b)
     }
 
-    /// The same of those that are lost.
-    fn lost_within_reach(&self, newcomer: &Newcomer) -> Option<usize> {
-        self.nearest(self.lost.iter().enumerate(), newcomer)
-    }
-
+    /// The nearest of these bodies, which two views do not see now, that can have come here.
     fn nearest<'a>(
         &self,
         bodies: impl Iterator<Item = (usize, &'a Body)>,
