@@ -243,7 +243,7 @@ pub(super) fn evidence(joints: &Joints, variance: f64, widest: f64) -> Evidence 
     Evidence { log, wrong: (count - correct) / f64::max(count, 1.0), mixture }
 }
 
-/// [`evidence`] of joints at `points`, for study and tests.
+/// The evidence of joints at `points`, for study and tests.
 pub fn evidence_at(
     rays: &Rays,
     points: &[Vector3<f64>],

@@ -1,9 +1,9 @@
 //! Error bars of a recording.
 //!
 //! The detections of a joint have errors with a constant part c that no number of frames averages
-//! out; of the rest, f(n) among n frames make up an independent detection
-//! ([`Memory`](super::lasting::Memory)). With the information D_t of a frame's detections, the
-//! motion's stiffness K and the mean D̄_t of the information around t,
+//! out; of the rest, f(n) among n frames make up an independent detection ([`Memory`]). With the
+//! information D_t of a frame's detections, the motion's stiffness K and the mean D̄_t of the
+//! information around t,
 //!
 //! ```text
 //! C_t = (1 − c) f(n_t) S_t + c D̄_t⁻¹        S = (D + K)⁻¹        n_t = 3 / tr(S_t D_t)
