@@ -84,6 +84,9 @@ const MOVE_ROUNDS: usize = 3;
 const SWAP_ROUNDS: usize = 3;
 /// Log-odds against a swap: there are a few dozen candidates, each rarely true.
 const SWAP_EVIDENCE: f64 = 10.0;
+/// What larger noise may lack before swaps and moves, in log p: in frames with heavy occlusion it
+/// explains them in one of 27, and with less the moves are not worth their time in the others.
+const GAINED_BY_MOVES: f64 = 20.0;
 /// Share of the residuals' variance that is noise under the configured kernels; the rest are wrong
 /// detections that these let through (measured, docs/decisions.md).
 const NOISE_SHARE: f64 = 0.87;
@@ -114,22 +117,26 @@ impl AnnealedFrame<'_> {
         let annealing = &self.annealing;
         let may_follow = annealing.per_noise.is_finite();
         let is_estimated = annealing.noise == NoiseModel::Estimated;
-        let mut found = self.explained(rays.clone(), may_follow && !is_estimated);
+        let mut found = self.moved(self.annealed(rays.clone(), may_follow && !is_estimated));
         let is_noisy = annealing.per_noise * found.solver.noise() >= annealing.base;
         if may_follow && is_estimated && is_noisy {
-            let wide = self.explained(rays, true);
-            let is_better = || self.explains(&wide) > self.explains(&found);
-            let outvotes = can_outvote(&found.rays);
-            if wide.solver.noise() <= annealing.start && (!outvotes || is_better()) {
-                found = wide;
+            let mut wide = self.annealed(rays, true);
+            let least = match can_outvote(&found.rays) {
+                true => self.explains(&found),
+                false => f64::NEG_INFINITY,
+            };
+            if self.explains(&wide) > least - GAINED_BY_MOVES {
+                wide = self.moved(wide);
+                if wide.solver.noise() <= annealing.start && self.explains(&wide) > least {
+                    found = wide;
+                }
             }
         }
         self.outcome(found)
     }
 
-    /// One annealing of all joints, then swaps and moves.
-    fn explained(&self, rays: Rays, follows_noise: bool) -> Attempt {
-        let mut found = self.annealed(rays, follows_noise);
+    /// With swaps and moves.
+    fn moved(&self, mut found: Attempt) -> Attempt {
         let n_joints = self.detections.n_joints();
         for _ in 0..SWAP_ROUNDS {
             let joints = &found.solver.joints;
