@@ -88,7 +88,7 @@ def against_bones(
 ) -> float:
     """−log p of bones (joint, joint, length, σ) at a pose x (N,3) under kernels as wide as the noise.
 
-    A joint adds (Σk · ⅔/ŝ² + 1/W²)⁻¹, its variance along a direction, since (I − d dᵀ) has the mean eigenvalue ⅔.
+    A joint adds (Σk · ⅔/ŝ² + 1/W²)⁻¹, its variance in a direction: (I − d dᵀ) has the mean eigenvalue ⅔.
     """
     e, along = offsets(x, rays)
     seen = (along > 0) & (rays.weight > 0)
