@@ -106,7 +106,7 @@ pub(super) fn against_bones(
     bones.map(loss).sum()
 }
 
-/// [`against_bones`] of joints at `points`, under kernels as wide as this `noise`, for study and
+/// −log p of bones of joints at `points`, under kernels as wide as this `noise`, for study and
 /// tests.
 pub fn against_bones_at(
     rays: &Rays,
