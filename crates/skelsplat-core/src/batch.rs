@@ -5,9 +5,11 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use rayon::prelude::*;
 
 use crate::error::{Result, unless_cancelled};
-use crate::refine::results::Part;
-use crate::refine::{Control, Frame, Refinements, Refiner};
+use crate::refine::{Frame, Refinement, Refinements, Refiner};
 use crate::threads;
+
+/// Frames that are shared between threads at a time: their results are in memory twice.
+const CHUNK: usize = 4096;
 
 /// Progress and cancellation of a batch, shared between threads.
 #[derive(Debug, Default)]
@@ -69,36 +71,31 @@ pub fn refine_batch(
     frames: &[Frame],
     progress: &Progress,
 ) -> Result<Refinements> {
-    let mut out = Refinements::room(frames, refiner)?;
-    let mut rest = out.part();
-    let parts: Vec<Part<'_>> = frames.iter().map(|_| rest.take(1)).collect();
-    let refine_into = |(frame, mut part): (&Frame, Part<'_>), parallel: bool| {
+    let mut out = Refinements::none(frames, refiner)?;
+    let refine = |frame: &Frame, parallel: bool| {
         progress.check()?;
-        let done = refiner.refine_under(frame, Control { parallel, cancel: &progress.cancel });
-        progress.done.fetch_add(1, Ordering::Relaxed);
-        part.write(0, &done?);
-        Ok(())
+        let done = refiner.refine_under(frame, parallel, &progress.cancel);
+        progress.advance();
+        done
     };
-    let serial = |parts: Vec<Part<'_>>, parallel| {
-        frames.iter().zip(parts).try_for_each(|job| refine_into(job, parallel))
+    let single = frames.len() == 1;
+    let run = |parallel: bool| {
+        for chunk in frames.chunks(CHUNK) {
+            let done: Result<Vec<Refinement>> = if parallel && !single {
+                let done: Vec<_> = chunk.par_iter().map(|frame| refine(frame, false)).collect();
+                done.into_iter().collect()
+            } else {
+                chunk.iter().map(|frame| refine(frame, parallel)).collect()
+            };
+            done?.iter().for_each(|frame| out.push(frame));
+        }
+        Ok(out)
     };
     let config = refiner.config();
-    match frames {
-        _ if config.n_threads == Some(1) => serial(parts, false),
-        // No windows to distribute.
-        [_] if !config.draws_pixels() => serial(parts, false),
-        [_] => threads::install(config.n_threads, |parallel| serial(parts, parallel)),
-        _ => {
-            let n_threads = config.n_threads.map(|n| n.min(frames.len()));
-            threads::install(n_threads, |parallel| match parallel {
-                true => {
-                    let out: Vec<_> =
-                        frames.par_iter().zip(parts).map(|job| refine_into(job, false)).collect();
-                    out.into_iter().collect()
-                }
-                false => serial(parts, false),
-            })
-        }
-    }?;
-    Ok(out)
+    // Without pixels a single frame has no windows to distribute.
+    if config.n_threads == Some(1) || single && !config.draws_pixels() {
+        return run(false);
+    }
+    let most = if single { usize::MAX } else { frames.len() };
+    threads::install(config.n_threads.map(|n| n.min(most)), run)
 }

@@ -131,26 +131,13 @@ impl Detections {
     /// The same detections without those with a confidence below `threshold`.
     #[must_use]
     pub fn above(&self, threshold: f64) -> Self {
-        let mut out = self.clone();
-        for c in &mut out.confidence {
-            if *c < threshold {
-                *c = 0.0;
-            }
-        }
-        out
+        let kept = |i, j| self.get(i, j).filter(|(_, c)| *c >= threshold);
+        Self::gathered(self.n_views, self.n_joints, kept)
     }
 
     /// Applies `f(view, pixel)` to every detection; `None` makes it missing.
     pub fn map(&self, f: impl Fn(usize, Vector2<f64>) -> Option<Vector2<f64>>) -> Self {
-        let mut out = self.clone();
-        for view in 0..self.n_views {
-            for joint in 0..self.n_joints {
-                if let Some((p, _)) = self.get(view, joint) {
-                    out.points[view * self.n_joints + joint] =
-                        f(view, p).unwrap_or_else(|| Vector2::repeat(f64::NAN));
-                }
-            }
-        }
-        out
+        let moved = |i, j| self.get(i, j).and_then(|(p, c)| Some((f(i, p)?, c)));
+        Self::gathered(self.n_views, self.n_joints, moved)
     }
 }

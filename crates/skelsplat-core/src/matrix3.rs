@@ -141,12 +141,6 @@ pub(crate) fn times(a: &Matrix3<f64>, v: &Vector3<f64>) -> Vector3<f64> {
     )
 }
 
-/// Aᵀ v.
-#[inline(always)]
-pub(crate) fn transposed_times(a: &Matrix3<f64>, v: &Vector3<f64>) -> Vector3<f64> {
-    times(&a.transpose(), v)
-}
-
 /// A B.
 #[inline(always)]
 pub(crate) fn product(a: &Matrix3<f64>, b: &Matrix3<f64>) -> Matrix3<f64> {

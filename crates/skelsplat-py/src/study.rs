@@ -14,7 +14,6 @@ use skelsplat_core::study::gaussian::{Gaussian, GaussianGradient, check_covarian
 use skelsplat_core::study::paper::Encoding;
 use skelsplat_core::study::paper::render::{self as core, DepthSplat, Images};
 use skelsplat_core::study::projection::View;
-use skelsplat_core::study::refine::Control;
 use skelsplat_core::study::rig::Placed;
 use skelsplat_core::study::rig::adjust::equations as rig_step;
 use skelsplat_core::study::sequence::noise::{DetectionNoise, Kernel};
@@ -194,8 +193,7 @@ pub(crate) fn loss_and_gradient<'py>(
     let refiner = refiner(&cameras, layout, config)?;
     let n = gaussians.len();
     let found = watch::run(py, false, move |progress| {
-        let control = Control { cancel: progress.cancelled(), ..Control::default() };
-        refiner.loss_and_gradient(&gaussians, &given, targets, control)
+        refiner.loss_and_gradient(&gaussians, &given, targets, progress.cancelled())
     })?;
     let rows = |of: fn(&GaussianGradient) -> Vector3<f64>| {
         Out::points(&found.gradient.iter().map(of).collect::<Vec<_>>(), vec![n, 3])

@@ -7,7 +7,6 @@ use skelsplat_core::study::gaussian::Gaussian;
 use skelsplat_core::study::paper::Encoding;
 use skelsplat_core::study::paper::render::{pseudo_ground_truth, render};
 use skelsplat_core::study::paper::splat::Splat;
-use skelsplat_core::study::refine::Control;
 use skelsplat_core::{
     Camera, Detections, Error, Frame, Method, PaperSettings, Progress, RefineConfig, Refinements,
     Refiner, Unit, refine_batch, refine_sequence,
@@ -64,8 +63,8 @@ fn one_pose_has_the_same_bits_on_any_number_of_threads() {
         bits(&refine_batch(&refiner, &frames, &Progress::default()).unwrap())
     };
     assert_eq!(run(1), run(4));
-    let parallel = Control { parallel: true, ..Control::default() };
-    let one = with_threads(Some(1), &wide).refine_under(&frames[0], parallel).unwrap();
+    let cancel = AtomicBool::new(false);
+    let one = with_threads(Some(1), &wide).refine_under(&frames[0], true, &cancel).unwrap();
     assert_eq!(run(1), bits(&one.into()), "the pool of the process");
 }
 
@@ -107,16 +106,15 @@ fn cancel_begins_no_further_frame() {
 fn cancel_ends_a_frame_and_an_image() {
     let cancel = AtomicBool::new(true);
     let splat = Splat::new(Vector2::new(5.0, 5.0), &Matrix2::identity(), [9, 9]).unwrap();
-    let control = Control { cancel: &cancel, ..Control::default() };
     let frame = &frames(1)[0];
     for encoding in [Encoding::OneHot, Encoding::Single] {
         let refiner = with_threads(
             Some(1),
             &RefineConfig::from(PaperSettings { encoding, ..PaperSettings::default() }),
         );
-        assert_eq!(refiner.refine_under(frame, control), Err(Error::Cancelled));
+        assert_eq!(refiner.refine_under(frame, false, &cancel), Err(Error::Cancelled));
         let gaussians = vec![Gaussian::isotropic(Vector3::zeros(), 20.0); 17];
-        let found = refiner.loss_and_gradient(&gaussians, &frame.detections, None, control);
+        let found = refiner.loss_and_gradient(&gaussians, &frame.detections, None, &cancel);
         assert_eq!(found, Err(Error::Cancelled));
         let image = render(&[Some((splat, 1.0))], encoding, [9, 9], &cancel);
         let heats = pseudo_ground_truth(&[Some(splat)], encoding, [9, 9], &cancel);

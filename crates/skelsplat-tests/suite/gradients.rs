@@ -6,11 +6,12 @@
 //! 1e-6 mm makes such a crossing unlikely and the scenes below have none, so the tolerance is the
 //! 1e-5 that rounding (ulp·L/h) leaves.
 
+use std::sync::atomic::AtomicBool;
+
 use nalgebra::{Matrix2, Matrix3, Vector2, Vector3, Vector4};
 use skelsplat_core::study::gaussian::Gaussian;
 use skelsplat_core::study::paper::{Encoding, Renderer};
 use skelsplat_core::study::projection::View;
-use skelsplat_core::study::refine::Control;
 use skelsplat_core::study::symmetry::symmetry;
 use skelsplat_core::{PaperSettings, RefineConfig};
 use skelsplat_tests::differences::{central_differences, relative_error};
@@ -117,8 +118,8 @@ fn total_loss_in_every_parameter() {
         let config = RefineConfig { symmetry_tier: tier, ..RefineConfig::from(paper) };
         let refiner = refiner(&cameras, config);
         let of = |gaussians: &[Gaussian]| {
-            let (targets, control) = (Some(targets.clone()), Control::default());
-            refiner.loss_and_gradient(gaussians, &detections, targets, control).unwrap()
+            let (targets, cancel) = (Some(targets.clone()), AtomicBool::new(false));
+            refiner.loss_and_gradient(gaussians, &detections, targets, &cancel).unwrap()
         };
         let gradient = of(&gaussians).gradient;
         // One joint of the trunk and one of each side is enough: the others run through the same

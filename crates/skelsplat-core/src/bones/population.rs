@@ -11,6 +11,8 @@
 //! shoulder height and the base of the neck; the spine divides the trunk, which bends, in two;
 //! nose, toes and heels are points of the skin. Bones of the face have no entry.
 
+use nalgebra::Vector3;
+
 use crate::layout::Layout;
 
 /// The expected length of a bone relative to stature.
@@ -22,6 +24,13 @@ pub struct Proportion {
     pub ratio: f64,
     /// Standard deviation of the length between people of one stature, relative to the length.
     pub spread: f64,
+}
+
+impl Proportion {
+    /// The stature for which the bone has its length in a pose, in the pose's unit.
+    pub fn stature(&self, pose: &[Vector3<f64>]) -> f64 {
+        (pose[self.joints[0]] - pose[self.joints[1]]).norm() / self.ratio
+    }
 }
 
 /// Stature of people, children and adults, mm: mean and standard deviation.

@@ -75,11 +75,7 @@ impl Distortion {
 
     /// Distorted normalised coordinates of ideal ones.
     pub fn distort(&self, x: &Vector2<f64>) -> Vector2<f64> {
-        match self {
-            Self::None => *x,
-            Self::Brown(b) => b.tilt(&b.lens(x)),
-            Self::Fisheye(f) => f.distort(x),
-        }
+        self.distort_with_jacobian(x).0
     }
 
     /// [`Distortion::distort`] with its 2×2 Jacobian.
@@ -88,7 +84,8 @@ impl Distortion {
             Self::None => (*x, Matrix2::identity()),
             Self::Brown(b) => {
                 let (l, j) = b.lens_with_jacobian(x);
-                (b.tilt(&l), b.tilt_jacobian(&l) * j)
+                let (tilted, turn) = b.tilt_with_jacobian(&l);
+                (tilted, turn * j)
             }
             Self::Fisheye(f) => f.distort_with_jacobian(x),
         }
@@ -143,22 +140,10 @@ impl BrownConrady {
         (n / d, (dn * d - n * dd) / (d * d))
     }
 
-    /// Everything except the tilt.
-    fn lens(&self, x: &Vector2<f64>) -> Vector2<f64> {
-        let [_, _, p1, p2, .., s1, s2, s3, s4, _, _] = self.all;
-        let q = x.norm_squared();
-        let xy = 2.0 * x.x * x.y;
-        x * self.radial(q).0
-            + Vector2::new(
-                p1 * xy + p2 * (q + 2.0 * x.x * x.x) + q * (s1 + q * s2),
-                p2 * xy + p1 * (q + 2.0 * x.y * x.y) + q * (s3 + q * s4),
-            )
-    }
-
     /// Everything except the tilt, with the Jacobian.
     pub(super) fn lens_with_jacobian(&self, x: &Vector2<f64>) -> (Vector2<f64>, Matrix2<f64>) {
         let [_, _, p1, p2, .., s1, s2, s3, s4, _, _] = self.all;
-        let q = x.norm_squared();
+        let (q, xy) = (x.norm_squared(), 2.0 * x.x * x.y);
         let (radial, slope) = self.radial(q);
         let tangential = Matrix2::new(
             2.0 * p1 * x.y + 6.0 * p2 * x.x,
@@ -169,27 +154,22 @@ impl BrownConrady {
         let prism = Vector2::new(s1 + 2.0 * q * s2, s3 + 2.0 * q * s4);
         // d q / d x = 2 xᵀ
         let through_q = (x * slope + prism) * (2.0 * x.transpose());
-        (self.lens(x), Matrix2::identity() * radial + through_q + tangential)
+        let value = x * radial
+            + Vector2::new(
+                p1 * xy + p2 * (q + 2.0 * x.x * x.x) + q * (s1 + q * s2),
+                p2 * xy + p1 * (q + 2.0 * x.y * x.y) + q * (s3 + q * s4),
+            );
+        (value, Matrix2::identity() * radial + through_q + tangential)
     }
 
-    fn tilt(&self, x: &Vector2<f64>) -> Vector2<f64> {
-        match &self.tilt {
-            None => *x,
-            Some((m, _)) => {
-                let v = m * Vector3::new(x.x, x.y, 1.0);
-                v.xy() / v.z
-            }
-        }
-    }
-
-    /// Jacobian of [`BrownConrady::tilt`]: (mᵢ − yᵢ m₃)/v₃ for the homography's rows mᵢ.
-    fn tilt_jacobian(&self, x: &Vector2<f64>) -> Matrix2<f64> {
+    /// The tilt and its Jacobian: (mᵢ − yᵢ m₃)/v₃ for the homography's rows mᵢ.
+    fn tilt_with_jacobian(&self, x: &Vector2<f64>) -> (Vector2<f64>, Matrix2<f64>) {
         let Some((m, _)) = &self.tilt else {
-            return Matrix2::identity();
+            return (*x, Matrix2::identity());
         };
         let v = m * Vector3::new(x.x, x.y, 1.0);
-        let top = m.fixed_view::<2, 2>(0, 0);
-        (top - v.xy() / v.z * m.fixed_view::<1, 2>(2, 0)) / v.z
+        let (y, top) = (v.xy() / v.z, m.fixed_view::<2, 2>(0, 0));
+        (y, (top - y * m.fixed_view::<1, 2>(2, 0)) / v.z)
     }
 
     /// Inverse of the tilt; `None` on the far side of the tilted plane's horizon.

@@ -39,12 +39,6 @@ impl Fisheye {
         (value, slope)
     }
 
-    pub(super) fn distort(&self, x: &Vector2<f64>) -> Vector2<f64> {
-        let q = x.norm_squared();
-        let a = atan_ratio(q).0;
-        x * (self.polynomial(q * a * a).0 * a)
-    }
-
     /// x' = s(q) x with q = r², so the Jacobian is s I + 2 s'(q) x xᵀ.
     pub(super) fn distort_with_jacobian(&self, x: &Vector2<f64>) -> (Vector2<f64>, Matrix2<f64>) {
         let q = x.norm_squared();
@@ -56,7 +50,7 @@ impl Fisheye {
         (x * (p * a), jacobian)
     }
 
-    /// Inverse of [`Fisheye::distort`]; `None` beyond the fold or at 90° and more.
+    /// Inverse of [`Fisheye::distort_with_jacobian`]; `None` beyond the fold or at 90° and more.
     pub(super) fn undistort(&self, y: &Vector2<f64>) -> Option<Vector2<f64>> {
         let rd = y.norm();
         if rd == 0.0 {

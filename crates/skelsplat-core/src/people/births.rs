@@ -2,12 +2,12 @@
 
 use nalgebra::Vector3;
 
-use super::body::{Claims, placed};
+use super::body::{Claims, placed, views};
 use super::crowd::{Crowd, Figure};
 use super::known::BodyModel;
 use super::score::{at_body, meet, of_pair};
 use crate::annealed::rays::Ray;
-use crate::bones::population::{Proportion, STATURE};
+use crate::bones::population::STATURE;
 
 /// Kernel of a proposal, as a share of that of claims: nothing is predicted.
 const KERNEL: f64 = 0.7;
@@ -41,8 +41,6 @@ pub struct Newcomer {
     pub claims: Claims,
     /// Its joints `(N)`, mm; NaN where unknown.
     pub pose: Vec<Vector3<f64>>,
-    /// Support by all views.
-    pub support: f64,
 }
 
 /// Which figures are free, by view and slot.
@@ -178,9 +176,8 @@ impl BodyModel {
     /// Mean weight of the bones, compared with the proportions of people of the stature that suits
     /// them best; 1 if none is known.
     fn human(&self, pose: &[Vector3<f64>]) -> f64 {
-        let stature = |p: &Proportion| (pose[p.joints[0]] - pose[p.joints[1]]).norm() / p.ratio;
-        let known: Vec<f64> =
-            self.proportions.iter().map(stature).filter(|s| s.is_finite() && *s > 0.0).collect();
+        let known = self.proportions.iter().map(|bone| bone.stature(pose));
+        let known: Vec<f64> = known.filter(|s| s.is_finite() && *s > 0.0).collect();
         if known.len() < 3 {
             return 1.0;
         }
@@ -203,15 +200,14 @@ impl BodyModel {
             claims = (0..crowd.views.len())
                 .map(|i| [self.best(&crowd.views[i], &free[i], &pose, sigma), None])
                 .collect();
-            if claims.iter().filter(|claim| claim[0].is_some()).count() < 2 {
+            if views(&claims) < 2 {
                 return None;
             }
             pose = placed(crowd, &claims, &pose, sigma);
         }
         let known = pose.iter().filter(|x| !x.x.is_nan()).count();
-        let support = self.support(crowd, free, &pose);
-        let enough = known >= COMMON.min(pose.len()) && support >= SUPPORT;
-        enough.then_some(Newcomer { claims, pose, support })
+        let enough = known >= COMMON.min(pose.len()) && self.support(crowd, free, &pose) >= SUPPORT;
+        enough.then_some(Newcomer { claims, pose })
     }
 
     fn best(

@@ -38,7 +38,7 @@ impl Crowd {
     /// Errors: [`Error::InvalidInput`] if views or joints do not match the refiner's or each other.
     pub fn new(refiner: &Refiner, slots: &[Detections]) -> Result<Self> {
         let n_joints = slots.first().map_or(0, Detections::n_joints);
-        let mut views = vec![Vec::with_capacity(slots.len()); refiner.cameras().len()];
+        let mut views = vec![Vec::with_capacity(slots.len()); refiner.cameras.len()];
         for slot in slots {
             if slot.n_joints() != n_joints {
                 let expected = format!("{n_joints} joints, as the other people");

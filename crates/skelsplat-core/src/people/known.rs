@@ -33,7 +33,7 @@ impl BodyModel {
     /// As the refiner has it.
     pub fn new(refiner: &Refiner, layout: &Layout) -> Self {
         Self {
-            cameras: refiner.cameras().to_vec(),
+            cameras: refiner.cameras.clone(),
             limbs: layout.limbs.clone(),
             proportions: proportions(layout),
             mirror: mirror_images(layout),

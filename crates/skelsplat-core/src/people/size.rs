@@ -59,10 +59,7 @@ impl BodyModel {
 
     /// Stature by the population's proportions, or by the spread of the joints; NaN of nobody.
     fn stature(&self, pose: &[Vector3<f64>]) -> f64 {
-        let bones = self.proportions.iter().map(|bone| {
-            let [a, b] = bone.joints;
-            (pose[a] - pose[b]).norm() / bone.ratio
-        });
+        let bones = self.proportions.iter().map(|bone| bone.stature(pose));
         let bones: Vec<f64> = bones.filter(|length| length.is_finite()).collect();
         if bones.len() >= 3 {
             return median(bones);

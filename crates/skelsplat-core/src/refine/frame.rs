@@ -1,6 +1,4 @@
-//! What a call refines, and how it runs.
-
-use std::sync::atomic::AtomicBool;
+//! What a call refines.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -23,23 +21,5 @@ impl From<Detections> for Frame {
     /// A frame without an initial pose.
     fn from(detections: Detections) -> Self {
         Self { detections, init_pose: None, init_covariance: None }
-    }
-}
-
-/// How a call runs: on this thread or with those of the pool, and what can cancel it.
-#[derive(Debug, Clone, Copy)]
-pub struct Control<'a> {
-    /// Whether the windows of a pose are distributed over threads; the result is the same.
-    pub parallel: bool,
-    /// Once set, the call ends with [`crate::Error::Cancelled`].
-    pub cancel: &'a AtomicBool,
-}
-
-static NEVER: AtomicBool = AtomicBool::new(false);
-
-impl Default for Control<'_> {
-    /// On this thread, without cancellation.
-    fn default() -> Self {
-        Self { parallel: false, cancel: &NEVER }
     }
 }

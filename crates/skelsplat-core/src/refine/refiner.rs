@@ -1,13 +1,14 @@
 //! `refine` for one frame: from detections in pixels to a pose in the unit of the cameras.
 
 use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
 
 use nalgebra::{Matrix3, Vector3};
 
 use super::bias::JointBias;
 use super::config::{Method, RefineConfig};
-use super::frame::{Control, Frame};
-use super::result::Refinement;
+use super::frame::Frame;
+use super::results::Refinement;
 use crate::annealed::rays::Rays;
 use crate::annealed::swaps::{Chain, chains};
 use crate::annealed::{Alone, Annealed, AnnealedFrame, AnnealedSettings, Before, Bones, Prior};
@@ -29,13 +30,15 @@ use crate::unit::Unit;
 /// or, for bodies of another size than people, in mm of a body of a person's size.
 #[derive(Debug, Clone)]
 pub struct Refiner {
-    /// At full resolution.
-    cameras: Vec<Camera>,
+    /// At full resolution, in mm.
+    pub(crate) cameras: Vec<Camera>,
     /// At the rendering resolution.
     views: Vec<View>,
     pairs: Vec<LimbPair>,
-    chains: Vec<Chain>,
-    expected: Expected,
+    /// Joints that a detector may swap together.
+    pub(crate) chains: Vec<Chain>,
+    /// Expected lengths of bones.
+    pub(crate) expected: Expected,
     /// Empty where none is given.
     layout: LayoutSpec,
     /// Standard deviations of the joints' systematic errors, in the unit of the cameras; empty if
@@ -45,7 +48,7 @@ pub struct Refiner {
     paper: PaperSettings,
     unit: Unit,
     /// The body's size in multiples of a person's.
-    size: f64,
+    pub(crate) size: f64,
     config: RefineConfig,
 }
 
@@ -122,11 +125,6 @@ impl Refiner {
         out
     }
 
-    /// The body's size in multiples of a person's.
-    pub(crate) fn size(&self) -> f64 {
-        self.size
-    }
-
     /// Lengths inside per unit of the cameras: mm, or those of a body of a person's size.
     pub(crate) fn millimetres(&self) -> f64 {
         self.unit.millimetres() / self.size
@@ -137,15 +135,21 @@ impl Refiner {
     /// # Errors
     /// [`Error::InvalidInput`] if views or joints do not match.
     pub fn refine(&self, frame: &Frame) -> Result<Refinement> {
-        self.refine_under(frame, Control::default())
+        self.refine_under(frame, false, &AtomicBool::new(false))
     }
 
-    /// Refines one frame under `control`.
+    /// Refines one frame, whose windows are distributed over threads if `parallel`; the result is
+    /// the same.
     ///
     /// # Errors
-    /// [`Error::InvalidInput`] if views or joints do not match, [`Error::Cancelled`] once
-    /// cancelled.
-    pub fn refine_under(&self, frame: &Frame, control: Control<'_>) -> Result<Refinement> {
+    /// [`Error::InvalidInput`] if views or joints do not match, [`Error::Cancelled`] once `cancel`
+    /// is set.
+    pub fn refine_under(
+        &self,
+        frame: &Frame,
+        parallel: bool,
+        cancel: &AtomicBool,
+    ) -> Result<Refinement> {
         self.check(frame)?;
         let used = self.usable(&frame.detections);
         let (outcome, bars) = match &self.config.method {
@@ -154,7 +158,7 @@ impl Refiner {
                 (found.outcome, found.bars)
             }
             Method::Paper(_) => {
-                let (outcome, status) = self.by_paper(frame, &used, control)?;
+                let (outcome, status) = self.by_paper(frame, &used, parallel, cancel)?;
                 let bars = self.annealed(&used, None).error_bars(&outcome.points, &status);
                 (outcome, bars)
             }
@@ -177,11 +181,6 @@ impl Refiner {
         classes
     }
 
-    /// The cameras in mm.
-    pub(crate) fn cameras(&self) -> &[Camera] {
-        &self.cameras
-    }
-
     /// The rays of usable detections.
     pub(crate) fn rays(&self, detections: &Detections) -> Result<Rays> {
         self.check_detections(detections)?;
@@ -191,16 +190,6 @@ impl Refiner {
     /// Joints at both ends of every bone.
     pub(crate) fn bones(&self) -> &[[usize; 2]] {
         &self.layout.limbs
-    }
-
-    /// Expected lengths of bones.
-    pub(crate) fn expected(&self) -> &Expected {
-        &self.expected
-    }
-
-    /// Joints that a detector may swap together.
-    pub(crate) fn chains(&self) -> &[Chain] {
-        &self.chains
     }
 
     /// The result for these `detections`.
@@ -232,13 +221,13 @@ impl Refiner {
     ///
     /// # Errors
     /// [`Error::InvalidInput`] if views or joints do not match, [`Error::OutOfMemory`] if the
-    /// splats' windows are too large, [`Error::Cancelled`] once cancelled.
+    /// splats' windows are too large, [`Error::Cancelled`] once `cancel` is set.
     pub fn loss_and_gradient(
         &self,
         gaussians: &[Gaussian],
         detections: &Detections,
         targets: Option<Shapes>,
-        control: Control<'_>,
+        cancel: &AtomicBool,
     ) -> Result<LossAndGradient> {
         let means = gaussians.iter().map(|g| g.mean).collect();
         self.check(&Frame { init_pose: Some(means), ..detections.clone().into() })?;
@@ -259,8 +248,8 @@ impl Refiner {
                 return Err(Error::invalid("target_means", expected, t.len().to_string()));
             }
         };
-        let frame =
-            self.paper(&self.usable(detections), control).loss_and_gradient(&gaussians, &shapes);
+        let used = self.usable(detections);
+        let frame = self.paper(&used, false, cancel).loss_and_gradient(&gaussians, &shapes);
         frame.map(|mut found| {
             found.gradient.iter_mut().for_each(|g| g.mean *= mm);
             found
@@ -351,15 +340,20 @@ impl Refiner {
         }
     }
 
-    fn paper<'a>(&'a self, used: &'a Detections, control: Control<'a>) -> paper::PaperFrame<'a> {
+    fn paper<'a>(
+        &'a self,
+        used: &'a Detections,
+        parallel: bool,
+        cancel: &'a AtomicBool,
+    ) -> paper::PaperFrame<'a> {
         paper::PaperFrame {
             cameras: &self.cameras,
             views: &self.views,
             detections: used,
             pairs: &self.pairs,
             settings: &self.paper,
-            parallel: control.parallel,
-            cancel: control.cancel,
+            parallel,
+            cancel,
         }
     }
 
@@ -369,18 +363,17 @@ impl Refiner {
         &self,
         frame: &Frame,
         used: &Detections,
-        control: Control<'_>,
+        parallel: bool,
+        cancel: &AtomicBool,
     ) -> Result<(Outcome, Vec<JointStatus>)> {
         let pose = self.initial_pose(frame);
         let sigmas = self.sigmas(used.n_joints());
-        let solve = |parallel: bool| {
-            let control = Control { parallel, ..control };
-            self.paper(used, control).solve(pose.as_deref(), &sigmas)
-        };
-        if control.parallel && rayon::current_thread_index().is_none() {
+        let solve =
+            |parallel: bool| self.paper(used, parallel, cancel).solve(pose.as_deref(), &sigmas);
+        if parallel && rayon::current_thread_index().is_none() {
             return threads::install(None, solve);
         }
-        solve(control.parallel)
+        solve(parallel)
     }
 
     /// The initial pose in mm; `None` for a joint without one.

@@ -1,31 +1,37 @@
-//! The results of many frames: one array per quantity, so that a long recording needs no more
-//! memory than its numbers.
+//! The results: of one frame, and of many with one array per quantity, so that a long recording
+//! needs no more memory than its numbers.
 
-use std::iter::once;
+use std::iter::{once, zip};
 use std::sync::Arc;
 
 use nalgebra::{Matrix3, Vector3};
 
 use super::frame::Frame;
 use super::refiner::Refiner;
-use super::result::Refinement;
 use crate::error::{Error, Result};
-use crate::outcome::{JointStatus, Loss, StopReason};
+use crate::outcome::{ErrorBars, JointStatus, Loss, Outcome, Splats, StopReason};
 
-/// The columns: for each its type, the value before it is written, its length per frame of M views
-/// and N joints, the values of a frame, and what these are in a frame.
+/// The quantities: for each its type in one frame, the type of its array, the values that a frame
+/// adds to the array, and what such values are in a frame.
 macro_rules! columns {
     ($(
         $(#[$doc:meta])*
-        $name:ident: $type:ty = $blank:expr, $length:expr, |$frame:ident| $values:expr, $of:expr;
+        $name:ident: $of_frame:ty, $type:ty, |$frame:ident| $values:expr, $of:expr;
     )*) => {
+        /// A refined pose, in the unit of the cameras.
+        #[derive(Debug, Clone, PartialEq)]
+        pub struct Refinement {
+            /// Standard deviation per axis of the detector's joints `(N)` from anatomical ones, the
+            /// same in all views and frames.
+            pub joint_bias: Arc<[f64]>,
+            $($(#[$doc])* pub $name: $of_frame,)*
+        }
+
         /// The refined poses of T frames, in the unit of the cameras: the fields of [`Refinement`],
-        /// each one row-major array.
+        /// each one row-major array with the frames as its first dimension and the numbers of
+        /// vectors and matrices as its last.
         #[derive(Debug, Clone, PartialEq)]
         pub struct Refinements {
-            frames: usize,
-            views: usize,
-            joints: usize,
             /// Standard deviation per axis of the detector's joints `(N)` from anatomical ones, the
             /// same in all frames.
             pub joint_bias: Arc<[f64]>,
@@ -33,12 +39,22 @@ macro_rules! columns {
         }
 
         impl Refinements {
-            fn blank(frames: usize, views: usize, joints: usize, joint_bias: Arc<[f64]>) -> Self {
+            /// No frame yet, of joints with this bias.
+            fn new(joint_bias: Arc<[f64]>) -> Self {
+                Self { joint_bias, $($name: Vec::new(),)* }
+            }
+
+            /// Adds a frame with as many views and joints as the others.
+            pub(crate) fn push(&mut self, frame: &Refinement) {
                 $(
-                    let length: fn(usize, usize) -> usize = $length;
-                    let $name = vec![$blank; frames * length(views, joints)];
+                    let $frame = frame;
+                    self.$name.extend($values);
                 )*
-                Self { frames, views, joints, joint_bias, $($name,)* }
+            }
+
+            /// Adds further frames.
+            pub(crate) fn append(&mut self, mut other: Self) {
+                $(self.$name.append(&mut other.$name);)*
             }
 
             /// Frame `t`.
@@ -48,124 +64,125 @@ macro_rules! columns {
             pub fn frame(&self, t: usize) -> Refinement {
                 let joint_bias = Arc::clone(&self.joint_bias);
                 $(
-                    let length: fn(usize, usize) -> usize = $length;
-                    let length = length(self.views, self.joints);
+                    let length = self.$name.len() / self.len();
                     let $name = $of(&self.$name[t * length..(t + 1) * length]);
                 )*
                 Refinement { joint_bias, $($name,)* }
-            }
-
-            /// All frames, to write to.
-            pub(crate) fn part(&mut self) -> Part<'_> {
-                Part { views: self.views, joints: self.joints, $($name: &mut self.$name,)* }
-            }
-        }
-
-        /// Consecutive frames of [`Refinements`] to write to.
-        pub(crate) struct Part<'a> {
-            views: usize,
-            joints: usize,
-            $($name: &'a mut [$type],)*
-        }
-
-        impl<'a> Part<'a> {
-            /// Number of frames.
-            pub(crate) fn len(&self) -> usize {
-                self.noise.len()
-            }
-
-            /// Splits off the first `frames` frames.
-            ///
-            /// # Panics
-            /// If there are fewer.
-            pub(crate) fn take(&mut self, frames: usize) -> Part<'a> {
-                let (views, joints) = (self.views, self.joints);
-                $(
-                    let length: fn(usize, usize) -> usize = $length;
-                    let $name = first(&mut self.$name, frames * length(views, joints));
-                )*
-                Part { views, joints, $($name,)* }
-            }
-
-            /// Writes frame `t` of these.
-            pub(crate) fn write(&mut self, t: usize, frame: &Refinement) {
-                $(
-                    let length: fn(usize, usize) -> usize = $length;
-                    let length = length(self.views, self.joints);
-                    let $frame = frame;
-                    put(&mut self.$name[t * length..(t + 1) * length], $values);
-                )*
             }
         }
     };
 }
 
 columns! {
-    /// Joint positions `(T, N, 3)`; NaN where unobserved.
-    pose: f64 = 0.0, |_, n| 3 * n, |frame| numbers(&frame.pose), points;
-    /// Splat covariances Σ `(T, N, 3, 3)`, unit²; not an error bar.
-    covariance: f64 = 0.0, |_, n| 9 * n, |frame| numbers(&frame.covariance), matrices;
-    /// Posterior covariances of the positions `(T, N, 3, 3)`, unit²: the scatter. NaN where
-    /// unobserved.
-    uncertainty: f64 = 0.0, |_, n| 9 * n, |frame| numbers(&frame.uncertainty), matrices;
-    /// Weights k of the detections `(T, M, N)`; NaN where missing.
-    view_weights: f64 = 0.0, |m, n| m * n,
-        |frame| frame.view_weights.iter().copied(), <[_]>::to_vec;
-    /// Detections `(T, M, N)` that were used with left and right swapped.
-    swapped: bool = false, |m, n| m * n, |frame| frame.swapped.iter().copied(), <[_]>::to_vec;
-    /// ŝ `(T)`, standard deviation of the detection noise across the ray; NaN without detections.
-    noise: f64 = 0.0, |_, _| 1, |frame| once(frame.noise), only;
-    /// The initial poses that were used `(T, N, 3)`.
-    init_pose: f64 = 0.0, |_, n| 3 * n, |frame| numbers(&frame.init_pose), points;
-    /// Distances between detections and reprojections `(T, M, N)`, pixels of the original image;
-    /// NaN where there is none.
-    reprojection_error: f64 = 0.0, |m, n| m * n,
-        |frame| frame.reprojection_error.iter().copied(), <[_]>::to_vec;
-    /// Reliability of the joints `(T, N)`.
-    joint_status: JointStatus = JointStatus::Unobserved, |_, n| n,
-        |frame| frame.joint_status.iter().copied(), <[_]>::to_vec;
-    /// Loss of the returned poses `(T)` over all views.
-    loss: Loss = Loss::default(), |_, _| 1, |frame| once(frame.loss), only;
-    /// Loss of every step of each frame `(T)`, if requested.
-    loss_history: Vec<Loss> = Vec::new(), |_, _| 1, |frame| once(frame.loss_history.clone()), only;
-    /// Steps taken `(T)`.
-    n_iter: usize = 0, |_, _| 1, |frame| once(frame.n_iter), only;
-    /// Why the iterations ended `(T)`.
-    stop_reason: StopReason = StopReason::NoObservations, |_, _| 1,
-        |frame| once(frame.stop_reason), only;
+    /// Joint positions `(N)`; NaN where unobserved.
+    pose: Vec<Vector3<f64>>, f64, |frame| numbers(&frame.pose), points;
+    /// Splat covariances Σ `(N)`, unit²; not an error bar.
+    covariance: Vec<Matrix3<f64>>, f64, |frame| numbers(&frame.covariance), matrices;
+    /// Posterior covariances of the positions `(N)`, unit²: the scatter, what another recording of
+    /// the same pose by the same detector would give. NaN where unobserved.
+    uncertainty: Vec<Matrix3<f64>>, f64, |frame| numbers(&frame.uncertainty), matrices;
+    /// Weight k of every detection `(M, N)`: how much it is trusted; NaN where missing.
+    view_weights: Vec<f64>, f64, |frame| &frame.view_weights, <[_]>::to_vec;
+    /// Detections `(M, N)` that were used with left and right swapped.
+    swapped: Vec<bool>, bool, |frame| &frame.swapped, <[_]>::to_vec;
+    /// ŝ, standard deviation of the detection noise across the ray, in the unit of the cameras; NaN
+    /// without detections.
+    noise: f64, f64, |frame| once(frame.noise), only;
+    /// The initial pose that was used `(N)`.
+    init_pose: Vec<Vector3<f64>>, f64, |frame| numbers(&frame.init_pose), points;
+    /// Distance between detection and reprojection `(M, N)`, pixels of the original image; NaN
+    /// where there is no detection or no reprojection.
+    reprojection_error: Vec<f64>, f64, |frame| &frame.reprojection_error, <[_]>::to_vec;
+    /// Reliability of each joint `(N)`.
+    joint_status: Vec<JointStatus>, JointStatus, |frame| &frame.joint_status, <[_]>::to_vec;
+    /// Loss of the returned pose over all views.
+    loss: Loss, Loss, |frame| once(frame.loss), only;
+    /// Loss of every step, if requested.
+    loss_history: Vec<Loss>, Vec<Loss>, |frame| once(frame.loss_history.clone()), only;
+    /// Steps taken.
+    n_iter: usize, usize, |frame| once(frame.n_iter), only;
+    /// Why the iteration ended.
+    stop_reason: StopReason, StopReason, |frame| once(frame.stop_reason), only;
+}
+
+impl Refinement {
+    /// Covariance of the distance from an anatomical joint `(N)`, unit²: `uncertainty` +
+    /// `joint_bias`² I. NaN where unobserved.
+    pub fn error_bar(&self) -> Vec<Matrix3<f64>> {
+        let bar = |(scatter, bias): (&Matrix3<f64>, &f64)| {
+            scatter + Matrix3::from_diagonal_element(bias * bias)
+        };
+        zip(&self.uncertainty, self.joint_bias.iter()).map(bar).collect()
+    }
+
+    /// `outcome` and `bars`, of which `mm` are a unit of the cameras, converted to this unit, which
+    /// `joint_bias` already has.
+    pub(super) fn new(
+        outcome: Outcome,
+        bars: &ErrorBars,
+        reprojection_error: Vec<f64>,
+        joint_bias: Arc<[f64]>,
+        mm: f64,
+    ) -> Self {
+        let n = outcome.points.len();
+        let m = outcome.used_for.len() / n.max(1);
+        let round = |(x, sigma): (&Vector3<f64>, &f64)| {
+            let variance = if x.x.is_nan() { f64::NAN } else { (sigma / mm).powi(2) };
+            Matrix3::from_diagonal_element(variance)
+        };
+        let covariance = match &outcome.splats {
+            Splats::Round(sigmas) => outcome.points.iter().zip(sigmas).map(round).collect(),
+            Splats::Free(covariances) => covariances.iter().map(|c| c / (mm * mm)).collect(),
+        };
+        let used_for = || outcome.used_for.iter().enumerate();
+        Self {
+            pose: outcome.points.iter().map(|p| p / mm).collect(),
+            covariance,
+            uncertainty: bars.covariances.iter().map(|c| c / (mm * mm)).collect(),
+            joint_bias,
+            view_weights: used_for().map(|(k, j)| bars.believed[j * m + k / n]).collect(),
+            swapped: used_for().map(|(k, j)| *j != k % n).collect(),
+            noise: bars.noise / mm,
+            init_pose: outcome.init.iter().map(|p| p / mm).collect(),
+            reprojection_error,
+            joint_status: bars.status.clone(),
+            loss: outcome.loss,
+            loss_history: outcome.loss_history,
+            n_iter: outcome.n_iter,
+            stop_reason: outcome.stop_reason,
+        }
+    }
 }
 
 impl Refinements {
-    /// Room for the results of `refiner` for these frames.
+    /// None yet of `refiner` for these frames.
     /// Errors: [`Error::InvalidInput`] if they differ in the number of views or joints.
-    pub(crate) fn room(frames: &[Frame], refiner: &Refiner) -> Result<Self> {
-        let (m, n) = size(frames)?;
-        Ok(Self::blank(frames.len(), m, n, refiner.joint_bias(n)))
+    pub(crate) fn none(frames: &[Frame], refiner: &Refiner) -> Result<Self> {
+        let (_, n) = size(frames)?;
+        Ok(Self::new(refiner.joint_bias(n)))
     }
 
     /// Number of frames T.
     pub fn len(&self) -> usize {
-        self.frames
+        self.noise.len()
     }
 
     /// Whether there is no frame.
     pub fn is_empty(&self) -> bool {
-        self.frames == 0
+        self.noise.is_empty()
     }
 
     /// The frames in order.
     pub fn iter(&self) -> impl ExactSizeIterator<Item = Refinement> {
-        (0..self.frames).map(|t| self.frame(t))
+        (0..self.len()).map(|t| self.frame(t))
     }
 }
 
 impl From<Refinement> for Refinements {
     /// One frame.
     fn from(frame: Refinement) -> Self {
-        let n = frame.pose.len();
-        let bias = Arc::clone(&frame.joint_bias);
-        let mut out = Self::blank(1, frame.view_weights.len() / n.max(1), n, bias);
-        out.part().write(0, &frame);
+        let mut out = Self::new(Arc::clone(&frame.joint_bias));
+        out.push(&frame);
         out
     }
 }
@@ -184,16 +201,6 @@ pub(crate) fn size<'a>(frames: impl IntoIterator<Item = &'a Frame>) -> Result<(u
             Err(Error::invalid("detections", expected, actual))
         }
     }
-}
-
-/// Splits off the first `n` values.
-pub(crate) fn first<'a, T>(values: &mut &'a mut [T], n: usize) -> &'a mut [T] {
-    values.split_off_mut(..n).expect("as many values as frames were asked for")
-}
-
-/// Overwrites `out` with `values`.
-pub(crate) fn put<T>(out: &mut [T], values: impl Iterator<Item = T>) {
-    out.iter_mut().zip(values).for_each(|(out, value)| *out = value);
 }
 
 /// The numbers of vectors, and of matrices that are symmetric: columns are rows.

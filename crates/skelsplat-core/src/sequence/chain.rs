@@ -15,7 +15,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use crate::matrix3::{inverse, product, symmetrised, times, transposed_times};
+use crate::matrix3::{inverse, product, symmetrised, times};
 
 /// The system of one joint: blocks, couplings and, after [`Chain::factorise`], its factors.
 #[derive(Debug, Clone, Default)]
@@ -136,7 +136,7 @@ impl Chain {
                 }
                 z = times(&chain.inverse[t], &z);
                 if t + 1 < n {
-                    z -= transposed_times(&chain.lower[t + 1], &x[t + 1]);
+                    z -= times(&chain.lower[t + 1].transpose(), &x[t + 1]);
                 }
                 x[t] = z;
             }

@@ -10,7 +10,7 @@ use super::lasting::memories;
 use super::learn::{self, Known, Learnt};
 use super::noise::{DetectionNoise, Kernel};
 use super::outcome::{SolvedWindow, errors};
-use super::posterior::{Posterior, posterior};
+use super::posterior::posterior;
 use super::process_noise;
 use super::scales::{Residuals, TAKEN};
 use super::size::{LEAST_SPREAD, USUAL_SPREAD, body_size};
@@ -23,7 +23,7 @@ use crate::annealed::posterior::BodyExtent;
 use crate::batch::Progress;
 use crate::bones::{Length, other_end};
 use crate::error::{Error, Result};
-use crate::refine::results::{Part, first, numbers, put, size};
+use crate::refine::results::{numbers, size};
 use crate::refine::{Frame, Method, Refinements, Refiner};
 use crate::statistics::median;
 use crate::threads;
@@ -77,7 +77,7 @@ pub fn refine_in_windows(
 ) -> Result<Sequence> {
     check(refiner, fps, "'annealed' for a sequence")?;
     let windows = windows(frames.len(), size);
-    let out = Sequence::blank(frames, refiner)?;
+    let out = Sequence::none(frames, refiner)?;
     let parts: Vec<&[Frame]> = sample(&windows).into_iter().map(|part| &frames[part]).collect();
     let refiner = &refiner.at_size(size_of(refiner, &parts)?);
     let recording = Recording { refiner, frames, fps, progress };
@@ -145,7 +145,7 @@ pub fn refine_windows(
     let refiner = &refiner.at_size(known.size);
     let recording = Recording { refiner, frames, fps, progress };
     let own = windows[0].own.start..windows[windows.len() - 1].own.end;
-    let out = Sequence::blank(&frames[own], refiner)?;
+    let out = Sequence::none(&frames[own], refiner)?;
     threads::install(refiner.config().n_threads, |_| recording.solve(windows, known, out))
 }
 
@@ -186,22 +186,17 @@ struct Path {
     steps: usize,
 }
 
-/// Where the frames of a window are written.
-struct Place<'a> {
-    frames: Part<'a>,
-    velocity: &'a mut [f64],
-    velocity_covariance: &'a mut [f64],
-}
+/// The results of a window, and the standard errors of the bones' lengths, mm; infinite for a bone
+/// that is not seen.
+type Solved = (Sequence, Vec<f64>);
 
 impl Recording<'_> {
     /// Solves the only window, from which is learnt as well.
-    fn learn_and_solve(&self, window: &Window, mut out: Sequence) -> Result<Sequence> {
+    fn learn_and_solve(&self, window: &Window, out: Sequence) -> Result<Sequence> {
         let alone = [self.alone(self.frames)?];
         let (Known { learnt, .. }, path) = self.learn(&alone)?;
-        let place = out.places(std::slice::from_ref(window)).remove(0);
-        let errors = self.finish(window, &alone[0], path, &learnt, place)?;
-        self.share(&mut out, &[errors], &learnt);
-        Ok(out)
+        let solved = self.finish(window, &alone[0], path, &learnt)?;
+        Ok(self.joined(out, vec![solved], &learnt))
     }
 
     fn learn_from(&self, stretches: &[&[Frame]]) -> Result<Known> {
@@ -211,21 +206,19 @@ impl Recording<'_> {
     }
 
     /// Solves consecutive windows.
-    fn solve(&self, windows: &[Window], known: &Known, mut out: Sequence) -> Result<Sequence> {
-        let jobs = windows.par_iter().zip(out.places(windows));
-        let errors: Result<Vec<Vec<f64>>> =
-            jobs.map(|(window, place)| self.window(window, known, place)).collect();
-        self.share(&mut out, &errors?, &known.learnt);
-        Ok(out)
+    fn solve(&self, windows: &[Window], known: &Known, out: Sequence) -> Result<Sequence> {
+        let solved = windows.par_iter().map(|window| self.window(window, known));
+        let solved: Vec<Solved> = solved.collect::<Result<_>>()?;
+        Ok(self.joined(out, solved, &known.learnt))
     }
 
-    /// Writes what all frames share, in the unit of the cameras: the noise, and the lengths of the
-    /// bones that the recording shows, with the median of the `errors` in each window; infinite
-    /// where none of these shows the bone.
-    fn share(&self, out: &mut Sequence, errors: &[Vec<f64>], learnt: &Learnt) {
+    /// The results of windows one after the other in `out`, and what all frames share, in the unit
+    /// of the cameras: the noise, and the lengths of the bones that the recording shows, with the
+    /// median of the errors in each window; infinite where none of these shows the bone.
+    fn joined(&self, mut out: Sequence, solved: Vec<Solved>, learnt: &Learnt) -> Sequence {
         let mm = self.refiner.millimetres();
         let with_error = |(b, length): (usize, &Length)| {
-            let finite = errors.iter().map(|of_window| of_window[b]).filter(|e| e.is_finite());
+            let finite = solved.iter().map(|(_, errors)| errors[b]).filter(|e| e.is_finite());
             match median(finite) {
                 error if error.is_finite() => Length { mean: length.mean / mm, sigma: error / mm },
                 _ if learnt.shown[b] => Length { mean: length.mean / mm, ..UNKNOWN },
@@ -234,6 +227,12 @@ impl Recording<'_> {
         };
         out.lengths = learnt.common.lengths.iter().enumerate().map(with_error).collect();
         out.view_noise = learnt.common.noise.of_views().into_iter().map(|s| s / mm).collect();
+        for (mut window, _) in solved {
+            out.frames.append(window.frames);
+            out.velocity.append(&mut window.velocity);
+            out.velocity_covariance.append(&mut window.velocity_covariance);
+        }
+        out
     }
 
     fn alone(&self, frames: &[Frame]) -> Result<Vec<Alone>> {
@@ -270,7 +269,7 @@ impl Recording<'_> {
         let bones = self.refiner.bones().to_vec();
         let common = Common {
             fps: self.fps,
-            lengths: learn::lengths(&tracks, &tracks.alone, &bones, self.refiner.expected()),
+            lengths: learn::lengths(&tracks, &tracks.alone, &bones, &self.refiner.expected),
             process_noise: process_noise::learn(&tracks, self.fps, &noise_of.of_joints()),
             bones,
             noise: noise_of,
@@ -305,7 +304,7 @@ impl Recording<'_> {
         let tracks = &path.tracks;
         let learnt = known.map(|known| &known.learnt);
         let lengths = match learnt {
-            None => learn::lengths(tracks, &path.points, &wide.bones, self.refiner.expected()),
+            None => learn::lengths(tracks, &path.points, &wide.bones, &self.refiner.expected),
             Some(learnt) => learnt.common.lengths.clone(),
         };
         let common = Common { lengths, ..wide.clone() };
@@ -323,7 +322,7 @@ impl Recording<'_> {
         (path.points, path.steps) = (run.points, path.steps + run.n_iter);
         let factors = self.factors(&learnt.common.noise, &residuals);
         path.tracks.weigh(&learnt.common.noise, &factors);
-        Ok((Known { size: self.refiner.size(), first, wide, learnt }, path))
+        Ok((Known { size: self.refiner.size, first, wide, learnt }, path))
     }
 
     /// The path under wide kernels, and what is common to all frames by it unless it is `known`.
@@ -333,7 +332,7 @@ impl Recording<'_> {
         first: &Common,
         known: Option<&Known>,
     ) -> Result<(Path, Common)> {
-        let chains = self.refiner.chains();
+        let chains = &self.refiner.chains;
         let swapped = swaps::exchanged(&tracks, chains, first);
         swaps::exchange(&mut tracks, chains, &swapped);
         tracks.find_cuts(first.fps, &first.usual());
@@ -344,7 +343,7 @@ impl Recording<'_> {
             let noise = self.noise(&run, &residuals);
             let process_noise = process_noise::learn(&tracks, self.fps, &noise.of_joints());
             let lengths =
-                learn::lengths(&tracks, &run.points, &first.bones, self.refiner.expected());
+                learn::lengths(&tracks, &run.points, &first.bones, &self.refiner.expected);
             Common { noise, process_noise, lengths, ..first.clone() }
         };
         let wide = known.map_or_else(shown, |known| known.wide.clone());
@@ -357,7 +356,7 @@ impl Recording<'_> {
 
     /// The path under the final kernels, and the sides that it shows to be swapped.
     fn narrow(&self, path: &mut Path, wide: &Common) -> Result<()> {
-        let chains = self.refiner.chains();
+        let chains = &self.refiner.chains;
         let points = std::mem::take(&mut path.points);
         let mut run = WindowSolver::new(&path.tracks, wide, Some(points));
         run.anneal(NARROW, self.progress)?;
@@ -372,28 +371,26 @@ impl Recording<'_> {
         Ok(())
     }
 
-    fn window(&self, window: &Window, known: &Known, place: Place<'_>) -> Result<Vec<f64>> {
+    fn window(&self, window: &Window, known: &Known) -> Result<Solved> {
         let alone = self.alone(&self.frames[window.all.clone()])?;
         let tracks = self.tracks(&[&alone], &known.first.noise);
         let (_, path) = self.path(tracks, known.first.clone(), Some(known))?;
-        self.finish(window, &alone, path, &known.learnt, place)
+        self.finish(window, &alone, path, &known.learnt)
     }
 
-    /// Writes the solution along a path, with its error bars, and returns the standard errors of
-    /// the bones' lengths, mm; infinite for a bone that is not seen.
+    /// The solution along a path, with its error bars.
     fn finish(
         &self,
         window: &Window,
         alone: &[Alone],
         path: Path,
         learnt: &Learnt,
-        mut place: Place<'_>,
-    ) -> Result<Vec<f64>> {
+    ) -> Result<Solved> {
         let Path { tracks, swapped, points, steps } = path;
         let mut used: Vec<Vec<usize>> = alone.iter().map(|frame| frame.used_for.clone()).collect();
         for swap in &swapped {
             let of_view = swap.view * tracks.joints..(swap.view + 1) * tracks.joints;
-            for pair in &self.refiner.chains()[swap.chain] {
+            for pair in &self.refiner.chains[swap.chain] {
                 for joint in &mut used[swap.frame][of_view.clone()] {
                     *joint = other_end(*pair, *joint).unwrap_or(*joint);
                 }
@@ -407,16 +404,20 @@ impl Recording<'_> {
         let steps = steps + run.n_iter;
         let state = SolvedWindow::of(&run, &found);
         let mm = self.refiner.millimetres();
-        for (own, t) in window.own.clone().enumerate() {
-            let k = t - window.all.start;
+        let frames = &self.frames[window.own.clone()];
+        let mut out = Sequence::none(frames, self.refiner)?;
+        for (k, frame) in (window.own.start - window.all.start..).zip(frames) {
             let used = std::mem::take(&mut used[k]);
             let (outcome, bars) = state.outcome(k, &alone[k], used, steps);
-            let frame = self.refiner.result(&self.frames[t].detections, outcome, &bars);
-            place.frames.write(own, &frame);
-            place.move_on(own, &found, k, mm);
+            out.frames.push(&self.refiner.result(&frame.detections, outcome, &bars));
+            let joints = || (0..tracks.joints).map(|j| j * tracks.frames + k);
+            let velocities: Vec<_> = joints().map(|k| found.velocities[k] / mm).collect();
+            let spreads: Vec<_> = joints().map(|k| found.of_velocities[k] / (mm * mm)).collect();
+            out.velocity.extend(numbers(&velocities));
+            out.velocity_covariance.extend(numbers(&spreads));
             self.progress.advance();
         }
-        Ok(errors)
+        Ok((out, errors))
     }
 }
 
@@ -432,45 +433,18 @@ fn confidence<'a>(frames: impl Iterator<Item = &'a Alone>, i: usize) -> f64 {
     if n > 0.0 { sum / n } else { 1.0 }
 }
 
-impl Place<'_> {
-    /// Writes the velocities of its frame `own`, in units of `mm`: frame `t` of the solved window.
-    fn move_on(&mut self, own: usize, found: &Posterior, t: usize, mm: f64) {
-        let n = self.velocity.len() / (3 * self.frames.len());
-        let of_frame = || (0..n).map(|j| j * (found.velocities.len() / n) + t);
-        let velocities: Vec<_> = of_frame().map(|k| found.velocities[k] / mm).collect();
-        let covariances: Vec<_> = of_frame().map(|k| found.of_velocities[k] / (mm * mm)).collect();
-        put(&mut self.velocity[3 * n * own..3 * n * (own + 1)], numbers(&velocities));
-        put(&mut self.velocity_covariance[9 * n * own..9 * n * (own + 1)], numbers(&covariances));
-    }
-}
-
 impl Sequence {
-    /// Room for the results of these frames.
-    fn blank(frames: &[Frame], refiner: &Refiner) -> Result<Self> {
+    /// No results yet of these frames.
+    fn none(frames: &[Frame], refiner: &Refiner) -> Result<Self> {
         let bones = refiner.bones();
-        let n = frames.iter().map(|frame| frame.detections.n_joints()).sum::<usize>();
         Ok(Self {
-            frames: Refinements::room(frames, refiner)?,
-            velocity: vec![0.0; 3 * n],
-            velocity_covariance: vec![0.0; 9 * n],
+            frames: Refinements::none(frames, refiner)?,
+            velocity: Vec::new(),
+            velocity_covariance: Vec::new(),
             lengths: vec![UNKNOWN; bones.len()],
-            view_noise: vec![f64::NAN; refiner.cameras().len()],
+            view_noise: vec![f64::NAN; refiner.cameras.len()],
             bones: bones.to_vec(),
         })
-    }
-
-    /// The parts of the windows.
-    fn places(&mut self, windows: &[Window]) -> Vec<Place<'_>> {
-        let n = self.velocity.len() / (3 * self.frames.len());
-        let mut frames = self.frames.part();
-        let (mut velocity, mut covariance) =
-            (self.velocity.as_mut_slice(), self.velocity_covariance.as_mut_slice());
-        let place = |window: &Window| Place {
-            frames: frames.take(window.own.len()),
-            velocity: first(&mut velocity, 3 * n * window.own.len()),
-            velocity_covariance: first(&mut covariance, 9 * n * window.own.len()),
-        };
-        windows.iter().map(place).collect()
     }
 }
 

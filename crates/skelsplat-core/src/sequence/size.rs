@@ -33,12 +33,11 @@ pub(super) fn body_size<'a>(refiner: &Refiner, stretches: &[&'a [Frame]]) -> Res
         let at = |j: usize| nearest_point(rays.of_joint(j), |ray| f64::from(ray.is_there()));
         let unknown = Vector3::repeat(f64::NAN);
         let points: Vec<_> = (0..rays.n_joints()).map(|j| at(j).unwrap_or(unknown)).collect();
-        let proportions = &refiner.expected().proportions;
-        let long = |[a, b]: [usize; 2]| (points[a] - points[b]).norm();
+        let proportions = &refiner.expected.proportions;
         match proportions.is_empty() {
             true => sizes.extend(BodyExtent::spread(&points).map(|s| s / USUAL_SPREAD)),
             false => {
-                let of_bone = proportions.iter().map(|p| long(p.joints) / p.ratio / STATURE[0]);
+                let of_bone = proportions.iter().map(|bone| bone.stature(&points) / STATURE[0]);
                 sizes.extend(of_bone.filter(|size| size.is_finite()));
             }
         }

@@ -85,10 +85,6 @@ pub struct WindowSolver<'a> {
     pub system: System,
     /// Steps taken.
     pub n_iter: usize,
-    /// k and the offsets of the rays of one joint `(T, M)`, and the running sums of k and of their
-    /// number.
-    kept: Vec<(f64, Vector3<f64>)>,
-    sums: Vec<[f64; 2]>,
 }
 
 impl<'a> WindowSolver<'a> {
@@ -97,8 +93,7 @@ impl<'a> WindowSolver<'a> {
         let system = System::new(tracks.frames, tracks.joints, &common.bones);
         let smooth = points.is_none();
         let points = points.unwrap_or_else(|| vec![Vector3::zeros(); tracks.active.len()]);
-        let mut run =
-            Self { tracks, common, points, system, n_iter: 0, kept: Vec::new(), sums: Vec::new() };
+        let mut run = Self { tracks, common, points, system, n_iter: 0 };
         if smooth {
             (0..tracks.joints).for_each(|j| run.smooth(j));
         }
@@ -153,10 +148,10 @@ impl<'a> WindowSolver<'a> {
         let mut squares = 0.0;
         for (x, step) in self.points.iter_mut().zip(step) {
             let length = step.norm();
-            *x += if length > LONGEST { step * (LONGEST / length) } else { *step };
+            *x += if length > LONGEST { step * (LONGEST / length) } else { step };
             squares += length * length;
         }
-        (squares / step.len() as f64).sqrt()
+        (squares / self.points.len() as f64).sqrt()
     }
 
     /// The detections of joint `j`: Σ c k k̄ (I − d dᵀ)/ŝ² and −Σ c k k̄ e/ŝ², where k̄ is the mean
@@ -164,7 +159,7 @@ impl<'a> WindowSolver<'a> {
     /// position and none disagrees, k and k̄ do not fall below their values at this position: the
     /// other frames never outvote them.
     fn see(&mut self, j: usize, wider: f64) {
-        self.weigh(j, wider);
+        let (kept, sums) = self.weigh(j, wider);
         let (views, of) = (self.tracks.views, self.system.of(j));
         let reach = frames_in(TRUST_SPAN, self.common.fps);
         let (rays, weights) = self.tracks.of_joint(j);
@@ -176,14 +171,14 @@ impl<'a> WindowSolver<'a> {
                 continue;
             }
             let near = around(t, reach, of.len());
-            let first = &self.sums[near.start * views..][..views];
-            let last = &self.sums[near.end * views..][..views];
+            let first = &sums[near.start * views..][..views];
+            let last = &sums[near.end * views..][..views];
             let (mut weight, mut outer) = (0.0, Symmetric::default());
             for (i, r) in (t * views..(t + 1) * views).enumerate() {
-                let (k, across) = self.kept[r];
+                let (k, across) = kept[r];
                 if k > 0.0 {
-                    let sums = [0, 1].map(|a| last[i][a] - first[i][a]);
-                    let w = weights[r].precision * k * (sums[0] / sums[1]).max(weights[r].held);
+                    let around = [0, 1].map(|a| last[i][a] - first[i][a]);
+                    let w = weights[r].precision * k * (around[0] / around[1]).max(weights[r].held);
                     outer.add_outer(w, &rays[r].direction.into());
                     weight += w;
                     *pull -= across * w;
@@ -193,30 +188,29 @@ impl<'a> WindowSolver<'a> {
         }
     }
 
-    /// k of every ray of joint `j`, at least the held weight, with its offset, and the running sums
-    /// of k and of the rays' number.
-    fn weigh(&mut self, j: usize, wider: f64) {
+    /// k of every ray of joint `j` `(T, M)`, at least the held weight, with its offset, and the
+    /// running sums of k and of the rays' number.
+    fn weigh(&self, j: usize, wider: f64) -> (Vec<(f64, Vector3<f64>)>, Vec<[f64; 2]>) {
         let (views, of) = (self.tracks.views, self.system.of(j));
-        self.kept.clear();
-        self.sums.clear();
-        self.sums.resize(views, [0.0; 2]);
+        let (mut kept, mut sums) = (Vec::with_capacity(of.len() * views), vec![[0.0; 2]; views]);
         let ((rays, weights), narrower) = (self.tracks.of_joint(j), wider.powi(-2));
         let seen = self.tracks.active[of.clone()].iter().zip(&self.points[of]);
         for (t, (active, x)) in seen.enumerate() {
             for r in t * views..(t + 1) * views {
-                let [sum, n] = self.sums[r];
+                let [sum, n] = sums[r];
                 let ray = &rays[r];
                 if *active && ray.is_there() {
                     let offset = ray.offset(x);
                     let k = weights[r].kernel(&offset, narrower).max(weights[r].held);
-                    self.kept.push((k, offset.across));
-                    self.sums.push([sum + k, n + 1.0]);
+                    kept.push((k, offset.across));
+                    sums.push([sum + k, n + 1.0]);
                 } else {
-                    self.kept.push((0.0, Vector3::zeros()));
-                    self.sums.push([sum, n]);
+                    kept.push((0.0, Vector3::zeros()));
+                    sums.push([sum, n]);
                 }
             }
         }
+        (kept, sums)
     }
 
     /// The weights of joint `j`'s second differences, 1/(q dt³), less where the acceleration is

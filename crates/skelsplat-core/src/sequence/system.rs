@@ -12,7 +12,7 @@ use super::chain::{Chain, add_stiffness};
 use crate::bones::Pull;
 use crate::matrix3::times;
 
-/// The step's system; buffers are reused.
+/// The step's system.
 #[derive(Debug, Clone)]
 pub struct System {
     /// Number of frames T.
@@ -27,34 +27,21 @@ pub struct System {
     pub weights: Vec<f64>,
     /// The bones' terms `(B, T)`.
     pub lengths: Vec<Pull>,
+    /// Factors of the preconditioner, of which the memory is reused.
     chains: Vec<Chain>,
-    /// D with the bones' own blocks.
-    diagonal: Vec<Matrix3<f64>>,
-    step: Vec<Vector3<f64>>,
-    residual: Vec<Vector3<f64>>,
-    direction: Vec<Vector3<f64>>,
-    image: Vec<Vector3<f64>>,
-    preconditioned: Vec<Vector3<f64>>,
 }
 
 impl System {
     /// An empty system.
     pub fn new(frames: usize, joints: usize, bones: &[[usize; 2]]) -> Self {
-        let zero = || vec![Vector3::zeros(); frames * joints];
         Self {
             frames,
             bones: bones.to_vec(),
             blocks: vec![Matrix3::zeros(); frames * joints],
-            pulls: zero(),
+            pulls: vec![Vector3::zeros(); frames * joints],
             weights: vec![0.0; frames * joints],
             lengths: vec![Pull::default(); frames * bones.len()],
             chains: vec![Chain::default(); joints],
-            diagonal: vec![Matrix3::zeros(); frames * joints],
-            step: zero(),
-            residual: zero(),
-            direction: zero(),
-            image: zero(),
-            preconditioned: zero(),
         }
     }
 
@@ -88,70 +75,62 @@ impl System {
     /// Factors of the preconditioner, with damping `mu`.
     pub fn factorise(&mut self, mu: f64) {
         let t = self.frames;
-        self.diagonal.copy_from_slice(&self.blocks);
+        // D with the bones' own blocks.
+        let mut diagonal = self.blocks.clone();
         for (b, ends) in self.bones.iter().enumerate() {
             for (k, pull) in self.lengths[b * t..(b + 1) * t].iter().enumerate() {
                 if pull.stiffness > 0.0 {
                     let block = pull.block();
-                    ends.iter().for_each(|j| self.diagonal[j * t + k] += block);
+                    ends.iter().for_each(|j| diagonal[j * t + k] += block);
                 }
             }
         }
         let damping = Matrix3::from_diagonal_element(mu);
         for (j, chain) in self.chains.iter_mut().enumerate() {
             let of = j * t..(j + 1) * t;
-            let blocks = &self.diagonal[of.clone()];
+            let blocks = &diagonal[of.clone()];
             chain.factorise(&self.weights[of], |k| blocks[k] + damping);
         }
     }
 
-    fn precondition(&mut self) {
-        self.preconditioned.copy_from_slice(&self.residual);
+    fn preconditioned(&self, residual: &[Vector3<f64>]) -> Vec<Vector3<f64>> {
+        let mut out = residual.to_vec();
         let both = 2 * self.frames.max(1);
-        for (chains, x) in self.chains.chunks(2).zip(self.preconditioned.chunks_mut(both)) {
+        for (chains, x) in self.chains.chunks(2).zip(out.chunks_mut(both)) {
             let (first, second) = x.split_at_mut(self.frames);
             match chains {
                 [a, b] => Chain::solve_together([a, b], [first, second]),
                 _ => chains[0].solve(first),
             }
         }
+        out
     }
 
     /// The step (H + μI)⁻¹ (−∇), to a relative accuracy `tolerance` in the norm of the
     /// preconditioner, in at most `most` rounds.
-    pub fn solve(&mut self, mu: f64, tolerance: f64, most: usize) -> &[Vector3<f64>] {
+    pub fn solve(&mut self, mu: f64, tolerance: f64, most: usize) -> Vec<Vector3<f64>> {
         self.factorise(mu);
-        self.step.fill(Vector3::zeros());
-        self.residual.copy_from_slice(&self.pulls);
-        self.precondition();
-        self.direction.copy_from_slice(&self.preconditioned);
-        let mut square = dot(&self.residual, &self.preconditioned);
+        let zeros = vec![Vector3::zeros(); self.pulls.len()];
+        let (mut step, mut image, mut residual) = (zeros.clone(), zeros, self.pulls.clone());
+        let mut direction = self.preconditioned(&residual);
+        let mut square = dot(&residual, &direction);
         let enough = square * tolerance * tolerance;
         for _ in 0..most {
             if square <= enough || square <= f64::MIN_POSITIVE {
                 break;
             }
-            let mut image = std::mem::take(&mut self.image);
-            self.times(&self.direction, &mut image);
-            image.iter_mut().zip(&self.direction).for_each(|(i, d)| *i += d * mu);
-            let along = dot(&self.direction, &image);
-            let length = square / along;
-            for (((s, d), r), i) in
-                self.step.iter_mut().zip(&self.direction).zip(&mut self.residual).zip(&image)
-            {
-                *s += d * length;
-                *r -= i * length;
-            }
-            self.image = image;
-            self.precondition();
-            let next = dot(&self.residual, &self.preconditioned);
+            self.times(&direction, &mut image);
+            image.iter_mut().zip(&direction).for_each(|(i, d)| *i += d * mu);
+            let length = square / dot(&direction, &image);
+            step.iter_mut().zip(&direction).for_each(|(s, d)| *s += d * length);
+            residual.iter_mut().zip(&image).for_each(|(r, i)| *r -= i * length);
+            let preconditioned = self.preconditioned(&residual);
+            let next = dot(&residual, &preconditioned);
             let ratio = next / square;
             square = next;
-            for (d, z) in self.direction.iter_mut().zip(&self.preconditioned) {
-                *d = z + *d * ratio;
-            }
+            direction.iter_mut().zip(&preconditioned).for_each(|(d, z)| *d = z + *d * ratio);
         }
-        &self.step
+        step
     }
 
     /// H without damping as a dense row-major matrix, for study and tests.

@@ -54,7 +54,7 @@ const AROUND: f64 = 0.5;
 
 /// The lengths of bones that the user gives.
 fn given(refiner: &Refiner) -> Vec<Option<Length>> {
-    refiner.bones().iter().map(|bone| refiner.expected().given(*bone)).collect()
+    refiner.bones().iter().map(|bone| refiner.expected.given(*bone)).collect()
 }
 
 /// The state of all joints between frames.
