@@ -5,6 +5,7 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use rayon::prelude::*;
 
 use crate::error::{Result, unless_cancelled};
+use crate::refine::results::size;
 use crate::refine::{Frame, Refinement, Refinements, Refiner};
 use crate::threads;
 
@@ -71,7 +72,8 @@ pub fn refine_batch(
     frames: &[Frame],
     progress: &Progress,
 ) -> Result<Refinements> {
-    let mut out = Refinements::none(frames, refiner)?;
+    let (_, n) = size(frames)?;
+    let mut out = Refinements::new(refiner.joint_bias(n));
     let refine = |frame: &Frame, parallel: bool| {
         progress.check()?;
         let done = refiner.refine_under(frame, parallel, &progress.cancel);

@@ -7,7 +7,6 @@ use std::sync::Arc;
 use nalgebra::{Matrix3, Vector3};
 
 use super::frame::Frame;
-use super::refiner::Refiner;
 use crate::error::{Error, Result};
 use crate::outcome::{ErrorBars, JointStatus, Loss, Outcome, Splats, StopReason};
 
@@ -40,7 +39,7 @@ macro_rules! columns {
 
         impl Refinements {
             /// No frame yet, of joints with this bias.
-            fn new(joint_bias: Arc<[f64]>) -> Self {
+            pub(crate) fn new(joint_bias: Arc<[f64]>) -> Self {
                 Self { joint_bias, $($name: Vec::new(),)* }
             }
 
@@ -155,13 +154,6 @@ impl Refinement {
 }
 
 impl Refinements {
-    /// None yet of `refiner` for these frames.
-    /// Errors: [`Error::InvalidInput`] if they differ in the number of views or joints.
-    pub(crate) fn none(frames: &[Frame], refiner: &Refiner) -> Result<Self> {
-        let (_, n) = size(frames)?;
-        Ok(Self::new(refiner.joint_bias(n)))
-    }
-
     /// Number of frames T.
     pub fn len(&self) -> usize {
         self.noise.len()

@@ -436,9 +436,9 @@ fn confidence<'a>(frames: impl Iterator<Item = &'a Alone>, i: usize) -> f64 {
 impl Sequence {
     /// No results yet of these frames.
     fn none(frames: &[Frame], refiner: &Refiner) -> Result<Self> {
-        let bones = refiner.bones();
+        let (bones, (_, n)) = (refiner.bones(), size(frames)?);
         Ok(Self {
-            frames: Refinements::none(frames, refiner)?,
+            frames: Refinements::new(refiner.joint_bias(n)),
             velocity: Vec::new(),
             velocity_covariance: Vec::new(),
             lengths: vec![UNKNOWN; bones.len()],
