@@ -30,9 +30,6 @@ pub enum Error {
         /// Every valid name.
         known: Vec<String>,
     },
-    /// Geometry without a solution, such as two cameras at the same position.
-    #[error("degenerate geometry: {0}")]
-    DegenerateGeometry(String),
     /// Arrays that do not fit into memory: what they are, how much they need and how much is
     /// available.
     #[error("{0}")]

@@ -47,7 +47,6 @@ fn to_python(py: Python<'_>, error: &Error) -> PyErr {
     let class = match error {
         Error::Cancelled => return PyKeyboardInterrupt::new_err(()),
         Error::OutOfMemory(needed) => return PyMemoryError::new_err(needed.clone()),
-        Error::DegenerateGeometry(_) => "DegenerateGeometryError",
         _ => "InvalidInputError",
     };
     let class = py

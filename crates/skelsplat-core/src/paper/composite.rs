@@ -51,6 +51,11 @@ impl Canvas {
         at(v, self.rows.start) * self.columns.len() + at(u, self.columns.start)
     }
 
+    fn at(&self, v: i32, u: i32) -> f64 {
+        let inside = self.rows.contains(v) && self.columns.contains(u);
+        if inside { self.values[self.index(v, u)] } else { 0.0 }
+    }
+
     /// All values, row by row.
     pub fn values(&self) -> &[f64] {
         &self.values
@@ -147,22 +152,16 @@ impl Composite {
     /// Composites `splats`, nearest first, and compares with the pseudo ground truth.
     pub fn compare(&mut self, splats: &[Splat], cancel: &AtomicBool) -> CompositeSums {
         self.forward(splats, cancel);
-        let pseudo = std::mem::take(&mut self.pseudo);
+        let Self { pseudo, difference, .. } = self;
+        let (rows, columns) = (difference.rows, difference.columns);
         let mut mask = 0;
-        let mut at = 0;
-        for v in self.difference.rows.start..self.difference.rows.end {
-            let width = self.difference.columns;
-            let inside = pseudo.rows.start <= v && v < pseudo.rows.end;
-            let shared = if inside { width.intersection(pseudo.columns) } else { Span::default() };
-            for u in width.start..width.end {
-                let held = shared.start <= u && u < shared.end;
-                let p = if held { pseudo.values[pseudo.index(v, u)] } else { 0.0 };
-                mask += u32::from(p > 0.0 || self.difference.values[at] > 0.0);
-                self.difference.values[at] -= p;
-                at += 1;
+        for v in rows.start..rows.end {
+            for (u, c) in (columns.start..columns.end).zip(difference.line(v, columns)) {
+                let p = pseudo.at(v, u);
+                mask += u32::from(p > 0.0 || *c > 0.0);
+                *c -= p;
             }
         }
-        self.pseudo = pseudo;
         let squared = self.difference.values.iter().map(|d| d * d).sum();
         CompositeSums { squared, mask }
     }

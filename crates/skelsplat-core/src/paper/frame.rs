@@ -18,9 +18,6 @@ use crate::projection::View;
 use crate::symmetry::LimbPair;
 use crate::triangulate::dlt;
 
-/// Learning rate of the released formula, as a fraction of the largest camera distance.
-const EXTENT_LR: f64 = 5e-4 * 1.1;
-
 /// Mean and covariance per joint `(N)`, the shapes of the pseudo ground truth.
 pub type Shapes = Vec<(Vector3<f64>, Matrix3<f64>)>;
 
@@ -145,7 +142,7 @@ fn position_lr(settings: &PaperSettings, cameras: &[Camera]) -> f64 {
             let sum: Vector3<f64> = cameras.iter().map(Camera::centre).sum();
             let mean = sum / cameras.len() as f64;
             let reach = cameras.iter().map(|c| (c.centre() - mean).norm()).fold(0.0, f64::max);
-            EXTENT_LR * reach
+            5e-4 * 1.1 * reach
         }
     };
     rate * settings.position_lr_factor

@@ -29,9 +29,6 @@ use crate::symmetry::{LimbPair, symmetry};
 /// Pixels of pseudo ground truth from which distributing one pose's windows over threads is faster.
 const PARALLEL_PIXELS: u64 = 5_000;
 
-/// Area of the ellipse a ≥ 1/255, 2π ln 255 √|Σ|, in units of the energy π√|Σ|.
-const ELLIPSE_AREA: f64 = CUT;
-
 /// The target of a joint in a view.
 #[derive(Debug, Clone)]
 enum Target<P> {
@@ -158,7 +155,8 @@ impl ChannelLoss {
     }
 
     fn of_plane(projected: Option<&Projected>, target: &PlaneGaussian) -> Self {
-        let area = ELLIPSE_AREA * target.energy();
+        // The ellipse a ≥ 1/255 has the area 2π ln 255 √|Σ|, the energy is π√|Σ|.
+        let area = CUT * target.energy();
         let render = projected.map(|p| PlaneGaussian { mean: p.mean, covariance: p.covariance });
         match render.and_then(|r| r.overlap(target)) {
             None => Self { squared: target.energy(), area, ..Self::default() },

@@ -86,8 +86,7 @@ impl<P: Pixel> HeatMap<P> {
     /// all. What lies beyond the span is unspecified.
     #[inline]
     pub fn groups(&self, v: i32, span: Span) -> Option<&[P]> {
-        let inside = self.rows.start <= v
-            && v < self.rows.end
+        let inside = self.rows.contains(v)
             && self.columns.start <= span.start
             && span.end <= self.columns.end;
         let at = |a: i32, b: i32| usize::try_from(a - b).unwrap_or(0);

@@ -29,6 +29,11 @@ impl Span {
         self.end <= self.start
     }
 
+    /// Whether it has this pixel.
+    pub fn contains(self, at: i32) -> bool {
+        self.start <= at && at < self.end
+    }
+
     /// The intersection.
     #[must_use]
     pub fn intersection(self, other: Self) -> Self {

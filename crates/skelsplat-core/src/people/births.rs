@@ -11,12 +11,10 @@ use crate::bones::population::STATURE;
 
 /// Kernel of a proposal, as a share of that of claims: nothing is predicted.
 const KERNEL: f64 = 0.7;
-/// Least score of a pair.
-const LEAST_PAIR: f64 = 0.35;
-/// Least score of a figure at a body whose place is known.
+/// Least score of a figure at a body whose place is known, and of a pair of figures.
 pub const FITS: f64 = 0.35;
 /// Joints that two figures must have in common (all, if there are fewer).
-const COMMON: usize = 4;
+pub(super) const COMMON: usize = 4;
 /// Number of proposals that are judged.
 const PROPOSALS: usize = 200;
 /// Most pairs of figures that are compared in a frame.
@@ -119,7 +117,7 @@ impl BodyModel {
                 for &(p, a) in &figures[i] {
                     for &(q, b) in &figures[k] {
                         let (score, common) = of_pair(a, b, sigma);
-                        if score >= LEAST_PAIR && common >= least {
+                        if score >= FITS && common >= least {
                             pairs.push((score, [(i, p), (k, q)]));
                         }
                     }

@@ -18,8 +18,8 @@ const PRIOR: f64 = 0.01;
 const MEETS: f64 = 0.1;
 /// Least weight k of a ray that fits.
 const FIT: f64 = 0.3;
-/// Time over which a velocity is averaged, s.
-const SMOOTH: f64 = 0.1;
+/// Time over which a velocity is averaged, and on either side a path, s.
+pub(super) const SMOOTH: f64 = 0.1;
 /// Time in which a velocity fades when nothing is seen, s.
 const FADE: f64 = 0.25;
 /// Fastest motion of a joint, mm/s.

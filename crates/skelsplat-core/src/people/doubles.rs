@@ -17,6 +17,7 @@ use super::associate::Associator;
 use super::body::{Body, Claims, apart};
 use super::known::BodyModel;
 use super::tracks::Track;
+use crate::sequence::scales::INDEPENDENT;
 
 /// Distance from which nobody is taken for one with another, in kernels: half a metre.
 const REACH: f64 = 5.5;
@@ -24,8 +25,6 @@ const REACH: f64 = 5.5;
 const HIDDEN: f64 = 0.5;
 /// Log-odds from which two bodies are one: 10 to 1.
 const CERTAIN: f64 = 2.3;
-/// Time in which frames tell the same, s.
-const MEMORY: f64 = 0.2;
 
 /// Log-odds that two bodies with these figures, so many kernels apart, are one.
 fn one_person(far: f64, a: &Claims, b: &Claims) -> f64 {
@@ -55,7 +54,8 @@ impl Associator {
                 if far < REACH {
                     let ids = [first.id.min(second.id), first.id.max(second.id)];
                     let before = self.doubles.iter().find(|(pair, _)| *pair == ids);
-                    let now = one_person(far, &claims[a], &claims[b]) * (self.dt / MEMORY).min(1.0);
+                    let now =
+                        one_person(far, &claims[a], &claims[b]) * (self.dt / INDEPENDENT).min(1.0);
                     let odds = before.map_or(0.0, |(_, odds)| *odds) + now;
                     pairs.push((ids, odds.max(-CERTAIN)));
                 }
@@ -64,11 +64,12 @@ impl Associator {
         let gone: Vec<usize> =
             pairs.iter().filter(|(_, odds)| *odds > CERTAIN).map(|(ids, _)| ids[1]).collect();
         self.doubles = pairs;
-        let kept: Vec<bool> = self.bodies.iter().map(|body| !gone.contains(&body.id)).collect();
-        let mut at = kept.iter();
-        self.bodies.retain(|_| *at.next().unwrap_or(&true));
-        let mut at = kept.iter();
-        claims.retain(|_| *at.next().unwrap_or(&true));
+        let mut claims_of = claims.drain(..).collect::<Vec<_>>().into_iter();
+        self.bodies.retain(|body| {
+            let (kept, own) = (!gone.contains(&body.id), claims_of.next());
+            claims.extend(own.filter(|_| kept));
+            kept
+        });
     }
 }
 
@@ -81,7 +82,7 @@ pub(super) fn drop_doubles(tracks: &mut Vec<Track>, known: &BodyModel, fps: f64)
         };
         let common: Vec<f64> =
             (a.first.max(b.first)..a.end().min(b.end())).filter_map(odds).collect();
-        let looks = (common.len() as f64 / (fps * MEMORY)).max(1.0);
+        let looks = (common.len() as f64 / (fps * INDEPENDENT)).max(1.0);
         looks * common.iter().sum::<f64>() / common.len() as f64 > CERTAIN
     };
     let mut kept = vec![true; tracks.len()];

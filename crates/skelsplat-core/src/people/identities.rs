@@ -6,6 +6,7 @@
 
 use std::ops::Range;
 
+use super::associate::KEEP;
 use super::body::apart;
 use super::doubles::drop_doubles;
 use super::known::BodyModel;
@@ -24,8 +25,6 @@ const LEAST: f64 = 0.4;
 const SPREAD: f64 = 0.03;
 /// Evidence for an exchange, in log-likelihood: a chance of one in four hundred.
 const EVIDENCE: f64 = 6.0;
-/// Longest absence, s.
-const ABSENCE: f64 = 5.0;
 /// Longest time for which both can be there while one takes over from the other, s.
 const OVERLAP: f64 = 0.5;
 /// How far somebody can have moved at once, in kernels.
@@ -183,7 +182,7 @@ fn parted(
     fps: f64,
 ) -> Option<f64> {
     let gap = (new.first as f64 - lost.end() as f64) / fps;
-    let in_time = (-OVERLAP..=ABSENCE).contains(&gap);
+    let in_time = (-OVERLAP..=KEEP).contains(&gap);
     if !in_time || new.first <= lost.first || new.end() <= lost.end() {
         return None;
     }

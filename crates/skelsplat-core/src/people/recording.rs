@@ -11,7 +11,7 @@ use super::again::absorb;
 use super::agreement::Agreement;
 use super::associate::{Associator, give_free};
 use super::births::FITS;
-use super::body::{Claims, claimed};
+use super::body::{Claims, SMOOTH, claimed};
 use super::crowd::{Crowd, Figure};
 use super::identities;
 use super::known::BodyModel;
@@ -33,8 +33,6 @@ const LEAST_TIME: f64 = 0.2;
 const MOST_FRAMES: usize = 12;
 /// Frames from which the size of bodies is measured.
 const MEASURED: usize = 32;
-/// Time on either side over which a path is averaged before the second look, s.
-const SMOOTH: f64 = 0.1;
 
 /// A person of a recording.
 #[derive(Debug, Clone, PartialEq)]
@@ -159,7 +157,11 @@ impl CrowdRecording<'_> {
         // Two views that saw figures without a joint in common have seen nobody.
         let is_seen = |sequence: &Sequence| sequence.frames.pose.iter().any(|x| x.is_finite());
         let found = tracks.iter().zip(solved).filter(|(_, sequence)| is_seen(sequence));
-        let people = (0..).zip(found).map(|(id, (track, sequence))| person(id, track, sequence));
+        let person = |(id, (track, sequence)): (usize, (&Track, Sequence))| {
+            let (slots, more) = (track.slots(0), track.slots(1));
+            Person { id, frames: track.first..track.end(), slots, more, sequence }
+        };
+        let people = (0..).zip(found).map(person);
         let cut = cut.into_iter().filter(|cut| *cut).count();
         Ok(Everybody { people: people.collect(), cut, agreement })
     }
@@ -274,9 +276,4 @@ impl CrowdRecording<'_> {
         let agreement = Agreement::of_frame(crowd, &people, &free, &self.known);
         (claims, agreement)
     }
-}
-
-fn person(id: usize, track: &Track, sequence: Sequence) -> Person {
-    let (slots, more) = (track.slots(0), track.slots(1));
-    Person { id, frames: track.first..track.end(), slots, more, sequence }
 }

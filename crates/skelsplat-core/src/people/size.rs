@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 
-use super::births::met;
+use super::births::{COMMON, met};
 use super::crowd::{Crowd, Figure};
 use super::known::BodyModel;
 use super::score::meet;
@@ -13,8 +13,6 @@ use crate::statistics::median;
 /// A person's stature over the root mean square distance of the joints from their centre, as of the
 /// body of the Human3.6M layout that stands.
 const STATURE_OVER_SPREAD: f64 = 3.4;
-/// Joints that two figures must have in common to show a body's size.
-const COMMON: usize = 4;
 /// Most figures of a view that are compared, those with the most joints.
 const MOST_FIGURES: usize = 8;
 

@@ -17,12 +17,9 @@ use super::reduced::Reduced;
 /// Precision of the prior of an offset, of that of a detection: an offset is as large as an error.
 const PRIOR: f64 = 1.0;
 
-/// Offset of the detections of joint j in view i, mm, at j * views + i.
+/// Offsets of the detections of every joint, mm: two coordinates of one view after the other.
 #[derive(Debug, Clone)]
-pub struct LastingErrors {
-    views: usize,
-    values: Vec<Vector2<f64>>,
-}
+pub struct LastingErrors(Vec<DVector<f64>>);
 
 /// How the offsets of one joint follow the cameras.
 #[derive(Debug, Clone)]
@@ -36,38 +33,26 @@ pub(super) struct Follow {
 impl LastingErrors {
     /// None yet.
     pub fn new(views: usize, n_joints: usize) -> Self {
-        Self { views, values: vec![Vector2::zeros(); views * n_joints] }
+        Self(vec![DVector::zeros(2 * views); n_joints])
     }
 
     /// The offset of joint `j` in view `i`, mm.
     pub fn at(&self, i: usize, j: usize) -> Vector2<f64> {
-        self.values[j * self.views + i]
-    }
-
-    /// Number of offsets' coordinates of one joint.
-    pub(super) fn per_joint(&self) -> usize {
-        2 * self.views
-    }
-
-    fn of_joint(&self, j: usize) -> DVector<f64> {
-        let own = &self.values[j * self.views..(j + 1) * self.views];
-        DVector::from_iterator(2 * self.views, own.iter().flat_map(|b| [b.x, b.y]))
+        self.0[j].fixed_rows::<2>(2 * i).into_owned()
     }
 
     /// Step of the offsets of every joint when the cameras step by `delta`.
-    pub(super) fn steps(&self, follow: &[Follow], delta: &DVector<f64>) -> Vec<Vector2<f64>> {
-        let of = |own: &Follow| -&own.pull - &own.slope * delta;
-        let all: Vec<f64> = follow.iter().flat_map(|own| of(own).data.as_vec().clone()).collect();
-        all.chunks(2).map(|b| Vector2::new(b[0], b[1])).collect()
+    pub(super) fn steps(&self, follow: &[Follow], delta: &DVector<f64>) -> Vec<DVector<f64>> {
+        follow.iter().map(|own| -&own.pull - &own.slope * delta).collect()
     }
 
-    pub(super) fn add(&mut self, steps: &[Vector2<f64>]) {
-        self.values.iter_mut().zip(steps).for_each(|(b, step)| *b += step);
+    pub(super) fn add(&mut self, steps: &[DVector<f64>]) {
+        self.0.iter_mut().zip(steps).for_each(|(b, step)| *b += step);
     }
 
     /// Eliminates the offsets, the last unknowns, from cells `[chunk][part * N + j]`.
     pub(super) fn eliminated(&self, cells: &mut [Vec<Reduced>]) -> Vec<Follow> {
-        let n = self.values.len() / self.views;
+        let n = self.0.len();
         let of_joint = |j: usize| {
             let own = cells.iter().flat_map(|chunk| chunk.iter().skip(j).step_by(n));
             self.follow(j, &Reduced::sum(own))
@@ -81,7 +66,7 @@ impl LastingErrors {
 
     /// From all equations of joint `j`; not at all if these are none.
     fn follow(&self, j: usize, all: &Reduced) -> Follow {
-        let b = self.per_joint();
+        let b = self.0[j].len();
         let q = all.gradient.len().saturating_sub(b);
         let none = || Follow { pull: DVector::zeros(b), slope: DMatrix::zeros(b, q) };
         if all.gradient.len() < b {
@@ -90,7 +75,7 @@ impl LastingErrors {
         let prior = DMatrix::from_diagonal_element(b, b, PRIOR);
         let own = all.matrix.view((q, q), (b, b)) + prior;
         let mixed = all.matrix.view((q, 0), (b, q)).into_owned();
-        let pull = all.gradient.rows(q, b) + self.of_joint(j) * PRIOR;
+        let pull = all.gradient.rows(q, b) + &self.0[j] * PRIOR;
         own.cholesky().map_or_else(none, |factor| Follow {
             pull: factor.solve(&pull),
             slope: factor.solve(&mixed),

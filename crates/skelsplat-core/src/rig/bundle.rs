@@ -159,7 +159,9 @@ impl Bundle<'_> {
         if let (Some(all), Some(steps)) = (&mut self.offsets, &offsets) {
             all.add(steps);
             let near = reach.iter().copied().fold(f64::INFINITY, f64::min);
-            farthest = steps.iter().fold(farthest, |most, b| most.max(b.norm() / near));
+            let views = steps.iter().flat_map(|step| step.as_slice().chunks_exact(2));
+            let sizes = views.map(|b| Vector2::new(b[0], b[1]).norm() / near);
+            farthest = sizes.fold(farthest, f64::max);
         }
         farthest
     }
@@ -226,12 +228,14 @@ impl Bundle<'_> {
         let mut columns: Columns = vec![Vec::new(); self.cameras.len()];
         let free = unknowns(&self.freedom);
         free.iter().enumerate().for_each(|(q, (i, k))| columns[*i].push((q, *k)));
-        let Some(offsets) = &self.offsets else { return (columns, free.len()) };
+        if self.offsets.is_none() {
+            return (columns, free.len());
+        }
         for (i, own) in columns.iter_mut().enumerate() {
             let at = free.len() + 2 * i;
             own.extend([(at, PARAMETERS), (at + 1, PARAMETERS + 1)]);
         }
-        (columns, free.len() + offsets.per_joint())
+        (columns, free.len() + 2 * self.cameras.len())
     }
 
     /// The detections of a joint that count, and what all of them cost.
@@ -315,10 +319,10 @@ impl Bundle<'_> {
     }
 
     /// The joints' part of a step of the unknowns, and of the offsets.
-    fn move_points(&mut self, moves: &[Moves], delta: &[f64], offsets: Option<&[Vector2<f64>]>) {
-        let (n, m) = (self.scene.n_joints(), self.cameras.len());
+    fn move_points(&mut self, moves: &[Moves], delta: &[f64], offsets: Option<&[DVector<f64>]>) {
+        let n = self.scene.n_joints();
         let change = |j: usize, a: usize| match (a.checked_sub(delta.len()), offsets) {
-            (Some(b), Some(all)) => all[j * m + b / 2][b % 2],
+            (Some(b), Some(all)) => all[j][b],
             _ => delta[a],
         };
         let mut points = self.points.iter_mut().enumerate();

@@ -74,13 +74,14 @@ impl<'a> SolvedWindow<'a> {
         let joints: Vec<SolvedJoint> =
             (0..alone.points.len()).map(|j| self.joint(j, t, alone)).collect();
         let status: Vec<JointStatus> = joints.iter().map(|joint| joint.status).collect();
+        let render = joints.iter().map(|joint| joint.loss).sum();
         let observed = status.iter().any(|s| *s != JointStatus::Unobserved);
         let outcome = Outcome {
             points: joints.iter().map(|joint| joint.at).collect(),
             splats: Splats::Round(self.run.common.noise.kernels()),
             init: alone.points.clone(),
             used_for,
-            loss: self.loss(&joints),
+            loss: Loss { total: render, render, symmetry: 0.0 },
             loss_history: Vec::new(),
             n_iter,
             stop_reason: if observed { StopReason::Converged } else { StopReason::NoObservations },
@@ -137,11 +138,6 @@ impl<'a> SolvedWindow<'a> {
         let shown = self.run.tracks.sure[of_joint][near].iter().any(|sure| *sure);
         let spread = alone.bars.covariances[j];
         if shown || !spread[(0, 0)].is_finite() { Matrix3::zeros() } else { spread }
-    }
-
-    fn loss(&self, joints: &[SolvedJoint]) -> Loss {
-        let render = joints.iter().map(|joint| joint.loss).sum();
-        Loss { total: render, render, symmetry: 0.0 }
     }
 }
 

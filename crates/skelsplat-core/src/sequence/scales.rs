@@ -45,7 +45,7 @@ const MOST_FRAMES: f64 = 6.0;
 /// Half of the time over which a scale is measured, s.
 const AROUND: f64 = 1.0;
 /// Time in which errors become independent, s.
-const INDEPENDENT: f64 = 0.2;
+pub(crate) const INDEPENDENT: f64 = 0.2;
 /// Share of the leverage in its frame alone that a position over time takes up: all of errors that
 /// last, of white ones what is left after smoothing (measured on real recordings).
 pub(super) const TAKEN: f64 = 0.7;

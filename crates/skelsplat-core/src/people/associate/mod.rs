@@ -16,7 +16,7 @@ use super::known::BodyModel;
 /// Time without any view after which a body is lost, s.
 const HOLD: f64 = 1.0;
 /// Time for which it then keeps its identity, s.
-const KEEP: f64 = 5.0;
+pub(super) const KEEP: f64 = 5.0;
 /// Time for which one view alone keeps a body, s.
 const ALONE: f64 = 3.0;
 /// Difference between the bones of a lost body and one that is found, relative to their length.

@@ -23,8 +23,8 @@ const BRIDGE: f64 = 0.5;
 pub(super) const STEPS: usize = 4;
 /// Steps for one that its views determine.
 const FEW_STEPS: usize = 2;
-/// Time over which the information of a frame is averaged, s.
-const AROUND: f64 = 0.5;
+/// Time over which a frame's information and noise and the body's spread are averaged, s.
+pub(super) const AROUND: f64 = 0.5;
 /// Time over which the weights of a view's detections of a joint are averaged, s.
 const TRUST: f64 = 0.4;
 /// Least weight of all rays by which an error bar grows.
@@ -63,6 +63,10 @@ pub(super) struct Observation<'a> {
     pub(super) mean_variance: f64,
     /// The body's spread, mm.
     pub(super) reach: f64,
+    pub(super) fps: f64,
+    pub(super) memory: &'a Memory,
+    /// Its bones to joints that are known already.
+    pub(super) ties: Vec<Tie>,
 }
 
 impl Observation<'_> {
@@ -71,6 +75,14 @@ impl Observation<'_> {
         let near = |ray: &&Ray| ray.offset(&self.alone.at).weight(self.sigma) >= REJECTED;
         let agree = there(self.rays).filter(near).count();
         self.alone.status == JointStatus::Ok && (agree > 2 || there(self.rays).count() == 2)
+    }
+
+    /// Adds what its bones say of the joint at `at`.
+    fn add_ties(&self, at: &Vector3<f64>, information: &mut Matrix3<f64>, pull: &mut Vector3<f64>) {
+        for (block, b) in self.ties.iter().map(|tie| tie.pull(at)) {
+            *information += block;
+            *pull += b;
+        }
     }
 }
 
@@ -98,26 +110,20 @@ impl LiveJoint {
         self.state.as_ref().map_or(self.last, |state| state.at)
     }
 
-    /// The joint in the frame; `ties` are its bones to joints that are known already.
-    pub(super) fn step(
-        &mut self,
-        seen: &Observation<'_>,
-        ties: &[Tie],
-        fps: f64,
-        memory: &Memory,
-    ) -> Answer {
+    /// The joint in the frame.
+    pub(super) fn step(&mut self, seen: &Observation<'_>) -> Answer {
         let sure = seen.alone.status == JointStatus::Ok;
         let at = if sure { seen.alone.at } else { Vector3::repeat(f64::NAN) };
-        self.motion.learn(at, seen.mean_variance, fps);
+        self.motion.learn(at, seen.mean_variance, seen.fps);
         let answer = match (sure, self.state.take()) {
-            (true, state) => self.follow(state, seen, ties, fps, memory),
-            (false, Some(state)) => self.bridge(state, seen, ties, fps),
+            (true, state) => self.follow(state, seen),
+            (false, Some(state)) => self.bridge(state, seen),
             (false, None) => seen.alone,
         };
         if answer.status != JointStatus::Unobserved && self.unseen == 0.0 {
             self.last = answer.at;
         }
-        let share = (1.0 / (TRUST * fps)).min(1.0);
+        let share = (1.0 / (TRUST * seen.fps)).min(1.0);
         for (ray, trust) in seen.rays.iter().zip(&mut self.trust) {
             if ray.is_there() && answer.at.x.is_finite() {
                 *trust += share * (ray.offset(&answer.at).weight(seen.sigma) - *trust);
@@ -150,20 +156,13 @@ impl LiveJoint {
     }
 
     /// Where the views determine a position.
-    fn follow(
-        &mut self,
-        state: Option<KalmanState>,
-        seen: &Observation<'_>,
-        ties: &[Tie],
-        fps: f64,
-        memory: &Memory,
-    ) -> Answer {
+    fn follow(&mut self, state: Option<KalmanState>, seen: &Observation<'_>) -> Answer {
         self.unseen = 0.0;
         let alone = &seen.alone;
         let state = self.gate(state, alone);
         let of_frame = inverse(&alone.covariance);
         let first = self.information.trace() <= 0.0;
-        let share = if first { 1.0 } else { 1.0 / (AROUND * fps).max(1.0) };
+        let share = if first { 1.0 } else { 1.0 / (AROUND * seen.fps).max(1.0) };
         self.information += (of_frame - self.information) * share;
         let Some(mut state) = state else {
             self.excess = Matrix3::zeros();
@@ -176,12 +175,13 @@ impl LiveJoint {
         for _ in 0..FEW_STEPS {
             let mut information = prior + of_frame;
             let mut pull = times(&prior, &(state.at - at)) + times(&of_frame, &(alone.at - at));
-            add_ties(ties, &at, &mut information, &mut pull);
+            seen.add_ties(&at, &mut information, &mut pull);
             spread = symmetrised(&inverse(&information));
             at += times(&spread, &pull);
         }
         state.update(at, spread);
         let frames = 3.0 / product(&spread, &of_frame).trace().clamp(1e-3, 3.0);
+        let memory = seen.memory;
         let covariance = spread * ((1.0 - memory.constant) * memory.frames(frames))
             + inverse(&self.information) * memory.constant;
         let excess = covariance - spread;
@@ -191,13 +191,7 @@ impl LiveJoint {
     }
 
     /// Where they do not.
-    fn bridge(
-        &mut self,
-        mut state: KalmanState,
-        seen: &Observation<'_>,
-        ties: &[Tie],
-        fps: f64,
-    ) -> Answer {
+    fn bridge(&mut self, mut state: KalmanState, seen: &Observation<'_>) -> Answer {
         let prior = inverse(&state.position);
         let (mut at, mut spread) = (state.at, state.position);
         let trusted = || seen.rays.iter().zip(&self.trust).filter(|(ray, _)| ray.is_there());
@@ -209,7 +203,7 @@ impl LiveJoint {
                 information += ray.information() * w;
                 pull -= offset.across * w;
             }
-            add_ties(ties, &at, &mut information, &mut pull);
+            seen.add_ties(&at, &mut information, &mut pull);
             spread = symmetrised(&inverse(&information));
             at += times(&spread, &pull);
         }
@@ -219,12 +213,12 @@ impl LiveJoint {
             agreeing += usize::from(k >= REJECTED);
         }
         state.update(at, spread);
-        self.unseen = if agreeing > 0 { 0.0 } else { self.unseen + 1.0 / fps };
+        self.unseen = if agreeing > 0 { 0.0 } else { self.unseen + 1.0 / seen.fps };
         if self.unseen > BRIDGE {
             return seen.alone;
         }
         let rejected = n / f64::max(weight, LEAST_WEIGHT);
-        let away = Matrix3::from_diagonal_element(self.motion.leaves(self.unseen * fps));
+        let away = Matrix3::from_diagonal_element(self.motion.leaves(self.unseen * seen.fps));
         let covariance = (spread + self.excess) * f64::max(rejected, 1.0) + away;
         let widest = covariance.symmetric_eigenvalues().max().sqrt();
         let is_known = n == 0.0 || widest <= INFERRED * seen.reach;
@@ -234,18 +228,5 @@ impl LiveJoint {
         self.state = Some(state);
         let status = if is_known { JointStatus::Inferred } else { JointStatus::Weak };
         Answer { at, covariance, status }
-    }
-}
-
-/// Adds what bones to known joints say of a joint at `at`.
-fn add_ties(
-    ties: &[Tie],
-    at: &Vector3<f64>,
-    information: &mut Matrix3<f64>,
-    pull: &mut Vector3<f64>,
-) {
-    for (block, b) in ties.iter().map(|tie| tie.pull(at)) {
-        *information += block;
-        *pull += b;
     }
 }

@@ -25,13 +25,15 @@
 
 use std::sync::Arc;
 
+use nalgebra::Vector3;
+
 mod bone;
 pub mod filter;
 mod joint;
 mod window;
 
 use self::bone::{Answer, RunningLength, Tie};
-use self::joint::{LiveJoint, Observation, STEPS};
+use self::joint::{AROUND, LiveJoint, Observation, STEPS};
 use self::window::LagWindow;
 use super::lasting::Memory;
 use super::learn::Learnt;
@@ -48,9 +50,6 @@ use crate::detections::Detections;
 use crate::error::{Error, Result};
 use crate::outcome::{ErrorBars, JointStatus, Loss, Outcome, Splats, StopReason};
 use crate::refine::{Frame, Refinement, Refiner};
-
-/// Time over which the noise and the body's spread are averaged, s.
-const AROUND: f64 = 0.5;
 
 /// The lengths of bones that the user gives.
 fn given(refiner: &Refiner) -> Vec<Option<Length>> {
@@ -211,25 +210,36 @@ impl Live {
         Kernel::of(refiner, alone.points.len()).of_noise(noise)
     }
 
-    /// The joints: those that their views determine, the surest first, then the others, those next
-    /// to known ones first.
-    fn answers(&mut self, refiner: &Refiner, alone: &Alone) -> Vec<Answer> {
-        let n = alone.points.len();
+    /// What a frame alone shows of every joint, without its bones.
+    fn seen<'a>(
+        &self,
+        refiner: &Refiner,
+        alone: &'a Alone,
+        memory: &'a Memory,
+    ) -> Vec<Observation<'a>> {
         let (sigma, mean_weight) = (self.kernels(refiner, alone), alone.rays.mean_weight());
-        let seen: Vec<Observation<'_>> = (0..n)
-            .map(|j| Observation {
+        let of_joint = |(j, at): (usize, &Vector3<f64>)| {
+            let (covariance, status) = (alone.bars.covariances[j], alone.bars.status[j]);
+            Observation {
                 rays: alone.rays.of_joint(j),
-                alone: Answer {
-                    at: alone.points[j],
-                    covariance: alone.bars.covariances[j],
-                    status: alone.bars.status[j],
-                },
+                alone: Answer { at: *at, covariance, status },
                 sigma: sigma[j],
                 variance: self.variance(),
                 mean_variance: self.variance() / mean_weight,
                 reach: self.reach(),
-            })
-            .collect();
+                fps: self.fps,
+                memory,
+                ties: Vec::new(),
+            }
+        };
+        alone.points.iter().enumerate().map(of_joint).collect()
+    }
+
+    /// The joints: those that their views determine, the surest first, then the others, those next
+    /// to known ones first.
+    fn answers(&mut self, refiner: &Refiner, alone: &Alone) -> Vec<Answer> {
+        let (n, memory) = (alone.points.len(), self.memory.clone());
+        let mut seen = self.seen(refiner, alone, &memory);
         let bones = refiner.bones();
         self.bones.resize_with(bones.len(), RunningLength::default);
         let is_sure: Vec<bool> = seen.iter().map(Observation::is_sure).collect();
@@ -239,20 +249,19 @@ impl Live {
             }
         }
         let is_determined = |j: &usize| alone.bars.status[*j] == JointStatus::Ok;
-        let (mut sure, mut left): (Vec<usize>, Vec<usize>) = (0..n).partition(is_determined);
+        let (mut left, unsure): (Vec<usize>, Vec<usize>) = (0..n).partition(is_determined);
         let trace = |j: &usize| alone.bars.covariances[*j].trace();
-        sure.sort_by(|a, b| trace(a).total_cmp(&trace(b)));
+        left.sort_by(|a, b| trace(a).total_cmp(&trace(b)));
+        let mut determined = left.len();
+        left.extend(unsure);
         let mut answers = vec![None; n];
-        for j in sure {
-            let ties: Vec<Tie> = self.ties(j, &answers, bones).collect();
-            answers[j] = Some(self.joints[j].step(&seen[j], &ties, self.fps, &self.memory));
-        }
         while !left.is_empty() {
             let tied = |j: &usize| self.ties(*j, &answers, bones).next().is_some();
-            let at = left.iter().position(tied).unwrap_or(0);
-            let j = left.remove(at);
-            let ties: Vec<Tie> = self.ties(j, &answers, bones).collect();
-            answers[j] = Some(self.joints[j].step(&seen[j], &ties, self.fps, &self.memory));
+            let next = if determined > 0 { None } else { left.iter().position(tied) };
+            determined = determined.saturating_sub(1);
+            let j = left.remove(next.unwrap_or(0));
+            seen[j].ties = self.ties(j, &answers, bones).collect();
+            answers[j] = Some(self.joints[j].step(&seen[j]));
         }
         answers.into_iter().flatten().collect()
     }
