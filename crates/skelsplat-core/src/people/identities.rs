@@ -59,10 +59,6 @@ fn both(a: &Track, b: &Track) -> Range<usize> {
     first..a.end().min(b.end()).max(first)
 }
 
-fn distance(a: &Track, b: &Track, t: usize) -> f64 {
-    a.pose(t).zip(b.pose(t)).map_or(f64::INFINITY, |(x, y)| apart(x, y))
-}
-
 /// The frames from which on two people went on as each other.
 fn exchanges([a, b]: [&Track; 2], known: &BodyModel, fps: f64) -> Vec<usize> {
     let frames = |seconds: f64| (seconds * fps).round() as usize;
@@ -101,7 +97,7 @@ fn exchanges([a, b]: [&Track; 2], known: &BodyModel, fps: f64) -> Vec<usize> {
 fn meetings(a: &Track, b: &Track, near: f64, pause: usize) -> Vec<(Range<usize>, usize)> {
     let mut out: Vec<(Range<usize>, usize, f64)> = Vec::new();
     for t in both(a, b) {
-        let far = distance(a, b, t);
+        let far = a.pose(t).zip(b.pose(t)).map_or(f64::INFINITY, |(x, y)| apart(x, y));
         if far >= near {
             continue;
         }
@@ -120,12 +116,9 @@ fn meetings(a: &Track, b: &Track, near: f64, pause: usize) -> Vec<(Range<usize>,
 
 /// Exchanges what two people have from frame `t` on.
 fn exchange(a: &mut Track, b: &mut Track, t: usize) {
-    let (of_a, of_b) = (t - a.first, t - b.first);
-    let tail = (a.claims.split_off(of_a), a.poses.split_off(of_a));
-    a.claims.extend(b.claims.drain(of_b..));
-    a.poses.extend(b.poses.drain(of_b..));
-    b.claims.extend(tail.0);
-    b.poses.extend(tail.1);
+    let tail = a.frames.split_off(t - a.first);
+    a.frames.extend(b.frames.drain(t - b.first..));
+    b.frames.extend(tail);
 }
 
 /// Median length of each limb in some of the frames, mm; NaN where unknown.
@@ -187,9 +180,10 @@ fn parted(
         return None;
     }
     let reach = STEP * known.sigma + SPEED * gap.max(0.0);
-    let ends = lost.poses.iter().rev().take(ENDS);
-    let starts = || new.poses.iter().take(ENDS);
-    let near = |a: &Vec<_>| starts().map(|b| apart(a, b)).fold(f64::INFINITY, f64::min);
+    let ends = lost.frames.iter().rev().take(ENDS);
+    let starts = || new.frames.iter().take(ENDS);
+    let near =
+        |(_, a): &(_, Vec<_>)| starts().map(|(_, b)| apart(a, b)).fold(f64::INFINITY, f64::min);
     let far = ends.map(near).fold(f64::INFINITY, f64::min) / reach;
     let ratios = a.iter().zip(b).map(|(x, y)| (x / y).ln().abs());
     let ratios: Vec<f64> = ratios.filter(|r| r.is_finite()).collect();

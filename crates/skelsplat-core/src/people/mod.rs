@@ -23,7 +23,6 @@
 //! A recording ([`track`]) is gone through once; figures are then assigned again, to paths smoothed
 //! over both sides, and each person is solved by [`crate::refine_sequence`].
 
-mod again;
 mod agreement;
 pub mod associate;
 pub mod births;

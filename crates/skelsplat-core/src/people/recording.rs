@@ -7,9 +7,8 @@ use std::ops::Range;
 use nalgebra::Vector3;
 use rayon::prelude::*;
 
-use super::again::absorb;
 use super::agreement::Agreement;
-use super::associate::{Associator, give_free};
+use super::associate::{Associator, absorb, give_free};
 use super::births::FITS;
 use super::body::{Claims, SMOOTH, claimed};
 use super::crowd::{Crowd, Figure};
@@ -151,7 +150,7 @@ impl CrowdRecording<'_> {
             tracks.truncate(most);
             tracks.sort_by_key(|track| track.first);
         }
-        self.progress.expect(tracks.iter().map(|track| track.claims.len()).sum());
+        self.progress.expect(tracks.iter().map(|track| track.frames.len()).sum());
         let solved = tracks.par_iter().map(|track| self.sequence(track));
         let solved: Vec<Sequence> = solved.collect::<Result<_>>()?;
         // Two views that saw figures without a joint in common have seen nobody.
@@ -228,18 +227,18 @@ impl CrowdRecording<'_> {
     }
 
     fn sequence(&self, track: &Track) -> Result<Sequence> {
-        let frame = |(k, claims): (usize, &Claims)| -> Frame {
+        let frame = |(k, (claims, _)): (usize, &(Claims, _))| -> Frame {
             let slots = &self.people[track.first + k];
             claimed(slots, claims, self.layout.n_joints()).into()
         };
-        let frames: Vec<Frame> = track.claims.iter().enumerate().map(frame).collect();
+        let frames: Vec<Frame> = track.frames.iter().enumerate().map(frame).collect();
         refine_sequence(self.refiner, &frames, self.fps, self.progress)
     }
 
     /// Figures assigned once more, to the smooth poses.
     fn assigned_again(&self, tracks: &[Track], least: usize) -> Result<(Vec<Track>, Agreement)> {
         let mut agreement = Agreement::default();
-        let mut out: Vec<Track> = tracks.iter().map(|track| Track::new(track.first)).collect();
+        let mut out = tracks.to_vec();
         for chunk in self.chunks() {
             let crowds = self.crowds(chunk.clone())?;
             let frames: Vec<(usize, Crowd)> = chunk.zip(crowds).collect();
@@ -251,13 +250,12 @@ impl CrowdRecording<'_> {
             };
             let assigned: Vec<(Vec<(usize, Claims)>, Agreement)> =
                 frames.par_iter().map(assign_frame).collect();
-            for (people, of_frame) in assigned {
+            for ((t, _), (people, of_frame)) in frames.iter().zip(assigned) {
                 agreement.add(&of_frame);
-                people.into_iter().for_each(|(q, claims)| out[q].claims.push(claims));
+                for (q, claims) in people {
+                    out[q].frames[t - tracks[q].first].0 = claims;
+                }
             }
-        }
-        for (new, old) in out.iter_mut().zip(tracks) {
-            new.poses.clone_from(&old.poses);
         }
         Ok((out.into_iter().filter_map(|track| track.trimmed(least)).collect(), agreement))
     }

@@ -1,4 +1,4 @@
-//! Claims: figures of known bodies.
+//! Claims: figures of known bodies; also of a person whom one view detects twice, or in parts.
 
 use nalgebra::Vector3;
 
@@ -17,8 +17,12 @@ const WIDEST: f64 = 2.0;
 const RECENT: f64 = 0.3;
 /// Least score of a claim before the body is placed.
 const CLAIM: f64 = 0.25;
-/// Least score of the figure of a body that only one view sees.
+/// Least score of a figure that no other view confirms: of a body that only one view sees, or at a
+/// body that has one already.
 const SHAPE: f64 = 0.5;
+/// Share of its joints that such a figure may have in common with the first, if it is another part
+/// of the body.
+const PART: f64 = 0.3;
 
 impl Associator {
     /// Kernel for a body that was last seen by two views so many frames ago.
@@ -162,6 +166,31 @@ pub(in crate::people) fn give_free(
         }
     }
     given
+}
+
+/// Figures at a body that has one in the same view: another part of the person, or the person
+/// detected twice.
+pub(in crate::people) fn absorb(
+    crowd: &Crowd,
+    pose: &[Vector3<f64>],
+    claims: &mut Claims,
+    free: &mut Free,
+    known: &BodyModel,
+) {
+    for (i, claim) in claims.iter_mut().enumerate() {
+        let Some(first) = claim[0] else { continue };
+        for (slot, figure) in crowd.views[i].iter().enumerate() {
+            if !free[i][slot] || at_body(figure, pose, known.sigma, &known.mirror) < SHAPE {
+                continue;
+            }
+            free[i][slot] = false;
+            let rays = figure.rays.iter().zip(&crowd.views[i][first].rays);
+            let common = rays.filter(|(a, b)| a.is_there() && b.is_there()).count();
+            if claim[1].is_none() && (common as f64) <= PART * figure.joints as f64 {
+                claim[1] = Some(slot);
+            }
+        }
+    }
 }
 
 /// Gives the figures of a view back.

@@ -6,9 +6,8 @@ mod claims;
 
 use nalgebra::Vector3;
 
-pub(super) use claims::give_free;
+pub(super) use claims::{absorb, give_free};
 
-use super::again::absorb;
 use super::body::{Body, Claims};
 use super::crowd::Crowd;
 use super::known::BodyModel;
