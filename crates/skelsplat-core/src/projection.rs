@@ -10,7 +10,7 @@
 
 use nalgebra::{Matrix2, Matrix2x3, Matrix3, Vector2, Vector3};
 
-use crate::camera::{Camera, NEAR};
+use crate::camera::Camera;
 
 /// Amount by which the field of view is widened on each side, as a share of the image's width:
 /// 30 % of the half-width, as in 3D Gaussian splatting.
@@ -19,10 +19,8 @@ const FIELD_OF_VIEW_MARGIN: f64 = 0.15;
 /// The camera data needed for projection, computed once; distortion is not used here.
 #[derive(Debug, Clone)]
 pub struct View {
+    camera: Camera,
     focal: Vector2<f64>,
-    principal_point: Vector2<f64>,
-    rotation: Matrix3<f64>,
-    translation: Vector3<f64>,
     /// Bounds of (x/z, y/z) inside J.
     tangent_low: Vector2<f64>,
     tangent_high: Vector2<f64>,
@@ -58,9 +56,7 @@ impl View {
         let margin = Vector2::new(w / fx, h / fy) * FIELD_OF_VIEW_MARGIN;
         Self {
             focal: Vector2::new(fx, fy),
-            principal_point: Vector2::new(cx, cy),
-            rotation: *camera.rotation(),
-            translation: *camera.translation(),
+            camera: camera.clone(),
             tangent_low: Vector2::new((-0.5 - cx) / fx, (-0.5 - cy) / fy) - margin,
             tangent_high: Vector2::new((w - 0.5 - cx) / fx, (h - 0.5 - cy) / fy) + margin,
             size,
@@ -68,21 +64,18 @@ impl View {
     }
 
     /// Projects the Gaussian (`mean`, `covariance`) with `dilation` = h in pixels²; `None` if its
-    /// mean lies at or behind [`NEAR`].
+    /// mean has no ideal pixel.
     pub fn project(
         &self,
         mean: &Vector3<f64>,
         covariance: &Matrix3<f64>,
         dilation: f64,
     ) -> Option<Projected> {
-        let in_camera = self.rotation * mean + self.translation;
-        if in_camera.z.is_nan() || in_camera.z <= NEAR {
-            return None;
-        }
-        let ratio = in_camera.xy() / in_camera.z;
-        let linear = self.jacobian(&in_camera) * self.rotation;
+        let in_camera = self.camera.to_camera(mean);
+        let mean = self.camera.project_ideal(mean)?;
+        let linear = self.jacobian(&in_camera) * self.camera.rotation();
         Some(Projected {
-            mean: self.focal.component_mul(&ratio) + self.principal_point,
+            mean,
             covariance: linear * covariance * linear.transpose()
                 + Matrix2::from_diagonal_element(dilation),
             in_camera,
@@ -103,10 +96,10 @@ impl View {
         d_cov: &Matrix2<f64>,
     ) -> (Vector3<f64>, Matrix3<f64>) {
         let t = &projected.linear;
-        let d_jacobian = 2.0 * d_cov * t * covariance * self.rotation.transpose();
+        let d_jacobian = 2.0 * d_cov * t * covariance * self.camera.rotation().transpose();
         let d_camera = self.mean_backward(&projected.in_camera, d_mean)
             + self.jacobian_backward(&projected.in_camera, &d_jacobian);
-        (self.rotation.transpose() * d_camera, t.transpose() * d_cov * t)
+        (self.camera.rotation().transpose() * d_camera, t.transpose() * d_cov * t)
     }
 
     fn jacobian(&self, p: &Vector3<f64>) -> Matrix2x3<f64> {

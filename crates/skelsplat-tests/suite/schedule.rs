@@ -3,8 +3,7 @@
 use nalgebra::Vector3;
 use skelsplat_core::study::gaussian::{Gaussian, GaussianGradient};
 use skelsplat_core::study::paper::adam::{Adam, LearningRates};
-use skelsplat_core::study::paper::schedule::{decayed, views_in_turn};
-use skelsplat_core::study::paper::stopping::WindowMinimum;
+use skelsplat_core::study::paper::optimise::{WindowMinimum, decayed, views_in_turn};
 
 const RATES: LearningRates = LearningRates { position: 3.0, log_scale: 0.005, rotation: 0.001 };
 

@@ -68,21 +68,12 @@ const CANVASES: usize = 4;
 /// One view's shared channel: its pseudo ground truth and the buffers of the compositing.
 #[derive(Debug, Clone, Default)]
 pub struct Composite {
-    pseudo: Canvas,
+    pub(super) pseudo: Canvas,
     /// C − P after [`Composite::compare`].
     difference: Canvas,
     transmittance: Canvas,
     behind: Canvas,
     line: Vec<f64>,
-}
-
-/// Σ (C−P)² over the union mask, and the mask's number of pixels.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub struct CompositeSums {
-    /// Σ (C−P)².
-    pub squared: f64,
-    /// Pixels where C or P is not zero.
-    pub mask: u32,
 }
 
 /// The smallest window that holds all splats.
@@ -144,13 +135,9 @@ impl Composite {
         out
     }
 
-    /// Only the pseudo ground truth, without the buffers.
-    pub fn into_pseudo(self) -> Canvas {
-        self.pseudo
-    }
-
-    /// Composites `splats`, nearest first, and compares with the pseudo ground truth.
-    pub fn compare(&mut self, splats: &[Splat], cancel: &AtomicBool) -> CompositeSums {
+    /// Composites `splats`, nearest first, and compares with the pseudo ground truth: Σ (C−P)² over
+    /// the union mask, and its number of pixels, where C or P is not zero.
+    pub fn compare(&mut self, splats: &[Splat], cancel: &AtomicBool) -> (f64, u32) {
         self.forward(splats, cancel);
         let Self { pseudo, difference, .. } = self;
         let (rows, columns) = (difference.rows, difference.columns);
@@ -162,8 +149,7 @@ impl Composite {
                 *c -= p;
             }
         }
-        let squared = self.difference.values.iter().map(|d| d * d).sum();
-        CompositeSums { squared, mask }
+        (self.difference.values.iter().map(|d| d * d).sum(), mask)
     }
 
     /// C in `difference`, and the transmittance behind all joints in `transmittance`.

@@ -18,7 +18,7 @@ use nalgebra::{Matrix2, Vector2};
 
 use super::pseudo_gt::{HeatMap, pixels};
 use super::rows::{Group, LANES, Pixel, RowTable, lane_numbers};
-use super::splat::{ALPHA_MAX, Row, Span, Splat};
+use super::splat::{ALPHA_MAX, Row, Splat};
 
 /// Value of one channel and the moments that determine its gradient.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
@@ -81,10 +81,7 @@ pub fn channel<P: Pixel>(splat: &Splat, heat: &HeatMap<P>, line: &mut Vec<P>) ->
     let (mut lanes, mut total) = (Lanes::<P>::zero(), [0.0; 6]);
     let (mut rendered, mut shared) = (0_u32, 0_u32);
     for (count, (v, row)) in splat.covered_rows().enumerate() {
-        let groups = match heat.groups(v, row.span) {
-            Some(groups) => groups,
-            None => gather(heat, v, row.span, line),
-        };
+        let groups = heat.groups(v, row.span, line);
         compare_row(&table, splat, &row, groups, &mut lanes);
         rendered += pixels(row.span);
         shared += heat.shared(v, row.span);
@@ -99,17 +96,6 @@ pub fn channel<P: Pixel>(splat: &Splat, heat: &HeatMap<P>, line: &mut Vec<P>) ->
         mask: rendered + heat.count - shared,
         moments: Moments { first: Vector2::new(x, y), second: Matrix2::new(xx, xy, xy, yy) },
     }
-}
-
-/// One row of the pseudo ground truth up to whole groups, assembled in `line` where the heat map's
-/// window does not hold all of it.
-#[cold]
-fn gather<'a, P: Pixel>(heat: &HeatMap<P>, v: i32, span: Span, line: &'a mut Vec<P>) -> &'a [P] {
-    let (offset, pseudo) = heat.line(v, span);
-    line.clear();
-    line.resize(span.len().next_multiple_of(LANES), P::zero());
-    line[offset..offset + pseudo.len()].copy_from_slice(pseudo);
-    line
 }
 
 /// Adds one row's pixels to the sums. Lanes beyond the row have R = 0 and add nothing.

@@ -16,10 +16,8 @@ pub mod optimise;
 pub mod pseudo_gt;
 pub mod render;
 pub mod rows;
-pub mod schedule;
 pub mod settings;
 pub mod splat;
-pub mod stopping;
 
 pub use encoding::Encoding;
 pub use frame::{LossAndGradient, PaperFrame, Shapes};

@@ -265,7 +265,9 @@ impl<'a, P: Pixel> Objective<'a, P> {
             Encoding::OneHot => self.one_hot_backward(gaussians, active),
             Encoding::Rgb | Encoding::Single => self.composite_backward(gaussians, active),
         };
-        let symmetry = self.symmetry_backward(gaussians);
+        let (gradient, weight) = (&mut self.gradient, self.symmetry_weight);
+        let add = |j: usize, g| gradient[j].mean += weight * g;
+        let symmetry = symmetry(|j| gaussians[j].mean, &self.pairs, add);
         Loss { total: render + self.symmetry_weight * symmetry, render, symmetry }
     }
 
@@ -275,12 +277,8 @@ impl<'a, P: Pixel> Objective<'a, P> {
         let cancel = self.cancel;
         let forward = |(k, channel): (usize, &mut Channel<P>)| {
             if active[k / n] && !cancel.load(Ordering::Relaxed) {
-                channel.forward(
-                    &views[k / n],
-                    &gaussians[k % n].mean,
-                    &covariances[k % n],
-                    dilation,
-                );
+                let (view, j) = (&views[k / n], k % n);
+                channel.forward(view, &gaussians[j].mean, &covariances[j], dilation);
             }
         };
         if self.parallel {
@@ -312,12 +310,8 @@ impl<'a, P: Pixel> Objective<'a, P> {
                 if !self.channels[k].is_missing() {
                     let channel = self.channels[k].loss;
                     loss += scale * channel.squared;
-                    self.channel_backward(
-                        gaussians,
-                        k,
-                        scale * channel.d_mean,
-                        scale * channel.d_cov,
-                    );
+                    let (d_mean, d_cov) = (scale * channel.d_mean, scale * channel.d_cov);
+                    self.channel_backward(gaussians, k, d_mean, d_cov);
                 }
             }
         }
@@ -331,12 +325,12 @@ impl<'a, P: Pixel> Objective<'a, P> {
             self.nearest_first(i, &mut order);
             let splats: Vec<Splat> =
                 order.iter().filter_map(|&j| self.channels[start + j].splat).collect();
-            let sums = self.composites[i].compare(&splats, self.cancel);
-            if sums.mask > 0 {
+            let (squared, mask) = self.composites[i].compare(&splats, self.cancel);
+            if mask > 0 {
                 let mut moments = vec![Moments::default(); splats.len()];
                 self.composites[i].backward(&splats, self.cancel, |at, m| moments[at] = m);
-                let scale = 1.0 / f64::from(sums.mask);
-                losses.push((scale * sums.squared, scale, start, order.clone(), moments));
+                let scale = 1.0 / f64::from(mask);
+                losses.push((scale * squared, scale, start, order.clone(), moments));
             }
         }
         let views = losses.len().max(1) as f64;
@@ -380,11 +374,6 @@ impl<'a, P: Pixel> Objective<'a, P> {
         out.mean += d_mean;
         out.log_scales += d_log_scales;
         out.quaternion += d_quaternion;
-    }
-
-    fn symmetry_backward(&mut self, gaussians: &[Gaussian]) -> f64 {
-        let (gradient, weight) = (&mut self.gradient, self.symmetry_weight);
-        symmetry(|j| gaussians[j].mean, &self.pairs, |j, g| gradient[j].mean += weight * g)
     }
 }
 

@@ -1,14 +1,12 @@
-//! The paper's optimisation: Adam on the rendering loss, gradients accumulated over views (paper §3
-//! "Optimization").
+//! The paper's optimisation: Adam on the rendering loss, gradients accumulated over views, and
+//! early stopping on window minima (paper §3 "Optimization").
 
 use std::sync::atomic::AtomicBool;
 
 use super::adam::{Adam, LearningRates};
 use super::objective::Objective;
 use super::rows::Pixel;
-use super::schedule::{decayed, views_in_turn};
 use super::settings::PaperSettings;
-use super::stopping::WindowMinimum;
 use crate::error::{Result, unless_cancelled};
 use crate::gaussian::Gaussian;
 use crate::outcome::{Loss, StopReason};
@@ -78,4 +76,50 @@ fn stayed_finite(now: &[Gaussian], before: &[Gaussian]) -> bool {
 fn rates(settings: &PaperSettings, initial: f64, step: usize) -> LearningRates {
     let position = decayed(initial, settings.lr_decay, settings.lr_decay_steps, step);
     LearningRates { position, log_scale: settings.log_scale_lr, rotation: settings.rotation_lr }
+}
+
+/// The learning rate of step `t`, counted from 0: lr(t) = lr₀ · decay^(t / steps), which reaches
+/// the factor `decay` after so many `steps`.
+pub fn decayed(initial: f64, decay: f64, steps: f64, t: usize) -> f64 {
+    initial * decay.powf(t as f64 / steps)
+}
+
+/// Marks the `per_step` views of step `t` in `active`, taken in turn: (t·per_step + k) mod M.
+pub fn views_in_turn(t: usize, per_step: usize, active: &mut [bool]) {
+    active.fill(false);
+    let n = active.len();
+    for k in 0..per_step.min(n) {
+        active[(t * per_step + k) % n] = true;
+    }
+}
+
+/// Stops when the minimum loss of one window of steps differs by less than `tolerance` from that of
+/// the previous window.
+#[derive(Debug, Clone)]
+pub struct WindowMinimum {
+    window: usize,
+    tolerance: f64,
+    count: usize,
+    current: f64,
+    previous: Option<f64>,
+}
+
+impl WindowMinimum {
+    /// Windows of `window` ≥ 1 steps.
+    pub fn new(window: usize, tolerance: f64) -> Self {
+        Self { window: window.max(1), tolerance, count: 0, current: f64::INFINITY, previous: None }
+    }
+
+    /// Records the loss of one step; returns whether the optimisation has converged.
+    pub fn settled(&mut self, loss: f64) -> bool {
+        self.current = self.current.min(loss);
+        self.count += 1;
+        if self.count < self.window {
+            return false;
+        }
+        let settled = self.previous.is_some_and(|p| (p - self.current).abs() < self.tolerance);
+        self.previous = Some(self.current);
+        (self.count, self.current) = (0, f64::INFINITY);
+        settled
+    }
 }

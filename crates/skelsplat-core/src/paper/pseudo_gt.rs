@@ -71,28 +71,28 @@ impl<P: Pixel> HeatMap<P> {
         self.spans.get(self.index(v)).copied().unwrap_or_default()
     }
 
-    /// Row `v` over the pixels of `span` inside the window, with the offset of the first in `span`.
-    pub fn line(&self, v: i32, span: Span) -> (usize, &[P]) {
-        let shared = span.intersection(self.span(v));
-        if shared.is_empty() {
-            return (0, &[]);
-        }
-        let at = |from: i32| usize::try_from(shared.start - from).unwrap_or(0);
-        let start = self.index(v) * self.columns.len() + at(self.columns.start);
-        (at(span.start), &self.values[start..start + shared.len()])
-    }
-
-    /// The pixels of `span` in row `v`, up to whole groups of [`LANES`], if the window holds them
-    /// all. What lies beyond the span is unspecified.
+    /// The pixels of `span` in row `v`, up to whole groups of [`LANES`]: in place if the window
+    /// holds them all, else copied to `line`. What lies beyond the span is unspecified.
     #[inline]
-    pub fn groups(&self, v: i32, span: Span) -> Option<&[P]> {
-        let inside = self.rows.contains(v)
+    pub fn groups<'a>(&'a self, v: i32, span: Span, line: &'a mut Vec<P>) -> &'a [P] {
+        let at = |a: i32, b: i32| usize::try_from(a - b).unwrap_or(0);
+        let row = at(v, self.rows.start) * self.columns.len();
+        let place = |u: i32| row + at(u, self.columns.start);
+        let length = span.len().next_multiple_of(LANES);
+        let is_inside = self.rows.contains(v)
             && self.columns.start <= span.start
             && span.end <= self.columns.end;
-        let at = |a: i32, b: i32| usize::try_from(a - b).unwrap_or(0);
-        let start =
-            at(v, self.rows.start) * self.columns.len() + at(span.start, self.columns.start);
-        inside.then(|| &self.values[start..start + span.len().next_multiple_of(LANES)])
+        if is_inside {
+            return &self.values[place(span.start)..][..length];
+        }
+        line.clear();
+        line.resize(length, P::zero());
+        let shared = span.intersection(self.span(v));
+        if !shared.is_empty() {
+            let values = &self.values[place(shared.start)..][..shared.len()];
+            line[at(shared.start, span.start)..][..shared.len()].copy_from_slice(values);
+        }
+        line
     }
 
     /// Number of pixels that the heat map has in `span` of row `v`.

@@ -123,7 +123,7 @@ pub fn pseudo_ground_truth(
         return apart(heats.iter().copied(), 1.0, size, cancel);
     }
     let shown: Vec<Splat> = heats.iter().flatten().copied().collect();
-    let draw = |heats: &[Splat], cancel: &AtomicBool| Composite::new(heats, cancel).into_pseudo();
+    let draw = |heats: &[Splat], cancel: &AtomicBool| Composite::new(heats, cancel).pseudo;
     shared(&shown, encoding, size, cancel, draw)
 }
 

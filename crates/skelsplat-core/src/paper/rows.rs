@@ -118,12 +118,8 @@ pub struct RowTable<P: Pixel> {
     ratio_step: P::Group,
 }
 
-/// The recurrence at one group of a row.
-#[derive(Clone, Copy)]
-struct Recurrence<P: Pixel> {
-    group: P::Group,
-    ratio: P::Group,
-}
+/// The recurrence at one group of a row: the group, and the ratio to the next.
+type Recurrence<P> = (<P as Pixel>::Group, <P as Pixel>::Group);
 
 impl<P: Pixel> RowTable<P> {
     /// The table of a row's curvature `a` (pixels⁻²).
@@ -149,19 +145,19 @@ impl<P: Pixel> RowTable<P> {
         }
         let mut run = self.start(d, floor);
         for k in 0..groups - 1 {
-            visit(k, run.group);
-            run = self.next(&run, k, d, floor);
+            visit(k, run.0);
+            run = self.next(run, k, d, floor);
         }
         let kept = len - (groups - 1) * LANES;
-        visit(groups - 1, keep::<P>(run.group, kept));
+        visit(groups - 1, keep::<P>(run.0, kept));
     }
 
     #[inline]
-    fn next(&self, run: &Recurrence<P>, k: usize, d: f64, floor: f64) -> Recurrence<P> {
+    fn next(&self, (group, ratio): Recurrence<P>, k: usize, d: f64, floor: f64) -> Recurrence<P> {
         if (k + 1).is_multiple_of(RESTART) {
             return self.start(d + ((k + 1) * LANES) as f64, floor);
         }
-        Recurrence { group: run.group * run.ratio, ratio: run.ratio * self.ratio_step }
+        (group * ratio, ratio * self.ratio_step)
     }
 
     #[inline]
@@ -172,10 +168,8 @@ impl<P: Pixel> RowTable<P> {
         let low = [base, base * step, base * two, base * two * step];
         let powers: [f64; LANES] =
             std::array::from_fn(|l| if l < 4 { low[l] } else { low[l - 4] * four });
-        Recurrence {
-            group: P::Group::new(powers.map(P::of)) * self.lane,
-            ratio: self.ratio * P::Group::splat(P::of(four * four)),
-        }
+        let group = P::Group::new(powers.map(P::of)) * self.lane;
+        (group, self.ratio * P::Group::splat(P::of(four * four)))
     }
 }
 

@@ -5,13 +5,11 @@ use crate::error::{Error, Result};
 use crate::names::named;
 use crate::settings::{Domain, Kind, Parameter, Value, settings};
 
-/// The paper's log-scale of 3 (mm): σ₀ = e³ ≈ 20.09 mm.
-const LOG_SCALE: f64 = 3.0;
-
 settings! {
     /// Settings of the published method.
     PaperSettings {
-        sigma_mm: f64 = LOG_SCALE.exp(), Domain::Positive, "mm",
+        // The paper's log-scale of 3 (mm): σ₀ = e³ ≈ 20.09 mm.
+        sigma_mm: f64 = 3f64.exp(), Domain::Positive, "mm",
             "Initial standard deviation σ₀ of every joint's splat.";
         max_steps: usize = 125, Domain::Any, "",
             "Maximum number of steps.";
