@@ -59,12 +59,31 @@ impl Error {
         }
     }
 
+    /// An [`Error::UnknownName`] of these.
+    pub(crate) fn unknown<'a>(
+        argument: &'static str,
+        name: &str,
+        known: impl IntoIterator<Item = &'a str>,
+    ) -> Self {
+        let known = known.into_iter().map(str::to_owned).collect();
+        Self::UnknownName { argument, name: name.to_owned(), known }
+    }
+
     /// The same input error with another argument name, that of an outer caller.
     #[must_use]
     pub fn of_argument(self, argument: &str) -> Self {
+        self.reworded(|_, expected, actual| (argument.to_owned(), expected, actual))
+    }
+
+    /// The same input error with other texts: its argument, what was expected, and what was given.
+    pub(crate) fn reworded(
+        self,
+        words: impl FnOnce(String, String, String) -> (String, String, String),
+    ) -> Self {
         match self {
-            Self::InvalidInput { expected, actual, .. } => {
-                Self::invalid(argument, expected, actual)
+            Self::InvalidInput { argument, expected, actual } => {
+                let (argument, expected, actual) = words(argument, expected, actual);
+                Self::InvalidInput { argument, expected, actual }
             }
             other => other,
         }

@@ -88,11 +88,8 @@ impl Layout {
     /// # Errors
     /// [`Error::UnknownName`] listing the known names.
     pub fn by_name(name: &str) -> Result<Self> {
-        tables::spec(&name.to_lowercase()).map(Self).ok_or_else(|| Error::UnknownName {
-            argument: "layout",
-            name: name.to_owned(),
-            known: Self::NAMES.map(str::to_owned).to_vec(),
-        })
+        let found = tables::spec(&name.to_lowercase()).map(Self);
+        found.ok_or_else(|| Error::unknown("layout", name, Self::NAMES))
     }
 
     /// Number of joints `N`.

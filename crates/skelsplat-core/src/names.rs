@@ -28,11 +28,10 @@ macro_rules! named {
             /// [`crate::Error::UnknownName`] for any other name, listing the known ones.
             pub fn by_name(name: &str) -> $crate::error::Result<Self> {
                 let found = Self::ALL.iter().find(|(known, _)| *known == name);
-                found.map(|(_, variant)| *variant).ok_or_else(|| $crate::error::Error::UnknownName {
-                    argument: $argument,
-                    name: name.to_owned(),
-                    known: Self::NAMES.iter().map(|known| (*known).to_owned()).collect(),
-                })
+                let unknown = || {
+                    $crate::error::Error::unknown($argument, name, Self::NAMES.iter().copied())
+                };
+                found.map(|(_, variant)| *variant).ok_or_else(unknown)
             }
         }
     };

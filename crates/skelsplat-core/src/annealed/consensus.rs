@@ -3,7 +3,7 @@
 use nalgebra::Vector3;
 
 use super::depth::have_parallax;
-use super::rays::{Ray, midpoint, nearest_point};
+use super::rays::{Ray, midpoint, nearest_with_spread};
 
 /// Weight k below which a detection is rejected: |e| above 2.4 σ.
 pub const REJECTED: f64 = 0.25;
@@ -23,7 +23,7 @@ pub(super) fn agrees(ray: &Ray, x: &Vector3<f64>, sigma: f64) -> bool {
 pub(super) fn settled(rays: &[Ray], x: Vector3<f64>, sigma: f64) -> Vector3<f64> {
     let step = |x: Vector3<f64>| {
         let weight = |ray: &Ray| ray.weight * ray.offset(&x).weight(sigma);
-        nearest_point(rays, weight).unwrap_or(x)
+        nearest_with_spread(rays, weight).map_or(x, |(x, _)| x)
     };
     step(step(x))
 }

@@ -155,11 +155,6 @@ const RANK: f64 = 1e-8;
 /// The same, below which cofactors lose too many digits to rounding.
 const WELL_CONDITIONED: f64 = 1e-4;
 
-/// The point with the least Σ w |e|², or `None` if the rays do not determine it.
-pub fn nearest_point(rays: &[Ray], weight: impl Fn(&Ray) -> f64) -> Option<Vector3<f64>> {
-    nearest_with_spread(rays, weight).map(|(x, _)| x)
-}
-
 /// The point nearest to two rays, or `None` if they are parallel: the middle of their common
 /// perpendicular.
 pub fn midpoint(a: &Ray, b: &Ray) -> Option<Vector3<f64>> {
@@ -169,9 +164,9 @@ pub fn midpoint(a: &Ray, b: &Ray) -> Option<Vector3<f64>> {
     sums.point().map(|(x, _)| x)
 }
 
-/// [`nearest_point`] and how far from parallel the rays are: the determinant of Σ w (I − d dᵀ),
-/// relative to the cube of its mean eigenvalue, is 0.84 sin² φ for two rays of one weight at the
-/// angle φ.
+/// The point with the least Σ w |e|², or `None` if the rays do not determine it; and how far from
+/// parallel they are: the determinant of Σ w (I − d dᵀ), relative to the cube of its mean
+/// eigenvalue, is 0.84 sin² φ for two rays of one weight at the angle φ.
 pub(crate) fn nearest_with_spread(
     rays: &[Ray],
     weight: impl Fn(&Ray) -> f64,

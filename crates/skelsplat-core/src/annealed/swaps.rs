@@ -163,7 +163,7 @@ impl Judge<'_> {
         for (a, b) in pairs {
             for exchanged in [false, true] {
                 let Some(at) = self.proposal(chain, a, b, exchanged) else { continue };
-                let at = self.settled(chain, &at, &self.all_ways(chain, &at));
+                let at = self.settled(chain, &at);
                 let ways = self.all_ways(chain, &at);
                 if best.as_ref().is_none_or(|most| best_ways(&ways) > best_ways(&most.ways)) {
                     best = Some(Proposal { at, ways });
@@ -198,12 +198,8 @@ impl Judge<'_> {
     }
 
     /// One weighted step of the chain's joints, with the better assignment in every view.
-    fn settled(
-        &self,
-        chain: &Chain,
-        at: &[[Vector3<f64>; 2]],
-        ways: &[Ways],
-    ) -> Vec<[Vector3<f64>; 2]> {
+    fn settled(&self, chain: &Chain, at: &[[Vector3<f64>; 2]]) -> Vec<[Vector3<f64>; 2]> {
+        let ways = self.all_ways(chain, at);
         let step = |pair: &[usize; 2], side: usize, x: &Vector3<f64>| {
             let sigma = SETTLE * self.sigma[pair[side]];
             let mut sums = Meeting::default();

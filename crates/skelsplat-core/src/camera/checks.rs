@@ -16,24 +16,19 @@ const ZERO: f64 = 1e-9;
 /// below, products of a few of these numbers and their squares stay well within the range of a
 /// double.
 const FOCAL: [f64; 2] = [1e-9, 1e9];
-/// Largest coordinate of the principal point, pixels.
-const PRINCIPAL: f64 = 1e9;
+/// Largest coordinate of the principal point, pixels, and largest distortion coefficient: those of
+/// rational models of real lenses can reach hundreds.
+const LARGEST: f64 = 1e9;
 /// Largest coordinate of the translation, in any unit: a million kilometres in mm.
 const TRANSLATION: f64 = 1e12;
-/// Largest distortion coefficient: those of rational models of real lenses can reach hundreds.
-const COEFFICIENT: f64 = 1e9;
 /// Largest width and height, pixels: the limit of JPEG. The number of pixels then fits in 32 bits.
 const SIDE: u32 = 65_535;
 
 /// Adds the camera's name to the argument of an input error, for use in `map_err`.
 pub fn for_camera(name: &str) -> impl FnOnce(Error) -> Error + '_ {
-    move |error| match error {
-        Error::InvalidInput { argument, expected, actual } => Error::InvalidInput {
-            argument: format!("{argument} of camera '{name}'"),
-            expected,
-            actual,
-        },
-        other => other,
+    move |error| {
+        let named = |argument| format!("{argument} of camera '{name}'");
+        error.reworded(|argument, expected, actual| (named(argument), expected, actual))
     }
 }
 
@@ -49,8 +44,8 @@ pub(super) fn intrinsics(k: &Matrix3<f64>) -> Result<()> {
         return Err(Error::invalid("K", expected, format!("fx = {fx:e}, fy = {fy:e}")));
     }
     let (cx, cy) = (k[(0, 2)], k[(1, 2)]);
-    if cx.abs().max(cy.abs()) > PRINCIPAL {
-        let expected = format!("a principal point within ±{PRINCIPAL:e} pixels");
+    if cx.abs().max(cy.abs()) > LARGEST {
+        let expected = format!("a principal point within ±{LARGEST:e} pixels");
         return Err(Error::invalid("K", expected, format!("cx = {cx:e}, cy = {cy:e}")));
     }
     if k[(0, 1)].abs() > ZERO * fx {
@@ -102,7 +97,7 @@ pub(super) fn translation(t: &Vector3<f64>) -> Result<()> {
 }
 
 pub(super) fn distortion(coefficients: &[f64]) -> Result<()> {
-    within("distortion", coefficients, COEFFICIENT)
+    within("distortion", coefficients, LARGEST)
 }
 
 pub(super) fn size(size: [u32; 2]) -> Result<()> {

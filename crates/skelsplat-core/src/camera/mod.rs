@@ -208,14 +208,11 @@ impl Camera {
         // Saturates far above the accepted sizes.
         out.size = self.size.map(|n| (f64::from(n) * factor).round().max(1.0) as u32);
         let checked = checks::intrinsics(&out.k()).and_then(|()| checks::size(out.size));
-        checked.map(|()| out).map_err(|error| match error {
-            Error::InvalidInput { argument, expected, actual } => Error::invalid(
-                "factor",
-                format!("a factor that gives {argument} {expected}"),
-                format!("{factor:e}, which gives {actual}"),
-            ),
-            other => other,
-        })
+        let of_factor = |argument, expected, actual| {
+            let expected = format!("a factor that gives {argument} {expected}");
+            ("factor".to_owned(), expected, format!("{factor:e}, which gives {actual}"))
+        };
+        checked.map(|()| out).map_err(|error| error.reworded(of_factor))
     }
 
     /// The same camera with lengths in another unit: t × `factor` (1000 for metres to millimetres).

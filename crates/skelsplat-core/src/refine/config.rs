@@ -74,11 +74,7 @@ impl Method {
     /// [`Error::UnknownName`] for any other name.
     pub fn by_name(name: &str) -> Result<Self> {
         let found = Self::all().into_iter().find(|method| method.name() == name);
-        found.ok_or_else(|| Error::UnknownName {
-            argument: "method",
-            name: name.to_owned(),
-            known: Self::NAMES.map(str::to_owned).to_vec(),
-        })
+        found.ok_or_else(|| Error::unknown("method", name, Self::NAMES))
     }
 
     /// Every method with its defaults.
@@ -212,11 +208,7 @@ impl RefineConfig {
                 format!("the name '{new}', which includes the unit"),
                 format!("'{name}'"),
             ),
-            None => Error::UnknownName {
-                argument: "config",
-                name: name.to_owned(),
-                known: self.settings().map(|setting| setting.name.to_owned()).collect(),
-            },
+            None => Error::unknown("config", name, self.settings().map(|setting| setting.name)),
         }
     }
 

@@ -192,11 +192,13 @@ pub fn local(tracks: &Tracks, fps: f64, bones: &[[usize; 2]], usual: &[ProcessNo
     let mut out: Vec<f64> = vec![0.0; tracks.joints * t];
     // What no shorter span has shown.
     let mut open: Vec<f64> = vec![1.0; out.len()];
-    let near: Vec<Vec<usize>> = (0..tracks.joints).map(|j| connected(bones, j)).collect();
+    // Each joint and those that bones connect to it.
+    let connected =
+        |j| std::iter::once(j).chain(bones.iter().filter_map(move |b| other_end(*b, j)));
+    let near: Vec<Vec<usize>> = (0..tracks.joints).map(|j| connected(j).collect()).collect();
     let views: Vec<Vec<u64>> = (0..tracks.joints).map(|j| agreeing(tracks, j)).collect();
-    let reach = frames_in(AROUND, fps);
+    let (reach, spans) = (frames_in(AROUND, fps), frames_in(SPAN, fps));
     let mut shares: Vec<f64> = Vec::new();
-    let spans = frames_in(SPAN, fps);
     let prior = PRIOR.max(PRIOR_TIME * fps);
     for h in 1..=spans {
         let of_joint = |j: usize| ratios(tracks, &views[j], j, h, usual[j].squares[h - 1]);
@@ -229,11 +231,6 @@ pub fn local(tracks: &Tracks, fps: f64, bones: &[[usize; 2]], usual: &[ProcessNo
         }
     }
     out
-}
-
-/// Joint `j` and those that bones connect to it.
-fn connected(bones: &[[usize; 2]], j: usize) -> Vec<usize> {
-    std::iter::once(j).chain(bones.iter().filter_map(|bone| other_end(*bone, j))).collect()
 }
 
 /// The views of joint `j` in every frame, as bits, if all of at least three agree closely; else 0.

@@ -334,7 +334,9 @@ impl Recording<'_> {
     ) -> Result<(Path, Common)> {
         let chains = &self.refiner.chains;
         let swapped = swaps::exchanged(&tracks, chains, first);
-        swaps::exchange(&mut tracks, chains, &swapped);
+        for swap in swapped.iter().filter(|swap| swap.view == 0) {
+            chains[swap.chain].iter().for_each(|[l, r]| tracks.exchange(swap.frame, *l, *r));
+        }
         tracks.find_cuts(first.fps, &first.usual());
         let mut run = WindowSolver::new(&tracks, first, None);
         run.anneal(WIDE, self.progress)?;

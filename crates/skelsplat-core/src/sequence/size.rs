@@ -6,7 +6,7 @@
 //! of a body that may be a person's is 1.
 
 use crate::annealed::posterior::BodyExtent;
-use crate::annealed::rays::nearest_point;
+use crate::annealed::rays::nearest_with_spread;
 use crate::bones::population::STATURE;
 use crate::error::Result;
 use crate::refine::{Frame, Refiner};
@@ -30,9 +30,11 @@ pub(super) fn body_size<'a>(refiner: &Refiner, stretches: &[&'a [Frame]]) -> Res
     let mut sizes = Vec::new();
     for frame in all.iter().step_by(all.len().div_ceil(FRAMES).max(1)) {
         let rays = refiner.rays(&frame.detections)?;
-        let at = |j: usize| nearest_point(rays.of_joint(j), |ray| f64::from(ray.is_there()));
-        let unknown = Vector3::repeat(f64::NAN);
-        let points: Vec<_> = (0..rays.n_joints()).map(|j| at(j).unwrap_or(unknown)).collect();
+        let at = |j: usize| {
+            let found = nearest_with_spread(rays.of_joint(j), |ray| f64::from(ray.is_there()));
+            found.map_or(Vector3::repeat(f64::NAN), |(x, _)| x)
+        };
+        let points: Vec<_> = (0..rays.n_joints()).map(at).collect();
         let proportions = &refiner.expected.proportions;
         match proportions.is_empty() {
             true => sizes.extend(BodyExtent::spread(&points).map(|s| s / USUAL_SPREAD)),

@@ -47,13 +47,6 @@ pub(super) fn exchanged(tracks: &Tracks, chains: &[Chain], common: &Common) -> V
     found
 }
 
-/// Exchanges all that the frames of these swaps in all views have of both sides.
-pub(super) fn exchange(tracks: &mut Tracks, chains: &[Chain], swaps: &[FrameSwap]) {
-    for swap in swaps.iter().filter(|swap| swap.view == 0) {
-        chains[swap.chain].iter().for_each(|[l, r]| tracks.exchange(swap.frame, *l, *r));
-    }
-}
-
 /// Whether the sides of a chain are exchanged in each frame: the cheapest sequence, by dynamic
 /// programming.
 fn sides(tracks: &Tracks, pairs: &Chain, common: &Common) -> Vec<bool> {
@@ -94,7 +87,8 @@ fn against(tracks: &Tracks, pairs: &Chain, t: usize) -> [f64; 2] {
     let mut views = [0.0; 2];
     let most = (2 * pairs.len()) as f64;
     for i in 0..tracks.views {
-        let turned = tracks.is_turned(t, pairs, i);
+        // Whether the frame alone has exchanged these sides.
+        let turned = pairs.iter().any(|[j, _]| tracks.turned[tracks.at(*j, t) * tracks.views + i]);
         for [l, r] in pairs {
             let k = |ray_of: usize, x_of: usize| {
                 let x = &tracks.alone[x_of * tracks.frames + t];

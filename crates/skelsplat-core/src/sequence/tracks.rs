@@ -67,7 +67,7 @@ pub struct Tracks {
     /// Whether three views, or both of two, agree on the position of the frame alone `(N, T)`.
     pub sure: Vec<bool>,
     /// Whether the frame alone has exchanged the ray's side `(N, T, M)`.
-    turned: Vec<bool>,
+    pub(super) turned: Vec<bool>,
     /// Number of cuts before each frame and at it `(T)`: a cut lies between a frame and the one
     /// before.
     cuts: Vec<usize>,
@@ -159,7 +159,9 @@ impl Tracks {
 
     fn activate(&mut self, j: usize, frames: std::ops::Range<usize>, longest: usize) {
         let own = j * self.frames;
-        let placed = |t: &usize| self.alone[own + t].x.is_finite() && self.is_seen(j, *t);
+        let placed = |t: &usize| {
+            self.alone[own + t].x.is_finite() && self.rays(j, *t).iter().any(Ray::is_there)
+        };
         let there: Vec<usize> = frames.filter(placed).collect();
         there.iter().for_each(|t| self.active[own + t] = true);
         for pair in there.windows(2).filter(|pair| pair[1] - pair[0] <= longest) {
@@ -245,7 +247,8 @@ impl Tracks {
         self.cuts[b] > self.cuts[a]
     }
 
-    fn at(&self, j: usize, t: usize) -> usize {
+    /// Where joint `j` is in frame `t`.
+    pub(super) fn at(&self, j: usize, t: usize) -> usize {
         j * self.frames + t
     }
 
@@ -260,16 +263,6 @@ impl Tracks {
     pub fn of_joint(&self, j: usize) -> (&[Ray], &[Weights]) {
         let n = self.frames * self.views;
         (&self.rays[j * n..(j + 1) * n], &self.weights[j * n..(j + 1) * n])
-    }
-
-    /// Whether any view detects joint `j` in frame `t`.
-    pub fn is_seen(&self, j: usize, t: usize) -> bool {
-        self.rays(j, t).iter().any(Ray::is_there)
-    }
-
-    /// Whether frame `t` alone has exchanged the sides of these pairs of joints in view `i`.
-    pub fn is_turned(&self, t: usize, pairs: &[[usize; 2]], i: usize) -> bool {
-        pairs.iter().any(|[j, _]| self.turned[self.at(*j, t) * self.views + i])
     }
 
     /// Exchanges all that frame `t` has of joints `a` and `b`.
