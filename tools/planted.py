@@ -105,8 +105,8 @@ cargo --test suite annealed::
 
 a batch on several threads returns its frames in reverse order | threads
 cargo --test suite determinism::
--frames.par_iter().zip(parts).map(|job| refine_into(job, false)).collect();
-+frames.par_iter().rev().zip(parts).map(|job| refine_into(job, false)).collect();
+-chunk.par_iter().map(|frame| refine(frame, false)).collect();
++chunk.par_iter().rev().map(|frame| refine(frame, false)).collect();
 
 the parent's thread pool is used after a fork | threads
 tests/unit/test_processes.py
