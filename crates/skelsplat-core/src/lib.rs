@@ -148,5 +148,6 @@ parts! {
     symmetry: "The limb-symmetry loss.",
     threads: "The pool of threads of a process.",
     triangulate: "Algebraic triangulation.",
+    triangulation: "Triangulation with a method given by name.",
     unit: "Units of length.",
 }

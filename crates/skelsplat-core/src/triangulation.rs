@@ -1,6 +1,8 @@
 //! Triangulation with a method given by name.
 
-use crate::annealed::robust;
+use crate::annealed::consensus::REJECTED;
+use crate::annealed::{Annealed, AnnealedFrame, Annealing};
+use crate::bones::expected::Expected;
 use crate::camera::Camera;
 use crate::detections::Detections;
 use crate::error::{Error, Result};
@@ -52,4 +54,23 @@ pub fn triangulate(
             Triangulated { points: found.points.iter().map(|p| p / mm).collect(), ..found }
         }
     })
+}
+
+/// Triangulates each joint from ideal pixels, as a frame of which nothing else is known; NaN as
+/// [`dlt()`], with fewer than two views or parallel rays.
+pub fn robust(detections: &Detections, cameras: &[Camera]) -> Triangulated {
+    let frame = AnnealedFrame {
+        cameras,
+        detections,
+        view_weights: &[],
+        pairs: &[],
+        chains: &[],
+        expected: &Expected::default(),
+        annealing: Annealing::of_joints(detections.n_joints()),
+        before: None,
+    };
+    let Annealed { outcome, bars, .. } = frame.solve();
+    let (m, n) = (cameras.len(), detections.n_joints());
+    let rejected = (0..m * n).map(|k| bars.believed[k % n * m + k / n] < REJECTED).collect();
+    Triangulated { rejected, points: outcome.points }
 }

@@ -5,9 +5,9 @@ use std::collections::BTreeSet;
 use std::f64::consts::TAU;
 
 use nalgebra::{Matrix3, Vector2, Vector3};
-use skelsplat_core::study::annealed::robust;
 use skelsplat_core::study::annealed::{Ray, Rays};
 use skelsplat_core::study::triangulate::{Triangulated, dlt};
+use skelsplat_core::study::triangulation::robust;
 use skelsplat_core::{Camera, Detections, TriangulationMethod as Method, Unit, triangulate};
 use skelsplat_tests::scenes::{Noise, exact_detections, look_at, standing, without};
 

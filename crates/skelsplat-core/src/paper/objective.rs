@@ -32,14 +32,12 @@ const PARALLEL_PIXELS: u64 = 5_000;
 /// The target of a joint in a view.
 #[derive(Debug, Clone)]
 enum Target<P> {
-    /// None: the detection is missing or has no pixel in the image.
-    Missing,
     /// A heat map.
     Raster(HeatMap<P>),
     /// A Gaussian, for the closed form.
     ClosedForm(PlaneGaussian),
-    /// A part of the view's shared channel.
-    Shared,
+    /// None of its own: the detection is missing, or a part of the view's shared channel.
+    None,
 }
 
 /// Value and gradient of one channel, not yet divided by its view's area.
@@ -57,7 +55,7 @@ struct ChannelLoss {
 #[derive(Debug, Clone)]
 struct Channel<P> {
     target: Target<P>,
-    /// The detection's splat, if there is a target.
+    /// The detection's splat; `None` if it is missing or has no pixel in the image.
     detection: Option<Splat>,
     line: Vec<P>,
     projected: Option<Projected>,
@@ -100,8 +98,7 @@ fn detection(
 impl<P: Pixel> Channel<P> {
     fn new(found: Option<(Splat, PlaneGaussian)>, settings: &PaperSettings) -> Self {
         let target = match (&found, settings.encoding, settings.renderer) {
-            (None, _, _) => Target::Missing,
-            (Some(_), Encoding::Rgb | Encoding::Single, _) => Target::Shared,
+            (None, _, _) | (_, Encoding::Rgb | Encoding::Single, _) => Target::None,
             (Some((splat, _)), _, Renderer::Raster) => Target::Raster(HeatMap::new(splat)),
             (Some((_, gaussian)), _, Renderer::ClosedForm) => Target::ClosedForm(*gaussian),
         };
@@ -116,7 +113,7 @@ impl<P: Pixel> Channel<P> {
     }
 
     fn is_missing(&self) -> bool {
-        matches!(self.target, Target::Missing)
+        self.detection.is_none()
     }
 
     /// Projects the joint and, if it has its own channel, compares it with its target.
@@ -139,7 +136,7 @@ impl<P: Pixel> Channel<P> {
             Target::ClosedForm(target) => {
                 self.loss = ChannelLoss::of_plane(self.projected.as_ref(), target);
             }
-            Target::Missing | Target::Shared => {}
+            Target::None => {}
         }
     }
 }

@@ -52,10 +52,9 @@ struct BodyProposal {
     judged: usize,
 }
 
-/// The proposal of the largest support.
-fn best(proposals: &[BodyProposal]) -> Option<usize> {
-    let all = proposals.iter().enumerate();
-    all.reduce(|a, b| if b.1.support > a.1.support { b } else { a }).map(|(at, _)| at)
+/// The number with the largest value, the first of equal ones.
+fn largest(values: impl Iterator<Item = (f64, usize)>) -> Option<usize> {
+    values.reduce(|a, b| if b.0 > a.0 { b } else { a }).map(|(_, at)| at)
 }
 
 impl BodyModel {
@@ -66,6 +65,9 @@ impl BodyModel {
         let figures = crowd.views.iter().map(Vec::len).sum::<usize>().max(1);
         let mut left = (MOST_SCORES / figures).max(PROPOSALS) - proposals.len();
         let mut found: Vec<Newcomer> = Vec::new();
+        let best = |all: &[BodyProposal]| {
+            largest(all.iter().enumerate().map(|(at, proposal)| (proposal.support, at)))
+        };
         while let Some(at) = best(&proposals) {
             if left == 0 {
                 cut = true;
@@ -195,9 +197,12 @@ impl BodyModel {
         let mut pose = proposal.pose.clone();
         let mut claims: Claims = Vec::new();
         for _ in 0..2 {
-            claims = (0..crowd.views.len())
-                .map(|i| [self.best(&crowd.views[i], &free[i], &pose, sigma), None])
-                .collect();
+            let best = |(figures, free): (&Vec<Figure>, &Vec<bool>)| {
+                let usable = figures.iter().enumerate().filter(|(k, f)| free[*k] && f.joints > 0);
+                let scored = usable.map(|(k, f)| (at_body(f, &pose, sigma, &self.mirror), k));
+                [largest(scored.filter(|(score, _)| *score >= FITS)), None]
+            };
+            claims = crowd.views.iter().zip(free).map(best).collect();
             if views(&claims) < 2 {
                 return None;
             }
@@ -206,19 +211,6 @@ impl BodyModel {
         let known = pose.iter().filter(|x| !x.x.is_nan()).count();
         let enough = known >= COMMON.min(pose.len()) && self.support(crowd, free, &pose) >= SUPPORT;
         enough.then_some(Newcomer { claims, pose })
-    }
-
-    fn best(
-        &self,
-        figures: &[Figure],
-        free: &[bool],
-        pose: &[Vector3<f64>],
-        sigma: f64,
-    ) -> Option<usize> {
-        let score = |slot: usize| at_body(&figures[slot], pose, sigma, &self.mirror);
-        let usable = (0..figures.len()).filter(|slot| free[*slot] && figures[*slot].joints > 0);
-        let scored = usable.map(|slot| (score(slot), slot)).filter(|(s, _)| *s >= FITS);
-        scored.reduce(|a, b| if b.0 > a.0 { b } else { a }).map(|(_, slot)| slot)
     }
 }
 

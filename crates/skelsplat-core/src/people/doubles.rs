@@ -64,7 +64,7 @@ impl Associator {
         let gone: Vec<usize> =
             pairs.iter().filter(|(_, odds)| *odds > CERTAIN).map(|(ids, _)| ids[1]).collect();
         self.doubles = pairs;
-        let mut claims_of = claims.drain(..).collect::<Vec<_>>().into_iter();
+        let mut claims_of = std::mem::take(claims).into_iter();
         self.bodies.retain(|body| {
             let (kept, own) = (!gone.contains(&body.id), claims_of.next());
             claims.extend(own.filter(|_| kept));

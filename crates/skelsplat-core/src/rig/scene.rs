@@ -4,9 +4,9 @@ use nalgebra::{Vector2, Vector3};
 use rayon::prelude::*;
 
 use super::placed::{Placed, Sight};
-use crate::annealed::robust;
 use crate::camera::Camera;
 use crate::detections::Detections;
+use crate::triangulation::robust;
 
 /// Frames on either side from which the movement of a joint is measured: more average the swing of
 /// a foot at 15 frames per second away, fewer the noise too little. Twice and four times as many

@@ -72,21 +72,19 @@ impl ProcessNoise {
 
 /// The process noise of every joint for data of these variances, mm².
 pub fn learn(tracks: &Tracks, fps: f64, variance: &[f64]) -> Vec<ProcessNoise> {
-    let own: Vec<MeasuredMotion> =
-        (0..tracks.joints).map(|j| MeasuredMotion::of(tracks, fps, j, variance[j])).collect();
-    let known = own.iter().map(|m| m.q).filter(|q| q.is_finite());
+    let own = (0..tracks.joints).map(|j| measured(tracks, fps, j, variance[j]));
+    let mut own: Vec<ProcessNoise> = own.collect();
+    let known = own.iter().map(|of| of.usual).filter(|q| q.is_finite());
     let shared = median(known).max(USUAL_PROCESS_NOISE);
-    let of_joint = |(measured, variance): (MeasuredMotion, &f64)| {
-        let MeasuredMotion { q, white, mut squares } = measured;
-        let q = if q.is_finite() { q } else { shared };
+    for ProcessNoise { usual, variance, white, squares } in &mut own {
+        let (q, white) = (if usual.is_finite() { *usual } else { shared }, *white);
         squares.iter_mut().for_each(|square| *square = square.max(STILL * white));
         for h in squares.len() + 1..=frames_in(SPAN, fps) {
             squares.push(2.0 / 3.0 * q * (h as f64 / fps).powi(3) + 6.0 * white);
         }
-        let usual = bounded(share(fps) * q, white, *variance, fps);
-        ProcessNoise { usual, variance: *variance, white, squares }
-    };
-    own.into_iter().zip(variance).map(of_joint).collect()
+        *usual = bounded(share(fps) * q, white, *variance, fps);
+    }
+    own
 }
 
 /// Share of the measured process noise where views do not agree.
@@ -129,35 +127,26 @@ fn unclear(square: f64, white: f64) -> f64 {
     (CLEAR + 0.5 * SOFT - square / (6.0 * white)).clamp(0.0, SOFT) / SOFT
 }
 
-/// What the positions of a joint show.
-struct MeasuredMotion {
-    /// NaN if too little is known.
-    q: f64,
-    /// Variance of the white noise, mm².
-    white: f64,
-    /// Variances of second differences, mm², as far as there are enough.
-    squares: Vec<f64>,
-}
-
-impl MeasuredMotion {
-    fn of(tracks: &Tracks, fps: f64, j: usize, variance: f64) -> Self {
-        let of = j * tracks.frames..(j + 1) * tracks.frames;
-        let sure = tracks.alone[of.clone()].iter().zip(&tracks.sure[of]);
-        let unknown = Vector3::repeat(f64::NAN);
-        let x: Vec<Vector3<f64>> = sure.map(|(x, sure)| if *sure { *x } else { unknown }).collect();
-        let joined = |a: usize, b: usize| !tracks.is_cut(a, b);
-        let spans = frames_in(SPAN, fps);
-        let squares: Vec<f64> = (1..=spans).map_while(|h| second_moment(&x, h, joined)).collect();
-        let Some(first) = squares.first() else {
-            return Self { q: f64::NAN, white: variance, squares };
-        };
-        let white = (first / 6.0).clamp(LEAST_WHITE * variance, variance);
-        // Too short a recording may end before a slow joint has moved: then little motion in few
-        // frames means nothing.
-        let shows = squares.len() == spans || squares.iter().any(|s| is_clear(*s, white));
-        let of_spans = squares.iter().zip(1..).map(|(square, h)| (h, *square));
-        Self { q: if shows { density(of_spans, white, fps) } else { f64::NAN }, white, squares }
-    }
+/// What the positions of a joint show: q, NaN if too little is known, and the variances of second
+/// differences, as far as there are enough.
+fn measured(tracks: &Tracks, fps: f64, j: usize, variance: f64) -> ProcessNoise {
+    let of = j * tracks.frames..(j + 1) * tracks.frames;
+    let sure = tracks.alone[of.clone()].iter().zip(&tracks.sure[of]);
+    let unknown = Vector3::repeat(f64::NAN);
+    let x: Vec<Vector3<f64>> = sure.map(|(x, sure)| if *sure { *x } else { unknown }).collect();
+    let joined = |a: usize, b: usize| !tracks.is_cut(a, b);
+    let spans = frames_in(SPAN, fps);
+    let squares: Vec<f64> = (1..=spans).map_while(|h| second_moment(&x, h, joined)).collect();
+    let Some(first) = squares.first() else {
+        return ProcessNoise { usual: f64::NAN, variance, white: variance, squares };
+    };
+    let white = (first / 6.0).clamp(LEAST_WHITE * variance, variance);
+    // Too short a recording may end before a slow joint has moved: then little motion in few
+    // frames means nothing.
+    let shows = squares.len() == spans || squares.iter().any(|s| is_clear(*s, white));
+    let of_spans = squares.iter().zip(1..).map(|(square, h)| (h, *square));
+    let usual = if shows { density(of_spans, white, fps) } else { f64::NAN };
+    ProcessNoise { usual, variance, white, squares }
 }
 
 /// Variance per axis of the second differences over `h` frames, between frames that are `joined`

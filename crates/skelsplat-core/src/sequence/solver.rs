@@ -87,6 +87,10 @@ pub struct WindowSolver<'a> {
     pub n_iter: usize,
 }
 
+/// k and the offsets of the rays of one joint `(T, M)`, and the running sums of k and of their
+/// number.
+type Weighed = (Vec<(f64, Vector3<f64>)>, Vec<[f64; 2]>);
+
 impl<'a> WindowSolver<'a> {
     /// A run that starts at `points` `(N, T)`, or at the smoothed positions of the frames alone.
     pub fn new(tracks: &'a Tracks, common: &'a Common, points: Option<Vec<Vector3<f64>>>) -> Self {
@@ -188,9 +192,8 @@ impl<'a> WindowSolver<'a> {
         }
     }
 
-    /// k of every ray of joint `j` `(T, M)`, at least the held weight, with its offset, and the
-    /// running sums of k and of the rays' number.
-    fn weigh(&self, j: usize, wider: f64) -> (Vec<(f64, Vector3<f64>)>, Vec<[f64; 2]>) {
+    /// The rays of joint `j`; k is at least the held weight.
+    fn weigh(&self, j: usize, wider: f64) -> Weighed {
         let (views, of) = (self.tracks.views, self.system.of(j));
         let (mut kept, mut sums) = (Vec::with_capacity(of.len() * views), vec![[0.0; 2]; views]);
         let ((rays, weights), narrower) = (self.tracks.of_joint(j), wider.powi(-2));

@@ -13,11 +13,11 @@ mod uncertainty;
 mod weights;
 
 use nalgebra::{Matrix3, Vector2, Vector3};
-use skelsplat_core::study::annealed::robust;
 use skelsplat_core::study::annealed::{AnnealedFrame, Annealing, NoiseModel, Prior, Ray, Rays};
 use skelsplat_core::study::overlap::PlaneGaussian;
 use skelsplat_core::study::projection::View;
 use skelsplat_core::study::symmetry::LimbPair;
+use skelsplat_core::study::triangulation::robust;
 use skelsplat_core::{
     AnnealedSettings, Bones, Camera, Detections, Frame, JointStatus, RefineConfig, Refinement,
     Refiner, StopReason, Unit,
