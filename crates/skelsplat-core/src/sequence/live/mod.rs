@@ -51,11 +51,6 @@ use crate::error::{Error, Result};
 use crate::outcome::{ErrorBars, JointStatus, Loss, Outcome, Splats, StopReason};
 use crate::refine::{Frame, Refinement, Refiner};
 
-/// The lengths of bones that the user gives.
-fn given(refiner: &Refiner) -> Vec<Option<Length>> {
-    refiner.bones().iter().map(|bone| refiner.expected.given(*bone)).collect()
-}
-
 /// The state of all joints between frames.
 #[derive(Debug, Clone)]
 pub struct Live {
@@ -69,8 +64,6 @@ pub struct Live {
     noise: f64,
     /// Mean spread of the body, mm; NaN before it is known.
     reach: f64,
-    /// Lengths of bones that the user gives, which count until frames have shown the bone.
-    given: Vec<Option<Length>>,
     /// The body's size in multiples of a person's; NaN before it is known.
     size: f64,
     /// The refiner of bodies of this size, unless it is a person's.
@@ -106,7 +99,6 @@ impl Live {
             bones: Vec::new(),
             noise: f64::NAN,
             reach: f64::NAN,
-            given: given(refiner),
             size: f64::NAN,
             scaled: None,
             window,
@@ -169,12 +161,9 @@ impl Live {
         if self.size.is_nan() {
             self.size = body_size(refiner, &[std::slice::from_ref(frame)])?;
             self.scaled = None;
-            self.given = given(refiner);
         }
         if self.scaled.is_none() && self.size.is_finite() && self.size != 1.0 {
-            let scaled = refiner.at_size(self.size);
-            self.given = given(&scaled);
-            self.scaled = Some(Arc::new(scaled));
+            self.scaled = Some(Arc::new(refiner.at_size(self.size)));
         }
         Ok(self.scaled.clone())
     }
@@ -256,11 +245,11 @@ impl Live {
         left.extend(unsure);
         let mut answers = vec![None; n];
         while !left.is_empty() {
-            let tied = |j: &usize| self.ties(*j, &answers, bones).next().is_some();
+            let tied = |j: &usize| self.ties(*j, &answers, refiner).next().is_some();
             let next = if determined > 0 { None } else { left.iter().position(tied) };
             determined = determined.saturating_sub(1);
             let j = left.remove(next.unwrap_or(0));
-            seen[j].ties = self.ties(j, &answers, bones).collect();
+            seen[j].ties = self.ties(j, &answers, refiner).collect();
             answers[j] = Some(self.joints[j].step(&seen[j]));
         }
         answers.into_iter().flatten().collect()
@@ -271,7 +260,7 @@ impl Live {
         &self,
         j: usize,
         answers: &[Option<Answer>],
-        bones: &[[usize; 2]],
+        refiner: &Refiner,
     ) -> impl Iterator<Item = Tie> {
         let tie = move |(length, bone): (Option<Length>, &[usize; 2])| {
             let to = answers[other_end(*bone, j)?]?;
@@ -279,12 +268,15 @@ impl Live {
             let known = to.at.x.is_finite() && to.covariance.trace().is_finite();
             known.then_some(Tie { to, length })
         };
-        self.lengths().zip(bones).filter_map(tie)
+        self.lengths(refiner).zip(refiner.bones()).filter_map(tie)
     }
 
-    /// The length of every bone, as far as it is known.
-    fn lengths(&self) -> impl Iterator<Item = Option<Length>> + '_ {
-        self.bones.iter().zip(&self.given).map(|(bone, given)| bone.length().or(*given))
+    /// The length of every bone, as far as it is known: that which the user gives counts until
+    /// frames have shown the bone.
+    fn lengths(&self, refiner: &Refiner) -> impl Iterator<Item = Option<Length>> {
+        let given = |ends: &[usize; 2]| refiner.expected.given(*ends);
+        let bones = self.bones.iter().zip(refiner.bones());
+        bones.map(move |(bone, ends)| bone.length().or_else(|| given(ends)))
     }
 
     /// What the frames so far tell a recording.
@@ -293,7 +285,7 @@ impl Live {
         let common = Common {
             fps: self.fps,
             bones: refiner.bones().to_vec(),
-            lengths: self.lengths().map(|length| length.unwrap_or(unknown)).collect(),
+            lengths: self.lengths(refiner).map(|length| length.unwrap_or(unknown)).collect(),
             process_noise: self
                 .joints
                 .iter()
