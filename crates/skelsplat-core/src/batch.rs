@@ -10,7 +10,7 @@ use crate::refine::{Frame, Refinement, Refinements, Refiner};
 use crate::threads;
 
 /// Frames that are shared between threads at a time: their results are in memory twice.
-const CHUNK: usize = 4096;
+const CHUNK: usize = 1024;
 
 /// Progress and cancellation of a batch, shared between threads.
 #[derive(Debug, Default)]
