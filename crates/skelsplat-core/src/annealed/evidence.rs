@@ -101,8 +101,19 @@ impl Mixture {
         }
     }
 
+    /// The same with the variance `by` times as large.
+    #[must_use]
+    pub fn noisier(&self, by: f64) -> Self {
+        Self { variance: by * self.variance, ..self.clone() }
+    }
+
     /// log p of the rays of a joint at `x`, and of its prior, with the volume in which it may lie.
     pub fn of_joint(&self, rays: &[Ray], x: &Vector3<f64>, prior: Option<&Prior>) -> f64 {
+        self.at(rays, x, prior).0
+    }
+
+    /// [`Self::of_joint`], and the information on where the joint is.
+    pub fn at(&self, rays: &[Ray], x: &Vector3<f64>, prior: Option<&Prior>) -> (f64, Symmetric) {
         let (mut outer, mut weight, mut log_p) = (Symmetric::default(), 0.0, 0.0);
         let mut seen = rays.iter().zip(&self.wrong).filter(|(ray, _)| ray.is_there());
         loop {
@@ -135,7 +146,7 @@ impl Mixture {
             log_p -= 0.5 * off.dot(&(prior.precision * off));
             information.add(&Symmetric::of(&prior.precision));
         }
-        log_p - 0.5 * information.determinant(&information.cofactors()).ln()
+        (log_p - 0.5 * information.determinant(&information.cofactors()).ln(), information)
     }
 }
 

@@ -175,7 +175,7 @@ impl AnnealedFrame<'_> {
         solver.measure(false);
         let solution = solver.solution();
         let found = Attempt::new(rays, solver);
-        let bars = self.bars(&found, &solution);
+        let bars = self.bars(&found, &solution).0;
         // Its splats are wider than these kernels: detections rejected here may still determine the
         // depth.
         let all = vec![1.0; self.detections.n_views()];
@@ -187,11 +187,12 @@ impl AnnealedFrame<'_> {
         ErrorBars { status: status.collect(), ..bars }
     }
 
-    fn bars(&self, found: &Attempt, solution: &Solution) -> ErrorBars {
+    fn bars(&self, found: &Attempt, solution: &Solution) -> (ErrorBars, Vec<Vector3<f64>>) {
         let votes = Votes::of(&found.rays, solution);
         let follows = found.follows_noise && self.annealing.noise == NoiseModel::Estimated;
         // Otherwise neither the share of wrong detections nor other places matter.
-        let matters = follows || votes.agree != votes.seen || !found.bones.is_empty();
+        let is_loud = (0..votes.seen.len()).any(|j| solution.is_loud(j));
+        let matters = follows || is_loud || votes.agree != votes.seen || !found.bones.is_empty();
         let evidence = if matters { self.evidence(&found.solver) } else { Evidence::default() };
         let noise_share = match follows {
             true => (1.0 - evidence.wrong) * of_few(&found.rays),
@@ -372,14 +373,14 @@ impl AnnealedFrame<'_> {
         found.solver.joints.scale_to(&found.rays);
         found.solver.measure(found.follows_noise);
         let solution = found.solver.solution();
-        let bars = self.bars(&found, &solution);
+        let (bars, points) = self.bars(&found, &solution);
         let loss = self.loss(&found.rays, &solution);
         let known = |(x, status): (&Vector3<f64>, &JointStatus)| {
             x.x.is_finite() && *status != JointStatus::Unobserved
         };
         let observed = solution.points.iter().zip(&bars.status).any(known);
         let outcome = Outcome {
-            points: solution.points,
+            points,
             splats: Splats::Round(solution.sigma),
             init: found.init,
             used_for: found.used_for,

@@ -69,3 +69,13 @@ pub struct Solution {
     /// Whether the steps became small.
     pub converged: bool,
 }
+
+/// From these squares on, in multiples of what is expected, a joint may have more noise.
+const LOUD: f64 = 2.0;
+
+impl Solution {
+    /// Whether joint `j` may have more noise than the others.
+    pub(super) fn is_loud(&self, j: usize) -> bool {
+        self.residuals[j].squares > LOUD * self.variance * self.residuals[j].freedom
+    }
+}
