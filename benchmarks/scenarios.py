@@ -85,7 +85,8 @@ class Scene:
 
     def dlt(self) -> FloatArray:
         """Return the DLT of all pixels that there are, whatever the confidences."""
-        return sk.triangulate(self.detections[..., :2], self.rig, method="dlt")
+        there = np.where(self.detections[..., 2:] > 0, self.detections[..., :2], np.nan)
+        return sk.triangulate(there, self.rig, method="dlt")
 
     def refined(
         self,

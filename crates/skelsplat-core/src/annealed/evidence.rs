@@ -113,7 +113,12 @@ impl Mixture {
     }
 
     /// [`Self::of_joint`], and the information on where the joint is.
-    pub fn at(&self, rays: &[Ray], x: &Vector3<f64>, prior: Option<&Prior>) -> (f64, Symmetric) {
+    pub(super) fn at(
+        &self,
+        rays: &[Ray],
+        x: &Vector3<f64>,
+        prior: Option<&Prior>,
+    ) -> (f64, Symmetric) {
         let (mut outer, mut weight, mut log_p) = (Symmetric::default(), 0.0, 0.0);
         let mut seen = rays.iter().zip(&self.wrong).filter(|(ray, _)| ray.is_there());
         loop {
@@ -151,7 +156,7 @@ impl Mixture {
 }
 
 /// log Σ exp of `logs` under equal priors, and the posterior probability of each.
-fn averaged<const N: usize>(logs: [f64; N]) -> (f64, [f64; N]) {
+pub(super) fn averaged<const N: usize>(logs: [f64; N]) -> (f64, [f64; N]) {
     let most = logs.iter().copied().fold(f64::NEG_INFINITY, f64::max);
     let weights = logs.map(|log| (log - most).exp());
     let all: f64 = weights.iter().sum();

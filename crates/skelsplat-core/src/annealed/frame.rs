@@ -13,6 +13,7 @@ use super::rays::{Rays, there};
 use super::solver::{Solver, Terms};
 use super::starts::{Before, PRIOR_REACH, nearest_to_all};
 use super::swaps::{self, Chain, Swap};
+use super::views::factors;
 use crate::bones::Bone;
 use crate::bones::expected::Expected;
 use crate::camera::Camera;
@@ -132,7 +133,21 @@ impl AnnealedFrame<'_> {
                 }
             }
         }
-        self.outcome(found)
+        let given = self.compare_views(&mut found);
+        self.outcome(found, given)
+    }
+
+    /// Solves the frame again where views do not compare as their confidences say; returns the rays
+    /// with their confidences.
+    fn compare_views(&self, found: &mut Attempt) -> Option<Rays> {
+        let factors = factors(&found.rays, &found.solver.solution())?;
+        let rays = found.rays.weighed(&factors);
+        found.solver.joints.set_all_rays(&rays);
+        found.solver.measure(found.follows_noise);
+        let bones = &found.bones;
+        let terms = Terms { enter: f64::INFINITY, ..self.terms(found.follows_noise, bones) };
+        found.solver.run(&terms, |_| true);
+        Some(std::mem::replace(&mut found.rays, rays))
     }
 
     /// With swaps and moves.
@@ -175,7 +190,7 @@ impl AnnealedFrame<'_> {
         solver.measure(false);
         let solution = solver.solution();
         let found = Attempt::new(rays, solver);
-        let bars = self.bars(&found, &solution).0;
+        let bars = self.bars(&found, &solution);
         // Its splats are wider than these kernels: detections rejected here may still determine the
         // depth.
         let all = vec![1.0; self.detections.n_views()];
@@ -187,7 +202,7 @@ impl AnnealedFrame<'_> {
         ErrorBars { status: status.collect(), ..bars }
     }
 
-    fn bars(&self, found: &Attempt, solution: &Solution) -> (ErrorBars, Vec<Vector3<f64>>) {
+    fn bars(&self, found: &Attempt, solution: &Solution) -> ErrorBars {
         let votes = Votes::of(&found.rays, solution);
         let follows = found.follows_noise && self.annealing.noise == NoiseModel::Estimated;
         // Otherwise neither the share of wrong detections nor other places matter.
@@ -369,18 +384,18 @@ impl AnnealedFrame<'_> {
         Attempt { rays, used_for, solver, init: found.init.clone(), bones: Vec::new(), ..*found }
     }
 
-    fn outcome(&self, mut found: Attempt) -> Annealed {
+    fn outcome(&self, mut found: Attempt, given: Option<Rays>) -> Annealed {
         found.solver.joints.scale_to(&found.rays);
         found.solver.measure(found.follows_noise);
         let solution = found.solver.solution();
-        let (bars, points) = self.bars(&found, &solution);
+        let bars = self.bars(&found, &solution);
         let loss = self.loss(&found.rays, &solution);
         let known = |(x, status): (&Vector3<f64>, &JointStatus)| {
             x.x.is_finite() && *status != JointStatus::Unobserved
         };
         let observed = solution.points.iter().zip(&bars.status).any(known);
         let outcome = Outcome {
-            points,
+            points: solution.points,
             splats: Splats::Round(solution.sigma),
             init: found.init,
             used_for: found.used_for,
@@ -393,7 +408,7 @@ impl AnnealedFrame<'_> {
                 (true, false) => StopReason::MaxSteps,
             },
         };
-        Annealed { outcome, bars, rays: found.rays }
+        Annealed { outcome, bars, rays: given.unwrap_or(found.rays) }
     }
 
     /// The terms of F (see [`crate::annealed`]): data and symmetry.

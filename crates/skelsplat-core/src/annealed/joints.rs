@@ -142,8 +142,14 @@ impl Joints {
             pixel: 1.0,
             range: f64::INFINITY,
         };
-        (0..n_joints).for_each(|j| joints.set_rays(rays, j));
+        joints.set_all_rays(rays);
         joints
+    }
+
+    /// Takes over the rays of all joints.
+    pub(super) fn set_all_rays(&mut self, rays: &Rays) {
+        (0..self.n_joints).for_each(|j| self.set_rays(rays, j));
+        self.weight = rays.mean_weight();
     }
 
     /// Takes over the rays of joint `j`.

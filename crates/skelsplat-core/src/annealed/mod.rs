@@ -29,10 +29,12 @@ pub mod places;
 pub mod posterior;
 pub mod problem;
 pub mod rays;
+mod rivals;
 pub mod settings;
 pub mod solver;
 pub mod starts;
 pub mod swaps;
+mod views;
 
 pub use frame::{Alone, Annealed, AnnealedFrame};
 pub use noise::NoiseModel;

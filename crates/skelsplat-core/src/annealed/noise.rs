@@ -32,7 +32,7 @@ pub(super) struct Scale {
 }
 
 /// Weight of the prior, in residuals.
-const PRIOR_DOF: f64 = 6.0;
+pub(super) const PRIOR_DOF: f64 = 6.0;
 /// The same where the frame has more noise than the prior expects.
 const REFUTED_DOF: f64 = 3.0;
 /// The shrinkage by the kernel is corrected up to this factor of the variance.

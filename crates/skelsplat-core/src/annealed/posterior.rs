@@ -10,14 +10,14 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::consensus::settled;
 use super::couplings::{of_bone, of_pair};
 use super::depth::is_fixed;
-use super::equations::{covariances, inverse_of};
+use super::equations::covariances;
 use super::places::PlaceSearch;
 use super::problem::Solution;
 use super::rays::Rays;
-use crate::bones::{Pull, other_end};
+use super::rivals::{Rival, rivals};
+use crate::bones::other_end;
 use crate::matrix3::symmetrised;
 use crate::outcome::{ErrorBars, JointStatus};
 use crate::symmetry::LimbPair;
@@ -37,12 +37,6 @@ const INFERRED: f64 = 0.25;
 const LEAST_JOINTS: usize = 3;
 /// Probability of all other places from which a joint is not determined.
 const UNSURE: f64 = 0.025;
-/// Positions nearer to each other than this multiple of the kernel are the same.
-const APART: f64 = 4.0;
-/// Detections that must agree on a place, besides those that reject it, for no other place to
-/// matter: few rays pass through two places, so that two of them may agree on another as well.
-const SURE: usize = 4;
-
 /// A solution and everything it rests on.
 #[derive(Clone, Copy)]
 pub(super) struct Explanation<'a> {
@@ -58,14 +52,13 @@ pub(super) struct Explanation<'a> {
 }
 
 /// Posterior, weights of the detections and status of every joint at the solution.
-pub(super) fn error_bars(of: &Explanation<'_>) -> (ErrorBars, Vec<Vector3<f64>>) {
+pub(super) fn error_bars(of: &Explanation<'_>) -> ErrorBars {
     let PlaceSearch { rays, bones, solution, votes, .. } = of.search;
     let (m, n) = (rays.n_views(), rays.n_joints());
     let believed = believed(rays, solution);
     let k = |j: usize| &believed[j * m..(j + 1) * m];
     let deep: Vec<bool> = (0..n).map(|j| is_fixed(rays.of_joint(j), j, solution, k(j))).collect();
     let mut covariances = posterior(of, &deep, &believed);
-    let mut points = solution.points.clone();
     let mut status: Vec<JointStatus> = (0..n)
         .map(|j| match votes.seen[j] {
             0 => JointStatus::Unobserved,
@@ -74,23 +67,16 @@ pub(super) fn error_bars(of: &Explanation<'_>) -> (ErrorBars, Vec<Vector3<f64>>)
         })
         .collect();
     let spread = BodyExtent::of(&solution.points, &deep).map_or(0.0, |b| b.square_spread.sqrt());
-    let has_bone = |j: &usize| bones.iter().any(|bone| bone.joints.contains(j));
     for j in 0..n {
-        let rivals = rivals(&of.search, j, has_bone(&j));
+        let mut elsewhere = 0.0;
         let own = covariances[j];
-        let mut here = 1.0;
-        for Rival { at, share, spread } in &rivals {
-            let off = at - points[j];
-            covariances[j] += off * off.transpose() * *share;
-            here -= share;
-            if let Some(spread) = spread {
-                covariances[j] += (spread - own) * *share;
-            }
+        for Rival { at, share, spread } in rivals(&of.search, j) {
+            let off = at - solution.points[j];
+            let more = spread.map_or_else(Matrix3::zeros, |spread| spread - own);
+            covariances[j] += (off * off.transpose() + more) * share;
+            elsewhere += if spread.is_none() { share } else { 0.0 };
         }
-        let off = solution.points[j] - points[j];
-        covariances[j] += off * off.transpose() * here;
-        let elsewhere = rivals.iter().filter(|rival| rival.spread.is_none());
-        if elsewhere.map(|rival| rival.share).sum::<f64>() > UNSURE {
+        if elsewhere > UNSURE {
             status[j] = JointStatus::Weak;
         }
     }
@@ -106,73 +92,7 @@ pub(super) fn error_bars(of: &Explanation<'_>) -> (ErrorBars, Vec<Vector3<f64>>)
     // Without detections the noise is that of the prior, not a measurement.
     let is_seen = status.iter().any(|s| *s != JointStatus::Unobserved);
     let noise = if is_seen { solution.noise } else { f64::NAN };
-    (ErrorBars { covariances, noise, believed, status }, points)
-}
-
-/// Another explanation of a joint.
-#[derive(Clone, Copy)]
-struct Rival {
-    at: Vector3<f64>,
-    /// Its probability.
-    share: f64,
-    /// The covariance, if its detections have more noise.
-    spread: Option<Matrix3<f64>>,
-}
-
-/// Standard deviations of the noise of one joint, in multiples of the frame's, and their
-/// probabilities.
-const LEVELS: [(f64, f64); 3] = [(2.0, 0.1), (4.0, 0.1), (8.0, 0.1)];
-
-/// Other explanations of joint `j`, if there are detections that may be right
-/// and reject it, or few besides its bone.
-fn rivals(of: &PlaceSearch<'_>, j: usize, has_bone: bool) -> Vec<Rival> {
-    let (agree, seen) = (of.votes.agree[j], of.votes.seen[j]);
-    let (x, sigma) = (&of.solution.points[j], of.solution.sigma[j]);
-    let is_loud = of.solution.is_loud(j);
-    let is_contradicted = agree < seen && agree < seen - agree + SURE;
-    let is_tied = is_contradicted || agree < 2 && has_bone;
-    if !(is_tied || (is_loud && agree > 1)) {
-        return Vec::new();
-    }
-    // The rivals of a doubtful end would satisfy the bone elsewhere.
-    let is_firm = |end: usize| of.votes.agree[end] > 1 && !of.votes.is_doubtful(end);
-    let bones_at = |x: &Vector3<f64>| {
-        let ends = of.bones.iter().filter_map(|bone| Some((other_end(bone.joints, j)?, bone)));
-        let ends = ends.filter(|(end, _)| is_firm(*end));
-        let ends = ends.map(|(end, bone)| (&of.solution.points[end], bone.length));
-        ends.map(|(end, length)| Pull::new(x, end, length).loss).sum::<f64>()
-    };
-    let log_p = |x: &Vector3<f64>| -of.against(j, x) - bones_at(x);
-    let is_apart = |a: &Vector3<f64>, b: &Vector3<f64>| (a - b).norm() > APART * sigma;
-    let mut found: Vec<Rival> = Vec::new();
-    if is_tied {
-        let places = of.elsewhere(j, is_firm).into_iter().filter(|y| is_apart(x, y));
-        let mut weighed: Vec<Rival> =
-            places.map(|at| Rival { at, share: log_p(&at), spread: None }).collect();
-        // The likeliest first, so that the order of the views does not matter.
-        weighed.sort_by(|a, b| b.share.total_cmp(&a.share));
-        for place in weighed {
-            if found.iter().all(|other| is_apart(&other.at, &place.at)) {
-                found.push(place);
-            }
-        }
-    }
-    let rays = of.rays.of_joint(j);
-    let prior = of.priors.map(|priors| &priors[j]);
-    if agree > 1 {
-        for (times, p) in LEVELS {
-            let at = settled(rays, settled(rays, *x, times * sigma), times * sigma);
-            let (log, information) = of.mixture.noisier(times * times).at(rays, &at, prior);
-            let spread = inverse_of(&information.matrix());
-            found.push(Rival { at, share: log - bones_at(&at) + p.ln(), spread: Some(spread) });
-        }
-    }
-    let here = log_p(x);
-    let most = found.iter().map(|rival| rival.share).fold(here, f64::max);
-    let all: f64 = found.iter().map(|rival| (rival.share - most).exp()).sum();
-    let all = all + (here - most).exp();
-    found.iter_mut().for_each(|rival| rival.share = (rival.share - most).exp() / all);
-    found
+    ErrorBars { covariances, noise, believed, status }
 }
 
 /// k of every ray `(N, M)` at the solution; NaN where missing.

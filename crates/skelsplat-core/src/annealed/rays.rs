@@ -143,6 +143,17 @@ impl Rays {
         if n == 0 { 1.0 } else { weights().sum::<f64>() / n as f64 }
     }
 
+    /// With the weights of every view times its factor.
+    #[must_use]
+    pub fn weighed(&self, factors: &[f64]) -> Self {
+        let times = |(ray, factor): (&Ray, &f64)| match ray.is_there() {
+            true => Ray { weight: ray.weight * factor, ..*ray },
+            false => *ray,
+        };
+        let rays = self.rays.iter().zip(factors.iter().cycle()).map(times).collect();
+        Self { rays, ..*self }
+    }
+
     /// Swaps the detections of joints `a` and `b` in view `i`.
     pub fn swap(&mut self, i: usize, a: usize, b: usize) {
         self.rays.swap(a * self.n_views + i, b * self.n_views + i);

@@ -1,0 +1,80 @@
+//! How far confidences of different views compare.
+//!
+//! A detector compares what it sees in one image; that another view, or another detector, says 0.9
+//! where this one says 0.3 is a claim about their noise, on which the residuals have a say. With
+//! the weights w_ij = c_ij (c̄_i/c̄)^(γ−1) of the detections that agree, the joints integrated out
+//! and the noise at its most likely value,
+//!
+//! ```text
+//! log p(γ) = Σ log w_ij − ½ Σ_j log det H_j − ½ f log Σ w_ij |e_ij|² − γ²/2τ² Σ_i (log c̄_i − mean)²
+//! ```
+//!
+//! with H_j = Σ_i w_ij (I − d dᵀ), the residuals e of least squares under w, f degrees of freedom,
+//! 2 per detection less 3 per joint (restricted maximum likelihood, H. D. Patterson and R. Thompson,
+//! 1971), and the prior of the noise among both. γ = 1: views compare as they say; 0: not at all.
+
+use nalgebra::Matrix3;
+
+use super::consensus::agrees;
+use super::evidence::averaged;
+use super::noise::{NoiseModel, PRIOR_DOF};
+use super::problem::Solution;
+use super::rays::{Meeting, Ray, Rays};
+
+/// The exponents γ.
+const EXPONENTS: [f64; 3] = [1.0, 0.5, 0.0];
+/// τ: usual differences of the logarithm of the noise's variance from view to view.
+const USUAL: f64 = 0.7;
+/// Views whose mean confidences differ by less compare as they say.
+const ALIKE: f64 = 1.5;
+
+/// Factors on the weights of every view; `None` where they compare as they say.
+pub(super) fn factors(rays: &Rays, solution: &Solution) -> Option<Vec<f64>> {
+    let logs: Vec<f64> = (0..rays.n_views()).map(|i| mean_weight(rays, i).ln()).collect();
+    let known = || logs.iter().copied().filter(|log| log.is_finite());
+    let mean = known().sum::<f64>() / known().count() as f64;
+    let differ = |a: f64| known().any(|b| b - a > ALIKE.ln());
+    if !known().any(differ) {
+        return None;
+    }
+    let squares: f64 = known().map(|log| (log - mean).powi(2)).sum();
+    let of = |gamma: f64| -> Vec<f64> {
+        logs.iter().map(|log| ((gamma - 1.0) * (log - mean)).exp()).collect()
+    };
+    let log_p = |gamma: f64| {
+        let against = 0.5 * squares * (gamma / USUAL).powi(2);
+        log_likelihood(&rays.weighed(&of(gamma)), solution) - against
+    };
+    let (_, shares) = averaged(EXPONENTS.map(log_p));
+    Some(of(EXPONENTS.iter().zip(shares).map(|(gamma, share)| gamma * share).sum()))
+}
+
+/// Mean weight of the detections of view `i`.
+fn mean_weight(rays: &Rays, i: usize) -> f64 {
+    let weights = (0..rays.n_joints()).map(|j| rays.of_joint(j)[i].weight).filter(|w| *w > 0.0);
+    let (sum, count) = weights.fold((0.0, 0.0), |(sum, count), w| (sum + w, count + 1.0));
+    sum / count
+}
+
+/// log p of the detections that agree with the solution, whatever their noise and the joints are.
+fn log_likelihood(rays: &Rays, solution: &Solution) -> f64 {
+    let prior = rays.mean_weight() * (NoiseModel::PRIOR_PX * solution.pixel).powi(2);
+    let (mut log, mut squares, mut freedom) = (0.0, PRIOR_DOF * prior, PRIOR_DOF);
+    for (j, x) in solution.points.iter().enumerate() {
+        let agreeing = |ray: &&Ray| ray.is_there() && agrees(ray, x, solution.sigma[j]);
+        let agreeing = || rays.of_joint(j).iter().filter(agreeing);
+        let mut meeting = Meeting::default();
+        agreeing().for_each(|ray| meeting.add(ray, ray.weight));
+        let Some((x, _)) = meeting.point() else { continue };
+        let mut information = Matrix3::zeros();
+        for ray in agreeing() {
+            log += ray.weight.ln();
+            squares += ray.weight * ray.offset(&x).across.norm_squared();
+            information += ray.information() * ray.weight;
+            freedom += 2.0;
+        }
+        freedom -= 3.0;
+        log -= 0.5 * information.determinant().ln();
+    }
+    log - 0.5 * freedom * squares.ln()
+}
