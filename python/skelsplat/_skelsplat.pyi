@@ -584,7 +584,7 @@ def frame_evidence(
     noise: float,
     widest: float,
     bones: Sequence[tuple[int, int, float, float]],
-) -> tuple[float, float]: ...
+) -> tuple[float, float, list[float] | None]: ...
 def sequence_equations(
     poses: ArrayLike,
     detections: ArrayLike,

@@ -51,6 +51,12 @@ def noise_variance(rays: Rays, x: Array, sigma: Array, pixel: float) -> float:
     return float(shrunk / max(1 - shrunk / (2 * rays.mean_weight * sigma.mean() ** 2), 0.25))
 
 
+def is_loud(rays: Rays, solution: Solution) -> Mask:
+    """Whether a joint (N,) may have more noise: twice the squares that are expected, or more."""
+    squares, support = residuals(solution.points, rays, solution.sigma)
+    return np.asarray(squares > 2 * solution.variance * np.maximum(2 * support - 3, 0))
+
+
 def limb_terms(x: Array, problem: Problem, usable: Mask) -> list[tuple[float, float, Array]]:
     """(κ/σ_sym², ‖l‖−‖r‖, its gradient (3N,)) of the pairs whose joints are all `usable` (N,)."""
     terms, sigma = [], problem.symmetry_sigma

@@ -16,6 +16,8 @@ SHARES = np.array([0.01, 0.06, 0.3, 0.8])
 SCALES = np.array([1.0, 0.5, 0.25])
 LEAST_REACH, ASTRAY = 2.5, 0.1
 BONE_REACH = 6.0
+EXPONENTS, USUAL = np.array([1.0, 0.5, 0.0]), 0.7
+PRIOR_DOF = 6.0
 
 
 def over_infinity(x: Array, rays: Rays, w: Array) -> Array:
@@ -100,3 +102,36 @@ def against_bones(
         square = (np.linalg.norm(x[a] - x[b]) - length) ** 2 / variance
         total += BONE_REACH**2 * (1 - np.exp(-0.5 * square / BONE_REACH**2)) + 0.5 * np.log(variance)
     return total
+
+
+def view_factors(x: Array, rays: Rays, noise: float, pixel: float) -> Array:
+    """Factors on the views' weights for joints x (N,3) on which three views agree, under kernels of the noise.
+
+    Restricted likelihood of w = c (c̄_i/c̄)^(γ−1), c̄ the geometric mean, summed over γ.
+    """
+    e, along = offsets(x, rays)
+    agree = (along > 0) & (rays.weight > 0) & (np.exp(-np.sum(e**2, axis=-1) / (4 * noise**2)) >= REJECTED)
+    agree &= agree.sum(axis=0) > 2
+    sure = agree.any(axis=0)
+    logs = np.log([w[w > 0].mean() for w in rays.weight])
+    off = (logs - logs.mean())[:, None]
+    log_p = []
+    for gamma in EXPONENTS:
+        given = rays.weight * np.exp((gamma - 1) * off)
+        w = np.where(agree, given, 0.0)
+        H = information(w, rays)[sure]
+        across = np.eye(3) - np.einsum("mna,mnb->mnab", rays.direction, rays.direction)
+        pull = np.einsum("mn,mnab,mnb->na", w, across, np.broadcast_to(rays.centre, rays.direction.shape))
+        best = np.zeros_like(x)
+        best[sure] = np.linalg.solve(H, pull[sure, :, None])[..., 0]
+        squares = np.sum(w * np.sum(offsets(best, rays)[0] ** 2, axis=-1))
+        squares += PRIOR_DOF * given[given > 0].mean() * (USUAL_PX * pixel) ** 2
+        freedom = PRIOR_DOF + 2 * agree.sum() - 3 * sure.sum()
+        log_p.append(
+            np.log(w[agree]).sum()
+            - 0.5 * np.linalg.slogdet(H)[1].sum()
+            - 0.5 * freedom * np.log(squares)
+            - 0.5 * (gamma / USUAL) ** 2 * np.sum(off**2)
+        )
+    share = np.exp(np.array(log_p) - np.logaddexp.reduce(log_p))
+    return np.asarray(np.exp((share @ EXPONENTS - 1) * off[:, 0]))

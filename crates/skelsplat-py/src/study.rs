@@ -8,7 +8,9 @@ use pyo3::types::PyDict;
 use skelsplat_core::Result as CoreResult;
 use skelsplat_core::study::annealed::Rays;
 use skelsplat_core::study::annealed::evidence::evidence_at;
-use skelsplat_core::study::annealed::places::against_bones_at;
+use skelsplat_core::study::annealed::places::against_bones;
+use skelsplat_core::study::annealed::solver::solution_at;
+use skelsplat_core::study::annealed::views::factors;
 use skelsplat_core::study::bones::{Bone, Length};
 use skelsplat_core::study::gaussian::{Gaussian, GaussianGradient, check_covariances};
 use skelsplat_core::study::paper::Encoding;
@@ -279,8 +281,8 @@ pub(crate) fn rig_equations(
     Ok((Out(matrix, vec![q, q]), Out(gradient, vec![q]), found.cost))
 }
 
-/// The evidence for a pose in mm and its bones (joint, joint, length, σ), and the share of wrong
-/// detections.
+/// The evidence for a pose in mm and its bones (joint, joint, length, σ), the share of wrong
+/// detections, and factors on the views' weights.
 #[pyfunction]
 #[pyo3(signature = (pose, detections, cameras, *, noise, widest, bones))]
 pub(crate) fn frame_evidence(
@@ -290,12 +292,13 @@ pub(crate) fn frame_evidence(
     noise: f64,
     widest: f64,
     bones: Vec<(usize, usize, f64, f64)>,
-) -> Result<(f64, f64)> {
+) -> Result<(f64, f64, Option<Vec<f64>>)> {
     let rays = Rays::new(&detections.only()?, &cameras.cameras, &[]);
     let variance = rays.mean_weight() * noise * noise;
     let points = pose.0.points();
     let found = evidence_at(&rays, &points, variance, &[], widest);
     let bone = |(a, b, mean, sigma)| Bone { joints: [a, b], length: Length { mean, sigma } };
-    let against = against_bones_at(&rays, &points, noise, widest, bones.into_iter().map(bone));
-    Ok((found.log - against, found.wrong))
+    let solution = solution_at(&rays, &points, noise);
+    let against = against_bones(bones.into_iter().map(bone), &solution, widest);
+    Ok((found.log - against, found.wrong, factors(&rays, &solution)))
 }

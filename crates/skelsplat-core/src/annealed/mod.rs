@@ -34,7 +34,7 @@ pub mod settings;
 pub mod solver;
 pub mod starts;
 pub mod swaps;
-mod views;
+pub mod views;
 
 pub use frame::{Alone, Annealed, AnnealedFrame};
 pub use noise::NoiseModel;

@@ -13,11 +13,8 @@ use nalgebra::Vector3;
 
 use super::consensus::{agrees, meeting_point, settled};
 use super::evidence::Mixture;
-use super::joints::Joints;
-use super::noise::NoiseModel;
 use super::problem::{Prior, Solution};
 use super::rays::{Ray, Rays, there};
-use super::solver::Solver;
 use crate::bones::expected::{Expected, Shown, stature};
 use crate::bones::population::Proportion;
 use crate::bones::{Bone, Length, Pull, other_end};
@@ -88,11 +85,7 @@ pub(super) fn shown<'a>(
 /// −log p of the bones' lengths at a solution, whose own errors they share: those of a joint have
 /// the variance (Σk · ⅔/ŝ² + 1/W²)⁻¹ along a direction, since (I − d dᵀ) has the mean eigenvalue ⅔;
 /// `widest` is W, mm.
-pub(super) fn against_bones(
-    bones: impl Iterator<Item = Bone>,
-    solution: &Solution,
-    widest: f64,
-) -> f64 {
+pub fn against_bones(bones: impl Iterator<Item = Bone>, solution: &Solution, widest: f64) -> f64 {
     let precision = 1.0 / (1.5 * solution.noise * solution.noise);
     let spread =
         |j: usize| 1.0 / (solution.residuals[j].support * precision + 1.0 / (widest * widest));
@@ -104,25 +97,6 @@ pub(super) fn against_bones(
         if pull.stiffness > 0.0 { pull.loss + sigma.ln() } else { 0.0 }
     };
     bones.map(loss).sum()
-}
-
-/// −log p of bones of joints at `points`, under kernels as wide as this `noise`, for study and
-/// tests.
-pub fn against_bones_at(
-    rays: &Rays,
-    points: &[Vector3<f64>],
-    noise: f64,
-    widest: f64,
-    bones: impl Iterator<Item = Bone>,
-) -> f64 {
-    let mut joints = Joints::new(rays, &[]);
-    for (j, x) in points.iter().enumerate() {
-        joints.put(j, x);
-        joints.set_sigma(j, noise);
-    }
-    let mut solver = Solver::new(joints, NoiseModel::Millimetres(noise));
-    solver.measure(false);
-    against_bones(bones, &solver.solution(), widest)
 }
 
 /// Where the joints of a frame are, and what says that they are elsewhere.

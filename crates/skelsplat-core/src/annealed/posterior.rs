@@ -35,7 +35,7 @@ const LEAST_SPREAD: f64 = 2.0;
 const INFERRED: f64 = 0.25;
 /// Minimum number of joints of a body.
 const LEAST_JOINTS: usize = 3;
-/// Probability of all other places from which a joint is not determined.
+/// Probability of all other places, with the frame's noise, from which a joint is not determined.
 const UNSURE: f64 = 0.025;
 /// A solution and everything it rests on.
 #[derive(Clone, Copy)]
@@ -68,15 +68,16 @@ pub(super) fn error_bars(of: &Explanation<'_>) -> ErrorBars {
         .collect();
     let spread = BodyExtent::of(&solution.points, &deep).map_or(0.0, |b| b.square_spread.sqrt());
     for j in 0..n {
-        let mut elsewhere = 0.0;
+        let (mut here, mut elsewhere) = (1.0, 0.0);
         let own = covariances[j];
         for Rival { at, share, spread } in rivals(&of.search, j) {
             let off = at - solution.points[j];
             let more = spread.map_or_else(Matrix3::zeros, |spread| spread - own);
             covariances[j] += (off * off.transpose() + more) * share;
+            here -= share;
             elsewhere += if spread.is_none() { share } else { 0.0 };
         }
-        if elsewhere > UNSURE {
+        if elsewhere > UNSURE * (here + elsewhere) {
             status[j] = JointStatus::Weak;
         }
     }

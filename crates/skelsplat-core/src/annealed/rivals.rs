@@ -19,7 +19,7 @@ const APART: f64 = 4.0;
 const SURE: usize = 4;
 /// Noise of one joint in multiples of the frame's, with prior probabilities: of a wrist that moves
 /// fast, or of what the detector never learnt.
-const LEVELS: [(f64, f64); 3] = [(2.0, 0.06), (4.0, 0.04), (8.0, 0.04)];
+const LEVELS: [(f64, f64); 3] = [(2.0, 0.04), (4.0, 0.03), (8.0, 0.03)];
 
 /// Another explanation of a joint.
 #[derive(Clone, Copy)]

@@ -234,6 +234,20 @@ impl Solver {
     }
 }
 
+/// The solution that has its joints at `points`, for study and tests: with kernels as wide as this
+/// `noise`.
+pub fn solution_at(rays: &Rays, points: &[Vector3<f64>], noise: f64) -> Solution {
+    let mut joints = Joints::new(rays, &[]);
+    for (j, x) in points.iter().enumerate() {
+        joints.put(j, x);
+        joints.set_sigma(j, noise);
+    }
+    joints.scale_to(rays);
+    let mut solver = Solver::new(joints, NoiseModel::Millimetres(noise));
+    solver.measure(false);
+    solver.solution()
+}
+
 /// ∇F at `points` `(3N)`, for study and tests: with kernels of standard deviation `sigma` and the
 /// noise that `terms` give.
 pub fn gradient(

@@ -29,7 +29,7 @@ const USUAL: f64 = 0.7;
 const ALIKE: f64 = 1.5;
 
 /// Factors on the weights of every view; `None` where they compare as they say.
-pub(super) fn factors(rays: &Rays, solution: &Solution) -> Option<Vec<f64>> {
+pub fn factors(rays: &Rays, solution: &Solution) -> Option<Vec<f64>> {
     let logs: Vec<f64> = (0..rays.n_views()).map(|i| mean_weight(rays, i).ln()).collect();
     let known = || logs.iter().copied().filter(|log| log.is_finite());
     let mean = known().sum::<f64>() / known().count() as f64;
@@ -43,9 +43,10 @@ pub(super) fn factors(rays: &Rays, solution: &Solution) -> Option<Vec<f64>> {
     };
     let log_p = |gamma: f64| {
         let against = 0.5 * squares * (gamma / USUAL).powi(2);
-        log_likelihood(&rays.weighed(&of(gamma)), solution) - against
+        log_likelihood(&rays.weighed(&of(gamma)), solution).map(|log| log - against)
     };
-    let (_, shares) = averaged(EXPONENTS.map(log_p));
+    let [Some(a), Some(b), Some(c)] = EXPONENTS.map(log_p) else { return None };
+    let (_, shares) = averaged([a, b, c]);
     Some(of(EXPONENTS.iter().zip(shares).map(|(gamma, share)| gamma * share).sum()))
 }
 
@@ -56,13 +57,17 @@ fn mean_weight(rays: &Rays, i: usize) -> f64 {
     sum / count
 }
 
-/// log p of the detections that agree with the solution, whatever their noise and the joints are.
-fn log_likelihood(rays: &Rays, solution: &Solution) -> f64 {
+/// log p of the detections that agree with the solution, whatever their noise and the joints are;
+/// `None` if three views agree on no joint, since two rays do not tell which is noisier.
+fn log_likelihood(rays: &Rays, solution: &Solution) -> Option<f64> {
     let prior = rays.mean_weight() * (NoiseModel::PRIOR_PX * solution.pixel).powi(2);
     let (mut log, mut squares, mut freedom) = (0.0, PRIOR_DOF * prior, PRIOR_DOF);
     for (j, x) in solution.points.iter().enumerate() {
         let agreeing = |ray: &&Ray| ray.is_there() && agrees(ray, x, solution.sigma[j]);
         let agreeing = || rays.of_joint(j).iter().filter(agreeing);
+        if agreeing().count() < 3 {
+            continue;
+        }
         let mut meeting = Meeting::default();
         agreeing().for_each(|ray| meeting.add(ray, ray.weight));
         let Some((x, _)) = meeting.point() else { continue };
@@ -76,5 +81,5 @@ fn log_likelihood(rays: &Rays, solution: &Solution) -> f64 {
         freedom -= 3.0;
         log -= 0.5 * information.determinant().ln();
     }
-    log - 0.5 * freedom * squares.ln()
+    (freedom > PRIOR_DOF).then(|| log - 0.5 * freedom * squares.ln())
 }
