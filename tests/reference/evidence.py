@@ -105,7 +105,7 @@ def against_bones(
 
 
 def view_factors(x: Array, rays: Rays, noise: float, pixel: float) -> Array:
-    """Factors on the views' weights for joints x (N,3) on which three views agree, under kernels of the noise.
+    """Factors on the views' weights for joints x (N,3) on which three views agree under kernels of the noise.
 
     Restricted likelihood of w = c (c̄_i/c̄)^(γ−1), c̄ the geometric mean, summed over γ.
     """

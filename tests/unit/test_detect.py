@@ -263,14 +263,3 @@ def test_a_missing_package_and_its_extra(monkeypatch, tmp_path, name):
     result = invoke("detect", tmp_path / "no videos", "-o", tmp_path / "pose", "--backend", name)
     assert_fails(result, 1, f"pip install 'skelsplat[{name}]'")
     assert not (tmp_path / "pose").exists()
-
-
-@pytest.mark.usefixtures("mediapipe")
-def test_what_it_prints(videos, tmp_path):
-    pose = tmp_path / "pose"
-    result = invoke("detect", videos / "cam1.mp4", "-o", pose)
-    assert f"{pose}/cam1_json: 6 frames (cam1.mp4, 320×240, 25 Hz)" in result.stdout
-    assert "mediapipe33" in result.stdout
-    result = invoke("detect", videos / "cam1.mp4", "-o", pose)
-    assert "6 frames, 0 of them new" in result.stdout
-    assert invoke("detect", videos / "cam1.mp4", "-o", pose, "-q").output == ""

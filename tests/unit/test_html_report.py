@@ -9,10 +9,9 @@ import re
 import numpy as np
 import pytest
 
-from colour_vision import DEFICIENCIES, closest
 from people_page import crowd, people_report
 from report_page import NASTY, data_of, numbers, report_data, sequence, text_of
-from skelsplat.viz import _style, report
+from skelsplat.viz import report
 from skelsplat.viz._body import upright
 from skelsplat.viz.report._scene import MISSING, MOST_POSITIONS
 
@@ -132,13 +131,6 @@ def test_everybody_is_in_the_scene_where_they_are_there(written):
         there = np.isin(frames, one.frames)
         assert (coded[~there, place] == MISSING).all()
         np.testing.assert_allclose(found[there, place], one.refined, atol=0.51 * grid["step_mm"])
-
-
-def test_colours_of_people_differ_for_everyone_on_dark_paper_too(written):
-    text = written(people_report())
-    dark = [re.findall(rf"--person-{place}: (#\w+);", text)[1] for place in range(len(_style.PEOPLE))]
-    for seen in DEFICIENCIES.values():
-        assert closest(dark, seen) > 15
 
 
 def test_findings_stand_with_their_person(written):

@@ -10,7 +10,6 @@ import pytest
 from matplotlib.collections import EllipseCollection, PathCollection
 from matplotlib.image import imread
 
-from colour_vision import DEFICIENCIES, closest
 from people_page import CAMERAS, crowd, person
 from skelsplat import viz
 from skelsplat.exceptions import DatasetError
@@ -158,11 +157,6 @@ def test_a_failed_write_leaves_the_former_file_and_nothing_else(tmp_path, monkey
         overview(tmp_path, overview_data(frame=0))
     assert path.read_bytes() == before
     assert [p.name for p in tmp_path.iterdir()] == ["o.png"]
-
-
-@pytest.mark.parametrize("kind", DEFICIENCIES)
-def test_colours_of_people_differ_for_everyone(kind):
-    assert closest(_style.PEOPLE, DEFICIENCIES[kind]) > 15
 
 
 @pytest.fixture

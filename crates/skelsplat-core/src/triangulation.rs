@@ -68,6 +68,7 @@ pub fn robust(detections: &Detections, cameras: &[Camera]) -> Triangulated {
         expected: &Expected::default(),
         annealing: Annealing::of_joints(detections.n_joints()),
         before: None,
+        in_recording: false,
     };
     let Annealed { outcome, bars, .. } = frame.solve();
     let (m, n) = (cameras.len(), detections.n_joints());

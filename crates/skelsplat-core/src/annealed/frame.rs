@@ -40,6 +40,8 @@ pub struct AnnealedFrame<'a> {
     pub annealing: Annealing,
     /// Initial pose and prior.
     pub before: Option<Before>,
+    /// Whether it is one of a recording, which tells more of the noise of its joints and views.
+    pub in_recording: bool,
 }
 
 /// A pose and its error bars.
@@ -140,6 +142,9 @@ impl AnnealedFrame<'_> {
     /// Solves the frame again where views do not compare as their confidences say; returns the rays
     /// with their confidences.
     fn compare_views(&self, found: &mut Attempt) -> Option<Rays> {
+        if self.in_recording {
+            return None;
+        }
         let factors = factors(&found.rays, &found.solver.solution())?;
         let rays = found.rays.weighed(&factors);
         found.solver.joints.set_all_rays(&rays);
@@ -206,7 +211,8 @@ impl AnnealedFrame<'_> {
         let votes = Votes::of(&found.rays, solution);
         let follows = found.follows_noise && self.annealing.noise == NoiseModel::Estimated;
         // Otherwise neither the share of wrong detections nor other places matter.
-        let is_loud = (0..votes.seen.len()).any(|j| solution.is_loud(j));
+        let own_noise = !self.in_recording;
+        let is_loud = own_noise && (0..votes.seen.len()).any(|j| solution.is_loud(j));
         let matters = follows || is_loud || votes.agree != votes.seen || !found.bones.is_empty();
         let evidence = if matters { self.evidence(&found.solver) } else { Evidence::default() };
         let noise_share = match follows {
@@ -226,6 +232,7 @@ impl AnnealedFrame<'_> {
             pairs: self.pairs,
             symmetry_sigma: self.annealing.symmetry_sigma,
             noise_share,
+            own_noise,
         })
     }
 

@@ -49,6 +49,8 @@ pub(super) struct Explanation<'a> {
     /// Share of the residuals' variance that is noise; the rest are wrong detections that the
     /// kernel lets through.
     pub(super) noise_share: f64,
+    /// Whether a joint may have more noise than the others.
+    pub(super) own_noise: bool,
 }
 
 /// Posterior, weights of the detections and status of every joint at the solution.
@@ -69,13 +71,15 @@ pub(super) fn error_bars(of: &Explanation<'_>) -> ErrorBars {
     let spread = BodyExtent::of(&solution.points, &deep).map_or(0.0, |b| b.square_spread.sqrt());
     for j in 0..n {
         let (mut here, mut elsewhere) = (1.0, 0.0);
-        let own = covariances[j];
-        for Rival { at, share, spread } in rivals(&of.search, j) {
+        let mut more = Matrix3::zeros();
+        for Rival { at, share, spread } in rivals(&of.search, j, of.own_noise) {
             let off = at - solution.points[j];
-            let more = spread.map_or_else(Matrix3::zeros, |spread| spread - own);
-            covariances[j] += (off * off.transpose() + more) * share;
+            more += (off * off.transpose() + spread.unwrap_or(covariances[j])) * share;
             here -= share;
             elsewhere += if spread.is_none() { share } else { 0.0 };
+        }
+        if here < 1.0 {
+            covariances[j] = positive(symmetrised(&(covariances[j] * here + more)));
         }
         if elsewhere > UNSURE * (here + elsewhere) {
             status[j] = JointStatus::Weak;

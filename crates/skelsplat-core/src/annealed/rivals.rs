@@ -2,8 +2,8 @@
 //!
 //! A joint that detections reject may be where two other rays meet, or its detections may have more
 //! noise than the frame's: three rays that nearly meet and one that does not, or four rays with
-//! four times the noise. A place has the evidence of its rays and bones ([`super::places`]), a level
-//! of the noise that of the same rays around the place that it moves to.
+//! four times the noise. A place has the evidence of its rays and bones ([`super::places`]), a
+//! level of the noise that of the same rays around the place that it moves to.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -19,7 +19,7 @@ const APART: f64 = 4.0;
 const SURE: usize = 4;
 /// Noise of one joint in multiples of the frame's, with prior probabilities: of a wrist that moves
 /// fast, or of what the detector never learnt.
-const LEVELS: [(f64, f64); 3] = [(2.0, 0.04), (4.0, 0.03), (8.0, 0.03)];
+const LEVELS: [(f64, f64); 3] = [(2.0, 0.03), (4.0, 0.03), (8.0, 0.03)];
 
 /// Another explanation of a joint.
 #[derive(Clone, Copy)]
@@ -33,7 +33,7 @@ pub(super) struct Rival {
 
 /// Other explanations of joint `j`, if there are detections that may be right and reject it, or few
 /// besides its bone, or larger residuals than those of the others.
-pub(super) fn rivals(of: &PlaceSearch<'_>, j: usize) -> Vec<Rival> {
+pub(super) fn rivals(of: &PlaceSearch<'_>, j: usize, own_noise: bool) -> Vec<Rival> {
     let (agree, seen) = (of.votes.agree[j], of.votes.seen[j]);
     let has_bone = of.bones.iter().any(|bone| bone.joints.contains(&j));
     let is_contradicted = agree < seen && agree < seen - agree + SURE;
@@ -41,7 +41,7 @@ pub(super) fn rivals(of: &PlaceSearch<'_>, j: usize) -> Vec<Rival> {
         true => elsewhere(of, j),
         false => Vec::new(),
     };
-    if agree > 1 && (is_contradicted || of.solution.is_loud(j)) {
+    if own_noise && agree > 1 && (is_contradicted || of.solution.is_loud(j)) {
         found.extend(LEVELS.map(|level| noisier(of, j, level)));
     }
     let here = log_p(of, j, &of.solution.points[j]);

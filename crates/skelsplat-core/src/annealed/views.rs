@@ -6,12 +6,14 @@
 //! and the noise at its most likely value,
 //!
 //! ```text
-//! log p(γ) = Σ log w_ij − ½ Σ_j log det H_j − ½ f log Σ w_ij |e_ij|² − γ²/2τ² Σ_i (log c̄_i − mean)²
+//! log p(γ) = Σ log w_ij − ½ Σ_j log det H_j − ½ f log Σ w_ij |e_ij|²
+//!            − γ²/2τ² Σ_i (log c̄_i − mean)²
 //! ```
 //!
 //! with H_j = Σ_i w_ij (I − d dᵀ), the residuals e of least squares under w, f degrees of freedom,
-//! 2 per detection less 3 per joint (restricted maximum likelihood, H. D. Patterson and R. Thompson,
-//! 1971), and the prior of the noise among both. γ = 1: views compare as they say; 0: not at all.
+//! 2 per detection less 3 per joint (restricted maximum likelihood, H. D. Patterson and
+//! R. Thompson, 1971), and the prior of the noise among both. γ = 1: views compare as they say; 0:
+//! not at all.
 
 use nalgebra::Matrix3;
 

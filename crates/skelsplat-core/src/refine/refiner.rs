@@ -170,7 +170,9 @@ impl Refiner {
     pub(crate) fn alone(&self, frame: &Frame) -> Result<Alone> {
         self.check(frame)?;
         let used = self.usable(&frame.detections);
-        let Annealed { outcome, bars, rays } = self.annealed(&used, self.before(frame)).solve();
+        let frame =
+            AnnealedFrame { in_recording: true, ..self.annealed(&used, self.before(frame)) };
+        let Annealed { outcome, bars, rays } = frame.solve();
         Ok(Alone { rays, used_for: outcome.used_for, points: outcome.points, bars })
     }
 
@@ -337,6 +339,7 @@ impl Refiner {
             expected: &self.expected,
             annealing,
             before,
+            in_recording: false,
         }
     }
 

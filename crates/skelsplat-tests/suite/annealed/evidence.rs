@@ -26,6 +26,7 @@ fn solved(detections: &Detections) -> (f64, Vec<Vector3<f64>>) {
         expected: &Expected::default(),
         annealing: Annealing::of_joints(17),
         before: None,
+        in_recording: false,
     };
     let found = frame.solve();
     (found.bars.noise, found.outcome.points)
