@@ -79,9 +79,8 @@ class Scene:
         boxes = np.concatenate([np.zeros(extent.shape), _BOX_MARGIN * extent], axis=-1)
         frames = np.arange(len(self.truth))
         take = Take("", "", "", self.rig, frames, self.truth, self.detections, boxes=boxes)
-        chosen = methods.get(method)
-        settings = chosen.settings(methods.Options(n_threads=1))
-        return chosen.solve(take, sk.layouts.get(self.layout), settings).pose
+        chosen, options = methods.get(method), methods.Options(n_threads=1)
+        return chosen.solve(take, sk.layouts.get(self.layout), chosen.settings(options)).pose
 
     def dlt(self) -> FloatArray:
         """Return the DLT of all pixels that there are, whatever the confidences."""

@@ -11,10 +11,10 @@ import counts
 CEILINGS = {
     "package": 31_600,
     "cli": 3_120,
-    "core": 18_754,
+    "core": 18_559,
     "binding": 2_654,
-    "Rust tests": 6_027,
-    "Python tests": 25_634,
+    "Rust tests": 6_026,
+    "Python tests": 25_633,
     "benchmarks and tools": 3_990,
     "docs, words": 40_250,
     "README, words": 1_330,
