@@ -9,15 +9,19 @@ from typing import Any
 import numpy as np
 
 import skelsplat as sk
-from skelsplat._arrays import Array, Index
+from skelsplat._arrays import Array, Index, medians
+from skelsplat._clocks import shifted
 from skelsplat.cameras import altered, matrix_from_vector
 from skelsplat.rig_check import ReadAs, RigReport, check_rig
-from skelsplat.rig_check._scene import everybody, followed, in_mm, one_after_another, several
+from skelsplat.rig_check._scene import Scene as Judged
+from skelsplat.rig_check._scene import everybody, followed, in_mm, one_after_another, scene_of, several
 from skelsplat.run.solve import spread
 
 _MOST_EMPTY = 8  # frames are put at even times unless so many times as many are missing
 _ROUNDS = 3  # how often people are told apart anew with other cameras
 _SEES = 0.5  # of the people that it should see, relative to other cameras, a camera set right sees so many
+_FURTHER = 1.5  # a camera is tried as two where it is so many times as far off on one side of a frame
+_SIDE = 10  # frames at least on either side, of those that are judged
 
 
 @dataclass(frozen=True)
@@ -38,15 +42,19 @@ class Scene:
         """Adjust cameras that disagree for no other reason than their places and clocks.
 
         A camera that is far off sees strangers in people's places: people are told apart anew where it may
-        be, and one that does not see them then is doubtful, or ``"unseen"`` if it was not changed. Clocks are
-        in frames of the files; ``given`` are arguments of `skelsplat.adjust_cameras`.
+        be, and one that does not see them then is doubtful, or ``"unseen"`` if it was not changed. One moved
+        while it recorded is ``"knocked"``, and stays. Clocks are in frames of the files; ``given`` are
+        arguments of `skelsplat.adjust_cameras`.
         """
         steps = self.frames - self.frames[0]
         step = int(np.gcd.reduce(steps)) or 1
-        people, places = self.people, steps // step
+        people, places, counted = self.people, steps // step, self.frames
         if places[-1] < _MOST_EMPTY * len(places):
             people = spread(people, places)
-        found = _by_everybody(self.rig, people, self.layout, given)
+            counted = self.frames[0] + step * np.arange(len(people))
+        found, everyone = _by_everybody(self.rig, people, self.layout, given)
+        if len(self.rig) > 2 and not given.get("free"):
+            found = _parted(self.rig, found, everyone, counted, given)
         report = (
             replace(one, clock=one.clock * step, clock_sigma=one.clock_sigma * step) for one in found.report
         )
@@ -55,11 +63,11 @@ class Scene:
 
 def _by_everybody(
     rig: sk.CameraRig, people: Array, layout: sk.Layout, given: dict[str, Any]
-) -> sk.RigAdjustment:
+) -> tuple[sk.RigAdjustment, tuple[Array, ...]]:
     everyone = followed(in_mm(rig), people, layout)
     found = sk.adjust_cameras(one_after_another(everyone), rig, **given)
     if not several(rig, people):
-        return found
+        return found, everyone
     for _ in range(_ROUNDS):
         supposed = _supposed(rig, found)
         if supposed is None:
@@ -71,7 +79,7 @@ def _by_everybody(
         if len(everyone) == len(before) and all(np.array_equal(*pair, equal_nan=True) for pair in pairs):
             break
         found = sk.adjust_cameras(one_after_another(everyone), rig, **given)
-    return _confirmed(rig, found, _part_seen(people, everyone))
+    return _confirmed(rig, found, _part_seen(people, everyone)), everyone
 
 
 def _supposed(rig: sk.CameraRig, found: sk.RigAdjustment) -> sk.CameraRig | None:
@@ -89,11 +97,7 @@ def _supposed(rig: sk.CameraRig, found: sk.RigAdjustment) -> sk.CameraRig | None
 
 def _moved(seen: Array, clocks: Sequence[int]) -> Array:
     """Return what every camera (T, M, …) sees so many frames later; NaN beyond the ends."""
-    out, count = np.full(seen.shape, np.nan), len(seen)
-    for i, clock in enumerate(clocks):
-        first, last = max(0, -clock), min(count, count - clock)
-        out[first:last, i] = seen[first + clock : last + clock, i]
-    return out
+    return np.stack([shifted(seen[:, i], clock) for i, clock in enumerate(clocks)], axis=1)
 
 
 def _part_seen(people: Array, everyone: Sequence[Array]) -> Array:
@@ -118,3 +122,49 @@ def _confirmed(rig: sk.CameraRig, found: sk.RigAdjustment, seen: Array) -> sk.Ri
         elif one.status == "sound":
             report[i] = replace(one, status="unseen")
     return replace(found, cameras=sk.CameraRig(cameras, rig.unit), report=tuple(report))
+
+
+def _parted(
+    rig: sk.CameraRig,
+    found: sk.RigAdjustment,
+    everyone: Sequence[Array],
+    frames: Index,
+    given: dict[str, Any],
+) -> sk.RigAdjustment:
+    """Return the adjustment with a camera ``"knocked"`` if, taken as two, before and later, one is wrong."""
+    seen = np.concatenate(everyone, axis=2)[..., :2]
+
+    def steps(cameras: sk.CameraRig) -> list[tuple[float, int, int]]:
+        scene = scene_of(in_mm(cameras), seen, np.arange(len(seen)))
+        each = (_step(scene, view) for view in range(len(rig)))
+        return sorted((one for one in each if one[0] > np.log(_FURTHER)), reverse=True)
+
+    for _, view, first in steps(rig) if steps(found.cameras) else ():
+        halves = [np.concatenate([one, one[:, view : view + 1]], axis=1) for one in everyone]
+        for half in halves:
+            half[first:, view], half[:first, -1] = np.nan, np.nan
+        twice = sk.CameraRig([*rig, altered(rig[view], name=f"{rig.names[view]}, later")], rig.unit)
+        again = sk.adjust_cameras(one_after_another(halves), twice, **given)
+        wrong = [i for i, one in enumerate(again.report) if one.status in ("adjusted", "doubtful")]
+        if not wrong:
+            break
+        one, report = again.report[wrong[0]], list(again.report[:-1])
+        if one.status == "adjusted" and wrong in ([view], [len(rig)]):
+            report[view] = replace(one, name=rig.names[view], status="knocked", since=int(frames[first]))
+            cameras = [*again.cameras][:-1]
+            cameras[view] = rig[view]
+            return replace(again, cameras=sk.CameraRig(cameras, rig.unit), report=tuple(report))
+    return found
+
+
+def _step(scene: Judged, view: int) -> tuple[float, int, int]:
+    """Return by how much a camera's distance from the others changes where it steps (ln), and the frame."""
+    off = np.log(medians(scene.residuals(view)))
+    known = np.flatnonzero(np.isfinite(off))
+    off, sides = off[known], np.arange(_SIDE, len(known) - _SIDE + 1)
+    if not sides.size:
+        return 0.0, view, 0
+    before = np.cumsum(off)[sides - 1]
+    at = sides[(before**2 / sides + (off.sum() - before) ** 2 / (len(off) - sides)).argmax()]
+    change = abs(np.median(off[at:]) - np.median(off[:at]))
+    return float(change), view, int(scene.judged[known[at]])

@@ -230,6 +230,14 @@ def findings_of(found: sk.RigAdjustment, mm_per_unit: float, read_as: ReadAs) ->
             yield _adjusted({**numbers, "left_out_frames": found.judged})
         if one.status in ("late", "adjusted") and _clock_known(one):
             yield _late(numbers, _offset(one, read_as), read_as)
+        if one.status == "knocked":
+            changes = listed(_changes(numbers) or ["by next to nothing"])
+            sentence = (
+                f"{one.name} was moved while it recorded, about frame {one.since}: {changes}. It was not "
+            )
+            sentence += "adjusted: the frames before and after need a calibration each."
+            subject = Subject((one.name,), frames=(int(one.since or 0),))
+            yield Finding("cameras_not_adjusted", "warning", subject, numbers, sentence=sentence)
         if one.status == "unseen" and len(found.report) > 2:
             sentence = f"{one.name} was not judged and not adjusted: it sees too few of the joints that "
             sentence += "others see."
@@ -246,7 +254,7 @@ def findings_of(found: sk.RigAdjustment, mm_per_unit: float, read_as: ReadAs) ->
         subject, remedy = Subject(found.cameras.names), (Remedy("move", "NAME"),)
         yield Finding("cameras_not_adjusted", "warning", subject, remedy=remedy, sentence=sentence)
     sound = len(found.of("sound"))
-    if sound and not found.of("adjusted", "late", "doubtful"):
+    if sound and not found.of("adjusted", "late", "doubtful", "knocked"):
         sentence = f"No camera was adjusted: this recording shows no fault in the {sound} cameras that could "
         sentence += "be judged."
         yield Finding("cameras_not_adjusted", "note", numbers={"cameras": sound}, sentence=sentence)
