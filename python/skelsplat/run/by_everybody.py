@@ -13,15 +13,15 @@ from skelsplat._arrays import Array, Index, medians
 from skelsplat._clocks import shifted
 from skelsplat.cameras import altered, matrix_from_vector
 from skelsplat.rig_check import ReadAs, RigReport, check_rig
-from skelsplat.rig_check._scene import Scene as Judged
 from skelsplat.rig_check._scene import everybody, followed, in_mm, one_after_another, scene_of, several
 from skelsplat.run.solve import spread
 
 _MOST_EMPTY = 8  # frames are put at even times unless so many times as many are missing
 _ROUNDS = 3  # how often people are told apart anew with other cameras
 _SEES = 0.5  # of the people that it should see, relative to other cameras, a camera set right sees so many
-_FURTHER = 1.5  # a camera is tried as two where it is so many times as far off on one side of a frame
-_SIDE = 10  # frames at least on either side, of those that are judged
+_STEP = 0.8  # a camera is taken as two if a step explains so much of how its distance from the others varies
+_SIDE = 10  # frames on either side of the step, at least, of those that are judged
+_NO_PX = 0.01  # a distance that is none
 
 
 @dataclass(frozen=True)
@@ -48,13 +48,12 @@ class Scene:
         """
         steps = self.frames - self.frames[0]
         step = int(np.gcd.reduce(steps)) or 1
-        people, places, counted = self.people, steps // step, self.frames
+        people, places, frames = self.people, steps // step, self.frames
         if places[-1] < _MOST_EMPTY * len(places):
-            people = spread(people, places)
-            counted = self.frames[0] + step * np.arange(len(people))
+            people, frames = spread(people, places), np.arange(frames[0], frames[-1] + 1, step)
         found, everyone = _by_everybody(self.rig, people, self.layout, given)
         if len(self.rig) > 2 and not given.get("free"):
-            found = _parted(self.rig, found, everyone, counted, given)
+            found = _knocked(self.rig, found, everyone, frames, given)
         report = (
             replace(one, clock=one.clock * step, clock_sigma=one.clock_sigma * step) for one in found.report
         )
@@ -124,7 +123,7 @@ def _confirmed(rig: sk.CameraRig, found: sk.RigAdjustment, seen: Array) -> sk.Ri
     return replace(found, cameras=sk.CameraRig(cameras, rig.unit), report=tuple(report))
 
 
-def _parted(
+def _knocked(
     rig: sk.CameraRig,
     found: sk.RigAdjustment,
     everyone: Sequence[Array],
@@ -132,39 +131,34 @@ def _parted(
     given: dict[str, Any],
 ) -> sk.RigAdjustment:
     """Return the adjustment with a camera ``"knocked"`` if, taken as two, before and later, one is wrong."""
-    seen = np.concatenate(everyone, axis=2)[..., :2]
-
-    def steps(cameras: sk.CameraRig) -> list[tuple[float, int, int]]:
-        scene = scene_of(in_mm(cameras), seen, np.arange(len(seen)))
-        each = (_step(scene, view) for view in range(len(rig)))
-        return sorted((one for one in each if one[0] > np.log(_FURTHER)), reverse=True)
-
-    for _, view, first in steps(rig) if steps(found.cameras) else ():
+    for view, first in _steps(rig, np.concatenate(everyone, axis=2)[..., :2]):
         halves = [np.concatenate([one, one[:, view : view + 1]], axis=1) for one in everyone]
         for half in halves:
-            half[first:, view], half[:first, -1] = np.nan, np.nan
-        twice = sk.CameraRig([*rig, altered(rig[view], name=f"{rig.names[view]}, later")], rig.unit)
+            half[first:, view] = half[:first, -1] = np.nan
+        twice = sk.CameraRig([*rig, altered(rig[view], name=None)], rig.unit)
         again = sk.adjust_cameras(one_after_another(halves), twice, **given)
         wrong = [i for i, one in enumerate(again.report) if one.status in ("adjusted", "doubtful")]
-        if not wrong:
-            break
+        if wrong not in ([view], [len(rig)]):
+            continue
         one, report = again.report[wrong[0]], list(again.report[:-1])
-        if one.status == "adjusted" and wrong in ([view], [len(rig)]):
+        if one.status == "adjusted" and (one.degrees or one.distance):
             report[view] = replace(one, name=rig.names[view], status="knocked", since=int(frames[first]))
-            cameras = [*again.cameras][:-1]
-            cameras[view] = rig[view]
-            return replace(again, cameras=sk.CameraRig(cameras, rig.unit), report=tuple(report))
+            return replace(again, cameras=rig, report=tuple(report))
     return found
 
 
-def _step(scene: Judged, view: int) -> tuple[float, int, int]:
-    """Return by how much a camera's distance from the others changes where it steps (ln), and the frame."""
-    off = np.log(medians(scene.residuals(view)))
-    known = np.flatnonzero(np.isfinite(off))
-    off, sides = off[known], np.arange(_SIDE, len(known) - _SIDE + 1)
-    if not sides.size:
-        return 0.0, view, 0
-    before = np.cumsum(off)[sides - 1]
-    at = sides[(before**2 / sides + (off.sum() - before) ** 2 / (len(off) - sides)).argmax()]
-    change = abs(np.median(off[at:]) - np.median(off[:at]))
-    return float(change), view, int(scene.judged[known[at]])
+def _steps(rig: sk.CameraRig, seen: Array) -> list[tuple[int, int]]:
+    """Return the cameras whose distance from the others steps, the clearest first, and the frame of each."""
+    scene, found = scene_of(in_mm(rig), seen, np.arange(len(seen))), []
+    for view in range(len(rig)):
+        off = np.log(np.maximum(medians(scene.residuals(view)), _NO_PX))
+        known = np.flatnonzero(np.isfinite(off))
+        if len(known) < 2 * _SIDE:
+            continue
+        off = off[known] - off[known].mean()
+        before = np.arange(_SIDE, len(off) - _SIDE + 1)
+        explained = np.cumsum(off)[before - 1] ** 2 * (1 / before + 1 / (len(off) - before))
+        if explained.max() > _STEP * (off**2).sum():
+            first = known[before[explained.argmax()]]
+            found.append((explained.max() / (off**2).sum(), view, int(scene.judged[first])))
+    return [(view, first) for _, view, first in sorted(found, reverse=True)]

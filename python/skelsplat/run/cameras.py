@@ -230,13 +230,12 @@ def findings_of(found: sk.RigAdjustment, mm_per_unit: float, read_as: ReadAs) ->
             yield _adjusted({**numbers, "left_out_frames": found.judged})
         if one.status in ("late", "adjusted") and _clock_known(one):
             yield _late(numbers, _offset(one, read_as), read_as)
-        if one.status == "knocked":
-            changes = listed(_changes(numbers) or ["by next to nothing"])
+        if one.since is not None:
             sentence = (
-                f"{one.name} was moved while it recorded, about frame {one.since}: {changes}. It was not "
+                f"{one.name} was moved while it recorded, about frame {one.since}. It was not adjusted: "
             )
-            sentence += "adjusted: the frames before and after need a calibration each."
-            subject = Subject((one.name,), frames=(int(one.since or 0),))
+            sentence += "the frames before and after need a calibration each."
+            subject = Subject((one.name,), frames=(one.since,))
             yield Finding("cameras_not_adjusted", "warning", subject, numbers, sentence=sentence)
         if one.status == "unseen" and len(found.report) > 2:
             sentence = f"{one.name} was not judged and not adjusted: it sees too few of the joints that "
