@@ -59,7 +59,7 @@ class CameraAdjustment:
     clock_sigma: float
     before: float
     after: float
-    since: int | None = None
+    since: int | None = field(default=None, kw_only=True)
 
     @property
     def degrees(self) -> float:

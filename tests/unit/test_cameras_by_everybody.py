@@ -11,8 +11,9 @@ from skelsplat import synthetic
 from skelsplat.association import choose_person
 from skelsplat.rig_check import ReadAs, check_rig
 from skelsplat.run.by_everybody import Scene
-from skelsplat.run.cameras import adjusted
+from skelsplat.run.cameras import adjusted, findings_of
 from skelsplat.synthetic.rigs import mixed_heights
+from sweeps import swept
 
 LAYOUT = sk.layouts.H36M17
 T = 60
@@ -82,3 +83,22 @@ def test_a_frame_offset_of_a_crowd_is_named(crowd):
     late[3:, 0] = crowd.people[:-3, 0]
     (finding,) = check_rig(crowd.cameras, late, layout=LAYOUT).findings
     assert (finding.kind, finding.numbers["frames"]) == ("frame_offset", 3)
+
+
+@pytest.mark.parametrize(
+    ("name", "degrees", "step"), [("reach", 2.0, 2), swept("walk", 1.0, 1), swept("walk", 0.0, 1)]
+)
+def test_a_camera_that_was_knocked_is_said_with_the_frame(name, degrees, step):
+    rig, motion = synthetic.human36m_like(), synthetic.motion(name, T, fps=30.0, seed=1)
+    noise = synthetic.DetectionNoise.recording(30.0)
+    before, after = (
+        synthetic.simulate_detections(motion, one, noise=noise, seed=1)
+        for one in (rig, turned(rig, 1, degrees, (1, 2, 0)))
+    )
+    seen = np.concatenate([before[: T // 2], after[T // 2 :]])
+    found = Scene(rig, seen[:, :, None], 500 + step * np.arange(T), LAYOUT, ReadAs()).adjust()
+    assert found.cameras == rig
+    named = [one.subject for one in findings_of(found, 1.0, ReadAs()) if one.severity == "warning"]
+    assert [(one.cameras, one.frames) for one in named] == [(("cam2",), (500 + step * T // 2,))][
+        : degrees > 0
+    ]

@@ -148,7 +148,7 @@ def _knocked(
 
 
 def _steps(rig: sk.CameraRig, seen: Array) -> list[tuple[int, int]]:
-    """Return the cameras whose distance from the others steps, the clearest first, and the frame of each."""
+    """Return the cameras whose distance from the others steps, the farthest first, and the frame of each."""
     scene, found = scene_of(in_mm(rig), seen, np.arange(len(seen))), []
     for view in range(len(rig)):
         off = np.log(np.maximum(medians(scene.residuals(view)), _NO_PX))
@@ -160,5 +160,5 @@ def _steps(rig: sk.CameraRig, seen: Array) -> list[tuple[int, int]]:
         explained = np.cumsum(off)[before - 1] ** 2 * (1 / before + 1 / (len(off) - before))
         if explained.max() > _STEP * (off**2).sum():
             first = known[before[explained.argmax()]]
-            found.append((explained.max() / (off**2).sum(), view, int(scene.judged[first])))
+            found.append((explained.max(), view, int(scene.judged[first])))
     return [(view, first) for _, view, first in sorted(found, reverse=True)]

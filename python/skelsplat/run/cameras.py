@@ -231,9 +231,7 @@ def findings_of(found: sk.RigAdjustment, mm_per_unit: float, read_as: ReadAs) ->
         if one.status in ("late", "adjusted") and _clock_known(one):
             yield _late(numbers, _offset(one, read_as), read_as)
         if one.since is not None:
-            sentence = (
-                f"{one.name} was moved while it recorded, about frame {one.since}. It was not adjusted: "
-            )
+            sentence = f"{one.name} was moved while it recorded, about frame {one.since}, and not adjusted: "
             sentence += "the frames before and after need a calibration each."
             subject = Subject((one.name,), frames=(one.since,))
             yield Finding("cameras_not_adjusted", "warning", subject, numbers, sentence=sentence)
