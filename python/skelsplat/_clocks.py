@@ -33,10 +33,9 @@ def between(people: Sequence[Array], others: Sequence[Array], part: float) -> li
     frames alone stays where it is, and so does a joint that jumps: half the way to a wrong detection is wrong
     too. A joint at exactly (0, 0) is none, as some detectors write it.
     """
-    nearest = _nearest(people, others)
     return [
         person if other is None else _moved(person, others[other], part)
-        for person, other in zip(people, nearest, strict=True)
+        for person, other in zip(people, _nearest(people, others), strict=True)
     ]
 
 

@@ -69,12 +69,11 @@ class Finding:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the finding as values of JSON, with its text; empty parts of the subject are left out."""
-        subject = {name: list(values) for name, values in asdict(self.subject).items() if values}
         return {
             "kind": self.kind,
             "severity": self.severity,
             "text": self.text,
-            "subject": subject,
+            "subject": {name: list(values) for name, values in asdict(self.subject).items() if values},
             "numbers": dict(self.numbers),
             "remedy": [asdict(remedy) for remedy in self.remedy],
         }

@@ -60,11 +60,9 @@ def layouts(name: str | None = None, *, toml: bool) -> Answer:
     described = name.lower() in sk.layouts.names or name.lower().endswith(".toml")
     about = sk.layouts.about(name) if described else sk.layouts.About()
     if toml:
-        text = sk.layouts.to_toml(layout, about)
-        write = partial(typer.echo, text, nl=False)
+        write = partial(typer.echo, sk.layouts.to_toml(layout, about), nl=False)
         return Answer(_document(layout, about), lambda _: write(), lambda _: write())
-    names = layout.joints
-    return Answer(_document(layout, about), partial(_explain, layout, about), lambda _: say(*names))
+    return Answer(_document(layout, about), partial(_explain, layout, about), lambda _: say(*layout.joints))
 
 
 def _list(every: Sequence[tuple[sk.Layout, sk.layouts.About]], console: Console) -> None:

@@ -261,5 +261,4 @@ def config_of(*, paper: bool = False, free_bones: bool = False, **settings: Any)
     swaps = settings.pop("swaps", True)
     if paper:
         return RefineConfig.paper(**settings)
-    bones = {"bones": "free"} if free_bones else {}
-    return RefineConfig(find_swaps=swaps, **bones, **settings)
+    return RefineConfig(find_swaps=swaps, **({"bones": "free"} if free_bones else {}), **settings)

@@ -132,12 +132,6 @@ def _of(take: Take, files: Sequence[str], cameras: Iterable[str] = ()) -> Subjec
     return Subject(cameras=tuple(cameras), files=(str(file),), takes=(take.key,))
 
 
-def _body_size(poses: Array) -> float:
-    """Return the median diagonal of the boxes round the poses (T, N, 3) that are complete; NaN if none is."""
-    whole = poses[np.isfinite(poses).all(axis=(1, 2))]
-    return median(np.linalg.norm(np.ptp(whole, axis=1), axis=-1)) if len(whole) else float("nan")
-
-
 def _is_human(size_mm: float) -> bool:
     return _BODY_MM[0] <= size_mm <= _BODY_MM[1]
 
@@ -145,7 +139,9 @@ def _is_human(size_mm: float) -> bool:
 def _unit(item: Sample, layout: Layout) -> Iterator[Finding]:
     """Find bodies of no human size, and cameras in the wrong scale."""
     take, unit = item.take, item.take.rig.unit
-    size = _body_size(item.truth)
+    whole = item.truth[np.isfinite(item.truth).all(axis=(1, 2))]
+    # the median diagonal of the boxes round poses
+    size = median(np.linalg.norm(np.ptp(whole, axis=1), axis=-1)) if len(whole) else float("nan")
     if layout.n_joints > 10 and not (np.isnan(size) or _is_human(take.rig.mm_per_unit * size)):
         likely = [name for name, mm in MM_PER_UNIT.items() if _is_human(mm * size)][-1:]
         numbers = {"size": size, "unit": unit, **({"likely_unit": likely[0]} if likely else {})}

@@ -72,7 +72,6 @@ CAMERAS = ("54138969", "55011271", "58860488", "60457274")  # in the order of ev
 # Place of each h36m17 joint among the 32 of the motion capture.
 JOINTS_OF_32 = (0, 1, 2, 3, 6, 7, 8, 12, 13, 14, 15, 17, 18, 19, 25, 26, 27)
 _FPS = 50.0  # of the videos, whose frames every format numbers
-_CAMERA_FILE = "camera-parameters.json"
 _MM_PER_M = 1000.0
 _FORMATS = {"skelsplat": "3d_gt", "videopose3d": "data_3d_h36m.npz"}  # and what a folder has in it
 
@@ -98,7 +97,7 @@ def _read(
         raise InvalidInputError(f'subjects: expected names such as ("S9", "S11"), got {subjects!r}')
     survey.format, place = _find_format(root, format)
     usual = (place / "cameras", place, place.parent / "cameras", place.parent)
-    files = [folder / _CAMERA_FILE for folder in usual] if cameras is None else [Path(cameras)]
+    files = [folder / "camera-parameters.json" for folder in usual] if cameras is None else [Path(cameras)]
     rig_of = partial(_rig, survey.find(files, "cameras"))
     takes_of = _authors_takes if survey.format == "skelsplat" else _videopose3d_takes
     takes = list(takes_of(place, survey, subjects, rig_of))

@@ -107,8 +107,7 @@ def _with_detections(
     """Return the frames of a take in which every view has a detection."""
     found = with_detections(survey, take, PANOPTIC19, folder, stems)
     if guess is not None:
-        world = read_world(survey, guess, take, len(found), "world poses", stems)
-        found = replace(found, monocular=world)
+        found = replace(found, monocular=read_world(survey, guess, take, len(found), "world poses", stems))
     detected = np.any(np.asarray(found.detections)[..., 2] > 0, axis=2)
     found = found.select(np.all(detected, axis=1))
     if lost := len(take) - len(found):

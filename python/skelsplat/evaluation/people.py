@@ -157,8 +157,7 @@ class Tally:
 
 def _track(scene: PeopleTake, layout: Layout, config: RefineConfig) -> Tracks:
     found = track(scene.people, scene.rig, fps=scene.fps, layout=layout, config=config)
-    mm = scene.rig.mm_per_unit
-    return [(one.id, one.frames, mm * one.refinement.pose) for one in found]
+    return [(one.id, one.frames, scene.rig.mm_per_unit * one.refinement.pose) for one in found]
 
 
 def _oracle(scene: PeopleTake, layout: Layout, config: RefineConfig) -> Tracks:
@@ -172,13 +171,10 @@ def _oracle(scene: PeopleTake, layout: Layout, config: RefineConfig) -> Tracks:
     return out
 
 
-def _affinity(scene: PeopleTake, *_: object) -> Tracks:
-    return affinity.track(scene.people, convert_unit(scene.rig, "mm"), fps=scene.fps)
-
-
 METHODS: Mapping[str, Callable[[PeopleTake, Layout, RefineConfig], Tracks]] = {
     "track": _track,  # skelsplat.track
-    "affinity": _affinity,  # affinity of rays, greedy groups, DLT, nearest neighbour
+    # affinity of rays, greedy groups, DLT, nearest neighbour
+    "affinity": lambda scene, *_: affinity.track(scene.people, convert_unit(scene.rig, "mm"), fps=scene.fps),
     "oracle": _oracle,  # over time, with detections associated by the ground truth
 }
 """By name, what makes tracks of a scene: frames are places in the take, poses in mm."""
@@ -294,8 +290,7 @@ def evaluate(
             seen = scene if options.undistort else replace(scene, rig=without_lens(scene.rig))
             begun = time.perf_counter()
             tracks = METHODS[name](seen, dataset.layout, config)
-            seconds = time.perf_counter() - begun
-            _score(tallies[name], tracks, seconds, scene, judged, rules)
+            _score(tallies[name], tracks, time.perf_counter() - begun, scene, judged, rules)
             done += len(scene)
     views = ", ".join(map(str, sorted({len(scene.rig) for scene, _ in parts})))
     shared = {"undistort": options.undistort}

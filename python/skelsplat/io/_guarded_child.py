@@ -179,8 +179,7 @@ def _hdf5(path: str, names: Iterable[str]) -> Any:
 
 def _table(path: str) -> Any:
     """Return the only table that pandas has stored in a file."""
-    pandas = importlib.import_module("pandas")
-    with pandas.HDFStore(path, mode="r") as store:
+    with importlib.import_module("pandas").HDFStore(path, mode="r") as store:
         keys = [key.strip("/") for key in store.keys()]  # noqa: SIM118 - a store, not a dict
         tables = [key for key in keys if str(store.get_storer(key).pandas_type).startswith("frame")]
         table = store[tables[0]] if len(tables) == 1 else None
@@ -202,8 +201,7 @@ def _table(path: str) -> Any:
 
 def _netcdf(path: str) -> Any:
     """Return the attributes, variables and coordinates of a dataset: dimensions and values of each."""
-    xarray = importlib.import_module("xarray")
-    with xarray.open_dataset(path, engine="h5netcdf") as opened:
+    with importlib.import_module("xarray").open_dataset(path, engine="h5netcdf") as opened:
         found = opened.load()
     variables = {str(name): (list(one.dims), one.values) for name, one in found.variables.items()}
     return {"attributes": dict(found.attrs), "variables": variables}

@@ -199,8 +199,7 @@ def open_source(path: Path, first_frame: int = 0) -> FrameSource:
         count = max(1, int(capture.get(opencv().CAP_PROP_FRAME_COUNT)))
         turned = int(capture.get(opencv().CAP_PROP_ORIENTATION_META)) % 360
     known = rate if math.isfinite(rate) and rate > 0 else None
-    last = first_frame + count - 1
-    return FrameSource(path, _size(image), known, first_frame, last, rotation=turned)
+    return FrameSource(path, _size(image), known, first_frame, first_frame + count - 1, rotation=turned)
 
 
 @contextmanager

@@ -172,8 +172,7 @@ def _changes(followed: Index, counted: Mask) -> tuple[int, int]:
         states = own[frames]
         names = states[states >= 0]
         switches += int((names[1:] != names[:-1]).sum())
-        found = np.flatnonzero(states >= 0)
-        fragments += int((np.diff(found) > 1).sum())
+        fragments += int((np.diff(np.flatnonzero(states >= 0)) > 1).sum())
     return switches, fragments
 
 

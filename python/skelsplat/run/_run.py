@@ -131,10 +131,8 @@ class Run:
         from 0 when left out; ``fps`` are frames per second. `InvalidInputError` if a shape does not fit.
         """
         if np.ndim(result.pose) == 2:
-            parts = {
-                entry.name: np.asarray(getattr(result, entry.name))[None] for entry in fields(sk.Refinement)
-            }
-            result = sk.Refinement(**parts)
+            names = [entry.name for entry in fields(sk.Refinement)]
+            result = sk.Refinement(**{name: np.asarray(getattr(result, name))[None] for name in names})
         seen, shape = numbers(detections, "detections"), result.view_weights.shape
         seen = seen if seen.ndim == 4 else seen[None]
         if seen.shape[:-1] != shape or seen.shape[-1] not in (2, 3):
@@ -220,8 +218,7 @@ class PeopleRun:
     def open(cls, folder: Place) -> PeopleRun:
         """Read the folder that ``skelsplat refine --people`` wrote; if it is none, `DatasetError`."""
         path = Path(folder)
-        names = folders_of_run(path)
-        if not names:
+        if not folders_of_run(path):
             raise DatasetError(path, REPORT, "the report of a run of several people", "none")
         report = load_json(path / REPORT, "the report of a run")
         check_finished(path / REPORT, report)

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import csv
 import hashlib
-import io
 import json
 import os
 import pickle
@@ -26,6 +24,7 @@ from skelsplat.io._files import VIDEO_SUFFIXES, listed, load_json
 from skelsplat.io._run_files import REPORT, RUN, check_people, check_run, files_of_run, folders_of_run
 from skelsplat.io.calibration import find_format
 from skelsplat.io.calibration._json import to_json
+from skelsplat.io.poses._csv import csv_text
 from skelsplat.run.engine import run, run_people
 from skelsplat.run.folder import keep_inputs, output_folder
 from skelsplat.run.job import Job
@@ -75,11 +74,10 @@ class Recording:
             total, frames = self.report["reprojection_error"]["all"], self.report["input"]["frames"]
             numbers = {"median_error_px": total["after_px"], "rejected_share": total["rejected_share"]}
             people = [{"id": None, "frames": frames, "findings": [], **numbers}]
-        shared = self.report["findings"]
         return [
             row
             | {name: person[name] for name in ("frames", "median_error_px", "rejected_share")}
-            | {"person": person["id"], **_summed_up([*shared, *person["findings"]])}
+            | {"person": person["id"], **_summed_up([*self.report["findings"], *person["findings"]])}
             for person in people
         ]
 
@@ -271,11 +269,8 @@ def _write(folder: Path, batch: Batch, left: Sequence[Mapping[str, Any]]) -> Non
     document = batch.to_dict()
     document["recordings"] += left
     atomic_write_text(folder / RECORD, to_text(document))
-    text = io.StringIO(newline="")
-    writer = csv.DictWriter(text, COLUMNS, lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(batch.rows())
-    atomic_write_text(folder / TABLE, text.getvalue())
+    rows = ([row[name] for name in COLUMNS] for row in batch.rows())
+    atomic_write_text(folder / TABLE, csv_text([COLUMNS, *rows]))
 
 
 def _refined(jobs: Mapping[str, Job], processes: int) -> Iterator[tuple[str, str]]:

@@ -33,8 +33,7 @@ class MalformedLineError(Exception):
 
     def line(self, number: int) -> bytes:
         """Return the answer to the line: an error object."""
-        record = {"frame": self.frame, "line": number, "error": str(self)}
-        return f"{json.dumps(record)}\n".encode()
+        return f"{json.dumps({'frame': self.frame, 'line': number, 'error': str(self)})}\n".encode()
 
 
 class Session:

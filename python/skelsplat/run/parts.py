@@ -91,13 +91,9 @@ def follow(
         progress(done, steps)
     if uncompared:
         warn(people_uncompared(uncompared, most))
-    return replace(whole, crowd=look_around(_side_by_side(views))), detections, unmatched
-
-
-def _side_by_side(views: list[Index]) -> Index:
-    """Return counts of views (Q, t) of parts as those of all frames; 0 for people whom a part lacks."""
-    most = max(map(len, views))
-    return np.concatenate([np.pad(part, ((0, most - len(part)), (0, 0))) for part in views], axis=1)
+    people_in_all = max(map(len, views))  # no view sees those whom a part lacks
+    counts = [np.pad(part, ((0, people_in_all - len(part)), (0, 0))) for part in views]
+    return replace(whole, crowd=look_around(np.concatenate(counts, axis=1))), detections, unmatched
 
 
 def _joined(parts: list[Array]) -> Array:

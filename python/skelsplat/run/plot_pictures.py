@@ -67,8 +67,7 @@ def trajectories(source: Source) -> Picture:
 def bones(source: Source) -> Picture:
     """Draw the lengths of all limbs over time."""
     if not source.limbs:
-        why = "the joints match no built-in layout, so the limbs are unknown (name the layout)"
-        return [], why, None
+        return [], "the joints match no built-in layout, so the limbs are unknown (name the layout)", None
     poses = source.poses
     lengths = _limb_lengths(poses, source.limbs, source.left_right)
     limbs = [(name, bone) for name, bones in lengths for bone in bones]

@@ -106,10 +106,9 @@ class Opened:
                 rate, stated = init.frame_rate, "files"
         shape, read_as = (len(found.frames), len(self.rig)), self.read_as(job.offsets)
         given = ("calibration", "detections", "init", "order", "mapping", "sequence", "init_sigma_mm")
-        paths = {name: str(getattr(job, name)) for name in given[:3] if getattr(job, name) is not None}
         source = {
             **{name: getattr(job, name) for name in (*given, "adjust_cameras")},
-            **paths,
+            **{name: str(getattr(job, name)) for name in given[:3] if getattr(job, name) is not None},
             "calibration_format": job.calibration_format or find_format(Path(job.calibration)),
             "format": found.format,
             "offsets": dict(read_as.offsets),

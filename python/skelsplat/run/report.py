@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 import skelsplat as sk
-from skelsplat._arrays import Index
 from skelsplat._json import plain
 from skelsplat._words import ordinal
 from skelsplat.run.bones import lengths_mm, percentiles
@@ -187,14 +186,15 @@ def _entry(identity: int, run: Run) -> dict[str, Any]:
     """Return what the report says of one person."""
     seen = np.isfinite(run.detections[..., 0]).any(axis=-1)  # (F, M)
     views, cameras = seen.sum(axis=1), zip(run.cameras.names, seen.sum(axis=0), strict=True)
-    total = run.statistics.total
+    there, total = run.frames[views > 0], run.statistics.total
+    stretches = np.split(there, np.flatnonzero(np.diff(there) > 1) + 1)
     return {
         "id": identity,
         "folder": folder_of(identity),
         "first_frame": run.frames[0],
         "last_frame": run.frames[-1],
         "frames": len(run.frames),
-        "seen": _spans(run.frames[views > 0]),
+        "seen": [[int(own[0]), int(own[-1])] for own in stretches if len(own)],
         "seen_by_two": int((views >= 2).sum()),
         "views_median": float(np.median(views)),
         "cameras": [{"name": name, "frames": int(count)} for name, count in cameras],
@@ -204,12 +204,6 @@ def _entry(identity: int, run: Run) -> dict[str, Any]:
         "limb_range": _limb_range(run),
         "findings": [finding.to_dict() for finding in run.findings],
     }
-
-
-def _spans(frames: Index) -> list[list[int]]:
-    """Return the first and the last of every stretch of successive frame numbers."""
-    stretches = np.split(frames, np.flatnonzero(np.diff(frames) > 1) + 1)
-    return [[int(own[0]), int(own[-1])] for own in stretches if len(own)]
 
 
 def _limb_range(run: Run) -> float:

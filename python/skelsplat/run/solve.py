@@ -97,8 +97,7 @@ def refine_inputs(inputs: Inputs, job: Job, progress: Progress = silent) -> Outc
             config=config,
             progress=progress,
         )
-    found = Outcome.of(result, config, inputs)
-    return replace(found, seconds=time.perf_counter() - begin, alone=alone)
+    return replace(Outcome.of(result, config, inputs), seconds=time.perf_counter() - begin, alone=alone)
 
 
 def why_alone(inputs: Inputs, job: Job) -> str:

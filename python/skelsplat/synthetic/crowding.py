@@ -131,8 +131,7 @@ class View:
         for q in range(len(seen)):
             missed = self._episodes(1, self.crowding.miss_rate, self.crowding.miss_s)[:, 0] > 0
             seen[q][missed] = np.nan
-        everything = [*zip(seen, owner, strict=True), *extra, *self._ghosts()]
-        return [_tidy(*one) for one in everything]
+        return [_tidy(*one) for one in (*zip(seen, owner, strict=True), *extra, *self._ghosts())]
 
     def _episodes(self, series: int, rate: float, seconds: Range) -> Index:
         return self.memory.episodes(self.alone.shape[1], series, rate, seconds, self.rng)

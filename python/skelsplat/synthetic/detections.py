@@ -91,8 +91,7 @@ def draw_occluders(pixels: Array, noise: DetectionNoise, seed: int | np.random.G
 
 def _streams_of(seed: int | np.random.Generator, n_views: int) -> list[np.random.Generator]:
     """Return random numbers for all views together, and for each."""
-    seeds = generator(seed).integers(2**63, size=n_views + 1)
-    return [np.random.default_rng(one) for one in seeds]
+    return [np.random.default_rng(one) for one in generator(seed).integers(2**63, size=n_views + 1)]
 
 
 def _occluded_views(

@@ -53,8 +53,7 @@ def write_weights(path: str | os.PathLike[str], data: WeightData) -> Path:
     below = f"below {data.rejected_below:g} rejected"
     _style.head(figure, f"Mean weight of the detections, all frames: 1 trusted, {below}, grey: no detection")
     by_joint, by_frame = figure.subplots(2, 1)
-    names = (data.camera_names, data.joint_names)
-    _draw(by_joint, _mean(data.weights, 0), names, _WEIGHT, decimals=2)
+    _draw(by_joint, _mean(data.weights, 0), (data.camera_names, data.joint_names), _WEIGHT, decimals=2)
     by_joint.tick_params("x", rotation=45)
     rejected = np.where(np.isnan(data.weights), np.nan, data.weights < data.rejected_below)
     for row, share in enumerate(_mean(rejected, (0, 2))):

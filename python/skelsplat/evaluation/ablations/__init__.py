@@ -73,13 +73,11 @@ def _perturbed(source: Source, sample: Sample, level: int) -> Trial:
     ]
 
 
-_LEVELS_MM = (0, 10, 20, 40, 60, 80, 100, 200, 400)
-
 NOISE = Sweep(
     label="tab:abl-noise",
     title="Noise on the start, MPJPE",
     corner="σ per axis, mm",
-    values={level: f"{level}" for level in _LEVELS_MM},
+    values={level: f"{level}" for level in (0, 10, 20, 40, 60, 80, 100, 200, 400)},
     trial=_perturbed,
     lines=(
         Line("the start"),

@@ -73,8 +73,7 @@ def ransac_iskakov(
 def ransac_adafuse(detections: ArrayLike, cameras: Cameras, *, seed: int | np.random.Generator = 0) -> Array:
     """Triangulate by the RANSAC that AdaFuse (Zhang et al., IJCV 2021) is compared with."""
     joints = observe(detections, cameras)
-    tolerance = np.full(joints.seen.shape, 20.0)
-    inliers = _largest_set(joints, tolerance, generator(seed), forced=False)
+    inliers = _largest_set(joints, np.full(joints.seen.shape, 20.0), generator(seed), forced=False)
     too_few = inliers.sum(axis=1) < 2
     inliers[too_few] = joints.seen[too_few]
     return joints.points(solve(joints, inliers.astype(np.float64)))

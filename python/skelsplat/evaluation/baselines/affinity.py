@@ -42,8 +42,7 @@ def found(people: Array, cameras: CameraRig) -> list[Array]:
         for places in places_of_all
     ]
     poses = dlt(np.array(chosen), cameras) if chosen else np.empty((0, *people.shape[3:]))
-    bounds = np.cumsum([len(one) for one in groups])[:-1]
-    return np.split(poses, bounds)
+    return np.split(poses, np.cumsum([len(one) for one in groups])[:-1])
 
 
 def rays(people: Array, cameras: CameraRig) -> Array:

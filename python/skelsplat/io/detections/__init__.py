@@ -145,8 +145,7 @@ def open_detections(
         views = read(labels)
         numbers = shared_frames(root, there.kind, views, labels, frames, shifts)
         chosen = choose_layout(layout, views.values(), root, form.name)
-    joints = check_mapping(mapping, chosen)
-    return Opened(root, views, labels, numbers, shifts, chosen, joints, form.name)
+    return Opened(root, views, labels, numbers, shifts, chosen, check_mapping(mapping, chosen), form.name)
 
 
 def _camera_names(cameras: Sequence[sk.Camera] | Sequence[str], *, ordered: bool) -> list[str]:

@@ -181,12 +181,6 @@ def _counted(view: View) -> tuple[View, int] | None:
     return next(((view, len(person)) for frame in frames for person in frame if len(person)), None)
 
 
-def _layouts_of(joints: int) -> str:
-    """Names of the built-in layouts with that many joints, as a phrase."""
-    fitting = [name for name in sk.layouts.names if sk.layouts.get(name).n_joints == joints]
-    return " or ".join(fitting) or _UNKNOWN
-
-
 def _key(name: str) -> tuple[str, ...]:
     """Sort a name's words, in lower case, sides in full: ``LHip``, ``hip_left`` and ``Left hip`` are one."""
     words = _WORDS.findall(unicodedata.normalize("NFKC", name))
@@ -274,8 +268,9 @@ def arranged(person: Array, layout: sk.Layout, places: list[int] | None, path: P
     if places is None and count == n:
         return person
     if places is None:
-        expected, actual = f"{n} joints (layout {layout.name})", f"{count} ({_layouts_of(count)})"
-        raise DatasetError(path, "keypoints", expected, actual + _CUSTOM)
+        fitting = [name for name in sk.layouts.names if sk.layouts.get(name).n_joints == count]
+        actual = f"{count} ({' or '.join(fitting) or _UNKNOWN}){_CUSTOM}"
+        raise DatasetError(path, "keypoints", f"{n} joints (layout {layout.name})", actual)
     if max(places) >= count:
         raise DatasetError(path, "keypoints", f"a joint at place {max(places)} (mapping)", f"{count} joints")
     return np.vstack([person, np.full(3, np.nan)])[places]

@@ -69,8 +69,7 @@ def read_easymocap(folder: Path) -> View:
     with suppress(DatasetError):  # older files, or a broken one, which is an error when it is read
         first = json_document(next(iter(files.values())), "an EasyMocap annotation")
         size = whole_size(first["width"].number(), first["height"].number())
-    view = frame_view(folder, files, lambda number: _easymocap_people(files[number]))
-    return replace(view, size=size)
+    return replace(frame_view(folder, files, lambda number: _easymocap_people(files[number])), size=size)
 
 
 def _easymocap_people(path: Path) -> list[Array]:
