@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 
+import typer
 from typer.testing import CliRunner
 
 from skelsplat.cli import app
@@ -14,6 +15,18 @@ RESULTS = {
     *("pose.npz", "pose.csv", "pose.trc", "report.json", "overview.png", "weights.png"),
     *("report.html", "cameras.json", "detections.npz"),
 }
+
+
+ROOT = typer.main.get_command(app)
+
+
+def commands(group, path=()):
+    """Yield the names that lead to each command, and the command."""
+    for name, command in group.commands.items():
+        if hasattr(command, "commands"):
+            yield from commands(command, (*path, name))
+        else:
+            yield (*path, name), command
 
 
 def invoke(*args):

@@ -22,10 +22,6 @@ def still(n_frames, n_views=4, seed=0):
     return np.broadcast_to(one, (n_frames, n_views, 17, 2))
 
 
-def at_rate(noise, frame_rate):
-    return replace(noise, memory=replace(noise.memory, frame_rate=frame_rate))
-
-
 @cache
 def jitter(frame_rate):
     """Return 60 s of unit jitter (T, 1 360 series)."""
@@ -67,7 +63,7 @@ def test_shares_are_as_stated_and_the_autocorrelation_depends_on_time_not_on_the
 
 @pytest.mark.parametrize("frame_rate", RATES)
 def test_outliers_come_in_bursts_with_one_offset(frame_rate):
-    noise = at_rate(replace(SILENT, outlier_rate=0.05), frame_rate)
+    noise = replace(SILENT, outlier_rate=0.05, memory=replace(SILENT.memory, frame_rate=frame_rate))
     pixels = still(round(60 * frame_rate), 8)
     error = corrupt(pixels, noise=noise, seed=2)[..., :2] - pixels
     off = (np.abs(error).max(axis=-1) > 1e-9).reshape(len(pixels), -1)

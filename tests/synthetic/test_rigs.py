@@ -14,10 +14,6 @@ VIEWS = {
 }
 
 
-def centre(view):
-    return -view.R.T @ view.t
-
-
 def pixel(view, point):
     x, y, z = view.K @ (view.R @ np.asarray(point, dtype=float) + view.t)
     return np.array([x / z, y / z]), z
@@ -50,7 +46,7 @@ def test_every_motion_stays_inside_the_human36m_like_images(name):
 
 def test_dome_cameras_sit_on_the_dome_and_look_different_ways():
     views = VIEWS["dome"]
-    offsets = np.array([centre(v) for v in views]) - (0, 0, 900)
+    offsets = np.array([-view.R.T @ view.t for view in views]) - (0, 0, 900)
     np.testing.assert_allclose(np.linalg.norm(offsets, axis=1), 2800)
     assert (offsets[:, 2] + 900 > 0).all()
     cosines = offsets @ offsets.T / 2800**2 - 2 * np.eye(31)

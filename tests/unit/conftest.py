@@ -15,6 +15,7 @@ import skelsplat as sk
 from command_line import READ, invoke
 from skelsplat import synthetic
 from skelsplat.io import sample, write_calibration
+from skelsplat.run import Job
 from skelsplat.viz import _style
 
 
@@ -55,6 +56,18 @@ def write_recording(folder, n_frames=5):
 @pytest.fixture
 def recording(tmp_path, request):
     return write_recording(tmp_path, getattr(request, "param", 5))
+
+
+@pytest.fixture
+def job(recording):
+    """Return the job of the recording's files, with what a test changes."""
+    folder, _, _ = recording
+
+    def make(**options):
+        given = {"unit": "mm", "layout": "h36m17", "fps": 50.0, **options}
+        return Job(folder / "Calib.toml", folder / "openpose", **given)
+
+    return make
 
 
 @pytest.fixture(scope="session")

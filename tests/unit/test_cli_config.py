@@ -6,10 +6,9 @@ import json
 from pathlib import Path
 
 import pytest
-import typer
 
-from command_line import assert_fails, invoke
-from skelsplat.cli import app, refine
+from command_line import ROOT, assert_fails, commands, invoke
+from skelsplat.cli import refine
 from skelsplat.cli.config import entries_of
 
 BASE = """
@@ -181,17 +180,6 @@ def test_a_file_that_cannot_be_read_is_status_1(tmp_path, content):
     if content is not None:
         path.write_bytes(content)
     assert_fails(invoke("refine", "--config", path), 1, f"{path}: ")
-
-
-def commands(group, path=()):
-    for name, command in group.commands.items():
-        if hasattr(command, "commands"):
-            yield from commands(command, (*path, name))
-        else:
-            yield (*path, name), command
-
-
-ROOT = typer.main.get_command(app)
 
 
 def test_a_flag_and_a_command_of_the_same_name(tmp_path, monkeypatch):

@@ -10,31 +10,19 @@ import sys
 from io import StringIO
 
 import pytest
-import typer
 from rich.console import Console
 from rich.table import Column, Table
 
-from command_line import invoke
+from command_line import ROOT, commands, invoke
 from skelsplat import synthetic
 from skelsplat._json import plain
-from skelsplat.cli import app
 from skelsplat.cli.output import print_message, quieter, tell
 from skelsplat.cli.table import print_table
 from skelsplat.datasets.synthetic import write_simulated
 from skelsplat.findings import Finding
 from sweeps import swept
 
-
-def commands(group, path=()):
-    for name, command in group.commands.items():
-        if hasattr(command, "commands"):
-            yield from commands(command, (*path, name))
-        else:
-            yield (*path, name), {opt for param in command.params for opt in param.opts}
-
-
-ROOT = typer.main.get_command(app)
-COMMANDS = dict(commands(ROOT))
+COMMANDS = {path: {opt for own in command.params for opt in own.opts} for path, command in commands(ROOT)}
 
 
 @pytest.mark.parametrize("path", COMMANDS, ids=" ".join)

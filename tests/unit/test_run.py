@@ -10,21 +10,9 @@ import pytest
 import skelsplat as sk
 from skelsplat import synthetic
 from skelsplat.layouts import mirror_images
-from skelsplat.run import Job, Run, run
+from skelsplat.run import Run, run
 
 LAYOUT = "h36m17"
-
-
-@pytest.fixture
-def job(recording):
-    """Return the job of the recording's files, with what a test changes."""
-    folder, _, _ = recording
-
-    def make(**options):
-        given = {"unit": "mm", "layout": LAYOUT, "fps": 50.0, **options}
-        return Job(folder / "Calib.toml", folder / "openpose", **given)
-
-    return make
 
 
 def scene():

@@ -21,18 +21,6 @@ from skelsplat.run.tracked import read_inputs
 LAYOUT, FPS = "h36m17", 50.0
 
 
-@pytest.fixture
-def job(recording):
-    """Return the job of the recording's files, with what a test changes."""
-    folder, _, _ = recording
-
-    def make(**options):
-        given = {"unit": "mm", "layout": LAYOUT, "fps": FPS, **options}
-        return Job(folder / "Calib.toml", folder / "openpose", **given)
-
-    return make
-
-
 def walk(frames=60, views=4, seed=1):
     """Return true poses, noisy detections and the rig of a simulated walk at 50 Hz."""
     rig = sk.CameraRig(list(synthetic.human36m_like())[:views], unit="mm")

@@ -66,17 +66,13 @@ def runs(finished_run, tmp_path, monkeypatch):
     """Two runs of the same frames and joints, with a layout of their own: (folder, run) each."""
     monkeypatch.setattr(folders, "can_draw", lambda: False)
     first = Run.open(finished_run)
-    layout = replace_name(first.layout)
+    layout = sk.layouts.from_names("own", first.layout.joints, first.layout.limbs)
     first = replace(first, inputs=replace(first.inputs, layout=layout), report={**first.report, "note": "A"})
     moved = replace(first.poses, pose=first.poses.pose + 1)
     found = {"A": first, "B": replace(first, poses=moved, report={**first.report, "note": "B"})}
     for name, run in found.items():
         run.write(tmp_path / name)
     return {name: (tmp_path / name, run) for name, run in found.items()}
-
-
-def replace_name(layout):
-    return sk.layouts.from_names("own", layout.joints, layout.limbs)
 
 
 def which(folder):

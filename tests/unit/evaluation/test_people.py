@@ -48,13 +48,9 @@ def test_all_methods_find_the_people(found):
     assert np.isnan(found.figures("oracle")["change"])
 
 
-def poses():
-    body = synthetic.motion("turn", 40, seed=0)
-    return np.stack([body, np.add(body, [2000.0, 0, 0])])
-
-
 def test_an_exchange_is_a_swap_and_confused_frames_are_not_compared():
-    truth, frames = poses(), np.arange(40)
+    body, frames = synthetic.motion("turn", 40, seed=0), np.arange(40)
+    truth = np.stack([body, np.add(body, [2000.0, 0, 0])])
     names = np.where(frames < 10, 0, 1)
     tracks = [
         (int(name), frames[names == k], truth[q][names == k] + [10.0, 0, 0])
