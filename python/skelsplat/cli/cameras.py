@@ -165,7 +165,7 @@ def adjust_cameras(calibration: Path, detections: Path, *, output: Path, force: 
     The detections of people walking about, read like those of refine, show
     which cameras are wrong and by how much. The other cameras, more than half,
     stay exactly as they are. Where the recording does not tell which camera is
-    wrong, none is adjusted.
+    wrong, none is adjusted; nor is one that was moved while it recorded.
 
     [bold]Examples[/bold]
 
