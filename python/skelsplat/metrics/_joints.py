@@ -60,7 +60,8 @@ def pck(pred: ArrayLike, gt: ArrayLike, *, threshold_mm: float = 150.0, reduce: 
     """Share of correct keypoints: joints at most `threshold_mm` from the truth. A missing joint is wrong."""
     predicted, truth = _pair(pred, gt)
     _check_limit(threshold_mm, "threshold_mm")
-    return result(_correct(_distance(predicted, truth) <= threshold_mm, present(truth)), reduce)
+    errors = _distance(predicted, truth)
+    return result(_correct(errors <= threshold_mm, present(truth)), reduce)
 
 
 def auc(

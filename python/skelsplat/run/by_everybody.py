@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -130,7 +130,11 @@ def _knocked(
     frames: Index,
     given: dict[str, Any],
 ) -> sk.RigAdjustment:
-    """Return the adjustment with a camera ``"knocked"`` if, taken as two, before and later, one is wrong."""
+    """Return the adjustment with a camera ``"knocked"`` if, taken as two, before and later, one is wrong.
+
+    Of several cameras, the one with which all then agree best.
+    """
+    ways = [(np.inf, found)]
     for view, first in _steps(rig, np.concatenate(everyone, axis=2)[..., :2]):
         halves = [np.concatenate([one, one[:, view : view + 1]], axis=1) for one in everyone]
         for half in halves:
@@ -143,13 +147,14 @@ def _knocked(
         one, report = again.report[wrong[0]], list(again.report[:-1])
         if one.status == "adjusted" and (one.degrees or one.distance):
             report[view] = replace(one, name=rig.names[view], status="knocked", since=int(frames[first]))
-            return replace(again, cameras=rig, report=tuple(report))
-    return found
+            off = float(np.nanmean([one.after for one in again.report]))
+            ways.append((off, replace(again, cameras=rig, report=tuple(report))))
+    return min(ways, key=lambda way: way[0])[1]
 
 
-def _steps(rig: sk.CameraRig, seen: Array) -> list[tuple[int, int]]:
-    """Return the cameras whose distance from the others steps, the farthest first, and the frame of each."""
-    scene, found = scene_of(in_mm(rig), seen, np.arange(len(seen))), []
+def _steps(rig: sk.CameraRig, seen: Array) -> Iterator[tuple[int, int]]:
+    """Yield the cameras whose distance from the others steps, and the frame from which on it is another."""
+    scene = scene_of(in_mm(rig), seen, np.arange(len(seen)))
     for view in range(len(rig)):
         off = np.log(np.maximum(medians(scene.residuals(view)), _NO_PX))
         known = np.flatnonzero(np.isfinite(off))
@@ -159,6 +164,4 @@ def _steps(rig: sk.CameraRig, seen: Array) -> list[tuple[int, int]]:
         before = np.arange(_SIDE, len(off) - _SIDE + 1)
         explained = np.cumsum(off)[before - 1] ** 2 * (1 / before + 1 / (len(off) - before))
         if explained.max() > _STEP * (off**2).sum():
-            first = known[before[explained.argmax()]]
-            found.append((explained.max(), view, int(scene.judged[first])))
-    return [(view, first) for _, view, first in sorted(found, reverse=True)]
+            yield view, int(scene.judged[known[before[explained.argmax()]]])
