@@ -52,9 +52,9 @@ def noise_variance(rays: Rays, x: Array, sigma: Array, pixel: float) -> float:
 
 
 def is_loud(rays: Rays, solution: Solution) -> Mask:
-    """Whether a joint (N,) may have more noise: twice the squares that are expected, or more."""
+    """Whether a joint (N,) may have more noise: three times the squares that are expected, or more."""
     squares, support = residuals(solution.points, rays, solution.sigma)
-    return np.asarray(squares > 2 * solution.variance * np.maximum(2 * support - 3, 0))
+    return np.asarray(squares > 3 * solution.variance * np.maximum(2 * support - 3, 0))
 
 
 def limb_terms(x: Array, problem: Problem, usable: Mask) -> list[tuple[float, float, Array]]:

@@ -71,7 +71,7 @@ pub struct Solution {
 }
 
 /// From these squares on, in multiples of what is expected, a joint may have more noise.
-const LOUD: f64 = 2.0;
+const LOUD: f64 = 3.0;
 
 impl Solution {
     /// Whether joint `j` may have more noise than the others.
