@@ -149,8 +149,7 @@ impl AnnealedFrame<'_> {
         let rays = found.rays.weighed(&factors);
         found.solver.joints.set_all_rays(&rays);
         found.solver.measure(found.follows_noise);
-        let bones = &found.bones;
-        let terms = Terms { enter: f64::INFINITY, ..self.terms(found.follows_noise, bones) };
+        let terms = Terms { enter: f64::INFINITY, ..self.terms(found.follows_noise, &found.bones) };
         found.solver.run(&terms, |_| true);
         Some(std::mem::replace(&mut found.rays, rays))
     }
@@ -368,7 +367,7 @@ impl AnnealedFrame<'_> {
         has_moved
     }
 
-    /// The explanation with chains exchanged, for whose joints the search begins again.
+    /// The explanation with chains exchanged; for their joints the search starts again.
     fn swapped(&self, found: &Attempt, swaps: &[Swap]) -> Attempt {
         let (mut rays, mut used_for) = (found.rays.clone(), found.used_for.clone());
         let n = rays.n_joints();

@@ -53,7 +53,7 @@ pub(super) struct Group {
     pub(super) settled: [bool; LANES],
     /// Joints that a limb pair or a bone couples.
     pub(super) coupled: [bool; LANES],
-    /// Joints whose kernel is the final one.
+    /// Joints with their final kernel.
     pub(super) narrow: [bool; LANES],
 }
 
@@ -316,7 +316,7 @@ impl Joints {
         self.scale_to(rays);
     }
 
-    /// Takes positions from joints whose rays do not determine their depth.
+    /// Removes the positions of joints whose rays do not determine their depth.
     pub(super) fn drop_undetermined(&mut self, rays: &Rays) {
         for j in 0..self.n_joints {
             let of_joint = rays.of_joint(j);

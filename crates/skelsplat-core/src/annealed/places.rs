@@ -82,9 +82,9 @@ pub(super) fn shown<'a>(
     expected.bones(shown_stature(&expected.proportions, solution, votes))
 }
 
-/// −log p of the bones' lengths at a solution, whose own errors they share: those of a joint have
-/// the variance (Σk · ⅔/ŝ² + 1/W²)⁻¹ along a direction, since (I − d dᵀ) has the mean eigenvalue ⅔;
-/// `widest` is W, mm.
+/// −log p of the bones' lengths at a solution. To the variance of a length, each end adds that of
+/// its own position in one direction, (Σk · ⅔/ŝ² + 1/W²)⁻¹, since I − d dᵀ has the mean eigenvalue
+/// ⅔; `widest` is W, mm.
 pub fn against_bones(bones: impl Iterator<Item = Bone>, solution: &Solution, widest: f64) -> f64 {
     let precision = 1.0 / (1.5 * solution.noise * solution.noise);
     let spread =

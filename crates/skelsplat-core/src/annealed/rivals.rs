@@ -22,7 +22,6 @@ const SURE: usize = 4;
 const LEVELS: [(f64, f64); 3] = [(2.0, 0.03), (4.0, 0.03), (8.0, 0.03)];
 
 /// Another explanation of a joint.
-#[derive(Clone, Copy)]
 pub(super) struct Rival {
     pub(super) at: Vector3<f64>,
     /// Its probability, before they are compared its logarithm.
@@ -43,6 +42,9 @@ pub(super) fn rivals(of: &PlaceSearch<'_>, j: usize, own_noise: bool) -> Vec<Riv
     };
     if own_noise && agree > 1 && (is_contradicted || of.solution.is_loud(j)) {
         found.extend(LEVELS.map(|level| noisier(of, j, level)));
+    }
+    if found.is_empty() {
+        return found;
     }
     let here = log_p(of, j, &of.solution.points[j]);
     let most = found.iter().map(|rival| rival.share).fold(here, f64::max);

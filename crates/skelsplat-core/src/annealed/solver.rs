@@ -104,7 +104,7 @@ impl Solver {
         }
     }
 
-    /// The couplings whose joints have kernels narrow enough.
+    /// Collects the couplings between joints with narrow enough kernels.
     fn link(&mut self, terms: &Terms<'_>) {
         self.links.clear();
         let ready =

@@ -1,4 +1,4 @@
-//! How far confidences of different views compare.
+//! How far the confidences of different views can be compared.
 //!
 //! A detector compares what it sees in one image; that another view, or another detector, says 0.9
 //! where this one says 0.3 is a claim about their noise, on which the residuals have a say. With
@@ -12,8 +12,8 @@
 //!
 //! with H_j = Σ_i w_ij (I − d dᵀ), the residuals e of least squares under w, f degrees of freedom,
 //! 2 per detection less 3 per joint (restricted maximum likelihood, H. D. Patterson and
-//! R. Thompson, 1971), and the prior of the noise among both. γ = 1: views compare as they say; 0:
-//! not at all.
+//! R. Thompson, 1971), and the prior of the noise included in both. At γ = 1 views are taken at
+//! their word, at 0 each view's confidences count only among themselves.
 
 use nalgebra::Matrix3;
 
@@ -27,16 +27,15 @@ use super::rays::{Meeting, Ray, Rays};
 const EXPONENTS: [f64; 3] = [1.0, 0.5, 0.0];
 /// τ: usual differences of the logarithm of the noise's variance from view to view.
 const USUAL: f64 = 0.7;
-/// Views whose mean confidences differ by less compare as they say.
+/// Ratio of mean confidences up to which views are taken at their word.
 const ALIKE: f64 = 1.5;
 
-/// Factors on the weights of every view; `None` where they compare as they say.
+/// Factors on the weights of every view; `None` where views are taken at their word.
 pub fn factors(rays: &Rays, solution: &Solution) -> Option<Vec<f64>> {
     let logs: Vec<f64> = (0..rays.n_views()).map(|i| mean_weight(rays, i).ln()).collect();
     let known = || logs.iter().copied().filter(|log| log.is_finite());
     let mean = known().sum::<f64>() / known().count() as f64;
-    let differ = |a: f64| known().any(|b| b - a > ALIKE.ln());
-    if !known().any(differ) {
+    if !known().any(|a| known().any(|b| b - a > ALIKE.ln())) {
         return None;
     }
     let squares: f64 = known().map(|log| (log - mean).powi(2)).sum();

@@ -11,7 +11,7 @@ use crate::bones::population::STATURE;
 
 /// Kernel of a proposal, as a share of that of claims: nothing is predicted.
 const KERNEL: f64 = 0.7;
-/// Least score of a figure at a body whose place is known, and of a pair of figures.
+/// Minimum score of a figure at a body of known place, and of a pair of figures.
 pub const FITS: f64 = 0.35;
 /// Joints that two figures must have in common (all, if there are fewer).
 pub(super) const COMMON: usize = 4;

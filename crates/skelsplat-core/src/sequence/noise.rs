@@ -7,7 +7,7 @@ use crate::statistics::median;
 /// Share of wrong detections before a recording shows it.
 const WRONG: f64 = 0.1;
 /// Lower limit of a kernel's σ², as a share of what the noise alone would give, once wrong
-/// detections are told from noise: recordings have the smallest errors between 0.4 and 0.8.
+/// detections are told from noise: errors of recordings are smallest from 0.4 to 0.8.
 pub(super) const WIDER: f64 = 0.6;
 
 /// The final kernels of the joints by their noise.
