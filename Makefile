@@ -11,7 +11,11 @@ STAMPS := .stamps
 RUST_SOURCES   := Cargo.toml Cargo.lock $(shell find crates -name '*.rs' -o -name 'Cargo.toml' 2>/dev/null)
 PYTHON_SOURCES := pyproject.toml README.md $(shell find python -name '*.py' -o -name '*.pyi' -o -name '*.zip' -o -name '*.html' -o -name '*.css' -o -name '*.js' 2>/dev/null)
 
-PIP := $(BIN)/python -m pip install --quiet --constraint requirements-dev.lock
+# uv installs in a tenth of pip's time; pip does where uv cannot, as from an index that only pip is told of.
+install = $(BIN)/uv pip install --quiet --python $(BIN)/python $(1) || $(BIN)/python -m pip install --quiet $(1)
+LOCKED := --constraint requirements-dev.lock
+WHEEL = $$(ls dist/*.whl)
+DEV := all,dev
 
 # As many as there are cores; more than a few gain nothing.
 PYTEST = $(BIN)/python -m pytest --numprocesses auto --maxprocesses 8 --dist worksteal $(MARKS)
@@ -46,8 +50,8 @@ $(STAMPS)/venv: pyproject.toml requirements-dev.lock
 	@$(PYTHON) -c 'import sys; sys.exit("Python >= 3.10 is needed, this is " + sys.version.split()[0] if sys.version_info < (3, 10) else 0)'
 	@command -v cargo >/dev/null || { echo "cargo is needed: install Rust >= 1.89 (https://rustup.rs)" >&2; exit 1; }
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --upgrade pip
-	$(PIP) maturin
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check 'uv>=0.9,<1'
+	$(call install,$(LOCKED) maturin)
 	@mkdir -p $(STAMPS) && touch $@
 
 # The wheel that users get, built and installed with the extras that its commands need; not an editable checkout.
@@ -56,19 +60,18 @@ $(STAMPS)/wheel: $(STAMPS)/venv $(RUST_SOURCES) $(PYTHON_SOURCES)
 	$(MAKE) wheel
 	@touch $@
 
-INSTALL := $(BIN)/python -m pip install --quiet --force-reinstall --no-deps
 $(STAMPS)/installed: $(STAMPS)/wheel
-	$(INSTALL) dist/*.whl
-	$(PIP) "$$(ls dist/*.whl)[all]"
+	$(call install,--force-reinstall --no-deps $(WHEEL))
+	$(call install,$(LOCKED) "$(WHEEL)[all]")
 	@touch $@
 
 $(STAMPS)/libraries: $(STAMPS)/venv
-	$(BIN)/python -m pip install --quiet --requirement requirements-dev.lock
+	$(call install,--requirement requirements-dev.lock)
 	@touch $@
 
 $(STAMPS)/dev: $(STAMPS)/wheel $(STAMPS)/libraries
-	$(INSTALL) dist/*.whl
-	$(PIP) "$$(ls dist/*.whl)[all,dev]"
+	$(call install,--force-reinstall --no-deps $(WHEEL))
+	$(call install,$(LOCKED) "$(WHEEL)[$(DEV)]")
 	@touch $@
 
 # No path of this machine is in the wheel, so the same commit gives the same bytes in any folder.
@@ -121,18 +124,14 @@ docs: $(STAMPS)/dev
 	$(BIN)/sphinx-build -W -n --keep-going -q docs site
 
 # The newest versions that pyproject.toml admits, for all platforms and Python 3.10 to 3.14.
-lock: $(STAMPS)/uv
+lock: $(STAMPS)/venv
 	$(BIN)/uv pip compile --quiet --upgrade --universal --python-version 3.10 --extra all --extra dev --no-annotate \
 	    --custom-compile-command 'make lock' --output-file requirements-dev.lock pyproject.toml
-
-$(STAMPS)/uv: $(STAMPS)/venv
-	$(PIP) 'uv>=0.9,<1'
-	@touch $@
 
 # The oldest versions that pyproject.toml admits; old libraries warn of each other.
 LOWEST := $(VENV)-lowest/bin/python -m pytest --timeout 900 -W ignore::DeprecationWarning -W ignore::PendingDeprecationWarning \
           -W ignore::FutureWarning
-test-lowest: $(STAMPS)/installed $(STAMPS)/uv
+test-lowest: $(STAMPS)/installed
 	$(BIN)/uv venv --quiet --clear --python $(PYTHON) $(VENV)-lowest
 	$(BIN)/uv pip compile --quiet --resolution lowest-direct --python $(VENV)-lowest --extra all --extra dev pyproject.toml \
 	    --output-file $(VENV)-lowest/requirements.txt
