@@ -7,7 +7,7 @@ use nalgebra::{Cholesky, DMatrix, DMatrixViewMut, Vector3};
 
 use super::equations::{Coupling, RIDGE};
 use super::joints::Joints;
-use super::lanes::{LANES, lane, set_lane};
+use super::lanes::{LANES, exp_of_one, lane, set_lane};
 use crate::bones::{Bone, Pull};
 use crate::matrix3::Symmetric;
 use crate::symmetry::LimbPair;
@@ -24,6 +24,8 @@ pub(super) struct Link {
     pub(super) coupling: Coupling,
     /// Where its joints are.
     slots: [usize; 4],
+    /// Where they are as bits, modulo 64.
+    reach: u64,
     /// D⁻¹ ∂r/∂x.
     moves: [Vector3<f64>; 4],
 }
@@ -41,7 +43,7 @@ pub(super) fn of_pair(
         return None;
     }
     let (residual, el, er) = (ll - lr, left / ll, right / lr);
-    let kept = (-0.5 * (residual / (SYMMETRY_REACH * sigma)).powi(2)).exp();
+    let kept = exp_of_one(-0.5 * (residual / (SYMMETRY_REACH * sigma)).powi(2));
     let precision = kept / (sigma * sigma);
     (kept >= LEAST).then_some(Coupling {
         joints: [l1, l2, r1, r2],
@@ -79,62 +81,60 @@ impl Link {
             }
         }
         let (slots, moves) = (coupling.joints.map(|j| joints.slot[j]), [Vector3::zeros(); 4]);
-        Self { coupling, slots, moves }
-    }
-
-    /// The places of its joints, each with ∂r/∂x.
-    fn ends(&self) -> impl Iterator<Item = (usize, &Vector3<f64>)> {
-        let n = if self.coupling.is_bone() { 2 } else { 4 };
-        self.slots[..n].iter().copied().zip(&self.coupling.gradient)
+        let reach = slots.iter().fold(0, |all, s| all | 1 << (s % 64));
+        Self { coupling, slots, reach, moves }
     }
 
     /// Takes D⁻¹ of `joints`.
     fn prepare(&mut self, joints: &Joints) {
-        let mut moves = [Vector3::zeros(); 4];
-        for ((s, gradient), moves) in self.ends().zip(&mut moves) {
-            let inverse = &joints.groups[s / LANES].inverse;
-            let inverse = Symmetric(inverse.0.map(|a| lane(&a, s % LANES)));
+        let ends = self.slots.iter().zip(&self.coupling.gradient);
+        for ((s, gradient), moves) in ends.zip(&mut self.moves) {
+            let inverse = &joints.groups[s / LANES].inverse.0;
+            let inverse = Symmetric(std::array::from_fn(|a| lane(&inverse[a], s % LANES)));
             *moves = inverse.times(&(*gradient).into()).into();
         }
-        self.moves = moves;
     }
 
-    /// ∂rᵀ D⁻¹ ∂r of two couplings.
-    fn times(&self, other: &Self) -> f64 {
-        let shared = |(s, gradient): (usize, &Vector3<f64>)| {
-            let moves = other.ends().zip(&other.moves).filter(|((o, _), _)| *o == s);
-            moves.map(|(_, moves)| gradient.dot(moves)).sum::<f64>()
-        };
-        self.ends().map(shared).sum()
+    /// ∂rᵀ v, with v of the joint in each slot.
+    fn along(&self, v: impl Fn(usize) -> Vector3<f64>) -> f64 {
+        self.slots.iter().zip(&self.coupling.gradient).map(|(s, g)| g.dot(&v(*s))).sum()
     }
 }
 
-/// The steps of all joints, from those without couplings. `q` and `multipliers` are scratch space.
-pub(super) fn couple(
-    links: &mut [Link],
-    joints: &mut Joints,
-    q: &mut Vec<f64>,
-    multipliers: &mut Vec<f64>,
-) {
+/// Scratch space of [`couple`].
+#[derive(Debug, Clone, Default)]
+pub(super) struct Scratch {
+    q: Vec<f64>,
+    multipliers: Vec<f64>,
+    /// D⁻¹ ∂r/∂x of one coupling in each slot.
+    moved: Vec<Vector3<f64>>,
+}
+
+/// The steps of all joints, from those without couplings.
+pub(super) fn couple(links: &mut [Link], joints: &mut Joints, scratch: &mut Scratch) {
+    let (n, Scratch { q, multipliers, moved }) = (links.len(), scratch);
     links.iter_mut().for_each(|link| link.prepare(joints));
     q.clear();
+    q.resize(n * n, 0.0);
     multipliers.clear();
+    moved.resize(joints.n_joints, Vector3::zeros());
     for (b, link) in links.iter().enumerate() {
-        q.resize((links.len() + 1) * b, 0.0);
-        q.extend(links[b..].iter().map(|other| other.times(link)));
-        q[(links.len() + 1) * b] =
-            RIDGE * (q[(links.len() + 1) * b] + 1.0 / link.coupling.precision);
-        let along = |(s, gradient): (usize, &Vector3<f64>)| {
-            gradient.dot(&Vector3::from(joints.groups[s / LANES].step.map(|v| lane(&v, s % LANES))))
-        };
-        multipliers.push(link.coupling.residual + link.ends().map(along).sum::<f64>());
+        link.slots.iter().zip(&link.moves).for_each(|(s, v)| moved[*s] += v);
+        for (a, other) in links.iter().enumerate().skip(b) {
+            if other.reach & link.reach != 0 {
+                q[n * b + a] = other.along(|s| moved[s]);
+            }
+        }
+        link.slots.iter().for_each(|s| moved[*s] = Vector3::zeros());
+        q[(n + 1) * b] = RIDGE * (q[(n + 1) * b] + 1.0 / link.coupling.precision);
+        let step = |s: usize| joints.groups[s / LANES].step.each_ref().map(|v| lane(v, s % LANES));
+        multipliers.push(link.coupling.residual + link.along(|s| step(s).into()));
     }
-    let n = links.len();
     let Some(factor) = Cholesky::new(DMatrix::from_vec(n, n, std::mem::take(q))) else { return };
     factor.solve_mut(&mut DMatrixViewMut::from_slice(multipliers, n, 1));
     *q = factor.unpack_dirty().data.into();
     for (link, by) in links.iter().zip(multipliers) {
-        for ((s, _), moves) in link.ends().zip(&link.moves) {
+        for (s, moves) in link.slots.iter().zip(&link.moves) {
             for (step, moves) in joints.groups[s / LANES].step.iter_mut().zip(moves.iter()) {
                 let v = lane(step, s % LANES);
                 set_lane(step, s % LANES, v - moves * *by);

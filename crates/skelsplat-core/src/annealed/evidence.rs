@@ -16,8 +16,8 @@
 //! its own ε, since its calibration may be wrong. ε and S are summed over, not chosen: a few
 //! detections cannot be sure of them. A prior adds −½ (x−x⁰)ᵀ Π (x−x⁰) to log p and Π to H.
 
-use super::joints::Joints;
-use super::lanes::{Four, LANES, exp, lane, ln, set_lane};
+use super::joints::{FourRays, Joints};
+use super::lanes::{Four, LANES, exp, exp_of_one, lane, ln, set_lane};
 use super::problem::Prior;
 use super::rays::{Ray, Rays, there};
 use crate::matrix3::Symmetric;
@@ -107,12 +107,8 @@ impl Mixture {
         Self { variance: by * self.variance, ..self.clone() }
     }
 
-    /// log p of the rays of a joint at `x`, and of its prior, with the volume in which it may lie.
-    pub fn of_joint(&self, rays: &[Ray], x: &Vector3<f64>, prior: Option<&Prior>) -> f64 {
-        self.at(rays, x, prior).0
-    }
-
-    /// [`Self::of_joint`], and the information on where the joint is.
+    /// log p of the rays of a joint at `x`, and of its prior, with the volume in which it may lie;
+    /// and the information on where that is.
     pub(super) fn at(
         &self,
         rays: &[Ray],
@@ -158,96 +154,91 @@ impl Mixture {
 /// log Σ exp of `logs` under equal priors, and the posterior probability of each.
 pub(super) fn averaged<const N: usize>(logs: [f64; N]) -> (f64, [f64; N]) {
     let most = logs.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-    let weights = logs.map(|log| (log - most).exp());
+    let weights = logs.map(|log| exp_of_one(log - most));
     let all: f64 = weights.iter().sum();
     (most + (all / N as f64).ln(), weights.map(|w| w / all))
 }
 
-/// Densities of the detections of a frame.
+/// Densities of a detection of each of four joints in one view.
 struct Seen {
     /// c/c̄, 0 where there is no detection.
-    there: Vec<Four>,
-    near: Vec<Four>,
-    far: Vec<[Four; SCALES]>,
+    there: Four,
+    near: Four,
+    far: [Four; SCALES],
 }
 
 impl Seen {
-    fn of(joints: &Joints, mixture: &Mixture) -> Self {
-        let (m, n) = (joints.n_views, joints.rays.len());
-        let [near, there] = [(); 2].map(|()| Vec::with_capacity(n));
-        let mut seen = Self { there, near, far: Vec::with_capacity(n) };
-        for (k, ray) in joints.rays.iter().enumerate() {
+    /// Of every group and view.
+    fn all(joints: &Joints, mixture: &Mixture) -> Vec<Self> {
+        let m = joints.n_views;
+        let of = |(k, ray): (usize, &FourRays)| {
             let across = ray.across(&joints.groups[k / m].at, &joints.centres[k % m]);
             let (near, far) = mixture.densities(across.square);
-            seen.there.push(joints.there(k / m, k % m) * ray.weight * (1.0 / joints.weight));
-            seen.near.push(across.range.simd_gt(Four::ZERO) & near);
-            seen.far.push(far);
-        }
-        seen
+            let there = joints.groups[k / m].live * ray.weight * (1.0 / joints.weight);
+            Self { there, near: across.range.simd_gt(Four::ZERO) & near, far }
+        };
+        joints.rays.iter().enumerate().map(of).collect()
     }
 
-    /// log Σ_ε p(ε) Π_j p(e_ij) of the view that has every `m`-th of these, from the `view`-th on,
-    /// and the posterior mean of ε, where wrong detections have the scale `s`.
-    fn of_view(&self, view: usize, m: usize, s: usize) -> (f64, f64) {
+    /// log Σ_ε p(ε) Π_j p(e_ij) of the view that has every `m`-th of these, and the posterior mean
+    /// of ε, where wrong detections have the scale `s`.
+    fn of_view(seen: &[Self], m: usize, s: usize) -> (f64, f64) {
         let mut log = [Four::ZERO; SHARES.len()];
-        for k in (view..self.near.len()).step_by(m) {
-            let (there, near, far) = (self.there[k], self.near[k], self.far[k][s]);
+        for Self { there, near, far } in seen.iter().step_by(m) {
             for (log, share) in log.iter_mut().zip(SHARES) {
-                *log += there * ln(near * (1.0 - share) + far * share);
+                *log += *there * ln(*near * (1.0 - share) + far[s] * share);
             }
         }
         let log = log.map(Four::reduce_add);
         let (log, weights) = averaged(log);
         (log, weights.iter().zip(SHARES).map(|(w, share)| w * share).sum())
     }
+}
 
-    /// The mean share ε of wrong detections of the views that detect anything.
-    fn share(&self, wrong: &[f64]) -> f64 {
-        let m = wrong.len();
-        let detects = |i: &usize| self.there.iter().skip(*i).step_by(m).any(|t| *t != Four::ZERO);
-        let (sum, views) =
-            (0..m).filter(detects).fold((0.0, 0.0), |(sum, n), i| (sum + wrong[i], n + 1.0));
-        sum / f64::max(views, 1.0)
-    }
+/// The mean share ε of wrong detections of the views that detect anything.
+fn mean_share(seen: &[Seen], wrong: &[f64]) -> f64 {
+    let m = wrong.len();
+    let detects = |i: &usize| seen.iter().skip(*i).step_by(m).any(|s| s.there != Four::ZERO);
+    let (sum, views) =
+        (0..m).filter(detects).fold((0.0, 0.0), |(sum, n), i| (sum + wrong[i], n + 1.0));
+    sum / f64::max(views, 1.0)
 }
 
 /// The evidence of the frame for the `joints` where they are and this `variance`; `widest` is W,
 /// mm.
 pub(super) fn evidence(joints: &Joints, variance: f64, widest: f64) -> Evidence {
     let (m, widest) = (joints.n_views, widest * widest);
-    let (scales, wrong) = ([1.0; SCALES], vec![0.0; m]);
-    let mut mixture =
-        Mixture { variance, widest, weight: joints.weight, scales, flat: 0.0, wrong, share: 0.0 };
-    let seen = Seen::of(joints, &mixture);
+    let mut mixture = Mixture { variance, widest, weight: joints.weight, ..Mixture::default() };
+    let seen = Seen::all(joints, &mixture);
     let least = LEAST_REACH * LEAST_REACH * variance / joints.weight;
     let mut logs = [f64::NEG_INFINITY; SCALES];
-    let mut shares = vec![0.0; m * SCALES];
+    let mut shares = vec![[0.0; SCALES]; m];
     for s in 0..SCALES {
         if s == 0 || widest / 4f64.powi(s as i32) >= least {
             logs[s] = 0.0;
-            for i in 0..m {
-                let (log, wrong) = seen.of_view(i, m, s);
+            for (i, shares) in shares.iter_mut().enumerate() {
+                let (log, wrong) = Seen::of_view(&seen[i.min(seen.len())..], m, s);
                 logs[s] += log;
-                shares[s * m + i] = wrong;
+                shares[s] = wrong;
             }
         }
     }
     let (mut log, scales) = averaged(logs);
     mixture.scales = scales;
-    for (i, wrong) in mixture.wrong.iter_mut().enumerate() {
-        *wrong = (0..SCALES).map(|s| scales[s] * shares[s * m + i]).sum();
-    }
-    mixture.share = seen.share(&mixture.wrong);
-    let (mut correct, mut count) = (0.0, 0.0);
+    let mean = |of_view: &[f64; SCALES]| of_view.iter().zip(scales).map(|(v, p)| p * v).sum();
+    mixture.wrong = shares.iter().map(mean).collect();
+    mixture.share = mean_share(&seen, &mixture.wrong);
+    let [mut correct, mut count] = [Four::ZERO; 2];
     for (g, group) in joints.groups.iter().enumerate() {
         let (mut weight, mut outer) = (Four::ZERO, Symmetric::default());
-        for (k, wrong) in (g * m..).zip(&mixture.wrong) {
-            let near = seen.near[k] * (1.0 - wrong);
-            let r = seen.there[k] * near / (near + mixture.astray(&seen.far[k]) * *wrong);
-            correct += r.reduce_add();
-            count += seen.there[k].reduce_add();
+        let of_group = seen[g * m..(g + 1) * m].iter().zip(&joints.rays[g * m..]);
+        for ((Seen { there, near, far }, ray), wrong) in of_group.zip(&mixture.wrong) {
+            let near = *near * (1.0 - wrong);
+            let r = *there * near / (near + mixture.astray(far) * *wrong);
+            correct += r;
+            count += *there;
             let w = r * joints.weight;
-            outer.add_outer(w, &joints.rays[k].direction);
+            outer.add_outer(w, &ray.direction);
             weight += w;
         }
         let least = Four::splat(1.0 / widest);
@@ -256,7 +247,8 @@ pub(super) fn evidence(joints: &Joints, variance: f64, widest: f64) -> Evidence 
         let volume = ln(information.determinant(&information.cofactors())) * 0.5;
         log -= (0..LANES).map(|l| lane(&group.live, l) * lane(&volume, l)).sum::<f64>();
     }
-    Evidence { log, wrong: (count - correct) / f64::max(count, 1.0), mixture }
+    let wrong = (count - correct).reduce_add() / f64::max(count.reduce_add(), 1.0);
+    Evidence { log, wrong, mixture }
 }
 
 /// The evidence of joints at `points`, for study and tests.

@@ -9,7 +9,7 @@ use super::lanes::{Four, FourSymmetric, LANES, ZERO, exp, lane, set_lane, set_la
 use super::noise::{Residuals, scale_of};
 use super::problem::{Annealing, Prior};
 use super::rays::{Rays, there};
-use super::starts::{WIDE, in_front, is_narrow, nearest_to_all};
+use super::starts::{is_narrow, nearest_to_all};
 use crate::matrix3::Symmetric;
 use crate::symmetry::LimbPair;
 
@@ -228,12 +228,6 @@ impl Joints {
         self.informed[j] && self.is_live(j)
     }
 
-    /// 1 where a joint of a group has a position and a detection in view `i`, else 0.
-    pub(super) fn there(&self, g: usize, i: usize) -> Four {
-        let there = self.rays[g * self.n_views + i].weight.simd_gt(Four::ZERO);
-        there & self.groups[g].live
-    }
-
     pub(super) fn sigma(&self, j: usize) -> f64 {
         let (g, l) = self.place_of(j);
         lane(&self.groups[g].sigma, l)
@@ -250,23 +244,31 @@ impl Joints {
         Residuals::new(lane(&group.squares, l), lane(&group.support, l))
     }
 
+    /// Sums over all joints: Σ c k |e|², the degrees of freedom, and the kernels' σ.
+    pub(super) fn totals(&self) -> [f64; 3] {
+        let mut totals = [Four::ZERO; 3];
+        for Group { squares, support, sigma, .. } in &self.groups {
+            let freedom = (*support * 2.0 - 3.0).fast_max(Four::ZERO);
+            totals = [totals[0] + *squares, totals[1] + freedom, totals[2] + *sigma];
+        }
+        let [squares, freedom, sigma] = totals.map(Four::reduce_add);
+        // The places without a joint have σ = 1.
+        [squares, freedom, sigma - (LANES * self.groups.len() - self.n_joints) as f64]
+    }
+
     /// Sums over the rays of the joints that are not settled: D = Σ c k (I − d dᵀ)/ŝ² + Π + μ I,
-    /// minus its gradient −Σ c k e/ŝ² − Π (x − x⁰), and the residuals. `ALL`: k = 1 for all rays.
+    /// minus its gradient −Σ c k e/ŝ² − Π (x − x⁰), and the residuals.
     #[inline(never)]
-    pub(super) fn sum<const ALL: bool>(&mut self, precision: f64, damping: f64) {
+    pub(super) fn sum(&mut self, precision: f64, damping: f64) {
         let (m, precision, damping) = (self.n_views, Four::splat(precision), Four::splat(damping));
         for (g, group) in self.groups.iter_mut().enumerate().filter(|(_, g)| !g.is_settled()) {
             let quarter = Four::splat(-0.25) / (group.sigma * group.sigma);
             let (mut weight, mut outer, mut pull) = (Four::ZERO, ZERO, [Four::ZERO; 3]);
             let (mut squares, mut support) = (Four::ZERO, Four::ZERO);
             for (centre, ray) in self.centres.iter().zip(&self.rays[g * m..(g + 1) * m]) {
-                let Across { e, range, square } = ray.across(&group.at, centre);
-                let k = if ALL {
-                    Four::ONE
-                } else {
-                    let there = range.simd_gt(Four::ZERO) & ray.weight.simd_gt(Four::ZERO);
-                    there & exp(square * quarter)
-                };
+                let across = ray.across(&group.at, centre);
+                let k = ray.weight.simd_gt(Four::ZERO) & across.trust(quarter);
+                let Across { e, square, .. } = across;
                 let w = ray.weight * k;
                 outer.add_outer(w, &ray.direction);
                 weight += w;
@@ -292,27 +294,7 @@ impl Joints {
     /// Puts every joint at the point nearest to its rays, with the kernel that reaches the farthest
     /// of these, at most the widest.
     pub(super) fn start(&mut self, rays: &Rays, annealing: &Annealing) {
-        for s in 0..self.n_joints {
-            self.groups[s / LANES].settled[s % LANES] = false;
-        }
-        self.sum::<true>(1.0, 0.0);
-        for g in 0..self.groups.len() {
-            let group = &self.groups[g];
-            let cofactors = group.block.cofactors();
-            let determinant = group.block.determinant(&cofactors);
-            let scale = group.block.trace() * (1.0 / 3.0);
-            let spread = determinant / (scale * scale * scale);
-            let step = cofactors.times(&group.pull).map(|v| v / determinant);
-            let points: [Four; 3] = std::array::from_fn(|a| group.at[a] + step[a]);
-            let filled = LANES.min(self.n_joints - g * LANES);
-            for l in 0..filled {
-                let j = self.joint[g * LANES + l];
-                let x = Vector3::new(lane(&points[0], l), lane(&points[1], l), lane(&points[2], l));
-                let is_plain = lane(&spread, l) > WIDE && in_front(rays.of_joint(j), &x);
-                let x = if is_plain { x } else { nearest_to_all(rays, j) };
-                self.begin(rays, annealing, j, &x);
-            }
-        }
+        (0..self.n_joints).for_each(|j| self.begin(rays, annealing, j, &nearest_to_all(rays, j)));
         self.scale_to(rays);
     }
 
@@ -360,6 +342,14 @@ pub(super) struct Across {
     pub(super) range: Four,
     /// |e|².
     pub(super) square: Four,
+}
+
+impl Across {
+    /// k = exp(−|e|²/4σ²), 0 behind the camera; `quarter` is −1/4σ².
+    #[inline(always)]
+    pub(super) fn trust(&self, quarter: Four) -> Four {
+        self.range.simd_gt(Four::ZERO) & exp(self.square * quarter)
+    }
 }
 
 impl FourRays {

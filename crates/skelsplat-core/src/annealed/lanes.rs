@@ -1,8 +1,10 @@
 //! Four joints at a time.
 
+use std::ops::{Add, Mul};
+
 use wide::f64x4;
 
-use crate::matrix3::Symmetric;
+use crate::matrix3::{Number, Symmetric};
 
 /// A value of each of four joints.
 pub(super) type Four = f64x4;
@@ -20,8 +22,8 @@ const TO_INTEGER: f64 = 6_755_399_441_055_744.0;
 /// ln 2 in two parts, the first with few bits (W. J. Cody and W. Waite, "Software Manual for the
 /// Elementary Functions", 1980).
 const LN_2: [f64; 2] = [6.931_471_803_691_238e-1, 1.908_214_929_270_587_7e-10];
-/// 1/k! from k = 0: Taylor's polynomial is exact to 1e-12 for |x| ≤ ½ ln 2.
-const TAYLOR: [f64; 11] = [
+/// 1/k! from k = 0: Taylor's polynomial is exact to 1e-9 for |x| ≤ ½ ln 2.
+const TAYLOR: [f64; 9] = [
     1.0,
     1.0,
     1.0 / 2.0,
@@ -31,26 +33,39 @@ const TAYLOR: [f64; 11] = [
     1.0 / 720.0,
     1.0 / 5040.0,
     1.0 / 40_320.0,
-    1.0 / 362_880.0,
-    1.0 / 3_628_800.0,
 ];
 
-/// exp of values that are not positive, to 1e-12.
+/// exp of a reduced argument and, in its last bits, the power of 2 that it lacks.
 #[inline(always)]
-pub(super) fn exp(x: Four) -> Four {
-    let x = x.fast_max(Four::splat(LEAST_EXPONENT));
+fn reduced<T: Number + Add<f64, Output = T> + Mul<f64, Output = T>>(x: T) -> (T, T) {
     let shifted = x * std::f64::consts::LOG2_E + TO_INTEGER;
-    let whole = shifted - TO_INTEGER;
+    let whole = shifted + -TO_INTEGER;
     let r = (x - whole * LN_2[0]) - whole * LN_2[1];
     let (r2, t) = (r * r, TAYLOR);
     let r4 = r2 * r2;
     let low = (r + t[0]) + r2 * (r * t[3] + t[2]);
     let middle = (r * t[5] + t[4]) + r2 * (r * t[7] + t[6]);
-    let high = (r * t[9] + t[8]) + r2 * t[10];
-    let p = low + r4 * (middle + r4 * high);
-    let (p, n) = (p.to_array(), shifted.to_array());
-    let scaled = |l: usize| f64::from_bits(p[l].to_bits().wrapping_add(n[l].to_bits() << 52));
-    Four::new([scaled(0), scaled(1), scaled(2), scaled(3)])
+    (low + r4 * (middle + r4 * t[8]), shifted)
+}
+
+#[inline(always)]
+fn scaled(p: f64, shifted: f64) -> f64 {
+    f64::from_bits(p.to_bits().wrapping_add(shifted.to_bits() << 52))
+}
+
+/// exp of values that are not positive, to 1e-9.
+#[inline(always)]
+pub(super) fn exp(x: Four) -> Four {
+    let (p, n) = reduced(x.fast_max(Four::splat(LEAST_EXPONENT)));
+    let (p, n) = (p.to_array(), n.to_array());
+    Four::new(std::array::from_fn(|l| scaled(p[l], n[l])))
+}
+
+/// exp of one value that is not positive, to 1e-9.
+#[inline(always)]
+pub(crate) fn exp_of_one(x: f64) -> f64 {
+    let (p, n) = reduced(x);
+    if x < LEAST_EXPONENT { 0.0 } else { scaled(p, n) }
 }
 
 /// √½, of which logarithms take multiples by powers of 2: its first 20 bits.

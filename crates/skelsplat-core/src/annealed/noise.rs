@@ -79,21 +79,14 @@ impl NoiseModel {
     /// The prior of the estimate.
     pub const PRIOR_PX: f64 = 3.0;
 
-    /// s², mm², from the joints' residuals under a kernel of standard deviation `sigma` in a frame
-    /// of this `scale`; like the residuals, it is multiplied by the frame's mean weight.
-    pub(super) fn variance(
-        self,
-        residuals: impl Iterator<Item = Residuals> + Clone,
-        sigma: f64,
-        scale: Scale,
-    ) -> f64 {
+    /// s², mm², from the joints' squares and degrees of freedom under a kernel of standard
+    /// deviation `sigma`; like the squares, it is multiplied by the frame's mean weight.
+    pub(super) fn variance(self, [squares, freedom]: [f64; 2], sigma: f64, scale: Scale) -> f64 {
         let Scale { pixel, weight, refuted } = scale;
         match self {
             Self::Pixels(px) => weight * (px * pixel).powi(2),
             Self::Millimetres(mm) => weight * mm * mm,
             Self::Estimated => {
-                let squares: f64 = residuals.clone().map(|r| r.squares).sum();
-                let freedom: f64 = residuals.map(|r| r.freedom).sum();
                 let dof = if refuted { REFUTED_DOF } else { PRIOR_DOF };
                 let prior = dof * weight * (Self::PRIOR_PX * pixel).powi(2);
                 let shrunk = (prior + squares) / (dof + freedom);

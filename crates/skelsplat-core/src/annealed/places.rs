@@ -39,18 +39,15 @@ pub(super) struct Votes {
 
 impl Votes {
     pub(super) fn of(rays: &Rays, solution: &Solution) -> Self {
-        let count = |j: usize, counts: &dyn Fn(&Ray) -> bool| {
-            there(rays.of_joint(j)).filter(|ray| counts(ray)).count()
-        };
-        let agree = |j: usize| {
-            let (x, sigma) = (&solution.points[j], solution.sigma[j]);
-            count(j, &|ray| agrees(ray, x, sigma))
-        };
-        let joints = 0..rays.n_joints();
-        Self {
-            agree: joints.clone().map(agree).collect(),
-            seen: joints.map(|j| count(j, &|_| true)).collect(),
+        let n = rays.n_joints();
+        let mut votes = Self { agree: vec![0; n], seen: vec![0; n] };
+        for (j, x) in solution.points.iter().enumerate() {
+            for ray in there(rays.of_joint(j)) {
+                votes.seen[j] += 1;
+                votes.agree[j] += usize::from(agrees(ray, x, solution.sigma[j]));
+            }
         }
+        votes
     }
 
     pub(super) fn is_doubtful(&self, j: usize) -> bool {
@@ -138,10 +135,15 @@ impl PlaceSearch<'_> {
             let mut best = Vec::with_capacity(places[parent].len());
             for p in 0..places[parent].len() {
                 let at = places[parent][p].at;
-                let cost = |c: &Place| c.cost + Pull::new(&c.at, &at, *length).loss;
-                let costs = places[child].iter().map(cost).enumerate();
-                let least = costs.min_by(|a, b| a.1.total_cmp(&b.1));
-                let (k, cost) = least.unwrap_or((0, 0.0));
+                let mut least = (0, f64::INFINITY);
+                for (k, c) in places[child].iter().enumerate() {
+                    // A bone only adds to the cost.
+                    if c.cost < least.1 {
+                        let cost = c.cost + Pull::new(&c.at, &at, *length).loss;
+                        least = if cost < least.1 { (k, cost) } else { least };
+                    }
+                }
+                let (k, cost) = if least.1 < f64::INFINITY { least } else { (0, 0.0) };
                 best.push(k);
                 places[parent][p].cost += cost;
             }
@@ -181,7 +183,7 @@ impl PlaceSearch<'_> {
         let prior = self.priors.map(|priors| &priors[j]);
         let past = self.past.and_then(|past| past[j]);
         let moved = past.map_or(0.0, |past| since(&(x - past)));
-        moved - self.mixture.of_joint(self.rays.of_joint(j), x, prior)
+        moved - self.mixture.at(self.rays.of_joint(j), x, prior).0
     }
 
     /// Where two rays of joint `j` meet that do not both agree on where it is, and where a ray

@@ -15,6 +15,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 
+use super::lanes::exp_of_one;
 use crate::camera::Camera;
 use crate::detections::Detections;
 use crate::matrix3::Symmetric;
@@ -75,7 +76,7 @@ impl Offset {
         if self.range <= 0.0 {
             return 0.0;
         }
-        (-0.25 * self.across.norm_squared() / (sigma * sigma)).exp()
+        exp_of_one(-0.25 * self.across.norm_squared() / (sigma * sigma))
     }
 }
 
@@ -209,6 +210,12 @@ impl Meeting {
             self.weight += w;
             self.pull += w * ray.centre - wd * d.dot(&ray.centre);
         }
+    }
+
+    /// |Σ w (I − d dᵀ)|.
+    pub(crate) fn determinant(&self) -> f64 {
+        let information = self.outer.below(self.weight, 1.0, 0.0);
+        information.determinant(&information.cofactors())
     }
 
     /// The point, and how far from parallel the rays are (see [`nearest_with_spread`]).

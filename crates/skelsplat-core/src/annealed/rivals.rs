@@ -41,7 +41,8 @@ pub(super) fn rivals(of: &PlaceSearch<'_>, j: usize, own_noise: bool) -> Vec<Riv
         false => Vec::new(),
     };
     if own_noise && agree > 1 && (is_contradicted || of.solution.is_loud(j)) {
-        found.extend(LEVELS.map(|level| noisier(of, j, level)));
+        let mut at = of.solution.points[j];
+        found.extend(LEVELS.map(|level| noisier(of, j, level, &mut at)));
     }
     if found.is_empty() {
         return found;
@@ -71,14 +72,15 @@ fn elsewhere(of: &PlaceSearch<'_>, j: usize) -> Vec<Rival> {
     found
 }
 
-/// The joint where its rays have more noise.
-fn noisier(of: &PlaceSearch<'_>, j: usize, (times, probability): (f64, f64)) -> Rival {
+/// The joint with more noise, `at` the place to which its rays then move it from that with less.
+fn noisier(of: &PlaceSearch<'_>, j: usize, level: (f64, f64), at: &mut Vector3<f64>) -> Rival {
+    let (times, probability) = level;
     let (rays, sigma) = (of.rays.of_joint(j), times * of.solution.sigma[j]);
     let prior = of.priors.map(|priors| &priors[j]);
-    let at = settled(rays, settled(rays, of.solution.points[j], sigma), sigma);
-    let (log, information) = of.mixture.noisier(times * times).at(rays, &at, prior);
-    let share = log - against_bones(of, j, &at) + probability.ln();
-    Rival { at, share, spread: Some(inverse_of(&information.matrix())) }
+    *at = settled(rays, *at, sigma);
+    let (log, information) = of.mixture.noisier(times * times).at(rays, at, prior);
+    let share = log - against_bones(of, j, at) + probability.ln();
+    Rival { at: *at, share, spread: Some(inverse_of(&information.matrix())) }
 }
 
 fn log_p(of: &PlaceSearch<'_>, j: usize, x: &Vector3<f64>) -> f64 {

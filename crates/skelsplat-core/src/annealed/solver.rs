@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 
-use super::couplings::{Link, couple, of_bone, of_pair};
+use super::couplings::{Link, Scratch, couple, of_bone, of_pair};
 use super::equations::ILL_CONDITIONED;
 use super::joints::Joints;
 use super::lanes::{Four, LANES, ZERO, lane, set_lane};
@@ -46,18 +46,17 @@ pub(super) struct Solver {
     pub(super) n_iter: usize,
     pub(super) converged: bool,
     links: Vec<Link>,
-    /// Scratch space of [`couple`].
-    scratch: [Vec<f64>; 2],
+    scratch: Scratch,
 }
 
 impl Solver {
     /// Of joints that have their places, under this model of the noise.
     pub(super) fn new(joints: Joints, model: NoiseModel) -> Self {
-        let (links, scratch) = (Vec::new(), Default::default());
+        let (links, scratch) = (Vec::new(), Scratch::default());
         let mut solver =
             Self { joints, variance: 0.0, model, n_iter: 0, converged: false, links, scratch };
         let scale = solver.scale(false);
-        solver.variance = model.variance(std::iter::empty(), f64::INFINITY, scale);
+        solver.variance = model.variance([0.0; 2], f64::INFINITY, scale);
         solver
     }
 
@@ -75,7 +74,7 @@ impl Solver {
         self.converged = false;
         let mut steady = !terms.follows_noise;
         while self.n_iter < steps + annealing.max_steps && !self.converged {
-            self.joints.sum::<false>(1.0 / self.variance, damping);
+            self.joints.sum(1.0 / self.variance, damping);
             self.link(terms);
             let small = annealing.tolerance * self.noise();
             self.solve();
@@ -147,8 +146,7 @@ impl Solver {
             group.step = group.inverse.times(&group.pull);
         }
         if !self.links.is_empty() {
-            let [q, multipliers] = &mut self.scratch;
-            couple(&mut self.links, &mut self.joints, q, multipliers);
+            couple(&mut self.links, &mut self.joints, &mut self.scratch);
         }
     }
 
@@ -202,16 +200,14 @@ impl Solver {
             let (g, l) = self.joints.place_of(j);
             self.joints.groups[g].settled[l] = !self.joints.is_active(j);
         }
-        self.joints.sum::<false>(1.0 / self.variance, 0.0);
+        self.joints.sum(1.0 / self.variance, 0.0);
         self.estimate_noise(follows_noise);
     }
 
     fn estimate_noise(&mut self, refuted: bool) {
-        let joints = &self.joints;
-        let mean =
-            (0..joints.n_joints).map(|j| joints.sigma(j)).sum::<f64>() / joints.n_joints as f64;
-        let residuals = (0..joints.n_joints).map(|j| joints.residuals(j));
-        self.variance = self.model.variance(residuals, mean, self.scale(refuted));
+        let [squares, freedom, sigma] = self.joints.totals();
+        let mean = sigma / self.joints.n_joints as f64;
+        self.variance = self.model.variance([squares, freedom], mean, self.scale(refuted));
     }
 
     fn scale(&self, refuted: bool) -> Scale {
@@ -265,7 +261,7 @@ pub fn gradient(
     }
     let mut solver = Solver::new(joints, terms.annealing.noise);
     solver.release(terms, |_| true);
-    solver.joints.sum::<false>(1.0 / solver.variance, 0.0);
+    solver.joints.sum(1.0 / solver.variance, 0.0);
     solver.link(terms);
     let joints = &solver.joints;
     let own = |j: usize| {

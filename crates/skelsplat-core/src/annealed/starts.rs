@@ -10,7 +10,7 @@ use super::rays::{Ray, Rays, nearest_with_spread, there};
 /// cos 15°.
 const NARROW: f64 = 0.966;
 /// Rays this far from parallel, 15° for two, determine a depth whatever the noise.
-pub(super) const WIDE: f64 = 0.05;
+const WIDE: f64 = 0.05;
 /// Standard deviations of a prior that the first kernel covers.
 pub(super) const PRIOR_REACH: f64 = 2.0;
 
@@ -25,7 +25,7 @@ pub struct Before {
 }
 
 /// Whether `x` is in front of a camera that detects it.
-pub(super) fn in_front(rays: &[Ray], x: &Vector3<f64>) -> bool {
+fn in_front(rays: &[Ray], x: &Vector3<f64>) -> bool {
     there(rays).any(|ray| ray.offset(x).range > 0.0)
 }
 

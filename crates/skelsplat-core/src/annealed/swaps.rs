@@ -9,7 +9,9 @@
 
 use nalgebra::Vector3;
 
-use super::rays::{Meeting, Ray, Rays, midpoint};
+use super::joints::FourRays;
+use super::lanes::Four;
+use super::rays::{Meeting, Rays, midpoint};
 use crate::layout::Layout;
 
 /// Detections of mean weight by which the swap has to explain more.
@@ -109,21 +111,26 @@ pub fn find(rays: &Rays, chains: &[Chain], points: &[Vector3<f64>], sigma: &[f64
 }
 
 impl Judge<'_> {
-    fn weight(&self, ray: &Ray, x: &Vector3<f64>, sigma: f64) -> f64 {
-        let k = ray.trust(x, sigma).filter(|_| x.x.is_finite());
-        k.map_or(0.0, |k| ray.weight * k)
-    }
-
     /// Both assignments of `chain` in view `i` with its joints at `at`: (left, right) per pair.
     fn ways(&self, i: usize, chain: &Chain, at: &[[Vector3<f64>; 2]]) -> Ways {
         let mut ways = Ways::default();
         for (pair, x) in chain.iter().zip(at) {
-            for side in 0..2 {
-                let ray = &self.rays.of_joint(pair[side])[i];
-                ways.all += ray.weight;
-                ways.own += self.weight(ray, &x[side], self.sigma[pair[side]]);
-                ways.exchanged += self.weight(ray, &x[1 - side], self.sigma[pair[1 - side]]);
-            }
+            let rays = pair.map(|j| &self.rays.of_joint(j)[i]);
+            // The rays of left and right at their own places, then at each other's.
+            let of_rays = |[l, r]: [f64; 2]| Four::new([l, r, l, r]);
+            let of_places = |[l, r]: [f64; 2]| Four::new([l, r, r, l]);
+            let four = FourRays {
+                direction: std::array::from_fn(|a| of_rays(rays.map(|ray| ray.direction[a]))),
+                weight: of_rays(rays.map(|ray| ray.weight)),
+            };
+            let sigma = of_places(pair.map(|j| self.sigma[j]));
+            let at = std::array::from_fn(|a| of_places([x[0][a], x[1][a]]));
+            let centre = rays[usize::from(!rays[0].is_there())].centre.into();
+            let k = four.across(&at, &centre).trust(Four::splat(-0.25) / (sigma * sigma));
+            let [own_l, own_r, other_l, other_r] = (four.weight * k).to_array();
+            ways.all += rays[0].weight + rays[1].weight;
+            ways.own += own_l + own_r;
+            ways.exchanged += other_l + other_r;
         }
         ways
     }
@@ -159,33 +166,20 @@ impl Judge<'_> {
         let proposers = proposers(ways);
         let pairs = proposers.iter().enumerate();
         let pairs = pairs.flat_map(|(k, a)| proposers[k + 1..].iter().map(move |b| (*a, *b)));
-        let mut best: Option<Proposal> = None;
-        for (a, b) in pairs {
-            for exchanged in [false, true] {
-                let Some(at) = self.proposal(chain, a, b, exchanged) else { continue };
-                let at = self.settled(chain, &at);
-                let ways = self.all_ways(chain, &at);
-                if best.as_ref().is_none_or(|most| best_ways(&ways) > best_ways(&most.ways)) {
-                    best = Some(Proposal { at, ways });
-                }
-            }
-        }
-        best
+        let proposals = pairs.filter_map(|(a, b)| {
+            let at = self.settled(chain, &self.proposal(chain, a, b)?);
+            Some(Proposal { ways: self.all_ways(chain, &at), at })
+        });
+        let better = |a: &Proposal, b: &Proposal| best_ways(&a.ways) > best_ways(&b.ways);
+        proposals.reduce(|best, other| if better(&other, &best) { other } else { best })
     }
 
-    /// Where the rays of views `a` and `b` meet, with equal or opposite assignments; `None` if most
-    /// of them do not.
-    fn proposal(
-        &self,
-        chain: &Chain,
-        a: usize,
-        b: usize,
-        exchanged: bool,
-    ) -> Option<Vec<[Vector3<f64>; 2]>> {
+    /// Where the rays of views `a` and `b` meet with opposite assignments; `None` if most do not.
+    fn proposal(&self, chain: &Chain, a: usize, b: usize) -> Option<Vec<[Vector3<f64>; 2]>> {
         let (mut seen, mut met) = (0, 0);
         let mut meet = |pair: &[usize; 2], side: usize| {
             let first = &self.rays.of_joint(pair[side])[a];
-            let second = &self.rays.of_joint(pair[if exchanged { 1 - side } else { side }])[b];
+            let second = &self.rays.of_joint(pair[1 - side])[b];
             let both = first.is_there() && second.is_there();
             seen += usize::from(both);
             let x = if both { midpoint(first, second) } else { None };
@@ -206,7 +200,7 @@ impl Judge<'_> {
             for (i, way) in ways.iter().enumerate() {
                 let exchanged = way.exchanged > way.own;
                 let ray = &self.rays.of_joint(pair[if exchanged { 1 - side } else { side }])[i];
-                sums.add(ray, self.weight(ray, x, sigma));
+                sums.add(ray, ray.weight * ray.offset(x).weight(sigma));
             }
             sums.point().map_or(*x, |(x, _)| x)
         };

@@ -15,8 +15,6 @@
 //! R. Thompson, 1971), and the prior of the noise included in both. At γ = 1 views are taken at
 //! their word, at 0 each view's confidences count only among themselves.
 
-use nalgebra::Matrix3;
-
 use super::consensus::agrees;
 use super::evidence::averaged;
 use super::noise::{NoiseModel, PRIOR_DOF};
@@ -32,55 +30,66 @@ const ALIKE: f64 = 1.5;
 
 /// Factors on the weights of every view; `None` where views are taken at their word.
 pub fn factors(rays: &Rays, solution: &Solution) -> Option<Vec<f64>> {
-    let logs: Vec<f64> = (0..rays.n_views()).map(|i| mean_weight(rays, i).ln()).collect();
-    let known = || logs.iter().copied().filter(|log| log.is_finite());
+    // The weights of every view added up, and their number.
+    let mut totals = vec![[0.0; 2]; rays.n_views()];
+    for j in 0..rays.n_joints() {
+        for (total, ray) in totals.iter_mut().zip(rays.of_joint(j)) {
+            *total = [total[0] + ray.weight, total[1] + f64::from(ray.is_there())];
+        }
+    }
+    let logs = totals.iter().map(|[sum, count]| (sum / count).ln());
+    let known = || logs.clone().filter(|log| log.is_finite());
     let mean = known().sum::<f64>() / known().count() as f64;
-    if !known().any(|a| known().any(|b| b - a > ALIKE.ln())) {
+    let agreeing = agreeing(rays, solution);
+    if agreeing.is_empty() || !known().any(|a| known().any(|b| b - a > ALIKE.ln())) {
         return None;
     }
     let squares: f64 = known().map(|log| (log - mean).powi(2)).sum();
-    let of = |gamma: f64| -> Vec<f64> {
-        logs.iter().map(|log| ((gamma - 1.0) * (log - mean)).exp()).collect()
-    };
+    let of = |gamma: f64| logs.clone().map(move |log| (gamma - 1.0) * (log - mean));
     let log_p = |gamma: f64| {
-        let against = 0.5 * squares * (gamma / USUAL).powi(2);
-        log_likelihood(&rays.weighed(&of(gamma)), solution).map(|log| log - against)
+        let factors: Vec<[f64; 2]> = of(gamma).map(|log| [log, log.exp()]).collect();
+        let all = totals.iter().zip(&factors).filter(|([_, count], _)| *count > 0.0);
+        let [weight, count] = all.fold([0.0; 2], |[weight, count], ([w, n], [_, factor])| {
+            [weight + w * factor, count + n]
+        });
+        let prior = weight / count * (NoiseModel::PRIOR_PX * solution.pixel).powi(2);
+        log_likelihood(&agreeing, &factors, prior) - 0.5 * squares * (gamma / USUAL).powi(2)
     };
-    let [Some(a), Some(b), Some(c)] = EXPONENTS.map(log_p) else { return None };
-    let (_, shares) = averaged([a, b, c]);
-    Some(of(EXPONENTS.iter().zip(shares).map(|(gamma, share)| gamma * share).sum()))
+    let (_, shares) = averaged(EXPONENTS.map(log_p));
+    let gamma = EXPONENTS.iter().zip(shares).map(|(gamma, share)| gamma * share).sum();
+    Some(of(gamma).map(f64::exp).collect())
 }
 
-/// Mean weight of the detections of view `i`.
-fn mean_weight(rays: &Rays, i: usize) -> f64 {
-    let weights = (0..rays.n_joints()).map(|j| rays.of_joint(j)[i].weight).filter(|w| *w > 0.0);
-    let (sum, count) = weights.fold((0.0, 0.0), |(sum, count), w| (sum + w, count + 1.0));
-    sum / count
-}
-
-/// log p of the detections that agree with the solution, whatever their noise and the joints are;
-/// `None` if three views agree on no joint, since two rays do not tell which is noisier.
-fn log_likelihood(rays: &Rays, solution: &Solution) -> Option<f64> {
-    let prior = rays.mean_weight() * (NoiseModel::PRIOR_PX * solution.pixel).powi(2);
-    let (mut log, mut squares, mut freedom) = (0.0, PRIOR_DOF * prior, PRIOR_DOF);
+/// Joint, view and ray of the detections that agree with the solution, of joints on which three
+/// views agree: two rays do not tell which is noisier.
+fn agreeing<'a>(rays: &'a Rays, solution: &Solution) -> Vec<(usize, usize, &'a Ray)> {
+    let mut found = Vec::with_capacity(rays.n_joints() * rays.n_views());
     for (j, x) in solution.points.iter().enumerate() {
-        let agreeing = |ray: &&Ray| ray.is_there() && agrees(ray, x, solution.sigma[j]);
-        let agreeing = || rays.of_joint(j).iter().filter(agreeing);
-        if agreeing().count() < 3 {
-            continue;
+        let before = found.len();
+        let seen = rays.of_joint(j).iter().enumerate().filter(|(_, ray)| ray.is_there());
+        let agreeing = seen.filter(|(_, ray)| agrees(ray, x, solution.sigma[j]));
+        found.extend(agreeing.map(|(i, ray)| (j, i, ray)));
+        if found.len() < before + 3 {
+            found.truncate(before);
         }
-        let mut meeting = Meeting::default();
-        agreeing().for_each(|ray| meeting.add(ray, ray.weight));
-        let Some((x, _)) = meeting.point() else { continue };
-        let mut information = Matrix3::zeros();
-        for ray in agreeing() {
-            log += ray.weight.ln();
-            squares += ray.weight * ray.offset(&x).across.norm_squared();
-            information += ray.information() * ray.weight;
-            freedom += 2.0;
-        }
-        freedom -= 3.0;
-        log -= 0.5 * information.determinant().ln();
     }
-    (freedom > PRIOR_DOF).then(|| log - 0.5 * freedom * squares.ln())
+    found
+}
+
+/// log p of these detections, whatever their noise and the joints are, up to a constant; `factors`
+/// on the weights of the views, each after its logarithm.
+fn log_likelihood(agreeing: &[(usize, usize, &Ray)], factors: &[[f64; 2]], prior: f64) -> f64 {
+    let (mut log, mut squares, mut freedom) = (0.0, PRIOR_DOF * prior, PRIOR_DOF);
+    for rays in agreeing.chunk_by(|a, b| a.0 == b.0) {
+        let mut meeting = Meeting::default();
+        rays.iter().for_each(|(_, i, ray)| meeting.add(ray, ray.weight * factors[*i][1]));
+        let Some((x, _)) = meeting.point() else { continue };
+        for (_, i, ray) in rays {
+            log += factors[*i][0];
+            squares += ray.weight * factors[*i][1] * ray.offset(&x).across.norm_squared();
+        }
+        freedom += 2.0 * rays.len() as f64 - 3.0;
+        log -= 0.5 * meeting.determinant().ln();
+    }
+    log - 0.5 * freedom * squares.ln()
 }
