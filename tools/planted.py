@@ -95,8 +95,8 @@ tests/unit/test_config.py, tests/parity/test_annealed.py
 
 error bars count rejected detections fully | wrong covariance
 tests/parity/test_annealed.py, tests/unit/test_reliability.py
--(ray.weight * k / variance)
-+(ray.weight * (1.0 + 0.0 * k) / variance)
+-ray.weight * k / variance
++ray.weight * (1.0 + 0.0 * k) / variance
 
 a joint of undetermined depth has status ok | wrong status
 cargo --test suite annealed::

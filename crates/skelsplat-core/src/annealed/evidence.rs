@@ -189,8 +189,7 @@ impl Seen {
                 *log += *there * ln(*near * (1.0 - share) + far[s] * share);
             }
         }
-        let log = log.map(Four::reduce_add);
-        let (log, weights) = averaged(log);
+        let (log, weights) = averaged(log.map(Four::reduce_add));
         (log, weights.iter().zip(SHARES).map(|(w, share)| w * share).sum())
     }
 }

@@ -156,12 +156,12 @@ impl AnnealedFrame<'_> {
 
     /// With swaps and moves.
     fn moved(&self, mut found: Attempt) -> Attempt {
-        let n_joints = self.detections.n_joints();
+        let n = self.detections.n_joints();
         for _ in 0..SWAP_ROUNDS {
             let joints = &found.solver.joints;
-            let points: Vec<_> = (0..n_joints).map(|j| joints.at(j)).collect();
-            let end = |j: usize| joints.sigma(j).min(self.annealing.end[j]);
-            let sigma: Vec<f64> = (0..n_joints).map(end).collect();
+            let points: Vec<_> = (0..n).map(|j| joints.at(j)).collect();
+            let sigma: Vec<_> =
+                (0..n).map(|j| joints.sigma(j).min(self.annealing.end[j])).collect();
             let swaps = swaps::find(&found.rays, self.chains, &points, &sigma);
             if swaps.is_empty() {
                 break;

@@ -268,12 +268,11 @@ impl Joints {
             for (centre, ray) in self.centres.iter().zip(&self.rays[g * m..(g + 1) * m]) {
                 let across = ray.across(&group.at, centre);
                 let k = ray.weight.simd_gt(Four::ZERO) & across.trust(quarter);
-                let Across { e, square, .. } = across;
                 let w = ray.weight * k;
                 outer.add_outer(w, &ray.direction);
                 weight += w;
-                (0..3).for_each(|a| pull[a] -= w * e[a]);
-                squares += w * square;
+                (0..3).for_each(|a| pull[a] -= w * across.e[a]);
+                squares += w * across.square;
                 support += k;
             }
             group.block = outer.below(weight, precision, damping);

@@ -39,8 +39,7 @@ pub(super) struct Votes {
 
 impl Votes {
     pub(super) fn of(rays: &Rays, solution: &Solution) -> Self {
-        let n = rays.n_joints();
-        let mut votes = Self { agree: vec![0; n], seen: vec![0; n] };
+        let mut votes = Self { agree: vec![0; rays.n_joints()], seen: vec![0; rays.n_joints()] };
         for (j, x) in solution.points.iter().enumerate() {
             for ray in there(rays.of_joint(j)) {
                 votes.seen[j] += 1;
@@ -143,9 +142,8 @@ impl PlaceSearch<'_> {
                         least = if cost < least.1 { (k, cost) } else { least };
                     }
                 }
-                let (k, cost) = if least.1 < f64::INFINITY { least } else { (0, 0.0) };
-                best.push(k);
-                places[parent][p].cost += cost;
+                best.push(least.0);
+                places[parent][p].cost += if least.1 < f64::INFINITY { least.1 } else { 0.0 };
             }
             choice[child] = best;
         }

@@ -15,10 +15,10 @@ use super::depth::is_fixed;
 use super::equations::covariances;
 use super::places::PlaceSearch;
 use super::problem::Solution;
-use super::rays::Rays;
+use super::rays::{Ray, Rays};
 use super::rivals::{Rival, rivals};
 use crate::bones::other_end;
-use crate::matrix3::symmetrised;
+use crate::matrix3::{Symmetric, symmetrised};
 use crate::outcome::{ErrorBars, JointStatus};
 use crate::symmetry::LimbPair;
 
@@ -60,7 +60,8 @@ pub(super) fn error_bars(of: &Explanation<'_>) -> ErrorBars {
     let believed = believed(rays, solution);
     let k = |j: usize| &believed[j * m..(j + 1) * m];
     let deep: Vec<bool> = (0..n).map(|j| is_fixed(rays.of_joint(j), j, solution, k(j))).collect();
-    let mut covariances = posterior(of, &deep, &believed);
+    let body = BodyExtent::of(&solution.points, &deep);
+    let mut covariances = posterior(of, body, &believed);
     let mut status: Vec<JointStatus> = (0..n)
         .map(|j| match votes.seen[j] {
             0 => JointStatus::Unobserved,
@@ -68,10 +69,9 @@ pub(super) fn error_bars(of: &Explanation<'_>) -> ErrorBars {
             _ => JointStatus::Ok,
         })
         .collect();
-    let spread = BodyExtent::of(&solution.points, &deep).map_or(0.0, |b| b.square_spread.sqrt());
+    let spread = body.map_or(0.0, |body| body.square_spread.sqrt());
     for j in 0..n {
-        let (mut here, mut elsewhere) = (1.0, 0.0);
-        let mut more = Matrix3::zeros();
+        let (mut here, mut elsewhere, mut more) = (1.0, 0.0, Matrix3::zeros());
         for Rival { at, share, spread } in rivals(&of.search, j, of.own_noise) {
             let off = at - solution.points[j];
             more += (off * off.transpose() + spread.unwrap_or(covariances[j])) * share;
@@ -102,36 +102,35 @@ pub(super) fn error_bars(of: &Explanation<'_>) -> ErrorBars {
 
 /// k of every ray `(N, M)` at the solution; NaN where missing.
 fn believed(rays: &Rays, solution: &Solution) -> Vec<f64> {
-    let of_joint = |(j, x)| {
-        let sigma = solution.sigma[j];
-        rays.of_joint(j).iter().map(move |ray| ray.trust(x, sigma).unwrap_or(f64::NAN))
-    };
-    solution.points.iter().enumerate().flat_map(of_joint).collect()
+    let mut believed = Vec::with_capacity(rays.n_joints() * rays.n_views());
+    for (j, x) in solution.points.iter().enumerate() {
+        let k = |ray: &Ray| ray.trust(x, solution.sigma[j]).unwrap_or(f64::NAN);
+        believed.extend(rays.of_joint(j).iter().map(k));
+    }
+    believed
 }
 
-/// Posterior covariances `(N)` in mm²; NaN for an unobserved joint. `deep[j]`: whether the rays of
-/// joint j determine its depth (see [`super::depth`]); such joints form the body. `k` are the rays'
-/// weights `(N, M)`.
-fn posterior(of: &Explanation<'_>, deep: &[bool], k: &[f64]) -> Vec<Matrix3<f64>> {
+/// Posterior covariances `(N)`, mm²; NaN where unobserved. `k` are the rays' weights `(N, M)`.
+fn posterior(of: &Explanation<'_>, body: Option<BodyExtent>, k: &[f64]) -> Vec<Matrix3<f64>> {
     let PlaceSearch { rays, bones, solution, priors, .. } = of.search;
     let least = LEAST_SPREAD * solution.noise;
-    let body =
-        BodyExtent::of(&solution.points, deep).filter(|body| body.square_spread > least * least);
+    let body = body.filter(|body| body.square_spread > least * least);
     let block = |(j, x): (usize, &Vector3<f64>)| {
         let residuals = &solution.residuals[j];
         let variance = of.noise_share * (SHARED_DOF * solution.variance + residuals.squares)
             / (SHARED_DOF + residuals.freedom);
-        let mut block = Matrix3::zeros();
-        let mut nearest = f64::INFINITY;
+        let (mut outer, mut weight, mut nearest) = (Symmetric::default(), 0.0, f64::INFINITY);
         let of_joint = rays.of_joint(j);
         let weights = &k[j * of_joint.len()..];
         for (ray, k) in of_joint.iter().zip(weights).filter(|(ray, _)| ray.is_there()) {
-            block += ray.information() * (ray.weight * k / variance);
+            let w = ray.weight * k / variance;
+            outer.add_outer(w, &ray.direction.into());
+            weight += w;
             nearest = nearest.min((x - ray.centre).norm());
         }
-        if nearest.is_finite() {
-            block += Matrix3::from_diagonal_element(1.0 / square_reach(body, x, nearest));
-        }
+        let reach = square_reach(body, x, nearest);
+        let least = if nearest.is_finite() { 1.0 / reach } else { 0.0 };
+        let block = outer.below(weight, 1.0, least).matrix();
         block + priors.map_or_else(Matrix3::zeros, |priors| priors[j].precision)
     };
     let blocks: Vec<Matrix3<f64>> = solution.points.iter().enumerate().map(block).collect();

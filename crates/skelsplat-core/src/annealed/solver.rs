@@ -108,11 +108,10 @@ impl Solver {
         self.links.clear();
         let ready =
             |joints: &Joints, j: usize| joints.is_active(j) && joints.sigma(j) <= terms.enter;
-        let sigma = terms.annealing.symmetry_sigma;
         for pair in terms.pairs {
             let mut ends = pair.0.iter().chain(&pair.1);
             if ends.all(|j| ready(&self.joints, *j)) {
-                let coupling = of_pair(pair, sigma, |j| self.joints.at(j));
+                let coupling = of_pair(pair, terms.annealing.symmetry_sigma, |j| self.joints.at(j));
                 self.links.extend(coupling.map(|c| Link::new(c, &mut self.joints)));
             }
         }
