@@ -26,8 +26,8 @@ PYTEST = $(BIN)/python -m pytest --numprocesses auto --maxprocesses 8 --dist wor
 demo: $(STAMPS)/installed
 	$(BIN)/skelsplat demo -o skelsplat-demo
 
-# While the wheel is built on one core, libraries are installed and Python's sources checked on the other; then the
-# Rust checks and pytest run at the same time.
+# While the wheel is built, which the rest waits for, libraries are installed and Python's sources checked on what it
+# leaves of two cores; then the Rust checks and pytest run at the same time.
 test-all: export MARKS = -m ''
 test-all: export CHECKED = cargo test --locked --quiet
 test-all lint: export CRATES = --workspace
@@ -96,9 +96,9 @@ rust-lint:
 	$(WITH_FLAGS) RUSTDOCFLAGS="-D warnings" cargo doc $(AS_WHEEL) --no-deps
 
 sources-lint: $(STAMPS)/libraries
-	$(BIN)/ruff format --check .
-	$(BIN)/ruff check .
-	$(BIN)/mypy
+	nice $(BIN)/ruff format --check .
+	nice $(BIN)/ruff check .
+	nice $(BIN)/mypy
 
 python-lint: sources-lint $(STAMPS)/dev
 	$(BIN)/python -m mypy.stubtest skelsplat._skelsplat
