@@ -298,7 +298,7 @@ cargo --test suite rig::
 
 error bars over time hide the other place on a ray | wrong covariance
 cargo --test suite sequence::, tests/unit/test_sequence.py
--self.undecided(j, t, alone) + self.contradicted[k]
+-self.undecided(j, t, before) + self.contradicted[k]
 +self.contradicted[k]
 
 inferred joints are allowed ten times as wide | wrong status

@@ -227,6 +227,7 @@ pub(crate) trait Parameter: Sized {
     fn of_value(value: &Value) -> Option<Self>;
 }
 
+/// Makes a type one that a setting can have.
 macro_rules! parameter {
     ($type:ty, $kind:expr, $name:ident => $to:expr, $($pattern:pat => $of:expr),+) => {
         impl Parameter for $type {
@@ -329,4 +330,4 @@ macro_rules! settings {
         }
     };
 }
-pub(crate) use settings;
+pub(crate) use {parameter, settings};

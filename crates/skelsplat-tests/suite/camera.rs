@@ -125,7 +125,7 @@ fn distort_is_what_separates_ideal_from_real_projection() {
         let ideal = camera.project_ideal(&x).unwrap();
         // two roundings of 1e3 px
         assert!((camera.distort(&ideal) - camera.project(&x).unwrap()).amax() < 1e-11);
-        let homogeneous = camera.projection_matrix() * x.push(1.0);
+        let homogeneous = camera.k() * (camera.rotation() * x + camera.translation());
         assert!((homogeneous.xy() / homogeneous.z - ideal).amax() < 1e-11);
     }
 }

@@ -1,6 +1,6 @@
 //! Triangulation and fusion: exact recovery, weights, degenerate geometry.
 
-use nalgebra::{DMatrix, Vector2, Vector3};
+use nalgebra::{DMatrix, Matrix3x4, Vector2, Vector3};
 use skelsplat_core::study::triangulate::{dlt, fuse_monocular};
 use skelsplat_core::{
     Camera, Detections, Distortion, Error, TriangulationMethod as Method, Unit, triangulate,
@@ -15,10 +15,8 @@ fn looking(centre: Vector3<f64>, target: Vector3<f64>) -> Camera {
 /// Four cameras in the corners of a room, 4 to 6 m from the subject.
 fn room() -> Vec<Camera> {
     let corners = [[4000.0, 4000.0], [-4000.0, 3500.0], [-3800.0, -4200.0], [4100.0, -3900.0]];
-    corners
-        .iter()
-        .map(|c| looking(Vector3::new(c[0], c[1], 1600.0), Vector3::new(0.0, 0.0, 900.0)))
-        .collect()
+    let middle = Vector3::new(0.0, 0.0, 900.0);
+    corners.map(|[x, y]| looking(Vector3::new(x, y, 1600.0), middle)).to_vec()
 }
 
 fn joints() -> Vec<Vector3<f64>> {
@@ -86,7 +84,8 @@ fn the_lens_is_undone_first() {
 fn plain(detections: &Detections, cameras: &[Camera], joint: usize) -> Vector3<f64> {
     let mut a = DMatrix::zeros(2 * cameras.len(), 4);
     for (i, camera) in cameras.iter().enumerate() {
-        let p = camera.projection_matrix();
+        let columns = camera.rotation().iter().chain(camera.translation()).copied();
+        let p = camera.k() * Matrix3x4::from_iterator(columns);
         let (pixel, c) = detections.get(i, joint).unwrap();
         a.set_row(2 * i, &((p.row(2) * pixel.x - p.row(0)) * c));
         a.set_row(2 * i + 1, &((p.row(2) * pixel.y - p.row(1)) * c));

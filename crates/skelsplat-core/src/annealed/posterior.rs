@@ -30,9 +30,9 @@ const PLACED: f64 = 1.5;
 const BODY: f64 = 2.0;
 /// Minimum spread of a body, in multiples of the noise: closer joints cannot be distinguished from
 /// one point.
-const LEAST_SPREAD: f64 = 2.0;
-/// Largest standard deviation of a joint that its bones place, as a share of the body's spread.
-const INFERRED: f64 = 0.25;
+pub(crate) const LEAST_SPREAD: f64 = 2.0;
+/// Largest standard deviation of an inferred joint, as a share of the body's spread.
+pub(crate) const INFERRED: f64 = 0.25;
 /// Minimum number of joints of a body.
 const LEAST_JOINTS: usize = 3;
 /// Probability of all other places, with the frame's noise, from which a joint is not determined.

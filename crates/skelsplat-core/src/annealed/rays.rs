@@ -218,6 +218,12 @@ impl Meeting {
         information.determinant(&information.cofactors())
     }
 
+    /// Adds a place that weighs `share` times as much as all rays.
+    pub(crate) fn tie(&mut self, x: &Vector3<f64>, share: f64) {
+        self.pull += share * self.weight * x;
+        self.weight += share * self.weight;
+    }
+
     /// The point, and how far from parallel the rays are (see [`nearest_with_spread`]).
     #[inline]
     pub(crate) fn point(&self) -> Option<(Vector3<f64>, f64)> {

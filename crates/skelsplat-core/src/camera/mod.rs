@@ -11,7 +11,7 @@ mod fisheye;
 mod fold;
 mod undistort;
 
-use nalgebra::{Matrix2, Matrix2x3, Matrix3, Matrix3x4, Vector2, Vector3};
+use nalgebra::{Matrix2, Matrix2x3, Matrix3, Vector2, Vector3};
 
 use crate::error::{Error, Result};
 
@@ -130,14 +130,6 @@ impl Camera {
     /// A world point in the camera frame: R x + t.
     pub fn to_camera(&self, x: &Vector3<f64>) -> Vector3<f64> {
         self.rotation * x + self.translation
-    }
-
-    /// The 3×4 projection matrix K [R | t] of the ideal camera.
-    pub fn projection_matrix(&self) -> Matrix3x4<f64> {
-        let mut rt = Matrix3x4::zeros();
-        rt.fixed_view_mut::<3, 3>(0, 0).copy_from(&self.rotation);
-        rt.set_column(3, &self.translation);
-        self.k() * rt
     }
 
     /// The ideal pixel of a world point, or `None` at or behind [`NEAR`].

@@ -19,7 +19,7 @@ use nalgebra::Vector2;
 
 use super::masked_l2::Moments;
 use super::pseudo_gt::fill;
-use super::rows::RowTable;
+use super::rows::{Pixel, RowTable};
 use super::splat::{ALPHA_MAX, Span, Splat};
 
 /// Doubles on a window of pixels, zero elsewhere.
@@ -92,14 +92,14 @@ pub fn bytes<'a>(splats: impl Iterator<Item = &'a Splat>) -> u128 {
     (CANVASES * size_of::<f64>()) as u128 * rows.len() as u128 * columns.len() as u128
 }
 
-/// Calls `visit(v, span, a)` for every covered row of `splat` with its values, cut at 0.99 if
-/// `clamp`, until `cancel` is set. `line` is the buffer for the values.
-fn each_row(
+/// Calls `visit(v, span, a)` for every covered row of `splat` with its values, cut at `limit`,
+/// until `cancel` is set. `line` is the buffer for the values.
+pub(super) fn each_row<P: Pixel>(
     splat: &Splat,
-    clamp: bool,
-    line: &mut Vec<f64>,
+    limit: f64,
+    line: &mut Vec<P>,
     cancel: &AtomicBool,
-    mut visit: impl FnMut(i32, Span, &[f64]),
+    mut visit: impl FnMut(i32, Span, &[P]),
 ) {
     let table = RowTable::new(splat.conic[(0, 0)]);
     for (v, row) in splat.covered_rows() {
@@ -107,11 +107,9 @@ fn each_row(
             return;
         }
         line.clear();
-        line.resize(row.span.len(), 0.0);
+        line.resize(row.span.len(), P::zero());
         fill(&table, splat, &row, line);
-        if clamp {
-            line.iter_mut().for_each(|a| *a = a.min(ALPHA_MAX));
-        }
+        line.iter_mut().for_each(|a| *a = a.min(P::of(limit)));
         visit(v, row.span, line);
     }
 }
@@ -123,7 +121,7 @@ impl Composite {
         let (rows, columns) = hull(heats.iter());
         out.pseudo.reset(rows, columns, 0.0);
         for heat in heats {
-            each_row(heat, false, &mut out.line, cancel, |v, span, values| {
+            each_row(heat, 1.0, &mut out.line, cancel, |v, span, values| {
                 let target = out.pseudo.line(v, span);
                 target.iter_mut().zip(values).for_each(|(t, p)| *t += p);
             });
@@ -161,7 +159,7 @@ impl Composite {
         self.transmittance.reset(rows, columns, 1.0);
         self.behind.reset(rows, columns, 0.0);
         for splat in splats {
-            each_row(splat, true, &mut self.line, cancel, |v, span, values| {
+            each_row(splat, ALPHA_MAX, &mut self.line, cancel, |v, span, values| {
                 let colour = self.difference.line(v, span).iter_mut();
                 let light = self.transmittance.line(v, span).iter_mut();
                 for ((c, t), a) in colour.zip(light).zip(values) {
@@ -182,7 +180,7 @@ impl Composite {
     ) {
         for (k, splat) in splats.iter().enumerate().rev() {
             let mut moments = Moments::default();
-            each_row(splat, true, &mut self.line, cancel, |v, span, values| {
+            each_row(splat, ALPHA_MAX, &mut self.line, cancel, |v, span, values| {
                 let difference = self.difference.line(v, span).iter();
                 let light = self.transmittance.line(v, span).iter_mut();
                 let behind = self.behind.line(v, span).iter_mut();

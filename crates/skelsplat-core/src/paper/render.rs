@@ -1,13 +1,11 @@
 //! Whole images, rendered only on request.
 
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::AtomicBool;
 
 use nalgebra::{Matrix3, Vector2, Vector3};
 
 use super::composite::{self, Canvas, Composite};
 use super::encoding::Encoding;
-use super::pseudo_gt::fill;
-use super::rows::RowTable;
 use super::splat::{ALPHA_MAX, Splat};
 use crate::error::{Result, unless_cancelled};
 use crate::memory;
@@ -53,15 +51,11 @@ impl Images {
         }
     }
 
-    fn paste_splat(&mut self, channel: usize, splat: &Splat, limit: f32, cancel: &AtomicBool) {
-        let table = RowTable::new(splat.conic[(0, 0)]);
-        let rows = splat.covered_rows().take_while(|_| !cancel.load(Ordering::Relaxed));
-        for (v, row) in rows {
-            let start = usize::try_from(row.span.start).unwrap_or(0);
-            let target = &mut self.line(channel, v)[start..start + row.span.len()];
-            fill(&table, splat, &row, target);
-            target.iter_mut().for_each(|t| *t = t.min(limit));
-        }
+    fn paste_splat(&mut self, channel: usize, splat: &Splat, limit: f64, cancel: &AtomicBool) {
+        composite::each_row(splat, limit, &mut Vec::new(), cancel, |v, span, values| {
+            let start = usize::try_from(span.start).unwrap_or(0);
+            self.line(channel, v)[start..start + values.len()].copy_from_slice(values);
+        });
     }
 }
 
@@ -104,10 +98,8 @@ pub fn render(
     cancel: &AtomicBool,
 ) -> Result<Images> {
     if encoding == Encoding::OneHot {
-        #[allow(clippy::cast_possible_truncation, reason = "images are f32")]
-        let limit = ALPHA_MAX as f32;
         let splats = splats.iter().map(|s| s.map(|(splat, _)| splat));
-        return apart(splats, limit, size, cancel);
+        return apart(splats, ALPHA_MAX, size, cancel);
     }
     shared(&nearest_first(splats), encoding, size, cancel, Composite::render)
 }
@@ -130,7 +122,7 @@ pub fn pseudo_ground_truth(
 /// Every splat, cut at `limit`, on its own channel.
 fn apart(
     splats: impl ExactSizeIterator<Item = Option<Splat>>,
-    limit: f32,
+    limit: f64,
     size: [u32; 2],
     cancel: &AtomicBool,
 ) -> Result<Images> {

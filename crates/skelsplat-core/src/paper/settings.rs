@@ -3,7 +3,7 @@
 use super::encoding::Encoding;
 use crate::error::{Error, Result};
 use crate::names::named;
-use crate::settings::{Domain, Kind, Parameter, Value, settings};
+use crate::settings::{Domain, Kind, Parameter, Value, parameter, settings};
 
 settings! {
     /// Settings of the published method.
@@ -92,19 +92,10 @@ pub enum PositionLearningRate {
 /// The name of the released formula for the learning rate.
 const CAMERA_EXTENT: &str = "camera_extent";
 
-impl Parameter for PositionLearningRate {
-    const KIND: Kind = Kind::NumberOrName(CAMERA_EXTENT);
-    fn to_value(&self) -> Value {
-        match self {
-            Self::Millimetres(mm) => Value::Number(*mm),
-            Self::CameraExtent => Value::Name(CAMERA_EXTENT),
-        }
-    }
-    fn of_value(value: &Value) -> Option<Self> {
-        match value {
-            Value::Number(mm) => Some(Self::Millimetres(*mm)),
-            Value::Name(CAMERA_EXTENT) => Some(Self::CameraExtent),
-            _ => None,
-        }
-    }
-}
+parameter!(PositionLearningRate, Kind::NumberOrName(CAMERA_EXTENT),
+    rate => match rate {
+        PositionLearningRate::Millimetres(mm) => Value::Number(*mm),
+        PositionLearningRate::CameraExtent => Value::Name(CAMERA_EXTENT),
+    },
+    Value::Number(mm) => Some(Self::Millimetres(*mm)),
+    Value::Name(CAMERA_EXTENT) => Some(Self::CameraExtent));

@@ -1,15 +1,15 @@
 //! A body between frames: where its joints are, how they move, how long its bones are.
 
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::Vector3;
 
 use super::crowd::{Crowd, Figure};
-use crate::annealed::rays::{Ray, nearest_with_spread};
+use crate::annealed::rays::{Meeting, Ray};
 use crate::detections::Detections;
 use crate::statistics::median;
 
 /// Kernels under which a joint settles, in multiples of σ.
 const SETTLE: [f64; 3] = [1.5, 0.75, 0.5];
-/// Least spread of the rays (see [`nearest_with_spread`]) that gives a joint a place of its own:
+/// Least spread of the rays (see [`Meeting::point`]) that gives a joint a place of its own:
 /// two rays at 13°.
 const SPREAD: f64 = 0.04;
 /// Weight of the expected place, as a share of that of all rays.
@@ -96,35 +96,12 @@ fn nearest(
     prior: Option<&Vector3<f64>>,
     weight: impl Fn(&Ray) -> f64,
 ) -> Option<Vector3<f64>> {
-    let Some(start) = prior else {
-        let found = nearest_with_spread(rays, weight);
-        return found.filter(|(_, spread)| *spread > SPREAD).map(|(x, _)| x);
-    };
-    // Σ w and the six entries of Σ w d dᵀ, written out: the library's matrices are not inlined
-    // everywhere.
-    let (mut all, mut pull) = (0.0, Vector3::zeros());
-    let mut along = [0.0; 6];
-    for ray in rays {
-        let (w, d) = (weight(ray), &ray.direction);
-        let depth = d.dot(&ray.centre);
-        all += w;
-        let products = [d.x * d.x, d.x * d.y, d.x * d.z, d.y * d.y, d.y * d.z, d.z * d.z];
-        along.iter_mut().zip(products).for_each(|(sum, product)| *sum += w * product);
-        pull += Vector3::new(
-            w * (ray.centre.x - d.x * depth),
-            w * (ray.centre.y - d.y * depth),
-            w * (ray.centre.z - d.z * depth),
-        );
-    }
-    if all <= 0.0 {
-        return None;
-    }
+    let mut sums = Meeting::default();
+    rays.iter().for_each(|ray| sums.add(ray, weight(ray)));
     // The trace of Σ w (I − d dᵀ) is 2 Σ w.
-    let share = 2.0 * PRIOR * all;
-    let [xx, xy, xz, yy, yz, zz] = along;
-    let own = all + share;
-    let information = Matrix3::new(own - xx, -xy, -xz, -xy, own - yy, -yz, -xz, -yz, own - zz);
-    information.cholesky().map(|c| c.solve(&(pull + start * share)))
+    prior.iter().for_each(|start| sums.tie(start, 2.0 * PRIOR));
+    let least = if prior.is_some() { 0.0 } else { SPREAD };
+    sums.point().filter(|(_, spread)| *spread > least).map(|(x, _)| x)
 }
 
 /// A person who is followed.

@@ -6,7 +6,7 @@
 
 use std::ops::Range;
 
-use super::associate::KEEP;
+use super::associate::{KEEP, REACH, SPEED};
 use super::body::apart;
 use super::doubles::drop_doubles;
 use super::known::BodyModel;
@@ -27,10 +27,6 @@ const SPREAD: f64 = 0.03;
 const EVIDENCE: f64 = 6.0;
 /// Longest time for which both can be there while one takes over from the other, s.
 const OVERLAP: f64 = 0.5;
-/// How far somebody can have moved at once, in kernels.
-const STEP: f64 = 5.0;
-/// How far somebody can have moved while absent, mm/s.
-const SPEED: f64 = 2500.0;
 /// Frames at either end in which somebody who was absent is looked for.
 const ENDS: usize = 10;
 /// Largest median difference of the bones of one person, relative to their length.
@@ -179,7 +175,7 @@ fn parted(
     if !in_time || new.first <= lost.first || new.end() <= lost.end() {
         return None;
     }
-    let reach = STEP * known.sigma + SPEED * gap.max(0.0);
+    let reach = REACH + SPEED * gap.max(0.0);
     let ends = lost.frames.iter().rev().take(ENDS);
     let starts = || new.frames.iter().take(ENDS);
     let near =

@@ -1,5 +1,9 @@
 //! What all bodies of a recording have in common.
 
+use nalgebra::Vector3;
+
+use super::crowd::Figure;
+use super::score::at_body;
 use crate::bones::population::{Proportion, proportions};
 use crate::camera::Camera;
 use crate::layout::Layout;
@@ -40,6 +44,11 @@ impl BodyModel {
             sigma: KERNEL * refiner.config().sigma_mm(),
             scale: 1.0,
         }
+    }
+
+    /// The score of a figure at a body.
+    pub(super) fn fit(&self, figure: &Figure, pose: &[Vector3<f64>]) -> f64 {
+        at_body(figure, pose, self.sigma, &self.mirror)
     }
 
     /// Of bodies of a person's size in a world that is `scale` times as large.

@@ -14,7 +14,6 @@ use super::body::{Claims, SMOOTH, claimed};
 use super::crowd::{Crowd, Figure};
 use super::identities;
 use super::known::BodyModel;
-use super::score::at_body;
 use super::tracks::Track;
 use crate::batch::Progress;
 use crate::detections::Detections;
@@ -262,10 +261,9 @@ impl CrowdRecording<'_> {
 
     /// The figures of people at known places, and which views agree on them.
     fn assigned(&self, crowd: &Crowd, there: &[&[Vector3<f64>]]) -> (Vec<Claims>, Agreement) {
-        let BodyModel { sigma, mirror, .. } = &self.known;
         let mut claims = vec![vec![[None, None]; crowd.views.len()]; there.len()];
         let mut free = crowd.free();
-        let score = |k: usize, figure: &Figure| at_body(figure, there[k], *sigma, mirror);
+        let score = |k: usize, figure: &Figure| self.known.fit(figure, there[k]);
         give_free(crowd, &mut claims, &mut free, FITS, score);
         for (pose, claims) in there.iter().zip(&mut claims) {
             absorb(crowd, pose, claims, &mut free, &self.known);

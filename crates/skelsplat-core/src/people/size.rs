@@ -1,18 +1,12 @@
 //! How large bodies are, where nothing says in which unit they are given, or of what kind.
 
-use nalgebra::Vector3;
-
 use super::births::{COMMON, met};
 use super::crowd::{Crowd, Figure};
 use super::known::BodyModel;
 use super::score::meet;
-use crate::annealed::posterior::BodyExtent;
-use crate::bones::population::STATURE;
+use crate::sequence::shown_sizes;
 use crate::statistics::median;
 
-/// A person's stature over the root mean square distance of the joints from their centre, as of the
-/// body of the Human3.6M layout that stands.
-const STATURE_OVER_SPREAD: f64 = 3.4;
 /// Most figures of a view that are compared, those with the most joints.
 const MOST_FIGURES: usize = 8;
 
@@ -24,46 +18,35 @@ impl BodyModel {
     /// recording must have the same. For people it is rounded towards 1: a child or a reflection
     /// is not another unit.
     pub(super) fn scale_of(&self, crowds: &[Crowd]) -> f64 {
-        let stature = median(crowds.iter().filter_map(|crowd| self.stature_of_best(crowd)));
-        let doublings = (STATURE[0] / stature).log2();
+        let size = median(crowds.iter().filter_map(|crowd| self.size_of_best(crowd)));
+        let doublings = -size.log2();
         let human = !self.proportions.is_empty();
         let scale = if human { doublings.trunc() } else { doublings.round() }.exp2();
         if scale > 0.0 && scale.is_finite() { scale } else { 1.0 }
     }
 
-    /// Stature of the body in a frame that two figures agree on best.
-    fn stature_of_best(&self, crowd: &Crowd) -> Option<f64> {
+    /// Size of the body in a frame that two figures agree on best.
+    fn size_of_best(&self, crowd: &Crowd) -> Option<f64> {
         let least = COMMON.min(crowd.n_joints);
         let views: Vec<Vec<&Figure>> =
             crowd.views.iter().map(|view| most_joints(view, least)).collect();
         let mut best: Option<(f64, f64)> = None;
         for (i, a) in views.iter().enumerate().flat_map(|(i, v)| v.iter().map(move |a| (i, a))) {
             for b in views[i + 1..].iter().flatten() {
-                let stature = self.stature(&met(a, b));
+                let size = median(shown_sizes(&self.proportions, &met(a, b)));
                 let rays = a.rays.iter().zip(&b.rays).filter(|(p, q)| p.is_there() && q.is_there());
                 let apart: Vec<f64> =
                     rays.map(|(p, q)| meet(p, q).map_or(f64::INFINITY, |(_, d)| d)).collect();
                 if apart.len() < least {
                     continue;
                 }
-                let missed = median(apart) / stature;
+                let missed = median(apart) / size;
                 if best.is_none_or(|(least, _)| missed < least) && missed.is_finite() {
-                    best = Some((missed, stature));
+                    best = Some((missed, size));
                 }
             }
         }
-        best.map(|(_, stature)| stature)
-    }
-
-    /// Stature by the population's proportions, or by the spread of the joints; NaN of nobody.
-    fn stature(&self, pose: &[Vector3<f64>]) -> f64 {
-        let bones = self.proportions.iter().map(|bone| bone.stature(pose));
-        let bones: Vec<f64> = bones.filter(|length| length.is_finite()).collect();
-        if bones.len() >= 3 {
-            return median(bones);
-        }
-        let known: Vec<_> = pose.iter().filter(|x| !x.x.is_nan()).collect();
-        STATURE_OVER_SPREAD * BodyExtent::around(&known).square_spread.sqrt()
+        best.map(|(_, size)| size)
     }
 }
 

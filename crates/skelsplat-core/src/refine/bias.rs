@@ -23,7 +23,7 @@
 //! figure of its own; they get Nakano's.
 
 use crate::layout::Layout;
-use crate::settings::{Kind, Parameter, Value};
+use crate::settings::{Kind, Parameter, Value, parameter};
 
 /// Standard deviation per axis of the errors that all views and frames share.
 #[derive(Debug, Clone, PartialEq)]
@@ -72,21 +72,12 @@ fn published(joint: &str) -> f64 {
     row.map_or(ELSEWHERE, |(_, distance)| *distance) / 3f64.sqrt()
 }
 
-impl Parameter for JointBias {
-    const KIND: Kind = Kind::OneOrEach;
-    fn to_value(&self) -> Value {
-        match self {
-            Self::OfLayout => Value::Nothing,
-            Self::All(sigma) => Value::Number(*sigma),
-            Self::Each(sigmas) => Value::Numbers(sigmas.clone()),
-        }
-    }
-    fn of_value(value: &Value) -> Option<Self> {
-        match value {
-            Value::Nothing => Some(Self::OfLayout),
-            Value::Number(sigma) => Some(Self::All(*sigma)),
-            Value::Numbers(sigmas) => Some(Self::Each(sigmas.clone())),
-            _ => None,
-        }
-    }
-}
+parameter!(JointBias, Kind::OneOrEach,
+    bias => match bias {
+        JointBias::OfLayout => Value::Nothing,
+        JointBias::All(sigma) => Value::Number(*sigma),
+        JointBias::Each(sigmas) => Value::Numbers(sigmas.clone()),
+    },
+    Value::Nothing => Some(Self::OfLayout),
+    Value::Number(sigma) => Some(Self::All(*sigma)),
+    Value::Numbers(sigmas) => Some(Self::Each(sigmas.clone())));

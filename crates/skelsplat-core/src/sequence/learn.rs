@@ -90,10 +90,7 @@ pub fn lengths(
 
 /// Whether any frame sees both ends of each bone well.
 pub fn shown(tracks: &Tracks, bones: &[[usize; 2]]) -> Vec<bool> {
-    let both = |[a, b]: &[usize; 2], t: usize| {
-        tracks.sure[a * tracks.frames + t] && tracks.sure[b * tracks.frames + t]
-    };
-    bones.iter().map(|bone| (0..tracks.frames).any(|t| both(bone, t))).collect()
+    bones.iter().map(|bone| (0..tracks.frames).any(|t| tracks.see_bone(*bone, t))).collect()
 }
 
 /// What the frames show of a bone.
@@ -138,13 +135,11 @@ struct InFrame {
 fn measure(
     tracks: &Tracks,
     points: &[Vector3<f64>],
-    [a, b]: [usize; 2],
+    bone: [usize; 2],
     given: Option<Length>,
 ) -> Option<MeasuredLength> {
-    let at = |t: usize| (a * tracks.frames + t, b * tracks.frames + t);
-    let is_sure = |t: &usize| tracks.sure[at(*t).0] && tracks.sure[at(*t).1];
     let in_frame = |t: usize| {
-        let (a, b) = at(t);
+        let (a, b) = (tracks.at(bone[0], t), tracks.at(bone[1], t));
         let spread = tracks.spread[a] + tracks.spread[b];
         let d = points[a] - points[b];
         let (length, u) = (d.norm(), d.normalize());
@@ -153,19 +148,18 @@ fn measure(
         let weight = 1.0 / (variance + LEAST_SPREAD * LEAST_SPREAD);
         known.then_some(InFrame { length, weight, variance })
     };
-    let sure: Vec<InFrame> = (0..tracks.frames).filter(is_sure).filter_map(in_frame).collect();
+    let sure = (0..tracks.frames).filter(|t| tracks.see_bone(bone, *t));
+    let sure: Vec<InFrame> = sure.filter_map(in_frame).collect();
     let well = sure.len() >= LEAST;
     let mut seen = if well { sure } else { (0..tracks.frames).filter_map(in_frame).collect() };
     if seen.is_empty() {
         return None;
     }
-    let weighted = |s: &InFrame| (s.length, s.weight);
-    let mean = weighted_median(&mut seen, weighted);
-    let mut off: Vec<InFrame> =
-        seen.iter().map(|s| InFrame { length: (s.length - mean).abs(), ..*s }).collect();
-    let scatter = 1.4826 * weighted_median(&mut off, weighted);
+    let mean = weighted_median(&mut seen, |s| (s.length, s.weight));
     let total: f64 = seen.iter().map(|s| s.weight).sum();
     let noise = seen.iter().map(|s| s.weight * s.variance).sum::<f64>() / total;
+    let off = |s: &InFrame| ((s.length - mean).abs(), s.weight);
+    let scatter = 1.4826 * weighted_median(&mut seen, off);
     let own = (scatter * scatter - noise).max(0.0).sqrt();
     let usual = LEAST_SPREAD.max(LEAST_SHARE * mean);
     let least = given.map_or(usual, |given| given.sigma.min(usual));

@@ -27,6 +27,7 @@ pub mod learn;
 pub mod live;
 pub mod noise;
 mod outcome;
+mod path;
 pub mod posterior;
 pub mod process_noise;
 mod recording;
@@ -45,4 +46,5 @@ pub use recording::{
     Equations, Sequence, equations, learn_sequence, refine_in_windows, refine_sequence,
     refine_windows,
 };
+pub(crate) use size::shown_sizes;
 pub use windows::{Window, sample, window_size, windows};

@@ -10,13 +10,12 @@ use super::windows::{around, frames_in};
 use crate::annealed::Alone;
 use crate::annealed::consensus::REJECTED;
 use crate::annealed::depth::determine;
+use crate::annealed::posterior::INFERRED;
 use crate::annealed::rays::there;
 use crate::bones::Pull;
 use crate::outcome::{ErrorBars, JointStatus, Loss, Outcome, Splats, StopReason};
 use crate::statistics::median;
 
-/// Largest standard deviation of an inferred joint, as a share of the body's spread.
-pub(super) const INFERRED: f64 = 0.25;
 /// Share of wrong detections beyond which nothing is known: those that agree are the fewer.
 const MOST_WRONG: f64 = 0.5;
 
@@ -36,13 +35,59 @@ pub(super) struct SolvedWindow<'a> {
 }
 
 /// A joint of a frame.
-struct SolvedJoint {
-    at: Vector3<f64>,
-    covariance: Matrix3<f64>,
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Answer {
+    pub(super) at: Vector3<f64>,
+    pub(super) covariance: Matrix3<f64>,
+    pub(super) status: JointStatus,
+}
+
+impl Alone {
+    /// Joint `j`.
+    pub(super) fn joint(&self, j: usize) -> Answer {
+        let (covariance, status) = (self.bars.covariances[j], self.bars.status[j]);
+        Answer { at: self.points[j], covariance, status }
+    }
+}
+
+/// A joint with what it rests on.
+#[derive(Debug, Clone)]
+pub(super) struct SolvedJoint {
+    pub(super) answer: Answer,
     /// k of every view; NaN where missing.
-    believed: Vec<f64>,
-    status: JointStatus,
-    loss: f64,
+    pub(super) believed: Vec<f64>,
+    pub(super) loss: f64,
+}
+
+/// A frame of these joints under kernels `sigma`, mm, and its error bars; `noise` is NaN without
+/// detections.
+pub(super) fn together(
+    joints: &[SolvedJoint],
+    sigma: Vec<f64>,
+    noise: f64,
+    init: Vec<Vector3<f64>>,
+    used_for: Vec<usize>,
+    n_iter: usize,
+) -> (Outcome, ErrorBars) {
+    let render = joints.iter().map(|joint| joint.loss).sum();
+    let found = noise.is_finite();
+    let outcome = Outcome {
+        points: joints.iter().map(|joint| joint.answer.at).collect(),
+        splats: Splats::Round(sigma),
+        init,
+        used_for,
+        loss: Loss { total: render, render, symmetry: 0.0 },
+        loss_history: Vec::new(),
+        n_iter,
+        stop_reason: if found { StopReason::Converged } else { StopReason::NoObservations },
+    };
+    let bars = ErrorBars {
+        covariances: joints.iter().map(|joint| joint.answer.covariance).collect(),
+        believed: joints.iter().flat_map(|joint| joint.believed.iter().copied()).collect(),
+        noise,
+        status: joints.iter().map(|joint| joint.answer.status).collect(),
+    };
+    (outcome, bars)
 }
 
 impl<'a> SolvedWindow<'a> {
@@ -63,50 +108,34 @@ impl<'a> SolvedWindow<'a> {
         Self { run, posterior, believed: known, fixed: depths, deep, contradicted }
     }
 
-    /// Frame `t`, and its error bars.
+    /// Frame `t`, of which `before` is known otherwise, and its error bars.
     pub(super) fn outcome(
         &self,
         t: usize,
-        alone: &Alone,
+        before: &[Answer],
+        init: Vec<Vector3<f64>>,
         used_for: Vec<usize>,
         n_iter: usize,
     ) -> (Outcome, ErrorBars) {
-        let joints: Vec<SolvedJoint> =
-            (0..alone.points.len()).map(|j| self.joint(j, t, alone)).collect();
-        let status: Vec<JointStatus> = joints.iter().map(|joint| joint.status).collect();
-        let render = joints.iter().map(|joint| joint.loss).sum();
-        let observed = status.iter().any(|s| *s != JointStatus::Unobserved);
-        let outcome = Outcome {
-            points: joints.iter().map(|joint| joint.at).collect(),
-            splats: Splats::Round(self.run.common.noise.kernels()),
-            init: alone.points.clone(),
-            used_for,
-            loss: Loss { total: render, render, symmetry: 0.0 },
-            loss_history: Vec::new(),
-            n_iter,
-            stop_reason: if observed { StopReason::Converged } else { StopReason::NoObservations },
-        };
-        let variance = median(self.run.common.noise.variance.iter().copied());
-        let bars = ErrorBars {
-            covariances: joints.iter().map(|joint| joint.covariance).collect(),
-            believed: joints.iter().flat_map(|joint| joint.believed.iter().copied()).collect(),
-            noise: if observed { variance.sqrt() } else { f64::NAN },
-            status,
-        };
-        (outcome, bars)
+        let joint = |(j, before): (usize, &Answer)| self.joint(j, t, before);
+        let joints: Vec<SolvedJoint> = before.iter().enumerate().map(joint).collect();
+        let observed = joints.iter().any(|j| j.answer.status != JointStatus::Unobserved);
+        let noise = &self.run.common.noise;
+        let usual = if observed { median(noise.variance.iter().copied()).sqrt() } else { f64::NAN };
+        together(&joints, noise.kernels(), usual, init, used_for, n_iter)
     }
 
-    fn joint(&self, j: usize, t: usize, alone: &Alone) -> SolvedJoint {
+    fn joint(&self, j: usize, t: usize, before: &Answer) -> SolvedJoint {
         let k = j * self.run.tracks.frames + t;
         let common = self.run.common;
         let rays = self.run.tracks.rays(j, t);
         let active = self.run.tracks.active[k];
         let (at, covariance) = match active {
             true => {
-                let also = self.undecided(j, t, alone) + self.contradicted[k];
+                let also = self.undecided(j, t, before) + self.contradicted[k];
                 (self.run.points[k], self.posterior.positions[k] + also)
             }
-            false => (alone.points[j], alone.bars.covariances[j]),
+            false => (before.at, before.covariance),
         };
         let believed: Vec<f64> = match active {
             true => self.believed[k * rays.len()..][..rays.len()].to_vec(),
@@ -119,24 +148,24 @@ impl<'a> SolvedWindow<'a> {
                 || self.contradicted[k].trace() > 0.0
                 || (covariance.trace() > most && covariance.symmetric_eigenvalues().max() > most));
         let status = match (active, fixed) {
-            (false, _) => alone.bars.status[j],
+            (false, _) => before.status,
             (true, _) if unknown => JointStatus::Weak,
             (true, true) => JointStatus::Ok,
             (true, false) if self.deep[k] => JointStatus::Inferred,
             (true, false) => JointStatus::Weak,
         };
         let loss = self.run.tracks.loss(k, &believed);
-        SolvedJoint { at, covariance, believed, status, loss }
+        SolvedJoint { answer: Answer { at, covariance, status }, believed, loss }
     }
 
     /// What a joint's covariance in its frame alone adds where no frame around shows it to enough
     /// views: its bone then allows two places on the ray, and all frames may have taken the wrong
     /// one.
-    fn undecided(&self, j: usize, t: usize, alone: &Alone) -> Matrix3<f64> {
+    fn undecided(&self, j: usize, t: usize, before: &Answer) -> Matrix3<f64> {
         let near = around(t, frames_in(BRIDGE, self.run.common.fps), self.run.tracks.frames);
         let of_joint = j * self.run.tracks.frames..(j + 1) * self.run.tracks.frames;
         let shown = self.run.tracks.sure[of_joint][near].iter().any(|sure| *sure);
-        let spread = alone.bars.covariances[j];
+        let spread = before.covariance;
         if shown || !spread[(0, 0)].is_finite() { Matrix3::zeros() } else { spread }
     }
 }
@@ -222,8 +251,8 @@ pub(super) fn errors(run: &WindowSolver<'_>, found: &Posterior) -> Vec<f64> {
             let spread = found.positions[head * t + k] + found.positions[tail * t + k];
             u.dot(&(spread * u)).sqrt()
         };
-        let seen = |k: &usize| tracks.sure[head * t + k] && tracks.sure[tail * t + k];
-        let all: Vec<f64> = (0..t).filter(seen).map(along).filter(|e| e.is_finite()).collect();
+        let seen = (0..t).filter(|k| tracks.see_bone([*head, *tail], *k));
+        let all: Vec<f64> = seen.map(along).filter(|e| e.is_finite()).collect();
         if all.is_empty() { f64::INFINITY } else { median(all) }
     };
     run.common.bones.iter().enumerate().map(of_bone).collect()

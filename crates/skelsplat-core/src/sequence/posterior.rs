@@ -26,8 +26,9 @@ use super::solver::WindowSolver;
 use super::windows::{around, frames_in};
 use crate::matrix3::{inverse, times};
 
-/// Half of the time over which the information of a joint's detections is averaged, s.
-const AROUND: f64 = 0.5;
+/// Half of the time over which the information of a joint's detections is averaged, s; live, all
+/// of the time, also for a frame's noise and the body's spread.
+pub(super) const AROUND: f64 = 0.5;
 /// Sweeps of the bones' messages: to joints two bones away.
 const SWEEPS: usize = 3;
 

@@ -7,14 +7,12 @@
 
 use crate::annealed::posterior::BodyExtent;
 use crate::annealed::rays::nearest_with_spread;
-use crate::bones::population::STATURE;
+use crate::bones::population::{Proportion, STATURE};
 use crate::error::Result;
 use crate::refine::{Frame, Refiner};
 use crate::statistics::median;
 use nalgebra::Vector3;
 
-/// Least spread of a body in multiples of the noise.
-pub(super) const LEAST_SPREAD: f64 = 2.0;
 /// The spread where nothing is known, mm.
 pub(super) const USUAL_SPREAD: f64 = 500.0;
 /// Frames that are looked at, evenly spread.
@@ -35,14 +33,17 @@ pub(super) fn body_size<'a>(refiner: &Refiner, stretches: &[&'a [Frame]]) -> Res
             found.map_or(Vector3::repeat(f64::NAN), |(x, _)| x)
         };
         let points: Vec<_> = (0..rays.n_joints()).map(at).collect();
-        let proportions = &refiner.expected.proportions;
-        match proportions.is_empty() {
-            true => sizes.extend(BodyExtent::spread(&points).map(|s| s / USUAL_SPREAD)),
-            false => {
-                let of_bone = proportions.iter().map(|bone| bone.stature(&points) / STATURE[0]);
-                sizes.extend(of_bone.filter(|size| size.is_finite()));
-            }
-        }
+        sizes.extend(shown_sizes(&refiner.expected.proportions, &points));
     }
     Ok(median(sizes).log2().trunc().exp2())
+}
+
+/// A body's sizes in multiples of a person's that a pose shows: by each bone of known
+/// `proportions`, or, if there are none, by the spread of the joints.
+pub(crate) fn shown_sizes(proportions: &[Proportion], pose: &[Vector3<f64>]) -> Vec<f64> {
+    if proportions.is_empty() {
+        return BodyExtent::spread(pose).map(|spread| spread / USUAL_SPREAD).into_iter().collect();
+    }
+    let sizes = proportions.iter().map(|bone| bone.stature(pose) / STATURE[0]);
+    sizes.filter(|size| size.is_finite()).collect()
 }

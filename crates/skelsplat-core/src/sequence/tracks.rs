@@ -252,6 +252,11 @@ impl Tracks {
         j * self.frames + t
     }
 
+    /// Whether the positions of both ends of a bone are sure in frame `t`.
+    pub(super) fn see_bone(&self, bone: [usize; 2], t: usize) -> bool {
+        bone.iter().all(|j| self.sure[self.at(*j, t)])
+    }
+
     /// The rays of joint `j` in frame `t`, one per view.
     #[inline]
     pub fn rays(&self, j: usize, t: usize) -> &[Ray] {

@@ -6,8 +6,6 @@ use crate::people::births::{Free, Newcomer};
 use crate::people::body::{Body, Claims, apart, views};
 use crate::people::crowd::Crowd;
 use crate::people::doubles::is_known;
-use crate::people::known::BodyModel;
-use crate::people::score::at_body;
 
 /// Support below which two views may have agreed by chance.
 const DOUBTFUL: f64 = 1.0;
@@ -17,9 +15,9 @@ const NEAR: f64 = 3.5;
 /// Mean score of the figures of a body below which they fit it badly.
 const MISFIT: f64 = 0.55;
 /// How far a lost body can have moved at once, mm.
-const REACH: f64 = 300.0;
+pub(in crate::people) const REACH: f64 = 300.0;
 /// How far it can have moved besides, mm/s.
-const SPEED: f64 = 2000.0;
+pub(in crate::people) const SPEED: f64 = 2000.0;
 
 impl Associator {
     /// Gives back the figures of bodies that only two views see, with little support, where there
@@ -129,14 +127,12 @@ impl Associator {
 
     /// The nearest body next to the newcomer whose own figures fit it badly.
     fn misplaced(&self, crowd: &Crowd, claims: &[Claims], newcomer: &Newcomer) -> Option<usize> {
-        let BodyModel { sigma, mirror, .. } = &self.known;
         let fit = |(b, body): (usize, &Body)| {
             let own = claims[b].iter().enumerate().filter_map(|(i, claim)| Some((i, claim[0]?)));
-            let scores =
-                own.map(|(i, slot)| at_body(&crowd.views[i][slot], &body.pose, *sigma, mirror));
+            let scores = own.map(|(i, slot)| self.known.fit(&crowd.views[i][slot], &body.pose));
             let (n, sum) = scores.fold((0, 0.0), |(n, sum), score| (n + 1, sum + score));
             let far = apart(&body.pose, &newcomer.pose);
-            (far < NEAR * sigma
+            (far < NEAR * self.known.sigma
                 && n <= views(&newcomer.claims)
                 && sum < MISFIT * f64::from(n as u32))
             .then_some((far, b))

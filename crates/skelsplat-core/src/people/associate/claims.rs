@@ -68,10 +68,7 @@ impl Associator {
             let pose = placed(crowd, claims, &body.pose, self.known.sigma);
             // What does not fit where the others are: unless nothing does.
             for (i, claim) in claims.iter_mut().enumerate() {
-                let fits = |slot: usize| {
-                    let BodyModel { sigma, mirror, .. } = &self.known;
-                    at_body(&crowd.views[i][slot], &pose, *sigma, mirror) >= FITS
-                };
+                let fits = |slot: usize| self.known.fit(&crowd.views[i][slot], &pose) >= FITS;
                 if claim[0].is_some_and(|slot| !fits(slot)) {
                     hand_back(claim, &mut free[i]);
                 }
@@ -97,7 +94,7 @@ impl Associator {
         found: &mut [Option<Vec<Vector3<f64>>>],
     ) {
         let score = |b: usize, figure: &Figure| match &found[b] {
-            Some(pose) => at_body(figure, pose, self.known.sigma, &self.known.mirror),
+            Some(pose) => self.known.fit(figure, pose),
             None => 0.0,
         };
         let changed = give_free(crowd, claims, free, FITS, score);
@@ -116,16 +113,15 @@ impl Associator {
         free: &mut Free,
         found: &[Option<Vec<Vector3<f64>>>],
     ) {
-        let BodyModel { sigma, mirror, limbs, .. } = &self.known;
         for ((body, claims), found) in self.bodies.iter_mut().zip(claims).zip(found) {
             let only = claims.iter().enumerate().find_map(|(i, claim)| Some((i, claim[0]?)));
             match (found, only) {
-                (Some(pose), _) => body.update(pose, self.dt, limbs),
+                (Some(pose), _) => body.update(pose, self.dt, &self.known.limbs),
                 (None, Some((i, slot))) => {
                     // One view cannot be checked by another: the figure must have the body's shape.
                     let figure = &crowd.views[i][slot];
-                    let moved = body.follow(figure, self.dt, 2.0 * sigma);
-                    if at_body(figure, &moved, *sigma, mirror) >= SHAPE {
+                    let moved = body.follow(figure, self.dt, 2.0 * self.known.sigma);
+                    if self.known.fit(figure, &moved) >= SHAPE {
                         body.pose = moved;
                     } else {
                         hand_back(&mut claims[i], &mut free[i]);
@@ -180,7 +176,7 @@ pub(in crate::people) fn absorb(
     for (i, claim) in claims.iter_mut().enumerate() {
         let Some(first) = claim[0] else { continue };
         for (slot, figure) in crowd.views[i].iter().enumerate() {
-            if !free[i][slot] || at_body(figure, pose, known.sigma, &known.mirror) < SHAPE {
+            if !free[i][slot] || known.fit(figure, pose) < SHAPE {
                 continue;
             }
             free[i][slot] = false;

@@ -6,6 +6,7 @@ mod claims;
 
 use nalgebra::Vector3;
 
+pub(super) use arrivals::{REACH, SPEED};
 pub(super) use claims::{absorb, give_free};
 
 use super::body::{Body, Claims};

@@ -4,8 +4,8 @@ use nalgebra::{Matrix3, Vector3};
 
 use crate::bones::{Length, Pull};
 use crate::matrix3::times;
-use crate::outcome::JointStatus;
 use crate::sequence::learn::{LEAST_SHARE, LEAST_SPREAD};
+use crate::sequence::outcome::Answer;
 
 /// Frames over which a length is averaged at most.
 const MOST: f64 = 1000.0;
@@ -13,14 +13,6 @@ const MOST: f64 = 1000.0;
 const LEAST: f64 = 6.0;
 /// Largest deviation that counts, in multiples of the usual one.
 const REACH: f64 = 2.0;
-
-/// A joint of a frame.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Answer {
-    pub(super) at: Vector3<f64>,
-    pub(super) covariance: Matrix3<f64>,
-    pub(super) status: JointStatus,
-}
 
 /// The length of a bone, from the frames that see both ends.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]

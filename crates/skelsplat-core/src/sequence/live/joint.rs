@@ -2,14 +2,16 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::bone::{Answer, Tie};
+use super::bone::Tie;
 use super::filter::{KalmanState, MotionStatistics};
 use crate::annealed::consensus::REJECTED;
+use crate::annealed::posterior::INFERRED;
 use crate::annealed::rays::{Ray, there};
 use crate::matrix3::{inverse, product, symmetrised, times};
 use crate::outcome::JointStatus;
 use crate::sequence::lasting::Memory;
-use crate::sequence::outcome::INFERRED;
+use crate::sequence::outcome::Answer;
+use crate::sequence::posterior::AROUND;
 
 /// δ² beyond which a position contradicts the prediction: five standard deviations.
 const GATE: f64 = 25.0;
@@ -23,8 +25,6 @@ const BRIDGE: f64 = 0.5;
 pub(super) const STEPS: usize = 4;
 /// Steps for one that its views determine.
 const FEW_STEPS: usize = 2;
-/// Time over which a frame's information and noise and the body's spread are averaged, s.
-pub(super) const AROUND: f64 = 0.5;
 /// Time over which the weights of a view's detections of a joint are averaged, s.
 const TRUST: f64 = 0.4;
 /// Least weight of all rays by which an error bar grows.
@@ -77,12 +77,28 @@ impl Observation<'_> {
         self.alone.status == JointStatus::Ok && (agree > 2 || there(self.rays).count() == 2)
     }
 
-    /// Adds what its bones say of the joint at `at`.
-    fn add_ties(&self, at: &Vector3<f64>, information: &mut Matrix3<f64>, pull: &mut Vector3<f64>) {
-        for (block, b) in self.ties.iter().map(|tie| tie.pull(at)) {
-            *information += block;
-            *pull += b;
+    /// The joint after so many steps from `at`, and its covariance, by the prediction, its bones
+    /// and the information and pull that the frame `adds` at a position.
+    fn settled(
+        &self,
+        state: &KalmanState,
+        mut at: Vector3<f64>,
+        steps: usize,
+        adds: impl Fn(&Vector3<f64>, &mut Matrix3<f64>, &mut Vector3<f64>),
+    ) -> (Vector3<f64>, Matrix3<f64>) {
+        let prior = inverse(&state.position);
+        let mut spread = state.position;
+        for _ in 0..steps {
+            let (mut information, mut pull) = (prior, times(&prior, &(state.at - at)));
+            adds(&at, &mut information, &mut pull);
+            for (block, b) in self.ties.iter().map(|tie| tie.pull(&at)) {
+                information += block;
+                pull += b;
+            }
+            spread = symmetrised(&inverse(&information));
+            at += times(&spread, &pull);
         }
+        (at, spread)
     }
 }
 
@@ -170,15 +186,10 @@ impl LiveJoint {
             return *alone;
         };
         state.position *= 1.0 + self.distance(&state, alone) / (REACH * REACH);
-        let prior = inverse(&state.position);
-        let (mut at, mut spread) = (alone.at, Matrix3::zeros());
-        for _ in 0..FEW_STEPS {
-            let mut information = prior + of_frame;
-            let mut pull = times(&prior, &(state.at - at)) + times(&of_frame, &(alone.at - at));
-            seen.add_ties(&at, &mut information, &mut pull);
-            spread = symmetrised(&inverse(&information));
-            at += times(&spread, &pull);
-        }
+        let (at, spread) = seen.settled(&state, alone.at, FEW_STEPS, |at, information, pull| {
+            *information += of_frame;
+            *pull += times(&of_frame, &(alone.at - at));
+        });
         state.update(at, spread);
         let frames = 3.0 / product(&spread, &of_frame).trace().clamp(1e-3, 3.0);
         let memory = seen.memory;
@@ -192,21 +203,15 @@ impl LiveJoint {
 
     /// Where they do not.
     fn bridge(&mut self, mut state: KalmanState, seen: &Observation<'_>) -> Answer {
-        let prior = inverse(&state.position);
-        let (mut at, mut spread) = (state.at, state.position);
         let trusted = || seen.rays.iter().zip(&self.trust).filter(|(ray, _)| ray.is_there());
-        for _ in 0..STEPS {
-            let (mut information, mut pull) = (prior, times(&prior, &(state.at - at)));
+        let (at, spread) = seen.settled(&state, state.at, STEPS, |at, information, pull| {
             for (ray, trust) in trusted() {
-                let offset = ray.offset(&at);
+                let offset = ray.offset(at);
                 let w = ray.weight * offset.weight(seen.sigma) * trust / seen.variance;
-                information += ray.information() * w;
-                pull -= offset.across * w;
+                *information += ray.information() * w;
+                *pull -= offset.across * w;
             }
-            seen.add_ties(&at, &mut information, &mut pull);
-            spread = symmetrised(&inverse(&information));
-            at += times(&spread, &pull);
-        }
+        });
         let (mut n, mut weight, mut agreeing) = (0.0, 0.0, 0);
         for k in there(seen.rays).map(|ray| ray.offset(&at).weight(seen.sigma)) {
             (n, weight) = (n + 1.0, weight + k);

@@ -25,30 +25,30 @@
 
 use std::sync::Arc;
 
-use nalgebra::Vector3;
-
 mod bone;
 pub mod filter;
 mod joint;
 mod window;
 
-use self::bone::{Answer, RunningLength, Tie};
-use self::joint::{AROUND, LiveJoint, Observation, STEPS};
+use self::bone::{RunningLength, Tie};
+use self::joint::{LiveJoint, Observation, STEPS};
 use self::window::LagWindow;
 use super::lasting::Memory;
 use super::learn::Learnt;
 use super::noise::{DetectionNoise, Kernel};
+use super::outcome::{Answer, SolvedJoint, together};
+use super::posterior::AROUND;
 use super::process_noise::ProcessNoise;
 use super::recording::check;
-use super::size::{LEAST_SPREAD, USUAL_SPREAD, body_size};
+use super::size::{USUAL_SPREAD, body_size};
 use super::solver::Common;
 use crate::annealed::Alone;
-use crate::annealed::posterior::BodyExtent;
+use crate::annealed::posterior::{BodyExtent, LEAST_SPREAD};
 use crate::batch::Progress;
 use crate::bones::{Length, other_end};
 use crate::detections::Detections;
 use crate::error::{Error, Result};
-use crate::outcome::{ErrorBars, JointStatus, Loss, Outcome, Splats, StopReason};
+use crate::outcome::JointStatus;
 use crate::refine::{Frame, Refinement, Refiner};
 
 /// The state of all joints between frames.
@@ -207,21 +207,18 @@ impl Live {
         memory: &'a Memory,
     ) -> Vec<Observation<'a>> {
         let (sigma, mean_weight) = (self.kernels(refiner, alone), alone.rays.mean_weight());
-        let of_joint = |(j, at): (usize, &Vector3<f64>)| {
-            let (covariance, status) = (alone.bars.covariances[j], alone.bars.status[j]);
-            Observation {
-                rays: alone.rays.of_joint(j),
-                alone: Answer { at: *at, covariance, status },
-                sigma: sigma[j],
-                variance: self.variance(),
-                mean_variance: self.variance() / mean_weight,
-                reach: self.reach(),
-                fps: self.fps,
-                memory,
-                ties: Vec::new(),
-            }
+        let of_joint = |j: usize| Observation {
+            rays: alone.rays.of_joint(j),
+            alone: alone.joint(j),
+            sigma: sigma[j],
+            variance: self.variance(),
+            mean_variance: self.variance() / mean_weight,
+            reach: self.reach(),
+            fps: self.fps,
+            memory,
+            ties: Vec::new(),
         };
-        alone.points.iter().enumerate().map(of_joint).collect()
+        (0..alone.points.len()).map(of_joint).collect()
     }
 
     /// The joints: those that their views determine, the surest first, then the others, those next
@@ -309,32 +306,19 @@ impl Live {
         answers: &[Answer],
     ) -> Refinement {
         let sigma = self.kernels(refiner, &alone);
-        let (mut believed, mut render) = (Vec::new(), 0.0);
-        for (j, answer) in answers.iter().enumerate() {
+        let joint = |(j, answer): (usize, &Answer)| {
             let scale = 2.0 * sigma[j].powi(2) / self.variance();
+            let (mut believed, mut loss) = (Vec::new(), 0.0);
             for ray in alone.rays.of_joint(j) {
                 let k = ray.trust(&answer.at, sigma[j]).unwrap_or(f64::NAN);
                 believed.push(k);
-                render += if k.is_finite() { ray.weight * scale * (1.0 - k) } else { 0.0 };
+                loss += if k.is_finite() { ray.weight * scale * (1.0 - k) } else { 0.0 };
             }
-        }
-        let status: Vec<JointStatus> = answers.iter().map(|answer| answer.status).collect();
-        let noise = alone.bars.noise;
-        let outcome = Outcome {
-            points: answers.iter().map(|answer| answer.at).collect(),
-            splats: Splats::Round(sigma),
-            init: alone.points,
-            used_for: alone.used_for,
-            loss: Loss { total: render, render, symmetry: 0.0 },
-            loss_history: Vec::new(),
-            n_iter: STEPS,
-            stop_reason: match noise.is_finite() {
-                true => StopReason::Converged,
-                false => StopReason::NoObservations,
-            },
+            SolvedJoint { answer: *answer, believed, loss }
         };
-        let covariances = answers.iter().map(|answer| answer.covariance).collect();
-        let bars = ErrorBars { covariances, believed, noise, status };
+        let joints: Vec<SolvedJoint> = answers.iter().enumerate().map(joint).collect();
+        let Alone { used_for, points, bars, .. } = alone;
+        let (outcome, bars) = together(&joints, sigma, bars.noise, points, used_for, STEPS);
         refiner.result(detections, outcome, &bars)
     }
 }

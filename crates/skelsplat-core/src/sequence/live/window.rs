@@ -3,15 +3,14 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::bone::Answer;
 use crate::annealed::Alone;
 use crate::batch::Progress;
 use crate::detections::Detections;
-use crate::outcome::{ErrorBars, JointStatus, Loss, Outcome, Splats, StopReason, as_given};
+use crate::outcome::{JointStatus, as_given};
 use crate::refine::{Refinement, Refiner};
 use crate::sequence::learn::Learnt;
 use crate::sequence::noise::Kernel;
-use crate::sequence::outcome::SolvedWindow;
+use crate::sequence::outcome::{Answer, SolvedJoint, SolvedWindow, together};
 use crate::sequence::posterior::posterior;
 use crate::sequence::solver::{Schedule, WindowSolver};
 use crate::sequence::tracks::{BRIDGE, Tracks};
@@ -91,12 +90,8 @@ impl LagWindow {
         let found = posterior(&run, learnt);
         let state = SolvedWindow::of(&run, &found);
         let (alone, rest) = (&self.alone[t], &self.rest[t]);
-        let mut filtered = alone.clone();
-        filtered.points = rest.answers.iter().map(|answer| answer.at).collect();
-        filtered.bars.covariances = rest.answers.iter().map(|answer| answer.covariance).collect();
-        filtered.bars.status = rest.answers.iter().map(|answer| answer.status).collect();
-        let (mut outcome, bars) = state.outcome(t, &filtered, alone.used_for.clone(), run.n_iter);
-        outcome.init.clone_from(&alone.points);
+        let (init, used_for) = (alone.points.clone(), alone.used_for.clone());
+        let (outcome, bars) = state.outcome(t, &rest.answers, init, used_for, run.n_iter);
         refiner.result(&rest.detections, outcome, &bars)
     }
 
@@ -104,23 +99,12 @@ impl LagWindow {
     fn nothing(&self, refiner: &Refiner) -> Refinement {
         let detections = self.rest[self.rest.len() - 1].detections.map(|_, _| None);
         let (m, n) = (detections.n_views(), detections.n_joints());
-        let unknown = vec![Vector3::repeat(f64::NAN); n];
-        let outcome = Outcome {
-            points: unknown.clone(),
-            splats: Splats::Round(Kernel::of(refiner, n).of_noise(0.0)),
-            init: unknown,
-            used_for: as_given(m, n),
-            loss: Loss::default(),
-            loss_history: Vec::new(),
-            n_iter: 0,
-            stop_reason: StopReason::NoObservations,
-        };
-        let bars = ErrorBars {
-            covariances: vec![Matrix3::repeat(f64::NAN); n],
-            believed: vec![f64::NAN; m * n],
-            noise: f64::NAN,
-            status: vec![JointStatus::Unobserved; n],
-        };
+        let (at, covariance) = (Vector3::repeat(f64::NAN), Matrix3::repeat(f64::NAN));
+        let answer = Answer { at, covariance, status: JointStatus::Unobserved };
+        let unknown = SolvedJoint { answer, believed: vec![f64::NAN; m], loss: 0.0 };
+        let sigma = Kernel::of(refiner, n).of_noise(0.0);
+        let (joints, start) = (vec![unknown; n], vec![at; n]);
+        let (outcome, bars) = together(&joints, sigma, f64::NAN, start, as_given(m, n), 0);
         refiner.result(&detections, outcome, &bars)
     }
 }
