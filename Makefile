@@ -16,6 +16,9 @@ install = $(BIN)/uv pip install --quiet --python $(BIN)/python $(1) || $(BIN)/py
 LOCKED := --constraint requirements-dev.lock
 WHEEL = $$(ls dist/*.whl)
 DEV := all,dev
+# uv leaves libraries uncompiled; these are read in a process whose seconds count (io/_guarded_child.py).
+TIMED := ezc3d h5netcdf h5py pandas scipy/io tables xarray
+COMPILE := $(BIN)/python -m compileall -q -x /tests/ $(TIMED:%=$(VENV)/lib/python3*/site-packages/%)
 
 # As many as there are cores; more than a few gain nothing.
 PYTEST = $(BIN)/python -m pytest --numprocesses auto --maxprocesses 8 --dist worksteal $(MARKS)
@@ -63,10 +66,12 @@ $(STAMPS)/wheel: $(STAMPS)/venv $(RUST_SOURCES) $(PYTHON_SOURCES)
 $(STAMPS)/installed: $(STAMPS)/wheel
 	$(call install,--force-reinstall --no-deps $(WHEEL))
 	$(call install,$(LOCKED) "$(WHEEL)[all]")
+	$(COMPILE)
 	@touch $@
 
 $(STAMPS)/libraries: $(STAMPS)/venv
 	$(call install,--requirement requirements-dev.lock)
+	$(COMPILE)
 	@touch $@
 
 $(STAMPS)/dev: $(STAMPS)/wheel $(STAMPS)/libraries
