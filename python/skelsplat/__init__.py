@@ -6,6 +6,7 @@ Gaussian at the 2D detection. The public names are the ones listed in ``__all__`
 
 from skelsplat import layouts, metrics, synthetic
 from skelsplat._angles import JointAngles, joint_angles
+from skelsplat._calibrate import CalibratedCamera, Intrinsics, RigCalibration, calibrate_cameras
 from skelsplat._people import Person, Tracker, track
 from skelsplat._refine import LossAndGradient, Refinement, Refiner, loss_and_gradient, refine
 from skelsplat._rig import CameraAdjustment, RigAdjustment, adjust_cameras
@@ -34,11 +35,13 @@ from skelsplat.exceptions import (
 
 __all__ = [
     "REJECTED_WEIGHT",
+    "CalibratedCamera",
     "Camera",
     "CameraAdjustment",
     "CameraRig",
     "DatasetError",
     "DegenerateGeometryError",
+    "Intrinsics",
     "InvalidInputError",
     "JointAngles",
     "Layout",
@@ -49,11 +52,13 @@ __all__ = [
     "Refinement",
     "Refiner",
     "RigAdjustment",
+    "RigCalibration",
     "SequenceRefinement",
     "SkelSplatError",
     "Tracker",
     "__version__",
     "adjust_cameras",
+    "calibrate_cameras",
     "fuse_monocular",
     "joint_angles",
     "layouts",

@@ -48,10 +48,10 @@ def require(module: str, purpose: str, extra: str = "formats") -> ModuleType:
 
 
 @cache
-def opencv() -> ModuleType:
+def opencv(purpose: str = "videos") -> ModuleType:
     """Import OpenCV, or raise as `require`; what fails in it is an exception, without messages of its own."""
     os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")  # read once, when the first video is opened
     os.environ.setdefault("OPENCV_IO_MAX_IMAGE_PIXELS", str(_MOST_PIXELS))  # read once, at the import
-    module = require("cv2", "videos", "video")
+    module = require("cv2", purpose, "video")
     getattr(module.utils, "logging", module).setLogLevel(0)  # in OpenCV 5, and 4
     return module

@@ -23,6 +23,7 @@ __all__ = [
     "Tracker",
     "__version__",
     "adjust_cameras",
+    "calibrate_cameras",
     "check_people",
     "checked_detections",
     "frame_evidence",
@@ -681,6 +682,17 @@ def adjust_cameras(
     confidence: ArrayLike | None = None,
     free: Sequence[int] | None = None,
     focal: bool = False,
+    clock: bool = False,
+    config: RefineConfig | None = None,
+) -> tuple[list[Camera], dict[str, Any]]: ...
+def calibrate_cameras(
+    detections: ArrayLike,
+    cameras: _Cameras,
+    clocks: Sequence[float | None],
+    layout: Layout,
+    *,
+    focal: bool = False,
+    same_focal: bool = False,
     clock: bool = False,
     config: RefineConfig | None = None,
 ) -> tuple[list[Camera], dict[str, Any]]: ...

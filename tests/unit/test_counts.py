@@ -9,14 +9,14 @@ import counts
 # Lines, of docs words. A later capability that needs more states its price in docs/decisions.md and pays part
 # of it elsewhere.
 CEILINGS = {
-    "package": 31_600,
-    "cli": 3_120,
-    "core": 18_505,
-    "binding": 2_654,
-    "Rust tests": 6_025,
-    "Python tests": 25_633,
-    "benchmarks and tools": 3_990,
-    "docs, words": 40_250,
+    "package": 32_945,
+    "cli": 3_337,
+    "core": 18_924,
+    "binding": 2_701,
+    "Rust tests": 6_167,
+    "Python tests": 26_142,
+    "benchmarks and tools": 4_269,
+    "docs, words": 41_700,
     "README, words": 1_330,
 }
 

@@ -39,7 +39,7 @@ mod _skelsplat {
         sequence_windows,
     };
     #[pymodule_export]
-    use crate::rig::adjust_cameras;
+    use crate::rig::{adjust_cameras, calibrate_cameras};
     #[pymodule_export]
     use crate::study::{
         frame_evidence, loss_and_gradient, project_gaussians, pseudo_ground_truth, render,

@@ -1,14 +1,18 @@
-//! `adjust_cameras`.
+//! `adjust_cameras` and `calibrate_cameras`.
 
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use skelsplat_core::{Adjustable, CameraAdjustment, Progress, adjust_cameras as core_adjust};
+use skelsplat_core::{
+    Adjustable, CalibratedCamera, CameraAdjustment, Progress, Unknown,
+    adjust_cameras as core_adjust, calibrate_cameras as core_calibrate,
+};
 
 use crate::args::{Confidence, Out};
 use crate::camera::{Camera, Cameras};
 use crate::config::RefineConfig;
 use crate::detections::Frames;
 use crate::errors::Result;
+use crate::layout::Layout;
 use crate::watch;
 
 /// Return adjusted cameras and the fields of every ``skelsplat.CameraAdjustment``; radians.
@@ -55,4 +59,47 @@ pub(crate) fn adjust_cameras<'py>(
     out.set_item("after", each(|camera| camera.after))?;
     out.set_item("frames", done.frames)?;
     Ok((done.cameras.into_iter().map(Camera).collect(), out))
+}
+
+/// Return placed cameras in any scale, the fields of every ``skelsplat.CalibratedCamera``, radians,
+/// and the person's stature in this scale.
+#[pyfunction]
+#[pyo3(signature = (
+    detections, cameras, clocks, layout, *, focal=false, same_focal=false, clock=false,
+    config=None
+))]
+#[allow(clippy::too_many_arguments, reason = "all but four by keyword")]
+pub(crate) fn calibrate_cameras<'py>(
+    py: Python<'py>,
+    detections: Frames,
+    cameras: Cameras,
+    clocks: Vec<Option<f64>>,
+    layout: Layout,
+    focal: bool,
+    same_focal: bool,
+    clock: bool,
+    config: Option<RefineConfig>,
+) -> Result<(Vec<Camera>, Bound<'py, PyDict>)> {
+    let mut frames = detections.with(None)?.recording()?;
+    frames.expect_views(cameras.cameras.len())?;
+    let seen = frames.take()?;
+    let unknown = Unknown { focal, same_focal, clock };
+    let config = config.map_or_else(Default::default, |config| config.0);
+    let done = watch::watched(py, 0, None, move |progress: &Progress| {
+        core_calibrate(&cameras.cameras, &clocks, &seen, &layout.0, unknown, &config, progress)
+    })?;
+    let cameras = done.cameras;
+    let m = cameras.len();
+    let each = |get: fn(&CalibratedCamera) -> f64| Out(cameras.iter().map(get).collect(), vec![m]);
+    let out = PyDict::new(py);
+    out.set_item("used", cameras.iter().map(|camera| camera.used).collect::<Vec<_>>())?;
+    out.set_item("clock", each(|camera| camera.placed.clock))?;
+    out.set_item("turn_sigma", each(|camera| camera.bars.turn))?;
+    out.set_item("shift_sigma", each(|camera| camera.bars.shift))?;
+    out.set_item("zoom_sigma", each(|camera| camera.bars.zoom))?;
+    out.set_item("clock_sigma", each(|camera| camera.bars.clock))?;
+    out.set_item("distance", each(|camera| camera.distance))?;
+    out.set_item("explained", each(|camera| camera.explained))?;
+    out.set_item("stature", done.stature)?;
+    Ok((cameras.into_iter().map(|camera| Camera(camera.placed.camera)).collect(), out))
 }

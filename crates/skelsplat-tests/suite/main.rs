@@ -7,6 +7,7 @@ mod determinism;
 mod equations;
 mod following;
 mod fuzz;
+mod gauge;
 mod gaussian;
 mod gradients;
 mod input_checks;

@@ -15,7 +15,6 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::lanes::exp_of_one;
 use crate::camera::Camera;
 use crate::detections::Detections;
 use crate::matrix3::Symmetric;
@@ -76,7 +75,7 @@ impl Offset {
         if self.range <= 0.0 {
             return 0.0;
         }
-        exp_of_one(-0.25 * self.across.norm_squared() / (sigma * sigma))
+        (-0.25 * self.across.norm_squared() / (sigma * sigma)).exp()
     }
 }
 

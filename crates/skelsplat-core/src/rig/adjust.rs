@@ -4,7 +4,7 @@ use std::cell::LazyCell;
 
 use nalgebra::Vector3;
 
-use super::bundle::unknowns;
+use super::bundle::{Lenses, unknowns};
 use super::evidence::{Bars, bars, excess, is_worse, total, wald};
 use super::placed::{Change, Freedom, Placed, rebuilt};
 use super::reduced::Reduced;
@@ -127,7 +127,9 @@ struct Task<'a> {
 impl Task<'_> {
     fn scope<'a>(&'a self, frames: &'a [usize]) -> Scope<'a> {
         let Adjustable { focal, clock, .. } = *self.what;
-        Scope { scene: self.scene, frames, all: &self.fitted, given: self.given, focal, clock }
+        let (scene, all, given, lenses) =
+            (self.scene, self.fitted.as_slice(), self.given, Lenses::CALIBRATED);
+        Scope { scene, frames, all, given, focal, clock, lenses }
     }
 
     /// The cameras, and the error bars of each.
@@ -167,7 +169,7 @@ impl Task<'_> {
     /// places, all together fit those frames better.
     fn holds(&self, rig: &Explanation) -> bool {
         let (before, after) = (self.left_out(self.given), self.left_out(&rig.cameras));
-        let free = unknowns(&rig.freedom);
+        let free = unknowns(&rig.freedom, Lenses::CALIBRATED);
         let keeps_better_time = LazyCell::new(|| self.keeps_better_time(rig));
         let holds = |(i, freedom): (usize, &Freedom)| {
             let change = Change::between(&self.given[i], &rig.cameras[i]);
@@ -241,7 +243,7 @@ impl Task<'_> {
         };
         let freedom: Vec<Freedom> = rig.freedom.iter().map(full).collect();
         let mut rig = self.settle(scope, rig.cameras, freedom.clone());
-        let free = unknowns(&freedom);
+        let free = unknowns(&freedom, Lenses::CALIBRATED);
         for (i, _) in freedom.iter().enumerate().filter(|(_, freedom)| freedom.any()) {
             all[i] = bars(&rig.judged.steady, &free, i);
         }
@@ -398,7 +400,8 @@ pub fn equations(
     let free = Freedom { focal: true, clock: true, ..Freedom::PLACE };
     let freedom = vec![free; cameras.len()];
     let (scene, frames, all) = (scene.moving(&motion), numbers.as_slice(), numbers.as_slice());
-    let scope = Scope { scene, frames, all, given: cameras, focal: true, clock: true };
+    let lenses = Lenses::CALIBRATED;
+    let scope = Scope { scene, frames, all, given: cameras, focal: true, clock: true, lenses };
     let bundle = scope.bundle(cameras.to_vec(), freedom, points);
     Ok(Reduced::sum(&bundle.clusters(sigma)))
 }
@@ -415,7 +418,7 @@ fn divided(n: usize) -> (Vec<usize>, Vec<usize>) {
 }
 
 /// At most so many, evenly spread.
-fn spread(frames: &[usize], most: usize) -> Vec<usize> {
+pub(super) fn spread(frames: &[usize], most: usize) -> Vec<usize> {
     let n = frames.len();
     if n <= most {
         return frames.to_vec();

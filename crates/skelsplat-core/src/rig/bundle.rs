@@ -18,7 +18,7 @@ use nalgebra::{DMatrix, DVector, Matrix3, RowVector3, SMatrix, Vector2, Vector3}
 use rayon::prelude::*;
 
 use super::bias::{Follow, LastingErrors};
-use super::placed::{Change, Freedom, PARAMETERS, Placed, Residual, Step};
+use super::placed::{Change, Freedom, PARAMETERS, Placed, Residual, Step, ZOOM};
 use super::reduced::{Judged, Reduced, jackknife, lasting, summed};
 use super::scene::Scene;
 use crate::error::Result;
@@ -46,10 +46,22 @@ const STILL: f64 = 3e-6;
 const PRIOR_TURN: f64 = 0.35;
 /// That of a shift, relative to the distance of the joints.
 const PRIOR_SHIFT: f64 = 0.25;
-/// That of the logarithm of the focal length.
-const PRIOR_ZOOM: f64 = 0.1;
 /// That of a clock, frames.
 const PRIOR_CLOCK: f64 = 30.0;
+
+/// What is known of focal lengths beforehand.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Lenses {
+    /// Standard deviation of the logarithm of a focal length.
+    pub sigma: f64,
+    /// Whether all change by the same factor.
+    pub same: bool,
+}
+
+impl Lenses {
+    /// Of cameras with a calibration.
+    pub const CALIBRATED: Self = Self { sigma: 0.1, same: false };
+}
 
 /// Cameras and joints that are adjusted together.
 #[derive(Debug, Clone)]
@@ -64,6 +76,8 @@ pub struct Bundle<'a> {
     pub cameras: Vec<Placed>,
     /// What of each may change.
     pub freedom: Vec<Freedom>,
+    /// What is known of their focal lengths.
+    pub lenses: Lenses,
     /// Joints (frames, N), mm; NaN where unknown.
     pub points: Vec<Vector3<f64>>,
     /// Whether the joints are left where they are.
@@ -130,7 +144,7 @@ impl Bundle<'_> {
 
     /// One step under kernels of the width `sigma`; how far it goes.
     fn step(&mut self, sigma: f64) -> f64 {
-        let free = unknowns(&self.freedom);
+        let free = unknowns(&self.freedom, self.lenses);
         let Cells { equations, moves, follow } = self.cells(sigma);
         let mut sum = Reduced::sum(&summed(&equations));
         let reach = self.reach();
@@ -145,9 +159,9 @@ impl Bundle<'_> {
         let offsets = self.offsets.as_ref().map(|all| all.steps(&follow, &delta));
         let mut steps = vec![Step::zeros(); self.cameras.len()];
         let mut farthest = 0.0_f64;
-        for ((i, k), d) in free.iter().zip(delta.iter()) {
-            steps[*i][*k] = *d;
-            let size = if (3..6).contains(k) { d / reach[*i] } else { *d };
+        for (i, k, q) in places(&self.freedom, self.lenses) {
+            steps[i][k] = delta[q];
+            let size = if (3..6).contains(&k) { delta[q] / reach[i] } else { delta[q] };
             farthest = farthest.max(size.abs());
         }
         let stepped = self.cameras.iter().zip(&steps).map(|(camera, step)| camera.stepped(step));
@@ -176,8 +190,18 @@ impl Bundle<'_> {
     /// Precision of the prior of every unknown.
     fn prior(&self, sigma: f64, reach: &[f64]) -> Vec<f64> {
         let noise = sigma / PER_NOISE;
-        let precision = |(i, k): (usize, usize)| (noise / prior_sigma(k, reach[i])).powi(2);
-        unknowns(&self.freedom).into_iter().map(precision).collect()
+        let precision = |(i, k): (usize, usize)| (noise / self.prior_sigma(k, reach[i])).powi(2);
+        unknowns(&self.freedom, self.lenses).into_iter().map(precision).collect()
+    }
+
+    /// Standard deviation of the prior of a parameter of a camera at this distance.
+    fn prior_sigma(&self, k: usize, reach: f64) -> f64 {
+        match k {
+            0..3 => PRIOR_TURN,
+            3..6 => PRIOR_SHIFT * reach,
+            ZOOM => self.lenses.sigma,
+            _ => PRIOR_CLOCK,
+        }
     }
 
     /// The equations of every cluster: a joint, or where there are few joints a joint in a part of
@@ -226,16 +250,16 @@ impl Bundle<'_> {
     /// number of all.
     fn columns(&self) -> (Columns, usize) {
         let mut columns: Columns = vec![Vec::new(); self.cameras.len()];
-        let free = unknowns(&self.freedom);
-        free.iter().enumerate().for_each(|(q, (i, k))| columns[*i].push((q, *k)));
+        let free = unknowns(&self.freedom, self.lenses).len();
+        places(&self.freedom, self.lenses).for_each(|(i, k, q)| columns[i].push((q, k)));
         if self.offsets.is_none() {
-            return (columns, free.len());
+            return (columns, free);
         }
         for (i, own) in columns.iter_mut().enumerate() {
-            let at = free.len() + 2 * i;
+            let at = free + 2 * i;
             own.extend([(at, PARAMETERS), (at + 1, PARAMETERS + 1)]);
         }
-        (columns, free.len() + 2 * self.cameras.len())
+        (columns, free + 2 * self.cameras.len())
     }
 
     /// The detections of a joint that count, and what all of them cost.
@@ -377,10 +401,34 @@ impl Bundle<'_> {
     }
 }
 
-/// Camera and parameter of every unknown.
-pub fn unknowns(freedom: &[Freedom]) -> Vec<(usize, usize)> {
+/// Camera and parameter of every unknown; of a common focal length, the first camera.
+pub fn unknowns(freedom: &[Freedom], lenses: Lenses) -> Vec<(usize, usize)> {
+    let mut out = Vec::new();
+    for (i, k, q) in places(freedom, lenses) {
+        if q == out.len() {
+            out.push((i, k));
+        }
+    }
+    out
+}
+
+/// Every free parameter: camera, parameter, and the unknown that it follows.
+pub fn places(
+    freedom: &[Freedom],
+    lenses: Lenses,
+) -> impl Iterator<Item = (usize, usize, usize)> + '_ {
     let all = freedom.iter().enumerate();
-    all.flat_map(|(i, freedom)| freedom.columns().map(move |k| (i, k))).collect()
+    let all = all.flat_map(|(i, freedom)| freedom.columns().map(move |k| (i, k)));
+    let (mut next, mut common) = (0, None);
+    all.map(move |(i, k)| {
+        let tied = lenses.same && k == ZOOM;
+        let q = common.filter(|_| tied).unwrap_or(next);
+        next += usize::from(q == next);
+        if tied {
+            common = Some(q);
+        }
+        (i, k, q)
+    })
 }
 
 /// H⁻¹ and h of a joint; `None` if nothing is known of it.
@@ -394,14 +442,4 @@ fn information(terms: &[Term]) -> Option<(Matrix3<f64>, Vector3<f64>)> {
     let loose = LOOSE * matrix.trace();
     let inverse = (matrix + Matrix3::from_diagonal_element(loose)).try_inverse();
     inverse.filter(|_| loose > 0.0).map(|inverse| (inverse, gradient))
-}
-
-/// Standard deviation of the prior of a parameter of a camera at this distance.
-fn prior_sigma(k: usize, reach: f64) -> f64 {
-    match k {
-        0..3 => PRIOR_TURN,
-        3..6 => PRIOR_SHIFT * reach,
-        6 => PRIOR_ZOOM,
-        _ => PRIOR_CLOCK,
-    }
 }

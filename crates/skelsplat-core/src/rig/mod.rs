@@ -8,8 +8,10 @@
 pub mod adjust;
 pub mod bias;
 pub mod bundle;
+pub mod calibrate;
 pub mod clocks;
 pub mod evidence;
+pub mod gauge;
 pub mod placed;
 pub mod reduced;
 pub mod report;
@@ -17,6 +19,7 @@ pub mod scene;
 pub mod search;
 
 pub use adjust::{Adjustable, adjust_cameras};
+pub use calibrate::{CalibratedCamera, RigCalibration, Unknown, calibrate_cameras};
 pub use evidence::Bars;
 pub use placed::{Change, Freedom, Placed};
 pub use report::{CameraAdjustment, CameraStatus, RigAdjustment};

@@ -7,6 +7,8 @@ use crate::error::Result;
 
 /// Number of parameters of a camera: turn, shift, logarithm of the focal length, clock.
 pub const PARAMETERS: usize = 8;
+/// The parameter of the focal length.
+pub(super) const ZOOM: usize = 6;
 /// The parameter of the clock.
 pub(super) const CLOCK: usize = 7;
 

@@ -10,7 +10,7 @@
 
 use nalgebra::Vector3;
 
-use super::bundle::{Bundle, PER_NOISE, unknowns};
+use super::bundle::{Bundle, Lenses, PER_NOISE, unknowns};
 use super::evidence::{Bars, bars, is_worse, total, wald};
 use super::placed::{CLOCK, Change, Freedom, Placed};
 use super::reduced::Judged;
@@ -55,6 +55,8 @@ pub struct Scope<'a> {
     pub focal: bool,
     /// Whether clocks may be wrong.
     pub clock: bool,
+    /// What is known of focal lengths.
+    pub lenses: Lenses,
 }
 
 /// What a camera is supposed to have done.
@@ -310,7 +312,8 @@ impl Scope<'_> {
         bundle.freedom.iter_mut().for_each(|freedom| freedom.clock = false);
         bundle.cameras = clocks.cameras.clone();
         bundle.solve(sigma, sigma);
-        let is_clock: Vec<bool> = unknowns(&freedom).iter().map(|(_, k)| *k == CLOCK).collect();
+        let is_clock: Vec<bool> =
+            unknowns(&freedom, self.lenses).iter().map(|(_, k)| *k == CLOCK).collect();
         let judged = bundle.judge(sigma).timed(clocks.judge(sigma), &is_clock);
         Explanation { cameras: bundle.cameras, freedom, judged }
     }
@@ -322,8 +325,9 @@ impl Scope<'_> {
         freedom: Vec<Freedom>,
         points: Vec<Vector3<f64>>,
     ) -> Bundle<'_> {
-        let Self { scene, frames, given, .. } = *self;
-        Bundle { scene, frames, given, cameras, freedom, points, fixed: false, offsets: None }
+        let Self { scene, frames, given, lenses, .. } = *self;
+        let (fixed, offsets) = (false, None);
+        Bundle { scene, frames, given, cameras, freedom, lenses, points, fixed, offsets }
     }
 
     /// The rig in which one more fault is corrected; `None` if the camera sees too little to say.
@@ -355,7 +359,7 @@ impl Scope<'_> {
         if fault == Fault::Clock && !counts {
             return None;
         }
-        let unknowns = unknowns(&explained.freedom);
+        let unknowns = unknowns(&explained.freedom, self.lenses);
         let bars = bars(&explained.judged.steady, &unknowns, view);
         let change = Change::between(&rig.cameras[view], &explained.cameras[view]);
         let wald = wald(&explained.judged, &unknowns, view, kind, &change);

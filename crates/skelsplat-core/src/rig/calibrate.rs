@@ -1,0 +1,310 @@
+//! Cameras from the people who are filmed: a first guess of a rig is adjusted with all cameras
+//! free, by the bundle of [`super::bundle`] from wide kernels to narrow ones.
+
+use nalgebra::Vector3;
+
+use super::adjust::spread;
+use super::bundle::{Lenses, PER_NOISE};
+use super::evidence::Bars;
+use super::gauge;
+use super::placed::{Freedom, Placed, rebuilt};
+use super::scene::{JointMotion, Scene};
+use super::search::{Explanation, LEAST, Scope};
+use crate::batch::Progress;
+use crate::bones::expected::{Shown, stature};
+use crate::bones::population::{Proportion, STATURE, proportions};
+use crate::camera::{Camera, Distortion};
+use crate::detections::Detections;
+use crate::error::{Error, Result};
+use crate::layout::Layout;
+use crate::refine::RefineConfig;
+use crate::statistics::median;
+use crate::threads;
+
+/// Frames by which the rig is judged.
+const COMPARED: usize = 150;
+/// Most frames on which the rig is adjusted at first.
+const FEW: usize = 80;
+/// Most frames on which it is adjusted in the end.
+const MANY: usize = 300;
+/// The first kernels are so many times wider.
+const WIDER: f64 = 8.0;
+/// Standard deviation of the logarithm of a focal length that is unknown: the widths of lenses of
+/// phones and action cameras, 50 to 90°, about 65°.
+const FOCAL_SIGMA: f64 = 0.3;
+/// A camera belongs to the rig if the others explain this part of its detections.
+const EXPLAINED: f64 = 0.5;
+/// And if their distance from the joints is at most this multiple of the others'.
+const ALIKE: f64 = 2.0;
+/// Distances explained by noise, in multiples of it.
+const WITHIN: f64 = 4.0;
+
+/// What is unknown besides the cameras' places.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Unknown {
+    /// Focal lengths.
+    pub focal: bool,
+    /// All cameras have one focal length.
+    pub same_focal: bool,
+    /// Clocks.
+    pub clock: bool,
+}
+
+/// One camera of a calibration.
+#[derive(Debug, Clone, PartialEq)]
+pub struct CalibratedCamera {
+    /// In the rig's frame, mm; as given where the camera was left out.
+    pub placed: Placed,
+    /// Whether it belongs to the rig.
+    pub used: bool,
+    /// Error bars, of the rig as a whole free: NaN where nothing was estimated.
+    pub bars: Bars,
+    /// Median distance of its detections from where all cameras place the joints, px.
+    pub distance: f64,
+    /// The part of them that this explains.
+    pub explained: f64,
+}
+
+/// A rig found from the people who are filmed.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RigCalibration {
+    /// The cameras, in the frame of the first that belongs to the rig, with lengths of any scale.
+    pub cameras: Vec<CalibratedCamera>,
+    /// The stature that the population's proportions give the person, in this scale, and its
+    /// standard error; NaN for layouts without proportions, and where no such bone is seen.
+    pub stature: [f64; 2],
+}
+
+/// Adjusts `cameras`, of which only a first guess is known, by the joints that they see: those with
+/// a clock, frames; the others are left out.
+///
+/// # Errors
+/// [`Error::InvalidInput`] if numbers do not match, [`Error::Cancelled`].
+pub fn calibrate_cameras(
+    cameras: &[Camera],
+    clocks: &[Option<f64>],
+    frames: &[Detections],
+    layout: &Layout,
+    unknown: Unknown,
+    config: &RefineConfig,
+    progress: &Progress,
+) -> Result<RigCalibration> {
+    if let Some(frame) = frames.iter().find(|frame| frame.n_views() != cameras.len()) {
+        let expected = format!("one view per camera ({})", cameras.len());
+        return Err(Error::invalid("detections", expected, format!("{} views", frame.n_views())));
+    }
+    let placed = clocks.iter().flatten().count();
+    if placed < 2 {
+        let expected = "those of at least two cameras";
+        return Err(Error::invalid("clocks", expected, placed.to_string()));
+    }
+    threads::install(config.n_threads, |_| {
+        let used: Vec<Detections> =
+            frames.iter().map(|frame| frame.above(config.min_confidence)).collect();
+        let ideal = |camera: &Camera| match config.undistort {
+            true => camera.clone(),
+            false => camera.clone().with_distortion(Distortion::None),
+        };
+        let given: Vec<Camera> = cameras.iter().map(ideal).collect();
+        let placed = |(camera, clock): (&Camera, &Option<f64>)| {
+            clock.map(|clock| Placed { camera: camera.clone(), clock })
+        };
+        let start: Vec<Option<Placed>> = given.iter().zip(clocks).map(placed).collect();
+        Task { given: &given, frames: &used, layout, unknown }.solve(&start, progress)
+    })
+}
+
+/// How well a rig fits.
+struct Fit {
+    points: Vec<Vector3<f64>>,
+    of_cameras: Vec<CameraFit>,
+}
+
+/// How well a camera's detections fit the joints.
+#[derive(Clone, Copy)]
+struct CameraFit {
+    /// Their median distance, px.
+    distance: f64,
+    /// The same at the joints, mm.
+    at_joints: f64,
+    /// The part of them within [`WITHIN`] times the noise.
+    explained: f64,
+}
+
+impl Fit {
+    /// The camera that contradicts the others most, if one does.
+    fn worst(&self) -> Option<usize> {
+        let all = || self.of_cameras.iter().enumerate();
+        let against = |i: usize| {
+            let others = all().filter(|(k, _)| *k != i).map(|(_, fit)| fit.at_joints);
+            self.of_cameras[i].at_joints / median(others)
+        };
+        let (least, fit) = all().min_by(|a, b| a.1.explained.total_cmp(&b.1.explained))?;
+        let farthest =
+            (0..self.of_cameras.len()).max_by(|a, b| against(*a).total_cmp(&against(*b)));
+        match fit.explained < EXPLAINED {
+            true => Some(least),
+            false => farthest.filter(|i| against(*i) > ALIKE),
+        }
+    }
+}
+
+struct Task<'a> {
+    given: &'a [Camera],
+    frames: &'a [Detections],
+    layout: &'a Layout,
+    unknown: Unknown,
+}
+
+impl Task<'_> {
+    fn solve(&self, start: &[Option<Placed>], progress: &Progress) -> Result<RigCalibration> {
+        let mut views: Vec<usize> = (0..start.len()).filter(|i| start[*i].is_some()).collect();
+        let mut cameras: Vec<Placed> = start.iter().flatten().cloned().collect();
+        cameras = self.adjusted(&views, cameras, FEW, WIDER, progress)?.cameras;
+        while views.len() > 2 {
+            cameras = self.adjusted(&views, cameras, FEW, 1.0, progress)?.cameras;
+            let Some(k) = self.fit(&views, &cameras).worst() else { break };
+            cameras.remove(k);
+            views.remove(k);
+        }
+        let rig = self.adjusted(&views, cameras, MANY, 1.0, progress)?;
+        let (cameras, stature) = self.judged(&views, &rig);
+        Ok(RigCalibration { cameras: self.report(&views, cameras), stature })
+    }
+
+    /// All cameras, also those that do not belong to the rig.
+    fn report(&self, views: &[usize], rig: Vec<CalibratedCamera>) -> Vec<CalibratedCamera> {
+        let left_out = |camera: &Camera| CalibratedCamera {
+            placed: Placed { camera: camera.clone(), clock: 0.0 },
+            used: false,
+            bars: Bars::UNKNOWN,
+            distance: f64::NAN,
+            explained: f64::NAN,
+        };
+        let mut all: Vec<CalibratedCamera> = self.given.iter().map(left_out).collect();
+        views.iter().zip(rig).for_each(|(i, camera)| all[*i] = camera);
+        all
+    }
+
+    /// Median length of the limb between two joints.
+    fn length(&self, points: &[Vector3<f64>], [a, b]: &[usize; 2]) -> f64 {
+        let each = points.chunks(self.layout.n_joints()).map(|pose| (pose[*a] - pose[*b]).norm());
+        median(each.filter(|length| length.is_finite()))
+    }
+
+    /// The detections of some views.
+    fn of_views(&self, views: &[usize]) -> Vec<Detections> {
+        let n = self.layout.n_joints();
+        let some = |frame: &Detections| {
+            Detections::gathered(views.len(), n, |k, j| frame.get(views[k], j))
+        };
+        self.frames.iter().map(some).collect()
+    }
+
+    /// Frames in which two views or more see somebody.
+    fn shared(&self, seen: &[Detections], cameras: &[Placed], most: usize) -> Vec<usize> {
+        let scene = Scene::new(seen);
+        let n = self.layout.n_joints();
+        let sees =
+            |t: usize, i: usize| (0..n).any(|j| scene.sight(t, i, j, &cameras[i], false).is_some());
+        let enough = |t: &usize| (0..cameras.len()).filter(|i| sees(*t, *i)).count() >= 2;
+        let all: Vec<usize> = (0..seen.len()).filter(enough).collect();
+        spread(&all, most)
+    }
+
+    /// The bundle of the rig of some views on so many frames, from kernels `wider` than the final.
+    fn adjusted(
+        &self,
+        views: &[usize],
+        mut cameras: Vec<Placed>,
+        frames: usize,
+        wider: f64,
+        progress: &Progress,
+    ) -> Result<Explanation> {
+        progress.check()?;
+        let first = cameras.first().map_or(0.0, |camera| camera.clock);
+        cameras.iter_mut().for_each(|camera| camera.clock -= first);
+        let seen = self.of_views(views);
+        let Unknown { focal, clock, .. } = self.unknown;
+        let mut freedom = vec![Freedom { focal, clock, ..Freedom::PLACE }; views.len()];
+        freedom[0] = Freedom { focal, ..Freedom::default() };
+        let chosen = self.shared(&seen, &cameras, frames);
+        let plain = Scene::new(&seen);
+        let motion = clock.then(|| JointMotion::of(plain, &chosen, &cameras));
+        let scene = motion.as_ref().map_or(plain, |motion| plain.moving(motion));
+        let given = self.expected(views, &cameras)?;
+        let scope = self.scope(scene, &chosen, &given);
+        let sigma = scope.sigma(&cameras);
+        Ok(scope.explain(cameras, freedom, sigma, wider))
+    }
+
+    fn scope<'a>(&self, scene: Scene<'a>, frames: &'a [usize], given: &'a [Placed]) -> Scope<'a> {
+        let (Unknown { focal, clock, .. }, lenses) = (self.unknown, self.lenses());
+        Scope { scene, frames, all: frames, given, focal, clock, lenses }
+    }
+
+    fn lenses(&self) -> Lenses {
+        Lenses { sigma: FOCAL_SIGMA, same: self.unknown.same_focal }
+    }
+
+    /// The cameras where they are now with the focal lengths that were given.
+    fn expected(&self, views: &[usize], cameras: &[Placed]) -> Result<Vec<Placed>> {
+        let given = |(i, now): (&usize, &Placed)| {
+            let (rotation, centre) = (now.camera.rotation(), now.camera.centre());
+            let camera = rebuilt(&self.given[*i], rotation, &centre, 1.0)?;
+            Ok(Placed { camera, clock: now.clock })
+        };
+        views.iter().zip(cameras).map(given).collect()
+    }
+
+    /// What each camera's detections say of the joints, and error bars.
+    fn judged(&self, views: &[usize], rig: &Explanation) -> (Vec<CalibratedCamera>, [f64; 2]) {
+        let bars = gauge::removed(rig, self.lenses());
+        let fit = self.fit(views, &rig.cameras);
+        let camera = |((placed, bars), fit): ((&Placed, &Bars), &CameraFit)| {
+            let CameraFit { distance, explained, .. } = *fit;
+            let (placed, bars) = (placed.clone(), *bars);
+            CalibratedCamera { placed, used: true, bars, distance, explained }
+        };
+        let cameras = rig.cameras.iter().zip(&bars).zip(&fit.of_cameras).map(camera).collect();
+        (cameras, self.stature(&fit.points))
+    }
+
+    /// How well a rig fits.
+    fn fit(&self, views: &[usize], cameras: &[Placed]) -> Fit {
+        let seen = self.of_views(views);
+        let chosen = self.shared(&seen, cameras, COMPARED);
+        let scene = Scene::new(&seen);
+        let noise = self.scope(scene, &chosen, cameras).sigma(cameras) / PER_NOISE;
+        let points = scene.points(&chosen, cameras, &vec![true; views.len()]);
+        let of_camera = |(i, camera): (usize, &Placed)| {
+            let off = scene.distances(&chosen, &points, i, camera);
+            let near = off.iter().filter(|(px, mm)| px * mm < WITHIN * noise).count();
+            let explained = if off.len() < LEAST { 0.0 } else { near as f64 / off.len() as f64 };
+            CameraFit {
+                distance: median(off.iter().map(|(px, _)| *px)),
+                at_joints: median(off.iter().map(|(px, mm)| px * mm)),
+                explained,
+            }
+        };
+        let of_cameras = cameras.iter().enumerate().map(of_camera).collect();
+        Fit { points, of_cameras }
+    }
+
+    /// Stature by the population's proportions, and its standard error. Lengths are compared at the
+    /// size of people, whatever their scale.
+    fn stature(&self, points: &[Vector3<f64>]) -> [f64; 2] {
+        let proportions = proportions(self.layout);
+        let length = |p: &Proportion| self.length(points, &p.joints);
+        let rough = median(
+            proportions.iter().map(|p| length(p) / p.ratio).filter(|stature| stature.is_finite()),
+        );
+        let scale = STATURE[0] / rough;
+        let shown = |proportion: &Proportion| {
+            let length = scale * length(proportion);
+            let shown = Shown { proportion: *proportion, length, variance: 0.0 };
+            length.is_finite().then_some(shown)
+        };
+        stature(proportions.iter().filter_map(shown)).map(|mm| mm / scale)
+    }
+}

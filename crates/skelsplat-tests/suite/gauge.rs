@@ -1,0 +1,141 @@
+//! Error bars of a rig as a whole free, against its directions by central differences.
+
+use nalgebra::{DMatrix, Rotation3, Vector2, Vector3};
+use skelsplat_core::Camera;
+use skelsplat_core::study::rig::bundle::Lenses;
+use skelsplat_core::study::rig::gauge::removed;
+use skelsplat_core::study::rig::placed::{PARAMETERS, Sight, Step};
+use skelsplat_core::study::rig::search::Explanation;
+use skelsplat_core::study::rig::{Bars, Change, Freedom, Placed};
+use skelsplat_tests::scenes::{Noise, room};
+
+const VIEWS: usize = 4;
+const STEP: f64 = 1e-4;
+
+/// A point after a small turn of the world about each axis, rad, a shift, mm, or a growth.
+fn similar(x: &Vector3<f64>, k: usize, by: f64) -> Vector3<f64> {
+    let mut axis = Vector3::zeros();
+    axis[k % 3] = by;
+    match k {
+        0..3 => Rotation3::new(axis) * x,
+        3..6 => x + axis,
+        _ => x * (1.0 + by),
+    }
+}
+
+/// The camera that sees the world moved by `similar` as before.
+fn moved(placed: &Placed, k: usize, by: f64) -> Placed {
+    let turn = if k < 3 {
+        Rotation3::new(similar(&Vector3::zeros(), 3 + k, by))
+    } else {
+        Rotation3::identity()
+    };
+    let camera = &placed.camera;
+    let rotation = camera.rotation() * turn.inverse();
+    let centre = similar(&camera.centre(), k, by);
+    let moved = Camera::new(&camera.k(), &rotation, &-(rotation * centre), camera.size()).unwrap();
+    Placed { camera: moved, clock: placed.clock }
+}
+
+fn placed() -> Vec<Placed> {
+    let mut cameras = room(VIEWS as u32);
+    // Not a symmetric rig.
+    cameras[1] = moved(&Placed { camera: cameras[1].clone(), clock: 0.0 }, 4, 900.0).camera;
+    cameras.into_iter().map(|camera| Placed { camera, clock: 0.0 }).collect()
+}
+
+/// How the parameters of all cameras change per unit of each of the seven directions.
+fn directions(cameras: &[Placed]) -> DMatrix<f64> {
+    let entry = |row: usize, k: usize| {
+        let camera = &cameras[row / PARAMETERS];
+        let change = Change::between(&moved(camera, k, -STEP), &moved(camera, k, STEP));
+        change.parameter(row % PARAMETERS) / (2.0 * STEP)
+    };
+    DMatrix::from_fn(PARAMETERS * cameras.len(), 7, entry)
+}
+
+/// A rig whose turns and shifts have the covariance `factor` `factor`ᵀ.
+fn explained(cameras: &[Placed], factor: &DMatrix<f64>) -> Explanation {
+    let places = |row: &usize| row % PARAMETERS < 6;
+    let rows: Vec<usize> = (0..factor.nrows()).filter(places).collect();
+    let free = factor.select_rows(&rows);
+    let mut rig = Explanation::start(cameras.to_vec(), vec![Freedom::PLACE; cameras.len()]);
+    rig.judged.steady = &free * free.transpose();
+    rig
+}
+
+/// Root-mean-square error of each camera's turn and shift with the rig aligned: every column of
+/// `factor` is one error, of which the least squares of turns, times the size of the rig, and
+/// shifts over all directions is left.
+fn aligned(cameras: &[Placed], factor: &DMatrix<f64>) -> Vec<[f64; 2]> {
+    let centres: Vec<Vector3<f64>> = cameras.iter().map(|one| one.camera.centre()).collect();
+    let middle = centres.iter().sum::<Vector3<f64>>() / centres.len() as f64;
+    let squares: f64 = centres.iter().map(|centre| (centre - middle).norm_squared()).sum();
+    let size = (squares / centres.len() as f64).sqrt();
+    let scaled = |matrix: &DMatrix<f64>| {
+        let unit = |row: usize| if row % PARAMETERS < 3 { size } else { 1.0 };
+        DMatrix::from_fn(matrix.nrows(), matrix.ncols(), |r, c| unit(r) * matrix[(r, c)])
+    };
+    let (free, errors) = (scaled(&directions(cameras)), scaled(factor));
+    let away = free.clone().svd(true, true).solve(&errors, 1e-12).unwrap();
+    let left = errors - free * away;
+    let length = |i: usize, first: usize| left.rows(PARAMETERS * i + first, 3).norm();
+    (0..cameras.len()).map(|i| [length(i, 0) / size, length(i, 3)]).collect()
+}
+
+/// Errors of turns, rad, and shifts, mm.
+fn errors(columns: usize) -> DMatrix<f64> {
+    let mut noise = Noise::new(8);
+    DMatrix::from_fn(PARAMETERS * VIEWS, columns, |row, _| match row % PARAMETERS {
+        0..3 => 0.01 * noise.normal(),
+        3..6 => 30.0 * noise.normal(),
+        _ => 0.0,
+    })
+}
+
+#[test]
+fn no_direction_of_the_rig_as_a_whole_changes_a_projection() {
+    let (cameras, x) = (placed(), Vector3::new(350.0, -420.0, 1310.0));
+    let free = directions(&cameras);
+    for (i, camera) in cameras.iter().enumerate() {
+        let sight = Sight { pixel: Vector2::zeros(), speed: Vector2::zeros(), confidence: 1.0 };
+        let exact = camera.residual(&x, &sight).unwrap();
+        for k in 0..7 {
+            let step = Step::from_fn(|p, _| free[(PARAMETERS * i + p, k)]);
+            let point = (similar(&x, k, STEP) - similar(&x, k, -STEP)) / (2.0 * STEP);
+            let (camera, point) = (exact.by_camera * step, exact.by_point * point);
+            assert!((camera + point).norm() <= 1e-6 * point.norm(), "{i} {k} {camera} {point}");
+        }
+    }
+}
+
+#[test]
+fn error_bars_are_those_of_the_aligned_rig() {
+    let (cameras, errors) = (placed(), errors(40));
+    let bars = removed(&explained(&cameras, &errors), Lenses::CALIBRATED);
+    for (Bars { turn, shift, .. }, [exact_turn, exact_shift]) in
+        bars.into_iter().zip(aligned(&cameras, &errors))
+    {
+        assert!((turn / exact_turn - 1.0).abs() < 1e-6, "{turn} {exact_turn}");
+        assert!((shift / exact_shift - 1.0).abs() < 1e-6, "{shift} {exact_shift}");
+    }
+}
+
+#[test]
+fn what_moves_everything_together_is_no_error() {
+    let cameras = placed();
+    let mut together = directions(&cameras);
+    // All directions about as large as the errors.
+    for k in 0..7 {
+        together.column_mut(k).scale_mut(if (3..6).contains(&k) { 30.0 } else { 0.01 });
+    }
+    let lone = errors(1);
+    let entry = |r: usize, c: usize| if c < 7 { together[(r, c)] } else { lone[r] };
+    let both = DMatrix::from_fn(together.nrows(), 8, entry);
+    let (none, some) = (explained(&cameras, &lone), explained(&cameras, &both));
+    let (none, some) = (removed(&none, Lenses::CALIBRATED), removed(&some, Lenses::CALIBRATED));
+    for (none, some) in none.iter().zip(some) {
+        assert!((some.turn / none.turn - 1.0).abs() < 1e-5, "{some:?} {none:?}");
+        assert!((some.shift / none.shift - 1.0).abs() < 1e-5, "{some:?} {none:?}");
+    }
+}

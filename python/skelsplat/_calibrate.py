@@ -1,0 +1,350 @@
+"""``calibrate_cameras``: cameras, clocks and world from the people who are filmed, without a calibration."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from skelsplat import _skelsplat, layouts
+from skelsplat._arrays import Array, numbers
+from skelsplat._clocks import shifted
+from skelsplat._frozen import frozen, without_frozen
+from skelsplat._skelsplat import Camera, Layout, RefineConfig, triangulate
+from skelsplat._start import LEAST_JOINTS, first_guess
+from skelsplat._world import ADULT, Floor, find_floor, moved, movement, upright
+from skelsplat.cameras import CameraRig, altered, without_distortion
+from skelsplat.exceptions import DegenerateGeometryError, InvalidInputError
+
+# Largest difference of two clocks, seconds.
+_MOST_LAG_S = 10.0
+# Focal length over image width of a lens of 65°, about which unknown ones are expected.
+_USUAL_FOCAL = 0.8
+# How far the principal point may be from the middle of the image, relative to its longer side: root mean
+# square, of cameras whose lens is unknown.
+_OFF_CENTRE = 0.012
+# Length of bones as detectors show them, relative to the true ones, and its standard deviation: joints lie
+# inside the body. Measured: OpenPose 0.965, hourglass 0.89 to 0.94, on real recordings of known bones.
+_SHOWN = (0.95, 0.04)
+# Frames from which the floor is found.
+_FLOOR_FRAMES = 300
+# A rig is sure up to this error bar of a camera's turn, degrees, and of its place, relative to its distance
+# from the middle of the rig: beyond, error bars understate, since another rig may explain as much.
+_SURE_DEG = 3.0
+_SURE_PLACE = 0.06
+# Joints that move less, relative to the size of the body, are the same few points in every frame, whose
+# errors last, and error bars are too small.
+_LEAST_MOVED = 0.3
+
+
+@dataclass(frozen=True, slots=True)
+class Intrinsics:
+    """What is known of a camera whose place is not: image size, and lens.
+
+    ``K`` (3, 3) is None where the focal length is unknown; the principal point is then the image's middle.
+    ``distortion`` and ``fisheye`` are those of a `Camera`.
+    """
+
+    size: tuple[int, int]
+    K: ArrayLike | None = None
+    distortion: ArrayLike | None = None
+    fisheye: bool = False
+    name: str | None = None
+
+    def camera(self) -> Camera:
+        """Return a camera at the origin, with a usual focal length where it is unknown."""
+        width, height = self.size
+        focal = _USUAL_FOCAL * max(width, height)
+        middle = [[focal, 0.0, (width - 1) / 2], [0.0, focal, (height - 1) / 2], [0.0, 0.0, 1.0]]
+        K = middle if self.K is None else self.K
+        camera = Camera(K, np.eye(3), np.zeros(3), size=self.size, name=self.name)
+        return altered(camera, distortion=self.distortion, fisheye=self.fisheye)
+
+
+@dataclass(frozen=True, slots=True)
+class CalibratedCamera:
+    """What was found about one camera.
+
+    ``status`` is ``"placed"``, or ``"left_out"`` if it shares too little with the others or contradicts them:
+    it looks at something else, or its detections do. Error bars (``…_sigma``) are root-mean-square lengths of
+    the error of the rig's shape, with the rig aligned as a whole: degrees, the rig's unit, shares, frames.
+
+    Attributes
+    ----------
+    clock : float
+        Frames by which the camera's count is ahead of that of the first placed camera.
+    error : float
+        Median distance, px, of the camera's detections from the joints.
+    explained : float
+        The share of its detections that lie within four times the noise.
+    """
+
+    name: str
+    status: str
+    clock: float
+    turn_sigma: float
+    place_sigma: float
+    focal_sigma: float
+    clock_sigma: float
+    error: float
+    explained: float
+
+
+@dataclass(frozen=True, slots=True)
+class RigCalibration:
+    """What ``calibrate_cameras`` returns.
+
+    ``cameras`` are the placed ones, in mm. The world has z up and its origin on the floor in the middle of
+    where people stood, and the first camera looks along y; without ankles and a head or shoulders in the
+    layout (``up_sigma`` is NaN), it is that of the first camera. ``clocks`` are by name.
+
+    ``scale_sigma`` is the relative standard error of all lengths, ``up_sigma`` that of the direction up in
+    degrees. Unless ``sure``, the recording does not tell the cameras' places, and another rig may fit as
+    well: an error bar is above 3° or 6 % of the camera's distance, the person hardly moves, or other clocks
+    explain as much.
+    """
+
+    cameras: CameraRig
+    clocks: Mapping[str, float]
+    report: tuple[CalibratedCamera, ...] = field(repr=False)
+    scale_sigma: float
+    up_sigma: float
+    sure: bool
+
+    def synchronised(self, detections: ArrayLike) -> Array:
+        """Return the placed cameras' detections (T, M', N, 2|3) of (T, M, N, 2|3) at one time each."""
+        seen = numbers(detections, "detections")
+        placed = [i for i, one in enumerate(self.report) if one.status == "placed"]
+        views = [shifted(seen[:, i], self.report[i].clock) for i in placed]
+        return np.stack(views, axis=1)
+
+
+def calibrate_cameras(
+    detections: ArrayLike,
+    intrinsics: Sequence[Intrinsics | Camera],
+    *,
+    layout: Layout | str,
+    fps: float | None = None,
+    stature: float | None = None,
+    distance: tuple[str | int, str | int, float] | None = None,
+    same_focal: bool = False,
+    clock: bool = False,
+    config: RefineConfig | None = None,
+) -> RigCalibration:
+    """Find where cameras are from the detections of a person who moves about: no board, no wand.
+
+    Relative poses of pairs of views (OpenCV's MAGSAC) are joined to a rig by the bones that each places, and
+    bundle adjustment with the robust kernel of ``refine`` sets all cameras free. docs/method.md has the
+    mathematics. The person should walk two metres, turn around, and raise the arms, for ten seconds.
+
+    Parameters
+    ----------
+    detections : (T, M, N, 2|3)
+        The frames in order, NaN where missing.
+    intrinsics : sequence of Intrinsics or Camera
+        One for each view; of a `Camera`, the place is ignored. ``K`` of all, or of none: focal lengths are
+        then found as well, which takes three cameras.
+    stature : float, optional
+        Of the person, in metres. Without it and ``distance``, that of adults, 1.70 ± 0.09 m.
+    distance : (camera, camera, float), optional
+        Of two cameras by name or number, in metres.
+    same_focal : bool
+        Whether unknown focal lengths are all the same: cameras of one kind.
+    clock : bool
+        Also find clocks, up to 10 s and to parts of a frame; needs ``fps``.
+    config
+        As in ``refine``. Of the settings, ``min_confidence``, ``undistort`` and ``n_threads`` count.
+
+    Raises
+    ------
+    DegenerateGeometryError
+        No two views share enough joints to be placed.
+    """
+    skeleton = layouts.get(layout)
+    seen = _recording(detections, len(intrinsics), skeleton)
+    blank, focal = _blank(intrinsics)
+    options = config or RefineConfig()
+    size = _Size.given(stature, distance, [str(camera.name) for camera in blank])
+    most_lag = _most_lag(clock, fps)
+    known = seen if seen.shape[3] == 2 else np.where(seen[..., 2:] >= options.min_confidence, seen, np.nan)
+    lenses = blank if options.undistort else [without_distortion(camera) for camera in blank]
+    start = first_guess(known, lenses, skeleton, most_lag)
+    if start is None:
+        expected = f"at least {LEAST_JOINTS} joints that two views see in the same frames"
+        raise DegenerateGeometryError(f"detections: expected {expected}, got fewer")
+    unknown = {"focal": focal, "same_focal": focal and same_focal, "clock": clock}
+    clocks = [float(start.clocks[i]) if i in start.clocks else None for i in range(len(blank))]
+    guess = [start.cameras.get(i, one) for i, one in enumerate(lenses)]
+    guess = [
+        altered(one, distortion=c.distortion, fisheye=c.fisheye) for one, c in zip(guess, blank, strict=True)
+    ]
+    cameras, found = _skelsplat.calibrate_cameras(seen, guess, clocks, skeleton, **unknown, config=config)
+    if focal:
+        _doubt_centres(cameras, found)
+    for name, estimated in (("zoom_sigma", focal), ("clock_sigma", clock)):
+        found[name][:] = found[name] if estimated else np.nan
+    return _in_world(seen, cameras, found, skeleton, size, tied=start.tied)
+
+
+def _recording(detections: ArrayLike, views: int, layout: Layout) -> Array:
+    """Return detections with what repeats an older image missing."""
+    seen = numbers(detections, "detections")
+    joints = layout.n_joints
+    if seen.ndim != 4 or seen.shape[1:3] != (views, joints) or seen.shape[3] not in (2, 3):
+        expected = f"(T, {views}, {joints}, 2 or 3)"
+        raise InvalidInputError(f"detections: expected shape {expected}, got {seen.shape}")
+    if views < 2:
+        raise InvalidInputError(f"intrinsics: expected at least two cameras, got {views}")
+    return without_frozen(seen, frozen(seen))
+
+
+def _blank(intrinsics: Sequence[Intrinsics | Camera]) -> tuple[list[Camera], bool]:
+    """Return cameras without a place, and whether their focal lengths are unknown."""
+    unknown = [isinstance(one, Intrinsics) and one.K is None for one in intrinsics]
+    if any(unknown) and not all(unknown):
+        i = unknown.index(True)
+        raise InvalidInputError(f"intrinsics[{i}]: expected K of all cameras or of none, got none here")
+    if any(unknown) and len(unknown) == 2:
+        sentence = "intrinsics: expected K of both cameras, got none: two views do not tell focal lengths"
+        raise InvalidInputError(sentence)
+    blank = [
+        one.camera() if isinstance(one, Intrinsics) else altered(one, R=np.eye(3), t=np.zeros(3))
+        for one in intrinsics
+    ]
+    named = [altered(one, name=one.name or str(i)) for i, one in enumerate(blank)]
+    return list(CameraRig(named)), all(unknown)
+
+
+def _most_lag(clock: bool, fps: float | None) -> int:
+    """Return how many frames clocks may differ by."""
+    if not clock:
+        return 0
+    if fps is None:
+        raise InvalidInputError("fps: expected the frame rate to find clocks, got None")
+    if not (math.isfinite(fps) and fps > 0):
+        raise InvalidInputError(f"fps: expected a positive number, got {fps}")
+    return round(_MOST_LAG_S * fps)
+
+
+def _doubt_centres(cameras: Sequence[Camera], found: Mapping[str, Array]) -> None:
+    """Add to the error bars what a principal point beside the middle does: the camera turns, and moves."""
+    centres = np.stack([np.asarray(camera.centre) for camera in cameras])
+    away = np.linalg.norm(centres - centres[np.asarray(found["used"])].mean(axis=0), axis=1)
+    off = np.array([_OFF_CENTRE * max(one.size) / np.asarray(one.K)[0, 0] for one in cameras])
+    found["turn_sigma"][:] = np.hypot(found["turn_sigma"], off)
+    found["shift_sigma"][:] = np.hypot(found["shift_sigma"], off * away)
+
+
+def _in_world(
+    seen: Array,
+    cameras: list[Camera],
+    found: Mapping[str, Array],
+    layout: Layout,
+    size: _Size,
+    *,
+    tied: bool,
+) -> RigCalibration:
+    """Return the rig with metric scale, up and a floor."""
+    used = [int(i) for i in np.flatnonzero(found["used"])]
+    names = [str(camera.name) for camera in cameras]
+    there = CameraRig([cameras[i] for i in used])
+    stature, error = map(float, found["stature"])
+    scale, scale_sigma = size.of(there, stature, error)
+    times = np.linspace(0, len(seen) - 1, min(len(seen), _FLOOR_FRAMES)).astype(int)
+    views = [shifted(seen[:, i], float(found["clock"][i])) for i in used]
+    points = triangulate(np.stack(views, axis=1)[times], there)
+    floor = find_floor(points, layout, stature) if math.isfinite(stature) else None
+    axes, origin = _world(floor, there[0])
+    placed = CameraRig([moved(camera, axes, origin, scale) for camera in there])
+    report = tuple(_report(found, names, i, scale) for i in range(len(cameras)))
+    clocks = {names[i]: float(found["clock"][i]) for i in used}
+    up_sigma = math.nan if floor is None else floor.sigma_deg
+    sure = not tied and movement(points) >= _LEAST_MOVED and _are_small(placed, report)
+    return RigCalibration(placed, clocks, report, scale_sigma, up_sigma, sure)
+
+
+def _world(floor: Floor | None, first: Camera) -> tuple[Array, Array]:
+    """Return axes (3, 3), rows, and origin of the world."""
+    centre = np.asarray(first.centre)
+    if floor is None:
+        return np.asarray(first.R), centre
+    return upright(floor, centre), floor.middle
+
+
+@dataclass(frozen=True)
+class _Size:
+    """A length that is known: a person's stature, or the distance of two cameras by name, metres."""
+
+    stature: float | None = None
+    ends: tuple[str, str] | None = None
+    apart: float = math.nan
+
+    @classmethod
+    def given(
+        cls, stature: float | None, distance: tuple[str | int, str | int, float] | None, names: Sequence[str]
+    ) -> _Size:
+        """Return what the user gave, or raise an error that names the argument."""
+        lengths = (("stature", stature), ("distance", None if distance is None else distance[2]))
+        for argument, metres in lengths:
+            if metres is not None and not (math.isfinite(metres) and metres > 0):
+                raise InvalidInputError(f"{argument}: expected a length in metres, got {metres}")
+        if distance is None:
+            return cls(stature)
+        ends = [names[end] if isinstance(end, int) and end < len(names) else str(end) for end in distance[:2]]
+        for end in ends:
+            if end not in names or ends[0] == ends[1]:
+                raise InvalidInputError(f"distance: expected two of {', '.join(names)}, got {end}")
+        return cls(stature, (ends[0], ends[1]), distance[2])
+
+    def of(self, rig: CameraRig, shown: float, error: float) -> tuple[float, float]:
+        """Return millimetres per unit of a rig, and its relative standard error.
+
+        A person's stature is ``shown`` ± ``error`` in it, by the population's proportions; NaN if unknown.
+        """
+        if self.ends is not None:
+            missing = [end for end in self.ends if end not in rig.names]
+            if missing:
+                raise InvalidInputError(
+                    f"distance: {missing[0]} could not be placed: expected one of {rig.names}"
+                )
+            a, b = (np.asarray(rig[end].centre) for end in self.ends)
+            return 1000.0 * self.apart / float(np.linalg.norm(a - b)), 0.0
+        if not math.isfinite(shown):
+            if self.stature is not None:
+                sentence = "stature: expected a layout with the proportions of people, or a distance"
+                raise InvalidInputError(f"{sentence} of two cameras, got neither")
+            return 1.0, math.inf
+        mean, spread = ADULT if self.stature is None else (1000.0 * self.stature, 0.0)
+        short, doubt = _SHOWN
+        return short * mean / shown, math.hypot(error / shown, spread / mean, doubt)
+
+
+def _report(found: Mapping[str, Array], names: Sequence[str], i: int, scale: float) -> CalibratedCamera:
+    """Return what was found about camera `i`."""
+    value = {key: float(column[i]) for key, column in found.items() if key not in ("used", "stature")}
+    return CalibratedCamera(
+        name=names[i],
+        status="placed" if found["used"][i] else "left_out",
+        clock=value["clock"],
+        turn_sigma=math.degrees(value["turn_sigma"]),
+        place_sigma=value["shift_sigma"] * scale,
+        focal_sigma=value["zoom_sigma"],
+        clock_sigma=value["clock_sigma"],
+        error=value["distance"],
+        explained=value["explained"],
+    )
+
+
+def _are_small(cameras: CameraRig, report: Sequence[CalibratedCamera]) -> bool:
+    """Whether all error bars are small enough to be true."""
+    centres = np.stack([np.asarray(camera.centre) for camera in cameras])
+    reach = np.linalg.norm(centres - centres.mean(axis=0), axis=1)
+    placed = [one for one in report if one.status == "placed"]
+    sure = [
+        one.turn_sigma <= _SURE_DEG and one.place_sigma <= _SURE_PLACE * distance
+        for one, distance in zip(placed, reach, strict=True)
+    ]
+    return all(sure)

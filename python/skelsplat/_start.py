@@ -1,0 +1,284 @@
+"""A first guess of a rig, from the joints that views share: what ``calibrate_cameras`` begins with.
+
+Two views give their relative pose (OpenCV's MAGSAC); of a person who stays in one place it can be wrong by
+any angle, though it explains the detections. Bones tell: those of a wrong pose change their lengths, and have
+not the proportions of people. The joints that a good pair places give the places of the other cameras.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+
+from skelsplat._arrays import Array, Index
+from skelsplat._optional import opencv
+from skelsplat._skelsplat import Camera, Layout, project, triangulate
+from skelsplat.cameras import altered
+
+_PURPOSE = "calibrate_cameras"
+# Joints that both views of a pair see: with fewer, the pair is left out.
+LEAST_JOINTS = 60
+_MOST_JOINTS = 3000
+# Those by which lags compare.
+_COMPARED = 800
+# Largest distance of a joint from its epipolar line that MAGSAC considers, and from where a pair places it,
+# relative to the image's longer side: depths from two views are uncertain.
+_FROM_LINE = 0.004
+_FROM_PLACE = 0.02
+# A camera is placed by this share of the joints that it sees.
+_AGREED = 0.3
+# Frames by which cameras are placed, and pairs from which it begins.
+_FRAMES = 150
+_STARTS = 3
+# Distance of the cameras of the first pair, mm.
+_BASE = 3000.0
+# Lags of a pair that are tried: so many maxima of the correlation, and frames on either side of the best.
+_CANDIDATES = 6
+_BESIDE = 2
+# Bones that vary by less say no more.
+_EVEN = 0.02
+# Two lags of a pair are tied if one explains this part of what the other does.
+_TIED = 0.95
+# The least overlap of two recordings, frames.
+_LEAST_OVERLAP = 60
+
+
+@dataclass(frozen=True)
+class Pair:
+    """A point x of the first view is R x + t in the second, up to the scale of t."""
+
+    views: tuple[int, int]
+    R: Array
+    t: Array
+    lag: int  # frames that the second view's clock is ahead
+    tied: bool  # another lag explains as much
+    support: float  # share of the joints that it explains, times the root of their number
+    uneven: float  # how much the lengths of bones differ from the body's, over time and between bones
+
+
+@dataclass
+class Start:
+    """Cameras that were placed, by number, and their clocks, frames."""
+
+    cameras: dict[int, Camera]
+    clocks: dict[int, int]
+    tied: bool = False  # whether other clocks explain as much
+
+
+def first_guess(detections: Array, cameras: Sequence[Camera], layout: Layout, most_lag: int) -> Start | None:
+    """Return where cameras may be; None if no two views share enough joints.
+
+    ``detections`` are (T, M, N, 2|3), distorted pixels, NaN where missing. Lags of up to ``most_lag`` frames
+    are tried where the motion of the joints looks alike, and the one is taken with which the epipolar
+    geometry explains most.
+    """
+    recording = _Recording(detections[..., :2], cameras, _rays(detections, cameras), layout)
+    pairs = list(recording.pairs(most_lag))
+    best = sorted(pairs, key=lambda pair: -pair.support / pair.uneven)[:_STARTS]
+    grown = [recording.grown(pair, pairs) for pair in best]
+    return min(grown, key=recording.misses, default=None)
+
+
+def _rays(detections: Array, cameras: Sequence[Camera]) -> Array:
+    """Return where the rays of detections meet the plane at distance 1, (T, M, N, 2)."""
+    out = np.full((*detections.shape[:3], 2), np.nan)
+    for i, camera in enumerate(cameras):
+        ideal = camera.undistort(detections[:, i, :, :2].reshape(-1, 2))
+        K = np.asarray(camera.K)
+        out[:, i] = ((ideal - K[:2, 2]) / np.diag(K)[:2]).reshape(out[:, i].shape)
+    return out
+
+
+def _shared(a: Array, b: Array, lag: int) -> tuple[Array, Array]:
+    """Return the joints that both views see at the same time, (K, 2) each."""
+    steps = len(a)
+    first = a[max(0, -lag) : steps - max(0, lag)].reshape(-1, 2)
+    second = b[max(0, lag) : steps + min(0, lag)].reshape(-1, 2)
+    both = np.isfinite(first).all(axis=1) & np.isfinite(second).all(axis=1)
+    return first[both], second[both]
+
+
+def _relative(a: Array, b: Array, lag: int, farthest: float, most: int) -> tuple[Array, Array, float] | None:
+    """Return R, t and the support of a pair; None with too few joints, or without a solution."""
+    first, second = _shared(a, b, lag)
+    if len(first) < LEAST_JOINTS:
+        return None
+    if len(first) > most:
+        chosen = np.random.default_rng(len(first)).choice(len(first), most, replace=False)
+        first, second = first[chosen], second[chosen]
+    cv2, unit = opencv(_PURPOSE), np.eye(3)
+    options = {"method": cv2.USAC_MAGSAC, "prob": 0.9999, "threshold": farthest}
+    essential, inliers = cv2.findEssentialMat(first, second, unit, **options)
+    if essential is None or essential.shape != (3, 3):
+        return None
+    count, R, t, _ = cv2.recoverPose(essential, first, second, unit, mask=inliers)
+    return R, t.ravel(), float(count / np.sqrt(len(first)))
+
+
+def _speeds(rays: Array) -> Array:
+    """Return how fast each joint of a view moves, relative to its mean, (T, N); 0 where unknown."""
+    step = np.linalg.norm(rays[2:] - rays[:-2], axis=-1)
+    step = np.concatenate([step[:1], step, step[-1:]])
+    known = np.isfinite(step)
+    scale = np.nanmedian(np.where(known, step, np.nan)) if known.any() else 1.0
+    slow = np.log1p(np.where(known, step, 0.0) / max(scale, 1e-12))
+    mean = np.where(known, slow, 0.0).sum(axis=0) / np.maximum(known.sum(axis=0), 1)
+    speeds: Array = np.where(known, slow - mean, 0.0)
+    return speeds
+
+
+def _lags(a: Array, b: Array, most: int) -> Index:
+    """Return the lags at which the motion in two views looks most alike, 0 among them."""
+    steps = len(a)
+    most = min(most, steps - _LEAST_OVERLAP)
+    if most < 1:
+        return np.zeros(1, dtype=np.int64)
+    size = 2 * steps
+    product = np.conj(np.fft.rfft(a, size, axis=0)) * np.fft.rfft(b, size, axis=0)
+    alike = np.fft.irfft(product.sum(axis=1), size)
+    lags = np.arange(-most, most + 1)
+    alike = alike[lags % size] / np.sqrt(steps - np.abs(lags))
+    inner = alike[1:-1]
+    peaks = np.flatnonzero((inner >= alike[:-2]) & (inner >= alike[2:])) + 1
+    best = peaks[np.argsort(-alike[peaks], kind="stable")[:_CANDIDATES]]
+    return np.unique(np.append(lags[best], 0))
+
+
+@dataclass(frozen=True)
+class _Recording:
+    """What all steps look at: detections, blank cameras, rays (T, M, N, 2) of the detections, bones."""
+
+    pixels: Array
+    cameras: Sequence[Camera]
+    rays: Array
+    layout: Layout
+
+    def pairs(self, most_lag: int) -> Iterator[Pair]:
+        """Yield every pair of views that share enough joints."""
+        views = range(len(self.cameras))
+        moves = [_speeds(self.rays[:, i]) for i in views] if most_lag else []
+        for a, b in combinations(views, 2):
+            farthest = _FROM_LINE * min(self.reach(a), self.reach(b))
+            first, second, lag, tied = self.rays[:, a], self.rays[:, b], 0, False
+            if most_lag:
+                lag, tied = _best_lag(first, second, _lags(moves[a], moves[b], most_lag), farthest)
+            found = _relative(first, second, lag, farthest, _MOST_JOINTS)
+            if found is not None:
+                R, t, support = found
+                start = Start({a: self.cameras[a], b: self.placed(b, R, _BASE * t)}, {a: 0, b: lag})
+                points = self.points(start, self.frames(start))
+                yield Pair((a, b), R, t, lag, tied, support, _unevenness(points, self.layout))
+
+    def reach(self, view: int) -> float:
+        """Return the longer side of a view's image at distance 1."""
+        camera = self.cameras[view]
+        return float(max(camera.size) / np.asarray(camera.K)[0, 0])
+
+    def placed(self, view: int, R: Array, t: Array) -> Camera:
+        """Return the camera of a view at a place."""
+        return altered(self.cameras[view], R=R, t=t)
+
+    def frames(self, start: Start) -> Index:
+        """Return frames of the first camera in which two or more see somebody."""
+        counts = np.arange(len(self.rays))
+        seen = np.zeros(len(counts), dtype=np.int64)
+        for i in start.cameras:
+            seen += np.isfinite(self.at(self.rays, i, counts, start)).any(axis=(1, 2))
+        shared: Index = counts[seen >= 2]
+        some: Index = shared[np.linspace(0, len(shared) - 1, min(len(shared), _FRAMES)).astype(int)]
+        return some
+
+    def at(self, values: Array, view: int, frames: Index, start: Start) -> Array:
+        """Return a view's values (T, M, N, 2) at the first camera's frames, (K, N, 2); NaN outside."""
+        own = frames + start.clocks[view]
+        there = (own >= 0) & (own < len(values))
+        out = np.full((len(frames), *values.shape[2:]), np.nan)
+        out[there] = values[own[there], view]
+        return out
+
+    def points(self, start: Start, frames: Index) -> Array:
+        """Return the joints (K, N, 3) that the placed cameras show."""
+        seen = np.stack([self.at(self.pixels, i, frames, start) for i in start.cameras], axis=1)
+        return triangulate(seen, list(start.cameras.values()))
+
+    def grown(self, pair: Pair, pairs: Sequence[Pair]) -> Start:
+        """Return the rig that a pair begins, with every camera that its joints place."""
+        a, b = pair.views
+        start = Start(
+            {a: self.cameras[a], b: self.placed(b, pair.R, _BASE * pair.t)}, {a: 0, b: pair.lag}, pair.tied
+        )
+        left = [i for i in range(len(self.cameras)) if i not in pair.views]
+        while left:
+            frames = self.frames(start)
+            points = self.points(start, frames)
+            found = [(i, self.resected(start, i, frames, points, pairs)) for i in left]
+            there = [(i, one) for i, one in found if one is not None]
+            if not there:
+                break
+            i, (camera, clock, tied, _) = max(there, key=lambda item: item[1][3])
+            start.cameras[i], start.clocks[i], start.tied = camera, clock, start.tied or tied
+            left.remove(i)
+        return start
+
+    def resected(
+        self, start: Start, view: int, frames: Index, points: Array, pairs: Sequence[Pair]
+    ) -> tuple[Camera, int, bool, int] | None:
+        """Return a camera, its clock, whether that is tied, and how many joints agree; None if too few."""
+        known = [pair for pair in pairs if view in pair.views and (set(pair.views) & start.cameras.keys())]
+        if not known:
+            return None
+        best = max(known, key=lambda pair: (not pair.tied, pair.support))
+        a, b = best.views
+        clock = start.clocks[a] + best.lag if b == view else start.clocks[b] - best.lag
+        rays = self.at(self.rays, view, frames, Start({}, {view: clock})).reshape(-1, 2)
+        flat = points.reshape(-1, 3)
+        both = np.isfinite(rays).all(axis=1) & np.isfinite(flat).all(axis=1)
+        if both.sum() < LEAST_JOINTS:
+            return None
+        cv2 = opencv(_PURPOSE)
+        options = {
+            "reprojectionError": _FROM_PLACE * self.reach(view),
+            "iterationsCount": 300,
+            "flags": cv2.SOLVEPNP_SQPNP,
+        }
+        cv2.setRNGSeed(0)
+        ok, turn, t, agreed = cv2.solvePnPRansac(flat[both], rays[both], np.eye(3), None, **options)
+        if not ok or len(agreed) < max(LEAST_JOINTS // 2, _AGREED * both.sum()):
+            return None
+        return self.placed(view, cv2.Rodrigues(turn)[0], t.ravel()), clock, best.tied, len(agreed)
+
+    def misses(self, start: Start) -> tuple[int, float]:
+        """Return how badly a rig explains the detections: cameras it does not place, median distance, px."""
+        frames = self.frames(start)
+        points = self.points(start, frames)
+        seen = np.stack([self.at(self.pixels, i, frames, start) for i in start.cameras], axis=1)
+        distance = np.linalg.norm(
+            np.moveaxis(project(points, list(start.cameras.values())), 0, 1) - seen, axis=-1
+        )
+        return len(self.cameras) - len(start.cameras), float(np.nanmedian(distance))
+
+
+def _unevenness(points: Array, layout: Layout) -> float:
+    """Return by how much, as a share, the lengths of bones vary: the median over bones."""
+    lengths = [np.linalg.norm(points[:, a] - points[:, b], axis=1) for a, b in layout.limbs]
+    logs = [np.log(length[np.isfinite(length) & (length > 0)]) for length in lengths]
+    spread = [float(np.median(np.abs(log - np.median(log)))) for log in logs if len(log) > 2]
+    return max(float(np.median(spread)), _EVEN) if spread else 1.0
+
+
+def _best_lag(a: Array, b: Array, lags: Index, farthest: float) -> tuple[int, bool]:
+    """Return the lag at which the epipolar geometry explains most, and whether another explains as much."""
+
+    def support(lag: int) -> float:
+        found = _relative(a, b, lag, farthest, _COMPARED)
+        return -1.0 if found is None else found[2]
+
+    rough = {int(lag): support(int(lag)) for lag in lags}
+    near = max(rough, key=rough.__getitem__)
+    fine = {lag: support(lag) for lag in range(near - _BESIDE, near + _BESIDE + 1)}
+    best = max(fine, key=fine.__getitem__)
+    others = (value for lag, value in rough.items() if abs(lag - best) > 2 * _BESIDE)
+    return best, max(others, default=0.0) > _TIED * fine[best]
