@@ -152,9 +152,19 @@ def _rtmpose(folder: Path) -> None:
 def _detected(folder: Path) -> None:
     """OpenPose's files of the recording with what ``skelsplat detect`` states, and videos."""
     _pictures(folder)
+    _recorded(folder)
+
+
+def _recorded(folder: Path) -> None:
     videos = {f"cam{m:02}": Video(f"cam{m:02}.mp4", (1088, 1920), 60.0) for m in range(1, 5)}
     joints = tuple(sk.layouts.get(sample.LAYOUT).joints)
     write_record(folder / "pose", Record({"backend": "openpose"}, sample.LAYOUT, joints, videos))
+
+
+def _without_calibration(folder: Path) -> None:
+    """All frames of the recording with what ``skelsplat detect`` states, and the cameras' lenses."""
+    _sample(folder, calibration="lenses.toml", frames=100)
+    _recorded(folder)
 
 
 def _live(folder: Path) -> None:
@@ -179,6 +189,7 @@ PREPARED: dict[str, Callable[[Path], None]] = {
     "README.md": _pictures,
     "docs/howto/anipose.md": _anipose,
     "docs/howto/batches.md": _batches,
+    "docs/howto/calibrate.md": _without_calibration,
     "docs/howto/cameras.md": partial(_sample, frames=100),
     "docs/howto/deeplabcut.md": _deeplabcut,
     "docs/howto/freemocap.md": _freemocap,

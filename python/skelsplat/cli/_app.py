@@ -19,6 +19,7 @@ COMMANDS = {
     "refine": "Refine the 3D pose of one person, or of several, from 2D detections.",
     "batch": "Refine many recordings, listed in a file or in the folders of a Pose2Sim project.",
     "detect": "Detect people in the videos of all cameras, for refine.",
+    "calibrate": "Find where the cameras are from the detections of a person who walks about.",
     "overlay": "Draw a run on its videos: detections, reprojected skeleton, error ellipses.",
     "live": "Refine frame by frame: detections as JSON lines on stdin, poses on stdout.",
     "plot": "Draw joint trajectories with error bands, bone lengths and errors.",
@@ -103,6 +104,8 @@ def _usage(error: Any) -> str:
     # older versions of click add the variable of the environment, even if there is none
     start = r"^Invalid value for '?([^\s':]+)'?(?: \(env var: '\w*'\))?: "
     message = re.sub(start, r"\1: ", error.format_message()).replace("Input should be", "expected")
+    if command.endswith(" refine") and message == "Missing argument 'DETECTIONS'.":
+        message = f"{message.rstrip('.')}; without a CALIBRATION, skelsplat calibrate makes one"
     return f"{message.rstrip('.')} (see {command} --help)"
 
 

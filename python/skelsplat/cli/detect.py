@@ -85,7 +85,9 @@ def detect(
         "findings": [one.to_dict() for one in found],
     }
     again = shlex.join(["skelsplat", "refine", "CALIBRATION", str(output), "-o", "out"])
+    cameras = shlex.join(["skelsplat", "calibrate", str(output), "-o", "Calib.toml"])
     end = f"Wrote to {output}/, with the layout {detector.layout}. Next: {again}"
+    end += f"; {cameras} makes a CALIBRATION"
     return Answer(document, lambda _: say(*map(_line, written), end))
 
 

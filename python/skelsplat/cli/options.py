@@ -38,7 +38,8 @@ def all_or_number(option: str, value: str) -> str | int:
     raise typer.BadParameter(f"expected all or a number of at least 1, got {value!r}", param_hint=option)
 
 
-def _width_and_height(option: str, text: str) -> tuple[int, int]:
+def width_and_height(option: str, text: str) -> tuple[int, int]:
+    """Return the numbers of ``1920x1080``."""
     found = re.fullmatch(r"(\d+)[x×](\d+)", text.strip())
     if found is None or not (int(found[1]) and int(found[2])):
         raise typer.BadParameter(f"expected a size such as 1920x1080, got {text!r}", param_hint=option)
@@ -174,7 +175,7 @@ JOB = rows(
     * --angles  Write joint angles. angles.csv and angles.npz have error bars, angles.mot is for OpenSim.
     --no-html  Do not write report.html. It takes 5 MB or more.
     """,
-    size=_width_and_height,
+    size=width_and_height,
     binning={"kind": float, "limits": {}},
     layout={"marks": (NAME_OR_PATH,)},
     people=all_or_number,

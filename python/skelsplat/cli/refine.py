@@ -2,20 +2,25 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import typer
 
+import skelsplat as sk
+from skelsplat._words import px
 from skelsplat.cli import options
 from skelsplat.cli._app import FAILED
 from skelsplat.cli.command import takes
-from skelsplat.cli.output import Terminal, print_json, progress, quieter, tell
+from skelsplat.cli.output import Terminal, print_json, print_text, progress, quieter, tell
 from skelsplat.cli.rows import AS_JSON, QUIET, rows
 from skelsplat.cli.table import print_files, print_people, print_run
-from skelsplat.findings import Finding
-from skelsplat.io import sample
+from skelsplat.findings import Finding, collected_warnings
+from skelsplat.io import sample, write_calibration
 from skelsplat.run import Job, PeopleRun, Run, run, run_people
+from skelsplat.run.calibrate import calibrate_cameras
 from skelsplat.run.folder import run_folder
 
 _EPILOG = (
@@ -40,8 +45,8 @@ def refine(*, quiet: bool, as_json: bool, **given: Any) -> None:
     run_and_print(options.job_of(**given), quiet=quiet, as_json=as_json)
 
 
-def run_and_print(job: Job, *, quiet: bool, as_json: bool) -> None:
-    """Do a job that names a folder, under a progress bar, and print the results."""
+def run_and_print(job: Job, *, quiet: bool, as_json: bool) -> Run | PeopleRun:
+    """Do a job that names a folder, under a progress bar, print the results and return them."""
     with quieter(quiet):
         printed: list[Finding] = []
 
@@ -71,6 +76,7 @@ def run_and_print(job: Job, *, quiet: bool, as_json: bool) -> None:
             tell(finding)
     if errors:
         raise typer.Exit(FAILED)
+    return found
 
 
 def _print(found: Run | PeopleRun, folder: Path, printed: list[Finding]) -> None:
@@ -101,6 +107,7 @@ _NOTE = "The sample has no ground truth: these errors measure agreement with the
         --people  Refine the recording of two people and a bystander.
         Cameras:
         --no-adjust  Use the cameras as calibrated: one was turned since.
+        --no-calibration  Find the cameras from the recording, and compare with those calibrated.
         """
     ),
     *options.of_job("paper", "frame_by_frame", "n_threads"),
@@ -113,6 +120,7 @@ def demo(
     people: bool,
     frame_by_frame: bool,
     adjust: bool,
+    calibration: bool,
     quiet: bool,
     as_json: bool,
     **settings: Any,
@@ -131,7 +139,11 @@ def demo(
     skelsplat demo
 
     skelsplat demo --people -o people
+
+    skelsplat demo --no-calibration
     """
+    if people and not calibration:
+        raise typer.BadParameter("cannot be combined with --people", param_hint="--no-calibration")
     output = output or Path(_FOLDER_OF_PEOPLE if people else _FOLDER)
     config = options.config_of(**settings)
     with run_folder(output):  # which another run may be writing
@@ -149,4 +161,30 @@ def demo(
         output=output,
         note=f"{_NOTE} {_OF_PEOPLE}" if people else _NOTE,
     )
-    run_and_print(job, quiet=quiet, as_json=as_json)
+    result = run_and_print(job if calibration else _recalibrated(job), quiet=quiet, as_json=as_json)
+    if isinstance(result, Run) and not (calibration or quiet or as_json):
+        with collected_warnings():
+            print_text(Terminal(), _compared(result, run(replace(job, output=None))))
+
+
+def _recalibrated(job: Job) -> Job:
+    """Return the job with cameras that are found from its detections, as without a calibration."""
+    calibration, detections = Path(job.calibration), Path(job.detections)
+    found = calibrate_cameras(detections, calibration, layout=job.layout, person="0")
+    path = calibration.with_name("Found.toml")
+    write_calibration(path, found.found.cameras, note="skelsplat demo --no-calibration", adjusted=True)
+    return replace(job, calibration=path, unit="mm", adjust_cameras=False)
+
+
+def _compared(found: Run, given: Run) -> str:
+    """Return how a run with cameras that were found compares with that with the calibration's."""
+    rigs = [one.inputs.rig for one in (found, given)]
+    centres = [np.stack([camera.centre for camera in rig]) * rig.mm_per_unit for rig in rigs]
+    apart = float(sk.metrics.pa_mpjpe(centres[0][None], centres[1][None]))
+    errors = [one.statistics.total["after_px"] for one in (found, given)]
+    adjusted = " and adjusted" if given.inputs.adjusted else ""
+    words = f"Error with the cameras found: {px(errors[0])}; with those calibrated{adjusted}: "
+    words += (
+        f"{px(errors[1])}. The two differ by {apart:.0f} mm per camera, place and scale of the whole aside."
+    )
+    return words

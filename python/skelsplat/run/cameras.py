@@ -195,16 +195,21 @@ def read_scene(opened: Opened, person: str, offsets: Mapping[str, float] | None)
     """Read the detections of everybody, or of one ``person`` as of `skelsplat.run.cameras.check_cameras`."""
     found = opened.detections.read()
     people, layout = found.people, found.skeleton
-    if person.isdecimal() and people.shape[2] > 1:
-        sentence = f"Person {person} is entry {person} of each file. The order of people in a file is "
-        sentence += "arbitrary, so this need not be one person: without a choice, everybody counts."
-        warn(Finding("person_by_place", "note", numbers={"person": person}, sentence=sentence))
+    warn_of_place(people, person, ": without a choice, everybody counts")
     if person != EVERYBODY:
         apart: Index = np.empty((1, 0, 0), dtype=np.int64)
         if person == "consistent":
             apart = separate_people(people, opened.rig, layout=layout)
         people = take_people(people, pick_places(people, person, apart)[0])[:, :, None]
     return Scene(opened.rig, people, found.frames, layout, opened.read_as(offsets or {}))
+
+
+def warn_of_place(people: Array, person: str, otherwise: str = "") -> None:
+    """Note that a person (of people (T, M, P, N, 3)) who is a place in the files need not be one."""
+    if person.isdecimal() and people.shape[2] > 1:
+        sentence = f"Person {person} is entry {person} of each file. The order of people in a file is "
+        sentence += f"arbitrary, so this need not be one person{otherwise}."
+        warn(Finding("person_by_place", "note", numbers={"person": person}, sentence=sentence))
 
 
 def adjusted(
@@ -229,7 +234,7 @@ def findings_of(found: sk.RigAdjustment, mm_per_unit: float, read_as: ReadAs) ->
         if one.status == "adjusted" and _is_placed(one):
             yield _adjusted({**numbers, "left_out_frames": found.judged})
         if one.status in ("late", "adjusted") and _clock_known(one):
-            yield _late(numbers, _offset(one, read_as), read_as)
+            yield _late(numbers, offset_of(one, read_as), read_as)
         if one.since is not None:
             sentence = f"{one.name} was moved while it recorded, about frame {one.since}, and not adjusted: "
             sentence += "the frames before and after need a calibration each."
@@ -241,7 +246,7 @@ def findings_of(found: sk.RigAdjustment, mm_per_unit: float, read_as: ReadAs) ->
             yield Finding("camera_unused", "warning", Subject((one.name,)), sentence=sentence)
     doubtful = [*found.of("doubtful"), *(one for one in found.of("late") if not _clock_known(one))]
     if doubtful:
-        suspected = [{**numbers_of(one, mm_per_unit), "offset": _offset(one, read_as)} for one in doubtful]
+        suspected = [{**numbers_of(one, mm_per_unit), "offset": offset_of(one, read_as)} for one in doubtful]
         changed = [one.name for one in found.of("adjusted")]
         placed = all(map(_is_placed, doubtful)) and 2 * (len(changed) + 1) >= len(found.report)
         yield _doubtful(suspected, changed if placed else [])  # a majority of places stays
@@ -257,7 +262,7 @@ def findings_of(found: sk.RigAdjustment, mm_per_unit: float, read_as: ReadAs) ->
         yield Finding("cameras_not_adjusted", "note", numbers={"cameras": sound}, sentence=sentence)
 
 
-def _offset(camera: sk.CameraAdjustment, read_as: ReadAs) -> float:
+def offset_of(camera: sk.CameraAdjustment | sk.CalibratedCamera, read_as: ReadAs) -> float:
     """Return the offset that sets a clock right, in whole frames unless parts of one are shown."""
     whole, rest = parted(camera.clock)
     shown = np.isfinite(camera.clock_sigma) and abs(rest) > _SHOWN * camera.clock_sigma

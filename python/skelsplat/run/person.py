@@ -76,9 +76,15 @@ def without_match(people: Array, index: Index) -> Mask:
 
 def count_people(people: Array) -> Index:
     """Count those in every view, (T, M), who have enough joints of enough confidence."""
-    sure = np.isfinite(people[..., :2]).all(axis=-1) & (people[..., 2] >= _CONFIDENCE)
-    count: Index = (sure.sum(axis=-1) >= min(_JOINTS, people.shape[3])).sum(axis=2)
+    count: Index = are_people(people).sum(axis=2)
     return count
+
+
+def are_people(people: Array) -> Mask:
+    """Return who (T, M, P) has enough joints of enough confidence."""
+    sure = np.isfinite(people[..., :2]).all(axis=-1) & (people[..., 2] >= _CONFIDENCE)
+    enough: Mask = sure.sum(axis=-1) >= min(_JOINTS, people.shape[3])
+    return enough
 
 
 @dataclass(frozen=True)

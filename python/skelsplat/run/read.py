@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -21,7 +22,7 @@ from skelsplat.io import PoseData, read_npz
 from skelsplat.io.calibration import find_format, read_calibration
 from skelsplat.io.detections import Opened as Detections
 from skelsplat.io.detections import camera_called, cameras_called, one_rate, open_detections
-from skelsplat.io.video import find_videos, open_source
+from skelsplat.io.video import FrameSource, find_videos, open_source
 from skelsplat.rig_check import ReadAs
 from skelsplat.run.image_sizes import in_calibrated_pixels
 from skelsplat.run.job import Job
@@ -167,7 +168,8 @@ def open_recording(
     rig = leave_out(every, without)
     found = open_detections(detections, every, without=without, **given)
     cropped = {name for one in told if one.kind == "crop_applied" for name in one.subject.cameras}
-    return Opened(every, rig, in_calibrated_pixels(found, every, cropped), _rate(found, detections, rig, fps))
+    rate = rate_of(found, detections, rig.names, fps)
+    return Opened(every, rig, in_calibrated_pixels(found, every, cropped), rate)
 
 
 def read_everybody(opened: Opened, job: Job) -> tuple[Array, Inputs]:
@@ -206,11 +208,13 @@ def leave_out(rig: sk.CameraRig, without: Sequence[str]) -> sk.CameraRig:
     return sk.CameraRig(kept, unit=rig.unit) if without else rig
 
 
-def _rate(found: Detections, folder: Path, rig: sk.CameraRig, fps: float | None) -> tuple[float | None, str]:
+def rate_of(
+    found: Detections, folder: Path, names: Sequence[str], fps: float | None
+) -> tuple[float | None, str]:
     """Return the frame rate, None if unknown, and what states it but for the user: the files, or videos."""
     rates, stated = found.rates, "files"
     if not rates and fps is None:
-        rates, stated = _rates_of_videos(folder, rig, found.frames), "videos"
+        rates, stated = _rates_of_videos(folder, names, found.frames), "videos"
     rate = one_rate(rates)
     if rates and rate is None:
         each = ", ".join(f"{name} {round(one, 3):g}" for name, one in rates.items())
@@ -222,13 +226,16 @@ def _rate(found: Detections, folder: Path, rig: sk.CameraRig, fps: float | None)
     return (fps, "") if fps is not None else (rate, "" if rate is None else stated)
 
 
-def _rates_of_videos(detections: Path, rig: sk.CameraRig, frames: Index) -> dict[str, float]:
-    """Return the rates of the cameras' videos, with the detections or in ``videos`` next to them."""
+def videos_beside(detections: Path, names: Sequence[str]) -> Iterator[dict[str, FrameSource]]:
+    """Yield the videos of all cameras, those with the detections and those in ``videos`` next to them."""
     for folder in (detections, detections.parent / "videos"):
-        try:
-            videos = {name: open_source(path) for name, path in find_videos(folder, rig.names).items()}
-        except SkelSplatError:
-            continue
+        with suppress(SkelSplatError):
+            yield {name: open_source(path) for name, path in find_videos(folder, names).items()}
+
+
+def _rates_of_videos(detections: Path, names: Sequence[str], frames: Index) -> dict[str, float]:
+    """Return the rates of the cameras' videos."""
+    for videos in videos_beside(detections, names):
         # detectors count from 0 or 1
         if all(video.rate and frames[-1] <= video.last + 1 for video in videos.values()):
             return {name: video.rate or 0.0 for name, video in videos.items()}

@@ -15,6 +15,7 @@ from pathlib import Path
 import skelsplat as sk
 from skelsplat._budget import within_memory
 from skelsplat.exceptions import InvalidInputError, one_of
+from skelsplat.io._files import natural
 from skelsplat.io.detections._frames import FRAME_MODES, FrameMode, check_offsets, shared_frames
 from skelsplat.io.detections._joints import Skeleton, check_mapping, choose_layout, read_layout, read_skeleton
 from skelsplat.io.detections._match import camera_called, cameras_called, match_by_name, match_by_order
@@ -27,6 +28,7 @@ __all__ = [
     "Opened",
     "Skeleton",
     "camera_called",
+    "camera_labels",
     "cameras_called",
     "one_rate",
     "open_detections",
@@ -112,6 +114,18 @@ def read_detections(
         sequence=sequence,
         without=without,
     ).read()
+
+
+def camera_labels(
+    path: str | os.PathLike[str], *, format: str | None = None, sequence: str | None = None
+) -> dict[str, str]:
+    """Return the cameras that detections name: name → folder, file or place in the file, in natural order."""
+    root = Path(path)
+    with within_memory(root):
+        there, _ = offered(root, find_format(root, format), sequence)
+    labels = sorted(there.busy, key=natural)
+    names = {there.texts[label].removesuffix("_json"): label for label in labels}
+    return names if len(names) == len(labels) else {label: label for label in labels}
 
 
 def open_detections(

@@ -1,0 +1,179 @@
+"""``skelsplat calibrate``: cameras from the people who are filmed, without a calibration."""
+
+from __future__ import annotations
+
+import math
+import shlex
+from collections.abc import Iterator
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import typer
+from rich.console import Console
+
+from skelsplat._words import number, percent, with_bar
+from skelsplat.cli import options
+from skelsplat.cli.command import Answer, answers
+from skelsplat.cli.config import source_of
+from skelsplat.cli.output import print_finding, print_text, say, tell
+from skelsplat.cli.rows import rows
+from skelsplat.cli.table import new_table, print_table
+from skelsplat.io import write_calibration
+from skelsplat.run.calibrate import Calibrated
+from skelsplat.run.calibrate import calibrate_cameras as run_calibration
+
+_EPILOG = "Exit status: 0 written; 1 failed, or the recording does not tell where the cameras are."
+_SUFFIXES = (".toml", ".json", ".npz")
+_FORWARDED = ("layout", "frames", "format", "mapping", "sequence", "fps")  # to refine
+_OF_FILE = tuple(
+    replace(row, panel="Cameras", common=False) for row in options.CALIBRATION[1:] if row.name != "size"
+)
+_LEGEND = (
+    "error: median distance of the detections from the joints; explained: within four times the noise; ±: "
+    "one standard deviation, with the rig aligned as a whole"
+)
+_ROWS = (
+    *options.of_job("detections"),
+    *rows(
+        """
+        Cameras:
+        * --intrinsics FILE  Calibration file with the cameras' lenses, image sizes and names; places are
+            ignored. Without it, focal lengths are found, which takes three cameras.
+        * --same-cameras  All cameras have the same focal length, which is not known.
+        * --size WxH  Image size. [as the detections, videos beside them or FILE state it]
+        --videos FOLDER  Videos of the cameras, which state the image sizes. [beside the detections]
+        """,
+        same_cameras={"name": "same_focal"},
+        size=options.width_and_height,
+    ),
+    *_OF_FILE,
+    *rows(
+        """
+        Scale:
+        * --stature METRES  Height of the person. Without it and --distance, that of adults: 1.70 ± 0.09 m.
+        * --distance CAM1 CAM2 METRES  Distance of two cameras.
+        Clocks:
+        * --clock  Also find clocks, up to 10 s and to parts of a frame: cameras without a common trigger.
+        --fps HZ  Frame rate, which --clock needs. [as files or videos state it]
+        Input:
+        * --person WHO  Which of several people. N: entry N of each file, from 0; largest: the largest in each
+            image. [one person is in front of the cameras]
+        """,
+        stature=float,
+        distance={"kind": tuple[str, str, float]},
+    ),
+    *(row for row in options.RECORDING if row.name != "person"),
+    *rows(
+        """
+        Output:
+        * -o, --output FILE  Calibration file to write: .toml (Anipose), .json or .npz. [required]
+        * --force  Replace FILE if it exists.
+        """
+    ),
+)
+
+
+@answers(*_ROWS, short=True, epilog=_EPILOG)
+def calibrate(context: typer.Context, detections: Path, *, output: Path, force: bool, **given: Any) -> Answer:
+    """Find where the cameras are from the detections of a person who walks about.
+
+    No board is needed: one person walks two metres, turns around and raises the
+    arms, for ten seconds. The written calibration is in mm, with z up and the
+    origin on the floor. The last line that is printed refines the recording.
+
+    [bold]Examples[/bold]
+
+    skelsplat calibrate pose -o Calib.toml --same-cameras --stature 1.75
+
+    skelsplat calibrate pose -o Calib.toml --intrinsics lenses.toml --clock
+    """
+    source = given.get("intrinsics") or detections
+    options.check_output("--output", output, source, "calibration", _SUFFIXES, force=force)
+    found = run_calibration(detections, **options.reading(given))
+    rig, sure = found.found.cameras, found.found.sure
+    command = None
+    if sure:
+        note = f"skelsplat calibrate: from the detections {detections.name}"
+        write_calibration(output, rig, note=note, adjusted=True)
+        command = shlex.join(["skelsplat", "refine", str(output), *_again(context, detections, found)])
+    document = {
+        "detections": str(detections),
+        "output": str(output) if sure else None,
+        "unit": rig.unit,
+        "frames": found.frames,
+        "scale": {"from": found.scale, "relative_sigma": found.found.scale_sigma},
+        "up_sigma_degrees": found.found.up_sigma,
+        "cameras": found.cameras,
+        "offsets": found.offsets,
+        "findings": [finding.to_dict() for finding in found.findings],
+        "refine": command,
+    }
+
+    def tell_all(_console: Console) -> None:
+        for finding in found.findings:
+            tell(finding)
+
+    return Answer(document, partial(_print, found, output, command), tell_all, status=0 if sure else 1)
+
+
+def _again(context: typer.Context, detections: Path, found: Calibrated) -> Iterator[str]:
+    """Yield the words after ``skelsplat refine CALIBRATION`` that refine the recording."""
+    yield from (str(detections), "-o", "out")
+    of_frames = source_of(context, "frames") != "DEFAULT"
+    for row in (one for one in _ROWS if one.name in _FORWARDED):
+        value = context.params[row.name]
+        if value and source_of(context, row.name) != "DEFAULT":
+            for one in value if row.many else [value]:
+                yield from (row.flag, f"{one:.12g}" if isinstance(one, float) else str(one))
+    if found.uneven and not of_frames:
+        yield from ("--frames", "union")
+    if found.order is not None:
+        yield from ("--order", ",".join(found.order))
+    for name, frames in found.offsets.items():
+        yield from ("--offset", f"{name}={frames}")
+
+
+def _print(found: Calibrated, output: Path, command: str | None, console: Console) -> None:
+    heads = ["status", "error\n[px]", "explained", "turn ±\n[°]", "place ±\n[mm]"]
+    clocks = any(one["clock_sigma_frames"] for one in found.cameras)
+    heads += ["focal length\n[px]"] * found.focal + ["clock\n[frames]"] * clocks
+    table = new_table("Cameras", "camera", heads)
+    for one in found.cameras:
+        cells = [one["status"].replace("_", " "), _cell(one["error_px"])]
+        cells += [percent(one["explained"]) if one["explained"] is not None else "–"]
+        cells += [_cell(one["degrees_sigma"]), _cell(one["mm_sigma"], 0)]
+        for name in ("focal_px",) * found.focal + ("clock_frames",) * clocks:
+            sigma = one[name.replace("_", "_sigma_")]
+            cells.append(with_bar(one[name], sigma, "+" * (name != "focal_px")) if sigma else "–")
+        table.add_row(one["camera"], *cells)
+    print_table(console, table)
+    console.print(_LEGEND, style="dim")
+    console.print()
+    for finding in found.findings:
+        print_finding(console, finding, own_line=True)
+    if command is None:
+        say(f"{output} was not written.")
+        return
+    print_text(console, _world(found))
+    say(f"Wrote {len(found.found.cameras)} cameras to {output}, lengths in mm. To refine the recording:")
+    say(f"  {command}")  # on one line, to be pasted
+
+
+def _world(found: Calibrated) -> str:
+    """Return where the scale and up are from, with error bars."""
+    bar = f"{100 * found.found.scale_sigma:.1f}%"
+    lengths = {
+        "adults": f"± {bar}: a stature of 1.70 ± 0.09 m is assumed (see --stature, --distance)",
+        "stature": f"± {bar}, from the stature",
+        "distance": "from the distance of two cameras",
+    }
+    up = f"z is up, ± {number(found.found.up_sigma)}°"
+    if not math.isfinite(found.found.up_sigma):
+        up = "z is not up, as the layout lacks ankles, shoulders or a head"
+    return f"Lengths are {lengths[found.scale]}; {up}."
+
+
+def _cell(value: float | None, digits: int = 1) -> str:
+    return "–" if value is None else number(value, digits)

@@ -1,0 +1,299 @@
+"""From the files of detections, and perhaps of lenses, to calibrated cameras."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import skelsplat as sk
+from skelsplat._arrays import Array, Index, take_people
+from skelsplat._frozen import frozen, frozen_finding
+from skelsplat._words import listed, with_bar
+from skelsplat.exceptions import DatasetError, DegenerateGeometryError, InvalidInputError
+from skelsplat.findings import Finding, Subject, collected_warnings, warn
+from skelsplat.io.detections import Opened as Detections
+from skelsplat.io.detections import camera_called, camera_labels, cameras_called, open_detections
+from skelsplat.io.video import find_videos, open_source
+from skelsplat.rig_check import ReadAs
+from skelsplat.run.cameras import offset_of, warn_of_place
+from skelsplat.run.job import IncompleteJobError
+from skelsplat.run.person import OFTEN, are_people, pick_places
+from skelsplat.run.read import open_recording, rate_of, read_rig, videos_beside
+from skelsplat.run.solve import spread
+
+_MOST_EMPTY = 8  # frames are put at even times unless so many times as many are missing
+
+Size = tuple[int, int]
+
+
+@dataclass(frozen=True)
+class Calibrated:
+    """Cameras, and what refines the recording with them."""
+
+    found: sk.RigCalibration  # clocks are in frames of the files
+    frames: int
+    focal: bool  # focal lengths were unknown, and were found
+    scale: str  # what gave it: "stature", "distance", or "adults" in general
+    offsets: Mapping[str, float]  # by camera, those that make it in step; none that is 0
+    order: tuple[str, ...] | None  # the label of each placed camera, where the files have others, or no names
+    uneven: bool  # cameras have different frames in the files
+    findings: tuple[Finding, ...]
+
+    @property
+    def cameras(self) -> tuple[dict[str, Any], ...]:
+        """What was found about each camera, as numbers with units in their names; None where unknown."""
+        return tuple(self._numbers(one) for one in self.found.report)
+
+    def _numbers(self, one: sk.CalibratedCamera) -> dict[str, Any]:
+        placed = one.status == "placed"
+        focal = float(self.found.cameras[one.name].K[0, 0]) if placed else math.nan
+        numbers = {
+            "error_px": one.error,
+            "explained": one.explained,
+            "degrees_sigma": one.turn_sigma if placed else math.nan,
+            "mm_sigma": one.place_sigma if placed else math.nan,
+            "focal_px": focal,
+            "focal_sigma_px": focal * one.focal_sigma if self.focal else math.nan,
+            "clock_frames": one.clock if placed else math.nan,
+            "clock_sigma_frames": one.clock_sigma if placed else math.nan,
+        }
+        known = {name: float(value) if np.isfinite(value) else None for name, value in numbers.items()}
+        return {"camera": one.name, "status": one.status, **known}
+
+
+@dataclass(frozen=True)
+class _Recording:
+    """Detections, the lenses of their cameras as far as they are known, and frames per second."""
+
+    detections: Detections
+    lenses: Sequence[sk.Intrinsics | sk.Camera]
+    fps: float | None
+    renamed: bool  # refine does not find these cameras' detections by name alone
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the cameras."""
+        return self.detections.camera_names
+
+
+def calibrate_cameras(
+    detections: Path,
+    intrinsics: Path | None = None,
+    *,
+    read: Mapping[str, Any] | None = None,
+    videos: Path | None = None,
+    person: str | None = None,
+    stature: float | None = None,
+    distance: tuple[str, str, float] | None = None,
+    same_focal: bool = False,
+    clock: bool = False,
+    **given: Any,
+) -> Calibrated:
+    """Read a recording, and find its cameras, as `skelsplat.calibrate_cameras`.
+
+    ``intrinsics`` is a calibration file whose places are ignored, read with the arguments ``read`` of
+    `skelsplat.run.read.read_rig`. Without it, image sizes are those that the detections or the cameras'
+    videos state, or the ``size`` of ``read``, and focal lengths are found. ``person`` is a place in each
+    file, or ``"largest"`` in each image; without it, cameras have to see one person. ``given`` are arguments
+    of `skelsplat.io.read_detections`, and ``fps``. A `DatasetError` or an `InvalidInputError` if files are
+    malformed, or do not fit each other or the options.
+    """
+    if person not in (None, "largest") and not str(person).isdecimal():
+        raise InvalidInputError(f"person: expected largest or a number, got {person!r}")
+    with collected_warnings() as warnings:
+        read = {name: value for name, value in (read or {}).items() if value is not None}
+        _check_lenses(intrinsics, read, videos, same_focal)
+        if intrinsics is None:
+            recording = _named(detections, videos, read.get("size"), **given)
+        else:
+            recording = _with_lenses(detections, intrinsics, read, **given)
+        names, found = recording.names, recording.detections.read()
+        if distance is not None:
+            *ends, metres = distance
+            a, b = (camera_called(end, names, "distance") for end in ends)
+            distance = (a, b, metres)
+        seen = _one_person(detections, found.people, names, person)
+        stopped = frozen_finding(names, frozen(seen[:, :, None]), found.frames)
+        if stopped is not None:
+            warn(stopped)
+        asked = {"stature": stature, "distance": distance, "same_focal": same_focal, "clock": clock}
+        result = _calibrated(detections, seen, found.frames, recording, found.skeleton, asked)
+    kept = tuple(one for one in warnings if one.kind != "unit_wrong")  # of places, which are ignored
+    scale = "distance" if distance is not None else "adults" if stature is None else "stature"
+    return _answer(result, recording, given.get("offsets") or {}, len(seen), scale, kept)
+
+
+def _check_lenses(
+    intrinsics: Path | None, read: Mapping[str, Any], videos: Path | None, same_focal: bool
+) -> None:
+    """Refuse what has no effect with, or without, a file of lenses."""
+    if intrinsics is None:
+        for option in (name for name in read if name != "size"):
+            raise IncompleteJobError(option, "intrinsics")
+        return
+    if same_focal:
+        raise InvalidInputError("same_focal: expected none with intrinsics, which state focal lengths")
+    if videos is not None:
+        raise InvalidInputError("videos: expected none with intrinsics, which state the image sizes")
+
+
+def _answer(
+    result: sk.RigCalibration,
+    recording: _Recording,
+    offsets: Mapping[str, float],
+    frames: int,
+    scale: str,
+    warnings: Collection[Finding],
+) -> Calibrated:
+    """Return the cameras with how `refine` reads this recording with them."""
+    opened, placed = recording.detections, result.cameras.names
+    given = {camera_called(text, recording.names): number for text, number in offsets.items()}
+    read_as = ReadAs(opened.labels, given, opened.uneven)
+    right = {one.name: offset_of(one, read_as) for one in result.report if one.name in placed}
+    other = recording.renamed or len(placed) < len(recording.names)
+    return Calibrated(
+        result,
+        frames,
+        focal=not isinstance(recording.lenses[0], sk.Camera),
+        scale=scale,
+        offsets={name: number for name, number in right.items() if number},
+        order=tuple(opened.matched[name] for name in placed) if other else None,
+        uneven=opened.uneven,
+        findings=(*warnings, *_findings(result)),
+    )
+
+
+def _with_lenses(
+    detections: Path,
+    intrinsics: Path,
+    read: dict[str, Any],
+    *,
+    without: Sequence[str] = (),
+    fps: float | None = None,
+    **given: Any,
+) -> _Recording:
+    """Open a recording of cameras whose lenses are known."""
+    try:
+        read_rig(intrinsics, **read)
+    except InvalidInputError as error:
+        if error.argument != "unit":
+            raise
+        read["unit"] = "mm"  # of places, which are ignored
+    opened = open_recording(intrinsics, detections, read=read, without=without, fps=fps, **given)
+    renamed = bool(without or given.get("order"))
+    return _Recording(opened.detections, tuple(opened.rig), opened.rate[0], renamed)
+
+
+def _named(
+    detections: Path,
+    videos: Path | None,
+    size: Size | None,
+    *,
+    without: Sequence[str] = (),
+    fps: float | None = None,
+    order: str | Sequence[str] | None = None,
+    **given: Any,
+) -> _Recording:
+    """Open a recording whose cameras have the names that the detections have."""
+    if order is not None:
+        raise InvalidInputError("order: expected none without intrinsics, which have the cameras' names")
+    labels = camera_labels(detections, format=given.get("format"), sequence=given.get("sequence"))
+    left_out = cameras_called(without, list(labels), "without")
+    if len(labels) - len(left_out) < 2:
+        raise DatasetError(detections, "cameras", "at least two cameras", len(labels) - len(left_out))
+    kept = {name: label for name, label in labels.items() if name not in left_out}
+    opened = open_detections(detections, list(kept), order=list(kept.values()), **given)
+    sizes = _sizes(opened, detections, videos, size)
+    lenses = tuple(sk.Intrinsics(size=sizes[name], name=name) for name in kept)
+    rate, _ = rate_of(opened, detections, list(kept), fps)
+    unnamed = all(label.isdecimal() for label in labels.values())
+    return _Recording(opened, lenses, rate, bool(left_out) or unnamed)
+
+
+def _sizes(opened: Detections, detections: Path, videos: Path | None, size: Size | None) -> dict[str, Size]:
+    """Return the size of each camera's images."""
+    names, stated = opened.camera_names, dict(opened.sizes)
+    if videos is not None:
+        stated |= {name: open_source(path).size for name, path in find_videos(videos, names).items()}
+    elif len(stated) < len(names) and size is None:
+        beside = next(videos_beside(detections, names), {})
+        stated = {**{name: video.size for name, video in beside.items()}, **stated}
+    other = [name for name, known in stated.items() if size not in (None, known)]
+    if other:
+        expected = f"none or {'x'.join(map(str, stated[other[0]]))}, which the files state for {other[0]}"
+        raise InvalidInputError(f"size: expected {expected}, got {'x'.join(map(str, size or ()))}")
+    missing = [name for name in names if name not in stated]
+    if missing and size is None:
+        expected = f"the width and height of the images of {', '.join(missing)}, because neither the "
+        expected += "detections nor videos beside them state it"
+        raise InvalidInputError(f"size: expected {expected}, got none")
+    return {**dict.fromkeys(missing, size or (0, 0)), **stated}
+
+
+def _one_person(path: Path, people: Array, names: Sequence[str], person: str | None) -> Array:
+    """Return the detections (T, M, N, 3) of one of the people (T, M, P, N, 3)."""
+    if person is not None:
+        warn_of_place(people, person)
+        nobody: Index = np.empty((1, 0, 0), dtype=np.int64)
+        return take_people(people, pick_places(people, person, nobody)[0])
+    there = are_people(people)
+    count = there.sum(axis=2)
+    shares = (count > 1).mean(axis=0)
+    crowded = [name for name, share in zip(names, shares, strict=True) if share > OFTEN]
+    if crowded:
+        expected = f"one person in front of the cameras, or which of several to take, because {path} often "
+        raise InvalidInputError(f"person: expected {expected}has several in {listed(crowded)}, got none")
+    return take_people(people, np.where(count == 1, there.argmax(axis=2), -1))
+
+
+def _calibrated(
+    path: Path, seen: Array, frames: Index, recording: _Recording, layout: sk.Layout, asked: Mapping[str, Any]
+) -> sk.RigCalibration:
+    """Return the cameras, clocks in frames of the files."""
+    if not np.isfinite(seen[..., 0]).any():
+        raise DatasetError(path, "detections", "a person to find the cameras by", "none")
+    steps = frames - frames[0]
+    step = int(np.gcd.reduce(steps)) or 1
+    places, fps = steps // step, recording.fps
+    if places[-1] < _MOST_EMPTY * len(places):
+        seen = spread(seen, places)
+    try:
+        rate = None if fps is None else fps / step
+        found = sk.calibrate_cameras(seen, recording.lenses, layout=layout, fps=rate, **asked)
+    except DegenerateGeometryError as error:
+        expected, _, got = str(error).partition("expected ")[2].partition(", got ")
+        raise DatasetError(path, "detections", expected, got) from error
+    if not math.isfinite(found.scale_sigma):
+        expected = f"that of two cameras, because {layout.name} lacks the proportions of people"
+        raise InvalidInputError(f"distance: expected {expected}, got none")
+    clocks = {name: clock * step for name, clock in found.clocks.items()}
+    report = tuple(
+        replace(one, clock=one.clock * step, clock_sigma=one.clock_sigma * step) for one in found.report
+    )
+    return replace(found, clocks=clocks, report=report)
+
+
+def _findings(found: sk.RigCalibration) -> Iterator[Finding]:
+    """Yield which cameras were left out, and whether the recording does not tell the places of the others."""
+    for one in found.report:
+        if one.status == "left_out":
+            words = f"{one.name} was left out: it shares too little with the other cameras, or contradicts "
+            words += "them. Does it see the same person at the same time, and is its image not mirrored?"
+            numbers = {"error_px": one.error, "explained": one.explained}
+            known = {name: float(value) if np.isfinite(value) else None for name, value in numbers.items()}
+            yield Finding("camera_left_out", "warning", Subject((one.name,)), known, sentence=words)
+    if not found.sure:
+        placed = [one for one in found.report if one.status == "placed"]
+        turn, place = (max(getattr(one, name) for one in placed) for name in ("turn_sigma", "place_sigma"))
+        words = "This recording does not tell where the cameras are. Their error bars, up to "
+        words += f"{with_bar(turn, None)}° and {place:,.0f} mm, are too large, the person hardly moves, or "
+        words += "other clocks fit as well, as with periodic motion. Film a person who walks about for ten "
+        words += "seconds: two metres or more, turning once, and raising the arms."
+        numbers = {"degrees_sigma": float(turn), "mm_sigma": float(place)}
+        subject = Subject(tuple(one.name for one in placed))
+        yield Finding("cameras_not_calibrated", "error", subject, numbers, sentence=words)

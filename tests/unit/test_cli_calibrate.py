@@ -1,0 +1,223 @@
+"""`skelsplat calibrate`: detections in; a calibration, its error bars, and the command that refines out."""
+
+from __future__ import annotations
+
+import json
+import shlex
+
+import cv2
+import numpy as np
+import pytest
+
+import calibration_files as files
+import skelsplat as sk
+from command_line import assert_fails, invoke, read_report
+from skelsplat import synthetic
+from skelsplat.io import read_calibration, sample, write_calibration
+from skelsplat.io.detections import camera_labels
+from skelsplat.io.detections._record import Record, Video, write_record
+from skelsplat.run import folder
+
+RIG = synthetic.human36m_like(distortion=True)
+SIZE = "x".join(map(str, RIG[0].size))
+LAYOUT = ["--layout", "h36m17"]
+LATE = 12  # frames that the numbers of cam2 are too high
+
+
+@pytest.fixture(scope="module")
+def room(tmp_path_factory):
+    """Write a walk of 5 s; in ``late`` cam2 is late and cam3 ends early, in ``other`` cam4 sees another."""
+    top = tmp_path_factory.mktemp("room")
+    pace = np.cumsum(np.rint(4 + 3 * np.sin(np.cumsum(np.linspace(0.1, 0.3, 140))))).astype(int)
+    seen = [
+        synthetic.simulate_detections(
+            synthetic.motion("walk", 1000, fps=100, seed=seed)[pace],  # one that is not periodic
+            RIG,
+            noise=synthetic.DetectionNoise.good(),
+            seed=seed,
+        )[LATE:, ..., :2]
+        for seed in (1, 7)
+    ]
+    write_calibration(top / "lenses.toml", RIG)
+    late, other = seen[0].copy(), seen[0].copy()
+    late[LATE:, 1] = seen[0][:-LATE, 1]
+    other[:, 3] = seen[1][:, 1]
+    rng = np.random.default_rng(0)
+    still = seen[0][:1] + rng.normal(0, 8, seen[0][:1].shape) + rng.normal(0, 0.3, seen[0].shape)
+    recordings = {"pose": seen[0], "late": late[LATE:], "other": other, "still": still, "short": late[:3]}
+    for name, detections in recordings.items():
+        files.openpose_folders(top / name, RIG, detections)
+    files.openpose_folders(top / "nobody", RIG, np.full((70, 4, 17, 2), np.nan))
+    files.openpose_folders(top / "two", sk.CameraRig(RIG[:2].cameras), seen[0][:, :2])
+    files.openpose_folders(top / "one", sk.CameraRig(RIG[:1].cameras), seen[0][:, :1])
+    for path in sorted((top / "late" / "cam3").iterdir())[-5:]:
+        path.unlink()
+    return top
+
+
+def pasted(result):
+    """Return the command in the last line of what was printed."""
+    line = result.stdout.splitlines()[-1]
+    assert line.startswith("  skelsplat refine ")
+    return shlex.split(line)[1:]
+
+
+def error_after(command, folder):
+    """Run a printed command and return the median reprojection error."""
+    command[command.index("out")] = str(folder)
+    result = invoke(*command, "--no-html", "--write", "csv")
+    assert result.exit_code == 0, result.output
+    return read_report(folder)["reprojection_error"]["all"]["after_px"]
+
+
+def distances(rig, names):
+    """Return how far cameras are apart, in mm."""
+    centres = np.stack([np.asarray(rig[name].centre) for name in names])
+    return np.linalg.norm(centres[:, None] - centres, axis=2)[np.triu_indices(len(names), 1)]
+
+
+def test_the_sample_without_its_places(tmp_path):
+    paths, out = sample.extract(tmp_path), tmp_path / "new.toml"
+    given = ["calibrate", paths.detections, "-o", out, "--intrinsics", paths.calibration]
+    assert_fails(
+        invoke(*given, "--layout", "body25b"), 2, "--person: expected one person", "cam_01 and cam_02"
+    )
+    options = [*given, "--layout", "body25b", "--person", "largest", "--stature", 1.7]
+    result = invoke(*options)
+    assert result.exit_code == 0, result.output
+    assert max(map(len, result.stdout.splitlines()[:-2])) <= 80  # the last have paths
+    assert "%, from the stature; z is up, ± " in result.stdout
+    assert f"Wrote 4 cameras to {out}, lengths in mm." in result.stdout
+    assert pasted(result)[3:] == ["-o", "out", "--layout", "body25b"]
+    rig, shipped = read_calibration(out), read_calibration(paths.calibration, unit="m")
+    assert rig.unit == "mm"
+    np.testing.assert_allclose(rig[0].K, shipped[0].K)
+    ratio = distances(rig, rig.names) / (1000 * distances(shipped, rig.names))
+    assert ratio.std() / ratio.mean() < 0.05
+    assert_fails(invoke(*options), 1, "new.toml: output: expected no file of this name (--force replaces")
+    document = json.loads(invoke(*options, "--force", "--json").stdout)
+    assert document["scale"]["from"] == "stature"
+    assert [one["status"] for one in document["cameras"]] == ["placed"] * 4
+    assert all(one["error_px"] < 10 and one["clock_sigma_frames"] is None for one in document["cameras"])
+
+
+def test_the_printed_command_makes_late_cameras_step_together(room, tmp_path):
+    out = tmp_path / "Calib.toml"
+    options = [
+        "--intrinsics",
+        room / "lenses.toml",
+        "--clock",
+        "--fps",
+        25,
+        "--distance",
+        "cam1",
+        "CAM_2",
+        4.0,
+    ]
+    result = invoke("calibrate", room / "late", "-o", out, *LAYOUT, *options)
+    assert result.exit_code == 0, result.output
+    command = pasted(result)
+    assert {*command} >= {"--fps", "25", "--frames", "union", "--offset", f"cam2={-LATE}"}
+    assert command.count("--offset") == 1
+    assert distances(read_calibration(out), ["cam1", "cam2"]) == pytest.approx(4000)
+    assert error_after(command, tmp_path / "out") < 4
+
+
+def test_a_useless_camera_is_left_out(room, tmp_path):
+    out = tmp_path / "Calib.json"
+    options = ["--intrinsics", room / "lenses.toml", "--stature", 1.7, "--fps", 25]
+    result = invoke("calibrate", room / "other", "-o", out, *LAYOUT, *options)
+    assert result.exit_code == 0, result.output
+    assert "! cam4 was left out" in result.stdout
+    rig = read_calibration(out)
+    assert rig.names == ("cam1", "cam2", "cam3")
+    ratio = distances(rig, rig.names) / distances(RIG, rig.names)
+    np.testing.assert_allclose(ratio, ratio.mean(), rtol=0.01)
+    command = pasted(result)
+    assert command[-2:] == ["--order", "cam1,cam2,cam3"]
+    assert error_after(command, tmp_path / "out") < 4
+
+
+def test_focal_lengths_and_sizes_from_what_the_folder_knows(room, tmp_path):
+    pose = tmp_path / "pose"
+    (room / "pose").rename(pose)
+    given = ["calibrate", pose, "-o", tmp_path / "a.toml", *LAYOUT, "--same-cameras"]
+    assert_fails(invoke(*given), 2, "--size: expected the width and height of the images of cam1, cam2")
+    (tmp_path / "videos").mkdir()
+    for name in RIG.names:
+        path = str(tmp_path / "videos" / f"{name}.mp4")
+        writer = cv2.VideoWriter(path, cv2.VideoWriter_fourcc(*"mp4v"), 25.0, RIG[0].size)
+        writer.write(np.zeros((*RIG[0].size[::-1], 3), dtype=np.uint8))
+        writer.release()
+    result = invoke(*given)
+    assert result.exit_code == 0, result.output
+    rig = read_calibration(tmp_path / "a.toml")
+    assert rig[0].size == RIG[0].size
+    assert rig[0].K[0, 0] == pytest.approx(RIG[0].K[0, 0], rel=0.03)
+    assert len({camera.K[0, 0] for camera in rig}) == 1
+    assert "focal length" in result.stdout
+    videos = {name: Video(f"{name}.mp4", (800, 600), 25.0) for name in RIG.names}
+    write_record(pose, Record({"backend": "own"}, "h36m17", videos=videos))
+    assert_fails(invoke(*given, "--force", "--size", SIZE), 2, "--size: expected none or 800x600")
+
+
+def test_a_recording_that_does_not_tell_is_refused_with_what_to_film(room, tmp_path):
+    out = tmp_path / "a.toml"
+    result = invoke("calibrate", room / "still", "-o", out, *LAYOUT, "--intrinsics", room / "lenses.toml")
+    assert result.exit_code == 1, result.output
+    words = " ".join(result.stdout.split())
+    assert "! This recording does not tell where the cameras are" in words
+    assert "two metres or more, turning once, and raising the arms." in words
+    assert not out.exists()
+
+
+@pytest.mark.parametrize(
+    ("detections", "options", "status", "message"),
+    [
+        ("one", ["--size", SIZE], 1, "one: cameras: expected at least two cameras, got 1"),
+        ("nobody", ["--size", SIZE], 1, "nobody: detections: expected a person to find the cameras by, got"),
+        ("short", ["--size", SIZE, "--without", "cam4"], 1, "short: detections: expected at least"),
+        ("two", ["--size", SIZE], 2, "--intrinsics: expected K of both cameras, got none"),
+        (
+            "two",
+            ["--intrinsics", "zero.toml"],
+            1,
+            "zero.toml: K of camera 'cam1': expected positive focal lengths",
+        ),
+        ("two", ["--intrinsics", "lenses.toml"], 1, "none for cam3, cam4"),
+        ("late", ["--size", SIZE, "--clock"], 2, "--fps: expected the frame rate to find clocks, got None"),
+        ("late", ["--size", SIZE, "--order", "sorted"], 2, "--order: expected none without intrinsics"),
+        ("late", ["--intrinsics", "lenses.toml", "--same-cameras"], 2, "--same-cameras: expected none with"),
+        ("late", ["--size", SIZE, "--subject", "S1"], 2, "--subject: requires --intrinsics"),
+        ("late", ["--size", SIZE, "--person", "moves-most"], 2, "--person: expected largest or a number"),
+        ("late", ["--size", SIZE, "--distance", "cam1", "cam9", 2], 2, "--distance: expected a camera, one"),
+    ],
+)
+def test_what_is_refused(room, tmp_path, monkeypatch, detections, options, status, message):
+    monkeypatch.chdir(room)
+    text = (room / "lenses.toml").read_text()
+    (room / "zero.toml").write_text(text.replace(str(RIG[0].K[0, 0]), "0.0"))
+    assert_fails(
+        invoke("calibrate", detections, "-o", tmp_path / "a.toml", *LAYOUT, *options), status, message
+    )
+    assert not (tmp_path / "a.toml").exists()
+
+
+def test_refine_without_a_calibration_names_the_command(tmp_path):
+    assert_fails(invoke("refine", tmp_path, "-o", "out"), 2, "skelsplat calibrate makes one")
+
+
+def test_the_demo_without_its_calibration_is_compared_with_it(tmp_path, monkeypatch):
+    monkeypatch.setattr(folder, "can_draw", lambda: False)
+    result = invoke("demo", "--no-calibration", "-o", tmp_path / "out")
+    assert result.exit_code == 0, result.output
+    assert "Error with the cameras found: 7." in result.stdout
+    assert read_calibration(tmp_path / "out" / "input" / "Found.toml").unit == "mm"
+    assert_fails(invoke("demo", "--people", "--no-calibration"), 2, "cannot be combined with --people")
+
+
+def test_cameras_have_the_names_of_the_files(tmp_path):
+    files.openpose_folders(tmp_path, sk.CameraRig([RIG[0], RIG[1]]), np.full((3, 2, 17, 2), 5.0))
+    (tmp_path / "cam2").rename(tmp_path / "cam2_json")
+    (tmp_path / "empty").mkdir()
+    assert camera_labels(tmp_path) == {"cam1": "cam1", "cam2": "cam2_json"}
