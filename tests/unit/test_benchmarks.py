@@ -101,6 +101,14 @@ def test_affinity_is_exact_on_exact_detections_and_finds_nobody_in_one_view() ->
     assert affinity.track(alone, rig, fps=30.0) == []
 
 
+def test_calibrations_of_each_case_have_recordings_of_their_own() -> None:
+    (found,) = run("calibrate", "--views", 4, "--takes", 1, "--cases", "known, useless", "--cases", "known")
+    useless, known = found["known, useless: moves"], found["known: moves"]
+    assert [useless[head] for head in ("right", "useless", "left out", "wrong")] == ["100", "100", "0", "0"]
+    assert [known[head] for head in ("right", "useless", "left out", "wrong")] == ["100", "0", "0", "0"]
+    assert useless["mm"] != known["mm"]
+
+
 def test_the_comparison_runs() -> None:
     (found,) = run("compare", "--poses", 2, "--repeat", 1)
     for name in ("DLT, NumPy", "RANSAC of Iskakov et al.", "Cauchy loss, NumPy", "SkelSplat, default"):

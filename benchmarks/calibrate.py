@@ -1,0 +1,279 @@
+"""No calibration: what `skelsplat.calibrate_cameras` finds from one person's detections.
+
+    python benchmarks/calibrate.py [--views 4] [--cases known --cases "known, useless"] [--takes 20]
+    python benchmarks/calibrate.py --each --seed 40        every take by itself
+    python benchmarks/calibrate.py --real FOLDER [--subjects S1]      Human3.6M, of tools/h36m_hourglass.py
+
+Simulated: ten seconds (with clocks: twenty, started up to ten apart) at 30 Hz of CMU takes of one subject,
+each begun where the one before ended (without the data: the package's synthetic motions), and detections with
+memory (`recordings.noise`). A case says what is known: `known` or unknown focal lengths, `focal`, or `same`
+of all; `wide` lenses of 60 to 110° instead of the room's 47°; `occluded 2`, `occluded 3`; `clocks`;
+`useless`: one camera sees another take. *moves*: the person covers a metre along an axis.
+
+Found and true rigs are aligned by a similarity of turns and places. right: all cameras within 1°, 60 mm and
+half a frame, none left out wrongly; refused: not `sure`; wrong, world: a camera, or scale or up, beyond three
+error bars though not refused; useless, left out: this camera, and another. Per cent of the takes; 3 σ: of the
+cameras. Others are medians: of the worst camera, its error bar, scale and up, and seconds of one core. The
+similarity takes up the distance of two cameras, so that their mm say little.
+
+Real: 20 s at 25 Hz. given, found: mm, joints of arms and legs over time, every take aligned by a similarity.
+"""
+
+from __future__ import annotations
+
+import time
+import warnings
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import partial
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+import lab
+import numpy as np
+import recordings
+import scenarios
+from lab import ONE_THREAD, Table
+from rig import at
+from scenarios import FloatArray
+
+import skelsplat as sk
+from skelsplat import synthetic
+from skelsplat._clocks import shifted
+from skelsplat.cameras import altered, matrix_from_vector
+from skelsplat.exceptions import DegenerateGeometryError
+
+FPS, FRAMES, SPREAD_S, MOVES_MM = 30.0, 300, 5.0, 1000.0
+# Frames in which one take passes into the next, and headings of which the one is taken that stays nearest.
+BLEND, HEADINGS = 15, 24
+WIDE_DEG = (60.0, 110.0)
+REAL_CASES = ("known", "focal", "same", "known, clocks")
+CASES = (
+    *("known", "known, occluded 2", "known, occluded 3", "known, clocks", "known, useless"),
+    *("focal", "focal, wide", "same", "focal, occluded 2", "focal, clocks", "focal, useless"),
+)
+# Real takes: frames of 50 Hz, joints that have a truth, and frames by which cameras are late.
+REAL_FRAMES, REAL_JOINTS = slice(0, 1000, 2), [*range(8), *range(10, 16)]
+REAL_CLOCKS = np.array([0.0, 37.0, -58.0, 121.0])
+_JOINTS = (
+    *("right_ankle", "right_knee", "right_hip", "left_hip", "left_knee", "left_ankle", "pelvis", "neck"),
+    *("right_wrist", "right_elbow", "right_shoulder", "left_shoulder", "left_elbow", "left_wrist"),
+)
+_BONES = [(0, 1), (1, 2), (3, 4), (4, 5), (6, 7), (8, 9), (9, 10), (11, 12), (12, 13)]
+BODY = sk.Layout("h36m14", _JOINTS, limbs=_BONES, human=True)
+LIMBS = [*range(6), *range(8, 14)]
+# Errors of a camera, and factors.
+UNITS = {"°": 1.0, "mm": 1.0, "focal %": 100.0, "frames": 1.0}
+
+
+@dataclass(frozen=True)
+class Recording:
+    """Detections without a calibration, and what should be found."""
+
+    name: str
+    detections: FloatArray  # (T, M, N, 2|3)
+    true: list[sk.Camera]
+    late: FloatArray  # frames
+    truth: FloatArray  # (T, N, 3) mm
+    useless: int | None = None
+    layout: sk.Layout | str = "h36m17"
+    fps: float = FPS
+
+    @property
+    def moves(self) -> bool:
+        """Whether the person covers a metre along an axis."""
+        path = np.nanmedian(self.truth, axis=1)
+        return bool((np.nanmax(path, axis=0) - np.nanmin(path, axis=0)).max() >= MOVES_MM)
+
+
+def motion(frames: int, seed: int) -> tuple[str, FloatArray]:
+    """Return takes of a subject in turn, blended into each other."""
+    rng, every = np.random.default_rng(seed), recordings.motions()
+    names = [str(rng.choice(list(every)))]
+    own, poses = [name for name in every if name.split("_")[0] == names[0].split("_")[0]], every[names[0]]
+    while len(poses) < frames:
+        names.append(str(rng.choice(own)))
+        new, end = every[names[-1]], poses[-1, 0] * [1.0, 1.0, 0.0]
+        headings = [matrix_from_vector([0.0, 0.0, angle]) for angle in rng.uniform(0, 2 * np.pi, HEADINGS)]
+        tries = [(new - new[0, 0] * [1.0, 1.0, 0.0]) @ turn + end for turn in headings]
+        new = min(tries, key=lambda one: np.abs(one[:, 0, :2] - poses[0, 0, :2]).max())
+        part = np.linspace(0, 1, BLEND)[:, None, None]
+        poses = np.concatenate([poses, poses[-1] * (1 - part) + new[0] * part, new[1:]])
+    start = rng.integers(len(poses) - frames + 1)
+    return f"{seed} {names[0]}+{len(names) - 1}", poses[start : start + frames]
+
+
+def simulated(views: int, seed: int, case: str) -> Recording:
+    """Draw a recording."""
+    rng, cameras = np.random.default_rng([seed, views]), list(scenarios.rig(views))
+    if "wide" in case:
+        focal = [c.size[0] / 2 / np.tan(np.radians(rng.uniform(*WIDE_DEG)) / 2) for c in cameras]
+        zooms = [f / c.K[0, 0] for c, f in zip(cameras, focal, strict=True)]
+        lenses = [np.array([[zoom, 1, 1], [1, zoom, 1], [1, 1, 1]]) for zoom in zooms]
+        cameras = [altered(c, K=c.K * lens) for c, lens in zip(cameras, lenses, strict=True)]
+    condition = next((one for one in case.split(", ") if one.startswith("occluded")), "good")
+    detector, late = recordings.noise(condition, views, FPS), np.zeros(views)
+    if "clocks" in case:
+        late[1:] = rng.uniform(-SPREAD_S, SPREAD_S, views - 1) * FPS
+    extra = round(SPREAD_S * FPS) + 1 if late.any() else 0
+    frames = (2 if extra else 1) * FRAMES
+    name, poses = motion(frames + 2 * extra, seed)
+    poses = recordings.placed(poses, sk.CameraRig(cameras), seed)
+
+    def seen(poses: FloatArray, i: int) -> FloatArray:
+        moved = at(poses, -late[i])[extra : extra + frames]
+        return synthetic.simulate_detections(moved, cameras, noise=detector, layout="h36m17", seed=seed)[:, i]
+
+    detections = np.stack([seen(poses, i) for i in range(views)], axis=1)
+    useless = int(rng.integers(views)) if "useless" in case else None
+    if useless is not None:
+        other = motion(frames + 2 * extra, 10_000 + seed)[1]
+        detections[:, useless] = seen(recordings.placed(other, sk.CameraRig(cameras), seed), useless)
+    return Recording(name, detections, cameras, late, poses[extra : extra + frames], useless)
+
+
+def filmed(path: Path, case: str) -> Recording:
+    """Read 20 s of a take; with `clocks`, shifted."""
+    with np.load(path) as z:
+        sizes, match = [tuple(size) for size in z["image_size"].tolist()], dict(z["pairs"].tolist())
+        given = zip(z["K"], z["R"], z["t"], z["dist"], sizes, strict=True)
+        true = [
+            sk.Camera(K, R, t, distortion=lens, size=size, name=f"cam{i}")
+            for i, (K, R, t, lens, size) in enumerate(given)
+        ]
+        detections = z["det2d"][REAL_FRAMES, :, 0][:, :, REAL_JOINTS, :2].astype(float)
+        truth = z["gt3d"][REAL_FRAMES, 0][:, [match[k] for k in REAL_JOINTS]].astype(float)
+    late = REAL_CLOCKS if "clocks" in case else np.zeros(len(true))
+    views = [shifted(detections[:, i], -late[i]) for i in range(len(true))]
+    return Recording(path.stem, np.stack(views, axis=1), true, late, truth, None, BODY, 25.0)
+
+
+def similarity(a: FloatArray, b: FloatArray, turns: FloatArray | float = 0.0) -> tuple[FloatArray, float]:
+    """Return rotation (3, 3) and scale from centred points (K, 3) to others, with a sum of turns besides."""
+    u, _, w = np.linalg.svd(np.sqrt((b**2).sum() / (a**2).sum()) * b.T @ a + turns)
+    Q = u @ np.diag([1.0, 1.0, np.linalg.det(u @ w)]) @ w
+    return Q, float((b * (a @ Q.T)).sum() / (a**2).sum())
+
+
+def judged(one: Recording, found: sk.RigCalibration) -> dict[str, Any]:
+    """Compare a calibration with the truth; the useless camera does not count."""
+    there = [i for i, camera in enumerate(found.report) if camera.status == "placed"]
+    own = {i: camera for i, camera in zip(there, found.cameras, strict=True) if i != one.useless}
+    out = set(range(len(one.true))) - set(there)
+    if len(own) < 2:
+        return {"right": False, "refused": not found.sure, "wrong": found.sure, "world": False}
+    R, S = (np.stack([np.asarray(rig[i].R) for i in own]) for rig in (own, one.true))
+    a, b = (np.stack([np.asarray(rig[i].centre) for i in own]) for rig in (own, one.true))
+    a, b = a - a.mean(axis=0), b - b.mean(axis=0)
+    Q, scale = similarity(a, b, (b**2).sum() / len(b) * np.einsum("vji,vjk->ik", S, R))
+    cosines = [*((np.einsum("vij,vij->v", S, R @ Q.T) - 1) / 2), Q[2, 2]]
+    *turns, tilt = np.degrees(np.arccos(np.clip(cosines, -1, 1)))
+    report = [found.report[i] for i in own]
+    zooms = [own[i].K[0, 0] / one.true[i].K[0, 0] - 1 for i in own]
+    clocks = [found.report[i].clock - one.late[i] + one.late[there[0]] for i in own]
+    errors = np.abs([turns, np.linalg.norm(scale * a @ Q.T - b, axis=1), zooms, clocks])
+    bars = [[c.turn_sigma, scale * c.place_sigma, c.focal_sigma, c.clock_sigma] for c in report]
+    near = (errors.T - 3 * np.nan_to_num(bars) <= 1e-6).all(axis=1)
+    off = abs(1 / scale - 1)
+    row = {
+        "right": not out - {one.useless} and bool((errors.T[:, [0, 1, 3]] <= [1.0, 60.0, 0.5]).all()),
+        "refused": not found.sure,
+        "wrong": found.sure and not near.all(),
+        "world": found.sure and bool(off > 3 * found.scale_sigma or tilt > 3 * found.up_sigma),
+        "useless": one.useless in out,
+        "left out": bool(out - {one.useless}),
+        "3 σ": float(near.mean()),
+    }
+    for k, (head, unit) in enumerate(UNITS.items()):
+        if errors[k].any():
+            row |= {head: unit * errors[k].max(), f"± {head}": unit * np.max(bars, axis=0)[k]}
+    return row | {"scale %": 100 * off, "tilt": tilt}
+
+
+def limbs(one: Recording, detections: FloatArray, cameras: sk.CameraRig, late: float = 0.0) -> float:
+    """Return the mean error of the joints of the limbs, mm, of a take aligned as a whole."""
+    pose = sk.refine_sequence(detections, cameras, fps=one.fps, layout=one.layout, config=ONE_THREAD).pose
+    truth = shifted(one.truth, -late)
+    known = np.isfinite(pose + truth).all(axis=-1)
+    a, b = pose[known], truth[known]
+    Q, scale = similarity(a - a.mean(axis=0), b - b.mean(axis=0))
+    aligned = scale * (pose - a.mean(axis=0)) @ Q.T + b.mean(axis=0)
+    return float(np.nanmean(np.linalg.norm(aligned - truth, axis=-1)[:, LIMBS]))
+
+
+def measured(one: Recording, case: str) -> dict[str, Any]:
+    """Calibrate and judge; of a real take also its poses."""
+    lenses = one.true if case.startswith("known") else [sk.Intrinsics(c.size, name=c.name) for c in one.true]
+    what = {"clock": "clocks" in case, "same_focal": case.startswith("same"), "config": ONE_THREAD}
+    begun = time.process_time()
+    try:
+        found = sk.calibrate_cameras(one.detections, lenses, layout=one.layout, fps=one.fps, **what)
+    except DegenerateGeometryError:
+        return {"right": False, "refused": True, "wrong": False, "world": False}
+    spent = time.process_time() - begun
+    row = judged(one, found) | {"CPU s": spent}
+    if one.layout is BODY:
+        first = next(i for i, camera in enumerate(found.report) if camera.status == "placed")
+        views = [shifted(one.detections[:, i], late) for i, late in enumerate(one.late)]
+        row["given"] = limbs(one, np.stack(views, axis=1), sk.CameraRig(one.true))
+        row["found"] = limbs(one, found.synchronised(one.detections), found.cameras, one.late[first])
+        row["more %"] = 100 * (row["found"] / row["given"] - 1)
+    return row
+
+
+def table(
+    title: str,
+    cases: Iterable[str],
+    takes: Sequence[Any],
+    recorded: Callable[[Any, str], Recording],
+    each: bool,
+) -> Table:
+    """Measure the takes of every case: those in which the person moves and the others, or each."""
+    found: dict[str, list[dict[str, Any]]] = {}
+    for case, take in product(cases, takes):
+        one = recorded(take, case)
+        group = f"{case}: {'moves' if one.moves else 'other'}"
+        own = f"{group}, {one.name}" if each else group
+        found.setdefault(own, []).append(measured(one, case))
+    rows: dict[str, dict[str, str | float]] = {}
+    for name, every in found.items():
+        rows[name] = {"takes": str(len(every))}
+        for head in dict.fromkeys(head for row in every for head in row):
+            values = [row[head] for row in every if head in row]
+            share = isinstance(values[0], bool) or head == "3 σ"
+            rows[name][head] = f"{100 * np.mean(values):.0f}" if share else float(np.median(values))
+        more = [row["more %"] for row in every if "more %" in row]
+        if more:
+            rows[name] |= {"mean": float(np.mean(more)), "most": max(more)}
+    return Table.of(title, "case", rows)
+
+
+def calibrate(
+    *,
+    views: tuple[int, ...] = (2, 3, 4, 8),
+    cases: tuple[str, ...] = (),
+    takes: int = 20,
+    seed: int = 0,
+    each: bool = False,
+    real: Path | None = None,
+    subjects: tuple[str, ...] = ("S1", "S5", "S6", "S7", "S8"),
+) -> Iterator[Table]:
+    """Measure simulated recordings, or the real ones of a folder."""
+    warnings.simplefilter("ignore")
+    if real is not None:
+        paths = sorted(path for path in real.glob("*.npz") if path.stem.split("_")[0] in subjects)
+        title = f"{len(paths)} real takes, Human3.6M, {', '.join(subjects)}"
+        yield table(title, cases or REAL_CASES, paths, filmed, each)
+        return
+    for n in views:
+        # Two views tell no focal lengths, and three not which of them is useless.
+        fit = [
+            case for case in cases or CASES if n >= (4 if "useless" in case else 2 if "known" in case else 3)
+        ]
+        seeds, title = range(seed, seed + takes), f"{n} views, {takes} takes, simulated"
+        yield table(title, fit, seeds, partial(simulated, n), each)
+
+
+if __name__ == "__main__":
+    lab.main(__doc__, calibrate)
