@@ -103,8 +103,8 @@ class RigCalibration:
 
     ``scale_sigma`` is the relative standard error of all lengths, ``up_sigma`` that of the direction up in
     degrees. Unless ``sure``, the recording does not tell the cameras' places, and another rig may fit as
-    well: an error bar is above 3° or 6 % of the camera's distance, the person hardly moves, or other clocks
-    explain as much.
+    well: an error bar is above 3° or 6 % of the camera's distance, the person hardly moves, other clocks
+    explain as much, or two cameras are left to tell focal lengths.
     """
 
     cameras: CameraRig
@@ -186,7 +186,9 @@ def calibrate_cameras(
         _doubt_centres(cameras, found)
     for name, estimated in (("zoom_sigma", focal), ("clock_sigma", clock)):
         found[name][:] = found[name] if estimated else np.nan
-    return _in_world(seen, cameras, found, skeleton, size, tied=start.tied)
+    # focal lengths take three cameras: two of a rig of which the others were left out do not tell them
+    told = not start.tied and (not focal or sum(found["used"]) > 2)
+    return _in_world(seen, cameras, found, skeleton, size, told=told)
 
 
 def _recording(detections: ArrayLike, views: int, layout: Layout) -> Array:
@@ -245,7 +247,7 @@ def _in_world(
     layout: Layout,
     size: _Size,
     *,
-    tied: bool,
+    told: bool,
 ) -> RigCalibration:
     """Return the rig with metric scale, up and a floor."""
     used = [int(i) for i in np.flatnonzero(found["used"])]
@@ -262,7 +264,7 @@ def _in_world(
     report = tuple(_report(found, names, i, scale) for i in range(len(cameras)))
     clocks = {names[i]: float(found["clock"][i]) for i in used}
     up_sigma = math.nan if floor is None else floor.sigma_deg
-    sure = not tied and movement(points) >= _LEAST_MOVED and _are_small(placed, report)
+    sure = told and movement(points) >= _LEAST_MOVED and _are_small(placed, report)
     return RigCalibration(placed, clocks, report, scale_sigma, up_sigma, sure)
 
 

@@ -7,9 +7,10 @@ not the proportions of people. The joints that a good pair places give the place
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import combinations
+from operator import itemgetter
 
 import numpy as np
 
@@ -65,7 +66,7 @@ class Start:
 
     cameras: dict[int, Camera]
     clocks: dict[int, int]
-    tied: bool = False  # whether other clocks explain as much
+    tied: bool = False  # whether other clocks may explain as much
 
 
 def first_guess(detections: Array, cameras: Sequence[Camera], layout: Layout, most_lag: int) -> Start | None:
@@ -207,9 +208,7 @@ class _Recording:
     def grown(self, pair: Pair, pairs: Sequence[Pair]) -> Start:
         """Return the rig that a pair begins, with every camera that its joints place."""
         a, b = pair.views
-        start = Start(
-            {a: self.cameras[a], b: self.placed(b, pair.R, _BASE * pair.t)}, {a: 0, b: pair.lag}, pair.tied
-        )
+        start = Start({a: self.cameras[a], b: self.placed(b, pair.R, _BASE * pair.t)}, {a: 0, b: pair.lag})
         left = [i for i in range(len(self.cameras)) if i not in pair.views]
         while left:
             frames = self.frames(start)
@@ -218,15 +217,19 @@ class _Recording:
             there = [(i, one) for i, one in found if one is not None]
             if not there:
                 break
-            i, (camera, clock, tied, _) = max(there, key=lambda item: item[1][3])
-            start.cameras[i], start.clocks[i], start.tied = camera, clock, start.tied or tied
+            i, (camera, clock, _) = max(there, key=lambda item: item[1][2])
+            start.cameras[i], start.clocks[i] = camera, clock
             left.remove(i)
+        # periodic motion: one pair that shows it is enough, if it explains something at all
+        least = 0.5 * max(one.support for one in pairs)
+        related = (one for one in pairs if set(one.views) <= start.cameras.keys() and one.support > least)
+        start.tied = any(one.tied for one in related)
         return start
 
     def resected(
         self, start: Start, view: int, frames: Index, points: Array, pairs: Sequence[Pair]
-    ) -> tuple[Camera, int, bool, int] | None:
-        """Return a camera, its clock, whether that is tied, and how many joints agree; None if too few."""
+    ) -> tuple[Camera, int, int] | None:
+        """Return a camera, its clock, and how many joints agree; None if too few place it."""
         known = [pair for pair in pairs if view in pair.views and (set(pair.views) & start.cameras.keys())]
         if not known:
             return None
@@ -248,7 +251,7 @@ class _Recording:
         ok, turn, t, agreed = cv2.solvePnPRansac(flat[both], rays[both], np.eye(3), None, **options)
         if not ok or len(agreed) < max(LEAST_JOINTS // 2, _AGREED * both.sum()):
             return None
-        return self.placed(view, cv2.Rodrigues(turn)[0], t.ravel()), clock, best.tied, len(agreed)
+        return self.placed(view, cv2.Rodrigues(turn)[0], t.ravel()), clock, len(agreed)
 
     def misses(self, start: Start) -> tuple[int, float]:
         """Return how badly a rig explains the detections: cameras it does not place, median distance, px."""
@@ -277,8 +280,17 @@ def _best_lag(a: Array, b: Array, lags: Index, farthest: float) -> tuple[int, bo
         return -1.0 if found is None else found[2]
 
     rough = {int(lag): support(int(lag)) for lag in lags}
-    near = max(rough, key=rough.__getitem__)
-    fine = {lag: support(lag) for lag in range(near - _BESIDE, near + _BESIDE + 1)}
-    best = max(fine, key=fine.__getitem__)
-    others = (value for lag, value in rough.items() if abs(lag - best) > 2 * _BESIDE)
-    return best, max(others, default=0.0) > _TIED * fine[best]
+    ranked = sorted(rough, key=rough.__getitem__, reverse=True)
+    rival = next((lag for lag in ranked if abs(lag - ranked[0]) > 2 * _BESIDE), None)
+    best, most = max(_around(ranked[0], support), key=itemgetter(1))
+    if rival is None:
+        return best, False
+    other, as_much = max(_around(rival, support), key=itemgetter(1))
+    tied = min(most, as_much) > _TIED * max(most, as_much)
+    return (best if most >= as_much else other), tied
+
+
+def _around(lag: int, support: Callable[[int], float]) -> Iterator[tuple[int, float]]:
+    """Yield the lags near one, with what each explains."""
+    for near in range(lag - _BESIDE, lag + _BESIDE + 1):
+        yield near, support(near)

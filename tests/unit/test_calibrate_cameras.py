@@ -131,7 +131,6 @@ def test_clocks_are_found_in_parts_of_a_frame() -> None:
     assert np.nanmedian(apart) < 6.0 < np.nanmedian(np.linalg.norm((late - walk()[:, :3])[..., :2], axis=-1))
 
 
-@pytest.mark.xfail(strict=True, reason="a lag is taken for a turn about the middle of the circle")
 def test_a_walk_in_a_circle_does_not_tell_clocks() -> None:
     noise = DetectionNoise.recording(frame_rate=FPS)
     poses = synthetic.motion("walk", FRAMES + 40, fps=FPS)
