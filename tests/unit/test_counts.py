@@ -16,7 +16,7 @@ CEILINGS = {
     "Rust tests": 6_167,
     "Python tests": 26_142,
     "benchmarks and tools": 4_269,
-    "docs, words": 41_700,
+    "docs, words": 41_710,
     "README, words": 1_330,
 }
 
