@@ -22,9 +22,9 @@ from skelsplat.cameras import altered
 _PURPOSE = "calibrate_cameras"
 # Joints that both views of a pair see: with fewer, the pair is left out.
 LEAST_JOINTS = 60
-_MOST_JOINTS = 3000
-# Those by which lags compare.
-_COMPARED = 800
+# The most from which its pose is found, with so many samples at most; and those by which lags compare.
+_FOUND = (3000, 1000)
+_COMPARED = (800, 100)
 # Largest distance of a joint from its epipolar line that MAGSAC considers, and from where a pair places it,
 # relative to the image's longer side: depths from two views are uncertain.
 _FROM_LINE = 0.004
@@ -102,16 +102,19 @@ def _shared(a: Array, b: Array, lag: int) -> tuple[Array, Array]:
     return first[both], second[both]
 
 
-def _relative(a: Array, b: Array, lag: int, farthest: float, most: int) -> tuple[Array, Array, float] | None:
+def _relative(
+    a: Array, b: Array, lag: int, farthest: float, most: tuple[int, int]
+) -> tuple[Array, Array, float] | None:
     """Return R, t and the support of a pair; None with too few joints, or without a solution."""
     first, second = _shared(a, b, lag)
     if len(first) < LEAST_JOINTS:
         return None
-    if len(first) > most:
-        chosen = np.random.default_rng(len(first)).choice(len(first), most, replace=False)
+    joints, samples = most
+    if len(first) > joints:
+        chosen = np.random.default_rng(len(first)).choice(len(first), joints, replace=False)
         first, second = first[chosen], second[chosen]
     cv2, unit = opencv(_PURPOSE), np.eye(3)
-    options = {"method": cv2.USAC_MAGSAC, "prob": 0.9999, "threshold": farthest}
+    options = {"method": cv2.USAC_MAGSAC, "prob": 0.9999, "threshold": farthest, "maxIters": samples}
     essential, inliers = cv2.findEssentialMat(first, second, unit, **options)
     if essential is None or essential.shape != (3, 3):
         return None
@@ -166,7 +169,7 @@ class _Recording:
             first, second, lag, tied = self.rays[:, a], self.rays[:, b], 0, False
             if most_lag:
                 lag, tied = _best_lag(first, second, _lags(moves[a], moves[b], most_lag), farthest)
-            found = _relative(first, second, lag, farthest, _MOST_JOINTS)
+            found = _relative(first, second, lag, farthest, _FOUND)
             if found is not None:
                 R, t, support = found
                 start = Start({a: self.cameras[a], b: self.placed(b, R, _BASE * t)}, {a: 0, b: lag})
