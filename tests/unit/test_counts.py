@@ -16,7 +16,7 @@ CEILINGS = {
     "Rust tests": 6_167,
     "Python tests": 26_142,
     "benchmarks and tools": 4_269,
-    "docs, words": 41_710,
+    "docs, words": 41_927,
     "README, words": 1_330,
 }
 
