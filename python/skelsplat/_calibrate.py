@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import combinations
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -23,6 +24,12 @@ from skelsplat.exceptions import DegenerateGeometryError, InvalidInputError
 _MOST_LAG_S = 10.0
 # Focal length over image width of a lens of 65°, about which unknown ones are expected.
 _USUAL_FOCAL = 0.8
+# Part of the detections that may lie outside of their image.
+_OUTSIDE = 0.1
+# A view is a copy of another if this part of its joints is where the other's are.
+_COPIED = 0.5
+# Statures, metres.
+_SHORTEST, _TALLEST = 0.3, 2.6
 # How far the principal point may be from the middle of the image, relative to its longer side: root mean
 # square, of cameras whose lens is unknown.
 _OFF_CENTRE = 0.012
@@ -32,7 +39,7 @@ _SHOWN = (0.95, 0.04)
 # Frames from which the floor is found.
 _FLOOR_FRAMES = 300
 # A rig is sure up to this error bar of a camera's turn, degrees, and of its place, relative to its distance
-# from the middle of the rig: beyond, error bars understate, since another rig may explain as much.
+# from the person: beyond, error bars understate, since another rig may explain as much.
 _SURE_DEG = 3.0
 _SURE_PLACE = 0.06
 # Joints that move less, relative to the size of the body, are the same few points in every frame, whose
@@ -102,9 +109,10 @@ class RigCalibration:
     layout (``up_sigma`` is NaN), it is that of the first camera. ``clocks`` are by name.
 
     ``scale_sigma`` is the relative standard error of all lengths, ``up_sigma`` that of the direction up in
-    degrees. Unless ``sure``, the recording does not tell the cameras' places, and another rig may fit as
-    well: an error bar is above 3° or 6 % of the camera's distance, the person hardly moves, other clocks
-    explain as much, or two cameras are left to tell focal lengths.
+    degrees. ``doubts`` say why the recording does not tell the cameras' places: ``"places"`` (an error bar is
+    above 3° or 6 % of the camera's distance), ``"movement"`` (the person hardly moves), ``"periodic"`` (other
+    clocks explain as much), ``"clocks"`` (cameras are out of step), ``"cameras"`` (half of them or more are
+    left out, or two are left to tell focal lengths). Without any, the rig is ``sure``.
     """
 
     cameras: CameraRig
@@ -112,7 +120,12 @@ class RigCalibration:
     report: tuple[CalibratedCamera, ...] = field(repr=False)
     scale_sigma: float
     up_sigma: float
-    sure: bool
+    doubts: tuple[str, ...] = ()
+
+    @property
+    def sure(self) -> bool:
+        """Whether the recording tells the cameras' places."""
+        return not self.doubts
 
     def synchronised(self, detections: ArrayLike) -> Array:
         """Return the placed cameras' detections (T, M', N, 2|3) of (T, M, N, 2|3) at one time each."""
@@ -167,6 +180,7 @@ def calibrate_cameras(
     seen = _recording(detections, len(intrinsics), skeleton)
     blank, focal = _blank(intrinsics)
     options = config or RefineConfig()
+    _check_sizes(seen, blank)
     size = _Size.given(stature, distance, [str(camera.name) for camera in blank])
     most_lag = _most_lag(clock, fps)
     known = seen if seen.shape[3] == 2 else np.where(seen[..., 2:] >= options.min_confidence, seen, np.nan)
@@ -186,9 +200,11 @@ def calibrate_cameras(
         _doubt_centres(cameras, found)
     for name, estimated in (("zoom_sigma", focal), ("clock_sigma", clock)):
         found[name][:] = found[name] if estimated else np.nan
-    # focal lengths take three cameras: two of a rig of which the others were left out do not tell them
-    told = not start.tied and (not focal or sum(found["used"]) > 2)
-    return _in_world(seen, cameras, found, skeleton, size, told=told)
+    doubts = [name for name, holds in (("clocks", start.late), ("periodic", start.tied)) if holds]
+    count = int(sum(found["used"]))
+    if 2 * count <= len(blank) or (focal and count < 3):
+        doubts.append("cameras")
+    return _in_world(seen, cameras, found, skeleton, size, doubts)
 
 
 def _recording(detections: ArrayLike, views: int, layout: Layout) -> Array:
@@ -200,7 +216,24 @@ def _recording(detections: ArrayLike, views: int, layout: Layout) -> Array:
         raise InvalidInputError(f"detections: expected shape {expected}, got {seen.shape}")
     if views < 2:
         raise InvalidInputError(f"intrinsics: expected at least two cameras, got {views}")
+    for i, j in combinations(range(views), 2):
+        both = np.isfinite(seen[:, [i, j], :, :2]).all(axis=(1, 3))
+        if both.any() and (seen[:, i, :, :2] == seen[:, j, :, :2]).all(axis=2)[both].mean() > _COPIED:
+            raise InvalidInputError(
+                f"detections: expected a different camera in each view, got view {i} twice: {j}"
+            )
     return without_frozen(seen, frozen(seen))
+
+
+def _check_sizes(seen: Array, cameras: Sequence[Camera]) -> None:
+    """Refuse image sizes that the detections contradict."""
+    for i, camera in enumerate(cameras):
+        pixels = seen[:, i, :, :2][np.isfinite(seen[:, i, :, :2]).all(axis=-1)]
+        outside = ((pixels < 0) | (pixels > np.array(camera.size))).any(axis=-1)
+        if len(pixels) and outside.mean() > _OUTSIDE:
+            size = "x".join(map(str, camera.size))
+            expected = f"detections within the image of {camera.name}, {size}"
+            raise InvalidInputError(f"size: expected {expected}, got {100 * outside.mean():.0f} % outside")
 
 
 def _blank(intrinsics: Sequence[Intrinsics | Camera]) -> tuple[list[Camera], bool]:
@@ -246,8 +279,7 @@ def _in_world(
     found: Mapping[str, Array],
     layout: Layout,
     size: _Size,
-    *,
-    told: bool,
+    doubts: Sequence[str],
 ) -> RigCalibration:
     """Return the rig with metric scale, up and a floor."""
     used = [int(i) for i in np.flatnonzero(found["used"])]
@@ -264,8 +296,10 @@ def _in_world(
     report = tuple(_report(found, names, i, scale) for i in range(len(cameras)))
     clocks = {names[i]: float(found["clock"][i]) for i in used}
     up_sigma = math.nan if floor is None else floor.sigma_deg
-    sure = told and movement(points) >= _LEAST_MOVED and _are_small(placed, report)
-    return RigCalibration(placed, clocks, report, scale_sigma, up_sigma, sure)
+    still = [] if movement(points) >= _LEAST_MOVED else ["movement"]
+    wide = [] if _are_small(there, points, scale, report) else ["places"]
+    every = (*still, *doubts, *wide)  # of somebody who stands still, clocks say nothing
+    return RigCalibration(placed, clocks, report, scale_sigma, up_sigma, every)
 
 
 def _world(floor: Floor | None, first: Camera) -> tuple[Array, Array]:
@@ -293,6 +327,8 @@ class _Size:
         for argument, metres in lengths:
             if metres is not None and not (math.isfinite(metres) and metres > 0):
                 raise InvalidInputError(f"{argument}: expected a length in metres, got {metres}")
+        if stature is not None and not _SHORTEST <= stature <= _TALLEST:
+            raise InvalidInputError(f"stature: expected metres, {_SHORTEST} to {_TALLEST}, got {stature}")
         if distance is None:
             return cls(stature)
         ends = [names[end] if isinstance(end, int) and end < len(names) else str(end) for end in distance[:2]]
@@ -340,13 +376,13 @@ def _report(found: Mapping[str, Array], names: Sequence[str], i: int, scale: flo
     )
 
 
-def _are_small(cameras: CameraRig, report: Sequence[CalibratedCamera]) -> bool:
-    """Whether all error bars are small enough to be true."""
-    centres = np.stack([np.asarray(camera.centre) for camera in cameras])
-    reach = np.linalg.norm(centres - centres.mean(axis=0), axis=1)
+def _are_small(cameras: CameraRig, points: Array, scale: float, report: Sequence[CalibratedCamera]) -> bool:
+    """Whether all error bars are small enough to be true, of cameras that see points (T, N, 3)."""
+    middle = np.nanmedian(points.reshape(-1, 3), axis=0)
+    reach = [scale * float(np.linalg.norm(np.asarray(camera.centre) - middle)) for camera in cameras]
     placed = [one for one in report if one.status == "placed"]
-    sure = [
+    small = [
         one.turn_sigma <= _SURE_DEG and one.place_sigma <= _SURE_PLACE * distance
         for one, distance in zip(placed, reach, strict=True)
     ]
-    return all(sure)
+    return all(small)

@@ -43,7 +43,9 @@ _BESIDE = 2
 _EVEN = 0.02
 # Two lags of a pair are tied if one explains this part of what the other does.
 _TIED = 0.95
-# The least overlap of two recordings, frames.
+# Cameras that count as in step are not if no lag explains less than this part of what another does.
+_IN_STEP = 0.8
+# The least overlap of two recordings, frames; half of them at least.
 _LEAST_OVERLAP = 60
 
 
@@ -67,6 +69,7 @@ class Start:
     cameras: dict[int, Camera]
     clocks: dict[int, int]
     tied: bool = False  # whether other clocks may explain as much
+    late: bool = False  # whether clocks that were not looked for explain more
 
 
 def first_guess(detections: Array, cameras: Sequence[Camera], layout: Layout, most_lag: int) -> Start | None:
@@ -80,7 +83,10 @@ def first_guess(detections: Array, cameras: Sequence[Camera], layout: Layout, mo
     pairs = list(recording.pairs(most_lag))
     best = sorted(pairs, key=lambda pair: -pair.support / pair.uneven)[:_STARTS]
     grown = [recording.grown(pair, pairs) for pair in best]
-    return min(grown, key=recording.misses, default=None)
+    start = min(grown, key=recording.misses, default=None)
+    if start is not None and not most_lag:
+        start.late = recording.is_out_of_step(start, pairs)
+    return start
 
 
 def _rays(detections: Array, cameras: Sequence[Camera]) -> Array:
@@ -137,7 +143,7 @@ def _speeds(rays: Array) -> Array:
 def _lags(a: Array, b: Array, most: int) -> Index:
     """Return the lags at which the motion in two views looks most alike, 0 among them."""
     steps = len(a)
-    most = min(most, steps - _LEAST_OVERLAP)
+    most = min(most, steps - max(_LEAST_OVERLAP, steps // 2))
     if most < 1:
         return np.zeros(1, dtype=np.int64)
     size = 2 * steps
@@ -255,6 +261,26 @@ class _Recording:
         if not ok or len(agreed) < max(LEAST_JOINTS // 2, _AGREED * both.sum()):
             return None
         return self.placed(view, cv2.Rodrigues(turn)[0], t.ravel()), clock, len(agreed)
+
+    def is_out_of_step(self, start: Start, pairs: Sequence[Pair]) -> bool:
+        """Tell whether some placed camera shows the same motion clearly earlier or later."""
+        there = [pair for pair in pairs if set(pair.views) <= start.cameras.keys()]
+        chosen = {
+            max((one for one in there if i in one.views), key=lambda one: one.support).views
+            for i in start.cameras
+        }
+        for a, b in chosen:
+            first, second, farthest = (
+                self.rays[:, a],
+                self.rays[:, b],
+                _FROM_LINE * min(self.reach(a), self.reach(b)),
+            )
+            lags = _lags(_speeds(first), _speeds(second), len(first))
+            lag, _ = _best_lag(first, second, lags, farthest)
+            now, then = (_relative(first, second, one, farthest, _COMPARED) for one in (0, lag))
+            if now is not None and then is not None and now[2] < _IN_STEP * then[2]:
+                return True
+        return False
 
     def misses(self, start: Start) -> tuple[int, float]:
         """Return how badly a rig explains the detections: cameras it does not place, median distance, px."""

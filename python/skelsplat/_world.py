@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -20,8 +21,8 @@ _TILT = 0.06
 _TILT_SEATED = 0.3
 # Standard deviation of the height of an ankle on the floor over stature.
 _UNEVEN = 0.02
-# Legs are straight from this distance of hip and ankle on, relative to thigh and shank, and somebody stands
-# where this part of the frames shows straight legs.
+# Somebody is stretched from this distance of ankle and head on, relative to the way by knee and hip, and
+# stands where this part of the frames shows it.
 _STRAIGHT = 0.94
 _STOOD = 0.05
 _ROUNDS = 10
@@ -29,6 +30,7 @@ _ROUNDS = 10
 _STANDING = 0.4
 _HIGH = ("head", "nose", "neck", "left_shoulder", "right_shoulder", "left_ear", "right_ear")
 _FEET = ("left_ankle", "right_ankle")
+_HIPS = ("left_hip", "right_hip")
 
 
 @dataclass(frozen=True)
@@ -54,10 +56,13 @@ def find_floor(points: Array, layout: Layout, stature: float) -> Floor | None:
     top, ankles = _mean(points[:, high]), points[:, feet]
     body = top - _mean(ankles)
     known = np.isfinite(body).all(axis=1)
+    stood = known & _stretched(points, top, layout)
+    seated = stood.sum() < _STOOD * known.sum()
+    if seated and all(name in layout.joints for name in _HIPS):
+        body = top - _mean(points[:, [layout.joints.index(name) for name in _HIPS]])
+        known = np.isfinite(body).all(axis=1)
     if not known.any():
         return None
-    stood = known & _straight(points, layout)
-    seated = stood.sum() < _STOOD * known.sum()
     body = body[known if seated else stood]
     up = np.median(body / np.linalg.norm(body, axis=1, keepdims=True), axis=0)
     axes = _axes(up / np.linalg.norm(up))
@@ -87,9 +92,14 @@ def upright(floor: Floor, viewer: Array) -> Array:
 
 def movement(points: Array) -> float:
     """Return how far joints (T, N, 3) move, over the size of the body: both root mean squares."""
-    over_time = np.nanvar(points, axis=0).sum(axis=-1)
-    in_body = np.nanvar(points, axis=1).sum(axis=-1)
-    return float(np.sqrt(np.nanmean(over_time) / np.nanmean(in_body)))
+    known: Mask = np.asarray(np.isfinite(points).all(axis=2, keepdims=True))
+
+    def spread(axis: int) -> float:
+        count = np.maximum(known.sum(axis=axis, keepdims=True), 1)
+        mean = np.where(known, points, 0.0).sum(axis=axis, keepdims=True) / count
+        return float(((points - mean) ** 2)[known[..., 0]].sum(axis=-1).mean())
+
+    return float(np.sqrt(spread(0) / spread(1))) if known.any() else 0.0
 
 
 def _mean(points: Array) -> Array:
@@ -100,17 +110,17 @@ def _mean(points: Array) -> Array:
     return mean
 
 
-def _straight(points: Array, layout: Layout) -> Mask:
-    """Return in which frames (T,) both legs are straight; none without hips and knees in the layout."""
-    straight: Mask = np.ones(len(points), dtype=np.bool_)
+def _stretched(points: Array, top: Array, layout: Layout) -> Mask:
+    """Return in which frames (T,) ankles, knees, hips and `top` (T, 3) are in line; none without them."""
+    stretched: Mask = np.ones(len(points), dtype=np.bool_)
     for side in ("left", "right"):
-        names = [f"{side}_{joint}" for joint in ("hip", "knee", "ankle")]
+        names = [f"{side}_{joint}" for joint in ("ankle", "knee", "hip")]
         if not all(name in layout.joints for name in names):
             return np.zeros(len(points), dtype=np.bool_)
-        hip, knee, ankle = (points[:, layout.joints.index(name)] for name in names)
-        bent = np.linalg.norm(hip - knee, axis=1) + np.linalg.norm(knee - ankle, axis=1)
-        straight = straight & np.asarray(np.linalg.norm(hip - ankle, axis=1) >= _STRAIGHT * bent)
-    return straight
+        line = [*(points[:, layout.joints.index(name)] for name in names), top]
+        along = sum(np.linalg.norm(a - b, axis=1) for a, b in pairwise(line))
+        stretched = stretched & np.asarray(np.linalg.norm(top - line[0], axis=1) >= _STRAIGHT * along)
+    return stretched
 
 
 def _axes(up: Array) -> Array:

@@ -141,6 +141,12 @@ def test_a_walk_in_a_circle_does_not_tell_clocks() -> None:
     assert not found.sure or turns.max() < 1.0
 
 
+def test_cameras_out_of_step_are_doubted_if_clocks_are_not_looked_for() -> None:
+    found = sk.calibrate_cameras(seen(late=(0.0, 9.0, -7.0, 0.0)), list(RIG), layout=LAYOUT)
+    assert "clocks" in found.doubts
+    assert not found.sure
+
+
 def test_a_camera_that_sees_something_else_is_left_out() -> None:
     detections = walk().copy()
     detections[:, 2] = walk()[::-1, 3]
@@ -202,6 +208,9 @@ MIXED = [*list(RIG)[:3], BLANK[3]]
         ("fps", {"clock": True}),
         ("fps", {"clock": True, "fps": 0.0}),
         ("stature", {"stature": -1.7}),
+        ("stature", {"stature": 175.0}),
+        ("detections", {"detections": walk()[:, [0, 1, 1, 3]]}),
+        ("size", {"intrinsics": [sk.Intrinsics(size=(400, 300)) for _ in RIG]}),
         ("distance", {"distance": ("nobody", 0, 2.0)}),
         ("distance", {"distance": (0, 1, 0.0)}),
         ("distance", {"distance": (1, 1, 2.0)}),

@@ -152,7 +152,7 @@ def _print(found: Calibrated, output: Path, command: str | None, console: Consol
     console.print(_LEGEND, style="dim")
     console.print()
     for finding in found.findings:
-        print_finding(console, finding, own_line=True)
+        print_finding(console, finding)
     if command is None:
         say(f"{output} was not written.")
         return

@@ -15,7 +15,7 @@ from skelsplat._arrays import Array, Index, take_people
 from skelsplat._frozen import frozen, frozen_finding
 from skelsplat._words import listed, with_bar
 from skelsplat.exceptions import DatasetError, DegenerateGeometryError, InvalidInputError
-from skelsplat.findings import Finding, Subject, collected_warnings, warn
+from skelsplat.findings import Finding, Remedy, Subject, collected_warnings, warn
 from skelsplat.io.detections import Opened as Detections
 from skelsplat.io.detections import camera_called, camera_labels, cameras_called, open_detections
 from skelsplat.io.video import find_videos, open_source
@@ -26,6 +26,9 @@ from skelsplat.run.person import OFTEN, are_people, pick_places
 from skelsplat.run.read import open_recording, rate_of, read_rig, videos_beside
 from skelsplat.run.solve import spread
 
+_FILM = (
+    "Film a person who walks about for ten seconds: two metres or more, turning once, and raising the arms"
+)
 _MOST_EMPTY = 8  # frames are put at even times unless so many times as many are missing
 
 Size = tuple[int, int]
@@ -290,10 +293,16 @@ def _findings(found: sk.RigCalibration) -> Iterator[Finding]:
     if not found.sure:
         placed = [one for one in found.report if one.status == "placed"]
         turn, place = (max(getattr(one, name) for one in placed) for name in ("turn_sigma", "place_sigma"))
-        words = "This recording does not tell where the cameras are. Their error bars, up to "
-        words += f"{with_bar(turn, None)}° and {place:,.0f} mm, are too large, the person hardly moves, or "
-        words += "other clocks fit as well, as with periodic motion. Film a person who walks about for ten "
-        words += "seconds: two metres or more, turning once, and raising the arms."
+        bars = f"one may be off by {with_bar(turn, None)}° or {place:,.0f} mm"
+        why = {
+            "clocks": "the cameras are out of step. Find their clocks as well",
+            "periodic": f"several clocks fit, because the motion repeats itself. {_FILM}, or clap once",
+            "movement": f"the person hardly moves. {_FILM}",
+            "cameras": f"too few cameras agree. Do all of them see the same person at the same time? {_FILM}",
+            "places": f"{bars}. {_FILM}",
+        }
+        words = f"This recording does not tell where the cameras are: {why[found.doubts[0]]}."
+        remedy = (Remedy("clock", True),) if "clocks" in found.doubts else ()
         numbers = {"degrees_sigma": float(turn), "mm_sigma": float(place)}
         subject = Subject(tuple(one.name for one in placed))
-        yield Finding("cameras_not_calibrated", "error", subject, numbers, sentence=words)
+        yield Finding("cameras_not_calibrated", "error", subject, numbers, remedy=remedy, sentence=words)
