@@ -30,8 +30,8 @@ _OUTSIDE = 0.1
 _COPIED = 0.5
 # Statures, metres.
 _SHORTEST, _TALLEST = 0.3, 2.6
-# How far the principal point may be from the middle of the image, relative to its longer side: root mean
-# square, of cameras whose lens is unknown.
+# How far the principal point may be from the middle of the image (root mean square), relative to the longer
+# side, if the lens is unknown.
 _OFF_CENTRE = 0.012
 # Length of bones as detectors show them, relative to the true ones, and its standard deviation: joints lie
 # inside the body. Measured: OpenPose 0.965, hourglass 0.89 to 0.94, on real recordings of known bones.
@@ -42,14 +42,14 @@ _FLOOR_FRAMES = 300
 # from the person: beyond, error bars understate, since another rig may explain as much.
 _SURE_DEG = 3.0
 _SURE_PLACE = 0.06
-# Joints that move less, relative to the size of the body, are the same few points in every frame, whose
-# errors last, and error bars are too small.
+# Somebody who moves less, relative to the size of the body, shows the same few points in every frame: their
+# errors do not average out, and error bars are too small.
 _LEAST_MOVED = 0.3
 
 
 @dataclass(frozen=True, slots=True)
 class Intrinsics:
-    """What is known of a camera whose place is not: image size, and lens.
+    """What is known of a camera whose place is unknown: its image size, and perhaps its lens.
 
     ``K`` (3, 3) is None where the focal length is unknown; the principal point is then the image's middle.
     ``distortion`` and ``fisheye`` are those of a `Camera`.
@@ -149,9 +149,10 @@ def calibrate_cameras(
 ) -> RigCalibration:
     """Find where cameras are from the detections of a person who moves about: no board, no wand.
 
-    Relative poses of pairs of views (OpenCV's MAGSAC) are joined to a rig by the bones that each places, and
-    bundle adjustment with the robust kernel of ``refine`` sets all cameras free. docs/method.md has the
-    mathematics. The person should walk two metres, turn around, and raise the arms, for ten seconds.
+    A pair of views whose relative pose (OpenCV's MAGSAC) keeps bones steady begins a rig, the joints that it
+    places give the other cameras, and bundle adjustment with the robust kernel of ``refine`` sets all cameras
+    free. docs/method.md has the mathematics. The person should walk two metres, turn around, and raise the
+    arms, for ten seconds.
 
     Parameters
     ----------
@@ -191,10 +192,10 @@ def calibrate_cameras(
         raise DegenerateGeometryError(f"detections: expected {expected}, got fewer")
     unknown = {"focal": focal, "same_focal": focal and same_focal, "clock": clock}
     clocks = [float(start.clocks[i]) if i in start.clocks else None for i in range(len(blank))]
-    guess = [start.cameras.get(i, one) for i, one in enumerate(lenses)]
-    guess = [
-        altered(one, distortion=c.distortion, fisheye=c.fisheye) for one, c in zip(guess, blank, strict=True)
-    ]
+    guess = []
+    for i, camera in enumerate(blank):
+        place = start.cameras.get(i, camera)
+        guess.append(altered(camera, R=place.R, t=place.t))
     cameras, found = _skelsplat.calibrate_cameras(seen, guess, clocks, skeleton, **unknown, config=config)
     if focal:
         _doubt_centres(cameras, found)
@@ -265,7 +266,7 @@ def _most_lag(clock: bool, fps: float | None) -> int:
 
 
 def _doubt_centres(cameras: Sequence[Camera], found: Mapping[str, Array]) -> None:
-    """Add to the error bars what a principal point beside the middle does: the camera turns, and moves."""
+    """Widen the error bars of cameras whose principal point may not be the middle of the image."""
     centres = np.stack([np.asarray(camera.centre) for camera in cameras])
     away = np.linalg.norm(centres - centres[np.asarray(found["used"])].mean(axis=0), axis=1)
     off = np.array([_OFF_CENTRE * max(one.size) / np.asarray(one.K)[0, 0] for one in cameras])

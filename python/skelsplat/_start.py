@@ -270,11 +270,8 @@ class _Recording:
             for i in start.cameras
         }
         for a, b in chosen:
-            first, second, farthest = (
-                self.rays[:, a],
-                self.rays[:, b],
-                _FROM_LINE * min(self.reach(a), self.reach(b)),
-            )
+            first, second = self.rays[:, a], self.rays[:, b]
+            farthest = _FROM_LINE * min(self.reach(a), self.reach(b))
             lags = _lags(_speeds(first), _speeds(second), len(first))
             lag, _ = _best_lag(first, second, lags, farthest)
             now, then = (_relative(first, second, one, farthest, _COMPARED) for one in (0, lag))

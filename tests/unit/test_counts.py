@@ -9,7 +9,7 @@ import counts
 # Lines, of docs words. A later capability that needs more states its price in docs/decisions.md and pays part
 # of it elsewhere.
 CEILINGS = {
-    "package": 33_041,
+    "package": 33_039,
     "cli": 3_337,
     "core": 18_924,
     "binding": 2_701,

@@ -201,7 +201,7 @@ impl Task<'_> {
         self.frames.iter().map(some).collect()
     }
 
-    /// Frames in which two views or more see somebody.
+    /// Frames in which at least two views see somebody.
     fn shared(&self, seen: &[Detections], cameras: &[Placed], most: usize) -> Vec<usize> {
         let scene = Scene::new(seen);
         let n = self.layout.n_joints();
