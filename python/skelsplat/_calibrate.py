@@ -106,7 +106,7 @@ class RigCalibration:
 
     ``cameras`` are the placed ones, in mm. The world has z up and its origin on the floor in the middle of
     where people stood, and the first camera looks along y; without ankles and a head or shoulders in the
-    layout (``up_sigma`` is NaN), it is that of the first camera. ``clocks`` are by name.
+    layout (``up_sigma`` is NaN), it is that of the first camera.
 
     ``scale_sigma`` is the relative standard error of all lengths, ``up_sigma`` that of the direction up in
     degrees. ``doubts`` say why the recording does not tell the cameras' places: ``"places"`` (an error bar is
@@ -116,11 +116,15 @@ class RigCalibration:
     """
 
     cameras: CameraRig
-    clocks: Mapping[str, float]
     report: tuple[CalibratedCamera, ...] = field(repr=False)
     scale_sigma: float
     up_sigma: float
     doubts: tuple[str, ...] = ()
+
+    @property
+    def clocks(self) -> dict[str, float]:
+        """By placed camera, frames by which its count is ahead."""
+        return {name: self.cameras.clocks.get(name, 0.0) for name in self.cameras.names}
 
     @property
     def sure(self) -> bool:
@@ -293,14 +297,14 @@ def _in_world(
     points = triangulate(np.stack(views, axis=1)[times], there)
     floor = find_floor(points, layout, stature) if math.isfinite(stature) else None
     axes, origin = _world(floor, there[0])
-    placed = CameraRig([moved(camera, axes, origin, scale) for camera in there])
-    report = tuple(_report(found, names, i, scale) for i in range(len(cameras)))
     clocks = {names[i]: float(found["clock"][i]) for i in used}
+    placed = CameraRig([moved(camera, axes, origin, scale) for camera in there], clocks=clocks)
+    report = tuple(_report(found, names, i, scale) for i in range(len(cameras)))
     up_sigma = math.nan if floor is None else floor.sigma_deg
     still = [] if movement(points) >= _LEAST_MOVED else ["movement"]
     wide = [] if _are_small(there, points, scale, report) else ["places"]
     every = (*still, *doubts, *wide)  # of somebody who stands still, clocks say nothing
-    return RigCalibration(placed, clocks, report, scale_sigma, up_sigma, every)
+    return RigCalibration(placed, report, scale_sigma, up_sigma, every)
 
 
 def _world(floor: Floor | None, first: Camera) -> tuple[Array, Array]:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any, overload
 
 import numpy as np
@@ -19,12 +20,16 @@ MM_PER_UNIT = {"mm": 1.0, "cm": 10.0, "m": 1000.0}
 class CameraRig(Sequence[Camera]):
     """Calibrated cameras of one recording: at least one; those that have a name have different ones.
 
-    `unit` is "mm", "cm" or "m", of the cameras' translations and of every 3D point that goes with them. What
-    does not fit is an `InvalidInputError`.
+    `unit` is "mm", "cm" or "m", of the cameras' translations and of every 3D point that goes with them.
+    `clocks` are by name, of cameras that were not started at the same time: the frames by which a camera's
+    count is ahead, its frame f + clock is frame f of the others. Detections are put in step by them where
+    they are read from files (`skelsplat.io.read_detections`); arrays are taken as they are. What does not fit
+    is an `InvalidInputError`.
     """
 
     cameras: Sequence[Camera]
     unit: str = "mm"
+    clocks: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "cameras", tuple(self.cameras))
@@ -38,6 +43,12 @@ class CameraRig(Sequence[Camera]):
         if twice:
             raise InvalidInputError(f"cameras: expected different names, got '{twice[0]}' twice")
         one_of("unit", self.unit, MM_PER_UNIT)
+        for name, clock in self.clocks.items():
+            if name not in self.names:
+                raise InvalidInputError(f"clocks: expected one of {', '.join(self.names)}, got {name!r}")
+            if not math.isfinite(clock):
+                raise InvalidInputError(f"clocks[{name}]: expected a number of frames, got {clock}")
+        object.__setattr__(self, "clocks", {name: float(one) for name, one in self.clocks.items() if one})
 
     @property
     def mm_per_unit(self) -> float:
@@ -61,7 +72,8 @@ class CameraRig(Sequence[Camera]):
     def __getitem__(self, key: slice) -> CameraRig: ...
     def __getitem__(self, key: int | str | slice) -> Camera | CameraRig:
         if isinstance(key, slice):
-            return CameraRig(self.cameras[key], self.unit)
+            kept = CameraRig(self.cameras[key], self.unit)
+            return replace(kept, clocks={name: self.clocks.get(name, 0.0) for name in kept.names})
         if isinstance(key, str):
             if key not in self.names:
                 raise KeyError(f"no camera called {key!r}; there are {', '.join(self.names)}")

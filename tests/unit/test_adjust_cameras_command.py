@@ -109,13 +109,36 @@ def test_named_cameras_focal_lengths_and_clocks(room, tmp_path):
 
 
 @pytest.mark.parametrize("given", [0, -1])
-def test_a_late_camera_is_for_a_setting_of_a_recording(room, given):
+def test_a_late_camera_gets_a_clock(room, given):
     """The offset with which the detections were read counts."""
     found = adjust_cameras(room / "Calib.toml", room / "late", layout="h36m17", offsets={"cam2": given})
     (finding,) = found.findings
-    assert (finding.kind, finding.remedy) == ("frame_offset", (Remedy("offset", "cam2=-4"),))
+    assert (finding.kind, finding.severity, finding.remedy) == ("frame_offset", "note", ())
     assert finding.numbers["clock_frames"] == pytest.approx(4.0 + given, abs=0.2)
-    assert found.adjusted == ()
+    assert (found.adjusted, found.synchronised) == ((), ("cam2",))
+    assert found.cameras.clocks == {"cam2": 4.0}
+
+
+def test_clocks_are_written_and_the_commands_that_read_them_apply_them(room, tmp_path):
+    """A clock may be in the calibration, given as an offset, or measured by the run."""
+    out = tmp_path / "fixed.toml"
+    result = invoke("adjust-cameras", room / "Calib.toml", room / "late", "-o", out, *LAYOUT)
+    printed = " ".join(result.stdout.split())
+    assert "cam2's frame numbers were 3.87 ± 0.13 too high, which was corrected." in printed
+    assert "Clocks are those of this recording" in printed
+    assert read_calibration(out).clocks == {"cam2": 4.0}
+    given = run(Job(room / "Calib.toml", room / "late", layout="h36m17", offsets={"cam2": -4}))
+    read = run(Job(out, room / "late", layout="h36m17", output=tmp_path / "run"))
+    (note,) = (finding for finding in read.findings if finding.kind == "clocks_applied")
+    assert (note.numbers, note.remedy) == ({"cam2": 4}, (Remedy("offset", "cam2=0"),))
+    measured = run(Job(room / "Calib.toml", room / "late", layout="h36m17", adjust_cameras=True))
+    for other in (read, measured):
+        np.testing.assert_array_equal(other.frames, given.frames)
+        np.testing.assert_array_equal(other.detections, given.detections)
+        assert other.report["input"]["offsets"] == {"cam2": -4}
+    assert read_calibration(tmp_path / "run" / "cameras.json").clocks == {}  # its detections are in step
+    without = run(Job(out, room / "late", layout="h36m17", offsets={"cam2": 0}))
+    assert without.report["input"]["offsets"] == {"cam2": 0}
 
 
 def test_other_faults_come_first(room, tmp_path):

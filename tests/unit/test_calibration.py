@@ -7,7 +7,7 @@ import pytest
 
 import skelsplat as sk
 from skelsplat.cameras import matrix_from_vector
-from skelsplat.io import read_calibration, write_calibration
+from skelsplat.io import convert_unit, read_calibration, write_calibration
 from skelsplat.io.calibration import find_format
 
 CAMERA = """[{key}]
@@ -114,10 +114,11 @@ def test_writing_and_reading_gives_the_same_rig(tmp_path, suffix):
         sk.Camera(K, turn, [1 / 3, k, 3], size=(640 + k, 480), name=name, distortion=one, fisheye=name == "c")
         for k, (name, one) in enumerate(lens.items())
     ]
-    path, rig = tmp_path / f"rig{suffix}", sk.CameraRig(cameras, unit="m")
+    path, rig = tmp_path / f"rig{suffix}", sk.CameraRig(cameras, "m", {"b": -3.25, "c": 0.0})
     write_calibration(path, rig)
     copy = read_calibration(path)
-    assert copy.unit == "m"
+    assert (copy.unit, copy.clocks) == ("m", {"b": -3.25})
+    assert (convert_unit(copy, "mm").clocks, copy[1:].clocks, copy[2:].clocks) == ({"b": -3.25},) * 2 + ({},)
     for a, b in zip(rig, copy, strict=True):
         # TOML stores three numbers for the nine of a rotation: entries up to 1, a few ulp each way
         np.testing.assert_allclose(a.R, b.R, rtol=0, atol=2e-15 if suffix == ".toml" else 0)

@@ -106,7 +106,7 @@ def calibrate(context: typer.Context, detections: Path, *, output: Path, force: 
         "scale": {"from": found.scale, "relative_sigma": found.found.scale_sigma},
         "up_sigma_degrees": found.found.up_sigma,
         "cameras": found.cameras,
-        "offsets": found.offsets,
+        "clocks": dict(rig.clocks),
         "findings": [finding.to_dict() for finding in found.findings],
         "refine": command,
     }
@@ -131,8 +131,6 @@ def _again(context: typer.Context, detections: Path, found: Calibrated) -> Itera
         yield from ("--frames", "union")
     if found.order is not None:
         yield from ("--order", ",".join(found.order))
-    for name, frames in found.offsets.items():
-        yield from ("--offset", f"{name}={frames}")
 
 
 def _print(found: Calibrated, output: Path, command: str | None, console: Console) -> None:

@@ -145,7 +145,7 @@ _ADJUST_OPTIONS = (
         """
         Output:
         * -o, --output FILE  Calibration file to write: .toml (Anipose), .json or .npz. Nothing is written if
-            no camera was adjusted. [required]
+            no camera or clock was adjusted. [required]
         * --force  Replace FILE if it exists.
         Adjust:
         * --move CAMERA  A camera that was moved. Repeatable; only these are adjusted, instead of those found
@@ -176,8 +176,9 @@ def adjust_cameras(calibration: Path, detections: Path, *, output: Path, force: 
     options.check_output("--output", output, calibration, "calibration", _SUFFIXES, force=force)
     found = adjust(calibration, detections, **options.reading(given))
     wrote = f"{output} was not written."
-    if found.adjusted:
-        names = ", ".join(found.adjusted)
+    corrected = dict.fromkeys([*found.adjusted, *found.synchronised])
+    if corrected:
+        names = ", ".join(corrected)
         note = f"skelsplat adjust-cameras: {names} of {calibration.name} adjusted by {detections.name}"
         write_calibration(output, found.cameras, note=note, adjusted=True)
         wrote = f"Wrote {len(found.cameras)} cameras to {output}, lengths in {found.cameras.unit}."
@@ -193,11 +194,13 @@ def adjust_cameras(calibration: Path, detections: Path, *, output: Path, force: 
         for finding in found.findings:
             print_finding(console, finding, own_line=True)
         say(wrote)
+        if found.synchronised:
+            say("Clocks are those of this recording; the commands that read the file apply them.")
 
     document = {
         "calibration": str(calibration),
         "detections": str(detections),
-        "output": str(output) if found.adjusted else None,
+        "output": str(output) if corrected else None,
         "unit": found.cameras.unit,
         "frames": {"fitted": found.adjustment.fitted, "left_out": found.adjustment.judged},
         "findings": [finding.to_dict() for finding in found.findings],

@@ -42,7 +42,6 @@ class Calibrated:
     frames: int
     focal: bool  # focal lengths were unknown, and were found
     scale: str  # what gave it: "stature", "distance", or "adults" in general
-    offsets: Mapping[str, float]  # by camera, those that make it in step; none that is 0
     order: tuple[str, ...] | None  # the label of each placed camera, where the files have others, or no names
     uneven: bool  # cameras have different frames in the files
     findings: tuple[Finding, ...]
@@ -128,7 +127,7 @@ def calibrate_cameras(
         result = _calibrated(detections, seen, found.frames, recording, found.skeleton, asked)
     kept = tuple(one for one in warnings if one.kind != "unit_wrong")  # of places, which are ignored
     scale = "distance" if distance is not None else "adults" if stature is None else "stature"
-    return _answer(result, recording, given.get("offsets") or {}, len(seen), scale, kept)
+    return _answer(result, recording, len(seen), scale, kept)
 
 
 def _check_lenses(
@@ -148,23 +147,21 @@ def _check_lenses(
 def _answer(
     result: sk.RigCalibration,
     recording: _Recording,
-    offsets: Mapping[str, float],
     frames: int,
     scale: str,
     warnings: Collection[Finding],
 ) -> Calibrated:
     """Return the cameras with how `refine` reads this recording with them."""
     opened, placed = recording.detections, result.cameras.names
-    given = {camera_called(text, recording.names): number for text, number in offsets.items()}
-    read_as = ReadAs(opened.labels, given, opened.uneven)
-    right = {one.name: offset_of(one, read_as) for one in result.report if one.name in placed}
+    read_as = ReadAs(opened.labels, opened.offsets, opened.uneven)
+    clocks = {one.name: -offset_of(one, read_as) for one in result.report if one.name in placed}
+    result = replace(result, cameras=replace(result.cameras, clocks=clocks))
     other = recording.renamed or len(placed) < len(recording.names)
     return Calibrated(
         result,
         frames,
         focal=not isinstance(recording.lenses[0], sk.Camera),
         scale=scale,
-        offsets={name: number for name, number in right.items() if number},
         order=tuple(opened.matched[name] for name in placed) if other else None,
         uneven=opened.uneven,
         findings=(*warnings, *_findings(result)),
@@ -274,11 +271,11 @@ def _calibrated(
     if not math.isfinite(found.scale_sigma):
         expected = f"that of two cameras, because {layout.name} lacks the proportions of people"
         raise InvalidInputError(f"distance: expected {expected}, got none")
-    clocks = {name: clock * step for name, clock in found.clocks.items()}
+    cameras = replace(found.cameras, clocks={name: clock * step for name, clock in found.clocks.items()})
     report = tuple(
         replace(one, clock=one.clock * step, clock_sigma=one.clock_sigma * step) for one in found.report
     )
-    return replace(found, clocks=clocks, report=report)
+    return replace(found, cameras=cameras, report=report)
 
 
 def _findings(found: sk.RigCalibration) -> Iterator[Finding]:

@@ -21,7 +21,7 @@ from skelsplat.rig_check import ReadAs, RigReport, check_rig
 from skelsplat.run.by_everybody import Scene
 from skelsplat.run.job import Job
 from skelsplat.run.person import EVERYBODY, check_slot, pick_places
-from skelsplat.run.read import Inputs, Opened, leave_out, open_recording, read_everybody, read_rig
+from skelsplat.run.read import Inputs, Opened, leave_out, open_files, open_recording, read_everybody, read_rig
 
 _SHOWN = 4.0  # multiples of its error bar from which a clock is off
 _NOTHING = 0.01  # a change below this part of its error bar is none
@@ -63,7 +63,7 @@ def check_cameras(
             def look(offsets: Mapping[str, float]) -> tuple[Scene, RigReport]:
                 given["offsets"] = offsets
                 opened = open_recording(calibration, detections, read=read or {}, without=without, **given)
-                scene = read_scene(opened, person, offsets)
+                scene = read_scene(opened, person)
                 return scene, scene.check()
 
             scene, report = look(given.get("offsets") or {})
@@ -116,14 +116,20 @@ def _synchronised(report: RigReport, late: Mapping[str, Finding], right: RigRepo
 class AdjustedCameras:
     """What became of the cameras of a calibration."""
 
-    cameras: sk.CameraRig  # all, also those that were left out; changed are those that were adjusted
+    # all, also those that were left out; changed are those that were adjusted, and clocks
+    cameras: sk.CameraRig
     adjustment: sk.RigAdjustment  # clocks are in frames of the files
     findings: tuple[Finding, ...]  # of the files, what was adjusted, and what is to be done about the others
 
     @property
     def adjusted(self) -> tuple[str, ...]:
-        """The cameras that differ from the calibration; a clock is no part of it."""
+        """The cameras that differ from the calibration in more than their clocks."""
         return tuple(one.name for one in self.adjustment.of("adjusted") if _is_placed(one))
+
+    @property
+    def synchronised(self) -> tuple[str, ...]:
+        """The cameras whose clocks were off."""
+        return tuple(one.name for one in self.adjustment.report if _is_late(one))
 
 
 def _is_placed(camera: sk.CameraAdjustment) -> bool:
@@ -160,7 +166,7 @@ def adjust_cameras(
             sentence += "wrong."
             numbers = {"moved": len(chosen), "of": len(rig)}
             warn(Finding("cameras_trusted", "warning", Subject(chosen), numbers, sentence=sentence))
-        scene = read_scene(opened, person, given.get("offsets"))
+        scene = read_scene(opened, person)
         result = adjusted(scene, free=chosen or None, focal=focal, clock=clock)
     if isinstance(result, Finding):
         if result.numbers["fault"] == "no_detections":
@@ -170,14 +176,17 @@ def adjust_cameras(
         expected = "no fault besides turned or moved cameras"
         raise DatasetError(detections, "cameras", expected, f"another one: {result.numbers['why']}{corrects}")
     cameras = dict(zip(rig.names, result.cameras, strict=True))
-    whole = sk.CameraRig([cameras.get(n, one) for n, one in zip(every.names, every, strict=True)], every.unit)
+    placed = [cameras.get(name, one) for name, one in zip(every.names, every, strict=True)]
+    clocks = {name: -offset for name, offset in _offsets(result, scene.read_as).items()}
+    whole = sk.CameraRig(placed, every.unit, clocks)
     # the person's size says more
     kept = [one for one in warnings if one.kind != "unit_wrong"]
-    return AdjustedCameras(whole, result, (*kept, *findings_of(result, rig.mm_per_unit, scene.read_as)))
+    found = findings_of(result, rig.mm_per_unit, scene.read_as, corrected=True)
+    return AdjustedCameras(whole, result, (*kept, *found))
 
 
 def read_adjusted(opened: Opened, job: Job) -> tuple[Array, Inputs]:
-    """Read everybody, and adjust the cameras if the job asks for it; warn of what was adjusted or not."""
+    """Read everybody, and adjust cameras and clocks if the job asks for it; warn of what was or was not."""
     people, whole = read_everybody(opened, job)
     if not job.adjust_cameras:
         return people, whole
@@ -185,13 +194,17 @@ def read_adjusted(opened: Opened, job: Job) -> tuple[Array, Inputs]:
     if isinstance(result, Finding):
         warn(result)
         return people, whole
-    for finding in findings_of(result, whole.rig.mm_per_unit, whole.read_as):
+    for finding in findings_of(result, whole.rig.mm_per_unit, whole.read_as, corrected=True):
         warn(finding)
     each = tuple(numbers_of(one, whole.rig.mm_per_unit) for one in result.report)
+    if any(map(_is_late, result.report)):
+        job = replace(job, offsets=_offsets(result, whole.read_as))
+        with collected_warnings():  # which were given
+            people, whole = read_everybody(open_files(job), job)
     return people, replace(whole, rig=result.cameras, adjusted=each)
 
 
-def read_scene(opened: Opened, person: str, offsets: Mapping[str, float] | None) -> Scene:
+def read_scene(opened: Opened, person: str) -> Scene:
     """Read the detections of everybody, or of one ``person`` as of `skelsplat.run.cameras.check_cameras`."""
     found = opened.detections.read()
     people, layout = found.people, found.skeleton
@@ -201,7 +214,7 @@ def read_scene(opened: Opened, person: str, offsets: Mapping[str, float] | None)
         if person == "consistent":
             apart = separate_people(people, opened.rig, layout=layout)
         people = take_people(people, pick_places(people, person, apart)[0])[:, :, None]
-    return Scene(opened.rig, people, found.frames, layout, opened.read_as(offsets or {}))
+    return Scene(opened.rig, people, found.frames, layout, opened.read_as)
 
 
 def warn_of_place(people: Array, person: str, otherwise: str = "") -> None:
@@ -227,14 +240,17 @@ def adjusted(
     return scene.adjust(free=free, focal=focal, clock=clock)
 
 
-def findings_of(found: sk.RigAdjustment, mm_per_unit: float, read_as: ReadAs) -> Iterator[Finding]:
-    """Yield what was adjusted, and what is to be done about the other cameras."""
+def findings_of(
+    found: sk.RigAdjustment, mm_per_unit: float, read_as: ReadAs, *, corrected: bool = False
+) -> Iterator[Finding]:
+    """Yield what was adjusted, and what is to be done about others, and about clocks unless ``corrected``."""
     for one in found.report:
         numbers = numbers_of(one, mm_per_unit)
         if one.status == "adjusted" and _is_placed(one):
             yield _adjusted({**numbers, "left_out_frames": found.judged})
-        if one.status in ("late", "adjusted") and _clock_known(one):
-            yield _late(numbers, offset_of(one, read_as), read_as)
+        if _is_late(one):
+            remedy = () if corrected else read_as.offset_remedy(one.name, offset_of(one, read_as))
+            yield _late(numbers, remedy)
         if one.since is not None:
             sentence = f"{one.name} was moved while it recorded, about frame {one.since}, and not adjusted: "
             sentence += "the frames before and after need a calibration each."
@@ -283,14 +299,16 @@ def _adjusted(numbers: dict[str, Any]) -> Finding:
     return Finding("camera_adjusted", "warning" if worse else "note", subject, numbers, sentence=sentence)
 
 
-def _late(numbers: dict[str, Any], offset: float, read_as: ReadAs) -> Finding:
-    """Return the finding on a camera whose clock is off."""
+def _late(numbers: dict[str, Any], remedy: tuple[Remedy, ...]) -> Finding:
+    """Return the finding on a camera whose clock is off; without a remedy, it was corrected."""
     name, frames, sigma = numbers["camera"], numbers["clock_frames"], numbers["clock_sigma_frames"]
     size = f"{abs(frames):.0f}" if sigma is None else with_bar(abs(frames), sigma)
-    sentence = f"{name}'s frame numbers are {size} too {'high' if frames > 0 else 'low'}; a calibration has "
-    sentence += "no clock, so the offset has to be given with each recording."
-    given = (Subject((name,)), numbers, read_as.offset_remedy(name, offset))
-    return Finding("frame_offset", "warning", *given, sentence=sentence)
+    off, subject = f"{size} too {'high' if frames > 0 else 'low'}", Subject((name,))
+    if remedy:
+        sentence = f"{name}'s frame numbers are {off}."
+        return Finding("frame_offset", "warning", subject, numbers, remedy, sentence=sentence)
+    sentence = f"{name}'s frame numbers were {off}, which was corrected."
+    return Finding("frame_offset", "note", subject, numbers, sentence=sentence)
 
 
 def _doubtful(suspected: list[dict[str, Any]], besides: list[str]) -> Finding:
@@ -341,6 +359,17 @@ def _is_nothing(value: float, sigma: float | None) -> bool:
     """Whether a change is none: not allowed, the prior's, where it could not be measured, or shown as 0."""
     shown = with_bar(value, sigma).partition(" ")[0]
     return abs(value) <= _NOTHING * (sigma or 0.0) or not set(shown) & set("123456789")
+
+
+def _is_late(camera: sk.CameraAdjustment) -> bool:
+    """Whether a clock is off, and to be corrected."""
+    return camera.status in ("late", "adjusted") and _clock_known(camera)
+
+
+def _offsets(found: sk.RigAdjustment, read_as: ReadAs) -> dict[str, float]:
+    """Return by camera what is to be added to its frame numbers."""
+    late = {one.name: offset_of(one, read_as) for one in found.report if _is_late(one)}
+    return {**read_as.offsets, **late}
 
 
 def _clock_known(camera: sk.CameraAdjustment) -> bool:

@@ -13,15 +13,16 @@ import numpy as np
 import skelsplat as sk
 from skelsplat._arrays import Array, Index, Mask
 from skelsplat._budget import afford
+from skelsplat._clocks import rounded
 from skelsplat._frozen import frozen, frozen_finding, without_frozen
 from skelsplat._words import listed
 from skelsplat.cameras import MM_PER_UNIT
 from skelsplat.exceptions import DatasetError, InvalidInputError, SkelSplatError
-from skelsplat.findings import Finding, Remedy, collected_warnings, warn
+from skelsplat.findings import Finding, Remedy, Subject, collected_warnings, warn
 from skelsplat.io import PoseData, read_npz
 from skelsplat.io.calibration import find_format, read_calibration
 from skelsplat.io.detections import Opened as Detections
-from skelsplat.io.detections import camera_called, cameras_called, one_rate, open_detections
+from skelsplat.io.detections import cameras_called, one_rate, open_detections
 from skelsplat.io.video import FrameSource, find_videos, open_source
 from skelsplat.rig_check import ReadAs
 from skelsplat.run.image_sizes import in_calibrated_pixels
@@ -92,10 +93,11 @@ class Opened:
         """Number of detections of a person."""
         return len(self.detections.frames) * len(self.rig) * self.detections.skeleton.n_joints
 
-    def read_as(self, offsets: Mapping[str, float]) -> ReadAs:
-        """Return how the detections are read, with offsets by the calibration's own camera names."""
-        named = {camera_called(text, self.every.names): frames for text, frames in offsets.items()}
-        return ReadAs(self.detections.labels, named, self.detections.uneven)
+    @property
+    def read_as(self) -> ReadAs:
+        """How the detections are read, with what was added to the cameras' frame numbers."""
+        found = self.detections
+        return ReadAs(found.labels, found.offsets, found.uneven)
 
     def nobody(self, job: Job) -> Inputs:
         """Return the inputs of all frames with nobody detected."""
@@ -105,7 +107,7 @@ class Opened:
             init = _read_init(Path(job.init), self.rig, len(found.frames), layout)
             if job.fps is None and stated != "files" and init.frame_rate is not None:
                 rate, stated = init.frame_rate, "files"
-        shape, read_as = (len(found.frames), len(self.rig)), self.read_as(job.offsets)
+        shape, read_as = (len(found.frames), len(self.rig)), self.read_as
         given = ("calibration", "detections", "init", "order", "mapping", "sequence", "init_sigma_mm")
         source = {
             **{name: getattr(job, name) for name in (*given, "adjust_cameras")},
@@ -153,8 +155,9 @@ def open_recording(
 ) -> Opened:
     """Read cameras and open detections, with the arguments of `read_rig` and of `open_detections`.
 
-    The detections are in pixels of the calibration's images (`in_calibrated_pixels`). Warns if files, or
-    without ``fps`` videos, state different frame rates.
+    The detections are in pixels of the calibration's images (`in_calibrated_pixels`), and in step by its
+    clocks, which the cameras no longer have then. Warns if files, or without ``fps`` videos, state different
+    frame rates.
     """
     told: list[Finding] = []
     try:
@@ -165,11 +168,26 @@ def open_recording(
             warn(finding)
     if len(every) < 2:
         raise DatasetError(calibration, "cameras", "at least two cameras", len(every))
-    rig = leave_out(every, without)
     found = open_detections(detections, every, without=without, **given)
+    _note_clocks(calibration, every, found.offsets)
+    every = replace(every, clocks={})
+    rig = leave_out(every, without)
     cropped = {name for one in told if one.kind == "crop_applied" for name in one.subject.cameras}
     rate = rate_of(found, detections, rig.names, fps)
     return Opened(every, rig, in_calibrated_pixels(found, every, cropped), rate)
+
+
+def _note_clocks(path: Path, rig: sk.CameraRig, offsets: Mapping[str, float]) -> None:
+    """Note which clocks of a calibration were taken off the cameras' frame numbers."""
+    taken = {name: rounded(clock) for name, clock in rig.clocks.items() if offsets[name] == rounded(-clock)}
+    if taken:
+        each = ", ".join(f"{name} {clock:+g}" for name, clock in taken.items())
+        words = (
+            f"The clocks of {path.name} were taken off the cameras' frame numbers ({each}): they hold for "
+        )
+        words += "recordings that started as the one which they were found in."
+        remedy = tuple(Remedy("offset", f"{name}=0") for name in taken)
+        warn(Finding("clocks_applied", "note", Subject(tuple(taken)), taken, remedy, sentence=words))
 
 
 def read_everybody(opened: Opened, job: Job) -> tuple[Array, Inputs]:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -102,12 +103,13 @@ def read_calibration(
             raise DatasetError(source.path, "name", f"names of 1 to {MOST_NAME} characters", raw.name[:40])
     sizes = [_size(source.path, raw, size) for raw in parsed]
     try:
-        rig = sk.CameraRig(
-            [sk.Camera(**{**vars(raw), "size": wh}) for raw, wh in zip(parsed, sizes, strict=True)]
-        )
+        clocks = {raw.name: raw.clock for raw in parsed}
+        bare = [{name: value for name, value in vars(raw).items() if name != "clock"} for raw in parsed]
+        cameras = [sk.Camera(**{**one, "size": wh}) for one, wh in zip(bare, sizes, strict=True)]
+        rig = sk.CameraRig(cameras, clocks=clocks)
     except InvalidInputError as error:
         raise DatasetError.of_argument(source.path, error) from error
-    return sk.CameraRig(list(rig), unit=_checked_unit(source.path, rig, unit, stated))
+    return replace(rig, unit=_checked_unit(source.path, rig, unit, stated))
 
 
 def find_format(path: str | os.PathLike[str]) -> str | None:
@@ -216,7 +218,7 @@ def convert_unit(rig: sk.CameraRig, unit: str) -> sk.CameraRig:
     """Return the same cameras with lengths in another unit: mm, cm or m."""
     one_of("unit", unit, MM_PER_UNIT)
     factor = rig.mm_per_unit / MM_PER_UNIT[unit]
-    return sk.CameraRig([altered(camera, t=np.asarray(camera.t) * factor) for camera in rig], unit=unit)
+    return replace(rig, cameras=[altered(one, t=np.asarray(one.t) * factor) for one in rig], unit=unit)
 
 
 def write_calibration(

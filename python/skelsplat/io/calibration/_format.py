@@ -31,6 +31,7 @@ class RawCamera:
     distortion: Array | None = None  # (n,) in OpenCV's order
     size: tuple[int, int] | None = None  # width and height in pixels; None if the format has no place for it
     fisheye: bool = False
+    clock: float = 0.0  # frames that its count is ahead, as of `skelsplat.CameraRig`
 
 
 Parsed: TypeAlias = tuple[Sequence[RawCamera], str | None]

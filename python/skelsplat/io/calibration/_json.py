@@ -5,17 +5,20 @@ Own JSON::
     {"format": "skelsplat-calibration", "version": 1, "unit": "mm",
      "cameras": [{"name": "cam_01", "size": [1920, 1080], "K": [[fx, 0, cx], [0, fy, cy], [0, 0, 1]],
                   "R": [[…], […], […]], "t": [x, y, z],
-                  "distortion": [k1, k2, p1, p2, …] or null, "fisheye": false}, …]}
+                  "distortion": [k1, k2, p1, p2, …] or null, "fisheye": false, "clock": 3.4}, …]}
 
 npz, M cameras: ``K (M,3,3)``, ``R (M,3,3)``, ``t (M,3)``, ``size (M,2)``, ``names (M,)``, ``unit ()`` and,
-optionally, ``distortion (M,n)``, padded with NaN (a row of NaN: no distortion), and ``fisheye (M,)``.
+optionally, ``distortion (M,n)``, padded with NaN (a row of NaN: no distortion), ``fisheye (M,)`` and
+``clock (M,)``.
 
-R and t are world → camera, x_c = R x_w + t, K and size are pixels, distortion is in OpenCV's order.
+R and t are world → camera, x_c = R x_w + t, K and size are pixels, distortion is in OpenCV's order. Clocks
+are frames (`skelsplat.CameraRig`), 0 where there is none.
 """
 
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -30,7 +33,7 @@ from skelsplat.io.calibration._format import CalibrationFormat, Parsed, RawCamer
 
 _MARK = "skelsplat-calibration"
 _VERSION = 1
-_NPZ_ARRAYS = ("K", "R", "t", "size", "fisheye")
+_NPZ_ARRAYS = ("K", "R", "t", "size", "fisheye", "clock")
 _NPZ_REQUIRED = ("K", "R", "t", "size", "names", "unit")
 
 
@@ -48,7 +51,8 @@ def _parse_json(source: Source) -> Parsed:
 
 
 def _own(entry: Field) -> RawCamera:
-    return camera_of(entry, lens="distortion", size="size", fisheye=entry["fisheye"].flag())
+    camera = camera_of(entry, lens="distortion", size="size", fisheye=entry["fisheye"].flag())
+    return replace(camera, clock=clock_in(entry))
 
 
 def _unit(document: Field) -> str:
@@ -61,7 +65,10 @@ def _unit(document: Field) -> str:
 def to_json(rig: sk.CameraRig, note: str | None = None) -> str:
     """Return the rig as JSON text, with a note if there is one; numbers have all their digits."""
     named = zip(rig.names, rig, strict=True)
-    cameras = [{"name": name, **to_entry(camera), "fisheye": camera.fisheye} for name, camera in named]
+    cameras = [
+        {"name": name, **to_entry(camera), "fisheye": camera.fisheye, **clock_of(rig, name)}
+        for name, camera in named
+    ]
     noted = {} if note is None else {"note": note}
     document = {"format": _MARK, "version": _VERSION, **noted, "unit": rig.unit, "cameras": cameras}
     return json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
@@ -76,6 +83,16 @@ def to_entry(camera: sk.Camera) -> dict[str, Any]:
         "t": camera.t.tolist(),
         "distortion": None if camera.distortion is None else camera.distortion.tolist(),
     }
+
+
+def clock_in(entry: Field) -> float:
+    """Return the clock of an entry, 0 where there is none."""
+    return entry["clock"].number() if "clock" in entry else 0.0
+
+
+def clock_of(rig: sk.CameraRig, name: str) -> dict[str, float]:
+    """Return the clock of a camera as an entry of a file, if it has one."""
+    return {"clock": rig.clocks[name]} if name in rig.clocks else {}
 
 
 def _is_npz(source: Source) -> bool:
@@ -123,6 +140,7 @@ def to_arrays(rig: sk.CameraRig) -> dict[str, Any]:
         "unit": np.array(rig.unit),
         "distortion": padded,
         "fisheye": np.array([camera.fisheye for camera in rig]),
+        **({"clock": np.array([rig.clocks.get(name, 0.0) for name in rig.names])} if rig.clocks else {}),
     }
 
 

@@ -2,7 +2,8 @@
 
 Anipose: one table per camera with ``matrix`` 3×3, ``rotation`` (Rodrigues, radians) and ``translation``, both
 world → camera, ``size`` (width, height), and perhaps ``distortions``, ``fisheye``, ``name``. There is no
-place for the length unit; files that this package wrote state it as ``unit`` under ``metadata``.
+place for the length unit; files that this package wrote state it as ``unit`` under ``metadata``, and of a
+camera that was started at another time its ``clock`` (`skelsplat.CameraRig`), which other programs ignore.
 
 Caliscope's ``camera_array.toml``: the tables are ``[cameras.N]``, in metres, the name is ``cam_id`` (older
 files: ``port``), ``rotation`` is a Rodrigues vector or, in older files, a matrix 3×3, and both it and
@@ -35,6 +36,7 @@ from skelsplat.exceptions import DatasetError
 from skelsplat.findings import Finding, warn
 from skelsplat.io.calibration._entries import camera_of, cameras_of, rotation_of, warn_of_no_lens
 from skelsplat.io.calibration._format import CalibrationFormat, Parsed, RawCamera, Source
+from skelsplat.io.calibration._json import clock_in, clock_of
 
 _REQUIRED = ("matrix", "rotation", "translation")
 _LENS = ("distortion", "distortions")
@@ -82,7 +84,10 @@ def _parse_anipose(source: Source) -> Parsed:
 
 def _camera(entry: Field, name: str, lens: str | None, size: str) -> RawCamera:
     turn, fisheye = rotation_of(entry["rotation"]), entry["fisheye"].flag()
-    return camera_of(entry, name, K="matrix", R=turn, t="translation", lens=lens, size=size, fisheye=fisheye)
+    camera = camera_of(
+        entry, name, K="matrix", R=turn, t="translation", lens=lens, size=size, fisheye=fisheye
+    )
+    return replace(camera, clock=clock_in(entry))
 
 
 def _offsets(path: Path, names: Sequence[str]) -> dict[str, Field]:
@@ -154,13 +159,14 @@ def to_toml(rig: sk.CameraRig, note: str | None = None, *, adjusted: bool = Fals
     ``adjusted`` is Anipose's mark of cameras that detections of a recording have adjusted; otherwise unknown.
     """
     digits = len(str(len(rig) - 1))  # equal lengths, because Anipose sorts tables by name
-    tables = [_table(f"cam_{index:0{digits}d}", camera) for index, camera in enumerate(rig)]
+    named = enumerate(zip(rig.names, rig, strict=True))
+    tables = [_table(f"cam_{i:0{digits}d}", camera, clock_of(rig, name)) for i, (name, camera) in named]
     mark = "adjusted = true\n" if adjusted else ""
     metadata = f'[metadata]\n{mark}unit = "{rig.unit}"\n'
     return "\n".join([*([] if note is None else [f"# {' '.join(note.split())}\n"]), *tables, metadata])
 
 
-def _table(key: str, camera: sk.Camera) -> str:
+def _table(key: str, camera: sk.Camera, clock: dict[str, float]) -> str:
     distortion = [] if camera.distortion is None else np.asarray(camera.distortion).tolist()
     entries = {
         "name": json.dumps(camera.name or key, ensure_ascii=False),
@@ -170,6 +176,7 @@ def _table(key: str, camera: sk.Camera) -> str:
         "rotation": vector_from_matrix(np.asarray(camera.R)).tolist(),
         "translation": camera.t.tolist(),
         "fisheye": str(camera.fisheye).lower(),
+        **clock,
     }
     return "".join([f"[{key}]\n", *(f"{name} = {value}\n" for name, value in entries.items())])
 

@@ -75,7 +75,8 @@ def read_detections(
         common time of the result, in which ``strict`` asks for the same numbers from the latest beginning to
         the earliest end. For parts of a frame, joints are moved in a straight line towards their place in the
         next or previous frame; those that it lacks, or that jump, stay. Cameras may be written as loosely as
-        their folders: ``cam2`` for ``cam_02``.
+        their folders: ``cam2`` for ``cam_02``. In place of the `clocks` of a `CameraRig`, which are taken
+        off otherwise.
     order : sequence of str or "sorted", optional
         The folder, file, or place in the file of each camera, in the order of `cameras`, instead of matching
         by name, written as loosely. ``"sorted"``: the first in natural order belongs to the first camera.
@@ -144,7 +145,7 @@ def open_detections(
     """Open the detections of all cameras to read them in stretches; parameters as of `read_detections`."""
     one_of("frames", frames, FRAME_MODES)
     names = _camera_names(cameras, ordered=order is not None)
-    shifts = check_offsets(offsets, names)
+    shifts = check_offsets(offsets, names, cameras.clocks if isinstance(cameras, sk.CameraRig) else {})
     left_out = cameras_called(without, names, "without")
     kept = tuple(name for name in names if name not in left_out)
     root, advice = Path(path), "without= leaves out cameras"

@@ -12,7 +12,7 @@ from typing import Any, Literal
 import numpy as np
 
 from skelsplat._arrays import Index
-from skelsplat._clocks import parted
+from skelsplat._clocks import parted, rounded
 from skelsplat._fields import FRAME_LIMIT
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.io._files import frame_number, natural
@@ -25,9 +25,12 @@ _LAST = re.compile(r"\d+(?=\D*$)")  # the last integer in a name
 _OTHER_MODES = '; frames="intersection" reads those that all have, frames="union" every frame'
 
 
-def check_offsets(offsets: Mapping[str, float] | None, names: Sequence[str]) -> dict[str, float]:
-    """Return the offset of every camera, 0 unless given; cameras may be written loosely."""
-    checked, written = dict[str, float](dict.fromkeys(names, 0)), dict[str, str]()
+def check_offsets(
+    offsets: Mapping[str, float] | None, names: Sequence[str], clocks: Mapping[str, float]
+) -> dict[str, float]:
+    """Return offsets by camera, unless given those that put clocks right; names may be written loosely."""
+    checked = {name: rounded(-clock) for name, clock in clocks.items()}
+    written = dict[str, str]()
     for text, value in (offsets or {}).items():
         name = camera_called(text, names, "offsets")
         if name in written:
@@ -60,7 +63,7 @@ def shared_frames(
     ``strict`` asks for the same numbers in all views, after offsets from the latest beginning to the earliest
     end; of a format that lists only people it reads every frame that is listed anywhere.
     """
-    whole = {name: parted(offsets[name])[0] for name in views}
+    whole = {name: parted(offsets.get(name, 0))[0] for name in views}
     common = {labels[name]: view.frames + whole[name] for name, view in views.items()}
     given = ", ".join(f"{name}: {frames}" for name, frames in offsets.items() if frames)
     after = f" after the offsets ({given})" if given else ""

@@ -83,7 +83,7 @@ class Opened:
     views: Mapping[str, View]  # by camera
     matched: Mapping[str, str]  # by camera, its folder, file or place in the file
     frames: Index
-    offsets: Mapping[str, float]  # by camera, what was added to its frame numbers
+    offsets: Mapping[str, float]  # by camera, what was added to its frame numbers; 0 if not named
     skeleton: sk.Layout
     mapping: Mapping[str, Joint]  # as of `read_detections`
     format: str
@@ -151,7 +151,9 @@ class Opened:
     def _parts(self, size: int) -> Iterator[Array]:
         """Yield the people of so many frames at a time; at the end raise if a view has no pixels."""
         cameras = self.views.items()
-        readers = [_Reader(view, self.skeleton, self.mapping, self.offsets[name]) for name, view in cameras]
+        readers = [
+            _Reader(view, self.skeleton, self.mapping, self.offsets.get(name, 0)) for name, view in cameras
+        ]
         counts = np.zeros((3, len(readers)), dtype=np.int64)
         for first in range(0, len(self.frames), size):
             numbers = self.frames[first : first + size]
