@@ -9,14 +9,14 @@ import counts
 # Lines, of docs words. A later capability that needs more states its price in docs/decisions.md and pays part
 # of it elsewhere.
 CEILINGS = {
-    "package": 33_039,
-    "cli": 3_337,
+    "package": 33_134,
+    "cli": 3_338,
     "core": 18_924,
     "binding": 2_701,
     "Rust tests": 6_167,
-    "Python tests": 26_150,
+    "Python tests": 26_174,
     "benchmarks and tools": 4_269,
-    "docs, words": 41_904,
+    "docs, words": 42_119,
     "README, words": 1_330,
 }
 
