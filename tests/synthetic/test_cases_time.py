@@ -141,6 +141,14 @@ def test_a_limb_whose_length_varies_is_no_bone():
     assert set(found.subject.joints) == {"left_wrist", "right_wrist"}
 
 
+def test_neither_a_period_nor_stillness_is_a_lag():
+    squats = hard.exercise("squats", 2.0, np.random.default_rng([0, 4, 0]))[:45]
+    sitting = hard.still("sitting", np.random.default_rng([0, 3, 0]))[:100]
+    for motion in (squats, sitting):
+        report = sk.adjust_cameras(hard.seen(motion, RIG, 0), RIG, clock=True).report
+        assert {one.status for one in report} == {"sound"}
+
+
 def test_lengths_are_those_of_the_recording_in_a_part_that_shows_none():
     seen = moving(1300).detections
     seen[450:] = np.nan

@@ -5,14 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+import rig_case
 import skelsplat as sk
 from skelsplat import synthetic
-from skelsplat.cameras import altered, matrix_from_vector
 from skelsplat.exceptions import InvalidInputError
 from skelsplat.synthetic import DetectionNoise
 
 RIG = sk.CameraRig(synthetic.human36m_like(), unit="mm")
-TURN = np.radians([0.0, 1.5, 0.0])
+TURN = np.array([0.0, 1.5, 0.0])
+KNOCKED = rig_case.turned(RIG, 2, -TURN)  # its third camera, about its own y axis
 
 
 @pytest.fixture(scope="module")
@@ -23,32 +24,23 @@ def detections() -> np.ndarray:
     return synthetic.simulate_detections(poses, RIG, noise=noise, seed=3)
 
 
-@pytest.fixture(scope="module")
-def knocked() -> sk.CameraRig:
-    """Return the rig with its third camera turned about its own y axis."""
-    cameras = list(RIG)
-    R = matrix_from_vector(-TURN) @ np.asarray(RIG[2].R)
-    cameras[2] = altered(RIG[2], R=R, t=-R @ np.asarray(RIG[2].centre))
-    return sk.CameraRig(cameras)
-
-
-def test_a_turned_camera_is_set_right(detections, knocked) -> None:
-    found = sk.adjust_cameras(detections, knocked)
+def test_a_turned_camera_is_set_right(detections) -> None:
+    found = sk.adjust_cameras(detections, KNOCKED)
     name = RIG.names[2]
     assert [one.name for one in found.of("adjusted")] == [name]
     (turned,) = found.of("adjusted")
-    assert turned.turn == pytest.approx(np.degrees(TURN), abs=0.3)
+    assert turned.turn == pytest.approx(TURN, abs=0.3)
     assert turned.degrees == pytest.approx(1.5, abs=2.0 * turned.turn_sigma)
     assert turned.distance <= 2.0 * turned.shift_sigma
     assert turned.after < 0.3 * turned.before
     assert found.cameras.names == RIG.names
-    assert found.cameras[name] != knocked[name]
-    assert [found.cameras[i] for i in (0, 1, 3)] == [knocked[i] for i in (0, 1, 3)]
+    assert found.cameras[name] != KNOCKED[name]
+    assert [found.cameras[i] for i in (0, 1, 3)] == [KNOCKED[i] for i in (0, 1, 3)]
     assert (found.fitted, found.judged) == (70, 20)
 
 
-def test_cameras_may_be_named(detections, knocked) -> None:
-    by_name, by_number = (sk.adjust_cameras(detections, knocked, free=one) for one in (RIG.names[2], [2]))
+def test_cameras_may_be_named(detections) -> None:
+    by_name, by_number = (sk.adjust_cameras(detections, KNOCKED, free=one) for one in (RIG.names[2], [2]))
     assert by_name.cameras == by_number.cameras
     assert [one.status for one in by_name.report] == ["sound", "sound", "adjusted", "sound"]
     assert repr(by_name) == f"RigAdjustment(cameras={by_name.cameras})"  # not all its numbers

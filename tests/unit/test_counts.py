@@ -11,9 +11,9 @@ import counts
 CEILINGS = {
     "package": 33_134,
     "cli": 3_338,
-    "core": 18_924,
+    "core": 18_921,
     "binding": 2_701,
-    "Rust tests": 6_167,
+    "Rust tests": 6_164,
     "Python tests": 26_174,
     "benchmarks and tools": 4_269,
     "docs, words": 42_119,

@@ -1,6 +1,7 @@
 //! Cameras set right: derivatives, faults of one camera, and what must not change.
 
 use nalgebra::{Rotation3, Vector2, Vector3};
+use skelsplat_core::study::rig::evidence::odds;
 use skelsplat_core::study::rig::placed::{PARAMETERS, Sight, Step};
 use skelsplat_core::study::rig::{Change, Placed};
 use skelsplat_core::{
@@ -12,6 +13,7 @@ use skelsplat_tests::refused;
 use skelsplat_tests::scenes::{Noise, room, standing};
 
 const FRAMES: usize = 60;
+const WITH_CLOCKS: Adjustable = Adjustable { free: None, focal: false, clock: true };
 
 /// A person who walks a loop, turns and swings the arms, at a time in frames.
 fn body(t: f64) -> Vec<Vector3<f64>> {
@@ -48,21 +50,18 @@ fn recording(cameras: &[Camera], late: &[f64], sigma: f64) -> Vec<Detections> {
     seen(cameras, late, body, |_| sigma * noise.normal())
 }
 
-/// The camera turned by so many radians and moved, mm.
-fn moved(camera: &Camera, turn: [f64; 3], shift: [f64; 3]) -> Camera {
-    let rotation = Rotation3::new(Vector3::from(turn)) * camera.rotation();
-    let centre = camera.centre() + Vector3::from(shift);
-    Camera::new(&camera.k(), &rotation, &(-(rotation * centre)), camera.size()).unwrap()
+/// The rig with one camera turned by so many radians and moved, mm.
+fn moved(rig: &[Camera], view: usize, turn: [f64; 3], shift: [f64; 3]) -> Vec<Camera> {
+    let (mut rig, old) = (rig.to_vec(), &rig[view]);
+    let rotation = Rotation3::new(Vector3::from(turn)) * old.rotation();
+    let centre = old.centre() + Vector3::from(shift);
+    rig[view] = Camera::new(&old.k(), &rotation, &(-(rotation * centre)), old.size()).unwrap();
+    rig
 }
 
 fn adjusted(given: &[Camera], frames: &[Detections], what: &Adjustable) -> RigAdjustment {
     let config = RefineConfig::default();
     adjust_cameras(given, Unit::Millimetre, frames, what, &config, &Progress::default()).unwrap()
-}
-
-/// What may be adjusted, clocks too.
-fn with_clocks() -> Adjustable {
-    Adjustable { clock: true, ..Adjustable::default() }
 }
 
 fn status(found: &RigAdjustment) -> Vec<CameraStatus> {
@@ -118,10 +117,8 @@ fn a_step_is_the_change_between_two_cameras() {
 #[test]
 fn a_camera_that_was_knocked_is_found_and_set_right() {
     let truth = room(4);
-    let frames = recording(&truth, &[0.0; 4], 2.0);
-    let mut given = truth.clone();
-    given[2] = moved(&truth[2], [0.03, -0.02, 0.01], [80.0, -40.0, 60.0]);
-    let found = adjusted(&given, &frames, &Adjustable::default());
+    let given = moved(&truth, 2, [0.03, -0.02, 0.01], [80.0, -40.0, 60.0]);
+    let found = adjusted(&given, &recording(&truth, &[0.0; 4], 2.0), &Adjustable::default());
     let (sound, adjusted) = (CameraStatus::Sound, CameraStatus::Adjusted);
     assert_eq!(status(&found), [sound, sound, adjusted, sound]);
     let (turn, shift) = apart(&found.cameras[2], &truth[2]);
@@ -129,9 +126,8 @@ fn a_camera_that_was_knocked_is_found_and_set_right() {
     assert!(turn < 2.0 * bars.turn && turn < 0.004, "{turn} {}", bars.turn);
     assert!(shift < 2.0 * bars.shift && shift < 12.0, "{shift} {}", bars.shift);
     assert!(found.report[2].before > 30.0 && found.report[2].after < 5.0);
-    for i in [0, 1, 3] {
-        assert_eq!(found.cameras[i], given[i], "sound cameras stay to the bit");
-    }
+    let sound = |rig: &[Camera]| [0, 1, 3].map(|i| rig[i].clone());
+    assert_eq!(sound(&found.cameras), sound(&given), "sound cameras stay to the bit");
 }
 
 /// Of four cameras one may be corrected, or no majority would stay. Another that is wrong pulls at
@@ -139,11 +135,9 @@ fn a_camera_that_was_knocked_is_found_and_set_right() {
 #[test]
 fn a_camera_that_is_wrong_besides_leaves_a_doubt() {
     let truth = room(4);
-    let frames = recording(&truth, &[0.0; 4], 2.0);
-    let mut given = truth.clone();
-    given[2] = moved(&truth[2], [0.06, -0.04, 0.02], [0.0; 3]);
-    given[0] = moved(&truth[0], [0.0, 0.02, 0.0], [0.0; 3]);
-    let found = adjusted(&given, &frames, &Adjustable::default());
+    let given = moved(&truth, 2, [0.06, -0.04, 0.02], [0.0; 3]);
+    let given = moved(&given, 0, [0.0, 0.02, 0.0], [0.0; 3]);
+    let found = adjusted(&given, &recording(&truth, &[0.0; 4], 2.0), &Adjustable::default());
     assert_eq!(found.report[2].status, CameraStatus::Adjusted);
     let doubtful: Vec<usize> =
         (0..4).filter(|i| found.report[*i].status == CameraStatus::Doubtful).collect();
@@ -168,8 +162,7 @@ fn a_sound_rig_stays() {
 fn faults_too_small_to_be_told_are_within_the_error_bars() {
     let truth = room(4);
     for late in [0.06, 0.12, 0.18] {
-        let found =
-            adjusted(&truth, &recording(&truth, &[0.0, 0.0, 0.0, late], 6.0), &with_clocks());
+        let found = adjusted(&truth, &recording(&truth, &[0.0, 0.0, 0.0, late], 6.0), &WITH_CLOCKS);
         assert_eq!(status(&found), [CameraStatus::Sound; 4]);
         let bar = found.report[3].bars.clock;
         assert!(late < 2.0 * bar && bar < 0.2, "{late} {bar}");
@@ -182,11 +175,22 @@ fn a_late_camera_is_told_from_one_that_was_moved() {
     let frames = recording(&truth, &[0.0, 3.4, 0.0, 0.0], 2.0);
     let found = adjusted(&truth, &frames, &Adjustable::default());
     assert_eq!((found.report[1].status, &found.cameras), (CameraStatus::Late, &truth));
-    let found = adjusted(&truth, &frames, &with_clocks());
+    let found = adjusted(&truth, &frames, &WITH_CLOCKS);
     assert_eq!((found.report[1].status, &found.cameras), (CameraStatus::Late, &truth));
     let off = (found.report[1].change.clock - 3.4).abs();
     assert!(off < 0.1 && off < 2.0 * found.report[1].bars.clock + 0.05, "{off}");
     assert_eq!(found.report[1].change.turn, Vector3::zeros());
+}
+
+/// They are of normal differences, with a mean and without one.
+#[test]
+fn odds_are_a_ratio_of_likelihoods() {
+    let (before, after) = ([3.0, 1.5, 4.0, 2.0], [2.0, 1.0, 2.5, 2.2]);
+    let squares =
+        |mean: f64| -> f64 { (0..4).map(|k| before[k] - after[k] - mean).map(|d| d * d).sum() };
+    let expected = 2.0 * (squares(0.0) / squares(0.7)).ln();
+    assert!((odds(&before, &after) - expected).abs() < 1e-12);
+    assert!((odds(&after, &before) + expected).abs() < 1e-12);
 }
 
 /// Clocks are known up to one that all share, and by motion, which a turned camera shows as well.
@@ -194,8 +198,7 @@ fn a_late_camera_is_told_from_one_that_was_moved() {
 fn every_clock_may_be_off_and_a_camera_turned_besides() {
     let truth = room(4);
     let late = [3.0, 7.0, -4.0, 9.0];
-    let mut given = truth.clone();
-    given[2] = moved(&truth[2], [0.0, 0.03, 0.0], [0.0; 3]);
+    let given = moved(&truth, 2, [0.0, 0.03, 0.0], [0.0; 3]);
     let found = adjusted(&given, &recording(&truth, &late, 2.0), &Adjustable::default());
     let ahead = |i: usize| found.report[i].change.clock - late[i];
     for (i, one) in found.report.iter().enumerate() {
@@ -220,8 +223,7 @@ fn a_focal_length_is_adjusted_on_request() {
     let mut given = truth.clone();
     given[0] =
         Camera::new(&k, truth[0].rotation(), truth[0].translation(), truth[0].size()).unwrap();
-    let asked = Adjustable { focal: true, ..Adjustable::default() };
-    let found = adjusted(&given, &frames, &asked);
+    let found = adjusted(&given, &frames, &Adjustable { focal: true, ..Adjustable::default() });
     assert_eq!(found.report[0].status, CameraStatus::Adjusted);
     let [focal, ..] = found.cameras[0].focal();
     let bar = found.report[0].bars.zoom;
@@ -230,11 +232,9 @@ fn a_focal_length_is_adjusted_on_request() {
 
 #[test]
 fn two_cameras_do_not_tell_which_is_wrong() {
-    let truth = room(5);
-    let pair = [truth[0].clone(), truth[1].clone()];
-    let frames = recording(&pair, &[0.0; 2], 1.0);
-    let given = [moved(&pair[0], [0.02, 0.0, 0.0], [0.0; 3]), pair[1].clone()];
-    let found = adjusted(&given, &frames, &Adjustable::default());
+    let pair = room(5)[..2].to_vec();
+    let given = moved(&pair, 0, [0.02, 0.0, 0.0], [0.0; 3]);
+    let found = adjusted(&given, &recording(&pair, &[0.0; 2], 1.0), &Adjustable::default());
     assert_eq!(found.cameras, given);
     assert_eq!(status(&found), [CameraStatus::Unseen; 2]);
 }
@@ -243,15 +243,13 @@ fn two_cameras_do_not_tell_which_is_wrong() {
 fn lengths_are_in_the_unit_of_the_cameras_and_threads_do_not_matter() {
     let truth = room(4);
     let frames = recording(&truth, &[0.0; 4], 2.0);
-    let mut given = truth.clone();
-    given[3] = moved(&truth[3], [0.02, 0.03, 0.0], [0.0, 90.0, 0.0]);
+    let given = moved(&truth, 3, [0.02, 0.03, 0.0], [0.0, 90.0, 0.0]);
     let what = Adjustable::default();
     let mm = adjusted(&given, &frames, &what);
     let metres: Vec<Camera> = given.iter().map(|c| c.clone().with_length_scale(1e-3)).collect();
     let run = |n_threads| {
         let config = RefineConfig { n_threads, ..RefineConfig::default() };
-        let progress = Progress::default();
-        adjust_cameras(&metres, Unit::Metre, &frames, &what, &config, &progress).unwrap()
+        adjust_cameras(&metres, Unit::Metre, &frames, &what, &config, &Progress::default()).unwrap()
     };
     let m = run(Some(1));
     // In words, as NaN is not equal to itself.
@@ -282,8 +280,7 @@ fn arguments_are_checked() {
 #[test]
 fn nothing_seen_is_said() {
     let cameras = room(3);
-    let nothing = vec![f64::NAN; 3 * 17 * 2];
-    let frames = vec![Detections::new(3, 17, &nothing, None).unwrap(); 20];
+    let frames = vec![Detections::new(3, 17, &[f64::NAN; 3 * 17 * 2], None).unwrap(); 20];
     let found = adjusted(&cameras, &frames, &Adjustable::default());
     assert_eq!(status(&found), [CameraStatus::Unseen; 3]);
     assert_eq!(found.cameras, cameras);
@@ -305,7 +302,7 @@ fn errors_that_last_are_no_clock_and_hide_none() {
         };
         let late_by = [0.0, 0.0, late, 0.0];
         let frames = seen(&cameras, &late_by, line, |k| offsets[k] + 2.0 * noise.normal());
-        let found = adjusted(&cameras, &frames, &with_clocks());
+        let found = adjusted(&cameras, &frames, &WITH_CLOCKS);
         for (i, one) in found.report.iter().enumerate() {
             let wrong = i == 2 && late > 0.0;
             let expected = if wrong { CameraStatus::Late } else { CameraStatus::Sound };

@@ -43,9 +43,6 @@ const NEARER: f64 = 0.85;
 const POOR: f64 = 0.012;
 /// Clocks explain these frames better from this many standard errors over joints on.
 const BETTER: f64 = 0.5;
-/// A clock off by fewer frames that all frames do not confirm is right; by more, something else is
-/// wrong.
-const PASSABLE: f64 = 0.5;
 /// Solutions with kernels that follow the noise.
 const ROUNDS: usize = 2;
 
@@ -148,11 +145,11 @@ impl Task<'_> {
         let searched = found.rig.freedom.clone();
         let all = self.scope(&self.fitted);
         found.rig = self.whole(&all, found.rig, &mut bars)?;
-        for (i, bars) in bars.iter_mut().enumerate() {
-            let change = Change::between(&self.given[i], &found.rig.cameras[i]);
-            let late = self.what.free.is_none() && found.rig.freedom[i] == Freedom::CLOCK;
-            if late && change.clock.abs() < PASSABLE && !all.keeps(&mut found.rig, i) {
-                *bars = bars.besides(&change);
+        if self.what.free.is_none() {
+            let sure = all.with_sure_clocks(found.rig.clone());
+            let late = std::mem::replace(&mut found.rig, sure);
+            for (i, bars) in bars.iter_mut().enumerate().filter(|(i, _)| late.freedom[*i].clock) {
+                bars.clock = bars.clock.hypot(late.cameras[i].clock - found.rig.cameras[i].clock);
             }
         }
         if self.what.free.is_none() && !self.holds(&found.rig) {

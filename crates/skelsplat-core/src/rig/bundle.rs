@@ -210,6 +210,11 @@ impl Bundle<'_> {
         summed(&self.cells(sigma).equations)
     }
 
+    /// What the detections of every joint cost in each part of the recording.
+    pub fn costs(&self, sigma: f64) -> Vec<f64> {
+        self.cells(sigma).equations.iter().flatten().map(|cell| cell.cost).collect()
+    }
+
     /// All detections, each part of the recording by one task.
     fn cells(&self, sigma: f64) -> Cells {
         let n = self.scene.n_joints();

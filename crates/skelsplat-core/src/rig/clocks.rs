@@ -8,7 +8,7 @@ use nalgebra::Vector3;
 
 use super::bias::LastingErrors;
 use super::bundle::{Bundle, unknowns};
-use super::evidence::wald;
+use super::evidence::{odds, wald};
 use super::placed::{Change, Freedom, Placed};
 use super::search::{CONFIRMED_WALD, Explanation, FAULT_WALD, LEAST, Scope};
 use crate::statistics::median;
@@ -17,18 +17,37 @@ use crate::statistics::median;
 const MOST_OFFSET: isize = 30;
 /// They differ by at most this part of the recording.
 const PART: usize = 3;
+/// Odds of strong evidence (Jeffreys, Theory of Probability, appendix B).
+const STRONG: f64 = 10.0;
 /// The least recording that tells clocks, frames.
 const LEAST_FRAMES: usize = 12;
 
 impl Scope<'_> {
-    /// Whether a clock is still off now that other faults are corrected; if not, it is as given
-    /// again.
-    pub fn keeps(&self, rig: &mut Explanation, view: usize) -> bool {
-        let keeps = self.clock_wald(rig, view) > CONFIRMED_WALD && self.is_within(rig, view);
-        if !keeps {
-            *rig = self.without_clocks(rig, |i| i == view);
+    /// Takes back the clocks that are not off any more now that other faults are corrected, the
+    /// least sure first.
+    pub fn with_sure_clocks(&self, mut rig: Explanation) -> Explanation {
+        loop {
+            let free = (0..rig.cameras.len()).filter(|i| rig.freedom[*i].clock);
+            let odds = free.map(|i| (i, self.clock_odds(&rig, i)));
+            match odds.min_by(|a, b| a.1.total_cmp(&b.1)) {
+                Some((i, odds)) if odds <= 0.0 => rig = self.without_clocks(&rig, |k| k == i),
+                _ => return rig,
+            }
         }
-        keeps
+    }
+
+    /// The logarithm of the odds that a clock is off now that other faults are corrected, of as
+    /// many whole lags as are no longer: where a movement repeats itself, one a period away fits as
+    /// well as the true one.
+    fn clock_odds(&self, rig: &Explanation, view: usize) -> f64 {
+        if self.clock_wald(rig, view) <= CONFIRMED_WALD || !self.is_within(rig, view) {
+            return f64::NEG_INFINITY;
+        }
+        let mut given = rig.cameras.clone();
+        given[view].clock = self.given[view].clock;
+        let [before, after] = self.moving(&given, &rig.cameras, self.sigma(&rig.cameras));
+        let lag = (rig.cameras[view].clock - given[view].clock).abs();
+        odds(&before, &after) - (STRONG * (2.0 * lag.ceil() + 1.0)).ln()
     }
 
     /// The rig with some clocks as given.
@@ -106,8 +125,8 @@ impl Scope<'_> {
         }
     }
 
-    /// What every cluster costs without the errors of detections that last: before and after a
-    /// change, in frames that both have.
+    /// What every joint costs in every part of the recording without the errors of detections that
+    /// last: before and after a change, in frames that both have.
     pub fn moving(&self, before: &[Placed], after: &[Placed], sigma: f64) -> [Vec<f64>; 2] {
         let last = self.scene.n_frames() as f64 - 1.0;
         let inside =
@@ -120,7 +139,7 @@ impl Scope<'_> {
             let still = vec![Freedom::default(); cameras.len()];
             let mut bundle = scope.timing(scope.bundle(cameras.to_vec(), still, points));
             bundle.solve(sigma, sigma);
-            bundle.clusters(sigma).iter().map(|cluster| cluster.cost).collect()
+            bundle.costs(sigma)
         })
     }
 }

@@ -83,6 +83,13 @@ pub fn is_worse(costs: &[f64], others: &[f64]) -> bool {
     excess(costs, others) > AGREED
 }
 
+/// The logarithm of the odds that others explain more, ½ G ln(1 + T²/(G − 1)) of G clusters, where
+/// their costs are lower by T standard errors.
+pub fn odds(costs: &[f64], others: &[f64]) -> f64 {
+    let (t, g) = (excess(costs, others), costs.len() as f64);
+    t.signum() * 0.5 * g * (t * t / (g - 1.0)).ln_1p()
+}
+
 /// By how many standard errors the costs of clusters are higher than others (paired); 0 if all are
 /// the same.
 pub fn excess(costs: &[f64], others: &[f64]) -> f64 {

@@ -33,10 +33,6 @@ pub const CONFIRMED_WALD: f64 = 2.0;
 const GAIN: f64 = 0.2;
 /// What is enough from the Wald statistic [`CLEAR_WALD`] on.
 const CLEAR_GAIN: f64 = 0.02;
-/// The same of a clock, which is one number.
-const GAIN_CLOCK: f64 = 0.02;
-/// The same of a clock from [`CLEAR_WALD`] on.
-const CLEAR_GAIN_CLOCK: f64 = 0.01;
 /// The Wald statistic from which a change is clear.
 const CLEAR_WALD: f64 = 6.0;
 
@@ -137,11 +133,8 @@ impl Scope<'_> {
         let bars = vec![Bars::UNKNOWN; m];
         let mut found = SearchResult { rig: start, rivals: Vec::new(), besides: Vec::new(), bars };
         let mut rounds = self.rounds(&mut found.rig, progress)?;
-        let placed = found.rig.freedom.iter().any(|freedom| freedom.turn || freedom.focal);
-        if placed && found.rig.freedom.iter().any(|freedom| freedom.clock) {
-            (found.rig, rounds) = self.timed_again(found.rig, rounds, progress)?;
-        }
-        rounds.retain(|(_, best)| !best[0].is_clock() || self.keeps(&mut found.rig, best[0].view));
+        found.rig = self.with_sure_clocks(found.rig);
+        rounds.retain(|(_, best)| covers(found.rig.freedom[best[0].view], best[0].fault));
         // What was corrected later is a fault of its own.
         let (corrected, sigma) = (found.rig.freedom.clone(), self.sigma(&found.rig.cameras));
         for (_, best) in &mut rounds {
@@ -170,24 +163,6 @@ impl Scope<'_> {
             let Some(first) = best.first() else { return Ok(rounds) };
             rounds.push((std::mem::replace(rig, first.rig.clone()), best));
         }
-    }
-
-    /// Searches for clocks again now that places are corrected. While a place was wrong, sound
-    /// cameras may have seemed late, and a search that starts there would not undo it. The first
-    /// clocks are kept only if they explain more.
-    fn timed_again(
-        &self,
-        rig: Explanation,
-        rounds: Rounds,
-        progress: &Progress,
-    ) -> Result<(Explanation, Rounds)> {
-        let mut again = self.without_clocks(&rig, |_| true);
-        let mut second = rounds.clone();
-        second.retain(|(_, best)| !best[0].is_clock());
-        second.extend(self.rounds(&mut again, progress)?);
-        let sigma = self.sigma(&rig.cameras);
-        let [before, after] = self.moving(&rig.cameras, &again.cameras, sigma);
-        Ok(if is_worse(&after, &before) { (rig, rounds) } else { (again, second) })
     }
 
     /// The fault that explains most, and those of other cameras that explain as much: of clocks, or
@@ -354,9 +329,7 @@ impl Scope<'_> {
         let explained = self.explain(cameras, freedom, sigma, 2.0);
         let frames = |rig: &Explanation| rig.cameras[view].clock.round();
         // Parts of a frame may not be asked for.
-        let counts =
-            (self.clock || frames(&explained) != frames(rig)) && self.is_within(&explained, view);
-        if fault == Fault::Clock && !counts {
+        if fault == Fault::Clock && !self.clock && frames(&explained) == frames(rig) {
             return None;
         }
         let unknowns = unknowns(&explained.freedom, self.lenses);
@@ -394,22 +367,18 @@ impl Scope<'_> {
         Some(bundle.cameras.swap_remove(view))
     }
 
-    /// Whether a change is more than chance.
+    /// Whether a change is more than chance; of clocks, chance is judged when all are known.
     fn is_fault(&self, rig: &Explanation, supposed: &Supposed, sigma: f64) -> bool {
         if supposed.wald <= FAULT_WALD {
             return false;
         }
-        let judged = &supposed.rig.judged;
-        let (before, after, gain) = match supposed.fault {
-            Fault::Clock => {
-                let costs = self.moving(&rig.cameras, &supposed.rig.cameras, sigma);
-                let [before, after] = costs.map(|all| total(&all));
-                (before, after, [GAIN_CLOCK, CLEAR_GAIN_CLOCK])
-            }
-            _ => (total(&rig.judged.costs), total(&judged.costs), [GAIN, CLEAR_GAIN]),
-        };
+        if supposed.is_clock() {
+            let [before, after] = self.moving(&rig.cameras, &supposed.rig.cameras, sigma);
+            return self.is_within(&supposed.rig, supposed.view) && total(&before) > total(&after);
+        }
+        let [before, after] = [rig, &supposed.rig].map(|rig| total(&rig.judged.costs));
         let gained = self.given.len() as f64 * (before - after) / before;
-        gained >= gain[usize::from(supposed.wald > CLEAR_WALD)]
+        gained >= if supposed.wald > CLEAR_WALD { CLEAR_GAIN } else { GAIN }
     }
 }
 
