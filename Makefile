@@ -23,19 +23,19 @@ COMPILE := $(BIN)/python -m compileall -q -x /tests/ $(TIMED:%=$(VENV)/lib/pytho
 # As many as there are cores; more than a few gain nothing.
 PYTEST = $(BIN)/python -m pytest --numprocesses auto --maxprocesses 8 --dist worksteal $(MARKS)
 
-.PHONY: demo test test-all fuzz fuzz-case docs fmt lint rust-lint sources-lint python-lint rust-check rust-test python-check \
+.PHONY: demo test test-all machine fuzz fuzz-case docs fmt lint rust-lint sources-lint python-lint rust-test python-check \
         python-test bench clean wheel sdist lock test-lowest package reproducible notices deny publish-check
 
 demo: $(STAMPS)/installed
 	$(BIN)/skelsplat demo -o skelsplat-demo
 
-# While the wheel is built, which the rest waits for, libraries are installed and Python's sources checked on what it
-# leaves of two cores; then the Rust checks and pytest run at the same time.
+# In this order on two cores: while the wheel is built, for which the rest waits, sources are checked and libraries installed
+# on what it leaves; then pytest and the Rust tests run at the same time.
 test-all: export MARKS = -m ''
 test-all: export CHECKED = cargo test --locked --quiet
 test-all lint: export CRATES = --workspace
-test test-all: $(STAMPS)/venv
-	$(MAKE) --jobs 2 rust-check python-check
+test test-all:
+	$(MAKE) --jobs 2 rust-lint $(STAMPS)/wheel python-check rust-test
 
 # Random inputs for so many minutes each to Python and Rust; findings are saved and printed with how to repeat them.
 # CONTRIBUTING.md says what it tries.
@@ -48,10 +48,12 @@ fuzz: $(STAMPS)/dev
 fuzz-case: $(STAMPS)/dev
 	$(FUZZ) $(CASE)
 
-# Its own interpreter: nothing is installed outside this folder.
-$(STAMPS)/venv: pyproject.toml requirements-dev.lock
+machine:
 	@$(PYTHON) -c 'import sys; sys.exit("Python >= 3.10 is needed, this is " + sys.version.split()[0] if sys.version_info < (3, 10) else 0)'
 	@command -v cargo >/dev/null || { echo "cargo is needed: install Rust >= 1.89 (https://rustup.rs)" >&2; exit 1; }
+
+# Its own interpreter: nothing is installed outside this folder.
+$(STAMPS)/venv: pyproject.toml requirements-dev.lock | machine
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check 'uv>=0.9,<1'
 	$(call install,$(LOCKED) maturin)
@@ -82,7 +84,7 @@ $(STAMPS)/dev: $(STAMPS)/wheel $(STAMPS)/libraries
 # No path of this machine is in the wheel, so the same commit gives the same bytes in any folder.
 REMAP := --remap-path-prefix=$(CURDIR)=. --remap-path-prefix=$${CARGO_HOME:-$$HOME/.cargo}=cargo
 WITH_FLAGS := RUSTFLAGS="$$RUSTFLAGS $(REMAP)"
-# With these the Rust checks and tests take over what the wheel's build has compiled.
+# With these the Rust tests take over what the wheel's build has compiled.
 AS_WHEEL := --release --locked --quiet --features pyo3/extension-module
 wheel:
 	$(WITH_FLAGS) $(BIN)/maturin build --release --locked --quiet --interpreter $(BIN)/python --out dist
@@ -95,10 +97,11 @@ fmt:
 
 lint: rust-lint python-lint
 
-rust-lint:
-	cargo fmt --all --check
-	$(WITH_FLAGS) cargo clippy $(AS_WHEEL) $(CRATES) --all-targets -- -D warnings
-	$(WITH_FLAGS) RUSTDOCFLAGS="-D warnings" cargo doc $(AS_WHEEL) --no-deps
+# In a folder of cargo's that the wheel's build does not lock.
+rust-lint: | machine
+	nice cargo fmt --all --check
+	nice cargo clippy --locked --quiet $(CRATES) --all-targets -- -D warnings
+	RUSTDOCFLAGS="-D warnings" nice cargo doc --locked --quiet --no-deps
 
 sources-lint: $(STAMPS)/libraries
 	nice $(BIN)/ruff format --check .
@@ -109,14 +112,9 @@ python-lint: sources-lint $(STAMPS)/dev
 	$(BIN)/python -m mypy.stubtest skelsplat._skelsplat
 
 # The core that is tested is the one in the wheel; `make test-all` tries it with checks for overflow as well.
-rust-test:
+rust-test: $(STAMPS)/wheel
 	$(WITH_FLAGS) cargo test $(AS_WHEEL)
 	$(CHECKED)
-
-# One after the other: cargo locks its folder.
-rust-check: $(STAMPS)/wheel
-	$(MAKE) rust-lint
-	$(MAKE) rust-test
 
 python-test: $(STAMPS)/dev
 	$(PYTEST)
