@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 
 # Before numpy is imported, and for the processes that tests start: several workers share the cores.
@@ -10,8 +11,9 @@ os.environ["RAYON_NUM_THREADS"] = "2"
 
 import pickle
 import signal
-from collections.abc import Generator, Iterator
+from collections.abc import Callable, Generator, Iterator
 from functools import wraps
+from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +24,16 @@ from matplotlib.figure import Figure
 import scenes
 import skelsplat as sk
 from reference import total
-from skelsplat.run import Run, figures
+from skelsplat.run import Run, by_everybody, figures
+
+# Looking for garbage among tests and modules, which all stay, takes a sixth of collecting them.
+gc.disable()
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtestloop() -> None:
+    gc.freeze()  # what is there by now is no garbage
+    gc.enable()
 
 
 @pytest.fixture(autouse=True, scope="session")
@@ -34,21 +45,27 @@ def _heeded_signal() -> Iterator[None]:
 
 
 @pytest.fixture(autouse=True, scope="session")
-def _adjusted_once() -> Iterator[None]:
-    """Adjust the cameras of the same detections once: many tests have those of the sample."""
-    known: dict[bytes, sk.RigAdjustment] = {}
-    adjust = sk.adjust_cameras
-
-    @wraps(adjust)
-    def remembered(detections: Any, cameras: Any, **given: Any) -> sk.RigAdjustment:
-        key = pickle.dumps((np.asarray(detections), cameras, given))
-        if key not in known:
-            known[key] = adjust(detections, cameras, **given)
-        return known[key]
-
+def _looked_at_once(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """Check and adjust cameras once for all workers: many tests have those of the sample."""
+    folder = tmp_path_factory.getbasetemp() / (".." if "PYTEST_XDIST_WORKER" in os.environ else ".")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(sk, "adjust_cameras", remembered)
+        patch.setattr(sk, "adjust_cameras", _remembered(sk.adjust_cameras, folder))
+        patch.setattr(by_everybody, "check_rig", _remembered(by_everybody.check_rig, folder))
         yield
+
+
+def _remembered(function: Callable[..., Any], folder: Path) -> Callable[..., Any]:
+    @wraps(function)
+    def once(*given: Any, **named: Any) -> Any:
+        path = folder / sha256(pickle.dumps((function.__name__, given, named))).hexdigest()
+        if not path.exists():
+            found = function(*given, **named)
+            whole = path.with_suffix(f".{os.getpid()}")
+            whole.write_bytes(pickle.dumps(found))
+            whole.replace(path)
+        return pickle.loads(path.read_bytes())
+
+    return once
 
 
 @pytest.hookimpl(wrapper=True)

@@ -59,18 +59,6 @@ def information(w: Array, rays: Rays) -> Array:
     return np.asarray(np.einsum("mn,mnab->nab", w, across))
 
 
-def nearest_points(rays: Rays, w: Array) -> Array:
-    """Point of least Σ w |e|² per joint (N,3), NaN where the rays leave it open."""
-    sums = information(w, rays)
-    across = np.eye(3) - np.einsum("mna,mnb->mnab", rays.direction, rays.direction)
-    pulls = np.einsum("mn,mnab,mb->na", w, across, rays.centre[:, 0])
-    scale = np.trace(sums, axis1=1, axis2=2) / 3
-    fixed = np.linalg.det(sums) > 1e-8 * scale**3
-    out = np.full((len(sums), 3), np.nan)
-    out[fixed] = np.linalg.solve(sums[fixed], pulls[fixed][..., None])[..., 0]
-    return out
-
-
 def pixel_mm(x: Array, rays: Rays) -> float | None:
     """Mean size of a pixel at the joints, over the detections in front of their camera."""
     _, along = offsets(x, rays)

@@ -17,7 +17,6 @@ from skelsplat.synthetic import DetectionNoise
 from two_people import LAYOUT, findings_of, seen
 
 FRAMES = 30
-DIAGONAL = np.array([1000.0])
 
 
 def scattered(people, px, seed=5):

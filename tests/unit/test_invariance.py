@@ -18,11 +18,6 @@ from troubled import Array, Scene, room, troubled
 # when the steps are small) is the same: none of these scenes has one that hangs on the last digits.
 ROUNDING_MM = 1e-6
 
-# The paper's method renders in single precision, 6e-8, and Adam divides a gradient by its own size: the
-# relative rounding of a sum of some 100 pixels, 1e-6, becomes that part of ten steps of 3 mm, and more where
-# the gradient passes through zero. A pixel at the mask's edge that comes or goes adds (1/255)² of a channel,
-# 1e-3 of a step.
-PAPER_MM = 1e-2
 PAPER = sk.RefineConfig.paper(max_steps=10, stop_tolerance=0.0)
 
 METHODS = ["robust", "dlt", "ransac"]

@@ -45,7 +45,6 @@ with locked(Path(sys.argv[1])):
     print("held", flush=True)
     sys.stdin.readline()
 """
-MARKED = ("pose.npz", "cameras.json", "detections.npz", "layout.toml")
 
 
 def started(program, argument):
