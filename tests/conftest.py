@@ -46,10 +46,11 @@ def _heeded_signal() -> Iterator[None]:
 
 @pytest.fixture(autouse=True, scope="session")
 def _looked_at_once(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    """Check and adjust cameras once for all workers: many tests have those of the sample."""
+    """Check, adjust and find cameras once for all workers: many tests have those of the sample."""
     folder = tmp_path_factory.getbasetemp() / (".." if "PYTEST_XDIST_WORKER" in os.environ else ".")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(sk, "adjust_cameras", _remembered(sk.adjust_cameras, folder))
+        for name in ("adjust_cameras", "calibrate_cameras"):
+            patch.setattr(sk, name, _remembered(getattr(sk, name), folder))
         patch.setattr(by_everybody, "check_rig", _remembered(by_everybody.check_rig, folder))
         yield
 
@@ -59,9 +60,8 @@ def _remembered(function: Callable[..., Any], folder: Path) -> Callable[..., Any
     def once(*given: Any, **named: Any) -> Any:
         path = folder / sha256(pickle.dumps((function.__name__, given, named))).hexdigest()
         if not path.exists():
-            found = function(*given, **named)
             whole = path.with_suffix(f".{os.getpid()}")
-            whole.write_bytes(pickle.dumps(found))
+            whole.write_bytes(pickle.dumps(function(*given, **named)))
             whole.replace(path)
         return pickle.loads(path.read_bytes())
 
