@@ -38,7 +38,7 @@ from skelsplat.cameras import altered, matrix_from_vector
 from skelsplat.findings import Finding
 from skelsplat.io import sample as demo
 from skelsplat.rig_check import ReadAs
-from skelsplat.run.cameras import Scene, adjusted
+from skelsplat.run.by_everybody import Scene, adjusted
 from skelsplat.run.cameras import adjust_cameras as adjust_files
 from skelsplat.synthetic.rigs import mixed_heights
 

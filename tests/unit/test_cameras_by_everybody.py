@@ -10,8 +10,8 @@ from rig_case import turned
 from skelsplat import synthetic
 from skelsplat.association import choose_person
 from skelsplat.rig_check import ReadAs, check_rig
-from skelsplat.run.by_everybody import Scene
-from skelsplat.run.cameras import adjusted, findings_of
+from skelsplat.run.adjusted import findings_of
+from skelsplat.run.by_everybody import Scene, adjusted
 from skelsplat.synthetic.rigs import mixed_heights
 from sweeps import swept
 

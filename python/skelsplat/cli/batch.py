@@ -19,9 +19,9 @@ from skelsplat.cli import options
 from skelsplat.cli._app import FAILED
 from skelsplat.cli.command import Answer, Command, answers, takes
 from skelsplat.cli.config import MisfitError, entries_of, options_in, source_of, unknown
-from skelsplat.cli.output import print_message, progress
+from skelsplat.cli.output import print_finding, print_message, print_text, progress
 from skelsplat.cli.rows import rows
-from skelsplat.cli.table import new_table, print_table
+from skelsplat.cli.table import new_table, print_adjusted, print_table
 from skelsplat.exceptions import DatasetError
 from skelsplat.run import Batch, Job, run_batch
 from skelsplat.run.batch import DONE, RECORD, TABLE, UNCHANGED, trials
@@ -177,6 +177,11 @@ def _print(found: Batch, folder: Path, console: Console) -> None:
         )
     print_table(console, table)
     console.print()
+    for session in found.sessions:
+        print_text(console, f"{len(session.recordings)} recordings of {session.calibration}:")
+        print_adjusted(console, session.cameras)
+        for finding in session.findings:
+            print_finding(console, finding, own_line=True)
     count = {status: sum(one.status == status for one in found.recordings) for status in (DONE, UNCHANGED)}
     total = len(found.recordings)
     words = f"{total} recording{'s' * (total != 1)}: {count[DONE]} refined"

@@ -21,7 +21,7 @@ from skelsplat.cli.output import print_finding, print_text, say, tell
 from skelsplat.cli.rows import rows
 from skelsplat.cli.table import new_table, print_table
 from skelsplat.io import write_calibration
-from skelsplat.run.calibrate import Calibrated
+from skelsplat.run.calibrate import Calibrated, Recorded
 from skelsplat.run.calibrate import calibrate_cameras as run_calibration
 
 _EPILOG = "Exit status: 0 written; 1 failed, or the recording does not tell where the cameras are."
@@ -35,7 +35,7 @@ _LEGEND = (
     "one standard deviation, with the rig aligned as a whole"
 )
 _ROWS = (
-    *options.of_job("detections"),
+    *options.RECORDINGS,
     *rows(
         """
         Cameras:
@@ -76,12 +76,15 @@ _ROWS = (
 
 
 @answers(*_ROWS, short=True, epilog=_EPILOG)
-def calibrate(context: typer.Context, detections: Path, *, output: Path, force: bool, **given: Any) -> Answer:
+def calibrate(
+    context: typer.Context, detections: list[Path], *, output: Path, force: bool, **given: Any
+) -> Answer:
     """Find where the cameras are from the detections of a person who walks about.
 
     No board is needed: one person walks two metres, turns around and raises the
     arms, for ten seconds. The written calibration is in mm, with z up and the
     origin on the floor. The last line that is printed refines the recording.
+    Of several recordings of the same person and cameras, the evidence adds up.
 
     [bold]Examples[/bold]
 
@@ -89,51 +92,55 @@ def calibrate(context: typer.Context, detections: Path, *, output: Path, force: 
 
     skelsplat calibrate pose -o Calib.toml --intrinsics lenses.toml --clock
     """
-    source = given.get("intrinsics") or detections
+    source = given.get("intrinsics") or detections[0]
     options.check_output("--output", output, source, "calibration", _SUFFIXES, force=force)
     found = run_calibration(detections, **options.reading(given))
     rig, sure = found.found.cameras, found.found.sure
-    command = None
+    commands = []
     if sure:
-        note = f"skelsplat calibrate: from the detections {detections.name}"
+        note = f"skelsplat calibrate: from the detections {', '.join(path.name for path in detections)}"
         write_calibration(output, rig, note=note, adjusted=True)
-        command = shlex.join(["skelsplat", "refine", str(output), *_again(context, detections, found)])
+        words = [[*_again(context, one, several=len(detections) > 1)] for one in found.recordings]
+        commands = [shlex.join(["skelsplat", "refine", str(output), *again]) for again in words]
     document = {
-        "detections": str(detections),
+        "detections": list(map(str, detections)),
         "output": str(output) if sure else None,
         "unit": rig.unit,
-        "frames": found.frames,
+        "frames": sum(one.frames for one in found.recordings),
         "scale": {"from": found.scale, "relative_sigma": found.found.scale_sigma},
         "up_sigma_degrees": found.found.up_sigma,
         "cameras": found.cameras,
         "clocks": dict(rig.clocks),
         "findings": [finding.to_dict() for finding in found.findings],
-        "refine": command,
+        "refine": commands,
     }
 
     def tell_all(_console: Console) -> None:
         for finding in found.findings:
             tell(finding)
 
-    return Answer(document, partial(_print, found, output, command), tell_all, status=0 if sure else 1)
+    return Answer(document, partial(_print, found, output, commands), tell_all, status=0 if sure else 1)
 
 
-def _again(context: typer.Context, detections: Path, found: Calibrated) -> Iterator[str]:
-    """Yield the words after ``skelsplat refine CALIBRATION`` that refine the recording."""
-    yield from (str(detections), "-o", "out")
+def _again(context: typer.Context, recorded: Recorded, *, several: bool) -> Iterator[str]:
+    """Yield the words after ``skelsplat refine CALIBRATION`` that refine a recording."""
+    name = "-".join(part for part in recorded.path.parts if part.strip("./"))
+    yield from (str(recorded.path), "-o", f"out-{name}" if several else "out")
     of_frames = source_of(context, "frames") != "DEFAULT"
     for row in (one for one in _ROWS if one.name in _FORWARDED):
         value = context.params[row.name]
         if value and source_of(context, row.name) != "DEFAULT":
             for one in value if row.many else [value]:
                 yield from (row.flag, f"{one:.12g}" if isinstance(one, float) else str(one))
-    if found.uneven and not of_frames:
+    if recorded.uneven and not of_frames:
         yield from ("--frames", "union")
-    if found.order is not None:
-        yield from ("--order", ",".join(found.order))
+    if recorded.order is not None:
+        yield from ("--order", ",".join(recorded.order))
+    for camera, frames in recorded.offsets.items():
+        yield from ("--offset", f"{camera}={frames}")
 
 
-def _print(found: Calibrated, output: Path, command: str | None, console: Console) -> None:
+def _print(found: Calibrated, output: Path, commands: list[str], console: Console) -> None:
     heads = ["status", "error\n[px]", "explained", "turn ±\n[°]", "place ±\n[mm]"]
     clocks = any(one["clock_sigma_frames"] for one in found.cameras)
     heads += ["focal length\n[px]"] * found.focal + ["clock\n[frames]"] * clocks
@@ -151,12 +158,14 @@ def _print(found: Calibrated, output: Path, command: str | None, console: Consol
     console.print()
     for finding in found.findings:
         print_finding(console, finding)
-    if command is None:
+    if not commands:
         say(f"{output} was not written.")
         return
     print_text(console, _world(found))
-    say(f"Wrote {len(found.found.cameras)} cameras to {output}, lengths in mm. To refine the recording:")
-    say(f"  {command}")  # on one line, to be pasted
+    what = "recordings" if len(commands) > 1 else "recording"
+    say(f"Wrote {len(found.found.cameras)} cameras to {output}, lengths in mm. To refine the {what}:")
+    for command in commands:
+        say(f"  {command}")  # on one line, to be pasted
 
 
 def _world(found: Calibrated) -> str:

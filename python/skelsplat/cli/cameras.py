@@ -23,7 +23,8 @@ from skelsplat.cli.rows import rows
 from skelsplat.cli.table import new_table, print_adjusted, print_table
 from skelsplat.io import write_calibration
 from skelsplat.rig_check import RigReport
-from skelsplat.run.cameras import CameraCheck, numbers_of
+from skelsplat.run.adjusted import numbers_of
+from skelsplat.run.cameras import AdjustedCameras, CameraCheck
 from skelsplat.run.cameras import adjust_cameras as adjust
 from skelsplat.run.cameras import check_cameras as check
 
@@ -138,7 +139,8 @@ _ADJUST_EPILOG = "Exit status: 0 done, also if no camera was adjusted; 1 failed,
 _SUFFIXES = (".toml", ".json", ".npz")
 
 _ADJUST_OPTIONS = (
-    *options.of_job("calibration", "detections"),
+    *options.of_job("calibration"),
+    *options.RECORDINGS,
     *options.CALIBRATION,
     *options.RECORDING,
     *rows(
@@ -159,30 +161,30 @@ _ADJUST_OPTIONS = (
 
 
 @answers(*_ADJUST_OPTIONS, short=True, epilog=_ADJUST_EPILOG)
-def adjust_cameras(calibration: Path, detections: Path, *, output: Path, force: bool, **given: Any) -> Answer:
-    """Adjust the cameras that were turned or moved since the calibration, from a recording.
+def adjust_cameras(
+    calibration: Path, detections: list[Path], *, output: Path, force: bool, **given: Any
+) -> Answer:
+    """Adjust the cameras that were turned or moved since the calibration, from recordings.
 
     The detections of people walking about, read like those of refine, show
     which cameras are wrong and by how much. The other cameras, more than half,
-    stay exactly as they are. Where the recording does not tell which camera is
+    stay exactly as they are. Where recordings do not tell which camera is
     wrong, none is adjusted; nor is one that was moved while it recorded.
 
     [bold]Examples[/bold]
 
     skelsplat adjust-cameras Calib.toml pose/ -o fixed.toml --unit m --layout body25b
 
-    skelsplat adjust-cameras Calib.qca.txt pose/ -o fixed.toml --move cam_03 --focal
+    skelsplat adjust-cameras Calib.qca.txt day1/*/pose -o fixed.toml --move cam_03 --focal
     """
     options.check_output("--output", output, calibration, "calibration", _SUFFIXES, force=force)
     found = adjust(calibration, detections, **options.reading(given))
-    wrote = f"{output} was not written."
-    corrected = dict.fromkeys([*found.adjusted, *found.synchronised])
-    if corrected:
-        names = ", ".join(corrected)
-        note = f"skelsplat adjust-cameras: {names} of {calibration.name} adjusted by {detections.name}"
+    clocks = found.cameras.clocks
+    if found.adjusted or clocks:
+        names = ", ".join(dict.fromkeys([*found.adjusted, *clocks]))
+        by = ", ".join(path.name for path in detections)
+        note = f"skelsplat adjust-cameras: {names} of {calibration.name} adjusted by {by}"
         write_calibration(output, found.cameras, note=note, adjusted=True)
-        wrote = f"Wrote {len(found.cameras)} cameras to {output}, lengths in {found.cameras.unit}."
-
     cameras = [numbers_of(one, found.cameras.mm_per_unit) for one in found.adjustment.report]
 
     def tell_all(_console: Console) -> None:
@@ -193,17 +195,31 @@ def adjust_cameras(calibration: Path, detections: Path, *, output: Path, force: 
         print_adjusted(console, cameras)
         for finding in found.findings:
             print_finding(console, finding, own_line=True)
-        say(wrote)
-        if found.synchronised:
-            say("Clocks are those of this recording; the commands that read the file apply them.")
+        _print_written(found, output)
 
     document = {
         "calibration": str(calibration),
-        "detections": str(detections),
-        "output": str(output) if corrected else None,
+        "detections": list(map(str, detections)),
+        "output": str(output) if found.adjusted or clocks else None,
         "unit": found.cameras.unit,
         "frames": {"fitted": found.adjustment.fitted, "left_out": found.adjustment.judged},
         "findings": [finding.to_dict() for finding in found.findings],
         "cameras": cameras,
+        "offsets": found.session.offsets,
     }
     return Answer(document, show, tell_all)
+
+
+def _print_written(found: AdjustedCameras, output: Path) -> None:
+    """Say what was written, and what offsets the recordings need."""
+    clocks = found.cameras.clocks
+    if not (found.adjusted or clocks):
+        say(f"{output} was not written.")
+    else:
+        say(f"Wrote {len(found.cameras)} cameras to {output}, lengths in {found.cameras.unit}.")
+    if clocks:
+        say("Clocks are those of this recording; the commands that read the file apply them.")
+    elif found.session.shared is None:
+        for name, offsets in found.session.offsets.items():
+            words = " ".join(f"--offset {camera}={frames}" for camera, frames in offsets.items() if frames)
+            say(f"Clocks of {name}: {words or 'in step'}")

@@ -217,6 +217,14 @@ RECORDING = (
     *of_job("format", "offsets", "order", "without", "mapping", "sequence"),
 )
 """The options of check-cameras and adjust-cameras for reading detections."""
+RECORDINGS = rows(
+    """
+    DETECTIONS...  Folder or file of detections, as for refine; of several recordings with the same cameras,
+        one after the other.
+    """,
+    **{"detections...": {"name": "detections", "kind": Path, "many": True}},
+)
+"""The argument of adjust-cameras and calibrate."""
 OF_LIVE = (
     *of_job("min_confidence", "no_undistort", "no_swaps", "free_bones"),
     _worded(_BY_NAME["sigma_mm"], _METHODS[:1]),

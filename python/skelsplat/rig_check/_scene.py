@@ -19,7 +19,7 @@ POOR = 0.012  # of the diagonal, 20 px of 1200 by 1200: poor detections are off 
 _LOST = 0.2  # a camera in which the chosen person is found in fewer frames is judged by whoever is there
 _THREE = 3  # views: whom only two see may be a chance meeting of rays
 _LEAST_FRAMES = 12  # someone seen in fewer frames tells nothing
-_GAP = 40  # empty frames between people: more than clocks are compared by
+GAP = 40  # empty frames between people: more than clocks are compared by
 
 
 @dataclass(frozen=True)
@@ -204,7 +204,7 @@ def followed(cameras: Sequence[sk.Camera], people: Array, layout: sk.Layout | No
 
 def one_after_another(everyone: Sequence[Array]) -> Array:
     """Return the detections of several people as those of one recording, with empty frames between."""
-    none = np.full((_GAP, *everyone[0].shape[1:]), np.nan)
+    none = np.full((GAP, *everyone[0].shape[1:]), np.nan)
     return np.concatenate([part for one in everyone for part in (none, one)][1:])
 
 
@@ -213,6 +213,6 @@ def scene_of_everybody(
 ) -> Scene:
     """Return the scene of everybody who is `followed`, one after another."""
     everyone = followed(cameras, people, layout)
-    span = int(frames[-1] - frames[0]) + _GAP
+    span = int(frames[-1] - frames[0]) + GAP
     numbers = np.concatenate([frames + k * span for k in range(len(everyone))])
     return scene_of(cameras, np.concatenate(everyone)[..., :2], numbers)

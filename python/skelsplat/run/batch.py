@@ -25,6 +25,7 @@ from skelsplat.io._run_files import REPORT, RUN, check_people, check_run, files_
 from skelsplat.io.calibration import find_format
 from skelsplat.io.calibration._json import to_json
 from skelsplat.io.poses._csv import csv_text
+from skelsplat.run.batch_cameras import CAMERAS, OF_CALIBRATION, AdjustedTogether, adjust_together
 from skelsplat.run.engine import run, run_people
 from skelsplat.run.folder import keep_inputs, output_folder
 from skelsplat.run.job import Job
@@ -38,7 +39,6 @@ COLUMNS = (
     *("errors", "warnings", "findings", "output", "error"),
 )
 _NOT_AS_TEXT = ("output", "calibration", "detections", "init", "config")  # content counts, or nothing
-_OF_CALIBRATION = ("calibration_format", "unit", "camera_type", "subject", "size", "binning")
 _PROGRAM = "from skelsplat.run.batch import _work; _work()"
 
 
@@ -101,9 +101,10 @@ def _summed_up(findings: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class Batch:
-    """What became of all recordings, in the order given."""
+    """What became of all recordings, in the order given, and of cameras that were adjusted for several."""
 
     recordings: tuple[Recording, ...]
+    sessions: tuple[AdjustedTogether, ...] = ()
 
     @property
     def failed(self) -> tuple[Recording, ...]:
@@ -117,7 +118,10 @@ class Batch:
     def to_dict(self) -> dict[str, Any]:
         """Return the batch as JSON values."""
         entries = [one.to_dict() for one in self.recordings]
-        document: dict[str, Any] = plain({"versions": versions(), "recordings": entries})
+        sessions = [one.to_dict() for one in self.sessions]
+        document: dict[str, Any] = plain(
+            {"versions": versions(), "sessions": sessions, "recordings": entries}
+        )
         return document
 
 
@@ -131,10 +135,11 @@ def run_batch(
 ) -> Batch:
     """Refine many recordings, and write ``batch.json`` and ``batch.csv``.
 
-    A recording that an earlier batch has refined is left as it is if its folder is complete and neither its
-    input nor its options have changed. One that fails does not stop the others. The results do not depend on
-    the number of processes. A `SkelSplatError` if there are no jobs, two have the same output, or ``folder``
-    holds input or cannot be written.
+    Recordings of one calibration whose jobs adjust cameras get the same cameras, adjusted by all of them and
+    written to ``folder``. A recording that an earlier batch has refined is left as it is if its folder is
+    complete and neither its input nor its options have changed. One that fails does not stop the others. The
+    results do not depend on the number of processes. A `SkelSplatError` if there are no jobs, two have the
+    same output, or ``folder`` holds input or cannot be written.
 
     Parameters
     ----------
@@ -152,15 +157,17 @@ def run_batch(
     top = Path(folder)
     jobs = {name: replace(job, output=job.output or top / name) for name, job in jobs.items()}
     _check(jobs, processes)
-    keep_inputs(jobs.values(), top, (TABLE, RECORD))
+    keep_inputs(jobs.values(), top, (TABLE, RECORD, CAMERAS))
     with output_folder(top), locked(top, ".skelsplat-batch.lock"):
+        sessions = tuple(adjust_together(jobs, top, key_of, () if overwrite else _sessions(top / RECORD)))
+        jobs |= {name: one.of(name, jobs[name]) for one in sessions for name in one.recordings}
         keys = {name: key_of(job) for name, job in jobs.items()}
         earlier = {} if overwrite else _earlier(top / RECORD, keys)
         found: dict[str, Recording] = {}
 
         def keep() -> None:
             left = [entry for name, entry in earlier.items() if name not in found]  # as their folders are
-            _write(top, Batch(tuple(found[name] for name in jobs if name in found)), left)
+            _write(top, Batch(tuple(found[name] for name in jobs if name in found), sessions), left)
             if progress is not None:
                 progress(len(found), len(jobs))
 
@@ -175,7 +182,7 @@ def run_batch(
         except KeyboardInterrupt as stop:
             done = f"{len(found)} of {len(jobs)} recordings are done"
             raise KeyboardInterrupt(f"{done}: run it again for the others") from stop
-    return Batch(tuple(found[name] for name in jobs))
+    return Batch(tuple(found[name] for name in jobs), sessions)
 
 
 def _check(jobs: Mapping[str, Job], processes: int) -> None:
@@ -220,7 +227,7 @@ def _cameras(job: Job) -> str:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # the run repeats them
         try:
-            given = {name: getattr(job, name) for name in _OF_CALIBRATION}
+            given = {name: getattr(job, name) for name in OF_CALIBRATION}
             return to_json(read_rig(Path(job.calibration), **given))
         except SkelSplatError as error:
             return str(error)
@@ -238,6 +245,15 @@ def _earlier(path: Path, keys: Mapping[str, str]) -> dict[str, dict[str, Any]]:
         return {entry["name"]: entry for entry in entries if entry.get("key") == keys.get(entry["name"], "")}
     except (DatasetError, AttributeError, KeyError, TypeError):
         return {}
+
+
+def _sessions(path: Path) -> tuple[AdjustedTogether, ...]:
+    """Return the sessions of an earlier batch; none if it cannot be read."""
+    try:
+        entries = load_json(path, "a batch")["sessions"] if path.is_file() else []
+        return tuple(map(AdjustedTogether.of_dict, entries))
+    except (SkelSplatError, AttributeError, KeyError, TypeError):
+        return ()
 
 
 def _complete(folder: Path, entry: Mapping[str, Any]) -> bool:

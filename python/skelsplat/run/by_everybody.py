@@ -12,6 +12,7 @@ import skelsplat as sk
 from skelsplat._arrays import Array, Index, medians
 from skelsplat._clocks import shifted
 from skelsplat.cameras import altered, matrix_from_vector
+from skelsplat.findings import Finding
 from skelsplat.rig_check import ReadAs, RigReport, check_rig
 from skelsplat.rig_check._scene import everybody, followed, in_mm, one_after_another, scene_of, several
 from skelsplat.run.solve import spread
@@ -58,6 +59,21 @@ class Scene:
             replace(one, clock=one.clock * step, clock_sigma=one.clock_sigma * step) for one in found.report
         )
         return replace(found, report=tuple(report))
+
+
+def adjusted(
+    scene: Scene, *, free: Sequence[str] | None = None, focal: bool = False, clock: bool = False
+) -> sk.RigAdjustment | Finding:
+    """Adjust cameras; a finding if they disagree for another reason, which has to be corrected first."""
+    for fault in scene.check().before_places:
+        # where the user knows who is wrong, and where a focal length may be
+        if (free and fault.kind == "recording_other") or (focal and "factor" in fault.numbers):
+            continue
+        numbers = {"fault": fault.kind, "why": fault.text}
+        sentence = f"No camera was adjusted, because another fault has to be corrected first. {fault.text}"
+        given = (fault.subject, numbers, fault.remedy)
+        return Finding("cameras_not_adjusted", "warning", *given, sentence=sentence)
+    return scene.adjust(free=free, focal=focal, clock=clock)
 
 
 def _by_everybody(

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ import numpy as np
 
 import skelsplat as sk
 from skelsplat._arrays import Array, Index, take_people
+from skelsplat._clocks import shifted
 from skelsplat._frozen import frozen, frozen_finding
 from skelsplat._words import listed, with_bar
 from skelsplat.exceptions import DatasetError, DegenerateGeometryError, InvalidInputError
@@ -20,7 +22,9 @@ from skelsplat.io.detections import Opened as Detections
 from skelsplat.io.detections import camera_called, camera_labels, cameras_called, open_detections
 from skelsplat.io.video import find_videos, open_source
 from skelsplat.rig_check import ReadAs
-from skelsplat.run.cameras import offset_of, warn_of_place
+from skelsplat.rig_check._scene import one_after_another
+from skelsplat.run.adjusted import offset_of
+from skelsplat.run.cameras import warn_of_place
 from skelsplat.run.job import IncompleteJobError
 from skelsplat.run.person import OFTEN, are_people, pick_places
 from skelsplat.run.read import open_recording, rate_of, read_rig, videos_beside
@@ -35,15 +39,24 @@ Size = tuple[int, int]
 
 
 @dataclass(frozen=True)
-class Calibrated:
-    """Cameras, and what refines the recording with them."""
+class Recorded:
+    """A recording by which cameras were found, and how `refine` reads it with these."""
 
-    found: sk.RigCalibration  # clocks are in frames of the files
+    path: Path
     frames: int
-    focal: bool  # focal lengths were unknown, and were found
-    scale: str  # what gave it: "stature", "distance", or "adults" in general
+    offsets: Mapping[str, float]  # by camera, what puts it in step; none if the cameras have clocks
     order: tuple[str, ...] | None  # the label of each placed camera, where the files have others, or no names
     uneven: bool  # cameras have different frames in the files
+
+
+@dataclass(frozen=True)
+class Calibrated:
+    """Cameras, and what refines the recordings with them."""
+
+    found: sk.RigCalibration  # clocks are in frames of the files
+    focal: bool  # focal lengths were unknown, and were found
+    scale: str  # what gave it: "stature", "distance", or "adults" in general
+    recordings: tuple[Recorded, ...]
     findings: tuple[Finding, ...]
 
     @property
@@ -72,6 +85,7 @@ class Calibrated:
 class _Recording:
     """Detections, the lenses of their cameras as far as they are known, and frames per second."""
 
+    path: Path
     detections: Detections
     lenses: Sequence[sk.Intrinsics | sk.Camera]
     fps: float | None
@@ -82,9 +96,53 @@ class _Recording:
         """Of the cameras."""
         return self.detections.camera_names
 
+    @property
+    def read_as(self) -> ReadAs:
+        """How they are read."""
+        return ReadAs(self.detections.labels, self.detections.offsets, self.detections.uneven)
+
+
+@dataclass(frozen=True)
+class _Seen:
+    """The detections (T, M, N, 3) of the person in a recording, at even times so many frames apart."""
+
+    recording: _Recording
+    people: Array
+    step: int
+
+    @classmethod
+    def of(cls, recording: _Recording, person: str | None) -> _Seen:
+        """Read them, and warn of videos that stopped."""
+        path, names, found = recording.path, recording.names, recording.detections.read()
+        seen = _one_person(path, found.people, names, person)
+        if not np.isfinite(seen[..., 0]).any():
+            raise DatasetError(path, "detections", "a person to find the cameras by", "none")
+        stopped = frozen_finding(names, frozen(seen[:, :, None]), found.frames)
+        if stopped is not None:
+            warn(stopped)
+        steps = found.frames - found.frames[0]
+        step = int(np.gcd.reduce(steps)) or 1
+        places = steps // step
+        return cls(recording, spread(seen, places) if places[-1] < _MOST_EMPTY * len(places) else seen, step)
+
+    def calibrated(self, people: Array, **asked: Any) -> sk.RigCalibration:
+        """Find the cameras by these detections, with lenses, joints and frame rate of the recording."""
+        one = self.recording
+        rate = None if one.fps is None else one.fps / self.step
+        try:
+            return sk.calibrate_cameras(people, one.lenses, layout=one.detections.skeleton, fps=rate, **asked)
+        except DegenerateGeometryError as error:
+            expected, _, got = str(error).partition("expected ")[2].partition(", got ")
+            raise DatasetError(one.path, "detections", expected, got) from error
+
+    def offsets(self, found: sk.RigCalibration) -> dict[str, float]:
+        """Return by placed camera what puts it in step, by what was found in this recording."""
+        placed = (one for one in found.report if one.status == "placed")
+        return {one.name: offset_of(_in_files(one, self.step), self.recording.read_as) for one in placed}
+
 
 def calibrate_cameras(
-    detections: Path,
+    detections: Path | Sequence[Path],
     intrinsics: Path | None = None,
     *,
     read: Mapping[str, Any] | None = None,
@@ -96,8 +154,9 @@ def calibrate_cameras(
     clock: bool = False,
     **given: Any,
 ) -> Calibrated:
-    """Read a recording, and find its cameras, as `skelsplat.calibrate_cameras`.
+    """Read a recording, or several of the same cameras and person, and find the cameras.
 
+    As `skelsplat.calibrate_cameras`; what several recordings say adds up, with clocks of their own.
     ``intrinsics`` is a calibration file whose places are ignored, read with the arguments ``read`` of
     `skelsplat.run.read.read_rig`. Without it, image sizes are those that the detections or the cameras'
     videos state, or the ``size`` of ``read``, and focal lengths are found. ``person`` is a place in each
@@ -110,24 +169,31 @@ def calibrate_cameras(
     with collected_warnings() as warnings:
         read = {name: value for name, value in (read or {}).items() if value is not None}
         _check_lenses(intrinsics, read, videos, same_focal)
-        if intrinsics is None:
-            recording = _named(detections, videos, read.get("size"), **given)
-        else:
-            recording = _with_lenses(detections, intrinsics, read, **given)
-        names, found = recording.names, recording.detections.read()
+        paths = [detections] if isinstance(detections, Path) else list(detections)
+        recordings = [_opened(path, intrinsics, read, videos, given) for path in paths]
+        names = recordings[0].names
+        for other in recordings[1:]:
+            _check_alike(recordings[0], other)
         if distance is not None:
             *ends, metres = distance
             a, b = (camera_called(end, names, "distance") for end in ends)
             distance = (a, b, metres)
-        seen = _one_person(detections, found.people, names, person)
-        stopped = frozen_finding(names, frozen(seen[:, :, None]), found.frames)
-        if stopped is not None:
-            warn(stopped)
-        asked = {"stature": stature, "distance": distance, "same_focal": same_focal, "clock": clock}
-        result = _calibrated(detections, seen, found.frames, recording, found.skeleton, asked)
-    kept = tuple(one for one in warnings if one.kind != "unit_wrong")  # of places, which are ignored
-    scale = "distance" if distance is not None else "adults" if stature is None else "stature"
-    return _answer(result, recording, len(seen), scale, kept)
+        seen = [_Seen.of(recording, person) for recording in recordings]
+        asked = {"stature": stature, "distance": distance, "same_focal": same_focal}
+        result, offsets = _calibrated(seen, clock, asked)
+    if not math.isfinite(result.scale_sigma):
+        layout = recordings[0].detections.skeleton.name
+        expected = f"that of two cameras, because {layout} lacks the proportions of people"
+        raise InvalidInputError(f"distance: expected {expected}, got none")
+    # places of lenses are ignored
+    kept = [one for k, one in enumerate(warnings) if one.kind != "unit_wrong" and one not in warnings[:k]]
+    return Calibrated(
+        result,
+        focal=not isinstance(recordings[0].lenses[0], sk.Camera),
+        scale="distance" if distance is not None else "adults" if stature is None else "stature",
+        recordings=tuple(map(partial(_recorded, result), seen, offsets)),
+        findings=(*kept, *_findings(result)),
+    )
 
 
 def _check_lenses(
@@ -144,27 +210,76 @@ def _check_lenses(
         raise InvalidInputError("videos: expected none with intrinsics, which state the image sizes")
 
 
-def _answer(
-    result: sk.RigCalibration,
-    recording: _Recording,
-    frames: int,
-    scale: str,
-    warnings: Collection[Finding],
-) -> Calibrated:
-    """Return the cameras with how `refine` reads this recording with them."""
-    opened, placed = recording.detections, result.cameras.names
-    read_as = ReadAs(opened.labels, opened.offsets, opened.uneven)
-    clocks = {one.name: -offset_of(one, read_as) for one in result.report if one.name in placed}
-    result = replace(result, cameras=replace(result.cameras, clocks=clocks))
-    other = recording.renamed or len(placed) < len(recording.names)
-    return Calibrated(
-        result,
-        frames,
-        focal=not isinstance(recording.lenses[0], sk.Camera),
-        scale=scale,
+def _opened(
+    path: Path,
+    intrinsics: Path | None,
+    read: dict[str, Any],
+    videos: Path | None,
+    given: Mapping[str, Any],
+) -> _Recording:
+    """Open the detections of a recording, of cameras whose lenses are known or not."""
+    if intrinsics is None:
+        return _named(path, videos, read.get("size"), **given)
+    return _with_lenses(path, intrinsics, read, **given)
+
+
+def _check_alike(first: _Recording, other: _Recording) -> None:
+    """Refuse a recording of other cameras or joints."""
+    joints = [tuple(one.detections.skeleton.joints) for one in (first, other)]
+    for what, known, found in (("cameras", first.names, other.names), ("joints", joints[0], joints[1])):
+        if known != found:
+            expected = f"those of {first.path}, {', '.join(known)}"
+            raise DatasetError(other.path, what, expected, ", ".join(found))
+
+
+def _calibrated(
+    seen: Sequence[_Seen], clock: bool, asked: Mapping[str, Any]
+) -> tuple[sk.RigCalibration, list[dict[str, float]]]:
+    """Return the cameras, and by recording what puts them in step; nothing if the cameras have clocks.
+
+    Of several recordings each has its own clocks, which are found in it alone, before all are taken together.
+    """
+    first = seen[0]
+    if len(seen) == 1:
+        found = first.calibrated(first.people, clock=clock, **asked)
+        report = tuple(_in_files(one, first.step) for one in found.report)
+        clocks = {name: -offset for name, offset in first.offsets(found).items()}
+        return replace(found, cameras=replace(found.cameras, clocks=clocks), report=report), [{}]
+    parts, offsets = [], []
+    for one in seen:
+        alone = one.calibrated(one.people, clock=True, **asked) if clock else None
+        if alone is not None and not alone.sure and alone.doubts[0] in ("movement", "periodic"):
+            expected = "movement that tells clocks, or a calibration by the other recordings"
+            raise DatasetError(one.recording.path, "clocks", expected, f"doubts ({alone.doubts[0]})")
+        parts.append(one.people if alone is None else _in_step(one.people, alone))
+        offsets.append(dict(one.recording.read_as.offsets) if alone is None else one.offsets(alone))
+    return first.calibrated(one_after_another(parts), **asked), offsets
+
+
+def _in_step(people: Array, found: sk.RigCalibration) -> Array:
+    """Return detections (T, M, N, 3) at one time each, without cameras whose clocks were not found."""
+    out = np.full(people.shape, np.nan)
+    for i, one in enumerate(found.report):
+        if one.status == "placed":
+            out[:, i] = shifted(people[:, i], one.clock)
+    return out
+
+
+def _in_files(one: sk.CalibratedCamera, step: int) -> sk.CalibratedCamera:
+    """Return a camera with its clock in frames of files, of which every so many-th is there."""
+    return replace(one, clock=one.clock * step, clock_sigma=one.clock_sigma * step)
+
+
+def _recorded(found: sk.RigCalibration, seen: _Seen, offsets: Mapping[str, float]) -> Recorded:
+    """Return how `refine` reads a recording with the cameras that were found."""
+    one, placed = seen.recording, found.cameras.names
+    opened, other = one.detections, one.renamed or len(placed) < len(one.names)
+    return Recorded(
+        one.path,
+        len(opened.frames),
+        offsets={name: number for name, number in offsets.items() if number and name in placed},
         order=tuple(opened.matched[name] for name in placed) if other else None,
         uneven=opened.uneven,
-        findings=(*warnings, *_findings(result)),
     )
 
 
@@ -186,7 +301,7 @@ def _with_lenses(
         read["unit"] = "mm"  # of places, which are ignored
     opened = open_recording(intrinsics, detections, read=read, without=without, fps=fps, **given)
     renamed = bool(without or given.get("order"))
-    return _Recording(opened.detections, tuple(opened.rig), opened.rate[0], renamed)
+    return _Recording(detections, opened.detections, tuple(opened.rig), opened.rate[0], renamed)
 
 
 def _named(
@@ -212,7 +327,7 @@ def _named(
     lenses = tuple(sk.Intrinsics(size=sizes[name], name=name) for name in kept)
     rate, _ = rate_of(opened, detections, list(kept), fps)
     unnamed = all(label.isdecimal() for label in labels.values())
-    return _Recording(opened, lenses, rate, bool(left_out) or unnamed)
+    return _Recording(detections, opened, lenses, rate, bool(left_out) or unnamed)
 
 
 def _sizes(opened: Detections, detections: Path, videos: Path | None, size: Size | None) -> dict[str, Size]:
@@ -249,33 +364,6 @@ def _one_person(path: Path, people: Array, names: Sequence[str], person: str | N
         expected = f"one person in front of the cameras, or which of several to take, because {path} often "
         raise InvalidInputError(f"person: expected {expected}has several in {listed(crowded)}, got none")
     return take_people(people, np.where(count == 1, there.argmax(axis=2), -1))
-
-
-def _calibrated(
-    path: Path, seen: Array, frames: Index, recording: _Recording, layout: sk.Layout, asked: Mapping[str, Any]
-) -> sk.RigCalibration:
-    """Return the cameras, clocks in frames of the files."""
-    if not np.isfinite(seen[..., 0]).any():
-        raise DatasetError(path, "detections", "a person to find the cameras by", "none")
-    steps = frames - frames[0]
-    step = int(np.gcd.reduce(steps)) or 1
-    places, fps = steps // step, recording.fps
-    if places[-1] < _MOST_EMPTY * len(places):
-        seen = spread(seen, places)
-    try:
-        rate = None if fps is None else fps / step
-        found = sk.calibrate_cameras(seen, recording.lenses, layout=layout, fps=rate, **asked)
-    except DegenerateGeometryError as error:
-        expected, _, got = str(error).partition("expected ")[2].partition(", got ")
-        raise DatasetError(path, "detections", expected, got) from error
-    if not math.isfinite(found.scale_sigma):
-        expected = f"that of two cameras, because {layout.name} lacks the proportions of people"
-        raise InvalidInputError(f"distance: expected {expected}, got none")
-    cameras = replace(found.cameras, clocks={name: clock * step for name, clock in found.clocks.items()})
-    report = tuple(
-        replace(one, clock=one.clock * step, clock_sigma=one.clock_sigma * step) for one in found.report
-    )
-    return replace(found, cameras=cameras, report=report)
 
 
 def _findings(found: sk.RigCalibration) -> Iterator[Finding]:
