@@ -1,4 +1,4 @@
-"""No calibration: what `skelsplat.calibrate_cameras` finds from one person's detections.
+"""No calibration: what `skelsplat.calibrate_cameras` finds from people's detections.
 
     python benchmarks/calibrate.py [--views 4] [--cases known --cases "known, useless"] [--takes 20]
     python benchmarks/calibrate.py --each --seed 40        every take by itself
@@ -9,6 +9,10 @@ each begun where the one before ended (without the data: the package's synthetic
 memory (`recordings.noise`). A case says what is known: `known` or unknown focal lengths, `focal`, or `same`
 of all; `wide` lenses of 60 to 110° instead of the room's 47°; `occluded 2`, `occluded 3`; `clocks`;
 `useless`: one camera sees another take. *moves*: the person covers a metre along an axis.
+
+Several people: a case with `2 people` or `3 people`, `simulate_scene` in a ring of cameras at one height, and
+with `bystander` one whom two cameras see. oracle: the same with the true association, which is not given
+otherwise; as good: every camera within 1.5 times its errors, or within 0.1° and 10 mm of them.
 
 Found and true rigs are aligned by a similarity of turns and places. right: all cameras within 1°, 60 mm and
 half a frame, none left out wrongly; refused: not `sure`; wrong, world: a camera, or scale or up, beyond three
@@ -41,6 +45,7 @@ from scenarios import FloatArray
 import skelsplat as sk
 from skelsplat import synthetic
 from skelsplat._clocks import shifted
+from skelsplat._who import one_after_another
 from skelsplat.cameras import altered, matrix_from_vector
 from skelsplat.exceptions import DegenerateGeometryError
 
@@ -48,6 +53,8 @@ FPS, FRAMES, SPREAD_S, MOVES_MM = 30.0, 300, 5.0, 1000.0
 # Frames in which one take passes into the next, and headings of which the one is taken that stays nearest.
 BLEND, HEADINGS = 15, 24
 WIDE_DEG = (60.0, 110.0)
+# Several people: distance of the cameras from the middle of the room, and what the people do.
+ROOM_MM, MEETINGS = 4500.0, ("cross", "handover", "circle", "behind", "leave")
 REAL_CASES = ("known", "focal", "same", "known, clocks")
 CASES = (
     *("known", "known, occluded 2", "known, occluded 3", "known, clocks", "known, useless"),
@@ -79,6 +86,7 @@ class Recording:
     useless: int | None = None
     layout: sk.Layout | str = "h36m17"
     fps: float = FPS
+    oracle: FloatArray | None = None  # detections of several people one after another
 
     @property
     def moves(self) -> bool:
@@ -106,6 +114,8 @@ def motion(frames: int, seed: int) -> tuple[str, FloatArray]:
 
 def simulated(views: int, seed: int, case: str) -> Recording:
     """Draw a recording."""
+    if "people" in case:
+        return crowded(views, seed, case)
     rng, cameras = np.random.default_rng([seed, views]), list(scenarios.rig(views))
     if "wide" in case:
         focal = [c.size[0] / 2 / np.tan(np.radians(rng.uniform(*WIDE_DEG)) / 2) for c in cameras]
@@ -131,6 +141,32 @@ def simulated(views: int, seed: int, case: str) -> Recording:
         other = motion(frames + 2 * extra, 10_000 + seed)[1]
         detections[:, useless] = seen(recordings.placed(other, sk.CameraRig(cameras), seed), useless)
     return Recording(name, detections, cameras, late, poses[extra : extra + frames], useless)
+
+
+def crowded(views: int, seed: int, case: str) -> Recording:
+    """Draw a scene of several people; clocks are off by whole frames."""
+    rig, late = synthetic.ring(views, radius_mm=ROOM_MM), np.zeros(views)
+    if "clocks" in case:
+        late[1:] = np.random.default_rng(seed).integers(-SPREAD_S * FPS, SPREAD_S * FPS, views - 1)
+    extra, frames = (round(SPREAD_S * FPS), 2 * FRAMES) if late.any() else (0, FRAMES)
+    scene = synthetic.simulate_scene(
+        int(case.partition(" people")[0][-1]),
+        rig,
+        n_frames=frames + 2 * extra,
+        fps=FPS,
+        meetings=MEETINGS,
+        bystander="bystander" in case,
+        seed=seed,
+    )
+
+    def shown(values: FloatArray) -> FloatArray:
+        begin = extra - late.astype(int)
+        return np.stack([values[first:, i][:frames] for i, first in enumerate(begin)], axis=1)
+
+    everyone = [shown(one) for one in scene.detections()]
+    people, truth = shown(scene.people), scene.truth[0, extra:][:frames]
+    oracle = one_after_another(everyone, round(2 * SPREAD_S * FPS))
+    return Recording(str(seed), people, list(rig), late, truth, oracle=oracle)
 
 
 def filmed(path: Path, case: str) -> Recording:
@@ -202,6 +238,13 @@ def limbs(one: Recording, detections: FloatArray, cameras: sk.CameraRig, late: f
     return float(np.nanmean(np.linalg.norm(aligned - truth, axis=-1)[:, LIMBS]))
 
 
+def with_oracle(one: Recording, row: dict[str, Any], found: sk.RigCalibration) -> dict[str, Any]:
+    """Compare what was found of several people with what was found by their true association."""
+    true, heads = judged(one, found), {"°": 0.1, "mm": 10.0}
+    near = [row.get(head, np.inf) <= max(1.5 * true[head], true[head] + more) for head, more in heads.items()]
+    return {"as good": all(near), "oracle right": true["right"], **{f"oracle {h}": true[h] for h in heads}}
+
+
 def measured(one: Recording, case: str) -> dict[str, Any]:
     """Calibrate and judge; of a real take also its poses."""
     lenses = one.true if case.startswith("known") else [sk.Intrinsics(c.size, name=c.name) for c in one.true]
@@ -213,6 +256,9 @@ def measured(one: Recording, case: str) -> dict[str, Any]:
         return {"right": False, "refused": True, "wrong": False, "world": False}
     spent = time.process_time() - begun
     row = judged(one, found) | {"CPU s": spent}
+    if one.oracle is not None:
+        known = sk.calibrate_cameras(one.oracle, lenses, layout=one.layout, fps=one.fps, **what)
+        row |= with_oracle(one, row, known)
     if one.layout is BODY:
         first = next(i for i, camera in enumerate(found.report) if camera.status == "placed")
         views = [shifted(one.detections[:, i], late) for i, late in enumerate(one.late)]

@@ -10,7 +10,7 @@ import sys
 from typing import Any, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from skelsplat.exceptions import InvalidInputError
 
@@ -103,6 +103,18 @@ def corners(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[n
     there = np.isfinite(points)
     low = np.where(there, points, np.inf).min(axis=-2, initial=np.inf)
     return low, np.where(there, points, -np.inf).max(axis=-2, initial=-np.inf)
+
+
+def body_sizes(pose: ArrayLike) -> NDArray[np.float64]:
+    """Return the diagonals (T,) of the boxes around poses (T, K, 3), in their unit; 0 for nobody."""
+    low, high = corners(np.asarray(pose, dtype=np.float64))
+    sizes: Array = np.linalg.norm(np.where(low <= high, high - low, 0.0), axis=-1)
+    return sizes
+
+
+def extents(people: ArrayLike) -> NDArray[np.float64]:
+    """Return the diagonals (…,) px of the boxes around people (…, K, 2|3); 0 for nobody."""
+    return body_sizes(numbers(people, "people")[..., :2])
 
 
 def largest_slots(people: NDArray[np.float64], owner: NDArray[Any], n_people: int) -> NDArray[np.int64]:

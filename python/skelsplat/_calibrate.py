@@ -10,15 +10,15 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from skelsplat import _skelsplat, layouts
+from skelsplat import layouts
 from skelsplat._arrays import Array, numbers
 from skelsplat._clocks import shifted
 from skelsplat._frozen import frozen, without_frozen
+from skelsplat._placing import Task
 from skelsplat._skelsplat import Camera, Layout, RefineConfig, triangulate
-from skelsplat._start import LEAST_JOINTS, first_guess
-from skelsplat._world import ADULT, Floor, find_floor, moved, movement, upright
+from skelsplat._world import ADULT, Floor, find_floor, mean_size, moved, movement, upright
 from skelsplat.cameras import CameraRig, altered, without_distortion
-from skelsplat.exceptions import DegenerateGeometryError, InvalidInputError
+from skelsplat.exceptions import InvalidInputError
 
 # Largest difference of two clocks, seconds.
 _MOST_LAG_S = 10.0
@@ -132,7 +132,7 @@ class RigCalibration:
         return not self.doubts
 
     def synchronised(self, detections: ArrayLike) -> Array:
-        """Return the placed cameras' detections (T, M', N, 2|3) of (T, M, N, 2|3) at one time each."""
+        """Return the placed cameras' detections (T, M', …, N, 2|3) of (T, M, …, N, 2|3) at one time each."""
         seen = numbers(detections, "detections")
         placed = [i for i, one in enumerate(self.report) if one.status == "placed"]
         views = [shifted(seen[:, i], self.report[i].clock) for i in placed]
@@ -151,22 +151,23 @@ def calibrate_cameras(
     clock: bool = False,
     config: RefineConfig | None = None,
 ) -> RigCalibration:
-    """Find where cameras are from the detections of a person who moves about: no board, no wand.
+    """Find where cameras are from the detections of people who move about: no board, no wand.
 
     A pair of views whose relative pose (OpenCV's MAGSAC) keeps bones steady begins a rig, the joints that it
     places give the other cameras, and bundle adjustment with the robust kernel of ``refine`` sets all cameras
-    free. docs/method.md has the mathematics. The person should walk two metres, turn around, and raise the
-    arms, for ten seconds.
+    free. docs/method.md has the mathematics. Somebody should walk two metres, turn around, and raise the
+    arms, for ten seconds. Several people are told apart; bystanders, and people who come and go, do no harm.
 
     Parameters
     ----------
-    detections : (T, M, N, 2|3)
-        The frames in order, NaN where missing.
+    detections : (T, M, N, 2|3) or (T, M, P, N, 2|3)
+        The frames in order, NaN where missing; with up to P people in a view, in any order.
     intrinsics : sequence of Intrinsics or Camera
         One for each view; of a `Camera`, the place is ignored. ``K`` of all, or of none: focal lengths are
         then found as well, which takes three cameras.
     stature : float, optional
-        Of the person, in metres. Without it and ``distance``, that of adults, 1.70 ± 0.09 m.
+        Of the person, or the mean of several, in metres. Without it and ``distance``, that of adults,
+        1.70 ± 0.09 m.
     distance : (camera, camera, float), optional
         Of two cameras by name or number, in metres.
     same_focal : bool
@@ -179,7 +180,7 @@ def calibrate_cameras(
     Raises
     ------
     DegenerateGeometryError
-        No two views share enough joints to be placed.
+        No two views share enough joints to be placed, or people.
     """
     skeleton = layouts.get(layout)
     seen = _recording(detections, len(intrinsics), skeleton)
@@ -188,19 +189,10 @@ def calibrate_cameras(
     _check_sizes(seen, blank)
     size = _Size.given(stature, distance, [str(camera.name) for camera in blank])
     most_lag = _most_lag(clock, fps)
-    known = seen if seen.shape[3] == 2 else np.where(seen[..., 2:] >= options.min_confidence, seen, np.nan)
+    known = seen if seen.shape[4] == 2 else np.where(seen[..., 2:] >= options.min_confidence, seen, np.nan)
     lenses = blank if options.undistort else [without_distortion(camera) for camera in blank]
-    start = first_guess(known, lenses, skeleton, most_lag)
-    if start is None:
-        expected = f"at least {LEAST_JOINTS} joints that two views see in the same frames"
-        raise DegenerateGeometryError(f"detections: expected {expected}, got fewer")
-    unknown = {"focal": focal, "same_focal": focal and same_focal, "clock": clock}
-    clocks = [float(start.clocks[i]) if i in start.clocks else None for i in range(len(blank))]
-    guess = []
-    for i, camera in enumerate(blank):
-        place = start.cameras.get(i, camera)
-        guess.append(altered(camera, R=place.R, t=place.t))
-    cameras, found = _skelsplat.calibrate_cameras(seen, guess, clocks, skeleton, **unknown, config=config)
+    task = Task(blank, lenses, skeleton, focal, focal and same_focal, clock, most_lag, fps, options)
+    everyone, start, cameras, found = task.solved(known)
     if focal:
         _doubt_centres(cameras, found)
     for name, estimated in (("zoom_sigma", focal), ("clock_sigma", clock)):
@@ -209,21 +201,22 @@ def calibrate_cameras(
     count = int(sum(found["used"]))
     if 2 * count <= len(blank) or (focal and count < 3):
         doubts.append("cameras")
-    return _in_world(seen, cameras, found, skeleton, size, doubts)
+    return _in_world(everyone, cameras, found, skeleton, size, doubts)
 
 
 def _recording(detections: ArrayLike, views: int, layout: Layout) -> Array:
-    """Return detections with what repeats an older image missing."""
-    seen = numbers(detections, "detections")
-    joints = layout.n_joints
-    if seen.ndim != 4 or seen.shape[1:3] != (views, joints) or seen.shape[3] not in (2, 3):
-        expected = f"(T, {views}, {joints}, 2 or 3)"
-        raise InvalidInputError(f"detections: expected shape {expected}, got {seen.shape}")
+    """Return detections (T, M, P, N, 2|3) with what repeats an older image missing."""
+    given = numbers(detections, "detections")
+    seen = given[:, :, None] if given.ndim == 4 else given
+    fits = seen.ndim == 5 and (seen.shape[1], seen.shape[3]) == (views, layout.n_joints)
+    if not fits or not seen.shape[2] or seen.shape[4] not in (2, 3):
+        expected = f"(T, {views}, {layout.n_joints}, 2 or 3), or with people (T, {views}, P, …)"
+        raise InvalidInputError(f"detections: expected shape {expected}, got {given.shape}")
     if views < 2:
         raise InvalidInputError(f"intrinsics: expected at least two cameras, got {views}")
     for i, j in combinations(range(views), 2):
-        both = np.isfinite(seen[:, [i, j], :, :2]).all(axis=(1, 3))
-        if both.any() and (seen[:, i, :, :2] == seen[:, j, :, :2]).all(axis=2)[both].mean() > _COPIED:
+        both = np.isfinite(seen[:, [i, j], ..., :2]).all(axis=(1, 4))
+        if both.any() and (seen[:, i, ..., :2] == seen[:, j, ..., :2]).all(axis=3)[both].mean() > _COPIED:
             raise InvalidInputError(
                 f"detections: expected a different camera in each view, got view {i} twice: {j}"
             )
@@ -233,7 +226,7 @@ def _recording(detections: ArrayLike, views: int, layout: Layout) -> Array:
 def _check_sizes(seen: Array, cameras: Sequence[Camera]) -> None:
     """Refuse image sizes that the detections contradict."""
     for i, camera in enumerate(cameras):
-        pixels = seen[:, i, :, :2][np.isfinite(seen[:, i, :, :2]).all(axis=-1)]
+        pixels = seen[:, i, ..., :2][np.isfinite(seen[:, i, ..., :2]).all(axis=-1)]
         outside = ((pixels < 0) | (pixels > np.array(camera.size))).any(axis=-1)
         if len(pixels) and outside.mean() > _OUTSIDE:
             size = "x".join(map(str, camera.size))
@@ -279,7 +272,7 @@ def _doubt_centres(cameras: Sequence[Camera], found: Mapping[str, Array]) -> Non
 
 
 def _in_world(
-    seen: Array,
+    everyone: Sequence[Array],
     cameras: list[Camera],
     found: Mapping[str, Array],
     layout: Layout,
@@ -290,21 +283,30 @@ def _in_world(
     used = [int(i) for i in np.flatnonzero(found["used"])]
     names = [str(camera.name) for camera in cameras]
     there = CameraRig([cameras[i] for i in used])
+    clocks = {i: float(found["clock"][i]) for i in used}
+    frames = sum(map(len, everyone))
+    of_each = [_joints(one, there, clocks, _FLOOR_FRAMES / frames) for one in everyone]
+    points = np.concatenate(of_each)
     stature, error = map(float, found["stature"])
+    stature *= mean_size(points, layout) if len(everyone) > 1 else 1.0
     scale, scale_sigma = size.of(there, stature, error)
-    times = np.linspace(0, len(seen) - 1, min(len(seen), _FLOOR_FRAMES)).astype(int)
-    views = [shifted(seen[:, i], float(found["clock"][i])) for i in used]
-    points = triangulate(np.stack(views, axis=1)[times], there)
     floor = find_floor(points, layout, stature) if math.isfinite(stature) else None
     axes, origin = _world(floor, there[0])
-    clocks = {names[i]: float(found["clock"][i]) for i in used}
-    placed = CameraRig([moved(camera, axes, origin, scale) for camera in there], clocks=clocks)
+    named = {names[i]: clock for i, clock in clocks.items()}
+    placed = CameraRig([moved(camera, axes, origin, scale) for camera in there], clocks=named)
     report = tuple(_report(found, names, i, scale) for i in range(len(cameras)))
     up_sigma = math.nan if floor is None else floor.sigma_deg
-    still = [] if movement(points) >= _LEAST_MOVED else ["movement"]
+    still = [] if max(map(movement, of_each)) >= _LEAST_MOVED else ["movement"]
     wide = [] if _are_small(there, points, scale, report) else ["places"]
     every = (*still, *doubts, *wide)  # of somebody who stands still, clocks say nothing
     return RigCalibration(placed, report, scale_sigma, up_sigma, every)
+
+
+def _joints(one: Array, cameras: CameraRig, clocks: Mapping[int, float], part: float) -> Array:
+    """Return a person's joints in part of the frames of detections (T, M, N, D), (T', N, 3)."""
+    times = np.linspace(0, len(one) - 1, math.ceil(len(one) * min(1.0, part))).astype(int)
+    views = [shifted(one[:, i], clock) for i, clock in clocks.items()]
+    return triangulate(np.stack(views, axis=1)[times], cameras)
 
 
 def _world(floor: Floor | None, first: Camera) -> tuple[Array, Array]:

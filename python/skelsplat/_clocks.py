@@ -40,7 +40,7 @@ def between(people: Sequence[Array], others: Sequence[Array], part: float) -> li
 
 
 def shifted(view: Array, clock: float) -> Array:
-    """Return detections (T, N, 3) of a person with those that a camera's clock ``clock`` frames ahead has.
+    """Return detections (T, …, N, 3) of people with those that a camera's clock ``clock`` frames ahead has.
 
     The camera's frame f + ``clock`` is frame f of the others; NaN beyond the ends of the recording.
     """
@@ -50,7 +50,11 @@ def shifted(view: Array, clock: float) -> Array:
     for t in range(max(0, -whole), min(steps, steps - whole)):
         own, beside = t + whole, t + whole + (1 if rest > 0 else -1)
         known = rest != 0 and 0 <= beside < steps
-        out[t] = between([view[own]], [view[beside]], abs(rest))[0] if known else view[own]
+        if known:
+            mine, others = (list(view[f].reshape(-1, *view.shape[-2:])) for f in (own, beside))
+            out[t] = np.reshape(between(mine, others, abs(rest)), view.shape[1:])
+        else:
+            out[t] = view[own]
     return out
 
 

@@ -24,7 +24,7 @@ _PURPOSE = "calibrate_cameras"
 LEAST_JOINTS = 60
 # The most from which its pose is found, with so many samples at most; and those by which lags compare.
 _FOUND = (3000, 1000)
-_COMPARED = (800, 100)
+COMPARED = (800, 100)
 # Largest distance of a joint from its epipolar line that MAGSAC considers, and from where a pair places it,
 # relative to the image's longer side: depths from two views are uncertain.
 _FROM_LINE = 0.004
@@ -79,7 +79,7 @@ def first_guess(detections: Array, cameras: Sequence[Camera], layout: Layout, mo
     are tried where the motion of the joints looks alike, and the one is taken with which the epipolar
     geometry explains most.
     """
-    recording = _Recording(detections[..., :2], cameras, _rays(detections, cameras), layout)
+    recording = _Recording(detections[..., :2], cameras, rays_of(detections, cameras), layout)
     pairs = list(recording.pairs(most_lag))
     best = sorted(pairs, key=lambda pair: -pair.support / pair.uneven)[:_STARTS]
     grown = [recording.grown(pair, pairs) for pair in best]
@@ -89,7 +89,17 @@ def first_guess(detections: Array, cameras: Sequence[Camera], layout: Layout, mo
     return start
 
 
-def _rays(detections: Array, cameras: Sequence[Camera]) -> Array:
+def from_line(*cameras: Camera) -> float:
+    """Return the largest distance of a joint from its epipolar line between views of these cameras."""
+    return _FROM_LINE * min(map(_reach, cameras))
+
+
+def _reach(camera: Camera) -> float:
+    """Return the longer side of a camera's image at distance 1."""
+    return float(max(camera.size) / np.asarray(camera.K)[0, 0])
+
+
+def rays_of(detections: Array, cameras: Sequence[Camera]) -> Array:
     """Return where the rays of detections meet the plane at distance 1, (T, M, N, 2)."""
     out = np.full((*detections.shape[:3], 2), np.nan)
     for i, camera in enumerate(cameras):
@@ -108,7 +118,7 @@ def _shared(a: Array, b: Array, lag: int) -> tuple[Array, Array]:
     return first[both], second[both]
 
 
-def _relative(
+def relative(
     a: Array, b: Array, lag: int, farthest: float, most: tuple[int, int]
 ) -> tuple[Array, Array, float] | None:
     """Return R, t and the support of a pair; None with too few joints, or without a solution."""
@@ -128,7 +138,7 @@ def _relative(
     return R, t.ravel(), float(count / np.sqrt(len(first)))
 
 
-def _speeds(rays: Array) -> Array:
+def speeds_of(rays: Array) -> Array:
     """Return how fast each joint of a view moves, relative to its mean, (T, N); 0 where unknown."""
     step = np.linalg.norm(rays[2:] - rays[:-2], axis=-1)
     step = np.concatenate([step[:1], step, step[-1:]])
@@ -140,7 +150,7 @@ def _speeds(rays: Array) -> Array:
     return speeds
 
 
-def _lags(a: Array, b: Array, most: int) -> Index:
+def lags_of(a: Array, b: Array, most: int) -> Index:
     """Return the lags at which the motion in two views looks most alike, 0 among them."""
     steps = len(a)
     most = min(most, steps - max(_LEAST_OVERLAP, steps // 2))
@@ -169,23 +179,18 @@ class _Recording:
     def pairs(self, most_lag: int) -> Iterator[Pair]:
         """Yield every pair of views that share enough joints."""
         views = range(len(self.cameras))
-        moves = [_speeds(self.rays[:, i]) for i in views] if most_lag else []
+        moves = [speeds_of(self.rays[:, i]) for i in views] if most_lag else []
         for a, b in combinations(views, 2):
-            farthest = _FROM_LINE * min(self.reach(a), self.reach(b))
+            farthest = from_line(self.cameras[a], self.cameras[b])
             first, second, lag, tied = self.rays[:, a], self.rays[:, b], 0, False
             if most_lag:
-                lag, tied = _best_lag(first, second, _lags(moves[a], moves[b], most_lag), farthest)
-            found = _relative(first, second, lag, farthest, _FOUND)
+                lag, tied = _best_lag(first, second, lags_of(moves[a], moves[b], most_lag), farthest)
+            found = relative(first, second, lag, farthest, _FOUND)
             if found is not None:
                 R, t, support = found
                 start = Start({a: self.cameras[a], b: self.placed(b, R, _BASE * t)}, {a: 0, b: lag})
                 points = self.points(start, self.frames(start))
                 yield Pair((a, b), R, t, lag, tied, support, _unevenness(points, self.layout))
-
-    def reach(self, view: int) -> float:
-        """Return the longer side of a view's image at distance 1."""
-        camera = self.cameras[view]
-        return float(max(camera.size) / np.asarray(camera.K)[0, 0])
 
     def placed(self, view: int, R: Array, t: Array) -> Camera:
         """Return the camera of a view at a place."""
@@ -252,7 +257,7 @@ class _Recording:
             return None
         cv2 = opencv(_PURPOSE)
         options = {
-            "reprojectionError": _FROM_PLACE * self.reach(view),
+            "reprojectionError": _FROM_PLACE * _reach(self.cameras[view]),
             "iterationsCount": 300,
             "flags": cv2.SOLVEPNP_SQPNP,
         }
@@ -271,10 +276,10 @@ class _Recording:
         }
         for a, b in chosen:
             first, second = self.rays[:, a], self.rays[:, b]
-            farthest = _FROM_LINE * min(self.reach(a), self.reach(b))
-            lags = _lags(_speeds(first), _speeds(second), len(first))
+            farthest = from_line(self.cameras[a], self.cameras[b])
+            lags = lags_of(speeds_of(first), speeds_of(second), len(first))
             lag, _ = _best_lag(first, second, lags, farthest)
-            now, then = (_relative(first, second, one, farthest, _COMPARED) for one in (0, lag))
+            now, then = (relative(first, second, one, farthest, COMPARED) for one in (0, lag))
             if now is not None and then is not None and now[2] < _IN_STEP * then[2]:
                 return True
         return False
@@ -302,7 +307,7 @@ def _best_lag(a: Array, b: Array, lags: Index, farthest: float) -> tuple[int, bo
     """Return the lag at which the epipolar geometry explains most, and whether another explains as much."""
 
     def support(lag: int) -> float:
-        found = _relative(a, b, lag, farthest, _COMPARED)
+        found = relative(a, b, lag, farthest, COMPARED)
         return -1.0 if found is None else found[2]
 
     rough = {int(lag): support(int(lag)) for lag in lags}

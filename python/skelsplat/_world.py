@@ -7,7 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from skelsplat._arrays import Array, Mask
+from skelsplat._arrays import Array, Mask, medians
 from skelsplat._skelsplat import Camera, Layout
 from skelsplat.cameras import altered
 
@@ -100,6 +100,13 @@ def movement(points: Array) -> float:
         return float(((points - mean) ** 2)[known[..., 0]].sum(axis=-1).mean())
 
     return float(np.sqrt(spread(0) / spread(1))) if known.any() else 0.0
+
+
+def mean_size(points: Array, layout: Layout) -> float:
+    """Return the mean over frames (T, N, 3) of how large people are, relative to the median of each bone."""
+    ends = np.array(layout.limbs)
+    lengths = np.linalg.norm(points[:, ends[:, 0]] - points[:, ends[:, 1]], axis=2)
+    return float(np.nanmean(medians(lengths / medians(lengths.T))))
 
 
 def _mean(points: Array) -> Array:

@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 import skelsplat as sk
 from skelsplat import _skelsplat
-from skelsplat._arrays import Array, Index, Mask, corners, medians, numbers, take_people
+from skelsplat._arrays import Array, Index, Mask, extents, medians, numbers, take_people
 from skelsplat._people import most_people, people_uncompared
 from skelsplat.exceptions import InvalidInputError
 from skelsplat.findings import warn
@@ -136,18 +136,6 @@ def _one(
         if (left >= 0).any():
             rest.append((first, left))
     return rest, index
-
-
-def body_sizes(pose: npt.ArrayLike) -> Array:
-    """Return the diagonals (T,) of the boxes around poses (T, K, 3), in their unit; 0 for nobody."""
-    low, high = corners(np.asarray(pose, dtype=np.float64))
-    sizes: Array = np.linalg.norm(np.where(low <= high, high - low, 0.0), axis=-1)
-    return sizes
-
-
-def extents(people: npt.ArrayLike) -> Array:
-    """Return the diagonals (…,) px of the boxes around people (…, K, 2|3); 0 for nobody."""
-    return body_sizes(numbers(people, "people")[..., :2])
 
 
 def checked_people(

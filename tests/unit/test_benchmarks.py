@@ -109,6 +109,13 @@ def test_calibrations_of_each_case_have_recordings_of_their_own() -> None:
     assert useless["mm"] != known["mm"]
 
 
+def test_calibrations_by_several_people_are_compared_with_the_true_association() -> None:
+    (found,) = run("calibrate", "--views", 3, "--takes", 1, "--cases", "known, 2 people")
+    row = found["known, 2 people: moves"]
+    assert [row[head] for head in ("right", "as good", "oracle right")] == ["100", "100", "100"]
+    assert row["mm"] != row["oracle mm"]
+
+
 def test_the_comparison_runs() -> None:
     (found,) = run("compare", "--poses", 2, "--repeat", 1)
     for name in ("DLT, NumPy", "RANSAC of Iskakov et al.", "Cauchy loss, NumPy", "SkelSplat, default"):

@@ -21,6 +21,8 @@ LAYERS = (
     {"association", "temporal"},
     {"_people"},
     {"_sequence", "_angles", "_rig", "_calibrate"},
+    {"_placing"},
+    {"_who"},
     {"_refine", "metrics", "_start", "_world"},
     {"cameras", "layouts", "_frozen"},
     {"findings"},

@@ -52,14 +52,15 @@ _ROWS = (
     *rows(
         """
         Scale:
-        * --stature METRES  Height of the person. Without it and --distance, that of adults: 1.70 ± 0.09 m.
+        * --stature METRES  Height of the person, or the mean of several. Without it and --distance, that of
+            adults: 1.70 ± 0.09 m.
         * --distance CAM1 CAM2 METRES  Distance of two cameras.
         Clocks:
         * --clock  Also find clocks, up to 10 s and to parts of a frame: cameras without a common trigger.
         --fps HZ  Frame rate, which --clock needs. [as files or videos state it]
         Input:
-        * --person WHO  Which of several people. N: entry N of each file, from 0; largest: the largest in each
-            image. [one person is in front of the cameras]
+        * --person WHO  Use one of several people. N: entry N of each file, from 0; largest: the largest in
+            each image. [all people]
         """,
         stature=float,
         distance={"kind": tuple[str, str, float]},
@@ -79,9 +80,9 @@ _ROWS = (
 def calibrate(
     context: typer.Context, detections: list[Path], *, output: Path, force: bool, **given: Any
 ) -> Answer:
-    """Find where the cameras are from the detections of a person who walks about.
+    """Find where the cameras are from the detections of people who walk about.
 
-    No board is needed: one person walks two metres, turns around and raises the
+    No board is needed: somebody walks two metres, turns around and raises the
     arms, for ten seconds. The written calibration is in mm, with z up and the
     origin on the floor. The last line that is printed refines the recording.
     Of several recordings of the same person and cameras, the evidence adds up.

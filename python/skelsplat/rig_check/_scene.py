@@ -10,6 +10,7 @@ import numpy as np
 
 import skelsplat as sk
 from skelsplat._arrays import Array, Index, median, medians
+from skelsplat._who import GAP
 from skelsplat.association import choose_person, extents, separate_people, take_people
 from skelsplat.cameras import altered
 
@@ -19,7 +20,6 @@ POOR = 0.012  # of the diagonal, 20 px of 1200 by 1200: poor detections are off 
 _LOST = 0.2  # a camera in which the chosen person is found in fewer frames is judged by whoever is there
 _THREE = 3  # views: whom only two see may be a chance meeting of rays
 _LEAST_FRAMES = 12  # someone seen in fewer frames tells nothing
-GAP = 40  # empty frames between people: more than clocks are compared by
 
 
 @dataclass(frozen=True)
@@ -200,12 +200,6 @@ def followed(cameras: Sequence[sk.Camera], people: Array, layout: sk.Layout | No
         if not lost:
             return found
     return (follow_person(cameras, people, layout),)
-
-
-def one_after_another(everyone: Sequence[Array]) -> Array:
-    """Return the detections of several people as those of one recording, with empty frames between."""
-    none = np.full((GAP, *everyone[0].shape[1:]), np.nan)
-    return np.concatenate([part for one in everyone for part in (none, one)][1:])
 
 
 def scene_of_everybody(

@@ -11,10 +11,11 @@ import numpy as np
 import skelsplat as sk
 from skelsplat._arrays import Array, Index, medians
 from skelsplat._clocks import shifted
+from skelsplat._who import one_after_another
 from skelsplat.cameras import altered, matrix_from_vector
 from skelsplat.findings import Finding
 from skelsplat.rig_check import ReadAs, RigReport, check_rig
-from skelsplat.rig_check._scene import everybody, followed, in_mm, one_after_another, scene_of, several
+from skelsplat.rig_check._scene import everybody, followed, in_mm, scene_of, several
 from skelsplat.run.solve import spread
 
 _MOST_EMPTY = 8  # frames are put at even times unless so many times as many are missing

@@ -15,19 +15,20 @@ import skelsplat as sk
 from skelsplat._arrays import Array, Index, take_people
 from skelsplat._clocks import shifted
 from skelsplat._frozen import frozen, frozen_finding
-from skelsplat._words import listed, with_bar
+from skelsplat._who import one_after_another
+from skelsplat._words import with_bar
 from skelsplat.exceptions import DatasetError, DegenerateGeometryError, InvalidInputError
 from skelsplat.findings import Finding, Remedy, Subject, collected_warnings, warn
 from skelsplat.io.detections import Opened as Detections
 from skelsplat.io.detections import camera_called, camera_labels, cameras_called, open_detections
 from skelsplat.io.video import find_videos, open_source
 from skelsplat.rig_check import ReadAs
-from skelsplat.rig_check._scene import one_after_another
 from skelsplat.run.adjusted import offset_of
 from skelsplat.run.cameras import warn_of_place
 from skelsplat.run.job import IncompleteJobError
-from skelsplat.run.person import OFTEN, are_people, pick_places
+from skelsplat.run.person import are_people, pick_places
 from skelsplat.run.read import open_recording, rate_of, read_rig, videos_beside
+from skelsplat.run.session import padded
 from skelsplat.run.solve import spread
 
 _FILM = (
@@ -104,7 +105,7 @@ class _Recording:
 
 @dataclass(frozen=True)
 class _Seen:
-    """The detections (T, M, N, 3) of the person in a recording, at even times so many frames apart."""
+    """The detections (T, M, P, N, 3) of people in a recording, at even times so many frames apart."""
 
     recording: _Recording
     people: Array
@@ -114,10 +115,10 @@ class _Seen:
     def of(cls, recording: _Recording, person: str | None) -> _Seen:
         """Read them, and warn of videos that stopped."""
         path, names, found = recording.path, recording.names, recording.detections.read()
-        seen = _one_person(path, found.people, names, person)
+        seen = _people(found.people, person)
         if not np.isfinite(seen[..., 0]).any():
             raise DatasetError(path, "detections", "a person to find the cameras by", "none")
-        stopped = frozen_finding(names, frozen(seen[:, :, None]), found.frames)
+        stopped = frozen_finding(names, frozen(seen), found.frames)
         if stopped is not None:
             warn(stopped)
         steps = found.frames - found.frames[0]
@@ -160,7 +161,7 @@ def calibrate_cameras(
     ``intrinsics`` is a calibration file whose places are ignored, read with the arguments ``read`` of
     `skelsplat.run.read.read_rig`. Without it, image sizes are those that the detections or the cameras'
     videos state, or the ``size`` of ``read``, and focal lengths are found. ``person`` is a place in each
-    file, or ``"largest"`` in each image; without it, cameras have to see one person. ``given`` are arguments
+    file, or ``"largest"`` in each image; without it, all people count. ``given`` are arguments
     of `skelsplat.io.read_detections`, and ``fps``. A `DatasetError` or an `InvalidInputError` if files are
     malformed, or do not fit each other or the options.
     """
@@ -253,11 +254,13 @@ def _calibrated(
             raise DatasetError(one.recording.path, "clocks", expected, f"doubts ({alone.doubts[0]})")
         parts.append(one.people if alone is None else _in_step(one.people, alone))
         offsets.append(dict(one.recording.read_as.offsets) if alone is None else one.offsets(alone))
+    most = max(part.shape[2] for part in parts)
+    parts = [padded(part, most) for part in parts]
     return first.calibrated(one_after_another(parts), **asked), offsets
 
 
 def _in_step(people: Array, found: sk.RigCalibration) -> Array:
-    """Return detections (T, M, N, 3) at one time each, without cameras whose clocks were not found."""
+    """Return detections (T, M, P, N, 3) at one time each, without cameras whose clocks were not found."""
     out = np.full(people.shape, np.nan)
     for i, one in enumerate(found.report):
         if one.status == "placed":
@@ -350,20 +353,17 @@ def _sizes(opened: Detections, detections: Path, videos: Path | None, size: Size
     return {**dict.fromkeys(missing, size or (0, 0)), **stated}
 
 
-def _one_person(path: Path, people: Array, names: Sequence[str], person: str | None) -> Array:
-    """Return the detections (T, M, N, 3) of one of the people (T, M, P, N, 3)."""
+def _people(people: Array, person: str | None) -> Array:
+    """Return the detections of people (T, M, P, N, 3) who count: everybody, or one of them."""
+    there = are_people(people)
+    if person is None and (there.sum(axis=2) > 1).any():
+        return np.where(there[..., None, None], people, np.nan)
+    index = np.where(there.any(axis=2), there.argmax(axis=2), -1)
     if person is not None:
         warn_of_place(people, person)
         nobody: Index = np.empty((1, 0, 0), dtype=np.int64)
-        return take_people(people, pick_places(people, person, nobody)[0])
-    there = are_people(people)
-    count = there.sum(axis=2)
-    shares = (count > 1).mean(axis=0)
-    crowded = [name for name, share in zip(names, shares, strict=True) if share > OFTEN]
-    if crowded:
-        expected = f"one person in front of the cameras, or which of several to take, because {path} often "
-        raise InvalidInputError(f"person: expected {expected}has several in {listed(crowded)}, got none")
-    return take_people(people, np.where(count == 1, there.argmax(axis=2), -1))
+        index = pick_places(people, person, nobody)[0]
+    return take_people(people, index)[:, :, None]
 
 
 def _findings(found: sk.RigCalibration) -> Iterator[Finding]:

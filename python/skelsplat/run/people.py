@@ -7,10 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from skelsplat._arrays import Array, Index, medians
+from skelsplat._arrays import Array, Index, body_sizes, medians
 from skelsplat._people import layouts_alike
 from skelsplat._words import length, listed, percent
-from skelsplat.association import body_sizes
 from skelsplat.findings import Finding, Remedy, Subject
 from skelsplat.layouts import mirror_images
 from skelsplat.run.frames import frames_in_words

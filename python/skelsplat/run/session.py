@@ -9,10 +9,10 @@ import numpy as np
 
 import skelsplat as sk
 from skelsplat._arrays import Array
+from skelsplat._who import GAP
 from skelsplat.exceptions import InvalidInputError
 from skelsplat.findings import Finding
 from skelsplat.rig_check import ReadAs
-from skelsplat.rig_check._scene import GAP
 from skelsplat.run.adjusted import findings_of, is_late, late, numbers_of, offsets_of
 from skelsplat.run.by_everybody import Scene, adjusted
 
@@ -121,7 +121,7 @@ class Joined:
         scenes = list(self.scenes.values())
         most = max(one.people.shape[2] for one in scenes)
         numbers = [one.frames - one.frames[0] + start for one, start in zip(scenes, self.starts, strict=True)]
-        people = np.concatenate([_padded(one.people, most) for one in scenes])
+        people = np.concatenate([padded(one.people, most) for one in scenes])
         return replace(scenes[0], people=people, frames=np.concatenate(numbers), read_as=ReadAs())
 
     def place(self, number: int) -> str:
@@ -136,7 +136,7 @@ def _step(scene: Scene) -> int:
     return int(np.gcd.reduce(scene.frames - scene.frames[0])) or 1
 
 
-def _padded(people: Array, most: int) -> Array:
+def padded(people: Array, most: int) -> Array:
     """Return people (T, M, P, N, 3) with places for ``most`` of them."""
     free = [(0, 0)] * people.ndim
     free[2] = (0, most - people.shape[2])

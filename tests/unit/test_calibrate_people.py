@@ -1,0 +1,116 @@
+"""Cameras from several people: who is who is found out; strangers and bystanders do no harm."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+import skelsplat as sk
+from skelsplat import synthetic
+from skelsplat._who import one_after_another, told_by_lines
+from skelsplat._world import mean_size
+from skelsplat.exceptions import DegenerateGeometryError, InvalidInputError
+
+RIG = synthetic.ring(4, radius_mm=4500.0)
+LAYOUT, FRAMES, FPS = "h36m17", 120, 15.0
+ONE_THREAD = sk.RefineConfig(n_threads=1)
+
+
+@cache
+def scene(*, bystander: bool = False, frames: int = FRAMES) -> synthetic.Scene:
+    """Return two people who cross, in random order in every frame."""
+    return synthetic.simulate_scene(
+        2, RIG, n_frames=frames, fps=FPS, meetings=("cross",), bystander=bystander, seed=1
+    )
+
+
+def calibrated(people: np.ndarray, **given: object) -> sk.RigCalibration:
+    return sk.calibrate_cameras(people, list(RIG), layout=LAYOUT, fps=FPS, config=ONE_THREAD, **given)
+
+
+def off(found: sk.RigCalibration) -> float:
+    """Return the largest difference of two cameras' distance from the true one, relative to it."""
+    assert found.cameras.names == RIG.names
+    a, b = (np.stack([np.asarray(camera.centre) for camera in rig]) for rig in (found.cameras, RIG))
+    pairs = np.triu_indices(len(a), 1)
+    ratio = np.linalg.norm(a[:, None] - a, axis=2)[pairs] / np.linalg.norm(b[:, None] - b, axis=2)[pairs]
+    return float(np.ptp(ratio / ratio.mean()))
+
+
+def test_two_people_who_cross_place_cameras_as_well_as_if_it_were_known_who_is_who() -> None:
+    known, found = calibrated(one_after_another(list(scene().detections()))), calibrated(scene().people)
+    assert found.sure
+    assert off(found) <= 1.5 * off(known) + 0.003
+    assert off(known) < 0.02
+
+
+def test_tracks_of_views_are_matched_to_people() -> None:
+    people, owner = scene().people, scene().owner
+    everyone = sorted(told_by_lines(people, list(RIG), 0), key=lambda one: -(one >= 0).sum())
+    seen = []
+    for places in everyone[:2]:
+        own = np.take_along_axis(owner, np.maximum(places, 0)[..., None], axis=2)[..., 0][places >= 0]
+        seen.append(np.bincount(own, minlength=2) / len(own))
+    assert np.max(seen, axis=1).min() > 0.95
+    assert len(set(np.argmax(seen, axis=1))) == 2
+
+
+def test_a_bystander_whom_two_views_see_does_no_harm() -> None:
+    assert off(calibrated(scene(bystander=True).people)) < 0.02
+
+
+def test_strangers_of_one_view_and_empty_places_do_no_harm() -> None:
+    people = np.pad(scene().people, ((0, 0), (0, 0), (0, 2), (0, 0), (0, 0)), constant_values=np.nan)
+    people[:, 2, -1] = scene().detections()[0, ::-1, 0]  # a time-reversed walk that no other view sees
+    assert off(calibrated(people)) < 0.02
+
+
+def test_people_who_come_and_go_are_enough_together() -> None:
+    first, second = scene().detections()
+    half = FRAMES // 2
+    people = np.full((FRAMES, 4, 2, *first.shape[2:]), np.nan)
+    people[:half, :, 0], people[half:, :, 1] = first[:half], second[half:]
+    assert off(calibrated(people)) < 0.03
+
+
+def test_one_place_is_one_person() -> None:
+    one = scene().detections()[0]
+    alone, among = calibrated(one), calibrated(one[:, :, None])
+    for a, b in zip(alone.cameras, among.cameras, strict=True):
+        np.testing.assert_array_equal(a.R, b.R)
+        np.testing.assert_array_equal(a.t, b.t)
+
+
+def test_nobody_in_common_is_an_error_that_says_what_to_do() -> None:
+    first, second = scene().detections()
+    people = np.full((FRAMES, 2, 2, *first.shape[2:]), np.nan)
+    people[: FRAMES // 2, 0, 0] = first[: FRAMES // 2, 0]
+    people[FRAMES // 2 :, 1, 1] = second[FRAMES // 2 :, 1]
+    with pytest.raises(DegenerateGeometryError, match="film one person who walks about, or choose a person"):
+        sk.calibrate_cameras(people, list(RIG)[:2], layout=LAYOUT)
+
+
+def test_clocks_are_found_by_several_people() -> None:
+    late, frames = np.array([0, 11, 4, 19]), FRAMES
+    whole = scene(frames=FRAMES + 20).people
+    people = np.stack([whole[20 - n : 20 - n + frames, i] for i, n in enumerate(late)], axis=1)
+    found = calibrated(people, clock=True)
+    assert off(found) < 0.03
+    assert [round(found.clocks[name]) for name in RIG.names] == late.tolist()
+    together = found.synchronised(people)
+    assert together.shape == people.shape
+    np.testing.assert_array_equal(together[:90, 0], people[:90, 0])
+
+
+def test_the_stature_is_the_mean_of_the_people() -> None:
+    body = synthetic.motion("walk", 30, fps=FPS, seed=0)
+    tall = np.concatenate([body, 1.2 * body, 1.2 * body])
+    of_bones = mean_size(tall, sk.layouts.H36M17)  # relative to the median bone, of a tall one
+    assert of_bones == pytest.approx((1 / 1.2 + 2) / 3, rel=1e-6)
+
+
+def test_a_wrong_number_of_joints_is_named() -> None:
+    with pytest.raises(InvalidInputError, match=r"expected shape \(T, 4, 17, 2 or 3\), or with people"):
+        calibrated(np.zeros((5, 4, 2, 16, 3)))
