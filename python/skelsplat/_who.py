@@ -20,6 +20,7 @@ from skelsplat._arrays import Array, Index, Mask, extents, medians, take_people
 from skelsplat._clocks import shifted
 from skelsplat._skelsplat import Camera, Layout
 from skelsplat._start import COMPARED, LEAST_JOINTS, from_line, lags_of, rays_of, relative, speeds_of
+from skelsplat._world import movement
 
 # Empty frames between people: more than clocks are compared by.
 GAP = 40
@@ -30,6 +31,8 @@ _RIVAL = 2.0
 _NEAR = 0.06
 # Shorter tracks say nothing, frames; and the most that are matched in a view, the longest.
 _LEAST_TRACK = 5
+# Nor does one whose joints move less, relative to the size of the body: a poster, or somebody who stands.
+_STILL = 0.06
 _MOST_TRACKS = 200
 # Frames by which the tracks of two views are compared, pairs of tracks from which a pose is tried, and the
 # best of these, which are refined.
@@ -160,7 +163,7 @@ class _View:
 
 
 def _tracks(rays: Array) -> Index:
-    """Return the number of the track of each figure (T, P), −1 for those that are in no long one."""
+    """Return the number of the track of each figure (T, P), −1 for those in no long one that moves."""
     number: Index = np.full(rays.shape[:2], -1)
     there: Mask = np.any(np.isfinite(rays).all(axis=3), axis=2)
     sizes = np.maximum(extents(rays), np.finfo(float).tiny)
@@ -176,7 +179,7 @@ def _tracks(rays: Array) -> Index:
     length = np.bincount(number[number >= 0], minlength=count)
     longest = np.argsort(-length, kind="stable")[:_MOST_TRACKS]
     place: Index = np.full(count + 1, -1)  # the last is of no figure
-    kept = longest[length[longest] >= _LEAST_TRACK]
+    kept = [k for k in longest if length[k] >= _LEAST_TRACK and movement(rays[number == k]) > _STILL]
     place[kept] = np.arange(len(kept))
     return place[number]
 
