@@ -173,7 +173,8 @@ def calibrate_cameras(
     same_focal : bool
         Whether unknown focal lengths are all the same: cameras of one kind.
     clock : bool
-        Also find clocks, up to 10 s and to parts of a frame; needs ``fps``.
+        Look for clocks that differ by up to 10 s, and to parts of a frame; needs ``fps``. Otherwise clocks
+        are equal, unless they are clearly not, by half a frame up to about ten.
     config
         As in ``refine``. Of the settings, ``min_confidence``, ``undistort`` and ``n_threads`` count.
 
@@ -195,7 +196,8 @@ def calibrate_cameras(
     everyone, start, cameras, found = task.solved(known)
     if focal:
         _doubt_centres(cameras, found)
-    for name, estimated in (("zoom_sigma", focal), ("clock_sigma", clock)):
+    out_of_step = clock or any(found["clock"])
+    for name, estimated in (("zoom_sigma", focal), ("clock_sigma", out_of_step)):
         found[name][:] = found[name] if estimated else np.nan
     doubts = [name for name, holds in (("clocks", start.late), ("periodic", start.tied)) if holds]
     count = int(sum(found["used"]))

@@ -80,6 +80,6 @@ class Task:
         clocks: list[float | None] = [None] * len(placed)
         for i, (camera, clock) in guess.items():
             placed[i], clocks[i] = altered(placed[i], R=camera.R, t=camera.t), clock
-        unknown = {"focal": self.focal, "same_focal": self.same_focal, "clock": self.clock}
+        unknown = {"focal": self.focal, "same_focal": self.same_focal, "clock": self.clock or any(clocks)}
         seen = self.together(everyone)
         return _skelsplat.calibrate_cameras(seen, placed, clocks, self.layout, **unknown, config=self.config)

@@ -45,6 +45,8 @@ _EVEN = 0.02
 _TIED = 0.95
 # Cameras that count as in step are not if no lag explains less than this part of what another does.
 _IN_STEP = 0.8
+# Clocks that differ by fewer frames are found by adjusting cameras.
+_NEAR = 15
 # The least overlap of two recordings, frames; half of them at least.
 _LEAST_OVERLAP = 60
 
@@ -280,7 +282,9 @@ class _Recording:
             lags = lags_of(speeds_of(first), speeds_of(second), len(first))
             lag, _ = _best_lag(first, second, lags, farthest)
             now, then = (relative(first, second, one, farthest, COMPARED) for one in (0, lag))
-            if now is not None and then is not None and now[2] < _IN_STEP * then[2]:
+            if now is None or then is None or abs(lag) <= _NEAR:
+                continue
+            if now[2] < _IN_STEP * then[2]:
                 return True
         return False
 

@@ -141,9 +141,17 @@ def test_a_walk_in_a_circle_does_not_tell_clocks() -> None:
     assert not found.sure or turns.max() < 1.0
 
 
-def test_cameras_out_of_step_are_doubted_if_clocks_are_not_looked_for() -> None:
-    found = sk.calibrate_cameras(seen(late=(0.0, 9.0, -7.0, 0.0)), list(RIG), layout=LAYOUT)
-    assert "clocks" in found.doubts
+@pytest.mark.parametrize("late", [(0.0, 1.0, 0.0, 0.0), (0.0, 9.0, -7.0, 0.0)])
+def test_clocks_that_are_off_by_some_frames_are_found_unasked(late: tuple[float, ...]) -> None:
+    found = sk.calibrate_cameras(seen(late=late), list(RIG), layout=LAYOUT)
+    assert found.sure
+    check_shape(found, 0.5, 50.0)
+    for ahead, one in zip(late, found.report, strict=True):
+        assert one.clock == pytest.approx(ahead, abs=3 * one.clock_sigma)
+
+
+def test_cameras_far_out_of_step_are_doubted_if_clocks_are_not_looked_for() -> None:
+    found = sk.calibrate_cameras(seen(late=(0.0, 40.0, -35.0, 0.0)), list(RIG), layout=LAYOUT)
     assert not found.sure
 
 

@@ -23,7 +23,7 @@ from skelsplat.io.detections import Opened as Detections
 from skelsplat.io.detections import camera_called, camera_labels, cameras_called, open_detections
 from skelsplat.io.video import find_videos, open_source
 from skelsplat.rig_check import ReadAs
-from skelsplat.run.adjusted import offset_of
+from skelsplat.run.adjusted import late, offset_of
 from skelsplat.run.cameras import warn_of_place
 from skelsplat.run.job import IncompleteJobError
 from skelsplat.run.person import are_people, pick_places
@@ -193,7 +193,7 @@ def calibrate_cameras(
         focal=not isinstance(recordings[0].lenses[0], sk.Camera),
         scale="distance" if distance is not None else "adults" if stature is None else "stature",
         recordings=tuple(map(partial(_recorded, result), seen, offsets)),
-        findings=(*kept, *_findings(result)),
+        findings=(*kept, *_findings(result, clock)),
     )
 
 
@@ -366,15 +366,21 @@ def _people(people: Array, person: str | None) -> Array:
     return take_people(people, index)[:, :, None]
 
 
-def _findings(found: sk.RigCalibration) -> Iterator[Finding]:
-    """Yield which cameras were left out, and whether the recording does not tell the places of the others."""
+def _findings(found: sk.RigCalibration, clock: bool) -> Iterator[Finding]:
+    """Yield which cameras were left out or out of step, and whether the recording does not tell places.
+
+    Whether clocks were looked for, which otherwise is a remedy.
+    """
     for one in found.report:
+        if one.clock and not clock:
+            yield late({"camera": one.name, "clock_frames": one.clock, "clock_sigma_frames": one.clock_sigma})
         if one.status == "left_out":
             words = f"{one.name} was left out: it shares too little with the other cameras, or contradicts "
             words += "them. Does it see the same person at the same time, and is its image not mirrored?"
             numbers = {"error_px": one.error, "explained": one.explained}
             known = {name: float(value) if np.isfinite(value) else None for name, value in numbers.items()}
-            yield Finding("camera_left_out", "warning", Subject((one.name,)), known, sentence=words)
+            remedy = () if clock else (Remedy("clock", True),)
+            yield Finding("camera_left_out", "warning", Subject((one.name,)), known, remedy, sentence=words)
     if not found.sure:
         placed = [one for one in found.report if one.status == "placed"]
         turn, place = (max(getattr(one, name) for one in placed) for name in ("turn_sigma", "place_sigma"))
@@ -387,7 +393,7 @@ def _findings(found: sk.RigCalibration) -> Iterator[Finding]:
             "places": f"{bars}. {_FILM}",
         }
         words = f"This recording does not tell where the cameras are: {why[found.doubts[0]]}."
-        remedy = (Remedy("clock", True),) if "clocks" in found.doubts else ()
+        remedy = () if clock or found.doubts[0] == "movement" else (Remedy("clock", True),)
         numbers = {"degrees_sigma": float(turn), "mm_sigma": float(place)}
         subject = Subject(tuple(one.name for one in placed))
         yield Finding("cameras_not_calibrated", "error", subject, numbers, remedy=remedy, sentence=words)

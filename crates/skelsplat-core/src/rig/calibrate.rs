@@ -38,6 +38,10 @@ const EXPLAINED: f64 = 0.5;
 const ALIKE: f64 = 2.0;
 /// Distances explained by noise, in multiples of it.
 const WITHIN: f64 = 4.0;
+/// Cameras count as in step unless a clock is off by so many of its standard errors,
+const SHOWN: f64 = 4.0;
+/// and by so many frames: what interpolation between two frames cannot mend is half of one.
+const LEAST_CLOCK: f64 = 0.5;
 
 /// What is unknown besides the cameras' places.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -46,7 +50,7 @@ pub struct Unknown {
     pub focal: bool,
     /// All cameras have one focal length.
     pub same_focal: bool,
-    /// Clocks.
+    /// Clocks; otherwise they are those of the first guess unless they are clearly not.
     pub clock: bool,
 }
 
@@ -149,6 +153,7 @@ impl Fit {
     }
 }
 
+#[derive(Clone, Copy)]
 struct Task<'a> {
     given: &'a [Camera],
     frames: &'a [Detections],
@@ -161,15 +166,33 @@ impl Task<'_> {
         let mut views: Vec<usize> = (0..start.len()).filter(|i| start[*i].is_some()).collect();
         let mut cameras: Vec<Placed> = start.iter().flatten().cloned().collect();
         cameras = self.adjusted(&views, cameras, FEW, WIDER, progress)?.cameras;
+        let mut task = *self;
+        if !self.unknown.clock {
+            task.unknown.clock = true;
+            let rig = task.adjusted(&views, cameras.clone(), FEW, WIDER, progress)?;
+            task.unknown.clock = self.is_out_of_step(&rig);
+            if task.unknown.clock {
+                cameras = rig.cameras;
+            }
+        }
         while views.len() > 2 {
-            cameras = self.adjusted(&views, cameras, FEW, 1.0, progress)?.cameras;
-            let Some(k) = self.fit(&views, &cameras).worst() else { break };
+            cameras = task.adjusted(&views, cameras, FEW, 1.0, progress)?.cameras;
+            let Some(k) = task.fit(&views, &cameras).worst() else { break };
             cameras.remove(k);
             views.remove(k);
         }
-        let rig = self.adjusted(&views, cameras, MANY, 1.0, progress)?;
-        let (cameras, stature) = self.judged(&views, &rig);
+        let rig = task.adjusted(&views, cameras, MANY, 1.0, progress)?;
+        let (cameras, stature) = task.judged(&views, &rig);
         Ok(RigCalibration { cameras: self.report(&views, cameras), stature })
+    }
+
+    /// Whether clocks that are free show that some camera is not in step.
+    fn is_out_of_step(&self, rig: &Explanation) -> bool {
+        let bars = gauge::removed(rig, self.lenses());
+        let shown = |camera: &Placed, bars: &Bars| {
+            camera.clock.abs() > f64::max(LEAST_CLOCK, SHOWN * bars.clock)
+        };
+        rig.cameras.iter().zip(&bars).any(|(camera, bars)| shown(camera, bars))
     }
 
     /// All cameras, also those that do not belong to the rig.
