@@ -9,14 +9,14 @@ import counts
 # Lines, of docs words. A later capability that needs more states its price in docs/decisions.md and pays part
 # of it elsewhere.
 CEILINGS = {
-    "package": 33_998,
-    "cli": 3_377,
+    "package": 34_003,
+    "cli": 3_382,
     "core": 18_944,
     "binding": 2_701,
     "Rust tests": 6_164,
-    "Python tests": 26_402,
+    "Python tests": 26_409,
     "benchmarks and tools": 4_315,
-    "docs, words": 42_536,
+    "docs, words": 42_560,
     "README, words": 1_330,
 }
 

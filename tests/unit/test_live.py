@@ -99,6 +99,13 @@ def test_reset_forgets_the_pose_before(tmp_path, detections):
     assert forgotten["pose"] == [None] * 17
 
 
+def test_clocks_of_a_calibration_are_for_recordings(tmp_path, rig, detections):
+    write_calibration(tmp_path / "Calib.toml", sk.CameraRig(rig, clocks={rig.names[1]: 3.0}))
+    result = run(tmp_path, line(0, detections[0]), options=())
+    assert "The clocks of Calib.toml are not applied" in " ".join(result.stderr.split())
+    assert np.isfinite(records(result)[0]["pose"]).all()
+
+
 def test_cameras_by_name(tmp_path, rig, detections):
     found = detections[0]
     found[1] = np.nan

@@ -17,7 +17,7 @@ from skelsplat._words import number, percent, with_bar
 from skelsplat.cli import options
 from skelsplat.cli.command import Answer, answers
 from skelsplat.cli.config import source_of
-from skelsplat.cli.output import print_finding, print_text, say, tell
+from skelsplat.cli.output import print_finding, print_text, progress, say, tell
 from skelsplat.cli.rows import rows
 from skelsplat.cli.table import new_table, print_table
 from skelsplat.io import write_calibration
@@ -95,7 +95,8 @@ def calibrate(
     """
     source = given.get("intrinsics") or detections[0]
     options.check_output("--output", output, source, "calibration", _SUFFIXES, force=force)
-    found = run_calibration(detections, **options.reading(given))
+    with progress("steps", first="finding the cameras"):
+        found = run_calibration(detections, **options.reading(given))
     rig, sure = found.found.cameras, found.found.sure
     commands = []
     if sure:

@@ -17,7 +17,7 @@ from skelsplat.cli.command import takes
 from skelsplat.cli.output import quieter, say, tell
 from skelsplat.cli.rows import QUIET, REQUIRED, rows
 from skelsplat.exceptions import DatasetError
-from skelsplat.findings import collected_warnings
+from skelsplat.findings import Finding, Subject, collected_warnings, warn
 from skelsplat.io import read_layout
 from skelsplat.run.live import MalformedLineError, Session
 from skelsplat.run.read import read_rig
@@ -100,6 +100,10 @@ def live(
         rig = read_rig(calibration, **of_calibration)
         if len(rig) < 2:
             raise DatasetError(calibration, "cameras", "at least two cameras", len(rig))
+        if rig.clocks:
+            words = f"The clocks of {calibration.name} are not applied: the detections of a line are taken "
+            words += "to be of one instant."
+            warn(Finding("clocks_not_applied", "warning", Subject(tuple(rig.clocks)), sentence=words))
         session = Session(rig, known, config, fps=fps, lag=lag, people=people)
         if not quiet:
             cameras = f"{len(rig)} cameras ({', '.join(rig.names)})"
