@@ -141,14 +141,14 @@ def run(folder: Path, names: list[str]) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     table = folder / "found.md"
     if not table.exists():
-        table.write_text("| fault | kind | found by |\n|---|---|---|\n", encoding="utf-8")
+        table.write_text("| fault | found by |\n|---|---|\n", encoding="utf-8")
     known = table.read_text(encoding="utf-8")
     copy = Copy(folder.resolve())
     for fault in FAULTS:
         if (names and fault.name not in names) or f"| {fault.name} |" in known:
             continue
-        row = f"| {fault.name} | {fault.kind} | {copy.find(fault)} |"
-        print(row, flush=True)
+        row = f"| {fault.name} | {copy.find(fault)} |"
+        print(f"{fault.kind}: {row}", flush=True)
         with table.open("a", encoding="utf-8") as stream:
             stream.write(f"{row}\n")
 
