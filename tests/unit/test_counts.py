@@ -16,7 +16,7 @@ CEILINGS = {
     "Rust tests": 6_164,
     "Python tests": 26_409,
     "benchmarks and tools": 4_315,
-    "docs, words": 42_651,
+    "docs, words": 41_867,
     "README, words": 1_330,
 }
 
