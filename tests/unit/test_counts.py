@@ -9,7 +9,7 @@ import counts
 # Lines, of docs words. A later capability that needs more states its price in docs/decisions.md and pays part
 # of it elsewhere.
 CEILINGS = {
-    "package": 34_003,
+    "package": 34_006,
     "cli": 3_382,
     "core": 18_944,
     "binding": 2_701,

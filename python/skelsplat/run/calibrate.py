@@ -136,10 +136,13 @@ class _Seen:
             expected, _, got = str(error).partition("expected ")[2].partition(", got ")
             raise DatasetError(one.path, "detections", expected, got) from error
 
-    def offsets(self, found: sk.RigCalibration) -> dict[str, float]:
-        """Return by placed camera what puts it in step, by what was found in this recording."""
-        placed = (one for one in found.report if one.status == "placed")
-        return {one.name: offset_of(_in_files(one, self.step), self.recording.read_as) for one in placed}
+    def in_files(self, found: sk.RigCalibration) -> sk.RigCalibration:
+        """Return cameras with clocks in frames of the files, of which every so many-th is there."""
+        step = self.step
+        report = (
+            replace(one, clock=one.clock * step, clock_sigma=one.clock_sigma * step) for one in found.report
+        )
+        return replace(found, report=tuple(report))
 
 
 def calibrate_cameras(
@@ -236,27 +239,27 @@ def _check_alike(first: _Recording, other: _Recording) -> None:
 def _calibrated(
     seen: Sequence[_Seen], clock: bool, asked: Mapping[str, Any]
 ) -> tuple[sk.RigCalibration, list[dict[str, float]]]:
-    """Return the cameras, and by recording what puts them in step; nothing if the cameras have clocks.
+    """Return the cameras, with clocks that are those of all recordings, or what puts each in step.
 
     Of several recordings each has its own clocks, which are found in it alone, before all are taken together.
     """
-    first = seen[0]
-    if len(seen) == 1:
-        found = first.calibrated(first.people, clock=clock, **asked)
-        report = tuple(_in_files(one, first.step) for one in found.report)
-        clocks = {name: -offset for name, offset in first.offsets(found).items()}
-        return replace(found, cameras=replace(found.cameras, clocks=clocks), report=report), [{}]
-    parts, offsets = [], []
+    several, parts, offsets = len(seen) > 1, [], []
     for one in seen:
-        alone = one.calibrated(one.people, clock=True, **asked) if clock else None
+        alone = one.calibrated(one.people, clock=True, **asked) if clock and several else None
         if alone is not None and not alone.sure and alone.doubts[0] in ("movement", "periodic"):
             expected = "movement that tells clocks, or a calibration by the other recordings"
             raise DatasetError(one.recording.path, "clocks", expected, f"doubts ({alone.doubts[0]})")
         parts.append(one.people if alone is None else _in_step(one.people, alone))
-        offsets.append(dict(one.recording.read_as.offsets) if alone is None else one.offsets(alone))
+        read_as = one.recording.read_as
+        offsets.append(read_as.offsets if alone is None else _offsets(one.in_files(alone), read_as))
     most = max(part.shape[2] for part in parts)
-    parts = [padded(part, most) for part in parts]
-    return first.calibrated(one_after_another(parts), **asked), offsets
+    together = one_after_another([padded(part, most) for part in parts])
+    found = seen[0].in_files(seen[0].calibrated(together, clock=clock and not several, **asked))
+    each = [_offsets(found, ReadAs(offsets=own)) for own in offsets]
+    shared = all(one == each[0] for one in each)
+    clocks = {name: -offset for name, offset in each[0].items()} if shared else {}
+    cameras = replace(found.cameras, clocks=clocks)
+    return replace(found, cameras=cameras), [{}] * len(each) if shared else each
 
 
 def _in_step(people: Array, found: sk.RigCalibration) -> Array:
@@ -268,9 +271,9 @@ def _in_step(people: Array, found: sk.RigCalibration) -> Array:
     return out
 
 
-def _in_files(one: sk.CalibratedCamera, step: int) -> sk.CalibratedCamera:
-    """Return a camera with its clock in frames of files, of which every so many-th is there."""
-    return replace(one, clock=one.clock * step, clock_sigma=one.clock_sigma * step)
+def _offsets(found: sk.RigCalibration, read_as: ReadAs) -> dict[str, float]:
+    """Return by placed camera what puts it in step, with what was added to its frame numbers before."""
+    return {one.name: offset_of(one, read_as) for one in found.report if one.status == "placed"}
 
 
 def _recorded(found: sk.RigCalibration, seen: _Seen, offsets: Mapping[str, float]) -> Recorded:
