@@ -375,7 +375,7 @@ def _findings(found: sk.RigCalibration, clock: bool) -> Iterator[Finding]:
     Whether clocks were looked for, which otherwise is a remedy.
     """
     for one in found.report:
-        if one.clock and not clock:
+        if found.sure and one.clock and not clock:
             yield late({"camera": one.name, "clock_frames": one.clock, "clock_sigma_frames": one.clock_sigma})
         if one.status == "left_out":
             words = f"{one.name} was left out: it shares too little with the other cameras, or contradicts "
