@@ -174,7 +174,7 @@ def calibrate_cameras(
         Whether unknown focal lengths are all the same: cameras of one kind.
     clock : bool
         Look for clocks that differ by up to 10 s, and to parts of a frame; needs ``fps``. Otherwise clocks
-        are equal, unless they are clearly not, by half a frame up to about ten.
+        are equal, unless they are clearly not, by half a frame to some frames.
     config
         As in ``refine``. Of the settings, ``min_confidence``, ``undistort`` and ``n_threads`` count.
 

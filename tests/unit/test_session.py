@@ -64,6 +64,8 @@ def test_recordings_have_the_same_cameras_and_joints(room, tmp_path):
     given = ["-o", tmp_path / "new.toml", *LAYOUT, "--size", "1000x1000"]
     result = invoke("calibrate", room / "first", tmp_path / "three", *given)
     assert_fails(result, 1, "three: cameras: expected those of", "first, cam1, cam2, cam3, cam4")
+    result = invoke("calibrate", room / "first", room / "first", *given)
+    assert_fails(result, 1, "detections: expected every recording once")
 
 
 def test_a_rig_is_found_from_all_with_their_clocks(room):
@@ -72,6 +74,8 @@ def test_a_rig_is_found_from_all_with_their_clocks(room):
     assert [one.frames for one in found.recordings] == [40, 40]
     assert [one.offsets["cam2"] for one in found.recordings] == pytest.approx([-4, 3], abs=0.5)
     assert found.found.clocks == dict.fromkeys(RIG.names, 0.0)
+    unasked = calibrate_cameras(recordings(room), room / "Calib.toml", **given)
+    assert [one.offsets["cam2"] for one in unasked.recordings] == pytest.approx([-4, 3], abs=0.5)
     alone = calibrate_cameras(room / "first", room / "Calib.toml", clock=True, **given)
     bars = [max(one.place_sigma for one in each.found.report) for each in (alone, found)]
     assert bars[1] < bars[0]

@@ -178,7 +178,8 @@ def _print(found: Batch, folder: Path, console: Console) -> None:
     print_table(console, table)
     console.print()
     for session in found.sessions:
-        print_text(console, f"{len(session.recordings)} recordings of {session.calibration}:")
+        names = f"{len(session.offsets)} recordings of {session.calibration}"
+        print_text(console, f"{session.output}: adjusted by {names}:")
         print_adjusted(console, session.cameras)
         for finding in session.findings:
             print_finding(console, finding, own_line=True)

@@ -179,9 +179,8 @@ def adjust_cameras(
     """
     options.check_output("--output", output, calibration, "calibration", _SUFFIXES, force=force)
     found = adjust(calibration, detections, **options.reading(given))
-    clocks = found.cameras.clocks
-    if found.adjusted or clocks:
-        names = ", ".join(dict.fromkeys([*found.adjusted, *clocks]))
+    if found.changed:
+        names = ", ".join(found.changed)
         by = ", ".join(path.name for path in detections)
         note = f"skelsplat adjust-cameras: {names} of {calibration.name} adjusted by {by}"
         write_calibration(output, found.cameras, note=note, adjusted=True)
@@ -200,7 +199,7 @@ def adjust_cameras(
     document = {
         "calibration": str(calibration),
         "detections": list(map(str, detections)),
-        "output": str(output) if found.adjusted or clocks else None,
+        "output": str(output) if found.changed else None,
         "unit": found.cameras.unit,
         "frames": {"fitted": found.adjustment.fitted, "left_out": found.adjustment.judged},
         "findings": [finding.to_dict() for finding in found.findings],
@@ -212,12 +211,11 @@ def adjust_cameras(
 
 def _print_written(found: AdjustedCameras, output: Path) -> None:
     """Say what was written, and what offsets the recordings need."""
-    clocks = found.cameras.clocks
-    if not (found.adjusted or clocks):
+    if not found.changed:
         say(f"{output} was not written.")
     else:
         say(f"Wrote {len(found.cameras)} cameras to {output}, lengths in {found.cameras.unit}.")
-    if clocks:
+    if found.cameras.clocks:
         say("Clocks are those of this recording; the commands that read the file apply them.")
     elif found.session.shared is None:
         for name, offsets in found.session.offsets.items():

@@ -85,15 +85,16 @@ def _adjusted(numbers: dict[str, Any]) -> Finding:
 
 
 def late(numbers: dict[str, Any], remedy: tuple[Remedy, ...] = (), *, recording: str = "") -> Finding:
-    """Return the finding on a camera whose clock is off; without a remedy, it was corrected."""
+    """Return the finding on a camera whose clock is off; without a remedy or recording, it was corrected."""
     name, frames, sigma = numbers["camera"], numbers["clock_frames"], numbers["clock_sigma_frames"]
     size = f"{abs(frames):.0f}" if sigma is None else with_bar(abs(frames), sigma)
     off, subject = f"{size} too {'high' if frames > 0 else 'low'}", Subject((name,))
     if remedy:
         sentence = f"{name}'s frame numbers are {off}."
         return Finding("frame_offset", "warning", subject, numbers, remedy, sentence=sentence)
-    where = f" in {recording}" if recording else ""
-    sentence = f"{name}'s frame numbers were {off}{where}, which was corrected."
+    sentence = f"{name}'s frame numbers are {off} in {recording}."
+    if not recording:
+        sentence = f"{name}'s frame numbers were {off}, which was corrected."
     return Finding("frame_offset", "note", subject, numbers, sentence=sentence)
 
 

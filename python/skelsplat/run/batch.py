@@ -9,7 +9,7 @@ import pickle
 import subprocess
 import sys
 import warnings
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
@@ -38,6 +38,7 @@ COLUMNS = (
     *("recording", "status", "person", "frames", "frame_rate_hz", "median_error_px", "rejected_share"),
     *("errors", "warnings", "findings", "output", "error"),
 )
+_TOLD = ("camera_adjusted", "clocks_applied")  # notes that the table has
 _NOT_AS_TEXT = ("output", "calibration", "detections", "init", "config")  # content counts, or nothing
 _PROGRAM = "from skelsplat.run.batch import _work; _work()"
 
@@ -90,7 +91,7 @@ class Recording:
 
 def _summed_up(findings: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     """Return the numbers of errors and warnings, and the kinds, also of adjustments, with cameras."""
-    told = [one for one in findings if one["severity"] != "note" or one["kind"] == "camera_adjusted"]
+    told = [one for one in findings if one["severity"] != "note" or one["kind"] in _TOLD]
     errors, warned = (sum(one["severity"] == severity for one in told) for severity in ("error", "warning"))
     texts = []
     for finding in told:
@@ -160,6 +161,7 @@ def run_batch(
     keep_inputs(jobs.values(), top, (TABLE, RECORD, CAMERAS))
     with output_folder(top), locked(top, ".skelsplat-batch.lock"):
         sessions = tuple(adjust_together(jobs, top, key_of, () if overwrite else _sessions(top / RECORD)))
+        _clear(top, {Path(one.output) for one in sessions} | {Path(job.calibration) for job in jobs.values()})
         jobs |= {name: one.of(name, jobs[name]) for one in sessions for name in one.recordings}
         keys = {name: key_of(job) for name, job in jobs.items()}
         earlier = {} if overwrite else _earlier(top / RECORD, keys)
@@ -245,6 +247,14 @@ def _earlier(path: Path, keys: Mapping[str, str]) -> dict[str, dict[str, Any]]:
         return {entry["name"]: entry for entry in entries if entry.get("key") == keys.get(entry["name"], "")}
     except (DatasetError, AttributeError, KeyError, TypeError):
         return {}
+
+
+def _clear(folder: Path, used: Collection[Path]) -> None:
+    """Remove cameras that an earlier batch has adjusted, unless they are used."""
+    kept = {path.resolve() for path in used}
+    for path in folder.glob(f"*{CAMERAS}"):
+        if path.resolve() not in kept:
+            path.unlink()
 
 
 def _sessions(path: Path) -> tuple[AdjustedTogether, ...]:

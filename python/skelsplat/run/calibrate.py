@@ -28,7 +28,7 @@ from skelsplat.run.cameras import warn_of_place
 from skelsplat.run.job import IncompleteJobError
 from skelsplat.run.person import are_people, pick_places
 from skelsplat.run.read import open_recording, rate_of, read_rig, videos_beside
-from skelsplat.run.session import padded
+from skelsplat.run.session import different, padded
 from skelsplat.run.solve import spread
 
 _FILM = (
@@ -136,6 +136,19 @@ class _Seen:
             expected, _, got = str(error).partition("expected ")[2].partition(", got ")
             raise DatasetError(one.path, "detections", expected, got) from error
 
+    def alone(self, clock: bool, asked: Mapping[str, Any]) -> sk.RigCalibration | None:
+        """Find the cameras, and clocks, for these; without ``clock``, None if they are equal or it fails."""
+        try:
+            found = self.calibrated(self.people, clock=clock, **asked)
+        except DatasetError:
+            if clock:
+                raise
+            return None
+        if clock and not found.sure and found.doubts[0] in ("movement", "periodic"):
+            expected = "movement that tells clocks, or a calibration by the other recordings"
+            raise DatasetError(self.recording.path, "clocks", expected, f"doubts ({found.doubts[0]})")
+        return found if clock or any(found.clocks.values()) else None
+
     def in_files(self, found: sk.RigCalibration) -> sk.RigCalibration:
         """Return cameras with clocks in frames of the files, of which every so many-th is there."""
         step = self.step
@@ -173,7 +186,7 @@ def calibrate_cameras(
     with collected_warnings() as warnings:
         read = {name: value for name, value in (read or {}).items() if value is not None}
         _check_lenses(intrinsics, read, videos, same_focal)
-        paths = [detections] if isinstance(detections, Path) else list(detections)
+        paths = different(detections)
         recordings = [_opened(path, intrinsics, read, videos, given) for path in paths]
         names = recordings[0].names
         for other in recordings[1:]:
@@ -245,10 +258,7 @@ def _calibrated(
     """
     several, parts, offsets = len(seen) > 1, [], []
     for one in seen:
-        alone = one.calibrated(one.people, clock=True, **asked) if clock and several else None
-        if alone is not None and not alone.sure and alone.doubts[0] in ("movement", "periodic"):
-            expected = "movement that tells clocks, or a calibration by the other recordings"
-            raise DatasetError(one.recording.path, "clocks", expected, f"doubts ({alone.doubts[0]})")
+        alone = one.alone(clock, asked) if several else None
         parts.append(one.people if alone is None else _in_step(one.people, alone))
         read_as = one.recording.read_as
         offsets.append(read_as.offsets if alone is None else _offsets(one.in_files(alone), read_as))
@@ -375,7 +385,7 @@ def _findings(found: sk.RigCalibration, clock: bool) -> Iterator[Finding]:
     Whether clocks were looked for, which otherwise is a remedy.
     """
     for one in found.report:
-        if found.sure and one.clock and not clock:
+        if found.sure and not clock and offset_of(one, ReadAs()):
             yield late({"camera": one.name, "clock_frames": one.clock, "clock_sigma_frames": one.clock_sigma})
         if one.status == "left_out":
             words = f"{one.name} was left out: it shares too little with the other cameras, or contradicts "

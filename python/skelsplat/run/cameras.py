@@ -22,7 +22,7 @@ from skelsplat.run.by_everybody import Scene, adjusted
 from skelsplat.run.job import Job
 from skelsplat.run.person import EVERYBODY, check_slot, pick_places
 from skelsplat.run.read import Inputs, Opened, leave_out, open_files, open_recording, read_everybody, read_rig
-from skelsplat.run.session import Session, adjust_session
+from skelsplat.run.session import Session, adjust_session, different
 
 
 @dataclass(frozen=True)
@@ -130,6 +130,13 @@ class AdjustedCameras:
         """The cameras that differ from the calibration in more than their clocks."""
         return tuple(one.name for one in self.adjustment.of("adjusted") if is_placed(one))
 
+    @property
+    def changed(self) -> tuple[str, ...]:
+        """The cameras that differ from the calibration, also in clocks that all recordings share."""
+        shared = self.session.shared is not None
+        late = [one.name for one in self.adjustment.report if shared and is_late(one)]
+        return tuple(dict.fromkeys([*self.adjusted, *late]))
+
 
 def adjust_cameras(
     calibration: Path,
@@ -151,7 +158,7 @@ def adjust_cameras(
     `DatasetError` with what corrects it if the cameras disagree for another reason, such as a wrong unit.
     """
     check_slot(person)
-    paths = [detections] if isinstance(detections, Path) else list(detections)
+    paths = different(detections)
 
     def look(path: Path, offsets: Mapping[str, float] | None) -> tuple[sk.CameraRig, Scene]:
         asked = {**given, "offsets": offsets}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -22,7 +22,7 @@ from skelsplat.findings import Finding, Remedy, Subject, collected_warnings, war
 from skelsplat.io import PoseData, read_npz
 from skelsplat.io.calibration import find_format, read_calibration
 from skelsplat.io.detections import Opened as Detections
-from skelsplat.io.detections import cameras_called, one_rate, open_detections
+from skelsplat.io.detections import camera_called, cameras_called, one_rate, open_detections
 from skelsplat.io.video import FrameSource, find_videos, open_source
 from skelsplat.rig_check import ReadAs
 from skelsplat.run.image_sizes import in_calibrated_pixels
@@ -169,7 +169,7 @@ def open_recording(
     if len(every) < 2:
         raise DatasetError(calibration, "cameras", "at least two cameras", len(every))
     found = open_detections(detections, every, without=without, **given)
-    _note_clocks(calibration, every, found.offsets)
+    _note_clocks(calibration, every, given.get("offsets") or {})
     every = replace(every, clocks={})
     rig = leave_out(every, without)
     cropped = {name for one in told if one.kind == "crop_applied" for name in one.subject.cameras}
@@ -177,17 +177,15 @@ def open_recording(
     return Opened(every, rig, in_calibrated_pixels(found, every, cropped), rate)
 
 
-def _note_clocks(path: Path, rig: sk.CameraRig, offsets: Mapping[str, float]) -> None:
-    """Note which clocks of a calibration were taken off the cameras' frame numbers."""
-    taken = {name: rounded(clock) for name, clock in rig.clocks.items() if offsets[name] == rounded(-clock)}
+def _note_clocks(path: Path, rig: sk.CameraRig, given: Collection[str]) -> None:
+    """Note which clocks of a calibration were taken off, unless their cameras' offsets are given."""
+    named = {camera_called(text, rig.names) for text in given}
+    taken = {name: rounded(clock) for name, clock in rig.clocks.items() if name not in named}
     if taken:
         each = ", ".join(f"{name} {clock:+g}" for name, clock in taken.items())
-        words = (
-            f"The clocks of {path.name} were taken off the cameras' frame numbers ({each}): they hold for "
-        )
-        words += "recordings that started as the one which they were found in."
-        remedy = tuple(Remedy("offset", f"{name}=0") for name in taken)
-        warn(Finding("clocks_applied", "note", Subject(tuple(taken)), taken, remedy, sentence=words))
+        words = f"The clocks of {path.name} were taken off the cameras' frame numbers ({each}). They hold "
+        words += "for recordings that started as that which they were found in; given offsets replace them."
+        warn(Finding("clocks_applied", "note", Subject(tuple(taken)), taken, sentence=words))
 
 
 def read_everybody(opened: Opened, job: Job) -> tuple[Array, Inputs]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 
 import numpy as np
 
@@ -88,6 +89,15 @@ def adjust_session(
     findings += findings_of(together, mm, ReadAs(), corrected=True, place=joined.place)
     offsets = {name: offsets_of(together, scene.read_as) for name, scene in in_step.items()}
     return Session(together, offsets, tuple(findings), faults)
+
+
+def different(recordings: Path | Sequence[Path]) -> list[Path]:
+    """Return one recording or several as a list, in which each is once."""
+    paths = [recordings] if isinstance(recordings, Path) else list(recordings)
+    for path in paths:
+        if [one.resolve() for one in paths].count(path.resolve()) > 1:
+            raise InvalidInputError(f"detections: expected every recording once, got {path} twice")
+    return paths
 
 
 @dataclass(frozen=True)
